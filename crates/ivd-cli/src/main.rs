@@ -1,0 +1,2 @@
+//! The program `ivd`.
+fn main() {}

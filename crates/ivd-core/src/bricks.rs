@@ -1,0 +1,200 @@
+use rayon::prelude::*;
+
+use crate::{Buffer, Grid, Scalar, Voxels, with_voxels};
+
+/// Cells along a brick's edge. A brick of cells `[8b, 8b + 8)` spans the voxels `8b ..= 8b + 8`.
+pub const BRICK: usize = 8;
+
+/// What a brick's voxels hold, in stored values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BrickRange {
+    /// Smallest stored value, rounded down to `f32`; `+inf` where the brick holds no data.
+    pub min: f32,
+    /// Largest stored value, rounded up to `f32`; `-inf` where the brick holds no data.
+    pub max: f32,
+    /// Whether some voxel is no data.
+    pub missing: bool,
+}
+
+/// Min–max of the stored values by brick of [`BRICK`]³ *cells*: the range of brick `b` covers the voxels
+/// `8b ..= 8b + 8`, so it bounds every trilinear sample in its cells. The ranges are conservative for types that
+/// `f32` can't hold exactly.
+///
+/// There are `ceil(n / 8)` bricks along an axis of `n` voxels; brick `(x, y, z)` is at `x + bx * (y + by * z)`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BrickIndex {
+    dims: [usize; 3],
+    min: Buffer<f32>,
+    max: Buffer<f32>,
+    missing: Buffer<u8>,
+}
+
+impl BrickIndex {
+    /// Number of bricks along each axis of a grid of `dims` voxels.
+    pub fn dims_for(dims: [usize; 3]) -> [usize; 3] {
+        dims.map(|n| n.div_ceil(BRICK))
+    }
+
+    /// The index over `voxels` on `grid`, one pass, parallel over layers of bricks.
+    pub fn build(grid: &Grid, voxels: &Voxels) -> Self {
+        let dims = Self::dims_for(grid.dims());
+        let ranges: Vec<BrickRange> = with_voxels!(voxels, slice => {
+            (0..dims[2]).into_par_iter().flat_map_iter(|bz| layer(grid.dims(), dims, slice, bz)).collect()
+        });
+        Self {
+            dims,
+            min: ranges.iter().map(|r| r.min).collect::<Vec<_>>().into(),
+            max: ranges.iter().map(|r| r.max).collect::<Vec<_>>().into(),
+            missing: ranges.iter().map(|r| u8::from(r.missing)).collect::<Vec<_>>().into(),
+        }
+    }
+
+    /// An index from its stored parts, each of length `dims[0] * dims[1] * dims[2]`; `None` where they differ.
+    pub fn from_parts(
+        dims: [usize; 3],
+        min: Buffer<f32>,
+        max: Buffer<f32>,
+        missing: Buffer<u8>,
+    ) -> Option<Self> {
+        let len = dims.iter().try_fold(1_usize, |n, &d| n.checked_mul(d))?;
+        (min.len() == len && max.len() == len && missing.len() == len)
+            .then_some(Self { dims, min, max, missing })
+    }
+
+    /// Bricks along x, y, z.
+    pub fn dims(&self) -> [usize; 3] {
+        self.dims
+    }
+
+    /// Number of bricks.
+    pub fn len(&self) -> usize {
+        self.min.len()
+    }
+
+    /// Whether there is no brick (never, for an index over a grid).
+    pub fn is_empty(&self) -> bool {
+        self.min.is_empty()
+    }
+
+    /// Range of the brick at a linear brick index.
+    #[inline]
+    pub fn range(&self, brick: usize) -> BrickRange {
+        BrickRange { min: self.min[brick], max: self.max[brick], missing: self.missing[brick] != 0 }
+    }
+
+    /// The stored parts: minima, maxima, flags of missing data.
+    pub fn parts(&self) -> (&Buffer<f32>, &Buffer<f32>, &Buffer<u8>) {
+        (&self.min, &self.max, &self.missing)
+    }
+
+    /// Range of all voxels; `None` where none holds data.
+    pub fn total(&self) -> Option<(f32, f32)> {
+        let lo = self.min.iter().copied().fold(f32::INFINITY, f32::min);
+        let hi = self.max.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        (lo <= hi).then_some((lo, hi))
+    }
+}
+
+/// Ranges of the bricks of layer `bz`. Rows are scanned in memory order, a strip of up to 9 voxels a brick.
+fn layer<T: Scalar>(n: [usize; 3], b: [usize; 3], voxels: &[T], bz: usize) -> Vec<BrickRange> {
+    let mut lo = vec![f64::INFINITY; b[0] * b[1]];
+    let mut hi = vec![f64::NEG_INFINITY; b[0] * b[1]];
+    let mut missing = vec![false; b[0] * b[1]];
+    let mut row_range = vec![(f64::INFINITY, f64::NEG_INFINITY, false); b[0]];
+    for z in bz * BRICK..(bz * BRICK + BRICK + 1).min(n[2]) {
+        for y in 0..n[1] {
+            let row = &voxels[n[0] * (y + n[1] * z)..][..n[0]];
+            for (bx, range) in row_range.iter_mut().enumerate() {
+                *range = strip(&row[bx * BRICK..(bx * BRICK + BRICK + 1).min(n[0])]);
+            }
+            // A row on a brick's border belongs to both bricks.
+            let own = y / BRICK;
+            let below = (y % BRICK == 0 && own > 0).then(|| own - 1);
+            for by in std::iter::once(own).chain(below) {
+                for (bx, range) in row_range.iter().enumerate() {
+                    let at = bx + b[0] * by;
+                    lo[at] = lo[at].min(range.0);
+                    hi[at] = hi[at].max(range.1);
+                    missing[at] |= range.2;
+                }
+            }
+        }
+    }
+    (0..b[0] * b[1])
+        .map(|i| BrickRange { min: f32_below(lo[i]), max: f32_above(hi[i]), missing: missing[i] })
+        .collect()
+}
+
+/// Min, max and missing flag of a few voxels.
+#[inline(always)]
+fn strip<T: Scalar>(values: &[T]) -> (f64, f64, bool) {
+    if T::TYPE.is_integer() {
+        let (mut lo, mut hi) = (values[0], values[0]);
+        for &v in &values[1..] {
+            lo = if v < lo { v } else { lo };
+            hi = if v > hi { v } else { hi };
+        }
+        return (lo.to_f64(), hi.to_f64(), false);
+    }
+    let (mut lo, mut hi, mut missing) = (f64::INFINITY, f64::NEG_INFINITY, false);
+    for &v in values {
+        if v.is_data() {
+            let v = v.to_f64();
+            lo = lo.min(v);
+            hi = hi.max(v);
+        } else {
+            missing = true;
+        }
+    }
+    (lo, hi, missing)
+}
+
+fn f32_below(value: f64) -> f32 {
+    let near = value as f32;
+    if f64::from(near) > value { near.next_down() } else { near }
+}
+
+fn f32_above(value: f64) -> f32 {
+    let near = value as f32;
+    if f64::from(near) < value { near.next_up() } else { near }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_equal_a_plain_scan_with_the_high_side_apron() {
+        let dims = [19, 17, 9];
+        let grid = Grid::with_spacing(dims, [1.0; 3]).unwrap();
+        let mut values: Vec<f32> =
+            (0..grid.len()).map(|i| ((i * 7919) % 1013) as f32 - 500.0).collect();
+        values[5] = f32::NAN;
+        let index = BrickIndex::build(&grid, &Voxels::from(values.clone()));
+        assert_eq!(index.dims(), [3, 3, 2]);
+        for b in 0..index.len() {
+            let at = [b % 3, b / 3 % 3, b / 9];
+            let (mut lo, mut hi, mut missing) = (f32::INFINITY, f32::NEG_INFINITY, false);
+            for i in 0..grid.len() {
+                let v = grid.index(i).0;
+                if (0..3).all(|a| v[a] >= 8 * at[a] && v[a] <= 8 * at[a] + 8) {
+                    if values[i].is_finite() {
+                        lo = lo.min(values[i]);
+                        hi = hi.max(values[i]);
+                    } else {
+                        missing = true;
+                    }
+                }
+            }
+            assert_eq!(index.range(b), BrickRange { min: lo, max: hi, missing });
+        }
+    }
+
+    #[test]
+    fn ranges_of_wide_types_are_conservative() {
+        let grid = Grid::with_spacing([2, 1, 1], [1.0; 3]).unwrap();
+        let index = BrickIndex::build(&grid, &Voxels::from(vec![16_777_217_i32, 16_777_219]));
+        let range = index.range(0);
+        assert!(f64::from(range.min) <= 16_777_217.0 && f64::from(range.max) >= 16_777_219.0);
+    }
+}

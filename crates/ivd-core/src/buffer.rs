@@ -1,0 +1,107 @@
+use std::fmt;
+use std::ops::Deref;
+use std::sync::Arc;
+
+use bytemuck::Pod;
+
+/// Bytes owned by somebody else, such as a memory-mapped artefact.
+pub trait ByteSource: Send + Sync {
+    /// The bytes. Must be the same slice at every call.
+    fn bytes(&self) -> &[u8];
+}
+
+/// Bulk data: owned, or a typed view over shared bytes. Cloning a shared view is cheap.
+///
+/// Dereferences to a slice, so stages read `&buffer[..]` and never ask where the data lives.
+#[derive(Clone)]
+pub struct Buffer<T> {
+    storage: Storage<T>,
+}
+
+#[derive(Clone)]
+enum Storage<T> {
+    Owned(Arc<Vec<T>>),
+    Shared { source: Arc<dyn ByteSource>, offset: usize, bytes: usize },
+}
+
+impl<T: Pod> Buffer<T> {
+    /// A view of `len` values starting `offset` bytes into `source`.
+    ///
+    /// Returns `None` where the range leaves the source or isn't aligned for `T`.
+    pub fn shared(source: Arc<dyn ByteSource>, offset: usize, len: usize) -> Option<Self> {
+        let bytes = len.checked_mul(size_of::<T>())?;
+        let range = source.bytes().get(offset..offset.checked_add(bytes)?)?;
+        bytemuck::try_cast_slice::<u8, T>(range).ok()?;
+        Some(Self { storage: Storage::Shared { source, offset, bytes } })
+    }
+
+    /// The values.
+    pub fn as_slice(&self) -> &[T] {
+        match &self.storage {
+            Storage::Owned(values) => values,
+            Storage::Shared { source, offset, bytes } => {
+                bytemuck::cast_slice(&source.bytes()[*offset..*offset + *bytes])
+            }
+        }
+    }
+
+    /// The values as bytes in memory order.
+    pub fn as_bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(self.as_slice())
+    }
+
+    /// The values, copied only where they are shared.
+    pub fn into_vec(self) -> Vec<T> {
+        match self.storage {
+            Storage::Owned(values) => Arc::try_unwrap(values).unwrap_or_else(|shared| shared.to_vec()),
+            Storage::Shared { .. } => self.as_slice().to_vec(),
+        }
+    }
+}
+
+impl<T> From<Vec<T>> for Buffer<T> {
+    fn from(values: Vec<T>) -> Self {
+        Self { storage: Storage::Owned(Arc::new(values)) }
+    }
+}
+
+impl<T: Pod> Deref for Buffer<T> {
+    type Target = [T];
+    fn deref(&self) -> &[T] {
+        self.as_slice()
+    }
+}
+
+impl<T: Pod + PartialEq> PartialEq for Buffer<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.as_slice() == other.as_slice()
+    }
+}
+
+impl<T: Pod> fmt::Debug for Buffer<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Buffer<{}>[{}]", std::any::type_name::<T>(), self.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Bytes(Vec<u64>);
+    impl ByteSource for Bytes {
+        fn bytes(&self) -> &[u8] {
+            bytemuck::cast_slice(&self.0)
+        }
+    }
+
+    #[test]
+    fn shared_view_reads_the_source_and_refuses_what_does_not_fit() {
+        let source: Arc<dyn ByteSource> = Arc::new(Bytes(vec![1, 2, 3]));
+        let view = Buffer::<u64>::shared(source.clone(), 8, 2).unwrap();
+        assert_eq!(&view[..], &[2, 3]);
+        assert!(Buffer::<u64>::shared(source.clone(), 8, 3).is_none());
+        assert!(Buffer::<u64>::shared(source.clone(), 4, 1).is_none(), "unaligned");
+        assert!(Buffer::<u64>::shared(source, 8, usize::MAX).is_none());
+    }
+}

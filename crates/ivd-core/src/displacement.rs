@@ -1,0 +1,207 @@
+use nalgebra::Vector3;
+
+use crate::{Buffer, Error, Grid, VoxelIndex};
+
+/// Mark in [`FieldBricks::table`] of a brick that isn't stored: its vectors are 0.
+pub const NO_BRICK: u32 = u32::MAX;
+
+/// A sparse vector field on the voxels of a grid: bricks of [`FieldBricks::SIDE`]³ *voxels*; absent bricks are 0.
+///
+/// Brick `b` holds the voxels `[8b, 8b + 8)`; within a brick x is fastest. Voxels of a brick beyond the grid are 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FieldBricks {
+    dims: [usize; 3],
+    table: Vec<u32>,
+    vectors: Buffer<[f32; 3]>,
+}
+
+impl FieldBricks {
+    /// Voxels along a brick's edge.
+    pub const SIDE: usize = 8;
+    /// Voxels of a brick.
+    pub const VOXELS: usize = 512;
+
+    /// A field on a grid of `dims` voxels. `table` gives each brick's slot, or [`NO_BRICK`]; slots count up in the
+    /// order of the table. `vectors` has shape `[slots, 8, 8, 8, 3]` [mm].
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where lengths or slots don't fit or a vector isn't finite.
+    pub fn new(dims: [usize; 3], table: Vec<u32>, vectors: Buffer<[f32; 3]>) -> Result<Self, Error> {
+        let bad = |problem: String| Error::Inconsistent { what: "displacement bricks", problem };
+        let bricks = dims.map(|n| n.div_ceil(Self::SIDE));
+        if table.len() != bricks.iter().product::<usize>() {
+            return Err(bad(format!("a table of {} for {bricks:?} bricks", table.len())));
+        }
+        let mut next = 0;
+        for &slot in &table {
+            if slot != NO_BRICK {
+                if slot != next {
+                    return Err(bad(format!("slot {slot} where {next} was due")));
+                }
+                next += 1;
+            }
+        }
+        if vectors.len() != next as usize * Self::VOXELS {
+            return Err(bad(format!("{} vectors for {next} bricks", vectors.len())));
+        }
+        if let Some(at) = vectors.iter().position(|v| !v.iter().all(|c| c.is_finite())) {
+            return Err(bad(format!("vector {at} is not finite")));
+        }
+        Ok(Self { dims, table, vectors })
+    }
+
+    /// A field that is 0 everywhere.
+    pub fn zero(dims: [usize; 3]) -> Self {
+        let bricks: usize = dims.iter().map(|n| n.div_ceil(Self::SIDE)).product();
+        Self { dims, table: vec![NO_BRICK; bricks], vectors: Vec::new().into() }
+    }
+
+    /// Voxels of the grid.
+    pub fn dims(&self) -> [usize; 3] {
+        self.dims
+    }
+
+    /// Bricks along x, y, z.
+    pub fn brick_dims(&self) -> [usize; 3] {
+        self.dims.map(|n| n.div_ceil(Self::SIDE))
+    }
+
+    /// Slot of each brick, x fastest.
+    pub fn table(&self) -> &[u32] {
+        &self.table
+    }
+
+    /// Vectors of the stored bricks [mm].
+    pub fn vectors(&self) -> &[[f32; 3]] {
+        &self.vectors
+    }
+
+    /// The buffer behind [`FieldBricks::vectors`].
+    pub fn buffer(&self) -> &Buffer<[f32; 3]> {
+        &self.vectors
+    }
+
+    /// Number of stored bricks.
+    pub fn stored(&self) -> usize {
+        self.vectors.len() / Self::VOXELS
+    }
+
+    /// The vectors of a brick, where it is stored.
+    #[inline]
+    pub fn brick(&self, brick: usize) -> Option<&[[f32; 3]]> {
+        let slot = self.table[brick];
+        (slot != NO_BRICK).then(|| &self.vectors[slot as usize * Self::VOXELS..][..Self::VOXELS])
+    }
+
+    /// The vector at a voxel [mm]; 0 where its brick is absent.
+    #[inline]
+    pub fn at(&self, index: VoxelIndex) -> [f32; 3] {
+        let [x, y, z] = index.0;
+        let [bx, by, _] = self.brick_dims();
+        match self.brick(x / 8 + bx * (y / 8 + by * (z / 8))) {
+            Some(vectors) => vectors[x % 8 + 8 * (y % 8 + 8 * (z % 8))],
+            None => [0.0; 3],
+        }
+    }
+
+    /// The vector [mm] at a voxel coordinate, trilinear between voxels; outside the grid the nearest border voxel's.
+    pub fn sample(&self, voxel: Vector3<f64>) -> Vector3<f64> {
+        let mut base = [0_usize; 3];
+        let mut frac = [0.0; 3];
+        for a in 0..3 {
+            let at = voxel[a].clamp(0.0, (self.dims[a] - 1) as f64);
+            base[a] = (at as usize).min(self.dims[a].saturating_sub(2));
+            frac[a] = at - base[a] as f64;
+        }
+        let mut sum = Vector3::zeros();
+        for corner in 0..8_usize {
+            let offset = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let weight: f64 =
+                (0..3).map(|a| if offset[a] == 1 { frac[a] } else { 1.0 - frac[a] }).product();
+            if weight != 0.0 {
+                let v = self.at(VoxelIndex(std::array::from_fn(|a| base[a] + offset[a])));
+                sum += Vector3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2])) * weight;
+            }
+        }
+        sum
+    }
+}
+
+/// A deformation of space, sampled on a grid, trilinear between voxels.
+///
+/// `forward` takes rest to deformed, `φ(x) = x + forward(x)`; `inverse` takes deformed to rest,
+/// `ψ(y) = y + inverse(y)`, sampled at deformed positions. Vectors are world millimetres, RAS.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Displacement {
+    /// The grid whose voxels carry the vectors.
+    pub grid: Grid,
+    /// Time of the frame [s].
+    pub time: f64,
+    /// Rest → deformed.
+    pub forward: FieldBricks,
+    /// Deformed → rest.
+    pub inverse: FieldBricks,
+    /// Largest |φ(ψ(y)) − y| over the voxels of the inverse [voxels].
+    pub inverse_residual_max: f64,
+    /// Smallest certified bound of det ∇φ.
+    pub min_det_j: f64,
+    /// Voxels whose label (deformed space) must become background: left behind by a part that moved alone.
+    /// One flag a voxel of the grid, or empty where nothing is left.
+    pub vacated: Buffer<u8>,
+}
+
+impl Displacement {
+    /// Whether nothing moves at all.
+    pub fn is_identity(&self) -> bool {
+        self.forward.stored() == 0 && self.inverse.stored() == 0
+    }
+
+    /// Checks that both fields lie on the grid.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where they don't.
+    pub fn check(&self) -> Result<(), Error> {
+        let n = self.grid.dims();
+        if self.forward.dims() != n || self.inverse.dims() != n {
+            return Err(Error::Inconsistent {
+                what: "displacement",
+                problem: format!("fields of {:?} and {:?} on {n:?}", self.forward.dims(), self.inverse.dims()),
+            });
+        }
+        if !self.vacated.is_empty() && self.vacated.len() != self.grid.len() {
+            return Err(Error::Inconsistent {
+                what: "displacement",
+                problem: format!("{} vacated flags on {n:?}", self.vacated.len()),
+            });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sparse_field_samples_like_a_dense_one() {
+        let dims = [10, 9, 3];
+        let mut table = vec![NO_BRICK; 4];
+        table[1] = 0;
+        table[2] = 1;
+        let vectors: Vec<[f32; 3]> = (0..1024).map(|i| [i as f32, -(i as f32), 0.5]).collect();
+        let field = FieldBricks::new(dims, table, vectors.into()).unwrap();
+        assert_eq!(field.at(VoxelIndex([9, 2, 1])), [(1 + 8 * 2 + 64) as f32, -((1 + 8 * 2 + 64) as f32), 0.5]);
+        assert_eq!(field.at(VoxelIndex([0, 0, 0])), [0.0; 3]);
+        let mid = field.sample(Vector3::new(8.5, 2.0, 1.0));
+        assert!((mid.x - 80.5).abs() < 1e-12);
+        let edge = field.sample(Vector3::new(7.5, 2.0, 1.0));
+        assert!((edge.z - 0.25).abs() < 1e-12, "half way into a stored brick");
+    }
+
+    #[test]
+    fn wrong_tables_are_refused() {
+        assert!(FieldBricks::new([8, 8, 8], vec![1], vec![[0.0; 3]; 512].into()).is_err());
+        assert!(FieldBricks::new([8, 8, 8], vec![0], vec![[0.0; 3]; 511].into()).is_err());
+        assert!(FieldBricks::new([8, 8, 8], vec![0], vec![[f32::NAN; 3]; 512].into()).is_err());
+    }
+}

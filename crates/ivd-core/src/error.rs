@@ -1,0 +1,96 @@
+use crate::GridError;
+
+/// A parameter outside its domain. Every stage's `Params::check` returns this.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("parameter `{field}`: {problem}; {remedy}")]
+pub struct ParamError {
+    /// The field as it is written in a scene or on the command line.
+    pub field: &'static str,
+    /// What is wrong, with the value.
+    pub problem: String,
+    /// What to do instead.
+    pub remedy: String,
+}
+
+impl ParamError {
+    /// A parameter error about `field`.
+    pub fn new(field: &'static str, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self { field, problem: problem.into(), remedy: remedy.into() }
+    }
+}
+
+/// What kind of failure an error is; the program maps it to its exit code. Every stage's `Error` has a method
+/// `fault() -> Fault`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// Wrong usage, parameters or scene (exit 2).
+    Usage,
+    /// Input unreadable, inconsistent or hostile (exit 3).
+    Input,
+    /// A limit on memory, size or time was hit (exit 4).
+    Limit,
+    /// The result can't be trusted: diverged, folded, not finite (exit 5).
+    Untrusted,
+    /// A GPU was required and there is none (exit 6).
+    NoGpu,
+    /// Reading or writing failed (exit 7).
+    Io,
+    /// Interrupted (exit 130).
+    Cancelled,
+}
+
+/// Failures that any stage can meet. Stage crates wrap it in their own `Error` with `#[from]`.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// The caller asked to stop through [`crate::Cancel`].
+    #[error("cancelled")]
+    Cancelled,
+    /// The work would need more memory than [`crate::Exec::memory_limit`] allows.
+    #[error("{what} needs {needed} bytes, more than the memory limit of {limit} bytes; raise --memory-limit or crop the volume")]
+    MemoryLimit {
+        /// What was about to be allocated.
+        what: String,
+        /// Bytes it needs.
+        needed: u64,
+        /// The limit in bytes.
+        limit: u64,
+    },
+    /// A parameter is outside its domain.
+    #[error(transparent)]
+    Param(#[from] ParamError),
+    /// A grid that can't exist.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// Two inputs that must lie on one grid don't.
+    #[error("{a} ({a_dims:?}) and {b} ({b_dims:?}) lie on different grids; use inputs made from the same volume")]
+    GridMismatch {
+        /// First input.
+        a: &'static str,
+        /// Its dims.
+        a_dims: [usize; 3],
+        /// Second input.
+        b: &'static str,
+        /// Its dims.
+        b_dims: [usize; 3],
+    },
+    /// Data whose length doesn't fit its shape, or that breaks an invariant of its type.
+    #[error("inconsistent {what}: {problem}")]
+    Inconsistent {
+        /// The value.
+        what: &'static str,
+        /// What doesn't fit.
+        problem: String,
+    },
+}
+
+impl Error {
+    /// What kind of failure it is.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Cancelled => Fault::Cancelled,
+            Self::MemoryLimit { .. } => Fault::Limit,
+            Self::Param(_) | Self::GridMismatch { .. } => Fault::Usage,
+            Self::Grid(_) | Self::Inconsistent { .. } => Fault::Input,
+        }
+    }
+}

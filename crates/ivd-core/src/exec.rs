@@ -1,0 +1,173 @@
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::Error;
+
+/// Where kernels run. CPU and GPU results never share a cache key.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Backend {
+    /// The processor.
+    #[default]
+    Cpu,
+    /// A graphics processor through wgpu.
+    Gpu,
+}
+
+/// A flag that stops running work at its next check. Clones share the flag.
+#[derive(Debug, Clone, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Asks the work to stop.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether a stop was asked for.
+    pub fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// One step of an iterative method.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Iteration {
+    /// Method, such as `"kmvs"`.
+    pub method: &'static str,
+    /// Number of the iteration, from 1.
+    pub index: u64,
+    /// Energy, objective or residual after it, in the method's own unit.
+    pub value: f64,
+}
+
+/// Hears how work goes on: one hook for progress bars, plots and tests. Called from worker threads.
+pub trait Observer: Send + Sync {
+    /// A task of `total` units begins.
+    fn begin(&self, task: &'static str, total: u64) {
+        let _ = (task, total);
+    }
+    /// `units` more of the task are done.
+    fn advance(&self, task: &'static str, units: u64) {
+        let _ = (task, units);
+    }
+    /// The task has ended.
+    fn end(&self, task: &'static str) {
+        let _ = task;
+    }
+    /// An iteration has ended.
+    fn iteration(&self, iteration: Iteration) {
+        let _ = iteration;
+    }
+    /// Something that the user should know and that is no failure.
+    fn note(&self, message: &str) {
+        let _ = message;
+    }
+}
+
+/// The observer that ignores everything.
+#[derive(Debug, Default)]
+pub struct Silent;
+impl Observer for Silent {}
+
+/// How work is done: threads, memory, backend, who listens, who may stop it. Never part of a result's identity.
+#[derive(Clone)]
+pub struct Exec {
+    pool: Option<Arc<rayon::ThreadPool>>,
+    observer: Arc<dyn Observer>,
+    /// Stops the work at its next check.
+    pub cancel: Cancel,
+    /// Most bytes that bulk data may take; `None` for no limit.
+    pub memory_limit: Option<u64>,
+    /// Folder for spilled data; `None` for the system's temporary folder.
+    pub spill: Option<PathBuf>,
+    /// Backend asked for.
+    pub backend: Backend,
+}
+
+impl Default for Exec {
+    fn default() -> Self {
+        Self {
+            pool: None,
+            observer: Arc::new(Silent),
+            cancel: Cancel::default(),
+            memory_limit: None,
+            spill: None,
+            backend: Backend::Cpu,
+        }
+    }
+}
+
+impl std::fmt::Debug for Exec {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Exec")
+            .field("threads", &self.threads())
+            .field("memory_limit", &self.memory_limit)
+            .field("backend", &self.backend)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Exec {
+    /// Work on a pool of its own with `threads` threads (at least 1). The global pool stays untouched.
+    ///
+    /// # Panics
+    /// If the operating system refuses to start the threads.
+    #[must_use]
+    pub fn with_threads(mut self, threads: usize) -> Self {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
+        self.pool = Some(Arc::new(pool.expect("the operating system starts the worker threads")));
+        self
+    }
+
+    /// Work that reports to `observer`.
+    #[must_use]
+    pub fn with_observer(mut self, observer: Arc<dyn Observer>) -> Self {
+        self.observer = observer;
+        self
+    }
+
+    /// Work within `limit` bytes of bulk data.
+    #[must_use]
+    pub fn with_memory_limit(mut self, limit: Option<u64>) -> Self {
+        self.memory_limit = limit;
+        self
+    }
+
+    /// Runs `work` so that rayon inside it uses this context's threads. Stage functions wrap their body in it.
+    pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        match &self.pool {
+            Some(pool) => pool.install(work),
+            None => work(),
+        }
+    }
+
+    /// Number of threads that [`Exec::run`] works on.
+    pub fn threads(&self) -> usize {
+        self.pool.as_ref().map_or_else(rayon::current_num_threads, |pool| pool.current_num_threads())
+    }
+
+    /// Who listens.
+    pub fn observer(&self) -> &dyn Observer {
+        self.observer.as_ref()
+    }
+
+    /// # Errors
+    /// [`Error::Cancelled`] once a stop was asked for.
+    pub fn check_cancelled(&self) -> Result<(), Error> {
+        if self.cancel.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
+    }
+
+    /// Call before a large allocation.
+    ///
+    /// # Errors
+    /// [`Error::MemoryLimit`] where `needed` bytes for `what` exceed the limit.
+    pub fn check_memory(&self, what: &str, needed: u64) -> Result<(), Error> {
+        match self.memory_limit {
+            Some(limit) if needed > limit => {
+                Err(Error::MemoryLimit { what: what.to_owned(), needed, limit })
+            }
+            _ => Ok(()),
+        }
+    }
+}

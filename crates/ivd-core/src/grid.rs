@@ -1,0 +1,248 @@
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Integer index of a voxel, `[x, y, z]`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct VoxelIndex(pub [usize; 3]);
+
+/// Continuous voxel coordinate; a voxel's centre has integer coordinates, the volume's first voxel spans −0.5…0.5.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VoxelCoord(pub Vector3<f64>);
+
+/// Position in world space [mm], RAS.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct World(pub Vector3<f64>);
+
+impl From<VoxelIndex> for VoxelCoord {
+    fn from(index: VoxelIndex) -> Self {
+        let [x, y, z] = index.0;
+        Self(Vector3::new(x as f64, y as f64, z as f64))
+    }
+}
+
+/// Why a grid can't exist.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum GridError {
+    /// A dimension is zero, or their product overflows.
+    #[error("grid of {0:?} voxels: every dimension must be at least 1 and the product must fit in memory addresses")]
+    Dims([usize; 3]),
+    /// A spacing is not a positive finite number.
+    #[error("spacing {0:?} mm: every spacing must be positive and finite")]
+    Spacing([f64; 3]),
+    /// The direction matrix can't be inverted or has columns that aren't unit vectors.
+    #[error("direction {0:?} (columns of the voxel axes): must be invertible with unit columns")]
+    Direction([[f64; 3]; 3]),
+    /// The origin is not finite.
+    #[error("origin {0:?} mm: must be finite")]
+    Origin([f64; 3]),
+}
+
+/// A regular grid of voxels in world space.
+///
+/// `world = origin + direction · (spacing ∘ voxel)`. The columns of `direction` are unit vectors in RAS; they are
+/// orthogonal in nearly every scan, but a sheared affine (a tilted gantry) is kept, not straightened.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Grid {
+    dims: [usize; 3],
+    spacing: [f64; 3],
+    origin: [f64; 3],
+    /// Column `a` is the world direction of voxel axis `a`.
+    direction: [[f64; 3]; 3],
+}
+
+impl Grid {
+    /// A grid of `dims` voxels.
+    ///
+    /// - `spacing`: distance of voxel centres along each axis [mm], > 0.
+    /// - `origin`: world position of the centre of voxel (0, 0, 0) [mm], RAS.
+    /// - `direction`: column `a` is the unit world direction of voxel axis `a`; `direction[a]` is that column.
+    ///
+    /// # Errors
+    /// [`GridError`] names the part that is out of its domain.
+    pub fn new(
+        dims: [usize; 3],
+        spacing: [f64; 3],
+        origin: [f64; 3],
+        direction: [[f64; 3]; 3],
+    ) -> Result<Self, GridError> {
+        let voxels = dims.iter().try_fold(1_usize, |n, &d| n.checked_mul(d));
+        // Room for any voxel type and for the padded grid of the lattice's element keys.
+        if dims.contains(&0) || voxels.is_none_or(|n| n > (isize::MAX as usize) / 64) {
+            return Err(GridError::Dims(dims));
+        }
+        if !spacing.iter().all(|s| s.is_finite() && *s > 0.0) {
+            return Err(GridError::Spacing(spacing));
+        }
+        if !origin.iter().all(|o| o.is_finite()) {
+            return Err(GridError::Origin(origin));
+        }
+        let matrix = Matrix3::from_columns(&direction.map(Vector3::from));
+        let unit = matrix.column_iter().all(|c| (c.norm() - 1.0).abs() < 1e-3);
+        if !unit || matrix.determinant().abs() < 1e-3 {
+            return Err(GridError::Direction(direction));
+        }
+        Ok(Self { dims, spacing, origin, direction })
+    }
+
+    /// An axis-aligned grid: voxel axes along RAS, origin at 0.
+    ///
+    /// # Errors
+    /// As [`Grid::new`].
+    pub fn with_spacing(dims: [usize; 3], spacing: [f64; 3]) -> Result<Self, GridError> {
+        Self::new(dims, spacing, [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    }
+
+    /// A grid from a voxel-to-world affine given by its linear part (columns) and translation [mm], RAS.
+    ///
+    /// # Errors
+    /// As [`Grid::new`]; a zero column is a bad spacing.
+    pub fn from_affine(
+        dims: [usize; 3],
+        linear: Matrix3<f64>,
+        translation: Vector3<f64>,
+    ) -> Result<Self, GridError> {
+        let spacing: [f64; 3] = std::array::from_fn(|a| linear.column(a).norm());
+        if !spacing.iter().all(|s| s.is_finite() && *s > 0.0) {
+            return Err(GridError::Spacing(spacing));
+        }
+        let direction = std::array::from_fn(|a| (linear.column(a) / spacing[a]).into());
+        Self::new(dims, spacing, translation.into(), direction)
+    }
+
+    /// Voxels along x, y, z.
+    pub fn dims(&self) -> [usize; 3] {
+        self.dims
+    }
+
+    /// Distance of voxel centres along each axis [mm].
+    pub fn spacing(&self) -> [f64; 3] {
+        self.spacing
+    }
+
+    /// World position of voxel (0, 0, 0) [mm], RAS.
+    pub fn origin(&self) -> [f64; 3] {
+        self.origin
+    }
+
+    /// Unit world directions of the voxel axes; `direction()[a]` is that of axis `a`.
+    pub fn direction(&self) -> [[f64; 3]; 3] {
+        self.direction
+    }
+
+    /// Number of voxels.
+    pub fn len(&self) -> usize {
+        self.dims.iter().product()
+    }
+
+    /// A grid always holds at least one voxel.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// Linear index of a voxel, x fastest.
+    #[inline]
+    pub fn linear(&self, index: VoxelIndex) -> usize {
+        let [x, y, z] = index.0;
+        debug_assert!(x < self.dims[0] && y < self.dims[1] && z < self.dims[2]);
+        x + self.dims[0] * (y + self.dims[1] * z)
+    }
+
+    /// The voxel at a linear index.
+    #[inline]
+    pub fn index(&self, linear: usize) -> VoxelIndex {
+        let [nx, ny, _] = self.dims;
+        VoxelIndex([linear % nx, linear / nx % ny, linear / (nx * ny)])
+    }
+
+    /// Linear part of the voxel-to-world affine: column `a` is `spacing[a] * direction[a]`.
+    pub fn linear_part(&self) -> Matrix3<f64> {
+        Matrix3::from_columns(&std::array::from_fn::<_, 3, _>(|a| {
+            Vector3::from(self.direction[a]) * self.spacing[a]
+        }))
+    }
+
+    /// Inverse of [`Grid::linear_part`]: world displacement [mm] to voxel displacement.
+    pub fn inverse_linear_part(&self) -> Matrix3<f64> {
+        self.linear_part().try_inverse().expect("checked in Grid::new: the direction is invertible")
+    }
+
+    /// World position [mm] of a voxel coordinate.
+    pub fn world(&self, voxel: VoxelCoord) -> World {
+        World(Vector3::from(self.origin) + self.linear_part() * voxel.0)
+    }
+
+    /// Voxel coordinate of a world position [mm].
+    pub fn voxel(&self, world: World) -> VoxelCoord {
+        VoxelCoord(self.inverse_linear_part() * (world.0 - Vector3::from(self.origin)))
+    }
+
+    /// Length of a voxel's diagonal [mm] (the longest one, where the grid is sheared).
+    pub fn voxel_diagonal(&self) -> f64 {
+        let m = self.linear_part();
+        [[1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]]
+            .iter()
+            .map(|&d| (m * Vector3::from(d)).norm())
+            .fold(0.0, f64::max)
+    }
+
+    /// Volume of one voxel [mm³].
+    pub fn voxel_volume(&self) -> f64 {
+        self.linear_part().determinant().abs()
+    }
+
+    /// Whether two grids place their voxels alike: same dims, and no corner further apart than 1e-3 of a voxel.
+    pub fn matches(&self, other: &Self) -> bool {
+        if self.dims != other.dims {
+            return false;
+        }
+        let tolerance = 1e-3 * self.spacing.iter().copied().fold(f64::INFINITY, f64::min);
+        (0..8_usize).all(|corner| {
+            let at = VoxelCoord(Vector3::from_fn(|a, _| {
+                if corner >> a & 1 == 1 { (self.dims[a] - 1) as f64 } else { 0.0 }
+            }));
+            (self.world(at).0 - other.world(at).0).norm() <= tolerance
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn world_and_voxel_are_inverse_on_an_oblique_left_handed_grid() {
+        let (s, c) = 0.27_f64.sin_cos();
+        let grid = Grid::new(
+            [5, 6, 7],
+            [0.4, 0.5, 6.5],
+            [1e6, -20.0, 3.0],
+            [[-c, -s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]],
+        )
+        .unwrap();
+        let v = VoxelCoord(Vector3::new(1.25, 4.0, 5.5));
+        assert!((grid.voxel(grid.world(v)).0 - v.0).norm() < 1e-8);
+        assert_eq!(grid.world(VoxelCoord(Vector3::zeros())).0.x, 1e6);
+        let rebuilt = Grid::from_affine([5, 6, 7], grid.linear_part(), Vector3::from(grid.origin())).unwrap();
+        assert!(grid.matches(&rebuilt));
+    }
+
+    #[test]
+    fn linear_index_round_trips() {
+        let grid = Grid::with_spacing([3, 4, 5], [1.0; 3]).unwrap();
+        for i in 0..grid.len() {
+            assert_eq!(grid.linear(grid.index(i)), i);
+        }
+        assert_eq!(grid.linear(VoxelIndex([1, 0, 0])), 1, "x is fastest");
+    }
+
+    #[test]
+    fn impossible_grids_are_refused_by_part() {
+        let id = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        assert!(matches!(Grid::with_spacing([0, 1, 1], [1.0; 3]), Err(GridError::Dims(_))));
+        assert!(matches!(Grid::with_spacing([usize::MAX, 2, 1], [1.0; 3]), Err(GridError::Dims(_))));
+        assert!(matches!(Grid::with_spacing([1, 1, 1], [1.0, -1.0, 1.0]), Err(GridError::Spacing(_))));
+        assert!(matches!(Grid::new([1; 3], [1.0; 3], [f64::NAN; 3], id), Err(GridError::Origin(_))));
+        let flat = [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+        assert!(matches!(Grid::new([1; 3], [1.0; 3], [0.0; 3], flat), Err(GridError::Direction(_))));
+    }
+}

@@ -1,0 +1,76 @@
+//! The types that every stage of IVD (interactive volume deformation) shares.
+//!
+//! A scanned volume enters as a [`Volume`] on a [`Grid`]; stages turn it into [`Labels`], a [`TransferFunction`],
+//! a [`Mask`], a [`Lattice`], an [`Octree`], a [`Motion`], a [`Displacement`] and an [`Image`]. This crate holds those
+//! values, the execution context [`Exec`], and nothing else: no files, no arguments, no GPU.
+//!
+//! Conventions, kept everywhere:
+//! - World space is millimetres, RAS (x to the patient's right, y to the front, z to the head), `f64`.
+//! - [`VoxelIndex`], [`VoxelCoord`] and [`World`] are three types; a voxel's centre has integer voxel coordinates.
+//! - Bulk data is linear, x fastest: voxel `(x, y, z)` is at `x + nx * (y + ny * z)`.
+//! - A non-finite voxel is *no data*: label 0, outside every mask and lattice.
+//!
+//! ```
+//! use ivd_core::{Grid, Volume, VoxelCoord, VoxelIndex, Voxels};
+//!
+//! let grid = Grid::with_spacing([4, 3, 2], [0.5, 0.5, 2.0]).unwrap();
+//! let volume = Volume::new(grid, Voxels::from(vec![7_u8; 24])).unwrap();
+//! assert_eq!(volume.value(VoxelIndex([3, 2, 1])), 7.0);
+//! let world = volume.grid().world(VoxelCoord::from(VoxelIndex([2, 0, 1])));
+//! assert_eq!(world.0.z, 2.0);
+//! ```
+#![forbid(unsafe_code)]
+
+mod bricks;
+mod buffer;
+mod displacement;
+mod error;
+mod exec;
+mod grid;
+mod image;
+mod labels;
+mod lattice;
+mod mask;
+mod motion;
+mod octree;
+mod transfer;
+mod volume;
+
+pub use bricks::{BRICK, BrickIndex, BrickRange};
+pub use buffer::{Buffer, ByteSource};
+pub use displacement::{Displacement, FieldBricks, NO_BRICK};
+pub use error::{Error, Fault, ParamError};
+pub use exec::{Backend, Cancel, Exec, Iteration, Observer, Silent};
+pub use grid::{Grid, GridError, VoxelCoord, VoxelIndex, World};
+pub use image::Image;
+pub use labels::{Class, Labels, NO_DATA};
+pub use lattice::{ElementKey, Lattice, LatticeSource, T_MIN};
+pub use mask::Mask;
+pub use motion::{Ball, Frame, Motion};
+pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode};
+pub use transfer::{TransferEntry, TransferFunction};
+pub use volume::{Scalar, Volume, VoxelType, Voxels};
+
+/// Dispatches on the stored type of a [`Voxels`]: binds the typed slice and runs the same code for each type.
+///
+/// ```
+/// use ivd_core::{Voxels, with_voxels};
+/// let voxels = Voxels::from(vec![1_u16, 2, 3]);
+/// let sum: f64 = with_voxels!(&voxels, slice => slice.iter().map(|&v| f64::from(v)).sum());
+/// assert_eq!(sum, 6.0);
+/// ```
+#[macro_export]
+macro_rules! with_voxels {
+    ($voxels:expr, $slice:ident => $body:expr) => {
+        match $voxels {
+            $crate::Voxels::U8(buffer) => { let $slice = buffer.as_slice(); $body }
+            $crate::Voxels::I8(buffer) => { let $slice = buffer.as_slice(); $body }
+            $crate::Voxels::U16(buffer) => { let $slice = buffer.as_slice(); $body }
+            $crate::Voxels::I16(buffer) => { let $slice = buffer.as_slice(); $body }
+            $crate::Voxels::U32(buffer) => { let $slice = buffer.as_slice(); $body }
+            $crate::Voxels::I32(buffer) => { let $slice = buffer.as_slice(); $body }
+            $crate::Voxels::F32(buffer) => { let $slice = buffer.as_slice(); $body }
+            $crate::Voxels::F64(buffer) => { let $slice = buffer.as_slice(); $body }
+        }
+    };
+}

@@ -1,0 +1,72 @@
+use crate::{Buffer, Error, Grid};
+
+/// A part of a volume: 1 inside, 0 outside, and optionally a level function that places its border between voxels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mask {
+    grid: Grid,
+    inside: Buffer<u8>,
+    level: Option<Buffer<f32>>,
+}
+
+impl Mask {
+    /// A mask on `grid`; `inside` holds 0 or 1 a voxel, linear, x fastest.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where the length isn't the grid's or a value is neither 0 nor 1.
+    pub fn new(grid: Grid, inside: Buffer<u8>) -> Result<Self, Error> {
+        if inside.len() != grid.len() {
+            return Err(Error::Inconsistent {
+                what: "mask",
+                problem: format!("{} voxels for a grid of {:?}", inside.len(), grid.dims()),
+            });
+        }
+        if let Some(at) = inside.iter().position(|&v| v > 1) {
+            return Err(Error::Inconsistent {
+                what: "mask",
+                problem: format!("value {} at voxel {:?}, expected 0 or 1", inside[at], grid.index(at).0),
+            });
+        }
+        Ok(Self { grid, inside, level: None })
+    }
+
+    /// Adds a level function [voxels], positive inside; its sign must agree with the mask where it isn't 0.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where the length isn't the grid's.
+    pub fn with_level(mut self, level: Buffer<f32>) -> Result<Self, Error> {
+        if level.len() != self.grid.len() {
+            return Err(Error::Inconsistent {
+                what: "level function",
+                problem: format!("{} values for a grid of {:?}", level.len(), self.grid.dims()),
+            });
+        }
+        self.level = Some(level);
+        Ok(self)
+    }
+
+    /// Where the voxels lie.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// 1 inside, 0 outside; linear, x fastest.
+    pub fn inside(&self) -> &[u8] {
+        &self.inside
+    }
+
+    /// The buffer behind [`Mask::inside`].
+    pub fn buffer(&self) -> &Buffer<u8> {
+        &self.inside
+    }
+
+    /// The level function [voxels], where there is one.
+    pub fn level(&self) -> Option<&Buffer<f32>> {
+        self.level.as_ref()
+    }
+
+    /// Number of voxels inside.
+    pub fn count(&self) -> u64 {
+        use rayon::prelude::*;
+        self.inside.par_chunks(1 << 16).map(|c| c.iter().map(|&v| u64::from(v)).sum::<u64>()).sum()
+    }
+}

@@ -1,0 +1,79 @@
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::{Error, Grid, World};
+
+/// A ball in rest space.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Ball {
+    /// Centre [mm], RAS.
+    pub centre: [f64; 3],
+    /// Radius [mm].
+    pub radius: f64,
+}
+
+impl Ball {
+    /// Distance [mm] of a point from the ball's surface, negative inside.
+    pub fn distance(&self, point: World) -> f64 {
+        (point.0 - Vector3::from(self.centre)).norm() - self.radius
+    }
+}
+
+/// Displacement of every lattice vertex at one time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// Time since rest [s].
+    pub time: f64,
+    /// Displacement of each vertex [mm], RAS, shape `[vertex_count, 3]`; exactly 0 where nothing moved.
+    pub displacement: Vec<[f64; 3]>,
+}
+
+/// How a lattice moves: one or many frames.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// The grid of the lattice that moves.
+    pub grid: Grid,
+    /// Vertices of the lattice that moves: a check that the two belong together.
+    pub vertex_count: usize,
+    /// Frames in the order of time.
+    pub frames: Vec<Frame>,
+    /// Balls round the handles beyond which no vertex moves (rest space).
+    pub reach: Vec<Ball>,
+}
+
+impl Motion {
+    /// Checks lengths and that every displacement is finite.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] names the first frame and vertex that don't fit.
+    pub fn check(&self) -> Result<(), Error> {
+        for (f, frame) in self.frames.iter().enumerate() {
+            if frame.displacement.len() != self.vertex_count {
+                return Err(Error::Inconsistent {
+                    what: "motion",
+                    problem: format!(
+                        "frame {f} moves {} vertices of {}",
+                        frame.displacement.len(),
+                        self.vertex_count
+                    ),
+                });
+            }
+            if let Some(v) = frame.displacement.iter().position(|d| !d.iter().all(|c| c.is_finite())) {
+                return Err(Error::Inconsistent {
+                    what: "motion",
+                    problem: format!("frame {f}, vertex {v}: displacement is not finite"),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Largest displacement of any frame [mm].
+    pub fn max_displacement(&self) -> f64 {
+        self.frames
+            .iter()
+            .flat_map(|f| &f.displacement)
+            .map(|&d| Vector3::from(d).norm())
+            .fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,154 @@
+use crate::{Error, Grid};
+
+/// Deepest octree: 21 levels fill a 63-bit Morton code.
+pub const OCTREE_MAX_DEPTH: u8 = 21;
+
+/// What a leaf of the octree holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LeafKind {
+    /// All of its voxels lie outside the lattice.
+    Outside,
+    /// All of its voxels lie inside the lattice.
+    Inside,
+    /// The lattice passes through it; the leaf lists its triangles.
+    Surface,
+}
+
+/// A node as it is decoded from [`Octree::nodes`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OctreeNode {
+    /// Eight children at `first_child ..+ 8`, in Morton order (x is bit 0, y bit 1, z bit 2).
+    Internal {
+        /// Index of the first child in [`Octree::nodes`].
+        first_child: u32,
+    },
+    /// All voxels outside.
+    Outside,
+    /// All voxels inside.
+    Inside,
+    /// A surface leaf with its slot in [`Octree::leaf_start`].
+    Surface {
+        /// Slot of the leaf.
+        slot: u32,
+    },
+}
+
+/// A linear octree over the grid of a lattice, nodes in breadth-first Morton order, `u32` a node.
+///
+/// The root is a cube of 2^`depth` voxels a side, in the grid padded by one voxel on every side (root corner at padded
+/// voxel 0, i.e. voxel −1); node boxes are half-open ranges of padded voxels. A node is packed as `kind | payload << 2`
+/// with kind 0 internal, 1 outside, 2 inside, 3 surface. Surface leaves list the triangles that meet their box, the
+/// box taken half a voxel wider than the voxel centres on every side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Octree {
+    /// The grid of the lattice.
+    pub grid: Grid,
+    /// Levels below the root: the root's edge is 2^depth padded voxels.
+    pub depth: u8,
+    /// Nodes, breadth first, packed.
+    pub nodes: Vec<u32>,
+    /// Start of each surface leaf's run in `leaf_triangles`, and the end of the last; length = surface leaves + 1.
+    pub leaf_start: Vec<u32>,
+    /// Triangle indices of the lattice, run by run.
+    pub leaf_triangles: Vec<u32>,
+    /// Triangles of the lattice it was built over: a check that the two belong together.
+    pub triangle_count: u32,
+    /// Vertices of the lattice it was built over.
+    pub vertex_count: u32,
+}
+
+impl Octree {
+    /// Packs a node.
+    pub fn pack(node: OctreeNode) -> u32 {
+        match node {
+            OctreeNode::Internal { first_child } => first_child << 2,
+            OctreeNode::Outside => 1,
+            OctreeNode::Inside => 2,
+            OctreeNode::Surface { slot } => 3 | slot << 2,
+        }
+    }
+
+    /// Decodes the node at an index.
+    #[inline]
+    pub fn node(&self, index: u32) -> OctreeNode {
+        let word = self.nodes[index as usize];
+        match word & 3 {
+            0 => OctreeNode::Internal { first_child: word >> 2 },
+            1 => OctreeNode::Outside,
+            2 => OctreeNode::Inside,
+            _ => OctreeNode::Surface { slot: word >> 2 },
+        }
+    }
+
+    /// Triangles of a surface leaf.
+    #[inline]
+    pub fn leaf(&self, slot: u32) -> &[u32] {
+        let s = slot as usize;
+        &self.leaf_triangles[self.leaf_start[s] as usize..self.leaf_start[s + 1] as usize]
+    }
+
+    /// Number of leaves.
+    pub fn leaves(&self) -> usize {
+        self.nodes.iter().filter(|&&n| n & 3 != 0).count()
+    }
+
+    /// Bytes of its arrays.
+    pub fn bytes(&self) -> u64 {
+        4 * (self.nodes.len() + self.leaf_start.len() + self.leaf_triangles.len()) as u64
+    }
+
+    /// Checks indices, so that a tree from a file can be walked without a bound check failing.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] names the first thing that doesn't fit.
+    pub fn check(&self) -> Result<(), Error> {
+        let bad = |problem: String| Error::Inconsistent { what: "octree", problem };
+        if self.depth > OCTREE_MAX_DEPTH || self.nodes.is_empty() {
+            return Err(bad(format!("depth {}, {} nodes", self.depth, self.nodes.len())));
+        }
+        let slots = self.leaf_start.len().saturating_sub(1);
+        for i in 0..self.nodes.len() as u32 {
+            match self.node(i) {
+                // Breadth-first order: children come later, so a walk always ends.
+                OctreeNode::Internal { first_child }
+                    if first_child <= i || first_child as usize + 8 > self.nodes.len() =>
+                {
+                    return Err(bad(format!("node {i} has its children at {first_child}")));
+                }
+                OctreeNode::Surface { slot } if slot as usize >= slots => {
+                    return Err(bad(format!("node {i} names surface leaf {slot} of {slots}")));
+                }
+                _ => {}
+            }
+        }
+        if self.leaf_start.windows(2).any(|w| w[0] > w[1])
+            || self.leaf_start.last().copied().unwrap_or(0) as usize != self.leaf_triangles.len()
+        {
+            return Err(bad("leaf runs don't cover the triangle list".into()));
+        }
+        if self.leaf_triangles.iter().any(|&t| t >= self.triangle_count) {
+            return Err(bad("a leaf names a triangle beyond the lattice".into()));
+        }
+        Ok(())
+    }
+
+    /// The leaf that holds a padded voxel, as `(node index, level, node)`; level 0 is the root.
+    ///
+    /// # Panics
+    /// If the padded voxel lies outside the root cube.
+    pub fn locate(&self, padded: [usize; 3]) -> (u32, u8, OctreeNode) {
+        assert!(padded.iter().all(|&p| p < 1 << self.depth), "padded voxel {padded:?} outside the root");
+        let (mut index, mut level) = (0, 0);
+        loop {
+            match self.node(index) {
+                OctreeNode::Internal { first_child } => {
+                    let bit = self.depth - level - 1;
+                    let octant = (0..3).map(|a| (padded[a] >> bit & 1) << a).sum::<usize>();
+                    index = first_child + octant as u32;
+                    level += 1;
+                }
+                leaf => return (index, level, leaf),
+            }
+        }
+    }
+}

@@ -1,0 +1,386 @@
+use std::sync::OnceLock;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{BrickIndex, Buffer, Error, Grid, VoxelIndex, with_voxels};
+
+/// Type of a stored voxel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum VoxelType {
+    /// Unsigned 8 bit.
+    U8,
+    /// Signed 8 bit.
+    I8,
+    /// Unsigned 16 bit.
+    U16,
+    /// Signed 16 bit.
+    I16,
+    /// Unsigned 32 bit.
+    U32,
+    /// Signed 32 bit.
+    I32,
+    /// IEEE 754 single.
+    F32,
+    /// IEEE 754 double.
+    F64,
+}
+
+impl VoxelType {
+    /// Bytes of one voxel.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// Name as written on the command line: `u8`, `i16`, `f32`, …
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::U8 => "u8",
+            Self::I8 => "i8",
+            Self::U16 => "u16",
+            Self::I16 => "i16",
+            Self::U32 => "u32",
+            Self::I32 => "i32",
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+        }
+    }
+
+    /// The type of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::U8, Self::I8, Self::U16, Self::I16, Self::U32, Self::I32, Self::F32, Self::F64]
+            .into_iter()
+            .find(|t| t.name() == name)
+    }
+
+    /// Whether the values are integers.
+    pub fn is_integer(self) -> bool {
+        !matches!(self, Self::F32 | Self::F64)
+    }
+}
+
+/// A voxel type that kernels can be generic over.
+pub trait Scalar:
+    bytemuck::Pod + PartialOrd + Send + Sync + std::fmt::Debug + Default + Into<f64> + 'static
+{
+    /// The stored type's tag.
+    const TYPE: VoxelType;
+    /// The value as `f64`; exact for every stored type.
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self.into()
+    }
+    /// The nearest value of the type (ties to even), clamped to its range; NaN becomes 0 in integer types.
+    fn from_f64(value: f64) -> Self;
+    /// Wraps a buffer of this type.
+    fn wrap(buffer: Buffer<Self>) -> Voxels;
+    /// False for NaN and the infinities: no data.
+    fn is_data(self) -> bool;
+}
+
+macro_rules! scalar {
+    ($($type:ty, $tag:ident, $from:expr, $is_data:expr;)*) => {$(
+        impl Scalar for $type {
+            const TYPE: VoxelType = VoxelType::$tag;
+            #[inline(always)]
+            fn from_f64(value: f64) -> Self {
+                ($from)(value)
+            }
+            fn wrap(buffer: Buffer<Self>) -> Voxels {
+                Voxels::$tag(buffer)
+            }
+            #[inline(always)]
+            fn is_data(self) -> bool {
+                ($is_data)(self)
+            }
+        }
+        impl From<Vec<$type>> for Voxels {
+            fn from(values: Vec<$type>) -> Self {
+                Self::$tag(values.into())
+            }
+        }
+    )*};
+}
+
+scalar! {
+    u8, U8, |v: f64| v.round_ties_even() as u8, |_| true;
+    i8, I8, |v: f64| v.round_ties_even() as i8, |_| true;
+    u16, U16, |v: f64| v.round_ties_even() as u16, |_| true;
+    i16, I16, |v: f64| v.round_ties_even() as i16, |_| true;
+    u32, U32, |v: f64| v.round_ties_even() as u32, |_| true;
+    i32, I32, |v: f64| v.round_ties_even() as i32, |_| true;
+    f32, F32, |v: f64| v as f32, f32::is_finite;
+    f64, F64, |v: f64| v, f64::is_finite;
+}
+
+/// Voxels of one stored type, linear, x fastest.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Voxels {
+    /// Unsigned 8 bit.
+    U8(Buffer<u8>),
+    /// Signed 8 bit.
+    I8(Buffer<i8>),
+    /// Unsigned 16 bit.
+    U16(Buffer<u16>),
+    /// Signed 16 bit.
+    I16(Buffer<i16>),
+    /// Unsigned 32 bit.
+    U32(Buffer<u32>),
+    /// Signed 32 bit.
+    I32(Buffer<i32>),
+    /// IEEE 754 single.
+    F32(Buffer<f32>),
+    /// IEEE 754 double.
+    F64(Buffer<f64>),
+}
+
+impl Voxels {
+    /// Number of voxels.
+    pub fn len(&self) -> usize {
+        with_voxels!(self, slice => slice.len())
+    }
+
+    /// Whether there is no voxel.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Stored type.
+    pub fn voxel_type(&self) -> VoxelType {
+        match self {
+            Self::U8(_) => VoxelType::U8,
+            Self::I8(_) => VoxelType::I8,
+            Self::U16(_) => VoxelType::U16,
+            Self::I16(_) => VoxelType::I16,
+            Self::U32(_) => VoxelType::U32,
+            Self::I32(_) => VoxelType::I32,
+            Self::F32(_) => VoxelType::F32,
+            Self::F64(_) => VoxelType::F64,
+        }
+    }
+
+    /// The voxels as bytes in memory order.
+    pub fn as_bytes(&self) -> &[u8] {
+        with_voxels!(self, slice => bytemuck::cast_slice(slice))
+    }
+
+    /// The stored value at a linear index, exact.
+    #[inline]
+    pub fn get(&self, linear: usize) -> f64 {
+        with_voxels!(self, slice => slice[linear].to_f64())
+    }
+}
+
+/// A scalar volume: stored voxels, the slope and intercept that make them real, and the grid that places them.
+///
+/// `real = slope · stored + intercept`. Kernels work on stored values and map thresholds into stored space, so that
+/// integer data keeps exact comparisons. Slope is finite and not 0; intercept is finite.
+#[derive(Debug)]
+pub struct Volume {
+    grid: Grid,
+    voxels: Voxels,
+    slope: f64,
+    intercept: f64,
+    bricks: OnceLock<BrickIndex>,
+}
+
+impl Clone for Volume {
+    fn clone(&self) -> Self {
+        Self {
+            grid: self.grid.clone(),
+            voxels: self.voxels.clone(),
+            slope: self.slope,
+            intercept: self.intercept,
+            bricks: self.bricks.clone(),
+        }
+    }
+}
+
+impl Volume {
+    /// A volume whose stored values are its real values.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where the number of voxels isn't the grid's.
+    pub fn new(grid: Grid, voxels: Voxels) -> Result<Self, Error> {
+        Self::with_scale(grid, voxels, 1.0, 0.0)
+    }
+
+    /// A volume with `real = slope · stored + intercept`.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where the number of voxels isn't the grid's, or the scale isn't finite, or the slope is 0.
+    pub fn with_scale(grid: Grid, voxels: Voxels, slope: f64, intercept: f64) -> Result<Self, Error> {
+        if voxels.len() != grid.len() {
+            return Err(Error::Inconsistent {
+                what: "volume",
+                problem: format!("{} voxels for a grid of {:?}", voxels.len(), grid.dims()),
+            });
+        }
+        if !slope.is_finite() || slope == 0.0 || !intercept.is_finite() {
+            return Err(Error::Inconsistent {
+                what: "volume",
+                problem: format!("slope {slope}, intercept {intercept}: both finite, slope not 0"),
+            });
+        }
+        Ok(Self { grid, voxels, slope, intercept, bricks: OnceLock::new() })
+    }
+
+    /// Where the voxels lie.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// The stored voxels.
+    pub fn voxels(&self) -> &Voxels {
+        &self.voxels
+    }
+
+    /// Factor from stored to real values.
+    pub fn slope(&self) -> f64 {
+        self.slope
+    }
+
+    /// Offset from stored to real values.
+    pub fn intercept(&self) -> f64 {
+        self.intercept
+    }
+
+    /// The real value of a stored one.
+    #[inline]
+    pub fn real(&self, stored: f64) -> f64 {
+        self.slope * stored + self.intercept
+    }
+
+    /// The stored value (not rounded) of a real one.
+    #[inline]
+    pub fn stored(&self, real: f64) -> f64 {
+        (real - self.intercept) / self.slope
+    }
+
+    /// A copy as an array of real values, indexed `[[x, y, z]]`, for work with `ndarray`.
+    pub fn to_array(&self) -> ndarray::Array3<f64> {
+        use ndarray::ShapeBuilder;
+        let values: Vec<f64> =
+            with_voxels!(&self.voxels, slice => slice.iter().map(|v| self.real(v.to_f64())).collect());
+        ndarray::Array3::from_shape_vec(self.grid.dims().f(), values).expect("checked in with_scale: one value a voxel")
+    }
+
+    /// A volume from an array indexed `[[x, y, z]]`, in any memory layout.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where the array's shape isn't the grid's.
+    pub fn from_array<T: Scalar>(grid: Grid, array: &ndarray::Array3<T>) -> Result<Self, Error> {
+        if array.shape() != grid.dims() {
+            return Err(Error::Inconsistent {
+                what: "volume",
+                problem: format!("array of {:?} for a grid of {:?}", array.shape(), grid.dims()),
+            });
+        }
+        // Reversed axes iterate with x fastest.
+        let values: Vec<T> = array.t().iter().copied().collect();
+        Self::new(grid, T::wrap(values.into()))
+    }
+
+    /// The real value of a voxel.
+    pub fn value(&self, index: VoxelIndex) -> f64 {
+        self.real(self.voxels.get(self.grid.linear(index)))
+    }
+
+    /// Min–max of the stored values by brick; computed at the first call, on the calling rayon pool.
+    pub fn bricks(&self) -> &BrickIndex {
+        self.bricks.get_or_init(|| BrickIndex::build(&self.grid, &self.voxels))
+    }
+
+    /// Attaches an index that was stored beside the voxels, so that it need not be computed.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where its shape isn't that of this volume's bricks.
+    pub fn attach_bricks(&self, index: BrickIndex) -> Result<(), Error> {
+        if index.dims() != BrickIndex::dims_for(self.grid.dims()) {
+            return Err(Error::Inconsistent {
+                what: "brick index",
+                problem: format!("{:?} bricks for a grid of {:?}", index.dims(), self.grid.dims()),
+            });
+        }
+        let _ = self.bricks.set(index);
+        Ok(())
+    }
+
+    /// Smallest and largest real value; `None` where no voxel holds data.
+    pub fn range(&self) -> Option<[f64; 2]> {
+        let (lo, hi) = self.bricks().total()?;
+        let (a, b) = (self.real(f64::from(lo)), self.real(f64::from(hi)));
+        Some([a.min(b), a.max(b)])
+    }
+
+    /// Number of voxels that are no data (NaN or infinite).
+    pub fn missing(&self) -> u64 {
+        use rayon::prelude::*;
+        if self.voxels.voxel_type().is_integer() {
+            return 0;
+        }
+        with_voxels!(&self.voxels, slice => slice.par_iter().filter(|v| !v.is_data()).count() as u64)
+    }
+}
+
+impl PartialEq for Volume {
+    fn eq(&self, other: &Self) -> bool {
+        self.grid == other.grid
+            && self.slope == other.slope
+            && self.intercept == other.intercept
+            && self.voxels == other.voxels
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stored_and_real_values_convert_both_ways() {
+        let grid = Grid::with_spacing([2, 1, 1], [1.0; 3]).unwrap();
+        let volume = Volume::with_scale(grid, Voxels::from(vec![10_i16, -4]), -2.0, 5.0).unwrap();
+        assert_eq!(volume.value(VoxelIndex([0, 0, 0])), -15.0);
+        assert_eq!(volume.stored(-15.0), 10.0);
+        assert_eq!(volume.range(), Some([-15.0, 13.0]));
+    }
+
+    #[test]
+    fn arrays_are_indexed_x_y_z_in_any_layout() {
+        let grid = Grid::with_spacing([3, 2, 4], [1.0; 3]).unwrap();
+        let array = ndarray::Array3::from_shape_fn((3, 2, 4), |(x, y, z)| (x + 10 * y + 100 * z) as u16);
+        let volume = Volume::from_array(grid, &array).unwrap();
+        assert_eq!(volume.value(VoxelIndex([2, 1, 3])), 312.0);
+        assert_eq!(volume.to_array()[[2, 1, 3]], 312.0);
+    }
+
+    #[test]
+    fn rounding_to_integers_clamps_and_takes_ties_to_even() {
+        assert_eq!(u8::from_f64(2.5), 2);
+        assert_eq!(u8::from_f64(300.0), 255);
+        assert_eq!(i16::from_f64(-40000.0), i16::MIN);
+        assert_eq!(u8::from_f64(f64::NAN), 0);
+    }
+
+    #[test]
+    fn wrong_lengths_and_scales_are_refused() {
+        let grid = Grid::with_spacing([2, 2, 2], [1.0; 3]).unwrap();
+        assert!(Volume::new(grid.clone(), Voxels::from(vec![0_u8; 7])).is_err());
+        assert!(Volume::with_scale(grid.clone(), Voxels::from(vec![0_u8; 8]), 0.0, 0.0).is_err());
+        assert!(Volume::with_scale(grid, Voxels::from(vec![0_u8; 8]), 1.0, f64::NAN).is_err());
+    }
+
+    #[test]
+    fn nan_and_infinities_are_no_data() {
+        let grid = Grid::with_spacing([4, 1, 1], [1.0; 3]).unwrap();
+        let volume =
+            Volume::new(grid, Voxels::from(vec![f32::NAN, 1.0, f32::INFINITY, -2.0])).unwrap();
+        assert_eq!(volume.range(), Some([-2.0, 1.0]));
+        assert_eq!(volume.missing(), 2);
+    }
+}
