@@ -1,0 +1,1 @@
+//! The ring solver: to be written.
