@@ -1,1 +1,16 @@
-//! To be written.
+//! Model-fitting lattices: the closed triangle mesh around a part of a volume, at full and at reduced resolution.
+//!
+//! - [`extract`] cuts a [`Lattice`](ivd_core::Lattice) out of a volume: marching cubes whose result is a closed
+//!   2-manifold for any field.
+//! - [`refine`] keeps a subset of its vertices.
+//! - [`figures`] counts what can be counted about a mesh: edges, components, Euler characteristic, defects.
+//! - [`formats`] writes it for other programs.
+#![forbid(unsafe_code)]
+
+mod error;
+pub mod extract;
+pub mod figures;
+pub mod formats;
+pub mod refine;
+
+pub use error::Error;

@@ -1,0 +1,1 @@
+//! Cuts a lattice out of a volume: marching cubes.

@@ -1,0 +1,1 @@
+//! Figures of a mesh: what can be counted about it.

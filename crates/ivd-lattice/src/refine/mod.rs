@@ -1,0 +1,1 @@
+//! Refinement of a lattice: fewer of the same vertices.
