@@ -1,0 +1,1 @@
+//! Phantoms: generated volumes whose labels are known.

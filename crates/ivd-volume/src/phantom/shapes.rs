@@ -1,0 +1,152 @@
+//! The formulas: signed distances and scalars. Everything is computed in `f64`, in the written order.
+
+use std::f64::consts::PI;
+
+use super::Shape;
+use super::truth::HEAD;
+
+/// Offset of a phantom's centre from the middle of its grid [voxels].
+const SHIFT: [f64; 3] = [0.13, -0.21, 0.37];
+const GYROID_PERIODS: f64 = 4.0;
+/// Periods of the bars [voxels], by band along y.
+const BARS: [f64; 8] = [16.0, 12.0, 8.0, 6.0, 5.0, 4.0, 3.0, 2.0];
+/// Half of the shell's thickness [voxels].
+const HALF_SHELL: f64 = 0.75;
+
+/// Outer semi-axes of the head [size].
+const HEAD_AXES: [f64; 3] = [0.36, 0.44, 0.40];
+const VENTRICLE_AXES: [f64; 3] = [0.045, 0.13, 0.07];
+
+/// Signed distance [voxels] of a voxel coordinate from a shape's surface, negative inside.
+///
+/// Exact for `sphere`, `torus`, `spheres` and `shell`. For `gyroid` it is `f / |∇f|`, right to first order near the
+/// surface. For `bars` it is the distance along x within the point's band; for `head` a first-order distance from the skin.
+pub fn signed_distance(shape: Shape, point: [f64; 3], size: usize) -> f64 {
+    let n = size as f64;
+    let q: [f64; 3] = std::array::from_fn(|a| point[a] - centre(n)[a]);
+    match shape {
+        Shape::Sphere => norm(q) - 0.35 * n,
+        Shape::Torus => (q[0].hypot(q[1]) - 0.28 * n).hypot(q[2]) - 0.12 * n,
+        Shape::Spheres => [-0.2, 0.2]
+            .map(|s: f64| norm([q[0] - s * n, q[1], q[2]]) - 0.2 * n)
+            .into_iter()
+            .fold(f64::INFINITY, f64::min),
+        Shape::Shell => (norm(q) - 0.35 * n).abs() - HALF_SHELL,
+        Shape::Gyroid => {
+            let w = gyroid_frequency(n);
+            let (s, c) = (q.map(|v| (v * w).sin()), q.map(|v| (v * w).cos()));
+            let gradient = [
+                w * (c[0] * c[1] - s[2] * s[0]),
+                w * (c[1] * c[2] - s[0] * s[1]),
+                w * (c[2] * c[0] - s[1] * s[2]),
+            ];
+            gyroid(s, c) / norm(gradient).max(1e-3)
+        }
+        Shape::Bars => {
+            let period = bar_period(point[1], n);
+            // The bar's voxels are 0 … ceil(period / 2) - 1; its faces lie half a voxel outside them.
+            let half_width = (period / 2.0).ceil() / 2.0;
+            let t = (point[0] + 0.5).rem_euclid(period) - half_width;
+            let gap = (period - 2.0 * half_width) / 2.0;
+            if t > half_width + gap { period - t - half_width } else { t.abs() - half_width }
+        }
+        Shape::Head => {
+            let r = norm(std::array::from_fn(|a| q[a] / n / HEAD_AXES[a]));
+            let slope = norm(std::array::from_fn(|a| q[a] / (n * HEAD_AXES[a] * n * HEAD_AXES[a])));
+            if slope > 0.0 { (r - 1.0) * r / slope } else { -HEAD_AXES[0] * n }
+        }
+    }
+}
+
+/// Noise-free scalar and label of voxels; what depends on one coordinate alone is computed once.
+pub(super) struct Sampler {
+    shape: Shape,
+    size: usize,
+    /// Sines and cosines by axis and index, for the shapes that need them.
+    sin: [Vec<f64>; 3],
+    cos: [Vec<f64>; 3],
+}
+
+impl Sampler {
+    pub(super) fn new(shape: Shape, size: usize) -> Self {
+        let n = size as f64;
+        let axis = |angle: &dyn Fn(usize, f64) -> f64, wave: fn(f64) -> f64| {
+            std::array::from_fn(|a| (0..size).map(|i| wave(angle(a, i as f64 - centre(n)[a]))).collect())
+        };
+        let gyroid_angle = |_: usize, q: f64| q * gyroid_frequency(n);
+        let fold_angle = |a: usize, q: f64| [34.0, 31.0, 29.0][a] * (q / n) + a as f64;
+        let (sin, cos) = match shape {
+            Shape::Gyroid => (axis(&gyroid_angle, f64::sin), axis(&gyroid_angle, f64::cos)),
+            Shape::Head => (axis(&fold_angle, f64::sin), Default::default()),
+            _ => Default::default(),
+        };
+        Self { shape, size, sin, cos }
+    }
+
+    /// Scalar (0…1) and label of a voxel.
+    #[inline]
+    pub(super) fn at(&self, voxel: [usize; 3]) -> (f64, u16) {
+        let p = voxel.map(|v| v as f64);
+        let value = match self.shape {
+            Shape::Head => {
+                let label = self.head_label(voxel);
+                return (HEAD[label as usize].1, label);
+            }
+            Shape::Bars => {
+                let period = bar_period(p[1], self.size as f64);
+                f64::from(u8::from(p[0] % period < period / 2.0))
+            }
+            Shape::Gyroid => {
+                let wave = |table: &[Vec<f64>; 3]| std::array::from_fn(|a| table[a][voxel[a]]);
+                0.5 - 0.3 * gyroid(wave(&self.sin), wave(&self.cos))
+            }
+            shape => 0.5 - signed_distance(shape, p, self.size) / 8.0,
+        }
+        .clamp(0.0, 1.0);
+        (value, u16::from(value > 0.5))
+    }
+
+    fn head_label(&self, voxel: [usize; 3]) -> u16 {
+        let n = self.size as f64;
+        let q: [f64; 3] = std::array::from_fn(|a| (voxel[a] as f64 - centre(n)[a]) / n);
+        let ventricle = |side: f64| {
+            let o = [side * 0.07, 0.02, 0.03];
+            norm(std::array::from_fn(|a| (q[a] - o[a]) / VENTRICLE_AXES[a])) < 1.0
+        };
+        let r = norm(std::array::from_fn(|a| q[a] / HEAD_AXES[a]));
+        let fold = 0.035 * self.sin[0][voxel[0]] * self.sin[1][voxel[1]] * self.sin[2][voxel[2]];
+        let brain = r + fold;
+        if ventricle(-1.0) || ventricle(1.0) {
+            return 3;
+        }
+        match () {
+            () if brain < 0.64 => 5,
+            () if brain < 0.78 => 4,
+            () if r < 0.82 => 3,
+            () if r < 0.90 => 2,
+            () if r < 1.0 => 1,
+            () => 0,
+        }
+    }
+}
+
+fn centre(n: f64) -> [f64; 3] {
+    SHIFT.map(|s| (n - 1.0) / 2.0 + s)
+}
+
+fn norm(q: [f64; 3]) -> f64 {
+    (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]).sqrt()
+}
+
+/// Angle per voxel.
+fn gyroid_frequency(n: f64) -> f64 {
+    2.0 * PI * GYROID_PERIODS / n
+}
+
+fn gyroid(s: [f64; 3], c: [f64; 3]) -> f64 {
+    s[0] * c[1] + s[1] * c[2] + s[2] * c[0]
+}
+
+fn bar_period(y: f64, n: f64) -> f64 {
+    BARS[((y * BARS.len() as f64 / n).max(0.0) as usize).min(BARS.len() - 1)]
+}
