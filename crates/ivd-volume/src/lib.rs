@@ -1,1 +1,25 @@
-//! To be written.
+//! Volume files in and out, and phantoms with known truth.
+//!
+//! [`read`] takes any volume that scanners, simulations and research tools write and gives a
+//! [`Volume`](ivd_core::Volume): the stored voxels as they are, slope and intercept beside them, and the grid that
+//! places them in the world (millimetres, RAS). [`write()`] is its counterpart, by the file's ending.
+//! [`sources`] lists the files that a volume is made of, for whoever wants to know whether they changed.
+#![forbid(unsafe_code)]
+
+mod bounded;
+pub mod dicom;
+mod error;
+mod order;
+pub mod phantom;
+mod raw;
+mod read;
+mod space;
+pub mod stack;
+pub mod vti;
+mod write;
+
+pub use error::Error;
+pub use order::ByteOrder;
+pub use raw::RawLayout;
+pub use read::{ReadOptions, read, sources};
+pub use write::{Written, write};

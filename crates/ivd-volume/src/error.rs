@@ -1,0 +1,124 @@
+use std::io;
+use std::path::{Path, PathBuf};
+
+use ivd_core::Fault;
+
+/// Why a volume can't be read or written. Every variant names the file; those about a header name the field.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A failure that any stage can meet: cancelled, memory limit, impossible grid.
+    #[error(transparent)]
+    Core(#[from] ivd_core::Error),
+    /// The operating system refused to read or write.
+    #[error("{}: can't {action}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried, such as `"open"`.
+        action: &'static str,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// Neither the first bytes nor the ending tell the format.
+    #[error("{}: {problem}; {remedy}", path.display())]
+    Unknown {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was found.
+        problem: String,
+        /// What to do instead.
+        remedy: String,
+    },
+    /// A header field that is malformed or contradicts the rest.
+    #[error("{}: field `{field}`: {problem}", path.display())]
+    Field {
+        /// The file that holds the header.
+        path: PathBuf,
+        /// The field by its name in the format.
+        field: String,
+        /// What is wrong, with the value.
+        problem: String,
+    },
+    /// A sound file of a kind that isn't read or written.
+    #[error("{}: {what} is not supported; {remedy}", path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// The feature, by its name in the format.
+        what: String,
+        /// What to do instead.
+        remedy: String,
+    },
+    /// Less data than the header declares.
+    #[error("{}: {what}: {needed} bytes needed, {found} found; the file is cut short or its header is wrong", path.display())]
+    Truncated {
+        /// The file that holds the data.
+        path: PathBuf,
+        /// Which data.
+        what: String,
+        /// Bytes that the header declares.
+        needed: u64,
+        /// Bytes that are there.
+        found: u64,
+    },
+    /// Compressed or encoded data that doesn't decode.
+    #[error("{}: {what} is damaged: {problem}", path.display())]
+    Corrupt {
+        /// The file that holds the data.
+        path: PathBuf,
+        /// Which data.
+        what: String,
+        /// What the decoder says.
+        problem: String,
+    },
+    /// The file holds several volumes and none, or none that exists, was chosen; or an option is missing.
+    #[error("{}: {problem}; {remedy}", path.display())]
+    Choice {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is there.
+        problem: String,
+        /// How to choose.
+        remedy: String,
+    },
+}
+
+impl Error {
+    /// What kind of failure it is.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Core(error) => error.fault(),
+            Self::Io { .. } => Fault::Io,
+            Self::Unknown { .. }
+            | Self::Field { .. }
+            | Self::Unsupported { .. }
+            | Self::Truncated { .. }
+            | Self::Corrupt { .. } => Fault::Input,
+            Self::Choice { .. } => Fault::Usage,
+        }
+    }
+
+    pub(crate) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
+        Self::Io { path: path.to_owned(), action, source }
+    }
+
+    pub(crate) fn field(path: &Path, field: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Field { path: path.to_owned(), field: field.into(), problem: problem.into() }
+    }
+
+    pub(crate) fn unsupported(path: &Path, what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Unsupported { path: path.to_owned(), what: what.into(), remedy: remedy.into() }
+    }
+
+    pub(crate) fn truncated(path: &Path, what: impl Into<String>, needed: u64, found: u64) -> Self {
+        Self::Truncated { path: path.to_owned(), what: what.into(), needed, found }
+    }
+
+    pub(crate) fn corrupt(path: &Path, what: impl Into<String>, problem: impl ToString) -> Self {
+        Self::Corrupt { path: path.to_owned(), what: what.into(), problem: problem.to_string() }
+    }
+
+    pub(crate) fn choice(path: &Path, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Choice { path: path.to_owned(), problem: problem.into(), remedy: remedy.into() }
+    }
+}
