@@ -1,0 +1,134 @@
+/// A class as its edges see it: a weighted Gaussian in real values, with the crossings its segmentation gave.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Hill {
+    pub(crate) mean: f64,
+    /// Standard deviation, > 0 (the caller sets a floor).
+    pub(crate) sd: f64,
+    /// Number of voxels: the prior.
+    pub(crate) voxels: f64,
+    pub(crate) lower: Option<f64>,
+    pub(crate) upper: Option<f64>,
+}
+
+/// One side of a class's window: where it lies and the half width over which it fades. `None`: open.
+pub(crate) type Edge = Option<(f64, f64)>;
+
+/// The part of the value axis that a class is seen in.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Window {
+    pub(crate) lower: Edge,
+    pub(crate) upper: Edge,
+}
+
+impl Window {
+    /// Weight of the class at a value, 0…1; ½ on an edge.
+    pub(crate) fn weight(&self, value: f64) -> f64 {
+        let rise = |edge: Edge, sign: f64| {
+            edge.map_or(1.0, |(at, half)| {
+                let d = sign * (value - at);
+                if half > 0.0 {
+                    let t = (0.5 + 0.5 * d / half).clamp(0.0, 1.0);
+                    t * t * (3.0 - 2.0 * t)
+                } else {
+                    f64::from(u8::from(d >= 0.0))
+                }
+            })
+        };
+        rise(self.lower, 1.0).min(rise(self.upper, -1.0))
+    }
+}
+
+/// Windows of `hills`, which are in the order of their means. `softness`: half width of an edge in standard deviations.
+///
+/// Classes whose means are nearer than half the mean of their spreads aren't separable by value: neither bounds the
+/// other, their windows overlap, and the label decides.
+pub(crate) fn windows(hills: &[Hill], softness: f64) -> Vec<Window> {
+    let separate = |a: &Hill, b: &Hill| b.mean - a.mean > 0.25 * (a.sd + b.sd);
+    let edge = |a: &Hill, b: &Hill| {
+        let at = crossing(a, b);
+        let half = (softness * a.sd.min(b.sd)).min(0.5 * (b.mean - a.mean));
+        // An edge never fades beyond a mean by more than it must.
+        (at, half.min((at - a.mean).abs().max(0.1 * half)).min((b.mean - at).abs().max(0.1 * half)))
+    };
+    (0..hills.len())
+        .map(|i| {
+            let here = &hills[i];
+            let below = hills[..i].iter().rev().find(|h| separate(h, here));
+            let above = hills[i + 1..].iter().find(|h| separate(here, h));
+            Window { lower: below.map(|h| edge(h, here)), upper: above.map(|h| edge(here, h)) }
+        })
+        .collect()
+}
+
+/// Where the posteriors of `a` and `b` (`a.mean < b.mean`) are equal, if that is between the means; else the crossing
+/// that the segmentation gave, if that is; else half way.
+fn crossing(a: &Hill, b: &Hill) -> f64 {
+    let between = |x: &f64| *x > a.mean && *x < b.mean;
+    let given = match (a.upper, b.lower) {
+        (Some(x), Some(y)) if x == y => Some(x),
+        _ => None,
+    };
+    gaussian_crossing(a, b).filter(between).or(given.filter(between)).unwrap_or(0.5 * (a.mean + b.mean))
+}
+
+/// Root between the means of `ln(n_a N(x; a)) = ln(n_b N(x; b))`: the difference falls from `a` to `b` strictly, so that
+/// bisection finds the one root, if the ends differ in sign.
+fn gaussian_crossing(a: &Hill, b: &Hill) -> Option<f64> {
+    let log = |h: &Hill, x: f64| (h.voxels / h.sd).ln() - 0.5 * ((x - h.mean) / h.sd).powi(2);
+    let ahead = |x: f64| log(a, x) - log(b, x);
+    let (mut lo, mut hi) = (a.mean, b.mean);
+    if !(ahead(lo) > 0.0 && ahead(hi) < 0.0) {
+        return None;
+    }
+    for _ in 0..64 {
+        let mid = 0.5 * (lo + hi);
+        if ahead(mid) > 0.0 { lo = mid } else { hi = mid }
+    }
+    Some(0.5 * (lo + hi))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hill(mean: f64, sd: f64, voxels: f64) -> Hill {
+        Hill { mean, sd, voxels, lower: None, upper: None }
+    }
+
+    #[test]
+    fn equal_gaussians_cross_half_way_and_the_larger_class_is_wider() {
+        assert!((crossing(&hill(10.0, 2.0, 5.0), &hill(20.0, 2.0, 5.0)) - 15.0).abs() < 1e-9);
+        // ln(100) · σ² / Δ further towards the small class.
+        let at = crossing(&hill(10.0, 2.0, 500.0), &hill(20.0, 2.0, 5.0));
+        assert!((at - (15.0 + 100.0_f64.ln() * 4.0 / 10.0)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_root_outside_the_means_falls_back_to_the_given_crossing() {
+        let mut a = hill(10.0, 4.0, 1e9);
+        let mut b = hill(12.0, 4.0, 1.0);
+        assert_eq!(crossing(&a, &b), 11.0);
+        (a.upper, b.lower) = (Some(11.5), Some(11.5));
+        assert_eq!(crossing(&a, &b), 11.5);
+    }
+
+    #[test]
+    fn neighbouring_windows_share_the_edge_and_sum_to_one() {
+        let windows = windows(&[hill(0.0, 3.0, 10.0), hill(30.0, 5.0, 20.0), hill(80.0, 1.0, 5.0)], 1.0);
+        for i in 0..=100 {
+            let v = f64::from(i);
+            let sum: f64 = windows.iter().map(|w| w.weight(v)).sum();
+            assert!((sum - 1.0).abs() < 1e-12, "at {v}: {sum}");
+        }
+        assert_eq!(windows[0].lower, None);
+        assert_eq!(windows[1].weight(30.0), 1.0);
+    }
+
+    #[test]
+    fn classes_of_equal_mean_do_not_squeeze_each_other() {
+        let windows = windows(&[hill(0.0, 3.0, 10.0), hill(30.0, 3.0, 9.0), hill(30.0, 3.0, 1.0)], 1.0);
+        assert_eq!(windows[1].weight(30.0), 1.0);
+        assert_eq!(windows[2].weight(30.0), 1.0);
+        assert_eq!(windows[2].weight(0.0), 0.0);
+    }
+}

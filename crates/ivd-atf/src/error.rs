@@ -1,0 +1,33 @@
+use ivd_core::{Fault, ParamError};
+
+/// Why a transfer function could not be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// A failure that any stage can meet.
+    #[error(transparent)]
+    Core(#[from] ivd_core::Error),
+    /// A parameter outside its domain.
+    #[error(transparent)]
+    Param(#[from] ParamError),
+    /// More classes than a table of rows can hold.
+    #[error(
+        "the labels hold {classes} classes, a transfer function takes at most {most}; segment with fewer classes"
+    )]
+    TooManyClasses {
+        /// Different labels met.
+        classes: usize,
+        /// Most that are taken.
+        most: usize,
+    },
+}
+
+impl Error {
+    /// What kind of failure it is.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Core(error) => error.fault(),
+            Self::Param(_) => Fault::Usage,
+            Self::TooManyClasses { .. } => Fault::Limit,
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! The transfer function of small volumes whose answer is known.
+
+use ivd_atf::{Error, Params, transfer};
+use ivd_core::{Class, Exec, Fault, Grid, Labels, Volume, Voxels};
+
+/// A volume of 24³ voxels with `value` and `label` by voxel index.
+fn scene(value: impl Fn([usize; 3]) -> f32, label: impl Fn([usize; 3]) -> u16) -> (Volume, Labels) {
+    let grid = Grid::with_spacing([24; 3], [1.0, 1.0, 2.0]).unwrap();
+    let values: Vec<f32> = (0..grid.len()).map(|i| value(grid.index(i).0)).collect();
+    let ids: Vec<u16> = (0..grid.len()).map(|i| label(grid.index(i).0)).collect();
+    let volume = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
+    (volume, Labels::new(grid, ids.into(), vec![]).unwrap())
+}
+
+fn ball(at: [usize; 3], centre: f64, radius: f64) -> bool {
+    at.map(|c| (c as f64 - centre).powi(2)).iter().sum::<f64>() < radius * radius
+}
+
+fn ripple(at: [usize; 3]) -> f32 {
+    ((at[0] * 7 + at[1] * 13 + at[2] * 29) % 11) as f32 - 5.0
+}
+
+#[test]
+fn two_classes_give_clear_air_and_a_visible_ball() {
+    let inside = |at| ball(at, 12.0, 6.0);
+    let (volume, labels) =
+        scene(|at| if inside(at) { 150.0 } else { 20.0 } + ripple(at), |at| if inside(at) { 2 } else { 1 });
+    let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
+    let tf = &built.transfer;
+    assert_eq!((built.entries, tf.classes()), (2, &[0, 1, 2][..]));
+    assert_eq!(built.opacity_range, [0.0, 0.6]);
+    assert_eq!(tf.sample(0, 20.0)[3], 0.0, "air");
+    assert!(tf.table()[1024..2048].iter().all(|c| c[3] == 0.0), "air in its own row");
+    assert!((tf.sample(0, 150.0)[3] - 0.6).abs() < 1e-6, "the ball without labels");
+    assert!((tf.sample(tf.row(2), 150.0)[3] - 0.6).abs() < 1e-6, "the ball with labels");
+    // Equal spreads, air is larger: the crossing leans towards the ball.
+    assert!(tf.entries()[0].upper > 85.0 && tf.entries()[0].upper < 90.0);
+    assert_eq!(tf.entries()[0].upper, tf.entries()[1].lower);
+    // 24 * 24 * 48 mm³.
+    assert!((tf.reference_mm() - (24.0_f64 * 24.0 * 48.0).cbrt() / 128.0).abs() < 1e-12);
+}
+
+#[test]
+fn classes_of_equal_mean_keep_rows_of_their_own() {
+    // Two balls of the same value and different size.
+    let label = |at| {
+        if ball(at, 5.0, 3.0) {
+            7
+        } else if ball(at, 15.0, 6.0) {
+            3
+        } else {
+            1
+        }
+    };
+    let (volume, labels) = scene(|at| if label(at) == 1 { 0.0 } else { 100.0 }, label);
+    let tf = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().transfer;
+    let (small, large) = (tf.sample(tf.row(7), 100.0), tf.sample(tf.row(3), 100.0));
+    assert_ne!(small[..3], large[..3], "different hues");
+    assert!(small[3] > large[3] && large[3] > 0.0, "the smaller one is denser: {small:?} {large:?}");
+    let union = tf.sample(0, 100.0);
+    assert!(union[3] > large[3].min(small[3]) * 0.99 && union[3] < small[3], "the union lies between");
+}
+
+#[test]
+fn a_constant_volume_of_one_class_is_seen() {
+    let (volume, labels) = scene(|_| 42.0, |_| 1);
+    let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
+    assert_eq!(built.entries, 1);
+    assert_eq!(built.transfer.range(), [42.0, 42.0]);
+    for row in 0..2 {
+        assert!((built.transfer.sample(row, 42.0)[3] - 0.6).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn volumes_without_any_data_give_a_clear_table() {
+    let (volume, labels) = scene(|_| f32::NAN, |_| 0);
+    let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
+    assert_eq!((built.entries, built.opacity_range), (0, [0.0, 0.0]));
+    assert_eq!(built.transfer.sample(0, 0.0)[3], 0.0);
+}
+
+#[test]
+fn foreign_labels_over_a_background_need_no_classes_and_leave_the_background_clear() {
+    // An organ of value 60 in tissue of value 40: nothing else is labelled.
+    let organ = |at| ball(at, 10.0, 5.0);
+    let (volume, labels) =
+        scene(|at| if organ(at) { 60.0 } else { 40.0 } + 0.2 * ripple(at), |at| u16::from(organ(at)) * 117);
+    let tf = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().transfer;
+    assert_eq!(tf.classes(), [0, 117]);
+    assert!(tf.sample(tf.row(117), 60.0)[3] > 0.5);
+    assert!(tf.sample(0, 60.0)[3] > 0.5);
+    assert_eq!(tf.sample(0, 40.0)[3], 0.0);
+}
+
+#[test]
+fn given_crossings_serve_where_posteriors_have_none() {
+    // A tiny class beside a huge one with wide spread: the posterior never crosses between the means.
+    let rare = |at: [usize; 3]| at == [12, 12, 12];
+    let (volume, unnamed) =
+        scene(|at| if rare(at) { 40.0 } else { 4.0 * ripple(at) }, |at| if rare(at) { 2 } else { 1 });
+    let class = |id, lower, upper| Class { id, name: None, mean: 0.0, sd: 0.0, voxels: 0, lower, upper };
+    let classes = vec![class(1, None, Some(33.0)), class(2, Some(33.0), None)];
+    let labels = Labels::new(volume.grid().clone(), unnamed.buffer().clone(), classes).unwrap();
+    let tf = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().transfer;
+    let edge = tf.entries()[1].lower;
+    assert!(edge > 20.0 && edge < 40.0, "{edge}");
+}
+
+#[test]
+fn opacities_stay_in_0_to_1_whatever_the_parameters() {
+    let (volume, labels) = scene(|at| (at[0] * at[1]) as f32 * 1e-3 + 1e7, |at| (at[0] / 3) as u16 + 1);
+    for max_opacity in [0.0, 0.3, 1.0] {
+        for size_exponent in [0.0, 1.0, 30.0] {
+            let params =
+                Params { max_opacity, min_opacity: 0.0, size_exponent, softness: 3.0, resolution: 17 };
+            let built = transfer(&volume, &labels, &params, &Exec::default()).unwrap();
+            let table = built.transfer.table();
+            assert!(table.iter().all(|c| (0.0..=max_opacity + 1e-6).contains(&c[3])));
+            assert!(built.opacity_range[0] >= 0.0 && built.opacity_range[1] <= max_opacity);
+        }
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let (volume, labels) = scene(|at| ripple(at) * 0.37 + at[2] as f32, |at| (at[2] / 5) as u16 + 1);
+    let one = transfer(&volume, &labels, &Params::default(), &Exec::default().with_threads(1)).unwrap();
+    let four = transfer(&volume, &labels, &Params::default(), &Exec::default().with_threads(4)).unwrap();
+    assert_eq!(one, four);
+}
+
+#[test]
+fn wrong_inputs_are_refused_by_kind() {
+    let (volume, labels) = scene(|_| 1.0, |_| 1);
+    let bad = Params { resolution: 0, ..Params::default() };
+    let error = transfer(&volume, &labels, &bad, &Exec::default()).unwrap_err();
+    assert_eq!(error.fault(), Fault::Usage);
+    let other = Labels::new(Grid::with_spacing([1; 3], [1.0; 3]).unwrap(), vec![1].into(), vec![]).unwrap();
+    assert!(matches!(transfer(&volume, &other, &Params::default(), &Exec::default()), Err(Error::Core(_))));
+    let ids: Vec<u16> = (0..24_u16.pow(3)).collect();
+    let many = Labels::new(volume.grid().clone(), ids.into(), vec![]).unwrap();
+    let error = transfer(&volume, &many, &Params::default(), &Exec::default()).unwrap_err();
+    assert_eq!(error.fault(), Fault::Limit);
+    let cancelled = Exec::default();
+    cancelled.cancel.cancel();
+    let error = transfer(&volume, &labels, &Params::default(), &cancelled).unwrap_err();
+    assert_eq!(error.fault(), Fault::Cancelled);
+}
