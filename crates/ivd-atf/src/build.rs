@@ -11,7 +11,7 @@ pub struct Built {
     pub transfer: TransferFunction,
     /// Number of entries: one for each class that occurs.
     pub entries: usize,
-    /// Least and greatest opacity of the entries over the reference length [1]; `[0, 0]` without entries.
+    /// Least and greatest opacity of the entries over the reference length (no unit); `[0, 0]` without entries.
     pub opacity_range: [f32; 2],
 }
 

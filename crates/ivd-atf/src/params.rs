@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 pub struct Params {
     /// Samples of each row over the volume's range [count], 2…65536.
     pub resolution: usize,
-    /// Opacity of the most prominent class over the reference length [1], 0…1.
+    /// Opacity of the most prominent class over the reference length (no unit), 0…1.
     pub max_opacity: f32,
-    /// Opacity below which no class but air falls [1], 0…`max_opacity`: a class that hardly stands out stays visible.
+    /// Opacity below which no class but air falls (no unit), 0…`max_opacity`: a class that hardly stands out stays visible.
     pub min_opacity: f32,
-    /// Power of "inverse size" [1], ≥ 0: a class of share `n` of the voxels is weighed by `n^-size_exponent`. The default 1/3 makes it an inverse
+    /// Power of "inverse size" (no unit), ≥ 0: a class of share `n` of the voxels is weighed by `n^-size_exponent`. The default 1/3 makes it an inverse
     /// length, so that rays gather about as much in a large class as in a small one.
     pub size_exponent: f64,
-    /// Half width of an edge in standard deviations of the narrower class [1], ≥ 0; 0 for hard edges.
+    /// Half width of an edge in standard deviations of the narrower class (no unit), ≥ 0; 0 for hard edges.
     pub softness: f64,
 }
 

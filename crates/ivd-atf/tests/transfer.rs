@@ -1,4 +1,5 @@
 //! The transfer function of small volumes whose answer is known.
+#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 use ivd_atf::{Error, Params, transfer};
 use ivd_core::{Class, Exec, Fault, Grid, Labels, Volume, Voxels};
