@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Params {
-    /// Samples of each row over the volume's range [count], 2…65536.
+    /// Samples of each row over the volume's range (count), 2…65536.
     pub resolution: usize,
     /// Opacity of the most prominent class over the reference length (no unit), 0…1.
     pub max_opacity: f32,
