@@ -1,0 +1,164 @@
+use super::*;
+use ivd_core::{ElementKey, Grid, LatticeSource};
+
+const FAR: f64 = 1_234_567.0;
+
+/// A tetrahedron on an oblique grid far from 0, with places that f32 arithmetic would round.
+fn tetrahedron() -> Lattice {
+    let (s, c) = 0.3_f64.sin_cos();
+    let grid =
+        Grid::new([4; 3], [0.1, 0.2, 3.0], [FAR, -2.0, 0.5], [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]);
+    let grid = grid.unwrap();
+    let key = |padded, element| ElementKey::new(grid.dims(), padded, element);
+    Lattice {
+        keys: vec![key([0, 1, 1], 0), key([2, 1, 1], 1), key([1, 2, 1], 2), key([1, 1, 2], 6)],
+        places: vec![[0.3, 0.0, 0.0], [0.0, 0.7, 0.0], [0.0, 0.0, 0.1], [0.2, 0.4, 0.6]],
+        triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        grid,
+        source: LatticeSource::Iso(1.5),
+        level: 0,
+        max_error_mm: 0.0,
+    }
+}
+
+fn written(ending: &str, lattice: &Lattice) -> (Written, Vec<u8>) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(format!("mesh.{ending}"));
+    let written = write(&path, lattice).unwrap();
+    (written, std::fs::read(path).unwrap())
+}
+
+fn f64_at(bytes: &[u8], at: usize) -> f64 {
+    f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap())
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
+}
+
+fn f32_at(bytes: &[u8], at: usize) -> f32 {
+    f32::from_bits(u32_at(bytes, at))
+}
+
+#[test]
+fn ply_holds_exact_positions_addresses_and_triangles() {
+    let lattice = tetrahedron();
+    let (written, bytes) = written("ply", &lattice);
+    assert_eq!(written, Written { touched: true, rounding_mm: 0.0 });
+    let end = b"end_header\n";
+    let body = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
+    let vertices = &bytes[body..];
+    for (i, key) in lattice.keys.iter().enumerate() {
+        let at = i * 37;
+        let position = lattice.world(i).0;
+        assert!((0..3).all(|a| f64_at(vertices, at + 8 * a) == position[a]), "vertex {i}");
+        let voxel: [i64; 3] = std::array::from_fn(|a| i64::from(u32_at(vertices, at + 24 + 4 * a) as i32));
+        assert_eq!((voxel, vertices[at + 36]), (key.voxel([4; 3]), key.element()));
+    }
+    let faces = &vertices[4 * 37..];
+    assert_eq!(faces.len(), 4 * 13);
+    for (t, triangle) in lattice.triangles.iter().enumerate() {
+        let read: [u32; 3] = std::array::from_fn(|i| u32_at(faces, t * 13 + 1 + 4 * i));
+        assert_eq!((faces[t * 13], read), (3, *triangle));
+    }
+}
+
+#[test]
+fn obj_gives_the_same_f64_back() {
+    let lattice = tetrahedron();
+    let (_, bytes) = written("OBJ", &lattice);
+    let text = String::from_utf8(bytes).unwrap();
+    let read: Vec<Vec<f64>> = text
+        .lines()
+        .filter_map(|l| l.strip_prefix("v "))
+        .map(|l| l.split(' ').map(|n| n.parse().unwrap()).collect())
+        .collect();
+    for (i, p) in read.iter().enumerate() {
+        assert_eq!(p.as_slice(), lattice.world(i).0.as_slice());
+    }
+    assert!(text.ends_with("f 2 3 4\n") && read.len() == 4);
+}
+
+#[test]
+fn stl_says_what_f32_rounds_away_far_from_the_origin() {
+    let (written, bytes) = written("stl", &tetrahedron());
+    assert_eq!((bytes.len(), u32_at(&bytes, 80)), (84 + 4 * 50, 4));
+    assert!(written.rounding_mm > 1e-3 && written.rounding_mm < 0.07, "{}", written.rounding_mm);
+    assert!(!bytes.starts_with(b"solid"), "readers would take it for text");
+}
+
+#[test]
+fn glb_keeps_differences_far_from_the_origin_and_turns_to_metres_with_y_up() {
+    let lattice = tetrahedron();
+    let (written, bytes) = written("glb", &lattice);
+    assert!(written.rounding_mm < 1e-6);
+    assert_eq!((&bytes[..4], u32_at(&bytes, 4), u32_at(&bytes, 8)), (&b"glTF"[..], 2, bytes.len() as u32));
+    let text = u32_at(&bytes, 12) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + text]).unwrap();
+    let offset: Vec<f64> = serde_json::from_value(json["nodes"][1]["translation"].clone()).unwrap();
+    let matrix: Vec<f64> = serde_json::from_value(json["nodes"][0]["matrix"].clone()).unwrap();
+    let binary = &bytes[20 + text + 8..];
+    assert_eq!(binary.len() as u64, json["buffers"][0]["byteLength"].as_u64().unwrap());
+    for i in 0..4 {
+        let mm: [f64; 3] = std::array::from_fn(|a| offset[a] + f64::from(f32_at(binary, 12 * i + 4 * a)));
+        let world = lattice.world(i).0;
+        assert!((Vector3::from(mm) - world).norm() < 1e-6);
+        let metres: [f64; 3] = std::array::from_fn(|r| (0..3).map(|c| matrix[4 * c + r] * mm[c]).sum());
+        let expected = [-world.x / 1e3, world.z / 1e3, world.y / 1e3];
+        assert!((Vector3::from(metres) - Vector3::from(expected)).norm() < 1e-8);
+    }
+    let lo: Vec<f32> = serde_json::from_value(json["accessors"][0]["min"].clone()).unwrap();
+    let least = (0..4).map(|i| f32_at(binary, 12 * i)).fold(f32::INFINITY, f32::min);
+    assert_eq!(lo[0], least);
+}
+
+#[test]
+fn a_file_whose_bytes_would_not_change_keeps_its_time() {
+    let folder = tempfile::tempdir().unwrap();
+    for format in Format::ALL {
+        let path = folder.path().join("mesh").with_extension(format.ending());
+        assert!(write(&path, &tetrahedron()).unwrap().touched);
+        let time = std::fs::metadata(&path).unwrap().modified().unwrap();
+        assert!(!write(&path, &tetrahedron()).unwrap().touched, "{format:?}");
+        assert_eq!(std::fs::metadata(&path).unwrap().modified().unwrap(), time);
+        let mut moved = vec![[0.0; 3]; 4];
+        moved[2][1] = 1e-3;
+        assert!(write_deformed(&path, &tetrahedron(), &moved).unwrap().touched, "{format:?}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4, "no temporary file is left");
+}
+
+#[test]
+fn no_displacement_writes_the_bytes_of_the_lattice_at_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.ply");
+    write(&path, &tetrahedron()).unwrap();
+    assert!(!write_deformed(&path, &tetrahedron(), &[[0.0; 3]; 4]).unwrap().touched);
+}
+
+#[test]
+fn what_cannot_be_written_is_named() {
+    let lattice = tetrahedron();
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["mesh", "mesh.vtp"] {
+        assert!(matches!(write(&folder.path().join(name), &lattice), Err(Error::Format { .. })));
+    }
+    let nowhere = folder.path().join("missing/mesh.ply");
+    assert!(matches!(write(&nowhere, &lattice), Err(Error::Io { .. })));
+    let path = folder.path().join("mesh.ply");
+    assert!(write_deformed(&path, &lattice, &[[0.0; 3]; 3]).is_err());
+    assert!(write_deformed(&path, &lattice, &[[f64::NAN; 3]; 4]).is_err());
+    assert!(!path.exists());
+}
+
+#[test]
+fn an_empty_lattice_is_a_valid_file_in_every_format() {
+    let mut lattice = tetrahedron();
+    lattice.keys.clear();
+    lattice.places.clear();
+    lattice.triangles.clear();
+    for format in Format::ALL {
+        let (_, bytes) = written(format.ending(), &lattice);
+        assert!(!bytes.is_empty());
+    }
+}
