@@ -40,7 +40,7 @@ struct Candidate {
 /// opacity = clamp(max_opacity · s / max s, min_opacity, max_opacity),   s = g · n^(-size_exponent)
 /// ```
 ///
-/// where classes all without border (a constant volume) have `g = 1`. **Reference length**: the cube root of the volume's size [mm³] / 128.
+/// where classes all without border (a constant volume) have `g = 1`. **Reference length**: the cube root of the volume's size in mm³, over 128.
 ///
 /// # Errors
 /// [`Error::Core`] where volume and labels lie on different grids or the work was cancelled; [`Error::Param`];
