@@ -1,7 +1,14 @@
 //! Lattice deformation, displacement mapping, inverse and warp.
 #![forbid(unsafe_code)]
 
+pub mod certificate;
 mod error;
+pub mod inverse;
+mod sampler;
 pub mod spring;
+pub mod warp;
+
+#[cfg(test)]
+mod fixtures;
 
 pub use error::Error;

@@ -1,0 +1,273 @@
+//! The certificate that a displacement field doesn't fold: a proven lower bound of `det ∇φ` for every trilinear cell.
+//!
+//! In a cell of eight voxels `det ∇φ` is a polynomial of degree 2 in each of x, y, z. In Bernstein form its 27
+//! coefficients bound it from both sides; a cell whose smallest coefficient is too small is cut into eight, at most
+//! three times, and a cell that is still undecided counts as folded. The determinant is that of `A⁻¹ ∇φ A` with `A` the
+//! grid's linear part, which is the determinant in millimetres whatever the spacing, shear or handedness.
+//!
+//! Positive everywhere, and no motion far away, make `φ` one-to-one. Beyond the grid the field continues as its border
+//! voxels; the cells of that continuation are checked as well, so a part that touches the border is covered.
+
+mod bernstein;
+
+use ivd_core::{Exec, FieldBricks, Grid, NO_BRICK};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::sampler::{Corners, Sampler, brick_at};
+use bernstein::{CORNERS, Coefficients, determinant, subdivide};
+
+/// Times that an undecided cell is cut into eight.
+const LEVELS: u8 = 3;
+/// Rounding of the coefficients, relative to the largest: some hundred additions and products in `f64`.
+const ROUNDING: f64 = 1e-13;
+
+/// A histogram with equal bins; values beyond the ends are counted in the outermost bins.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Histogram {
+    /// Lower end of the first bin.
+    pub lower: f64,
+    /// Upper end of the last bin.
+    pub upper: f64,
+    /// Number of values in each bin.
+    pub counts: Vec<u64>,
+}
+
+impl Histogram {
+    /// `bins` empty bins from `lower` to `upper`.
+    pub fn new(lower: f64, upper: f64, bins: usize) -> Self {
+        Self { lower, upper, counts: vec![0; bins.max(1)] }
+    }
+
+    /// Counts a value.
+    pub fn add(&mut self, value: f64) {
+        let n = self.counts.len();
+        let at = (value - self.lower) / (self.upper - self.lower) * n as f64;
+        self.counts[(at.max(0.0) as usize).min(n - 1)] += 1;
+    }
+
+    fn merge(&mut self, other: &Self) {
+        for (a, b) in self.counts.iter_mut().zip(&other.counts) {
+            *a += b;
+        }
+    }
+}
+
+/// A cell and what is known of `det ∇φ` in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CellBound {
+    /// Lowest corner of the cell, a voxel (−1 where the cell lies in the continuation beyond the border).
+    pub cell: [i64; 3],
+    /// Proven lower bound of the determinant.
+    pub lower: f64,
+}
+
+/// What the certificate found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Certificate {
+    /// Smallest proven lower bound of `det ∇φ`, at most 1 (the determinant where nothing moves). It is tight where it
+    /// is below the threshold asked for, and may be a little low above it.
+    pub min_det: f64,
+    /// The cell of that bound; `None` where nothing moves.
+    pub worst: Option<CellBound>,
+    /// Cells in which the determinant isn't proven positive, in the order of bricks.
+    pub folded: Vec<CellBound>,
+    /// Cells whose bound is positive but below the threshold asked for.
+    pub thin: Vec<CellBound>,
+    /// Cells in which something moves.
+    pub cells: u64,
+    /// Determinants at the centres of those cells, 0 … 2.
+    pub histogram: Histogram,
+}
+
+impl Certificate {
+    /// Whether the field is proven fold-free.
+    pub fn holds(&self) -> bool {
+        self.folded.is_empty()
+    }
+
+    fn empty() -> Self {
+        Self {
+            min_det: 1.0,
+            worst: None,
+            folded: Vec::new(),
+            thin: Vec::new(),
+            cells: 0,
+            histogram: Histogram::new(0.0, 2.0, 40),
+        }
+    }
+
+    fn merge(mut self, mut other: Self) -> Self {
+        if let Some(worst) = other.worst {
+            self.take(worst);
+        }
+        self.folded.append(&mut other.folded);
+        self.thin.append(&mut other.thin);
+        self.cells += other.cells;
+        self.histogram.merge(&other.histogram);
+        self
+    }
+
+    fn take(&mut self, bound: CellBound) {
+        if self.worst.is_none_or(|w| bound.lower < w.lower) {
+            self.worst = Some(bound);
+            self.min_det = bound.lower.min(1.0);
+        }
+    }
+}
+
+/// Bounds `det ∇φ` of a forward field (mm) in every cell that a moved voxel touches and for which `counts` is true.
+///
+/// - `threshold`: bounds are sharpened (by subdivision) in cells below it, and such cells are listed as thin; ≥ 0.
+/// - `counts(cell)`: whether a cell matters; a part that moves alone asks only for its own.
+///
+/// # Errors
+/// A field of other dims than the grid; cancellation.
+pub fn certify(
+    forward: &FieldBricks,
+    grid: &Grid,
+    threshold: f64,
+    counts: impl Fn([i64; 3]) -> bool + Sync,
+    exec: &Exec,
+) -> Result<Certificate, Error> {
+    exec.run(|| {
+        let bricks = touched(forward);
+        certify_bricks(forward, grid, threshold, &counts, &bricks, exec)
+    })
+}
+
+/// The bricks that own a cell touching a stored brick: the stored ones and their lower neighbours.
+pub(crate) fn touched(forward: &FieldBricks) -> Vec<usize> {
+    let bricks = forward.brick_dims();
+    (0..forward.table().len())
+        .filter(|&b| {
+            let at = brick_at(bricks, b);
+            (0..8_usize).any(|corner| {
+                let near: [usize; 3] =
+                    std::array::from_fn(|a| (at[a] + (corner >> a & 1)).min(bricks[a] - 1));
+                forward.table()[near[0] + bricks[0] * (near[1] + bricks[1] * near[2])] != NO_BRICK
+            })
+        })
+        .collect()
+}
+
+/// The certificate of the cells that the given bricks own. Brick `b` owns the cells `8b … 8b + 7`, and the cell −1 where
+/// it is the first.
+pub(crate) fn certify_bricks(
+    forward: &FieldBricks,
+    grid: &Grid,
+    threshold: f64,
+    counts: &(impl Fn([i64; 3]) -> bool + Sync),
+    bricks: &[usize],
+    exec: &Exec,
+) -> Result<Certificate, Error> {
+    if forward.dims() != grid.dims() {
+        return Err(ivd_core::Error::GridMismatch {
+            a: "forward field",
+            a_dims: forward.dims(),
+            b: "grid",
+            b_dims: grid.dims(),
+        }
+        .into());
+    }
+    let sampler = Sampler::new(forward, grid);
+    let parts = bricks
+        .par_iter()
+        .map(|&brick| {
+            exec.check_cancelled()?;
+            Ok(certify_brick(&sampler, forward, brick, threshold, counts))
+        })
+        .collect::<Result<Vec<_>, Error>>()?;
+    Ok(parts.into_iter().fold(Certificate::empty(), Certificate::merge))
+}
+
+fn certify_brick(
+    sampler: &Sampler<'_>,
+    forward: &FieldBricks,
+    brick: usize,
+    threshold: f64,
+    counts: &impl Fn([i64; 3]) -> bool,
+) -> Certificate {
+    let at = brick_at(forward.brick_dims(), brick);
+    let lo = at.map(|b| if b == 0 { -1 } else { 8 * b as i64 });
+    let hi: [i64; 3] = std::array::from_fn(|a| (8 * at[a] as i64 + 8).min(forward.dims()[a] as i64));
+    let block = Block::gather(sampler, lo, hi);
+    let mut result = Certificate::empty();
+    for z in lo[2]..hi[2] {
+        for y in lo[1]..hi[1] {
+            for x in lo[0]..hi[0] {
+                let corners = block.corners([x, y, z]);
+                if corners.iter().all(|u| *u == Vector3::zeros()) || !counts([x, y, z]) {
+                    continue;
+                }
+                judge(&mut result, [x, y, z], &corners, threshold);
+            }
+        }
+    }
+    result
+}
+
+fn judge(result: &mut Certificate, cell: [i64; 3], corners: &Corners, threshold: f64) {
+    let c = determinant(corners);
+    let slack = ROUNDING * c.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
+    let bound = CellBound { cell, lower: lower_bound(&c, threshold + slack, LEVELS) - slack };
+    result.cells += 1;
+    result.histogram.add(centre_value(&c));
+    result.take(bound);
+    if bound.lower <= 0.0 {
+        result.folded.push(bound);
+    } else if bound.lower < threshold {
+        result.thin.push(bound);
+    }
+}
+
+/// A lower bound of the polynomial on the unit cube, sharpened while it is not above `threshold`.
+fn lower_bound(c: &Coefficients, threshold: f64, levels: u8) -> f64 {
+    let lower = c.iter().copied().fold(f64::INFINITY, f64::min);
+    let at_corners = CORNERS.iter().map(|&i| c[i]).fold(f64::INFINITY, f64::min);
+    // Above the threshold, reached at a corner and so exact, out of levels, or folded for certain: no need to cut.
+    if lower > threshold || lower == at_corners || levels == 0 || at_corners <= 0.0 {
+        return lower;
+    }
+    subdivide(c).iter().map(|part| lower_bound(part, threshold, levels - 1)).fold(f64::INFINITY, f64::min)
+}
+
+/// Value at the middle of the cell: weights ¼, ½, ¼ along each axis.
+fn centre_value(c: &Coefficients) -> f64 {
+    const W: [f64; 3] = [0.25, 0.5, 0.25];
+    (0..27).map(|a| c[a] * (W[a % 3] * W[a / 3 % 3] * W[a / 9])).sum()
+}
+
+/// Displacements (voxels) of a brick's cells' corners, read once.
+struct Block {
+    lo: [i64; 3],
+    size: [usize; 3],
+    values: Vec<Vector3<f64>>,
+}
+
+impl Block {
+    /// The voxels `lo ..= hi`.
+    fn gather(sampler: &Sampler<'_>, lo: [i64; 3], hi: [i64; 3]) -> Self {
+        let size: [usize; 3] = std::array::from_fn(|a| (hi[a] - lo[a] + 1) as usize);
+        let mut values = Vec::with_capacity(size.iter().product());
+        for z in lo[2]..=hi[2] {
+            for y in lo[1]..=hi[1] {
+                values.extend((lo[0]..=hi[0]).map(|x| sampler.voxel([x, y, z])));
+            }
+        }
+        Self { lo, size, values }
+    }
+
+    fn corners(&self, cell: [i64; 3]) -> Corners {
+        let base: [usize; 3] = std::array::from_fn(|a| (cell[a] - self.lo[a]) as usize);
+        std::array::from_fn(|i| {
+            let at = [base[0] + (i & 1), base[1] + (i >> 1 & 1), base[2] + (i >> 2)];
+            self.values[at[0] + self.size[0] * (at[1] + self.size[1] * at[2])]
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

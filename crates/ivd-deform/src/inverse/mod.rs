@@ -1,0 +1,169 @@
+//! The inverse of a displacement field: for every voxel `y` of the deformed volume the place `ψ(y)` that it came from.
+//!
+//! `φ(x) = x + u(x)` is trilinear in each cell of eight voxels, so the inverse is exact up to rounding: Newton's method
+//! inside the cells, started from the neighbour's answer, with a search over the deformed
+//! cells' boxes where Newton stalls at a kink between cells.
+//!
+//! Where `φ` is one-to-one (see [`crate::certificate`]) a voxel with `u = 0` is its own preimage, so the inverse lives
+//! on the bricks of the forward field and is exactly 0 everywhere else.
+
+mod solve;
+
+use ivd_core::{Exec, FieldBricks, Grid, NO_BRICK, VoxelCoord, VoxelIndex};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use crate::Error;
+use crate::sampler::{Sampler, brick_at, brick_voxels};
+pub(crate) use solve::Solver;
+
+/// Most vectors of a brick, and the worst residual in it.
+pub(crate) type SolvedBrick = (Box<[[f32; 3]]>, Worst);
+
+/// An inverse field.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Inverse {
+    /// Deformed → rest (mm): `ψ(y) = y + field(y)`.
+    pub field: FieldBricks,
+    /// Largest `|φ(ψ(y)) − y|` over its voxels, as stored in `f32` (voxels).
+    pub residual_max_voxels: f64,
+    /// The voxel with the largest residual; `None` where nothing moves.
+    pub worst: Option<VoxelIndex>,
+}
+
+/// The largest residual so far; of equals the first voxel in memory order wins.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Worst {
+    pub(crate) residual: f64,
+    pub(crate) voxel: Option<VoxelIndex>,
+}
+
+impl Worst {
+    pub(crate) fn take(&mut self, residual: f64, voxel: VoxelIndex) {
+        if self.voxel.is_none() || residual > self.residual {
+            *self = Self { residual, voxel: Some(voxel) };
+        }
+    }
+
+    pub(crate) fn merge(&mut self, other: Self) {
+        if let Some(voxel) = other.voxel {
+            self.take(other.residual, voxel);
+        }
+    }
+}
+
+/// Inverts a forward field (mm) on its grid.
+///
+/// The field should be one-to-one: where it folds, one of the preimages is found and the residual still tells whether
+/// it is one. Beyond the grid the field continues as its border voxels, so a place that moved into the volume from
+/// outside has a preimage outside the grid.
+///
+/// # Errors
+/// A field of other dims than the grid; cancellation.
+///
+/// ```
+/// use ivd_core::{Exec, FieldBricks, Grid, VoxelIndex};
+///
+/// let grid = Grid::with_spacing([8, 8, 8], [0.5; 3])?;
+/// let shift = FieldBricks::new([8, 8, 8], vec![0], vec![[0.75_f32, 0.0, 0.0]; 512].into())?;
+/// let inverse = ivd_deform::inverse::invert(&shift, &grid, &Exec::default())?;
+/// assert_eq!(inverse.field.at(VoxelIndex([3, 3, 3])), [-0.75, 0.0, 0.0]);
+/// assert!(inverse.residual_max_voxels < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn invert(forward: &FieldBricks, grid: &Grid, exec: &Exec) -> Result<Inverse, Error> {
+    if forward.dims() != grid.dims() {
+        return Err(ivd_core::Error::GridMismatch {
+            a: "forward field",
+            a_dims: forward.dims(),
+            b: "grid",
+            b_dims: grid.dims(),
+        }
+        .into());
+    }
+    exec.run(|| {
+        let observer = exec.observer();
+        observer.begin("inverse", forward.stored() as u64);
+        let solver = Solver::new(forward, grid);
+        let stored: Vec<usize> =
+            (0..forward.table().len()).filter(|&b| forward.table()[b] != NO_BRICK).collect();
+        let solved = stored
+            .par_iter()
+            .map(|&brick| {
+                exec.check_cancelled()?;
+                let result = solve_brick(forward, grid, &solver, brick);
+                observer.advance("inverse", 1);
+                Ok(result)
+            })
+            .collect::<Result<Vec<SolvedBrick>, Error>>()?;
+        observer.end("inverse");
+        assemble(grid.dims(), &stored, solved)
+    })
+}
+
+/// Puts solved bricks together; bricks that hold nothing but 0 are dropped.
+pub(crate) fn assemble(
+    dims: [usize; 3],
+    bricks: &[usize],
+    solved: Vec<SolvedBrick>,
+) -> Result<Inverse, Error> {
+    let mut worst = Worst::default();
+    for (_, w) in &solved {
+        worst.merge(*w);
+    }
+    let field = from_bricks(dims, bricks, solved.into_iter().map(|(vectors, _)| vectors))?;
+    Ok(Inverse { field, residual_max_voxels: worst.residual, worst: worst.voxel })
+}
+
+/// A field from bricks in ascending order, without those that are 0 throughout.
+pub(crate) fn from_bricks(
+    dims: [usize; 3],
+    bricks: &[usize],
+    vectors: impl Iterator<Item = Box<[[f32; 3]]>>,
+) -> Result<FieldBricks, Error> {
+    let total: usize = dims.iter().map(|n| n.div_ceil(8)).product();
+    let mut table = vec![NO_BRICK; total];
+    let mut all = Vec::new();
+    let mut slot = 0;
+    for (&brick, vectors) in bricks.iter().zip(vectors) {
+        if vectors.iter().any(|v| *v != [0.0; 3]) {
+            table[brick] = slot;
+            slot += 1;
+            all.extend_from_slice(&vectors);
+        }
+    }
+    Ok(FieldBricks::new(dims, table, all.into())?)
+}
+
+fn solve_brick(forward: &FieldBricks, grid: &Grid, solver: &Solver<'_>, brick: usize) -> SolvedBrick {
+    let dims = grid.dims();
+    let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
+    let mut worst = Worst::default();
+    let mut last: Option<(VoxelIndex, Vector3<f64>)> = None;
+    let moved = forward.brick(brick).expect("the brick is stored");
+    for (slot, voxel) in brick_voxels(dims, brick_at(forward.brick_dims(), brick)) {
+        if moved[slot] == [0.0; 3] {
+            continue;
+        }
+        let y = VoxelCoord::from(voxel).0;
+        let start = last
+            .filter(|(v, _)| v.0[1..] == voxel.0[1..])
+            .map_or_else(|| y - solver.sampler().at(y), |(v, x)| x + y - VoxelCoord::from(v).0);
+        let x = solver.solve(y, start);
+        last = Some((voxel, x));
+        let (vector, residual) = store(solver.sampler(), grid, y, x);
+        out[slot] = vector;
+        worst.take(residual, voxel);
+    }
+    (out, worst)
+}
+
+/// The stored vector (mm) that takes `y` to `x` (both voxel coordinates), and the residual that it leaves [voxels].
+pub(crate) fn store(sampler: &Sampler<'_>, grid: &Grid, y: Vector3<f64>, x: Vector3<f64>) -> ([f32; 3], f64) {
+    let vector: [f32; 3] = (grid.linear_part() * (x - y)).map(|c| c as f32).into();
+    let kept = y + grid.inverse_linear_part() * Vector3::from(vector).map(f64::from);
+    (vector, (kept + sampler.at(kept) - y).norm())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,130 @@
+use ivd_core::{FieldBricks, Grid};
+use nalgebra::{Matrix3, Vector3};
+
+use crate::sampler::{Sampler, gradient, interpolate};
+
+/// A residual at which a preimage counts as found (voxels): far below what `f32` vectors can keep.
+const FOUND: f64 = 1e-10;
+/// Newton steps from one start. Smooth fields take 3 to 5; beyond 30 it hangs at a kink and the search takes over.
+const STEPS: usize = 30;
+
+/// Solves `φ(x) = y` for a trilinear field; all coordinates in voxels.
+pub(crate) struct Solver<'a> {
+    sampler: Sampler<'a>,
+    most: Vector3<f64>,
+}
+
+impl<'a> Solver<'a> {
+    pub(crate) fn new(forward: &'a FieldBricks, grid: &Grid) -> Self {
+        let sampler = Sampler::new(forward, grid);
+        let most = sampler.max_per_axis();
+        Self { sampler, most }
+    }
+
+    pub(crate) fn sampler(&self) -> &Sampler<'a> {
+        &self.sampler
+    }
+
+    /// A preimage of `y`: Newton from `start`, then from `y − u(y)`, then a search of the deformed cells; the best of
+    /// them where none reaches [`FOUND`].
+    pub(crate) fn solve(&self, y: Vector3<f64>, start: Vector3<f64>) -> Vector3<f64> {
+        let (x, residual) = self.newton(y, start);
+        if residual <= FOUND {
+            return x;
+        }
+        let (x2, residual2) = self.newton(y, y - self.sampler.at(y));
+        if residual2 <= FOUND {
+            return x2;
+        }
+        let best = if residual2 < residual { (x2, residual2) } else { (x, residual) };
+        match self.search(y) {
+            Some((found, r)) if r < best.1 => found,
+            _ => best.0,
+        }
+    }
+
+    /// Newton's method with step halving on the residual; a step that can't be solved for falls back to `−F`.
+    fn newton(&self, y: Vector3<f64>, start: Vector3<f64>) -> (Vector3<f64>, f64) {
+        let mut x = start;
+        let (mut cell, mut place) = self.sampler.locate(x);
+        let mut corners = self.sampler.corners(cell);
+        let mut f = x + interpolate(&corners, place) - y;
+        for _ in 0..STEPS {
+            if f.norm() <= FOUND {
+                break;
+            }
+            let step = newton_step(&gradient(&corners, place), f);
+            let mut t = 1.0;
+            loop {
+                let next = x + step * t;
+                let (next_cell, next_place) = self.sampler.locate(next);
+                let next_corners = if next_cell == cell { corners } else { self.sampler.corners(next_cell) };
+                let next_f = next + interpolate(&next_corners, next_place) - y;
+                if next_f.norm() < (1.0 - 0.1 * t) * f.norm() {
+                    (x, cell, place, corners, f) = (next, next_cell, next_place, next_corners, next_f);
+                    break;
+                }
+                t *= 0.5;
+                if t < 1.0 / 64.0 {
+                    return (x, f.norm());
+                }
+            }
+        }
+        (x, f.norm())
+    }
+
+    /// Goes through the cells near enough to hold a preimage of `y`: those whose deformed box contains it.
+    fn search(&self, y: Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
+        let lo = (y - self.most).map(|c| c.floor() as i64 - 1);
+        let hi = (y + self.most).map(|c| c.ceil() as i64 + 1);
+        let mut best: Option<(Vector3<f64>, f64)> = None;
+        for z in lo.z..=hi.z {
+            for yy in lo.y..=hi.y {
+                for x in lo.x..=hi.x {
+                    let found = self.in_cell(y, [x, yy, z]);
+                    if let Some((_, r)) = found
+                        && best.is_none_or(|(_, b)| r < b)
+                    {
+                        best = found;
+                        if r <= FOUND {
+                            return best;
+                        }
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// Newton inside one cell, the iterate kept in it.
+    fn in_cell(&self, y: Vector3<f64>, cell: [i64; 3]) -> Option<(Vector3<f64>, f64)> {
+        let corners = self.sampler.corners(cell);
+        let base = Vector3::from(cell).map(|c| c as f64);
+        let (mut lo, mut hi) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+        for (i, u) in corners.iter().enumerate() {
+            let at = base + Vector3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64) + u;
+            (lo, hi) = (lo.inf(&at), hi.sup(&at));
+        }
+        if (0..3).any(|a| y[a] < lo[a] - 1e-9 || y[a] > hi[a] + 1e-9) {
+            return None;
+        }
+        let residual = |t: Vector3<f64>| base + t + interpolate(&corners, t) - y;
+        let mut t = Vector3::repeat(0.5);
+        for _ in 0..STEPS {
+            let f = residual(t);
+            if f.norm() <= FOUND {
+                break;
+            }
+            t = (t + newton_step(&gradient(&corners, t), f)).map(|c| c.clamp(0.0, 1.0));
+        }
+        Some((base + t, residual(t).norm()))
+    }
+}
+
+/// `−(I + g)⁻¹ f`, at most two voxels long; `−f` where the matrix is singular.
+fn newton_step(g: &Matrix3<f64>, f: Vector3<f64>) -> Vector3<f64> {
+    let j = Matrix3::identity() + g;
+    let step = j.try_inverse().map_or(-f, |inverse| -(inverse * f));
+    let length = step.norm();
+    if length.is_finite() { step * (2.0 / length).min(1.0) } else { -f }
+}

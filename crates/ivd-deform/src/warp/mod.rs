@@ -1,0 +1,184 @@
+//! Warping: a volume, labels or a mask carried through a displacement, `out(y) = in(ψ(y))`.
+//!
+//! Only voxels with a vector in the inverse field, and those that a part left behind, are computed; every other voxel is
+//! copied bit for bit, NaN payloads too. Values are interpolated as stored, so the result has the input's type, slope
+//! and intercept; integers are rounded (ties to even) and clamped.
+//!
+//! A voxel becomes *background* where its origin lies outside the volume (further out than the border voxels' own half
+//! extent, as ITK has it), where a voxel that is no data takes part in its value, or where a part moved away.
+
+mod labels;
+mod params;
+mod sample;
+
+use ivd_core::{
+    Displacement, Exec, FieldBricks, Grid, NO_BRICK, Scalar, Volume, VoxelCoord, VoxelIndex, with_voxels,
+};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use crate::Error;
+pub use labels::{labels, mask};
+pub use params::{Order, WarpParams};
+use sample::Source;
+
+/// A warped value and how much of it was computed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Warped<V> {
+    /// The deformed value.
+    pub output: V,
+    /// Voxels that were computed; all others are the input's.
+    pub voxels_resampled: u64,
+    /// Voxels of the grid.
+    pub voxels_total: u64,
+}
+
+/// Carries a volume through a displacement.
+///
+/// Memory: one copy of the voxels, nothing else of their size.
+///
+/// # Errors
+/// A volume on another grid than the displacement; parameters out of their domain; the memory limit; cancellation.
+pub fn volume(
+    volume: &Volume,
+    displacement: &Displacement,
+    params: &WarpParams,
+    exec: &Exec,
+) -> Result<Warped<Volume>, Error> {
+    params.check()?;
+    check_grid(volume.grid(), displacement, "volume")?;
+    exec.check_memory("the deformed volume", volume.voxels().as_bytes().len() as u64)?;
+    exec.run(|| {
+        let background = stored_background(volume, displacement, params);
+        with_voxels!(volume.voxels(), slice => {
+            let (voxels, resampled) = resample(volume.grid(), slice, displacement, params.order, background, exec)?;
+            let output = Volume::with_scale(volume.grid().clone(), Scalar::wrap(voxels.into()), volume.slope(), volume.intercept())?;
+            Ok(Warped { output, voxels_resampled: resampled, voxels_total: volume.grid().len() as u64 })
+        })
+    })
+}
+
+fn check_grid(grid: &Grid, displacement: &Displacement, what: &'static str) -> Result<(), Error> {
+    displacement.check()?;
+    if grid.matches(&displacement.grid) {
+        return Ok(());
+    }
+    if grid.dims() != displacement.grid.dims() {
+        return Err(ivd_core::Error::GridMismatch {
+            a: what,
+            a_dims: grid.dims(),
+            b: "displacement",
+            b_dims: displacement.grid.dims(),
+        }
+        .into());
+    }
+    Err(Error::Mismatch {
+        what,
+        problem: "its voxels lie elsewhere than the displacement's (spacing, origin or direction differ)"
+            .into(),
+        remedy: "warp what the lattice was cut from, or something on the same grid",
+    })
+}
+
+/// Background as a stored value. The smallest value costs a pass over the volume, so it is looked up only where some
+/// voxel may need it.
+fn stored_background(volume: &Volume, displacement: &Displacement, params: &WarpParams) -> f64 {
+    let real = params.background.or_else(|| {
+        let needed = !displacement.is_identity() && !volume.voxels().voxel_type().is_integer()
+            || !displacement.vacated.is_empty()
+            || leaves_grid(displacement);
+        needed.then(|| volume.range()).flatten().map(|range| range[0])
+    });
+    real.map_or(0.0, |value| volume.stored(value))
+}
+
+/// Whether some voxel comes from outside the volume.
+fn leaves_grid(displacement: &Displacement) -> bool {
+    let (field, grid) = (&displacement.inverse, &displacement.grid);
+    let (dims, to_voxel) = (grid.dims(), grid.inverse_linear_part());
+    (0..field.table().len()).into_par_iter().filter(|&b| field.table()[b] != NO_BRICK).any(|b| {
+        let vectors = field.brick(b).expect("the brick is stored");
+        crate::sampler::brick_voxels(dims, crate::sampler::brick_at(field.brick_dims(), b)).any(
+            |(slot, voxel)| {
+                let x = VoxelCoord::from(voxel).0 + to_voxel * Vector3::from(vectors[slot]).map(f64::from);
+                vectors[slot] != [0.0; 3] && (0..3).any(|a| !(-0.5..dims[a] as f64 - 0.5).contains(&x[a]))
+            },
+        )
+    })
+}
+
+/// The resampled voxels and how many were computed.
+fn resample<T: Scalar>(
+    grid: &Grid,
+    voxels: &[T],
+    displacement: &Displacement,
+    order: Order,
+    background: f64,
+    exec: &Exec,
+) -> Result<(Vec<T>, u64), Error> {
+    let source = Source { voxels, dims: grid.dims() };
+    let background = T::from_f64(background);
+    let mut out = voxels.to_vec();
+    let count = for_each_moved(grid, displacement, &mut out, exec, |place| match place {
+        Some(x) => source.sample(x, order).map_or(background, T::from_f64),
+        None => background,
+    })?;
+    Ok((out, count))
+}
+
+/// Sets every voxel that moved or was left behind: `value` gets the voxel coordinate that it comes from, or `None` where
+/// it was left behind. Parallel over slices; returns how many voxels were set.
+fn for_each_moved<T: Send>(
+    grid: &Grid,
+    displacement: &Displacement,
+    out: &mut [T],
+    exec: &Exec,
+    value: impl Fn(Option<[f64; 3]>) -> T + Sync,
+) -> Result<u64, Error> {
+    let [nx, ny, _] = grid.dims();
+    let to_voxel = grid.inverse_linear_part();
+    let (field, vacated) = (&displacement.inverse, &displacement.vacated[..]);
+    let slices: Result<Vec<u64>, Error> = out
+        .par_chunks_mut(nx * ny)
+        .enumerate()
+        .map(|(z, slice)| {
+            exec.check_cancelled()?;
+            let mut count = 0;
+            for_each_vector(field, z, |voxel, vector| {
+                let [x, y, _] = voxel.0;
+                let from = VoxelCoord::from(voxel).0 + to_voxel * Vector3::from(vector).map(f64::from);
+                slice[x + nx * y] = value(Some(from.into()));
+                count += 1;
+            });
+            if !vacated.is_empty() {
+                for (i, _) in vacated[z * nx * ny..][..nx * ny].iter().enumerate().filter(|(_, v)| **v != 0) {
+                    slice[i] = value(None);
+                    count += 1;
+                }
+            }
+            Ok(count)
+        })
+        .collect();
+    Ok(slices?.iter().sum())
+}
+
+/// Calls `each` with every voxel of slice `z` whose vector isn't 0.
+fn for_each_vector(field: &FieldBricks, z: usize, mut each: impl FnMut(VoxelIndex, [f32; 3])) {
+    let (dims, bricks) = (field.dims(), field.brick_dims());
+    for by in 0..bricks[1] {
+        for bx in 0..bricks[0] {
+            let Some(vectors) = field.brick(bx + bricks[0] * (by + bricks[1] * (z / 8))) else { continue };
+            for y in 8 * by..(8 * by + 8).min(dims[1]) {
+                for x in 8 * bx..(8 * bx + 8).min(dims[0]) {
+                    let vector = vectors[x % 8 + 8 * (y % 8 + 8 * (z % 8))];
+                    if vector != [0.0; 3] {
+                        each(VoxelIndex([x, y, z]), vector);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
