@@ -1,0 +1,184 @@
+use std::sync::{Arc, Mutex};
+
+use ivd_core::{Fault, Observer, VoxelIndex, VoxelType, Voxels};
+
+use super::*;
+use crate::ByteOrder;
+
+#[derive(Default)]
+struct Notes(Mutex<Vec<String>>);
+impl Observer for Notes {
+    fn note(&self, message: &str) {
+        self.0.lock().unwrap().push(message.to_owned());
+    }
+}
+
+fn png(path: &Path, color: ::png::ColorType, depth: ::png::BitDepth, size: [u32; 2], bytes: &[u8]) {
+    let mut encoder = ::png::Encoder::new(std::fs::File::create(path).unwrap(), size[0], size[1]);
+    encoder.set_color(color);
+    encoder.set_depth(depth);
+    encoder.write_header().unwrap().write_image_data(bytes).unwrap();
+}
+
+fn grey16(path: &Path, values: &[u16; 6]) {
+    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
+    png(path, ::png::ColorType::Grayscale, ::png::BitDepth::Sixteen, [3, 2], &bytes);
+}
+
+fn tiff_pages(path: &Path, pages: &[[f32; 6]]) {
+    let mut encoder = ::tiff::encoder::TiffEncoder::new(std::fs::File::create(path).unwrap()).unwrap();
+    for page in pages {
+        encoder.write_image::<::tiff::encoder::colortype::Gray32Float>(3, 2, page).unwrap();
+    }
+}
+
+#[test]
+fn png_slices_are_ordered_by_number_and_foreign_files_are_noted() {
+    let dir = tempfile::tempdir().unwrap();
+    grey16(&dir.path().join("s10.png"), &[10; 6]);
+    grey16(&dir.path().join("s2.png"), &[1, 2, 3, 4, 5, 60000]);
+    std::fs::write(dir.path().join("README"), "words").unwrap();
+    let notes = Arc::new(Notes::default());
+    let exec = Exec::default().with_observer(notes.clone());
+    let volume = read_folder(dir.path(), None, Some([0.5, 0.5, 3.0]), &exec).unwrap();
+    assert_eq!(volume.grid().dims(), [3, 2, 2]);
+    assert_eq!(volume.grid().spacing(), [0.5, 0.5, 3.0]);
+    assert_eq!(volume.value(VoxelIndex([2, 1, 0])), 60000.0);
+    assert_eq!(volume.value(VoxelIndex([0, 0, 1])), 10.0);
+    assert!(notes.0.lock().unwrap().iter().any(|n| n.contains("README")));
+    assert!(sources(dir.path(), None).unwrap()[0].ends_with("s2.png"));
+    assert!(looks_like_pictures(dir.path()));
+}
+
+#[test]
+fn colour_and_unequal_slices_are_refused_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    png(&dir.path().join("a.png"), ::png::ColorType::Rgb, ::png::BitDepth::Eight, [1, 1], &[1, 2, 3]);
+    let error = read_folder(dir.path(), None, None, &Exec::default()).unwrap_err();
+    assert!(error.to_string().contains("Rgb"), "{error}");
+    let dir = tempfile::tempdir().unwrap();
+    png(&dir.path().join("a.png"), ::png::ColorType::Grayscale, ::png::BitDepth::Eight, [1, 1], &[1]);
+    grey16(&dir.path().join("b.png"), &[1; 6]);
+    let error = read_folder(dir.path(), None, None, &Exec::default()).unwrap_err();
+    assert!(error.to_string().contains("b.png") && error.to_string().contains("size"), "{error}");
+}
+
+#[test]
+fn tiff_pages_are_slices() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("stack.tif");
+    tiff_pages(&path, &[[1.5, 2.0, 3.0, 4.0, 5.0, 6.0], [-7.0; 6], [8.0; 6]]);
+    let volume = read_tiff(&path, Some([1.0, 2.0, 3.0]), &Exec::default()).unwrap();
+    assert_eq!(volume.grid().dims(), [3, 2, 3]);
+    let mut expected = vec![1.5_f32, 2.0, 3.0, 4.0, 5.0, 6.0];
+    expected.extend([-7.0; 6]);
+    expected.extend([8.0; 6]);
+    assert_eq!(*volume.voxels(), Voxels::from(expected));
+    // A folder with that one file is the same stack; several files are one slice each.
+    assert_eq!(read_folder(dir.path(), None, Some([1.0, 2.0, 3.0]), &Exec::default()).unwrap(), volume);
+    tiff_pages(&dir.path().join("stack2.tif"), &[[0.0; 6]]);
+    let error = read_folder(dir.path(), None, None, &Exec::default()).unwrap_err();
+    assert!(error.to_string().contains("several pages"), "{error}");
+}
+
+#[test]
+fn tiff_types_keep_their_values() {
+    use ::tiff::encoder::{TiffEncoder, colortype};
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.tif");
+    let read = || read_tiff(&path, None, &Exec::default()).unwrap();
+    let create = || TiffEncoder::new(std::fs::File::create(&path).unwrap()).unwrap();
+    create().write_image::<colortype::Gray8>(2, 1, &[1, 255]).unwrap();
+    assert_eq!(*read().voxels(), Voxels::from(vec![1_u8, 255]));
+    create().write_image::<colortype::Gray16>(2, 1, &[1, 65535]).unwrap();
+    assert_eq!(*read().voxels(), Voxels::from(vec![1_u16, 65535]));
+    create().write_image::<colortype::GrayI16>(2, 1, &[-1, i16::MIN]).unwrap();
+    assert_eq!(*read().voxels(), Voxels::from(vec![-1_i16, i16::MIN]));
+    create().write_image::<colortype::Gray32>(2, 1, &[1, u32::MAX]).unwrap();
+    assert_eq!(*read().voxels(), Voxels::from(vec![1_u32, u32::MAX]));
+    create().write_image::<colortype::RGB8>(1, 1, &[1, 2, 3]).unwrap();
+    assert!(read_tiff(&path, None, &Exec::default()).unwrap_err().to_string().contains("RGB"));
+}
+
+#[test]
+fn cut_pictures_are_errors() {
+    let dir = tempfile::tempdir().unwrap();
+    let (tif, one) = (dir.path().join("a.tif"), tempfile::tempdir().unwrap());
+    tiff_pages(&tif, &[[1.0; 6], [2.0; 6]]);
+    let bytes = std::fs::read(&tif).unwrap();
+    grey16(&one.path().join("a.png"), &[1, 2, 3, 4, 5, 6]);
+    let picture = std::fs::read(one.path().join("a.png")).unwrap();
+    for i in 0..20 {
+        std::fs::write(&tif, &bytes[..bytes.len() * i / 20]).unwrap();
+        assert!(read_tiff(&tif, None, &Exec::default()).is_err(), "TIFF cut at {i}/20");
+        // The last 12 bytes are the closing chunk, without pixels.
+        std::fs::write(one.path().join("a.png"), &picture[..(picture.len() - 12) * i / 20]).unwrap();
+        assert!(read_folder(one.path(), None, None, &Exec::default()).is_err(), "PNG cut at {i}/20");
+    }
+}
+
+#[test]
+fn a_flipped_byte_never_panics() {
+    let dir = tempfile::tempdir().unwrap();
+    let (tif, picture) = (dir.path().join("a.tif"), tempfile::tempdir().unwrap());
+    tiff_pages(&tif, &[[1.0; 6], [2.0; 6]]);
+    grey16(&picture.path().join("a.png"), &[1, 2, 3, 4, 5, 6]);
+    let exec = Exec::default().with_memory_limit(Some(1 << 20));
+    for (path, folder) in [(tif, false), (picture.path().join("a.png"), true)] {
+        let bytes = std::fs::read(&path).unwrap();
+        for at in 0..bytes.len() {
+            for value in [0, 0x7f, 0xff, bytes[at] ^ 1] {
+                let mut bad = bytes.clone();
+                bad[at] = value;
+                std::fs::write(&path, &bad).unwrap();
+                let _ = if folder {
+                    read_folder(picture.path(), None, None, &exec)
+                } else {
+                    read_tiff(&path, None, &exec)
+                };
+            }
+        }
+    }
+}
+
+fn layout(dims: [usize; 3]) -> RawLayout {
+    RawLayout { dims, voxel_type: VoxelType::U16, spacing: [1.0, 1.0, 2.0], order: ByteOrder::Big, skip: 0 }
+}
+
+#[test]
+fn raw_slices_are_counted_and_swapped() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, value) in [("h.10", 3_u16), ("h.2", 2), ("h.1", 1)] {
+        std::fs::write(dir.path().join(name), [value.to_be_bytes(); 6].concat()).unwrap();
+    }
+    std::fs::write(dir.path().join("README.md"), "foreign").unwrap();
+    let volume = read_folder(dir.path(), Some(&layout([3, 2, 0])), None, &Exec::default()).unwrap();
+    assert_eq!(volume.grid().dims(), [3, 2, 3]);
+    assert_eq!(volume.grid().spacing(), [1.0, 1.0, 2.0]);
+    let values: Vec<f64> = (0..3).map(|z| volume.value(VoxelIndex([1, 1, z]))).collect();
+    assert_eq!(values, [1.0, 2.0, 3.0]);
+    let error = read_folder(dir.path(), Some(&layout([3, 2, 4])), None, &Exec::default()).unwrap_err();
+    assert!(error.to_string().contains("4 slices declared"), "{error}");
+    let error = read_folder(dir.path(), Some(&layout([9, 2, 0])), None, &Exec::default()).unwrap_err();
+    assert_eq!(error.fault(), Fault::Input);
+    assert!(read_folder(dir.path(), Some(&layout([usize::MAX, 9, 1])), None, &Exec::default()).is_err());
+}
+
+#[test]
+fn the_unc_head_reads_as_its_notes_say() {
+    let dir = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/ct_head_unc"));
+    if !dir.is_dir() {
+        eprintln!("skipped: no {}", dir.display());
+        return;
+    }
+    let volume = read_folder(dir, Some(&layout([256, 256, 113])), None, &Exec::default()).unwrap();
+    assert_eq!(volume.grid().dims(), [256, 256, 113]);
+    assert_eq!(volume.range(), Some([0.0, 3272.0]));
+    let first = std::fs::read(dir.join("CThead.1")).unwrap();
+    let second = std::fs::read(dir.join("CThead.2")).unwrap();
+    let word = |bytes: &[u8], i: usize| f64::from(u16::from_be_bytes([bytes[2 * i], bytes[2 * i + 1]]));
+    for i in [0, 30_000, 40_077, 65_535] {
+        assert_eq!(volume.voxels().get(i), word(&first, i));
+        assert_eq!(volume.voxels().get(65_536 + i), word(&second, i));
+    }
+}
