@@ -1,0 +1,109 @@
+use ivd_core::{Displacement, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Volume};
+
+use crate::Kind;
+
+/// A value read from an artefact. Bulk data views the mapped file.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "a handful exist at a time; a box would only be in the way")]
+pub enum Artefact {
+    /// A scalar volume.
+    Volume(Volume),
+    /// A segmentation.
+    Labels(Labels),
+    /// A part of a volume.
+    Mask(Mask),
+    /// A transfer function.
+    Transfer(TransferFunction),
+    /// A lattice.
+    Lattice(Lattice),
+    /// An octree.
+    Octree(Octree),
+    /// A motion of a lattice.
+    Motion(Motion),
+    /// A deformation of space.
+    Displacement(Displacement),
+    /// A picture.
+    Image(Image),
+}
+
+impl Artefact {
+    /// What it holds.
+    pub fn kind(&self) -> Kind {
+        ArtefactRef::from(self).kind()
+    }
+}
+
+/// A borrowed value to write: nothing is copied on its way to the file.
+#[derive(Debug, Clone, Copy)]
+#[allow(missing_docs, reason = "the variants of Artefact, borrowed")]
+pub enum ArtefactRef<'a> {
+    Volume(&'a Volume),
+    Labels(&'a Labels),
+    Mask(&'a Mask),
+    Transfer(&'a TransferFunction),
+    Lattice(&'a Lattice),
+    Octree(&'a Octree),
+    Motion(&'a Motion),
+    Displacement(&'a Displacement),
+    Image(&'a Image),
+}
+
+impl ArtefactRef<'_> {
+    /// What it holds.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Volume(_) => Kind::Volume,
+            Self::Labels(_) => Kind::Labels,
+            Self::Mask(_) => Kind::Mask,
+            Self::Transfer(_) => Kind::Transfer,
+            Self::Lattice(_) => Kind::Lattice,
+            Self::Octree(_) => Kind::Octree,
+            Self::Motion(_) => Kind::Motion,
+            Self::Displacement(_) => Kind::Displacement,
+            Self::Image(_) => Kind::Image,
+        }
+    }
+}
+
+impl<'a> From<&'a Artefact> for ArtefactRef<'a> {
+    fn from(artefact: &'a Artefact) -> Self {
+        match artefact {
+            Artefact::Volume(value) => Self::Volume(value),
+            Artefact::Labels(value) => Self::Labels(value),
+            Artefact::Mask(value) => Self::Mask(value),
+            Artefact::Transfer(value) => Self::Transfer(value),
+            Artefact::Lattice(value) => Self::Lattice(value),
+            Artefact::Octree(value) => Self::Octree(value),
+            Artefact::Motion(value) => Self::Motion(value),
+            Artefact::Displacement(value) => Self::Displacement(value),
+            Artefact::Image(value) => Self::Image(value),
+        }
+    }
+}
+
+macro_rules! from_value {
+    ($($variant:ident($type:ty),)*) => {$(
+        impl From<$type> for Artefact {
+            fn from(value: $type) -> Self {
+                Self::$variant(value)
+            }
+        }
+        impl<'a> From<&'a $type> for ArtefactRef<'a> {
+            fn from(value: &'a $type) -> Self {
+                Self::$variant(value)
+            }
+        }
+    )*};
+}
+
+from_value! {
+    Volume(Volume),
+    Labels(Labels),
+    Mask(Mask),
+    Transfer(TransferFunction),
+    Lattice(Lattice),
+    Octree(Octree),
+    Motion(Motion),
+    Displacement(Displacement),
+    Image(Image),
+}

@@ -1,0 +1,85 @@
+//! `displacement`: `forward_table`, `forward_vectors`, `inverse_table`, `inverse_vectors`, and `vacated` where something
+//! was left behind.
+
+use ivd_core::{Buffer, Displacement, FieldBricks};
+use serde::{Deserialize, Serialize};
+
+use super::real::{GridContent, Real, voxel_shape};
+use super::{Decoder, Element, Encoded, SectionBytes};
+use crate::error::Problem;
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Content {
+    grid: GridContent,
+    time: Real,
+    inverse_residual_max: Real,
+    min_det_j: Real,
+    vacated: bool,
+}
+
+/// Shape of one brick of vectors.
+const BRICK_SHAPE: [u64; 4] = [8, 8, 8, 3];
+
+pub(super) fn encode(displacement: &Displacement) -> Result<Encoded<'_>, String> {
+    displacement.check().map_err(|e| e.to_string())?;
+    let content = Content {
+        grid: (&displacement.grid).into(),
+        time: Real(displacement.time),
+        inverse_residual_max: Real(displacement.inverse_residual_max),
+        min_det_j: Real(displacement.min_det_j),
+        vacated: !displacement.vacated.is_empty(),
+    };
+    let mut sections = Vec::new();
+    sections.extend(field("forward_table", "forward_vectors", &displacement.forward));
+    sections.extend(field("inverse_table", "inverse_vectors", &displacement.inverse));
+    if content.vacated {
+        let shape = voxel_shape(displacement.grid.dims());
+        sections.push(SectionBytes::new("vacated", Element::U8, shape, displacement.vacated.as_slice()));
+    }
+    Encoded::new(&content, sections)
+}
+
+fn field<'a>(table: &'static str, vectors: &'static str, field: &'a FieldBricks) -> [SectionBytes<'a>; 2] {
+    let mut shape = vec![field.stored() as u64];
+    shape.extend(BRICK_SHAPE);
+    [
+        SectionBytes::new(table, Element::U32, voxel_shape(field.brick_dims()), field.table()),
+        SectionBytes::new(vectors, Element::F32, shape, field.vectors()),
+    ]
+}
+
+pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Displacement, Problem> {
+    let content: Content = decoder.content()?;
+    let grid = content.grid.grid()?;
+    let forward = take_field(decoder, "forward_table", "forward_vectors", grid.dims())?;
+    let inverse = take_field(decoder, "inverse_table", "inverse_vectors", grid.dims())?;
+    let vacated = if content.vacated {
+        decoder.take("vacated", Element::U8, &voxel_shape(grid.dims()))?
+    } else {
+        Vec::new().into()
+    };
+    let displacement = Displacement {
+        grid,
+        time: content.time.0,
+        forward,
+        inverse,
+        inverse_residual_max: content.inverse_residual_max.0,
+        min_det_j: content.min_det_j.0,
+        vacated,
+    };
+    displacement.check()?;
+    Ok(displacement)
+}
+
+fn take_field(
+    decoder: &mut Decoder<'_>,
+    table: &str,
+    vectors: &str,
+    dims: [usize; 3],
+) -> Result<FieldBricks, Problem> {
+    let bricks = dims.map(|n| n.div_ceil(FieldBricks::SIDE));
+    let table: Buffer<u32> = decoder.take(table, Element::U32, &voxel_shape(bricks))?;
+    let vectors: Buffer<[f32; 3]> = decoder.take_rows(vectors, Element::F32, &BRICK_SHAPE)?;
+    Ok(FieldBricks::new(dims, table.into_vec(), vectors)?)
+}

@@ -1,0 +1,68 @@
+//! One codec a kind: which sections it has, and what it keeps beside them as JSON.
+
+mod displacement;
+mod element;
+mod image;
+mod labels;
+mod lattice;
+mod mask;
+mod motion;
+mod octree;
+mod real;
+mod sections;
+mod transfer;
+mod volume;
+
+use serde::Serialize;
+
+pub use element::Element;
+pub(crate) use sections::{Decoder, SectionBytes};
+
+use crate::error::Problem;
+use crate::{Artefact, ArtefactRef, Kind, canonical_json};
+
+/// A value, ready to be hashed and written.
+pub(crate) struct Encoded<'a> {
+    /// Canonical JSON of what stands beside the sections.
+    pub(crate) content: String,
+    pub(crate) sections: Vec<SectionBytes<'a>>,
+}
+
+impl<'a> Encoded<'a> {
+    fn new(content: &impl Serialize, sections: Vec<SectionBytes<'a>>) -> Result<Self, String> {
+        let content = serde_json::to_value(content).map_err(|e| e.to_string())?;
+        Ok(Self { content: canonical_json(&content), sections })
+    }
+}
+
+/// Encodes a value. What can't be written (not a number, parts that don't fit) is told in words.
+pub(crate) fn encode(artefact: ArtefactRef<'_>) -> Result<Encoded<'_>, String> {
+    match artefact {
+        ArtefactRef::Volume(value) => volume::encode(value),
+        ArtefactRef::Labels(value) => labels::encode(value),
+        ArtefactRef::Mask(value) => mask::encode(value),
+        ArtefactRef::Transfer(value) => transfer::encode(value),
+        ArtefactRef::Lattice(value) => lattice::encode(value),
+        ArtefactRef::Octree(value) => octree::encode(value),
+        ArtefactRef::Motion(value) => motion::encode(value),
+        ArtefactRef::Displacement(value) => displacement::encode(value),
+        ArtefactRef::Image(value) => image::encode(value),
+    }
+}
+
+/// Decodes a value of a kind; every section must be used.
+pub(crate) fn decode(kind: Kind, decoder: &mut Decoder<'_>) -> Result<Artefact, Problem> {
+    let artefact = match kind {
+        Kind::Volume => volume::decode(decoder)?.into(),
+        Kind::Labels => labels::decode(decoder)?.into(),
+        Kind::Mask => mask::decode(decoder)?.into(),
+        Kind::Transfer => transfer::decode(decoder)?.into(),
+        Kind::Lattice => lattice::decode(decoder)?.into(),
+        Kind::Octree => octree::decode(decoder)?.into(),
+        Kind::Motion => motion::decode(decoder)?.into(),
+        Kind::Displacement => displacement::decode(decoder)?.into(),
+        Kind::Image => image::decode(decoder)?.into(),
+    };
+    decoder.finish()?;
+    Ok(artefact)
+}

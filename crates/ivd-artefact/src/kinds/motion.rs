@@ -1,0 +1,68 @@
+//! `motion`: a section `displacement/00000`, … of shape `[vertices, 3]` a frame; times and reach as JSON.
+
+use ivd_core::{Ball, Buffer, Frame, Motion};
+use serde::{Deserialize, Serialize};
+
+use super::real::GridContent;
+use super::{Decoder, Element, Encoded, SectionBytes};
+use crate::error::Problem;
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Content {
+    grid: GridContent,
+    vertex_count: usize,
+    times: Vec<f64>,
+    reach: Vec<BallContent>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BallContent {
+    centre: [f64; 3],
+    radius: f64,
+}
+
+fn frame_name(frame: usize) -> String {
+    format!("displacement/{frame:05}")
+}
+
+pub(super) fn encode(motion: &Motion) -> Result<Encoded<'_>, String> {
+    motion.check().map_err(|e| e.to_string())?;
+    let finite = motion.frames.iter().all(|f| f.time.is_finite())
+        && motion.reach.iter().all(|b| b.radius.is_finite() && b.centre.iter().all(|c| c.is_finite()));
+    if !finite {
+        return Err("a frame's time or a ball of its reach is not finite".to_owned());
+    }
+    let ball = |b: &Ball| BallContent { centre: b.centre, radius: b.radius };
+    let content = Content {
+        grid: (&motion.grid).into(),
+        vertex_count: motion.vertex_count,
+        times: motion.frames.iter().map(|f| f.time).collect(),
+        reach: motion.reach.iter().map(ball).collect(),
+    };
+    let shape = vec![motion.vertex_count as u64, 3];
+    let frames = motion.frames.iter().enumerate();
+    let sections = frames
+        .map(|(i, frame)| SectionBytes::new(frame_name(i), Element::F64, shape.clone(), &frame.displacement))
+        .collect();
+    Encoded::new(&content, sections)
+}
+
+pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Motion, Problem> {
+    let content: Content = decoder.content()?;
+    let shape = [content.vertex_count as u64, 3];
+    let mut frames = Vec::new();
+    for (i, &time) in content.times.iter().enumerate() {
+        let displacement: Buffer<[f64; 3]> = decoder.take(&frame_name(i), Element::F64, &shape)?;
+        frames.push(Frame { time, displacement: displacement.into_vec() });
+    }
+    let motion = Motion {
+        grid: content.grid.grid()?,
+        vertex_count: content.vertex_count,
+        frames,
+        reach: content.reach.into_iter().map(|b| Ball { centre: b.centre, radius: b.radius }).collect(),
+    };
+    motion.check()?;
+    Ok(motion)
+}

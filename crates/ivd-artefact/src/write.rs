@@ -1,0 +1,192 @@
+//! From a value to a file: hash, compare with what is there, write beside it, rename.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::kinds::{Encoded, encode};
+use crate::metadata::{Bincode, Metadata, MetadataCodec, Section};
+use crate::prelude::{ALIGN, BEFORE_ROOT, MAX_METADATA, PRELUDE, Prelude, align};
+use crate::{ArtefactRef, ContentHash, Error, Kind, Provenance, canonical_json, hash, platform, read};
+
+/// How the names of unfinished files begin.
+pub(crate) const TEMPORARY: &str = ".ivd-unfinished-";
+
+/// What [`write`] did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Written {
+    /// Content hash of the artefact.
+    pub hash: ContentHash,
+    /// Bytes of the file.
+    pub bytes: u64,
+    /// False where the file already held these very bytes and was left alone.
+    pub touched: bool,
+}
+
+/// Writes an artefact.
+///
+/// The bytes go to a temporary file in the same folder, which is synced and renamed: a reader sees the old file, the
+/// new one, or none. A file that already holds these bytes is not touched. Sections are hashed in parallel on the
+/// calling rayon pool and written straight from the value.
+///
+/// # Errors
+/// [`Error::Io`] where the folder can't be written to; [`Error::Unwritable`] for a value that is not a number, or one
+/// that breaks its own check.
+pub fn write<'a>(
+    path: impl AsRef<Path>,
+    artefact: impl Into<ArtefactRef<'a>>,
+    provenance: &Provenance,
+) -> Result<Written, Error> {
+    write_with_metrics(path, artefact, provenance, &Value::Null)
+}
+
+/// As [`write`], with a small JSON of metrics beside the provenance. It is no part of the content hash.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_with_metrics<'a>(
+    path: impl AsRef<Path>,
+    artefact: impl Into<ArtefactRef<'a>>,
+    provenance: &Provenance,
+    metrics: &Value,
+) -> Result<Written, Error> {
+    let (path, artefact) = (path.as_ref(), artefact.into());
+    let kind = artefact.kind();
+    let unwritable = |problem| Error::Unwritable { path: path.to_owned(), kind: kind.name(), problem };
+    let encoded = encode(artefact).map_err(unwritable)?;
+    let (head, file_bytes, hash) = head(kind, &encoded, provenance, metrics).map_err(unwritable)?;
+    if holds(path, &head, file_bytes) {
+        return Ok(Written { hash, bytes: file_bytes, touched: false });
+    }
+    store(path, &head, &encoded)?;
+    Ok(Written { hash, bytes: file_bytes, touched: true })
+}
+
+/// The content hash of a value, without a file: what [`write`] would return.
+///
+/// # Errors
+/// [`Error::Unwritable`] for a value that [`write`] would refuse.
+pub fn content_hash<'a>(artefact: impl Into<ArtefactRef<'a>>) -> Result<ContentHash, Error> {
+    let artefact = artefact.into();
+    let kind = artefact.kind();
+    let unwritable = |problem| Error::Unwritable { path: "(in memory)".into(), kind: kind.name(), problem };
+    let encoded = encode(artefact).map_err(unwritable)?;
+    let provenance = Provenance::new("", Value::Null);
+    head(kind, &encoded, &provenance, &Value::Null).map(|(_, _, hash)| hash).map_err(unwritable)
+}
+
+/// Prelude, metadata and padding up to the payload; bytes of the whole file; content hash.
+fn head(
+    kind: Kind,
+    encoded: &Encoded<'_>,
+    provenance: &Provenance,
+    metrics: &Value,
+) -> Result<(Vec<u8>, u64, ContentHash), String> {
+    let mut metadata = Metadata {
+        stage: provenance.stage.clone(),
+        revision: provenance.revision,
+        params: canonical_json(&provenance.params),
+        inputs: provenance.inputs.iter().map(|(name, hash)| (name.clone(), hash.0)).collect(),
+        backend: provenance.backend.clone(),
+        metrics: canonical_json(metrics),
+        content: encoded.content.clone(),
+        sections: table(encoded),
+    };
+    // Offsets have a fixed width: they can be filled in once the length is known.
+    let length = Bincode::encode(&metadata)?.len();
+    let length = u32::try_from(length).ok().filter(|&n| n <= MAX_METADATA);
+    let length = length.ok_or("its metadata are too long")?;
+    let payload_offset = align(PRELUDE as u64 + u64::from(length)).expect("metadata are short");
+    let end = place(&mut metadata.sections, payload_offset).ok_or("it is too long for a file")?;
+    let mut prelude = Prelude {
+        kind,
+        kind_version: kind.version(),
+        sections: u16::try_from(metadata.sections.len()).map_err(|_| "it has more than 65535 sections")?,
+        metadata: length,
+        payload_offset: payload_offset as u32,
+        payload: end - payload_offset,
+        root: [0; 32],
+    };
+    let mut head = prelude.to_bytes().to_vec();
+    head.extend(Bincode::encode(&metadata)?);
+    head.resize(payload_offset as usize, 0);
+    prelude.root = root(&head);
+    head[..PRELUDE].copy_from_slice(&prelude.to_bytes());
+    Ok((head, end, hash::content(kind, kind.version(), &metadata)))
+}
+
+/// The root: BLAKE3 of the head without the root itself. The metadata hold the hashes of all sections, and all padding
+/// is 0, so that it covers every byte of the file.
+pub(crate) fn root(head: &[u8]) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&head[..BEFORE_ROOT]).update(&head[PRELUDE..]);
+    *hasher.finalize().as_bytes()
+}
+
+/// The section table, offsets still 0.
+fn table(encoded: &Encoded<'_>) -> Vec<Section> {
+    let row = |section: &crate::kinds::SectionBytes<'_>| {
+        let chunks = hash::chunk_hashes(&section.bytes);
+        Section {
+            name: section.name.to_string(),
+            element: section.element.name().to_owned(),
+            shape: section.shape.clone(),
+            offset: 0,
+            length: section.bytes.len() as u64,
+            hash: hash::section_hash(&chunks),
+            chunks,
+        }
+    };
+    encoded.sections.iter().map(row).collect()
+}
+
+/// Gives each section the next aligned offset; the file's end, or `None` beyond `u64`.
+fn place(sections: &mut [Section], payload_offset: u64) -> Option<u64> {
+    let mut end = payload_offset;
+    for section in sections {
+        section.offset = align(end)?;
+        end = section.offset.checked_add(section.length)?;
+    }
+    Some(end)
+}
+
+/// Whether the file at `path` already holds these bytes, intact.
+fn holds(path: &Path, head: &[u8], file_bytes: u64) -> bool {
+    let same_head = || -> std::io::Result<bool> {
+        let mut file = File::open(path)?;
+        if file.metadata()?.len() != file_bytes {
+            return Ok(false);
+        }
+        let mut prelude = [0; PRELUDE];
+        file.read_exact(&mut prelude)?;
+        Ok(prelude == head[..PRELUDE])
+    };
+    same_head().unwrap_or(false) && read::open(path).is_ok_and(|opened| opened.verify().is_ok())
+}
+
+/// Writes beside the file and renames over it.
+fn store(path: &Path, head: &[u8], encoded: &Encoded<'_>) -> Result<(), Error> {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let mut temporary = platform::temporary(folder).map_err(Error::io(folder, "make a file"))?;
+    payload(temporary.as_file_mut(), head, encoded).map_err(Error::io(path, "write"))?;
+    temporary.as_file().sync_all().map_err(Error::io(path, "write"))?;
+    temporary.persist(path).map_err(|e| Error::io(path, "replace")(e.error))?;
+    platform::sync_folder(folder).map_err(Error::io(folder, "sync"))
+}
+
+fn payload(file: &mut File, head: &[u8], encoded: &Encoded<'_>) -> std::io::Result<()> {
+    file.write_all(head)?;
+    let mut end = head.len() as u64;
+    for section in &encoded.sections {
+        let padding = end.next_multiple_of(ALIGN) - end;
+        file.write_all(&[0; ALIGN as usize][..padding as usize])?;
+        file.write_all(&section.bytes)?;
+        end += padding + section.bytes.len() as u64;
+    }
+    Ok(())
+}

@@ -1,0 +1,38 @@
+//! Files of every kind and version ever released are still read, and today's writer still writes the newest ones byte
+//! for byte.
+//!
+//! `IVD_BLESS=1 cargo test -p ivd-artefact --test golden` writes the files of a new kind or version. A file that is
+//! there is never written over: raise the kind's version instead, and teach its codec to read both.
+
+use std::path::PathBuf;
+
+use ivd_artefact::{Kind, read, write_with_metrics};
+use serde_json::json;
+
+mod samples;
+use samples::{provenance, sample};
+
+fn fixture(kind: Kind) -> PathBuf {
+    let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/artefacts"));
+    folder.join(format!("{kind}.v{}.ivd", kind.version()))
+}
+
+#[test]
+fn golden_files_are_read_and_written_again_byte_for_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    for kind in Kind::ALL {
+        let golden = fixture(kind);
+        let path = folder.path().join("again.ivd");
+        let metrics = json!({"kind": kind.name()});
+        write_with_metrics(&path, &sample(kind), &provenance(), &metrics).unwrap();
+        if std::env::var_os("IVD_BLESS").is_some() && !golden.exists() {
+            std::fs::copy(&path, &golden).unwrap();
+        }
+        let stored =
+            std::fs::read(&golden).unwrap_or_else(|e| panic!("{}: {e}; see the head", golden.display()));
+        assert!(stored == std::fs::read(&path).unwrap(), "{kind}: the writer changed");
+        let loaded = read(&golden).unwrap();
+        write_with_metrics(&path, &loaded.artefact, &loaded.provenance, &loaded.metrics).unwrap();
+        assert!(stored == std::fs::read(&path).unwrap(), "{kind}: reading and writing changes it");
+    }
+}
