@@ -1,1 +1,53 @@
-//! To be written.
+//! Scenes, stages, what must run and why, the cache's decisions, and reports.
+//!
+//! A [`scene`] says what is wanted. [`plan`] finds what its outputs need and no more; [`run`] walks that graph, takes
+//! from the cache what verifies, does the rest through the [`stages`] (thin adapters of the [`Stage`] trait over the
+//! stage crates) and writes the outputs. A stage that ran again to the same content stops the chain, since keys are
+//! made of content hashes.
+//!
+//! ```
+//! use ivd_artefact::Cache;
+//! use ivd_core::Exec;
+//! use ivd_pipeline::{PipelineOptions, State, run, scene};
+//!
+//! let text = r#"
+//! schema = 1
+//! [input]
+//! phantom = "sphere"
+//! size = 24
+//! [lattice]
+//! iso = 127.5
+//! [output]
+//! lattice = "lattice.ply"
+//! "#;
+//! let folder = tempfile::tempdir().unwrap();
+//! let file = folder.path().join("scene.toml");
+//! std::fs::write(&file, text).unwrap();
+//! let options = PipelineOptions { out: folder.path().join("out"), ..Default::default() };
+//! let report = run(&scene::load(&file, &[]).unwrap(), &options, &Cache::disabled(), &Exec::default()).unwrap();
+//! let segment = report.stages.iter().find(|s| s.stage == "segment").unwrap();
+//! assert_eq!(segment.state, State::NotNeeded, "an isovalue needs no classes");
+//! assert!(folder.path().join("out/lattice.ply").is_file());
+//! ```
+#![forbid(unsafe_code)]
+
+mod compare;
+mod error;
+mod export;
+mod outputs;
+mod pipeline;
+pub mod plan;
+mod report;
+pub mod resource;
+mod runner;
+pub mod scene;
+mod stage;
+pub mod stages;
+
+pub use compare::compare;
+pub use error::Error;
+pub use export::{describe, ending, export, labels_volume, mask_volume, png_bytes, write_text};
+pub use outputs::OutputFile;
+pub use pipeline::{PipelineOptions, PipelineReport, default_out, run};
+pub use runner::{Done, OutputRecord, Runner, StageRecord, State, backend_name};
+pub use stage::{Input, Inputs, Metrics, Product, Slot, Stage};

@@ -1,0 +1,419 @@
+//! What can be typed.
+
+use std::path::PathBuf;
+
+use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use ivd_pipeline::scene::{ClassChoice, FixSection, HandleSection, IsoChoice, Override};
+
+use crate::parse;
+
+/// Interactive deformation of scanned volumes: from a CT, MRI or micro-CT volume to a deformed one.
+///
+/// Exit codes: 0 done, 2 wrong usage or scene, 3 input unreadable or hostile, 4 a limit was hit, 5 the result can't be
+/// trusted, 6 a GPU was required and there is none, 7 reading or writing failed, 130 interrupted.
+#[derive(Debug, Parser)]
+#[command(name = "ivd", version, max_term_width = 110)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    pub(crate) global: Global,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// Flags of every command.
+#[derive(Debug, Clone, ClapArgs)]
+#[command(next_help_heading = "Global options")]
+pub(crate) struct Global {
+    /// Print exactly one JSON object on stdout.
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// Where kernels run.
+    #[arg(long, global = true, value_enum, default_value_t = BackendChoice::Auto)]
+    pub(crate) backend: BackendChoice,
+    /// Fail with exit code 6 where no GPU does the work.
+    #[arg(long, global = true)]
+    pub(crate) require_gpu: bool,
+    /// Worker threads; all processors where it isn't given.
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// Most memory that bulk data may take, such as 4GiB.
+    #[arg(long, global = true, value_name = "SIZE", value_parser = parse::bytes)]
+    pub(crate) memory_limit: Option<u64>,
+    /// Parameters of the stage from a TOML file, with the keys of the scene's section.
+    #[arg(long, global = true, value_name = "FILE.toml")]
+    pub(crate) params: Option<PathBuf>,
+    /// Folder of the cache, or `off`. Single stages use a cache only where this is given.
+    #[arg(long, global = true, value_name = "DIR|off")]
+    pub(crate) cache: Option<PathBuf>,
+    /// Say nothing but errors.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// Say more; twice for still more.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub(crate) verbose: u8,
+    /// Progress bars on stderr.
+    #[arg(long, global = true, value_enum, default_value_t = When::Auto)]
+    pub(crate) progress: When,
+}
+
+/// Where kernels run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BackendChoice {
+    /// A GPU where there is one that serves, else the processor.
+    Auto,
+    /// The processor.
+    Cpu,
+    /// The GPU.
+    Gpu,
+}
+
+/// When to show progress.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum When {
+    /// Where stderr is a terminal.
+    Auto,
+    /// Always.
+    Always,
+    /// Never.
+    Never,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// The whole pipeline on a generated head; prints where the report is.
+    Demo {
+        /// Folder of the outputs.
+        #[arg(long, value_name = "DIR", default_value = "out/demo")]
+        out: PathBuf,
+    },
+    /// What a scene's outputs need, and no more.
+    Pipeline(Pipeline),
+    /// Any volume format into a volume artefact.
+    Import {
+        /// File, or folder of slices.
+        source: PathBuf,
+        #[command(flatten)]
+        raw: Raw,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// A generated volume with its label truth.
+    Phantom {
+        /// head, sphere, torus, gyroid, spheres, shell or bars.
+        name: String,
+        /// Voxels along its edge.
+        #[arg(long, default_value_t = 128)]
+        size: usize,
+        /// Where its label truth goes (an artefact, or a volume file by ending).
+        #[arg(long, value_name = "FILE")]
+        truth: Option<PathBuf>,
+        /// Rician noise as a fraction of the value range; head 0.04, others 0.
+        #[arg(long, value_name = "SD")]
+        noise: Option<f64>,
+        /// Stored type.
+        #[arg(long = "type", value_name = "u8|u16|f32", default_value = "u8")]
+        voxel_type: String,
+        /// Seed of the noise.
+        #[arg(long, default_value_t = 7)]
+        seed: u64,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Finds a volume's classes.
+    Segment {
+        /// Volume artefact or file.
+        volume: PathBuf,
+        /// Only these voxels (a mask artefact).
+        #[arg(long)]
+        mask: Option<PathBuf>,
+        /// kmvs or threshold.
+        #[arg(long, value_name = "METHOD")]
+        method: Option<String>,
+        /// Number of classes of kmvs.
+        #[arg(long)]
+        k: Option<u32>,
+        /// Ascending thresholds of `--method threshold`, comma-separated.
+        #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
+        values: Option<Vec<f64>>,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// An automatic transfer function.
+    Atf {
+        /// Volume artefact or file.
+        volume: PathBuf,
+        /// Its labels (artefact).
+        labels: PathBuf,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Isolates a class's part.
+    Boundary {
+        /// Volume artefact or file.
+        volume: PathBuf,
+        /// Its labels (artefact).
+        #[arg(long)]
+        labels: Option<PathBuf>,
+        /// A class id, densest or largest.
+        #[arg(long)]
+        class: Option<ClassChoice>,
+        /// A point in the part [mm].
+        #[arg(long, value_name = "x,y,z", value_parser = parse::triple, allow_hyphen_values = true)]
+        seed: Option<[f64; 3]>,
+        /// Where there are no labels: the part at or above this value.
+        #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
+        above: Option<f64>,
+        /// Leave holes inside the part open.
+        #[arg(long)]
+        keep_holes: bool,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Cuts a lattice by marching cubes.
+    Lattice {
+        /// Volume artefact or file.
+        volume: PathBuf,
+        /// Its labels (artefact), for `--iso boundary`.
+        #[arg(long)]
+        labels: Option<PathBuf>,
+        /// The class whose crossings are meant.
+        #[arg(long)]
+        class: Option<ClassChoice>,
+        /// The isolated part (artefact).
+        #[arg(long)]
+        mask: Option<PathBuf>,
+        /// A value, or `boundary`.
+        #[arg(long, value_name = "V|boundary", allow_hyphen_values = true)]
+        iso: Option<IsoChoice>,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Simplifies a lattice without a new vertex.
+    Refine {
+        /// Lattice artefact.
+        lattice: PathBuf,
+        /// collapse.
+        #[arg(long)]
+        method: Option<String>,
+        /// Keep about a quarter of the vertices per level.
+        #[arg(long, group = "target")]
+        level: Option<u8>,
+        /// Keep this share of the triangles.
+        #[arg(long, group = "target")]
+        ratio: Option<f64>,
+        /// Stay within this distance [mm].
+        #[arg(long, group = "target", value_name = "MM")]
+        max_error: Option<f64>,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Indexes a lattice's grid.
+    Octree {
+        /// Lattice artefact.
+        lattice: PathBuf,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Moves a lattice.
+    Deform {
+        /// Lattice artefact.
+        lattice: PathBuf,
+        /// 'pick=x,y,z;move=dx,dy,dz;radius=r' (mm), or vertex=N, or force=x,y,z (mN).
+        #[arg(long, required = true, value_parser = parse::handle)]
+        handle: Vec<HandleSection>,
+        /// 'pick=x,y,z;radius=r': vertices that stay.
+        #[arg(long, value_parser = parse::fix)]
+        fix: Vec<FixSection>,
+        /// ring.
+        #[arg(long)]
+        solver: Option<String>,
+        /// Stiffness of a spring [N/m].
+        #[arg(long, value_name = "N/m")]
+        stiffness: Option<f64>,
+        /// Time of the motion [s].
+        #[arg(long, value_name = "s")]
+        duration: Option<f64>,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Carries a lattice's motion to the voxels.
+    Map {
+        /// Lattice artefact.
+        lattice: PathBuf,
+        /// Octree artefact over it.
+        octree: PathBuf,
+        /// Motion artefact of it.
+        motion: PathBuf,
+        /// octree.
+        #[arg(long)]
+        method: Option<String>,
+        /// linear, smooth, exponential or one: how displacement fades with depth.
+        #[arg(long)]
+        weight: Option<String>,
+        /// band or free.
+        #[arg(long)]
+        outside: Option<String>,
+        /// Width of the band beyond the handles' reach [mm].
+        #[arg(long, value_name = "MM")]
+        margin: Option<f64>,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Resamples a volume, labels or a mask through a displacement.
+    Warp {
+        /// Volume artefact or file, labels artefact, or mask artefact.
+        volume: PathBuf,
+        /// Displacement artefact.
+        displacement: PathBuf,
+        /// nearest, linear or cubic.
+        #[arg(long)]
+        order: Option<String>,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Draws a volume.
+    Render {
+        /// Volume artefact or file.
+        volume: PathBuf,
+        /// Transfer function (artefact).
+        #[arg(long)]
+        transfer: Option<PathBuf>,
+        /// Labels (artefact): the second axis of the transfer function.
+        #[arg(long)]
+        labels: Option<PathBuf>,
+        /// Draw through this displacement (artefact).
+        #[arg(long)]
+        displacement: Option<PathBuf>,
+        /// dvr, mip or iso.
+        #[arg(long)]
+        mode: Option<String>,
+        /// Isovalue of mode iso.
+        #[arg(long, allow_hyphen_values = true)]
+        iso: Option<f64>,
+        /// Pixels.
+        #[arg(long, value_name = "WxH", value_parser = parse::size)]
+        size: Option<[usize; 2]>,
+        /// Azimuth and elevation [degrees].
+        #[arg(long, value_name = "az,el", value_parser = parse::pair, allow_hyphen_values = true)]
+        view: Option<[f64; 2]>,
+        /// Sample distance as a fraction of the smallest spacing.
+        #[arg(long)]
+        step: Option<f64>,
+        /// PNG file, or `.ivd` for an image artefact.
+        #[arg(short, long)]
+        output: PathBuf,
+    },
+    /// Writes an artefact in another format, by the file's ending.
+    Export {
+        /// Artefact.
+        artefact: PathBuf,
+        /// nii, nii.gz, nrrd, mha, mhd, vti, raw; ply, obj, stl, glb; png; json.
+        #[arg(short, long)]
+        output: PathBuf,
+    },
+    /// What a file holds.
+    Info {
+        /// Artefact or volume file.
+        file: PathBuf,
+    },
+    /// The error between two artefacts of one kind.
+    Compare {
+        /// First artefact.
+        a: PathBuf,
+        /// Second artefact.
+        b: PathBuf,
+    },
+    /// This machine: threads, memory, SIMD, adapter; what is switched off and why.
+    Doctor,
+    /// The scene's JSON Schema.
+    Schema,
+    /// The cache's size and entries.
+    Cache {
+        /// What to do.
+        #[command(subcommand)]
+        action: Option<CacheAction>,
+    },
+    /// A completion script.
+    Completions {
+        /// Shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Where a stage's artefact goes.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct Output {
+    /// Artefact file.
+    #[arg(short, long = "output", value_name = "FILE.ivd")]
+    pub(crate) path: PathBuf,
+}
+
+/// What a volume format doesn't say.
+#[derive(Debug, Clone, Default, ClapArgs)]
+pub(crate) struct Raw {
+    /// Voxels along x, y, z of a raw file or of raw slices.
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse::dims, requires = "raw_type")]
+    pub(crate) raw_dims: Option<[usize; 3]>,
+    /// Stored type.
+    #[arg(long, value_name = "TYPE", requires = "raw_dims")]
+    pub(crate) raw_type: Option<String>,
+    /// Distance of voxel centres [mm]; 1,1,1 where it isn't given.
+    #[arg(long, value_name = "a,b,c", value_parser = parse::triple)]
+    pub(crate) raw_spacing: Option<[f64; 3]>,
+    /// Byte order: little or big.
+    #[arg(long, value_name = "little|big")]
+    pub(crate) raw_order: Option<String>,
+    /// Bytes before the voxels.
+    #[arg(long, value_name = "BYTES", default_value_t = 0)]
+    pub(crate) raw_skip: u64,
+    /// Frame of a 4-D file, from 0.
+    #[arg(long)]
+    pub(crate) frame: Option<usize>,
+    /// DICOM series, where a folder holds several.
+    #[arg(long)]
+    pub(crate) series: Option<String>,
+}
+
+/// How a scene is run.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct Pipeline {
+    /// Scene file.
+    pub(crate) scene: PathBuf,
+    /// A volume in place of the scene's.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) input: Option<PathBuf>,
+    /// Folder of the outputs; `out/<scene>` where it isn't given.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Overrides a key of the scene.
+    #[arg(long = "set", value_name = "stage.key=value")]
+    pub(crate) overrides: Vec<Override>,
+    /// Stop after this stage; outputs aren't written.
+    #[arg(long, value_name = "STAGE")]
+    pub(crate) until: Option<String>,
+    /// Run a stage even where the cache has its result.
+    #[arg(long, value_name = "STAGE")]
+    pub(crate) force: Vec<String>,
+    /// Say for every stage whether it ran, came from the cache or wasn't needed, and why.
+    #[arg(long)]
+    pub(crate) explain: bool,
+    /// Tell what would run, and do nothing.
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+}
+
+/// What to do with the cache.
+#[derive(Debug, Clone, Copy, Subcommand)]
+pub(crate) enum CacheAction {
+    /// Size and entries.
+    Show,
+    /// Drop the entries that were unused for longest, down to a size.
+    Prune {
+        /// Size to keep, such as 2GiB.
+        #[arg(long, value_name = "SIZE", value_parser = parse::bytes, default_value = "2GiB")]
+        keep: u64,
+    },
+    /// Drop everything.
+    Clear,
+}

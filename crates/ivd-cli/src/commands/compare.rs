@@ -1,0 +1,21 @@
+//! `ivd compare`.
+
+use std::path::Path;
+
+use ivd_artefact::Cache;
+use serde_json::json;
+
+use super::volume::volume_or_artefact;
+use crate::context::Context;
+
+/// Tells the error between two artefacts (or volume files) of one kind.
+pub(super) fn run(a: &Path, b: &Path, context: &Context) -> anyhow::Result<()> {
+    let off = Cache::disabled();
+    let first = volume_or_artefact(a, &off, context)?;
+    let second = volume_or_artefact(b, &off, context)?;
+    let mut error = ivd_pipeline::compare(&first.artefact, &second.artefact, &context.exec)?;
+    error["a"] = json!(a);
+    error["b"] = json!(b);
+    error["equal"] = json!(first.hash == second.hash);
+    context.print(&error, || serde_json::to_string_pretty(&error).expect("JSON values serialise"))
+}

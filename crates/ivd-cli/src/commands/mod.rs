@@ -1,0 +1,43 @@
+//! One function for each command.
+
+mod cache;
+mod compare;
+mod doctor;
+mod info;
+mod pipeline;
+mod stage;
+mod volume;
+
+use clap::CommandFactory as _;
+
+use crate::args::{Args, Command};
+use crate::context::Context;
+
+/// Does what was asked for.
+pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
+    match command {
+        Command::Demo { out } => pipeline::demo(&out, context),
+        Command::Pipeline(args) => pipeline::run(&args, context),
+        Command::Import { source, raw, output } => volume::import(&source, &raw, &output.path, context),
+        Command::Phantom { name, size, truth, noise, voxel_type, seed, output } => {
+            let params = volume::phantom_params(&name, size, noise, &voxel_type, seed)?;
+            volume::phantom(params, truth.as_deref(), &output.path, context)
+        }
+        Command::Export { artefact, output } => volume::export(&artefact, &output, context),
+        Command::Info { file } => info::run(&file, context),
+        Command::Compare { a, b } => compare::run(&a, &b, context),
+        Command::Doctor => doctor::run(context),
+        Command::Schema => {
+            let schema = ivd_pipeline::scene::Scene::json_schema();
+            context.print(&schema, || serde_json::to_string_pretty(&schema).expect("a schema is JSON"))
+        }
+        Command::Cache { action } => cache::run(action, context),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Args::command(), "ivd", &mut script);
+            let script = String::from_utf8(script).expect("completion scripts are text");
+            context.print(&serde_json::json!({ "script": script }), || script.clone())
+        }
+        stage => stage::run(stage, context),
+    }
+}

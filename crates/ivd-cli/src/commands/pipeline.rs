@@ -1,0 +1,67 @@
+//! Scenes: `ivd pipeline` and `ivd demo`.
+
+use std::path::Path;
+
+use ivd_pipeline::scene::{self, Loaded};
+use ivd_pipeline::{PipelineOptions, PipelineReport, State, default_out};
+
+use crate::args::Pipeline;
+use crate::context::Context;
+
+/// The scene of the demo: a generated head, its brain pushed in from the left.
+const DEMO: &str = include_str!("demo.toml");
+
+/// `ivd demo`.
+pub(super) fn demo(out: &Path, context: &Context) -> anyhow::Result<()> {
+    let scene = scene::parse(DEMO, &[]).expect("the demo's scene is right: a test reads it");
+    let loaded = Loaded { scene, folder: ".".into(), file: "demo.toml".into() };
+    let options = PipelineOptions { out: out.to_owned(), ..PipelineOptions::default() };
+    let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)?;
+    let page = report.outputs.iter().find(|o| o.name == "report").map(|o| o.path.display().to_string());
+    context.print(&report, || page.unwrap_or_default())
+}
+
+/// `ivd pipeline`.
+pub(super) fn run(args: &Pipeline, context: &Context) -> anyhow::Result<()> {
+    let loaded = scene::load(&args.scene, &args.overrides)?;
+    let options = PipelineOptions {
+        out: args.out.clone().unwrap_or_else(|| default_out(&args.scene)),
+        input: args.input.clone(),
+        until: args.until.clone(),
+        force: args.force.iter().cloned().collect(),
+        dry_run: args.dry_run,
+    };
+    let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)?;
+    context.print(&report, || text(&report, args.explain || args.dry_run, args.dry_run))
+}
+
+/// What a person reads: the outputs, and every stage with its reason where that was asked for.
+fn text(report: &PipelineReport, explain: bool, dry: bool) -> String {
+    let mut lines = Vec::new();
+    for record in report.stages.iter().filter(|_| explain) {
+        let state = match record.state {
+            State::Ran if dry => "would run or be cached",
+            State::Ran => "ran",
+            State::Cached => "cached",
+            State::NotNeeded => "not needed",
+        };
+        let name = format!("{} {}", record.stage, record.variant);
+        lines.push(format!("{:18} {state:10} {:8.3} s  {}", name.trim(), record.wall_s, record.why));
+    }
+    for output in &report.outputs {
+        let state = if output.written { "" } else { "  (unchanged)" };
+        lines.push(format!("{}{state}", output.path.display()));
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_demo_scene_is_right() {
+        let scene = scene::parse(DEMO, &[]).unwrap();
+        assert!(scene.output.report);
+    }
+}

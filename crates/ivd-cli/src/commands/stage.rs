@@ -1,0 +1,206 @@
+//! Single stages: artefacts in, one artefact out.
+
+use std::path::Path;
+
+use ivd_artefact::{Artefact, Provenance, write_with_metrics};
+use ivd_pipeline::scene::{
+    AtfSection, BoundarySection, DeformSection, LatticeSection, MapSection, RefineSection, RenderSection,
+    SegmentSection, WarpSection,
+};
+use ivd_pipeline::stages::{Atf, Boundary, Deform, Lattice, Map, Octree, Refine, Render, Segment, Warp};
+use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, ending, export};
+use toml::Value;
+
+use super::volume::volume_or_artefact;
+use crate::args::Command;
+use crate::context::Context;
+use crate::exit::Failure;
+use crate::parse::{Words, section};
+
+/// A stage and the files of its slots.
+struct Job<'a> {
+    stage: Box<dyn Stage>,
+    files: Vec<(&'static str, Option<&'a Path>)>,
+    output: &'a Path,
+}
+
+/// Runs the stage of a command.
+pub(super) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
+    let job = job(&command, context)?;
+    let cache = context.stage_cache()?;
+    let mut inputs = Inputs::default();
+    for (slot, file) in &job.files {
+        if let Some(file) = file {
+            let input = if *slot == "volume" {
+                volume_or_artefact(file, &cache, context)?
+            } else {
+                context.artefact(file)?
+            };
+            inputs = inputs.with(slot, input);
+        }
+    }
+    let done = context.run(&cache, job.stage.as_ref(), &inputs)?;
+    finish(done, job.output, context)
+}
+
+/// What a command means.
+fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
+    let params = context.global.params.as_deref();
+    Ok(match command {
+        Command::Segment { volume, mask, method, k, values, output } => {
+            let words = Words::default()
+                .with("method", method.clone())
+                .with("k", k.map(i64::from))
+                .with("values", values.clone().map(list));
+            let section: SegmentSection = section(params, words.0)?;
+            let files = vec![("volume", Some(volume.as_path())), ("mask", mask.as_deref())];
+            Job { stage: Box::new(Segment::from_section(&section)), files, output: &output.path }
+        }
+        Command::Atf { volume, labels, output } => {
+            let section: AtfSection = section(params, Words::default().0)?;
+            let files = vec![("volume", Some(volume.as_path())), ("labels", Some(labels.as_path()))];
+            Job { stage: Box::new(Atf::from_section(&section, None)), files, output: &output.path }
+        }
+        Command::Boundary { volume, labels, class, seed, above, keep_holes, output } => {
+            let mut section: BoundarySection = section(params, Words::default().0)?;
+            section.class = class.or(section.class);
+            section.seed = seed.or(section.seed);
+            section.fill_holes &= !keep_holes;
+            let files = vec![("volume", Some(volume.as_path())), ("labels", labels.as_deref())];
+            Job { stage: Box::new(Boundary::from_section(&section, *above)), files, output: &output.path }
+        }
+        Command::Lattice { volume, labels, class, mask, iso, output } => {
+            let section: LatticeSection = section(params, Words::default().0)?;
+            let stage = Lattice { iso: iso.unwrap_or(section.iso), class: *class };
+            let files =
+                vec![("volume", Some(volume.as_path())), ("labels", labels.as_deref()), ("mask", mask.as_deref())];
+            Job { stage: Box::new(stage), files, output: &output.path }
+        }
+        Command::Refine { lattice, method, level, ratio, max_error, output } => {
+            let words = Words::default()
+                .with("method", method.clone())
+                .with("level", level.map(i64::from))
+                .with("ratio", *ratio)
+                .with("max_error", *max_error);
+            let section: RefineSection = section(params, words.0)?;
+            let files = vec![("lattice", Some(lattice.as_path()))];
+            Job { stage: Box::new(Refine::from_section(&section)?), files, output: &output.path }
+        }
+        Command::Octree { lattice, output } => {
+            let files = vec![("lattice", Some(lattice.as_path()))];
+            Job { stage: Box::new(Octree::default()), files, output: &output.path }
+        }
+        Command::Deform { lattice, handle, fix, solver, stiffness, duration, output } => {
+            let words = Words::default()
+                .with("solver", solver.clone())
+                .with("stiffness", *stiffness)
+                .with("duration", *duration);
+            let mut section: DeformSection = section(params, words.0)?;
+            section.handle.extend(handle.iter().cloned());
+            section.fix.extend(fix.iter().cloned());
+            let files = vec![("lattice", Some(lattice.as_path()))];
+            Job { stage: Box::new(Deform::from_section(&section)?), files, output: &output.path }
+        }
+        Command::Map { lattice, octree, motion, method, weight, outside, margin, output } => {
+            let words = Words::default()
+                .with("method", method.clone())
+                .with("weight", weight.clone())
+                .with("outside", outside.clone())
+                .with("margin", *margin);
+            let section: MapSection = section(params, words.0)?;
+            let files = vec![
+                ("lattice", Some(lattice.as_path())),
+                ("octree", Some(octree.as_path())),
+                ("motion", Some(motion.as_path())),
+            ];
+            Job { stage: Box::new(Map::from_section(&section)), files, output: &output.path }
+        }
+        Command::Warp { volume, displacement, order, output } => {
+            let section: WarpSection = section(params, Words::default().with("order", order.clone()).0)?;
+            let files = vec![("volume", Some(volume.as_path())), ("displacement", Some(displacement.as_path()))];
+            Job { stage: Box::new(Warp::from_section(&section)), files, output: &output.path }
+        }
+        Command::Render { volume, transfer, labels, displacement, mode, iso, size, view, step, output } => {
+            // Without a transfer function there is nothing to compose: the maximum shows every volume.
+            let mode = mode.clone().or_else(|| transfer.is_none().then(|| "mip".to_owned()));
+            let words = Words::default()
+                .with("mode", mode)
+                .with("iso", *iso)
+                .with("size", size.map(|s| s.map(|n| Value::Integer(n as i64)).to_vec()))
+                .with("view", view.map(|v| list(v.to_vec())))
+                .with("step", *step);
+            let section: RenderSection = section(params, words.0)?;
+            let files = vec![
+                ("volume", Some(volume.as_path())),
+                ("transfer", transfer.as_deref()),
+                ("labels", labels.as_deref()),
+                ("displacement", displacement.as_deref()),
+            ];
+            Job { stage: Box::new(Render::from_section(&section, None)?), files, output }
+        }
+        _ => unreachable!("the other commands are no stages"),
+    })
+}
+
+fn list(values: Vec<f64>) -> Vec<Value> {
+    values.into_iter().map(Value::Float).collect()
+}
+
+/// Writes a stage's result and prints its record.
+pub(super) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow::Result<()> {
+    let record = &mut done.record;
+    if matches!(*done.artefact, Artefact::Image(_)) && ending(output) != "ivd" {
+        export(&done.artefact, output, &context.exec)?;
+    } else {
+        let provenance = Provenance {
+            stage: record.stage.clone(),
+            revision: record.revision,
+            params: record.params.clone(),
+            inputs: record
+                .inputs
+                .iter()
+                .map(|(slot, hash)| Ok((slot.clone(), hash.parse()?)))
+                .collect::<anyhow::Result<_>>()?,
+            backend: record.backend.clone(),
+        };
+        let metrics = serde_json::Value::Object(record.metrics.clone());
+        context.exec.run(|| write_with_metrics(output, &*done.artefact, &provenance, &metrics)).map_err(placed)?;
+    }
+    record.output = Some(OutputRecord {
+        path: Some(output.to_owned()),
+        kind: done.artefact.kind().name().to_owned(),
+        hash: done.hash.to_string(),
+    });
+    context.say(&format!("{}: {} in {:.2} s → {}", record.stage, headline(record), record.wall_s, output.display()));
+    context.print(&record, String::new)
+}
+
+/// Writes an artefact that no stage made.
+pub(super) fn write_artefact(
+    path: &Path,
+    artefact: &Artefact,
+    provenance: &Provenance,
+    context: &Context,
+) -> anyhow::Result<()> {
+    context.exec.run(|| ivd_artefact::write(path, artefact, provenance)).map_err(placed)?;
+    Ok(())
+}
+
+/// Where an artefact can't be written, most often its folder isn't there.
+fn placed(error: ivd_artefact::Error) -> anyhow::Error {
+    let missing = error.path().parent().is_some_and(|p| !p.as_os_str().is_empty() && !p.exists());
+    if missing {
+        let folder = error.path().parent().unwrap_or(Path::new(".")).display().to_string();
+        return Failure::new(error.fault(), format!("{error}; the folder {folder} doesn't exist"));
+    }
+    error.into()
+}
+
+/// The figures that a person wants first.
+fn headline(record: &ivd_pipeline::StageRecord) -> String {
+    let picked: Vec<String> = ["k", "voxels", "vertices", "triangles", "nodes", "vertices_moved", "voxels_moved", "voxels_resampled", "entries"]
+        .iter()
+        .filter_map(|key| record.metrics.get(*key).map(|value| format!("{key} {value}")))
+        .collect();
+    if picked.is_empty() { "done".to_owned() } else { picked.join(", ") }
+}

@@ -1,0 +1,105 @@
+//! Volumes in and out: import, phantom, export.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use ivd_artefact::{Artefact, Cache};
+use ivd_core::VoxelType;
+use ivd_pipeline::stages::{Import, ImportSource};
+use ivd_pipeline::{Input, Inputs, ending, export as write_as};
+use ivd_volume::{ByteOrder, RawLayout, ReadOptions, phantom as phantoms};
+
+use super::stage::{finish, write_artefact};
+use crate::args::Raw;
+use crate::context::Context;
+use crate::exit::Failure;
+
+/// `ivd import`.
+pub(super) fn import(source: &Path, raw: &Raw, output: &Path, context: &Context) -> anyhow::Result<()> {
+    let stage = Import { source: ImportSource::File { path: source.to_owned(), options: options(raw)? } };
+    let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
+    finish(done, output, context)
+}
+
+/// What the flags say about a file.
+fn options(raw: &Raw) -> anyhow::Result<ReadOptions> {
+    let layout = match (raw.raw_dims, &raw.raw_type) {
+        (Some(dims), Some(name)) => Some(RawLayout {
+            dims,
+            voxel_type: voxel_type(name)?,
+            spacing: raw.raw_spacing.unwrap_or([1.0; 3]),
+            order: match raw.raw_order.as_deref() {
+                None | Some("little") => ByteOrder::Little,
+                Some("big") => ByteOrder::Big,
+                Some(other) => return Err(Failure::usage(format!("--raw-order {other}: little or big"))),
+            },
+            skip: raw.raw_skip,
+        }),
+        _ => None,
+    };
+    let spacing = if layout.is_none() { raw.raw_spacing } else { None };
+    Ok(ReadOptions { raw: layout, frame: raw.frame, series: raw.series.clone(), spacing })
+}
+
+fn voxel_type(name: &str) -> anyhow::Result<VoxelType> {
+    VoxelType::from_name(name)
+        .ok_or_else(|| Failure::usage(format!("type {name}: one of u8, i8, u16, i16, u32, i32, f32, f64")))
+}
+
+/// The parameters of `ivd phantom`.
+pub(super) fn phantom_params(
+    name: &str,
+    size: usize,
+    noise: Option<f64>,
+    type_name: &str,
+    seed: u64,
+) -> anyhow::Result<phantoms::Params> {
+    let shape = name.parse().map_err(|e| Failure::usage(format!("{e}")))?;
+    Ok(phantoms::Params { shape, size, noise, voxel_type: voxel_type(type_name)?, seed })
+}
+
+/// `ivd phantom`.
+pub(super) fn phantom(
+    params: phantoms::Params,
+    truth: Option<&Path>,
+    output: &Path,
+    context: &Context,
+) -> anyhow::Result<()> {
+    if let Some(truth) = truth {
+        let labels = phantoms::generate(&params, &context.exec)
+            .map_err(|e| Failure::new(e.fault(), e.to_string()))?
+            .truth;
+        let artefact = Artefact::Labels(labels);
+        if ending(truth) == "ivd" {
+            let provenance = ivd_artefact::Provenance::new("phantom", serde_json::to_value(&params)?);
+            write_artefact(truth, &artefact, &provenance, context)?;
+        } else {
+            write_as(&artefact, truth, &context.exec)?;
+        }
+    }
+    let stage = Import { source: ImportSource::Phantom(params) };
+    let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
+    finish(done, output, context)
+}
+
+/// `ivd export`.
+pub(super) fn export(artefact: &Path, output: &Path, context: &Context) -> anyhow::Result<()> {
+    let input = volume_or_artefact(artefact, &context.stage_cache()?, context)?;
+    let written = write_as(&input.artefact, output, &context.exec)?;
+    let object = serde_json::json!({
+        "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),
+        "output": { "path": output, "written": written },
+    });
+    context.say(&format!("{}{}", output.display(), if written { "" } else { ": unchanged" }));
+    context.print(&object, String::new)
+}
+
+/// A file as a stage's input: an artefact, or any volume file through an import.
+pub(super) fn volume_or_artefact(path: &Path, cache: &Cache, context: &Context) -> anyhow::Result<Input> {
+    if path.is_file() && ivd_artefact::is_artefact(path) {
+        return context.artefact(path);
+    }
+    let source = ImportSource::File { path: path.to_owned(), options: ReadOptions::default() };
+    let done = context.run(cache, &Import { source }, &Inputs::default())?;
+    Ok(Input { artefact: Arc::clone(&done.artefact), hash: done.hash })
+}

@@ -1,0 +1,133 @@
+//! What was typed, made into what it means: threads, memory, cache, observer.
+
+use std::io::{IsTerminal, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use ivd_artefact::Cache;
+use ivd_core::{Exec, Fault};
+use ivd_pipeline::{Done, Input, Runner, Stage};
+use serde::Serialize;
+
+use crate::args::{BackendChoice, Global, When};
+use crate::exit::Failure;
+use crate::progress::Bars;
+
+/// The context of one command.
+pub(crate) struct Context {
+    /// Threads, memory, observer.
+    pub(crate) exec: Exec,
+    /// Flags as typed.
+    pub(crate) global: Global,
+}
+
+impl Context {
+    /// Sets up logs, interruption, threads and bars.
+    pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
+        logs(global);
+        if global.require_gpu || global.backend == BackendChoice::Gpu {
+            let asked = if global.require_gpu { "--require-gpu" } else { "--backend gpu" };
+            return Err(Failure::new(
+                Fault::NoGpu,
+                format!("{asked}: this build has no GPU backend; leave it out and the CPU does the work"),
+            ));
+        }
+        let draw = match global.progress {
+            When::Always => true,
+            When::Never => false,
+            When::Auto => std::io::stderr().is_terminal() && !global.quiet,
+        };
+        let bars = Arc::new(Bars::new(draw, !global.quiet));
+        let mut exec = Exec::default().with_observer(bars).with_memory_limit(global.memory_limit);
+        if let Some(threads) = global.threads {
+            exec = exec.with_threads(usize::from(threads));
+        }
+        let cancel = exec.cancel.clone();
+        let handler = move || {
+            if cancel.is_cancelled() {
+                std::process::exit(130);
+            }
+            cancel.cancel();
+        };
+        if let Err(error) = ctrlc::set_handler(handler) {
+            tracing::warn!(%error, "interruption won't be tidy");
+        }
+        Ok(Self { exec, global: global.clone() })
+    }
+
+    /// The cache of a pipeline: the folder given, else the user's.
+    pub(crate) fn pipeline_cache(&self) -> anyhow::Result<Cache> {
+        match &self.global.cache {
+            Some(dir) if dir == Path::new("off") => Ok(Cache::disabled()),
+            Some(dir) => Ok(Cache::open(dir)?),
+            None => match user_cache() {
+                Some(dir) => Ok(Cache::open(dir)?),
+                None => Ok(Cache::disabled()),
+            },
+        }
+    }
+
+    /// The cache of a single stage: only where a folder is given.
+    pub(crate) fn stage_cache(&self) -> anyhow::Result<Cache> {
+        if self.global.cache.is_some() { self.pipeline_cache() } else { Ok(Cache::disabled()) }
+    }
+
+    /// Runs one stage.
+    pub(crate) fn run(&self, cache: &Cache, stage: &dyn Stage, inputs: &ivd_pipeline::Inputs) -> anyhow::Result<Done> {
+        Ok(Runner { exec: &self.exec, cache }.run(stage, inputs, false)?)
+    }
+
+    /// Prints data: a JSON object where that was asked for, else text.
+    pub(crate) fn print(&self, object: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
+        let mut out = std::io::stdout().lock();
+        if self.global.json {
+            writeln!(out, "{}", serde_json::to_string(object)?)?;
+        } else {
+            let text = text();
+            if !text.is_empty() {
+                writeln!(out, "{text}")?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Says something to a person, unless that is not wanted.
+    pub(crate) fn say(&self, text: &str) {
+        if !self.global.quiet {
+            let _ = writeln!(std::io::stderr(), "{text}");
+        }
+    }
+
+    /// An artefact file as a stage's input.
+    pub(crate) fn artefact(&self, path: &Path) -> anyhow::Result<Input> {
+        if path.exists() && !ivd_artefact::is_artefact(path) {
+            return Err(Failure::new(
+                Fault::Input,
+                format!("{}: not an artefact (`ivd import` makes one of a volume file)", path.display()),
+            ));
+        }
+        let loaded = self.exec.run(|| ivd_artefact::read(path))?;
+        Ok(Input { artefact: Arc::new(loaded.artefact), hash: loaded.hash })
+    }
+}
+
+/// The user's cache folder: `IVD_CACHE`, else the system's usual place.
+pub(crate) fn user_cache() -> Option<PathBuf> {
+    let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+    folder("IVD_CACHE")
+        .or_else(|| folder("XDG_CACHE_HOME").map(|d| d.join("ivd")))
+        .or_else(|| folder("LOCALAPPDATA").map(|d| d.join("ivd").join("cache")))
+        .or_else(|| folder("HOME").map(|d| d.join(".cache").join("ivd")))
+}
+
+fn logs(global: &Global) {
+    let level = match (global.quiet, global.verbose) {
+        (true, _) => "error",
+        (_, 0) => "warn",
+        (_, 1) => "info",
+        _ => "debug",
+    };
+    let filter = tracing_subscriber::EnvFilter::try_from_env("IVD_LOG")
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(format!("warn,ivd={level},ivd_pipeline={level}")));
+    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().try_init();
+}

@@ -1,0 +1,85 @@
+//! From an error to what the user reads and the exit code that a script reads.
+
+use std::io::Write as _;
+use std::process::ExitCode;
+
+use ivd_core::Fault;
+
+/// A failure with its kind, for errors that no crate below has a type for.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub(crate) struct Failure {
+    /// What was wrong, where, and what to do.
+    pub(crate) message: String,
+    /// What kind of failure it is.
+    pub(crate) fault: Fault,
+}
+
+impl Failure {
+    /// A failure of a kind.
+    pub(crate) fn new(fault: Fault, message: impl Into<String>) -> anyhow::Error {
+        Self { message: message.into(), fault }.into()
+    }
+
+    /// Wrong usage.
+    pub(crate) fn usage(message: impl Into<String>) -> anyhow::Error {
+        Self::new(Fault::Usage, message)
+    }
+}
+
+/// Tells a failure on stderr (and as one JSON object on stdout where that was asked for) and gives its exit code.
+pub(crate) fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
+    if is_broken_pipe(error) {
+        return ExitCode::SUCCESS;
+    }
+    let code = code(fault(error));
+    if json {
+        let object = serde_json::json!({ "error": { "message": format!("{error:#}"), "exit_code": code } });
+        let _ = writeln!(std::io::stdout(), "{object}");
+    }
+    let _ = writeln!(std::io::stderr(), "ivd: {error:#}");
+    ExitCode::from(code)
+}
+
+/// clap's own message, on the stream it belongs to.
+pub(crate) fn usage(error: &clap::Error) -> ExitCode {
+    let _ = error.print();
+    if error.use_stderr() { ExitCode::from(code(Fault::Usage)) } else { ExitCode::SUCCESS }
+}
+
+fn fault(error: &anyhow::Error) -> Fault {
+    for cause in error.chain() {
+        if let Some(e) = cause.downcast_ref::<ivd_pipeline::Error>() {
+            return e.fault();
+        }
+        if let Some(e) = cause.downcast_ref::<Failure>() {
+            return e.fault;
+        }
+        if let Some(e) = cause.downcast_ref::<ivd_artefact::Error>() {
+            return e.fault();
+        }
+        if let Some(e) = cause.downcast_ref::<ivd_core::Error>() {
+            return e.fault();
+        }
+    }
+    Fault::Io
+}
+
+/// Whoever read our output has seen enough (`ivd info … | head`).
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+    })
+}
+
+fn code(fault: Fault) -> u8 {
+    match fault {
+        Fault::Usage => 2,
+        Fault::Input => 3,
+        Fault::Limit => 4,
+        Fault::Untrusted => 5,
+        Fault::NoGpu => 6,
+        Fault::Io => 7,
+        Fault::Cancelled => 130,
+    }
+}

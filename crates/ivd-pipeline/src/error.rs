@@ -1,0 +1,87 @@
+use std::path::{Path, PathBuf};
+
+use ivd_core::Fault;
+
+/// Why a pipeline or one of its stages failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The scene is wrong: unknown key, bad value, an output that nothing makes.
+    #[error("scene {}: {problem}", file.display())]
+    Scene {
+        /// The scene file.
+        file: PathBuf,
+        /// What is wrong and what to do.
+        problem: String,
+    },
+    /// A stage failed.
+    #[error("{stage}: {source}")]
+    Stage {
+        /// Name of the stage.
+        stage: &'static str,
+        /// Its own error.
+        source: Box<dyn std::error::Error + Send + Sync>,
+        /// What kind of failure it is.
+        fault: Fault,
+    },
+    /// An input of a stage is of another kind than it reads.
+    #[error("{stage} reads {expected} as its {slot}, but was given a {found} artefact")]
+    WrongKind {
+        /// Name of the stage.
+        stage: &'static str,
+        /// Input slot.
+        slot: &'static str,
+        /// Kinds it reads.
+        expected: String,
+        /// Kind it got.
+        found: &'static str,
+    },
+    /// An artefact or cache file failed.
+    #[error(transparent)]
+    Artefact(#[from] ivd_artefact::Error),
+    /// Anything that any stage can meet.
+    #[error(transparent)]
+    Core(#[from] ivd_core::Error),
+    /// A file could not be read or written.
+    #[error("{action} {}: {source}", path.display())]
+    Io {
+        /// What was attempted: "reading", "writing".
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// The system's answer.
+        source: std::io::Error,
+    },
+}
+
+impl Error {
+    /// What kind of failure it is; the program maps it to its exit code.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Scene { .. } | Self::WrongKind { .. } => Fault::Usage,
+            Self::Stage { fault, .. } => *fault,
+            Self::Artefact(error) => error.fault(),
+            Self::Core(error) => error.fault(),
+            Self::Io { .. } => Fault::Io,
+        }
+    }
+
+    pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
+        Self::Io { action, path: path.to_owned(), source }
+    }
+
+    /// A wrong combination of parameters, told in the words of the program and the scene.
+    pub(crate) fn usage(stage: &'static str, problem: impl Into<String>) -> Self {
+        Self::Stage { stage, source: problem.into().into(), fault: Fault::Usage }
+    }
+}
+
+/// Wraps a stage crate's error with its stage's name.
+macro_rules! stage_error {
+    ($stage:expr) => {
+        |error| {
+            let fault = error.fault();
+            $crate::Error::Stage { stage: $stage, source: Box::new(error), fault }
+        }
+    };
+}
+pub(crate) use stage_error;

@@ -1,0 +1,178 @@
+//! Artefacts out of the pipeline's own format: by the file's ending.
+
+use std::borrow::Cow;
+use std::io::Write as _;
+use std::path::Path;
+
+use ivd_artefact::Artefact;
+use ivd_core::{Displacement, Exec, Image, Labels, Mask, Volume, Voxels};
+use ivd_volume::FieldDirection;
+use serde_json::{Value, json};
+
+use crate::Error;
+use crate::error::stage_error;
+
+/// Writes an artefact in the format of `path`'s ending. A file whose bytes would not change isn't touched.
+///
+/// Volumes, labels and masks: nii, nii.gz, nrrd, mha, mhd, vti, raw. Lattices: ply, obj, stl, glb. Displacements:
+/// nrrd (deformed → rest, LPS mm, as ITK reads it). Images: png. Transfer functions, motions, octrees, and the figures
+/// of anything else: json.
+///
+/// # Errors
+/// A usage error where the kind has no such format, and whatever writing runs into.
+pub fn export(artefact: &Artefact, path: &Path, exec: &Exec) -> Result<bool, Error> {
+    if ending(path) == "json" {
+        return write_text(path, &(pretty(&describe(artefact)) + "\n"));
+    }
+    match artefact {
+        Artefact::Volume(volume) => write_volume(path, volume, exec),
+        Artefact::Labels(labels) => write_volume(path, &labels_volume(labels)?, exec),
+        Artefact::Mask(mask) => write_volume(path, &mask_volume(mask)?, exec),
+        Artefact::Lattice(lattice) => {
+            ivd_lattice::formats::write(path, lattice, None).map(|w| w.touched).map_err(stage_error!("export"))
+        }
+        Artefact::Displacement(field) => write_field(path, field, exec),
+        Artefact::Image(image) => write_png(path, image),
+        Artefact::Transfer(_) | Artefact::Motion(_) | Artefact::Octree(_) => Err(Error::usage(
+            "export",
+            format!("a {} artefact is written as .json, not as .{}", artefact.kind().name(), ending(path)),
+        )),
+    }
+}
+
+/// Labels as a volume of their ids, in the smallest type that holds them.
+///
+/// # Errors
+/// Never, for labels that passed their own checks.
+pub fn labels_volume(labels: &Labels) -> Result<Volume, Error> {
+    let small = labels.ids().iter().all(|&id| id <= 255);
+    let voxels = if small {
+        Voxels::from(labels.ids().iter().map(|&id| id as u8).collect::<Vec<u8>>())
+    } else {
+        Voxels::U16(labels.buffer().clone())
+    };
+    Ok(Volume::new(labels.grid().clone(), voxels)?)
+}
+
+/// A mask as a volume of 0 and 1.
+///
+/// # Errors
+/// Never, for a mask that passed its own checks.
+pub fn mask_volume(mask: &Mask) -> Result<Volume, Error> {
+    Ok(Volume::new(mask.grid().clone(), Voxels::U8(mask.buffer().clone()))?)
+}
+
+fn write_volume(path: &Path, volume: &Volume, exec: &Exec) -> Result<bool, Error> {
+    ivd_volume::write(path, volume, exec).map(|w| w.touched).map_err(stage_error!("export"))
+}
+
+fn write_field(path: &Path, field: &Displacement, exec: &Exec) -> Result<bool, Error> {
+    ivd_volume::write_field(path, field, FieldDirection::Inverse, exec)
+        .map(|w| w.touched)
+        .map_err(stage_error!("export"))
+}
+
+fn write_png(path: &Path, image: &Image) -> Result<bool, Error> {
+    if ending(path) != "png" {
+        return Err(Error::usage("export", format!("an image artefact is written as .png, not as .{}", ending(path))));
+    }
+    write_bytes(path, &png_bytes(image))
+}
+
+/// A picture as a PNG file's bytes.
+pub fn png_bytes(image: &Image) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, image.width() as u32, image.height() as u32);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().expect("writing to memory doesn't fail");
+    writer.write_image_data(image.rgba()).expect("an image holds 4 bytes a pixel");
+    writer.finish().expect("writing to memory doesn't fail");
+    bytes
+}
+
+/// Writes text atomically; an unchanged file isn't touched. Returns whether it was.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_text(path: &Path, text: &str) -> Result<bool, Error> {
+    write_bytes(path, text.as_bytes())
+}
+
+fn write_bytes(path: &Path, bytes: &[u8]) -> Result<bool, Error> {
+    if std::fs::read(path).is_ok_and(|old| old == bytes) {
+        return Ok(false);
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let wrap = |e| Error::io("writing", path, e);
+    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(wrap)?;
+    file.write_all(bytes).map_err(wrap)?;
+    file.as_file().sync_all().map_err(wrap)?;
+    share(file.as_file()).map_err(wrap)?;
+    file.persist(path).map_err(|e| wrap(e.error))?;
+    Ok(true)
+}
+
+/// Temporary files are private; a result is readable as any other file.
+#[cfg(unix)]
+fn share(file: &std::fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn share(_file: &std::fs::File) -> std::io::Result<()> {
+    Ok(())
+}
+
+/// What an artefact holds, as JSON: dims, ranges, classes, counts; for motions every displacement.
+pub fn describe(artefact: &Artefact) -> Value {
+    let grid = |g: &ivd_core::Grid| {
+        json!({ "dims": g.dims(), "spacing": g.spacing(), "origin": g.origin(), "direction": g.direction() })
+    };
+    match artefact {
+        Artefact::Volume(v) => json!({
+            "kind": "volume", "grid": grid(v.grid()), "type": v.voxels().voxel_type().name(), "slope": v.slope(),
+            "intercept": v.intercept(), "range": v.range(), "missing": v.missing(),
+        }),
+        Artefact::Labels(l) => json!({ "kind": "labels", "grid": grid(l.grid()), "classes": l.classes() }),
+        Artefact::Mask(m) => json!({
+            "kind": "mask", "grid": grid(m.grid()), "voxels": m.count(), "level": m.level().is_some(),
+        }),
+        Artefact::Transfer(t) => json!({
+            "kind": "transfer", "range": t.range(), "resolution": t.resolution(), "reference_mm": t.reference_mm(),
+            "classes": t.classes(), "entries": t.entries(), "table": t.table(),
+        }),
+        Artefact::Lattice(l) => json!({
+            "kind": "lattice", "grid": grid(&l.grid), "vertices": l.keys.len(), "triangles": l.triangles.len(),
+            "source": l.source, "level": l.level, "max_error_mm": l.max_error_mm,
+        }),
+        Artefact::Octree(o) => json!({
+            "kind": "octree", "grid": grid(&o.grid), "depth": o.depth, "nodes": o.nodes.len(), "leaves": o.leaves(),
+            "triangles": o.triangle_count, "vertices": o.vertex_count,
+        }),
+        Artefact::Motion(m) => json!({
+            "kind": "motion", "vertices": m.vertex_count, "reach": m.reach,
+            "frames": m.frames.iter().map(|f| json!({ "time": f.time, "displacement_mm": f.displacement })).collect::<Vec<_>>(),
+        }),
+        Artefact::Displacement(d) => json!({
+            "kind": "displacement", "grid": grid(&d.grid), "time": d.time, "forward_bricks": d.forward.stored(),
+            "inverse_bricks": d.inverse.stored(), "inverse_residual_max_voxel": d.inverse_residual_max,
+            "min_det_j": d.min_det_j,
+        }),
+        Artefact::Image(i) => json!({ "kind": "image", "width": i.width(), "height": i.height() }),
+    }
+}
+
+fn pretty(value: &Value) -> String {
+    serde_json::to_string_pretty(value).expect("JSON values serialise")
+}
+
+/// The ending that decides the format, lower case, without a dot (`nii.gz` is one ending).
+pub fn ending(path: &Path) -> Cow<'static, str> {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if name.ends_with(".nii.gz") {
+        return Cow::Borrowed("nii.gz");
+    }
+    Cow::Owned(name.rsplit_once('.').map(|(_, e)| e.to_owned()).unwrap_or_default())
+}

@@ -1,0 +1,258 @@
+//! The files of an output folder: written when their source changed, left alone when it didn't.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use ivd_artefact::Artefact;
+use ivd_core::Exec;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::error::stage_error;
+use crate::export::{export, png_bytes, write_text};
+use crate::plan::NodeId;
+use crate::report::{self, Material};
+use crate::runner::{Done, OutputRecord, State, StageRecord};
+use crate::scene::{Loaded, Picture, Scene};
+use crate::{Error, Metrics};
+
+/// Name of the file that remembers what the last run wrote.
+const MANIFEST: &str = ".ivd-run.json";
+
+/// One file of the output folder.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OutputFile {
+    /// Key in the scene: `volume`, `image before`, `report`.
+    pub name: String,
+    /// The file.
+    pub path: PathBuf,
+    /// Content hash of what it was made from.
+    pub source: String,
+    /// Hash of its bytes.
+    pub blake3: String,
+    /// Whether this run wrote it; false where it already was as it should be.
+    #[serde(skip_deserializing)]
+    pub written: bool,
+}
+
+/// What the last run into a folder did.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Manifest {
+    stages: Vec<StageRecord>,
+    outputs: Vec<OutputFile>,
+}
+
+impl Manifest {
+    /// The manifest of a folder; empty where there is none that can be read.
+    pub fn load(out: &Path) -> Self {
+        let text = std::fs::read_to_string(out.join(MANIFEST)).unwrap_or_default();
+        serde_json::from_str(&text).unwrap_or_default()
+    }
+
+    fn stage(&self, stage: &str, variant: &str) -> Option<&StageRecord> {
+        self.stages.iter().find(|r| r.stage == stage && r.variant == variant && r.output.is_some())
+    }
+
+    /// What differs from the last run of the same stage: changed parameters, changed inputs.
+    pub fn change_since(&self, record: &StageRecord) -> Option<String> {
+        let old = self.stage(&record.stage, &record.variant)?;
+        let mut changes = Vec::new();
+        differing("", &old.params, &record.params, &mut changes);
+        let inputs = record.inputs.iter().filter(|(slot, hash)| old.inputs.get(*slot) != Some(*hash));
+        changes.extend(inputs.map(|(slot, _)| format!("its {slot} changed")));
+        if old.revision != record.revision {
+            changes.push(format!("the stage is revision {} now", record.revision));
+        }
+        (!changes.is_empty()).then(|| changes.join(", "))
+    }
+}
+
+/// Names the leaves that differ between two parameter objects.
+fn differing(path: &str, old: &Value, new: &Value, changes: &mut Vec<String>) {
+    match (old, new) {
+        (Value::Object(a), Value::Object(b)) => {
+            for (key, value) in b {
+                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                differing(&path, a.get(key).unwrap_or(&Value::Null), value, changes);
+            }
+        }
+        _ if old != new => changes.push(format!("{path}: {old} → {new}")),
+        _ => {}
+    }
+}
+
+/// Writes outputs while a scene runs.
+pub(crate) struct Writer<'a> {
+    scene: &'a Scene,
+    out: &'a Path,
+    manifest: &'a Manifest,
+    exec: &'a Exec,
+    files: Vec<OutputFile>,
+    material: Material,
+}
+
+impl<'a> Writer<'a> {
+    pub(crate) fn new(scene: &'a Scene, out: &'a Path, manifest: &'a Manifest, exec: &'a Exec) -> Self {
+        Self { scene, out, manifest, exec, files: Vec::new(), material: Material::default() }
+    }
+
+    /// Writes what the scene wants of a place's result, and keeps what the report will want.
+    pub(crate) fn stage_done(&mut self, id: NodeId, done: &Done, earlier: &BTreeMap<NodeId, Done>) -> Result<(), Error> {
+        let scene = self.scene;
+        let named = scene.output.files().into_iter().filter(|(key, _)| source_of(key) == id);
+        for (key, path) in named {
+            let source = done.hash.to_string();
+            if key == "lattice_deformed" {
+                let rest = earlier.get(&NodeId::Refine).expect("the plan needs the lattice before its motion");
+                let source = format!("{source} {}", rest.hash);
+                self.file(key, path, &source, |to, _| deformed_lattice(&rest.artefact, &done.artefact, to))?;
+            } else {
+                self.file(key, path, &source, |to, exec| export(&done.artefact, to, exec))?;
+            }
+        }
+        for picture in [Picture::Before, Picture::After, Picture::Difference] {
+            if NodeId::of_picture(picture) == id && scene.output.images.contains(&picture) {
+                let name = format!("image {}", picture.name());
+                let file = PathBuf::from(format!("{}.png", picture.name()));
+                self.file(&name, &file, &done.hash.to_string(), |to, exec| export(&done.artefact, to, exec))?;
+            }
+        }
+        if scene.output.report {
+            self.collect(id, done);
+        }
+        Ok(())
+    }
+
+    /// Keeps what the report shows of a result: small things only.
+    fn collect(&mut self, id: NodeId, done: &Done) {
+        match done.artefact.as_ref() {
+            Artefact::Image(image) => {
+                self.material.pictures.insert(id.variant().to_owned(), png_bytes(image));
+            }
+            Artefact::Transfer(transfer) => self.material.transfer = Some(transfer.clone()),
+            Artefact::Motion(motion) => self.material.displacements = report::motion_lengths(motion),
+            Artefact::Volume(_) if id == NodeId::Import => self.material.volume = Some(done.artefact.clone()),
+            _ => {}
+        }
+    }
+
+    /// Writes one file unless it is already there, made from the same source and intact.
+    fn file(
+        &mut self,
+        name: &str,
+        path: &Path,
+        source: &str,
+        write: impl FnOnce(&Path, &Exec) -> Result<bool, Error>,
+    ) -> Result<(), Error> {
+        let full = self.out.join(path);
+        let old = self.manifest.outputs.iter().find(|o| o.name == name && o.path == full && o.source == source);
+        let intact = old.is_some_and(|o| hash_file(&full).is_ok_and(|hash| hash == o.blake3));
+        let mut written = false;
+        if !intact {
+            let folder = full.parent().unwrap_or(self.out);
+            std::fs::create_dir_all(folder).map_err(|e| Error::io("making the folder", folder, e))?;
+            written = write(&full, self.exec)?;
+        }
+        let blake3 = hash_file(&full).map_err(|e| Error::io("reading back", &full, e))?;
+        self.files.push(OutputFile { name: name.to_owned(), path: full, source: source.to_owned(), blake3, written });
+        Ok(())
+    }
+
+    /// Makes the report, where the scene wants it, and tells what was done as any other stage does.
+    pub(crate) fn report(&mut self, loaded: &Loaded, stages: &[StageRecord], force: bool) -> Result<StageRecord, Error> {
+        let mut record = StageRecord {
+            stage: "report".to_owned(),
+            variant: String::new(),
+            state: State::NotNeeded,
+            why: "output.report is not asked for".to_owned(),
+            revision: report::REVISION,
+            backend: "cpu".to_owned(),
+            params: Value::Null,
+            inputs: BTreeMap::new(),
+            output: None,
+            cached: false,
+            wall_s: 0.0,
+            cpu_s: None,
+            peak_rss_mb: None,
+            metrics: Metrics::new(),
+        };
+        if !self.scene.output.report {
+            return Ok(record);
+        }
+        let start = std::time::Instant::now();
+        let source = report_source(self.scene, stages);
+        let name = Path::new("report.html");
+        if force {
+            let _ = std::fs::remove_file(self.out.join(name));
+        }
+        let material = std::mem::take(&mut self.material);
+        let before = self.files.len();
+        self.file("report", name, &source, |to, exec| {
+            write_text(to, &report::html(loaded, stages, &material, exec))
+        })?;
+        let file = &self.files[before];
+        let again = self.manifest.outputs.iter().any(|o| o.name == "report" && o.source == source) && !file.written;
+        record.state = if again { State::Cached } else { State::Ran };
+        record.cached = again;
+        record.why = if again { "everything it shows is as it was" } else { "what it shows changed" }.to_owned();
+        record.output =
+            Some(OutputRecord { path: Some(file.path.clone()), kind: "html".to_owned(), hash: file.blake3.clone() });
+        record.inputs.insert("everything".to_owned(), source);
+        record.wall_s = start.elapsed().as_secs_f64();
+        Ok(record)
+    }
+
+    /// Remembers the run beside its outputs.
+    pub(crate) fn finish(self, stages: &[StageRecord]) -> Result<Vec<OutputFile>, Error> {
+        if self.files.is_empty() {
+            return Ok(self.files);
+        }
+        // Times differ at every run; the manifest keeps what a later run compares.
+        let stages = stages
+            .iter()
+            .map(|r| StageRecord { wall_s: 0.0, cpu_s: None, peak_rss_mb: None, why: String::new(), metrics: Metrics::new(), ..r.clone() })
+            .collect();
+        let manifest = Manifest { stages, outputs: self.files.clone() };
+        let text = serde_json::to_string(&manifest).expect("records serialise");
+        write_text(&self.out.join(MANIFEST), &text)?;
+        Ok(self.files)
+    }
+}
+
+/// The place that an output file is made from.
+fn source_of(key: &str) -> NodeId {
+    match key {
+        "volume" => NodeId::Warp,
+        "lattice_extracted" => NodeId::Lattice,
+        "lattice" => NodeId::Refine,
+        "displacement" => NodeId::Map,
+        "labels" => NodeId::Segment,
+        "mask" => NodeId::Boundary,
+        _ => NodeId::Deform,
+    }
+}
+
+fn deformed_lattice(rest: &Artefact, motion: &Artefact, to: &Path) -> Result<bool, Error> {
+    let (Artefact::Lattice(lattice), Artefact::Motion(motion)) = (rest, motion) else {
+        unreachable!("refine gives a lattice and deform a motion");
+    };
+    let displacement = motion.frames.last().map(|f| f.displacement.as_slice());
+    ivd_lattice::formats::write(to, lattice, displacement).map(|w| w.touched).map_err(stage_error!("export"))
+}
+
+/// Hash of everything that a report shows but times.
+fn report_source(scene: &Scene, stages: &[StageRecord]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&report::REVISION.to_le_bytes());
+    hasher.update(serde_json::to_string(scene).expect("scenes serialise").as_bytes());
+    for record in stages {
+        hasher.update(record.stage.as_bytes());
+        hasher.update(record.params.to_string().as_bytes());
+        hasher.update(record.output.as_ref().map_or("", |o| &o.hash).as_bytes());
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+fn hash_file(path: &Path) -> std::io::Result<String> {
+    Ok(blake3::Hasher::new().update_mmap_rayon(path)?.finalize().to_hex().to_string())
+}

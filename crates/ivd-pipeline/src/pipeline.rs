@@ -1,0 +1,147 @@
+//! Runs a scene: what its outputs need, from the cache where it can, and writes the outputs.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use ivd_artefact::Cache;
+use ivd_core::Exec;
+use serde::{Deserialize, Serialize};
+
+use crate::outputs::{Manifest, OutputFile, Writer};
+use crate::plan::{NodeId, Plan, PlanNode};
+use crate::runner::{Done, Runner, State, StageRecord};
+use crate::scene::Loaded;
+use crate::{Error, Input, Inputs, Metrics};
+
+/// How a scene is run.
+#[derive(Debug, Clone, Default)]
+pub struct PipelineOptions {
+    /// Folder of the outputs.
+    pub out: PathBuf,
+    /// A volume in place of the scene's.
+    pub input: Option<PathBuf>,
+    /// Stop after this stage; outputs aren't written.
+    pub until: Option<String>,
+    /// Stages that run even where the cache has their result.
+    pub force: BTreeSet<String>,
+    /// Tell what would be done, without doing it.
+    pub dry_run: bool,
+}
+
+/// What a run of a scene did: the object that `ivd pipeline --json` prints.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PipelineReport {
+    /// Every stage, needed or not.
+    pub stages: Vec<StageRecord>,
+    /// Files in the output folder.
+    pub outputs: Vec<OutputFile>,
+    /// Wall time [s].
+    pub wall_s: f64,
+}
+
+/// Runs a scene.
+///
+/// # Errors
+/// The first failure of a stage or of a file; outputs that were already whole stay, nothing half-written does.
+pub fn run(loaded: &Loaded, options: &PipelineOptions, cache: &Cache, exec: &Exec) -> Result<PipelineReport, Error> {
+    let start = Instant::now();
+    for stage in &options.force {
+        if stage != "report" && !NodeId::ALL.iter().any(|id| id.stage() == stage) {
+            let known = NodeId::ALL.map(NodeId::stage).join(", ");
+            return Err(Error::usage("pipeline", format!("--force {stage}: stages are {known}, report")));
+        }
+    }
+    let plan = Plan::new(loaded, options.input.as_deref(), options.until.as_deref())?;
+    if options.dry_run {
+        let stages = plan.nodes().iter().map(|n| idle(n, if n.needed { State::Ran } else { State::NotNeeded })).collect();
+        return Ok(PipelineReport { stages, outputs: Vec::new(), wall_s: start.elapsed().as_secs_f64() });
+    }
+    let manifest = Manifest::load(&options.out);
+    let mut stages = Vec::new();
+    let mut done: BTreeMap<NodeId, Done> = BTreeMap::new();
+    let runner = Runner { exec, cache };
+    let mut writer = Writer::new(&loaded.scene, &options.out, &manifest, exec);
+    for (at, node) in plan.nodes().iter().enumerate() {
+        if !node.needed {
+            stages.push(idle(node, State::NotNeeded));
+            continue;
+        }
+        let mut result = run_node(node, &done, runner, options)?;
+        result.record.variant = node.id.variant().to_owned();
+        explain(&mut result.record, node, &manifest);
+        if options.until.is_none() {
+            writer.stage_done(node.id, &result, &done)?;
+        }
+        stages.push(result.record.clone());
+        done.insert(node.id, result);
+        release(&plan, at, &mut done);
+    }
+    if options.until.is_none() {
+        let force = options.force.contains("report");
+        stages.push(writer.report(loaded, &stages, force)?);
+    }
+    let outputs = writer.finish(&stages)?;
+    Ok(PipelineReport { stages, outputs, wall_s: start.elapsed().as_secs_f64() })
+}
+
+fn run_node(
+    node: &PlanNode,
+    done: &BTreeMap<NodeId, Done>,
+    runner: Runner<'_>,
+    options: &PipelineOptions,
+) -> Result<Done, Error> {
+    let stage = node.stage.as_deref().expect("a needed place has its stage");
+    let mut inputs = Inputs::default();
+    for (slot, from) in &node.inputs {
+        let value = &done[from];
+        inputs = inputs.with(slot, Input { artefact: value.artefact.clone(), hash: value.hash });
+    }
+    runner.run(stage, &inputs, options.force.contains(stage.name()))
+}
+
+/// Says what changed since the last run into the same folder, where something did.
+fn explain(record: &mut StageRecord, node: &PlanNode, manifest: &Manifest) {
+    let change = manifest.change_since(record);
+    record.why = match (record.state, change) {
+        (State::Ran, Some(change)) if !record.why.starts_with("its cached entry") && record.why != "forced" => {
+            format!("{}; {change}", node.why)
+        }
+        _ => format!("{}; {}", node.why, record.why),
+    };
+}
+
+/// Drops values that no later place reads; report and writers have taken what they need.
+fn release(plan: &Plan, at: usize, done: &mut BTreeMap<NodeId, Done>) {
+    let later = &plan.nodes()[at + 1..];
+    // The deformed lattice and the report's histogram are made from these after the last stage that reads them.
+    let kept = [NodeId::Import, NodeId::Refine];
+    done.retain(|id, _| {
+        kept.contains(id) || later.iter().any(|n| n.needed && n.inputs.iter().any(|(_, from)| from == id))
+    });
+}
+
+/// The record of a stage that did nothing.
+fn idle(node: &PlanNode, state: State) -> StageRecord {
+    StageRecord {
+        stage: node.id.stage().to_owned(),
+        variant: node.id.variant().to_owned(),
+        state,
+        why: node.why.clone(),
+        revision: node.stage.as_ref().map_or(0, |s| s.revision()),
+        backend: "cpu".to_owned(),
+        params: node.stage.as_ref().map_or(serde_json::Value::Null, |s| s.params()),
+        inputs: BTreeMap::new(),
+        output: None,
+        cached: false,
+        wall_s: 0.0,
+        cpu_s: None,
+        peak_rss_mb: None,
+        metrics: Metrics::new(),
+    }
+}
+
+/// Folder for a scene's outputs where none is given: `out/` and the scene's name.
+pub fn default_out(scene: &Path) -> PathBuf {
+    Path::new("out").join(scene.file_stem().unwrap_or_else(|| "scene".as_ref()))
+}

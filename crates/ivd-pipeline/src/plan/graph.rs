@@ -1,0 +1,314 @@
+use std::path::Path;
+
+use ivd_volume::{RawLayout, ReadOptions, phantom};
+
+use crate::scene::{BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene};
+use crate::stages::{
+    Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Map, Octree, Refine, Render, Segment, Warp,
+};
+use crate::{Error, Stage};
+
+/// The places that a stage can have in a pipeline, in the order in which they run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(usize)]
+pub enum NodeId {
+    /// The volume.
+    Import,
+    /// Its classes.
+    Segment,
+    /// The isolated part.
+    Boundary,
+    /// Its lattice.
+    Lattice,
+    /// The simplified lattice.
+    Refine,
+    /// The index over it.
+    Octree,
+    /// Its motion.
+    Deform,
+    /// The voxels' displacement.
+    Map,
+    /// The deformed volume.
+    Warp,
+    /// The transfer function.
+    Atf,
+    /// The picture at rest.
+    Before,
+    /// The deformed picture.
+    After,
+    /// What differs.
+    Difference,
+}
+
+impl NodeId {
+    /// All of them, in the order in which they run.
+    pub const ALL: [Self; 13] = [
+        Self::Import, Self::Segment, Self::Boundary, Self::Lattice, Self::Refine, Self::Octree, Self::Deform,
+        Self::Map, Self::Warp, Self::Atf, Self::Before, Self::After, Self::Difference,
+    ];
+
+    /// Name of its stage.
+    pub fn stage(self) -> &'static str {
+        match self {
+            Self::Import => "import",
+            Self::Segment => "segment",
+            Self::Boundary => "boundary",
+            Self::Lattice => "lattice",
+            Self::Refine => "refine",
+            Self::Octree => "octree",
+            Self::Deform => "deform",
+            Self::Map => "map",
+            Self::Warp => "warp",
+            Self::Atf => "atf",
+            Self::Before | Self::After | Self::Difference => "render",
+        }
+    }
+
+    /// Which use of the stage it is; empty for the only one.
+    pub fn variant(self) -> &'static str {
+        match self {
+            Self::Before => "before",
+            Self::After => "after",
+            Self::Difference => "difference",
+            _ => "",
+        }
+    }
+
+    /// The picture that it draws.
+    pub fn of_picture(picture: Picture) -> Self {
+        match picture {
+            Picture::Before => Self::Before,
+            Picture::After => Self::After,
+            Picture::Difference => Self::Difference,
+        }
+    }
+}
+
+/// One place of the graph.
+pub struct PlanNode {
+    /// Which.
+    pub id: NodeId,
+    /// Its stage; `None` where the scene gives it nothing to do.
+    pub stage: Option<Box<dyn Stage>>,
+    /// Slots and where they are filled from.
+    pub inputs: Vec<(&'static str, NodeId)>,
+    /// Whether some output needs it.
+    pub needed: bool,
+    /// Who needs it, or why nobody does.
+    pub why: String,
+}
+
+/// The graph of a scene.
+pub struct Plan {
+    nodes: Vec<PlanNode>,
+}
+
+impl Plan {
+    /// The graph of a scene, with what its outputs need marked. `input` stands in for the scene's input; `until`
+    /// makes a stage the only output.
+    ///
+    /// # Errors
+    /// Parameters that don't fit together.
+    pub fn new(loaded: &Loaded, input: Option<&Path>, until: Option<&str>) -> Result<Self, Error> {
+        let scene = &loaded.scene;
+        let mut plan = Self { nodes: wire(scene, import(loaded, input)?)? };
+        match until {
+            Some(stage) => plan.want_stage(stage)?,
+            None => plan.want_outputs(scene),
+        }
+        plan.explain_rest(scene);
+        Ok(plan)
+    }
+
+    /// All places, in the order in which they run.
+    pub fn nodes(&self) -> &[PlanNode] {
+        &self.nodes
+    }
+
+    /// One place.
+    pub fn node(&self, id: NodeId) -> &PlanNode {
+        &self.nodes[id as usize]
+    }
+
+    fn want_stage(&mut self, stage: &str) -> Result<(), Error> {
+        let found: Vec<NodeId> = NodeId::ALL
+            .into_iter()
+            .filter(|id| id.stage() == stage && self.node(*id).stage.is_some())
+            .collect();
+        if found.is_empty() {
+            let known = NodeId::ALL.map(NodeId::stage).join(", ");
+            return Err(Error::usage("pipeline", format!("--until {stage}: not a stage of this scene; stages are {known}")));
+        }
+        for id in found {
+            self.need(id, &format!("--until {stage}"));
+        }
+        Ok(())
+    }
+
+    fn want_outputs(&mut self, scene: &Scene) {
+        for (key, _) in scene.output.files() {
+            let id = match key {
+                "volume" => NodeId::Warp,
+                "lattice_extracted" => NodeId::Lattice,
+                "lattice" => NodeId::Refine,
+                "displacement" => NodeId::Map,
+                "labels" => NodeId::Segment,
+                "mask" => NodeId::Boundary,
+                _ => NodeId::Deform,
+            };
+            self.need(id, &format!("output.{key}"));
+            if key == "lattice_deformed" {
+                self.need(NodeId::Refine, "output.lattice_deformed");
+            }
+        }
+        for picture in scene.pictures() {
+            let asked = if scene.output.images.contains(&picture) { "output.images" } else { "output.report" };
+            self.need(NodeId::of_picture(picture), &format!("{asked} ({})", picture.name()));
+        }
+        if scene.output.report {
+            let last = if self.node(NodeId::Map).stage.is_some() { NodeId::Map } else { NodeId::Refine };
+            self.need(last, "output.report");
+        }
+    }
+
+    fn need(&mut self, id: NodeId, why: &str) {
+        let node = &mut self.nodes[id as usize];
+        if node.needed {
+            return;
+        }
+        node.needed = true;
+        node.why = format!("needed for {why}");
+        let name = if id.variant().is_empty() { id.stage().to_owned() } else { format!("{} {}", id.stage(), id.variant()) };
+        for (_, from) in node.inputs.clone() {
+            self.need(from, &name);
+        }
+    }
+
+    fn explain_rest(&mut self, scene: &Scene) {
+        for node in self.nodes.iter_mut().filter(|n| !n.needed) {
+            node.why = match node.id {
+                NodeId::Segment if !uses_labels(scene) => "the isovalue is given and no class is named",
+                NodeId::Boundary if node.stage.is_none() => "the isovalue is given and no part is isolated",
+                NodeId::Atf if node.stage.is_none() => "the rendering mode has no transfer function",
+                NodeId::Octree | NodeId::Deform | NodeId::Map | NodeId::Warp | NodeId::After | NodeId::Difference
+                    if node.stage.is_none() => "the scene has no handle",
+                NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => "no output shows a picture",
+                _ => "no output needs it",
+            }
+            .to_owned();
+        }
+    }
+}
+
+/// Whether the part is found through a class.
+fn uses_labels(scene: &Scene) -> bool {
+    matches!(scene.lattice.iso, IsoChoice::Word(_)) || scene.boundary.as_ref().is_some_and(|b| b.class.is_some())
+}
+
+fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Error> {
+    let section: &InputSection = &loaded.scene.input;
+    let file = input.map(Path::to_owned).or_else(|| section.file.as_ref().map(|f| loaded.folder.join(f)));
+    let source = match (file, section.phantom) {
+        (Some(path), _) => ImportSource::File { path, options: read_options(section) },
+        (None, Some(shape)) => {
+            let base = phantom::Params::default();
+            ImportSource::Phantom(phantom::Params {
+                shape,
+                size: section.size.unwrap_or(base.size),
+                noise: section.noise,
+                voxel_type: section.voxel_type.unwrap_or(base.voxel_type),
+                seed: section.seed.unwrap_or(base.seed),
+            })
+        }
+        (None, None) => return Err(Error::usage("import", "the scene has no input; give input.file or --input")),
+    };
+    Ok(Import { source })
+}
+
+fn read_options(section: &InputSection) -> ReadOptions {
+    ReadOptions {
+        raw: section.raw.as_ref().map(|r| RawLayout {
+            dims: r.dims,
+            voxel_type: r.voxel_type,
+            spacing: r.spacing,
+            order: r.order,
+            skip: r.skip,
+        }),
+        frame: section.frame,
+        series: section.series.clone(),
+        spacing: section.spacing,
+    }
+}
+
+/// Every place with its stage and where its slots are filled from.
+fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
+    let labels = uses_labels(scene);
+    let given_iso = match scene.lattice.iso {
+        IsoChoice::Value(value) => Some(value),
+        IsoChoice::Word(_) => None,
+    };
+    let isolates = labels || scene.boundary.is_some();
+    let moves = scene.deform.as_ref().filter(|d| !d.handle.is_empty());
+    let coloured = scene.render.mode == RenderMode::Dvr;
+
+    let part: BoundarySection = scene.boundary.clone().unwrap_or_default();
+    let boundary = isolates.then(|| Boundary::from_section(&part, if labels { None } else { given_iso }));
+    let with_labels = |mut inputs: Vec<(&'static str, NodeId)>| {
+        if labels {
+            inputs.push(("labels", NodeId::Segment));
+        }
+        inputs
+    };
+    let mut lattice_inputs = vec![("volume", NodeId::Import)];
+    if given_iso.is_none() {
+        lattice_inputs.push(("labels", NodeId::Segment));
+    }
+    if isolates {
+        lattice_inputs.push(("mask", NodeId::Boundary));
+    }
+    let mut picture = vec![("volume", NodeId::Import)];
+    if coloured {
+        picture.push(("transfer", NodeId::Atf));
+    }
+    let mut moved_picture = picture.clone();
+    moved_picture.push(("displacement", NodeId::Map));
+    let render = Render::from_section(&scene.render, given_iso)?;
+    let deform = moves.map(Deform::from_section).transpose()?;
+
+    let node = |id, stage: Option<Box<dyn Stage>>, inputs| PlanNode { id, stage, inputs, needed: false, why: String::new() };
+    fn boxed<S: Stage + 'static>(stage: S) -> Option<Box<dyn Stage>> {
+        Some(Box::new(stage))
+    }
+    let if_moved = |stage: Option<Box<dyn Stage>>| stage.filter(|_| moves.is_some());
+    Ok(vec![
+        node(NodeId::Import, boxed(import), vec![]),
+        node(NodeId::Segment, boxed(Segment::from_section(&scene.segment)), vec![("volume", NodeId::Import)]),
+        node(NodeId::Boundary, boundary.and_then(boxed), with_labels(vec![("volume", NodeId::Import)])),
+        node(NodeId::Lattice, boxed(Lattice { iso: scene.lattice.iso, class: part.class }), lattice_inputs),
+        node(NodeId::Refine, boxed(Refine::from_section(&scene.refine)?), vec![("lattice", NodeId::Lattice)]),
+        node(NodeId::Octree, if_moved(boxed(Octree::default())), vec![("lattice", NodeId::Refine)]),
+        node(NodeId::Deform, deform.and_then(boxed), vec![("lattice", NodeId::Refine)]),
+        node(
+            NodeId::Map,
+            if_moved(boxed(Map::from_section(&scene.map))),
+            vec![("lattice", NodeId::Refine), ("octree", NodeId::Octree), ("motion", NodeId::Deform)],
+        ),
+        node(
+            NodeId::Warp,
+            if_moved(boxed(Warp::from_section(&scene.warp))),
+            vec![("volume", NodeId::Import), ("displacement", NodeId::Map)],
+        ),
+        node(
+            NodeId::Atf,
+            coloured.then(|| Box::new(Atf::from_section(&scene.atf, given_iso)) as Box<dyn Stage>),
+            with_labels(vec![("volume", NodeId::Import)]),
+        ),
+        node(NodeId::Before, boxed(render.clone()), picture),
+        node(NodeId::After, if_moved(boxed(render)), moved_picture),
+        node(
+            NodeId::Difference,
+            if_moved(boxed(Difference)),
+            vec![("before", NodeId::Before), ("after", NodeId::After)],
+        ),
+    ])
+}

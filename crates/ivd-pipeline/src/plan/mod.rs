@@ -1,0 +1,5 @@
+//! What a scene's outputs need: the graph of stages, who needs whom, and why.
+
+mod graph;
+
+pub use graph::{NodeId, Plan, PlanNode};

@@ -1,0 +1,155 @@
+//! Small charts as inline SVG.
+
+use std::fmt::Write as _;
+
+/// Width and height of the plotted area [SVG units].
+const AREA: [f64; 2] = [560.0, 160.0];
+/// Room for the labels of the axes.
+const LEFT: f64 = 46.0;
+const BOTTOM: f64 = 34.0;
+
+/// A bar's place and colour.
+pub(super) struct Bars<'a> {
+    /// Values at the left and right end of the axis.
+    pub(super) range: [f64; 2],
+    /// Height of each bar.
+    pub(super) counts: &'a [u64],
+    /// Label of the horizontal axis, with its unit.
+    pub(super) x_label: &'a str,
+    /// Label of the vertical axis.
+    pub(super) y_label: &'a str,
+    /// Whether heights are drawn as logarithms.
+    pub(super) logarithmic: bool,
+    /// Vertical marks with a text.
+    pub(super) marks: Vec<(f64, String)>,
+    /// Colour of the bar at a value.
+    pub(super) colour: &'a dyn Fn(f64) -> String,
+}
+
+/// Bars over an axis.
+pub(super) fn bars(chart: &Bars<'_>) -> String {
+    let height = |count: u64| if chart.logarithmic { (1.0 + count as f64).ln() } else { count as f64 };
+    let top = chart.counts.iter().map(|&c| height(c)).fold(1e-9, f64::max);
+    let width = AREA[0] / chart.counts.len().max(1) as f64;
+    let mut svg = open();
+    for (i, &count) in chart.counts.iter().enumerate() {
+        if count == 0 {
+            continue;
+        }
+        let h = height(count) / top * AREA[1];
+        let value = chart.range[0] + (i as f64 + 0.5) / chart.counts.len() as f64 * (chart.range[1] - chart.range[0]);
+        let colour = (chart.colour)(value);
+        let _ = write!(
+            svg,
+            "<rect x='{:.2}' y='{:.2}' width='{:.2}' height='{h:.2}' fill='{colour}'><title>{}: {count}</title></rect>",
+            LEFT + i as f64 * width,
+            AREA[1] - h,
+            width.max(0.6),
+            number(value),
+        );
+    }
+    let span = chart.range[1] - chart.range[0];
+    for (value, text) in chart.marks.iter().filter(|(v, _)| span > 0.0 && *v >= chart.range[0] && *v <= chart.range[1]) {
+        let x = LEFT + (value - chart.range[0]) / span * AREA[0];
+        let _ = write!(
+            svg,
+            "<line x1='{x:.1}' x2='{x:.1}' y1='0' y2='{}' class='mark'/><text x='{:.1}' y='10' class='small'>{}</text>",
+            AREA[1],
+            x + 3.0,
+            escape(text)
+        );
+    }
+    axes(&mut svg, chart);
+    svg.push_str("</svg>");
+    svg
+}
+
+fn open() -> String {
+    format!(
+        "<svg viewBox='0 0 {} {}' role='img' class='chart'>",
+        LEFT + AREA[0] + 8.0,
+        AREA[1] + BOTTOM
+    )
+}
+
+fn axes(svg: &mut String, chart: &Bars<'_>) {
+    let _ = write!(
+        svg,
+        "<line x1='{LEFT}' x2='{}' y1='{1}' y2='{1}' class='axis'/><line x1='{LEFT}' x2='{LEFT}' y1='0' y2='{1}' class='axis'/>",
+        LEFT + AREA[0],
+        AREA[1]
+    );
+    for i in 0..=4 {
+        let f = f64::from(i) / 4.0;
+        let value = chart.range[0] + f * (chart.range[1] - chart.range[0]);
+        let _ = write!(
+            svg,
+            "<text x='{:.1}' y='{:.1}' class='small' text-anchor='middle'>{}</text>",
+            LEFT + f * AREA[0],
+            AREA[1] + 14.0,
+            number(value)
+        );
+    }
+    let y_label = if chart.logarithmic { format!("{} (log)", chart.y_label) } else { chart.y_label.to_owned() };
+    let _ = write!(
+        svg,
+        "<text x='{:.1}' y='{:.1}' class='label' text-anchor='middle'>{}</text>\
+         <text x='12' y='{:.1}' class='label' text-anchor='middle' transform='rotate(-90 12 {:.1})'>{}</text>",
+        LEFT + AREA[0] / 2.0,
+        AREA[1] + 29.0,
+        escape(chart.x_label),
+        AREA[1] / 2.0,
+        AREA[1] / 2.0,
+        escape(&y_label)
+    );
+}
+
+/// Counts of values in equal bins.
+pub(super) fn histogram(values: &[f64], range: [f64; 2], bins: usize) -> Vec<u64> {
+    let mut counts = vec![0; bins];
+    let span = range[1] - range[0];
+    for value in values {
+        let at = if span > 0.0 { (value - range[0]) / span * bins as f64 } else { 0.0 };
+        counts[(at.max(0.0) as usize).min(bins - 1)] += 1;
+    }
+    counts
+}
+
+/// A number with as many digits as a reader wants.
+pub(super) fn number(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let magnitude = value.abs();
+    if !(1e-3..1e6).contains(&magnitude) {
+        return format!("{value:.2e}");
+    }
+    let digits = (3 - magnitude.log10().floor() as i32 - 1).clamp(0, 4) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// Text made safe for HTML.
+pub(super) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('\'', "&#39;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_keep_three_digits() {
+        assert_eq!(number(0.0), "0");
+        assert_eq!(number(127.5), "128");
+        assert_eq!(number(1.25), "1.25");
+        assert_eq!(number(-0.004_12), "-0.0041");
+        assert_eq!(number(1.2e-7), "1.20e-7");
+    }
+
+    #[test]
+    fn every_value_falls_into_a_bin_and_text_is_escaped() {
+        assert_eq!(histogram(&[0.0, 0.5, 1.0, 2.0], [0.0, 1.0], 2), vec![1, 3]);
+        assert_eq!(escape("<a 'b'>"), "&lt;a &#39;b&#39;&gt;");
+    }
+}

@@ -1,0 +1,37 @@
+//! `report.html`: one self-contained page with pictures, histogram, classes, lattice figures, displacement and stages.
+
+mod chart;
+mod page;
+mod tables;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ivd_artefact::Artefact;
+use ivd_core::{Motion, TransferFunction};
+use nalgebra::Vector3;
+
+pub(crate) use page::html;
+
+/// Raised whenever the same material gives another page.
+pub(crate) const REVISION: u32 = 1;
+
+/// What the report shows beyond the stages' records.
+#[derive(Debug, Default)]
+pub(crate) struct Material {
+    /// PNG bytes by picture name.
+    pub(crate) pictures: BTreeMap<String, Vec<u8>>,
+    /// The transfer function, for the histogram.
+    pub(crate) transfer: Option<TransferFunction>,
+    /// The volume at rest, for the histogram.
+    pub(crate) volume: Option<Arc<Artefact>>,
+    /// Length of each moved vertex's displacement [mm].
+    pub(crate) displacements: Vec<f64>,
+}
+
+/// Displacement [mm] of the vertices that move, in the last frame.
+pub(crate) fn motion_lengths(motion: &Motion) -> Vec<f64> {
+    let last = motion.frames.last();
+    let lengths = last.into_iter().flat_map(|f| &f.displacement).map(|&d| Vector3::from(d).norm());
+    lengths.filter(|length| *length > 0.0).collect()
+}

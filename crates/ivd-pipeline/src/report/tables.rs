@@ -1,0 +1,77 @@
+//! The report's tables.
+
+use std::fmt::Write as _;
+
+use serde_json::Value;
+
+use super::chart::{escape, number};
+use crate::runner::{State, StageRecord};
+
+/// A table of names and values.
+pub(super) fn pairs(rows: &[(&str, String)]) -> String {
+    let mut html = String::from("<table>");
+    for (name, value) in rows {
+        let _ = write!(html, "<tr><th>{}</th><td>{}</td></tr>", escape(name), escape(value));
+    }
+    html + "</table>"
+}
+
+/// A figure of a record as text; a dash where there is none.
+pub(super) fn metric(record: Option<&StageRecord>, key: &str) -> String {
+    match record.and_then(|r| r.metrics.get(key)) {
+        Some(Value::Number(n)) => n.as_u64().map_or_else(|| number(n.as_f64().unwrap_or(f64::NAN)), |u| u.to_string()),
+        Some(Value::Null) | None => "–".to_owned(),
+        Some(Value::String(s)) => s.clone(),
+        Some(other) => other.to_string(),
+    }
+}
+
+/// The classes of a segmentation.
+pub(super) fn classes(record: &StageRecord, colour: &dyn Fn(f64) -> String) -> String {
+    let mut html = String::from(
+        "<table><tr><th></th><th>class</th><th>mean</th><th>sd</th><th>voxels</th><th>from</th><th>to</th></tr>",
+    );
+    let list = record.metrics.get("classes").and_then(Value::as_array);
+    for class in list.into_iter().flatten() {
+        let real = |key: &str| class.get(key).and_then(Value::as_f64).map_or_else(|| "–".to_owned(), number);
+        let mean = class.get("mean").and_then(Value::as_f64).unwrap_or(0.0);
+        let _ = write!(
+            html,
+            "<tr><td><span class='swatch' style='background:{}'></span></td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            colour(mean),
+            class.get("id").map_or_else(String::new, Value::to_string),
+            real("mean"),
+            real("sd"),
+            class.get("voxels").map_or_else(String::new, Value::to_string),
+            real("lower"),
+            real("upper"),
+        );
+    }
+    html + "</table>"
+}
+
+/// What every stage did, how long it took and why.
+pub(super) fn stages(records: &[StageRecord]) -> String {
+    let mut html = String::from(
+        "<table><tr><th>stage</th><th>state</th><th>wall [s]</th><th>processor [s]</th><th>peak memory [MiB]</th><th>why</th></tr>",
+    );
+    for record in records {
+        let (state, time) = match record.state {
+            State::Ran => ("ran", true),
+            State::Cached => ("cached", true),
+            State::NotNeeded => ("not needed", false),
+        };
+        let seconds = |value: Option<f64>| value.filter(|_| time).map_or_else(|| "–".to_owned(), |v| format!("{v:.3}"));
+        let memory = record.peak_rss_mb.filter(|_| time).map_or_else(|| "–".to_owned(), |v| format!("{v:.0}"));
+        let _ = write!(
+            html,
+            "<tr><td>{} {}</td><td>{state}</td><td>{}</td><td>{}</td><td>{memory}</td><td>{}</td></tr>",
+            escape(&record.stage),
+            escape(&record.variant),
+            seconds(Some(record.wall_s)),
+            seconds(record.cpu_s),
+            escape(&record.why),
+        );
+    }
+    html + "</table>"
+}

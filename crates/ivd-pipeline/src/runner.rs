@@ -1,0 +1,216 @@
+//! Runs one stage: from the cache where an entry for the same work verifies, else by doing the work.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use ivd_artefact::{Artefact, Cache, CacheKey, ContentHash, Lookup, Provenance, content_hash};
+use ivd_core::{Backend, Exec, Fault};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::{Error, Inputs, Metrics, Product, Stage, resource};
+
+/// What became of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// It did its work.
+    Ran,
+    /// Its result came from the cache.
+    Cached,
+    /// No output needs it.
+    NotNeeded,
+}
+
+/// Where a stage's result lies.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OutputRecord {
+    /// Its file; `None` where the cache is off and nobody asked for one.
+    pub path: Option<PathBuf>,
+    /// Kind of artefact.
+    pub kind: String,
+    /// Content hash.
+    pub hash: String,
+}
+
+/// What a stage did: the object that `--json` prints.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StageRecord {
+    /// Name of the stage.
+    pub stage: String,
+    /// Which of several uses of the stage in a pipeline (`before`, `after`); empty for the only one.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub variant: String,
+    /// Whether it ran, came from the cache or wasn't needed.
+    pub state: State,
+    /// Why.
+    pub why: String,
+    /// Revision of the stage.
+    pub revision: u32,
+    /// Backend that did the work.
+    pub backend: String,
+    /// Parameters.
+    pub params: Value,
+    /// Content hash of each input.
+    pub inputs: BTreeMap<String, String>,
+    /// The result; `None` where the stage wasn't needed.
+    pub output: Option<OutputRecord>,
+    /// Whether the result came from the cache.
+    pub cached: bool,
+    /// Wall time [s] of this run: the work's, or the cache's.
+    pub wall_s: f64,
+    /// Processor time [s] of all threads, where the system tells.
+    pub cpu_s: Option<f64>,
+    /// Peak resident memory while it ran [MiB], where the system tells.
+    pub peak_rss_mb: Option<f64>,
+    /// Figures of the work.
+    pub metrics: Metrics,
+}
+
+/// A stage's result with its record.
+#[derive(Debug)]
+pub struct Done {
+    /// The value.
+    pub artefact: Arc<Artefact>,
+    /// Its content hash.
+    pub hash: ContentHash,
+    /// What was done.
+    pub record: StageRecord,
+}
+
+/// Runs stages in one context.
+#[derive(Debug, Clone, Copy)]
+pub struct Runner<'a> {
+    /// Threads, memory, observer.
+    pub exec: &'a Exec,
+    /// Where results are kept; may be off.
+    pub cache: &'a Cache,
+}
+
+impl Runner<'_> {
+    /// Runs a stage on its inputs; with `force` even where the cache has its result.
+    ///
+    /// # Errors
+    /// The stage's own error, or what the cache's files ran into while writing (an unreadable entry is no error:
+    /// the work is done again).
+    pub fn run(&self, stage: &dyn Stage, inputs: &Inputs, force: bool) -> Result<Done, Error> {
+        inputs.check(stage)?;
+        self.exec.check_cancelled()?;
+        let clock = Clock::start();
+        let provenance = self.provenance(stage, inputs)?;
+        let output_kind = match stage.output() {
+            Some(kind) => kind,
+            None => inputs.get(stage.inputs()[0].name).expect("checked: the first slot is filled").kind(),
+        };
+        let key = CacheKey::new(output_kind, &provenance);
+        let why = if force {
+            "forced".to_owned()
+        } else {
+            match self.exec.run(|| self.cache.lookup(&key)) {
+                Lookup::Hit(entry) => {
+                    let record = self.record(stage, &provenance, &entry.artefact, entry.hash, &key);
+                    let metrics = entry.metrics.as_object().cloned().unwrap_or_default();
+                    let record = StageRecord { state: State::Cached, cached: true, metrics, ..clock.stop(record) };
+                    return Ok(Done { artefact: Arc::new(entry.artefact), hash: entry.hash, record });
+                }
+                Lookup::Absent => "nothing cached for these inputs and parameters".to_owned(),
+                Lookup::Unusable(reason) => format!("its cached entry can't be trusted: {reason}"),
+            }
+        };
+        tracing::info!(stage = stage.name(), why, "running");
+        let product = stage.run(inputs, self.exec)?;
+        let hash = self.exec.run(|| self.keep(&key, &product, &provenance))?;
+        let record = self.record(stage, &provenance, &product.artefact, hash, &key);
+        let record = StageRecord { why, metrics: product.metrics, ..clock.stop(record) };
+        Ok(Done { artefact: Arc::new(product.artefact), hash, record })
+    }
+
+    /// Where a result comes from; everything that a cache key is made of.
+    fn provenance(&self, stage: &dyn Stage, inputs: &Inputs) -> Result<Provenance, Error> {
+        let mut hashes = inputs.hashes();
+        hashes.extend(stage.sources()?);
+        Ok(Provenance {
+            stage: stage.name().to_owned(),
+            revision: stage.revision(),
+            params: stage.params(),
+            inputs: hashes,
+            backend: backend_name(self.exec.backend).to_owned(),
+        })
+    }
+
+    /// Puts a product into the cache and gives its content hash. A cache that can't be written to is only slow.
+    fn keep(&self, key: &CacheKey, product: &Product, provenance: &Provenance) -> Result<ContentHash, Error> {
+        let metrics = Value::Object(product.metrics.clone());
+        match self.cache.put_with_metrics(key, &product.artefact, provenance, &metrics) {
+            Ok(Some(written)) => return Ok(written.hash),
+            Ok(None) => {}
+            Err(error) if error.fault() == Fault::Io => {
+                self.exec.observer().note(&format!("result not cached: {error}"));
+            }
+            Err(error) => return Err(error.into()),
+        }
+        Ok(content_hash(&product.artefact)?)
+    }
+
+    fn record(
+        &self,
+        stage: &dyn Stage,
+        provenance: &Provenance,
+        artefact: &Artefact,
+        hash: ContentHash,
+        key: &CacheKey,
+    ) -> StageRecord {
+        StageRecord {
+            stage: stage.name().to_owned(),
+            variant: String::new(),
+            state: State::Ran,
+            why: "same inputs and parameters as before".to_owned(),
+            revision: provenance.revision,
+            backend: provenance.backend.clone(),
+            params: provenance.params.clone(),
+            inputs: provenance.inputs.iter().map(|(slot, hash)| (slot.clone(), hash.to_string())).collect(),
+            output: Some(OutputRecord {
+                path: self.cache.path_of(key),
+                kind: artefact.kind().name().to_owned(),
+                hash: hash.to_string(),
+            }),
+            cached: false,
+            wall_s: 0.0,
+            cpu_s: None,
+            peak_rss_mb: None,
+            metrics: Metrics::new(),
+        }
+    }
+}
+
+/// Name of a backend's class, as in `--json` and cache keys.
+pub fn backend_name(backend: Backend) -> &'static str {
+    match backend {
+        Backend::Cpu => "cpu",
+        Backend::Gpu => "gpu",
+    }
+}
+
+/// Time and memory of one stage.
+struct Clock {
+    wall: Instant,
+    cpu: Option<f64>,
+}
+
+impl Clock {
+    fn start() -> Self {
+        resource::reset_peak();
+        Self { wall: Instant::now(), cpu: resource::cpu_seconds() }
+    }
+
+    fn stop(self, record: StageRecord) -> StageRecord {
+        StageRecord {
+            wall_s: self.wall.elapsed().as_secs_f64(),
+            cpu_s: resource::cpu_seconds().zip(self.cpu).map(|(now, then)| now - then),
+            peak_rss_mb: resource::peak_rss_mb(),
+            ..record
+        }
+    }
+}

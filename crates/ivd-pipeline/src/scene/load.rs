@@ -1,0 +1,158 @@
+use std::path::{Path, PathBuf};
+
+use toml::{Table, Value};
+
+use super::Scene;
+use crate::Error;
+
+/// One `--set stage.key=value`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Override {
+    /// Keys from the top; a number indexes an array (`deform.handle.0.radius`).
+    pub path: Vec<String>,
+    /// The new value.
+    pub value: Value,
+}
+
+impl std::str::FromStr for Override {
+    type Err = String;
+
+    /// Reads `stage.key=value`. A value that isn't TOML is taken as a string: `render.mode=mip`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (path, value) = text.split_once('=').ok_or_else(|| format!("`{text}`: write stage.key=value"))?;
+        let path: Vec<String> = path.trim().split('.').map(str::to_owned).collect();
+        if path.iter().any(String::is_empty) {
+            return Err(format!("`{text}`: an empty key; write stage.key=value"));
+        }
+        let value = value.trim();
+        let parsed = format!("v = {value}").parse::<Table>().ok().and_then(|mut t| t.remove("v"));
+        Ok(Self { path, value: parsed.unwrap_or_else(|| Value::String(value.to_owned())) })
+    }
+}
+
+/// A scene with where it lies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loaded {
+    /// The scene.
+    pub scene: Scene,
+    /// Folder that its relative paths start from.
+    pub folder: PathBuf,
+    /// The scene file.
+    pub file: PathBuf,
+}
+
+/// Reads a scene file and applies overrides before anything is checked.
+///
+/// # Errors
+/// [`Error::Scene`] with the place and, for an unknown key, the nearest known one; [`Error::Io`] where it can't be read.
+pub fn load(file: &Path, overrides: &[Override]) -> Result<Loaded, Error> {
+    let text = std::fs::read_to_string(file).map_err(|e| Error::io("reading", file, e))?;
+    let scene = parse(&text, overrides).map_err(|problem| Error::Scene { file: file.to_owned(), problem })?;
+    let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
+    Ok(Loaded { scene, folder, file: file.to_owned() })
+}
+
+/// Reads a scene from its text; see [`load`].
+///
+/// # Errors
+/// A sentence that names the place, what is wrong and what to do.
+pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
+    let scene: Scene = if overrides.is_empty() {
+        // Straight from the text, so that errors carry line and column.
+        toml::from_str(text).map_err(|e| with_suggestion(&e.to_string()))?
+    } else {
+        let mut table: Table = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
+        for o in overrides {
+            set(&mut table, o)?;
+        }
+        table.try_into().map_err(|e: toml::de::Error| with_suggestion(&e.to_string()))?
+    };
+    scene.check()?;
+    Ok(scene)
+}
+
+fn set(table: &mut Table, o: &Override) -> Result<(), String> {
+    let whole = o.path.join(".");
+    let (last, parents) = o.path.split_last().expect("an override has at least one key");
+    let mut root = Value::Table(std::mem::take(table));
+    let mut at = &mut root;
+    for key in parents {
+        at = step(at, key).ok_or_else(|| format!("--set {whole}: `{key}` is not a section or list there"))?;
+    }
+    match at {
+        Value::Table(t) => {
+            t.insert(last.clone(), o.value.clone());
+        }
+        Value::Array(list) => {
+            let slot = last.parse().ok().and_then(|i: usize| list.get_mut(i));
+            *slot.ok_or_else(|| format!("--set {whole}: no element `{last}`"))? = o.value.clone();
+        }
+        _ => return Err(format!("--set {whole}: `{last}` would lie inside a plain value")),
+    }
+    let Value::Table(changed) = root else { unreachable!("the root stays a table") };
+    *table = changed;
+    Ok(())
+}
+
+fn step<'a>(at: &'a mut Value, key: &str) -> Option<&'a mut Value> {
+    match at {
+        Value::Table(t) => Some(t.entry(key.to_owned()).or_insert_with(|| Value::Table(Table::new()))),
+        Value::Array(list) => key.parse().ok().and_then(|i: usize| list.get_mut(i)),
+        _ => None,
+    }
+}
+
+/// Adds "did you mean" to serde's message about an unknown field or variant.
+fn with_suggestion(message: &str) -> String {
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let unknown = message.contains("unknown field") || message.contains("unknown variant");
+    let Some(wrong) = quoted.next().filter(|_| unknown) else { return message.to_owned() };
+    let best = quoted
+        .map(|known| (strsim::damerau_levenshtein(wrong, known), known))
+        .filter(|(distance, known)| *distance <= known.len().max(3) / 2)
+        .min();
+    match best {
+        Some((_, known)) => format!("{}\ndid you mean `{known}`?", message.trim_end()),
+        None => message.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SCENE: &str = "schema = 1\n[input]\nphantom = \"head\"\nsize = 32\n[deform]\nstiffness = 50.0\n\
+        [[deform.handle]]\npick = [0, 1, 2]\nmove = [0.0, 3.0, 0.0]\nradius = 20.0\n[output]\nreport = true\n";
+
+    #[test]
+    fn an_unknown_key_is_refused_with_the_nearest_known_one() {
+        let error = parse(&SCENE.replace("stiffness", "stifness"), &[]).unwrap_err();
+        assert!(error.contains("did you mean `stiffness`?"), "{error}");
+        assert!(error.contains("line 6"), "{error}");
+    }
+
+    #[test]
+    fn overrides_reach_sections_lists_and_sections_that_are_not_there() {
+        let set = |s: &str| s.parse::<Override>().unwrap();
+        let overrides =
+            [set("deform.stiffness=80"), set("deform.handle.0.radius=7.5"), set("render.mode=mip"), set("segment.k=6")];
+        let scene = parse(SCENE, &overrides).unwrap();
+        let deform = scene.deform.as_ref().unwrap();
+        assert_eq!((deform.stiffness, deform.handle[0].radius), (80.0, 7.5));
+        assert_eq!((scene.render.mode, scene.segment.k), (crate::scene::RenderMode::Mip, 6));
+        assert!(parse(SCENE, &[set("deform.handle.4.radius=1")]).unwrap_err().contains("handle"));
+        assert!("deform".parse::<Override>().is_err());
+    }
+
+    #[test]
+    fn impossible_wishes_are_refused_by_name() {
+        let no_handle = SCENE.replace("report = true", "images = [\"after\"]");
+        let no_handle = no_handle.split("[[deform.handle]]").next().unwrap().to_owned()
+            + "[output]\nimages = [\"after\"]\n";
+        assert!(parse(&no_handle, &[]).unwrap_err().contains("[[deform.handle]]"));
+        let escape = SCENE.replace("report = true", "volume = \"../x.nii\"");
+        assert!(parse(&escape, &[]).unwrap_err().contains("output.volume"));
+        let two = SCENE.replace("pick = [0, 1, 2]", "pick = [0, 1, 2]\nvertex = 3");
+        assert!(parse(&two, &[]).unwrap_err().contains("deform.handle 0"));
+    }
+}

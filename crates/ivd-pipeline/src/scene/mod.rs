@@ -1,0 +1,118 @@
+//! The scene file: what a user asks for, in TOML, `schema = 1`.
+//!
+//! An unknown key is an error with a suggestion; paths are relative to the scene's folder. [`Scene::load`] reads a
+//! file with overrides (`--set stage.key=value`) applied before anything is checked.
+
+mod load;
+mod sections;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use load::{Loaded, Override, load, parse};
+pub use sections::{
+    AtfSection, BoundarySection, ClassChoice, DeformSection, FixSection, HandleSection, InputSection, IsoChoice,
+    IsoWord, LatticeSection, MapMethod, MapSection, OutputSection, Outside, Picture, RawSection, RefineMethod,
+    RefineSection, RenderSection, RenderMode, SegmentMethod, SegmentSection, Solver, WarpOrder, WarpSection, DepthWeight,
+};
+
+/// A scene: every section is optional but `input` and `output`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Version of the scene file; 1.
+    pub schema: u32,
+    /// Where the volume comes from.
+    pub input: InputSection,
+    /// How its structure is found.
+    #[serde(default)]
+    pub segment: SegmentSection,
+    /// Which part is isolated.
+    #[serde(default)]
+    pub boundary: Option<BoundarySection>,
+    /// Where the lattice is cut.
+    #[serde(default)]
+    pub lattice: LatticeSection,
+    /// How far it is simplified.
+    #[serde(default)]
+    pub refine: RefineSection,
+    /// What moves it.
+    #[serde(default)]
+    pub deform: Option<DeformSection>,
+    /// How the motion is carried to the voxels.
+    #[serde(default)]
+    pub map: MapSection,
+    /// How the volume is resampled.
+    #[serde(default)]
+    pub warp: WarpSection,
+    /// How it is coloured.
+    #[serde(default)]
+    pub atf: AtfSection,
+    /// How it is drawn.
+    #[serde(default)]
+    pub render: RenderSection,
+    /// What is wanted; nothing else is computed.
+    pub output: OutputSection,
+}
+
+impl Scene {
+    /// The scene's JSON Schema.
+    pub fn json_schema() -> serde_json::Value {
+        schemars::schema_for!(Scene).to_value()
+    }
+
+    /// Checks what the type system can't: ranges and combinations. The text names section and key.
+    ///
+    /// # Errors
+    /// A sentence with the key, what is wrong and what to do.
+    pub fn check(&self) -> Result<(), String> {
+        if self.schema != 1 {
+            return Err(format!("schema = {}: this program reads schema = 1", self.schema));
+        }
+        match (&self.input.file, self.input.phantom) {
+            (Some(_), Some(_)) => return Err("input: give file or phantom, not both".into()),
+            (None, None) => return Err("input: give file = \"…\" or phantom = \"head\"".into()),
+            _ => {}
+        }
+        if self.input.file.as_ref().is_some_and(|f| f.is_absolute()) {
+            return Err("input.file: absolute paths tie a scene to one machine; make it relative to the scene's folder, or use --input".into());
+        }
+        let moved = [("output.volume", self.output.volume.is_some()), ("output.displacement", self.output.displacement.is_some()),
+            ("output.lattice_deformed", self.output.lattice_deformed.is_some()),
+            ("output.images \"after\" or \"difference\"", self.output.images.iter().any(|p| *p != Picture::Before))];
+        if self.deform.as_ref().is_none_or(|d| d.handle.is_empty()) {
+            if let Some((name, _)) = moved.iter().find(|(_, wanted)| *wanted) {
+                return Err(format!("{name} shows a deformation, but there is no [[deform.handle]]; add one or drop the output"));
+            }
+        }
+        for (name, path) in self.output.files() {
+            if path.is_absolute() || path.components().any(|c| matches!(c, std::path::Component::ParentDir)) {
+                return Err(format!("output.{name} = {}: name a file inside the output folder", path.display()));
+            }
+        }
+        for (i, handle) in self.deform.iter().flat_map(|d| &d.handle).enumerate() {
+            handle.check().map_err(|e| format!("deform.handle {i}: {e}"))?;
+        }
+        Ok(())
+    }
+
+    /// Whether pictures have to be drawn.
+    pub fn wants_pictures(&self) -> bool {
+        !self.output.images.is_empty() || self.output.report
+    }
+
+    /// Pictures to draw: those named, and those that a report asks for.
+    pub fn pictures(&self) -> Vec<Picture> {
+        let deforms = self.deform.as_ref().is_some_and(|d| !d.handle.is_empty());
+        let mut pictures = self.output.images.clone();
+        if self.output.report {
+            pictures.push(Picture::Before);
+            if deforms {
+                pictures.extend([Picture::After, Picture::Difference]);
+            }
+        }
+        pictures.sort_unstable();
+        pictures.dedup();
+        pictures
+    }
+}

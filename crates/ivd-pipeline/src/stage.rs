@@ -1,0 +1,169 @@
+//! What every stage looks like from outside: a name, a revision, parameters that say *what*, and a function.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ivd_artefact::{Artefact, ContentHash, Kind};
+use ivd_core::{Displacement, Exec, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Volume};
+use serde_json::{Map, Value};
+
+use crate::Error;
+
+/// Figures of a stage's work, by the names that `--json` prints.
+pub type Metrics = Map<String, Value>;
+
+/// One input of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slot {
+    /// Name, as in `--json`.
+    pub name: &'static str,
+    /// Kinds that fit.
+    pub kinds: &'static [Kind],
+    /// Whether the stage works without it.
+    pub optional: bool,
+}
+
+impl Slot {
+    /// An input that must be there.
+    pub const fn required(name: &'static str, kinds: &'static [Kind]) -> Self {
+        Self { name, kinds, optional: false }
+    }
+
+    /// An input that may be absent.
+    pub const fn optional(name: &'static str, kinds: &'static [Kind]) -> Self {
+        Self { name, kinds, optional: true }
+    }
+}
+
+/// A value on its way from one stage to the next.
+#[derive(Debug, Clone)]
+pub struct Input {
+    /// The value.
+    pub artefact: Arc<Artefact>,
+    /// Its content hash.
+    pub hash: ContentHash,
+}
+
+/// The inputs of one run of a stage, by slot.
+#[derive(Debug, Clone, Default)]
+pub struct Inputs(BTreeMap<&'static str, Input>);
+
+macro_rules! typed {
+    ($($get:ident, $variant:ident, $type:ty;)*) => {$(
+        #[doc = concat!("The ", stringify!($variant), " in a slot, where it is filled with one.")]
+        pub fn $get(&self, slot: &str) -> Option<&$type> {
+            match self.0.get(slot).map(|i| i.artefact.as_ref()) {
+                Some(Artefact::$variant(value)) => Some(value),
+                _ => None,
+            }
+        }
+    )*};
+}
+
+impl Inputs {
+    /// Fills a slot.
+    #[must_use]
+    pub fn with(mut self, slot: &'static str, input: Input) -> Self {
+        self.0.insert(slot, input);
+        self
+    }
+
+    /// Content hash of each filled slot.
+    pub fn hashes(&self) -> BTreeMap<String, ContentHash> {
+        self.0.iter().map(|(slot, input)| ((*slot).to_owned(), input.hash)).collect()
+    }
+
+    /// The value in a slot, of whatever kind.
+    pub fn get(&self, slot: &str) -> Option<&Artefact> {
+        self.0.get(slot).map(|i| i.artefact.as_ref())
+    }
+
+    typed! {
+        volume, Volume, Volume;
+        labels, Labels, Labels;
+        mask, Mask, Mask;
+        transfer, Transfer, TransferFunction;
+        lattice, Lattice, Lattice;
+        octree, Octree, Octree;
+        motion, Motion, Motion;
+        displacement, Displacement, Displacement;
+        image, Image, Image;
+    }
+
+    /// Checks kinds and presence against a stage's slots.
+    ///
+    /// # Errors
+    /// [`Error::WrongKind`], or a usage error that names the missing slot.
+    pub fn check(&self, stage: &dyn Stage) -> Result<(), Error> {
+        for slot in stage.inputs() {
+            match self.0.get(slot.name) {
+                None if slot.optional => {}
+                None => return Err(Error::usage(stage.name(), format!("its input {} is missing", slot.name))),
+                Some(input) if !slot.kinds.contains(&input.artefact.kind()) => {
+                    return Err(Error::WrongKind {
+                        stage: stage.name(),
+                        slot: slot.name,
+                        expected: slot.kinds.iter().map(|k| k.name()).collect::<Vec<_>>().join(" or "),
+                        found: input.artefact.kind().name(),
+                    });
+                }
+                Some(_) => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a stage gives.
+#[derive(Debug)]
+pub struct Product {
+    /// The value.
+    pub artefact: Artefact,
+    /// Figures of the work.
+    pub metrics: Metrics,
+}
+
+impl Product {
+    /// A value with its figures, given as a JSON object.
+    pub(crate) fn new(artefact: Artefact, metrics: Value) -> Self {
+        let Value::Object(metrics) = metrics else { unreachable!("metrics are written as an object") };
+        Self { artefact, metrics }
+    }
+}
+
+/// One stage with its parameters: a thin adapter over a stage crate's function.
+pub trait Stage: Send + Sync {
+    /// Name, as in `--json` and in scenes.
+    fn name(&self) -> &'static str;
+
+    /// Raised whenever the same input and parameters may give another result.
+    fn revision(&self) -> u32;
+
+    /// What the stage reads.
+    fn inputs(&self) -> &'static [Slot];
+
+    /// Kind of what it writes; `None` where it writes the kind that it read in its first slot.
+    fn output(&self) -> Option<Kind>;
+
+    /// Parameters that say what the result is; hashed, in canonical form, for the cache.
+    fn params(&self) -> Value;
+
+    /// Hashes of what it reads that is no artefact (the files of an import).
+    ///
+    /// # Errors
+    /// Where they can't be read.
+    fn sources(&self) -> Result<BTreeMap<String, ContentHash>, Error> {
+        Ok(BTreeMap::new())
+    }
+
+    /// Parameters that trade run time for accuracy.
+    fn accuracy_knobs(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    /// Does the work.
+    ///
+    /// # Errors
+    /// The stage crate's error under the stage's name.
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error>;
+}

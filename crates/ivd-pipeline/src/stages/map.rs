@@ -1,0 +1,89 @@
+use ivd_artefact::{Artefact, Kind};
+use ivd_core::Exec;
+use ivd_deform::map::{self, MapParams};
+use serde_json::{Value, json};
+
+use crate::error::stage_error;
+use crate::scene::{self, MapMethod, MapSection};
+use crate::{Error, Inputs, Product, Slot, Stage};
+
+/// Carries a lattice's motion to the voxels.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Map {
+    /// Weights, margin, outside.
+    pub params: MapParams,
+}
+
+impl Map {
+    /// The stage that a scene's section asks for.
+    pub fn from_section(section: &MapSection) -> Self {
+        let MapMethod::Octree = section.method;
+        let weight = match section.weight {
+            scene::DepthWeight::Linear => map::DepthWeight::Linear,
+            scene::DepthWeight::Smooth => map::DepthWeight::Smooth,
+            scene::DepthWeight::Exponential => map::DepthWeight::Exponential,
+            scene::DepthWeight::One => map::DepthWeight::One,
+        };
+        let outside = match section.outside {
+            scene::Outside::Band => map::Outside::Band,
+            scene::Outside::Free => map::Outside::Free,
+        };
+        Self {
+            params: MapParams {
+                weight,
+                outside,
+                depth_mm: section.depth,
+                margin_mm: section.margin,
+                ..MapParams::default()
+            },
+        }
+    }
+}
+
+impl Stage for Map {
+    fn name(&self) -> &'static str {
+        "map"
+    }
+
+    fn revision(&self) -> u32 {
+        1
+    }
+
+    fn inputs(&self) -> &'static [Slot] {
+        const {
+            &[
+                Slot::required("lattice", &[Kind::Lattice]),
+                Slot::required("octree", &[Kind::Octree]),
+                Slot::required("motion", &[Kind::Motion]),
+            ]
+        }
+    }
+
+    fn output(&self) -> Option<Kind> {
+        Some(Kind::Displacement)
+    }
+
+    fn params(&self) -> Value {
+        super::json(&self.params)
+    }
+
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+        let lattice = inputs.lattice("lattice").expect("checked by the runner");
+        let octree = inputs.octree("octree").expect("checked by the runner");
+        let motion = inputs.motion("motion").expect("checked by the runner");
+        let last = motion.frames.len().saturating_sub(1);
+        let mapped =
+            map::octree(lattice, octree, motion, last, &self.params, exec).map_err(stage_error!("map"))?;
+        let metrics = json!({
+            "voxels_moved": mapped.voxels_moved,
+            "bricks_touched": mapped.bricks_touched,
+            "bricks_total": mapped.bricks_total,
+            "min_det_j": mapped.min_det_j,
+            "folds": mapped.folds,
+            "halvings": mapped.halvings,
+            "inverse_residual_max_voxel": mapped.inverse_residual_max_voxel,
+            "det_j_histogram": super::json(&mapped.det_j_histogram),
+        });
+        Ok(Product::new(Artefact::Displacement(mapped.displacement), metrics))
+    }
+}

@@ -1,0 +1,33 @@
+//! The adapters: each stage crate's function behind the [`Stage`](crate::Stage) trait.
+
+mod atf;
+mod boundary;
+mod deform;
+mod import;
+mod lattice;
+mod map;
+mod octree;
+mod refine;
+mod render;
+mod segment;
+mod warp;
+
+pub use atf::Atf;
+pub use boundary::Boundary;
+pub use deform::Deform;
+pub use import::{Import, ImportSource};
+pub use lattice::Lattice;
+pub use map::Map;
+pub use octree::Octree;
+pub use refine::Refine;
+pub use render::{Difference, Render};
+pub use segment::Segment;
+pub use warp::Warp;
+
+use serde::Serialize;
+use serde_json::Value;
+
+/// Parameters as JSON; plain structs always serialise.
+fn json(params: &impl Serialize) -> Value {
+    serde_json::to_value(params).expect("plain parameter structs serialise to JSON")
+}

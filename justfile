@@ -1,0 +1,40 @@
+# Short names for the project's commands. `cargo install just`, or `pip install rust-just`.
+
+# What is there.
+default:
+    @just --list
+
+# Format, lints and documentation, warnings as errors.
+check:
+    cargo fmt --all --check
+    cargo clippy --workspace --all-targets --locked -- -D warnings
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
+
+# All tests.
+test:
+    cargo test --workspace
+
+# The whole pipeline on a scene; on a generated head where none is named.
+pipeline scene="fixtures/scenes/head.toml" *args="":
+    cargo run --release -- pipeline {{scene}} --explain {{args}}
+
+# The main job on a generated head, no files needed.
+demo:
+    cargo run --release -- demo
+
+# Every scene on real volumes, where they are.
+scenes:
+    for scene in fixtures/scenes/*.toml; do echo "== $scene"; cargo run -q --release -- pipeline "$scene" --explain || echo "exit $?"; done
+
+# What the program writes and reads, held against other people's readers (Python, packages from PyPI).
+interop:
+    cargo build --release
+    bash tests/interop/run.sh target/release/ivd
+
+# Kernel benches.
+bench *args="":
+    cargo bench --workspace {{args}}
+
+# The documentation, in a browser.
+doc:
+    cargo doc --workspace --no-deps --open

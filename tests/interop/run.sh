@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# run.sh IVD: what the program writes and reads, held against other people's readers.
+# Needs Python 3; makes a virtual environment under target/ with packages from PyPI.
+set -euo pipefail
+ivd=$(realpath "${1:?usage: run.sh PATH_OF_IVD}")
+here=$(cd "$(dirname "$0")" && pwd)
+venv=${IVD_INTEROP_VENV:-$here/../../target/interop-venv}
+if [ ! -x "$venv/bin/python" ]; then python3 -m venv "$venv"; fi
+if ! "$venv/bin/python" -c 'import numpy, nibabel, SimpleITK, nrrd, vtk, trimesh, scipy, networkx' 2>/dev/null; then
+    "$venv/bin/pip" install -q --disable-pip-version-check -r "$here/requirements.txt"
+fi
+status=0
+for script in read_artefact volumes lattices pipeline; do
+    [ -f "$here/$script.py" ] || continue
+    echo "-- $script"
+    "$venv/bin/python" "$here/$script.py" "$ivd" || status=1
+done
+exit $status
