@@ -14,7 +14,7 @@ use crate::{ArtefactRef, ContentHash, Error, Kind, Provenance, canonical_json, h
 /// How the names of unfinished files begin.
 pub(crate) const TEMPORARY: &str = ".ivd-unfinished-";
 
-/// What [`write`] did.
+/// What [`write()`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Written {
     /// Content hash of the artefact.
@@ -42,10 +42,10 @@ pub fn write<'a>(
     write_with_metrics(path, artefact, provenance, &Value::Null)
 }
 
-/// As [`write`], with a small JSON of metrics beside the provenance. It is no part of the content hash.
+/// As [`write()`], with a small JSON of metrics beside the provenance. It is no part of the content hash.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_with_metrics<'a>(
     path: impl AsRef<Path>,
     artefact: impl Into<ArtefactRef<'a>>,
@@ -64,10 +64,10 @@ pub fn write_with_metrics<'a>(
     Ok(Written { hash, bytes: file_bytes, touched: true })
 }
 
-/// The content hash of a value, without a file: what [`write`] would return.
+/// The content hash of a value, without a file: what [`write()`] would return.
 ///
 /// # Errors
-/// [`Error::Unwritable`] for a value that [`write`] would refuse.
+/// [`Error::Unwritable`] for a value that [`write()`] would refuse.
 pub fn content_hash<'a>(artefact: impl Into<ArtefactRef<'a>>) -> Result<ContentHash, Error> {
     let artefact = artefact.into();
     let kind = artefact.kind();

@@ -1,5 +1,7 @@
 //! Damaged, cut and hostile files: an error that names the file, never a panic, never a large allocation.
 
+#![allow(clippy::unwrap_used, reason = "test values are sound")]
+
 use std::path::{Path, PathBuf};
 
 use ivd_artefact::{Error, Kind, is_artefact, open, peek, read, write};

@@ -56,9 +56,9 @@ fn every_voxel_type_comes_back() {
         Voxels::from((0..12).map(|i| i * 20).collect::<Vec<u8>>()),
         Voxels::from((0..12).map(|i| i * 11 - 60).collect::<Vec<i8>>()),
         Voxels::from((0..12).map(|i| i * 5000).collect::<Vec<u16>>()),
-        Voxels::from((0..12).map(|i| i * 4000 - 20000).collect::<Vec<i16>>()),
+        Voxels::from((0..12).map(|i| i * 2500 - 20000).collect::<Vec<i16>>()),
         Voxels::from((0..12).map(|i| i * 300_000_000).collect::<Vec<u32>>()),
-        Voxels::from((0..12).map(|i| i * 300_000_000 - 1_200_000_000).collect::<Vec<i32>>()),
+        Voxels::from((0..12).map(|i| i * 100_000_000 - 500_000_000).collect::<Vec<i32>>()),
         Voxels::from(
             (0..12).map(|i| if i == 3 { f32::NEG_INFINITY } else { i as f32 }).collect::<Vec<f32>>(),
         ),

@@ -1,5 +1,7 @@
 //! One small value of every kind, awkward where it can be: oblique grids, NaN voxels, open intervals.
 
+#![allow(clippy::unwrap_used, reason = "test values are sound")]
+
 use ivd_artefact::{Artefact, ContentHash, Kind, Provenance};
 use ivd_core::{
     Ball, Class, Displacement, ElementKey, FieldBricks, Frame, Grid, Image, Labels, Lattice, LatticeSource,
