@@ -1,0 +1,100 @@
+//! Where a cell lies in the padded grid, which way its ambiguous faces go, and where its vertices lie.
+
+use ivd_core::ElementKey;
+
+use super::cell::{self, CENTRE, EDGES, FACES};
+use super::samples::Samples;
+
+/// A cell of the grid padded by one voxel outside on every side: it spans the padded voxels `first` to `first + 1`.
+/// There are `n + 1` cells along an axis of `n` voxels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cell {
+    pub(super) dims: [usize; 3],
+    pub(super) first: [usize; 3],
+}
+
+impl Cell {
+    /// Padded voxel of a corner.
+    #[inline]
+    fn padded(&self, corner: u8) -> [usize; 3] {
+        let offset = cell::offset(corner);
+        std::array::from_fn(|a| self.first[a] + offset[a])
+    }
+
+    /// Linear index of the voxel at a corner; `None` in the border layer.
+    #[inline]
+    pub(super) fn voxel(&self, corner: u8) -> Option<usize> {
+        let [p, n] = [self.padded(corner), self.dims];
+        (0..3)
+            .all(|a| (1..=n[a]).contains(&p[a]))
+            .then(|| (p[0] - 1) + n[0] * ((p[1] - 1) + n[1] * (p[2] - 1)))
+    }
+
+    /// Signs of the eight corners, a bit each, set inside.
+    pub(super) fn case(&self, samples: &impl Samples) -> u8 {
+        (0..8).fold(0, |case, corner| {
+            case | u8::from(self.voxel(corner).is_some_and(|v| samples.inside(v))) << corner
+        })
+    }
+
+    /// The decisions about the ambiguous faces, packed: bit `k` is set where the inside corners of the `k`-th
+    /// ambiguous face are joined across it.
+    pub(super) fn joined(&self, samples: &impl Samples, case: u8, ambiguous: u8) -> u8 {
+        let mut rank = 0;
+        (0..6).filter(|f| ambiguous >> f & 1 == 1).fold(0, |joined, f| {
+            let bit = u8::from(self.joins(samples, case, FACES[f]));
+            rank += 1;
+            joined | bit << (rank - 1)
+        })
+    }
+
+    /// Asymptotic decider (Nielson and Hamann 1991): the inside corners of an ambiguous face are joined where the
+    /// bilinear function on it is positive at its saddle. With inside levels `a`, `c` ≥ 0 and outside ones `b`, `d` < 0
+    /// that is `a c > b d`. Equality, and a corner without a level, leave them apart. Both cells of a face compare the
+    /// same two products and so agree.
+    fn joins(&self, samples: &impl Samples, case: u8, face: [u8; 4]) -> bool {
+        let level = |corner: u8| self.voxel(corner).map_or(f64::NAN, |v| samples.level(v));
+        let [a, b, c, d] = face.map(level);
+        let first_inside = case >> face[0] & 1 == 1;
+        if first_inside { a * c > b * d } else { b * d > a * c }
+    }
+
+    /// Address of a vertex of this cell: that of a crossed edge, or of the cell itself.
+    #[inline]
+    pub(super) fn key(&self, element: u8) -> ElementKey {
+        if element == CENTRE {
+            return ElementKey::new(self.dims, self.first, 6);
+        }
+        let low = EDGES[usize::from(element)][0];
+        ElementKey::new(self.dims, self.padded(low), cell::axis(element) as u8)
+    }
+
+    /// Fraction of the way along a crossed edge; halfway into the border layer.
+    #[inline]
+    fn fraction(&self, samples: &impl Samples, edge: u8) -> f32 {
+        let [a, b] = EDGES[usize::from(edge)].map(|corner| self.voxel(corner));
+        a.zip(b).map_or(0.5, |(a, b)| samples.crossing(a, b))
+    }
+
+    /// Offset of a crossed edge's vertex from its own voxel.
+    #[inline]
+    pub(super) fn edge_place(&self, samples: &impl Samples, edge: u8) -> [f32; 3] {
+        let mut place = [0.0; 3];
+        place[cell::axis(edge)] = self.fraction(samples, edge);
+        place
+    }
+
+    /// Offset of the cell's own vertex: the mean of the loop around it. It lies strictly inside the cell, since no
+    /// loop lies in one face.
+    pub(super) fn centre_place(&self, samples: &impl Samples, fan: &[u8]) -> [f32; 3] {
+        let mut sum = [0.0_f64; 3];
+        for &edge in fan {
+            let low = cell::offset(EDGES[usize::from(edge)][0]);
+            for a in 0..3 {
+                sum[a] += low[a] as f64;
+            }
+            sum[cell::axis(edge)] += f64::from(self.fraction(samples, edge));
+        }
+        sum.map(|s| (s / fan.len() as f64) as f32)
+    }
+}

@@ -1,0 +1,187 @@
+//! Triangles of a cell for every sign case and every decision about its ambiguous faces.
+//!
+//! The table is built by code from the cell's geometry: face arcs → loops → triangles. Its one rule makes the mesh
+//! manifold whatever the field: no triangle has an edge inside a face of the cell other than the face's own arcs,
+//! since the neighbour across that face might use the same edge. Loops that can't be triangulated so get a vertex of
+//! their own in the cell's middle; no case has two such loops.
+
+use std::sync::LazyLock;
+
+use super::cell::{self, CENTRE, EDGES};
+
+/// How the surface crosses a cell of one case.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Crossing {
+    /// Corners of the triangles: edges 0…11, or [`CENTRE`]; counter-clockwise from outside on a right-handed grid.
+    pub(super) triangles: Vec<[u8; 3]>,
+    /// Edges of the loop that has a vertex in its middle; empty in most cases.
+    pub(super) fan: Vec<u8>,
+}
+
+/// All cases.
+#[derive(Debug)]
+pub(super) struct CaseTable {
+    /// First crossing of each case; the decisions of its ambiguous faces, packed, count from there.
+    first: [u16; 256],
+    /// Ambiguous faces of each case, a bit each.
+    pub(super) ambiguous: [u8; 256],
+    crossings: Vec<Crossing>,
+}
+
+/// The table, built at its first use.
+pub(super) static CASES: LazyLock<CaseTable> = LazyLock::new(CaseTable::build);
+
+impl CaseTable {
+    fn build() -> Self {
+        let mut table = Self { first: [0; 256], ambiguous: [0; 256], crossings: Vec::new() };
+        for case in 0..=255_u8 {
+            let faces = cell::ambiguous_faces(case);
+            table.first[usize::from(case)] = table.crossings.len() as u16;
+            table.ambiguous[usize::from(case)] = faces;
+            for packed in 0..1_u8 << faces.count_ones() {
+                table.crossings.push(cross(case, unpack(packed, faces)));
+            }
+        }
+        table
+    }
+
+    /// The crossing of a case. Bit `k` of `joined` is the decision about the `k`-th of its ambiguous faces.
+    #[inline]
+    pub(super) fn crossing(&self, case: u8, joined: u8) -> &Crossing {
+        &self.crossings[usize::from(self.first[usize::from(case)]) + usize::from(joined)]
+    }
+}
+
+/// Spreads the low bits of `packed` over the bits set in `faces`.
+fn unpack(packed: u8, faces: u8) -> u8 {
+    let mut rank = 0;
+    (0..6).filter(|f| faces >> f & 1 == 1).fold(0, |joined, f| {
+        let bit = packed >> rank & 1;
+        rank += 1;
+        joined | bit << f
+    })
+}
+
+fn cross(case: u8, joined: u8) -> Crossing {
+    let mut crossing = Crossing::default();
+    for ring in cell::loops(case, joined) {
+        if let Some(triangles) = triangulate(&ring) {
+            crossing.triangles.extend(triangles);
+        } else {
+            assert!(crossing.fan.is_empty(), "two loops of case {case} need the cell's one vertex");
+            let next = ring.iter().cycle().skip(1);
+            crossing.triangles.extend(ring.iter().zip(next).map(|(&a, &b)| [a, b, CENTRE]));
+            crossing.fan = ring;
+        }
+    }
+    crossing
+}
+
+/// Best triangulation of part of a loop: its cost and triangles.
+type Best = Option<(i32, Vec<[u8; 3]>)>;
+
+/// Triangles between the vertices of a loop, without an edge across a face; `None` where there is no such
+/// triangulation. Among several, the one of least sum of squared areas with all crossings at their edges' middles
+/// (minimum weight triangulation by dynamic programming, Klincsek 1980).
+fn triangulate(ring: &[u8]) -> Option<Vec<[u8; 3]>> {
+    let n = ring.len();
+    let allowed = |i: usize, j: usize| j - i == 1 || j - i == n - 1 || !cell::share_face(ring[i], ring[j]);
+    // best[i][j]: the part of the loop from i to j, closed by the edge (i, j).
+    let mut best: Vec<Vec<Best>> = vec![vec![None; n]; n];
+    for span in 1..n {
+        for i in 0..n - span {
+            let j = i + span;
+            if !allowed(i, j) {
+                continue;
+            }
+            if span == 1 {
+                best[i][j] = Some((0, Vec::new()));
+                continue;
+            }
+            for k in i + 1..j {
+                let (Some(left), Some(right)) = (&best[i][k], &best[k][j]) else { continue };
+                let cost = left.0 + right.0 + squared_area(ring[i], ring[k], ring[j]);
+                if best[i][j].as_ref().is_none_or(|b| cost < b.0) {
+                    let mut triangles = [left.1.as_slice(), &right.1].concat();
+                    triangles.push([ring[i], ring[k], ring[j]]);
+                    best[i][j] = Some((cost, triangles));
+                }
+            }
+        }
+    }
+    best[0][n - 1].take().map(|b| b.1)
+}
+
+/// Sixty-four times the squared area of the triangle between the middles of three edges.
+fn squared_area(a: u8, b: u8, c: u8) -> i32 {
+    let [p, q, r] = [a, b, c].map(|e| {
+        let [low, high] = EDGES[usize::from(e)].map(|corner| cell::offset(corner).map(|v| v as i32));
+        [low[0] + high[0], low[1] + high[1], low[2] + high[2]]
+    });
+    let [u, v]: [[i32; 3]; 2] = [q, r].map(|to| std::array::from_fn(|k| to[k] - p[k]));
+    let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    cross.iter().map(|c| c * c).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    fn all() -> impl Iterator<Item = (u8, u8, &'static Crossing)> {
+        (0..=255_u8).flat_map(|case| {
+            let faces = CASES.ambiguous[usize::from(case)];
+            (0..1_u8 << faces.count_ones())
+                .map(move |packed| (case, unpack(packed, faces), CASES.crossing(case, packed)))
+        })
+    }
+
+    #[test]
+    fn there_are_656_cases_of_at_most_12_triangles() {
+        assert_eq!(all().count(), 656);
+        assert_eq!(all().map(|(_, _, c)| c.triangles.len()).max(), Some(12));
+        assert_eq!(all().filter(|(_, _, c)| !c.fan.is_empty()).count(), 116);
+    }
+
+    #[test]
+    fn the_border_of_a_cells_triangles_is_its_face_arcs() {
+        for (case, joined, crossing) in all() {
+            let mut edges = BTreeMap::new();
+            for t in &crossing.triangles {
+                for k in 0..3 {
+                    assert!(edges.insert((t[k], t[(k + 1) % 3]), ()).is_none(), "case {case}: edge twice");
+                }
+            }
+            let border: Vec<(u8, u8)> =
+                edges.keys().copied().filter(|&(a, b)| !edges.contains_key(&(b, a))).collect();
+            let mut arcs: Vec<(u8, u8)> = cell::loops(case, joined)
+                .iter()
+                .flat_map(|r| (0..r.len()).map(|i| (r[i], r[(i + 1) % r.len()])).collect::<Vec<_>>())
+                .collect();
+            arcs.sort_unstable();
+            assert_eq!(border, arcs, "case {case}, joined {joined}");
+        }
+    }
+
+    #[test]
+    fn no_inner_edge_lies_in_a_face() {
+        for (case, _, crossing) in all() {
+            for t in &crossing.triangles {
+                for k in 0..3 {
+                    let (a, b) = (t[k], t[(k + 1) % 3]);
+                    let inner =
+                        crossing.triangles.iter().any(|o| (0..3).any(|m| (o[m], o[(m + 1) % 3]) == (b, a)));
+                    assert!(!inner || a == CENTRE || b == CENTRE || !cell::share_face(a, b), "case {case}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_corner_inside_is_seen_counter_clockwise_from_outside() {
+        let t = CASES.crossing(1, 0).triangles[0];
+        let axes = t.map(cell::axis);
+        assert!([[0, 1, 2], [1, 2, 0], [2, 0, 1]].contains(&axes), "{t:?}");
+    }
+}
