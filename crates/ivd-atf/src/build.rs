@@ -1,4 +1,4 @@
-use ivd_core::{Exec, Labels, NO_DATA, TransferEntry, TransferFunction, Volume};
+use ivd_core::{Exec, Grid, Labels, NO_DATA, TransferEntry, TransferFunction, Volume};
 
 use crate::edges::{Hill, Window, windows};
 use crate::statistics::{ClassStatistics, measure};
@@ -18,6 +18,11 @@ pub struct Built {
 /// Number of reference lengths in the side of a cube of the volume's size: the same scan at twice the resolution gives the
 /// same picture, and a 256³ volume has a reference of two voxels.
 const REFERENCES: f64 = 128.0;
+
+/// Length over which opacities hold on a grid [mm].
+pub(crate) fn reference_mm(grid: &Grid) -> f64 {
+    (grid.voxel_volume() * grid.len() as f64).cbrt() / REFERENCES
+}
 
 /// A class on its way to an entry.
 struct Candidate {
@@ -168,8 +173,7 @@ fn tabulate(
         table.extend((0..resolution).map(|i| [r, g, b, entry.opacity * window.weight(value(i)) as f32]));
     }
     let classes = std::iter::once(NO_DATA).chain(entries.iter().map(|e| e.class)).collect();
-    let grid = volume.grid();
-    let reference = (grid.voxel_volume() * grid.len() as f64).cbrt() / REFERENCES;
+    let reference = reference_mm(volume.grid());
     let opacities = || entries.iter().map(|e| e.opacity);
     let lowest = opacities().fold(f32::INFINITY, f32::min);
     let opacity_range = if entries.is_empty() { [0.0; 2] } else { [lowest, opacities().fold(0.0, f32::max)] };

@@ -16,6 +16,8 @@
 //! - `edges`: posterior crossings and the soft windows between them.
 //! - `palette`: colours.
 //!
+//! A volume of which only an isovalue is known gets its transfer function from [`from_isovalue`].
+//!
 //! ```
 //! use ivd_core::{Class, Exec, Grid, Labels, Volume, Voxels};
 //!
@@ -42,10 +44,12 @@
 mod build;
 mod edges;
 mod error;
+mod isovalue;
 mod palette;
 mod params;
 mod statistics;
 
 pub use build::{Built, transfer};
 pub use error::Error;
+pub use isovalue::from_isovalue;
 pub use params::Params;

@@ -1,0 +1,82 @@
+use ivd_core::{Error as CoreError, Exec, NO_DATA, TransferEntry, TransferFunction, Volume};
+
+use crate::build::reference_mm;
+use crate::{Built, Error, Params, palette};
+
+/// Share of the value range over which opacity rises at the isovalue.
+const RISE: f64 = 1.0 / 64.0;
+
+/// A transfer function for a volume of which only an isovalue is known: clear below, one colour above, with no pass
+/// over the voxels but their range. A scene that gives its isovalue needs no segmentation to be drawn.
+///
+/// Opacity rises linearly over 1/64 of the volume's range, centred on `iso` (a real value).
+///
+/// # Errors
+/// [`Error::Param`]; [`Error::Core`] for an isovalue that isn't finite.
+pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) -> Result<Built, Error> {
+    params.check()?;
+    if !iso.is_finite() {
+        return Err(
+            CoreError::Inconsistent { what: "isovalue", problem: format!("{iso} is not finite") }.into()
+        );
+    }
+    let range = exec.run(|| volume.range()).unwrap_or([0.0, 0.0]);
+    let half = 0.5 * RISE * (range[1] - range[0]);
+    let value = |i: usize| range[0] + (range[1] - range[0]) * (i as f64 / (params.resolution - 1) as f64);
+    let weight = |v: f64| {
+        if half > 0.0 {
+            ((v - iso) / (2.0 * half) + 0.5).clamp(0.0, 1.0)
+        } else {
+            f64::from(u8::from(v >= iso))
+        }
+    };
+    let [r, g, b] = palette::colour(0);
+    let table =
+        (0..params.resolution).map(|i| [r, g, b, params.max_opacity * weight(value(i)) as f32]).collect();
+    let entry = TransferEntry {
+        class: NO_DATA,
+        rgb: [r, g, b],
+        opacity: params.max_opacity,
+        lower: iso,
+        upper: range[1],
+        softness: half,
+    };
+    let transfer = TransferFunction::new(
+        range,
+        params.resolution,
+        reference_mm(volume.grid()),
+        vec![NO_DATA],
+        table,
+        vec![entry],
+    )?;
+    Ok(Built { transfer, entries: 1, opacity_range: [0.0, params.max_opacity] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ivd_core::{Grid, Voxels};
+
+    #[test]
+    fn clear_below_half_at_and_opaque_above_the_isovalue() {
+        let grid = Grid::with_spacing([256, 1, 1], [1.0; 3]).unwrap();
+        let volume = Volume::new(grid, Voxels::from((0..=255).collect::<Vec<u8>>())).unwrap();
+        let params = Params { resolution: 4096, max_opacity: 0.8, ..Params::default() };
+        let built = from_isovalue(&volume, 100.0, &params, &Exec::default()).unwrap();
+        let opacity = |v: f64| built.transfer.sample(0, v)[3];
+        assert_eq!((opacity(90.0), opacity(110.0)), (0.0, 0.8));
+        assert!((opacity(100.0) - 0.4).abs() < 0.02);
+        assert!(from_isovalue(&volume, f64::NAN, &params, &Exec::default()).is_err());
+    }
+
+    #[test]
+    fn a_constant_volume_is_either_seen_or_not() {
+        let grid = Grid::with_spacing([2, 2, 2], [1.0; 3]).unwrap();
+        let volume = Volume::new(grid, Voxels::from(vec![7_u8; 8])).unwrap();
+        let at = |iso| {
+            from_isovalue(&volume, iso, &Params::default(), &Exec::default()).unwrap().transfer.sample(0, 7.0)
+                [3]
+        };
+        assert_eq!((at(8.0), at(7.0)), (0.0, Params::default().max_opacity));
+    }
+}
