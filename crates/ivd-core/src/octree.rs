@@ -107,13 +107,22 @@ impl Octree {
             return Err(bad(format!("depth {}, {} nodes", self.depth, self.nodes.len())));
         }
         let slots = self.leaf_start.len().saturating_sub(1);
-        for i in 0..self.nodes.len() as u32 {
-            match self.node(i) {
-                // Breadth-first order: children come later, so a walk always ends.
-                OctreeNode::Internal { first_child }
-                    if first_child <= i || first_child as usize + 8 > self.nodes.len() =>
-                {
-                    return Err(bad(format!("node {i} has its children at {first_child}")));
+        // Breadth-first order: each internal node's children are the next eight, so a walk always ends and every node
+        // has one parent. `level_end` is the first node of the next level.
+        let (mut next, mut level, mut level_end) = (1_usize, 0_u8, 1_usize);
+        for i in 0..self.nodes.len() {
+            if i == level_end {
+                (level, level_end) = (level + 1, next);
+            }
+            match self.node(i as u32) {
+                OctreeNode::Internal { first_child } => {
+                    if first_child as usize != next || next + 8 > self.nodes.len() {
+                        return Err(bad(format!("node {i} has its children at {first_child}, not {next}")));
+                    }
+                    if level == self.depth {
+                        return Err(bad(format!("node {i} has children below depth {level}")));
+                    }
+                    next += 8;
                 }
                 OctreeNode::Surface { slot } if slot as usize >= slots => {
                     return Err(bad(format!("node {i} names surface leaf {slot} of {slots}")));
@@ -121,7 +130,11 @@ impl Octree {
                 _ => {}
             }
         }
-        if self.leaf_start.windows(2).any(|w| w[0] > w[1])
+        if next != self.nodes.len() {
+            return Err(bad(format!("{} nodes, {next} of them in the tree", self.nodes.len())));
+        }
+        if self.leaf_start.first().is_some_and(|&first| first != 0)
+            || self.leaf_start.windows(2).any(|w| w[0] > w[1])
             || self.leaf_start.last().copied().unwrap_or(0) as usize != self.leaf_triangles.len()
         {
             return Err(bad("leaf runs don't cover the triangle list".into()));
@@ -150,5 +163,41 @@ impl Octree {
                 leaf => return (index, level, leaf),
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tree(depth: u8, nodes: &[OctreeNode]) -> Octree {
+        Octree {
+            grid: Grid::with_spacing([3, 3, 3], [1.0; 3]).unwrap(),
+            depth,
+            nodes: nodes.iter().map(|&n| Octree::pack(n)).collect(),
+            leaf_start: vec![0, 1],
+            leaf_triangles: vec![0],
+            triangle_count: 1,
+            vertex_count: 3,
+        }
+    }
+
+    #[test]
+    fn trees_that_a_walk_could_leave_or_get_lost_in_are_refused() {
+        let leaves = |n: usize| vec![OctreeNode::Outside; n];
+        let internal = |first_child| OctreeNode::Internal { first_child };
+        let with = |head: &[OctreeNode], n| [head, &leaves(n)].concat();
+        let two_levels = with(&[internal(1), internal(9)], 15);
+        assert!(tree(2, &two_levels).check().is_ok());
+        assert!(tree(1, &two_levels).check().is_err(), "deeper than it says: a walk would run out of bits");
+        assert!(tree(2, &with(&[internal(1), internal(1)], 15)).check().is_err(), "two parents");
+        assert!(tree(2, &with(&[internal(2)], 9)).check().is_err(), "a node between parent and children");
+        assert!(tree(2, &with(&[internal(1)], 9)).check().is_err(), "a node without a parent");
+        assert!(tree(2, &with(&[internal(1)], 7)).check().is_err(), "a missing child");
+        assert!(tree(2, &[OctreeNode::Surface { slot: 1 }]).check().is_err(), "no such leaf");
+        let mut late = tree(2, &[OctreeNode::Surface { slot: 0 }]);
+        assert!(late.check().is_ok());
+        late.leaf_start = vec![1, 1];
+        assert!(late.check().is_err(), "a triangle before the first leaf");
     }
 }
