@@ -71,7 +71,7 @@ fn an_entry_under_a_wrong_name_is_not_believed() {
 fn pruning_keeps_what_was_used_last_and_clears_what_was_left_behind() {
     let folder = tempfile::tempdir().unwrap();
     let cache = Cache::open(folder.path()).unwrap();
-    let hour = Duration::from_secs(3600);
+    let hour = Duration::from_hours(1);
     let age = |path: &std::path::Path, hours: u32| {
         let file = std::fs::File::options().append(true).open(path).unwrap();
         file.set_modified(SystemTime::now() - hour * hours).unwrap();
