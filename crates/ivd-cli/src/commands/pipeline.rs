@@ -9,7 +9,7 @@ use crate::args::Pipeline;
 use crate::context::Context;
 
 /// The scene of the demo: a generated head, its brain pushed in from the left.
-const DEMO: &str = include_str!("demo.toml");
+const DEMO: &str = include_str!("../../../../fixtures/scenes/head.toml");
 
 /// `ivd demo`.
 pub(super) fn demo(out: &Path, context: &Context) -> anyhow::Result<()> {
