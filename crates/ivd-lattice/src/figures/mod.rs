@@ -61,9 +61,9 @@ pub struct Figures {
     pub components: u64,
     /// Handles of all components together; only a closed, oriented manifold has them.
     pub genus: Option<u64>,
-    /// Area [mm²].
+    /// Area (mm²).
     pub area_mm2: f64,
-    /// Enclosed volume [mm³]: positive where triangles are counter-clockwise from outside. It means something for a
+    /// Enclosed volume (mm³): positive where triangles are counter-clockwise from outside. It means something for a
     /// closed mesh only.
     pub volume_mm3: f64,
 }
@@ -141,7 +141,7 @@ fn components(lattice: &Lattice) -> u64 {
     sets
 }
 
-/// Area [mm²], enclosed volume [mm³], degenerate triangles.
+/// Area (mm²), enclosed volume (mm³), degenerate triangles.
 fn extent(lattice: &Lattice) -> (f64, f64, u64) {
     let positions = lattice.local_positions();
     let centre = middle(&positions);

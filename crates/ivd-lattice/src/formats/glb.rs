@@ -12,7 +12,7 @@ const CHUNK_HEAD: u64 = 8;
 const TO_GLTF: [f64; 16] =
     [-1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-3, 0.0, 0.0, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 
-/// GLB counts bytes in 32 bits. Returns what f32 rounds away [mm] of the positions relative to their node.
+/// GLB counts bytes in 32 bits. Returns what f32 rounds away (mm) of the positions relative to their node.
 pub(super) fn check(mesh: &Mesh) -> Result<f64, Error> {
     let bytes = binary_bytes(mesh) + 4096;
     if u32::try_from(bytes).is_err() {
@@ -26,7 +26,7 @@ pub(super) fn check(mesh: &Mesh) -> Result<f64, Error> {
     Ok(f32_rounding(relative.iter()))
 }
 
-/// One mesh under two nodes: the inner one carries the offset [mm], the root turns mm, RAS, to metres, y up.
+/// One mesh under two nodes: the inner one carries the offset (mm), the root turns mm, RAS, to metres, y up.
 pub(super) fn write(file: &mut dyn Write, mesh: &Mesh) -> io::Result<()> {
     let centre = centre(mesh);
     let mut description = serde_json::to_vec(&describe(mesh, centre))?;
@@ -57,7 +57,7 @@ fn binary_bytes(mesh: &Mesh) -> u64 {
     12 * (mesh.positions.len() as u64 + mesh.lattice.triangles.len() as u64)
 }
 
-/// Middle of the bounding box [mm].
+/// Middle of the bounding box (mm).
 fn centre(mesh: &Mesh) -> Vector3<f64> {
     let Some(first) = mesh.positions.first() else { return Vector3::zeros() };
     let (lo, hi) = mesh.positions.iter().fold((*first, *first), |(lo, hi), p| (lo.inf(p), hi.sup(p)));

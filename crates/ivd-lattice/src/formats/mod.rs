@@ -28,7 +28,7 @@ use crate::Error;
 pub struct Written {
     /// Whether the file is new or changed; `false` where it held the same bytes already.
     pub touched: bool,
-    /// Largest difference between a coordinate and what the format holds of it [mm].
+    /// Largest difference between a coordinate and what the format holds of it (mm).
     pub rounding_mm: f64,
 }
 
@@ -69,7 +69,7 @@ impl Format {
 /// Vertices and triangles on their way into a file.
 struct Mesh<'a> {
     lattice: &'a Lattice,
-    /// World positions [mm], RAS.
+    /// World positions (mm), RAS.
     positions: Vec<Vector3<f64>>,
 }
 
@@ -84,7 +84,7 @@ pub fn write(path: &Path, lattice: &Lattice) -> Result<Written, Error> {
 
 /// Writes a lattice whose vertices are displaced.
 ///
-/// - `displacement`: of each vertex [mm], RAS, shape `[vertex_count, 3]`.
+/// - `displacement`: of each vertex (mm), RAS, shape `[vertex_count, 3]`.
 ///
 /// # Errors
 /// As [`write()`]; [`ivd_core::Error::Inconsistent`] where the displacement's length isn't the lattice's or a vector
@@ -138,7 +138,7 @@ fn put<const N: usize, const B: usize, T: Copy>(
     file.write_all(values.map(bytes).as_flattened())
 }
 
-/// Largest change [mm] of a coordinate by rounding it to f32.
+/// Largest change (mm) of a coordinate by rounding it to f32.
 fn f32_rounding<'a>(positions: impl Iterator<Item = &'a Vector3<f64>>) -> f64 {
     positions.flat_map(|p| p.iter()).map(|&c| (f64::from(c as f32) - c).abs()).fold(0.0, f64::max)
 }

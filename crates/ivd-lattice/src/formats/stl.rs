@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::{Mesh, f32_rounding, put};
 use crate::Error;
 
-/// STL counts triangles in 32 bits. Returns what f32 rounds away [mm].
+/// STL counts triangles in 32 bits. Returns what f32 rounds away (mm).
 pub(super) fn check(mesh: &Mesh) -> Result<f64, Error> {
     let triangles = mesh.lattice.triangles.len();
     if u32::try_from(triangles).is_err() {

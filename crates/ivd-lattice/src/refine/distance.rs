@@ -1,0 +1,108 @@
+//! Closest points between points, segments and triangles (Ericson 2005, sections 5.1.5 and 5.1.9).
+
+use nalgebra::Vector3;
+
+type Point = Vector3<f64>;
+
+/// Point of triangle `abc` closest to `p`. A triangle without area is taken as its edges.
+pub(super) fn closest_on_triangle(p: &Point, [a, b, c]: [&Point; 3]) -> Point {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return *a;
+    }
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(&bp), ac.dot(&bp));
+    if d3 >= 0.0 && d4 <= d3 {
+        return *b;
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * share(d1, d1 - d3);
+    }
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(&cp), ac.dot(&cp));
+    if d6 >= 0.0 && d5 <= d6 {
+        return *c;
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * share(d2, d2 - d6);
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        return b + (c - b) * share(d4 - d3, (d4 - d3) + (d5 - d6));
+    }
+    let sum = va + vb + vc;
+    a + ab * share(vb, sum) + ac * share(vc, sum)
+}
+
+/// `part / whole` in 0…1, and 0 where the whole is nothing.
+fn share(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// Parameter in 0…1 of the point of segment `a + s (b - a)` closest to `p`.
+pub(super) fn closest_on_segment(p: &Point, a: &Point, b: &Point) -> f64 {
+    let d = b - a;
+    share((p - a).dot(&d).max(0.0), d.norm_squared())
+}
+
+/// Parameter `s` in 0…1 at which segment `a + s (b - a)` comes closest to segment `c d`.
+pub(super) fn closest_approach(a: &Point, b: &Point, c: &Point, d: &Point) -> f64 {
+    let (u, v, w) = (b - a, d - c, a - c);
+    let (uu, uv, vv) = (u.norm_squared(), u.dot(&v), v.norm_squared());
+    let (uw, vw) = (u.dot(&w), v.dot(&w));
+    let area = uu * vv - uv * uv;
+    if area <= 1e-14 * uu * vv {
+        // Parallel: any end of the overlap serves.
+        return closest_on_segment(c, a, b);
+    }
+    let s = ((uv * vw - vv * uw) / area).clamp(0.0, 1.0);
+    // The best t for this s, clamped, and the best s for that t.
+    let t = share((s * uv + vw).max(0.0), vv);
+    share((t * uv - uw).max(0.0), uu)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lattice_of_points() -> impl Iterator<Item = Point> {
+        (0..343).map(|i| {
+            Point::new((i % 7) as f64, (i / 7 % 7) as f64, (i / 49) as f64) * 0.9 - Point::repeat(2.3)
+        })
+    }
+
+    #[test]
+    fn closest_points_beat_every_sampled_point_of_the_triangle() {
+        let corners = [Point::new(0.0, 0.0, 0.2), Point::new(1.5, 0.3, 0.0), Point::new(-0.4, 1.1, 0.5)];
+        for p in lattice_of_points() {
+            let found = (closest_on_triangle(&p, [&corners[0], &corners[1], &corners[2]]) - p).norm();
+            let mut least = f64::INFINITY;
+            for i in 0..=60 {
+                for j in 0..=60 - i {
+                    let (s, t) = (i as f64 / 60.0, j as f64 / 60.0);
+                    let q = corners[0] * (1.0 - s - t) + corners[1] * s + corners[2] * t;
+                    least = least.min((q - p).norm());
+                }
+            }
+            assert!(found <= least + 1e-12 && found >= least - 0.05, "{p:?}: {found} against {least}");
+        }
+    }
+
+    #[test]
+    fn closest_approach_beats_every_sampled_pair_of_the_segments() {
+        let (c, d) = (Point::new(0.1, -0.7, 0.2), Point::new(0.4, 0.9, 0.3));
+        for a in lattice_of_points() {
+            let b = Point::new(0.3, 0.2, -0.1) - a * 0.4;
+            let x = a + (b - a) * closest_approach(&a, &b, &c, &d);
+            let y = c + (d - c) * closest_on_segment(&x, &c, &d);
+            let sampled = (0..=200).map(|i| {
+                let x = a + (b - a) * (i as f64 / 200.0);
+                (x - c - (d - c) * closest_on_segment(&x, &c, &d)).norm()
+            });
+            assert!((x - y).norm() <= sampled.fold(f64::INFINITY, f64::min) + 1e-9);
+        }
+    }
+}

@@ -1,0 +1,94 @@
+use ivd_core::ParamError;
+use serde::{Deserialize, Serialize};
+
+/// How a lattice is refined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Half-edge collapse in the order of quadric error.
+    #[default]
+    Collapse,
+}
+
+/// How far a lattice is refined.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Target {
+    /// Levels below the input: level `L` keeps 4⁻ᴸ of the vertices; 0 keeps all.
+    Level(u8),
+    /// Share of the input's triangles to keep, 0…1.
+    Ratio(f64),
+    /// As few as keep [`Refined::max_error_mm`](super::Refined::max_error_mm) within this bound (mm), ≥ 0.
+    MaxError(f64),
+}
+
+impl Default for Target {
+    fn default() -> Self {
+        Self::Level(2)
+    }
+}
+
+/// Parameters of [`collapse`](super::collapse).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RefineParams {
+    /// How vertices are chosen.
+    pub method: Method,
+    /// How far to go.
+    pub target: Target,
+    /// Most that one collapse may turn a triangle (degrees), above 0 and below 180.
+    pub max_turn_degrees: f64,
+    /// Weight of the squared length of a collapse against its squared distance from the planes it leaves; ≥ 0, no unit.
+    /// A little of it keeps triangles from growing thin where the surface is flat; much of it costs accuracy.
+    pub shape_weight: f64,
+}
+
+impl Default for RefineParams {
+    fn default() -> Self {
+        Self {
+            method: Method::Collapse,
+            target: Target::default(),
+            max_turn_degrees: 75.0,
+            shape_weight: 1e-3,
+        }
+    }
+}
+
+impl RefineParams {
+    /// Checks every field's domain.
+    ///
+    /// # Errors
+    /// [`ParamError`] names the first field outside its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        match self.target {
+            Target::Level(_) => {}
+            Target::Ratio(ratio) if (0.0..=1.0).contains(&ratio) => {}
+            Target::Ratio(ratio) => {
+                return Err(ParamError::new(
+                    "ratio",
+                    format!("{ratio} of the triangles"),
+                    "give a number from 0 to 1",
+                ));
+            }
+            Target::MaxError(mm) if mm.is_finite() && mm >= 0.0 => {}
+            Target::MaxError(mm) => {
+                return Err(ParamError::new(
+                    "max_error",
+                    format!("{mm} mm"),
+                    "give a length of 0 mm or more",
+                ));
+            }
+        }
+        if !(self.max_turn_degrees > 0.0 && self.max_turn_degrees < 180.0) {
+            return Err(ParamError::new(
+                "max_turn_degrees",
+                format!("{} degrees", self.max_turn_degrees),
+                "give an angle above 0 and below 180 degrees",
+            ));
+        }
+        if !(self.shape_weight.is_finite() && self.shape_weight >= 0.0) {
+            return Err(ParamError::new("shape_weight", format!("{}", self.shape_weight), "give 0 or more"));
+        }
+        Ok(())
+    }
+}
