@@ -1,1 +1,39 @@
-//! To be written.
+//! Segmentation: every voxel gets the class that its value belongs to.
+//!
+//! - [`kmvs`] (k-means volume segmentation) finds the K classes of least inertia. On intensity alone this has an exact
+//!   answer, and this crate gives it: the **global** optimum, not what some start happened to reach.
+//! - [`threshold`] cuts at given values.
+//!
+//! Both give a [`Segmentation`]: labels (0 is no data, 1…K in the order of the class means) with the classes' means,
+//! spreads, sizes and the values where neighbouring classes meet.
+//!
+//! How `kmvs` works: an 8 or 16 bit volume is counted into a histogram, in parallel; the optimal cuts of the histogram come
+//! from dynamic programming with divide and conquer, in exact integers; a look-up table labels the voxels. Each voxel is
+//! touched twice. Other types are sorted, and only the places where an optimal cut can still lie are looked at more closely,
+//! until none is left (see the `kmvs` module).
+//!
+//! ```
+//! use ivd_core::{Exec, Grid, Volume, Voxels};
+//! use ivd_segment::{KmvsParams, kmvs};
+//!
+//! let grid = Grid::with_spacing([3, 2, 1], [1.0; 3]).unwrap();
+//! let volume = Volume::new(grid, Voxels::from(vec![0_u8, 1, 100, 103, 2, 101])).unwrap();
+//! let found = kmvs(&volume, None, &KmvsParams { k: 2, ..KmvsParams::default() }, &Exec::default()).unwrap();
+//! assert_eq!(found.labels.ids(), [1, 1, 2, 2, 1, 2]);
+//! assert_eq!(found.labels.classes()[0].mean, 1.0);
+//! assert_eq!(found.gap, 0.0);
+//! ```
+#![forbid(unsafe_code)]
+
+mod error;
+mod groups;
+mod histogram;
+mod kmvs;
+mod labelling;
+mod segmentation;
+mod threshold;
+
+pub use error::Error;
+pub use kmvs::{KmvsParams, kmvs};
+pub use segmentation::Segmentation;
+pub use threshold::{ThresholdParams, threshold};

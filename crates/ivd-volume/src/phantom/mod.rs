@@ -181,8 +181,11 @@ fn typed<T: Scalar>(params: &Params, scale: f64, exec: &Exec) -> Result<Phantom,
             let mut tally = Tally::default();
             for (i, (voxel, id)) in voxels.iter_mut().zip(ids.iter_mut()).enumerate() {
                 let (clean, label) = sampler.at([i % n, i / n, z]);
-                let seen =
-                    if sd > 0.0 { noise::rician(clean, sd, params.seed, (z * n * n + i) as u64) } else { clean };
+                let seen = if sd > 0.0 {
+                    noise::rician(clean, sd, params.seed, (z * n * n + i) as u64)
+                } else {
+                    clean
+                };
                 *voxel = T::from_f64(seen.clamp(0.0, 1.0) * scale);
                 *id = label;
                 tally.add(label, voxel.to_f64());

@@ -1,7 +1,7 @@
 use super::*;
 
 fn make(shape: Shape, size: usize, voxel_type: VoxelType, noise: Option<f64>) -> Phantom {
-    let params = Params { shape, size, voxel_type, noise, ..Params::default() };
+    let params = Params { shape, size, noise, voxel_type, ..Params::default() };
     generate(&params, &Exec::default()).unwrap()
 }
 

@@ -1,0 +1,24 @@
+use ivd_core::{Fault, ParamError};
+
+/// Why a volume could not be segmented.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// A failure that any stage can meet.
+    #[error(transparent)]
+    Core(#[from] ivd_core::Error),
+}
+
+impl From<ParamError> for Error {
+    fn from(error: ParamError) -> Self {
+        Self::Core(error.into())
+    }
+}
+
+impl Error {
+    /// What kind of failure it is.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Core(error) => error.fault(),
+        }
+    }
+}
