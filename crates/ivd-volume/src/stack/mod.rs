@@ -76,11 +76,6 @@ struct Slices<K> {
     foreign: Vec<PathBuf>,
 }
 
-/// Whether a folder holds pictures that [`read_folder`] would read.
-pub(crate) fn looks_like_pictures(dir: &Path) -> bool {
-    regular_files(dir).is_ok_and(|files| files.iter().any(|f| matches!(kind_of(f), Ok(Some(_)))))
-}
-
 fn kind_of(path: &Path) -> Result<Option<Kind>, Error> {
     let head = bounded::head(path, 8)?;
     Ok(match head.as_slice() {
