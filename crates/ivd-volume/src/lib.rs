@@ -7,18 +7,26 @@
 #![forbid(unsafe_code)]
 
 mod bounded;
+mod data;
 pub mod dicom;
 mod error;
+mod field;
+mod frames;
+mod metaimage;
+mod nifti;
+mod nrrd;
 mod order;
 pub mod phantom;
 mod raw;
 mod read;
 mod space;
 pub mod stack;
+mod stored;
 pub mod vti;
 mod write;
 
 pub use error::Error;
+pub use field::{FieldDirection, write_field};
 pub use order::ByteOrder;
 pub use raw::RawLayout;
 pub use read::{ReadOptions, read, sources};

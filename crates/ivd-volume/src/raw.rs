@@ -1,7 +1,12 @@
-use ivd_core::VoxelType;
+use std::path::Path;
+
+use ivd_core::{Exec, Volume, VoxelType};
 use serde::{Deserialize, Serialize};
 
-use crate::ByteOrder;
+use crate::data::{DataFile, Encoding, Start};
+use crate::stored::FileType;
+use crate::write::{Values, replace};
+use crate::{ByteOrder, Error, Written, bounded, space};
 
 /// How a file without a header is laid out; x fastest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -24,4 +29,26 @@ pub struct RawLayout {
 
 fn unit_spacing() -> [f64; 3] {
     [1.0; 3]
+}
+
+/// Reads a file without a header.
+pub(crate) fn read(path: &Path, layout: &RawLayout, exec: &Exec) -> Result<Volume, Error> {
+    let count = bounded::voxel_count(path, "dims", layout.dims)?;
+    let grid = space::plain_grid(path, layout.dims, layout.spacing)?;
+    let data = DataFile {
+        path: path.to_owned(),
+        offset: 0,
+        start: Start::After { lines: 0, bytes: layout.skip },
+        encoding: Encoding::Raw,
+        order: layout.order,
+        file_type: FileType::Plain(layout.voxel_type),
+        count,
+        frame: (0, 1),
+    };
+    Ok(Volume::new(grid, data.read(exec)?)?)
+}
+
+/// Writes the voxels alone, least significant byte first.
+pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
+    replace(path, |to| Values::without_scale(volume).write(to, path, volume, exec))
 }

@@ -1,11 +1,13 @@
 mod atomic;
+mod values;
 
 use std::path::Path;
 
 use ivd_core::{Exec, Volume};
 
-use crate::Error;
+use crate::{Error, metaimage, nifti, nrrd, raw, vti};
 pub(crate) use atomic::replace;
+pub(crate) use values::{Values, put};
 
 /// What became of a written file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,11 +16,57 @@ pub struct Written {
     pub touched: bool,
 }
 
-/// Writes a volume.
+impl Written {
+    /// What became of two files that are one volume.
+    pub(crate) fn and(self, other: Self) -> Self {
+        Self { touched: self.touched || other.touched }
+    }
+}
+
+/// Writes a volume in the format of the file's ending: `.nii`, `.nii.gz`, `.nrrd`, `.nhdr` (with `.raw` beside it),
+/// `.mha`, `.mhd` (with `.raw`), `.vti`, `.raw`.
+///
+/// The stored type is kept. NIfTI keeps slope and intercept; in the other formats a volume that has them is written as
+/// real values in `f32`. A file that would get the bytes it has is left alone, otherwise it is replaced at once, so
+/// that a reader sees the old file, the new one, or none.
 ///
 /// # Errors
-/// Not yet.
+/// [`Error::Unknown`] for an ending of no format, [`Error::Unsupported`] for a grid that the format can't hold,
+/// [`Error::Io`] where the system refuses, or a cancelled [`Error::Core`].
+///
+/// ```
+/// use ivd_core::{Exec, Grid, Volume, Voxels};
+/// use ivd_volume::{ReadOptions, read, write};
+///
+/// let folder = tempfile::tempdir().unwrap();
+/// let file = folder.path().join("ramp.nrrd");
+/// let grid = Grid::with_spacing([2, 2, 2], [0.5, 0.5, 2.0]).unwrap();
+/// let volume = Volume::new(grid, Voxels::from(vec![0_i16, 1, 2, 3, 4, 5, 6, 7])).unwrap();
+///
+/// assert!(write(&file, &volume, &Exec::default()).unwrap().touched);
+/// assert!(!write(&file, &volume, &Exec::default()).unwrap().touched, "nothing changed");
+/// assert_eq!(read(&file, &ReadOptions::default(), &Exec::default()).unwrap(), volume);
+/// ```
 pub fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
-    let _ = (volume, exec);
-    replace(path, |_| Ok(()))
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e));
+    exec.run(|| {
+        if ends(&[".nii", ".nii.gz"]) {
+            nifti::write(path, volume, exec)
+        } else if ends(&[".nrrd", ".nhdr"]) {
+            nrrd::write(path, volume, exec)
+        } else if ends(&[".mha", ".mhd"]) {
+            metaimage::write(path, volume, exec)
+        } else if ends(&[".vti"]) {
+            vti::write(path, volume, exec)
+        } else if ends(&[".raw"]) {
+            raw::write(path, volume, exec)
+        } else {
+            Err(Error::Unknown {
+                path: path.to_owned(),
+                problem: "the ending tells no volume format".into(),
+                remedy: "end the name in .nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd, .vti or .raw".into(),
+            })
+        }
+    })
 }

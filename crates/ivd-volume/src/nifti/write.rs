@@ -1,0 +1,142 @@
+use std::path::Path;
+
+use flate2::{Compression, GzBuilder};
+use ivd_core::{Exec, Grid, Volume};
+use nalgebra::Vector3;
+
+use super::header::{SIZE_1, SIZE_2, code};
+use super::{orient, strip_ending};
+use crate::write::{Values, put, replace};
+use crate::{Error, Written};
+
+/// Most that rounding to `f32` may move a voxel [mm] before NIfTI-2 is written.
+const MOST_MOVED: f64 = 1e-3;
+
+/// Writes NIfTI-1, or NIfTI-2 where NIfTI-1's `f32` would move a corner voxel by more than [`MOST_MOVED`] or change the
+/// scale, or its `i16` sizes are too small. The gzip stream carries no name and no time: same volume, same bytes.
+pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
+    let header = if fits_nifti_1(volume) { header_1(volume) } else { header_2(volume) };
+    replace(path, |to| {
+        if strip_ending(&path.to_string_lossy(), ".gz").is_none() {
+            put(to, path, &header)?;
+            return Values::Stored.write(to, path, volume, exec);
+        }
+        let mut gzip = GzBuilder::new().write(to, Compression::fast());
+        put(&mut gzip, path, &header)?;
+        Values::Stored.write(&mut gzip, path, volume, exec)?;
+        let to = gzip.finish().map_err(|e| Error::io(path, "write", e))?;
+        to.flush().map_err(|e| Error::io(path, "write", e))
+    })
+}
+
+fn fits_nifti_1(volume: &Volume) -> bool {
+    let exact = |v: f64| f64::from(v as f32) == v;
+    volume.grid().dims().iter().all(|&n| n <= i16::MAX as usize)
+        && exact(volume.slope())
+        && exact(volume.intercept())
+        && moved(volume.grid()) <= MOST_MOVED
+}
+
+/// How far rounding the affine to `f32` moves a corner voxel at most [mm].
+fn moved(grid: &Grid) -> f64 {
+    let rows = srow(grid);
+    let error = rows.map(|row| row.map(|v| f64::from(v as f32) - v));
+    let n = grid.dims();
+    (0..8_usize)
+        .map(|corner| {
+            let at: [f64; 3] =
+                std::array::from_fn(|a| if corner >> a & 1 == 1 { (n[a] - 1) as f64 } else { 0.0 });
+            Vector3::from(error.map(|e| e[0] * at[0] + e[1] * at[1] + e[2] * at[2] + e[3])).norm()
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Rows of the voxel-to-world affine [mm], RAS.
+fn srow(grid: &Grid) -> [[f64; 4]; 3] {
+    let (m, o) = (grid.linear_part(), grid.origin());
+    std::array::from_fn(|r| [m[(r, 0)], m[(r, 1)], m[(r, 2)], o[r]])
+}
+
+/// Bytes to be filled at the places that the format gives them, little endian.
+struct Bytes(Vec<u8>);
+
+impl Bytes {
+    fn set(&mut self, at: usize, bytes: &[u8]) {
+        self.0[at..at + bytes.len()].copy_from_slice(bytes);
+    }
+    fn f32s(&mut self, at: usize, values: &[f64]) {
+        for (i, &v) in values.iter().enumerate() {
+            self.set(at + 4 * i, &(v as f32).to_le_bytes());
+        }
+    }
+    fn f64s(&mut self, at: usize, values: &[f64]) {
+        for (i, v) in values.iter().enumerate() {
+            self.set(at + 8 * i, &v.to_le_bytes());
+        }
+    }
+}
+
+/// Header and the four zero bytes that say "no extension".
+fn header_1(volume: &Volume) -> Vec<u8> {
+    let grid = volume.grid();
+    let mut b = Bytes(vec![0; SIZE_1 + 4]);
+    b.set(0, &348_i32.to_le_bytes());
+    b.set(38, b"r");
+    for (i, n) in rank_and_sizes(grid).into_iter().enumerate() {
+        b.set(40 + 2 * i, &(n as i16).to_le_bytes());
+    }
+    b.set(70, &code(volume.voxels().voxel_type()).to_le_bytes());
+    b.set(72, &(8 * volume.voxels().voxel_type().bytes() as i16).to_le_bytes());
+    let form = orient::quaternion(grid);
+    b.f32s(76, &pixdim(grid, form.map_or(1.0, |f| f.1)));
+    b.f32s(108, &[(SIZE_1 + 4) as f64, volume.slope(), volume.intercept()]);
+    b.set(123, &[MILLIMETRES]);
+    b.set(252, &i16::from(form.is_some()).to_le_bytes());
+    b.set(254, &1_i16.to_le_bytes());
+    b.f32s(256, &form.unwrap_or_default().0);
+    b.f32s(268, &grid.origin());
+    for (r, row) in srow(grid).iter().enumerate() {
+        b.f32s(280 + 16 * r, row);
+    }
+    b.set(344, b"n+1\0");
+    b.0
+}
+
+/// As [`header_1`], in the second version of the format.
+fn header_2(volume: &Volume) -> Vec<u8> {
+    let grid = volume.grid();
+    let mut b = Bytes(vec![0; SIZE_2 + 4]);
+    b.set(0, &540_i32.to_le_bytes());
+    b.set(4, b"n+2\0\r\n\x1a\n");
+    b.set(12, &code(volume.voxels().voxel_type()).to_le_bytes());
+    b.set(14, &(8 * volume.voxels().voxel_type().bytes() as i16).to_le_bytes());
+    for (i, n) in rank_and_sizes(grid).into_iter().enumerate() {
+        b.set(16 + 8 * i, &(n as i64).to_le_bytes());
+    }
+    let form = orient::quaternion(grid);
+    b.f64s(104, &pixdim(grid, form.map_or(1.0, |f| f.1)));
+    b.set(168, &((SIZE_2 + 4) as i64).to_le_bytes());
+    b.f64s(176, &[volume.slope(), volume.intercept()]);
+    b.set(344, &i32::from(form.is_some()).to_le_bytes());
+    b.set(348, &1_i32.to_le_bytes());
+    b.f64s(352, &form.unwrap_or_default().0);
+    b.f64s(376, &grid.origin());
+    for (r, row) in srow(grid).iter().enumerate() {
+        b.f64s(400 + 32 * r, row);
+    }
+    b.set(500, &i32::from(MILLIMETRES).to_le_bytes());
+    b.0
+}
+
+/// `xyzt_units`: lengths in millimetres, no time.
+const MILLIMETRES: u8 = 2;
+
+fn rank_and_sizes(grid: &Grid) -> [usize; 8] {
+    let [x, y, z] = grid.dims();
+    [3, x, y, z, 1, 1, 1, 1]
+}
+
+fn pixdim(grid: &Grid, qfac: f64) -> [f64; 8] {
+    let [x, y, z] = grid.spacing();
+    [qfac, x, y, z, 1.0, 1.0, 1.0, 1.0]
+}
