@@ -1,1 +1,34 @@
-//! To be written.
+//! Isolation of one part of a scanned volume.
+//!
+//! [`component`] takes the voxels of a class (or those at or above a value), keeps one connected piece of them, the largest
+//! or the one at a seed, closes its inner holes, and gives it as a [`Mask`](ivd_core::Mask): what the lattice is cut from.
+//!
+//! Connectivity: the part is connected through voxel faces (6 neighbours) and the background through faces, edges and
+//! corners (26 neighbours). The two go together: a surface between them is closed, and a hole that leaks to the outside
+//! only through a corner is no hole.
+//!
+//! ```
+//! use ivd_boundary::{Params, component};
+//! use ivd_core::{Exec, Grid, Volume, Voxels};
+//!
+//! // A ring of nines round a one, and a nine on its own.
+//! let grid = Grid::with_spacing([6, 5, 3], [1.0; 3]).unwrap();
+//! let mut voxels = vec![0_u8; 90];
+//! for z in 0..3 { for y in 1..4 { for x in 1..4 { voxels[x + 6 * (y + 5 * z)] = 9; } } }
+//! voxels[2 + 6 * (2 + 5)] = 1;
+//! voxels[5] = 9;
+//! let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
+//! let params = Params { above: Some(5.0), ..Params::default() };
+//! let part = component(&volume, None, &params, &Exec::default()).unwrap();
+//! assert_eq!((part.voxels, part.filled, part.components), (27, 1, 2));
+//! ```
+#![forbid(unsafe_code)]
+
+mod component;
+mod error;
+mod params;
+mod runs;
+
+pub use component::{Isolated, component};
+pub use error::Error;
+pub use params::{ClassChoice, Params};

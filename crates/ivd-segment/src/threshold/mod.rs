@@ -27,8 +27,8 @@ impl ThresholdParams {
             format!("{} thresholds", self.values.len())
         } else if let Some(bad) = self.values.iter().find(|v| !v.is_finite()) {
             format!("threshold {bad} is not finite")
-        } else if let Some(w) = self.values.windows(2).find(|w| w[0] >= w[1]) {
-            format!("threshold {} comes before {}", w[0], w[1])
+        } else if let Some(at) = self.values.windows(2).position(|w| w[0] >= w[1]) {
+            format!("threshold {} comes before {}", self.values[at], self.values[at + 1])
         } else {
             return Ok(());
         };

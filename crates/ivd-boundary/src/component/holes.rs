@@ -1,0 +1,90 @@
+//! Background that a piece encloses.
+
+use ivd_core::{Volume, with_voxels};
+use rayon::prelude::*;
+
+use crate::runs::{Connectivity, Runs};
+
+/// Fills the holes of a component and returns how many voxels that were. Only the component's box is looked at: whatever
+/// reaches its faces reaches the outside.
+pub(super) fn fill(
+    inside: &mut [u8],
+    dims: [usize; 3],
+    part: &Runs,
+    components: &[usize],
+    kept: usize,
+    volume: &Volume,
+) -> u64 {
+    let [low, high] = bounds(part, components, kept, dims);
+    let size: [usize; 3] = std::array::from_fn(|a| high[a] - low[a]);
+    let row_start = |y: usize, z: usize| low[0] + dims[0] * (low[1] + y + dims[1] * (low[2] + z));
+    let background = {
+        let inside = &*inside;
+        Runs::find(size, |y, z, found| gaps(&inside[row_start(y, z)..][..size[0]], found))
+    };
+    let pieces = background.components(Connectivity::Corners);
+    let mut outer = vec![false; pieces.len()];
+    for z in 0..size[2] {
+        for y in 0..size[1] {
+            let face = y == 0 || y + 1 == size[1] || z == 0 || z + 1 == size[2];
+            for run in background.row(y, z) {
+                let span = background.span(run);
+                if face || span.start == 0 || span.end == size[0] {
+                    outer[pieces[run]] = true;
+                }
+            }
+        }
+    }
+    inside
+        .par_chunks_mut(dims[0] * dims[1])
+        .enumerate()
+        .skip(low[2])
+        .take(size[2])
+        .map(|(z, slice)| {
+            let mut filled = 0;
+            for y in 0..size[1] {
+                let start = low[0] + dims[0] * (low[1] + y);
+                for run in background.row(y, z - low[2]).filter(|&run| !outer[pieces[run]]) {
+                    let span = background.span(run);
+                    let range = start + span.start..start + span.end;
+                    filled +=
+                        fill_data(&mut slice[range.clone()], volume, z * dims[0] * dims[1] + range.start);
+                }
+            }
+            filled
+        })
+        .sum()
+}
+
+/// Sets the voxels that hold data; `first` is the linear index of the first.
+fn fill_data(target: &mut [u8], volume: &Volume, first: usize) -> u64 {
+    use ivd_core::Scalar;
+    with_voxels!(volume.voxels(), voxels => {
+        let voxels = &voxels[first..first + target.len()];
+        target.iter_mut().zip(voxels).filter(|(_, v)| v.is_data()).map(|(t, _)| *t = 1).count() as u64
+    })
+}
+
+/// Lowest and one past the highest voxel of a component.
+fn bounds(runs: &Runs, components: &[usize], kept: usize, dims: [usize; 3]) -> [[usize; 3]; 2] {
+    let (mut low, mut high) = (dims, [0; 3]);
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for run in runs.row(y, z).filter(|&run| components[run] == kept) {
+                let span = runs.span(run);
+                for (a, [from, to]) in
+                    [[span.start, span.end], [y, y + 1], [z, z + 1]].into_iter().enumerate()
+                {
+                    low[a] = low[a].min(from);
+                    high[a] = high[a].max(to);
+                }
+            }
+        }
+    }
+    [low, high]
+}
+
+/// Runs of zeros.
+fn gaps(row: &[u8], found: &mut Vec<[u32; 2]>) {
+    super::choice::runs_where(row, |&v| v == 0, found);
+}

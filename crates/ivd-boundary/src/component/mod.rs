@@ -1,0 +1,118 @@
+//! One connected piece of a class.
+
+mod choice;
+mod holes;
+
+use ivd_core::{Exec, Labels, Mask, Volume};
+use rayon::prelude::*;
+
+use crate::runs::{Connectivity, Runs};
+use crate::{Error, Params};
+use choice::{Chosen, Members};
+
+/// A part of a volume, isolated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Isolated {
+    /// 1 in the part, holes filled.
+    pub mask: Mask,
+    /// Voxels of the mask.
+    pub voxels: u64,
+    /// The class it was taken from; `None` where a value was given instead.
+    pub class: Option<u16>,
+    /// Connected pieces that the class has; the mask is one of them.
+    pub components: usize,
+    /// Voxels that weren't of the class and were enclosed.
+    pub filled: u64,
+    /// Where the class begins [real units]; `None` where it is open below.
+    pub lower: Option<f64>,
+    /// Where the class ends [real units]; `None` where it is open above.
+    pub upper: Option<f64>,
+}
+
+/// Isolates one 6-connected piece of a class: the largest, or the one at the seed.
+///
+/// - `labels`: classes on the volume's grid; needed unless [`Params::above`] is given, and then not looked at.
+/// - Of two largest pieces the one whose first voxel comes first is taken.
+/// - With [`Params::fill_holes`], background that doesn't reach the volume's border through faces, edges or corners is
+///   filled. Voxels without data (NaN, infinite) are never part of it.
+///
+/// # Errors
+/// [`Error`]: an unknown or empty class, a seed outside the volume or in another class, labels on another grid, the memory
+/// limit, cancelled.
+pub fn component(
+    volume: &Volume,
+    labels: Option<&Labels>,
+    params: &Params,
+    exec: &Exec,
+) -> Result<Isolated, Error> {
+    params.check()?;
+    exec.run(|| {
+        exec.check_memory("the mask", volume.grid().len() as u64)?;
+        let chosen = choice::choose(volume, labels, params)?;
+        let members = Members::new(volume, labels, &chosen);
+        let dims = volume.grid().dims();
+        let runs = Runs::find(dims, |y, z, found| members.row_runs(y, z, found));
+        exec.check_cancelled()?;
+        let components = runs.components(Connectivity::Faces);
+        exec.check_cancelled()?;
+        let kept = kept_component(volume, labels, params, &chosen, &members, &runs, &components)?;
+        let mut inside = vec![0_u8; volume.grid().len()];
+        draw(&runs, &components, kept, dims, &mut inside);
+        exec.check_cancelled()?;
+        let filled = if params.fill_holes {
+            holes::fill(&mut inside, dims, &runs, &components, kept, volume)
+        } else {
+            0
+        };
+        let mask = Mask::new(volume.grid().clone(), inside.into())?;
+        Ok(Isolated {
+            voxels: mask.count(),
+            mask,
+            class: chosen.class,
+            components: components.iter().enumerate().filter(|(run, component)| run == *component).count(),
+            filled,
+            lower: chosen.lower,
+            upper: chosen.upper,
+        })
+    })
+}
+
+/// The component at the seed, or the largest.
+fn kept_component(
+    volume: &Volume,
+    labels: Option<&Labels>,
+    params: &Params,
+    chosen: &Chosen,
+    members: &Members,
+    runs: &Runs,
+    components: &[usize],
+) -> Result<usize, Error> {
+    if runs.len() == 0 {
+        return Err(choice::nothing_there(volume, labels, chosen));
+    }
+    if let Some(seed) = params.seed {
+        let [x, y, z] = choice::seed_voxel(volume, seed)?;
+        let at_seed = runs.row(y, z).find(|&run| runs.span(run).contains(&x));
+        return match at_seed {
+            Some(run) => Ok(components[run]),
+            None => Err(choice::seed_elsewhere(volume, labels, chosen, members, seed)),
+        };
+    }
+    let mut sizes = vec![0_u64; components.len()];
+    for (run, &component) in components.iter().enumerate() {
+        sizes[component] += runs.span(run).len() as u64;
+    }
+    let largest = (0..sizes.len()).max_by_key(|&run| (sizes[run], std::cmp::Reverse(run)));
+    Ok(largest.expect("there is a run"))
+}
+
+/// Writes a component's runs into the mask.
+fn draw(runs: &Runs, components: &[usize], kept: usize, dims: [usize; 3], inside: &mut [u8]) {
+    inside.par_chunks_mut(dims[0] * dims[1]).enumerate().for_each(|(z, slice)| {
+        for (y, row) in slice.chunks_mut(dims[0]).enumerate() {
+            for run in runs.row(y, z).filter(|&run| components[run] == kept) {
+                row[runs.span(run)].fill(1);
+            }
+        }
+    });
+}

@@ -1,0 +1,70 @@
+use ivd_core::{Fault, ParamError};
+
+/// Why no part could be isolated.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// A failure that any stage can meet.
+    #[error(transparent)]
+    Core(#[from] ivd_core::Error),
+    /// The labels have no voxel of the class.
+    #[error("no voxel has class {id}; the labels have {known}")]
+    NoSuchClass {
+        /// The class asked for.
+        id: u16,
+        /// The classes there are, with their means and sizes.
+        known: String,
+    },
+    /// No voxel is at or above the value.
+    #[error("no voxel is at or above {above}; the volume's values are {range}")]
+    NothingAbove {
+        /// The value.
+        above: f64,
+        /// The values there are.
+        range: String,
+    },
+    /// The seed lies outside the volume.
+    #[error(
+        "seed {seed:?} mm lies outside the volume, at voxel {voxel:.1?} of a grid of {dims:?}; move it inside"
+    )]
+    SeedOutside {
+        /// The seed [mm].
+        seed: [f64; 3],
+        /// Its voxel coordinate.
+        voxel: [f64; 3],
+        /// Voxels of the grid.
+        dims: [usize; 3],
+    },
+    /// The seed lies in something else.
+    #[error(
+        "seed {seed:?} mm lies in {found}, not in {wanted}, whose nearest voxel is {distance_mm:.2} mm away; move the seed there or choose another class"
+    )]
+    SeedElsewhere {
+        /// The seed [mm].
+        seed: [f64; 3],
+        /// What is at the seed.
+        found: String,
+        /// What was wanted.
+        wanted: String,
+        /// Distance of the nearest wanted voxel's centre [mm].
+        distance_mm: f64,
+    },
+}
+
+impl From<ParamError> for Error {
+    fn from(error: ParamError) -> Self {
+        Self::Core(error.into())
+    }
+}
+
+impl Error {
+    /// What kind of failure it is.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Core(error) => error.fault(),
+            Self::NoSuchClass { .. }
+            | Self::NothingAbove { .. }
+            | Self::SeedOutside { .. }
+            | Self::SeedElsewhere { .. } => Fault::Usage,
+        }
+    }
+}

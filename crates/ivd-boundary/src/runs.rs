@@ -1,0 +1,138 @@
+//! Connected components by runs: a row of voxels is a few intervals, and only intervals are joined.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+/// Which voxels touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Connectivity {
+    /// Those that share a face.
+    Faces,
+    /// Those that share a face, an edge or a corner.
+    Corners,
+}
+
+/// Runs `[start, end)` of chosen voxels along x in every row of a box, rows by y, then z.
+pub(crate) struct Runs {
+    size: [usize; 3],
+    spans: Vec<[u32; 2]>,
+    /// First run of each row, and the number of runs.
+    rows: Vec<usize>,
+}
+
+impl Runs {
+    /// Finds the runs in a box of `size` voxels; `row(y, z, found)` appends the ascending runs of one row.
+    pub(crate) fn find(size: [usize; 3], row: impl Fn(usize, usize, &mut Vec<[u32; 2]>) + Sync) -> Self {
+        let slices: Vec<(Vec<[u32; 2]>, Vec<usize>)> = (0..size[2])
+            .into_par_iter()
+            .map(|z| {
+                let mut runs = Vec::new();
+                let ends = (0..size[1])
+                    .map(|y| {
+                        row(y, z, &mut runs);
+                        runs.len()
+                    })
+                    .collect();
+                (runs, ends)
+            })
+            .collect();
+        let mut all = Self {
+            size,
+            spans: Vec::with_capacity(slices.iter().map(|s| s.0.len()).sum()),
+            rows: Vec::with_capacity(size[1] * size[2] + 1),
+        };
+        all.rows.push(0);
+        for (runs, ends) in &slices {
+            let before = all.spans.len();
+            all.rows.extend(ends.iter().map(|end| before + end));
+            all.spans.extend_from_slice(runs);
+        }
+        all
+    }
+
+    /// Number of runs.
+    pub(crate) fn len(&self) -> usize {
+        self.spans.len()
+    }
+
+    /// Voxels of a run along x.
+    pub(crate) fn span(&self, run: usize) -> Range<usize> {
+        self.spans[run][0] as usize..self.spans[run][1] as usize
+    }
+
+    /// Indices of the runs of a row.
+    pub(crate) fn row(&self, y: usize, z: usize) -> Range<usize> {
+        let row = y + self.size[1] * z;
+        self.rows[row]..self.rows[row + 1]
+    }
+
+    /// The component of every run, named by its first run.
+    pub(crate) fn components(&self, connectivity: Connectivity) -> Vec<usize> {
+        let mut parent: Vec<usize> = (0..self.len()).collect();
+        for z in 0..self.size[2] {
+            for y in 0..self.size[1] {
+                let row = self.row(y, z);
+                if row.is_empty() {
+                    continue;
+                }
+                let mut join =
+                    |y: usize, z: usize| self.join(&row, &self.row(y, z), connectivity, &mut parent);
+                if y > 0 {
+                    join(y - 1, z);
+                }
+                if z > 0 {
+                    join(y, z - 1);
+                    if connectivity == Connectivity::Corners {
+                        if y > 0 {
+                            join(y - 1, z - 1);
+                        }
+                        if y + 1 < self.size[1] {
+                            join(y + 1, z - 1);
+                        }
+                    }
+                }
+            }
+        }
+        // Parents precede their children, so one ascending pass flattens every chain.
+        for run in 0..parent.len() {
+            parent[run] = parent[parent[run]];
+        }
+        parent
+    }
+
+    /// Joins the touching runs of two neighbouring rows.
+    fn join(&self, a: &Range<usize>, b: &Range<usize>, connectivity: Connectivity, parent: &mut [usize]) {
+        let slack = u32::from(connectivity == Connectivity::Corners);
+        let (mut i, mut j) = (a.start, b.start);
+        while i < a.end && j < b.end {
+            let ([start, end], [other_start, other_end]) = (self.spans[i], self.spans[j]);
+            if start < other_end + slack && other_start < end + slack {
+                unite(parent, i, j);
+            }
+            if end < other_end {
+                i += 1;
+            } else {
+                j += 1;
+            }
+        }
+    }
+}
+
+/// Joins two sets; the lower root stays.
+fn unite(parent: &mut [usize], a: usize, b: usize) {
+    let (a, b) = (root(parent, a), root(parent, b));
+    if a < b {
+        parent[b] = a;
+    } else {
+        parent[a] = b;
+    }
+}
+
+fn root(parent: &mut [usize], mut run: usize) -> usize {
+    while parent[run] != run {
+        parent[run] = parent[parent[run]];
+        run = parent[run];
+    }
+    run
+}

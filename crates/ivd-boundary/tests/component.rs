@@ -1,0 +1,228 @@
+//! Isolation against a plain flood fill, and on awkward volumes.
+
+use std::collections::VecDeque;
+
+use ivd_boundary::{ClassChoice, Error, Isolated, Params, component};
+use ivd_core::{Class, Exec, Fault, Grid, Labels, Volume, Voxels};
+use proptest::prelude::*;
+
+fn above(value: f64) -> Params {
+    Params { above: Some(value), ..Params::default() }
+}
+
+fn volume(dims: [usize; 3], voxels: impl Into<Voxels>) -> Volume {
+    Volume::new(Grid::with_spacing(dims, [1.0; 3]).unwrap(), voxels.into()).unwrap()
+}
+
+fn isolate(volume: &Volume, params: &Params) -> Result<Isolated, Error> {
+    component(volume, None, params, &Exec::default())
+}
+
+/// Component of each voxel that `holds`, by flood fill in the order of the voxels; `corners`: 26 neighbours.
+fn flood(dims: [usize; 3], holds: &dyn Fn(usize) -> bool, corners: bool) -> Vec<Option<usize>> {
+    let n: usize = dims.iter().product();
+    let mut found = vec![None; n];
+    for first in 0..n {
+        if found[first].is_some() || !holds(first) {
+            continue;
+        }
+        found[first] = Some(first);
+        let mut queue = VecDeque::from([first]);
+        while let Some(i) = queue.pop_front() {
+            let at = [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]].map(|v| v as i64);
+            for d in 0..27 {
+                let step = [d % 3 - 1, d / 3 % 3 - 1, d / 9 - 1];
+                if !corners && step.iter().map(|s: &i64| s.abs()).sum::<i64>() != 1 {
+                    continue;
+                }
+                let to: [i64; 3] = std::array::from_fn(|a| at[a] + step[a]);
+                if (0..3).all(|a| to[a] >= 0 && to[a] < dims[a] as i64) {
+                    let j = to[0] as usize + dims[0] * (to[1] as usize + dims[1] * to[2] as usize);
+                    if found[j].is_none() && holds(j) {
+                        found[j] = Some(first);
+                        queue.push_back(j);
+                    }
+                }
+            }
+        }
+    }
+    found
+}
+
+/// The largest component with its holes filled, plainly; and the number of components.
+fn plain(dims: [usize; 3], part: &[bool]) -> (Vec<u8>, usize) {
+    let pieces = flood(dims, &|i| part[i], false);
+    let size = |name: usize| pieces.iter().filter(|p| **p == Some(name)).count();
+    let names: Vec<usize> = (0..part.len()).filter(|&i| pieces[i] == Some(i)).collect();
+    let largest = *names.iter().max_by_key(|&&n| (size(n), std::cmp::Reverse(n))).unwrap();
+    let background = flood(dims, &|i| pieces[i] != Some(largest), true);
+    let border = |i: usize| {
+        let at = [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];
+        (0..3).any(|a| at[a] == 0 || at[a] + 1 == dims[a])
+    };
+    let outside: Vec<usize> = (0..part.len()).filter(|&i| border(i)).filter_map(|i| background[i]).collect();
+    let mask = (0..part.len())
+        .map(|i| u8::from(pieces[i] == Some(largest) || background[i].is_some_and(|b| !outside.contains(&b))))
+        .collect();
+    (mask, names.len())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+    #[test]
+    fn pieces_and_holes_equal_a_plain_flood_fill(
+        dims in [1_usize..8, 1_usize..8, 1_usize..8], seed in any::<u64>(), fill in 1_u64..10
+    ) {
+        let n = dims.iter().product::<usize>();
+        let part: Vec<bool> = (0..n as u64)
+            .map(|i| ((i + 1).wrapping_mul(seed | 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) % 10 < fill)
+            .collect();
+        let v = volume(dims, part.iter().map(|&p| u8::from(p)).collect::<Vec<_>>());
+        match isolate(&v, &above(0.5)) {
+            Err(Error::NothingAbove { .. }) => prop_assert!(part.iter().all(|p| !p)),
+            Err(other) => prop_assert!(false, "{other}"),
+            Ok(found) => {
+                let (mask, components) = plain(dims, &part);
+                prop_assert_eq!(found.mask.inside(), &mask[..]);
+                prop_assert_eq!(found.components, components);
+                prop_assert_eq!(found.voxels, mask.iter().map(|&m| u64::from(m)).sum::<u64>());
+            }
+        }
+    }
+}
+
+/// A cube shell of side 5 in a box of 9, hollow of side 3, with chosen voxels of the shell opened.
+fn shell(doors: &[[usize; 3]]) -> Volume {
+    let mut voxels = vec![0_u8; 729];
+    for i in 0..729 {
+        let at = [i % 9, i / 9 % 9, i / 81];
+        let ring = at.iter().map(|&c: &usize| c.abs_diff(4)).max().unwrap();
+        voxels[i] = u8::from(ring == 2 && !doors.contains(&at));
+    }
+    volume([9; 3], voxels)
+}
+
+#[test]
+fn a_hole_is_filled_and_a_hole_with_a_door_is_not() {
+    let closed = isolate(&shell(&[]), &above(1.0)).unwrap();
+    assert_eq!((closed.voxels, closed.filled), (125, 27));
+    let open = isolate(&shell(&[[2, 4, 4]]), &above(1.0)).unwrap();
+    assert_eq!((open.voxels, open.filled), (97, 0));
+    let through_an_edge = isolate(&shell(&[[2, 2, 4]]), &above(1.0)).unwrap();
+    assert_eq!(through_an_edge.filled, 0, "background passes edges and corners");
+    let kept = Params { fill_holes: false, ..above(1.0) };
+    assert_eq!(isolate(&shell(&[]), &kept).unwrap().voxels, 98);
+}
+
+#[test]
+fn a_hollow_that_touches_the_border_is_outside() {
+    let whole = volume([3, 3, 3], vec![1_u8; 27]);
+    assert_eq!(isolate(&whole, &above(1.0)).unwrap().voxels, 27);
+    let mut voxels = vec![1_u8; 27];
+    voxels[4] = 0;
+    assert_eq!(isolate(&volume([3, 3, 3], voxels.clone()), &above(1.0)).unwrap().voxels, 26);
+    voxels[4] = 1;
+    voxels[13] = 0;
+    assert_eq!(isolate(&volume([3, 3, 3], voxels), &above(1.0)).unwrap().filled, 1);
+}
+
+#[test]
+fn one_voxel_and_flat_volumes_work() {
+    assert_eq!(isolate(&volume([1, 1, 1], vec![3_i16]), &above(3.0)).unwrap().voxels, 1);
+    let ring = [1_u8, 1, 1, 1, 0, 1, 1, 1, 1];
+    for dims in [[1, 3, 3], [3, 1, 3], [3, 3, 1]] {
+        let found = isolate(&volume(dims, ring.to_vec()), &above(1.0)).unwrap();
+        assert_eq!((found.voxels, found.filled), (8, 0), "in a flat volume every voxel touches the border");
+    }
+}
+
+#[test]
+fn missing_voxels_are_never_part_even_inside_a_hole() {
+    let mut voxels = vec![5.0_f32; 125];
+    voxels[62] = f32::NAN;
+    voxels[63] = 0.0;
+    voxels[0] = f32::INFINITY;
+    let found = isolate(&volume([5; 3], voxels), &above(1.0)).unwrap();
+    assert_eq!((found.voxels, found.filled), (123, 1));
+    assert_eq!((found.mask.inside()[62], found.mask.inside()[63], found.mask.inside()[0]), (0, 1, 0));
+}
+
+/// Two bars of class 2 in air (1), one of class 3; on an oblique, left-handed grid far from the origin.
+fn bars() -> (Volume, Labels) {
+    let (s, c) = 0.3_f64.sin_cos();
+    let grid = Grid::new(
+        [7, 3, 3],
+        [0.5, 2.0, 1.0],
+        [1e5, 0.0, -40.0],
+        [[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, 1.0]],
+    )
+    .unwrap();
+    let ids: Vec<u16> = (0..63).map(|i| [1, 2, 1, 2, 2, 1, 3][i % 7]).collect();
+    let class = |id: u16, voxels| Class {
+        id,
+        name: None,
+        mean: f64::from(id) * 10.0,
+        sd: 1.0,
+        voxels,
+        lower: (id > 1).then_some(f64::from(id) * 10.0 - 5.0),
+        upper: (id < 3).then_some(f64::from(id) * 10.0 + 5.0),
+    };
+    let volume =
+        Volume::new(grid.clone(), ids.iter().map(|&i| i as u8 * 10).collect::<Vec<_>>().into()).unwrap();
+    (volume, Labels::new(grid, ids.into(), vec![class(1, 27), class(2, 27), class(3, 9)]).unwrap())
+}
+
+#[test]
+fn classes_are_chosen_by_id_density_and_size_and_seeds_pick_the_piece() {
+    let (volume, labels) = bars();
+    let world = |x: usize| volume.grid().world(ivd_core::VoxelIndex([x, 1, 1]).into()).0.into();
+    let run = |class, seed| {
+        component(&volume, Some(&labels), &Params { class, seed, ..Params::default() }, &Exec::default())
+    };
+    let largest = run(None, None).unwrap();
+    assert_eq!((largest.class, largest.voxels, largest.components), (Some(2), 18, 2));
+    assert_eq!((largest.lower, largest.upper), (Some(15.0), Some(25.0)));
+    assert_eq!(run(Some(ClassChoice::Densest), None).unwrap().class, Some(3));
+    assert_eq!(run(Some(ClassChoice::Id(1)), None).unwrap().components, 3);
+    assert_eq!(run(Some(ClassChoice::Id(2)), Some(world(1))).unwrap().voxels, 9);
+    let at_seed = run(None, Some(world(6))).unwrap();
+    assert_eq!((at_seed.class, at_seed.upper), (Some(3), None));
+    let Err(Error::SeedElsewhere { found, distance_mm, .. }) = run(Some(ClassChoice::Id(3)), Some(world(3)))
+    else {
+        panic!("the seed isn't in class 3")
+    };
+    assert_eq!(found, "class 2");
+    assert!((distance_mm - 1.5).abs() < 1e-6);
+    let Err(Error::SeedOutside { dims, .. }) = run(None, Some([0.0; 3])) else { panic!("far outside") };
+    assert_eq!(dims, [7, 3, 3]);
+    let error = run(Some(ClassChoice::Id(9)), None).unwrap_err();
+    assert!(error.to_string().contains("2 (mean 20") && error.fault() == Fault::Usage, "{error}");
+}
+
+#[test]
+fn seeds_in_nothing_and_empty_parts_say_so() {
+    let v = volume([4, 1, 1], vec![0_u8, 0, 0, 9]);
+    let params = Params { seed: Some([0.0; 3]), ..above(5.0) };
+    let Err(Error::SeedElsewhere { distance_mm, .. }) = isolate(&v, &params) else {
+        panic!("0 isn't above 5")
+    };
+    assert_eq!(distance_mm, 3.0);
+    assert!(isolate(&v, &above(10.0)).unwrap_err().to_string().contains("0 to 9"));
+    assert!(isolate(&volume([1, 1, 1], vec![f32::NAN]), &above(0.0)).is_err());
+    assert!(isolate(&v, &Params::default()).unwrap_err().to_string().contains("`above`"));
+}
+
+#[test]
+fn threads_limits_and_cancelling_behave() {
+    let v = volume(
+        [30, 30, 30],
+        (0..27_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect::<Vec<_>>(),
+    );
+    let with = |threads| component(&v, None, &above(100.0), &Exec::default().with_threads(threads)).unwrap();
+    assert_eq!(with(1), with(4));
+    let tight = Exec::default().with_memory_limit(Some(10));
+    assert_eq!(component(&v, None, &above(1.0), &tight).unwrap_err().fault(), Fault::Limit);
+    let stopped = Exec::default();
+    stopped.cancel.cancel();
+    assert_eq!(component(&v, None, &above(1.0), &stopped).unwrap_err().fault(), Fault::Cancelled);
+}
