@@ -29,6 +29,6 @@ mod error;
 mod params;
 mod runs;
 
-pub use component::{Isolated, component};
+pub use component::{Isolated, choose_class, component};
 pub use error::Error;
 pub use params::{ClassChoice, Params};

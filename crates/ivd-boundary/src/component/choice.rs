@@ -55,6 +55,20 @@ pub(super) fn choose(volume: &Volume, labels: Option<&Labels>, params: &Params) 
     Ok(Chosen { class: Some(id), lower: class.and_then(|c| c.lower), upper: class.and_then(|c| c.upper) })
 }
 
+/// The listed class that a choice means, so that other stages mean the same one.
+///
+/// # Errors
+/// [`Error::NoSuchClass`] for an id that isn't listed; a parameter error where no class holds a voxel.
+pub fn choose_class(labels: &Labels, choice: ClassChoice) -> Result<&Class, Error> {
+    match choice {
+        ClassChoice::Id(id) => {
+            labels.class(id).ok_or_else(|| Error::NoSuchClass { id, known: known(labels) })
+        }
+        ClassChoice::Densest => densest(labels),
+        ClassChoice::Largest => largest(labels),
+    }
+}
+
 /// The occupied class of the highest mean; of equals the highest id.
 fn densest(labels: &Labels) -> Result<&Class, Error> {
     let occupied = labels.classes().iter().filter(|c| c.voxels > 0);

@@ -3,6 +3,8 @@
 mod choice;
 mod holes;
 
+pub use choice::choose_class;
+
 use ivd_core::{Exec, Labels, Mask, Volume};
 use rayon::prelude::*;
 
