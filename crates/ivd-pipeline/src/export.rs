@@ -29,7 +29,7 @@ pub fn export(artefact: &Artefact, path: &Path, exec: &Exec) -> Result<bool, Err
         Artefact::Labels(labels) => write_volume(path, &labels_volume(labels)?, exec),
         Artefact::Mask(mask) => write_volume(path, &mask_volume(mask)?, exec),
         Artefact::Lattice(lattice) => {
-            ivd_lattice::formats::write(path, lattice, None).map(|w| w.touched).map_err(stage_error!("export"))
+            ivd_lattice::formats::write(path, lattice).map(|w| w.touched).map_err(stage_error!("export"))
         }
         Artefact::Displacement(field) => write_field(path, field, exec),
         Artefact::Image(image) => write_png(path, image),

@@ -236,8 +236,12 @@ fn deformed_lattice(rest: &Artefact, motion: &Artefact, to: &Path) -> Result<boo
     let (Artefact::Lattice(lattice), Artefact::Motion(motion)) = (rest, motion) else {
         unreachable!("refine gives a lattice and deform a motion");
     };
-    let displacement = motion.frames.last().map(|f| f.displacement.as_slice());
-    ivd_lattice::formats::write(to, lattice, displacement).map(|w| w.touched).map_err(stage_error!("export"))
+    let last = motion.frames.last();
+    let written = match last {
+        Some(frame) => ivd_lattice::formats::write_deformed(to, lattice, &frame.displacement),
+        None => ivd_lattice::formats::write(to, lattice),
+    };
+    written.map(|w| w.touched).map_err(stage_error!("export"))
 }
 
 /// Hash of everything that a report shows but times.

@@ -159,7 +159,7 @@ pub(super) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow
             inputs: record
                 .inputs
                 .iter()
-                .map(|(slot, hash)| Ok((slot.clone(), hash.parse()?)))
+                .map(|(slot, hash)| Ok((slot.clone(), hash.parse().map_err(|e| anyhow::anyhow!("{e}"))?)))
                 .collect::<anyhow::Result<_>>()?,
             backend: record.backend.clone(),
         };

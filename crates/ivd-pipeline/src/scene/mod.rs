@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 pub use load::{Loaded, Override, load, parse};
 pub use sections::{
-    AtfSection, BoundarySection, ClassChoice, DeformSection, FixSection, HandleSection, InputSection, IsoChoice,
+    AtfSection, BoundarySection, ClassChoice, ClassWord, DeformSection, FixSection, HandleSection, InputSection, IsoChoice,
     IsoWord, LatticeSection, MapMethod, MapSection, OutputSection, Outside, Picture, RawSection, RefineMethod,
     RefineSection, RenderSection, RenderMode, SegmentMethod, SegmentSection, Solver, WarpOrder, WarpSection, DepthWeight,
 };

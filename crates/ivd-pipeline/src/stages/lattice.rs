@@ -1,6 +1,7 @@
 use ivd_artefact::{Artefact, Kind};
 use ivd_core::{Class, Exec, Labels};
-use ivd_lattice::{ExtractParams, Iso, figures};
+use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use ivd_lattice::figures;
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
@@ -50,7 +51,7 @@ impl Stage for Lattice {
             IsoChoice::Value(value) => Iso::Value(value),
             IsoChoice::Word(_) => boundary_iso(labels, mask.map(ivd_core::Mask::inside), self.class)?,
         };
-        let extracted = ivd_lattice::extract(volume, mask, &ExtractParams { iso, ..ExtractParams::default() }, exec)
+        let extracted = extract(volume, mask, &ExtractParams { iso }, exec)
             .map_err(stage_error!("lattice"))?;
         let f = exec.run(|| figures::measure(&extracted.lattice));
         let metrics = json!({
@@ -81,7 +82,7 @@ fn boundary_iso(labels: Option<&Labels>, mask: Option<&[u8]>, class: Option<Clas
     let chosen = match (class, mask) {
         (Some(choice), _) => choose(labels, choice)?,
         (None, Some(inside)) => majority(labels, inside)?,
-        (None, None) => choose(labels, ClassChoice::Word(ClassWord::Densest))?,
+        (None, None) => choose(labels, ClassChoice::Word(ClassWord::Largest))?,
     };
     Ok(match (chosen.lower, chosen.upper) {
         (None, None) => Iso::Mask,

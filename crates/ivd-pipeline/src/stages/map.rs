@@ -80,9 +80,13 @@ impl Stage for Map {
             "bricks_total": mapped.bricks_total,
             "min_det_j": mapped.min_det_j,
             "folds": mapped.folds,
+            "relaxations": mapped.relaxations,
             "halvings": mapped.halvings,
             "inverse_residual_max_voxel": mapped.inverse_residual_max_voxel,
-            "det_j_histogram": super::json(&mapped.det_j_histogram),
+            "voxels_vacated": mapped.voxels_vacated,
+            "followed": super::json(&mapped.followed),
+            "motion_mm_histogram": super::json(&mapped.motion_mm),
+            "det_j_histogram": super::json(&mapped.det_j),
         });
         Ok(Product::new(Artefact::Displacement(mapped.displacement), metrics))
     }

@@ -134,7 +134,13 @@ impl Stage for Difference {
     fn run(&self, inputs: &Inputs, _exec: &Exec) -> Result<Product, Error> {
         let before = inputs.image("before").expect("checked by the runner");
         let after = inputs.image("after").expect("checked by the runner");
-        let image = ivd_render::difference(before, after).map_err(stage_error!("render"))?;
-        Ok(Product::new(Artefact::Image(image), json!({ "frames": 1 })))
+        let found = ivd_render::difference(before, after).map_err(stage_error!("render"))?;
+        let metrics = json!({
+            "frames": 1,
+            "max": found.max,
+            "mean": found.mean,
+            "changed_fraction": found.changed,
+        });
+        Ok(Product::new(Artefact::Image(found.image), metrics))
     }
 }

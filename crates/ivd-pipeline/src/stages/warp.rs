@@ -64,7 +64,7 @@ impl Stage for Warp {
                 (Artefact::Volume(w.output), w.voxels_resampled, w.voxels_total)
             }
             Artefact::Labels(l) => {
-                let w = warp::labels(l, displacement, exec).map_err(stage_error!("warp"))?;
+                let w = warp::labels(l, displacement, &self.params, exec).map_err(stage_error!("warp"))?;
                 (Artefact::Labels(w.output), w.voxels_resampled, w.voxels_total)
             }
             Artefact::Mask(m) => {

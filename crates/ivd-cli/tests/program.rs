@@ -1,0 +1,144 @@
+//! The program's contract: data on stdout, talk on stderr, exit codes, nothing half-written.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn ivd(folder: &Path, words: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_ivd"))
+        .current_dir(folder)
+        .env("IVD_CACHE", folder.join("cache"))
+        .args(words)
+        .output()
+        .unwrap()
+}
+
+/// Runs with `--json`; the exit code must be 0 and stdout one object.
+fn json(folder: &Path, words: &[&str]) -> Value {
+    let words: Vec<&str> = words.iter().copied().chain(["--json"]).collect();
+    let output = ivd(folder, &words);
+    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(text.lines().count(), 1, "one object, one line: {text}");
+    serde_json::from_str(&text).unwrap()
+}
+
+/// Exit code and stderr of a command that must fail.
+fn failure(folder: &Path, words: &[&str]) -> (i32, String) {
+    let output = ivd(folder, words);
+    assert!(!output.status.success(), "{words:?} was taken");
+    (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[test]
+fn single_stages_chain_through_files_from_phantom_to_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "40", "-o", "v.ivd", "--truth", "truth.nrrd"]);
+    let segment = json(at, &["segment", "v.ivd", "-o", "labels.ivd", "--method", "kmvs", "--k", "2"]);
+    assert_eq!(segment["metrics"]["k"], 2);
+    assert_eq!(segment["metrics"]["classes"].as_array().unwrap().len(), 2);
+    json(at, &["boundary", "v.ivd", "--labels", "labels.ivd", "--class", "densest", "-o", "mask.ivd"]);
+    let words =
+        ["lattice", "v.ivd", "--labels", "labels.ivd", "--mask", "mask.ivd", "--iso", "boundary", "-o", "lattice.ivd"];
+    let lattice = json(at, &words);
+    assert_eq!(lattice["metrics"]["boundary_edges"], 0);
+    assert_eq!(lattice["metrics"]["euler"], 2);
+    let refined = json(at, &["refine", "lattice.ivd", "-o", "refined.ivd", "--method", "collapse", "--level", "1"]);
+    assert_eq!(refined["metrics"]["subset"], true);
+    json(at, &["octree", "refined.ivd", "-o", "octree.ivd"]);
+    let handle = "pick=34,20,20;move=3,0,0;radius=14";
+    let motion = json(at, &["deform", "refined.ivd", "--handle", handle, "--solver", "ring", "-o", "motion.ivd"]);
+    assert!((motion["metrics"]["max_displacement_mm"].as_f64().unwrap() - 3.0).abs() < 1e-9);
+    let map = json(at, &["map", "refined.ivd", "octree.ivd", "motion.ivd", "-o", "d.ivd", "--method", "octree"]);
+    assert_eq!(map["metrics"]["folds"], 0);
+    assert!(map["metrics"]["min_det_j"].as_f64().unwrap() > 0.0);
+    json(at, &["warp", "v.ivd", "d.ivd", "-o", "deformed.ivd"]);
+    json(at, &["warp", "labels.ivd", "d.ivd", "-o", "deformed-labels.ivd"]);
+    json(at, &["atf", "v.ivd", "labels.ivd", "-o", "t.ivd"]);
+    let words = ["render", "v.ivd", "--transfer", "t.ivd", "--displacement", "d.ivd", "--size", "64x48", "-o", "p.png"];
+    json(at, &words);
+    assert_eq!(&std::fs::read(at.join("p.png")).unwrap()[1..4], b"PNG");
+    for name in ["x.nii.gz", "x.nrrd", "x.mha", "x.vti"] {
+        json(at, &["export", "deformed.ivd", "-o", name]);
+    }
+    for name in ["l.ply", "l.obj", "l.stl", "l.glb", "l.json"] {
+        json(at, &["export", "refined.ivd", "-o", name]);
+    }
+    json(at, &["export", "d.ivd", "-o", "field.nrrd"]);
+    let same = json(at, &["compare", "deformed.ivd", "x.nii.gz"]);
+    assert_eq!(same["max"], 0.0, "an exported volume is the volume");
+    let info = json(at, &["info", "labels.ivd"]);
+    assert_eq!(info["kind"], "labels");
+    assert_eq!(info["content"]["classes"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn a_volume_file_serves_as_well_as_an_artefact() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "torus", "--size", "32", "-o", "v.ivd"]);
+    json(at, &["export", "v.ivd", "-o", "v.nrrd"]);
+    let a = json(at, &["lattice", "v.ivd", "--iso", "127.5", "-o", "a.ivd"]);
+    let b = json(at, &["lattice", "v.nrrd", "--iso", "127.5", "-o", "b.ivd"]);
+    assert_eq!(a["metrics"], b["metrics"]);
+    assert_eq!(a["metrics"]["euler"], 0, "a torus");
+}
+
+#[test]
+fn every_kind_of_failure_has_its_code_and_names_thing_and_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::write(at.join("junk.nrrd"), b"NRRD0004\ntype: elephant\n\n").unwrap();
+    std::fs::write(at.join("scene.toml"), "schema = 1\n[imput]\n").unwrap();
+    json(at, &["phantom", "sphere", "--size", "24", "-o", "v.ivd"]);
+    json(at, &["lattice", "v.ivd", "--iso", "127.5", "-o", "l.ivd"]);
+
+    let (code, text) = failure(at, &["segment"]);
+    assert_eq!(code, 2, "{text}");
+    let (code, text) = failure(at, &["pipeline", "scene.toml"]);
+    assert!(code == 2 && text.contains("imput") && text.contains("input"), "{code} {text}");
+    let (code, text) = failure(at, &["import", "junk.nrrd", "-o", "x.ivd"]);
+    assert!(code == 3 && text.contains("junk.nrrd") && text.contains("type"), "{code} {text}");
+    let (code, text) = failure(at, &["refine", "v.ivd", "--level", "1", "-o", "x.ivd"]);
+    assert!(code == 2 && text.contains("volume"), "{code} {text}");
+    let (code, text) = failure(at, &["phantom", "sphere", "--size", "600", "--memory-limit", "10M", "-o", "x.ivd"]);
+    assert!(code == 4 && text.contains("memory"), "{code} {text}");
+    let (code, text) = failure(at, &["doctor", "--require-gpu"]);
+    assert!(code == 6 && text.contains("GPU"), "{code} {text}");
+    let (code, _) = failure(at, &["phantom", "sphere", "--size", "24", "-o", "no/such/folder/x.ivd"]);
+    assert_eq!(code, 7);
+    let (code, text) =
+        failure(at, &["deform", "l.ivd", "--handle", "pick=500,0,0;move=1,0,0;radius=5", "-o", "x.ivd"]);
+    assert!(code == 2 && text.contains("mm"), "{code} {text}");
+    assert!(!at.join("x.ivd").exists(), "a failure leaves no output");
+}
+
+#[test]
+fn a_flipped_byte_in_an_artefact_is_an_input_error_and_not_a_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "16", "-o", "v.ivd"]);
+    let whole = std::fs::read(at.join("v.ivd")).unwrap();
+    for place in (0..whole.len()).step_by(whole.len() / 40) {
+        let mut bytes = whole.clone();
+        bytes[place] ^= 1;
+        std::fs::write(at.join("bad.ivd"), bytes).unwrap();
+        let (code, text) = failure(at, &["lattice", "bad.ivd", "--iso", "127.5", "-o", "x.ivd"]);
+        assert!(code == 3 && text.contains("bad.ivd"), "byte {place}: {code} {text}");
+    }
+}
+
+#[test]
+fn help_schema_completions_and_doctor_speak_on_stdout() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    assert!(json(at, &["schema"])["properties"]["deform"].is_object());
+    assert!(json(at, &["doctor"])["threads"].as_u64().unwrap() >= 1);
+    let completions = ivd(at, &["completions", "bash"]);
+    assert!(String::from_utf8(completions.stdout).unwrap().contains("pipeline"));
+    let help = ivd(at, &["--help"]);
+    assert!(help.status.success() && help.stderr.is_empty());
+    assert_eq!(json(at, &["cache", "show"])["entries"].as_array().unwrap().len(), 0);
+}

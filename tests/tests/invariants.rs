@@ -1,0 +1,85 @@
+//! The shape of the house: what docs/ARCHITECTURE.md promises and a look at the sources can check.
+
+use std::path::{Path, PathBuf};
+
+use ivd_tests::root;
+
+/// Every source file below `crates/`, with its text.
+fn sources(ending: &str) -> Vec<(PathBuf, String)> {
+    fn walk(folder: &Path, ending: &str, found: &mut Vec<(PathBuf, String)>) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                walk(&path, ending, found);
+            } else if path.to_string_lossy().ends_with(ending) {
+                let text = std::fs::read_to_string(&path).unwrap();
+                found.push((path, text));
+            }
+        }
+    }
+    let mut found = Vec::new();
+    walk(&root().join("crates"), ending, &mut found);
+    assert!(!found.is_empty());
+    found
+}
+
+fn crate_of(path: &Path) -> String {
+    let rest = path.strip_prefix(root().join("crates")).unwrap();
+    rest.components().next().unwrap().as_os_str().to_string_lossy().into_owned()
+}
+
+#[test]
+fn bincode_is_named_in_ivd_artefact_alone() {
+    for (path, text) in sources(".rs").into_iter().chain(sources("Cargo.toml")) {
+        assert!(crate_of(&path) == "ivd-artefact" || !text.contains("bincode"), "{}", path.display());
+    }
+}
+
+#[test]
+fn only_the_program_prints() {
+    for (path, text) in sources(".rs") {
+        let spoken = path.to_string_lossy().replace('\\', "/");
+        let allowed = crate_of(&path) == "ivd-cli"
+            || ["/tests/", "/examples/", "/benches/"].iter().any(|f| spoken.contains(f))
+            || spoken.ends_with("tests.rs");
+        if allowed {
+            continue;
+        }
+        // Tests inside a module may say why they were skipped.
+        let library = text.split("#[cfg(test)]").next().unwrap();
+        for (n, line) in library.lines().enumerate() {
+            let code = line.trim_start();
+            let prints = ["println!(", "print!(", "dbg!("].iter().any(|p| code.contains(p));
+            assert!(!prints || code.starts_with("//"), "{}:{}: {line}", path.display(), n + 1);
+        }
+    }
+}
+
+#[test]
+fn stage_crates_know_neither_artefacts_nor_each_other() {
+    let stages = ["ivd-volume", "ivd-segment", "ivd-atf", "ivd-boundary", "ivd-lattice", "ivd-octree", "ivd-deform", "ivd-render"];
+    for (path, text) in sources("Cargo.toml").into_iter().filter(|(p, _)| stages.contains(&crate_of(p).as_str())) {
+        let name = crate_of(&path);
+        let dependencies = text.split("[dependencies]").nth(1).unwrap().split("\n[").next().unwrap();
+        for line in dependencies.lines().filter(|l| l.starts_with("ivd-")) {
+            let used = line.split(['.', ' ', '=']).next().unwrap();
+            let allowed = used == "ivd-core" || (["ivd-deform", "ivd-render"].contains(&name.as_str()) && used == "ivd-octree");
+            assert!(allowed, "{name} depends on {used}");
+        }
+    }
+}
+
+#[test]
+fn no_source_file_outgrows_six_hundred_lines() {
+    for (path, text) in sources(".rs") {
+        assert!(text.lines().count() <= 600, "{}: {} lines", path.display(), text.lines().count());
+    }
+}
+
+#[test]
+fn every_scene_in_fixtures_is_read() {
+    for entry in std::fs::read_dir(root().join("fixtures/scenes")).unwrap() {
+        let path = entry.unwrap().path();
+        ivd_pipeline::scene::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
+    }
+}
