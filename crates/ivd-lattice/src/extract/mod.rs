@@ -32,17 +32,26 @@
 
 mod bounds;
 mod cell;
+mod directory;
 mod place;
+#[cfg(test)]
 mod plain;
 mod samples;
+mod signs;
+mod sweep;
 mod table;
+#[cfg(test)]
+mod tests;
 
-use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource, Mask, ParamError, Volume, with_voxels};
+use ivd_core::{
+    BrickIndex, ElementKey, Exec, Grid, Lattice, LatticeSource, Mask, ParamError, Volume, with_voxels,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
 use bounds::{Bounds, Ordered};
 use samples::{Field, Masked, Samples};
+use signs::{BrickState, Signs};
 
 /// Which surface to cut.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -112,7 +121,8 @@ impl ExtractParams {
 pub struct Extracted {
     /// The lattice.
     pub lattice: Lattice,
-    /// Bricks of 8³ cells that had to be opened.
+    /// Bricks of 8³ cells that hold voxels inside and outside, as far as their range of values tells; without a mask
+    /// no other brick is read.
     pub bricks_active: u64,
     /// Bricks of the volume.
     pub bricks_total: u64,
@@ -170,7 +180,8 @@ pub fn extract(
 
 fn cut_field<T: Ordered>(volume: &Volume, voxels: &[T], iso: &Iso, exec: &Exec) -> Result<Extracted, Error> {
     let field = Field { voxels, bounds: Bounds::new(volume, iso) };
-    finish(&field, volume.grid(), source(iso), exec)
+    let bricks = signs::brick_states(volume.bricks(), &field.bounds);
+    cut(&field, volume.grid(), source(iso), Some(&bricks), exec)
 }
 
 fn cut_part<T: Ordered>(
@@ -182,19 +193,14 @@ fn cut_part<T: Ordered>(
 ) -> Result<Extracted, Error> {
     let bounds = Bounds::new(volume, iso);
     let part = Masked { mask: mask.inside(), field: Field { voxels, bounds }, contradicts: bounds.first };
-    finish(&part, volume.grid(), source(iso), exec)
+    cut(&part, volume.grid(), source(iso), None, exec)
 }
 
 fn cut_mask(mask: &Mask, exec: &Exec) -> Result<Extracted, Error> {
     if let Some(level) = mask.level() {
-        let bounds = Bounds { first: 0.0, last: f32::MAX, low: 0.0, high: f64::INFINITY };
-        // A level of 0 is the surface itself: it contradicts neither side.
-        let contradicts = f32::from_bits(1);
-        let part = Masked { mask: mask.inside(), field: Field { voxels: level, bounds }, contradicts };
-        return finish(&part, mask.grid(), LatticeSource::Mask, exec);
+        return cut(&samples::levelled(mask.inside(), level), mask.grid(), LatticeSource::Mask, None, exec);
     }
-    let bounds = Bounds { first: 1_u8, last: 1, low: 0.5, high: f64::INFINITY };
-    finish(&Field { voxels: mask.inside(), bounds }, mask.grid(), LatticeSource::Mask, exec)
+    cut(&samples::halfway(mask.inside()), mask.grid(), LatticeSource::Mask, None, exec)
 }
 
 fn source(iso: &Iso) -> LatticeSource {
@@ -205,17 +211,24 @@ fn source(iso: &Iso) -> LatticeSource {
     }
 }
 
-fn finish(
+fn cut(
     samples: &impl Samples,
     grid: &Grid,
     source: LatticeSource,
+    bricks: Option<&[BrickState]>,
     exec: &Exec,
 ) -> Result<Extracted, Error> {
-    exec.check_cancelled()?;
+    let dims = grid.dims();
+    exec.check_memory("the signs of the voxels", Signs::bytes(dims))?;
+    let signs = Signs::read(samples, dims, bricks, exec)?;
     let flip = grid.linear_part().determinant() < 0.0;
-    let Surface { keys, places, triangles } = plain::extract(samples, grid.dims(), flip);
-    let bricks_total = ivd_core::BrickIndex::dims_for(grid.dims()).map(|n| n as u64).iter().product();
+    let Surface { keys, places, triangles } = sweep::extract(samples, &signs, dims, flip, exec)?;
+    let bricks_active = match bricks {
+        Some(bricks) => bricks.iter().filter(|b| **b == BrickState::Mixed).count() as u64,
+        None => signs.mixed_bricks(),
+    };
+    let bricks_total = BrickIndex::dims_for(dims).map(|n| n as u64).iter().product();
     let lattice =
         Lattice { grid: grid.clone(), source, keys, places, triangles, level: 0, max_error_mm: 0.0 };
-    Ok(Extracted { lattice, bricks_active: bricks_total, bricks_total })
+    Ok(Extracted { lattice, bricks_active, bricks_total })
 }

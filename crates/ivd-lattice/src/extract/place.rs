@@ -1,9 +1,8 @@
 //! Where a cell lies in the padded grid, which way its ambiguous faces go, and where its vertices lie.
 
-use ivd_core::ElementKey;
-
-use super::cell::{self, CENTRE, EDGES, FACES};
+use super::cell::{self, EDGES, FACES};
 use super::samples::Samples;
+use super::table::{CASES, CrossingId};
 
 /// A cell of the grid padded by one voxel outside on every side: it spans the padded voxels `first` to `first + 1`.
 /// There are `n + 1` cells along an axis of `n` voxels.
@@ -16,7 +15,7 @@ pub(super) struct Cell {
 impl Cell {
     /// Padded voxel of a corner.
     #[inline]
-    fn padded(&self, corner: u8) -> [usize; 3] {
+    pub(super) fn padded(&self, corner: u8) -> [usize; 3] {
         let offset = cell::offset(corner);
         std::array::from_fn(|a| self.first[a] + offset[a])
     }
@@ -37,15 +36,21 @@ impl Cell {
         })
     }
 
+    /// How the surface crosses this cell, given its corners' signs.
+    #[inline]
+    pub(super) fn crossing(&self, samples: &impl Samples, case: u8) -> CrossingId {
+        let ambiguous = CASES.ambiguous(case);
+        let joined = if ambiguous == 0 { 0 } else { self.joined(samples, case, ambiguous) };
+        CASES.crossing(case, joined)
+    }
+
     /// The decisions about the ambiguous faces, packed: bit `k` is set where the inside corners of the `k`-th
     /// ambiguous face are joined across it.
-    pub(super) fn joined(&self, samples: &impl Samples, case: u8, ambiguous: u8) -> u8 {
-        let mut rank = 0;
-        (0..6).filter(|f| ambiguous >> f & 1 == 1).fold(0, |joined, f| {
-            let bit = u8::from(self.joins(samples, case, FACES[f]));
-            rank += 1;
-            joined | bit << (rank - 1)
-        })
+    fn joined(&self, samples: &impl Samples, case: u8, ambiguous: u8) -> u8 {
+        let faces = (0..6).filter(|f| ambiguous >> f & 1 == 1);
+        faces
+            .enumerate()
+            .fold(0, |joined, (rank, f)| joined | u8::from(self.joins(samples, case, FACES[f])) << rank)
     }
 
     /// Asymptotic decider (Nielson and Hamann 1991): the inside corners of an ambiguous face are joined where the
@@ -59,29 +64,11 @@ impl Cell {
         if first_inside { a * c > b * d } else { b * d > a * c }
     }
 
-    /// Address of a vertex of this cell: that of a crossed edge, or of the cell itself.
-    #[inline]
-    pub(super) fn key(&self, element: u8) -> ElementKey {
-        if element == CENTRE {
-            return ElementKey::new(self.dims, self.first, 6);
-        }
-        let low = EDGES[usize::from(element)][0];
-        ElementKey::new(self.dims, self.padded(low), cell::axis(element) as u8)
-    }
-
     /// Fraction of the way along a crossed edge; halfway into the border layer.
     #[inline]
-    fn fraction(&self, samples: &impl Samples, edge: u8) -> f32 {
+    pub(super) fn fraction(&self, samples: &impl Samples, edge: u8) -> f32 {
         let [a, b] = EDGES[usize::from(edge)].map(|corner| self.voxel(corner));
         a.zip(b).map_or(0.5, |(a, b)| samples.crossing(a, b))
-    }
-
-    /// Offset of a crossed edge's vertex from its own voxel.
-    #[inline]
-    pub(super) fn edge_place(&self, samples: &impl Samples, edge: u8) -> [f32; 3] {
-        let mut place = [0.0; 3];
-        place[cell::axis(edge)] = self.fraction(samples, edge);
-        place
     }
 
     /// Offset of the cell's own vertex: the mean of the loop around it. It lies strictly inside the cell, since no

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ivd_core::ElementKey;
 
 use super::Surface;
-use super::cell::CENTRE;
+use super::cell::{self, CENTRE, EDGES};
 use super::place::Cell;
 use super::samples::Samples;
 use super::table::CASES;
@@ -18,13 +18,11 @@ pub(super) fn extract(samples: &impl Samples, dims: [usize; 3], flip: bool) -> S
         for y in 0..=dims[1] {
             for x in 0..=dims[0] {
                 let cell = Cell { dims, first: [x, y, z] };
-                let case = cell.case(samples);
-                let joined = cell.joined(samples, case, CASES.ambiguous[usize::from(case)]);
-                let crossing = CASES.crossing(case, joined);
-                for &[a, b, c] in &crossing.triangles {
+                let id = cell.crossing(samples, cell.case(samples));
+                for &[a, b, c] in CASES.triangles(id) {
                     for element in [a, b, c] {
                         places.entry(cell.key(element)).or_insert_with(|| match element {
-                            CENTRE => cell.centre_place(samples, &crossing.fan),
+                            CENTRE => cell.centre_place(samples, CASES.fan(id)),
                             edge => cell.edge_place(samples, edge),
                         });
                     }
@@ -37,4 +35,22 @@ pub(super) fn extract(samples: &impl Samples, dims: [usize; 3], flip: bool) -> S
     let index = |key: ElementKey| keys.binary_search(&key).expect("every corner was entered") as u32;
     let triangles = triangles.into_iter().map(|t| t.map(index)).collect();
     Surface { keys, places: places.into_values().collect(), triangles }
+}
+
+impl Cell {
+    /// Address of a vertex of this cell: that of a crossed edge, or of the cell itself.
+    fn key(&self, element: u8) -> ElementKey {
+        if element == CENTRE {
+            return ElementKey::new(self.dims, self.first, 6);
+        }
+        let low = EDGES[usize::from(element)][0];
+        ElementKey::new(self.dims, self.padded(low), cell::axis(element) as u8)
+    }
+
+    /// Offset of a crossed edge's vertex from its own voxel.
+    fn edge_place(&self, samples: &impl Samples, edge: u8) -> [f32; 3] {
+        let mut place = [0.0; 3];
+        place[cell::axis(edge)] = self.fraction(samples, edge);
+        place
+    }
 }

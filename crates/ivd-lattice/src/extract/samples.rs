@@ -9,6 +9,10 @@ pub(super) trait Samples: Sync {
     /// Whether a voxel is inside.
     fn inside(&self, voxel: usize) -> bool;
 
+    /// Signs of the `count` voxels from `first` on: bit `i % 8` of byte `i / 8` is set where voxel `first + i` is
+    /// inside. Bits beyond `count` in the last byte are 0.
+    fn signs(&self, first: usize, count: usize, bytes: &mut [u8]);
+
     /// Distance of a voxel from the surface in the field's own unit, positive inside; NaN where the voxel has none
     /// (no data, or a mask that overrules the field).
     fn level(&self, voxel: usize) -> f64;
@@ -29,6 +33,11 @@ impl<T: Ordered> Samples for Field<'_, T> {
     #[inline(always)]
     fn inside(&self, voxel: usize) -> bool {
         self.bounds.contains(self.voxels[voxel])
+    }
+
+    fn signs(&self, first: usize, count: usize, bytes: &mut [u8]) {
+        let bounds = self.bounds;
+        pack(&self.voxels[first..first + count], bytes, |&value| bounds.contains(value));
     }
 
     #[inline]
@@ -75,6 +84,19 @@ impl<T: Ordered> Samples for Masked<'_, T> {
         self.mask[voxel] != 0 && self.field.voxels[voxel].is_data()
     }
 
+    fn signs(&self, first: usize, count: usize, bytes: &mut [u8]) {
+        pack(&self.mask[first..first + count], bytes, |&inside| inside != 0);
+        if T::TYPE.is_integer() {
+            return;
+        }
+        let voxels = &self.field.voxels[first..first + count];
+        for (byte, voxels) in bytes.iter_mut().zip(voxels.chunks(8)).filter(|(byte, _)| **byte != 0) {
+            for (i, value) in voxels.iter().enumerate() {
+                *byte &= !(u8::from(!value.is_data()) << i);
+            }
+        }
+    }
+
     #[inline]
     fn level(&self, voxel: usize) -> f64 {
         if self.agrees(voxel) { self.field.bounds.level(self.field.voxels[voxel]) } else { f64::NAN }
@@ -90,8 +112,47 @@ impl<T: Ordered> Samples for Masked<'_, T> {
     }
 }
 
+/// A mask with a level function [voxels], positive inside. A level of 0 is the surface itself and contradicts neither
+/// side.
+pub(super) fn levelled<'a>(mask: &'a [u8], level: &'a [f32]) -> Masked<'a, f32> {
+    let bounds = Bounds { first: 0.0, last: f32::MAX, low: 0.0, high: f64::INFINITY };
+    Masked { mask, field: Field { voxels: level, bounds }, contradicts: f32::from_bits(1) }
+}
+
+/// A mask alone: its surface lies halfway between its voxels.
+pub(super) fn halfway(mask: &[u8]) -> Field<'_, u8> {
+    Field { voxels: mask, bounds: Bounds { first: 1, last: 1, low: 0.5, high: f64::INFINITY } }
+}
+
 /// A crossing as it is stored: within `[T_MIN, 1 - T_MIN]`, halfway where there was no telling.
 #[inline]
 fn clamp(fraction: f64) -> f32 {
     if fraction.is_nan() { 0.5 } else { (fraction as f32).clamp(T_MIN, 1.0 - T_MIN) }
+}
+
+/// Packs a test of each value into bits, 64 values at a time so that the compiler can vectorise the test.
+#[inline(always)]
+fn pack<T>(values: &[T], bytes: &mut [u8], inside: impl Fn(&T) -> bool) {
+    let mut flags = [0_u8; 64];
+    for (values, bytes) in values.chunks(64).zip(bytes.chunks_mut(8)) {
+        if let Some(values) = values.first_chunk::<64>() {
+            for i in 0..64 {
+                flags[i] = u8::from(inside(&values[i]));
+            }
+        } else {
+            flags = [0; 64];
+            for (flag, value) in flags.iter_mut().zip(values) {
+                *flag = u8::from(inside(value));
+            }
+        }
+        for (byte, flags) in bytes.iter_mut().zip(flags.as_chunks::<8>().0) {
+            *byte = gather(*flags);
+        }
+    }
+}
+
+/// Eight flags, each 0 or 1, as the bits of a byte: the product moves flag `i` to bit `56 + i`, without carries.
+#[inline(always)]
+fn gather(flags: [u8; 8]) -> u8 {
+    (u64::from_le_bytes(flags).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
 }

@@ -11,44 +11,99 @@ use super::cell::{self, CENTRE, EDGES};
 
 /// How the surface crosses a cell of one case.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Crossing {
-    /// Corners of the triangles: edges 0…11, or [`CENTRE`]; counter-clockwise from outside on a right-handed grid.
-    pub(super) triangles: Vec<[u8; 3]>,
+struct Crossing {
+    triangles: Vec<[u8; 3]>,
     /// Edges of the loop that has a vertex in its middle; empty in most cases.
-    pub(super) fan: Vec<u8>,
+    fan: Vec<u8>,
 }
 
 /// All cases.
 #[derive(Debug)]
 pub(super) struct CaseTable {
-    /// First crossing of each case; the decisions of its ambiguous faces, packed, count from there.
+    /// First span of each case; the decisions of its ambiguous faces, packed, count from there.
     first: [u16; 256],
     /// Ambiguous faces of each case, a bit each.
-    pub(super) ambiguous: [u8; 256],
-    crossings: Vec<Crossing>,
+    ambiguous: [u8; 256],
+    spans: Vec<Span>,
+    triangles: Vec<[u8; 3]>,
+    fans: Vec<Vec<u8>>,
 }
+
+/// Where one crossing's triangles are in the table.
+#[derive(Debug, Clone, Copy)]
+struct Span {
+    start: u16,
+    count: u8,
+    fan: bool,
+}
+
+/// A crossing of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct CrossingId(u16);
 
 /// The table, built at its first use.
 pub(super) static CASES: LazyLock<CaseTable> = LazyLock::new(CaseTable::build);
 
 impl CaseTable {
     fn build() -> Self {
-        let mut table = Self { first: [0; 256], ambiguous: [0; 256], crossings: Vec::new() };
+        let mut table = Self {
+            first: [0; 256],
+            ambiguous: [0; 256],
+            spans: Vec::new(),
+            triangles: Vec::new(),
+            fans: Vec::new(),
+        };
         for case in 0..=255_u8 {
             let faces = cell::ambiguous_faces(case);
-            table.first[usize::from(case)] = table.crossings.len() as u16;
+            table.first[usize::from(case)] = table.spans.len() as u16;
             table.ambiguous[usize::from(case)] = faces;
             for packed in 0..1_u8 << faces.count_ones() {
-                table.crossings.push(cross(case, unpack(packed, faces)));
+                table.add(cross(case, unpack(packed, faces)));
             }
         }
         table
     }
 
+    fn add(&mut self, crossing: Crossing) {
+        self.spans.push(Span {
+            start: self.triangles.len() as u16,
+            count: crossing.triangles.len() as u8,
+            fan: !crossing.fan.is_empty(),
+        });
+        self.triangles.extend(crossing.triangles);
+        self.fans.push(crossing.fan);
+    }
+
+    /// Ambiguous faces of a case, a bit each.
+    #[inline]
+    pub(super) fn ambiguous(&self, case: u8) -> u8 {
+        self.ambiguous[usize::from(case)]
+    }
+
     /// The crossing of a case. Bit `k` of `joined` is the decision about the `k`-th of its ambiguous faces.
     #[inline]
-    pub(super) fn crossing(&self, case: u8, joined: u8) -> &Crossing {
-        &self.crossings[usize::from(self.first[usize::from(case)]) + usize::from(joined)]
+    pub(super) fn crossing(&self, case: u8, joined: u8) -> CrossingId {
+        CrossingId(self.first[usize::from(case)] + u16::from(joined))
+    }
+
+    /// Number of triangles of a crossing, and whether it has a vertex in the cell's middle.
+    #[inline]
+    pub(super) fn counts(&self, id: CrossingId) -> (u8, bool) {
+        let span = self.spans[usize::from(id.0)];
+        (span.count, span.fan)
+    }
+
+    /// Corners of the triangles: edges 0…11, or [`CENTRE`]; counter-clockwise from outside on a right-handed grid.
+    #[inline]
+    pub(super) fn triangles(&self, id: CrossingId) -> &[[u8; 3]] {
+        let span = self.spans[usize::from(id.0)];
+        &self.triangles[usize::from(span.start)..][..usize::from(span.count)]
+    }
+
+    /// Edges of the loop that has a vertex in its middle; empty in most cases.
+    #[inline]
+    pub(super) fn fan(&self, id: CrossingId) -> &[u8] {
+        &self.fans[usize::from(id.0)]
     }
 }
 
@@ -125,36 +180,38 @@ fn squared_area(a: u8, b: u8, c: u8) -> i32 {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
+    use std::collections::BTreeSet;
 
     use super::*;
 
-    fn all() -> impl Iterator<Item = (u8, u8, &'static Crossing)> {
+    fn all() -> impl Iterator<Item = (u8, u8, &'static [[u8; 3]], &'static [u8])> {
         (0..=255_u8).flat_map(|case| {
-            let faces = CASES.ambiguous[usize::from(case)];
-            (0..1_u8 << faces.count_ones())
-                .map(move |packed| (case, unpack(packed, faces), CASES.crossing(case, packed)))
+            let faces = CASES.ambiguous(case);
+            (0..1_u8 << faces.count_ones()).map(move |packed| {
+                let id = CASES.crossing(case, packed);
+                (case, unpack(packed, faces), CASES.triangles(id), CASES.fan(id))
+            })
         })
     }
 
     #[test]
     fn there_are_656_cases_of_at_most_12_triangles() {
         assert_eq!(all().count(), 656);
-        assert_eq!(all().map(|(_, _, c)| c.triangles.len()).max(), Some(12));
-        assert_eq!(all().filter(|(_, _, c)| !c.fan.is_empty()).count(), 116);
+        assert_eq!(all().map(|(_, _, triangles, _)| triangles.len()).max(), Some(12));
+        assert_eq!(all().filter(|(_, _, _, fan)| !fan.is_empty()).count(), 116);
     }
 
     #[test]
     fn the_border_of_a_cells_triangles_is_its_face_arcs() {
-        for (case, joined, crossing) in all() {
-            let mut edges = BTreeMap::new();
-            for t in &crossing.triangles {
+        for (case, joined, triangles, _) in all() {
+            let mut edges = BTreeSet::new();
+            for t in triangles {
                 for k in 0..3 {
-                    assert!(edges.insert((t[k], t[(k + 1) % 3]), ()).is_none(), "case {case}: edge twice");
+                    assert!(edges.insert((t[k], t[(k + 1) % 3])), "case {case}: edge twice");
                 }
             }
             let border: Vec<(u8, u8)> =
-                edges.keys().copied().filter(|&(a, b)| !edges.contains_key(&(b, a))).collect();
+                edges.iter().copied().filter(|&(a, b)| !edges.contains(&(b, a))).collect();
             let mut arcs: Vec<(u8, u8)> = cell::loops(case, joined)
                 .iter()
                 .flat_map(|r| (0..r.len()).map(|i| (r[i], r[(i + 1) % r.len()])).collect::<Vec<_>>())
@@ -166,12 +223,11 @@ mod tests {
 
     #[test]
     fn no_inner_edge_lies_in_a_face() {
-        for (case, _, crossing) in all() {
-            for t in &crossing.triangles {
+        for (case, _, triangles, _) in all() {
+            for t in triangles {
                 for k in 0..3 {
                     let (a, b) = (t[k], t[(k + 1) % 3]);
-                    let inner =
-                        crossing.triangles.iter().any(|o| (0..3).any(|m| (o[m], o[(m + 1) % 3]) == (b, a)));
+                    let inner = triangles.iter().any(|o| (0..3).any(|m| (o[m], o[(m + 1) % 3]) == (b, a)));
                     assert!(!inner || a == CENTRE || b == CENTRE || !cell::share_face(a, b), "case {case}");
                 }
             }
@@ -180,7 +236,7 @@ mod tests {
 
     #[test]
     fn a_corner_inside_is_seen_counter_clockwise_from_outside() {
-        let t = CASES.crossing(1, 0).triangles[0];
+        let t = CASES.triangles(CASES.crossing(1, 0))[0];
         let axes = t.map(cell::axis);
         assert!([[0, 1, 2], [1, 2, 0], [2, 0, 1]].contains(&axes), "{t:?}");
     }

@@ -1,0 +1,166 @@
+//! Where the vertices of a layer stand in the lattice: for each row, which elements hold one and how many lie before.
+
+use super::signs::Signs;
+
+/// Voxels in a group.
+const GROUP: usize = 16;
+
+/// One bit in each quarter of a word.
+const QUARTERS: u64 = 0x0001_0001_0001_0001;
+
+/// Sixteen voxels of a row: the vertices on their elements.
+#[derive(Debug, Clone, Copy, Default)]
+struct Group {
+    /// Sixteen bits each for x edges, y edges, z edges and cells.
+    bits: u64,
+    /// Index of the group's first vertex.
+    first: u32,
+}
+
+/// Vertices on the elements of one voxel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Voxel {
+    /// Index of the voxel's first vertex.
+    pub(super) first: u32,
+    /// A bit at 0, 16, 32, 48 for the edges along x, y, z and the cell.
+    bits: u64,
+}
+
+impl Voxel {
+    /// Index of the vertex on the y edge, if there is one.
+    #[inline(always)]
+    pub(super) fn y(self) -> u32 {
+        self.first + (self.bits & 1) as u32
+    }
+
+    /// Index of the vertex on the z edge, if there is one.
+    #[inline(always)]
+    pub(super) fn z(self) -> u32 {
+        self.y() + (self.bits >> 16 & 1) as u32
+    }
+
+    /// Index of the vertex in the cell, if there is one.
+    #[inline(always)]
+    pub(super) fn cell(self) -> u32 {
+        self.z() + (self.bits >> 32 & 1) as u32
+    }
+
+    /// Index of the vertex after this voxel's.
+    #[inline(always)]
+    fn end(self) -> u32 {
+        self.cell() + (self.bits >> 48 & 1) as u32
+    }
+}
+
+/// Edges of a row that the surface crosses, 32 voxels at a time.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Crossed {
+    pub(super) x: u32,
+    pub(super) y: u32,
+    pub(super) z: u32,
+}
+
+impl Crossed {
+    /// Crossed edges of the padded voxels `32 k` to `32 k + 31` of a row, given the words of the row itself and those
+    /// one row up in y and in z.
+    #[inline(always)]
+    pub(super) fn at(k: usize, row: &[u32], up_y: &[u32], up_z: &[u32]) -> Self {
+        let here = row[k];
+        Self { x: here ^ (here >> 1 | row[k + 1] << 31), y: here ^ up_y[k], z: here ^ up_z[k] }
+    }
+
+    /// Number of crossed edges.
+    #[inline(always)]
+    pub(super) fn count(self) -> u32 {
+        (u64::from(self.x) | u64::from(self.y) << 32).count_ones() + self.z.count_ones()
+    }
+}
+
+/// The vertices of one layer of padded voxels.
+#[derive(Debug, Default)]
+pub(super) struct Directory {
+    groups_per_row: usize,
+    groups: Vec<Group>,
+}
+
+impl Directory {
+    /// Fills in the layer at padded `z` of a grid of `dims` voxels, whose first vertex has index `first`.
+    ///
+    /// `centres`: padded `[x, y]` of the cells with a vertex of their own, in ascending order of row and place.
+    pub(super) fn fill(
+        &mut self,
+        signs: &Signs,
+        dims: [usize; 3],
+        z: usize,
+        first: u32,
+        centres: &[[u32; 2]],
+    ) {
+        let words = (dims[0] + 2).div_ceil(32);
+        self.groups_per_row = 2 * words + 1;
+        self.groups.resize(self.groups_per_row * (dims[1] + 2), Group::default());
+        let mut centres = centres.iter().peekable();
+        let mut next = first;
+        for (y, groups) in self.groups.chunks_mut(self.groups_per_row).enumerate().take(dims[1] + 1) {
+            let [row, up_y, up_z] = [signs.row(y, z), signs.row(y + 1, z), signs.row(y, z + 1)];
+            for (k, pair) in groups.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+                let crossed = Crossed::at(k, row, up_y, up_z);
+                for (half, group) in pair.iter_mut().enumerate() {
+                    let part = |bits: u32| u64::from(bits >> (16 * half) & 0xFFFF);
+                    group.bits = part(crossed.x) | part(crossed.y) << 16 | part(crossed.z) << 32;
+                    group.first = next;
+                    next += group.bits.count_ones();
+                }
+            }
+            let mut added = 0;
+            let mut from = 0;
+            while let Some(&[x, _]) = centres.next_if(|c| c[1] as usize == y) {
+                let at = x as usize / GROUP;
+                groups[at].bits |= 1 << (48 + x as usize % GROUP);
+                groups[from..=at].iter_mut().for_each(|g| g.first += added);
+                (from, added) = (at + 1, added + 1);
+            }
+            groups[from..].iter_mut().for_each(|g| g.first += added);
+            next += added;
+        }
+    }
+
+    /// Groups of the row at padded `y`.
+    #[inline]
+    pub(super) fn row(&self, y: usize) -> Row<'_> {
+        Row(&self.groups[y * self.groups_per_row..][..self.groups_per_row])
+    }
+}
+
+/// The vertices of one row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row<'a>(&'a [Group]);
+
+impl Row<'_> {
+    /// Vertices on the elements of padded voxel `p`.
+    #[inline(always)]
+    pub(super) fn voxel(self, p: usize) -> Voxel {
+        let (group, place) = (self.0[p / GROUP], p % GROUP);
+        let before = group.bits & (((1 << place) - 1) * QUARTERS);
+        Voxel { first: group.first + before.count_ones(), bits: group.bits >> place & QUARTERS }
+    }
+
+    /// Vertices on the elements of padded voxels `p` and `p + 1`.
+    #[inline(always)]
+    pub(super) fn pair(self, p: usize) -> [Voxel; 2] {
+        let voxel = self.voxel(p);
+        let next = p + 1;
+        [voxel, Voxel { first: voxel.end(), bits: self.0[next / GROUP].bits >> (next % GROUP) & QUARTERS }]
+    }
+
+    /// Which of the padded voxels `32 k` to `32 k + 31` have a vertex in their cell.
+    #[inline]
+    pub(super) fn centres(self, k: usize) -> u32 {
+        (self.0[2 * k].bits >> 48 | self.0[2 * k + 1].bits >> 48 << 16) as u32
+    }
+
+    /// Whether padded voxel `p` has a vertex in its cell.
+    #[inline]
+    pub(super) fn has_centre(self, p: usize) -> bool {
+        self.0[p / GROUP].bits >> (48 + p % GROUP) & 1 == 1
+    }
+}
