@@ -29,6 +29,21 @@ pub enum Error {
         /// What to do instead.
         remedy: &'static str,
     },
+    /// A map that folds space, after everything that may be done against it.
+    #[error(
+        "the map folds: det ∇φ is only proven above {lower:.3} in the cell at voxel {voxel:?} ({world:.1?} mm), and in \
+         {cells} cells in all; move the handle less, or give it a larger radius or margin"
+    )]
+    Folded {
+        /// Lowest corner of the worst cell (voxel).
+        voxel: [i64; 3],
+        /// Its middle (mm, RAS).
+        world: [f64; 3],
+        /// Proven lower bound of det ∇φ there, ≤ 0.
+        lower: f64,
+        /// Number of cells that fold.
+        cells: usize,
+    },
 }
 
 impl Error {
@@ -38,7 +53,7 @@ impl Error {
             Self::Core(error) => error.fault(),
             Self::Param(_) => Fault::Usage,
             Self::Mismatch { .. } => Fault::Usage,
-            Self::Untrusted { .. } => Fault::Untrusted,
+            Self::Untrusted { .. } | Self::Folded { .. } => Fault::Untrusted,
         }
     }
 }

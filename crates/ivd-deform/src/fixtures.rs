@@ -1,6 +1,10 @@
 //! Grids, fields and lattices that several tests share.
 
-use ivd_core::{Displacement, Exec, FieldBricks, Grid, VoxelCoord, VoxelIndex};
+use std::collections::BTreeMap;
+
+use ivd_core::{
+    Displacement, ElementKey, Exec, FieldBricks, Grid, Lattice, LatticeSource, Mask, VoxelCoord, VoxelIndex,
+};
 use nalgebra::Vector3;
 
 use crate::inverse::from_bricks;
@@ -62,4 +66,63 @@ pub(crate) fn middle(grid: &Grid) -> Vector3<f64> {
 /// All voxels of a grid.
 pub(crate) fn voxels(grid: &Grid) -> impl Iterator<Item = VoxelIndex> + '_ {
     (0..grid.len()).map(|i| grid.index(i))
+}
+
+/// A closed lattice round the voxels where `level` (of the position relative to the origin, in mm) is positive, and the
+/// mask of those voxels: a vertex in every cell that the surface crosses, a quad for every crossed edge.
+pub(crate) fn lattice(grid: &Grid, level: impl Fn(Vector3<f64>) -> f64) -> (Lattice, Mask) {
+    let dims = grid.dims();
+    let inside: Vec<u8> =
+        voxels(grid).map(|v| u8::from(level(grid.linear_part() * VoxelCoord::from(v).0) > 0.0)).collect();
+    let at = |p: [i64; 3]| {
+        (0..3).all(|a| (0..dims[a] as i64).contains(&p[a]))
+            && inside[grid.linear(VoxelIndex(p.map(|c| c as usize)))] == 1
+    };
+    let mut crossed: BTreeMap<ElementKey, u32> = BTreeMap::new();
+    let mut quads: Vec<([ElementKey; 4], bool)> = Vec::new();
+    let key = |cell: [i64; 3]| ElementKey::new(dims, cell.map(|c| (c + 1) as usize), 6);
+    let n = dims.map(|d| d as i64);
+    for z in -1..n[2] {
+        for y in -1..n[1] {
+            for x in -1..n[0] {
+                for axis in 0..3 {
+                    let p = [x, y, z];
+                    let mut q = p;
+                    q[axis] += 1;
+                    if at(p) == at(q) {
+                        continue;
+                    }
+                    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+                    let around = [[-1, -1], [0, -1], [0, 0], [-1, 0]].map(|[du, dv]| {
+                        let mut c = p;
+                        c[u] += du;
+                        c[v] += dv;
+                        key(c)
+                    });
+                    crossed.extend(around.map(|k| (k, 0)));
+                    quads.push((around, at(p)));
+                }
+            }
+        }
+    }
+    crossed.values_mut().zip(0..).for_each(|(slot, i)| *slot = i);
+    let flip = grid.linear_part().determinant() < 0.0;
+    let triangles = quads
+        .iter()
+        .flat_map(|(q, outward)| {
+            let [a, b, c, d] = q.map(|k| crossed[&k]);
+            if *outward == flip { [[a, c, b], [a, d, c]] } else { [[a, b, c], [a, c, d]] }
+        })
+        .collect();
+    let lattice = Lattice {
+        grid: grid.clone(),
+        source: LatticeSource::Mask,
+        places: vec![[0.5; 3]; crossed.len()],
+        keys: crossed.into_keys().collect(),
+        triangles,
+        level: 0,
+        max_error_mm: 0.0,
+    };
+    lattice.check().unwrap();
+    (lattice, Mask::new(grid.clone(), inside.into()).unwrap())
 }

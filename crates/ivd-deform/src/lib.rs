@@ -4,6 +4,7 @@
 pub mod certificate;
 mod error;
 pub mod inverse;
+pub mod map;
 mod sampler;
 pub mod spring;
 pub mod warp;

@@ -21,6 +21,11 @@ impl<'a> Sampler<'a> {
         Self { field, dims: field.dims(), bricks: field.brick_dims(), to_voxel: grid.inverse_linear_part() }
     }
 
+    /// Voxels of the grid.
+    pub(crate) fn dims(&self) -> [usize; 3] {
+        self.dims
+    }
+
     /// Displacement at a voxel (voxels); beyond the grid that of the nearest border voxel.
     #[inline]
     pub(crate) fn voxel(&self, at: [i64; 3]) -> Vector3<f64> {

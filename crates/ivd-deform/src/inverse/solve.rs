@@ -1,7 +1,7 @@
-use ivd_core::{FieldBricks, Grid};
+use ivd_core::{FieldBricks, Grid, VoxelIndex};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::sampler::{Sampler, gradient, interpolate};
+use crate::sampler::{Corners, Sampler, gradient, interpolate};
 
 /// A residual at which a preimage counts as found (voxels): far below what `f32` vectors can keep.
 const FOUND: f64 = 1e-10;
@@ -96,15 +96,27 @@ impl<'a> Solver<'a> {
         best
     }
 
+    /// Calls `each` with every voxel of the grid in the box round a deformed cell.
+    pub(crate) fn voxels_in(&self, cell: [i64; 3], mut each: impl FnMut(VoxelIndex)) {
+        let (lo, hi) = deformed_box(&self.sampler.corners(cell), Vector3::from(cell).map(|c| c as f64));
+        let dims = self.sampler.dims();
+        let lo: [usize; 3] = std::array::from_fn(|a| (lo[a] - 1e-9).ceil().max(0.0) as usize);
+        let end: [usize; 3] =
+            std::array::from_fn(|a| ((hi[a] + 1e-9).floor() + 1.0).clamp(0.0, dims[a] as f64) as usize);
+        for z in lo[2]..end[2] {
+            for y in lo[1]..end[1] {
+                for x in lo[0]..end[0] {
+                    each(VoxelIndex([x, y, z]));
+                }
+            }
+        }
+    }
+
     /// Newton inside one cell, the iterate kept in it.
-    fn in_cell(&self, y: Vector3<f64>, cell: [i64; 3]) -> Option<(Vector3<f64>, f64)> {
+    pub(crate) fn in_cell(&self, y: Vector3<f64>, cell: [i64; 3]) -> Option<(Vector3<f64>, f64)> {
         let corners = self.sampler.corners(cell);
         let base = Vector3::from(cell).map(|c| c as f64);
-        let (mut lo, mut hi) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-        for (i, u) in corners.iter().enumerate() {
-            let at = base + Vector3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64) + u;
-            (lo, hi) = (lo.inf(&at), hi.sup(&at));
-        }
+        let (lo, hi) = deformed_box(&corners, base);
         if (0..3).any(|a| y[a] < lo[a] - 1e-9 || y[a] > hi[a] + 1e-9) {
             return None;
         }
@@ -119,6 +131,16 @@ impl<'a> Solver<'a> {
         }
         Some((base + t, residual(t).norm()))
     }
+}
+
+/// The box round a deformed cell.
+fn deformed_box(corners: &Corners, base: Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let (mut lo, mut hi) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    for (i, u) in corners.iter().enumerate() {
+        let at = base + Vector3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64) + u;
+        (lo, hi) = (lo.inf(&at), hi.sup(&at));
+    }
+    (lo, hi)
 }
 
 /// `−(I + g)⁻¹ f`, at most two voxels long; `−f` where the matrix is singular.

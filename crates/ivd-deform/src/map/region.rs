@@ -1,0 +1,142 @@
+use ivd_core::{Frame, Grid, Motion, VoxelCoord, World};
+use nalgebra::Vector3;
+
+use super::params::{MapParams, smooth_fall};
+
+/// Ω: where something may move. The union of the handles' balls, each widened by the margin.
+#[derive(Debug, Clone)]
+pub(super) struct Region {
+    /// Centres relative to the grid's origin (mm) and radii (mm).
+    balls: Vec<(Vector3<f64>, f64)>,
+    /// Width of the fall-off beyond the balls (mm).
+    pub(super) margin: f64,
+    /// Depth at which the depth weight ends (mm).
+    pub(super) depth: f64,
+}
+
+impl Region {
+    /// The region of a frame. `positions`: the vertices relative to the grid's origin; they stand in where the motion
+    /// names no ball.
+    pub(super) fn new(
+        motion: &Motion,
+        frame: &Frame,
+        positions: &[Vector3<f64>],
+        params: &MapParams,
+    ) -> Self {
+        let origin = World(motion.grid.origin().into());
+        let mut balls: Vec<(Vector3<f64>, f64)> =
+            motion.reach.iter().map(|b| (Vector3::from(b.centre) - origin.0, b.radius)).collect();
+        if balls.is_empty() {
+            balls.extend(ball_of_moved(frame, positions));
+        }
+        let most = largest(frame);
+        let reach = balls.iter().map(|b| b.1).fold(0.0, f64::max);
+        let margin = params.margin_mm.unwrap_or_else(|| (4.0 * most).max(2.0 * motion.grid.voxel_diagonal()));
+        let depth =
+            params.depth_mm.unwrap_or_else(|| reach.max(4.0 * most).max(motion.grid.voxel_diagonal()));
+        Self { balls, margin, depth }
+    }
+
+    /// ω: 1 in the balls, 0 beyond the margin, `1 − Π (1 − ωᵢ)` over the balls in between.
+    pub(super) fn weight(&self, point: Vector3<f64>) -> f64 {
+        let mut still = 1.0;
+        for (centre, radius) in &self.balls {
+            still *= 1.0 - smooth_fall(((point - centre).norm() - radius) / self.margin);
+        }
+        1.0 - still
+    }
+
+    /// The bricks that Ω may meet, ascending.
+    pub(super) fn bricks(&self, grid: &Grid) -> Vec<usize> {
+        let dims = grid.dims();
+        let bricks = dims.map(|n| n.div_ceil(8));
+        let mut hit = vec![false; bricks.iter().product()];
+        let half = 3.5 * grid.voxel_diagonal();
+        for (centre, radius) in &self.balls {
+            let (lo, hi) = brick_range(grid, *centre, radius + self.margin);
+            for bz in lo[2]..hi[2] {
+                for by in lo[1]..hi[1] {
+                    for bx in lo[0]..hi[0] {
+                        let middle =
+                            Vector3::new(bx as f64, by as f64, bz as f64) * 8.0 + Vector3::repeat(3.5);
+                        let middle = grid.linear_part() * VoxelCoord(middle).0;
+                        if (middle - centre).norm() <= radius + self.margin + half {
+                            hit[bx + bricks[0] * (by + bricks[1] * bz)] = true;
+                        }
+                    }
+                }
+            }
+        }
+        (0..hit.len()).filter(|&b| hit[b]).collect()
+    }
+}
+
+/// Bricks that the box round a ball spans, half open.
+fn brick_range(grid: &Grid, centre: Vector3<f64>, radius: f64) -> ([usize; 3], [usize; 3]) {
+    let to_voxel = grid.inverse_linear_part();
+    let at = to_voxel * centre;
+    let mut lo = [0; 3];
+    let mut hi = [0; 3];
+    for a in 0..3 {
+        // The ball is the image of the unit ball, so its extent along voxel axis a is the norm of the matrix's row.
+        let extent = to_voxel.row(a).norm() * radius;
+        let top = grid.dims()[a].div_ceil(8) as f64;
+        lo[a] = ((at[a] - extent) / 8.0).floor().clamp(0.0, top) as usize;
+        hi[a] = (((at[a] + extent) / 8.0).floor() + 1.0).clamp(0.0, top) as usize;
+    }
+    (lo, hi)
+}
+
+/// Largest motion of a vertex (mm).
+pub(super) fn largest(frame: &Frame) -> f64 {
+    frame.displacement.iter().map(|&d| Vector3::from(d).norm()).fold(0.0, f64::max)
+}
+
+/// A ball that holds every moved vertex.
+fn ball_of_moved(frame: &Frame, positions: &[Vector3<f64>]) -> Option<(Vector3<f64>, f64)> {
+    let moved = || frame.displacement.iter().zip(positions).filter(|(d, _)| **d != [0.0; 3]).map(|(_, p)| *p);
+    let lo = moved().reduce(|a, b| a.inf(&b))?;
+    let hi = moved().reduce(|a, b| a.sup(&b))?;
+    let centre = (lo + hi) / 2.0;
+    Some((centre, moved().map(|p| (p - centre).norm()).fold(0.0, f64::max)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{sheared_grid, voxels};
+    use ivd_core::Ball;
+
+    #[test]
+    fn bricks_cover_every_voxel_of_the_region_also_from_outside_the_grid() {
+        let grid = sheared_grid([40, 33, 20]);
+        for (voxel, radius) in [([20.0, 15.0, 10.0], 3.0), ([-3.0, 40.0, 5.0], 6.0), ([0.0, 0.0, 0.0], 0.0)] {
+            let centre = grid.world(VoxelCoord(Vector3::from(voxel))).0.into();
+            let frame = Frame { time: 0.0, displacement: vec![[0.5, 0.0, 0.0]] };
+            let motion = Motion {
+                grid: grid.clone(),
+                vertex_count: 1,
+                frames: vec![],
+                reach: vec![Ball { centre, radius }],
+            };
+            let region = Region::new(&motion, &frame, &[], &MapParams::default());
+            let bricks = region.bricks(&grid);
+            for v in voxels(&grid) {
+                let weight = region.weight(grid.linear_part() * VoxelCoord::from(v).0);
+                let brick = v.0[0] / 8 + 5 * (v.0[1] / 8 + 5 * (v.0[2] / 8));
+                assert!(weight == 0.0 || bricks.binary_search(&brick).is_ok(), "{v:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_ball_the_moved_vertices_span_the_region() {
+        let grid = sheared_grid([8, 8, 8]);
+        let frame = Frame { time: 0.0, displacement: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
+        let motion = Motion { grid, vertex_count: 3, frames: vec![], reach: vec![] };
+        let positions = [Vector3::repeat(100.0), Vector3::zeros(), Vector3::new(2.0, 0.0, 0.0)];
+        let region = Region::new(&motion, &frame, &positions, &MapParams::default());
+        assert_eq!(region.weight(Vector3::new(2.0, 0.0, 0.0)), 1.0);
+        assert_eq!(region.weight(Vector3::repeat(100.0)), 0.0);
+    }
+}

@@ -1,0 +1,151 @@
+use ivd_core::ParamError;
+use serde::{Deserialize, Serialize};
+
+/// Which vertex is meant.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HandleAt {
+    /// The vertex nearest to a point [mm, world RAS], at most ten voxel diagonals away.
+    Pick([f64; 3]),
+    /// The vertex of this number.
+    Vertex(u32),
+}
+
+/// What a handle does to its vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Action {
+    /// Moves it by a vector [mm, RAS], exactly.
+    Move([f64; 3]),
+    /// Pulls it with a force [mN, RAS]; how far it goes is physics.
+    Force([f64; 3]),
+}
+
+/// A vertex that is moved or pulled, and how far round it the lattice follows.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Handle {
+    /// The target vertex.
+    pub at: HandleAt,
+    /// What happens to it.
+    pub action: Action,
+    /// Radius [mm, rest space], > 0: beyond it nothing moves.
+    pub radius: f64,
+}
+
+/// Vertices that stay where they are.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Fix {
+    /// The vertex in the middle.
+    pub at: HandleAt,
+    /// Radius [mm, rest space], ≥ 0, of the vertices that stay; 0: this vertex alone.
+    pub radius: f64,
+}
+
+/// The material and the clock of the ring solver.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RingParams {
+    /// Stiffness of every structural spring [N/m], 1e-9…1e15.
+    pub stiffness: f64,
+    /// Time over which the handles act [s], 1e-9…1e6.
+    pub duration: f64,
+    /// Time step [s], > 0; `None`: a 200th of the duration. At least 32 and at most 20 000 steps are made.
+    pub dt: Option<f64>,
+    /// Stiffness of the spring that ties each vertex to its place, as a fraction of `stiffness`, 1e-3…1e3.
+    pub ground: f64,
+    /// Viscous drag, as a fraction of the critical damping of the ground springs, 0…100.
+    pub damping: f64,
+    /// Mass of the surface [g/mm²], > 0; vertices share the mass of their triangles.
+    pub density: f64,
+    /// Mass of every vertex [g], > 0, instead of `density`.
+    pub vertex_mass: Option<f64>,
+    /// Fraction of the handle's force below which a vertex passes none on, 0…1.
+    pub epsilon: f64,
+    /// The thesis to the letter: masses of 1 g, signed cosines, ring sums free to grow, no ground springs, springs that
+    /// push as well as pull. It may well end in an error.
+    pub literal: bool,
+}
+
+impl Default for RingParams {
+    fn default() -> Self {
+        Self {
+            stiffness: 50.0,
+            duration: 0.2,
+            dt: None,
+            ground: 1.0,
+            damping: 1.0,
+            density: 1e-3,
+            vertex_mass: None,
+            epsilon: 1e-3,
+            literal: false,
+        }
+    }
+}
+
+impl RingParams {
+    /// # Errors
+    /// [`ParamError`] names the field that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        let within = |field, value: f64, low: f64, high: f64| {
+            if (low..=high).contains(&value) {
+                return Ok(());
+            }
+            Err(ParamError::new(field, format!("{value}"), format!("use {low:e} to {high:e}")))
+        };
+        within("stiffness", self.stiffness, 1e-9, 1e15)?;
+        within("duration", self.duration, 1e-9, 1e6)?;
+        within("dt", self.dt.unwrap_or(1.0), f64::MIN_POSITIVE, f64::MAX)?;
+        within("ground", self.ground, 1e-3, 1e3)?;
+        within("damping", self.damping, 0.0, 100.0)?;
+        within("density", self.density, 1e-12, 1e6)?;
+        within("vertex_mass", self.vertex_mass.unwrap_or(1.0), 1e-12, 1e9)?;
+        within("epsilon", self.epsilon, 0.0, 1.0)
+    }
+
+    /// Number of steps, and their length [s].
+    pub(super) fn clock(&self) -> (usize, f64) {
+        let wanted = (self.duration / self.dt.unwrap_or(self.duration / 200.0)).ceil();
+        let steps = wanted.clamp(32.0, 20_000.0) as usize;
+        (steps, self.duration / steps as f64)
+    }
+}
+
+impl Handle {
+    /// # Errors
+    /// [`ParamError`] names the part that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        check_at(&self.at)?;
+        let (field, vector) = match &self.action {
+            Action::Move(vector) => ("move", vector),
+            Action::Force(vector) => ("force", vector),
+        };
+        if !vector.iter().all(|c| c.is_finite() && c.abs() <= 1e100) {
+            return Err(ParamError::new(field, format!("{vector:?}"), "give three finite numbers"));
+        }
+        if !(self.radius > 0.0 && self.radius <= 1e100) {
+            return Err(ParamError::new("radius", format!("{} mm", self.radius), "use a positive length"));
+        }
+        Ok(())
+    }
+}
+
+impl Fix {
+    /// # Errors
+    /// [`ParamError`] names the part that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        check_at(&self.at)?;
+        if !(0.0..=1e100).contains(&self.radius) {
+            return Err(ParamError::new("radius", format!("{} mm", self.radius), "use a length of at least 0"));
+        }
+        Ok(())
+    }
+}
+
+fn check_at(at: &HandleAt) -> Result<(), ParamError> {
+    match at {
+        HandleAt::Pick(point) if !point.iter().all(|c| c.is_finite()) => {
+            Err(ParamError::new("pick", format!("{point:?}"), "give three finite numbers in mm"))
+        }
+        _ => Ok(()),
+    }
+}

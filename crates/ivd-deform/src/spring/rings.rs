@@ -1,0 +1,126 @@
+//! Neighbours, rings round a target, and how a force spreads over them.
+
+use ivd_core::Lattice;
+use nalgebra::Vector3;
+
+/// Neighbours of every vertex along the triangles' edges, ascending, each once.
+pub(super) struct Edges {
+    first: Vec<u32>,
+    other: Vec<u32>,
+}
+
+impl Edges {
+    pub(super) fn new(lattice: &Lattice) -> Self {
+        let corners = lattice.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+        let mut pairs: Vec<[u32; 2]> =
+            corners.filter(|[a, b]| a != b).flat_map(|[a, b]| [[a, b], [b, a]]).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        let mut first = vec![0; lattice.keys.len() + 1];
+        pairs.iter().for_each(|[a, _]| first[*a as usize + 1] += 1);
+        for i in 1..first.len() {
+            first[i] += first[i - 1];
+        }
+        Self { first, other: pairs.into_iter().map(|[_, b]| b).collect() }
+    }
+
+    pub(super) fn of(&self, vertex: usize) -> &[u32] {
+        &self.other[self.first[vertex] as usize..self.first[vertex + 1] as usize]
+    }
+}
+
+/// How a moved vertex is followed at a distance of `t` radii: 1 at the target, 0 with its slope from the radius on, so
+/// that the lattice doesn't tear there.
+pub(super) fn taper(t: f64) -> f64 {
+    if t < 1.0 { (1.0 - t * t).powi(2) } else { 0.0 }
+}
+
+/// The vertices that a handle reaches: rings of neighbours, breadth first, in the order of the vertices.
+pub(super) struct Rings {
+    /// Vertices by ring; ring 0 is the target.
+    pub(super) rings: Vec<Vec<u32>>,
+    radius: f64,
+    target: usize,
+}
+
+impl Rings {
+    /// Rings round `target` through neighbours nearer than `radius` [mm] to it.
+    pub(super) fn new(edges: &Edges, rest: &[Vector3<f64>], target: usize, radius: f64) -> Self {
+        let mut seen = vec![false; rest.len()];
+        seen[target] = true;
+        let mut rings = vec![vec![target as u32]];
+        loop {
+            let mut next = Vec::new();
+            for &v in rings.last().expect("ring 0 is there") {
+                for &u in edges.of(v as usize) {
+                    let near = (rest[u as usize] - rest[target]).norm() < radius;
+                    if near && !std::mem::replace(&mut seen[u as usize], true) {
+                        next.push(u);
+                    }
+                }
+            }
+            if next.is_empty() {
+                return Self { rings, radius, target };
+            }
+            next.sort_unstable();
+            rings.push(next);
+        }
+    }
+
+    /// Vertices and how much of the target's motion they follow, 0…1.
+    pub(super) fn follow<'a>(&'a self, rest: &'a [Vector3<f64>]) -> impl Iterator<Item = (usize, f64)> + 'a {
+        self.rings.iter().flatten().map(|&v| {
+            let distance = (rest[v as usize] - rest[self.target]).norm();
+            (v as usize, taper(distance / self.radius))
+        })
+    }
+
+    /// Component forces by vertex, as fractions of the target's force, and their sum by ring.
+    ///
+    /// A vertex takes the mean fraction of its neighbours in the ring before, times the cosine of the angle between the
+    /// target's displacement and the way from the vertex to the displaced target (thesis, equations 6.2 and 6.3), times
+    /// the taper. A ring that would hold more force than the one before is scaled down to it. The cosine counts by its size:
+    /// a pull along the surface pushes the vertices ahead forward, not back. With `literal` neither taper nor scaling nor
+    /// size apply. Below `epsilon` a vertex passes nothing on.
+    pub(super) fn shares(
+        &self,
+        edges: &Edges,
+        rest: &[Vector3<f64>],
+        displaced: Vector3<f64>,
+        epsilon: f64,
+        literal: bool,
+    ) -> (Vec<(usize, f64)>, Vec<f64>) {
+        let mut share = vec![f64::NAN; rest.len()];
+        share[self.target] = 1.0;
+        let (mut all, mut sums) = (vec![(self.target, 1.0)], vec![1.0]);
+        for ring in &self.rings[1..] {
+            // A vertex of this ring has no share yet: NaN never passes the comparison.
+            let raw = |&v: &u32| {
+                let passing = edges.of(v as usize).iter().map(|&u| share[u as usize]);
+                let (sum, n) =
+                    passing.filter(|s| s.abs() > epsilon).fold((0.0, 0.0), |(sum, n), s| (sum + s, n + 1.0));
+                let cosine = cosine(displaced, rest[self.target] + displaced - rest[v as usize]);
+                let mean = if n > 0.0 { sum / n } else { 0.0 };
+                let distance = (rest[v as usize] - rest[self.target]).norm();
+                if literal { mean * cosine } else { mean * cosine.abs() * taper(distance / self.radius) }
+            };
+            let mut fractions: Vec<f64> = ring.iter().map(raw).collect();
+            let total: f64 = fractions.iter().sum();
+            let before = *sums.last().expect("ring 0 is there");
+            if !literal && total > before {
+                fractions.iter_mut().for_each(|f| *f *= before / total);
+            }
+            sums.push(fractions.iter().sum());
+            for (&v, &fraction) in ring.iter().zip(&fractions) {
+                share[v as usize] = fraction;
+                all.push((v as usize, fraction));
+            }
+        }
+        (all, sums)
+    }
+}
+
+fn cosine(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
+    let lengths = a.norm() * b.norm();
+    if lengths > 0.0 && lengths.is_finite() { (a.dot(&b) / lengths).clamp(-1.0, 1.0) } else { 0.0 }
+}
