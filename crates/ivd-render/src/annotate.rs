@@ -1,0 +1,147 @@
+use ivd_core::Image;
+use nalgebra::Vector3;
+
+use crate::camera::Camera;
+use crate::font;
+
+/// Letters along +x, −x, +y, −y, +z, −z of world space.
+const LETTERS: [[char; 2]; 3] = [['R', 'L'], ['A', 'P'], ['S', 'I']];
+/// Pictures with a shorter side below this have no room for letters (pixels).
+const LEAST_SIDE: usize = 48;
+
+/// Draws at each edge the letter of the body direction that it points to most, and a scale bar at the bottom left.
+pub(crate) fn annotate(image: &Image, camera: &Camera) -> Image {
+    let (width, height) = (image.width(), image.height());
+    if width.min(height) < LEAST_SIDE {
+        return image.clone();
+    }
+    let mut canvas = Canvas::new(image);
+    let size = canvas.size;
+    let (right, up) = (camera.right, camera.up);
+    let middle = |n: usize, letter: usize| n.saturating_sub(letter * size) / 2;
+    let (x, y) = (middle(width, font::WIDTH), middle(height, font::HEIGHT));
+    let margin = 2 * size;
+    canvas.text(margin, y, &letter(-right).to_string());
+    canvas.text(width - margin - font::WIDTH * size, y, &letter(right).to_string());
+    canvas.text(x, margin, &letter(up).to_string());
+    canvas.text(x, height - margin - font::HEIGHT * size, &letter(-up).to_string());
+    canvas.scale_bar(camera.pixel_mm);
+    canvas.into_image()
+}
+
+/// Letter of the axis that a direction points along most.
+fn letter(direction: Vector3<f64>) -> char {
+    // A small preference for the later axes, so that ties don't hang on rounding.
+    let axis = (0..3).rev().fold(
+        2,
+        |best, a| {
+            if direction[a].abs() > direction[best].abs() + 1e-9 { a } else { best }
+        },
+    );
+    LETTERS[axis][usize::from(direction[axis] < 0.0)]
+}
+
+/// The longest of 1, 2, 5 · 10ⁿ mm that fits into `most` mm.
+fn bar_length(most: f64) -> (f64, String) {
+    let exponent = most.log10().floor() as i32;
+    let power = 10_f64.powi(exponent);
+    let digit = [5.0, 2.0, 1.0].into_iter().find(|d| d * power <= most).unwrap_or(1.0);
+    let text = match exponent {
+        0..=4 => format!("{}", digit * power),
+        -3..=-1 => format!("{:.*}", -exponent as usize, digit * power),
+        _ => format!("{digit}e{exponent}"),
+    };
+    (digit * power, text + " mm")
+}
+
+struct Canvas {
+    width: usize,
+    height: usize,
+    rgba: Vec<u8>,
+    /// Pixels of a font pixel.
+    size: usize,
+}
+
+impl Canvas {
+    fn new(image: &Image) -> Self {
+        let (width, height) = (image.width(), image.height());
+        Self { width, height, size: (width.min(height) / 256).max(1), rgba: image.rgba().to_vec() }
+    }
+
+    fn into_image(self) -> Image {
+        Image::new(self.width, self.height, self.rgba).expect("the size didn't change")
+    }
+
+    fn dot(&mut self, x: usize, y: usize, level: u8) {
+        if x < self.width && y < self.height {
+            let at = 4 * (x + self.width * y);
+            self.rgba[at..at + 4].copy_from_slice(&[level, level, level, 255]);
+        }
+    }
+
+    fn block(&mut self, x: usize, y: usize, width: usize, height: usize, level: u8) {
+        for dy in 0..height {
+            for dx in 0..width {
+                self.dot(x + dx, y + dy, level);
+            }
+        }
+    }
+
+    /// White letters with a black rim, readable on any background.
+    fn text(&mut self, x: usize, y: usize, text: &str) {
+        let size = self.size;
+        for rim in [true, false] {
+            for (i, sign) in text.chars().enumerate() {
+                let left = x + i * (font::WIDTH + 1) * size;
+                for (row, bits) in font::glyph(sign).into_iter().enumerate() {
+                    for column in (0..font::WIDTH).filter(|c| bits >> (font::WIDTH - 1 - c) & 1 == 1) {
+                        let (px, py) = (left + column * size, y + row * size);
+                        if rim {
+                            self.block(px.saturating_sub(1), py.saturating_sub(1), size + 2, size + 2, 0);
+                        } else {
+                            self.block(px, py, size, size, 255);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// A bar of at most a quarter of the width, with its length.
+    fn scale_bar(&mut self, pixel_mm: f64) {
+        let (length, text) = bar_length(0.25 * self.width as f64 * pixel_mm);
+        let pixels = (length / pixel_mm).round() as usize;
+        let (x, y, size) = (3 * self.size, self.height - 4 * self.size, self.size);
+        self.block(x - 1, y - 1, pixels + 2, size + 2, 0);
+        self.block(x, y, pixels, size, 255);
+        self.text(x, y - (font::HEIGHT + 2) * size, &text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_name_the_nearest_body_axis() {
+        assert_eq!(letter(Vector3::new(-0.9, 0.1, 0.3)), 'L');
+        assert_eq!(letter(Vector3::new(0.1, 0.9, -0.3)), 'A');
+        assert_eq!(letter(Vector3::new(0.0, 0.1, -0.3)), 'I');
+    }
+
+    #[test]
+    fn bars_are_round_lengths_that_fit() {
+        assert_eq!(bar_length(64.0), (50.0, "50 mm".to_owned()));
+        assert_eq!(bar_length(2.0), (2.0, "2 mm".to_owned()));
+        assert_eq!(bar_length(1999.0), (1000.0, "1000 mm".to_owned()));
+        assert_eq!(bar_length(0.3).1, "0.2 mm");
+        assert_eq!(bar_length(3e-7).1, "2e-7 mm");
+    }
+
+    #[test]
+    fn every_sign_of_the_lettering_has_a_glyph() {
+        for sign in "0125.RLAPSIme-".chars() {
+            assert_ne!(font::glyph(sign), [0; 7], "{sign}");
+        }
+    }
+}

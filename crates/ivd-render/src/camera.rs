@@ -1,0 +1,223 @@
+use ivd_core::{Grid, VoxelCoord};
+use nalgebra::{Matrix3, Vector3};
+
+use crate::{Projection, RenderParams};
+
+/// Angle across the shorter side at zoom 1 [degrees].
+const VIEW_ANGLE_DEG: f64 = 30.0;
+
+/// Turns pixels into rays in voxel coordinates.
+pub(crate) struct Camera {
+    /// World direction from the scene to the eye, and the picture's right and up, all unit.
+    pub(crate) towards_eye: Vector3<f64>,
+    pub(crate) right: Vector3<f64>,
+    pub(crate) up: Vector3<f64>,
+    /// Size of a pixel in the plane through the volume's centre [mm].
+    pub(crate) pixel_mm: f64,
+    centre: Vector3<f64>,
+    /// Distance of the eye, or of the plane that parallel rays start from, to the centre [mm].
+    distance: f64,
+    projection: Projection,
+    size: [usize; 2],
+    /// World to voxel.
+    to_voxel: Matrix3<f64>,
+    origin: Vector3<f64>,
+    dims: [usize; 3],
+    step_mm: f64,
+}
+
+/// The part of a ray inside the volume, in voxel coordinates: sample `i` is at `start + i · delta`, never accumulated.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Ray {
+    /// The middle of the first step.
+    pub(crate) start: [f32; 3],
+    pub(crate) delta: [f32; 3],
+    /// Number of whole steps.
+    pub(crate) steps: usize,
+    /// What is left after them: its middle, and its length in steps (0 for none).
+    pub(crate) rest_at: [f32; 3],
+    pub(crate) rest: f32,
+}
+
+impl Ray {
+    /// Position of sample `i`; each coordinate is monotone in `i`, as rounding is.
+    #[inline(always)]
+    pub(crate) fn at(&self, i: usize) -> [f32; 3] {
+        let t = i as f32;
+        std::array::from_fn(|a| self.start[a] + t * self.delta[a])
+    }
+}
+
+impl Camera {
+    pub(crate) fn new(grid: &Grid, params: &RenderParams) -> Self {
+        let (sin_a, cos_a) = params.view.azimuth_deg.to_radians().sin_cos();
+        let (sin_e, cos_e) = params.view.elevation_deg.to_radians().sin_cos();
+        let towards_eye = Vector3::new(-sin_a * cos_e, cos_a * cos_e, sin_e);
+        let up = Vector3::new(sin_a * sin_e, -cos_a * sin_e, cos_e);
+        let dims = grid.dims();
+        let centre = grid.world(VoxelCoord(Vector3::from_fn(|a, _| 0.5 * (dims[a] - 1) as f64))).0;
+        let radius = radius(grid);
+        let half_angle = 0.5 * VIEW_ANGLE_DEG.to_radians();
+        let (distance, half_height) = match params.view.projection {
+            Projection::Orthographic => (2.0 * radius, radius),
+            Projection::Perspective => (radius / half_angle.sin(), radius / half_angle.cos()),
+        };
+        let smallest = grid.spacing().into_iter().fold(f64::INFINITY, f64::min);
+        Self {
+            towards_eye,
+            right: up.cross(&towards_eye),
+            up,
+            pixel_mm: 2.0 * half_height / params.view.zoom / params.width.min(params.height) as f64,
+            centre,
+            distance,
+            projection: params.view.projection,
+            size: [params.width, params.height],
+            to_voxel: grid.inverse_linear_part(),
+            origin: Vector3::from(grid.origin()),
+            dims,
+            step_mm: params.step * smallest,
+        }
+    }
+
+    /// Distance of samples [mm].
+    pub(crate) fn step_mm(&self) -> f64 {
+        self.step_mm
+    }
+
+    /// Pixel coordinates of a world position: the middle of the top left pixel is (0, 0). `None` behind the eye.
+    pub(crate) fn project(&self, world: Vector3<f64>) -> Option<[f64; 2]> {
+        let from_centre = world - self.centre;
+        let scale = match self.projection {
+            Projection::Orthographic => 1.0,
+            Projection::Perspective => {
+                let depth = self.distance - from_centre.dot(&self.towards_eye);
+                if depth <= 1e-6 * self.distance {
+                    return None;
+                }
+                self.distance / depth
+            }
+        };
+        let x = from_centre.dot(&self.right) * scale / self.pixel_mm;
+        let y = from_centre.dot(&self.up) * scale / self.pixel_mm;
+        let [width, height] = self.size.map(|n| 0.5 * (n as f64 - 1.0));
+        Some([width + x, height - y])
+    }
+
+    /// Whether a triangle, counter-clockwise seen from outside, turns its outside to the eye.
+    pub(crate) fn faces_eye(&self, corners: [Vector3<f64>; 3]) -> bool {
+        let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
+        let towards = match self.projection {
+            Projection::Orthographic => self.towards_eye,
+            Projection::Perspective => self.centre + self.towards_eye * self.distance - corners[0],
+        };
+        normal.dot(&towards) > 0.0
+    }
+
+    /// The ray through the middle of a pixel, or `None` where it misses the volume. A voxel reaches half a voxel round its centre, so
+    /// that even a volume of one layer has a thickness.
+    pub(crate) fn ray(&self, x: usize, y: usize) -> Option<Ray> {
+        let across = (x as f64 - 0.5 * (self.size[0] as f64 - 1.0)) * self.pixel_mm;
+        let upward = (0.5 * (self.size[1] as f64 - 1.0) - y as f64) * self.pixel_mm;
+        let on_plane = self.right * across + self.up * upward;
+        let (from, direction) = match self.projection {
+            Projection::Orthographic => (on_plane + self.towards_eye * self.distance, -self.towards_eye),
+            Projection::Perspective => {
+                let eye = self.towards_eye * self.distance;
+                (eye, (on_plane - eye).normalize())
+            }
+        };
+        // Differences to the grid's origin first: an origin 10⁶ mm away costs no precision.
+        let from = self.to_voxel * ((self.centre - self.origin) + from);
+        let direction = self.to_voxel * direction;
+        let (near, far) = self.clip(from, direction)?;
+        let length = far - near;
+        let steps = (length / self.step_mm + 1e-9).floor();
+        let rest = (length - steps * self.step_mm).max(0.0);
+        let at = |t: f64| -> [f32; 3] { std::array::from_fn(|a| (from[a] + t * direction[a]) as f32) };
+        Some(Ray {
+            start: at(near + 0.5 * self.step_mm),
+            delta: std::array::from_fn(|a| (direction[a] * self.step_mm) as f32),
+            steps: steps as usize,
+            rest_at: at(far - 0.5 * rest),
+            rest: if rest > 1e-6 * self.step_mm { (rest / self.step_mm) as f32 } else { 0.0 },
+        })
+    }
+
+    /// Where the ray is inside the box of voxels [mm along the ray].
+    fn clip(&self, from: Vector3<f64>, direction: Vector3<f64>) -> Option<(f64, f64)> {
+        let (mut near, mut far) = (0.0_f64, f64::INFINITY);
+        for a in 0..3 {
+            let (low, high) = (-0.5, self.dims[a] as f64 - 0.5);
+            if direction[a].abs() < 1e-12 {
+                if from[a] < low || from[a] > high {
+                    return None;
+                }
+                continue;
+            }
+            let (t0, t1) = ((low - from[a]) / direction[a], (high - from[a]) / direction[a]);
+            near = near.max(t0.min(t1));
+            far = far.min(t0.max(t1));
+        }
+        (far.is_finite() && near < far).then_some((near, far))
+    }
+}
+
+/// Radius of the sphere round the volume [mm].
+fn radius(grid: &Grid) -> f64 {
+    let half = grid.dims().map(|n| 0.5 * n as f64);
+    let linear = grid.linear_part();
+    [[1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]]
+        .iter()
+        .map(|sign| (linear * Vector3::from_fn(|a, _| half[a] * sign[a])).norm())
+        .fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::View;
+
+    fn camera(view: View) -> Camera {
+        let grid = Grid::new(
+            [20, 30, 10],
+            [1.0, 0.5, 3.0],
+            [1e6, 5.0, -7.0],
+            [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        )
+        .unwrap();
+        Camera::new(&grid, &RenderParams { view, width: 64, height: 48, ..RenderParams::default() })
+    }
+
+    #[test]
+    fn the_default_view_is_from_the_front_with_the_head_up() {
+        let c = camera(View::default());
+        assert!((c.towards_eye - Vector3::y()).norm() < 1e-12);
+        assert!((c.up - Vector3::z()).norm() < 1e-12);
+        assert!((c.right + Vector3::x()).norm() < 1e-12, "the patient's left is at the picture's right");
+        let feet = camera(View { elevation_deg: -90.0, ..View::default() });
+        assert!((feet.up - Vector3::y()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn rays_pass_where_their_pixel_projects() {
+        for projection in [Projection::Orthographic, Projection::Perspective] {
+            let c = camera(View { azimuth_deg: 33.0, elevation_deg: 21.0, zoom: 1.7, projection });
+            let ray = c.ray(30, 25).unwrap();
+            for i in [0, ray.steps / 2, ray.steps - 1] {
+                let voxel = Vector3::from_fn(|a, _| f64::from(ray.at(i)[a]));
+                let world = c.origin + c.to_voxel.try_inverse().unwrap() * voxel;
+                let [x, y] = c.project(world).unwrap();
+                assert!((x - 30.0).abs() < 1e-3 && (y - 25.0).abs() < 1e-3, "{x} {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_steps_and_the_rest_fill_the_chord() {
+        let c = camera(View::default());
+        // Along the world's y, which is the grid's x of 20 mm.
+        let ray = c.ray(32, 24).unwrap();
+        let length = (ray.steps as f64 + f64::from(ray.rest)) * c.step_mm();
+        assert!((length - 20.0).abs() < 1e-5, "{length}");
+    }
+}

@@ -1,0 +1,148 @@
+use ivd_core::{BrickRange, TransferFunction};
+
+/// Least samples of a row. The value axis is finer than the transfer function's own, so that the nearest entry serves.
+const LEAST_SAMPLES: usize = 4096;
+/// Rows that get a bit of their own in a set of rows; the rest share the last bit.
+const OWN_BITS: usize = 63;
+
+/// A transfer function made ready for one step length: premultiplied RGB and the opacity of one step, by fast value and row.
+pub(crate) struct Classifier {
+    table: Vec<[f32; 4]>,
+    samples: usize,
+    low: f32,
+    scale: f32,
+    /// First entry of each label's row; empty where there are no labels.
+    row_start: Vec<u32>,
+    /// For each row, how many entries before each index aren't clear.
+    occupied: Vec<u32>,
+}
+
+impl Classifier {
+    /// - `range`: fast values to cover; `real` turns them into real ones.
+    /// - `step`: step length in reference lengths: the opacity of a step is `1 - (1 - opacity)^step`.
+    pub(crate) fn new(
+        transfer: &TransferFunction,
+        range: [f32; 2],
+        real: impl Fn(f64) -> f64,
+        step: f64,
+        labelled: bool,
+    ) -> Self {
+        let samples = (4 * transfer.resolution()).clamp(LEAST_SAMPLES, 1 << 16);
+        let width = f64::from(range[1]) - f64::from(range[0]);
+        let scale = if width > 0.0 { ((samples - 1) as f64 / width) as f32 } else { 0.0 };
+        let rows = if labelled { transfer.classes().len() } else { 1 };
+        let mut table = Vec::with_capacity(rows * samples);
+        let mut occupied = Vec::with_capacity(rows * (samples + 1));
+        for row in 0..rows {
+            let mut count = 0;
+            occupied.push(0);
+            for i in 0..samples {
+                let value = f64::from(range[0]) + width * (i as f64 / (samples - 1) as f64);
+                let entry = of_step(transfer.sample(row, real(value)), step);
+                count += u32::from(entry[3] > 0.0);
+                occupied.push(count);
+                table.push(entry);
+            }
+        }
+        let row_start = if labelled {
+            let mut starts = vec![0_u32; 1 << 16];
+            for (row, &class) in transfer.classes().iter().enumerate() {
+                starts[usize::from(class)] = (row * samples) as u32;
+            }
+            starts
+        } else {
+            Vec::new()
+        };
+        Self { table, samples, low: range[0], scale, row_start, occupied }
+    }
+
+    /// Entry of row 0 for a finite fast value.
+    #[inline(always)]
+    pub(crate) fn of(&self, value: f32) -> [f32; 4] {
+        self.table[self.index(value)]
+    }
+
+    /// Entry of a label's row for a finite fast value.
+    #[inline(always)]
+    pub(crate) fn of_labelled(&self, value: f32, label: u16) -> [f32; 4] {
+        self.table[self.row_start[usize::from(label)] as usize + self.index(value)]
+    }
+
+    #[inline(always)]
+    fn index(&self, value: f32) -> usize {
+        (((value - self.low) * self.scale + 0.5) as usize).min(self.samples - 1)
+    }
+
+    /// The bit of a label's row in a set of rows.
+    pub(crate) fn row_bit(&self, label: u16) -> u64 {
+        1 << (self.row_start[usize::from(label)] as usize / self.samples).min(OWN_BITS)
+    }
+
+    /// Whether every value of a range is clear in every row of a set. The range is widened by an entry on both sides, more
+    /// than the rounding of an interpolated value can leave it.
+    pub(crate) fn is_clear(&self, range: BrickRange, shift: f64, rows: u64) -> bool {
+        if range.min > range.max {
+            return true;
+        }
+        let fast = |stored: f32| (f64::from(stored) - shift) as f32;
+        let from = self.index(fast(range.min)).saturating_sub(1);
+        let to = (self.index(fast(range.max)) + 2).min(self.samples);
+        let all_rows = self.table.len() / self.samples;
+        (0..all_rows).filter(|&row| rows >> row.min(OWN_BITS) & 1 == 1).all(|row| {
+            let counts = &self.occupied[row * (self.samples + 1)..][..=self.samples];
+            counts[to] == counts[from]
+        })
+    }
+}
+
+/// Premultiplied RGB and opacity of a step from a straight sample over the reference length.
+fn of_step([r, g, b, opacity]: [f32; 4], step: f64) -> [f32; 4] {
+    let alpha = (1.0 - (1.0 - f64::from(opacity)).powf(step)) as f32;
+    [r * alpha, g * alpha, b * alpha, alpha]
+}
+
+/// The same entry for a part of a step.
+pub(crate) fn of_part([r, g, b, alpha]: [f32; 4], part: f32) -> [f32; 4] {
+    if alpha <= 0.0 {
+        return [0.0; 4];
+    }
+    let partial = (1.0 - (1.0 - f64::from(alpha)).powf(f64::from(part))) as f32;
+    let ratio = partial / alpha;
+    [r * ratio, g * ratio, b * ratio, partial]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn window() -> TransferFunction {
+        // Opaque above 60 of 0…100 in row 0, above 80 in the row of class 5.
+        let row = |from: usize| (0..101).map(move |i| [1.0, 0.5, 0.0, if i > from { 0.75 } else { 0.0 }]);
+        let table = row(60).chain(row(80)).collect();
+        TransferFunction::new([0.0, 100.0], 101, 2.0, vec![0, 5], table, vec![]).unwrap()
+    }
+
+    #[test]
+    fn a_step_of_half_the_reference_gets_the_root_of_the_transparency() {
+        let c = Classifier::new(&window(), [0.0, 100.0], |v| v, 0.5, true);
+        let entry = c.of(90.0);
+        assert!((entry[3] - 0.5).abs() < 1e-6, "1 - sqrt(1 - 0.75)");
+        assert!((entry[1] - 0.25).abs() < 1e-6, "premultiplied");
+        assert_eq!(c.of_labelled(70.0, 5)[3], 0.0);
+        assert_eq!(c.of_labelled(70.0, 4), c.of(70.0), "a label without row");
+        let whole = of_part(entry, 2.0);
+        assert!((whole[3] - 0.75).abs() < 1e-6);
+    }
+
+    #[test]
+    fn clear_ranges_depend_on_the_rows_in_use() {
+        let c = Classifier::new(&window(), [0.0, 100.0], |v| v, 1.0, true);
+        let range = |min, max| BrickRange { min, max, missing: false };
+        let (row0, row5) = (c.row_bit(0), c.row_bit(5));
+        assert!(c.is_clear(range(0.0, 59.0), 0.0, row0 | row5));
+        assert!(!c.is_clear(range(0.0, 70.0), 0.0, row0 | row5));
+        assert!(c.is_clear(range(0.0, 70.0), 0.0, row5));
+        assert!(!c.is_clear(range(81.0, 81.0), 0.0, row5));
+        assert!(c.is_clear(range(f32::INFINITY, f32::NEG_INFINITY), 0.0, row0), "no data");
+    }
+}

@@ -1,0 +1,35 @@
+use ivd_core::{Fault, ParamError};
+
+/// Why a picture could not be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// A failure that any stage can meet.
+    #[error(transparent)]
+    Core(#[from] ivd_core::Error),
+    /// A parameter outside its domain.
+    #[error(transparent)]
+    Param(#[from] ParamError),
+    /// Direct volume rendering without a transfer function.
+    #[error(
+        "direct volume rendering of this scene needs a transfer function; give one, or use mode mip or iso"
+    )]
+    NoTransfer,
+    /// Pictures of different size can't be compared.
+    #[error("pictures of {a:?} and {b:?} pixels can't be compared; render both at one size")]
+    SizeMismatch {
+        /// Width and height of the first.
+        a: [usize; 2],
+        /// Width and height of the second.
+        b: [usize; 2],
+    },
+}
+
+impl Error {
+    /// What kind of failure it is.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Core(error) => error.fault(),
+            Self::Param(_) | Self::NoTransfer | Self::SizeMismatch { .. } => Fault::Usage,
+        }
+    }
+}

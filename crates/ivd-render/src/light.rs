@@ -1,0 +1,66 @@
+use nalgebra::{Matrix3, Vector3};
+
+use crate::camera::Camera;
+
+/// Share of the light that reaches every side.
+const AMBIENT: f32 = 0.25;
+/// Share that depends on the angle to the lamp.
+const DIFFUSE: f32 = 0.75;
+/// Strength of the highlight.
+const SPECULAR: f32 = 0.18;
+
+/// A lamp beside the eye, up and to the left, for the whole picture. Blinn–Phong with a wrapped diffuse term: `((1 + n·l) / 2)²`
+/// (half Lambert), so that the sides turned away keep their shape.
+pub(crate) struct Light {
+    lamp: [f32; 3],
+    halfway: [f32; 3],
+    /// Turns a gradient per voxel into one per mm, times the sign of the slope.
+    to_world: [[f32; 3]; 3],
+}
+
+impl Light {
+    /// - `to_voxel`: the grid's world-to-voxel matrix.
+    /// - `sign`: −1 where the real value falls as the stored one rises, else 1.
+    pub(crate) fn new(camera: &Camera, to_voxel: Matrix3<f64>, sign: f64) -> Self {
+        let lamp = (camera.towards_eye + 0.45 * camera.up - 0.35 * camera.right).normalize();
+        let halfway = (lamp + camera.towards_eye).normalize();
+        let single = |v: Vector3<f64>| -> [f32; 3] { std::array::from_fn(|a| v[a] as f32) };
+        let transposed = to_voxel.transpose() * sign;
+        Self {
+            lamp: single(lamp),
+            halfway: single(halfway),
+            to_world: std::array::from_fn(|r| std::array::from_fn(|c| transposed[(r, c)] as f32)),
+        }
+    }
+
+    /// Unit world normal from a gradient per voxel: against the gradient, out of what is dense. `None` where there is no
+    /// direction: a flat place, or one beside missing data.
+    #[inline(always)]
+    pub(crate) fn normal(&self, gradient: [f32; 3]) -> Option<[f32; 3]> {
+        let m = &self.to_world;
+        let world: [f32; 3] =
+            std::array::from_fn(|r| m[r][0] * gradient[0] + m[r][1] * gradient[1] + m[r][2] * gradient[2]);
+        let square = world[0] * world[0] + world[1] * world[1] + world[2] * world[2];
+        if !(square > f32::MIN_POSITIVE && square < f32::MAX) {
+            return None;
+        }
+        let scale = -1.0 / square.sqrt();
+        Some(world.map(|c| c * scale))
+    }
+
+    /// A premultiplied colour under the lamp; unchanged without a normal.
+    #[inline(always)]
+    pub(crate) fn lit(&self, [r, g, b, alpha]: [f32; 4], normal: Option<[f32; 3]>) -> [f32; 4] {
+        let Some(n) = normal else { return [r, g, b, alpha] };
+        let dot = |v: [f32; 3]| n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
+        let wrapped = 0.5 + 0.5 * dot(self.lamp);
+        let matt = AMBIENT + DIFFUSE * wrapped * wrapped;
+        let mut shine = dot(self.halfway).max(0.0);
+        for _ in 0..5 {
+            shine *= shine;
+        }
+        let highlight = SPECULAR * shine * alpha;
+        let [r, g, b] = [r, g, b].map(|c| (c * matt + highlight).min(alpha));
+        [r, g, b, alpha]
+    }
+}

@@ -1,0 +1,55 @@
+use ivd_core::Image;
+
+use crate::Radiance;
+
+/// Linear light of an sRGB component in 0…1 (IEC 61966-2-1).
+pub(crate) fn linear(encoded: f32) -> f32 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// sRGB byte of a linear component.
+pub(crate) fn encoded(linear: f32) -> u8 {
+    let l = linear.clamp(0.0, 1.0);
+    let e = if l <= 0.003_130_8 { l * 12.92 } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
+    (e * 255.0 + 0.5) as u8
+}
+
+/// The picture of a radiance over a background of straight linear RGBA.
+pub(crate) fn compose(radiance: &Radiance, background: [f32; 4]) -> Image {
+    let pixels = radiance.rgba.iter().flat_map(|&[r, g, b, a]| {
+        let behind = (1.0 - a).max(0.0) * background[3];
+        let alpha = (a + behind).min(1.0);
+        let straight = if alpha > 0.0 { 1.0 / alpha } else { 0.0 };
+        let over = |c: f32, back: f32| encoded((c + behind * back) * straight);
+        let byte = (alpha * 255.0 + 0.5) as u8;
+        [over(r, background[0]), over(g, background[1]), over(b, background[2]), byte]
+    });
+    Image::new(radiance.width, radiance.height, pixels.collect()).expect("four bytes a pixel, sides checked")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn encoding_inverts_decoding_for_every_byte() {
+        for byte in 0..=255_u8 {
+            assert_eq!(encoded(linear(f32::from(byte) / 255.0)), byte);
+        }
+    }
+
+    #[test]
+    fn a_half_covered_pixel_mixes_with_the_background_in_linear_light() {
+        let radiance = Radiance {
+            width: 2,
+            height: 1,
+            rgba: vec![[0.5, 0.0, 0.0, 0.5], [0.0; 4]],
+            samples: 0,
+            skipped: 0,
+        };
+        let image = compose(&radiance, [0.0, 1.0, 0.0, 1.0]);
+        assert_eq!(image.rgba(), [encoded(0.5), encoded(0.5), 0, 255, 0, 255, 0, 255]);
+        let clear = compose(&radiance, [0.0; 4]);
+        assert_eq!(clear.rgba(), [255, 0, 0, 128, 0, 0, 0, 0]);
+    }
+}

@@ -1,0 +1,43 @@
+use ivd_core::{Displacement, Error as CoreError, Labels, Lattice, TransferFunction, Volume};
+
+use crate::Error;
+
+/// What is to be seen. Everything lies on the volume's grid.
+#[derive(Debug, Clone, Copy)]
+pub struct Scene<'a> {
+    /// The scanned volume, undeformed.
+    pub volume: &'a Volume,
+    /// Colours and opacities; mode `dvr` needs it.
+    pub transfer: Option<&'a TransferFunction>,
+    /// Chooses the transfer function's row at each voxel; without labels row 0 holds.
+    pub labels: Option<&'a Labels>,
+    /// Shows the volume (and the labels) deformed, through the inverse displacement.
+    pub displacement: Option<&'a Displacement>,
+    /// A lattice whose outline is drawn over the picture, undeformed.
+    pub lattice: Option<&'a Lattice>,
+}
+
+impl<'a> Scene<'a> {
+    /// A scene of a volume alone.
+    pub fn new(volume: &'a Volume) -> Self {
+        Self { volume, transfer: None, labels: None, displacement: None, lattice: None }
+    }
+
+    /// Checks that everything lies on the volume's grid.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        let grid = self.volume.grid();
+        let mismatch = |b, other: &ivd_core::Grid| {
+            Error::Core(CoreError::GridMismatch { a: "volume", a_dims: grid.dims(), b, b_dims: other.dims() })
+        };
+        if let Some(labels) = self.labels.filter(|labels| !grid.matches(labels.grid())) {
+            return Err(mismatch("labels", labels.grid()));
+        }
+        if let Some(displacement) = self.displacement {
+            displacement.check()?;
+            if !grid.matches(&displacement.grid) {
+                return Err(mismatch("displacement", &displacement.grid));
+            }
+        }
+        Ok(())
+    }
+}

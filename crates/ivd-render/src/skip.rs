@@ -1,0 +1,61 @@
+use ivd_core::{BRICK, BrickIndex};
+use rayon::prelude::*;
+
+use crate::classify::Classifier;
+use crate::warp::Warp;
+
+/// For each brick, the set of rows that its voxels' labels choose (bits of [`Classifier::row_bit`]).
+pub(crate) fn rows_of_bricks(dims: [usize; 3], ids: &[u16], classifier: &Classifier) -> Vec<u64> {
+    let bricks = BrickIndex::dims_for(dims);
+    let bits: Vec<u64> = (0..=u16::MAX).map(|id| classifier.row_bit(id)).collect();
+    (0..bricks[2])
+        .into_par_iter()
+        .flat_map_iter(|bz| {
+            let mut rows = vec![0_u64; bricks[0] * bricks[1]];
+            for z in bz * BRICK..(bz * BRICK + BRICK + 1).min(dims[2]) {
+                for y in 0..dims[1] {
+                    let line = &ids[dims[0] * (y + dims[1] * z)..][..dims[0]];
+                    let own = y / BRICK;
+                    let below = if y % BRICK == 0 { own.saturating_sub(1) } else { own };
+                    for bx in 0..bricks[0] {
+                        let strip = &line[bx * BRICK..(bx * BRICK + BRICK + 1).min(dims[0])];
+                        let set = strip.iter().fold(0, |set, &id| set | bits[usize::from(id)]);
+                        rows[bx + bricks[0] * own] |= set;
+                        rows[bx + bricks[0] * below] |= set;
+                    }
+                }
+            }
+            rows
+        })
+        .collect()
+}
+
+/// Reduces a value of the undeformed bricks over the sources of each brick of the deformed volume; `outside` is the value beyond it.
+pub(crate) fn through_warp<V: Copy + Send + Sync>(
+    warp: Option<&Warp<'_>>,
+    bricks: [usize; 3],
+    of_brick: Vec<V>,
+    outside: V,
+    join: impl Fn(V, V) -> V + Sync,
+) -> Vec<V> {
+    let Some(warp) = warp else { return of_brick };
+    (0..of_brick.len())
+        .into_par_iter()
+        .map(|b| {
+            if !warp.moves(b) {
+                return of_brick[b];
+            }
+            let mut joined = outside;
+            if let Some([x, y, z]) = warp.sources(b) {
+                for bz in z[0]..=z[1] {
+                    for by in y[0]..=y[1] {
+                        for bx in x[0]..=x[1] {
+                            joined = join(joined, of_brick[bx + bricks[0] * (by + bricks[1] * bz)]);
+                        }
+                    }
+                }
+            }
+            joined
+        })
+        .collect()
+}

@@ -1,0 +1,110 @@
+use ivd_core::{BRICK, Displacement, FieldBricks, NO_BRICK};
+use nalgebra::{Matrix3, Vector3};
+
+use crate::samples::Shape;
+
+/// Room for the rounding of `f32` positions [voxels].
+const PAD: f64 = 1e-2;
+
+/// A displacement made ready for sampling: where a place of the deformed volume was before, `ψ(y) = y + v(y)`, in voxel coordinates.
+pub(crate) struct Warp<'a> {
+    inverse: &'a FieldBricks,
+    vacated: &'a [u8],
+    shape: Shape,
+    to_voxel: Matrix3<f64>,
+    /// For each brick of cells: whether its samples may come from elsewhere.
+    moved: Vec<bool>,
+}
+
+impl<'a> Warp<'a> {
+    /// `to_voxel`: the grid's world-to-voxel matrix.
+    pub(crate) fn new(displacement: &'a Displacement, to_voxel: Matrix3<f64>) -> Self {
+        let shape = Shape::new(displacement.inverse.dims());
+        let bricks = displacement.inverse.brick_dims();
+        let mut moved = vec![false; bricks.iter().product()];
+        let table = displacement.inverse.table();
+        for (b, moved) in moved.iter_mut().enumerate() {
+            *moved = beside(bricks, b).any(|voxel_brick| table[voxel_brick] != NO_BRICK);
+        }
+        let vacated = &displacement.vacated[..];
+        for i in (0..vacated.len()).filter(|&i| vacated[i] != 0) {
+            let voxel = displacement.grid.index(i).0;
+            // A voxel on a brick's low side is nearest to samples of the brick below as well.
+            for corner in 0..8_usize {
+                let at: [usize; 3] =
+                    std::array::from_fn(|a| voxel[a].saturating_sub(corner >> a & 1) / BRICK);
+                moved[at[0] + bricks[0] * (at[1] + bricks[1] * at[2])] = true;
+            }
+        }
+        Self { inverse: &displacement.inverse, vacated, shape, to_voxel, moved }
+    }
+
+    /// Whether samples of a brick may come from elsewhere. Elsewhere the map is the identity, exactly.
+    #[inline(always)]
+    pub(crate) fn moves(&self, brick: usize) -> bool {
+        self.moved[brick]
+    }
+
+    /// Where the place `at` was before; `None` where it was outside the volume, or is vacated.
+    pub(crate) fn before(&self, at: [f32; 3]) -> Option<[f32; 3]> {
+        if !self.vacated.is_empty() && self.vacated[self.shape.nearest(&self.shape.place(at))] != 0 {
+            return None;
+        }
+        let shift = self.shift(at);
+        let before = std::array::from_fn(|a| at[a] + shift[a] as f32);
+        self.shape.holds(before).then_some(before)
+    }
+
+    /// Gradient of the deformed volume at `at` from that of the undeformed one at `ψ(at)`, both per voxel: `(∇ψ)ᵀ ∇f = J⁻ᵀ ∇f`, with central differences
+    /// of the displacement over two voxels.
+    pub(crate) fn pull_back(&self, at: [f32; 3], gradient: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|a| {
+            let (mut below, mut above) = (at, at);
+            below[a] -= 1.0;
+            above[a] += 1.0;
+            let slope = (self.shift(above) - self.shift(below)) * 0.5;
+            gradient[a] + (0..3).map(|b| slope[b] as f32 * gradient[b]).sum::<f32>()
+        })
+    }
+
+    /// The displacement ψ(y) − y [voxels].
+    fn shift(&self, at: [f32; 3]) -> Vector3<f64> {
+        self.to_voxel * self.inverse.sample(Vector3::from(at.map(f64::from)))
+    }
+
+    /// Bricks of the undeformed volume that samples of `brick` can come from, as inclusive ranges along each axis. `None`
+    /// where all come from outside the volume.
+    pub(crate) fn sources(&self, brick: usize) -> Option<[[usize; 2]; 3]> {
+        let bricks = self.inverse.brick_dims();
+        let (mut low, mut high) = (Vector3::zeros(), Vector3::zeros());
+        for vectors in beside(bricks, brick).filter_map(|b| self.inverse.brick(b)) {
+            for v in vectors {
+                let shift = self.to_voxel * Vector3::from(v.map(f64::from));
+                low = low.inf(&shift);
+                high = high.sup(&shift);
+            }
+        }
+        let at = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
+        let mut ranges = [[0; 2]; 3];
+        for a in 0..3 {
+            let top = (self.shape.dims[a] - 1) as f64;
+            let from = (at[a] * BRICK) as f64 - if at[a] == 0 { 0.5 } else { 0.0 } + low[a] - PAD;
+            let to = (at[a] * BRICK + BRICK) as f64 + 0.5 + high[a] + PAD;
+            if to < -0.5 || from > top + 0.5 {
+                return None;
+            }
+            let brick_of = |x: f64| ((x.clamp(0.0, top) as usize) / BRICK).min(bricks[a] - 1);
+            ranges[a] = [brick_of(from), brick_of(to)];
+        }
+        Some(ranges)
+    }
+}
+
+/// The bricks of voxels that the cells of a brick touch: itself and those above it along each axis.
+fn beside(bricks: [usize; 3], brick: usize) -> impl Iterator<Item = usize> {
+    let at = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
+    (0..8_usize).filter_map(move |corner| {
+        let there: [usize; 3] = std::array::from_fn(|a| at[a] + (corner >> a & 1));
+        (0..3).all(|a| there[a] < bricks[a]).then(|| there[0] + bricks[0] * (there[1] + bricks[1] * there[2]))
+    })
+}

@@ -1,0 +1,8 @@
+//! Pictures against closed forms, against each other, and against what must not change.
+#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+
+mod analytic;
+mod common;
+mod comparator;
+mod deformed;
+mod identical;
