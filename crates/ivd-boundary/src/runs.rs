@@ -13,7 +13,7 @@ pub(crate) enum Connectivity {
     Corners,
 }
 
-/// Runs `[start, end)` of chosen voxels along x in every row of a box, rows by y, then z.
+/// Runs (start, and one past the end) of chosen voxels along x in every row of a box, rows by y, then z.
 pub(crate) struct Runs {
     size: [usize; 3],
     spans: Vec<[u32; 2]>,

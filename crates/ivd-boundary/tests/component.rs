@@ -1,4 +1,6 @@
 //! Isolation against a plain flood fill, and on awkward volumes.
+// The helpers of these tests may unwrap as the tests do.
+#![allow(clippy::unwrap_used)]
 
 use std::collections::VecDeque;
 

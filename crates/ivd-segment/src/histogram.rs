@@ -142,7 +142,9 @@ mod tests {
 
     fn plain<T: Scalar>(voxels: &[T]) -> Histogram {
         let mut map = BTreeMap::new();
-        voxels.iter().for_each(|v| *map.entry(v.to_f64() as i64).or_insert(0_u64) += 1);
+        for v in voxels {
+            *map.entry(v.to_f64() as i64).or_insert(0_u64) += 1;
+        }
         Histogram { values: map.keys().copied().collect(), counts: map.values().copied().collect() }
     }
 

@@ -1,4 +1,6 @@
 //! Segmentation through its public interface: brute force, invariants, awkward volumes.
+// The helpers of these tests may unwrap as the tests do.
+#![allow(clippy::unwrap_used)]
 
 use ivd_core::{Exec, Fault, Grid, Mask, Volume, Voxels, with_voxels};
 use ivd_segment::{KmvsParams, Segmentation, ThresholdParams, kmvs, threshold};

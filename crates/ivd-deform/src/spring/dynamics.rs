@@ -71,7 +71,8 @@ impl System<'_> {
                 let m = self.mass[v];
                 let force = pull + self.spring_force(v) - own[0] * self.material.ground;
                 let drag = 2.0 * self.material.damping * (self.material.ground / m).sqrt();
-                let bound = 2.0 * self.material.stiffness * self.edges.of(v).len() as f64 + self.material.ground;
+                let bound =
+                    2.0 * self.material.stiffness * self.edges.of(v).len() as f64 + self.material.ground;
                 let rate = (own[1] + force * (dt / m)) / (1.0 + dt * drag + dt * dt * bound / m);
                 [own[0] + rate * dt, rate]
             })

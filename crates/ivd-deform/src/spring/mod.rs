@@ -135,7 +135,9 @@ fn resolve(
         HandleAt::Vertex(v) if (v as usize) < rest.len() => return Ok(v as usize),
         HandleAt::Vertex(v) => {
             let problem = format!("{v} where the lattice has {} vertices", rest.len());
-            return Err(ParamError::new("vertex", problem, "count from 0 in the lattice that is deformed").into());
+            return Err(
+                ParamError::new("vertex", problem, "count from 0 in the lattice that is deformed").into()
+            );
         }
         HandleAt::Pick(point) => Vector3::from(point) - Vector3::from(lattice.grid.origin()),
     };
@@ -259,8 +261,7 @@ fn assemble<'a>(
         };
         // A force of 1 mN is 1e3 µN.
         let pull = Vector3::from(pull) * 1e3;
-        let (shares, sums) =
-            rings.shares(edges, rest, pull / stiffness, params.epsilon, params.literal);
+        let (shares, sums) = rings.shares(edges, rest, pull / stiffness, params.epsilon, params.literal);
         ring_sums.push(sums);
         let again = targets[..h].contains(&target);
         for (v, share) in shares.into_iter().filter(|_| !again) {
@@ -328,7 +329,9 @@ fn trust(system: &System, handles: &[Handle], targets: &[usize]) -> Result<(), E
         let far = system.displacement[target].norm();
         if matches!(handle.action, Action::Force(_)) && far > FAR * handle.radius {
             let radius = handle.radius;
-            return bad(format!("the force takes vertex {target} {far:.4e} mm far, with a radius of {radius} mm"));
+            return bad(format!(
+                "the force takes vertex {target} {far:.4e} mm far, with a radius of {radius} mm"
+            ));
         }
     }
     Ok(())

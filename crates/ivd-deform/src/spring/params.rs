@@ -135,7 +135,11 @@ impl Fix {
     pub fn check(&self) -> Result<(), ParamError> {
         check_at(&self.at)?;
         if !(0.0..=1e100).contains(&self.radius) {
-            return Err(ParamError::new("radius", format!("{} mm", self.radius), "use a length of at least 0"));
+            return Err(ParamError::new(
+                "radius",
+                format!("{} mm", self.radius),
+                "use a length of at least 0",
+            ));
         }
         Ok(())
     }
