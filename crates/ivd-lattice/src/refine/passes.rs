@@ -71,10 +71,10 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
             index: u64::from(passes),
             value: surface.triangles_left() as f64,
         });
-        if done.removed * 64 < surface.free.len() {
-            if done.removed == 0 && share >= 1.0 {
-                break;
-            }
+        if done.removed == 0 && share >= 1.0 {
+            break;
+        }
+        if done.removed * 64 <= surface.free.len() {
             share = 1.0;
         }
     }

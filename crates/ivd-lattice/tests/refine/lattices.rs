@@ -1,0 +1,71 @@
+//! Lattices to refine, cut from volumes.
+
+use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
+use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use nalgebra::Vector3;
+
+/// The surface where `value` is 0.5, on a cube of `n` voxels.
+pub(crate) fn cut(grid: Grid, value: impl Fn(Vector3<f64>) -> f64) -> Lattice {
+    let voxels: Vec<f32> = (0..grid.len())
+        .map(|i| {
+            let [x, y, z] = grid.index(i).0;
+            value(Vector3::new(x as f64, y as f64, z as f64)) as f32
+        })
+        .collect();
+    at(Volume::new(grid, Voxels::from(voxels)).expect("one value a voxel"), 0.5)
+}
+
+/// The surface of a volume at a value.
+pub(crate) fn at(volume: Volume, iso: f64) -> Lattice {
+    let params = ExtractParams { iso: Iso::Value(iso) };
+    extract(&volume, None, &params, &Exec::default()).expect("the isovalue is finite").lattice
+}
+
+/// A cube of `n` voxels of 1 mm.
+pub(crate) fn cube(n: usize) -> Grid {
+    Grid::with_spacing([n; 3], [1.0; 3]).expect("a cube of voxels is a grid")
+}
+
+pub(crate) fn sphere(n: usize) -> Lattice {
+    let middle = Vector3::repeat(n as f64 / 2.0 - 0.4);
+    cut(cube(n), |p| 0.5 + 0.35 * n as f64 - (p - middle).norm())
+}
+
+pub(crate) fn torus(grid: Grid) -> Lattice {
+    let n = grid.dims()[0] as f64;
+    cut(grid, |p| {
+        let q = p - Vector3::repeat(n / 2.0 - 0.4);
+        0.5 + 0.12 * n - (q.x.hypot(q.y) - 0.28 * n).hypot(q.z)
+    })
+}
+
+/// Two periods of the gyroid, closed at the volume's border: genus in the tens.
+pub(crate) fn gyroid(n: usize) -> Lattice {
+    let w = 4.0 * std::f64::consts::PI / n as f64;
+    cut(cube(n), |p| {
+        let (s, c) = (p.map(|v| (w * v).sin()), p.map(|v| (w * v).cos()));
+        0.5 + s.x * c.y + s.y * c.z + s.z * c.x
+    })
+}
+
+/// A spherical shell thinner than a voxel and a half: two sheets close together.
+pub(crate) fn shell(n: usize) -> Lattice {
+    let middle = Vector3::repeat(n as f64 / 2.0 - 0.4);
+    cut(cube(n), |p| 0.5 + 0.75 - ((p - middle).norm() - 0.35 * n as f64).abs())
+}
+
+/// A cheap integer hash.
+pub(crate) fn hash(i: u64) -> u64 {
+    let mut h = i.wrapping_add(0x9E37_79B9_7F4A_7C15).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    h = (h ^ (h >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    h ^ (h >> 31)
+}
+
+/// Random integers 0…3 cut at 1, 1.5 or 2: specks, tunnels and touching corners everywhere.
+pub(crate) fn random(seed: u64) -> Lattice {
+    let dims = [4 + seed as usize % 5, 5, 4 + seed as usize % 3];
+    let grid = Grid::with_spacing(dims, [1.0, 0.5, 3.0]).expect("small grids exist");
+    let voxels: Vec<u8> = (0..grid.len() as u64).map(|i| (hash(seed * 4096 + i) % 4) as u8).collect();
+    let iso = [1.0, 1.5, 2.0][seed as usize % 3];
+    at(Volume::new(grid, Voxels::from(voxels)).expect("one value a voxel"), iso)
+}
