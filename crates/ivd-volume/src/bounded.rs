@@ -89,9 +89,15 @@ pub(crate) struct Declared {
 
 impl Declared {
     /// Bytes of the voxels once unpacked; refuses what the file can't hold, then what the memory limit forbids.
-    ///
     /// `skipped` bytes come before the voxels in the unpacked stream.
     pub(crate) fn check(&self, path: &Path, skipped: u64, exec: &Exec) -> Result<u64, Error> {
+        let needed = self.fits(path, skipped)?;
+        exec.check_memory("the volume", needed - skipped)?;
+        Ok(needed - skipped)
+    }
+
+    /// Bytes of the voxels and of what comes before them, once unpacked; refuses more than the file can hold.
+    pub(crate) fn fits(&self, path: &Path, skipped: u64) -> Result<u64, Error> {
         let needed = (self.count as u64)
             .checked_mul(self.voxel_type.bytes() as u64)
             .and_then(|n| n.checked_add(skipped))
@@ -103,8 +109,7 @@ impl Declared {
         if needed > most {
             return Err(Error::truncated(path, "voxels", needed, most));
         }
-        exec.check_memory("the volume", needed - skipped)?;
-        Ok(needed - skipped)
+        Ok(needed)
     }
 }
 
@@ -203,12 +208,24 @@ pub(crate) fn discard(reader: &mut dyn Read, path: &Path, count: u64) -> Result<
     Ok(())
 }
 
-/// Drives a decompressor past the last byte wanted, so that it verifies its checksum. More data than declared is left
-/// unread, as every reader leaves it.
-pub(crate) fn verify_end(reader: &mut dyn Read, path: &Path) -> Result<(), Error> {
+/// Most surplus that is unpacked in search of a stream's end.
+const SURPLUS: usize = 256 << 20;
+
+/// Drives a decompressor to the end of its stream, so that it verifies its checksum. More data than declared is passed
+/// over, as every reader passes over it; where that is very much, unverified.
+pub(crate) fn verify_end(reader: &mut dyn Read, path: &Path, exec: &Exec) -> Result<(), Error> {
+    let mut buffer = [0_u8; 16 << 10];
+    let mut surplus = 0;
     loop {
-        match reader.read(&mut [0_u8]) {
-            Ok(_) => return Ok(()),
+        exec.check_cancelled()?;
+        match reader.read(&mut buffer) {
+            Ok(0) => return Ok(()),
+            Ok(n) => {
+                surplus += n;
+                if surplus > SURPLUS {
+                    return Ok(());
+                }
+            }
             Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
             Err(e) => return Err(Error::corrupt(path, "end of the compressed data", e)),
         }

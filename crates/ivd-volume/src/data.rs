@@ -42,8 +42,15 @@ pub(crate) struct DataFile {
     pub(crate) file_type: FileType,
     /// Voxels of one frame.
     pub(crate) count: usize,
-    /// Frame to read, and how many there are.
-    pub(crate) frame: (usize, usize),
+    pub(crate) frames: Frames,
+}
+
+/// How many frames follow each other, by which field of the header, and which is wanted.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Frames {
+    pub(crate) field: &'static str,
+    pub(crate) count: usize,
+    pub(crate) chosen: Option<usize>,
 }
 
 /// A data file named by a header: relative to the header's folder.
@@ -56,7 +63,12 @@ impl DataFile {
     pub(crate) fn read(&self, exec: &Exec) -> Result<Voxels, Error> {
         let path = &self.path;
         let (mut file, length) = bounded::open(path)?;
-        let (frame, frames) = self.frame;
+        let frames = self.frames.count;
+        let packing = if self.encoding == Encoding::Deflated { Packing::Deflated } else { Packing::Raw };
+        if self.encoding != Encoding::Text {
+            self.layout(length.saturating_sub(self.offset), packing, 0).fits(path, frames)?;
+        }
+        let frame = crate::frames::choose(path, self.frames.field, frames, self.frames.chosen)?;
         let before = crate::frames::skip(path, 0, frame, self.count, self.file_type)?;
         let (lines, bytes) = match self.start {
             Start::After { lines, bytes } => (lines, bytes),

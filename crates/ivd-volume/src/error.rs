@@ -93,8 +93,8 @@ impl Error {
             | Self::Field { .. }
             | Self::Unsupported { .. }
             | Self::Truncated { .. }
-            | Self::Corrupt { .. } => Fault::Input,
-            Self::Choice { .. } => Fault::Usage,
+            | Self::Corrupt { .. }
+            | Self::Choice { .. } => Fault::Input,
         }
     }
 
@@ -114,6 +114,7 @@ impl Error {
         Self::Truncated { path: path.to_owned(), what: what.into(), needed, found }
     }
 
+    #[allow(clippy::needless_pass_by_value, reason = "callers hand over an error that ends here")]
     pub(crate) fn corrupt(path: &Path, what: impl Into<String>, problem: impl ToString) -> Self {
         Self::Corrupt { path: path.to_owned(), what: what.into(), problem: problem.to_string() }
     }

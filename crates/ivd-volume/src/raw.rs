@@ -3,7 +3,7 @@ use std::path::Path;
 use ivd_core::{Exec, Volume, VoxelType};
 use serde::{Deserialize, Serialize};
 
-use crate::data::{DataFile, Encoding, Start};
+use crate::data::{DataFile, Encoding, Frames, Start};
 use crate::stored::FileType;
 use crate::write::{Values, replace};
 use crate::{ByteOrder, Error, Written, bounded, space};
@@ -43,7 +43,7 @@ pub(crate) fn read(path: &Path, layout: &RawLayout, exec: &Exec) -> Result<Volum
         order: layout.order,
         file_type: FileType::Plain(layout.voxel_type),
         count,
-        frame: (0, 1),
+        frames: Frames { field: "dims", count: 1, chosen: None },
     };
     Ok(Volume::new(grid, data.read(exec)?)?)
 }

@@ -116,7 +116,8 @@ fn is_dicom(bytes: &[u8]) -> bool {
 
 fn format(path: &Path) -> Result<Format, Error> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    if name.ends_with(".img") || name.ends_with(".img.gz") {
+    let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e));
+    if ends(&[".img", ".img.gz"]) {
         return Ok(Format::Nifti);
     }
     let bytes = nifti::unpacked_head(path)?;

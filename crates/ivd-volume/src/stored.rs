@@ -44,6 +44,12 @@ impl Layout {
         self.declared().check(path, self.skip, exec).map(drop)
     }
 
+    /// Refuses a file that can't hold `frames` of such voxels, one after the other.
+    pub(crate) fn fits(&self, path: &Path, frames: usize) -> Result<(), Error> {
+        let count = self.count.saturating_mul(frames);
+        Self { count, ..*self }.declared().fits(path, self.skip).map(drop)
+    }
+
     /// A wide voxel takes the place of an f64 in the file.
     fn declared(&self) -> Declared {
         let voxel_type = match self.file_type {
@@ -70,7 +76,7 @@ pub(crate) fn read(reader: &mut dyn Read, path: &Path, layout: Layout, exec: &Ex
         }
     };
     if layout.packing == Packing::Deflated {
-        bounded::verify_end(reader, path)?;
+        bounded::verify_end(reader, path, exec)?;
     }
     Ok(voxels)
 }

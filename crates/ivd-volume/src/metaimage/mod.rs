@@ -5,17 +5,15 @@
 //! (there are files in which it is wrong): the data ends where its stream ends.
 
 mod header;
-#[cfg(test)]
-mod tests;
 mod write;
 
 use std::path::{Path, PathBuf};
 
 use ivd_core::{Exec, Grid, Volume, VoxelType};
 
-use crate::data::{self, DataFile, Encoding, Start};
+use crate::data::{self, DataFile, Encoding, Frames, Start};
 use crate::stored::FileType;
-use crate::{ByteOrder, Error, bounded, frames, space};
+use crate::{ByteOrder, Error, bounded, space};
 use header::Header;
 pub(crate) use write::write;
 
@@ -33,7 +31,6 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
     let header = Header::read(path)?;
     let (dims, frames) = sizes(path, &header)?;
     let count = bounded::voxel_count(path, "DimSize", dims)?;
-    let frame = frames::choose(path, "DimSize", frames, frame)?;
     let grid = grid(path, &header, dims)?;
     let encoding = encoding(path, &header)?;
     let (data_path, offset) = match data_name(path, &header)? {
@@ -48,7 +45,7 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
         order: order(path, &header)?,
         file_type: file_type(path, &header)?,
         count,
-        frame: (frame, frames),
+        frames: Frames { field: "DimSize", count: frames, chosen: frame },
     };
     Ok(Volume::new(grid, data.read(exec)?)?)
 }

@@ -9,8 +9,6 @@
 
 mod header;
 mod orient;
-#[cfg(test)]
-mod tests;
 mod write;
 
 use std::fs::File;
@@ -60,7 +58,6 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
     }
     let header = Header::decode(&header_path, &bytes[..got])?;
     let (dims, frames) = header.sizes(&header_path)?;
-    let frame = frames::choose(&header_path, "dim[4]", frames, frame)?;
     let count = bounded::voxel_count(&header_path, "dim", dims)?;
     let file_type = header.file_type(&header_path)?;
     let grid = orient::grid(&header_path, &header, dims)?;
@@ -75,15 +72,17 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
         return Err(Error::field(&header_path, "magic", "a single file beside an .img"));
     }
     let data = if header.single { &header_path } else { &data_path };
-    let skip = frames::skip(data, offset - read, frame, count, file_type)?;
-    let layout = Layout {
+    let mut layout = Layout {
         file_type,
         count,
         order: header.order,
         packing: stream.packing,
         available: stream.length.saturating_sub(if stream.packing == Packing::Raw { read } else { 0 }),
-        skip,
+        skip: offset - read,
     };
+    layout.fits(data, frames)?;
+    let frame = frames::choose(&header_path, "dim[4]", frames, frame)?;
+    layout.skip = frames::skip(data, layout.skip, frame, count, file_type)?;
     let voxels = stored::read(&mut stream.reader, data, layout, exec)?;
     Ok(Volume::with_scale(grid, voxels, slope, intercept)?)
 }

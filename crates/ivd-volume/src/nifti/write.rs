@@ -31,7 +31,7 @@ pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written
 
 fn fits_nifti_1(volume: &Volume) -> bool {
     let exact = |v: f64| f64::from(v as f32) == v;
-    volume.grid().dims().iter().all(|&n| n <= i16::MAX as usize)
+    volume.grid().dims().iter().all(|&n| i16::try_from(n).is_ok())
         && exact(volume.slope())
         && exact(volume.intercept())
         && moved(volume.grid()) <= MOST_MOVED

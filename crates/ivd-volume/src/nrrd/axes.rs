@@ -38,6 +38,7 @@ impl Axes {
         for (a, &axis) in spatial.iter().enumerate() {
             dims[a] = sizes[axis];
         }
+        bounded::voxel_count(path, "sizes", dims)?;
         let grid = grid(path, header, rank, dims, &spatial, &directions)?;
         Ok(Self { dims, frames, grid })
     }

@@ -6,17 +6,15 @@
 
 mod axes;
 mod header;
-#[cfg(test)]
-mod tests;
 mod write;
 
 use std::path::{Path, PathBuf};
 
 use ivd_core::{Exec, Volume, VoxelType};
 
-use crate::data::{self, DataFile, Encoding, Start};
+use crate::data::{self, DataFile, Encoding, Frames, Start};
 use crate::stored::FileType;
-use crate::{ByteOrder, Error, bounded, frames};
+use crate::{ByteOrder, Error, bounded};
 use axes::Axes;
 use header::Header;
 pub(crate) use write::{field, write};
@@ -26,7 +24,6 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
     let header = Header::read(path)?;
     let axes = Axes::of(path, &header)?;
     let count = bounded::voxel_count(path, "sizes", axes.dims)?;
-    let frame = frames::choose(path, "sizes", axes.frames, frame)?;
     let file_type = file_type(path, &header)?;
     let encoding = encoding(path, &header)?;
     let (data_path, offset) = match data_name(path, &header)? {
@@ -41,7 +38,7 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
         order: order(path, &header, file_type, encoding)?,
         file_type,
         count,
-        frame: (frame, axes.frames),
+        frames: Frames { field: "sizes", count: axes.frames, chosen: frame },
     };
     Ok(Volume::new(axes.grid, data.read(exec)?)?)
 }

@@ -1,7 +1,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use ivd_core::{Exec, Volume, VoxelType, with_voxels};
+use ivd_core::{Exec, Scalar, Volume, VoxelType, with_voxels};
 
 use crate::order::swap_in_place;
 use crate::{ByteOrder, Error};
@@ -69,7 +69,7 @@ fn real(to: &mut dyn Write, path: &Path, volume: &Volume, exec: &Exec) -> Result
             exec.check_cancelled()?;
             bytes.clear();
             for &value in part {
-                let real = volume.real(f64::from(value)) as f32;
+                let real = volume.real(value.to_f64()) as f32;
                 bytes.extend_from_slice(&real.to_le_bytes());
             }
             put(to, path, &bytes)?;

@@ -1,0 +1,179 @@
+"""volumes.py IVD: every real volume through every format, read back by other people's readers.
+
+For each volume of ../shared/data: `ivd import`, then `ivd export` to every format; voxels, spacing, origin and direction
+of what was written must equal SimpleITK's own reading of the source. nibabel, pynrrd and VTK read what they can, too.
+The sources that SimpleITK can't read (VTI, raw slices) are read by VTK and numpy. Values may differ by the rounding of the
+format's f32 where a slope is not 1, places by 1e-3 mm.
+Prints `N passed, N failed`.
+"""
+import pathlib, subprocess, sys, tempfile
+
+import nibabel as nib
+import nrrd
+import numpy as np
+import SimpleITK as sitk
+import vtk
+from vtk.util.numpy_support import vtk_to_numpy
+
+IVD = pathlib.Path(sys.argv[1]).resolve()
+DATA = pathlib.Path(__file__).resolve().parents[3] / "shared" / "data"
+ENDINGS = ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "raw"]
+PLACE_MM = 1e-3
+LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0])
+sitk.ProcessObject.SetGlobalWarningDisplay(False)
+FAILED, PASSED = [], 0
+
+
+class Volume:
+    """Real values indexed [z, y, x], and the voxel-to-world affine (3 × 4) in LPS mm; None where a format has none."""
+
+    def __init__(self, values, affine):
+        self.values, self.affine = np.asarray(values), affine
+
+    def corners(self):
+        n = np.array(self.values.shape[::-1]) - 1
+        at = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)]) * n
+        return at @ self.affine[:, :3].T + self.affine[:, 3]
+
+
+def check(name, holds, text=""):
+    global PASSED
+    if holds:
+        PASSED += 1
+    else:
+        FAILED.append(name)
+        print(f"FAILED {name}: {text}")
+
+
+def of_image(image):
+    direction = np.array(image.GetDirection()).reshape(3, 3)
+    affine = np.c_[direction * np.array(image.GetSpacing()), np.array(image.GetOrigin())]
+    return Volume(sitk.GetArrayFromImage(image), affine)
+
+
+def by_sitk(path):
+    return of_image(sitk.ReadImage(str(path)))
+
+
+def series_by_sitk(folder):
+    reader = sitk.ImageSeriesReader()
+    reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(folder)))
+    return of_image(reader.Execute())
+
+
+def by_nibabel(path):
+    image = nib.load(str(path))
+    values = np.asarray(image.dataobj).transpose(2, 1, 0)
+    return Volume(values, LPS_TO_RAS @ image.affine[:3])
+
+
+def by_pynrrd(path):
+    values, header = nrrd.read(str(path))
+    affine = np.c_[np.array(header["space directions"]).T, np.array(header["space origin"])]
+    return Volume(values.transpose(2, 1, 0), affine)
+
+
+def by_vtk(path):
+    reader = vtk.vtkXMLImageDataReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    image = reader.GetOutput()
+    m = image.GetDirectionMatrix()
+    direction = np.array([[m.GetElement(r, c) for c in range(3)] for r in range(3)])
+    affine = np.c_[direction * np.array(image.GetSpacing()), np.array(image.GetOrigin())]
+    # VTK has no world of its own: the program writes RAS where it says so, else LPS; told apart by the caller.
+    values = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions()[::-1])
+    return Volume(values, affine)
+
+
+def raw_slices(folder, numbers, dims, spacing):
+    values = np.stack([np.fromfile(folder / f"CThead.{i}", ">u2").reshape(dims[1], dims[0]) for i in numbers])
+    return Volume(values, np.c_[np.diag(spacing), np.zeros(3)])
+
+
+def sources():
+    """Path, words for `ivd import`, and the volume as others read it."""
+    for pattern in ["*/*.nii.gz", "hippocampus_msd/*/*.nii.gz", "*/*.nrrd", "*/*.nhdr", "*/*.mhd"]:
+        for path in sorted(DATA.glob(pattern)):
+            yield path, [], lambda path=path: by_sitk(path)
+    yield DATA / "mri_brain_dicom", [], lambda: series_by_sitk(DATA / "mri_brain_dicom")
+    yield DATA / "ct_abdomen_ts" / "dicom_j2k", [], lambda: series_by_sitk(DATA / "ct_abdomen_ts" / "dicom_j2k")
+    yield DATA / "vase" / "vase_1comp.vti", [], lambda: by_vtk(DATA / "vase" / "vase_1comp.vti")
+    layout = ["--raw-dims", "256,256,113", "--raw-type", "u16", "--raw-spacing", "1,1,2", "--raw-order", "big"]
+    head = DATA / "ct_head_unc"
+    yield head, layout, lambda: raw_slices(head, range(1, 114), (256, 256), (1, 1, 2))
+
+
+def same(name, found, expected, ras=False):
+    check(f"{name}: dims", found.values.shape == expected.values.shape, f"{found.values.shape}, {expected.values.shape}")
+    if found.values.shape != expected.values.shape:
+        return
+    scale = max(float(np.abs(expected.values).max()), 1.0)
+    difference = float(np.abs(found.values.astype(np.float64) - expected.values).max())
+    exact = np.issubdtype(expected.values.dtype, np.integer)
+    check(f"{name}: values", difference <= (0 if exact else 1e-6 * scale), f"differ by {difference}")
+    if found.affine is None:
+        return
+    place = Volume(found.values, LPS_TO_RAS @ found.affine) if ras else found
+    apart = float(np.linalg.norm(place.corners() - expected.corners(), axis=1).max())
+    check(f"{name}: places", apart <= PLACE_MM, f"{apart} mm")
+
+
+def readers(ending, file, expected):
+    """Each reader that knows the format, by name."""
+    if ending == "raw":
+        kind = "<f4" if expected.values.dtype.kind == "f" and file.stat().st_size == 4 * expected.values.size else None
+        kind = kind or expected.values.dtype.newbyteorder("<")
+        yield "numpy", lambda: Volume(np.fromfile(file, kind).reshape(expected.values.shape), None), False
+        return
+    if ending == "vti":
+        yield "VTK", lambda: by_vtk(file), False
+        return
+    yield "SimpleITK", lambda: by_sitk(file), False
+    if ending in ("nii", "nii.gz"):
+        yield "nibabel", lambda: by_nibabel(file), False
+    if ending in ("nrrd", "nhdr"):
+        yield "pynrrd", lambda: by_pynrrd(file), False
+
+
+def run(*words):
+    done = subprocess.run([IVD, *map(str, words)], capture_output=True, text=True)
+    return done.returncode, done.stderr.strip()
+
+
+def volume(path, words, expected, folder):
+    name = str(path.relative_to(DATA))
+    artefact = folder / "volume.ivd"
+    code, said = run("import", path, "-o", artefact, *words)
+    check(f"{name}: import", code == 0, said)
+    if code != 0:
+        return
+    for number, ending in enumerate(ENDINGS):
+        # A stem of its own for each: .nhdr, .mhd and .raw all leave a .raw file.
+        file = folder / f"written{number}.{ending}"
+        code, said = run("export", artefact, "-o", file)
+        check(f"{name} -> {ending}: export", code == 0, said)
+        if code != 0:
+            continue
+        for reader, load, ras in readers(ending, file, expected):
+            try:
+                found = load()
+            except Exception as error:
+                check(f"{name} -> {ending} by {reader}", False, repr(error))
+                continue
+            same(f"{name} -> {ending} by {reader}", found, expected, ras)
+
+
+def main():
+    if not DATA.is_dir():
+        print(f"no data at {DATA}; 0 passed, 0 failed")
+        return
+    for path, words, load in sources():
+        expected = load()
+        with tempfile.TemporaryDirectory() as folder:
+            volume(path, words, expected, pathlib.Path(folder))
+    print(f"{PASSED} passed, {len(FAILED)} failed")
+    sys.exit(bool(FAILED))
+
+
+main()
