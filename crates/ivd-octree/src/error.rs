@@ -1,0 +1,53 @@
+use ivd_core::{Fault, ParamError};
+
+/// Why a lattice has no octree, or an octree doesn't serve.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A failure that any stage can meet.
+    #[error(transparent)]
+    Core(#[from] ivd_core::Error),
+    /// A parameter is outside its domain.
+    #[error(transparent)]
+    Param(#[from] ParamError),
+    /// A line of voxels enters the lattice more often than it leaves it, or the other way round.
+    #[error(
+        "the lattice is open: along x at voxel row y = {}, z = {} it is entered {surplus} more times than left; \
+         extract it again, or close its holes", row[0], row[1]
+    )]
+    Open {
+        /// The row's y and z [voxels].
+        row: [usize; 2],
+        /// Entries less exits.
+        surplus: i64,
+    },
+    /// Lattice or grid beyond what the octree's 32-bit nodes and 63-bit codes address.
+    #[error(
+        "the octree would need {needed} {what}, at most {limit} fit; crop the volume or refine the lattice"
+    )]
+    TooLarge {
+        /// What there is too much of.
+        what: &'static str,
+        /// How much.
+        needed: u64,
+        /// How much fits.
+        limit: u64,
+    },
+    /// An octree that was built over another lattice.
+    #[error("octree and lattice don't belong together: {problem}; build the octree of this lattice")]
+    Mismatch {
+        /// What differs.
+        problem: String,
+    },
+}
+
+impl Error {
+    /// What kind of failure it is.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Core(e) => e.fault(),
+            Self::Param(_) | Self::Mismatch { .. } => Fault::Usage,
+            Self::Open { .. } => Fault::Input,
+            Self::TooLarge { .. } => Fault::Limit,
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! From the octree to the tree of boxes.
+
+use ivd_core::{Lattice, Octree, OctreeNode};
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::blocks::{Block, Bounds, Lane, Tree};
+use crate::Error;
+
+/// Outward slack of a box, as a fraction of the largest coordinate of the lattice: a point beside the lattice loses half as
+/// much when it is rounded to single precision.
+const SLACK: f64 = 1.0 / (1 << 22) as f64;
+
+/// Builds the boxes from the leaves up.
+pub(super) fn tree(
+    octree: &Octree,
+    lattice: &Lattice,
+    positions: &[Vector3<f64>],
+    frame: Matrix3<f64>,
+    cell_axes: Matrix3<f64>,
+) -> Result<Tree, Error> {
+    let listed = octree.leaf_triangles.len() as u64;
+    if listed > Lane::LIMIT {
+        return Err(Error::TooLarge { what: "listed triangles", needed: listed, limit: Lane::LIMIT });
+    }
+    let framed: Vec<Vector3<f64>> = positions.par_iter().map(|p| frame * p).collect();
+    let slack = SLACK * framed.iter().map(Vector3::amax).fold(0.0, f64::max);
+    let mut builder = Builder { octree, lattice, framed, cell_axes, slack, blocks: Vec::new() };
+    let (_, root) = builder.node(0, [0; 3], octree.depth);
+    Ok(Tree { blocks: builder.blocks, root })
+}
+
+struct Builder<'a> {
+    octree: &'a Octree,
+    lattice: &'a Lattice,
+    /// Vertices in the frame of the boxes [mm].
+    framed: Vec<Vector3<f64>>,
+    /// Columns: a voxel's edges in that frame [mm].
+    cell_axes: Matrix3<f64>,
+    slack: f64,
+    blocks: Vec<Block>,
+}
+
+impl Builder<'_> {
+    /// Box and lane of a node of 2^`bits` voxels a side whose first padded voxel is `at`.
+    fn node(&mut self, index: u32, at: [u64; 3], bits: u8) -> (Bounds, Lane) {
+        match self.octree.node(index) {
+            OctreeNode::Outside | OctreeNode::Inside => (Bounds::NOTHING, Lane::NOTHING),
+            OctreeNode::Surface { slot } => {
+                let items = self.leaf(slot, at, bits);
+                self.pack(items)
+            }
+            OctreeNode::Internal { first_child } => {
+                let mut items = Vec::with_capacity(8);
+                for octant in 0..8 {
+                    let corner = std::array::from_fn(|a| at[a] + ((octant as u64 >> a & 1) << (bits - 1)));
+                    let item = self.node(first_child + octant, corner, bits - 1);
+                    items.extend((item.1 != Lane::NOTHING).then_some(item));
+                }
+                self.pack(items)
+            }
+        }
+    }
+
+    /// Triangles of a leaf, each with the box of what its cell may hold of it.
+    fn leaf(&self, slot: u32, at: [u64; 3], bits: u8) -> Vec<(Bounds, Lane)> {
+        let cell = self.cell(at, bits);
+        let item = |&triangle: &u32| {
+            let corners = self.lattice.triangles[triangle as usize].map(|v| self.framed[v as usize]);
+            let lo = corners[0].inf(&corners[1]).inf(&corners[2]).sup(&cell.0);
+            let hi = corners[0].sup(&corners[1]).sup(&corners[2]).inf(&cell.1);
+            (self.outward(lo, hi), Lane::triangle(triangle))
+        };
+        self.octree.leaf(slot).iter().map(item).collect()
+    }
+
+    /// The box round a cell [mm]; wider than it where the grid is sheared.
+    fn cell(&self, at: [u64; 3], bits: u8) -> (Vector3<f64>, Vector3<f64>) {
+        // The tree's box of padded voxels p … p + n spans the voxel coordinates p − 1.5 … p + n − 1.5.
+        let corner = Vector3::from(at.map(|p| p as f64 - 1.5));
+        let edge = (1_u64 << bits) as f64;
+        let first = self.cell_axes * corner;
+        let (mut lo, mut hi) = (first, first);
+        for axis in self.cell_axes.column_iter() {
+            let reach = axis * edge;
+            lo += reach.map(|c| c.min(0.0));
+            hi += reach.map(|c| c.max(0.0));
+        }
+        (lo, hi)
+    }
+
+    fn outward(&self, lo: Vector3<f64>, hi: Vector3<f64>) -> Bounds {
+        Bounds {
+            lo: lo.map(|c| ((c - self.slack) as f32).next_down()).into(),
+            hi: hi.map(|c| ((c + self.slack) as f32).next_up()).into(),
+        }
+    }
+
+    /// One lane over all items: blocks of eight, and blocks over them until one is left.
+    fn pack(&mut self, mut items: Vec<(Bounds, Lane)>) -> (Bounds, Lane) {
+        while items.len() > 1 {
+            let mut packed = Vec::with_capacity(items.len().div_ceil(Block::LANES));
+            for group in items.chunks(Block::LANES) {
+                let bounds = group.iter().fold(Bounds::NOTHING, |all, item| all.union(item.0));
+                packed.push((bounds, Lane::block(self.blocks.len() as u32)));
+                self.blocks.push(Block::new(group));
+            }
+            items = packed;
+        }
+        items.first().copied().unwrap_or((Bounds::NOTHING, Lane::NOTHING))
+    }
+}
