@@ -27,7 +27,7 @@ pub enum Error {
         "seed {seed:?} mm lies outside the volume, at voxel {voxel:.1?} of a grid of {dims:?}; move it inside"
     )]
     SeedOutside {
-        /// The seed [mm].
+        /// The seed (mm).
         seed: [f64; 3],
         /// Its voxel coordinate.
         voxel: [f64; 3],
@@ -39,13 +39,13 @@ pub enum Error {
         "seed {seed:?} mm lies in {found}, not in {wanted}, whose nearest voxel is {distance_mm:.2} mm away; move the seed there or choose another class"
     )]
     SeedElsewhere {
-        /// The seed [mm].
+        /// The seed (mm).
         seed: [f64; 3],
         /// What is at the seed.
         found: String,
         /// What was wanted.
         wanted: String,
-        /// Distance of the nearest wanted voxel's centre [mm].
+        /// Distance of the nearest wanted voxel's centre (mm).
         distance_mm: f64,
     },
 }

@@ -8,7 +8,7 @@ use crate::histogram::{Tabled, with_tabled};
 /// Voxels that one task labels.
 const CHUNK: usize = 1 << 16;
 
-/// Labels by the group of each stored value: `ids[g]` for a value with `g` of the ascending `cuts` at or below it.
+/// Labels by the group of each stored value: `ids(g)` for a value with `g` of the ascending `cuts` at or below it.
 pub(crate) fn of(
     voxels: &Voxels,
     mask: Option<&Mask>,

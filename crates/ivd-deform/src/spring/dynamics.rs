@@ -13,19 +13,19 @@ const NO_DIRECTION: f64 = 1e-6;
 pub(super) enum Drive {
     /// Never moves.
     Fixed,
-    /// Is moved by this vector in the end [mm].
+    /// Is moved by this vector in the end (mm).
     Moved(Vector3<f64>),
-    /// Is pulled with this force [µN] against its ground spring.
+    /// Is pulled with this force (µN) against its ground spring.
     Pulled(Vector3<f64>),
-    /// Follows a blend of the targets, weights by target, and takes a component force [µN].
+    /// Follows a blend of the targets, weights by target, and takes a component force (µN).
     Follows(Vec<(usize, f64)>, Vector3<f64>),
 }
 
 /// The constants of the motion.
 pub(super) struct Material {
-    /// Of a structural spring [g/s²].
+    /// Of a structural spring (g/s²).
     pub(super) stiffness: f64,
-    /// Of a ground spring [g/s²].
+    /// Of a ground spring (g/s²).
     pub(super) ground: f64,
     /// Fraction of critical damping.
     pub(super) damping: f64,
@@ -36,23 +36,23 @@ pub(super) struct Material {
 /// The moving vertices, their springs, and where they are.
 pub(super) struct System<'a> {
     pub(super) edges: &'a Edges,
-    /// Rest positions [mm], relative to the grid's origin.
+    /// Rest positions (mm), relative to the grid's origin.
     pub(super) rest: &'a [Vector3<f64>],
-    /// Mass of each vertex [g].
+    /// Mass of each vertex (g).
     pub(super) mass: &'a [f64],
     pub(super) material: Material,
     /// The vertices that may move, ascending.
     pub(super) active: Vec<usize>,
     /// What drives each of them.
     pub(super) drives: Vec<Drive>,
-    /// Displacement of every vertex of the lattice [mm].
+    /// Displacement of every vertex of the lattice (mm).
     pub(super) displacement: Vec<Vector3<f64>>,
-    /// Deviation of each active vertex from what drives it [mm], and its rate [mm/s].
+    /// Deviation of each active vertex from what drives it (mm), and its rate (mm/s).
     pub(super) deviation: Vec<[Vector3<f64>; 2]>,
 }
 
 impl System<'_> {
-    /// One step of length `dt` [s] to the fraction `progress` (0…1) of the duration; symplectic Euler (thesis, equation 6.1).
+    /// One step of length `dt` (s) to the fraction `progress` (0…1) of the duration; symplectic Euler (thesis, equation 6.1).
     ///
     /// The velocity is divided by `1 + dt γ + dt² D / m`, with `D` a bound on the stiffness at the vertex: that is the
     /// implicit step with the diagonal for the matrix. It agrees with the explicit step to first order, is stable for any
@@ -110,7 +110,7 @@ impl System<'_> {
         if total > 0.0 { blend * ((1.0 - uncovered) / total) } else { Vector3::zeros() }
     }
 
-    /// Sum of the structural springs' forces on a vertex [µN]: `K (|d| - L) d / |d|` towards each neighbour (thesis, equation
+    /// Sum of the structural springs' forces on a vertex (µN): `K (|d| - L) d / |d|` towards each neighbour (thesis, equation
     /// 6.5, as a restoring force). Only stretched springs act unless `push`: tissue folds rather than push back, the energy is
     /// convex, and no vertex buckles.
     fn spring_force(&self, v: usize) -> Vector3<f64> {

@@ -47,15 +47,15 @@ pub struct Solved {
     pub vertices_moved: usize,
     /// Time steps made.
     pub steps: usize,
-    /// Length of a step [s]; it differs from the one asked for where that would have made too few or too many.
+    /// Length of a step (s); it differs from the one asked for where that would have made too few or too many.
     pub dt: f64,
     /// Largest unbalanced force at the end, over the largest force.
     pub residual: f64,
-    /// Energy after the first step [nJ].
+    /// Energy after the first step (nJ).
     pub energy_first: f64,
-    /// Energy after the last step [nJ].
+    /// Energy after the last step (nJ).
     pub energy_last: f64,
-    /// Largest displacement [mm].
+    /// Largest displacement (mm).
     pub max_displacement_mm: f64,
     /// For every handle that pulls, the force of each ring as a fraction of the handle's; empty for one that moves.
     pub ring_sums: Vec<Vec<f64>>,
@@ -180,7 +180,7 @@ fn check_targets(handles: &[Handle], targets: &[usize]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Mass of each vertex [g]: a third of its triangles', never less than a tenth of the mean.
+/// Mass of each vertex (g): a third of its triangles', never less than a tenth of the mean.
 fn masses(lattice: &Lattice, rest: &[Vector3<f64>], params: &RingParams) -> Vec<f64> {
     if let Some(mass) = params.literal.then_some(1.0).or(params.vertex_mass) {
         return vec![mass; rest.len()];
@@ -189,7 +189,9 @@ fn masses(lattice: &Lattice, rest: &[Vector3<f64>], params: &RingParams) -> Vec<
     for t in &lattice.triangles {
         let [a, b, c] = t.map(|v| rest[v as usize]);
         let third = (b - a).cross(&(c - a)).norm() / 6.0;
-        t.iter().for_each(|&v| area[v as usize] += third);
+        for &v in t {
+            area[v as usize] += third;
+        }
     }
     let mean = area.iter().sum::<f64>() / area.len().max(1) as f64;
     let least = if mean > 0.0 { 0.1 * mean } else { 1.0 };
@@ -198,7 +200,7 @@ fn masses(lattice: &Lattice, rest: &[Vector3<f64>], params: &RingParams) -> Vec<
 
 /// The fixed vertices, and how the following falls to 0 towards them.
 struct Still {
-    /// Middle, radius, and the distance from there to the nearest target, for every fix [mm].
+    /// Middle, radius, and the distance from there to the nearest target, for every fix (mm).
     balls: Vec<(Vector3<f64>, f64, f64)>,
 }
 

@@ -45,19 +45,19 @@ pub struct Fix {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RingParams {
-    /// Stiffness of every structural spring [N/m], 1e-9…1e15.
+    /// Stiffness of every structural spring (N/m), 1e-9…1e15.
     pub stiffness: f64,
-    /// Time over which the handles act [s], 1e-9…1e6.
+    /// Time over which the handles act (s), 1e-9…1e6.
     pub duration: f64,
-    /// Time step [s], > 0; `None`: a 200th of the duration. At least 32 and at most 20 000 steps are made.
+    /// Time step (s), > 0; `None`: a 200th of the duration. At least 32 and at most 20 000 steps are made.
     pub dt: Option<f64>,
     /// Stiffness of the spring that ties each vertex to its place, as a fraction of `stiffness`, 1e-3…1e3.
     pub ground: f64,
     /// Viscous drag, as a fraction of the critical damping of the ground springs, 0…100.
     pub damping: f64,
-    /// Mass of the surface [g/mm²], > 0; vertices share the mass of their triangles.
+    /// Mass of the surface (g/mm²), > 0; vertices share the mass of their triangles.
     pub density: f64,
-    /// Mass of every vertex [g], > 0, instead of `density`.
+    /// Mass of every vertex (g), > 0, instead of `density`.
     pub vertex_mass: Option<f64>,
     /// Fraction of the handle's force below which a vertex passes none on, 0…1.
     pub epsilon: f64,
@@ -102,7 +102,7 @@ impl RingParams {
         within("epsilon", self.epsilon, 0.0, 1.0)
     }
 
-    /// Number of steps, and their length [s].
+    /// Number of steps, and their length (s).
     pub(super) fn clock(&self) -> (usize, f64) {
         let wanted = (self.duration / self.dt.unwrap_or(self.duration / 200.0)).ceil();
         let steps = wanted.clamp(32.0, 20_000.0) as usize;

@@ -17,7 +17,9 @@ impl Edges {
         pairs.sort_unstable();
         pairs.dedup();
         let mut first = vec![0; lattice.keys.len() + 1];
-        pairs.iter().for_each(|[a, _]| first[*a as usize + 1] += 1);
+        for [a, _] in &pairs {
+            first[*a as usize + 1] += 1;
+        }
         for i in 1..first.len() {
             first[i] += first[i - 1];
         }
@@ -38,13 +40,13 @@ pub(super) fn taper(t: f64) -> f64 {
 /// The vertices that a handle reaches: rings of neighbours, breadth first, in the order of the vertices.
 pub(super) struct Rings {
     /// Vertices by ring; ring 0 is the target.
-    pub(super) rings: Vec<Vec<u32>>,
+    vertices: Vec<Vec<u32>>,
     radius: f64,
     target: usize,
 }
 
 impl Rings {
-    /// Rings round `target` through neighbours nearer than `radius` [mm] to it.
+    /// Rings round `target` through neighbours nearer than `radius` (mm) to it.
     pub(super) fn new(edges: &Edges, rest: &[Vector3<f64>], target: usize, radius: f64) -> Self {
         let mut seen = vec![false; rest.len()];
         seen[target] = true;
@@ -60,7 +62,7 @@ impl Rings {
                 }
             }
             if next.is_empty() {
-                return Self { rings, radius, target };
+                return Self { vertices: rings, radius, target };
             }
             next.sort_unstable();
             rings.push(next);
@@ -69,7 +71,7 @@ impl Rings {
 
     /// Vertices and how much of the target's motion they follow, 0…1.
     pub(super) fn follow<'a>(&'a self, rest: &'a [Vector3<f64>]) -> impl Iterator<Item = (usize, f64)> + 'a {
-        self.rings.iter().flatten().map(|&v| {
+        self.vertices.iter().flatten().map(|&v| {
             let distance = (rest[v as usize] - rest[self.target]).norm();
             (v as usize, taper(distance / self.radius))
         })
@@ -93,7 +95,7 @@ impl Rings {
         let mut share = vec![f64::NAN; rest.len()];
         share[self.target] = 1.0;
         let (mut all, mut sums) = (vec![(self.target, 1.0)], vec![1.0]);
-        for ring in &self.rings[1..] {
+        for ring in &self.vertices[1..] {
             // A vertex of this ring has no share yet: NaN never passes the comparison.
             let raw = |&v: &u32| {
                 let passing = edges.of(v as usize).iter().map(|&u| share[u as usize]);
@@ -108,7 +110,9 @@ impl Rings {
             let total: f64 = fractions.iter().sum();
             let before = *sums.last().expect("ring 0 is there");
             if !literal && total > before {
-                fractions.iter_mut().for_each(|f| *f *= before / total);
+                for fraction in &mut fractions {
+                    *fraction *= before / total;
+                }
             }
             sums.push(fractions.iter().sum());
             for (&v, &fraction) in ring.iter().zip(&fractions) {

@@ -2,7 +2,7 @@
 //!
 //! A phantom is a cube of `size` voxels at 1 mm on the identity grid. Lengths are fractions of the size and centres lie
 //! off the voxel grid, so that no surface passes through a row of voxels by chance. Apart from the head and the bars, the
-//! scalar is `0.5 - d / 8` clipped to 0…1, with `d` the signed distance [voxels] (negative inside): the surface is the
+//! scalar is `0.5 - d / 8` clipped to 0…1, with `d` the signed distance (voxels) (negative inside): the surface is the
 //! value 0.5, and the profile across it is linear over 8 voxels. Integer types hold the scalar times their largest value.
 //!
 //! ```

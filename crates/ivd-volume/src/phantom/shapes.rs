@@ -5,19 +5,19 @@ use std::f64::consts::PI;
 use super::Shape;
 use super::truth::HEAD;
 
-/// Offset of a phantom's centre from the middle of its grid [voxels].
+/// Offset of a phantom's centre from the middle of its grid (voxels).
 const SHIFT: [f64; 3] = [0.13, -0.21, 0.37];
 const GYROID_PERIODS: f64 = 4.0;
-/// Periods of the bars [voxels], by band along y.
+/// Periods of the bars (voxels), by band along y.
 const BARS: [f64; 8] = [16.0, 12.0, 8.0, 6.0, 5.0, 4.0, 3.0, 2.0];
-/// Half of the shell's thickness [voxels].
+/// Half of the shell's thickness (voxels).
 const HALF_SHELL: f64 = 0.75;
 
-/// Outer semi-axes of the head [size].
+/// Outer semi-axes of the head (size).
 const HEAD_AXES: [f64; 3] = [0.36, 0.44, 0.40];
 const VENTRICLE_AXES: [f64; 3] = [0.045, 0.13, 0.07];
 
-/// Signed distance [voxels] of a voxel coordinate from a shape's surface, negative inside.
+/// Signed distance (voxels) of a voxel coordinate from a shape's surface, negative inside.
 ///
 /// Exact for `sphere`, `torus`, `spheres` and `shell`. For `gyroid` it is `f / |∇f|`, right to first order near the
 /// surface. For `bars` it is the distance along x within the point's band; for `head` a first-order distance from the skin.
