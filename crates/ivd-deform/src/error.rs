@@ -1,7 +1,7 @@
 use ivd_core::{Fault, ParamError};
 
 /// What can go wrong in this crate.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// Inputs that don't fit, cancellation, a limit.
     #[error(transparent)]
@@ -9,6 +9,9 @@ pub enum Error {
     /// A parameter outside its range.
     #[error(transparent)]
     Param(#[from] ParamError),
+    /// The octree can't be used.
+    #[error(transparent)]
+    Octree(#[from] ivd_octree::Error),
     /// Two inputs that don't belong together, such as a motion of another lattice.
     #[error("{what}: {problem}; {remedy}")]
     Mismatch {
@@ -51,8 +54,8 @@ impl Error {
     pub fn fault(&self) -> Fault {
         match self {
             Self::Core(error) => error.fault(),
-            Self::Param(_) => Fault::Usage,
-            Self::Mismatch { .. } => Fault::Usage,
+            Self::Octree(error) => error.fault(),
+            Self::Param(_) | Self::Mismatch { .. } => Fault::Usage,
             Self::Untrusted { .. } | Self::Folded { .. } => Fault::Untrusted,
         }
     }

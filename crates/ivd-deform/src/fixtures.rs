@@ -68,6 +68,12 @@ pub(crate) fn voxels(grid: &Grid) -> impl Iterator<Item = VoxelIndex> + '_ {
     (0..grid.len()).map(|i| grid.index(i))
 }
 
+/// A vertex's place in its cell, scattered so that no voxel has two nearest points.
+fn place(key: ElementKey) -> [f32; 3] {
+    let hash = key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    [8, 28, 48].map(|shift| 0.4 + 0.2 * (hash >> shift & 0xffff) as f32 / 65_536.0)
+}
+
 /// A closed lattice round the voxels where `level` (of the position relative to the origin, in mm) is positive, and the
 /// mask of those voxels: a vertex in every cell that the surface crosses, a quad for every crossed edge.
 pub(crate) fn lattice(grid: &Grid, level: impl Fn(Vector3<f64>) -> f64) -> (Lattice, Mask) {
@@ -117,7 +123,7 @@ pub(crate) fn lattice(grid: &Grid, level: impl Fn(Vector3<f64>) -> f64) -> (Latt
     let lattice = Lattice {
         grid: grid.clone(),
         source: LatticeSource::Mask,
-        places: vec![[0.5; 3]; crossed.len()],
+        places: crossed.keys().map(|k| place(*k)).collect(),
         keys: crossed.into_keys().collect(),
         triangles,
         level: 0,

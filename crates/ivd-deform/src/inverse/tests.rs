@@ -116,7 +116,8 @@ fn cancelled_work_stops() {
     let grid = Grid::with_spacing([24, 24, 24], [1.0; 3]).unwrap();
     let exec = Exec::default();
     exec.cancel.cancel();
-    assert_eq!(invert(&bumped(&grid), &grid, &exec), Err(ivd_core::Error::Cancelled.into()));
+    let error = invert(&bumped(&grid), &grid, &exec).unwrap_err();
+    assert_eq!(error.fault(), ivd_core::Fault::Cancelled);
 }
 
 use nalgebra::Matrix3;

@@ -40,6 +40,7 @@
 mod carry;
 mod compose;
 mod free;
+mod octree;
 mod outcome;
 mod params;
 mod region;
@@ -54,6 +55,7 @@ use crate::inverse::{from_bricks, invert};
 pub use carry::{Hit, Nearest};
 use carry::{Part, carry};
 use compose::{Composed, halve};
+pub use octree::{Prepared, frames, octree};
 pub use outcome::{Followed, Mapped};
 pub use params::{DepthWeight, MapMethod, MapParams, Outside};
 use region::{Region, largest};

@@ -103,6 +103,12 @@ fn scene(
 
 impl Scene {
     fn map(&self, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
+        let tree = ivd_octree::build(&self.lattice, &ivd_octree::Params::default(), exec)?;
+        octree(&self.lattice, &tree, &self.motion, 0, params, exec)
+    }
+
+    /// The plain twin.
+    fn map_brute(&self, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
         let positions = self.lattice.local_positions();
         let brute = Brute::new(&self.lattice, &positions);
         nearest(&self.lattice, &self.mask, &brute, &self.motion, 0, params, exec)
@@ -301,6 +307,40 @@ fn free_part_moves_alone_and_leaves_background() {
     }
     let warped = crate::warp::mask(&whole.mask, &mapped.displacement, &Exec::default()).unwrap().output;
     assert_eq!(warped.count(), whole.mask.count());
+}
+
+#[test]
+fn octree_and_plain_loop_give_the_same_map() {
+    for scene in [dented(1.0, 3.0), dented(0.3, -2.0)] {
+        for outside in [Outside::Band, Outside::Free] {
+            let params = MapParams { outside, ..MapParams::default() };
+            let (fast, plain) = (scene.mapped(&params), scene.map_brute(&params, &Exec::default()).unwrap());
+            let worst = fast
+                .displacement
+                .forward
+                .vectors()
+                .iter()
+                .zip(plain.displacement.forward.vectors())
+                .map(|(a, b)| (Vector3::from(*a) - Vector3::from(*b)).norm())
+                .fold(0.0, f32::max);
+            assert_eq!(fast.displacement.forward.table(), plain.displacement.forward.table());
+            assert!(worst < 1e-6, "{outside:?}: {worst} mm");
+        }
+    }
+}
+
+#[test]
+fn all_frames_are_mapped_as_each_alone() {
+    let mut scene = dented(1.0, 2.0);
+    let half = scene.motion.frames[0].displacement.iter().map(|d| d.map(|c| c / 2.0)).collect();
+    scene.motion.frames.insert(0, Frame { time: 0.25, displacement: half });
+    let exec = Exec::default();
+    let tree = ivd_octree::build(&scene.lattice, &ivd_octree::Params::default(), &exec).unwrap();
+    let all = frames(&scene.lattice, &tree, &scene.motion, &MapParams::default(), &exec).unwrap();
+    let second = octree(&scene.lattice, &tree, &scene.motion, 1, &MapParams::default(), &exec).unwrap();
+    assert_eq!((all.len(), all[0].displacement.time), (2, 0.25));
+    assert_eq!(all[1], second);
+    assert!(octree(&scene.lattice, &tree, &scene.motion, 2, &MapParams::default(), &exec).is_err());
 }
 
 #[test]
