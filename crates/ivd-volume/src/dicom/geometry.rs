@@ -4,7 +4,7 @@ use ivd_core::{Exec, Grid};
 use nalgebra::Vector3;
 
 use super::header::Slice;
-use crate::{Error, space};
+use crate::{Error, bounded, space};
 
 /// Largest deviation of a gap between slices from the usual one, as a part of it, …
 const GAP_PART: f64 = 0.01;
@@ -19,6 +19,7 @@ const DRIFT_PIXELS: f64 = 0.1;
 pub(super) fn grid(path: &Path, slices: &mut [Slice], exec: &Exec) -> Result<Grid, Error> {
     let first = &slices[0];
     let dims = [first.columns, first.rows, slices.len()];
+    bounded::voxel_count(&first.path, "Rows, Columns", dims)?;
     let [row, column] = directions(first, slices.len())?;
     // The first number is the distance of rows: a step along y.
     let [dy, dx] = first.pixel_spacing.unwrap_or_else(|| {

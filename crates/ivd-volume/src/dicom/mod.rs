@@ -139,12 +139,15 @@ fn volume(path: &Path, mut slices: Vec<Slice>, exec: &Exec) -> Result<Volume, Er
     }
     let (slope, intercept) = (first.slope, first.intercept);
     if slices.iter().all(|s| s.slope == slope && s.intercept == intercept) {
-        let voxels = pixels::stored(path, &slices, exec)?;
+        let voxels = pixels::stored(&slices, exec)?;
         return Ok(Volume::with_scale(grid, voxels, slope, intercept)?);
     }
     exec.observer().note(&format!(
         "{}: slope and intercept differ from slice to slice: real values are kept as f32",
         path.display()
     ));
-    Ok(Volume::new(grid, pixels::real(path, &slices, exec)?)?)
+    Ok(Volume::new(grid, pixels::real(&slices, exec)?)?)
 }
+
+#[cfg(test)]
+mod tests;

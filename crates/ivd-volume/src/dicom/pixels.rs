@@ -1,5 +1,3 @@
-use std::path::Path;
-
 use ivd_core::{Exec, Scalar, Voxels};
 use rayon::prelude::*;
 
@@ -15,7 +13,7 @@ const MOST_EXPANSION: u64 = 1 << 16;
 const EXPANSION_FREE: u64 = 16 << 20;
 
 /// The stored values of all slices.
-pub(super) fn stored(path: &Path, slices: &[Slice], exec: &Exec) -> Result<Voxels, Error> {
+pub(super) fn stored(slices: &[Slice], exec: &Exec) -> Result<Voxels, Error> {
     let Bits { allocated, signed, .. } = slices[0].bits;
     for slice in slices {
         if (slice.bits.allocated, slice.bits.signed) != (allocated, signed) {
@@ -24,21 +22,21 @@ pub(super) fn stored(path: &Path, slices: &[Slice], exec: &Exec) -> Result<Voxel
         }
     }
     match (allocated, signed) {
-        (8, false) => typed::<u8>(path, slices, exec),
-        (8, true) => typed::<i8>(path, slices, exec),
-        (16, false) => typed::<u16>(path, slices, exec),
-        (16, true) => typed::<i16>(path, slices, exec),
-        (_, false) => typed::<u32>(path, slices, exec),
-        (_, true) => typed::<i32>(path, slices, exec),
+        (8, false) => typed::<u8>(slices, exec),
+        (8, true) => typed::<i8>(slices, exec),
+        (16, false) => typed::<u16>(slices, exec),
+        (16, true) => typed::<i16>(slices, exec),
+        (_, false) => typed::<u32>(slices, exec),
+        (_, true) => typed::<i32>(slices, exec),
     }
 }
 
 /// The real values of all slices, each with its own slope and intercept.
-pub(super) fn real(path: &Path, slices: &[Slice], exec: &Exec) -> Result<Voxels, Error> {
-    let pixels = check(path, slices, 4, exec)?;
+pub(super) fn real(slices: &[Slice], exec: &Exec) -> Result<Voxels, Error> {
+    let pixels = check(slices, 4, exec)?;
     let mut values: Vec<f32> = bounded::zeroed(pixels * slices.len())?;
     each(slices, &mut values, pixels, exec, |slice, out| {
-        let own = stored(&slice.path, std::slice::from_ref(slice), &Exec::default())?;
+        let own = stored(std::slice::from_ref(slice), &Exec::default())?;
         for (i, to) in out.iter_mut().enumerate() {
             *to = (slice.slope * own.get(i) + slice.intercept) as f32;
         }
@@ -47,8 +45,8 @@ pub(super) fn real(path: &Path, slices: &[Slice], exec: &Exec) -> Result<Voxels,
     Ok(values.into())
 }
 
-fn typed<T: Scalar>(path: &Path, slices: &[Slice], exec: &Exec) -> Result<Voxels, Error> {
-    let pixels = check(path, slices, size_of::<T>(), exec)?;
+fn typed<T: Scalar>(slices: &[Slice], exec: &Exec) -> Result<Voxels, Error> {
+    let pixels = check(slices, size_of::<T>(), exec)?;
     let mut values: Vec<T> = bounded::zeroed(pixels * slices.len())?;
     each(slices, &mut values, pixels, exec, |slice, out| {
         let bytes = bytemuck::cast_slice_mut(out);
@@ -83,7 +81,7 @@ fn each<T: Send>(
 }
 
 /// Checks what the headers declare against what the files hold and the memory limit; gives the pixels of a slice.
-fn check(path: &Path, slices: &[Slice], width: usize, exec: &Exec) -> Result<usize, Error> {
+fn check(slices: &[Slice], width: usize, exec: &Exec) -> Result<usize, Error> {
     let first = &slices[0];
     let count =
         bounded::voxel_count(&first.path, "Rows, Columns", [first.columns, first.rows, slices.len()])?;
@@ -107,7 +105,6 @@ fn check(path: &Path, slices: &[Slice], width: usize, exec: &Exec) -> Result<usi
             return Err(Error::truncated(&slice.path, "PixelData", needed, most));
         }
     }
-    let _ = path;
     exec.check_memory("the volume", count as u64 * width as u64)?;
     Ok(count / slices.len())
 }

@@ -20,7 +20,7 @@ use pile::Pile;
 
 /// Reads a TIFF stack: every page is a slice, the first page is z = 0.
 ///
-/// Without `spacing` [mm], the resolution tags give x and y where they have a unit (else 1), and z is 1.
+/// Without `spacing` (mm), the resolution tags give x and y where they have a unit (else 1), and z is 1.
 ///
 /// # Errors
 /// [`Error`] names the page and tag that is malformed, differs from the first page, or isn't single-valued.
@@ -34,7 +34,7 @@ pub fn read_tiff(path: &Path, spacing: Option<[f64; 3]>, exec: &Exec) -> Result<
 
 /// Reads the slices of a folder: PNG or TIFF pictures, or raw slices where `raw` tells their layout.
 ///
-/// Files of another kind are passed over with a note. `spacing` [mm] overrides that of `raw` and of the pictures.
+/// Files of another kind are passed over with a note. `spacing` (mm) overrides that of `raw` and of the pictures.
 ///
 /// # Errors
 /// [`Error`] names the slice that is malformed or that differs from the first, or says what is missing.
@@ -56,8 +56,8 @@ pub fn read_folder(
 /// Where the folder can't be read or holds no slices, or pictures of two kinds.
 pub fn sources(dir: &Path, raw: Option<&RawLayout>) -> Result<Vec<PathBuf>, Error> {
     match raw {
-        Some(layout) => Ok(raw::slices(dir, layout)?.slices),
-        None => Ok(pictures(dir)?.slices),
+        Some(layout) => Ok(raw::slices(dir, layout)?.files),
+        None => Ok(pictures(dir)?.files),
     }
 }
 
@@ -72,7 +72,7 @@ enum Kind {
 #[derive(Debug)]
 struct Slices<K> {
     kind: K,
-    slices: Vec<PathBuf>,
+    files: Vec<PathBuf>,
     foreign: Vec<PathBuf>,
 }
 
@@ -96,8 +96,8 @@ fn pictures(dir: &Path) -> Result<Slices<Kind>, Error> {
         }
     }
     match (png.is_empty(), tiff.is_empty()) {
-        (false, true) => Ok(Slices { kind: Kind::Png, slices: png, foreign }),
-        (true, false) => Ok(Slices { kind: Kind::Tiff, slices: tiff, foreign }),
+        (false, true) => Ok(Slices { kind: Kind::Png, files: png, foreign }),
+        (true, false) => Ok(Slices { kind: Kind::Tiff, files: tiff, foreign }),
         (true, true) => Err(Error::choice(
             dir,
             format!("no DICOM, PNG or TIFF file among {} files", foreign.len()),
@@ -117,9 +117,9 @@ fn read_pictures(dir: &Path, spacing: Option<[f64; 3]>, exec: &Exec) -> Result<V
     let mut pile = Pile::default();
     let mut own = None;
     // A single TIFF is a stack of pages; among several each is one slice.
-    let pages = (found.slices.len() > 1).then_some(1);
-    exec.observer().begin("read", found.slices.len() as u64);
-    for (z, slice) in found.slices.iter().enumerate() {
+    let pages = (found.files.len() > 1).then_some(1);
+    exec.observer().begin("read", found.files.len() as u64);
+    for (z, slice) in found.files.iter().enumerate() {
         exec.check_cancelled()?;
         let of_slice = match found.kind {
             Kind::Png => png::read(slice, &mut pile, exec).map(|()| None)?,

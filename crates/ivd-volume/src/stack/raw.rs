@@ -36,7 +36,7 @@ pub(super) fn slices(dir: &Path, layout: &RawLayout) -> Result<Slices<u64>, Erro
         let problem = format!("{nz} slices declared, but {} files have {size} bytes", slices.len());
         return Err(Error::field(dir, "dims", problem));
     }
-    Ok(Slices { kind: size, slices, foreign })
+    Ok(Slices { kind: size, files: slices, foreign })
 }
 
 pub(super) fn read_slices(
@@ -47,13 +47,13 @@ pub(super) fn read_slices(
 ) -> Result<Volume, Error> {
     let found = slices(dir, layout)?;
     note_foreign(dir, &found.foreign, exec);
-    let dims = [layout.dims[0], layout.dims[1], found.slices.len()];
+    let dims = [layout.dims[0], layout.dims[1], found.files.len()];
     let declared = Declared {
         voxel_type: layout.voxel_type,
         count: bounded::voxel_count(dir, "dims", dims)?,
         order: layout.order,
         packing: Packing::Raw,
-        available: found.kind.saturating_mul(found.slices.len() as u64),
+        available: found.kind.saturating_mul(found.files.len() as u64),
     };
     declared.check(dir, 0, exec)?;
     let voxels = match layout.voxel_type {
@@ -77,9 +77,9 @@ fn typed<T: Scalar + bytemuck::Zeroable>(
     exec: &Exec,
 ) -> Result<Voxels, Error> {
     let mut values: Vec<T> = bounded::zeroed(declared.count)?;
-    exec.observer().begin("read", found.slices.len() as u64);
-    let per_slice = declared.count / found.slices.len();
-    for (path, slice) in found.slices.iter().zip(values.chunks_exact_mut(per_slice)) {
+    exec.observer().begin("read", found.files.len() as u64);
+    let per_slice = declared.count / found.files.len();
+    for (path, slice) in found.files.iter().zip(values.chunks_exact_mut(per_slice)) {
         exec.check_cancelled()?;
         let (mut file, _) = bounded::open(path)?;
         bounded::seek(&mut file, path, layout.skip)?;

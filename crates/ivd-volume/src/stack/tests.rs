@@ -126,7 +126,7 @@ fn a_flipped_byte_never_panics() {
     for (path, folder) in [(tif, false), (picture.path().join("a.png"), true)] {
         let bytes = std::fs::read(&path).unwrap();
         for at in 0..bytes.len() {
-            for value in [0, 0x7f, 0xff, bytes[at] ^ 1] {
+            for value in [[0, 0x7f], [0xff, bytes[at] ^ 1]][at % 2] {
                 let mut bad = bytes.clone();
                 bad[at] = value;
                 std::fs::write(&path, &bad).unwrap();
