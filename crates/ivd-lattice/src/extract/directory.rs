@@ -52,30 +52,6 @@ impl Voxel {
     }
 }
 
-/// Edges of a row that the surface crosses, 32 voxels at a time.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Crossed {
-    pub(super) x: u32,
-    pub(super) y: u32,
-    pub(super) z: u32,
-}
-
-impl Crossed {
-    /// Crossed edges of the padded voxels `32 k` to `32 k + 31` of a row, given the words of the row itself and those
-    /// one row up in y and in z.
-    #[inline(always)]
-    pub(super) fn at(k: usize, row: &[u32], up_y: &[u32], up_z: &[u32]) -> Self {
-        let here = row[k];
-        Self { x: here ^ (here >> 1 | row[k + 1] << 31), y: here ^ up_y[k], z: here ^ up_z[k] }
-    }
-
-    /// Number of crossed edges.
-    #[inline(always)]
-    pub(super) fn count(self) -> u32 {
-        (u64::from(self.x) | u64::from(self.y) << 32).count_ones() + self.z.count_ones()
-    }
-}
-
 /// The vertices of one layer of padded voxels.
 #[derive(Debug, Default)]
 pub(super) struct Directory {
@@ -103,12 +79,16 @@ impl Directory {
         for (y, groups) in self.groups.chunks_mut(self.groups_per_row).enumerate().take(dims[1] + 1) {
             let [row, up_y, up_z] = [signs.row(y, z), signs.row(y + 1, z), signs.row(y, z + 1)];
             for (k, pair) in groups.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-                let crossed = Crossed::at(k, row, up_y, up_z);
+                let here = row[k];
+                let x = here ^ (here >> 1 | row[k + 1] << 31);
+                let [y, z] = [here ^ up_y[k], here ^ up_z[k]];
                 for (half, group) in pair.iter_mut().enumerate() {
                     let part = |bits: u32| u64::from(bits >> (16 * half) & 0xFFFF);
-                    group.bits = part(crossed.x) | part(crossed.y) << 16 | part(crossed.z) << 32;
-                    group.first = next;
-                    next += group.bits.count_ones();
+                    let bits = part(x) | part(y) << 16 | part(z) << 32;
+                    *group = Group { bits, first: next };
+                    if bits != 0 {
+                        next += bits.count_ones();
+                    }
                 }
             }
             let mut added = 0;
@@ -150,17 +130,5 @@ impl Row<'_> {
         let voxel = self.voxel(p);
         let next = p + 1;
         [voxel, Voxel { first: voxel.end(), bits: self.0[next / GROUP].bits >> (next % GROUP) & QUARTERS }]
-    }
-
-    /// Which of the padded voxels `32 k` to `32 k + 31` have a vertex in their cell.
-    #[inline]
-    pub(super) fn centres(self, k: usize) -> u32 {
-        (self.0[2 * k].bits >> 48 | self.0[2 * k + 1].bits >> 48 << 16) as u32
-    }
-
-    /// Whether padded voxel `p` has a vertex in its cell.
-    #[inline]
-    pub(super) fn has_centre(self, p: usize) -> bool {
-        self.0[p / GROUP].bits >> (48 + p % GROUP) & 1 == 1
     }
 }

@@ -29,13 +29,6 @@ impl Cell {
             .then(|| (p[0] - 1) + n[0] * ((p[1] - 1) + n[1] * (p[2] - 1)))
     }
 
-    /// Signs of the eight corners, a bit each, set inside.
-    pub(super) fn case(&self, samples: &impl Samples) -> u8 {
-        (0..8).fold(0, |case, corner| {
-            case | u8::from(self.voxel(corner).is_some_and(|v| samples.inside(v))) << corner
-        })
-    }
-
     /// How the surface crosses this cell, given its corners' signs.
     #[inline]
     pub(super) fn crossing(&self, samples: &impl Samples, case: u8) -> CrossingId {

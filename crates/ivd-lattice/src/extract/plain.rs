@@ -38,6 +38,13 @@ pub(super) fn extract(samples: &impl Samples, dims: [usize; 3], flip: bool) -> S
 }
 
 impl Cell {
+    /// Signs of the eight corners, a bit each, set inside.
+    fn case(&self, samples: &impl Samples) -> u8 {
+        (0..8).fold(0, |case, corner| {
+            case | u8::from(self.voxel(corner).is_some_and(|v| samples.inside(v))) << corner
+        })
+    }
+
     /// Address of a vertex of this cell: that of a crossed edge, or of the cell itself.
     fn key(&self, element: u8) -> ElementKey {
         if element == CENTRE {

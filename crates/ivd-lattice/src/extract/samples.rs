@@ -7,6 +7,7 @@ use super::bounds::{Bounds, Ordered};
 /// Voxels seen as inside or outside, by linear index.
 pub(super) trait Samples: Sync {
     /// Whether a voxel is inside.
+    #[cfg(test)]
     fn inside(&self, voxel: usize) -> bool;
 
     /// Signs of the `count` voxels from `first` on: bit `i % 8` of byte `i / 8` is set where voxel `first + i` is
@@ -30,7 +31,7 @@ pub(super) struct Field<'a, T> {
 }
 
 impl<T: Ordered> Samples for Field<'_, T> {
-    #[inline(always)]
+    #[cfg(test)]
     fn inside(&self, voxel: usize) -> bool {
         self.bounds.contains(self.voxels[voxel])
     }
@@ -79,7 +80,7 @@ impl<T: Ordered> Masked<'_, T> {
 }
 
 impl<T: Ordered> Samples for Masked<'_, T> {
-    #[inline(always)]
+    #[cfg(test)]
     fn inside(&self, voxel: usize) -> bool {
         self.mask[voxel] != 0 && self.field.voxels[voxel].is_data()
     }

@@ -4,11 +4,13 @@
 //! every layer its place in the output, so that layers are written independently and in any order. The work is by
 //! words of 32 cells; only cells with both signs are looked at one by one.
 
+use std::ops::Range;
+
 use ivd_core::{ElementKey, Exec};
 use rayon::prelude::*;
 
 use super::Surface;
-use super::directory::{Crossed, Directory, Row};
+use super::directory::{Directory, Row};
 use super::place::Cell;
 use super::samples::Samples;
 use super::signs::Signs;
@@ -86,7 +88,7 @@ impl<S: Samples> Sweep<'_, S> {
         Ok(Surface { keys: bytemuck::cast_vec(keys), places, triangles: corners })
     }
 
-    /// Calls `visit(x, y, case)` for each cell of a layer that has corners of both signs, in order.
+    /// Calls `visit` for each cell of a row of cells that has corners of both signs, in order.
     #[inline(always)]
     fn each_active_cell(&self, z: usize, y: usize, mut visit: impl FnMut(usize, u8)) {
         let rows = [(y, z), (y + 1, z), (y, z + 1), (y + 1, z + 1)].map(|(y, z)| self.signs.row(y, z));
@@ -107,19 +109,17 @@ impl<S: Samples> Sweep<'_, S> {
     fn count_layer(&self, z: usize) -> Count {
         let mut count = Count::default();
         for y in 0..=self.dims[1] {
-            let [row, up_y, up_z] =
-                [self.signs.row(y, z), self.signs.row(y + 1, z), self.signs.row(y, z + 1)];
-            let edges: u32 = (0..row.len() - 1).map(|k| Crossed::at(k, row, up_y, up_z).count()).sum();
-            count.vertices += u64::from(edges);
-            let mut triangles = 0;
+            let (mut vertices, mut triangles) = (0, 0);
             self.each_active_cell(z, y, |x, case| {
                 let id = Cell { dims: self.dims, first: [x, y, z] }.crossing(self.samples, case);
                 let (here, fan) = CASES.counts(id);
+                vertices += OWN_EDGES[usize::from(case)].count_ones();
                 triangles += u64::from(here);
                 if fan {
                     count.centres.push([x as u32, y as u32]);
                 }
             });
+            count.vertices += u64::from(vertices);
             count.triangles += triangles;
         }
         count.vertices += count.centres.len() as u64;
@@ -128,20 +128,32 @@ impl<S: Samples> Sweep<'_, S> {
 
     fn write_slab(&self, slab: Slab<'_>, counts: &[Count]) {
         let (mut here, mut above) = (Directory::default(), Directory::default());
-        let mut vertices = slab.first;
-        let mut out = Output { keys: slab.keys, places: slab.places, next: 0 };
+        let mut first = slab.first;
+        let mut vertices = slab.keys.iter_mut().zip(slab.places);
         let mut triangles = slab.triangles.iter_mut();
         let nothing = Count::default();
-        here.fill(self.signs, self.dims, slab.layers.start, vertices, &counts[slab.layers.start].centres);
+        here.fill(self.signs, self.dims, slab.layers.start, first, &counts[slab.layers.start].centres);
         for z in slab.layers {
-            vertices += counts[z].vertices as u32;
+            first += counts[z].vertices as u32;
             let next = counts.get(z + 1).unwrap_or(&nothing);
-            above.fill(self.signs, self.dims, z + 1, vertices, &next.centres);
+            above.fill(self.signs, self.dims, z + 1, first, &next.centres);
             for y in 0..=self.dims[1] {
-                self.write_vertices(z, y, here.row(y), &mut out);
                 let rows = [here.row(y), here.row(y + 1), above.row(y), above.row(y + 1)];
+                let first_key = ElementKey::new(self.dims, [0, y, z], 0).0;
+                let own = OwnVertices::new(self.samples, self.dims, y, z);
                 self.each_active_cell(z, y, |x, case| {
-                    let id = Cell { dims: self.dims, first: [x, y, z] }.crossing(self.samples, case);
+                    let cell = Cell { dims: self.dims, first: [x, y, z] };
+                    let id = cell.crossing(self.samples, case);
+                    let mut put = |element: u64, place: [f32; 3]| {
+                        if let Some((key, at)) = vertices.next() {
+                            (*key, *at) = (first_key + 8 * x as u64 + element, place);
+                        }
+                    };
+                    own.write(x, OWN_EDGES[usize::from(case)], &mut put);
+                    let fan = CASES.fan(id);
+                    if !fan.is_empty() {
+                        put(6, cell.centre_place(self.samples, fan));
+                    }
                     let vertex = vertices_of_cell(rows, x);
                     for (&corners, triangle) in CASES.triangles(id).iter().zip(triangles.by_ref()) {
                         let [a, b, c] = corners.map(|e| vertex[usize::from(e & 15)]);
@@ -152,46 +164,58 @@ impl<S: Samples> Sweep<'_, S> {
             std::mem::swap(&mut here, &mut above);
         }
     }
+}
 
-    /// Keys and places of the vertices of one row, in order.
-    fn write_vertices(&self, z: usize, y: usize, vertices: Row<'_>, out: &mut Output<'_>) {
-        let [nx, ny, nz] = self.dims;
-        let [row, up_y, up_z] = [self.signs.row(y, z), self.signs.row(y + 1, z), self.signs.row(y, z + 1)];
-        let first_key = ElementKey::new(self.dims, [0, y, z], 0).0;
-        // The voxel at padded (x, y, z), where that isn't in the border layer, is `row_start + x - border`.
-        let (row_start, border) = (nx * (y + ny * z), 1 + nx * (1 + ny));
-        let [in_y, in_z] = [(1..ny).contains(&y), (1..nz).contains(&z)];
-        let [step_y, step_z] = [nx, nx * ny];
-        for k in 0..row.len() - 1 {
-            let crossed = Crossed::at(k, row, up_y, up_z);
-            let mut any = crossed.x | crossed.y | crossed.z | vertices.centres(k);
-            while any != 0 {
-                let b = any.trailing_zeros();
-                any &= any - 1;
-                let x = 32 * k + b as usize;
-                let key = first_key + 8 * x as u64;
-                let at = |real: bool, step: usize| {
-                    if !real {
-                        return 0.5;
-                    }
-                    let voxel = row_start + x - border;
-                    self.samples.crossing(voxel, voxel + step)
-                };
-                if crossed.x >> b & 1 == 1 {
-                    out.push(key, [at((1..nx).contains(&x), 1), 0.0, 0.0]);
-                }
-                if crossed.y >> b & 1 == 1 {
-                    out.push(key + 1, [0.0, at(in_y, step_y), 0.0]);
-                }
-                if crossed.z >> b & 1 == 1 {
-                    out.push(key + 2, [0.0, 0.0, at(in_z, step_z)]);
-                }
-                if vertices.has_centre(x) {
-                    let cell = Cell { dims: self.dims, first: [x, y, z] };
-                    let id = cell.crossing(self.samples, cell.case(self.samples));
-                    out.push(key + 6, cell.centre_place(self.samples, CASES.fan(id)));
-                }
-            }
+/// Which of the three edges that start at a cell's first corner are crossed, a bit each, by case.
+static OWN_EDGES: [u8; 256] = own_edges();
+
+const fn own_edges() -> [u8; 256] {
+    let mut edges = [0; 256];
+    let mut case = 0;
+    while case < 256 {
+        let here = case as u8;
+        edges[case] =
+            ((here ^ here >> 1) & 1) | ((here ^ here >> 2) & 1) << 1 | ((here ^ here >> 4) & 1) << 2;
+        case += 1;
+    }
+    edges
+}
+
+/// Places the vertices on the edges that start at the voxels of one padded row.
+struct OwnVertices<'a, S> {
+    samples: &'a S,
+    /// The voxel at padded `x` of this row is `start + x - border`, where that isn't in the border layer.
+    start: usize,
+    border: usize,
+    /// For each axis the step to the next voxel and the `x` between which its edges have two real voxels.
+    steps: [usize; 3],
+    real: [Range<usize>; 3],
+}
+
+impl<'a, S: Samples> OwnVertices<'a, S> {
+    fn new(samples: &'a S, [nx, ny, nz]: [usize; 3], y: usize, z: usize) -> Self {
+        let all_if = |real: bool| if real { 0..nx + 1 } else { 0..0 };
+        Self {
+            samples,
+            start: nx * (y + ny * z),
+            border: 1 + nx * (1 + ny),
+            steps: [1, nx, nx * ny],
+            real: [1..nx, all_if((1..ny).contains(&y)), all_if((1..nz).contains(&z))],
+        }
+    }
+
+    /// Hands element and place of the crossed edges at padded `x` to `put`, in order.
+    #[inline(always)]
+    fn write(&self, x: usize, edges: u8, put: &mut impl FnMut(u64, [f32; 3])) {
+        for axis in (0..3).filter(|axis| edges >> axis & 1 == 1) {
+            let mut place = [0.0; 3];
+            place[axis] = if self.real[axis].contains(&x) {
+                let voxel = self.start + x - self.border;
+                self.samples.crossing(voxel, voxel + self.steps[axis])
+            } else {
+                0.5
+            };
+            put(axis as u64, place);
         }
     }
 }
@@ -222,25 +246,9 @@ fn vertices_of_cell(rows: [Row<'_>; 4], x: usize) -> [u32; 16] {
     ]
 }
 
-/// Vertices of a slab as they are written.
-struct Output<'a> {
-    keys: &'a mut [u64],
-    places: &'a mut [[f32; 3]],
-    next: usize,
-}
-
-impl Output<'_> {
-    #[inline(always)]
-    fn push(&mut self, key: u64, place: [f32; 3]) {
-        self.keys[self.next] = key;
-        self.places[self.next] = place;
-        self.next += 1;
-    }
-}
-
 /// A few layers and their part of the output.
 struct Slab<'a> {
-    layers: std::ops::Range<usize>,
+    layers: Range<usize>,
     /// Index of the slab's first vertex.
     first: u32,
     keys: &'a mut [u64],

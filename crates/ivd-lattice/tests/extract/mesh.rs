@@ -1,6 +1,6 @@
 //! What a mesh must satisfy, checked without the crate's own figures.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ivd_core::Lattice;
 use nalgebra::Vector3;
@@ -9,19 +9,19 @@ use nalgebra::Vector3;
 pub(crate) fn assert_closed_manifold(lattice: &Lattice, context: &str) {
     lattice.check().unwrap_or_else(|e| panic!("{context}: {e}"));
     let mut next: BTreeMap<u32, BTreeMap<u32, u32>> = BTreeMap::new();
-    let mut edges = BTreeMap::new();
+    let mut edges = BTreeSet::new();
     for &[a, b, c] in &lattice.triangles {
         for (p, q, r) in [(a, b, c), (b, c, a), (c, a, b)] {
             assert!(
                 lattice.voxel(p as usize).0 != lattice.voxel(q as usize).0,
                 "{context}: coincident corners"
             );
-            assert!(edges.insert((p, q), ()).is_none(), "{context}: edge {p}-{q} twice in one direction");
+            assert!(edges.insert((p, q)), "{context}: edge {p}-{q} twice in one direction");
             next.entry(p).or_default().insert(q, r);
         }
     }
-    for &(p, q) in edges.keys() {
-        assert!(edges.contains_key(&(q, p)), "{context}: edge {p}-{q} has one triangle");
+    for &(p, q) in &edges {
+        assert!(edges.contains(&(q, p)), "{context}: edge {p}-{q} has one triangle");
     }
     assert_eq!(next.len(), lattice.keys.len(), "{context}: a vertex without a triangle");
     for (vertex, ring) in &next {
