@@ -1,4 +1,5 @@
 //! A scene does what its outputs need, and nothing twice.
+#![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
 use ivd_core::Exec;
 use ivd_pipeline::{PipelineOptions, State};
@@ -47,7 +48,11 @@ fn the_same_run_again_is_cached_throughout_and_touches_no_file() {
     assert!(second.outputs.iter().all(|o| !o.written));
     for (a, b) in first.stages.iter().zip(&second.stages) {
         assert_eq!(a.output.as_ref().map(|o| &o.hash), b.output.as_ref().map(|o| &o.hash), "{}", a.stage);
-        assert_eq!(a.metrics.get("vertices"), b.metrics.get("vertices"), "metrics come with the cached entry");
+        assert_eq!(
+            a.metrics.get("vertices"),
+            b.metrics.get("vertices"),
+            "metrics come with the cached entry"
+        );
     }
 }
 
@@ -102,8 +107,7 @@ fn a_given_isovalue_without_a_class_never_segments_even_for_pictures() {
 #[test]
 fn a_lattice_alone_needs_no_motion() {
     let bench = Bench::new(SCENE);
-    let report =
-        bench.run(&["output.images=[]", "output.report=false", "output.volume=false"]);
+    let report = bench.run(&["output.images=[]", "output.report=false", "output.volume=false"]);
     // `false` is no file name: the scene says so.
     assert!(report.is_err());
     let text = SCENE.replace("volume = \"deformed.nii.gz\"\n", "").replace("report = true", "");

@@ -345,11 +345,12 @@ pub(crate) enum Command {
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct Output {
     /// Artefact file.
-    #[arg(short, long = "output", value_name = "FILE.ivd")]
+    #[arg(short = 'o', long = "output", value_name = "FILE.ivd")]
     pub(crate) path: PathBuf,
 }
 
 /// What a volume format doesn't say.
+#[allow(clippy::struct_field_names, reason = "the fields are the flags, word for word")]
 #[derive(Debug, Clone, Default, ClapArgs)]
 pub(crate) struct Raw {
     /// Voxels along x, y, z of a raw file or of raw slices.

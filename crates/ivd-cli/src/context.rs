@@ -27,7 +27,7 @@ impl Context {
         logs(global);
         if global.require_gpu || global.backend == BackendChoice::Gpu {
             let asked = if global.require_gpu { "--require-gpu" } else { "--backend gpu" };
-            return Err(Failure::new(
+            return Err(Failure::of(
                 Fault::NoGpu,
                 format!("{asked}: this build has no GPU backend; leave it out and the CPU does the work"),
             ));
@@ -73,7 +73,12 @@ impl Context {
     }
 
     /// Runs one stage.
-    pub(crate) fn run(&self, cache: &Cache, stage: &dyn Stage, inputs: &ivd_pipeline::Inputs) -> anyhow::Result<Done> {
+    pub(crate) fn run(
+        &self,
+        cache: &Cache,
+        stage: &dyn Stage,
+        inputs: &ivd_pipeline::Inputs,
+    ) -> anyhow::Result<Done> {
         Ok(Runner { exec: &self.exec, cache }.run(stage, inputs, false)?)
     }
 
@@ -101,7 +106,7 @@ impl Context {
     /// An artefact file as a stage's input.
     pub(crate) fn artefact(&self, path: &Path) -> anyhow::Result<Input> {
         if path.exists() && !ivd_artefact::is_artefact(path) {
-            return Err(Failure::new(
+            return Err(Failure::of(
                 Fault::Input,
                 format!("{}: not an artefact (`ivd import` makes one of a volume file)", path.display()),
             ));
@@ -127,7 +132,12 @@ fn logs(global: &Global) {
         (_, 1) => "info",
         _ => "debug",
     };
-    let filter = tracing_subscriber::EnvFilter::try_from_env("IVD_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(format!("warn,ivd={level},ivd_pipeline={level}")));
-    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().try_init();
+    let filter = tracing_subscriber::EnvFilter::try_from_env("IVD_LOG").unwrap_or_else(|_| {
+        tracing_subscriber::EnvFilter::new(format!("warn,ivd={level},ivd_pipeline={level}"))
+    });
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .without_time()
+        .try_init();
 }

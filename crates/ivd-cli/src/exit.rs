@@ -17,13 +17,13 @@ pub(crate) struct Failure {
 
 impl Failure {
     /// A failure of a kind.
-    pub(crate) fn new(fault: Fault, message: impl Into<String>) -> anyhow::Error {
+    pub(crate) fn of(fault: Fault, message: impl Into<String>) -> anyhow::Error {
         Self { message: message.into(), fault }.into()
     }
 
     /// Wrong usage.
     pub(crate) fn usage(message: impl Into<String>) -> anyhow::Error {
-        Self::new(Fault::Usage, message)
+        Self::of(Fault::Usage, message)
     }
 }
 
@@ -34,10 +34,10 @@ pub(crate) fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
     }
     let code = code(fault(error));
     if json {
-        let object = serde_json::json!({ "error": { "message": format!("{error:#}"), "exit_code": code } });
+        let object = serde_json::json!({ "error": { "message": error.to_string(), "exit_code": code } });
         let _ = writeln!(std::io::stdout(), "{object}");
     }
-    let _ = writeln!(std::io::stderr(), "ivd: {error:#}");
+    let _ = writeln!(std::io::stderr(), "ivd: {error}");
     ExitCode::from(code)
 }
 

@@ -10,23 +10,32 @@ use crate::exit::Failure;
 
 /// `x,y,z` in millimetres.
 pub(crate) fn triple(text: &str) -> Result<[f64; 3], String> {
-    let parts: Vec<f64> =
-        text.split(',').map(|p| p.trim().parse::<f64>()).collect::<Result<_, _>>().map_err(|e| format!("`{text}`: {e}; write x,y,z"))?;
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|p| p.trim().parse::<f64>())
+        .collect::<Result<_, _>>()
+        .map_err(|e| format!("`{text}`: {e}; write x,y,z"))?;
     let parts: [f64; 3] = parts.try_into().map_err(|_| format!("`{text}`: write three numbers, x,y,z"))?;
     if parts.iter().all(|p| p.is_finite()) { Ok(parts) } else { Err(format!("`{text}`: must be finite")) }
 }
 
 /// `az,el` in degrees.
 pub(crate) fn pair(text: &str) -> Result<[f64; 2], String> {
-    let parts: Vec<f64> =
-        text.split(',').map(|p| p.trim().parse::<f64>()).collect::<Result<_, _>>().map_err(|e| format!("`{text}`: {e}; write az,el"))?;
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|p| p.trim().parse::<f64>())
+        .collect::<Result<_, _>>()
+        .map_err(|e| format!("`{text}`: {e}; write az,el"))?;
     parts.try_into().map_err(|_| format!("`{text}`: write two numbers, az,el"))
 }
 
 /// `X,Y,Z` voxels.
 pub(crate) fn dims(text: &str) -> Result<[usize; 3], String> {
-    let parts: Vec<usize> =
-        text.split([',', 'x']).map(|p| p.trim().parse::<usize>()).collect::<Result<_, _>>().map_err(|e| format!("`{text}`: {e}; write X,Y,Z"))?;
+    let parts: Vec<usize> = text
+        .split([',', 'x'])
+        .map(|p| p.trim().parse::<usize>())
+        .collect::<Result<_, _>>()
+        .map_err(|e| format!("`{text}`: {e}; write X,Y,Z"))?;
     parts.try_into().map_err(|_| format!("`{text}`: write three counts, X,Y,Z"))
 }
 
@@ -44,7 +53,8 @@ pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
 pub(crate) fn bytes(text: &str) -> Result<u64, String> {
     let lower = text.trim().to_lowercase();
     let split = lower.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(lower.len());
-    let number: f64 = lower[..split].parse().map_err(|_| format!("`{text}`: write a number of bytes, such as 4GiB"))?;
+    let number: f64 =
+        lower[..split].parse().map_err(|_| format!("`{text}`: write a number of bytes, such as 4GiB"))?;
     let factor = match lower[split..].trim() {
         "" | "b" => 1_u64,
         "k" | "kib" => 1 << 10,
@@ -61,7 +71,8 @@ pub(crate) fn bytes(text: &str) -> Result<u64, String> {
 
 /// `pick=x,y,z;move=dx,dy,dz;radius=r`, or `vertex=N`, or `force=x,y,z` (mN).
 pub(crate) fn handle(text: &str) -> Result<HandleSection, String> {
-    let mut handle = HandleSection { pick: None, vertex: None, displace: None, force: None, radius: f64::NAN };
+    let mut handle =
+        HandleSection { pick: None, vertex: None, displace: None, force: None, radius: f64::NAN };
     for (key, value) in fields(text)? {
         match key {
             "pick" => handle.pick = Some(triple(value)?),
@@ -69,7 +80,11 @@ pub(crate) fn handle(text: &str) -> Result<HandleSection, String> {
             "move" => handle.displace = Some(triple(value)?),
             "force" => handle.force = Some(triple(value)?),
             "radius" => handle.radius = value.parse().map_err(|e| format!("radius `{value}`: {e}"))?,
-            _ => return Err(format!("unknown key `{key}`; a handle has pick or vertex, move or force, radius")),
+            _ => {
+                return Err(format!(
+                    "unknown key `{key}`; a handle has pick or vertex, move or force, radius"
+                ));
+            }
         }
     }
     handle.check()?;
@@ -108,12 +123,14 @@ pub(crate) fn section<T: DeserializeOwned>(params: Option<&Path>, words: Table) 
         None => Table::new(),
         Some(file) => {
             let text = std::fs::read_to_string(file)
-                .map_err(|e| Failure::new(ivd_core::Fault::Io, format!("reading {}: {e}", file.display())))?;
+                .map_err(|e| Failure::of(ivd_core::Fault::Io, format!("reading {}: {e}", file.display())))?;
             text.parse::<Table>().map_err(|e| Failure::usage(format!("--params {}: {e}", file.display())))?
         }
     };
     table.extend(words);
-    Value::Table(table).try_into().map_err(|e: toml::de::Error| Failure::usage(e.to_string().trim().to_owned()))
+    Value::Table(table)
+        .try_into()
+        .map_err(|e: toml::de::Error| Failure::usage(e.to_string().trim().to_owned()))
 }
 
 /// Collects the words that were given.

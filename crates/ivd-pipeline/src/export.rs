@@ -74,7 +74,10 @@ fn write_field(path: &Path, field: &Displacement, exec: &Exec) -> Result<bool, E
 
 fn write_png(path: &Path, image: &Image) -> Result<bool, Error> {
     if ending(path) != "png" {
-        return Err(Error::usage("export", format!("an image artefact is written as .png, not as .{}", ending(path))));
+        return Err(Error::usage(
+            "export",
+            format!("an image artefact is written as .png, not as .{}", ending(path)),
+        ));
     }
     write_bytes(path, &png_bytes(image))
 }
@@ -127,9 +130,7 @@ fn share(_file: &std::fs::File) -> std::io::Result<()> {
 
 /// What an artefact holds, as JSON: dims, ranges, classes, counts; for motions every displacement.
 pub fn describe(artefact: &Artefact) -> Value {
-    let grid = |g: &ivd_core::Grid| {
-        json!({ "dims": g.dims(), "spacing": g.spacing(), "origin": g.origin(), "direction": g.direction() })
-    };
+    let grid = |g: &ivd_core::Grid| json!({ "dims": g.dims(), "spacing": g.spacing(), "origin": g.origin(), "direction": g.direction() });
     match artefact {
         Artefact::Volume(v) => json!({
             "kind": "volume", "grid": grid(v.grid()), "type": v.voxels().voxel_type().name(), "slope": v.slope(),

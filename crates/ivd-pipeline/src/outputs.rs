@@ -12,7 +12,7 @@ use crate::error::stage_error;
 use crate::export::{export, png_bytes, write_text};
 use crate::plan::NodeId;
 use crate::report::{self, Material};
-use crate::runner::{Done, OutputRecord, State, StageRecord};
+use crate::runner::{Done, OutputRecord, StageRecord, State};
 use crate::scene::{Loaded, Picture, Scene};
 use crate::{Error, Metrics};
 
@@ -37,14 +37,14 @@ pub struct OutputFile {
 
 /// What the last run into a folder did.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub struct Manifest {
+pub(crate) struct Manifest {
     stages: Vec<StageRecord>,
     outputs: Vec<OutputFile>,
 }
 
 impl Manifest {
     /// The manifest of a folder; empty where there is none that can be read.
-    pub fn load(out: &Path) -> Self {
+    pub(crate) fn load(out: &Path) -> Self {
         let text = std::fs::read_to_string(out.join(MANIFEST)).unwrap_or_default();
         serde_json::from_str(&text).unwrap_or_default()
     }
@@ -54,7 +54,7 @@ impl Manifest {
     }
 
     /// What differs from the last run of the same stage: changed parameters, changed inputs.
-    pub fn change_since(&self, record: &StageRecord) -> Option<String> {
+    pub(crate) fn change_since(&self, record: &StageRecord) -> Option<String> {
         let old = self.stage(&record.stage, &record.variant)?;
         let mut changes = Vec::new();
         differing("", &old.params, &record.params, &mut changes);
@@ -97,13 +97,19 @@ impl<'a> Writer<'a> {
     }
 
     /// Writes what the scene wants of a place's result, and keeps what the report will want.
-    pub(crate) fn stage_done(&mut self, id: NodeId, done: &Done, earlier: &BTreeMap<NodeId, Done>) -> Result<(), Error> {
+    pub(crate) fn stage_done(
+        &mut self,
+        id: NodeId,
+        done: &Done,
+        earlier: &BTreeMap<NodeId, Done>,
+    ) -> Result<(), Error> {
         let scene = self.scene;
         let named = scene.output.files().into_iter().filter(|(key, _)| source_of(key) == id);
         for (key, path) in named {
             let source = done.hash.to_string();
             if key == "lattice_deformed" {
-                let rest = earlier.get(&NodeId::Refine).expect("the plan needs the lattice before its motion");
+                let rest =
+                    earlier.get(&NodeId::Refine).expect("the plan needs the lattice before its motion");
                 let source = format!("{source} {}", rest.hash);
                 self.file(key, path, &source, |to, _| deformed_lattice(&rest.artefact, &done.artefact, to))?;
             } else {
@@ -145,7 +151,8 @@ impl<'a> Writer<'a> {
         write: impl FnOnce(&Path, &Exec) -> Result<bool, Error>,
     ) -> Result<(), Error> {
         let full = self.out.join(path);
-        let old = self.manifest.outputs.iter().find(|o| o.name == name && o.path == full && o.source == source);
+        let old =
+            self.manifest.outputs.iter().find(|o| o.name == name && o.path == full && o.source == source);
         let intact = old.is_some_and(|o| hash_file(&full).is_ok_and(|hash| hash == o.blake3));
         let mut written = false;
         if !intact {
@@ -154,12 +161,23 @@ impl<'a> Writer<'a> {
             written = write(&full, self.exec)?;
         }
         let blake3 = hash_file(&full).map_err(|e| Error::io("reading back", &full, e))?;
-        self.files.push(OutputFile { name: name.to_owned(), path: full, source: source.to_owned(), blake3, written });
+        self.files.push(OutputFile {
+            name: name.to_owned(),
+            path: full,
+            source: source.to_owned(),
+            blake3,
+            written,
+        });
         Ok(())
     }
 
     /// Makes the report, where the scene wants it, and tells what was done as any other stage does.
-    pub(crate) fn report(&mut self, loaded: &Loaded, stages: &[StageRecord], force: bool) -> Result<StageRecord, Error> {
+    pub(crate) fn report(
+        &mut self,
+        loaded: &Loaded,
+        stages: &[StageRecord],
+        force: bool,
+    ) -> Result<StageRecord, Error> {
         let mut record = StageRecord {
             stage: "report".to_owned(),
             variant: String::new(),
@@ -191,12 +209,17 @@ impl<'a> Writer<'a> {
             write_text(to, &report::html(loaded, stages, &material, exec))
         })?;
         let file = &self.files[before];
-        let again = self.manifest.outputs.iter().any(|o| o.name == "report" && o.source == source) && !file.written;
+        let again =
+            self.manifest.outputs.iter().any(|o| o.name == "report" && o.source == source) && !file.written;
         record.state = if again { State::Cached } else { State::Ran };
         record.cached = again;
-        record.why = if again { "everything it shows is as it was" } else { "what it shows changed" }.to_owned();
-        record.output =
-            Some(OutputRecord { path: Some(file.path.clone()), kind: "html".to_owned(), hash: file.blake3.clone() });
+        let why = if again { "everything it shows is as it was" } else { "what it shows changed" };
+        why.clone_into(&mut record.why);
+        record.output = Some(OutputRecord {
+            path: Some(file.path.clone()),
+            kind: "html".to_owned(),
+            hash: file.blake3.clone(),
+        });
         record.inputs.insert("everything".to_owned(), source);
         record.wall_s = start.elapsed().as_secs_f64();
         Ok(record)
@@ -210,7 +233,14 @@ impl<'a> Writer<'a> {
         // Times differ at every run; the manifest keeps what a later run compares.
         let stages = stages
             .iter()
-            .map(|r| StageRecord { wall_s: 0.0, cpu_s: None, peak_rss_mb: None, why: String::new(), metrics: Metrics::new(), ..r.clone() })
+            .map(|r| StageRecord {
+                wall_s: 0.0,
+                cpu_s: None,
+                peak_rss_mb: None,
+                why: String::new(),
+                metrics: Metrics::new(),
+                ..r.clone()
+            })
             .collect();
         let manifest = Manifest { stages, outputs: self.files.clone() };
         let text = serde_json::to_string(&manifest).expect("records serialise");

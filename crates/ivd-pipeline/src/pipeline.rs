@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::outputs::{Manifest, OutputFile, Writer};
 use crate::plan::{NodeId, Plan, PlanNode};
-use crate::runner::{Done, Runner, State, StageRecord};
+use crate::runner::{Done, Runner, StageRecord, State};
 use crate::scene::Loaded;
 use crate::{Error, Input, Inputs, Metrics};
 
@@ -44,7 +44,12 @@ pub struct PipelineReport {
 ///
 /// # Errors
 /// The first failure of a stage or of a file; outputs that were already whole stay, nothing half-written does.
-pub fn run(loaded: &Loaded, options: &PipelineOptions, cache: &Cache, exec: &Exec) -> Result<PipelineReport, Error> {
+pub fn run(
+    loaded: &Loaded,
+    options: &PipelineOptions,
+    cache: &Cache,
+    exec: &Exec,
+) -> Result<PipelineReport, Error> {
     let start = Instant::now();
     for stage in &options.force {
         if stage != "report" && !NodeId::ALL.iter().any(|id| id.stage() == stage) {
@@ -54,7 +59,11 @@ pub fn run(loaded: &Loaded, options: &PipelineOptions, cache: &Cache, exec: &Exe
     }
     let plan = Plan::new(loaded, options.input.as_deref(), options.until.as_deref())?;
     if options.dry_run {
-        let stages = plan.nodes().iter().map(|n| idle(n, if n.needed { State::Ran } else { State::NotNeeded })).collect();
+        let stages = plan
+            .nodes()
+            .iter()
+            .map(|n| idle(n, if n.needed { State::Ran } else { State::NotNeeded }))
+            .collect();
         return Ok(PipelineReport { stages, outputs: Vec::new(), wall_s: start.elapsed().as_secs_f64() });
     }
     let manifest = Manifest::load(&options.out);
@@ -68,7 +77,7 @@ pub fn run(loaded: &Loaded, options: &PipelineOptions, cache: &Cache, exec: &Exe
             continue;
         }
         let mut result = run_node(node, &done, runner, options)?;
-        result.record.variant = node.id.variant().to_owned();
+        node.id.variant().clone_into(&mut result.record.variant);
         explain(&mut result.record, node, &manifest);
         if options.until.is_none() {
             writer.stage_done(node.id, &result, &done)?;
@@ -104,7 +113,9 @@ fn run_node(
 fn explain(record: &mut StageRecord, node: &PlanNode, manifest: &Manifest) {
     let change = manifest.change_since(record);
     record.why = match (record.state, change) {
-        (State::Ran, Some(change)) if !record.why.starts_with("its cached entry") && record.why != "forced" => {
+        (State::Ran, Some(change))
+            if !record.why.starts_with("its cached entry") && record.why != "forced" =>
+        {
             format!("{}; {change}", node.why)
         }
         _ => format!("{}; {}", node.why, record.why),

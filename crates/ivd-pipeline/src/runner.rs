@@ -112,7 +112,8 @@ impl Runner<'_> {
                 Lookup::Hit(entry) => {
                     let record = self.record(stage, &provenance, &entry.artefact, entry.hash, &key);
                     let metrics = entry.metrics.as_object().cloned().unwrap_or_default();
-                    let record = StageRecord { state: State::Cached, cached: true, metrics, ..clock.stop(record) };
+                    let record =
+                        StageRecord { state: State::Cached, cached: true, metrics, ..clock.stop(record) };
                     return Ok(Done { artefact: Arc::new(entry.artefact), hash: entry.hash, record });
                 }
                 Lookup::Absent => "nothing cached for these inputs and parameters".to_owned(),

@@ -98,7 +98,9 @@ impl Inputs {
         for slot in stage.inputs() {
             match self.0.get(slot.name) {
                 None if slot.optional => {}
-                None => return Err(Error::usage(stage.name(), format!("its input {} is missing", slot.name))),
+                None => {
+                    return Err(Error::usage(stage.name(), format!("its input {} is missing", slot.name)));
+                }
                 Some(input) if !slot.kinds.contains(&input.artefact.kind()) => {
                     return Err(Error::WrongKind {
                         stage: stage.name(),

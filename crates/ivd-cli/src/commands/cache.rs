@@ -29,5 +29,7 @@ pub(super) fn run(action: Option<CacheAction>, context: &Context) -> anyhow::Res
 }
 
 fn freed(bytes: u64, context: &Context) -> anyhow::Result<()> {
-    context.print(&json!({ "freed_bytes": bytes }), || format!("freed {:.1} MiB", bytes as f64 / f64::from(1 << 20)))
+    context.print(&json!({ "freed_bytes": bytes }), || {
+        format!("freed {:.1} MiB", bytes as f64 / f64::from(1 << 20))
+    })
 }

@@ -12,7 +12,7 @@ pub(super) fn run(context: &Context) -> anyhow::Result<()> {
     let object = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "threads": context.exec.threads(),
-        "processors": std::thread::available_parallelism().map(std::num::NonZero::get).unwrap_or(1),
+        "processors": std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
         "memory_bytes": memory,
         "simd": simd,
         "adapter": null,

@@ -11,7 +11,11 @@ use crate::context::Context;
 
 /// Tells what a file holds.
 pub(super) fn run(file: &Path, context: &Context) -> anyhow::Result<()> {
-    let mut object = if file.is_file() && ivd_artefact::is_artefact(file) { artefact(file, context)? } else { volume(file, context)? };
+    let mut object = if file.is_file() && ivd_artefact::is_artefact(file) {
+        artefact(file, context)?
+    } else {
+        volume(file, context)?
+    };
     if let Value::Object(map) = &mut object {
         map.insert("path".to_owned(), json!(file));
     }

@@ -38,6 +38,6 @@ pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
             let script = String::from_utf8(script).expect("completion scripts are text");
             context.print(&serde_json::json!({ "script": script }), || script.clone())
         }
-        stage => stage::run(stage, context),
+        stage => stage::run(&stage, context),
     }
 }

@@ -25,8 +25,8 @@ struct Job<'a> {
 }
 
 /// Runs the stage of a command.
-pub(super) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
-    let job = job(&command, context)?;
+pub(super) fn run(command: &Command, context: &Context) -> anyhow::Result<()> {
+    let job = job(command, context)?;
     let cache = context.stage_cache()?;
     let mut inputs = Inputs::default();
     for (slot, file) in &job.files {
@@ -72,8 +72,11 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
         Command::Lattice { volume, labels, class, mask, iso, output } => {
             let section: LatticeSection = section(params, Words::default().0)?;
             let stage = Lattice { iso: iso.unwrap_or(section.iso), class: *class };
-            let files =
-                vec![("volume", Some(volume.as_path())), ("labels", labels.as_deref()), ("mask", mask.as_deref())];
+            let files = vec![
+                ("volume", Some(volume.as_path())),
+                ("labels", labels.as_deref()),
+                ("mask", mask.as_deref()),
+            ];
             Job { stage: Box::new(stage), files, output: &output.path }
         }
         Command::Refine { lattice, method, level, ratio, max_error, output } => {
@@ -117,7 +120,8 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
         }
         Command::Warp { volume, displacement, order, output } => {
             let section: WarpSection = section(params, Words::default().with("order", order.clone()).0)?;
-            let files = vec![("volume", Some(volume.as_path())), ("displacement", Some(displacement.as_path()))];
+            let files =
+                vec![("volume", Some(volume.as_path())), ("displacement", Some(displacement.as_path()))];
             Job { stage: Box::new(Warp::from_section(&section)), files, output: &output.path }
         }
         Command::Render { volume, transfer, labels, displacement, mode, iso, size, view, step, output } => {
@@ -164,14 +168,23 @@ pub(super) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow
             backend: record.backend.clone(),
         };
         let metrics = serde_json::Value::Object(record.metrics.clone());
-        context.exec.run(|| write_with_metrics(output, &*done.artefact, &provenance, &metrics)).map_err(placed)?;
+        context
+            .exec
+            .run(|| write_with_metrics(output, &*done.artefact, &provenance, &metrics))
+            .map_err(placed)?;
     }
     record.output = Some(OutputRecord {
         path: Some(output.to_owned()),
         kind: done.artefact.kind().name().to_owned(),
         hash: done.hash.to_string(),
     });
-    context.say(&format!("{}: {} in {:.2} s → {}", record.stage, headline(record), record.wall_s, output.display()));
+    context.say(&format!(
+        "{}: {} in {:.2} s → {}",
+        record.stage,
+        headline(record),
+        record.wall_s,
+        output.display()
+    ));
     context.print(&record, String::new)
 }
 
@@ -191,16 +204,26 @@ fn placed(error: ivd_artefact::Error) -> anyhow::Error {
     let missing = error.path().parent().is_some_and(|p| !p.as_os_str().is_empty() && !p.exists());
     if missing {
         let folder = error.path().parent().unwrap_or(Path::new(".")).display().to_string();
-        return Failure::new(error.fault(), format!("{error}; the folder {folder} doesn't exist"));
+        return Failure::of(error.fault(), format!("{error}; the folder {folder} doesn't exist"));
     }
     error.into()
 }
 
 /// The figures that a person wants first.
 fn headline(record: &ivd_pipeline::StageRecord) -> String {
-    let picked: Vec<String> = ["k", "voxels", "vertices", "triangles", "nodes", "vertices_moved", "voxels_moved", "voxels_resampled", "entries"]
-        .iter()
-        .filter_map(|key| record.metrics.get(*key).map(|value| format!("{key} {value}")))
-        .collect();
+    let picked: Vec<String> = [
+        "k",
+        "voxels",
+        "vertices",
+        "triangles",
+        "nodes",
+        "vertices_moved",
+        "voxels_moved",
+        "voxels_resampled",
+        "entries",
+    ]
+    .iter()
+    .filter_map(|key| record.metrics.get(*key).map(|value| format!("{key} {value}")))
+    .collect();
     if picked.is_empty() { "done".to_owned() } else { picked.join(", ") }
 }

@@ -67,7 +67,7 @@ pub(super) fn phantom(
 ) -> anyhow::Result<()> {
     if let Some(truth) = truth {
         let labels = phantoms::generate(&params, &context.exec)
-            .map_err(|e| Failure::new(e.fault(), e.to_string()))?
+            .map_err(|e| Failure::of(e.fault(), e.to_string()))?
             .truth;
         let artefact = Artefact::Labels(labels);
         if ending(truth) == "ivd" {

@@ -10,10 +10,8 @@ use serde_json::{Value, json};
 pub(super) fn labels(a: &[u16], b: &[u16]) -> Value {
     let table = confusion(a, b);
     let (rows, columns) = margins(&table);
-    let mut pairs: Vec<(f64, u16, u16)> = table
-        .iter()
-        .map(|(&(p, q), &n)| (2.0 * n as f64 / (rows[&p] + columns[&q]) as f64, p, q))
-        .collect();
+    let mut pairs: Vec<(f64, u16, u16)> =
+        table.iter().map(|(&(p, q), &n)| (2.0 * n as f64 / (rows[&p] + columns[&q]) as f64, p, q)).collect();
     pairs.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)).then(x.2.cmp(&y.2)));
     let mut matched: BTreeMap<u16, (u16, f64)> = BTreeMap::new();
     for (dice, p, q) in pairs {

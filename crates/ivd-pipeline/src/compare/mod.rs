@@ -38,7 +38,11 @@ pub fn compare(a: &Artefact, b: &Artefact, exec: &Exec) -> Result<Value, Error> 
         }
         _ => Err(Error::usage(
             "compare",
-            format!("a {} artefact and a {} artefact; give two of one kind", a.kind().name(), b.kind().name()),
+            format!(
+                "a {} artefact and a {} artefact; give two of one kind",
+                a.kind().name(),
+                b.kind().name()
+            ),
         )),
     })
 }
@@ -47,7 +51,8 @@ fn same_grid(a: &Grid, b: &Grid) -> Result<(), Error> {
     if a.matches(b) {
         return Ok(());
     }
-    Err(ivd_core::Error::GridMismatch { a: "the first", a_dims: a.dims(), b: "the second", b_dims: b.dims() }.into())
+    Err(ivd_core::Error::GridMismatch { a: "the first", a_dims: a.dims(), b: "the second", b_dims: b.dims() }
+        .into())
 }
 
 fn volumes(a: &Volume, b: &Volume) -> Result<Value, Error> {
@@ -98,7 +103,8 @@ fn spread(mut differences: Vec<f64>) -> Value {
     let differing = differences.iter().filter(|d| **d > 0.0).count();
     let max = differences.iter().copied().fold(0.0, f64::max);
     let at = ((n as f64 * 0.95) as usize).min(differences.len().saturating_sub(1));
-    let p95 = if differences.is_empty() { 0.0 } else { *differences.select_nth_unstable_by(at, f64::total_cmp).1 };
+    let p95 =
+        if differences.is_empty() { 0.0 } else { *differences.select_nth_unstable_by(at, f64::total_cmp).1 };
     json!({ "max": max, "p95": p95, "rms": (squares / n as f64).sqrt(), "differing": differing, "count": n })
 }
 

@@ -4,7 +4,8 @@ use ivd_volume::{RawLayout, ReadOptions, phantom};
 
 use crate::scene::{BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene};
 use crate::stages::{
-    Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Map, Octree, Refine, Render, Segment, Warp,
+    Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Map, Octree, Refine, Render, Segment,
+    Warp,
 };
 use crate::{Error, Stage};
 
@@ -43,8 +44,19 @@ pub enum NodeId {
 impl NodeId {
     /// All of them, in the order in which they run.
     pub const ALL: [Self; 13] = [
-        Self::Import, Self::Segment, Self::Boundary, Self::Lattice, Self::Refine, Self::Octree, Self::Deform,
-        Self::Map, Self::Warp, Self::Atf, Self::Before, Self::After, Self::Difference,
+        Self::Import,
+        Self::Segment,
+        Self::Boundary,
+        Self::Lattice,
+        Self::Refine,
+        Self::Octree,
+        Self::Deform,
+        Self::Map,
+        Self::Warp,
+        Self::Atf,
+        Self::Before,
+        Self::After,
+        Self::Difference,
     ];
 
     /// Name of its stage.
@@ -137,7 +149,10 @@ impl Plan {
             .collect();
         if found.is_empty() {
             let known = NodeId::ALL.map(NodeId::stage).join(", ");
-            return Err(Error::usage("pipeline", format!("--until {stage}: not a stage of this scene; stages are {known}")));
+            return Err(Error::usage(
+                "pipeline",
+                format!("--until {stage}: not a stage of this scene; stages are {known}"),
+            ));
         }
         for id in found {
             self.need(id, &format!("--until {stage}"));
@@ -162,7 +177,8 @@ impl Plan {
             }
         }
         for picture in scene.pictures() {
-            let asked = if scene.output.images.contains(&picture) { "output.images" } else { "output.report" };
+            let asked =
+                if scene.output.images.contains(&picture) { "output.images" } else { "output.report" };
             self.need(NodeId::of_picture(picture), &format!("{asked} ({})", picture.name()));
         }
         if scene.output.report {
@@ -178,7 +194,11 @@ impl Plan {
         }
         node.needed = true;
         node.why = format!("needed for {why}");
-        let name = if id.variant().is_empty() { id.stage().to_owned() } else { format!("{} {}", id.stage(), id.variant()) };
+        let name = if id.variant().is_empty() {
+            id.stage().to_owned()
+        } else {
+            format!("{} {}", id.stage(), id.variant())
+        };
         for (_, from) in node.inputs.clone() {
             self.need(from, &name);
         }
@@ -186,23 +206,34 @@ impl Plan {
 
     fn explain_rest(&mut self, scene: &Scene) {
         for node in self.nodes.iter_mut().filter(|n| !n.needed) {
-            node.why = match node.id {
+            let why = match node.id {
                 NodeId::Segment if !uses_labels(scene) => "the isovalue is given and no class is named",
                 NodeId::Boundary if node.stage.is_none() => "the isovalue is given and no part is isolated",
                 NodeId::Atf if node.stage.is_none() => "the rendering mode has no transfer function",
-                NodeId::Octree | NodeId::Deform | NodeId::Map | NodeId::Warp | NodeId::After | NodeId::Difference
-                    if node.stage.is_none() => "the scene has no handle",
-                NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => "no output shows a picture",
+                NodeId::Octree
+                | NodeId::Deform
+                | NodeId::Map
+                | NodeId::Warp
+                | NodeId::After
+                | NodeId::Difference
+                    if node.stage.is_none() =>
+                {
+                    "the scene has no handle"
+                }
+                NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => {
+                    "no output shows a picture"
+                }
                 _ => "no output needs it",
-            }
-            .to_owned();
+            };
+            why.clone_into(&mut node.why);
         }
     }
 }
 
 /// Whether the part is found through a class.
 fn uses_labels(scene: &Scene) -> bool {
-    matches!(scene.lattice.iso, IsoChoice::Word(_)) || scene.boundary.as_ref().is_some_and(|b| b.class.is_some())
+    matches!(scene.lattice.iso, IsoChoice::Word(_))
+        || scene.boundary.as_ref().is_some_and(|b| b.class.is_some())
 }
 
 fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Error> {
@@ -220,7 +251,9 @@ fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Error> {
                 seed: section.seed.unwrap_or(base.seed),
             })
         }
-        (None, None) => return Err(Error::usage("import", "the scene has no input; give input.file or --input")),
+        (None, None) => {
+            return Err(Error::usage("import", "the scene has no input; give input.file or --input"));
+        }
     };
     Ok(Import { source })
 }
@@ -238,6 +271,12 @@ fn read_options(section: &InputSection) -> ReadOptions {
         series: section.series.clone(),
         spacing: section.spacing,
     }
+}
+
+/// A stage for a place that always has one.
+#[allow(clippy::unnecessary_wraps, reason = "places hold an optional stage")]
+fn boxed<S: Stage + 'static>(stage: S) -> Option<Box<dyn Stage>> {
+    Some(Box::new(stage))
 }
 
 /// Every place with its stage and where its slots are filled from.
@@ -275,10 +314,13 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let render = Render::from_section(&scene.render, given_iso)?;
     let deform = moves.map(Deform::from_section).transpose()?;
 
-    let node = |id, stage: Option<Box<dyn Stage>>, inputs| PlanNode { id, stage, inputs, needed: false, why: String::new() };
-    fn boxed<S: Stage + 'static>(stage: S) -> Option<Box<dyn Stage>> {
-        Some(Box::new(stage))
-    }
+    let node = |id, stage: Option<Box<dyn Stage>>, inputs| PlanNode {
+        id,
+        stage,
+        inputs,
+        needed: false,
+        why: String::new(),
+    };
     let if_moved = |stage: Option<Box<dyn Stage>>| stage.filter(|_| moves.is_some());
     Ok(vec![
         node(NodeId::Import, boxed(import), vec![]),

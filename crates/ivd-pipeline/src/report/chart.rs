@@ -37,7 +37,8 @@ pub(super) fn bars(chart: &Bars<'_>) -> String {
             continue;
         }
         let h = height(count) / top * AREA[1];
-        let value = chart.range[0] + (i as f64 + 0.5) / chart.counts.len() as f64 * (chart.range[1] - chart.range[0]);
+        let value =
+            chart.range[0] + (i as f64 + 0.5) / chart.counts.len() as f64 * (chart.range[1] - chart.range[0]);
         let colour = (chart.colour)(value);
         let _ = write!(
             svg,
@@ -49,7 +50,9 @@ pub(super) fn bars(chart: &Bars<'_>) -> String {
         );
     }
     let span = chart.range[1] - chart.range[0];
-    for (value, text) in chart.marks.iter().filter(|(v, _)| span > 0.0 && *v >= chart.range[0] && *v <= chart.range[1]) {
+    for (value, text) in
+        chart.marks.iter().filter(|(v, _)| span > 0.0 && *v >= chart.range[0] && *v <= chart.range[1])
+    {
         let x = LEFT + (value - chart.range[0]) / span * AREA[0];
         let _ = write!(
             svg,
@@ -65,11 +68,7 @@ pub(super) fn bars(chart: &Bars<'_>) -> String {
 }
 
 fn open() -> String {
-    format!(
-        "<svg viewBox='0 0 {} {}' role='img' class='chart'>",
-        LEFT + AREA[0] + 8.0,
-        AREA[1] + BOTTOM
-    )
+    format!("<svg viewBox='0 0 {} {}' role='img' class='chart'>", LEFT + AREA[0] + 8.0, AREA[1] + BOTTOM)
 }
 
 fn axes(svg: &mut String, chart: &Bars<'_>) {
@@ -90,7 +89,8 @@ fn axes(svg: &mut String, chart: &Bars<'_>) {
             number(value)
         );
     }
-    let y_label = if chart.logarithmic { format!("{} (log)", chart.y_label) } else { chart.y_label.to_owned() };
+    let y_label =
+        if chart.logarithmic { format!("{} (log)", chart.y_label) } else { chart.y_label.to_owned() };
     let _ = write!(
         svg,
         "<text x='{:.1}' y='{:.1}' class='label' text-anchor='middle'>{}</text>\
@@ -131,7 +131,11 @@ pub(super) fn number(value: f64) -> String {
 
 /// Text made safe for HTML.
 pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('\'', "&#39;").replace('"', "&quot;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('\'', "&#39;")
+        .replace('"', "&quot;")
 }
 
 #[cfg(test)]

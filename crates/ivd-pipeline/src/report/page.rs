@@ -42,12 +42,16 @@ pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material
     }
     section(&mut page, "Lattice", &lattice_table(find("lattice"), find("refine")));
     if let Some(map) = find("map") {
-        section(&mut page, "Deformation", &deformation(find("deform"), map, find("warp"), &material.displacements));
+        section(
+            &mut page,
+            "Deformation",
+            &deformation(find("deform"), map, find("warp"), &material.displacements),
+        );
     }
     section(&mut page, "Stages", &stages(records));
-    let _ = write!(
+    let _ = writeln!(
         page,
-        "<p class='foot'>Made by IVD {}. A research tool, not a medical device.</p><script>{SCRIPT}</script></body></html>\n",
+        "<p class='foot'>Made by IVD {}. A research tool, not a medical device.</p><script>{SCRIPT}</script></body></html>",
         env!("CARGO_PKG_VERSION")
     );
     page
@@ -78,7 +82,10 @@ fn pictures(page: &mut String, material: &Material) {
             page.push_str("</div>");
         }
         (Some(before), None) => {
-            let _ = write!(page, "<div class='pictures'><figure><img src='{before}' alt='volume'></figure></div>");
+            let _ = write!(
+                page,
+                "<div class='pictures'><figure><img src='{before}' alt='volume'></figure></div>"
+            );
         }
         _ => {}
     }
@@ -111,7 +118,12 @@ fn lattice_table(lattice: Option<&StageRecord>, refine: Option<&StageRecord>) ->
     ])
 }
 
-fn deformation(deform: Option<&StageRecord>, map: &StageRecord, warp: Option<&StageRecord>, lengths: &[f64]) -> String {
+fn deformation(
+    deform: Option<&StageRecord>,
+    map: &StageRecord,
+    warp: Option<&StageRecord>,
+    lengths: &[f64],
+) -> String {
     let mut html = pairs(&[
         ("vertices moved", metric(deform, "vertices_moved")),
         ("largest displacement [mm]", metric(deform, "max_displacement_mm")),
@@ -158,7 +170,11 @@ fn det_j(map: &StageRecord) -> Option<([f64; 2], Vec<u64>)> {
     Some(([low, high], counts))
 }
 
-fn value_histogram(volume: &Volume, transfer: Option<&TransferFunction>, segment: Option<&StageRecord>) -> String {
+fn value_histogram(
+    volume: &Volume,
+    transfer: Option<&TransferFunction>,
+    segment: Option<&StageRecord>,
+) -> String {
     let Some(range) = volume.range() else { return "<p>The volume holds no data.</p>".to_owned() };
     let counts = count_values(volume, range);
     let crossings: Vec<(f64, String)> = segment

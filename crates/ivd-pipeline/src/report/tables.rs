@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde_json::Value;
 
 use super::chart::{escape, number};
-use crate::runner::{State, StageRecord};
+use crate::runner::{StageRecord, State};
 
 /// A table of names and values.
 pub(super) fn pairs(rows: &[(&str, String)]) -> String {
@@ -19,7 +19,9 @@ pub(super) fn pairs(rows: &[(&str, String)]) -> String {
 /// A figure of a record as text; a dash where there is none.
 pub(super) fn metric(record: Option<&StageRecord>, key: &str) -> String {
     match record.and_then(|r| r.metrics.get(key)) {
-        Some(Value::Number(n)) => n.as_u64().map_or_else(|| number(n.as_f64().unwrap_or(f64::NAN)), |u| u.to_string()),
+        Some(Value::Number(n)) => {
+            n.as_u64().map_or_else(|| number(n.as_f64().unwrap_or(f64::NAN)), |u| u.to_string())
+        }
         Some(Value::Null) | None => "–".to_owned(),
         Some(Value::String(s)) => s.clone(),
         Some(other) => other.to_string(),
@@ -61,8 +63,10 @@ pub(super) fn stages(records: &[StageRecord]) -> String {
             State::Cached => ("cached", true),
             State::NotNeeded => ("not needed", false),
         };
-        let seconds = |value: Option<f64>| value.filter(|_| time).map_or_else(|| "–".to_owned(), |v| format!("{v:.3}"));
-        let memory = record.peak_rss_mb.filter(|_| time).map_or_else(|| "–".to_owned(), |v| format!("{v:.0}"));
+        let seconds =
+            |value: Option<f64>| value.filter(|_| time).map_or_else(|| "–".to_owned(), |v| format!("{v:.3}"));
+        let memory =
+            record.peak_rss_mb.filter(|_| time).map_or_else(|| "–".to_owned(), |v| format!("{v:.0}"));
         let _ = write!(
             html,
             "<tr><td>{} {}</td><td>{state}</td><td>{}</td><td>{}</td><td>{memory}</td><td>{}</td></tr>",

@@ -134,8 +134,12 @@ mod tests {
     #[test]
     fn overrides_reach_sections_lists_and_sections_that_are_not_there() {
         let set = |s: &str| s.parse::<Override>().unwrap();
-        let overrides =
-            [set("deform.stiffness=80"), set("deform.handle.0.radius=7.5"), set("render.mode=mip"), set("segment.k=6")];
+        let overrides = [
+            set("deform.stiffness=80"),
+            set("deform.handle.0.radius=7.5"),
+            set("render.mode=mip"),
+            set("segment.k=6"),
+        ];
         let scene = parse(SCENE, &overrides).unwrap();
         let deform = scene.deform.as_ref().unwrap();
         assert_eq!((deform.stiffness, deform.handle[0].radius), (80.0, 7.5));

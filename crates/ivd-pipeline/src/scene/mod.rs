@@ -11,9 +11,10 @@ use serde::{Deserialize, Serialize};
 
 pub use load::{Loaded, Override, load, parse};
 pub use sections::{
-    AtfSection, BoundarySection, ClassChoice, ClassWord, DeformSection, FixSection, HandleSection, InputSection, IsoChoice,
-    IsoWord, LatticeSection, MapMethod, MapSection, OutputSection, Outside, Picture, RawSection, RefineMethod,
-    RefineSection, RenderSection, RenderMode, SegmentMethod, SegmentSection, Solver, WarpOrder, WarpSection, DepthWeight,
+    AtfSection, BoundarySection, ClassChoice, ClassWord, DeformSection, DepthWeight, FixSection,
+    HandleSection, InputSection, IsoChoice, IsoWord, LatticeSection, MapMethod, MapSection, OutputSection,
+    Outside, Picture, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection, SegmentMethod,
+    SegmentSection, Solver, WarpOrder, WarpSection,
 };
 
 /// A scene: every section is optional but `input` and `output`.
@@ -77,17 +78,27 @@ impl Scene {
         if self.input.file.as_ref().is_some_and(|f| f.is_absolute()) {
             return Err("input.file: absolute paths tie a scene to one machine; make it relative to the scene's folder, or use --input".into());
         }
-        let moved = [("output.volume", self.output.volume.is_some()), ("output.displacement", self.output.displacement.is_some()),
+        let moved = [
+            ("output.volume", self.output.volume.is_some()),
+            ("output.displacement", self.output.displacement.is_some()),
             ("output.lattice_deformed", self.output.lattice_deformed.is_some()),
-            ("output.images \"after\" or \"difference\"", self.output.images.iter().any(|p| *p != Picture::Before))];
-        if self.deform.as_ref().is_none_or(|d| d.handle.is_empty()) {
-            if let Some((name, _)) = moved.iter().find(|(_, wanted)| *wanted) {
-                return Err(format!("{name} shows a deformation, but there is no [[deform.handle]]; add one or drop the output"));
-            }
+            (
+                "output.images \"after\" or \"difference\"",
+                self.output.images.iter().any(|p| *p != Picture::Before),
+            ),
+        ];
+        let still = self.deform.as_ref().is_none_or(|d| d.handle.is_empty());
+        if let Some((name, _)) = moved.iter().find(|(_, wanted)| still && *wanted) {
+            return Err(format!(
+                "{name} shows a deformation, but there is no [[deform.handle]]; add one or drop the output"
+            ));
         }
         for (name, path) in self.output.files() {
             if path.is_absolute() || path.components().any(|c| matches!(c, std::path::Component::ParentDir)) {
-                return Err(format!("output.{name} = {}: name a file inside the output folder", path.display()));
+                return Err(format!(
+                    "output.{name} = {}: name a file inside the output folder",
+                    path.display()
+                ));
             }
         }
         for (i, handle) in self.deform.iter().flat_map(|d| &d.handle).enumerate() {

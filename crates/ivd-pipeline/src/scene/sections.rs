@@ -241,7 +241,14 @@ pub struct DeformSection {
 
 impl Default for DeformSection {
     fn default() -> Self {
-        Self { solver: Solver::Ring, stiffness: 50.0, duration: 0.2, dt: None, handle: Vec::new(), fix: Vec::new() }
+        Self {
+            solver: Solver::Ring,
+            stiffness: 50.0,
+            duration: 0.2,
+            dt: None,
+            handle: Vec::new(),
+            fix: Vec::new(),
+        }
     }
 }
 

@@ -51,7 +51,9 @@ impl Stage for Atf {
         let built = match (inputs.labels("labels"), self.iso) {
             (Some(labels), _) => ivd_atf::transfer(volume, labels, &self.params, exec),
             (None, Some(iso)) => ivd_atf::from_isovalue(volume, iso, &self.params, exec),
-            (None, None) => return Err(Error::usage("atf", "needs labels, or an isovalue to split the volume at")),
+            (None, None) => {
+                return Err(Error::usage("atf", "needs labels, or an isovalue to split the volume at"));
+            }
         }
         .map_err(stage_error!("atf"))?;
         let metrics = json!({ "entries": built.entries, "opacity_range": built.opacity_range });

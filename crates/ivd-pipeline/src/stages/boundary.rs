@@ -23,7 +23,6 @@ impl Boundary {
                 seed: section.seed,
                 fill_holes: section.fill_holes,
                 above,
-                ..Params::default()
             },
         }
     }

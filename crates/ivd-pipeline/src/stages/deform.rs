@@ -26,7 +26,8 @@ impl Deform {
     pub fn from_section(section: &DeformSection) -> Result<Self, Error> {
         let Solver::Ring = section.solver;
         let handles = section.handle.iter().map(handle).collect::<Result<_, _>>()?;
-        let fixed = section.fix.iter().map(|f| Fix { at: HandleAt::Pick(f.pick), radius: f.radius }).collect();
+        let fixed =
+            section.fix.iter().map(|f| Fix { at: HandleAt::Pick(f.pick), radius: f.radius }).collect();
         let params = RingParams {
             stiffness: section.stiffness,
             duration: section.duration,

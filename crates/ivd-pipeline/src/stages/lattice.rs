@@ -51,8 +51,8 @@ impl Stage for Lattice {
             IsoChoice::Value(value) => Iso::Value(value),
             IsoChoice::Word(_) => boundary_iso(labels, mask.map(ivd_core::Mask::inside), self.class)?,
         };
-        let extracted = extract(volume, mask, &ExtractParams { iso }, exec)
-            .map_err(stage_error!("lattice"))?;
+        let extracted =
+            extract(volume, mask, &ExtractParams { iso }, exec).map_err(stage_error!("lattice"))?;
         let f = exec.run(|| figures::measure(&extracted.lattice));
         let metrics = json!({
             "vertices": f.vertices,
@@ -72,11 +72,17 @@ impl Stage for Lattice {
 }
 
 /// The crossings of the class that is meant: the one named, else the one that the mask was cut from.
-fn boundary_iso(labels: Option<&Labels>, mask: Option<&[u8]>, class: Option<ClassChoice>) -> Result<Iso, Error> {
+fn boundary_iso(
+    labels: Option<&Labels>,
+    mask: Option<&[u8]>,
+    class: Option<ClassChoice>,
+) -> Result<Iso, Error> {
     let Some(labels) = labels else {
         return match mask {
             Some(_) => Ok(Iso::Mask),
-            None => Err(Error::usage("lattice", "iso = boundary needs labels or a mask; give them, or a value")),
+            None => {
+                Err(Error::usage("lattice", "iso = boundary needs labels or a mask; give them, or a value"))
+            }
         };
     };
     let chosen = match (class, mask) {

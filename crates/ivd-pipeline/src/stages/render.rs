@@ -27,7 +27,8 @@ impl Render {
             RenderMode::Mip => Mode::Mip,
             RenderMode::Iso => {
                 let value = section.iso.or(iso);
-                let value = value.ok_or_else(|| Error::usage("render", "mode = iso needs render.iso, a real value"))?;
+                let value = value
+                    .ok_or_else(|| Error::usage("render", "mode = iso needs render.iso, a real value"))?;
                 Mode::Iso { value }
             }
         };

@@ -20,10 +20,8 @@ impl Segment {
     /// The stage that a scene's section asks for.
     pub fn from_section(section: &SegmentSection) -> Self {
         match section.method {
-            SegmentMethod::Kmvs => Self::Kmvs(KmvsParams { k: section.k, ..KmvsParams::default() }),
-            SegmentMethod::Threshold => {
-                Self::Threshold(ThresholdParams { values: section.values.clone(), ..ThresholdParams::default() })
-            }
+            SegmentMethod::Kmvs => Self::Kmvs(KmvsParams { k: section.k }),
+            SegmentMethod::Threshold => Self::Threshold(ThresholdParams { values: section.values.clone() }),
         }
     }
 }

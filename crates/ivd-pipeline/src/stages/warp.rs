@@ -22,7 +22,7 @@ impl Warp {
             WarpOrder::Linear => Order::Linear,
             WarpOrder::Cubic => Order::Cubic,
         };
-        Self { params: WarpParams { order, background: section.background, ..WarpParams::default() } }
+        Self { params: WarpParams { order, background: section.background } }
     }
 }
 
