@@ -79,6 +79,11 @@ impl Camera {
         }
     }
 
+    /// Width and height (pixels).
+    pub(crate) fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
     /// Distance of samples [mm].
     pub(crate) fn step_mm(&self) -> f64 {
         self.step_mm

@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use crate::camera::Ray;
+use crate::cells::{ALL, Cells};
 use crate::classify::{Classifier, of_part};
 use crate::light::Light;
 use crate::samples::{Place, Samples, Stored};
@@ -25,8 +26,10 @@ pub(crate) struct Field<'a, T> {
     pub(crate) samples: Samples<'a, T>,
     /// Labels by voxel; empty for none.
     pub(crate) ids: &'a [u16],
-    pub(crate) warp: Option<Warp<'a>>,
-    pub(crate) space: Space,
+    pub(crate) warp: Option<&'a Warp<'a>>,
+    pub(crate) space: &'a Space,
+    /// For each brick, which of its cells must be sampled; empty where all must.
+    pub(crate) cells: &'a [Cells],
     pub(crate) light: Light,
 }
 
@@ -40,7 +43,7 @@ impl<T: Stored> Field<'_, T> {
     /// Where a sample is taken: its coordinate before the deformation.
     #[inline(always)]
     fn before(&self, at: [f32; 3], moves: bool) -> Option<[f32; 3]> {
-        match (&self.warp, moves) {
+        match (self.warp, moves) {
             (Some(warp), true) => warp.before(at),
             _ => Some(at),
         }
@@ -57,15 +60,33 @@ impl<T: Stored> Field<'_, T> {
     #[inline(always)]
     fn normal(&self, at: [f32; 3], before: [f32; 3], moves: bool) -> Option<[f32; 3]> {
         let mut gradient = self.samples.gradient(before);
-        if let (Some(warp), true) = (&self.warp, moves) {
+        if let (Some(warp), true) = (self.warp, moves) {
             gradient = warp.pull_back(at, gradient);
         }
         self.light.normal(gradient)
     }
 
-    /// Emission and absorption of one sample.
+    /// Emission and absorption at a place that was at `before`, whose cell is `place`.
     #[inline(always)]
     fn classified<const LABELLED: bool, const SHADED: bool>(
+        &self,
+        classifier: &Classifier,
+        at: [f32; 3],
+        before: [f32; 3],
+        place: &Place,
+        moves: bool,
+    ) -> [f32; 4] {
+        let Some(value) = self.value(place) else { return [0.0; 4] };
+        let entry = if LABELLED {
+            classifier.of_labelled(value, self.ids[self.samples.shape.nearest(place)])
+        } else {
+            classifier.of(value)
+        };
+        if SHADED && entry[3] > 0.0 { self.light.lit(entry, self.normal(at, before, moves)) } else { entry }
+    }
+
+    /// The same at a place that may have moved.
+    fn classified_before<const LABELLED: bool, const SHADED: bool>(
         &self,
         classifier: &Classifier,
         at: [f32; 3],
@@ -73,19 +94,12 @@ impl<T: Stored> Field<'_, T> {
     ) -> [f32; 4] {
         let Some(before) = self.before(at, moves) else { return [0.0; 4] };
         let place = self.samples.shape.place(before);
-        let Some(value) = self.value(&place) else { return [0.0; 4] };
-        let entry = if LABELLED {
-            classifier.of_labelled(value, self.ids[self.samples.shape.nearest(&place)])
-        } else {
-            classifier.of(value)
-        };
-        if SHADED && entry[3] > 0.0 { self.light.lit(entry, self.normal(at, before, moves)) } else { entry }
+        self.classified::<LABELLED, SHADED>(classifier, at, before, &place, moves)
     }
 }
 
 /// Direct volume rendering: the premultiplied over operator from front to back, until `termination` (Engel et al. 2004;
 /// thesis eqs 2.4–2.7 read as accumulated opacity).
-#[inline(always)]
 pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
     field: &Field<'_, T>,
     classifier: &Classifier,
@@ -93,13 +107,28 @@ pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
     ray: &Ray,
 ) -> Cast {
     let mut rgba = [0.0_f32; 4];
-    let mut taken = 0;
-    let skipped = field.space.walk(ray, |brick, range| {
-        let moves = field.moves(brick);
+    let (mut taken, mut passed) = (0, 0);
+    let leapt = field.space.walk(ray, |brick, range| {
+        if field.moves(brick) {
+            for i in range {
+                taken += 1;
+                over(&mut rgba, field.classified_before::<LABELLED, SHADED>(classifier, ray.at(i), true));
+                if rgba[3] >= termination {
+                    return ControlFlow::Break(());
+                }
+            }
+            return ControlFlow::Continue(());
+        }
+        let cells = field.cells.get(brick).unwrap_or(&ALL);
         for i in range {
+            let at = ray.at(i);
+            let place = field.samples.shape.place(at);
+            if !cells.must_look(place.cell) {
+                passed += 1;
+                continue;
+            }
             taken += 1;
-            let entry = field.classified::<LABELLED, SHADED>(classifier, ray.at(i), moves);
-            over(&mut rgba, entry);
+            over(&mut rgba, field.classified::<LABELLED, SHADED>(classifier, at, at, &place, false));
             if rgba[3] >= termination {
                 return ControlFlow::Break(());
             }
@@ -109,10 +138,10 @@ pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
     if ray.rest > 0.0 && rgba[3] < termination {
         taken += 1;
         let moves = field.moves(field.space.brick(ray.rest_at));
-        let entry = field.classified::<LABELLED, SHADED>(classifier, ray.rest_at, moves);
+        let entry = field.classified_before::<LABELLED, SHADED>(classifier, ray.rest_at, moves);
         over(&mut rgba, of_part(entry, ray.rest));
     }
-    Cast { rgba, taken, skipped }
+    Cast { rgba, taken, skipped: leapt + passed }
 }
 
 #[inline(always)]

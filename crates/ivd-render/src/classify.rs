@@ -69,13 +69,37 @@ impl Classifier {
     }
 
     #[inline(always)]
-    fn index(&self, value: f32) -> usize {
+    pub(crate) fn index(&self, value: f32) -> usize {
         (((value - self.low) * self.scale + 0.5) as usize).min(self.samples - 1)
     }
 
     /// The bit of a label's row in a set of rows.
     pub(crate) fn row_bit(&self, label: u16) -> u64 {
         1 << (self.row_start[usize::from(label)] as usize / self.samples).min(OWN_BITS)
+    }
+
+    /// For every index of the value axis the clear interval it lies in, from 1, or 0 where some row of a set isn't clear there or at a
+    /// neighbouring index. Values between two of one interval are clear.
+    pub(crate) fn clear_intervals(&self, rows: u64) -> Vec<u8> {
+        let all_rows = self.table.len() / self.samples;
+        let clear = |i: usize| {
+            let near = i.saturating_sub(1)..(i + 2).min(self.samples);
+            (0..all_rows).filter(|&row| rows >> row.min(OWN_BITS) & 1 == 1).all(|row| {
+                let counts = &self.occupied[row * (self.samples + 1)..][..=self.samples];
+                counts[near.end] == counts[near.start]
+            })
+        };
+        let (mut intervals, mut last, mut count) = (Vec::with_capacity(self.samples), false, 0_u8);
+        for i in 0..self.samples {
+            let here = clear(i);
+            if here && !last {
+                // The 256th interval and those after it are sampled rather than confused with others.
+                count = count.saturating_add(1);
+            }
+            last = here;
+            intervals.push(if here && count < u8::MAX { count } else { 0 });
+        }
+        intervals
     }
 
     /// Whether every value of a range is clear in every row of a set. The range is widened by an entry on both sides, more

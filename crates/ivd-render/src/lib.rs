@@ -10,11 +10,12 @@
 //!   centres values are trilinear, beyond the outermost ones constant. A cell with a missing (NaN) corner is clear.
 //! - **Deformation.** A deformed volume is sampled through its inverse displacement, `f(ψ(y))`, with normals `J⁻ᵀ∇f`; no voxel is resampled, and
 //!   where no displacement is stored the pixels are those of the undeformed volume, bit for bit.
-//! - **Skipping.** Bricks whose range of values is clear under the transfer function (for the rows that their labels choose) are leapt over. On or off, the
+//! - **Skipping.** Bricks whose range of values is clear under the transfer function (for the rows that their labels choose) are leapt over, and so are
+//!   single cells in the others. On or off, the
 //!   pixels are the same bit for bit; so are they for any number of threads.
 //! - **View.** Azimuth 0 and elevation 0 show a patient from the front, head up, the patient's left at the picture's right.
 //!
-//! [`radiance`] stops before background, lettering and 8-bit encoding; [`difference`] compares two pictures.
+//! [`Prepared`] keeps what several views of one scene share. [`radiance`] stops before background, lettering and 8-bit encoding; [`difference`] compares two pictures.
 //!
 //! ```
 //! use ivd_core::{Exec, Grid, TransferFunction, Volume, Voxels};
@@ -38,11 +39,12 @@
 //! assert!(rendered.skipped_fraction > 0.0, "the corners are empty");
 //! # Ok::<(), ivd_core::Error>(())
 //! ```
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod annotate;
 mod camera;
 mod cast;
+mod cells;
 mod classify;
 mod difference;
 mod error;
@@ -52,6 +54,8 @@ mod light;
 mod outline;
 mod params;
 mod picture;
+mod prepared;
+#[allow(unsafe_code, reason = "unchecked gathers, argued in the module's head")]
 mod samples;
 mod scene;
 mod skip;
@@ -60,8 +64,9 @@ mod warp;
 
 pub use difference::{Difference, difference};
 pub use error::Error;
-pub use frame::{Radiance, radiance};
+pub use frame::Radiance;
 pub use params::{Mode, Projection, RenderParams, View};
+pub use prepared::Prepared;
 pub use scene::Scene;
 
 use ivd_core::{Exec, Image};
@@ -88,21 +93,14 @@ pub struct Rendered {
 /// [`Error::Param`] names a parameter outside its domain; [`Error::NoTransfer`] for mode `dvr` without a transfer function; [`Error::Core`] where
 /// the scene's parts lie on different grids, memory is short or the work was cancelled.
 pub fn render(scene: &Scene, params: &RenderParams, exec: &Exec) -> Result<Rendered, Error> {
-    let light = radiance(scene, params, exec)?;
-    let mut image = picture::compose(&light, params.background);
-    let camera = camera::Camera::new(scene.volume.grid(), params);
-    if let Some(lattice) = scene.lattice {
-        image = outline::outline(&image, lattice, &camera);
-    }
-    if params.annotate {
-        image = annotate::annotate(&image, &camera);
-    }
-    let on_the_way = (light.samples + light.skipped).max(1) as f64;
-    Ok(Rendered {
-        image,
-        frames: 1,
-        samples: light.samples,
-        samples_per_pixel: light.samples as f64 / (params.width * params.height) as f64,
-        skipped_fraction: light.skipped as f64 / on_the_way,
-    })
+    Prepared::new(scene, params, exec)?.render(params.view, exec)
+}
+
+/// Casts a ray through every pixel and returns linear light, without background, letters and encoding: for measuring, and for callers who compose
+/// pictures themselves.
+///
+/// # Errors
+/// As [`render`].
+pub fn radiance(scene: &Scene, params: &RenderParams, exec: &Exec) -> Result<Radiance, Error> {
+    Prepared::new(scene, params, exec)?.radiance(params.view, exec)
 }

@@ -7,20 +7,40 @@ pub(crate) fn linear(encoded: f32) -> f32 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
-/// sRGB byte of a linear component.
-pub(crate) fn encoded(linear: f32) -> u8 {
-    let l = linear.clamp(0.0, 1.0);
-    let e = if l <= 0.003_130_8 { l * 12.92 } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
-    (e * 255.0 + 0.5) as u8
+/// Encodes many components: finds the byte from a coarse table, then puts it right by the linear value at which each byte begins.
+struct Encoder {
+    guess: Vec<u8>,
+    begins: [f32; 256],
+}
+
+impl Encoder {
+    const CELLS: usize = 4096;
+
+    fn new() -> Self {
+        let begins = std::array::from_fn(|b| linear((b as f32 - 0.5).max(0.0) / 255.0));
+        let byte_at = |l: f32| (1..256).rev().find(|&b| begins[b] <= l).unwrap_or(0) as u8;
+        let guess = (0..=Self::CELLS).map(|i| byte_at(i as f32 / Self::CELLS as f32)).collect();
+        Self { guess, begins }
+    }
+
+    fn byte(&self, linear: f32) -> u8 {
+        let l = linear.clamp(0.0, 1.0);
+        let mut byte = self.guess[(l * Self::CELLS as f32) as usize];
+        while byte < 255 && self.begins[usize::from(byte) + 1] <= l {
+            byte += 1;
+        }
+        byte
+    }
 }
 
 /// The picture of a radiance over a background of straight linear RGBA.
 pub(crate) fn compose(radiance: &Radiance, background: [f32; 4]) -> Image {
+    let encoder = Encoder::new();
     let pixels = radiance.rgba.iter().flat_map(|&[r, g, b, a]| {
         let behind = (1.0 - a).max(0.0) * background[3];
         let alpha = (a + behind).min(1.0);
         let straight = if alpha > 0.0 { 1.0 / alpha } else { 0.0 };
-        let over = |c: f32, back: f32| encoded((c + behind * back) * straight);
+        let over = |c: f32, back: f32| encoder.byte((c + behind * back) * straight);
         let byte = (alpha * 255.0 + 0.5) as u8;
         [over(r, background[0]), over(g, background[1]), over(b, background[2]), byte]
     });
@@ -31,10 +51,25 @@ pub(crate) fn compose(radiance: &Radiance, background: [f32; 4]) -> Image {
 mod tests {
     use super::*;
 
+    /// sRGB byte of a linear component, by the formula.
+    fn encoded(linear: f32) -> u8 {
+        let l = linear.clamp(0.0, 1.0);
+        let e = if l <= 0.003_130_8 { l * 12.92 } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
+        (e * 255.0 + 0.5) as u8
+    }
+
     #[test]
     fn encoding_inverts_decoding_for_every_byte() {
         for byte in 0..=255_u8 {
             assert_eq!(encoded(linear(f32::from(byte) / 255.0)), byte);
+        }
+        let encoder = Encoder::new();
+        for i in 0..100_000 {
+            let l = i as f32 / 99_999.0;
+            assert!(
+                encoder.byte(l).abs_diff(encoded(l))
+                    <= u8::from(encoder.begins.iter().any(|b| (b - l).abs() < 1e-6))
+            );
         }
     }
 

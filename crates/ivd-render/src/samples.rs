@@ -1,3 +1,9 @@
+//! Trilinear samples of the stored voxels: the innermost kernel, and the only module with `unsafe` code.
+//!
+//! The argument for it: [`Shape::place`] brings any coordinate, NaN too, into `0 ..= n - 1` and its cell to at most `n - 2` (0 for one voxel), so that
+//! the cell's first voxel plus the steps `next` along any of the axes is a voxel of the grid; [`Samples::new`] asserts that there is a value for each.
+//! Checking eight indices a sample costs about a third of the time of a picture.
+
 use std::borrow::Cow;
 
 use ivd_core::{Error, Exec, Scalar, Volume, Voxels, with_voxels};
@@ -82,9 +88,13 @@ impl Shape {
         let mut cell = [0; 3];
         let mut within = [0.0; 3];
         for a in 0..3 {
-            let clamped = at[a].max(0.0).min(self.top[a]);
-            cell[a] = (clamped as usize).min(self.last[a]);
-            within[a] = clamped - cell[a] as f32;
+            // Comparisons rather than `max` and `min`: NaN becomes 0, in one instruction.
+            let low = if at[a] > 0.0 { at[a] } else { 0.0 };
+            let clamped = if low < self.top[a] { low } else { self.top[a] };
+            // SAFETY: `clamped` lies in `0 ..= n - 1`, which an `i64` holds.
+            let whole = unsafe { clamped.to_int_unchecked::<i64>() } as usize;
+            cell[a] = whole.min(self.last[a]);
+            within[a] = clamped - cell[a] as i32 as f32;
         }
         Place { cell, within }
     }
@@ -121,15 +131,26 @@ impl<'a, T: Stored> Samples<'a, T> {
         Self { voxels, shape }
     }
 
+    /// The stored voxels.
+    pub(crate) fn voxels(&self) -> &'a [T] {
+        self.voxels
+    }
+
     /// Trilinear value at a place; not finite where the cell touches missing data.
     #[inline(always)]
     pub(crate) fn value(&self, place: &Place) -> f32 {
         let [dx, dy, dz] = self.shape.next;
         let base = self.shape.base(place.cell);
-        let v = &self.voxels[base..=base + dx + dy + dz];
+        debug_assert!(base + dx + dy + dz < self.voxels.len());
         let [fx, fy, fz] = place.within;
         let along = |i: usize| {
-            let (a, b) = (v[i].single(), v[i + dx].single());
+            // SAFETY: a voxel of the grid and its neighbour along x; see the module's head.
+            let (a, b) = unsafe {
+                (
+                    self.voxels.get_unchecked(base + i).single(),
+                    self.voxels.get_unchecked(base + i + dx).single(),
+                )
+            };
             a + (b - a) * fx
         };
         let mix = |a: f32, b: f32, f: f32| a + (b - a) * f;

@@ -1,0 +1,244 @@
+use ivd_core::{BrickRange, Exec, Labels};
+
+use crate::camera::Camera;
+use crate::cast::{Cast, Field, dvr, first_hit, mip};
+use crate::cells::{Cells, cells};
+use crate::classify::Classifier;
+use crate::frame::{Radiance, tiles};
+use crate::light::Light;
+use crate::samples::{Fast, Samples, Shape, Stored, fast};
+use crate::skip::{rows_of_bricks, through_warp};
+use crate::space::Space;
+use crate::warp::Warp;
+use crate::{Error, Mode, RenderParams, Rendered, Scene, View, annotate, outline, picture};
+
+/// A scene made ready for many views: its classified values, what of it is empty, and its deformation. Views of it are the same, byte for byte, as those
+/// of [`crate::render`].
+pub struct Prepared<'a> {
+    scene: Scene<'a>,
+    params: RenderParams,
+    voxels: Fast<'a>,
+    /// `stored = fast + shift`.
+    shift: f64,
+    warp: Option<Warp<'a>>,
+    optics: Optics,
+    space: Space,
+    cells: Vec<Cells>,
+}
+
+/// What a mode needs to know of the values.
+enum Optics {
+    Dvr(Classifier),
+    /// For each brick a value that no `sign · fast` in it exceeds.
+    Mip(Vec<f32>),
+    /// `sign · fast` of the surface.
+    Iso(f32),
+}
+
+/// Binds the typed voxels and runs the same code for each type.
+macro_rules! with_fast {
+    ($fast:expr, $slice:ident => $body:expr) => {
+        match $fast {
+            Fast::U8($slice) => $body,
+            Fast::U16($slice) => $body,
+            Fast::I16($slice) => $body,
+            Fast::F32($slice) => $body,
+        }
+    };
+}
+
+impl<'a> Prepared<'a> {
+    /// Prepares a scene; the view in `params` is not used yet.
+    ///
+    /// # Errors
+    /// As [`crate::render`].
+    pub fn new(scene: &Scene<'a>, params: &RenderParams, exec: &Exec) -> Result<Self, Error> {
+        params.check()?;
+        scene.check()?;
+        exec.run(|| {
+            let grid = scene.volume.grid();
+            let (voxels, shift) = fast(scene.volume, exec)?;
+            let moving = scene.displacement.filter(|d| !is_still(d));
+            let mut prepared = Self {
+                scene: *scene,
+                params: params.clone(),
+                voxels,
+                shift,
+                warp: moving.map(|d| Warp::new(d, grid.inverse_linear_part())),
+                optics: Optics::Mip(Vec::new()),
+                space: Space::full(Shape::new(grid.dims())),
+                cells: Vec::new(),
+            };
+            match params.mode {
+                Mode::Dvr => prepared.classify(exec)?,
+                Mode::Mip => {
+                    let bounds = prepared.ranges().map(|range| prepared.bound(range)).collect();
+                    let bounds = prepared.moved(bounds, f32::NEG_INFINITY, f32::max);
+                    prepared.optics = Optics::Mip(bounds);
+                }
+                Mode::Iso { value } => {
+                    let iso = (prepared.sign() * (scene.volume.stored(value) - shift)) as f32;
+                    let empty = prepared.ranges().map(|range| prepared.bound(range) < iso).collect();
+                    prepared.pass_over(empty);
+                    prepared.optics = Optics::Iso(iso);
+                }
+            }
+            Ok(prepared)
+        })
+    }
+
+    /// Makes the transfer function ready, and finds what it leaves clear.
+    fn classify(&mut self, exec: &Exec) -> Result<(), Error> {
+        let transfer = self.scene.transfer.ok_or(Error::NoTransfer)?;
+        let index = self.scene.volume.bricks();
+        let range = index.total().map_or([0.0; 2], |(lo, hi)| [self.fast(lo), self.fast(hi)]);
+        let step = Camera::new(self.scene.volume.grid(), &self.params).step_mm() / transfer.reference_mm();
+        let ids = self.scene.labels.map_or(&[][..], Labels::ids);
+        let real = |fast: f64| self.scene.volume.real(fast + self.shift);
+        let classifier = Classifier::new(transfer, range, real, step, !ids.is_empty());
+        if self.params.skip {
+            exec.check_cancelled()?;
+            let dims = self.scene.volume.grid().dims();
+            let rows =
+                if ids.is_empty() { vec![1; index.len()] } else { rows_of_bricks(dims, ids, &classifier) };
+            let clear = |(range, &rows): (BrickRange, &u64)| classifier.is_clear(range, self.shift, rows);
+            let empty: Vec<bool> = self.ranges().zip(&rows).map(clear).collect();
+            self.cells = with_fast!(&self.voxels, slice => {
+                cells(&Samples::new(slice, Shape::new(dims)), &classifier, &empty, &rows)
+            });
+            self.pass_over(empty);
+        }
+        self.optics = Optics::Dvr(classifier);
+        Ok(())
+    }
+
+    /// Sets what is passed over from the undeformed bricks that are empty, if anything may be.
+    fn pass_over(&mut self, empty: Vec<bool>) {
+        if self.params.skip {
+            let empty = self.moved(empty, true, |a, b| a && b);
+            self.space = Space::new(Shape::new(self.scene.volume.grid().dims()), &empty);
+        }
+    }
+
+    /// A value of every undeformed brick, joined over where each brick of the deformed volume comes from.
+    fn moved<V: Copy + Send + Sync>(
+        &self,
+        of_brick: Vec<V>,
+        outside: V,
+        join: impl Fn(V, V) -> V + Sync,
+    ) -> Vec<V> {
+        through_warp(self.warp.as_ref(), self.scene.volume.bricks().dims(), of_brick, outside, join)
+    }
+
+    fn ranges(&self) -> impl Iterator<Item = BrickRange> {
+        let index = self.scene.volume.bricks();
+        (0..index.len()).map(|b| index.range(b))
+    }
+
+    fn fast(&self, stored: f32) -> f32 {
+        (f64::from(stored) - self.shift) as f32
+    }
+
+    /// −1 where the real value falls as the stored one rises, else 1.
+    fn sign(&self) -> f64 {
+        self.scene.volume.slope().signum()
+    }
+
+    /// A value that no interpolated `sign · fast` of the range exceeds, with room for rounding.
+    fn bound(&self, range: BrickRange) -> f32 {
+        if range.min > range.max {
+            return f32::NEG_INFINITY;
+        }
+        let (low, high) = (self.fast(range.min), self.fast(range.max));
+        let top = if self.sign() < 0.0 { -low } else { high };
+        top + 1e-5 * (low.abs() + high.abs())
+    }
+
+    /// Linear light of a view.
+    ///
+    /// # Errors
+    /// As [`crate::render`].
+    pub fn radiance(&self, view: View, exec: &Exec) -> Result<Radiance, Error> {
+        let params = RenderParams { view, ..self.params.clone() };
+        params.check()?;
+        exec.run(|| with_fast!(&self.voxels, slice => self.cast(slice, &params, exec)))
+    }
+
+    /// The picture of a view.
+    ///
+    /// # Errors
+    /// As [`crate::render`].
+    pub fn render(&self, view: View, exec: &Exec) -> Result<Rendered, Error> {
+        let light = self.radiance(view, exec)?;
+        let params = &self.params;
+        let camera = Camera::new(self.scene.volume.grid(), &RenderParams { view, ..params.clone() });
+        let mut image = picture::compose(&light, params.background);
+        if let Some(lattice) = self.scene.lattice {
+            image = outline::outline(&image, lattice, &camera);
+        }
+        if params.annotate {
+            image = annotate::annotate(&image, &camera);
+        }
+        let on_the_way = (light.samples + light.skipped).max(1) as f64;
+        Ok(Rendered {
+            image,
+            frames: 1,
+            samples: light.samples,
+            samples_per_pixel: light.samples as f64 / (params.width * params.height) as f64,
+            skipped_fraction: light.skipped as f64 / on_the_way,
+        })
+    }
+
+    fn cast<T: Stored>(&self, voxels: &[T], params: &RenderParams, exec: &Exec) -> Result<Radiance, Error> {
+        let grid = self.scene.volume.grid();
+        let camera = Camera::new(grid, params);
+        let field = Field {
+            samples: Samples::new(voxels, Shape::new(grid.dims())),
+            ids: self.scene.labels.map_or(&[], Labels::ids),
+            warp: self.warp.as_ref(),
+            space: &self.space,
+            cells: &self.cells,
+            light: Light::new(&camera, grid.inverse_linear_part(), self.sign()),
+        };
+        let sign = self.sign() as f32;
+        Ok(match &self.optics {
+            Optics::Dvr(classifier) => {
+                // A termination above 1 is never reached.
+                let end = params.termination as f32;
+                match (field.ids.is_empty(), params.shading) {
+                    (true, false) => {
+                        tiles(&camera, exec, |ray| dvr::<T, false, false>(&field, classifier, end, ray))
+                    }
+                    (true, true) => {
+                        tiles(&camera, exec, |ray| dvr::<T, false, true>(&field, classifier, end, ray))
+                    }
+                    (false, false) => {
+                        tiles(&camera, exec, |ray| dvr::<T, true, false>(&field, classifier, end, ray))
+                    }
+                    (false, true) => {
+                        tiles(&camera, exec, |ray| dvr::<T, true, true>(&field, classifier, end, ray))
+                    }
+                }
+            }
+            Optics::Mip(bounds) => {
+                let [low, high] = self.scene.volume.range().unwrap_or([0.0; 2]);
+                tiles(&camera, exec, |ray| {
+                    let (greatest, cast) = mip(&field, bounds, sign, params.skip, ray);
+                    let Some(greatest) = greatest else { return cast };
+                    let value = self.scene.volume.real(self.sign() * f64::from(greatest) + self.shift);
+                    let share = if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 1.0 };
+                    let grey = picture::linear(share as f32);
+                    Cast { rgba: [grey, grey, grey, 1.0], ..cast }
+                })
+            }
+            Optics::Iso(iso) => {
+                tiles(&camera, exec, |ray| first_hit(&field, *iso, sign, params.surface, ray))
+            }
+        }?)
+    }
+}
+
+/// Whether a displacement changes no pixel.
+fn is_still(displacement: &ivd_core::Displacement) -> bool {
+    displacement.inverse.stored() == 0 && displacement.vacated.iter().all(|&v| v == 0)
+}
