@@ -115,7 +115,11 @@ fn a_volume_file_serves_as_well_as_an_artefact() {
 fn every_kind_of_failure_has_its_code_and_names_thing_and_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    std::fs::write(at.join("junk.nrrd"), b"NRRD0004\ntype: elephant\n\n").unwrap();
+    std::fs::write(
+        at.join("junk.nrrd"),
+        b"NRRD0004\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ntype: elephant\n\n",
+    )
+    .unwrap();
     std::fs::write(at.join("scene.toml"), "schema = 1\n[imput]\n").unwrap();
     json(at, &["phantom", "sphere", "--size", "24", "-o", "v.ivd"]);
     json(at, &["lattice", "v.ivd", "--iso", "127.5", "-o", "l.ivd"]);

@@ -171,7 +171,7 @@ pub(super) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow
         context
             .exec
             .run(|| write_with_metrics(output, &*done.artefact, &provenance, &metrics))
-            .map_err(placed)?;
+            .map_err(|e| placed(e, output))?;
     }
     record.output = Some(OutputRecord {
         path: Some(output.to_owned()),
@@ -195,18 +195,20 @@ pub(super) fn write_artefact(
     provenance: &Provenance,
     context: &Context,
 ) -> anyhow::Result<()> {
-    context.exec.run(|| ivd_artefact::write(path, artefact, provenance)).map_err(placed)?;
+    context.exec.run(|| ivd_artefact::write(path, artefact, provenance)).map_err(|e| placed(e, path))?;
     Ok(())
 }
 
 /// Where an artefact can't be written, most often its folder isn't there.
-fn placed(error: ivd_artefact::Error) -> anyhow::Error {
-    let missing = error.path().parent().is_some_and(|p| !p.as_os_str().is_empty() && !p.exists());
-    if missing {
-        let folder = error.path().parent().unwrap_or(Path::new(".")).display().to_string();
-        return Failure::of(error.fault(), format!("{error}; the folder {folder} doesn't exist"));
+fn placed(error: ivd_artefact::Error, path: &Path) -> anyhow::Error {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.exists() => {
+            let problem =
+                format!("{}: the folder {} doesn't exist; make it first", path.display(), folder.display());
+            Failure::of(error.fault(), problem)
+        }
+        _ => error.into(),
     }
-    error.into()
 }
 
 /// The figures that a person wants first.
