@@ -15,7 +15,7 @@ pub enum Error {
          extract it again, or close its holes", row[0], row[1]
     )]
     Open {
-        /// The row's y and z [voxels].
+        /// The row's y and z (voxels).
         row: [usize; 2],
         /// Entries less exits.
         surplus: i64,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Params {
-    /// Edge of a surface leaf [voxels], a power of two from 1 to 64. Smaller leaves list fewer triangles each and take
+    /// Edge of a surface leaf (voxels), a power of two from 1 to 64. Smaller leaves list fewer triangles each and take
     /// more memory; results of queries don't depend on it.
     pub leaf_size: u32,
 }

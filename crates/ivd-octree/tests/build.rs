@@ -1,5 +1,7 @@
 //! The octree covers space once, knows in from out, and loses no triangle.
 
+#![allow(clippy::unwrap_used, reason = "test values are sound")]
+
 use ivd_core::{Exec, Grid, Lattice, LatticeSource, Octree, OctreeNode};
 use ivd_octree::{Error, Params, build, inside};
 use ivd_volume::phantom::Shape;

@@ -1,5 +1,7 @@
 //! Inside and outside of every voxel, where rays hit vertices and edges at every turn.
 
+#![allow(clippy::unwrap_used, reason = "test values are sound")]
+
 use ivd_core::{Exec, Fault, Grid, Lattice, LatticeSource, Mask, Volume, VoxelIndex, Voxels};
 use ivd_octree::{Error, inside};
 use ivd_volume::phantom::Shape;

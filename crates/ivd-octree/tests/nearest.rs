@@ -1,5 +1,7 @@
 //! The nearest lattice point through the octree is that of a loop over all triangles.
 
+#![allow(clippy::unwrap_used, reason = "test values are sound")]
+
 use ivd_core::{Exec, Lattice};
 use ivd_octree::{Error, Nearest, NearestIndex, Params, build, prepare};
 use ivd_volume::phantom::Shape;

@@ -11,7 +11,7 @@ use super::overlap::triangle_meets_box;
 /// half a voxel because a box is wider than its voxels' centres.
 const SHIFT: f64 = 1.5;
 
-/// Distance [voxels] at which a triangle still counts as touching a cell's border.
+/// Distance (voxels) at which a triangle still counts as touching a cell's border.
 const TOUCH: f64 = 1e-9;
 
 /// The pairs (Morton code of a leaf cell, triangle) of all triangles and the cells whose closed box they meet, sorted.

@@ -2,7 +2,7 @@
 
 use ivd_core::Lattice;
 
-/// Bits after the point of a fixed-point coordinate [voxels].
+/// Bits after the point of a fixed-point coordinate (voxels).
 pub(super) const FRACTION: u32 = 34;
 const ONE: f64 = (1_u64 << FRACTION) as f64;
 

@@ -35,7 +35,7 @@ impl Lane {
     }
 }
 
-/// A box in the frame of the search [mm].
+/// A box in the frame of the search (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Bounds {
     pub(super) lo: [f32; 3],
@@ -82,7 +82,7 @@ impl Block {
         block
     }
 
-    /// Square of the distance of a point from each box [mm²], a little less than exact: rounding the point and the
+    /// Square of the distance of a point from each box (mm²), a little less than exact: rounding the point and the
     /// arithmetic cost less than the factor takes off, the boxes' own slack takes up the rest.
     #[inline]
     pub(super) fn squared_distances(&self, point: [f32; 3]) -> [f32; Self::LANES] {

@@ -33,9 +33,9 @@ pub(super) fn tree(
 struct Builder<'a> {
     octree: &'a Octree,
     lattice: &'a Lattice,
-    /// Vertices in the frame of the boxes [mm].
+    /// Vertices in the frame of the boxes (mm).
     framed: Vec<Vector3<f64>>,
-    /// Columns: a voxel's edges in that frame [mm].
+    /// Columns: a voxel's edges in that frame (mm).
     cell_axes: Matrix3<f64>,
     slack: f64,
     blocks: Vec<Block>,
@@ -74,7 +74,7 @@ impl Builder<'_> {
         self.octree.leaf(slot).iter().map(item).collect()
     }
 
-    /// The box round a cell [mm]; wider than it where the grid is sheared.
+    /// The box round a cell (mm); wider than it where the grid is sheared.
     fn cell(&self, at: [u64; 3], bits: u8) -> (Vector3<f64>, Vector3<f64>) {
         // The tree's box of padded voxels p … p + n spans the voxel coordinates p − 1.5 … p + n − 1.5.
         let corner = Vector3::from(at.map(|p| p as f64 - 1.5));

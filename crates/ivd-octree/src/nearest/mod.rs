@@ -24,9 +24,9 @@ pub struct Nearest {
     pub triangle: u32,
     /// Weights of the triangle's corners, ≥ 0, sum 1.
     pub barycentric: [f64; 3],
-    /// Distance [mm].
+    /// Distance (mm).
     pub distance_mm: f64,
-    /// The lattice point [mm], relative to the grid's origin.
+    /// The lattice point (mm), relative to the grid's origin.
     pub point: Vector3<f64>,
 }
 
@@ -34,7 +34,7 @@ pub struct Nearest {
 pub struct NearestIndex {
     /// From local millimetres to the frame of the boxes.
     frame: Matrix3<f64>,
-    /// Vertices [mm], relative to the grid's origin.
+    /// Vertices (mm), relative to the grid's origin.
     positions: Vec<Vector3<f64>>,
     triangles: Vec<[u32; 3]>,
     tree: Tree,
@@ -82,14 +82,14 @@ struct Search<'a> {
     /// The point in the frame of the boxes.
     framed: [f32; 3],
     best: Option<Nearest>,
-    /// Square of the least distance so far [mm²].
+    /// Square of the least distance so far (mm²).
     best_squared: f64,
     /// The same, rounded up.
     limit: f32,
 }
 
 impl NearestIndex {
-    /// The lattice point nearest to `point` ([mm], relative to the grid's origin), where one lies within `bound` [mm].
+    /// The lattice point nearest to `point` (mm, relative to the grid's origin), where one lies within `bound` (mm).
     ///
     /// A bound makes the search faster; among neighbouring points the last distance plus the step is one. Infinity finds
     /// any. `None` for an empty lattice, a point that isn't finite, or where everything is further away.
@@ -156,6 +156,9 @@ impl Search<'_> {
 
     fn triangle(&mut self, triangle: u32) {
         let corners = self.index.triangles[triangle as usize].map(|v| self.index.positions[v as usize]);
+        if beyond(&corners, self.point, self.best_squared) {
+            return;
+        }
         let barycentric = closest(&corners, self.point);
         let found = corners[0] * barycentric[0] + corners[1] * barycentric[1] + corners[2] * barycentric[2];
         let squared = (found - self.point).norm_squared();
@@ -167,6 +170,17 @@ impl Search<'_> {
             self.limit = above(squared);
         }
     }
+}
+
+/// Whether a plane square to the way from the first corner to the point parts the two by more than the limit: the
+/// cheapest test that is as good as the distance itself where the point is further off than the triangle is large. The
+/// factor keeps rounding from ever passing over a tie.
+#[inline]
+fn beyond(corners: &[Vector3<f64>; 3], point: Vector3<f64>, limit_squared: f64) -> bool {
+    let way = point - corners[0];
+    let length_squared = way.norm_squared();
+    let least = length_squared.min(way.dot(&(point - corners[1]))).min(way.dot(&(point - corners[2])));
+    least > 0.0 && least * least > limit_squared * length_squared * (1.0 + 1e-9)
 }
 
 /// A single not below a double.
