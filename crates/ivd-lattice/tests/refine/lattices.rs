@@ -12,13 +12,13 @@ pub(crate) fn cut(grid: Grid, value: impl Fn(Vector3<f64>) -> f64) -> Lattice {
             value(Vector3::new(x as f64, y as f64, z as f64)) as f32
         })
         .collect();
-    at(Volume::new(grid, Voxels::from(voxels)).expect("one value a voxel"), 0.5)
+    at(&Volume::new(grid, Voxels::from(voxels)).expect("one value a voxel"), 0.5)
 }
 
 /// The surface of a volume at a value.
-pub(crate) fn at(volume: Volume, iso: f64) -> Lattice {
+pub(crate) fn at(volume: &Volume, iso: f64) -> Lattice {
     let params = ExtractParams { iso: Iso::Value(iso) };
-    extract(&volume, None, &params, &Exec::default()).expect("the isovalue is finite").lattice
+    extract(volume, None, &params, &Exec::default()).expect("the isovalue is finite").lattice
 }
 
 /// A cube of `n` voxels of 1 mm.
@@ -67,5 +67,5 @@ pub(crate) fn random(seed: u64) -> Lattice {
     let grid = Grid::with_spacing(dims, [1.0, 0.5, 3.0]).expect("small grids exist");
     let voxels: Vec<u8> = (0..grid.len() as u64).map(|i| (hash(seed * 4096 + i) % 4) as u8).collect();
     let iso = [1.0, 1.5, 2.0][seed as usize % 3];
-    at(Volume::new(grid, Voxels::from(voxels)).expect("one value a voxel"), iso)
+    at(&Volume::new(grid, Voxels::from(voxels)).expect("one value a voxel"), iso)
 }

@@ -24,7 +24,9 @@ fn assert_sound(input: &Lattice, out: &Refined) {
         assert_eq!(out.lattice.places[i], input.places[old], "a vertex moved");
     }
     let mut triangles: Vec<[u32; 3]> = out.lattice.triangles.clone();
-    triangles.iter_mut().for_each(|t| t.sort_unstable());
+    for triangle in &mut triangles {
+        triangle.sort_unstable();
+    }
     triangles.sort_unstable();
     assert!(triangles.windows(2).all(|w| w[0] != w[1]), "two triangles on the same vertices");
     assert_eq!((out.vertices_in, out.triangles_in), (input.keys.len(), input.triangles.len()));

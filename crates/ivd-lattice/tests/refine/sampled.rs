@@ -12,22 +12,22 @@ struct Cells<'a> {
     size: f64,
     low: Point,
     dims: [i64; 3],
-    cells: Vec<Vec<usize>>,
+    lists: Vec<Vec<usize>>,
 }
 
 impl<'a> Cells<'a> {
     fn new(places: &'a [Point], triangles: &'a [[u32; 3]], size: f64) -> Self {
         let (low, high) = places.iter().fold((places[0], places[0]), |(lo, hi), p| (lo.inf(p), hi.sup(p)));
         let dims: [i64; 3] = ((high - low) / size).map(|c| c as i64 + 1).into();
-        let cells = vec![Vec::new(); dims.iter().product::<i64>() as usize];
-        let mut grid = Self { places, triangles, size, low, dims, cells };
+        let lists = vec![Vec::new(); dims.iter().product::<i64>() as usize];
+        let mut grid = Self { places, triangles, size, low, dims, lists };
         for (t, triangle) in triangles.iter().enumerate() {
             let [a, b, c] = triangle.map(|v| places[v as usize]);
             let (lo, hi) = (grid.cell(a.inf(&b).inf(&c)), grid.cell(a.sup(&b).sup(&c)));
             for z in lo[2]..=hi[2] {
                 for y in lo[1]..=hi[1] {
                     for x in lo[0]..=hi[0] {
-                        grid.cells[(x + dims[0] * (y + dims[1] * z)) as usize].push(t);
+                        grid.lists[(x + dims[0] * (y + dims[1] * z)) as usize].push(t);
                     }
                 }
             }
@@ -54,7 +54,7 @@ impl<'a> Cells<'a> {
                     for x in range(0) {
                         let off = (x - home[0]).abs().max((y - home[1]).abs()).max((z - home[2]).abs());
                         if off == shell {
-                            for &t in &self.cells[(x + self.dims[0] * (y + self.dims[1] * z)) as usize] {
+                            for &t in &self.lists[(x + self.dims[0] * (y + self.dims[1] * z)) as usize] {
                                 best = best.min(self.to_triangle(p, t));
                             }
                         }
