@@ -57,8 +57,12 @@ impl BrickIndex {
         missing: Buffer<u8>,
     ) -> Option<Self> {
         let len = dims.iter().try_fold(1_usize, |n, &d| n.checked_mul(d))?;
-        (min.len() == len && max.len() == len && missing.len() == len)
-            .then_some(Self { dims, min, max, missing })
+        (min.len() == len && max.len() == len && missing.len() == len).then_some(Self {
+            dims,
+            min,
+            max,
+            missing,
+        })
     }
 
     /// Bricks along x, y, z.
@@ -95,58 +99,84 @@ impl BrickIndex {
     }
 }
 
-/// Ranges of the bricks of layer `bz`. Rows are scanned in memory order, a strip of up to 9 voxels a brick.
+/// Ranges of the bricks of layer `bz`: voxels are first merged along z and y, element by element over whole rows so
+/// that the compiler vectorises it, and the merged rows then cut into bricks.
 fn layer<T: Scalar>(n: [usize; 3], b: [usize; 3], voxels: &[T], bz: usize) -> Vec<BrickRange> {
-    let mut lo = vec![f64::INFINITY; b[0] * b[1]];
-    let mut hi = vec![f64::NEG_INFINITY; b[0] * b[1]];
-    let mut missing = vec![false; b[0] * b[1]];
-    let mut row_range = vec![(f64::INFINITY, f64::NEG_INFINITY, false); b[0]];
-    for z in bz * BRICK..(bz * BRICK + BRICK + 1).min(n[2]) {
-        for y in 0..n[1] {
-            let row = &voxels[n[0] * (y + n[1] * z)..][..n[0]];
-            for (bx, range) in row_range.iter_mut().enumerate() {
-                *range = strip(&row[bx * BRICK..(bx * BRICK + BRICK + 1).min(n[0])]);
-            }
-            // A row on a brick's border belongs to both bricks.
-            let own = y / BRICK;
-            let below = (y % BRICK == 0 && own > 0).then(|| own - 1);
-            for by in std::iter::once(own).chain(below) {
-                for (bx, range) in row_range.iter().enumerate() {
-                    let at = bx + b[0] * by;
-                    lo[at] = lo[at].min(range.0);
-                    hi[at] = hi[at].max(range.1);
-                    missing[at] |= range.2;
-                }
-            }
+    let mut rows = vec![Merged::<T>::new(n[0]); b[1]];
+    let mut column = Merged::new(n[0]);
+    for y in 0..n[1] {
+        column.clear();
+        for z in bz * BRICK..(bz * BRICK + BRICK + 1).min(n[2]) {
+            column.add_voxels(&voxels[n[0] * (y + n[1] * z)..][..n[0]]);
+        }
+        // A row on a brick's border belongs to both bricks.
+        rows[y / BRICK].add(&column);
+        if y % BRICK == 0 && y > 0 {
+            rows[y / BRICK - 1].add(&column);
         }
     }
-    (0..b[0] * b[1])
-        .map(|i| BrickRange { min: f32_below(lo[i]), max: f32_above(hi[i]), missing: missing[i] })
-        .collect()
+    let ranges = rows
+        .iter()
+        .flat_map(|row| (0..b[0]).map(|bx| row.range(bx * BRICK..(bx * BRICK + BRICK + 1).min(n[0]))));
+    ranges.collect()
 }
 
-/// Min, max and missing flag of a few voxels.
-#[inline(always)]
-fn strip<T: Scalar>(values: &[T]) -> (f64, f64, bool) {
-    if T::TYPE.is_integer() {
-        let (mut lo, mut hi) = (values[0], values[0]);
-        for &v in &values[1..] {
-            lo = if v < lo { v } else { lo };
-            hi = if v > hi { v } else { hi };
-        }
-        return (lo.to_f64(), hi.to_f64(), false);
+/// Extremes of several rows of voxels, element by element.
+#[derive(Debug, Clone)]
+struct Merged<T> {
+    min: Vec<T>,
+    max: Vec<T>,
+    /// Not 0 where a voxel was no data. Of the voxels' own type, so that all three are vectors of one width.
+    missing: Vec<T>,
+}
+
+impl<T: Scalar> Merged<T> {
+    fn new(len: usize) -> Self {
+        let mut merged = Self {
+            min: vec![T::default(); len],
+            max: vec![T::default(); len],
+            missing: vec![T::default(); len],
+        };
+        merged.clear();
+        merged
     }
-    let (mut lo, mut hi, mut missing) = (f64::INFINITY, f64::NEG_INFINITY, false);
-    for &v in values {
-        if v.is_data() {
-            let v = v.to_f64();
-            lo = lo.min(v);
-            hi = hi.max(v);
-        } else {
-            missing = true;
+
+    fn clear(&mut self) {
+        self.min.fill(T::from_f64(f64::INFINITY));
+        self.max.fill(T::from_f64(f64::NEG_INFINITY));
+        self.missing.fill(T::default());
+    }
+
+    /// Merges a row of voxels.
+    fn add_voxels(&mut self, row: &[T]) {
+        let (high, low, one) = (T::from_f64(f64::INFINITY), T::from_f64(f64::NEG_INFINITY), T::from_f64(1.0));
+        let merged = self.min.iter_mut().zip(&mut self.max).zip(&mut self.missing);
+        for (((min, max), missing), &value) in merged.zip(row) {
+            let data = value.is_data();
+            let (below, above) = if data { (value, value) } else { (high, low) };
+            *min = if below < *min { below } else { *min };
+            *max = if above > *max { above } else { *max };
+            *missing = if data { *missing } else { one };
         }
     }
-    (lo, hi, missing)
+
+    /// Merges what other rows were merged to.
+    fn add(&mut self, other: &Self) {
+        for i in 0..self.min.len() {
+            self.min[i] = if other.min[i] < self.min[i] { other.min[i] } else { self.min[i] };
+            self.max[i] = if other.max[i] > self.max[i] { other.max[i] } else { self.max[i] };
+            self.missing[i] =
+                if other.missing[i] > self.missing[i] { other.missing[i] } else { self.missing[i] };
+        }
+    }
+
+    /// Range of a stretch of the merged rows.
+    fn range(&self, of: std::ops::Range<usize>) -> BrickRange {
+        let min = self.min[of.clone()].iter().map(|v| v.to_f64()).fold(f64::INFINITY, f64::min);
+        let max = self.max[of.clone()].iter().map(|v| v.to_f64()).fold(f64::NEG_INFINITY, f64::max);
+        let missing = self.missing[of].iter().any(|v| *v != T::default());
+        BrickRange { min: f32_below(min), max: f32_above(max), missing }
+    }
 }
 
 fn f32_below(value: f64) -> f32 {
@@ -167,8 +197,7 @@ mod tests {
     fn ranges_equal_a_plain_scan_with_the_high_side_apron() {
         let dims = [19, 17, 9];
         let grid = Grid::with_spacing(dims, [1.0; 3]).unwrap();
-        let mut values: Vec<f32> =
-            (0..grid.len()).map(|i| ((i * 7919) % 1013) as f32 - 500.0).collect();
+        let mut values: Vec<f32> = (0..grid.len()).map(|i| ((i * 7919) % 1013) as f32 - 500.0).collect();
         values[5] = f32::NAN;
         let index = BrickIndex::build(&grid, &Voxels::from(values.clone()));
         assert_eq!(index.dims(), [3, 3, 2]);
@@ -188,6 +217,26 @@ mod tests {
             }
             assert_eq!(index.range(b), BrickRange { min: lo, max: hi, missing });
         }
+    }
+
+    #[test]
+    fn integers_have_the_ranges_of_the_same_numbers_in_floating_point() {
+        let grid = Grid::with_spacing([21, 8, 17], [1.0; 3]).unwrap();
+        let values = |i: usize| (i * 7919 + i / 31) % 251;
+        let bytes: Vec<u8> = (0..grid.len()).map(|i| values(i) as u8).collect();
+        let floats: Vec<f32> = bytes.iter().map(|&v| f32::from(v)).collect();
+        let shorts: Vec<i16> = bytes.iter().map(|&v| i16::from(v)).collect();
+        let expected = BrickIndex::build(&grid, &Voxels::from(floats));
+        assert_eq!(BrickIndex::build(&grid, &Voxels::from(bytes)), expected);
+        assert_eq!(BrickIndex::build(&grid, &Voxels::from(shorts)), expected);
+    }
+
+    #[test]
+    fn a_brick_without_data_has_an_empty_range() {
+        let grid = Grid::with_spacing([9, 1, 1], [1.0; 3]).unwrap();
+        let index = BrickIndex::build(&grid, &Voxels::from(vec![f32::NAN; 9]));
+        assert_eq!(index.range(0), BrickRange { min: f32::INFINITY, max: f32::NEG_INFINITY, missing: true });
+        assert_eq!(index.total(), None);
     }
 
     #[test]

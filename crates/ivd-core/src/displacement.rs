@@ -116,8 +116,7 @@ impl FieldBricks {
         let mut sum = Vector3::zeros();
         for corner in 0..8_usize {
             let offset = [corner & 1, corner >> 1 & 1, corner >> 2];
-            let weight: f64 =
-                (0..3).map(|a| if offset[a] == 1 { frac[a] } else { 1.0 - frac[a] }).product();
+            let weight: f64 = (0..3).map(|a| if offset[a] == 1 { frac[a] } else { 1.0 - frac[a] }).product();
             if weight != 0.0 {
                 let v = self.at(VoxelIndex(std::array::from_fn(|a| base[a] + offset[a])));
                 sum += Vector3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2])) * weight;
@@ -165,7 +164,11 @@ impl Displacement {
         if self.forward.dims() != n || self.inverse.dims() != n {
             return Err(Error::Inconsistent {
                 what: "displacement",
-                problem: format!("fields of {:?} and {:?} on {n:?}", self.forward.dims(), self.inverse.dims()),
+                problem: format!(
+                    "fields of {:?} and {:?} on {n:?}",
+                    self.forward.dims(),
+                    self.inverse.dims()
+                ),
             });
         }
         if !self.vacated.is_empty() && self.vacated.len() != self.grid.len() {
@@ -190,7 +193,10 @@ mod tests {
         table[2] = 1;
         let vectors: Vec<[f32; 3]> = (0..1024).map(|i| [i as f32, -(i as f32), 0.5]).collect();
         let field = FieldBricks::new(dims, table, vectors.into()).unwrap();
-        assert_eq!(field.at(VoxelIndex([9, 2, 1])), [(1 + 8 * 2 + 64) as f32, -((1 + 8 * 2 + 64) as f32), 0.5]);
+        assert_eq!(
+            field.at(VoxelIndex([9, 2, 1])),
+            [(1 + 8 * 2 + 64) as f32, -((1 + 8 * 2 + 64) as f32), 0.5]
+        );
         assert_eq!(field.at(VoxelIndex([0, 0, 0])), [0.0; 3]);
         let mid = field.sample(Vector3::new(8.5, 2.0, 1.0));
         assert!((mid.x - 80.5).abs() < 1e-12);

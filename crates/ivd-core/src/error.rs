@@ -46,7 +46,9 @@ pub enum Error {
     #[error("cancelled")]
     Cancelled,
     /// The work would need more memory than [`crate::Exec::memory_limit`] allows.
-    #[error("{what} needs {needed} bytes, more than the memory limit of {limit} bytes; raise --memory-limit or crop the volume")]
+    #[error(
+        "{what} needs {needed} bytes, more than the memory limit of {limit} bytes; raise --memory-limit or crop the volume"
+    )]
     MemoryLimit {
         /// What was about to be allocated.
         what: String,
@@ -62,7 +64,9 @@ pub enum Error {
     #[error(transparent)]
     Grid(#[from] GridError),
     /// Two inputs that must lie on one grid don't.
-    #[error("{a} ({a_dims:?}) and {b} ({b_dims:?}) lie on different grids; use inputs made from the same volume")]
+    #[error(
+        "{a} ({a_dims:?}) and {b} ({b_dims:?}) lie on different grids; use inputs made from the same volume"
+    )]
     GridMismatch {
         /// First input.
         a: &'static str,

@@ -164,9 +164,7 @@ impl Exec {
     /// [`Error::MemoryLimit`] where `needed` bytes for `what` exceed the limit.
     pub fn check_memory(&self, what: &str, needed: u64) -> Result<(), Error> {
         match self.memory_limit {
-            Some(limit) if needed > limit => {
-                Err(Error::MemoryLimit { what: what.to_owned(), needed, limit })
-            }
+            Some(limit) if needed > limit => Err(Error::MemoryLimit { what: what.to_owned(), needed, limit }),
             _ => Ok(()),
         }
     }

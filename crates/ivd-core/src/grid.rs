@@ -24,7 +24,9 @@ impl From<VoxelIndex> for VoxelCoord {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GridError {
     /// A dimension is zero, or their product overflows.
-    #[error("grid of {0:?} voxels: every dimension must be at least 1 and the product must fit in memory addresses")]
+    #[error(
+        "grid of {0:?} voxels: every dimension must be at least 1 and the product must fit in memory addresses"
+    )]
     Dims([usize; 3]),
     /// A spacing is not a positive finite number.
     #[error("spacing {0:?} mm: every spacing must be positive and finite")]
@@ -42,12 +44,29 @@ pub enum GridError {
 /// `world = origin + direction · (spacing ∘ voxel)`. The columns of `direction` are unit vectors in RAS; they are
 /// orthogonal in nearly every scan, but a sheared affine (a tilted gantry) is kept, not straightened.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Unchecked")]
 pub struct Grid {
     dims: [usize; 3],
     spacing: [f64; 3],
     origin: [f64; 3],
     /// Column `a` is the world direction of voxel axis `a`.
     direction: [[f64; 3]; 3],
+}
+
+/// A grid as it is written, before its parts are checked.
+#[derive(Deserialize)]
+struct Unchecked {
+    dims: [usize; 3],
+    spacing: [f64; 3],
+    origin: [f64; 3],
+    direction: [[f64; 3]; 3],
+}
+
+impl TryFrom<Unchecked> for Grid {
+    type Error = GridError;
+    fn try_from(grid: Unchecked) -> Result<Self, GridError> {
+        Self::new(grid.dims, grid.spacing, grid.origin, grid.direction)
+    }
 }
 
 impl Grid {

@@ -14,7 +14,10 @@ impl Image {
     /// # Errors
     /// [`Error::Inconsistent`] where the length isn't `4 * width * height` or a side is 0.
     pub fn new(width: usize, height: usize, rgba: Vec<u8>) -> Result<Self, Error> {
-        if width == 0 || height == 0 || width.checked_mul(height).and_then(|n| n.checked_mul(4)) != Some(rgba.len()) {
+        if width == 0
+            || height == 0
+            || width.checked_mul(height).and_then(|n| n.checked_mul(4)) != Some(rgba.len())
+        {
             return Err(Error::Inconsistent {
                 what: "image",
                 problem: format!("{} bytes for {width} x {height} pixels", rgba.len()),

@@ -63,14 +63,38 @@ pub use volume::{Scalar, Volume, VoxelType, Voxels};
 macro_rules! with_voxels {
     ($voxels:expr, $slice:ident => $body:expr) => {
         match $voxels {
-            $crate::Voxels::U8(buffer) => { let $slice = buffer.as_slice(); $body }
-            $crate::Voxels::I8(buffer) => { let $slice = buffer.as_slice(); $body }
-            $crate::Voxels::U16(buffer) => { let $slice = buffer.as_slice(); $body }
-            $crate::Voxels::I16(buffer) => { let $slice = buffer.as_slice(); $body }
-            $crate::Voxels::U32(buffer) => { let $slice = buffer.as_slice(); $body }
-            $crate::Voxels::I32(buffer) => { let $slice = buffer.as_slice(); $body }
-            $crate::Voxels::F32(buffer) => { let $slice = buffer.as_slice(); $body }
-            $crate::Voxels::F64(buffer) => { let $slice = buffer.as_slice(); $body }
+            $crate::Voxels::U8(buffer) => {
+                let $slice = buffer.as_slice();
+                $body
+            }
+            $crate::Voxels::I8(buffer) => {
+                let $slice = buffer.as_slice();
+                $body
+            }
+            $crate::Voxels::U16(buffer) => {
+                let $slice = buffer.as_slice();
+                $body
+            }
+            $crate::Voxels::I16(buffer) => {
+                let $slice = buffer.as_slice();
+                $body
+            }
+            $crate::Voxels::U32(buffer) => {
+                let $slice = buffer.as_slice();
+                $body
+            }
+            $crate::Voxels::I32(buffer) => {
+                let $slice = buffer.as_slice();
+                $body
+            }
+            $crate::Voxels::F32(buffer) => {
+                let $slice = buffer.as_slice();
+                $body
+            }
+            $crate::Voxels::F64(buffer) => {
+                let $slice = buffer.as_slice();
+                $body
+            }
         }
     };
 }

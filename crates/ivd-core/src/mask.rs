@@ -32,12 +32,18 @@ impl Mask {
     /// Adds a level function [voxels], positive inside; its sign must agree with the mask where it isn't 0.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] where the length isn't the grid's.
+    /// [`Error::Inconsistent`] where the length isn't the grid's or a value is NaN.
     pub fn with_level(mut self, level: Buffer<f32>) -> Result<Self, Error> {
         if level.len() != self.grid.len() {
             return Err(Error::Inconsistent {
                 what: "level function",
                 problem: format!("{} values for a grid of {:?}", level.len(), self.grid.dims()),
+            });
+        }
+        if let Some(at) = level.iter().position(|v| v.is_nan()) {
+            return Err(Error::Inconsistent {
+                what: "level function",
+                problem: format!("no number at voxel {:?}", self.grid.index(at).0),
             });
         }
         self.level = Some(level);

@@ -70,10 +70,6 @@ impl Motion {
 
     /// Largest displacement of any frame [mm].
     pub fn max_displacement(&self) -> f64 {
-        self.frames
-            .iter()
-            .flat_map(|f| &f.displacement)
-            .map(|&d| Vector3::from(d).norm())
-            .fold(0.0, f64::max)
+        self.frames.iter().flat_map(|f| &f.displacement).map(|&d| Vector3::from(d).norm()).fold(0.0, f64::max)
     }
 }

@@ -267,7 +267,8 @@ impl Volume {
         use ndarray::ShapeBuilder;
         let values: Vec<f64> =
             with_voxels!(&self.voxels, slice => slice.iter().map(|v| self.real(v.to_f64())).collect());
-        ndarray::Array3::from_shape_vec(self.grid.dims().f(), values).expect("checked in with_scale: one value a voxel")
+        ndarray::Array3::from_shape_vec(self.grid.dims().f(), values)
+            .expect("checked in with_scale: one value a voxel")
     }
 
     /// A volume from an array indexed `[[x, y, z]]`, in any memory layout.
@@ -378,8 +379,7 @@ mod tests {
     #[test]
     fn nan_and_infinities_are_no_data() {
         let grid = Grid::with_spacing([4, 1, 1], [1.0; 3]).unwrap();
-        let volume =
-            Volume::new(grid, Voxels::from(vec![f32::NAN, 1.0, f32::INFINITY, -2.0])).unwrap();
+        let volume = Volume::new(grid, Voxels::from(vec![f32::NAN, 1.0, f32::INFINITY, -2.0])).unwrap();
         assert_eq!(volume.range(), Some([-2.0, 1.0]));
         assert_eq!(volume.missing(), 2);
     }

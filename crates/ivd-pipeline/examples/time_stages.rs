@@ -1,0 +1,80 @@
+//! Wall and processor time of single stages on one volume, warm, in one process: one request a line on stdin, one JSON
+//! object a line on stdout, so that a script can take turns with other programs.
+//!
+//! ```text
+//! time_stages VOLUME < requests
+//! kmvs 4          classes of least inertia
+//! extract 84.5    marching cubes at a value (the brick index is built anew each time)
+//! refine 0.1      half-edge collapse of the last lattice to a share of its triangles
+//! render T.ivd 512 0.5 90,15    a picture with a transfer function: side, step, view; not shaded
+//! ```
+
+use std::io::BufRead;
+use std::time::Instant;
+
+use ivd_artefact::Artefact;
+use ivd_core::{Exec, Volume};
+use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_render::{RenderParams, Scene, View, render};
+use serde_json::json;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let path = std::env::args().nth(1).ok_or("usage: time_stages VOLUME < requests")?;
+    let exec = Exec::default();
+    let volume = ivd_volume::read(path.as_ref(), &ivd_volume::ReadOptions::default(), &exec)?;
+    let mut lattice = None;
+    for line in std::io::stdin().lock().lines() {
+        let line = line?;
+        let words: Vec<&str> = line.split_whitespace().collect();
+        // A volume of its own for each request: the brick index belongs to the work.
+        let fresh = Volume::with_scale(volume.grid().clone(), volume.voxels().clone(), volume.slope(), volume.intercept())?;
+        let transfer = match words[..] {
+            ["render", file, ..] => Some(ivd_artefact::read(file)?.artefact),
+            _ => None,
+        };
+        let (wall, cpu) = (Instant::now(), cpu_seconds());
+        let figures = match words[..] {
+            ["kmvs", k] => {
+                let found = ivd_segment::kmvs(&fresh, None, &ivd_segment::KmvsParams { k: k.parse()? }, &exec)?;
+                json!({ "objective": found.objective, "means": found.labels.classes().iter().map(|c| c.mean).collect::<Vec<_>>() })
+            }
+            ["extract", iso] => {
+                let found = extract(&fresh, None, &ExtractParams { iso: Iso::Value(iso.parse()?) }, &exec)?.lattice;
+                let figures = json!({ "vertices": found.keys.len(), "triangles": found.triangles.len() });
+                lattice = Some(found);
+                figures
+            }
+            ["refine", ratio] => {
+                let params = RefineParams { target: Target::Ratio(ratio.parse()?), ..RefineParams::default() };
+                let found = collapse(lattice.as_ref().ok_or("extract first")?, &params, &exec)?;
+                json!({ "triangles": found.lattice.triangles.len(), "max_error_mm": found.max_error_mm })
+            }
+            ["render", _, side, step, view] => {
+                let Some(Artefact::Transfer(transfer)) = &transfer else { return Err("no transfer function".into()) };
+                let (azimuth, elevation) = view.split_once(',').ok_or("view: azimuth,elevation")?;
+                let view = View { azimuth_deg: azimuth.parse()?, elevation_deg: elevation.parse()?, ..View::default() };
+                let side = side.parse()?;
+                let params =
+                    RenderParams { width: side, height: side, step: step.parse()?, view, shading: false, annotate: false, ..RenderParams::default() };
+                let scene = Scene { transfer: Some(transfer), ..Scene::new(&fresh) };
+                let found = render(&scene, &params, &exec)?;
+                json!({ "samples_per_pixel": found.samples_per_pixel, "skipped_fraction": found.skipped_fraction })
+            }
+            _ => return Err(format!("unknown request `{line}`").into()),
+        };
+        let (wall, cpu) = (wall.elapsed().as_secs_f64(), cpu_seconds() - cpu);
+        println!("{}", json!({ "request": line, "wall_s": wall, "cpu_s": cpu, "figures": figures }));
+    }
+    Ok(())
+}
+
+/// Processor time of the threads that live [s], to the nanosecond; Linux alone tells it so.
+fn cpu_seconds() -> f64 {
+    let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    let one = |task: std::fs::DirEntry| {
+        let text = std::fs::read_to_string(task.path().join("schedstat")).ok()?;
+        text.split_whitespace().next()?.parse::<f64>().ok()
+    };
+    tasks.filter_map(one).sum::<f64>() / 1e9
+}
