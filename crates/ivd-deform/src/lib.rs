@@ -1,4 +1,41 @@
-//! Lattice deformation, displacement mapping, inverse and warp.
+//! Deformation: a lattice that moves, the voxels that follow, and the volume that comes of it.
+//!
+//! 1. [`spring::ring`] moves a lattice by its handles and gives a [`Motion`](ivd_core::Motion).
+//! 2. [`map::octree`] carries the motion to the voxels, inside the lattice and in a band round it, and gives a
+//!    [`Displacement`](ivd_core::Displacement): forward and inverse, proven free of folds by [`certificate`].
+//! 3. [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through it. Only bricks that moved are visited.
+//!
+//! [`inverse::invert`] and [`certificate::certify`] also serve fields from elsewhere.
+//!
+//! ```
+//! use ivd_core::{Exec, Grid, Volume, VoxelCoord, VoxelIndex, Voxels};
+//! use ivd_deform::{map, spring, warp};
+//! use ivd_lattice::extract::{ExtractParams, Iso, extract};
+//!
+//! // A ball of 10 mm, 100 inside and 0 outside.
+//! let exec = Exec::default();
+//! let grid = Grid::with_spacing([32; 3], [1.0; 3])?;
+//! let inside = |i| VoxelCoord::from(grid.index(i)).0.add_scalar(-15.5).norm() < 10.0;
+//! let voxels: Vec<u8> = (0..grid.len()).map(|i| if inside(i) { 100 } else { 0 }).collect();
+//! let volume = Volume::new(grid, Voxels::from(voxels))?;
+//! let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(50.0) }, &exec)?.lattice;
+//!
+//! // Its top is pulled up by 3 mm; the surface within 24 mm follows.
+//! let handle = spring::Handle {
+//!     at: spring::HandleAt::Pick([15.5, 15.5, 25.5]),
+//!     action: spring::Action::Move([0.0, 0.0, 3.0]),
+//!     radius: 24.0,
+//! };
+//! let solved = spring::ring(&lattice, &[handle], &[], &spring::RingParams::default(), &exec)?;
+//! let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec)?;
+//! let mapped = map::octree(&lattice, &octree, &solved.motion, 0, &map::MapParams::default(), &exec)?;
+//! assert!(mapped.min_det_j > 0.0);
+//!
+//! let warped = warp::volume(&volume, &mapped.displacement, &warp::WarpParams::default(), &exec)?;
+//! let above = VoxelIndex([15, 15, 27]);
+//! assert_eq!((volume.value(above), warped.output.value(above)), (0.0, 100.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod certificate;
