@@ -3,7 +3,8 @@
 //! [`collapse`] removes vertices one by one by half-edge collapse: a vertex is pulled onto a neighbour, its two triangles
 //! between them vanish, and the others round it follow. No vertex is made or moved, so that every vertex left keeps its
 //! address on the grid. What it never does: open a closed surface, join or pinch parts of it, change its genus, let a
-//! component vanish (a tetrahedron is the least), turn a triangle over, or leave one without area.
+//! component vanish (a tetrahedron is the least), turn a triangle over at once, or leave one without area. What it doesn't
+//! watch: sheets that come closer than the error may pass through each other.
 //!
 //! **Order.** Each vertex is judged by the mean squared distance of its target from the planes that met in it and in all
 //! that were collapsed onto it (Garland & Heckbert 1997, as half-edge collapse). Passes take the cheapest part of the
