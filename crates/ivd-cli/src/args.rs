@@ -158,7 +158,7 @@ pub(crate) enum Command {
         /// A class id, densest or largest.
         #[arg(long)]
         class: Option<ClassChoice>,
-        /// A point in the part [mm].
+        /// A point in the part (mm).
         #[arg(long, value_name = "x,y,z", value_parser = parse::triple, allow_hyphen_values = true)]
         seed: Option<[f64; 3]>,
         /// Where there are no labels: the part at or above this value.
@@ -202,7 +202,7 @@ pub(crate) enum Command {
         /// Keep this share of the triangles.
         #[arg(long, group = "target")]
         ratio: Option<f64>,
-        /// Stay within this distance [mm].
+        /// Stay within this distance (mm).
         #[arg(long, group = "target", value_name = "MM")]
         max_error: Option<f64>,
         #[command(flatten)]
@@ -228,10 +228,10 @@ pub(crate) enum Command {
         /// ring.
         #[arg(long)]
         solver: Option<String>,
-        /// Stiffness of a spring [N/m].
+        /// Stiffness of a spring (N/m).
         #[arg(long, value_name = "N/m")]
         stiffness: Option<f64>,
-        /// Time of the motion [s].
+        /// Time of the motion (s).
         #[arg(long, value_name = "s")]
         duration: Option<f64>,
         #[command(flatten)]
@@ -254,7 +254,7 @@ pub(crate) enum Command {
         /// band or free.
         #[arg(long)]
         outside: Option<String>,
-        /// Width of the band beyond the handles' reach [mm].
+        /// Width of the band beyond the handles' reach (mm).
         #[arg(long, value_name = "MM")]
         margin: Option<f64>,
         #[command(flatten)]
@@ -294,7 +294,7 @@ pub(crate) enum Command {
         /// Pixels.
         #[arg(long, value_name = "WxH", value_parser = parse::size)]
         size: Option<[usize; 2]>,
-        /// Azimuth and elevation [degrees].
+        /// Azimuth and elevation (degrees).
         #[arg(long, value_name = "az,el", value_parser = parse::pair, allow_hyphen_values = true)]
         view: Option<[f64; 2]>,
         /// Sample distance as a fraction of the smallest spacing.
@@ -359,7 +359,7 @@ pub(crate) struct Raw {
     /// Stored type.
     #[arg(long, value_name = "TYPE", requires = "raw_dims")]
     pub(crate) raw_type: Option<String>,
-    /// Distance of voxel centres [mm]; 1,1,1 where it isn't given.
+    /// Distance of voxel centres (mm); 1,1,1 where it isn't given.
     #[arg(long, value_name = "a,b,c", value_parser = parse::triple)]
     pub(crate) raw_spacing: Option<[f64; 3]>,
     /// Byte order: little or big.

@@ -22,7 +22,7 @@ impl FieldBricks {
     pub const VOXELS: usize = 512;
 
     /// A field on a grid of `dims` voxels. `table` gives each brick's slot, or [`NO_BRICK`]; slots count up in the
-    /// order of the table. `vectors` has shape `[slots, 8, 8, 8, 3]` [mm].
+    /// order of the table. `vectors` has shape `[slots, 8, 8, 8, 3]` (mm).
     ///
     /// # Errors
     /// [`Error::Inconsistent`] where lengths or slots don't fit or a vector isn't finite.
@@ -71,7 +71,7 @@ impl FieldBricks {
         &self.table
     }
 
-    /// Vectors of the stored bricks [mm].
+    /// Vectors of the stored bricks (mm).
     pub fn vectors(&self) -> &[[f32; 3]] {
         &self.vectors
     }
@@ -93,7 +93,7 @@ impl FieldBricks {
         (slot != NO_BRICK).then(|| &self.vectors[slot as usize * Self::VOXELS..][..Self::VOXELS])
     }
 
-    /// The vector at a voxel [mm]; 0 where its brick is absent.
+    /// The vector at a voxel (mm); 0 where its brick is absent.
     #[inline]
     pub fn at(&self, index: VoxelIndex) -> [f32; 3] {
         let [x, y, z] = index.0;
@@ -104,7 +104,7 @@ impl FieldBricks {
         }
     }
 
-    /// The vector [mm] at a voxel coordinate, trilinear between voxels; outside the grid the nearest border voxel's.
+    /// The vector (mm) at a voxel coordinate, trilinear between voxels; outside the grid the nearest border voxel's.
     pub fn sample(&self, voxel: Vector3<f64>) -> Vector3<f64> {
         let mut base = [0_usize; 3];
         let mut frac = [0.0; 3];
@@ -134,13 +134,13 @@ impl FieldBricks {
 pub struct Displacement {
     /// The grid whose voxels carry the vectors.
     pub grid: Grid,
-    /// Time of the frame [s].
+    /// Time of the frame (s).
     pub time: f64,
     /// Rest → deformed.
     pub forward: FieldBricks,
     /// Deformed → rest.
     pub inverse: FieldBricks,
-    /// Largest |φ(ψ(y)) − y| over the voxels of the inverse [voxels].
+    /// Largest |φ(ψ(y)) − y| over the voxels of the inverse (voxels).
     pub inverse_residual_max: f64,
     /// Smallest certified bound of det ∇φ.
     pub min_det_j: f64,

@@ -9,7 +9,7 @@ pub struct VoxelIndex(pub [usize; 3]);
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VoxelCoord(pub Vector3<f64>);
 
-/// Position in world space [mm], RAS.
+/// Position in world space (mm), RAS.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct World(pub Vector3<f64>);
 
@@ -72,8 +72,8 @@ impl TryFrom<Unchecked> for Grid {
 impl Grid {
     /// A grid of `dims` voxels.
     ///
-    /// - `spacing`: distance of voxel centres along each axis [mm], > 0.
-    /// - `origin`: world position of the centre of voxel (0, 0, 0) [mm], RAS.
+    /// - `spacing`: distance of voxel centres along each axis (mm), > 0.
+    /// - `origin`: world position of the centre of voxel (0, 0, 0) (mm), RAS.
     /// - `direction`: column `a` is the unit world direction of voxel axis `a`; `direction[a]` is that column.
     ///
     /// # Errors
@@ -111,7 +111,7 @@ impl Grid {
         Self::new(dims, spacing, [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     }
 
-    /// A grid from a voxel-to-world affine given by its linear part (columns) and translation [mm], RAS.
+    /// A grid from a voxel-to-world affine given by its linear part (columns) and translation (mm), RAS.
     ///
     /// # Errors
     /// As [`Grid::new`]; a zero column is a bad spacing.
@@ -133,12 +133,12 @@ impl Grid {
         self.dims
     }
 
-    /// Distance of voxel centres along each axis [mm].
+    /// Distance of voxel centres along each axis (mm).
     pub fn spacing(&self) -> [f64; 3] {
         self.spacing
     }
 
-    /// World position of voxel (0, 0, 0) [mm], RAS.
+    /// World position of voxel (0, 0, 0) (mm), RAS.
     pub fn origin(&self) -> [f64; 3] {
         self.origin
     }
@@ -180,22 +180,22 @@ impl Grid {
         }))
     }
 
-    /// Inverse of [`Grid::linear_part`]: world displacement [mm] to voxel displacement.
+    /// Inverse of [`Grid::linear_part`]: world displacement (mm) to voxel displacement.
     pub fn inverse_linear_part(&self) -> Matrix3<f64> {
         self.linear_part().try_inverse().expect("checked in Grid::new: the direction is invertible")
     }
 
-    /// World position [mm] of a voxel coordinate.
+    /// World position (mm) of a voxel coordinate.
     pub fn world(&self, voxel: VoxelCoord) -> World {
         World(Vector3::from(self.origin) + self.linear_part() * voxel.0)
     }
 
-    /// Voxel coordinate of a world position [mm].
+    /// Voxel coordinate of a world position (mm).
     pub fn voxel(&self, world: World) -> VoxelCoord {
         VoxelCoord(self.inverse_linear_part() * (world.0 - Vector3::from(self.origin)))
     }
 
-    /// Length of a voxel's diagonal [mm] (the longest one, where the grid is sheared).
+    /// Length of a voxel's diagonal (mm) (the longest one, where the grid is sheared).
     pub fn voxel_diagonal(&self) -> f64 {
         let m = self.linear_part();
         [[1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]]
@@ -204,7 +204,7 @@ impl Grid {
             .fold(0.0, f64::max)
     }
 
-    /// Volume of one voxel [mm³].
+    /// Volume of one voxel (mm³).
     pub fn voxel_volume(&self) -> f64 {
         self.linear_part().determinant().abs()
     }

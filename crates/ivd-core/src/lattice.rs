@@ -75,14 +75,14 @@ pub struct Lattice {
     pub source: LatticeSource,
     /// Address of each vertex, strictly ascending.
     pub keys: Vec<ElementKey>,
-    /// Offset of each vertex from its key's voxel [voxels], 0 ≤ p < 1; on an edge only its own axis is not 0 and lies
+    /// Offset of each vertex from its key's voxel (voxels), 0 ≤ p < 1; on an edge only its own axis is not 0 and lies
     /// in `[T_MIN, 1 - T_MIN]`.
     pub places: Vec<[f32; 3]>,
     /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
     /// Refinement level: about a quarter of the vertices is kept per level; 0 as extracted.
     pub level: u8,
-    /// Bound on the distance to the extracted lattice [mm]; 0 at level 0.
+    /// Bound on the distance to the extracted lattice (mm); 0 at level 0.
     pub max_error_mm: f64,
 }
 
@@ -121,19 +121,19 @@ impl Lattice {
         VoxelCoord(Vector3::from_fn(|a, _| v[a] as f64 + f64::from(p[a])))
     }
 
-    /// World position of vertex `i` [mm].
+    /// World position of vertex `i` (mm).
     pub fn world(&self, i: usize) -> World {
         self.grid.world(self.voxel(i))
     }
 
-    /// World positions [mm] of all vertices, shape `[vertex_count, 3]`.
+    /// World positions (mm) of all vertices, shape `[vertex_count, 3]`.
     pub fn positions(&self) -> Vec<Vector3<f64>> {
         use rayon::prelude::*;
         let (linear, origin) = (self.grid.linear_part(), Vector3::from(self.grid.origin()));
         (0..self.keys.len()).into_par_iter().map(|i| origin + linear * self.voxel(i).0).collect()
     }
 
-    /// World positions [mm] relative to the grid's origin: exact differences even 10⁶ mm away from 0.
+    /// World positions (mm) relative to the grid's origin: exact differences even 10⁶ mm away from 0.
     pub fn local_positions(&self) -> Vec<Vector3<f64>> {
         use rayon::prelude::*;
         let linear = self.grid.linear_part();

@@ -29,7 +29,7 @@ impl Mask {
         Ok(Self { grid, inside, level: None })
     }
 
-    /// Adds a level function [voxels], positive inside; its sign must agree with the mask where it isn't 0.
+    /// Adds a level function (voxels), positive inside; its sign must agree with the mask where it isn't 0.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] where the length isn't the grid's or a value is NaN.
@@ -65,7 +65,7 @@ impl Mask {
         &self.inside
     }
 
-    /// The level function [voxels], where there is one.
+    /// The level function (voxels), where there is one.
     pub fn level(&self) -> Option<&Buffer<f32>> {
         self.level.as_ref()
     }

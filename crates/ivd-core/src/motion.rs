@@ -6,14 +6,14 @@ use crate::{Error, Grid, World};
 /// A ball in rest space.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Ball {
-    /// Centre [mm], RAS.
+    /// Centre (mm), RAS.
     pub centre: [f64; 3],
-    /// Radius [mm].
+    /// Radius (mm).
     pub radius: f64,
 }
 
 impl Ball {
-    /// Distance [mm] of a point from the ball's surface, negative inside.
+    /// Distance (mm) of a point from the ball's surface, negative inside.
     pub fn distance(&self, point: World) -> f64 {
         (point.0 - Vector3::from(self.centre)).norm() - self.radius
     }
@@ -22,9 +22,9 @@ impl Ball {
 /// Displacement of every lattice vertex at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Time since rest [s].
+    /// Time since rest (s).
     pub time: f64,
-    /// Displacement of each vertex [mm], RAS, shape `[vertex_count, 3]`; exactly 0 where nothing moved.
+    /// Displacement of each vertex (mm), RAS, shape `[vertex_count, 3]`; exactly 0 where nothing moved.
     pub displacement: Vec<[f64; 3]>,
 }
 
@@ -68,7 +68,7 @@ impl Motion {
         Ok(())
     }
 
-    /// Largest displacement of any frame [mm].
+    /// Largest displacement of any frame (mm).
     pub fn max_displacement(&self) -> f64 {
         self.frames.iter().flat_map(|f| &f.displacement).map(|&d| Vector3::from(d).norm()).fold(0.0, f64::max)
     }

@@ -77,7 +77,7 @@ impl TransferFunction {
         self.resolution
     }
 
-    /// Length over which the opacities hold [mm].
+    /// Length over which the opacities hold (mm).
     pub fn reference_mm(&self) -> f64 {
         self.reference_mm
     }

@@ -28,7 +28,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let line = line?;
         let words: Vec<&str> = line.split_whitespace().collect();
         // A volume of its own for each request: the brick index belongs to the work.
-        let fresh = Volume::with_scale(volume.grid().clone(), volume.voxels().clone(), volume.slope(), volume.intercept())?;
+        let fresh = Volume::with_scale(
+            volume.grid().clone(),
+            volume.voxels().clone(),
+            volume.slope(),
+            volume.intercept(),
+        )?;
         let transfer = match words[..] {
             ["render", file, ..] => Some(ivd_artefact::read(file)?.artefact),
             _ => None,
@@ -36,27 +41,43 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (wall, cpu) = (Instant::now(), cpu_seconds());
         let figures = match words[..] {
             ["kmvs", k] => {
-                let found = ivd_segment::kmvs(&fresh, None, &ivd_segment::KmvsParams { k: k.parse()? }, &exec)?;
+                let found =
+                    ivd_segment::kmvs(&fresh, None, &ivd_segment::KmvsParams { k: k.parse()? }, &exec)?;
                 json!({ "objective": found.objective, "means": found.labels.classes().iter().map(|c| c.mean).collect::<Vec<_>>() })
             }
             ["extract", iso] => {
-                let found = extract(&fresh, None, &ExtractParams { iso: Iso::Value(iso.parse()?) }, &exec)?.lattice;
+                let found =
+                    extract(&fresh, None, &ExtractParams { iso: Iso::Value(iso.parse()?) }, &exec)?.lattice;
                 let figures = json!({ "vertices": found.keys.len(), "triangles": found.triangles.len() });
                 lattice = Some(found);
                 figures
             }
             ["refine", ratio] => {
-                let params = RefineParams { target: Target::Ratio(ratio.parse()?), ..RefineParams::default() };
+                let params =
+                    RefineParams { target: Target::Ratio(ratio.parse()?), ..RefineParams::default() };
                 let found = collapse(lattice.as_ref().ok_or("extract first")?, &params, &exec)?;
                 json!({ "triangles": found.lattice.triangles.len(), "max_error_mm": found.max_error_mm })
             }
             ["render", _, side, step, view] => {
-                let Some(Artefact::Transfer(transfer)) = &transfer else { return Err("no transfer function".into()) };
+                let Some(Artefact::Transfer(transfer)) = &transfer else {
+                    return Err("no transfer function".into());
+                };
                 let (azimuth, elevation) = view.split_once(',').ok_or("view: azimuth,elevation")?;
-                let view = View { azimuth_deg: azimuth.parse()?, elevation_deg: elevation.parse()?, ..View::default() };
+                let view = View {
+                    azimuth_deg: azimuth.parse()?,
+                    elevation_deg: elevation.parse()?,
+                    ..View::default()
+                };
                 let side = side.parse()?;
-                let params =
-                    RenderParams { width: side, height: side, step: step.parse()?, view, shading: false, annotate: false, ..RenderParams::default() };
+                let params = RenderParams {
+                    width: side,
+                    height: side,
+                    step: step.parse()?,
+                    view,
+                    shading: false,
+                    annotate: false,
+                    ..RenderParams::default()
+                };
                 let scene = Scene { transfer: Some(transfer), ..Scene::new(&fresh) };
                 let found = render(&scene, &params, &exec)?;
                 json!({ "samples_per_pixel": found.samples_per_pixel, "skipped_fraction": found.skipped_fraction })

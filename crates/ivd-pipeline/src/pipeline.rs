@@ -36,7 +36,7 @@ pub struct PipelineReport {
     pub stages: Vec<StageRecord>,
     /// Files in the output folder.
     pub outputs: Vec<OutputFile>,
-    /// Wall time [s].
+    /// Wall time (s).
     pub wall_s: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Peak memory and processor time of this process. The only module that knows an operating system's way to tell them.
 
-/// Peak resident memory [MiB] since [`reset_peak`]; `None` where the system doesn't tell.
+/// Peak resident memory (MiB) since [`reset_peak`]; `None` where the system doesn't tell.
 pub fn peak_rss_mb() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
@@ -13,7 +13,7 @@ pub fn reset_peak() {
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
-/// User and system time of all threads so far [s]; `None` where the system doesn't tell.
+/// User and system time of all threads so far (s); `None` where the system doesn't tell.
 pub fn cpu_seconds() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     // Fields 14 and 15 of proc(5), counted after the command's closing parenthesis; ticks of 1/100 s on Linux.

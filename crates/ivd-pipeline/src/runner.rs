@@ -59,11 +59,11 @@ pub struct StageRecord {
     pub output: Option<OutputRecord>,
     /// Whether the result came from the cache.
     pub cached: bool,
-    /// Wall time [s] of this run: the work's, or the cache's.
+    /// Wall time (s) of this run: the work's, or the cache's.
     pub wall_s: f64,
-    /// Processor time [s] of all threads, where the system tells.
+    /// Processor time (s) of all threads, where the system tells.
     pub cpu_s: Option<f64>,
-    /// Peak resident memory while it ran [MiB], where the system tells.
+    /// Peak resident memory while it ran (MiB), where the system tells.
     pub peak_rss_mb: Option<f64>,
     /// Figures of the work.
     pub metrics: Metrics,

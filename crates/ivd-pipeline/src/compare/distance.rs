@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::Error;
 use crate::error::stage_error;
 
-/// Largest and mean distance \[mm\] of vertices and triangle centres from the other surface, and the larger of both
+/// Largest and mean distance (mm) of vertices and triangle centres from the other surface, and the larger of both
 /// directions (a sampled Hausdorff distance: a lower bound of the true one).
 pub(super) fn lattices(a: &Lattice, b: &Lattice, exec: &Exec) -> Result<Value, Error> {
     if a.triangles.is_empty() || b.triangles.is_empty() {

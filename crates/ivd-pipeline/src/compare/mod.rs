@@ -13,8 +13,8 @@ use crate::Error;
 /// Compares two artefacts of one kind.
 ///
 /// Labels: Dice of each class of `a` with its best match, adjusted Rand index, confusion table. Masks: Dice. Lattices:
-/// Hausdorff and mean distance \[mm\], both ways, from vertices and triangle centres to the other surface. Volumes,
-/// displacements \[mm\] and images: largest, 95th percentile and root mean square of the difference.
+/// Hausdorff and mean distance (mm), both ways, from vertices and triangle centres to the other surface. Volumes,
+/// displacements (mm) and images: largest, 95th percentile and root mean square of the difference.
 ///
 /// # Errors
 /// A usage error where the kinds differ or the kind has no measure; [`ivd_core::Error::GridMismatch`] where the grids

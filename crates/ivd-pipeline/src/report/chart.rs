@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-/// Width and height of the plotted area [SVG units].
+/// Width and height of the plotted area (SVG units).
 const AREA: [f64; 2] = [560.0, 160.0];
 /// Room for the labels of the axes.
 const LEFT: f64 = 46.0;

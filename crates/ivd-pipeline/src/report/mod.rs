@@ -25,11 +25,11 @@ pub(crate) struct Material {
     pub(crate) transfer: Option<TransferFunction>,
     /// The volume at rest, for the histogram.
     pub(crate) volume: Option<Arc<Artefact>>,
-    /// Length of each moved vertex's displacement [mm].
+    /// Length of each moved vertex's displacement (mm).
     pub(crate) displacements: Vec<f64>,
 }
 
-/// Displacement [mm] of the vertices that move, in the last frame.
+/// Displacement (mm) of the vertices that move, in the last frame.
 pub(crate) fn motion_lengths(motion: &Motion) -> Vec<f64> {
     let last = motion.frames.last();
     let lengths = last.into_iter().flat_map(|f| &f.displacement).map(|&d| Vector3::from(d).norm());

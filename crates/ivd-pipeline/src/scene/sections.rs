@@ -21,7 +21,7 @@ pub struct InputSection {
     /// DICOM series, where the folder holds several.
     #[serde(default)]
     pub series: Option<String>,
-    /// Distance of voxel centres \[mm\], for formats that don't say it.
+    /// Distance of voxel centres (mm), for formats that don't say it.
     #[serde(default)]
     pub spacing: Option<[f64; 3]>,
     /// A generated volume: head, sphere, torus, gyroid, spheres, shell or bars.
@@ -53,7 +53,7 @@ pub struct RawSection {
     #[serde(rename = "type")]
     #[schemars(with = "String")]
     pub voxel_type: VoxelType,
-    /// Distance of voxel centres \[mm\].
+    /// Distance of voxel centres (mm).
     #[serde(default = "unit_spacing")]
     pub spacing: [f64; 3],
     /// Byte order: "little" or "big".
@@ -135,7 +135,7 @@ impl std::str::FromStr for ClassChoice {
 pub struct BoundarySection {
     /// The class whose part is isolated.
     pub class: Option<ClassChoice>,
-    /// A point in the part \[mm\], RAS; the largest part where it isn't given.
+    /// A point in the part (mm), RAS; the largest part where it isn't given.
     pub seed: Option<[f64; 3]>,
     /// Whether holes inside the part belong to it.
     pub fill_holes: bool,
@@ -208,7 +208,7 @@ pub struct RefineSection {
     pub level: Option<u8>,
     /// Keep this share of the triangles.
     pub ratio: Option<f64>,
-    /// Keep the surface within this distance \[mm\].
+    /// Keep the surface within this distance (mm).
     pub max_error: Option<f64>,
 }
 
@@ -227,11 +227,11 @@ pub enum Solver {
 pub struct DeformSection {
     /// Solver.
     pub solver: Solver,
-    /// Stiffness of a spring \[N/m\].
+    /// Stiffness of a spring (N/m).
     pub stiffness: f64,
-    /// Time of the motion \[s\].
+    /// Time of the motion (s).
     pub duration: f64,
-    /// Time step \[s\]; chosen where it isn't given.
+    /// Time step (s); chosen where it isn't given.
     pub dt: Option<f64>,
     /// What moves.
     pub handle: Vec<HandleSection>,
@@ -256,19 +256,19 @@ impl Default for DeformSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HandleSection {
-    /// A point \[mm\], RAS; the nearest vertex is taken.
+    /// A point (mm), RAS; the nearest vertex is taken.
     #[serde(default)]
     pub pick: Option<[f64; 3]>,
     /// A vertex of the lattice that deform reads.
     #[serde(default)]
     pub vertex: Option<u32>,
-    /// Where the vertex goes \[mm\], relative.
+    /// Where the vertex goes (mm), relative.
     #[serde(default, rename = "move")]
     pub displace: Option<[f64; 3]>,
-    /// The force on it \[mN\].
+    /// The force on it (mN).
     #[serde(default)]
     pub force: Option<[f64; 3]>,
-    /// Reach in rest space \[mm\].
+    /// Reach in rest space (mm).
     pub radius: f64,
 }
 
@@ -301,9 +301,9 @@ impl HandleSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FixSection {
-    /// Centre \[mm\], RAS.
+    /// Centre (mm), RAS.
     pub pick: [f64; 3],
-    /// Radius \[mm\].
+    /// Radius (mm).
     pub radius: f64,
 }
 
@@ -350,9 +350,9 @@ pub struct MapSection {
     pub method: MapMethod,
     /// How displacement fades with depth.
     pub weight: DepthWeight,
-    /// Depth at which it has faded \[mm\]; from the handles where it isn't given.
+    /// Depth at which it has faded (mm); from the handles where it isn't given.
     pub depth: Option<f64>,
-    /// Width of the band beyond the handles' reach \[mm\].
+    /// Width of the band beyond the handles' reach (mm).
     pub margin: Option<f64>,
     /// Outside of the lattice.
     pub outside: Outside,
@@ -419,9 +419,9 @@ pub struct RenderSection {
     pub mode: RenderMode,
     /// Isovalue of mode "iso".
     pub iso: Option<f64>,
-    /// Width and height \[pixels\].
+    /// Width and height (pixels).
     pub size: [usize; 2],
-    /// Azimuth and elevation \[degrees\]; 0, 0 looks from the front.
+    /// Azimuth and elevation (degrees); 0, 0 looks from the front.
     pub view: [f64; 2],
     /// Enlargement; 1 fits the volume.
     pub zoom: f64,
