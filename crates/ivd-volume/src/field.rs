@@ -16,7 +16,7 @@ pub enum FieldDirection {
     Inverse,
 }
 
-/// Writes one of a displacement's fields as a dense `.nrrd` of three `f32` a voxel [mm], in LPS, as ITK and SimpleITK
+/// Writes one of a displacement's fields as a dense `.nrrd` of three `f32` a voxel, millimetres in LPS, as ITK and SimpleITK
 /// read a displacement field: the vector is the fastest axis, grid and vectors share the space
 /// `left-posterior-superior`.
 ///

@@ -16,7 +16,7 @@ pub struct RawLayout {
     pub dims: [usize; 3],
     /// Stored type.
     pub voxel_type: VoxelType,
-    /// Distance of voxel centres [mm].
+    /// Distance of voxel centres, in mm.
     #[serde(default = "unit_spacing")]
     pub spacing: [f64; 3],
     /// Byte order.

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use ivd_core::{Exec, Volume};
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, RawLayout, bounded, dicom, metaimage, nifti, nrrd, raw, stack, vti};
+use crate::{Error, RawLayout, dicom, metaimage, nifti, nrrd, raw, stack, vti};
 
 /// What the file alone doesn't tell.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -15,7 +15,7 @@ pub struct ReadOptions {
     pub frame: Option<usize>,
     /// Which DICOM series of a folder with several.
     pub series: Option<String>,
-    /// Spacing [mm] in place of the file's, for formats without a trustworthy one: TIFF, PNG and raw slices.
+    /// Spacing in mm, in place of the file's, for formats without a trustworthy one: TIFF, PNG and raw slices.
     pub spacing: Option<[f64; 3]>,
 }
 
@@ -63,7 +63,7 @@ pub fn read(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, E
 }
 
 fn read_folder(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
-    if options.raw.is_none() && !dicom_files(path)?.is_empty() {
+    if options.raw.is_none() && holds_dicom(path)? {
         return dicom::read_folder(path, options.series.as_deref(), exec);
     }
     stack::read_folder(path, options.raw.as_ref(), options.spacing, exec)
@@ -76,8 +76,11 @@ fn read_folder(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume
 /// As [`read`], as far as it takes to know the names.
 pub fn sources(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error> {
     let mut files = if is_folder(path)? {
-        let dicom = if options.raw.is_none() { dicom_files(path)? } else { Vec::new() };
-        if dicom.is_empty() { stack::sources(path, options.raw.as_ref())? } else { dicom }
+        if options.raw.is_none() && holds_dicom(path)? {
+            dicom::sources(path, options.series.as_deref())?
+        } else {
+            stack::sources(path, options.raw.as_ref())?
+        }
     } else if options.raw.is_some() {
         vec![path.to_owned()]
     } else {
@@ -97,17 +100,15 @@ fn is_folder(path: &Path) -> Result<bool, Error> {
     Ok(std::fs::metadata(path).map_err(|e| Error::io(path, "open", e))?.is_dir())
 }
 
-/// Files of a folder that carry DICOM's magic, sorted.
-fn dicom_files(dir: &Path) -> Result<Vec<PathBuf>, Error> {
-    let mut files = Vec::new();
+/// Whether some file of a folder carries DICOM's magic.
+fn holds_dicom(dir: &Path) -> Result<bool, Error> {
     for entry in std::fs::read_dir(dir).map_err(|e| Error::io(dir, "list", e))? {
         let path = entry.map_err(|e| Error::io(dir, "list", e))?.path();
-        if path.is_file() && is_dicom(&bounded::head(&path, 132)?) {
-            files.push(path);
+        if path.is_file() && dicom::looks_like_dicom(&path) {
+            return Ok(true);
         }
     }
-    files.sort();
-    Ok(files)
+    Ok(false)
 }
 
 fn is_dicom(bytes: &[u8]) -> bool {
