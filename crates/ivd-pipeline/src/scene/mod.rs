@@ -1,6 +1,6 @@
 //! The scene file: what a user asks for, in TOML, `schema = 1`.
 //!
-//! An unknown key is an error with a suggestion; paths are relative to the scene's folder. [`Scene::load`] reads a
+//! An unknown key is an error with a suggestion; paths are relative to the scene's folder. [`load`] reads a
 //! file with overrides (`--set stage.key=value`) applied before anything is checked.
 
 mod load;
