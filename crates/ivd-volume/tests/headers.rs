@@ -348,6 +348,7 @@ fn each_hostile_field_of_nrrd_is_named() {
             "encoding: raw\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (",
             "space origin",
         ),
+        ("encoding: raw", "encoding: raw\nspace: RAS\nspace origin: (1,2,3)", "space origin"),
         ("encoding: raw", "encoding: raw\nkinds: domain", "kinds"),
         ("encoding: raw", "encoding: raw\ndata file: nowhere.raw", "nowhere.raw"),
         ("encoding: raw", "encoding: raw\ndata file: slice%03d.raw 1 9 1", "data file"),

@@ -1,7 +1,7 @@
 //! MetaImage: `.mha` with its data inside, `.mhd` with the data in a file of its own.
 //!
 //! Its space is LPS. Row `a` of `TransformMatrix` is the direction of axis `a`. The intensity slope and offset that
-//! some files carry (`ElementToIntensityFunctionSlope`) change nothing, as in ITK. `CompressedDataSize` is not believed
+//! some files carry (`ElementToIntensityFunctionSlope`) and `DistanceUnits` change nothing, as in ITK. `CompressedDataSize` is not believed
 //! (there are files in which it is wrong): the data ends where its stream ends.
 
 mod header;
@@ -100,17 +100,12 @@ fn rank(path: &Path, header: &Header) -> Result<usize, Error> {
 
 fn grid(path: &Path, header: &Header, dims: [usize; 3]) -> Result<Grid, Error> {
     let rank = rank(path, header)?;
-    let unit = match header.get("DistanceUnits").map(str::to_lowercase).as_deref() {
-        Some("um") => 1e-3,
-        Some("cm") => 10.0,
-        _ => 1.0,
-    };
     let (mut spacing, mut origin, mut direction) = ([1.0; 3], [0.0; 3], space::IDENTITY);
     if let Some(given) = header.any::<f64>(path, &["ElementSpacing", "ElementSize"], rank)? {
-        (0..rank.min(3)).for_each(|a| spacing[a] = given[a] * unit);
+        (0..rank.min(3)).for_each(|a| spacing[a] = given[a]);
     }
     if let Some(given) = header.any::<f64>(path, &["Offset", "Position", "Origin"], rank)? {
-        (0..rank.min(3)).for_each(|a| origin[a] = given[a] * unit);
+        (0..rank.min(3)).for_each(|a| origin[a] = given[a]);
     }
     if let Some(given) =
         header.any::<f64>(path, &["TransformMatrix", "Rotation", "Orientation"], rank * rank)?

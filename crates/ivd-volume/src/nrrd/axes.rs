@@ -129,6 +129,9 @@ fn spaced_grid(
     dims: [usize; 3],
     spatial: &[usize],
 ) -> Result<Grid, Error> {
+    if header.get("space origin").is_some() {
+        return Err(Error::field(path, "space origin", "given without `space directions`"));
+    }
     let mut spacing = [1.0; 3];
     // An axis without a spacing says `nan`.
     let given = header.numbers::<f64>(path, "spacings", rank)?;
