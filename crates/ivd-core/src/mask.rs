@@ -76,3 +76,18 @@ impl Mask {
         self.inside.par_chunks(1 << 16).map(|c| c.iter().map(|&v| u64::from(v)).sum::<u64>()).sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_hold_0_and_1_and_levels_are_numbers() {
+        let grid = Grid::with_spacing([2, 1, 1], [1.0; 3]).unwrap();
+        assert!(Mask::new(grid.clone(), vec![0, 2].into()).unwrap_err().to_string().contains("[1, 0, 0]"));
+        let mask = Mask::new(grid, vec![0, 1].into()).unwrap();
+        assert_eq!(mask.count(), 1);
+        assert!(mask.clone().with_level(vec![-1.0, f32::NAN].into()).is_err());
+        assert!(mask.with_level(vec![-1.0, 2.0].into()).is_ok());
+    }
+}

@@ -209,7 +209,10 @@ impl Clock {
     fn stop(self, record: StageRecord) -> StageRecord {
         StageRecord {
             wall_s: self.wall.elapsed().as_secs_f64(),
-            cpu_s: resource::cpu_seconds().zip(self.cpu).map(|(now, then)| now - then),
+            // Ticks of 1/100 s: more digits would be noise of the subtraction.
+            cpu_s: resource::cpu_seconds()
+                .zip(self.cpu)
+                .map(|(now, then)| ((now - then) * 100.0).round() / 100.0),
             peak_rss_mb: resource::peak_rss_mb(),
             ..record
         }

@@ -129,6 +129,7 @@ fn deformation(
         ("largest displacement [mm]", metric(deform, "max_displacement_mm")),
         ("voxels moved", metric(Some(map), "voxels_moved")),
         ("voxels resampled", metric(warp, "voxels_resampled")),
+        ("volume inside the lattice, rest → deformed (mm³)", enclosed(map)),
         ("smallest det J, certified", metric(Some(map), "min_det_j")),
         ("folds", metric(Some(map), "folds")),
         ("inverse, largest residual [voxels]", metric(Some(map), "inverse_residual_max_voxel")),
@@ -159,6 +160,19 @@ fn deformation(
         });
     }
     html
+}
+
+/// The volume inside the lattice before and after, as the map tells it, with the change.
+fn enclosed(map: &StageRecord) -> String {
+    let pair = map.metrics.get("followed").and_then(|f| f.get("volume_mm3"));
+    let at = |i: usize| pair.and_then(|p| p.get(i)).and_then(Value::as_f64);
+    match (at(0), at(1)) {
+        (Some(rest), Some(deformed)) if rest != 0.0 => {
+            let change = 100.0 * (deformed - rest) / rest;
+            format!("{} → {} ({change:+.2} %)", number(rest), number(deformed))
+        }
+        _ => "–".to_owned(),
+    }
 }
 
 /// Range and counts of the map's histogram of det J, where it tells them.
