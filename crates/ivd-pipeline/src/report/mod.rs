@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 pub(crate) use page::html;
 
 /// Raised whenever the same material gives another page.
-pub(crate) const REVISION: u32 = 1;
+pub(crate) const REVISION: u32 = 2;
 
 /// What the report shows beyond the stages' records.
 #[derive(Debug, Default)]
