@@ -1,10 +1,10 @@
-//! What a ray makes of the samples along it: one function for each mode.
+//! What rays see, and what those of the modes other than direct volume rendering make of it.
 
 use std::ops::ControlFlow;
 
 use crate::camera::Ray;
-use crate::cells::{ALL, Cells};
-use crate::classify::{Classifier, of_part};
+use crate::cells::Cells;
+use crate::classify::Classifier;
 use crate::light::Light;
 use crate::samples::{Place, Samples, Stored};
 use crate::space::Space;
@@ -36,7 +36,7 @@ pub(crate) struct Field<'a, T> {
 impl<T: Stored> Field<'_, T> {
     /// Whether samples of a brick come from elsewhere.
     #[inline(always)]
-    fn moves(&self, brick: usize) -> bool {
+    pub(crate) fn moves(&self, brick: usize) -> bool {
         self.warp.as_ref().is_some_and(|warp| warp.moves(brick))
     }
 
@@ -68,7 +68,7 @@ impl<T: Stored> Field<'_, T> {
 
     /// Emission and absorption at a place that was at `before`, whose cell is `place`.
     #[inline(always)]
-    fn classified<const LABELLED: bool, const SHADED: bool>(
+    pub(crate) fn classified<const LABELLED: bool, const SHADED: bool>(
         &self,
         classifier: &Classifier,
         at: [f32; 3],
@@ -86,7 +86,8 @@ impl<T: Stored> Field<'_, T> {
     }
 
     /// The same at a place that may have moved.
-    fn classified_before<const LABELLED: bool, const SHADED: bool>(
+    #[inline(never)]
+    pub(crate) fn classified_before<const LABELLED: bool, const SHADED: bool>(
         &self,
         classifier: &Classifier,
         at: [f32; 3],
@@ -95,60 +96,6 @@ impl<T: Stored> Field<'_, T> {
         let Some(before) = self.before(at, moves) else { return [0.0; 4] };
         let place = self.samples.shape.place(before);
         self.classified::<LABELLED, SHADED>(classifier, at, before, &place, moves)
-    }
-}
-
-/// Direct volume rendering: the premultiplied over operator from front to back, until `termination` (Engel et al. 2004;
-/// thesis eqs 2.4–2.7 read as accumulated opacity).
-pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
-    field: &Field<'_, T>,
-    classifier: &Classifier,
-    termination: f32,
-    ray: &Ray,
-) -> Cast {
-    let mut rgba = [0.0_f32; 4];
-    let (mut taken, mut passed) = (0, 0);
-    let leapt = field.space.walk(ray, |brick, range| {
-        if field.moves(brick) {
-            for i in range {
-                taken += 1;
-                over(&mut rgba, field.classified_before::<LABELLED, SHADED>(classifier, ray.at(i), true));
-                if rgba[3] >= termination {
-                    return ControlFlow::Break(());
-                }
-            }
-            return ControlFlow::Continue(());
-        }
-        let cells = field.cells.get(brick).unwrap_or(&ALL);
-        for i in range {
-            let at = ray.at(i);
-            let place = field.samples.shape.place(at);
-            if !cells.must_look(place.cell) {
-                passed += 1;
-                continue;
-            }
-            taken += 1;
-            over(&mut rgba, field.classified::<LABELLED, SHADED>(classifier, at, at, &place, false));
-            if rgba[3] >= termination {
-                return ControlFlow::Break(());
-            }
-        }
-        ControlFlow::Continue(())
-    });
-    if ray.rest > 0.0 && rgba[3] < termination {
-        taken += 1;
-        let moves = field.moves(field.space.brick(ray.rest_at));
-        let entry = field.classified_before::<LABELLED, SHADED>(classifier, ray.rest_at, moves);
-        over(&mut rgba, of_part(entry, ray.rest));
-    }
-    Cast { rgba, taken, skipped: leapt + passed }
-}
-
-#[inline(always)]
-fn over(rgba: &mut [f32; 4], entry: [f32; 4]) {
-    let through = 1.0 - rgba[3];
-    for (sum, c) in rgba.iter_mut().zip(entry) {
-        *sum += through * c;
     }
 }
 

@@ -32,15 +32,17 @@ impl Cells {
 ///
 /// - `empty`: bricks that are passed over as a whole.
 /// - `rows`: for each brick, the rows that its labels choose.
+/// - `spans`: for each brick with data, the least and greatest fast value.
 pub(crate) fn cells<T: Stored>(
     samples: &Samples<'_, T>,
     classifier: &Classifier,
     empty: &[bool],
     rows: &[u64],
+    spans: &[[f32; 2]],
 ) -> Vec<Cells> {
-    let mut intervals: BTreeMap<u64, Vec<u8>> = BTreeMap::new();
+    let mut intervals: BTreeMap<u64, Intervals> = BTreeMap::new();
     for (&rows, _) in rows.iter().zip(empty).filter(|(_, empty)| !**empty) {
-        intervals.entry(rows).or_insert_with(|| classifier.clear_intervals(rows));
+        intervals.entry(rows).or_insert_with(|| Intervals::new(classifier.clear_intervals(rows)));
     }
     let bricks = samples.shape.dims.map(|n| n.div_ceil(BRICK));
     (0..empty.len())
@@ -49,10 +51,40 @@ pub(crate) fn cells<T: Stored>(
             if empty[b] {
                 return NONE;
             }
+            let intervals = &intervals[&rows[b]];
+            if !intervals.any_clear(spans[b].map(|value| classifier.index(value))) {
+                return ALL;
+            }
             let at = [b % bricks[0], b / bricks[0] % bricks[1], b / bricks[0] / bricks[1]];
-            of_brick(samples, classifier, &intervals[&rows[b]], at.map(|c| c * BRICK))
+            of_brick(samples, classifier, &intervals.of_index, at.map(|c| c * BRICK))
         })
         .collect()
+}
+
+/// The clear intervals of the value axis for a set of rows.
+struct Intervals {
+    /// Interval of each index of the value axis; 0 for none.
+    of_index: Vec<u8>,
+    /// How many indices before each lie in an interval.
+    clear_before: Vec<u32>,
+}
+
+impl Intervals {
+    fn new(of_index: Vec<u8>) -> Self {
+        let mut count = 0;
+        let clear_before = std::iter::once(0)
+            .chain(of_index.iter().map(|&interval| {
+                count += u32::from(interval != 0);
+                count
+            }))
+            .collect();
+        Self { of_index, clear_before }
+    }
+
+    /// Whether some index from the first to the last lies in an interval.
+    fn any_clear(&self, [first, last]: [usize; 2]) -> bool {
+        self.clear_before[last + 1] > self.clear_before[first]
+    }
 }
 
 /// Cells of the brick that begins at voxel `first`. A voxel beyond the grid counts as the one at its side.

@@ -1,5 +1,7 @@
 use ivd_core::{BrickRange, TransferFunction};
 
+use crate::samples::Top;
+
 /// Least samples of a row. The value axis is finer than the transfer function's own, so that the nearest entry serves.
 const LEAST_SAMPLES: usize = 4096;
 /// Rows that get a bit of their own in a set of rows; the rest share the last bit.
@@ -10,6 +12,7 @@ pub(crate) struct Classifier {
     table: Vec<[f32; 4]>,
     samples: usize,
     low: f32,
+    top: Top,
     scale: f32,
     /// First entry of each label's row; empty where there are no labels.
     row_start: Vec<u32>,
@@ -53,7 +56,15 @@ impl Classifier {
         } else {
             Vec::new()
         };
-        Self { table, samples, low: range[0], scale, row_start, occupied }
+        Self {
+            table,
+            samples,
+            low: range[0],
+            top: Top::new((samples - 1) as f32),
+            scale,
+            row_start,
+            occupied,
+        }
     }
 
     /// Entry of row 0 for a finite fast value.
@@ -70,7 +81,7 @@ impl Classifier {
 
     #[inline(always)]
     pub(crate) fn index(&self, value: f32) -> usize {
-        (((value - self.low) * self.scale + 0.5) as usize).min(self.samples - 1)
+        self.top.whole((value - self.low) * self.scale + 0.5)
     }
 
     /// The bit of a label's row in a set of rows.

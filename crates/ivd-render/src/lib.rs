@@ -47,6 +47,7 @@ mod cast;
 mod cells;
 mod classify;
 mod difference;
+mod dvr;
 mod error;
 mod font;
 mod frame;
@@ -61,6 +62,8 @@ mod scene;
 mod skip;
 mod space;
 mod warp;
+#[allow(unsafe_code, reason = "calls the version for AVX2 where it was detected")]
+mod wide;
 
 pub use difference::{Difference, difference};
 pub use error::Error;

@@ -1,7 +1,7 @@
 use ivd_core::{BrickRange, Exec, Labels};
 
 use crate::camera::Camera;
-use crate::cast::{Cast, Field, dvr, first_hit, mip};
+use crate::cast::{Cast, Field, first_hit, mip};
 use crate::cells::{Cells, cells};
 use crate::classify::Classifier;
 use crate::frame::{Radiance, tiles};
@@ -10,6 +10,7 @@ use crate::samples::{Fast, Samples, Shape, Stored, fast};
 use crate::skip::{rows_of_bricks, through_warp};
 use crate::space::Space;
 use crate::warp::Warp;
+use crate::wide::{Wide, dvr};
 use crate::{Error, Mode, RenderParams, Rendered, Scene, View, annotate, outline, picture};
 
 /// A scene made ready for many views: its classified values, what of it is empty, and its deformation. Views of it are the same, byte for byte, as those
@@ -103,8 +104,10 @@ impl<'a> Prepared<'a> {
                 if ids.is_empty() { vec![1; index.len()] } else { rows_of_bricks(dims, ids, &classifier) };
             let clear = |(range, &rows): (BrickRange, &u64)| classifier.is_clear(range, self.shift, rows);
             let empty: Vec<bool> = self.ranges().zip(&rows).map(clear).collect();
+            let spans: Vec<[f32; 2]> =
+                self.ranges().map(|range| [self.fast(range.min), self.fast(range.max)]).collect();
             self.cells = with_fast!(&self.voxels, slice => {
-                cells(&Samples::new(slice, Shape::new(dims)), &classifier, &empty, &rows)
+                cells(&Samples::new(slice, Shape::new(dims)), &classifier, &empty, &rows, &spans)
             });
             self.pass_over(empty);
         }
@@ -205,18 +208,19 @@ impl<'a> Prepared<'a> {
             Optics::Dvr(classifier) => {
                 // A termination above 1 is never reached.
                 let end = params.termination as f32;
+                let wide = Wide::detected();
                 match (field.ids.is_empty(), params.shading) {
                     (true, false) => {
-                        tiles(&camera, exec, |ray| dvr::<T, false, false>(&field, classifier, end, ray))
+                        tiles(&camera, exec, |ray| dvr::<T, false, false>(wide, &field, classifier, end, ray))
                     }
                     (true, true) => {
-                        tiles(&camera, exec, |ray| dvr::<T, false, true>(&field, classifier, end, ray))
+                        tiles(&camera, exec, |ray| dvr::<T, false, true>(wide, &field, classifier, end, ray))
                     }
                     (false, false) => {
-                        tiles(&camera, exec, |ray| dvr::<T, true, false>(&field, classifier, end, ray))
+                        tiles(&camera, exec, |ray| dvr::<T, true, false>(wide, &field, classifier, end, ray))
                     }
                     (false, true) => {
-                        tiles(&camera, exec, |ray| dvr::<T, true, true>(&field, classifier, end, ray))
+                        tiles(&camera, exec, |ray| dvr::<T, true, true>(wide, &field, classifier, end, ray))
                     }
                 }
             }

@@ -16,6 +16,28 @@ pub(crate) struct Space {
     leap: Vec<u8>,
 }
 
+/// The brick that a ray is in, as its first cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Home([usize; 3]);
+
+/// Before the first brick.
+pub(crate) const NOWHERE: Home = Home([usize::MAX; 3]);
+
+impl Home {
+    /// The brick of a cell.
+    #[inline(always)]
+    pub(crate) fn of(cell: [usize; 3]) -> Self {
+        Self(cell.map(|c| c & !(BRICK - 1)))
+    }
+
+    /// Whether a cell lies in the brick.
+    #[inline(always)]
+    pub(crate) fn holds(self, cell: [usize; 3]) -> bool {
+        let Self(first) = self;
+        ((cell[0] ^ first[0]) | (cell[1] ^ first[1]) | (cell[2] ^ first[2])) < BRICK
+    }
+}
+
 impl Space {
     /// `empty` tells for every brick whether it may be passed over.
     pub(crate) fn new(shape: Shape, empty: &[bool]) -> Self {
@@ -39,9 +61,22 @@ impl Space {
         b[0] + self.bricks[0] * (b[1] + self.bricks[1] * b[2])
     }
 
+    /// Brick of a cell, and, where it may be passed over, how many bricks further on may be as well.
+    #[inline(always)]
+    pub(crate) fn enter(&self, cell: [usize; 3]) -> (usize, Option<usize>) {
+        let brick = self.linear(cell.map(|c| c / BRICK));
+        (brick, usize::from(self.leap[brick]).checked_sub(1))
+    }
+
+    /// Index of the first sample after `i` beyond the bricks up to `reach` from that of `cell`, where sample `i` is.
+    #[inline(never)]
+    pub(crate) fn leap(&self, ray: &Ray, i: usize, cell: [usize; 3], reach: usize) -> usize {
+        self.exit(ray, ray.delta.map(|d| 1.0 / d), i, cell.map(|c| c / BRICK), reach)
+    }
+
     #[inline(always)]
     fn brick_at(&self, at: [f32; 3]) -> [usize; 3] {
-        self.shape.place(at).cell.map(|c| c / BRICK)
+        self.shape.place(at).cell().map(|c| c / BRICK)
     }
 
     /// Visits the whole steps of a ray from front to back, brick by brick, and leaps over what is empty. Each sample is visited
@@ -90,7 +125,7 @@ impl Space {
             let there = self.brick_at(ray.at(k));
             (0..3).all(|a| there[a].abs_diff(brick[a]) <= reach)
         };
-        let mut end = (steps.ceil() as usize).clamp(i + 1, ray.steps);
+        let mut end = (steps as usize + 1).clamp(i + 1, ray.steps);
         while end > i + 1 && !inside(end - 1) {
             end -= 1;
         }
