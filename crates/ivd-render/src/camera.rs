@@ -32,6 +32,8 @@ pub(crate) struct Ray {
     /// The middle of the first step.
     pub(crate) start: [f32; 3],
     pub(crate) delta: [f32; 3],
+    /// One over `delta`.
+    pub(crate) inverse: [f32; 3],
     /// Number of whole steps.
     pub(crate) steps: usize,
     /// What is left after them: its middle, and its length in steps (0 for none).
@@ -139,9 +141,11 @@ impl Camera {
         let steps = (length / self.step_mm + 1e-9).floor();
         let rest = (length - steps * self.step_mm).max(0.0);
         let at = |t: f64| -> [f32; 3] { std::array::from_fn(|a| (from[a] + t * direction[a]) as f32) };
+        let delta: [f32; 3] = std::array::from_fn(|a| (direction[a] * self.step_mm) as f32);
         Some(Ray {
             start: at(near + 0.5 * self.step_mm),
-            delta: std::array::from_fn(|a| (direction[a] * self.step_mm) as f32),
+            delta,
+            inverse: delta.map(|d| 1.0 / d),
             steps: steps as usize,
             rest_at: at(far - 0.5 * rest),
             rest: if rest > 1e-6 * self.step_mm { (rest / self.step_mm) as f32 } else { 0.0 },

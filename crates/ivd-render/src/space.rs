@@ -5,9 +5,6 @@ use ivd_core::BRICK;
 use crate::camera::Ray;
 use crate::samples::Shape;
 
-/// Steps shorter than this along an axis never leave a brick along it [voxels].
-const PARALLEL: f32 = 1e-9;
-
 /// The bricks of the volume and how far one may leap from each.
 pub(crate) struct Space {
     shape: Shape,
@@ -68,10 +65,35 @@ impl Space {
         (brick, usize::from(self.leap[brick]).checked_sub(1))
     }
 
-    /// Index of the first sample after `i` beyond the bricks up to `reach` from that of `cell`, where sample `i` is.
-    #[inline(never)]
+    /// Index of a sample after `i` up to which all lie in the bricks up to `reach` from that of `cell`, where sample `i` is.
+    ///
+    /// The index is estimated from the box's planes, then put right by looking at the samples themselves; as their coordinates are monotone
+    /// along the ray, all samples between two that are inside are inside.
+    #[inline(always)]
     pub(crate) fn leap(&self, ray: &Ray, i: usize, cell: [usize; 3], reach: usize) -> usize {
-        self.exit(ray, ray.delta.map(|d| 1.0 / d), i, cell.map(|c| c / BRICK), reach)
+        let mut steps = ray.steps as f32;
+        let mut low = [0; 3];
+        let mut high = [0; 3];
+        for a in 0..3 {
+            let brick = cell[a] / BRICK;
+            low[a] = brick.saturating_sub(reach) * BRICK;
+            // Beyond the last brick there is no cell.
+            high[a] = (brick + reach + 1) * BRICK;
+            let plane = if ray.delta[a] > 0.0 { high[a] } else { low[a] };
+            let open = if ray.delta[a] > 0.0 { brick + reach + 1 >= self.bricks[a] } else { brick <= reach };
+            let there = (plane as f32 - ray.start[a]) * ray.inverse[a];
+            // No number where the ray runs along a plane: not less than anything.
+            steps = if !open && there < steps { there } else { steps };
+        }
+        let mut end = (steps as usize + 1).clamp(i + 1, ray.steps);
+        let inside = |k: usize| {
+            let there = self.shape.place(ray.at(k)).cell();
+            (0..3).all(|a| there[a].wrapping_sub(low[a]) < high[a] - low[a])
+        };
+        while end > i + 1 && !inside(end - 1) {
+            end -= 1;
+        }
+        end
     }
 
     #[inline(always)]
@@ -87,13 +109,12 @@ impl Space {
         ray: &Ray,
         mut visit: impl FnMut(usize, Range<usize>) -> ControlFlow<()>,
     ) -> usize {
-        let inverse: [f32; 3] = std::array::from_fn(|a| 1.0 / ray.delta[a]);
         let (mut i, mut leapt) = (0, 0);
         while i < ray.steps {
             let brick = self.brick_at(ray.at(i));
             let at = self.linear(brick);
             let distance = usize::from(self.leap[at]);
-            let end = self.exit(ray, inverse, i, brick, distance.saturating_sub(1));
+            let end = self.exit(ray, i, brick, distance.saturating_sub(1));
             if distance > 0 {
                 leapt += end - i;
             } else if visit(at, i..end).is_break() {
@@ -105,30 +126,13 @@ impl Space {
     }
 
     /// Index of the first sample after `i` whose brick is further than `reach` from `brick` along some axis.
-    ///
-    /// The index is estimated from the box's planes, then put right by looking at the samples themselves; as their coordinates are monotone
-    /// along the ray, all samples between two that are inside are inside.
     #[inline(always)]
-    fn exit(&self, ray: &Ray, inverse: [f32; 3], i: usize, brick: [usize; 3], reach: usize) -> usize {
-        let mut steps = ray.steps as f32;
-        for a in 0..3 {
-            let plane = if ray.delta[a] > PARALLEL && brick[a] + reach + 1 < self.bricks[a] {
-                (brick[a] + reach + 1) * BRICK
-            } else if ray.delta[a] < -PARALLEL && brick[a] > reach {
-                (brick[a] - reach) * BRICK
-            } else {
-                continue;
-            };
-            steps = steps.min((plane as f32 - ray.start[a]) * inverse[a]);
-        }
+    fn exit(&self, ray: &Ray, i: usize, brick: [usize; 3], reach: usize) -> usize {
         let inside = |k: usize| {
             let there = self.brick_at(ray.at(k));
             (0..3).all(|a| there[a].abs_diff(brick[a]) <= reach)
         };
-        let mut end = (steps as usize + 1).clamp(i + 1, ray.steps);
-        while end > i + 1 && !inside(end - 1) {
-            end -= 1;
-        }
+        let mut end = self.leap(ray, i, brick.map(|b| b * BRICK), reach);
         while end < ray.steps && inside(end) {
             end += 1;
         }
@@ -205,7 +209,8 @@ mod tests {
             ([7.999_999, 32.4, 0.1], [0.0, -0.25, 1e-12]),
         ];
         for (start, delta) in rays {
-            let ray = Ray { start, delta, steps: 100, rest_at: start, rest: 0.0 };
+            let inverse = delta.map(|d: f32| 1.0 / d);
+            let ray = Ray { start, delta, inverse, steps: 100, rest_at: start, rest: 0.0 };
             let mut visited = [false; 100];
             let leapt = space.walk(&ray, |brick, range| {
                 for i in range {
