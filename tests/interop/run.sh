@@ -10,7 +10,9 @@ if ! "$venv/bin/python" -c 'import numpy, nibabel, SimpleITK, nrrd, vtk, trimesh
     "$venv/bin/pip" install -q --disable-pip-version-check -r "$here/requirements.txt"
 fi
 status=0
-for script in read_artefact volumes lattices pipeline; do
+echo "-- read_artefact"
+"$venv/bin/python" "$here/read_artefact.py" "$here"/../../fixtures/artefacts/*.ivd >/dev/null || status=1
+for script in volumes lattices pipeline; do
     [ -f "$here/$script.py" ] || continue
     echo "-- $script"
     "$venv/bin/python" "$here/$script.py" "$ivd" || status=1
