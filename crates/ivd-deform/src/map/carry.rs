@@ -79,8 +79,7 @@ impl<N: Nearest> Carrier<'_, N> {
         let dims = grid.dims();
         let linear = grid.linear_part();
         let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
-        // The nearest point of one voxel bounds the search of the next.
-        let mut last: Option<(Vector3<f64>, f64)> = None;
+        let mut known = Known::new(grid.voxel_diagonal());
         for (slot, voxel) in brick_voxels(dims, brick_at(dims.map(|n| n.div_ceil(8)), brick)) {
             let point = linear * VoxelCoord::from(voxel).0;
             let cut = self.region.weight(point);
@@ -88,10 +87,9 @@ impl<N: Nearest> Carrier<'_, N> {
                 continue;
             }
             let inside = self.part.inside.inside()[grid.linear(voxel)] != 0;
-            let limit = self.limit(inside);
-            let known = last.map_or(f64::INFINITY, |(p, d)| ((point - p).norm() + d) * (1.0 + 1e-6));
-            let Some(hit) = self.part.nearest.nearest(point, limit.min(known)) else { continue };
-            last = Some((point, hit.distance));
+            let bound = known.bound(slot, point).min(self.limit(inside));
+            let Some(hit) = self.part.nearest.nearest(point, bound) else { continue };
+            known.set(slot, self.position(&hit));
             let weight = cut * self.weight(inside, hit.distance);
             if weight > 0.0 {
                 out[slot] = (self.motion(&hit) * weight).map(|c| c as f32).into();
@@ -118,10 +116,47 @@ impl<N: Nearest> Carrier<'_, N> {
         }
     }
 
+    /// Where a lattice point lies (mm, relative to the grid's origin).
+    fn position(&self, hit: &Hit) -> Vector3<f64> {
+        let [a, b, c] =
+            self.part.lattice.triangles[hit.triangle as usize].map(|v| self.part.positions[v as usize]);
+        a * hit.barycentric[0] + b * hit.barycentric[1] + c * hit.barycentric[2]
+    }
+
     /// The motion at a lattice point, linear on its triangle; exact where the corners move alike.
     fn motion(&self, hit: &Hit) -> Vector3<f64> {
         let [a, b, c] = self.part.lattice.triangles[hit.triangle as usize]
             .map(|v| Vector3::from(self.displacement[v as usize]));
         a + (b - a) * hit.barycentric[1] + (c - a) * hit.barycentric[2]
+    }
+}
+
+/// The nearest lattice points found so far in a brick: those of a voxel's lower neighbours bound its own search.
+struct Known {
+    points: Vec<Option<Vector3<f64>>>,
+    /// Room for the rounding of a point (mm).
+    slack: f64,
+}
+
+impl Known {
+    fn new(diagonal: f64) -> Self {
+        Self { points: vec![None; FieldBricks::VOXELS], slack: 1e-9 * diagonal }
+    }
+
+    fn set(&mut self, slot: usize, point: Vector3<f64>) {
+        self.points[slot] = Some(point);
+    }
+
+    /// A distance within which some lattice point lies; infinite where none is known.
+    fn bound(&self, slot: usize, point: Vector3<f64>) -> f64 {
+        let mut least = f64::INFINITY;
+        for (axis, stride) in [1, 8, 64].into_iter().enumerate() {
+            if slot >> (3 * axis) & 7 > 0
+                && let Some(near) = self.points[slot - stride]
+            {
+                least = least.min((point - near).norm_squared());
+            }
+        }
+        least.sqrt() * (1.0 + 1e-9) + self.slack
     }
 }
