@@ -39,7 +39,7 @@ struct Candidate {
 /// **Air** is the class of the lowest mean if there are at least two, the labels have no background, and no other
 /// class holds more voxels of the volume's outermost layer. It is clear.
 ///
-/// **Opacity** over `reference_mm` of a class with border strength `g` [1/mm] and share `n` of the voxels:
+/// **Opacity** over `reference_mm` of a class with border strength `g` (real units per mm) and share `n` of the voxels:
 ///
 /// ```text
 /// opacity = clamp(max_opacity · s / max s, min_opacity, max_opacity),   s = g · n^(-size_exponent)

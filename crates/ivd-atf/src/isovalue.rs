@@ -49,7 +49,7 @@ pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) ->
         table,
         vec![entry],
     )?;
-    Ok(Built { transfer, entries: 1, opacity_range: [0.0, params.max_opacity] })
+    Ok(Built { transfer, entries: 1, opacity_range: [params.max_opacity; 2] })
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ pub(crate) struct ClassStatistics {
     pub(crate) voxels: u64,
     pub(crate) mean: f64,
     pub(crate) sd: f64,
-    /// Mean gradient magnitude over the border voxels [1/mm]; 0 for a class without border.
+    /// Mean gradient magnitude over the border voxels (real units per mm); 0 for a class without border.
     pub(crate) border_strength: f64,
     /// Voxels in the outermost layer of the volume.
     pub(crate) on_sides: u64,

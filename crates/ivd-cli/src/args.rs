@@ -200,10 +200,10 @@ pub(crate) enum Command {
         #[arg(long, group = "target")]
         level: Option<u8>,
         /// Keep this share of the triangles.
-        #[arg(long, group = "target")]
+        #[arg(long, group = "target", allow_hyphen_values = true)]
         ratio: Option<f64>,
         /// Stay within this distance (mm).
-        #[arg(long, group = "target", value_name = "MM")]
+        #[arg(long, group = "target", value_name = "MM", allow_hyphen_values = true)]
         max_error: Option<f64>,
         #[command(flatten)]
         output: Output,
@@ -219,6 +219,9 @@ pub(crate) enum Command {
     Deform {
         /// Lattice artefact.
         lattice: PathBuf,
+        /// Labels (artefact), for material by class: no solver here uses them yet.
+        #[arg(long)]
+        labels: Option<PathBuf>,
         /// 'pick=x,y,z;move=dx,dy,dz;radius=r' (mm), or vertex=N, or force=x,y,z (mN).
         #[arg(long, required = true, value_parser = parse::handle)]
         handle: Vec<HandleSection>,
@@ -229,10 +232,10 @@ pub(crate) enum Command {
         #[arg(long)]
         solver: Option<String>,
         /// Stiffness of a spring (N/m).
-        #[arg(long, value_name = "N/m")]
+        #[arg(long, value_name = "N/m", allow_hyphen_values = true)]
         stiffness: Option<f64>,
         /// Time of the motion (s).
-        #[arg(long, value_name = "s")]
+        #[arg(long, value_name = "s", allow_hyphen_values = true)]
         duration: Option<f64>,
         #[command(flatten)]
         output: Output,
@@ -245,6 +248,9 @@ pub(crate) enum Command {
         octree: PathBuf,
         /// Motion artefact of it.
         motion: PathBuf,
+        /// Labels (artefact), for material by class: no map here uses them yet.
+        #[arg(long)]
+        labels: Option<PathBuf>,
         /// octree.
         #[arg(long)]
         method: Option<String>,
@@ -360,7 +366,7 @@ pub(crate) struct Raw {
     #[arg(long, value_name = "TYPE", requires = "raw_dims")]
     pub(crate) raw_type: Option<String>,
     /// Distance of voxel centres (mm); 1,1,1 where it isn't given.
-    #[arg(long, value_name = "a,b,c", value_parser = parse::triple)]
+    #[arg(long, value_name = "a,b,c", value_parser = parse::triple, allow_hyphen_values = true)]
     pub(crate) raw_spacing: Option<[f64; 3]>,
     /// Byte order: little or big.
     #[arg(long, value_name = "little|big")]

@@ -42,8 +42,14 @@ pub(crate) fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
 }
 
 /// clap's own message, on the stream it belongs to.
-pub(crate) fn usage(error: &clap::Error) -> ExitCode {
+pub(crate) fn usage(error: &clap::Error, json: bool) -> ExitCode {
     let _ = error.print();
+    if json && error.use_stderr() {
+        let message = error.to_string();
+        let object =
+            serde_json::json!({ "error": { "message": message.trim(), "exit_code": code(Fault::Usage) } });
+        let _ = writeln!(std::io::stdout(), "{object}");
+    }
     if error.use_stderr() { ExitCode::from(code(Fault::Usage)) } else { ExitCode::SUCCESS }
 }
 

@@ -15,7 +15,7 @@ use clap::Parser;
 fn main() -> ExitCode {
     let args = match args::Args::try_parse() {
         Ok(args) => args,
-        Err(error) => return exit::usage(&error),
+        Err(error) => return exit::usage(&error, std::env::args_os().any(|word| word == "--json")),
     };
     let json = args.global.json;
     match context::Context::new(&args.global).and_then(|context| commands::run(args.command, &context)) {

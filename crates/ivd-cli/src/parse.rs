@@ -87,6 +87,9 @@ pub(crate) fn handle(text: &str) -> Result<HandleSection, String> {
             }
         }
     }
+    if handle.radius.is_nan() {
+        return Err("the radius is missing or no number; add radius=r (mm)".to_owned());
+    }
     handle.check()?;
     Ok(handle)
 }
@@ -128,9 +131,11 @@ pub(crate) fn section<T: DeserializeOwned>(params: Option<&Path>, words: Table) 
         }
     };
     table.extend(words);
-    Value::Table(table)
-        .try_into()
-        .map_err(|e: toml::de::Error| Failure::usage(e.to_string().trim().to_owned()))
+    Value::Table(table).try_into().map_err(|e: toml::de::Error| {
+        let place = params
+            .map_or_else(String::new, |file| format!("--params {} or the command line: ", file.display()));
+        Failure::usage(format!("{place}{}", e.to_string().trim()))
+    })
 }
 
 /// Collects the words that were given.

@@ -161,6 +161,76 @@ fn a_flipped_byte_in_an_artefact_is_an_input_error_and_not_a_result() {
 }
 
 #[test]
+fn the_same_slices_in_another_order_are_another_volume_to_the_cache() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    // By name s10 comes before s2; stacked it comes after it.
+    for (name, files) in [("one", ["s1", "s10", "s2"]), ("two", ["s1", "s2", "s3"])] {
+        std::fs::create_dir(at.join(name)).unwrap();
+        for (file, value) in files.iter().zip([10_u8, 20, 30]) {
+            std::fs::write(at.join(name).join(file), [value; 16]).unwrap();
+        }
+    }
+    let import = |name: &str, to: &str| {
+        let raw = ["--raw-dims", "4,4,3", "--raw-type", "u8"];
+        let words: Vec<&str> = [&["import", name, "-o", to, "--cache", "kept"], &raw[..]].concat();
+        json(at, &words)
+    };
+    let (one, two) = (import("one", "one.ivd"), import("two", "two.ivd"));
+    assert_eq!(two["cached"], false);
+    assert_ne!(one["output"]["hash"], two["output"]["hash"]);
+    assert_eq!(import("two", "again.ivd")["cached"], true);
+}
+
+#[test]
+fn an_output_whose_data_file_was_emptied_is_written_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 24\n[segment]\nk = 2\n[output]\nlabels = \"l.mhd\"\n";
+    std::fs::write(at.join("scene.toml"), scene).unwrap();
+    json(at, &["pipeline", "scene.toml", "--out", "out"]);
+    let data = at.join("out/l.raw");
+    let whole = std::fs::read(&data).unwrap();
+    std::fs::write(&data, b"").unwrap();
+    let again = json(at, &["pipeline", "scene.toml", "--out", "out"]);
+    assert_eq!(again["outputs"][0]["written"], true);
+    assert_eq!(std::fs::read(&data).unwrap(), whole);
+}
+
+#[test]
+fn labels_of_another_volume_are_refused_and_usage_errors_are_json_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "16", "-o", "small.ivd"]);
+    json(at, &["phantom", "sphere", "--size", "24", "-o", "large.ivd"]);
+    json(at, &["segment", "large.ivd", "--k", "2", "-o", "labels.ivd"]);
+    let words = [
+        "lattice",
+        "small.ivd",
+        "--labels",
+        "labels.ivd",
+        "--class",
+        "2",
+        "--iso",
+        "boundary",
+        "-o",
+        "x.ivd",
+    ];
+    let (code, text) = failure(at, &words);
+    assert!(code == 2 && text.contains("grid"), "{code} {text}");
+    let part = json(at, &["boundary", "large.ivd", "--seed", "12,12,12", "-o", "part.ivd"]);
+    assert!(
+        part["metrics"]["voxels"].as_u64().unwrap() > 0,
+        "a part without labels is split off by two classes"
+    );
+    let output = ivd(at, &["segment", "small.ivd", "--bogus", "--json"]);
+    let object: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((output.status.code(), &object["error"]["exit_code"]), (Some(2), &Value::from(2)));
+    let (code, text) = failure(at, &["export", "small.ivd", "-o", "x.foo"]);
+    assert!(code == 2 && text.contains("nii"), "{code} {text}");
+}
+
+#[test]
 fn help_schema_completions_and_doctor_speak_on_stdout() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

@@ -63,10 +63,21 @@ pub fn mask_volume(mask: &Mask) -> Result<Volume, Error> {
 }
 
 fn write_volume(path: &Path, volume: &Volume, exec: &Exec) -> Result<bool, Error> {
+    if !VOLUME_ENDINGS.contains(&&*ending(path)) {
+        let known = VOLUME_ENDINGS.join(", .");
+        return Err(Error::usage("export", format!("{}: voxels are written as .{known}", path.display())));
+    }
     ivd_volume::write(path, volume, exec).map(|w| w.touched).map_err(stage_error!("export"))
 }
 
+/// Formats that voxels are written in.
+const VOLUME_ENDINGS: [&str; 8] = ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "raw"];
+
 fn write_field(path: &Path, field: &Displacement, exec: &Exec) -> Result<bool, Error> {
+    if ending(path) != "nrrd" {
+        let problem = format!("{}: a displacement field is written as .nrrd", path.display());
+        return Err(Error::usage("export", problem));
+    }
     ivd_volume::write_field(path, field, FieldDirection::Inverse, exec)
         .map(|w| w.touched)
         .map_err(stage_error!("export"))

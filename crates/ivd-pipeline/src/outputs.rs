@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::stage_error;
-use crate::export::{export, png_bytes, write_text};
+use crate::export::{ending, export, png_bytes, write_text};
 use crate::plan::NodeId;
 use crate::report::{self, Material};
 use crate::runner::{Done, OutputRecord, StageRecord, State};
@@ -18,6 +18,9 @@ use crate::{Error, Metrics};
 
 /// Name of the file that remembers what the last run wrote.
 const MANIFEST: &str = ".ivd-run.json";
+
+/// Raised whenever the same result is written to other bytes: outputs of older programs are then written anew.
+const EXPORT_REVISION: u32 = 1;
 
 /// One file of the output folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -151,23 +154,18 @@ impl<'a> Writer<'a> {
         write: impl FnOnce(&Path, &Exec) -> Result<bool, Error>,
     ) -> Result<(), Error> {
         let full = self.out.join(path);
+        let source = format!("{EXPORT_REVISION} {source}");
         let old =
             self.manifest.outputs.iter().find(|o| o.name == name && o.path == full && o.source == source);
-        let intact = old.is_some_and(|o| hash_file(&full).is_ok_and(|hash| hash == o.blake3));
+        let intact = old.is_some_and(|o| hash_output(&full).is_ok_and(|hash| hash == o.blake3));
         let mut written = false;
         if !intact {
             let folder = full.parent().unwrap_or(self.out);
             std::fs::create_dir_all(folder).map_err(|e| Error::io("making the folder", folder, e))?;
             written = write(&full, self.exec)?;
         }
-        let blake3 = hash_file(&full).map_err(|e| Error::io("reading back", &full, e))?;
-        self.files.push(OutputFile {
-            name: name.to_owned(),
-            path: full,
-            source: source.to_owned(),
-            blake3,
-            written,
-        });
+        let blake3 = hash_output(&full).map_err(|e| Error::io("reading back", &full, e))?;
+        self.files.push(OutputFile { name: name.to_owned(), path: full, source, blake3, written });
         Ok(())
     }
 
@@ -209,8 +207,8 @@ impl<'a> Writer<'a> {
             write_text(to, &report::html(loaded, stages, &material, exec))
         })?;
         let file = &self.files[before];
-        let again =
-            self.manifest.outputs.iter().any(|o| o.name == "report" && o.source == source) && !file.written;
+        let again = self.manifest.outputs.iter().any(|o| o.name == "report" && o.source == file.source)
+            && !file.written;
         record.state = if again { State::Cached } else { State::Ran };
         record.cached = again;
         let why = if again { "everything it shows is as it was" } else { "what it shows changed" };
@@ -287,6 +285,17 @@ fn report_source(scene: &Scene, stages: &[StageRecord]) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-fn hash_file(path: &Path) -> std::io::Result<String> {
-    Ok(blake3::Hasher::new().update_mmap_rayon(path)?.finalize().to_hex().to_string())
+/// Hash of an output: of its one file, or of header and data where a format keeps them apart.
+fn hash_output(path: &Path) -> std::io::Result<String> {
+    let detached = matches!(&*ending(path), "mhd" | "nhdr");
+    let files = match ivd_volume::sources(path, &ivd_volume::ReadOptions::default()) {
+        Ok(files) if detached => files,
+        Err(_) if detached => return Err(std::io::Error::other("its data file can't be found")),
+        _ => vec![path.to_owned()],
+    };
+    let mut hasher = blake3::Hasher::new();
+    for file in files {
+        hasher.update_mmap_rayon(file)?;
+    }
+    Ok(hasher.finalize().to_hex().to_string())
 }

@@ -9,7 +9,7 @@ use ivd_core::Exec;
 use serde::{Deserialize, Serialize};
 
 use crate::outputs::{Manifest, OutputFile, Writer};
-use crate::plan::{NodeId, Plan, PlanNode};
+use crate::plan::{NodeId, Plan, PlanNode, stage_names};
 use crate::runner::{Done, Runner, StageRecord, State};
 use crate::scene::Loaded;
 use crate::{Error, Input, Inputs, Metrics};
@@ -53,7 +53,7 @@ pub fn run(
     let start = Instant::now();
     for stage in &options.force {
         if stage != "report" && !NodeId::ALL.iter().any(|id| id.stage() == stage) {
-            let known = NodeId::ALL.map(NodeId::stage).join(", ");
+            let known = stage_names();
             return Err(Error::usage("pipeline", format!("--force {stage}: stages are {known}, report")));
         }
     }
@@ -62,7 +62,7 @@ pub fn run(
         let stages = plan
             .nodes()
             .iter()
-            .map(|n| idle(n, if n.needed { State::Ran } else { State::NotNeeded }))
+            .map(|n| idle(n, if n.needed { State::Planned } else { State::NotNeeded }))
             .collect();
         return Ok(PipelineReport { stages, outputs: Vec::new(), wall_s: start.elapsed().as_secs_f64() });
     }

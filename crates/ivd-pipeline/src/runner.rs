@@ -22,6 +22,8 @@ pub enum State {
     Cached,
     /// No output needs it.
     NotNeeded,
+    /// An output needs it: what a dry run tells of a stage that would run or come from the cache.
+    Planned,
 }
 
 /// Where a stage's result lies.
@@ -124,7 +126,11 @@ impl Runner<'_> {
         let product = stage.run(inputs, self.exec)?;
         let hash = self.exec.run(|| self.keep(&key, &product, &provenance))?;
         let record = self.record(stage, &provenance, &product.artefact, hash, &key);
-        let record = StageRecord { why, metrics: product.metrics, ..clock.stop(record) };
+        let mut record = StageRecord { why, metrics: product.metrics, ..clock.stop(record) };
+        // A rate is no property of the result: it is told, and kept nowhere.
+        if let Some(frames) = record.metrics.get("frames").and_then(Value::as_f64) {
+            record.metrics.insert("fps".to_owned(), Value::from(frames / record.wall_s.max(1e-9)));
+        }
         Ok(Done { artefact: Arc::new(product.artefact), hash, record })
     }
 

@@ -69,31 +69,27 @@ fn read_folder(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume
     stack::read_folder(path, options.raw.as_ref(), options.spacing, exec)
 }
 
-/// Every file that [`read`] would take voxels or a header from, sorted by name: who knows that none of them changed
-/// knows that the volume is the same.
+/// Every file that [`read`] would take voxels or a header from, in the order in which it stacks them: who knows that
+/// none of them changed, nor their order, knows that the volume is the same.
 ///
 /// # Errors
 /// As [`read`], as far as it takes to know the names.
 pub fn sources(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error> {
-    let mut files = if is_folder(path)? {
+    if is_folder(path)? {
         if options.raw.is_none() && holds_dicom(path)? {
-            dicom::sources(path, options.series.as_deref())?
-        } else {
-            stack::sources(path, options.raw.as_ref())?
+            return dicom::sources(path, options.series.as_deref());
         }
-    } else if options.raw.is_some() {
-        vec![path.to_owned()]
-    } else {
-        match format(path)? {
-            Format::Nifti => nifti::sources(path)?,
-            Format::Nrrd => nrrd::sources(path)?,
-            Format::MetaImage => metaimage::sources(path)?,
-            Format::Vti | Format::Tiff | Format::Dicom => vec![path.to_owned()],
-        }
-    };
-    files.sort();
-    files.dedup();
-    Ok(files)
+        return stack::sources(path, options.raw.as_ref());
+    }
+    if options.raw.is_some() {
+        return Ok(vec![path.to_owned()]);
+    }
+    match format(path)? {
+        Format::Nifti => nifti::sources(path),
+        Format::Nrrd => nrrd::sources(path),
+        Format::MetaImage => metaimage::sources(path),
+        Format::Vti | Format::Tiff | Format::Dicom => Ok(vec![path.to_owned()]),
+    }
 }
 
 fn is_folder(path: &Path) -> Result<bool, Error> {

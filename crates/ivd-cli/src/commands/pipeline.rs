@@ -32,18 +32,18 @@ pub(super) fn run(args: &Pipeline, context: &Context) -> anyhow::Result<()> {
         dry_run: args.dry_run,
     };
     let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)?;
-    context.print(&report, || text(&report, args.explain || args.dry_run, args.dry_run))
+    context.print(&report, || text(&report, args.explain || args.dry_run))
 }
 
 /// What a person reads: the outputs, and every stage with its reason where that was asked for.
-fn text(report: &PipelineReport, explain: bool, dry: bool) -> String {
+fn text(report: &PipelineReport, explain: bool) -> String {
     let mut lines = Vec::new();
     for record in report.stages.iter().filter(|_| explain) {
         let state = match record.state {
-            State::Ran if dry => "would run or be cached",
             State::Ran => "ran",
             State::Cached => "cached",
             State::NotNeeded => "not needed",
+            State::Planned => "planned",
         };
         let name = format!("{} {}", record.stage, record.variant);
         lines.push(format!("{:18} {state:10} {:8.3} s  {}", name.trim(), record.wall_s, record.why));

@@ -93,7 +93,8 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             let files = vec![("lattice", Some(lattice.as_path()))];
             Job { stage: Box::new(Octree::default()), files, output: &output.path }
         }
-        Command::Deform { lattice, handle, fix, solver, stiffness, duration, output } => {
+        Command::Deform { lattice, labels, handle, fix, solver, stiffness, duration, output } => {
+            unused_labels(labels.as_deref(), context)?;
             let words = Words::default()
                 .with("solver", solver.clone())
                 .with("stiffness", *stiffness)
@@ -104,7 +105,8 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             let files = vec![("lattice", Some(lattice.as_path()))];
             Job { stage: Box::new(Deform::from_section(&section)?), files, output: &output.path }
         }
-        Command::Map { lattice, octree, motion, method, weight, outside, margin, output } => {
+        Command::Map { lattice, octree, motion, labels, method, weight, outside, margin, output } => {
+            unused_labels(labels.as_deref(), context)?;
             let words = Words::default()
                 .with("method", method.clone())
                 .with("weight", weight.clone())
@@ -146,6 +148,21 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
     })
 }
 
+/// Labels that the method in use has no use for: checked, and said so.
+fn unused_labels(labels: Option<&Path>, context: &Context) -> anyhow::Result<()> {
+    let Some(path) = labels else { return Ok(()) };
+    let kind = context.artefact(path)?.artefact.kind();
+    if kind != ivd_artefact::Kind::Labels {
+        return Err(Failure::usage(format!(
+            "--labels {}: a {} artefact, not labels",
+            path.display(),
+            kind.name()
+        )));
+    }
+    context.say("ivd: note: --labels has no effect: this method knows no material by class");
+    Ok(())
+}
+
 fn list(values: Vec<f64>) -> Vec<Value> {
     values.into_iter().map(Value::Float).collect()
 }
@@ -167,7 +184,9 @@ pub(super) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow
                 .collect::<anyhow::Result<_>>()?,
             backend: record.backend.clone(),
         };
-        let metrics = serde_json::Value::Object(record.metrics.clone());
+        let mut metrics = record.metrics.clone();
+        metrics.remove("fps");
+        let metrics = serde_json::Value::Object(metrics);
         context
             .exec
             .run(|| write_with_metrics(output, &*done.artefact, &provenance, &metrics))
@@ -227,5 +246,10 @@ fn headline(record: &ivd_pipeline::StageRecord) -> String {
     .iter()
     .filter_map(|key| record.metrics.get(*key).map(|value| format!("{key} {value}")))
     .collect();
+    // A target that wasn't met is said with what stood in the way.
+    let stopped = record.metrics.get("reached").and_then(|r| r.get("stopped_by")).and_then(|s| s.as_str());
+    if let Some(reason) = stopped.filter(|s| !["target", "max_error"].contains(s)) {
+        return format!("{}, target not reached: stopped by {reason}", picked.join(", "));
+    }
     if picked.is_empty() { "done".to_owned() } else { picked.join(", ") }
 }

@@ -148,7 +148,7 @@ impl Plan {
             .filter(|id| id.stage() == stage && self.node(*id).stage.is_some())
             .collect();
         if found.is_empty() {
-            let known = NodeId::ALL.map(NodeId::stage).join(", ");
+            let known = stage_names();
             return Err(Error::usage(
                 "pipeline",
                 format!("--until {stage}: not a stage of this scene; stages are {known}"),
@@ -228,6 +228,13 @@ impl Plan {
             why.clone_into(&mut node.why);
         }
     }
+}
+
+/// Names of the stages, each once, in the order in which they run.
+pub(crate) fn stage_names() -> String {
+    let mut names = NodeId::ALL.map(NodeId::stage).to_vec();
+    names.dedup();
+    names.join(", ")
 }
 
 /// Whether the part is found through a class.

@@ -2,4 +2,5 @@
 
 mod graph;
 
+pub(crate) use graph::stage_names;
 pub use graph::{NodeId, Plan, PlanNode};

@@ -62,6 +62,7 @@ pub(super) fn stages(records: &[StageRecord]) -> String {
             State::Ran => ("ran", true),
             State::Cached => ("cached", true),
             State::NotNeeded => ("not needed", false),
+            State::Planned => ("planned", false),
         };
         let seconds =
             |value: Option<f64>| value.filter(|_| time).map_or_else(|| "–".to_owned(), |v| format!("{v:.3}"));

@@ -46,8 +46,10 @@ pub struct Loaded {
 /// # Errors
 /// [`Error::Scene`] with the place and, for an unknown key, the nearest known one; [`Error::Io`] where it can't be read.
 pub fn load(file: &Path, overrides: &[Override]) -> Result<Loaded, Error> {
-    let text = std::fs::read_to_string(file).map_err(|e| Error::io("reading", file, e))?;
-    let scene = parse(&text, overrides).map_err(|problem| Error::Scene { file: file.to_owned(), problem })?;
+    let wrong = |problem| Error::Scene { file: file.to_owned(), problem };
+    let bytes = std::fs::read(file).map_err(|e| Error::io("reading", file, e))?;
+    let text = String::from_utf8(bytes).map_err(|e| wrong(format!("{e}; a scene is a TOML text file")))?;
+    let scene = parse(&text, overrides).map_err(wrong)?;
     let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
     Ok(Loaded { scene, folder, file: file.to_owned() })
 }

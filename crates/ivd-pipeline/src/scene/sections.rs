@@ -356,6 +356,8 @@ pub struct MapSection {
     pub margin: Option<f64>,
     /// Outside of the lattice.
     pub outside: Outside,
+    /// How far lattice points may be left behind to keep the map free of folds, as a fraction of their motion, 0…1.
+    pub tolerance: Option<f64>,
 }
 
 /// Interpolation of a warp.

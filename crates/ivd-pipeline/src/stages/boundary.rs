@@ -62,8 +62,16 @@ impl Stage for Boundary {
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let volume = inputs.volume("volume").expect("checked by the runner");
         let labels = inputs.labels("labels");
-        let part =
-            ivd_boundary::component(volume, labels, &self.params, exec).map_err(stage_error!("boundary"))?;
+        // Neither labels nor a value: the two classes of least inertia tell the part from its surroundings.
+        let split = match (labels, self.params.above) {
+            (None, None) => {
+                let two = ivd_segment::KmvsParams { k: 2 };
+                Some(ivd_segment::kmvs(volume, None, &two, exec).map_err(stage_error!("boundary"))?.labels)
+            }
+            _ => None,
+        };
+        let part = ivd_boundary::component(volume, labels.or(split.as_ref()), &self.params, exec)
+            .map_err(stage_error!("boundary"))?;
         let total = volume.grid().len() as f64;
         let metrics = json!({
             "voxels": part.voxels,

@@ -47,6 +47,14 @@ impl Stage for Lattice {
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let volume = inputs.volume("volume").expect("checked by the runner");
         let (labels, mask) = (inputs.labels("labels"), inputs.mask("mask"));
+        if let Some(labels) = labels.filter(|l| !l.grid().matches(volume.grid())) {
+            let (a_dims, b_dims) = (volume.grid().dims(), labels.grid().dims());
+            return Err(ivd_core::Error::GridMismatch { a: "volume", a_dims, b: "labels", b_dims }.into());
+        }
+        if let Some(mask) = mask.filter(|m| !m.grid().matches(volume.grid())) {
+            let (a_dims, b_dims) = (volume.grid().dims(), mask.grid().dims());
+            return Err(ivd_core::Error::GridMismatch { a: "volume", a_dims, b: "mask", b_dims }.into());
+        }
         let iso = match self.iso {
             IsoChoice::Value(value) => Iso::Value(value),
             IsoChoice::Word(_) => boundary_iso(labels, mask.map(ivd_core::Mask::inside), self.class)?,

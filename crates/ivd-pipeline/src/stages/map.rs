@@ -34,6 +34,7 @@ impl Map {
                 outside,
                 depth_mm: section.depth,
                 margin_mm: section.margin,
+                tolerance: section.tolerance.unwrap_or(MapParams::default().tolerance),
                 ..MapParams::default()
             },
         }

@@ -1,5 +1,3 @@
-use std::time::Instant;
-
 use ivd_artefact::{Artefact, Kind};
 use ivd_core::Exec;
 use ivd_render::{Mode, RenderParams, Scene, View};
@@ -94,12 +92,9 @@ impl Stage for Render {
             displacement: inputs.displacement("displacement"),
             lattice: inputs.lattice("lattice"),
         };
-        let start = Instant::now();
         let rendered = ivd_render::render(&scene, &self.params, exec).map_err(stage_error!("render"))?;
-        let seconds = start.elapsed().as_secs_f64();
         let metrics = json!({
             "frames": 1,
-            "fps": 1.0 / seconds.max(1e-9),
             "samples_per_pixel": rendered.samples_per_pixel,
             "skipped_fraction": rendered.skipped_fraction,
         });
