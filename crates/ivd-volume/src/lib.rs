@@ -15,6 +15,7 @@ mod frames;
 mod metaimage;
 mod nifti;
 mod nrrd;
+mod numbers;
 mod order;
 pub mod phantom;
 mod raw;

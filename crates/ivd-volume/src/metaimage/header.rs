@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
+use crate::numbers::numbers;
 use crate::{Error, bounded};
 
 /// Most bytes that a header may take; real ones take a few hundred.
@@ -81,18 +82,7 @@ impl Header {
         name: &str,
         count: usize,
     ) -> Result<Option<Vec<T>>, Error> {
-        let Some(text) = self.get(name) else { return Ok(None) };
-        let numbers = text
-            .split_whitespace()
-            .map(|word| {
-                word.parse()
-                    .map_err(|_| Error::field(path, name, format!("`{word}` is no number of its kind")))
-            })
-            .collect::<Result<Vec<T>, _>>()?;
-        if numbers.len() != count {
-            return Err(Error::field(path, name, format!("{} numbers where {count} are due", numbers.len())));
-        }
-        Ok(Some(numbers))
+        self.get(name).map(|text| numbers(path, name, text, count)).transpose()
     }
 
     /// The first of several names for one thing that the header has.
