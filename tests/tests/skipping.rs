@@ -105,6 +105,16 @@ fn a_given_isovalue_without_a_class_never_segments_even_for_pictures() {
 }
 
 #[test]
+fn an_output_that_no_stage_makes_is_refused_by_name() {
+    let text = SCENE
+        .replace("[boundary]\nclass = \"densest\"\n", "[lattice]\niso = 127.5\n")
+        .replace("report = true", "mask = \"mask.nrrd\"");
+    let error = Bench::new(&text).run(&[]).unwrap_err();
+    assert!(error.to_string().contains("output.mask") && error.to_string().contains("boundary"), "{error}");
+    assert_eq!(error.fault(), ivd_core::Fault::Usage);
+}
+
+#[test]
 fn a_lattice_alone_needs_no_motion() {
     let bench = Bench::new(SCENE);
     let report = bench.run(&["output.images=[]", "output.report=false", "output.volume=false"]);

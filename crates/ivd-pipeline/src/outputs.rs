@@ -107,7 +107,7 @@ impl<'a> Writer<'a> {
         earlier: &BTreeMap<NodeId, Done>,
     ) -> Result<(), Error> {
         let scene = self.scene;
-        let named = scene.output.files().into_iter().filter(|(key, _)| source_of(key) == id);
+        let named = scene.output.files().into_iter().filter(|(key, _)| NodeId::of_output(key) == id);
         for (key, path) in named {
             let source = done.hash.to_string();
             if key == "lattice_deformed" {
@@ -244,19 +244,6 @@ impl<'a> Writer<'a> {
         let text = serde_json::to_string(&manifest).expect("records serialise");
         write_text(&self.out.join(MANIFEST), &text)?;
         Ok(self.files)
-    }
-}
-
-/// The place that an output file is made from.
-fn source_of(key: &str) -> NodeId {
-    match key {
-        "volume" => NodeId::Warp,
-        "lattice_extracted" => NodeId::Lattice,
-        "lattice" => NodeId::Refine,
-        "displacement" => NodeId::Map,
-        "labels" => NodeId::Segment,
-        "mask" => NodeId::Boundary,
-        _ => NodeId::Deform,
     }
 }
 

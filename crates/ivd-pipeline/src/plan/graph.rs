@@ -86,6 +86,19 @@ impl NodeId {
         }
     }
 
+    /// The place that the output file of a scene's key is made from.
+    pub(crate) fn of_output(key: &str) -> Self {
+        match key {
+            "volume" => Self::Warp,
+            "lattice_extracted" => Self::Lattice,
+            "lattice" => Self::Refine,
+            "displacement" => Self::Map,
+            "labels" => Self::Segment,
+            "mask" => Self::Boundary,
+            _ => Self::Deform,
+        }
+    }
+
     /// The picture that it draws.
     pub fn of_picture(picture: Picture) -> Self {
         match picture {
@@ -126,7 +139,7 @@ impl Plan {
         let mut plan = Self { nodes: wire(scene, import(loaded, input)?)? };
         match until {
             Some(stage) => plan.want_stage(stage)?,
-            None => plan.want_outputs(scene),
+            None => plan.want_outputs(scene)?,
         }
         plan.explain_rest(scene);
         Ok(plan)
@@ -160,17 +173,16 @@ impl Plan {
         Ok(())
     }
 
-    fn want_outputs(&mut self, scene: &Scene) {
+    fn want_outputs(&mut self, scene: &Scene) -> Result<(), Error> {
         for (key, _) in scene.output.files() {
-            let id = match key {
-                "volume" => NodeId::Warp,
-                "lattice_extracted" => NodeId::Lattice,
-                "lattice" => NodeId::Refine,
-                "displacement" => NodeId::Map,
-                "labels" => NodeId::Segment,
-                "mask" => NodeId::Boundary,
-                _ => NodeId::Deform,
-            };
+            let id = NodeId::of_output(key);
+            if self.node(id).stage.is_none() {
+                let problem = format!(
+                    "output.{key}: the scene gives {} nothing to do; add its section, or drop the output",
+                    id.stage()
+                );
+                return Err(Error::usage("pipeline", problem));
+            }
             self.need(id, &format!("output.{key}"));
             if key == "lattice_deformed" {
                 self.need(NodeId::Refine, "output.lattice_deformed");
@@ -185,6 +197,7 @@ impl Plan {
             let last = if self.node(NodeId::Map).stage.is_some() { NodeId::Map } else { NodeId::Refine };
             self.need(last, "output.report");
         }
+        Ok(())
     }
 
     fn need(&mut self, id: NodeId, why: &str) {
