@@ -6,7 +6,9 @@
 //! kmvs 4          classes of least inertia
 //! extract 84.5    marching cubes at a value (the brick index is built anew each time)
 //! refine 0.1      half-edge collapse of the last lattice to a share of its triangles
-//! render T.ivd 512 0.5 90,15    a picture with a transfer function: side, step, view; not shaded
+//! render T.ivd 512 0.5 90,15    a picture of a new scene with a transfer function: side, step, view; not shaded
+//! scene T.ivd 512 0.5           makes a scene ready for many views
+//! view 90,15                    a picture of it
 //! ```
 
 use std::io::BufRead;
@@ -16,7 +18,7 @@ use ivd_artefact::Artefact;
 use ivd_core::{Exec, Volume};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
-use ivd_render::{RenderParams, Scene, View, render};
+use ivd_render::{Prepared, RenderParams, Rendered, Scene, View, render};
 use serde_json::json;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -24,6 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let exec = Exec::default();
     let volume = ivd_volume::read(path.as_ref(), &ivd_volume::ReadOptions::default(), &exec)?;
     let mut lattice = None;
+    let mut prepared: Option<Prepared<'_>> = None;
     for line in std::io::stdin().lock().lines() {
         let line = line?;
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -35,7 +38,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             volume.intercept(),
         )?;
         let transfer = match words[..] {
-            ["render", file, ..] => Some(ivd_artefact::read(file)?.artefact),
+            ["render" | "scene", file, ..] => match ivd_artefact::read(file)?.artefact {
+                Artefact::Transfer(transfer) => Some(transfer),
+                _ => return Err(format!("{file} holds no transfer function").into()),
+            },
             _ => None,
         };
         let (wall, cpu) = (Instant::now(), cpu_seconds());
@@ -58,29 +64,21 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 let found = collapse(lattice.as_ref().ok_or("extract first")?, &params, &exec)?;
                 json!({ "triangles": found.lattice.triangles.len(), "max_error_mm": found.max_error_mm })
             }
-            ["render", _, side, step, view] => {
-                let Some(Artefact::Transfer(transfer)) = &transfer else {
-                    return Err("no transfer function".into());
-                };
-                let (azimuth, elevation) = view.split_once(',').ok_or("view: azimuth,elevation")?;
-                let view = View {
-                    azimuth_deg: azimuth.parse()?,
-                    elevation_deg: elevation.parse()?,
-                    ..View::default()
-                };
-                let side = side.parse()?;
-                let params = RenderParams {
-                    width: side,
-                    height: side,
-                    step: step.parse()?,
-                    view,
-                    shading: false,
-                    annotate: false,
-                    ..RenderParams::default()
-                };
-                let scene = Scene { transfer: Some(transfer), ..Scene::new(&fresh) };
-                let found = render(&scene, &params, &exec)?;
-                json!({ "samples_per_pixel": found.samples_per_pixel, "skipped_fraction": found.skipped_fraction })
+            ["render", _, side, step, angles] => {
+                let transfer = transfer.ok_or("no transfer function")?;
+                let scene = Scene { transfer: Some(&transfer), ..Scene::new(&fresh) };
+                figures_of(&render(&scene, &params_of(side, step, view_of(angles)?)?, &exec)?)
+            }
+            ["scene", _, side, step] => {
+                // Lives as long as the process: views of it may come at any time.
+                let transfer = Box::leak(Box::new(transfer.ok_or("no transfer function")?));
+                let scene = Scene { transfer: Some(transfer), ..Scene::new(Box::leak(Box::new(fresh))) };
+                prepared = Some(Prepared::new(&scene, &params_of(side, step, View::default())?, &exec)?);
+                json!({})
+            }
+            ["view", angles] => {
+                let prepared = prepared.as_ref().ok_or("scene first")?;
+                figures_of(&prepared.render(view_of(angles)?, &exec)?)
             }
             _ => return Err(format!("unknown request `{line}`").into()),
         };
@@ -88,6 +86,23 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("{}", json!({ "request": line, "wall_s": wall, "cpu_s": cpu, "figures": figures }));
     }
     Ok(())
+}
+
+/// A square picture without light and lettering.
+fn params_of(side: &str, step: &str, view: View) -> Result<RenderParams, Box<dyn std::error::Error>> {
+    let side = side.parse()?;
+    let plain = RenderParams { shading: false, annotate: false, view, ..RenderParams::default() };
+    Ok(RenderParams { width: side, height: side, step: step.parse()?, ..plain })
+}
+
+/// A view by azimuth and elevation (degrees).
+fn view_of(angles: &str) -> Result<View, Box<dyn std::error::Error>> {
+    let (azimuth, elevation) = angles.split_once(',').ok_or("view: azimuth,elevation")?;
+    Ok(View { azimuth_deg: azimuth.parse()?, elevation_deg: elevation.parse()?, ..View::default() })
+}
+
+fn figures_of(found: &Rendered) -> serde_json::Value {
+    json!({ "samples_per_pixel": found.samples_per_pixel, "skipped_fraction": found.skipped_fraction })
 }
 
 /// Processor time of the threads that live [s], to the nanosecond; Linux alone tells it so.
