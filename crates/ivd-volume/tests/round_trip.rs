@@ -2,8 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "what builds a test's files may fail it")]
 
 use std::f64::consts::FRAC_1_SQRT_2;
+use std::sync::{Arc, Mutex};
 
-use ivd_core::{Exec, Grid, Scalar, Volume, VoxelCoord, VoxelType, Voxels};
+use ivd_core::{Exec, Grid, Observer, Scalar, Volume, VoxelCoord, VoxelType, Voxels};
 use ivd_volume::{ByteOrder, RawLayout, ReadOptions, read, write};
 
 const DIMS: [usize; 3] = [5, 4, 3];
@@ -109,6 +110,64 @@ fn values_come_back_bit_for_bit_and_positions_within_a_micron() {
     }
 }
 
+/// What was noted.
+#[derive(Default)]
+struct Notes(Mutex<Vec<String>>);
+
+impl Observer for Notes {
+    fn note(&self, message: &str) {
+        self.0.lock().unwrap().push(message.to_owned());
+    }
+}
+
+#[test]
+fn a_tiff_stack_keeps_values_and_spacing_and_a_note_says_what_it_leaves_out() {
+    let folder = tempfile::tempdir().unwrap();
+    for ending in ["tif", "TIFF"] {
+        let path = folder.path().join(format!("a.{ending}"));
+        for (name, grid) in grids() {
+            for voxel_type in TYPES {
+                let notes = Arc::new(Notes::default());
+                let exec = Exec::default().with_observer(notes.clone());
+                let volume = Volume::new(grid.clone(), voxels(voxel_type)).unwrap();
+                write(&path, &volume, &exec).unwrap();
+                let said = std::mem::take(&mut *notes.0.lock().unwrap());
+                assert!(
+                    matches!(&said[..], [one] if one.contains("origin and direction")),
+                    "{name}: {said:?}"
+                );
+                let back = read(&path, &ReadOptions::default(), &exec).unwrap();
+                let case = format!("{ending}, {name}, {}", voxel_type.name());
+                assert_eq!(back.voxels().voxel_type(), voxel_type, "{case}");
+                assert_eq!(back.voxels().as_bytes(), volume.voxels().as_bytes(), "{case}");
+                for (found, meant) in back.grid().spacing().iter().zip(grid.spacing()) {
+                    assert!((found / meant - 1.0).abs() < 1e-15, "{case}: {found}, not {meant}");
+                }
+                // What was read lies where a file without a space lies: nothing is left out when it is written.
+                write(&path, &back, &exec).unwrap();
+                assert!(notes.0.lock().unwrap().is_empty(), "{case}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tiff_of_real_values_holds_them_and_one_of_a_spacing_beyond_its_fractions_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let notes = Arc::new(Notes::default());
+    let exec = Exec::default().with_observer(notes.clone());
+    let grid = Grid::with_spacing(DIMS, [1e-12, 1.0, 1.0]).unwrap();
+    let volume = Volume::with_scale(grid, voxels(VoxelType::U8), 0.5, -3.0).unwrap();
+    write(&path, &volume, &exec).unwrap();
+    assert!(notes.0.lock().unwrap()[0].contains("a spacing of this size"));
+    let back = read(&path, &ReadOptions::default(), &exec).unwrap();
+    assert_eq!(back.grid().spacing(), [1.0; 3]);
+    for at in 0..60 {
+        assert_eq!(back.voxels().get(at), 0.5 * volume.voxels().get(at) - 3.0);
+    }
+}
+
 #[test]
 fn slope_and_intercept_stay_in_nifti_and_become_real_values_elsewhere() {
     let folder = tempfile::tempdir().unwrap();
@@ -172,7 +231,7 @@ fn the_same_volume_gives_the_same_bytes_and_leaves_the_file_alone() {
     let folder = tempfile::tempdir().unwrap();
     let (_, grid) = grids().swap_remove(1);
     let volume = Volume::new(grid, voxels(VoxelType::F32)).unwrap();
-    for ending in ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "raw"] {
+    for ending in ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "raw"] {
         let (a, b) = (
             folder.path().join(format!("{ending}-a.{ending}")),
             folder.path().join(format!("{ending}-b.{ending}")),

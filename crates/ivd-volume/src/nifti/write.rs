@@ -1,3 +1,4 @@
+use std::io::Write;
 use std::path::Path;
 
 use flate2::{Compression, GzBuilder};

@@ -9,6 +9,7 @@ mod pile;
 mod png;
 mod raw;
 mod tiff;
+mod write;
 
 use std::path::{Path, PathBuf};
 
@@ -17,10 +18,12 @@ use ivd_core::{Exec, Volume};
 use crate::{Error, RawLayout, bounded, space};
 use names::regular_files;
 use pile::Pile;
+pub use write::write_tiff;
 
 /// Reads a TIFF stack: every page is a slice, the first page is z = 0.
 ///
-/// Without `spacing` (mm), the resolution tags give x and y where they have a unit (else 1), and z is 1.
+/// Without `spacing` (mm), the resolution tags give x and y where they or ImageJ's description have a unit (else 1), and
+/// z is ImageJ's, or else 1.
 ///
 /// # Errors
 /// [`Error`] names the page and tag that is malformed, differs from the first page, or isn't single-valued.
@@ -66,6 +69,14 @@ pub fn sources(dir: &Path, raw: Option<&RawLayout>) -> Result<Vec<PathBuf>, Erro
 enum Kind {
     Png,
     Tiff,
+}
+
+/// What a picture tells of its spacing (mm).
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct PixelSize {
+    xy: [f64; 2],
+    /// Distance of the pages.
+    z: Option<f64>,
 }
 
 /// The slices of a folder in their order, and the files that are none.
@@ -134,17 +145,20 @@ fn read_pictures(dir: &Path, spacing: Option<[f64; 3]>, exec: &Exec) -> Result<V
     finish(dir, pile, spacing, own, exec)
 }
 
-/// `own`: x and y spacing [mm] that the pictures tell.
+/// `own`: the spacing that the pictures tell.
 fn finish(
     path: &Path,
     pile: Pile,
     spacing: Option<[f64; 3]>,
-    own: Option<[f64; 2]>,
+    own: Option<PixelSize>,
     exec: &Exec,
 ) -> Result<Volume, Error> {
     let (dims, voxels) = pile.finish(path)?;
     let spacing = spacing.unwrap_or_else(|| {
-        let [x, y] = own.unwrap_or([1.0; 2]);
+        let PixelSize { xy: [x, y], z } = own.unwrap_or(PixelSize { xy: [1.0; 2], z: None });
+        if let Some(z) = z {
+            return [x, y, z];
+        }
         exec.observer().note(&format!(
             "{}: the slices don't tell their distance: spacing {x} × {y} × 1 mm is taken; give the spacing if it is another",
             path.display()

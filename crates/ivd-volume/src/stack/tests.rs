@@ -181,3 +181,37 @@ fn the_unc_head_reads_as_its_notes_say() {
         assert_eq!(volume.voxels().get(65_536 + i), word(&second, i));
     }
 }
+
+#[test]
+fn a_tiff_of_imagej_is_measured_in_its_unit() {
+    use ::tiff::encoder::{Rational, TiffEncoder, colortype};
+    use ::tiff::tags::{ResolutionUnit, Tag};
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.tif");
+    let said = [
+        ("unit=mm\nspacing=2.5\n", ResolutionUnit::None, [0.5, 0.25, 2.5]),
+        ("unit=micron\nspacing=4\n", ResolutionUnit::None, [5e-4, 2.5e-4, 4e-3]),
+        ("unit=furlong\nspacing=4\n", ResolutionUnit::None, [1.0; 3]),
+        ("spacing=3\n", ResolutionUnit::Centimeter, [5.0, 2.5, 30.0]),
+        ("unit=mm\nspacing=-3\n", ResolutionUnit::None, [0.5, 0.25, 1.0]),
+        ("unit=mm\nspacing=much\n", ResolutionUnit::None, [0.5, 0.25, 1.0]),
+    ];
+    for (description, unit, spacing) in said {
+        let mut encoder = TiffEncoder::new(std::fs::File::create(&path).unwrap()).unwrap();
+        let mut image = encoder.new_image::<colortype::Gray8>(2, 1).unwrap();
+        image.resolution_unit(unit);
+        image.x_resolution(Rational { n: 2, d: 1 });
+        image.y_resolution(Rational { n: 4, d: 1 });
+        let text = format!("ImageJ=1.54f\nimages=1\n{description}");
+        image.encoder().write_tag(Tag::ImageDescription, text.as_str()).unwrap();
+        image.write_data(&[1, 2]).unwrap();
+        let notes = Arc::new(Notes::default());
+        let exec = Exec::default().with_observer(notes.clone());
+        assert_eq!(read_tiff(&path, None, &exec).unwrap().grid().spacing(), spacing, "{description}");
+        assert_eq!(
+            notes.0.lock().unwrap().is_empty(),
+            spacing[2] != 1.0,
+            "a distance that is guessed is said"
+        );
+    }
+}

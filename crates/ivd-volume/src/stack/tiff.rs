@@ -8,20 +8,21 @@ use ::tiff::tags::Tag;
 use ::tiff::{ColorType, TiffError};
 use ivd_core::{Exec, Voxels};
 
+use super::PixelSize;
 use super::pile::Pile;
 use crate::{Error, bounded};
 
 /// No codec of TIFF expands its input by more than this factor (LZW's longest code, 12 bits for 4 kB, comes first).
 const MOST_EXPANSION: u64 = 4096;
 
-/// Adds the pages of a TIFF to the pile; `most` pages are allowed. Gives x and y spacing [mm] where the first page
-/// has a resolution with a unit.
+/// Adds the pages of a TIFF to the pile; `most` pages are allowed. Gives the spacing where the first page has a
+/// resolution with a unit.
 pub(super) fn read_pages(
     path: &Path,
     pile: &mut Pile,
     most: Option<usize>,
     exec: &Exec,
-) -> Result<Option<[f64; 2]>, Error> {
+) -> Result<Option<PixelSize>, Error> {
     let (file, length) = bounded::open(path)?;
     let bound = length.saturating_mul(MOST_EXPANSION).min(exec.memory_limit.unwrap_or(u64::MAX));
     let mut limits = Limits::default();
@@ -92,20 +93,44 @@ fn read_page(
     pile.push(path, &slice)
 }
 
-/// Pixel size [mm] from the resolution tags; `None` without a unit.
-fn resolution(decoder: &mut Decoder<BufReader<File>>) -> Option<[f64; 2]> {
-    let unit = decoder.find_tag_unsigned::<u16>(Tag::ResolutionUnit).ok()?.unwrap_or(2);
-    let mm = match unit {
-        2 => 25.4,
-        3 => 10.0,
-        _ => return None,
+/// Pixel size from the resolution tags and ImageJ's description; `None` without a unit.
+fn resolution(decoder: &mut Decoder<BufReader<File>>) -> Option<PixelSize> {
+    let description = match decoder.find_tag(Tag::ImageDescription) {
+        Ok(Some(Value::Ascii(text))) if text.starts_with("ImageJ=") => text,
+        _ => String::new(),
     };
+    let said = |key: &str| {
+        description.lines().find_map(|line| line.split_once('=').filter(|(k, _)| *k == key)).map(|(_, v)| v)
+    };
+    // ImageJ's unit is that of the resolution tags, too.
+    let mm = match said("unit").and_then(unit_mm) {
+        Some(mm) => mm,
+        None => match decoder.find_tag_unsigned::<u16>(Tag::ResolutionUnit).ok()?.unwrap_or(2) {
+            2 => 25.4,
+            3 => 10.0,
+            _ => return None,
+        },
+    };
+    let length = |size: f64| (size.is_finite() && size > 0.0).then_some(size);
     let mut size = |tag| {
         let Value::Rational(above, below) = decoder.find_tag(tag).ok()?? else { return None };
-        let size = mm * f64::from(below) / f64::from(above);
-        (size.is_finite() && size > 0.0).then_some(size)
+        length(mm * f64::from(below) / f64::from(above))
     };
-    Some([size(Tag::XResolution)?, size(Tag::YResolution)?])
+    let xy = [size(Tag::XResolution)?, size(Tag::YResolution)?];
+    Some(PixelSize { xy, z: said("spacing").and_then(|z| z.parse().ok()).and_then(|z: f64| length(mm * z)) })
+}
+
+/// Millimetres of a unit in the words of ImageJ.
+fn unit_mm(unit: &str) -> Option<f64> {
+    Some(match unit.trim() {
+        "m" => 1e3,
+        "cm" => 10.0,
+        "mm" => 1.0,
+        "micron" | "um" | "\\u00B5m" | "µm" => 1e-3,
+        "nm" => 1e-6,
+        "inch" | "in" => 25.4,
+        _ => return None,
+    })
 }
 
 fn failure(path: &Path, page: usize, error: TiffError) -> Error {

@@ -1,6 +1,8 @@
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Read};
 use std::path::Path;
+
+use tempfile::NamedTempFile;
 
 use super::Written;
 use crate::Error;
@@ -9,7 +11,7 @@ use crate::Error;
 /// the same folder, then renamed. A file that already holds the same bytes isn't touched.
 pub(crate) fn replace(
     path: &Path,
-    content: impl FnOnce(&mut dyn Write) -> Result<(), Error>,
+    content: impl FnOnce(&mut BufWriter<NamedTempFile>) -> Result<(), Error>,
 ) -> Result<Written, Error> {
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -55,6 +57,8 @@ fn same_bytes(a: &Path, b: &Path) -> io::Result<bool> {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write;
+
     use super::*;
 
     fn put(path: &Path, bytes: &[u8]) -> Result<Written, Error> {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ivd_core::{Exec, Volume};
 
-use crate::{Error, metaimage, nifti, nrrd, raw, vti};
+use crate::{Error, metaimage, nifti, nrrd, raw, stack, vti};
 pub(crate) use atomic::replace;
 pub(crate) use values::{Values, put};
 
@@ -24,10 +24,10 @@ impl Written {
 }
 
 /// Writes a volume in the format of the file's ending: `.nii`, `.nii.gz`, `.nrrd`, `.nhdr` (with `.raw` beside it),
-/// `.mha`, `.mhd` (with `.raw`), `.vti`, `.raw`.
+/// `.mha`, `.mhd` (with `.raw`), `.vti`, `.tif` or `.tiff` (a page a slice), `.raw`.
 ///
 /// The stored type is kept. NIfTI keeps slope and intercept; in the other formats a volume that has them is written as
-/// real values in `f32`. A file that would get the bytes it has is left alone, otherwise it is replaced at once, so
+/// real values in `f32`. TIFF keeps the spacing alone, and a note says what is left out. A file that would get the bytes it has is left alone, otherwise it is replaced at once, so
 /// that a reader sees the old file, the new one, or none.
 ///
 /// # Errors
@@ -59,13 +59,15 @@ pub fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error
             metaimage::write(path, volume, exec)
         } else if ends(&[".vti"]) {
             vti::write(path, volume, exec)
+        } else if ends(&[".tif", ".tiff"]) {
+            stack::write_tiff(path, volume, exec)
         } else if ends(&[".raw"]) {
             raw::write(path, volume, exec)
         } else {
             Err(Error::Unknown {
                 path: path.to_owned(),
                 problem: "the ending tells no volume format".into(),
-                remedy: "end the name in .nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd, .vti or .raw".into(),
+                remedy: "end the name in .nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd, .vti, .tif or .raw".into(),
             })
         }
     })
