@@ -2,8 +2,8 @@
 
 Makes phantoms, extracts, refines and exports them by the program, reads the files by trimesh, and checks that they are
 closed manifolds without repeated or coincident corners, that every refined vertex is one of the lattice's, and that the
-formats agree within their precision. Prints `N passed, N failed`; the exit code is 1 where something failed.
-Needs numpy and trimesh.
+formats agree within their precision; VTK reads the VTP. Prints `N passed, N failed`; the exit code is 1 where something
+failed. Needs numpy, trimesh and vtk.
 """
 
 import subprocess
@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+import vtk
+from vtk.util.numpy_support import vtk_to_numpy
 
 PHANTOMS = [("sphere", 48, 127.5), ("torus", 64, 127.5), ("gyroid", 48, 127.5), ("shell", 40, 127.5), ("head", 48, 60.0)]
 RATIOS = [0.5, 0.1, 0.0]
@@ -44,6 +46,25 @@ def load(path):
         mesh = loaded.to_geometry() if hasattr(loaded, "to_geometry") else loaded.dump(concatenate=True)
         return np.asarray(mesh.vertices) @ TO_RAS.T, np.asarray(mesh.faces)
     return np.asarray(loaded.vertices), np.asarray(loaded.faces)
+
+
+def load_vtp(path):
+    """Vertices [mm, LPS], triangles, and the address of each vertex, by VTK."""
+    reader = vtk.vtkXMLPolyDataReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    mesh = reader.GetOutput()
+    assert mesh.GetFieldData().GetAbstractArray("SPACE").GetValue(0) == "LPS"
+    faces = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    assert mesh.GetPolys().GetNumberOfCells() == mesh.GetNumberOfCells() == len(faces)
+    address = [vtk_to_numpy(mesh.GetPointData().GetArray(name)) for name in ("voxel", "element")]
+    return vtk_to_numpy(mesh.GetPoints().GetData()), faces, np.column_stack(address)
+
+
+def addresses(path):
+    """The address of each vertex of a PLY."""
+    data = trimesh.load(path, process=False).metadata["_ply_raw"]["vertex"]["data"]
+    return np.column_stack([data[name] for name in ("voxel_x", "voxel_y", "voxel_z", "element")])
 
 
 def check_mesh(name, vertices, faces, outward=True):
@@ -91,7 +112,7 @@ def fans(vertex_count, faces):
 
 def check_formats(name, program, lattice, folder):
     """The other formats against the PLY."""
-    files = {ending: folder / f"{name}.{ending}" for ending in ("ply", "obj", "stl", "glb")}
+    files = {ending: folder / f"{name}.{ending}" for ending in ("ply", "obj", "stl", "glb", "vtp")}
     for file in files.values():
         ivd(program, "export", lattice, "-o", file)
     vertices, faces = load(files["ply"])
@@ -104,6 +125,11 @@ def check_formats(name, program, lattice, folder):
     stl_vertices, stl_faces = load(files["stl"])
     soup, expected = stl_vertices[stl_faces], vertices[faces].astype(np.float32)
     check(f"{name}: STL has the PLY's corners in f32", np.array_equal(soup.astype(np.float32), expected))
+    vtp_vertices, vtp_faces, vtp_addresses = load_vtp(files["vtp"])
+    same = vtp_vertices.dtype == np.float64 and np.array_equal(vtp_vertices * [-1.0, -1.0, 1.0], vertices)
+    check(f"{name}: VTP has the PLY's vertices, bit for bit", same)
+    check(f"{name}: VTP has the PLY's triangles", np.array_equal(vtp_faces, faces))
+    check(f"{name}: VTP has the PLY's addresses", np.array_equal(vtp_addresses, addresses(files["ply"])))
     return vertices, faces
 
 

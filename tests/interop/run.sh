@@ -6,7 +6,7 @@ ivd=$(realpath "${1:?usage: run.sh PATH_OF_IVD}")
 here=$(cd "$(dirname "$0")" && pwd)
 venv=${IVD_INTEROP_VENV:-$here/../../target/interop-venv}
 if [ ! -x "$venv/bin/python" ]; then python3 -m venv "$venv"; fi
-if ! "$venv/bin/python" -c 'import numpy, nibabel, SimpleITK, nrrd, vtk, trimesh, scipy, networkx' 2>/dev/null; then
+if ! "$venv/bin/python" -c 'import numpy, nibabel, SimpleITK, nrrd, vtk, tifffile, trimesh, scipy, networkx' 2>/dev/null; then
     "$venv/bin/pip" install -q --disable-pip-version-check -r "$here/requirements.txt"
 fi
 status=0

@@ -1,7 +1,8 @@
 """volumes.py IVD: every real volume through every format, read back by other people's readers.
 
 For each volume of ../shared/data: `ivd import`, then `ivd export` to every format; voxels, spacing, origin and direction
-of what was written must equal SimpleITK's own reading of the source. nibabel, pynrrd and VTK read what they can, too.
+of what was written must equal SimpleITK's own reading of the source. nibabel, pynrrd, VTK and tifffile read what they can,
+too. A TIFF keeps values and spacing alone: the latter by tifffile's reading of ImageJ's description, x and y by SimpleITK's.
 The sources that SimpleITK can't read (VTI, raw slices) are read by VTK and numpy. Values may differ by the rounding of the
 format's f32 where a slope is not 1, places by 1e-3 mm.
 Prints `N passed, N failed`.
@@ -12,12 +13,13 @@ import nibabel as nib
 import nrrd
 import numpy as np
 import SimpleITK as sitk
+import tifffile
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
 IVD = pathlib.Path(sys.argv[1]).resolve()
 DATA = pathlib.Path(__file__).resolve().parents[3] / "shared" / "data"
-ENDINGS = ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "raw"]
+ENDINGS = ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "raw"]
 PLACE_MM = 1e-3
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0])
 sitk.ProcessObject.SetGlobalWarningDisplay(False)
@@ -25,10 +27,11 @@ FAILED, PASSED = [], 0
 
 
 class Volume:
-    """Real values indexed [z, y, x], and the voxel-to-world affine (3 × 4) in LPS mm; None where a format has none."""
+    """Real values indexed [z, y, x], and the voxel-to-world affine (3 × 4) in LPS mm; None where a format has none, with
+    the spacing along as many axes as it has."""
 
-    def __init__(self, values, affine):
-        self.values, self.affine = np.asarray(values), affine
+    def __init__(self, values, affine, spacing=()):
+        self.values, self.affine, self.spacing = np.asarray(values), affine, spacing
 
     def corners(self):
         n = np.array(self.values.shape[::-1]) - 1
@@ -86,6 +89,24 @@ def by_vtk(path):
     return Volume(values, affine)
 
 
+def tiff_by_sitk(path):
+    """SimpleITK knows the distance of pixels, not that of pages, and no 32-bit integers."""
+    image = sitk.ReadImage(str(path))
+    return Volume(sitk.GetArrayFromImage(image), None, image.GetSpacing()[:2])
+
+
+def by_tifffile(path):
+    with tifffile.TiffFile(path) as file:
+        tags, said = file.pages[0].tags, file.imagej_metadata
+        cm = [tags[name].value[1] / tags[name].value[0] for name in ("XResolution", "YResolution")]
+        assert said["unit"] == "cm" and tags["ResolutionUnit"].value == 3 and said["images"] == len(file.pages)
+        # Page by page: ImageJ's own layout is another matter.
+        values = np.stack([page.asarray() for page in file.pages])
+        whole = file.asarray().reshape(values.shape)
+        assert np.array_equal(values, whole, equal_nan=values.dtype.kind == "f"), "as pages and as a whole"
+        return Volume(values, None, [10 * s for s in (*cm, said["spacing"])])
+
+
 def frog(folder):
     """Its header gives a CompressedDataSize that is too small: SimpleITK leaves the last voxels unread."""
     header = dict(line.split(" = ") for line in (folder / "frogtissue.mhd").read_text().splitlines())
@@ -134,6 +155,8 @@ def same(name, found, expected):
     exact = np.issubdtype(expected.values.dtype, np.integer)
     check(f"{name}: values", difference <= (0 if exact else 1e-6 * scale), f"differ by {difference}")
     if found.affine is None:
+        meant = np.linalg.norm(expected.affine[:, :3], axis=0)[: len(found.spacing)]
+        check(f"{name}: spacing", np.allclose(found.spacing, meant, rtol=1e-6, atol=0), f"{found.spacing}, {meant}")
         return
     apart = float(np.linalg.norm(found.corners() - expected.corners(), axis=1).max())
     check(f"{name}: places", apart <= PLACE_MM, f"{apart} mm")
@@ -146,6 +169,11 @@ def readers(ending, file, expected):
         return
     if ending == "vti":
         yield "VTK", lambda: by_vtk(file)
+        return
+    if ending == "tif":
+        yield "tifffile", lambda: by_tifffile(file)
+        if expected.values.dtype.kind == "f" or expected.values.dtype.itemsize < 4:
+            yield "SimpleITK", lambda: tiff_by_sitk(file)
         return
     yield "SimpleITK", lambda: by_sitk(file)
     if ending in ("nii", "nii.gz"):

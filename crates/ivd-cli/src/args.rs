@@ -314,7 +314,7 @@ pub(crate) enum Command {
     Export {
         /// Artefact.
         artefact: PathBuf,
-        /// nii, nii.gz, nrrd, mha, mhd, vti, raw; ply, obj, stl, glb; png; json.
+        /// nii, nii.gz, nrrd, mha, mhd, vti, tif, raw; ply, obj, stl, glb, vtp; png; json.
         #[arg(short, long)]
         output: PathBuf,
     },

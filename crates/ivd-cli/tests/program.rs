@@ -85,10 +85,10 @@ fn single_stages_chain_through_files_from_phantom_to_picture() {
     ];
     json(at, &words);
     assert_eq!(&std::fs::read(at.join("p.png")).unwrap()[1..4], b"PNG");
-    for name in ["x.nii.gz", "x.nrrd", "x.mha", "x.vti"] {
+    for name in ["x.nii.gz", "x.nrrd", "x.mha", "x.vti", "x.tif"] {
         json(at, &["export", "deformed.ivd", "-o", name]);
     }
-    for name in ["l.ply", "l.obj", "l.stl", "l.glb", "l.json"] {
+    for name in ["l.ply", "l.obj", "l.stl", "l.glb", "l.vtp", "l.json"] {
         json(at, &["export", "refined.ivd", "-o", name]);
     }
     json(at, &["export", "d.ivd", "-o", "field.nrrd"]);

@@ -40,7 +40,7 @@ pub enum Error {
         remedy: String,
     },
     /// A mesh file's format that isn't known.
-    #[error("mesh format of {}: {problem}; use .ply, .obj, .stl or .glb", path.display())]
+    #[error("mesh format of {}: {problem}; use .ply, .obj, .stl, .glb or .vtp", path.display())]
     Format {
         /// The file.
         path: PathBuf,

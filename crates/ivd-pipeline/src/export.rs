@@ -14,8 +14,8 @@ use crate::error::stage_error;
 
 /// Writes an artefact in the format of `path`'s ending. A file whose bytes would not change isn't touched.
 ///
-/// Volumes, labels and masks: nii, nii.gz, nrrd, mha, mhd, vti, raw. Lattices: ply, obj, stl, glb. Displacements:
-/// nrrd (deformed → rest, LPS mm, as ITK reads it). Images: png. Transfer functions, motions, octrees, and the figures
+/// Volumes, labels and masks: nii, nii.gz, nrrd, mha, mhd, vti, tif, tiff, raw. Lattices: ply, obj, stl, glb, vtp.
+/// Displacements: nrrd (deformed → rest, LPS mm, as ITK reads it). Images: png. Transfer functions, motions, octrees, and the figures
 /// of anything else: json.
 ///
 /// # Errors
@@ -71,7 +71,8 @@ fn write_volume(path: &Path, volume: &Volume, exec: &Exec) -> Result<bool, Error
 }
 
 /// Formats that voxels are written in.
-const VOLUME_ENDINGS: [&str; 8] = ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "raw"];
+const VOLUME_ENDINGS: [&str; 10] =
+    ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "tiff", "raw"];
 
 fn write_field(path: &Path, field: &Displacement, exec: &Exec) -> Result<bool, Error> {
     if ending(path) != "nrrd" {

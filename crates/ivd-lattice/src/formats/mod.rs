@@ -1,4 +1,4 @@
-//! Lattices as mesh files for other programs: PLY, OBJ, STL, GLB, by the file's ending.
+//! Lattices as mesh files for other programs: PLY, OBJ, STL, GLB, VTP, by the file's ending.
 //!
 //! | ending | coordinates | notes |
 //! |---|---|---|
@@ -6,6 +6,7 @@
 //! | `.obj` | decimal, world mm, RAS | as many digits as an f64 needs to come back |
 //! | `.stl` | f32, world mm, RAS | no shared vertices; far from the origin f32 rounds, see [`Written::rounding_mm`] |
 //! | `.glb` | f32 relative to a node, mm; the root node turns to metres, y up | far origins lose nothing |
+//! | `.vtp` | f64, world mm, LPS, where VTK and ITK have the volume | each vertex carries its address: `voxel` and `element`; the field `SPACE` says LPS |
 //!
 //! A file is written beside its target and renamed; where the bytes would not change the target isn't touched.
 
@@ -14,6 +15,7 @@ mod obj;
 mod ply;
 mod replace;
 mod stl;
+mod vtp;
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -43,11 +45,13 @@ pub enum Format {
     Stl,
     /// glTF 2.0, binary container.
     Glb,
+    /// VTK's XML polygon data, appended raw.
+    Vtp,
 }
 
 impl Format {
     /// Every format, in the order in which messages list them.
-    pub const ALL: [Self; 4] = [Self::Ply, Self::Obj, Self::Stl, Self::Glb];
+    pub const ALL: [Self; 5] = [Self::Ply, Self::Obj, Self::Stl, Self::Glb, Self::Vtp];
 
     /// The ending, without its dot.
     pub fn ending(self) -> &'static str {
@@ -56,6 +60,7 @@ impl Format {
             Self::Obj => "obj",
             Self::Stl => "stl",
             Self::Glb => "glb",
+            Self::Vtp => "vtp",
         }
     }
 
@@ -119,14 +124,26 @@ fn write_mesh(path: &Path, mesh: &Mesh) -> Result<Written, Error> {
         Format::Obj => 0.0,
         Format::Stl => stl::check(mesh)?,
         Format::Glb => glb::check(mesh)?,
+        Format::Vtp => vtp::check(mesh)?,
     };
     let touched = replace::replace(path, |file| match format {
         Format::Ply => ply::write(file, mesh),
         Format::Obj => obj::write(file, mesh),
         Format::Stl => stl::write(file, mesh),
         Format::Glb => glb::write(file, mesh),
+        Format::Vtp => vtp::write(file, mesh),
     })?;
     Ok(Written { touched, rounding_mm })
+}
+
+/// Refuses a grid whose voxels 32-bit numbers can't name; else nothing is rounded.
+fn voxels_fit(mesh: &Mesh, format: &'static str) -> Result<f64, Error> {
+    let dims = mesh.lattice.grid.dims();
+    if dims.iter().any(|&n| n >= i32::MAX as usize) {
+        let problem = format!("its integers have 32 bits, and the grid has {dims:?} voxels");
+        return Err(Error::Unwritable { format, problem });
+    }
+    Ok(0.0)
 }
 
 /// Writes an array of numbers as its little-endian bytes.

@@ -5,14 +5,7 @@ use crate::Error;
 
 /// PLY names a voxel by 32-bit numbers.
 pub(super) fn check(mesh: &Mesh) -> Result<f64, Error> {
-    let dims = mesh.lattice.grid.dims();
-    if dims.iter().any(|&n| n >= i32::MAX as usize) {
-        return Err(Error::Unwritable {
-            format: "PLY",
-            problem: format!("its integers have 32 bits, and the grid has {dims:?} voxels"),
-        });
-    }
-    Ok(0.0)
+    super::voxels_fit(mesh, "PLY")
 }
 
 /// Binary little endian: f64 positions, the address of each vertex, triangles as lists of three.

@@ -113,6 +113,40 @@ fn glb_keeps_differences_far_from_the_origin_and_turns_to_metres_with_y_up() {
 }
 
 #[test]
+fn vtp_holds_exact_positions_in_lps_addresses_and_triangles() {
+    let lattice = tetrahedron();
+    let (written, bytes) = written("vtp", &lattice);
+    assert_eq!(written.rounding_mm, 0.0);
+    let mark = b"<AppendedData encoding=\"raw\">\n   _";
+    let body = bytes.windows(mark.len()).position(|w| w == mark).unwrap() + mark.len();
+    let head = std::str::from_utf8(&bytes[..body]).unwrap();
+    assert!(head.contains("NumberOfPoints=\"4\"") && head.contains("NumberOfPolys=\"4\""));
+    // Where the head says that an array begins, and its bytes.
+    let array = |name: &str| {
+        let line = head.lines().find(|l| l.contains(&format!("Name=\"{name}\""))).unwrap();
+        let offset = line.split("offset=\"").nth(1).unwrap().split('"').next().unwrap();
+        let at = body + offset.parse::<usize>().unwrap();
+        let length = u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
+        &bytes[at + 8..at + 8 + length]
+    };
+    let (points, voxels, elements) = (array("Points"), array("voxel"), array("element"));
+    assert_eq!((points.len(), voxels.len(), elements.len()), (96, 48, 4));
+    for (i, key) in lattice.keys.iter().enumerate() {
+        let [x, y, z] = lattice.world(i).0.into();
+        let found: [f64; 3] = std::array::from_fn(|a| f64_at(points, 24 * i + 8 * a));
+        assert_eq!(found, [-x, -y, z], "vertex {i}");
+        let voxel: [i64; 3] = std::array::from_fn(|a| i64::from(u32_at(voxels, 12 * i + 4 * a) as i32));
+        assert_eq!((voxel, elements[i]), (key.voxel([4; 3]), key.element()));
+    }
+    let numbers = |bytes: &[u8]| -> Vec<i64> {
+        bytes.chunks(8).map(|c| i64::from_le_bytes(c.try_into().unwrap())).collect()
+    };
+    let corners: Vec<i64> = lattice.triangles.iter().flatten().map(|&v| i64::from(v)).collect();
+    assert_eq!(numbers(array("connectivity")), corners);
+    assert_eq!(numbers(array("offsets")), [3, 6, 9, 12]);
+}
+
+#[test]
 fn a_file_whose_bytes_would_not_change_keeps_its_time() {
     let folder = tempfile::tempdir().unwrap();
     for format in Format::ALL {
@@ -125,7 +159,11 @@ fn a_file_whose_bytes_would_not_change_keeps_its_time() {
         moved[2][1] = 1e-3;
         assert!(write_deformed(&path, &tetrahedron(), &moved).unwrap().touched, "{format:?}");
     }
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4, "no temporary file is left");
+    assert_eq!(
+        std::fs::read_dir(folder.path()).unwrap().count(),
+        Format::ALL.len(),
+        "no temporary file is left"
+    );
 }
 
 #[test]
@@ -140,7 +178,7 @@ fn no_displacement_writes_the_bytes_of_the_lattice_at_rest() {
 fn what_cannot_be_written_is_named() {
     let lattice = tetrahedron();
     let folder = tempfile::tempdir().unwrap();
-    for name in ["mesh", "mesh.vtp"] {
+    for name in ["mesh", "mesh.vtk"] {
         assert!(matches!(write(&folder.path().join(name), &lattice), Err(Error::Format { .. })));
     }
     let nowhere = folder.path().join("missing/mesh.ply");
