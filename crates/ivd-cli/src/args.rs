@@ -39,7 +39,7 @@ pub(crate) struct Global {
     /// Most memory that bulk data may take, such as 4GiB.
     #[arg(long, global = true, value_name = "SIZE", value_parser = parse::bytes)]
     pub(crate) memory_limit: Option<u64>,
-    /// Parameters of the stage from a TOML file, with the keys of the scene's section.
+    /// Parameters of a stage from a TOML file, with the keys of the scene's section.
     #[arg(long, global = true, value_name = "FILE.toml")]
     pub(crate) params: Option<PathBuf>,
     /// Folder of the cache, or `off`. Single stages use a cache only where this is given.
@@ -345,6 +345,25 @@ pub(crate) enum Command {
         /// Shell.
         shell: clap_complete::Shell,
     },
+}
+
+impl Command {
+    /// Whether it is a stage whose parameters are a section of a scene.
+    pub(crate) fn has_section(&self) -> bool {
+        matches!(
+            self,
+            Self::Segment { .. }
+                | Self::Atf { .. }
+                | Self::Boundary { .. }
+                | Self::Lattice { .. }
+                | Self::Refine { .. }
+                | Self::Octree { .. }
+                | Self::Deform { .. }
+                | Self::Map { .. }
+                | Self::Warp { .. }
+                | Self::Render { .. }
+        )
+    }
 }
 
 /// Where a stage's artefact goes.

@@ -242,3 +242,52 @@ fn help_schema_completions_and_doctor_speak_on_stdout() {
     assert!(help.status.success() && help.stderr.is_empty());
     assert_eq!(json(at, &["cache", "show"])["entries"].as_array().unwrap().len(), 0);
 }
+
+#[test]
+fn parameters_come_from_a_file_where_a_command_has_a_section_and_are_refused_elsewhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "24", "-o", "v.ivd"]);
+    json(at, &["segment", "v.ivd", "--k", "2", "-o", "labels.ivd"]);
+    json(at, &["lattice", "v.ivd", "--iso", "127.5", "-o", "l.ivd"]);
+    let params = |text: &str| std::fs::write(at.join("p.toml"), text).unwrap();
+    let of = |object: &Value, keys: &str| keys.split('.').fold(object.clone(), |o, key| o[key].clone());
+
+    params("min_opacity = 0.125\nsize_exponent = 0.5\nsoftness = 0.0\n");
+    let atf = json(at, &["atf", "v.ivd", "labels.ivd", "-o", "t.ivd", "--params", "p.toml"]);
+    assert_eq!(of(&atf, "params.atf.min_opacity"), 0.125);
+    assert_eq!(of(&atf, "params.atf.softness"), 0.0);
+    params("leaf_size = 8\n");
+    let octree = json(at, &["octree", "l.ivd", "-o", "o.ivd", "--params", "p.toml"]);
+    assert_eq!(of(&octree, "params.leaf_size"), 8);
+    params("above = 100.0\n");
+    let part = json(at, &["boundary", "v.ivd", "-o", "m.ivd", "--params", "p.toml"]);
+    assert_eq!(of(&part, "params.above"), 100.0);
+    let part = json(at, &["boundary", "v.ivd", "--above", "90", "-o", "m.ivd", "--params", "p.toml"]);
+    assert_eq!(of(&part, "params.above"), 90.0, "what is typed wins");
+    params("leaf_sise = 8\n");
+    let (code, text) = failure(at, &["octree", "l.ivd", "-o", "x.ivd", "--params", "p.toml"]);
+    assert!(code == 2 && text.contains("leaf_sise") && text.contains("p.toml"), "{code} {text}");
+
+    std::fs::write(at.join("scene.toml"), "schema = 1\n[input]\nphantom = \"sphere\"\n[output]\n").unwrap();
+    let without: [&[&str]; 10] = [
+        &["demo", "--out", "out"],
+        &["pipeline", "scene.toml", "--out", "out"],
+        &["import", "v.ivd", "-o", "x.ivd"],
+        &["phantom", "sphere", "-o", "x.ivd"],
+        &["export", "v.ivd", "-o", "x.nrrd"],
+        &["info", "v.ivd"],
+        &["compare", "v.ivd", "v.ivd"],
+        &["doctor"],
+        &["schema"],
+        &["cache", "show"],
+    ];
+    for words in without {
+        let (code, text) = failure(at, &[words, &["--params", "p.toml"]].concat());
+        assert!(
+            code == 2 && text.contains("--params p.toml") && text.contains("--set"),
+            "{words:?}: {code} {text}"
+        );
+    }
+    assert!(!at.join("out").exists() && !at.join("x.ivd").exists() && !at.join("x.nrrd").exists());
+}

@@ -12,9 +12,17 @@ use clap::CommandFactory as _;
 
 use crate::args::{Args, Command};
 use crate::context::Context;
+use crate::exit::Failure;
 
 /// Does what was asked for.
 pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
+    if let Some(file) = context.global.params.as_deref().filter(|_| !command.has_section()) {
+        return Err(Failure::usage(format!(
+            "--params {}: this command has no section of a scene; segment, atf, boundary, lattice, refine, octree, \
+             deform, map, warp and render have one, and `ivd pipeline` takes --set stage.key=value",
+            file.display()
+        )));
+    }
     match command {
         Command::Demo { out } => pipeline::demo(&out, context),
         Command::Pipeline(args) => pipeline::run(&args, context),

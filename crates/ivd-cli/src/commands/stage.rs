@@ -4,8 +4,8 @@ use std::path::Path;
 
 use ivd_artefact::{Artefact, Provenance, write_with_metrics};
 use ivd_pipeline::scene::{
-    AtfSection, BoundarySection, DeformSection, LatticeSection, MapSection, RefineSection, RenderSection,
-    SegmentSection, WarpSection,
+    AtfSection, BoundarySection, DeformSection, LatticeSection, MapSection, OctreeSection, RefineSection,
+    RenderSection, SegmentSection, WarpSection,
 };
 use ivd_pipeline::stages::{Atf, Boundary, Deform, Lattice, Map, Octree, Refine, Render, Segment, Warp};
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, ending, export};
@@ -66,8 +66,9 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             section.class = class.or(section.class);
             section.seed = seed.or(section.seed);
             section.fill_holes &= !keep_holes;
+            section.above = above.or(section.above);
             let files = vec![("volume", Some(volume.as_path())), ("labels", labels.as_deref())];
-            Job { stage: Box::new(Boundary::from_section(&section, *above)), files, output: &output.path }
+            Job { stage: Box::new(Boundary::from_section(&section, None)), files, output: &output.path }
         }
         Command::Lattice { volume, labels, class, mask, iso, output } => {
             let section: LatticeSection = section(params, Words::default().0)?;
@@ -90,8 +91,9 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             Job { stage: Box::new(Refine::from_section(&section)?), files, output: &output.path }
         }
         Command::Octree { lattice, output } => {
+            let section: OctreeSection = section(params, Words::default().0)?;
             let files = vec![("lattice", Some(lattice.as_path()))];
-            Job { stage: Box::new(Octree::default()), files, output: &output.path }
+            Job { stage: Box::new(Octree::from_section(&section)), files, output: &output.path }
         }
         Command::Deform { lattice, labels, handle, fix, solver, stiffness, duration, output } => {
             unused_labels(labels.as_deref(), context)?;

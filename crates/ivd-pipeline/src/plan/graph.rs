@@ -318,6 +318,8 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         }
         inputs
     };
+    let part_inputs = vec![("volume", NodeId::Import)];
+    let part_inputs = if part.above.is_some() { part_inputs } else { with_labels(part_inputs) };
     let mut lattice_inputs = vec![("volume", NodeId::Import)];
     if given_iso.is_none() {
         lattice_inputs.push(("labels", NodeId::Segment));
@@ -345,10 +347,14 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     Ok(vec![
         node(NodeId::Import, boxed(import), vec![]),
         node(NodeId::Segment, boxed(Segment::from_section(&scene.segment)), vec![("volume", NodeId::Import)]),
-        node(NodeId::Boundary, boundary.and_then(boxed), with_labels(vec![("volume", NodeId::Import)])),
+        node(NodeId::Boundary, boundary.and_then(boxed), part_inputs),
         node(NodeId::Lattice, boxed(Lattice { iso: scene.lattice.iso, class: part.class }), lattice_inputs),
         node(NodeId::Refine, boxed(Refine::from_section(&scene.refine)?), vec![("lattice", NodeId::Lattice)]),
-        node(NodeId::Octree, if_moved(boxed(Octree::default())), vec![("lattice", NodeId::Refine)]),
+        node(
+            NodeId::Octree,
+            if_moved(boxed(Octree::from_section(&scene.octree))),
+            vec![("lattice", NodeId::Refine)],
+        ),
         node(NodeId::Deform, deform.and_then(boxed), vec![("lattice", NodeId::Refine)]),
         node(
             NodeId::Map,

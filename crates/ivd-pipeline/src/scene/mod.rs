@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 pub use load::{Loaded, Override, load, parse};
 pub use sections::{
     AtfSection, BoundarySection, ClassChoice, ClassWord, DeformSection, DepthWeight, FixSection,
-    HandleSection, InputSection, IsoChoice, IsoWord, LatticeSection, MapMethod, MapSection, OutputSection,
-    Outside, Picture, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection, SegmentMethod,
-    SegmentSection, Solver, WarpOrder, WarpSection,
+    HandleSection, InputSection, IsoChoice, IsoWord, LatticeSection, MapMethod, MapSection, OctreeSection,
+    OutputSection, Outside, Picture, Projection, RawSection, RefineMethod, RefineSection, RenderMode,
+    RenderSection, SegmentMethod, SegmentSection, Solver, WarpOrder, WarpSection,
 };
 
 /// A scene: every section is optional but `input` and `output`.
@@ -37,6 +37,9 @@ pub struct Scene {
     /// How far it is simplified.
     #[serde(default)]
     pub refine: RefineSection,
+    /// How finely it is indexed.
+    #[serde(default)]
+    pub octree: OctreeSection,
     /// What moves it.
     #[serde(default)]
     pub deform: Option<DeformSection>,

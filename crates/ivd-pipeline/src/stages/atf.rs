@@ -19,8 +19,13 @@ pub struct Atf {
 impl Atf {
     /// The stage that a scene's section asks for.
     pub fn from_section(section: &AtfSection, iso: Option<f64>) -> Self {
-        let params =
-            Params { resolution: section.resolution, max_opacity: section.max_opacity, ..Params::default() };
+        let params = Params {
+            resolution: section.resolution,
+            max_opacity: section.max_opacity,
+            min_opacity: section.min_opacity,
+            size_exponent: section.size_exponent,
+            softness: section.softness,
+        };
         Self { params, iso }
     }
 }

@@ -15,14 +15,14 @@ pub struct Boundary {
 }
 
 impl Boundary {
-    /// The stage that a scene's section asks for; `above` is the isovalue where no labels are used.
-    pub fn from_section(section: &BoundarySection, above: Option<f64>) -> Self {
+    /// The stage that a scene's section asks for; `iso` stands in for `above` where no labels are used.
+    pub fn from_section(section: &BoundarySection, iso: Option<f64>) -> Self {
         Self {
             params: Params {
                 class: section.class.map(class_choice),
                 seed: section.seed,
                 fill_holes: section.fill_holes,
-                above,
+                above: section.above.or(iso),
             },
         }
     }

@@ -32,7 +32,12 @@ impl Deform {
             stiffness: section.stiffness,
             duration: section.duration,
             dt: section.dt,
-            ..RingParams::default()
+            ground: section.ground,
+            damping: section.damping,
+            density: section.density,
+            vertex_mass: section.vertex_mass,
+            epsilon: section.epsilon,
+            literal: section.literal,
         };
         Ok(Self { handles, fixed, params })
     }

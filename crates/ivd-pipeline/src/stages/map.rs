@@ -18,6 +18,7 @@ impl Map {
     /// The stage that a scene's section asks for.
     pub fn from_section(section: &MapSection) -> Self {
         let MapMethod::Octree = section.method;
+        let method = map::MapMethod::Octree;
         let weight = match section.weight {
             scene::DepthWeight::Linear => map::DepthWeight::Linear,
             scene::DepthWeight::Smooth => map::DepthWeight::Smooth,
@@ -30,12 +31,12 @@ impl Map {
         };
         Self {
             params: MapParams {
+                method,
                 weight,
                 outside,
                 depth_mm: section.depth,
                 margin_mm: section.margin,
                 tolerance: section.tolerance.unwrap_or(MapParams::default().tolerance),
-                ..MapParams::default()
             },
         }
     }

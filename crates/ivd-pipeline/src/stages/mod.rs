@@ -31,3 +31,6 @@ use serde_json::Value;
 fn json(params: &impl Serialize) -> Value {
     serde_json::to_value(params).expect("plain parameter structs serialise to JSON")
 }
+
+#[cfg(test)]
+mod tests;

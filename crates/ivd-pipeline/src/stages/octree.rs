@@ -4,6 +4,7 @@ use ivd_octree::Params;
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
+use crate::scene::OctreeSection;
 use crate::{Error, Inputs, Product, Slot, Stage};
 
 /// Indexes a lattice's grid.
@@ -11,6 +12,13 @@ use crate::{Error, Inputs, Product, Slot, Stage};
 pub struct Octree {
     /// Leaf size.
     pub params: Params,
+}
+
+impl Octree {
+    /// The stage that a scene's section asks for.
+    pub fn from_section(section: &OctreeSection) -> Self {
+        Self { params: Params { leaf_size: section.leaf_size } }
+    }
 }
 
 impl Stage for Octree {

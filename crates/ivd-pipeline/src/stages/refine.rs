@@ -31,7 +31,13 @@ impl Refine {
         let method = match section.method {
             RefineMethod::Collapse => Method::Collapse,
         };
-        Ok(Self { params: RefineParams { method, target, ..RefineParams::default() } })
+        let params = RefineParams {
+            method,
+            target,
+            max_turn_degrees: section.max_turn_degrees,
+            shape_weight: section.shape_weight,
+        };
+        Ok(Self { params })
     }
 }
 

@@ -1,10 +1,10 @@
 use ivd_artefact::{Artefact, Kind};
 use ivd_core::Exec;
-use ivd_render::{Mode, RenderParams, Scene, View};
+use ivd_render::{Mode, Projection, RenderParams, Scene, View};
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
-use crate::scene::{RenderMode, RenderSection};
+use crate::scene::{self, RenderMode, RenderSection};
 use crate::{Error, Inputs, Product, Slot, Stage};
 
 /// Draws a volume, at rest or through a displacement.
@@ -30,7 +30,10 @@ impl Render {
                 Mode::Iso { value }
             }
         };
-        let base = RenderParams::default();
+        let projection = match section.projection {
+            scene::Projection::Orthographic => Projection::Orthographic,
+            scene::Projection::Perspective => Projection::Perspective,
+        };
         Ok(Self {
             params: RenderParams {
                 mode,
@@ -40,12 +43,15 @@ impl Render {
                     azimuth_deg: section.view[0],
                     elevation_deg: section.view[1],
                     zoom: section.zoom,
-                    ..base.view
+                    projection,
                 },
                 step: section.step,
                 shading: section.shading,
                 annotate: section.annotate,
-                ..base
+                termination: section.termination,
+                skip: section.skip,
+                background: section.background,
+                surface: section.surface,
             },
         })
     }

@@ -1,0 +1,70 @@
+use std::path::PathBuf;
+
+use ivd_core::VoxelType;
+use ivd_volume::phantom;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// `[input]`: a file or folder, or a generated phantom.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InputSection {
+    /// Volume file or folder of slices, relative to the scene's folder.
+    #[serde(default)]
+    pub file: Option<PathBuf>,
+    /// Layout of a raw file or of raw slices.
+    #[serde(default)]
+    pub raw: Option<RawSection>,
+    /// Frame of a 4-D file, from 0.
+    #[serde(default)]
+    pub frame: Option<usize>,
+    /// DICOM series, where the folder holds several.
+    #[serde(default)]
+    pub series: Option<String>,
+    /// Distance of voxel centres (mm), for formats that don't say it.
+    #[serde(default)]
+    pub spacing: Option<[f64; 3]>,
+    /// A generated volume: head, sphere, torus, gyroid, spheres, shell or bars.
+    #[serde(default)]
+    #[schemars(with = "Option<String>")]
+    pub phantom: Option<phantom::Shape>,
+    /// Voxels along a phantom's edge.
+    #[serde(default)]
+    pub size: Option<usize>,
+    /// Rician noise of a phantom, as a fraction of the value range.
+    #[serde(default)]
+    pub noise: Option<f64>,
+    /// Stored type of a phantom: u8, u16 or f32.
+    #[serde(default, rename = "type")]
+    #[schemars(with = "Option<String>")]
+    pub voxel_type: Option<VoxelType>,
+    /// Seed of a phantom's noise.
+    #[serde(default)]
+    pub seed: Option<u64>,
+}
+
+/// Layout of raw voxels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawSection {
+    /// Voxels along x, y, z (x fastest).
+    pub dims: [usize; 3],
+    /// Stored type.
+    #[serde(rename = "type")]
+    #[schemars(with = "String")]
+    pub voxel_type: VoxelType,
+    /// Distance of voxel centres (mm).
+    #[serde(default = "unit_spacing")]
+    pub spacing: [f64; 3],
+    /// Byte order: "little" or "big".
+    #[serde(default)]
+    #[schemars(with = "String")]
+    pub order: ivd_volume::ByteOrder,
+    /// Bytes before the voxels.
+    #[serde(default)]
+    pub skip: u64,
+}
+
+fn unit_spacing() -> [f64; 3] {
+    [1.0; 3]
+}

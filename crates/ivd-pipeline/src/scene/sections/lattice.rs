@@ -1,0 +1,99 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Where the lattice is cut: a value, or the word "boundary".
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum IsoChoice {
+    /// A real value; inside is above.
+    Value(f64),
+    /// The class's crossings with its neighbours in intensity.
+    Word(IsoWord),
+}
+
+/// The word for [`IsoChoice`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum IsoWord {
+    /// The class's crossings.
+    Boundary,
+}
+
+impl std::str::FromStr for IsoChoice {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "boundary" => Ok(Self::Word(IsoWord::Boundary)),
+            _ => text.parse().map(Self::Value).map_err(|_| format!("`{text}`: a value, or `boundary`")),
+        }
+    }
+}
+
+/// `[lattice]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct LatticeSection {
+    /// Isovalue, or "boundary".
+    pub iso: IsoChoice,
+}
+
+impl Default for LatticeSection {
+    fn default() -> Self {
+        Self { iso: IsoChoice::Word(IsoWord::Boundary) }
+    }
+}
+
+/// How a lattice is simplified.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum RefineMethod {
+    /// Half-edge collapse by quadrics.
+    #[default]
+    Collapse,
+}
+
+/// `[refine]`: one of level, ratio or max_error.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RefineSection {
+    /// Method.
+    pub method: RefineMethod,
+    /// Keep about 4⁻ᴸ of the vertices; 2 where nothing is said.
+    pub level: Option<u8>,
+    /// Keep this share of the triangles.
+    pub ratio: Option<f64>,
+    /// Keep the surface within this distance (mm).
+    pub max_error: Option<f64>,
+    /// Most that one collapse may turn a triangle (degrees), above 0 and below 180.
+    pub max_turn_degrees: f64,
+    /// Weight of a collapse's length against its distance from the planes that it leaves, ≥ 0.
+    pub shape_weight: f64,
+}
+
+impl Default for RefineSection {
+    fn default() -> Self {
+        let params = ivd_lattice::refine::RefineParams::default();
+        Self {
+            method: RefineMethod::Collapse,
+            level: None,
+            ratio: None,
+            max_error: None,
+            max_turn_degrees: params.max_turn_degrees,
+            shape_weight: params.shape_weight,
+        }
+    }
+}
+
+/// `[octree]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct OctreeSection {
+    /// Edge of a surface leaf (voxels), a power of two from 1 to 64: speed and memory, never the result.
+    pub leaf_size: u32,
+}
+
+impl Default for OctreeSection {
+    fn default() -> Self {
+        Self { leaf_size: ivd_octree::Params::default().leaf_size }
+    }
+}

@@ -1,0 +1,78 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How motion is carried to voxels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum MapMethod {
+    /// Through the octree, weighted by depth.
+    #[default]
+    Octree,
+}
+
+/// What happens outside the lattice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Outside {
+    /// The surroundings follow within a band.
+    #[default]
+    Band,
+    /// The part moves alone; what it leaves becomes background.
+    Free,
+}
+
+/// How displacement fades with depth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DepthWeight {
+    /// Straight to zero.
+    Linear,
+    /// Smooth to zero.
+    #[default]
+    Smooth,
+    /// Exponential.
+    Exponential,
+    /// No fading: the inside moves as its surface.
+    One,
+}
+
+/// `[map]`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MapSection {
+    /// Method.
+    pub method: MapMethod,
+    /// How displacement fades with depth.
+    pub weight: DepthWeight,
+    /// Depth at which it has faded (mm); from the handles where it isn't given.
+    pub depth: Option<f64>,
+    /// Width of the band beyond the handles' reach (mm).
+    pub margin: Option<f64>,
+    /// Outside of the lattice.
+    pub outside: Outside,
+    /// How far lattice points may be left behind to keep the map free of folds, as a fraction of their motion, 0…1.
+    pub tolerance: Option<f64>,
+}
+
+/// Interpolation of a warp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum WarpOrder {
+    /// The nearest voxel.
+    Nearest,
+    /// Trilinear.
+    #[default]
+    Linear,
+    /// Tricubic.
+    Cubic,
+}
+
+/// `[warp]`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct WarpSection {
+    /// Interpolation.
+    pub order: WarpOrder,
+    /// Real value of what comes from outside the volume.
+    pub background: Option<f64>,
+}

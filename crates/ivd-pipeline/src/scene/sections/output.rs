@@ -1,0 +1,69 @@
+use std::path::{Path, PathBuf};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Picture {
+    /// The volume at rest.
+    Before,
+    /// The deformed volume.
+    After,
+    /// Where the two differ.
+    Difference,
+}
+
+impl Picture {
+    /// Its name in scenes and file names.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Before => "before",
+            Self::After => "after",
+            Self::Difference => "difference",
+        }
+    }
+}
+
+/// `[output]`: names of files in the output folder. Nothing that isn't named is computed.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct OutputSection {
+    /// Pictures, written as `before.png`, `after.png`, `difference.png`.
+    pub images: Vec<Picture>,
+    /// The deformed volume.
+    pub volume: Option<PathBuf>,
+    /// The lattice that was deformed, at rest.
+    pub lattice: Option<PathBuf>,
+    /// The lattice as it was cut, before refinement.
+    pub lattice_extracted: Option<PathBuf>,
+    /// The deformed lattice.
+    pub lattice_deformed: Option<PathBuf>,
+    /// The displacement field from deformed to rest space, as a vector image.
+    pub displacement: Option<PathBuf>,
+    /// The labels.
+    pub labels: Option<PathBuf>,
+    /// The isolated part.
+    pub mask: Option<PathBuf>,
+    /// The report, `report.html`, with its pictures.
+    pub report: bool,
+}
+
+impl OutputSection {
+    /// The files that are named, with their keys.
+    pub fn files(&self) -> Vec<(&'static str, &Path)> {
+        [
+            ("volume", &self.volume),
+            ("lattice", &self.lattice),
+            ("lattice_extracted", &self.lattice_extracted),
+            ("lattice_deformed", &self.lattice_deformed),
+            ("displacement", &self.displacement),
+            ("labels", &self.labels),
+            ("mask", &self.mask),
+        ]
+        .into_iter()
+        .filter_map(|(key, path)| path.as_deref().map(|p| (key, p)))
+        .collect()
+    }
+}

@@ -1,0 +1,72 @@
+//! Every parameter of a stage can be said in a scene.
+
+use serde::de::DeserializeOwned;
+
+use super::*;
+use crate::Stage;
+use crate::scene::BoundarySection;
+
+/// The leaves of a JSON value, by their paths.
+fn leaves(path: &str, value: &Value, found: &mut Vec<(String, Value)>) {
+    match value {
+        Value::Object(map) => {
+            for (key, value) in map {
+                leaves(&format!("{path}.{key}"), value, found);
+            }
+        }
+        other => found.push((path.to_owned(), other.clone())),
+    }
+}
+
+/// The parameters that are the same whether the section says nothing or another value for each of its keys.
+fn unmoved<S: DeserializeOwned, T: Stage>(said: &str, stage: impl Fn(&S) -> T) -> Vec<String> {
+    let params = |text: &str| {
+        let mut found = Vec::new();
+        leaves("", &stage(&toml::from_str(text).unwrap()).params(), &mut found);
+        found
+    };
+    let other = params(said);
+    params("").into_iter().filter(|leaf| other.contains(leaf)).map(|(path, _)| path).collect()
+}
+
+#[test]
+fn no_parameter_is_hidden_from_scenes() {
+    // What has one choice only can't be another.
+    let nothing: [&str; 0] = [];
+    assert_eq!(unmoved("k = 9", Segment::from_section), [".method"]);
+    assert_eq!(unmoved("method = \"threshold\"\nvalues = [1.0]", Segment::from_section), nothing);
+    let atf = "resolution = 9\nmax_opacity = 0.3\nmin_opacity = 0.2\nsize_exponent = 1.0\nsoftness = 0.0";
+    assert_eq!(unmoved(atf, |s| Atf::from_section(s, None)), [".iso"], "the isovalue is the lattice's");
+    let part = "class = 1\nseed = [1.0, 2.0, 3.0]\nfill_holes = false\nabove = 4.0";
+    assert_eq!(unmoved(part, |s: &BoundarySection| Boundary::from_section(s, None)), nothing);
+    let refine = "ratio = 0.5\nmax_turn_degrees = 30.0\nshape_weight = 0.5";
+    assert_eq!(unmoved(refine, |s| Refine::from_section(s).unwrap()), [".method"]);
+    assert_eq!(unmoved("leaf_size = 8", Octree::from_section), nothing);
+    let deform = "stiffness = 1.0\nduration = 1.0\ndt = 0.1\nground = 2.0\ndamping = 2.0\ndensity = 2.0\n\
+        vertex_mass = 2.0\nepsilon = 0.5\nliteral = true\n[[fix]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0\n\
+        [[handle]]\nvertex = 1\nmove = [0.0, 0.0, 1.0]\nradius = 2.0";
+    assert_eq!(unmoved(deform, |s| Deform::from_section(s).unwrap()), [".solver"]);
+    let map = "weight = \"one\"\ndepth = 1.0\nmargin = 1.0\noutside = \"free\"\ntolerance = 0.1";
+    assert_eq!(unmoved(map, Map::from_section), [".method"]);
+    assert_eq!(unmoved("order = \"cubic\"\nbackground = 1.0", Warp::from_section), nothing);
+    let render = "mode = \"iso\"\niso = 1.0\nsize = [7, 8]\nview = [1.0, 2.0]\nzoom = 2.0\nstep = 1.0\n\
+        shading = false\nannotate = false\nprojection = \"perspective\"\ntermination = 2.0\nskip = false\n\
+        background = [1.0, 1.0, 1.0, 0.0]\nsurface = [0.0, 0.0, 0.0]";
+    assert_eq!(unmoved(render, |s| Render::from_section(s, None).unwrap()), nothing);
+}
+
+#[test]
+fn a_section_that_says_nothing_is_the_stages_own_defaults() {
+    assert_eq!(Atf::from_section(&toml::from_str("").unwrap(), None).params, ivd_atf::Params::default());
+    let refine = Refine::from_section(&toml::from_str("").unwrap()).unwrap();
+    assert_eq!(refine.params, ivd_lattice::refine::RefineParams::default());
+    assert_eq!(Octree::from_section(&toml::from_str("").unwrap()), Octree::default());
+    let deform = Deform::from_section(&toml::from_str("").unwrap()).unwrap();
+    assert_eq!(deform.params, ivd_deform::spring::RingParams::default());
+    assert_eq!(Map::from_section(&toml::from_str("").unwrap()), Map::default());
+    assert_eq!(Warp::from_section(&toml::from_str("").unwrap()), Warp::default());
+    let mut render = Render::from_section(&toml::from_str("").unwrap(), None).unwrap().params;
+    // A picture from the side shows more than one from the front.
+    (render.view.azimuth_deg, render.view.elevation_deg) = (0.0, 0.0);
+    assert_eq!(render, ivd_render::RenderParams::default());
+}
