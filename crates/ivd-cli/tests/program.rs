@@ -291,3 +291,54 @@ fn parameters_come_from_a_file_where_a_command_has_a_section_and_are_refused_els
     }
     assert!(!at.join("out").exists() && !at.join("x.ivd").exists() && !at.join("x.nrrd").exists());
 }
+
+#[test]
+fn a_missing_input_file_has_one_exit_code_in_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "24", "-o", "v.ivd"]);
+    json(at, &["segment", "v.ivd", "--k", "2", "-o", "labels.ivd"]);
+    json(at, &["lattice", "v.ivd", "--iso", "127.5", "-o", "l.ivd"]);
+    json(at, &["octree", "l.ivd", "-o", "o.ivd"]);
+    let scene =
+        |input: &str| format!("schema = 1\n[input]\nfile = \"{input}\"\n[output]\nlabels = \"l.nrrd\"\n");
+    std::fs::write(at.join("scene.toml"), scene("gone")).unwrap();
+    std::fs::write(at.join("good.toml"), scene("v.ivd")).unwrap();
+    let handle = "vertex=1;move=1,0,0;radius=5";
+    let missing: [&[&str]; 28] = [
+        &["import", "gone", "-o", "x.ivd"],
+        &["import", "gone", "-o", "x.ivd", "--raw-dims", "2,2,2", "--raw-type", "u8"],
+        &["segment", "gone", "-o", "x.ivd"],
+        &["segment", "v.ivd", "--mask", "gone", "-o", "x.ivd"],
+        &["segment", "v.ivd", "--params", "gone", "-o", "x.ivd"],
+        &["atf", "gone", "labels.ivd", "-o", "x.ivd"],
+        &["atf", "v.ivd", "gone", "-o", "x.ivd"],
+        &["boundary", "gone", "-o", "x.ivd"],
+        &["boundary", "v.ivd", "--labels", "gone", "-o", "x.ivd"],
+        &["lattice", "gone", "--iso", "1", "-o", "x.ivd"],
+        &["lattice", "v.ivd", "--mask", "gone", "-o", "x.ivd"],
+        &["refine", "gone", "-o", "x.ivd"],
+        &["octree", "gone", "-o", "x.ivd"],
+        &["deform", "gone", "--handle", handle, "-o", "x.ivd"],
+        &["deform", "l.ivd", "--labels", "gone", "--handle", handle, "-o", "x.ivd"],
+        &["map", "gone", "o.ivd", "o.ivd", "-o", "x.ivd"],
+        &["map", "l.ivd", "gone", "o.ivd", "-o", "x.ivd"],
+        &["map", "l.ivd", "o.ivd", "gone", "-o", "x.ivd"],
+        &["warp", "gone", "v.ivd", "-o", "x.ivd"],
+        &["warp", "v.ivd", "gone", "-o", "x.ivd"],
+        &["render", "gone", "-o", "x.png"],
+        &["render", "v.ivd", "--transfer", "gone", "-o", "x.png"],
+        &["export", "gone", "-o", "x.nrrd"],
+        &["info", "gone"],
+        &["compare", "gone", "v.ivd"],
+        &["compare", "v.ivd", "gone"],
+        &["pipeline", "gone"],
+        &["pipeline", "scene.toml"],
+    ];
+    for words in missing {
+        let (code, text) = failure(at, words);
+        assert!(code == 7 && text.contains("gone"), "{words:?}: {code} {text}");
+    }
+    let (code, text) = failure(at, &["pipeline", "good.toml", "--input", "gone"]);
+    assert!(code == 7 && text.contains("gone"), "{code} {text}");
+}
