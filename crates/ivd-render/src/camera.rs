@@ -1,5 +1,5 @@
 use ivd_core::{Grid, VoxelCoord};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use crate::{Projection, RenderParams};
 
@@ -19,9 +19,12 @@ pub(crate) struct Camera {
     distance: f64,
     projection: Projection,
     size: [usize; 2],
-    /// World to voxel.
-    to_voxel: Matrix3<f64>,
-    origin: Vector3<f64>,
+    /// In voxel coordinates: where the middle of the picture lies that rays start from (the eye for perspective), and a millimetre to the picture's right, up, and
+    /// away from the eye.
+    start: Vector3<f64>,
+    voxels_right: Vector3<f64>,
+    voxels_up: Vector3<f64>,
+    voxels_away: Vector3<f64>,
     dims: [usize; 3],
     step_mm: f64,
 }
@@ -64,18 +67,24 @@ impl Camera {
             Projection::Orthographic => (2.0 * radius, radius),
             Projection::Perspective => (radius / half_angle.sin(), radius / half_angle.cos()),
         };
+        let to_voxel = grid.inverse_linear_part();
+        let right = up.cross(&towards_eye);
+        // Differences to the grid's origin first: an origin 10⁶ mm away costs no precision.
+        let start = to_voxel * ((centre - Vector3::from(grid.origin())) + towards_eye * distance);
         let smallest = grid.spacing().into_iter().fold(f64::INFINITY, f64::min);
         Self {
             towards_eye,
-            right: up.cross(&towards_eye),
+            right,
             up,
             pixel_mm: 2.0 * half_height / params.view.zoom / params.width.min(params.height) as f64,
             centre,
             distance,
             projection: params.view.projection,
             size: [params.width, params.height],
-            to_voxel: grid.inverse_linear_part(),
-            origin: Vector3::from(grid.origin()),
+            start,
+            voxels_right: to_voxel * right,
+            voxels_up: to_voxel * up,
+            voxels_away: to_voxel * -towards_eye,
             dims,
             step_mm: params.step * smallest,
         }
@@ -125,20 +134,22 @@ impl Camera {
     pub(crate) fn ray(&self, x: usize, y: usize) -> Option<Ray> {
         let across = (x as f64 - 0.5 * (self.size[0] as f64 - 1.0)) * self.pixel_mm;
         let upward = (0.5 * (self.size[1] as f64 - 1.0) - y as f64) * self.pixel_mm;
-        let on_plane = self.right * across + self.up * upward;
         let (from, direction) = match self.projection {
-            Projection::Orthographic => (on_plane + self.towards_eye * self.distance, -self.towards_eye),
+            Projection::Orthographic => {
+                (self.start + self.voxels_right * across + self.voxels_up * upward, self.voxels_away)
+            }
             Projection::Perspective => {
-                let eye = self.towards_eye * self.distance;
-                (eye, (on_plane - eye).normalize())
+                let length = across.hypot(upward).hypot(self.distance);
+                let through =
+                    self.voxels_right * across + self.voxels_up * upward + self.voxels_away * self.distance;
+                (self.start, through / length)
             }
         };
-        // Differences to the grid's origin first: an origin 10⁶ mm away costs no precision.
-        let from = self.to_voxel * ((self.centre - self.origin) + from);
-        let direction = self.to_voxel * direction;
         let (near, far) = self.clip(from, direction)?;
         let length = far - near;
-        let steps = (length / self.step_mm + 1e-9).floor();
+        // Not negative: the cast rounds down.
+        let whole = (length / self.step_mm + 1e-9) as usize;
+        let steps = whole as f64;
         let rest = (length - steps * self.step_mm).max(0.0);
         let at = |t: f64| -> [f32; 3] { std::array::from_fn(|a| (from[a] + t * direction[a]) as f32) };
         let delta: [f32; 3] = std::array::from_fn(|a| (direction[a] * self.step_mm) as f32);
@@ -146,7 +157,7 @@ impl Camera {
             start: at(near + 0.5 * self.step_mm),
             delta,
             inverse: delta.map(|d| 1.0 / d),
-            steps: steps as usize,
+            steps: whole,
             rest_at: at(far - 0.5 * rest),
             rest: if rest > 1e-6 * self.step_mm { (rest / self.step_mm) as f32 } else { 0.0 },
         })
@@ -186,15 +197,18 @@ mod tests {
     use super::*;
     use crate::View;
 
-    fn camera(view: View) -> Camera {
-        let grid = Grid::new(
+    fn grid() -> Grid {
+        Grid::new(
             [20, 30, 10],
             [1.0, 0.5, 3.0],
             [1e6, 5.0, -7.0],
             [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
         )
-        .unwrap();
-        Camera::new(&grid, &RenderParams { view, width: 64, height: 48, ..RenderParams::default() })
+        .unwrap()
+    }
+
+    fn camera(view: View) -> Camera {
+        Camera::new(&grid(), &RenderParams { view, width: 64, height: 48, ..RenderParams::default() })
     }
 
     #[test]
@@ -214,7 +228,7 @@ mod tests {
             let ray = c.ray(30, 25).unwrap();
             for i in [0, ray.steps / 2, ray.steps - 1] {
                 let voxel = Vector3::from_fn(|a, _| f64::from(ray.at(i)[a]));
-                let world = c.origin + c.to_voxel.try_inverse().unwrap() * voxel;
+                let world = grid().world(VoxelCoord(voxel)).0;
                 let [x, y] = c.project(world).unwrap();
                 assert!((x - 30.0).abs() < 1e-3 && (y - 25.0).abs() < 1e-3, "{x} {y}");
             }

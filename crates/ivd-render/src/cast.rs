@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 
 use crate::camera::Ray;
-use crate::cells::Cells;
 use crate::classify::Classifier;
 use crate::light::Light;
 use crate::samples::{Place, Samples, Stored};
@@ -28,8 +27,6 @@ pub(crate) struct Field<'a, T> {
     pub(crate) ids: &'a [u16],
     pub(crate) warp: Option<&'a Warp<'a>>,
     pub(crate) space: &'a Space,
-    /// For each brick, which of its cells must be sampled; empty where all must.
-    pub(crate) cells: &'a [Cells],
     pub(crate) light: Light,
 }
 
@@ -64,6 +61,12 @@ impl<T: Stored> Field<'_, T> {
             gradient = warp.pull_back(at, gradient);
         }
         self.light.normal(gradient)
+    }
+
+    /// A colour under the lamp, at a place that nothing moved.
+    #[inline(always)]
+    pub(crate) fn lit(&self, entry: [f32; 4], at: [f32; 3]) -> [f32; 4] {
+        self.light.lit(entry, self.normal(at, at, false))
     }
 
     /// Emission and absorption at a place that was at `before`, whose cell is `place`.

@@ -18,6 +18,8 @@ pub(crate) struct Classifier {
     row_start: Vec<u32>,
     /// For each row, how many entries before each index aren't clear.
     occupied: Vec<u32>,
+    /// The last index of row 0 that is clear with all before it; −1 where the first isn't.
+    clear_up_to: i32,
 }
 
 impl Classifier {
@@ -56,8 +58,10 @@ impl Classifier {
         } else {
             Vec::new()
         };
+        let clear_up_to = occupied[1..=samples].partition_point(|&count| count == 0) as i32 - 1;
         Self {
             table,
+            clear_up_to,
             samples,
             low: range[0],
             top: Top::new((samples - 1) as f32),
@@ -65,6 +69,26 @@ impl Classifier {
             row_start,
             occupied,
         }
+    }
+
+    /// The table: premultiplied entries, row after row.
+    pub(crate) fn table(&self) -> &[[f32; 4]] {
+        &self.table
+    }
+
+    /// What turns a fast value into an index within a row, `(value - low) · scale + 0.5` in `0 ..= top`: low, scale, top.
+    pub(crate) fn axis(&self) -> [f32; 3] {
+        [self.low, self.scale, self.top.number()]
+    }
+
+    /// The last index of row 0 that is clear with all before it; −1 where the first isn't.
+    pub(crate) fn clear_up_to(&self) -> i32 {
+        self.clear_up_to
+    }
+
+    /// First entry of a label's row.
+    pub(crate) fn row_start(&self, label: u16) -> u32 {
+        self.row_start[usize::from(label)]
     }
 
     /// Entry of row 0 for a finite fast value.
@@ -87,30 +111,6 @@ impl Classifier {
     /// The bit of a label's row in a set of rows.
     pub(crate) fn row_bit(&self, label: u16) -> u64 {
         1 << (self.row_start[usize::from(label)] as usize / self.samples).min(OWN_BITS)
-    }
-
-    /// For every index of the value axis the clear interval it lies in, from 1, or 0 where some row of a set isn't clear there or at a
-    /// neighbouring index. Values between two of one interval are clear.
-    pub(crate) fn clear_intervals(&self, rows: u64) -> Vec<u8> {
-        let all_rows = self.table.len() / self.samples;
-        let clear = |i: usize| {
-            let near = i.saturating_sub(1)..(i + 2).min(self.samples);
-            (0..all_rows).filter(|&row| rows >> row.min(OWN_BITS) & 1 == 1).all(|row| {
-                let counts = &self.occupied[row * (self.samples + 1)..][..=self.samples];
-                counts[near.end] == counts[near.start]
-            })
-        };
-        let (mut intervals, mut last, mut count) = (Vec::with_capacity(self.samples), false, 0_u8);
-        for i in 0..self.samples {
-            let here = clear(i);
-            if here && !last {
-                // The 256th interval and those after it are sampled rather than confused with others.
-                count = count.saturating_add(1);
-            }
-            last = here;
-            intervals.push(if here && count < u8::MAX { count } else { 0 });
-        }
-        intervals
     }
 
     /// Whether every value of a range is clear in every row of a set. The range is widened by an entry on both sides, more

@@ -1,6 +1,5 @@
 use crate::camera::Ray;
 use crate::cast::{Cast, Field};
-use crate::cells::ALL;
 use crate::classify::{Classifier, of_part};
 use crate::samples::Stored;
 use crate::space::{Home, NOWHERE};
@@ -8,8 +7,8 @@ use crate::space::{Home, NOWHERE};
 /// Direct volume rendering: the premultiplied over operator from front to back, until `termination` (Engel et al. 2004;
 /// thesis eqs 2.4–2.7 read as accumulated opacity).
 ///
-/// One loop over the samples: a sample in another brick than the one before first asks whether that brick may be leapt over, then which of its cells
-/// must be sampled.
+/// The plain twin of [`crate::packet`], which casts eight rays at a time. One loop over the samples: a sample in another brick than the one
+/// before first asks whether that brick may be leapt over.
 #[inline(always)]
 pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
     field: &Field<'_, T>,
@@ -20,13 +19,14 @@ pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
     let space = field.space;
     let mut rgba = [0.0_f32; 4];
     let (mut taken, mut skipped) = (0, 0);
-    let (mut home, mut cells, mut moves) = (NOWHERE, &ALL, false);
+    let (mut home, mut brick) = (NOWHERE, 0);
     let mut i = 0;
     while i < ray.steps {
         let at = ray.at(i);
         let place = field.samples.shape.place(at);
         if !home.holds(place.cell()) {
-            let (brick, reach) = space.enter(place.cell());
+            let reach;
+            (brick, reach) = space.enter(place.cell());
             if let Some(reach) = reach {
                 let end = space.leap(ray, i, place.cell(), reach);
                 skipped += end - i;
@@ -34,19 +34,14 @@ pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
                 continue;
             }
             home = Home::of(place.cell());
-            cells = field.cells.get(brick).unwrap_or(&ALL);
-            moves = field.moves(brick);
         }
         i += 1;
-        let entry = if moves {
-            field.classified_before::<LABELLED, SHADED>(classifier, at, true)
-        } else if cells.must_look(place.cell()) {
-            field.classified::<LABELLED, SHADED>(classifier, at, at, &place, false)
-        } else {
-            skipped += 1;
-            continue;
-        };
         taken += 1;
+        let entry = if field.moves(brick) {
+            field.classified_before::<LABELLED, SHADED>(classifier, at, true)
+        } else {
+            field.classified::<LABELLED, SHADED>(classifier, at, at, &place, false)
+        };
         over(&mut rgba, entry);
         if rgba[3] >= termination {
             return Cast { rgba, taken, skipped };

@@ -6,6 +6,14 @@ use crate::cast::Cast;
 
 /// Pixels along a tile's edge: the unit that threads steal, small enough that its rays share the cache.
 const TILE: usize = 16;
+/// Rays that are cast together: a block of pixels, so that they stay close to each other.
+const ACROSS: usize = 4;
+const DOWN: usize = 2;
+/// Rays of a packet.
+pub(crate) const LANES: usize = ACROSS * DOWN;
+
+/// Rays of neighbouring pixels; `None` for one that misses the volume or the picture.
+pub(crate) type Packet = [Option<Ray>; LANES];
 
 /// The light of a picture before it is encoded, and what it cost.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,44 +30,79 @@ pub struct Radiance {
     pub skipped: u64,
 }
 
+/// A part of the picture.
+#[derive(Clone)]
+struct Tile {
+    rgba: [[f32; 4]; TILE * TILE],
+    samples: u64,
+    skipped: u64,
+}
+
 /// Casts every pixel's ray, tile by tile, in parallel.
 pub(crate) fn tiles(
     camera: &Camera,
     exec: &Exec,
-    cast: impl Fn(&Ray) -> Cast + Sync,
+    cast: impl Fn(&Packet) -> [Cast; LANES] + Sync,
 ) -> Result<Radiance, ivd_core::Error> {
     let [width, height] = camera.size();
     let across = width.div_ceil(TILE);
     let count = across * height.div_ceil(TILE);
-    exec.check_memory("picture", (48 * width * height) as u64)?;
+    exec.check_memory("picture", (32 * width * height) as u64)?;
     exec.observer().begin("render", count as u64);
-    let tiles: Vec<Vec<Cast>> = (0..count)
-        .into_par_iter()
-        .map(|tile| {
-            exec.check_cancelled()?;
-            let casts = pixels(tile, across, width, height)
-                .map(|(x, y)| camera.ray(x, y).map_or(Cast::default(), |ray| cast(&ray)))
-                .collect();
-            exec.observer().advance("render", 1);
-            Ok(casts)
-        })
-        .collect::<Result<_, ivd_core::Error>>()?;
+    let mut tiles = vec![Tile::default(); count];
+    tiles.par_iter_mut().enumerate().try_for_each(|(i, tile)| {
+        exec.check_cancelled()?;
+        tile.cast(camera, [i % across * TILE, i / across * TILE], &cast);
+        exec.observer().advance("render", 1);
+        Ok::<_, ivd_core::Error>(())
+    })?;
     exec.observer().end("render");
-    let mut picture =
-        Radiance { width, height, rgba: vec![[0.0; 4]; width * height], samples: 0, skipped: 0 };
-    for (tile, casts) in tiles.iter().enumerate() {
-        for ((x, y), cast) in pixels(tile, across, width, height).zip(casts) {
-            picture.rgba[x + width * y] = cast.rgba;
-            picture.samples += cast.taken as u64;
-            picture.skipped += cast.skipped as u64;
+    let mut rgba = vec![[0.0; 4]; width * height];
+    rgba.par_chunks_mut(width * TILE).zip(tiles.par_chunks(across)).for_each(|(band, tiles)| {
+        for (y, row) in band.chunks_mut(width).enumerate() {
+            for (pixels, tile) in row.chunks_mut(TILE).zip(tiles) {
+                pixels.copy_from_slice(&tile.rgba[y * TILE..][..pixels.len()]);
+            }
         }
-    }
-    Ok(picture)
+    });
+    let samples = tiles.iter().map(|tile| tile.samples).sum();
+    let skipped = tiles.iter().map(|tile| tile.skipped).sum();
+    Ok(Radiance { width, height, rgba, samples, skipped })
 }
 
-/// The pixels of a tile.
-fn pixels(tile: usize, across: usize, width: usize, height: usize) -> impl Iterator<Item = (usize, usize)> {
-    let (left, top) = (tile % across * TILE, tile / across * TILE);
-    let (right, bottom) = ((left + TILE).min(width), (top + TILE).min(height));
-    (top..bottom).flat_map(move |y| (left..right).map(move |x| (x, y)))
+impl Default for Tile {
+    fn default() -> Self {
+        Self { rgba: [[0.0; 4]; TILE * TILE], samples: 0, skipped: 0 }
+    }
+}
+
+impl Tile {
+    /// Casts the rays of the tile whose first pixel is `first`.
+    fn cast(&mut self, camera: &Camera, first: [usize; 2], cast: &impl Fn(&Packet) -> [Cast; LANES]) {
+        let [width, height] = camera.size();
+        for y in (0..TILE).step_by(DOWN).take_while(|y| first[1] + y < height) {
+            for x in (0..TILE).step_by(ACROSS).take_while(|x| first[0] + x < width) {
+                let place = |lane: usize| [x + lane % ACROSS, y + lane / ACROSS];
+                let rays: Packet = std::array::from_fn(|lane| {
+                    let at = [first[0] + place(lane)[0], first[1] + place(lane)[1]];
+                    (at[0] < width && at[1] < height).then(|| camera.ray(at[0], at[1])).flatten()
+                });
+                if rays.iter().all(Option::is_none) {
+                    continue;
+                }
+                for (lane, cast) in cast(&rays).into_iter().enumerate() {
+                    let [x, y] = place(lane);
+                    self.rgba[x + TILE * y] = cast.rgba;
+                    self.samples += cast.taken as u64;
+                    self.skipped += cast.skipped as u64;
+                }
+            }
+        }
+    }
+}
+
+/// Casts the rays of a packet one after the other.
+#[inline(always)]
+pub(crate) fn one_by_one(rays: &Packet, cast: impl Fn(&Ray) -> Cast) -> [Cast; LANES] {
+    std::array::from_fn(|lane| rays[lane].as_ref().map_or(Cast::default(), &cast))
 }

@@ -10,9 +10,8 @@
 //!   centres values are trilinear, beyond the outermost ones constant. A cell with a missing (NaN) corner is clear.
 //! - **Deformation.** A deformed volume is sampled through its inverse displacement, `f(ψ(y))`, with normals `J⁻ᵀ∇f`; no voxel is resampled, and
 //!   where no displacement is stored the pixels are those of the undeformed volume, bit for bit.
-//! - **Skipping.** Bricks whose range of values is clear under the transfer function (for the rows that their labels choose) are leapt over, and so are
-//!   single cells in the others. On or off, the
-//!   pixels are the same bit for bit; so are they for any number of threads.
+//! - **Skipping.** Bricks whose range of values is clear under the transfer function (for the rows that their labels choose) are leapt over. On or off, the
+//!   pixels are the same bit for bit; so are they for any number of threads, and whether rays are cast one by one or eight at a time.
 //! - **View.** Azimuth 0 and elevation 0 show a patient from the front, head up, the patient's left at the picture's right.
 //!
 //! [`Prepared`] keeps what several views of one scene share. [`radiance`] stops before background, lettering and 8-bit encoding; [`difference`] compares two pictures.
@@ -44,7 +43,6 @@
 mod annotate;
 mod camera;
 mod cast;
-mod cells;
 mod classify;
 mod difference;
 mod dvr;
@@ -53,6 +51,9 @@ mod font;
 mod frame;
 mod light;
 mod outline;
+#[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code, reason = "gathers of eight lanes, argued in the module's head")]
+mod packet;
 mod params;
 mod picture;
 mod prepared;
@@ -62,7 +63,7 @@ mod scene;
 mod skip;
 mod space;
 mod warp;
-#[allow(unsafe_code, reason = "calls the version for AVX2 where it was detected")]
+#[allow(unsafe_code, reason = "calls the version for AVX2 where it was found")]
 mod wide;
 
 pub use difference::{Difference, difference};

@@ -1,4 +1,7 @@
+use std::sync::LazyLock;
+
 use ivd_core::Image;
+use rayon::prelude::*;
 
 use crate::Radiance;
 
@@ -6,6 +9,9 @@ use crate::Radiance;
 pub(crate) fn linear(encoded: f32) -> f32 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
+
+/// Rows that are encoded at a time.
+const ROWS: usize = 16;
 
 /// Encodes many components: finds the byte from a coarse table, then puts it right by the linear value at which each byte begins.
 struct Encoder {
@@ -18,7 +24,7 @@ impl Encoder {
 
     fn new() -> Self {
         let begins = std::array::from_fn(|b| linear((b as f32 - 0.5).max(0.0) / 255.0));
-        let byte_at = |l: f32| (1..256).rev().find(|&b| begins[b] <= l).unwrap_or(0) as u8;
+        let byte_at = |l: f32| (begins.partition_point(|&b| b <= l) - 1) as u8;
         let guess = (0..=Self::CELLS).map(|i| byte_at(i as f32 / Self::CELLS as f32)).collect();
         Self { guess, begins }
     }
@@ -33,18 +39,28 @@ impl Encoder {
     }
 }
 
+static ENCODER: LazyLock<Encoder> = LazyLock::new(Encoder::new);
+
 /// The picture of a radiance over a background of straight linear RGBA.
 pub(crate) fn compose(radiance: &Radiance, background: [f32; 4]) -> Image {
-    let encoder = Encoder::new();
-    let pixels = radiance.rgba.iter().flat_map(|&[r, g, b, a]| {
+    let encoder = &*ENCODER;
+    let encoded = |&[r, g, b, a]: &[f32; 4]| {
         let behind = (1.0 - a).max(0.0) * background[3];
         let alpha = (a + behind).min(1.0);
         let straight = if alpha > 0.0 { 1.0 / alpha } else { 0.0 };
         let over = |c: f32, back: f32| encoder.byte((c + behind * back) * straight);
         let byte = (alpha * 255.0 + 0.5) as u8;
         [over(r, background[0]), over(g, background[1]), over(b, background[2]), byte]
+    };
+    let mut bytes = vec![0; 4 * radiance.rgba.len()];
+    let pixels =
+        bytes.par_chunks_mut(4 * ROWS * radiance.width).zip(radiance.rgba.par_chunks(ROWS * radiance.width));
+    pixels.for_each(|(bytes, rgba)| {
+        for (bytes, rgba) in bytes.chunks_exact_mut(4).zip(rgba) {
+            bytes.copy_from_slice(&encoded(rgba));
+        }
     });
-    Image::new(radiance.width, radiance.height, pixels.collect()).expect("four bytes a pixel, sides checked")
+    Image::new(radiance.width, radiance.height, bytes).expect("four bytes a pixel, sides checked")
 }
 
 #[cfg(test)]

@@ -1,16 +1,15 @@
 use ivd_core::{BrickRange, Exec, Labels};
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Ray};
 use crate::cast::{Cast, Field, first_hit, mip};
-use crate::cells::{Cells, cells};
 use crate::classify::Classifier;
-use crate::frame::{Radiance, tiles};
+use crate::frame::{Radiance, one_by_one, tiles};
 use crate::light::Light;
-use crate::samples::{Fast, Samples, Shape, Stored, fast};
+use crate::samples::{Fast, Samples, Shape, fast};
 use crate::skip::{rows_of_bricks, through_warp};
 use crate::space::Space;
 use crate::warp::Warp;
-use crate::wide::{Wide, dvr};
+use crate::wide::{Pairs, Wide, dvr};
 use crate::{Error, Mode, RenderParams, Rendered, Scene, View, annotate, outline, picture};
 
 /// A scene made ready for many views: its classified values, what of it is empty, and its deformation. Views of it are the same, byte for byte, as those
@@ -24,7 +23,6 @@ pub struct Prepared<'a> {
     warp: Option<Warp<'a>>,
     optics: Optics,
     space: Space,
-    cells: Vec<Cells>,
 }
 
 /// What a mode needs to know of the values.
@@ -68,7 +66,6 @@ impl<'a> Prepared<'a> {
                 warp: moving.map(|d| Warp::new(d, grid.inverse_linear_part())),
                 optics: Optics::Mip(Vec::new()),
                 space: Space::full(Shape::new(grid.dims())),
-                cells: Vec::new(),
             };
             match params.mode {
                 Mode::Dvr => prepared.classify(exec)?,
@@ -80,7 +77,9 @@ impl<'a> Prepared<'a> {
                 Mode::Iso { value } => {
                     let iso = (prepared.sign() * (scene.volume.stored(value) - shift)) as f32;
                     let empty = prepared.ranges().map(|range| prepared.bound(range) < iso).collect();
-                    prepared.pass_over(empty);
+                    if params.skip {
+                        prepared.pass_over(empty);
+                    }
                     prepared.optics = Optics::Iso(iso);
                 }
             }
@@ -104,23 +103,16 @@ impl<'a> Prepared<'a> {
                 if ids.is_empty() { vec![1; index.len()] } else { rows_of_bricks(dims, ids, &classifier) };
             let clear = |(range, &rows): (BrickRange, &u64)| classifier.is_clear(range, self.shift, rows);
             let empty: Vec<bool> = self.ranges().zip(&rows).map(clear).collect();
-            let spans: Vec<[f32; 2]> =
-                self.ranges().map(|range| [self.fast(range.min), self.fast(range.max)]).collect();
-            self.cells = with_fast!(&self.voxels, slice => {
-                cells(&Samples::new(slice, Shape::new(dims)), &classifier, &empty, &rows, &spans)
-            });
             self.pass_over(empty);
         }
         self.optics = Optics::Dvr(classifier);
         Ok(())
     }
 
-    /// Sets what is passed over from the undeformed bricks that are empty, if anything may be.
+    /// Sets what is passed over from the undeformed bricks that are empty.
     fn pass_over(&mut self, empty: Vec<bool>) {
-        if self.params.skip {
-            let empty = self.moved(empty, true, |a, b| a && b);
-            self.space = Space::new(Shape::new(self.scene.volume.grid().dims()), &empty);
-        }
+        let empty = self.moved(empty, true, |a, b| a && b);
+        self.space = Space::new(Shape::new(self.scene.volume.grid().dims()), &empty);
     }
 
     /// A value of every undeformed brick, joined over where each brick of the deformed volume comes from.
@@ -192,7 +184,7 @@ impl<'a> Prepared<'a> {
         })
     }
 
-    fn cast<T: Stored>(&self, voxels: &[T], params: &RenderParams, exec: &Exec) -> Result<Radiance, Error> {
+    fn cast<T: Pairs>(&self, voxels: &[T], params: &RenderParams, exec: &Exec) -> Result<Radiance, Error> {
         let grid = self.scene.volume.grid();
         let camera = Camera::new(grid, params);
         let field = Field {
@@ -200,7 +192,6 @@ impl<'a> Prepared<'a> {
             ids: self.scene.labels.map_or(&[], Labels::ids),
             warp: self.warp.as_ref(),
             space: &self.space,
-            cells: &self.cells,
             light: Light::new(&camera, grid.inverse_linear_part(), self.sign()),
         };
         let sign = self.sign() as f32;
@@ -208,35 +199,37 @@ impl<'a> Prepared<'a> {
             Optics::Dvr(classifier) => {
                 // A termination above 1 is never reached.
                 let end = params.termination as f32;
-                let wide = Wide::detected();
+                let wide = Wide::detected(grid.dims());
                 match (field.ids.is_empty(), params.shading) {
-                    (true, false) => {
-                        tiles(&camera, exec, |ray| dvr::<T, false, false>(wide, &field, classifier, end, ray))
-                    }
-                    (true, true) => {
-                        tiles(&camera, exec, |ray| dvr::<T, false, true>(wide, &field, classifier, end, ray))
-                    }
-                    (false, false) => {
-                        tiles(&camera, exec, |ray| dvr::<T, true, false>(wide, &field, classifier, end, ray))
-                    }
+                    (true, false) => tiles(&camera, exec, |rays| {
+                        dvr::<T, false, false>(wide, &field, classifier, end, rays)
+                    }),
+                    (true, true) => tiles(&camera, exec, |rays| {
+                        dvr::<T, false, true>(wide, &field, classifier, end, rays)
+                    }),
+                    (false, false) => tiles(&camera, exec, |rays| {
+                        dvr::<T, true, false>(wide, &field, classifier, end, rays)
+                    }),
                     (false, true) => {
-                        tiles(&camera, exec, |ray| dvr::<T, true, true>(wide, &field, classifier, end, ray))
+                        tiles(&camera, exec, |rays| dvr::<T, true, true>(wide, &field, classifier, end, rays))
                     }
                 }
             }
             Optics::Mip(bounds) => {
                 let [low, high] = self.scene.volume.range().unwrap_or([0.0; 2]);
-                tiles(&camera, exec, |ray| {
+                let cast = |ray: &Ray| {
                     let (greatest, cast) = mip(&field, bounds, sign, params.skip, ray);
                     let Some(greatest) = greatest else { return cast };
                     let value = self.scene.volume.real(self.sign() * f64::from(greatest) + self.shift);
                     let share = if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 1.0 };
                     let grey = picture::linear(share as f32);
                     Cast { rgba: [grey, grey, grey, 1.0], ..cast }
-                })
+                };
+                tiles(&camera, exec, |rays| one_by_one(rays, cast))
             }
             Optics::Iso(iso) => {
-                tiles(&camera, exec, |ray| first_hit(&field, *iso, sign, params.surface, ray))
+                let cast = |ray: &Ray| first_hit(&field, *iso, sign, params.surface, ray);
+                tiles(&camera, exec, |rays| one_by_one(rays, cast))
             }
         }?)
     }

@@ -66,6 +66,11 @@ impl Top {
         Self(top.clamp(0.0, (1 << 30) as f32))
     }
 
+    /// The top itself.
+    pub(crate) fn number(self) -> f32 {
+        self.0
+    }
+
     /// The number in `0 ..= top` nearest to `x`; 0 for NaN. Comparisons rather than `max` and `min`: one instruction each.
     #[inline(always)]
     fn clamp(self, x: f32) -> f32 {
@@ -125,6 +130,16 @@ impl Shape {
         let cell: [usize; 3] = std::array::from_fn(|a| self.top[a].whole(at[a]));
         let within = std::array::from_fn(|a| self.end[a].clamp(at[a]) - cell[a] as i32 as f32);
         Place { cell, within }
+    }
+
+    /// The greatest coordinate whose whole part is a cell, and the last voxel's coordinate, along each axis.
+    pub(crate) fn ends(&self) -> [[f32; 3]; 2] {
+        [self.top.map(Top::number), self.end.map(Top::number)]
+    }
+
+    /// Distance in memory to the next voxel along each axis.
+    pub(crate) fn next(&self) -> [usize; 3] {
+        self.next
     }
 
     /// Linear index of a cell's first voxel.

@@ -48,6 +48,16 @@ impl Space {
         Self { shape, bricks, leap: vec![0; bricks.iter().product()] }
     }
 
+    /// Bricks along each axis.
+    pub(crate) fn bricks(&self) -> [usize; 3] {
+        self.bricks
+    }
+
+    /// The leap of every brick.
+    pub(crate) fn leaps(&self) -> &[u8] {
+        &self.leap
+    }
+
     /// Brick that a voxel coordinate's cell lies in.
     pub(crate) fn brick(&self, at: [f32; 3]) -> usize {
         self.linear(self.brick_at(at))

@@ -1,25 +1,38 @@
-//! Direct volume rendering compiled twice: for any processor, and for those with AVX2.
+//! Direct volume rendering as fast as the processor allows: eight rays at a time where there is AVX2, else one by one.
 //!
-//! The argument for the one `unsafe` block: the wide version needs instructions that not every processor has, and [`Wide`] is only true where
-//! they were found at run time. Both are one source, [`dvr::dvr`]; neither contracts multiplication and addition (FMA isn't
-//! enabled), so that they give the same bytes.
+//! The argument for the one `unsafe` block: the packets need instructions that not every processor has, and [`Wide`] is only true where they were
+//! found at run time.
 
-use crate::camera::Ray;
 use crate::cast::{Cast, Field};
 use crate::classify::Classifier;
 use crate::dvr;
-use crate::samples::Stored;
+use crate::frame::{LANES, Packet, one_by_one};
+#[cfg(target_arch = "x86_64")]
+use crate::packet;
+#[cfg(not(target_arch = "x86_64"))]
+use crate::samples::Stored as Pairs;
+#[cfg(target_arch = "x86_64")]
+pub(crate) use packet::Pairs;
 
-/// Whether the processor has what the wide version needs.
+/// Whether packets serve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Wide(bool);
 
 impl Wide {
-    pub(crate) fn detected() -> Self {
+    /// For a grid on this processor.
+    pub(crate) fn detected(dims: [usize; 3]) -> Self {
         #[cfg(target_arch = "x86_64")]
-        return Self(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi2"));
+        return Self(
+            packet::serves(dims)
+                && is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("bmi1")
+                && is_x86_feature_detected!("bmi2"),
+        );
         #[cfg(not(target_arch = "x86_64"))]
-        Self(false)
+        {
+            let _ = dims;
+            Self(false)
+        }
     }
 
     /// The version for any processor.
@@ -29,42 +42,22 @@ impl Wide {
     }
 }
 
-/// [`dvr::dvr`] as fast as the processor allows.
+/// [`dvr::dvr`] of each ray of a packet.
 #[inline(always)]
-pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
+pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
     wide: Wide,
     field: &Field<'_, T>,
     classifier: &Classifier,
     termination: f32,
-    ray: &Ray,
-) -> Cast {
+    rays: &Packet,
+) -> [Cast; LANES] {
     #[cfg(target_arch = "x86_64")]
     if wide.0 {
         // SAFETY: the features were found.
-        return unsafe { with_avx2::<T, LABELLED, SHADED>(field, classifier, termination, ray) };
+        return unsafe { packet::dvr::<T, LABELLED, SHADED>(field, classifier, termination, rays) };
     }
-    for_any::<T, LABELLED, SHADED>(field, classifier, termination, ray)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi2")]
-fn with_avx2<T: Stored, const LABELLED: bool, const SHADED: bool>(
-    field: &Field<'_, T>,
-    classifier: &Classifier,
-    termination: f32,
-    ray: &Ray,
-) -> Cast {
-    dvr::dvr::<T, LABELLED, SHADED>(field, classifier, termination, ray)
-}
-
-#[inline(never)]
-fn for_any<T: Stored, const LABELLED: bool, const SHADED: bool>(
-    field: &Field<'_, T>,
-    classifier: &Classifier,
-    termination: f32,
-    ray: &Ray,
-) -> Cast {
-    dvr::dvr::<T, LABELLED, SHADED>(field, classifier, termination, ray)
+    let _ = wide;
+    one_by_one(rays, |ray| dvr::dvr::<T, LABELLED, SHADED>(field, classifier, termination, ray))
 }
 
 #[cfg(test)]
@@ -74,34 +67,83 @@ mod tests {
     use crate::light::Light;
     use crate::samples::{Samples, Shape};
     use crate::space::Space;
-    use crate::{RenderParams, View};
-    use ivd_core::{Grid, TransferFunction};
+    use crate::{Projection, RenderParams, View};
+    use ivd_core::{Grid, Scalar, TransferFunction, Volume};
+
+    const DIMS: [usize; 3] = [33, 29, 41];
+
+    /// Hills above a plain of noise, with a pit of missing data where the type can hold it.
+    fn voxels<T: Scalar>(scale: f64) -> Vec<T> {
+        let grid = Grid::with_spacing(DIMS, [1.0; 3]).unwrap();
+        let value = |i: usize| {
+            let [x, y, z] = grid.index(i).0.map(|c| c as f64 * 0.31);
+            let noise = f64::from((i as u32).wrapping_mul(2_654_435_761) >> 24) / 256.0;
+            let hills = (x.sin() * y.cos() * z.sin()).max(0.0);
+            if i.is_multiple_of(997) { f64::NAN } else { scale * (0.2 * noise + 0.8 * hills) }
+        };
+        (0..grid.len()).map(|i| T::from_f64(value(i))).collect()
+    }
+
+    /// Every ray of a picture, cast in packets and one by one.
+    fn both_ways<T: Pairs, const LABELLED: bool, const SHADED: bool>(
+        scale: f64,
+        opacity: f32,
+        projection: Projection,
+    ) {
+        let grid = Grid::with_spacing(DIMS, [1.0, 0.9, 1.1]).unwrap();
+        let voxels: Vec<T> = voxels(scale);
+        let ids: Vec<u16> = (0..grid.len()).map(|i| (i / 500 % 3) as u16).collect();
+        let view = View { azimuth_deg: 31.0, elevation_deg: 12.0, zoom: 1.4, projection };
+        let params = RenderParams { view, width: 50, height: 45, ..RenderParams::default() };
+        let camera = Camera::new(&grid, &params);
+        let row = |low: usize| {
+            (0..64).map(move |i| [0.1, 0.5, 0.9, if i < low { 0.0 } else { opacity * i as f32 / 64.0 }])
+        };
+        let table = row(20).chain(row(25)).collect();
+        let transfer = TransferFunction::new([0.0, scale], 64, 1.0, vec![0, 2], table, vec![]).unwrap();
+        let range = [0.0, scale as f32];
+        let classifier = Classifier::new(&transfer, range, |v| v, 0.5, LABELLED);
+        let shape = Shape::new(DIMS);
+        let volume = Volume::new(grid.clone(), T::wrap(voxels.clone().into())).unwrap();
+        let index = volume.bricks();
+        let rows =
+            if LABELLED { [0, 1, 2].iter().fold(0, |set, &id| set | classifier.row_bit(id)) } else { 1 };
+        let clear: Vec<bool> =
+            (0..index.len()).map(|b| classifier.is_clear(index.range(b), 0.0, rows)).collect();
+        assert!(clear.iter().any(|&c| c) && clear.iter().any(|&c| !c));
+        for empty in [vec![false; index.len()], clear] {
+            let field = Field {
+                samples: Samples::new(&voxels, shape),
+                ids: if LABELLED { &ids } else { &[] },
+                warp: None,
+                space: &Space::new(shape, &empty),
+                light: Light::new(&camera, grid.inverse_linear_part(), 1.0),
+            };
+            let wide = Wide::detected(DIMS);
+            for i in 0..(50 * 45 / LANES) {
+                let rays: Packet = std::array::from_fn(|lane| {
+                    let at = i * LANES + lane;
+                    camera.ray(at % 50, at / 50)
+                });
+                let any = dvr::<T, LABELLED, SHADED>(Wide::none(), &field, &classifier, 0.99, &rays);
+                let packet = dvr::<T, LABELLED, SHADED>(wide, &field, &classifier, 0.99, &rays);
+                for (any, packet) in any.iter().zip(packet) {
+                    assert_eq!(any.rgba.map(f32::to_bits), packet.rgba.map(f32::to_bits));
+                }
+            }
+        }
+    }
 
     #[test]
-    fn both_versions_give_the_same_bytes() {
-        let grid = Grid::with_spacing([33, 29, 31], [1.0, 0.9, 1.1]).unwrap();
-        let voxels: Vec<u16> =
-            (0..grid.len() as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 18) as u16).collect();
-        let view = View { azimuth_deg: 31.0, elevation_deg: 12.0, ..View::default() };
-        let camera =
-            Camera::new(&grid, &RenderParams { view, width: 40, height: 40, ..RenderParams::default() });
-        let table = (0..64).map(|i| [0.1, 0.5, 0.9, i as f32 / 500.0]).collect();
-        let transfer = TransferFunction::new([0.0, 16384.0], 64, 1.0, vec![0], table, vec![]).unwrap();
-        let classifier = Classifier::new(&transfer, [0.0, 16384.0], |v| v, 0.5, false);
-        let shape = Shape::new(grid.dims());
-        let field = Field {
-            samples: Samples::new(&voxels, shape),
-            ids: &[],
-            warp: None,
-            space: &Space::full(shape),
-            cells: &[],
-            light: Light::new(&camera, grid.inverse_linear_part(), 1.0),
-        };
-        for ray in (0..1600).filter_map(|i| camera.ray(i % 40, i / 40)) {
-            let any = dvr::<u16, false, true>(Wide::none(), &field, &classifier, 0.99, &ray);
-            let wide = dvr::<u16, false, true>(Wide::detected(), &field, &classifier, 0.99, &ray);
-            assert_eq!(any.rgba.map(f32::to_bits), wide.rgba.map(f32::to_bits));
-            assert_eq!(any.taken, wide.taken);
+    fn packets_and_single_rays_give_the_same_bytes() {
+        for projection in [Projection::Orthographic, Projection::Perspective] {
+            both_ways::<u8, false, false>(255.0, 0.9, projection);
+            both_ways::<u8, true, true>(255.0, 0.1, projection);
+            both_ways::<u16, false, true>(60_000.0, 0.1, projection);
+            both_ways::<u16, true, false>(60_000.0, 0.02, projection);
+            both_ways::<i16, false, false>(30_000.0, 0.9, projection);
+            both_ways::<f32, false, true>(1.0, 0.3, projection);
+            both_ways::<f32, true, false>(1.0, 0.02, projection);
         }
     }
 }
