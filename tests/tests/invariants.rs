@@ -37,6 +37,26 @@ fn bincode_is_named_in_ivd_artefact_alone() {
 }
 
 #[test]
+fn files_are_replaced_in_ivd_fs_alone() {
+    for (path, text) in sources(".rs") {
+        let spoken = path.to_string_lossy().replace('\\', "/");
+        if crate_of(&path) == "ivd-fs" || spoken.contains("/tests/") || spoken.ends_with("tests.rs") {
+            continue;
+        }
+        let library = text.split("#[cfg(test)]").next().unwrap();
+        for (n, line) in library.lines().enumerate() {
+            let code = line.trim_start();
+            let replaces = [".persist(", "fs::rename(", "NamedTempFile", "File::create(", "fs::write("]
+                .iter()
+                .any(|p| code.contains(p));
+            // The kernel's switches are no files to replace.
+            let allowed = code.starts_with("//") || code.contains("\"/proc/");
+            assert!(!replaces || allowed, "{}:{}: {line}", path.display(), n + 1);
+        }
+    }
+}
+
+#[test]
 fn only_the_program_prints() {
     for (path, text) in sources(".rs") {
         let spoken = path.to_string_lossy().replace('\\', "/");
@@ -75,7 +95,10 @@ fn stage_crates_know_neither_artefacts_nor_each_other() {
         let dependencies = text.split("[dependencies]").nth(1).unwrap().split("\n[").next().unwrap();
         for line in dependencies.lines().filter(|l| l.starts_with("ivd-")) {
             let used = line.split(['.', ' ', '=']).next().unwrap();
-            let allowed = used == "ivd-core" || (name == "ivd-deform" && used == "ivd-octree");
+            let formats = ["ivd-volume", "ivd-lattice"].contains(&name.as_str());
+            let allowed = used == "ivd-core"
+                || (name == "ivd-deform" && used == "ivd-octree")
+                || (formats && used == "ivd-fs");
             assert!(allowed, "{name} depends on {used}");
         }
     }

@@ -44,7 +44,6 @@ mod kind;
 mod kinds;
 mod map;
 mod metadata;
-mod platform;
 mod prelude;
 mod provenance;
 mod read;

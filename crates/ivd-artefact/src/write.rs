@@ -9,10 +9,7 @@ use serde_json::Value;
 use crate::kinds::{Encoded, encode};
 use crate::metadata::{Bincode, Metadata, MetadataCodec, Section};
 use crate::prelude::{ALIGN, BEFORE_ROOT, MAX_METADATA, PRELUDE, Prelude, align};
-use crate::{ArtefactRef, ContentHash, Error, Kind, Provenance, canonical_json, hash, platform, read};
-
-/// How the names of unfinished files begin.
-pub(crate) const TEMPORARY: &str = ".ivd-unfinished-";
+use crate::{ArtefactRef, ContentHash, Error, Kind, Provenance, canonical_json, hash, read};
 
 /// What [`write()`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,10 +55,14 @@ pub fn write_with_metrics<'a>(
     let encoded = encode(artefact).map_err(unwritable)?;
     let (head, file_bytes, hash) = head(kind, &encoded, provenance, metrics).map_err(unwritable)?;
     if holds(path, &head, file_bytes) {
+        ivd_fs::sweep(ivd_fs::folder_of(path));
         return Ok(Written { hash, bytes: file_bytes, touched: false });
     }
-    store(path, &head, &encoded)?;
-    Ok(Written { hash, bytes: file_bytes, touched: true })
+    let failed = |action, source| Error::io(path, action)(source);
+    let touched = ivd_fs::replace(path, failed, |to| {
+        payload(to, &head, &encoded).map_err(|source| failed("write", source))
+    })?;
+    Ok(Written { hash, bytes: file_bytes, touched })
 }
 
 /// The content hash of a value, without a file: what [`write()`] would return.
@@ -166,26 +167,13 @@ fn holds(path: &Path, head: &[u8], file_bytes: u64) -> bool {
     same_head().unwrap_or(false) && read::open(path).is_ok_and(|opened| opened.verify().is_ok())
 }
 
-/// Writes beside the file and renames over it.
-fn store(path: &Path, head: &[u8], encoded: &Encoded<'_>) -> Result<(), Error> {
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let mut temporary = platform::temporary(folder).map_err(Error::io(folder, "make a file"))?;
-    payload(temporary.as_file_mut(), head, encoded).map_err(Error::io(path, "write"))?;
-    temporary.as_file().sync_all().map_err(Error::io(path, "write"))?;
-    temporary.persist(path).map_err(|e| Error::io(path, "replace")(e.error))?;
-    platform::sync_folder(folder).map_err(Error::io(folder, "sync"))
-}
-
-fn payload(file: &mut File, head: &[u8], encoded: &Encoded<'_>) -> std::io::Result<()> {
-    file.write_all(head)?;
+fn payload(to: &mut dyn Write, head: &[u8], encoded: &Encoded<'_>) -> std::io::Result<()> {
+    to.write_all(head)?;
     let mut end = head.len() as u64;
     for section in &encoded.sections {
         let padding = end.next_multiple_of(ALIGN) - end;
-        file.write_all(&[0; ALIGN as usize][..padding as usize])?;
-        file.write_all(&section.bytes)?;
+        to.write_all(&[0; ALIGN as usize][..padding as usize])?;
+        to.write_all(&section.bytes)?;
         end += padding + section.bytes.len() as u64;
     }
     Ok(())

@@ -56,9 +56,9 @@ pub enum Error {
         problem: String,
     },
     /// Reading or writing failed.
-    #[error("{action} {}: {source}", path.display())]
+    #[error("{}: can't {action}: {source}", path.display())]
     Io {
-        /// What was being done, such as `writing`.
+        /// What was tried, such as `write`.
         action: &'static str,
         /// The file.
         path: PathBuf,

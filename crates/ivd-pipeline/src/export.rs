@@ -115,29 +115,8 @@ pub fn write_text(path: &Path, text: &str) -> Result<bool, Error> {
 }
 
 fn write_bytes(path: &Path, bytes: &[u8]) -> Result<bool, Error> {
-    if std::fs::read(path).is_ok_and(|old| old == bytes) {
-        return Ok(false);
-    }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let wrap = |e| Error::io("writing", path, e);
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(wrap)?;
-    file.write_all(bytes).map_err(wrap)?;
-    file.as_file().sync_all().map_err(wrap)?;
-    share(file.as_file()).map_err(wrap)?;
-    file.persist(path).map_err(|e| wrap(e.error))?;
-    Ok(true)
-}
-
-/// Temporary files are private; a result is readable as any other file.
-#[cfg(unix)]
-fn share(file: &std::fs::File) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn share(_file: &std::fs::File) -> std::io::Result<()> {
-    Ok(())
+    let failed = |source| Error::io("writing", path, source);
+    ivd_fs::replace(path, |_, source| failed(source), |to| to.write_all(bytes).map_err(failed))
 }
 
 /// What an artefact holds, as JSON: dims, ranges, classes, counts; for motions every displacement.

@@ -2,13 +2,10 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
 use super::Cache;
-use crate::{Error, Info, peek, write};
-
-/// An unfinished file older than this belongs to a process that was killed.
-const STALE: Duration = Duration::from_hours(1);
+use crate::{Error, Info, peek};
 
 /// An entry of a cache.
 #[derive(Debug)]
@@ -55,9 +52,12 @@ impl Cache {
         let mut left: u64 = files.iter().filter(|f| !f.unfinished).map(|f| f.bytes).sum();
         let mut freed = 0;
         for file in files {
-            let stale = file.used.elapsed().is_ok_and(|age| age > STALE);
-            let drop = if file.unfinished { stale } else { left > max_bytes };
-            if drop && fs::remove_file(&file.path).is_ok() {
+            let dropped = if file.unfinished {
+                ivd_fs::remove_abandoned(&file.path)
+            } else {
+                left > max_bytes && fs::remove_file(&file.path).is_ok()
+            };
+            if dropped {
                 freed += file.bytes;
                 left -= if file.unfinished { 0 } else { file.bytes };
             }
@@ -97,7 +97,7 @@ impl Listed {
     /// `None` for what is no file of ours, or is gone by now.
     fn new(path: PathBuf) -> Option<Self> {
         let stat = fs::metadata(&path).ok().filter(fs::Metadata::is_file)?;
-        let unfinished = path.file_name()?.to_str()?.starts_with(write::TEMPORARY);
+        let unfinished = ivd_fs::is_unfinished(&path);
         let ours = unfinished || path.extension().is_some_and(|e| e == "ivd");
         ours.then_some(Self { bytes: stat.len(), used: stat.modified().ok()?, unfinished, path })
     }

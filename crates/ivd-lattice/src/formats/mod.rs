@@ -13,7 +13,6 @@
 mod glb;
 mod obj;
 mod ply;
-mod replace;
 mod stl;
 mod vtp;
 
@@ -126,12 +125,16 @@ fn write_mesh(path: &Path, mesh: &Mesh) -> Result<Written, Error> {
         Format::Glb => glb::check(mesh)?,
         Format::Vtp => vtp::check(mesh)?,
     };
-    let touched = replace::replace(path, |file| match format {
-        Format::Ply => ply::write(file, mesh),
-        Format::Obj => obj::write(file, mesh),
-        Format::Stl => stl::write(file, mesh),
-        Format::Glb => glb::write(file, mesh),
-        Format::Vtp => vtp::write(file, mesh),
+    let failed = |action, source| Error::Io { action, path: path.to_owned(), source };
+    let touched = ivd_fs::replace(path, failed, |file| {
+        match format {
+            Format::Ply => ply::write(file, mesh),
+            Format::Obj => obj::write(file, mesh),
+            Format::Stl => stl::write(file, mesh),
+            Format::Glb => glb::write(file, mesh),
+            Format::Vtp => vtp::write(file, mesh),
+        }
+        .map_err(|source| failed("write", source))
     })?;
     Ok(Written { touched, rounding_mm })
 }

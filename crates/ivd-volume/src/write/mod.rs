@@ -1,4 +1,3 @@
-mod atomic;
 mod values;
 
 use std::path::Path;
@@ -6,7 +5,6 @@ use std::path::Path;
 use ivd_core::{Exec, Volume};
 
 use crate::{Error, metaimage, nifti, nrrd, raw, stack, vti};
-pub(crate) use atomic::replace;
 pub(crate) use values::{Values, put};
 
 /// What became of a written file.
@@ -71,4 +69,14 @@ pub fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error
             })
         }
     })
+}
+
+/// Writes a file through `content` so that a reader sees the old file, the new one, or none. A file that already holds
+/// the same bytes isn't touched.
+pub(crate) fn replace(
+    path: &Path,
+    content: impl FnOnce(&mut ivd_fs::Sink) -> Result<(), Error>,
+) -> Result<Written, Error> {
+    let touched = ivd_fs::replace(path, |action, source| Error::io(path, action, source), content)?;
+    Ok(Written { touched })
 }

@@ -1,0 +1,121 @@
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
+use std::path::Path;
+
+use tempfile::{Builder, NamedTempFile};
+
+use crate::{UNFINISHED, sweep};
+
+/// Where the bytes of a new file go; [`Write`] and [`Seek`].
+pub type Sink<'a> = BufWriter<&'a mut File>;
+
+/// Bytes that are gathered before they are written, and compared at once.
+const PIECE: usize = 1 << 18;
+
+/// Writes a file through `content` so that a reader sees the old file, the new one, or none. Returns whether the target
+/// was touched: it isn't, modification time included, where its bytes are the same already.
+///
+/// The bytes go to a new file in the target's folder, which is synced and renamed, and the folder is synced. The file
+/// has the mode of the one that it replaces, or else what the user's mask gives to any new file. Where `content` fails
+/// the target stays as it was and nothing else is left. What killed processes left in the folder is removed.
+///
+/// - `failed`: makes the caller's error of what was tried (`"create a file beside"`, `"write"`, `"replace"`) and the
+///   system's answer.
+///
+/// # Errors
+/// That of `content`, or what `failed` makes of the system's; a target that exists and is no regular file is refused.
+pub fn replace<E>(
+    path: &Path,
+    failed: impl Fn(&'static str, io::Error) -> E,
+    content: impl FnOnce(&mut Sink) -> Result<(), E>,
+) -> Result<bool, E> {
+    let folder = folder_of(path);
+    sweep(folder);
+    let old = path.metadata().ok();
+    if old.as_ref().is_some_and(|old| !old.is_file()) {
+        return Err(failed("replace", io::Error::other("it is no regular file")));
+    }
+    let mut fresh = beside(folder).map_err(|e| failed("create a file beside", e))?;
+    let mut sink = BufWriter::with_capacity(PIECE, fresh.as_file_mut());
+    content(&mut sink)?;
+    sink.flush().map_err(|e| failed("write", e))?;
+    drop(sink);
+    if same_bytes(fresh.as_file_mut(), path).unwrap_or(false) {
+        return Ok(false);
+    }
+    if let Some(old) = old {
+        fresh.as_file().set_permissions(old.permissions()).map_err(|e| failed("write", e))?;
+    }
+    fresh.as_file().sync_all().map_err(|e| failed("write", e))?;
+    fresh.persist(path).map_err(|e| failed("replace", e.error))?;
+    sync(folder).map_err(|e| failed("replace", e))?;
+    Ok(true)
+}
+
+/// The folder that a file lies in; `.` for a bare name.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A new file in a folder, locked.
+fn beside(folder: &Path) -> io::Result<NamedTempFile> {
+    loop {
+        let fresh = create(folder)?;
+        // Fails only where the file system knows no locks; then a file's age tells whether it was abandoned.
+        let locked = fresh.as_file().lock().is_ok();
+        // Between creation and lock it looked abandoned, and another process may have swept it.
+        if !locked || fresh.path().try_exists()? {
+            return Ok(fresh);
+        }
+    }
+}
+
+#[cfg(unix)]
+fn create(folder: &Path) -> io::Result<NamedTempFile> {
+    use std::os::unix::fs::PermissionsExt;
+    // The user's mask takes its bits off, as for any new file; a temporary file alone would be private.
+    let shared = std::fs::Permissions::from_mode(0o666);
+    Builder::new().prefix(UNFINISHED).permissions(shared).tempfile_in(folder)
+}
+
+#[cfg(not(unix))]
+fn create(folder: &Path) -> io::Result<NamedTempFile> {
+    Builder::new().prefix(UNFINISHED).tempfile_in(folder)
+}
+
+/// Makes a rename within a folder last through a loss of power.
+#[cfg(unix)]
+fn sync(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}
+
+/// Elsewhere a folder can't be opened; the rename is as lasting as the system makes it.
+#[cfg(not(unix))]
+#[allow(clippy::unnecessary_wraps, reason = "only some systems can sync a folder")]
+fn sync(_folder: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+/// Whether the file at `path` holds the bytes of `fresh`, which is read through its own handle: its lock may shut out
+/// others.
+fn same_bytes(fresh: &mut File, path: &Path) -> io::Result<bool> {
+    let old = File::open(path)?;
+    let length = old.metadata()?.len();
+    if fresh.metadata()?.len() != length {
+        return Ok(false);
+    }
+    fresh.rewind()?;
+    let mut old = BufReader::with_capacity(PIECE, old);
+    let (mut a, mut b) = (vec![0; PIECE], vec![0; PIECE]);
+    let mut left = length;
+    while left > 0 {
+        let n = left.min(PIECE as u64) as usize;
+        fresh.read_exact(&mut a[..n])?;
+        old.read_exact(&mut b[..n])?;
+        if a[..n] != b[..n] {
+            return Ok(false);
+        }
+        left -= n as u64;
+    }
+    Ok(true)
+}
