@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::stage_error;
-use crate::export::{ending, export, png_bytes, write_text};
+use crate::export::{ending, export, write_text};
 use crate::plan::NodeId;
 use crate::report::{self, Material};
 use crate::runner::{Done, OutputRecord, StageRecord, State};
@@ -135,8 +135,8 @@ impl<'a> Writer<'a> {
     /// Keeps what the report shows of a result: small things only.
     fn collect(&mut self, id: NodeId, done: &Done) {
         match done.artefact.as_ref() {
-            Artefact::Image(image) => {
-                self.material.pictures.insert(id.variant().to_owned(), png_bytes(image));
+            Artefact::Image(_) => {
+                self.material.pictures.insert(id.variant().to_owned(), done.artefact.clone());
             }
             Artefact::Transfer(transfer) => self.material.transfer = Some(transfer.clone()),
             Artefact::Motion(motion) => self.material.displacements = report::motion_lengths(motion),
@@ -157,14 +157,16 @@ impl<'a> Writer<'a> {
         let source = format!("{EXPORT_REVISION} {source}");
         let old =
             self.manifest.outputs.iter().find(|o| o.name == name && o.path == full && o.source == source);
-        let intact = old.is_some_and(|o| hash_output(&full).is_ok_and(|hash| hash == o.blake3));
-        let mut written = false;
-        if !intact {
+        // Read once: a displacement field alone may be larger than everything in the cache.
+        let intact = old.and_then(|o| hash_output(&full).ok().filter(|hash| *hash == o.blake3));
+        let (blake3, written) = if let Some(hash) = intact {
+            (hash, false)
+        } else {
             let folder = full.parent().unwrap_or(self.out);
             std::fs::create_dir_all(folder).map_err(|e| Error::io("making the folder", folder, e))?;
-            written = write(&full, self.exec)?;
-        }
-        let blake3 = hash_output(&full).map_err(|e| Error::io("reading back", &full, e))?;
+            let written = write(&full, self.exec)?;
+            (hash_output(&full).map_err(|e| Error::io("reading back", &full, e))?, written)
+        };
         self.files.push(OutputFile { name: name.to_owned(), path: full, source, blake3, written });
         Ok(())
     }

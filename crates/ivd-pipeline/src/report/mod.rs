@@ -19,8 +19,8 @@ pub(crate) const REVISION: u32 = 2;
 /// What the report shows beyond the stages' records.
 #[derive(Debug, Default)]
 pub(crate) struct Material {
-    /// PNG bytes by picture name.
-    pub(crate) pictures: BTreeMap<String, Vec<u8>>,
+    /// Pictures by name; packed once the page is made.
+    pub(crate) pictures: BTreeMap<String, Arc<Artefact>>,
     /// The transfer function, for the histogram.
     pub(crate) transfer: Option<TransferFunction>,
     /// The volume at rest, for the histogram.

@@ -12,6 +12,7 @@ use serde_json::Value;
 use super::Material;
 use super::chart::{Bars, bars, escape, histogram, number};
 use super::tables::{classes, metric, pairs, stages};
+use crate::export::png_bytes;
 use crate::runner::StageRecord;
 use crate::scene::Loaded;
 
@@ -62,8 +63,11 @@ fn section(page: &mut String, title: &str, body: &str) {
 }
 
 fn pictures(page: &mut String, material: &Material) {
-    let source = |name: &str| {
-        material.pictures.get(name).map(|png| format!("data:image/png;base64,{}", STANDARD.encode(png)))
+    let source = |name: &str| match material.pictures.get(name).map(AsRef::as_ref) {
+        Some(Artefact::Image(image)) => {
+            Some(format!("data:image/png;base64,{}", STANDARD.encode(png_bytes(image))))
+        }
+        _ => None,
     };
     match (source("before"), source("after")) {
         (Some(before), Some(after)) => {
