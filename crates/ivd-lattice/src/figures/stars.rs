@@ -10,16 +10,23 @@ impl Stars {
     /// in its star twice.
     pub(crate) fn new(vertex_count: usize, triangles: &[[u32; 3]]) -> Self {
         let mut stars = Self::default();
-        stars.rebuild(vertex_count, triangles);
+        stars.rebuild(vertex_count, triangles.len(), |t| triangles[t]);
         stars
     }
 
-    /// The same, reusing the memory.
-    pub(crate) fn rebuild(&mut self, vertex_count: usize, triangles: &[[u32; 3]]) {
+    /// The same, reusing the memory; `corners` tells those of a triangle.
+    pub(crate) fn rebuild(
+        &mut self,
+        vertex_count: usize,
+        triangle_count: usize,
+        corners: impl Fn(usize) -> [u32; 3],
+    ) {
         self.starts.clear();
         self.starts.resize(vertex_count + 1, 0);
-        for &v in triangles.as_flattened() {
-            self.starts[v as usize] += 1;
+        for t in 0..triangle_count {
+            for v in corners(t) {
+                self.starts[v as usize] += 1;
+            }
         }
         let mut sum = 0;
         for start in &mut self.starts {
@@ -27,10 +34,10 @@ impl Stars {
             *start = sum;
         }
         self.triangles.clear();
-        self.triangles.resize(triangles.len() * 3, 0);
+        self.triangles.resize(triangle_count * 3, 0);
         // Each start counts down from its star's end; going backwards leaves the stars ascending.
-        for (t, triangle) in triangles.iter().enumerate().rev() {
-            for &v in triangle {
+        for t in (0..triangle_count).rev() {
+            for v in corners(t) {
                 let slot = &mut self.starts[v as usize];
                 *slot -= 1;
                 self.triangles[*slot as usize] = t as u32;

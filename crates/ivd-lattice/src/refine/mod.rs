@@ -8,8 +8,11 @@
 //!
 //! **Order.** Each vertex is judged by the mean squared distance of its target from the planes that met in it and in all
 //! that were collapsed onto it (Garland & Heckbert 1997, as half-edge collapse). Passes take the cheapest part of the
-//! vertices in the order of cost, ties by index; a vertex that was collapsed onto waits for the next pass. The result is
-//! the same for any number of threads.
+//! vertices; a vertex that was collapsed onto waits for the next pass, and so does a collapse whose bound (below) is
+//! large for what the pass may cost. Space is cut into blocks, which are worked on side by side, each in the order of
+//! cost, ties by index; a vertex whose ring lies across a border of blocks waits, and the next pass has other borders. The
+//! result is the same for any number of threads. A vertex that can't go isn't tried again until something changes round
+//! it, or nothing else is left to try.
 //!
 //! **Error.** Every triangle carries a bound on its distance from the input, both ways, that grows with each collapse by
 //! the displacement of a map between the old and the new fan. [`Refined::max_error_mm`] is the largest: the
@@ -17,12 +20,17 @@
 //!
 //! **Locks.** A vertex whose triangles aren't one closed fan (on a border, a non-manifold edge or a bow tie) stays.
 
+mod blocks;
 mod deviation;
 mod distance;
+mod half_edge;
 mod mean;
+mod numbering;
 mod params;
 mod passes;
 mod quadric;
+mod queue;
+mod shared;
 mod star;
 mod surface;
 
@@ -42,8 +50,8 @@ pub struct Refined {
     pub reached: Reached,
     /// Bound on the distance between input and result, both ways (mm): the Hausdorff distance is at most this.
     pub max_error_mm: f64,
-    /// Mean distance of the input's vertices from the result (mm), weighted by the area round them; at most a little
-    /// too large, as the search for the nearest triangle is local.
+    /// Mean distance of the input's vertices from the result (mm), weighted by the area round them; perhaps a little
+    /// too large, as the search for the nearest triangle is local. Above 2¹⁶ vertices it is that of every n-th.
     pub mean_error_mm: f64,
     /// Vertices of the input.
     pub vertices_in: usize,
@@ -114,7 +122,7 @@ pub fn collapse(lattice: &Lattice, params: &RefineParams, exec: &Exec) -> Result
     exec.run(|| {
         let mut surface = Surface::new(lattice);
         let run = passes::run(&mut surface, params, exec)?;
-        let mean_error_mm = mean::mean_distance(&surface, &lattice.triangles);
+        let mean_error_mm = mean::mean_distance(&surface);
         Ok(finish(lattice, &surface, &run, mean_error_mm))
     })
 }
@@ -125,21 +133,29 @@ fn bytes_for(lattice: &Lattice) -> u64 {
 }
 
 fn finish(input: &Lattice, surface: &Surface, run: &passes::Run, mean_error_mm: f64) -> Refined {
-    let kept: Vec<usize> = (0..input.keys.len()).filter(|&v| surface.onto[v] as usize == v).collect();
-    let mut rank = vec![0_u32; input.keys.len()];
+    // Back to the input's order of vertices and triangles.
+    let mut rank = vec![u32::MAX; input.keys.len()];
+    for (_, &number) in surface.numbers.iter().enumerate().filter(|v| surface.is_left(v.0)) {
+        rank[number as usize] = 0;
+    }
+    let kept: Vec<usize> = (0..rank.len()).filter(|&v| rank[v] == 0).collect();
     for (new, &old) in kept.iter().enumerate() {
         rank[old] = new as u32;
     }
+    let mut order: Vec<u32> = (0..surface.triangles.len() as u32).collect();
+    order.sort_unstable_by_key(|&t| surface.triangles.number(t));
+    let corners = |t: &u32| surface.triangles.corners(*t).map(|v| rank[surface.numbers[v as usize] as usize]);
+    let triangles: Vec<_> = order.iter().map(corners).collect();
     let max_error_mm = surface.max_bound();
     let level = if kept.is_empty() { 0.0 } else { (input.keys.len() as f64 / kept.len() as f64).log(4.0) };
-    let share = surface.triangles.len() as f64 / input.triangles.len() as f64;
+    let share = triangles.len() as f64 / input.triangles.len() as f64;
     Refined {
         lattice: Lattice {
             grid: input.grid.clone(),
             source: input.source.clone(),
             keys: kept.iter().map(|&v| input.keys[v]).collect(),
             places: kept.iter().map(|&v| input.places[v]).collect(),
-            triangles: surface.triangles.iter().map(|t| t.map(|v| rank[v as usize])).collect(),
+            triangles,
             level: input.level.saturating_add(level.round() as u8),
             max_error_mm: input.max_error_mm + max_error_mm,
         },

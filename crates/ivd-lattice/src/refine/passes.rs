@@ -1,15 +1,27 @@
 use ivd_core::{Exec, Iteration};
 use rayon::prelude::*;
 
+use super::blocks::Blocks;
+use super::deviation::Deviation;
+use super::half_edge::{Limits, Refusal, collapse};
 use super::params::{RefineParams, Target};
+use super::queue::Queue;
 use super::star::Fan;
-use super::surface::{Limits, Refusal, Surface};
+use super::surface::Surface;
 use super::{Refused, StoppedBy};
 use crate::Error;
 
 /// Share of the vertices that a pass may remove, the cheapest first. Smaller keeps closer to the order of a queue that is
 /// renewed after each collapse, and takes more passes.
 const PASS_SHARE: f64 = 0.5;
+
+/// Bound that a collapse may lead to, in roots of the largest cost of its pass. Costs are means, and say little of the
+/// one triangle that ends far off. At 16 the largest bound of two scans is half as large again, and hardly less than
+/// without a limit.
+const BOUND_ROOTS: f64 = 8.0;
+
+/// A pass over fewer vertices than this doesn't divide the surface into blocks.
+const ALONE: usize = 2048;
 
 /// Name for the observer.
 const TASK: &str = "collapse";
@@ -25,7 +37,10 @@ pub(super) struct Run {
 struct Goal {
     /// Vertices to remove at most.
     removals: usize,
-    limits: Limits,
+    /// Least cosine between a triangle's normals before and after a collapse.
+    turn_cosine: f64,
+    /// Largest bound allowed (mm).
+    bound: f64,
 }
 
 impl Goal {
@@ -37,50 +52,75 @@ impl Goal {
                 (vertices - keep, f64::INFINITY)
             }
             Target::Ratio(ratio) => {
-                let triangles = surface.triangles_left();
+                let triangles = surface.triangles.len();
                 let keep = (triangles as f64 * ratio).round() as usize;
                 // Each collapse removes two triangles.
                 ((triangles - keep) / 2, f64::INFINITY)
             }
             Target::MaxError(mm) => (usize::MAX, mm),
         };
-        Self { removals, limits: Limits { turn_cosine: params.max_turn_degrees.to_radians().cos(), bound } }
+        Self { removals, turn_cosine: params.max_turn_degrees.to_radians().cos(), bound }
     }
 }
 
-/// Collapses vertices pass by pass until the goal is reached or a pass finds nothing to do.
+/// Collapses vertices pass by pass until the goal is reached or a pass over all of them finds nothing to do.
 pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> Result<Run, Error> {
     let goal = Goal::new(surface, params);
     let locks = (surface.positions.len() - surface.free.len()) as u64;
+    let area = surface.areas.iter().map(|&a| f64::from(a)).sum::<f64>() / 3.0;
     exec.observer().begin(TASK, goal.removals.min(surface.free.len()) as u64);
     let (mut removed, mut passes) = (0, 0);
     let mut refused = Refused::default();
-    // A pass that takes only the cheapest may find none of them possible; the next one then looks at all.
-    let mut share = PASS_SHARE;
+    let mut scope = Scope::Cheap;
     while removed < goal.removals {
         exec.check_cancelled()?;
-        let queue = queue(surface, params.shape_weight, share);
-        let done = pass(surface, &queue, params.shape_weight, &goal.limits, goal.removals - removed);
-        surface.tidy();
+        if scope == Scope::All {
+            surface.free.par_iter().for_each(|&v| surface.forget(v));
+        }
+        let share = if scope == Scope::Cheap { PASS_SHARE } else { 1.0 };
+        let most = goal.removals - removed;
+        let shape_weight = params.shape_weight as f32;
+        let queue = Queue::new(surface, shape_weight, share, most.max(ALONE));
+        let divided = queue.entries.len() > ALONE;
+        let blocks = if divided { Blocks::new(surface, area, passes) } else { Blocks::one(surface) };
+        let roots = BOUND_ROOTS * f64::from(queue.dearest).sqrt();
+        let bound = if scope == Scope::All { goal.bound } else { goal.bound.min(roots) };
+        let limits = Limits { turn_cosine: goal.turn_cosine, bound };
+        let pass = Pass { surface, blocks, shape_weight, dearest: queue.dearest, asked: goal.bound, limits };
+        let done = pass.run(queue.entries, most, scope == Scope::All);
+        surface.tidy(&done.collapsed);
+        let count = done.collapsed.len();
         passes += 1;
-        removed += done.removed;
+        removed += count;
         refused = Refused { locks, ..done.refused };
-        exec.observer().advance(TASK, done.removed as u64);
+        exec.observer().advance(TASK, count as u64);
         exec.observer().iteration(Iteration {
             method: TASK,
             index: u64::from(passes),
-            value: surface.triangles_left() as f64,
+            value: surface.triangles.len() as f64,
         });
-        if done.removed == 0 && share >= 1.0 {
-            break;
-        }
-        if done.removed * 64 <= surface.free.len() {
-            share = 1.0;
-        }
+        scope = match scope {
+            Scope::All if count == 0 => break,
+            _ if count == 0 => Scope::All,
+            _ if count * 64 <= surface.free.len() => Scope::Worthwhile,
+            Scope::Cheap => Scope::Cheap,
+            _ => Scope::Worthwhile,
+        };
     }
     exec.observer().end(TASK);
     let stopped_by = if removed >= goal.removals { StoppedBy::Target } else { reason(&refused) };
     Ok(Run { stopped_by, refused, passes })
+}
+
+/// Which vertices a pass tries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Scope {
+    /// The cheapest of those that are worth a try.
+    Cheap,
+    /// All but those that were refused and round which nothing has changed.
+    Worthwhile,
+    /// All, wherever they lie. If none of them can go, none can.
+    All,
 }
 
 /// The most frequent reason; the first of equals.
@@ -96,92 +136,150 @@ fn reason(refused: &Refused) -> StoppedBy {
     counts.iter().find(|c| c.0 == most).map_or(StoppedBy::Locks, |c| c.1)
 }
 
-/// The free vertices in the order of their cheapest collapse, ties by index: the cheapest `share` of them, as the bits
-/// of the cost above the index.
-fn queue(surface: &Surface, shape_weight: f64, share: f64) -> Vec<u64> {
-    let mut queue: Vec<u64> = surface
-        .free
-        .par_iter()
-        .map(|&v| {
-            let least = surface
-                .stars
-                .of(v as usize)
-                .iter()
-                .map(|&t| surface.cost(v, after(&surface.triangles[t as usize], v), shape_weight))
-                .fold(f32::INFINITY, f32::min);
-            // Costs are not negative: their bits sort like their values.
-            u64::from(least.to_bits()) << 32 | u64::from(v)
-        })
-        .collect();
-    let take = ((queue.len() as f64 * share).ceil() as usize).clamp(queue.len().min(64), queue.len());
-    if take < queue.len() {
-        queue.select_nth_unstable(take);
-        queue.truncate(take);
-    }
-    queue.par_sort_unstable();
-    queue
+/// What a pass needs to know.
+struct Pass<'a> {
+    surface: &'a Surface,
+    blocks: Blocks,
+    shape_weight: f32,
+    /// What a collapse may cost (mm²).
+    dearest: f32,
+    /// Bound that was asked for (mm); the limit of this pass may be less.
+    asked: f64,
+    limits: Limits,
 }
 
-/// Corner that follows vertex `v` in a triangle: in a closed fan, each neighbour follows once.
-#[inline]
-fn after(triangle: &[u32; 3], v: u32) -> u32 {
-    let [a, b, c] = *triangle;
-    if a == v {
-        b
-    } else if b == v {
-        c
-    } else {
-        a
-    }
-}
-
+/// What came of a pass or of a block.
 #[derive(Default)]
 struct Done {
-    removed: usize,
+    /// Vertices removed, in order.
+    collapsed: Vec<u32>,
+    /// Entries that lie across a border of blocks.
+    across: Vec<u64>,
     refused: Refused,
 }
 
-/// Collapses the queued vertices in order, at most `most` of them. A vertex whose best target is refused tries the
-/// others that cost no more than the last vertex of the queue.
-fn pass(surface: &mut Surface, queue: &[u64], shape_weight: f64, limits: &Limits, most: usize) -> Done {
-    let dearest = queue.last().map_or(0.0, |last| f32::from_bits((last >> 32) as u32));
-    let mut done = Done::default();
-    let mut fan = Fan::new();
-    let mut targets: Vec<(f32, u32)> = Vec::new();
-    for entry in queue {
-        if done.removed >= most {
-            break;
+/// Room for the work on one vertex.
+struct Desk {
+    fan: Fan,
+    deviation: Deviation,
+    targets: Vec<(f32, u32)>,
+}
+
+impl Desk {
+    fn new() -> Self {
+        Self { fan: Fan::new(), deviation: Deviation::new(), targets: Vec::new() }
+    }
+}
+
+impl Pass<'_> {
+    /// Collapses the queued vertices, each block's in order of cost, at most `most` of them; with `everywhere` at last
+    /// those that lie across borders.
+    fn run(&self, mut entries: Vec<u64>, most: usize, everywhere: bool) -> Done {
+        let pieces = self.blocks.group(&mut entries);
+        // The queue is no longer than `most` where there are several blocks.
+        let done: Vec<Done> = pieces
+            .into_par_iter()
+            .with_max_len(1)
+            .map_init(Desk::new, |desk, (block, piece)| {
+                piece.sort_unstable();
+                self.in_order(piece, Some(block), most, desk)
+            })
+            .collect();
+        let mut all = Done::default();
+        for block in done {
+            all.add(block);
         }
-        let v = *entry as u32;
-        if surface.is_target(v) {
-            continue;
+        if everywhere {
+            let mut across = std::mem::take(&mut all.across);
+            across.sort_unstable();
+            all.add(self.in_order(&across, None, most - all.collapsed.len(), &mut Desk::new()));
         }
-        if !fan.read(v, &surface.stars, &surface.triangles) {
-            done.refused.links += 1;
-            continue;
-        }
-        targets.clear();
-        targets.extend(fan.ring().iter().map(|&r| (surface.cost(v, r, shape_weight), r)));
-        targets.retain(|t| t.0 <= dearest);
-        targets.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let mut last = None;
-        for &(_, y) in &targets {
-            match surface.collapse(v, y, &mut fan, limits) {
-                Ok(()) => {
-                    last = None;
-                    done.removed += 1;
-                    break;
+        all
+    }
+
+    /// Collapses the vertices of sorted entries, at most `most` of them, whose rings lie in `block`, if one is given.
+    fn in_order(&self, entries: &[u64], block: Option<u16>, most: usize, desk: &mut Desk) -> Done {
+        let mut done = Done::default();
+        for &entry in entries {
+            if done.collapsed.len() >= most {
+                break;
+            }
+            let v = entry as u32;
+            if self.surface.is_target(v) {
+                continue;
+            }
+            if !desk.fan.read(v, &self.surface.stars, &self.surface.triangles) {
+                done.refused.links += 1;
+                self.surface.put_off(v, f32::INFINITY);
+            } else if block.is_some_and(|b| desk.fan.ring().iter().any(|&r| self.blocks.of(r) != b)) {
+                done.across.push(entry);
+            } else {
+                match self.vertex(v, desk) {
+                    Ok(()) => done.collapsed.push(v),
+                    Err(Some(refusal)) => done.refused.count(refusal),
+                    Err(None) => {}
                 }
-                Err(refusal) => last = Some(refusal),
             }
         }
-        match last {
-            None => {}
-            Some(Refusal::Link) => done.refused.links += 1,
-            Some(Refusal::Flip) => done.refused.flips += 1,
-            Some(Refusal::Speck) => done.refused.specks += 1,
-            Some(Refusal::Bound) => done.refused.max_error += 1,
-        }
+        done
     }
-    done
+
+    /// Collapses one vertex, whose fan lies on the desk, onto the cheapest neighbour that can be; a neighbour that costs
+    /// more than the pass may is left for another pass. Otherwise the last refusal, if it came to one.
+    fn vertex(&self, v: u32, desk: &mut Desk) -> Result<(), Option<Refusal>> {
+        let Desk { fan, deviation, targets } = desk;
+        let from = &self.surface.positions[v as usize];
+        fan.locate(&self.surface.positions);
+        let cost = |(place, &r)| (self.surface.cost(v, &(place - from), self.shape_weight), r);
+        targets.clear();
+        targets.extend(fan.places().iter().zip(fan.ring()).map(cost));
+        let (mut refusal, mut later) = (None, f32::INFINITY);
+        while let Some(at) = cheapest(targets) {
+            let (cost, y) = targets.swap_remove(at);
+            if cost > self.dearest {
+                later = later.min(cost);
+                break;
+            }
+            match collapse(self.surface, [v, y], fan, deviation, &self.limits) {
+                Ok(()) => return Ok(()),
+                Err(Refusal::Bound(bound)) if f64::from(bound) <= self.asked => {
+                    later = later.min((bound / BOUND_ROOTS as f32).powi(2));
+                }
+                Err(e) => refusal = Some(e),
+            }
+        }
+        self.surface.put_off(v, later);
+        Err(refusal)
+    }
+}
+
+/// Where the cheapest target stands; ties by index.
+fn cheapest(targets: &[(f32, u32)]) -> Option<usize> {
+    let less = |&a: &usize, &b: &usize| {
+        let (a, b) = (targets[a], targets[b]);
+        a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+    };
+    (0..targets.len()).min_by(less)
+}
+
+impl Done {
+    fn add(&mut self, other: Self) {
+        self.collapsed.extend(other.collapsed);
+        self.across.extend(other.across);
+        self.refused.links += other.refused.links;
+        self.refused.flips += other.refused.flips;
+        self.refused.specks += other.refused.specks;
+        self.refused.max_error += other.refused.max_error;
+    }
+}
+
+impl Refused {
+    fn count(&mut self, refusal: Refusal) {
+        *match refusal {
+            Refusal::Link => &mut self.links,
+            Refusal::Flip => &mut self.flips,
+            Refusal::Speck => &mut self.specks,
+            Refusal::Bound(_) => &mut self.max_error,
+        } += 1;
+    }
 }

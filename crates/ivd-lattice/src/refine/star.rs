@@ -1,10 +1,10 @@
+use nalgebra::Vector3;
+
+use super::shared::{GONE, Triangles};
 use crate::figures::stars::Stars;
 
 /// A vertex with more neighbours than this isn't removed.
 pub(super) const MAX_VALENCE: usize = 48;
-
-/// Corners of a triangle that a collapse has removed.
-pub(super) const GONE: [u32; 3] = [u32::MAX; 3];
 
 /// The closed fan of triangles round a vertex, in order: triangle `i` is `(vertex, ring[i], ring[i + 1])`.
 #[derive(Debug, Clone)]
@@ -12,19 +12,21 @@ pub(super) struct Fan {
     len: usize,
     ring: [u32; MAX_VALENCE],
     triangles: [u32; MAX_VALENCE],
+    places: [Vector3<f64>; MAX_VALENCE],
 }
 
 impl Fan {
     pub(super) fn new() -> Self {
-        Self { len: 0, ring: [0; MAX_VALENCE], triangles: [0; MAX_VALENCE] }
+        let (ring, triangles) = ([0; MAX_VALENCE], [0; MAX_VALENCE]);
+        Self { len: 0, ring, triangles, places: [Vector3::zeros(); MAX_VALENCE] }
     }
 
     /// Reads the fan of `v`. Returns `false` where its triangles aren't one closed fan of 3 to [`MAX_VALENCE`].
-    pub(super) fn read(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) -> bool {
+    pub(super) fn read(&mut self, v: u32, stars: &Stars, triangles: &Triangles) -> bool {
         let mut after = [0_u32; MAX_VALENCE];
         self.len = 0;
         for &t in stars.of(v as usize) {
-            let corners = triangles[t as usize];
+            let corners = triangles.corners(t);
             if corners == GONE {
                 continue;
             }
@@ -63,11 +65,26 @@ impl Fan {
         &self.triangles[..self.len]
     }
 
+    /// Looks up where the neighbours are; call once after [`Fan::read`].
+    pub(super) fn locate(&mut self, positions: &[Vector3<f64>]) {
+        for (place, &r) in self.places[..self.len].iter_mut().zip(&self.ring) {
+            *place = positions[r as usize];
+        }
+    }
+
+    /// Places of the neighbours in order.
+    pub(super) fn places(&self) -> &[Vector3<f64>] {
+        &self.places[..self.len]
+    }
+
     /// Turns the fan so that neighbour `y` comes first.
     pub(super) fn turn_to(&mut self, y: u32) {
         let at = self.ring().iter().position(|&r| r == y).expect("the target is a neighbour");
-        self.ring[..self.len].rotate_left(at);
-        self.triangles[..self.len].rotate_left(at);
+        if at > 0 {
+            self.ring[..self.len].rotate_left(at);
+            self.triangles[..self.len].rotate_left(at);
+            self.places[..self.len].rotate_left(at);
+        }
     }
 }
 
@@ -78,13 +95,16 @@ mod tests {
     fn fan(triangles: &[[u32; 3]]) -> Option<Fan> {
         let mut fan = Fan::new();
         let listed: Vec<_> = triangles.iter().map(|t| if *t == GONE { [0, 7, 8] } else { *t }).collect();
-        fan.read(0, &Stars::new(9, &listed), triangles).then_some(fan)
+        fan.read(0, &Stars::new(9, &listed), &Triangles::new(triangles, vec![0; triangles.len()]))
+            .then_some(fan)
     }
 
     #[test]
     fn a_closed_fan_is_read_in_order_and_turned() {
         let mut fan = fan(&[[3, 4, 0], [0, 1, 2], [0, 4, 1], GONE, [2, 3, 0]]).unwrap();
+        fan.locate(&std::array::from_fn::<_, 5, _>(|i| Vector3::repeat(i as f64)));
         fan.turn_to(2);
+        assert_eq!(fan.places().iter().map(|p| p.x).collect::<Vec<_>>(), [2.0, 3.0, 4.0, 1.0]);
         assert_eq!((fan.ring(), fan.triangles()), (&[2, 3, 4, 1][..], &[4, 0, 2, 1][..]));
     }
 

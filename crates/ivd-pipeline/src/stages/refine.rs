@@ -47,7 +47,7 @@ impl Stage for Refine {
     }
 
     fn revision(&self) -> u32 {
-        1
+        2
     }
 
     fn inputs(&self) -> &'static [Slot] {
