@@ -98,6 +98,21 @@ fn pruning_keeps_what_was_used_last_and_clears_what_was_left_behind() {
 }
 
 #[test]
+fn the_first_entry_that_is_put_clears_what_killed_processes_left_anywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let elsewhere = Cache::open(folder.path()).unwrap().folder().unwrap().join("zz");
+    std::fs::create_dir(&elsewhere).unwrap();
+    let (left_behind, foreign) = (elsewhere.join(".ivd-unfinished-abc"), elsewhere.join("mine"));
+    for file in [&left_behind, &foreign] {
+        std::fs::write(file, b"half").unwrap();
+    }
+    let cache = Cache::open(folder.path()).unwrap();
+    assert!(cache.get(&key(Kind::Mask)).is_none() && left_behind.exists(), "a look removes nothing");
+    cache.put(&key(Kind::Mask), &sample(Kind::Mask), &provenance()).unwrap();
+    assert!(!left_behind.exists() && foreign.exists());
+}
+
+#[test]
 fn a_disabled_cache_keeps_nothing() {
     let cache = Cache::disabled();
     assert!(!cache.is_enabled());

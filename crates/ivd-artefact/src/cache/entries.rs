@@ -73,6 +73,13 @@ impl Cache {
         self.prune(0)
     }
 
+    /// Removes what killed processes left. What can't be listed is passed over.
+    pub(super) fn remove_abandoned(&self) {
+        for group in self.folder().and_then(|folder| list(folder).ok()).into_iter().flatten() {
+            ivd_fs::sweep(&group);
+        }
+    }
+
     fn files(&self) -> Result<Vec<Listed>, Error> {
         let Some(folder) = self.folder() else { return Ok(Vec::new()) };
         let mut files = Vec::new();

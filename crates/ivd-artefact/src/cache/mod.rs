@@ -4,6 +4,7 @@ mod entries;
 mod key;
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde_json::Value;
@@ -50,6 +51,8 @@ pub struct Cache {
     folder: Option<PathBuf>,
     /// Hits of this value, for reports.
     hits: AtomicU64,
+    /// Set once what killed processes left in any of the folders was looked for.
+    swept: OnceLock<()>,
 }
 
 impl Cache {
@@ -60,7 +63,7 @@ impl Cache {
     pub fn open(dir: impl AsRef<Path>) -> Result<Self, Error> {
         let folder = dir.as_ref().join(VERSION);
         std::fs::create_dir_all(&folder).map_err(Error::io(&folder, "make the cache's folder"))?;
-        Ok(Self { folder: Some(folder), hits: AtomicU64::new(0) })
+        Ok(Self { folder: Some(folder), ..Self::default() })
     }
 
     /// A cache that holds nothing and keeps nothing.
@@ -153,6 +156,8 @@ impl Cache {
         let Some(path) = self.path_of(key) else { return Ok(None) };
         let folder = path.parent().expect("an entry lies in a folder");
         std::fs::create_dir_all(folder).map_err(Error::io(folder, "make the cache's folder"))?;
+        // A write sweeps its own folder; another run may never write into the one where a process was killed.
+        self.swept.get_or_init(|| self.remove_abandoned());
         write_with_metrics(&path, artefact, provenance, metrics).map(Some)
     }
 
