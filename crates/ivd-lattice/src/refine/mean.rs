@@ -7,7 +7,7 @@ use super::surface::Surface;
 /// Vertices summed as one piece: the mean doesn't depend on the number of threads.
 const PIECE: usize = 1024;
 
-/// Vertices measured at most. A hundred times fewer would tell the mean to a percent or so of the spread.
+/// Vertices measured at most: enough to tell the mean to half a percent of the spread.
 const SAMPLES: usize = 1 << 16;
 
 /// Mean distance (mm) of the input's vertices from the refined surface, each weighted by the area round it; of a large
