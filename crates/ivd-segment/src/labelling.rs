@@ -7,6 +7,10 @@ use crate::histogram::{Tabled, with_tabled};
 
 /// Voxels that one task labels.
 const CHUNK: usize = 1 << 16;
+/// Voxels whose labels stay close to the processor while they are compared with every step.
+const NEAR: usize = 1 << 12;
+/// Steps beyond which a table is faster than comparisons.
+const MOST_STEPS: usize = 12;
 
 /// Labels by the group of each stored value: `ids(g)` for a value with `g` of the ascending `cuts` at or below it.
 pub(crate) fn of(
@@ -32,7 +36,42 @@ fn id_of(value: f64, cuts: &[f64], ids: &[u16]) -> u16 {
 fn by_table<T: Tabled>(voxels: &[T], mask: Option<&Mask>, cuts: &[f64], ids: &[u16]) -> Vec<u16> {
     let table: Vec<u16> =
         (0..T::VALUES).map(|slot| id_of((T::LOWEST + slot as i64) as f64, cuts, ids)).collect();
-    each(voxels, mask, |v| table[v.slot()])
+    match (mask, steps(&table)) {
+        (None, Some(steps)) => by_steps(voxels, table[0], &steps),
+        _ => each(voxels, mask, |v| table[v.slot()]),
+    }
+}
+
+/// The slots at which the label of a table of 256 rises by one, where that is all it does, and seldom.
+fn steps(table: &[u16]) -> Option<Vec<u8>> {
+    if table.len() != 256 {
+        return None;
+    }
+    let mut found = Vec::new();
+    for slot in 1..table.len() {
+        match table[slot].checked_sub(table[slot - 1]) {
+            Some(0) => {}
+            Some(1) if found.len() < MOST_STEPS => found.push(slot as u8),
+            _ => return None,
+        }
+    }
+    Some(found)
+}
+
+/// Labels by how many steps a slot has passed: comparisons of many voxels at once, where a table takes them one by one.
+fn by_steps<T: Tabled>(voxels: &[T], first: u16, steps: &[u8]) -> Vec<u16> {
+    let mut labels = vec![0; voxels.len()];
+    labels.par_chunks_mut(CHUNK).zip(voxels.par_chunks(CHUNK)).for_each(|(labels, voxels)| {
+        for (labels, voxels) in labels.chunks_mut(NEAR).zip(voxels.chunks(NEAR)) {
+            labels.fill(first);
+            for &step in steps {
+                for (label, v) in labels.iter_mut().zip(voxels) {
+                    *label += u16::from(v.slot() as u8 >= step);
+                }
+            }
+        }
+    });
+    labels
 }
 
 fn by_cuts<T: Scalar>(voxels: &[T], mask: Option<&Mask>, cuts: &[f64], ids: &[u16]) -> Vec<u16> {
@@ -47,5 +86,36 @@ fn each<T: Scalar>(voxels: &[T], mask: Option<&Mask>, label: impl Fn(T) -> u16 +
             .zip(mask.inside())
             .map(|(&v, &inside)| if inside == 0 { NO_DATA } else { label(v) })
             .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_give_the_labels_of_the_table() {
+        let voxels: Vec<u8> = (0..70_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let signed: Vec<i8> = voxels.iter().map(|&v| v as i8).collect();
+        for cuts in
+            [vec![], vec![12.0], vec![-5.5, 0.0, 17.0, 100.0, 254.5], (0..12).map(f64::from).collect()]
+        {
+            let ids: Vec<u16> = (1..=cuts.len() as u16 + 1).collect();
+            let plain = |v: f64| id_of(v, &cuts, &ids);
+            let expected: Vec<u16> = voxels.iter().map(|&v| plain(f64::from(v))).collect();
+            assert_eq!(by_table(&voxels, None, &cuts, &ids), expected);
+            let expected: Vec<u16> = signed.iter().map(|&v| plain(f64::from(v))).collect();
+            assert_eq!(by_table(&signed, None, &cuts, &ids), expected);
+        }
+    }
+
+    #[test]
+    fn tables_that_fall_jump_or_rise_often_have_no_steps() {
+        let table = |at: &dyn Fn(usize) -> u16| (0..256).map(at).collect::<Vec<_>>();
+        assert_eq!(steps(&table(&|s| u16::from(s >= 7) + u16::from(s == 255))), Some(vec![7, 255]));
+        assert_eq!(steps(&table(&|s| u16::from(s < 7))), None);
+        assert_eq!(steps(&table(&|s| 2 * u16::from(s > 7))), None);
+        assert_eq!(steps(&table(&|s| (s / 10) as u16)), None);
+        assert_eq!(steps(&vec![0; 65536]), None);
     }
 }

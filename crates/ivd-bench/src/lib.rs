@@ -1,0 +1,40 @@
+//! Run time against error, for every stage that has an accuracy knob.
+//!
+//! A stage registers an [`Experiment`]: its knobs at several values ([`Setting`]s), what the truth is, and how far a result is from it, with a unit.
+//! [`run`] sweeps the settings in turn, several times over, so that a machine that slows down slows all of them, and gives a [`Bench`]: wall and
+//! processor time (median and spread), peak memory, counters and error of every point, and which points no other beats in both processor
+//! time and error (the front).
+//!
+//! [`compare`] holds a bench against an older one of the same machine; [`page`] and [`table`] write it down.
+//!
+//! ```
+//! use ivd_bench::{Options, run};
+//! use ivd_core::Exec;
+//!
+//! let options = Options { size: 16, repeats: 1, stages: vec!["segment".to_owned()], ..Options::default() };
+//! let bench = run(&options, &Exec::default()).unwrap();
+//! let segment = &bench.stages[0];
+//! assert_eq!((segment.stage.as_str(), segment.unit.as_str()), ("segment", "grey value"));
+//! assert!(segment.points.iter().any(|point| point.default));
+//! ```
+//!
+//! Stages without an accuracy knob aren't here: `boundary` and `octree` are exact, and the octree's leaf size changes no answer.
+#![forbid(unsafe_code)]
+
+mod compare;
+mod error;
+mod experiment;
+mod page;
+mod record;
+mod stages;
+mod sweep;
+mod table;
+
+pub use compare::{Change, Comparison, compare};
+pub use error::Error;
+pub use experiment::{Experiment, Judge, Judgement, Knobs, Problem, Setting};
+pub use page::page;
+pub use record::{Bench, Point, Spread, StageBench};
+pub use stages::{NAMES, experiments};
+pub use sweep::{Options, Plant, run, sweep};
+pub use table::table;

@@ -1,0 +1,70 @@
+use std::sync::Arc;
+
+use ivd_core::{Exec, Lattice};
+use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
+
+use super::inputs::{RADIUS_MM, ball, judged, root_mean_square};
+use crate::experiment::{Experiment, Problem, Setting};
+
+/// Steps over the duration, and distances from rest (of the radius) at which rings are cut off.
+const STEPS: [u32; 7] = [32, 50, 100, 200, 400, 800, 1600];
+const EPSILONS: [f64; 5] = [1e-1, 1e-2, 1e-3, 1e-4, 0.0];
+/// The truth's steps.
+const FINEST: f64 = 12_800.0;
+
+/// Time steps, and where rings end, against what a very short step gives.
+pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
+    let lattice = Arc::new(ball(size / 2, exec)?);
+    let defaults = RingParams::default();
+    let default_steps = 200;
+    let params = move |steps: f64, epsilon: f64| {
+        let defaults = RingParams::default();
+        RingParams { dt: Some(defaults.duration / steps), epsilon, ..defaults }
+    };
+    let finest = Arc::new(displacements(&lattice, &params(FINEST, 0.0), exec)?.0);
+    let by_steps = STEPS.map(|steps| (steps, defaults.epsilon));
+    let by_epsilon = EPSILONS.map(|epsilon| (default_steps, epsilon));
+    let mut pairs: Vec<(u32, f64)> = by_steps.into_iter().chain(by_epsilon).collect();
+    pairs.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
+    pairs.dedup();
+    let settings = pairs.into_iter().map(|(steps, epsilon)| {
+        let (lattice, finest) = (lattice.clone(), finest.clone());
+        let default = steps == default_steps && epsilon == defaults.epsilon;
+        let knobs = [("steps", steps.to_string()), ("epsilon", epsilon.to_string())];
+        Setting::new(knobs, default, move |exec| {
+            let (found, moved) = displacements(&lattice, &params(f64::from(steps), epsilon), exec)?;
+            let finest = finest.clone();
+            Ok(Box::new(move || {
+                let squares = found
+                    .iter()
+                    .zip(&*finest)
+                    .map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>());
+                Ok(judged(root_mean_square(squares), [("vertices_moved", moved as f64)]))
+            }))
+        })
+    });
+    Ok(Experiment {
+        stage: "deform",
+        input: format!("the lattice of a ball of 40 mm, {} vertices, pulled by 6 mm", lattice.keys.len()),
+        truth: "12,800 steps, no ring cut off",
+        measure: "difference of the vertices' displacements, root mean square",
+        unit: "mm",
+        settings: settings.collect(),
+    })
+}
+
+/// Displacement of every vertex (mm), and how many move.
+fn displacements(
+    lattice: &Lattice,
+    params: &RingParams,
+    exec: &Exec,
+) -> Result<(Vec<[f64; 3]>, usize), Problem> {
+    let solved = ring(lattice, &[handle()], &[], params, exec)?;
+    let frame = solved.motion.frames.last().ok_or("a motion without frames")?;
+    Ok((frame.displacement.to_vec(), solved.vertices_moved))
+}
+
+/// A pull on the ball's top.
+pub(super) fn handle() -> Handle {
+    Handle { at: HandleAt::Pick([0.0, 0.0, RADIUS_MM]), action: Action::Move([0.0, 0.0, 6.0]), radius: 50.0 }
+}

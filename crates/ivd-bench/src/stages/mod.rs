@@ -1,0 +1,43 @@
+//! The experiments: one file a stage.
+
+mod atf;
+mod deform;
+mod inputs;
+mod lattice;
+mod map;
+mod refine;
+mod render;
+mod segment;
+mod warp;
+
+use ivd_core::Exec;
+
+use crate::Error;
+use crate::experiment::{Experiment, Problem};
+
+/// The stages that have experiments, in the order of the pipeline.
+pub const NAMES: [&str; 8] = ["segment", "atf", "lattice", "refine", "deform", "map", "warp", "render"];
+
+/// The experiments of a stage on generated inputs of `size` voxels along an edge; none for a stage without.
+///
+/// # Errors
+/// [`Error::Failed`] where an input or a reference can't be made.
+pub fn experiments(stage: &str, size: usize, exec: &Exec) -> Result<Vec<Experiment>, Error> {
+    let made: Result<Experiment, Problem> = match stage {
+        "segment" => segment::experiment(size, exec),
+        "atf" => atf::experiment(size, exec),
+        "lattice" => lattice::experiment(size),
+        "refine" => refine::experiment(size, exec),
+        "deform" => deform::experiment(size, exec),
+        "map" => map::experiment(size, exec),
+        "warp" => warp::experiment(size),
+        "render" => render::experiment(size, exec),
+        _ => return Ok(Vec::new()),
+    };
+    let failed = |problem: Problem| Error::Failed {
+        stage: stage.to_owned(),
+        knobs: "its input".to_owned(),
+        problem: problem.to_string(),
+    };
+    Ok(vec![made.map_err(failed)?])
+}

@@ -1,0 +1,72 @@
+use std::sync::Arc;
+
+use ivd_core::{Exec, TransferFunction, Volume};
+use ivd_render::{Radiance, RenderParams, Scene, View, radiance};
+use ivd_segment::{KmvsParams, kmvs};
+use ivd_volume::phantom;
+
+use super::inputs::{judged, root_mean_square};
+use crate::experiment::{Experiment, Problem, Setting};
+
+/// Steps (of the smallest spacing) and opacities at which rays end; above 1 none does.
+const STEPS: [f64; 7] = [0.125, 0.25, 0.5, 0.75, 1.0, 2.0, 4.0];
+const TERMINATIONS: [f64; 5] = [0.8, 0.95, 0.99, 0.9999, 2.0];
+/// The truth's step.
+const FINEST: f64 = 0.03125;
+
+/// The step, and the opacity at which a ray ends, against what a very short step gives.
+pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
+    let volume = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, exec)?.volume;
+    let labels = kmvs(&volume, None, &KmvsParams::default(), exec)?.labels;
+    let transfer = ivd_atf::transfer(&volume, &labels, &ivd_atf::Params::default(), exec)?.transfer;
+    let scene = Arc::new((volume, transfer));
+    let finest = Arc::new(seen(&scene, FINEST, 2.0, exec)?);
+    let defaults = RenderParams::default();
+    let by_step = STEPS.map(|step| (step, defaults.termination));
+    let by_end = TERMINATIONS.map(|end| (defaults.step, end));
+    let mut pairs: Vec<(f64, f64)> = by_step.into_iter().chain(by_end).collect();
+    pairs.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
+    pairs.dedup();
+    let settings = pairs.into_iter().map(|(step, termination)| {
+        let (scene, finest) = (scene.clone(), finest.clone());
+        let default = step == defaults.step && termination == defaults.termination;
+        let knobs = [("step", step.to_string()), ("termination", termination.to_string())];
+        Setting::new(knobs, default, move |exec| {
+            let found = seen(&scene, step, termination, exec)?;
+            let finest = finest.clone();
+            Ok(Box::new(move || {
+                let counters = [("samples", found.samples as f64), ("skipped", found.skipped as f64)];
+                Ok(judged(apart(&found, &finest), counters))
+            }))
+        })
+    });
+    Ok(Experiment {
+        stage: "render",
+        input: format!("head phantom of {size}³ voxels, u8, shaded, {SIDE}² pixels"),
+        truth: "a step of 1/32 voxel, no ray ended early",
+        measure: "difference of linear light, root mean square",
+        unit: "of 1",
+        settings: settings.collect(),
+    })
+}
+
+/// Pixels along the picture's side.
+const SIDE: usize = 192;
+
+fn seen(
+    scene: &(Volume, TransferFunction),
+    step: f64,
+    termination: f64,
+    exec: &Exec,
+) -> Result<Radiance, Problem> {
+    let view = View { azimuth_deg: 40.0, elevation_deg: 15.0, ..View::default() };
+    let params =
+        RenderParams { width: SIDE, height: SIDE, step, termination, view, ..RenderParams::default() };
+    let scene = Scene { transfer: Some(&scene.1), ..Scene::new(&scene.0) };
+    Ok(radiance(&scene, &params, exec)?)
+}
+
+fn apart(a: &Radiance, b: &Radiance) -> f64 {
+    let pairs = a.rgba.iter().flatten().zip(b.rgba.iter().flatten());
+    root_mean_square(pairs.map(|(a, b)| f64::from(a - b).powi(2)))
+}

@@ -1,0 +1,36 @@
+use std::sync::Arc;
+
+use ivd_core::{Exec, VoxelType};
+use ivd_segment::{KmvsParams, kmvs};
+use ivd_volume::phantom::{Params, generate};
+
+use super::inputs::judged;
+use crate::experiment::{Experiment, Problem, Setting};
+
+/// Numbers of classes.
+const CLASSES: [usize; 9] = [2, 3, 4, 6, 8, 12, 16, 32, 64];
+
+/// How well K classes stand for the values: the number of classes against their spread. The partition itself is exact.
+pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
+    let params = Params { size, voxel_type: VoxelType::U16, ..Params::default() };
+    let volume = Arc::new(generate(&params, exec)?.volume);
+    let settings = CLASSES.map(|k| {
+        let volume = volume.clone();
+        Setting::new([("k", k.to_string())], k == KmvsParams::default().k, move |exec| {
+            let found = kmvs(&volume, None, &KmvsParams { k }, exec)?;
+            let count = volume.grid().len() as f64;
+            Ok(Box::new(move || {
+                let visited = found.visited_fraction * count;
+                Ok(judged((found.objective / count).sqrt(), [("voxels", visited), ("gap", found.gap)]))
+            }))
+        })
+    });
+    Ok(Experiment {
+        stage: "segment",
+        input: format!("head phantom of {size}³ voxels, u16, with noise"),
+        truth: "the voxels' own values",
+        measure: "distance of a value from its class's mean, root mean square",
+        unit: "grey value",
+        settings: settings.into(),
+    })
+}
