@@ -31,8 +31,12 @@ interop:
     cargo build --release
     bash tests/interop/run.sh target/release/ivd
 
-# Kernel benches.
+# Run time against error of every stage, as a page with plots: `just bench --quick`, `just bench render --compare OLD.json`.
 bench *args="":
+    cargo run --release -- bench {{args}}
+
+# Kernel benches.
+kernels *args="":
     cargo bench --workspace {{args}}
 
 # The documentation, in a browser.

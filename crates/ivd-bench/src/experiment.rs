@@ -20,6 +20,9 @@ pub struct Judgement {
 /// Judges a result.
 pub type Judge = Box<dyn FnOnce() -> Result<Judgement, Problem>>;
 
+/// Does a setting's work.
+pub type Work = Box<dyn Fn(&Exec) -> Result<Judge, Problem>>;
+
 /// A value of every knob.
 pub struct Setting {
     /// The knobs that say how well the work is done.
@@ -29,7 +32,7 @@ pub struct Setting {
     /// Whether this is what a user gets who says nothing.
     pub default: bool,
     /// Does the work; only this is timed. What it returns judges the result.
-    pub run: Box<dyn Fn(&Exec) -> Result<Judge, Problem>>,
+    pub run: Work,
 }
 
 impl Setting {

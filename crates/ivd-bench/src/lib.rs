@@ -32,7 +32,7 @@ mod table;
 
 pub use compare::{Change, Comparison, compare};
 pub use error::Error;
-pub use experiment::{Experiment, Judge, Judgement, Knobs, Problem, Setting};
+pub use experiment::{Experiment, Judge, Judgement, Knobs, Problem, Setting, Work};
 pub use page::page;
 pub use record::{Bench, Point, Spread, StageBench};
 pub use stages::{NAMES, experiments};

@@ -160,10 +160,9 @@ fn axes(svg: &mut String, x: &Axis, y: &Axis, stage: &StageBench) {
         "<line class='axis' x1='{LEFT}' x2='{right}' y1='{bottom}' y2='{bottom}'/>\
          <line class='axis' x1='{LEFT}' x2='{LEFT}' y1='{TOP}' y2='{bottom}'/>\
          <text class='label' x='{}' y='{}' text-anchor='middle'>processor time (ms)</text>\
-         <text class='label' x='16' y='{middle}' text-anchor='middle' transform='rotate(-90 16 {middle})'>{} ({})</text>",
+         <text class='label' x='16' y='{middle}' text-anchor='middle' transform='rotate(-90 16 {middle})'>error ({})</text>",
         LEFT + AREA[0] / 2.0,
         bottom + 38.0,
-        escape(&stage.measure),
         escape(&stage.unit)
     );
 }
@@ -238,7 +237,7 @@ mod tests {
         let html = page(&bench);
         assert_eq!(html.matches("r='4.5'").count(), 3);
         assert_eq!(html.matches("class='default'").count(), 1);
-        assert!(html.contains("processor time (ms)") && html.contains("difference (of 1)"));
+        assert!(html.contains("processor time (ms)") && html.contains("error (of 1)"));
         assert!(!html.contains("NaN") && !html.contains("http"), "finite and self-contained");
     }
 

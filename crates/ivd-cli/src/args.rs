@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use clap::builder::TypedValueParser as _;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use ivd_pipeline::scene::{ClassChoice, FixSection, HandleSection, IsoChoice, Override};
 
@@ -330,6 +331,8 @@ pub(crate) enum Command {
         /// Second artefact.
         b: PathBuf,
     },
+    /// Run time against error, for every stage with an accuracy knob: bench.json, bench.csv and a page.
+    Bench(Bench),
     /// This machine: threads, memory, SIMD, adapter; what is switched off and why.
     Doctor,
     /// The scene's JSON Schema.
@@ -442,4 +445,39 @@ pub(crate) enum CacheAction {
     },
     /// Drop everything.
     Clear,
+}
+
+/// `ivd bench`.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct Bench {
+    /// segment, atf, lattice, refine, deform, map, warp or render; all of them where none is named.
+    #[arg(value_name = "STAGE")]
+    pub(crate) stages: Vec<String>,
+    /// Small inputs and few repeats: under two minutes.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Folder of the outputs.
+    #[arg(long, value_name = "DIR", default_value = "out/bench")]
+    pub(crate) out: PathBuf,
+    /// An older bench.json of this machine: what changed beyond the noise.
+    #[arg(long, value_name = "OLD.json")]
+    pub(crate) compare: Option<PathBuf>,
+    /// Voxels along the edge of the generated inputs; 128, with --quick 64.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=512).map(usize::from))]
+    pub(crate) size: Option<usize>,
+    /// Times that every setting is timed; 5, with --quick 3.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
+    pub(crate) repeats: Option<usize>,
+    /// A fault for --compare to find; for tests.
+    #[arg(long, value_enum, hide = true)]
+    pub(crate) plant: Option<Planted>,
+}
+
+/// A fault put in on purpose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Planted {
+    /// Everything is done twice.
+    Slow,
+    /// Every error is half as large again.
+    Inexact,
 }

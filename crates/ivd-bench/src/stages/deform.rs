@@ -61,7 +61,7 @@ fn displacements(
 ) -> Result<(Vec<[f64; 3]>, usize), Problem> {
     let solved = ring(lattice, &[handle()], &[], params, exec)?;
     let frame = solved.motion.frames.last().ok_or("a motion without frames")?;
-    Ok((frame.displacement.to_vec(), solved.vertices_moved))
+    Ok((frame.displacement.clone(), solved.vertices_moved))
 }
 
 /// A pull on the ball's top.

@@ -1,5 +1,6 @@
 //! One function for each command.
 
+mod bench;
 mod cache;
 mod compare;
 mod doctor;
@@ -34,6 +35,7 @@ pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
         Command::Export { artefact, output } => volume::export(&artefact, &output, context),
         Command::Info { file } => info::run(&file, context),
         Command::Compare { a, b } => compare::run(&a, &b, context),
+        Command::Bench(args) => bench::run(&args, context),
         Command::Doctor => doctor::run(context),
         Command::Schema => {
             let schema = ivd_pipeline::scene::Scene::json_schema();
