@@ -63,7 +63,7 @@ impl Stage for Render {
     }
 
     fn revision(&self) -> u32 {
-        1
+        2
     }
 
     fn inputs(&self) -> &'static [Slot] {
