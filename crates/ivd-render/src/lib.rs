@@ -52,7 +52,7 @@ mod frame;
 mod light;
 mod outline;
 #[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code, reason = "gathers of eight lanes, argued in the module's head")]
+#[allow(unsafe_code, reason = "unchecked reads of eight lanes, argued in the module's head")]
 mod packet;
 mod params;
 mod picture;

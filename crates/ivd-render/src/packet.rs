@@ -9,7 +9,7 @@
 //! - *Voxels.* [`Lanes::cell`] clamps as [`Shape::place`](crate::samples::Shape::place) does, in lanes whose ray has ended or that hold none as well, so that
 //!   a cell's eight voxels are in the grid. [`serves`] demands two voxels along every axis and fewer than 2³⁰ of them, so that their indices
 //!   are whole numbers of 32 bits.
-//! - *Leaps.* A cell's brick lies in the grid of bricks, and [`Space::leaps`](crate::space::Space::leaps) holds one for each of them.
+//! - *Leaps.* A cell's brick lies in the grid of bricks, and [`Space::leaps`](crate::space::Space::leaps) holds one for each of them (asserted).
 //! - *Entries* of the transfer function: an index is clamped to a row as [`Classifier::index`] does, and rows lie in the table whole.
 
 #[allow(clippy::wildcard_imports, reason = "some fifty intrinsics")]
@@ -23,9 +23,17 @@ use crate::classify::{Classifier, of_part};
 use crate::frame::{LANES, Packet};
 use crate::samples::Stored;
 
+/// Steps beyond which a packet doesn't serve a ray: up to here their numbers are exact in `f32`.
+const MOST_STEPS: usize = 1 << 24;
+
 /// Whether packets serve a grid.
 pub(crate) fn serves(dims: [usize; 3]) -> bool {
     dims.iter().all(|&n| n >= 2) && dims.iter().product::<usize>() < 1 << 30
+}
+
+/// Whether a packet serves these rays.
+pub(crate) fn serves_rays(rays: &Packet) -> bool {
+    rays.iter().flatten().all(|ray| ray.steps < MOST_STEPS)
 }
 
 /// Two neighbours along x at once.
@@ -119,7 +127,7 @@ struct Lanes<'a, T> {
 }
 
 /// Casts the rays of a packet.
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+#[target_feature(enable = "avx2")]
 pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
     field: &Field<'_, T>,
     classifier: &Classifier,
@@ -206,7 +214,8 @@ impl<'a, T: Pairs> Lanes<'a, T> {
         let [nx, ny, _] = shape.dims;
         assert!(serves(shape.dims));
         let bricks = field.space.bricks();
-        debug_assert_eq!(field.space.leaps().len(), bricks.iter().product::<usize>());
+        assert!(bricks == shape.dims.map(|n| n.div_ceil(BRICK)), "bricks of this grid");
+        assert_eq!(field.space.leaps().len(), bricks.iter().product::<usize>(), "a leap for every brick");
         let of = |n: usize| _mm256_set1_epi32(n as i32);
         let [top, end] = shape.ends();
         Self {
@@ -284,8 +293,10 @@ impl<'a, T: Pairs> Lanes<'a, T> {
                 rising,
             );
             let there = _mm256_mul_ps(_mm256_sub_ps(_mm256_cvtepi32_ps(plane), start[a]), inverse[a]);
-            // No number where the ray runs along a plane: not less than anything.
+            // A ray that runs along the planes meets none of them.
+            let crosses = _mm256_cmp_ps::<_CMP_NEQ_OQ>(delta[a], _mm256_setzero_ps());
             let nearer = _mm256_and_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(there, exit), _mm256_castsi256_ps(inside));
+            let nearer = _mm256_and_ps(nearer, crosses);
             exit = _mm256_blendv_ps(exit, there, nearer);
         }
         // The estimate is put to the test by the sample itself: coordinates are monotone along a ray, so that all samples before one that is

@@ -90,9 +90,13 @@ impl Space {
             // Beyond the last brick there is no cell.
             high[a] = (brick + reach + 1) * BRICK;
             let plane = if ray.delta[a] > 0.0 { high[a] } else { low[a] };
-            let open = if ray.delta[a] > 0.0 { brick + reach + 1 >= self.bricks[a] } else { brick <= reach };
+            // A ray that runs along the planes meets none of them.
+            let open = if ray.delta[a] > 0.0 {
+                brick + reach + 1 >= self.bricks[a]
+            } else {
+                brick <= reach || ray.delta[a] == 0.0
+            };
             let there = (plane as f32 - ray.start[a]) * ray.inverse[a];
-            // No number where the ray runs along a plane: not less than anything.
             steps = if !open && there < steps { there } else { steps };
         }
         let mut end = (steps as usize + 1).clamp(i + 1, ray.steps);

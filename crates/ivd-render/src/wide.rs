@@ -1,6 +1,6 @@
 //! Direct volume rendering as fast as the processor allows: eight rays at a time where there is AVX2, else one by one.
 //!
-//! The argument for the one `unsafe` block: the packets need instructions that not every processor has, and [`Wide`] is only true where they were
+//! The argument for the one `unsafe` block: packets need AVX2, which not every processor has, and [`Wide`] is only true where it was
 //! found at run time.
 
 use crate::cast::{Cast, Field};
@@ -22,12 +22,7 @@ impl Wide {
     /// For a grid on this processor.
     pub(crate) fn detected(dims: [usize; 3]) -> Self {
         #[cfg(target_arch = "x86_64")]
-        return Self(
-            packet::serves(dims)
-                && is_x86_feature_detected!("avx2")
-                && is_x86_feature_detected!("bmi1")
-                && is_x86_feature_detected!("bmi2"),
-        );
+        return Self(packet::serves(dims) && is_x86_feature_detected!("avx2"));
         #[cfg(not(target_arch = "x86_64"))]
         {
             let _ = dims;
@@ -52,8 +47,8 @@ pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
     rays: &Packet,
 ) -> [Cast; LANES] {
     #[cfg(target_arch = "x86_64")]
-    if wide.0 {
-        // SAFETY: the features were found.
+    if wide.0 && packet::serves_rays(rays) {
+        // SAFETY: AVX2 was found.
         return unsafe { packet::dvr::<T, LABELLED, SHADED>(field, classifier, termination, rays) };
     }
     let _ = wide;
@@ -67,8 +62,9 @@ mod tests {
     use crate::light::Light;
     use crate::samples::{Samples, Shape};
     use crate::space::Space;
+    use crate::warp::Warp;
     use crate::{Projection, RenderParams, View};
-    use ivd_core::{Grid, Scalar, TransferFunction, Volume};
+    use ivd_core::{Displacement, FieldBricks, Grid, NO_BRICK, Scalar, TransferFunction, Volume};
 
     const DIMS: [usize; 3] = [33, 29, 41];
 
@@ -84,26 +80,41 @@ mod tests {
         (0..grid.len()).map(|i| T::from_f64(value(i))).collect()
     }
 
-    /// Every ray of a picture, cast in packets and one by one.
-    fn both_ways<T: Pairs, const LABELLED: bool, const SHADED: bool>(
-        scale: f64,
-        opacity: f32,
-        projection: Projection,
-    ) {
+    /// Places that come from up to two voxels away in every third brick, and some that are left empty.
+    fn shifted(grid: &Grid) -> Displacement {
+        let dims = grid.dims();
+        let bricks: usize = dims.map(|n| n.div_ceil(FieldBricks::SIDE)).iter().product();
+        let (mut table, mut vectors) = (vec![NO_BRICK; bricks], Vec::new());
+        for b in (0..bricks).step_by(3) {
+            table[b] = (vectors.len() / FieldBricks::VOXELS) as u32;
+            vectors.extend(
+                (0..FieldBricks::VOXELS).map(|v| [1.9, -0.3, 0.8].map(|c: f32| c * (v as f32).sin())),
+            );
+        }
+        Displacement {
+            grid: grid.clone(),
+            time: 0.0,
+            forward: FieldBricks::zero(dims),
+            inverse: FieldBricks::new(dims, table, vectors.into()).unwrap(),
+            inverse_residual_max: 0.0,
+            min_det_j: 1.0,
+            vacated: (0..grid.len()).map(|i| u8::from(i.is_multiple_of(211))).collect::<Vec<_>>().into(),
+        }
+    }
+
+    /// Every ray of a picture, cast in packets and one by one: with what is clear passed over or not, and moved.
+    fn both_ways<T: Pairs, const LABELLED: bool, const SHADED: bool>(scale: f64, opacity: f32, view: View) {
         let grid = Grid::with_spacing(DIMS, [1.0, 0.9, 1.1]).unwrap();
         let voxels: Vec<T> = voxels(scale);
         let ids: Vec<u16> = (0..grid.len()).map(|i| (i / 500 % 3) as u16).collect();
-        let view = View { azimuth_deg: 31.0, elevation_deg: 12.0, zoom: 1.4, projection };
-        let params = RenderParams { view, width: 50, height: 45, ..RenderParams::default() };
-        let camera = Camera::new(&grid, &params);
+        let camera =
+            Camera::new(&grid, &RenderParams { view, width: 24, height: 20, ..RenderParams::default() });
         let row = |low: usize| {
             (0..64).map(move |i| [0.1, 0.5, 0.9, if i < low { 0.0 } else { opacity * i as f32 / 64.0 }])
         };
         let table = row(20).chain(row(25)).collect();
         let transfer = TransferFunction::new([0.0, scale], 64, 1.0, vec![0, 2], table, vec![]).unwrap();
-        let range = [0.0, scale as f32];
-        let classifier = Classifier::new(&transfer, range, |v| v, 0.5, LABELLED);
-        let shape = Shape::new(DIMS);
+        let classifier = Classifier::new(&transfer, [0.0, scale as f32], |v| v, 0.5, LABELLED);
         let volume = Volume::new(grid.clone(), T::wrap(voxels.clone().into())).unwrap();
         let index = volume.bricks();
         let rows =
@@ -111,25 +122,36 @@ mod tests {
         let clear: Vec<bool> =
             (0..index.len()).map(|b| classifier.is_clear(index.range(b), 0.0, rows)).collect();
         assert!(clear.iter().any(|&c| c) && clear.iter().any(|&c| !c));
-        for empty in [vec![false; index.len()], clear] {
+        let nothing = vec![false; index.len()];
+        let displacement = shifted(&grid);
+        let warp = Warp::new(&displacement, grid.inverse_linear_part());
+        for (empty, warp) in [(&nothing, None), (&clear, None), (&nothing, Some(&warp))] {
+            let shape = Shape::new(DIMS);
             let field = Field {
                 samples: Samples::new(&voxels, shape),
                 ids: if LABELLED { &ids } else { &[] },
-                warp: None,
-                space: &Space::new(shape, &empty),
+                warp,
+                space: &Space::new(shape, empty),
                 light: Light::new(&camera, grid.inverse_linear_part(), 1.0),
             };
-            let wide = Wide::detected(DIMS);
-            for i in 0..(50 * 45 / LANES) {
-                let rays: Packet = std::array::from_fn(|lane| {
-                    let at = i * LANES + lane;
-                    camera.ray(at % 50, at / 50)
-                });
-                let any = dvr::<T, LABELLED, SHADED>(Wide::none(), &field, &classifier, 0.99, &rays);
-                let packet = dvr::<T, LABELLED, SHADED>(wide, &field, &classifier, 0.99, &rays);
-                for (any, packet) in any.iter().zip(packet) {
-                    assert_eq!(any.rgba.map(f32::to_bits), packet.rgba.map(f32::to_bits));
-                }
+            for end in [0.4, 0.99, 2.0] {
+                same(&camera, |wide, rays| dvr::<T, LABELLED, SHADED>(wide, &field, &classifier, end, rays));
+            }
+        }
+    }
+
+    /// Casts every ray both ways.
+    fn same(camera: &Camera, cast: impl Fn(Wide, &Packet) -> [Cast; LANES]) {
+        for i in 0..(24 * 20 / LANES) {
+            let rays: Packet = std::array::from_fn(|lane| {
+                let at = i * LANES + lane;
+                camera.ray(at % 24, at / 24)
+            });
+            let (any, packet) = (cast(Wide::none(), &rays), cast(Wide::detected(DIMS), &rays));
+            for (any, packet) in any.iter().zip(packet) {
+                assert_eq!(any.rgba.map(f32::to_bits), packet.rgba.map(f32::to_bits));
+                assert!(packet.taken >= any.taken);
+                assert_eq!(packet.taken + packet.skipped, any.taken + any.skipped);
             }
         }
     }
@@ -137,13 +159,28 @@ mod tests {
     #[test]
     fn packets_and_single_rays_give_the_same_bytes() {
         for projection in [Projection::Orthographic, Projection::Perspective] {
-            both_ways::<u8, false, false>(255.0, 0.9, projection);
-            both_ways::<u8, true, true>(255.0, 0.1, projection);
-            both_ways::<u16, false, true>(60_000.0, 0.1, projection);
-            both_ways::<u16, true, false>(60_000.0, 0.02, projection);
-            both_ways::<i16, false, false>(30_000.0, 0.9, projection);
-            both_ways::<f32, false, true>(1.0, 0.3, projection);
-            both_ways::<f32, true, false>(1.0, 0.02, projection);
+            for (azimuth_deg, elevation_deg) in [(31.0, 12.0), (0.0, 0.0), (90.0, 45.0)] {
+                let view = View { azimuth_deg, elevation_deg, zoom: 1.4, projection };
+                both_ways::<u8, false, false>(255.0, 0.9, view);
+                both_ways::<u8, true, true>(255.0, 0.1, view);
+                both_ways::<u16, false, true>(60_000.0, 0.1, view);
+                both_ways::<u16, true, false>(60_000.0, 0.02, view);
+                both_ways::<i16, false, false>(30_000.0, 0.9, view);
+                both_ways::<f32, false, true>(1.0, 0.3, view);
+                both_ways::<f32, true, false>(1.0, 0.02, view);
+            }
         }
+    }
+
+    #[test]
+    fn a_ray_of_very_many_steps_is_cast_alone() {
+        let grid = Grid::with_spacing([4; 3], [1e-7, 1.0, 1.0]).unwrap();
+        // The middle ray runs along the thin volume.
+        let params = RenderParams { width: 5, height: 1, step: 0.9, ..RenderParams::default() };
+        let camera = Camera::new(&grid, &params);
+        let rays: Packet = std::array::from_fn(|lane| camera.ray(lane, 0));
+        assert!(rays.iter().flatten().any(|ray| ray.steps > 1 << 24));
+        #[cfg(target_arch = "x86_64")]
+        assert!(!packet::serves_rays(&rays));
     }
 }
