@@ -12,7 +12,8 @@
 //! large for what the pass may cost. Space is cut into blocks, which are worked on side by side, each in the order of
 //! cost, ties by index; a vertex whose ring lies across a border of blocks waits, and the next pass has other borders. The
 //! result is the same for any number of threads. A vertex that can't go isn't tried again until something changes round
-//! it, or nothing else is left to try.
+//! it, or nothing else is left to try. The end comes with the target, or with a pass that has tried every free vertex onto
+//! each of its neighbours, whatever that costs, and removed none.
 //!
 //! **Error.** Every triangle carries a bound on its distance from the input, both ways, that grows with each collapse by
 //! the displacement of a map between the old and the new fan. [`Refined::max_error_mm`] is the largest: the

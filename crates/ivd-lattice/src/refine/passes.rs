@@ -20,8 +20,12 @@ const PASS_SHARE: f64 = 0.5;
 /// without a limit.
 const BOUND_ROOTS: f64 = 8.0;
 
-/// A pass over fewer vertices than this doesn't divide the surface into blocks.
+/// A pass over no more vertices than this doesn't divide the surface into blocks.
 const ALONE: usize = 2048;
+
+/// A queue that was cut short, and of which no more than a 64th could go, is this many times as long in the next pass: the
+/// vertices left out aren't kept waiting by cheaper ones that can't go.
+const WIDEN: usize = 4;
 
 /// Name for the observer.
 const TASK: &str = "collapse";
@@ -71,20 +75,25 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
     exec.observer().begin(TASK, goal.removals.min(surface.free.len()) as u64);
     let (mut removed, mut passes) = (0, 0);
     let mut refused = Refused::default();
-    let mut scope = Scope::Cheap;
+    let (mut scope, mut width) = (Scope::Cheap, 1_usize);
     while removed < goal.removals {
         exec.check_cancelled()?;
-        if scope == Scope::All {
-            surface.free.par_iter().for_each(|&v| surface.forget(v));
-        }
-        let share = if scope == Scope::Cheap { PASS_SHARE } else { 1.0 };
         let most = goal.removals - removed;
         let shape_weight = params.shape_weight as f32;
-        let queue = Queue::new(surface, shape_weight, share, most.max(ALONE));
-        let divided = queue.entries.len() > ALONE;
+        let longest = most.max(ALONE).saturating_mul(width);
+        let queue = match scope {
+            Scope::Cheap => Queue::new(surface, shape_weight, PASS_SHARE, longest),
+            Scope::Worthwhile => Queue::new(surface, shape_weight, 1.0, longest),
+            Scope::All => {
+                surface.free.par_iter().for_each(|&v| surface.forget(v));
+                Queue::all(surface, shape_weight)
+            }
+        };
+        // Blocks don't know of one another how many they remove: each may remove all that it has, or there is one.
+        let tried = queue.entries.len();
+        let divided = tried > ALONE && tried <= most;
         let blocks = if divided { Blocks::new(surface, area, passes) } else { Blocks::one(surface) };
-        let roots = BOUND_ROOTS * f64::from(queue.dearest).sqrt();
-        let bound = if scope == Scope::All { goal.bound } else { goal.bound.min(roots) };
+        let bound = goal.bound.min(BOUND_ROOTS * f64::from(queue.dearest).sqrt());
         let limits = Limits { turn_cosine: goal.turn_cosine, bound };
         let pass = Pass { surface, blocks, shape_weight, dearest: queue.dearest, asked: goal.bound, limits };
         let done = pass.run(queue.entries, most, scope == Scope::All);
@@ -99,11 +108,11 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
             index: u64::from(passes),
             value: surface.triangles.len() as f64,
         });
+        width = if queue.cut && count * 64 <= tried { width.saturating_mul(WIDEN) } else { 1 };
         scope = match scope {
             Scope::All if count == 0 => break,
-            _ if count == 0 => Scope::All,
-            _ if count * 64 <= surface.free.len() => Scope::Worthwhile,
-            Scope::Cheap => Scope::Cheap,
+            Scope::Worthwhile if count == 0 && !queue.cut => Scope::All,
+            Scope::Cheap if count * 64 > surface.free.len() => Scope::Cheap,
             _ => Scope::Worthwhile,
         };
     }
@@ -117,9 +126,10 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
 enum Scope {
     /// The cheapest of those that are worth a try.
     Cheap,
-    /// All but those that were refused and round which nothing has changed.
+    /// All but those that were refused and round which nothing has changed; the cheapest of them where these are many
+    /// more than may still be removed.
     Worthwhile,
-    /// All, wherever they lie. If none of them can go, none can.
+    /// All, wherever they lie and whatever they cost, onto any neighbour. If none of them can go, none can.
     All,
 }
 
@@ -173,10 +183,10 @@ impl Desk {
 
 impl Pass<'_> {
     /// Collapses the queued vertices, each block's in order of cost, at most `most` of them; with `everywhere` at last
-    /// those that lie across borders.
+    /// those that lie across borders. Where there are several blocks, the queue is no longer than `most`.
     fn run(&self, mut entries: Vec<u64>, most: usize, everywhere: bool) -> Done {
         let pieces = self.blocks.group(&mut entries);
-        // The queue is no longer than `most` where there are several blocks.
+        debug_assert!(pieces.len() < 2 || pieces.iter().map(|p| p.1.len()).sum::<usize>() <= most);
         let done: Vec<Done> = pieces
             .into_par_iter()
             .with_max_len(1)

@@ -17,6 +17,8 @@ pub(super) struct Queue {
     pub(super) entries: Vec<u64>,
     /// What a collapse may cost (mm²).
     pub(super) dearest: f32,
+    /// Whether vertices of the share asked for were left out because they would have been too many.
+    pub(super) cut: bool,
 }
 
 /// Cost of an entry (mm²).
@@ -28,15 +30,12 @@ impl Queue {
     /// The cheapest `share` of the vertices that are worth a try, rounded up to whole classes of equal or nearly equal
     /// cost, but at most `most`, ties by index.
     pub(super) fn new(surface: &Surface, shape_weight: f32, share: f64, most: usize) -> Self {
-        let all: Vec<u64> = surface
-            .free
-            .par_iter()
-            .map(|&v| {
-                // Costs are not negative: their bits sort like their values.
-                u64::from(surface.least_cost(v, shape_weight).to_bits()) << 32 | u64::from(v)
-            })
-            .collect();
-        Self::cheapest(&all, share, most)
+        Self::cheapest(&entries(surface, shape_weight), share, most)
+    }
+
+    /// All free vertices, whatever they cost.
+    pub(super) fn all(surface: &Surface, shape_weight: f32) -> Self {
+        Self { entries: entries(surface, shape_weight), dearest: f32::INFINITY, cut: false }
     }
 
     fn cheapest(all: &[u64], share: f64, most: usize) -> Self {
@@ -51,13 +50,21 @@ impl Queue {
         let mut entries = Vec::with_capacity(taken);
         entries.extend(all.iter().filter(|&&entry| class_of(entry) < class));
         let mut dearest = f32::from_bits(((class as u32) << CLASS_SHIFT) - 1);
-        if entries.len() > most {
+        let cut = entries.len() > most;
+        if cut {
             let (_, last, _) = entries.select_nth_unstable(most - 1);
             dearest = cost_of(*last);
             entries.truncate(most);
         }
-        Self { entries, dearest }
+        Self { entries, dearest, cut }
     }
+}
+
+/// An entry for each free vertex.
+fn entries(surface: &Surface, shape_weight: f32) -> Vec<u64> {
+    // Costs are not negative: their bits sort like their values.
+    let entry = |&v| u64::from(surface.least_cost(v, shape_weight).to_bits()) << 32 | u64::from(v);
+    surface.free.par_iter().map(entry).collect()
 }
 
 #[inline]
@@ -86,7 +93,7 @@ fn classes(all: &[u64]) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    fn entries(costs: &[f32]) -> Vec<u64> {
+    fn costing(costs: &[f32]) -> Vec<u64> {
         costs.iter().enumerate().map(|(v, c)| u64::from(c.to_bits()) << 32 | v as u64).collect()
     }
 
@@ -94,24 +101,25 @@ mod tests {
     fn a_share_is_rounded_up_to_a_class_and_leaves_out_what_is_not_worth_a_try() {
         let costs: Vec<f32> =
             (0..1000).map(|i| if i % 2 == 0 { f32::INFINITY } else { ((i * 37) % 1000) as f32 }).collect();
-        let queue = Queue::cheapest(&entries(&costs), 0.5, usize::MAX);
+        let queue = Queue::cheapest(&costing(&costs), 0.5, usize::MAX);
         let worth = costs.iter().filter(|c| c.is_finite()).count();
         assert!((worth / 2..worth * 9 / 16 + 1).contains(&queue.entries.len()), "{}", queue.entries.len());
         let mut taken = queue.entries.iter().map(|&e| cost_of(e)).collect::<Vec<_>>();
         assert!(taken.iter().all(|&c| c <= queue.dearest));
         assert_eq!(costs.iter().filter(|&&c| c <= queue.dearest).count(), taken.len());
         taken.sort_unstable_by(f32::total_cmp);
-        let few = Queue::cheapest(&entries(&costs), 0.5, 10);
+        let few = Queue::cheapest(&costing(&costs), 0.5, 10);
         let mut kept = few.entries.iter().map(|&e| cost_of(e)).collect::<Vec<_>>();
         kept.sort_unstable_by(f32::total_cmp);
         assert_eq!((&kept[..], few.dearest), (&taken[..10], taken[9]));
+        assert!(few.cut && !queue.cut);
     }
 
     #[test]
     fn costs_of_nothing_and_one_all_the_same_are_taken_whole() {
         assert!(Queue::cheapest(&[], 0.5, 10).entries.is_empty());
-        assert!(Queue::cheapest(&entries(&[f32::INFINITY; 5]), 0.5, 10).entries.is_empty());
-        let queue = Queue::cheapest(&entries(&[0.0; 500]), 0.5, usize::MAX);
+        assert!(Queue::cheapest(&costing(&[f32::INFINITY; 5]), 0.5, 10).entries.is_empty());
+        let queue = Queue::cheapest(&costing(&[0.0; 500]), 0.5, usize::MAX);
         assert_eq!(queue.entries.len(), 500);
     }
 }

@@ -54,6 +54,28 @@ pub(crate) fn shell(n: usize) -> Lattice {
     cut(cube(n), |p| 0.5 + 0.75 - ((p - middle).norm() - 0.35 * n as f64).abs())
 }
 
+/// A ball and, round it, thousands of specks far smaller than a voxel: of six vertices, where one voxel is hardly above the
+/// isovalue, or of ten, where two are.
+pub(crate) fn ball_and_specks(n: usize) -> Lattice {
+    let middle = Vector3::repeat(n as f64 / 2.0);
+    let radius = 0.21 * n as f64;
+    cut(cube(n), |p| {
+        let off = (p - middle).norm();
+        let cell = p.map(|c| c as u64);
+        let pair = hash((p.y * 64.0 + p.z) as u64 * 64 + cell.x / 4).is_multiple_of(8);
+        if off < 1.27 * radius {
+            (0.5 + (radius - off) * 0.2).clamp(0.0, 1.0)
+        } else if off > 1.36 * radius
+            && (cell.x % 4 == 1 || pair && cell.x % 4 == 2)
+            && (cell.y % 4, cell.z % 4) == (1, 1)
+        {
+            0.51
+        } else {
+            0.0
+        }
+    })
+}
+
 /// A cheap integer hash.
 pub(crate) fn hash(i: u64) -> u64 {
     let mut h = i.wrapping_add(0x9E37_79B9_7F4A_7C15).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -121,6 +121,61 @@ fn a_speck_ends_as_a_tetrahedron_and_says_so() {
 }
 
 #[test]
+fn a_ball_among_thousands_of_specks_is_refined_to_the_target() {
+    let lattice = lattices::ball_and_specks(72);
+    let components = measure(&lattice).components;
+    assert!(components > 4000, "{components}");
+    // Most of what ratios this small ask for is the ball's.
+    let specks_left = 4.0 * components as f64 / lattice.triangles.len() as f64;
+    for ratio in [0.7, 0.44, specks_left + 0.03, specks_left + 0.01] {
+        let out = refined(&lattice, Target::Ratio(ratio));
+        assert_sound(&lattice, &out);
+        let (kept, wanted) = (out.lattice.triangles.len() as f64, ratio * lattice.triangles.len() as f64);
+        assert!((kept - wanted).abs() < 2.0, "{kept} triangles where {wanted} were asked for");
+        assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+    }
+}
+
+#[test]
+fn specks_that_are_done_keep_nothing_else_from_going() {
+    let lattice = lattices::ball_and_specks(72);
+    let first = refined(&lattice, Target::MaxError(0.03)).lattice;
+    for ratio in [0.999, 0.95, 0.9] {
+        let out = refined(&first, Target::Ratio(ratio));
+        let (kept, wanted) = (out.lattice.triangles.len() as f64, ratio * first.triangles.len() as f64);
+        assert!((kept - wanted).abs() < 2.0, "{kept} triangles where {wanted} were asked for");
+        assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+    }
+}
+
+#[test]
+fn where_refinement_gives_up_no_vertex_can_go() {
+    for lattice in (0..300).map(lattices::random).chain([lattices::gyroid(48)]) {
+        let out = refined(&lattice, Target::Ratio(0.0));
+        assert_ne!(out.reached.stopped_by, StoppedBy::Target);
+        let again = refined(&out.lattice, Target::Ratio(0.0));
+        assert_eq!(again.lattice.keys.len(), out.lattice.keys.len());
+    }
+    // A little more is asked for than can go: ball and specks all end as tetrahedra.
+    let lattice = lattices::ball_and_specks(72);
+    let tetrahedra = 4 * measure(&lattice).components as usize;
+    let out = refined(&lattice, Target::Ratio(0.99 * tetrahedra as f64 / lattice.triangles.len() as f64));
+    assert_eq!((out.lattice.triangles.len(), out.reached.stopped_by), (tetrahedra, StoppedBy::Specks));
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing_among_specks() {
+    let lattice = lattices::ball_and_specks(72);
+    for ratio in [0.0, 0.44] {
+        let params = RefineParams { target: Target::Ratio(ratio), ..RefineParams::default() };
+        let one = collapse(&lattice, &params, &Exec::default().with_threads(1)).unwrap();
+        for threads in [2, 5] {
+            assert_eq!(collapse(&lattice, &params, &Exec::default().with_threads(threads)).unwrap(), one);
+        }
+    }
+}
+
+#[test]
 fn ratio_one_and_level_zero_change_nothing() {
     let sphere = lattices::sphere(16);
     for target in [Target::Ratio(1.0), Target::Level(0)] {

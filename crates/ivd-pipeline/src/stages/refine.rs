@@ -47,7 +47,7 @@ impl Stage for Refine {
     }
 
     fn revision(&self) -> u32 {
-        2
+        3
     }
 
     fn inputs(&self) -> &'static [Slot] {
