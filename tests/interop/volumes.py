@@ -99,7 +99,8 @@ def by_tifffile(path):
     with tifffile.TiffFile(path) as file:
         tags, said = file.pages[0].tags, file.imagej_metadata
         cm = [tags[name].value[1] / tags[name].value[0] for name in ("XResolution", "YResolution")]
-        assert said["unit"] == "cm" and tags["ResolutionUnit"].value == 3 and said["images"] == len(file.pages)
+        assert said["unit"] == "cm" and tags["ResolutionUnit"].value == 3 and said["slices"] == len(file.pages)
+        assert "images" not in said, "ImageJ would read the tags between the pages as voxels"
         # Page by page: ImageJ's own layout is another matter.
         values = np.stack([page.asarray() for page in file.pages])
         whole = file.asarray().reshape(values.shape)

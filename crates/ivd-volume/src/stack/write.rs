@@ -18,8 +18,8 @@ const TAGS: u64 = 1024;
 
 /// Writes a TIFF stack: a page a slice, the first page z = 0, uncompressed, the stored type kept.
 ///
-/// The spacing goes where ImageJ looks for it: x and y in the resolution tags (pixels per cm), z in the description.
-/// Origin and direction have no place in the format: where they aren't those of a file without a space, a note says
+/// The spacing goes where ImageJ looks for it: x and y in the resolution tags (pixels per cm), z in the description. That
+/// doesn't count the pages as ImageJ's own files do, so that ImageJ goes from page to page. Origin and direction have no place in the format: where they aren't those of a file without a space, a note says
 /// that they are left out. A volume with slope and intercept is written as real values in `f32`. Beyond 4 GiB the file
 /// is a BigTIFF. It is replaced at once, and left alone where it holds the same bytes.
 ///
@@ -80,8 +80,9 @@ impl<'a> Stack<'a> {
             })
         };
         let resolution = resolution(grid);
-        // The key that ImageJ begins with is the version that the reader must understand.
-        let pages = format!("ImageJ=1.11a\nimages={nz}\nslices={nz}\nloop=false\n");
+        // The key that ImageJ begins with is the version that the reader must understand. With `images=` it would take
+        // all voxels from one place, back to back, but here every page's tags follow its voxels.
+        let pages = format!("ImageJ=1.11a\nslices={nz}\nloop=false\n");
         let description = match &resolution {
             Some(_) => format!("{pages}unit=cm\nspacing={}\n", grid.spacing()[2] / MM_PER_CM),
             None => pages,
@@ -203,6 +204,18 @@ mod tests {
             let back = read_tiff(&path, None, &exec).unwrap();
             assert_eq!(back.voxels(), volume.voxels());
             assert_eq!(back.grid().spacing(), [0.7, 0.5, 2.5]);
+        }
+    }
+
+    #[test]
+    fn the_description_leaves_the_count_of_pages_to_the_file() {
+        let exec = Exec::default();
+        for (spacing, said) in [
+            ([0.7, 0.5, 2.5], "ImageJ=1.11a\nslices=4\nloop=false\nunit=cm\nspacing=0.25\n"),
+            ([1e-10, 0.5, 2.5], "ImageJ=1.11a\nslices=4\nloop=false\n"),
+        ] {
+            let grid = Grid::with_spacing([3, 2, 4], spacing).unwrap();
+            assert_eq!(Stack::new(Path::new("a.tif"), &grid, &exec).unwrap().description, said);
         }
     }
 
