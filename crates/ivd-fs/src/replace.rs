@@ -16,8 +16,9 @@ const PIECE: usize = 1 << 18;
 /// was touched: it isn't, modification time included, where its bytes are the same already.
 ///
 /// The bytes go to a new file in the target's folder, which is synced and renamed, and the folder is synced. The file
-/// has the mode of the one that it replaces, or else what the user's mask gives to any new file. Where `content` fails
-/// the target stays as it was and nothing else is left. What killed processes left in the folder is removed.
+/// has the mode of the one that it replaces, or else what the user's mask gives to any new file; what will replace a
+/// file is its user's alone while it is written. Where `content` fails the target stays as it was and nothing else is
+/// left. What killed processes left in the folder is removed.
 ///
 /// - `failed`: makes the caller's error of what was tried (`"create a file beside"`, `"write"`, `"replace"`) and the
 ///   system's answer.
@@ -35,7 +36,7 @@ pub fn replace<E>(
     if old.as_ref().is_some_and(|old| !old.is_file()) {
         return Err(failed("replace", io::Error::other("it is no regular file")));
     }
-    let mut fresh = beside(folder).map_err(|e| failed("create a file beside", e))?;
+    let mut fresh = beside(folder, old.is_some()).map_err(|e| failed("create a file beside", e))?;
     let mut sink = BufWriter::with_capacity(PIECE, fresh.as_file_mut());
     content(&mut sink)?;
     sink.flush().map_err(|e| failed("write", e))?;
@@ -57,10 +58,10 @@ pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// A new file in a folder, locked.
-fn beside(folder: &Path) -> io::Result<NamedTempFile> {
+/// A new file in a folder, locked; `private` as [`create`] has it.
+fn beside(folder: &Path, private: bool) -> io::Result<NamedTempFile> {
     loop {
-        let fresh = create(folder)?;
+        let fresh = create(folder, private)?;
         // Fails only where the file system knows no locks; then a file's age tells whether it was abandoned.
         let locked = fresh.as_file().lock().is_ok();
         // Between creation and lock it looked abandoned, and another process may have swept it.
@@ -70,16 +71,18 @@ fn beside(folder: &Path) -> io::Result<NamedTempFile> {
     }
 }
 
+/// A new file in a folder. `private`: for its user alone, until it gets the mode of the file that it replaces.
 #[cfg(unix)]
-fn create(folder: &Path) -> io::Result<NamedTempFile> {
+fn create(folder: &Path, private: bool) -> io::Result<NamedTempFile> {
     use std::os::unix::fs::PermissionsExt;
-    // The user's mask takes its bits off, as for any new file; a temporary file alone would be private.
-    let shared = std::fs::Permissions::from_mode(0o666);
-    Builder::new().prefix(UNFINISHED).permissions(shared).tempfile_in(folder)
+    // The user's mask takes its bits off, as for any new file.
+    let mode = if private { 0o600 } else { 0o666 };
+    let permissions = std::fs::Permissions::from_mode(mode);
+    Builder::new().prefix(UNFINISHED).permissions(permissions).tempfile_in(folder)
 }
 
 #[cfg(not(unix))]
-fn create(folder: &Path) -> io::Result<NamedTempFile> {
+fn create(folder: &Path, _private: bool) -> io::Result<NamedTempFile> {
     Builder::new().prefix(UNFINISHED).tempfile_in(folder)
 }
 

@@ -99,6 +99,35 @@ fn a_new_file_has_the_mode_of_any_new_file_and_a_replaced_one_keeps_its_own() {
     );
 }
 
+#[cfg(unix)]
+#[test]
+fn what_replaces_a_private_file_is_private_while_it_is_written() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.bin");
+    let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    // The mode of the unfinished file while `bytes` are written.
+    let during = |bytes: &[u8]| {
+        let mut seen = vec![];
+        let content = |to: &mut ivd_fs::Sink| {
+            to.write_all(bytes)?;
+            to.flush()?;
+            let all = names(folder.path()).into_iter().map(|name| folder.path().join(name));
+            seen = all.filter(|path| is_unfinished(path)).map(|path| mode(&path)).collect();
+            Ok(())
+        };
+        replace(&path, |_, error: io::Error| error, content).unwrap();
+        seen
+    };
+    let new = during(b"new");
+    assert_eq!(new, [mode(&path)], "nothing was private before");
+    for kept in [0o600, 0o400, 0o644] {
+        fs::set_permissions(&path, fs::Permissions::from_mode(kept)).unwrap();
+        assert_eq!(during(&kept.to_le_bytes()), [0o600]);
+        assert_eq!(mode(&path), kept);
+    }
+}
+
 #[test]
 fn what_a_killed_process_left_goes_at_the_next_write_and_what_a_living_one_writes_stays() {
     let folder = tempfile::tempdir().unwrap();
