@@ -1,4 +1,5 @@
 use std::fs::{File, TryLockError};
+use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Duration;
 
@@ -37,6 +38,8 @@ fn lock_abandoned(path: &Path) -> Option<File> {
     let abandoned = match file.try_lock() {
         Ok(()) => true,
         Err(TryLockError::WouldBlock) => false,
+        // Where a lock fails for another reason nothing is known.
+        Err(TryLockError::Error(e)) if e.kind() != ErrorKind::Unsupported => false,
         Err(TryLockError::Error(_)) => file.metadata().ok()?.modified().ok()?.elapsed().ok()? > STALE,
     };
     abandoned.then_some(file)

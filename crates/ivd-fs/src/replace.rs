@@ -62,11 +62,23 @@ pub fn folder_of(path: &Path) -> &Path {
 fn beside(folder: &Path, private: bool) -> io::Result<NamedTempFile> {
     loop {
         let fresh = create(folder, private)?;
-        // Fails only where the file system knows no locks; then a file's age tells whether it was abandoned.
-        let locked = fresh.as_file().lock().is_ok();
+        let locked = locked(|| fresh.as_file().lock())?;
         // Between creation and lock it looked abandoned, and another process may have swept it.
         if !locked || fresh.path().try_exists()? {
             return Ok(fresh);
+        }
+    }
+}
+
+/// Whether `lock` could lock; `false` where the file system knows no locks, and a file's age tells whether it was
+/// abandoned. A lock that fails for another reason is an error: others' locks may work, and the file be swept.
+fn locked(lock: impl Fn() -> io::Result<()>) -> io::Result<bool> {
+    loop {
+        match lock() {
+            Ok(()) => return Ok(true),
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) if e.kind() == io::ErrorKind::Unsupported => return Ok(false),
+            Err(e) => return Err(e),
         }
     }
 }
@@ -121,4 +133,27 @@ fn same_bytes(fresh: &mut File, path: &Path) -> io::Result<bool> {
         left -= n as u64;
     }
     Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use super::*;
+
+    #[test]
+    fn only_a_file_system_without_locks_goes_without_one() {
+        use io::ErrorKind::{Interrupted, PermissionDenied, StorageFull, Unsupported};
+        let after = |kinds: &[io::ErrorKind]| {
+            let left = RefCell::new(kinds.to_vec());
+            let answer = locked(|| left.borrow_mut().pop().map_or(Ok(()), |kind| Err(kind.into())));
+            answer.map_err(|e| e.kind())
+        };
+        assert_eq!(after(&[]), Ok(true));
+        assert_eq!(after(&[Interrupted, Interrupted]), Ok(true));
+        assert_eq!(after(&[Unsupported, Interrupted]), Ok(false));
+        for kind in [PermissionDenied, StorageFull] {
+            assert_eq!(after(&[kind, Interrupted]), Err(kind));
+        }
+    }
 }
