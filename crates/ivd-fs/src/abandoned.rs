@@ -1,5 +1,5 @@
 use std::fs::{File, TryLockError};
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::time::Duration;
 
@@ -33,8 +33,7 @@ fn lock_abandoned(path: &Path) -> Option<File> {
     if !is_unfinished(path) || !path.symlink_metadata().ok()?.is_file() {
         return None;
     }
-    // Some network file systems lock only what is open for writing.
-    let file = File::options().append(true).open(path).ok()?;
+    let file = open(path).ok()?;
     let abandoned = match file.try_lock() {
         Ok(()) => true,
         Err(TryLockError::WouldBlock) => false,
@@ -43,4 +42,13 @@ fn lock_abandoned(path: &Path) -> Option<File> {
         Err(TryLockError::Error(_)) => file.metadata().ok()?.modified().ok()?.elapsed().ok()? > STALE,
     };
     abandoned.then_some(file)
+}
+
+/// Some network file systems lock only what is open for writing; a file that got a read-only mode before its writer was
+/// killed opens for reading alone.
+fn open(path: &Path) -> io::Result<File> {
+    match File::options().append(true).open(path) {
+        Err(e) if e.kind() == ErrorKind::PermissionDenied => File::open(path),
+        answer => answer,
+    }
 }

@@ -150,6 +150,23 @@ fn what_a_killed_process_left_goes_at_the_next_write_and_what_a_living_one_write
     assert_eq!(names(folder.path()), ["a.bin"]);
 }
 
+/// The superuser may write to a read-only file: as such this test doesn't tell how the file was opened.
+#[test]
+fn what_was_left_read_only_goes_unless_its_writer_lives() {
+    let folder = tempfile::tempdir().unwrap();
+    let left = unfinished(folder.path());
+    let writer = File::options().append(true).open(&left).unwrap();
+    writer.lock().unwrap();
+    let mut permissions = fs::metadata(&left).unwrap().permissions();
+    permissions.set_readonly(true);
+    fs::set_permissions(&left, permissions).unwrap();
+    sweep(folder.path());
+    assert_eq!(names(folder.path()).len(), 1);
+    drop(writer);
+    sweep(folder.path());
+    assert!(names(folder.path()).is_empty());
+}
+
 #[test]
 fn nothing_but_unfinished_files_is_swept() {
     let folder = tempfile::tempdir().unwrap();
