@@ -15,24 +15,33 @@ const PIECE: usize = 1 << 18;
 /// Writes a file through `content` so that a reader sees the old file, the new one, or none. Returns whether the target
 /// was touched: it isn't, modification time included, where its bytes are the same already.
 ///
-/// The bytes go to a new file in the target's folder, which is synced and renamed, and the folder is synced. The file
-/// has the mode of the one that it replaces, or else what the user's mask gives to any new file; what will replace a
-/// file is its user's alone while it is written. Where `content` fails the target stays as it was and nothing else is
-/// left. What killed processes left in the folder is removed.
+/// The bytes go to a new file in the target's folder, which is synced and renamed, and the folder is synced. A link to
+/// a file stays, and the file that it leads to is replaced; a link that leads nowhere is itself replaced. The file has
+/// the mode of the one that it replaces, or else what the user's mask gives to any new file; what will replace a file
+/// is its user's alone while it is written. Where `content` fails the target stays as it was and nothing else is left.
+/// What killed processes left in the folder is removed.
 ///
 /// - `failed`: makes the caller's error of what was tried (`"create a file beside"`, `"write"`, `"replace"`) and the
 ///   system's answer.
 ///
 /// # Errors
 /// That of `content`, or what `failed` makes of the system's; a target that exists and is no regular file is refused.
+/// Where only the folder's sync fails the new content is in its place already, and may get lost with the power.
 pub fn replace<E>(
     path: &Path,
     failed: impl Fn(&'static str, io::Error) -> E,
     content: impl FnOnce(&mut Sink) -> Result<(), E>,
 ) -> Result<bool, E> {
+    let old = path.metadata().ok();
+    let real;
+    let path = if old.is_some() && path.is_symlink() {
+        real = path.canonicalize().map_err(|e| failed("replace", e))?;
+        &real
+    } else {
+        path
+    };
     let folder = folder_of(path);
     sweep(folder);
-    let old = path.metadata().ok();
     if old.as_ref().is_some_and(|old| !old.is_file()) {
         return Err(failed("replace", io::Error::other("it is no regular file")));
     }

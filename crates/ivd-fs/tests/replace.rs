@@ -128,6 +128,33 @@ fn what_replaces_a_private_file_is_private_while_it_is_written() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn a_link_stays_and_the_file_that_it_leads_to_is_replaced() {
+    use std::os::unix::fs::symlink;
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::create_dir(at("far")).unwrap();
+    put(&at("far/a.bin"), b"old").unwrap();
+    symlink("far/a.bin", at("link")).unwrap();
+    symlink("link", at("second")).unwrap();
+    unfinished(&at("far"));
+    for (link, bytes) in [("link", b"one"), ("second", b"two")] {
+        assert!(put(&at(link), bytes).unwrap());
+        assert!(!put(&at(link), bytes).unwrap());
+        assert!(at(link).is_symlink());
+        assert_eq!(fs::read(at("far/a.bin")).unwrap(), bytes);
+    }
+    assert_eq!(names(&at("far")), ["a.bin"], "it was written there, and swept");
+
+    symlink("nowhere", at("dangling")).unwrap();
+    put(&at("dangling"), b"new").unwrap();
+    assert!(!at("dangling").is_symlink() && !at("nowhere").exists());
+    symlink("far", at("folder")).unwrap();
+    assert_eq!(put(&at("folder"), b"x").unwrap_err().to_string(), "it is no regular file");
+    assert_eq!(names(folder.path()), ["dangling", "far", "folder", "link", "second"]);
+}
+
 #[test]
 fn what_a_killed_process_left_goes_at_the_next_write_and_what_a_living_one_writes_stays() {
     let folder = tempfile::tempdir().unwrap();
