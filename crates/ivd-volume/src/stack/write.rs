@@ -13,8 +13,12 @@ use crate::space;
 use crate::write::{Values, replace};
 use crate::{Error, Written};
 
-/// Bytes that a page's tags may take in the file, generously.
+/// Bytes that a page's tags may take in the file, generously, without the tables of its strips.
 const TAGS: u64 = 1024;
+/// The encoder begins another strip after so many bytes.
+const STRIP: u64 = 1_000_000;
+/// What a strip adds to the tables: its place and its length.
+const STRIP_ENTRY: u64 = 8;
 
 /// Writes a TIFF stack: a page a slice, the first page z = 0, uncompressed, the stored type kept.
 ///
@@ -29,7 +33,7 @@ const TAGS: u64 = 1024;
 pub fn write_tiff(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
     let grid = volume.grid();
     let values = Values::without_scale(volume);
-    let bytes = (grid.len() * values.voxel_type(volume).bytes()) as u64 + grid.dims()[2] as u64 * TAGS;
+    let bytes = file_bytes(grid.dims(), values.voxel_type(volume).bytes());
     let stack = Stack::new(path, grid, exec)?;
     let written = replace(path, |to| {
         if u32::try_from(bytes).is_ok() {
@@ -40,6 +44,13 @@ pub fn write_tiff(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, 
     })?;
     say_what_is_left_out(path, grid, exec);
     Ok(written)
+}
+
+/// The most bytes that a file may have that isn't a BigTIFF.
+fn file_bytes([nx, ny, nz]: [usize; 3], voxel: usize) -> u64 {
+    let page = (nx * ny * voxel) as u64;
+    let strips = page / STRIP + 1;
+    nz as u64 * (page + TAGS + strips * STRIP_ENTRY)
 }
 
 fn say_what_is_left_out(path: &Path, grid: &Grid, exec: &Exec) {
@@ -205,6 +216,23 @@ mod tests {
             assert_eq!(back.voxels(), volume.voxels());
             assert_eq!(back.grid().spacing(), [0.7, 0.5, 2.5]);
         }
+    }
+
+    #[test]
+    fn a_file_is_never_longer_than_what_decides_on_its_kind() {
+        let exec = Exec::default();
+        for dims in [[1, 1, 1], [3, 2, 40], [1000, 4001, 2], [700_001, 3, 2], [1_000_001, 4, 1]] {
+            let grid = Grid::with_spacing(dims, [0.7, 1.0 / 3.0, 1e-300]).unwrap();
+            let volume = Volume::new(grid, Voxels::from(vec![7_u8; dims.iter().product()])).unwrap();
+            let mut small = Cursor::new(Vec::new());
+            let stack = Stack::new(Path::new("a.tif"), volume.grid(), &exec).unwrap();
+            stack.write::<TiffKindStandard, _>(&mut small, Values::Stored, &volume).unwrap();
+            let (found, most) = (small.into_inner().len() as u64, file_bytes(dims, 1));
+            assert!(found <= most && most - found <= dims[2] as u64 * TAGS, "{dims:?}: {found}, {most}");
+        }
+        // 17 kB below 4 GiB, where the strips' tables alone take 34.
+        assert!(u32::try_from(file_bytes([50_000, 85_899, 1], 1)).is_err());
+        assert!(u32::try_from(file_bytes([50_000, 85_800, 1], 1)).is_ok());
     }
 
     #[test]
