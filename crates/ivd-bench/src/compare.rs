@@ -57,7 +57,7 @@ pub fn compare(old: &Bench, new: &Bench) -> Comparison {
             found.compared += 1;
             let changed = |what: &str, ratio, bounds| Change {
                 stage: stage.stage.clone(),
-                setting: label(point),
+                setting: point.label(),
                 what: what.to_owned(),
                 ratio,
                 bounds,
@@ -74,12 +74,6 @@ pub fn compare(old: &Bench, new: &Bench) -> Comparison {
         }
     }
     found
-}
-
-fn label(point: &Point) -> String {
-    let knobs = point.knobs.iter().map(|(name, value)| format!("{name} {value}"));
-    let task = (!point.task.is_empty()).then(|| point.task.clone());
-    task.into_iter().chain(knobs).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -55,9 +55,7 @@ impl Setting {
 
     /// The knobs in one line.
     pub fn label(&self) -> String {
-        let knobs = self.knobs.iter().map(|(name, value)| format!("{name} {value}"));
-        let task = (!self.task.is_empty()).then(|| self.task.clone());
-        task.into_iter().chain(knobs).collect::<Vec<_>>().join(", ")
+        crate::record::label(&self.task, &self.knobs)
     }
 }
 

@@ -118,7 +118,7 @@ fn plot(stage: &StageBench) -> String {
              <circle class='{class}' cx='{px:.1}' cy='{py:.1}' r='4.5'><title>{}: {} ms, {} {}</title></circle>",
             LEFT + x.at(1e3 * point.cpu_s.least),
             LEFT + x.at(1e3 * point.cpu_s.most),
-            escape(&label(point)),
+            escape(&point.label()),
             number(1e3 * point.cpu_s.median),
             number(point.error),
             escape(&stage.unit)
@@ -180,7 +180,7 @@ fn rows(stage: &StageBench) -> String {
             html,
             "<tr class='{}'><td>{}{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             class.join(" "),
-            escape(&label(point)),
+            escape(&point.label()),
             if point.default { " (default)" } else { "" },
             number(1e3 * point.wall_s.median),
             number(1e3 * point.cpu_s.median),
@@ -198,12 +198,6 @@ fn tasks(stage: &StageBench) -> Vec<String> {
     tasks.sort();
     tasks.dedup();
     tasks
-}
-
-fn label(point: &Point) -> String {
-    let knobs = point.knobs.iter().map(|(name, value)| format!("{name} {value}"));
-    let task = (!point.task.is_empty()).then(|| point.task.clone());
-    task.into_iter().chain(knobs).collect::<Vec<_>>().join(", ")
 }
 
 /// Three digits that say something.

@@ -63,6 +63,20 @@ pub struct Point {
     pub on_front: bool,
 }
 
+impl Point {
+    /// The task and the knobs in one line.
+    pub fn label(&self) -> String {
+        label(&self.task, &self.knobs)
+    }
+}
+
+/// A task and knobs in one line.
+pub(crate) fn label(task: &str, knobs: &Knobs) -> String {
+    let knobs = knobs.iter().map(|(name, value)| format!("{name} {value}"));
+    let task = (!task.is_empty()).then(|| task.to_owned());
+    task.into_iter().chain(knobs).collect::<Vec<_>>().join(", ")
+}
+
 /// Times of several runs (s).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
