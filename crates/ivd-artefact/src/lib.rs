@@ -4,7 +4,7 @@
 //! and raw sections that are mapped into memory as they are. `docs/artefacts.md` describes every byte.
 //!
 //! - [`write()`] and [`read()`] move a value of ivd-core to a file and back; [`peek`] reads the metadata alone, [`open`]
-//!   verifies the payload by pieces as they are touched.
+//!   verifies the payload by pieces as they are touched, and so does [`read_lazily`] with the voxels of a volume.
 //! - [`ContentHash`] names what an artefact holds, wherever it came from; [`content_hash`] gives it without a file.
 //! - [`Cache`] keeps artefacts by [`CacheKey`], so that a stage whose inputs and parameters didn't change need not run.
 //!
@@ -44,6 +44,7 @@ mod kind;
 mod kinds;
 mod map;
 mod metadata;
+mod opened;
 mod prelude;
 mod provenance;
 mod read;
@@ -56,6 +57,7 @@ pub use error::Error;
 pub use hash::{CHUNK, ContentHash};
 pub use kind::Kind;
 pub use kinds::Element;
+pub use opened::Opened;
 pub use provenance::Provenance;
-pub use read::{Info, Loaded, Opened, SectionInfo, is_artefact, open, peek, read};
+pub use read::{Info, Loaded, SectionInfo, is_artefact, open, peek, read, read_lazily};
 pub use write::{Written, content_hash, write, write_with_metrics};

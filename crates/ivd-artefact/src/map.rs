@@ -7,8 +7,6 @@
 
 use std::fs::File;
 
-use ivd_core::ByteSource;
-
 /// A whole file, mapped for reading.
 pub(crate) struct Map(memmap2::Mmap);
 
@@ -19,10 +17,9 @@ impl Map {
         // SAFETY: see the head of this module.
         unsafe { memmap2::Mmap::map(file) }.map(Self)
     }
-}
 
-impl ByteSource for Map {
-    fn bytes(&self) -> &[u8] {
+    /// The file's bytes.
+    pub(crate) fn bytes(&self) -> &[u8] {
         &self.0
     }
 }

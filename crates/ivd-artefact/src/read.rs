@@ -2,23 +2,19 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use ivd_core::ByteSource;
-use rayon::prelude::*;
 use serde_json::Value;
 
 use crate::hash::{self, CHUNK};
-use crate::kinds::{Decoder, Element, decode};
+use crate::kinds::Element;
 use crate::map::Map;
 use crate::metadata::{Bincode, Metadata, MetadataCodec, Section};
 use crate::prelude::{CONTAINER_VERSION, MAGIC, PRELUDE, Prelude, align};
-use crate::{Artefact, ContentHash, Error, Kind, Provenance, write};
+use crate::{Artefact, ContentHash, Error, Kind, Opened, Provenance, write};
 
-/// An artefact read whole: every byte was verified.
+/// An artefact's value: every byte was verified, but for the voxels of a volume that [`read_lazily`] gave.
 #[derive(Debug, Clone)]
 pub struct Loaded {
     /// The value; its bulk data view the mapped file.
@@ -31,6 +27,8 @@ pub struct Loaded {
     pub hash: ContentHash,
     /// Version of its kind in the file.
     pub kind_version: u16,
+    /// The file behind the value.
+    pub file: Arc<Opened>,
 }
 
 /// What a file says about itself, without its payload.
@@ -97,8 +95,23 @@ pub fn peek(path: impl AsRef<Path>) -> Result<Info, Error> {
 pub fn read(path: impl AsRef<Path>) -> Result<Loaded, Error> {
     let opened = open(path)?;
     opened.verify()?;
-    opened.load()
+    Arc::new(opened).load()
 }
+
+/// As [`read`], but a volume's voxels are verified when they are touched ([`ivd_core::Volume::layers`]), 4 MiB at a time,
+/// and what nobody touches is never read. Whoever uses the value asks [`Opened::damage`] of [`Loaded::file`] before
+/// trusting what came of it.
+///
+/// # Errors
+/// As [`read`], of what is verified at once.
+pub fn read_lazily(path: impl AsRef<Path>) -> Result<Loaded, Error> {
+    let opened = open(path)?;
+    opened.verify_but(if opened.info().kind == Kind::Volume { LAZY } else { "" })?;
+    Arc::new(opened).load()
+}
+
+/// The section of a volume that is verified as it is touched.
+const LAZY: &str = "voxels";
 
 /// Opens an artefact without reading its payload: sections are verified as they are touched.
 ///
@@ -110,15 +123,14 @@ pub fn open(path: impl AsRef<Path>) -> Result<Opened, Error> {
     let map = Map::new(&file).map_err(Error::io(path, "map"))?;
     // The length may have changed between the check and the mapping.
     head.check_length(path, map.bytes().len() as u64)?;
-    let verified = head.chunks.iter().map(|c| c.iter().map(|_| AtomicBool::new(false)).collect()).collect();
-    Ok(Opened { path: path.to_owned(), map: Arc::new(map), head, verified })
+    Ok(Opened::new(path, map, head))
 }
 
 /// Prelude and metadata, checked.
-struct Head {
-    info: Info,
-    chunks: Vec<Vec<[u8; 32]>>,
-    payload_offset: u64,
+pub(crate) struct Head {
+    pub(crate) info: Info,
+    pub(crate) chunks: Vec<Vec<[u8; 32]>>,
+    pub(crate) payload_offset: u64,
 }
 
 impl Head {
@@ -251,123 +263,4 @@ fn row(section: &Section) -> Result<SectionInfo, String> {
         length: section.length,
         hash: ContentHash(section.hash),
     })
-}
-
-/// An artefact whose payload is mapped and not yet read.
-///
-/// [`Opened::verify_range`] verifies the chunks that it touches and remembers them, so that a look at a part of a large
-/// file reads that part alone. Whole-volume stages use [`read`], which verifies everything once.
-pub struct Opened {
-    path: PathBuf,
-    map: Arc<Map>,
-    head: Head,
-    verified: Vec<Box<[AtomicBool]>>,
-}
-
-impl std::fmt::Debug for Opened {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Opened")
-            .field("path", &self.path)
-            .field("info", &self.head.info)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Opened {
-    /// What the file says about itself.
-    pub fn info(&self) -> &Info {
-        &self.head.info
-    }
-
-    /// Verifies all sections and the padding between them, in parallel.
-    ///
-    /// # Errors
-    /// [`Error::SectionHash`] names the first chunk that doesn't match, [`Error::Padding`] the first byte that isn't 0.
-    pub fn verify(&self) -> Result<(), Error> {
-        self.verify_padding()?;
-        let chunks: Vec<(usize, usize)> = (0..self.verified.len())
-            .flat_map(|section| (0..self.verified[section].len()).map(move |chunk| (section, chunk)))
-            .collect();
-        match chunks.par_iter().find_first(|&&(section, chunk)| !self.verify_chunk(section, chunk)) {
-            Some(&(section, chunk)) => Err(self.bad_chunk(section, chunk)),
-            None => Ok(()),
-        }
-    }
-
-    /// Verifies the chunks of a section that hold `range` (bytes within the section) and gives the range's bytes.
-    /// Chunks that were verified before aren't hashed again.
-    ///
-    /// # Errors
-    /// [`Error::SectionHash`] where a chunk doesn't match; [`Error::Metadata`] where there is no such section or range.
-    pub fn verify_range(&self, section: &str, range: Range<u64>) -> Result<&[u8], Error> {
-        let sections = &self.head.info.sections;
-        let at = sections
-            .iter()
-            .position(|s| s.name == section && range.start <= range.end && range.end <= s.length);
-        let at = at.ok_or_else(|| Error::Metadata {
-            path: self.path.clone(),
-            part: "section table",
-            problem: format!("no section `{section}` with bytes {range:?}"),
-        })?;
-        let bytes = &self.section_bytes(at)[range.start as usize..range.end as usize];
-        if !bytes.is_empty() {
-            let chunks = range.start as usize / CHUNK..=(range.end - 1) as usize / CHUNK;
-            if let Some(chunk) = chunks.into_par_iter().find_first(|&chunk| !self.verify_chunk(at, chunk)) {
-                return Err(self.bad_chunk(at, chunk));
-            }
-        }
-        Ok(bytes)
-    }
-
-    /// Number of chunks that were verified so far, of all sections.
-    pub fn verified_chunks(&self) -> usize {
-        self.verified.iter().flatten().filter(|v| v.load(Ordering::Relaxed)).count()
-    }
-
-    /// The value, from sections that [`Opened::verify`] has seen.
-    fn load(self) -> Result<Loaded, Error> {
-        let source: Arc<dyn ByteSource> = self.map;
-        let info = self.head.info;
-        let mut decoder = Decoder::new(&info.meta, &info.sections, source);
-        let artefact = decode(info.kind, &mut decoder).map_err(|problem| problem.at(&self.path))?;
-        Ok(Loaded {
-            artefact,
-            provenance: info.provenance,
-            metrics: info.metrics,
-            hash: info.hash,
-            kind_version: info.kind_version,
-        })
-    }
-
-    fn section_bytes(&self, section: usize) -> &[u8] {
-        let info = &self.head.info.sections[section];
-        &self.map.bytes()[info.offset as usize..(info.offset + info.length) as usize]
-    }
-
-    fn verify_chunk(&self, section: usize, chunk: usize) -> bool {
-        let seen = &self.verified[section][chunk];
-        if !seen.load(Ordering::Relaxed) {
-            let bytes =
-                self.section_bytes(section).chunks(CHUNK).nth(chunk).expect("one hash a chunk was checked");
-            seen.store(hash::chunk_hash(bytes) == self.head.chunks[section][chunk], Ordering::Relaxed);
-        }
-        seen.load(Ordering::Relaxed)
-    }
-
-    fn bad_chunk(&self, section: usize, chunk: usize) -> Error {
-        let section = self.head.info.sections[section].name.clone();
-        Error::SectionHash { path: self.path.clone(), section, chunk }
-    }
-
-    fn verify_padding(&self) -> Result<(), Error> {
-        let mut end = self.head.payload_offset;
-        for section in &self.head.info.sections {
-            let gap = &self.map.bytes()[end as usize..section.offset as usize];
-            if let Some(at) = gap.iter().position(|&b| b != 0) {
-                return Err(Error::Padding { path: self.path.clone(), offset: end + at as u64 });
-            }
-            end = section.offset + section.length;
-        }
-        Ok(())
-    }
 }

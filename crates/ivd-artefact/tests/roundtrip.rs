@@ -191,7 +191,7 @@ fn mapped_voxels_view_the_file() {
     let path = folder.path().join("v.ivd");
     write(&path, &sample(Kind::Volume), &provenance()).unwrap();
     let Artefact::Volume(volume) = read(&path).unwrap().artefact else { panic!("a volume was written") };
-    assert_eq!(volume.voxels().voxel_type(), VoxelType::F32);
+    assert_eq!(volume.voxel_type(), VoxelType::F32);
     let address = with_voxels!(volume.voxels(), slice => slice.as_ptr() as usize);
     assert_eq!(address % 4096, 0, "sections are aligned to pages");
 }

@@ -1,5 +1,5 @@
 use std::fmt;
-use std::ops::Deref;
+use std::ops::{Deref, Range};
 use std::sync::Arc;
 
 use bytemuck::Pod;
@@ -8,6 +8,17 @@ use bytemuck::Pod;
 pub trait ByteSource: Send + Sync {
     /// The bytes. Must be the same slice at every call.
     fn bytes(&self) -> &[u8];
+
+    /// Says that a range of the bytes is about to be read. A source that checks its bytes piece by piece checks these now;
+    /// what it finds is told by [`ByteSource::damaged`].
+    fn touch(&self, range: Range<usize>) {
+        let _ = range;
+    }
+
+    /// Whether bytes that were touched aren't what they should be: what was made from them is worth nothing.
+    fn damaged(&self) -> bool {
+        false
+    }
 }
 
 /// Bulk data: owned, or a typed view over shared bytes. Cloning a shared view is cheap.
@@ -43,6 +54,19 @@ impl<T: Pod> Buffer<T> {
                 bytemuck::cast_slice(&source.bytes()[*offset..*offset + *bytes])
             }
         }
+    }
+
+    /// Says that a range of the values is about to be read; see [`ByteSource::touch`].
+    pub fn touch(&self, range: Range<usize>) {
+        if let Storage::Shared { source, offset, bytes } = &self.storage {
+            let byte = |at: usize| offset + at.saturating_mul(size_of::<T>()).min(*bytes);
+            source.touch(byte(range.start)..byte(range.end));
+        }
+    }
+
+    /// Whether values that were touched aren't what they should be; see [`ByteSource::damaged`].
+    pub fn damaged(&self) -> bool {
+        matches!(&self.storage, Storage::Shared { source, .. } if source.damaged())
     }
 
     /// The values as bytes in memory order.
@@ -86,6 +110,8 @@ impl<T: Pod> fmt::Debug for Buffer<T> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
+
     use super::*;
 
     struct Bytes(Vec<u64>);
@@ -103,5 +129,33 @@ mod tests {
         assert!(Buffer::<u64>::shared(source.clone(), 8, 3).is_none());
         assert!(Buffer::<u64>::shared(source.clone(), 4, 1).is_none(), "unaligned");
         assert!(Buffer::<u64>::shared(source, 8, usize::MAX).is_none());
+    }
+
+    #[derive(Default)]
+    struct Touched(Vec<u64>, Mutex<Vec<Range<usize>>>);
+    impl ByteSource for Touched {
+        fn bytes(&self) -> &[u8] {
+            bytemuck::cast_slice(&self.0)
+        }
+        fn touch(&self, range: Range<usize>) {
+            self.1.lock().unwrap().push(range);
+        }
+        fn damaged(&self) -> bool {
+            self.1.lock().unwrap().iter().any(|r| r.contains(&11))
+        }
+    }
+
+    #[test]
+    fn touched_values_are_told_as_bytes_of_the_source() {
+        let source = Arc::new(Touched(vec![0; 4], Mutex::default()));
+        let view = Buffer::<u16>::shared(source.clone(), 8, 8).unwrap();
+        view.touch(4..7);
+        assert!(!view.damaged());
+        view.touch(0..100);
+        assert_eq!(*source.1.lock().unwrap(), [16..22, 8..24]);
+        assert!(view.damaged());
+        let owned = Buffer::from(vec![1_u8; 3]);
+        owned.touch(0..3);
+        assert!(!owned.damaged());
     }
 }

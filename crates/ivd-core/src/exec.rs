@@ -83,6 +83,9 @@ pub struct Exec {
     pub spill: Option<PathBuf>,
     /// Backend asked for.
     pub backend: Backend,
+    /// Whether work that can't change a result is passed over. Off: everything is looked at, for the same result; the plain
+    /// twin of every shortcut.
+    pub skip: bool,
 }
 
 impl Default for Exec {
@@ -94,6 +97,7 @@ impl Default for Exec {
             memory_limit: None,
             spill: None,
             backend: Backend::Cpu,
+            skip: true,
         }
     }
 }

@@ -1,3 +1,4 @@
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
@@ -139,6 +140,22 @@ pub enum Voxels {
     F64(Buffer<f64>),
 }
 
+/// Runs the same code on the buffer of whatever type.
+macro_rules! each_buffer {
+    ($voxels:expr, $buffer:ident => $body:expr) => {
+        match $voxels {
+            Voxels::U8($buffer) => $body,
+            Voxels::I8($buffer) => $body,
+            Voxels::U16($buffer) => $body,
+            Voxels::I16($buffer) => $body,
+            Voxels::U32($buffer) => $body,
+            Voxels::I32($buffer) => $body,
+            Voxels::F32($buffer) => $body,
+            Voxels::F64($buffer) => $body,
+        }
+    };
+}
+
 impl Voxels {
     /// Number of voxels.
     pub fn len(&self) -> usize {
@@ -187,6 +204,8 @@ pub struct Volume {
     slope: f64,
     intercept: f64,
     bricks: OnceLock<BrickIndex>,
+    /// Set once every voxel was touched.
+    touched: OnceLock<()>,
 }
 
 impl Clone for Volume {
@@ -197,6 +216,7 @@ impl Clone for Volume {
             slope: self.slope,
             intercept: self.intercept,
             bricks: self.bricks.clone(),
+            touched: self.touched.clone(),
         }
     }
 }
@@ -227,7 +247,7 @@ impl Volume {
                 problem: format!("slope {slope}, intercept {intercept}: both finite, slope not 0"),
             });
         }
-        Ok(Self { grid, voxels, slope, intercept, bricks: OnceLock::new() })
+        Ok(Self { grid, voxels, slope, intercept, bricks: OnceLock::new(), touched: OnceLock::new() })
     }
 
     /// Where the voxels lie.
@@ -235,9 +255,37 @@ impl Volume {
         &self.grid
     }
 
-    /// The stored voxels.
+    /// The stored voxels; all of them count as touched. Whoever reads a part says so by [`Volume::layers`].
     pub fn voxels(&self) -> &Voxels {
+        self.touched.get_or_init(|| self.touch(0..self.voxels.len()));
         &self.voxels
+    }
+
+    /// The stored voxels, of which the caller reads those of the layers (voxel indices along z) and no others: the rest of a
+    /// mapped file may not have been checked, nor ever be read.
+    pub fn layers(&self, layers: impl IntoIterator<Item = Range<usize>>) -> &Voxels {
+        if self.touched.get().is_none() {
+            let [nx, ny, nz] = self.grid.dims();
+            for Range { start, end } in layers {
+                self.touch(nx * ny * start..nx * ny * end.min(nz));
+            }
+        }
+        &self.voxels
+    }
+
+    fn touch(&self, linear: Range<usize>) {
+        each_buffer!(&self.voxels, buffer => buffer.touch(linear));
+    }
+
+    /// Whether voxels that were touched aren't what they should be (a file was damaged): what was made from them is worth
+    /// nothing.
+    pub fn damaged(&self) -> bool {
+        each_buffer!(&self.voxels, buffer => buffer.damaged())
+    }
+
+    /// Stored type.
+    pub fn voxel_type(&self) -> VoxelType {
+        self.voxels.voxel_type()
     }
 
     /// Factor from stored to real values.
@@ -266,7 +314,7 @@ impl Volume {
     pub fn to_array(&self) -> ndarray::Array3<f64> {
         use ndarray::ShapeBuilder;
         let values: Vec<f64> =
-            with_voxels!(&self.voxels, slice => slice.iter().map(|v| self.real(v.to_f64())).collect());
+            with_voxels!(self.voxels(), slice => slice.iter().map(|v| self.real(v.to_f64())).collect());
         ndarray::Array3::from_shape_vec(self.grid.dims().f(), values)
             .expect("checked in with_scale: one value a voxel")
     }
@@ -289,12 +337,12 @@ impl Volume {
 
     /// The real value of a voxel.
     pub fn value(&self, index: VoxelIndex) -> f64 {
-        self.real(self.voxels.get(self.grid.linear(index)))
+        self.real(self.voxels().get(self.grid.linear(index)))
     }
 
     /// Min–max of the stored values by brick; computed at the first call, on the calling rayon pool.
     pub fn bricks(&self) -> &BrickIndex {
-        self.bricks.get_or_init(|| BrickIndex::build(&self.grid, &self.voxels))
+        self.bricks.get_or_init(|| BrickIndex::build(&self.grid, self.voxels()))
     }
 
     /// Attaches an index that was stored beside the voxels, so that it need not be computed.
@@ -325,7 +373,7 @@ impl Volume {
         if self.voxels.voxel_type().is_integer() {
             return 0;
         }
-        with_voxels!(&self.voxels, slice => slice.par_iter().filter(|v| !v.is_data()).count() as u64)
+        with_voxels!(self.voxels(), slice => slice.par_iter().filter(|v| !v.is_data()).count() as u64)
     }
 }
 
@@ -334,7 +382,7 @@ impl PartialEq for Volume {
         self.grid == other.grid
             && self.slope == other.slope
             && self.intercept == other.intercept
-            && self.voxels == other.voxels
+            && self.voxels() == other.voxels()
     }
 }
 

@@ -124,7 +124,7 @@ pub fn describe(artefact: &Artefact) -> Value {
     let grid = |g: &ivd_core::Grid| json!({ "dims": g.dims(), "spacing": g.spacing(), "origin": g.origin(), "direction": g.direction() });
     match artefact {
         Artefact::Volume(v) => json!({
-            "kind": "volume", "grid": grid(v.grid()), "type": v.voxels().voxel_type().name(), "slope": v.slope(),
+            "kind": "volume", "grid": grid(v.grid()), "type": v.voxel_type().name(), "slope": v.slope(),
             "intercept": v.intercept(), "range": v.range(), "missing": v.missing(),
         }),
         Artefact::Labels(l) => json!({ "kind": "labels", "grid": grid(l.grid()), "classes": l.classes() }),

@@ -369,7 +369,7 @@ const META: &str = "ObjectType = Image\nNDims = 3\nDimSize = 2 2 1\nElementType 
 fn metaimage_rows_are_the_directions_of_the_axes_in_lps() {
     let header = format!("{META}ElementDataFile = LOCAL\n");
     let volume = load_text("a.mha", &header, &[0, 1, 0, 2, 0, 3, 0xff, 0xff]).unwrap();
-    assert_eq!(volume.voxels().voxel_type(), VoxelType::I16);
+    assert_eq!(volume.voxel_type(), VoxelType::I16);
     assert_eq!(volume.voxels().get(3), -1.0);
     near(at(&volume, [1.0, 0.0, 0.0]), [-10.0, -22.0, 30.0]);
     near(at(&volume, [0.0, 1.0, 0.0]), [-7.0, -20.0, 30.0]);

@@ -49,7 +49,7 @@ fn each_file_has_its_dims_type_spacing_and_range() {
     for (name, dims, voxel_type, spacing, range) in table {
         let volume = load(&data.join(name));
         assert_eq!(volume.grid().dims(), dims, "{name}");
-        assert_eq!(volume.voxels().voxel_type(), voxel_type, "{name}");
+        assert_eq!(volume.voxel_type(), voxel_type, "{name}");
         for a in 0..3 {
             assert!((volume.grid().spacing()[a] - spacing[a]).abs() < 1e-6, "{name}: {:?}", volume.grid());
         }

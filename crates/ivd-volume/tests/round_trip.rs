@@ -101,7 +101,7 @@ fn values_come_back_bit_for_bit_and_positions_within_a_micron() {
                 write(&path, &volume, &exec).unwrap();
                 let back = read(&path, &ReadOptions::default(), &exec).unwrap();
                 let case = format!("{ending}, {name}, {}", voxel_type.name());
-                assert_eq!(back.voxels().voxel_type(), voxel_type, "{case}");
+                assert_eq!(back.voxel_type(), voxel_type, "{case}");
                 assert_eq!(back.voxels().as_bytes(), volume.voxels().as_bytes(), "{case}");
                 let limit = if ending.starts_with("nii") { 1e-3 } else { 1e-9 };
                 assert!(apart(back.grid(), &grid) <= limit, "{case}: {}", apart(back.grid(), &grid));
@@ -138,7 +138,7 @@ fn a_tiff_stack_keeps_values_and_spacing_and_a_note_says_what_it_leaves_out() {
                 );
                 let back = read(&path, &ReadOptions::default(), &exec).unwrap();
                 let case = format!("{ending}, {name}, {}", voxel_type.name());
-                assert_eq!(back.voxels().voxel_type(), voxel_type, "{case}");
+                assert_eq!(back.voxel_type(), voxel_type, "{case}");
                 assert_eq!(back.voxels().as_bytes(), volume.voxels().as_bytes(), "{case}");
                 for (found, meant) in back.grid().spacing().iter().zip(grid.spacing()) {
                     assert!((found / meant - 1.0).abs() < 1e-15, "{case}: {found}, not {meant}");
@@ -190,7 +190,7 @@ fn slope_and_intercept_stay_in_nifti_and_become_real_values_elsewhere() {
             let path = folder.path().join(format!("a.{ending}"));
             write(&path, &volume, &exec).unwrap();
             let back = read(&path, &ReadOptions::default(), &exec).unwrap();
-            assert_eq!(back.voxels().voxel_type(), VoxelType::F32);
+            assert_eq!(back.voxel_type(), VoxelType::F32);
             for i in 0..60 {
                 assert_eq!(back.voxels().get(i), f64::from(volume.real(volume.voxels().get(i)) as f32));
             }

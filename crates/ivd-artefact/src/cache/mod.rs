@@ -13,7 +13,8 @@ pub use entries::Entry;
 pub use key::CacheKey;
 
 use crate::{
-    ArtefactRef, ContentHash, Error, Info, Loaded, Provenance, Written, peek, read, write_with_metrics,
+    ArtefactRef, ContentHash, Error, Info, Loaded, Provenance, Written, peek, read, read_lazily,
+    write_with_metrics,
 };
 
 /// Folder within the cache's folder. Raised when keys or file names change; other versions' folders are left alone.
@@ -100,8 +101,16 @@ impl Cache {
     /// The entry of a key, verified whole, or why there is none.
     pub fn lookup(&self, key: &CacheKey) -> Lookup<Loaded> {
         self.find(key, |path| {
-            let info = peek(path)?;
-            Ok((info, read(path)?))
+            let loaded = read(path)?;
+            Ok((loaded.file.info().clone(), loaded))
+        })
+    }
+
+    /// As [`Cache::lookup`]; a volume's voxels are verified when they are touched, as [`crate::read_lazily`] has it.
+    pub fn lookup_lazily(&self, key: &CacheKey) -> Lookup<Loaded> {
+        self.find(key, |path| {
+            let loaded = read_lazily(path)?;
+            Ok((loaded.file.info().clone(), loaded))
         })
     }
 

@@ -17,7 +17,7 @@ struct Content {
 }
 
 pub(super) fn encode(volume: &Volume) -> Result<Encoded<'_>, String> {
-    let voxel_type = volume.voxels().voxel_type();
+    let voxel_type = volume.voxel_type();
     let content = Content {
         grid: volume.grid().into(),
         voxel_type,

@@ -176,7 +176,7 @@ impl<'a> Members<'a> {
         let [nx, ny, _] = self.volume.grid().dims();
         let start = nx * (y + ny * z);
         match self.rule {
-            Rule::Id(ids, id) if self.volume.voxels().voxel_type().is_integer() => {
+            Rule::Id(ids, id) if self.volume.voxel_type().is_integer() => {
                 runs_where(&ids[start..start + nx], |&other| other == id, found);
             }
             Rule::Id(ids, id) => with_voxels!(self.volume.voxels(), voxels => {

@@ -84,7 +84,7 @@ fn check_grid(grid: &Grid, displacement: &Displacement, what: &'static str) -> R
 /// voxel may need it.
 fn stored_background(volume: &Volume, displacement: &Displacement, params: &WarpParams) -> f64 {
     let real = params.background.or_else(|| {
-        let needed = !displacement.is_identity() && !volume.voxels().voxel_type().is_integer()
+        let needed = !displacement.is_identity() && !volume.voxel_type().is_integer()
             || !displacement.vacated.is_empty()
             || leaves_grid(displacement);
         needed.then(|| volume.range()).flatten().map(|range| range[0])

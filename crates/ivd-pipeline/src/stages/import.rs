@@ -84,7 +84,7 @@ impl Stage for Import {
         let metrics = json!({
             "dims": volume.grid().dims(),
             "spacing": volume.grid().spacing(),
-            "type": volume.voxels().voxel_type().name(),
+            "type": volume.voxel_type().name(),
             "range": exec.run(|| volume.range()),
             "missing": exec.run(|| volume.missing()),
             "voxels": volume.grid().len(),

@@ -86,8 +86,8 @@ fn header_1(volume: &Volume) -> Vec<u8> {
     for (i, n) in rank_and_sizes(grid).into_iter().enumerate() {
         b.set(40 + 2 * i, &(n as i16).to_le_bytes());
     }
-    b.set(70, &code(volume.voxels().voxel_type()).to_le_bytes());
-    b.set(72, &(8 * volume.voxels().voxel_type().bytes() as i16).to_le_bytes());
+    b.set(70, &code(volume.voxel_type()).to_le_bytes());
+    b.set(72, &(8 * volume.voxel_type().bytes() as i16).to_le_bytes());
     let form = orient::quaternion(grid);
     b.f32s(76, &pixdim(grid, form.map_or(1.0, |f| f.1)));
     b.f32s(108, &[(SIZE_1 + 4) as f64, volume.slope(), volume.intercept()]);
@@ -109,8 +109,8 @@ fn header_2(volume: &Volume) -> Vec<u8> {
     let mut b = Bytes(vec![0; SIZE_2 + 4]);
     b.set(0, &540_i32.to_le_bytes());
     b.set(4, b"n+2\0\r\n\x1a\n");
-    b.set(12, &code(volume.voxels().voxel_type()).to_le_bytes());
-    b.set(14, &(8 * volume.voxels().voxel_type().bytes() as i16).to_le_bytes());
+    b.set(12, &code(volume.voxel_type()).to_le_bytes());
+    b.set(14, &(8 * volume.voxel_type().bytes() as i16).to_le_bytes());
     for (i, n) in rank_and_sizes(grid).into_iter().enumerate() {
         b.set(16 + 8 * i, &(n as i64).to_le_bytes());
     }

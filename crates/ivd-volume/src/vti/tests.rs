@@ -191,7 +191,7 @@ fn what_is_written_is_read_back() {
     write(&path, &scaled, &exec).unwrap();
     let real = read(&path, &exec).unwrap();
     assert_eq!(real.value(VoxelIndex([1, 0, 0])), -6.5);
-    assert_eq!(real.voxels().voxel_type(), ivd_core::VoxelType::F32);
+    assert_eq!(real.voxel_type(), ivd_core::VoxelType::F32);
 }
 
 #[test]

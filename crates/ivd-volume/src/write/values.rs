@@ -27,7 +27,7 @@ impl Values {
     /// Type of the written voxels.
     pub(crate) fn voxel_type(self, volume: &Volume) -> VoxelType {
         match self {
-            Self::Stored => volume.voxels().voxel_type(),
+            Self::Stored => volume.voxel_type(),
             Self::Real => VoxelType::F32,
         }
     }
@@ -48,7 +48,7 @@ impl Values {
 }
 
 fn stored(to: &mut dyn Write, path: &Path, volume: &Volume, exec: &Exec) -> Result<(), Error> {
-    let width = volume.voxels().voxel_type().bytes();
+    let width = volume.voxel_type().bytes();
     for part in volume.voxels().as_bytes().chunks(CHUNK) {
         exec.check_cancelled()?;
         if ByteOrder::Little.is_foreign() {
