@@ -30,6 +30,11 @@ impl Bench {
         self.folder.path().join("out").join(name)
     }
 
+    /// The folder that the scene lies in.
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
     /// Folder of the cache.
     pub fn cache(&self) -> PathBuf {
         self.folder.path().join("cache")

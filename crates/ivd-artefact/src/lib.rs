@@ -51,7 +51,7 @@ mod read;
 mod write;
 
 pub use artefact::{Artefact, ArtefactRef};
-pub use cache::{Cache, CacheKey, Entry, Lookup};
+pub use cache::{Cache, CacheKey, Entry, FileHash, Lookup};
 pub use canonical::canonical_json;
 pub use error::Error;
 pub use hash::{CHUNK, ContentHash};

@@ -4,7 +4,7 @@ use std::io::{IsTerminal, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ivd_artefact::Cache;
+use ivd_artefact::{Cache, Loaded};
 use ivd_core::{Exec, Fault};
 use ivd_pipeline::{Done, Input, Runner, Stage};
 use serde::Serialize;
@@ -79,7 +79,7 @@ impl Context {
         stage: &dyn Stage,
         inputs: &ivd_pipeline::Inputs,
     ) -> anyhow::Result<Done> {
-        Ok(Runner { exec: &self.exec, cache }.run(stage, inputs, false)?)
+        Ok(Runner { exec: &self.exec, cache, lazy: false }.run(stage, inputs, false)?)
     }
 
     /// Prints data: a JSON object where that was asked for, else text.
@@ -103,16 +103,28 @@ impl Context {
         }
     }
 
-    /// An artefact file as a stage's input.
+    /// An artefact file, verified whole.
     pub(crate) fn artefact(&self, path: &Path) -> anyhow::Result<Input> {
+        self.read(path, ivd_artefact::read)
+    }
+
+    /// An artefact file as the input of a stage, which reads of a volume what it needs.
+    pub(crate) fn stage_input(&self, path: &Path) -> anyhow::Result<Input> {
+        self.read(path, ivd_artefact::read_lazily)
+    }
+
+    fn read<'a>(
+        &self,
+        path: &'a Path,
+        read: impl FnOnce(&'a Path) -> Result<Loaded, ivd_artefact::Error> + Send,
+    ) -> anyhow::Result<Input> {
         if path.exists() && !ivd_artefact::is_artefact(path) {
             return Err(Failure::of(
                 Fault::Input,
                 format!("{}: not an artefact (`ivd import` makes one of a volume file)", path.display()),
             ));
         }
-        let loaded = self.exec.run(|| ivd_artefact::read(path))?;
-        Ok(Input { artefact: Arc::new(loaded.artefact), hash: loaded.hash })
+        Ok(Input::from(self.exec.run(|| read(path))?))
     }
 }
 

@@ -41,6 +41,9 @@ pub enum Error {
     /// Anything that any stage can meet.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
+    /// A volume that was read in parts isn't what its file's hashes say: what was made from it is thrown away.
+    #[error("{0}")]
+    Damaged(String),
     /// A file could not be read or written.
     #[error("{action} {}: {source}", path.display())]
     Io {
@@ -61,6 +64,7 @@ impl Error {
             Self::Stage { fault, .. } => *fault,
             Self::Artefact(error) => error.fault(),
             Self::Core(error) => error.fault(),
+            Self::Damaged(_) => Fault::Input,
             Self::Io { .. } => Fault::Io,
         }
     }

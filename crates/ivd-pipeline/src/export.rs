@@ -25,7 +25,7 @@ pub fn export(artefact: &Artefact, path: &Path, exec: &Exec) -> Result<bool, Err
         return write_text(path, &(pretty(&describe(artefact)) + "\n"));
     }
     match artefact {
-        Artefact::Volume(volume) => write_volume(path, volume, exec),
+        Artefact::Volume(volume) => write_volume(path, exec.run(|| whole(volume))?, exec),
         Artefact::Labels(labels) => write_volume(path, &labels_volume(labels)?, exec),
         Artefact::Mask(mask) => write_volume(path, &mask_volume(mask)?, exec),
         Artefact::Lattice(lattice) => {
@@ -38,6 +38,13 @@ pub fn export(artefact: &Artefact, path: &Path, exec: &Exec) -> Result<bool, Err
             format!("a {} artefact is written as .json, not as .{}", artefact.kind().name(), ending(path)),
         )),
     }
+}
+
+/// A volume, every voxel of it verified where it is read from a file.
+pub(crate) fn whole(volume: &Volume) -> Result<&Volume, Error> {
+    volume.voxels();
+    let damaged = || Error::Damaged("a cached volume isn't what its hashes say".to_owned());
+    if volume.damaged() { Err(damaged()) } else { Ok(volume) }
 }
 
 /// Labels as a volume of their ids, in the smallest type that holds them.

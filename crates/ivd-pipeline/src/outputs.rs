@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::stage_error;
-use crate::export::{ending, export, write_text};
+use crate::export::{ending, export, whole, write_text};
 use crate::plan::NodeId;
 use crate::report::{self, Material};
 use crate::runner::{Done, OutputRecord, StageRecord, State};
@@ -192,6 +192,7 @@ impl<'a> Writer<'a> {
             wall_s: 0.0,
             cpu_s: None,
             peak_rss_mb: None,
+            bytes_read: 0,
             metrics: Metrics::new(),
         };
         if !self.scene.output.report {
@@ -206,6 +207,9 @@ impl<'a> Writer<'a> {
         let material = std::mem::take(&mut self.material);
         let before = self.files.len();
         self.file("report", name, &source, |to, exec| {
+            if let Some(Artefact::Volume(volume)) = material.volume.as_deref() {
+                exec.run(|| whole(volume))?;
+            }
             write_text(to, &report::html(loaded, stages, &material, exec))
         })?;
         let file = &self.files[before];
@@ -237,6 +241,7 @@ impl<'a> Writer<'a> {
                 wall_s: 0.0,
                 cpu_s: None,
                 peak_rss_mb: None,
+                bytes_read: 0,
                 why: String::new(),
                 metrics: Metrics::new(),
                 ..r.clone()

@@ -12,7 +12,7 @@ use crate::outputs::{Manifest, OutputFile, Writer};
 use crate::plan::{NodeId, Plan, PlanNode, stage_names};
 use crate::runner::{Done, Runner, StageRecord, State};
 use crate::scene::Loaded;
-use crate::{Error, Input, Inputs, Metrics};
+use crate::{Error, Inputs, Metrics};
 
 /// How a scene is run.
 #[derive(Debug, Clone, Default)]
@@ -42,6 +42,8 @@ pub struct PipelineReport {
 
 /// Runs a scene.
 ///
+/// Volumes in the cache are read in parts, as far as the stages look at them.
+///
 /// # Errors
 /// The first failure of a stage or of a file; outputs that were already whole stay, nothing half-written does.
 pub fn run(
@@ -50,6 +52,18 @@ pub fn run(
     cache: &Cache,
     exec: &Exec,
 ) -> Result<PipelineReport, Error> {
+    match walk(loaded, options, Runner { exec, cache, lazy: true }) {
+        Err(Error::Damaged(problem)) => {
+            // Verified whole, the damaged entry shows before anything is made from it, and is made again.
+            tracing::warn!(problem, "a cached volume is damaged; the scene is run again");
+            walk(loaded, options, Runner { exec, cache, lazy: false })
+        }
+        answer => answer,
+    }
+}
+
+/// Walks a scene's graph once.
+fn walk(loaded: &Loaded, options: &PipelineOptions, runner: Runner<'_>) -> Result<PipelineReport, Error> {
     let start = Instant::now();
     for stage in &options.force {
         if stage != "report" && !NodeId::ALL.iter().any(|id| id.stage() == stage) {
@@ -69,8 +83,7 @@ pub fn run(
     let manifest = Manifest::load(&options.out);
     let mut stages = Vec::new();
     let mut done: BTreeMap<NodeId, Done> = BTreeMap::new();
-    let runner = Runner { exec, cache };
-    let mut writer = Writer::new(&loaded.scene, &options.out, &manifest, exec);
+    let mut writer = Writer::new(&loaded.scene, &options.out, &manifest, runner.exec);
     for (at, node) in plan.nodes().iter().enumerate() {
         if !node.needed {
             stages.push(idle(node, State::NotNeeded));
@@ -103,8 +116,7 @@ fn run_node(
     let stage = node.stage.as_deref().expect("a needed place has its stage");
     let mut inputs = Inputs::default();
     for (slot, from) in &node.inputs {
-        let value = &done[from];
-        inputs = inputs.with(slot, Input { artefact: value.artefact.clone(), hash: value.hash });
+        inputs = inputs.with(slot, done[from].input());
     }
     runner.run(stage, &inputs, options.force.contains(stage.name()))
 }
@@ -148,6 +160,7 @@ fn idle(node: &PlanNode, state: State) -> StageRecord {
         wall_s: 0.0,
         cpu_s: None,
         peak_rss_mb: None,
+        bytes_read: 0,
         metrics: Metrics::new(),
     }
 }

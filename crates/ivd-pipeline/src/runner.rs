@@ -5,12 +5,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use ivd_artefact::{Artefact, Cache, CacheKey, ContentHash, Lookup, Provenance, content_hash};
+use ivd_artefact::{
+    Artefact, Cache, CacheKey, ContentHash, Loaded, Lookup, Opened, Provenance, content_hash,
+};
 use ivd_core::{Backend, Exec, Fault};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{Error, Inputs, Metrics, Product, Stage, resource};
+use crate::{Error, Input, Inputs, Metrics, Product, Stage, resource};
 
 /// What became of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,6 +69,10 @@ pub struct StageRecord {
     pub cpu_s: Option<f64>,
     /// Peak resident memory while it ran (MiB), where the system tells.
     pub peak_rss_mb: Option<f64>,
+    /// Bytes of files that were read for it: of its source files, of its cached result, and of what it looked at in the
+    /// mapped files behind its inputs.
+    #[serde(default)]
+    pub bytes_read: u64,
     /// Figures of the work.
     pub metrics: Metrics,
 }
@@ -78,8 +84,17 @@ pub struct Done {
     pub artefact: Arc<Artefact>,
     /// Its content hash.
     pub hash: ContentHash,
+    /// The file behind the value, where it came from the cache.
+    pub file: Option<Arc<Opened>>,
     /// What was done.
     pub record: StageRecord,
+}
+
+impl Done {
+    /// The value on its way to the next stage.
+    pub fn input(&self) -> Input {
+        Input { artefact: self.artefact.clone(), hash: self.hash, file: self.file.clone() }
+    }
 }
 
 /// Runs stages in one context.
@@ -89,6 +104,9 @@ pub struct Runner<'a> {
     pub exec: &'a Exec,
     /// Where results are kept; may be off.
     pub cache: &'a Cache,
+    /// Whether a volume in the cache is verified as it is touched; what isn't touched is then never read. An entry that
+    /// turns out to be damaged is [`Error::Damaged`], and who asked runs it again without.
+    pub lazy: bool,
 }
 
 impl Runner<'_> {
@@ -101,7 +119,8 @@ impl Runner<'_> {
         inputs.check(stage)?;
         self.exec.check_cancelled()?;
         let clock = Clock::start();
-        let provenance = self.provenance(stage, inputs)?;
+        let read_before = inputs.bytes_read();
+        let (provenance, source_bytes) = self.provenance(stage, inputs)?;
         let output_kind = match stage.output() {
             Some(kind) => kind,
             None => inputs.get(stage.inputs()[0].name).expect("checked: the first slot is filled").kind(),
@@ -110,41 +129,71 @@ impl Runner<'_> {
         let why = if force {
             "forced".to_owned()
         } else {
-            match self.exec.run(|| self.cache.lookup(&key)) {
+            match self.exec.run(|| self.look_up(&key)) {
                 Lookup::Hit(entry) => {
                     let record = self.record(stage, &provenance, &entry.artefact, entry.hash, &key);
                     let metrics = entry.metrics.as_object().cloned().unwrap_or_default();
-                    let record =
-                        StageRecord { state: State::Cached, cached: true, metrics, ..clock.stop(record) };
-                    return Ok(Done { artefact: Arc::new(entry.artefact), hash: entry.hash, record });
+                    let bytes_read = source_bytes + entry.file.bytes_verified();
+                    let record = StageRecord { bytes_read, metrics, ..clock.stop(record) };
+                    let record = StageRecord { state: State::Cached, cached: true, ..record };
+                    let artefact = Arc::new(entry.artefact);
+                    return Ok(Done { artefact, hash: entry.hash, file: Some(entry.file), record });
                 }
                 Lookup::Absent => "nothing cached for these inputs and parameters".to_owned(),
                 Lookup::Unusable(reason) => format!("its cached entry can't be trusted: {reason}"),
             }
         };
         tracing::info!(stage = stage.name(), why, "running");
-        let product = stage.run(inputs, self.exec)?;
+        let product = stage.run(inputs, self.exec);
+        // Before anything is believed of it, its failure too.
+        inputs.check_damage()?;
+        let product = product?;
         let hash = self.exec.run(|| self.keep(&key, &product, &provenance))?;
         let record = self.record(stage, &provenance, &product.artefact, hash, &key);
-        let mut record = StageRecord { why, metrics: product.metrics, ..clock.stop(record) };
+        let bytes_read = source_bytes + inputs.bytes_read() - read_before;
+        let mut record = StageRecord { why, bytes_read, metrics: product.metrics, ..clock.stop(record) };
         // A rate is no property of the result: it is told, and kept nowhere.
         if let Some(frames) = record.metrics.get("frames").and_then(Value::as_f64) {
             record.metrics.insert("fps".to_owned(), Value::from(frames / record.wall_s.max(1e-9)));
         }
-        Ok(Done { artefact: Arc::new(product.artefact), hash, record })
+        Ok(Done { artefact: Arc::new(product.artefact), hash, file: None, record })
     }
 
-    /// Where a result comes from; everything that a cache key is made of.
-    fn provenance(&self, stage: &dyn Stage, inputs: &Inputs) -> Result<Provenance, Error> {
+    fn look_up(&self, key: &CacheKey) -> Lookup<Loaded> {
+        if self.lazy { self.cache.lookup_lazily(key) } else { self.cache.lookup(key) }
+    }
+
+    /// Where a result comes from, everything that a cache key is made of; and the bytes that were read to know it.
+    fn provenance(&self, stage: &dyn Stage, inputs: &Inputs) -> Result<(Provenance, u64), Error> {
         let mut hashes = inputs.hashes();
-        hashes.extend(stage.sources()?);
-        Ok(Provenance {
+        let mut bytes = 0;
+        if let Some((hash, read)) = self.sources(stage)? {
+            hashes.insert("source".to_owned(), hash);
+            bytes = read;
+        }
+        let provenance = Provenance {
             stage: stage.name().to_owned(),
             revision: stage.revision(),
             params: stage.params(),
             inputs: hashes,
             backend: backend_name(self.exec.backend).to_owned(),
-        })
+        };
+        Ok((provenance, bytes))
+    }
+
+    /// One hash of a stage's source files, and the bytes that were read to know it; `None` where it has none.
+    fn sources(&self, stage: &dyn Stage) -> Result<Option<(ContentHash, u64)>, Error> {
+        let files = stage.sources()?;
+        let (mut hasher, mut bytes) = (blake3::Hasher::new(), 0);
+        for file in &files {
+            let found = self.exec.run(|| self.cache.file_hash(file))?;
+            bytes += found.bytes_read;
+            hasher.update(&found.hash.0);
+            // The ending decides the format where the bytes don't.
+            hasher.update(file.extension().map_or(&[][..], |e| e.as_encoded_bytes()));
+            hasher.update(&[0]);
+        }
+        Ok((!files.is_empty()).then(|| (ContentHash(*hasher.finalize().as_bytes()), bytes)))
     }
 
     /// Puts a product into the cache and gives its content hash. A cache that can't be written to is only slow.
@@ -187,6 +236,7 @@ impl Runner<'_> {
             wall_s: 0.0,
             cpu_s: None,
             peak_rss_mb: None,
+            bytes_read: 0,
             metrics: Metrics::new(),
         }
     }

@@ -1,9 +1,10 @@
 //! What every stage looks like from outside: a name, a revision, parameters that say *what*, and a function.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use ivd_artefact::{Artefact, ContentHash, Kind};
+use ivd_artefact::{Artefact, ContentHash, Kind, Loaded, Opened};
 use ivd_core::{Displacement, Exec, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Volume};
 use serde_json::{Map, Value};
 
@@ -42,6 +43,14 @@ pub struct Input {
     pub artefact: Arc<Artefact>,
     /// Its content hash.
     pub hash: ContentHash,
+    /// The file that it is read from, where it is mapped.
+    pub file: Option<Arc<Opened>>,
+}
+
+impl From<Loaded> for Input {
+    fn from(loaded: Loaded) -> Self {
+        Self { artefact: Arc::new(loaded.artefact), hash: loaded.hash, file: Some(loaded.file) }
+    }
 }
 
 /// The inputs of one run of a stage, by slot.
@@ -76,6 +85,18 @@ impl Inputs {
     /// The value in a slot, of whatever kind.
     pub fn get(&self, slot: &str) -> Option<&Artefact> {
         self.0.get(slot).map(|i| i.artefact.as_ref())
+    }
+
+    /// Bytes that were read so far of the files behind the values.
+    pub(crate) fn bytes_read(&self) -> u64 {
+        self.0.values().filter_map(|input| input.file.as_ref()).map(|file| file.bytes_verified()).sum()
+    }
+
+    /// # Errors
+    /// [`Error::Damaged`] where a file that was read in parts isn't what its hashes say.
+    pub(crate) fn check_damage(&self) -> Result<(), Error> {
+        let damage = self.0.values().find_map(|input| input.file.as_ref()?.damage());
+        damage.map_or(Ok(()), |damage| Err(Error::Damaged(damage.to_string())))
     }
 
     typed! {
@@ -150,12 +171,13 @@ pub trait Stage: Send + Sync {
     /// Parameters that say what the result is; hashed, in canonical form, for the cache.
     fn params(&self) -> Value;
 
-    /// Hashes of what it reads that is no artefact (the files of an import).
+    /// Files that it reads and that are no artefacts (those of an import); their content and endings are part of what
+    /// the result is made from, where they lie isn't.
     ///
     /// # Errors
-    /// Where they can't be read.
-    fn sources(&self) -> Result<BTreeMap<String, ContentHash>, Error> {
-        Ok(BTreeMap::new())
+    /// Where they can't be listed.
+    fn sources(&self) -> Result<Vec<PathBuf>, Error> {
+        Ok(Vec::new())
     }
 
     /// Parameters that trade run time for accuracy.

@@ -29,7 +29,7 @@ impl Cache {
         let mut entries: Vec<Entry> = self
             .files()?
             .into_iter()
-            .filter(|file| !file.unfinished)
+            .filter(|file| !file.unfinished && file.path.extension().is_some_and(|e| e == "ivd"))
             .map(|file| Entry {
                 info: peek(&file.path).ok(),
                 path: file.path,
@@ -105,7 +105,7 @@ impl Listed {
     fn new(path: PathBuf) -> Option<Self> {
         let stat = fs::metadata(&path).ok().filter(fs::Metadata::is_file)?;
         let unfinished = ivd_fs::is_unfinished(&path);
-        let ours = unfinished || path.extension().is_some_and(|e| e == "ivd");
+        let ours = unfinished || path.extension().is_some_and(|e| e == "ivd" || e == "json");
         ours.then_some(Self { bytes: stat.len(), used: stat.modified().ok()?, unfinished, path })
     }
 }

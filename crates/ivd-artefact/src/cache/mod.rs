@@ -1,6 +1,7 @@
 //! The stage cache: a folder of artefacts named by what made them.
 
 mod entries;
+mod files;
 mod key;
 
 use std::path::{Path, PathBuf};
@@ -10,6 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use serde_json::Value;
 
 pub use entries::Entry;
+pub use files::FileHash;
 pub use key::CacheKey;
 
 use crate::{
@@ -43,6 +45,8 @@ impl<T> Lookup<T> {
 }
 
 /// A cache of artefacts, `DIR/v1/<2 digits>/<64 digits of the key>.ivd`.
+///
+/// Beside them, `DIR/v1/sources/`: what [`Cache::file_hash`] remembers of files that are no artefacts.
 ///
 /// Many processes may share a folder: entries are only ever renamed into place, and an entry that two processes make is
 /// the same from both. An entry that can't be read, doesn't verify, or isn't what its name says is removed and counts as

@@ -31,10 +31,11 @@ pub(super) fn run(command: &Command, context: &Context) -> anyhow::Result<()> {
     let mut inputs = Inputs::default();
     for (slot, file) in &job.files {
         if let Some(file) = file {
-            let input = if *slot == "volume" {
+            let foreign = *slot == "volume" && !ivd_artefact::is_artefact(file);
+            let input = if foreign {
                 volume_or_artefact(file, &cache, context)?
             } else {
-                context.artefact(file)?
+                context.stage_input(file)?
             };
             inputs = inputs.with(slot, input);
         }

@@ -1,7 +1,6 @@
 //! Volumes in and out: import, phantom, export.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use ivd_artefact::{Artefact, Cache};
 use ivd_core::VoxelType;
@@ -94,12 +93,12 @@ pub(super) fn export(artefact: &Path, output: &Path, context: &Context) -> anyho
     context.print(&object, String::new)
 }
 
-/// A file as a stage's input: an artefact, or any volume file through an import.
+/// A file's value, verified whole: an artefact's, or any volume file's through an import.
 pub(super) fn volume_or_artefact(path: &Path, cache: &Cache, context: &Context) -> anyhow::Result<Input> {
     if path.is_file() && ivd_artefact::is_artefact(path) {
         return context.artefact(path);
     }
     let source = ImportSource::File { path: path.to_owned(), options: ReadOptions::default() };
     let done = context.run(cache, &Import { source }, &Inputs::default())?;
-    Ok(Input { artefact: Arc::clone(&done.artefact), hash: done.hash })
+    Ok(done.input())
 }

@@ -44,8 +44,9 @@ mod table;
 mod tests;
 
 use ivd_core::{
-    BrickIndex, ElementKey, Exec, Grid, Lattice, LatticeSource, Mask, ParamError, Volume, with_voxels,
+    BRICK, BrickIndex, ElementKey, Exec, Grid, Lattice, LatticeSource, Mask, ParamError, Volume, with_voxels,
 };
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
@@ -171,16 +172,24 @@ pub fn extract(
             remedy: "give a mask, or an isovalue",
         }),
         (Iso::Mask, Some(mask)) => cut_mask(mask, exec),
-        (iso, None) => with_voxels!(volume.voxels(), voxels => cut_field(volume, voxels, &iso, exec)),
+        // The voxels that either cut reads are touched by it, once it knows which they are.
+        (iso, None) => with_voxels!(volume.layers([]), voxels => cut_field(volume, voxels, &iso, exec)),
         (iso, Some(mask)) => {
-            with_voxels!(volume.voxels(), voxels => cut_part(volume, voxels, mask, &iso, exec))
+            with_voxels!(volume.layers([]), voxels => cut_part(volume, voxels, mask, &iso, exec))
         }
     })
 }
 
 fn cut_field<T: Ordered>(volume: &Volume, voxels: &[T], iso: &Iso, exec: &Exec) -> Result<Extracted, Error> {
     let field = Field { voxels, bounds: Bounds::new(volume, iso) };
+    if !exec.skip {
+        volume.voxels();
+        return cut(&field, volume.grid(), source(iso), None, exec);
+    }
     let bricks = signs::brick_states(volume.bricks(), &field.bounds);
+    let [nx, ny, _] = volume.bricks().dims();
+    let layers = bricks.chunks(nx * ny).enumerate().filter(|(_, layer)| layer.contains(&BrickState::Mixed));
+    volume.layers(layers.map(|(z, _)| z * BRICK..(z + 1) * BRICK + 1));
     cut(&field, volume.grid(), source(iso), Some(&bricks), exec)
 }
 
@@ -192,6 +201,11 @@ fn cut_part<T: Ordered>(
     exec: &Exec,
 ) -> Result<Extracted, Error> {
     let bounds = Bounds::new(volume, iso);
+    let [nx, ny, _] = volume.grid().dims();
+    let inside: Vec<bool> = mask.inside().par_chunks(nx * ny).map(|layer| layer.contains(&1)).collect();
+    // An edge that crosses leads one layer out.
+    let layers = (0..inside.len()).filter(|&z| inside[z]);
+    volume.layers(layers.map(|z| z.saturating_sub(1)..z + 2));
     let part = Masked { mask: mask.inside(), field: Field { voxels, bounds }, contradicts: bounds.first };
     cut(&part, volume.grid(), source(iso), None, exec)
 }

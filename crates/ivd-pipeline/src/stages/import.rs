@@ -1,7 +1,6 @@
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use ivd_artefact::{Artefact, ContentHash, Kind};
+use ivd_artefact::{Artefact, Kind};
 use ivd_core::Exec;
 use ivd_volume::{ReadOptions, phantom};
 use serde_json::{Value, json};
@@ -54,22 +53,13 @@ impl Stage for Import {
         }
     }
 
-    /// Every file of the volume, by content; where they lie doesn't matter.
-    fn sources(&self) -> Result<BTreeMap<String, ContentHash>, Error> {
-        let ImportSource::File { path, options } = &self.source else { return Ok(BTreeMap::new()) };
-        let files = ivd_volume::sources(path, options).map_err(stage_error!("import"))?;
-        let mut hasher = blake3::Hasher::new();
-        for file in &files {
-            let one = blake3::Hasher::new()
-                .update_mmap_rayon(file)
-                .map_err(|e| Error::io("reading", file, e))?
-                .finalize();
-            hasher.update(one.as_bytes());
-            // The ending decides the format where the bytes don't.
-            hasher.update(file.extension().map_or(&[][..], |e| e.as_encoded_bytes()));
-            hasher.update(&[0]);
+    fn sources(&self) -> Result<Vec<PathBuf>, Error> {
+        match &self.source {
+            ImportSource::File { path, options } => {
+                ivd_volume::sources(path, options).map_err(stage_error!("import"))
+            }
+            ImportSource::Phantom(_) => Ok(Vec::new()),
         }
-        Ok(BTreeMap::from([("source".to_owned(), ContentHash(*hasher.finalize().as_bytes()))]))
     }
 
     fn run(&self, _inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
