@@ -34,6 +34,9 @@ pub(crate) struct Global {
     /// Fail with exit code 6 where no GPU does the work.
     #[arg(long, global = true)]
     pub(crate) require_gpu: bool,
+    /// Look at everything, also at what can't change the result: the same results, slower. Shows what skipping saves.
+    #[arg(long, global = true)]
+    pub(crate) no_skip: bool,
     /// Worker threads; all processors where it isn't given.
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,

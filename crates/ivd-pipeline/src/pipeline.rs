@@ -71,7 +71,10 @@ fn walk(loaded: &Loaded, options: &PipelineOptions, runner: Runner<'_>) -> Resul
             return Err(Error::usage("pipeline", format!("--force {stage}: stages are {known}, report")));
         }
     }
-    let plan = Plan::new(loaded, options.input.as_deref(), options.until.as_deref())?;
+    let mut plan = Plan::new(loaded, options.input.as_deref(), options.until.as_deref())?;
+    if !runner.exec.skip {
+        plan.want_everything();
+    }
     if options.dry_run {
         let stages = plan
             .nodes()

@@ -60,7 +60,7 @@ impl<'a> Prepared<'a> {
             let moving = scene.displacement.filter(|d| !is_still(d));
             let mut prepared = Self {
                 scene: *scene,
-                params: params.clone(),
+                params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },
                 voxels,
                 shift,
                 warp: moving.map(|d| Warp::new(d, grid.inverse_linear_part())),
@@ -77,7 +77,7 @@ impl<'a> Prepared<'a> {
                 Mode::Iso { value } => {
                     let iso = (prepared.sign() * (scene.volume.stored(value) - shift)) as f32;
                     let empty = prepared.ranges().map(|range| prepared.bound(range) < iso).collect();
-                    if params.skip {
+                    if prepared.params.skip {
                         prepared.pass_over(empty);
                     }
                     prepared.optics = Optics::Iso(iso);

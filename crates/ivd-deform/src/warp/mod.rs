@@ -123,7 +123,27 @@ fn resample<T: Scalar>(
         Some(x) => source.sample(x, order).map_or(background, T::from_f64),
         None => background,
     })?;
+    if !exec.skip {
+        resample_still(&source, displacement, order, &mut out);
+    }
     Ok((out, count))
+}
+
+/// Computes the voxels that did not move too, where they hold data: the plain twin of leaving them alone.
+fn resample_still<T: Scalar>(
+    source: &Source<'_, T>,
+    displacement: &Displacement,
+    order: Order,
+    out: &mut [T],
+) {
+    let (grid, vacated) = (&displacement.grid, &displacement.vacated[..]);
+    out.par_iter_mut().enumerate().for_each(|(i, value)| {
+        let at = grid.index(i);
+        let still = displacement.inverse.at(at) == [0.0; 3] && vacated.get(i).is_none_or(|&v| v == 0);
+        if let Some(sampled) = still.then(|| source.sample(VoxelCoord::from(at).0.into(), order)).flatten() {
+            *value = T::from_f64(sampled);
+        }
+    });
 }
 
 /// Sets every voxel that moved or was left behind: `value` gets the voxel coordinate that it comes from, or `None` where

@@ -155,6 +155,13 @@ impl Plan {
         &self.nodes[id as usize]
     }
 
+    /// Marks every place that has a stage, whoever needs it.
+    pub(crate) fn want_everything(&mut self) {
+        for id in NodeId::ALL.into_iter().filter(|&id| self.node(id).stage.is_some()).collect::<Vec<_>>() {
+            self.need(id, "nothing: skipping is switched off");
+        }
+    }
+
     fn want_stage(&mut self, stage: &str) -> Result<(), Error> {
         let found: Vec<NodeId> = NodeId::ALL
             .into_iter()
