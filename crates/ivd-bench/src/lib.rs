@@ -18,6 +18,8 @@
 //! assert!(segment.points.iter().any(|point| point.default));
 //! ```
 //!
+//! [`scenes`] does the same for whole scenes: what they skip, and how they grow with the volume.
+//!
 //! Stages without an accuracy knob aren't here: `boundary` and `octree` are exact, and the octree's leaf size changes no answer.
 #![forbid(unsafe_code)]
 
@@ -25,7 +27,9 @@ mod compare;
 mod error;
 mod experiment;
 mod page;
+mod plot;
 mod record;
+mod scenes;
 mod stages;
 mod sweep;
 mod table;
@@ -35,6 +39,7 @@ pub use error::Error;
 pub use experiment::{Experiment, Judge, Judgement, Knobs, Problem, Setting, Work};
 pub use page::page;
 pub use record::{Bench, Point, Spread, StageBench};
+pub use scenes::{ScalePoint, SceneBench, SkipRow, scaling, scenes, scenes_page, skipping};
 pub use stages::{NAMES, experiments};
 pub use sweep::{Options, Plant, run, sweep};
 pub use table::table;

@@ -2,22 +2,19 @@
 
 use std::fmt::Write as _;
 
+use crate::plot::{AREA, Axis, BOTTOM, LEFT, TOP, axes, escape, number};
 use crate::record::{Bench, Point, StageBench};
 
-/// The plotted area and the room for its labels (SVG units).
-const AREA: [f64; 2] = [600.0, 300.0];
-const LEFT: f64 = 78.0;
-const BOTTOM: f64 = 46.0;
-const TOP: f64 = 12.0;
 /// Where a point without error stands, below the least error there is.
 const BELOW: f64 = 0.3;
 
-const STYLE: &str = "
+pub(crate) const STYLE: &str = "
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2430; background: #fff; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
 h1 { font-size: 1.6rem } h2 { font-size: 1.2rem; margin-top: 2.5rem } p { max-width: 46rem }
 svg { width: 100%; max-width: 46rem; height: auto } .axis { stroke: #55606e } .grid { stroke: #e4e8ee }
 .small { font-size: 11px; fill: #3a4452 } .label { font-size: 13px; fill: #1c2430 }
 .point { fill: #9aa5b4 } .front { fill: #0b6fb8 } .default { fill: none; stroke: #c2410c; stroke-width: 2.5 }
+.other { fill: #c2410c } .other-line { stroke: #c2410c !important }
 .line { fill: none; stroke: #0b6fb8; stroke-width: 1.5; opacity: .6 }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 13px }
 td, th { padding: .15rem .6rem; text-align: right; border-bottom: 1px solid #e4e8ee } td:first-child, th:first-child { text-align: left }
@@ -53,39 +50,6 @@ pub fn page(bench: &Bench) -> String {
     html
 }
 
-/// A logarithmic axis.
-struct Axis {
-    low: f64,
-    high: f64,
-    length: f64,
-}
-
-impl Axis {
-    /// An axis round positive values with some room at both ends.
-    fn new(values: impl Iterator<Item = f64>, length: f64) -> Self {
-        let (low, high) = values.fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(v), high.max(v)));
-        if !(low > 0.0 && low <= high) {
-            return Self { low: 0.1, high: 10.0, length };
-        }
-        Self { low: low / 1.4, high: high * 1.4, length }
-    }
-
-    fn at(&self, value: f64) -> f64 {
-        (value / self.low).ln() / (self.high / self.low).ln() * self.length
-    }
-
-    /// Round values along the axis: 1, 2 and 5 of every power of ten, or powers alone where there are many.
-    fn ticks(&self) -> Vec<f64> {
-        let decades = self.low.log10().floor() as i32..=self.high.log10().ceil() as i32;
-        let wide = self.high / self.low > 3e3;
-        let digits: &[f64] = if wide { &[1.0] } else { &[1.0, 2.0, 5.0] };
-        decades
-            .flat_map(|d| digits.iter().map(move |m| m * 10_f64.powi(d)))
-            .filter(|t| (self.low..=self.high).contains(t))
-            .collect()
-    }
-}
-
 fn plot(stage: &StageBench) -> String {
     let times = stage.points.iter().flat_map(|p| [p.cpu_s.least, p.cpu_s.most]).map(|s| 1e3 * s);
     let x = Axis::new(times, AREA[0]);
@@ -101,7 +65,7 @@ fn plot(stage: &StageBench) -> String {
         TOP + AREA[1] + BOTTOM,
         escape(&stage.stage)
     );
-    axes(&mut svg, &x, &y, stage);
+    axes(&mut svg, &x, &y, "processor time (ms)", &format!("error ({})", stage.unit));
     for task in tasks(stage) {
         let mut front: Vec<[f64; 2]> =
             stage.points.iter().filter(|p| p.on_front && p.task == task).map(place).collect();
@@ -129,42 +93,6 @@ fn plot(stage: &StageBench) -> String {
     }
     svg.push_str("</svg>");
     svg
-}
-
-fn axes(svg: &mut String, x: &Axis, y: &Axis, stage: &StageBench) {
-    let (bottom, right) = (TOP + AREA[1], LEFT + AREA[0]);
-    for tick in x.ticks() {
-        let at = LEFT + x.at(tick);
-        let _ = write!(
-            svg,
-            "<line class='grid' x1='{at:.1}' x2='{at:.1}' y1='{TOP}' y2='{bottom}'/>\
-             <text class='small' x='{at:.1}' y='{}' text-anchor='middle'>{}</text>",
-            bottom + 15.0,
-            number(tick)
-        );
-    }
-    for tick in y.ticks() {
-        let at = bottom - y.at(tick);
-        let _ = write!(
-            svg,
-            "<line class='grid' x1='{LEFT}' x2='{right}' y1='{at:.1}' y2='{at:.1}'/>\
-             <text class='small' x='{}' y='{:.1}' text-anchor='end'>{}</text>",
-            LEFT - 6.0,
-            at + 4.0,
-            number(tick)
-        );
-    }
-    let middle = TOP + AREA[1] / 2.0;
-    let _ = write!(
-        svg,
-        "<line class='axis' x1='{LEFT}' x2='{right}' y1='{bottom}' y2='{bottom}'/>\
-         <line class='axis' x1='{LEFT}' x2='{LEFT}' y1='{TOP}' y2='{bottom}'/>\
-         <text class='label' x='{}' y='{}' text-anchor='middle'>processor time (ms)</text>\
-         <text class='label' x='16' y='{middle}' text-anchor='middle' transform='rotate(-90 16 {middle})'>error ({})</text>",
-        LEFT + AREA[0] / 2.0,
-        bottom + 38.0,
-        escape(&stage.unit)
-    );
 }
 
 fn rows(stage: &StageBench) -> String {
@@ -200,24 +128,6 @@ fn tasks(stage: &StageBench) -> Vec<String> {
     tasks
 }
 
-/// Three digits that say something.
-fn number(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    if !(1e-3..1e6).contains(&size) {
-        return format!("{value:.2e}");
-    }
-    let places = (2 - size.log10().floor() as i32).clamp(0, 6) as usize;
-    let text = format!("{value:.places$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('\'', "&#39;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -233,20 +143,5 @@ mod tests {
         assert_eq!(html.matches("class='default'").count(), 1);
         assert!(html.contains("processor time (ms)") && html.contains("error (of 1)"));
         assert!(!html.contains("NaN") && !html.contains("http"), "finite and self-contained");
-    }
-
-    #[test]
-    fn an_axis_spans_its_values_and_ticks_lie_on_it() {
-        let axis = Axis::new([3.0, 40.0].into_iter(), 100.0);
-        assert!(axis.at(3.0) > 0.0 && axis.at(40.0) < 100.0);
-        assert_eq!(axis.ticks(), [5.0, 10.0, 20.0, 50.0]);
-        let none = Axis::new(std::iter::empty(), 100.0);
-        assert!(none.at(1.0).is_finite());
-    }
-
-    #[test]
-    fn numbers_keep_three_digits() {
-        assert_eq!([0.0, 0.012_34, 1.0, 12.3, 1234.0].map(number), ["0", "0.0123", "1", "12.3", "1234"]);
-        assert_eq!(number(1.2e-7), "1.20e-7");
     }
 }

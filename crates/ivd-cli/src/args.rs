@@ -453,7 +453,8 @@ pub(crate) enum CacheAction {
 /// `ivd bench`.
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct Bench {
-    /// segment, atf, lattice, refine, deform, map, warp or render; all of them where none is named.
+    /// segment, atf, lattice, refine, deform, map, warp, render, or scenes: whole scenes, what they skip and how they grow.
+    /// All of them where none is named.
     #[arg(value_name = "STAGE")]
     pub(crate) stages: Vec<String>,
     /// Small inputs and few repeats: under two minutes.

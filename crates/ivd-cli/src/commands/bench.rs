@@ -3,21 +3,24 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ivd_bench::{Bench, Comparison, Options, Plant};
+use ivd_bench::{Bench, Comparison, Options, Plant, StageBench};
 use ivd_core::Fault;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::args::{Bench as Args, Planted};
 use crate::context::Context;
 use crate::exit::Failure;
 
-/// Sweeps the stages' settings and writes what came of it.
+/// The name under which whole scenes are asked for.
+const SCENES: &str = "scenes";
+
+/// Sweeps the stages' settings, runs the scenes, and writes what came of it.
 pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     let standard = if args.quick { Options::quick() } else { Options::default() };
     let options = Options {
         size: args.size.unwrap_or(standard.size),
         repeats: args.repeats.unwrap_or(standard.repeats),
-        stages: args.stages.clone(),
+        stages: args.stages.iter().filter(|name| *name != SCENES).cloned().collect(),
         plant: args.plant.map(|plant| match plant {
             Planted::Slow => Plant::Slow,
             Planted::Inexact => Plant::Inexact,
@@ -25,26 +28,86 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     };
     // Before the work: a file that can't be read is no reason to lose it.
     let old = args.compare.as_deref().map(read).transpose()?;
-    let bench = ivd_bench::run(&options, &context.exec).map_err(failed)?;
-    let file = |name: &str| args.out.join(name);
     std::fs::create_dir_all(&args.out)
         .map_err(|e| Failure::of(Fault::Io, format!("{}: can't be made: {e}", args.out.display())))?;
-    let text = serde_json::to_string_pretty(&bench)? + "\n";
+    let all = args.stages.is_empty();
+    let mut object = json!({ "out": args.out });
+    let mut text = String::new();
+    if all || !options.stages.is_empty() {
+        stages(&options, old.as_ref(), args, context, &mut object, &mut text)?;
+    }
+    if all || args.stages.iter().any(|name| name == SCENES) {
+        scenes(&options, args, context, &mut object, &mut text)?;
+    }
+    context.print(&object, || text.trim_end().to_owned())
+}
+
+/// Sweeps the stages.
+fn stages(
+    options: &Options,
+    old: Option<&Bench>,
+    args: &Args,
+    context: &Context,
+    object: &mut Value,
+    text: &mut String,
+) -> anyhow::Result<()> {
+    let bench = ivd_bench::run(options, &context.exec).map_err(failed)?;
+    let file = |name: &str| args.out.join(name);
     for (name, text) in [
-        ("bench.json", text),
+        ("bench.json", serde_json::to_string_pretty(&bench)? + "\n"),
         ("bench.csv", ivd_bench::table(&bench)),
         ("bench.html", ivd_bench::page(&bench)),
     ] {
         ivd_pipeline::write_text(&file(name), &text)?;
     }
-    let comparison = old.map(|old| ivd_bench::compare(&old, &bench));
-    let object = json!({
-        "out": args.out,
-        "page": file("bench.html"),
-        "stages": bench.stages.iter().map(|s| json!({ "stage": s.stage, "points": s.points.len() })).collect::<Vec<_>>(),
-        "comparison": comparison,
-    });
-    context.print(&object, || told(&bench, comparison.as_ref(), &file("bench.html")))
+    let comparison = old.map(|old| ivd_bench::compare(old, &bench));
+    let points = |s: &StageBench| json!({ "stage": s.stage, "points": s.points.len() });
+    object["page"] = json!(file("bench.html"));
+    object["stages"] = bench.stages.iter().map(points).collect();
+    object["comparison"] = json!(comparison);
+    *text += &told(&bench, comparison.as_ref(), &file("bench.html"));
+    *text += "\n";
+    Ok(())
+}
+
+/// Runs whole scenes.
+fn scenes(
+    options: &Options,
+    args: &Args,
+    context: &Context,
+    object: &mut Value,
+    text: &mut String,
+) -> anyhow::Result<()> {
+    let bench = ivd_bench::scenes(options, &context.exec).map_err(failed)?;
+    let page = args.out.join("scenes.html");
+    ivd_pipeline::write_text(&args.out.join("scenes.json"), &(serde_json::to_string_pretty(&bench)? + "\n"))?;
+    ivd_pipeline::write_text(&page, &ivd_bench::scenes_page(&bench))?;
+    for row in &bench.skipping {
+        let different = if row.same { "" } else { "; NOT the same with every skip off" };
+        let _ = writeln!(
+            text,
+            "{:27} {} of {} stages, {:.3e} looked at, {} bytes read{different}",
+            row.scene,
+            row.ran.len(),
+            row.stages,
+            row.visited,
+            row.bytes_read
+        );
+    }
+    for point in &bench.scaling {
+        let _ = writeln!(
+            text,
+            "{:>4}³ {:9.3} s of processor time, {:6.0} MiB; handle moved {:8.3} s, {:.0} ns a moved voxel",
+            point.size,
+            point.whole.cpu_s.median,
+            point.whole.peak_rss_mb.unwrap_or(f64::NAN),
+            point.moved.cpu_s.median,
+            1e9 * point.moved.cpu_s.median / point.voxels_moved
+        );
+    }
+    let _ = writeln!(text, "{}", page.display());
+    object["scenes_page"] = json!(page);
+    Ok(())
 }
 
 /// Reads an older bench.

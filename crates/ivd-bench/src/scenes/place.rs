@@ -1,0 +1,155 @@
+//! A scene in a temporary folder, with a cache of its own.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use cpu_time::ProcessTime;
+use ivd_artefact::Cache;
+use ivd_core::{Exec, Grid, Volume};
+use ivd_pipeline::scene::{self, Loaded, Override};
+use ivd_pipeline::{PipelineOptions, PipelineReport, StageRecord, State};
+use ivd_volume::phantom;
+
+use crate::Error;
+use crate::experiment::Problem;
+
+/// Edge of the head's cube (mm), whatever its number of voxels.
+pub(super) const EDGE_MM: f64 = 128.0;
+
+/// A folder with a volume, a scene and a cache.
+pub(super) struct Place {
+    folder: tempfile::TempDir,
+    name: String,
+}
+
+/// A run of a scene.
+pub(super) struct Run {
+    pub(super) report: PipelineReport,
+    pub(super) wall_s: f64,
+    pub(super) cpu_s: f64,
+}
+
+impl Place {
+    /// Writes the noisy head of `size` voxels along an edge, or an empty volume, and a scene over it.
+    pub(super) fn new(name: &str, size: usize, empty: bool, scene: &str, exec: &Exec) -> Result<Self, Error> {
+        let made = || -> Result<tempfile::TempDir, Problem> {
+            let folder = tempfile::tempdir()?;
+            ivd_volume::write(&folder.path().join("head.nrrd"), &volume(size, empty, exec)?, exec)?;
+            let text = format!("schema = 1\n[input]\nfile = \"head.nrrd\"\n{scene}");
+            std::fs::write(folder.path().join("scene.toml"), text)?;
+            Ok(folder)
+        };
+        let folder = made().map_err(|problem| failed(name, &problem))?;
+        Ok(Self { folder, name: name.to_owned() })
+    }
+
+    fn out(&self) -> PathBuf {
+        self.folder.path().join("out")
+    }
+
+    /// Waits until the volume's file is old enough that the cache may remember its hash: a file that has just been written may
+    /// change again unseen.
+    pub(super) fn settle(&self) {
+        std::thread::sleep(Duration::from_millis(2100));
+    }
+
+    /// Runs the scene; `cached`: on this place's cache, else on none.
+    pub(super) fn run(
+        &self,
+        overrides: &[&str],
+        until: Option<&str>,
+        cached: bool,
+        exec: &Exec,
+    ) -> Result<Run, Error> {
+        let run = || -> Result<Run, Problem> {
+            let overrides: Result<Vec<Override>, String> = overrides.iter().map(|o| o.parse()).collect();
+            let loaded: Loaded = scene::load(&self.folder.path().join("scene.toml"), &overrides?)?;
+            let until = until.map(str::to_owned);
+            let options = PipelineOptions { out: self.out(), until, ..PipelineOptions::default() };
+            let cache =
+                if cached { Cache::open(self.folder.path().join("cache"))? } else { Cache::disabled() };
+            let (wall, cpu) = (Instant::now(), ProcessTime::now());
+            let report = ivd_pipeline::run(&loaded, &options, &cache, exec)?;
+            Ok(Run { report, wall_s: wall.elapsed().as_secs_f64(), cpu_s: cpu.elapsed().as_secs_f64() })
+        };
+        run().map_err(|problem| failed(&self.name, &problem))
+    }
+}
+
+fn failed(name: &str, problem: &Problem) -> Error {
+    Error::Failed { stage: "scenes".to_owned(), knobs: name.to_owned(), problem: problem.to_string() }
+}
+
+/// The head with the spacing that makes its cube [`EDGE_MM`] wide.
+fn volume(size: usize, empty: bool, exec: &Exec) -> Result<Volume, Problem> {
+    let params = phantom::Params { size, ..phantom::Params::default() };
+    let head = phantom::generate(&params, exec)?.volume;
+    let grid = Grid::with_spacing([size; 3], [EDGE_MM / size as f64; 3])?;
+    if empty {
+        return Ok(Volume::new(grid, vec![0_u8; size.pow(3)].into())?);
+    }
+    Ok(Volume::new(grid, head.voxels().clone())?)
+}
+
+impl Run {
+    pub(super) fn record(&self, stage: &str) -> Option<&StageRecord> {
+        self.report.stages.iter().find(|r| r.stage == stage)
+    }
+
+    /// A number in a stage's metrics; 0 where there is none.
+    pub(super) fn metric(&self, stage: &str, name: &str) -> f64 {
+        self.record(stage).map_or(0.0, |record| metric(record, name))
+    }
+
+    /// Largest resident memory of any stage (MiB).
+    pub(super) fn peak_rss_mb(&self) -> Option<f64> {
+        self.report.stages.iter().filter_map(|r| r.peak_rss_mb).reduce(f64::max)
+    }
+
+    /// Bytes that were read of files.
+    pub(super) fn bytes_read(&self) -> u64 {
+        self.report.stages.iter().map(|r| r.bytes_read).sum()
+    }
+
+    /// Names of the stages that did their work, pictures as `render before`.
+    pub(super) fn ran(&self) -> Vec<String> {
+        let ran = self.report.stages.iter().filter(|r| r.state == State::Ran && r.stage != "report");
+        ran.map(|r| format!("{} {}", r.stage, r.variant).trim().to_owned()).collect()
+    }
+
+    /// Voxels (of pictures: samples) that the stages which did their work looked at, and how many of these their outputs
+    /// need at least.
+    pub(super) fn visited(&self) -> [f64; 2] {
+        let all = self.metric("import", "voxels");
+        let ran = self.report.stages.iter().filter(|r| r.state == State::Ran);
+        ran.map(|r| visited(r, all)).fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d])
+    }
+}
+
+fn metric(record: &StageRecord, name: &str) -> f64 {
+    record.metrics.get(name).and_then(serde_json::Value::as_f64).unwrap_or(0.0)
+}
+
+/// Voxels that a stage looked at, and at least had to: the two ends of every crossed edge for a lattice, what moves for a
+/// map. Where no less is known to do, the same twice.
+fn visited(record: &StageRecord, all: f64) -> [f64; 2] {
+    let cubes = |bricks: f64| (512.0 * bricks).min(all);
+    match record.stage.as_str() {
+        "import" | "atf" | "boundary" => [all; 2],
+        "segment" => [metric(record, "visited_fraction") * all; 2],
+        "lattice" => {
+            let least = (2.0 * metric(record, "vertices")).min(all);
+            // The mask is looked at whole.
+            let isolated = record.inputs.contains_key("mask");
+            [if isolated { all } else { cubes(metric(record, "bricks_active")).max(least) }, least]
+        }
+        "map" => [cubes(metric(record, "bricks_touched")), metric(record, "voxels_moved")],
+        "warp" => [metric(record, "voxels_resampled"); 2],
+        "render" => {
+            let size = |name: &str| record.params.pointer(name).and_then(serde_json::Value::as_f64);
+            let pixels = size("/width").zip(size("/height")).map_or(0.0, |(w, h)| w * h);
+            [metric(record, "samples_per_pixel") * pixels; 2]
+        }
+        _ => [0.0; 2],
+    }
+}
