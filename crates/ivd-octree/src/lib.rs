@@ -56,5 +56,5 @@ mod params;
 pub use build::build;
 pub use error::Error;
 pub use inside::inside;
-pub use nearest::{Nearest, NearestIndex, prepare};
+pub use nearest::{Nearest, NearestIndex, prepare, prepare_parts};
 pub use params::Params;

@@ -140,17 +140,18 @@ pub fn certify(
 
 /// The bricks that own a cell touching a stored brick: the stored ones and their lower neighbours.
 pub(crate) fn touched(forward: &FieldBricks) -> Vec<usize> {
-    let bricks = forward.brick_dims();
     (0..forward.table().len())
-        .filter(|&b| {
-            let at = brick_at(bricks, b);
-            (0..8_usize).any(|corner| {
-                let near: [usize; 3] =
-                    std::array::from_fn(|a| (at[a] + (corner >> a & 1)).min(bricks[a] - 1));
-                forward.table()[near[0] + bricks[0] * (near[1] + bricks[1] * near[2])] != NO_BRICK
-            })
-        })
+        .filter(|&b| upper(forward.brick_dims(), b).any(|near| forward.table()[near] != NO_BRICK))
         .collect()
+}
+
+/// A brick and its upper neighbours: those that hold corners of its cells.
+fn upper(bricks: [usize; 3], brick: usize) -> impl Iterator<Item = usize> {
+    let at = brick_at(bricks, brick);
+    (0..8_usize).map(move |corner| {
+        let near: [usize; 3] = std::array::from_fn(|a| (at[a] + (corner >> a & 1)).min(bricks[a] - 1));
+        near[0] + bricks[0] * (near[1] + bricks[1] * near[2])
+    })
 }
 
 /// The certificate of the cells that the given bricks own. Brick `b` owns the cells `8b … 8b + 7`, and the cell −1 where
@@ -173,8 +174,11 @@ pub(crate) fn certify_bricks(
         .into());
     }
     let sampler = Sampler::new(forward, grid);
+    let moves = |b: usize| forward.brick(b).is_some_and(|vectors| vectors.iter().any(|u| *u != [0.0; 3]));
+    let moves: Vec<bool> = (0..forward.table().len()).into_par_iter().map(moves).collect();
     let parts = bricks
         .par_iter()
+        .filter(|&&brick| upper(forward.brick_dims(), brick).any(|near| moves[near]))
         .map(|&brick| {
             exec.check_cancelled()?;
             Ok(certify_brick(&sampler, forward, brick, threshold, counts))

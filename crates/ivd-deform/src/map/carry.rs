@@ -20,10 +20,23 @@ pub struct Hit {
     pub distance: f64,
 }
 
+/// What is nearest to a place.
+#[derive(Debug, Clone, Copy)]
+pub enum Found {
+    /// A lattice point that may move.
+    On(Hit),
+    /// A lattice point that doesn't move, whichever it is: one that is nearer (mm, relative to the grid's origin) than all
+    /// that move, or none where the caller knows one.
+    Still(Option<Vector3<f64>>),
+    /// Nothing within the bound.
+    Nothing,
+}
+
 /// Finds the lattice point nearest to a place.
 pub trait Nearest: Sync {
     /// The lattice point nearest to `point` (mm, relative to the grid's origin), where it is within `bound` (mm).
-    fn nearest(&self, point: Vector3<f64>, bound: f64) -> Option<Hit>;
+    /// `known_still`: a lattice point that doesn't move lies within the bound.
+    fn nearest(&self, point: Vector3<f64>, bound: f64, known_still: bool) -> Found;
 }
 
 /// A lattice with what the map asks of it.
@@ -87,9 +100,19 @@ impl<N: Nearest> Carrier<'_, N> {
                 continue;
             }
             let inside = self.part.inside.inside()[grid.linear(voxel)] != 0;
-            let bound = known.bound(slot, point).min(self.limit(inside));
-            let Some(hit) = self.part.nearest.nearest(point, bound) else { continue };
-            known.set(slot, self.position(&hit));
+            let near = known.nearest(slot, point);
+            let (bound, still) = near.map_or((f64::INFINITY, None), |near| near.bound(point, known.slack));
+            let limit = self.limit(inside);
+            let hit =
+                match self.part.nearest.nearest(point, bound.min(limit), still.is_some() && bound <= limit) {
+                    Found::On(hit) => hit,
+                    Found::Still(place) => {
+                        known.set(slot, place.or(still), true);
+                        continue;
+                    }
+                    Found::Nothing => continue,
+                };
+            known.set(slot, Some(self.position(&hit)), false);
             let weight = cut * self.weight(inside, hit.distance);
             if weight > 0.0 {
                 out[slot] = (self.motion(&hit) * weight).map(|c| c as f32).into();
@@ -131,32 +154,44 @@ impl<N: Nearest> Carrier<'_, N> {
     }
 }
 
-/// The nearest lattice points found so far in a brick: those of a voxel's lower neighbours bound its own search.
+/// A lattice point near a voxel.
+#[derive(Debug, Clone, Copy)]
+struct Near {
+    point: Vector3<f64>,
+    still: bool,
+}
+
+impl Near {
+    /// A distance from a place within which this point lies, and the point where it doesn't move.
+    fn bound(&self, place: Vector3<f64>, slack: f64) -> (f64, Option<Vector3<f64>>) {
+        let distance = (place - self.point).norm() * (1.0 + 1e-9) + slack;
+        (distance, self.still.then_some(self.point))
+    }
+}
+
+/// The lattice points found so far in a brick: those of a voxel's lower neighbours bound its own search.
 struct Known {
-    points: Vec<Option<Vector3<f64>>>,
+    near: Vec<Option<Near>>,
     /// Room for the rounding of a point (mm).
     slack: f64,
 }
 
 impl Known {
     fn new(diagonal: f64) -> Self {
-        Self { points: vec![None; FieldBricks::VOXELS], slack: 1e-9 * diagonal }
+        Self { near: vec![None; FieldBricks::VOXELS], slack: 1e-9 * diagonal }
     }
 
-    fn set(&mut self, slot: usize, point: Vector3<f64>) {
-        self.points[slot] = Some(point);
+    fn set(&mut self, slot: usize, point: Option<Vector3<f64>>, still: bool) {
+        self.near[slot] = point.map(|point| Near { point, still });
     }
 
-    /// A distance within which some lattice point lies; infinite where none is known.
-    fn bound(&self, slot: usize, point: Vector3<f64>) -> f64 {
-        let mut least = f64::INFINITY;
-        for (axis, stride) in [1, 8, 64].into_iter().enumerate() {
-            if slot >> (3 * axis) & 7 > 0
-                && let Some(near) = self.points[slot - stride]
-            {
-                least = least.min((point - near).norm_squared());
-            }
-        }
-        least.sqrt() * (1.0 + 1e-9) + self.slack
+    /// What the voxel's lower neighbours found that is nearest to a place.
+    fn nearest(&self, slot: usize, place: Vector3<f64>) -> Option<Near> {
+        let neighbours = [1, 8, 64].into_iter().enumerate();
+        let of = |(axis, stride): (usize, usize)| {
+            (slot >> (3 * axis) & 7 > 0).then(|| self.near[slot - stride]).flatten()
+        };
+        let square = |near: &Near| (place - near.point).norm_squared();
+        neighbours.filter_map(of).min_by(|a, b| square(a).total_cmp(&square(b)))
     }
 }

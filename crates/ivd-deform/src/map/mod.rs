@@ -52,7 +52,7 @@ use nalgebra::Vector3;
 use crate::Error;
 use crate::certificate::Certificate;
 use crate::inverse::{from_bricks, invert};
-pub use carry::{Hit, Nearest};
+pub use carry::{Found, Hit, Nearest};
 use carry::{Part, carry};
 use compose::{Composed, halve};
 pub use octree::{Prepared, frames, octree};

@@ -2,36 +2,58 @@ use ivd_core::{Exec, Lattice, Mask, Motion, Octree};
 use ivd_octree::NearestIndex;
 use nalgebra::Vector3;
 
-use super::{Hit, MapParams, Mapped, Nearest, nearest};
+use super::{Found, Hit, MapParams, Mapped, Nearest, check_inputs, nearest};
 use crate::Error;
 
-impl Nearest for NearestIndex {
-    fn nearest(&self, point: Vector3<f64>, bound: f64) -> Option<Hit> {
-        NearestIndex::nearest(self, point, bound).map(|n| Hit {
-            triangle: n.triangle,
-            barycentric: n.barycentric,
-            distance: n.distance_mm,
-        })
+/// The searches of the triangles that move and of those that don't. Most places near a handle lie nearest to a triangle
+/// that stays: for them it is enough to know that no moving one is nearer.
+struct Sides {
+    moving: NearestIndex,
+    still: NearestIndex,
+}
+
+impl Nearest for Sides {
+    fn nearest(&self, point: Vector3<f64>, bound: f64, known_still: bool) -> Found {
+        let Some(moving) = self.moving.nearest(point, bound) else {
+            return if known_still { Found::Still(None) } else { Found::Nothing };
+        };
+        match self.still.nearer(point, &moving) {
+            Some(still) => Found::Still(Some(still)),
+            None => Found::On(Hit {
+                triangle: moving.triangle,
+                barycentric: moving.barycentric,
+                distance: moving.distance_mm,
+            }),
+        }
     }
 }
 
-/// A lattice ready to be mapped many times: its inside and its search tree are made once.
-#[derive(Debug)]
+/// A lattice and its motion, ready to be mapped frame by frame: its inside and its search trees are made once.
 pub struct Prepared<'a> {
     lattice: &'a Lattice,
+    motion: &'a Motion,
     inside: Mask,
-    index: NearestIndex,
+    sides: Sides,
 }
 
 impl<'a> Prepared<'a> {
-    /// Prepares a lattice with its octree.
+    /// Prepares a lattice with its octree and its motion.
     ///
     /// # Errors
-    /// An octree of another lattice, a lattice that isn't closed, the memory limit, cancellation.
-    pub fn new(lattice: &'a Lattice, octree: &Octree, exec: &Exec) -> Result<Self, Error> {
+    /// An octree or a motion of another lattice, a lattice that isn't closed, the memory limit, cancellation.
+    pub fn new(
+        lattice: &'a Lattice,
+        octree: &Octree,
+        motion: &'a Motion,
+        exec: &Exec,
+    ) -> Result<Self, Error> {
+        check_inputs(lattice, motion)?;
         let inside = ivd_octree::inside(lattice, exec)?;
-        let index = exec.run(|| ivd_octree::prepare(lattice, octree))?;
-        Ok(Self { lattice, inside, index })
+        let vertex_moves = |v: &u32| motion.frames.iter().any(|f| f.displacement[*v as usize] != [0.0; 3]);
+        let side =
+            |triangle: u32| usize::from(!lattice.triangles[triangle as usize].iter().any(vertex_moves));
+        let [moving, still] = exec.run(|| ivd_octree::prepare_parts(lattice, octree, side))?;
+        Ok(Self { lattice, motion, inside, sides: Sides { moving, still } })
     }
 
     /// The voxels inside the lattice.
@@ -39,18 +61,12 @@ impl<'a> Prepared<'a> {
         &self.inside
     }
 
-    /// Maps frame `frame` of a motion of the lattice.
+    /// Maps frame `frame` of the motion.
     ///
     /// # Errors
     /// As [`octree`].
-    pub fn map(
-        &self,
-        motion: &Motion,
-        frame: usize,
-        params: &MapParams,
-        exec: &Exec,
-    ) -> Result<Mapped, Error> {
-        nearest(self.lattice, &self.inside, &self.index, motion, frame, params, exec)
+    pub fn map(&self, frame: usize, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
+        nearest(self.lattice, &self.inside, &self.sides, self.motion, frame, params, exec)
     }
 }
 
@@ -68,7 +84,7 @@ pub fn octree(
     exec: &Exec,
 ) -> Result<Mapped, Error> {
     params.check()?;
-    Prepared::new(lattice, octree, exec)?.map(motion, frame, params, exec)
+    Prepared::new(lattice, octree, motion, exec)?.map(frame, params, exec)
 }
 
 /// Maps every frame of a motion; as [`octree`], with the lattice prepared once.
@@ -83,6 +99,6 @@ pub fn frames(
     exec: &Exec,
 ) -> Result<Vec<Mapped>, Error> {
     params.check()?;
-    let prepared = Prepared::new(lattice, octree, exec)?;
-    (0..motion.frames.len()).map(|frame| prepared.map(motion, frame, params, exec)).collect()
+    let prepared = Prepared::new(lattice, octree, motion, exec)?;
+    (0..motion.frames.len()).map(|frame| prepared.map(frame, params, exec)).collect()
 }

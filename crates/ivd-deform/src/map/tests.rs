@@ -23,7 +23,7 @@ impl<'a> Brute<'a> {
 }
 
 impl Nearest for Brute<'_> {
-    fn nearest(&self, point: Vector3<f64>, bound: f64) -> Option<Hit> {
+    fn nearest(&self, point: Vector3<f64>, bound: f64, _known_still: bool) -> Found {
         let mut best: Option<Hit> = None;
         for (i, t) in self.lattice.triangles.iter().enumerate() {
             let (centre, radius) = self.balls[i];
@@ -39,7 +39,7 @@ impl Nearest for Brute<'_> {
                 best = Some(Hit { triangle: i as u32, barycentric, distance });
             }
         }
-        best
+        best.map_or(Found::Nothing, Found::On)
     }
 }
 

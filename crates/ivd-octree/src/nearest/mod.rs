@@ -10,6 +10,8 @@ mod blocks;
 mod bounds;
 mod triangle;
 
+use std::sync::Arc;
+
 use ivd_core::{Lattice, Octree};
 use nalgebra::{Matrix3, Vector3};
 
@@ -35,8 +37,8 @@ pub struct NearestIndex {
     /// From local millimetres to the frame of the boxes.
     frame: Matrix3<f64>,
     /// Vertices (mm), relative to the grid's origin.
-    positions: Vec<Vector3<f64>>,
-    triangles: Vec<[u32; 3]>,
+    positions: Arc<Vec<Vector3<f64>>>,
+    triangles: Arc<Vec<[u32; 3]>>,
     tree: Tree,
 }
 
@@ -52,6 +54,19 @@ impl std::fmt::Debug for NearestIndex {
 /// [`Error::Mismatch`] where the octree was built over another lattice; in [`Error::Core`] a lattice or an octree that
 /// breaks its own check.
 pub fn prepare(lattice: &Lattice, octree: &Octree) -> Result<NearestIndex, Error> {
+    let [index] = prepare_parts(lattice, octree, |_| 0)?;
+    Ok(index)
+}
+
+/// As [`prepare`], one search for each part of the triangles; `part` tells which of the `N` a triangle belongs to.
+///
+/// # Errors
+/// As [`prepare`].
+pub fn prepare_parts<const N: usize>(
+    lattice: &Lattice,
+    octree: &Octree,
+    part: impl Fn(u32) -> usize,
+) -> Result<[NearestIndex; N], Error> {
     lattice.check()?;
     octree.check()?;
     let counts = [
@@ -71,8 +86,14 @@ pub fn prepare(lattice: &Lattice, octree: &Octree) -> Result<NearestIndex, Error
     let (q, r) = lattice.grid.linear_part().qr().unpack();
     let positions = lattice.local_positions();
     let frame = q.transpose();
-    let tree = bounds::tree(octree, lattice, &positions, frame, r)?;
-    Ok(NearestIndex { frame, positions, triangles: lattice.triangles.clone(), tree })
+    let trees = bounds::trees(octree, lattice, &positions, frame, r, part)?;
+    let (positions, triangles) = (Arc::new(positions), Arc::new(lattice.triangles.clone()));
+    Ok(trees.map(|tree| NearestIndex {
+        frame,
+        positions: positions.clone(),
+        triangles: triangles.clone(),
+        tree,
+    }))
 }
 
 /// The search of one query.
@@ -86,6 +107,9 @@ struct Search<'a> {
     best_squared: f64,
     /// The same, rounded up.
     limit: f32,
+    /// Whether the first better triangle ends the search.
+    first: bool,
+    ended: bool,
 }
 
 impl NearestIndex {
@@ -103,6 +127,18 @@ impl NearestIndex {
         self.search(point, f64::INFINITY, Some(triangle))
     }
 
+    /// A lattice point nearer to `point` than `than`, which another part's search found for it; of two at one distance the
+    /// lower triangle's counts as nearer. Any such point, not the nearest: sooner found.
+    pub fn nearer(&self, point: Vector3<f64>, than: &Nearest) -> Option<Vector3<f64>> {
+        let framed = (self.frame * point).map(|c| c as f32).into();
+        let best_squared = (than.point - point).norm_squared();
+        let (limit, best, first) = (above(best_squared), Some(*than), true);
+        let mut search =
+            Search { index: self, point, framed, best, best_squared, limit, first, ended: false };
+        search.lane(self.tree.root);
+        search.ended.then(|| search.best.expect("it began with one").point)
+    }
+
     fn search(&self, point: Vector3<f64>, bound: f64, start: Option<u32>) -> Option<Nearest> {
         if !point.iter().all(|c| c.is_finite()) || bound.is_nan() || bound < 0.0 {
             return None;
@@ -111,7 +147,8 @@ impl NearestIndex {
         // A bound that is itself a rounded distance must not cut off the point that it belongs to.
         let best_squared = (bound * (1.0 + 1e-12)).powi(2);
         let limit = above(best_squared);
-        let mut search = Search { index: self, point, framed, best: None, best_squared, limit };
+        let (first, ended) = (false, false);
+        let mut search = Search { index: self, point, framed, best: None, best_squared, limit, first, ended };
         if let Some(triangle) = start.filter(|&t| (t as usize) < self.triangles.len()) {
             search.triangle(triangle);
         }
@@ -147,7 +184,7 @@ impl Search<'_> {
             }
         }
         for &(d, i) in &near[..count] {
-            if d > self.limit {
+            if d > self.limit || self.ended {
                 break;
             }
             self.lane(block.lanes[i]);
@@ -168,6 +205,7 @@ impl Search<'_> {
             self.best = Some(Nearest { triangle, barycentric, distance_mm: squared.sqrt(), point: found });
             self.best_squared = squared;
             self.limit = above(squared);
+            self.ended = self.first;
         }
     }
 }
