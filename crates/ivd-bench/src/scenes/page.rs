@@ -22,7 +22,7 @@ pub fn scenes_page(bench: &SceneBench) -> String {
     );
     let _ = write!(
         html,
-        "<h2>Growth</h2><p>A cheek of a head of 128 mm is pushed in by 3 mm, on finer and finer grids: from the file to the deformed \
+        "<h2>Growth</h2><p>A cheek of a head of 128 mm without noise is pushed in by 3 mm, on finer and finer grids: from the file to the deformed \
          volume with nothing cached, and again after the handle moved.</p>{}{}{}{}",
         growth(&bench.scaling, "processor time (s)", |p| [p.whole.cpu_s.median, p.moved.cpu_s.median]),
         growth(&bench.scaling, "processor time per voxel looked at (ns)", |p| {

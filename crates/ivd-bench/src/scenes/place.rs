@@ -22,6 +22,17 @@ pub(super) struct Place {
     name: String,
 }
 
+/// What a volume holds.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Content {
+    /// Zeros.
+    Empty,
+    /// A head with noise.
+    Head,
+    /// The same without.
+    SmoothHead,
+}
+
 /// A run of a scene.
 pub(super) struct Run {
     pub(super) report: PipelineReport,
@@ -30,11 +41,17 @@ pub(super) struct Run {
 }
 
 impl Place {
-    /// Writes the noisy head of `size` voxels along an edge, or an empty volume, and a scene over it.
-    pub(super) fn new(name: &str, size: usize, empty: bool, scene: &str, exec: &Exec) -> Result<Self, Error> {
+    /// Writes a volume of `size` voxels along an edge and a scene over it.
+    pub(super) fn new(
+        name: &str,
+        size: usize,
+        content: Content,
+        scene: &str,
+        exec: &Exec,
+    ) -> Result<Self, Error> {
         let made = || -> Result<tempfile::TempDir, Problem> {
             let folder = tempfile::tempdir()?;
-            ivd_volume::write(&folder.path().join("head.nrrd"), &volume(size, empty, exec)?, exec)?;
+            ivd_volume::write(&folder.path().join("head.nrrd"), &volume(size, content, exec)?, exec)?;
             let text = format!("schema = 1\n[input]\nfile = \"head.nrrd\"\n{scene}");
             std::fs::write(folder.path().join("scene.toml"), text)?;
             Ok(folder)
@@ -80,14 +97,16 @@ fn failed(name: &str, problem: &Problem) -> Error {
     Error::Failed { stage: "scenes".to_owned(), knobs: name.to_owned(), problem: problem.to_string() }
 }
 
-/// The head with the spacing that makes its cube [`EDGE_MM`] wide.
-fn volume(size: usize, empty: bool, exec: &Exec) -> Result<Volume, Problem> {
-    let params = phantom::Params { size, ..phantom::Params::default() };
-    let head = phantom::generate(&params, exec)?.volume;
+/// The volume with the spacing that makes its cube [`EDGE_MM`] wide.
+fn volume(size: usize, content: Content, exec: &Exec) -> Result<Volume, Problem> {
     let grid = Grid::with_spacing([size; 3], [EDGE_MM / size as f64; 3])?;
-    if empty {
-        return Ok(Volume::new(grid, vec![0_u8; size.pow(3)].into())?);
-    }
+    let noise = match content {
+        Content::Empty => return Ok(Volume::new(grid, vec![0_u8; size.pow(3)].into())?),
+        Content::Head => None,
+        Content::SmoothHead => Some(0.0),
+    };
+    let params = phantom::Params { size, noise, ..phantom::Params::default() };
+    let head = phantom::generate(&params, exec)?.volume;
     Ok(Volume::new(grid, head.voxels().clone())?)
 }
 

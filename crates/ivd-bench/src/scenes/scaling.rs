@@ -1,7 +1,7 @@
 use ivd_core::Exec;
 use serde::{Deserialize, Serialize};
 
-use super::place::{EDGE_MM, Place, Run};
+use super::place::{Content, EDGE_MM, Place, Run};
 use super::skipping::HANDLE;
 use crate::Error;
 use crate::record::Spread;
@@ -51,13 +51,14 @@ impl Cost {
     }
 }
 
-/// Runs the scene on a head of `size` voxels along an edge, `repeats` times.
+/// Runs the scene on a head without noise of `size` voxels along an edge, `repeats` times. Noise belongs to voxels: on a
+/// finer grid the same noise is another surface, and another scene.
 ///
 /// # Errors
 /// [`Error::Failed`].
 pub fn scaling(size: usize, repeats: usize, exec: &Exec) -> Result<ScalePoint, Error> {
     let scene = format!("[lattice]\niso = 60.0\n{HANDLE}[output]\nvolume = \"deformed.nrrd\"\n");
-    let place = Place::new(&format!("the cheek at {size}³"), size, false, &scene, exec)?;
+    let place = Place::new(&format!("the cheek at {size}³"), size, Content::SmoothHead, &scene, exec)?;
     let rounds = 0..repeats.max(1);
     let whole: Result<Vec<Run>, Error> =
         rounds.clone().map(|_| place.run(&[], Some("warp"), false, exec)).collect();

@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use ivd_core::Exec;
 use serde::{Deserialize, Serialize};
 
-use super::place::{Place, Run};
+use super::place::{Content, Place, Run};
 use crate::Error;
 
 /// What a scene did and didn't do.
@@ -36,7 +36,7 @@ pub struct SkipRow {
 struct Case {
     name: &'static str,
     scene: String,
-    empty: bool,
+    content: Content,
     before: Option<&'static str>,
     set: &'static [&'static str],
 }
@@ -50,14 +50,14 @@ const VOLUME: &str = "[output]\nvolume = \"deformed.nrrd\"\n";
 const LATTICE: &str = "[output]\nlattice = \"lattice.ply\"\n";
 
 fn cases() -> Vec<Case> {
-    let case = |name, scene| Case { name, scene, empty: false, before: None, set: &[] };
+    let case = |name, scene| Case { name, scene, content: Content::Head, before: None, set: &[] };
     let cheek = || format!("{ISO}{HANDLE}{VOLUME}");
     vec![
         case("a picture", format!("{ISO}{PICTURE}[output]\nimages = [\"before\"]\n")),
         case("a lattice", format!("{ISO}{LATTICE}")),
         case("one cheek touched", cheek()),
         Case { set: &["deform.handle.0.radius=400.0"], ..case("everything touched", cheek()) },
-        Case { empty: true, ..case("an empty volume", format!("{ISO}{LATTICE}")) },
+        Case { content: Content::Empty, ..case("an empty volume", format!("{ISO}{LATTICE}")) },
         case("one class isolated", format!("[boundary]\nclass = \"densest\"\n{LATTICE}")),
         Case {
             before: Some("lattice.iso=80.0"),
@@ -76,7 +76,7 @@ pub fn skipping(size: usize, exec: &Exec) -> Result<Vec<SkipRow>, Error> {
 }
 
 fn row(case: &Case, size: usize, exec: &Exec) -> Result<SkipRow, Error> {
-    let place = Place::new(case.name, size, case.empty, &case.scene, exec)?;
+    let place = Place::new(case.name, size, case.content, &case.scene, exec)?;
     if let Some(before) = case.before {
         place.settle();
         place.run(&[case.set, &[before]].concat(), None, true, exec)?;

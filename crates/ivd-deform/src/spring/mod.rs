@@ -83,13 +83,16 @@ pub fn ring(
     lattice.check()?;
     exec.run(|| {
         let rest = lattice.local_positions();
-        let edges = Edges::new(lattice);
         let mass = masses(lattice, &rest, params);
         let targets = handles
             .iter()
             .map(|handle| resolve("handle", &handle.at, lattice, &rest))
             .collect::<Result<Vec<usize>, Error>>()?;
         check_targets(handles, &targets)?;
+        let edges = Edges::new(lattice, |v| {
+            let at = rest[v as usize];
+            targets.iter().zip(handles).any(|(&t, h)| v as usize == t || (at - rest[t]).norm() < h.radius)
+        });
         let still = Still::new(fixed, lattice, &rest, &targets)?;
         exec.check_cancelled()?;
         let (mut system, ring_sums) = assemble(&edges, &rest, &mass, handles, &targets, &still, params);

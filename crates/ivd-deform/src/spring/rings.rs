@@ -3,15 +3,19 @@
 use ivd_core::Lattice;
 use nalgebra::Vector3;
 
-/// Neighbours of every vertex along the triangles' edges, ascending, each once.
+/// Neighbours of the vertices that may be reached along the triangles' edges, ascending, each once; those of the others
+/// are not all known.
 pub(super) struct Edges {
     first: Vec<u32>,
     other: Vec<u32>,
 }
 
 impl Edges {
-    pub(super) fn new(lattice: &Lattice) -> Self {
-        let corners = lattice.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+    /// The neighbours of the vertices for which `near` is true.
+    pub(super) fn new(lattice: &Lattice, near: impl Fn(u32) -> bool) -> Self {
+        let near: Vec<bool> = (0..lattice.keys.len() as u32).map(near).collect();
+        let reached = lattice.triangles.iter().filter(|t| t.iter().any(|&v| near[v as usize]));
+        let corners = reached.flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
         let mut pairs: Vec<[u32; 2]> =
             corners.filter(|[a, b]| a != b).flat_map(|[a, b]| [[a, b], [b, a]]).collect();
         pairs.sort_unstable();
