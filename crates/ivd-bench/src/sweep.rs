@@ -2,10 +2,11 @@ use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
 use ivd_core::Exec;
+use ivd_pipeline::fronts::{Spread, Work};
 use ivd_pipeline::resource;
 
 use crate::experiment::{Experiment, Judgement, Setting};
-use crate::record::{Bench, Point, Spread, StageBench};
+use crate::record::{Bench, Point, StageBench};
 use crate::{Error, NAMES, experiments};
 
 /// What is swept.
@@ -113,6 +114,9 @@ pub fn sweep(experiment: &Experiment, options: &Options, exec: &Exec) -> Result<
         truth: experiment.truth.to_owned(),
         measure: experiment.measure.to_owned(),
         unit: experiment.unit.to_owned(),
+        counted: experiment.counted.map(str::to_owned),
+        voxel_mm: experiment.voxel_mm,
+        work: Work { what: experiment.work.0.to_owned(), amount: experiment.work.1 },
         points: points.collect(),
     };
     stage.mark_front();

@@ -41,6 +41,9 @@ pub enum Error {
     /// Anything that any stage can meet.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
+    /// A budget of time or error could not be kept.
+    #[error("{0}")]
+    Budget(String),
     /// A file could not be read or written.
     #[error("{action} {}: {source}", path.display())]
     Io {
@@ -61,6 +64,7 @@ impl Error {
             Self::Stage { fault, .. } => *fault,
             Self::Artefact(error) => error.fault(),
             Self::Core(error) => error.fault(),
+            Self::Budget(_) => Fault::Limit,
             Self::Io { .. } => Fault::Io,
         }
     }

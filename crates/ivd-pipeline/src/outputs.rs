@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use ivd_artefact::Artefact;
 use ivd_core::Exec;
@@ -36,6 +37,9 @@ pub struct OutputFile {
     /// Whether this run wrote it; false where it already was as it should be.
     #[serde(skip_deserializing)]
     pub written: bool,
+    /// Wall time (s) of writing it, or of finding it as it should be; told in no file.
+    #[serde(skip)]
+    pub wall_s: f64,
 }
 
 /// What the last run into a folder did.
@@ -153,6 +157,7 @@ impl<'a> Writer<'a> {
         source: &str,
         write: impl FnOnce(&Path, &Exec) -> Result<bool, Error>,
     ) -> Result<(), Error> {
+        let start = Instant::now();
         let full = self.out.join(path);
         let source = format!("{EXPORT_REVISION} {source}");
         let old =
@@ -167,7 +172,14 @@ impl<'a> Writer<'a> {
             let written = write(&full, self.exec)?;
             (hash_output(&full).map_err(|e| Error::io("reading back", &full, e))?, written)
         };
-        self.files.push(OutputFile { name: name.to_owned(), path: full, source, blake3, written });
+        self.files.push(OutputFile {
+            name: name.to_owned(),
+            path: full,
+            source,
+            blake3,
+            written,
+            wall_s: start.elapsed().as_secs_f64(),
+        });
         Ok(())
     }
 
@@ -197,7 +209,7 @@ impl<'a> Writer<'a> {
         if !self.scene.output.report {
             return Ok(record);
         }
-        let start = std::time::Instant::now();
+        let start = Instant::now();
         let source = report_source(self.scene, stages);
         let name = Path::new("report.html");
         if force {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use ivd_artefact::{Artefact, Cache, CacheKey, ContentHash, Lookup, Provenance, content_hash};
+use ivd_artefact::{Artefact, Cache, CacheKey, ContentHash, Kind, Lookup, Provenance, content_hash};
 use ivd_core::{Backend, Exec, Fault};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -72,7 +72,7 @@ pub struct StageRecord {
 }
 
 /// A stage's result with its record.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Done {
     /// The value.
     pub artefact: Arc<Artefact>,
@@ -101,7 +101,7 @@ impl Runner<'_> {
         inputs.check(stage)?;
         self.exec.check_cancelled()?;
         let clock = Clock::start();
-        let provenance = self.provenance(stage, inputs)?;
+        let provenance = self.provenance(stage, inputs.hashes())?;
         let output_kind = match stage.output() {
             Some(kind) => kind,
             None => inputs.get(stage.inputs()[0].name).expect("checked: the first slot is filled").kind(),
@@ -134,9 +134,24 @@ impl Runner<'_> {
         Ok(Done { artefact: Arc::new(product.artefact), hash, record })
     }
 
+    /// Content hash of a stage's result for inputs of these hashes, where the cache has it. Nothing is read but the head of its
+    /// entry. `first` is the kind of the first input.
+    pub(crate) fn foresee(
+        &self,
+        stage: &dyn Stage,
+        inputs: BTreeMap<String, ContentHash>,
+        first: Kind,
+    ) -> Option<ContentHash> {
+        let provenance = self.provenance(stage, inputs).ok()?;
+        self.cache.lookup_hash(&CacheKey::new(stage.output().unwrap_or(first), &provenance))
+    }
+
     /// Where a result comes from; everything that a cache key is made of.
-    fn provenance(&self, stage: &dyn Stage, inputs: &Inputs) -> Result<Provenance, Error> {
-        let mut hashes = inputs.hashes();
+    fn provenance(
+        &self,
+        stage: &dyn Stage,
+        mut hashes: BTreeMap<String, ContentHash>,
+    ) -> Result<Provenance, Error> {
         hashes.extend(stage.sources()?);
         Ok(Provenance {
             stage: stage.name().to_owned(),

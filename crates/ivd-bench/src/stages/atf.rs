@@ -9,7 +9,7 @@ use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// Samples of a row.
-const RESOLUTIONS: [usize; 10] = [4, 8, 16, 32, 64, 128, 256, 1024, 4096, 16384];
+const RESOLUTIONS: [usize; 12] = [2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 4096, 16384];
 /// The truth's.
 const FINEST: usize = 65536;
 /// Places along the value axis where tables are compared.
@@ -39,6 +39,9 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
         truth: "the same function in 65,536 samples",
         measure: "difference of colour or opacity, mean over the value axis",
         unit: "of 1",
+        counted: Some("samples"),
+        voxel_mm: None,
+        work: ("voxels", (size * size * size) as f64),
         settings: settings.into(),
     })
 }

@@ -3,11 +3,11 @@ use std::sync::Arc;
 use ivd_core::{Exec, Lattice};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 
-use super::inputs::{RADIUS_MM, ball, judged, root_mean_square};
+use super::inputs::{EDGE_MM, RADIUS_MM, ball, judged, root_mean_square};
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// Steps over the duration, and shares of the force below which a vertex passes none on.
-const STEPS: [u32; 7] = [32, 50, 100, 200, 400, 800, 1600];
+const STEPS: [u32; 8] = [32, 50, 100, 200, 400, 800, 1600, 3200];
 const EPSILONS: [f64; 5] = [1e-1, 1e-2, 1e-3, 1e-4, 0.0];
 /// The pull (mN).
 const FORCE_MN: f64 = 300.0;
@@ -18,7 +18,7 @@ const FINEST: f64 = 12_800.0;
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let lattice = Arc::new(ball(size / 2, exec)?);
     let defaults = RingParams::default();
-    let default_steps = 200;
+    let default_steps = ring(&lattice, &[pulled()], &[], &defaults, exec)?.steps as u32;
     let params = move |steps: f64, epsilon: f64| {
         let defaults = RingParams::default();
         RingParams { dt: Some(defaults.duration / steps), epsilon, ..defaults }
@@ -35,13 +35,17 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
         let knobs = [("steps", steps.to_string()), ("epsilon", epsilon.to_string())];
         Setting::new(knobs, default, move |exec| {
             let (found, moved) = displacements(&lattice, &params(f64::from(steps), epsilon), exec)?;
-            let finest = finest.clone();
+            let (finest, lattice) = (finest.clone(), lattice.clone());
             Ok(Box::new(move || {
                 let squares = found
                     .iter()
                     .zip(&*finest)
                     .map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>());
-                Ok(judged(root_mean_square(squares), [("vertices_moved", moved as f64)]))
+                let work = f64::from(steps) * springs(&lattice, &found) as f64;
+                Ok(judged(
+                    root_mean_square(squares),
+                    [("vertices_moved", moved as f64), ("steps × springs", work)],
+                ))
             }))
         })
     });
@@ -51,6 +55,9 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
         truth: "12,800 steps, every force passed on",
         measure: "difference of the vertices' displacements, root mean square",
         unit: "mm",
+        counted: Some("steps × springs"),
+        voxel_mm: Some(EDGE_MM / (size / 2) as f64),
+        work: ("springs", springs(&lattice, &finest) as f64),
         settings: settings.collect(),
     })
 }
@@ -66,12 +73,16 @@ fn displacements(
     Ok((frame.displacement.clone(), solved.vertices_moved))
 }
 
-/// A force on the ball's top, which rings pass on.
-fn pulled() -> Handle {
-    Handle { action: Action::Force([0.0, 0.0, FORCE_MN]), ..handle() }
+/// Edges of the lattice with an end that moves: what a time step works on.
+fn springs(lattice: &Lattice, displacement: &[[f64; 3]]) -> usize {
+    let moves = |v: u32| displacement[v as usize] != [0.0; 3];
+    let sides = lattice.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+    // Every edge is a side of two triangles, once in each direction.
+    sides.filter(|[a, b]| a < b && (moves(*a) || moves(*b))).count()
 }
 
-/// A motion of the ball's top.
-pub(super) fn handle() -> Handle {
-    Handle { at: HandleAt::Pick([0.0, 0.0, RADIUS_MM]), action: Action::Move([0.0, 0.0, 6.0]), radius: 50.0 }
+/// A force on the ball's top, which rings pass on.
+fn pulled() -> Handle {
+    let at = HandleAt::Pick([0.0, 0.0, RADIUS_MM]);
+    Handle { at, action: Action::Force([0.0, 0.0, FORCE_MN]), radius: 50.0 }
 }

@@ -9,8 +9,8 @@ use super::inputs::{judged, root_mean_square};
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// Steps (of the smallest spacing) and opacities at which rays end; above 1 none does.
-const STEPS: [f64; 7] = [0.125, 0.25, 0.5, 0.75, 1.0, 2.0, 4.0];
-const TERMINATIONS: [f64; 5] = [0.8, 0.95, 0.99, 0.9999, 2.0];
+const STEPS: [f64; 9] = [0.125, 0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0];
+const TERMINATIONS: [f64; 5] = [0.8, 0.95, 0.99, 0.999, 2.0];
 /// The truth's step.
 const FINEST: f64 = 0.03125;
 
@@ -22,12 +22,8 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
     let scene = Arc::new((volume, transfer));
     let finest = Arc::new(seen(&scene, FINEST, 2.0, exec)?);
     let defaults = RenderParams::default();
-    let by_step = STEPS.map(|step| (step, defaults.termination));
-    let by_end = TERMINATIONS.map(|end| (defaults.step, end));
-    let mut pairs: Vec<(f64, f64)> = by_step.into_iter().chain(by_end).collect();
-    pairs.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
-    pairs.dedup();
-    let settings = pairs.into_iter().map(|(step, termination)| {
+    let pairs = STEPS.into_iter().flat_map(|step| TERMINATIONS.map(|end| (step, end)));
+    let settings = pairs.map(|(step, termination)| {
         let (scene, finest) = (scene.clone(), finest.clone());
         let default = step == defaults.step && termination == defaults.termination;
         let knobs = [("step", step.to_string()), ("termination", termination.to_string())];
@@ -46,6 +42,9 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
         truth: "a step of 1/32 voxel, no ray ended early",
         measure: "difference of linear light, root mean square",
         unit: "of 1",
+        counted: Some("samples"),
+        voxel_mm: None,
+        work: ("pixels × voxels along an edge", (SIDE * SIDE * size) as f64),
         settings: settings.collect(),
     })
 }

@@ -8,7 +8,7 @@ use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// Numbers of classes.
-const CLASSES: [usize; 9] = [2, 3, 4, 6, 8, 12, 16, 32, 64];
+const CLASSES: [usize; 11] = [2, 3, 4, 6, 8, 12, 16, 32, 64, 128, 256];
 
 /// How well K classes stand for the values: the number of classes against their spread. The partition itself is exact.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
@@ -31,6 +31,9 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
         truth: "the voxels' own values",
         measure: "distance of a value from its class's mean, root mean square",
         unit: "grey value",
+        counted: None,
+        voxel_mm: None,
+        work: ("voxels", (size * size * size) as f64),
         settings: settings.into(),
     })
 }

@@ -37,6 +37,9 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     ] {
         ivd_pipeline::write_text(&file(name), &text)?;
     }
+    if let Some(folder) = &args.record {
+        record(&bench, args.stages.is_empty(), folder, context)?;
+    }
     let comparison = old.map(|old| ivd_bench::compare(&old, &bench));
     let object = json!({
         "out": args.out,
@@ -45,6 +48,23 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
         "comparison": comparison,
     });
     context.print(&object, || told(&bench, comparison.as_ref(), &file("bench.html")))
+}
+
+/// Keeps the fronts, and the times of a plain scene where that is wanted.
+fn record(bench: &Bench, scene: bool, folder: &Path, context: &Context) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| Failure::of(Fault::Io, format!("{}: can't be made: {e}", folder.display())))?;
+    let keep = |name: &str, text: serde_json::Result<String>| -> anyhow::Result<()> {
+        Ok(ivd_pipeline::write_text(&folder.join(format!("{name}.json")), &(text? + "\n")).map(|_| ())?)
+    };
+    for front in ivd_bench::fronts(bench) {
+        keep(&front.stage, serde_json::to_string_pretty(&front))?;
+    }
+    if scene {
+        let rates = ivd_bench::rates(bench.repeats, &context.exec).map_err(failed)?;
+        keep("stages", serde_json::to_string_pretty(&rates))?;
+    }
+    Ok(())
 }
 
 /// Reads an older bench.
