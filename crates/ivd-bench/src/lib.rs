@@ -39,6 +39,6 @@ pub use front::fronts;
 pub use page::page;
 pub use rates::rates;
 pub use record::{Bench, Point, StageBench};
-pub use stages::{NAMES, experiments};
-pub use sweep::{Options, Plant, run, sweep};
+pub use stages::{NAMES, experiments, given};
+pub use sweep::{Given, Options, Plant, run, sweep};
 pub use table::table;

@@ -469,6 +469,9 @@ pub(crate) struct Bench {
     /// An older bench.json of this machine: what changed beyond the noise.
     #[arg(long, value_name = "OLD.json")]
     pub(crate) compare: Option<PathBuf>,
+    /// A volume in place of the generated inputs: the stages whose truth is a finer result on the same volume.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["size", "record"])]
+    pub(crate) input: Option<PathBuf>,
     /// Voxels along the edge of the generated inputs; 128, with --quick 64.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=512).map(usize::from))]
     pub(crate) size: Option<usize>,

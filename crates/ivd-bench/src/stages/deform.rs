@@ -3,7 +3,7 @@ use std::sync::Arc;
 use ivd_core::{Exec, Lattice};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 
-use super::inputs::{EDGE_MM, RADIUS_MM, ball, judged, root_mean_square};
+use super::inputs::{RADIUS_MM, ball, judged, root_mean_square, voxel_mm};
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// Steps over the duration, and shares of the force below which a vertex passes none on.
@@ -17,24 +17,37 @@ const FINEST: f64 = 12_800.0;
 /// Time steps, and where forces end, against what a very short step gives.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let lattice = Arc::new(ball(size / 2, exec)?);
+    let input = format!("the lattice of a ball of 40 mm, {} vertices, pulled by 0.3 N", lattice.keys.len());
+    on(&lattice, pulled(), input, exec)
+}
+
+/// The same on any lattice.
+pub(super) fn on(
+    lattice: &Arc<Lattice>,
+    handle: Handle,
+    input: String,
+    exec: &Exec,
+) -> Result<Experiment, Problem> {
+    let handles = Arc::new([handle]);
     let defaults = RingParams::default();
-    let default_steps = ring(&lattice, &[pulled()], &[], &defaults, exec)?.steps as u32;
+    let default_steps = ring(lattice, &*handles, &[], &defaults, exec)?.steps as u32;
     let params = move |steps: f64, epsilon: f64| {
         let defaults = RingParams::default();
         RingParams { dt: Some(defaults.duration / steps), epsilon, ..defaults }
     };
-    let finest = Arc::new(displacements(&lattice, &params(FINEST, 0.0), exec)?.0);
+    let finest = Arc::new(displacements(lattice, &*handles, &params(FINEST, 0.0), exec)?.0);
     let by_steps = STEPS.map(|steps| (steps, defaults.epsilon));
     let by_epsilon = EPSILONS.map(|epsilon| (default_steps, epsilon));
     let mut pairs: Vec<(u32, f64)> = by_steps.into_iter().chain(by_epsilon).collect();
     pairs.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
     pairs.dedup();
     let settings = pairs.into_iter().map(|(steps, epsilon)| {
-        let (lattice, finest) = (lattice.clone(), finest.clone());
+        let (lattice, finest, handles) = (lattice.clone(), finest.clone(), handles.clone());
         let default = steps == default_steps && epsilon == defaults.epsilon;
         let knobs = [("steps", steps.to_string()), ("epsilon", epsilon.to_string())];
         Setting::new(knobs, default, move |exec| {
-            let (found, moved) = displacements(&lattice, &params(f64::from(steps), epsilon), exec)?;
+            let (found, moved) =
+                displacements(&lattice, &*handles, &params(f64::from(steps), epsilon), exec)?;
             let (finest, lattice) = (finest.clone(), lattice.clone());
             Ok(Box::new(move || {
                 let squares = found
@@ -51,13 +64,13 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
     });
     Ok(Experiment {
         stage: "deform",
-        input: format!("the lattice of a ball of 40 mm, {} vertices, pulled by 0.3 N", lattice.keys.len()),
+        input,
         truth: "12,800 steps, every force passed on",
         measure: "difference of the vertices' displacements, root mean square",
         unit: "mm",
         counted: Some("steps × springs"),
-        voxel_mm: Some(EDGE_MM / (size / 2) as f64),
-        work: ("springs", springs(&lattice, &finest) as f64),
+        voxel_mm: Some(voxel_mm(&lattice.grid)),
+        work: ("springs", springs(lattice, &finest) as f64),
         settings: settings.collect(),
     })
 }
@@ -65,10 +78,11 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
 /// Displacement of every vertex (mm), and how many move.
 fn displacements(
     lattice: &Lattice,
+    handles: &[Handle],
     params: &RingParams,
     exec: &Exec,
 ) -> Result<(Vec<[f64; 3]>, usize), Problem> {
-    let solved = ring(lattice, &[pulled()], &[], params, exec)?;
+    let solved = ring(lattice, handles, &[], params, exec)?;
     let frame = solved.motion.frames.last().ok_or("a motion without frames")?;
     Ok((frame.displacement.clone(), solved.vertices_moved))
 }

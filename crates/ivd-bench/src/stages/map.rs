@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use ivd_boundary::{ClassChoice, component};
-use ivd_core::{Displacement, Exec, Lattice};
+use ivd_core::{Displacement, Exec, Lattice, Volume};
 use ivd_deform::map::{MapParams, Mapped, octree};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
@@ -10,21 +10,35 @@ use ivd_pipeline::budget::{LEVELS, target};
 use ivd_segment::{KmvsParams, kmvs};
 use ivd_volume::phantom;
 
-use super::inputs::{judged, root_mean_square};
+use super::inputs::{judged, root_mean_square, voxel_mm};
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// How coarse the lattice is that carries the voxels against what the whole one gives: solver and map on each level.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     // A smaller head has no part worth a lattice.
     let size = (size / 2).max(32);
-    let (whole, handle) = (part(size, exec)?, push(size));
+    let volume = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, exec)?.volume;
+    let words = format!("the densest part of a head phantom of {size}³ voxels, pushed by {PUSH} of its edge");
+    on(&part(&volume, exec)?, &push(size), words, exec)
+}
+
+/// The same on any lattice.
+pub(super) fn on(
+    whole: &Lattice,
+    handle: &Handle,
+    input: String,
+    exec: &Exec,
+) -> Result<Experiment, Problem> {
+    let Action::Move(by) = handle.action else { return Err("a motion is needed".into()) };
+    let push_mm = by.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let voxel = voxel_mm(&whole.grid);
     let mut lattices = Vec::new();
     for level in LEVELS {
         let params = RefineParams { target: target(level), ..RefineParams::default() };
-        let refined = collapse(&whole, &params, exec)?;
+        let refined = collapse(whole, &params, exec)?;
         lattices.push((level, Arc::new(refined.lattice), refined.max_error_mm));
     }
-    let finest = mapped(&whole, &handle, exec)?;
+    let finest = mapped(whole, handle, exec)?;
     let reached = finest.voxels_moved as f64;
     let finest = Arc::new(finest.displacement);
     let settings = lattices.into_iter().map(|(level, lattice, bound)| {
@@ -40,7 +54,7 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
                     ("voxels_moved", found.voxels_moved as f64),
                     ("bound_mm", bound),
                     ("max_mm", most),
-                    ("push_mm", PUSH * size as f64),
+                    ("push_mm", push_mm),
                 ];
                 Ok(judged(error, counters))
             }))
@@ -48,12 +62,12 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
     });
     Ok(Experiment {
         stage: "map",
-        input: format!("the densest part of a head phantom of {size}³ voxels, pushed by {PUSH} of its edge"),
+        input,
         truth: "the unrefined lattice",
         measure: "difference of the voxels' displacements where one moves, root mean square",
         unit: "mm",
         counted: None,
-        voxel_mm: Some(1.0),
+        voxel_mm: Some(voxel),
         work: ("voxels in reach", reached),
         settings: settings.collect(),
     })
@@ -62,18 +76,17 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
 /// The handle's motion as a fraction of the volume's edge.
 const PUSH: f64 = 0.06;
 
-/// The lattice of the head's densest class.
-fn part(size: usize, exec: &Exec) -> Result<Lattice, Problem> {
-    let volume = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, exec)?.volume;
-    let labels = kmvs(&volume, None, &KmvsParams::default(), exec)?.labels;
+/// The lattice of a volume's densest class, its largest part.
+pub(super) fn part(volume: &Volume, exec: &Exec) -> Result<Lattice, Problem> {
+    let labels = kmvs(volume, None, &KmvsParams::default(), exec)?.labels;
     let params =
         ivd_boundary::Params { class: Some(ClassChoice::Densest), ..ivd_boundary::Params::default() };
-    let part = component(&volume, Some(&labels), &params, exec)?;
+    let part = component(volume, Some(&labels), &params, exec)?;
     let iso = match (part.lower, part.upper) {
         (None, None) => Iso::Mask,
         (lower, upper) => Iso::Interval { lower, upper },
     };
-    Ok(extract(&volume, Some(&part.mask), &ExtractParams { iso }, exec)?.lattice)
+    Ok(extract(volume, Some(&part.mask), &ExtractParams { iso }, exec)?.lattice)
 }
 
 /// A push at the part's front.

@@ -1,10 +1,10 @@
 use std::sync::Arc;
 
-use ivd_core::Exec;
+use ivd_core::{Exec, Lattice};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_pipeline::budget::{LEVELS, target};
 
-use super::inputs::{EDGE_MM, ball, judged};
+use super::inputs::{ball, judged, voxel_mm};
 use super::lattice::distance;
 use crate::experiment::{Experiment, Problem, Setting};
 
@@ -17,6 +17,16 @@ const TRIED: [f64; 3] = [1.0, 2.0, 3.0];
 /// How collapses are chosen against the distance from the ball, for each level asked for.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let lattice = Arc::new(ball(size, exec)?);
+    let input =
+        format!("the lattice of a ball of 40 mm, {size}³ voxels, {} triangles", lattice.triangles.len());
+    Ok(on(&lattice, input, "the ball", Arc::new(|found, _| Ok(distance(found)))))
+}
+
+/// How far a refined lattice is from the truth (mm).
+pub(super) type Measure = Arc<dyn Fn(&Lattice, &Exec) -> Result<f64, Problem>>;
+
+/// The same on any lattice, with its measure.
+pub(super) fn on(lattice: &Arc<Lattice>, input: String, truth: &'static str, measure: Measure) -> Experiment {
     let defaults = RefineParams::default();
     let mut settings = Vec::new();
     for level in LEVELS {
@@ -28,35 +38,33 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
                 ("shape_weight", shape_weight.to_string()),
                 ("max_turn_degrees", max_turn_degrees.to_string()),
             ];
-            let lattice = lattice.clone();
+            let (lattice, measure) = (lattice.clone(), measure.clone());
             let setting = Setting::new(knobs, default, move |exec| {
                 let found = collapse(&lattice, &params, exec)?;
+                let (measure, exec) = (measure.clone(), exec.clone());
                 Ok(Box::new(move || {
                     let counters = [
                         ("triangles", found.lattice.triangles.len() as f64),
                         ("bound_mm", found.max_error_mm),
                         ("passes", f64::from(found.passes)),
                     ];
-                    Ok(judged(distance(&found.lattice), counters))
+                    Ok(judged(measure(&found.lattice, &exec)?, counters))
                 }))
             });
             settings.push(setting.of_task(format!("level {level}")));
         }
     }
-    Ok(Experiment {
+    Experiment {
         stage: "refine",
-        input: format!(
-            "the lattice of a ball of 40 mm, {size}³ voxels, {} triangles",
-            lattice.triangles.len()
-        ),
-        truth: "the ball",
-        measure: "distance of the triangles' middles from the ball, root mean square",
+        input,
+        truth,
+        measure: "distance of the triangles' middles from the truth, root mean square",
         unit: "mm",
         counted: None,
-        voxel_mm: Some(EDGE_MM / size as f64),
+        voxel_mm: Some(voxel_mm(&lattice.grid)),
         work: ("triangles", lattice.triangles.len() as f64),
         settings,
-    })
+    }
 }
 
 /// Weights and turns that are tried at a level.

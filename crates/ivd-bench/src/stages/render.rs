@@ -17,9 +17,15 @@ const FINEST: f64 = 0.03125;
 /// The step, and the opacity at which a ray ends, against what a very short step gives.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let volume = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, exec)?.volume;
-    let labels = kmvs(&volume, None, &KmvsParams::default(), exec)?.labels;
-    let transfer = ivd_atf::transfer(&volume, &labels, &ivd_atf::Params::default(), exec)?.transfer;
-    let scene = Arc::new((volume, transfer));
+    on(&Arc::new(volume), format!("head phantom of {size}³ voxels, u8, shaded, {SIDE}² pixels"), exec)
+}
+
+/// The same on any volume.
+pub(super) fn on(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, Problem> {
+    let edge = (volume.grid().len() as f64).cbrt();
+    let labels = kmvs(volume, None, &KmvsParams::default(), exec)?.labels;
+    let transfer = ivd_atf::transfer(volume, &labels, &ivd_atf::Params::default(), exec)?.transfer;
+    let scene = Arc::new((volume.clone(), transfer));
     let finest = Arc::new(seen(&scene, FINEST, 2.0, exec)?);
     let defaults = RenderParams::default();
     let pairs = STEPS.into_iter().flat_map(|step| TERMINATIONS.map(|end| (step, end)));
@@ -38,13 +44,13 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
     });
     Ok(Experiment {
         stage: "render",
-        input: format!("head phantom of {size}³ voxels, u8, shaded, {SIDE}² pixels"),
+        input,
         truth: "a step of 1/32 voxel, no ray ended early",
         measure: "difference of linear light, root mean square",
         unit: "of 1",
         counted: Some("samples"),
         voxel_mm: None,
-        work: ("pixels × voxels along an edge", (SIDE * SIDE * size) as f64),
+        work: ("pixels × voxels along an edge", (SIDE * SIDE) as f64 * edge),
         settings: settings.collect(),
     })
 }
@@ -53,7 +59,7 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
 const SIDE: usize = 192;
 
 fn seen(
-    scene: &(Volume, TransferFunction),
+    scene: &(Arc<Volume>, TransferFunction),
     step: f64,
     termination: f64,
     exec: &Exec,

@@ -2,11 +2,14 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 
-use ivd_bench::{Bench, Comparison, Options, Plant};
+use ivd_artefact::{Artefact, Cache};
+use ivd_bench::{Bench, Comparison, Given, Options, Plant};
 use ivd_core::Fault;
 use serde_json::json;
 
+use super::volume::volume_or_artefact;
 use crate::args::{Bench as Args, Planted};
 use crate::context::Context;
 use crate::exit::Failure;
@@ -18,6 +21,7 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
         size: args.size.unwrap_or(standard.size),
         repeats: args.repeats.unwrap_or(standard.repeats),
         stages: args.stages.clone(),
+        input: args.input.as_deref().map(|path| given(path, context)).transpose()?,
         plant: args.plant.map(|plant| match plant {
             Planted::Slow => Plant::Slow,
             Planted::Inexact => Plant::Inexact,
@@ -48,6 +52,20 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
         "comparison": comparison,
     });
     context.print(&object, || told(&bench, comparison.as_ref(), &file("bench.html")))
+}
+
+/// A volume to bench on, by its file's name.
+fn given(path: &Path, context: &Context) -> anyhow::Result<Given> {
+    let input = volume_or_artefact(path, &Cache::disabled(), context)?;
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    match input.artefact.as_ref() {
+        Artefact::Volume(volume) => Ok(Given { name, volume: Arc::new(volume.clone()) }),
+        other => {
+            let problem =
+                format!("--input {}: a {} artefact; give a volume", path.display(), other.kind().name());
+            Err(Failure::usage(problem))
+        }
+    }
 }
 
 /// Keeps the fronts, and the times of a plain scene where that is wanted.
