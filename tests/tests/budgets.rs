@@ -72,7 +72,10 @@ fn a_time_that_the_wish_is_predicted_to_miss_makes_settings_coarser_and_says_so(
     let slow = Budget { slowness: Some(1e6), ..time(3600.0) };
     let bench = Bench::new(HEAD);
     let wish = bench.run(&[]).unwrap();
-    let found = Bench::new(HEAD).run_with(&[], &with(slow.clone()), &Exec::default()).unwrap();
+    let coarse = Bench::new(&format!("{HEAD}report = true\n"));
+    let found = coarse.run_with(&[], &with(slow.clone()), &Exec::default()).unwrap();
+    let page = std::fs::read_to_string(coarse.out("report.html")).unwrap();
+    assert!(page.contains("budget: refine.level: 2 → "));
     let budget = found.budget.as_ref().unwrap();
     let moved: Vec<(&str, &str)> =
         budget.choices.iter().map(|c| (c.stage.as_str(), c.knob.as_str())).collect();

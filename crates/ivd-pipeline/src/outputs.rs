@@ -136,6 +136,11 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
+    /// Lines that the report shows of the budget.
+    pub(crate) fn tell(&mut self, lines: Vec<String>) {
+        self.material.budget = lines;
+    }
+
     /// Keeps what the report shows of a result: small things only.
     fn collect(&mut self, id: NodeId, done: &Done) {
         match done.artefact.as_ref() {
@@ -210,7 +215,7 @@ impl<'a> Writer<'a> {
             return Ok(record);
         }
         let start = Instant::now();
-        let source = report_source(self.scene, stages);
+        let source = report_source(self.scene, stages, &self.material.budget);
         let name = Path::new("report.html");
         if force {
             let _ = std::fs::remove_file(self.out.join(name));
@@ -274,7 +279,7 @@ fn deformed_lattice(rest: &Artefact, motion: &Artefact, to: &Path) -> Result<boo
 }
 
 /// Hash of everything that a report shows but times.
-fn report_source(scene: &Scene, stages: &[StageRecord]) -> String {
+fn report_source(scene: &Scene, stages: &[StageRecord], budget: &[String]) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&report::REVISION.to_le_bytes());
     hasher.update(serde_json::to_string(scene).expect("scenes serialise").as_bytes());
@@ -282,6 +287,9 @@ fn report_source(scene: &Scene, stages: &[StageRecord]) -> String {
         hasher.update(record.stage.as_bytes());
         hasher.update(record.params.to_string().as_bytes());
         hasher.update(record.output.as_ref().map_or("", |o| &o.hash).as_bytes());
+    }
+    for line in budget {
+        hasher.update(line.as_bytes());
     }
     hasher.finalize().to_hex().to_string()
 }

@@ -279,7 +279,9 @@ impl Pilot<'_> {
         self.report.error_parts = trial.parts.iter().map(|(name, mm)| ((*name).to_owned(), *mm)).collect();
         let setting = self.setting_of(candidate.level, candidate.steps);
         self.take(plan, |_| true, &setting)?;
-        let why = format!("as the cheapest that was predicted to stay within {most} mm and does, with {error:.4} mm");
+        let why = format!(
+            "as the cheapest that was predicted to stay within {most} mm and does, with {error:.4} mm"
+        );
         for knob in [Knob::Level, Knob::Steps] {
             self.because(knob, &why, exec);
         }

@@ -140,7 +140,10 @@ mod tests {
         let (mut model, wish) = (model(), wish());
         let [segment, render] = ["segment", "render after"].map(|rate| model.seconds(rate, &wish));
         model.learn("import", &wish, 9.0 * model.seconds("import", &wish));
-        assert!((model.seconds("render after", &wish) - render).abs() < 1e-9, "a volume may come from anywhere");
+        assert!(
+            (model.seconds("render after", &wish) - render).abs() < 1e-9,
+            "a volume may come from anywhere"
+        );
         model.learn("segment", &wish, 2.0 * segment);
         let learnt = model.seconds("render after", &wish) / render;
         assert!(learnt > 1.0 && learnt < 1.1, "{learnt}: a short stage says little");

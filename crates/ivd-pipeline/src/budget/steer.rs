@@ -106,6 +106,11 @@ impl<'a> Pilot<'a> {
         }
     }
 
+    /// What was chosen so far, and the error that was measured, a line each.
+    pub(crate) fn told(&self) -> Vec<String> {
+        BudgetReport { choices: self.choices(), max_time_s: None, ..self.report.clone() }.told()
+    }
+
     /// What the run is told to have been, at its end.
     ///
     /// # Errors
