@@ -35,6 +35,10 @@ interop:
 bench *args="":
     cargo run --release -- bench {{args}}
 
+# The record that defaults are held to and budgets choose by, made again; the machine should have nothing else to do.
+fronts *args="":
+    cargo run --release -- bench --size 128 --repeats 7 --record fixtures/fronts {{args}}
+
 # Kernel benches.
 kernels *args="":
     cargo bench --workspace {{args}}

@@ -71,6 +71,12 @@ pub struct Experiment {
     pub measure: &'static str,
     /// Its unit.
     pub unit: &'static str,
+    /// The counter that tells what a setting costs, where work is counted; without it that is processor time.
+    pub counted: Option<&'static str>,
+    /// Edge of the input's voxels (mm), where the error is a length.
+    pub voxel_mm: Option<f64>,
+    /// The input's amount of work: what is counted, and how many.
+    pub work: (&'static str, f64),
     /// The settings.
     pub settings: Vec<Setting>,
 }

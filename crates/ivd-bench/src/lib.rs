@@ -5,7 +5,7 @@
 //! processor time (median and spread), peak memory, counters and error of every point, and which points no other beats in both processor
 //! time and error (the front).
 //!
-//! [`compare`] holds a bench against an older one of the same machine; [`page`] and [`table`] write it down.
+//! [`fronts`] and [`rates`] write down what a bench found, for the checks of the defaults and for budgets. [`compare`] holds a bench against an older one of the same machine; [`page`] and [`table`] write it down.
 //!
 //! ```
 //! use ivd_bench::{Options, run};
@@ -26,8 +26,10 @@
 mod compare;
 mod error;
 mod experiment;
+mod front;
 mod page;
 mod plot;
+mod rates;
 mod record;
 mod scenes;
 mod stages;
@@ -37,9 +39,11 @@ mod table;
 pub use compare::{Change, Comparison, compare};
 pub use error::Error;
 pub use experiment::{Experiment, Judge, Judgement, Knobs, Problem, Setting, Work};
+pub use front::fronts;
 pub use page::page;
-pub use record::{Bench, Point, Spread, StageBench};
+pub use rates::rates;
+pub use record::{Bench, Point, StageBench};
 pub use scenes::{ScalePoint, SceneBench, SkipRow, scaling, scenes, scenes_page, skipping};
-pub use stages::{NAMES, experiments};
-pub use sweep::{Options, Plant, run, sweep};
+pub use stages::{NAMES, experiments, given};
+pub use sweep::{Given, Options, Plant, run, sweep};
 pub use table::table;

@@ -1,5 +1,6 @@
 use std::collections::BTreeMap;
 
+use ivd_pipeline::fronts::{Spread, Work};
 use serde::{Deserialize, Serialize};
 
 use crate::Knobs;
@@ -34,6 +35,15 @@ pub struct StageBench {
     pub measure: String,
     /// Its unit.
     pub unit: String,
+    /// The counter that tells what a point costs, where work is counted; without it that is processor time.
+    #[serde(default)]
+    pub counted: Option<String>,
+    /// Edge of the input's voxels (mm), where the error is a length.
+    #[serde(default)]
+    pub voxel_mm: Option<f64>,
+    /// The input's amount of work.
+    #[serde(default)]
+    pub work: Work,
     /// The points.
     pub points: Vec<Point>,
 }
@@ -75,27 +85,6 @@ pub(crate) fn label(task: &str, knobs: &Knobs) -> String {
     let knobs = knobs.iter().map(|(name, value)| format!("{name} {value}"));
     let task = (!task.is_empty()).then(|| task.to_owned());
     task.into_iter().chain(knobs).collect::<Vec<_>>().join(", ")
-}
-
-/// Times of several runs (s).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Spread {
-    /// The shortest.
-    pub least: f64,
-    /// The one in the middle.
-    pub median: f64,
-    /// The longest.
-    pub most: f64,
-}
-
-impl Spread {
-    /// Of at least one time.
-    pub fn of(times: &[f64]) -> Self {
-        let mut sorted = times.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        Self { least: sorted[0], median: sorted[sorted.len() / 2], most: sorted[sorted.len() - 1] }
-    }
 }
 
 impl StageBench {
@@ -146,6 +135,9 @@ pub(crate) mod tests {
             truth: word("a short step"),
             measure: word("difference"),
             unit: word("of 1"),
+            counted: None,
+            voxel_mm: None,
+            work: Work::default(),
             points,
         };
         stage.mark_front();

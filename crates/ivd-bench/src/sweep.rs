@@ -1,15 +1,17 @@
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
-use ivd_core::Exec;
+use ivd_core::{Exec, Volume};
+use ivd_pipeline::fronts::{Spread, Work};
 use ivd_pipeline::resource;
 
 use crate::experiment::{Experiment, Judgement, Setting};
-use crate::record::{Bench, Point, Spread, StageBench};
-use crate::{Error, NAMES, experiments};
+use crate::record::{Bench, Point, StageBench};
+use crate::{Error, NAMES, experiments, given};
 
 /// What is swept.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Options {
     /// Voxels along the edge of the generated inputs, at least 16.
     pub size: usize,
@@ -17,6 +19,8 @@ pub struct Options {
     pub repeats: usize,
     /// The stages; empty for all.
     pub stages: Vec<String>,
+    /// A volume in place of the generated inputs.
+    pub input: Option<Given>,
     /// A fault to be found by whoever compares; for tests of the harness.
     #[doc(hidden)]
     pub plant: Option<Plant>,
@@ -24,7 +28,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { size: 128, repeats: 5, stages: Vec::new(), plant: None }
+        Self { size: 128, repeats: 5, stages: Vec::new(), input: None, plant: None }
     }
 }
 
@@ -33,6 +37,15 @@ impl Options {
     pub fn quick() -> Self {
         Self { size: 64, repeats: 3, ..Self::default() }
     }
+}
+
+/// A volume to bench on.
+#[derive(Debug, Clone)]
+pub struct Given {
+    /// What it is called.
+    pub name: String,
+    /// The volume.
+    pub volume: Arc<Volume>,
 }
 
 /// A fault put in on purpose.
@@ -57,7 +70,7 @@ pub fn run(options: &Options, exec: &Exec) -> Result<Bench, Error> {
     let mut stages = Vec::new();
     for name in NAMES {
         if options.stages.is_empty() || options.stages.iter().any(|s| s == name) {
-            for experiment in experiments(name, options.size.max(16), exec)? {
+            for experiment in made(name, options, exec)? {
                 stages.push(sweep(&experiment, options, exec)?);
             }
         }
@@ -69,6 +82,17 @@ pub fn run(options: &Options, exec: &Exec) -> Result<Bench, Error> {
         repeats: options.repeats.max(1),
         stages,
     })
+}
+
+/// The experiments of a stage on the input that is asked for.
+fn made(stage: &str, options: &Options, exec: &Exec) -> Result<Vec<Experiment>, Error> {
+    let Some(input) = &options.input else { return experiments(stage, options.size.max(16), exec) };
+    let found = given(stage, input, exec)?;
+    if found.is_none() {
+        let problem = "its truth is a formula that no given volume has; it is left out";
+        exec.observer().note(&format!("{stage}: {problem}"));
+    }
+    Ok(found.into_iter().collect())
 }
 
 /// What a setting took and gave.
@@ -113,6 +137,9 @@ pub fn sweep(experiment: &Experiment, options: &Options, exec: &Exec) -> Result<
         truth: experiment.truth.to_owned(),
         measure: experiment.measure.to_owned(),
         unit: experiment.unit.to_owned(),
+        counted: experiment.counted.map(str::to_owned),
+        voxel_mm: experiment.voxel_mm,
+        work: Work { what: experiment.work.0.to_owned(), amount: experiment.work.1 },
         points: points.collect(),
     };
     stage.mark_front();

@@ -433,6 +433,13 @@ pub(crate) struct Pipeline {
     /// Tell what would run, and do nothing.
     #[arg(long)]
     pub(crate) dry_run: bool,
+    /// Wall time that the run may take (s): settings are chosen to keep it, and at the deadline the run ends with code 4.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub(crate) max_time: Option<f64>,
+    /// Error that the result may have (mm), against the unrefined lattice: settings are chosen, measured and made finer
+    /// until it holds, else the run ends with code 4.
+    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+    pub(crate) max_error: Option<f64>,
 }
 
 /// What to do with the cache.
@@ -466,12 +473,19 @@ pub(crate) struct Bench {
     /// An older bench.json of this machine: what changed beyond the noise.
     #[arg(long, value_name = "OLD.json")]
     pub(crate) compare: Option<PathBuf>,
+    /// A volume in place of the generated inputs: the stages whose truth is a finer result on the same volume.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["size", "record"])]
+    pub(crate) input: Option<PathBuf>,
     /// Voxels along the edge of the generated inputs; 128, with --quick 64.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=512).map(usize::from))]
     pub(crate) size: Option<usize>,
     /// Times that every setting is timed; 5, with --quick 3.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
     pub(crate) repeats: Option<usize>,
+    /// Keeps the fronts for the checks of the defaults and for budgets: a file a stage, and stages.json with the times of a
+    /// plain scene where every stage is swept.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) record: Option<PathBuf>,
     /// A fault for --compare to find; for tests.
     #[arg(long, value_enum, hide = true)]
     pub(crate) plant: Option<Planted>,

@@ -45,6 +45,9 @@ pub enum Error {
     /// The caller asked to stop through [`crate::Cancel`].
     #[error("cancelled")]
     Cancelled,
+    /// The deadline of [`crate::Cancel::until`] has passed.
+    #[error("the time given is up")]
+    Deadline,
     /// The work would need more memory than [`crate::Exec::memory_limit`] allows.
     #[error(
         "{what} needs {needed} bytes, more than the memory limit of {limit} bytes; raise --memory-limit or crop the volume"
@@ -92,7 +95,7 @@ impl Error {
     pub fn fault(&self) -> Fault {
         match self {
             Self::Cancelled => Fault::Cancelled,
-            Self::MemoryLimit { .. } => Fault::Limit,
+            Self::MemoryLimit { .. } | Self::Deadline => Fault::Limit,
             Self::Param(_) | Self::GridMismatch { .. } => Fault::Usage,
             Self::Grid(_) | Self::Inconsistent { .. } => Fault::Input,
         }

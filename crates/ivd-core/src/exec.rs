@@ -1,6 +1,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 use crate::Error;
 
@@ -14,19 +15,39 @@ pub enum Backend {
     Gpu,
 }
 
-/// A flag that stops running work at its next check. Clones share the flag.
+/// A flag that stops running work at its next check, and perhaps a time at which it stops by itself. Clones share the flag.
 #[derive(Debug, Clone, Default)]
-pub struct Cancel(Arc<AtomicBool>);
+pub struct Cancel {
+    asked: Arc<AtomicBool>,
+    deadline: Option<Instant>,
+}
 
 impl Cancel {
     /// Asks the work to stop.
     pub fn cancel(&self) {
-        self.0.store(true, Ordering::Relaxed);
+        self.asked.store(true, Ordering::Relaxed);
+    }
+
+    /// The same flag with a deadline: work that looks at it stops when either comes. The flag itself stays as it is, so
+    /// that whoever owns it can go on afterwards.
+    #[must_use]
+    pub fn until(&self, deadline: Instant) -> Self {
+        Self { asked: self.asked.clone(), deadline: Some(deadline) }
+    }
+
+    /// Whether a stop was asked for, or the time is up.
+    pub fn is_cancelled(&self) -> bool {
+        self.is_asked() || self.is_late()
     }
 
     /// Whether a stop was asked for.
-    pub fn is_cancelled(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+    pub fn is_asked(&self) -> bool {
+        self.asked.load(Ordering::Relaxed)
+    }
+
+    /// Whether there is a deadline and it has passed.
+    pub fn is_late(&self) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
 }
 
@@ -138,6 +159,13 @@ impl Exec {
         self
     }
 
+    /// Work that stops at `deadline` at the latest; whoever holds the flag of `self` can still stop it sooner.
+    #[must_use]
+    pub fn with_deadline(mut self, deadline: Instant) -> Self {
+        self.cancel = self.cancel.until(deadline);
+        self
+    }
+
     /// Runs `work` so that rayon inside it uses this context's threads. Stage functions wrap their body in it.
     pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match &self.pool {
@@ -157,9 +185,13 @@ impl Exec {
     }
 
     /// # Errors
-    /// [`Error::Cancelled`] once a stop was asked for.
+    /// [`Error::Cancelled`] once a stop was asked for, [`Error::Deadline`] once the time is up.
     pub fn check_cancelled(&self) -> Result<(), Error> {
-        if self.cancel.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
+        match &self.cancel {
+            cancel if cancel.is_asked() => Err(Error::Cancelled),
+            cancel if cancel.is_late() => Err(Error::Deadline),
+            _ => Ok(()),
+        }
     }
 
     /// Call before a large allocation.
@@ -171,5 +203,26 @@ impl Exec {
             Some(limit) if needed > limit => Err(Error::MemoryLimit { what: what.to_owned(), needed, limit }),
             _ => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn a_deadline_stops_the_work_that_has_it_and_leaves_the_flag_alone() {
+        let whole = Exec::default();
+        let now = Instant::now();
+        let late = whole.clone().with_deadline(now);
+        assert_eq!(late.check_cancelled(), Err(Error::Deadline));
+        assert_eq!(whole.check_cancelled(), Ok(()));
+        let early = whole.clone().with_deadline(now + Duration::from_secs(3600));
+        assert_eq!(early.check_cancelled(), Ok(()));
+        // Whoever interrupts is heard first: the two end in different exit codes.
+        whole.cancel.cancel();
+        assert_eq!(late.check_cancelled(), Err(Error::Cancelled));
+        assert_eq!(early.check_cancelled(), Err(Error::Cancelled));
     }
 }

@@ -44,6 +44,9 @@ pub enum Error {
     /// A volume that was read in parts isn't what its file's hashes say: what was made from it is thrown away.
     #[error("{0}")]
     Damaged(String),
+    /// A budget of time or error could not be kept.
+    #[error("{0}")]
+    Budget(String),
     /// A file could not be read or written.
     #[error("{action} {}: {source}", path.display())]
     Io {
@@ -65,6 +68,7 @@ impl Error {
             Self::Artefact(error) => error.fault(),
             Self::Core(error) => error.fault(),
             Self::Damaged(_) => Fault::Input,
+            Self::Budget(_) => Fault::Limit,
             Self::Io { .. } => Fault::Io,
         }
     }

@@ -31,9 +31,11 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod budget;
 mod compare;
 mod error;
 mod export;
+pub mod fronts;
 mod outputs;
 mod pipeline;
 pub mod plan;
@@ -44,6 +46,7 @@ pub mod scene;
 mod stage;
 pub mod stages;
 
+pub use budget::{Budget, BudgetReport, Choice};
 pub use compare::compare;
 pub use error::Error;
 pub use export::{describe, ending, export, labels_volume, mask_volume, png_bytes, write_text};

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use ivd_artefact::Artefact;
 use ivd_core::Exec;
@@ -36,6 +37,9 @@ pub struct OutputFile {
     /// Whether this run wrote it; false where it already was as it should be.
     #[serde(skip_deserializing)]
     pub written: bool,
+    /// Wall time (s) of writing it, or of finding it as it should be; told in no file.
+    #[serde(skip)]
+    pub wall_s: f64,
 }
 
 /// What the last run into a folder did.
@@ -132,6 +136,11 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
+    /// Lines that the report shows of the budget.
+    pub(crate) fn tell(&mut self, lines: Vec<String>) {
+        self.material.budget = lines;
+    }
+
     /// Keeps what the report shows of a result: small things only.
     fn collect(&mut self, id: NodeId, done: &Done) {
         match done.artefact.as_ref() {
@@ -153,6 +162,7 @@ impl<'a> Writer<'a> {
         source: &str,
         write: impl FnOnce(&Path, &Exec) -> Result<bool, Error>,
     ) -> Result<(), Error> {
+        let start = Instant::now();
         let full = self.out.join(path);
         let source = format!("{EXPORT_REVISION} {source}");
         let old =
@@ -167,7 +177,14 @@ impl<'a> Writer<'a> {
             let written = write(&full, self.exec)?;
             (hash_output(&full).map_err(|e| Error::io("reading back", &full, e))?, written)
         };
-        self.files.push(OutputFile { name: name.to_owned(), path: full, source, blake3, written });
+        self.files.push(OutputFile {
+            name: name.to_owned(),
+            path: full,
+            source,
+            blake3,
+            written,
+            wall_s: start.elapsed().as_secs_f64(),
+        });
         Ok(())
     }
 
@@ -198,8 +215,8 @@ impl<'a> Writer<'a> {
         if !self.scene.output.report {
             return Ok(record);
         }
-        let start = std::time::Instant::now();
-        let source = report_source(self.scene, stages);
+        let start = Instant::now();
+        let source = report_source(self.scene, stages, &self.material.budget);
         let name = Path::new("report.html");
         if force {
             let _ = std::fs::remove_file(self.out.join(name));
@@ -267,7 +284,7 @@ fn deformed_lattice(rest: &Artefact, motion: &Artefact, to: &Path) -> Result<boo
 }
 
 /// Hash of everything that a report shows but times.
-fn report_source(scene: &Scene, stages: &[StageRecord]) -> String {
+fn report_source(scene: &Scene, stages: &[StageRecord], budget: &[String]) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&report::REVISION.to_le_bytes());
     hasher.update(serde_json::to_string(scene).expect("scenes serialise").as_bytes());
@@ -275,6 +292,9 @@ fn report_source(scene: &Scene, stages: &[StageRecord]) -> String {
         hasher.update(record.stage.as_bytes());
         hasher.update(record.params.to_string().as_bytes());
         hasher.update(record.output.as_ref().map_or("", |o| &o.hash).as_bytes());
+    }
+    for line in budget {
+        hasher.update(line.as_bytes());
     }
     hasher.finalize().to_hex().to_string()
 }

@@ -8,6 +8,7 @@ use ivd_artefact::Cache;
 use ivd_core::Exec;
 use serde::{Deserialize, Serialize};
 
+use crate::budget::{Budget, BudgetReport, Pilot};
 use crate::outputs::{Manifest, OutputFile, Writer};
 use crate::plan::{NodeId, Plan, PlanNode, stage_names};
 use crate::runner::{Done, Runner, StageRecord, State};
@@ -27,6 +28,8 @@ pub struct PipelineOptions {
     pub force: BTreeSet<String>,
     /// Tell what would be done, without doing it.
     pub dry_run: bool,
+    /// What the run may take, and how far its result may be off.
+    pub budget: Budget,
 }
 
 /// What a run of a scene did: the object that `ivd pipeline --json` prints.
@@ -38,6 +41,9 @@ pub struct PipelineReport {
     pub outputs: Vec<OutputFile>,
     /// Wall time (s).
     pub wall_s: f64,
+    /// What the budget did, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget: Option<BudgetReport>,
 }
 
 /// Runs a scene.
@@ -52,25 +58,31 @@ pub fn run(
     cache: &Cache,
     exec: &Exec,
 ) -> Result<PipelineReport, Error> {
-    match walk(loaded, options, Runner { exec, cache, lazy: true }) {
+    let start = Instant::now();
+    match attempt(loaded, options, start, Runner { exec, cache, lazy: true }) {
         Err(Error::Damaged(problem)) => {
             // Verified whole, the damaged entry shows before anything is made from it, and is made again.
             tracing::warn!(problem, "a cached volume is damaged; the scene is run again");
-            walk(loaded, options, Runner { exec, cache, lazy: false })
+            attempt(loaded, options, start, Runner { exec, cache, lazy: false })
         }
         answer => answer,
     }
 }
 
-/// Walks a scene's graph once.
-fn walk(loaded: &Loaded, options: &PipelineOptions, runner: Runner<'_>) -> Result<PipelineReport, Error> {
-    let start = Instant::now();
+/// Runs a scene within its budget, which began at `start`.
+fn attempt(
+    loaded: &Loaded,
+    options: &PipelineOptions,
+    start: Instant,
+    runner: Runner<'_>,
+) -> Result<PipelineReport, Error> {
     for stage in &options.force {
         if stage != "report" && !NodeId::ALL.iter().any(|id| id.stage() == stage) {
             let known = stage_names();
             return Err(Error::usage("pipeline", format!("--force {stage}: stages are {known}, report")));
         }
     }
+    options.budget.check()?;
     let mut plan = Plan::new(loaded, options.input.as_deref(), options.until.as_deref())?;
     if !runner.exec.skip {
         plan.want_everything();
@@ -81,18 +93,55 @@ fn walk(loaded: &Loaded, options: &PipelineOptions, runner: Runner<'_>) -> Resul
             .iter()
             .map(|n| idle(n, if n.needed { State::Planned } else { State::NotNeeded }))
             .collect();
-        return Ok(PipelineReport { stages, outputs: Vec::new(), wall_s: start.elapsed().as_secs_f64() });
+        let wall_s = start.elapsed().as_secs_f64();
+        return Ok(PipelineReport { stages, outputs: Vec::new(), wall_s, budget: None });
     }
-    let manifest = Manifest::load(&options.out);
+    let exec = &options.budget.bounded(runner.exec, start);
+    let mut pilot = options.budget.is_set().then(|| Pilot::new(loaded, options, start));
     let mut stages = Vec::new();
+    let outputs = match walk(loaded, options, plan, &mut pilot, &mut stages, Runner { exec, ..runner }) {
+        Ok(outputs) => outputs,
+        Err(error) => {
+            return Err(match pilot {
+                Some(pilot) => pilot.explain(error, exec, &stages),
+                None => error,
+            });
+        }
+    };
+    let wall_s = start.elapsed().as_secs_f64();
+    let budget = pilot.map(|pilot| pilot.finish(wall_s)).transpose()?;
+    Ok(PipelineReport { stages, outputs, wall_s, budget })
+}
+
+/// Does what the plan needs, stage by stage, and writes the outputs; `stages` tells how far it came.
+fn walk(
+    loaded: &Loaded,
+    options: &PipelineOptions,
+    mut plan: Plan,
+    pilot: &mut Option<Pilot<'_>>,
+    stages: &mut Vec<StageRecord>,
+    runner: Runner<'_>,
+) -> Result<Vec<OutputFile>, Error> {
+    let manifest = Manifest::load(&options.out);
     let mut done: BTreeMap<NodeId, Done> = BTreeMap::new();
     let mut writer = Writer::new(&loaded.scene, &options.out, &manifest, runner.exec);
-    for (at, node) in plan.nodes().iter().enumerate() {
-        if !node.needed {
-            stages.push(idle(node, State::NotNeeded));
+    for at in 0..plan.nodes().len() {
+        if !plan.nodes()[at].needed {
+            stages.push(idle(&plan.nodes()[at], State::NotNeeded));
             continue;
         }
-        let mut result = run_node(node, &done, runner, options)?;
+        let ready = match pilot {
+            Some(pilot) => pilot.before(at, &mut plan, &done, runner)?,
+            None => None,
+        };
+        let node = &plan.nodes()[at];
+        let mut result = match ready {
+            Some(result) => result,
+            None => run_node(node, &done, runner, options)?,
+        };
+        if let Some(pilot) = pilot {
+            pilot.after(node.id, &result);
+        }
         node.id.variant().clone_into(&mut result.record.variant);
         explain(&mut result.record, node, &manifest);
         if options.until.is_none() {
@@ -104,13 +153,13 @@ fn walk(loaded: &Loaded, options: &PipelineOptions, runner: Runner<'_>) -> Resul
     }
     if options.until.is_none() {
         let force = options.force.contains("report");
-        stages.push(writer.report(loaded, &stages, force)?);
+        writer.tell(pilot.as_ref().map(Pilot::told).unwrap_or_default());
+        stages.push(writer.report(loaded, stages, force)?);
     }
-    let outputs = writer.finish(&stages)?;
-    Ok(PipelineReport { stages, outputs, wall_s: start.elapsed().as_secs_f64() })
+    writer.finish(stages)
 }
 
-fn run_node(
+pub(crate) fn run_node(
     node: &PlanNode,
     done: &BTreeMap<NodeId, Done>,
     runner: Runner<'_>,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ivd_artefact::{
-    Artefact, Cache, CacheKey, ContentHash, Loaded, Lookup, Opened, Provenance, content_hash,
+    Artefact, Cache, CacheKey, ContentHash, Kind, Loaded, Lookup, Opened, Provenance, content_hash,
 };
 use ivd_core::{Backend, Exec, Fault};
 use serde::{Deserialize, Serialize};
@@ -78,7 +78,7 @@ pub struct StageRecord {
 }
 
 /// A stage's result with its record.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Done {
     /// The value.
     pub artefact: Arc<Artefact>,
@@ -120,7 +120,7 @@ impl Runner<'_> {
         self.exec.check_cancelled()?;
         let clock = Clock::start();
         let read_before = inputs.bytes_read();
-        let (provenance, source_bytes) = self.provenance(stage, inputs)?;
+        let (provenance, source_bytes) = self.provenance(stage, inputs.hashes())?;
         let output_kind = match stage.output() {
             Some(kind) => kind,
             None => inputs.get(stage.inputs()[0].name).expect("checked: the first slot is filled").kind(),
@@ -163,9 +163,24 @@ impl Runner<'_> {
         if self.lazy { self.cache.lookup_lazily(key) } else { self.cache.lookup(key) }
     }
 
+    /// Content hash of a stage's result for inputs of these hashes, where the cache has it. Nothing is read but the head of its
+    /// entry. `first` is the kind of the first input.
+    pub(crate) fn foresee(
+        &self,
+        stage: &dyn Stage,
+        inputs: BTreeMap<String, ContentHash>,
+        first: Kind,
+    ) -> Option<ContentHash> {
+        let (provenance, _) = self.provenance(stage, inputs).ok()?;
+        self.cache.lookup_hash(&CacheKey::new(stage.output().unwrap_or(first), &provenance))
+    }
+
     /// Where a result comes from, everything that a cache key is made of; and the bytes that were read to know it.
-    fn provenance(&self, stage: &dyn Stage, inputs: &Inputs) -> Result<(Provenance, u64), Error> {
-        let mut hashes = inputs.hashes();
+    fn provenance(
+        &self,
+        stage: &dyn Stage,
+        mut hashes: BTreeMap<String, ContentHash>,
+    ) -> Result<(Provenance, u64), Error> {
         let mut bytes = 0;
         if let Some((hash, read)) = self.sources(stage)? {
             hashes.insert("source".to_owned(), hash);

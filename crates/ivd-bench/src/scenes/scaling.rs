@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use super::place::{Content, EDGE_MM, Place, Run};
 use super::skipping::HANDLE;
 use crate::Error;
-use crate::record::Spread;
+use ivd_pipeline::fronts::Spread;
 
 /// A size of the volume and what the scene took on it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use ivd_atf::{Params, transfer};
-use ivd_core::{Exec, TransferFunction};
+use ivd_core::{Exec, TransferFunction, Volume};
 use ivd_segment::{KmvsParams, kmvs};
 use ivd_volume::phantom;
 
@@ -9,7 +9,7 @@ use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// Samples of a row.
-const RESOLUTIONS: [usize; 10] = [4, 8, 16, 32, 64, 128, 256, 1024, 4096, 16384];
+const RESOLUTIONS: [usize; 12] = [2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 4096, 16384];
 /// The truth's.
 const FINEST: usize = 65536;
 /// Places along the value axis where tables are compared.
@@ -18,10 +18,15 @@ const PLACES: usize = 20_011;
 /// Samples of a table against what they miss of the function.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let phantom = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, exec)?;
-    let volume = Arc::new(phantom.volume);
-    let labels = Arc::new(kmvs(&volume, None, &KmvsParams::default(), exec)?.labels);
+    on(&Arc::new(phantom.volume), format!("head phantom of {size}³ voxels, u8, four classes"), exec)
+}
+
+/// The same on any volume.
+pub(super) fn on(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, Problem> {
+    let voxels = volume.grid().len();
+    let labels = Arc::new(kmvs(volume, None, &KmvsParams::default(), exec)?.labels);
     let params = |resolution| Params { resolution, ..Params::default() };
-    let finest = Arc::new(transfer(&volume, &labels, &params(FINEST), exec)?.transfer);
+    let finest = Arc::new(transfer(volume, &labels, &params(FINEST), exec)?.transfer);
     let settings = RESOLUTIONS.map(|resolution| {
         let (volume, labels, finest) = (volume.clone(), labels.clone(), finest.clone());
         let default = resolution == Params::default().resolution;
@@ -35,10 +40,13 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
     });
     Ok(Experiment {
         stage: "atf",
-        input: format!("head phantom of {size}³ voxels, u8, four classes"),
+        input,
         truth: "the same function in 65,536 samples",
         measure: "difference of colour or opacity, mean over the value axis",
         unit: "of 1",
+        counted: Some("samples"),
+        voxel_mm: None,
+        work: ("voxels", voxels as f64),
         settings: settings.into(),
     })
 }

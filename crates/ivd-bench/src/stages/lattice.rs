@@ -6,10 +6,14 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use super::inputs::{EDGE_MM, RADIUS_MM, grid, judged, root_mean_square, sampled};
 use crate::experiment::{Experiment, Problem, Setting};
 
+/// Fractions of the largest size.
+const PARTS: [f64; 8] = [8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.2, 1.0];
+
 /// The voxel's size against the surface's distance from the ball. Marching cubes has no knob of its own: its accuracy is the grid's.
 pub(super) fn experiment(size: usize) -> Result<Experiment, Problem> {
-    let settings: Result<Vec<Setting>, Problem> = [8, 6, 4, 3, 2, 1]
-        .map(|part| (size / part).max(4))
+    let mut sizes = PARTS.map(|part| ((size as f64 / part) as usize).max(4)).to_vec();
+    sizes.dedup();
+    let settings: Result<Vec<Setting>, Problem> = sizes
         .into_iter()
         .map(|n| {
             let volume = Arc::new(sampled(&grid(n)?, |p| RADIUS_MM - p.norm())?);
@@ -33,6 +37,9 @@ pub(super) fn experiment(size: usize) -> Result<Experiment, Problem> {
         truth: "the ball",
         measure: "distance of the triangles' middles from the ball, root mean square",
         unit: "mm",
+        counted: None,
+        voxel_mm: Some(EDGE_MM / size as f64),
+        work: ("voxels", (size * size * size) as f64),
         settings: settings?,
     })
 }

@@ -1,36 +1,62 @@
 use std::sync::Arc;
 
-use ivd_core::{Displacement, Exec, Lattice, VoxelIndex};
-use ivd_deform::map::{MapParams, octree};
-use ivd_deform::spring::{RingParams, ring};
-use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_boundary::{ClassChoice, component};
+use ivd_core::{Displacement, Exec, Lattice, Volume};
+use ivd_deform::map::{MapParams, Mapped, octree};
+use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
+use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use ivd_lattice::refine::{RefineParams, collapse};
+use ivd_pipeline::budget::{LEVELS, target};
+use ivd_segment::{KmvsParams, kmvs};
+use ivd_volume::phantom;
 
-use super::deform::handle;
-use super::inputs::{ball, judged, root_mean_square};
+use super::inputs::{judged, root_mean_square, voxel_mm};
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// How coarse the lattice is that carries the voxels against what the whole one gives: solver and map on each level.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
-    let whole = ball(size / 2, exec)?;
-    let input = format!("a ball of 40 mm in {}³ voxels, pulled by 6 mm", size / 2);
+    // A smaller head has no part worth a lattice.
+    let size = (size / 2).max(32);
+    let volume = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, exec)?.volume;
+    let words = format!("the densest part of a head phantom of {size}³ voxels, pushed by {PUSH} of its edge");
+    on(&part(&volume, exec)?, &push(size), words, exec)
+}
+
+/// The same on any lattice.
+pub(super) fn on(
+    whole: &Lattice,
+    handle: &Handle,
+    input: String,
+    exec: &Exec,
+) -> Result<Experiment, Problem> {
+    let Action::Move(by) = handle.action else { return Err("a motion is needed".into()) };
+    let push_mm = by.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let voxel = voxel_mm(&whole.grid);
     let mut lattices = Vec::new();
-    for level in 0..=5_u8 {
-        let params = RefineParams { target: Target::Level(level), ..RefineParams::default() };
-        let lattice = if level == 0 { whole.clone() } else { collapse(&whole, &params, exec)?.lattice };
-        lattices.push((level, Arc::new(lattice)));
+    for level in LEVELS {
+        let params = RefineParams { target: target(level), ..RefineParams::default() };
+        let refined = collapse(whole, &params, exec)?;
+        lattices.push((level, Arc::new(refined.lattice), refined.max_error_mm));
     }
-    let finest = Arc::new(mapped(&whole, exec)?.0);
-    let settings = lattices.into_iter().map(|(level, lattice)| {
-        let finest = finest.clone();
-        let default = Target::Level(level) == Target::default();
+    let finest = mapped(whole, handle, exec)?;
+    let reached = finest.voxels_moved as f64;
+    let finest = Arc::new(finest.displacement);
+    let settings = lattices.into_iter().map(|(level, lattice, bound)| {
+        let (finest, handle) = (finest.clone(), handle.clone());
+        let default = target(level) == RefineParams::default().target;
         Setting::new([("refine.level", level.to_string())], default, move |exec| {
-            let (found, voxels) = mapped(&lattice, exec)?;
+            let found = mapped(&lattice, &handle, exec)?;
             let (finest, triangles) = (finest.clone(), lattice.triangles.len() as f64);
             Ok(Box::new(move || {
-                Ok(judged(
-                    apart(&found, &finest),
-                    [("triangles", triangles), ("voxels_moved", voxels as f64)],
-                ))
+                let (error, most) = apart(&found.displacement, &finest);
+                let counters = [
+                    ("triangles", triangles),
+                    ("voxels_moved", found.voxels_moved as f64),
+                    ("bound_mm", bound),
+                    ("max_mm", most),
+                    ("push_mm", push_mm),
+                ];
+                Ok(judged(error, counters))
             }))
         })
     });
@@ -40,24 +66,50 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
         truth: "the unrefined lattice",
         measure: "difference of the voxels' displacements where one moves, root mean square",
         unit: "mm",
+        counted: None,
+        voxel_mm: Some(voxel),
+        work: ("voxels in reach", reached),
         settings: settings.collect(),
     })
 }
 
-fn mapped(lattice: &Lattice, exec: &Exec) -> Result<(Displacement, u64), Problem> {
-    let solved = ring(lattice, &[handle()], &[], &RingParams::default(), exec)?;
-    let tree = ivd_octree::build(lattice, &ivd_octree::Params::default(), exec)?;
-    let mapped = octree(lattice, &tree, &solved.motion, 0, &MapParams::default(), exec)?;
-    Ok((mapped.displacement, mapped.voxels_moved))
+/// The handle's motion as a fraction of the volume's edge.
+const PUSH: f64 = 0.06;
+
+/// The lattice of a volume's densest class, its largest part.
+pub(super) fn part(volume: &Volume, exec: &Exec) -> Result<Lattice, Problem> {
+    let labels = kmvs(volume, None, &KmvsParams::default(), exec)?.labels;
+    let params =
+        ivd_boundary::Params { class: Some(ClassChoice::Densest), ..ivd_boundary::Params::default() };
+    let part = component(volume, Some(&labels), &params, exec)?;
+    let iso = match (part.lower, part.upper) {
+        (None, None) => Iso::Mask,
+        (lower, upper) => Iso::Interval { lower, upper },
+    };
+    Ok(extract(volume, Some(&part.mask), &ExtractParams { iso }, exec)?.lattice)
 }
 
-fn apart(a: &Displacement, b: &Displacement) -> f64 {
-    let [nx, ny, nz] = a.grid.dims();
-    let places = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| VoxelIndex([x, y, z]))));
-    let pairs = places.map(|at| (a.forward.at(at), b.forward.at(at)));
-    root_mean_square(
-        pairs
-            .filter(|(a, b)| a.iter().chain(b).any(|&c| c != 0.0))
-            .map(|(a, b)| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum()),
-    )
+/// A push at the part's front.
+fn push(size: usize) -> Handle {
+    let edge = size as f64;
+    let at = HandleAt::Pick([0.5 * edge, 0.78 * edge, 0.5 * edge]);
+    Handle { at, action: Action::Move([0.0, PUSH * edge, 0.0]), radius: 0.25 * edge }
+}
+
+fn mapped(lattice: &Lattice, handle: &Handle, exec: &Exec) -> Result<Mapped, Problem> {
+    let solved = ring(lattice, std::slice::from_ref(handle), &[], &RingParams::default(), exec)?;
+    let tree = ivd_octree::build(lattice, &ivd_octree::Params::default(), exec)?;
+    Ok(octree(lattice, &tree, &solved.motion, 0, &MapParams::default(), exec)?)
+}
+
+/// Root mean square and largest difference of two displacements (mm), where either moves.
+fn apart(a: &Displacement, b: &Displacement) -> (f64, f64) {
+    let places = (0..a.grid.len()).map(|i| a.grid.index(i));
+    let squares = places
+        .map(|at| (a.forward.at(at), b.forward.at(at)))
+        .filter(|(a, b)| a.iter().chain(b).any(|&c| c != 0.0))
+        .map(|(a, b)| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>());
+    let squares: Vec<f64> = squares.collect();
+    let most = squares.iter().copied().fold(0.0, f64::max).sqrt();
+    (root_mean_square(squares.into_iter()), most)
 }

@@ -2,6 +2,7 @@
 
 mod atf;
 mod deform;
+mod given;
 mod inputs;
 mod lattice;
 mod map;
@@ -14,6 +15,7 @@ use ivd_core::Exec;
 
 use crate::Error;
 use crate::experiment::{Experiment, Problem};
+use crate::sweep::Given;
 
 /// The stages that have experiments, in the order of the pipeline.
 pub const NAMES: [&str; 8] = ["segment", "atf", "lattice", "refine", "deform", "map", "warp", "render"];
@@ -34,10 +36,17 @@ pub fn experiments(stage: &str, size: usize, exec: &Exec) -> Result<Vec<Experime
         "render" => render::experiment(size, exec),
         _ => return Ok(Vec::new()),
     };
-    let failed = |problem: Problem| Error::Failed {
-        stage: stage.to_owned(),
-        knobs: "its input".to_owned(),
-        problem: problem.to_string(),
-    };
-    Ok(vec![made.map_err(failed)?])
+    Ok(vec![made.map_err(|problem| failed(stage, &problem))?])
+}
+
+/// The experiment of a stage on a given volume; `None` where its truth is a formula that no scan has.
+///
+/// # Errors
+/// [`Error::Failed`] where a reference can't be made.
+pub fn given(stage: &str, given: &Given, exec: &Exec) -> Result<Option<Experiment>, Error> {
+    given::experiment(stage, given, exec).map_err(|problem| failed(stage, &problem))
+}
+
+fn failed(stage: &str, problem: &Problem) -> Error {
+    Error::Failed { stage: stage.to_owned(), knobs: "its input".to_owned(), problem: problem.to_string() }
 }

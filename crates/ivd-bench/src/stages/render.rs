@@ -9,25 +9,27 @@ use super::inputs::{judged, root_mean_square};
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// Steps (of the smallest spacing) and opacities at which rays end; above 1 none does.
-const STEPS: [f64; 7] = [0.125, 0.25, 0.5, 0.75, 1.0, 2.0, 4.0];
-const TERMINATIONS: [f64; 5] = [0.8, 0.95, 0.99, 0.9999, 2.0];
+const STEPS: [f64; 9] = [0.125, 0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0];
+const TERMINATIONS: [f64; 5] = [0.8, 0.95, 0.99, 0.999, 2.0];
 /// The truth's step.
 const FINEST: f64 = 0.03125;
 
 /// The step, and the opacity at which a ray ends, against what a very short step gives.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let volume = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, exec)?.volume;
-    let labels = kmvs(&volume, None, &KmvsParams::default(), exec)?.labels;
-    let transfer = ivd_atf::transfer(&volume, &labels, &ivd_atf::Params::default(), exec)?.transfer;
-    let scene = Arc::new((volume, transfer));
+    on(&Arc::new(volume), format!("head phantom of {size}³ voxels, u8, shaded, {SIDE}² pixels"), exec)
+}
+
+/// The same on any volume.
+pub(super) fn on(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, Problem> {
+    let edge = (volume.grid().len() as f64).cbrt();
+    let labels = kmvs(volume, None, &KmvsParams::default(), exec)?.labels;
+    let transfer = ivd_atf::transfer(volume, &labels, &ivd_atf::Params::default(), exec)?.transfer;
+    let scene = Arc::new((volume.clone(), transfer));
     let finest = Arc::new(seen(&scene, FINEST, 2.0, exec)?);
     let defaults = RenderParams::default();
-    let by_step = STEPS.map(|step| (step, defaults.termination));
-    let by_end = TERMINATIONS.map(|end| (defaults.step, end));
-    let mut pairs: Vec<(f64, f64)> = by_step.into_iter().chain(by_end).collect();
-    pairs.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
-    pairs.dedup();
-    let settings = pairs.into_iter().map(|(step, termination)| {
+    let pairs = STEPS.into_iter().flat_map(|step| TERMINATIONS.map(|end| (step, end)));
+    let settings = pairs.map(|(step, termination)| {
         let (scene, finest) = (scene.clone(), finest.clone());
         let default = step == defaults.step && termination == defaults.termination;
         let knobs = [("step", step.to_string()), ("termination", termination.to_string())];
@@ -42,10 +44,13 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
     });
     Ok(Experiment {
         stage: "render",
-        input: format!("head phantom of {size}³ voxels, u8, shaded, {SIDE}² pixels"),
+        input,
         truth: "a step of 1/32 voxel, no ray ended early",
         measure: "difference of linear light, root mean square",
         unit: "of 1",
+        counted: Some("samples"),
+        voxel_mm: None,
+        work: ("pixels × voxels along an edge", (SIDE * SIDE) as f64 * edge),
         settings: settings.collect(),
     })
 }
@@ -54,7 +59,7 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
 const SIDE: usize = 192;
 
 fn seen(
-    scene: &(Volume, TransferFunction),
+    scene: &(Arc<Volume>, TransferFunction),
     step: f64,
     termination: f64,
     exec: &Exec,

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use ivd_core::{Exec, VoxelType};
+use ivd_core::{Exec, Volume, VoxelType};
 use ivd_segment::{KmvsParams, kmvs};
 use ivd_volume::phantom::{Params, generate};
 
@@ -8,12 +8,18 @@ use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// Numbers of classes.
-const CLASSES: [usize; 9] = [2, 3, 4, 6, 8, 12, 16, 32, 64];
+const CLASSES: [usize; 11] = [2, 3, 4, 6, 8, 12, 16, 32, 64, 128, 256];
 
 /// How well K classes stand for the values: the number of classes against their spread. The partition itself is exact.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let params = Params { size, voxel_type: VoxelType::U16, ..Params::default() };
     let volume = Arc::new(generate(&params, exec)?.volume);
+    Ok(on(&volume, format!("head phantom of {size}³ voxels, u16, with noise")))
+}
+
+/// The same on any volume.
+pub(super) fn on(volume: &Arc<Volume>, input: String) -> Experiment {
+    let voxels = volume.grid().len();
     let settings = CLASSES.map(|k| {
         let volume = volume.clone();
         Setting::new([("k", k.to_string())], k == KmvsParams::default().k, move |exec| {
@@ -25,12 +31,15 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
             }))
         })
     });
-    Ok(Experiment {
+    Experiment {
         stage: "segment",
-        input: format!("head phantom of {size}³ voxels, u16, with noise"),
+        input,
         truth: "the voxels' own values",
         measure: "distance of a value from its class's mean, root mean square",
         unit: "grey value",
+        counted: None,
+        voxel_mm: None,
+        work: ("voxels", voxels as f64),
         settings: settings.into(),
-    })
+    }
 }

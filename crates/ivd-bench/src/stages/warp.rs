@@ -7,10 +7,14 @@ use nalgebra::Vector3;
 use super::inputs::{EDGE_MM, grid, judged, root_mean_square, sampled};
 use crate::experiment::{Experiment, Problem, Setting};
 
+/// Fractions of the largest size.
+const PARTS: [f64; 8] = [8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.2, 1.0];
+
 /// The voxel's size against the deformed density's distance from `f(ψ(y))`. Linear warping has no knob of its own.
 pub(super) fn experiment(size: usize) -> Result<Experiment, Problem> {
-    let settings: Result<Vec<Setting>, Problem> = [8, 6, 4, 3, 2, 1]
-        .map(|part| (size / part).max(4))
+    let mut sizes = PARTS.map(|part| ((size as f64 / part) as usize).max(4)).to_vec();
+    sizes.dedup();
+    let settings: Result<Vec<Setting>, Problem> = sizes
         .into_iter()
         .map(|n| {
             let grid = grid(n)?;
@@ -32,6 +36,9 @@ pub(super) fn experiment(size: usize) -> Result<Experiment, Problem> {
         truth: "the density behind the inverse map",
         measure: "difference of the values, root mean square",
         unit: "of 1",
+        counted: None,
+        voxel_mm: None,
+        work: ("voxels", (size * size * size) as f64),
         settings: settings?,
     })
 }

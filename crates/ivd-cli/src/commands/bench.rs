@@ -2,11 +2,14 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 
-use ivd_bench::{Bench, Comparison, Options, Plant, StageBench};
+use ivd_artefact::{Artefact, Cache};
+use ivd_bench::{Bench, Comparison, Given, Options, Plant, StageBench};
 use ivd_core::Fault;
 use serde_json::{Value, json};
 
+use super::volume::volume_or_artefact;
 use crate::args::{Bench as Args, Planted};
 use crate::context::Context;
 use crate::exit::Failure;
@@ -21,6 +24,7 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
         size: args.size.unwrap_or(standard.size),
         repeats: args.repeats.unwrap_or(standard.repeats),
         stages: args.stages.iter().filter(|name| *name != SCENES).cloned().collect(),
+        input: args.input.as_deref().map(|path| given(path, context)).transpose()?,
         plant: args.plant.map(|plant| match plant {
             Planted::Slow => Plant::Slow,
             Planted::Inexact => Plant::Inexact,
@@ -59,6 +63,9 @@ fn stages(
         ("bench.html", ivd_bench::page(&bench)),
     ] {
         ivd_pipeline::write_text(&file(name), &text)?;
+    }
+    if let Some(folder) = &args.record {
+        record(&bench, args.stages.is_empty(), folder, context)?;
     }
     let comparison = old.map(|old| ivd_bench::compare(old, &bench));
     let points = |s: &StageBench| json!({ "stage": s.stage, "points": s.points.len() });
@@ -107,6 +114,37 @@ fn scenes(
     }
     let _ = writeln!(text, "{}", page.display());
     object["scenes_page"] = json!(page);
+    Ok(())
+}
+
+/// A volume to bench on, by its file's name.
+fn given(path: &Path, context: &Context) -> anyhow::Result<Given> {
+    let input = volume_or_artefact(path, &Cache::disabled(), context)?;
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    match input.artefact.as_ref() {
+        Artefact::Volume(volume) => Ok(Given { name, volume: Arc::new(volume.clone()) }),
+        other => {
+            let problem =
+                format!("--input {}: a {} artefact; give a volume", path.display(), other.kind().name());
+            Err(Failure::usage(problem))
+        }
+    }
+}
+
+/// Keeps the fronts, and the times of a plain scene where that is wanted.
+fn record(bench: &Bench, scene: bool, folder: &Path, context: &Context) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| Failure::of(Fault::Io, format!("{}: can't be made: {e}", folder.display())))?;
+    let keep = |name: &str, text: serde_json::Result<String>| -> anyhow::Result<()> {
+        Ok(ivd_pipeline::write_text(&folder.join(format!("{name}.json")), &(text? + "\n")).map(|_| ())?)
+    };
+    for front in ivd_bench::fronts(bench) {
+        keep(&front.stage, serde_json::to_string_pretty(&front))?;
+    }
+    if scene {
+        let rates = ivd_bench::rates(bench.repeats, &context.exec).map_err(failed)?;
+        keep("stages", serde_json::to_string_pretty(&rates))?;
+    }
     Ok(())
 }
 

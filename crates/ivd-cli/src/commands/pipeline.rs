@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ivd_pipeline::scene::{self, Loaded};
-use ivd_pipeline::{PipelineOptions, PipelineReport, State, default_out};
+use ivd_pipeline::{Budget, PipelineOptions, PipelineReport, State, default_out};
 
 use crate::args::Pipeline;
 use crate::context::Context;
@@ -30,6 +30,12 @@ pub(super) fn run(args: &Pipeline, context: &Context) -> anyhow::Result<()> {
         until: args.until.clone(),
         force: args.force.iter().cloned().collect(),
         dry_run: args.dry_run,
+        budget: Budget {
+            max_time_s: args.max_time,
+            max_error_mm: args.max_error,
+            pinned: args.overrides.iter().map(|o| o.path.join(".")).collect(),
+            ..Budget::default()
+        },
     };
     let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)?;
     context.print(&report, || text(&report, args.explain || args.dry_run))
@@ -38,6 +44,9 @@ pub(super) fn run(args: &Pipeline, context: &Context) -> anyhow::Result<()> {
 /// What a person reads: the outputs, and every stage with its reason where that was asked for.
 fn text(report: &PipelineReport, explain: bool) -> String {
     let mut lines = Vec::new();
+    if let Some(budget) = report.budget.as_ref().filter(|_| explain) {
+        lines.extend(budget.told());
+    }
     for record in report.stages.iter().filter(|_| explain) {
         let state = match record.state {
             State::Ran => "ran",

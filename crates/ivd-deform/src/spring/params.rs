@@ -76,7 +76,7 @@ impl Default for RingParams {
             damping: 1.0,
             density: 1e-3,
             vertex_mass: None,
-            epsilon: 1e-3,
+            epsilon: 0.0,
             literal: false,
         }
     }

@@ -123,7 +123,9 @@ pub fn collapse(lattice: &Lattice, params: &RefineParams, exec: &Exec) -> Result
     exec.run(|| {
         let mut surface = Surface::new(lattice);
         let run = passes::run(&mut surface, params, exec)?;
+        exec.check_cancelled()?;
         let mean_error_mm = mean::mean_distance(&surface);
+        exec.check_cancelled()?;
         Ok(finish(lattice, &surface, &run, mean_error_mm))
     })
 }

@@ -1,4 +1,4 @@
-use ivd_core::{Exec, Iteration};
+use ivd_core::{Cancel, Exec, Iteration};
 use rayon::prelude::*;
 
 use super::blocks::Blocks;
@@ -26,6 +26,9 @@ const ALONE: usize = 2048;
 /// A queue that was cut short, and of which no more than a 64th could go, is this many times as long in the next pass: the
 /// vertices left out aren't kept waiting by cheaper ones that can't go.
 const WIDEN: usize = 4;
+
+/// Vertices between two looks at whether to stop: well under a millisecond.
+const LOOKS: usize = 256;
 
 /// Name for the observer.
 const TASK: &str = "collapse";
@@ -95,8 +98,12 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
         let blocks = if divided { Blocks::new(surface, area, passes) } else { Blocks::one(surface) };
         let bound = goal.bound.min(BOUND_ROOTS * f64::from(queue.dearest).sqrt());
         let limits = Limits { turn_cosine: goal.turn_cosine, bound };
-        let pass = Pass { surface, blocks, shape_weight, dearest: queue.dearest, asked: goal.bound, limits };
+        let cancel = &exec.cancel;
+        let pass =
+            Pass { surface, blocks, shape_weight, dearest: queue.dearest, asked: goal.bound, limits, cancel };
         let done = pass.run(queue.entries, most, scope == Scope::All);
+        // A pass that was stopped is half done: its surface is dropped.
+        exec.check_cancelled()?;
         surface.tidy(&done.collapsed);
         let count = done.collapsed.len();
         passes += 1;
@@ -156,6 +163,8 @@ struct Pass<'a> {
     /// Bound that was asked for (mm); the limit of this pass may be less.
     asked: f64,
     limits: Limits,
+    /// Stops the pass.
+    cancel: &'a Cancel,
 }
 
 /// What came of a pass or of a block.
@@ -210,8 +219,9 @@ impl Pass<'_> {
     /// Collapses the vertices of sorted entries, at most `most` of them, whose rings lie in `block`, if one is given.
     fn in_order(&self, entries: &[u64], block: Option<u16>, most: usize, desk: &mut Desk) -> Done {
         let mut done = Done::default();
-        for &entry in entries {
-            if done.collapsed.len() >= most {
+        for (at, &entry) in entries.iter().enumerate() {
+            let stopped = at % LOOKS == 0 && self.cancel.is_cancelled();
+            if stopped || done.collapsed.len() >= most {
                 break;
             }
             let v = entry as u32;

@@ -297,3 +297,22 @@ fn parameters_outside_their_domain_are_named_and_a_stop_is_heard() {
     let tight = Exec::default().with_memory_limit(Some(1000));
     assert!(collapse(&sphere, &RefineParams::default(), &tight).is_err());
 }
+
+/// Asks for a stop as soon as the first pass has ended.
+struct StopAfterAPass(ivd_core::Cancel);
+
+impl ivd_core::Observer for StopAfterAPass {
+    fn iteration(&self, _: ivd_core::Iteration) {
+        self.0.cancel();
+    }
+}
+
+#[test]
+fn a_stop_in_the_midst_is_an_error_and_no_half_refined_lattice() {
+    let cancel = ivd_core::Cancel::default();
+    let mut exec = Exec::default().with_observer(std::sync::Arc::new(StopAfterAPass(cancel.clone())));
+    exec.cancel = cancel;
+    let params = RefineParams { target: Target::Level(3), ..RefineParams::default() };
+    let stopped = collapse(&lattices::sphere(48), &params, &exec).expect_err("it was stopped");
+    assert_eq!(stopped.fault(), ivd_core::Fault::Cancelled);
+}

@@ -150,6 +150,15 @@ impl Plan {
         &self.nodes
     }
 
+    /// Gives every place the stage that another scene of the same outputs has there.
+    pub(crate) fn retune(&mut self, loaded: &Loaded, input: Option<&Path>) -> Result<(), Error> {
+        let fresh = wire(&loaded.scene, import(loaded, input)?)?;
+        for (node, new) in self.nodes.iter_mut().zip(fresh) {
+            node.stage = new.stage;
+        }
+        Ok(())
+    }
+
     /// One place.
     pub fn node(&self, id: NodeId) -> &PlanNode {
         &self.nodes[id as usize]

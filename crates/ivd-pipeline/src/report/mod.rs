@@ -25,6 +25,8 @@ pub(crate) struct Material {
     pub(crate) transfer: Option<TransferFunction>,
     /// The volume at rest, for the histogram.
     pub(crate) volume: Option<Arc<Artefact>>,
+    /// What the budget chose, a line each.
+    pub(crate) budget: Vec<String>,
     /// Length of each moved vertex's displacement (mm).
     pub(crate) displacements: Vec<f64>,
 }

@@ -49,6 +49,10 @@ pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material
             &deformation(find("deform"), map, find("warp"), &material.displacements),
         );
     }
+    if !material.budget.is_empty() {
+        let lines = material.budget.iter().map(|line| format!("<p>{}</p>", escape(line)));
+        section(&mut page, "Budget", &lines.collect::<String>());
+    }
     section(&mut page, "Stages", &stages(records));
     let _ = writeln!(
         page,

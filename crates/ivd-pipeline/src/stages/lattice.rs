@@ -61,6 +61,7 @@ impl Stage for Lattice {
         };
         let extracted =
             extract(volume, mask, &ExtractParams { iso }, exec).map_err(stage_error!("lattice"))?;
+        exec.check_cancelled()?;
         let f = exec.run(|| figures::measure(&extracted.lattice));
         let metrics = json!({
             "vertices": f.vertices,

@@ -70,6 +70,7 @@ impl Stage for Refine {
         let lattice = inputs.lattice("lattice").expect("checked by the runner");
         let refined =
             ivd_lattice::refine::collapse(lattice, &self.params, exec).map_err(stage_error!("refine"))?;
+        exec.check_cancelled()?;
         let f = exec.run(|| figures::measure(&refined.lattice));
         let metrics = json!({
             "vertices_in": refined.vertices_in,

@@ -1,0 +1,128 @@
+//! The experiments on a given volume: those whose truth is a finer result on the same volume.
+
+use std::sync::Arc;
+
+use ivd_core::{Exec, Grid, Lattice, Volume, VoxelCoord, VoxelIndex, Voxels};
+use ivd_deform::spring::{Action, Handle, HandleAt, RingParams};
+use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use ivd_segment::{KmvsParams, kmvs};
+use nalgebra::Vector3;
+
+use super::inputs::{judged, root_mean_square, voxel_mm};
+use super::{atf, deform, map, refine, render, segment};
+use crate::experiment::{Experiment, Problem, Setting};
+use crate::sweep::Given;
+
+/// Every n-th voxel is kept, finest last.
+const STRIDES: [usize; 6] = [8, 6, 4, 3, 2, 1];
+/// Largest motion and radius of the handle, as parts of the diagonal of the part's box.
+const MOVE: f64 = 0.03;
+const RADIUS: f64 = 0.25;
+
+/// The experiment of a stage on a given volume; `None` where its truth is a formula that no scan has.
+pub(super) fn experiment(stage: &str, given: &Given, exec: &Exec) -> Result<Option<Experiment>, Problem> {
+    let (volume, name) = (&given.volume, &given.name);
+    let of = |what: &str| format!("{what} of {name}, {:?} voxels", volume.grid().dims());
+    let whole = || -> Result<Arc<Lattice>, Problem> { Ok(Arc::new(map::part(volume, exec)?)) };
+    Ok(Some(match stage {
+        "segment" => segment::on(volume, of("values")),
+        "atf" => atf::on(volume, of("four classes"), exec)?,
+        "render" => render::on(volume, of("picture, shaded"), exec)?,
+        "lattice" => lattice(volume, of("surface below the densest class"), exec)?,
+        "refine" => {
+            let whole = whole()?;
+            let truth = whole.clone();
+            let measure: refine::Measure = Arc::new(move |found, exec| distance(found, &truth, exec));
+            refine::on(&whole, of("the lattice of the densest part"), "the unrefined lattice", measure)
+        }
+        "deform" => {
+            let (whole, stiffness) = (whole()?, RingParams::default().stiffness);
+            let (place, way, length) = front_of(&whole)?;
+            // N/m times mm is mN.
+            let pull = way * (stiffness * MOVE * length);
+            let handle = Handle { at: place, action: Action::Force(pull.into()), radius: RADIUS * length };
+            deform::on(&whole, handle, of("the lattice of the densest part, pulled,"), exec)?
+        }
+        "map" => {
+            let whole = whole()?;
+            let (place, way, length) = front_of(&whole)?;
+            let action = Action::Move((way * (MOVE * length)).into());
+            let handle = Handle { at: place, action, radius: RADIUS * length };
+            map::on(&whole, &handle, of("the densest part, pushed,"), exec)?
+        }
+        _ => return Ok(None),
+    }))
+}
+
+/// The vertex furthest to the front, the way out from the middle there, and the diagonal of the lattice's box (mm).
+fn front_of(lattice: &Lattice) -> Result<(HandleAt, Vector3<f64>, f64), Problem> {
+    let positions = lattice.positions();
+    let first = positions.first().ok_or("the densest class has no surface")?;
+    let (low, high) = positions.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
+    let front = positions.iter().copied().fold(*first, |a, b| if b.y > a.y { b } else { a });
+    let way = (front - (low + high) * 0.5).try_normalize(0.0).ok_or("the densest class is a point")?;
+    Ok((HandleAt::Pick(front.into()), way, (high - low).norm()))
+}
+
+/// Distance of a lattice's triangles' middles from another lattice (mm), root mean square.
+fn distance(from: &Lattice, to: &Lattice, exec: &Exec) -> Result<f64, Problem> {
+    let tree = ivd_octree::build(to, &ivd_octree::Params::default(), exec)?;
+    let index = ivd_octree::prepare(to, &tree)?;
+    let positions = from.positions();
+    let origin = Vector3::from(to.grid.origin());
+    let squares = from.triangles.iter().map(|t| {
+        let middle = t.iter().map(|&c| positions[c as usize]).sum::<Vector3<f64>>() / 3.0;
+        index.nearest(middle - origin, f64::INFINITY).map_or(f64::INFINITY, |n| n.distance_mm.powi(2))
+    });
+    Ok(root_mean_square(squares))
+}
+
+/// Every n-th voxel against the surface that all voxels give.
+fn lattice(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, Problem> {
+    let classes = kmvs(volume, None, &KmvsParams::default(), exec)?.labels.classes().to_vec();
+    let lower = classes.iter().filter_map(|c| c.lower).fold(f64::NEG_INFINITY, f64::max);
+    if !lower.is_finite() {
+        return Err("the volume has one class only".into());
+    }
+    let params = ExtractParams { iso: Iso::Value(lower) };
+    let truth = Arc::new(extract(volume, None, &params, exec)?.lattice);
+    let settings: Result<Vec<Setting>, Problem> = STRIDES
+        .into_iter()
+        .filter(|stride| volume.grid().dims().iter().all(|n| n / stride >= 4))
+        .map(|stride| {
+            let (coarse, truth, params) = (strided(volume, stride)?, truth.clone(), params.clone());
+            let voxel = format!("{:.3} mm", voxel_mm(coarse.grid()));
+            Ok(Setting::new([("voxel", voxel)], false, move |exec| {
+                let found = extract(&coarse, None, &params, exec)?;
+                let (truth, exec) = (truth.clone(), exec.clone());
+                Ok(Box::new(move || {
+                    let triangles = found.lattice.triangles.len() as f64;
+                    Ok(judged(distance(&found.lattice, &truth, &exec)?, [("triangles", triangles)]))
+                }))
+            }))
+        })
+        .collect();
+    Ok(Experiment {
+        stage: "lattice",
+        input,
+        truth: "the lattice of all voxels",
+        measure: "distance of the triangles' middles from the truth, root mean square",
+        unit: "mm",
+        counted: None,
+        voxel_mm: Some(voxel_mm(volume.grid())),
+        work: ("voxels", volume.grid().len() as f64),
+        settings: settings?,
+    })
+}
+
+/// Every n-th voxel along each axis.
+fn strided(volume: &Volume, stride: usize) -> Result<Volume, Problem> {
+    let grid = volume.grid();
+    let dims = grid.dims().map(|n| n.div_ceil(stride));
+    let spacing = grid.spacing().map(|s| s * stride as f64);
+    let first: [f64; 3] = grid.world(VoxelCoord::from(VoxelIndex([0; 3]))).0.into();
+    let coarse = Grid::new(dims, spacing, first, grid.direction())?;
+    let at = |i: usize| volume.value(VoxelIndex(coarse.index(i).0.map(|c| c * stride))) as f32;
+    let voxels: Vec<f32> = (0..coarse.len()).map(at).collect();
+    Ok(Volume::new(coarse, Voxels::from(voxels))?)
+}

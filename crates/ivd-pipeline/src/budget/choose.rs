@@ -1,0 +1,108 @@
+//! The chooser: how far each knob goes from its wish so that a time is kept.
+
+/// A value of a knob, or of knobs that go together.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Rung {
+    /// The value, for the caller.
+    pub(super) value: f64,
+    /// A second value of the same stage, where it has two knobs.
+    pub(super) other: f64,
+    /// Its error, in the front's unit; only ratios are looked at.
+    pub(super) error: f64,
+}
+
+/// The settings of a stage from its wish to the coarsest.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Ladder(pub(super) Vec<Rung>);
+
+/// What was chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Fit {
+    /// The rung of every ladder.
+    pub(super) at: Vec<usize>,
+    /// Predicted time (s).
+    pub(super) seconds: f64,
+    /// Whether that is what there is.
+    pub(super) fits: bool,
+}
+
+/// An error that is 0 has no ratio; it counts as this part of the next.
+const LEAST: f64 = 1e-3;
+
+/// A step that saves a smaller part of the time isn't worth any error: the record's noise is as large.
+const WORTH: f64 = 0.02;
+
+/// Goes down the ladders until the predicted time is within `available` (s). Each step is the one that saves the most time for
+/// the logarithm of the error that it adds, so that nothing is given away that saves little.
+pub(super) fn fit(ladders: &[Ladder], seconds: impl Fn(&[usize]) -> f64, available: f64) -> Fit {
+    let mut at = vec![0; ladders.len()];
+    let mut now = seconds(&at);
+    while now > available {
+        let steps = ladders
+            .iter()
+            .enumerate()
+            .flat_map(|(i, ladder)| (at[i] + 1..ladder.0.len()).map(move |to| (i, to)));
+        let worth = steps.filter_map(|(i, to)| {
+            let mut there = at.clone();
+            there[i] = to;
+            let saved = now - seconds(&there);
+            let loss = loss(&ladders[i].0[at[i]], &ladders[i].0[to]);
+            (saved > WORTH * now).then_some((saved / loss, there))
+        });
+        let Some((_, best)) = worth.max_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return Fit { at, seconds: now, fits: false };
+        };
+        at = best;
+        now = seconds(&at);
+    }
+    Fit { at, seconds: now, fits: true }
+}
+
+/// What a step costs in accuracy: the logarithm of the ratio of errors.
+fn loss(from: &Rung, to: &Rung) -> f64 {
+    let before = from.error.max(LEAST * to.error);
+    (to.error / before).ln().max(LEAST)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ladder(errors: &[f64]) -> Ladder {
+        let rung = |(i, &error): (usize, &f64)| Rung { value: i as f64, other: 0.0, error };
+        Ladder(errors.iter().enumerate().map(rung).collect())
+    }
+
+    #[test]
+    fn what_fits_stays_as_it_was_wished() {
+        let found = fit(&[ladder(&[1.0, 2.0])], |_| 3.0, 3.0);
+        assert_eq!(found, Fit { at: vec![0], seconds: 3.0, fits: true });
+        assert!(fit(&[], |_| 3.0, 3.0).fits);
+    }
+
+    #[test]
+    fn the_step_that_saves_most_for_its_error_goes_first() {
+        // The first knob saves 1 s for twice the error, the second 4 s for twice the error.
+        let ladders = [ladder(&[1.0, 2.0]), ladder(&[1.0, 2.0, 4.0])];
+        let seconds = |at: &[usize]| 10.0 - at[0] as f64 - [0.0, 4.0, 4.5][at[1]];
+        assert_eq!(fit(&ladders, seconds, 7.0).at, [0, 1]);
+        assert_eq!(fit(&ladders, seconds, 5.2).at, [1, 1]);
+        assert_eq!(fit(&ladders, seconds, 4.5), Fit { at: vec![1, 2], seconds: 4.5, fits: true });
+    }
+
+    #[test]
+    fn a_time_that_nothing_keeps_ends_at_the_cheapest_and_says_so() {
+        let seconds = |at: &[usize]| 5.0 - at[0] as f64;
+        let found = fit(&[ladder(&[0.0, 1.0, 2.0])], seconds, 1.0);
+        assert_eq!(found, Fit { at: vec![2], seconds: 3.0, fits: false });
+    }
+
+    #[test]
+    fn a_step_that_saves_nothing_is_passed_over() {
+        assert_eq!(fit(&[ladder(&[1.0, 2.0])], |at| 5.0 - 0.01 * at[0] as f64, 4.0).at, [0]);
+        // The next level costs more, the one after it less.
+        let seconds = |at: &[usize]| [5.0, 6.0, 2.0][at[0]];
+        assert_eq!(fit(&[ladder(&[1.0, 2.0, 3.0])], seconds, 4.0).at, [2]);
+        assert_eq!(fit(&[ladder(&[1.0, 2.0])], seconds, 4.0).at, [0]);
+    }
+}

@@ -1,0 +1,335 @@
+//! The search for an error on a scene: trials of refinement and time steps, each measured.
+
+use std::collections::BTreeMap;
+
+use ivd_artefact::Artefact;
+use ivd_core::{Exec, Fault};
+use serde_json::Value;
+
+use super::error::{fields, motions, surfaces};
+use super::knobs::{Knob, Setting, along, between, front, level_errors};
+use super::search::{Candidate, Learned, PARTS};
+use super::steer::Pilot;
+use super::work::motion;
+use super::{LEVELS, rate_name};
+use crate::Error;
+use crate::pipeline::run_node;
+use crate::plan::{NodeId, Plan};
+use crate::runner::{Done, Runner};
+
+/// What a trial measured (mm), and its results.
+#[derive(Default)]
+struct Trial {
+    parts: BTreeMap<&'static str, f64>,
+    done: BTreeMap<NodeId, Done>,
+}
+
+impl Trial {
+    fn error(&self) -> f64 {
+        self.parts.values().sum()
+    }
+
+    fn told(&self) -> String {
+        let parts = self.parts.iter().map(|(name, mm)| format!("{name} {mm:.4}"));
+        parts.collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl Pilot<'_> {
+    /// Finds the cheapest refinement and time steps whose measured error is at most `most` (mm), and keeps their results.
+    pub(super) fn hold_error(
+        &mut self,
+        most: f64,
+        plan: &mut Plan,
+        done: &BTreeMap<NodeId, Done>,
+        runner: Runner<'_>,
+    ) -> Result<(), Error> {
+        if !plan.node(NodeId::Refine).needed {
+            return Ok(());
+        }
+        let candidates = self.candidates(done);
+        let mut learned = Learned::new();
+        let mut whole: Option<(f64, BTreeMap<NodeId, Done>)> = None;
+        let mut least: Option<(Candidate, Trial)> = None;
+        while let Some(at) = learned.next(&candidates, most) {
+            let candidate = candidates[at];
+            let (trial, ended) = match self.trial(&candidate, most, plan, done, &mut whole, runner) {
+                // A coarse lattice may fold where a finer one doesn't.
+                Err(error)
+                    if error.fault() == Fault::Untrusted && learned.tried.len() + 1 < candidates.len() =>
+                {
+                    runner.exec.observer().note(&format!("budget: {}: {error}", named(&candidate)));
+                    learned.trial(at, &candidate, [Some(2.0 * most), None, None], 0.0);
+                    continue;
+                }
+                found => found?,
+            };
+            let (error, told) = (trial.error(), trial.told());
+            if ended && error <= most {
+                return self.keep(&candidate, trial, most, plan, runner.exec);
+            }
+            runner.exec.observer().note(&format!(
+                "budget: {} errs by {}{error:.4} mm of {most} mm ({told}); trying a finer one",
+                named(&candidate),
+                if ended { "" } else { "at least " }
+            ));
+            let part = |name: &str| trial.parts.get(name).copied();
+            let fixed = ["inverse_mm", "map_mm"].iter().filter_map(|name| part(name)).sum();
+            learned.trial(at, &candidate, ["lattice_mm", "motion_mm", "steps_mm"].map(part), fixed);
+            if least.as_ref().is_none_or(|(_, t)| error < t.error()) {
+                least = Some((candidate, trial));
+            }
+        }
+        let (candidate, trial) =
+            least.ok_or_else(|| Error::Budget(format!("--max-error {most}: nothing to try")))?;
+        Err(Error::Budget(format!(
+            "--max-error {most}: the least error found is {:.4} mm, with {} ({}); allow more, or free the knobs that --set \
+             holds",
+            trial.error(),
+            named(&candidate),
+            trial.told()
+        )))
+    }
+
+    /// Every refinement with every number of steps that may be chosen, with what the record predicts.
+    fn candidates(&self, done: &BTreeMap<NodeId, Done>) -> Vec<Candidate> {
+        let wish = Setting::of(&self.wish.scene);
+        let free = |knob: Knob| !self.pinned(knob);
+        let levels = if free(Knob::Level) { LEVELS.to_vec() } else { vec![wish.level.unwrap_or(2.0)] };
+        let deform = self.wish.scene.deform.as_ref().filter(|d| !d.handle.is_empty());
+        let solver = along(front("deform"), "steps");
+        let steps = match deform {
+            Some(_) if free(Knob::Steps) => solver.iter().map(|(steps, _)| *steps).collect(),
+            _ => vec![wish.steps],
+        };
+        let voxel = voxel_mm(done);
+        let push = deform.map_or(0.0, |d| d.handle.iter().map(motion).fold(0.0, f64::max));
+        let errors = level_errors();
+        let error = |level: f64, steps: f64| -> [f64; PARTS] {
+            let stepping =
+                between(solver.iter().map(|(x, p)| (x.ln(), p.error_voxels.unwrap_or(0.0))), steps.ln());
+            [
+                voxel * between(errors.iter().map(|e| (e.0, e.1)), level),
+                push * between(errors.iter().map(|e| (e.0, e.2)), level),
+                if deform.is_some() { voxel * stepping } else { 0.0 },
+            ]
+        };
+        let candidate = |level: f64, steps: f64| {
+            let setting = Setting { level: Some(level), steps, ..wish };
+            let seconds =
+                ["refine", "octree", "deform", "map"].map(|rate| self.model.seconds(rate, &setting));
+            Candidate { level, steps, seconds: seconds.iter().sum(), parts: error(level, steps) }
+        };
+        levels
+            .iter()
+            .flat_map(|&level| steps.iter().map(move |&s| (level, s)))
+            .map(|(l, s)| candidate(l, s))
+            .collect()
+    }
+
+    /// Runs a candidate and measures it, part by part, the cheap ones first; ends early where it errs too much already.
+    /// Tells whether every part was measured.
+    fn trial(
+        &mut self,
+        candidate: &Candidate,
+        most: f64,
+        plan: &mut Plan,
+        done: &BTreeMap<NodeId, Done>,
+        whole: &mut Option<(f64, BTreeMap<NodeId, Done>)>,
+        runner: Runner<'_>,
+    ) -> Result<(Trial, bool), Error> {
+        let mut trial = Trial::default();
+        let setting = self.setting_of(candidate.level, candidate.steps);
+        self.tune(plan, &setting)?;
+        self.step(NodeId::Refine, plan, done, &mut trial.done, runner)?;
+        let bound = metric(&trial.done[&NodeId::Refine], "max_error_mm");
+        trial.parts.insert("lattice_mm", bound);
+        let moves = plan.node(NodeId::Deform).needed;
+        if bound > most || !moves {
+            return Ok((trial, !moves && bound <= most));
+        }
+        self.step(NodeId::Deform, plan, done, &mut trial.done, runner)?;
+        let finer = self.stepped_finer(&setting, plan, done, &trial, runner)?;
+        let motion = |done: &Done| match done.artefact.as_ref() {
+            Artefact::Motion(motion) => motion.clone(),
+            _ => unreachable!("deform gives a motion"),
+        };
+        let (own, finer) = (motion(&trial.done[&NodeId::Deform]), motion(&finer));
+        // The method is of first order: half the step leaves half the error, so the difference is the other half.
+        trial.parts.insert("steps_mm", 2.0 * motions(&own, &finer));
+        if trial.error() > most {
+            return Ok((trial, false));
+        }
+        self.tune(plan, &setting)?;
+        self.carry(plan, done, &mut trial, runner)?;
+        if trial.error() > most {
+            return Ok((trial, false));
+        }
+        let apart = if setting.level == Some(0.0) {
+            0.0
+        } else {
+            if whole.as_ref().is_none_or(|(steps, _)| *steps != setting.steps) {
+                let reference = self.unrefined(setting.steps, plan, done, runner)?;
+                *whole = Some((setting.steps, reference));
+            }
+            let (_, reference) = whole.as_ref().expect("just made");
+            difference(reference, &trial.done, runner.exec)?
+        };
+        trial.parts.insert("motion_mm", apart);
+        Ok((trial, true))
+    }
+
+    /// A setting with the knobs that aren't pinned.
+    fn setting_of(&self, level: f64, steps: f64) -> Setting {
+        let level = if self.pinned(Knob::Level) { self.setting.level } else { Some(level) };
+        let steps = if self.pinned(Knob::Steps) { self.setting.steps } else { steps };
+        Setting { level, steps, ..self.setting }
+    }
+
+    fn tune(&self, plan: &mut Plan, setting: &Setting) -> Result<(), Error> {
+        plan.retune(&self.scene_with(setting), self.options.input.as_deref())
+    }
+
+    /// Runs a place of the plan on a trial's results, and on those of the run so far.
+    fn step(
+        &mut self,
+        id: NodeId,
+        plan: &Plan,
+        done: &BTreeMap<NodeId, Done>,
+        trial: &mut BTreeMap<NodeId, Done>,
+        runner: Runner<'_>,
+    ) -> Result<(), Error> {
+        let node = plan.node(id);
+        let inputs = node.inputs.iter().filter_map(|(_, from)| {
+            trial.get(from).or_else(|| done.get(from)).map(|value| (*from, value.clone()))
+        });
+        let result = run_node(node, &inputs.collect(), runner, self.options)?;
+        trial.insert(id, result);
+        Ok(())
+    }
+
+    /// The trial's motion in twice the steps.
+    fn stepped_finer(
+        &mut self,
+        setting: &Setting,
+        plan: &mut Plan,
+        done: &BTreeMap<NodeId, Done>,
+        trial: &Trial,
+        runner: Runner<'_>,
+    ) -> Result<Done, Error> {
+        self.tune(plan, &Setting { steps: 2.0 * setting.steps, ..*setting })?;
+        let mut twice = BTreeMap::from([(NodeId::Refine, trial.done[&NodeId::Refine].clone())]);
+        self.step(NodeId::Deform, plan, done, &mut twice, runner)?;
+        Ok(twice.remove(&NodeId::Deform).expect("just made"))
+    }
+
+    /// Carries a trial's motion to the voxels, where the scene needs that, and measures what the map leaves.
+    fn carry(
+        &mut self,
+        plan: &Plan,
+        done: &BTreeMap<NodeId, Done>,
+        trial: &mut Trial,
+        runner: Runner<'_>,
+    ) -> Result<(), Error> {
+        if !plan.node(NodeId::Map).needed {
+            return Ok(());
+        }
+        self.step(NodeId::Octree, plan, done, &mut trial.done, runner)?;
+        self.step(NodeId::Map, plan, done, &mut trial.done, runner)?;
+        let map = &trial.done[&NodeId::Map];
+        let residual = metric(map, "inverse_residual_max_voxel") * voxel_mm(done);
+        trial.parts.insert("inverse_mm", residual);
+        // A map that was diffused or halved to keep it free of folds has left the lattice behind.
+        if metric(map, "relaxations") + metric(map, "halvings") > 0.0 {
+            let misfit = map.record.metrics.get("followed").and_then(|f| f.get("misfit_max_mm"));
+            trial.parts.insert("map_mm", misfit.and_then(Value::as_f64).unwrap_or(0.0));
+        }
+        Ok(())
+    }
+
+    /// The unrefined lattice's motion, carried to the voxels where the scene needs that.
+    fn unrefined(
+        &mut self,
+        steps: f64,
+        plan: &mut Plan,
+        done: &BTreeMap<NodeId, Done>,
+        runner: Runner<'_>,
+    ) -> Result<BTreeMap<NodeId, Done>, Error> {
+        self.tune(plan, &Setting { level: Some(0.0), steps, ..self.setting })?;
+        let mut made = BTreeMap::new();
+        for id in [NodeId::Refine, NodeId::Deform, NodeId::Octree, NodeId::Map] {
+            if plan.node(id).needed {
+                self.step(id, plan, done, &mut made, runner)?;
+            }
+        }
+        Ok(made)
+    }
+
+    /// Takes a candidate that holds, with its results.
+    fn keep(
+        &mut self,
+        candidate: &Candidate,
+        trial: Trial,
+        most: f64,
+        plan: &mut Plan,
+        exec: &Exec,
+    ) -> Result<(), Error> {
+        let error = trial.error();
+        self.report.error_mm = Some(error);
+        self.report.error_parts = trial.parts.iter().map(|(name, mm)| ((*name).to_owned(), *mm)).collect();
+        let setting = self.setting_of(candidate.level, candidate.steps);
+        self.take(plan, |_| true, &setting)?;
+        let why = format!(
+            "as the cheapest that was predicted to stay within {most} mm and does, with {error:.4} mm"
+        );
+        for knob in [Knob::Level, Knob::Steps] {
+            self.because(knob, &why, exec);
+        }
+        for (id, done) in trial.done {
+            self.model.learn(&rate_name(id.stage(), id.variant()), &setting, done.record.wall_s);
+            self.ready.insert(id, done);
+        }
+        Ok(())
+    }
+}
+
+/// Largest difference (mm) of a trial's motion from the unrefined lattice's: on the lattice and, where it was carried
+/// there, at the voxels.
+fn difference(
+    whole: &BTreeMap<NodeId, Done>,
+    trial: &BTreeMap<NodeId, Done>,
+    exec: &Exec,
+) -> Result<f64, Error> {
+    let artefact = |of: &BTreeMap<NodeId, Done>, id| of.get(&id).map(|d: &Done| d.artefact.clone());
+    let pair = |id| artefact(whole, id).zip(artefact(trial, id));
+    let (lattices, motions) = (pair(NodeId::Refine), pair(NodeId::Deform));
+    let mut most = 0.0_f64;
+    if let (Some((a, b)), Some((p, q))) = (lattices, motions)
+        && let (Artefact::Lattice(a), Artefact::Lattice(b)) = (a.as_ref(), b.as_ref())
+        && let (Artefact::Motion(p), Artefact::Motion(q)) = (p.as_ref(), q.as_ref())
+    {
+        most = most.max(surfaces((a, p), (b, q), exec)?);
+    }
+    if let Some((a, b)) = pair(NodeId::Map)
+        && let (Artefact::Displacement(a), Artefact::Displacement(b)) = (a.as_ref(), b.as_ref())
+    {
+        most = most.max(fields(a, b, exec));
+    }
+    Ok(most)
+}
+
+fn metric(done: &Done, key: &str) -> f64 {
+    done.record.metrics.get(key).and_then(Value::as_f64).unwrap_or(0.0)
+}
+
+/// Longest edge of the volume's voxels (mm).
+fn voxel_mm(done: &BTreeMap<NodeId, Done>) -> f64 {
+    match done.get(&NodeId::Import).map(|d| d.artefact.as_ref()) {
+        Some(Artefact::Volume(volume)) => volume.grid().spacing().into_iter().fold(0.0, f64::max),
+        _ => 1.0,
+    }
+}
+
+fn named(candidate: &Candidate) -> String {
+    format!("level {} with {} steps", candidate.level, candidate.steps)
+}

@@ -1,0 +1,306 @@
+//! The knobs of a scene that a budget may move: their wishes, the coarser settings on the recorded fronts, and how they are set.
+
+use serde_json::{Value, json};
+
+use super::choose::{Ladder, Rung};
+use super::{LEVELS, target};
+use crate::fronts::{Front, FrontPoint, recorded};
+use crate::scene::Scene;
+use ivd_lattice::refine::Target;
+
+/// Steps of the ring solver where the scene names none, and the least it makes.
+pub(super) const STEPS: f64 = 200.0;
+const LEAST_STEPS: f64 = 32.0;
+/// A time makes lattices no coarser than this: the next level loses parts of the surface, and saves little.
+const COARSEST: f64 = 3.0;
+
+/// A knob, or knobs of one stage that go together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Knob {
+    /// How far the lattice is refined.
+    Level,
+    /// Time steps of the solver.
+    Steps,
+    /// Samples of the transfer function.
+    Resolution,
+    /// Step and end of rays.
+    Picture,
+}
+
+/// The values of all knobs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Setting {
+    /// `None` where the scene bounds the refinement's error instead.
+    pub(super) level: Option<f64>,
+    pub(super) steps: f64,
+    pub(super) resolution: f64,
+    pub(super) step: f64,
+    pub(super) termination: f64,
+}
+
+impl Setting {
+    /// What a scene asks for.
+    pub(super) fn of(scene: &Scene) -> Self {
+        let refine = &scene.refine;
+        let level = match (refine.level, refine.ratio, refine.max_error) {
+            (Some(level), ..) => Some(f64::from(level)),
+            (None, Some(ratio), _) => Some((-ratio.max(1e-6).log(4.0)).max(0.0)),
+            (None, None, Some(_)) => None,
+            (None, None, None) => Some(2.0),
+        };
+        let steps = scene.deform.as_ref().and_then(|d| d.dt.map(|dt| (d.duration / dt).ceil()));
+        Self {
+            level,
+            steps: steps.unwrap_or(STEPS).max(LEAST_STEPS),
+            resolution: scene.atf.resolution as f64,
+            step: scene.render.step,
+            termination: scene.render.termination,
+        }
+    }
+
+    /// Share of the lattice that is kept.
+    pub(super) fn share(&self) -> f64 {
+        0.25_f64.powf(self.level.unwrap_or(2.0))
+    }
+
+    /// With a knob on a rung of its ladder.
+    pub(super) fn with(mut self, knob: Knob, rung: &Rung) -> Self {
+        match knob {
+            Knob::Level => self.level = Some(rung.value),
+            Knob::Steps => self.steps = rung.value,
+            Knob::Resolution => self.resolution = rung.value,
+            Knob::Picture => (self.step, self.termination) = (rung.value, rung.other),
+        }
+        self
+    }
+}
+
+impl Knob {
+    pub(super) const ALL: [Self; 4] = [Self::Level, Self::Steps, Self::Resolution, Self::Picture];
+
+    /// The stage.
+    pub(super) fn stage(self) -> &'static str {
+        match self {
+            Self::Level => "refine",
+            Self::Steps => "deform",
+            Self::Resolution => "atf",
+            Self::Picture => "render",
+        }
+    }
+
+    /// Keys of the scene that it moves.
+    pub(super) fn keys(self) -> &'static [&'static str] {
+        match self {
+            Self::Level => &["refine.level", "refine.ratio", "refine.max_error"],
+            Self::Steps => &["deform.dt"],
+            Self::Resolution => &["atf.resolution"],
+            Self::Picture => &["render.step", "render.termination"],
+        }
+    }
+
+    /// From the scene's wish to the coarsest on the front: each costs less and errs more than the wish.
+    pub(super) fn ladder(self, wish: &Setting) -> Ladder {
+        let mut rungs = match self {
+            Self::Level => wish.level.map_or_else(Vec::new, levels),
+            Self::Steps => line(front("deform"), "steps", wish.steps),
+            Self::Resolution => line(front("atf"), "resolution", wish.resolution),
+            Self::Picture => pictures(front("render"), wish),
+        };
+        rungs.dedup_by(|a, b| a.value == b.value && a.other == b.other);
+        Ladder(rungs)
+    }
+
+    /// Sets the scene's keys.
+    pub(super) fn apply(self, scene: &mut Scene, setting: &Setting) {
+        match self {
+            Self::Level => {
+                let Some(level) = setting.level else { return };
+                let (level, ratio) = match target(level) {
+                    Target::Level(level) => (Some(level), None),
+                    Target::Ratio(ratio) => (None, Some(ratio)),
+                    Target::MaxError(_) => unreachable!("a level is a level or a ratio"),
+                };
+                (scene.refine.level, scene.refine.ratio, scene.refine.max_error) = (level, ratio, None);
+            }
+            Self::Steps => {
+                if let Some(deform) = &mut scene.deform {
+                    // A hair longer, so that rounding doesn't make it one step more.
+                    deform.dt = Some(deform.duration / setting.steps * (1.0 + 1e-9));
+                }
+            }
+            Self::Resolution => scene.atf.resolution = setting.resolution as usize,
+            Self::Picture => {
+                (scene.render.step, scene.render.termination) = (setting.step, setting.termination);
+            }
+        }
+    }
+
+    /// Name and value before and after, for each of its knobs that differs.
+    pub(super) fn moved(self, from: &Setting, to: &Setting) -> Vec<(&'static str, Value, Value)> {
+        let pairs = match self {
+            Self::Level => vec![("level", from.level, to.level)],
+            Self::Steps => vec![("steps", Some(from.steps), Some(to.steps))],
+            Self::Resolution => vec![("resolution", Some(from.resolution), Some(to.resolution))],
+            Self::Picture => vec![
+                ("step", Some(from.step), Some(to.step)),
+                ("termination", Some(from.termination), Some(to.termination)),
+            ],
+        };
+        let told = pairs.into_iter().filter(|(_, a, b)| a != b);
+        told.map(|(name, a, b)| (name, number(a), number(b))).collect()
+    }
+}
+
+/// A value as a user writes it: without a fraction where it has none.
+fn number(value: Option<f64>) -> Value {
+    match value {
+        Some(v) if v.fract() == 0.0 && v.abs() < 1e15 => json!(v as i64),
+        v => json!(v),
+    }
+}
+
+/// The recorded front of a stage.
+pub(super) fn front(stage: &str) -> &'static Front {
+    recorded().iter().find(|f| f.stage == stage).expect("every stage with a knob has a recorded front")
+}
+
+/// The front's points along one knob, the others at their defaults; ascending.
+pub(super) fn along<'a>(front: &'a Front, knob: &str) -> Vec<(f64, &'a FrontPoint)> {
+    let default = front.points.iter().find(|p| p.default);
+    let same = |p: &&FrontPoint| {
+        default.is_none_or(|d| p.knobs.iter().all(|(name, value)| name == knob || d.knobs[name] == *value))
+    };
+    let points = front.points.iter().filter(same);
+    let mut found: Vec<(f64, &FrontPoint)> = points.filter_map(|p| Some((p.knob(knob)?, p))).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found
+}
+
+/// A value between recorded ones, straight between neighbours; the end's beyond an end.
+pub(super) fn between(points: impl IntoIterator<Item = (f64, f64)>, x: f64) -> f64 {
+    let mut last: Option<(f64, f64)> = None;
+    for (px, py) in points {
+        if x <= px {
+            return match last {
+                Some((qx, qy)) if px > qx => qy + (py - qy) * (x - qx) / (px - qx),
+                _ => py,
+            };
+        }
+        last = Some((px, py));
+    }
+    last.map_or(1.0, |(_, y)| y)
+}
+
+/// By level: bound on the lattice's distance (voxels), and largest difference of the voxels' motion (part of the push).
+pub(super) fn level_errors() -> Vec<(f64, f64, f64)> {
+    let map = front("map");
+    let voxel = map.voxel_mm.unwrap_or(1.0);
+    let of = |p: &FrontPoint| {
+        let counter = |name: &str| p.counters.get(name).map(|mm| mm / voxel);
+        let motion = counter("max_mm")? / counter("push_mm")?;
+        Some((p.knob("refine.level")?, counter("bound_mm")?, motion))
+    };
+    let mut found: Vec<(f64, f64, f64)> = map.points.iter().filter_map(of).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found
+}
+
+fn levels(wish: f64) -> Vec<Rung> {
+    let errors = level_errors();
+    let error = |level: f64| between(errors.iter().map(|e| (e.0, e.1)), level);
+    let coarser = LEVELS.into_iter().filter(|&level| level > wish && level <= COARSEST);
+    let values = std::iter::once(wish).chain(coarser);
+    values.map(|value| Rung { value, other: 0.0, error: error(value) }).collect()
+}
+
+/// The wish, and the points below it along a knob that costs more the larger it is.
+fn line(front: &Front, knob: &str, wish: f64) -> Vec<Rung> {
+    let points = along(front, knob);
+    let error = between(points.iter().map(|(x, p)| (x.ln(), p.error)), wish.ln());
+    let coarser = points.iter().rev().filter(|(x, p)| *x < wish && p.error > error);
+    let coarser = coarser.map(|(x, p)| Rung { value: *x, other: 0.0, error: p.error });
+    std::iter::once(Rung { value: wish, other: 0.0, error }).chain(coarser).collect()
+}
+
+/// The wish, and the points of the front that take fewer samples and longer steps and end rays no later.
+fn pictures(front: &Front, wish: &Setting) -> Vec<Rung> {
+    let (work, error) = picture(front, wish.step, wish.termination);
+    let mut rungs = vec![Rung { value: wish.step, other: wish.termination, error }];
+    let knobs = |p: &FrontPoint| Some((p.knob("step")?, p.knob("termination")?));
+    let mut points: Vec<&FrontPoint> = front
+        .points
+        .iter()
+        .filter(|p| front.beaten(p).is_none() && p.cost() < work && p.error > error)
+        .filter(|p| knobs(p).is_some_and(|(step, end)| step >= wish.step && end <= wish.termination))
+        .collect();
+    points.sort_by(|a, b| b.cost().total_cmp(&a.cost()));
+    rungs.extend(points.iter().filter_map(|p| {
+        let (value, other) = knobs(p)?;
+        Some(Rung { value, other, error: p.error })
+    }));
+    rungs
+}
+
+/// Cost and error of a picture, from the recorded points with the termination next to it.
+pub(super) fn picture(front: &Front, step: f64, termination: f64) -> (f64, f64) {
+    let ends = front.points.iter().filter_map(|p| p.knob("termination"));
+    let nearest = ends.min_by(|a, b| (a - termination).abs().total_cmp(&(b - termination).abs()));
+    let mut points: Vec<(f64, f64, f64)> = front
+        .points
+        .iter()
+        .filter(|p| p.knob("termination") == nearest)
+        .filter_map(|p| Some((p.knob("step")?.ln(), p.cost().ln(), p.error)))
+        .collect();
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let work = between(points.iter().map(|p| (p.0, p.1)), step.ln()).exp();
+    (work, between(points.iter().map(|p| (p.0, p.2)), step.ln()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wish() -> Setting {
+        Setting { level: Some(2.0), steps: 200.0, resolution: 1024.0, step: 0.5, termination: 0.99 }
+    }
+
+    #[test]
+    fn a_value_between_points_lies_straight_between_and_the_ends_hold_beyond() {
+        let points = [(0.0, 1.0), (2.0, 5.0), (3.0, 5.5)];
+        assert_eq!(
+            [-1.0, 0.0, 1.0, 2.0, 2.5, 9.0].map(|x| between(points, x)),
+            [1.0, 1.0, 3.0, 5.0, 5.25, 5.5]
+        );
+    }
+
+    #[test]
+    fn every_ladder_starts_at_the_wish_and_never_gets_finer() {
+        for knob in Knob::ALL {
+            let rungs = knob.ladder(&wish()).0;
+            assert!(rungs.len() >= 2, "{knob:?}: {rungs:?}");
+            assert_eq!(wish().with(knob, &rungs[0]), wish(), "{knob:?}");
+            assert!(rungs[1..].iter().all(|r| r.error > rungs[0].error), "{knob:?}: {rungs:?}");
+        }
+        let levels: Vec<f64> = Knob::Level.ladder(&wish()).0.iter().map(|r| r.value).collect();
+        assert_eq!(levels, [2.0, 3.0]);
+        assert!(Knob::Steps.ladder(&wish()).0.iter().all(|r| r.value <= 200.0));
+        assert!(Knob::Picture.ladder(&wish()).0.iter().all(|r| r.value >= 0.5 && r.other <= 0.99));
+    }
+
+    #[test]
+    fn a_setting_that_is_applied_is_read_back() {
+        let text = "schema = 1\n[input]\nphantom = \"head\"\n[deform]\nduration = 0.3\n[[deform.handle]]\n\
+            vertex = 0\nmove = [0.0, 0.0, 1.0]\nradius = 5.0\n[output]\nreport = true";
+        let scene = crate::scene::parse(text, &[]).unwrap();
+        assert_eq!(Setting::of(&scene), wish());
+        for level in LEVELS {
+            let asked =
+                Setting { level: Some(level), steps: 50.0, resolution: 64.0, step: 1.5, termination: 0.8 };
+            let mut changed = scene.clone();
+            Knob::ALL.into_iter().for_each(|knob| knob.apply(&mut changed, &asked));
+            let found = Setting::of(&changed);
+            assert!((found.level.unwrap() - level).abs() < 1e-12 && found.steps == 50.0, "{found:?}");
+            assert_eq!((found.resolution, found.step, found.termination), (64.0, 1.5, 0.8));
+        }
+    }
+}

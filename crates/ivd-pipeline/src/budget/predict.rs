@@ -1,0 +1,159 @@
+//! How long stages take: the recorded rates, times the scene's work, times what this machine was found to take.
+
+use super::knobs::{STEPS, Setting, along, between, front, picture};
+use super::work::Amounts;
+use crate::fronts::{Rates, recorded_rates};
+
+/// Shorter times say nothing of the machine (s).
+const TELLING: f64 = 1e-3;
+/// The record is believed as much as this much time at its own pace (s). What a stage takes depends on the volume too: the
+/// bonsai's first stages take 0.4 s and were recorded as 0.15 s, while the whole run took as long as was recorded. With 0
+/// they alone would triple every prediction; with 5 a slow machine would be learnt too late.
+const BELIEF: f64 = 0.5;
+
+/// Predicts times, and learns from those that were taken.
+#[derive(Debug, Clone)]
+pub(super) struct Model {
+    rates: &'static Rates,
+    /// How much there is to do where nothing is refined away.
+    pub(super) amounts: Amounts,
+    /// Stages that ran: name, what the record said, what it took (s).
+    taken: Vec<(String, f64, f64)>,
+    /// A factor that stands instead of what is learnt.
+    slowness: Option<f64>,
+}
+
+impl Model {
+    pub(super) fn new(slowness: Option<f64>) -> Self {
+        Self { rates: recorded_rates(), amounts: Amounts::default(), taken: Vec::new(), slowness }
+    }
+
+    /// Wall time (s) of a stage, or of writing an output, with a setting.
+    pub(super) fn seconds(&self, rate: &str, setting: &Setting) -> f64 {
+        self.recorded(rate, setting) * self.factor(rate)
+    }
+
+    /// What the record says for this scene's work.
+    fn recorded(&self, rate: &str, setting: &Setting) -> f64 {
+        let amounts = self.amounts.refined(setting.share());
+        self.rates.seconds(rate, amounts.of(rate).1) * ratio(rate, setting)
+    }
+
+    /// Remembers what a stage took.
+    pub(super) fn learn(&mut self, rate: &str, setting: &Setting, seconds: f64) {
+        let recorded = self.recorded(rate, setting);
+        // A volume may be read, unpacked or generated: that says nothing of the other stages.
+        if recorded > TELLING && rate != "import" {
+            self.taken.push((rate.to_owned(), recorded, seconds));
+        }
+    }
+
+    /// This machine and scene against the record: the stage's own where it ran before, else that of all that ran.
+    fn factor(&self, rate: &str) -> f64 {
+        if let Some(slowness) = self.slowness {
+            return slowness;
+        }
+        let stage = |name: &str| name.split(' ').next().map(str::to_owned);
+        let own = self.taken.iter().filter(|t| stage(&t.0) == stage(rate));
+        let all = self.taken.iter();
+        let of = |(recorded, taken): (f64, f64)| if recorded > 0.0 { Some(taken / recorded) } else { None };
+        let sum = |(a, b): (f64, f64), t: &(String, f64, f64)| (a + t.1, b + t.2);
+        of(own.fold((0.0, 0.0), sum)).or_else(|| of(all.fold((BELIEF, BELIEF), sum))).unwrap_or(1.0)
+    }
+}
+
+/// A setting's cost over the default's.
+fn ratio(rate: &str, setting: &Setting) -> f64 {
+    let level = setting.level.unwrap_or(2.0);
+    let over = |points: &[(f64, f64)], at: f64, default: f64| {
+        between(points.iter().copied(), at) / between(points.iter().copied(), default)
+    };
+    let times = |stage: &str, knob: &str| -> Vec<(f64, f64)> {
+        along(front(stage), knob).iter().map(|(x, p)| (*x, p.cpu_s.least)).collect()
+    };
+    match rate {
+        "refine" => {
+            let refine = front("refine");
+            let default = refine.points.iter().find(|p| p.default).map(|p| &p.knobs);
+            let mut points: Vec<(f64, f64)> = refine
+                .points
+                .iter()
+                .filter(|p| Some(&p.knobs) == default)
+                .filter_map(|p| Some((p.task.strip_prefix("level ")?.parse().ok()?, p.cpu_s.least)))
+                .collect();
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            over(&points, level, 2.0)
+        }
+        "octree" | "map" => over(&times("map", "refine.level"), level, 2.0),
+        "atf" => {
+            let default = ivd_atf::Params::default().resolution as f64;
+            over(&times("atf", "resolution"), setting.resolution, default)
+        }
+        "deform" => setting.steps / STEPS,
+        "render before" | "render after" => {
+            let defaults = ivd_render::RenderParams::default();
+            let render = front("render");
+            picture(render, setting.step, setting.termination).0
+                / picture(render, defaults.step, defaults.termination).0
+        }
+        _ => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wish() -> Setting {
+        Setting { level: Some(2.0), steps: 200.0, resolution: 1024.0, step: 0.5, termination: 0.99 }
+    }
+
+    fn model() -> Model {
+        let mut model = Model::new(None);
+        model.amounts = Amounts {
+            voxels: 1e6,
+            edge: 100.0,
+            triangles: 1e5,
+            refined: 6e3,
+            moved: 1e3,
+            reach: 1e5,
+            pixels: 1e5,
+        };
+        model
+    }
+
+    #[test]
+    fn time_grows_with_the_work_and_falls_with_coarser_settings() {
+        let (mut model, wish) = (model(), wish());
+        let once = model.seconds("segment", &wish);
+        model.amounts.voxels *= 3.0;
+        assert!((model.seconds("segment", &wish) - 3.0 * once).abs() < 1e-9 * once && once > 0.0);
+        let coarse = Setting { step: 2.0, ..wish };
+        assert!(model.seconds("render before", &coarse) < 0.6 * model.seconds("render before", &wish));
+        let few = Setting { steps: 50.0, ..wish };
+        assert!((model.seconds("deform", &few) * 4.0 - model.seconds("deform", &wish)).abs() < 1e-12);
+        assert_eq!(model.seconds("no such stage", &wish), 0.0);
+    }
+
+    #[test]
+    fn a_machine_that_takes_twice_as_long_is_learnt_and_a_stage_knows_itself_best() {
+        let (mut model, wish) = (model(), wish());
+        let [segment, render] = ["segment", "render after"].map(|rate| model.seconds(rate, &wish));
+        model.learn("import", &wish, 9.0 * model.seconds("import", &wish));
+        assert!(
+            (model.seconds("render after", &wish) - render).abs() < 1e-9,
+            "a volume may come from anywhere"
+        );
+        model.learn("segment", &wish, 2.0 * segment);
+        let learnt = model.seconds("render after", &wish) / render;
+        assert!(learnt > 1.0 && learnt < 1.1, "{learnt}: a short stage says little");
+        for _ in 0..40 {
+            model.learn("map", &wish, 2.0 * model.recorded("map", &wish));
+        }
+        let learnt = model.seconds("render after", &wish) / render;
+        assert!(learnt > 1.9 && learnt < 2.0, "{learnt}: long ones do");
+        model.learn("render before", &wish, 5.0 * model.recorded("render before", &wish));
+        assert!((model.seconds("render after", &wish) - 5.0 * render).abs() < 1e-9);
+        assert!((model.seconds("segment", &wish) - 2.0 * segment).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,129 @@
+use ivd_core::{Grid, Lattice, VoxelCoord, World};
+use nalgebra::Vector3;
+use serde_json::Value;
+
+use crate::PipelineReport;
+use crate::runner::StageRecord;
+use crate::scene::{DeformSection, HandleSection, Scene};
+
+/// The name of a rate: a stage with its variant, or `write` with the key of an output.
+pub fn rate_name(stage: &str, variant: &str) -> String {
+    // Pictures are alike.
+    let variant = if variant.starts_with("image ") { "image" } else { variant };
+    format!("{stage} {variant}").trim().to_owned()
+}
+
+/// How much there is to do in a scene; what isn't known yet is 0.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Amounts {
+    /// Voxels of the volume.
+    pub voxels: f64,
+    /// Voxels along its edge: the cube root of their number.
+    pub edge: f64,
+    /// Triangles of the lattice as cut.
+    pub triangles: f64,
+    /// Triangles of the refined lattice.
+    pub refined: f64,
+    /// Vertices of the refined lattice that the handles reach.
+    pub moved: f64,
+    /// Voxels in the handles' reach and its margin.
+    pub reach: f64,
+    /// Pixels of a picture.
+    pub pixels: f64,
+}
+
+impl Amounts {
+    /// Those of a finished run.
+    pub fn of_report(scene: &Scene, report: &PipelineReport) -> Self {
+        let metric = |stage: &str, key: &str| {
+            let record = report.stages.iter().find(|r: &&StageRecord| r.stage == stage);
+            record.and_then(|r| r.metrics.get(key)).and_then(Value::as_f64).unwrap_or(0.0)
+        };
+        let dims = report.stages.iter().find_map(|r| r.metrics.get("dims")?.as_array().cloned());
+        let dims: Vec<usize> = dims.iter().flatten().filter_map(Value::as_u64).map(|n| n as usize).collect();
+        let grid = <[usize; 3]>::try_from(dims).ok().and_then(|d| Grid::with_spacing(d, [1.0; 3]).ok());
+        Self {
+            triangles: metric("lattice", "triangles"),
+            refined: metric("refine", "triangles"),
+            moved: metric("deform", "vertices_moved"),
+            ..grid.map_or_else(Self::default, |grid| Self::of_volume(scene, &grid))
+        }
+    }
+
+    /// What the volume alone tells.
+    pub fn of_volume(scene: &Scene, grid: &Grid) -> Self {
+        let voxels = grid.len() as f64;
+        Self {
+            voxels,
+            edge: voxels.cbrt(),
+            reach: scene.deform.as_ref().map_or(0.0, |d| reach_voxels(d, grid)),
+            pixels: (scene.render.size[0] * scene.render.size[1]) as f64,
+            ..Self::default()
+        }
+    }
+
+    /// Adds what the lattice as cut tells, all of it kept.
+    pub(super) fn with_lattice(self, deform: Option<&DeformSection>, lattice: &Lattice) -> Self {
+        let triangles = lattice.triangles.len() as f64;
+        let moved = deform.map_or(0, |d| reached(d, lattice)) as f64;
+        Self { triangles, refined: triangles, moved, ..self }
+    }
+
+    /// Where refinement keeps a share of the lattice.
+    pub(super) fn refined(&self, share: f64) -> Self {
+        Self { refined: share * self.refined, moved: share * self.moved, ..self.clone() }
+    }
+
+    /// The amount that a rate counts, with its name.
+    pub fn of(&self, rate: &str) -> (&'static str, f64) {
+        match rate {
+            "refine" | "write lattice_extracted" => ("triangles as cut", self.triangles),
+            "write lattice" | "write lattice_deformed" => ("triangles", self.refined),
+            "octree" | "map" => ("voxels in reach", self.reach),
+            "deform" => ("vertices in reach", self.moved),
+            "render before" | "render after" => ("pixels × voxels along an edge", self.pixels * self.edge),
+            "render difference" | "write image" => ("pixels", self.pixels),
+            _ => ("voxels", self.voxels),
+        }
+    }
+}
+
+/// How far a handle's motion goes (mm); for a force, which only physics tells, a tenth of its radius.
+pub(super) fn motion(handle: &HandleSection) -> f64 {
+    handle.displace.map_or(0.1 * handle.radius, |d| Vector3::from(d).norm())
+}
+
+/// Voxels in the balls that the handles reach, widened by the default margin, as far as the volume goes. A handle that
+/// names a vertex is taken to lie in the middle.
+fn reach_voxels(deform: &DeformSection, grid: &Grid) -> f64 {
+    let dims = grid.dims().map(|n| n as f64);
+    let middle = Vector3::from(dims.map(|n| 0.5 * n));
+    let ball = |handle: &HandleSection| {
+        let radius = handle.radius + 4.0 * motion(handle);
+        let centre = handle.pick.map_or(middle, |p| grid.voxel(World(p.into())).0);
+        let spacing = grid.spacing();
+        let sides = (0..3).map(|a| {
+            let half = radius / spacing[a];
+            ((centre[a] + half).min(dims[a]) - (centre[a] - half).max(0.0)).max(0.0)
+        });
+        // A ball fills this part of its cube.
+        sides.product::<f64>() * std::f64::consts::FRAC_PI_6
+    };
+    deform.handle.iter().map(ball).sum::<f64>().min(grid.len() as f64)
+}
+
+/// Vertices of a lattice nearer to a handle than its radius.
+fn reached(deform: &DeformSection, lattice: &Lattice) -> usize {
+    let centre = |handle: &HandleSection| match (handle.pick, handle.vertex) {
+        (Some(point), _) => lattice.grid.voxel(World(point.into())),
+        (None, vertex) => {
+            let vertex = vertex.map_or(0, |v| v as usize);
+            if vertex < lattice.keys.len() { lattice.voxel(vertex) } else { VoxelCoord(Vector3::zeros()) }
+        }
+    };
+    let linear = lattice.grid.linear_part();
+    let balls: Vec<(Vector3<f64>, f64)> =
+        deform.handle.iter().map(|h| (linear * centre(h).0, h.radius)).collect();
+    let near = |p: &Vector3<f64>| balls.iter().any(|(c, r)| (p - c).norm() < *r);
+    lattice.local_positions().iter().filter(|p| near(p)).count()
+}
