@@ -32,8 +32,6 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     };
     // Before the work: a file that can't be read is no reason to lose it.
     let old = args.compare.as_deref().map(read).transpose()?;
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| Failure::of(Fault::Io, format!("{}: can't be made: {e}", args.out.display())))?;
     let all = args.stages.is_empty();
     let mut object = json!({ "out": args.out });
     let mut text = String::new();
@@ -56,6 +54,7 @@ fn stages(
     text: &mut String,
 ) -> anyhow::Result<()> {
     let bench = ivd_bench::run(options, &context.exec).map_err(failed)?;
+    make(&args.out)?;
     let file = |name: &str| args.out.join(name);
     for (name, text) in [
         ("bench.json", serde_json::to_string_pretty(&bench)? + "\n"),
@@ -86,6 +85,7 @@ fn scenes(
     text: &mut String,
 ) -> anyhow::Result<()> {
     let bench = ivd_bench::scenes(options, &context.exec).map_err(failed)?;
+    make(&args.out)?;
     let page = args.out.join("scenes.html");
     ivd_pipeline::write_text(&args.out.join("scenes.json"), &(serde_json::to_string_pretty(&bench)? + "\n"))?;
     ivd_pipeline::write_text(&page, &ivd_bench::scenes_page(&bench))?;
@@ -117,6 +117,12 @@ fn scenes(
     Ok(())
 }
 
+/// Makes a folder for what was measured.
+fn make(folder: &Path) -> anyhow::Result<()> {
+    let failed = |e| Failure::of(Fault::Io, format!("{}: can't be made: {e}", folder.display()));
+    std::fs::create_dir_all(folder).map_err(failed)
+}
+
 /// A volume to bench on, by its file's name.
 fn given(path: &Path, context: &Context) -> anyhow::Result<Given> {
     let input = volume_or_artefact(path, &Cache::disabled(), context)?;
@@ -133,8 +139,7 @@ fn given(path: &Path, context: &Context) -> anyhow::Result<Given> {
 
 /// Keeps the fronts, and the times of a plain scene where that is wanted.
 fn record(bench: &Bench, scene: bool, folder: &Path, context: &Context) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder)
-        .map_err(|e| Failure::of(Fault::Io, format!("{}: can't be made: {e}", folder.display())))?;
+    make(folder)?;
     let keep = |name: &str, text: serde_json::Result<String>| -> anyhow::Result<()> {
         Ok(ivd_pipeline::write_text(&folder.join(format!("{name}.json")), &(text? + "\n")).map(|_| ())?)
     };
