@@ -24,6 +24,15 @@ pub(crate) fn reference_mm(grid: &Grid) -> f64 {
     (grid.voxel_volume() * grid.len() as f64).cbrt() / REFERENCES
 }
 
+/// Largest magnitude of a value: the squares of 2⁵⁰ such values have a sum.
+const MOST: f64 = 1e140;
+
+/// Smallest and largest real value; zeros without data.
+pub(crate) fn range_of(volume: &Volume) -> Result<[f64; 2], Error> {
+    let [low, high] = volume.range().unwrap_or([0.0, 0.0]);
+    if low >= -MOST && high <= MOST { Ok([low, high]) } else { Err(Error::TooWide { low, high, most: MOST }) }
+}
+
 /// A class on its way to an entry.
 struct Candidate {
     statistics: ClassStatistics,
@@ -49,7 +58,7 @@ struct Candidate {
 ///
 /// # Errors
 /// [`Error::Core`] where volume and labels lie on different grids or the work was cancelled; [`Error::Param`];
-/// [`Error::TooManyClasses`] above 1,024.
+/// [`Error::TooManyClasses`] above 1,024; [`Error::TooWide`] for values beyond ±10¹⁴⁰.
 pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) -> Result<Built, Error> {
     params.check()?;
     if !volume.grid().matches(labels.grid()) {
@@ -61,8 +70,8 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
         }));
     }
     exec.run(|| {
+        let range = range_of(volume)?;
         let candidates = candidates(measure(volume, labels, exec)?);
-        let range = volume.range().unwrap_or([0.0, 0.0]);
         let windows = value_windows(&candidates, labels, range, params);
         let entries = entries(&candidates, &windows, range, params);
         Ok(tabulate(volume, &candidates, &windows, entries, range, params)?)

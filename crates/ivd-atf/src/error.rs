@@ -19,6 +19,18 @@ pub enum Error {
         /// Most that are taken.
         most: usize,
     },
+    /// Values whose squares can't be summed, so that no class has a spread.
+    #[error(
+        "the volume's values reach from {low:e} to {high:e}, beyond ±{most:e}; rescale the volume to smaller numbers"
+    )]
+    TooWide {
+        /// Smallest real value.
+        low: f64,
+        /// Largest real value.
+        high: f64,
+        /// Largest magnitude that is taken.
+        most: f64,
+    },
 }
 
 impl Error {
@@ -27,7 +39,7 @@ impl Error {
         match self {
             Self::Core(error) => error.fault(),
             Self::Param(_) => Fault::Usage,
-            Self::TooManyClasses { .. } => Fault::Limit,
+            Self::TooManyClasses { .. } | Self::TooWide { .. } => Fault::Limit,
         }
     }
 }

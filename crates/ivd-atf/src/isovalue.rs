@@ -1,6 +1,6 @@
 use ivd_core::{Error as CoreError, Exec, NO_DATA, TransferEntry, TransferFunction, Volume};
 
-use crate::build::reference_mm;
+use crate::build::{range_of, reference_mm};
 use crate::{Built, Error, Params, palette};
 
 /// Share of the value range over which opacity rises at the isovalue.
@@ -12,7 +12,7 @@ const RISE: f64 = 1.0 / 64.0;
 /// Opacity rises linearly over 1/64 of the volume's range, centred on `iso` (a real value).
 ///
 /// # Errors
-/// [`Error::Param`]; [`Error::Core`] for an isovalue that isn't finite.
+/// [`Error::Param`]; [`Error::Core`] for an isovalue that isn't finite; [`Error::TooWide`] for values beyond ±10¹⁴⁰.
 pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) -> Result<Built, Error> {
     params.check()?;
     if !iso.is_finite() {
@@ -20,7 +20,7 @@ pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) ->
             CoreError::Inconsistent { what: "isovalue", problem: format!("{iso} is not finite") }.into()
         );
     }
-    let range = exec.run(|| volume.range()).unwrap_or([0.0, 0.0]);
+    let range = exec.run(|| range_of(volume))?;
     let half = 0.5 * RISE * (range[1] - range[0]);
     let value = |i: usize| range[0] + (range[1] - range[0]) * (i as f64 / (params.resolution - 1) as f64);
     let weight = |v: f64| {

@@ -148,3 +148,16 @@ fn wrong_inputs_are_refused_by_kind() {
     let error = transfer(&volume, &labels, &Params::default(), &cancelled).unwrap_err();
     assert_eq!(error.fault(), Fault::Cancelled);
 }
+
+#[test]
+fn values_whose_squares_overflow_are_refused_with_the_range() {
+    let grid = Grid::with_spacing([2, 1, 1], [1.0; 3]).unwrap();
+    let labels = Labels::new(grid.clone(), vec![1, 2].into(), vec![]).unwrap();
+    for values in [vec![f64::MIN, f64::MAX], vec![0.0, 1e200]] {
+        let volume = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
+        let (params, exec) = (Params::default(), Exec::default());
+        let error = transfer(&volume, &labels, &params, &exec).unwrap_err();
+        assert!(matches!(error, Error::TooWide { .. }) && error.fault() == Fault::Limit, "{error}");
+        assert!(ivd_atf::from_isovalue(&volume, 1.0, &params, &exec).is_err());
+    }
+}

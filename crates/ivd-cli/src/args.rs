@@ -40,6 +40,9 @@ pub(crate) struct Global {
     /// Worker threads; all processors where it isn't given.
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
+    /// Use no instructions beyond the least of this kind of processor; the results are the same, and tests show it.
+    #[arg(long, global = true, hide = true)]
+    pub(crate) no_simd: bool,
     /// Most memory that bulk data may take, such as 4GiB.
     #[arg(long, global = true, value_name = "SIZE", value_parser = parse::bytes)]
     pub(crate) memory_limit: Option<u64>,

@@ -107,6 +107,9 @@ pub struct Exec {
     /// Whether work that can't change a result is passed over. Off: everything is looked at, for the same result; the plain
     /// twin of every shortcut.
     pub skip: bool,
+    /// Whether kernels may use what this processor has beyond the least of its kind (AVX2 and the like). The bytes are the
+    /// same either way; without it a test can show that they are.
+    pub simd: bool,
 }
 
 impl Default for Exec {
@@ -119,6 +122,7 @@ impl Default for Exec {
             spill: None,
             backend: Backend::Cpu,
             skip: true,
+            simd: true,
         }
     }
 }
@@ -129,6 +133,7 @@ impl std::fmt::Debug for Exec {
             .field("threads", &self.threads())
             .field("memory_limit", &self.memory_limit)
             .field("backend", &self.backend)
+            .field("simd", &self.simd)
             .finish_non_exhaustive()
     }
 }
@@ -163,6 +168,13 @@ impl Exec {
     #[must_use]
     pub fn with_deadline(mut self, deadline: Instant) -> Self {
         self.cancel = self.cancel.until(deadline);
+        self
+    }
+
+    /// Work with the kernels for any processor (`false`), or with the fastest that this one runs.
+    #[must_use]
+    pub fn with_simd(mut self, simd: bool) -> Self {
+        self.simd = simd;
         self
     }
 

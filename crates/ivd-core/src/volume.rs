@@ -360,10 +360,16 @@ impl Volume {
         Ok(())
     }
 
-    /// Smallest and largest real value; `None` where no voxel holds data.
+    /// Smallest and largest real value, exactly; `None` where no voxel holds data. The index answers where its `f32` holds
+    /// every stored value; the wider types are looked through.
     pub fn range(&self) -> Option<[f64; 2]> {
-        let (lo, hi) = self.bricks().total()?;
-        let (a, b) = (self.real(f64::from(lo)), self.real(f64::from(hi)));
+        let [lo, hi] = match &self.voxels {
+            Voxels::U32(v) => extremes(v)?,
+            Voxels::I32(v) => extremes(v)?,
+            Voxels::F64(v) => extremes(v)?,
+            _ => self.bricks().total().map(|(lo, hi)| [f64::from(lo), f64::from(hi)])?,
+        };
+        let (a, b) = (self.real(lo), self.real(hi));
         Some([a.min(b), a.max(b)])
     }
 
@@ -384,6 +390,18 @@ impl PartialEq for Volume {
             && self.intercept == other.intercept
             && self.voxels() == other.voxels()
     }
+}
+
+/// Smallest and largest value that is data.
+fn extremes<T: Scalar>(values: &[T]) -> Option<[f64; 2]> {
+    use rayon::prelude::*;
+    let none = [f64::INFINITY, f64::NEG_INFINITY];
+    let join = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+    let of = |chunk: &[T]| {
+        chunk.iter().filter(|v| v.is_data()).fold(none, |all, v| join(all, [v.to_f64(), v.to_f64()]))
+    };
+    let [lo, hi] = values.par_chunks(1 << 16).map(of).reduce(|| none, join);
+    (lo <= hi).then_some([lo, hi])
 }
 
 #[cfg(test)]
@@ -422,6 +440,18 @@ mod tests {
         assert!(Volume::new(grid.clone(), Voxels::from(vec![0_u8; 7])).is_err());
         assert!(Volume::with_scale(grid.clone(), Voxels::from(vec![0_u8; 8]), 0.0, 0.0).is_err());
         assert!(Volume::with_scale(grid, Voxels::from(vec![0_u8; 8]), 1.0, f64::NAN).is_err());
+    }
+
+    #[test]
+    fn the_range_of_wide_types_is_that_of_their_values() {
+        let grid = Grid::with_spacing([3, 1, 1], [1.0; 3]).unwrap();
+        let range = |voxels| Volume::new(grid.clone(), voxels).unwrap().range();
+        // None of these is an `f32`, which the index would round outwards.
+        let whole = vec![16_777_217_i32, 16_777_219, 16_777_218];
+        assert_eq!(range(Voxels::from(whole)), Some([16_777_217.0, 16_777_219.0]));
+        assert_eq!(range(Voxels::from(vec![u32::MAX, 7, 8])), Some([7.0, 4_294_967_295.0]));
+        assert_eq!(range(Voxels::from(vec![1e300, f64::NAN, 0.1])), Some([0.1, 1e300]));
+        assert_eq!(range(Voxels::from(vec![f64::NAN, f64::INFINITY, f64::NAN])), None);
     }
 
     #[test]

@@ -42,6 +42,16 @@ impl<'a> Sampler<'a> {
         self.field.vectors()[slot as usize * FieldBricks::VOXELS + x % 8 + 8 * (y % 8 + 8 * (z % 8))].into()
     }
 
+    /// What a cell stands for, from and to along each axis, counted from its lowest corner: 0 to 1, and without an end where
+    /// it is an outermost one and the field beyond it is the same.
+    pub(crate) fn room(&self, cell: [i64; 3]) -> [[f64; 2]; 3] {
+        std::array::from_fn(|a| {
+            let first = if cell[a] < 0 { f64::NEG_INFINITY } else { 0.0 };
+            let last = if cell[a] + 1 >= self.dims[a] as i64 { f64::INFINITY } else { 1.0 };
+            [first, last]
+        })
+    }
+
     /// Displacements at the corners of a cell.
     #[inline]
     pub(crate) fn corners(&self, cell: [i64; 3]) -> Corners {

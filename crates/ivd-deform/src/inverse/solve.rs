@@ -5,6 +5,9 @@ use crate::sampler::{Corners, Sampler, gradient, interpolate};
 
 /// A residual at which a preimage counts as found (voxels): far below what `f32` vectors can keep.
 const FOUND: f64 = 1e-10;
+/// The same for a preimage far away, as a fraction of its coordinates: a few roundings. 10⁶ voxels from here no residual
+/// of 10⁻¹⁰ can be met, and every voxel would be searched for.
+const FOUND_FAR: f64 = 8.0 * f64::EPSILON;
 /// Newton steps from one start. Smooth fields take 3 to 5; beyond 30 it hangs at a kink and the search takes over.
 const STEPS: usize = 30;
 
@@ -29,11 +32,11 @@ impl<'a> Solver<'a> {
     /// them where none reaches [`FOUND`].
     pub(crate) fn solve(&self, y: Vector3<f64>, start: Vector3<f64>) -> Vector3<f64> {
         let (x, residual) = self.newton(y, start);
-        if residual <= FOUND {
+        if residual <= found(x) {
             return x;
         }
         let (x2, residual2) = self.newton(y, y - self.sampler.at(y));
-        if residual2 <= FOUND {
+        if residual2 <= found(x2) {
             return x2;
         }
         let best = if residual2 < residual { (x2, residual2) } else { (x, residual) };
@@ -50,7 +53,7 @@ impl<'a> Solver<'a> {
         let mut corners = self.sampler.corners(cell);
         let mut f = x + interpolate(&corners, place) - y;
         for _ in 0..STEPS {
-            if f.norm() <= FOUND {
+            if f.norm() <= found(x) {
                 break;
             }
             let step = newton_step(&gradient(&corners, place), f);
@@ -73,20 +76,23 @@ impl<'a> Solver<'a> {
         (x, f.norm())
     }
 
-    /// Goes through the cells near enough to hold a preimage of `y`: those whose deformed box contains it.
+    /// Goes through the cells near enough to hold a preimage of `y`: those whose deformed box contains it. Beyond the grid
+    /// the field is constant outwards, so that the outermost cells stand for all of space beyond them.
     fn search(&self, y: Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
-        let lo = (y - self.most).map(|c| c.floor() as i64 - 1);
-        let hi = (y + self.most).map(|c| c.ceil() as i64 + 1);
+        let last = self.sampler.dims().map(|n| n as i64 - 1);
+        let cell = |c: f64, a: usize| (c.clamp(-1.0, last[a] as f64) as i64).clamp(-1, last[a]);
+        let lo = Vector3::from_fn(|a, _| cell((y[a] - self.most[a]).floor() - 1.0, a));
+        let hi = Vector3::from_fn(|a, _| cell((y[a] + self.most[a]).ceil() + 1.0, a));
         let mut best: Option<(Vector3<f64>, f64)> = None;
         for z in lo.z..=hi.z {
             for yy in lo.y..=hi.y {
                 for x in lo.x..=hi.x {
-                    let found = self.in_cell(y, [x, yy, z]);
-                    if let Some((_, r)) = found
+                    let candidate = self.in_room(y, [x, yy, z], self.sampler.room([x, yy, z]));
+                    if let Some((at, r)) = candidate
                         && best.is_none_or(|(_, b)| r < b)
                     {
-                        best = found;
-                        if r <= FOUND {
+                        best = candidate;
+                        if r <= found(at) {
                             return best;
                         }
                     }
@@ -114,23 +120,41 @@ impl<'a> Solver<'a> {
 
     /// Newton inside one cell, the iterate kept in it.
     pub(crate) fn in_cell(&self, y: Vector3<f64>, cell: [i64; 3]) -> Option<(Vector3<f64>, f64)> {
+        self.in_room(y, cell, [[0.0, 1.0]; 3])
+    }
+
+    /// Newton with the iterate kept in a cell, or in what it stands for: from and to along each axis, counted from the cell's
+    /// lowest corner. Along an axis without an end the field is constant, and the first step is exact.
+    fn in_room(&self, y: Vector3<f64>, cell: [i64; 3], room: [[f64; 2]; 3]) -> Option<(Vector3<f64>, f64)> {
         let corners = self.sampler.corners(cell);
         let base = Vector3::from(cell).map(|c| c as f64);
         let (lo, hi) = deformed_box(&corners, base);
-        if (0..3).any(|a| y[a] < lo[a] - 1e-9 || y[a] > hi[a] + 1e-9) {
+        let below = |a: usize| y[a] < lo[a] - 1e-9 && room[a][0].is_finite();
+        let above = |a: usize| y[a] > hi[a] + 1e-9 && room[a][1].is_finite();
+        if (0..3).any(|a| below(a) || above(a)) {
             return None;
         }
-        let residual = |t: Vector3<f64>| base + t + interpolate(&corners, t) - y;
+        let kept = |t: Vector3<f64>| Vector3::from_fn(|a, _| t[a].clamp(room[a][0], room[a][1]));
+        // Interpolated at its own place in the cell, so that a place far out doesn't extrapolate rounding.
+        let cut = |t: Vector3<f64>| t.map(|c| c.clamp(0.0, 1.0));
+        let residual = |t: Vector3<f64>| base + t + interpolate(&corners, cut(t)) - y;
         let mut t = Vector3::repeat(0.5);
+        let middle = residual(t);
+        t = kept(Vector3::from_fn(|a, _| t[a] - if room[a] == [0.0, 1.0] { 0.0 } else { middle[a] }));
         for _ in 0..STEPS {
             let f = residual(t);
-            if f.norm() <= FOUND {
+            if f.norm() <= found(base + t) {
                 break;
             }
-            t = (t + newton_step(&gradient(&corners, t), f)).map(|c| c.clamp(0.0, 1.0));
+            t = kept(t + newton_step(&gradient(&corners, cut(t)), f));
         }
         Some((base + t, residual(t).norm()))
     }
+}
+
+/// The residual at which a preimage counts as found (voxels).
+fn found(x: Vector3<f64>) -> f64 {
+    FOUND.max(FOUND_FAR * x.amax())
 }
 
 /// The box round a deformed cell.

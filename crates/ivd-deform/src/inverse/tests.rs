@@ -121,3 +121,17 @@ fn cancelled_work_stops() {
 }
 
 use nalgebra::Matrix3;
+
+#[test]
+fn motions_of_very_many_voxels_are_inverted_without_a_search_through_all_of_space() {
+    // A shift far out of the grid, steep enough that the origin isn't where the motion at the voxel itself would have it.
+    let grid = Grid::with_spacing([12, 11, 10], [0.5, 1.0, 2.0]).unwrap();
+    for shift in [300.0, 1e5, 1e9] {
+        let forward = field(&grid, |p| Vector3::new(shift + 0.3 * p.y, -shift, 0.1 * p.x));
+        let inverse = invert(&forward, &grid, &Exec::default()).unwrap();
+        // What `f32` keeps of such a vector, in voxels of half a millimetre.
+        let kept = 4.0 * f64::from(f32::EPSILON) * shift / 0.5;
+        let residual = inverse.residual_max_voxels;
+        assert!(residual <= 1e-5 + kept, "{residual} voxels for a shift of {shift} mm");
+    }
+}

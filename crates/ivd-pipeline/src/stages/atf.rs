@@ -36,7 +36,7 @@ impl Stage for Atf {
     }
 
     fn revision(&self) -> u32 {
-        1
+        2
     }
 
     fn inputs(&self) -> &'static [Slot] {
