@@ -79,7 +79,8 @@ fn a_time_that_the_wish_is_predicted_to_miss_makes_settings_coarser_and_says_so(
     let budget = found.budget.as_ref().unwrap();
     let moved: Vec<(&str, &str)> =
         budget.choices.iter().map(|c| (c.stage.as_str(), c.knob.as_str())).collect();
-    for knob in [("refine", "level"), ("deform", "steps"), ("render", "step"), ("render", "termination")] {
+    // So small a lattice is moved in no time: its steps stay.
+    for knob in [("refine", "level"), ("render", "step"), ("render", "termination")] {
         assert!(moved.contains(&knob), "{moved:?}");
     }
     let triangles = |r: &PipelineReport| record(r, "refine", "").metrics["triangles"].as_u64().unwrap();
@@ -87,8 +88,6 @@ fn a_time_that_the_wish_is_predicted_to_miss_makes_settings_coarser_and_says_so(
     let samples =
         |r: &PipelineReport| record(r, "render", "before").metrics["samples_per_pixel"].as_f64().unwrap();
     assert!(samples(&found) < samples(&wish));
-    let steps = |r: &PipelineReport| record(r, "deform", "").metrics["steps"].as_u64().unwrap();
-    assert!(steps(&found) < steps(&wish));
     // What the cache has costs nothing: the wish is taken as it is.
     let again = bench.run_with(&[], &with(slow), &Exec::default()).unwrap();
     assert!(again.budget.as_ref().unwrap().choices.is_empty(), "{:?}", again.budget);
@@ -121,7 +120,7 @@ fn a_knob_that_is_pinned_stays() {
     let slow = Budget { slowness: Some(1e6), pinned, ..time(3600.0) };
     let found = Bench::new(HEAD).run_with(&[], &with(slow), &Exec::default()).unwrap();
     let budget = found.budget.unwrap();
-    assert!(budget.choices.iter().all(|c| c.stage == "deform" || c.stage == "atf"), "{budget:?}");
+    assert!(!budget.choices.iter().any(|c| c.stage == "refine" || c.knob == "step"), "{budget:?}");
 }
 
 #[test]

@@ -31,7 +31,9 @@ fn a_default_that_is_moved_or_beaten_is_found_in_every_stage_with_one() {
         let today = defaults(stage).remove(0);
         // Another value than the recorded one.
         let mut moved = today.knobs.clone();
-        moved.values_mut().for_each(|value| value.push('9'));
+        for value in moved.values_mut() {
+            value.push('9');
+        }
         assert!(front.check_default(&today.task, &moved).unwrap_err().contains("record again"), "{stage}");
         // A setting that errs half as much and costs half as much.
         let mut better = front.find(&today.task, &today.knobs).unwrap().clone();

@@ -33,7 +33,7 @@ pub(super) fn experiment(stage: &str, given: &Given, exec: &Exec) -> Result<Opti
             let whole = whole()?;
             let truth = whole.clone();
             let measure: refine::Measure = Arc::new(move |found, exec| distance(found, &truth, exec));
-            refine::on(&whole, of("the lattice of the densest part"), "the unrefined lattice", measure)
+            refine::on(&whole, of("the lattice of the densest part"), "the unrefined lattice", &measure)
         }
         "deform" => {
             let (whole, stiffness) = (whole()?, RingParams::default().stiffness);

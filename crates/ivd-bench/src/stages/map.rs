@@ -42,7 +42,7 @@ pub(super) fn on(
     let reached = finest.voxels_moved as f64;
     let finest = Arc::new(finest.displacement);
     let settings = lattices.into_iter().map(|(level, lattice, bound)| {
-        let (finest, handle) = (finest.clone(), handle.clone());
+        let (finest, handle) = (finest.clone(), *handle);
         let default = target(level) == RefineParams::default().target;
         Setting::new([("refine.level", level.to_string())], default, move |exec| {
             let found = mapped(&lattice, &handle, exec)?;

@@ -19,14 +19,20 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
     let lattice = Arc::new(ball(size, exec)?);
     let input =
         format!("the lattice of a ball of 40 mm, {size}³ voxels, {} triangles", lattice.triangles.len());
-    Ok(on(&lattice, input, "the ball", Arc::new(|found, _| Ok(distance(found)))))
+    let measure: Measure = Arc::new(|found, _| Ok(distance(found)));
+    Ok(on(&lattice, input, "the ball", &measure))
 }
 
 /// How far a refined lattice is from the truth (mm).
 pub(super) type Measure = Arc<dyn Fn(&Lattice, &Exec) -> Result<f64, Problem>>;
 
 /// The same on any lattice, with its measure.
-pub(super) fn on(lattice: &Arc<Lattice>, input: String, truth: &'static str, measure: Measure) -> Experiment {
+pub(super) fn on(
+    lattice: &Arc<Lattice>,
+    input: String,
+    truth: &'static str,
+    measure: &Measure,
+) -> Experiment {
     let defaults = RefineParams::default();
     let mut settings = Vec::new();
     for level in LEVELS {

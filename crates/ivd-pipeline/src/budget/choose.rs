@@ -29,33 +29,47 @@ pub(super) struct Fit {
 /// An error that is 0 has no ratio; it counts as this part of the next.
 const LEAST: f64 = 1e-3;
 
-/// A step that saves a smaller part of the time isn't worth any error: the record's noise is as large.
+/// A step that saves a smaller part of the time and isn't enough isn't worth any error: the record's noise is as large.
 const WORTH: f64 = 0.02;
 
-/// Goes down the ladders until the predicted time is within `available` (s). Each step is the one that saves the most time for
-/// the logarithm of the error that it adds, so that nothing is given away that saves little.
+/// A step down one ladder.
+struct Step {
+    at: Vec<usize>,
+    /// Predicted time then (s).
+    seconds: f64,
+    loss: f64,
+}
+
+/// Goes down the ladders until the predicted time is within `available` (s). Where one step is enough, it is the one that
+/// costs the least accuracy; else the one that saves the most time for the logarithm of the error that it adds, so that
+/// nothing is given away that saves little.
 pub(super) fn fit(ladders: &[Ladder], seconds: impl Fn(&[usize]) -> f64, available: f64) -> Fit {
     let mut at = vec![0; ladders.len()];
     let mut now = seconds(&at);
     while now > available {
-        let steps = ladders
-            .iter()
-            .enumerate()
-            .flat_map(|(i, ladder)| (at[i] + 1..ladder.0.len()).map(move |to| (i, to)));
-        let worth = steps.filter_map(|(i, to)| {
-            let mut there = at.clone();
-            there[i] = to;
-            let saved = now - seconds(&there);
-            let loss = loss(&ladders[i].0[at[i]], &ladders[i].0[to]);
-            (saved > WORTH * now).then_some((saved / loss, there))
-        });
-        let Some((_, best)) = worth.max_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return Fit { at, seconds: now, fits: false };
-        };
-        at = best;
-        now = seconds(&at);
+        let steps = steps(ladders, &at, &seconds);
+        let enough = steps.iter().filter(|s| s.seconds <= available);
+        let worth = |s: &&Step| now - s.seconds > WORTH * now;
+        let rate = |s: &Step| (now - s.seconds) / s.loss;
+        let best = enough
+            .min_by(|a, b| a.loss.total_cmp(&b.loss))
+            .or_else(|| steps.iter().filter(worth).max_by(|a, b| rate(a).total_cmp(&rate(b))));
+        let Some(best) = best else { return Fit { at, seconds: now, fits: false } };
+        (at, now) = (best.at.clone(), best.seconds);
     }
     Fit { at, seconds: now, fits: true }
+}
+
+/// Every step down one of the ladders.
+fn steps(ladders: &[Ladder], at: &[usize], seconds: impl Fn(&[usize]) -> f64) -> Vec<Step> {
+    let rungs = ladders.iter().enumerate().flat_map(|(i, l)| (at[i] + 1..l.0.len()).map(move |to| (i, to)));
+    let step = |(i, to): (usize, usize)| {
+        let mut there = at.to_vec();
+        there[i] = to;
+        let loss = loss(&ladders[i].0[at[i]], &ladders[i].0[to]);
+        Step { seconds: seconds(&there), at: there, loss }
+    };
+    rungs.map(step).collect()
 }
 
 /// What a step costs in accuracy: the logarithm of the ratio of errors.
@@ -88,6 +102,15 @@ mod tests {
         assert_eq!(fit(&ladders, seconds, 7.0).at, [0, 1]);
         assert_eq!(fit(&ladders, seconds, 5.2).at, [1, 1]);
         assert_eq!(fit(&ladders, seconds, 4.5), Fit { at: vec![1, 2], seconds: 4.5, fits: true });
+    }
+
+    #[test]
+    fn the_last_step_goes_no_further_than_it_must() {
+        // For its error the far step saves more, but the near one is enough.
+        let ladders = [ladder(&[1.0, 2.0, 3.0])];
+        let seconds = |at: &[usize]| [10.0, 8.0, 1.0][at[0]];
+        assert_eq!(fit(&ladders, seconds, 9.0).at, [1]);
+        assert_eq!(fit(&ladders, seconds, 7.0).at, [2]);
     }
 
     #[test]

@@ -297,7 +297,9 @@ mod tests {
             let asked =
                 Setting { level: Some(level), steps: 50.0, resolution: 64.0, step: 1.5, termination: 0.8 };
             let mut changed = scene.clone();
-            Knob::ALL.into_iter().for_each(|knob| knob.apply(&mut changed, &asked));
+            for knob in Knob::ALL {
+                knob.apply(&mut changed, &asked);
+            }
             let found = Setting::of(&changed);
             assert!((found.level.unwrap() - level).abs() < 1e-12 && found.steps == 50.0, "{found:?}");
             assert_eq!((found.resolution, found.step, found.termination), (64.0, 1.5, 0.8));

@@ -204,7 +204,7 @@ impl<'a> Pilot<'a> {
         self.report.predicted_s = Some(elapsed + seconds);
         if !fits && !std::mem::replace(&mut self.warned, true) {
             runner.exec.observer().note(&format!(
-                "budget: even the coarsest settings are predicted to end after {:.2} s of {most} s; going on",
+                "budget: even the coarsest settings are predicted to end after {:.2} s, too late or too near to {most} s; going on",
                 elapsed + seconds
             ));
         }
