@@ -5,6 +5,7 @@
 
 mod load;
 mod sections;
+mod written;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,6 +17,7 @@ pub use sections::{
     OutputSection, Outside, Picture, Projection, RawSection, RefineMethod, RefineSection, RenderMode,
     RenderSection, SegmentMethod, SegmentSection, Solver, WarpOrder, WarpSection,
 };
+pub use written::triple;
 
 /// A scene: every section is optional but `input` and `output`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
