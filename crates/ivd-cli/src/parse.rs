@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use ivd_pipeline::scene::{MOST, in_short, read_short};
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
@@ -59,19 +60,28 @@ pub(crate) fn bytes(text: &str) -> Result<u64, String> {
 
 /// A section of the scene from `--params FILE` with the command line's own words on top, checked as a scene's is.
 pub(crate) fn section<T: DeserializeOwned>(params: Option<&Path>, words: Table) -> anyhow::Result<T> {
-    let mut table = match params {
-        None => Table::new(),
-        Some(file) => {
-            let text = std::fs::read_to_string(file)
-                .map_err(|e| Failure::of(ivd_core::Fault::Io, format!("reading {}: {e}", file.display())))?;
-            text.parse::<Table>().map_err(|e| Failure::usage(format!("--params {}: {e}", file.display())))?
-        }
-    };
+    section_over(Table::new(), params, words)
+}
+
+/// As [`section`], with words that hold where neither the file nor the command line says anything else.
+pub(crate) fn section_over<T: DeserializeOwned>(
+    mut table: Table,
+    params: Option<&Path>,
+    words: Table,
+) -> anyhow::Result<T> {
+    if let Some(file) = params {
+        let bytes = read_short(file)
+            .map_err(|e| Failure::of(ivd_core::Fault::Io, format!("reading {}: {e}", file.display())))?;
+        let wrong = |problem: String| Failure::usage(format!("--params {}: {problem}", file.display()));
+        let bytes = bytes.ok_or_else(|| wrong(format!("longer than {MOST} bytes")))?;
+        let text = String::from_utf8(bytes).map_err(|e| wrong(format!("{e}; write a TOML text file")))?;
+        table.extend(text.parse::<Table>().map_err(|e| wrong(in_short(&e.to_string())))?);
+    }
     table.extend(words);
     Value::Table(table).try_into().map_err(|e: toml::de::Error| {
         let place = params
             .map_or_else(String::new, |file| format!("--params {} or the command line: ", file.display()));
-        Failure::usage(format!("{place}{}", e.to_string().trim()))
+        Failure::usage(format!("{place}{}", in_short(e.to_string().trim())))
     })
 }
 

@@ -10,7 +10,7 @@ mod written;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use load::{Loaded, Override, load, parse};
+pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
     AtfSection, BoundarySection, ClassChoice, ClassWord, DeformSection, DepthWeight, FixSection,
     HandleSection, InputSection, IsoChoice, IsoWord, LatticeSection, MapMethod, MapSection, OctreeSection,
