@@ -187,7 +187,9 @@ pub fn check(bytes: &[u8]) {
     let Ok(loaded) = read(&path) else { return };
     let copy = files::path("copy.ivd");
     let written = write(&copy, &loaded.artefact, &Provenance::new("fuzz", serde_json::json!({})));
-    assert_eq!(written.expect("what was read is written").hash, loaded.hash, "the content has another hash");
+    // The fuzzer's JSON isn't in canonical form, so that the first hash may differ; what we wrote may not.
+    let again = read(&copy).expect("what was written is read");
+    assert_eq!(written.expect("what was read is written").hash, again.hash, "the copy has another hash");
     stages::sound_enough(&loaded.artefact);
     use_it(&loaded.artefact);
 }

@@ -67,7 +67,10 @@ fn search(lattice: &Lattice, octree: &Octree) {
         let Some(found) = index.nearest(point, f64::INFINITY) else { continue };
         let corners = lattice.triangles.iter().flatten();
         let least = corners.map(|&v| (positions[v as usize] - point).norm()).fold(f64::INFINITY, f64::min);
-        assert!(found.distance_mm <= least * (1.0 + 1e-9) + 1e-9, "{} > {least}", found.distance_mm);
+        assert!(
+            found.distance_mm <= least * (1.0 + 1e-9) + 1e-9,
+            "{found:?} from {point:?}, a corner at {least}: {lattice:?}"
+        );
     }
 }
 
