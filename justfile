@@ -39,6 +39,10 @@ interop:
     cargo build --release
     bash tests/interop/run.sh target/release/ivd
 
+# Hostile bytes at every reader and stage, a minute each: `just fuzz`, `just fuzz nifti 600`. Needs cargo-fuzz and a nightly compiler.
+fuzz target="all" seconds="60":
+    fuzz/run.sh {{target}} {{seconds}}
+
 # Run time against error of every stage, as a page with plots: `just bench --quick`, `just bench render --compare OLD.json`.
 bench *args="":
     cargo run --release -- bench {{args}}

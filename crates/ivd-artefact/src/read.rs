@@ -73,8 +73,12 @@ pub struct SectionInfo {
 
 /// Whether a file begins like an artefact. A file that can't be read doesn't.
 pub fn is_artefact(path: impl AsRef<Path>) -> bool {
+    let path = path.as_ref();
     let mut magic = [0; 4];
-    File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok() && magic == MAGIC
+    // Opening a pipe would wait for its writer.
+    path.is_file()
+        && File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok()
+        && magic == MAGIC
 }
 
 /// Reads prelude and metadata and verifies their hash; the payload isn't touched, only its length is checked.
@@ -136,11 +140,12 @@ pub(crate) struct Head {
 impl Head {
     /// Reads and verifies; also gives the file.
     fn read(path: &Path) -> Result<(File, Self), Error> {
-        let mut file = File::open(path).map_err(Error::io(path, "open"))?;
-        let stat = file.metadata().map_err(Error::io(path, "read"))?;
-        if !stat.is_file() {
+        // Before it is opened: opening a pipe would wait for its writer.
+        if !path.metadata().map_err(Error::io(path, "open"))?.is_file() {
             return Err(Error::NotAnArtefact { path: path.to_owned() });
         }
+        let mut file = File::open(path).map_err(Error::io(path, "open"))?;
+        let stat = file.metadata().map_err(Error::io(path, "read"))?;
         let mut bytes = Vec::with_capacity(PRELUDE);
         file.by_ref().take(PRELUDE as u64).read_to_end(&mut bytes).map_err(Error::io(path, "read"))?;
         if !bytes.starts_with(&MAGIC[..bytes.len().min(4)]) || bytes.is_empty() {

@@ -143,6 +143,18 @@ fn content_that_breaks_a_value_is_refused_by_its_own_check() {
     assert!(error.to_string().contains("spacing"));
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_pipe_that_nobody_writes_is_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    assert!(!is_artefact(&pipe));
+    for error in [read(&pipe).unwrap_err(), peek("/dev/zero").unwrap_err()] {
+        assert!(matches!(error, Error::NotAnArtefact { .. }), "{error}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser as _;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
-use ivd_pipeline::scene::{ClassChoice, FixSection, HandleSection, IsoChoice, Override};
+use ivd_pipeline::scene::{ClassChoice, FixSection, HandleSection, IsoChoice, Override, triple};
 
 use crate::parse;
 
@@ -166,7 +166,7 @@ pub(crate) enum Command {
         #[arg(long)]
         class: Option<ClassChoice>,
         /// A point in the part (mm).
-        #[arg(long, value_name = "x,y,z", value_parser = parse::triple, allow_hyphen_values = true)]
+        #[arg(long, value_name = "x,y,z", value_parser = triple, allow_hyphen_values = true)]
         seed: Option<[f64; 3]>,
         /// Where there are no labels: the part at or above this value.
         #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
@@ -230,10 +230,10 @@ pub(crate) enum Command {
         #[arg(long)]
         labels: Option<PathBuf>,
         /// 'pick=x,y,z;move=dx,dy,dz;radius=r' (mm), or vertex=N, or force=x,y,z (mN).
-        #[arg(long, required = true, value_parser = parse::handle)]
+        #[arg(long, required = true)]
         handle: Vec<HandleSection>,
         /// 'pick=x,y,z;radius=r': vertices that stay.
-        #[arg(long, value_parser = parse::fix)]
+        #[arg(long)]
         fix: Vec<FixSection>,
         /// ring.
         #[arg(long)]
@@ -394,7 +394,7 @@ pub(crate) struct Raw {
     #[arg(long, value_name = "TYPE", requires = "raw_dims")]
     pub(crate) raw_type: Option<String>,
     /// Distance of voxel centres (mm); 1,1,1 where it isn't given.
-    #[arg(long, value_name = "a,b,c", value_parser = parse::triple, allow_hyphen_values = true)]
+    #[arg(long, value_name = "a,b,c", value_parser = triple, allow_hyphen_values = true)]
     pub(crate) raw_spacing: Option<[f64; 3]>,
     /// Byte order: little or big.
     #[arg(long, value_name = "little|big")]

@@ -1,23 +1,12 @@
-//! Values of arguments: triples, sizes, handles.
+//! Values of arguments: pairs, sizes, parameters. Those that a scene knows too are read where the scene is.
 
 use std::path::Path;
 
-use ivd_pipeline::scene::{FixSection, HandleSection};
+use ivd_pipeline::scene::{MOST, in_short, read_short};
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use crate::exit::Failure;
-
-/// `x,y,z` in millimetres.
-pub(crate) fn triple(text: &str) -> Result<[f64; 3], String> {
-    let parts: Vec<f64> = text
-        .split(',')
-        .map(|p| p.trim().parse::<f64>())
-        .collect::<Result<_, _>>()
-        .map_err(|e| format!("`{text}`: {e}; write x,y,z"))?;
-    let parts: [f64; 3] = parts.try_into().map_err(|_| format!("`{text}`: write three numbers, x,y,z"))?;
-    if parts.iter().all(|p| p.is_finite()) { Ok(parts) } else { Err(format!("`{text}`: must be finite")) }
-}
 
 /// `az,el` in degrees.
 pub(crate) fn pair(text: &str) -> Result<[f64; 2], String> {
@@ -69,72 +58,30 @@ pub(crate) fn bytes(text: &str) -> Result<u64, String> {
     Ok((number * factor as f64) as u64)
 }
 
-/// `pick=x,y,z;move=dx,dy,dz;radius=r`, or `vertex=N`, or `force=x,y,z` (mN).
-pub(crate) fn handle(text: &str) -> Result<HandleSection, String> {
-    let mut handle =
-        HandleSection { pick: None, vertex: None, displace: None, force: None, radius: f64::NAN };
-    for (key, value) in fields(text)? {
-        match key {
-            "pick" => handle.pick = Some(triple(value)?),
-            "vertex" => handle.vertex = Some(value.parse().map_err(|e| format!("vertex `{value}`: {e}"))?),
-            "move" => handle.displace = Some(triple(value)?),
-            "force" => handle.force = Some(triple(value)?),
-            "radius" => handle.radius = value.parse().map_err(|e| format!("radius `{value}`: {e}"))?,
-            _ => {
-                return Err(format!(
-                    "unknown key `{key}`; a handle has pick or vertex, move or force, radius"
-                ));
-            }
-        }
-    }
-    if handle.radius.is_nan() {
-        return Err("the radius is missing or no number; add radius=r (mm)".to_owned());
-    }
-    handle.check()?;
-    Ok(handle)
-}
-
-/// `pick=x,y,z;radius=r`.
-pub(crate) fn fix(text: &str) -> Result<FixSection, String> {
-    let (mut pick, mut radius) = (None, None);
-    for (key, value) in fields(text)? {
-        match key {
-            "pick" => pick = Some(triple(value)?),
-            "radius" => radius = Some(value.parse::<f64>().map_err(|e| format!("radius `{value}`: {e}"))?),
-            _ => return Err(format!("unknown key `{key}`; a fix has pick and radius")),
-        }
-    }
-    match (pick, radius) {
-        (Some(pick), Some(radius)) if radius > 0.0 && radius.is_finite() => Ok(FixSection { pick, radius }),
-        _ => Err(format!("`{text}`: write pick=x,y,z;radius=r with a positive radius in mm")),
-    }
-}
-
-fn fields(text: &str) -> Result<Vec<(&str, &str)>, String> {
-    text.split(';')
-        .filter(|part| !part.trim().is_empty())
-        .map(|part| {
-            let (key, value) = part.split_once('=').ok_or_else(|| format!("`{part}`: write key=value"))?;
-            Ok((key.trim(), value.trim()))
-        })
-        .collect()
-}
-
 /// A section of the scene from `--params FILE` with the command line's own words on top, checked as a scene's is.
 pub(crate) fn section<T: DeserializeOwned>(params: Option<&Path>, words: Table) -> anyhow::Result<T> {
-    let mut table = match params {
-        None => Table::new(),
-        Some(file) => {
-            let text = std::fs::read_to_string(file)
-                .map_err(|e| Failure::of(ivd_core::Fault::Io, format!("reading {}: {e}", file.display())))?;
-            text.parse::<Table>().map_err(|e| Failure::usage(format!("--params {}: {e}", file.display())))?
-        }
-    };
+    section_over(Table::new(), params, words)
+}
+
+/// As [`section`], with words that hold where neither the file nor the command line says anything else.
+pub(crate) fn section_over<T: DeserializeOwned>(
+    mut table: Table,
+    params: Option<&Path>,
+    words: Table,
+) -> anyhow::Result<T> {
+    if let Some(file) = params {
+        let bytes = read_short(file)
+            .map_err(|e| Failure::of(ivd_core::Fault::Io, format!("reading {}: {e}", file.display())))?;
+        let wrong = |problem: String| Failure::usage(format!("--params {}: {problem}", file.display()));
+        let bytes = bytes.ok_or_else(|| wrong(format!("longer than {MOST} bytes")))?;
+        let text = String::from_utf8(bytes).map_err(|e| wrong(format!("{e}; write a TOML text file")))?;
+        table.extend(text.parse::<Table>().map_err(|e| wrong(in_short(&e.to_string())))?);
+    }
     table.extend(words);
     Value::Table(table).try_into().map_err(|e: toml::de::Error| {
         let place = params
             .map_or_else(String::new, |file| format!("--params {} or the command line: ", file.display()));
-        Failure::usage(format!("{place}{}", e.to_string().trim()))
+        Failure::usage(format!("{place}{}", in_short(e.to_string().trim())))
     })
 }
 
@@ -156,17 +103,6 @@ impl Words {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn handles_are_read_whole_or_refused_by_key() {
-        let h = handle("pick=1,2,3; move=0,4,0; radius=25").unwrap();
-        assert_eq!((h.pick, h.displace, h.radius), (Some([1.0, 2.0, 3.0]), Some([0.0, 4.0, 0.0]), 25.0));
-        assert!(handle("pick=1,2,3;radius=5").unwrap_err().contains("move"));
-        assert!(handle("pick=1,2;move=0,0,1;radius=5").unwrap_err().contains("three"));
-        assert!(handle("pick=1,2,3;move=0,0,1;radius=-5").unwrap_err().contains("radius"));
-        assert!(handle("pick=1,2,3;push=0,0,1;radius=5").unwrap_err().contains("push"));
-        assert!(handle("pick=1,2,nan;move=0,0,1;radius=5").is_err());
-    }
 
     #[test]
     fn sizes_have_units() {

@@ -265,6 +265,11 @@ fn parameters_come_from_a_file_where_a_command_has_a_section_and_are_refused_els
     assert_eq!(of(&part, "params.above"), 100.0);
     let part = json(at, &["boundary", "v.ivd", "--above", "90", "-o", "m.ivd", "--params", "p.toml"]);
     assert_eq!(of(&part, "params.above"), 90.0, "what is typed wins");
+    params("mode = \"iso\"\niso = 100.0\nsize = [8, 8]\n");
+    let picture = json(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml"]);
+    assert_eq!(of(&picture, "params.mode.iso.value"), 100.0, "a default gives way to the file");
+    let picture = json(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml", "--mode", "mip"]);
+    assert_eq!(picture["params"]["mode"], "mip");
     params("leaf_sise = 8\n");
     let (code, text) = failure(at, &["octree", "l.ivd", "-o", "x.ivd", "--params", "p.toml"]);
     assert!(code == 2 && text.contains("leaf_sise") && text.contains("p.toml"), "{code} {text}");

@@ -1,3 +1,5 @@
+use std::ops::RangeInclusive;
+
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -28,14 +30,14 @@ pub enum GridError {
         "grid of {0:?} voxels: every dimension must be at least 1 and the product must fit in memory addresses"
     )]
     Dims([usize; 3]),
-    /// A spacing is not a positive finite number.
-    #[error("spacing {0:?} mm: every spacing must be positive and finite")]
+    /// A spacing is not a positive number of a size that can be multiplied.
+    #[error("spacing {0:?} mm: every spacing must be positive, from 1e-12 to 1e12 mm")]
     Spacing([f64; 3]),
     /// The direction matrix can't be inverted or has columns that aren't unit vectors.
     #[error("direction {0:?} (columns of the voxel axes): must be invertible with unit columns")]
     Direction([[f64; 3]; 3]),
-    /// The origin is not finite.
-    #[error("origin {0:?} mm: must be finite")]
+    /// The origin is not finite, or so far off that voxels beside each other would be at one place.
+    #[error("origin {0:?} mm: must be finite, at most 1e15 mm from 0")]
     Origin([f64; 3]),
 }
 
@@ -69,11 +71,17 @@ impl TryFrom<Unchecked> for Grid {
     }
 }
 
+/// Spacings that a grid may have (mm), from far below an atom to beyond the planets. Within them the volume of a voxel,
+/// squares of distances in single precision and the inverse of the affine are numbers.
+const SPACINGS: RangeInclusive<f64> = 1e-12..=1e12;
+/// Largest coordinate of an origin (mm).
+const FURTHEST: f64 = 1e15;
+
 impl Grid {
     /// A grid of `dims` voxels.
     ///
-    /// - `spacing`: distance of voxel centres along each axis (mm), > 0.
-    /// - `origin`: world position of the centre of voxel (0, 0, 0) (mm), RAS.
+    /// - `spacing`: distance of voxel centres along each axis (mm), 1e-12 to 1e12.
+    /// - `origin`: world position of the centre of voxel (0, 0, 0) (mm), RAS, at most 1e15 from 0 along each axis.
     /// - `direction`: column `a` is the unit world direction of voxel axis `a`; `direction[a]` is that column.
     ///
     /// # Errors
@@ -89,10 +97,10 @@ impl Grid {
         if dims.contains(&0) || voxels.is_none_or(|n| n > (isize::MAX as usize) / 64) {
             return Err(GridError::Dims(dims));
         }
-        if !spacing.iter().all(|s| s.is_finite() && *s > 0.0) {
+        if !spacing.iter().all(|s| SPACINGS.contains(s)) {
             return Err(GridError::Spacing(spacing));
         }
-        if !origin.iter().all(|o| o.is_finite()) {
+        if !origin.iter().all(|o| o.abs() <= FURTHEST) {
             return Err(GridError::Origin(origin));
         }
         let matrix = Matrix3::from_columns(&direction.map(Vector3::from));
@@ -255,12 +263,27 @@ mod tests {
     }
 
     #[test]
+    fn the_smallest_and_the_largest_spacing_can_be_inverted_and_beyond_them_is_no_grid() {
+        for spacing in [[1e-12; 3], [1e12; 3], [1e-12, 1e12, 1.0]] {
+            let grid = Grid::with_spacing([2; 3], spacing).unwrap();
+            assert!((grid.inverse_linear_part() * grid.linear_part() - Matrix3::identity()).amax() < 1e-9);
+            assert!(grid.voxel_volume() > 0.0 && grid.voxel_diagonal().is_finite());
+        }
+        // Their product is 0 or infinite: the affine has no inverse.
+        for spacing in [[1e-120; 3], [1e120; 3], [5e-324, 1.0, 1.0]] {
+            assert!(matches!(Grid::with_spacing([2; 3], spacing), Err(GridError::Spacing(_))), "{spacing:?}");
+        }
+    }
+
+    #[test]
     fn impossible_grids_are_refused_by_part() {
         let id = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         assert!(matches!(Grid::with_spacing([0, 1, 1], [1.0; 3]), Err(GridError::Dims(_))));
         assert!(matches!(Grid::with_spacing([usize::MAX, 2, 1], [1.0; 3]), Err(GridError::Dims(_))));
         assert!(matches!(Grid::with_spacing([1, 1, 1], [1.0, -1.0, 1.0]), Err(GridError::Spacing(_))));
-        assert!(matches!(Grid::new([1; 3], [1.0; 3], [f64::NAN; 3], id), Err(GridError::Origin(_))));
+        for far in [f64::NAN, f64::INFINITY, 1e300] {
+            assert!(matches!(Grid::new([1; 3], [1.0; 3], [0.0, far, 0.0], id), Err(GridError::Origin(_))));
+        }
         let flat = [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
         assert!(matches!(Grid::new([1; 3], [1.0; 3], [0.0; 3], flat), Err(GridError::Direction(_))));
     }

@@ -44,15 +44,21 @@ pub(crate) fn size(path: &Path, field: &str, value: i64) -> Result<usize, Error>
         .ok_or_else(|| Error::field(path, field, format!("{value} is not a size of at least 1")))
 }
 
-/// Opens a regular file; gives it and its length in bytes.
-pub(crate) fn open(path: &Path) -> Result<(File, u64), Error> {
+/// The length in bytes of a regular file; refuses what may have no end, and what would wait for a writer.
+pub(crate) fn regular(path: &Path) -> Result<u64, Error> {
     let meta = std::fs::metadata(path).map_err(|e| Error::io(path, "open", e))?;
     if !meta.is_file() {
         let problem = io::Error::new(io::ErrorKind::InvalidInput, "not a regular file");
         return Err(Error::io(path, "open", problem));
     }
+    Ok(meta.len())
+}
+
+/// Opens a regular file; gives it and its length in bytes.
+pub(crate) fn open(path: &Path) -> Result<(File, u64), Error> {
+    let length = regular(path)?;
     let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
-    Ok((file, meta.len()))
+    Ok((file, length))
 }
 
 /// Up to `most` bytes from the start of a file.

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use ivd_core::{Exec, Volume};
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, RawLayout, dicom, metaimage, nifti, nrrd, raw, stack, vti};
+use crate::{Error, RawLayout, bounded, dicom, metaimage, nifti, nrrd, raw, stack, vti};
 
 /// What the file alone doesn't tell.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -72,9 +72,18 @@ fn read_folder(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume
 /// Every file that [`read`] would take voxels or a header from, in the order in which it stacks them: who knows that
 /// none of them changed, nor their order, knows that the volume is the same.
 ///
+/// All of them are regular files: who reads them to the end comes to it.
+///
 /// # Errors
 /// As [`read`], as far as it takes to know the names.
 pub fn sources(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error> {
+    let files = named(path, options)?;
+    files.iter().try_for_each(|file| bounded::regular(file).map(drop))?;
+    Ok(files)
+}
+
+/// The files that a volume's header names.
+fn named(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error> {
     if is_folder(path)? {
         if options.raw.is_none() && holds_dicom(path)? {
             return dicom::sources(path, options.series.as_deref());

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use ivd_core::{Exec, Fault, Grid, Volume, Voxels};
-use ivd_volume::{ReadOptions, read, write};
+use ivd_volume::{ByteOrder, RawLayout, ReadOptions, read, write};
 
 fn volume() -> Volume {
     let grid = Grid::with_spacing([19, 17, 13], [0.5, 0.7, 2.0]).unwrap();
@@ -133,4 +133,25 @@ fn files_of_no_format_are_refused_with_a_remedy() {
         assert_eq!(error.fault(), Fault::Input);
     }
     assert_eq!(load(&folder.path().join("none.nii")).unwrap_err().fault(), Fault::Io);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_header_that_names_a_device_has_no_sources() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("endless.nhdr");
+    let header = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: /dev/zero\n";
+    std::fs::write(&path, header).unwrap();
+    let sources = |path: &Path, options: &ReadOptions| ivd_volume::sources(path, options).unwrap_err();
+    let error = sources(&path, &ReadOptions::default());
+    assert!(error.fault() == Fault::Io && error.to_string().contains("/dev/zero"), "{error}");
+    let layout = RawLayout {
+        dims: [2; 3],
+        voxel_type: ivd_core::VoxelType::U8,
+        spacing: [1.0; 3],
+        order: ByteOrder::Little,
+        skip: 0,
+    };
+    let raw = ReadOptions { raw: Some(layout), ..ReadOptions::default() };
+    assert_eq!(sources(Path::new("/dev/zero"), &raw).fault(), Fault::Io);
 }

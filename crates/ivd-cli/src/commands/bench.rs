@@ -155,9 +155,10 @@ fn record(bench: &Bench, scene: bool, folder: &Path, context: &Context) -> anyho
 
 /// Reads an older bench.
 fn read(path: &Path) -> anyhow::Result<Bench> {
-    let text = std::fs::read_to_string(path)
+    let bytes = ivd_pipeline::scene::read_short(path)
         .map_err(|e| Failure::of(Fault::Io, format!("--compare {}: {e}", path.display())))?;
-    serde_json::from_str(&text).map_err(|e| {
+    // Where it is longer than any, nothing of it is one.
+    serde_json::from_slice(&bytes.unwrap_or_default()).map_err(|e| {
         let message = format!("--compare {}: not a bench.json of this program: {e}", path.display());
         Failure::of(Fault::Input, message)
     })

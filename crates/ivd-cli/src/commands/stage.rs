@@ -15,7 +15,7 @@ use super::volume::volume_or_artefact;
 use crate::args::Command;
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::parse::{Words, section};
+use crate::parse::{Words, section, section_over};
 
 /// A stage and the files of its slots.
 struct Job<'a> {
@@ -131,14 +131,14 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
         }
         Command::Render { volume, transfer, labels, displacement, mode, iso, size, view, step, output } => {
             // Without a transfer function there is nothing to compose: the maximum shows every volume.
-            let mode = mode.clone().or_else(|| transfer.is_none().then(|| "mip".to_owned()));
+            let default = Words::default().with("mode", transfer.is_none().then(|| "mip".to_owned()));
             let words = Words::default()
-                .with("mode", mode)
+                .with("mode", mode.clone())
                 .with("iso", *iso)
                 .with("size", size.map(|s| s.map(|n| Value::Integer(n as i64)).to_vec()))
                 .with("view", view.map(|v| list(v.to_vec())))
                 .with("step", *step);
-            let section: RenderSection = section(params, words.0)?;
+            let section: RenderSection = section_over(default.0, params, words.0)?;
             let files = vec![
                 ("volume", Some(volume.as_path())),
                 ("transfer", transfer.as_deref()),

@@ -3,7 +3,7 @@ use nalgebra::Vector3;
 /// Weights of the corners of the triangle's point nearest to `point` (Ericson 2005, Real-Time Collision Detection, 5.1.5).
 ///
 /// A corner or an edge has exact zeros for the corners that don't take part, so that the triangles at a corner agree on
-/// its distance to the last bit. A triangle without area gives a point on one of its edges.
+/// its distance to the last bit. A triangle without area is its longest edge.
 #[inline]
 pub(super) fn closest(corners: &[Vector3<f64>; 3], point: Vector3<f64>) -> [f64; 3] {
     let [a, b, c] = corners;
@@ -23,7 +23,8 @@ pub(super) fn closest(corners: &[Vector3<f64>; 3], point: Vector3<f64>) -> [f64;
         return [0.0, 0.0, 1.0];
     }
     let w_c = d1 * d4 - d3 * d2;
-    if w_c <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+    // The square of the edge's length is d1 - d3: where two corners are one, another edge is the triangle.
+    if w_c <= 0.0 && d1 >= 0.0 && d3 <= 0.0 && d1 > d3 {
         let t = share(d1, d1 - d3);
         return [1.0 - t, t, 0.0];
     }
@@ -75,6 +76,22 @@ mod tests {
                 let weights = closest(&corners, point);
                 assert!(weights.iter().all(|w| (0.0..=1.0).contains(w)), "{weights:?}");
                 assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn a_triangle_with_two_corners_in_one_is_its_edge() {
+        let (a, b) = (Vector3::new(4.0, 3.0, 1.0), Vector3::new(0.0, 0.0, 1.0));
+        for corners in [[a, a, b], [a, b, a], [b, a, a], [b, b, a], [b, a, b], [a, b, b]] {
+            for (point, nearest) in [
+                (Vector3::new(-1.0, 0.0, 0.0), b),
+                (Vector3::new(9.0, 9.0, 9.0), a),
+                (Vector3::new(2.0, 1.5, 7.0), Vector3::new(2.0, 1.5, 1.0)),
+            ] {
+                let [u, v, w] = closest(&corners, point);
+                let found = corners[0] * u + corners[1] * v + corners[2] * w;
+                assert!((found - nearest).norm() < 1e-12, "{corners:?} from {point:?}: {found:?}");
             }
         }
     }

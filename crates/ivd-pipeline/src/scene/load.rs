@@ -1,3 +1,5 @@
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use toml::{Table, Value};
@@ -47,11 +49,25 @@ pub struct Loaded {
 /// [`Error::Scene`] with the place and, for an unknown key, the nearest known one; [`Error::Io`] where it can't be read.
 pub fn load(file: &Path, overrides: &[Override]) -> Result<Loaded, Error> {
     let wrong = |problem| Error::Scene { file: file.to_owned(), problem };
-    let bytes = std::fs::read(file).map_err(|e| Error::io("reading", file, e))?;
+    let bytes = read_short(file).map_err(|e| Error::io("reading", file, e))?;
+    let bytes = bytes.ok_or_else(|| wrong(format!("longer than {MOST} bytes; a scene is a short text")))?;
     let text = String::from_utf8(bytes).map_err(|e| wrong(format!("{e}; a scene is a TOML text file")))?;
     let scene = parse(&text, overrides).map_err(wrong)?;
     let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
     Ok(Loaded { scene, folder, file: file.to_owned() })
+}
+
+/// Most bytes of a text that is read; written by hand it has a few thousand.
+pub const MOST: u64 = 16 << 20;
+
+/// The bytes of a text file; `None` where it has more than [`MOST`], or no end, as a device has none.
+///
+/// # Errors
+/// The system's.
+pub fn read_short(file: &Path) -> std::io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    File::open(file)?.take(MOST + 1).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 <= MOST).then_some(bytes))
 }
 
 /// Reads a scene from its text; see [`load`].
@@ -61,13 +77,13 @@ pub fn load(file: &Path, overrides: &[Override]) -> Result<Loaded, Error> {
 pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
     let scene: Scene = if overrides.is_empty() {
         // Straight from the text, so that errors carry line and column.
-        toml::from_str(text).map_err(|e| with_suggestion(&e.to_string()))?
+        toml::from_str(text).map_err(|e| with_suggestion(&in_short(&e.to_string())))?
     } else {
-        let mut table: Table = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
+        let mut table: Table = text.parse().map_err(|e: toml::de::Error| in_short(&e.to_string()))?;
         for o in overrides {
             set(&mut table, o)?;
         }
-        table.try_into().map_err(|e: toml::de::Error| with_suggestion(&e.to_string()))?
+        table.try_into().map_err(|e: toml::de::Error| with_suggestion(&in_short(&e.to_string())))?
     };
     scene.check()?;
     Ok(scene)
@@ -102,6 +118,17 @@ fn step<'a>(at: &'a mut Value, key: &str) -> Option<&'a mut Value> {
         Value::Array(list) => key.parse().ok().and_then(|i: usize| list.get_mut(i)),
         _ => None,
     }
+}
+
+/// A message whose lines fit on a screen: what quotes a line of megabytes would be megabytes itself, and compared with every
+/// known word it would take minutes.
+pub fn in_short(message: &str) -> String {
+    const LONGEST: usize = 600;
+    let cut = |line: &str| match line.char_indices().nth(LONGEST) {
+        Some((at, _)) => format!("{}…", &line[..at]),
+        None => line.to_owned(),
+    };
+    message.lines().map(cut).collect::<Vec<_>>().join("\n")
 }
 
 /// Adds "did you mean" to serde's message about an unknown field or variant.
@@ -148,6 +175,21 @@ mod tests {
         assert_eq!((scene.render.mode, scene.segment.k), (crate::scene::RenderMode::Mip, 6));
         assert!(parse(SCENE, &[set("deform.handle.4.radius=1")]).unwrap_err().contains("handle"));
         assert!("deform".parse::<Override>().is_err());
+    }
+
+    #[test]
+    fn a_key_of_megabytes_is_refused_in_a_few_words() {
+        for text in ["a".repeat(8 << 20) + " = 1", format!("[{}]", "µ".repeat(1 << 20))] {
+            let error = parse(&format!("{SCENE}{text}\n"), &[]).unwrap_err();
+            assert!(error.len() < 4096 && error.contains("unknown field"), "{} bytes", error.len());
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_without_an_end_is_no_scene() {
+        let error = load(Path::new("/dev/zero"), &[]).unwrap_err();
+        assert!(error.to_string().contains("longer than"), "{error}");
     }
 
     #[test]

@@ -5,17 +5,19 @@
 
 mod load;
 mod sections;
+mod written;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use load::{Loaded, Override, load, parse};
+pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
     AtfSection, BoundarySection, ClassChoice, ClassWord, DeformSection, DepthWeight, FixSection,
     HandleSection, InputSection, IsoChoice, IsoWord, LatticeSection, MapMethod, MapSection, OctreeSection,
     OutputSection, Outside, Picture, Projection, RawSection, RefineMethod, RefineSection, RenderMode,
     RenderSection, SegmentMethod, SegmentSection, Solver, WarpOrder, WarpSection,
 };
+pub use written::triple;
 
 /// A scene: every section is optional but `input` and `output`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -143,7 +143,14 @@ pub(super) fn read(path: &Path) -> Result<Option<Slice>, Error> {
             allocated,
             stored,
             high: values.u16(HIGH_BIT, "HighBit").unwrap_or(stored.wrapping_sub(1)),
-            signed: values.u16(REPRESENTATION, "PixelRepresentation").unwrap_or(0) == 1,
+            signed: match values.u16(REPRESENTATION, "PixelRepresentation").unwrap_or(0) {
+                0 => false,
+                1 => true,
+                other => {
+                    let problem = format!("{other} is neither 0 (unsigned) nor 1 (signed)");
+                    return Err(Error::field(path, "PixelRepresentation", problem));
+                }
+            },
         },
         frames: values.text(FRAMES).parse().unwrap_or(1),
         samples: values.u16(SAMPLES, "SamplesPerPixel").unwrap_or(1),

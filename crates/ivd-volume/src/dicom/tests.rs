@@ -317,6 +317,14 @@ fn an_unread_transfer_syntax_is_named() {
 }
 
 #[test]
+fn a_pixel_representation_that_is_none_is_refused() {
+    let dir = folder();
+    let mut made = Made::new("1.2", [0.0; 3]);
+    made.number(tags::PIXEL_REPRESENTATION, 7).save(&dir, "a");
+    assert!(complaint(&dir).contains("PixelRepresentation"));
+}
+
+#[test]
 fn a_file_cut_anywhere_is_an_error() {
     let dir = folder();
     let path = dir.path().join("a");

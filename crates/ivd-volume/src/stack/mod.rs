@@ -4,6 +4,7 @@
 //! first one is z = 0. Only single-valued pictures are read: a colour has no place in a scalar volume. Such files
 //! have no space, so their axes lie along LPS with the first voxel at 0, as ITK takes them.
 
+mod directory;
 mod names;
 mod pile;
 mod png;

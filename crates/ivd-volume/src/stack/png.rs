@@ -14,6 +14,9 @@ pub(super) fn read(path: &Path, pile: &mut Pile, exec: &Exec) -> Result<(), Erro
     let (file, length) = bounded::open(path)?;
     let limit = exec.memory_limit.map_or(usize::MAX, |m| usize::try_from(m).unwrap_or(usize::MAX));
     let mut decoder = Decoder::new_with_limits(BufReader::new(file), Limits { bytes: limit });
+    // Nothing reads them, and a few bytes of them may unpack to anything.
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
     decoder.set_transformations(Transformations::IDENTITY);
     let mut reader = decoder.read_info().map_err(|e| failure(path, e))?;
     let info = reader.info();
@@ -65,9 +68,8 @@ fn failure(path: &Path, error: DecodingError) -> Error {
         DecodingError::LimitsExceeded => {
             Error::unsupported(path, "a PNG beyond the memory limit", "raise --memory-limit")
         }
-        DecodingError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => {
-            Error::io(path, "read", e)
-        }
+        // What the system says has a number; the decoder's own words are about the data.
+        DecodingError::IoError(e) if e.raw_os_error().is_some() => Error::io(path, "read", e),
         other => Error::corrupt(path, "PNG data", other),
     }
 }

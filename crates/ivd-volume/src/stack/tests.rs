@@ -140,6 +140,62 @@ fn a_flipped_byte_never_panics() {
     }
 }
 
+/// The bytes of a TIFF whose directory has one more entry.
+fn with_entry(bytes: &[u8], entry: [u8; 12]) -> Vec<u8> {
+    let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    let old = number(4);
+    let count = u16::from_le_bytes(bytes[old..old + 2].try_into().unwrap());
+    let mut all = bytes.to_vec();
+    all[4..8].copy_from_slice(&(bytes.len() as u32).to_le_bytes());
+    all.extend((count + 1).to_le_bytes());
+    all.extend(&bytes[old + 2..old + 2 + 12 * usize::from(count)]);
+    all.extend(entry);
+    all.extend([0; 4]);
+    all
+}
+
+#[test]
+fn a_tag_of_more_values_than_the_file_has_bytes_is_refused_before_they_are_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let tif = dir.path().join("a.tif");
+    tiff_pages(&tif, &[[1.0; 6]]);
+    let bytes = std::fs::read(&tif).unwrap();
+    // 2^22 long words of an unused tag, as one damaged bit makes them: 128 MiB in the decoder.
+    let [a, b] = 700_u16.to_le_bytes();
+    std::fs::write(&tif, with_entry(&bytes, [a, b, 4, 0, 0, 0, 0x40, 0, 8, 0, 0, 0])).unwrap();
+    let error = read_tiff(&tif, None, &Exec::default()).unwrap_err();
+    assert!(error.to_string().contains("tag 700: 16777216 bytes"), "{error}");
+    std::fs::write(&tif, with_entry(&bytes, [a, b, 4, 0, 1, 0, 0, 0, 8, 0, 0, 0])).unwrap();
+    assert!(read_tiff(&tif, None, &Exec::default()).is_ok());
+}
+
+#[test]
+fn pixels_that_do_not_unpack_are_the_files_fault_and_not_the_systems() {
+    let dir = tempfile::tempdir().unwrap();
+    let tif = dir.path().join("a.tif");
+    tiff_pages(&tif, &[[1.0; 6]]);
+    let mut bytes = std::fs::read(&tif).unwrap();
+    // The entry of the compression: none becomes deflate.
+    let at = bytes.windows(4).rposition(|w| w == [3, 1, 3, 0]).unwrap();
+    bytes[at + 8] = 8;
+    std::fs::write(&tif, &bytes).unwrap();
+    assert_eq!(read_tiff(&tif, None, &Exec::default()).unwrap_err().fault(), Fault::Input);
+}
+
+#[test]
+fn what_a_png_says_beside_its_pixels_is_not_unpacked() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("a.png");
+    let mut encoder = ::png::Encoder::new(std::fs::File::create(&file).unwrap(), 2, 1);
+    encoder.set_depth(::png::BitDepth::Eight);
+    encoder.set_color(::png::ColorType::Grayscale);
+    encoder.add_ztxt_chunk("k".into(), "a".repeat(1 << 20)).unwrap();
+    encoder.write_header().unwrap().write_image_data(&[1, 2]).unwrap();
+    // As much memory as the pixels need, and none for the text.
+    let exec = Exec::default().with_memory_limit(Some(1 << 12));
+    assert_eq!(read_folder(dir.path(), None, None, &exec).unwrap().grid().dims(), [2, 1, 1]);
+}
+
 fn layout(dims: [usize; 3]) -> RawLayout {
     RawLayout { dims, voxel_type: VoxelType::U16, spacing: [1.0, 1.0, 2.0], order: ByteOrder::Big, skip: 0 }
 }

@@ -8,8 +8,8 @@ use ::tiff::tags::Tag;
 use ::tiff::{ColorType, TiffError};
 use ivd_core::{Exec, Voxels};
 
-use super::PixelSize;
 use super::pile::Pile;
+use super::{PixelSize, directory};
 use crate::{Error, bounded};
 
 /// No codec of TIFF expands its input by more than this factor (LZW's longest code, 12 bits for 4 kB, comes first).
@@ -25,12 +25,13 @@ pub(super) fn read_pages(
 ) -> Result<Option<PixelSize>, Error> {
     let (file, length) = bounded::open(path)?;
     let bound = length.saturating_mul(MOST_EXPANSION).min(exec.memory_limit.unwrap_or(u64::MAX));
-    let mut limits = Limits::default();
-    limits.decoding_buffer_size = usize::try_from(bound).unwrap_or(usize::MAX);
-    limits.intermediate_buffer_size = limits.decoding_buffer_size;
-    limits.ifd_value_size = usize::try_from(length).unwrap_or(usize::MAX);
-    let decoder = Decoder::new(BufReader::new(file)).map_err(|e| failure(path, 0, e))?;
-    let mut decoder = decoder.with_limits(limits);
+    let mut file = BufReader::new(file);
+    directory::check_first(path, &mut file, length)?;
+    // A value of a tag takes 32 bytes in memory and at least one in the file.
+    let of_tags = limits(length.saturating_mul(32).saturating_add(1 << 16), length);
+    let of_pixels = limits(bound, length);
+    let decoder = Decoder::new(file).map_err(|e| failure(path, 0, e))?;
+    let mut decoder = decoder.with_limits(of_tags.clone());
     let spacing = resolution(&mut decoder);
     let mut page = 0;
     loop {
@@ -39,13 +40,24 @@ pub(super) fn read_pages(
             let remedy = "keep one page a file, or one file a folder";
             return Err(Error::unsupported(path, "a TIFF of several pages among other files", remedy));
         }
+        decoder = decoder.with_limits(of_pixels.clone());
         read_page(path, page, &mut decoder, pile, bound, exec)?;
+        decoder = decoder.with_limits(of_tags.clone());
         page += 1;
         if !decoder.more_images() {
             return Ok(spacing);
         }
         decoder.next_image().map_err(|e| failure(path, page, e))?;
     }
+}
+
+/// Limits of the decoder: `most` bytes of any buffer, in a file of `length`.
+fn limits(most: u64, length: u64) -> Limits {
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = usize::try_from(most).unwrap_or(usize::MAX);
+    limits.intermediate_buffer_size = limits.decoding_buffer_size;
+    limits.ifd_value_size = usize::try_from(length).unwrap_or(usize::MAX);
+    limits
 }
 
 fn read_page(
@@ -76,6 +88,7 @@ fn read_page(
     if needed > bound {
         return Err(Error::truncated(path, format!("page {}", page + 1), needed, bound));
     }
+    check_stored(path, page, decoder, needed)?;
     let slice = match decoder.read_image().map_err(|e| failure(path, page, e))? {
         DecodingResult::U8(v) => Voxels::from(v),
         DecodingResult::I8(v) => Voxels::from(v),
@@ -91,6 +104,28 @@ fn read_page(
         }
     };
     pile.push(path, &slice)
+}
+
+/// Refuses a page whose strips or tiles are too short for its pixels, where they are stored as they are: the decoder would
+/// take what follows them.
+fn check_stored(
+    path: &Path,
+    page: usize,
+    decoder: &mut Decoder<BufReader<File>>,
+    needed: u64,
+) -> Result<(), Error> {
+    let plain = decoder.find_tag_unsigned::<u16>(Tag::Compression).map_err(|e| failure(path, page, e))?;
+    if plain.is_some_and(|compression| compression != 1) {
+        return Ok(());
+    }
+    for tag in [Tag::StripByteCounts, Tag::TileByteCounts] {
+        let counts = decoder.find_tag_unsigned_vec::<u64>(tag).map_err(|e| failure(path, page, e))?;
+        let stored = counts.map(|counts| counts.iter().fold(0_u64, |sum, n| sum.saturating_add(*n)));
+        if let Some(stored) = stored.filter(|stored| *stored < needed) {
+            return Err(Error::truncated(path, format!("page {}", page + 1), needed, stored));
+        }
+    }
+    Ok(())
 }
 
 /// Pixel size from the resolution tags and ImageJ's description; `None` without a unit.
@@ -135,7 +170,8 @@ fn unit_mm(unit: &str) -> Option<f64> {
 
 fn failure(path: &Path, page: usize, error: TiffError) -> Error {
     match error {
-        TiffError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, "read", e),
+        // What the system says has a number; a codec's own words have none, and are about the data.
+        TiffError::IoError(e) if e.raw_os_error().is_some() => Error::io(path, "read", e),
         TiffError::UnsupportedError(e) => {
             Error::unsupported(path, format!("page {}: {e}", page + 1), "save the stack without that feature")
         }

@@ -1,0 +1,106 @@
+//! Handles and fixed places in one line, as a command line gives them.
+
+use std::str::FromStr;
+
+use super::{FixSection, HandleSection};
+
+/// Reads `x,y,z`, three finite numbers.
+///
+/// # Errors
+/// A sentence with what was written and what to write.
+pub fn triple(text: &str) -> Result<[f64; 3], String> {
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|p| p.trim().parse::<f64>())
+        .collect::<Result<_, _>>()
+        .map_err(|e| format!("`{text}`: {e}; write x,y,z"))?;
+    let parts: [f64; 3] = parts.try_into().map_err(|_| format!("`{text}`: write three numbers, x,y,z"))?;
+    if parts.iter().all(|p| p.is_finite()) { Ok(parts) } else { Err(format!("`{text}`: must be finite")) }
+}
+
+impl FromStr for HandleSection {
+    type Err = String;
+
+    /// Reads `pick=x,y,z;move=dx,dy,dz;radius=r`, or with `vertex=N`, or with `force=x,y,z` (mN).
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut handle = Self { pick: None, vertex: None, displace: None, force: None, radius: f64::NAN };
+        for (key, value) in fields(text)? {
+            match key {
+                "pick" => handle.pick = Some(triple(value)?),
+                "vertex" => {
+                    handle.vertex = Some(value.parse().map_err(|e| format!("vertex `{value}`: {e}"))?);
+                }
+                "move" => handle.displace = Some(triple(value)?),
+                "force" => handle.force = Some(triple(value)?),
+                "radius" => handle.radius = value.parse().map_err(|e| format!("radius `{value}`: {e}"))?,
+                _ => {
+                    return Err(format!(
+                        "unknown key `{key}`; a handle has pick or vertex, move or force, radius"
+                    ));
+                }
+            }
+        }
+        if handle.radius.is_nan() {
+            return Err("the radius is missing or no number; add radius=r (mm)".to_owned());
+        }
+        handle.check()?;
+        Ok(handle)
+    }
+}
+
+impl FromStr for FixSection {
+    type Err = String;
+
+    /// Reads `pick=x,y,z;radius=r`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (mut pick, mut radius) = (None, None);
+        for (key, value) in fields(text)? {
+            match key {
+                "pick" => pick = Some(triple(value)?),
+                "radius" => {
+                    radius = Some(value.parse::<f64>().map_err(|e| format!("radius `{value}`: {e}"))?);
+                }
+                _ => return Err(format!("unknown key `{key}`; a fix has pick and radius")),
+            }
+        }
+        match (pick, radius) {
+            (Some(pick), Some(radius)) if radius > 0.0 && radius.is_finite() => Ok(Self { pick, radius }),
+            _ => Err(format!("`{text}`: write pick=x,y,z;radius=r with a positive radius in mm")),
+        }
+    }
+}
+
+fn fields(text: &str) -> Result<Vec<(&str, &str)>, String> {
+    text.split(';')
+        .filter(|part| !part.trim().is_empty())
+        .map(|part| {
+            let (key, value) = part.split_once('=').ok_or_else(|| format!("`{part}`: write key=value"))?;
+            Ok((key.trim(), value.trim()))
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn handles_are_read_whole_or_refused_by_key() {
+        let handle = |text: &str| text.parse::<HandleSection>();
+        let h = handle("pick=1,2,3; move=0,4,0; radius=25").unwrap();
+        assert_eq!((h.pick, h.displace, h.radius), (Some([1.0, 2.0, 3.0]), Some([0.0, 4.0, 0.0]), 25.0));
+        assert!(handle("pick=1,2,3;radius=5").unwrap_err().contains("move"));
+        assert!(handle("pick=1,2;move=0,0,1;radius=5").unwrap_err().contains("three"));
+        assert!(handle("pick=1,2,3;move=0,0,1;radius=-5").unwrap_err().contains("radius"));
+        assert!(handle("pick=1,2,3;push=0,0,1;radius=5").unwrap_err().contains("push"));
+        assert!(handle("pick=1,2,nan;move=0,0,1;radius=5").is_err());
+    }
+
+    #[test]
+    fn fixed_places_need_a_positive_radius() {
+        let fix = |text: &str| text.parse::<FixSection>();
+        assert_eq!(fix("pick=1,2,3;radius=4"), Ok(FixSection { pick: [1.0, 2.0, 3.0], radius: 4.0 }));
+        assert!(fix("pick=1,2,3;radius=0").unwrap_err().contains("positive"));
+        assert!(fix("pick=1,2,3;radius=nan").is_err());
+    }
+}

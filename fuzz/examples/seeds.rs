@@ -1,0 +1,299 @@
+//! Writes the seeds: `cargo run --example seeds`, from the folder `fuzz`.
+//!
+//! Small files that every reader takes, so that the fuzzer begins behind the first checks.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ivd_artefact::{Kind, peek};
+use ivd_core::{Exec, Grid, Volume, Voxels};
+use ivd_fuzz::artefacts::{Section, Wanted};
+
+type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
+
+fn main() -> Outcome {
+    let fuzz = Path::new(env!("CARGO_MANIFEST_DIR"));
+    volumes(&fuzz.join("seeds"))?;
+    dicom(&fuzz.join("seeds/dicom"))?;
+    artefacts(&fuzz.join("seeds/artefact"), &fuzz.join("../fixtures/artefacts"))?;
+    scenes(&fuzz.join("seeds/scene"), &fuzz.join("../fixtures/scenes"))?;
+    words(&fuzz.join("seeds"))?;
+    noise(&fuzz.join("seeds"))
+}
+
+fn put(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> Outcome {
+    fs::create_dir_all(folder)?;
+    assert!(bytes.as_ref().len() < 4096, "{name} is no small seed");
+    Ok(fs::write(folder.join(name), bytes)?)
+}
+
+/// Volumes as our own writers write them, and headers that they never write.
+fn volumes(seeds: &Path) -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let at = |name: &str| folder.path().join(name);
+    let grid = Grid::new(
+        [4, 3, 2],
+        [0.5, 0.7, 2.0],
+        [1.0, -2.0, 3.0],
+        [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+    )?;
+    let values: Vec<i16> = (0..24).map(|i| i * 31 - 200).collect();
+    let short = Volume::new(grid.clone(), Voxels::from(values))?;
+    let reals: Vec<f32> = (0..24).map(|i| if i == 7 { f32::NAN } else { i as f32 * 0.25 }).collect();
+    let real = Volume::with_scale(grid.clone(), Voxels::from(reals), 0.5, 3.0)?;
+    let bytes = Volume::new(grid, Voxels::from((0..24).collect::<Vec<u8>>()))?;
+    let exec = Exec::default();
+    for (target, ending) in [
+        ("nifti", "nii"),
+        ("nifti", "nii.gz"),
+        ("nrrd", "nrrd"),
+        ("nrrd", "nhdr"),
+        ("metaimage", "mha"),
+        ("metaimage", "mhd"),
+        ("vti", "vti"),
+        ("tiff", "tif"),
+    ] {
+        for (name, volume) in [("i16", &short), ("f32", &real), ("u8", &bytes)] {
+            let file = format!("{name}.{ending}");
+            if ivd_volume::write(&at(&file), volume, &exec).is_ok() {
+                let written = fs::read(at(&file))?;
+                // The fuzz target keeps its data in x.raw.
+                let text = String::from_utf8_lossy(&written).replace(&format!("{name}.raw"), "x.raw");
+                let detached = ending.ends_with("hd") || ending.ends_with("hdr");
+                put(&seeds.join(target), &file, if detached { text.into_bytes() } else { written })?;
+            }
+        }
+    }
+    let nrrd = |fields: &str, data: &str| {
+        format!("NRRD0005\n# c\ntype: uchar\ndimension: 3\nsizes: 2 2 2\n{fields}\n\n{data}")
+    };
+    put(&seeds.join("nrrd"), "ascii", nrrd("encoding: ascii", "1 2 3 4 5 6 7 8"))?;
+    put(&seeds.join("nrrd"), "hex", nrrd("encoding: hex", "0102030405060708"))?;
+    put(
+        &seeds.join("nrrd"),
+        "spacings",
+        nrrd(
+            "encoding: raw\nspacings: 1 2 nan\naxis mins: 0 0 0\nline skip: 0\nbyte skip: -1\nkey:=value",
+            "abcdefgh",
+        ),
+    )?;
+    put(&seeds.join("nrrd"), "list", nrrd("encoding: raw\ndata file: LIST 2\nx.raw\nx.raw", ""))?;
+    put(&seeds.join("nrrd"), "pattern", nrrd("encoding: raw\ndata file: x%d.raw 1 2 1 2", ""))?;
+    put(
+        &seeds.join("nrrd"),
+        "colours",
+        nrrd(
+            "encoding: raw\nkinds: RGB-color domain domain\nspace: left-posterior-superior\nspace origin: (0,0,0)\nspace directions: none (1,0,0) (0,1,0)\nendian: big",
+            "abcdefgh",
+        ),
+    )?;
+    let mha = |fields: &str| {
+        format!(
+            "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\n{fields}\nElementType = MET_UCHAR\nElementDataFile = LOCAL\nabcdefgh"
+        )
+    };
+    put(&seeds.join("metaimage"), "ascii", mha("BinaryData = False\nElementSpacing = 1 1 2"))?;
+    put(
+        &seeds.join("metaimage"),
+        "frame",
+        mha(
+            "BinaryData = True\nBinaryDataByteOrderMSB = True\nTransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = 1 2 3\nAnatomicalOrientation = RAI\nHeaderSize = -1\nCompressedData = False",
+        ),
+    )?;
+    put(
+        &seeds.join("metaimage"),
+        "list",
+        "NDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = LIST\nx.raw\nx.raw\n",
+    )?;
+    put(
+        &seeds.join("vti"),
+        "ascii",
+        "<VTKFile type=\"ImageData\" version=\"0.1\" byte_order=\"LittleEndian\"><ImageData WholeExtent=\"0 1 0 1 0 1\" Origin=\"0 0 0\" Spacing=\"1 1 1\" Direction=\"1 0 0 0 1 0 0 0 1\"><Piece Extent=\"0 1 0 1 0 1\"><PointData Scalars=\"s\"><DataArray type=\"UInt8\" Name=\"s\" format=\"ascii\">1 2 3 4 5 6 7 8</DataArray></PointData></Piece></ImageData></VTKFile>",
+    )?;
+    put(
+        &seeds.join("vti"),
+        "base64",
+        "<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"BigEndian\" header_type=\"UInt32\"><ImageData WholeExtent=\"0 1 0 1 0 1\" Origin=\"0 0 0\" Spacing=\"1 1 1\"><Piece Extent=\"0 1 0 1 0 1\"><PointData><DataArray type=\"UInt8\" Name=\"s\" format=\"binary\">AAAACAECAwQFBgcI</DataArray></PointData></Piece></ImageData></VTKFile>",
+    )?;
+    pngs(&seeds.join("png"))
+}
+
+fn pngs(folder: &Path) -> Outcome {
+    for (name, colour, depth, bytes) in [
+        ("grey8", png::ColorType::Grayscale, png::BitDepth::Eight, 12),
+        ("grey16", png::ColorType::Grayscale, png::BitDepth::Sixteen, 24),
+        ("grey1", png::ColorType::Grayscale, png::BitDepth::One, 3),
+        ("rgb", png::ColorType::Rgb, png::BitDepth::Eight, 36),
+        ("rgba", png::ColorType::Rgba, png::BitDepth::Eight, 48),
+    ] {
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, 4, 3);
+        encoder.set_color(colour);
+        encoder.set_depth(depth);
+        let data: Vec<u8> = (0..bytes).map(|i| i * 5).collect();
+        encoder.write_header()?.write_image_data(&data)?;
+        put(folder, name, file)?;
+    }
+    Ok(())
+}
+
+/// One slice of 3 × 2 pixels, element by element, in three transfer syntaxes and with an encapsulated fragment.
+fn dicom(folder: &Path) -> Outcome {
+    let element = |group: u16, number: u16, vr: &[u8; 2], value: &[u8]| {
+        let mut bytes = [group.to_le_bytes(), number.to_le_bytes(), *vr].concat();
+        let value = [value, if value.len() % 2 == 1 { b" " } else { b"" }].concat();
+        if [b"OW", b"OB", b"SQ", b"UN"].contains(&vr) {
+            bytes.extend([0, 0]);
+            bytes.extend((value.len() as u32).to_le_bytes());
+        } else {
+            bytes.extend((value.len() as u16).to_le_bytes());
+        }
+        bytes.extend(value);
+        bytes
+    };
+    let short = |n: u16| n.to_le_bytes();
+    let image = |bits: u16| {
+        [
+            element(0x20, 0x0e, b"UI", b"1.2.3"),
+            element(0x20, 0x32, b"DS", b"0\\0\\1"),
+            element(0x20, 0x37, b"DS", b"1\\0\\0\\0\\1\\0"),
+            element(0x28, 0x02, b"US", &short(1)),
+            element(0x28, 0x04, b"CS", b"MONOCHROME2"),
+            element(0x28, 0x10, b"US", &short(2)),
+            element(0x28, 0x11, b"US", &short(3)),
+            element(0x28, 0x30, b"DS", b"0.5\\0.25"),
+            element(0x28, 0x100, b"US", &short(bits)),
+            element(0x28, 0x101, b"US", &short(bits)),
+            element(0x28, 0x102, b"US", &short(bits - 1)),
+            element(0x28, 0x103, b"US", &short(0)),
+            element(0x28, 0x1052, b"DS", b"-1024"),
+            element(0x28, 0x1053, b"DS", b"2"),
+        ]
+        .concat()
+    };
+    let file = |syntax: &[u8], data: &[u8]| {
+        let meta = element(2, 0x10, b"UI", syntax);
+        let length = element(2, 0, b"UL", &(meta.len() as u32).to_le_bytes());
+        [&[0; 128], &b"DICM"[..], &length, &meta, data].concat()
+    };
+    let pixels = element(0x7fe0, 0x10, b"OW", &[7; 12]);
+    put(folder, "explicit", file(b"1.2.840.10008.1.2.1\0", &[image(16), pixels].concat()))?;
+    let encapsulated = |fragment: &[u8]| {
+        let mut bytes = vec![0xe0, 0x7f, 0x10, 0x00, b'O', b'B', 0, 0, 0xff, 0xff, 0xff, 0xff];
+        for item in [&[][..], fragment] {
+            bytes.extend([0xfe, 0xff, 0x00, 0xe0]);
+            bytes.extend((item.len() as u32).to_le_bytes());
+            bytes.extend(item);
+        }
+        bytes.extend([0xfe, 0xff, 0xdd, 0xe0, 0, 0, 0, 0]);
+        bytes
+    };
+    // One segment of run lengths: six literal bytes.
+    let mut rle = [1_u32, 64].iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<u8>>();
+    rle.resize(64, 0);
+    rle.extend([5, 1, 2, 3, 4, 5, 6, 0]);
+    put(folder, "rle", file(b"1.2.840.10008.1.2.5\0", &[image(8), encapsulated(&rle)].concat()))?;
+    put(folder, "jpeg", file(b"1.2.840.10008.1.2.4.70", &[image(8), encapsulated(LOSSLESS)].concat()))?;
+    put(
+        folder,
+        "jpeg2000",
+        file(b"1.2.840.10008.1.2.4.90", &[image(8), encapsulated(b"\xff\x4f\xff\x51\0\x29")].concat()),
+    )
+}
+
+/// The head of a lossless JPEG of 3 × 2 pixels: what follows is the fuzzer's to find.
+const LOSSLESS: &[u8] = b"\xff\xd8\xff\xc3\x00\x0b\x08\x00\x02\x00\x03\x01\x01\x11\x00\xff\xc4\x00\x15\x00\x01\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\xff\xda\x00\x08\x01\x01\x00\x01\x00\x00\x00\x00\x00\x00\xff\xd9";
+
+fn artefacts(folder: &Path, golden: &Path) -> Outcome {
+    for kind in Kind::ALL {
+        let file = golden.join(format!("{kind}.v1.ivd"));
+        let (info, bytes) = (peek(&file)?, fs::read(&file)?);
+        let sections = info
+            .sections
+            .iter()
+            .map(|s| Section {
+                name: s.name.clone(),
+                element: s.element.name().into(),
+                shape: s.shape.clone(),
+                bytes: bytes[s.offset as usize..(s.offset + s.length) as usize].into(),
+            })
+            .collect();
+        let json = ["{}".into(), "null".into(), info.meta.to_string()];
+        let wanted = Wanted { kind: kind.code(), version: info.kind_version, json, sections };
+        let seed = wanted.to_bytes();
+        if seed.len() < 4096 {
+            put(folder, kind.name(), seed)?;
+        }
+        put(folder, &format!("{kind}-head"), [b"!", &bytes[..bytes.len().min(4000)]].concat())?;
+    }
+    Ok(())
+}
+
+fn scenes(folder: &Path, fixtures: &Path) -> Outcome {
+    for entry in fs::read_dir(fixtures)? {
+        let file: PathBuf = entry?.path();
+        put(folder, &file.file_name().expect("a file").to_string_lossy(), fs::read(&file)?)?;
+    }
+    put(
+        folder,
+        "overrides",
+        "schema = 1\n[input]\nphantom = \"head\"\n[output]\nreport = true\n\n---\nrender.mode=mip\ndeform.handle.0.radius=3\n",
+    )
+}
+
+fn words(seeds: &Path) -> Outcome {
+    for (name, line) in [
+        ("pick", "pick=1,2,3;move=0,4,0;radius=25"),
+        ("vertex", "vertex=7;force=1e3,-2,.5;radius=1e-3"),
+        ("fix", "pick=-1,2.5,3;radius=4"),
+        ("override", "deform.handle.0.radius=7.5"),
+        ("list", "segment.values=[1.0, 2.0]"),
+        ("class", "densest"),
+    ] {
+        put(&seeds.join("handles"), name, line)?;
+    }
+    for (stage, text) in [
+        (0, "method = \"threshold\"\nvalues = [1.0, 50.5]"),
+        (0, "method = \"kmvs\"\nk = 3"),
+        (1, "resolution = 64\nmax_opacity = 0.5\nmin_opacity = 0.1\nsize_exponent = 0.5\nsoftness = 0.0"),
+        (2, "class = \"densest\"\nseed = [4.0, 4.0, 4.0]\nfill_holes = false"),
+        (2, "above = 40.0"),
+        (3, "level = 1\nmax_turn_degrees = 60.0\nshape_weight = 0.01"),
+        (3, "max_error = 0.1"),
+        (4, "leaf_size = 2"),
+        (
+            5,
+            "stiffness = 10.0\nduration = 0.1\ndt = 0.01\nground = 2.0\nliteral = true\n[[handle]]\npick = [4, 4, 7]\nmove = [0, 0, 1.0]\nradius = 5.0\n[[fix]]\npick = [4, 4, 1]\nradius = 2.0",
+        ),
+        (5, "[[handle]]\nvertex = 3\nforce = [0, 0, 100.0]\nradius = 5.0"),
+        (6, "weight = \"one\"\ndepth = 3.0\nmargin = 4.0\noutside = \"free\"\ntolerance = 0.9"),
+        (7, "order = \"cubic\"\nbackground = -1.0"),
+        (
+            8,
+            "mode = \"iso\"\niso = 50.0\nsize = [8, 8]\nview = [30.0, -80.0]\nzoom = 2.0\nstep = 0.3\nprojection = \"perspective\"\nbackground = [0.0, 0.0, 0.0, 0.0]",
+        ),
+        (8, "mode = \"mip\"\nannotate = false\nshading = false\ntermination = 2.0\nskip = false"),
+    ] {
+        let seed = [&[stage], text.as_bytes()].concat();
+        put(&seeds.join("params"), &format!("{stage}-{}", text.len()), seed)?;
+    }
+    Ok(())
+}
+
+/// Noise of several lengths, which gives several shapes.
+fn noise(seeds: &Path) -> Outcome {
+    for target in ["lattice", "field"] {
+        for seed in 0..12_u64 {
+            let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) + 1;
+            let bytes: Vec<u8> = (0..60 + 60 * seed)
+                .map(|_| {
+                    state =
+                        state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    (state >> 56) as u8
+                })
+                .collect();
+            put(&seeds.join(target), &format!("noise{seed}"), bytes)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,4 @@
+//! PNG slices: any bytes are a volume or an error.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| ivd_fuzz::files::read_slices("png", bytes));
