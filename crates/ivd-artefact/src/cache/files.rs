@@ -40,6 +40,7 @@ struct Stamp {
 
 impl Stamp {
     #[cfg(unix)]
+    #[allow(clippy::unnecessary_wraps, reason = "other systems give none")]
     fn of(path: &Path, stat: &Metadata) -> Option<Self> {
         use std::os::unix::fs::MetadataExt;
         Some(Self {

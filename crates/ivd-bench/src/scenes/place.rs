@@ -64,12 +64,6 @@ impl Place {
         self.folder.path().join("out")
     }
 
-    /// Waits until the volume's file is old enough that the cache may remember its hash: a file that has just been written may
-    /// change again unseen.
-    pub(super) fn settle(&self) {
-        std::thread::sleep(Duration::from_millis(2100));
-    }
-
     /// Runs the scene; `cached`: on this place's cache, else on none.
     pub(super) fn run(
         &self,
@@ -91,6 +85,12 @@ impl Place {
         };
         run().map_err(|problem| failed(&self.name, &problem))
     }
+}
+
+/// Waits until a volume's file that was just written is old enough that the cache may remember its hash: until then it may
+/// change again unseen.
+pub(super) fn settle() {
+    std::thread::sleep(Duration::from_millis(2100));
 }
 
 fn failed(name: &str, problem: &Problem) -> Error {

@@ -1,7 +1,7 @@
 use ivd_core::Exec;
 use serde::{Deserialize, Serialize};
 
-use super::place::{Content, EDGE_MM, Place, Run};
+use super::place::{Content, EDGE_MM, Place, Run, settle};
 use super::skipping::HANDLE;
 use crate::Error;
 use ivd_pipeline::fronts::Spread;
@@ -62,7 +62,7 @@ pub fn scaling(size: usize, repeats: usize, exec: &Exec) -> Result<ScalePoint, E
     let rounds = 0..repeats.max(1);
     let whole: Result<Vec<Run>, Error> =
         rounds.clone().map(|_| place.run(&[], Some("warp"), false, exec)).collect();
-    place.settle();
+    settle();
     place.run(&[], Some("map"), true, exec)?;
     let moved: Result<Vec<Run>, Error> = rounds
         .map(|round| {

@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use ivd_core::Exec;
 use serde::{Deserialize, Serialize};
 
-use super::place::{Content, Place, Run};
+use super::place::{Content, Place, Run, settle};
 use crate::Error;
 
 /// What a scene did and didn't do.
@@ -78,7 +78,7 @@ pub fn skipping(size: usize, exec: &Exec) -> Result<Vec<SkipRow>, Error> {
 fn row(case: &Case, size: usize, exec: &Exec) -> Result<SkipRow, Error> {
     let place = Place::new(case.name, size, case.content, &case.scene, exec)?;
     if let Some(before) = case.before {
-        place.settle();
+        settle();
         place.run(&[case.set, &[before]].concat(), None, true, exec)?;
     }
     let run = place.run(case.set, None, true, exec)?;
