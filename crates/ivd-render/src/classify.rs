@@ -100,7 +100,7 @@ impl Classifier {
     /// Entry of a label's row for a finite fast value.
     #[inline(always)]
     pub(crate) fn of_labelled(&self, value: f32, label: u16) -> [f32; 4] {
-        self.table[self.row_start[usize::from(label)] as usize + self.index(value)]
+        self.table[self.row_start(label) as usize + self.index(value)]
     }
 
     #[inline(always)]

@@ -277,12 +277,12 @@ impl<'a, T: Pairs> Lanes<'a, T> {
         let (mut low, mut high) = ([next; 3], [next; 3]);
         for a in 0..3 {
             let count = _mm256_set1_epi32(self.field.space.bricks()[a] as i32);
-            let brick = _mm256_srli_epi32::<3>(cell[a]);
+            let brick = _mm256_srli_epi32::<{ BRICK.ilog2() as i32 }>(cell[a]);
             // `leap` is one more than the bricks on either side that are clear.
             let after = _mm256_add_epi32(brick, leap);
             let first = _mm256_sub_epi32(_mm256_add_epi32(brick, one), leap);
-            low[a] = _mm256_slli_epi32::<3>(first);
-            high[a] = _mm256_slli_epi32::<3>(after);
+            low[a] = _mm256_slli_epi32::<{ BRICK.ilog2() as i32 }>(first);
+            high[a] = _mm256_slli_epi32::<{ BRICK.ilog2() as i32 }>(after);
             let rises = _mm256_cmp_ps::<_CMP_GT_OQ>(delta[a], _mm256_setzero_ps());
             let rising = _mm256_castps_si256(rises);
             let plane = _mm256_blendv_epi8(low[a], high[a], rising);
@@ -512,10 +512,7 @@ fn wholes(vector: __m256i) -> [i32; LANES] {
 #[inline]
 #[target_feature(enable = "avx2")]
 fn indices(vector: __m256i) -> [u32; LANES] {
-    let mut lanes = [0; LANES];
-    // SAFETY: eight numbers of 32 bits.
-    unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), vector) };
-    lanes
+    wholes(vector).map(|i| i as u32)
 }
 
 /// Four components in lanes, lane by lane.

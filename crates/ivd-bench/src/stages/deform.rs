@@ -3,7 +3,7 @@ use std::sync::Arc;
 use ivd_core::{Exec, Lattice};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 
-use super::inputs::{RADIUS_MM, ball, judged, root_mean_square, voxel_mm};
+use super::inputs::{RADIUS_MM, ball, each_once, judged, root_mean_square, voxel_mm};
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// Steps over the duration, and shares of the force below which a vertex passes none on.
@@ -38,9 +38,7 @@ pub(super) fn on(
     let finest = Arc::new(displacements(lattice, &*handles, &params(FINEST, 0.0), exec)?.0);
     let by_steps = STEPS.map(|steps| (steps, defaults.epsilon));
     let by_epsilon = EPSILONS.map(|epsilon| (default_steps, epsilon));
-    let mut pairs: Vec<(u32, f64)> = by_steps.into_iter().chain(by_epsilon).collect();
-    pairs.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
-    pairs.dedup();
+    let pairs = each_once(by_steps.into_iter().chain(by_epsilon));
     let settings = pairs.into_iter().map(|(steps, epsilon)| {
         let (lattice, finest, handles) = (lattice.clone(), finest.clone(), handles.clone());
         let default = steps == default_steps && epsilon == defaults.epsilon;

@@ -50,3 +50,11 @@ pub(super) fn root_mean_square(squares: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = squares.fold((0.0, 0_u64), |(sum, count), s| (sum + s, count + 1));
     (sum / count.max(1) as f64).sqrt()
 }
+
+/// Pairs of knobs in order, each once.
+pub(super) fn each_once<T: PartialOrd>(pairs: impl Iterator<Item = T>) -> Vec<T> {
+    let mut pairs: Vec<T> = pairs.collect();
+    pairs.sort_by(|a, b| a.partial_cmp(b).expect("knobs are numbers"));
+    pairs.dedup();
+    pairs
+}

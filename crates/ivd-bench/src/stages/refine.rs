@@ -4,7 +4,7 @@ use ivd_core::{Exec, Lattice};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_pipeline::budget::{LEVELS, target};
 
-use super::inputs::{ball, judged, voxel_mm};
+use super::inputs::{ball, each_once, judged, voxel_mm};
 use super::lattice::distance;
 use crate::experiment::{Experiment, Problem, Setting};
 
@@ -80,8 +80,5 @@ fn pairs(level: f64, defaults: &RefineParams) -> Vec<(f64, f64)> {
     }
     let weights = SHAPE_WEIGHTS.map(|w| (w, defaults.max_turn_degrees));
     let turns = TURNS.map(|turn| (defaults.shape_weight, turn));
-    let mut pairs: Vec<(f64, f64)> = weights.into_iter().chain(turns).collect();
-    pairs.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
-    pairs.dedup();
-    pairs
+    each_once(weights.into_iter().chain(turns))
 }
