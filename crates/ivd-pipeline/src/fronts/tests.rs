@@ -91,7 +91,8 @@ fn the_record_is_of_this_layout_and_wide() {
         assert!(by_cost >= 5 && by_error >= 5, "{name}: {by_cost} costs, {by_error} errors");
     }
     let rates = recorded_rates();
-    for stage in crate::plan::NodeId::ALL.map(crate::plan::NodeId::stage) {
-        assert!(rates.seconds(stage, 1.0) > 0.0, "{stage}");
+    for id in crate::plan::NodeId::ALL {
+        let rate = crate::budget::rate_name(id.stage(), id.variant());
+        assert!(rates.seconds(&rate, 1.0) > 0.0, "{rate}");
     }
 }
