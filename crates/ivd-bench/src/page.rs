@@ -12,7 +12,7 @@ pub(crate) const STYLE: &str = "
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2430; background: #fff; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
 h1 { font-size: 1.6rem } h2 { font-size: 1.2rem; margin-top: 2.5rem } p { max-width: 46rem }
 svg { width: 100%; max-width: 46rem; height: auto } .axis { stroke: #55606e } .grid { stroke: #e4e8ee }
-.small { font-size: 11px; fill: #3a4452 } .label { font-size: 13px; fill: #1c2430 }
+.small { font-size: 11px; fill: #3a4452 } .label { font-size: 13px; fill: #1c2430 } .label.front { fill: #0b6fb8 } .label.other { fill: #c2410c }
 .point { fill: #9aa5b4 } .front { fill: #0b6fb8 } .default { fill: none; stroke: #c2410c; stroke-width: 2.5 }
 .other { fill: #c2410c } .other-line { stroke: #c2410c !important }
 .line { fill: none; stroke: #0b6fb8; stroke-width: 1.5; opacity: .6 }

@@ -95,7 +95,7 @@ pub(crate) fn curves(curves: &[Curve], x_label: &str, y_label: &str) -> String {
         escape(y_label)
     );
     axes(&mut svg, &x, &y, x_label, y_label);
-    for (curve, class) in curves.iter().zip(["front", "other"]) {
+    for (at, (curve, class)) in curves.iter().zip(["front", "other"]).enumerate() {
         let places: Vec<[f64; 2]> = curve
             .points
             .iter()
@@ -107,15 +107,13 @@ pub(crate) fn curves(curves: &[Curve], x_label: &str, y_label: &str) -> String {
         for [px, py] in &places {
             let _ = write!(svg, "<circle class='{class}' cx='{px:.1}' cy='{py:.1}' r='4'/>");
         }
-        if let Some([px, py]) = places.last() {
-            let name = escape(&curve.name);
-            let _ = write!(
-                svg,
-                "<text class='label' x='{:.1}' y='{:.1}' text-anchor='end'>{name}</text>",
-                px - 8.0,
-                py - 8.0
-            );
-        }
+        let _ = write!(
+            svg,
+            "<text class='label {class}' x='{}' y='{}'>{}</text>",
+            LEFT + 14.0,
+            TOP + 18.0 * (1 + at) as f64,
+            escape(&curve.name)
+        );
     }
     svg + "</svg>"
 }
