@@ -14,14 +14,14 @@ failed=0
 for t in $targets; do
     log=artifacts/$t.log
     mkdir -p artifacts "artifacts/$t" "corpus/$t"
-    options=(-max_total_time="$seconds" -timeout=20 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=8192 -print_final_stats=1)
+    options=(-max_total_time="$seconds" -timeout=60 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=8192 -print_final_stats=1)
     [ -f "dictionaries/$t.dict" ] && options+=(-dict="dictionaries/$t.dict")
     cargo "+$toolchain" fuzz run -s "$sanitizer" "$t" "corpus/$t" "seeds/$t" -- "${options[@]}" >"$log" 2>&1
     status=$?
     executions=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log" | tail -1)
     edges=$(grep -o 'cov: [0-9]*' "$log" | tail -1)
     crashes=$(find "artifacts/$t" -type f | wc -l)
-    echo "$t: ${executions:-0} executions, edges ${edges#cov: }, $crashes crashes, exit $status"
+    echo "$t: ${executions:-0} executions, edges ${edges#cov: }, $crashes crash files, exit $status"
     [ $status -eq 0 ] || failed=1
 done
 exit $failed

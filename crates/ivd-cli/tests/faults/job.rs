@@ -135,6 +135,7 @@ impl Job {
             }
         }
         self.restore(&old);
+        println!("{}: {} operations, {verdict:?}", self.name, plain.operations.len());
         verdict
     }
 
@@ -217,6 +218,7 @@ impl Job {
             }
         }
         self.must(words);
+        println!("{}: {} operations, {verdict:?}", self.name, plain.operations.len());
         verdict
     }
 }
