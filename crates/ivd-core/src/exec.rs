@@ -214,7 +214,7 @@ mod tests {
         let late = whole.clone().with_deadline(now);
         assert_eq!(late.check_cancelled(), Err(Error::Deadline));
         assert_eq!(whole.check_cancelled(), Ok(()));
-        let early = whole.clone().with_deadline(now + Duration::from_secs(3600));
+        let early = whole.clone().with_deadline(now + Duration::from_hours(1));
         assert_eq!(early.check_cancelled(), Ok(()));
         // Whoever interrupts is heard first: the two end in different exit codes.
         whole.cancel.cancel();
