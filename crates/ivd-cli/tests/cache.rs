@@ -164,7 +164,7 @@ const POISONS: [Poison; 13] = [
     },
     Poison {
         name: "unreadable",
-        apply: |p, _| std::fs::set_permissions(p, std::fs::Permissions::from_mode(0)).unwrap(),
+        apply: |p, _| std::fs::set_permissions(p, std::fs::Permissions::from_mode(0o000)).unwrap(),
         heals: true,
     },
 ];

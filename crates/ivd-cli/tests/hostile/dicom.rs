@@ -200,7 +200,7 @@ fn encapsulated(plain: &[Vec<u8>]) -> Vec<Case> {
         ];
         for (name, content) in contents {
             let mut all = plain.to_vec();
-            all[1] = uid.clone();
+            all[1].clone_from(&uid);
             all.remove(0);
             let last = all.len() - 1;
             all[last] = [&head[..], &content].concat();

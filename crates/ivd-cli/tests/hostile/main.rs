@@ -5,6 +5,12 @@
 //! memory for its lie; no run may panic, take long, leave an output behind a failure, or fail without naming the file.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
+#![allow(
+    clippy::needless_pass_by_value,
+    clippy::format_push_string,
+    clippy::format_collect,
+    reason = "a case is made once: what is short to read is fast enough"
+)]
 
 mod artefacts;
 mod bombs;

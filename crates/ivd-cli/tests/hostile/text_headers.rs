@@ -21,12 +21,14 @@ const NASTY: [&str; 14] = [
     "(nan,0,0) (0,1,0) (0,0,1)",
 ];
 
+/// A field's name, its good value, whether it must be there, and the nasty values that the format allows after all.
+type Field = (&'static str, &'static str, bool, Vec<(&'static str, &'static [i32])>);
+
 /// A format's header: how its lines look, and what its fields allow.
 struct Format {
     ending: &'static str,
     separator: &'static str,
-    /// Name, good value, whether it must be there, and the nasty values that the format allows after all.
-    fields: Vec<(&'static str, &'static str, bool, Vec<(&'static str, &'static [i32])>)>,
+    fields: Vec<Field>,
     /// What comes before the fields.
     first: &'static str,
     /// What comes between fields and voxels.

@@ -98,7 +98,7 @@ fn file(kept: Kept, attribute: impl Fn(&str, &str, &str) -> String, data: Option
 fn allowed(name: &str, value: &str) -> &'static [i32] {
     match (name, value) {
         // What isn't VTK's names nothing; an empty type is one of those.
-        ("header_type" | "byte_order", "") | ("NumberOfComponents", "") => EITHER,
+        ("header_type" | "byte_order" | "NumberOfComponents", "") => EITHER,
         _ => BAD,
     }
 }
