@@ -69,7 +69,9 @@ fn land(
                         && residual <= IN_CELL
                         && share_inside(&corners_inside, x - Vector3::from(cell).map(|c| c as f64)) >= 0.5
                     {
-                        out.push((grid.linear(voxel), x));
+                        // A corner that stays is its own origin, without the rounding of the search for it.
+                        let stays = forward.at(voxel) == [0.0; 3] && (x - y).norm() <= IN_CELL;
+                        out.push((grid.linear(voxel), if stays { y } else { x }));
                     }
                 });
             }

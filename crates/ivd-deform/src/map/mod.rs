@@ -64,6 +64,9 @@ use relax::relax;
 /// Residual of the inverse above which a map is refused (voxels): a hundredth of what could be seen.
 const RESIDUAL: f64 = 1e-2;
 
+/// Largest motion that is mapped (mm): sums of a few such vectors still are finite in `f32`.
+const FARTHEST: f64 = 1e37;
+
 /// Maps frame `frame` of a motion with nearest points from any source.
 ///
 /// - `inside`: the voxels inside the lattice, on its grid.
@@ -112,6 +115,13 @@ fn map_frame<N: Nearest>(
     exec: &Exec,
 ) -> Result<Mapped, Error> {
     let grid = &part.lattice.grid;
+    if largest(frame) > FARTHEST {
+        return Err(Error::Untrusted {
+            what: "the map",
+            problem: format!("a motion of {:e} mm is more than its vectors hold", largest(frame)),
+            remedy: "move the handle less",
+        });
+    }
     let region = Region::new(motion, frame, part.positions, params);
     let bricks = if largest(frame) == 0.0 { Vec::new() } else { region.bricks(grid) };
     exec.check_memory("the displacement", 2 * 12 * 512 * bricks.len() as u64)?;

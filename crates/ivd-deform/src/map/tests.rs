@@ -351,3 +351,34 @@ fn a_motion_of_another_lattice_is_refused() {
     let error = scene.map(&MapParams::default(), &Exec::default()).unwrap_err();
     assert!(error.to_string().contains("vertices"), "{error}");
 }
+
+#[test]
+fn voxels_that_a_free_part_leaves_in_place_are_their_own_origin_exactly() {
+    let grid = sheared_grid([24, 22, 20]);
+    let centre = middle(&grid);
+    let side = centre + Vector3::new(5.0, 0.0, 0.0);
+    let (reach, margin, push) = (1.8, 1.2, Vector3::new(0.2, 0.15, -0.1));
+    let part = scene(&grid, ball(centre, 5.0), pushed(side, reach, push), &[(side, reach)]);
+    let params =
+        MapParams { outside: Outside::Free, margin_mm: Some(margin), tolerance: 1.0, ..MapParams::default() };
+    let moved = part.mapped(&params).displacement;
+    assert!(!moved.is_identity());
+    for v in voxels(&grid) {
+        let from_reach = (grid.linear_part() * VoxelCoord::from(v).0 - side).norm() - reach;
+        if from_reach > margin + 1e-9 {
+            assert_eq!((moved.forward.at(v), moved.inverse.at(v)), ([0.0; 3], [0.0; 3]), "{v:?}");
+        }
+    }
+}
+
+#[test]
+fn a_motion_that_no_vector_holds_is_refused_as_untrusted() {
+    let grid = Grid::with_spacing([12; 3], [1.0; 3]).unwrap();
+    let centre = middle(&grid);
+    for far in [1e38, 1e100, 1e200] {
+        let part = scene(&grid, ball(centre, 4.0), |_| Vector3::new(far, 0.0, 0.0), &[(centre, 5.0)]);
+        let error = part.map(&MapParams::default(), &Exec::default()).unwrap_err();
+        assert_eq!(error.fault(), ivd_core::Fault::Untrusted, "{error}");
+        assert!(error.to_string().contains("move the handle less"), "{error}");
+    }
+}

@@ -48,7 +48,7 @@ impl Stage for Map {
     }
 
     fn revision(&self) -> u32 {
-        1
+        2
     }
 
     fn inputs(&self) -> &'static [Slot] {
