@@ -24,6 +24,7 @@ pub(crate) struct Args {
 /// Flags of every command.
 #[derive(Debug, Clone, ClapArgs)]
 #[command(next_help_heading = "Global options")]
+#[allow(clippy::struct_excessive_bools, reason = "flags, as they are typed")]
 pub(crate) struct Global {
     /// Print exactly one JSON object on stdout.
     #[arg(long, global = true)]
@@ -37,6 +38,9 @@ pub(crate) struct Global {
     /// Worker threads; all processors where it isn't given.
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
+    /// Use no instructions beyond the least of this kind of processor; the results are the same, and tests show it.
+    #[arg(long, global = true, hide = true)]
+    pub(crate) no_simd: bool,
     /// Most memory that bulk data may take, such as 4GiB.
     #[arg(long, global = true, value_name = "SIZE", value_parser = parse::bytes)]
     pub(crate) memory_limit: Option<u64>,

@@ -83,6 +83,9 @@ pub struct Exec {
     pub spill: Option<PathBuf>,
     /// Backend asked for.
     pub backend: Backend,
+    /// Whether kernels may use what this processor has beyond the least of its kind (AVX2 and the like). The bytes are the
+    /// same either way; without it a test can show that they are.
+    pub simd: bool,
 }
 
 impl Default for Exec {
@@ -94,6 +97,7 @@ impl Default for Exec {
             memory_limit: None,
             spill: None,
             backend: Backend::Cpu,
+            simd: true,
         }
     }
 }
@@ -104,6 +108,7 @@ impl std::fmt::Debug for Exec {
             .field("threads", &self.threads())
             .field("memory_limit", &self.memory_limit)
             .field("backend", &self.backend)
+            .field("simd", &self.simd)
             .finish_non_exhaustive()
     }
 }
@@ -131,6 +136,13 @@ impl Exec {
     #[must_use]
     pub fn with_memory_limit(mut self, limit: Option<u64>) -> Self {
         self.memory_limit = limit;
+        self
+    }
+
+    /// Work with the kernels for any processor (`false`), or with the fastest that this one runs.
+    #[must_use]
+    pub fn with_simd(mut self, simd: bool) -> Self {
+        self.simd = simd;
         self
     }
 

@@ -199,7 +199,7 @@ impl<'a> Prepared<'a> {
             Optics::Dvr(classifier) => {
                 // A termination above 1 is never reached.
                 let end = params.termination as f32;
-                let wide = Wide::detected(grid.dims());
+                let wide = Wide::detected(grid.dims(), exec.simd);
                 match (field.ids.is_empty(), params.shading) {
                     (true, false) => tiles(&camera, exec, |rays| {
                         dvr::<T, false, false>(wide, &field, classifier, end, rays)

@@ -19,13 +19,13 @@ pub(crate) use packet::Pairs;
 pub(crate) struct Wide(bool);
 
 impl Wide {
-    /// For a grid on this processor.
-    pub(crate) fn detected(dims: [usize; 3]) -> Self {
+    /// For a grid on this processor, if `simd` may be used.
+    pub(crate) fn detected(dims: [usize; 3], simd: bool) -> Self {
         #[cfg(target_arch = "x86_64")]
-        return Self(packet::serves(dims) && is_x86_feature_detected!("avx2"));
+        return Self(simd && packet::serves(dims) && is_x86_feature_detected!("avx2"));
         #[cfg(not(target_arch = "x86_64"))]
         {
-            let _ = dims;
+            let _ = (dims, simd);
             Self(false)
         }
     }
@@ -147,7 +147,7 @@ mod tests {
                 let at = i * LANES + lane;
                 camera.ray(at % 24, at / 24)
             });
-            let (any, packet) = (cast(Wide::none(), &rays), cast(Wide::detected(DIMS), &rays));
+            let (any, packet) = (cast(Wide::none(), &rays), cast(Wide::detected(DIMS, true), &rays));
             for (any, packet) in any.iter().zip(packet) {
                 assert_eq!(any.rgba.map(f32::to_bits), packet.rgba.map(f32::to_bits));
                 assert!(packet.taken >= any.taken);
