@@ -14,6 +14,14 @@ check:
 test:
     cargo test --workspace
 
+# Numerical stability, the long form: every awkward case, 100,000 random scenes, the matrix of threads, builds and instructions.
+# `IVD_STRESS_SCENES` and `IVD_STRESS_SEED` choose other scenes; a failure names the one to run again.
+stress:
+    IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} cargo test --release -p ivd-tests --test stability -- --nocapture --test-threads=1
+    cargo build
+    cargo build --release
+    bash tests/determinism.sh target/debug/ivd target/release/ivd
+
 # The whole pipeline on a scene; on a generated head where none is named.
 pipeline scene="fixtures/scenes/head.toml" *args="":
     cargo run --release -- pipeline {{scene}} --explain {{args}}

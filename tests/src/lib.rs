@@ -1,6 +1,8 @@
 //! Tests that cross crates live in `tests/`; this library holds what they share.
 #![forbid(unsafe_code)]
 
+pub mod stability;
+
 use std::path::{Path, PathBuf};
 
 use ivd_artefact::Cache;

@@ -1,0 +1,170 @@
+//! Where stages run.
+
+use ivd_core::{Displacement, Exec, Fault, FieldBricks, Grid, Labels, Lattice, Mask, Motion, Octree, Volume};
+use ivd_deform::inverse::Inverse;
+use ivd_deform::map::{MapParams, Mapped};
+use ivd_deform::spring::{Fix, Handle, RingParams, Solved};
+use ivd_deform::warp::{WarpParams, Warped};
+use ivd_lattice::extract::{ExtractParams, Extracted};
+use ivd_lattice::refine::{RefineParams, Refined};
+use ivd_render::{Radiance, RenderParams, Rendered, Scene};
+use ivd_segment::{KmvsParams, Segmentation, ThresholdParams};
+
+/// Why a stage gave nothing.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refusal {
+    /// Its kind.
+    pub fault: Fault,
+    /// What it said.
+    pub why: String,
+}
+
+macro_rules! refusal_of {
+    ($($error:ty),*) => {$(
+        impl From<$error> for Refusal {
+            fn from(error: $error) -> Self {
+                Self { fault: error.fault(), why: error.to_string() }
+            }
+        }
+    )*};
+}
+refusal_of!(
+    ivd_segment::Error,
+    ivd_atf::Error,
+    ivd_boundary::Error,
+    ivd_lattice::Error,
+    ivd_octree::Error,
+    ivd_deform::Error,
+    ivd_render::Error
+);
+
+/// What a stage gave.
+pub type Answer<T> = Result<T, Refusal>;
+
+/// The stages on some machine. Every method is the CPU's unless a backend has its own, so that a backend joins all suites
+/// with its stages alone, and a fake may spoil one.
+#[allow(missing_docs, clippy::missing_errors_doc, reason = "the stages' own names and errors")]
+pub trait Backend: Sync {
+    /// Name, for messages.
+    fn name(&self) -> &'static str;
+
+    fn kmvs(&self, volume: &Volume, params: &KmvsParams, exec: &Exec) -> Answer<Segmentation> {
+        Ok(ivd_segment::kmvs(volume, None, params, exec)?)
+    }
+
+    fn threshold(&self, volume: &Volume, params: &ThresholdParams, exec: &Exec) -> Answer<Segmentation> {
+        Ok(ivd_segment::threshold(volume, None, params, exec)?)
+    }
+
+    fn transfer(
+        &self,
+        volume: &Volume,
+        labels: &Labels,
+        params: &ivd_atf::Params,
+        exec: &Exec,
+    ) -> Answer<ivd_atf::Built> {
+        Ok(ivd_atf::transfer(volume, labels, params, exec)?)
+    }
+
+    fn component(
+        &self,
+        volume: &Volume,
+        labels: &Labels,
+        params: &ivd_boundary::Params,
+        exec: &Exec,
+    ) -> Answer<ivd_boundary::Isolated> {
+        Ok(ivd_boundary::component(volume, Some(labels), params, exec)?)
+    }
+
+    fn extract(
+        &self,
+        volume: &Volume,
+        mask: Option<&Mask>,
+        params: &ExtractParams,
+        exec: &Exec,
+    ) -> Answer<Extracted> {
+        Ok(ivd_lattice::extract::extract(volume, mask, params, exec)?)
+    }
+
+    fn collapse(&self, lattice: &Lattice, params: &RefineParams, exec: &Exec) -> Answer<Refined> {
+        Ok(ivd_lattice::refine::collapse(lattice, params, exec)?)
+    }
+
+    fn octree(&self, lattice: &Lattice, params: &ivd_octree::Params, exec: &Exec) -> Answer<Octree> {
+        Ok(ivd_octree::build(lattice, params, exec)?)
+    }
+
+    fn inside(&self, lattice: &Lattice, exec: &Exec) -> Answer<Mask> {
+        Ok(ivd_octree::inside(lattice, exec)?)
+    }
+
+    fn ring(
+        &self,
+        lattice: &Lattice,
+        handles: &[Handle],
+        fixed: &[Fix],
+        params: &RingParams,
+        exec: &Exec,
+    ) -> Answer<Solved> {
+        Ok(ivd_deform::spring::ring(lattice, handles, fixed, params, exec)?)
+    }
+
+    fn map(
+        &self,
+        lattice: &Lattice,
+        octree: &Octree,
+        motion: &Motion,
+        params: &MapParams,
+        exec: &Exec,
+    ) -> Answer<Mapped> {
+        Ok(ivd_deform::map::octree(lattice, octree, motion, 0, params, exec)?)
+    }
+
+    fn invert(&self, forward: &FieldBricks, grid: &Grid, exec: &Exec) -> Answer<Inverse> {
+        Ok(ivd_deform::inverse::invert(forward, grid, exec)?)
+    }
+
+    fn warp_volume(
+        &self,
+        volume: &Volume,
+        displacement: &Displacement,
+        params: &WarpParams,
+        exec: &Exec,
+    ) -> Answer<Warped<Volume>> {
+        Ok(ivd_deform::warp::volume(volume, displacement, params, exec)?)
+    }
+
+    fn warp_labels(
+        &self,
+        labels: &Labels,
+        displacement: &Displacement,
+        exec: &Exec,
+    ) -> Answer<Warped<Labels>> {
+        Ok(ivd_deform::warp::labels(labels, displacement, &WarpParams::default(), exec)?)
+    }
+
+    fn warp_mask(&self, mask: &Mask, displacement: &Displacement, exec: &Exec) -> Answer<Warped<Mask>> {
+        Ok(ivd_deform::warp::mask(mask, displacement, exec)?)
+    }
+
+    fn radiance(&self, scene: &Scene<'_>, params: &RenderParams, exec: &Exec) -> Answer<Radiance> {
+        Ok(ivd_render::radiance(scene, params, exec)?)
+    }
+
+    fn render(&self, scene: &Scene<'_>, params: &RenderParams, exec: &Exec) -> Answer<Rendered> {
+        Ok(ivd_render::render(scene, params, exec)?)
+    }
+}
+
+/// The processor.
+#[derive(Debug, Clone, Copy)]
+pub struct Cpu;
+
+impl Backend for Cpu {
+    fn name(&self) -> &'static str {
+        "cpu"
+    }
+}
+
+/// Every backend that this build has: the suites run on each. A new one is a line here.
+pub static BACKENDS: [&dyn Backend; 1] = [&Cpu];

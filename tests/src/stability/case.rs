@@ -1,0 +1,161 @@
+//! A case: a volume, how every stage is asked, and which refusals are right.
+
+use ivd_core::{Fault, Lattice, Volume};
+use ivd_deform::map::MapParams;
+use ivd_deform::spring::{Fix, Handle, RingParams};
+use ivd_deform::warp::WarpParams;
+use ivd_lattice::refine::RefineParams;
+use ivd_render::RenderParams;
+
+/// A stage of the pipeline, in the order in which they run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Stage {
+    /// k-means on intensity.
+    Segment,
+    /// Classes between given values.
+    Threshold,
+    /// Automatic transfer function.
+    Atf,
+    /// Isolation of a part.
+    Boundary,
+    /// Extraction of the lattice.
+    Lattice,
+    /// Refinement.
+    Refine,
+    /// Octree.
+    Octree,
+    /// Motion of the lattice.
+    Deform,
+    /// Motion of the voxels.
+    Map,
+    /// Inverse of the map.
+    Inverse,
+    /// Deformed volume, labels and mask.
+    Warp,
+    /// Picture.
+    Render,
+}
+
+/// Which surface the lattice is cut from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cut {
+    /// The isolated part, placed by its class's crossings.
+    Part,
+    /// The border of the mask.
+    Mask,
+    /// A value of the volume, without a mask.
+    Value(f64),
+}
+
+/// How the stages are asked.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// Classes of the segmentation.
+    pub k: usize,
+    /// Thresholds.
+    pub thresholds: Vec<f64>,
+    /// Transfer function.
+    pub atf: ivd_atf::Params,
+    /// Which part.
+    pub boundary: ivd_boundary::Params,
+    /// Which surface.
+    pub cut: Cut,
+    /// Refinement.
+    pub refine: RefineParams,
+    /// Octree.
+    pub octree: ivd_octree::Params,
+    /// Handles; the number of a vertex is taken modulo the number of vertices.
+    pub handles: Vec<Handle>,
+    /// Vertices that stay, numbered in the same way.
+    pub fixed: Vec<Fix>,
+    /// Solver.
+    pub ring: RingParams,
+    /// Map.
+    pub map: MapParams,
+    /// Warp.
+    pub warp: WarpParams,
+    /// Picture.
+    pub render: RenderParams,
+}
+
+impl Default for Setup {
+    fn default() -> Self {
+        Self {
+            k: 3,
+            thresholds: vec![0.5],
+            atf: ivd_atf::Params { resolution: 64, ..ivd_atf::Params::default() },
+            boundary: ivd_boundary::Params::default(),
+            cut: Cut::Part,
+            refine: RefineParams { target: ivd_lattice::refine::Target::Level(1), ..RefineParams::default() },
+            octree: ivd_octree::Params::default(),
+            handles: Vec::new(),
+            fixed: Vec::new(),
+            ring: RingParams { dt: Some(0.2 / 40.0), ..RingParams::default() },
+            map: MapParams::default(),
+            warp: WarpParams::default(),
+            render: RenderParams { width: 20, height: 14, annotate: false, ..RenderParams::default() },
+        }
+    }
+}
+
+/// A refusal that a case allows or asks for.
+pub type Refused = (Stage, Fault);
+
+/// A case.
+#[derive(Debug)]
+pub struct Case {
+    /// What is awkward about it.
+    pub name: String,
+    /// The volume.
+    pub volume: Volume,
+    /// A lattice that stands in for the extracted one.
+    pub lattice: Option<Lattice>,
+    /// How the stages are asked.
+    pub setup: Setup,
+    /// Refusals that are right but need not happen.
+    pub may: Vec<Refused>,
+    /// Refusals that must happen.
+    pub must: Vec<Refused>,
+}
+
+impl Case {
+    /// A case without handles, from which no refusal is expected.
+    pub fn new(name: impl Into<String>, volume: Volume) -> Self {
+        Self {
+            name: name.into(),
+            volume,
+            lattice: None,
+            setup: Setup::default(),
+            may: Vec::new(),
+            must: Vec::new(),
+        }
+    }
+
+    /// The case with other questions.
+    #[must_use]
+    pub fn with(mut self, change: impl FnOnce(&mut Setup)) -> Self {
+        change(&mut self.setup);
+        self
+    }
+
+    /// The case on a given lattice.
+    #[must_use]
+    pub fn on(mut self, lattice: Lattice) -> Self {
+        self.lattice = Some(lattice);
+        self
+    }
+
+    /// The case where some refusals are right.
+    #[must_use]
+    pub fn may(mut self, refusals: &[Refused]) -> Self {
+        self.may.extend(refusals);
+        self
+    }
+
+    /// The case where some refusals must happen.
+    #[must_use]
+    pub fn must(mut self, refusals: &[Refused]) -> Self {
+        self.must.extend(refusals);
+        self
+    }
+}

@@ -1,0 +1,192 @@
+//! A case carried through all stages, each checked as soon as it has run.
+
+use std::fmt;
+
+use ivd_artefact::{ArtefactRef, ContentHash};
+use ivd_core::{Exec, Fault, Labels, Lattice, Mask, Octree};
+use ivd_deform::inverse::Inverse;
+use ivd_deform::map::Mapped;
+use ivd_deform::spring::{Fix, Handle, HandleAt, Solved};
+use ivd_deform::warp::Warped;
+use ivd_lattice::refine::Refined;
+use ivd_render::{Radiance, Rendered};
+use ivd_segment::Segmentation;
+
+use super::backend::{Answer, Backend, Refusal};
+use super::case::{Case, Stage};
+use super::invariants::Verdict;
+use super::subjects::SUBJECTS;
+
+/// What the stages of a case have given so far.
+#[derive(Debug, Default)]
+#[allow(missing_docs, reason = "named after the stages")]
+pub struct Values {
+    pub segmentation: Option<Segmentation>,
+    pub thresholds: Option<Segmentation>,
+    pub transfer: Option<ivd_atf::Built>,
+    pub part: Option<ivd_boundary::Isolated>,
+    pub lattice: Option<Lattice>,
+    pub refined: Option<Refined>,
+    pub octree: Option<Octree>,
+    /// Voxels inside the refined lattice.
+    pub inside: Option<Mask>,
+    pub solved: Option<Solved>,
+    pub mapped: Option<Mapped>,
+    pub inverse: Option<Inverse>,
+    pub volume: Option<Warped<ivd_core::Volume>>,
+    pub labels: Option<Warped<Labels>>,
+    pub mask: Option<Warped<Mask>>,
+    pub light: Option<Radiance>,
+    pub picture: Option<Rendered>,
+}
+
+impl Values {
+    /// The handles of a case, with vertices of this lattice.
+    pub fn handles(&self, case: &Case) -> Vec<Handle> {
+        case.setup.handles.iter().map(|h| Handle { at: self.vertex(h.at), ..*h }).collect()
+    }
+
+    /// The fixed vertices of a case.
+    pub fn fixed(&self, case: &Case) -> Vec<Fix> {
+        case.setup.fixed.iter().map(|f| Fix { at: self.vertex(f.at), ..*f }).collect()
+    }
+
+    fn vertex(&self, at: HandleAt) -> HandleAt {
+        let count = self.refined.as_ref().map_or(0, |r| r.lattice.keys.len() as u32);
+        match at {
+            HandleAt::Vertex(v) if count > 0 => HandleAt::Vertex(v % count),
+            other => other,
+        }
+    }
+
+    /// Content hash of everything that is there, with the picture's linear light bit for bit.
+    ///
+    /// # Errors
+    /// A value that no artefact can hold.
+    pub fn hashes(&self) -> Result<Vec<(&'static str, ContentHash)>, String> {
+        let mut all = Vec::new();
+        let mut add = |name, value: Option<ArtefactRef<'_>>| {
+            if let Some(value) = value {
+                all.push((name, ivd_artefact::content_hash(value).map_err(|e| format!("{name}: {e}"))?));
+            }
+            Ok::<_, String>(())
+        };
+        add("segment", self.segmentation.as_ref().map(|s| (&s.labels).into()))?;
+        add("threshold", self.thresholds.as_ref().map(|s| (&s.labels).into()))?;
+        add("atf", self.transfer.as_ref().map(|t| (&t.transfer).into()))?;
+        add("boundary", self.part.as_ref().map(|p| (&p.mask).into()))?;
+        add("lattice", self.lattice.as_ref().map(Into::into))?;
+        add("refine", self.refined.as_ref().map(|r| (&r.lattice).into()))?;
+        add("octree", self.octree.as_ref().map(Into::into))?;
+        add("inside", self.inside.as_ref().map(Into::into))?;
+        add("deform", self.solved.as_ref().map(|s| (&s.motion).into()))?;
+        add("map", self.mapped.as_ref().map(|m| (&m.displacement).into()))?;
+        add("warp", self.volume.as_ref().map(|v| (&v.output).into()))?;
+        add("warp labels", self.labels.as_ref().map(|v| (&v.output).into()))?;
+        add("warp mask", self.mask.as_ref().map(|v| (&v.output).into()))?;
+        add("render", self.picture.as_ref().map(|p| (&p.image).into()))?;
+        Ok(all)
+    }
+}
+
+/// What a stage did.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Ran {
+    /// Gave a result that holds.
+    Held,
+    /// Refused with a reason.
+    Refused(Refusal),
+    /// Had nothing to work on, as an earlier stage refused.
+    Idle,
+}
+
+/// A stage under test.
+pub trait Subject: Sync {
+    /// Which.
+    fn stage(&self) -> Stage;
+
+    /// Runs it on what the earlier stages gave; `Ok(false)` where its input is missing.
+    ///
+    /// # Errors
+    /// What the stage said.
+    fn run(&self, on: &dyn Backend, case: &Case, values: &mut Values, exec: &Exec) -> Answer<bool>;
+
+    /// What must hold of its result.
+    ///
+    /// # Errors
+    /// The first thing that doesn't.
+    fn check(&self, on: &dyn Backend, case: &Case, values: &Values, exec: &Exec) -> Verdict;
+}
+
+/// Something that doesn't hold.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Broken {
+    /// The case.
+    pub case: String,
+    /// The stage.
+    pub stage: Stage,
+    /// What, where, with the numbers.
+    pub what: String,
+}
+
+impl fmt::Display for Broken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {:?}: {}", self.case, self.stage, self.what)
+    }
+}
+
+/// Runs every stage, without checks.
+///
+/// # Errors
+/// The first refusal that the case doesn't expect.
+pub fn carry(on: &dyn Backend, case: &Case, exec: &Exec) -> Result<Values, Broken> {
+    walk(on, case, exec, false).map(|(values, _)| values)
+}
+
+/// Runs every stage and checks each; what each did.
+///
+/// # Errors
+/// The first invariant that breaks, or a refusal that isn't right.
+pub fn examine(on: &dyn Backend, case: &Case, exec: &Exec) -> Result<Vec<(Stage, Ran)>, Broken> {
+    walk(on, case, exec, true).map(|(_, ran)| ran)
+}
+
+fn walk(
+    on: &dyn Backend,
+    case: &Case,
+    exec: &Exec,
+    check: bool,
+) -> Result<(Values, Vec<(Stage, Ran)>), Broken> {
+    let mut values = Values::default();
+    let mut all = Vec::new();
+    for subject in SUBJECTS {
+        let stage = subject.stage();
+        let broken = |what: String| Broken { case: case.name.clone(), stage, what };
+        let ran = match subject.run(on, case, &mut values, exec) {
+            Ok(true) if check => {
+                subject.check(on, case, &values, exec).map(|()| Ran::Held).map_err(broken)?
+            }
+            Ok(true) => Ran::Held,
+            Ok(false) => Ran::Idle,
+            Err(refusal) => Ran::Refused(refusal),
+        };
+        allowed(case, stage, &ran).map_err(broken)?;
+        all.push((stage, ran));
+    }
+    Ok((values, all))
+}
+
+/// Whether the case allows what a stage did.
+fn allowed(case: &Case, stage: Stage, ran: &Ran) -> Verdict {
+    let listed = |refusals: &[(Stage, Fault)], fault| refusals.contains(&(stage, fault));
+    match ran {
+        Ran::Refused(r) if listed(&case.may, r.fault) || listed(&case.must, r.fault) => {
+            if r.why.trim().is_empty() { Err("refused without a reason".into()) } else { Ok(()) }
+        }
+        Ran::Refused(r) => Err(format!("refused ({:?}): {}", r.fault, r.why)),
+        Ran::Held | Ran::Idle => match case.must.iter().find(|(s, _)| *s == stage) {
+            Some((_, fault)) => Err(format!("{ran:?} where it must refuse ({fault:?})")),
+            None => Ok(()),
+        },
+    }
+}

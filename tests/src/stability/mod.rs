@@ -1,0 +1,19 @@
+//! The harness for numerical stability: awkward cases, random scenes, and what must hold of every stage's result.
+//!
+//! - [`backend`]: where stages run. A backend overrides the stages that it has; the CPU is the default of each.
+//! - [`chain`]: a case carried through all stages, each checked as soon as it has run.
+//! - [`invariants`]: what must hold, against analytic answers and plain twins.
+//! - [`nasty`]: the table of cases that must not break anything; [`scene`]: random ones from a seed.
+//! - [`symmetry`]: the same case mirrored, turned, scaled or moved.
+
+pub mod backend;
+pub mod case;
+pub mod chain;
+pub mod determinism;
+pub mod invariants;
+pub mod meshes;
+pub mod nasty;
+pub mod scene;
+pub mod seeded;
+pub mod subjects;
+pub mod symmetry;

@@ -1,0 +1,17 @@
+//! Numerical stability: what no input, however awkward, may break. `just stress` runs the long forms.
+#![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
+
+mod cases;
+mod determinism;
+mod indices;
+mod planted;
+mod rounding;
+mod scaling;
+mod scenes;
+mod symmetry;
+
+/// A number from the environment, so that `just stress` can ask for more than the normal suite does.
+fn asked(name: &str, default: u64) -> u64 {
+    std::env::var(name)
+        .map_or(default, |text| text.parse().unwrap_or_else(|_| panic!("{name}={text} is no number")))
+}
