@@ -114,7 +114,9 @@ pub fn joined(grid: &Grid, centre: [f64; 3], radius: f64, shared: usize) -> Latt
         let outward = (b - a).dot(&(c - a).cross(&(d - a))) > 0.0;
         let mut of = faces(four);
         if !outward {
-            of.iter_mut().for_each(|t| t.swap(1, 2));
+            for t in &mut of {
+                t.swap(1, 2);
+            }
         }
         triangles.extend(of);
     }

@@ -78,7 +78,7 @@ fn determinants(field: &FieldBricks, grid: &Grid, least: f64, counts: impl Fn([i
                     continue;
                 }
                 let u: Vec<Vector3<f64>> = corners(cell).map(|c| at(field, grid, &to_voxel, c)).collect();
-                let most = u.iter().map(|v| v.amax()).fold(1.0, f64::max);
+                let most = u.iter().map(Vector3::amax).fold(1.0, f64::max);
                 let ends = (0..8_usize).map(|i| Vector3::from_fn(|a, _| (i >> a & 1) as f64));
                 let within: Vec<Vector3<f64>> =
                     (0..PLACES).map(|_| Vector3::from_fn(|_, _| random.unit())).collect();

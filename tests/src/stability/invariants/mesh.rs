@@ -76,7 +76,7 @@ fn bounded(from: &Lattice, to: &Lattice, bound: f64, exec: &Exec) -> Verdict {
     let positions = from.local_positions();
     let mut random = Seeded::new(from.triangles.len() as u64);
     // The weights of the nearest point solve a system whose condition is the square of a triangle's aspect ratio, up to 10⁶.
-    let extent = positions.iter().map(|p| p.amax()).fold(0.0, f64::max);
+    let extent = positions.iter().map(Vector3::amax).fold(0.0, f64::max);
     for _ in 0..PROBES {
         let t = random.below(from.triangles.len());
         let [a, b, c] = from.triangles[t].map(|v| positions[v as usize]);

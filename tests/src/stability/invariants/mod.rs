@@ -20,9 +20,11 @@ pub const EPS: f64 = f64::EPSILON;
 /// Fails the check with a message unless a condition holds.
 #[macro_export]
 macro_rules! hold {
-    ($condition:expr, $($message:tt)+) => {
-        if !$condition {
+    ($condition:expr, $($message:tt)+) => {{
+        // A comparison with NaN doesn't hold.
+        let holds: bool = $condition;
+        if !holds {
             return Err(format!($($message)+));
         }
-    };
+    }};
 }
