@@ -140,7 +140,8 @@ fn remember(note: &Path, stamp: Stamp, hash: ContentHash) {
     }
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use super::*;
 

@@ -53,7 +53,7 @@ impl Place {
             let folder = tempfile::tempdir()?;
             ivd_volume::write(&folder.path().join("head.nrrd"), &volume(size, content, exec)?, exec)?;
             let text = format!("schema = 1\n[input]\nfile = \"head.nrrd\"\n{scene}");
-            std::fs::write(folder.path().join("scene.toml"), text)?;
+            ivd_pipeline::write_text(&folder.path().join("scene.toml"), &text)?;
             Ok(folder)
         };
         let folder = made().map_err(|problem| failed(name, &problem))?;
