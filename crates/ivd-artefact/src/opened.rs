@@ -17,7 +17,7 @@ use crate::{Error, Info, Loaded};
 /// An artefact whose payload is mapped and not yet read.
 ///
 /// [`Opened::verify_range`] verifies the chunks that it touches and remembers them, so that a look at a part of a large
-/// file reads that part alone. Whole-volume stages use [`read`], which verifies everything once.
+/// file reads that part alone. Whole-volume stages use [`crate::read()`], which verifies everything once.
 pub struct Opened {
     path: PathBuf,
     map: Map,
