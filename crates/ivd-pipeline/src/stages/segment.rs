@@ -32,7 +32,7 @@ impl Stage for Segment {
     }
 
     fn revision(&self) -> u32 {
-        1
+        2
     }
 
     fn inputs(&self) -> &'static [Slot] {

@@ -116,17 +116,17 @@ impl<'a, T: Scalar> Sorted<'a, T> {
         }
         let scaled = |v: T| v.to_f64() * self.scale[0] * self.scale[1];
         let centre = scaled(self.values[a]);
-        let (mut sum, mut squares) = (0.0, 0.0);
+        // Few values may span the whole range, and a group among them be narrow: their sums need the digits too.
+        let mut own = Moments::default();
         for &v in &self.values[a..b] {
-            let d = scaled(v) - centre;
-            sum += d;
-            squares += d * d;
+            let d = Wide::difference(scaled(v), centre);
+            own = own.plus(Moments { sum: d, squares: d.times(d) });
         }
         let (n, offset) = (Wide::from((b - a) as f64), Wide::difference(centre, self.median));
-        let cross = offset.times(Wide::from(2.0 * sum));
+        let cross = offset.plus(offset).times(own.sum);
         Moments {
-            sum: n.times(offset).plus(Wide::from(sum)),
-            squares: n.times(offset.times(offset)).plus(cross).plus(Wide::from(squares)),
+            sum: n.times(offset).plus(own.sum),
+            squares: n.times(offset.times(offset)).plus(cross).plus(own.squares),
         }
     }
 

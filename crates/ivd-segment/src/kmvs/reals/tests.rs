@@ -41,6 +41,21 @@ proptest! {
 }
 
 #[test]
+fn narrow_groups_in_a_wide_sample_keep_their_inertia() {
+    // Thirty groups of spread 1 over 4·10⁹: the square of a value is 10¹⁹ times that of its distance from its mean.
+    let value = |i: i64| -2_000_000_000 + (i % 30) * 133_000_000 + i * 7919 % 5;
+    let mut values: Vec<i32> = (0..900).map(|i| value(i) as i32).collect();
+    values.sort_unstable();
+    let direct = |group: &[i32]| {
+        let mean = group.iter().map(|&v| f64::from(v - group[0])).sum::<f64>() / group.len() as f64;
+        group.iter().map(|&v| (f64::from(v - group[0]) - mean).powi(2)).sum::<f64>()
+    };
+    let expected: f64 = values.chunk_by(|a, b| b - a < 1000).map(direct).sum();
+    let found = partition(&values, 30, &Exec::default()).unwrap().inertia();
+    assert!((found - expected).abs() <= 1e-12 * expected, "{found} where {expected}");
+}
+
+#[test]
 fn bounds_with_stretches_give_the_same_optimum_as_every_border() {
     for (name, shape) in [
         ("uniform", (|u: f64, _: f64| u) as fn(f64, f64) -> f64),
