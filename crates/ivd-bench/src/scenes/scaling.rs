@@ -71,25 +71,19 @@ pub fn scaling(size: usize, repeats: usize, exec: &Exec) -> Result<ScalePoint, E
         })
         .collect();
     let (whole, moved) = (whole?, moved?);
-    // What of the import's record isn't the brick index that is always read: the source file, and voxels that stages asked for.
-    let index = 9 * (size as u64).div_ceil(8).pow(3);
     let last = moved.last().expect("at least one round");
-    let of_volume = |stage: &str| last.record(stage).map_or(0, |r| r.bytes_read);
+    // What of the import's record isn't the brick index that is always read: the source file. And what the stages that ran
+    // asked for; cached lattices and the like have nothing to do with the volume.
+    let index = 9 * (size as u64).div_ceil(8).pow(3);
+    let source = last.record("import").map_or(0, |r| r.bytes_read).saturating_sub(index);
+    let stages = ["segment", "boundary", "lattice", "deform", "map"].into_iter();
+    let asked_for = stages.filter_map(|stage| last.record(stage)).filter(|r| !r.cached).map(|r| r.bytes_read);
     Ok(ScalePoint {
         size,
         voxel_mm: EDGE_MM / size as f64,
         voxels_moved: last.metric("map", "voxels_moved"),
-        volume_bytes_read: of_volume("import").saturating_sub(index)
-            + ["segment", "boundary", "lattice", "deform", "map"].map(of_volume).iter().sum::<u64>()
-            - cached_elsewhere(last),
+        volume_bytes_read: source + asked_for.sum::<u64>(),
         whole: Cost::of(&whole),
         moved: Cost::of(&moved),
     })
-}
-
-/// Bytes of cached lattices, motions and the like, which have nothing to do with the volume's size in memory.
-fn cached_elsewhere(run: &Run) -> u64 {
-    let others = ["segment", "boundary", "lattice", "deform", "map"];
-    let records = others.iter().filter_map(|stage| run.record(stage));
-    records.filter(|r| r.cached).map(|r| r.bytes_read).sum()
 }
