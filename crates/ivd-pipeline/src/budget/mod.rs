@@ -41,9 +41,10 @@ pub struct Budget {
     pub max_error_mm: Option<f64>,
     /// Keys of the scene that must stay as they are, such as `refine.level`.
     pub pinned: BTreeSet<String>,
-    /// Predicts for a machine this many times as slow as the recorded one, whatever stages take here; for tests.
+    /// Wall times (s) of stages at their default settings, predicted instead of what was recorded and whatever stages take
+    /// here; those left out take none. For tests, which no record and no machine should decide.
     #[doc(hidden)]
-    pub slowness: Option<f64>,
+    pub times: Option<BTreeMap<String, f64>>,
 }
 
 impl Budget {

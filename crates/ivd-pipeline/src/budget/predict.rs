@@ -1,5 +1,7 @@
 //! How long stages take: the recorded rates, times the scene's work, times what this machine was found to take.
 
+use std::collections::BTreeMap;
+
 use super::knobs::{STEPS, Setting, along, between, front, picture};
 use super::work::Amounts;
 use crate::fronts::{Rates, recorded_rates};
@@ -11,6 +13,9 @@ const TELLING: f64 = 1e-3;
 /// they alone would triple every prediction; with 5 a slow machine would be learnt too late.
 const BELIEF: f64 = 0.5;
 
+/// Share of the lattice that the default level, 2, keeps.
+const DEFAULT_LEVEL_SHARE: f64 = 1.0 / 16.0;
+
 /// Predicts times, and learns from those that were taken.
 #[derive(Debug, Clone)]
 pub(super) struct Model {
@@ -19,24 +24,36 @@ pub(super) struct Model {
     pub(super) amounts: Amounts,
     /// Stages that ran: name, what the record said, what it took (s).
     taken: Vec<(String, f64, f64)>,
-    /// A factor that stands instead of what is learnt.
-    slowness: Option<f64>,
+    /// Times at the default settings that stand instead of what is recorded and learnt (s).
+    times: Option<BTreeMap<String, f64>>,
 }
 
 impl Model {
-    pub(super) fn new(slowness: Option<f64>) -> Self {
-        Self { rates: recorded_rates(), amounts: Amounts::default(), taken: Vec::new(), slowness }
+    pub(super) fn new(times: Option<BTreeMap<String, f64>>) -> Self {
+        Self { rates: recorded_rates(), amounts: Amounts::default(), taken: Vec::new(), times }
     }
 
     /// Wall time (s) of a stage, or of writing an output, with a setting.
     pub(super) fn seconds(&self, rate: &str, setting: &Setting) -> f64 {
-        self.recorded(rate, setting) * self.factor(rate)
+        match &self.times {
+            Some(times) => {
+                times.get(rate).map_or(0.0, |s| s * self.share(rate, setting) * ratio(rate, setting))
+            }
+            None => self.recorded(rate, setting) * self.factor(rate),
+        }
     }
 
     /// What the record says for this scene's work.
     fn recorded(&self, rate: &str, setting: &Setting) -> f64 {
         let amounts = self.amounts.refined(setting.share());
         self.rates.seconds(rate, amounts.of(rate).1) * ratio(rate, setting)
+    }
+
+    /// A refinement's work over the default's, where the stage's work depends on it.
+    fn share(&self, rate: &str, setting: &Setting) -> f64 {
+        let work = |share: f64| self.amounts.refined(share).of(rate).1;
+        let default = work(DEFAULT_LEVEL_SHARE);
+        if default > 0.0 { work(setting.share()) / default } else { 1.0 }
     }
 
     /// Remembers what a stage took.
@@ -50,9 +67,6 @@ impl Model {
 
     /// This machine and scene against the record: the stage's own where it ran before, else that of all that ran.
     fn factor(&self, rate: &str) -> f64 {
-        if let Some(slowness) = self.slowness {
-            return slowness;
-        }
         let stage = |name: &str| name.split(' ').next().map(str::to_owned);
         let own = self.taken.iter().filter(|t| stage(&t.0) == stage(rate));
         let all = self.taken.iter();
@@ -135,25 +149,37 @@ mod tests {
         assert_eq!(model.seconds("no such stage", &wish), 0.0);
     }
 
+    /// Seconds by the record, whatever it is.
+    fn learn(model: &mut Model, rate: &str, recorded: f64, taken: f64) {
+        model.taken.push((rate.to_owned(), recorded, taken));
+    }
+
     #[test]
     fn a_machine_that_takes_twice_as_long_is_learnt_and_a_stage_knows_itself_best() {
-        let (mut model, wish) = (model(), wish());
-        let [segment, render] = ["segment", "render after"].map(|rate| model.seconds(rate, &wish));
-        model.learn("import", &wish, 9.0 * model.seconds("import", &wish));
-        assert!(
-            (model.seconds("render after", &wish) - render).abs() < 1e-9,
-            "a volume may come from anywhere"
-        );
-        model.learn("segment", &wish, 2.0 * segment);
-        let learnt = model.seconds("render after", &wish) / render;
+        let mut model = model();
+        assert_eq!(model.factor("render after"), 1.0);
+        learn(&mut model, "segment", 0.02, 0.04);
+        let learnt = model.factor("render after");
         assert!(learnt > 1.0 && learnt < 1.1, "{learnt}: a short stage says little");
         for _ in 0..40 {
-            model.learn("map", &wish, 2.0 * model.recorded("map", &wish));
+            learn(&mut model, "map", 0.5, 1.0);
         }
-        let learnt = model.seconds("render after", &wish) / render;
+        let learnt = model.factor("render after");
         assert!(learnt > 1.9 && learnt < 2.0, "{learnt}: long ones do");
-        model.learn("render before", &wish, 5.0 * model.recorded("render before", &wish));
-        assert!((model.seconds("render after", &wish) - 5.0 * render).abs() < 1e-9);
-        assert!((model.seconds("segment", &wish) - 2.0 * segment).abs() < 1e-9);
+        learn(&mut model, "render before", 0.1, 0.5);
+        assert!((model.factor("render after") - 5.0).abs() < 1e-12);
+        assert!((model.factor("segment") - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn stages_that_tell_nothing_of_the_machine_are_not_learnt_from() {
+        let (mut model, wish) = (model(), wish());
+        model.amounts.voxels = 1e9;
+        model.learn("import", &wish, 9.0 * model.seconds("import", &wish));
+        assert!(model.taken.is_empty(), "a volume may come from anywhere");
+        model.learn("no such stage", &wish, 9.0);
+        assert!(model.taken.is_empty(), "what takes no time by the record has no ratio");
+        model.learn("segment", &wish, 2.0 * model.seconds("segment", &wish));
+        assert_eq!(model.factor("segment"), 2.0);
     }
 }

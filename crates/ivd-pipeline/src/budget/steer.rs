@@ -60,7 +60,7 @@ impl<'a> Pilot<'a> {
             options,
             wish,
             setting: Setting::of(&wish.scene),
-            model: Model::new(options.budget.slowness),
+            model: Model::new(options.budget.times.clone()),
             ready: BTreeMap::new(),
             report: BudgetReport { max_time_s, max_error_mm, ..BudgetReport::default() },
             start,
