@@ -12,7 +12,7 @@ use crate::{Bytes, exec, lattices, stages};
 pub fn check(bytes: &[u8]) {
     let mut bytes = Bytes::new(bytes);
     let Some(grid) = lattices::grid(&mut bytes) else { return };
-    let kmvs_params = KmvsParams { k: bytes.below(9) };
+    let kmvs_params = KmvsParams { k: bytes.below(9), ..KmvsParams::default() };
     let cuts = ThresholdParams { values: (0..bytes.below(4)).map(|_| bytes.f64()).collect() };
     let (iso, upper) = (bytes.f64(), bytes.f64());
     let (slope, intercept) = if bytes.u8() % 2 == 0 { (1.0, 0.0) } else { (bytes.f64(), bytes.f64()) };

@@ -57,6 +57,7 @@ pub use error::Error;
 pub use hash::{CHUNK, ContentHash};
 pub use kind::Kind;
 pub use kinds::Element;
+pub use map::TemporaryFiles;
 pub use opened::Opened;
 pub use provenance::Provenance;
 pub use read::{Info, Loaded, SectionInfo, is_artefact, open, peek, read, read_lazily};

@@ -39,6 +39,7 @@ impl Context {
         };
         let bars = Arc::new(Bars::new(draw, !global.quiet));
         let mut exec = Exec::default().with_observer(bars).with_memory_limit(global.memory_limit);
+        exec = exec.with_spill(Arc::new(ivd_artefact::TemporaryFiles));
         exec.skip = !global.no_skip;
         exec = exec.with_simd(!global.no_simd);
         if let Some(threads) = global.threads {

@@ -60,6 +60,16 @@ pub enum Error {
         /// The limit in bytes.
         limit: u64,
     },
+    /// Bulk data beyond the memory limit could not be put elsewhere.
+    #[error(
+        "{what} exceed the memory limit, and there is no room for them elsewhere: {problem}; free some, or raise --memory-limit"
+    )]
+    Spill {
+        /// The data.
+        what: &'static str,
+        /// What the host says.
+        problem: String,
+    },
     /// A parameter is outside its domain.
     #[error(transparent)]
     Param(#[from] ParamError),
@@ -95,6 +105,7 @@ impl Error {
     pub fn fault(&self) -> Fault {
         match self {
             Self::Cancelled => Fault::Cancelled,
+            Self::Spill { .. } => Fault::Io,
             Self::MemoryLimit { .. } | Self::Deadline => Fault::Limit,
             Self::Param(_) | Self::GridMismatch { .. } => Fault::Usage,
             Self::Grid(_) | Self::Inconsistent { .. } => Fault::Input,

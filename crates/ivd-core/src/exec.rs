@@ -1,9 +1,8 @@
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use crate::Error;
+use crate::{Error, Spill};
 
 /// Where kernels run. CPU and GPU results never share a cache key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -100,8 +99,8 @@ pub struct Exec {
     pub cancel: Cancel,
     /// Most bytes that bulk data may take; `None` for no limit.
     pub memory_limit: Option<u64>,
-    /// Folder for spilled data; `None` for the system's temporary folder.
-    pub spill: Option<PathBuf>,
+    /// Where bulk data beyond the memory limit goes; without it such data is refused.
+    pub spill: Option<Arc<dyn Spill>>,
     /// Backend asked for.
     pub backend: Backend,
     /// Whether work that can't change a result is passed over. Off: everything is looked at, for the same result; the plain
@@ -161,6 +160,13 @@ impl Exec {
     #[must_use]
     pub fn with_memory_limit(mut self, limit: Option<u64>) -> Self {
         self.memory_limit = limit;
+        self
+    }
+
+    /// Work that puts bulk data beyond the memory limit where `spill` says.
+    #[must_use]
+    pub fn with_spill(mut self, spill: Arc<dyn Spill>) -> Self {
+        self.spill = Some(spill);
         self
     }
 

@@ -23,6 +23,7 @@
 
 mod bricks;
 mod buffer;
+mod bulk;
 mod displacement;
 mod error;
 mod exec;
@@ -38,6 +39,7 @@ mod volume;
 
 pub use bricks::{BRICK, BrickIndex, BrickRange};
 pub use buffer::{Buffer, ByteSource};
+pub use bulk::{Bulk, Space, Spill};
 pub use displacement::{Displacement, FieldBricks, NO_BRICK};
 pub use error::{Error, Fault, ParamError};
 pub use exec::{Backend, Cancel, Exec, Iteration, Observer, Silent};

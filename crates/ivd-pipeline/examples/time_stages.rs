@@ -47,8 +47,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (wall, cpu) = (Instant::now(), cpu_seconds());
         let figures = match words[..] {
             ["kmvs", k] => {
-                let found =
-                    ivd_segment::kmvs(&fresh, None, &ivd_segment::KmvsParams { k: k.parse()? }, &exec)?;
+                let found = ivd_segment::kmvs(
+                    &fresh,
+                    None,
+                    &ivd_segment::KmvsParams { k: k.parse()?, ..Default::default() },
+                    &exec,
+                )?;
                 json!({ "objective": found.objective, "means": found.labels.classes().iter().map(|c| c.mean).collect::<Vec<_>>() })
             }
             ["extract", iso] => {

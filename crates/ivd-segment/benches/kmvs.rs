@@ -29,7 +29,10 @@ fn bench(criterion: &mut Criterion) {
     group.sample_size(10).throughput(Throughput::Elements(SIDE.pow(3)));
     for (name, volume) in &volumes {
         group.bench_function(*name, |b| {
-            b.iter(|| kmvs(volume, None, &KmvsParams { k: 4 }, &Exec::default()).expect("a segmentation"));
+            b.iter(|| {
+                kmvs(volume, None, &KmvsParams { k: 4, ..KmvsParams::default() }, &Exec::default())
+                    .expect("a segmentation")
+            });
         });
     }
     group.finish();

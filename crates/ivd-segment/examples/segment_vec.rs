@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let grid = Grid::with_spacing([n; 3], [0.5; 3])?;
     let volume = Volume::new(grid, Voxels::from(voxels))?;
-    let found = kmvs(&volume, None, &KmvsParams { k: 2 }, &Exec::default())?;
+    let found = kmvs(&volume, None, &KmvsParams { k: 2, ..KmvsParams::default() }, &Exec::default())?;
 
     for class in found.labels.classes() {
         println!(

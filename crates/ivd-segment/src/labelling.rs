@@ -1,6 +1,6 @@
 //! The pass that gives each voxel its label.
 
-use ivd_core::{Error, Exec, Mask, NO_DATA, Scalar, Voxels, with_voxels};
+use ivd_core::{Bulk, Error, Exec, Mask, NO_DATA, Scalar, Voxels, with_voxels};
 use rayon::prelude::*;
 
 use crate::histogram::{Tabled, with_tabled};
@@ -19,11 +19,11 @@ pub(crate) fn of(
     cuts: &[f64],
     ids: &[u16],
     exec: &Exec,
-) -> Result<Vec<u16>, Error> {
+) -> Result<Bulk<u16>, Error> {
     exec.check_cancelled()?;
-    exec.check_memory("the labels", voxels.len() as u64 * 2)?;
-    let labels = with_tabled!(voxels, slice => by_table(slice, mask, cuts, ids), else {
-        with_voxels!(voxels, slice => by_cuts(slice, mask, cuts, ids))
+    let mut labels = exec.bulk("the labels", voxels.len())?;
+    with_tabled!(voxels, slice => by_table(slice, mask, cuts, ids, &mut labels), else {
+        with_voxels!(voxels, slice => by_cuts(slice, mask, cuts, ids, &mut labels));
     });
     exec.check_cancelled()?;
     Ok(labels)
@@ -33,12 +33,12 @@ fn id_of(value: f64, cuts: &[f64], ids: &[u16]) -> u16 {
     ids.get(cuts.partition_point(|cut| *cut <= value)).copied().unwrap_or(NO_DATA)
 }
 
-fn by_table<T: Tabled>(voxels: &[T], mask: Option<&Mask>, cuts: &[f64], ids: &[u16]) -> Vec<u16> {
+fn by_table<T: Tabled>(voxels: &[T], mask: Option<&Mask>, cuts: &[f64], ids: &[u16], labels: &mut [u16]) {
     let table: Vec<u16> =
         (0..T::VALUES).map(|slot| id_of((T::LOWEST + slot as i64) as f64, cuts, ids)).collect();
     match (mask, steps(&table)) {
-        (None, Some(steps)) => by_steps(voxels, table[0], &steps),
-        _ => each(voxels, mask, |v| table[v.slot()]),
+        (None, Some(steps)) => by_steps(voxels, table[0], &steps, labels),
+        _ => each(voxels, mask, labels, |v| table[v.slot()]),
     }
 }
 
@@ -59,8 +59,7 @@ fn steps(table: &[u16]) -> Option<Vec<u8>> {
 }
 
 /// Labels by how many steps a slot has passed: comparisons of many voxels at once, where a table takes them one by one.
-fn by_steps<T: Tabled>(voxels: &[T], first: u16, steps: &[u8]) -> Vec<u16> {
-    let mut labels = vec![0; voxels.len()];
+fn by_steps<T: Tabled>(voxels: &[T], first: u16, steps: &[u8], labels: &mut [u16]) {
     labels.par_chunks_mut(CHUNK).zip(voxels.par_chunks(CHUNK)).for_each(|(labels, voxels)| {
         for (labels, voxels) in labels.chunks_mut(NEAR).zip(voxels.chunks(NEAR)) {
             labels.fill(first);
@@ -71,22 +70,28 @@ fn by_steps<T: Tabled>(voxels: &[T], first: u16, steps: &[u8]) -> Vec<u16> {
             }
         }
     });
-    labels
 }
 
-fn by_cuts<T: Scalar>(voxels: &[T], mask: Option<&Mask>, cuts: &[f64], ids: &[u16]) -> Vec<u16> {
-    each(voxels, mask, |v| if v.is_data() { id_of(v.to_f64(), cuts, ids) } else { NO_DATA })
+fn by_cuts<T: Scalar>(voxels: &[T], mask: Option<&Mask>, cuts: &[f64], ids: &[u16], labels: &mut [u16]) {
+    each(voxels, mask, labels, |v| if v.is_data() { id_of(v.to_f64(), cuts, ids) } else { NO_DATA });
 }
 
-fn each<T: Scalar>(voxels: &[T], mask: Option<&Mask>, label: impl Fn(T) -> u16 + Sync + Send) -> Vec<u16> {
-    let voxels = voxels.par_iter().with_min_len(CHUNK);
-    match mask {
-        None => voxels.map(|&v| label(v)).collect(),
-        Some(mask) => voxels
-            .zip(mask.inside())
-            .map(|(&v, &inside)| if inside == 0 { NO_DATA } else { label(v) })
-            .collect(),
-    }
+fn each<T: Scalar>(
+    voxels: &[T],
+    mask: Option<&Mask>,
+    labels: &mut [u16],
+    label: impl Fn(T) -> u16 + Sync + Send,
+) {
+    labels.par_chunks_mut(CHUNK).zip(voxels.par_chunks(CHUNK)).enumerate().for_each(
+        |(i, (labels, voxels))| match mask.map(|m| &m.inside()[i * CHUNK..][..voxels.len()]) {
+            None => labels.iter_mut().zip(voxels).for_each(|(id, &v)| *id = label(v)),
+            Some(inside) => labels
+                .iter_mut()
+                .zip(voxels)
+                .zip(inside)
+                .for_each(|((id, &v), &inside)| *id = if inside == 0 { NO_DATA } else { label(v) }),
+        },
+    );
 }
 
 #[cfg(test)]
@@ -103,9 +108,12 @@ mod tests {
             let ids: Vec<u16> = (1..=cuts.len() as u16 + 1).collect();
             let plain = |v: f64| id_of(v, &cuts, &ids);
             let expected: Vec<u16> = voxels.iter().map(|&v| plain(f64::from(v))).collect();
-            assert_eq!(by_table(&voxels, None, &cuts, &ids), expected);
+            let mut found = vec![9; voxels.len()];
+            by_table(&voxels, None, &cuts, &ids, &mut found);
+            assert_eq!(found, expected);
             let expected: Vec<u16> = signed.iter().map(|&v| plain(f64::from(v))).collect();
-            assert_eq!(by_table(&signed, None, &cuts, &ids), expected);
+            by_table(&signed, None, &cuts, &ids, &mut found);
+            assert_eq!(found, expected);
         }
     }
 

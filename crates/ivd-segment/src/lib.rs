@@ -25,13 +25,17 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod classes;
 mod error;
 mod groups;
 mod histogram;
 mod kmvs;
 mod labelling;
+mod moments;
+mod scope;
 mod segmentation;
 mod threshold;
+mod wide;
 
 pub use error::Error;
 pub use kmvs::{KmvsParams, kmvs};

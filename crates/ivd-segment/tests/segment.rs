@@ -12,7 +12,7 @@ fn line(voxels: impl Into<Voxels>) -> Volume {
 }
 
 fn classes(volume: &Volume, k: usize) -> Segmentation {
-    kmvs(volume, None, &KmvsParams { k }, &Exec::default()).unwrap()
+    kmvs(volume, None, &KmvsParams { k, ..KmvsParams::default() }, &Exec::default()).unwrap()
 }
 
 /// Inertia of labels, summed directly from the voxels.
@@ -176,7 +176,9 @@ fn outside_the_mask_is_label_0_and_does_not_count() {
     let mask_values = vec![1, 1, 0, 1, 0];
     for volume in [line(vec![1_u8, 2, 200, 90, 201]), line(vec![1.0_f32, 2.0, 200.0, 90.0, 201.0])] {
         let mask = Mask::new(volume.grid().clone(), mask_values.clone().into()).unwrap();
-        let found = kmvs(&volume, Some(&mask), &KmvsParams { k: 2 }, &Exec::default()).unwrap();
+        let found =
+            kmvs(&volume, Some(&mask), &KmvsParams { k: 2, ..KmvsParams::default() }, &Exec::default())
+                .unwrap();
         assert_eq!(found.labels.ids(), [1, 1, 0, 2, 0]);
         assert_eq!(found.visited_fraction, 0.6);
         let cut = threshold(&volume, Some(&mask), &ThresholdParams { values: vec![50.0] }, &Exec::default())
@@ -222,7 +224,13 @@ fn threads_do_not_change_a_byte() {
     let narrow: Vec<u16> = voxels.iter().map(|&v| (v as u64 % 3000) as u16).collect();
     for volume in [line(voxels), line(narrow)] {
         let with = |threads| {
-            kmvs(&volume, None, &KmvsParams { k: 5 }, &Exec::default().with_threads(threads)).unwrap()
+            kmvs(
+                &volume,
+                None,
+                &KmvsParams { k: 5, ..KmvsParams::default() },
+                &Exec::default().with_threads(threads),
+            )
+            .unwrap()
         };
         assert_eq!(with(1), with(3));
         let params = ThresholdParams { values: vec![100.0, 1000.0] };
@@ -235,7 +243,8 @@ fn threads_do_not_change_a_byte() {
 #[test]
 fn bad_parameters_name_their_field_and_limits_stop_the_work() {
     let volume = line(vec![1.0_f32; 1000]);
-    let error = kmvs(&volume, None, &KmvsParams { k: 0 }, &Exec::default()).unwrap_err();
+    let error =
+        kmvs(&volume, None, &KmvsParams { k: 0, ..KmvsParams::default() }, &Exec::default()).unwrap_err();
     assert!(error.to_string().contains("`k`") && error.fault() == Fault::Usage);
     for values in [vec![2.0, 1.0], vec![1.0, 1.0], vec![f64::NAN]] {
         let error = threshold(&volume, None, &ThresholdParams { values }, &Exec::default()).unwrap_err();

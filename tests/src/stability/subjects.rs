@@ -34,7 +34,8 @@ impl Subject for Segment {
         Stage::Segment
     }
     fn run(&self, on: &dyn Backend, case: &Case, values: &mut Values, exec: &Exec) -> Answer<bool> {
-        values.segmentation = Some(on.kmvs(&case.volume, &KmvsParams { k: case.setup.k }, exec)?);
+        values.segmentation =
+            Some(on.kmvs(&case.volume, &KmvsParams { k: case.setup.k, ..KmvsParams::default() }, exec)?);
         Ok(true)
     }
     fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {

@@ -64,7 +64,8 @@ fn errors_of_single_precision_grow_with_the_offset_as_its_rounding_does() {
         assert!(storing <= 0.5 * unit, "{storing}");
 
         // Sums: against the stored values in double precision, nothing but the rounding of doubles may be left.
-        let found = ivd_segment::kmvs(&volume, None, &KmvsParams { k: 2 }, &exec).unwrap();
+        let found =
+            ivd_segment::kmvs(&volume, None, &KmvsParams { k: 2, ..KmvsParams::default() }, &exec).unwrap();
         let at = ThresholdParams { values: vec![offset + 2.5] };
         let cut = ivd_segment::threshold(&volume, None, &at, &exec).unwrap();
         let worst = |labels: &ivd_core::Labels| {

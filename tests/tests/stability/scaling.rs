@@ -41,7 +41,8 @@ fn scene(scale: f64, shift: f64) -> Results {
     };
     let values: Vec<f32> = (0..grid.len()).map(value).collect();
     let volume = Volume::new(grid, Voxels::from(values)).unwrap();
-    let found = ivd_segment::kmvs(&volume, None, &KmvsParams { k: 3 }, &exec).unwrap();
+    let found =
+        ivd_segment::kmvs(&volume, None, &KmvsParams { k: 3, ..KmvsParams::default() }, &exec).unwrap();
     let transfer =
         ivd_atf::transfer(&volume, &found.labels, &ivd_atf::Params::default(), &exec).unwrap().transfer;
     let iso = ExtractParams { iso: Iso::Value(52.0) };

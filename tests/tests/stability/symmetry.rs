@@ -38,7 +38,7 @@ fn turned(turn: Turn, volume: &Volume) -> Volume {
 }
 
 fn kmvs(volume: &Volume) -> Segmentation {
-    ivd_segment::kmvs(volume, None, &KmvsParams { k: 3 }, &Exec::default()).unwrap()
+    ivd_segment::kmvs(volume, None, &KmvsParams { k: 3, ..KmvsParams::default() }, &Exec::default()).unwrap()
 }
 
 fn lattice(volume: &Volume) -> Lattice {

@@ -23,7 +23,7 @@ pub(super) fn on(volume: &Arc<Volume>, input: String) -> Experiment {
     let settings = CLASSES.map(|k| {
         let volume = volume.clone();
         Setting::new([("k", k.to_string())], k == KmvsParams::default().k, move |exec| {
-            let found = kmvs(&volume, None, &KmvsParams { k }, exec)?;
+            let found = kmvs(&volume, None, &KmvsParams { k, ..KmvsParams::default() }, exec)?;
             let count = volume.grid().len() as f64;
             Ok(Box::new(move || {
                 let visited = found.visited_fraction * count;

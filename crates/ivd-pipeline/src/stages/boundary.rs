@@ -65,7 +65,7 @@ impl Stage for Boundary {
         // Neither labels nor a value: the two classes of least inertia tell the part from its surroundings.
         let split = match (labels, self.params.above) {
             (None, None) => {
-                let two = ivd_segment::KmvsParams { k: 2 };
+                let two = ivd_segment::KmvsParams { k: 2, ..Default::default() };
                 Some(ivd_segment::kmvs(volume, None, &two, exec).map_err(stage_error!("boundary"))?.labels)
             }
             _ => None,

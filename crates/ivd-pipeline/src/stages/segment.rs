@@ -20,7 +20,7 @@ impl Segment {
     /// The stage that a scene's section asks for.
     pub fn from_section(section: &SegmentSection) -> Self {
         match section.method {
-            SegmentMethod::Kmvs => Self::Kmvs(KmvsParams { k: section.k }),
+            SegmentMethod::Kmvs => Self::Kmvs(KmvsParams { k: section.k, ..KmvsParams::default() }),
             SegmentMethod::Threshold => Self::Threshold(ThresholdParams { values: section.values.clone() }),
         }
     }

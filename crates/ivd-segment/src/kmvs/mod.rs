@@ -4,14 +4,13 @@ mod integers;
 mod optimal;
 mod reals;
 mod sorted;
-mod wide;
 
 use ivd_core::{Exec, Mask, ParamError, Scalar, Volume, with_voxels};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::groups::Partition;
-use crate::{Error, Segmentation, histogram, segmentation};
+use crate::{Error, Segmentation, histogram, scope, segmentation};
 
 pub(crate) use integers::groups_between;
 
@@ -24,11 +23,13 @@ const MOST_CLASSES: usize = 1024;
 pub struct KmvsParams {
     /// Number of classes, 1…1024. A volume with fewer distinct values gets as many classes as values.
     pub k: usize,
+    /// Only voxels whose real value lies between these, both included.
+    pub range: Option<[f64; 2]>,
 }
 
 impl Default for KmvsParams {
     fn default() -> Self {
-        Self { k: 4 }
+        Self { k: 4, range: None }
     }
 }
 
@@ -36,10 +37,10 @@ impl KmvsParams {
     /// # Errors
     /// [`ParamError`] names the field that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        if (1..=MOST_CLASSES).contains(&self.k) {
-            return Ok(());
+        if !(1..=MOST_CLASSES).contains(&self.k) {
+            return Err(ParamError::new("k", format!("{} classes", self.k), format!("use 1…{MOST_CLASSES}")));
         }
-        Err(ParamError::new("k", format!("{} classes", self.k), format!("use 1…{MOST_CLASSES}")))
+        scope::check_range(self.range)
     }
 }
 
@@ -63,8 +64,9 @@ pub fn kmvs(
     exec: &Exec,
 ) -> Result<Segmentation, Error> {
     params.check()?;
-    segmentation::check_mask(volume, mask)?;
     exec.run(|| {
+        let scope = scope::of(volume, mask, params.range, exec)?;
+        let mask = scope.as_deref();
         let partition = match histogram::of(volume.voxels(), mask, exec)? {
             Some(histogram) => integers::partition(&histogram, params.k),
             None => with_voxels!(volume.voxels(), slice => sample(slice, mask, params.k, exec))?,

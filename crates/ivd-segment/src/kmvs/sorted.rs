@@ -3,7 +3,7 @@
 use ivd_core::Scalar;
 use rayon::prelude::*;
 
-use super::wide::Wide;
+use crate::wide::Wide;
 
 /// Values whose sums are stored together; what lies between two stored sums is added on demand.
 const BLOCK: usize = 1024;

@@ -1,6 +1,6 @@
 //! Classes between given values.
 
-use ivd_core::{Class, Exec, Labels, Mask, NO_DATA, ParamError, Scalar, Volume, with_voxels};
+use ivd_core::{Bulk, Class, Exec, Labels, Mask, ParamError, Scalar, Volume, with_voxels};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -53,10 +53,9 @@ pub fn threshold(
     params.check()?;
     segmentation::check_mask(volume, mask)?;
     if params.values.is_empty() {
-        return kmvs(volume, mask, &KmvsParams { k: 2 }, exec);
+        return kmvs(volume, mask, &KmvsParams { k: 2, ..KmvsParams::default() }, exec);
     }
     exec.run(|| {
-        exec.check_memory("the labels", volume.grid().len() as u64 * 2)?;
         let values = &params.values;
         let (ids, tallies) = match histogram::of(volume.voxels(), mask, exec)? {
             Some(histogram) => counted(volume, mask, values, &histogram, exec)?,
@@ -86,7 +85,7 @@ impl Tally {
     }
 }
 
-type Labelled = (Vec<u16>, Vec<Tally>);
+type Labelled = (Bulk<u16>, Vec<Tally>);
 
 /// Interval of a real value.
 #[inline]
@@ -128,7 +127,7 @@ fn scanned<T: Scalar>(
     values: &[f64],
     exec: &Exec,
 ) -> Result<Labelled, Error> {
-    let mut ids = vec![NO_DATA; voxels.len()];
+    let mut ids = exec.bulk("the labels", voxels.len())?;
     let parts: Vec<Vec<Tally>> = ids
         .par_chunks_mut(CHUNK)
         .zip(voxels.par_chunks(CHUNK))
@@ -158,7 +157,7 @@ fn describe(
     volume: &Volume,
     mask: Option<&Mask>,
     values: &[f64],
-    ids: Vec<u16>,
+    ids: Bulk<u16>,
     tallies: &[Tally],
 ) -> Result<Segmentation, Error> {
     let occupied = tallies.iter().enumerate().filter(|(_, t)| t.count > 0);

@@ -2,7 +2,7 @@
 
 /// `high + low`, with `|low|` at most half a unit in the last place of `high`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Wide {
+pub(crate) struct Wide {
     high: f64,
     low: f64,
 }
@@ -15,36 +15,36 @@ impl From<f64> for Wide {
 
 impl Wide {
     /// `a - b`, exactly.
-    pub(super) fn difference(a: f64, b: f64) -> Self {
+    pub(crate) fn difference(a: f64, b: f64) -> Self {
         two_sum(a, -b)
     }
 
     #[inline]
-    pub(super) fn plus(self, other: Self) -> Self {
+    pub(crate) fn plus(self, other: Self) -> Self {
         let sum = two_sum(self.high, other.high);
         quick_two_sum(sum.high, sum.low + self.low + other.low)
     }
 
     #[inline]
-    pub(super) fn minus(self, other: Self) -> Self {
+    pub(crate) fn minus(self, other: Self) -> Self {
         self.plus(Self { high: -other.high, low: -other.low })
     }
 
     #[inline]
-    pub(super) fn times(self, other: Self) -> Self {
+    pub(crate) fn times(self, other: Self) -> Self {
         let product = two_product(self.high, other.high);
         quick_two_sum(product.high, product.low + (self.high * other.low + self.low * other.high))
     }
 
     #[inline]
-    pub(super) fn over(self, divisor: f64) -> Self {
+    pub(crate) fn over(self, divisor: f64) -> Self {
         let first = self.high / divisor;
         let rest = self.minus(two_product(first, divisor));
         quick_two_sum(first, rest.high / divisor)
     }
 
     #[inline]
-    pub(super) fn value(self) -> f64 {
+    pub(crate) fn value(self) -> f64 {
         self.high
     }
 }

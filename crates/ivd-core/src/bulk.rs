@@ -1,0 +1,163 @@
+//! Bulk data that a stage writes: in memory, or where a host puts what doesn't fit.
+
+use std::fmt;
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
+
+use bytemuck::Pod;
+
+use crate::{Buffer, ByteSource, Error, Exec};
+
+/// Gives room for bulk data beyond the memory limit, such as mapped temporary files.
+pub trait Spill: Send + Sync {
+    /// Room for `bytes` bytes, all 0, aligned for every number.
+    ///
+    /// # Errors
+    /// Why there is none.
+    fn space(&self, bytes: usize) -> std::io::Result<Box<dyn Space>>;
+}
+
+/// Room for bulk data that is being written.
+pub trait Space: Send + Sync {
+    /// What was written so far.
+    fn bytes(&self) -> &[u8];
+    /// The bytes, to be written.
+    fn bytes_mut(&mut self) -> &mut [u8];
+    /// Ends the writing.
+    fn seal(self: Box<Self>) -> Arc<dyn ByteSource>;
+}
+
+/// Values that a stage writes; a slice to whoever fills it.
+pub struct Bulk<T>(Room<T>);
+
+enum Room<T> {
+    Memory(Vec<T>),
+    Spilled(Box<dyn Space>, usize),
+}
+
+impl Exec {
+    /// `len` zeros for `what`: in memory where they fit into [`Exec::memory_limit`], else where [`Exec::spill`] puts them.
+    ///
+    /// # Errors
+    /// [`Error::MemoryLimit`] where they don't fit and there is nowhere to put them, [`Error::Spill`] where that fails.
+    pub fn bulk<T: Pod>(&self, what: &'static str, len: usize) -> Result<Bulk<T>, Error> {
+        let bytes = len.saturating_mul(size_of::<T>());
+        match (self.check_memory(what, bytes as u64), &self.spill) {
+            (Ok(()), _) => Ok(Bulk(Room::Memory(bytemuck::zeroed_vec(len)))),
+            (Err(_), Some(spill)) if bytes < usize::MAX => match spill.space(bytes) {
+                Ok(space) => Ok(Bulk(Room::Spilled(space, bytes))),
+                Err(problem) => Err(Error::Spill { what, problem: problem.to_string() }),
+            },
+            (Err(error), _) => Err(error),
+        }
+    }
+}
+
+impl<T: Pod> Bulk<T> {
+    /// Ends the writing.
+    ///
+    /// # Panics
+    /// Where a [`Spill`] gave less room than it was asked for, or room that isn't aligned.
+    pub fn into_buffer(self) -> Buffer<T> {
+        match self.0 {
+            Room::Memory(values) => values.into(),
+            Room::Spilled(space, bytes) => Buffer::shared(space.seal(), 0, bytes / size_of::<T>().max(1))
+                .expect("a spill gives the room it was asked for, aligned"),
+        }
+    }
+}
+
+impl<T: Pod> From<Bulk<T>> for Buffer<T> {
+    fn from(bulk: Bulk<T>) -> Self {
+        bulk.into_buffer()
+    }
+}
+
+impl<T: Pod> Deref for Bulk<T> {
+    type Target = [T];
+    fn deref(&self) -> &[T] {
+        match &self.0 {
+            Room::Memory(values) => values,
+            Room::Spilled(space, bytes) => bytemuck::cast_slice(&space.bytes()[..*bytes]),
+        }
+    }
+}
+
+impl<T: Pod> DerefMut for Bulk<T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        match &mut self.0 {
+            Room::Memory(values) => values,
+            Room::Spilled(space, bytes) => bytemuck::cast_slice_mut(&mut space.bytes_mut()[..*bytes]),
+        }
+    }
+}
+
+impl<T> fmt::Debug for Bulk<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let place = match &self.0 {
+            Room::Memory(_) => "memory",
+            Room::Spilled(..) => "spilled",
+        };
+        write!(f, "Bulk<{}> in {place}", std::any::type_name::<T>())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Elsewhere;
+    struct Words(Vec<u64>, usize);
+
+    impl Spill for Elsewhere {
+        fn space(&self, bytes: usize) -> std::io::Result<Box<dyn Space>> {
+            if bytes > 1000 {
+                return Err(std::io::Error::other("the disk is full"));
+            }
+            Ok(Box::new(Words(vec![0; bytes.div_ceil(8)], bytes)))
+        }
+    }
+
+    impl ByteSource for Words {
+        fn bytes(&self) -> &[u8] {
+            &bytemuck::cast_slice(&self.0)[..self.1]
+        }
+    }
+
+    impl Space for Words {
+        fn bytes(&self) -> &[u8] {
+            ByteSource::bytes(self)
+        }
+        fn bytes_mut(&mut self) -> &mut [u8] {
+            &mut bytemuck::cast_slice_mut(&mut self.0)[..self.1]
+        }
+        fn seal(self: Box<Self>) -> Arc<dyn ByteSource> {
+            Arc::new(*self)
+        }
+    }
+
+    fn squares(exec: &Exec, len: usize) -> Result<Buffer<u16>, Error> {
+        let mut bulk = exec.bulk::<u16>("squares", len)?;
+        bulk.iter_mut().enumerate().for_each(|(i, v)| *v += (i * i) as u16);
+        Ok(bulk.into_buffer())
+    }
+
+    #[test]
+    fn what_does_not_fit_is_spilled_and_reads_the_same() {
+        let roomy = Exec::default();
+        let tight = Exec::default().with_memory_limit(Some(20)).with_spill(Arc::new(Elsewhere));
+        assert_eq!(squares(&roomy, 30).unwrap(), squares(&tight, 30).unwrap());
+        assert!(format!("{:?}", tight.bulk::<u16>("squares", 30)).contains("spilled"));
+        assert!(format!("{:?}", tight.bulk::<u16>("squares", 10)).contains("memory"));
+    }
+
+    #[test]
+    fn nowhere_to_put_it_is_an_error_that_says_what() {
+        let tight = Exec::default().with_memory_limit(Some(20));
+        assert!(matches!(squares(&tight, 30), Err(Error::MemoryLimit { needed: 60, limit: 20, .. })));
+        let full = tight.with_spill(Arc::new(Elsewhere));
+        let failed = squares(&full, 600).unwrap_err().to_string();
+        assert!(failed.contains("squares") && failed.contains("the disk is full"), "{failed}");
+        assert!(squares(&full, usize::MAX).is_err());
+    }
+}

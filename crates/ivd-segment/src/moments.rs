@@ -1,0 +1,144 @@
+//! Number, mean and spread of values, the same bits for every storage type and any number of threads.
+
+use ivd_core::{Scalar, Volume};
+
+use crate::wide::Wide;
+
+/// Where values are counted from, and in what unit, so that their squares neither overflow nor vanish: a whole number near the
+/// middle of the volume's range, and a power of two near its width. Both depend on the values alone, not on how they are stored.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Frame {
+    centre: f64,
+    scale: f64,
+}
+
+impl Frame {
+    /// The frame of a volume's stored values.
+    pub(crate) fn of(volume: &Volume) -> Self {
+        let stored = |real: f64| volume.stored(real);
+        let range = volume.range().map(|[a, b]| [stored(a).min(stored(b)), stored(a).max(stored(b))]);
+        Self::between(range.unwrap_or([0.0; 2]))
+    }
+
+    /// The frame of values in a range.
+    pub(crate) fn between([low, high]: [f64; 2]) -> Self {
+        let centre = low.midpoint(high).clamp(-f64::MAX / 4.0, f64::MAX / 4.0).floor();
+        let width = (high / 2.0 - low / 2.0).clamp(f64::MIN_POSITIVE, f64::MAX / 4.0);
+        // Exponents of ±1000 and beyond would overflow on their own.
+        let exponent = (-width.log2().ceil()).clamp(-1000.0, 1000.0);
+        Self { centre, scale: 2.0_f64.powi(exponent as i32) }
+    }
+}
+
+/// Sums over some values, in a frame, with twice the digits of `f64`: exact for integers of up to 32 bits, whatever the order.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Moments {
+    pub(crate) count: u64,
+    sum: Wide,
+    squares: Wide,
+}
+
+impl Moments {
+    /// Adds a stored value.
+    #[inline]
+    pub(crate) fn add<T: Scalar>(&mut self, value: T, frame: &Frame) {
+        let d = Wide::difference(value.to_f64() * frame.scale, frame.centre * frame.scale);
+        self.count += 1;
+        self.sum = self.sum.plus(d);
+        self.squares = self.squares.plus(d.times(d));
+    }
+
+    /// Adds `count` equal stored values.
+    pub(crate) fn add_many(&mut self, value: f64, count: u64, frame: &Frame) {
+        let d = Wide::difference(value * frame.scale, frame.centre * frame.scale);
+        let n = Wide::from(count as f64);
+        self.count += count;
+        self.sum = self.sum.plus(d.times(n));
+        self.squares = self.squares.plus(d.times(d).times(n));
+    }
+
+    /// Adds other values' sums.
+    pub(crate) fn join(&mut self, other: &Self) {
+        self.count += other.count;
+        self.sum = self.sum.plus(other.sum);
+        self.squares = self.squares.plus(other.squares);
+    }
+
+    /// Mean of the stored values; 0 of none.
+    pub(crate) fn mean(&self, frame: &Frame) -> f64 {
+        if self.count == 0 {
+            return 0.0;
+        }
+        let mean = self.sum.over(self.count as f64).plus(Wide::from(frame.centre * frame.scale));
+        mean.value() / frame.scale
+    }
+
+    /// Sum of squared deviations from the mean, in stored units².
+    pub(crate) fn inertia(&self, frame: &Frame) -> f64 {
+        if self.count == 0 {
+            return 0.0;
+        }
+        let about = self.squares.minus(self.sum.times(self.sum).over(self.count as f64));
+        about.value().max(0.0) / frame.scale / frame.scale
+    }
+
+    /// Standard deviation of the stored values.
+    pub(crate) fn sd(&self, frame: &Frame) -> f64 {
+        if self.count == 0 {
+            return 0.0;
+        }
+        let about = self.squares.minus(self.sum.times(self.sum).over(self.count as f64));
+        (about.value().max(0.0) / self.count as f64).sqrt() / frame.scale
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of<T: Scalar>(values: &[T], frame: &Frame) -> Moments {
+        let mut found = Moments::default();
+        for v in values {
+            found.add(*v, frame);
+        }
+        found
+    }
+
+    #[test]
+    fn a_large_offset_leaves_the_spread_alone_and_types_agree() {
+        let values: Vec<i32> = (0..1000).map(|i| 10_000_000 + i % 3).collect();
+        let frame = Frame::between([1e7, 1e7 + 2.0]);
+        let floats: Vec<f32> = values.iter().map(|v| *v as f32).collect();
+        let doubles: Vec<f64> = values.iter().map(|v| f64::from(*v)).rev().collect();
+        let found = of(&values, &frame);
+        assert_eq!((found, found), (of(&floats, &frame), of(&doubles, &frame)));
+        assert_eq!(found.mean(&frame), 10_000_000.999);
+        let exact = (0..1000).map(|i| (f64::from(i % 3) - 0.999).powi(2)).sum::<f64>();
+        assert!((found.inertia(&frame) - exact).abs() < 1e-10 * exact);
+        assert!((found.sd(&frame) - (exact / 1000.0).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn many_at_once_are_many_one_by_one() {
+        let frame = Frame::between([-7.0, 300.0]);
+        let mut once = Moments::default();
+        once.add_many(-7.0, 5, &frame);
+        once.add_many(300.0, 2, &frame);
+        assert_eq!(once, of(&[-7_i16, 300, -7, -7, -7, 300, -7], &frame));
+    }
+
+    #[test]
+    fn extremes_stay_finite_and_nothing_has_no_spread() {
+        for [low, high] in [[f64::MIN, f64::MAX], [1e-310, 3e-310], [5.0, 5.0], [-1e300, 1e-300]] {
+            let frame = Frame::between([low, high]);
+            let found = of(&[low, high, low], &frame);
+            let third = low / 3.0 * 2.0 + high / 3.0;
+            let near =
+                (found.mean(&frame) - third).abs() <= 1e-9 * (high / 2.0 - low / 2.0) + 1e-12 * third.abs();
+            assert!(near && found.sd(&frame).is_finite(), "{low} {high} {found:?} {}", found.mean(&frame));
+        }
+        let frame = Frame::between([0.0, 1.0]);
+        let none = Moments::default();
+        assert_eq!((none.mean(&frame), none.sd(&frame), none.inertia(&frame)), (0.0, 0.0, 0.0));
+    }
+}
