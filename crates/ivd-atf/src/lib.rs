@@ -52,4 +52,5 @@ mod statistics;
 pub use build::{Built, transfer};
 pub use error::Error;
 pub use isovalue::from_isovalue;
+pub use palette::colour as class_colour;
 pub use params::Params;

@@ -13,7 +13,7 @@ const PALETTE: [[u8; 3]; 8] = [
 
 /// Colour of the class of rank `rank` in the order of means (air apart), linear RGB in 0…1. From the ninth class on the
 /// palette repeats, each time at 0.7 of the brightness.
-pub(crate) fn colour(rank: usize) -> [f32; 3] {
+pub fn colour(rank: usize) -> [f32; 3] {
     let dim = 0.7_f32.powi((rank / PALETTE.len()).min(8) as i32);
     PALETTE[rank % PALETTE.len()].map(|c| linear(c) * dim)
 }

@@ -149,6 +149,7 @@ impl<'a> Writer<'a> {
             }
             Artefact::Transfer(transfer) => self.material.transfer = Some(transfer.clone()),
             Artefact::Motion(motion) => self.material.displacements = report::motion_lengths(motion),
+            Artefact::Labels(labels) => self.material.class_slices = report::class_slices(labels),
             Artefact::Volume(_) if id == NodeId::Import => self.material.volume = Some(done.artefact.clone()),
             _ => {}
         }

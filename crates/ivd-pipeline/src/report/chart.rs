@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 /// Width and height of the plotted area (SVG units).
-const AREA: [f64; 2] = [560.0, 160.0];
+pub(super) const AREA: [f64; 2] = [560.0, 160.0];
 /// Room for the labels of the axes.
-const LEFT: f64 = 46.0;
+pub(super) const LEFT: f64 = 46.0;
 const BOTTOM: f64 = 34.0;
 
 /// A bar's place and colour.
@@ -24,6 +24,15 @@ pub(super) struct Bars<'a> {
     pub(super) marks: Vec<(f64, String)>,
     /// Colour of the bar at a value.
     pub(super) colour: &'a dyn Fn(f64) -> String,
+    /// Lines over the bars.
+    pub(super) lines: Vec<Line>,
+}
+
+/// A line over bars.
+pub(super) struct Line {
+    /// Its height at the middle of equal parts of the axis, in the unit of the bars.
+    pub(super) heights: Vec<f64>,
+    pub(super) colour: String,
 }
 
 /// Bars over an axis.
@@ -62,16 +71,37 @@ pub(super) fn bars(chart: &Bars<'_>) -> String {
             escape(text)
         );
     }
-    axes(&mut svg, chart);
+    for line in &chart.lines {
+        let of = |(i, count): (usize, &f64)| {
+            let x = LEFT + (i as f64 + 0.5) / line.heights.len() as f64 * AREA[0];
+            let h = if chart.logarithmic { (1.0 + count).ln() } else { *count };
+            format!("{x:.1},{:.1}", AREA[1] - (h / top * AREA[1]).clamp(0.0, AREA[1]))
+        };
+        let points: Vec<String> = line.heights.iter().enumerate().map(of).collect();
+        let colour = &line.colour;
+        let _ =
+            write!(svg, "<polyline points='{}' class='density' style='stroke:{colour}'/>", points.join(" "));
+    }
+    let y_label =
+        if chart.logarithmic { format!("{} (log)", chart.y_label) } else { chart.y_label.to_owned() };
+    axes(&mut svg, &Axes { range: chart.range, x_label: chart.x_label, y_label: &y_label });
     svg.push_str("</svg>");
     svg
 }
 
-fn open() -> String {
+pub(super) fn open() -> String {
     format!("<svg viewBox='0 0 {} {}' role='img' class='chart'>", LEFT + AREA[0] + 8.0, AREA[1] + BOTTOM)
 }
 
-fn axes(svg: &mut String, chart: &Bars<'_>) {
+/// The axes of a plotted area.
+pub(super) struct Axes<'a> {
+    /// Values at the left and right end.
+    pub(super) range: [f64; 2],
+    pub(super) x_label: &'a str,
+    pub(super) y_label: &'a str,
+}
+
+pub(super) fn axes(svg: &mut String, found: &Axes<'_>) {
     let _ = write!(
         svg,
         "<line x1='{LEFT}' x2='{}' y1='{1}' y2='{1}' class='axis'/><line x1='{LEFT}' x2='{LEFT}' y1='0' y2='{1}' class='axis'/>",
@@ -80,7 +110,7 @@ fn axes(svg: &mut String, chart: &Bars<'_>) {
     );
     for i in 0..=4 {
         let f = f64::from(i) / 4.0;
-        let value = chart.range[0] + f * (chart.range[1] - chart.range[0]);
+        let value = found.range[0] + f * (found.range[1] - found.range[0]);
         let _ = write!(
             svg,
             "<text x='{:.1}' y='{:.1}' class='small' text-anchor='middle'>{}</text>",
@@ -89,18 +119,16 @@ fn axes(svg: &mut String, chart: &Bars<'_>) {
             number(value)
         );
     }
-    let y_label =
-        if chart.logarithmic { format!("{} (log)", chart.y_label) } else { chart.y_label.to_owned() };
     let _ = write!(
         svg,
         "<text x='{:.1}' y='{:.1}' class='label' text-anchor='middle'>{}</text>\
          <text x='12' y='{:.1}' class='label' text-anchor='middle' transform='rotate(-90 12 {:.1})'>{}</text>",
         LEFT + AREA[0] / 2.0,
         AREA[1] + 29.0,
-        escape(chart.x_label),
+        escape(found.x_label),
         AREA[1] / 2.0,
         AREA[1] / 2.0,
-        escape(&y_label)
+        escape(found.y_label)
     );
 }
 

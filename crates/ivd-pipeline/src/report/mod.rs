@@ -1,20 +1,24 @@
 //! `report.html`: one self-contained page with pictures, histogram, classes, lattice figures, displacement and stages.
 
 mod chart;
+mod curve;
 mod page;
+mod slices;
 mod tables;
+mod tree;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ivd_artefact::Artefact;
-use ivd_core::{Motion, TransferFunction};
+use ivd_core::{Image, Motion, TransferFunction};
 use nalgebra::Vector3;
 
 pub(crate) use page::html;
+pub(crate) use slices::class_slices;
 
 /// Raised whenever the same material gives another page.
-pub(crate) const REVISION: u32 = 2;
+pub(crate) const REVISION: u32 = 3;
 
 /// What the report shows beyond the stages' records.
 #[derive(Debug, Default)]
@@ -25,6 +29,8 @@ pub(crate) struct Material {
     pub(crate) transfer: Option<TransferFunction>,
     /// The volume at rest, for the histogram.
     pub(crate) volume: Option<Arc<Artefact>>,
+    /// Its middle slices, coloured by class.
+    pub(crate) class_slices: Vec<Image>,
     /// What the budget chose, a line each.
     pub(crate) budget: Vec<String>,
     /// Length of each moved vertex's displacement (mm).

@@ -10,14 +10,20 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use super::Material;
-use super::chart::{Bars, bars, escape, histogram, number};
+use super::chart::{Bars, Line, bars, escape, histogram, number};
+use super::curve::{Curve, curve};
+use super::slices::{class_colour, slices};
 use super::tables::{classes, metric, pairs, stages};
+use super::tree::dendrogram;
 use crate::export::png_bytes;
 use crate::runner::StageRecord;
 use crate::scene::Loaded;
 
 /// Bars of a histogram.
 const BINS: usize = 256;
+
+/// More curves than these can't be told apart.
+const MOST_DENSITIES: usize = 16;
 
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
@@ -39,7 +45,11 @@ pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material
     }
     if let Some(segment) = find("segment") {
         let colour = |value: f64| colour_of(material.transfer.as_ref(), value);
-        section(&mut page, "Classes", &classes(segment, &colour));
+        let mut body = segmentation(segment) + &classes(segment, &colour);
+        if let Some(Artefact::Volume(volume)) = material.volume.as_deref() {
+            body += &slices(volume, &material.class_slices);
+        }
+        section(&mut page, "Classes", &body);
     }
     section(&mut page, "Lattice", &lattice_table(find("lattice"), find("refine")));
     if let Some(map) = find("map") {
@@ -154,6 +164,7 @@ fn deformation(
             logarithmic: true,
             marks: Vec::new(),
             colour: &plain,
+            lines: Vec::new(),
         });
     }
     if let Some((range, counts)) = det_j(map) {
@@ -165,6 +176,7 @@ fn deformation(
             logarithmic: true,
             marks: vec![(1.0, "1".to_owned())],
             colour: &|v| if v < 1.0 { "#b5651d".to_owned() } else { "#2f7f6f".to_owned() },
+            lines: Vec::new(),
         });
     }
     html
@@ -192,6 +204,53 @@ fn det_j(map: &StageRecord) -> Option<([f64; 2], Vec<u64>)> {
     Some(([low, high], counts))
 }
 
+/// How the classes were found, with the curves that their number was read from.
+fn segmentation(segment: &StageRecord) -> String {
+    let metrics = &segment.metrics;
+    let method = segment.params.get("method").and_then(Value::as_str).unwrap_or("–").to_owned();
+    let mut rows = vec![("method", method), ("classes", metric(Some(segment), "k"))];
+    for (name, key) in [
+        ("classes proposed", "k_proposed"),
+        ("iterations", "iterations"),
+        ("objective", "objective"),
+        ("regions", "regions"),
+    ] {
+        if metrics.get(key).is_some_and(|v| !v.is_null()) {
+            rows.push((name, metric(Some(segment), key)));
+        }
+    }
+    let points: Vec<(f64, f64)> = metrics
+        .get("curve")
+        .and_then(Value::as_array)
+        .into_iter()
+        .flatten()
+        .filter_map(|p| Some((p.get("k")?.as_f64()?, p.get("bic")?.as_f64()?)))
+        .collect();
+    let chosen = metrics.get("k").and_then(Value::as_f64);
+    let bic = curve(&Curve {
+        points: &points,
+        x_label: "number of classes",
+        y_label: "Bayesian information criterion",
+        chosen,
+    });
+    pairs(&rows) + &bic + &dendrogram(metrics.get("dendrogram"))
+}
+
+/// Normal density of each class, in voxels a bar.
+fn densities(segment: Option<&StageRecord>, range: [f64; 2]) -> Vec<Line> {
+    let list = segment.and_then(|r| r.metrics.get("classes")?.as_array());
+    let width = (range[1] - range[0]) / BINS as f64;
+    let line = |(rank, class): (usize, &Value)| {
+        let figure = |key: &str| class.get(key).and_then(Value::as_f64);
+        let (mean, sd, voxels) = (figure("mean")?, figure("sd")?, figure("voxels")?);
+        let density =
+            |value: f64| (-0.5 * ((value - mean) / sd).powi(2)).exp() / (sd * std::f64::consts::TAU.sqrt());
+        let heights = (0..BINS).map(|i| voxels * width * density(range[0] + (i as f64 + 0.5) * width));
+        (sd > 0.0 && width > 0.0).then(|| Line { heights: heights.collect(), colour: class_colour(rank) })
+    };
+    list.into_iter().flatten().take(MOST_DENSITIES).enumerate().filter_map(line).collect()
+}
+
 fn value_histogram(
     volume: &Volume,
     transfer: Option<&TransferFunction>,
@@ -209,11 +268,12 @@ fn value_histogram(
     let mut html = bars(&Bars {
         range,
         counts: &counts,
-        x_label: "value; lines are the crossings of the classes, colours those of the transfer function",
+        x_label: "value; vertical: crossings of the classes, curves: their normal densities, bars: the transfer function's colours",
         y_label: "voxels",
         logarithmic: true,
         marks: crossings,
         colour: &|value| colour_of(transfer, value),
+        lines: densities(segment, range),
     });
     if let Some(transfer) = transfer {
         let opacity: Vec<u64> = (0..BINS)
@@ -228,6 +288,7 @@ fn value_histogram(
             logarithmic: false,
             marks: Vec::new(),
             colour: &|value| colour_of(Some(transfer), value),
+            lines: Vec::new(),
         });
     }
     html

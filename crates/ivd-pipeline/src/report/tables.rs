@@ -5,7 +5,11 @@ use std::fmt::Write as _;
 use serde_json::Value;
 
 use super::chart::{escape, number};
+use super::slices::class_colour;
 use crate::runner::{StageRecord, State};
+
+/// Longer tables aren't read.
+const MOST_CLASSES: usize = 100;
 
 /// A table of names and values.
 pub(super) fn pairs(rows: &[(&str, String)]) -> String {
@@ -31,15 +35,16 @@ pub(super) fn metric(record: Option<&StageRecord>, key: &str) -> String {
 /// The classes of a segmentation.
 pub(super) fn classes(record: &StageRecord, colour: &dyn Fn(f64) -> String) -> String {
     let mut html = String::from(
-        "<table><tr><th></th><th>class</th><th>mean</th><th>sd</th><th>voxels</th><th>from</th><th>to</th></tr>",
+        "<table><tr><th>in slices</th><th>in pictures</th><th>class</th><th>mean</th><th>sd</th><th>voxels</th><th>from</th><th>to</th></tr>",
     );
     let list = record.metrics.get("classes").and_then(Value::as_array);
-    for class in list.into_iter().flatten() {
+    for (rank, class) in list.into_iter().flatten().enumerate().take(MOST_CLASSES) {
         let real = |key: &str| class.get(key).and_then(Value::as_f64).map_or_else(|| "–".to_owned(), number);
         let mean = class.get("mean").and_then(Value::as_f64).unwrap_or(0.0);
         let _ = write!(
             html,
-            "<tr><td><span class='swatch' style='background:{}'></span></td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            "<tr><td><span class='swatch' style='background:{}'></span></td><td><span class='swatch' style='background:{}'></span></td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            class_colour(rank),
             colour(mean),
             class.get("id").map_or_else(String::new, Value::to_string),
             real("mean"),
@@ -49,7 +54,9 @@ pub(super) fn classes(record: &StageRecord, colour: &dyn Fn(f64) -> String) -> S
             real("upper"),
         );
     }
-    html + "</table>"
+    let more = list.map_or(0, |l| l.len().saturating_sub(MOST_CLASSES));
+    html += "</table>";
+    if more > 0 { html + &format!("<p>and {more} more</p>") } else { html }
 }
 
 /// What every stage did, how long it took and why.
