@@ -2,10 +2,10 @@ use std::path::Path;
 
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
-use crate::scene::{BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene};
+use crate::scene::{BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene, SegmentSection};
 use crate::stages::{
     Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Map, Octree, Refine, Render, Segment,
-    Warp,
+    SegmentTree, Warp,
 };
 use crate::{Error, Stage};
 
@@ -15,6 +15,8 @@ use crate::{Error, Stage};
 pub enum NodeId {
     /// The volume.
     Import,
+    /// The tree of its regions, which classes are cut from.
+    Tree,
     /// Its classes.
     Segment,
     /// The isolated part.
@@ -43,8 +45,9 @@ pub enum NodeId {
 
 impl NodeId {
     /// All of them, in the order in which they run.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Import,
+        Self::Tree,
         Self::Segment,
         Self::Boundary,
         Self::Lattice,
@@ -63,7 +66,7 @@ impl NodeId {
     pub fn stage(self) -> &'static str {
         match self {
             Self::Import => "import",
-            Self::Segment => "segment",
+            Self::Tree | Self::Segment => "segment",
             Self::Boundary => "boundary",
             Self::Lattice => "lattice",
             Self::Refine => "refine",
@@ -79,6 +82,7 @@ impl NodeId {
     /// Which use of the stage it is; empty for the only one.
     pub fn variant(self) -> &'static str {
         match self {
+            Self::Tree => "tree",
             Self::Before => "before",
             Self::After => "after",
             Self::Difference => "difference",
@@ -237,6 +241,7 @@ impl Plan {
         for node in self.nodes.iter_mut().filter(|n| !n.needed) {
             let why = match node.id {
                 NodeId::Segment if !uses_labels(scene) => "the isovalue is given and no class is named",
+                NodeId::Tree if node.stage.is_none() => "the classes come from no tree",
                 NodeId::Boundary if node.stage.is_none() => "the isovalue is given and no part is isolated",
                 NodeId::Atf if node.stage.is_none() => "the rendering mode has no transfer function",
                 NodeId::Octree
@@ -315,6 +320,22 @@ fn boxed<S: Stage + 'static>(stage: S) -> Option<Box<dyn Stage>> {
     Some(Box::new(stage))
 }
 
+/// The labels with their inputs: of the volume, or of the tree, and then of the volume too where they are changed by its values.
+fn segment(
+    section: &SegmentSection,
+    from_tree: bool,
+) -> Result<(Segment, Vec<(&'static str, NodeId)>), Error> {
+    if !from_tree {
+        return Ok((Segment::from_section(section)?, vec![("volume", NodeId::Import)]));
+    }
+    let cut = Segment::cut_of_section(section)?;
+    let mut inputs = vec![("tree", NodeId::Tree)];
+    if cut.tidies() {
+        inputs.push(("volume", NodeId::Import));
+    }
+    Ok((cut, inputs))
+}
+
 /// Every place with its stage and where its slots are filled from.
 fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let labels = uses_labels(scene);
@@ -349,6 +370,8 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     }
     let mut moved_picture = picture.clone();
     moved_picture.push(("displacement", NodeId::Map));
+    let tree = SegmentTree::from_section(&scene.segment);
+    let (segment, segment_inputs) = segment(&scene.segment, tree.is_some())?;
     let render = Render::from_section(&scene.render, given_iso)?;
     let deform = moves.map(Deform::from_section).transpose()?;
 
@@ -362,7 +385,8 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let if_moved = |stage: Option<Box<dyn Stage>>| stage.filter(|_| moves.is_some());
     Ok(vec![
         node(NodeId::Import, boxed(import), vec![]),
-        node(NodeId::Segment, boxed(Segment::from_section(&scene.segment)), vec![("volume", NodeId::Import)]),
+        node(NodeId::Tree, tree.and_then(boxed), vec![("volume", NodeId::Import)]),
+        node(NodeId::Segment, boxed(segment), segment_inputs),
         node(NodeId::Boundary, boundary.and_then(boxed), part_inputs),
         node(NodeId::Lattice, boxed(Lattice { iso: scene.lattice.iso, class: part.class }), lattice_inputs),
         node(NodeId::Refine, boxed(Refine::from_section(&scene.refine)?), vec![("lattice", NodeId::Lattice)]),

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
-    AtfSection, BoundarySection, ClassChoice, ClassWord, DeformSection, DepthWeight, FixSection,
+    AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice, ClassWord, DeformSection, DepthWeight, FixSection,
     HandleSection, InputSection, IsoChoice, IsoWord, LatticeSection, MapMethod, MapSection, OctreeSection,
     OutputSection, Outside, Picture, Projection, RawSection, RefineMethod, RefineSection, RenderMode,
     RenderSection, SegmentMethod, SegmentSection, Solver, WarpOrder, WarpSection,
