@@ -17,9 +17,10 @@ use crate::parse::{Words, section};
 
 /// Segments a volume, or cuts a tree.
 pub(super) fn run(args: &SegmentArgs, context: &Context) -> anyhow::Result<()> {
-    let section: SegmentSection = section(context.global.params.as_deref(), words(args).0)?;
+    let mut section: SegmentSection = section(context.global.params.as_deref(), words(args).0)?;
     let cache = context.stage_cache()?;
     if let Some(tree) = &args.from_tree {
+        section.method = SegmentMethod::Hvs;
         let inputs = filled(&[("tree", Some(tree))], &cache, context)?;
         let done = context.run(&cache, &Segment::cut_of_section(&section)?, &inputs)?;
         return finish(done, &args.output.path, context);

@@ -8,7 +8,7 @@ use ivd_segment::{
 };
 use serde_json::{Value, json};
 
-use super::metrics;
+use super::{keys, metrics};
 use crate::error::stage_error;
 use crate::scene::{
     ClassCount, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice, SegmentMethod, SegmentSection,
@@ -39,6 +39,7 @@ pub type Posteriors = Vec<Volume>;
 
 impl Method {
     pub(super) fn from_section(section: &SegmentSection) -> Result<Self, Error> {
+        keys::check(section)?;
         Ok(match section.method {
             SegmentMethod::Kmvs => Self::Kmvs(kmvs(section)?),
             SegmentMethod::Emvs => Self::Emvs(emvs(section)),
@@ -200,6 +201,7 @@ pub(super) fn hvs(section: &SegmentSection) -> HvsParams {
 }
 
 pub(super) fn cut(section: &SegmentSection) -> Result<CutParams, Error> {
+    keys::check(section)?;
     let cut = match (section.height, section.level) {
         (Some(_), Some(_)) => {
             return Err(Error::usage("segment", "height and level both say where the tree is cut; give one"));

@@ -1,5 +1,6 @@
 //! Segmentation: one stage for labels, one for the tree that labels can be cut from.
 
+mod keys;
 mod method;
 mod metrics;
 
