@@ -59,6 +59,14 @@ pub(super) struct Scratch<T> {
     keys: Vec<u16>,
     ordered: Vec<i64>,
     ends: Vec<u32>,
+    template: Option<Template>,
+}
+
+/// A full brick of one value: all of them have the same places, in the same groups.
+struct Template {
+    places: Vec<u16>,
+    groups: Vec<Places>,
+    brick: Brick,
 }
 
 /// Fills the room of a brick. Also gives the sums of squared voxel indices of its members.
@@ -71,6 +79,11 @@ pub(super) fn build<T: Scalar>(
     room: Room<T>,
 ) -> (Brick, [i128; 3]) {
     let (origin, edges) = layout.brick(index);
+    let constant = constant(voxels, mask, layout, (origin, edges));
+    if let (Some(value), Some(template)) = (constant, &scratch.template) {
+        let brick = template.fill(frame, value, origin, room);
+        return (brick, squares_of_indices(origin, edges, &brick, &[], layout));
+    }
     scratch.gather(voxels, mask, frame, layout, (origin, edges));
     let count = scratch.places.len();
     let mut brick = Brick {
@@ -87,7 +100,6 @@ pub(super) fn build<T: Scalar>(
         value_squares: 0,
     };
     scratch.order(frame, layout, room.places, room.values);
-    let squares = squares_of_indices(layout, origin, &scratch.places);
     for group in 0..count.div_ceil(GROUP) {
         let members = group * GROUP..count.min((group + 1) * GROUP);
         let places = summary(layout, &room.places[members.clone()]);
@@ -106,7 +118,54 @@ pub(super) fn build<T: Scalar>(
         room.group_values[group] = values;
         room.group_sums[group] = sum;
     }
-    (brick, squares)
+    if constant.is_some() {
+        let groups = room.group_places[..count.div_ceil(GROUP)].to_vec();
+        scratch.template = Some(Template { places: room.places.to_vec(), groups, brick });
+    }
+    (brick, squares_of_indices(origin, edges, &brick, &scratch.places, layout))
+}
+
+/// The value of a full brick, all of it data inside the mask, that holds only one.
+fn constant<T: Scalar>(
+    voxels: &[T],
+    mask: Option<&Mask>,
+    layout: &Layout,
+    (origin, edges): ([usize; 3], [usize; 3]),
+) -> Option<T> {
+    if mask.is_some() || (0..3).any(|a| edges[a] != 1 << layout.log[a]) {
+        return None;
+    }
+    let value = voxels[layout.linear(origin)];
+    let equal = |(y, z): (usize, usize)| {
+        let start = layout.linear([origin[0], origin[1] + y, origin[2] + z]);
+        voxels[start..start + edges[0]].iter().all(|v| *v == value)
+    };
+    let mut rows = (0..edges[2]).flat_map(|z| (0..edges[1]).map(move |y| (y, z)));
+    (value.is_data() && rows.all(equal)).then_some(value)
+}
+
+impl Template {
+    fn fill<T: Scalar>(&self, frame: &Frame, value: T, origin: [usize; 3], room: Room<T>) -> Brick {
+        room.places.copy_from_slice(&self.places);
+        room.values.fill(value);
+        room.group_places[..self.groups.len()].copy_from_slice(&self.groups);
+        let relative = frame.relative(value);
+        let fixed = frame.fixed(relative);
+        let count = self.places.len();
+        room.group_values.fill([relative; 2]);
+        for (group, sum) in room.group_sums.iter_mut().enumerate() {
+            *sum = fixed * (count - group * GROUP).min(GROUP) as i64;
+        }
+        Brick {
+            origin,
+            first: room.first,
+            first_group: room.first_group,
+            values: [relative; 2],
+            value_sum: fixed * count as i64,
+            value_squares: i128::from(fixed) * i128::from(fixed) * count as i128,
+            ..self.brick
+        }
+    }
 }
 
 impl<T: Scalar> Scratch<T> {
@@ -252,19 +311,28 @@ pub(super) fn squares_of<T: Scalar>(fixed: &[i64]) -> i128 {
     }
 }
 
-/// Sums of squared voxel indices of a brick's members.
-fn squares_of_indices(layout: &Layout, origin: [usize; 3], places: &[u16]) -> [i128; 3] {
-    let mut sums = [0_u64; 3];
+/// Sums of squared voxel indices of a brick's members, whose places are needed unless the brick is whole.
+fn squares_of_indices(
+    origin: [usize; 3],
+    edges: [usize; 3],
+    brick: &Brick,
+    places: &[u16],
+    layout: &Layout,
+) -> [i128; 3] {
     let mut squares = [0_u64; 3];
-    for &place in places {
-        let at = layout.unpack(place);
+    if brick.whole {
         for a in 0..3 {
-            sums[a] += at[a] as u64;
-            squares[a] += (at[a] * at[a]) as u64;
+            let line: usize = (0..edges[a]).map(|i| i * i).sum();
+            squares[a] = (line * (brick.count / edges[a])) as u64;
+        }
+    } else {
+        for &place in places {
+            let at = layout.unpack(place);
+            (0..3).for_each(|a| squares[a] += (at[a] * at[a]) as u64);
         }
     }
     std::array::from_fn(|a| {
         let from = origin[a] as i128;
-        i128::from(squares[a]) + 2 * from * i128::from(sums[a]) + from * from * places.len() as i128
+        i128::from(squares[a]) + 2 * from * i128::from(brick.sums[a]) + from * from * brick.count as i128
     })
 }

@@ -157,6 +157,18 @@ fn labels_are_plain_lloyds_on_floats_with_holes() {
 }
 
 #[test]
+fn bricks_of_one_value_are_plain_lloyds() {
+    let dims = [66, 48, 49];
+    let block = |i: usize| [i % 66 / 20, i / 66 % 48 / 16, i / (66 * 48) / 33];
+    let voxels: Vec<i16> =
+        (0..66 * 48 * 49).map(|i| block(i).iter().sum::<usize>() as i16 * 30 - 50).collect();
+    let volume = Volume::new(grid(dims, [1.0; 3]), voxels.into()).unwrap();
+    for (k, weight) in [(2, 0.1), (4, 1.0), (9, 5.0)] {
+        assert_plain(&volume, None, weight, k, 7);
+    }
+}
+
+#[test]
 fn ties_go_to_the_first_centroid_and_are_counted() {
     // A constant row: two centroids at its ends are equally far from the middle voxel.
     let volume = Volume::new(grid([5, 1, 1], [2.0; 3]), vec![7_u8; 5].into()).unwrap();
@@ -199,7 +211,8 @@ fn two_blocks_of_equal_value_come_apart_by_place() {
     let voxels: Vec<u8> =
         (0..64 * 256_u64).map(|i| if (i % 64).abs_diff(32) > 16 { 200 } else { 50 }).collect();
     let volume = Volume::new(grid(dims, [1.0; 3]), voxels.into()).unwrap();
-    let of = found(&volume, None, &params(3, 3.0));
+    let start = [[10.0, 8.0, 8.0, 200.0], [30.0, 8.0, 8.0, 50.0], [50.0, 8.0, 8.0, 200.0]];
+    let of = found(&volume, None, &KmvsParams { start: Some(start.to_vec()), ..params(3, 3.0) });
     let class = |x: usize| of.segmentation.labels.ids()[x];
     assert_eq!(of.segmentation.k, 3);
     assert!(class(0) != class(63) && class(32) == 1 && class(20) == 1, "{:?}", of.centroids);
