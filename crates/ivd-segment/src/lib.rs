@@ -38,6 +38,6 @@ mod threshold;
 mod wide;
 
 pub use error::Error;
-pub use kmvs::{KmvsParams, kmvs};
+pub use kmvs::{KmvsParams, SpatialKmvs, kmvs, kmvs_spatial};
 pub use segmentation::Segmentation;
 pub use threshold::{ThresholdParams, threshold};
