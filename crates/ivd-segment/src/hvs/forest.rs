@@ -95,8 +95,10 @@ fn gather<T: Apart>(field: &Field<'_, T>, exec: &Exec) -> Result<(Bulk<u32>, usi
     let (mut len, mut largest) = (0, 0);
     for batch in blocks.chunks(BATCH) {
         exec.check_cancelled()?;
-        let parts: Vec<(Vec<u32>, u32)> =
-            batch.par_iter().map_init(Scratch::default, |scratch, block| scratch.keep(field, *block)).collect();
+        let parts: Vec<(Vec<u32>, u32)> = batch
+            .par_iter()
+            .map_init(Scratch::default, |scratch, block| scratch.keep(field, *block))
+            .collect();
         for (part, key) in &parts {
             found[len..len + part.len()].copy_from_slice(part);
             len += part.len();
