@@ -3,6 +3,8 @@
 //! - [`kmvs`] (k-means volume segmentation) finds the K classes of least inertia. On intensity alone this has an exact
 //!   answer, and this crate gives it: the **global** optimum, not what some start happened to reach.
 //! - [`threshold`] cuts at given values.
+//! - [`hvs_tree`] (hierarchical volume segmentation) grows a tree of merges of neighbouring parts, and [`cut`] makes any number
+//!   of classes of it without growing it again.
 //!
 //! Both give a [`Segmentation`]: labels (0 is no data, 1…K in the order of the class means) with the classes' means,
 //! spreads, sizes and the values where neighbouring classes meet.
@@ -29,6 +31,7 @@ mod classes;
 mod error;
 mod groups;
 mod histogram;
+mod hvs;
 mod kmvs;
 mod labelling;
 mod moments;
@@ -38,6 +41,7 @@ mod threshold;
 mod wide;
 
 pub use error::Error;
+pub use hvs::{Cut, CutParams, Hvs, HvsParams, Ranking, cut, hvs_tree};
 pub use kmvs::{KmvsParams, SpatialKmvs, kmvs, kmvs_spatial};
 pub use segmentation::Segmentation;
 pub use threshold::{ThresholdParams, threshold};

@@ -20,6 +20,21 @@ impl Frame {
         Self::between(range.unwrap_or([0.0; 2]))
     }
 
+    /// A power of two that takes the values to about 1.
+    pub(crate) fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The value that is 0 in the frame.
+    pub(crate) fn centre(&self) -> f64 {
+        self.centre
+    }
+
+    /// A value in the frame.
+    pub(crate) fn place(&self, value: f64) -> f64 {
+        value * self.scale - self.centre * self.scale
+    }
+
     /// The frame of values in a range.
     pub(crate) fn between([low, high]: [f64; 2]) -> Self {
         let centre = low.midpoint(high).clamp(-f64::MAX / 4.0, f64::MAX / 4.0).floor();
@@ -55,6 +70,12 @@ impl Moments {
         self.count += count;
         self.sum = self.sum.plus(d.times(n));
         self.squares = self.squares.plus(d.times(d).times(n));
+    }
+
+    /// Adds `count` values with their mean and sum of squared deviations from it.
+    pub(crate) fn add_spread(&mut self, mean: f64, count: u64, squares: f64, frame: &Frame) {
+        self.add_many(mean, count, frame);
+        self.squares = self.squares.plus(Wide::from((squares * frame.scale * frame.scale).min(f64::MAX)));
     }
 
     /// Adds other values' sums.
