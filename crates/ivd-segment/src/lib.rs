@@ -26,6 +26,7 @@
 #![forbid(unsafe_code)]
 
 mod classes;
+mod emvs;
 mod error;
 mod groups;
 mod histogram;
@@ -37,6 +38,7 @@ mod segmentation;
 mod threshold;
 mod wide;
 
+pub use emvs::{BiasField, BicPoint, Covariance, Emvs, EmvsParams, Mixture, emvs};
 pub use error::Error;
 pub use kmvs::{KmvsParams, kmvs};
 pub use segmentation::Segmentation;
