@@ -28,6 +28,7 @@
 #![forbid(unsafe_code)]
 
 mod classes;
+mod emvs;
 mod error;
 mod groups;
 mod histogram;
@@ -40,6 +41,7 @@ mod segmentation;
 mod threshold;
 mod wide;
 
+pub use emvs::{BiasField, BicPoint, Covariance, Emvs, EmvsParams, Mixture, emvs};
 pub use error::Error;
 pub use hvs::{Cut, CutParams, Hvs, HvsParams, Ranking, cut, hvs_tree};
 pub use kmvs::{KmvsParams, SpatialKmvs, kmvs, kmvs_spatial};

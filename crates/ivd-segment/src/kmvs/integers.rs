@@ -46,7 +46,7 @@ impl Sums {
 }
 
 /// The partition of least inertia into `k` groups, or into as many as there are values.
-pub(super) fn partition(histogram: &Histogram, k: usize) -> Partition {
+pub(crate) fn partition(histogram: &Histogram, k: usize) -> Partition {
     let values = histogram.values.len();
     let k = k.min(values);
     if k == 0 {
