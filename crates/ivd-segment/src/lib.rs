@@ -32,6 +32,7 @@ mod histogram;
 mod kmvs;
 mod labelling;
 mod moments;
+mod msvs;
 mod scope;
 mod segmentation;
 mod threshold;
@@ -39,5 +40,6 @@ mod wide;
 
 pub use error::Error;
 pub use kmvs::{KmvsParams, kmvs};
+pub use msvs::{Kernel, Mode, Msvs, MsvsParams, msvs};
 pub use segmentation::Segmentation;
 pub use threshold::{ThresholdParams, threshold};
