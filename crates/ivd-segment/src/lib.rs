@@ -36,6 +36,7 @@ mod hvs;
 mod kmvs;
 mod labelling;
 mod moments;
+mod msvs;
 mod scope;
 mod segmentation;
 mod threshold;
@@ -45,5 +46,6 @@ pub use emvs::{BiasField, BicPoint, Covariance, Emvs, EmvsParams, Mixture, emvs}
 pub use error::Error;
 pub use hvs::{Cut, CutParams, Hvs, HvsParams, Ranking, cut, hvs_tree};
 pub use kmvs::{KmvsParams, SpatialKmvs, kmvs, kmvs_spatial};
+pub use msvs::{Kernel, Mode, Msvs, MsvsParams, msvs};
 pub use segmentation::Segmentation;
 pub use threshold::{ThresholdParams, threshold};

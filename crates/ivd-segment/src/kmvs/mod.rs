@@ -14,12 +14,8 @@ use serde::{Deserialize, Serialize};
 use crate::groups::Partition;
 use crate::{Error, Segmentation, histogram, scope, segmentation};
 
-<<<<<<< HEAD
-pub(crate) use integers::groups_between;
-pub use spatial::{SpatialKmvs, kmvs_spatial};
-=======
 pub(crate) use integers::{groups_between, partition};
->>>>>>> emvs
+pub use spatial::{SpatialKmvs, kmvs_spatial};
 
 /// Most classes that can be asked for.
 const MOST_CLASSES: usize = 1024;
