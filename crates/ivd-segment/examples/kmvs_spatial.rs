@@ -84,6 +84,7 @@ fn main() -> Anything<()> {
         found.reseeded,
         peak()
     );
+    println!("centroids {:?}", found.centroids);
     if has("plain") {
         let start = params.start.as_deref().ok_or("the twin needs a start")?;
         let plain = plain::lloyd(&volume, None, weight, start, max_iterations);

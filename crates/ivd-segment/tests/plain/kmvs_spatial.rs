@@ -101,7 +101,9 @@ pub fn lloyd(
         centroids = next;
     }
     let mut ids = vec![0; grid.len()];
-    voxels.iter().for_each(|v| ids[v.linear] = nearest(&v.at, &centroids).0 as u16 + 1);
+    for voxel in &voxels {
+        ids[voxel.linear] = nearest(&voxel.at, &centroids).0 as u16 + 1;
+    }
     Plain { ids, centroids: centroids.iter().map(|c| c.1).collect(), inertia, reseeded }
 }
 

@@ -8,6 +8,7 @@ use super::layout::Layout;
 
 /// Bits of the keys that voxels are ordered by.
 const KEY_BITS: u32 = 11;
+const KEYS: usize = 1 << KEY_BITS;
 /// Halvings that bring a full brick down to groups.
 const HALVINGS: u32 = 6;
 
@@ -22,7 +23,7 @@ pub(super) struct Room<'a, T> {
     pub(super) group_sums: &'a mut [i64],
 }
 
-impl<'a, T> Room<'a, T> {
+impl<T> Room<'_, T> {
     /// Divides room for everything into room for bricks of so many voxels.
     pub(super) fn split(self, extents: &[usize]) -> Vec<Self> {
         let mut rest = self;
@@ -58,7 +59,6 @@ pub(super) struct Scratch<T> {
     fixed: Vec<i64>,
     keys: Vec<u16>,
     ordered: Vec<i64>,
-    ends: Vec<u32>,
     template: Option<Template>,
 }
 
@@ -76,7 +76,7 @@ pub(super) fn build<T: Scalar>(
     frame: &Frame,
     (layout, index): (&Layout, usize),
     scratch: &mut Scratch<T>,
-    room: Room<T>,
+    room: &mut Room<T>,
 ) -> (Brick, [i128; 3]) {
     let (origin, edges) = layout.brick(index);
     let constant = constant(voxels, mask, layout, (origin, edges));
@@ -145,7 +145,7 @@ fn constant<T: Scalar>(
 }
 
 impl Template {
-    fn fill<T: Scalar>(&self, frame: &Frame, value: T, origin: [usize; 3], room: Room<T>) -> Brick {
+    fn fill<T: Scalar>(&self, frame: &Frame, value: T, origin: [usize; 3], room: &mut Room<T>) -> Brick {
         room.places.copy_from_slice(&self.places);
         room.values.fill(value);
         room.group_places[..self.groups.len()].copy_from_slice(&self.groups);
@@ -206,25 +206,25 @@ impl<T: Scalar> Scratch<T> {
     /// Orders the members by their keys (a counting sort), those of one key by place.
     fn order(&mut self, frame: &Frame, layout: &Layout, places: &mut [u16], values: &mut [T]) {
         self.set_keys(frame, layout);
-        self.ends.clear();
-        self.ends.resize((1 << KEY_BITS) + 1, 0);
+        let mut ends = [0_u32; KEYS + 1];
         for &key in &self.keys {
-            self.ends[usize::from(key) + 1] += 1;
+            ends[usize::from(key) % KEYS + 1] += 1;
         }
         let mut total = 0;
-        for end in &mut self.ends {
+        for end in &mut ends {
             total += *end;
             *end = total;
         }
-        self.ordered.resize(self.places.len(), 0);
-        for (i, &key) in self.keys.iter().enumerate() {
-            let to = &mut self.ends[usize::from(key)];
+        for ((&key, &place), &value) in self.keys.iter().zip(&self.places).zip(&self.values) {
+            let to = &mut ends[usize::from(key) % KEYS];
             let at = *to as usize;
             *to += 1;
-            places[at] = self.places[i];
-            values[at] = self.values[i];
-            self.ordered[at] = self.fixed[i];
+            places[at] = place;
+            values[at] = value;
         }
+        let values = &values[..self.places.len()];
+        self.ordered.clear();
+        self.ordered.extend(values.iter().map(|v| frame.fixed(frame.relative(*v))));
     }
 
     /// The key of a member: which part of the brick, then which part of the brick's range of values. The brick is halved

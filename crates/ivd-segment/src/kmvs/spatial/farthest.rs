@@ -33,7 +33,7 @@ pub(super) fn farthest<T: Scalar>(
             if bound(&Cell::of_group(frame, hierarchy, brick, group), centroids) < best.0 {
                 continue;
             }
-            for member in hierarchy.members(brick, group) {
+            for member in brick.members(group) {
                 let at = hierarchy.index(brick, member);
                 let value = frame.value(frame.relative(hierarchy.values[member]));
                 let d = nearest(

@@ -37,6 +37,15 @@ pub(super) struct Brick {
     pub(super) value_squares: i128,
 }
 
+impl Brick {
+    /// Members of a group, as a range of all members.
+    #[inline]
+    pub(super) fn members(&self, group: usize) -> std::ops::Range<usize> {
+        let from = group * GROUP;
+        self.first + from..self.first + self.count.min(from + GROUP)
+    }
+}
+
 /// Box and sums of the places of a group: lows, highs and sums along each axis.
 pub(super) type Places = [u16; 9];
 
@@ -86,9 +95,9 @@ impl<T: Scalar> Hierarchy<T> {
         let found: Vec<(Brick, [i128; 3])> = rooms
             .into_par_iter()
             .enumerate()
-            .map_init(Scratch::default, |scratch, (index, room)| {
+            .map_init(Scratch::default, |scratch, (index, mut room)| {
                 exec.check_cancelled()?;
-                Ok(build(voxels, mask, frame, (&layout, index), scratch, room))
+                Ok(build(voxels, mask, frame, (&layout, index), scratch, &mut room))
             })
             .collect::<Result<_, ivd_core::Error>>()?;
         let mut squares = [0; 4];
@@ -99,13 +108,6 @@ impl<T: Scalar> Hierarchy<T> {
         let bricks: Vec<Brick> = found.into_iter().map(|(brick, _)| brick).filter(|b| b.count > 0).collect();
         let count = bricks.iter().map(|b| b.count as u64).sum();
         Ok(Self { layout, bricks, places, values, group_places, group_values, group_sums, squares, count })
-    }
-
-    /// Members of a brick's group, as a range of all members.
-    #[inline]
-    pub(super) fn members(&self, brick: &Brick, group: usize) -> std::ops::Range<usize> {
-        let from = group * GROUP;
-        brick.first + from..brick.first + brick.count.min(from + GROUP)
     }
 
     /// Voxel index of a member.

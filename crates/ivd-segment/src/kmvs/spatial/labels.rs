@@ -148,7 +148,7 @@ impl<T: Scalar> Sink<T> for Writing<'_> {
     }
 
     fn group(&mut self, hierarchy: &Hierarchy<T>, brick: &Brick, group: usize, id: u16) {
-        let members = hierarchy.members(brick, group);
+        let members = brick.members(group);
         self.add_squares(&hierarchy.values[members.clone()], id);
         let class = self.classes[usize::from(id)];
         for &place in &hierarchy.places[members] {
@@ -165,7 +165,7 @@ impl<T: Scalar> Sink<T> for Writing<'_> {
         near: &[Candidate],
         looked: &Looked,
     ) {
-        let members = hierarchy.members(brick, group);
+        let members = brick.members(group);
         self.found.ties += looked.ties(near, members.len());
         for (i, member) in members.enumerate() {
             let id = near[looked.which[i] as usize].id;

@@ -38,7 +38,7 @@ impl Layout {
 
     /// Voxels of one layer of bricks, which follow one another in the volume.
     pub(super) fn layer_voxels(&self) -> usize {
-        self.dims[0] * self.dims[1] << self.log[2]
+        (self.dims[0] * self.dims[1]) << self.log[2]
     }
 
     /// First voxel of a brick, and its edges (voxels).

@@ -54,7 +54,7 @@ fn top_up<T: Scalar>(
 /// The mean of a group.
 fn mean<T: Scalar>(hierarchy: &Hierarchy<T>, frame: &Frame, brick: &Brick, group: usize) -> Centroid {
     let places = &hierarchy.group_places[brick.first_group + group];
-    let count = hierarchy.members(brick, group).len() as u64;
+    let count = brick.members(group).len() as u64;
     let indices = std::array::from_fn(|a| u64::from(places[6 + a]) + count * brick.origin[a] as u64);
     frame.centroid(count, indices, i128::from(hierarchy.group_sums[brick.first_group + group]))
 }
@@ -80,7 +80,7 @@ fn weights<T: Scalar>(
                 let d = distance(&mean(hierarchy, frame, brick, group).at, &newest.at);
                 *near = if found.len() == 1 { d } else { near.min(d) };
             }
-            weight += *near * hierarchy.members(brick, group).len() as f64;
+            weight += *near * brick.members(group).len() as f64;
         }
         weight
     };
@@ -102,7 +102,7 @@ fn draw<T: Scalar>(
         let groups = brick.count.div_ceil(GROUP);
         if *weight > 0.0 {
             for (group, near) in near[first..first + groups].iter().enumerate() {
-                let weight = near * hierarchy.members(brick, group).len() as f64;
+                let weight = near * brick.members(group).len() as f64;
                 if weight > 0.0 {
                     last = Some((index, group));
                     if left < weight {

@@ -123,7 +123,7 @@ impl<T: Scalar> Sink<T> for Adding<'_> {
     #[inline]
     fn group(&mut self, hierarchy: &Hierarchy<T>, brick: &Brick, group: usize, id: u16) {
         let places = &hierarchy.group_places[brick.first_group + group];
-        let count = hierarchy.members(brick, group).len() as u64;
+        let count = brick.members(group).len() as u64;
         let places = [6, 7, 8].map(|i| u64::from(places[i]));
         let values = hierarchy.group_sums[brick.first_group + group];
         self.sums[usize::from(id)].add(brick, count, places, values);
@@ -140,7 +140,7 @@ impl<T: Scalar> Sink<T> for Adding<'_> {
         let part = &mut self.part.0;
         part.clear();
         part.resize(near.len(), Few::default());
-        let members = hierarchy.members(brick, group);
+        let members = brick.members(group);
         let places = &hierarchy.places[members.clone()];
         for (i, (place, value)) in places.iter().zip(&hierarchy.values[members]).enumerate() {
             let few = &mut part[looked.which[i] as usize];

@@ -109,7 +109,7 @@ impl Walk {
         near: &[Candidate],
         sink: &mut impl Sink<T>,
     ) {
-        let members = hierarchy.members(brick, group);
+        let members = brick.members(group);
         let len = members.len();
         self.visited += len as u64;
         self.looked.set_features(hierarchy, frame, brick, members);
