@@ -78,6 +78,7 @@ pub fn sound_enough(artefact: &Artefact) {
         Artefact::Lattice(lattice) => lattice.check().expect("a lattice"),
         Artefact::Octree(octree) => octree.check().expect("an octree"),
         Artefact::Motion(motion) => motion.check().expect("a motion"),
+        Artefact::Tree(tree) => tree.check().expect("a tree"),
         _ => {}
     }
 }

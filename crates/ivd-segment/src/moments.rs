@@ -37,8 +37,11 @@ impl Frame {
 
     /// The frame of values in a range.
     pub(crate) fn between([low, high]: [f64; 2]) -> Self {
-        let centre = low.midpoint(high).clamp(-f64::MAX / 4.0, f64::MAX / 4.0).floor();
-        let width = (high / 2.0 - low / 2.0).clamp(f64::MIN_POSITIVE, f64::MAX / 4.0);
+        let middle = low.midpoint(high).clamp(-f64::MAX / 4.0, f64::MAX / 4.0);
+        let centre = if middle.abs() < 1.0 { 0.0 } else { middle.floor() };
+        // The whole number may lie farther from the values than they from one another.
+        let reach = (high / 2.0 - centre / 2.0).max(centre / 2.0 - low / 2.0);
+        let width = (2.0 * reach).clamp(f64::MIN_POSITIVE, f64::MAX / 4.0);
         // Exponents of ±1000 and beyond would overflow on their own.
         let exponent = (-width.log2().ceil()).clamp(-1000.0, 1000.0);
         Self { centre, scale: 2.0_f64.powi(exponent as i32) }
@@ -146,6 +149,18 @@ mod tests {
         once.add_many(-7.0, 5, &frame);
         once.add_many(300.0, 2, &frame);
         assert_eq!(once, of(&[-7_i16, 300, -7, -7, -7, 300, -7], &frame));
+    }
+
+    #[test]
+    fn one_value_that_is_no_whole_number_keeps_its_mean() {
+        for value in [3.5, -3.5, -0.25, 1e-310, -1e-310, 0.1] {
+            let frame = Frame::between([value; 2]);
+            let mut found = Moments::default();
+            found.add_many(value, 12, &frame);
+            found.add_spread(value, 3, 0.0, &frame);
+            let near = (found.mean(&frame) - value).abs() <= 1e-15 * value.abs();
+            assert!(near && found.sd(&frame) <= 1e-12 * value.abs(), "{value}: {found:?}");
+        }
     }
 
     #[test]

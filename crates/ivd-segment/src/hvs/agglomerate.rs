@@ -30,7 +30,7 @@ struct Region {
 /// Regions with their neighbours. A region is named by the least of its members.
 #[derive(Default)]
 pub(super) struct Regions {
-    regions: Vec<Region>,
+    all: Vec<Region>,
     /// Members of neighbouring regions, one or more for each.
     near: Vec<Vec<u32>>,
     cheapest: Vec<Key>,
@@ -51,7 +51,7 @@ pub(super) struct Merge {
 
 impl Regions {
     pub(super) fn clear(&mut self) {
-        self.regions.clear();
+        self.all.clear();
         self.cheapest.clear();
         self.heap.clear();
         self.look = 0;
@@ -60,8 +60,8 @@ impl Regions {
 
     /// Adds a region of `count` values with their sum and the regions it touches (more may be told by [`Regions::touch`]).
     pub(super) fn add(&mut self, count: f64, sum: f64, near: &[u32]) {
-        let above = self.regions.len() as u32;
-        self.regions.push(Region { count, sum, mean: sum / count, above, met: 0 });
+        let above = self.all.len() as u32;
+        self.all.push(Region { count, sum, mean: sum / count, above, met: 0 });
         let mut row = self.spare.pop().unwrap_or_default();
         row.clear();
         row.extend_from_slice(near);
@@ -78,12 +78,12 @@ impl Regions {
     #[inline]
     pub(super) fn root(&mut self, mut at: u32) -> u32 {
         loop {
-            let above = self.regions[at as usize].above;
+            let above = self.all[at as usize].above;
             if above == at {
                 return at;
             }
-            let next = self.regions[above as usize].above;
-            self.regions[at as usize].above = next;
+            let next = self.all[above as usize].above;
+            self.all[at as usize].above = next;
             at = next;
         }
     }
@@ -103,8 +103,8 @@ impl Regions {
         &mut self,
         mut merged: impl FnMut(&mut Self, Merge) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.cheapest.resize(self.regions.len(), NONE);
-        for region in 0..self.regions.len() as u32 {
+        self.cheapest.resize(self.all.len(), NONE);
+        for region in 0..self.all.len() as u32 {
             if self.alive(region) {
                 self.find(region, false);
             }
@@ -127,8 +127,8 @@ impl Regions {
 
     /// Makes the regions that are left touch in the order of their means.
     pub(super) fn line_up(&mut self) -> usize {
-        let mut left: Vec<u32> = (0..self.regions.len() as u32).filter(|r| self.alive(*r)).collect();
-        let mean = |r: &u32| self.regions[*r as usize].mean;
+        let mut left: Vec<u32> = (0..self.all.len() as u32).filter(|r| self.alive(*r)).collect();
+        let mean = |r: &u32| self.all[*r as usize].mean;
         left.sort_by(|a, b| mean(a).total_cmp(&mean(b)).then(a.cmp(b)));
         left.windows(2).for_each(|w| self.touch(w[0], w[1]));
         left.len()
@@ -136,24 +136,24 @@ impl Regions {
 
     #[inline]
     fn alive(&self, region: u32) -> bool {
-        self.regions[region as usize].above == region
+        self.all[region as usize].above == region
     }
 
     #[inline]
     fn key(&self, a: u32, b: u32) -> Key {
-        let (x, y) = (&self.regions[a as usize], &self.regions[b as usize]);
+        let (x, y) = (&self.all[a as usize], &self.all[b as usize]);
         let difference = x.mean - y.mean;
         let cost = x.count * y.count / (x.count + y.count) * (difference * difference);
         Key { cost: cost.to_bits(), pair: u64::from(a.min(b)) << 32 | u64::from(a.max(b)) }
     }
 
     fn merge(&mut self, [low, high]: [u32; 2]) {
-        let other = self.regions[high as usize];
-        let region = &mut self.regions[low as usize];
+        let other = self.all[high as usize];
+        let region = &mut self.all[low as usize];
         region.count += other.count;
         region.sum += other.sum;
         region.mean = region.sum / region.count;
-        self.regions[high as usize].above = low;
+        self.all[high as usize].above = low;
         let mut short = std::mem::take(&mut self.near[high as usize]);
         let long = &mut self.near[low as usize];
         if long.len() < short.len() {
@@ -173,7 +173,7 @@ impl Regions {
         for i in 0..row.len() {
             let other = self.root(row[i]);
             let look = self.look;
-            if other == region || std::mem::replace(&mut self.regions[other as usize].met, look) == look {
+            if other == region || std::mem::replace(&mut self.all[other as usize].met, look) == look {
                 continue;
             }
             row[kept] = row[i];

@@ -1,8 +1,9 @@
 //! Leaves for Ward's criterion where the voxels are too many for one heap: its cheapest merges, found block by block.
 //!
 //! Each block agglomerates its own voxels by the same criterion. The merges of all blocks up to one cost, the lowest that
-//! leaves few enough regions, are then taken for done. Zones that grow along small differences would be cheaper to find, but in
-//! noise they run through the whole volume before they are few (see the measurements in `docs/`), whatever they have to cross.
+//! leaves few enough regions, are then taken for done. Quasi-flat zones would be cheaper to find, but in noise they run through
+//! everything before they are few: on a noisy head of 16³ voxels, 1500 zones had 21 % more inertia at 50 classes than no zones
+//! at all, and 500 regions from blocks not any more.
 
 use ivd_core::{Bulk, Error, Exec};
 use rayon::prelude::*;

@@ -201,9 +201,9 @@ fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(Bulk<u16>, usize)
     for end in undone.iter().map(|merge| *merge as usize).chain([tree.merges.len()]) {
         for merges in tree.merges[from..end].chunks(CHUNK) {
             exec.check_cancelled()?;
-            merges.iter().for_each(|[a, b]| {
+            for [a, b] in merges {
                 sets::join(&mut parts, a - 1, b - 1);
-            });
+            }
         }
         from = (end + 1).min(tree.merges.len());
     }

@@ -61,7 +61,9 @@ pub(super) fn edges<T: Apart>(field: &Field<'_, T>, exec: &Exec) -> Result<Edges
 
 fn count<T: Apart>(field: &Field<'_, T>, edges: &[u32], shift: u32, buckets: usize) -> Vec<u32> {
     let mut counts = vec![0_u32; buckets];
-    edges.iter().for_each(|edge| counts[(field.key(*edge) >> shift) as usize] += 1);
+    for edge in edges {
+        counts[(field.key(*edge) >> shift) as usize] += 1;
+    }
     counts
 }
 

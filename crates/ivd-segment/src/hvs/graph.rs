@@ -29,7 +29,9 @@ pub(super) fn graph(leaves: &[u32], count: usize, dims: [usize; 3], exec: &Exec)
     let mut starts = vec![0_usize; count + 1];
     let ends = |pair: &u64| [(pair >> 32) as usize - 1, *pair as u32 as usize - 1];
     for pair in &pairs {
-        ends(pair).iter().for_each(|leaf| starts[leaf + 1] += 1);
+        for leaf in ends(pair) {
+            starts[leaf + 1] += 1;
+        }
     }
     (0..count).for_each(|i| starts[i + 1] += starts[i]);
     let mut next = starts.clone();
@@ -59,7 +61,9 @@ fn borders(layer: &[u32], next: Option<&[u32]>, width: usize) -> Vec<u64> {
         row.windows(2).for_each(|w| see(w[0], w[1]));
     }
     layer.iter().zip(layer.iter().skip(width)).for_each(|(a, b)| see(*a, *b));
-    next.iter().for_each(|next| layer.iter().zip(*next).for_each(|(a, b)| see(*a, *b)));
+    if let Some(next) = next {
+        layer.iter().zip(next).for_each(|(a, b)| see(*a, *b));
+    }
     pairs.sort_unstable();
     pairs.dedup();
     pairs

@@ -45,7 +45,7 @@ pub struct HvsParams {
 
 impl Default for HvsParams {
     fn default() -> Self {
-        Self { linkage: Linkage::Ward, alpha: None, max_regions: 400_000, range: None }
+        Self { linkage: Linkage::Ward, alpha: None, max_regions: 200_000, range: None }
     }
 }
 
