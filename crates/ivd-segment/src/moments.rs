@@ -23,7 +23,8 @@ impl Frame {
     /// The frame of values in a range.
     pub(crate) fn between([low, high]: [f64; 2]) -> Self {
         let centre = low.midpoint(high).clamp(-f64::MAX / 4.0, f64::MAX / 4.0).floor();
-        let width = (high / 2.0 - low / 2.0).clamp(f64::MIN_POSITIVE, f64::MAX / 4.0);
+        // A constant that isn't whole lies off the centre: its distance counts too.
+        let width = (high / 2.0 - low / 2.0).max(high - centre).clamp(f64::MIN_POSITIVE, f64::MAX / 4.0);
         // Exponents of ±1000 and beyond would overflow on their own.
         let exponent = (-width.log2().ceil()).clamp(-1000.0, 1000.0);
         Self { centre, scale: 2.0_f64.powi(exponent as i32) }
