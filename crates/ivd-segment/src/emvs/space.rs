@@ -61,6 +61,12 @@ impl Space<'_> {
     /// Components with the places that belong to components on intensity alone: each voxel wholly to its likeliest.
     pub(super) fn placed(&self, on_intensity: &[Component], exec: &Exec) -> Result<Vec<Component>, Error> {
         let mut components = on_intensity.to_vec();
+        // For those that nothing chooses: everywhere.
+        for c in &mut components {
+            for axis in 0..3 {
+                c.covariance[axis][axis] = self.limits.floor[axis].max(1.0 / 12.0);
+            }
+        }
         let tables = Tables::choosing(self.bins, self.frame, &components);
         let (sums, _) = self.total(exec, components.len(), &|range| self.tabled(&tables, range))?;
         self.maximise(&mut components, &sums);
