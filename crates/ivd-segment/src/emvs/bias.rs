@@ -2,12 +2,13 @@
 //! 1996, who add one to the logarithms).
 //!
 //! A voxel's real value is taken for `gain · (a draw from the mixture)`. In turn, the mixture is fitted to the values divided
-//! by the gains, and the gains are fitted to the mixture: at every node of a coarse lattice the weighted least squares of
-//! `value - gain · mean` over the voxels and components, weights falling off with the distance (Gaussian). This isn't EM to
+//! by the gains, and the gains are multiplied by what is left: at every node of a coarse lattice the weighted least squares of
+//! `value / gain - factor · mean` over the voxels and components, weights falling off with the distance (Gaussian). Going on
+//! with what is left, instead of fitting anew, mends what the averaging flattens at the borders. This isn't EM to
 //! the letter: no likelihood is promised to rise. The gains' weighted mean is 1; without that they and the means would be
 //! known up to a factor only.
 
-use ivd_core::{Error as CoreError, Exec, Iteration, Mask, Scalar, Volume, Voxels, with_voxels};
+use ivd_core::{Error as CoreError, Exec, Iteration, Mask, Scalar as _, Volume, Voxels, with_voxels};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -22,7 +23,7 @@ const ROUNDS: u64 = 30;
 /// EM iterations of a round after the first.
 const ITERATIONS: u64 = 10;
 /// The gains stand still where none changes by more.
-const STILL: f64 = 2e-4;
+const STILL: f64 = 1e-3;
 /// Gains beyond these aren't a scanner's.
 const LEAST_GAIN: f64 = 0.1;
 /// Voxels that a node stands for along an axis, at least.
@@ -154,21 +155,21 @@ fn fitted(
     let Voxels::F32(divided) = corrected.voxels() else {
         unreachable!("the corrected volume is made of f32")
     };
-    let mut fits = with_voxels!(volume.voxels(), slice => {
-        gather(slice, mask, volume, divided, bins, &pulls, field, exec)
-    })?;
+    let mut fits = gather(divided, mask, volume.grid().dims(), bins, &pulls, field, exec)?;
     let spacing = volume.grid().spacing();
     for axis in 0..3 {
         blur(&mut fits, field.dims, axis, scale / spacing[axis] / field.step[axis]);
     }
-    let mut gains: Vec<f64> =
-        fits.iter().map(|[above, below]| if *below > 0.0 { above / below } else { 1.0 }).collect();
+    let left = |[above, below]: &Fit| if *below > 0.0 { above / below } else { 1.0 };
+    let mut gains: Vec<f64> = field.gains.iter().zip(&fits).map(|(gain, fit)| gain * left(fit)).collect();
     let weights: f64 = fits.iter().map(|fit| fit[1]).sum();
     let mean = gains.iter().zip(&fits).map(|(gain, fit)| gain * fit[1]).sum::<f64>() / weights;
     if !(mean.is_finite() && mean > 0.0) {
         return Ok((field.gains.clone(), 0.0));
     }
-    gains.iter_mut().for_each(|gain| *gain = (*gain / mean).clamp(LEAST_GAIN, 1.0 / LEAST_GAIN));
+    for gain in &mut gains {
+        *gain = (*gain / mean).clamp(LEAST_GAIN, 1.0 / LEAST_GAIN);
+    }
     let moved = gains.iter().zip(&field.gains).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     Ok((gains, moved))
 }
@@ -194,18 +195,15 @@ fn pulls(bins: &Bins, frame: &Frame, components: &[Component]) -> Vec<Fit> {
 }
 
 /// Sums around each node: a voxel counts for the nearest. A task takes all voxels of one layer of nodes.
-#[expect(clippy::too_many_arguments, reason = "one call; what it needs has no other home")]
-fn gather<T: Scalar>(
-    voxels: &[T],
-    mask: Option<&Mask>,
-    volume: &Volume,
+fn gather(
     divided: &[f32],
+    mask: Option<&Mask>,
+    [nx, ny, nz]: [usize; 3],
     bins: &Bins,
     pulls: &[Fit],
     field: &BiasField,
     exec: &Exec,
 ) -> Result<Vec<Fit>, CoreError> {
-    let [nx, ny, nz] = volume.grid().dims();
     let nearest = |a: usize, n: usize| -> Vec<usize> {
         (0..n).map(|i| ((i as f64 / field.step[a]).round() as usize).min(field.dims[a] - 1)).collect()
     };
@@ -221,7 +219,7 @@ fn gather<T: Scalar>(
                 if divided[at].is_finite() && mask.is_none_or(|m| m.inside()[at] != 0) {
                     let [pull, weight] = pulls[bins.bin(f64::from(divided[at])) as usize];
                     let fit = &mut fits[node + field.dims[0] * y[row % ny]];
-                    fit[0] += pull * (volume.real(voxels[at].to_f64()) / unit);
+                    fit[0] += pull * (f64::from(divided[at]) / unit);
                     fit[1] += weight;
                 }
             }

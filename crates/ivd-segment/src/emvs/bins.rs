@@ -239,7 +239,10 @@ impl Bins {
     fn scale(&mut self, shrink: f64) {
         let extent = self.value[0].abs().max(self.value[self.value.len() - 1].abs());
         let deviation = if self.variance > 0.0 { self.variance.sqrt() } else { shrink };
-        let exponent = deviation.max(extent * 1e-100).log2().round().clamp(-900.0, 900.0) as i32;
+        // Neither the unit nor what it is in stored values may leave the normal numbers.
+        let shift = shrink.log2();
+        let exponent = deviation.max(extent * 1e-100).log2().round();
+        let exponent = exponent.clamp((shift - 1000.0).max(-900.0), (shift + 1000.0).min(900.0)) as i32;
         let unit = 2.0_f64.powi(exponent);
         self.value.iter_mut().chain(&mut self.quantiles).for_each(|v| *v /= unit);
         self.spread.iter_mut().for_each(|v| *v = *v / unit / unit);

@@ -184,7 +184,9 @@ impl Field {
             }).collect::<Result<_, CoreError>>()
         })?;
         let mut total = Tally::new(self.k);
-        parts.iter().for_each(|part| total.join(part));
+        for part in &parts {
+            total.join(part);
+        }
         Ok(total)
     }
 

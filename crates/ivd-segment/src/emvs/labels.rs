@@ -120,7 +120,9 @@ impl Scene<'_> {
             moments[usize::from(id) - 1].add_many(*value, *n as u64, &frame);
         }
         let (described, renamed) = describe(self.volume, &moments, &frame);
-        ids.iter_mut().for_each(|id| *id = renamed[usize::from(*id) - 1]);
+        for id in &mut ids {
+            *id = renamed[usize::from(*id) - 1];
+        }
         let labels = labelling::of(self.volume.voxels(), self.mask, &cuts, &ids, exec)?;
         Ok(Labels::new(self.volume.grid().clone(), labels.into_buffer(), described)?)
     }

@@ -71,7 +71,7 @@ pub struct BicPoint {
 ///   extremes, each with its exact mean and spread; the responsibilities are then those of the bin, the likelihood is a lower
 ///   bound, and labels are cut at the exact values where posteriors are equal.
 /// - With [`Covariance::Diagonal`] and [`Covariance::Full`] the components live in space and intensity: exact, every voxel in
-///   every iteration, O(N · K). (Diagonal: on the bins' intensities.)
+///   every iteration, O(N · K).
 ///
 /// The likelihood never falls, apart from rounding and `variance_added`. The search begins at the classes of least inertia,
 /// and ends in a local maximum. Where there are more than 2048 bins it begins on about a thousand coarse ones. Values share

@@ -10,6 +10,10 @@ use super::quadratic::{self, Quadratic};
 use super::tables::Tables;
 use super::{Covariance, rows};
 
+/// Share of its floor below which a variance counts as none. Ten times less, and products with the inverse lose the digits that
+/// a likelihood needs; ten times more, and voxels one in ten thousand are overlooked.
+const VANISHING: f64 = 1e-6;
+
 /// Sums of a component: responsibility, and with it the deviations from the present mean and their products (upper triangle).
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sums {
@@ -57,6 +61,12 @@ impl Space<'_> {
     /// Components with the places that belong to components on intensity alone: each voxel wholly to its likeliest.
     pub(super) fn placed(&self, on_intensity: &[Component], exec: &Exec) -> Result<Vec<Component>, Error> {
         let mut components = on_intensity.to_vec();
+        // For those that nothing chooses: everywhere.
+        for c in &mut components {
+            for axis in 0..3 {
+                c.covariance[axis][axis] = self.limits.floor[axis].max(1.0 / 12.0);
+            }
+        }
         let tables = Tables::choosing(self.bins, self.frame, &components);
         let (sums, _) = self.total(exec, components.len(), &|range| self.tabled(&tables, range))?;
         self.maximise(&mut components, &sums);
@@ -67,7 +77,8 @@ impl Space<'_> {
     }
 
     fn expect(&self, components: &[Component], exec: &Exec) -> Result<(Vec<Sums>, f64), Error> {
-        let (sums, likelihood) = if self.shape == Covariance::Full {
+        // Bins of several values would stand for each other; the tables are for those of one.
+        let (sums, likelihood) = if self.shape == Covariance::Full || !self.bins.is_exact() {
             let densities: Vec<Quadratic> = components.iter().map(Quadratic::of).collect();
             self.total(exec, components.len(), &|range| {
                 with_voxels!(self.volume.voxels(), slice => {
@@ -166,8 +177,9 @@ pub(super) fn factor(
         for i in 0..j {
             rest -= lower[j][i] * lower[j][i] * seen[i];
         }
-        // A pivot of mere rounding: the axis follows from those before it, and explains nothing of those after.
-        let vanishes = rest <= 1e-13 * matrix[j][j].abs();
+        // Next to nothing is left of the axis once those before it are known: it explains nothing of those after. Without
+        // this a pivot of rounding would be divided by.
+        let vanishes = rest <= (1e-13 * matrix[j][j].abs()).max(VANISHING * floor[j]);
         seen[j] = if vanishes { 0.0 } else { rest };
         pivots[j] = seen[j].max(floor[j]).max(f64::MIN_POSITIVE);
         for row in j + 1..AXES {

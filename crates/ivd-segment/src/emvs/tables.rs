@@ -169,7 +169,9 @@ impl Tables {
         work.all[..len].fill(0.0);
         let missing: Vec<usize> =
             if all_valid { Vec::new() } else { (0..len).filter(|i| work.bins[*i] == NONE).collect() };
-        missing.iter().for_each(|i| work.bins[*i] = 0);
+        for i in &missing {
+            work.bins[*i] = 0;
+        }
         for (factors, shares) in self.components.iter().zip(&mut work.shares) {
             let row = factors[1].values[piece.at[1]] * factors[2].values[piece.at[2]];
             let along = &factors[0].values[piece.at[0]..piece.at[0] + len];
@@ -179,7 +181,9 @@ impl Tables {
                 *all += *share;
             }
         }
-        missing.iter().for_each(|i| work.all[*i] = 1.0);
+        for i in &missing {
+            work.all[*i] = 1.0;
+        }
         let mut likelihood = 0.0;
         if work.all[..len].iter().any(|all| *all < SMALL) {
             for i in (0..len).filter(|i| work.all[*i] < SMALL).collect::<Vec<_>>() {
@@ -191,7 +195,9 @@ impl Tables {
             likelihood += if product > TINY { product.ln() } else { all.iter().map(|a| a.ln()).sum() };
         }
         work.all[..len].iter_mut().for_each(|all| *all = 1.0 / *all);
-        missing.iter().for_each(|i| work.all[*i] = 0.0);
+        for i in &missing {
+            work.all[*i] = 0.0;
+        }
         likelihood
     }
 

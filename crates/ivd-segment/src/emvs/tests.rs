@@ -403,7 +403,7 @@ fn threads_and_storage_types_change_no_bit() {
     let dims = [65, 33, 20];
     let (values, _) = layers(dims, &[30.0, 90.0, 160.0], 12.0, 11);
     let of = |kind: usize| -> Voxels {
-        let whole = values.iter().map(|v| v.round());
+        let whole = values.iter().map(|v| v.round().clamp(0.0, 255.0));
         match kind {
             0 => whole.map(|v| v as u8).collect::<Vec<_>>().into(),
             1 => whole.map(|v| v as i16).collect::<Vec<_>>().into(),
@@ -470,7 +470,7 @@ fn awkward_volumes_give_finite_results_in_order() {
 }
 
 fn assert_sound(volume: &Volume, found: &Emvs, params: &EmvsParams) {
-    let about = format!("{:?} {:?} {params:?}", volume.voxels(), volume.grid().dims());
+    let about = format!("{:?} {:?} {:?} {params:?}", volume.voxels(), volume.range(), volume.grid().dims());
     let Mixture { weights, means, covariances } = &found.mixture;
     let numbers = weights.iter().chain(means.iter().flatten()).chain(covariances.iter().flatten());
     assert!(numbers.chain([&found.log_likelihood]).all(|v| v.is_finite()), "{:?} {about}", found.mixture);
