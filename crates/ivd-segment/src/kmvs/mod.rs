@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::groups::Partition;
 use crate::{Error, Segmentation, histogram, scope, segmentation};
 
-pub(crate) use integers::groups_between;
+pub(crate) use integers::{groups_between, partitions};
 
 /// Most classes that can be asked for.
 const MOST_CLASSES: usize = 1024;
