@@ -2,11 +2,13 @@
 //!
 //! - [`kmvs`] (k-means volume segmentation) finds the K classes of least inertia. On intensity alone this has an exact
 //!   answer, and this crate gives it: the **global** optimum, not what some start happened to reach.
+//! - [`msvs`] (mean-shift volume segmentation) finds the modes of the density of the values, or of places and values, and with
+//!   them how many classes there are; [`msvs_kmvs`] lets `kmvs` make that many, or fewer.
 //! - [`threshold`] cuts at given values.
 //! - [`hvs_tree`] (hierarchical volume segmentation) grows a tree of merges of neighbouring parts, and [`cut`] makes any number
 //!   of classes of it without growing it again.
 //!
-//! Both give a [`Segmentation`]: labels (0 is no data, 1…K in the order of the class means) with the classes' means,
+//! All give a [`Segmentation`]: labels (0 is no data, 1…K in the order of the class means) with the classes' means,
 //! spreads, sizes and the values where neighbouring classes meet.
 //!
 //! How `kmvs` works: an 8 or 16 bit volume is counted into a histogram, in parallel; the optimal cuts of the histogram come
@@ -46,6 +48,8 @@ pub use emvs::{BiasField, BicPoint, Covariance, Emvs, EmvsParams, Mixture, emvs}
 pub use error::Error;
 pub use hvs::{Cut, CutParams, Hvs, HvsParams, Ranking, cut, hvs_tree};
 pub use kmvs::{KmvsParams, SpatialKmvs, kmvs, kmvs_spatial};
+pub use kmvs::{KmvsParams, kmvs};
+pub use msvs::chain::{Chain, ChainParams, ChainPoint, ChainTimes, msvs_kmvs};
 pub use msvs::{Kernel, Mode, Msvs, MsvsParams, msvs};
 pub use segmentation::Segmentation;
 pub use threshold::{ThresholdParams, threshold};

@@ -16,6 +16,7 @@ use crate::{Error, Segmentation, histogram, scope, segmentation};
 
 pub(crate) use integers::{groups_between, partition};
 pub use spatial::{SpatialKmvs, kmvs_spatial};
+pub(crate) use integers::{groups_between, partitions};
 
 /// Most classes that can be asked for.
 const MOST_CLASSES: usize = 1024;

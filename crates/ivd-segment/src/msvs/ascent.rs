@@ -8,15 +8,20 @@
 use ivd_core::{Error, Exec};
 use rayon::prelude::*;
 
+use super::Kernel;
 use super::cells::Cells;
 use super::density::Heights;
 
 /// Basin of a cell that no kernel reaches, or that isn't known yet.
 pub(super) const NO_BASIN: u32 = u32::MAX;
-/// Length of a step along the axis that it follows most (cells).
+/// Longest step along the axis that it follows most (cells).
 const STEP: f64 = 1.0;
-/// Steps after which a path gives up (a plateau, or a peak that isn't known yet) and follows the highest neighbour.
-const MOST_STEPS: usize = 24;
+/// Shorter mean shifts are lengthened, up to twice: beyond, a step across a ridge could overshoot by more than it corrects.
+const LENGTHEN: f64 = 2.0;
+/// Mean shifts (cells) below which a cell follows its highest neighbour: on a plateau a path would take ages.
+const SHORT: f64 = 0.1;
+/// Steps after which a path gives up and follows the highest neighbour.
+const MOST_STEPS: usize = 12;
 /// Cells that are worked on at once, knowing only those before them: a share of those before, and at least so many.
 const SHARE: usize = 8;
 const BATCH: std::ops::RangeInclusive<usize> = 64..=1 << 16;
@@ -191,12 +196,13 @@ impl<const D: usize> Climber<'_, D> {
         let base = cell - (0..D).map(|i| at[i] * self.axes[i].stride).sum::<usize>();
         for _ in 0..MOST_STEPS {
             let steepest = slope.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
-            if steepest == 0.0 {
+            if steepest < SHORT {
                 return None;
             }
+            let factor = (STEP / steepest).min(LENGTHEN);
             for i in 0..D {
                 let last = (self.axes[i].len - 1) as f64;
-                place[i] = (place[i] + STEP * slope[i] / steepest).clamp(0.0, last);
+                place[i] = (place[i] + factor * slope[i]).clamp(0.0, last);
             }
             let (corner, within) = self.box_of(base, &place);
             if let Some(basin) = self.basin_round(corner, &within, known) {
@@ -207,13 +213,24 @@ impl<const D: usize> Climber<'_, D> {
         None
     }
 
-    /// Direction of the mean shift in the middle of a cell, in squared bandwidths times slopes.
+    /// What a slope times a squared bandwidth has to be multiplied with to be the mean shift: 1 for a logarithm's. For the
+    /// shadow of a flat kernel, whose mean is `2 / (D + 2)` of the flat one's where the density is even, this is a guess.
+    #[inline]
+    fn shift_factor(&self, height: f64) -> f64 {
+        match self.heights.kernel {
+            Kernel::Gaussian => 1.0,
+            Kernel::Flat => 1.0 / ((D + 2) as f64 * height.max(f64::MIN_POSITIVE)),
+        }
+    }
+
+    /// The mean shift in the middle of a cell (cells).
     fn slope_at_middle(&self, cell: usize, at: &[usize; D]) -> [f64; D] {
+        let factor = self.shift_factor(self.heights.slope_height(cell));
         std::array::from_fn(|i| {
             let Axis { len, stride, variance, .. } = self.axes[i];
             let below = if at[i] > 0 { cell - stride } else { cell };
             let above = if at[i] + 1 < len { cell + stride } else { cell };
-            variance * 0.5 * (self.heights.slope_height(above) - self.heights.slope_height(below))
+            factor * variance * 0.5 * (self.heights.slope_height(above) - self.heights.slope_height(below))
         })
     }
 
@@ -230,8 +247,7 @@ impl<const D: usize> Climber<'_, D> {
 
     fn corners(&self, corner: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
         (0..1_usize << D).map(move |code| {
-            let off: usize =
-                (0..D).map(|i| if code >> i & 1 == 1 { self.axes[i].stride } else { 0 }).sum();
+            let off: usize = (0..D).map(|i| if code >> i & 1 == 1 { self.axes[i].stride } else { 0 }).sum();
             (code, corner + off)
         })
     }
@@ -275,6 +291,7 @@ impl<const D: usize> Climber<'_, D> {
                 }
             }
         }
-        std::array::from_fn(|i| self.axes[i].variance * slopes[i][0])
+        let factor = self.shift_factor(values[0]);
+        std::array::from_fn(|i| factor * self.axes[i].variance * slopes[i][0])
     }
 }

@@ -28,7 +28,8 @@ pub(super) fn of(
     params: &MsvsParams,
     exec: &Exec,
 ) -> Result<Option<Bandwidths>, Error> {
-    let Some((count, values)) = with_voxels!(volume.voxels(), slice => span(volume, slice, mask, exec))? else {
+    let Some((count, values)) = with_voxels!(volume.voxels(), slice => span(volume, slice, mask, exec))?
+    else {
         return Ok(None);
     };
     let range = if params.range_bandwidth > 0.0 {
@@ -61,9 +62,10 @@ fn span<T: Scalar>(
             Ok(span_of(voxels, inside))
         })
         .collect::<Result<_, Error>>()?;
-    let joined = spans.into_iter().flatten().reduce(|a, b| {
-        (a.0 + b.0, if b.1 < a.1 { b.1 } else { a.1 }, if b.2 > a.2 { b.2 } else { a.2 })
-    });
+    let joined = spans
+        .into_iter()
+        .flatten()
+        .reduce(|a, b| (a.0 + b.0, if b.1 < a.1 { b.1 } else { a.1 }, if b.2 > a.2 { b.2 } else { a.2 }));
     Ok(joined.map(|(count, low, high)| {
         let [low, high] = [real(volume, low), real(volume, high)];
         (count, [low.min(high), low.max(high)])

@@ -232,7 +232,9 @@ impl Cells {
 fn too_many(bandwidths: &Bandwidths, cells: &Cells) -> ParamError {
     let [x, y, z, range] = cells.dims;
     let problem = |bandwidth: f64| {
-        format!("{bandwidth} asks for {x} × {y} × {z} × {range} cells, more than the {MOST_CELLS} that are kept")
+        format!(
+            "{bandwidth} asks for {x} × {y} × {z} × {range} cells, more than the {MOST_CELLS} that are kept"
+        )
     };
     if bandwidths.spatial > 0.0 && range < 1 << 12 {
         let remedy = "use a larger bandwidth, or 0 to look at values alone";

@@ -145,13 +145,7 @@ fn blur_rows(rows: &mut [f32], len: usize, weights: &[f32]) {
 }
 
 /// Sum of `row(i)` over the neighbours `i` of `at`, of `count`, by their weights.
-fn gather<'a>(
-    out: &mut [f32],
-    at: usize,
-    count: usize,
-    weights: &[f32],
-    row: impl Fn(usize) -> &'a [f32],
-) {
+fn gather<'a>(out: &mut [f32], at: usize, count: usize, weights: &[f32], row: impl Fn(usize) -> &'a [f32]) {
     let add = |out: &mut [f32], i: usize, w: f32| {
         for (out, from) in out.iter_mut().zip(row(i)) {
             *out += w * from;

@@ -163,12 +163,7 @@ pub struct Msvs {
 /// # Errors
 /// [`Error::Core`]: a bad parameter, bandwidths so small that the cells are too many, a mask on another grid, the memory
 /// limit, or cancelled.
-pub fn msvs(
-    volume: &Volume,
-    mask: Option<&Mask>,
-    params: &MsvsParams,
-    exec: &Exec,
-) -> Result<Msvs, Error> {
+pub fn msvs(volume: &Volume, mask: Option<&Mask>, params: &MsvsParams, exec: &Exec) -> Result<Msvs, Error> {
     params.check()?;
     exec.run(|| {
         let scope = scope::of(volume, mask, params.range, exec)?;

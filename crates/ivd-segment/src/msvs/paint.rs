@@ -90,8 +90,10 @@ fn intervals(
     let changes: Vec<[usize; 2]> =
         reached.windows(2).filter(|w| modes[w[0]] != modes[w[1]]).map(|w| [w[0], w[1]]).collect();
     // Between basins that don't touch, the middle of what lies between; else the border of the two cells.
-    let cuts: Vec<f64> =
-        changes.iter().map(|[a, b]| cells.range.value(*a as f64 + 0.5).midpoint(cells.range.value(*b as f64 - 0.5))).collect();
+    let cuts: Vec<f64> = changes
+        .iter()
+        .map(|[a, b]| cells.range.value(*a as f64 + 0.5).midpoint(cells.range.value(*b as f64 - 0.5)))
+        .collect();
     let first = reached.first().map(|c| modes[*c]);
     let mut ids: Vec<u16> = first.into_iter().chain(changes.iter().map(|[_, b]| modes[*b])).collect();
     let falling = volume.slope() < 0.0;
