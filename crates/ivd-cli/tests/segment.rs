@@ -87,7 +87,12 @@ fn a_range_and_a_mask_leave_the_rest_without_a_class() {
     for method in METHODS {
         let counted = |args: &[&str]| -> u64 {
             let record = json(at, &[&["segment", "head.ivd", "-o", "l.ivd"], method, args].concat());
-            record["metrics"]["classes"].as_array().unwrap().iter().map(|c| c["voxels"].as_u64().unwrap()).sum()
+            record["metrics"]["classes"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|c| c["voxels"].as_u64().unwrap())
+                .sum()
         };
         let masked = counted(&["--mask", "part.ivd"]);
         assert!(masked > 0 && masked < 64_000, "{method:?} {masked}");
@@ -102,7 +107,8 @@ fn a_tree_is_cut_again_without_its_volume() {
     let at = folder.path();
     let method = ["--method", "hvs", "--k", "5"];
     let straight = json(at, &[&["segment", "head.ivd", "-o", "a.ivd"][..], &method].concat());
-    let kept = json(at, &[&["segment", "head.ivd", "-o", "b.ivd", "--tree-out", "tree.ivd"][..], &method].concat());
+    let kept =
+        json(at, &[&["segment", "head.ivd", "-o", "b.ivd", "--tree-out", "tree.ivd"][..], &method].concat());
     let cut = json(at, &["segment", "--from-tree", "tree.ivd", "--k", "5", "-o", "c.ivd"]);
     assert_eq!([hash(&straight), hash(&kept)], [hash(&cut), hash(&cut)]);
     let finer = json(at, &["segment", "--from-tree", "tree.ivd", "--k", "9", "-o", "d.ivd"]);
@@ -117,7 +123,8 @@ fn a_tree_is_cut_again_without_its_volume() {
 fn posterior_maps_are_kept_on_request_and_sum_to_one() {
     let folder = head();
     let at = folder.path();
-    let args = ["segment", "head.ivd", "-o", "l.ivd", "--method", "emvs", "--k", "3", "--posteriors-out", "p"];
+    let args =
+        ["segment", "head.ivd", "-o", "l.ivd", "--method", "emvs", "--k", "3", "--posteriors-out", "p"];
     json(at, &args);
     let maps: Vec<_> = (1..=3)
         .map(|i| match ivd_artefact::read(at.join(format!("p-{i}.ivd"))).unwrap().artefact {

@@ -42,14 +42,16 @@ mod msvs;
 mod scope;
 mod segmentation;
 mod threshold;
+mod tidy;
 mod wide;
 
 pub use emvs::{BiasField, BicPoint, Covariance, Emvs, EmvsParams, Mixture, emvs};
 pub use error::Error;
-pub use hvs::{Cut, CutParams, Hvs, HvsParams, Ranking, cut, hvs_tree};
+pub use hvs::{Cut, CutParams, Dendrogram, Hvs, HvsParams, Leaf, Ranking, cut, dendrogram, hvs_tree};
+pub use ivd_core::Linkage;
 pub use kmvs::{KmvsParams, SpatialKmvs, kmvs, kmvs_spatial};
-pub use kmvs::{KmvsParams, kmvs};
 pub use msvs::chain::{Chain, ChainParams, ChainPoint, ChainTimes, msvs_kmvs};
 pub use msvs::{Kernel, Mode, Msvs, MsvsParams, msvs};
 pub use segmentation::Segmentation;
 pub use threshold::{ThresholdParams, threshold};
+pub use tidy::{Order, TidyParams, tidy};

@@ -42,9 +42,6 @@ impl Frame {
         // The whole number may lie farther from the values than they from one another.
         let reach = (high / 2.0 - centre / 2.0).max(centre / 2.0 - low / 2.0);
         let width = (2.0 * reach).clamp(f64::MIN_POSITIVE, f64::MAX / 4.0);
-        let centre = low.midpoint(high).clamp(-f64::MAX / 4.0, f64::MAX / 4.0).floor();
-        // A constant that isn't whole lies off the centre: its distance counts too.
-        let width = (high / 2.0 - low / 2.0).max(high - centre).clamp(f64::MIN_POSITIVE, f64::MAX / 4.0);
         // Exponents of ±1000 and beyond would overflow on their own.
         let exponent = (-width.log2().ceil()).clamp(-1000.0, 1000.0);
         Self { centre, scale: 2.0_f64.powi(exponent as i32) }

@@ -302,7 +302,8 @@ mod tests {
             }
         }
         let exec = Exec::default().with_memory_limit(Some(100)).with_spill(std::sync::Arc::new(Nowhere));
-        let check = |count, available, packing| declared(count, available, packing).check(Path::new("x"), 0, &exec);
+        let check =
+            |count, available, packing| declared(count, available, packing).check(Path::new("x"), 0, &exec);
         assert!(check(5000, 10_000, Packing::Raw).is_ok());
         assert!(check(5000, 1000, Packing::Deflated).is_ok());
         let bomb = check(5000, 20, Packing::Deflated).unwrap_err();

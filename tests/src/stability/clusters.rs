@@ -2,7 +2,8 @@
 
 use ivd_core::{Exec, Volume};
 use ivd_segment::{
-    ChainParams, Covariance, Cut, CutParams, EmvsParams, HvsParams, KmvsParams, Linkage, MsvsParams, Segmentation,
+    ChainParams, Covariance, Cut, CutParams, EmvsParams, HvsParams, KmvsParams, Linkage, MsvsParams,
+    Segmentation,
 };
 
 use super::backend::{Answer, Backend};
@@ -11,12 +12,18 @@ use super::chain::{Subject, Values};
 use super::invariants::{Verdict, clusters};
 
 /// A method with its name.
-pub(super) struct Cluster(Stage, &'static str, fn(&dyn Backend, &Volume, usize, &Exec) -> Answer<Segmentation>);
+pub(super) struct Cluster(
+    Stage,
+    &'static str,
+    fn(&dyn Backend, &Volume, usize, &Exec) -> Answer<Segmentation>,
+);
 
-pub(super) static KMEANS: Cluster = Cluster(Stage::KmvsSpatial, "kmvs with positions", |on, volume, k, exec| {
-    let params = KmvsParams { k, spatial_weight: weight(volume), max_iterations: 50, ..KmvsParams::default() };
-    on.kmvs(volume, &params, exec)
-});
+pub(super) static KMEANS: Cluster =
+    Cluster(Stage::KmvsSpatial, "kmvs with positions", |on, volume, k, exec| {
+        let params =
+            KmvsParams { k, spatial_weight: weight(volume), max_iterations: 50, ..KmvsParams::default() };
+        on.kmvs(volume, &params, exec)
+    });
 
 pub(super) static MIXTURE: Cluster = Cluster(Stage::Emvs, "emvs", |on, volume, k, exec| {
     on.emvs(volume, &EmvsParams { k: Some(k), ..EmvsParams::default() }, exec)
@@ -27,19 +34,23 @@ pub(super) static SMOOTH: Cluster = Cluster(Stage::EmvsSmooth, "emvs, smoothing"
     on.emvs(volume, &params, exec)
 });
 
-pub(super) static DIAGONAL: Cluster = Cluster(Stage::EmvsDiagonal, "emvs, diagonal", |on, volume, k, exec| {
-    let covariance = Covariance::Diagonal;
-    on.emvs(volume, &EmvsParams { k: Some(k), covariance, max_iterations: 20, ..EmvsParams::default() }, exec)
-});
+pub(super) static DIAGONAL: Cluster =
+    Cluster(Stage::EmvsDiagonal, "emvs, diagonal", |on, volume, k, exec| {
+        let covariance = Covariance::Diagonal;
+        on.emvs(
+            volume,
+            &EmvsParams { k: Some(k), covariance, max_iterations: 20, ..EmvsParams::default() },
+            exec,
+        )
+    });
 
 pub(super) static FULL: Cluster = Cluster(Stage::EmvsFull, "emvs, full", |on, volume, k, exec| {
     let covariance = Covariance::Full;
     on.emvs(volume, &EmvsParams { k: Some(k), covariance, max_iterations: 20, ..EmvsParams::default() }, exec)
 });
 
-pub(super) static MODES: Cluster = Cluster(Stage::Msvs, "msvs", |on, volume, _, exec| {
-    on.msvs(volume, &MsvsParams::default(), exec)
-});
+pub(super) static MODES: Cluster =
+    Cluster(Stage::Msvs, "msvs", |on, volume, _, exec| on.msvs(volume, &MsvsParams::default(), exec));
 
 pub(super) static JOINT: Cluster = Cluster(Stage::MsvsJoint, "msvs with positions", |on, volume, _, exec| {
     let extent = extent(volume);
@@ -55,10 +66,11 @@ pub(super) static WARD: Cluster = Cluster(Stage::HvsWard, "hvs by ward", |on, vo
     on.hvs(volume, &HvsParams { max_regions: 2000, ..HvsParams::default() }, &cut, exec)
 });
 
-pub(super) static SINGLE: Cluster = Cluster(Stage::HvsSingle, "hvs by single linkage", |on, volume, k, exec| {
-    let cut = CutParams { cut: Cut::Classes(k), ..CutParams::default() };
-    on.hvs(volume, &HvsParams { linkage: Linkage::Single, ..HvsParams::default() }, &cut, exec)
-});
+pub(super) static SINGLE: Cluster =
+    Cluster(Stage::HvsSingle, "hvs by single linkage", |on, volume, k, exec| {
+        let cut = CutParams { cut: Cut::Classes(k), ..CutParams::default() };
+        on.hvs(volume, &HvsParams { linkage: Linkage::Single, ..HvsParams::default() }, &cut, exec)
+    });
 
 /// Longest edge (mm).
 fn extent(volume: &Volume) -> f64 {

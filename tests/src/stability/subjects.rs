@@ -13,8 +13,29 @@ use super::invariants::{Verdict, field, mesh, motion, picture, segments, values 
 
 /// Every stage, in the order in which they run. A new stage is a line here.
 pub static SUBJECTS: [&dyn Subject; 22] = [
-    &Segment, &Threshold, &clusters::KMEANS, &clusters::MIXTURE, &clusters::SMOOTH, &clusters::DIAGONAL, &clusters::FULL,
-    &clusters::MODES, &clusters::JOINT, &clusters::CHAIN, &clusters::WARD, &clusters::SINGLE, &Atf, &Boundary, &Extract, &Refine, &Tree, &Deform, &Map, &Invert, &Warp, &Render];
+    &Segment,
+    &Threshold,
+    &clusters::KMEANS,
+    &clusters::MIXTURE,
+    &clusters::SMOOTH,
+    &clusters::DIAGONAL,
+    &clusters::FULL,
+    &clusters::MODES,
+    &clusters::JOINT,
+    &clusters::CHAIN,
+    &clusters::WARD,
+    &clusters::SINGLE,
+    &Atf,
+    &Boundary,
+    &Extract,
+    &Refine,
+    &Tree,
+    &Deform,
+    &Map,
+    &Invert,
+    &Warp,
+    &Render,
+];
 
 struct Segment;
 struct Threshold;

@@ -31,7 +31,9 @@ pub(super) fn run(args: &SegmentArgs, context: &Context) -> anyhow::Result<()> {
         (Some(tree), None) => through_tree(&section, tree, inputs, &cache, context)?,
         (None, Some(prefix)) => with_posteriors(&section, prefix, &inputs, context)?,
         (Some(_), Some(_)) => {
-            return Err(Failure::usage("--tree-out is of hvs and --posteriors-out of emvs; give one".to_owned()));
+            return Err(Failure::usage(
+                "--tree-out is of hvs and --posteriors-out of emvs; give one".to_owned(),
+            ));
         }
         (None, None) => context.run(&cache, &Segment::from_section(&section)?, &inputs)?,
     };
@@ -80,7 +82,10 @@ fn through_tree(
     context: &Context,
 ) -> anyhow::Result<Done> {
     let Some(stage) = SegmentTree::from_section(section) else {
-        return Err(Failure::usage(format!("--tree-out: {} has no tree; use --method hvs", name(section.method))));
+        return Err(Failure::usage(format!(
+            "--tree-out: {} has no tree; use --method hvs",
+            name(section.method)
+        )));
     };
     let cut = Segment::cut_of_section(section)?;
     let built = context.run(cache, &stage, &inputs)?;

@@ -196,7 +196,8 @@ pub(super) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow
 /// Where the result of a record comes from.
 pub(super) fn provenance(record: &StageRecord) -> anyhow::Result<Provenance> {
     let hashes = record.inputs.iter();
-    let inputs = hashes.map(|(slot, hash)| Ok((slot.clone(), hash.parse().map_err(|e| anyhow::anyhow!("{e}"))?)));
+    let inputs =
+        hashes.map(|(slot, hash)| Ok((slot.clone(), hash.parse().map_err(|e| anyhow::anyhow!("{e}"))?)));
     Ok(Provenance {
         stage: record.stage.clone(),
         revision: record.revision,

@@ -2,7 +2,9 @@ use std::path::Path;
 
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
-use crate::scene::{BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene, SegmentSection};
+use crate::scene::{
+    BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene, SegmentSection,
+};
 use crate::stages::{
     Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Map, Octree, Refine, Render, Segment,
     SegmentTree, Warp,

@@ -108,16 +108,46 @@ impl CutParams {
 /// [`Error::Core`]: a bad parameter, a height that leaves more than 65535 classes, an inconsistent tree, the memory limit, or
 /// cancelled.
 pub fn cut(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Segmentation, Error> {
-    params.check()?;
     exec.run(|| {
-        let undone = undone(tree, params, exec)?;
-        if undone.len() >= MOST_CLASSES {
-            let problem = format!("{} classes, labels have 16 bits", undone.len() + 1);
-            return Err(ParamError::new("cut", problem, "raise the height, or `smallest`").into());
-        }
-        let (groups, count) = groups(tree, &undone, exec)?;
-        label(tree, groups, count, exec)
+        let found = classes_of(tree, params, exec)?;
+        let voxels: u64 = found.classes.iter().map(|c| c.voxels).sum();
+        Ok(Segmentation {
+            k: found.classes.len(),
+            labels: Labels::new(
+                tree.grid.clone(),
+                voxel_labels(tree, &found.groups, exec)?.into(),
+                found.classes,
+            )?,
+            iterations: 1,
+            converged: true,
+            objective: found.inertia,
+            visited_fraction: voxels as f64 / tree.grid.len() as f64,
+            gap: 0.0,
+        })
     })
+}
+
+/// The classes of a cut, before voxels get their labels.
+pub(super) struct Classes {
+    /// The merges that are undone, ascending.
+    pub(super) undone: Vec<u32>,
+    /// The class of each leaf, 1….
+    pub(super) groups: Bulk<u16>,
+    pub(super) classes: Vec<Class>,
+    inertia: f64,
+}
+
+/// # Errors
+/// Those of [`cut`].
+pub(super) fn classes_of(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Classes, Error> {
+    params.check()?;
+    let undone = undone(tree, params, exec)?;
+    if undone.len() >= MOST_CLASSES {
+        let problem = format!("{} classes, labels have 16 bits", undone.len() + 1);
+        return Err(ParamError::new("cut", problem, "raise the height, or `smallest`").into());
+    }
+    let (groups, count) = groups(tree, &undone, exec)?;
+    describe(tree, undone, groups, count, exec)
 }
 
 /// The merges that are undone, ascending.
@@ -221,7 +251,14 @@ fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(Bulk<u16>, usize)
     Ok((groups, count))
 }
 
-fn label(tree: &Tree, mut groups: Bulk<u16>, count: usize, exec: &Exec) -> Result<Segmentation, Error> {
+/// Names the groups by their means, and tells their figures.
+fn describe(
+    tree: &Tree,
+    undone: Vec<u32>,
+    mut groups: Bulk<u16>,
+    count: usize,
+    exec: &Exec,
+) -> Result<Classes, Error> {
     let frame = frame(&tree.means);
     let mut moments = vec![Moments::default(); count];
     for start in (0..groups.len()).step_by(CHUNK) {
@@ -252,16 +289,7 @@ fn label(tree: &Tree, mut groups: Bulk<u16>, count: usize, exec: &Exec) -> Resul
     let mut found: Vec<Class> = order.iter().enumerate().map(class).collect();
     classes::set_crossings(&mut found);
     let inertia: f64 = order.iter().map(|group| moments[*group].inertia(&frame)).sum();
-    let voxels: u64 = moments.iter().map(|m| m.count).sum();
-    Ok(Segmentation {
-        labels: Labels::new(tree.grid.clone(), voxel_labels(tree, &groups, exec)?.into(), found)?,
-        k: count,
-        iterations: 1,
-        converged: true,
-        objective: inertia.min(f64::MAX),
-        visited_fraction: voxels as f64 / tree.grid.len() as f64,
-        gap: 0.0,
-    })
+    Ok(Classes { undone, groups, classes: found, inertia: inertia.min(f64::MAX) })
 }
 
 fn voxel_labels(tree: &Tree, classes: &[u16], exec: &Exec) -> Result<Bulk<u16>, CoreError> {

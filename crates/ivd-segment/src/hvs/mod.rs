@@ -3,12 +3,13 @@
 mod agglomerate;
 mod cells;
 mod cut;
+mod dendrogram;
 mod field;
 mod figures;
 mod forest;
 mod graph;
 mod merges;
-mod sets;
+pub(crate) mod sets;
 mod single;
 #[cfg(test)]
 mod tests;
@@ -20,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::moments::{Frame, Moments};
 use crate::{Error, scope};
 pub use cut::{Cut, CutParams, Ranking, cut};
+pub use dendrogram::{Dendrogram, Leaf, dendrogram};
 use field::{Apart, Field};
 use figures::Figures;
 use merges::Merges;

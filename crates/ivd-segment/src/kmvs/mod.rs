@@ -14,9 +14,8 @@ use serde::{Deserialize, Serialize};
 use crate::groups::Partition;
 use crate::{Error, Segmentation, histogram, scope, segmentation};
 
-pub(crate) use integers::{groups_between, partition};
+pub(crate) use integers::{groups_between, partition, partitions};
 pub use spatial::{SpatialKmvs, kmvs_spatial};
-pub(crate) use integers::{groups_between, partitions};
 
 /// Most classes that can be asked for.
 const MOST_CLASSES: usize = 1024;

@@ -24,17 +24,25 @@ pub fn sound(volume: &Volume, found: &Segmentation) -> Verdict {
         match *value {
             None => hold!(id == NO_DATA, "voxel {i} is no data and has label {id}"),
             Some(value) => {
-                hold!((1..=classes.len()).contains(&usize::from(id)), "voxel {i} of value {value} has label {id}");
+                hold!(
+                    (1..=classes.len()).contains(&usize::from(id)),
+                    "voxel {i} of value {value} has label {id}"
+                );
                 members[usize::from(id) - 1].push(value);
             }
         }
     }
     for (class, members) in classes.iter().zip(&members) {
-        hold!(class.voxels == members.len() as u64 && class.voxels > 0, "{class:?} has {} voxels", members.len());
+        hold!(
+            class.voxels == members.len() as u64 && class.voxels > 0,
+            "{class:?} has {} voxels",
+            members.len()
+        );
         let first = members[0];
         let scale = members.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         // Halves: the difference of the two ends of the range may overflow.
-        let mean = 2.0 * (members.iter().map(|v| v / 2.0 - first / 2.0).sum::<f64>() / members.len() as f64) + first;
+        let mean =
+            2.0 * (members.iter().map(|v| v / 2.0 - first / 2.0).sum::<f64>() / members.len() as f64) + first;
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * scale + 1e-12 * scale + f64::MIN_POSITIVE;
         hold!(near(class.mean, mean), "class {} has mean {}, summed plainly {mean}", class.id, class.mean);
         let widest = members.iter().fold(0.0_f64, |m, v| m.max((v / 2.0 - mean / 2.0).abs())) * 2.0;
@@ -44,8 +52,14 @@ pub fn sound(volume: &Volume, found: &Segmentation) -> Verdict {
     let rising = classes.windows(2).all(|w| w[0].mean <= w[1].mean && w[0].id + 1 == w[1].id);
     hold!(rising, "the classes' means fall");
     for pair in classes.windows(2) {
-        let Some(meet) = pair[0].upper else { return Err(format!("class {} has no crossing above", pair[0].id)) };
-        hold!(pair[1].lower == Some(meet) && meet.is_finite(), "neighbours meet at {meet} and {:?}", pair[1].lower);
+        let Some(meet) = pair[0].upper else {
+            return Err(format!("class {} has no crossing above", pair[0].id));
+        };
+        hold!(
+            pair[1].lower == Some(meet) && meet.is_finite(),
+            "neighbours meet at {meet} and {:?}",
+            pair[1].lower
+        );
     }
     Ok(())
 }

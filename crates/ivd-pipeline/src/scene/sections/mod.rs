@@ -17,6 +17,6 @@ pub use map::{DepthWeight, MapMethod, MapSection, Outside, WarpOrder, WarpSectio
 pub use output::{OutputSection, Picture};
 pub use picture::{AtfSection, Projection, RenderMode, RenderSection};
 pub use segment::{
-    AutoWord, ClassCount, ClassOrder, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice, SegmentMethod,
-    SegmentSection,
+    AutoWord, ClassCount, ClassOrder, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice,
+    SegmentMethod, SegmentSection,
 };

@@ -48,7 +48,9 @@ impl std::str::FromStr for ClassCount {
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
             "auto" => Ok(Self::Word(AutoWord::Auto)),
-            _ => text.parse().map(Self::Number).map_err(|_| format!("`{text}`: a number of classes, or auto")),
+            _ => {
+                text.parse().map(Self::Number).map_err(|_| format!("`{text}`: a number of classes, or auto"))
+            }
         }
     }
 }

@@ -13,7 +13,9 @@ type Key = (&'static str, bool, &'static [SegmentMethod]);
 /// A usage error that names the key and the methods that read it.
 pub(super) fn check(section: &SegmentSection) -> Result<(), Error> {
     let method = section.method;
-    let Some((key, _, readers)) = keys(section).into_iter().find(|(_, set, by)| *set && !by.contains(&method)) else {
+    let Some((key, _, readers)) =
+        keys(section).into_iter().find(|(_, set, by)| *set && !by.contains(&method))
+    else {
         return Ok(());
     };
     let readers: Vec<String> = readers.iter().map(|m| name(*m)).collect();

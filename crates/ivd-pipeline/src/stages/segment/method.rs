@@ -3,8 +3,8 @@
 use ivd_artefact::Artefact;
 use ivd_core::{Exec, Volume, Voxels};
 use ivd_segment::{
-    ChainParams, Covariance, Cut, CutParams, EmvsParams, HvsParams, Kernel, KmvsParams, Linkage, MsvsParams, Ranking,
-    Segmentation, ThresholdParams,
+    ChainParams, Covariance, Cut, CutParams, EmvsParams, HvsParams, Kernel, KmvsParams, Linkage, MsvsParams,
+    Ranking, Segmentation, ThresholdParams,
 };
 use serde_json::{Value, json};
 
@@ -45,7 +45,9 @@ impl Method {
             SegmentMethod::Emvs => Self::Emvs(emvs(section)),
             SegmentMethod::Msvs => Self::Msvs(msvs(section)),
             SegmentMethod::Hvs => Self::Hvs(hvs(section), cut(section)?),
-            SegmentMethod::MsvsKmvs => Self::MsvsKmvs(ChainParams { msvs: msvs(section), ..ChainParams::default() }),
+            SegmentMethod::MsvsKmvs => {
+                Self::MsvsKmvs(ChainParams { msvs: msvs(section), ..ChainParams::default() })
+            }
             SegmentMethod::Threshold => Self::Threshold(ThresholdParams { values: section.values.clone() }),
         })
     }
@@ -71,7 +73,9 @@ impl Method {
     ) -> Result<(Segmentation, Value), Error> {
         let failed = stage_error!("segment");
         if let Self::Cut(params) = self {
-            let Some(Artefact::Tree(tree)) = inputs.get("tree") else { unreachable!("checked by the runner") };
+            let Some(Artefact::Tree(tree)) = inputs.get("tree") else {
+                unreachable!("checked by the runner")
+            };
             let found = ivd_segment::cut(tree, params, exec).map_err(failed)?;
             return Ok((found, metrics::dendrogram(tree, params, exec)));
         }
@@ -83,7 +87,9 @@ impl Method {
                 let own = metrics::spatial(&found);
                 Ok((found.segmentation, own))
             }
-            Self::Kmvs(params) => Ok((ivd_segment::kmvs(volume, mask, params, exec).map_err(failed)?, json!({}))),
+            Self::Kmvs(params) => {
+                Ok((ivd_segment::kmvs(volume, mask, params, exec).map_err(failed)?, json!({})))
+            }
             Self::Emvs(params) => {
                 let params = EmvsParams { posteriors: posteriors.is_some(), ..params.clone() };
                 let found = ivd_segment::emvs(volume, mask, &params, exec).map_err(failed)?;

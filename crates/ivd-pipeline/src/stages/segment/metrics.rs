@@ -51,11 +51,8 @@ pub(super) fn spatial(found: &SpatialKmvs) -> Value {
 
 /// A mixture, with the curve that its number of components was read from.
 pub(super) fn mixture(found: &Emvs) -> Value {
-    let curve: Vec<Value> = found
-        .bic
-        .iter()
-        .map(|p| json!({ "k": p.k, "objective": p.log_likelihood, "bic": p.bic }))
-        .collect();
+    let curve: Vec<Value> =
+        found.bic.iter().map(|p| json!({ "k": p.k, "objective": p.log_likelihood, "bic": p.bic })).collect();
     json!({ "log_likelihood": found.log_likelihood, "mixture": found.mixture, "curve": curve })
 }
 
