@@ -240,6 +240,9 @@ fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(Bulk<u16>, usize)
     let mut groups: Bulk<u16> = exec.bulk("the groups of the leaves", tree.leaf_count())?;
     let mut count = 0_usize;
     for leaf in 0..parts.len() {
+        if leaf % CHUNK == 0 {
+            exec.check_cancelled()?;
+        }
         let above = parts[leaf] as usize;
         groups[leaf] = if above < leaf {
             groups[above]

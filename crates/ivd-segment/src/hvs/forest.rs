@@ -278,6 +278,9 @@ pub(super) fn zones<T: Apart>(
     }
     let mut count = 0;
     for voxel in 0..leaves.len() {
+        if voxel % CHUNK == 0 {
+            exec.check_cancelled()?;
+        }
         // A set's members follow the one that stands for it, which has its leaf by now.
         let above = leaves[voxel] as usize;
         leaves[voxel] = if above < voxel {

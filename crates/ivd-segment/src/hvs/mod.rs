@@ -39,7 +39,8 @@ pub struct HvsParams {
     /// neighbours connects (quasi-flat zones; real units). Without it: equal neighbours for single linkage; for Ward's
     /// criterion as many of its own cheapest merges as [`HvsParams::max_regions`] asks for.
     pub alpha: Option<f64>,
-    /// Most leaves for Ward's criterion, ≥ 1. Each block of 16³ voxels keeps one at least.
+    /// Most leaves for Ward's criterion, ≥ 1. Each block of 16³ voxels keeps one at least. On a noisy head of 64³ voxels a
+    /// tenth as many leaves as voxels cost 2 % more inertia at 50 classes than no cap, a fifth 1 %, and neither any at 6.
     pub max_regions: usize,
     /// Only voxels whose real value lies between these, both included.
     pub range: Option<[f64; 2]>,
