@@ -22,9 +22,10 @@ const LENGTHEN: f64 = 2.0;
 const SHORT: f64 = 0.1;
 /// Steps after which a path gives up and follows the highest neighbour.
 const MOST_STEPS: usize = 12;
-/// Cells that are worked on at once, knowing only those before them: a share of those before, and at least so many.
+/// Cells that are worked on at once, knowing only those before them: a share of those before, and at least so many. They are
+/// worked on in the order in which they lie in memory; by height, each of them would wait for memory many times.
 const SHARE: usize = 8;
-const BATCH: std::ops::RangeInclusive<usize> = 64..=1 << 16;
+const LEAST_BATCH: usize = 64;
 /// A bandwidth (cells) below which neighbours along the axis are modes of their own: two equal Gaussians closer together
 /// than twice their standard deviation have one mode, those further apart two.
 const NARROW: f64 = 0.5;
@@ -89,26 +90,31 @@ fn climb<const D: usize>(
 ) -> Result<Basins, Error> {
     let axes: [Axis; D] = std::array::from_fn(|i| axes[i]);
     let climber = Climber { heights, axes };
-    let order = climber.order();
+    let mut order = climber.order();
     let mut found = Basins { of: vec![NO_BASIN; cells.len()], peaks: Vec::new() };
     let mut done = 0;
     while done < order.len() {
         exec.check_cancelled()?;
-        let size = (done / SHARE).clamp(*BATCH.start(), *BATCH.end()).min(order.len() - done);
-        let batch = &order[done..done + size];
-        let each: Vec<Found> =
-            batch.par_iter().with_min_len(64).map(|key| climber.from(cell_of(*key), &found.of)).collect();
-        for (key, each) in batch.iter().zip(each) {
+        let size = (done / SHARE).max(LEAST_BATCH).min(order.len() - done);
+        let batch = &mut order[done..done + size];
+        batch.par_sort_unstable_by_key(|key| cell_of(*key));
+        let mut each: Vec<(u64, Found)> = batch
+            .par_iter()
+            .with_min_len(64)
+            .map(|key| (*key, climber.from(cell_of(*key), &found.of)))
+            .collect();
+        each.par_sort_unstable_by_key(|(key, _)| *key);
+        for (key, each) in each {
             let basin = match each {
                 Found::Peak => {
-                    found.peaks.push(cell_of(*key) as u32);
+                    found.peaks.push(cell_of(key) as u32);
                     found.peaks.len() as u32 - 1
                 }
                 Found::Basin(basin) => basin,
                 // The other cell is higher, so its turn was before.
                 Found::With(other) => found.of[other as usize],
             };
-            found.of[cell_of(*key)] = basin;
+            found.of[cell_of(key)] = basin;
         }
         done += size;
     }

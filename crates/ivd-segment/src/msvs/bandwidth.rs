@@ -125,7 +125,7 @@ fn automatic(sample: Vec<f64>, count: u64, values: [f64; 2]) -> f64 {
     let sd = (kept.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / kept.len() as f64).sqrt() * unit;
     let quartiles = (quantile(0.75) / 1.349 - quantile(0.25) / 1.349).min(f64::MAX);
     let spread = if quartiles > 0.0 { sd.min(quartiles) } else { sd };
-    let silverman = 0.9 * spread * (count as f64).powf(-0.2);
+    let silverman = 0.45 * spread * (count as f64).powf(-0.2);
     let mut steps: Vec<f64> = sample.windows(2).filter(|w| w[0] < w[1]).map(|w| w[1] - w[0]).collect();
     steps.sort_unstable_by(f64::total_cmp);
     let step = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
@@ -144,7 +144,7 @@ mod tests {
         let uniform: Vec<f64> = (0..1001).map(f64::from).collect();
         // Silverman: standard deviation 289 below the quartiles' 371; n^(-1/5) of 100000 is a tenth.
         let found = automatic(uniform, 100_000, [0.0, 1000.0]);
-        assert!((found - 0.9 * 288.0 * 0.1).abs() < 0.5, "{found}");
+        assert!((found - 0.45 * 288.0 * 0.1).abs() < 0.5, "{found}");
         let steps: Vec<f64> = (0..1000).map(|i| f64::from(i / 250) * 16.0).collect();
         assert_eq!(automatic(steps, u64::MAX, [0.0, 48.0]), 16.0);
         assert_eq!(automatic(vec![5.0; 9], 9, [5.0, 5.0]), 1.0);

@@ -237,19 +237,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_blur_of_voxels_spread_over_cells_is_the_gaussian_of_the_voxels() {
-        // One voxel at each of 8 places a cell: the density at a cell's middle.
+    fn a_blur_of_counts_is_the_gaussian_of_the_voxels() {
         for (sigma, per_cell) in [(2.0, 8.0), (3.0, 2.0), (1.0, 1.0)] {
             let blur = weights(sigma, per_cell);
             let sum = f64::from(blur[0]) + 2.0 * blur[1..].iter().map(|w| f64::from(*w)).sum::<f64>();
             let expected = sigma * (2.0 * std::f64::consts::PI).sqrt();
             assert!((sum / expected - 1.0).abs() < 2e-4, "{sum} for {expected}");
-            for cell in 0..4 {
-                let voxels = (0..per_cell as usize)
-                    .map(|i| cell as f64 + (i as f64 + 0.5) / per_cell - 0.5)
-                    .map(|at| (-0.5 * (at / sigma).powi(2)).exp());
-                let direct = voxels.sum::<f64>() / per_cell;
-                assert!((f64::from(blur[cell]) - direct).abs() < 2e-3, "{} for {direct}", blur[cell]);
+            // A smooth density of voxels, at so many places a cell.
+            let voxels = |cell: i32| {
+                let place = move |i: i32| f64::from(cell) + (f64::from(i) + 0.5) / per_cell - 0.5;
+                (0..per_cell as i32).map(move |i| (place(i), (-0.5 * (place(i) / 2.5).powi(2)).exp()))
+            };
+            for at in 0..4 {
+                let direct: f64 = (-30..=30)
+                    .flat_map(voxels)
+                    .map(|(place, n)| n * (-0.5 * ((place - f64::from(at)) / sigma).powi(2)).exp())
+                    .sum();
+                let cells = (-30..=30).map(|cell: i32| {
+                    let weight = blur.get((cell - at).unsigned_abs() as usize).map_or(0.0, |w| f64::from(*w));
+                    weight * voxels(cell).map(|(_, n)| n).sum::<f64>()
+                });
+                let blurred: f64 = cells.sum();
+                assert!((blurred / direct - 1.0).abs() < 1e-3, "{blurred} for {direct}");
             }
         }
     }

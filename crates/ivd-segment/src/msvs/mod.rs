@@ -138,9 +138,10 @@ pub struct Msvs {
     pub modes: Vec<Mode>,
     /// Number of modes that persist, before [`MsvsParams::k_max`] cuts them down.
     pub k_proposed: usize,
-    /// Bandwidth of the values (real units). Where none was given, the largest of Silverman's rule, `0.9 s n^(-1/5)` with
-    /// `s` the lesser of standard deviation and interquartile range / 1.349; a hundredth of the range from the first to the
-    /// 99th percentile; and the usual step from one value to the next.
+    /// Bandwidth of the values (real units). Where none was given, the largest of half of Silverman's rule, `0.45 s n^(-1/5)`
+    /// with `s` the lesser of standard deviation and interquartile range / 1.349 (half, because the values of several classes
+    /// spread further than any class); a hundredth of the range from the first to the 99th percentile; and the usual step
+    /// from one value to the next.
     pub range_bandwidth: f64,
     /// Bandwidth in space (mm); 0 where space doesn't count.
     pub spatial_bandwidth: f64,

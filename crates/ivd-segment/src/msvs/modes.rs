@@ -70,11 +70,18 @@ pub(super) fn of(
     ranked.sort_by(|a, b| above(*b).total_cmp(&above(*a)).then(a.cmp(b)));
     let k_proposed = ranked.len();
     ranked.truncate(params.k_max);
-    let kept = ranked.iter().map(|m| {
-        let (place, density) = refined(cells, heights, basins.peaks[*m] as usize);
-        Peak { place, density, persistence: persistence(*m) }
-    });
-    let kept = kept.collect();
+    let mut kept: Vec<(Peak, usize)> = ranked
+        .iter()
+        .map(|m| {
+            let (place, density) = refined(cells, heights, basins.peaks[*m] as usize);
+            let persistence = (1.0 - ends[*m].saddle / density).clamp(0.0, 1.0);
+            (Peak { place, density, persistence }, *m)
+        })
+        .collect();
+    // Between cells a peak stands a little higher than its cell.
+    let above = |peak: &Peak| peak.density * peak.persistence;
+    kept.sort_by(|a, b| above(&b.0).total_cmp(&above(&a.0)).then(a.1.cmp(&b.1)));
+    let (kept, ranked): (Vec<Peak>, Vec<usize>) = kept.into_iter().unzip();
     Ok(Peaks { kept, of: owners(cells, basins, &ends, &ranked), k_proposed })
 }
 
