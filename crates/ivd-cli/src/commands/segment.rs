@@ -91,7 +91,7 @@ fn through_tree(
     let built = context.run(cache, &stage, &inputs)?;
     write_result(&built, tree, context)?;
     context.say(&format!("segment: tree in {:.2} s → {}", built.record.wall_s, tree.display()));
-    let inputs = inputs.only("volume").with("tree", built.into());
+    let inputs = inputs.only("volume").with("tree", built.input());
     context.run(cache, &cut, &inputs)
 }
 

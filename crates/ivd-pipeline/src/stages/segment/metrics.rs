@@ -75,8 +75,9 @@ pub(super) fn chain(found: &Chain) -> Value {
         "k_proposed": found.k_proposed,
         "k_kept": found.k_kept,
         "curve": curve,
-        "msvs_s": found.msvs_s,
-        "kmvs_s": found.kmvs_s,
+        "range_bandwidth": found.range_bandwidth,
+        "msvs_s": found.times.msvs.as_secs_f64(),
+        "kmvs_s": found.times.kmvs.as_secs_f64(),
     })
 }
 
@@ -87,6 +88,7 @@ pub(super) fn tree(found: &Hvs) -> Value {
         "nodes": found.tree.nodes(),
         "regions": found.regions,
         "excess": found.excess,
+        "inversions": found.inversions,
         "heights": heights,
         "bytes": found.tree.bytes(),
     })
@@ -95,7 +97,7 @@ pub(super) fn tree(found: &Hvs) -> Value {
 /// How the classes of a cut come together, as far as a picture can show it.
 pub(super) fn dendrogram(tree: &Tree, params: &CutParams, exec: &Exec) -> Value {
     match ivd_segment::dendrogram(tree, params, MOST_LEAVES, exec) {
-        Ok(found) => json!({ "dendrogram": found }),
-        Err(_) => json!({}),
+        Ok(Some(found)) => json!({ "dendrogram": found }),
+        _ => json!({}),
     }
 }
