@@ -2,6 +2,8 @@
 //!
 //! - [`kmvs`] (k-means volume segmentation) finds the K classes of least inertia. On intensity alone this has an exact
 //!   answer, and this crate gives it: the **global** optimum, not what some start happened to reach.
+//!   With a weight for places, [`kmvs_spatial`] also tells parts of one value apart by where they lie (Lloyd's algorithm,
+//!   exactly, over bricks of like voxels).
 //! - [`threshold`] cuts at given values.
 //!
 //! Both give a [`Segmentation`]: labels (0 is no data, 1…K in the order of the class means) with the classes' means,
