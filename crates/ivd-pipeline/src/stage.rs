@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use ivd_artefact::{Artefact, ContentHash, Kind, Loaded, Opened};
-use ivd_core::{Displacement, Exec, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Tree, Volume};
+use ivd_core::{
+    Displacement, Exec, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Tree, Volume,
+};
 use serde_json::{Map, Value};
 
 use crate::Error;

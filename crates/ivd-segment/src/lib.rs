@@ -2,11 +2,15 @@
 //!
 //! - [`kmvs`] (k-means volume segmentation) finds the K classes of least inertia. On intensity alone this has an exact
 //!   answer, and this crate gives it: the **global** optimum, not what some start happened to reach.
+//!   With a weight for places, [`kmvs_spatial`] also tells parts of one value apart by where they lie (Lloyd's algorithm,
+//!   exactly, over bricks of like voxels).
 //! - [`msvs`] (mean-shift volume segmentation) finds the modes of the density of the values, or of places and values, and with
 //!   them how many classes there are; [`msvs_kmvs`] lets `kmvs` make that many, or fewer.
-//! - [`threshold`] cuts at given values.
+//! - [`emvs`] (expectation-maximisation volume segmentation) fits a mixture of normal densities, on request with coupled
+//!   neighbours, a bias field, or over places too.
 //! - [`hvs_tree`] (hierarchical volume segmentation) grows a tree of merges of neighbouring parts, and [`cut`] makes any number
 //!   of classes of it without growing it again.
+//! - [`threshold`] cuts at given values. [`tidy`] removes specks, whatever found them.
 //!
 //! All give a [`Segmentation`]: labels (0 is no data, 1…K in the order of the class means) with the classes' means,
 //! spreads, sizes and the values where neighbouring classes meet.

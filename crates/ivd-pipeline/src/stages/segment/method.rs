@@ -82,16 +82,19 @@ impl Method {
         let mask = inputs.mask("mask");
         match self {
             Self::Kmvs(params) if params.spatial_weight > 0.0 => {
-                let found = ivd_segment::kmvs_spatial(volume, mask, params, exec).map_err(stage_error!("segment"))?;
+                let found =
+                    ivd_segment::kmvs_spatial(volume, mask, params, exec).map_err(stage_error!("segment"))?;
                 let own = metrics::spatial(&found);
                 Ok((found.segmentation, own))
             }
-            Self::Kmvs(params) => {
-                Ok((ivd_segment::kmvs(volume, mask, params, exec).map_err(stage_error!("segment"))?, json!({})))
-            }
+            Self::Kmvs(params) => Ok((
+                ivd_segment::kmvs(volume, mask, params, exec).map_err(stage_error!("segment"))?,
+                json!({}),
+            )),
             Self::Emvs(params) => {
                 let params = EmvsParams { posteriors: posteriors.is_some(), ..params.clone() };
-                let found = ivd_segment::emvs(volume, mask, &params, exec).map_err(stage_error!("segment"))?;
+                let found =
+                    ivd_segment::emvs(volume, mask, &params, exec).map_err(stage_error!("segment"))?;
                 if let Some(kept) = posteriors {
                     *kept = found
                         .posteriors
@@ -110,20 +113,23 @@ impl Method {
                 Ok((found.segmentation, own))
             }
             Self::MsvsKmvs(params) => {
-                let found = ivd_segment::msvs_kmvs(volume, mask, params, exec).map_err(stage_error!("segment"))?;
+                let found =
+                    ivd_segment::msvs_kmvs(volume, mask, params, exec).map_err(stage_error!("segment"))?;
                 let own = metrics::chain(&found);
                 Ok((found.segmentation, own))
             }
             Self::Hvs(tree, params) => {
-                let tree = ivd_segment::hvs_tree(volume, mask, tree, exec).map_err(stage_error!("segment"))?;
+                let tree =
+                    ivd_segment::hvs_tree(volume, mask, tree, exec).map_err(stage_error!("segment"))?;
                 let found = ivd_segment::cut(&tree.tree, params, exec).map_err(stage_error!("segment"))?;
                 let mut own = metrics::dendrogram(&tree.tree, params, exec);
                 own["regions"] = json!(tree.regions);
                 Ok((found, own))
             }
-            Self::Threshold(params) => {
-                Ok((ivd_segment::threshold(volume, mask, params, exec).map_err(stage_error!("segment"))?, json!({})))
-            }
+            Self::Threshold(params) => Ok((
+                ivd_segment::threshold(volume, mask, params, exec).map_err(stage_error!("segment"))?,
+                json!({}),
+            )),
             Self::Cut(_) => unreachable!("done above"),
         }
     }

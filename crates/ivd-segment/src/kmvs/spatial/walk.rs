@@ -20,11 +20,13 @@ pub(super) const TIE: f64 = 1e-12;
 pub(super) struct Candidate {
     pub(super) id: u16,
     pub(super) at: Point,
+    /// Squared distance from the middle of the box at hand.
+    far: f64,
 }
 
 /// All centroids.
 pub(super) fn candidates(centroids: &[Centroid]) -> Vec<Candidate> {
-    centroids.iter().enumerate().map(|(id, c)| Candidate { id: id as u16, at: c.at }).collect()
+    centroids.iter().enumerate().map(|(id, c)| Candidate { id: id as u16, at: c.at, far: 0.0 }).collect()
 }
 
 /// What is done with voxels once their centroid is known.
@@ -130,6 +132,7 @@ impl Looked {
         let members = hierarchy.places[members.clone()].iter().zip(&hierarchy.values[members]);
         for (i, (place, value)) in members.enumerate() {
             let [x, y, z] = hierarchy.layout.unpack(*place);
+            let i = i % GROUP;
             self.at[0][i] = axes[0][x];
             self.at[1][i] = axes[1][y];
             self.at[2][i] = axes[2][z];
@@ -143,6 +146,8 @@ impl Looked {
 
     /// The nearest candidate, the first among equals.
     fn choose(&mut self, near: &[Candidate], len: usize) {
+        // Says that no index is out of bounds, so that the loops take several voxels at once.
+        let len = len.min(GROUP);
         for i in 0..len {
             self.best[i] = distance(&self.feature(i), &near[0].at);
             self.which[i] = 0;
@@ -212,22 +217,21 @@ impl Cell {
 /// `|m - c|² - |m - b|² - 2 Σ half |c - b|`.
 fn prune(cell: &Cell, from: &[Candidate], into: &mut Vec<Candidate>) {
     into.clear();
-    let mut best = (f64::INFINITY, &from[0]);
+    let mut best = (f64::INFINITY, from[0].at, from[0].id);
     for candidate in from {
-        let d = distance(&cell.middle, &candidate.at);
-        if d < best.0 {
-            best = (d, candidate);
+        let far = distance(&cell.middle, &candidate.at);
+        into.push(Candidate { far, ..*candidate });
+        if far < best.0 {
+            best = (far, candidate.at, candidate.id);
         }
     }
+    let (least, nearest, id) = best;
     let size = |p: &Point| p[0] * p[0] + p[1] * p[1] + p[2] * p[2] + p[3] * p[3];
-    let base = best.0 + size(&cell.half) + size(&cell.middle);
-    for candidate in from {
-        let d = distance(&cell.middle, &candidate.at);
-        let spread: f64 = (0..4).map(|a| cell.half[a] * (candidate.at[a] - best.1.at[a]).abs()).sum();
+    let base = least + size(&cell.half) + size(&cell.middle);
+    into.retain(|candidate| {
+        let spread: f64 = (0..4).map(|a| cell.half[a] * (candidate.at[a] - nearest[a]).abs()).sum();
         // Distances that overflowed compare false, and stay.
-        let beyond = candidate.id != best.1.id && d - best.0 - 2.0 * spread > DOUBT * (d + base);
-        if !beyond {
-            into.push(*candidate);
-        }
-    }
+        let beyond = candidate.far - least - 2.0 * spread > DOUBT * (candidate.far + base);
+        candidate.id == id || !beyond
+    });
 }
