@@ -115,6 +115,9 @@ impl NodeId {
     }
 }
 
+/// Slots and the places that fill them.
+type Slots = Vec<(&'static str, NodeId)>;
+
 /// One place of the graph.
 pub struct PlanNode {
     /// Which.
@@ -323,10 +326,7 @@ fn boxed<S: Stage + 'static>(stage: S) -> Option<Box<dyn Stage>> {
 }
 
 /// The labels with their inputs: of the volume, or of the tree, and then of the volume too where they are changed by its values.
-fn segment(
-    section: &SegmentSection,
-    from_tree: bool,
-) -> Result<(Segment, Vec<(&'static str, NodeId)>), Error> {
+fn segment(section: &SegmentSection, from_tree: bool) -> Result<(Segment, Slots), Error> {
     if !from_tree {
         return Ok((Segment::from_section(section)?, vec![("volume", NodeId::Import)]));
     }

@@ -110,13 +110,13 @@ impl CutParams {
 pub fn cut(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Segmentation, Error> {
     exec.run(|| {
         let found = classes_of(tree, params, exec)?;
-        let voxels: u64 = found.classes.iter().map(|c| c.voxels).sum();
+        let voxels: u64 = found.list.iter().map(|c| c.voxels).sum();
         Ok(Segmentation {
-            k: found.classes.len(),
+            k: found.list.len(),
             labels: Labels::new(
                 tree.grid.clone(),
                 voxel_labels(tree, &found.groups, exec)?.into(),
-                found.classes,
+                found.list,
             )?,
             iterations: 1,
             converged: true,
@@ -133,7 +133,7 @@ pub(super) struct Classes {
     pub(super) undone: Vec<u32>,
     /// The class of each leaf, 1….
     pub(super) groups: Bulk<u16>,
-    pub(super) classes: Vec<Class>,
+    pub(super) list: Vec<Class>,
     inertia: f64,
 }
 
@@ -292,7 +292,7 @@ fn describe(
     let mut found: Vec<Class> = order.iter().enumerate().map(class).collect();
     classes::set_crossings(&mut found);
     let inertia: f64 = order.iter().map(|group| moments[*group].inertia(&frame)).sum();
-    Ok(Classes { undone, groups, classes: found, inertia: inertia.min(f64::MAX) })
+    Ok(Classes { undone, groups, list: found, inertia: inertia.min(f64::MAX) })
 }
 
 fn voxel_labels(tree: &Tree, classes: &[u16], exec: &Exec) -> Result<Bulk<u16>, CoreError> {

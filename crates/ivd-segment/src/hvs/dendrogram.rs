@@ -37,7 +37,7 @@ pub fn dendrogram(
 ) -> Result<Option<Dendrogram>, Error> {
     exec.run(|| {
         let found = classes_of(tree, params, exec)?;
-        let count = found.classes.len();
+        let count = found.list.len();
         if count > most {
             return Ok(None);
         }
@@ -54,7 +54,7 @@ pub fn dendrogram(
                 top[a.min(b) as usize] = count + merges.len() - 1;
             }
         }
-        let leaves = found.classes.iter().map(|c| Leaf { mean: c.mean, voxels: c.voxels }).collect();
+        let leaves = found.list.iter().map(|c| Leaf { mean: c.mean, voxels: c.voxels }).collect();
         Ok(Some(Dendrogram { leaves, merges }))
     })
 }

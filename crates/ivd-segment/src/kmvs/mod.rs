@@ -64,9 +64,12 @@ impl KmvsParams {
         if !(1..=MOST_CLASSES).contains(&self.k) {
             return Err(ParamError::new("k", format!("{} classes", self.k), format!("use 1…{MOST_CLASSES}")));
         }
-        let within = |field, value: f64, most: f64| match (0.0..=most).contains(&value) {
-            true => Ok(()),
-            false => Err(ParamError::new(field, format!("{value}"), format!("use 0…{most}"))),
+        let within = |field, value: f64, most: f64| {
+            if (0.0..=most).contains(&value) {
+                Ok(())
+            } else {
+                Err(ParamError::new(field, format!("{value}"), format!("use 0…{most}")))
+            }
         };
         within("spatial_weight", self.spatial_weight, spatial::LARGEST)?;
         within("tolerance", self.tolerance, 1.0)?;

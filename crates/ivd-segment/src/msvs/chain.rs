@@ -133,7 +133,8 @@ pub fn msvs_kmvs(
     let curve = exec.run(|| curve(volume, mask, params, &proposed, exec))?;
     let best = curve.iter().reduce(|best, point| if point.bic < best.bic { point } else { best });
     let k = best.map_or(1, |point| point.k);
-    let segmentation = kmvs(volume, mask, &KmvsParams { k, range: params.msvs.range, ..KmvsParams::default() }, exec)?;
+    let segmentation =
+        kmvs(volume, mask, &KmvsParams { k, range: params.msvs.range, ..KmvsParams::default() }, exec)?;
     Ok(Chain {
         k_proposed: proposed.k_proposed,
         k_kept: segmentation.k,

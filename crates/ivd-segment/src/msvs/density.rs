@@ -18,7 +18,7 @@ pub(super) struct Heights {
 pub(super) const GROUND: f32 = f32::NEG_INFINITY;
 /// Density below which a cell is passed over. A cell that holds a voxel has at least about 1.
 const FAINT: f32 = 0.1;
-const FAINT_LOGARITHM: f32 = -2.302_585;
+const FAINT_LOGARITHM: f32 = -std::f32::consts::LN_10;
 /// The least logarithm of a density, for slopes down to the ground.
 const LEAST: f32 = -104.0;
 

@@ -169,7 +169,9 @@ fn owners(cells: &Cells, basins: &Basins, ends: &[End], ranked: &[usize]) -> Vec
         }
         let end = owner[at].unwrap_or_else(|| nearest(cells, basins, at, ranked));
         owner[at] = Some(end);
-        way.into_iter().for_each(|m| owner[m] = Some(end));
+        for m in way {
+            owner[m] = Some(end);
+        }
     }
     owner.into_iter().map(|o| o.expect("every basin got an owner")).collect()
 }
@@ -214,7 +216,8 @@ fn refined(cells: &Cells, heights: &Heights, cell: usize) -> ([f64; 4], f64) {
     for (axis, shift) in inner.iter().zip(&shift) {
         place[axis.index] += shift;
     }
-    (place, heights.density(height(0) + rise))
+    // A mean of weights up to 1; the quadratic may overshoot.
+    (place, heights.density(height(0) + rise).min(1.0))
 }
 
 /// The shift to where the slope vanishes, within a cell; `None` where the curvature isn't that of a peak (a plateau).

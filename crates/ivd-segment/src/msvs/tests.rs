@@ -1,6 +1,7 @@
 //! Against mean shift of every datum over every datum, analytic mixtures, and awkward volumes.
 
 use ivd_core::{Exec, Fault, Grid, Mask, Volume, Voxels};
+use rayon::prelude::*;
 
 use super::*;
 
@@ -91,7 +92,6 @@ fn plain(volume: &Volume, range: f64, spatial: f64) -> Plain {
         }
         (sum.map(|s| s / weights), weights)
     };
-    use rayon::prelude::*;
     let ends: Vec<([f64; 4], f64)> = points
         .par_iter()
         .map(|p| {
