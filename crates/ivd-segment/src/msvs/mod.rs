@@ -224,7 +224,8 @@ fn finish(
             class: class as u16 + 1,
             position: cells.position(&peak.place, volume),
             value: cells.range.value(peak.place[3]).clamp(f64::MIN, f64::MAX),
-            density: peak.density / voxels as f64,
+            // The quadratic through the cells may overshoot.
+            density: (peak.density / voxels as f64).min(1.0),
             persistence: peak.persistence,
             voxels: found.classes[class].voxels,
         })

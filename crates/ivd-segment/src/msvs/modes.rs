@@ -216,8 +216,7 @@ fn refined(cells: &Cells, heights: &Heights, cell: usize) -> ([f64; 4], f64) {
     for (axis, shift) in inner.iter().zip(&shift) {
         place[axis.index] += shift;
     }
-    // A mean of weights up to 1; the quadratic may overshoot.
-    (place, heights.density(height(0) + rise).min(1.0))
+    (place, heights.density(height(0) + rise))
 }
 
 /// The shift to where the slope vanishes, within a cell; `None` where the curvature isn't that of a peak (a plateau).
