@@ -41,7 +41,12 @@ pub(super) fn experiment(stage: &str, size: usize, exec: &Exec) -> Option<Result
 }
 
 /// The same on any volume.
-pub(super) fn on(stage: &str, volume: &Arc<Volume>, input: String, exec: &Exec) -> Option<Result<Experiment, Problem>> {
+pub(super) fn on(
+    stage: &str,
+    volume: &Arc<Volume>,
+    input: String,
+    exec: &Exec,
+) -> Option<Result<Experiment, Problem>> {
     Some(match stage {
         "segment-kmvs" => kmeans(volume, input, exec),
         "segment-emvs" => mixture(volume, input, exec),
@@ -78,11 +83,15 @@ fn kmeans(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment
             let count = volume.grid().len() as f64;
             Ok(Box::new(move || {
                 let excess = (found.objective / best - 1.0).max(0.0);
-                Ok(judged(excess, [("voxels", found.visited_fraction * count), ("iterations", found.iterations as f64)]))
+                Ok(judged(
+                    excess,
+                    [("voxels", found.visited_fraction * count), ("iterations", found.iterations as f64)],
+                ))
             }))
         })
     });
-    let words = ["Lloyd's iteration until no label changes", "inertia above the truth's", "of the truth's inertia"];
+    let words =
+        ["Lloyd's iteration until no label changes", "inertia above the truth's", "of the truth's inertia"];
     Ok(built("segment-kmvs", volume, input, words, settings.into()))
 }
 
@@ -133,7 +142,11 @@ fn modes(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment,
 /// Ward's tree from fewer regions.
 fn tree(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, Problem> {
     let params = |max_regions| HvsParams { max_regions, ..HvsParams::default() };
-    let classes = CutParams { cut: Cut::Classes(TREE_CLASSES), order: ivd_segment::Ranking::Height, ..CutParams::default() };
+    let classes = CutParams {
+        cut: Cut::Classes(TREE_CLASSES),
+        order: ivd_segment::Ranking::Height,
+        ..CutParams::default()
+    };
     let squares = move |volume: &Volume, max_regions: usize, exec: &Exec| -> Result<(f64, f64), Problem> {
         let found = hvs_tree(volume, None, &params(max_regions), exec)?;
         Ok((cut(&found.tree, &classes, exec)?.objective, found.regions as f64))
@@ -143,12 +156,20 @@ fn tree(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, 
     let default = HvsParams::default().max_regions;
     for regions in super::inputs::each_once(REGIONS.into_iter().chain([default])) {
         let (volume, squares) = (volume.clone(), squares.clone());
-        settings.push(Setting::new([("max_regions", regions.to_string())], regions == default, move |exec| {
-            let (found, count) = squares(&volume, regions, exec)?;
-            Ok(Box::new(move || Ok(judged((found / best - 1.0).max(0.0), [("regions", count)]))))
-        }));
+        settings.push(Setting::new(
+            [("max_regions", regions.to_string())],
+            regions == default,
+            move |exec| {
+                let (found, count) = squares(&volume, regions, exec)?;
+                Ok(Box::new(move || Ok(judged((found / best - 1.0).max(0.0), [("regions", count)]))))
+            },
+        ));
     }
-    let words = ["the tree of two million regions", "sum of squares of 64 classes above the truth's", "of the truth's"];
+    let words = [
+        "the tree of two million regions",
+        "sum of squares of 64 classes above the truth's",
+        "of the truth's",
+    ];
     Ok(built("segment-hvs", volume, input, words, settings))
 }
 

@@ -1,6 +1,7 @@
 //! The experiments: one file a stage.
 
 mod atf;
+mod clusters;
 mod deform;
 mod given;
 mod inputs;
@@ -18,7 +19,20 @@ use crate::experiment::{Experiment, Problem};
 use crate::sweep::Given;
 
 /// The stages that have experiments, in the order of the pipeline.
-pub const NAMES: [&str; 8] = ["segment", "atf", "lattice", "refine", "deform", "map", "warp", "render"];
+pub const NAMES: [&str; 12] = [
+    "segment",
+    "segment-kmvs",
+    "segment-emvs",
+    "segment-msvs",
+    "segment-hvs",
+    "atf",
+    "lattice",
+    "refine",
+    "deform",
+    "map",
+    "warp",
+    "render",
+];
 
 /// The experiments of a stage on generated inputs of `size` voxels along an edge; none for a stage without.
 ///
@@ -34,7 +48,10 @@ pub fn experiments(stage: &str, size: usize, exec: &Exec) -> Result<Vec<Experime
         "map" => map::experiment(size, exec),
         "warp" => warp::experiment(size),
         "render" => render::experiment(size, exec),
-        _ => return Ok(Vec::new()),
+        _ => match clusters::experiment(stage, size, exec) {
+            Some(made) => made,
+            None => return Ok(Vec::new()),
+        },
     };
     Ok(vec![made.map_err(|problem| failed(stage, &problem))?])
 }
