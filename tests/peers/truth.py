@@ -138,7 +138,7 @@ def main():
         for source in (phantoms(program, folder), atlas(given.data), hippocampi(given.data)):
             sums = {}
             for name, volume, labels, names, k in source:
-                voxels = np.asarray(nibabel.load(volume).dataobj)
+                voxels = np.ascontiguousarray(nibabel.load(volume).dataobj)
                 scores = {m: dice(f, labels, names) for m, f in {**ours(program, volume, k, given.smoothing), **peers(voxels, k)}.items()}
                 for method, score in scores.items():
                     sums.setdefault(method, []).append(score.mean())

@@ -32,7 +32,13 @@ impl Frame {
 
     /// A value in the frame.
     pub(crate) fn place(&self, value: f64) -> f64 {
-        value * self.scale - self.centre * self.scale
+        (value - self.centre) * self.scale
+    }
+
+    /// A value in the frame, exactly: the difference first, as a value times the unit of a constant volume has no number.
+    #[inline]
+    fn wide(&self, value: f64) -> Wide {
+        Wide::difference(value, self.centre).scaled(self.scale)
     }
 
     /// The frame of values in a range.
@@ -60,7 +66,7 @@ impl Moments {
     /// Adds a stored value.
     #[inline]
     pub(crate) fn add<T: Scalar>(&mut self, value: T, frame: &Frame) {
-        let d = Wide::difference(value.to_f64() * frame.scale, frame.centre * frame.scale);
+        let d = frame.wide(value.to_f64());
         self.count += 1;
         self.sum = self.sum.plus(d);
         self.squares = self.squares.plus(d.times(d));
@@ -68,7 +74,7 @@ impl Moments {
 
     /// Adds `count` equal stored values.
     pub(crate) fn add_many(&mut self, value: f64, count: u64, frame: &Frame) {
-        let d = Wide::difference(value * frame.scale, frame.centre * frame.scale);
+        let d = frame.wide(value);
         let n = Wide::from(count as f64);
         self.count += count;
         self.sum = self.sum.plus(d.times(n));
@@ -93,8 +99,7 @@ impl Moments {
         if self.count == 0 {
             return 0.0;
         }
-        let mean = self.sum.over(self.count as f64).plus(Wide::from(frame.centre * frame.scale));
-        mean.value() / frame.scale
+        self.sum.over(self.count as f64).scaled(1.0 / frame.scale).plus(Wide::from(frame.centre)).value()
     }
 
     /// Sum of squared deviations from the mean, in stored units².
@@ -153,7 +158,7 @@ mod tests {
 
     #[test]
     fn one_value_that_is_no_whole_number_keeps_its_mean() {
-        for value in [3.5, -3.5, -0.25, 1e-310, -1e-310, 0.1] {
+        for value in [3.5, -3.5, -0.25, 1e-310, -1e-310, 0.1, 1e300, -1e300, 3_999_998_976.0] {
             let frame = Frame::between([value; 2]);
             let mut found = Moments::default();
             found.add_many(value, 12, &frame);

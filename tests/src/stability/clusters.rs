@@ -11,6 +11,9 @@ use super::case::{Case, Stage};
 use super::chain::{Subject, Values};
 use super::invariants::{Verdict, clusters};
 
+/// Most components of a mixture.
+const MOST: usize = 256;
+
 /// A method with its name.
 pub(super) struct Cluster(
     Stage,
@@ -26,11 +29,12 @@ pub(super) static KMEANS: Cluster =
     });
 
 pub(super) static MIXTURE: Cluster = Cluster(Stage::Emvs, "emvs", |on, volume, k, exec| {
-    on.emvs(volume, &EmvsParams { k: Some(k), ..EmvsParams::default() }, exec)
+    on.emvs(volume, &EmvsParams { k: Some(k.min(MOST)), ..EmvsParams::default() }, exec)
 });
 
 pub(super) static SMOOTH: Cluster = Cluster(Stage::EmvsSmooth, "emvs, smoothing", |on, volume, k, exec| {
-    let params = EmvsParams { k: Some(k), smoothing: 0.5, max_iterations: 50, ..EmvsParams::default() };
+    let params =
+        EmvsParams { k: Some(k.min(MOST)), smoothing: 0.5, max_iterations: 50, ..EmvsParams::default() };
     on.emvs(volume, &params, exec)
 });
 
@@ -39,14 +43,18 @@ pub(super) static DIAGONAL: Cluster =
         let covariance = Covariance::Diagonal;
         on.emvs(
             volume,
-            &EmvsParams { k: Some(k), covariance, max_iterations: 20, ..EmvsParams::default() },
+            &EmvsParams { k: Some(k.min(MOST)), covariance, max_iterations: 20, ..EmvsParams::default() },
             exec,
         )
     });
 
 pub(super) static FULL: Cluster = Cluster(Stage::EmvsFull, "emvs, full", |on, volume, k, exec| {
     let covariance = Covariance::Full;
-    on.emvs(volume, &EmvsParams { k: Some(k), covariance, max_iterations: 20, ..EmvsParams::default() }, exec)
+    on.emvs(
+        volume,
+        &EmvsParams { k: Some(k.min(MOST)), covariance, max_iterations: 20, ..EmvsParams::default() },
+        exec,
+    )
 });
 
 pub(super) static MODES: Cluster =

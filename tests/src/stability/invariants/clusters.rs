@@ -3,8 +3,8 @@
 use ivd_core::{NO_DATA, Volume};
 use ivd_segment::Segmentation;
 
+use super::Verdict;
 use super::segments::reals;
-use super::{EPS, Verdict};
 use crate::hold;
 
 /// Every voxel with data has a class and no other has one; classes count their voxels, have their mean and spread, and rise.
@@ -32,21 +32,28 @@ pub fn sound(volume: &Volume, found: &Segmentation) -> Verdict {
             }
         }
     }
+    // Sums are about the middle of the volume's range, in steps of 2⁻⁴⁹ of it or finer: below that a figure is noise.
+    let reach = volume.range().map_or(0.0, |[low, high]| (high / 2.0 - low / 2.0) * 2.0_f64.powi(-46));
     for (class, members) in classes.iter().zip(&members) {
         hold!(
             class.voxels == members.len() as u64 && class.voxels > 0,
             "{class:?} has {} voxels",
             members.len()
         );
-        let first = members[0];
+        // Halves: sums and differences of the ends of f64 overflow.
+        let first = members[0] / 2.0;
+        let mean = members.iter().map(|v| (v / 2.0 - first) / members.len() as f64).sum::<f64>() + first;
         let scale = members.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        // Halves: the difference of the two ends of the range may overflow.
-        let mean =
-            2.0 * (members.iter().map(|v| v / 2.0 - first / 2.0).sum::<f64>() / members.len() as f64) + first;
-        let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * scale + 1e-12 * scale + f64::MIN_POSITIVE;
-        hold!(near(class.mean, mean), "class {} has mean {}, summed plainly {mean}", class.id, class.mean);
-        let widest = members.iter().fold(0.0_f64, |m, v| m.max((v / 2.0 - mean / 2.0).abs())) * 2.0;
-        let most = widest * (1.0 + 1e-9) + 64.0 * EPS * scale + f64::MIN_POSITIVE;
+        let slack = 1e-9 * scale + reach + f64::MIN_POSITIVE;
+        let off = (class.mean / 2.0 - mean).abs();
+        hold!(
+            off <= slack,
+            "class {} has mean {}, half of which summed plainly is {mean}",
+            class.id,
+            class.mean
+        );
+        let widest = members.iter().fold(0.0_f64, |m, v| m.max((v / 2.0 - mean).abs())) * 2.0;
+        let most = widest * (1.0 + 1e-9) + slack;
         hold!(class.sd >= 0.0 && class.sd <= most, "class {} has spread {} of {widest}", class.id, class.sd);
     }
     let rising = classes.windows(2).all(|w| w[0].mean <= w[1].mean && w[0].id + 1 == w[1].id);
