@@ -12,7 +12,7 @@
 //!   of classes of it without growing it again.
 //! - [`threshold`] cuts at given values. [`tidy`] removes specks, whatever found them.
 //!
-//! All give a [`Segmentation`]: labels (0 is no data, 1…K in the order of the class means) with the classes' means,
+//! All give a [`Segmentation`]: labels (0 is no data, 1…K in the order of the class means, or of their sizes by [`tidy`]) with the classes' means,
 //! spreads, sizes and the values where neighbouring classes meet.
 //!
 //! How `kmvs` works: an 8 or 16 bit volume is counted into a histogram, in parallel; the optimal cuts of the histogram come

@@ -64,7 +64,9 @@ pub(super) fn spread<T: Scalar>(
     let mut first: Bulk<f64> = exec.bulk("a value of each leaf", count)?;
     each(voxels, leaves, exec, |leaf, v| first[leaf] = v.to_f64())?;
     let scale = Frame::of(volume).scale();
-    each(voxels, leaves, exec, |leaf, v| means[leaf] += v.to_f64() * scale - first[leaf] * scale)?;
+    each(voxels, leaves, exec, |leaf, v| {
+        means[leaf] += (v.to_f64() / 2.0 - first[leaf] / 2.0) * (2.0 * scale)
+    })?;
     for leaf in 0..count {
         let beyond = means[leaf] / f64::from(counts[leaf]) / scale;
         means[leaf] = volume.real(first[leaf] + beyond).clamp(f64::MIN, f64::MAX);

@@ -75,8 +75,8 @@ pub struct Hvs {
     pub regions: usize,
     /// The sum of squared deviations within the leaves as a share of that of all voxels, 0…1: what no cut can resolve.
     pub excess: f64,
-    /// Merges that were cheaper than one before them (Ward's criterion among neighbours only can do that). Their heights
-    /// are those of the dearest merge before them.
+    /// Merges that were cheaper than one before them: Ward's criterion among neighbours only can do that, and joining parts
+    /// that touch nowhere. Their heights are those of the dearest merge before them.
     pub inversions: u64,
 }
 

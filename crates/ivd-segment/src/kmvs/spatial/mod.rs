@@ -46,7 +46,7 @@ pub struct SpatialKmvs {
 /// and only voxels in groups that straddle two centroids are looked at one by one. O(N) to set up; an iteration costs
 /// O(N K / 4096) and a share for the voxels near a border, typically a few per cent.
 ///
-/// Means are exact: sums are integers. Floats enter sums in steps of 2⁻⁴⁹ of their range. A voxel as far from two centroids, by
+/// Means are exact: sums are integers. Floats enter sums rounded to 2⁻⁴⁹ of their range. A voxel as far from two centroids, by
 /// distances rounded to `f64`, goes to the first of them. An empty cluster begins anew at the voxel that is farthest from its
 /// nearest centroid (the first in the volume among equals); with fewer voxels than clusters some stay empty and are left out.
 /// The start is [`KmvsParams::start`], or k-means++ (Arthur & Vassilvitskii 2007) from [`KmvsParams::seed`], drawn among means
