@@ -132,6 +132,13 @@ pub struct PlanNode {
     pub why: String,
 }
 
+impl PlanNode {
+    /// Whether a report of the run names it: a tree that the scene's method doesn't have is no stage of it.
+    pub(crate) fn is_told(&self) -> bool {
+        self.id != NodeId::Tree || self.stage.is_some()
+    }
+}
+
 /// The graph of a scene.
 pub struct Plan {
     nodes: Vec<PlanNode>,

@@ -144,7 +144,9 @@ pub(super) fn classes_of(tree: &Tree, params: &CutParams, exec: &Exec) -> Result
     let undone = undone(tree, params, exec)?;
     if undone.len() >= MOST_CLASSES {
         let problem = format!("{} classes, labels have 16 bits", undone.len() + 1);
-        return Err(ParamError::new("cut", problem, "raise the height, or ask for a number of classes").into());
+        return Err(
+            ParamError::new("cut", problem, "raise the height, or ask for a number of classes").into()
+        );
     }
     let (groups, count) = groups(tree, &undone, exec)?;
     describe(tree, undone, groups, count, exec)

@@ -65,7 +65,7 @@ pub(super) fn spread<T: Scalar>(
     each(voxels, leaves, exec, |leaf, v| first[leaf] = v.to_f64())?;
     let scale = Frame::of(volume).scale();
     each(voxels, leaves, exec, |leaf, v| {
-        means[leaf] += (v.to_f64() / 2.0 - first[leaf] / 2.0) * (2.0 * scale)
+        means[leaf] += (v.to_f64() / 2.0 - first[leaf] / 2.0) * (2.0 * scale);
     })?;
     for leaf in 0..count {
         let beyond = means[leaf] / f64::from(counts[leaf]) / scale;
