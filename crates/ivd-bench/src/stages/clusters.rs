@@ -155,7 +155,7 @@ fn tree(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, 
     let mut settings = Vec::new();
     let default = HvsParams::default().max_regions;
     for regions in super::inputs::each_once(REGIONS.into_iter().chain([default])) {
-        let (volume, squares) = (volume.clone(), squares.clone());
+        let volume = volume.clone();
         settings.push(Setting::new(
             [("max_regions", regions.to_string())],
             regions == default,
