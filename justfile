@@ -9,6 +9,7 @@ check:
     cargo fmt --all --check
     cargo clippy --workspace --all-targets --locked -- -D warnings
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
+    cargo check --manifest-path fuzz/Cargo.toml --lib
 
 # All tests.
 test:

@@ -245,6 +245,9 @@ fn use_it(artefact: &Artefact) {
                 stages::draw(&volume, &built.transfer, None, Some(displacement));
             }
         }
+        Artefact::Tree(tree) if tree.grid.len() <= SMALL => {
+            let _ = ivd_segment::cut(tree, &ivd_segment::CutParams::default(), exec());
+        }
         Artefact::Image(image) => {
             let black = Image::new(image.width(), image.height(), vec![0; image.rgba().len()]);
             let _ = ivd_render::difference(image, &black.expect("of the same size"));
@@ -254,6 +257,6 @@ fn use_it(artefact: &Artefact) {
 }
 
 /// Names of the kinds, for the seeds.
-pub fn kinds() -> [Kind; 9] {
+pub fn kinds() -> [Kind; 10] {
     Kind::ALL
 }

@@ -4,7 +4,10 @@ use ivd_boundary::{Params as PartParams, component};
 use ivd_core::{Displacement, FieldBricks, Grid, Labels, Mask, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures;
-use ivd_segment::{KmvsParams, Segmentation, ThresholdParams, kmvs, threshold};
+use ivd_segment::{
+    ChainParams, Covariance, Cut, CutParams, EmvsParams, Error, HvsParams, KmvsParams, Linkage, MsvsParams,
+    Segmentation, ThresholdParams, cut as cut_tree, emvs, hvs_tree, kmvs, msvs, msvs_kmvs, threshold,
+};
 
 use crate::{Bytes, exec, lattices, stages};
 
@@ -19,8 +22,7 @@ pub fn check(bytes: &[u8]) {
     let voxels = voxels(&grid, &mut bytes);
     let Ok(volume) = Volume::with_scale(grid, voxels, slope, intercept) else { return };
 
-    let found = kmvs(&volume, None, &kmvs_params, exec());
-    for segmentation in [found, threshold(&volume, None, &cuts, exec())].into_iter().flatten() {
+    for segmentation in every_way(&volume, &kmvs_params, &cuts, iso, upper).into_iter().flatten() {
         classes(&volume, &segmentation);
         colour(&volume, &segmentation.labels);
     }
@@ -30,6 +32,44 @@ pub fn check(bytes: &[u8]) {
     if let Ok(built) = ivd_atf::from_isovalue(&volume, iso, &ivd_atf::Params::default(), exec()) {
         stages::draw(&volume, &built.transfer, None, None);
     }
+}
+
+/// The volume segmented by every method; `a` and `b` are any numbers.
+fn every_way(
+    volume: &Volume,
+    kmvs_params: &KmvsParams,
+    cuts: &ThresholdParams,
+    a: f64,
+    b: f64,
+) -> Vec<Result<Segmentation, Error>> {
+    let k = kmvs_params.k;
+    let mixture = |params| Ok(emvs(volume, None, &params, exec())?.segmentation);
+    let shift = |params| Ok(msvs(volume, None, &params, exec())?.segmentation);
+    let tree = |linkage| {
+        let params = HvsParams { linkage, alpha: Some(b).filter(|b| *b > 0.0), ..HvsParams::default() };
+        let tree = hvs_tree(volume, None, &params, exec())?.tree;
+        cut_tree(&tree, &CutParams { cut: Cut::Classes(k), ..CutParams::default() }, exec())
+    };
+    let rounds = EmvsParams { k: Some(k), max_iterations: 20, ..EmvsParams::default() };
+    vec![
+        kmvs(volume, None, kmvs_params, exec()),
+        kmvs(
+            volume,
+            None,
+            &KmvsParams { spatial_weight: a, max_iterations: 20, ..kmvs_params.clone() },
+            exec(),
+        ),
+        threshold(volume, None, cuts, exec()),
+        mixture(rounds.clone()),
+        mixture(EmvsParams { smoothing: a, bias: b, ..rounds.clone() }),
+        mixture(EmvsParams { covariance: Covariance::Diagonal, ..rounds.clone() }),
+        mixture(EmvsParams { covariance: Covariance::Full, ..rounds }),
+        shift(MsvsParams { range_bandwidth: a, ..MsvsParams::default() }),
+        shift(MsvsParams { spatial_bandwidth: b, ..MsvsParams::default() }),
+        msvs_kmvs(volume, None, &ChainParams::default(), exec()).map(|found| found.segmentation),
+        tree(Linkage::Ward),
+        tree(Linkage::Single),
+    ]
 }
 
 fn voxels(grid: &Grid, bytes: &mut Bytes) -> Voxels {

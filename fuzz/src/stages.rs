@@ -11,7 +11,7 @@ use ivd_pipeline::scene::{
     RenderSection, SegmentSection, WarpSection,
 };
 use ivd_pipeline::stages::{
-    Atf, Boundary, Deform, Lattice as Cut, Map, Octree, Refine, Render, Segment, Warp,
+    Atf, Boundary, Deform, Lattice as Cut, Map, Octree, Refine, Render, Segment, SegmentTree, Warp,
 };
 use ivd_pipeline::{Input, Inputs, Stage};
 
@@ -35,7 +35,8 @@ fn made() -> &'static Made {
         let just = |stage: &dyn Stage, slots: &[(&'static str, &Arc<Artefact>)]| {
             Arc::new(run(stage, slots).expect("the defaults work on a ball"))
         };
-        let labels = just(&Segment::from_section(&SegmentSection::default()), &[("volume", &volume)]);
+        let segmentation = Segment::from_section(&SegmentSection::default()).expect("sound");
+        let labels = just(&segmentation, &[("volume", &volume)]);
         let atf = Atf::from_section(&AtfSection::default(), None);
         let transfer = just(&atf, &[("volume", &volume), ("labels", &labels)]);
         let lattice = just(&Cut { iso: IsoChoice::Value(50.0), class: None }, &[("volume", &volume)]);
@@ -64,7 +65,7 @@ pub fn ball() -> Volume {
 /// Runs a stage; its result must be sound.
 fn run(stage: &dyn Stage, slots: &[(&'static str, &Arc<Artefact>)]) -> Option<Artefact> {
     let inputs = slots.iter().fold(Inputs::default(), |inputs, (slot, artefact)| {
-        inputs.with(slot, Input { artefact: Arc::clone(artefact), hash: ContentHash([0; 32]) })
+        inputs.with(slot, Input { artefact: Arc::clone(artefact), hash: ContentHash([0; 32]), file: None })
     });
     inputs.check(stage).ok()?;
     let product = stage.run(&inputs, exec()).ok()?;
@@ -78,6 +79,7 @@ pub fn sound_enough(artefact: &Artefact) {
         Artefact::Lattice(lattice) => lattice.check().expect("a lattice"),
         Artefact::Octree(octree) => octree.check().expect("an octree"),
         Artefact::Motion(motion) => motion.check().expect("a motion"),
+        Artefact::Tree(tree) => tree.check().expect("a tree"),
         _ => {}
     }
 }
@@ -105,7 +107,14 @@ fn opacities(transfer: &TransferFunction) {
 
 /// Segments the ball.
 pub fn segment(section: &SegmentSection) {
-    run(&Segment::from_section(section), &[("volume", &made().volume)]);
+    if let Ok(stage) = Segment::from_section(section) {
+        run(&stage, &[("volume", &made().volume)]);
+    }
+    if let (Some(tree), Ok(cut)) = (SegmentTree::from_section(section), Segment::cut_of_section(section))
+        && let Some(tree) = run(&tree, &[("volume", &made().volume)])
+    {
+        run(&cut, &[("tree", &Arc::new(tree)), ("volume", &made().volume)]);
+    }
 }
 
 /// Colours the ball.

@@ -7,7 +7,7 @@ import json
 import struct
 import sys
 
-KINDS = ["volume", "labels", "mask", "transfer", "lattice", "octree", "motion", "displacement", "image"]
+KINDS = ["volume", "labels", "mask", "transfer", "lattice", "octree", "motion", "displacement", "image", "tree"]
 FORMATS = dict(u8="B", i8="b", u16="H", i16="h", u32="I", i32="i", u64="Q", f32="f", f64="d")
 CHUNK = 4 << 20
 

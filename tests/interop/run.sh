@@ -17,4 +17,11 @@ for script in volumes lattices pipeline; do
     echo "-- $script"
     "$venv/bin/python" "$here/$script.py" "$ivd" || status=1
 done
+trees=$here/../../target/release/examples/hvs_raw
+if [ -x "$trees" ]; then
+    echo "-- trees"
+    "$venv/bin/python" "$here/trees.py" --program "$trees" || status=1
+else
+    echo "-- trees: passed over; cargo build --release -p ivd-segment --example hvs_raw makes the program"
+fi
 exit $status

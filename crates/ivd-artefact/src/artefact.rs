@@ -1,4 +1,4 @@
-use ivd_core::{Displacement, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Volume};
+use ivd_core::{Displacement, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Tree, Volume};
 
 use crate::Kind;
 
@@ -24,6 +24,8 @@ pub enum Artefact {
     Displacement(Displacement),
     /// A picture.
     Image(Image),
+    /// A tree of merges.
+    Tree(Tree),
 }
 
 impl Artefact {
@@ -46,6 +48,7 @@ pub enum ArtefactRef<'a> {
     Motion(&'a Motion),
     Displacement(&'a Displacement),
     Image(&'a Image),
+    Tree(&'a Tree),
 }
 
 impl ArtefactRef<'_> {
@@ -61,6 +64,7 @@ impl ArtefactRef<'_> {
             Self::Motion(_) => Kind::Motion,
             Self::Displacement(_) => Kind::Displacement,
             Self::Image(_) => Kind::Image,
+            Self::Tree(_) => Kind::Tree,
         }
     }
 }
@@ -77,6 +81,7 @@ impl<'a> From<&'a Artefact> for ArtefactRef<'a> {
             Artefact::Motion(value) => Self::Motion(value),
             Artefact::Displacement(value) => Self::Displacement(value),
             Artefact::Image(value) => Self::Image(value),
+            Artefact::Tree(value) => Self::Tree(value),
         }
     }
 }
@@ -106,4 +111,5 @@ from_value! {
     Motion(Motion),
     Displacement(Displacement),
     Image(Image),
+    Tree(Tree),
 }

@@ -22,10 +22,12 @@ pub enum Kind {
     Displacement,
     /// A picture.
     Image,
+    /// A tree of merges over a volume's voxels.
+    Tree,
 }
 
 /// Code in the prelude, newest version that this crate writes and reads, and name of each kind. Codes are never reused.
-const TABLE: [(Kind, u16, u16, &str); 9] = [
+const TABLE: [(Kind, u16, u16, &str); 10] = [
     (Kind::Volume, 1, 1, "volume"),
     (Kind::Labels, 2, 1, "labels"),
     (Kind::Mask, 3, 1, "mask"),
@@ -35,11 +37,12 @@ const TABLE: [(Kind, u16, u16, &str); 9] = [
     (Kind::Motion, 7, 1, "motion"),
     (Kind::Displacement, 8, 1, "displacement"),
     (Kind::Image, 9, 1, "image"),
+    (Kind::Tree, 10, 1, "tree"),
 ];
 
 impl Kind {
     /// Every kind, in the order of their codes.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Volume,
         Self::Labels,
         Self::Mask,
@@ -49,6 +52,7 @@ impl Kind {
         Self::Motion,
         Self::Displacement,
         Self::Image,
+        Self::Tree,
     ];
 
     fn row(self) -> (Self, u16, u16, &'static str) {

@@ -44,6 +44,6 @@ pub use page::page;
 pub use rates::rates;
 pub use record::{Bench, Point, StageBench};
 pub use scenes::{ScalePoint, SceneBench, SkipRow, scaling, scenes, scenes_page, skipping};
-pub use stages::{NAMES, experiments, given};
+pub use stages::{NAMES, ON_REQUEST, experiments, given};
 pub use sweep::{Given, Options, Plant, run, sweep};
 pub use table::table;

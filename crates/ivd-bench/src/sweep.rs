@@ -8,7 +8,7 @@ use ivd_pipeline::resource;
 
 use crate::experiment::{Experiment, Judgement, Setting};
 use crate::record::{Bench, Point, StageBench};
-use crate::{Error, NAMES, experiments, given};
+use crate::{Error, NAMES, ON_REQUEST, experiments, given};
 
 /// What is swept.
 #[derive(Debug, Clone)]
@@ -63,13 +63,15 @@ pub enum Plant {
 /// # Errors
 /// [`Error::UnknownStage`] before anything runs; [`Error::Failed`] and [`Error::NoNumber`] name the setting; cancelled.
 pub fn run(options: &Options, exec: &Exec) -> Result<Bench, Error> {
-    if let Some(name) = options.stages.iter().find(|name| !NAMES.contains(&name.as_str())) {
-        let known = NAMES.iter().map(ToString::to_string).collect();
+    let known = [&NAMES[..], &ON_REQUEST].concat();
+    if let Some(name) = options.stages.iter().find(|name| !known.contains(&name.as_str())) {
+        let known = known.iter().map(ToString::to_string).collect();
         return Err(Error::UnknownStage { name: name.clone(), known });
     }
     let mut stages = Vec::new();
-    for name in NAMES {
-        if options.stages.is_empty() || options.stages.iter().any(|s| s == name) {
+    for name in known {
+        let asked = options.stages.is_empty() && NAMES.contains(&name);
+        if asked || options.stages.iter().any(|s| s == name) {
             for experiment in made(name, options, exec)? {
                 stages.push(sweep(&experiment, options, exec)?);
             }

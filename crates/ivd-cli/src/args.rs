@@ -1,5 +1,7 @@
 //! What can be typed.
 
+mod segment;
+
 use std::path::PathBuf;
 
 use clap::builder::TypedValueParser as _;
@@ -7,6 +9,8 @@ use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use ivd_pipeline::scene::{ClassChoice, FixSection, HandleSection, IsoChoice, Override, triple};
 
 use crate::parse;
+
+pub(crate) use segment::SegmentArgs;
 
 /// Interactive deformation of scanned volumes: from a CT, MRI or micro-CT volume to a deformed one.
 ///
@@ -129,24 +133,7 @@ pub(crate) enum Command {
         output: Output,
     },
     /// Finds a volume's classes.
-    Segment {
-        /// Volume artefact or file.
-        volume: PathBuf,
-        /// Only these voxels (a mask artefact).
-        #[arg(long)]
-        mask: Option<PathBuf>,
-        /// kmvs or threshold.
-        #[arg(long, value_name = "METHOD")]
-        method: Option<String>,
-        /// Number of classes of kmvs.
-        #[arg(long)]
-        k: Option<u32>,
-        /// Ascending thresholds of `--method threshold`, comma-separated.
-        #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
-        values: Option<Vec<f64>>,
-        #[command(flatten)]
-        output: Output,
-    },
+    Segment(Box<SegmentArgs>),
     /// An automatic transfer function.
     Atf {
         /// Volume artefact or file.

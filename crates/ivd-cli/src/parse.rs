@@ -18,6 +18,11 @@ pub(crate) fn pair(text: &str) -> Result<[f64; 2], String> {
     parts.try_into().map_err(|_| format!("`{text}`: write two numbers, az,el"))
 }
 
+/// `low,high`, two values.
+pub(crate) fn interval(text: &str) -> Result<[f64; 2], String> {
+    pair(text).map_err(|_| format!("`{text}`: write two numbers, low,high"))
+}
+
 /// `X,Y,Z` voxels.
 pub(crate) fn dims(text: &str) -> Result<[usize; 3], String> {
     let parts: Vec<usize> = text

@@ -43,7 +43,10 @@ impl Exec {
     pub fn bulk<T: Pod>(&self, what: &'static str, len: usize) -> Result<Bulk<T>, Error> {
         let bytes = len.saturating_mul(size_of::<T>());
         match (self.check_memory(what, bytes as u64), &self.spill) {
-            (Ok(()), _) => Ok(Bulk(Room::Memory(bytemuck::zeroed_vec(len)))),
+            (Ok(()), _) => match bytemuck::allocation::try_zeroed_vec(len) {
+                Ok(values) => Ok(Bulk(Room::Memory(values))),
+                Err(()) => Err(Error::MemoryLimit { what: what.to_owned(), needed: bytes as u64, limit: 0 }),
+            },
             (Err(_), Some(spill)) if bytes < usize::MAX => match spill.space(bytes) {
                 Ok(space) => Ok(Bulk(Room::Spilled(space, bytes))),
                 Err(problem) => Err(Error::Spill { what, problem: problem.to_string() }),

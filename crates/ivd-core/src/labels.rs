@@ -44,8 +44,9 @@ impl Labels {
                 problem: format!("{} labels for a grid of {:?}", ids.len(), grid.dims()),
             });
         }
-        for (i, class) in classes.iter().enumerate() {
-            if classes[..i].iter().any(|other| other.id == class.id) {
+        let mut listed = std::collections::HashSet::new();
+        for class in &classes {
+            if !listed.insert(class.id) {
                 return Err(Error::Inconsistent {
                     what: "labels",
                     problem: format!("class {} is listed twice", class.id),

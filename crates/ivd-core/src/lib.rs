@@ -1,7 +1,7 @@
 //! The types that every stage of IVD (interactive volume deformation) shares.
 //!
 //! A scanned volume enters as a [`Volume`] on a [`Grid`]; stages turn it into [`Labels`], a [`TransferFunction`],
-//! a [`Mask`], a [`Lattice`], an [`Octree`], a [`Motion`], a [`Displacement`] and an [`Image`]. This crate holds those
+//! a [`Mask`], a [`Tree`], a [`Lattice`], an [`Octree`], a [`Motion`], a [`Displacement`] and an [`Image`]. This crate holds those
 //! values, the execution context [`Exec`], and nothing else: no files, no arguments, no GPU.
 //!
 //! Conventions, kept everywhere:
@@ -35,6 +35,7 @@ mod mask;
 mod motion;
 mod octree;
 mod transfer;
+mod tree;
 mod volume;
 
 pub use bricks::{BRICK, BrickIndex, BrickRange};
@@ -51,6 +52,7 @@ pub use mask::Mask;
 pub use motion::{Ball, Frame, Motion};
 pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode};
 pub use transfer::{TransferEntry, TransferFunction};
+pub use tree::{Linkage, Means, Tree};
 pub use volume::{Scalar, Volume, VoxelType, Voxels};
 
 /// Dispatches on the stored type of a [`Voxels`]: binds the typed slice and runs the same code for each type.

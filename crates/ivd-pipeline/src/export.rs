@@ -33,10 +33,16 @@ pub fn export(artefact: &Artefact, path: &Path, exec: &Exec) -> Result<bool, Err
         }
         Artefact::Displacement(field) => write_field(path, field, exec),
         Artefact::Image(image) => write_png(path, image),
-        Artefact::Transfer(_) | Artefact::Motion(_) | Artefact::Octree(_) => Err(Error::usage(
-            "export",
-            format!("a {} artefact is written as .json, not as .{}", artefact.kind().name(), ending(path)),
-        )),
+        Artefact::Transfer(_) | Artefact::Motion(_) | Artefact::Octree(_) | Artefact::Tree(_) => {
+            Err(Error::usage(
+                "export",
+                format!(
+                    "a {} artefact is written as .json, not as .{}",
+                    artefact.kind().name(),
+                    ending(path)
+                ),
+            ))
+        }
     }
 }
 
@@ -160,6 +166,10 @@ pub fn describe(artefact: &Artefact) -> Value {
             "min_det_j": d.min_det_j,
         }),
         Artefact::Image(i) => json!({ "kind": "image", "width": i.width(), "height": i.height() }),
+        Artefact::Tree(t) => json!({
+            "kind": "tree", "grid": grid(&t.grid), "linkage": t.linkage.name(), "nodes": t.nodes(), "leaves": t.leaf_count(),
+            "heights": t.height_range(), "bridges": t.bridges,
+        }),
     }
 }
 

@@ -91,6 +91,7 @@ fn attempt(
         let stages = plan
             .nodes()
             .iter()
+            .filter(|n| n.is_told())
             .map(|n| idle(n, if n.needed { State::Planned } else { State::NotNeeded }))
             .collect();
         let wall_s = start.elapsed().as_secs_f64();
@@ -127,7 +128,7 @@ fn walk(
     let mut writer = Writer::new(&loaded.scene, &options.out, &manifest, runner.exec);
     for at in 0..plan.nodes().len() {
         if !plan.nodes()[at].needed {
-            stages.push(idle(&plan.nodes()[at], State::NotNeeded));
+            stages.extend(plan.nodes()[at].is_told().then(|| idle(&plan.nodes()[at], State::NotNeeded)));
             continue;
         }
         let ready = match pilot {

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use ivd_artefact::{Artefact, ContentHash, Kind, Loaded, Opened};
-use ivd_core::{Displacement, Exec, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Volume};
+use ivd_core::{
+    Displacement, Exec, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Tree, Volume,
+};
 use serde_json::{Map, Value};
 
 use crate::Error;
@@ -77,6 +79,13 @@ impl Inputs {
         self
     }
 
+    /// Only what fills one of the slots.
+    #[must_use]
+    pub fn only(mut self, slot: &str) -> Self {
+        self.0.retain(|name, _| *name == slot);
+        self
+    }
+
     /// Content hash of each filled slot.
     pub fn hashes(&self) -> BTreeMap<String, ContentHash> {
         self.0.iter().map(|(slot, input)| ((*slot).to_owned(), input.hash)).collect()
@@ -106,6 +115,7 @@ impl Inputs {
         transfer, Transfer, TransferFunction;
         lattice, Lattice, Lattice;
         octree, Octree, Octree;
+        tree, Tree, Tree;
         motion, Motion, Motion;
         displacement, Displacement, Displacement;
         image, Image, Image;

@@ -2,9 +2,17 @@
 //!
 //! - [`kmvs`] (k-means volume segmentation) finds the K classes of least inertia. On intensity alone this has an exact
 //!   answer, and this crate gives it: the **global** optimum, not what some start happened to reach.
-//! - [`threshold`] cuts at given values.
+//!   With a weight for places, [`kmvs_spatial`] also tells parts of one value apart by where they lie (Lloyd's algorithm,
+//!   exactly, over bricks of like voxels).
+//! - [`msvs`] (mean-shift volume segmentation) finds the modes of the density of the values, or of places and values, and with
+//!   them how many classes there are; [`msvs_kmvs`] lets `kmvs` make that many, or fewer.
+//! - [`emvs`] (expectation-maximisation volume segmentation) fits a mixture of normal densities, on request with coupled
+//!   neighbours, a bias field, or over places too.
+//! - [`hvs_tree`] (hierarchical volume segmentation) grows a tree of merges of neighbouring parts, and [`cut`] makes any number
+//!   of classes of it without growing it again.
+//! - [`threshold`] cuts at given values. [`tidy`] removes specks, whatever found them.
 //!
-//! Both give a [`Segmentation`]: labels (0 is no data, 1…K in the order of the class means) with the classes' means,
+//! All give a [`Segmentation`]: labels (0 is no data, 1…K in the order of the class means, or of their sizes by [`tidy`]) with the classes' means,
 //! spreads, sizes and the values where neighbouring classes meet.
 //!
 //! How `kmvs` works: an 8 or 16 bit volume is counted into a histogram, in parallel; the optimal cuts of the histogram come
@@ -26,18 +34,28 @@
 #![forbid(unsafe_code)]
 
 mod classes;
+mod emvs;
 mod error;
 mod groups;
 mod histogram;
+mod hvs;
 mod kmvs;
 mod labelling;
 mod moments;
+mod msvs;
 mod scope;
 mod segmentation;
 mod threshold;
+mod tidy;
 mod wide;
 
+pub use emvs::{BiasField, BicPoint, Covariance, Emvs, EmvsParams, Mixture, emvs};
 pub use error::Error;
-pub use kmvs::{KmvsParams, kmvs};
+pub use hvs::{Cut, CutParams, Dendrogram, Hvs, HvsParams, Leaf, Ranking, cut, dendrogram, hvs_tree};
+pub use ivd_core::Linkage;
+pub use kmvs::{KmvsParams, SpatialKmvs, kmvs, kmvs_spatial};
+pub use msvs::chain::{Chain, ChainParams, ChainPoint, ChainTimes, msvs_kmvs};
+pub use msvs::{Kernel, Mode, Msvs, MsvsParams, msvs};
 pub use segmentation::Segmentation;
 pub use threshold::{ThresholdParams, threshold};
+pub use tidy::{Order, TidyParams, tidy};

@@ -20,10 +20,34 @@ impl Frame {
         Self::between(range.unwrap_or([0.0; 2]))
     }
 
+    /// A power of two that takes the values to about 1.
+    pub(crate) fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The value that is 0 in the frame.
+    pub(crate) fn centre(&self) -> f64 {
+        self.centre
+    }
+
+    /// A value in the frame.
+    pub(crate) fn place(&self, value: f64) -> f64 {
+        (value - self.centre) * self.scale
+    }
+
+    /// A value in the frame, exactly: the difference first, as a value times the unit of a constant volume has no number.
+    #[inline]
+    fn wide(&self, value: f64) -> Wide {
+        Wide::difference(value, self.centre).scaled(self.scale)
+    }
+
     /// The frame of values in a range.
     pub(crate) fn between([low, high]: [f64; 2]) -> Self {
-        let centre = low.midpoint(high).clamp(-f64::MAX / 4.0, f64::MAX / 4.0).floor();
-        let width = (high / 2.0 - low / 2.0).clamp(f64::MIN_POSITIVE, f64::MAX / 4.0);
+        let middle = low.midpoint(high).clamp(-f64::MAX / 4.0, f64::MAX / 4.0);
+        let centre = if middle.abs() < 1.0 { 0.0 } else { middle.floor() };
+        // The whole number may lie farther from the values than they from one another.
+        let reach = (high / 2.0 - centre / 2.0).max(centre / 2.0 - low / 2.0);
+        let width = (2.0 * reach).clamp(f64::MIN_POSITIVE, f64::MAX / 4.0);
         // Exponents of ±1000 and beyond would overflow on their own.
         let exponent = (-width.log2().ceil()).clamp(-1000.0, 1000.0);
         Self { centre, scale: 2.0_f64.powi(exponent as i32) }
@@ -42,7 +66,7 @@ impl Moments {
     /// Adds a stored value.
     #[inline]
     pub(crate) fn add<T: Scalar>(&mut self, value: T, frame: &Frame) {
-        let d = Wide::difference(value.to_f64() * frame.scale, frame.centre * frame.scale);
+        let d = frame.wide(value.to_f64());
         self.count += 1;
         self.sum = self.sum.plus(d);
         self.squares = self.squares.plus(d.times(d));
@@ -50,11 +74,17 @@ impl Moments {
 
     /// Adds `count` equal stored values.
     pub(crate) fn add_many(&mut self, value: f64, count: u64, frame: &Frame) {
-        let d = Wide::difference(value * frame.scale, frame.centre * frame.scale);
+        let d = frame.wide(value);
         let n = Wide::from(count as f64);
         self.count += count;
         self.sum = self.sum.plus(d.times(n));
         self.squares = self.squares.plus(d.times(d).times(n));
+    }
+
+    /// Adds `count` values with their mean and sum of squared deviations from it.
+    pub(crate) fn add_spread(&mut self, mean: f64, count: u64, squares: f64, frame: &Frame) {
+        self.add_many(mean, count, frame);
+        self.squares = self.squares.plus(Wide::from((squares * frame.scale * frame.scale).min(f64::MAX)));
     }
 
     /// Adds other values' sums.
@@ -69,8 +99,7 @@ impl Moments {
         if self.count == 0 {
             return 0.0;
         }
-        let mean = self.sum.over(self.count as f64).plus(Wide::from(frame.centre * frame.scale));
-        mean.value() / frame.scale
+        self.sum.over(self.count as f64).scaled(1.0 / frame.scale).plus(Wide::from(frame.centre)).value()
     }
 
     /// Sum of squared deviations from the mean, in stored units².
@@ -125,6 +154,18 @@ mod tests {
         once.add_many(-7.0, 5, &frame);
         once.add_many(300.0, 2, &frame);
         assert_eq!(once, of(&[-7_i16, 300, -7, -7, -7, 300, -7], &frame));
+    }
+
+    #[test]
+    fn one_value_that_is_no_whole_number_keeps_its_mean() {
+        for value in [3.5, -3.5, -0.25, 1e-310, -1e-310, 0.1, 1e300, -1e300, 3_999_998_976.0] {
+            let frame = Frame::between([value; 2]);
+            let mut found = Moments::default();
+            found.add_many(value, 12, &frame);
+            found.add_spread(value, 3, 0.0, &frame);
+            let near = (found.mean(&frame) - value).abs() <= 1e-15 * value.abs();
+            assert!(near && found.sd(&frame) <= 1e-12 * value.abs(), "{value}: {found:?}");
+        }
     }
 
     #[test]

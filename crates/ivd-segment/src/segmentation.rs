@@ -19,7 +19,8 @@ pub struct Segmentation {
     pub objective: f64,
     /// Voxels looked at, as a fraction of the volume, 0…1.
     pub visited_fraction: f64,
-    /// Certified excess of the objective over the global optimum [real units²]: 0 for an optimum, and for thresholds.
+    /// Certified excess of the objective over the global optimum [real units²]: 0 for an optimum, and for
+    /// thresholds; the objective itself where only 0 is known to lie below.
     pub gap: f64,
 }
 

@@ -43,6 +43,12 @@ impl Wide {
         quick_two_sum(first, rest.high / divisor)
     }
 
+    /// Times a power of two.
+    #[inline]
+    pub(crate) fn scaled(self, factor: f64) -> Self {
+        Self { high: self.high * factor, low: self.low * factor }
+    }
+
     #[inline]
     pub(crate) fn value(self) -> f64 {
         self.high

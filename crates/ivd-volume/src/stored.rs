@@ -1,7 +1,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use ivd_core::{Exec, VoxelType, Voxels};
+use ivd_core::{Buffer, Exec, VoxelType, Voxels};
 
 use crate::bounded::{self, Declared, Packing};
 use crate::{ByteOrder, Error};
@@ -68,12 +68,8 @@ pub(crate) fn read(reader: &mut dyn Read, path: &Path, layout: Layout, exec: &Ex
     bounded::discard(reader, path, layout.skip)?;
     let voxels = match layout.file_type {
         FileType::Plain(_) => bounded::read_voxels(reader, path, declared, exec)?,
-        FileType::I64 => {
-            narrow(reader, path, declared, exec, i64::from_ne_bytes).map(|v: Vec<i32>| Voxels::from(v))?
-        }
-        FileType::U64 => {
-            narrow(reader, path, declared, exec, u64::from_ne_bytes).map(|v: Vec<u32>| Voxels::from(v))?
-        }
+        FileType::I64 => Voxels::I32(narrow(reader, path, declared, exec, i64::from_ne_bytes)?),
+        FileType::U64 => Voxels::U32(narrow(reader, path, declared, exec, u64::from_ne_bytes)?),
     };
     if layout.packing == Packing::Deflated {
         bounded::verify_end(reader, path, exec)?;
@@ -90,12 +86,12 @@ fn narrow<W, N>(
     declared: Declared,
     exec: &Exec,
     decode: fn([u8; 8]) -> W,
-) -> Result<Vec<N>, Error>
+) -> Result<Buffer<N>, Error>
 where
     W: Copy + std::fmt::Display,
-    N: TryFrom<W> + bytemuck::Zeroable,
+    N: TryFrom<W> + bytemuck::Pod,
 {
-    let mut values: Vec<N> = bounded::zeroed(declared.count)?;
+    let mut values = exec.bulk::<N>("the volume", declared.count)?;
     let mut bytes = vec![0_u8; 8 * BATCH];
     for (batch, out) in values.chunks_mut(BATCH).enumerate() {
         exec.check_cancelled()?;
@@ -119,7 +115,7 @@ where
             })?;
         }
     }
-    Ok(values)
+    Ok(values.into_buffer())
 }
 
 #[cfg(test)]

@@ -8,7 +8,9 @@ use ivd_deform::warp::{WarpParams, Warped};
 use ivd_lattice::extract::{ExtractParams, Extracted};
 use ivd_lattice::refine::{RefineParams, Refined};
 use ivd_render::{Radiance, RenderParams, Rendered, Scene};
-use ivd_segment::{KmvsParams, Segmentation, ThresholdParams};
+use ivd_segment::{
+    ChainParams, CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, Segmentation, ThresholdParams,
+};
 
 /// Why a stage gave nothing.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -50,6 +52,23 @@ pub trait Backend: Sync {
 
     fn kmvs(&self, volume: &Volume, params: &KmvsParams, exec: &Exec) -> Answer<Segmentation> {
         Ok(ivd_segment::kmvs(volume, None, params, exec)?)
+    }
+
+    fn emvs(&self, volume: &Volume, params: &EmvsParams, exec: &Exec) -> Answer<Segmentation> {
+        Ok(ivd_segment::emvs(volume, None, params, exec)?.segmentation)
+    }
+
+    fn msvs(&self, volume: &Volume, params: &MsvsParams, exec: &Exec) -> Answer<Segmentation> {
+        Ok(ivd_segment::msvs(volume, None, params, exec)?.segmentation)
+    }
+
+    fn msvs_kmvs(&self, volume: &Volume, params: &ChainParams, exec: &Exec) -> Answer<Segmentation> {
+        Ok(ivd_segment::msvs_kmvs(volume, None, params, exec)?.segmentation)
+    }
+
+    fn hvs(&self, volume: &Volume, params: &HvsParams, cut: &CutParams, exec: &Exec) -> Answer<Segmentation> {
+        let tree = ivd_segment::hvs_tree(volume, None, params, exec)?.tree;
+        Ok(ivd_segment::cut(&tree, cut, exec)?)
     }
 
     fn threshold(&self, volume: &Volume, params: &ThresholdParams, exec: &Exec) -> Answer<Segmentation> {

@@ -14,6 +14,26 @@ pub enum Stage {
     Segment,
     /// Classes between given values.
     Threshold,
+    /// k-means on position and intensity.
+    KmvsSpatial,
+    /// A mixture on intensity.
+    Emvs,
+    /// The same with coupled neighbours.
+    EmvsSmooth,
+    /// A mixture on position and intensity, independent of each other.
+    EmvsDiagonal,
+    /// The same, together.
+    EmvsFull,
+    /// Mean shift on intensity.
+    Msvs,
+    /// Mean shift on position and intensity.
+    MsvsJoint,
+    /// Mean shift, then k-means.
+    MsvsKmvs,
+    /// A tree by Ward, cut.
+    HvsWard,
+    /// A tree by single linkage, cut.
+    HvsSingle,
     /// Automatic transfer function.
     Atf,
     /// Isolation of a part.

@@ -1,5 +1,6 @@
 //! A case carried through all stages, each checked as soon as it has run.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use ivd_artefact::{ArtefactRef, ContentHash};
@@ -23,6 +24,8 @@ use super::subjects::SUBJECTS;
 pub struct Values {
     pub segmentation: Option<Segmentation>,
     pub thresholds: Option<Segmentation>,
+    /// What the other methods found, by name.
+    pub clusterings: BTreeMap<&'static str, Segmentation>,
     pub transfer: Option<ivd_atf::Built>,
     pub part: Option<ivd_boundary::Isolated>,
     pub lattice: Option<Lattice>,
@@ -73,6 +76,9 @@ impl Values {
         };
         add("segment", self.segmentation.as_ref().map(|s| (&s.labels).into()))?;
         add("threshold", self.thresholds.as_ref().map(|s| (&s.labels).into()))?;
+        for (name, found) in &self.clusterings {
+            add(name, Some((&found.labels).into()))?;
+        }
         add("atf", self.transfer.as_ref().map(|t| (&t.transfer).into()))?;
         add("boundary", self.part.as_ref().map(|p| (&p.mask).into()))?;
         add("lattice", self.lattice.as_ref().map(Into::into))?;

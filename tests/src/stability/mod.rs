@@ -9,6 +9,7 @@
 pub mod backend;
 pub mod case;
 pub mod chain;
+mod clusters;
 pub mod determinism;
 pub mod invariants;
 pub mod meshes;

@@ -8,11 +8,34 @@ use ivd_segment::{KmvsParams, ThresholdParams};
 use super::backend::{Answer, Backend};
 use super::case::{Case, Cut, Stage};
 use super::chain::{Subject, Values};
+use super::clusters;
 use super::invariants::{Verdict, field, mesh, motion, picture, segments, values as voxels};
 
 /// Every stage, in the order in which they run. A new stage is a line here.
-pub static SUBJECTS: [&dyn Subject; 12] =
-    [&Segment, &Threshold, &Atf, &Boundary, &Extract, &Refine, &Tree, &Deform, &Map, &Invert, &Warp, &Render];
+pub static SUBJECTS: [&dyn Subject; 22] = [
+    &Segment,
+    &Threshold,
+    &clusters::KMEANS,
+    &clusters::MIXTURE,
+    &clusters::SMOOTH,
+    &clusters::DIAGONAL,
+    &clusters::FULL,
+    &clusters::MODES,
+    &clusters::JOINT,
+    &clusters::CHAIN,
+    &clusters::WARD,
+    &clusters::SINGLE,
+    &Atf,
+    &Boundary,
+    &Extract,
+    &Refine,
+    &Tree,
+    &Deform,
+    &Map,
+    &Invert,
+    &Warp,
+    &Render,
+];
 
 struct Segment;
 struct Threshold;

@@ -238,6 +238,7 @@ impl Backend for Unordered {
 #[test]
 fn a_sum_in_the_order_of_arrival_is_found() {
     let found = same_bytes(&Unordered(AtomicU64::new(0)), &case(), &[2, 8], 20).expect_err("it is found");
-    assert!(found.contains("segment"), "{found}");
+    // k-means with positions is asked through the same spoilt method.
+    assert!(found.contains("segment") || found.contains("kmvs"), "{found}");
     same_bytes(&Cpu, &case(), &[2, 8], 2).unwrap();
 }

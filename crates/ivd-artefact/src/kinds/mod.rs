@@ -11,6 +11,7 @@ mod octree;
 mod real;
 mod sections;
 mod transfer;
+mod tree;
 mod volume;
 
 use serde::Serialize;
@@ -47,6 +48,7 @@ pub(crate) fn encode(artefact: ArtefactRef<'_>) -> Result<Encoded<'_>, String> {
         ArtefactRef::Motion(value) => motion::encode(value),
         ArtefactRef::Displacement(value) => displacement::encode(value),
         ArtefactRef::Image(value) => image::encode(value),
+        ArtefactRef::Tree(value) => tree::encode(value),
     }
 }
 
@@ -62,6 +64,7 @@ pub(crate) fn decode(kind: Kind, decoder: &mut Decoder<'_>) -> Result<Artefact, 
         Kind::Motion => motion::decode(decoder)?.into(),
         Kind::Displacement => displacement::decode(decoder)?.into(),
         Kind::Image => image::decode(decoder)?.into(),
+        Kind::Tree => tree::decode(decoder)?.into(),
     };
     decoder.finish()?;
     Ok(artefact)

@@ -79,6 +79,11 @@ impl<'a> Decoder<'a> {
         self.buffer(section)
     }
 
+    /// Whether the next section has this name and type.
+    pub(crate) fn holds(&self, name: &str, element: Element) -> bool {
+        self.sections.get(self.taken).is_some_and(|s| s.name == name && s.element == element)
+    }
+
     /// Checks that no section is left.
     pub(crate) fn finish(&self) -> Result<(), Problem> {
         match self.sections.get(self.taken) {

@@ -5,7 +5,8 @@
 use ivd_artefact::{Artefact, ContentHash, Kind, Provenance};
 use ivd_core::{
     Ball, Class, Displacement, ElementKey, FieldBricks, Frame, Grid, Image, Labels, Lattice, LatticeSource,
-    Mask, Motion, NO_BRICK, Octree, OctreeNode, TransferEntry, TransferFunction, Volume, Voxels,
+    Linkage, Mask, Means, Motion, NO_BRICK, Octree, OctreeNode, TransferEntry, TransferFunction, Tree,
+    Volume, Voxels,
 };
 
 /// A provenance with nested parameters and two inputs.
@@ -34,6 +35,7 @@ pub(crate) fn sample(kind: Kind) -> Artefact {
         Kind::Motion => motion().into(),
         Kind::Displacement => displacement().into(),
         Kind::Image => Image::new(3, 2, (0..24).collect()).unwrap().into(),
+        Kind::Tree => tree().into(),
     }
 }
 
@@ -149,5 +151,21 @@ fn displacement() -> Displacement {
         inverse_residual_max: 1e-4,
         min_det_j: 0.25,
         vacated: vacated.into(),
+    }
+}
+
+/// Three leaves, one of them an island beyond missing voxels.
+fn tree() -> Tree {
+    Tree {
+        grid: grid([4, 3, 2]),
+        linkage: Linkage::Ward,
+        leaves: (0..24).map(|i| if i == 23 { 3 } else { [1, 2, 2, 0][i % 4] }).collect::<Vec<u32>>().into(),
+        merges: vec![[2, 1], [3, 2]].into(),
+        heights: vec![0.1, 1e300].into(),
+        ends: vec![1, 2].into(),
+        counts: vec![6, 12, 1].into(),
+        means: Means::F64(vec![-0.1, 7.25, 1e6 + 0.1].into()),
+        squares: Some(vec![0.3, 0.0, 1e-300].into()),
+        bridges: 1,
     }
 }

@@ -9,7 +9,7 @@ use ivd_segment::{KmvsParams, kmvs};
 use nalgebra::Vector3;
 
 use super::inputs::{judged, root_mean_square, voxel_mm};
-use super::{atf, deform, map, refine, render, segment};
+use super::{atf, clusters, deform, map, refine, render, segment};
 use crate::experiment::{Experiment, Problem, Setting};
 use crate::sweep::Given;
 
@@ -50,7 +50,10 @@ pub(super) fn experiment(stage: &str, given: &Given, exec: &Exec) -> Result<Opti
             let handle = Handle { at: place, action, radius: RADIUS * length };
             map::on(&whole, &handle, of("the densest part, pushed,"), exec)?
         }
-        _ => return Ok(None),
+        _ => match clusters::on(stage, volume, of("values"), exec) {
+            Some(made) => made?,
+            None => return Ok(None),
+        },
     }))
 }
 

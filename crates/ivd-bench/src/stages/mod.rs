@@ -1,6 +1,7 @@
 //! The experiments: one file a stage.
 
 mod atf;
+mod clusters;
 mod deform;
 mod given;
 mod inputs;
@@ -20,6 +21,9 @@ use crate::sweep::Given;
 /// The stages that have experiments, in the order of the pipeline.
 pub const NAMES: [&str; 8] = ["segment", "atf", "lattice", "refine", "deform", "map", "warp", "render"];
 
+/// Experiments that run where they are named only: they have no recorded front yet, and take longer.
+pub const ON_REQUEST: [&str; 4] = ["segment-kmvs", "segment-emvs", "segment-msvs", "segment-hvs"];
+
 /// The experiments of a stage on generated inputs of `size` voxels along an edge; none for a stage without.
 ///
 /// # Errors
@@ -34,7 +38,10 @@ pub fn experiments(stage: &str, size: usize, exec: &Exec) -> Result<Vec<Experime
         "map" => map::experiment(size, exec),
         "warp" => warp::experiment(size),
         "render" => render::experiment(size, exec),
-        _ => return Ok(Vec::new()),
+        _ => match clusters::experiment(stage, size, exec) {
+            Some(made) => made,
+            None => return Ok(Vec::new()),
+        },
     };
     Ok(vec![made.map_err(|problem| failed(stage, &problem))?])
 }

@@ -6,6 +6,7 @@ mod compare;
 mod doctor;
 mod info;
 mod pipeline;
+mod segment;
 mod stage;
 mod volume;
 

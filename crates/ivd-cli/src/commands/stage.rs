@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use ivd_artefact::{Artefact, Provenance, write_with_metrics};
+use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
 use ivd_pipeline::scene::{
     AtfSection, BoundarySection, DeformSection, LatticeSection, MapSection, OctreeSection, RefineSection,
-    RenderSection, SegmentSection, WarpSection,
+    RenderSection, WarpSection,
 };
-use ivd_pipeline::stages::{Atf, Boundary, Deform, Lattice, Map, Octree, Refine, Render, Segment, Warp};
-use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, ending, export};
+use ivd_pipeline::stages::{Atf, Boundary, Deform, Lattice, Map, Octree, Refine, Render, Warp};
+use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 use toml::Value;
 
 use super::volume::volume_or_artefact;
@@ -26,37 +26,41 @@ struct Job<'a> {
 
 /// Runs the stage of a command.
 pub(super) fn run(command: &Command, context: &Context) -> anyhow::Result<()> {
+    if let Command::Segment(args) = command {
+        return super::segment::run(args, context);
+    }
     let job = job(command, context)?;
     let cache = context.stage_cache()?;
+    let inputs = filled(&job.files, &cache, context)?;
+    let done = context.run(&cache, job.stage.as_ref(), &inputs)?;
+    finish(done, job.output, context)
+}
+
+/// Slots filled from files, where there are any.
+pub(super) fn filled(
+    files: &[(&'static str, Option<&Path>)],
+    cache: &Cache,
+    context: &Context,
+) -> anyhow::Result<Inputs> {
     let mut inputs = Inputs::default();
-    for (slot, file) in &job.files {
+    for (slot, file) in files {
         if let Some(file) = file {
             let foreign = *slot == "volume" && !ivd_artefact::is_artefact(file);
             let input = if foreign {
-                volume_or_artefact(file, &cache, context)?
+                volume_or_artefact(file, cache, context)?
             } else {
                 context.stage_input(file)?
             };
             inputs = inputs.with(slot, input);
         }
     }
-    let done = context.run(&cache, job.stage.as_ref(), &inputs)?;
-    finish(done, job.output, context)
+    Ok(inputs)
 }
 
 /// What a command means.
 fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
     let params = context.global.params.as_deref();
     Ok(match command {
-        Command::Segment { volume, mask, method, k, values, output } => {
-            let words = Words::default()
-                .with("method", method.clone())
-                .with("k", k.map(i64::from))
-                .with("values", values.clone().map(list));
-            let section: SegmentSection = section(params, words.0)?;
-            let files = vec![("volume", Some(volume.as_path())), ("mask", mask.as_deref())];
-            Job { stage: Box::new(Segment::from_section(&section)), files, output: &output.path }
-        }
         Command::Atf { volume, labels, output } => {
             let section: AtfSection = section(params, Words::default().0)?;
             let files = vec![("volume", Some(volume.as_path())), ("labels", Some(labels.as_path()))];
@@ -166,35 +170,14 @@ fn unused_labels(labels: Option<&Path>, context: &Context) -> anyhow::Result<()>
     Ok(())
 }
 
-fn list(values: Vec<f64>) -> Vec<Value> {
+pub(super) fn list(values: Vec<f64>) -> Vec<Value> {
     values.into_iter().map(Value::Float).collect()
 }
 
 /// Writes a stage's result and prints its record.
 pub(super) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow::Result<()> {
+    write_result(&done, output, context)?;
     let record = &mut done.record;
-    if matches!(*done.artefact, Artefact::Image(_)) && ending(output) != "ivd" {
-        export(&done.artefact, output, &context.exec)?;
-    } else {
-        let provenance = Provenance {
-            stage: record.stage.clone(),
-            revision: record.revision,
-            params: record.params.clone(),
-            inputs: record
-                .inputs
-                .iter()
-                .map(|(slot, hash)| Ok((slot.clone(), hash.parse().map_err(|e| anyhow::anyhow!("{e}"))?)))
-                .collect::<anyhow::Result<_>>()?,
-            backend: record.backend.clone(),
-        };
-        let mut metrics = record.metrics.clone();
-        metrics.remove("fps");
-        let metrics = serde_json::Value::Object(metrics);
-        context
-            .exec
-            .run(|| write_with_metrics(output, &*done.artefact, &provenance, &metrics))
-            .map_err(|e| placed(e, output))?;
-    }
     record.output = Some(OutputRecord {
         path: Some(output.to_owned()),
         kind: done.artefact.kind().name().to_owned(),
@@ -208,6 +191,38 @@ pub(super) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow
         output.display()
     ));
     context.print(&record, String::new)
+}
+
+/// Where the result of a record comes from.
+pub(super) fn provenance(record: &StageRecord) -> anyhow::Result<Provenance> {
+    let hashes = record.inputs.iter();
+    let inputs =
+        hashes.map(|(slot, hash)| Ok((slot.clone(), hash.parse().map_err(|e| anyhow::anyhow!("{e}"))?)));
+    Ok(Provenance {
+        stage: record.stage.clone(),
+        revision: record.revision,
+        params: record.params.clone(),
+        inputs: inputs.collect::<anyhow::Result<_>>()?,
+        backend: record.backend.clone(),
+    })
+}
+
+/// Writes a stage's result.
+pub(super) fn write_result(done: &Done, output: &Path, context: &Context) -> anyhow::Result<()> {
+    if matches!(*done.artefact, Artefact::Image(_)) && ending(output) != "ivd" {
+        export(&done.artefact, output, &context.exec)?;
+        return Ok(());
+    }
+    let provenance = provenance(&done.record)?;
+    let mut metrics = done.record.metrics.clone();
+    // Times would make every run's file another one.
+    for time in ["fps", "msvs_s", "kmvs_s"] {
+        metrics.remove(time);
+    }
+    let metrics = serde_json::Value::Object(metrics);
+    let write = || write_with_metrics(output, &*done.artefact, &provenance, &metrics);
+    context.exec.run(write).map_err(|e| placed(e, output))?;
+    Ok(())
 }
 
 /// Writes an artefact that no stage made.
@@ -234,7 +249,7 @@ fn placed(error: ivd_artefact::Error, path: &Path) -> anyhow::Error {
 }
 
 /// The figures that a person wants first.
-fn headline(record: &ivd_pipeline::StageRecord) -> String {
+fn headline(record: &StageRecord) -> String {
     let picked: Vec<String> = [
         "k",
         "voxels",

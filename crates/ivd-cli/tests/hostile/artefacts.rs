@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::case::{BAD, Case};
 
 /// The kinds, and the command that needs each; the file is `a.ivd`.
-const KINDS: [(&str, &str); 9] = [
+const KINDS: [(&str, &str); 10] = [
     ("volume", "segment a.ivd -o out.ivd"),
     ("labels", "atf good.ivd a.ivd -o out.ivd"),
     ("mask", "segment good.ivd --mask a.ivd -o out.ivd"),
@@ -15,6 +15,7 @@ const KINDS: [(&str, &str); 9] = [
     ("motion", "map good.ivd good.ivd a.ivd -o out.ivd"),
     ("displacement", "warp good.ivd a.ivd -o out.ivd"),
     ("image", "export a.ivd -o out.png"),
+    ("tree", "export a.ivd -o out.json"),
 ];
 
 /// The artefact that stands in the command's other places, by the kind that is damaged.

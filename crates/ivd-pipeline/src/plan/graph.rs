@@ -2,10 +2,12 @@ use std::path::Path;
 
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
-use crate::scene::{BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene};
+use crate::scene::{
+    BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene, SegmentSection,
+};
 use crate::stages::{
     Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Map, Octree, Refine, Render, Segment,
-    Warp,
+    SegmentTree, Warp,
 };
 use crate::{Error, Stage};
 
@@ -15,6 +17,8 @@ use crate::{Error, Stage};
 pub enum NodeId {
     /// The volume.
     Import,
+    /// The tree of its regions, which classes are cut from.
+    Tree,
     /// Its classes.
     Segment,
     /// The isolated part.
@@ -43,8 +47,9 @@ pub enum NodeId {
 
 impl NodeId {
     /// All of them, in the order in which they run.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Import,
+        Self::Tree,
         Self::Segment,
         Self::Boundary,
         Self::Lattice,
@@ -63,7 +68,7 @@ impl NodeId {
     pub fn stage(self) -> &'static str {
         match self {
             Self::Import => "import",
-            Self::Segment => "segment",
+            Self::Tree | Self::Segment => "segment",
             Self::Boundary => "boundary",
             Self::Lattice => "lattice",
             Self::Refine => "refine",
@@ -79,6 +84,7 @@ impl NodeId {
     /// Which use of the stage it is; empty for the only one.
     pub fn variant(self) -> &'static str {
         match self {
+            Self::Tree => "tree",
             Self::Before => "before",
             Self::After => "after",
             Self::Difference => "difference",
@@ -109,6 +115,9 @@ impl NodeId {
     }
 }
 
+/// Slots and the places that fill them.
+type Slots = Vec<(&'static str, NodeId)>;
+
 /// One place of the graph.
 pub struct PlanNode {
     /// Which.
@@ -121,6 +130,13 @@ pub struct PlanNode {
     pub needed: bool,
     /// Who needs it, or why nobody does.
     pub why: String,
+}
+
+impl PlanNode {
+    /// Whether a report of the run names it: a tree that the scene's method doesn't have is no stage of it.
+    pub(crate) fn is_told(&self) -> bool {
+        self.id != NodeId::Tree || self.stage.is_some()
+    }
 }
 
 /// The graph of a scene.
@@ -237,6 +253,7 @@ impl Plan {
         for node in self.nodes.iter_mut().filter(|n| !n.needed) {
             let why = match node.id {
                 NodeId::Segment if !uses_labels(scene) => "the isovalue is given and no class is named",
+                NodeId::Tree if node.stage.is_none() => "the classes come from no tree",
                 NodeId::Boundary if node.stage.is_none() => "the isovalue is given and no part is isolated",
                 NodeId::Atf if node.stage.is_none() => "the rendering mode has no transfer function",
                 NodeId::Octree
@@ -315,6 +332,19 @@ fn boxed<S: Stage + 'static>(stage: S) -> Option<Box<dyn Stage>> {
     Some(Box::new(stage))
 }
 
+/// The labels with their inputs: of the volume, or of the tree, and then of the volume too where they are changed by its values.
+fn segment(section: &SegmentSection, from_tree: bool) -> Result<(Segment, Slots), Error> {
+    if !from_tree {
+        return Ok((Segment::from_section(section)?, vec![("volume", NodeId::Import)]));
+    }
+    let cut = Segment::cut_of_section(section)?;
+    let mut inputs = vec![("tree", NodeId::Tree)];
+    if cut.tidies() {
+        inputs.push(("volume", NodeId::Import));
+    }
+    Ok((cut, inputs))
+}
+
 /// Every place with its stage and where its slots are filled from.
 fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let labels = uses_labels(scene);
@@ -349,6 +379,8 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     }
     let mut moved_picture = picture.clone();
     moved_picture.push(("displacement", NodeId::Map));
+    let tree = SegmentTree::from_section(&scene.segment);
+    let (segment, segment_inputs) = segment(&scene.segment, tree.is_some())?;
     let render = Render::from_section(&scene.render, given_iso)?;
     let deform = moves.map(Deform::from_section).transpose()?;
 
@@ -362,7 +394,8 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let if_moved = |stage: Option<Box<dyn Stage>>| stage.filter(|_| moves.is_some());
     Ok(vec![
         node(NodeId::Import, boxed(import), vec![]),
-        node(NodeId::Segment, boxed(Segment::from_section(&scene.segment)), vec![("volume", NodeId::Import)]),
+        node(NodeId::Tree, tree.and_then(boxed), vec![("volume", NodeId::Import)]),
+        node(NodeId::Segment, boxed(segment), segment_inputs),
         node(NodeId::Boundary, boundary.and_then(boxed), part_inputs),
         node(NodeId::Lattice, boxed(Lattice { iso: scene.lattice.iso, class: part.class }), lattice_inputs),
         node(NodeId::Refine, boxed(Refine::from_section(&scene.refine)?), vec![("lattice", NodeId::Lattice)]),

@@ -12,10 +12,11 @@ use serde::{Deserialize, Serialize};
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
-    AtfSection, BoundarySection, ClassChoice, ClassWord, DeformSection, DepthWeight, FixSection,
-    HandleSection, InputSection, IsoChoice, IsoWord, LatticeSection, MapMethod, MapSection, OctreeSection,
-    OutputSection, Outside, Picture, Projection, RawSection, RefineMethod, RefineSection, RenderMode,
-    RenderSection, SegmentMethod, SegmentSection, Solver, WarpOrder, WarpSection,
+    AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CovarianceChoice,
+    DeformSection, DepthWeight, FixSection, HandleSection, InputSection, IsoChoice, IsoWord, KernelChoice,
+    LatticeSection, LinkageChoice, MapMethod, MapSection, OctreeSection, OutputSection, Outside, Picture,
+    Projection, RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection,
+    SegmentMethod, SegmentSection, Solver, WarpOrder, WarpSection,
 };
 pub use written::triple;
 

@@ -21,7 +21,7 @@ pub use map::Map;
 pub use octree::Octree;
 pub use refine::Refine;
 pub use render::{Difference, Render};
-pub use segment::Segment;
+pub use segment::{KeepPosteriors, Method, Posteriors, Segment, SegmentTree};
 pub use warp::Warp;
 
 use serde::Serialize;

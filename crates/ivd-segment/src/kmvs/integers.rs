@@ -46,7 +46,7 @@ impl Sums {
 }
 
 /// The partition of least inertia into `k` groups, or into as many as there are values.
-pub(super) fn partition(histogram: &Histogram, k: usize) -> Partition {
+pub(crate) fn partition(histogram: &Histogram, k: usize) -> Partition {
     let values = histogram.values.len();
     let k = k.min(values);
     if k == 0 {
@@ -57,6 +57,24 @@ pub(super) fn partition(histogram: &Histogram, k: usize) -> Partition {
     let ends: Vec<usize> = std::iter::once(0).chain(cuts).chain(std::iter::once(values)).collect();
     let groups = ends.windows(2).map(|w| group(histogram, &sums, w[0], w[1])).collect();
     Partition { groups, gap: 0.0, iterations: 1, converged: true }
+}
+
+/// The partitions of least inertia into 1, 2, … `k_max` groups, or up to as many as there are values.
+pub(crate) fn partitions(histogram: &Histogram, k_max: usize) -> Vec<Partition> {
+    let values = histogram.values.len();
+    let k_max = k_max.min(values);
+    if k_max == 0 {
+        return Vec::new();
+    }
+    let sums = Sums::new(histogram);
+    let rows = optimal::rows(values + 1, k_max, true, &|p, q| sums.inertia(p, q));
+    let partition = |k: usize| {
+        let ends: Vec<usize> =
+            std::iter::once(0).chain(rows.cuts(k)).chain(std::iter::once(values)).collect();
+        let groups = ends.windows(2).map(|w| group(histogram, &sums, w[0], w[1])).collect();
+        Partition { groups, gap: 0.0, iterations: 1, converged: true }
+    };
+    (1..=k_max).map(partition).collect()
 }
 
 /// The groups of a histogram between given indices of values, ascending; empty ones are left out.
@@ -114,6 +132,18 @@ mod tests {
             prop_assert!((found.inertia() - best).abs() <= 1e-14 * best, "{} for {}", found.inertia(), best);
             prop_assert_eq!(found.groups.iter().map(|g| g.count).sum::<u64>(), bins.values().sum::<u64>());
         }
+    }
+
+    #[test]
+    fn all_partitions_at_once_are_those_one_by_one() {
+        let histogram =
+            Histogram { values: vec![-9, 0, 1, 5, 40, 41, 77], counts: vec![3, 1, 4, 1, 5, 9, 2] };
+        let all = partitions(&histogram, 20);
+        assert_eq!(all.len(), 7);
+        for (i, found) in all.iter().enumerate() {
+            assert_eq!(*found, partition(&histogram, i + 1));
+        }
+        assert!(partitions(&Histogram::default(), 3).is_empty());
     }
 
     #[test]

@@ -1,9 +1,11 @@
-//! k-means on intensity: the partition of the values into K classes of least inertia, globally.
+//! k-means: on intensity alone the partition of the values into K classes of least inertia, globally; with a weight for places,
+//! Lloyd's algorithm on place and value (see `spatial`).
 
 mod integers;
 mod optimal;
 mod reals;
 mod sorted;
+mod spatial;
 
 use ivd_core::{Exec, Mask, ParamError, Scalar, Volume, with_voxels};
 use rayon::prelude::*;
@@ -12,7 +14,8 @@ use serde::{Deserialize, Serialize};
 use crate::groups::Partition;
 use crate::{Error, Segmentation, histogram, scope, segmentation};
 
-pub(crate) use integers::groups_between;
+pub(crate) use integers::{groups_between, partition, partitions};
+pub use spatial::{SpatialKmvs, kmvs_spatial};
 
 /// Most classes that can be asked for.
 const MOST_CLASSES: usize = 1024;
@@ -25,11 +28,32 @@ pub struct KmvsParams {
     pub k: usize,
     /// Only voxels whose real value lies between these, both included.
     pub range: Option<[f64; 2]>,
+    /// How many real units of the value a distance of 1 mm is worth, 0…1e100. 0: intensity alone counts, and the result is the
+    /// global optimum; the fields below have no effect then.
+    pub spatial_weight: f64,
+    /// What the draw of start centroids begins with.
+    pub seed: u64,
+    /// Most iterations of Lloyd's algorithm, at least 1.
+    pub max_iterations: u64,
+    /// Relative fall of the inertia in one iteration at which to stop, 0…1; 0: until no label changes.
+    pub tolerance: f64,
+    /// Start centroids, `[x, y, z, value]` (mm from the first voxel along the grid's axes; real units), shape `[k]`, instead of
+    /// drawn ones.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<Vec<[f64; 4]>>,
 }
 
 impl Default for KmvsParams {
     fn default() -> Self {
-        Self { k: 4, range: None }
+        Self {
+            k: 4,
+            range: None,
+            spatial_weight: 0.0,
+            seed: 1,
+            max_iterations: 300,
+            tolerance: 0.0,
+            start: None,
+        }
     }
 }
 
@@ -40,6 +64,19 @@ impl KmvsParams {
         if !(1..=MOST_CLASSES).contains(&self.k) {
             return Err(ParamError::new("k", format!("{} classes", self.k), format!("use 1…{MOST_CLASSES}")));
         }
+        let within = |field, value: f64, most: f64| {
+            if (0.0..=most).contains(&value) {
+                Ok(())
+            } else {
+                Err(ParamError::new(field, format!("{value}"), format!("use 0…{most}")))
+            }
+        };
+        within("spatial_weight", self.spatial_weight, spatial::LARGEST)?;
+        within("tolerance", self.tolerance, 1.0)?;
+        if self.max_iterations == 0 {
+            return Err(ParamError::new("max_iterations", "0", "use at least 1"));
+        }
+        spatial::check_start(self.start.as_deref(), self.k)?;
         scope::check_range(self.range)
     }
 }
@@ -55,6 +92,8 @@ impl KmvsParams {
 /// wins. In an optimal partition no value lies midway between two means, so the classes' crossings are those midpoints.
 /// A constant volume has one class; a volume without data has none, and all its labels are 0.
 ///
+/// With a [`KmvsParams::spatial_weight`] above 0 places count as well, and the result is [`kmvs_spatial`]'s: a local optimum.
+///
 /// # Errors
 /// [`Error::Core`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
 pub fn kmvs(
@@ -64,6 +103,9 @@ pub fn kmvs(
     exec: &Exec,
 ) -> Result<Segmentation, Error> {
     params.check()?;
+    if params.spatial_weight > 0.0 {
+        return Ok(kmvs_spatial(volume, mask, params, exec)?.segmentation);
+    }
     exec.run(|| {
         let scope = scope::of(volume, mask, params.range, exec)?;
         let mask = scope.as_deref();

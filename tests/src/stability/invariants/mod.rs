@@ -4,6 +4,7 @@
 //! is made of. Nothing here calls the code that it judges, but for `ivd_octree::inside` and `nearest`, which are judged
 //! here themselves and in their own crate.
 
+pub mod clusters;
 pub mod field;
 pub mod mesh;
 pub mod motion;

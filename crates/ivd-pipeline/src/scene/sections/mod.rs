@@ -1,5 +1,6 @@
 //! The sections of a scene, in the order in which data flows. Every parameter of a stage has a key in its section.
 
+mod boundary;
 mod deform;
 mod input;
 mod lattice;
@@ -8,10 +9,14 @@ mod output;
 mod picture;
 mod segment;
 
+pub use boundary::{BoundarySection, ClassChoice, ClassWord};
 pub use deform::{DeformSection, FixSection, HandleSection, Solver};
 pub use input::{InputSection, RawSection};
 pub use lattice::{IsoChoice, IsoWord, LatticeSection, OctreeSection, RefineMethod, RefineSection};
 pub use map::{DepthWeight, MapMethod, MapSection, Outside, WarpOrder, WarpSection};
 pub use output::{OutputSection, Picture};
 pub use picture::{AtfSection, Projection, RenderMode, RenderSection};
-pub use segment::{BoundarySection, ClassChoice, ClassWord, SegmentMethod, SegmentSection};
+pub use segment::{
+    AutoWord, ClassCount, ClassOrder, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice,
+    SegmentMethod, SegmentSection,
+};

@@ -1,0 +1,103 @@
+//! What segmentations tell of themselves.
+
+use ivd_core::{Exec, Tree};
+use ivd_segment::{Chain, CutParams, Emvs, Hvs, Msvs, Segmentation, SpatialKmvs};
+use serde_json::{Map, Value, json};
+
+/// Longer lists of modes aren't read.
+const MOST_MODES: usize = 64;
+/// More leaves can't be drawn.
+const MOST_LEAVES: usize = 32;
+
+/// Figures that every method has.
+pub(super) fn common(found: &Segmentation) -> Map<String, Value> {
+    let classes: Vec<Value> = found
+        .labels
+        .classes()
+        .iter()
+        .map(|c| {
+            json!({ "id": c.id, "mean": c.mean, "sd": c.sd, "voxels": c.voxels, "lower": c.lower, "upper": c.upper })
+        })
+        .collect();
+    object(json!({
+        "k": found.k,
+        "iterations": found.iterations,
+        "converged": found.converged,
+        "objective": found.objective,
+        "gap": found.gap,
+        "classes": classes,
+        "visited_fraction": found.visited_fraction,
+    }))
+}
+
+/// Those, and what a method alone knows.
+pub(super) fn with(found: &Segmentation, own: Value) -> Value {
+    let mut metrics = common(found);
+    metrics.extend(object(own));
+    Value::Object(metrics)
+}
+
+fn object(value: Value) -> Map<String, Value> {
+    match value {
+        Value::Object(map) => map,
+        _ => unreachable!("figures are written as an object"),
+    }
+}
+
+/// k-means with positions.
+pub(super) fn spatial(found: &SpatialKmvs) -> Value {
+    json!({ "centroids": found.centroids, "reseeded": found.reseeded, "ties": found.ties })
+}
+
+/// A mixture, with the curve that its number of components was read from.
+pub(super) fn mixture(found: &Emvs) -> Value {
+    let curve: Vec<Value> =
+        found.bic.iter().map(|p| json!({ "k": p.k, "objective": p.log_likelihood, "bic": p.bic })).collect();
+    json!({ "log_likelihood": found.log_likelihood, "mixture": found.mixture, "curve": curve })
+}
+
+/// Modes of the density; the foremost of them.
+pub(super) fn modes(found: &Msvs) -> Value {
+    json!({
+        "k_proposed": found.k_proposed,
+        "range_bandwidth": found.range_bandwidth,
+        "spatial_bandwidth": found.spatial_bandwidth,
+        "cells": found.cells,
+        "modes": found.modes.iter().take(MOST_MODES).collect::<Vec<_>>(),
+    })
+}
+
+/// What was proposed and what was kept, with the times of either part.
+pub(super) fn chain(found: &Chain) -> Value {
+    let curve: Vec<Value> =
+        found.curve.iter().map(|p| json!({ "k": p.k, "objective": p.objective, "bic": p.bic })).collect();
+    json!({
+        "k_proposed": found.k_proposed,
+        "k_kept": found.k_kept,
+        "curve": curve,
+        "range_bandwidth": found.range_bandwidth,
+        "msvs_s": found.times.msvs.as_secs_f64(),
+        "kmvs_s": found.times.kmvs.as_secs_f64(),
+    })
+}
+
+/// A tree.
+pub(super) fn tree(found: &Hvs) -> Value {
+    let heights = found.tree.height_range();
+    json!({
+        "nodes": found.tree.nodes(),
+        "regions": found.regions,
+        "excess": found.excess,
+        "inversions": found.inversions,
+        "heights": heights,
+        "bytes": found.tree.bytes(),
+    })
+}
+
+/// How the classes of a cut come together, as far as a picture can show it.
+pub(super) fn dendrogram(tree: &Tree, params: &CutParams, exec: &Exec) -> Value {
+    match ivd_segment::dendrogram(tree, params, MOST_LEAVES, exec) {
+        Ok(Some(found)) => json!({ "dendrogram": found }),
+        _ => json!({}),
+    }
+}

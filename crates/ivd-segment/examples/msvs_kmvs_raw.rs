@@ -1,0 +1,28 @@
+//! How many classes mean shift proposes and how many are kept: `msvs_kmvs_raw FILE NX NY NZ`, u8.
+use ivd_core::{Exec, Grid, Volume};
+use ivd_segment::{ChainParams, msvs_kmvs};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let [file, nx, ny, nz] = &args[..] else { return Err("FILE NX NY NZ".into()) };
+    let grid = Grid::with_spacing([nx.parse()?, ny.parse()?, nz.parse()?], [1.0; 3])?;
+    let volume = Volume::new(grid, std::fs::read(file)?.into())?;
+    let found = msvs_kmvs(&volume, None, &ChainParams::default(), &Exec::default())?;
+    println!(
+        "msvs {:.3} s, {} proposed; kmvs {:.3} s, {} kept",
+        found.times.msvs.as_secs_f64(),
+        found.k_proposed,
+        found.times.kmvs.as_secs_f64(),
+        found.k_kept
+    );
+    for point in &found.curve {
+        println!("  {:3} classes: inertia {:.4e}, bic {:.4e}", point.k, point.objective, point.bic);
+    }
+    for class in found.segmentation.labels.classes() {
+        println!(
+            "  class {}: mean {:.1}, spread {:.1}, {} voxels",
+            class.id, class.mean, class.sd, class.voxels
+        );
+    }
+    Ok(())
+}

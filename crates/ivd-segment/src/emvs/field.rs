@@ -1,0 +1,358 @@
+//! Voxels coupled to their neighbours: a hidden Markov random field, by mean field.
+//!
+//! The labels' prior is a Potts model over the 6-neighbourhood (Zhang, Brady & Smith 2001): a pair of neighbours along axis a
+//! with equal labels adds `β · (least spacing / spacing of a)` to its logarithm. The labels' distribution is taken for a
+//! product of one distribution a voxel (mean field: Zhang 1992; Celeux, Forbes & Peyrard 2003). Given the neighbours', the
+//! best for a voxel is known in closed form, and no two voxels of one colour of a checkerboard are neighbours: so all red
+//! ones are renewed at once, then all black ones, and the variational free energy falls with each.
+//!
+//! The distributions are stored in steps of 1/255, so that K maps of a large volume fit into memory; a voxel keeps its old
+//! distribution where the rounded new one isn't better, so that rounding can't make the energy rise. The colours are stored
+//! apart: whoever writes one only reads the other.
+
+use ivd_core::{Buffer, Bulk, Error as CoreError, Exec, Iteration, Scalar, with_voxels};
+use rayon::prelude::*;
+
+use super::labels::Scene;
+use super::line::Sums;
+use super::mixture::{Component, INTENSITY};
+use super::quadratic::{self, Quadratic};
+use super::rows::{PIECE, Piece, Values};
+use super::space::Space;
+use super::{Covariance, EmvsParams};
+use crate::Error;
+
+/// The whole of a distribution.
+const WHOLE: f64 = 255.0;
+/// Beyond this share all others round to nothing.
+const CERTAIN: f64 = 1.0 - 0.5 / WHOLE;
+/// Voxels of a task, about.
+const TASK: usize = 1 << 14;
+
+/// The voxels' distributions over the components.
+pub(super) struct Field {
+    dims: [usize; 3],
+    k: usize,
+    /// Voxels of one colour in a row.
+    half: usize,
+    /// By colour: rows, in each the components' shares one after the other.
+    shares: [Bulk<u8>; 2],
+}
+
+/// What became of the mixture.
+pub(super) struct Smoothed {
+    pub(super) field: Field,
+    pub(super) components: Vec<Component>,
+    /// Free energy after each sweep, a voxel.
+    pub(super) energies: Vec<f64>,
+    pub(super) converged: bool,
+}
+
+/// Sums of a colour.
+struct Tally {
+    /// Free energy with the neighbours' part, and without.
+    coupled: f64,
+    alone: f64,
+    sums: Vec<Sums>,
+}
+
+impl Tally {
+    fn new(k: usize) -> Self {
+        Self { coupled: 0.0, alone: 0.0, sums: vec![Sums::default(); k] }
+    }
+
+    fn join(&mut self, other: &Self) {
+        self.coupled += other.coupled;
+        self.alone += other.alone;
+        for (sum, other) in self.sums.iter_mut().zip(&other.sums) {
+            sum.n += other.n;
+            sum.d += other.d;
+            sum.dd += other.dd;
+        }
+    }
+}
+
+/// Sweeps until the energy stands still. On intensity alone means and variances are renewed after each sweep; the weights
+/// stay, as the field that acts on every voxel, and so do components over space.
+pub(super) fn smooth(
+    scene: &Scene,
+    space: &Space,
+    params: &EmvsParams,
+    exec: &Exec,
+) -> Result<Smoothed, Error> {
+    let mut components = scene.components.to_vec();
+    let mut field = Field::new(scene, exec)?;
+    let spacing = scene.volume.grid().spacing();
+    let least = spacing.iter().copied().fold(f64::INFINITY, f64::min);
+    let couplings = spacing.map(|s| params.smoothing * least / s);
+    let mut energies: Vec<f64> = Vec::new();
+    let mut converged = false;
+    for colour in 0..2 {
+        field.renew(scene, &components, colour, None, exec)?;
+    }
+    for index in 1..=params.smoothing_iterations {
+        let mut red = field.renew(scene, &components, 0, Some(couplings), exec)?;
+        let black = field.renew(scene, &components, 1, Some(couplings), exec)?;
+        // A pair of neighbours counts once: with its black voxel.
+        let energy = (red.alone + black.coupled) / scene.bins.total;
+        exec.observer().iteration(Iteration { method: "emvs smoothing", index, value: energy });
+        let last = energies.last().copied();
+        energies.push(energy);
+        if last.is_some_and(|last| last - energy < params.tolerance) {
+            converged = true;
+            break;
+        }
+        if scene.shape == Covariance::Intensity && index < params.smoothing_iterations {
+            red.join(&black);
+            maximise(&mut components, &red.sums, space);
+        }
+    }
+    Ok(Smoothed { field, components, energies, converged })
+}
+
+/// Means and variances of greatest expected likelihood, the weights as they are.
+fn maximise(components: &mut [Component], sums: &[Sums], space: &Space) {
+    let weights: Vec<f64> = components.iter().map(|c| c.weight).collect();
+    super::line::maximise(components, sums, space.bins.total, &space.limits);
+    components.iter_mut().zip(weights).for_each(|(c, weight)| c.weight = weight);
+}
+
+/// What a task renews shares with.
+struct Renewal<'a> {
+    scene: &'a Scene<'a>,
+    densities: &'a [Quadratic],
+    /// Means of the intensity.
+    means: &'a [f64],
+    /// Places along x of either parity.
+    places: &'a [Vec<f64>; 2],
+    colour: usize,
+    other: &'a [u8],
+    couplings: Option<[f64; 3]>,
+    /// `q ln q` of a share.
+    entropy: &'a [f64; 256],
+    half: usize,
+}
+
+/// Scratch of a task.
+struct Work {
+    values: Values,
+    alone: Vec<[f64; PIECE]>,
+    coupled: Vec<[f64; PIECE]>,
+    shares: Vec<[f64; PIECE]>,
+}
+
+impl Field {
+    fn new(scene: &Scene, exec: &Exec) -> Result<Self, Error> {
+        let dims = scene.frame.dims;
+        let (k, half) = (scene.components.len(), dims[0].div_ceil(2));
+        let len = half * k * dims[1] * dims[2];
+        let colour = || exec.bulk("the voxels' distributions", len);
+        Ok(Self { dims, k, half, shares: [colour()?, colour()?] })
+    }
+
+    /// Renews the distributions of one colour, given the other's; without couplings from nothing.
+    fn renew(
+        &mut self,
+        scene: &Scene,
+        components: &[Component],
+        colour: usize,
+        couplings: Option<[f64; 3]>,
+        exec: &Exec,
+    ) -> Result<Tally, CoreError> {
+        let of = if scene.shape == Covariance::Intensity { Quadratic::on_intensity } else { Quadratic::of };
+        let densities: Vec<Quadratic> = components.iter().map(of).collect();
+        let means: Vec<f64> = components.iter().map(|c| c.mean[INTENSITY]).collect();
+        let places = [0, 1].map(|parity| {
+            let last = self.dims[0] - 1;
+            (0..self.half).map(|i| scene.frame.place(0, (2 * i + parity).min(last))).collect()
+        });
+        let entropy = std::array::from_fn(|q| {
+            let share = q as f64 / WHOLE;
+            if q == 0 { 0.0 } else { share * share.ln() }
+        });
+        let row = self.k * self.half;
+        let rows = (TASK / self.dims[0]).max(1);
+        let [red, black] = &mut self.shares;
+        let (own, other): (&mut [u8], &[u8]) = if colour == 0 { (red, black) } else { (black, red) };
+        let (densities, means, places, entropy) = (&densities[..], &means[..], &places, &entropy);
+        let renewal =
+            Renewal { scene, densities, means, places, colour, other, couplings, entropy, half: self.half };
+        let parts: Vec<Tally> = with_voxels!(scene.volume.voxels(), slice => {
+            own.par_chunks_mut(rows * row).enumerate().map(|(i, own)| {
+                exec.check_cancelled()?;
+                Ok(renewal.rows(slice, i * rows, own))
+            }).collect::<Result<_, CoreError>>()
+        })?;
+        let mut total = Tally::new(self.k);
+        for part in &parts {
+            total.join(part);
+        }
+        Ok(total)
+    }
+
+    /// Reads the distributions of all voxels in their order: `write(shares, out)`, shares by component.
+    fn each<O: Send>(
+        &self,
+        out: &mut [O],
+        exec: &Exec,
+        write: impl Fn(&mut dyn Iterator<Item = u8>, &mut O) + Sync,
+    ) -> Result<(), CoreError> {
+        let ([nx, ny, _], half, k) = (self.dims, self.half, self.k);
+        let rows = (TASK / nx).max(1);
+        out.par_chunks_mut(nx * rows).enumerate().try_for_each(|(i, out)| {
+            exec.check_cancelled()?;
+            for (r, out) in out.chunks_mut(nx).enumerate() {
+                let row = i * rows + r;
+                let parity = (row % ny + row / ny) % 2;
+                for (x, out) in out.iter_mut().enumerate() {
+                    let shares = &self.shares[(x + parity) % 2][row * k * half..(row + 1) * k * half];
+                    write(&mut shares[x / 2..].iter().copied().step_by(half), out);
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// The component (from 1) of the greatest share; of equal ones the first.
+    pub(super) fn labels(&self, exec: &Exec) -> Result<Bulk<u16>, Error> {
+        let mut ids = exec.bulk::<u16>("the labels", self.dims.iter().product())?;
+        self.each(&mut ids, exec, |shares, id| {
+            let mut best = 0;
+            for (k, share) in shares.enumerate() {
+                if share > best {
+                    best = share;
+                    *id = k as u16 + 1;
+                }
+            }
+        })?;
+        Ok(ids)
+    }
+
+    /// The shares, a map for every component.
+    pub(super) fn posteriors(&self, exec: &Exec) -> Result<Vec<Buffer<f32>>, Error> {
+        let map = |k: usize| {
+            let mut map = exec.bulk::<f32>("a posterior map", self.dims.iter().product())?;
+            self.each(&mut map, exec, |shares, p| *p = f32::from(shares.nth(k).unwrap_or(0)) / WHOLE as f32)?;
+            Ok(map.into_buffer())
+        };
+        (0..self.k).map(map).collect()
+    }
+}
+
+impl Renewal<'_> {
+    /// Renews the rows that `own` holds, from row `first` on.
+    fn rows<T: Scalar>(&self, voxels: &[T], first: usize, own: &mut [u8]) -> Tally {
+        let k = self.densities.len();
+        let empty = || vec![[0.0; PIECE]; k];
+        let mut work = Work { values: Values::new(), alone: empty(), coupled: empty(), shares: empty() };
+        let mut tally = Tally::new(k);
+        for (r, own) in own.chunks_mut(k * self.half).enumerate() {
+            for from in (0..self.half).step_by(PIECE) {
+                let span = [from, (from + PIECE).min(self.half)];
+                self.gather(voxels, first + r, span, &mut work);
+                self.choose(span, own, &mut work, &mut tally);
+            }
+        }
+        tally
+    }
+
+    /// Logarithms of the densities of some voxels, alone and with what their neighbours add, and the shares they call for.
+    fn gather<T: Scalar>(&self, voxels: &[T], row: usize, [from, to]: [usize; 2], work: &mut Work) {
+        let [nx, ny, nz] = self.scene.frame.dims;
+        let (y, z) = (row % ny, row / ny);
+        let parity = (y + z + self.colour) % 2;
+        work.values.fill_every_second(
+            voxels,
+            self.scene.mask,
+            [row * nx, (row + 1) * nx],
+            [from, to, parity],
+            self.scene.frame,
+        );
+        let piece = Piece { start: 0, len: to - from, at: [0, y, z] };
+        let x = &self.places[parity][from..to];
+        for (k, density) in self.densities.iter().enumerate() {
+            density.logs(&piece, self.scene.frame, x, &work.values.t, &mut work.alone[k]);
+            work.coupled[k] = work.alone[k];
+            let Some(couplings) = self.couplings else { continue };
+            let out = &mut work.coupled[k][..to - from];
+            let shares =
+                |row: usize| &self.other[(row * self.densities.len() + k) * self.half..][..self.half];
+            let steps = [
+                (1, y > 0, row.wrapping_sub(1)),
+                (1, y + 1 < ny, row + 1),
+                (2, z > 0, row.wrapping_sub(ny)),
+                (2, z + 1 < nz, row + ny),
+            ];
+            for (axis, _, row) in steps.into_iter().filter(|(_, there, _)| *there) {
+                add(out, &shares(row)[from..to], couplings[axis]);
+            }
+            // Along x one neighbour has the same place among those of its colour, the other the one before or after.
+            let along = shares(row);
+            add(out, &along[from..to], couplings[0]);
+            if parity == 1 {
+                add(out, &along[from + 1..(to + 1).min(self.half)], couplings[0]);
+            } else if from > 0 {
+                add(out, &along[from - 1..to - 1], couplings[0]);
+            } else {
+                add(&mut out[1..], &along[..to - 1], couplings[0]);
+            }
+        }
+        work.shares.copy_from_slice(&work.coupled);
+        quadratic::posteriors(&mut work.shares, to - from, &work.values);
+    }
+
+    /// Rounds the shares and takes them where that is no worse than what there was.
+    fn choose(&self, [from, to]: [usize; 2], own: &mut [u8], work: &mut Work, tally: &mut Tally) {
+        let k = self.densities.len();
+        let mut rounded = vec![0_u8; k];
+        for i in (0..to - from).filter(|i| work.values.valid[*i] != 0.0) {
+            let best =
+                (1..k).fold(0, |best, j| if work.shares[j][i] > work.shares[best][i] { j } else { best });
+            let place = |j: usize| j * self.half + from + i;
+            rounded.fill(0);
+            rounded[best] = WHOLE as u8;
+            if work.shares[best][i] < CERTAIN {
+                let mut left = WHOLE as i32;
+                for (j, rounded) in rounded.iter_mut().enumerate() {
+                    *rounded = (work.shares[j][i] * WHOLE + 0.5) as u8;
+                    left -= i32::from(*rounded);
+                }
+                match u8::try_from(i32::from(rounded[best]) + left) {
+                    Ok(rest) => rounded[best] = rest,
+                    // Very many shares that all rounded up.
+                    Err(_) => rounded
+                        .iter_mut()
+                        .enumerate()
+                        .for_each(|(j, q)| *q = u8::from(j == best) * WHOLE as u8),
+                }
+            }
+            if (0..k).any(|j| own[place(j)] != rounded[j]) {
+                let energy = |q: &dyn Fn(usize) -> u8| -> f64 {
+                    (0..k).map(|j| self.energy(q(j), work.coupled[j][i])).sum()
+                };
+                if self.couplings.is_none() || energy(&|j| rounded[j]) <= energy(&|j| own[place(j)]) {
+                    (0..k).for_each(|j| own[place(j)] = rounded[j]);
+                }
+            }
+            for j in (0..k).filter(|j| own[place(*j)] != 0) {
+                let q = own[place(j)];
+                tally.coupled += self.energy(q, work.coupled[j][i]);
+                tally.alone += self.energy(q, work.alone[j][i]);
+                let (r, d) = (f64::from(q) / WHOLE, work.values.t[i] - self.means[j]);
+                tally.sums[j].n += r;
+                tally.sums[j].d += r * d;
+                tally.sums[j].dd += r * d * d;
+            }
+        }
+    }
+
+    #[inline]
+    fn energy(&self, q: u8, log: f64) -> f64 {
+        self.entropy[usize::from(q)] - f64::from(q) / WHOLE * log
+    }
+}
+
+fn add(out: &mut [f64], shares: &[u8], coupling: f64) {
+    let each = coupling / WHOLE;
+    out.iter_mut().zip(shares).for_each(|(out, q)| *out += each * f64::from(*q));
+}

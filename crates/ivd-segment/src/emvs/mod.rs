@@ -1,0 +1,280 @@
+//! Expectation-maximisation volume segmentation: a mixture of normal densities, and every voxel to its likeliest component.
+
+mod bias;
+mod bins;
+mod exponential;
+mod field;
+mod labels;
+mod line;
+mod mixture;
+mod params;
+mod quadratic;
+mod rows;
+mod space;
+mod start;
+mod tables;
+#[cfg(test)]
+mod tests;
+
+use ivd_core::{Buffer, Exec, Labels, Mask, Volume};
+use serde::Serialize;
+
+use crate::{Error, Segmentation, scope, segmentation};
+pub use bias::BiasField;
+use bins::Bins;
+use labels::Scene;
+use line::{Found, Limits};
+pub use mixture::Mixture;
+use mixture::{AXES, Component, Frame};
+pub use params::{Covariance, EmvsParams};
+use space::Space;
+
+/// What EMVS found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Emvs {
+    /// Labels and classes. Its objective is the mean log-likelihood of a voxel, see [`Emvs::log_likelihood`]; its gap is 0,
+    /// for EM finds a local maximum and knows nothing of others.
+    pub segmentation: Segmentation,
+    /// The components, in the order of their mean intensity; also those that are nowhere the likeliest and so have no class.
+    pub mixture: Mixture,
+    /// Mean over the voxels of the logarithm of the mixture's density: of the intensity (1/real unit), or of place and
+    /// intensity (1/(mm³ · real unit)).
+    pub log_likelihood: f64,
+    /// The Bayesian information criterion for every number of components that was tried; empty where `k` was given.
+    pub bic: Vec<BicPoint>,
+    /// With `smoothing`: the variational free energy after each sweep, a voxel; it never rises.
+    pub energies: Vec<f64>,
+    /// Posterior probability of every component of the mixture, shape `[K][voxels]`, where they were asked for; 0 where there
+    /// is no datum.
+    pub posteriors: Vec<Buffer<f32>>,
+    /// With `bias`: the field that was taken out. Classes are described by the values as they are; the mixture and the
+    /// labels are those of the values without it.
+    pub bias: Option<BiasField>,
+}
+
+/// How well a number of components explains the data.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct BicPoint {
+    /// Number of components.
+    pub k: usize,
+    /// Mean log-likelihood of a voxel.
+    pub log_likelihood: f64,
+    /// Bayesian information criterion (Schwarz 1978), `p ln N - 2 N log_likelihood` for `p` free parameters: less is better.
+    pub bic: f64,
+}
+
+/// Fits a mixture of K normal densities to a volume by expectation and maximisation (Dempster, Laird & Rubin 1977), and gives
+/// every voxel the component of greatest posterior probability; of equal ones that of the lower mean.
+///
+/// - On intensity alone the work is done on the histogram: O(N + bins · K · iterations). It is exact for 8 and 16 bit types,
+///   and for others where at most 2¹⁶ values occur, evenly spread. Otherwise values are gathered in 2¹⁶ bins between robust
+///   extremes, each with its exact mean and spread; the responsibilities are then those of the bin, the likelihood is a lower
+///   bound, and labels are cut at the exact values where posteriors are equal.
+/// - With [`Covariance::Diagonal`] and [`Covariance::Full`] the components live in space and intensity: exact, every voxel in
+///   every iteration, O(N · K).
+///
+/// The likelihood never falls, apart from rounding and `variance_added`. The search begins at the classes of least inertia,
+/// and ends in a local maximum. Where there are more than 2048 bins it begins on about a thousand coarse ones. Values share
+/// one density: what rounding to 8 bits does isn't modelled, apart from the variance's floor.
+///
+/// With `smoothing` β > 0 labels are coupled to the neighbours' (Potts model, mean field): along axis a with
+/// `β · (least spacing / spacing of a)`. Means and variances on intensity go on improving; weights, and components over space,
+/// stay as EM left them. The distributions are kept in steps of 1/255: N · K bytes. The labels are the greatest shares.
+///
+/// With `bias` > 0 a smooth gain is found first, on intensity alone, and divided out (see [`BiasField`]): N · 4 bytes more.
+/// Real values must then be 0 where there is no signal.
+///
+/// A volume without data has no components, and all its labels are 0. With fewer values than `k` there are as many components
+/// as values. Results are the same bytes for any number of threads, and for any storage type on intensity alone where the
+/// stored values are equal. The exponential is this crate's own; the logarithm is the system's (the reference is Linux on x86-64):
+/// its last digit decides about nothing but, in theory, the iteration in which the search ends.
+///
+/// # Errors
+/// [`Error::Core`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
+pub fn emvs(volume: &Volume, mask: Option<&Mask>, params: &EmvsParams, exec: &Exec) -> Result<Emvs, Error> {
+    params.check()?;
+    exec.run(|| {
+        let scope = scope::of(volume, mask, params.range, exec)?;
+        let mask = scope.as_deref();
+        if params.bias == 0.0 {
+            return fit(volume, volume, mask, params, exec);
+        }
+        let (corrected, bias) = bias::remove(volume, mask, params, exec)?;
+        Ok(Emvs { bias: Some(bias), ..fit(&corrected, volume, mask, params, exec)? })
+    })
+}
+
+/// The mixture of a volume, and labels with the figures of the `original`.
+fn fit(
+    volume: &Volume,
+    original: &Volume,
+    mask: Option<&Mask>,
+    params: &EmvsParams,
+    exec: &Exec,
+) -> Result<Emvs, Error> {
+    let Some(bins) = Bins::of(volume, mask, exec)? else { return nothing(original, mask, exec) };
+    let frame = Frame::new(volume, &bins);
+    let search = Search::new(volume, mask, &bins, &frame, params);
+    let (mut found, bic) = search.choose(exec)?;
+    frame.sort(&mut found.components);
+    let shape = params.covariance;
+    let components = &found.components[..];
+    let scene = Scene { volume, original, mask, bins: &bins, frame: &frame, shape, components };
+    let outcome = if params.smoothing > 0.0 && params.smoothing_iterations > 0 {
+        smoothed(&scene, &search, &found, params, exec)?
+    } else {
+        let posteriors = if params.posteriors { scene.posteriors(exec)? } else { Vec::new() };
+        Outcome { labels: scene.labels(exec)?, posteriors, energies: Vec::new(), found: found.clone() }
+    };
+    let Outcome { labels, posteriors, energies, found } = outcome;
+    let log_likelihood = found.log_likelihood + frame.log_unit(shape);
+    Ok(Emvs {
+        segmentation: Segmentation {
+            k: labels.classes().len(),
+            labels,
+            iterations: found.iterations,
+            converged: found.converged,
+            objective: log_likelihood,
+            visited_fraction: segmentation::visited(volume, mask),
+            gap: 0.0,
+        },
+        mixture: frame.mixture(&found.components, shape),
+        log_likelihood,
+        bic,
+        energies,
+        posteriors,
+        bias: None,
+    })
+}
+
+/// What the voxels get.
+struct Outcome {
+    labels: Labels,
+    posteriors: Vec<Buffer<f32>>,
+    energies: Vec<f64>,
+    found: Found,
+}
+
+/// Labels of voxels coupled to their neighbours.
+fn smoothed(
+    scene: &Scene,
+    search: &Search,
+    found: &Found,
+    params: &EmvsParams,
+    exec: &Exec,
+) -> Result<Outcome, Error> {
+    let field::Smoothed { field, components, energies, converged } =
+        field::smooth(scene, &search.space, params, exec)?;
+    let posteriors = if params.posteriors { field.posteriors(exec)? } else { Vec::new() };
+    let ids = field.labels(exec)?;
+    drop(field);
+    let labels = scene.described(ids, exec)?;
+    let log_likelihood = match scene.shape {
+        Covariance::Intensity => line::expect(scene.bins, &components).1,
+        _ => found.log_likelihood,
+    };
+    let iterations = found.iterations + energies.len() as u64;
+    let found = Found { components, log_likelihood, iterations, converged: found.converged && converged };
+    Ok(Outcome { labels, posteriors, energies, found })
+}
+
+/// The result for a volume without data.
+fn nothing(volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Result<Emvs, Error> {
+    Ok(Emvs {
+        segmentation: Segmentation {
+            labels: labels::none(volume, exec)?,
+            k: 0,
+            iterations: 0,
+            converged: true,
+            objective: 0.0,
+            visited_fraction: segmentation::visited(volume, mask),
+            gap: 0.0,
+        },
+        mixture: Mixture::default(),
+        log_likelihood: 0.0,
+        bic: Vec::new(),
+        energies: Vec::new(),
+        posteriors: Vec::new(),
+        bias: None,
+    })
+}
+
+/// A search for a mixture: over intensity, or over space and intensity.
+struct Search<'a> {
+    params: &'a EmvsParams,
+    bins: &'a Bins,
+    coarse: Option<Bins>,
+    space: Space<'a>,
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        volume: &'a Volume,
+        mask: Option<&'a Mask>,
+        bins: &'a Bins,
+        frame: &'a Frame,
+        params: &'a EmvsParams,
+    ) -> Self {
+        let share = params.variance_floor;
+        // A voxel has an extent, as a stored value has a step: (1 / n)² / 12 of the axis.
+        let place = |a: usize| {
+            let n = frame.dims[a] as f64;
+            if share == 0.0 { 1e-12 } else { (share / 12.0).max(1.0 / (12.0 * n * n)) }
+        };
+        let limits = Limits {
+            iterations: params.max_iterations,
+            tolerance: params.tolerance,
+            floor: [place(0), place(1), place(2), start::floor(bins, share)],
+            added: std::array::from_fn(|a| frame.variance(a, params.variance_added)),
+        };
+        let space = Space { volume, mask, bins, frame, shape: params.covariance, limits };
+        Self { params, bins, coarse: bins.coarse(), space }
+    }
+
+    /// The mixture asked for, or the best of the numbers of components, and the criterion of each.
+    fn choose(&self, exec: &Exec) -> Result<(Found, Vec<BicPoint>), Error> {
+        if let Some(start) = &self.params.start {
+            return Ok((self.from(self.space.frame.components(start), exec)?, Vec::new()));
+        }
+        if let Some(k) = self.params.k {
+            return Ok((self.with(k, exec)?, Vec::new()));
+        }
+        let mut best: Option<(Found, f64)> = None;
+        let mut curve: Vec<BicPoint> = Vec::new();
+        for k in 1..=self.params.k_max {
+            let found = self.with(k, exec)?;
+            // Fewer values than components: the curve ends.
+            if found.components.len() < k {
+                break;
+            }
+            let free = self.params.covariance.free(k);
+            let log_likelihood = found.log_likelihood + self.space.frame.log_unit(self.params.covariance);
+            let bic = start::criterion(log_likelihood, self.bins.total, free);
+            curve.push(BicPoint { k, log_likelihood, bic });
+            if best.as_ref().is_none_or(|(_, least)| bic < *least) {
+                best = Some((found, bic));
+            }
+        }
+        let (found, _) = best.expect("one component is always found");
+        Ok((found, curve))
+    }
+
+    /// From the classes of least inertia.
+    fn with(&self, k: usize, exec: &Exec) -> Result<Found, Error> {
+        let floor = self.space.limits.floor[AXES - 1];
+        let classes = start::classes(self.coarse.as_ref().unwrap_or(self.bins), k, floor);
+        if self.params.covariance == Covariance::Intensity {
+            let coarse = self.coarse.as_ref();
+            return Ok(line::search_from_coarse(self.bins, coarse, classes, &self.space.limits, exec)?);
+        }
+        let placed = self.space.placed(&classes, exec)?;
+        self.from(placed, exec)
+    }
+
+    fn from(&self, components: Vec<Component>, exec: &Exec) -> Result<Found, Error> {
+        Ok(match self.params.covariance {
+            Covariance::Intensity => line::search(self.bins, components, &self.space.limits, exec)?,
+            _ => self.space.search(components, exec)?,
+        })
+    }
+}

@@ -1,0 +1,310 @@
+//! Cuts of a tree: which merges are undone, and the labels of what is left joined.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, Linkage, NO_DATA, ParamError, Tree};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{frame, sets};
+use crate::moments::Moments;
+use crate::{Error, Segmentation, classes};
+
+/// Most classes: a label has 16 bits, and 0 is no data.
+const MOST_CLASSES: usize = u16::MAX as usize;
+/// Voxels or leaves that one task looks at.
+const CHUNK: usize = 1 << 16;
+/// The thesis draws its tree as the levels 0…4.
+const LEVELS: u32 = 5;
+
+/// Where a tree is cut.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Cut {
+    /// This many classes, 1…65535; fewer where the tree has fewer leaves.
+    Classes(usize),
+    /// Above this height, ≥ 0 (real units for single linkage, real units² for Ward's criterion).
+    Height(f64),
+    /// A level 0…4 of the thesis (figure 4.2), which starts from many parts and ends with two. Each level halves them:
+    /// level L has 2^(5 − L) classes, so 32, 16, 8, 4 and 2.
+    Level(u32),
+}
+
+/// Which merges matter most.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ranking {
+    /// Those that join two parts that are both large and far apart. For single linkage: the height times the voxels of the
+    /// smaller part, which is the area under its life in the tree. Ward's heights have the sizes in them: the height.
+    #[default]
+    Persistence,
+    /// The highest. For single linkage a single voxel unlike its neighbours comes first.
+    Height,
+    /// Those with the most voxels in the smaller part.
+    Area,
+}
+
+/// How a tree is cut.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CutParams {
+    /// Where.
+    pub cut: Cut,
+    /// Which merges a number of classes undoes first. A cut by height undoes all above the height.
+    pub order: Ranking,
+    /// Fewest voxels of a part, ≥ 1: merges with a smaller part on one side are never undone, so specks stay with their
+    /// neighbour.
+    pub smallest: u64,
+}
+
+impl Default for CutParams {
+    fn default() -> Self {
+        Self { cut: Cut::Classes(4), order: Ranking::Persistence, smallest: 1 }
+    }
+}
+
+impl CutParams {
+    /// # Errors
+    /// [`ParamError`] names the field that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        match self.cut {
+            Cut::Classes(k) if !(1..=MOST_CLASSES).contains(&k) => Err(ParamError::new(
+                "cut",
+                format!("{k} classes"),
+                format!("use 1…{MOST_CLASSES}; labels have 16 bits"),
+            )),
+            Cut::Height(height) if !(height.is_finite() && height >= 0.0) => {
+                Err(ParamError::new("cut", format!("height {height}"), "use a finite height of at least 0"))
+            }
+            Cut::Level(level) if level >= LEVELS => {
+                Err(ParamError::new("cut", format!("level {level}"), format!("use 0…{}", LEVELS - 1)))
+            }
+            _ if self.smallest == 0 => Err(ParamError::new("smallest", "0 voxels", "use 1 or more")),
+            _ => Ok(()),
+        }
+    }
+
+    fn classes(&self) -> Option<usize> {
+        match self.cut {
+            Cut::Classes(k) => Some(k),
+            Cut::Height(_) => None,
+            Cut::Level(level) => Some(1 << (LEVELS - level)),
+        }
+    }
+}
+
+/// Cuts a tree into connected classes, without the volume that it was grown from. O(L α(L) + N).
+///
+/// A cut undoes merges: single edges between leaves, wherever they lie in the tree. A merge that isn't undone keeps its two
+/// leaves in one class, so what is left out by a cut stays with the neighbour that it joined. The merges are undone in one
+/// order (by [`CutParams::order`]; the later of equal ones first), so cuts of a tree with the same order and `smallest` nest.
+/// Parts that touch nowhere are joined by merges too, and a cut may leave them joined.
+///
+/// Labels are 1…K in the order of the class means; means, spreads and counts come from the leaves.
+/// [`Segmentation::objective`] is the classes' inertia, and [`Segmentation::gap`] is 0: a cut promises no optimum.
+///
+/// # Errors
+/// [`Error::Core`]: a bad parameter, a height that leaves more than 65535 classes, an inconsistent tree, the memory limit, or
+/// cancelled.
+pub fn cut(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Segmentation, Error> {
+    exec.run(|| {
+        let found = classes_of(tree, params, exec)?;
+        let voxels: u64 = found.list.iter().map(|c| c.voxels).sum();
+        Ok(Segmentation {
+            k: found.list.len(),
+            labels: Labels::new(
+                tree.grid.clone(),
+                voxel_labels(tree, &found.groups, exec)?.into(),
+                found.list,
+            )?,
+            iterations: 1,
+            converged: true,
+            objective: found.inertia,
+            visited_fraction: voxels as f64 / tree.grid.len() as f64,
+            gap: 0.0,
+        })
+    })
+}
+
+/// The classes of a cut, before voxels get their labels.
+pub(super) struct Classes {
+    /// The merges that are undone, ascending.
+    pub(super) undone: Vec<u32>,
+    /// The class of each leaf, 1….
+    pub(super) groups: Bulk<u16>,
+    pub(super) list: Vec<Class>,
+    inertia: f64,
+}
+
+/// # Errors
+/// Those of [`cut`].
+pub(super) fn classes_of(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Classes, Error> {
+    params.check()?;
+    let undone = undone(tree, params, exec)?;
+    if undone.len() >= MOST_CLASSES {
+        let problem = format!("{} classes, labels have 16 bits", undone.len() + 1);
+        return Err(
+            ParamError::new("cut", problem, "raise the height, or ask for a number of classes").into()
+        );
+    }
+    let (groups, count) = groups(tree, &undone, exec)?;
+    describe(tree, undone, groups, count, exec)
+}
+
+/// The merges that are undone, ascending.
+fn undone(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Vec<u32>, CoreError> {
+    let merges = tree.merges.len();
+    let by_height = match params.order {
+        Ranking::Height => true,
+        Ranking::Persistence => tree.linkage == Linkage::Ward,
+        Ranking::Area => false,
+    };
+    let first = match (params.cut, params.classes()) {
+        (Cut::Height(height), _) => tree.merges_up_to(height),
+        (_, Some(k)) if by_height && params.smallest <= 1 => merges.saturating_sub(k - 1),
+        _ => 0,
+    };
+    let most = params.classes().map_or(MOST_CLASSES, |k| k - 1);
+    if params.smallest <= 1 && (by_height || params.classes().is_none()) {
+        return Ok((first as u32..merges as u32).collect());
+    }
+    let mut top = Top { most, heap: BinaryHeap::new() };
+    ranked(tree, exec, |merge, height, smaller| {
+        if merge >= first && u64::from(smaller) >= params.smallest {
+            let rank = match params.order {
+                _ if params.classes().is_none() => 0.0,
+                Ranking::Area => f64::from(smaller),
+                _ if by_height => height,
+                _ => height * f64::from(smaller),
+            };
+            top.see(rank.min(f64::MAX), merge as u32);
+        }
+    })?;
+    let mut undone: Vec<u32> = top.heap.into_iter().map(|Reverse((_, merge))| merge).collect();
+    undone.sort_unstable();
+    Ok(undone)
+}
+
+/// The highest of many ranks; they aren't negative, so their bits ascend with them.
+struct Top {
+    most: usize,
+    heap: BinaryHeap<Reverse<(u64, u32)>>,
+}
+
+impl Top {
+    fn see(&mut self, rank: f64, merge: u32) {
+        let item = Reverse((rank.to_bits(), merge));
+        if self.heap.len() < self.most {
+            self.heap.push(item);
+        } else if self.heap.peek().is_some_and(|least| item.0 > least.0) {
+            self.heap.pop();
+            self.heap.push(item);
+        }
+    }
+}
+
+/// Tells each merge with its height and the voxels of its smaller part.
+fn ranked(tree: &Tree, exec: &Exec, mut tell: impl FnMut(usize, f64, u32)) -> Result<(), CoreError> {
+    let mut parts: Bulk<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
+    let mut sizes: Bulk<u32> = exec.bulk("the sizes of the parts", tree.leaf_count())?;
+    sets::fill(&mut parts);
+    sizes.copy_from_slice(&tree.counts);
+    let mut step = 0;
+    for (merge, pair) in tree.merges.iter().enumerate() {
+        if merge % CHUNK == 0 {
+            exec.check_cancelled()?;
+        }
+        step += usize::from(tree.ends[step] as usize <= merge);
+        let [a, b] = pair.map(|leaf| sets::root(&mut parts, leaf - 1));
+        tell(merge, tree.heights[step], sizes[a as usize].min(sizes[b as usize]));
+        let (low, high) = (a.min(b) as usize, a.max(b) as usize);
+        parts[high] = low as u32;
+        sizes[low] += sizes[high];
+    }
+    Ok(())
+}
+
+/// The group of each leaf, 1…, joined by all merges but the undone; and the number of groups.
+fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(Bulk<u16>, usize), CoreError> {
+    let mut parts: Bulk<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
+    sets::fill(&mut parts);
+    let mut from = 0;
+    for end in undone.iter().map(|merge| *merge as usize).chain([tree.merges.len()]) {
+        for merges in tree.merges[from..end].chunks(CHUNK) {
+            exec.check_cancelled()?;
+            for [a, b] in merges {
+                sets::join(&mut parts, a - 1, b - 1);
+            }
+        }
+        from = (end + 1).min(tree.merges.len());
+    }
+    let mut groups: Bulk<u16> = exec.bulk("the groups of the leaves", tree.leaf_count())?;
+    let mut count = 0_usize;
+    for leaf in 0..parts.len() {
+        if leaf % CHUNK == 0 {
+            exec.check_cancelled()?;
+        }
+        let above = parts[leaf] as usize;
+        groups[leaf] = if above < leaf {
+            groups[above]
+        } else {
+            count += 1;
+            count as u16
+        };
+    }
+    Ok((groups, count))
+}
+
+/// Names the groups by their means, and tells their figures.
+fn describe(
+    tree: &Tree,
+    undone: Vec<u32>,
+    mut groups: Bulk<u16>,
+    count: usize,
+    exec: &Exec,
+) -> Result<Classes, Error> {
+    let frame = frame(&tree.means);
+    let mut moments = vec![Moments::default(); count];
+    for start in (0..groups.len()).step_by(CHUNK) {
+        exec.check_cancelled()?;
+        for leaf in start..(start + CHUNK).min(groups.len()) {
+            let squares = tree.squares.as_ref().map_or(0.0, |s| s[leaf]);
+            let of = &mut moments[usize::from(groups[leaf]) - 1];
+            of.add_spread(tree.means.get(leaf), u64::from(tree.counts[leaf]), squares, &frame);
+        }
+    }
+    let mean = |group: usize| moments[group].mean(&frame).clamp(f64::MIN, f64::MAX);
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_by(|&a, &b| {
+        mean(a).total_cmp(&mean(b)).then(moments[b].count.cmp(&moments[a].count)).then(a.cmp(&b))
+    });
+    let mut names = vec![NO_DATA; count + 1];
+    order.iter().enumerate().for_each(|(class, group)| names[group + 1] = class as u16 + 1);
+    groups.par_chunks_mut(CHUNK).for_each(|g| g.iter_mut().for_each(|g| *g = names[usize::from(*g)]));
+    let class = |(i, &group): (usize, &usize)| Class {
+        id: i as u16 + 1,
+        name: None,
+        mean: mean(group),
+        sd: moments[group].sd(&frame).min(f64::MAX),
+        voxels: moments[group].count,
+        lower: None,
+        upper: None,
+    };
+    let mut found: Vec<Class> = order.iter().enumerate().map(class).collect();
+    classes::set_crossings(&mut found);
+    let inertia: f64 = order.iter().map(|group| moments[*group].inertia(&frame)).sum();
+    Ok(Classes { undone, groups, list: found, inertia: inertia.min(f64::MAX) })
+}
+
+fn voxel_labels(tree: &Tree, classes: &[u16], exec: &Exec) -> Result<Bulk<u16>, CoreError> {
+    let mut labels: Bulk<u16> = exec.bulk("the labels", tree.leaves.len())?;
+    labels.par_chunks_mut(CHUNK).zip(tree.leaves.par_chunks(CHUNK)).try_for_each(|(labels, leaves)| {
+        exec.check_cancelled()?;
+        for (label, leaf) in labels.iter_mut().zip(leaves) {
+            *label = if *leaf == 0 { NO_DATA } else { classes[*leaf as usize - 1] };
+        }
+        Ok::<_, CoreError>(())
+    })?;
+    Ok(labels)
+}

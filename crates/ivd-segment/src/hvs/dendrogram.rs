@@ -1,0 +1,82 @@
+//! How the classes of a cut come together, for drawing.
+
+use ivd_core::{Exec, Tree};
+use serde::Serialize;
+
+use super::cut::{CutParams, classes_of};
+use super::sets;
+use crate::Error;
+
+/// The merges that a cut undid, between its classes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Dendrogram {
+    /// The classes in the order of their ids: mean (real units) and voxels.
+    pub leaves: Vec<Leaf>,
+    /// Two nodes and the height at which they join, ascending: nodes 0…K − 1 are the classes, node K + i is merge i.
+    pub merges: Vec<(usize, usize, f64)>,
+}
+
+/// A class of a [`Dendrogram`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Leaf {
+    /// Mean (real units).
+    pub mean: f64,
+    /// Number of voxels.
+    pub voxels: u64,
+}
+
+/// The tree above a cut's classes; `None` where there are more than `most` of them.
+///
+/// # Errors
+/// Those of [`cut`](super::cut()).
+pub fn dendrogram(
+    tree: &Tree,
+    params: &CutParams,
+    most: usize,
+    exec: &Exec,
+) -> Result<Option<Dendrogram>, Error> {
+    exec.run(|| {
+        let found = classes_of(tree, params, exec)?;
+        let count = found.list.len();
+        if count > most {
+            return Ok(None);
+        }
+        let mut parts: Vec<u32> = (0..count as u32).collect();
+        let mut top: Vec<usize> = (0..count).collect();
+        let mut merges = Vec::with_capacity(found.undone.len());
+        for &merge in &found.undone {
+            let pair = tree.merges[merge as usize];
+            let [a, b] =
+                pair.map(|leaf| sets::root(&mut parts, u32::from(found.groups[leaf as usize - 1]) - 1));
+            if a != b {
+                merges.push((top[a as usize], top[b as usize], tree.height(merge as usize)));
+                sets::join(&mut parts, a, b);
+                top[a.min(b) as usize] = count + merges.len() - 1;
+            }
+        }
+        let leaves = found.list.iter().map(|c| Leaf { mean: c.mean, voxels: c.voxels }).collect();
+        Ok(Some(Dendrogram { leaves, merges }))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hvs::cut::Cut;
+    use crate::{HvsParams, hvs_tree};
+    use ivd_core::{Grid, Linkage, Volume, Voxels};
+
+    #[test]
+    fn the_merges_of_a_row_come_in_the_order_of_their_steps() {
+        let grid = Grid::with_spacing([6, 1, 1], [1.0; 3]).unwrap();
+        let volume = Volume::new(grid, Voxels::from(vec![1_u8, 1, 5, 5, 20, 20])).unwrap();
+        let exec = Exec::default();
+        let params = HvsParams { linkage: Linkage::Single, ..HvsParams::default() };
+        let tree = hvs_tree(&volume, None, &params, &exec).unwrap().tree;
+        let cut = CutParams { cut: Cut::Classes(3), ..CutParams::default() };
+        let found = dendrogram(&tree, &cut, 10, &exec).unwrap().unwrap();
+        assert_eq!(found.merges, [(0, 1, 4.0), (3, 2, 15.0)]);
+        assert_eq!(found.leaves.iter().map(|l| l.mean).collect::<Vec<_>>(), [1.0, 5.0, 20.0]);
+        assert_eq!(dendrogram(&tree, &cut, 2, &exec).unwrap(), None);
+    }
+}
