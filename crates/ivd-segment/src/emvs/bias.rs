@@ -12,7 +12,7 @@ use ivd_core::{Error as CoreError, Exec, Iteration, Mask, Scalar as _, Volume, V
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::bins::Bins;
+use super::bins::{self, Bins};
 use super::line::Density;
 use super::mixture::{Component, Frame, INTENSITY};
 use super::{Covariance, EmvsParams, Search};
@@ -30,6 +30,9 @@ const LEAST_GAIN: f64 = 0.1;
 const VOXELS: f64 = 4.0;
 /// Nodes an axis, at most.
 const MOST_NODES: f64 = 256.0;
+
+/// Where the largest real value lies here, values are kept in real units.
+const MODEST: std::ops::RangeInclusive<f64> = 1e-20..=1e30;
 
 /// A smooth gain: real value = gain · corrected value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -81,8 +84,8 @@ impl BiasField {
         (0..len).map(|i| self.before(axis, i)).collect()
     }
 
-    /// The volume divided by the gains, in real values.
-    fn correct(&self, volume: &Volume, exec: &Exec) -> Result<Volume, Error> {
+    /// The volume divided by the gains, stored in units of `unit` (a power of two, in real units).
+    fn correct(&self, volume: &Volume, unit: f64, exec: &Exec) -> Result<Volume, Error> {
         let [nx, ny, nz] = volume.grid().dims();
         let [x, y, z] = [(0, nx), (1, ny), (2, nz)].map(|(a, n)| self.placed(a, n));
         let mut corrected = exec.bulk::<f32>("the corrected volume", nx * ny * nz)?;
@@ -91,13 +94,26 @@ impl BiasField {
                 exec.check_cancelled()?;
                 let (y, z) = (y[row % ny], z[row / ny]);
                 for ((out, v), x) in out.iter_mut().zip(row_of).zip(&x) {
-                    *out = (volume.real(v.to_f64()) / self.blend(y, z, *x)) as f32;
+                    *out = (volume.real(v.to_f64()) / unit / self.blend(y, z, *x)) as f32;
                 }
                 Ok::<_, CoreError>(())
             })
         })?;
-        Ok(Volume::new(volume.grid().clone(), Voxels::F32(corrected.into_buffer()))?)
+        let voxels = Voxels::F32(corrected.into_buffer());
+        Ok(Volume::with_scale(volume.grid().clone(), voxels, unit, 0.0)?)
     }
+}
+
+/// The unit in which corrected values fit into `f32`: 1, where the largest lie well inside it.
+fn unit(volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Result<f64, CoreError> {
+    let extremes = with_voxels!(volume.voxels(), slice => bins::extremes(slice, mask, exec))?;
+    let largest = extremes.map_or(0.0, |ends| {
+        ends.map(|end| volume.real(end).abs().min(f64::MAX)).into_iter().fold(0.0, f64::max)
+    });
+    if largest == 0.0 || MODEST.contains(&largest) {
+        return Ok(1.0);
+    }
+    Ok(2.0_f64.powi((largest.log2() as i32).clamp(-1000, 1000)))
 }
 
 /// The field of a volume, and the volume without it.
@@ -108,13 +124,14 @@ pub(super) fn remove(
     exec: &Exec,
 ) -> Result<(Volume, BiasField), Error> {
     let mut field = BiasField::flat(volume, params.bias);
+    let unit = unit(volume, mask, exec)?;
     let on_intensity = params.covariance == Covariance::Intensity;
     let k = params.k.or(params.start.as_ref().map(|start| start.weights.len()));
     let start = params.start.clone().filter(|_| on_intensity);
     let mut params = EmvsParams { k, start, covariance: Covariance::Intensity, ..params.clone() };
     let scale = params.bias;
     for index in 1..=ROUNDS {
-        let corrected = field.correct(volume, exec)?;
+        let corrected = field.correct(volume, unit, exec)?;
         let Some(bins) = Bins::of(&corrected, mask, exec)? else { break };
         let frame = Frame::new(&corrected, &bins);
         let (found, _) = Search::new(&corrected, mask, &bins, &frame, &params).choose(exec)?;
@@ -132,7 +149,7 @@ pub(super) fn remove(
         params.start = usable.then_some(mixture);
         params.max_iterations = params.max_iterations.min(ITERATIONS);
     }
-    Ok((field.correct(volume, exec)?, field))
+    Ok((field.correct(volume, unit, exec)?, field))
 }
 
 /// Numerator and denominator of a node's gain.

@@ -328,7 +328,11 @@ fn first_beyond<'a>(mut slots: impl Iterator<Item = &'a Slot>, beyond: u64) -> u
 }
 
 /// Smallest and largest datum.
-fn extremes<T: Scalar>(voxels: &[T], mask: Option<&Mask>, exec: &Exec) -> Result<Option<[f64; 2]>, Error> {
+pub(super) fn extremes<T: Scalar>(
+    voxels: &[T],
+    mask: Option<&Mask>,
+    exec: &Exec,
+) -> Result<Option<[f64; 2]>, Error> {
     let none = [f64::INFINITY, f64::NEG_INFINITY];
     let join = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
     let found = voxels

@@ -6,6 +6,9 @@
 //! best for a voxel is known in closed form, and no two voxels of one colour of a checkerboard are neighbours: so all red
 //! ones are renewed at once, then all black ones, and the variational free energy falls with each.
 //!
+//! Beside the couplings acts an external field, see [`super::external`]; it is found once, from the distributions that EM's
+//! mixture gives, and stays while the energy falls.
+//!
 //! The distributions are stored in steps of 1/255, so that K maps of a large volume fit into memory; a voxel keeps its old
 //! distribution where the rounded new one isn't better, so that rounding can't make the energy rise. The colours are stored
 //! apart: whoever writes one only reads the other.
@@ -19,7 +22,7 @@ use super::mixture::{Component, INTENSITY};
 use super::quadratic::{self, Quadratic};
 use super::rows::{PIECE, Piece, Values};
 use super::space::Space;
-use super::{Covariance, EmvsParams};
+use super::{Covariance, EmvsParams, external};
 use crate::Error;
 
 /// The whole of a distribution.
@@ -72,8 +75,8 @@ impl Tally {
     }
 }
 
-/// Sweeps until the energy stands still. On intensity alone means and variances are renewed after each sweep; the weights
-/// stay, as the field that acts on every voxel, and so do components over space.
+/// Sweeps until the energy stands still. On intensity alone the weights make way for an external field, and means and
+/// variances are renewed after each sweep; components over space stay, and so do their weights.
 pub(super) fn smooth(
     scene: &Scene,
     space: &Space,
@@ -81,6 +84,7 @@ pub(super) fn smooth(
     exec: &Exec,
 ) -> Result<Smoothed, Error> {
     let mut components = scene.components.to_vec();
+    let weights: Vec<f64> = components.iter().map(|c| c.weight).collect();
     let mut field = Field::new(scene, exec)?;
     let spacing = scene.volume.grid().spacing();
     let least = spacing.iter().copied().fold(f64::INFINITY, f64::min);
@@ -89,6 +93,10 @@ pub(super) fn smooth(
     let mut converged = false;
     for colour in 0..2 {
         field.renew(scene, &components, colour, None, exec)?;
+    }
+    if scene.shape == Covariance::Intensity {
+        let weights = external::field(&weights, &field, couplings, exec)?;
+        components.iter_mut().zip(weights).for_each(|(c, weight)| c.weight = weight);
     }
     for index in 1..=params.smoothing_iterations {
         let mut red = field.renew(scene, &components, 0, Some(couplings), exec)?;
@@ -107,6 +115,7 @@ pub(super) fn smooth(
             maximise(&mut components, &red.sums, space);
         }
     }
+    components.iter_mut().zip(weights).for_each(|(c, weight)| c.weight = weight);
     Ok(Smoothed { field, components, energies, converged })
 }
 
@@ -188,6 +197,43 @@ impl Field {
             total.join(part);
         }
         Ok(total)
+    }
+
+    /// Shares of about `most` red voxels, from rows all over the volume, and their neighbours' shares times the couplings,
+    /// summed: shape `[voxels][K]`, both.
+    pub(super) fn red_sample(&self, most: usize, couplings: [f64; 3]) -> (Vec<f64>, Vec<f64>) {
+        let ([nx, ny, nz], k, half) = (self.dims, self.k, self.half);
+        let (mut own, mut neighbours) = (Vec::new(), Vec::new());
+        let rows = (most / half).clamp(1, ny * nz);
+        for row in (0..rows).map(|i| i * (ny * nz) / rows) {
+            let (y, z) = (row % ny, row / ny);
+            let parity = (y + z) % 2;
+            let across = [
+                (1, (y > 0).then(|| row - 1)),
+                (1, (y + 1 < ny).then_some(row + 1)),
+                (2, (z > 0).then(|| row - ny)),
+                (2, (z + 1 < nz).then_some(row + ny)),
+            ];
+            for i in (0..half).filter(|i| 2 * i + parity < nx) {
+                let share = |colour: usize, row: usize, j: usize, i: usize| {
+                    f64::from(self.shares[colour][(row * k + j) * half + i]) / WHOLE
+                };
+                if (0..k).all(|j| self.shares[0][(row * k + j) * half + i] == 0) {
+                    continue;
+                }
+                // Along x one neighbour has the same place among those of its colour.
+                let next = if parity == 1 { Some(i + 1).filter(|i| *i < half) } else { i.checked_sub(1) };
+                for j in 0..k {
+                    own.push(share(0, row, j, i));
+                    let along = share(1, row, j, i) + next.map_or(0.0, |i| share(1, row, j, i));
+                    let across = across
+                        .iter()
+                        .filter_map(|(axis, row)| row.map(|row| couplings[*axis] * share(1, row, j, i)));
+                    neighbours.push(couplings[0] * along + across.sum::<f64>());
+                }
+            }
+        }
+        (own, neighbours)
     }
 
     /// Reads the distributions of all voxels in their order: `write(shares, out)`, shares by component.
@@ -355,4 +401,59 @@ impl Renewal<'_> {
 fn add(out: &mut [f64], shares: &[u8], coupling: f64) {
     let each = coupling / WHOLE;
     out.iter_mut().zip(shares).for_each(|(out, q)| *out += each * f64::from(*q));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_of_all_red_voxels_has_the_sums_of_their_neighbours() {
+        let couplings = [0.5, 0.25, 2.0];
+        for dims in [[5, 4, 3], [4, 3, 2], [1, 3, 5], [6, 1, 1]] {
+            let ([nx, ny, nz], k): ([usize; 3], usize) = (dims, 3);
+            let share = |at: [usize; 3], j: usize| {
+                ((at[0] * 7 + at[1] * 13 + at[2] * 29 + j * 83) * 2_654_435_761 >> 7) as u8
+            };
+            let half = nx.div_ceil(2);
+            let shares = [0, 1].map(|colour| {
+                let mut shares = Exec::default().bulk::<u8>("shares", half * k * ny * nz).unwrap();
+                for (row, j, i) in
+                    (0..ny * nz).flat_map(|r| (0..k).flat_map(move |j| (0..half).map(move |i| (r, j, i))))
+                {
+                    let (y, z) = (row % ny, row / ny);
+                    let x = 2 * i + (y + z + colour) % 2;
+                    shares[(row * k + j) * half + i] = if x < nx { share([x, y, z], j) } else { 0 };
+                }
+                shares
+            });
+            let (own, neighbours) = Field { dims, k, half, shares }.red_sample(1 << 20, couplings);
+            let mut at = 0;
+            for [z, y, x] in (0..nz)
+                .flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [z, y, x])))
+                .filter(|p| p.iter().sum::<usize>() % 2 == 0)
+                .filter(|[z, y, x]| (0..k).any(|j| share([*x, *y, *z], j) > 0))
+            {
+                for j in 0..k {
+                    let here = [x, y, z];
+                    let mut sum = 0.0;
+                    for a in 0..3 {
+                        let mut near = here;
+                        if here[a] > 0 {
+                            near[a] = here[a] - 1;
+                            sum += couplings[a] * f64::from(share(near, j));
+                        }
+                        if here[a] + 1 < dims[a] {
+                            near[a] = here[a] + 1;
+                            sum += couplings[a] * f64::from(share(near, j));
+                        }
+                    }
+                    assert!((neighbours[at] - sum / WHOLE).abs() < 1e-12, "{dims:?} {here:?}");
+                    assert!((own[at] - f64::from(share(here, j)) / WHOLE).abs() < 1e-12);
+                    at += 1;
+                }
+            }
+            assert_eq!((at, at), (own.len(), neighbours.len()));
+        }
+    }
 }

@@ -3,6 +3,7 @@
 mod bias;
 mod bins;
 mod exponential;
+mod external;
 mod field;
 mod labels;
 mod line;
@@ -78,8 +79,9 @@ pub struct BicPoint {
 /// one density: what rounding to 8 bits does isn't modelled, apart from the variance's floor.
 ///
 /// With `smoothing` β > 0 labels are coupled to the neighbours' (Potts model, mean field): along axis a with
-/// `β · (least spacing / spacing of a)`. Means and variances on intensity go on improving; weights, and components over space,
-/// stay as EM left them. The distributions are kept in steps of 1/255: N · K bytes. The labels are the greatest shares.
+/// `β · (least spacing / spacing of a)`. On intensity alone an external field takes the weights' place, found by the coding
+/// method (Besag 1974), as the neighbours already say most of what weights say; means and variances go on improving. Components
+/// over space stay as EM left them. The mixture tells EM's weights. The distributions are kept in steps of 1/255: N · K bytes. The labels are the greatest shares.
 ///
 /// With `bias` > 0 a smooth gain is found first, on intensity alone, and divided out (see [`BiasField`]): N · 4 bytes more.
 /// Real values must then be 0 where there is no signal.

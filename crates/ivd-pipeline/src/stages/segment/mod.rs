@@ -68,7 +68,7 @@ impl Stage for Segment {
     }
 
     fn revision(&self) -> u32 {
-        3
+        4
     }
 
     fn inputs(&self) -> &'static [Slot] {
