@@ -97,8 +97,8 @@ def peers(voxels, k):
     }
 
 
-def phantoms(program, folder):
-    for noise in (0.02, 0.04, 0.08):
+def phantoms(program, folder, noises=(0.02, 0.04, 0.08)):
+    for noise in noises:
         volume, truth = folder / "head.nii", folder / "truth.nii"
         program.run("phantom", "head", "--size", 128, "--noise", noise, "-o", folder / "head.ivd", "--truth", truth)
         program.run("export", folder / "head.ivd", "-o", volume)

@@ -67,11 +67,16 @@ pub enum Cut {
     Value(f64),
 }
 
+/// Groups that the other ways to cluster take turns in, where a case doesn't call them all: ten would cost more than the rest.
+pub const TURNS: usize = 5;
+
 /// How the stages are asked.
 #[derive(Debug, Clone)]
 pub struct Setup {
     /// Classes of the segmentation.
     pub k: usize,
+    /// Which of the other ways to cluster have their turn, of [`TURNS`] groups; `None`: all.
+    pub turn: Option<usize>,
     /// Thresholds.
     pub thresholds: Vec<f64>,
     /// Transfer function.
@@ -102,6 +107,7 @@ impl Default for Setup {
     fn default() -> Self {
         Self {
             k: 3,
+            turn: None,
             thresholds: vec![0.5],
             atf: ivd_atf::Params { resolution: 64, ..ivd_atf::Params::default() },
             boundary: ivd_boundary::Params::default(),

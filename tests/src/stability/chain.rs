@@ -102,7 +102,7 @@ pub enum Ran {
     Held,
     /// Refused with a reason.
     Refused(Refusal),
-    /// Had nothing to work on, as an earlier stage refused.
+    /// Had nothing to work on, as an earlier stage refused, or no turn.
     Idle,
 }
 
@@ -111,7 +111,7 @@ pub trait Subject: Sync {
     /// Which.
     fn stage(&self) -> Stage;
 
-    /// Runs it on what the earlier stages gave; `Ok(false)` where its input is missing.
+    /// Runs it on what the earlier stages gave; `Ok(false)` where its input is missing, or it has no turn.
     ///
     /// # Errors
     /// What the stage said.

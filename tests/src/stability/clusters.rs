@@ -7,7 +7,7 @@ use ivd_segment::{
 };
 
 use super::backend::{Answer, Backend};
-use super::case::{Case, Stage};
+use super::case::{Case, Stage, TURNS};
 use super::chain::{Subject, Values};
 use super::invariants::{Verdict, clusters};
 
@@ -97,6 +97,9 @@ impl Subject for Cluster {
         self.0
     }
     fn run(&self, on: &dyn Backend, case: &Case, values: &mut Values, exec: &Exec) -> Answer<bool> {
+        if case.setup.turn.is_some_and(|turn| self.0 as usize % TURNS != turn) {
+            return Ok(false);
+        }
         let found = (self.2)(on, &case.volume, case.setup.k, exec)?;
         values.clusterings.insert(self.1, found);
         Ok(true)

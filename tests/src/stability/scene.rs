@@ -28,6 +28,7 @@ pub fn scene(seed: u64) -> Case {
     let field = field(&mut random, &grid);
     let volume = volume(&mut random, &grid, &field);
     let mut setup = setup(&mut random, &volume);
+    setup.turn = Some(seed as usize % TURNS);
     let handles = 1 + random.below(3);
     let (length, handle) = (grid.voxel_diagonal(), &mut random);
     setup.handles = (0..handles).map(|_| grip(handle, length, setup.ring.stiffness)).collect();
@@ -150,6 +151,7 @@ fn setup(random: &mut Seeded, volume: &Volume) -> Setup {
     };
     Setup {
         k: 1 + random.below(6),
+        turn: None,
         thresholds,
         boundary: ivd_boundary::Params {
             class: random.pick(&[None, Some(ClassChoice::Densest), Some(ClassChoice::Largest)]),
