@@ -363,14 +363,19 @@ impl Volume {
     /// Smallest and largest real value, exactly; `None` where no voxel holds data. The index answers where its `f32` holds
     /// every stored value; the wider types are looked through.
     pub fn range(&self) -> Option<[f64; 2]> {
-        let [lo, hi] = match &self.voxels {
-            Voxels::U32(v) => extremes(v)?,
-            Voxels::I32(v) => extremes(v)?,
-            Voxels::F64(v) => extremes(v)?,
-            _ => self.bricks().total().map(|(lo, hi)| [f64::from(lo), f64::from(hi)])?,
-        };
-        let (a, b) = (self.real(lo), self.real(hi));
+        let [a, b] = self.stored_range()?.map(|stored| self.real(stored));
         Some([a.min(b), a.max(b)])
+    }
+
+    /// Smallest and largest stored value, exactly; `None` where no voxel holds data. What an intercept swallows of real values
+    /// is told apart here.
+    pub fn stored_range(&self) -> Option<[f64; 2]> {
+        match &self.voxels {
+            Voxels::U32(v) => extremes(v),
+            Voxels::I32(v) => extremes(v),
+            Voxels::F64(v) => extremes(v),
+            _ => self.bricks().total().map(|(lo, hi)| [f64::from(lo), f64::from(hi)]),
+        }
     }
 
     /// Number of voxels that are no data (NaN or infinite).

@@ -15,9 +15,7 @@ pub(crate) struct Frame {
 impl Frame {
     /// The frame of a volume's stored values.
     pub(crate) fn of(volume: &Volume) -> Self {
-        let stored = |real: f64| volume.stored(real);
-        let range = volume.range().map(|[a, b]| [stored(a).min(stored(b)), stored(a).max(stored(b))]);
-        Self::between(range.unwrap_or([0.0; 2]))
+        Self::between(volume.stored_range().unwrap_or([0.0; 2]))
     }
 
     /// A power of two that takes the values to about 1.
@@ -131,6 +129,17 @@ mod tests {
             found.add(*v, frame);
         }
         found
+    }
+
+    #[test]
+    fn an_intercept_that_swallows_the_values_leaves_their_frame_alone() {
+        let grid = ivd_core::Grid::with_spacing([3, 1, 1], [1.0; 3]).unwrap();
+        let values = vec![1e300, -3e299, 0.0];
+        let volume = Volume::with_scale(grid, values.clone().into(), 6.45e-320, -0.25).unwrap();
+        assert_eq!(volume.range(), Some([-0.25, -0.25]));
+        let frame = Frame::of(&volume);
+        let mean = of(&values, &frame).mean(&frame);
+        assert!((mean / (7e299 / 3.0) - 1.0).abs() < 1e-14, "{mean}");
     }
 
     #[test]
