@@ -76,7 +76,7 @@ impl Method {
                 unreachable!("checked by the runner")
             };
             let found = ivd_segment::cut(tree, params, exec).map_err(stage_error!("segment"))?;
-            return Ok((found, metrics::dendrogram(tree, params, exec)));
+            return Ok((found, metrics::cut(tree, params, exec)));
         }
         let volume = inputs.volume("volume").expect("checked by the runner");
         let mask = inputs.mask("mask");
@@ -122,9 +122,7 @@ impl Method {
                 let tree =
                     ivd_segment::hvs_tree(volume, mask, tree, exec).map_err(stage_error!("segment"))?;
                 let found = ivd_segment::cut(&tree.tree, params, exec).map_err(stage_error!("segment"))?;
-                let mut own = metrics::dendrogram(&tree.tree, params, exec);
-                own["regions"] = json!(tree.regions);
-                Ok((found, own))
+                Ok((found, metrics::cut(&tree.tree, params, exec)))
             }
             Self::Threshold(params) => Ok((
                 ivd_segment::threshold(volume, mask, params, exec).map_err(stage_error!("segment"))?,

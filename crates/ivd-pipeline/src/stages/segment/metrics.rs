@@ -94,10 +94,11 @@ pub(super) fn tree(found: &Hvs) -> Value {
     })
 }
 
-/// How the classes of a cut come together, as far as a picture can show it.
-pub(super) fn dendrogram(tree: &Tree, params: &CutParams, exec: &Exec) -> Value {
-    match ivd_segment::dendrogram(tree, params, MOST_LEAVES, exec) {
-        Ok(Some(found)) => json!({ "dendrogram": found }),
-        _ => json!({}),
+/// Of a cut: the regions that the tree has, and how the classes come together, as far as a picture can show it.
+pub(super) fn cut(tree: &Tree, params: &CutParams, exec: &Exec) -> Value {
+    let mut own = json!({ "regions": tree.leaf_count() });
+    if let Ok(Some(found)) = ivd_segment::dendrogram(tree, params, MOST_LEAVES, exec) {
+        own["dendrogram"] = json!(found);
     }
+    own
 }
