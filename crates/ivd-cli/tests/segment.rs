@@ -112,12 +112,42 @@ fn a_tree_is_cut_again_without_its_volume() {
         json(at, &[&["segment", "head.ivd", "-o", "b.ivd", "--tree-out", "tree.ivd"][..], &method].concat());
     let cut = json(at, &["segment", "--from-tree", "tree.ivd", "--k", "5", "-o", "c.ivd"]);
     assert_eq!([hash(&straight), hash(&kept)], [hash(&cut), hash(&cut)]);
+    assert!(straight["metrics"]["regions"].as_u64().unwrap() > 5);
+    assert_eq!(cut["metrics"]["regions"], straight["metrics"]["regions"]);
     let finer = json(at, &["segment", "--from-tree", "tree.ivd", "--k", "9", "-o", "d.ivd"]);
     assert_eq!(finer["metrics"]["k"], 9);
     let level = json(at, &["segment", "--from-tree", "tree.ivd", "--level", "4", "-o", "e.ivd"]);
     assert!(level["metrics"]["k"].as_u64().unwrap() >= 1);
     let info = json(at, &["info", "tree.ivd"]);
     assert_eq!(info["kind"], "tree");
+}
+
+#[test]
+fn what_shaped_a_tree_is_refused_beside_it() {
+    let folder = head();
+    let at = folder.path();
+    json(at, &["segment", "head.ivd", "-o", "a.ivd", "--method", "hvs", "--tree-out", "tree.ivd"]);
+    let cut = |args: &[&'static str]| [&["segment", "--from-tree", "tree.ivd", "-o", "l.ivd"], args].concat();
+    for option in [
+        ["--linkage", "single"],
+        ["--linkage", "ward"],
+        ["--range", "40,160"],
+        ["--alpha", "3"],
+        ["--max-regions", "500"],
+    ] {
+        let told = refused(at, 2, &cut(&option));
+        assert!(
+            told.contains(option[0]) && told.contains("leave it out") && told.contains("--tree-out"),
+            "{told}"
+        );
+    }
+    assert!(refused(at, 2, &cut(&["--method", "kmvs"])).contains("--method: \"kmvs\""));
+    assert!(refused(at, 2, &cut(&["--smoothing", "1"])).contains("smoothing"));
+    std::fs::write(at.join("tree.toml"), "method = \"hvs\"\nmax_regions = 500\n").unwrap();
+    let told = refused(at, 2, &cut(&["--params", "tree.toml"]));
+    assert!(told.contains("--params tree.toml: max_regions"), "{told}");
+    assert!(!at.join("l.ivd").exists());
+    json(at, &cut(&["--method", "hvs", "--ranking", "height"]));
 }
 
 #[test]
