@@ -80,6 +80,7 @@ fn words(args: &SegmentArgs) -> Words {
         .with("method", args.method.clone())
         .with("k", k)
         .with("k_max", args.k_max.map(i64::from))
+        .with("k_min", args.k_min.map(i64::from))
         .with("values", args.values.clone().map(list))
         .with("range", args.range.map(|r| list(r.to_vec())))
         .with("spatial_weight", args.spatial_weight)

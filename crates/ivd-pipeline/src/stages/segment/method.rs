@@ -45,9 +45,7 @@ impl Method {
             SegmentMethod::Emvs => Self::Emvs(emvs(section)),
             SegmentMethod::Msvs => Self::Msvs(msvs(section)),
             SegmentMethod::Hvs => Self::Hvs(hvs(section), cut(section)?),
-            SegmentMethod::MsvsKmvs => {
-                Self::MsvsKmvs(ChainParams { msvs: msvs(section), ..ChainParams::default() })
-            }
+            SegmentMethod::MsvsKmvs => Self::MsvsKmvs(chain(section)),
             SegmentMethod::Threshold => Self::Threshold(ThresholdParams { values: section.values.clone() }),
         })
     }
@@ -194,6 +192,11 @@ fn msvs(section: &SegmentSection) -> MsvsParams {
         cells_per_bandwidth: section.cells_per_bandwidth.unwrap_or(base.cells_per_bandwidth),
         range: section.range,
     }
+}
+
+fn chain(section: &SegmentSection) -> ChainParams {
+    let base = ChainParams::default();
+    ChainParams { msvs: msvs(section), k_min: section.k_min.unwrap_or(base.k_min) }
 }
 
 pub(super) fn hvs(section: &SegmentSection) -> HvsParams {
