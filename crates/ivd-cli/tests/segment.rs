@@ -184,6 +184,28 @@ fn small_parts_are_given_to_their_surroundings_and_ids_can_follow_sizes() {
 }
 
 #[test]
+fn times_are_told_and_kept_in_no_file() {
+    let folder = head();
+    let at = folder.path();
+    let segment = |to: &str| {
+        let with_cache = ["segment", "head.ivd", "-o", to, "--method", "msvs+kmvs", "--cache", "kept"];
+        json(at, &with_cache)["metrics"].clone()
+    };
+    let told = segment("a.ivd");
+    assert!(told["msvs_s"].as_f64().unwrap() > 0.0 && told["kmvs_s"].as_f64().unwrap() > 0.0);
+    let again = segment("b.ivd");
+    let kept = json(at, &["info", "a.ivd"])["metrics"].clone();
+    assert_eq!([&kept["k_kept"], &again["k_kept"]], [&told["k_kept"]; 2]);
+    for time in ["msvs_s", "kmvs_s"] {
+        assert!(kept[time].is_null(), "{time} would make every run's file another one");
+        assert!(again[time].is_null(), "{time} of another run, where the cache did the work");
+    }
+    let file = |name: &str| std::fs::read(at.join(name)).unwrap();
+    json(at, &["segment", "head.ivd", "-o", "c.ivd", "--method", "msvs+kmvs"]);
+    assert!(file("a.ivd") == file("b.ivd") && file("b.ivd") == file("c.ivd"));
+}
+
+#[test]
 fn what_does_not_fit_together_is_said() {
     let folder = head();
     let at = folder.path();

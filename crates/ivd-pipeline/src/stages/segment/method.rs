@@ -13,7 +13,7 @@ use crate::error::stage_error;
 use crate::scene::{
     ClassCount, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice, SegmentMethod, SegmentSection,
 };
-use crate::{Error, Inputs};
+use crate::{Error, Inputs, Metrics};
 
 /// A way to segment.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,7 +68,7 @@ impl Method {
         inputs: &Inputs,
         exec: &Exec,
         posteriors: Option<&mut Posteriors>,
-    ) -> Result<(Segmentation, Value), Error> {
+    ) -> Result<(Segmentation, Metrics), Error> {
         if let Self::Cut(params) = self {
             let Some(Artefact::Tree(tree)) = inputs.get("tree") else {
                 unreachable!("checked by the runner")
@@ -87,7 +87,7 @@ impl Method {
             }
             Self::Kmvs(params) => Ok((
                 ivd_segment::kmvs(volume, mask, params, exec).map_err(stage_error!("segment"))?,
-                json!({}),
+                Metrics::default(),
             )),
             Self::Emvs(params) => {
                 let params = EmvsParams { posteriors: posteriors.is_some(), ..params.clone() };
@@ -124,7 +124,7 @@ impl Method {
             }
             Self::Threshold(params) => Ok((
                 ivd_segment::threshold(volume, mask, params, exec).map_err(stage_error!("segment"))?,
-                json!({}),
+                Metrics::default(),
             )),
             Self::Cut(_) => unreachable!("done above"),
         }
