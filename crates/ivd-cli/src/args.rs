@@ -318,7 +318,7 @@ pub(crate) enum Command {
         /// Artefact or volume file.
         file: PathBuf,
     },
-    /// The error between two artefacts of one kind.
+    /// The error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice.
     Compare {
         /// First artefact.
         a: PathBuf,

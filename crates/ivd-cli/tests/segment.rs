@@ -112,12 +112,42 @@ fn a_tree_is_cut_again_without_its_volume() {
         json(at, &[&["segment", "head.ivd", "-o", "b.ivd", "--tree-out", "tree.ivd"][..], &method].concat());
     let cut = json(at, &["segment", "--from-tree", "tree.ivd", "--k", "5", "-o", "c.ivd"]);
     assert_eq!([hash(&straight), hash(&kept)], [hash(&cut), hash(&cut)]);
+    assert!(straight["metrics"]["regions"].as_u64().unwrap() > 5);
+    assert_eq!(cut["metrics"]["regions"], straight["metrics"]["regions"]);
     let finer = json(at, &["segment", "--from-tree", "tree.ivd", "--k", "9", "-o", "d.ivd"]);
     assert_eq!(finer["metrics"]["k"], 9);
     let level = json(at, &["segment", "--from-tree", "tree.ivd", "--level", "4", "-o", "e.ivd"]);
     assert!(level["metrics"]["k"].as_u64().unwrap() >= 1);
     let info = json(at, &["info", "tree.ivd"]);
     assert_eq!(info["kind"], "tree");
+}
+
+#[test]
+fn what_shaped_a_tree_is_refused_beside_it() {
+    let folder = head();
+    let at = folder.path();
+    json(at, &["segment", "head.ivd", "-o", "a.ivd", "--method", "hvs", "--tree-out", "tree.ivd"]);
+    let cut = |args: &[&'static str]| [&["segment", "--from-tree", "tree.ivd", "-o", "l.ivd"], args].concat();
+    for option in [
+        ["--linkage", "single"],
+        ["--linkage", "ward"],
+        ["--range", "40,160"],
+        ["--alpha", "3"],
+        ["--max-regions", "500"],
+    ] {
+        let told = refused(at, 2, &cut(&option));
+        assert!(
+            told.contains(option[0]) && told.contains("leave it out") && told.contains("--tree-out"),
+            "{told}"
+        );
+    }
+    assert!(refused(at, 2, &cut(&["--method", "kmvs"])).contains("--method: \"kmvs\""));
+    assert!(refused(at, 2, &cut(&["--smoothing", "1"])).contains("smoothing"));
+    std::fs::write(at.join("tree.toml"), "method = \"hvs\"\nmax_regions = 500\n").unwrap();
+    let told = refused(at, 2, &cut(&["--params", "tree.toml"]));
+    assert!(told.contains("--params tree.toml: max_regions"), "{told}");
+    assert!(!at.join("l.ivd").exists());
+    json(at, &cut(&["--method", "hvs", "--ranking", "height"]));
 }
 
 #[test]
@@ -154,12 +184,36 @@ fn small_parts_are_given_to_their_surroundings_and_ids_can_follow_sizes() {
 }
 
 #[test]
+fn times_are_told_and_kept_in_no_file() {
+    let folder = head();
+    let at = folder.path();
+    let segment = |to: &str| {
+        let with_cache = ["segment", "head.ivd", "-o", to, "--method", "msvs+kmvs", "--cache", "kept"];
+        json(at, &with_cache)["metrics"].clone()
+    };
+    let told = segment("a.ivd");
+    assert!(told["msvs_s"].as_f64().unwrap() > 0.0 && told["kmvs_s"].as_f64().unwrap() > 0.0);
+    let again = segment("b.ivd");
+    let kept = json(at, &["info", "a.ivd"])["metrics"].clone();
+    assert_eq!([&kept["k_kept"], &again["k_kept"]], [&told["k_kept"]; 2]);
+    for time in ["msvs_s", "kmvs_s"] {
+        assert!(kept[time].is_null(), "{time} would make every run's file another one");
+        assert!(again[time].is_null(), "{time} of another run, where the cache did the work");
+    }
+    let file = |name: &str| std::fs::read(at.join(name)).unwrap();
+    json(at, &["segment", "head.ivd", "-o", "c.ivd", "--method", "msvs+kmvs"]);
+    assert!(file("a.ivd") == file("b.ivd") && file("b.ivd") == file("c.ivd"));
+}
+
+#[test]
 fn what_does_not_fit_together_is_said() {
     let folder = head();
     let at = folder.path();
     let segment = |args: &[&'static str]| [&["segment", "head.ivd", "-o", "l.ivd"], args].concat();
     assert!(refused(at, 2, &segment(&["--k", "auto"])).contains("msvs+kmvs"));
     assert!(refused(at, 2, &segment(&["--smoothing", "1"])).contains("emvs"));
+    assert!(refused(at, 2, &segment(&["--k-min", "2"])).contains("msvs+kmvs"));
+    assert!(refused(at, 2, &segment(&["--method", "msvs+kmvs", "--k-min", "0"])).contains("`k_min`"));
     assert!(refused(at, 2, &segment(&["--method", "emsv"])).contains("emsv"));
     assert!(refused(at, 2, &segment(&["--tree-out", "t.ivd"])).contains("--method hvs"));
     assert!(refused(at, 2, &segment(&["--posteriors-out", "p"])).contains("--method emvs"));

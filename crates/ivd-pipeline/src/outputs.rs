@@ -211,7 +211,7 @@ impl<'a> Writer<'a> {
             cpu_s: None,
             peak_rss_mb: None,
             bytes_read: 0,
-            metrics: Metrics::new(),
+            metrics: Metrics::default(),
         };
         if !self.scene.output.report {
             return Ok(record);
@@ -261,7 +261,7 @@ impl<'a> Writer<'a> {
                 peak_rss_mb: None,
                 bytes_read: 0,
                 why: String::new(),
-                metrics: Metrics::new(),
+                metrics: Metrics::default(),
                 ..r.clone()
             })
             .collect();

@@ -214,7 +214,7 @@ fn idle(node: &PlanNode, state: State) -> StageRecord {
         cpu_s: None,
         peak_rss_mb: None,
         bytes_read: 0,
-        metrics: Metrics::new(),
+        metrics: Metrics::default(),
     }
 }
 

@@ -132,7 +132,7 @@ impl Runner<'_> {
             match self.exec.run(|| self.look_up(&key)) {
                 Lookup::Hit(entry) => {
                     let record = self.record(stage, &provenance, &entry.artefact, entry.hash, &key);
-                    let metrics = entry.metrics.as_object().cloned().unwrap_or_default();
+                    let metrics = Metrics::from(entry.metrics.as_object().cloned().unwrap_or_default());
                     let bytes_read = source_bytes + entry.file.bytes_verified();
                     let record = StageRecord { bytes_read, metrics, ..clock.stop(record) };
                     let record = StageRecord { state: State::Cached, cached: true, ..record };
@@ -152,9 +152,8 @@ impl Runner<'_> {
         let record = self.record(stage, &provenance, &product.artefact, hash, &key);
         let bytes_read = source_bytes + inputs.bytes_read() - read_before;
         let mut record = StageRecord { why, bytes_read, metrics: product.metrics, ..clock.stop(record) };
-        // A rate is no property of the result: it is told, and kept nowhere.
         if let Some(frames) = record.metrics.get("frames").and_then(Value::as_f64) {
-            record.metrics.insert("fps".to_owned(), Value::from(frames / record.wall_s.max(1e-9)));
+            record.metrics = record.metrics.timed("fps", frames / record.wall_s.max(1e-9));
         }
         Ok(Done { artefact: Arc::new(product.artefact), hash, file: None, record })
     }
@@ -213,7 +212,7 @@ impl Runner<'_> {
 
     /// Puts a product into the cache and gives its content hash. A cache that can't be written to is only slow.
     fn keep(&self, key: &CacheKey, product: &Product, provenance: &Provenance) -> Result<ContentHash, Error> {
-        let metrics = Value::Object(product.metrics.clone());
+        let metrics = Value::Object(product.metrics.figures.clone());
         match self.cache.put_with_metrics(key, &product.artefact, provenance, &metrics) {
             Ok(Some(written)) => return Ok(written.hash),
             Ok(None) => {}
@@ -252,7 +251,7 @@ impl Runner<'_> {
             cpu_s: None,
             peak_rss_mb: None,
             bytes_read: 0,
-            metrics: Metrics::new(),
+            metrics: Metrics::default(),
         }
     }
 }

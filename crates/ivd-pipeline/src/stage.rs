@@ -8,12 +8,65 @@ use ivd_artefact::{Artefact, ContentHash, Kind, Loaded, Opened};
 use ivd_core::{
     Displacement, Exec, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Tree, Volume,
 };
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::Error;
 
-/// Figures of a stage's work, by the names that `--json` prints.
-pub type Metrics = Map<String, Value>;
+/// Figures of a stage's work, by the names that `--json` prints. As JSON they are one object.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Map<String, Value>", into = "Map<String, Value>")]
+pub struct Metrics {
+    /// What every run gives again for the same inputs and parameters: kept with the result.
+    pub figures: Map<String, Value>,
+    /// Times (s) and rates (1/s) of one run: told of it, and kept nowhere, so that the same work gives the same file.
+    pub times: BTreeMap<&'static str, f64>,
+}
+
+impl Metrics {
+    /// Figures that are a JSON object.
+    pub(crate) fn of(figures: Value) -> Self {
+        let Value::Object(figures) = figures else { unreachable!("metrics are written as an object") };
+        Self { figures, times: BTreeMap::new() }
+    }
+
+    /// Adds the time or rate of a run.
+    #[must_use]
+    pub(crate) fn timed(mut self, name: &'static str, time: f64) -> Self {
+        self.times.insert(name, time);
+        self
+    }
+
+    /// The figure of a name; no time or rate.
+    pub fn get(&self, name: &str) -> Option<&Value> {
+        self.figures.get(name)
+    }
+}
+
+impl std::ops::Index<&str> for Metrics {
+    type Output = Value;
+
+    /// # Panics
+    /// Where there is no figure of that name.
+    fn index(&self, name: &str) -> &Value {
+        &self.figures[name]
+    }
+}
+
+impl From<Metrics> for Map<String, Value> {
+    fn from(metrics: Metrics) -> Self {
+        let mut all = metrics.figures;
+        all.extend(metrics.times.into_iter().map(|(name, time)| (name.to_owned(), Value::from(time))));
+        all
+    }
+}
+
+impl From<Map<String, Value>> for Metrics {
+    /// Read back, times can't be told from figures.
+    fn from(figures: Map<String, Value>) -> Self {
+        Self { figures, times: BTreeMap::new() }
+    }
+}
 
 /// One input of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -158,9 +211,8 @@ pub struct Product {
 
 impl Product {
     /// A value with its figures, given as a JSON object.
-    pub(crate) fn new(artefact: Artefact, metrics: Value) -> Self {
-        let Value::Object(metrics) = metrics else { unreachable!("metrics are written as an object") };
-        Self { artefact, metrics }
+    pub(crate) fn new(artefact: Artefact, figures: Value) -> Self {
+        Self { artefact, metrics: Metrics::of(figures) }
     }
 }
 

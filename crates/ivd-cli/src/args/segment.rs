@@ -35,6 +35,9 @@ pub(crate) struct SegmentArgs {
     /// Most classes tried or proposed where the number is found.
     #[arg(long, value_name = "N")]
     pub(crate) k_max: Option<u32>,
+    /// msvs+kmvs: fewest classes looked at.
+    #[arg(long, value_name = "N")]
+    pub(crate) k_min: Option<u32>,
     /// Ascending thresholds of `--method threshold`, comma-separated.
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
     pub(crate) values: Option<Vec<f64>>,

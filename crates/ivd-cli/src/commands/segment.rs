@@ -7,7 +7,7 @@ use ivd_core::Volume;
 use ivd_pipeline::scene::{ClassCount, SegmentMethod, SegmentSection};
 use ivd_pipeline::stages::{KeepPosteriors, Segment, SegmentTree};
 use ivd_pipeline::{Done, Inputs};
-use toml::Value;
+use toml::{Table, Value};
 
 use super::stage::{filled, finish, list, provenance, write_artefact, write_result};
 use crate::args::SegmentArgs;
@@ -20,6 +20,7 @@ pub(super) fn run(args: &SegmentArgs, context: &Context) -> anyhow::Result<()> {
     let mut section: SegmentSection = section(context.global.params.as_deref(), words(args).0)?;
     let cache = context.stage_cache()?;
     if let Some(tree) = &args.from_tree {
+        check_of_tree(args, context)?;
         section.method = SegmentMethod::Hvs;
         let inputs = filled(&[("tree", Some(tree))], &cache, context)?;
         let done = context.run(&cache, &Segment::cut_of_section(&section)?, &inputs)?;
@@ -40,6 +41,35 @@ pub(super) fn run(args: &SegmentArgs, context: &Context) -> anyhow::Result<()> {
     finish(done, &args.output.path, context)
 }
 
+/// Keys that a tree is shaped by when it is built; a cut can't change them.
+const SHAPING: [&str; 4] = ["linkage", "alpha", "max_regions", "range"];
+
+/// What a cut of a tree that is there would leave unread is a mistake, even where it says the default: the tree may be another.
+fn check_of_tree(args: &SegmentArgs, context: &Context) -> anyhow::Result<()> {
+    let typed = words(args).0;
+    let params = context.global.params.as_deref();
+    let given: Table = section(params, typed.clone())?;
+    let place = |key: &str| match params {
+        Some(file) if !typed.contains_key(key) => format!("--params {}: {key}", file.display()),
+        _ => format!("--{}", key.replace('_', "-")),
+    };
+    if let Some(method) = given.get("method").filter(|method| method.as_str() != Some("hvs")) {
+        return Err(Failure::usage(format!(
+            "{}: {method}, but --from-tree cuts a tree of hvs; leave it out, or segment the volume instead",
+            place("method")
+        )));
+    }
+    if let Some(key) = SHAPING.into_iter().find(|key| given.contains_key(*key)) {
+        return Err(Failure::usage(format!(
+            "{}: it shapes a tree, and that of --from-tree is built; leave it out, or build another tree with `ivd segment \
+             VOLUME --method hvs --{} … --tree-out TREE`",
+            place(key),
+            key.replace('_', "-")
+        )));
+    }
+    Ok(())
+}
+
 /// What was typed, by the keys of a scene.
 fn words(args: &SegmentArgs) -> Words {
     let k = args.k.map(|k| match k {
@@ -50,6 +80,7 @@ fn words(args: &SegmentArgs) -> Words {
         .with("method", args.method.clone())
         .with("k", k)
         .with("k_max", args.k_max.map(i64::from))
+        .with("k_min", args.k_min.map(i64::from))
         .with("values", args.values.clone().map(list))
         .with("range", args.range.map(|r| list(r.to_vec())))
         .with("spatial_weight", args.spatial_weight)

@@ -214,12 +214,7 @@ pub(super) fn write_result(done: &Done, output: &Path, context: &Context) -> any
         return Ok(());
     }
     let provenance = provenance(&done.record)?;
-    let mut metrics = done.record.metrics.clone();
-    // Times would make every run's file another one.
-    for time in ["fps", "msvs_s", "kmvs_s"] {
-        metrics.remove(time);
-    }
-    let metrics = serde_json::Value::Object(metrics);
+    let metrics = serde_json::Value::Object(done.record.metrics.figures.clone());
     let write = || write_with_metrics(output, &*done.artefact, &provenance, &metrics);
     context.exec.run(write).map_err(|e| placed(e, output))?;
     Ok(())
@@ -262,7 +257,7 @@ fn headline(record: &StageRecord) -> String {
         "entries",
     ]
     .iter()
-    .filter_map(|key| record.metrics.get(*key).map(|value| format!("{key} {value}")))
+    .filter_map(|key| record.metrics.get(key).map(|value| format!("{key} {value}")))
     .collect();
     // A target that wasn't met is said with what stood in the way.
     let stopped = record.metrics.get("reached").and_then(|r| r.get("stopped_by")).and_then(|s| s.as_str());

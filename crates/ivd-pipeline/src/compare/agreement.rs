@@ -4,32 +4,32 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-/// Dice of each class with its best match, adjusted Rand index (Hubert & Arabie 1985) and the confusion table.
+use super::matching::matching;
+
+/// Dice of each class with its partner, adjusted Rand index (Hubert & Arabie 1985) and the confusion table.
 ///
-/// Matches are made one to one, the largest Dice first.
+/// Partners are one to one, and chosen so that the sum of Dice is largest.
 pub(super) fn labels(a: &[u16], b: &[u16]) -> Value {
-    let table = confusion(a, b);
-    let (rows, columns) = margins(&table);
-    let mut pairs: Vec<(f64, u16, u16)> =
-        table.iter().map(|(&(p, q), &n)| (2.0 * n as f64 / (rows[&p] + columns[&q]) as f64, p, q)).collect();
-    pairs.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)).then(x.2.cmp(&y.2)));
-    let mut matched: BTreeMap<u16, (u16, f64)> = BTreeMap::new();
-    for (dice, p, q) in pairs {
-        if !matched.contains_key(&p) && matched.values().all(|(taken, _)| *taken != q) {
-            matched.insert(p, (q, dice));
-        }
-    }
-    let classes: Vec<Value> = rows
+    let table = Confusion::of(a, b);
+    let matched = matching(&table);
+    let classes: Vec<Value> = table
+        .rows
         .iter()
         .map(|(p, n)| {
-            let found = matched.get(p);
-            json!({ "a": p, "b": found.map(|m| m.0), "dice": found.map_or(0.0, |m| m.1), "voxels_a": n,
-                "voxels_b": found.map(|m| columns[&m.0]) })
+            let partner = matched.pairs.get(p);
+            json!({ "a": p, "b": partner, "dice": partner.map_or(0.0, |&q| table.dice(*p, q)), "voxels_a": n,
+                "voxels_b": partner.map(|q| table.columns[q]) })
         })
         .collect();
-    let table: Vec<Value> = table.iter().map(|((p, q), n)| json!({ "a": p, "b": q, "voxels": n })).collect();
+    let shared: Vec<Value> =
+        table.shared.iter().map(|((p, q), n)| json!({ "a": p, "b": q, "voxels": n })).collect();
     let differing = a.iter().zip(b).filter(|(p, q)| p != q).count();
-    json!({ "classes": classes, "ari": adjusted_rand(a, b), "differing": differing, "confusion": table })
+    let mut told =
+        json!({ "unproven": matched.unproven, "ari": table.adjusted_rand(), "differing": differing });
+    // Moved, not copied as the macro does: thousands of classes have millions of pairs, of a kilobyte each.
+    told["classes"] = Value::Array(classes);
+    told["confusion"] = Value::Array(shared);
+    told
 }
 
 /// Dice of two masks.
@@ -44,44 +44,57 @@ pub(super) fn masks(a: &[u8], b: &[u8]) -> Value {
     json!({ "dice": dice, "voxels_a": na, "voxels_b": nb, "both": both })
 }
 
-type Confusion = BTreeMap<(u16, u16), u64>;
+/// Voxels that classes of two label volumes share.
+#[derive(Debug)]
+pub(super) struct Confusion {
+    /// Voxels of each class of the first that are of a class of the second; pairs without any are left out.
+    pub(super) shared: BTreeMap<(u16, u16), u64>,
+    /// Voxels of each class of the first.
+    pub(super) rows: BTreeMap<u16, u64>,
+    /// Voxels of each class of the second.
+    pub(super) columns: BTreeMap<u16, u64>,
+}
 
-fn confusion(a: &[u16], b: &[u16]) -> Confusion {
-    let mut table = Confusion::new();
-    // Labels come in runs: count a run at once.
-    let mut i = 0;
-    while i < a.len() {
-        let start = i;
-        while i < a.len() && a[i] == a[start] && b[i] == b[start] {
-            i += 1;
+impl Confusion {
+    fn of(a: &[u16], b: &[u16]) -> Self {
+        let mut shared = BTreeMap::new();
+        // Labels come in runs: count a run at once.
+        let mut i = 0;
+        while i < a.len() {
+            let start = i;
+            while i < a.len() && a[i] == a[start] && b[i] == b[start] {
+                i += 1;
+            }
+            *shared.entry((a[start], b[start])).or_default() += (i - start) as u64;
         }
-        *table.entry((a[start], b[start])).or_default() += (i - start) as u64;
+        Self::from_shared(shared)
     }
-    table
-}
 
-type Margins = (BTreeMap<u16, u64>, BTreeMap<u16, u64>);
-
-fn margins(table: &Confusion) -> Margins {
-    let (mut rows, mut columns) = Margins::default();
-    for (&(p, q), &n) in table {
-        *rows.entry(p).or_default() += n;
-        *columns.entry(q).or_default() += n;
+    /// From the voxels of each pair.
+    pub(super) fn from_shared(shared: BTreeMap<(u16, u16), u64>) -> Self {
+        let (mut rows, mut columns) = (BTreeMap::new(), BTreeMap::new());
+        for (&(p, q), &n) in &shared {
+            *rows.entry(p).or_default() += n;
+            *columns.entry(q).or_default() += n;
+        }
+        Self { shared, rows, columns }
     }
-    (rows, columns)
-}
 
-/// 1 for equal partitions, about 0 for unrelated ones; 1 where both put everything into one class.
-fn adjusted_rand(a: &[u16], b: &[u16]) -> f64 {
-    let table = confusion(a, b);
-    let (rows, columns) = margins(&table);
-    let pairs = |n: u64| n as f64 * (n as f64 - 1.0) / 2.0;
-    let both: f64 = table.values().map(|&n| pairs(n)).sum();
-    let in_a: f64 = rows.values().map(|&n| pairs(n)).sum();
-    let in_b: f64 = columns.values().map(|&n| pairs(n)).sum();
-    let expected = in_a * in_b / pairs(a.len() as u64).max(1.0);
-    let most = f64::midpoint(in_a, in_b);
-    if most == expected { 1.0 } else { (both - expected) / (most - expected) }
+    /// Dice of two classes that share voxels.
+    pub(super) fn dice(&self, p: u16, q: u16) -> f64 {
+        2.0 * self.shared[&(p, q)] as f64 / (self.rows[&p] + self.columns[&q]) as f64
+    }
+
+    /// 1 for equal partitions, about 0 for unrelated ones; 1 where both put everything into one class.
+    fn adjusted_rand(&self) -> f64 {
+        let pairs = |n: u64| n as f64 * (n as f64 - 1.0) / 2.0;
+        let both: f64 = self.shared.values().map(|&n| pairs(n)).sum();
+        let in_a: f64 = self.rows.values().map(|&n| pairs(n)).sum();
+        let in_b: f64 = self.columns.values().map(|&n| pairs(n)).sum();
+        let expected = in_a * in_b / pairs(self.rows.values().sum()).max(1.0);
+        let most = f64::midpoint(in_a, in_b);
+        if most == expected { 1.0 } else { (both - expected) / (most - expected) }
+    }
 }
 
 #[cfg(test)]
@@ -98,9 +111,21 @@ mod tests {
     }
 
     #[test]
+    fn partners_are_those_of_the_largest_sum_of_dice() {
+        // Class 1 shares most with class 1, but then class 2 is left with nothing.
+        let a = [[1; 60].as_slice(), &[1; 30], &[2; 30]].concat();
+        let b = [[1; 60].as_slice(), &[2; 30], &[1; 30]].concat();
+        let error = labels(&a, &b);
+        let found = |class: usize, key| &error["classes"][class][key];
+        assert_eq!((found(0, "b"), found(1, "b")), (&json!(2), &json!(1)));
+        assert_eq!(found(0, "dice").as_f64(), Some(60.0 / 120.0));
+        assert_eq!((&error["unproven"], &error["confusion"][0]["voxels"]), (&json!(0), &json!(60)));
+    }
+
+    #[test]
     fn adjusted_rand_index_of_a_worked_example() {
         // Confusion rows (2, 1), (0, 3): sum of pairs 1 + 3 = 4, margins 3, 3 → 6 and 2, 4 → 7 of 15.
-        let ari = adjusted_rand(&[1, 1, 1, 2, 2, 2], &[1, 1, 2, 2, 2, 2]);
+        let ari = Confusion::of(&[1, 1, 1, 2, 2, 2], &[1, 1, 2, 2, 2, 2]).adjusted_rand();
         let expected = 6.0 * 7.0 / 15.0;
         assert!((ari - (4.0 - expected) / (6.5 - expected)).abs() < 1e-12);
     }

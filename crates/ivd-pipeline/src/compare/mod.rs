@@ -2,6 +2,7 @@
 
 mod agreement;
 mod distance;
+mod matching;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Displacement, Exec, Grid, Image, Volume, VoxelIndex};
@@ -12,9 +13,11 @@ use crate::Error;
 
 /// Compares two artefacts of one kind.
 ///
-/// Labels: Dice of each class of `a` with its best match, adjusted Rand index, confusion table. Masks: Dice. Lattices:
-/// Hausdorff and mean distance (mm), both ways, from vertices and triangle centres to the other surface. Volumes,
-/// displacements (mm) and images: largest, 95th percentile and root mean square of the difference.
+/// Labels: Dice of each class of `a` with its partner in `b`, adjusted Rand index, confusion table. Partners are one to one
+/// and have the largest sum of Dice that is possible; `unproven` counts the classes for which that isn't sure, because a
+/// thousand or more overlap in a tangle: they were matched by Dice, the largest first. Masks: Dice. Lattices: Hausdorff and
+/// mean distance (mm), both ways, from vertices and triangle centres to the other surface. Volumes, displacements (mm) and
+/// images: largest, 95th percentile and root mean square of the difference.
 ///
 /// # Errors
 /// A usage error where the kinds differ or the kind has no measure; [`ivd_core::Error::GridMismatch`] where the grids

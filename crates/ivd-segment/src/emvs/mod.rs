@@ -72,7 +72,8 @@ pub struct BicPoint {
 ///   extremes, each with its exact mean and spread; the responsibilities are then those of the bin, the likelihood is a lower
 ///   bound, and labels are cut at the exact values where posteriors are equal.
 /// - With [`Covariance::Diagonal`] and [`Covariance::Full`] the components live in space and intensity: exact, every voxel in
-///   every iteration, O(N · K).
+///   every iteration, O(N · K). Places are voxel indices times the spacing (mm): the axes of a sheared grid are measured as
+///   perpendicular.
 ///
 /// The likelihood never falls, apart from rounding and `variance_added`. The search begins at the classes of least inertia,
 /// and ends in a local maximum. Where there are more than 2048 bins it begins on about a thousand coarse ones. Values share

@@ -18,9 +18,11 @@ pub enum Covariance {
     /// On intensity alone: one variance a component.
     #[default]
     Intensity,
-    /// Over x, y, z and intensity, axes independent of each other: four variances.
+    /// Over x, y, z (mm along the axes of the grid) and intensity, axes independent of each other: four variances. The grid's
+    /// axes count as perpendicular, also those of a sheared grid.
     Diagonal,
-    /// Over x, y, z and intensity, any covariance: ten numbers.
+    /// Over x, y, z (mm along the axes of the grid) and intensity, any covariance: ten numbers. Sheared axes are measured
+    /// likewise.
     Full,
 }
 
@@ -64,9 +66,12 @@ pub struct EmvsParams {
     pub max_iterations: u64,
     /// The search ends when the mean log-likelihood of a voxel rises by less than this; 0 goes on to `max_iterations`.
     pub tolerance: f64,
-    /// No variance falls below this share of the variance of all values (of those between their 0.1 % and 99.9 % quantiles,
-    /// so that an outlier doesn't raise it), nor below a twelfth of the square of the step between stored values, the
-    /// variance that rounding alone leaves. On the axes of space: of the volume's, and of a voxel's. 0: no floor at all.
+    /// No variance falls below this share, 0…1, of the variance of all values (of those between their 0.1 % and 99.9 %
+    /// quantiles, so that an outlier doesn't raise it), nor below a twelfth of the square of the step between stored values,
+    /// the variance that rounding alone leaves, or 1 % of the variance of all values where that is less: two values far apart
+    /// are two classes, not a coarse scale. Along an axis of space: nor below this share of the variance of a uniform volume
+    /// (a twelfth of its squared extent), nor below that of a voxel. 0: none of these, only what keeps densities finite, 10⁻²⁰
+    /// of the variance of all values and in space the square of 10⁻⁶ of the extent; the former holds for any share.
     pub variance_floor: f64,
     /// Added to every variance in every iteration, in squares of real units, and mm². For comparisons with programs that do
     /// so; the likelihood may then fall.

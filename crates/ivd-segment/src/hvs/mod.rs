@@ -86,9 +86,10 @@ pub struct Hvs {
 /// - [`Linkage::Single`]: the height of a merge is the smallest difference across its border, so the tree is the binary
 ///   partition tree of a minimum spanning forest (Najman, Cousty & Perret 2013). Exact; O(N α(N)) after sorting. Edges are
 ///   thinned out and sorted in parallel.
-/// - [`Linkage::Ward`]: the height is what the merge adds to the sum of squared deviations (Ward 1963). Exact where equal
-///   neighbours make up at most [`HvsParams::max_regions`] zones. Else the cheapest merges are found block by block
-///   first; [`Hvs::excess`] says what they cost.
+/// - [`Linkage::Ward`]: the height is what the merge adds to the sum of squared deviations (Ward 1963). Exact where zones of
+///   equal neighbours are at most [`HvsParams::max_regions`], counted in blocks of 16³ voxels: a zone that reaches into
+///   several counts in each, and is a leaf in each. Else the cheapest merges are found block by block first;
+///   [`Hvs::excess`] says what they cost.
 ///
 /// Ties go to the part that comes first in a fixed order of the voxels, so the tree doesn't depend on the number of
 /// threads. Voxels that are no data, or outside `mask` or the range, belong to no leaf. Parts that touch nowhere are

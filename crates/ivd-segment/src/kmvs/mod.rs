@@ -28,8 +28,9 @@ pub struct KmvsParams {
     pub k: usize,
     /// Only voxels whose real value lies between these, both included.
     pub range: Option<[f64; 2]>,
-    /// How many real units of the value a distance of 1 mm is worth, 0…1e100. 0: intensity alone counts, and the result is the
-    /// global optimum; the fields below have no effect then.
+    /// How many real units of the value a distance of 1 mm is worth, 0…1e100 (real units/mm). The axes of a sheared grid are
+    /// measured as perpendicular. 0: intensity alone counts, and the result is the global optimum; the fields below have no
+    /// effect then.
     pub spatial_weight: f64,
     /// What the draw of start centroids begins with.
     pub seed: u64,

@@ -28,15 +28,13 @@ const BLUR: f64 = 2.0;
 pub struct ChainParams {
     /// How the number of classes is proposed. Its `range` holds for both parts.
     pub msvs: MsvsParams,
-    /// Weight of space in k-means; only 0, values alone, for now.
-    pub spatial_weight: f64,
     /// Fewest classes looked at, 1…1024; where fewer are proposed, that many are kept.
     pub k_min: usize,
 }
 
 impl Default for ChainParams {
     fn default() -> Self {
-        Self { msvs: MsvsParams::default(), spatial_weight: 0.0, k_min: 2 }
+        Self { msvs: MsvsParams::default(), k_min: 2 }
     }
 }
 
@@ -45,10 +43,6 @@ impl ChainParams {
     /// [`ParamError`] names the field that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
         self.msvs.check()?;
-        if self.spatial_weight != 0.0 {
-            let problem = format!("{}", self.spatial_weight);
-            return Err(ParamError::new("spatial_weight", problem, "use 0: the chain looks at values alone"));
-        }
         if !(1..=super::MOST_MODES).contains(&self.k_min) {
             let problem = format!("{} classes", self.k_min);
             return Err(ParamError::new("k_min", problem, format!("use 1…{}", super::MOST_MODES)));

@@ -1,5 +1,7 @@
 //! The kernel density of every cell, as the height that its voxels climb.
 
+use std::ops::Range;
+
 use ivd_core::{Error, Exec};
 use rayon::prelude::*;
 
@@ -113,23 +115,29 @@ fn gaussian(cells: &Cells, counts: &[u32], exec: &Exec) -> Result<Vec<f32>, Erro
     Ok(out)
 }
 
-/// Blurs the counts of one row of cells along the value.
-fn blur_counts(counts: &[u32], weights: &[f32], padded: &mut [f32], out: &mut [f32]) {
-    let reach = weights.len() - 1;
-    let Some(first) = counts.iter().position(|n| *n > 0) else { return };
+/// Copies the counts of one row of cells between `reach` empty cells on either side, and gives the cells that a kernel
+/// reaches from an occupied one; `None`, and nothing is copied, where all are empty.
+fn pad(counts: &[u32], reach: usize, padded: &mut [f32]) -> Option<Range<usize>> {
+    let first = counts.iter().position(|n| *n > 0)?;
     let last = counts.iter().rposition(|n| *n > 0).expect("one isn't 0");
     let inner = &mut padded[reach..][..counts.len()];
     inner.iter_mut().zip(counts).for_each(|(to, n)| *to = *n as f32);
-    // Where the kernels of the occupied cells reach.
-    let from = first.saturating_sub(reach);
-    let to = (last + reach + 1).min(counts.len());
-    for (out, n) in out[from..to].iter_mut().zip(&padded[from + reach..]) {
+    Some(first.saturating_sub(reach)..(last + reach + 1).min(counts.len()))
+}
+
+/// Blurs the counts of one row of cells along the value.
+fn blur_counts(counts: &[u32], weights: &[f32], padded: &mut [f32], out: &mut [f32]) {
+    let reach = weights.len() - 1;
+    let Some(reached) = pad(counts, reach, padded) else { return };
+    let from = reached.start;
+    let out = &mut out[reached];
+    for (out, n) in out.iter_mut().zip(&padded[from + reach..]) {
         *out = weights[0] * n;
     }
     for (k, w) in weights.iter().enumerate().skip(1) {
         let below = &padded[from + reach - k..];
         let above = &padded[from + reach + k..];
-        for ((out, below), above) in out[from..to].iter_mut().zip(below).zip(above) {
+        for ((out, below), above) in out.iter_mut().zip(below).zip(above) {
             *out += w * (below + above);
         }
     }
@@ -193,17 +201,14 @@ fn flat(cells: &Cells, counts: &[u32], exec: &Exec) -> Result<Vec<f32>, Error> {
 }
 
 fn add_spoke(counts: &[u32], weights: &[f32], reach: usize, padded: &mut [f32], out: &mut [f32]) {
-    let Some(first) = counts.iter().position(|n| *n > 0) else { return };
-    let last = counts.iter().rposition(|n| *n > 0).expect("one isn't 0");
-    let inner = &mut padded[reach..][..counts.len()];
-    inner.iter_mut().zip(counts).for_each(|(to, n)| *to = *n as f32);
-    let from = first.saturating_sub(reach);
-    let to = (last + reach + 1).min(counts.len());
+    let Some(reached) = pad(counts, reach, padded) else { return };
+    let from = reached.start;
+    let out = &mut out[reached];
     for (k, w) in weights.iter().enumerate() {
         let below = &padded[from + reach - k..];
         let above = &padded[from + reach + k..];
         let half = if k == 0 { 0.5 * w } else { *w };
-        for ((out, below), above) in out[from..to].iter_mut().zip(below).zip(above) {
+        for ((out, below), above) in out.iter_mut().zip(below).zip(above) {
             *out += half * (below + above);
         }
     }

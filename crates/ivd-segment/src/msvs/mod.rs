@@ -48,7 +48,8 @@ pub enum Kernel {
 
 /// How `msvs` looks for modes.
 ///
-/// The distance of two voxels in bandwidths is `d² = |x - x'|² / spatial_bandwidth² + (v - v')² / range_bandwidth²`.
+/// The distance of two voxels in bandwidths is `d² = |x - x'|² / spatial_bandwidth² + (v - v')² / range_bandwidth²`, with `x` the
+/// voxel's index times the spacing (mm): the axes of a sheared grid are measured as perpendicular.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MsvsParams {

@@ -125,6 +125,8 @@ pub struct SegmentSection {
     /// Most classes that are tried or proposed where the number is found (`emvs`, `msvs`, `msvs+kmvs`); the method's default
     /// where nothing is said.
     pub k_max: Option<usize>,
+    /// Fewest classes that `msvs+kmvs` looks at, 1…1024; where fewer are proposed, that many are kept.
+    pub k_min: Option<usize>,
     /// Ascending thresholds of `threshold`, in real values.
     pub values: Vec<f64>,
     /// Only voxels whose real value lies between these, both included (all methods but `threshold`).
@@ -181,6 +183,7 @@ impl Default for SegmentSection {
             method: SegmentMethod::default(),
             k: ClassCount::Number(4),
             k_max: None,
+            k_min: None,
             values: Vec::new(),
             range: None,
             spatial_weight: 0.0,

@@ -25,12 +25,13 @@ pub(super) fn check(section: &SegmentSection) -> Result<(), Error> {
     ))
 }
 
-fn keys(of: &SegmentSection) -> [Key; 24] {
+fn keys(of: &SegmentSection) -> [Key; 25] {
     let plain = SegmentSection::default();
     let spatial = of.spatial_weight > 0.0;
     [
         ("k", of.k != plain.k, &[Kmvs, Emvs, Hvs]),
         ("k_max", of.k_max.is_some(), &[Emvs, Msvs, MsvsKmvs]),
+        ("k_min", of.k_min.is_some(), &[MsvsKmvs]),
         ("values", of.values != plain.values, &[Threshold]),
         ("range", of.range.is_some(), &[Kmvs, Emvs, Msvs, Hvs, MsvsKmvs]),
         ("spatial_weight", of.spatial_weight != plain.spatial_weight, &[Kmvs]),

@@ -13,7 +13,7 @@ use crate::error::stage_error;
 use crate::scene::{
     ClassCount, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice, SegmentMethod, SegmentSection,
 };
-use crate::{Error, Inputs};
+use crate::{Error, Inputs, Metrics};
 
 /// A way to segment.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,9 +45,7 @@ impl Method {
             SegmentMethod::Emvs => Self::Emvs(emvs(section)),
             SegmentMethod::Msvs => Self::Msvs(msvs(section)),
             SegmentMethod::Hvs => Self::Hvs(hvs(section), cut(section)?),
-            SegmentMethod::MsvsKmvs => {
-                Self::MsvsKmvs(ChainParams { msvs: msvs(section), ..ChainParams::default() })
-            }
+            SegmentMethod::MsvsKmvs => Self::MsvsKmvs(chain(section)),
             SegmentMethod::Threshold => Self::Threshold(ThresholdParams { values: section.values.clone() }),
         })
     }
@@ -70,13 +68,13 @@ impl Method {
         inputs: &Inputs,
         exec: &Exec,
         posteriors: Option<&mut Posteriors>,
-    ) -> Result<(Segmentation, Value), Error> {
+    ) -> Result<(Segmentation, Metrics), Error> {
         if let Self::Cut(params) = self {
             let Some(Artefact::Tree(tree)) = inputs.get("tree") else {
                 unreachable!("checked by the runner")
             };
             let found = ivd_segment::cut(tree, params, exec).map_err(stage_error!("segment"))?;
-            return Ok((found, metrics::dendrogram(tree, params, exec)));
+            return Ok((found, metrics::cut(tree, params, exec)));
         }
         let volume = inputs.volume("volume").expect("checked by the runner");
         let mask = inputs.mask("mask");
@@ -89,7 +87,7 @@ impl Method {
             }
             Self::Kmvs(params) => Ok((
                 ivd_segment::kmvs(volume, mask, params, exec).map_err(stage_error!("segment"))?,
-                json!({}),
+                Metrics::default(),
             )),
             Self::Emvs(params) => {
                 let params = EmvsParams { posteriors: posteriors.is_some(), ..params.clone() };
@@ -122,13 +120,11 @@ impl Method {
                 let tree =
                     ivd_segment::hvs_tree(volume, mask, tree, exec).map_err(stage_error!("segment"))?;
                 let found = ivd_segment::cut(&tree.tree, params, exec).map_err(stage_error!("segment"))?;
-                let mut own = metrics::dendrogram(&tree.tree, params, exec);
-                own["regions"] = json!(tree.regions);
-                Ok((found, own))
+                Ok((found, metrics::cut(&tree.tree, params, exec)))
             }
             Self::Threshold(params) => Ok((
                 ivd_segment::threshold(volume, mask, params, exec).map_err(stage_error!("segment"))?,
-                json!({}),
+                Metrics::default(),
             )),
             Self::Cut(_) => unreachable!("done above"),
         }
@@ -196,6 +192,11 @@ fn msvs(section: &SegmentSection) -> MsvsParams {
         cells_per_bandwidth: section.cells_per_bandwidth.unwrap_or(base.cells_per_bandwidth),
         range: section.range,
     }
+}
+
+fn chain(section: &SegmentSection) -> ChainParams {
+    let base = ChainParams::default();
+    ChainParams { msvs: msvs(section), k_min: section.k_min.unwrap_or(base.k_min) }
 }
 
 pub(super) fn hvs(section: &SegmentSection) -> HvsParams {

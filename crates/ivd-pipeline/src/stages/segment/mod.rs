@@ -120,7 +120,7 @@ impl Segment {
             found = ivd_segment::tidy(volume, found, &self.tidy, exec).map_err(stage_error!("segment"))?;
         }
         let metrics = metrics::with(&found, own);
-        Ok(Product::new(Artefact::Labels(found.labels), metrics))
+        Ok(Product { artefact: Artefact::Labels(found.labels), metrics })
     }
 }
 

@@ -1,7 +1,8 @@
 //! Bricks, and inside each brick groups of voxels that lie close in feature space.
 //!
-//! A brick's voxels are ordered by value (where the brick is wider in space than in value, by octant first) and cut into
-//! groups of [`GROUP`]. In noise, neighbours differ in value far more than in place: a group of like values from anywhere in
+//! A brick is halved along its widest side in feature space, six times at most; its voxels are ordered by the part that they
+//! are in, those of a part by value, and cut into groups of [`GROUP`]. Where the value is the widest side throughout, that is
+//! the order of values alone. In noise, neighbours differ in value far more than in place: a group of like values from anywhere in
 //! the brick is smaller in feature space than a cube of neighbours, so that fewer groups straddle two centroids.
 
 use ivd_core::{Bulk, Exec, Mask, Scalar, Volume};

@@ -39,7 +39,8 @@ pub struct SpatialKmvs {
 }
 
 /// k-means on place and value: Lloyd's algorithm (Lloyd 1982) on the features `(w x, w y, w z, I)`, with `x, y, z` the voxel's
-/// index times the spacing (mm), `w` = [`KmvsParams::spatial_weight`] and `I` the real value.
+/// index times the spacing (mm), `w` = [`KmvsParams::spatial_weight`] and `I` the real value. The axes of a sheared grid are so
+/// measured as perpendicular.
 ///
 /// The labels are those of plain Lloyd, voxel for voxel. Bricks of up to 4096 voxels, and in them groups of voxels of like
 /// value, keep exact sums; those that lie nearest to one centroid with all of their box go to it whole (Kanungo et al. 2002),
