@@ -79,13 +79,13 @@ def settings(k, edge, width):
     """Methods at several settings: name, family, method, parameters."""
     yield "kmvs", "kmvs", {"k": k}
     for share in (0.1, 0.25, 0.5):
-        yield f"kmvs with places, {share}", "kmvs", {"k": k, "spatial_weight": share * width / edge}
+        yield f"kmvs with places {share}", "kmvs", {"k": k, "spatial_weight": share * width / edge}
     yield "emvs", "emvs", {"k": k}
     for beta in (0.1, 0.25, 0.5, 1.0):
-        yield f"emvs, smoothing {beta}", "emvs", {"k": k, "smoothing": beta}
+        yield f"emvs, β {beta}", "emvs", {"k": k, "smoothing": beta}
     yield "emvs, diagonal", "emvs", {"k": k, "covariance": "diagonal"}
     for regions in (4_000, 64_000, 400_000):
-        yield f"hvs, Ward, {regions} regions", "hvs", {"classes": k, "max_regions": regions}
+        yield f"hvs, Ward {regions // 1000}k", "hvs", {"classes": k, "max_regions": regions}
     yield "hvs, single", "hvs", {"classes": k, "linkage": "single"}
     yield "msvs", "msvs", {}
     yield "msvs+kmvs", "msvs+kmvs", {}
@@ -103,12 +103,13 @@ def error(ours, program, folder, out, data):
             labels = np.fromfile(folder / "labels.raw", np.uint16).reshape(voxels.shape, order="F").astype(np.int64)
             wrong = 1 - dice(labels, truth, names).mean()
             print(f"| {label} | {seconds[1]:.3g} | {wrong:.3f} |", flush=True)
-            families.setdefault(label.split(",")[0].removesuffix(" with places"), []).append((seconds[1], wrong, label))
+            families.setdefault(label.split(",")[0].split(" ")[0], []).append((seconds[1], wrong, label))
         for family, points in families.items():
             axes.semilogx([p[0] for p in points], [p[1] for p in points], "o", ms=5, label=family)
             for x, y, label in points:
                 rest = label.removeprefix(family).removeprefix(", ").strip()
-                axes.annotate(rest, (x, y), fontsize=5.5, xytext=(4, 2), textcoords="offset points")
+                axes.annotate(rest, (x, y), fontsize=5.5, xytext=(3, 3), textcoords="offset points", rotation=35)
+        axes.set_xlim(right=4 * axes.get_xlim()[1])
         axes.set_title(f"{name}, {k} classes", fontsize=9)
         axes.set_xlabel("processor time (s)")
         axes.set_ylabel("error: 1 − mean Dice of the classes")

@@ -17,6 +17,7 @@ use ivd_segment::{
 use serde::de::DeserializeOwned;
 
 type Anything<T> = Result<T, Box<dyn Error>>;
+type Method<'a> = Box<dyn Fn(&Exec) -> Anything<Segmentation> + 'a>;
 
 fn voxels(path: &str, kind: &str) -> Anything<Voxels> {
     let bytes = std::fs::read(path)?;
@@ -33,11 +34,7 @@ fn params<P: DeserializeOwned>(text: &str) -> Anything<P> {
 }
 
 /// The method as something to run again and again.
-fn method<'a>(
-    name: &str,
-    text: &str,
-    volume: &'a Volume,
-) -> Anything<Box<dyn Fn(&Exec) -> Anything<Segmentation> + 'a>> {
+fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>> {
     Ok(match name {
         "kmvs" => {
             let params: KmvsParams = params(text)?;

@@ -9,7 +9,7 @@ use ivd_lattice::refine::{RefineParams, Target};
 use ivd_render::{Mode, Projection, RenderParams, View};
 use nalgebra::{Rotation3, Vector3};
 
-use super::case::{Case, Cut, Setup, Stage};
+use super::case::{Case, Cut, Setup, Stage, TURNS};
 use super::seeded::Seeded;
 
 /// Refusals that a random scene may end with: a limit or a result that can't be trusted; and a handle that has no vertex

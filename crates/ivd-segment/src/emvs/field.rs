@@ -413,7 +413,7 @@ mod tests {
         for dims in [[5, 4, 3], [4, 3, 2], [1, 3, 5], [6, 1, 1]] {
             let ([nx, ny, nz], k): ([usize; 3], usize) = (dims, 3);
             let share = |at: [usize; 3], j: usize| {
-                ((at[0] * 7 + at[1] * 13 + at[2] * 29 + j * 83) * 2_654_435_761 >> 7) as u8
+                (((at[0] * 7 + at[1] * 13 + at[2] * 29 + j * 83) * 2_654_435_761) >> 7) as u8
             };
             let half = nx.div_ceil(2);
             let shares = [0, 1].map(|colour| {
