@@ -94,7 +94,10 @@ impl BiasField {
                 exec.check_cancelled()?;
                 let (y, z) = (y[row % ny], z[row / ny]);
                 for ((out, v), x) in out.iter_mut().zip(row_of).zip(&x) {
-                    *out = (volume.real(v.to_f64()) / unit / self.blend(y, z, *x)) as f32;
+                    let real = volume.real(v.to_f64());
+                    // A value beyond f64 is the largest there; one that is no data stays so.
+                    let real = if v.is_data() { real.clamp(f64::MIN, f64::MAX) } else { real };
+                    *out = (real / unit / self.blend(y, z, *x)) as f32;
                 }
                 Ok::<_, CoreError>(())
             })

@@ -388,6 +388,12 @@ fn a_bias_is_taken_out_of_values_of_any_size() {
         assert!(found.segmentation.labels.ids() == plain.segmentation.labels.ids(), "{slope}");
         assert_eq!(found.bias, plain.bias, "{slope}");
     }
+    let grid = Grid::with_spacing([4, 1, 1], [1.0; 3]).unwrap();
+    let beyond = vec![-8e149, 2e209, f64::NAN, 1.0];
+    let volume = Volume::with_scale(grid, beyond.into(), 7e140, 0.0).unwrap();
+    let found = run(&volume, &EmvsParams { bias: 15.0, ..with_k(2) });
+    let labelled: Vec<bool> = found.segmentation.labels.ids().iter().map(|id| *id > 0).collect();
+    assert_eq!(labelled, [true, true, false, true]);
 }
 
 #[test]

@@ -16,6 +16,8 @@ const MOST_CELLS: usize = 1 << 26;
 const BYTES: usize = 24;
 /// How much finer the cells are where there is only one axis of them.
 const FINER: f64 = 4.0;
+/// Least bandwidth in space, in shortest edges of a voxel: below, no window reaches a neighbour, and its weights have no numbers.
+const LEAST_SPATIAL: f64 = 1e-3;
 /// How far the Gaussian reaches, in bandwidths; what lies beyond is less than 1e-4 of it.
 pub(super) const REACH: f64 = 4.0;
 /// No cell: the voxel is no data.
@@ -46,6 +48,12 @@ impl Cells {
         bandwidths: &Bandwidths,
         exec: &Exec,
     ) -> Result<Self, Error> {
+        let least = LEAST_SPATIAL * volume.grid().spacing().iter().copied().fold(f64::INFINITY, f64::min);
+        if bandwidths.spatial > 0.0 && bandwidths.spatial < least {
+            let problem = format!("{} mm, far less than a voxel", bandwidths.spatial);
+            let remedy = format!("use {least} mm at least, or 0 to leave places out");
+            return Err(ParamError::new("spatial_bandwidth", problem, remedy).into());
+        }
         let mut per_bandwidth = params.cells_per_bandwidth;
         loop {
             exec.check_cancelled()?;

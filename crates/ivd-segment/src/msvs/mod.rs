@@ -57,7 +57,7 @@ pub struct MsvsParams {
     pub range_bandwidth: f64,
     /// Bandwidth in space (mm). 0, the default, looks at values alone: a class is then a material, wherever it lies. With a
     /// bandwidth in space a class is a blob of a material: two blobs of one value are two classes, and a large homogeneous
-    /// part falls into several.
+    /// part falls into several. Less than a thousandth of a voxel's shortest edge is refused.
     pub spatial_bandwidth: f64,
     /// Kernel.
     pub kernel: Kernel,

@@ -424,6 +424,10 @@ fn bad_parameters_limits_and_too_many_cells_are_named() {
         fails(MsvsParams { spatial_bandwidth: f64::NAN, ..MsvsParams::default() })
             .contains("`spatial_bandwidth`")
     );
+    assert!(
+        fails(MsvsParams { spatial_bandwidth: 1e-300, ..MsvsParams::default() })
+            .contains("`spatial_bandwidth`")
+    );
     assert!(fails(MsvsParams { k_max: 0, ..MsvsParams::default() }).contains("`k_max`"));
     assert!(
         fails(MsvsParams { cells_per_bandwidth: 0.5, ..MsvsParams::default() })
