@@ -15,10 +15,12 @@ check:
 test:
     cargo test --workspace
 
-# Numerical stability, the long form: every awkward case, 100,000 random scenes, the matrix of threads, builds and instructions.
+# Numerical stability, the long form: every awkward case, 100,000 random scenes, the matrix of threads, builds and instructions; and mean
+# shift against brute force.
 # `IVD_STRESS_SCENES` and `IVD_STRESS_SEED` choose other scenes; a failure names the one to run again.
 stress:
     IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} cargo test --release -p ivd-tests --test stability -- --nocapture --test-threads=1
+    cargo test --release -p ivd-segment -- --ignored --nocapture
     cargo build
     cargo build --release
     bash tests/determinism.sh target/debug/ivd target/release/ivd
@@ -51,6 +53,8 @@ bench *args="":
 # The record that defaults are held to and budgets choose by, made again; the machine should have nothing else to do.
 fronts *args="":
     cargo run --release -- bench --size 128 --repeats 7 --record fixtures/fronts {{args}}
+    cargo run --release -- bench segment-kmvs segment-emvs --size 128 --repeats 7 --record fixtures/fronts {{args}}
+    cargo run --release -- bench segment-msvs segment-hvs --size 96 --repeats 3 --record fixtures/fronts {{args}}
 
 # Kernel benches.
 kernels *args="":

@@ -1,7 +1,7 @@
 //! Every default is on its stage's recorded front.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
-use ivd_bench::{NAMES, Setting, experiments};
+use ivd_bench::{NAMES, ON_REQUEST, Setting, experiments};
 use ivd_core::Exec;
 use ivd_pipeline::fronts::recorded;
 
@@ -14,7 +14,7 @@ fn defaults(stage: &str) -> Vec<Setting> {
 #[test]
 fn every_default_is_recorded_and_no_other_setting_beats_it() {
     let mut wrong = Vec::new();
-    for stage in NAMES {
+    for stage in NAMES.into_iter().chain(ON_REQUEST) {
         let front = recorded().iter().find(|f| f.stage == stage).unwrap();
         let today = defaults(stage);
         wrong.extend(today.iter().filter_map(|s| front.check_default(&s.task, &s.knobs).err()));
@@ -26,7 +26,7 @@ fn every_default_is_recorded_and_no_other_setting_beats_it() {
 
 #[test]
 fn a_default_that_is_moved_or_beaten_is_found_in_every_stage_with_one() {
-    for stage in ["segment", "atf", "refine", "deform", "map", "render"] {
+    for stage in ["segment", "segment-msvs", "atf", "refine", "deform", "map", "render"] {
         let mut front = recorded().iter().find(|f| f.stage == stage).unwrap().clone();
         let today = defaults(stage).remove(0);
         // Another value than the recorded one.

@@ -17,6 +17,10 @@ const ITERATIONS: [u64; 8] = [1, 2, 4, 8, 16, 32, 64, 300];
 const TOLERANCES: [f64; 7] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8];
 /// Cells of mean shift along a window; the last is the truth of the others.
 const CELLS: [f64; 7] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 12.0];
+/// A window of a multiple of this many voxels is cut into whole voxels by every one of [`CELLS`].
+const WHOLE: f64 = 12.0;
+/// A head of a multiple of this many voxels is cut into whole windows and cells.
+const EVEN: usize = 24;
 /// Regions that a tree starts from; the last is the truth of the others.
 const REGIONS: [usize; 7] = [1_000, 4_000, 16_000, 64_000, 200_000, 400_000, 2_000_000];
 /// Classes that a tree is judged by.
@@ -37,6 +41,8 @@ pub(super) fn experiment(stage: &str, size: usize, exec: &Exec) -> Option<Result
         "segment-hvs" => tree,
         _ => return None,
     };
+    // Cells that the border cuts would make one setting err more than a coarser one.
+    let size = if stage == "segment-msvs" { (size / EVEN).max(1) * EVEN } else { size };
     Some(head(size, exec).and_then(|(volume, input)| on(&volume, input, exec)))
 }
 
@@ -117,9 +123,11 @@ fn mixture(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experimen
 
 /// Mean shift on position and intensity, on coarser cells.
 fn modes(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, Problem> {
-    let grid = volume.grid();
-    let edge = (0..3).map(|a| grid.dims()[a] as f64 * grid.spacing()[a]).fold(0.0, f64::max);
-    let base = MsvsParams { spatial_bandwidth: 0.2 * edge, ..MsvsParams::default() };
+    let (dims, spacing) = (volume.grid().dims(), volume.grid().spacing());
+    let voxels = dims.into_iter().max().unwrap_or(1) as f64;
+    let bandwidth = WHOLE * (0.2 * voxels / WHOLE).round().max(1.0);
+    let voxel = spacing.into_iter().fold(f64::INFINITY, f64::min);
+    let base = MsvsParams { spatial_bandwidth: bandwidth * voxel, ..MsvsParams::default() };
     let finest = MsvsParams { cells_per_bandwidth: CELLS[CELLS.len() - 1], ..base.clone() };
     let truth = Arc::new(msvs(volume, None, &finest, exec)?.segmentation.labels);
     let settings = CELLS.map(|cells| {

@@ -21,7 +21,7 @@ use crate::sweep::Given;
 /// The stages that have experiments, in the order of the pipeline.
 pub const NAMES: [&str; 8] = ["segment", "atf", "lattice", "refine", "deform", "map", "warp", "render"];
 
-/// Experiments that run where they are named only: they have no recorded front yet, and take longer.
+/// Experiments that run where they are named only: they take longer.
 pub const ON_REQUEST: [&str; 4] = ["segment-kmvs", "segment-emvs", "segment-msvs", "segment-hvs"];
 
 /// The experiments of a stage on generated inputs of `size` voxels along an edge; none for a stage without.

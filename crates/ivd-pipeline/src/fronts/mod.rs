@@ -188,6 +188,10 @@ pub fn recorded() -> &'static [Front] {
     FRONTS.get_or_init(|| {
         vec![
             recorded!("segment"),
+            recorded!("segment-kmvs"),
+            recorded!("segment-emvs"),
+            recorded!("segment-msvs"),
+            recorded!("segment-hvs"),
             recorded!("atf"),
             recorded!("lattice"),
             recorded!("refine"),

@@ -214,9 +214,9 @@ fn small_volumes_end_where_brute_force_says() {
     assert_as_plain("balls", &volume([15; 3], [1.0; 3], balls([15; 3], 8.0)), 25.0, 3.5);
 }
 
-/// The same with 10⁴ points: minutes, so by hand (`--ignored`, in release).
+/// The same with 10⁴ points, by `just stress`.
 #[test]
-#[ignore = "minutes"]
+#[ignore = "minutes: every point moves over every other; run it in release, with --ignored"]
 fn ten_thousand_points_end_where_brute_force_says() {
     assert_as_plain("blobs", &line(blobs(10_000)), 3.0, 0.0);
     assert_as_plain("narrow", &line(blobs(10_000)), 1.5, 0.0);
