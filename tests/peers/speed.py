@@ -241,8 +241,9 @@ def main():
             for name, voxels in volumes.items():
                 kinds = [voxels]
                 if work in ("kmeans", "mixture"):
+                    # Some ten thousand values, evenly spaced, as scanners store them.
                     noise = np.random.default_rng(1).normal(0, 0.3, voxels.shape)
-                    kinds.append((voxels + noise).astype(np.float32))
+                    kinds.append((np.round((voxels + noise) * 64) / 64).astype(np.float32))
                 if work in ("tree", "mixture-places"):
                     half = [slice(n // 2 - 64, n // 2 + 64) for n in voxels.shape]
                     kinds, name = [np.ascontiguousarray(voxels[tuple(half)])], f"{name}, middle 128³"
