@@ -51,10 +51,10 @@ bench *args="":
     cargo run --release -- bench {{args}}
 
 # The record that defaults are held to and budgets choose by, made again; the machine should have nothing else to do.
-fronts *args="":
-    cargo run --release -- bench --size 128 --repeats 7 --record fixtures/fronts {{args}}
-    cargo run --release -- bench segment-kmvs segment-emvs --size 128 --repeats 7 --record fixtures/fronts {{args}}
-    cargo run --release -- bench segment-msvs segment-hvs --size 96 --repeats 3 --record fixtures/fronts {{args}}
+fronts:
+    cargo run --release -- bench --size 128 --repeats 7 --record fixtures/fronts
+    cargo run --release -- bench segment-kmvs segment-emvs --size 128 --repeats 7 --record fixtures/fronts
+    cargo run --release -- bench segment-msvs segment-hvs --size 96 --repeats 3 --record fixtures/fronts
 
 # Kernel benches.
 kernels *args="":

@@ -6,7 +6,6 @@ figures as a Markdown table. Needs numpy, nibabel, scipy and matplotlib (and wha
 """
 
 import argparse
-import subprocess
 import tempfile
 from pathlib import Path
 

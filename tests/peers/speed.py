@@ -67,7 +67,7 @@ def kmeans(ours, name, voxels, rounds):
         if voxels.dtype == np.uint8:
             counts = np.bincount(flat, minlength=256)
             values = np.arange(256, dtype=float)
-            fit = KMeans(K, n_init=10, random_state=0).fit(values[:, None], sample_weight=counts)
+            fit = KMeans(K, n_init=1, random_state=0).fit(values[:, None], sample_weight=counts)
             return fit, fit.predict(values[:, None]).astype(np.uint16)[flat]
         values, inverse, counts = np.unique(flat, return_inverse=True, return_counts=True)
         fit = KMeans(K, n_init=1, random_state=0).fit(values.astype(float)[:, None], sample_weight=counts)

@@ -60,8 +60,8 @@ fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>
         }
         "hvs" => {
             let mut value: serde_json::Value = serde_json::from_str(text)?;
-            let classes =
-                value.as_object_mut().and_then(|o| o.remove("classes")).and_then(|k| k.as_u64()).unwrap_or(4);
+            let classes = value.as_object_mut().and_then(|o| o.remove("classes")).unwrap_or(4.into());
+            let classes = classes.as_u64().ok_or("classes: a whole number is expected")?;
             let params: HvsParams = serde_json::from_value(value)?;
             let classes = CutParams { cut: Cut::Classes(classes as usize), ..CutParams::default() };
             Box::new(move |exec| Ok(cut(&hvs_tree(volume, None, &params, exec)?.tree, &classes, exec)?))

@@ -19,7 +19,7 @@ const TOLERANCES: [f64; 7] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8];
 const CELLS: [f64; 7] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 12.0];
 /// A window of a multiple of this many voxels is cut into whole voxels by every one of [`CELLS`].
 const WHOLE: f64 = 12.0;
-/// A head of a multiple of this many voxels is cut into whole windows and cells.
+/// Heads are rounded to a multiple of this many voxels; 24, 48, 72, 96 and 144 are cut into whole windows and cells.
 const EVEN: usize = 24;
 /// Regions that a tree starts from; the last is the truth of the others.
 const REGIONS: [usize; 7] = [1_000, 4_000, 16_000, 64_000, 200_000, 400_000, 2_000_000];

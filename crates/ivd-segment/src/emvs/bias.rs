@@ -84,8 +84,9 @@ impl BiasField {
         (0..len).map(|i| self.before(axis, i)).collect()
     }
 
-    /// The volume divided by the gains, stored in units of `unit` (a power of two, in real units).
-    fn correct(&self, volume: &Volume, unit: f64, exec: &Exec) -> Result<Volume, Error> {
+    /// The volume divided by the gains, in units of `unit` (a power of two, in real units); such a number stands for `slope`
+    /// times it.
+    fn correct(&self, volume: &Volume, unit: f64, slope: f64, exec: &Exec) -> Result<Volume, Error> {
         let [nx, ny, nz] = volume.grid().dims();
         let [x, y, z] = [(0, nx), (1, ny), (2, nz)].map(|(a, n)| self.placed(a, n));
         let mut corrected = exec.bulk::<f32>("the corrected volume", nx * ny * nz)?;
@@ -103,7 +104,7 @@ impl BiasField {
             })
         })?;
         let voxels = Voxels::F32(corrected.into_buffer());
-        Ok(Volume::with_scale(volume.grid().clone(), voxels, unit, 0.0)?)
+        Ok(Volume::with_scale(volume.grid().clone(), voxels, slope, 0.0)?)
     }
 }
 
@@ -130,11 +131,18 @@ pub(super) fn remove(
     let unit = unit(volume, mask, exec)?;
     let on_intensity = params.covariance == Covariance::Intensity;
     let k = params.k.or(params.start.as_ref().map(|start| start.weights.len()));
-    let start = params.start.clone().filter(|_| on_intensity);
-    let mut params = EmvsParams { k, start, covariance: Covariance::Intensity, ..params.clone() };
+    let mut start = params.start.clone().filter(|_| on_intensity);
+    if let Some(start) = &mut start {
+        start.means.iter_mut().flatten().for_each(|mean| *mean /= unit);
+        start.covariances.iter_mut().flatten().for_each(|v| *v = (*v / unit / unit).max(f64::MIN_POSITIVE));
+    }
+    let variance_added = params.variance_added / unit / unit;
+    let mut params =
+        EmvsParams { k, start, variance_added, covariance: Covariance::Intensity, ..params.clone() };
     let scale = params.bias;
     for index in 1..=ROUNDS {
-        let corrected = field.correct(volume, unit, exec)?;
+        // In units of their own: squares of real ones may be beyond f64.
+        let corrected = field.correct(volume, unit, 1.0, exec)?;
         let Some(bins) = Bins::of(&corrected, mask, exec)? else { break };
         let frame = Frame::new(&corrected, &bins);
         let (found, _) = Search::new(&corrected, mask, &bins, &frame, &params).choose(exec)?;
@@ -152,7 +160,7 @@ pub(super) fn remove(
         params.start = usable.then_some(mixture);
         params.max_iterations = params.max_iterations.min(ITERATIONS);
     }
-    Ok((field.correct(volume, unit, exec)?, field))
+    Ok((field.correct(volume, unit, unit, exec)?, field))
 }
 
 /// Numerator and denominator of a node's gain.

@@ -32,6 +32,22 @@ const CERTAIN: f64 = 1.0 - 0.5 / WHOLE;
 /// Voxels of a task, about.
 const TASK: usize = 1 << 14;
 
+/// Places that are tried for each voxel of a sample: a part may fill little of its grid.
+const TRIES: usize = 16;
+
+/// A step through the remainders of `n` that meets each once, and early ones far from each other: near the golden section of
+/// `n`, and without a common divisor.
+fn scattering(n: usize) -> usize {
+    let divisor = |mut a: usize, mut b: usize| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let golden = (n as f64 * 0.618_033_988_749_894_9) as usize;
+    (golden.max(1)..).find(|step| divisor(*step, n) == 1).expect("the next prime has no common divisor")
+}
+
 /// The voxels' distributions over the components.
 pub(super) struct Field {
     dims: [usize; 3],
@@ -199,38 +215,41 @@ impl Field {
         Ok(total)
     }
 
-    /// Shares of about `most` red voxels, from rows all over the volume, and their neighbours' shares times the couplings,
-    /// summed: shape `[voxels][K]`, both.
+    /// Shares of up to `most` red voxels from all over the volume, and their neighbours' shares times the couplings, summed:
+    /// shape `[voxels][K]`, both. All of them in their order, where there are no more.
     pub(super) fn red_sample(&self, most: usize, couplings: [f64; 3]) -> (Vec<f64>, Vec<f64>) {
         let ([nx, ny, nz], k, half) = (self.dims, self.k, self.half);
         let (mut own, mut neighbours) = (Vec::new(), Vec::new());
-        let rows = (most / half).clamp(1, ny * nz);
-        for row in (0..rows).map(|i| i * (ny * nz) / rows) {
+        let slots = half * ny * nz;
+        let stride = if slots <= most { 1 } else { scattering(slots) };
+        for slot in (0..slots.min(TRIES * most)).map(|i| (i as u64 * stride as u64 % slots as u64) as usize) {
+            let (row, i) = (slot / half, slot % half);
             let (y, z) = (row % ny, row / ny);
             let parity = (y + z) % 2;
+            if 2 * i + parity >= nx || (0..k).all(|j| self.shares[0][(row * k + j) * half + i] == 0) {
+                continue;
+            }
             let across = [
                 (1, (y > 0).then(|| row - 1)),
                 (1, (y + 1 < ny).then_some(row + 1)),
                 (2, (z > 0).then(|| row - ny)),
                 (2, (z + 1 < nz).then_some(row + ny)),
             ];
-            for i in (0..half).filter(|i| 2 * i + parity < nx) {
-                let share = |colour: usize, row: usize, j: usize, i: usize| {
-                    f64::from(self.shares[colour][(row * k + j) * half + i]) / WHOLE
-                };
-                if (0..k).all(|j| self.shares[0][(row * k + j) * half + i] == 0) {
-                    continue;
-                }
-                // Along x one neighbour has the same place among those of its colour.
-                let next = if parity == 1 { Some(i + 1).filter(|i| *i < half) } else { i.checked_sub(1) };
-                for j in 0..k {
-                    own.push(share(0, row, j, i));
-                    let along = share(1, row, j, i) + next.map_or(0.0, |i| share(1, row, j, i));
-                    let across = across
-                        .iter()
-                        .filter_map(|(axis, row)| row.map(|row| couplings[*axis] * share(1, row, j, i)));
-                    neighbours.push(couplings[0] * along + across.sum::<f64>());
-                }
+            let share = |colour: usize, row: usize, j: usize, i: usize| {
+                f64::from(self.shares[colour][(row * k + j) * half + i]) / WHOLE
+            };
+            // Along x one neighbour has the same place among those of its colour.
+            let next = if parity == 1 { Some(i + 1).filter(|i| *i < half) } else { i.checked_sub(1) };
+            for j in 0..k {
+                own.push(share(0, row, j, i));
+                let along = share(1, row, j, i) + next.map_or(0.0, |i| share(1, row, j, i));
+                let across = across
+                    .iter()
+                    .filter_map(|(axis, row)| row.map(|row| couplings[*axis] * share(1, row, j, i)));
+                neighbours.push(couplings[0] * along + across.sum::<f64>());
+            }
+            if own.len() >= most * k {
+                break;
             }
         }
         (own, neighbours)
@@ -406,6 +425,25 @@ fn add(out: &mut [f64], shares: &[u8], coupling: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_small_sample_comes_from_all_over_the_volume() {
+        // Each voxel tells its place: shares of y and z.
+        let (dims, k) = ([64_usize; 3], 2);
+        let half = 32;
+        let mut shares = [0, 1].map(|_| Exec::default().bulk::<u8>("shares", half * k * 64 * 64).unwrap());
+        for row in 0..64 * 64 {
+            shares[0][row * k * half..][..half].fill(1 + (row % 64) as u8);
+            shares[0][(row * k + 1) * half..][..half].fill(1 + (row / 64) as u8);
+        }
+        let (own, _) = Field { dims, k, half, shares }.red_sample(500, [1.0; 3]);
+        assert_eq!(own.len(), 500 * k);
+        for axis in 0..2 {
+            let mut met = [0; 64];
+            own.chunks_exact(k).for_each(|v| met[(v[axis] * WHOLE).round() as usize - 1] += 1);
+            assert!(met.iter().all(|n| (1..=16).contains(n)), "{axis}: {met:?}");
+        }
+    }
 
     #[test]
     fn a_sample_of_all_red_voxels_has_the_sums_of_their_neighbours() {

@@ -376,13 +376,16 @@ fn neighbours_mend_a_noisy_phantom_and_the_energy_never_rises() {
 fn a_bias_is_taken_out_of_values_of_any_size() {
     let dims = [12, 11, 10];
     let (values, _) = layers(dims, &[60.0, 140.0], 10.0, 4);
-    let voxels: Vec<u8> = values.iter().map(|v| *v as u8).collect();
+    let gain = |i: usize| 0.8 + 0.4 * (i % dims[0]) as f64 / dims[0] as f64;
+    let voxels: Vec<u8> = values.iter().enumerate().map(|(i, v)| (v * gain(i)) as u8).collect();
     let of = |slope: f64| {
         let grid = Grid::with_spacing(dims, [1.0; 3]).unwrap();
         let volume = Volume::with_scale(grid, voxels.clone().into(), slope, 0.0).unwrap();
         run(&volume, &EmvsParams { bias: 15.0, smoothing: 0.5, ..with_k(2) })
     };
     let plain = of(1.0);
+    let gains = &plain.bias.as_ref().unwrap().gains;
+    assert!(gains.iter().any(|g| *g < 0.95) && gains.iter().any(|g| *g > 1.05), "{gains:?}");
     for slope in [2.0_f64.powi(600), 2.0_f64.powi(-600)] {
         let found = of(slope);
         assert!(found.segmentation.labels.ids() == plain.segmentation.labels.ids(), "{slope}");
