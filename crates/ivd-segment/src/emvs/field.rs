@@ -44,8 +44,9 @@ fn scattering(n: usize) -> usize {
         }
         a
     };
-    let golden = (n as f64 * 0.618_033_988_749_894_9) as usize;
-    (golden.max(1)..).find(|step| divisor(*step, n) == 1).expect("the next prime has no common divisor")
+    let golden = (n as f64 * 0.618_033_988_749) as usize;
+    // n - 1 has none.
+    (golden.max(1)..n).find(|step| divisor(*step, n) == 1).unwrap_or(1)
 }
 
 /// The voxels' distributions over the components.
