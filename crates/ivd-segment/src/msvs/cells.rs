@@ -140,7 +140,7 @@ impl Cells {
     /// The cell along the value of each stored value of a type of 8 or 16 bits.
     pub(super) fn table<T: Tabled>(&self, volume: &Volume, _: &[T]) -> Vec<u32> {
         let cell = |slot: usize| {
-            let value = volume.real((T::LOWEST + slot as i64) as f64);
+            let value = volume.real((T::LOWEST + slot as i64) as f64).clamp(f64::MIN, f64::MAX);
             // Values that don't occur have a place only within the axis.
             let cell = if value < self.lowest() { 0 } else { self.range.cell(value).min(self.dims[3] - 1) };
             cell as u32

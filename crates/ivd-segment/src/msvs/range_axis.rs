@@ -95,7 +95,8 @@ impl RangeAxis {
     /// The steps that hold data, ascending.
     fn occupied(&self, volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Result<Vec<i64>, Error> {
         if let Some(found) = histogram::of(volume.voxels(), mask, exec)? {
-            let steps = found.values.iter().map(|v| self.step(volume.real(*v as f64)));
+            let steps =
+                found.values.iter().map(|v| self.step(volume.real(*v as f64).clamp(f64::MIN, f64::MAX)));
             return Ok(steps.collect::<BTreeSet<i64>>().into_iter().collect());
         }
         with_voxels!(volume.voxels(), slice => self.occupied_by(volume, slice, mask, exec))

@@ -475,3 +475,15 @@ fn the_chain_keeps_what_is_there_and_reports_every_number() {
     assert_eq!((none.k_proposed, none.k_kept, none.curve.len()), (0, 0, 0));
     assert!(ChainParams { k_min: 0, ..ChainParams::default() }.check().is_err());
 }
+
+#[test]
+fn integers_whose_real_values_lie_beyond_f64_have_their_cells() {
+    let grid = Grid::with_spacing([6, 1, 1], [1.0; 3]).unwrap();
+    let voxels = vec![-30_000_i16, 30_000, 0, 1, -1, 30_000];
+    let volume = Volume::with_scale(grid, voxels.into(), 1e305, 0.0).unwrap();
+    for range_bandwidth in [0.0, 1e290, 1e300] {
+        let params = MsvsParams { range_bandwidth, ..MsvsParams::default() };
+        let found = msvs(&volume, None, &params, &Exec::default()).unwrap();
+        assert!(found.segmentation.labels.ids().iter().all(|id| *id > 0), "{range_bandwidth}");
+    }
+}
