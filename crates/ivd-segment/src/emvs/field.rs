@@ -6,8 +6,8 @@
 //! best for a voxel is known in closed form, and no two voxels of one colour of a checkerboard are neighbours: so all red
 //! ones are renewed at once, then all black ones, and the variational free energy falls with each.
 //!
-//! Beside the couplings acts an external field, see [`super::external`]; it is found once, from the distributions that EM's
-//! mixture gives, and stays while the energy falls.
+//! Beside the couplings acts an external field, see [`super::external`]. It is found anew before each sweep until it stands
+//! still, or half of the sweeps are done; from then on the energy falls.
 //!
 //! The distributions are stored in steps of 1/255, so that K maps of a large volume fit into memory; a voxel keeps its old
 //! distribution where the rounded new one isn't better, so that rounding can't make the energy rise. The colours are stored
@@ -29,6 +29,8 @@ use crate::Error;
 const WHOLE: f64 = 255.0;
 /// Beyond this share all others round to nothing.
 const CERTAIN: f64 = 1.0 - 0.5 / WHOLE;
+/// The external field stands where no logarithm changes by more.
+const STANDS: f64 = 1e-3;
 /// Voxels of a task, about.
 const TASK: usize = 1 << 14;
 
@@ -57,14 +59,17 @@ pub(super) struct Field {
     half: usize,
     /// By colour: rows, in each the components' shares one after the other.
     shares: [Bulk<u8>; 2],
+    /// The components in the order of their means.
+    order: Vec<usize>,
 }
 
 /// What became of the mixture.
 pub(super) struct Smoothed {
     pub(super) field: Field,
     pub(super) components: Vec<Component>,
-    /// Free energy after each sweep, a voxel.
+    /// Free energy after each sweep since the external field stands, a voxel.
     pub(super) energies: Vec<f64>,
+    pub(super) sweeps: u64,
     pub(super) converged: bool,
 }
 
@@ -92,8 +97,8 @@ impl Tally {
     }
 }
 
-/// Sweeps until the energy stands still. On intensity alone the weights make way for an external field, and means and
-/// variances are renewed after each sweep; components over space stay, and so do their weights.
+/// Sweeps until the energy stands still. On intensity alone the weights make way for an external field, means and variances are
+/// renewed after each sweep, and the weights are the voxels' shares in the end; components over space stay as they are.
 pub(super) fn smooth(
     scene: &Scene,
     space: &Space,
@@ -101,39 +106,49 @@ pub(super) fn smooth(
     exec: &Exec,
 ) -> Result<Smoothed, Error> {
     let mut components = scene.components.to_vec();
-    let weights: Vec<f64> = components.iter().map(|c| c.weight).collect();
     let mut field = Field::new(scene, exec)?;
     let spacing = scene.volume.grid().spacing();
     let least = spacing.iter().copied().fold(f64::INFINITY, f64::min);
     let couplings = spacing.map(|s| params.smoothing * least / s);
     let mut energies: Vec<f64> = Vec::new();
-    let mut converged = false;
+    let (mut sweeps, mut converged) = (0, false);
     for colour in 0..2 {
         field.renew(scene, &components, colour, None, exec)?;
     }
-    if scene.shape == Covariance::Intensity {
-        let weights = external::field(&weights, &field, couplings, exec)?;
-        components.iter_mut().zip(weights).for_each(|(c, weight)| c.weight = weight);
-    }
-    for index in 1..=params.smoothing_iterations {
+    let on_intensity = scene.shape == Covariance::Intensity;
+    let mut shares: Vec<f64> = components.iter().map(|c| c.weight).collect();
+    let mut stands = !on_intensity;
+    while !converged && sweeps < params.smoothing_iterations {
+        sweeps += 1;
+        if !stands {
+            let weights: Vec<f64> = components.iter().map(|c| c.weight).collect();
+            let external = external::field(&weights, &field, couplings, exec)?;
+            let change = |(new, old): (&f64, &f64)| (new / old).ln().abs();
+            let moved = external.iter().zip(&weights).filter(|(_, old)| **old > 0.0).map(change);
+            stands = moved.fold(0.0, f64::max) <= STANDS || 2 * sweeps > params.smoothing_iterations;
+            components.iter_mut().zip(external).for_each(|(c, weight)| c.weight = weight);
+            energies.clear();
+        }
         let mut red = field.renew(scene, &components, 0, Some(couplings), exec)?;
         let black = field.renew(scene, &components, 1, Some(couplings), exec)?;
         // A pair of neighbours counts once: with its black voxel.
         let energy = (red.alone + black.coupled) / scene.bins.total;
-        exec.observer().iteration(Iteration { method: "emvs smoothing", index, value: energy });
+        exec.observer().iteration(Iteration { method: "emvs smoothing", index: sweeps, value: energy });
         let last = energies.last().copied();
         energies.push(energy);
-        if last.is_some_and(|last| last - energy < params.tolerance) {
-            converged = true;
-            break;
-        }
-        if scene.shape == Covariance::Intensity && index < params.smoothing_iterations {
-            red.join(&black);
-            maximise(&mut components, &red.sums, space);
+        converged = stands && last.is_some_and(|last| last - energy < params.tolerance);
+        red.join(&black);
+        if on_intensity {
+            shares.iter_mut().zip(&red.sums).for_each(|(share, sums)| *share = sums.n / scene.bins.total);
+            if !converged && sweeps < params.smoothing_iterations {
+                maximise(&mut components, &red.sums, space);
+            }
         }
     }
-    components.iter_mut().zip(weights).for_each(|(c, weight)| c.weight = weight);
-    Ok(Smoothed { field, components, energies, converged })
+    components.iter_mut().zip(shares).for_each(|(c, share)| c.weight = share);
+    field.order = scene.frame.order(&components);
+    let components = field.order.iter().map(|k| components[*k]).collect();
+    Ok(Smoothed { field, components, energies, sweeps, converged })
 }
 
 /// Means and variances of greatest expected likelihood, the weights as they are.
@@ -173,7 +188,7 @@ impl Field {
         let (k, half) = (scene.components.len(), dims[0].div_ceil(2));
         let len = half * k * dims[1] * dims[2];
         let colour = || exec.bulk("the voxels' distributions", len);
-        Ok(Self { dims, k, half, shares: [colour()?, colour()?] })
+        Ok(Self { dims, k, half, shares: [colour()?, colour()?], order: (0..k).collect() })
     }
 
     /// Renews the distributions of one colour, given the other's; without couplings from nothing.
@@ -279,29 +294,31 @@ impl Field {
         })
     }
 
-    /// The component (from 1) of the greatest share; of equal ones the first.
+    /// The component (from 1, in their order) of the greatest share.
     pub(super) fn labels(&self, exec: &Exec) -> Result<Bulk<u16>, Error> {
+        let mut place = vec![0; self.k];
+        self.order.iter().zip(1..).for_each(|(k, id)| place[*k] = id);
         let mut ids = exec.bulk::<u16>("the labels", self.dims.iter().product())?;
         self.each(&mut ids, exec, |shares, id| {
             let mut best = 0;
             for (k, share) in shares.enumerate() {
                 if share > best {
                     best = share;
-                    *id = k as u16 + 1;
+                    *id = place[k];
                 }
             }
         })?;
         Ok(ids)
     }
 
-    /// The shares, a map for every component.
+    /// The shares, a map for every component, in their order.
     pub(super) fn posteriors(&self, exec: &Exec) -> Result<Vec<Buffer<f32>>, Error> {
         let map = |k: usize| {
             let mut map = exec.bulk::<f32>("a posterior map", self.dims.iter().product())?;
             self.each(&mut map, exec, |shares, p| *p = f32::from(shares.nth(k).unwrap_or(0)) / WHOLE as f32)?;
             Ok(map.into_buffer())
         };
-        (0..self.k).map(map).collect()
+        self.order.iter().map(|k| map(*k)).collect()
     }
 }
 
@@ -437,7 +454,7 @@ mod tests {
             shares[0][row * k * half..][..half].fill(1 + (row % 64) as u8);
             shares[0][(row * k + 1) * half..][..half].fill(1 + (row / 64) as u8);
         }
-        let (own, _) = Field { dims, k, half, shares }.red_sample(500, [1.0; 3]);
+        let (own, _) = Field { dims, k, half, shares, order: Vec::new() }.red_sample(500, [1.0; 3]);
         assert_eq!(own.len(), 500 * k);
         for axis in 0..2 {
             let mut met = [0; 64];
@@ -466,7 +483,8 @@ mod tests {
                 }
                 shares
             });
-            let (own, neighbours) = Field { dims, k, half, shares }.red_sample(1 << 20, couplings);
+            let (own, neighbours) =
+                Field { dims, k, half, shares, order: Vec::new() }.red_sample(1 << 20, couplings);
             let mut at = 0;
             for [z, y, x] in (0..nz)
                 .flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [z, y, x])))

@@ -1,5 +1,7 @@
 //! A mixture of normal densities: as it is given to the caller, and in the frame that the work is done in.
 
+use std::cmp::Ordering;
+
 use ivd_core::Volume;
 use serde::{Deserialize, Serialize};
 
@@ -163,10 +165,18 @@ impl Frame {
 
     /// Puts components in the order of their real means; the heavier first where they are equal.
     pub(super) fn sort(&self, components: &mut [Component]) {
-        let sign = self.slope.signum();
-        components.sort_by(|a, b| {
-            let mean = |c: &Component| sign * c.mean[INTENSITY];
-            mean(a).total_cmp(&mean(b)).then(b.weight.total_cmp(&a.weight))
-        });
+        components.sort_by(|a, b| self.compare(a, b));
+    }
+
+    /// The components' places in that order.
+    pub(super) fn order(&self, components: &[Component]) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..components.len()).collect();
+        order.sort_by(|a, b| self.compare(&components[*a], &components[*b]));
+        order
+    }
+
+    fn compare(&self, a: &Component, b: &Component) -> Ordering {
+        let mean = |c: &Component| self.slope.signum() * c.mean[INTENSITY];
+        mean(a).total_cmp(&mean(b)).then(b.weight.total_cmp(&a.weight))
     }
 }

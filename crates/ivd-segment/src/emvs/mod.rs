@@ -26,7 +26,7 @@ use bins::Bins;
 use labels::Scene;
 use line::{Found, Limits};
 pub use mixture::Mixture;
-use mixture::{AXES, Component, Frame};
+use mixture::{Component, Frame, INTENSITY};
 pub use params::{Covariance, EmvsParams};
 use space::Space;
 
@@ -43,7 +43,7 @@ pub struct Emvs {
     pub log_likelihood: f64,
     /// The Bayesian information criterion for every number of components that was tried; empty where `k` was given.
     pub bic: Vec<BicPoint>,
-    /// With `smoothing`: the variational free energy after each sweep, a voxel; it never rises.
+    /// With `smoothing`: the variational free energy after each sweep since the external field stands, a voxel; it never rises.
     pub energies: Vec<f64>,
     /// Posterior probability of every component of the mixture, shape `[K][voxels]`, where they were asked for; 0 where there
     /// is no datum.
@@ -80,9 +80,11 @@ pub struct BicPoint {
 /// one density: what rounding to 8 bits does isn't modelled, apart from the variance's floor.
 ///
 /// With `smoothing` β > 0 labels are coupled to the neighbours' (Potts model, mean field): along axis a with
-/// `β · (least spacing / spacing of a)`. On intensity alone an external field takes the weights' place, found by the coding
-/// method (Besag 1974), as the neighbours already say most of what weights say; means and variances go on improving. Components
-/// over space stay as EM left them. The mixture tells EM's weights. The distributions are kept in steps of 1/255: N · K bytes. The labels are the greatest shares.
+/// `β · (least spacing / spacing of a)`. On intensity alone the mixture itself is fitted to coupled voxels (Zhang, Brady & Smith
+/// 2001), from the classes of least inertia on: means, variances, and in the weights' place an external field, found by the
+/// coding method (Besag 1974), as the neighbours already say most of what weights say. The mixture's weights are the voxels'
+/// shares then. Components over space stay as EM left them. The distributions are kept in steps of 1/255: N · K bytes. The
+/// labels are the greatest shares.
 ///
 /// With `bias` > 0 a smooth gain is found first, on intensity alone, and divided out (see [`BiasField`]): N · 4 bytes more.
 /// Real values must then be 0 where there is no signal.
@@ -118,12 +120,17 @@ fn fit(
     let Some(bins) = Bins::of(volume, mask, exec)? else { return nothing(original, mask, exec) };
     let frame = Frame::new(volume, &bins);
     let search = Search::new(volume, mask, &bins, &frame, params);
-    let (mut found, bic) = search.choose(exec)?;
-    frame.sort(&mut found.components);
     let shape = params.covariance;
+    let smooths = params.smoothing > 0.0 && params.smoothing_iterations > 0;
+    let (mut found, bic) = if smooths && shape == Covariance::Intensity {
+        search.beginning(exec)?
+    } else {
+        search.choose(exec)?
+    };
+    frame.sort(&mut found.components);
     let components = &found.components[..];
     let scene = Scene { volume, original, mask, bins: &bins, frame: &frame, shape, components };
-    let outcome = if params.smoothing > 0.0 && params.smoothing_iterations > 0 {
+    let outcome = if smooths {
         smoothed(&scene, &search, &found, params, exec)?
     } else {
         let posteriors = if params.posteriors { scene.posteriors(exec)? } else { Vec::new() };
@@ -166,7 +173,7 @@ fn smoothed(
     params: &EmvsParams,
     exec: &Exec,
 ) -> Result<Outcome, Error> {
-    let field::Smoothed { field, components, energies, converged } =
+    let field::Smoothed { field, components, energies, sweeps, converged } =
         field::smooth(scene, &search.space, params, exec)?;
     let posteriors = if params.posteriors { field.posteriors(exec)? } else { Vec::new() };
     let ids = field.labels(exec)?;
@@ -176,7 +183,7 @@ fn smoothed(
         Covariance::Intensity => line::expect(scene.bins, &components).1,
         _ => found.log_likelihood,
     };
-    let iterations = found.iterations + energies.len() as u64;
+    let iterations = found.iterations + sweeps;
     let found = Found { components, log_likelihood, iterations, converged: found.converged && converged };
     Ok(Outcome { labels, posteriors, energies, found })
 }
@@ -262,10 +269,36 @@ impl<'a> Search<'a> {
         Ok((found, curve))
     }
 
+    /// Where voxels coupled on intensity begin: at the mixture given, or at the classes of least inertia, as many as are asked
+    /// for or as the criterion prefers. Plain EM's mixture is another optimum, one in which noise has components of its own.
+    fn beginning(&self, exec: &Exec) -> Result<(Found, Vec<BicPoint>), Error> {
+        let (k, iterations, bic) = match (&self.params.start, self.params.k) {
+            (None, None) => {
+                let (found, bic) = self.choose(exec)?;
+                (found.components.len(), found.iterations, bic)
+            }
+            (_, k) => (k.unwrap_or(0), 0, Vec::new()),
+        };
+        let mut components = match &self.params.start {
+            Some(start) => self.space.frame.components(start),
+            None => self.classes(k),
+        };
+        for c in &mut components {
+            let variance = &mut c.covariance[INTENSITY][INTENSITY];
+            *variance = variance.max(self.space.limits.floor[INTENSITY]);
+        }
+        let (_, log_likelihood) = line::expect(self.bins, &components);
+        Ok((Found { components, log_likelihood, iterations, converged: true }, bic))
+    }
+
+    fn classes(&self, k: usize) -> Vec<Component> {
+        let floor = self.space.limits.floor[INTENSITY];
+        start::classes(self.coarse.as_ref().unwrap_or(self.bins), k, floor)
+    }
+
     /// From the classes of least inertia.
     fn with(&self, k: usize, exec: &Exec) -> Result<Found, Error> {
-        let floor = self.space.limits.floor[AXES - 1];
-        let classes = start::classes(self.coarse.as_ref().unwrap_or(self.bins), k, floor);
+        let classes = self.classes(k);
         if self.params.covariance == Covariance::Intensity {
             let coarse = self.coarse.as_ref();
             return Ok(line::search_from_coarse(self.bins, coarse, classes, &self.space.limits, exec)?);

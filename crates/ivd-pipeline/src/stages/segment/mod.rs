@@ -68,7 +68,7 @@ impl Stage for Segment {
     }
 
     fn revision(&self) -> u32 {
-        4
+        5
     }
 
     fn inputs(&self) -> &'static [Slot] {
