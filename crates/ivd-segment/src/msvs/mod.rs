@@ -62,7 +62,8 @@ pub struct MsvsParams {
     /// Kernel.
     pub kernel: Kernel,
     /// A mode is given up to its neighbour where its density exceeds that of the saddle between them by no more than this
-    /// fraction, 0…1, or by no more than chance would (three standard deviations of a count). 0 keeps every mode.
+    /// fraction, 0…1, or by no more than chance would (three standard deviations of a count). 0 keeps every mode
+    /// that stands out by more than the density's own error, 0.5 % of it where places count.
     pub persistence: f64,
     /// Most modes kept, 1…1024: those that stand highest above their saddles.
     pub k_max: usize,

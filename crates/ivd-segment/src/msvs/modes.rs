@@ -18,6 +18,8 @@ use super::density::Heights;
 const CHUNK: usize = 1 << 16;
 /// A saddle this close to its peak, relatively, is a plateau in single precision.
 const PLATEAU: f64 = 1e-5;
+/// With places too: counts in cells of a voxel leave the density ripples of up to a quarter of a per cent.
+const RIPPLE: f64 = 5e-3;
 /// Standard deviations of a count by which a peak must stand above its saddle.
 const CHANCE: f64 = 3.0;
 
@@ -62,7 +64,8 @@ pub(super) fn of(
     let above = |m: usize| density[m] - ends[m].saddle;
     let mut ranked: Vec<usize> = (0..density.len())
         .filter(|m| {
-            let least = params.persistence.max(PLATEAU);
+            let exact = if params.spatial_bandwidth > 0.0 { RIPPLE } else { PLATEAU };
+            let least = params.persistence.max(exact);
             let chance = if params.persistence > 0.0 { CHANCE * density[*m].sqrt() } else { 0.0 };
             *m == 0 || (persistence(*m) > least && above(*m) >= chance)
         })
