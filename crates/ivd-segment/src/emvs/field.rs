@@ -464,6 +464,18 @@ mod tests {
     }
 
     #[test]
+    fn labels_and_maps_come_in_the_order_of_the_components() {
+        let exec = Exec::default();
+        let mut shares = [0, 1].map(|_| exec.bulk::<u8>("shares", 2).unwrap());
+        // The first voxel is wholly of component 0, the second of component 1, whose mean is the lower one in the end.
+        (shares[0][0], shares[1][1]) = (255, 255);
+        let field = Field { dims: [2, 1, 1], k: 2, half: 1, shares, order: vec![1, 0] };
+        assert_eq!(field.labels(&exec).unwrap()[..], [2, 1]);
+        let maps = field.posteriors(&exec).unwrap();
+        assert_eq!((maps[0][..].to_vec(), maps[1][..].to_vec()), (vec![0.0, 1.0], vec![1.0, 0.0]));
+    }
+
+    #[test]
     fn a_sample_of_all_red_voxels_has_the_sums_of_their_neighbours() {
         let couplings = [0.5, 0.25, 2.0];
         for dims in [[5, 4, 3], [4, 3, 2], [1, 3, 5], [6, 1, 1]] {
