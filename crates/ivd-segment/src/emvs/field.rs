@@ -139,7 +139,9 @@ pub(super) fn smooth(
         converged = stands && last.is_some_and(|last| last - energy < params.tolerance);
         red.join(&black);
         if on_intensity {
-            shares.iter_mut().zip(&red.sums).for_each(|(share, sums)| *share = sums.n / scene.bins.total);
+            // Above 0, so that the mixture can be begun with again.
+            let share = |sums: &Sums| (sums.n / scene.bins.total).max(f64::MIN_POSITIVE);
+            shares.iter_mut().zip(&red.sums).for_each(|(own, sums)| *own = share(sums));
             if !converged && sweeps < params.smoothing_iterations {
                 maximise(&mut components, &red.sums, space);
             }
@@ -294,17 +296,17 @@ impl Field {
         })
     }
 
-    /// The component (from 1, in their order) of the greatest share.
+    /// The component (from 1, in their order) of the greatest share; of equal ones the first.
     pub(super) fn labels(&self, exec: &Exec) -> Result<Bulk<u16>, Error> {
         let mut place = vec![0; self.k];
         self.order.iter().zip(1..).for_each(|(k, id)| place[*k] = id);
         let mut ids = exec.bulk::<u16>("the labels", self.dims.iter().product())?;
         self.each(&mut ids, exec, |shares, id| {
             let mut best = 0;
-            for (k, share) in shares.enumerate() {
-                if share > best {
+            for (share, place) in shares.zip(&place) {
+                if share > best || share == best && share > 0 && *place < *id {
                     best = share;
-                    *id = place[k];
+                    *id = *place;
                 }
             }
         })?;
@@ -473,6 +475,14 @@ mod tests {
         assert_eq!(field.labels(&exec).unwrap()[..], [2, 1]);
         let maps = field.posteriors(&exec).unwrap();
         assert_eq!((maps[0][..].to_vec(), maps[1][..].to_vec()), (vec![0.0, 1.0], vec![1.0, 0.0]));
+        // Undecided voxels are of the lower mean.
+        let shares = [0, 1].map(|_| {
+            let mut shares = exec.bulk::<u8>("shares", 2).unwrap();
+            shares.fill(127);
+            shares
+        });
+        let undecided = Field { dims: [2, 1, 1], k: 2, half: 1, shares, order: vec![1, 0] };
+        assert_eq!(undecided.labels(&exec).unwrap()[..], [1, 1]);
     }
 
     #[test]

@@ -83,8 +83,8 @@ pub struct BicPoint {
 /// `β · (least spacing / spacing of a)`. On intensity alone the mixture itself is fitted to coupled voxels (Zhang, Brady & Smith
 /// 2001), from the classes of least inertia on: means, variances, and in the weights' place an external field, found by the
 /// coding method (Besag 1974), as the neighbours already say most of what weights say. The mixture's weights are the voxels'
-/// shares then. Components over space stay as EM left them. The distributions are kept in steps of 1/255: N · K bytes. The
-/// labels are the greatest shares.
+/// shares then, and `max_iterations` counts only where the number of components is chosen. Components over space stay as EM left
+/// them. The distributions are kept in steps of 1/255: N · K bytes. The labels are the greatest shares.
 ///
 /// With `bias` > 0 a smooth gain is found first, on intensity alone, and divided out (see [`BiasField`]): N · 4 bytes more.
 /// Real values must then be 0 where there is no signal.
