@@ -155,7 +155,7 @@ mod tests {
     fn keys_name_voxel_and_element_up_to_the_far_border() {
         let dims = [5, 6, 7];
         for padded in [[0, 0, 0], [6, 7, 8], [3, 0, 8]] {
-            for element in 0..7 {
+            for element in 0..8 {
                 let key = ElementKey::new(dims, padded, element);
                 assert_eq!((key.padded(dims), key.element()), (padded, element));
             }

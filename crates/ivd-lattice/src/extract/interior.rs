@@ -9,8 +9,8 @@
 //!
 //! The idea of slicing is Chernyaev's (1995) and Custodio's (2013); that it suffices to join slabs is told here without a table of cases.
 
-/// What stands in for 0 beside a largest level of 1. A voxel on the isovalue is inside, as if the isovalue were less by so
-/// much: all saddles that lie on it are inside with it.
+/// What stands for a level of 0 beside a largest one of 1 to 2. All levels are moved by it, so that what lies on the surface goes
+/// where ties go. Levels much less than it beside the largest of their cell count as 0.
 const NOTHING: f64 = 1.0 / (1_u64 << 32) as f64;
 
 /// Corners of a slice in turn, at the low end along z; the high ends have 4 more.
@@ -19,16 +19,33 @@ const TURN: [usize; 4] = [0, 1, 3, 2];
 /// Slabs at most: six slices between them.
 const SLABS: usize = 7;
 
-/// A number for each corner, equal where corners of the same side hang together within the cell. `None` where all of them that
-/// do also do so on its faces, or where a level is missing. `case` has a bit for each corner inside.
-pub(super) fn regions(levels: [f64; 8], case: u8) -> Option<[u8; 8]> {
-    let most = levels.iter().fold(0.0_f64, |most, level| most.max(level.abs()));
-    if levels.iter().any(|level| level.is_nan()) || !(most > 0.0 && most.is_finite()) {
+/// Levels by a power of two, so that the largest is from 1 to 2, and on the sides that the signs say. `None` where one is missing.
+pub(super) fn scaled<const N: usize>(levels: [f64; N], inside: [bool; N]) -> Option<[f64; N]> {
+    if levels.iter().any(|level| level.is_nan()) {
         return None;
     }
+    let levels = levels.map(|level| level.clamp(f64::MIN, f64::MAX));
+    let most = levels.iter().fold(0.0_f64, |most, level| most.max(level.abs()));
+    // The power of two whose exponent is the opposite.
+    let unit = f64::from_bits((2046 - (most.to_bits() >> 52)).clamp(1, 2046) << 52);
+    Some(std::array::from_fn(|i| {
+        let level = levels[i] * unit;
+        if inside[i] { level.max(f64::MIN_POSITIVE) } else { level.min(-f64::MIN_POSITIVE) }
+    }))
+}
+
+/// A number for each corner, equal where corners of the same side hang together within the cell. `None` where all of them that
+/// do also do so on its faces, or where a level is missing. `case` has a bit for each corner inside; ties are inside or outside.
+pub(super) fn regions(levels: [f64; 8], case: u8, joins_ties: bool) -> Option<[u8; 8]> {
+    let inside = std::array::from_fn(|corner| case >> corner & 1 == 1);
+    let hair = if joins_ties { NOTHING } else { -NOTHING };
+    let levels = scaled(levels, inside)?;
     let level = |corner: usize| {
-        let level = levels[corner] / most + NOTHING;
-        if case >> corner & 1 == 1 { level.max(NOTHING) } else { level.min(-NOTHING) }
+        if inside[corner] {
+            (levels[corner] + hair).max(NOTHING)
+        } else {
+            (levels[corner] + hair).min(-NOTHING)
+        }
     };
     let low = TURN.map(level);
     let rise: [f64; 4] = std::array::from_fn(|i| level(TURN[i] | 4) - low[i]);
@@ -162,7 +179,7 @@ mod tests {
             let signs = [0x81_u8, 0x7E, 0xC3, 0x3C, 0x69, (random() * 256.0) as u8][round % 6];
             let levels: [f64; 8] =
                 std::array::from_fn(|c| (0.02 + random()) * if signs >> c & 1 == 1 { 1.0 } else { -1.0 });
-            let Some(found) = regions(levels, case(&levels)) else { continue };
+            let Some(found) = regions(levels, case(&levels), true) else { continue };
             // A bridge finer than the points is missed by filling, and nothing else.
             let plain = filled(levels, 41);
             for (a, b) in (0..8).flat_map(|a| (0..a).map(move |b| (a, b))) {
@@ -188,20 +205,26 @@ mod tests {
         // a ((1 - t)³ + t³) - 3 t (1 - t), at the middle a / 4 - 3 / 4.
         for (a, joined) in [(2.9, false), (3.1, true)] {
             let levels = std::array::from_fn(|c| if c == 0 || c == 7 { a } else { -1.0 });
-            let found = regions(levels, 0x81);
+            let found = regions(levels, 0x81, true);
             assert_eq!(found.is_some_and(|r| r[0] == r[7]), joined, "{a}");
         }
-        // On the isovalue itself: inside.
+        // On the isovalue itself: where ties go.
         let levels = std::array::from_fn(|c| if c == 0 || c == 7 { 3.0 } else { -1.0 });
-        assert!(regions(levels, 0x81).is_some_and(|r| r[0] == r[7]));
+        for joins_ties in [true, false] {
+            assert_eq!(regions(levels, 0x81, joins_ties).is_some_and(|r| r[0] == r[7]), joins_ties);
+        }
     }
 
     #[test]
     fn missing_and_huge_levels_join_nothing_that_faces_do_not() {
-        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            assert_eq!(regions([5.0, -1.0, -1.0, -1.0, bad, -1.0, -1.0, 5.0], 0x81), None);
-        }
+        let levels = |bad| [5.0, -1.0, -1.0, -1.0, bad, -1.0, -1.0, 5.0];
+        assert_eq!(regions(levels(f64::NAN), 0x81, true), None);
+        assert!(regions(levels(f64::NEG_INFINITY), 0x81, true).is_none_or(|r| r[0] != r[7]));
         let huge = std::array::from_fn(|c| if c == 0 || c == 7 { f64::MAX } else { -1e-300 });
-        assert!(regions(huge, 0x81).is_some_and(|r| r[0] == r[7]));
+        assert!(regions(huge, 0x81, true).is_some_and(|r| r[0] == r[7]));
+        for size in [1e-200, 1e-300, 1e200, 1e300] {
+            let levels = std::array::from_fn(|c| if c == 0 || c == 7 { 3.1 * size } else { -size });
+            assert!(regions(levels, 0x81, true).is_some_and(|r| r[0] == r[7]), "{size}");
+        }
     }
 }

@@ -5,6 +5,9 @@ use super::interior;
 use super::samples::Samples;
 use super::table::{CASES, CrossingId, Tube};
 
+/// Stands for a level of 0 beside a largest one of 1 to 2: nothing, but of one sign.
+const TINY: f64 = 1e-150;
+
 /// A cell of the grid padded by one voxel outside on every side: it spans the padded voxels `first` to `first + 1`.
 /// There are `n + 1` cells along an axis of `n` voxels.
 #[derive(Debug, Clone, Copy)]
@@ -42,8 +45,8 @@ impl Cell {
 
     /// The crossing with a tube, if there is one: between loops that part the same two regions of the cell.
     fn tubed(&self, samples: &impl Samples, case: u8, tubes: &[Tube]) -> Option<CrossingId> {
-        let level = |corner: u8| self.voxel(corner).map_or(f64::NAN, |v| samples.level(v));
-        let regions = interior::regions(std::array::from_fn(|corner| level(corner as u8)), case)?;
+        let levels = std::array::from_fn(|corner| self.level(samples, corner as u8));
+        let regions = interior::regions(levels, case, samples.joins_ties())?;
         let sides = |edge: u8| {
             let [low, high] = EDGES[usize::from(edge)];
             let [inside, outside] = if case >> low & 1 == 1 { [low, high] } else { [high, low] };
@@ -62,14 +65,21 @@ impl Cell {
     }
 
     /// Asymptotic decider (Nielson and Hamann 1991): the inside corners of an ambiguous face are joined where the
-    /// bilinear function on it is positive at its saddle. With inside levels `a`, `c` ≥ 0 and outside ones `b`, `d` < 0
-    /// that is `a c ≥ b d`: a saddle on the isovalue is inside, as a voxel is. A corner without a level leaves them apart. Both
-    /// cells of a face compare the same two products and so agree.
+    /// bilinear function on it is positive at its saddle. With inside levels `a`, `c` and outside ones `b`, `d`
+    /// that is `a c > b d`; equality joins where the field says so. A corner without a level leaves them apart. Both cells of a
+    /// face compare the same two products and so agree.
     fn joins(&self, samples: &impl Samples, case: u8, face: [u8; 4]) -> bool {
-        let level = |corner: u8| self.voxel(corner).map_or(f64::NAN, |v| samples.level(v));
-        let [a, b, c, d] = face.map(level);
+        let levels = face.map(|corner| self.level(samples, corner));
         let first_inside = case >> face[0] & 1 == 1;
-        if first_inside { a * c >= b * d } else { b * d >= a * c }
+        let inside = [first_inside, !first_inside, first_inside, !first_inside];
+        let Some(levels) = interior::scaled(levels, inside) else { return false };
+        let [a, b, c, d] = levels.map(|level| if level > 0.0 { level.max(TINY) } else { level.min(-TINY) });
+        let [inside, outside] = if first_inside { [a * c, b * d] } else { [b * d, a * c] };
+        inside > outside || inside == outside && samples.joins_ties()
+    }
+
+    fn level(&self, samples: &impl Samples, corner: u8) -> f64 {
+        self.voxel(corner).map_or(f64::NAN, |voxel| samples.level(voxel))
     }
 
     /// Fraction of the way along a crossed edge; halfway into the border layer.
