@@ -9,7 +9,8 @@ pub const T_MIN: f32 = 1.0 / 1024.0;
 
 /// Address of a lattice vertex: an element of the grid padded by one voxel on every side.
 ///
-/// Elements 0, 1, 2 are the edges from the voxel along x, y, z; 3, 4, 5 the faces normal to x, y, z; 6 the cell.
+/// Elements 0, 1, 2 are the edges from the voxel along x, y, z; 3, 4, 5 the faces normal to x, y, z; 6 and 7 the cell, which
+/// may have two vertices.
 /// The padded voxel `p` is the voxel `p - 1`, so that a surface closed one layer outside the volume has addresses.
 /// This is the thesis's internal index relation (IIR): it names the voxel a vertex belongs to and survives refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
@@ -17,7 +18,7 @@ pub const T_MIN: f32 = 1.0 / 1024.0;
 pub struct ElementKey(pub u64);
 
 impl ElementKey {
-    /// Key of element `element` (0…6) at padded voxel `padded` (each 0 … n + 1) of a grid of `dims` voxels.
+    /// Key of element `element` (0…7) at padded voxel `padded` (each 0 … n + 1) of a grid of `dims` voxels.
     #[inline]
     pub fn new(dims: [usize; 3], padded: [usize; 3], element: u8) -> Self {
         let [px, py] = [dims[0] as u64 + 2, dims[1] as u64 + 2];
@@ -25,7 +26,7 @@ impl ElementKey {
         Self(voxel * 8 + u64::from(element))
     }
 
-    /// The element: 0…2 edge, 3…5 face, 6 cell.
+    /// The element: 0…2 edge, 3…5 face, 6 and 7 cell.
     #[inline]
     pub fn element(self) -> u8 {
         (self.0 & 7) as u8
@@ -100,7 +101,7 @@ impl Lattice {
             return Err(bad(format!("keys of vertices {i} and {} are not ascending", i + 1)));
         }
         let padded: u64 = self.grid.dims().iter().map(|&d| d as u64 + 2).product();
-        if self.keys.last().is_some_and(|k| k.0 >= padded * 8) || self.keys.iter().any(|k| k.element() == 7) {
+        if self.keys.last().is_some_and(|k| k.0 >= padded * 8) {
             return Err(bad("a key lies outside the padded grid".into()));
         }
         if let Some(i) = self.places.iter().position(|p| !p.iter().all(|c| (0.0..=1.0).contains(c))) {
@@ -154,7 +155,7 @@ mod tests {
     fn keys_name_voxel_and_element_up_to_the_far_border() {
         let dims = [5, 6, 7];
         for padded in [[0, 0, 0], [6, 7, 8], [3, 0, 8]] {
-            for element in 0..7 {
+            for element in 0..8 {
                 let key = ElementKey::new(dims, padded, element);
                 assert_eq!((key.padded(dims), key.element()), (padded, element));
             }

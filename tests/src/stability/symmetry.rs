@@ -154,7 +154,7 @@ impl Turn {
         let turned = match element {
             0..=2 => onto(element),
             3..=5 => 3 + onto(element - 3),
-            _ => 6,
+            cell => cell,
         };
         (ElementKey::new(self.axes.map(|a| dims[a]), at, turned as u8), new)
     }

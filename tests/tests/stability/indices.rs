@@ -41,7 +41,7 @@ fn addresses_of_vertices_are_unique_and_ascend_to_the_far_corner() {
         };
         let mut last = None;
         for at in [[0, 0, 0], [far[0], 0, 0], [0, far[1], 0], [1, 0, far[2]], far] {
-            for element in 0..7 {
+            for element in 0..8 {
                 let key = ElementKey::new(dims, at, element);
                 assert_eq!(u128::from(key.0), padded(at) * 8 + u128::from(element));
                 assert_eq!((key.padded(dims), key.element()), (at, element));

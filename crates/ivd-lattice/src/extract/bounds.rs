@@ -52,6 +52,8 @@ pub(super) struct Bounds<T> {
     pub(super) low: f64,
     /// Stored value of the crossing above the inside; +∞ where there is none.
     pub(super) high: f64,
+    /// Whether a saddle on the surface is inside.
+    pub(super) joins_ties: bool,
 }
 
 impl<T: Ordered> Bounds<T> {
@@ -79,9 +81,15 @@ impl<T: Ordered> Bounds<T> {
         let (low, high) = (stored(low, f64::NEG_INFINITY), stored(high, f64::INFINITY));
         if first >= end {
             let [least, greatest] = T::RANKS;
-            return Self { first: T::from_rank(greatest), last: T::from_rank(least), low, high };
+            return Self {
+                first: T::from_rank(greatest),
+                last: T::from_rank(least),
+                low,
+                high,
+                joins_ties: true,
+            };
         }
-        Self { first: T::from_rank(first), last: T::from_rank(end - 1), low, high }
+        Self { first: T::from_rank(first), last: T::from_rank(end - 1), low, high, joins_ties: true }
     }
 
     /// Whether a stored value is inside; NaN and the infinities aren't.

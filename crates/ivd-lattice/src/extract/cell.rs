@@ -3,8 +3,11 @@
 //! Corner `i` lies at `(i & 1, i >> 1 & 1, i >> 2 & 1)`. Edge `4 a + j` runs along axis `a` from the `j`-th corner
 //! whose bit `a` is 0. Face `2 a + s` is normal to axis `a` on the low (`s = 0`) or high side.
 
-/// Element number of the cell's own vertex among a cell's thirteen possible ones (twelve edges, then the centre).
+/// Element number of the cell's own vertex among a cell's fourteen possible ones (twelve edges, then two in its middle).
 pub(super) const CENTRE: u8 = 12;
+
+/// The vertices in the cell's middle. The second is for a tube that needs it.
+pub(super) const CENTRES: [u8; 2] = [CENTRE, CENTRE + 1];
 
 /// The two ends of each edge, low end first.
 pub(super) const EDGES: [[u8; 2]; 12] = edges();
@@ -115,7 +118,8 @@ fn successors(case: u8, joined: u8) -> [Option<u8>; 12] {
     next
 }
 
-fn edge_between(a: u8, b: u8) -> u8 {
+/// The edge between two neighbouring corners.
+pub(super) fn edge_between(a: u8, b: u8) -> u8 {
     let ends = [a.min(b), a.max(b)];
     EDGES.iter().position(|e| *e == ends).expect("neighbouring corners of a face span an edge") as u8
 }

@@ -15,6 +15,8 @@ struct Group {
     bits: u64,
     /// Index of the group's first vertex.
     first: u32,
+    /// Cells with a second vertex.
+    seconds: u16,
 }
 
 /// Vertices on the elements of one voxel.
@@ -24,6 +26,8 @@ pub(super) struct Voxel {
     pub(super) first: u32,
     /// A bit at 0, 16, 32, 48 for the edges along x, y, z and the cell.
     bits: u64,
+    /// Whether the cell has a second vertex, as a number.
+    second: u32,
 }
 
 impl Voxel {
@@ -39,7 +43,7 @@ impl Voxel {
         self.y() + (self.bits >> 16 & 1) as u32
     }
 
-    /// Index of the vertex in the cell, if there is one.
+    /// Index of the vertex in the cell, if there is one; a second follows it.
     #[inline(always)]
     pub(super) fn cell(self) -> u32 {
         self.z() + (self.bits >> 32 & 1) as u32
@@ -48,7 +52,7 @@ impl Voxel {
     /// Index of the vertex after this voxel's.
     #[inline(always)]
     fn end(self) -> u32 {
-        self.cell() + (self.bits >> 48 & 1) as u32
+        self.cell() + (self.bits >> 48 & 1) as u32 + self.second
     }
 }
 
@@ -62,7 +66,8 @@ pub(super) struct Directory {
 impl Directory {
     /// Fills in the layer at padded `z` of a grid of `dims` voxels, whose first vertex has index `first`.
     ///
-    /// `centres`: padded `[x, y]` of the cells with a vertex of their own, in ascending order of row and place.
+    /// `centres`: padded `[x, y]` of the cells with a vertex of their own, in ascending order of row and place; twice those
+    /// with two.
     pub(super) fn fill(
         &mut self,
         signs: &Signs,
@@ -85,7 +90,7 @@ impl Directory {
                 for (half, group) in pair.iter_mut().enumerate() {
                     let part = |bits: u32| u64::from(bits >> (16 * half) & 0xFFFF);
                     let bits = part(x) | part(y) << 16 | part(z) << 32;
-                    *group = Group { bits, first: next };
+                    *group = Group { bits, first: next, seconds: 0 };
                     if bits != 0 {
                         next += bits.count_ones();
                     }
@@ -95,7 +100,9 @@ impl Directory {
             let mut from = 0;
             while let Some(&[x, _]) = centres.next_if(|c| c[1] as usize == y) {
                 let at = x as usize / GROUP;
-                groups[at].bits |= 1 << (48 + x as usize % GROUP);
+                let place = x as usize % GROUP;
+                groups[at].seconds |= ((groups[at].bits >> (48 + place) & 1) as u16) << place;
+                groups[at].bits |= 1 << (48 + place);
                 groups[from..=at].iter_mut().for_each(|g| g.first += added);
                 (from, added) = (at + 1, added + 1);
             }
@@ -121,7 +128,13 @@ impl Row<'_> {
     pub(super) fn voxel(self, p: usize) -> Voxel {
         let (group, place) = (self.0[p / GROUP], p % GROUP);
         let before = group.bits & (((1 << place) - 1) * QUARTERS);
-        Voxel { first: group.first + before.count_ones(), bits: group.bits >> place & QUARTERS }
+        let seconds = u32::from(group.seconds);
+        let before = before.count_ones() + (seconds & ((1 << place) - 1)).count_ones();
+        Voxel {
+            first: group.first + before,
+            bits: group.bits >> place & QUARTERS,
+            second: seconds >> place & 1,
+        }
     }
 
     /// Vertices on the elements of padded voxels `p` and `p + 1`.
@@ -129,6 +142,8 @@ impl Row<'_> {
     pub(super) fn pair(self, p: usize) -> [Voxel; 2] {
         let voxel = self.voxel(p);
         let next = p + 1;
-        [voxel, Voxel { first: voxel.end(), bits: self.0[next / GROUP].bits >> (next % GROUP) & QUARTERS }]
+        let (group, place) = (self.0[next / GROUP], next % GROUP);
+        let second = u32::from(group.seconds >> place & 1);
+        [voxel, Voxel { first: voxel.end(), bits: group.bits >> place & QUARTERS, second }]
     }
 }

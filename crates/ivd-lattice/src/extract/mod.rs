@@ -11,7 +11,10 @@
 //! - **Always manifold.** An ambiguous face (inside and outside on opposite diagonals) is decided by the asymptotic
 //!   decider (Nielson and Hamann 1991) from its own four voxels, hence alike in both its cells. Triangle edges never
 //!   lie across a face, so no edge has more than two triangles; loops that leave no other way get a vertex in the
-//!   cell's middle. Several sheets in one cell stay apart.
+//!   cell's middle.
+//! - **As the trilinear function goes.** Two loops in a cell bound two sheets, or a tube where that function joins inside
+//!   to inside, or outside to outside, through the cell. So components and holes are those of the function's own surface. A
+//!   saddle on the isovalue is inside, as a voxel is: all is as if the isovalue were less by a hair.
 //! - **Never degenerate.** A crossing stays [`T_MIN`](ivd_core::T_MIN) of an edge away from its ends, so the corners
 //!   of a triangle are three different places on three different elements.
 //!
@@ -33,6 +36,7 @@
 mod bounds;
 mod cell;
 mod directory;
+mod interior;
 mod place;
 #[cfg(test)]
 mod plain;
@@ -42,6 +46,7 @@ mod sweep;
 mod table;
 #[cfg(test)]
 mod tests;
+mod tube;
 
 use ivd_core::{
     BRICK, BrickIndex, ElementKey, Exec, Grid, Lattice, LatticeSource, Mask, ParamError, Volume, with_voxels,

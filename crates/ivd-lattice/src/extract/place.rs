@@ -1,8 +1,12 @@
 //! Where a cell lies in the padded grid, which way its ambiguous faces go, and where its vertices lie.
 
 use super::cell::{self, EDGES, FACES};
+use super::interior;
 use super::samples::Samples;
-use super::table::{CASES, CrossingId};
+use super::table::{CASES, CrossingId, Tube};
+
+/// Stands for a level of 0 beside a largest one of 1 to 2: nothing, but of one sign.
+const TINY: f64 = 1e-150;
 
 /// A cell of the grid padded by one voxel outside on every side: it spans the padded voxels `first` to `first + 1`.
 /// There are `n + 1` cells along an axis of `n` voxels.
@@ -34,7 +38,21 @@ impl Cell {
     pub(super) fn crossing(&self, samples: &impl Samples, case: u8) -> CrossingId {
         let ambiguous = CASES.ambiguous(case);
         let joined = if ambiguous == 0 { 0 } else { self.joined(samples, case, ambiguous) };
-        CASES.crossing(case, joined)
+        let id = CASES.crossing(case, joined);
+        let tubes = CASES.tubes(id);
+        if tubes.is_empty() { id } else { self.tubed(samples, case, tubes).unwrap_or(id) }
+    }
+
+    /// The crossing with a tube, if there is one: between loops that part the same two regions of the cell.
+    fn tubed(&self, samples: &impl Samples, case: u8, tubes: &[Tube]) -> Option<CrossingId> {
+        let levels = std::array::from_fn(|corner| self.level(samples, corner as u8));
+        let regions = interior::regions(levels, case, samples.joins_ties())?;
+        let sides = |edge: u8| {
+            let [low, high] = EDGES[usize::from(edge)];
+            let [inside, outside] = if case >> low & 1 == 1 { [low, high] } else { [high, low] };
+            [regions[usize::from(inside)], regions[usize::from(outside)]]
+        };
+        tubes.iter().find(|tube| sides(tube.ends[0]) == sides(tube.ends[1])).map(|tube| tube.id)
     }
 
     /// The decisions about the ambiguous faces, packed: bit `k` is set where the inside corners of the `k`-th
@@ -47,14 +65,21 @@ impl Cell {
     }
 
     /// Asymptotic decider (Nielson and Hamann 1991): the inside corners of an ambiguous face are joined where the
-    /// bilinear function on it is positive at its saddle. With inside levels `a`, `c` ≥ 0 and outside ones `b`, `d` < 0
-    /// that is `a c > b d`. Equality, and a corner without a level, leave them apart. Both cells of a face compare the
-    /// same two products and so agree.
+    /// bilinear function on it is positive at its saddle. With inside levels `a`, `c` and outside ones `b`, `d`
+    /// that is `a c > b d`; equality joins where the field says so. A corner without a level leaves them apart. Both cells of a
+    /// face compare the same two products and so agree.
     fn joins(&self, samples: &impl Samples, case: u8, face: [u8; 4]) -> bool {
-        let level = |corner: u8| self.voxel(corner).map_or(f64::NAN, |v| samples.level(v));
-        let [a, b, c, d] = face.map(level);
+        let levels = face.map(|corner| self.level(samples, corner));
         let first_inside = case >> face[0] & 1 == 1;
-        if first_inside { a * c > b * d } else { b * d > a * c }
+        let inside = [first_inside, !first_inside, first_inside, !first_inside];
+        let Some(levels) = interior::scaled(levels, inside) else { return false };
+        let [a, b, c, d] = levels.map(|level| if level > 0.0 { level.max(TINY) } else { level.min(-TINY) });
+        let [inside, outside] = if first_inside { [a * c, b * d] } else { [b * d, a * c] };
+        inside > outside || inside == outside && samples.joins_ties()
+    }
+
+    fn level(&self, samples: &impl Samples, corner: u8) -> f64 {
+        self.voxel(corner).map_or(f64::NAN, |voxel| samples.level(voxel))
     }
 
     /// Fraction of the way along a crossed edge; halfway into the border layer.
@@ -64,8 +89,8 @@ impl Cell {
         a.zip(b).map_or(0.5, |(a, b)| samples.crossing(a, b))
     }
 
-    /// Offset of the cell's own vertex: the mean of the loop around it. It lies strictly inside the cell, since no
-    /// loop lies in one face.
+    /// Offset of the cell's own vertex: the mean of the crossings around it. It lies strictly inside the cell, since these
+    /// don't all lie in one face.
     pub(super) fn centre_place(&self, samples: &impl Samples, fan: &[u8]) -> [f32; 3] {
         let mut sum = [0.0_f64; 3];
         for &edge in fan {

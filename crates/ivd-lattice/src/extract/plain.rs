@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ivd_core::ElementKey;
 
 use super::Surface;
-use super::cell::{self, CENTRE, EDGES};
+use super::cell::{self, CENTRE, CENTRES, EDGES};
 use super::place::Cell;
 use super::samples::Samples;
 use super::table::CASES;
@@ -22,7 +22,9 @@ pub(super) fn extract(samples: &impl Samples, dims: [usize; 3], flip: bool) -> S
                 for &[a, b, c] in CASES.triangles(id) {
                     for element in [a, b, c] {
                         places.entry(cell.key(element)).or_insert_with(|| match element {
-                            CENTRE => cell.centre_place(samples, CASES.fan(id)),
+                            centre if CENTRES.contains(&centre) => {
+                                cell.centre_place(samples, &CASES.fans(id)[usize::from(centre - CENTRE)])
+                            }
                             edge => cell.edge_place(samples, edge),
                         });
                     }
@@ -47,8 +49,8 @@ impl Cell {
 
     /// Address of a vertex of this cell: that of a crossed edge, or of the cell itself.
     fn key(&self, element: u8) -> ElementKey {
-        if element == CENTRE {
-            return ElementKey::new(self.dims, self.first, 6);
+        if CENTRES.contains(&element) {
+            return ElementKey::new(self.dims, self.first, 6 + element - CENTRE);
         }
         let low = EDGES[usize::from(element)][0];
         ElementKey::new(self.dims, self.padded(low), cell::axis(element) as u8)

@@ -18,6 +18,10 @@ pub(super) trait Samples: Sync {
     /// (no data, or a mask that overrules the field).
     fn level(&self, voxel: usize) -> f64;
 
+    /// Whether a saddle on the surface is inside: for values, as a voxel on the isovalue is. Not for masks, all of whose saddles
+    /// lie there: parts that touch along an edge stay apart.
+    fn joins_ties(&self) -> bool;
+
     /// Where the surface crosses from voxel `a` to its neighbour `b`, one of them inside: fraction of the way, within
     /// `[T_MIN, 1 - T_MIN]`; halfway where one of them has no level.
     fn crossing(&self, a: usize, b: usize) -> f32;
@@ -39,6 +43,10 @@ impl<T: Ordered> Samples for Field<'_, T> {
     fn signs(&self, first: usize, count: usize, bytes: &mut [u8]) {
         let bounds = self.bounds;
         pack(&self.voxels[first..first + count], bytes, |&value| bounds.contains(value));
+    }
+
+    fn joins_ties(&self) -> bool {
+        self.bounds.joins_ties
     }
 
     #[inline]
@@ -98,6 +106,10 @@ impl<T: Ordered> Samples for Masked<'_, T> {
         }
     }
 
+    fn joins_ties(&self) -> bool {
+        self.field.bounds.joins_ties
+    }
+
     #[inline]
     fn level(&self, voxel: usize) -> f64 {
         if self.agrees(voxel) { self.field.bounds.level(self.field.voxels[voxel]) } else { f64::NAN }
@@ -116,13 +128,14 @@ impl<T: Ordered> Samples for Masked<'_, T> {
 /// A mask with a level function [voxels], positive inside. A level of 0 is the surface itself and contradicts neither
 /// side.
 pub(super) fn levelled<'a>(mask: &'a [u8], level: &'a [f32]) -> Masked<'a, f32> {
-    let bounds = Bounds { first: 0.0, last: f32::MAX, low: 0.0, high: f64::INFINITY };
+    let bounds = Bounds { first: 0.0, last: f32::MAX, low: 0.0, high: f64::INFINITY, joins_ties: false };
     Masked { mask, field: Field { voxels: level, bounds }, contradicts: f32::from_bits(1) }
 }
 
 /// A mask alone: its surface lies halfway between its voxels.
 pub(super) fn halfway(mask: &[u8]) -> Field<'_, u8> {
-    Field { voxels: mask, bounds: Bounds { first: 1, last: 1, low: 0.5, high: f64::INFINITY } }
+    let bounds = Bounds { first: 1, last: 1, low: 0.5, high: f64::INFINITY, joins_ties: false };
+    Field { voxels: mask, bounds }
 }
 
 /// A crossing as it is stored: within `[T_MIN, 1 - T_MIN]`, halfway where there was no telling.

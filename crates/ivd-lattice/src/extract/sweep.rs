@@ -28,7 +28,7 @@ const TASK: &str = "extract";
 struct Count {
     vertices: u64,
     triangles: u64,
-    /// Padded `[x, y]` of the cells with a vertex of their own, ascending by row, then place.
+    /// Padded `[x, y]` of the cells with a vertex of their own, ascending by row, then place; twice those with two.
     centres: Vec<[u32; 2]>,
 }
 
@@ -112,10 +112,10 @@ impl<S: Samples> Sweep<'_, S> {
             let (mut vertices, mut triangles) = (0, 0);
             self.each_active_cell(z, y, |x, case| {
                 let id = Cell { dims: self.dims, first: [x, y, z] }.crossing(self.samples, case);
-                let (here, fan) = CASES.counts(id);
+                let (here, centres) = CASES.counts(id);
                 vertices += OWN_EDGES[usize::from(case)].count_ones();
                 triangles += u64::from(here);
-                if fan {
+                for _ in 0..centres {
                     count.centres.push([x as u32, y as u32]);
                 }
             });
@@ -150,9 +150,8 @@ impl<S: Samples> Sweep<'_, S> {
                         }
                     };
                     own.write(x, OWN_EDGES[usize::from(case)], &mut put);
-                    let fan = CASES.fan(id);
-                    if !fan.is_empty() {
-                        put(6, cell.centre_place(self.samples, fan));
+                    for (element, fan) in (6..).zip(CASES.fans(id)) {
+                        put(element, cell.centre_place(self.samples, fan));
                     }
                     let vertex = vertices_of_cell(rows, x);
                     for (&corners, triangle) in CASES.triangles(id).iter().zip(triangles.by_ref()) {
@@ -220,7 +219,7 @@ impl<'a, S: Samples> OwnVertices<'a, S> {
     }
 }
 
-/// Vertex of each element of the cell at padded `x` between four rows: the twelve edges, then the cell; what stands
+/// Vertex of each element of the cell at padded `x` between four rows: the twelve edges, then the cell's two; what stands
 /// for an element without a vertex means nothing.
 #[inline(always)]
 fn vertices_of_cell(rows: [Row<'_>; 4], x: usize) -> [u32; 16] {
@@ -240,7 +239,7 @@ fn vertices_of_cell(rows: [Row<'_>; 4], x: usize) -> [u32; 16] {
         c.z(),
         d.z(),
         a.cell(),
-        0,
+        a.cell() + 1,
         0,
         0,
     ]

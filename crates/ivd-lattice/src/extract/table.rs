@@ -4,17 +4,30 @@
 //! manifold whatever the field: no triangle has an edge inside a face of the cell other than the face's own arcs,
 //! since the neighbour across that face might use the same edge. Loops that can't be triangulated so get a vertex of
 //! their own in the cell's middle; no case has two such loops.
+//!
+//! Two loops may also bound one tube instead of two sheets: where that can be, there is a crossing with it too. Which of them the
+//! field calls for is found out elsewhere ([`super::interior`]).
 
 use std::sync::LazyLock;
 
-use super::cell::{self, CENTRE, EDGES};
+use super::cell::{self, CENTRE, CENTRES, EDGES};
+use super::tube::Tubes;
 
 /// How the surface crosses a cell of one case.
 #[derive(Debug, Clone, Default)]
 struct Crossing {
     triangles: Vec<[u8; 3]>,
-    /// Edges of the loop that has a vertex in its middle; empty in most cases.
-    fan: Vec<u8>,
+    /// Edges around the vertices in the cell's middle; none in most cases.
+    fans: Vec<Vec<u8>>,
+}
+
+/// A crossing with a tube in place of two sheets.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tube {
+    /// An edge of each of the two loops.
+    pub(super) ends: [u8; 2],
+    /// The crossing.
+    pub(super) id: CrossingId,
 }
 
 /// All cases.
@@ -26,7 +39,8 @@ pub(super) struct CaseTable {
     ambiguous: [u8; 256],
     spans: Vec<Span>,
     triangles: Vec<[u8; 3]>,
-    fans: Vec<Vec<u8>>,
+    fans: Vec<Vec<Vec<u8>>>,
+    tubes: Vec<Tube>,
 }
 
 /// Where one crossing's triangles are in the table.
@@ -34,7 +48,9 @@ pub(super) struct CaseTable {
 struct Span {
     start: u16,
     count: u8,
-    fan: bool,
+    centres: u8,
+    /// First of the crossing's tubes, and how many there are.
+    tubes: [u16; 2],
 }
 
 /// A crossing of the table.
@@ -52,14 +68,30 @@ impl CaseTable {
             spans: Vec::new(),
             triangles: Vec::new(),
             fans: Vec::new(),
+            tubes: Vec::new(),
         };
+        let mut loops = Vec::new();
         for case in 0..=255_u8 {
             let faces = cell::ambiguous_faces(case);
             table.first[usize::from(case)] = table.spans.len() as u16;
             table.ambiguous[usize::from(case)] = faces;
             for packed in 0..1_u8 << faces.count_ones() {
-                table.add(cross(case, unpack(packed, faces)));
+                let rings = cell::loops(case, unpack(packed, faces));
+                table.add(cross(&rings));
+                loops.push(rings);
             }
+        }
+        let tubes = Tubes::new();
+        for (id, rings) in loops.iter().enumerate() {
+            let first = table.tubes.len();
+            for (a, b) in (0..rings.len()).flat_map(|b| (0..b).map(move |a| (a, b))) {
+                let Some(tube) = tubes.between(&rings[a], &rings[b]) else { continue };
+                let id = CrossingId(table.spans.len() as u16);
+                table.tubes.push(Tube { ends: [rings[a][0], rings[b][0]], id });
+                let others = (0..rings.len()).filter(|i| *i != a && *i != b).map(|i| rings[i].clone());
+                table.add(with_tube(&others.collect::<Vec<_>>(), tube));
+            }
+            table.spans[id].tubes = [first as u16, (table.tubes.len() - first) as u16];
         }
         table
     }
@@ -68,10 +100,11 @@ impl CaseTable {
         self.spans.push(Span {
             start: self.triangles.len() as u16,
             count: crossing.triangles.len() as u8,
-            fan: !crossing.fan.is_empty(),
+            centres: crossing.fans.len() as u8,
+            tubes: [0; 2],
         });
         self.triangles.extend(crossing.triangles);
-        self.fans.push(crossing.fan);
+        self.fans.push(crossing.fans);
     }
 
     /// Ambiguous faces of a case, a bit each.
@@ -86,23 +119,30 @@ impl CaseTable {
         CrossingId(self.first[usize::from(case)] + u16::from(joined))
     }
 
-    /// Number of triangles of a crossing, and whether it has a vertex in the cell's middle.
+    /// Numbers of triangles of a crossing, and of vertices in the cell's middle.
     #[inline]
-    pub(super) fn counts(&self, id: CrossingId) -> (u8, bool) {
+    pub(super) fn counts(&self, id: CrossingId) -> (u8, u8) {
         let span = self.spans[usize::from(id.0)];
-        (span.count, span.fan)
+        (span.count, span.centres)
     }
 
-    /// Corners of the triangles: edges 0…11, or [`CENTRE`]; counter-clockwise from outside on a right-handed grid.
+    /// Corners of the triangles: edges 0…11, or one of [`CENTRES`]; counter-clockwise from outside on a right-handed grid.
     #[inline]
     pub(super) fn triangles(&self, id: CrossingId) -> &[[u8; 3]] {
         let span = self.spans[usize::from(id.0)];
         &self.triangles[usize::from(span.start)..][..usize::from(span.count)]
     }
 
-    /// Edges of the loop that has a vertex in its middle; empty in most cases.
+    /// The crossings that have a tube in place of two of this one's sheets.
     #[inline]
-    pub(super) fn fan(&self, id: CrossingId) -> &[u8] {
+    pub(super) fn tubes(&self, id: CrossingId) -> &[Tube] {
+        let [first, count] = self.spans[usize::from(id.0)].tubes.map(usize::from);
+        &self.tubes[first..first + count]
+    }
+
+    /// Edges around each of the vertices in the cell's middle; none in most cases.
+    #[inline]
+    pub(super) fn fans(&self, id: CrossingId) -> &[Vec<u8>] {
         &self.fans[usize::from(id.0)]
     }
 }
@@ -117,18 +157,37 @@ fn unpack(packed: u8, faces: u8) -> u8 {
     })
 }
 
-fn cross(case: u8, joined: u8) -> Crossing {
+/// A sheet for each loop.
+fn cross(rings: &[Vec<u8>]) -> Crossing {
     let mut crossing = Crossing::default();
-    for ring in cell::loops(case, joined) {
-        if let Some(triangles) = triangulate(&ring) {
+    for ring in rings {
+        if let Some(triangles) = triangulate(ring) {
             crossing.triangles.extend(triangles);
         } else {
-            assert!(crossing.fan.is_empty(), "two loops of case {case} need the cell's one vertex");
+            assert!(crossing.fans.is_empty(), "two of {rings:?} need a vertex in the middle");
             let next = ring.iter().cycle().skip(1);
             crossing.triangles.extend(ring.iter().zip(next).map(|(&a, &b)| [a, b, CENTRE]));
-            crossing.fan = ring;
+            crossing.fans.push(ring.clone());
         }
     }
+    crossing
+}
+
+/// A tube, and a sheet for each of the other loops.
+fn with_tube(others: &[Vec<u8>], tube: Vec<[u8; 3]>) -> Crossing {
+    let mut crossing = cross(others);
+    assert!(crossing.fans.is_empty(), "beside a tube {others:?} need a vertex in the middle");
+    for centre in CENTRES {
+        let near = tube.iter().filter(|t| t.contains(&centre)).flatten();
+        let mut edges: Vec<u8> = near.copied().filter(|corner| !CENTRES.contains(corner)).collect();
+        if edges.is_empty() {
+            break;
+        }
+        edges.sort_unstable();
+        edges.dedup();
+        crossing.fans.push(edges);
+    }
+    crossing.triangles.extend(tube);
     crossing
 }
 
@@ -184,26 +243,58 @@ mod tests {
 
     use super::*;
 
-    fn all() -> impl Iterator<Item = (u8, u8, &'static [[u8; 3]], &'static [u8])> {
+    /// Case, joined faces, and a crossing with the tubes of the case, without or with one.
+    fn all() -> impl Iterator<Item = (u8, u8, CrossingId)> {
         (0..=255_u8).flat_map(|case| {
             let faces = CASES.ambiguous(case);
-            (0..1_u8 << faces.count_ones()).map(move |packed| {
+            (0..1_u8 << faces.count_ones()).flat_map(move |packed| {
                 let id = CASES.crossing(case, packed);
-                (case, unpack(packed, faces), CASES.triangles(id), CASES.fan(id))
+                let ids = std::iter::once(id).chain(CASES.tubes(id).iter().map(|tube| tube.id));
+                ids.map(move |id| (case, unpack(packed, faces), id))
             })
         })
     }
 
     #[test]
-    fn there_are_656_cases_of_at_most_12_triangles() {
-        assert_eq!(all().count(), 656);
-        assert_eq!(all().map(|(_, _, triangles, _)| triangles.len()).max(), Some(12));
-        assert_eq!(all().filter(|(_, _, _, fan)| !fan.is_empty()).count(), 116);
+    fn there_are_656_cases_of_at_most_12_triangles_and_148_with_a_tube() {
+        let sheets: Vec<CrossingId> =
+            all().map(|(.., id)| id).filter(|id| !CASES.tubes.iter().any(|tube| tube.id == *id)).collect();
+        assert_eq!((sheets.len(), CASES.tubes.len()), (656, 148));
+        assert_eq!(sheets.iter().map(|id| CASES.triangles(*id).len()).max(), Some(12));
+        assert_eq!(sheets.iter().filter(|id| !CASES.fans(**id).is_empty()).count(), 116);
+    }
+
+    #[test]
+    fn a_tube_is_one_sheet_with_two_borders() {
+        for (case, joined, id) in all() {
+            for tube in CASES.tubes(id) {
+                let rings = cell::loops(case, joined);
+                let ends = tube.ends.map(|end| rings.iter().position(|ring| ring.contains(&end)).unwrap());
+                let mut corners = BTreeSet::from([tube.ends[0]]);
+                for _ in CASES.triangles(tube.id) {
+                    let near =
+                        CASES.triangles(tube.id).iter().filter(|t| t.iter().any(|c| corners.contains(c)));
+                    let near: Vec<u8> = near.flatten().copied().collect();
+                    corners.extend(near);
+                }
+                let mut expected: BTreeSet<u8> = ends.iter().flat_map(|ring| rings[*ring].clone()).collect();
+                let part: Vec<_> =
+                    CASES.triangles(tube.id).iter().filter(|t| corners.contains(&t[0])).collect();
+                expected.extend(CENTRES.iter().filter(|centre| part.iter().any(|t| t.contains(centre))));
+                assert_eq!(corners, expected, "case {case}, joined {joined}");
+                let edges: BTreeSet<[u8; 2]> = part
+                    .iter()
+                    .flat_map(|t| (0..3).map(|k| [t[k].min(t[(k + 1) % 3]), t[k].max(t[(k + 1) % 3])]))
+                    .collect();
+                assert_eq!(corners.len() + part.len(), edges.len(), "case {case}, joined {joined}");
+            }
+        }
     }
 
     #[test]
     fn the_border_of_a_cells_triangles_is_its_face_arcs() {
-        for (case, joined, triangles, _) in all() {
+        for (case, joined, id) in all() {
+            let triangles = CASES.triangles(id);
             let mut edges = BTreeSet::new();
             for t in triangles {
                 for k in 0..3 {
@@ -223,12 +314,13 @@ mod tests {
 
     #[test]
     fn no_inner_edge_lies_in_a_face() {
-        for (case, _, triangles, _) in all() {
+        for (case, _, id) in all() {
+            let triangles = CASES.triangles(id);
             for t in triangles {
                 for k in 0..3 {
                     let (a, b) = (t[k], t[(k + 1) % 3]);
                     let inner = triangles.iter().any(|o| (0..3).any(|m| (o[m], o[(m + 1) % 3]) == (b, a)));
-                    assert!(!inner || a == CENTRE || b == CENTRE || !cell::share_face(a, b), "case {case}");
+                    assert!(!inner || a >= CENTRE || b >= CENTRE || !cell::share_face(a, b), "case {case}");
                 }
             }
         }

@@ -86,7 +86,7 @@ fn the_sweep_equals_the_plain_version_on_masks() {
             .iter()
             .map(|&v| if v == 8 { f32::NAN } else { f32::from(v) - 4.0 })
             .collect();
-        let bounds = Bounds { first: 0.0, last: f32::MAX, low: 0.0, high: f64::INFINITY };
+        let bounds = Bounds { first: 0.0, last: f32::MAX, low: 0.0, high: f64::INFINITY, joins_ties: true };
         let part = Masked { mask: &mask, field: Field { voxels: &values, bounds }, contradicts: 0.0 };
         assert!(swept(&part, dims, false, None) == plain::extract(&part, dims, false), "part {dims:?}");
         let level = levelled(&mask, &values);

@@ -16,7 +16,7 @@ pub(super) fn write(file: &mut dyn Write, mesh: &Mesh) -> io::Result<()> {
         "ply\nformat binary_little_endian 1.0\n\
          comment positions in mm, RAS\n\
          comment voxel and element: where on the grid of {} x {} x {} voxels a vertex was cut;\n\
-         comment element 0 1 2: edge along x y z, 3 4 5: face normal to x y z, 6: cell\n\
+         comment element 0 1 2: edge along x y z, 3 4 5: face normal to x y z, 6 7: cell\n\
          element vertex {}\n\
          property double x\nproperty double y\nproperty double z\n\
          property int voxel_x\nproperty int voxel_y\nproperty int voxel_z\nproperty uchar element\n\

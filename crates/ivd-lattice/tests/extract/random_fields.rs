@@ -6,6 +6,57 @@ use nalgebra::Vector3;
 use crate::mesh::{assert_closed_manifold, euler, winding};
 use crate::{cut, hash, noise};
 
+/// Voxels and saddles on the isovalue are inside: as if it were less by a hair.
+const HAIR: f64 = 1e-5;
+
+/// Euler characteristic of where a bilinear function with these corners, in turn, is at least 0.
+fn slice_euler(v: [f64; 4], on_saddle: bool) -> i64 {
+    let inside = v.map(|v| v >= 0.0);
+    let edges = (0..4).filter(|&i| inside[i] && inside[(i + 1) % 4]).count() as i64;
+    let joins = v[0] * v[2] - v[1] * v[3];
+    let face = match inside {
+        [true, true, true, true] => 1,
+        [true, false, true, false] if on_saddle || joins >= 0.0 => -1,
+        [false, true, false, true] if on_saddle || joins <= 0.0 => -1,
+        _ => 0,
+    };
+    inside.iter().filter(|inside| **inside).count() as i64 - edges + face
+}
+
+/// The same of a trilinear function: that of the slices, integrated over z with the Euler characteristic as measure. A slice at
+/// which something changes counts 1, the slices between two of them count -1.
+fn cell_euler(corners: [f64; 8]) -> i64 {
+    let [low, high] = [0, 4].map(|z| [0, 1, 3, 2].map(|i| corners[i + z]));
+    let at = |t: f64| -> [f64; 4] {
+        // A corner that crosses 0 here is 0 here.
+        std::array::from_fn(|i| {
+            if zero(low[i], high[i]) == Some(t) { 0.0 } else { low[i] + (high[i] - low[i]) * t }
+        })
+    };
+    let joins = |v: [f64; 4]| v[0] * v[2] - v[1] * v[3];
+    let [c0, c1, half] = [joins(low), joins(high), joins(at(0.5))];
+    let square = 2.0 * c0 + 2.0 * c1 - 4.0 * half;
+    let slope = c1 - c0 - square;
+    let q = -0.5 * (slope + (slope * slope - 4.0 * square * c0).sqrt().copysign(slope));
+    let mut cuts: Vec<(f64, bool)> = vec![(0.0, false), (1.0, false)];
+    cuts.extend((0..4).filter_map(|i| zero(low[i], high[i])).map(|t| (t, false)));
+    let far = |t: f64, cuts: &[(f64, bool)]| cuts.iter().all(|(other, _)| (t - other).abs() > 1e-13);
+    for t in [q / square, c0 / q] {
+        if 0.0 < t && t < 1.0 && far(t, &cuts) {
+            cuts.push((t, true));
+        }
+    }
+    cuts.sort_by(|a, b| a.0.total_cmp(&b.0));
+    cuts.dedup_by_key(|cut| cut.0);
+    let slices: i64 = cuts.iter().map(|&(t, on_saddle)| slice_euler(at(t), on_saddle)).sum();
+    slices - cuts.windows(2).map(|w| slice_euler(at(0.5 * (w[0].0 + w[1].0)), false)).sum::<i64>()
+}
+
+/// Where a line from `low` at 0 to `high` at 1 crosses 0.
+fn zero(low: f64, high: f64) -> Option<f64> {
+    ((low > 0.0) != (high > 0.0)).then(|| low / (low - high))
+}
+
 /// A small field with its levels doubled, so that half isovalues stay integers; everything around it is outside.
 struct Levels {
     dims: [i64; 3],
@@ -27,52 +78,13 @@ impl Levels {
         self.at(v).is_some_and(|level| level >= 0)
     }
 
-    /// Whether the diagonal `a`, `c` of a face is connected across it, `b` and `d` outside.
-    fn joined(&self, [a, b, c, d]: [[i64; 3]; 4]) -> bool {
-        let Some((a, b, c, d)) = (|| Some((self.at(a)?, self.at(b)?, self.at(c)?, self.at(d)?)))() else {
-            return false;
-        };
-        a * c > b * d
+    /// Levels of a cell's corners, x fastest; of one beyond the border, far below all others.
+    fn corners(&self, first: [i64; 3]) -> [f64; 8] {
+        let corner = |i: usize| std::array::from_fn(|a| first[a] + (i >> a & 1) as i64);
+        std::array::from_fn(|i| self.at(corner(i)).map_or(-1000.0, |level| level as f64) + HAIR)
     }
 
-    /// Components of the inside on an axis-aligned box of 1, 2 or more voxels a side of at most 2.
-    fn components(&self, first: [i64; 3], extent: [i64; 3]) -> i64 {
-        let corners: Vec<[i64; 3]> = (0..8_i64)
-            .map(|i| [i & 1, i >> 1 & 1, i >> 2 & 1])
-            .filter(|o| (0..3).all(|a| o[a] <= extent[a]))
-            .map(|o| std::array::from_fn(|a| first[a] + o[a]))
-            .collect();
-        let mut group: Vec<usize> = (0..corners.len()).collect();
-        for i in 0..corners.len() {
-            for j in 0..i {
-                let apart: Vec<usize> = (0..3).filter(|&a| corners[i][a] != corners[j][a]).collect();
-                let linked = self.inside(corners[i])
-                    && self.inside(corners[j])
-                    && match apart.as_slice() {
-                        [_] => true,
-                        &[u, _] => {
-                            let (mut b, mut d) = (corners[i], corners[j]);
-                            b[u] = corners[j][u];
-                            d[u] = corners[i][u];
-                            !self.inside(b) && !self.inside(d) && self.joined([corners[i], b, corners[j], d])
-                        }
-                        _ => false,
-                    };
-                if linked {
-                    let (from, to) = (group[i], group[j]);
-                    group.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
-                }
-            }
-        }
-        let mut groups: Vec<usize> =
-            (0..corners.len()).filter(|&i| self.inside(corners[i])).map(|i| group[i]).collect();
-        groups.sort_unstable();
-        groups.dedup();
-        groups.len() as i64
-    }
-
-    /// Euler characteristic of the solid: by inclusion and exclusion over cells, faces, edges and voxels, each of
-    /// which the solid meets in contractible pieces.
+    /// Euler characteristic of the solid: by inclusion and exclusion over cells, faces, edges and voxels.
     fn solid_euler(&self) -> i64 {
         let mut sum = 0;
         for z in -1..=self.dims[2] {
@@ -88,13 +100,15 @@ impl Levels {
                         ([0, 0, 1], 1),
                         ([0, 0, 0], -1),
                     ] {
-                        let pieces = match extent {
-                            e if e.iter().sum::<i64>() > 1 => self.components([x, y, z], e),
-                            e => i64::from(
-                                self.inside([x, y, z]) || self.inside([x + e[0], y + e[1], z + e[2]]),
-                            ),
-                        };
-                        sum += sign * pieces;
+                        let corners = self.corners([x, y, z]);
+                        let step: Vec<usize> = (0..3).filter(|a| extent[*a] == 1).map(|a| 1 << a).collect();
+                        sum += sign
+                            * match *step.as_slice() {
+                                [u, v] => slice_euler([0, u, u | v, v].map(|i| corners[i]), false),
+                                [] => i64::from(corners[0] > 0.0),
+                                [u] => i64::from(corners[0] > 0.0 || corners[u] > 0.0),
+                                _ => cell_euler(corners),
+                            };
                     }
                 }
             }

@@ -23,7 +23,7 @@ impl Stage for Lattice {
     }
 
     fn revision(&self) -> u32 {
-        1
+        2
     }
 
     fn inputs(&self) -> &'static [Slot] {
