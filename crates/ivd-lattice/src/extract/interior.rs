@@ -13,6 +13,9 @@
 /// where ties go. Levels much less than it beside the largest of their cell count as 0.
 const NOTHING: f64 = 1.0 / (1_u64 << 32) as f64;
 
+/// Stands for a level of 0 on a face, beside a largest one of 1 to 2: nothing, but of one sign, and with a square that is a number.
+const TINY: f64 = 1e-150;
+
 /// Corners of a slice in turn, at the low end along z; the high ends have 4 more.
 const TURN: [usize; 4] = [0, 1, 3, 2];
 
@@ -30,7 +33,7 @@ pub(super) fn scaled<const N: usize>(levels: [f64; N], inside: [bool; N]) -> Opt
     let unit = f64::from_bits((2046 - (most.to_bits() >> 52)).clamp(1, 2046) << 52);
     Some(std::array::from_fn(|i| {
         let level = levels[i] * unit;
-        if inside[i] { level.max(f64::MIN_POSITIVE) } else { level.min(-f64::MIN_POSITIVE) }
+        if inside[i] { level.max(TINY) } else { level.min(-TINY) }
     }))
 }
 

@@ -5,9 +5,6 @@ use super::interior;
 use super::samples::Samples;
 use super::table::{CASES, CrossingId, Tube};
 
-/// Stands for a level of 0 beside a largest one of 1 to 2: nothing, but of one sign.
-const TINY: f64 = 1e-150;
-
 /// A cell of the grid padded by one voxel outside on every side: it spans the padded voxels `first` to `first + 1`.
 /// There are `n + 1` cells along an axis of `n` voxels.
 #[derive(Debug, Clone, Copy)]
@@ -72,8 +69,7 @@ impl Cell {
         let levels = face.map(|corner| self.level(samples, corner));
         let first_inside = case >> face[0] & 1 == 1;
         let inside = [first_inside, !first_inside, first_inside, !first_inside];
-        let Some(levels) = interior::scaled(levels, inside) else { return false };
-        let [a, b, c, d] = levels.map(|level| if level > 0.0 { level.max(TINY) } else { level.min(-TINY) });
+        let Some([a, b, c, d]) = interior::scaled(levels, inside) else { return false };
         let [inside, outside] = if first_inside { [a * c, b * d] } else { [b * d, a * c] };
         inside > outside || inside == outside && samples.joins_ties()
     }
