@@ -37,6 +37,7 @@ mod bounds;
 mod cell;
 mod directory;
 mod interior;
+mod parts;
 mod place;
 #[cfg(test)]
 mod plain;
@@ -56,6 +57,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 use bounds::{Bounds, Ordered};
+pub use parts::{Part, extract_parts};
 use samples::{Field, Masked, Samples};
 use signs::{BrickState, Signs};
 

@@ -197,7 +197,7 @@ type Best = Option<(i32, Vec<[u8; 3]>)>;
 /// Triangles between the vertices of a loop, without an edge across a face; `None` where there is no such
 /// triangulation. Among several, the one of least sum of squared areas with all crossings at their edges' middles
 /// (minimum weight triangulation by dynamic programming, Klincsek 1980).
-fn triangulate(ring: &[u8]) -> Option<Vec<[u8; 3]>> {
+pub(super) fn triangulate(ring: &[u8]) -> Option<Vec<[u8; 3]>> {
     let n = ring.len();
     let allowed = |i: usize, j: usize| j - i == 1 || j - i == n - 1 || !cell::share_face(ring[i], ring[j]);
     // best[i][j]: the part of the loop from i to j, closed by the edge (i, j).

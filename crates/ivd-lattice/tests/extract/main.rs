@@ -6,6 +6,7 @@ mod awkward;
 mod mesh;
 mod parts;
 mod random_fields;
+mod several;
 mod sphere;
 
 use ivd_core::{Exec, Grid, Lattice, Mask, Volume, Voxels};
