@@ -6,7 +6,8 @@
 //!
 //! - A grid edge between two labels has a vertex in its middle.
 //! - A face on which three or four labels meet has a vertex in its middle. Where two labels lie on its two diagonals the one that was
-//!   named first is cut off and the other goes through, so that parts stay apart, as on a mask's border.
+//!   named first goes through and the other is cut off. What is outside goes first of all, so that parts that touch along an
+//!   edge stay apart, as on a mask's border.
 //! - In the cell, labels that meet along a curve have a sheet between them; where several meet they do so in a vertex inside.
 //!
 //! Marching cubes for several materials, after Hege, Seebass, Stalling and Zöckler 1997; here every label's lattice is a
@@ -57,7 +58,7 @@ pub struct Part {
 /// Cuts the lattices of several labels at once; every label that isn't named, 0 (no data) and what lies beyond the volume are
 /// outside.
 ///
-/// - `ids`: the labels, by priority; none means all that occur, ascending. Where two of them cross on a face, the later one
+/// - `ids`: the labels, by priority; none means all that occur, ascending. Where two of them cross on a face, the earlier one
 ///   is joined across it. Outside is as if it were named first of all.
 ///
 /// Each lattice is closed and manifold. Wherever two parts touch, both lattices have the same vertices there (same voxel,
@@ -263,7 +264,7 @@ fn code(pattern: Pattern, parts: &[u16; 8]) -> u32 {
     let corners = pattern.iter().rev().fold(0, |code, &p| code << 3 | u32::from(p));
     let joined = (0..6).filter(|&f| network::is_crossed(pattern, f)).fold(0, |joined, f| {
         let [first, second] = [0, 1].map(|i| parts[usize::from(pattern[usize::from(FACES[f][i])])]);
-        joined | u32::from(first > second) << f
+        joined | u32::from(first < second) << f
     });
     corners | joined << 24
 }

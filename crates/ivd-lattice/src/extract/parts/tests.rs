@@ -29,14 +29,14 @@ fn all_patterns() -> Vec<(Pattern, u8)> {
     patterns.into_iter().flat_map(|(_, pattern)| decided(pattern)).collect()
 }
 
-/// The faces whose first corner's part has the higher rank, where the parts with two corners or more have ranks.
+/// The faces whose first corner's part has the lower rank, where the parts with two corners or more have ranks.
 fn by_rank(pattern: Pattern, rank: &[usize]) -> u8 {
     let is_several = |part: u8| (0..8).filter(|&corner| pattern[corner] == part).nth(1).is_some();
     let several: Vec<u8> = (0..8).filter(|&part| is_several(part)).collect();
     let rank_of = |part: u8| rank[several.iter().position(|p| *p == part).unwrap()];
     (0..6).filter(|&f| is_crossed(pattern, f)).fold(0, |joined, f| {
         let [a, b] = [0, 1].map(|i| rank_of(pattern[usize::from(FACES[f][i])]));
-        joined | u8::from(a > b) << f
+        joined | u8::from(a < b) << f
     })
 }
 
