@@ -105,6 +105,9 @@ pub(crate) enum Command {
     Import {
         /// File, or folder of slices.
         source: PathBuf,
+        /// Its values are labels: writes a labels artefact.
+        #[arg(long)]
+        labels: bool,
         #[command(flatten)]
         raw: Raw,
         #[command(flatten)]
@@ -181,6 +184,9 @@ pub(crate) enum Command {
         /// A value, or `boundary`.
         #[arg(long, value_name = "V|boundary", allow_hyphen_values = true)]
         iso: Option<IsoChoice>,
+        /// Several labels at once, whose lattices meet without gaps: ids by priority, or `all`; the output is a folder.
+        #[arg(long, value_name = "ID,ID…|all", conflicts_with_all = ["class", "mask", "iso"], requires = "labels")]
+        parts: Option<String>,
         #[command(flatten)]
         output: Output,
     },

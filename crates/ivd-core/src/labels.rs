@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::{Buffer, Error, Grid};
+use crate::{Buffer, Error, Grid, Volume};
 
 /// Label of a voxel that is no data.
 pub const NO_DATA: u16 = 0;
@@ -56,6 +56,41 @@ impl Labels {
         Ok(Self { grid, ids, classes })
     }
 
+    /// The labels that a volume holds as its real values, such as a segmentation that another program wrote. Its classes are the
+    /// labels that occur, but 0; their means are the labels themselves.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] names the first voxel whose value isn't a whole number from 0 to 65,535.
+    pub fn from_volume(volume: &Volume) -> Result<Self, Error> {
+        let grid = volume.grid();
+        let voxels = volume.voxels();
+        let mut counts = vec![0_u64; 1 << 16];
+        let mut ids = Vec::with_capacity(grid.len());
+        for linear in 0..grid.len() {
+            let value = volume.real(voxels.get(linear));
+            let id = value as u16;
+            if f64::from(id) != value {
+                let at = grid.index(linear).0;
+                let problem =
+                    format!("voxel {at:?} holds {value}; labels are whole numbers from 0 to {}", u16::MAX);
+                return Err(Error::Inconsistent { what: "label volume", problem });
+            }
+            counts[usize::from(id)] += 1;
+            ids.push(id);
+        }
+        let occurring = counts.iter().enumerate().skip(1).filter(|(_, voxels)| **voxels > 0);
+        let classes = occurring.map(|(id, &voxels)| Class {
+            id: id as u16,
+            name: None,
+            mean: id as f64,
+            sd: 0.0,
+            voxels,
+            lower: None,
+            upper: None,
+        });
+        Self::new(grid.clone(), ids.into(), classes.collect())
+    }
+
     /// Where the voxels lie.
     pub fn grid(&self) -> &Grid {
         &self.grid
@@ -79,5 +114,27 @@ impl Labels {
     /// The class of an id.
     pub fn class(&self, id: u16) -> Option<&Class> {
         self.classes.iter().find(|c| c.id == id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Voxels;
+
+    #[test]
+    fn a_volume_of_whole_numbers_is_labels_and_another_is_not() {
+        let grid = Grid::with_spacing([2, 2, 1], [1.0; 3]).unwrap();
+        let volume = |voxels: Vec<f32>, slope| {
+            Volume::with_scale(grid.clone(), Voxels::from(voxels), slope, 0.0).unwrap()
+        };
+        let labels = Labels::from_volume(&volume(vec![0.0, 3.0, 0.5, 3.0], 2.0)).unwrap();
+        assert_eq!(labels.ids(), [0, 6, 1, 6]);
+        let classes: Vec<_> = labels.classes().iter().map(|c| (c.id, c.voxels)).collect();
+        assert_eq!(classes, [(1, 1), (6, 2)]);
+        for bad in [0.5, -1.0, 65536.0, f32::NAN] {
+            let error = Labels::from_volume(&volume(vec![0.0, 1.0, bad, 0.0], 1.0)).unwrap_err().to_string();
+            assert!(error.contains("voxel [0, 1, 0]"), "{error}");
+        }
     }
 }

@@ -5,6 +5,7 @@ mod cache;
 mod compare;
 mod doctor;
 mod info;
+mod parts;
 mod pipeline;
 mod segment;
 mod stage;
@@ -28,7 +29,12 @@ pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
     match command {
         Command::Demo { out } => pipeline::demo(&out, context),
         Command::Pipeline(args) => pipeline::run(&args, context),
-        Command::Import { source, raw, output } => volume::import(&source, &raw, &output.path, context),
+        Command::Import { source, labels, raw, output } => {
+            volume::import(&source, labels, &raw, &output.path, context)
+        }
+        Command::Lattice { volume, labels: Some(labels), parts: Some(parts), output, .. } => {
+            parts::run(&volume, &labels, &parts, &output.path, context)
+        }
         Command::Phantom { name, size, truth, noise, voxel_type, seed, output } => {
             let params = volume::phantom_params(&name, size, noise, &voxel_type, seed)?;
             volume::phantom(params, truth.as_deref(), &output.path, context)

@@ -75,7 +75,7 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             let files = vec![("volume", Some(volume.as_path())), ("labels", labels.as_deref())];
             Job { stage: Box::new(Boundary::from_section(&section, None)), files, output: &output.path }
         }
-        Command::Lattice { volume, labels, class, mask, iso, output } => {
+        Command::Lattice { volume, labels, class, mask, iso, output, .. } => {
             let section: LatticeSection = section(params, Words::default().0)?;
             let stage = Lattice { iso: iso.unwrap_or(section.iso), class: *class };
             let files = vec![

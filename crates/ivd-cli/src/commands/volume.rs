@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache};
 use ivd_core::VoxelType;
-use ivd_pipeline::stages::{Import, ImportSource};
+use ivd_pipeline::stages::{Import, ImportLabels, ImportSource};
 use ivd_pipeline::{Input, Inputs, ending, export as write_as};
 use ivd_volume::{ByteOrder, RawLayout, ReadOptions, phantom as phantoms};
 
@@ -14,9 +14,20 @@ use crate::context::Context;
 use crate::exit::Failure;
 
 /// `ivd import`.
-pub(super) fn import(source: &Path, raw: &Raw, output: &Path, context: &Context) -> anyhow::Result<()> {
+pub(super) fn import(
+    source: &Path,
+    labels: bool,
+    raw: &Raw,
+    output: &Path,
+    context: &Context,
+) -> anyhow::Result<()> {
     let stage = Import { source: ImportSource::File { path: source.to_owned(), options: options(raw)? } };
-    let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
+    let cache = context.stage_cache()?;
+    let mut done = context.run(&cache, &stage, &Inputs::default())?;
+    if labels {
+        let inputs = Inputs::default().with("volume", done.input());
+        done = context.run(&cache, &ImportLabels, &inputs)?;
+    }
     finish(done, output, context)
 }
 

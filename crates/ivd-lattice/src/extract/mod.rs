@@ -57,7 +57,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 use bounds::{Bounds, Ordered};
-pub use parts::{Part, extract_parts};
+pub use parts::{Part, extract_parts, occurring};
 use samples::{Field, Masked, Samples};
 use signs::{BrickState, Signs};
 

@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use ivd_artefact::{Artefact, Kind};
-use ivd_core::Exec;
+use ivd_core::{Exec, Labels};
 use ivd_volume::{ReadOptions, phantom};
 use serde_json::{Value, json};
 
@@ -80,5 +80,43 @@ impl Stage for Import {
             "voxels": volume.grid().len(),
         });
         Ok(Product::new(Artefact::Volume(volume), metrics))
+    }
+}
+
+/// Takes a volume of whole numbers for labels: a segmentation that another program wrote.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ImportLabels;
+
+impl Stage for ImportLabels {
+    fn name(&self) -> &'static str {
+        "import"
+    }
+
+    fn revision(&self) -> u32 {
+        1
+    }
+
+    fn inputs(&self) -> &'static [Slot] {
+        const { &[Slot::required("volume", &[Kind::Volume])] }
+    }
+
+    fn output(&self) -> Option<Kind> {
+        Some(Kind::Labels)
+    }
+
+    fn params(&self) -> Value {
+        json!({ "labels": true })
+    }
+
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+        let volume = inputs.volume("volume").expect("checked by the runner");
+        let labels = exec.run(|| Labels::from_volume(volume))?;
+        let metrics = json!({
+            "dims": volume.grid().dims(),
+            "spacing": volume.grid().spacing(),
+            "k": labels.classes().len(),
+            "voxels": volume.grid().len(),
+        });
+        Ok(Product::new(Artefact::Labels(labels), metrics))
     }
 }

@@ -63,21 +63,26 @@ impl Stage for Lattice {
             extract(volume, mask, &ExtractParams { iso }, exec).map_err(stage_error!("lattice"))?;
         exec.check_cancelled()?;
         let f = exec.run(|| figures::measure(&extracted.lattice));
-        let metrics = json!({
-            "vertices": f.vertices,
-            "triangles": f.triangles,
-            "boundary_edges": f.boundary_edges,
-            "non_manifold_edges": f.non_manifold_edges,
-            "degenerate_triangles": f.degenerate_triangles,
-            "euler": f.euler,
-            "components": f.components,
-            "area_mm2": f.area_mm2,
-            "volume_mm3": f.volume_mm3,
-            "bricks_active": extracted.bricks_active,
-            "bricks_total": extracted.bricks_total,
-        });
+        let metrics = metrics(&f, extracted.bricks_active, extracted.bricks_total);
         Ok(Product::new(Artefact::Lattice(extracted.lattice), metrics))
     }
+}
+
+/// What is told of a lattice that was cut.
+pub(super) fn metrics(f: &figures::Figures, bricks_active: u64, bricks_total: u64) -> Value {
+    json!({
+        "vertices": f.vertices,
+        "triangles": f.triangles,
+        "boundary_edges": f.boundary_edges,
+        "non_manifold_edges": f.non_manifold_edges,
+        "degenerate_triangles": f.degenerate_triangles,
+        "euler": f.euler,
+        "components": f.components,
+        "area_mm2": f.area_mm2,
+        "volume_mm3": f.volume_mm3,
+        "bricks_active": bricks_active,
+        "bricks_total": bricks_total,
+    })
 }
 
 /// The crossings of the class that is meant: the one named, else the one that the mask was cut from.

@@ -84,8 +84,8 @@ pub fn extract_parts(labels: &Labels, ids: &[u16], exec: &Exec) -> Result<Vec<Pa
     })
 }
 
-/// The labels that voxels have, ascending, without [`NO_DATA`].
-fn occurring(labels: &Labels) -> Vec<u16> {
+/// The labels that voxels have, ascending, without [`NO_DATA`], on the calling pool.
+pub fn occurring(labels: &Labels) -> Vec<u16> {
     let seen = labels.ids().par_chunks(1 << 16).fold(
         || vec![false; 1 << 16],
         |mut seen, ids| {
