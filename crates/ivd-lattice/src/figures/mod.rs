@@ -22,7 +22,7 @@
 //! # Ok::<(), ivd_core::GridError>(())
 //! ```
 
-mod link;
+pub(crate) mod link;
 pub(crate) mod stars;
 
 use ivd_core::Lattice;
