@@ -41,11 +41,11 @@ impl Link {
     pub(crate) fn count(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) -> LinkCounts {
         self.gather(v, stars, triangles);
         let mut counts = LinkCounts::default();
+        self.neighbours.clear();
         if stars.of(v as usize).is_empty() {
             counts.unused_vertices = 1;
             return counts;
         }
-        self.neighbours.clear();
         for edge in self.spokes.chunk_by(|a, b| a.0 == b.0) {
             let w = edge[0].0;
             self.neighbours.push(w);
@@ -60,6 +60,11 @@ impl Link {
         }
         counts.bow_tie_vertices = u64::from(self.parts() > 1);
         counts
+    }
+
+    /// Distinct neighbours of the vertex counted last, ascending; none of one that no triangle names.
+    pub(super) fn neighbours(&self) -> &[u32] {
+        &self.neighbours
     }
 
     fn gather(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) {

@@ -276,6 +276,3 @@ fn assemble(
     let moved = moved.fold(0.0, f64::max);
     (lattice, moved)
 }
-
-#[cfg(test)]
-mod tests;
