@@ -67,32 +67,32 @@ struct Sum {
     count: u64,
     min: f64,
     max: f64,
-    sum: f64,
+    total: f64,
 }
 
 impl Default for Sum {
     fn default() -> Self {
-        Self { count: 0, min: f64::INFINITY, max: f64::NEG_INFINITY, sum: 0.0 }
+        Self { count: 0, min: f64::INFINITY, max: f64::NEG_INFINITY, total: 0.0 }
     }
 }
 
 impl Sum {
     fn add(&mut self, value: f64) {
-        self.join(Self { count: 1, min: value, max: value, sum: value });
+        self.join(Self { count: 1, min: value, max: value, total: value });
     }
 
     fn join(&mut self, other: Self) {
         self.count += other.count;
         self.min = self.min.min(other.min);
         self.max = self.max.max(other.max);
-        self.sum += other.sum;
+        self.total += other.total;
     }
 
     fn spread(self) -> Spread {
         if self.count == 0 {
             return Spread::default();
         }
-        Spread { min: self.min, mean: self.sum / self.count as f64, max: self.max }
+        Spread { min: self.min, mean: self.total / self.count as f64, max: self.max }
     }
 }
 

@@ -162,12 +162,11 @@ fn build(mesh: &Mesh, grid: &Grid, params: &ForeignParams, exec: &Exec) -> Resul
     };
     exec.check_cancelled()?;
     let all = 0..mesh.positions.len() as u32;
-    let (onto, welded) = match &own {
-        Some(_) => (all.collect(), 0),
-        None => {
-            address::check_inside(mesh, grid)?;
-            weld::onto(&mesh.positions, params.weld, grid, exec)?
-        }
+    let (onto, welded) = if own.is_some() {
+        (all.collect(), 0)
+    } else {
+        address::check_inside(mesh, grid)?;
+        weld::onto(&mesh.positions, params.weld, grid, exec)?
     };
     let mut cleaned = weld::clean(&mesh.triangles, &onto, exec)?;
     let defects = defects(mesh, &cleaned.triangles, params.allow_open, exec)?;

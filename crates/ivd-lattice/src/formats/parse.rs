@@ -19,8 +19,8 @@ pub(super) enum Failure {
 
 impl Failure {
     /// A fault at a line, a byte or a part of the file.
-    pub(super) fn at(place: impl ToString, problem: impl Into<String>, remedy: &'static str) -> Self {
-        Self::Bad { place: place.to_string(), problem: problem.into(), remedy }
+    pub(super) fn at(place: impl Into<String>, problem: impl Into<String>, remedy: &'static str) -> Self {
+        Self::Bad { place: place.into(), problem: problem.into(), remedy }
     }
 
     /// A fault at a byte, counted from 0.

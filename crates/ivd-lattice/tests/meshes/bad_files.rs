@@ -232,7 +232,7 @@ fn glb_descriptions() {
         ("[{\"mesh\":0}]", "[{\"mesh\":0,\"children\":[1,1]},{}]", &["node 1", "under two nodes"]),
         ("[{\"mesh\":0}]", "[{\"mesh\":-1}]", &["JSON chunk"]),
         ("[{\"mesh\":0}]", "[{\"mesh\":0,\"rotation\":[0,0,0,0]}]", &["vertex 0", "not finite"]),
-        ("[{\"mesh\":0}]", "[{\"mesh\":0,\"scale\":[1e300,1,1e300]},{}]", &["vertex 1", "not finite"]),
+        ("[{\"mesh\":0}]", "[{\"mesh\":0,\"scale\":[1e308,1,1]},{}]", &["vertex 1", "not finite"]),
         ("[{\"mesh\":0}]", "[{\"mesh\":0,\"matrix\":[1,2,3]}]", &["JSON chunk"]),
         ("\"POSITION\":0", "\"POSITION\":9", &["accessor 9"]),
         ("\"indices\":1", "\"indices\":0", &["accessor 0", "SCALAR of 8, 16 or 32 bits"]),
@@ -325,6 +325,8 @@ fn vtp() {
     }
     assert_refused(Format::Vtp, b"", &["VTKFile", "missing"]);
     assert_refused(Format::Vtp, b"just text", &["VTKFile", "missing"]);
+    let deep = "<VTKFile type=\"PolyData\">".to_owned() + &"<a>".repeat(100);
+    assert_refused(Format::Vtp, deep.as_bytes(), &["more than 64 deep"]);
     let many = "<VTKFile type=\"PolyData\">".to_owned() + &"<Piece/>".repeat(5000);
     assert_refused(Format::Vtp, many.as_bytes(), &["more than 4096 arrays and pieces"]);
 }

@@ -30,6 +30,11 @@ fn text<T: ToString>(numbers: impl IntoIterator<Item = T>) -> String {
     numbers.into_iter().map(|n| n.to_string()).collect::<Vec<_>>().join(" ")
 }
 
+/// A line for each item.
+fn lines<T>(items: &[T], line: impl Fn(&T) -> String) -> String {
+    items.iter().map(line).collect::<Vec<_>>().concat()
+}
+
 /// A cube of 8 mm³ on a grid of 1 mm, closed and outward.
 fn assert_cube(mesh: &Mesh) -> Foreign {
     let grid = Grid::with_spacing([6; 3], [1.0; 3]).unwrap();
@@ -43,8 +48,8 @@ fn assert_cube(mesh: &Mesh) -> Foreign {
 
 #[test]
 fn ascii_ply_of_quads_with_colours_and_edges() {
-    let vertices: String = CORNERS.iter().map(|c| format!("255 {} 0.5\n", text(c))).collect();
-    let faces: String = QUADS.iter().map(|q| format!("7 4 {}\n", text(q))).collect();
+    let vertices: String = lines(&CORNERS, |c| format!("255 {} 0.5\n", text(c)));
+    let faces: String = lines(&QUADS, |q| format!("7 4 {}\n", text(q)));
     let file = format!(
         "ply\r\nformat ascii 1.0\r\ncomment by hand\r\nelement vertex 8\r\nproperty uchar red\r\nproperty float x\r\nproperty float y\r\nproperty float z\r\nproperty float quality\r\nelement edge 1\r\nproperty int vertex1\r\nproperty int vertex2\r\nelement face 6\r\nproperty uchar flags\r\nproperty list uchar int vertex_index\r\nend_header\r\n{vertices}0 1\n{faces}"
     );
@@ -72,7 +77,7 @@ fn big_endian_ply_of_quads_with_lists_between() {
 
 #[test]
 fn obj_with_negative_indices_texture_normals_and_joined_lines() {
-    let vertices: String = CORNERS.iter().map(|c| format!("v {} 1.0\nvt 0 0\nvn 0 0 1\n", text(c))).collect();
+    let vertices: String = lines(&CORNERS, |c| format!("v {} 1.0\nvt 0 0\nvn 0 0 1\n", text(c)));
     let mut faces = String::new();
     for (i, quad) in QUADS.iter().enumerate() {
         let corner = |v: &u32| match i {
@@ -84,7 +89,8 @@ fn obj_with_negative_indices_texture_normals_and_joined_lines() {
         };
         let words: Vec<String> = quad.iter().map(corner).collect();
         let joint = if i == 4 { " \\\n   " } else { " " };
-        faces += &format!("f {}{joint}{} # face {i}\n", words[..2].join(" "), words[2..].join("\t"));
+        let (start, end) = (words[..2].join(" "), words[2..].join("\t"));
+        faces.extend(["f ", &start, joint, &end, " # a face\n"]);
     }
     let file =
         format!("# by hand\nmtllib a.mtl\no cube\n{vertices}g sides\nusemtl grey\ns off\n{faces}l 1 2\n");
@@ -93,25 +99,22 @@ fn obj_with_negative_indices_texture_normals_and_joined_lines() {
 
 #[test]
 fn obj_faces_may_come_before_their_vertices() {
-    let faces: String = QUADS.iter().map(|q| format!("f {}\n", text(q.map(|v| v + 1)))).collect();
-    let vertices: String = CORNERS.iter().map(|c| format!("v {}\n", text(c))).collect();
+    let faces: String = lines(&QUADS, |q| format!("f {}\n", text(q.map(|v| v + 1))));
+    let vertices: String = lines(&CORNERS, |c| format!("v {}\n", text(c)));
     assert_cube(&read(Format::Obj, (faces + &vertices).as_bytes()).unwrap());
 }
 
 /// A text STL, its facets in the order of the quads.
 fn ascii_stl(name: &str, sign: f64) -> String {
-    let mut file = format!("solid {name}\n");
-    for [a, b, c, d] in QUADS {
-        for t in [[a, b, c], [a, c, d]] {
-            file += "  facet normal nan 0 0\n    OUTER loop\n";
-            for v in t {
-                let [x, y, z] = CORNERS[v as usize];
-                file += &format!("      vertex {:e} {:e} {z:e}\n", sign * x, sign * y);
-            }
-            file += "    endloop\n  endfacet\n";
-        }
-    }
-    file + "endsolid\n"
+    let vertex = |v: &u32| {
+        let [x, y, z] = CORNERS[*v as usize];
+        format!("      vertex {:e} {:e} {z:e}\n", sign * x, sign * y)
+    };
+    let facet = |t: &[u32; 3]| {
+        format!("  facet normal nan 0 0\n    OUTER loop\n{}    endloop\n  endfacet\n", lines(t, vertex))
+    };
+    let facets = lines(&QUADS, |&[a, b, c, d]| lines(&[[a, b, c], [a, c, d]], facet));
+    format!("solid {name}\n{facets}endsolid\n")
 }
 
 #[test]
@@ -123,8 +126,8 @@ fn ascii_stl_is_welded() {
 #[test]
 fn slicers_mark_says_that_a_file_is_lps() {
     assert_cube(&read(Format::Stl, ascii_stl("3D Slicer output. SPACE=LPS", -1.0).as_bytes()).unwrap());
-    let vertices: String = CORNERS.iter().map(|[x, y, z]| format!("v -{x} -{y} {z}\n")).collect();
-    let faces: String = QUADS.iter().map(|q| format!("f {}\n", text(q.map(|v| v + 1)))).collect();
+    let vertices: String = lines(&CORNERS, |[x, y, z]| format!("v -{x} -{y} {z}\n"));
+    let faces: String = lines(&QUADS, |q| format!("f {}\n", text(q.map(|v| v + 1))));
     assert_cube(&read(Format::Obj, format!("# SPACE=LPS\n{vertices}{faces}").as_bytes()).unwrap());
 }
 

@@ -54,12 +54,9 @@ impl Header {
             let words: Vec<&[u8]> = text.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty()).collect();
             match words.as_slice() {
                 [b"format", name, _] => {
-                    encoding = Some(encoding_of(name).ok_or_else(|| {
-                        bad(format!(
-                            "format `{}` is none of ascii, binary_little_endian, binary_big_endian",
-                            shown(name)
-                        ))
-                    })?)
+                    let known = "ascii, binary_little_endian, binary_big_endian";
+                    let unknown = || bad(format!("format `{}` is none of {known}", shown(name)));
+                    encoding = Some(encoding_of(name).ok_or_else(unknown)?);
                 }
                 [b"comment" | b"obj_info", ..] => space = Space::of(text).unwrap_or(space),
                 [b"element", name, count] => {

@@ -14,6 +14,9 @@ const PART: usize = 4096;
 /// Bytes of numbers converted at a time; a multiple of every number's size.
 const CHUNK: usize = 1 << 16;
 
+/// Takes the bytes of a number, with its index.
+type Take<'a> = dyn FnMut(u64, &[u8], &mut Budget) -> Result<(), Failure> + 'a;
+
 /// How many numbers an array must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Count {
@@ -167,10 +170,10 @@ impl Array<'_> {
         number: Number,
         count: Count,
         budget: &mut Budget,
-        take: &mut dyn FnMut(u64, &[u8], &mut Budget) -> Result<(), Failure>,
+        take: &mut Take,
     ) -> Result<(), Failure> {
         let size = number.bytes();
-        if length % size as u64 != 0 {
+        if !length.is_multiple_of(size as u64) {
             return Err(self.bad(format!("{length} bytes, no multiple of {size}")));
         }
         let found = length / size as u64;

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::array::Count;
 use super::xml::{Array, Coding, Document, Section};
-use crate::formats::parse::{Budget, Failure, Fan, REPAIR, REWRITE, Space, index, out_of_range};
+use crate::formats::parse::{Budget, Failure, Fan, Number, REPAIR, REWRITE, Space, index, out_of_range};
 use crate::formats::{Address, Mesh};
 
 pub(in crate::formats) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Mesh, Failure> {
@@ -170,7 +170,7 @@ impl<'d, 'a> Piece<'d, 'a> {
         budget: &mut Budget,
     ) -> Result<bool, Failure> {
         let find = |name| {
-            self.find(Section::PointData, Some(name)).filter(|a| a.number.is_some_and(|n| n.is_integer()))
+            self.find(Section::PointData, Some(name)).filter(|a| a.number.is_some_and(Number::is_integer))
         };
         let (Some(voxel), Some(element)) = (find("voxel"), find("element")) else { return Ok(false) };
         if (voxel.components, element.components) != (3, 1) {

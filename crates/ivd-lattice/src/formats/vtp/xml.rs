@@ -7,6 +7,8 @@ use crate::formats::parse::{Failure, Number, REWRITE, parsed, shown};
 
 /// Most arrays and pieces that are looked at.
 const MOST: usize = 4096;
+/// Most elements inside each other.
+const DEEPEST: usize = 64;
 
 /// Where an array's bytes are.
 #[derive(Debug, Clone, Copy)]
@@ -114,8 +116,7 @@ impl<'a> Scan<'a> {
             }
             b"PolyData" | b"Verts" | b"Lines" | b"CellData" => Section::Other,
             b"Piece" => {
-                let count =
-                    |key: &str| Ok::<_, Failure>(attribute(start, key)?.map_or(Ok(0), |v| number(key, &v))?);
+                let count = |key: &str| attribute(start, key)?.map_or(Ok(0), |v| number(key, &v));
                 self.pieces.push(Piece {
                     points: count("NumberOfPoints")?,
                     strips: count("NumberOfStrips")?,
@@ -148,6 +149,13 @@ impl<'a> Scan<'a> {
         }
         if !empty {
             self.inside.push(section);
+        }
+        if self.inside.len() > DEEPEST {
+            return Err(Failure::byte(
+                after,
+                format!("elements inside each other more than {DEEPEST} deep"),
+                REWRITE,
+            ));
         }
         Ok(())
     }
