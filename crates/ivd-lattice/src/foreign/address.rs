@@ -170,7 +170,7 @@ pub(super) fn assign(kept: &[u32], mesh: &Mesh, grid: &Grid) -> Result<Vec<Addre
             place(&mesh.positions[kept[voxel[0] as usize] as usize]),
             found[voxel[0] as usize].key.voxel(frame.dims)
         );
-        return Err(unfit(problem, "take a finer grid, or refine the mesh first"));
+        return Err(unfit(problem, "check the mesh's unit, take a finer grid, or refine the mesh first"));
     }
     let mut elements = vec![0_u8; kept.len()];
     for voxel in voxels() {

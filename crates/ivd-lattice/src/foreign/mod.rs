@@ -111,8 +111,8 @@ pub struct Foreign {
 ///
 /// Vertices come back within 10⁻⁶ of a voxel of where the mesh has them. (Beyond that only the rounding of the mesh's own
 /// coordinates counts: 10⁶ mm from 0 that is 10⁻¹⁰ mm.) Triangles keep their order, those that are dropped excepted. Closed parts
-/// are turned counter-clockwise seen from outside, those that lie in an odd number of others (cavities) the other way round;
-/// open parts as most of their triangles are. Addresses that the mesh carries are kept if all of them fit its positions on
+/// are turned counter-clockwise seen from outside, those that lie wholly in an odd number of others (cavities) the other way
+/// round; open parts as most of their triangles are. Addresses that the mesh carries are kept if all of them fit its positions on
 /// this grid; such a mesh isn't welded.
 ///
 /// # Errors
@@ -140,6 +140,9 @@ fn check(mesh: &Mesh) -> Result<(), Error> {
     let n = mesh.positions.len();
     if u32::try_from(n).is_err() {
         return Err(Error::TooManyVertices { vertices: n as u64 });
+    }
+    if mesh.triangles.len() > (u32::MAX / 3) as usize {
+        return Err(unfit(format!("{} triangles, 2³² / 3 are the most", mesh.triangles.len()), "refine the mesh first"));
     }
     if let Some(t) = mesh.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= n)) {
         return Err(unfit(format!("triangle {t} names a vertex beyond {n}"), "repair the mesh"));

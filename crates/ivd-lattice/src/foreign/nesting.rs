@@ -10,10 +10,11 @@ use crate::Error;
 /// Most cells along a side of the table.
 const SIDE: usize = 1024;
 
-/// For each part the number of other closed parts that a ray along x from one of its triangles leaves; 0 for open parts.
+/// For each part the number of other closed parts in which it lies; 0 for open parts.
 ///
-/// Triangles are looked up in a table of cells across y and z. The ray starts at no round number, so that it hardly ever
-/// meets an edge.
+/// It lies in those that rays along x leave, from seven of its triangles: the largest and those furthest out along each axis. Parts
+/// that pass through each other are seldom met by all of them. Triangles are looked up in a table of cells across y and z. The
+/// rays start at no round numbers, so that they hardly ever meet an edge.
 pub(super) fn depths(
     positions: &[Vector3<f64>],
     triangles: &[[u32; 3]],
@@ -30,38 +31,56 @@ pub(super) fn depths(
         }
     }
     let table = Table::new(positions, triangles, &part_of);
+    let round = |start: &Vector3<f64>, own: u32| {
+        let mut left: Vec<u32> = table
+            .at(start)
+            .iter()
+            .filter(|&&t| part_of[t as usize] != own)
+            .filter(|&&t| is_left(start, triangles[t as usize].map(|v| positions[v as usize])))
+            .map(|&t| part_of[t as usize])
+            .collect();
+        left.sort_unstable();
+        let odd = left.chunk_by(|a, b| a == b).filter(|crossings| crossings.len() % 2 == 1);
+        odd.map(|crossings| crossings[0]).collect::<Vec<u32>>()
+    };
     let depth = |(i, part): (usize, &Part)| {
         exec.check_cancelled()?;
         if !part.closed {
             return Ok(0);
         }
-        let start = start(positions, triangles, part);
-        let mut left: Vec<u32> = table
-            .at(&start)
-            .iter()
-            .filter(|&&t| part_of[t as usize] != i as u32)
-            .filter(|&&t| is_left(&start, triangles[t as usize].map(|v| positions[v as usize])))
-            .map(|&t| part_of[t as usize])
-            .collect();
-        left.sort_unstable();
-        Ok(left.chunk_by(|a, b| a == b).filter(|crossings| crossings.len() % 2 == 1).count())
+        let starts = starts(positions, triangles, part);
+        let mut common = round(&starts[0], i as u32);
+        for start in &starts[1..] {
+            if common.is_empty() {
+                break;
+            }
+            let other = round(start, i as u32);
+            common.retain(|part| other.binary_search(part).is_ok());
+        }
+        Ok(common.len())
     };
     parts.par_iter().enumerate().map(depth).collect()
 }
 
-/// A point within a part's largest triangle.
-fn start(positions: &[Vector3<f64>], triangles: &[[u32; 3]], part: &Part) -> Vector3<f64> {
-    let corners = |t: u32| triangles[t as usize].map(|v| positions[v as usize]);
-    let mut best = (-1.0, 0);
+/// A point within a part's largest triangle, and within those that reach furthest down and up along each axis.
+fn starts(positions: &[Vector3<f64>], triangles: &[[u32; 3]], part: &Part) -> [Vector3<f64>; 7] {
+    let mut best = [(f64::NEG_INFINITY, 0); 7];
     for &t in &part.triangles {
-        let [a, b, c] = corners(t);
+        let corners = triangles[t as usize].map(|v| positions[v as usize]);
+        let [a, b, c] = corners;
+        let (low, high) = (a.inf(&b).inf(&c), a.sup(&b).sup(&c));
         let area = (b - a).cross(&(c - a)).norm();
-        if area > best.0 {
-            best = (area, t);
+        let scores = [area, -low.x, -low.y, -low.z, high.x, high.y, high.z];
+        for (best, score) in best.iter_mut().zip(scores) {
+            if score > best.0 {
+                *best = (score, t);
+            }
         }
     }
-    let [a, b, c] = corners(best.1);
-    a + (b - a) * 0.271_828_182_845_904_5 + (c - a) * 0.314_159_265_358_979_3
+    best.map(|(_, t)| {
+        let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
+        a + (b - a) * 0.271_828_182_845_904_5 + (c - a) * 0.314_159_265_358_979_3
+    })
 }
 
 /// Whether the ray from `q` along x passes through a triangle.

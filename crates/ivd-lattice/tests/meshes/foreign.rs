@@ -134,6 +134,22 @@ fn triangles_turned_at_random_are_turned_back_through_three_levels_of_nesting() 
 }
 
 #[test]
+fn parts_that_pass_through_each_other_all_stay_outward_and_a_box_in_a_box_becomes_a_cavity() {
+    let mut mesh = boxes(&[([1.0; 3], [6.0; 3]), ([4.0, 2.0, 3.0], [9.0, 5.0, 4.0]), ([1.5, 0.5, 4.5], [4.5, 9.5, 5.5])]);
+    assert_eq!(put(&mesh, &grid()).flipped, 0);
+    // One of them inside out.
+    for t in &mut mesh.triangles[12..24] {
+        t.swap(0, 2);
+    }
+    let foreign = put(&mesh, &grid());
+    assert_eq!(foreign.flipped, 12);
+    assert!((measure(&foreign.lattice).volume_mm3 - (125.0 + 15.0 + 27.0)).abs() < 1e-9);
+    let nested = put(&boxes(&[([1.0; 3], [8.0; 3]), ([2.0; 3], [4.0; 3]), ([5.0; 3], [7.0; 3])]), &grid());
+    assert_eq!(nested.flipped, 24);
+    assert!((measure(&nested.lattice).volume_mm3 - (343.0 - 16.0)).abs() < 1e-9);
+}
+
+#[test]
 fn the_result_is_the_same_for_any_number_of_threads() {
     let cut = solids::nested();
     let run = |threads| {
