@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use ivd_artefact::{Kind, peek};
 use ivd_core::{Exec, Grid, Volume, Voxels};
 use ivd_fuzz::artefacts::{Section, Wanted};
+use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use ivd_lattice::formats::{self, Format};
 
 type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
 
@@ -18,6 +20,7 @@ fn main() -> Outcome {
     artefacts(&fuzz.join("seeds/artefact"), &fuzz.join("../fixtures/artefacts"))?;
     scenes(&fuzz.join("seeds/scene"), &fuzz.join("../fixtures/scenes"))?;
     words(&fuzz.join("seeds"))?;
+    meshes(&fuzz.join("seeds/mesh"))?;
     noise(&fuzz.join("seeds"))
 }
 
@@ -278,6 +281,57 @@ fn words(seeds: &Path) -> Outcome {
         put(&seeds.join("params"), &format!("{stage}-{}", text.len()), seed)?;
     }
     Ok(())
+}
+
+/// A small lattice as our writers write it, and files in the encodings that they never use. The first byte is the format.
+fn meshes(folder: &Path) -> Outcome {
+    let grid = Grid::with_spacing([3; 3], [1.0; 3])?;
+    let mut voxels = vec![0_u8; 27];
+    voxels[13] = 200;
+    let volume = Volume::new(grid, Voxels::from(voxels))?;
+    let params = ExtractParams { iso: Iso::Value(90.0) };
+    let lattice = extract(&volume, None, &params, &Exec::default())?.lattice;
+    let temporary = tempfile::tempdir()?;
+    for (i, format) in (0_u8..).zip(Format::ALL) {
+        let file = temporary.path().join("mesh").with_extension(format.ending());
+        formats::write(&file, &lattice)?;
+        put(folder, format.ending(), [&[i], &fs::read(file)?[..]].concat())?;
+    }
+    let head = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 4\nproperty list uchar int vertex_index\nend_header\n";
+    let body = "1 1 1\n2 1 1\n1 2 1\n1 1 2\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
+    put(folder, "ascii.ply", format!("\0ply\nformat ascii 1.0\n{head}{body}"))?;
+    let mut big = format!("\0ply\nformat binary_big_endian 1.0\n{head}").into_bytes();
+    big.extend([1.0_f32, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 2.0].iter().flat_map(|c| c.to_be_bytes()));
+    for t in [[0_u32, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+        big.push(3);
+        big.extend(t.iter().flat_map(|v| v.to_be_bytes()));
+    }
+    put(folder, "big.ply", big)?;
+    put(folder, "quads.obj", "\x01v 1 1 1\nv 2 1 1\nv 2 2 1\nv 1 2 1 \\\n 1\nf -4/1 -3//2 3/1/1 4\nf 1 4 3 2\n")?;
+    put(
+        folder,
+        "ascii.stl",
+        "\x42solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n",
+    )?;
+    let vtp = |head: &str, points: &str| {
+        format!(
+            "\x04<VTKFile type=\"PolyData\" {head}><PolyData><Piece NumberOfPoints=\"3\" NumberOfPolys=\"1\" NumberOfStrips=\"1\"><Points>{points}</Points><Polys><DataArray type=\"Int32\" Name=\"connectivity\">0 1 2</DataArray><DataArray type=\"Int32\" Name=\"offsets\">3</DataArray></Polys><Strips><DataArray type=\"Int32\" Name=\"connectivity\">2 1 0</DataArray><DataArray type=\"Int32\" Name=\"offsets\">3</DataArray></Strips></Piece></PolyData>"
+        )
+    };
+    let ascii = "<DataArray type=\"Float32\" NumberOfComponents=\"3\">0 0 0 1 0 0 0 1 0</DataArray>";
+    put(folder, "ascii.vtp", vtp("", ascii) + "</VTKFile>")?;
+    let inline = "<DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"binary\">JAAAAAAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAA==</DataArray>";
+    put(folder, "base64.vtp", vtp("header_type=\"UInt32\"", inline) + "</VTKFile>")?;
+    let appended = "<DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"appended\" offset=\"0\"/>";
+    // One zlib block of 36 zeros, stored.
+    let mut zlib = vtp("compressor=\"vtkZLibDataCompressor\"", appended).into_bytes();
+    zlib.extend(b"<AppendedData encoding=\"raw\">_");
+    zlib.extend([1_u32, 36, 0, 47].iter().flat_map(|n| n.to_le_bytes()));
+    zlib.extend([0x78, 0x01, 0x01, 36, 0, 219, 255]);
+    zlib.extend([0; 36]);
+    zlib.extend([0, 36, 0, 1]);
+    zlib.extend(b"</AppendedData></VTKFile>");
+    put(folder, "zlib.vtp", zlib)
 }
 
 /// Noise of several lengths, which gives several shapes.

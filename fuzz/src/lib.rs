@@ -8,6 +8,7 @@ pub mod artefacts;
 pub mod fields;
 pub mod files;
 pub mod lattices;
+pub mod meshes;
 pub mod text;
 
 mod bytes;

@@ -25,6 +25,17 @@ fn same(a: &Artefact, b: &Artefact) -> bool {
 }
 
 #[test]
+fn a_lattice_of_a_foreign_mesh_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lattice");
+    let Artefact::Lattice(mut lattice) = sample(Kind::Lattice) else { unreachable!("a lattice was asked for") };
+    lattice.source = ivd_core::LatticeSource::Foreign;
+    let value = Artefact::Lattice(lattice);
+    write(&path, &value, &provenance()).unwrap();
+    assert!(same(&read(&path).unwrap().artefact, &value));
+}
+
+#[test]
 fn every_kind_comes_back_bit_for_bit_with_its_provenance() {
     let folder = tempfile::tempdir().unwrap();
     for kind in Kind::ALL {

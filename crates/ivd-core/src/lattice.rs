@@ -61,6 +61,8 @@ pub enum LatticeSource {
     },
     /// The border of a mask or of its level function.
     Mask,
+    /// Not cut from a volume: another program's mesh, put on the grid.
+    Foreign,
 }
 
 /// A model-fitting lattice: a closed triangle mesh whose every vertex lies on an element of a grid.
@@ -76,8 +78,8 @@ pub struct Lattice {
     pub source: LatticeSource,
     /// Address of each vertex, strictly ascending.
     pub keys: Vec<ElementKey>,
-    /// Offset of each vertex from its key's voxel (voxels), 0 ≤ p < 1; on an edge only its own axis is not 0 and lies
-    /// in `[T_MIN, 1 - T_MIN]`.
+    /// Offset of each vertex from its key's voxel (voxels), 0 ≤ p < 1. In an extracted lattice, on an edge only its own axis
+    /// is not 0 and lies in `[T_MIN, 1 - T_MIN]`; in a foreign one the element is no more than the nearest free one.
     pub places: Vec<[f32; 3]>,
     /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,

@@ -55,6 +55,26 @@ pub enum Error {
         /// What it can't hold, with the number that shows it.
         problem: String,
     },
+    /// A mesh file that isn't what its format asks for, or holds what can't be used.
+    #[error("{}: {place}: {problem}; {remedy}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The line, byte or part that is wrong.
+        place: String,
+        /// What is wrong with it.
+        problem: String,
+        /// What to do instead.
+        remedy: String,
+    },
+    /// A mesh that can't become a lattice on its grid.
+    #[error("the mesh can't become a lattice: {problem}; {remedy}")]
+    Unfit {
+        /// What is wrong, with its number and the place (mm) of the first.
+        problem: String,
+        /// What to do instead.
+        remedy: String,
+    },
     /// Reading or writing failed.
     #[error("{}: can't {action}: {source}", path.display())]
     Io {
@@ -75,6 +95,7 @@ impl Error {
             Self::Param(_) | Self::MissingInput { .. } | Self::Format { .. } => Fault::Usage,
             Self::TooManyVertices { .. } | Self::Unwritable { .. } => Fault::Limit,
             Self::Unreachable { .. } => Fault::Usage,
+            Self::Unreadable { .. } | Self::Unfit { .. } => Fault::Input,
             Self::Io { .. } => Fault::Io,
         }
     }

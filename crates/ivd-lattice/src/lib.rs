@@ -4,12 +4,14 @@
 //!   2-manifold for any field.
 //! - [`refine`] keeps a subset of its vertices.
 //! - [`figures`] counts what can be counted about a mesh: edges, components, Euler characteristic, defects.
-//! - [`formats`] writes it for other programs.
+//! - [`formats`] writes it for other programs, and reads their meshes.
+//! - [`foreign`] makes a lattice of another program's mesh.
 #![forbid(unsafe_code)]
 
 mod error;
 pub mod extract;
 pub mod figures;
+pub mod foreign;
 pub mod formats;
 pub mod refine;
 

@@ -23,6 +23,7 @@ enum Source {
     Iso(Real),
     Interval { lower: Option<Real>, upper: Option<Real> },
     Mask,
+    Foreign,
 }
 
 impl From<&LatticeSource> for Source {
@@ -33,6 +34,7 @@ impl From<&LatticeSource> for Source {
                 Self::Interval { lower: lower.map(Real), upper: upper.map(Real) }
             }
             LatticeSource::Mask => Self::Mask,
+            LatticeSource::Foreign => Self::Foreign,
         }
     }
 }
@@ -45,6 +47,7 @@ impl From<Source> for LatticeSource {
                 Self::Interval { lower: lower.map(|v| v.0), upper: upper.map(|v| v.0) }
             }
             Source::Mask => Self::Mask,
+            Source::Foreign => Self::Foreign,
         }
     }
 }

@@ -4,13 +4,13 @@ use super::stars::Stars;
 
 /// What the edges and links of some vertices show; sums over all vertices describe the mesh.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-pub(super) struct LinkCounts {
-    pub(super) edges: u64,
-    pub(super) boundary_edges: u64,
-    pub(super) non_manifold_edges: u64,
-    pub(super) misoriented_edges: u64,
-    pub(super) bow_tie_vertices: u64,
-    pub(super) unused_vertices: u64,
+pub(crate) struct LinkCounts {
+    pub(crate) edges: u64,
+    pub(crate) boundary_edges: u64,
+    pub(crate) non_manifold_edges: u64,
+    pub(crate) misoriented_edges: u64,
+    pub(crate) bow_tie_vertices: u64,
+    pub(crate) unused_vertices: u64,
 }
 
 impl AddAssign for LinkCounts {
@@ -26,7 +26,7 @@ impl AddAssign for LinkCounts {
 
 /// Scratch for one vertex's link after another.
 #[derive(Debug, Default)]
-pub(super) struct Link {
+pub(crate) struct Link {
     /// Neighbour, and whether the half-edge towards it leaves the vertex.
     spokes: Vec<(u32, bool)>,
     /// Ends of the link's edges: the neighbours that share a triangle.
@@ -38,14 +38,14 @@ pub(super) struct Link {
 
 impl Link {
     /// Counts vertex `v` and those of its edges that lead to higher vertices, so that each edge is counted once.
-    pub(super) fn count(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) -> LinkCounts {
+    pub(crate) fn count(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) -> LinkCounts {
         self.gather(v, stars, triangles);
         let mut counts = LinkCounts::default();
+        self.neighbours.clear();
         if stars.of(v as usize).is_empty() {
             counts.unused_vertices = 1;
             return counts;
         }
-        self.neighbours.clear();
         for edge in self.spokes.chunk_by(|a, b| a.0 == b.0) {
             let w = edge[0].0;
             self.neighbours.push(w);
@@ -60,6 +60,11 @@ impl Link {
         }
         counts.bow_tie_vertices = u64::from(self.parts() > 1);
         counts
+    }
+
+    /// Distinct neighbours of the vertex counted last, ascending; none of one that no triangle names.
+    pub(super) fn neighbours(&self) -> &[u32] {
+        &self.neighbours
     }
 
     fn gather(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) {
@@ -104,7 +109,7 @@ impl Link {
 }
 
 /// Representative of `v`'s set in a forest of parents, halving the path on the way.
-pub(super) fn root(parent: &mut [u32], mut v: u32) -> u32 {
+pub(crate) fn root(parent: &mut [u32], mut v: u32) -> u32 {
     while parent[v as usize] != v {
         let above = parent[parent[v as usize] as usize];
         parent[v as usize] = above;

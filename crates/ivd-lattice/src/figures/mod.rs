@@ -1,4 +1,5 @@
-//! What can be counted and measured about a lattice: its defects, its topology, its area and volume.
+//! What can be counted and measured about a lattice: its defects, its topology, its area and volume, and the shapes of its
+//! triangles ([`quality()`]).
 //!
 //! ```
 //! use ivd_core::{ElementKey, Grid, Lattice, LatticeSource};
@@ -22,7 +23,8 @@
 //! # Ok::<(), ivd_core::GridError>(())
 //! ```
 
-mod link;
+pub(crate) mod link;
+mod quality;
 pub(crate) mod stars;
 
 use ivd_core::Lattice;
@@ -31,6 +33,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use link::{Link, LinkCounts, root};
+pub use quality::{ASPECT_BINS, Component, Quality, Spread, quality};
 use stars::Stars;
 
 /// Vertices or triangles summed as one piece: sums don't depend on the number of threads.

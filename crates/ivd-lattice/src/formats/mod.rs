@@ -1,4 +1,4 @@
-//! Lattices as mesh files for other programs: PLY, OBJ, STL, GLB, VTP, by the file's ending.
+//! Mesh files: lattices for other programs, and meshes from them. PLY, OBJ, STL, GLB, VTP, by the file's ending.
 //!
 //! | ending | coordinates | notes |
 //! |---|---|---|
@@ -8,13 +8,21 @@
 //! | `.glb` | f32 relative to a node, mm; the root node turns to metres, y up | far origins lose nothing |
 //! | `.vtp` | f64, world mm, LPS, where VTK and ITK have the volume | each vertex carries its address: `voxel` and `element`; the field `SPACE` says LPS |
 //!
+//! [`read()`] takes files of these formats from any program, in any of their encodings; what a format doesn't say (its unit,
+//! which way its axes run) is taken as `docs/methods/mesh-files.md` tells. A [`Mesh`] becomes a lattice by
+//! [`foreign::lattice`](crate::foreign::lattice).
+//!
 //! A file is written beside its target and renamed; where the bytes would not change the target isn't touched.
 
 mod glb;
 mod obj;
+mod parse;
 mod ply;
+mod read;
 mod stl;
 mod vtp;
+
+pub use read::{Address, Mesh, read, read_bytes};
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -71,7 +79,7 @@ impl Format {
 }
 
 /// Vertices and triangles on their way into a file.
-struct Mesh<'a> {
+struct Placed<'a> {
     lattice: &'a Lattice,
     /// World positions (mm), RAS.
     positions: Vec<Vector3<f64>>,
@@ -83,7 +91,7 @@ struct Mesh<'a> {
 /// [`Error::Format`] for an ending that isn't known, [`Error::Unwritable`] where the format can't hold the lattice,
 /// [`Error::Io`] where writing failed. The target is then as it was.
 pub fn write(path: &Path, lattice: &Lattice) -> Result<Written, Error> {
-    write_mesh(path, &Mesh { lattice, positions: lattice.positions() })
+    write_mesh(path, &Placed { lattice, positions: lattice.positions() })
 }
 
 /// Writes a lattice whose vertices are displaced.
@@ -106,17 +114,22 @@ pub fn write_deformed(path: &Path, lattice: &Lattice, displacement: &[[f64; 3]])
     for (position, d) in positions.iter_mut().zip(displacement) {
         *position += Vector3::from(*d);
     }
-    write_mesh(path, &Mesh { lattice, positions })
+    write_mesh(path, &Placed { lattice, positions })
 }
 
-fn write_mesh(path: &Path, mesh: &Mesh) -> Result<Written, Error> {
-    let format = Format::of(path).ok_or_else(|| Error::Format {
+/// The format of a file's ending.
+fn format_of(path: &Path) -> Result<Format, Error> {
+    Format::of(path).ok_or_else(|| Error::Format {
         path: path.to_owned(),
         problem: path.extension().map_or_else(
             || "the name has no ending".to_owned(),
             |ending| format!("the ending .{} isn't a mesh format's", ending.to_string_lossy()),
         ),
-    })?;
+    })
+}
+
+fn write_mesh(path: &Path, mesh: &Placed) -> Result<Written, Error> {
+    let format = format_of(path)?;
     mesh.lattice.check()?;
     let rounding_mm = match format {
         Format::Ply => ply::check(mesh)?,
@@ -140,7 +153,7 @@ fn write_mesh(path: &Path, mesh: &Mesh) -> Result<Written, Error> {
 }
 
 /// Refuses a grid whose voxels 32-bit numbers can't name; else nothing is rounded.
-fn voxels_fit(mesh: &Mesh, format: &'static str) -> Result<f64, Error> {
+fn voxels_fit(mesh: &Placed, format: &'static str) -> Result<f64, Error> {
     let dims = mesh.lattice.grid.dims();
     if dims.iter().any(|&n| n >= i32::MAX as usize) {
         let problem = format!("its integers have 32 bits, and the grid has {dims:?} voxels");

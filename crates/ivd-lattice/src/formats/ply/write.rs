@@ -1,15 +1,15 @@
 use std::io::{self, Write};
 
-use super::{Mesh, put};
 use crate::Error;
+use crate::formats::{Placed, put};
 
 /// PLY names a voxel by 32-bit numbers.
-pub(super) fn check(mesh: &Mesh) -> Result<f64, Error> {
-    super::voxels_fit(mesh, "PLY")
+pub(in crate::formats) fn check(mesh: &Placed) -> Result<f64, Error> {
+    crate::formats::voxels_fit(mesh, "PLY")
 }
 
 /// Binary little endian: f64 positions, the address of each vertex, triangles as lists of three.
-pub(super) fn write(file: &mut dyn Write, mesh: &Mesh) -> io::Result<()> {
+pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
     let dims = mesh.lattice.grid.dims();
     write!(
         file,

@@ -1,21 +1,21 @@
 use std::io::{self, Write};
 
-use super::{Mesh, put};
 use crate::Error;
+use crate::formats::{Placed, put};
 
 /// Bytes of the count before each array.
 const COUNT: u64 = 8;
 
 /// The addresses are 32-bit numbers.
-pub(super) fn check(mesh: &Mesh) -> Result<f64, Error> {
-    super::voxels_fit(mesh, "VTP")
+pub(in crate::formats) fn check(mesh: &Placed) -> Result<f64, Error> {
+    crate::formats::voxels_fit(mesh, "VTP")
 }
 
 /// One piece, appended raw bytes, little endian: f64 positions, the address of each vertex, triangles.
 ///
 /// VTK's world has no anatomy. Positions are LPS, as in the volumes that are written for VTK, so that both lie on each
 /// other; the field `SPACE` says so to programs that look for it.
-pub(super) fn write(file: &mut dyn Write, mesh: &Mesh) -> io::Result<()> {
+pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
     let (vertices, triangles) = (mesh.positions.len() as u64, mesh.lattice.triangles.len() as u64);
     let sizes = [24 * vertices, 12 * vertices, vertices, 24 * triangles, 8 * triangles];
     head(file, mesh, sizes)?;
@@ -45,7 +45,7 @@ pub(super) fn write(file: &mut dyn Write, mesh: &Mesh) -> io::Result<()> {
 }
 
 /// Everything before the appended bytes; `sizes` of the arrays in their order.
-fn head(file: &mut dyn Write, mesh: &Mesh, sizes: [u64; 5]) -> io::Result<()> {
+fn head(file: &mut dyn Write, mesh: &Placed, sizes: [u64; 5]) -> io::Result<()> {
     let mut offset = 0;
     let [points, voxel, element, connectivity, offsets] = sizes.map(|size| {
         let at = offset;

@@ -3,17 +3,18 @@ use std::io::{self, Write};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use super::{Mesh, f32_rounding, put};
+use super::{GENERATOR, ROOT};
 use crate::Error;
+use crate::formats::{Placed, f32_rounding, put};
 
 const HEAD: u64 = 12;
 const CHUNK_HEAD: u64 = 8;
 /// Column-major matrix from mm, RAS, to glTF's metres with y up: left is +x, the head +y, the front +z.
-const TO_GLTF: [f64; 16] =
+pub(super) const TO_GLTF: [f64; 16] =
     [-1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-3, 0.0, 0.0, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 
 /// GLB counts bytes in 32 bits. Returns what f32 rounds away (mm) of the positions relative to their node.
-pub(super) fn check(mesh: &Mesh) -> Result<f64, Error> {
+pub(in crate::formats) fn check(mesh: &Placed) -> Result<f64, Error> {
     let bytes = binary_bytes(mesh) + 4096;
     if u32::try_from(bytes).is_err() {
         return Err(Error::Unwritable {
@@ -27,7 +28,7 @@ pub(super) fn check(mesh: &Mesh) -> Result<f64, Error> {
 }
 
 /// One mesh under two nodes: the inner one carries the offset (mm), the root turns mm, RAS, to metres, y up.
-pub(super) fn write(file: &mut dyn Write, mesh: &Mesh) -> io::Result<()> {
+pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
     let centre = centre(mesh);
     let mut description = serde_json::to_vec(&describe(mesh, centre))?;
     description.resize(description.len().next_multiple_of(4), b' ');
@@ -53,20 +54,20 @@ pub(super) fn write(file: &mut dyn Write, mesh: &Mesh) -> io::Result<()> {
 }
 
 /// Bytes of all positions and indices.
-fn binary_bytes(mesh: &Mesh) -> u64 {
+fn binary_bytes(mesh: &Placed) -> u64 {
     12 * (mesh.positions.len() as u64 + mesh.lattice.triangles.len() as u64)
 }
 
 /// Middle of the bounding box (mm).
-fn centre(mesh: &Mesh) -> Vector3<f64> {
+fn centre(mesh: &Placed) -> Vector3<f64> {
     let Some(first) = mesh.positions.first() else { return Vector3::zeros() };
     let (lo, hi) = mesh.positions.iter().fold((*first, *first), |(lo, hi), p| (lo.inf(p), hi.sup(p)));
     (lo + hi) / 2.0
 }
 
-fn describe(mesh: &Mesh, centre: Vector3<f64>) -> Value {
-    let asset = json!({"version": "2.0", "generator": "ivd"});
-    let root = json!({"name": "mm, RAS", "matrix": TO_GLTF, "children": [1]});
+fn describe(mesh: &Placed, centre: Vector3<f64>) -> Value {
+    let asset = json!({"version": "2.0", "generator": GENERATOR});
+    let root = json!({"name": ROOT, "matrix": TO_GLTF, "children": [1]});
     // An empty mesh isn't valid glTF: the nodes alone are.
     if mesh.lattice.triangles.is_empty() {
         let inner = json!({"name": "lattice", "translation": centre.as_slice()});
