@@ -30,10 +30,8 @@ fn centre() -> Point {
     Point::new(50.13, 49.79, 50.37)
 }
 
-const BALL: Body = Body {
-    level: |p| 35.0 - (p - centre()).norm(),
-    gradient: |p| -(p - centre()).normalize(),
-};
+const BALL: Body =
+    Body { level: |p| 35.0 - (p - centre()).norm(), gradient: |p| -(p - centre()).normalize() };
 
 /// Radius of the torus's circle and of its tube (mm); the axis is z.
 const TORUS: [f64; 2] = [28.0, 12.0];
@@ -182,7 +180,9 @@ fn assert_converges(name: &str, body: &Body, area: f64, quarters: [usize; 3]) {
     let areas = [error(0), error(1), error(2)];
     let [distances, angles] = [[0, 1, 2].map(|k| found[k].distance), [0, 1, 2].map(|k| found[k].angle)];
     let orders = [order(areas), order(distances), order(angles)];
-    println!("{name}, {quarters:?}: area {areas:?}, distance {distances:?} mm, angle {angles:?}, orders {orders:.3?}");
+    println!(
+        "{name}, {quarters:?}: area {areas:?}, distance {distances:?} mm, angle {angles:?}, orders {orders:.3?}"
+    );
     assert!(orders[0] >= 1.8, "{name}: area falls with order {}: {areas:?}", orders[0]);
     assert!(orders[1] >= 1.8, "{name}: places with order {}: {distances:?}", orders[1]);
     assert!(orders[2] >= 0.8, "{name}: normals with order {}: {angles:?}", orders[2]);
