@@ -1,23 +1,59 @@
-//! Times one way to cluster on raw voxels, for comparisons with other programs and for plots of growth.
+//! Times one way to cluster, to cut a lattice or to refine one, on raw voxels: for comparisons with other programs and for
+//! plots of growth.
 //!
-//! `time_method METHOD FILE TYPE NX,NY,NZ PARAMS [REPEATS [LABELS]]`: METHOD is kmvs, emvs, msvs, msvs+kmvs or hvs; the file
-//! holds little-endian voxels of TYPE (u8, u16, f32), 1 mm apart; PARAMS is the JSON of the method's parameters (kmvs weighs
-//! places where they say so; hvs takes `classes` beside them). Prints JSON: wall and processor time of each run (s), peak
-//! memory (MiB), the method's own figure, K, iterations. LABELS gets the labels as u16.
+//! `time_method METHOD FILE TYPE NX,NY,NZ PARAMS [REPEATS [LABELS]]`: METHOD is kmvs, emvs, msvs, msvs+kmvs, hvs, lattice,
+//! lattice-again or refine; the file holds little-endian voxels of TYPE (u8, u16, f32), 1 mm apart; PARAMS is the JSON of the method's
+//! parameters (kmvs weighs places where they say so; hvs takes `classes` beside them, refine the `iso` of the lattice that it
+//! is given). Each run is a call on what lies in memory, with two threads. `lattice` finds the range of values of each brick
+//! in every run, as for a volume seen for the first time; `lattice-again` finds it there. Prints JSON: wall and processor time of each run
+//! (s), peak memory (MiB) and that before the first run; for clusterings the method's own figure, K, iterations; for
+//! lattices what there is of vertices and triangles. LABELS gets the labels as u16.
 
 use std::error::Error;
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
-use ivd_core::{Exec, Grid, Volume, Voxels};
+use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
+use ivd_lattice::extract::{ExtractParams, extract};
+use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_segment::{
     Cut, CutParams, HvsParams, KmvsParams, Segmentation, cut, emvs, hvs_tree, kmvs, kmvs_spatial, msvs,
     msvs_kmvs,
 };
 use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
 
 type Anything<T> = Result<T, Box<dyn Error>>;
-type Method<'a> = Box<dyn Fn(&Exec) -> Anything<Segmentation> + 'a>;
+type Method<'a> = Box<dyn Fn(&Exec) -> Anything<Found> + 'a>;
+
+/// What a run found.
+enum Found {
+    Classes(Segmentation),
+    Surface { vertices: usize, triangles: usize, max_error_mm: f64 },
+}
+
+impl Found {
+    fn surface(lattice: &Lattice) -> Self {
+        Self::Surface {
+            vertices: lattice.keys.len(),
+            triangles: lattice.triangles.len(),
+            max_error_mm: lattice.max_error_mm,
+        }
+    }
+
+    /// Its figures, beside the times.
+    fn figures(&self) -> Value {
+        match self {
+            Self::Classes(found) => json!({
+                "objective": found.objective, "k": found.k, "iterations": found.iterations,
+                "visited_fraction": found.visited_fraction,
+            }),
+            Self::Surface { vertices, triangles, max_error_mm } => {
+                json!({"vertices": vertices, "triangles": triangles, "max_error_mm": max_error_mm})
+            }
+        }
+    }
+}
 
 fn voxels(path: &str, kind: &str) -> Anything<Voxels> {
     let bytes = std::fs::read(path)?;
@@ -39,34 +75,57 @@ fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>
         "kmvs" => {
             let params: KmvsParams = params(text)?;
             Box::new(move |exec| {
-                Ok(if params.spatial_weight > 0.0 {
+                Ok(Found::Classes(if params.spatial_weight > 0.0 {
                     kmvs_spatial(volume, None, &params, exec)?.segmentation
                 } else {
                     kmvs(volume, None, &params, exec)?
-                })
+                }))
             })
         }
         "emvs" => {
             let params = params(text)?;
-            Box::new(move |exec| Ok(emvs(volume, None, &params, exec)?.segmentation))
+            Box::new(move |exec| Ok(Found::Classes(emvs(volume, None, &params, exec)?.segmentation)))
         }
         "msvs" => {
             let params = params(text)?;
-            Box::new(move |exec| Ok(msvs(volume, None, &params, exec)?.segmentation))
+            Box::new(move |exec| Ok(Found::Classes(msvs(volume, None, &params, exec)?.segmentation)))
         }
         "msvs+kmvs" => {
             let params = params(text)?;
-            Box::new(move |exec| Ok(msvs_kmvs(volume, None, &params, exec)?.segmentation))
+            Box::new(move |exec| Ok(Found::Classes(msvs_kmvs(volume, None, &params, exec)?.segmentation)))
         }
         "hvs" => {
-            let mut value: serde_json::Value = serde_json::from_str(text)?;
+            let mut value: Value = serde_json::from_str(text)?;
             let classes = value.as_object_mut().and_then(|o| o.remove("classes")).unwrap_or(4.into());
             let classes = classes.as_u64().ok_or("classes: a whole number is expected")?;
             let params: HvsParams = serde_json::from_value(value)?;
             let classes = CutParams { cut: Cut::Classes(classes as usize), ..CutParams::default() };
-            Box::new(move |exec| Ok(cut(&hvs_tree(volume, None, &params, exec)?.tree, &classes, exec)?))
+            Box::new(move |exec| {
+                Ok(Found::Classes(cut(&hvs_tree(volume, None, &params, exec)?.tree, &classes, exec)?))
+            })
         }
-        _ => return Err(format!("{name}: use kmvs, emvs, msvs, msvs+kmvs or hvs").into()),
+        "lattice" => {
+            let params: ExtractParams = params(text)?;
+            // The voxels are shared, what was found out about them is not.
+            Box::new(move |exec| {
+                let unseen = Volume::new(volume.grid().clone(), volume.voxels().clone())?;
+                Ok(Found::surface(&extract(&unseen, None, &params, exec)?.lattice))
+            })
+        }
+        "lattice-again" => {
+            let params: ExtractParams = params(text)?;
+            volume.bricks();
+            Box::new(move |exec| Ok(Found::surface(&extract(volume, None, &params, exec)?.lattice)))
+        }
+        "refine" => {
+            let mut value: Value = serde_json::from_str(text)?;
+            let iso = value.as_object_mut().and_then(|o| o.remove("iso")).ok_or("iso: it is missing")?;
+            let iso = ExtractParams { iso: serde_json::from_value(iso)? };
+            let params: RefineParams = serde_json::from_value(value)?;
+            let lattice = extract(volume, None, &iso, &Exec::default().with_threads(2))?.lattice;
+            Box::new(move |exec| Ok(Found::surface(&collapse(&lattice, &params, exec)?.lattice)))
+        }
+        _ => return Err(format!("{name}: it is none of the methods").into()),
     })
 }
 
@@ -88,7 +147,7 @@ fn main() -> Anything<()> {
     let run = method(name, text, &volume)?;
     let exec = Exec::default().with_threads(2);
     let before = peak();
-    let (mut times, mut found) = (Vec::new(), None);
+    let (mut times, mut found) = (Vec::new(), None::<Found>);
     for _ in 0..rest.first().map_or(Ok(1), |n| n.parse())? {
         drop(found.take());
         let (wall, processor) = (Instant::now(), ProcessTime::now());
@@ -96,14 +155,12 @@ fn main() -> Anything<()> {
         times.push([wall.elapsed().as_secs_f64(), processor.elapsed().as_secs_f64()]);
     }
     let found = found.ok_or("at least one repeat")?;
-    println!(
-        "{}",
-        serde_json::json!({
-            "times": times, "peak_mib": peak(), "volume_mib": before, "objective": found.objective, "k": found.k,
-            "iterations": found.iterations, "visited_fraction": found.visited_fraction,
-        })
-    );
-    if let Some(path) = rest.get(1) {
+    let mut printed = json!({"times": times, "peak_mib": peak(), "volume_mib": before});
+    if let (Some(printed), Value::Object(figures)) = (printed.as_object_mut(), found.figures()) {
+        printed.extend(figures);
+    }
+    println!("{printed}");
+    if let (Some(path), Found::Classes(found)) = (rest.get(1), &found) {
         std::fs::write(path, found.labels.ids().iter().flat_map(|id| id.to_le_bytes()).collect::<Vec<u8>>())?;
     }
     Ok(())

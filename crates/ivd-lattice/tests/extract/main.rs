@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod awkward;
+mod convergence;
 mod mesh;
 mod parts;
 mod random_fields;
