@@ -22,14 +22,18 @@
 //! **Locks.** A vertex whose triangles aren't one closed fan (on a border, a non-manifold edge or a bow tie) stays.
 
 mod blocks;
+mod decimate;
 mod deviation;
 mod distance;
+mod features;
 mod half_edge;
 mod locks;
 mod mean;
+mod mesh;
 mod numbering;
 mod params;
 mod passes;
+mod patch;
 mod quadric;
 mod queue;
 mod report;
@@ -68,7 +72,9 @@ pub fn refine(
     locks.check(lattice)?;
     match params.method {
         Method::Collapse => collapse_locked(lattice, params, locks, exec),
-        Method::Decimate | Method::Loop | Method::Merge | Method::Sample => Err(unavailable(params.method)),
+        Method::Decimate => decimate::decimate(lattice, params, locks, exec),
+        // Methods that are still to come are called here.
+        Method::Loop | Method::Merge | Method::Sample => Err(unavailable(params.method)),
     }
 }
 
@@ -97,7 +103,7 @@ fn collapse_locked(
 ) -> Result<Refined, Error> {
     exec.check_memory("the surface to be refined", bytes_for(lattice))?;
     exec.run(|| {
-        let mut surface = Surface::new(lattice, locks);
+        let mut surface = Surface::new(lattice, locks, params.feature_degrees);
         let run = passes::run(&mut surface, params, exec)?;
         exec.check_cancelled()?;
         let mean_error_mm = mean::mean_distance(&surface);
