@@ -91,6 +91,27 @@ impl Mesh {
         self.stars[a as usize].iter().any(|&t| self.triangles[t as usize].contains(&b))
     }
 
+    /// Triangles round a vertex.
+    pub(super) fn star_of(&self, v: u32) -> &[u32] {
+        &self.stars[v as usize]
+    }
+
+    /// Vertices left, ascending.
+    pub(super) fn left(&self) -> Vec<u32> {
+        (0..self.onto.len() as u32).filter(|&v| self.onto[v as usize] == v).collect()
+    }
+
+    /// The link condition (Dey et al. 1999) for a collapse of `u` onto `y`: they share the two neighbours of their edge
+    /// and no other, and `u` is no corner of a tetrahedron.
+    ///
+    /// - `ring`: neighbours of `u` in order, `y` first.
+    pub(super) fn links(&self, [u, y]: [u32; 2], ring: &[u32]) -> bool {
+        if ring.len() == 3 && self.has_triangle([ring[0], ring[1], ring[2]], u) {
+            return false;
+        }
+        ring[1..].iter().filter(|&&r| self.has_edge(y, r)).count() == 2
+    }
+
     /// Whether a triangle joins three vertices that a given vertex has no part in.
     pub(super) fn has_triangle(&self, [a, b, c]: [u32; 3], without: u32) -> bool {
         self.stars[a as usize].iter().any(|&t| {
@@ -139,7 +160,7 @@ impl Mesh {
         passes: u32,
     ) -> Outcome {
         Outcome {
-            kept: (0..self.onto.len() as u32).filter(|&v| self.onto[v as usize] == v).collect(),
+            kept: self.left(),
             triangles: self.triangles.iter().copied().filter(|t| *t != GONE).collect(),
             max_error_mm: self.max_bound(),
             mean_error_mm,

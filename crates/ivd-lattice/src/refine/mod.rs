@@ -22,6 +22,7 @@
 //! **Locks.** A vertex whose triangles aren't one closed fan (on a border, a non-manifold edge or a bow tie) stays.
 
 mod blocks;
+mod chain;
 mod decimate;
 mod deviation;
 mod distance;
@@ -38,16 +39,20 @@ mod quadric;
 mod queue;
 mod report;
 mod shared;
+mod slivers;
 mod star;
 mod surface;
+mod topology;
 
 use ivd_core::{Exec, Lattice, ParamError};
 
 use crate::Error;
+pub use chain::{Chain, Coarser, chain};
 pub use locks::{Locks, vertices_within};
 pub use params::{Method, RefineParams, Target};
 use report::Outcome;
 pub use report::{Reached, Refined, Refused, StoppedBy};
+pub(crate) use slivers::{Slivers, WithoutSlivers};
 use surface::Surface;
 
 /// Refines a lattice by the method that the parameters name.
@@ -104,7 +109,10 @@ fn collapse_locked(
     exec.check_memory("the surface to be refined", bytes_for(lattice))?;
     exec.run(|| {
         let mut surface = Surface::new(lattice, locks, params.feature_degrees);
-        let run = passes::run(&mut surface, params, exec)?;
+        let mut run = passes::run(&mut surface, params, exec)?;
+        if params.allow_topology && run.stopped_by != StoppedBy::Target {
+            run = topology::run(&mut surface, params, lattice.triangles.len(), run, exec)?;
+        }
         exec.check_cancelled()?;
         let mean_error_mm = mean::mean_distance(&surface);
         exec.check_cancelled()?;

@@ -1,9 +1,12 @@
 //! Refinement of extracted lattices: what must hold whatever is refined, and however far.
 
+mod chain;
 mod decimate;
 mod kept;
 mod lattices;
+mod repair;
 mod sampled;
+mod topology;
 
 use ivd_core::{Exec, Grid, Lattice};
 use ivd_lattice::figures::measure;
