@@ -10,7 +10,11 @@
 //! the largest aspect ratio (least distance of a vertex from the plane as a share of the split's length) is taken; the
 //! parts are split in turn. A split along an edge that exists elsewhere would pinch the surface and is none. A vertex
 //! whose loop can't be split so stays, until something changes round it; so does one whose new triangles turn too far
-//! from the old ones beside the same border, or have no area.
+//! from the old ones beside the same border, or have no area. When no other can go, such a loop is filled as a fan from
+//! one of its vertices, as a half-edge collapse does.
+//!
+//! **Order.** On a saddle the average plane passes through the vertex, however far off its neighbours are. So a vertex whose
+//! removal leads to a bound of more than [`BOUND_FACTOR`] times its distance waits as if that share of the bound were it.
 //!
 //! **Error.** [`Patch`] bounds each step both ways; bounds add up along a chain of steps as those of a collapse do.
 //!
@@ -35,6 +39,8 @@ use crate::Error;
 
 /// Least aspect ratio of a split. Below a tenth more vertices can go, and slivers come of it.
 const LEAST_ASPECT: f64 = 0.05;
+/// Bound that a removal may lead to, in distances from the average plane.
+const BOUND_FACTOR: f64 = 4.0;
 /// Splits tried for one vertex: a part that can't be split sends the search back, and loops of 48 have thousands of ways.
 const TRIES: u32 = 256;
 /// Vertices between two looks at whether to stop.
@@ -58,6 +64,7 @@ pub(super) fn decimate(
             mesh,
             turn_cosine: params.max_turn_degrees.to_radians().cos(),
             bound,
+            fans: false,
             queue: BinaryHeap::new(),
             fan: Fan::new(),
             hole: Hole::default(),
@@ -72,7 +79,7 @@ pub(super) fn decimate(
     })
 }
 
-/// Squared distance as bits, vertex, stamp: an entry whose stamp isn't the vertex's is out of date.
+/// Distance as bits, vertex, stamp: an entry whose stamp isn't the vertex's is out of date.
 type Entry = Reverse<(u64, u32, u32)>;
 
 struct Decimation {
@@ -80,6 +87,8 @@ struct Decimation {
     turn_cosine: f64,
     /// Largest bound allowed (mm).
     bound: f64,
+    /// Whether a loop that can't be split is filled as a fan.
+    fans: bool,
     queue: BinaryHeap<Entry>,
     /// How often each vertex has been queued; a vertex that may not go has the largest.
     stamps: Vec<u32>,
@@ -93,7 +102,7 @@ const KEPT: u32 = u32::MAX;
 
 impl Decimation {
     /// Removes at most `removals` vertices. A vertex that was refused is tried again when something changes round it, and
-    /// once more when the queue is empty: what is refused at the end can't go.
+    /// once more when the queue is empty, at last by fans too: what is refused at the end can't go.
     fn run(&mut self, removals: usize, exec: &Exec) -> Result<(StoppedBy, Refused, u32), Error> {
         let free = std::mem::take(&mut self.mesh.free);
         self.stamps.fill(KEPT);
@@ -110,7 +119,7 @@ impl Decimation {
             }
             let mut looked = 0_usize;
             while removed < removals
-                && let Some(Reverse((_, v, stamp))) = self.queue.pop()
+                && let Some(Reverse((key, v, stamp))) = self.queue.pop()
             {
                 if stamp != self.stamps[v as usize] {
                     continue;
@@ -119,15 +128,19 @@ impl Decimation {
                     exec.check_cancelled()?;
                 }
                 looked += 1;
-                match self.remove(v) {
+                match self.remove(v, f64::from_bits(key)) {
                     Ok(()) => removed += 1,
+                    Err(Refusal::Bound(bound)) if f64::from(bound) <= self.bound => {
+                        let later = f64::from(bound) / BOUND_FACTOR;
+                        self.queue.push(Reverse((later.to_bits(), v, stamp)));
+                    }
                     Err(refusal) => refused.count(refusal),
                 }
             }
             exec.observer().advance(TASK, (removed - before) as u64);
             let value = (self.mesh.triangles.len() - 2 * removed) as f64;
             exec.observer().iteration(Iteration { method: TASK, index: u64::from(passes), value });
-            if removed == before {
+            if removed == before && std::mem::replace(&mut self.fans, true) {
                 break;
             }
         }
@@ -169,8 +182,9 @@ impl Decimation {
         }
     }
 
-    /// Removes a vertex if its hole can be closed.
-    fn remove(&mut self, v: u32) -> Result<(), Refusal> {
+    /// Removes a vertex if its hole can be closed. A bound that is too large for the vertex's place in the queue (mm) is
+    /// a refusal too.
+    fn remove(&mut self, v: u32, place: f64) -> Result<(), Refusal> {
         if !self.mesh.read(v, &mut self.fan) {
             return Err(Refusal::Link);
         }
@@ -185,21 +199,28 @@ impl Decimation {
             _ => None,
         };
         self.hole.begin(from, fan.places(), self.turn_cosine);
-        match crease {
+        let ends = match crease {
             Some([Some(a), Some(b)]) => {
                 let adjacent = mesh.has_edge(ring[a], ring[b]);
                 if !mesh.features.may_join([ring[a], ring[b]], adjacent) {
                     return Err(Refusal::Feature);
                 }
-                self.hole.fill_both(mesh, fan, [a.min(b), a.max(b)])?;
+                Some([a.min(b), a.max(b)])
             }
             Some(_) => return Err(Refusal::Feature),
-            None => self.hole.fill(mesh, fan, (0..ring.len() as u8).collect())?,
+            None => None,
+        };
+        if let Err(refusal) = self.hole.split(mesh, fan, ends) {
+            let filled = self.fans && self.hole.fill_by_fan(mesh, fan, ends, from);
+            if !filled {
+                return Err(refusal);
+            }
         }
         let old: Vec<f32> = fan.triangles().iter().map(|&t| mesh.bounds[t as usize]).collect();
         let bounds = self.patch.bounds_after(from, fan.places(), &self.hole.triangles, &old);
         let largest = bounds.iter().copied().fold(0.0, f32::max);
-        if f64::from(largest) > self.bound {
+        // Rounded as the key is: a vertex that waited for its bound has it now.
+        if f64::from(largest) > self.bound || f64::from(largest) / BOUND_FACTOR > place {
             return Err(Refusal::Bound(largest));
         }
         let off = |i: &usize| (fan.places()[*i] - from).norm_squared();
@@ -238,9 +259,10 @@ impl Hole {
         self.triangles.clear();
     }
 
-    /// Fills the loop on either side of a crease between two of its places.
-    fn fill_both(&mut self, mesh: &Mesh, fan: &Fan, [a, b]: [usize; 2]) -> Result<(), Refusal> {
+    /// Fills the loop by splitting it, first along the crease between two of its places, if there is one.
+    fn split(&mut self, mesh: &Mesh, fan: &Fan, ends: Option<[usize; 2]>) -> Result<(), Refusal> {
         let k = fan.ring().len();
+        let Some([a, b]) = ends else { return self.fill(mesh, fan, (0..k as u8).collect()) };
         let one: Vec<u8> = (a..=b).map(|i| i as u8).collect();
         let other: Vec<u8> = (b..=a + k).map(|i| (i % k) as u8).collect();
         if one.len() == 2 || other.len() == 2 {
@@ -252,6 +274,28 @@ impl Hole {
         }
         self.fill(mesh, fan, one)?;
         self.fill(mesh, fan, other)
+    }
+
+    /// Fills the loop as a fan from its vertex nearest to the one that goes, if it may be that, or else from the next; from
+    /// an end of the crease, if there is one.
+    fn fill_by_fan(&mut self, mesh: &Mesh, fan: &Fan, ends: Option<[usize; 2]>, from: &Vector3<f64>) -> bool {
+        let k = self.places.len();
+        let mut hubs: Vec<usize> = ends.map_or_else(|| (0..k).collect(), Vec::from);
+        hubs.sort_by(|&i, &j| {
+            let off = |at: usize| (self.places[at] - from).norm_squared();
+            off(i).total_cmp(&off(j))
+        });
+        for hub in hubs {
+            let at = |step: usize| ((hub + step) % k) as u8;
+            let pinched = (2..k - 1).any(|i| mesh.has_edge(fan.ring()[hub], fan.ring()[at(i) as usize]));
+            self.triangles.clear();
+            self.triangles.extend((1..k - 1).map(|i| [at(0), at(i), at(i + 1)]));
+            // Every triangle of a fan has a side on the border.
+            if !pinched && self.triangles.iter().all(|t| self.is_well(*t, &Vector3::zeros())) {
+                return true;
+            }
+        }
+        false
     }
 
     /// Fills a loop, or says what speaks against it.

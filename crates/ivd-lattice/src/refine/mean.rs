@@ -21,13 +21,15 @@ pub(super) trait Refining: Sync {
     fn corners(&self, t: u32) -> [u32; 3];
     /// The vertex left near which a vertex was removed; itself where it is left.
     fn end_of(&self, v: usize) -> usize;
+    /// How often the search for the nearest triangle goes on from the corners of the nearest so far, at most.
+    const STEPS: usize;
 }
 
 /// Mean distance (mm) of the input's vertices from the refined surface, each weighted by the area round it; of a large
 /// surface every n-th vertex stands for all.
 ///
 /// A removed vertex is measured against the triangles round the vertex that it ended on, and then round the other corners
-/// of the nearest of them: never less than its distance from the whole surface, and rarely more.
+/// of the nearest of them, and so on for as many steps as the surface says: never less than its distance from the whole surface, and rarely more.
 pub(super) fn mean_distance(surface: &impl Refining) -> f64 {
     mean_of(surface, surface.areas().len().div_ceil(SAMPLES).max(1))
 }
@@ -51,12 +53,18 @@ fn mean_of(surface: &impl Refining, step: usize) -> f64 {
     if area > 0.0 { sum / area } else { 0.0 }
 }
 
-fn distance_near(surface: &impl Refining, p: &Vector3<f64>, vertex: usize) -> f64 {
+fn distance_near<S: Refining>(surface: &S, p: &Vector3<f64>, vertex: usize) -> f64 {
     let mut best = (f64::INFINITY, 0);
     nearest_round(surface, p, vertex, &mut best);
-    for corner in surface.corners(best.1) {
-        if corner as usize != vertex {
-            nearest_round(surface, p, corner as usize, &mut best);
+    for _ in 0..S::STEPS {
+        let last = best;
+        for corner in surface.corners(last.1) {
+            if corner as usize != vertex {
+                nearest_round(surface, p, corner as usize, &mut best);
+            }
+        }
+        if best.0 >= last.0 {
+            break;
         }
     }
     best.0.sqrt()

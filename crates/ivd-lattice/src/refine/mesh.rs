@@ -172,6 +172,9 @@ impl Mesh {
 }
 
 impl Refining for Mesh {
+    /// What a hole is filled with may lie far from the vertex that stands for it.
+    const STEPS: usize = 64;
+
     fn positions(&self) -> &[Vector3<f64>] {
         &self.positions
     }

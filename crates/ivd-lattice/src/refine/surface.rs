@@ -169,6 +169,8 @@ impl Surface {
 }
 
 impl Refining for Surface {
+    const STEPS: usize = 1;
+
     fn positions(&self) -> &[Vector3<f64>] {
         &self.positions
     }

@@ -26,15 +26,15 @@ fn locked_vertices_stay_and_nothing_else_is_kept_for_them() {
     let locked = vertices_within(&torus, torus.world(100), 5.0);
     assert!(locked.len() > 40 && locked.contains(&100));
     for method in METHODS {
-        let out = run(&torus, &params(method, Target::Ratio(0.1)), &locked);
+        let out = run(&torus, &params(method, Target::Ratio(0.25)), &locked);
         assert_sound(&torus, &out);
         assert_bounded(&torus, &out);
         assert_eq!(out.reached.stopped_by, StoppedBy::Target);
         assert!(locked.iter().all(|&v| out.lattice.vertex_at(torus.keys[v as usize]).is_some()));
-        let free = run(&torus, &params(method, Target::Ratio(0.1)), &[]);
+        let free = run(&torus, &params(method, Target::Ratio(0.25)), &[]);
         assert!(locked.iter().any(|&v| free.lattice.vertex_at(torus.keys[v as usize]).is_none()));
         let all: Vec<u32> = (0..torus.keys.len() as u32).rev().collect();
-        let out = run(&torus, &params(method, Target::Ratio(0.1)), &all);
+        let out = run(&torus, &params(method, Target::Ratio(0.25)), &all);
         assert_eq!((out.lattice, out.reached.stopped_by), (torus.clone(), StoppedBy::Locks));
     }
     let none = torus.keys.len() as u32;
@@ -209,7 +209,7 @@ fn far_thick_slanted_and_mirrored_grids_lose_nothing() {
 fn costs_that_are_all_the_same_give_the_same_bytes_for_any_number_of_threads() {
     // Flat faces: every cost on them is 0 but for the shape.
     let block =
-        lattices::cut(lattices::cube(72), |p| f64::from(u8::from(p.iter().all(|c| (4.0..68.0).contains(c)))));
+        lattices::cut(lattices::cube(40), |p| f64::from(u8::from(p.iter().all(|c| (4.0..36.0).contains(c)))));
     for method in METHODS {
         for feature_degrees in [None, Some(30.0)] {
             let params =

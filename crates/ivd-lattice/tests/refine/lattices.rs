@@ -92,7 +92,7 @@ pub(crate) fn random(seed: u64) -> Lattice {
     at(&Volume::new(grid, Voxels::from(voxels)).expect("one value a voxel"), iso)
 }
 
-/// A ball-like cube with square tunnels along all three axes: genus in the hundreds from 30 voxels on.
+/// A cube with square tunnels along all three axes: genus 325 at 30 voxels.
 pub(crate) fn sponge(n: usize) -> Lattice {
     cut(cube(n), |p| {
         let inside = p.iter().all(|&c| c >= 1.0 && c < n as f64 - 1.0);
