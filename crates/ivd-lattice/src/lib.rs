@@ -3,6 +3,7 @@
 //! - [`extract`] cuts a [`Lattice`](ivd_core::Lattice) out of a volume: marching cubes whose result is a closed
 //!   2-manifold for any field.
 //! - [`refine`] keeps a subset of its vertices.
+//! - [`repair`] removes small components and slivers of it.
 //! - [`figures`] counts what can be counted about a mesh: edges, components, Euler characteristic, defects.
 //! - [`formats`] writes it for other programs, and reads their meshes.
 //! - [`foreign`] makes a lattice of another program's mesh.
@@ -14,5 +15,6 @@ pub mod figures;
 pub mod foreign;
 pub mod formats;
 pub mod refine;
+pub mod repair;
 
 pub use error::Error;
