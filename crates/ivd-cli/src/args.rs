@@ -187,6 +187,15 @@ pub(crate) enum Command {
         /// Several labels at once, whose lattices meet without gaps: ids by priority, or `all`; the output is a folder.
         #[arg(long, value_name = "ID,ID…|all", conflicts_with_all = ["class", "mask", "iso"], requires = "labels")]
         parts: Option<String>,
+        /// A closed mesh of another program (.ply, .obj, .stl, .glb, .vtp) to take for the lattice.
+        #[arg(long, value_name = "FILE", conflicts_with_all = ["labels", "class", "mask", "iso", "parts"])]
+        mesh: Option<PathBuf>,
+        /// Vertices of the mesh no further apart than this are one.
+        #[arg(long, value_name = "MM", requires = "mesh", allow_hyphen_values = true)]
+        weld: Option<f64>,
+        /// Take a mesh that isn't closed; its inside has no meaning then.
+        #[arg(long, requires = "mesh")]
+        allow_open: bool,
         #[command(flatten)]
         output: Output,
     },
@@ -194,7 +203,7 @@ pub(crate) enum Command {
     Refine {
         /// Lattice artefact.
         lattice: PathBuf,
-        /// collapse.
+        /// collapse, decimate, loop, merge or sample.
         #[arg(long)]
         method: Option<String>,
         /// Keep about a quarter of the vertices per level.
@@ -206,6 +215,21 @@ pub(crate) enum Command {
         /// Stay within this distance (mm).
         #[arg(long, group = "target", value_name = "MM", allow_hyphen_values = true)]
         max_error: Option<f64>,
+        /// Keep this many triangles.
+        #[arg(long, group = "target")]
+        count: Option<usize>,
+        /// Handles and tunnels may close where nothing else can go; the result need not be a manifold there.
+        #[arg(long)]
+        allow_topology: bool,
+        /// Keep edges where the surface turns by more than this.
+        #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
+        feature_degrees: Option<f64>,
+        /// Place whose vertices stay: `pick=x,y,z;radius=r` (mm).
+        #[arg(long, value_name = "PLACE")]
+        lock: Vec<FixSection>,
+        /// Components of fewer triangles go before anything else.
+        #[arg(long, value_name = "TRIANGLES")]
+        min_component: Option<u32>,
         #[command(flatten)]
         output: Output,
     },
@@ -323,6 +347,12 @@ pub(crate) enum Command {
     Info {
         /// Artefact or volume file.
         file: PathBuf,
+        /// Of a lattice: which voxel this vertex belongs to, and where it is.
+        #[arg(long, value_name = "N")]
+        vertex: Vec<u32>,
+        /// Of a lattice: the vertices that this voxel has.
+        #[arg(long, value_name = "X,Y,Z", value_parser = parse::voxel, allow_hyphen_values = true)]
+        voxel: Vec<[i64; 3]>,
     },
     /// The error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice.
     Compare {

@@ -33,6 +33,16 @@ pub(crate) fn dims(text: &str) -> Result<[usize; 3], String> {
     parts.try_into().map_err(|_| format!("`{text}`: write three counts, X,Y,Z"))
 }
 
+/// `X,Y,Z`, a voxel; −1 and n are the border layer.
+pub(crate) fn voxel(text: &str) -> Result<[i64; 3], String> {
+    let parts: Vec<i64> = text
+        .split(',')
+        .map(|p| p.trim().parse::<i64>())
+        .collect::<Result<_, _>>()
+        .map_err(|e| format!("`{text}`: {e}; write X,Y,Z"))?;
+    parts.try_into().map_err(|_| format!("`{text}`: write three voxel numbers, X,Y,Z"))
+}
+
 /// `WxH` pixels.
 pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
     let (w, h) = text.split_once(['x', ',']).ok_or_else(|| format!("`{text}`: write WxH"))?;

@@ -2,15 +2,25 @@
 
 use std::path::Path;
 
-use ivd_artefact::Cache;
+use ivd_artefact::{Artefact, Cache};
 use ivd_pipeline::describe;
 use serde_json::{Value, json};
 
 use super::volume::volume_or_artefact;
 use crate::context::Context;
+use crate::exit::Failure;
 
-/// Tells what a file holds.
-pub(super) fn run(file: &Path, context: &Context) -> anyhow::Result<()> {
+/// Tells what a file holds, or of a lattice where vertices and voxels belong.
+pub(super) fn run(
+    file: &Path,
+    vertices: &[u32],
+    voxels: &[[i64; 3]],
+    context: &Context,
+) -> anyhow::Result<()> {
+    if !(vertices.is_empty() && voxels.is_empty()) {
+        let object = relation(file, vertices, voxels, context)?;
+        return context.print(&object, || lines("", &object).join("\n"));
+    }
     let mut object = if file.is_file() && ivd_artefact::is_artefact(file) {
         artefact(file, context)?
     } else {
@@ -20,6 +30,45 @@ pub(super) fn run(file: &Path, context: &Context) -> anyhow::Result<()> {
         map.insert("path".to_owned(), json!(file));
     }
     context.print(&object, || lines("", &object).join("\n"))
+}
+
+/// The lattice's index relation: from vertices to their voxels, and back.
+fn relation(file: &Path, vertices: &[u32], voxels: &[[i64; 3]], context: &Context) -> anyhow::Result<Value> {
+    let input = context.artefact(file)?;
+    let Artefact::Lattice(lattice) = &*input.artefact else {
+        let kind = input.artefact.kind().name();
+        let problem = format!("{}: a {kind} artefact; --vertex and --voxel are of a lattice", file.display());
+        return Err(Failure::usage(problem));
+    };
+    let count = lattice.keys.len();
+    if let Some(beyond) = vertices.iter().find(|&&v| v as usize >= count) {
+        let problem = format!("--vertex {beyond}: {} has vertices 0 to {}", file.display(), count as i64 - 1);
+        return Err(Failure::usage(problem));
+    }
+    let dims = lattice.grid.dims();
+    let padded = |voxel: &[i64; 3]| (0..3).all(|a| (-1..=dims[a] as i64).contains(&voxel[a]));
+    if let Some(beyond) = voxels.iter().find(|voxel| !padded(voxel)) {
+        let problem =
+            format!("--voxel {beyond:?}: the grid has {dims:?} voxels, and a border layer at −1 and n");
+        return Err(Failure::usage(problem));
+    }
+    let described = |v: u32| {
+        let d = lattice.describe(v);
+        json!({
+            "vertex": d.vertex, "voxel": d.voxel, "element": d.element, "place": d.place,
+            "world": <[f64; 3]>::from(d.world.0), "voxels": d.voxels,
+        })
+    };
+    let of_voxel = |voxel: &[i64; 3]| {
+        let starting: Vec<Value> = lattice.vertices_of_voxel(*voxel).map(described).collect();
+        json!({ "voxel": voxel, "vertices": starting, "vertices_round": lattice.vertices_round_voxel(*voxel) })
+    };
+    Ok(json!({
+        "path": file,
+        "kind": "lattice",
+        "vertices": vertices.iter().map(|&v| described(v)).collect::<Vec<_>>(),
+        "voxels": voxels.iter().map(of_voxel).collect::<Vec<_>>(),
+    }))
 }
 
 fn artefact(file: &Path, context: &Context) -> anyhow::Result<Value> {

@@ -40,7 +40,7 @@ pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
             volume::phantom(params, truth.as_deref(), &output.path, context)
         }
         Command::Export { artefact, output } => volume::export(&artefact, &output, context),
-        Command::Info { file } => info::run(&file, context),
+        Command::Info { file, vertex, voxel } => info::run(&file, &vertex, &voxel, context),
         Command::Compare { a, b } => compare::run(&a, &b, context),
         Command::Bench(args) => bench::run(&args, context),
         Command::Doctor => doctor::run(context),

@@ -3,11 +3,14 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
+use ivd_lattice::foreign::ForeignParams;
 use ivd_pipeline::scene::{
     AtfSection, BoundarySection, DeformSection, LatticeSection, MapSection, OctreeSection, RefineSection,
     RenderSection, WarpSection,
 };
-use ivd_pipeline::stages::{Atf, Boundary, Deform, Lattice, Map, Octree, Refine, Render, Warp};
+use ivd_pipeline::stages::{
+    Atf, Boundary, Deform, ForeignLattice, Lattice, Map, Octree, Refine, Render, Warp,
+};
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 use toml::Value;
 
@@ -75,6 +78,13 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             let files = vec![("volume", Some(volume.as_path())), ("labels", labels.as_deref())];
             Job { stage: Box::new(Boundary::from_section(&section, None)), files, output: &output.path }
         }
+        Command::Lattice { volume, mesh: Some(mesh), weld, allow_open, output, .. } => {
+            let weld = weld.unwrap_or(ForeignParams::default().weld);
+            let params = ForeignParams { weld, allow_open: *allow_open };
+            let stage = ForeignLattice { path: mesh.clone(), params };
+            let files = vec![("volume", Some(volume.as_path()))];
+            Job { stage: Box::new(stage), files, output: &output.path }
+        }
         Command::Lattice { volume, labels, class, mask, iso, output, .. } => {
             let section: LatticeSection = section(params, Words::default().0)?;
             let stage = Lattice { iso: iso.unwrap_or(section.iso), class: *class };
@@ -85,13 +95,30 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             ];
             Job { stage: Box::new(stage), files, output: &output.path }
         }
-        Command::Refine { lattice, method, level, ratio, max_error, output } => {
+        Command::Refine {
+            lattice,
+            method,
+            level,
+            ratio,
+            max_error,
+            count,
+            allow_topology,
+            feature_degrees,
+            lock,
+            min_component,
+            output,
+        } => {
             let words = Words::default()
                 .with("method", method.clone())
                 .with("level", level.map(i64::from))
                 .with("ratio", *ratio)
-                .with("max_error", *max_error);
-            let section: RefineSection = section(params, words.0)?;
+                .with("count", count.map(|n| n as i64))
+                .with("max_error", *max_error)
+                .with("allow_topology", allow_topology.then_some(true))
+                .with("feature_degrees", *feature_degrees)
+                .with("min_component", min_component.map(i64::from));
+            let mut section: RefineSection = section(params, words.0)?;
+            section.lock.extend(lock.iter().cloned());
             let files = vec![("lattice", Some(lattice.as_path()))];
             Job { stage: Box::new(Refine::from_section(&section)?), files, output: &output.path }
         }

@@ -3,6 +3,7 @@
 mod atf;
 mod boundary;
 mod deform;
+mod foreign;
 mod import;
 mod lattice;
 mod map;
@@ -16,6 +17,7 @@ mod warp;
 pub use atf::Atf;
 pub use boundary::Boundary;
 pub use deform::Deform;
+pub use foreign::ForeignLattice;
 pub use import::{Import, ImportLabels, ImportSource};
 pub use lattice::Lattice;
 pub use map::Map;

@@ -2,7 +2,7 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ivd_artefact::{Artefact, Kind};
-use ivd_core::{BRICK, BrickIndex, Exec};
+use ivd_core::{BRICK, BrickIndex, ElementKey, Exec, Lattice};
 use ivd_lattice::extract::{Part, extract_parts};
 use ivd_lattice::figures;
 use serde_json::{Value, json};
@@ -65,11 +65,20 @@ impl Stage for PartLattice {
         drop(cut);
         exec.check_cancelled()?;
         let f = exec.run(|| figures::measure(&lattice));
-        let dims = lattice.grid.dims();
-        let brick = |i: usize| lattice.keys[i].voxel(dims).map(|v| v.div_euclid(BRICK as i64));
-        let active: BTreeSet<[i64; 3]> = (0..lattice.keys.len()).map(brick).collect();
-        let total = BrickIndex::dims_for(dims).map(|n| n as u64).iter().product();
-        let metrics = super::lattice::metrics(&f, active.len() as u64, total);
+        let (active, total) = bricks(&lattice);
+        let metrics = super::lattice::metrics(&f, active, total);
         Ok(Product::new(Artefact::Lattice(lattice), metrics))
     }
+}
+
+/// Bricks that hold vertices of a lattice, the border layer's among those next to it, and bricks of its grid.
+pub(super) fn bricks(lattice: &Lattice) -> (u64, u64) {
+    let dims = lattice.grid.dims();
+    let brick = |key: &ElementKey| {
+        let voxel = key.voxel(dims);
+        let within: [usize; 3] = std::array::from_fn(|a| voxel[a].clamp(0, dims[a] as i64 - 1) as usize);
+        within.map(|v| v / BRICK)
+    };
+    let active: BTreeSet<[usize; 3]> = lattice.keys.iter().map(brick).collect();
+    (active.len() as u64, BrickIndex::dims_for(dims).map(|n| n as u64).iter().product())
 }

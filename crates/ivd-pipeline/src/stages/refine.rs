@@ -1,11 +1,13 @@
 use ivd_artefact::{Artefact, Kind};
-use ivd_core::Exec;
+use ivd_core::{Exec, Lattice, World};
 use ivd_lattice::figures;
-use ivd_lattice::refine::{Method, RefineParams, Target};
+use ivd_lattice::refine::{Locks, Method, RefineParams, Target, refine, vertices_within};
+use ivd_lattice::repair::{RepairParams, repair};
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
-use crate::scene::{RefineMethod, RefineSection};
+use crate::scene::{FixSection, RefineMethod, RefineSection};
 use crate::{Error, Inputs, Product, Slot, Stage};
 
 /// Simplifies a lattice without a new vertex.
@@ -13,32 +15,64 @@ use crate::{Error, Inputs, Product, Slot, Stage};
 pub struct Refine {
     /// Method and target.
     pub params: RefineParams,
+    /// Places whose vertices stay.
+    pub locks: Vec<FixSection>,
+    /// What goes before.
+    pub repair: RepairParams,
 }
 
 impl Refine {
     /// The stage that a scene's section asks for.
     ///
     /// # Errors
-    /// Where more than one target is given.
+    /// Where more than one target is given, or a lock's radius is no length.
     pub fn from_section(section: &RefineSection) -> Result<Self, Error> {
-        let target = match (section.level, section.ratio, section.max_error) {
-            (None, None, None) => Target::Level(2),
-            (Some(level), None, None) => Target::Level(level),
-            (None, Some(ratio), None) => Target::Ratio(ratio),
-            (None, None, Some(error)) => Target::MaxError(error),
-            _ => return Err(Error::usage("refine", "give one of level, ratio and max_error, not several")),
+        let target = match (section.level, section.ratio, section.count, section.max_error) {
+            (None, None, None, None) => Target::Level(2),
+            (Some(level), None, None, None) => Target::Level(level),
+            (None, Some(ratio), None, None) => Target::Ratio(ratio),
+            (None, None, Some(count), None) => Target::Count(count),
+            (None, None, None, Some(error)) => Target::MaxError(error),
+            _ => {
+                let problem = "give one of level, ratio, count and max_error, not several";
+                return Err(Error::usage("refine", problem));
+            }
         };
         let method = match section.method {
             RefineMethod::Collapse => Method::Collapse,
+            RefineMethod::Decimate => Method::Decimate,
+            RefineMethod::Loop => Method::Loop,
+            RefineMethod::Merge => Method::Merge,
+            RefineMethod::Sample => Method::Sample,
         };
+        let is_place = |lock: &FixSection| {
+            lock.pick.iter().all(|c| c.is_finite()) && lock.radius.is_finite() && lock.radius >= 0.0
+        };
+        if let Some(lock) = section.lock.iter().find(|lock| !is_place(lock)) {
+            let problem =
+                format!("lock: {:?} with radius {}: give finite numbers, radius ≥ 0", lock.pick, lock.radius);
+            return Err(Error::usage("refine", problem));
+        }
         let params = RefineParams {
             method,
             target,
             max_turn_degrees: section.max_turn_degrees,
             shape_weight: section.shape_weight,
-            ..RefineParams::default()
+            allow_topology: section.allow_topology,
+            feature_degrees: section.feature_degrees,
         };
-        Ok(Self { params })
+        let repair = RepairParams { min_triangles: section.min_component, ..RepairParams::default() };
+        Ok(Self { params, locks: section.lock.clone(), repair })
+    }
+
+    /// Vertices that stay, ascending.
+    fn locked(&self, lattice: &Lattice, exec: &Exec) -> Vec<u32> {
+        let within =
+            |lock: &FixSection| vertices_within(lattice, World(Vector3::from(lock.pick)), lock.radius);
+        let mut locked: Vec<u32> = exec.run(|| self.locks.iter().flat_map(within).collect());
+        locked.sort_unstable();
+        locked.dedup();
+        locked
     }
 }
 
@@ -48,7 +82,7 @@ impl Stage for Refine {
     }
 
     fn revision(&self) -> u32 {
-        3
+        4
     }
 
     fn inputs(&self) -> &'static [Slot] {
@@ -60,27 +94,42 @@ impl Stage for Refine {
     }
 
     fn params(&self) -> Value {
-        super::json(&self.params)
+        let mut params = super::json(&self.params);
+        params["lock"] = super::json(&self.locks);
+        params["min_component"] = json!(self.repair.min_triangles);
+        params
     }
 
     fn accuracy_knobs(&self) -> &'static [&'static str] {
-        &["level", "ratio", "max_error"]
+        &["level", "ratio", "count", "max_error"]
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let lattice = inputs.lattice("lattice").expect("checked by the runner");
+        let repaired = if self.repair == RepairParams::default() {
+            None
+        } else {
+            Some(repair(lattice, &self.repair, exec).map_err(stage_error!("refine"))?)
+        };
+        let sound = repaired.as_ref().map_or(lattice, |repaired| &repaired.lattice);
+        let locked = self.locked(sound, exec);
         let refined =
-            ivd_lattice::refine::collapse(lattice, &self.params, exec).map_err(stage_error!("refine"))?;
+            refine(sound, &self.params, Locks { vertices: &locked }, exec).map_err(stage_error!("refine"))?;
         exec.check_cancelled()?;
         let f = exec.run(|| figures::measure(&refined.lattice));
         let metrics = json!({
-            "vertices_in": refined.vertices_in,
+            "vertices_in": lattice.keys.len(),
             "vertices": f.vertices,
             "triangles": f.triangles,
             "max_error_mm": refined.max_error_mm,
             "mean_error_mm": refined.mean_error_mm,
             "boundary_edges": f.boundary_edges,
             "non_manifold_edges": f.non_manifold_edges,
+            "bow_tie_vertices": f.bow_tie_vertices,
+            "euler": f.euler,
+            "components": f.components,
+            "components_removed": repaired.as_ref().map_or(0, |r| r.done.components_removed),
+            "locked": locked.len(),
             "subset": is_subset(&refined.lattice, lattice),
             "level": refined.lattice.level,
             "reached": super::json(&refined.reached),
@@ -90,7 +139,7 @@ impl Stage for Refine {
 }
 
 /// Whether every vertex of `part` is one of `whole`, address and place alike. Both lists ascend by address.
-fn is_subset(part: &ivd_core::Lattice, whole: &ivd_core::Lattice) -> bool {
+fn is_subset(part: &Lattice, whole: &Lattice) -> bool {
     let mut at = 0;
     part.keys.iter().zip(&part.places).all(|(key, place)| {
         while at < whole.keys.len() && whole.keys[at] < *key {

@@ -1,6 +1,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::FixSection;
+
 /// Where the lattice is cut: a value, or the word "boundary".
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -50,9 +52,17 @@ pub enum RefineMethod {
     /// Half-edge collapse by quadrics.
     #[default]
     Collapse,
+    /// Vertex removal by distance to the average plane.
+    Decimate,
+    /// Subdivision after Loop, backwards.
+    Loop,
+    /// Vertex clustering onto a member.
+    Merge,
+    /// Marching cubes at a coarser rate; only of a lattice as extracted.
+    Sample,
 }
 
-/// `[refine]`: one of level, ratio or max_error.
+/// `[refine]`: one of level, ratio, count or max_error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RefineSection {
@@ -62,12 +72,22 @@ pub struct RefineSection {
     pub level: Option<u8>,
     /// Keep this share of the triangles.
     pub ratio: Option<f64>,
+    /// Keep this many triangles.
+    pub count: Option<usize>,
     /// Keep the surface within this distance (mm).
     pub max_error: Option<f64>,
     /// Most that one collapse may turn a triangle (degrees), above 0 and below 180.
     pub max_turn_degrees: f64,
     /// Weight of a collapse's length against its distance from the planes that it leaves, ≥ 0.
     pub shape_weight: f64,
+    /// Whether handles and tunnels may close where nothing else can go; the result need not be a manifold there.
+    pub allow_topology: bool,
+    /// Edges where the surface turns by more than this are kept (degrees, above 0, below 180).
+    pub feature_degrees: Option<f64>,
+    /// Places whose vertices stay.
+    pub lock: Vec<FixSection>,
+    /// Components of fewer triangles go before anything else; 0 keeps all.
+    pub min_component: u64,
 }
 
 impl Default for RefineSection {
@@ -77,9 +97,14 @@ impl Default for RefineSection {
             method: RefineMethod::Collapse,
             level: None,
             ratio: None,
+            count: None,
             max_error: None,
             max_turn_degrees: params.max_turn_degrees,
             shape_weight: params.shape_weight,
+            allow_topology: params.allow_topology,
+            feature_degrees: params.feature_degrees,
+            lock: Vec::new(),
+            min_component: 0,
         }
     }
 }

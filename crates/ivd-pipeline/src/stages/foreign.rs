@@ -1,0 +1,60 @@
+use std::path::PathBuf;
+
+use ivd_artefact::{Artefact, Kind};
+use ivd_core::Exec;
+use ivd_lattice::foreign::{ForeignParams, lattice};
+use ivd_lattice::{figures, formats};
+use serde_json::{Value, json};
+
+use crate::error::stage_error;
+use crate::{Error, Inputs, Product, Slot, Stage};
+
+/// Bytes that reading a mesh may take where no limit is set, beyond what its file's size allows.
+const LIMIT: u64 = u64::MAX;
+
+/// Takes a mesh of another program for the lattice of a volume.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ForeignLattice {
+    /// The mesh file.
+    pub path: PathBuf,
+    /// How it is taken.
+    pub params: ForeignParams,
+}
+
+impl Stage for ForeignLattice {
+    fn name(&self) -> &'static str {
+        "lattice"
+    }
+
+    fn revision(&self) -> u32 {
+        2
+    }
+
+    fn inputs(&self) -> &'static [Slot] {
+        const { &[Slot::required("volume", &[Kind::Volume])] }
+    }
+
+    fn output(&self) -> Option<Kind> {
+        Some(Kind::Lattice)
+    }
+
+    fn params(&self) -> Value {
+        json!({ "mesh": super::json(&self.params) })
+    }
+
+    fn sources(&self) -> Result<Vec<PathBuf>, Error> {
+        Ok(vec![self.path.clone()])
+    }
+
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+        let volume = inputs.volume("volume").expect("checked by the runner");
+        let mesh = formats::read(&self.path, LIMIT).map_err(stage_error!("lattice"))?;
+        let foreign = lattice(&mesh, volume.grid(), &self.params, exec).map_err(stage_error!("lattice"))?;
+        exec.check_cancelled()?;
+        let f = exec.run(|| figures::measure(&foreign.lattice));
+        let (active, total) = super::parts::bricks(&foreign.lattice);
+        let mut metrics = super::lattice::metrics(&f, active, total);
+        metrics["vertices_in"] = json!(foreign.vertices_in);
+        Ok(Product::new(Artefact::Lattice(foreign.lattice), metrics))
+    }
+}
