@@ -37,6 +37,7 @@ mod bounds;
 mod cell;
 mod directory;
 mod interior;
+mod normals;
 mod parts;
 mod place;
 #[cfg(test)]
@@ -57,6 +58,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 use bounds::{Bounds, Ordered};
+pub use normals::normals;
 pub use parts::{Part, extract_parts, occurring};
 use samples::{Field, Masked, Samples};
 use signs::{BrickState, Signs};

@@ -5,6 +5,7 @@
 mod awkward;
 mod convergence;
 mod mesh;
+mod normals;
 mod parts;
 mod random_fields;
 mod several;

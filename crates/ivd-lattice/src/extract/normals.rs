@@ -1,0 +1,110 @@
+//! Normals of a lattice's vertices by the gradient of the volume that it was cut from.
+
+use ivd_core::{Exec, Grid, Lattice, Volume};
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use crate::Error;
+
+/// Unit normals of the vertices in world space, outward, shape `[vertex_count, 3]`.
+///
+/// The volume's gradient by central differences, interpolated between the voxels round the vertex, taken to world space by
+/// the inverse transpose of the grid's matrix, and turned to the side of the triangles' normals. At the volume's border
+/// differences are one-sided. Where there is no gradient (a flat or missing neighbourhood), and where it is
+/// across the triangles (a cap on the volume's border, a mask's cut), the mean of the triangles' normals by area stands for it.
+///
+/// # Errors
+/// [`ivd_core::Error::GridMismatch`] where the volume has another grid, [`ivd_core::Error::Inconsistent`] for a lattice whose
+/// parts don't fit, [`ivd_core::Error::Cancelled`].
+pub fn normals(volume: &Volume, lattice: &Lattice, exec: &Exec) -> Result<Vec<[f32; 3]>, Error> {
+    lattice.check()?;
+    if !lattice.grid.matches(volume.grid()) {
+        return Err(Error::Core(ivd_core::Error::GridMismatch {
+            a: "volume",
+            a_dims: volume.grid().dims(),
+            b: "lattice",
+            b_dims: lattice.grid.dims(),
+        }));
+    }
+    exec.run(|| {
+        let faces = by_area(lattice);
+        exec.check_cancelled()?;
+        volume.voxels();
+        // A grid's matrix can be inverted.
+        let to_world =
+            volume.grid().linear_part().try_inverse().map_or_else(Matrix3::identity, |m| m.transpose());
+        let normal = |i: usize| {
+            let face = faces[i].try_normalize(0.0).unwrap_or_else(Vector3::z);
+            let gradient = to_world * gradient_at(volume, lattice.voxel(i).0);
+            let outward = gradient.try_normalize(0.0).filter(|n| n.iter().all(|c| c.is_finite()));
+            let outward = outward.map(|n| if n.dot(&face) < 0.0 { -n } else { n });
+            let normal = outward.filter(|n| n.dot(&face) > ACROSS).unwrap_or(face);
+            <[f64; 3]>::from(normal).map(|c| c as f32)
+        };
+        Ok((0..lattice.keys.len()).into_par_iter().map(normal).collect())
+    })
+}
+
+/// Cosine between gradient and triangles below which the gradient is no normal of the surface (70°).
+const ACROSS: f64 = 0.342;
+
+/// Sum of the normals of the triangles round each vertex, each as long as twice its area.
+fn by_area(lattice: &Lattice) -> Vec<Vector3<f64>> {
+    let positions = lattice.local_positions();
+    let mut sums = vec![Vector3::zeros(); positions.len()];
+    for t in &lattice.triangles {
+        let [a, b, c] = t.map(|v| positions[v as usize]);
+        let normal = (b - a).cross(&(c - a));
+        for &v in t {
+            sums[v as usize] += normal;
+        }
+    }
+    sums
+}
+
+/// Gradient by voxel coordinates at a place: central differences at the voxels round it, weighted trilinearly. Voxels in
+/// the border layer stand for their neighbours within; those without data are left out.
+fn gradient_at(volume: &Volume, at: Vector3<f64>) -> Vector3<f64> {
+    let grid = volume.grid();
+    let low = at.map(f64::floor);
+    let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
+    for corner in 0..8_usize {
+        let offset = Vector3::from_fn(|a, _| (corner >> a & 1) as f64);
+        let voxel = low + offset;
+        let weight: f64 = (0..3).map(|a| 1.0 - (at[a] - voxel[a]).abs()).product();
+        if weight > 0.0
+            && let Some(gradient) = gradient_of(volume, grid, voxel)
+        {
+            sum += weight * gradient;
+            weights += weight;
+        }
+    }
+    if weights > 0.0 { sum / weights } else { Vector3::zeros() }
+}
+
+/// Gradient at a voxel, one-sided where a neighbour is missing; `None` where a whole axis is.
+fn gradient_of(volume: &Volume, grid: &Grid, voxel: Vector3<f64>) -> Option<Vector3<f64>> {
+    let dims = grid.dims();
+    let index: [usize; 3] = std::array::from_fn(|a| voxel[a].clamp(0.0, dims[a] as f64 - 1.0) as usize);
+    let value = |index: [usize; 3]| volume.value(ivd_core::VoxelIndex(index));
+    let here = value(index);
+    let mut gradient = Vector3::zeros();
+    for axis in 0..3 {
+        let beside = |step: isize| {
+            let at = index[axis].checked_add_signed(step).filter(|&at| at < dims[axis])?;
+            let mut other = index;
+            other[axis] = at;
+            Some((value(other), 1.0)).filter(|(value, _)| value.is_finite())
+        };
+        let own = Some((here, 0.0)).filter(|(value, _)| value.is_finite());
+        let (above, below) = (beside(1).or(own), beside(-1).or(own));
+        if let (Some((up, u)), Some((down, d))) = (above, below) {
+            if u + d > 0.0 {
+                gradient[axis] = (up - down) / (u + d);
+            }
+        } else {
+            return None;
+        }
+    }
+    Some(gradient)
+}
