@@ -17,6 +17,8 @@ for script in volumes lattices pipeline; do
     echo "-- $script"
     "$venv/bin/python" "$here/$script.py" "$ivd" || status=1
 done
+echo "-- label lattices"
+"$venv/bin/python" "$here/label_lattices.py" "$ivd" || status=1
 echo "-- topology"
 "$venv/bin/python" "$here/topology.py" "$ivd" --fields 60 || status=1
 trees=$here/../../target/release/examples/hvs_raw

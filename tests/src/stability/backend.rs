@@ -5,8 +5,8 @@ use ivd_deform::inverse::Inverse;
 use ivd_deform::map::{MapParams, Mapped};
 use ivd_deform::spring::{Fix, Handle, RingParams, Solved};
 use ivd_deform::warp::{WarpParams, Warped};
-use ivd_lattice::extract::{ExtractParams, Extracted};
-use ivd_lattice::refine::{RefineParams, Refined};
+use ivd_lattice::extract::{ExtractParams, Extracted, Part};
+use ivd_lattice::refine::{Locks, RefineParams, Refined};
 use ivd_render::{Radiance, RenderParams, Rendered, Scene};
 use ivd_segment::{
     ChainParams, CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, Segmentation, ThresholdParams,
@@ -107,6 +107,14 @@ pub trait Backend: Sync {
 
     fn collapse(&self, lattice: &Lattice, params: &RefineParams, exec: &Exec) -> Answer<Refined> {
         Ok(ivd_lattice::refine::collapse(lattice, params, exec)?)
+    }
+
+    fn refine(&self, lattice: &Lattice, params: &RefineParams, exec: &Exec) -> Answer<Refined> {
+        Ok(ivd_lattice::refine::refine(lattice, params, Locks::NONE, exec)?)
+    }
+
+    fn parts(&self, labels: &Labels, exec: &Exec) -> Answer<Vec<Part>> {
+        Ok(ivd_lattice::extract::extract_parts(labels, &[], exec)?)
     }
 
     fn octree(&self, lattice: &Lattice, params: &ivd_octree::Params, exec: &Exec) -> Answer<Octree> {

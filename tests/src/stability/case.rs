@@ -40,8 +40,18 @@ pub enum Stage {
     Boundary,
     /// Extraction of the lattice.
     Lattice,
+    /// Lattices of all classes at once.
+    Parts,
     /// Refinement.
     Refine,
+    /// The same by decimation.
+    RefineDecimate,
+    /// The same by levels after Loop.
+    RefineLoop,
+    /// The same by merging vertices.
+    RefineMerge,
+    /// The same by coarser sampling.
+    RefineSample,
     /// Octree.
     Octree,
     /// Motion of the lattice.

@@ -9,6 +9,7 @@ use ivd_deform::inverse::Inverse;
 use ivd_deform::map::Mapped;
 use ivd_deform::spring::{Fix, Handle, HandleAt, Solved};
 use ivd_deform::warp::Warped;
+use ivd_lattice::extract::Part;
 use ivd_lattice::refine::Refined;
 use ivd_render::{Radiance, Rendered};
 use ivd_segment::Segmentation;
@@ -29,7 +30,11 @@ pub struct Values {
     pub transfer: Option<ivd_atf::Built>,
     pub part: Option<ivd_boundary::Isolated>,
     pub lattice: Option<Lattice>,
+    /// Lattices of all classes at once.
+    pub parts: Vec<Part>,
     pub refined: Option<Refined>,
+    /// What the other methods of refinement gave, by name.
+    pub refinements: BTreeMap<&'static str, Refined>,
     pub octree: Option<Octree>,
     /// Voxels inside the refined lattice.
     pub inside: Option<Mask>,
@@ -83,6 +88,12 @@ impl Values {
         add("boundary", self.part.as_ref().map(|p| (&p.mask).into()))?;
         add("lattice", self.lattice.as_ref().map(Into::into))?;
         add("refine", self.refined.as_ref().map(|r| (&r.lattice).into()))?;
+        for part in &self.parts {
+            add("part", Some((&part.lattice).into()))?;
+        }
+        for (name, found) in &self.refinements {
+            add(name, Some((&found.lattice).into()))?;
+        }
         add("octree", self.octree.as_ref().map(Into::into))?;
         add("inside", self.inside.as_ref().map(Into::into))?;
         add("deform", self.solved.as_ref().map(|s| (&s.motion).into()))?;

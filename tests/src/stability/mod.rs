@@ -17,4 +17,5 @@ pub mod nasty;
 pub mod scene;
 pub mod seeded;
 pub mod subjects;
+mod surfaces;
 pub mod symmetry;

@@ -10,9 +10,10 @@ use super::case::{Case, Cut, Stage};
 use super::chain::{Subject, Values};
 use super::clusters;
 use super::invariants::{Verdict, field, mesh, motion, picture, segments, values as voxels};
+use super::surfaces;
 
 /// Every stage, in the order in which they run. A new stage is a line here.
-pub static SUBJECTS: [&dyn Subject; 22] = [
+pub static SUBJECTS: [&dyn Subject; 27] = [
     &Segment,
     &Threshold,
     &clusters::KMEANS,
@@ -28,7 +29,12 @@ pub static SUBJECTS: [&dyn Subject; 22] = [
     &Atf,
     &Boundary,
     &Extract,
+    &surfaces::Parts,
     &Refine,
+    &surfaces::DECIMATE,
+    &surfaces::LOOP,
+    &surfaces::MERGE,
+    &surfaces::SAMPLE,
     &Tree,
     &Deform,
     &Map,

@@ -1,6 +1,9 @@
 //! Lattices, their refinement, and octrees.
 
-use ivd_core::{Exec, Lattice, Mask, Octree, OctreeNode, VoxelCoord};
+use std::collections::BTreeSet;
+
+use ivd_core::{Exec, Labels, Lattice, Mask, Octree, OctreeNode, VoxelCoord};
+use ivd_lattice::extract::Part;
 use ivd_lattice::figures::{Figures, measure};
 use ivd_lattice::refine::Refined;
 use nalgebra::Vector3;
@@ -37,6 +40,45 @@ fn closed(lattice: &Lattice) -> Result<Figures, String> {
     Ok(figures)
 }
 
+/// The lattices of several labels: each closed and manifold with its label's voxels within, and no triangle in two of them the
+/// same way round.
+///
+/// # Errors
+/// The first thing that doesn't hold.
+pub fn parts(labels: &Labels, parts: &[Part]) -> Verdict {
+    let mut seen = BTreeSet::new();
+    for part in parts {
+        let lattice = &part.lattice;
+        let figures = closed(lattice).map_err(|e| format!("label {}: {e}", part.id))?;
+        let voxels = labels.ids().iter().filter(|id| **id == part.id).count() as u64;
+        hold!(voxels > 0 && figures.triangles > 0, "label {} of {voxels} voxels: {figures:?}", part.id);
+        for t in &lattice.triangles {
+            let mut corners = t.map(|v| <[f64; 3]>::from(lattice.voxel(v as usize).0).map(f64::to_bits));
+            let least = (0..3).min_by_key(|&k| corners[k]).unwrap_or(0);
+            corners.rotate_left(least);
+            hold!(seen.insert(corners), "label {}: triangle {t:?} is another label's too", part.id);
+        }
+    }
+    Ok(())
+}
+
+/// A lattice that was sampled at a coarser rate: as a refined one, but components may vanish and join.
+///
+/// # Errors
+/// The first thing that doesn't hold.
+pub fn sampled(input: &Lattice, found: &Refined, exec: &Exec) -> Verdict {
+    subset(input, found)?;
+    if !measure(input).is_closed_manifold() {
+        return Ok(());
+    }
+    closed(&found.lattice)?;
+    if found.lattice.triangles.is_empty() {
+        return Ok(());
+    }
+    bounded(input, &found.lattice, found.max_error_mm, exec)?;
+    bounded(&found.lattice, input, found.max_error_mm, exec)
+}
+
 /// Places at which a refined lattice is held against its bound.
 const PROBES: usize = 64;
 
@@ -47,14 +89,7 @@ const PROBES: usize = 64;
 /// The first thing that doesn't hold.
 pub fn refined(input: &Lattice, found: &Refined, exec: &Exec) -> Verdict {
     let output = &found.lattice;
-    output.check().map_err(|e| e.to_string())?;
-    for (i, key) in output.keys.iter().enumerate() {
-        let Some(at) = input.vertex_at(*key) else { return Err(format!("vertex {i} is a new one")) };
-        let (place, before) = (output.places[i], input.places[at as usize]);
-        hold!(place.map(f32::to_bits) == before.map(f32::to_bits), "vertex {i} moved");
-    }
-    hold!(found.max_error_mm.is_finite() && found.max_error_mm >= 0.0, "bound {}", found.max_error_mm);
-    hold!(found.mean_error_mm.is_finite() && found.mean_error_mm >= 0.0, "mean {}", found.mean_error_mm);
+    subset(input, found)?;
     let before = measure(input);
     if !before.is_closed_manifold() {
         return Ok(());
@@ -64,6 +99,20 @@ pub fn refined(input: &Lattice, found: &Refined, exec: &Exec) -> Verdict {
     hold!(topology(&before) == topology(&after), "{:?} became {:?}", topology(&before), topology(&after));
     bounded(input, output, found.max_error_mm, exec)?;
     bounded(output, input, found.max_error_mm, exec)
+}
+
+/// Vertices of the input at their places, and errors that are numbers.
+fn subset(input: &Lattice, found: &Refined) -> Verdict {
+    let output = &found.lattice;
+    output.check().map_err(|e| e.to_string())?;
+    for (i, key) in output.keys.iter().enumerate() {
+        let Some(at) = input.vertex_at(*key) else { return Err(format!("vertex {i} is a new one")) };
+        let (place, before) = (output.places[i], input.places[at as usize]);
+        hold!(place.map(f32::to_bits) == before.map(f32::to_bits), "vertex {i} moved");
+    }
+    hold!(found.max_error_mm.is_finite() && found.max_error_mm >= 0.0, "bound {}", found.max_error_mm);
+    hold!(found.mean_error_mm.is_finite() && found.mean_error_mm >= 0.0, "mean {}", found.mean_error_mm);
+    Ok(())
 }
 
 /// Some places of one lattice lie within a distance of another.
