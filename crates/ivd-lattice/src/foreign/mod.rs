@@ -142,7 +142,10 @@ fn check(mesh: &Mesh) -> Result<(), Error> {
         return Err(Error::TooManyVertices { vertices: n as u64 });
     }
     if mesh.triangles.len() > (u32::MAX / 3) as usize {
-        return Err(unfit(format!("{} triangles, 2³² / 3 are the most", mesh.triangles.len()), "refine the mesh first"));
+        return Err(unfit(
+            format!("{} triangles, 2³² / 3 are the most", mesh.triangles.len()),
+            "refine the mesh first",
+        ));
     }
     if let Some(t) = mesh.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= n)) {
         return Err(unfit(format!("triangle {t} names a vertex beyond {n}"), "repair the mesh"));

@@ -135,7 +135,11 @@ fn triangles_turned_at_random_are_turned_back_through_three_levels_of_nesting() 
 
 #[test]
 fn parts_that_pass_through_each_other_all_stay_outward_and_a_box_in_a_box_becomes_a_cavity() {
-    let mut mesh = boxes(&[([1.0; 3], [6.0; 3]), ([4.0, 2.0, 3.0], [9.0, 5.0, 4.0]), ([1.5, 0.5, 4.5], [4.5, 9.5, 5.5])]);
+    let mut mesh = boxes(&[
+        ([1.0; 3], [6.0; 3]),
+        ([4.0, 2.0, 3.0], [9.0, 5.0, 4.0]),
+        ([1.5, 0.5, 4.5], [4.5, 9.5, 5.5]),
+    ]);
     assert_eq!(put(&mesh, &grid()).flipped, 0);
     // One of them inside out.
     for t in &mut mesh.triangles[12..24] {
