@@ -240,7 +240,8 @@ mod tests {
         let places = [[0.5, 0.5, 0.5], [0.0, 0.3, 0.0], [0.2, 0.0, 0.4], [0.3, 0.2, 0.9], [0.4, 0.6, 0.1]];
         // Cell, edge y, face normal to y, cell, and then nearest to the face normal to z.
         assert_eq!(share(&places), [6, 1, 4, 7, 5]);
-        assert_eq!(share(&[[0.0; 3], [0.0, 0.0, 0.7], [0.9, 0.0, 0.0]]), [0, 2, 1]);
+        // The last lies on the edge x, which is taken, and so on the face normal to y.
+        assert_eq!(share(&[[0.0; 3], [0.0, 0.0, 0.7], [0.9, 0.0, 0.0]]), [0, 2, 4]);
     }
 
     #[test]

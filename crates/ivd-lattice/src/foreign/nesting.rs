@@ -12,8 +12,8 @@ const SIDE: usize = 1024;
 
 /// For each part the number of other closed parts in which it lies; 0 for open parts.
 ///
-/// It lies in those that rays along x leave, from seven of its triangles: the largest and those furthest out along each axis. Parts
-/// that pass through each other are seldom met by all of them. Triangles are looked up in a table of cells across y and z. The
+/// It lies in those that rays along x leave, from seven of its points: in its largest triangle and furthest out along each axis. Of
+/// parts that pass through each other seldom all of them are left. Triangles are looked up in a table of cells across y and z. The
 /// rays start at no round numbers, so that they hardly ever meet an edge.
 pub(super) fn depths(
     positions: &[Vector3<f64>],
@@ -62,24 +62,30 @@ pub(super) fn depths(
     parts.par_iter().enumerate().map(depth).collect()
 }
 
-/// A point within a part's largest triangle, and within those that reach furthest down and up along each axis.
+/// A point within a part's largest triangle, and one near each of the corners that are furthest down and up along the axes.
 fn starts(positions: &[Vector3<f64>], triangles: &[[u32; 3]], part: &Part) -> [Vector3<f64>; 7] {
-    let mut best = [(f64::NEG_INFINITY, 0); 7];
+    // The corner that a point is near comes first.
+    let mut best = [(f64::NEG_INFINITY, [0; 3]); 7];
     for &t in &part.triangles {
-        let corners = triangles[t as usize].map(|v| positions[v as usize]);
-        let [a, b, c] = corners;
-        let (low, high) = (a.inf(&b).inf(&c), a.sup(&b).sup(&c));
-        let area = (b - a).cross(&(c - a)).norm();
-        let scores = [area, -low.x, -low.y, -low.z, high.x, high.y, high.z];
-        for (best, score) in best.iter_mut().zip(scores) {
-            if score > best.0 {
-                *best = (score, t);
+        let [u, v, w] = triangles[t as usize];
+        for corners in [[u, v, w], [v, w, u], [w, u, v]] {
+            let [a, b, c] = corners.map(|v| positions[v as usize]);
+            let area = (b - a).cross(&(c - a)).norm();
+            let scores = [area, -a.x, -a.y, -a.z, a.x, a.y, a.z];
+            for (best, score) in best.iter_mut().zip(scores) {
+                if score > best.0 {
+                    *best = (score, corners);
+                }
             }
         }
     }
-    best.map(|(_, t)| {
-        let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
-        a + (b - a) * 0.271_828_182_845_904_5 + (c - a) * 0.314_159_265_358_979_3
+    let mut share = 1.0;
+    best.map(|(_, corners)| {
+        let [a, b, c] = corners.map(|v| positions[v as usize]);
+        let start =
+            a + (b - a) * (0.271_828_182_845_904_5 * share) + (c - a) * (0.314_159_265_358_979_3 * share);
+        share = 0.01;
+        start
     })
 }
 

@@ -232,7 +232,7 @@ fn glb_descriptions() {
         ("[{\"mesh\":0}]", "[{\"mesh\":0,\"children\":[1,1]},{}]", &["node 1", "under two nodes"]),
         ("[{\"mesh\":0}]", "[{\"mesh\":-1}]", &["JSON chunk"]),
         ("[{\"mesh\":0}]", "[{\"mesh\":0,\"rotation\":[0,0,0,0]}]", &["vertex 0", "not finite"]),
-        ("[{\"mesh\":0}]", "[{\"mesh\":0,\"scale\":[1e308,1,1]},{}]", &["vertex 1", "not finite"]),
+        ("[{\"mesh\":0}]", "[{\"mesh\":0,\"scale\":[1e308,1,1]},{}]", &["vertex 0", "not finite"]),
         ("[{\"mesh\":0}]", "[{\"mesh\":0,\"matrix\":[1,2,3]}]", &["JSON chunk"]),
         ("\"POSITION\":0", "\"POSITION\":9", &["accessor 9"]),
         ("\"indices\":1", "\"indices\":0", &["accessor 0", "SCALAR of 8, 16 or 32 bits"]),
