@@ -283,18 +283,18 @@ impl Hole {
     /// Fills the loop by splitting it, first along the crease between two of its places, if there is one.
     fn split(&mut self, mesh: &Mesh, fan: &Fan, ends: Option<[usize; 2]>) -> Result<(), Refusal> {
         let k = fan.ring().len();
-        let Some([a, b]) = ends else { return self.fill(mesh, fan, (0..k as u8).collect()) };
+        let Some([a, b]) = ends else { return self.fill(mesh, fan, &(0..k as u8).collect::<Vec<_>>()) };
         let one: Vec<u8> = (a..=b).map(|i| i as u8).collect();
         let other: Vec<u8> = (b..=a + k).map(|i| (i % k) as u8).collect();
         if one.len() == 2 || other.len() == 2 {
             // The crease moves onto an edge of the border.
-            return self.fill(mesh, fan, (0..k as u8).collect());
+            return self.fill(mesh, fan, &(0..k as u8).collect::<Vec<_>>());
         }
         if mesh.has_edge(fan.ring()[a], fan.ring()[b]) {
             return Err(Refusal::Link);
         }
-        self.fill(mesh, fan, one)?;
-        self.fill(mesh, fan, other)
+        self.fill(mesh, fan, &one)?;
+        self.fill(mesh, fan, &other)
     }
 
     /// Fills the loop as a fan from one of its places.
@@ -312,7 +312,7 @@ impl Hole {
     }
 
     /// Fills a loop, or says what speaks against it.
-    fn fill(&mut self, mesh: &Mesh, fan: &Fan, part: Vec<u8>) -> Result<(), Refusal> {
+    fn fill(&mut self, mesh: &Mesh, fan: &Fan, part: &[u8]) -> Result<(), Refusal> {
         let k = self.places.len();
         let inside = part.windows(2).map(|w| (w[0], w[1])).chain([(part[part.len() - 1], part[0])]);
         let sum = inside
@@ -323,7 +323,7 @@ impl Hole {
         let first = self.triangles.len();
         let mut search =
             Search { places: &self.places, ring: fan.ring(), mesh, normal, tries: TRIES, pinched: false };
-        if !search.split(&part, &mut self.triangles) {
+        if !search.split(part, &mut self.triangles) {
             return Err(if search.pinched { Refusal::Link } else { Refusal::Flip });
         }
         let well = self.triangles[first..].iter().all(|t| self.is_well(*t, &normal));

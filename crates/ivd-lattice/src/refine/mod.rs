@@ -111,7 +111,7 @@ fn collapse_locked(
         let mut surface = Surface::new(lattice, locks, params.feature_degrees);
         let mut run = passes::run(&mut surface, params, exec)?;
         if params.allow_topology && run.stopped_by != StoppedBy::Target {
-            run = topology::run(&mut surface, params, lattice.triangles.len(), run, exec)?;
+            run = topology::run(&mut surface, params, lattice.triangles.len(), run.passes, exec)?;
         }
         exec.check_cancelled()?;
         let mean_error_mm = mean::mean_distance(&surface);
