@@ -25,8 +25,8 @@ pub fn chain(
     locks: Locks<'_>,
     exec: &Exec,
 ) -> Result<Vec<Refined>, Error> {
-    if let Some(w) = levels.windows(2).find(|w| w[0] >= w[1]) {
-        let problem = format!("{} follows {}", w[1], w[0]);
+    if let Some(at) = levels.windows(2).position(|w| w[0] >= w[1]) {
+        let problem = format!("{} follows {}", levels[at + 1], levels[at]);
         return Err(ParamError::new("levels", problem, "give levels in ascending order, each once").into());
     }
     locks.check(lattice)?;

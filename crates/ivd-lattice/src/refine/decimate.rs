@@ -37,8 +37,10 @@ use super::report::{Refined, Refused, StoppedBy};
 use super::star::Fan;
 use crate::Error;
 
-/// Least aspect ratio of a split. Below a tenth more vertices can go, and slivers come of it.
-const LEAST_ASPECT: f64 = 0.05;
+/// Least aspect ratio of a split. Marching cubes leaves short edges, and every split of a loop that has one passes close
+/// to a vertex: at 0.05 most loops can't be split, and of a gyroid refined to a quarter the largest distance is ten times
+/// as large. The best split is taken anyway.
+const LEAST_ASPECT: f64 = 1e-3;
 /// Bound that a removal may lead to, in distances from the average plane.
 const BOUND_FACTOR: f64 = 4.0;
 /// Splits tried for one vertex: a part that can't be split sends the search back, and loops of 48 have thousands of ways.
@@ -194,46 +196,65 @@ impl Decimation {
         if ring.len() == 3 && mesh.has_triangle([ring[0], ring[1], ring[2]], v) {
             return Err(Refusal::Speck);
         }
-        let crease = match mesh.features.kind(v) {
-            Kind::Crease(ends) => Some(ends.map(|end| ring.iter().position(|&r| r == end))),
-            _ => None,
-        };
-        self.hole.begin(from, fan.places(), self.turn_cosine);
-        let ends = match crease {
-            Some([Some(a), Some(b)]) => {
-                let adjacent = mesh.has_edge(ring[a], ring[b]);
-                if !mesh.features.may_join([ring[a], ring[b]], adjacent) {
-                    return Err(Refusal::Feature);
-                }
-                Some([a.min(b), a.max(b)])
-            }
-            Some(_) => return Err(Refusal::Feature),
-            None => None,
-        };
-        if let Err(refusal) = self.hole.split(mesh, fan, ends) {
-            let filled = self.fans && self.hole.fill_by_fan(mesh, fan, ends, from);
-            if !filled {
-                return Err(refusal);
-            }
-        }
+        let ends = crease_of(mesh, v, ring)?;
+        let mut by_distance: Vec<usize> = (0..ring.len()).collect();
+        let off = |at: usize| (fan.places()[at] - from).norm_squared();
+        by_distance.sort_by(|&i, &j| off(i).total_cmp(&off(j)));
+        let near = ring[by_distance[0]];
         let old: Vec<f32> = fan.triangles().iter().map(|&t| mesh.bounds[t as usize]).collect();
-        let bounds = self.patch.bounds_after(from, fan.places(), &self.hole.triangles, &old);
-        let largest = bounds.iter().copied().fold(0.0, f32::max);
-        // Rounded as the key is: a vertex that waited for its bound has it now.
-        if f64::from(largest) > self.bound || f64::from(largest) / BOUND_FACTOR > place {
-            return Err(Refusal::Bound(largest));
+        self.hole.begin(from, fan.places(), self.turn_cosine);
+        let from_hub = |at: &usize| self.fans && ends.is_none_or(|ends| ends.contains(at));
+        let hubs = by_distance.into_iter().filter(from_hub).map(Some);
+        let mut refusal = None;
+        for way in std::iter::once(None).chain(hubs) {
+            let filled = match way {
+                None => self.hole.split(mesh, fan, ends),
+                Some(hub) => self.hole.fan_from(mesh, fan, hub),
+            };
+            if let Err(why) = filled {
+                refusal = refusal.or(Some(why));
+                continue;
+            }
+            let bounds = self.patch.bounds_after(from, fan.places(), &self.hole.triangles, &old);
+            let largest = bounds.iter().copied().fold(0.0, f32::max);
+            if f64::from(largest) > self.bound {
+                refusal = Some(Refusal::Bound(largest));
+                continue;
+            }
+            // Rounded as the key is: a vertex that waited for its bound has it now.
+            if f64::from(largest) / BOUND_FACTOR > place {
+                return Err(Refusal::Bound(largest));
+            }
+            let around = ring.to_vec();
+            self.mesh.replace(v, &self.fan, &self.hole.triangles, bounds, near);
+            self.renew(v, &around);
+            return Ok(());
         }
-        let off = |i: &usize| (fan.places()[*i] - from).norm_squared();
-        let near = (0..ring.len()).min_by(|i, j| off(i).total_cmp(&off(j))).unwrap_or(0);
-        self.mesh.replace(v, &self.fan, &self.hole.triangles, bounds, ring[near]);
-        self.stamps[v as usize] = KEPT;
-        let ring = ring.to_vec();
-        for r in ring {
+        Err(refusal.unwrap_or(Refusal::Flip))
+    }
+
+    /// Queues what lies round a vertex that is gone.
+    fn renew(&mut self, gone: u32, around: &[u32]) {
+        self.stamps[gone as usize] = KEPT;
+        for &r in around {
             if self.stamps[r as usize] != KEPT {
                 self.push(r);
             }
         }
-        Ok(())
+    }
+}
+
+/// Places in the ring, ascending, of the ends of a vertex's crease, if it is on one that may go on without it.
+fn crease_of(mesh: &Mesh, v: u32, ring: &[u32]) -> Result<Option<[usize; 2]>, Refusal> {
+    let Kind::Crease(ends) = mesh.features.kind(v) else { return Ok(None) };
+    let [Some(a), Some(b)] = ends.map(|end| ring.iter().position(|&r| r == end)) else {
+        return Err(Refusal::Feature);
+    };
+    let adjacent = mesh.has_edge(ring[a], ring[b]);
+    if mesh.features.may_join(ends, adjacent) {
+        Ok(Some([a.min(b), a.max(b)]))
+    } else {
+        Err(Refusal::Feature)
     }
 }
 
@@ -262,44 +283,36 @@ impl Hole {
     /// Fills the loop by splitting it, first along the crease between two of its places, if there is one.
     fn split(&mut self, mesh: &Mesh, fan: &Fan, ends: Option<[usize; 2]>) -> Result<(), Refusal> {
         let k = fan.ring().len();
-        let Some([a, b]) = ends else { return self.fill(mesh, fan, (0..k as u8).collect()) };
+        let Some([a, b]) = ends else { return self.fill(mesh, fan, &(0..k as u8).collect::<Vec<_>>()) };
         let one: Vec<u8> = (a..=b).map(|i| i as u8).collect();
         let other: Vec<u8> = (b..=a + k).map(|i| (i % k) as u8).collect();
         if one.len() == 2 || other.len() == 2 {
             // The crease moves onto an edge of the border.
-            return self.fill(mesh, fan, (0..k as u8).collect());
+            return self.fill(mesh, fan, &(0..k as u8).collect::<Vec<_>>());
         }
         if mesh.has_edge(fan.ring()[a], fan.ring()[b]) {
             return Err(Refusal::Link);
         }
-        self.fill(mesh, fan, one)?;
-        self.fill(mesh, fan, other)
+        self.fill(mesh, fan, &one)?;
+        self.fill(mesh, fan, &other)
     }
 
-    /// Fills the loop as a fan from its vertex nearest to the one that goes, if it may be that, or else from the next; from
-    /// an end of the crease, if there is one.
-    fn fill_by_fan(&mut self, mesh: &Mesh, fan: &Fan, ends: Option<[usize; 2]>, from: &Vector3<f64>) -> bool {
+    /// Fills the loop as a fan from one of its places.
+    fn fan_from(&mut self, mesh: &Mesh, fan: &Fan, hub: usize) -> Result<(), Refusal> {
         let k = self.places.len();
-        let mut hubs: Vec<usize> = ends.map_or_else(|| (0..k).collect(), Vec::from);
-        hubs.sort_by(|&i, &j| {
-            let off = |at: usize| (self.places[at] - from).norm_squared();
-            off(i).total_cmp(&off(j))
-        });
-        for hub in hubs {
-            let at = |step: usize| ((hub + step) % k) as u8;
-            let pinched = (2..k - 1).any(|i| mesh.has_edge(fan.ring()[hub], fan.ring()[at(i) as usize]));
-            self.triangles.clear();
-            self.triangles.extend((1..k - 1).map(|i| [at(0), at(i), at(i + 1)]));
-            // Every triangle of a fan has a side on the border.
-            if !pinched && self.triangles.iter().all(|t| self.is_well(*t, &Vector3::zeros())) {
-                return true;
-            }
+        let at = |step: usize| ((hub + step) % k) as u8;
+        if (2..k - 1).any(|i| mesh.has_edge(fan.ring()[hub], fan.ring()[at(i) as usize])) {
+            return Err(Refusal::Link);
         }
-        false
+        self.triangles.clear();
+        self.triangles.extend((1..k - 1).map(|i| [at(0), at(i), at(i + 1)]));
+        // Every triangle of a fan has a side on the border.
+        let well = self.triangles.iter().all(|t| self.is_well(*t, &Vector3::zeros()));
+        if well { Ok(()) } else { Err(Refusal::Flip) }
     }
 
     /// Fills a loop, or says what speaks against it.
-    fn fill(&mut self, mesh: &Mesh, fan: &Fan, part: Vec<u8>) -> Result<(), Refusal> {
+    fn fill(&mut self, mesh: &Mesh, fan: &Fan, part: &[u8]) -> Result<(), Refusal> {
         let k = self.places.len();
         let inside = part.windows(2).map(|w| (w[0], w[1])).chain([(part[part.len() - 1], part[0])]);
         let sum = inside
@@ -310,7 +323,7 @@ impl Hole {
         let first = self.triangles.len();
         let mut search =
             Search { places: &self.places, ring: fan.ring(), mesh, normal, tries: TRIES, pinched: false };
-        if !search.split(&part, &mut self.triangles) {
+        if !search.split(part, &mut self.triangles) {
             return Err(if search.pinched { Refusal::Link } else { Refusal::Flip });
         }
         let well = self.triangles[first..].iter().all(|t| self.is_well(*t, &normal));

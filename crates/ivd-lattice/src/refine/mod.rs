@@ -1,5 +1,8 @@
 //! Refinement of a lattice: fewer of the same vertices.
 //!
+//! [`refine`] does what the parameters' method says, [`chain`] several levels one from the other. No method makes or moves
+//! a vertex.
+//!
 //! [`collapse`] removes vertices one by one by half-edge collapse: a vertex is pulled onto a neighbour, its two triangles
 //! between them vanish, and the others round it follow. No vertex is made or moved, so that every vertex left keeps its
 //! address on the grid. What it never does: open a closed surface, join or pinch parts of it, change its genus, let a
@@ -19,7 +22,11 @@
 //! the displacement of a map between the old and the new fan. [`Refined::max_error_mm`] is the largest: the
 //! Hausdorff distance is never above it.
 //!
-//! **Locks.** A vertex whose triangles aren't one closed fan (on a border, a non-manifold edge or a bow tie) stays.
+//! **Locks.** A vertex whose triangles aren't one closed fan (on a border, a non-manifold edge or a bow tie) stays, and so
+//! do those of [`Locks`] and the corners of features ([`RefineParams::feature_degrees`]).
+//!
+//! **Decimation** ([`Method::Decimate`]) removes vertices in the order of their distance from the average plane round them
+//! and triangulates the hole anew. What it keeps, and what its bound means, is the same.
 
 mod blocks;
 mod chain;
@@ -111,7 +118,7 @@ fn collapse_locked(
         let mut surface = Surface::new(lattice, locks, params.feature_degrees);
         let mut run = passes::run(&mut surface, params, exec)?;
         if params.allow_topology && run.stopped_by != StoppedBy::Target {
-            run = topology::run(&mut surface, params, lattice.triangles.len(), run, exec)?;
+            run = topology::run(&mut surface, params, lattice.triangles.len(), run.passes, exec)?;
         }
         exec.check_cancelled()?;
         let mean_error_mm = mean::mean_distance(&surface);

@@ -39,12 +39,12 @@ const TASK: &str = "pinch";
 
 /// Goes on where other collapses ended, if the target isn't reached.
 ///
-/// - `triangles_in`: triangles of the input.
+/// - `triangles_in`: triangles of the input; `passes_before`: passes so far.
 pub(super) fn run(
     surface: &mut Surface,
     params: &RefineParams,
     triangles_in: usize,
-    before: Run,
+    passes_before: u32,
     exec: &Exec,
 ) -> Result<Run, Error> {
     let vertices = surface.positions.len();
@@ -77,7 +77,7 @@ pub(super) fn run(
     exec.observer().end(TASK);
     let stopped_by = if pinching.is_enough() { StoppedBy::Target } else { refused.reason() };
     surface.tidy(&[]);
-    Ok(Run { stopped_by, refused, passes: before.passes + passes })
+    Ok(Run { stopped_by, refused, passes: passes_before + passes })
 }
 
 /// How much to keep.

@@ -165,7 +165,7 @@ fn bow_ties_stay_and_the_rest_goes() {
         let after = measure(&out.lattice);
         assert_eq!((after.bow_tie_vertices, after.boundary_edges, after.non_manifold_edges), (1, 0, 0));
         assert_eq!((after.euler, after.components), (before.euler, before.components));
-        assert_eq!(out.reached.refused.locks.min(1), u64::from(out.reached.refused != Default::default()));
+        assert!(out.lattice.keys.len() * 3 < lattice.keys.len());
     }
 }
 

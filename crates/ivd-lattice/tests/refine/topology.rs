@@ -31,7 +31,9 @@ fn assert_a_cycle(input: &Lattice, out: &Refined) {
     }
     assert!(along.values().all(|&n| n == 0), "an edge is run along one way more often than the other");
     let mut triangles = out.lattice.triangles.clone();
-    triangles.iter_mut().for_each(|t| t.sort_unstable());
+    for triangle in &mut triangles {
+        triangle.sort_unstable();
+    }
     triangles.sort_unstable();
     assert!(triangles.windows(2).all(|w| w[0] != w[1]), "two triangles on the same vertices");
     let (hausdorff, _) = sampled::hausdorff_and_mean(input, &out.lattice);
