@@ -22,6 +22,7 @@
 //! **Locks.** A vertex whose triangles aren't one closed fan (on a border, a non-manifold edge or a bow tie) stays.
 
 mod blocks;
+mod certified;
 mod deviation;
 mod distance;
 mod half_edge;
@@ -34,11 +35,13 @@ mod queue;
 mod shared;
 mod star;
 mod surface;
+mod tree;
 
 use ivd_core::{Exec, Lattice};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
+pub use certified::{Distances, distances};
 pub use params::{Method, RefineParams, Target};
 use surface::Surface;
 
