@@ -65,7 +65,7 @@ fn nearest_round(surface: &Surface, p: &Vector3<f64>, vertex: usize, best: &mut 
 mod tests {
     use ivd_core::{Exec, Grid, Volume, Voxels};
 
-    use super::super::{RefineParams, Target, passes};
+    use super::super::{Locks, RefineParams, Target, passes};
     use super::*;
     use crate::extract::{ExtractParams, Iso, extract};
 
@@ -79,7 +79,7 @@ mod tests {
         let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
         let exec = Exec::default();
         let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(0.0) }, &exec).unwrap().lattice;
-        let mut surface = Surface::new(&lattice);
+        let mut surface = Surface::new(&lattice, Locks::NONE);
         let params = RefineParams { target: Target::Ratio(0.1), ..RefineParams::default() };
         passes::run(&mut surface, &params, &exec).unwrap();
         let (all, some) = (mean_of(&surface, 1), mean_of(&surface, 3));

@@ -26,110 +26,86 @@ mod certified;
 mod deviation;
 mod distance;
 mod half_edge;
+mod locks;
 mod mean;
 mod numbering;
 mod params;
 mod passes;
 mod quadric;
 mod queue;
+mod report;
 mod shared;
 mod star;
 mod surface;
 mod tree;
 
-use ivd_core::{Exec, Lattice};
-use serde::{Deserialize, Serialize};
+use ivd_core::{Exec, Lattice, ParamError};
 
 use crate::Error;
 pub use certified::{Distances, distances};
+pub use locks::{Locks, vertices_within};
 pub use params::{Method, RefineParams, Target};
+use report::Outcome;
+pub use report::{Reached, Refined, Refused, StoppedBy};
 use surface::Surface;
 
-/// A refined lattice and how far it is from its input.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Refined {
-    /// A subset of the input's vertices, with their keys and places, and new triangles between them.
-    pub lattice: Lattice,
-    /// How far the refinement went, and what ended it.
-    pub reached: Reached,
-    /// Bound on the distance between input and result, both ways (mm): the Hausdorff distance is at most this.
-    pub max_error_mm: f64,
-    /// Mean distance of the input's vertices from the result (mm), weighted by the area round them; perhaps a little
-    /// too large, as the search for the nearest triangle is local. Above 2¹⁶ vertices it is that of every n-th.
-    pub mean_error_mm: f64,
-    /// Vertices of the input.
-    pub vertices_in: usize,
-    /// Triangles of the input.
-    pub triangles_in: usize,
-    /// Passes over the surface.
-    pub passes: u32,
-}
-
-/// How far a refinement went.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Reached {
-    /// Share of the triangles that is left; 1 for an empty lattice.
-    pub ratio: f64,
-    /// Level that the vertices left amount to: log₄ of how many times fewer they are.
-    pub level: f64,
-    /// What ended it.
-    pub stopped_by: StoppedBy,
-    /// Vertices that the last pass wanted to remove and why they are still there.
-    pub refused: Refused,
-}
-
-/// What ended a refinement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StoppedBy {
-    /// The level or ratio asked for was reached.
-    Target,
-    /// No vertex can go within the error asked for.
-    MaxError,
-    /// Most of what is left would pinch the surface: handles and thin necks.
-    Links,
-    /// Most of what is left would turn triangles over.
-    Flips,
-    /// Most of what is left are components of four vertices.
-    Specks,
-    /// Most of what is left lies on borders or where the input isn't a manifold.
-    Locks,
-}
-
-/// Vertices left, counted by what kept them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Refused {
-    /// Vertices whose every collapse would pinch the surface.
-    pub links: u64,
-    /// Vertices whose every collapse would turn a triangle over.
-    pub flips: u64,
-    /// Vertices of components that are tetrahedra.
-    pub specks: u64,
-    /// Vertices whose triangles aren't one closed fan.
-    pub locks: u64,
-    /// Vertices whose every collapse would exceed the error asked for.
-    pub max_error: u64,
-}
-
-/// Refines a lattice by half-edge collapse.
+/// Refines a lattice by the method that the parameters name.
 ///
-/// The result is a subset of the input's vertices: same keys, same places, ascending. A closed manifold stays one, with
-/// the same components and genus. A target that can't be reached isn't an error: [`Refined::reached`] says what stopped it.
+/// Whatever the method, the result is a subset of the input's vertices: same keys, same places, ascending. A target that
+/// can't be reached isn't an error: [`Refined::reached`] says what stopped it.
+///
+/// - `locks`: vertices that stay, whatever the method.
 ///
 /// # Errors
-/// [`Error::Param`] for parameters outside their domain, [`ivd_core::Error::Inconsistent`] for a lattice whose parts
-/// don't fit, [`ivd_core::Error::MemoryLimit`], [`ivd_core::Error::Cancelled`].
+/// [`Error::Param`] for parameters outside their domain or a lock that names no vertex,
+/// [`ivd_core::Error::Inconsistent`] for a lattice whose parts don't fit, [`ivd_core::Error::MemoryLimit`],
+/// [`ivd_core::Error::Cancelled`].
+pub fn refine(
+    lattice: &Lattice,
+    params: &RefineParams,
+    locks: Locks<'_>,
+    exec: &Exec,
+) -> Result<Refined, Error> {
+    params.check()?;
+    lattice.check()?;
+    locks.check(lattice)?;
+    match params.method {
+        Method::Collapse => collapse_locked(lattice, params, locks, exec),
+        Method::Decimate | Method::Loop | Method::Merge | Method::Sample => Err(unavailable(params.method)),
+    }
+}
+
+fn unavailable(method: Method) -> Error {
+    let problem = format!("{} is not available", method.name());
+    ParamError::new("method", problem, "use collapse").into()
+}
+
+/// Refines a lattice by half-edge collapse, whatever method the parameters name, and without locks.
+///
+/// A closed manifold stays one, with the same components and genus.
+///
+/// # Errors
+/// As [`refine`].
 pub fn collapse(lattice: &Lattice, params: &RefineParams, exec: &Exec) -> Result<Refined, Error> {
     params.check()?;
     lattice.check()?;
+    collapse_locked(lattice, params, Locks::NONE, exec)
+}
+
+fn collapse_locked(
+    lattice: &Lattice,
+    params: &RefineParams,
+    locks: Locks<'_>,
+    exec: &Exec,
+) -> Result<Refined, Error> {
     exec.check_memory("the surface to be refined", bytes_for(lattice))?;
     exec.run(|| {
-        let mut surface = Surface::new(lattice);
+        let mut surface = Surface::new(lattice, locks);
         let run = passes::run(&mut surface, params, exec)?;
         exec.check_cancelled()?;
         let mean_error_mm = mean::mean_distance(&surface);
         exec.check_cancelled()?;
-        Ok(finish(lattice, &surface, &run, mean_error_mm))
+        Ok(outcome(&surface, &run, mean_error_mm).report(lattice))
     })
 }
 
@@ -138,43 +114,21 @@ fn bytes_for(lattice: &Lattice) -> u64 {
     140 * lattice.keys.len() as u64 + 44 * lattice.triangles.len() as u64
 }
 
-fn finish(input: &Lattice, surface: &Surface, run: &passes::Run, mean_error_mm: f64) -> Refined {
-    // Back to the input's order of vertices and triangles.
-    let mut rank = vec![u32::MAX; input.keys.len()];
-    for (_, &number) in surface.numbers.iter().enumerate().filter(|v| surface.is_left(v.0)) {
-        rank[number as usize] = 0;
-    }
-    let kept: Vec<usize> = (0..rank.len()).filter(|&v| rank[v] == 0).collect();
-    for (new, &old) in kept.iter().enumerate() {
-        rank[old] = new as u32;
-    }
+/// What came of a run, in the input's order of vertices and triangles.
+fn outcome(surface: &Surface, run: &passes::Run, mean_error_mm: f64) -> Outcome {
+    let mut kept: Vec<u32> =
+        surface.numbers.iter().enumerate().filter(|v| surface.is_left(v.0)).map(|v| *v.1).collect();
+    kept.sort_unstable();
     let mut order: Vec<u32> = (0..surface.triangles.len() as u32).collect();
     order.sort_unstable_by_key(|&t| surface.triangles.number(t));
-    let corners = |t: &u32| surface.triangles.corners(*t).map(|v| rank[surface.numbers[v as usize] as usize]);
-    let triangles: Vec<_> = order.iter().map(corners).collect();
-    let max_error_mm = surface.max_bound();
-    let level = if kept.is_empty() { 0.0 } else { (input.keys.len() as f64 / kept.len() as f64).log(4.0) };
-    let share = triangles.len() as f64 / input.triangles.len() as f64;
-    Refined {
-        lattice: Lattice {
-            grid: input.grid.clone(),
-            source: input.source.clone(),
-            keys: kept.iter().map(|&v| input.keys[v]).collect(),
-            places: kept.iter().map(|&v| input.places[v]).collect(),
-            triangles,
-            level: input.level.saturating_add(level.round() as u8),
-            max_error_mm: input.max_error_mm + max_error_mm,
-        },
-        reached: Reached {
-            ratio: if input.triangles.is_empty() { 1.0 } else { share },
-            level,
-            stopped_by: run.stopped_by,
-            refused: run.refused,
-        },
-        max_error_mm,
+    let corners = |t: &u32| surface.triangles.corners(*t).map(|v| surface.numbers[v as usize]);
+    Outcome {
+        kept,
+        triangles: order.iter().map(corners).collect(),
+        max_error_mm: surface.max_bound(),
         mean_error_mm,
-        vertices_in: input.keys.len(),
-        triangles_in: input.triangles.len(),
+        stopped_by: run.stopped_by,
+        refused: run.refused,
         passes: run.passes,
     }
 }

@@ -8,6 +8,27 @@ pub enum Method {
     /// Half-edge collapse in the order of quadric error.
     #[default]
     Collapse,
+    /// Vertex removal in the order of distance to the average plane (Schroeder, Zarge & Lorensen 1992).
+    Decimate,
+    /// Loop subdivision backwards.
+    Loop,
+    /// Vertex clustering onto a member vertex.
+    Merge,
+    /// Marching cubes at a coarser rate.
+    Sample,
+}
+
+impl Method {
+    /// The name in files, lowercase.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Collapse => "collapse",
+            Self::Decimate => "decimate",
+            Self::Loop => "loop",
+            Self::Merge => "merge",
+            Self::Sample => "sample",
+        }
+    }
 }
 
 /// How far a lattice is refined.
@@ -18,6 +39,8 @@ pub enum Target {
     Level(u8),
     /// Share of the input's triangles to keep, 0…1.
     Ratio(f64),
+    /// Number of triangles to keep.
+    Count(usize),
     /// As few as keep [`Refined::max_error_mm`](super::Refined::max_error_mm) within this bound (mm), ≥ 0.
     MaxError(f64),
 }
@@ -28,7 +51,7 @@ impl Default for Target {
     }
 }
 
-/// Parameters of [`collapse`](super::collapse).
+/// Parameters of [`refine`](super::refine). What a method has no use for it passes over.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RefineParams {
@@ -41,6 +64,13 @@ pub struct RefineParams {
     /// Weight of the squared length of a collapse against its squared distance from the planes it leaves; ≥ 0, no unit.
     /// A little of it keeps triangles from growing thin where the surface is flat; much of it costs accuracy.
     pub shape_weight: f64,
+    /// Whether [`Method::Collapse`], where nothing else can go, may pinch the surface: tunnels and handles close, and the
+    /// result need not be a manifold where they did.
+    pub allow_topology: bool,
+    /// Edges where the surface turns by more than this (degrees between the normals of the two triangles; above 0, below
+    /// 180) are features: a vertex between two of them goes along them alone, and where one or more than two
+    /// meet, it stays. `None`: there are no features.
+    pub feature_degrees: Option<f64>,
 }
 
 impl Default for RefineParams {
@@ -50,6 +80,8 @@ impl Default for RefineParams {
             target: Target::default(),
             max_turn_degrees: 75.0,
             shape_weight: 1e-3,
+            allow_topology: false,
+            feature_degrees: None,
         }
     }
 }
@@ -61,7 +93,7 @@ impl RefineParams {
     /// [`ParamError`] names the first field outside its domain.
     pub fn check(&self) -> Result<(), ParamError> {
         match self.target {
-            Target::Level(_) => {}
+            Target::Level(_) | Target::Count(_) => {}
             Target::Ratio(ratio) if (0.0..=1.0).contains(&ratio) => {}
             Target::Ratio(ratio) => {
                 return Err(ParamError::new(
@@ -88,6 +120,15 @@ impl RefineParams {
         }
         if !(self.shape_weight.is_finite() && self.shape_weight >= 0.0) {
             return Err(ParamError::new("shape_weight", format!("{}", self.shape_weight), "give 0 or more"));
+        }
+        if let Some(degrees) = self.feature_degrees
+            && !(degrees > 0.0 && degrees < 180.0)
+        {
+            return Err(ParamError::new(
+                "feature_degrees",
+                format!("{degrees} degrees"),
+                "give an angle above 0 and below 180 degrees, or none",
+            ));
         }
         Ok(())
     }

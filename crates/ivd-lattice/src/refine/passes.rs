@@ -64,6 +64,7 @@ impl Goal {
                 // Each collapse removes two triangles.
                 ((triangles - keep) / 2, f64::INFINITY)
             }
+            Target::Count(keep) => (surface.triangles.len().saturating_sub(keep) / 2, f64::INFINITY),
             Target::MaxError(mm) => (usize::MAX, mm),
         };
         Self { removals, turn_cosine: params.max_turn_degrees.to_radians().cos(), bound }
@@ -148,6 +149,7 @@ fn reason(refused: &Refused) -> StoppedBy {
         (refused.links, StoppedBy::Links),
         (refused.flips, StoppedBy::Flips),
         (refused.locks, StoppedBy::Locks),
+        (refused.features, StoppedBy::Features),
     ];
     let most = counts.iter().map(|c| c.0).max().unwrap_or(0);
     counts.iter().find(|c| c.0 == most).map_or(StoppedBy::Locks, |c| c.1)

@@ -2,6 +2,7 @@ use ivd_core::Lattice;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::locks::Locks;
 use super::numbering::Numbering;
 use super::quadric::{Quadric, plane_root};
 use super::shared::{Triangles, Word};
@@ -39,8 +40,8 @@ pub(super) struct Surface {
 const UNKNOWN: f32 = f32::NAN;
 
 impl Surface {
-    /// The input with its stars, quadrics and locks. Vertices whose triangles aren't one closed fan are locked.
-    pub(super) fn new(lattice: &Lattice) -> Self {
+    /// The input with its stars, quadrics and locks. Vertices whose triangles aren't one closed fan are locked too.
+    pub(super) fn new(lattice: &Lattice, locks: Locks<'_>) -> Self {
         let mut places = lattice.local_positions();
         centre(&mut places);
         let n = places.len();
@@ -57,8 +58,10 @@ impl Surface {
             .into_par_iter()
             .map(|v| Quadric::of_star(stars.of(v).iter().map(|&t| roots[t as usize])))
             .collect();
+        let locked = locks.flags(n);
         let free = (0..n as u32)
             .into_par_iter()
+            .filter(|&v| !locked[numbers[v as usize] as usize])
             .map_init(Fan::new, |fan, v| fan.read(v, &stars, &triangles).then_some(v))
             .flatten_iter()
             .collect();

@@ -118,7 +118,7 @@ impl Knob {
                 let (level, ratio) = match target(level) {
                     Target::Level(level) => (Some(level), None),
                     Target::Ratio(ratio) => (None, Some(ratio)),
-                    Target::MaxError(_) => unreachable!("a level is a level or a ratio"),
+                    Target::Count(_) | Target::MaxError(_) => unreachable!("a level is a level or a ratio"),
                 };
                 (scene.refine.level, scene.refine.ratio, scene.refine.max_error) = (level, ratio, None);
             }

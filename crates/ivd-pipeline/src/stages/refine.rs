@@ -36,6 +36,7 @@ impl Refine {
             target,
             max_turn_degrees: section.max_turn_degrees,
             shape_weight: section.shape_weight,
+            ..RefineParams::default()
         };
         Ok(Self { params })
     }

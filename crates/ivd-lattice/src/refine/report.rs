@@ -1,0 +1,126 @@
+use ivd_core::Lattice;
+use serde::{Deserialize, Serialize};
+
+/// A refined lattice and how far it is from its input.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refined {
+    /// A subset of the input's vertices, with their keys and places, and new triangles between them.
+    pub lattice: Lattice,
+    /// How far the refinement went, and what ended it.
+    pub reached: Reached,
+    /// Bound on the distance between input and result, both ways (mm): the Hausdorff distance is at most this.
+    pub max_error_mm: f64,
+    /// Mean distance of the input's vertices from the result (mm), weighted by the area round them; perhaps a little
+    /// too large, as the search for the nearest triangle is local. Above 2¹⁶ vertices it is that of every n-th.
+    pub mean_error_mm: f64,
+    /// Vertices of the input.
+    pub vertices_in: usize,
+    /// Triangles of the input.
+    pub triangles_in: usize,
+    /// Passes over the surface.
+    pub passes: u32,
+}
+
+/// How far a refinement went.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Reached {
+    /// Share of the triangles that is left; 1 for an empty lattice.
+    pub ratio: f64,
+    /// Level that the vertices left amount to: log₄ of how many times fewer they are.
+    pub level: f64,
+    /// What ended it.
+    pub stopped_by: StoppedBy,
+    /// Vertices that the last pass wanted to remove and why they are still there.
+    pub refused: Refused,
+}
+
+/// What ended a refinement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StoppedBy {
+    /// The level or ratio asked for was reached.
+    Target,
+    /// No vertex can go within the error asked for.
+    MaxError,
+    /// Most of what is left would pinch the surface: handles and thin necks.
+    Links,
+    /// Most of what is left would turn triangles over.
+    Flips,
+    /// Most of what is left are components of four vertices.
+    Specks,
+    /// Most of what is left is locked by the caller, lies on borders or where the input isn't a manifold.
+    Locks,
+    /// Most of what is left are corners and the least that feature edges need.
+    Features,
+}
+
+/// Vertices left, counted by what kept them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Refused {
+    /// Vertices whose every collapse would pinch the surface.
+    pub links: u64,
+    /// Vertices whose every collapse would turn a triangle over.
+    pub flips: u64,
+    /// Vertices of components that are tetrahedra.
+    pub specks: u64,
+    /// Vertices that the caller locked, and those whose triangles aren't one closed fan.
+    pub locks: u64,
+    /// Vertices in which one feature edge ends or more than two meet, and those that no feature edge can spare.
+    pub features: u64,
+    /// Vertices whose every collapse would exceed the error asked for.
+    pub max_error: u64,
+}
+
+/// What a method made of a lattice, in the input's numbers.
+pub(super) struct Outcome {
+    /// Vertices left, ascending.
+    pub(super) kept: Vec<u32>,
+    /// Triangles left, between kept vertices.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// As in [`Refined`].
+    pub(super) max_error_mm: f64,
+    /// As in [`Refined`].
+    pub(super) mean_error_mm: f64,
+    pub(super) stopped_by: StoppedBy,
+    pub(super) refused: Refused,
+    pub(super) passes: u32,
+}
+
+impl Outcome {
+    /// The refined lattice, with its vertices numbered anew, and its figures.
+    pub(super) fn report(self, input: &Lattice) -> Refined {
+        let Self { kept, mut triangles, max_error_mm, mean_error_mm, stopped_by, refused, passes } = self;
+        let mut rank = vec![u32::MAX; input.keys.len()];
+        for (new, &old) in kept.iter().enumerate() {
+            rank[old as usize] = new as u32;
+        }
+        for corner in triangles.iter_mut().flatten() {
+            *corner = rank[*corner as usize];
+        }
+        let level =
+            if kept.is_empty() { 0.0 } else { (input.keys.len() as f64 / kept.len() as f64).log(4.0) };
+        let share = triangles.len() as f64 / input.triangles.len() as f64;
+        Refined {
+            lattice: Lattice {
+                grid: input.grid.clone(),
+                source: input.source.clone(),
+                keys: kept.iter().map(|&v| input.keys[v as usize]).collect(),
+                places: kept.iter().map(|&v| input.places[v as usize]).collect(),
+                triangles,
+                level: input.level.saturating_add(level.round() as u8),
+                max_error_mm: input.max_error_mm + max_error_mm,
+            },
+            reached: Reached {
+                ratio: if input.triangles.is_empty() { 1.0 } else { share },
+                level,
+                stopped_by,
+                refused,
+            },
+            max_error_mm,
+            mean_error_mm,
+            vertices_in: input.keys.len(),
+            triangles_in: input.triangles.len(),
+            passes,
+        }
+    }
+}
