@@ -34,7 +34,7 @@
 //! ```
 
 mod bounds;
-mod cell;
+pub(crate) mod cell;
 mod directory;
 mod interior;
 mod place;
@@ -58,6 +58,7 @@ use crate::Error;
 use bounds::{Bounds, Ordered};
 use samples::{Field, Masked, Samples};
 use signs::{BrickState, Signs};
+pub(crate) use table::PARTED;
 
 /// Which surface to cut.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

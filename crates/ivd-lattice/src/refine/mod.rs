@@ -26,14 +26,19 @@ mod certified;
 mod deviation;
 mod distance;
 mod half_edge;
+mod inverse;
 mod locks;
+mod loop_levels;
 mod mean;
+mod measured;
 mod numbering;
 mod params;
 mod passes;
+mod pull;
 mod quadric;
 mod queue;
 mod report;
+mod sample;
 mod shared;
 mod star;
 mod surface;
@@ -71,7 +76,9 @@ pub fn refine(
     locks.check(lattice)?;
     match params.method {
         Method::Collapse => collapse_locked(lattice, params, locks, exec),
-        Method::Decimate | Method::Loop | Method::Merge | Method::Sample => Err(unavailable(params.method)),
+        Method::Sample => sample::sample(lattice, params, locks, exec),
+        Method::Loop => loop_levels::loop_levels(lattice, params, locks, exec),
+        Method::Decimate | Method::Merge => Err(unavailable(params.method)),
     }
 }
 

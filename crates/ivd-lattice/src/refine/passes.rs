@@ -142,7 +142,7 @@ enum Scope {
 }
 
 /// The most frequent reason; the first of equals.
-fn reason(refused: &Refused) -> StoppedBy {
+pub(super) fn reason(refused: &Refused) -> StoppedBy {
     let counts = [
         (refused.max_error, StoppedBy::MaxError),
         (refused.specks, StoppedBy::Specks),
@@ -296,7 +296,7 @@ impl Done {
 }
 
 impl Refused {
-    fn count(&mut self, refusal: Refusal) {
+    pub(super) fn count(&mut self, refusal: Refusal) {
         *match refusal {
             Refusal::Link => &mut self.links,
             Refusal::Flip => &mut self.flips,

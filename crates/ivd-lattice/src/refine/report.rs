@@ -52,6 +52,8 @@ pub enum StoppedBy {
     Locks,
     /// Most of what is left are corners and the least that feature edges need.
     Features,
+    /// Coarser by a step, nothing would be left.
+    Vanishing,
 }
 
 /// Vertices left, counted by what kept them.
@@ -69,6 +71,17 @@ pub struct Refused {
     pub features: u64,
     /// Vertices whose every collapse would exceed the error asked for.
     pub max_error: u64,
+}
+
+impl std::ops::AddAssign for Refused {
+    fn add_assign(&mut self, other: Self) {
+        self.links += other.links;
+        self.flips += other.flips;
+        self.specks += other.specks;
+        self.locks += other.locks;
+        self.features += other.features;
+        self.max_error += other.max_error;
+    }
 }
 
 /// What a method made of a lattice, in the input's numbers.

@@ -1,5 +1,6 @@
 //! Refinement of extracted lattices: what must hold whatever is refined, and however far.
 
+mod coarser;
 mod lattices;
 mod sampled;
 
