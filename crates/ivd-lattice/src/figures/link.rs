@@ -104,7 +104,7 @@ impl Link {
 }
 
 /// Representative of `v`'s set in a forest of parents, halving the path on the way.
-pub(super) fn root(parent: &mut [u32], mut v: u32) -> u32 {
+pub(crate) fn root(parent: &mut [u32], mut v: u32) -> u32 {
     while parent[v as usize] != v {
         let above = parent[parent[v as usize] as usize];
         parent[v as usize] = above;

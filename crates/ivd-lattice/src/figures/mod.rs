@@ -30,7 +30,8 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use link::{Link, LinkCounts, root};
+pub(crate) use link::root;
+use link::{Link, LinkCounts};
 use stars::Stars;
 
 /// Vertices or triangles summed as one piece: sums don't depend on the number of threads.

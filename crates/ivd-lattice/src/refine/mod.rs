@@ -31,6 +31,7 @@ mod locks;
 mod loop_levels;
 mod mean;
 mod measured;
+mod merge;
 mod numbering;
 mod params;
 mod passes;
@@ -78,7 +79,8 @@ pub fn refine(
         Method::Collapse => collapse_locked(lattice, params, locks, exec),
         Method::Sample => sample::sample(lattice, params, locks, exec),
         Method::Loop => loop_levels::loop_levels(lattice, params, locks, exec),
-        Method::Decimate | Method::Merge => Err(unavailable(params.method)),
+        Method::Merge => merge::merge(lattice, params, locks, exec),
+        Method::Decimate => Err(unavailable(params.method)),
     }
 }
 

@@ -2,6 +2,8 @@
 
 mod coarser;
 mod lattices;
+mod levels;
+mod merging;
 mod sampled;
 
 use ivd_core::{Exec, Grid, Lattice};
