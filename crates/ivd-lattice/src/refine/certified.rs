@@ -29,8 +29,11 @@ const ROUNDING: f64 = 1e-13;
 const CUTS: u8 = 6;
 /// Divisions of a triangle after which its part is left with the bound that it has.
 const DEPTH: u8 = 96;
-/// Points of either mesh at which the mean is taken, or more where it has few triangles, fewer where it has many.
-const SAMPLES: usize = 1 << 16;
+/// Points of a surface at which the mean is taken, for each triangle of both; at least the first of [`SAMPLES`], and at most
+/// hardly more than the second.
+const DENSITY: usize = 4;
+/// Least and largest number of points.
+const SAMPLES: [usize; 2] = [1 << 10, 1 << 16];
 /// Triangles summed as one piece: sums don't depend on the number of threads.
 const PIECE: usize = 1024;
 
@@ -355,10 +358,11 @@ impl Way<'_> {
     /// Mean distance (mm) over the surface.
     fn mean(&self, exec: &Exec) -> f64 {
         let mesh = self.from;
-        let step = mesh.own.len().div_ceil(SAMPLES).max(1);
+        let samples = (DENSITY * (mesh.own.len() + self.to.len())).clamp(SAMPLES[0], SAMPLES[1]);
+        let step = mesh.own.len().div_ceil(samples).max(1);
         let some: Vec<[u32; 3]> = mesh.own.iter().step_by(step).copied().collect();
         let own = piecewise(&mesh.own, |t| [area(&corners(&mesh.places, t)), 0.0])[0];
-        let density = if own > 0.0 { SAMPLES as f64 / own } else { 0.0 };
+        let density = if own > 0.0 { samples as f64 / own } else { 0.0 };
         let [sum, weight] = piecewise(&some, |t| {
             if exec.cancel.is_cancelled() {
                 return [0.0; 2];

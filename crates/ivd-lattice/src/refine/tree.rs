@@ -53,6 +53,11 @@ impl Tree {
         200 * triangles as u64
     }
 
+    /// Number of triangles.
+    pub(super) fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
     /// Whether there are no triangles.
     pub(super) fn is_empty(&self) -> bool {
         self.triangles.is_empty()
