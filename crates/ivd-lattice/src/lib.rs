@@ -3,6 +3,7 @@
 //! - [`extract`] cuts a [`Lattice`](ivd_core::Lattice) out of a volume: marching cubes whose result is a closed
 //!   2-manifold for any field.
 //! - [`refine`] keeps a subset of its vertices.
+//! - [`repair`] removes small components and slivers of it.
 //! - [`figures`] counts what can be counted about a mesh: edges, components, Euler characteristic, defects.
 //! - [`formats`] writes it for other programs.
 #![forbid(unsafe_code)]
@@ -12,5 +13,6 @@ pub mod extract;
 pub mod figures;
 pub mod formats;
 pub mod refine;
+pub mod repair;
 
 pub use error::Error;

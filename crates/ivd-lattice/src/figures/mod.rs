@@ -128,18 +128,19 @@ fn count_links(stars: &Stars, triangles: &[[u32; 3]]) -> LinkCounts {
 
 /// Sets of connected vertices; one that no triangle names is a set of its own.
 fn components(lattice: &Lattice) -> u64 {
+    component_roots(lattice).iter().enumerate().filter(|(v, root)| *v as u32 == **root).count() as u64
+}
+
+/// The first vertex of the component that each vertex is in.
+pub(crate) fn component_roots(lattice: &Lattice) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..lattice.keys.len() as u32).collect();
-    let mut sets = lattice.keys.len() as u64;
     for &[a, b, c] in &lattice.triangles {
         for (from, to) in [(a, b), (b, c)] {
             let (from, to) = (root(&mut parent, from), root(&mut parent, to));
-            if from != to {
-                parent[from.max(to) as usize] = from.min(to);
-                sets -= 1;
-            }
+            parent[from.max(to) as usize] = from.min(to);
         }
     }
-    sets
+    (0..parent.len() as u32).map(|v| root(&mut parent, v)).collect()
 }
 
 /// Area (mm²), enclosed volume (mm³), degenerate triangles.

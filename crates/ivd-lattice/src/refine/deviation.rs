@@ -84,7 +84,7 @@ impl Deviation {
 }
 
 /// The least number in single precision that isn't below.
-fn above(x: f64) -> f32 {
+pub(super) fn above(x: f64) -> f32 {
     let near = x as f32;
     if f64::from(near) < x { near.next_up() } else { near }
 }

@@ -3,11 +3,12 @@
 use nalgebra::Vector3;
 
 use super::deviation::Deviation;
+use super::features::Kind;
 use super::star::Fan;
 use super::surface::{NONE, Surface};
 
 /// Least height of a new triangle as a share of its longest side.
-const LEAST_HEIGHT: f64 = 1e-4;
+pub(super) const LEAST_HEIGHT: f64 = 1e-4;
 
 /// Why a collapse is refused.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +17,8 @@ pub(super) enum Refusal {
     Link,
     /// It would turn a triangle too far or leave one without area.
     Flip,
+    /// It would double a feature edge.
+    Feature,
     /// It would make a component vanish: a tetrahedron is the least.
     Speck,
     /// The bound (mm), which this would be, would exceed the limit.
@@ -44,6 +47,13 @@ pub(super) fn collapse(
     fan.turn_to(y);
     let from = &surface.positions[u as usize];
     let k = fan.ring().len();
+    if let Kind::Crease([a, b]) = surface.features.kind(u) {
+        let other = if a == y { b } else { a };
+        let adjacent = [fan.ring()[1], fan.ring()[k - 1]].contains(&other);
+        if !surface.features.may_join([y, other], adjacent) {
+            return Err(Refusal::Feature);
+        }
+    }
     // A tetrahedron is told as one, whatever its shape.
     if k == 3 {
         check_link(surface, [u, y], fan)?;
@@ -72,13 +82,18 @@ fn record(surface: &Surface, [u, y]: [u32; 2], fan: &Fan) {
     let first = surface.merged[y as usize].get();
     surface.merged[u as usize].set(if first == NONE { u } else { first });
     surface.merged[y as usize].set(u);
+    surface.features.join(u);
     for &r in fan.ring() {
         surface.forget(r);
     }
 }
 
 /// No new triangle may turn too far from the old one or be nearly without area.
-fn check_shape(from: &Vector3<f64>, places: &[Vector3<f64>], limits: &Limits) -> Result<(), Refusal> {
+pub(super) fn check_shape(
+    from: &Vector3<f64>,
+    places: &[Vector3<f64>],
+    limits: &Limits,
+) -> Result<(), Refusal> {
     let to = &places[0];
     let (mut old_b, mut new_b) = (places[1] - from, places[1] - to);
     let mut new_b_squared = new_b.norm_squared();

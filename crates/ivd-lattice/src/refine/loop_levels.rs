@@ -19,7 +19,7 @@ use super::inverse;
 use super::locks::Locks;
 use super::measured::Draft;
 use super::params::{RefineParams, Target};
-use super::passes::{Run, reason};
+use super::passes::Run;
 use super::pull::{Rules, pull};
 use super::report::{Refined, Refused, StoppedBy};
 use super::star::Fan;
@@ -126,25 +126,20 @@ fn pulled(
     exec: &Exec,
 ) -> Result<Refined, Error> {
     let base = base(lattice, exact);
-    let locked: Vec<u32> = locks
-        .vertices
-        .iter()
-        .filter_map(|v| exact.kept.binary_search(v).ok())
-        .map(|v| v as u32)
-        .collect();
-    let mut surface = Surface::new(&base, Locks { vertices: &locked });
+    let locked: Vec<u32> =
+        locks.vertices.iter().filter_map(|v| exact.kept.binary_search(v).ok()).map(|v| v as u32).collect();
+    let mut surface = Surface::new(&base, Locks { vertices: &locked }, params.feature_degrees);
     let bound = if goal.mm.is_finite() { goal.mm - error } else { f64::INFINITY };
     let turn_cosine = params.max_turn_degrees.to_radians().cos();
     let rules = Rules { limits: Limits { turn_cosine, bound }, shape_weight: params.shape_weight as f32 };
-    let fixed = (surface.positions.len() - surface.free.len()) as u64;
     let mut run = Run { stopped_by: StoppedBy::Target, refused: Refused::default(), passes: exact.passes };
     while !goal.is_reached(level, surface.triangles.len()) {
         let done = one_level(&mut surface, &rules, goal.keep, exec)?;
         run.passes += done.passes;
-        run.refused = Refused { locks: fixed, ..done.refused };
+        run.refused = done.refused + surface.kept;
         level += 1;
         if done.removed * 2 < done.odd && !goal.is_reached(0, surface.triangles.len()) || done.odd == 0 {
-            run.stopped_by = reason(&run.refused);
+            run.stopped_by = run.refused.reason();
             break;
         }
     }

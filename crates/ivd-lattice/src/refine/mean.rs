@@ -2,7 +2,6 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::distance::closest_on_triangle;
-use super::surface::Surface;
 
 /// Vertices summed as one piece: the mean doesn't depend on the number of threads.
 const PIECE: usize = 1024;
@@ -10,25 +9,41 @@ const PIECE: usize = 1024;
 /// Vertices measured at most: enough to tell the mean to half a percent of the spread.
 const SAMPLES: usize = 1 << 16;
 
+/// What is left of a surface and where the rest of it went.
+pub(super) trait Refining: Sync {
+    /// Places of the input's vertices (mm).
+    fn positions(&self) -> &[Vector3<f64>];
+    /// Area of the input's triangles round each vertex (mm²).
+    fn areas(&self) -> &[f32];
+    /// Triangles left round a vertex.
+    fn star(&self, v: usize) -> &[u32];
+    /// Corners of a triangle left.
+    fn corners(&self, t: u32) -> [u32; 3];
+    /// The vertex left near which a vertex was removed; itself where it is left.
+    fn end_of(&self, v: usize) -> usize;
+    /// How often the search for the nearest triangle goes on from the corners of the nearest so far, at most.
+    const STEPS: usize;
+}
+
 /// Mean distance (mm) of the input's vertices from the refined surface, each weighted by the area round it; of a large
 /// surface every n-th vertex stands for all.
 ///
 /// A removed vertex is measured against the triangles round the vertex that it ended on, and then round the other corners
-/// of the nearest of them: never less than its distance from the whole surface, and rarely more.
-pub(super) fn mean_distance(surface: &Surface) -> f64 {
-    mean_of(surface, surface.areas.len().div_ceil(SAMPLES).max(1))
+/// of the nearest of them, and so on for as many steps as the surface says: never less than its distance from the whole surface, and rarely more.
+pub(super) fn mean_distance(surface: &impl Refining) -> f64 {
+    mean_of(surface, surface.areas().len().div_ceil(SAMPLES).max(1))
 }
 
 /// The mean over every `step`-th vertex.
-fn mean_of(surface: &Surface, step: usize) -> f64 {
-    let samples = surface.areas.len().div_ceil(step);
+fn mean_of(surface: &impl Refining, step: usize) -> f64 {
+    let samples = surface.areas().len().div_ceil(step);
     let pieces: Vec<(f64, f64)> = (0..samples.div_ceil(PIECE))
         .into_par_iter()
         .map(|piece| {
             let mut sum = (0.0, 0.0);
             for v in (piece * PIECE..(piece * PIECE + PIECE).min(samples)).map(|sample| sample * step) {
-                let (end, area) = (surface.end_of(v), f64::from(surface.areas[v]));
-                let off = if end == v { 0.0 } else { distance_near(surface, &surface.positions[v], end) };
+                let (end, area) = (surface.end_of(v), f64::from(surface.areas()[v]));
+                let off = if end == v { 0.0 } else { distance_near(surface, &surface.positions()[v], end) };
                 sum = (sum.0 + area * off, sum.1 + area);
             }
             sum
@@ -38,22 +53,28 @@ fn mean_of(surface: &Surface, step: usize) -> f64 {
     if area > 0.0 { sum / area } else { 0.0 }
 }
 
-fn distance_near(surface: &Surface, p: &Vector3<f64>, vertex: usize) -> f64 {
+fn distance_near<S: Refining>(surface: &S, p: &Vector3<f64>, vertex: usize) -> f64 {
     let mut best = (f64::INFINITY, 0);
     nearest_round(surface, p, vertex, &mut best);
-    for corner in surface.triangles.corners(best.1) {
-        if corner as usize != vertex {
-            nearest_round(surface, p, corner as usize, &mut best);
+    for _ in 0..S::STEPS {
+        let last = best;
+        for corner in surface.corners(last.1) {
+            if corner as usize != vertex {
+                nearest_round(surface, p, corner as usize, &mut best);
+            }
+        }
+        if best.0 >= last.0 {
+            break;
         }
     }
     best.0.sqrt()
 }
 
 /// Squared distance to the nearest triangle round a vertex, and which that is, if it is nearer than `best`.
-fn nearest_round(surface: &Surface, p: &Vector3<f64>, vertex: usize, best: &mut (f64, u32)) {
-    for &t in surface.stars.of(vertex) {
-        let [a, b, c] = surface.triangles.corners(t).map(|v| v as usize);
-        let corners = [&surface.positions[a], &surface.positions[b], &surface.positions[c]];
+fn nearest_round(surface: &impl Refining, p: &Vector3<f64>, vertex: usize, best: &mut (f64, u32)) {
+    let positions = surface.positions();
+    for &t in surface.star(vertex) {
+        let corners = surface.corners(t).map(|v| &positions[v as usize]);
         let off = (closest_on_triangle(p, corners) - p).norm_squared();
         if off < best.0 {
             *best = (off, t);
@@ -65,6 +86,7 @@ fn nearest_round(surface: &Surface, p: &Vector3<f64>, vertex: usize, best: &mut 
 mod tests {
     use ivd_core::{Exec, Grid, Volume, Voxels};
 
+    use super::super::surface::Surface;
     use super::super::{Locks, RefineParams, Target, passes};
     use super::*;
     use crate::extract::{ExtractParams, Iso, extract};
@@ -79,7 +101,7 @@ mod tests {
         let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
         let exec = Exec::default();
         let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(0.0) }, &exec).unwrap().lattice;
-        let mut surface = Surface::new(&lattice, Locks::NONE);
+        let mut surface = Surface::new(&lattice, Locks::NONE, None);
         let params = RefineParams { target: Target::Ratio(0.1), ..RefineParams::default() };
         passes::run(&mut surface, &params, &exec).unwrap();
         let (all, some) = (mean_of(&surface, 1), mean_of(&surface, 3));

@@ -20,7 +20,7 @@ use super::half_edge::Limits;
 use super::locks::Locks;
 use super::measured::Draft;
 use super::params::{RefineParams, Target};
-use super::passes::{Run, reason};
+use super::passes::Run;
 use super::pull::{Rules, pull};
 use super::quadric::{Quadric, plane_root};
 use super::report::{Refined, Refused, StoppedBy};
@@ -55,7 +55,9 @@ impl Goal {
     fn new(lattice: &Lattice, target: Target) -> Self {
         let share = |n: usize, share: f64| (n as f64 * share).round() as usize;
         match target {
-            Target::Level(level) => Self::Vertices(share(lattice.keys.len(), 0.25_f64.powi(i32::from(level)))),
+            Target::Level(level) => {
+                Self::Vertices(share(lattice.keys.len(), 0.25_f64.powi(i32::from(level))))
+            }
             Target::Ratio(ratio) => Self::Triangles(share(lattice.triangles.len(), ratio)),
             Target::Count(count) => Self::Triangles(count),
             Target::MaxError(mm) => Self::Error(mm),
@@ -132,8 +134,10 @@ impl<'a> Clusters<'a> {
     /// Bisects the side of the cubes.
     fn search(&self, goal: Goal, exec: &Exec) -> Result<Refined, Error> {
         let (low, high) = extent(self.used.iter().map(|&v| &self.positions[v as usize]));
-        let (mut low_side, mut high_side) = (0.25 * mean_side(self.lattice, &self.positions), 2.0 * (high - low).norm());
-        let (mut best, mut short, mut within): (Option<Draft>, Option<Draft>, Option<Refined>) = (None, None, None);
+        let (mut low_side, mut high_side) =
+            (0.25 * mean_side(self.lattice, &self.positions), 2.0 * (high - low).norm());
+        let (mut best, mut short, mut within): (Option<Draft>, Option<Draft>, Option<Refined>) =
+            (None, None, None);
         for passes in 1..=TRIES {
             if high_side <= low_side * CLOSE {
                 break;
@@ -169,14 +173,16 @@ impl<'a> Clusters<'a> {
         if let Some(refined) = within {
             return Ok(refined);
         }
-        let stopped_by = if matches!(goal, Goal::Error(_)) { StoppedBy::MaxError } else { StoppedBy::Vanishing };
+        let stopped_by =
+            if matches!(goal, Goal::Error(_)) { StoppedBy::MaxError } else { StoppedBy::Vanishing };
         let draft = best.or(short).unwrap_or_else(|| Draft::same(self.lattice, stopped_by));
         draft.finished(self.lattice, f64::INFINITY, exec)
     }
 
     /// The triangles left between the members of cubes.
     fn triangles(&self, low: Point, side: f64) -> Vec<[u32; 3]> {
-        let labels = self.used.par_iter().map(|&v| (cube(&self.positions[v as usize], low, side), v)).collect();
+        let labels =
+            self.used.par_iter().map(|&v| (cube(&self.positions[v as usize], low, side), v)).collect();
         let planes = |v: u32| self.quadrics[v as usize];
         let mut to = vec![0; self.positions.len()];
         for (v, member) in members(labels, &self.positions, planes, |v| self.locked[v as usize]) {
@@ -275,11 +281,10 @@ fn collapsed(
     locks: Locks<'_>,
     exec: &Exec,
 ) -> Result<Refined, Error> {
-    let mut surface = Surface::new(lattice, locks);
+    let mut surface = Surface::new(lattice, locks, params.feature_degrees);
     let bound = if let Goal::Error(mm) = goal { mm } else { f64::INFINITY };
     let turn_cosine = params.max_turn_degrees.to_radians().cos();
     let rules = Rules { limits: Limits { turn_cosine, bound }, shape_weight: params.shape_weight as f32 };
-    let fixed = (surface.positions.len() - surface.free.len()) as u64;
     let (low, high) = extent(surface.positions.iter());
     let largest = 2.0 * (high - low).norm();
     let mut side = mean_side(lattice, &lattice.local_positions());
@@ -287,10 +292,11 @@ fn collapsed(
     let mut run = Run { stopped_by: StoppedBy::Target, refused: Refused::default(), passes: 0 };
     while left > 0 {
         if side > largest {
-            run.stopped_by = reason(&run.refused);
+            run.stopped_by = run.refused.reason();
             break;
         }
-        run.refused = Refused { locks: fixed, ..one_size(&mut surface, side, low, &rules, &mut left, &mut run.passes, exec)? };
+        let refused = one_size(&mut surface, side, low, &rules, &mut left, &mut run.passes, exec)?;
+        run.refused = refused + surface.kept;
         side *= GROWTH;
     }
     let outcome = super::outcome(&surface, &run, 0.0);

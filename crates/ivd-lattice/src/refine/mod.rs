@@ -23,8 +23,11 @@
 
 mod blocks;
 mod certified;
+mod chain;
+mod decimate;
 mod deviation;
 mod distance;
+mod features;
 mod half_edge;
 mod inverse;
 mod locks;
@@ -32,27 +35,33 @@ mod loop_levels;
 mod mean;
 mod measured;
 mod merge;
+mod mesh;
 mod numbering;
 mod params;
 mod passes;
+mod patch;
 mod pull;
 mod quadric;
 mod queue;
 mod report;
 mod sample;
 mod shared;
+mod slivers;
 mod star;
 mod surface;
+mod topology;
 mod tree;
 
-use ivd_core::{Exec, Lattice, ParamError};
+use ivd_core::{Exec, Lattice};
 
 use crate::Error;
 pub use certified::{Distances, distances};
+pub use chain::{Chain, Coarser, chain};
 pub use locks::{Locks, vertices_within};
 pub use params::{Method, RefineParams, Target};
 use report::Outcome;
 pub use report::{Reached, Refined, Refused, StoppedBy};
+pub(crate) use slivers::{Slivers, WithoutSlivers};
 use surface::Surface;
 
 /// Refines a lattice by the method that the parameters name.
@@ -77,16 +86,11 @@ pub fn refine(
     locks.check(lattice)?;
     match params.method {
         Method::Collapse => collapse_locked(lattice, params, locks, exec),
-        Method::Sample => sample::sample(lattice, params, locks, exec),
+        Method::Decimate => decimate::decimate(lattice, params, locks, exec),
         Method::Loop => loop_levels::loop_levels(lattice, params, locks, exec),
         Method::Merge => merge::merge(lattice, params, locks, exec),
-        Method::Decimate => Err(unavailable(params.method)),
+        Method::Sample => sample::sample(lattice, params, locks, exec),
     }
-}
-
-fn unavailable(method: Method) -> Error {
-    let problem = format!("{} is not available", method.name());
-    ParamError::new("method", problem, "use collapse").into()
 }
 
 /// Refines a lattice by half-edge collapse, whatever method the parameters name, and without locks.
@@ -109,8 +113,11 @@ fn collapse_locked(
 ) -> Result<Refined, Error> {
     exec.check_memory("the surface to be refined", bytes_for(lattice))?;
     exec.run(|| {
-        let mut surface = Surface::new(lattice, locks);
-        let run = passes::run(&mut surface, params, exec)?;
+        let mut surface = Surface::new(lattice, locks, params.feature_degrees);
+        let mut run = passes::run(&mut surface, params, exec)?;
+        if params.allow_topology && run.stopped_by != StoppedBy::Target {
+            run = topology::run(&mut surface, params, lattice.triangles.len(), run, exec)?;
+        }
         exec.check_cancelled()?;
         let mean_error_mm = mean::mean_distance(&surface);
         exec.check_cancelled()?;

@@ -45,6 +45,23 @@ pub enum Target {
     MaxError(f64),
 }
 
+impl Target {
+    /// Most vertices to remove from a closed surface and the largest bound allowed (mm).
+    pub(super) fn removals(self, vertices: usize, triangles: usize) -> (usize, f64) {
+        // Each vertex removed takes two triangles with it.
+        let down_to = |keep: usize| (triangles.saturating_sub(keep) / 2, f64::INFINITY);
+        match self {
+            Self::Level(level) => {
+                let keep = (vertices as f64 * 0.25_f64.powi(i32::from(level))).round() as usize;
+                (vertices - keep, f64::INFINITY)
+            }
+            Self::Ratio(ratio) => down_to((triangles as f64 * ratio).round() as usize),
+            Self::Count(keep) => down_to(keep),
+            Self::MaxError(mm) => (usize::MAX, mm),
+        }
+    }
+}
+
 impl Default for Target {
     fn default() -> Self {
         Self::Level(2)

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use super::blocks::Blocks;
 use super::deviation::Deviation;
 use super::half_edge::{Limits, Refusal, collapse};
-use super::params::{RefineParams, Target};
+use super::params::RefineParams;
 use super::queue::Queue;
 use super::star::Fan;
 use super::surface::Surface;
@@ -52,21 +52,7 @@ struct Goal {
 
 impl Goal {
     fn new(surface: &Surface, params: &RefineParams) -> Self {
-        let vertices = surface.positions.len();
-        let (removals, bound) = match params.target {
-            Target::Level(level) => {
-                let keep = (vertices as f64 * 0.25_f64.powi(i32::from(level))).round() as usize;
-                (vertices - keep, f64::INFINITY)
-            }
-            Target::Ratio(ratio) => {
-                let triangles = surface.triangles.len();
-                let keep = (triangles as f64 * ratio).round() as usize;
-                // Each collapse removes two triangles.
-                ((triangles - keep) / 2, f64::INFINITY)
-            }
-            Target::Count(keep) => (surface.triangles.len().saturating_sub(keep) / 2, f64::INFINITY),
-            Target::MaxError(mm) => (usize::MAX, mm),
-        };
+        let (removals, bound) = params.target.removals(surface.positions.len(), surface.triangles.len());
         Self { removals, turn_cosine: params.max_turn_degrees.to_radians().cos(), bound }
     }
 }
@@ -74,11 +60,10 @@ impl Goal {
 /// Collapses vertices pass by pass until the goal is reached or a pass over all of them finds nothing to do.
 pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> Result<Run, Error> {
     let goal = Goal::new(surface, params);
-    let locks = (surface.positions.len() - surface.free.len()) as u64;
     let area = surface.areas.iter().map(|&a| f64::from(a)).sum::<f64>() / 3.0;
     exec.observer().begin(TASK, goal.removals.min(surface.free.len()) as u64);
     let (mut removed, mut passes) = (0, 0);
-    let mut refused = Refused::default();
+    let mut refused = surface.kept;
     let (mut scope, mut width) = (Scope::Cheap, 1_usize);
     while removed < goal.removals {
         exec.check_cancelled()?;
@@ -109,7 +94,7 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
         let count = done.collapsed.len();
         passes += 1;
         removed += count;
-        refused = Refused { locks, ..done.refused };
+        refused = surface.kept + done.refused;
         exec.observer().advance(TASK, count as u64);
         exec.observer().iteration(Iteration {
             method: TASK,
@@ -125,7 +110,7 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
         };
     }
     exec.observer().end(TASK);
-    let stopped_by = if removed >= goal.removals { StoppedBy::Target } else { reason(&refused) };
+    let stopped_by = if removed >= goal.removals { StoppedBy::Target } else { refused.reason() };
     Ok(Run { stopped_by, refused, passes })
 }
 
@@ -139,20 +124,6 @@ enum Scope {
     Worthwhile,
     /// All, wherever they lie and whatever they cost, onto any neighbour. If none of them can go, none can.
     All,
-}
-
-/// The most frequent reason; the first of equals.
-pub(super) fn reason(refused: &Refused) -> StoppedBy {
-    let counts = [
-        (refused.max_error, StoppedBy::MaxError),
-        (refused.specks, StoppedBy::Specks),
-        (refused.links, StoppedBy::Links),
-        (refused.flips, StoppedBy::Flips),
-        (refused.locks, StoppedBy::Locks),
-        (refused.features, StoppedBy::Features),
-    ];
-    let most = counts.iter().map(|c| c.0).max().unwrap_or(0);
-    counts.iter().find(|c| c.0 == most).map_or(StoppedBy::Locks, |c| c.1)
 }
 
 /// What a pass needs to know.
@@ -254,7 +225,8 @@ impl Pass<'_> {
         fan.locate(&self.surface.positions);
         let cost = |(place, &r)| (self.surface.cost(v, &(place - from), self.shape_weight), r);
         targets.clear();
-        targets.extend(fan.places().iter().zip(fan.ring()).map(cost));
+        let allowed = |pair: &(_, &u32)| self.surface.features.allow(v, *pair.1);
+        targets.extend(fan.places().iter().zip(fan.ring()).filter(allowed).map(cost));
         let (mut refusal, mut later) = (None, f32::INFINITY);
         while let Some(at) = cheapest(targets) {
             let (cost, y) = targets.swap_remove(at);
@@ -288,20 +260,6 @@ impl Done {
     fn add(&mut self, other: Self) {
         self.collapsed.extend(other.collapsed);
         self.across.extend(other.across);
-        self.refused.links += other.refused.links;
-        self.refused.flips += other.refused.flips;
-        self.refused.specks += other.refused.specks;
-        self.refused.max_error += other.refused.max_error;
-    }
-}
-
-impl Refused {
-    pub(super) fn count(&mut self, refusal: Refusal) {
-        *match refusal {
-            Refusal::Link => &mut self.links,
-            Refusal::Flip => &mut self.flips,
-            Refusal::Speck => &mut self.specks,
-            Refusal::Bound(_) => &mut self.max_error,
-        } += 1;
+        self.refused = self.refused + other.refused;
     }
 }

@@ -93,7 +93,7 @@ impl Done {
     fn add(&mut self, other: Self) {
         self.collapsed.extend(other.collapsed);
         self.across.extend(other.across);
-        self.refused += other.refused;
+        self.refused = self.refused + other.refused;
     }
 }
 
@@ -102,9 +102,14 @@ impl<F: Fn(u32, u32) -> bool + Sync> Hand<'_, F> {
     fn entry(&self, u: u32) -> Option<u64> {
         let surface = self.surface;
         let corners = surface.stars.of(u as usize).iter().flat_map(|&t| surface.triangles.corners(t));
-        let least = corners.filter(|&y| y != u && (self.may)(u, y)).map(|y| self.cost(u, y)).reduce(f32::min)?;
+        let least =
+            corners.filter(|&y| y != u && self.may(u, y)).map(|y| self.cost(u, y)).reduce(f32::min)?;
         // Costs are not negative: their bits sort like their values.
         Some(u64::from(least.to_bits()) << 32 | u64::from(u))
+    }
+
+    fn may(&self, u: u32, y: u32) -> bool {
+        self.surface.features.allow(u, y) && (self.may)(u, y)
     }
 
     fn cost(&self, u: u32, y: u32) -> f32 {
@@ -130,7 +135,7 @@ impl<F: Fn(u32, u32) -> bool + Sync> Hand<'_, F> {
                 continue;
             }
             targets.clear();
-            targets.extend(fan.ring().iter().filter(|&&y| (self.may)(u, y)).map(|&y| (self.cost(u, y), y)));
+            targets.extend(fan.ring().iter().filter(|&&y| self.may(u, y)).map(|&y| (self.cost(u, y), y)));
             targets.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             fan.locate(&self.surface.positions);
             let mut refusal = None;

@@ -1,5 +1,9 @@
+use std::ops::Add;
+
 use ivd_core::Lattice;
 use serde::{Deserialize, Serialize};
+
+use super::half_edge::Refusal;
 
 /// A refined lattice and how far it is from its input.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,14 +77,45 @@ pub struct Refused {
     pub max_error: u64,
 }
 
-impl std::ops::AddAssign for Refused {
-    fn add_assign(&mut self, other: Self) {
-        self.links += other.links;
-        self.flips += other.flips;
-        self.specks += other.specks;
-        self.locks += other.locks;
-        self.features += other.features;
-        self.max_error += other.max_error;
+impl Refused {
+    /// Counts a vertex.
+    pub(super) fn count(&mut self, refusal: Refusal) {
+        *match refusal {
+            Refusal::Link => &mut self.links,
+            Refusal::Flip => &mut self.flips,
+            Refusal::Speck => &mut self.specks,
+            Refusal::Feature => &mut self.features,
+            Refusal::Bound(_) => &mut self.max_error,
+        } += 1;
+    }
+
+    /// The most frequent reason; the first of equals.
+    pub(super) fn reason(&self) -> StoppedBy {
+        let counts = [
+            (self.max_error, StoppedBy::MaxError),
+            (self.specks, StoppedBy::Specks),
+            (self.links, StoppedBy::Links),
+            (self.flips, StoppedBy::Flips),
+            (self.locks, StoppedBy::Locks),
+            (self.features, StoppedBy::Features),
+        ];
+        let most = counts.iter().map(|c| c.0).max().unwrap_or(0);
+        counts.iter().find(|c| c.0 == most).map_or(StoppedBy::Locks, |c| c.1)
+    }
+}
+
+impl Add for Refused {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            links: self.links + other.links,
+            flips: self.flips + other.flips,
+            specks: self.specks + other.specks,
+            locks: self.locks + other.locks,
+            features: self.features + other.features,
+            max_error: self.max_error + other.max_error,
+        }
     }
 }
 

@@ -96,6 +96,12 @@ impl Triangles {
         self.bounds[t as usize].set_float(bound);
     }
 
+    /// Gives a triangle a bound if that is larger than its own.
+    pub(super) fn raise(&self, t: u32, bound: f32) {
+        let word = &self.bounds[t as usize];
+        word.set_float(word.float().max(bound));
+    }
+
     /// Closes the gaps of removed triangles; the order stays.
     pub(super) fn compact(&mut self) {
         let mut kept = 0;

@@ -23,10 +23,14 @@ impl Fan {
 
     /// Reads the fan of `v`. Returns `false` where its triangles aren't one closed fan of 3 to [`MAX_VALENCE`].
     pub(super) fn read(&mut self, v: u32, stars: &Stars, triangles: &Triangles) -> bool {
+        self.gather(v, stars.of(v as usize).iter().map(|&t| (t, triangles.corners(t))))
+    }
+
+    /// The same from a list of triangles with their corners.
+    pub(super) fn gather(&mut self, v: u32, star: impl Iterator<Item = (u32, [u32; 3])>) -> bool {
         let mut after = [0_u32; MAX_VALENCE];
         self.len = 0;
-        for &t in stars.of(v as usize) {
-            let corners = triangles.corners(t);
+        for (t, corners) in star {
             if corners == GONE {
                 continue;
             }

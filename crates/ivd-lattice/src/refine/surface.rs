@@ -2,7 +2,10 @@ use ivd_core::Lattice;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::Refused;
+use super::features::{Features, Kind};
 use super::locks::Locks;
+use super::mean::Refining;
 use super::numbering::Numbering;
 use super::quadric::{Quadric, plane_root};
 use super::shared::{Triangles, Word};
@@ -24,6 +27,9 @@ pub(super) struct Surface {
     pub(super) areas: Vec<f32>,
     /// Vertices that may go, ascending.
     pub(super) free: Vec<u32>,
+    pub(super) features: Features,
+    /// Vertices that may not go from the first, by what keeps them.
+    pub(super) kept: Refused,
     pub(super) stars: Stars,
     /// Vertex that a removed one was collapsed onto; itself where it is left.
     pub(super) onto: Vec<Word>,
@@ -41,7 +47,9 @@ const UNKNOWN: f32 = f32::NAN;
 
 impl Surface {
     /// The input with its stars, quadrics and locks. Vertices whose triangles aren't one closed fan are locked too.
-    pub(super) fn new(lattice: &Lattice, locks: Locks<'_>) -> Self {
+    ///
+    /// - `feature_degrees`: turn from which edges are features; their corners are locked too.
+    pub(super) fn new(lattice: &Lattice, locks: Locks<'_>, feature_degrees: Option<f64>) -> Self {
         let mut places = lattice.local_positions();
         centre(&mut places);
         let n = places.len();
@@ -59,18 +67,24 @@ impl Surface {
             .map(|v| Quadric::of_star(stars.of(v).iter().map(|&t| roots[t as usize])))
             .collect();
         let locked = locks.flags(n);
-        let free = (0..n as u32)
+        let features = Features::new(&positions, &corners, feature_degrees);
+        let mut free: Vec<u32> = (0..n as u32)
             .into_par_iter()
             .filter(|&v| !locked[numbers[v as usize] as usize])
             .map_init(Fan::new, |fan, v| fan.read(v, &stars, &triangles).then_some(v))
             .flatten_iter()
             .collect();
+        let locks = n - free.len();
+        free.retain(|&v| features.kind(v) != Kind::Corner);
+        let corners = n - locks - free.len();
         Self {
             numbers,
             positions,
             triangles,
             areas: quadrics.iter().map(Quadric::weight).collect(),
             free,
+            features,
+            kept: Refused { locks: locks as u64, features: corners as u64, ..Refused::default() },
             stars,
             onto: (0..n as u32).map(Word::new).collect(),
             merged: (0..n).map(|_| Word::new(NONE)).collect(),
@@ -103,6 +117,7 @@ impl Surface {
             .of(v as usize)
             .iter()
             .map(|&t| after(self.triangles.corners(t), v))
+            .filter(|&r| self.features.allow(v, r))
             .map(|r| self.cost(v, &(self.positions[r as usize] - from), shape_weight))
             .fold(f32::INFINITY, f32::min);
         self.least[v as usize].set_float(least);
@@ -139,13 +154,11 @@ impl Surface {
         self.onto[v].get() as usize == v
     }
 
-    /// The vertex left that a vertex ended on, through all its collapses.
-    pub(super) fn end_of(&self, v: usize) -> usize {
-        let mut end = v;
-        while !self.is_left(end) {
-            end = self.onto[end].get() as usize;
-        }
-        end
+    /// Adds the quadric of a vertex that was collapsed to that of its target.
+    pub(super) fn absorb(&mut self, u: u32) {
+        let (u, y) = (u as usize, self.onto[u as usize].get() as usize);
+        let gone = self.quadrics[u];
+        self.quadrics[y].merge(&gone, &(self.positions[u] - self.positions[y]).cast());
     }
 
     /// Ends a pass: adds the quadrics up, moves the triangles that are left together and lists their stars anew.
@@ -153,18 +166,43 @@ impl Surface {
     /// - `collapsed`: the vertices removed in this pass, in an order that no number of threads changes.
     pub(super) fn tidy(&mut self, collapsed: &[u32]) {
         for &u in collapsed {
-            let y = self.onto[u as usize].get() as usize;
-            let u = u as usize;
-            let gone = self.quadrics[u];
-            self.quadrics[y].merge(&gone, &(self.positions[u] - self.positions[y]).cast());
-            self.merged[u].set(NONE);
-            self.merged[y].set(NONE);
+            self.absorb(u);
+            self.merged[u as usize].set(NONE);
+            self.merged[self.onto[u as usize].get() as usize].set(NONE);
         }
         self.triangles.compact();
         let onto = &self.onto;
         self.free.retain(|&v| onto[v as usize].get() == v);
         let triangles = &self.triangles;
         self.stars.rebuild(self.positions.len(), triangles.len(), |t| triangles.corners(t as u32));
+    }
+}
+
+impl Refining for Surface {
+    const STEPS: usize = 1;
+
+    fn positions(&self) -> &[Vector3<f64>] {
+        &self.positions
+    }
+
+    fn areas(&self) -> &[f32] {
+        &self.areas
+    }
+
+    fn star(&self, v: usize) -> &[u32] {
+        self.stars.of(v)
+    }
+
+    fn corners(&self, t: u32) -> [u32; 3] {
+        self.triangles.corners(t)
+    }
+
+    fn end_of(&self, v: usize) -> usize {
+        let mut end = v;
+        while !self.is_left(end) {
+            end = self.onto[end].get() as usize;
+        }
+        end
     }
 }
 
@@ -181,7 +219,7 @@ fn after([a, b, c]: [u32; 3], v: u32) -> u32 {
 }
 
 /// Moves places so that the middle of their box is 0.
-fn centre(positions: &mut [Vector3<f64>]) {
+pub(super) fn centre(positions: &mut [Vector3<f64>]) {
     let Some(first) = positions.first() else { return };
     let (lo, hi) = positions.iter().fold((*first, *first), |(lo, hi), p| (lo.inf(p), hi.sup(p)));
     let middle = (lo + hi) / 2.0;

@@ -29,7 +29,11 @@ pub(crate) fn assert_certified(input: &Lattice, out: &Refined) {
     let (hausdorff, mean) = sampled::hausdorff_and_mean(input, &out.lattice);
     assert!(out.max_error_mm >= hausdorff - 1e-9, "bound {} below {hausdorff}", out.max_error_mm);
     assert!(out.max_error_mm <= 1.1 * hausdorff + 1e-6, "bound {} far above {hausdorff}", out.max_error_mm);
-    assert!((out.mean_error_mm - mean).abs() <= 0.3 * mean + 1e-9, "mean {} against {mean}", out.mean_error_mm);
+    assert!(
+        (out.mean_error_mm - mean).abs() <= 0.3 * mean + 1e-9,
+        "mean {} against {mean}",
+        out.mean_error_mm
+    );
 }
 
 fn sampled_by(lattice: &Lattice, target: Target) -> Refined {
@@ -97,7 +101,11 @@ fn every_coarse_voxel_is_where_it_was() {
                         .map(|t| solid_angle(t.map(|v| positions[v as usize] - p)))
                         .sum::<f64>()
                         / (4.0 * std::f64::consts::PI);
-                    assert_eq!(winding.round() as i64, i64::from(inside([x, y, z])), "seed {seed}: {winding}");
+                    assert_eq!(
+                        winding.round() as i64,
+                        i64::from(inside([x, y, z])),
+                        "seed {seed}: {winding}"
+                    );
                 }
             }
         }
@@ -193,7 +201,8 @@ fn empty_far_sheared_and_mirrored_lattices_are_sampled_too() {
 /// A torus on thick, slanted and left-handed grids, near and far: the same result near and far, seen from outside.
 pub(crate) fn awkward(method: Method, target: Target) -> Vec<Refined> {
     let (s, c) = 0.4_f64.sin_cos();
-    let axes = [[[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, -1.0]], [[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]];
+    let axes =
+        [[[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, -1.0]], [[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]];
     let mut all = Vec::new();
     for axes in axes {
         let grid = |origin| Grid::new([28; 3], [0.5, 0.5, 2.0], origin, axes);

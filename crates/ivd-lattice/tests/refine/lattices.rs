@@ -91,3 +91,12 @@ pub(crate) fn random(seed: u64) -> Lattice {
     let iso = [1.0, 1.5, 2.0][seed as usize % 3];
     at(&Volume::new(grid, Voxels::from(voxels)).expect("one value a voxel"), iso)
 }
+
+/// A cube with square tunnels along all three axes: genus 325 at 30 voxels.
+pub(crate) fn sponge(n: usize) -> Lattice {
+    cut(cube(n), |p| {
+        let inside = p.iter().all(|&c| c >= 1.0 && c < n as f64 - 1.0);
+        let open = p.iter().filter(|&&c| (c as u64) % 5 >= 3).count();
+        f64::from(u8::from(inside && open < 2))
+    })
+}

@@ -1,10 +1,15 @@
 //! Refinement of extracted lattices: what must hold whatever is refined, and however far.
 
+mod chain;
 mod coarser;
+mod decimate;
+mod kept;
 mod lattices;
 mod levels;
 mod merging;
+mod repair;
 mod sampled;
+mod topology;
 
 use ivd_core::{Exec, Grid, Lattice};
 use ivd_lattice::figures::measure;
@@ -16,7 +21,7 @@ fn refined(lattice: &Lattice, target: Target) -> Refined {
 }
 
 /// A closed manifold of the same topology, on a subset of the vertices, and figures that tell of it.
-fn assert_sound(input: &Lattice, out: &Refined) {
+pub(crate) fn assert_sound(input: &Lattice, out: &Refined) {
     out.lattice.check().expect("the parts fit");
     let (before, after) = (measure(input), measure(&out.lattice));
     assert!(after.is_closed_manifold(), "{after:?}");
@@ -37,7 +42,7 @@ fn assert_sound(input: &Lattice, out: &Refined) {
 }
 
 /// The bound is never below what sampling finds, in both directions.
-fn assert_bounded(input: &Lattice, out: &Refined) {
+pub(crate) fn assert_bounded(input: &Lattice, out: &Refined) {
     let (hausdorff, mean) = sampled::hausdorff_and_mean(input, &out.lattice);
     assert!(out.max_error_mm >= hausdorff - 1e-9, "bound {} below {hausdorff}", out.max_error_mm);
     assert!(
