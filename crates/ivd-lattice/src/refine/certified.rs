@@ -147,11 +147,15 @@ impl Pair {
         exec.check_memory("the distance between two lattices", bytes(a) + bytes(b))?;
         let shift = Point::from(b.grid.origin()) - Point::from(a.grid.origin());
         let (mut pa, mut pb) = (a.local_positions(), b.local_positions());
-        pb.iter_mut().for_each(|p| *p += shift);
+        for p in &mut pb {
+            *p += shift;
+        }
         let far = Point::repeat(f64::INFINITY);
         let [low, high] = pa.iter().chain(&pb).fold([far, -far], |[low, high], p| [low.inf(p), high.sup(p)]);
         let middle = (low + high) / 2.0;
-        pa.iter_mut().chain(&mut pb).for_each(|p| *p -= middle);
+        for p in pa.iter_mut().chain(&mut pb) {
+            *p -= middle;
+        }
         let mesh = |places, of: &Lattice, other| Mesh::new(places, &of.triangles, without_shared(of, other));
         let (a, b) = rayon::join(|| mesh(pa, a, b), || mesh(pb, b, a));
         Ok(Self { meshes: [a, b], diagonal: (high - low).norm() })
@@ -219,7 +223,9 @@ impl Way<'_> {
     fn sample(&self, exec: &Exec) -> (Vec<Near>, f64) {
         let mesh = self.from;
         let mut used = vec![false; mesh.places.len()];
-        mesh.own.iter().flatten().for_each(|&v| used[v as usize] = true);
+        for &v in mesh.own.iter().flatten() {
+            used[v as usize] = true;
+        }
         let nearest = |(p, &used): (&Point, &bool)| {
             let wanted = used && !exec.cancel.is_cancelled();
             if wanted { self.to.nearest(p, 0) } else { Near { triangle: 0, off: 0.0 } }

@@ -203,9 +203,15 @@ impl<'a> Cover<'a> {
         if !(apart && agree) {
             return false;
         }
-        all.iter().for_each(|&t| self.tile_of[t as usize] = centre);
-        corners.iter().for_each(|&v| self.is_corner[v as usize] = true);
-        middles.iter().zip(ends).for_each(|(&m, ends)| self.ends[m as usize] = ends);
+        for t in all {
+            self.tile_of[t as usize] = centre;
+        }
+        for v in corners {
+            self.is_corner[v as usize] = true;
+        }
+        for (m, ends) in middles.into_iter().zip(ends) {
+            self.ends[m as usize] = ends;
+        }
         self.laid.push(centre);
         true
     }
@@ -215,9 +221,15 @@ impl<'a> Cover<'a> {
         for &centre in &self.laid {
             let Tile { corners, outer, .. } = self.mesh.tile(centre);
             self.tile_of[centre as usize] = NONE;
-            outer.iter().for_each(|&t| self.tile_of[t as usize] = NONE);
-            corners.iter().for_each(|&v| self.is_corner[v as usize] = false);
-            self.mesh.triangles[centre as usize].iter().for_each(|&m| self.ends[m as usize] = [NONE; 2]);
+            for t in outer {
+                self.tile_of[t as usize] = NONE;
+            }
+            for v in corners {
+                self.is_corner[v as usize] = false;
+            }
+            for m in self.mesh.triangles[centre as usize] {
+                self.ends[m as usize] = [NONE; 2];
+            }
         }
     }
 

@@ -216,7 +216,9 @@ fn evens(surface: &Surface) -> Vec<bool> {
             let mut odd: Vec<u32> = corners.filter(|&c| c != v).collect();
             odd.sort_unstable();
             odd.dedup();
-            odd.iter().for_each(|&o| decided[o as usize] = true);
+            for &o in &odd {
+                decided[o as usize] = true;
+            }
             for o in odd {
                 if fan.read(o, &surface.stars, &surface.triangles) && fan.ring().len().is_multiple_of(2) {
                     fan.turn_to(v);
@@ -235,7 +237,9 @@ fn evens(surface: &Surface) -> Vec<bool> {
 fn seeds(surface: &Surface) -> Vec<u32> {
     let free: Vec<bool> = {
         let mut free = vec![false; surface.positions.len()];
-        surface.free.iter().for_each(|&v| free[v as usize] = true);
+        for &v in &surface.free {
+            free[v as usize] = true;
+        }
         free
     };
     let rank = |v: u32| match surface.stars.of(v as usize).len() {

@@ -34,7 +34,9 @@ impl Draft {
     /// Triangles, and of the vertices those that are in one or locked.
     pub(super) fn of(triangles: Vec<[u32; 3]>, input: &Lattice, locks: Locks<'_>, passes: u32) -> Self {
         let mut left = locks.flags(input.keys.len());
-        triangles.iter().flatten().for_each(|&v| left[v as usize] = true);
+        for &v in triangles.iter().flatten() {
+            left[v as usize] = true;
+        }
         let kept = (0..left.len() as u32).filter(|&v| left[v as usize]).collect();
         Self { kept, triangles, stopped_by: StoppedBy::Target, refused: Refused::default(), passes }
     }

@@ -189,8 +189,11 @@ impl<'a> Clusters<'a> {
             to[v as usize] = member;
         }
         // Locked vertices stay, also beside the member.
-        self.locks.vertices.iter().for_each(|&v| to[v as usize] = v);
-        without_doubles(self.lattice.triangles.par_iter().map(|t| t.map(|v| to[v as usize])).collect())
+        for &v in self.locks.vertices {
+            to[v as usize] = v;
+        }
+        let moved: Vec<_> = self.lattice.triangles.par_iter().map(|t| t.map(|v| to[v as usize])).collect();
+        without_doubles(&moved)
     }
 }
 
@@ -216,7 +219,9 @@ fn members(
             let first = cluster[0].1;
             let offset = |v: u32| (positions[v as usize] - positions[first as usize]).cast();
             let mut sum = Quadric::default();
-            cluster.iter().for_each(|&(_, v)| sum.merge(&planes(v), &offset(v)));
+            for &(_, v) in cluster {
+                sum.merge(&planes(v), &offset(v));
+            }
             let cost = |v: u32| (!locked(v), sum.mean_square(&offset(v)));
             let member = cluster
                 .iter()
@@ -233,7 +238,7 @@ fn members(
 
 /// Triangles without those that have no area, and of those on the same vertices one, or none where as many run one way as
 /// the other. The order stays.
-fn without_doubles(triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
+fn without_doubles(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut sides: Vec<([u32; 3], bool, u32)> = triangles
         .par_iter()
         .enumerate()
@@ -339,7 +344,9 @@ fn one_size(
 
 fn flags(surface: &Surface) -> Vec<bool> {
     let mut free = vec![false; surface.positions.len()];
-    surface.free.iter().for_each(|&v| free[v as usize] = true);
+    for &v in &surface.free {
+        free[v as usize] = true;
+    }
     free
 }
 
@@ -368,9 +375,9 @@ mod tests {
     #[test]
     fn triangles_that_double_back_go_and_one_of_a_stack_stays() {
         let [a, b, c, d, e] = [[0, 1, 2], [1, 2, 0], [2, 1, 0], [3, 4, 5], [3, 5, 4]];
-        assert_eq!(without_doubles(vec![d, a, [6, 6, 7], e]), vec![a]);
-        assert_eq!(without_doubles(vec![a, b, [7, 8, 9], c]), vec![a, [7, 8, 9]]);
-        assert_eq!(without_doubles(vec![c, a, b, [7, 8, 9]]), vec![a, [7, 8, 9]]);
+        assert_eq!(without_doubles(&[d, a, [6, 6, 7], e]), vec![a]);
+        assert_eq!(without_doubles(&[a, b, [7, 8, 9], c]), vec![a, [7, 8, 9]]);
+        assert_eq!(without_doubles(&[c, a, b, [7, 8, 9]]), vec![a, [7, 8, 9]]);
     }
 
     #[test]

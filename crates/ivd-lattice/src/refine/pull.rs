@@ -60,7 +60,9 @@ pub(super) fn pull(
                 hand.in_order(piece, Some((&blocks, block)), most)
             })
             .collect();
-        done.into_iter().for_each(|block| all.add(block));
+        for block in done {
+            all.add(block);
+        }
         let mut across = std::mem::take(&mut all.across);
         across.sort_unstable();
         all.add(hand.in_order(&across, None, most));

@@ -144,7 +144,10 @@ impl Signs {
     /// The sides that a lattice's keys tell along x, if those along y and z tell the same.
     fn of(lattice: &Lattice, exec: &Exec) -> Result<Self, Error> {
         if lattice.level > 0 {
-            return Err(not_as_extracted(format!("the lattice has been refined to level {}", lattice.level)));
+            return Err(not_as_extracted(&format!(
+                "the lattice has been refined to level {}",
+                lattice.level
+            )));
         }
         let dims = lattice.grid.dims().map(|n| n + 2);
         let row = dims[0].div_ceil(64);
@@ -155,7 +158,7 @@ impl Signs {
             let at = key.padded(lattice.grid.dims());
             let axis = usize::from(key.element());
             if at[axis] + 1 >= dims[axis] {
-                return Err(not_as_extracted(format!("key {} names an edge that leaves the grid", key.0)));
+                return Err(not_as_extracted(&format!("key {} names an edge that leaves the grid", key.0)));
             }
             if axis == 0 {
                 let word = signs.word(at);
@@ -191,7 +194,7 @@ impl Signs {
         });
         if let Some(i) = open {
             let [y, z] = [i % ny, i / ny].map(|c| c as i64 - 1);
-            return Err(not_as_extracted(format!("the row of voxels at y {y}, z {z} doesn't end outside")));
+            return Err(not_as_extracted(&format!("the row of voxels at y {y}, z {z} doesn't end outside")));
         }
         let dims = lattice.grid.dims();
         let mut keys = [0_u64; 3];
@@ -201,7 +204,7 @@ impl Signs {
             next[axis] += 1;
             if self.inside(at) == self.inside(next) {
                 let [x, y, z] = key.voxel(dims);
-                return Err(not_as_extracted(format!(
+                return Err(not_as_extracted(&format!(
                     "both ends of the edge along {} from voxel {x}, {y}, {z}, which the surface crosses, lie on one side",
                     ["x", "y", "z"][axis]
                 )));
@@ -218,7 +221,7 @@ impl Signs {
                 })
                 .sum();
             if changes != keys[axis] {
-                return Err(not_as_extracted(format!(
+                return Err(not_as_extracted(&format!(
                     "voxels change sides {changes} times along {}, and {} vertices say so",
                     ["x", "y", "z"][axis],
                     keys[axis]
@@ -245,7 +248,7 @@ fn fill(row: &mut [u64]) {
     }
 }
 
-fn not_as_extracted(problem: String) -> Error {
+fn not_as_extracted(problem: &str) -> Error {
     Error::Unreachable {
         asked: "a coarser rate".into(),
         problem: format!("its vertices don't tell which voxels are inside, as {problem}"),
@@ -352,7 +355,9 @@ mod tests {
     fn a_row_is_inside_after_an_odd_number_of_crossings() {
         let mut row = vec![0_u64; 3];
         let crossings = [3_usize, 10, 62, 63, 64, 130, 170, 171];
-        crossings.iter().for_each(|c| row[c / 64] |= 1 << (c % 64));
+        for c in crossings {
+            row[c / 64] |= 1 << (c % 64);
+        }
         fill(&mut row);
         for p in 0..192 {
             let odd = crossings.iter().filter(|&&c| c < p).count() % 2 == 1;

@@ -24,7 +24,7 @@ fn tetrahedron() -> Mesh {
 }
 
 fn icosahedron() -> Mesh {
-    let g = (1.0 + 5.0_f64.sqrt()) / 2.0;
+    let g = f64::midpoint(1.0, 5.0_f64.sqrt());
     let places: Vec<Point> = (0..3)
         .flat_map(|a| {
             [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)].map(|(s, t)| {
@@ -83,7 +83,9 @@ fn subdivided((places, triangles): &Mesh, salt: u64) -> (Mesh, Vec<u32>) {
     let mut order: Vec<usize> = (0..places.len()).collect();
     order.sort_by_key(|&v| hash(v as u64));
     let mut rank = vec![0; places.len()];
-    order.iter().enumerate().for_each(|(new, &v)| rank[v] = new as u32);
+    for (new, &v) in order.iter().enumerate() {
+        rank[v] = new as u32;
+    }
     fine.sort_by_key(|t| hash(u64::from(t[0]) << 40 | u64::from(t[1]) << 20 | u64::from(t[2])));
     let turn = |t: [u32; 3]| {
         let mut t = t.map(|v| rank[v as usize]);
