@@ -20,7 +20,7 @@ fn clustered(lattice: &Lattice, target: Target) -> Refined {
 }
 
 fn phantoms() -> [Lattice; 4] {
-    [lattices::sphere(40), lattices::torus(lattices::cube(40)), lattices::gyroid(40), lattices::shell(32)]
+    [lattices::sphere(28), lattices::torus(lattices::cube(32)), lattices::gyroid(24), lattices::shell(24)]
 }
 
 #[test]
