@@ -1,4 +1,5 @@
 //! Marching cubes at a coarser rate.
+#![allow(clippy::unwrap_used, reason = "a helper of tests fails as a test does")]
 
 use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
 use ivd_lattice::figures::measure;

@@ -1,4 +1,5 @@
 //! Levels of an inverse Loop scheme: exact on subdivided surfaces, by collapse on all others.
+#![allow(clippy::unwrap_used, reason = "a helper of tests fails as a test does")]
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,7 +18,7 @@ fn levels(lattice: &Lattice, target: Target) -> Refined {
 /// A lattice with a vertex in the cell of each place (voxels).
 fn on_cells(places: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Lattice {
     let grid = Grid::with_spacing([400; 3], [0.5, 0.5, 1.0]).unwrap();
-    let cell = |p: &Vector3<f64>| p.map(|c| c.floor());
+    let cell = |p: &Vector3<f64>| p.map(f64::floor);
     let key = |p: &Vector3<f64>| {
         let c = cell(p).map(|c| c as usize + 1);
         ElementKey::new(grid.dims(), [c.x, c.y, c.z], 6)

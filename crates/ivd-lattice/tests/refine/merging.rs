@@ -1,4 +1,5 @@
 //! Vertex clustering onto member vertices.
+#![allow(clippy::unwrap_used, reason = "a helper of tests fails as a test does")]
 
 use ivd_core::{Exec, Lattice, Volume, Voxels};
 use ivd_lattice::figures::measure;
