@@ -10,7 +10,7 @@ pub(super) const CENTRE: u8 = 12;
 pub(super) const CENTRES: [u8; 2] = [CENTRE, CENTRE + 1];
 
 /// The two ends of each edge, low end first.
-pub(super) const EDGES: [[u8; 2]; 12] = edges();
+pub(crate) const EDGES: [[u8; 2]; 12] = edges();
 
 /// The four corners of each face, counter-clockwise seen from outside the cell.
 pub(super) const FACES: [[u8; 4]; 6] = faces();
@@ -47,13 +47,13 @@ const fn faces() -> [[u8; 4]; 6] {
 
 /// The axis that an edge runs along.
 #[inline]
-pub(super) fn axis(edge: u8) -> usize {
+pub(crate) fn axis(edge: u8) -> usize {
     usize::from(edge / 4)
 }
 
 /// Offset of a corner from the cell's first one.
 #[inline]
-pub(super) fn offset(corner: u8) -> [usize; 3] {
+pub(crate) fn offset(corner: u8) -> [usize; 3] {
     [usize::from(corner & 1), usize::from(corner >> 1 & 1), usize::from(corner >> 2 & 1)]
 }
 

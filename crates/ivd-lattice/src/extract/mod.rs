@@ -34,7 +34,7 @@
 //! ```
 
 mod bounds;
-mod cell;
+pub(crate) mod cell;
 mod directory;
 mod interior;
 mod normals;
@@ -62,6 +62,7 @@ pub use normals::normals;
 pub use parts::{Part, extract_parts, occurring};
 use samples::{Field, Masked, Samples};
 use signs::{BrickState, Signs};
+pub(crate) use table::PARTED;
 
 /// Which surface to cut.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

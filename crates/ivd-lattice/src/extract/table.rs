@@ -60,6 +60,13 @@ pub(super) struct CrossingId(u16);
 /// The table, built at its first use.
 pub(super) static CASES: LazyLock<CaseTable> = LazyLock::new(CaseTable::build);
 
+/// Triangles of each case where inside corners are never joined across a face: all corners are edges, none a vertex in the
+/// cell's middle, and no triangle has an edge across a face other than the face's own arcs.
+pub(crate) static PARTED: LazyLock<Vec<Vec<[u8; 3]>>> = LazyLock::new(|| {
+    let sheets = |ring: &Vec<u8>| triangulate(ring).expect("parted loops need no vertex in the middle");
+    (0..=255).map(|case| cell::loops(case, 0).iter().flat_map(sheets).collect()).collect()
+});
+
 impl CaseTable {
     fn build() -> Self {
         let mut table = Self {
@@ -322,6 +329,25 @@ mod tests {
                     let inner = triangles.iter().any(|o| (0..3).any(|m| (o[m], o[(m + 1) % 3]) == (b, a)));
                     assert!(!inner || a >= CENTRE || b >= CENTRE || !cell::share_face(a, b), "case {case}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn where_inside_corners_are_never_joined_no_case_needs_a_vertex_in_the_middle() {
+        for (case, triangles) in (0..=255).zip(PARTED.iter()) {
+            let crossed = EDGES.iter().filter(|e| (case >> e[0] ^ case >> e[1]) & 1 == 1).count();
+            assert_eq!(triangles.len(), crossed - 2 * cell::loops(case, 0).len(), "case {case}");
+            let mut sides = BTreeSet::new();
+            for t in triangles {
+                assert!(t.iter().all(|&e| e < CENTRE));
+                for k in 0..3 {
+                    assert!(sides.insert((t[k], t[(k + 1) % 3])), "case {case}: edge twice");
+                }
+            }
+            for &(a, b) in &sides {
+                let inner = sides.contains(&(b, a));
+                assert!(!inner || !cell::share_face(a, b), "case {case}: a chord across a face");
             }
         }
     }

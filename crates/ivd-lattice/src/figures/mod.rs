@@ -32,7 +32,8 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use link::{Link, LinkCounts, root};
+pub(crate) use link::root;
+use link::{Link, LinkCounts};
 pub use quality::{ASPECT_BINS, Component, Quality, Spread, quality};
 use stars::Stars;
 

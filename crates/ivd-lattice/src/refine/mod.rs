@@ -29,31 +29,40 @@
 //! and triangulates the hole anew. What it keeps, and what its bound means, is the same.
 
 mod blocks;
+mod certified;
 mod chain;
 mod decimate;
 mod deviation;
 mod distance;
 mod features;
 mod half_edge;
+mod inverse;
 mod locks;
+mod loop_levels;
 mod mean;
+mod measured;
+mod merge;
 mod mesh;
 mod numbering;
 mod params;
 mod passes;
 mod patch;
+mod pull;
 mod quadric;
 mod queue;
 mod report;
+mod sample;
 mod shared;
 mod slivers;
 mod star;
 mod surface;
 mod topology;
+mod tree;
 
-use ivd_core::{Exec, Lattice, ParamError};
+use ivd_core::{Exec, Lattice};
 
 use crate::Error;
+pub use certified::{Distances, distances};
 pub use chain::{Chain, Coarser, chain};
 pub use locks::{Locks, vertices_within};
 pub use params::{Method, RefineParams, Target};
@@ -85,14 +94,10 @@ pub fn refine(
     match params.method {
         Method::Collapse => collapse_locked(lattice, params, locks, exec),
         Method::Decimate => decimate::decimate(lattice, params, locks, exec),
-        // Methods that are still to come are called here.
-        Method::Loop | Method::Merge | Method::Sample => Err(unavailable(params.method)),
+        Method::Loop => loop_levels::loop_levels(lattice, params, locks, exec),
+        Method::Merge => merge::merge(lattice, params, locks, exec),
+        Method::Sample => sample::sample(lattice, params, locks, exec),
     }
-}
-
-fn unavailable(method: Method) -> Error {
-    let problem = format!("{} is not available", method.name());
-    ParamError::new("method", problem, "use collapse").into()
 }
 
 /// Refines a lattice by half-edge collapse, whatever method the parameters name, and without locks.

@@ -56,6 +56,8 @@ pub enum StoppedBy {
     Locks,
     /// Most of what is left are corners and the least that feature edges need.
     Features,
+    /// Coarser by a step, nothing would be left.
+    Vanishing,
 }
 
 /// Vertices left, counted by what kept them.

@@ -129,6 +129,16 @@ impl Surface {
         self.least[v as usize].set_float(cost);
     }
 
+    /// The planes that a vertex stands for.
+    pub(super) fn quadric(&self, v: u32) -> &Quadric {
+        &self.quadrics[v as usize]
+    }
+
+    /// Area of the input (mm²).
+    pub(super) fn area(&self) -> f64 {
+        self.areas.iter().map(|&a| f64::from(a)).sum::<f64>() / 3.0
+    }
+
     /// Forgets what the last tries came to.
     pub(super) fn forget(&self, v: u32) {
         self.least[v as usize].set_float(UNKNOWN);

@@ -1,9 +1,12 @@
 //! Refinement of extracted lattices: what must hold whatever is refined, and however far.
 
 mod chain;
+mod coarser;
 mod decimate;
 mod kept;
 mod lattices;
+mod levels;
+mod merging;
 mod repair;
 mod sampled;
 mod topology;
