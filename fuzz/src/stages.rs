@@ -230,6 +230,7 @@ pub fn octahedron() -> Lattice {
         triangles,
         level: 1,
         max_error_mm: 0.125,
+ coarser: Vec::new(),
     }
 }
 

@@ -38,6 +38,23 @@ fn a_lattice_of_a_foreign_mesh_says_so() {
 }
 
 #[test]
+fn a_lattice_keeps_its_coarser_levels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lattice");
+    let Artefact::Lattice(mut lattice) = sample(Kind::Lattice) else {
+        unreachable!("a lattice was asked for")
+    };
+    let triangles = lattice.triangles[..1].to_vec();
+    lattice.coarser = vec![
+        ivd_core::Coarser { triangles, level: 1, max_error_mm: 0.25 },
+        ivd_core::Coarser { triangles: Vec::new(), level: 3, max_error_mm: 1.5 },
+    ];
+    let value = Artefact::Lattice(lattice);
+    write(&path, &value, &provenance()).unwrap();
+    assert!(same(&read(&path).unwrap().artefact, &value));
+}
+
+#[test]
 fn every_kind_comes_back_bit_for_bit_with_its_provenance() {
     let folder = tempfile::tempdir().unwrap();
     for kind in Kind::ALL {

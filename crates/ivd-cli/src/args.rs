@@ -230,6 +230,9 @@ pub(crate) enum Command {
         /// Components of fewer triangles go before anything else.
         #[arg(long, value_name = "TRIANGLES")]
         min_component: Option<u32>,
+        /// Keep the lattice and these levels of it beside one another, in one artefact.
+        #[arg(long, value_name = "N,N…", value_delimiter = ',', conflicts_with = "target")]
+        chain: Vec<u8>,
         #[command(flatten)]
         output: Output,
     },
@@ -342,6 +345,9 @@ pub(crate) enum Command {
         /// nii, nii.gz, nrrd, mha, mhd, vti, tif, raw; ply, obj, stl, glb, vtp; png; json.
         #[arg(short, long)]
         output: PathBuf,
+        /// Of a lattice with coarser levels beside it: which, 0 the lattice itself.
+        #[arg(long, value_name = "N")]
+        level: Option<usize>,
     },
     /// What a file holds.
     Info {

@@ -87,6 +87,20 @@ pub struct Lattice {
     pub level: u8,
     /// Bound on the distance to the extracted lattice (mm); 0 at level 0.
     pub max_error_mm: f64,
+    /// Coarser levels on the same vertices, each on a subset of those of the one before: a viewer switches between them.
+    /// Empty for most.
+    pub coarser: Vec<Coarser>,
+}
+
+/// A coarser level of a lattice, in the numbers of its vertices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coarser {
+    /// Vertex indices of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// As [`Lattice::level`].
+    pub level: u8,
+    /// As [`Lattice::max_error_mm`].
+    pub max_error_mm: f64,
 }
 
 impl Lattice {
@@ -113,7 +127,56 @@ impl Lattice {
         if let Some(i) = self.triangles.iter().position(|t| t.iter().any(|&v| v >= n)) {
             return Err(bad(format!("triangle {i} names a vertex beyond {n}")));
         }
+        for (k, coarser) in self.coarser.iter().enumerate() {
+            if let Some(i) = coarser.triangles.iter().position(|t| t.iter().any(|&v| v >= n)) {
+                return Err(bad(format!("triangle {i} of coarser level {k} names a vertex beyond {n}")));
+            }
+        }
         Ok(())
+    }
+
+    /// Number of levels, this one included.
+    pub fn levels(&self) -> usize {
+        self.coarser.len() + 1
+    }
+
+    /// A level as a lattice of its own, 0 this one; `None` beyond the last.
+    pub fn at_level(&self, level: usize) -> Option<Self> {
+        let Some(at) = level.checked_sub(1) else {
+            return Some(Self { coarser: Vec::new(), ..self.clone() });
+        };
+        let coarser = self.coarser.get(at)?;
+        let kept = self.vertices_at_level(level);
+        let mut rank = vec![u32::MAX; self.keys.len()];
+        for (new, &old) in kept.iter().enumerate() {
+            rank[old as usize] = new as u32;
+        }
+        Some(Self {
+            grid: self.grid.clone(),
+            source: self.source.clone(),
+            keys: kept.iter().map(|&v| self.keys[v as usize]).collect(),
+            places: kept.iter().map(|&v| self.places[v as usize]).collect(),
+            triangles: coarser.triangles.iter().map(|t| t.map(|v| rank[v as usize])).collect(),
+            level: coarser.level,
+            max_error_mm: coarser.max_error_mm,
+            coarser: Vec::new(),
+        })
+    }
+
+    /// Vertices of a level, ascending: those that its triangles name, and those that no triangle of the finest names.
+    /// Empty beyond the last level.
+    pub fn vertices_at_level(&self, level: usize) -> Vec<u32> {
+        let mut named = vec![true; self.keys.len()];
+        if let Some(at) = level.checked_sub(1) {
+            let Some(coarser) = self.coarser.get(at) else { return Vec::new() };
+            for &v in self.triangles.as_flattened() {
+                named[v as usize] = false;
+            }
+            for &v in coarser.triangles.as_flattened() {
+                named[v as usize] = true;
+            }
+        }
+        (0..named.len() as u32).filter(|&v| named[v as usize]).collect()
     }
 
     /// Voxel coordinate of vertex `i`.

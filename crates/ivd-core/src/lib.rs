@@ -49,7 +49,7 @@ pub use grid::{Grid, GridError, VoxelCoord, VoxelIndex, World};
 pub use image::Image;
 pub use index_relation::VertexDescription;
 pub use labels::{Class, Labels, NO_DATA};
-pub use lattice::{ElementKey, Lattice, LatticeSource, T_MIN};
+pub use lattice::{Coarser, ElementKey, Lattice, LatticeSource, T_MIN};
 pub use mask::Mask;
 pub use motion::{Ball, Frame, Motion};
 pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode};

@@ -128,6 +128,7 @@ pub(crate) fn lattice(grid: &Grid, level: impl Fn(Vector3<f64>) -> f64) -> (Latt
         triangles,
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     };
     lattice.check().unwrap();
     (lattice, Mask::new(grid.clone(), inside.into()).unwrap())

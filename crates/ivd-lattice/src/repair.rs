@@ -196,5 +196,6 @@ fn subset(lattice: &Lattice, kept: &[u32], triangles: &[[u32; 3]]) -> Lattice {
         triangles: triangles.iter().map(|t| t.map(|v| rank[v as usize])).collect(),
         level: lattice.level,
         max_error_mm: lattice.max_error_mm,
+        coarser: Vec::new(),
     }
 }

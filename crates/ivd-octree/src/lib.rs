@@ -35,6 +35,7 @@
 //!     places: corners.iter().map(|c| c.1).collect(),
 //!     level: 0,
 //!     max_error_mm: 0.0,
+//!     coarser: Vec::new(),
 //! };
 //!
 //! let exec = Exec::default();

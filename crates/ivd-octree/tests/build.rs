@@ -126,6 +126,7 @@ fn an_empty_lattice_is_one_leaf_outside() {
         triangles: vec![],
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     };
     let octree = tree(&lattice, 4);
     assert_eq!((octree.nodes.len(), octree.node(0), octree.depth), (1, OctreeNode::Outside, 3));

@@ -63,6 +63,7 @@ fn an_empty_lattice_has_nothing_inside() {
         triangles: vec![],
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     };
     assert_eq!(inside(&lattice, &Exec::default()).unwrap().count(), 0);
 }

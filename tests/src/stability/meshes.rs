@@ -29,6 +29,7 @@ pub fn mesh(grid: &Grid, corners: &[[f64; 3]], triangles: &[[usize; 3]]) -> Latt
         triangles: triangles.iter().map(|t| t.map(|v| number[v])).collect(),
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     };
     lattice.check().expect("corners within the padded grid");
     lattice

@@ -1,6 +1,6 @@
 //! `lattice`: `keys` (`u64` a vertex), `places` (3 `f32` a vertex), `triangles` (3 `u32` each).
 
-use ivd_core::{Buffer, Lattice, LatticeSource};
+use ivd_core::{Buffer, Coarser, Lattice, LatticeSource};
 use serde::{Deserialize, Serialize};
 
 use super::real::{GridContent, Real};
@@ -12,6 +12,17 @@ use crate::error::Problem;
 struct Content {
     grid: GridContent,
     source: Source,
+    level: u8,
+    max_error_mm: Real,
+    /// Coarser levels, the finest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    coarser: Vec<Level>,
+}
+
+/// A coarser level; its triangles are a section.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Level {
     level: u8,
     max_error_mm: Real,
 }
@@ -59,14 +70,28 @@ pub(super) fn encode(lattice: &Lattice) -> Result<Encoded<'_>, String> {
         source: (&lattice.source).into(),
         level: lattice.level,
         max_error_mm: Real(lattice.max_error_mm),
+        coarser: lattice
+            .coarser
+            .iter()
+            .map(|c| Level { level: c.level, max_error_mm: Real(c.max_error_mm) })
+            .collect(),
     };
     let (vertices, triangles) = (lattice.keys.len() as u64, lattice.triangles.len() as u64);
-    let sections = vec![
+    let mut sections = vec![
         SectionBytes::new("keys", Element::U64, vec![vertices], &lattice.keys),
         SectionBytes::new("places", Element::F32, vec![vertices, 3], &lattice.places),
         SectionBytes::new("triangles", Element::U32, vec![triangles, 3], &lattice.triangles),
     ];
+    sections.extend(lattice.coarser.iter().enumerate().map(|(k, coarser)| {
+        let shape = vec![coarser.triangles.len() as u64, 3];
+        SectionBytes::new(coarser_name(k), Element::U32, shape, &coarser.triangles)
+    }));
     Encoded::new(&content, sections)
+}
+
+/// Name of the section of the `k`-th coarser level's triangles.
+fn coarser_name(k: usize) -> String {
+    format!("coarser{k}")
 }
 
 pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Lattice, Problem> {
@@ -74,6 +99,11 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Lattice, Problem> {
     let keys: Buffer<ivd_core::ElementKey> = decoder.take_rows("keys", Element::U64, &[])?;
     let places: Buffer<[f32; 3]> = decoder.take("places", Element::F32, &[keys.len() as u64, 3])?;
     let triangles: Buffer<[u32; 3]> = decoder.take_rows("triangles", Element::U32, &[3])?;
+    let mut coarser = Vec::with_capacity(content.coarser.len());
+    for (k, Level { level, max_error_mm }) in content.coarser.into_iter().enumerate() {
+        let triangles: Buffer<[u32; 3]> = decoder.take_rows(&coarser_name(k), Element::U32, &[3])?;
+        coarser.push(Coarser { triangles: triangles.into_vec(), level, max_error_mm: max_error_mm.0 });
+    }
     let lattice = Lattice {
         grid: content.grid.grid()?,
         source: content.source.into(),
@@ -82,6 +112,7 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Lattice, Problem> {
         triangles: triangles.into_vec(),
         level: content.level,
         max_error_mm: content.max_error_mm.0,
+        coarser,
     };
     lattice.check()?;
     Ok(lattice)

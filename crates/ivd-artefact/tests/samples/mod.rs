@@ -108,6 +108,7 @@ fn lattice() -> Lattice {
         triangles,
         level: 1,
         max_error_mm: 0.125,
+        coarser: Vec::new(),
     }
 }
 

@@ -106,6 +106,7 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             feature_degrees,
             lock,
             min_component,
+            chain,
             output,
         } => {
             let words = Words::default()
@@ -119,6 +120,9 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
                 .with("min_component", min_component.map(i64::from));
             let mut section: RefineSection = section(params, words.0)?;
             section.lock.extend(lock.iter().cloned());
+            if !chain.is_empty() {
+                section.chain.clone_from(chain);
+            }
             let files = vec![("lattice", Some(lattice.as_path()))];
             Job { stage: Box::new(Refine::from_section(&section)?), files, output: &output.path }
         }

@@ -93,8 +93,27 @@ pub(super) fn phantom(
 }
 
 /// `ivd export`.
-pub(super) fn export(artefact: &Path, output: &Path, context: &Context) -> anyhow::Result<()> {
-    let input = volume_or_artefact(artefact, &context.stage_cache()?, context)?;
+pub(super) fn export(
+    artefact: &Path,
+    output: &Path,
+    level: Option<usize>,
+    context: &Context,
+) -> anyhow::Result<()> {
+    let mut input = volume_or_artefact(artefact, &context.stage_cache()?, context)?;
+    if let Some(level) = level {
+        let Artefact::Lattice(lattice) = &*input.artefact else {
+            let kind = input.artefact.kind().name();
+            return Err(Failure::usage(format!("{}: a {kind} artefact has no levels", artefact.display())));
+        };
+        let Some(chosen) = lattice.at_level(level) else {
+            let last = lattice.levels() - 1;
+            return Err(Failure::usage(format!(
+                "--level {level}: {} has levels 0 to {last}; `ivd refine --chain` makes them",
+                artefact.display()
+            )));
+        };
+        input.artefact = std::sync::Arc::new(Artefact::Lattice(chosen));
+    }
     let written = write_as(&input.artefact, output, &context.exec)?;
     let object = serde_json::json!({
         "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),

@@ -30,6 +30,7 @@ fn sheet(origin: [f64; 3]) -> Lattice {
         triangles,
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     }
 }
 

@@ -252,7 +252,15 @@ fn cut(
         None => signs.mixed_bricks(),
     };
     let bricks_total = BrickIndex::dims_for(dims).map(|n| n as u64).iter().product();
-    let lattice =
-        Lattice { grid: grid.clone(), source, keys, places, triangles, level: 0, max_error_mm: 0.0 };
+    let lattice = Lattice {
+        grid: grid.clone(),
+        source,
+        keys,
+        places,
+        triangles,
+        level: 0,
+        max_error_mm: 0.0,
+        coarser: Vec::new(),
+    };
     Ok(Extracted { lattice, bricks_active, bricks_total })
 }

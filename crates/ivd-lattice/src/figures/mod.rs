@@ -15,6 +15,7 @@
 //!     source: LatticeSource::Mask,
 //!     level: 0,
 //!     max_error_mm: 0.0,
+//!     coarser: Vec::new(),
 //! };
 //! let figures = measure(&tetrahedron);
 //! assert!(figures.is_closed_manifold());

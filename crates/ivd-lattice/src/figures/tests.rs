@@ -16,6 +16,7 @@ fn mesh(at: &[[usize; 3]], triangles: &[[u32; 3]], spacing: [f64; 3]) -> Lattice
         source: LatticeSource::Mask,
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     }
 }
 

@@ -273,6 +273,7 @@ fn assemble(
         triangles: triangles.iter().map(|t| t.map(|v| rank[v as usize])).collect(),
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     };
     let moved = order
         .iter()

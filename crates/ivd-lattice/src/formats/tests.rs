@@ -18,6 +18,7 @@ fn tetrahedron() -> Lattice {
         source: LatticeSource::Iso(1.5),
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     }
 }
 

@@ -1,4 +1,4 @@
-use ivd_core::{Exec, Lattice, ParamError};
+use ivd_core::{Coarser, Exec, Lattice, ParamError};
 
 use super::locks::Locks;
 use super::params::{Method, RefineParams, Target};
@@ -61,99 +61,34 @@ fn levels_between(input: &Lattice, refined: &Lattice) -> u8 {
     if times.is_finite() { times.log(4.0).round() as u8 } else { 0 }
 }
 
-/// A lattice with coarser levels of it on the same vertices.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Chain {
-    /// The lattice whose vertices all levels share.
-    pub finest: Lattice,
-    /// Coarser levels, each on a subset of the vertices of the one before.
-    pub coarser: Vec<Coarser>,
-}
-
-/// A level of a [`Chain`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct Coarser {
-    /// Vertex indices of each triangle, in the numbers of the finest level.
-    pub triangles: Vec<[u32; 3]>,
-    /// As in [`Lattice`].
-    pub level: u8,
-    /// Bound on the distance to the extracted lattice (mm).
-    pub max_error_mm: f64,
-}
-
-impl Chain {
-    /// Brings the levels of [`chain`] to the numbers of the finest.
-    ///
-    /// # Errors
-    /// [`ivd_core::Error::Inconsistent`] for a level with a vertex that the one before hasn't, or without one that no
-    /// triangle of the finest names: those belong to all levels.
-    pub fn new(finest: Lattice, levels: &[Refined]) -> Result<Self, Error> {
-        let mut chain = Self { coarser: Vec::with_capacity(levels.len()), finest };
-        let mut last: Option<&Lattice> = None;
-        for (i, Refined { lattice, .. }) in levels.iter().enumerate() {
-            let bad = |problem: String| ivd_core::Error::Inconsistent { what: "chain of lattices", problem };
-            lattice.check()?;
-            let before = last.unwrap_or(&chain.finest);
-            if let Some(v) = (0..lattice.keys.len()).find(|&v| !shares(before, lattice, v)) {
-                return Err(
-                    bad(format!("vertex {v} of level {} isn't one of the level before", i + 1)).into()
-                );
-            }
-            let number =
-                |v: u32| chain.finest.vertex_at(lattice.keys[v as usize]).expect("levels are subsets");
-            let triangles = lattice.triangles.iter().map(|t| t.map(number)).collect();
-            let (level, max_error_mm) = (lattice.level, lattice.max_error_mm);
-            chain.coarser.push(Coarser { triangles, level, max_error_mm });
-            let told = chain.vertices(i + 1).len();
-            if told != lattice.keys.len() {
-                let problem =
-                    format!("level {} has {} vertices, its triangles tell {told}", i + 1, lattice.keys.len());
-                return Err(bad(problem).into());
-            }
-            last = Some(lattice);
+/// A lattice with the levels of [`chain`] as its [`coarser`](Lattice::coarser) ones, in the numbers of its vertices.
+///
+/// # Errors
+/// [`ivd_core::Error::Inconsistent`] for a level with a vertex that the one before hasn't, or without one that no
+/// triangle of the finest names: those belong to all levels.
+pub fn with_levels(mut finest: Lattice, levels: &[Refined]) -> Result<Lattice, Error> {
+    finest.coarser = Vec::with_capacity(levels.len());
+    let mut last: Option<&Lattice> = None;
+    for (i, Refined { lattice, .. }) in levels.iter().enumerate() {
+        let bad = |problem: String| ivd_core::Error::Inconsistent { what: "chain of lattices", problem };
+        lattice.check()?;
+        let before = last.unwrap_or(&finest);
+        if let Some(v) = (0..lattice.keys.len()).find(|&v| !shares(before, lattice, v)) {
+            return Err(bad(format!("vertex {v} of level {} isn't one of the level before", i + 1)).into());
         }
-        Ok(chain)
-    }
-
-    /// Number of levels, the finest included.
-    pub fn levels(&self) -> usize {
-        self.coarser.len() + 1
-    }
-
-    /// A level as a lattice of its own, 0 the finest; `None` beyond the last.
-    pub fn lattice(&self, level: usize) -> Option<Lattice> {
-        let Some(at) = level.checked_sub(1) else { return Some(self.finest.clone()) };
-        let coarser = self.coarser.get(at)?;
-        let kept = self.vertices(level);
-        let mut rank = vec![u32::MAX; self.finest.keys.len()];
-        for (new, &old) in kept.iter().enumerate() {
-            rank[old as usize] = new as u32;
+        let number = |v: u32| finest.vertex_at(lattice.keys[v as usize]).expect("levels are subsets");
+        let triangles = lattice.triangles.iter().map(|t| t.map(number)).collect();
+        let (level, max_error_mm) = (lattice.level, lattice.max_error_mm);
+        finest.coarser.push(Coarser { triangles, level, max_error_mm });
+        let told = finest.vertices_at_level(i + 1).len();
+        if told != lattice.keys.len() {
+            let problem =
+                format!("level {} has {} vertices, its triangles tell {told}", i + 1, lattice.keys.len());
+            return Err(bad(problem).into());
         }
-        Some(Lattice {
-            grid: self.finest.grid.clone(),
-            source: self.finest.source.clone(),
-            keys: kept.iter().map(|&v| self.finest.keys[v as usize]).collect(),
-            places: kept.iter().map(|&v| self.finest.places[v as usize]).collect(),
-            triangles: coarser.triangles.iter().map(|t| t.map(|v| rank[v as usize])).collect(),
-            level: coarser.level,
-            max_error_mm: coarser.max_error_mm,
-        })
+        last = Some(lattice);
     }
-
-    /// Vertices of a level, in the numbers of the finest, ascending: those that its triangles name, and those that no
-    /// triangle of the finest names.
-    fn vertices(&self, level: usize) -> Vec<u32> {
-        let mut named = vec![true; self.finest.keys.len()];
-        if let Some(coarser) = level.checked_sub(1).map(|at| &self.coarser[at]) {
-            for &v in self.finest.triangles.as_flattened() {
-                named[v as usize] = false;
-            }
-            for &v in coarser.triangles.as_flattened() {
-                named[v as usize] = true;
-            }
-        }
-        (0..named.len() as u32).filter(|&v| named[v as usize]).collect()
-    }
+    Ok(finest)
 }
 
 /// Whether a vertex of `part` is one of `whole`, address and place alike.

@@ -166,6 +166,7 @@ fn base(lattice: &Lattice, draft: &Draft) -> Lattice {
         triangles: draft.triangles.iter().map(|t| t.map(number)).collect(),
         level: lattice.level,
         max_error_mm: lattice.max_error_mm,
+        coarser: Vec::new(),
     }
 }
 

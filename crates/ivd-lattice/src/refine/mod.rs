@@ -63,7 +63,7 @@ use ivd_core::{Exec, Lattice};
 
 use crate::Error;
 pub use certified::{Distances, distances};
-pub use chain::{Chain, Coarser, chain};
+pub use chain::{chain, with_levels};
 pub use locks::{Locks, vertices_within};
 pub use params::{Method, RefineParams, Target};
 use report::Outcome;

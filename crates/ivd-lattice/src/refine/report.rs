@@ -157,6 +157,7 @@ impl Outcome {
                 triangles,
                 level: input.level.saturating_add(level.round() as u8),
                 max_error_mm: input.max_error_mm + max_error_mm,
+                coarser: Vec::new(),
             },
             reached: Reached {
                 ratio: if input.triangles.is_empty() { 1.0 } else { share },

@@ -1,7 +1,7 @@
 //! Chains of levels.
 
 use ivd_core::Exec;
-use ivd_lattice::refine::{Chain, Locks, Method, RefineParams, chain, vertices_within};
+use ivd_lattice::refine::{Locks, Method, RefineParams, chain, vertices_within, with_levels};
 
 use crate::{assert_sound, lattices, sampled};
 
@@ -25,15 +25,15 @@ fn every_level_is_a_subset_of_the_one_before_and_bounds_add_up() {
             assert!(sum >= hausdorff, "{sum} below {hausdorff}");
             last = &step.lattice;
         }
-        let stored = Chain::new(input.clone(), &levels).unwrap();
+        let stored = with_levels(input.clone(), &levels).unwrap();
         assert_eq!(stored.levels(), 4);
-        assert_eq!(stored.lattice(0).as_ref(), Some(&input));
+        assert_eq!(stored.at_level(0).as_ref(), Some(&input));
         for (i, step) in levels.iter().enumerate() {
-            assert_eq!(stored.lattice(i + 1).as_ref(), Some(&step.lattice));
+            assert_eq!(stored.at_level(i + 1).as_ref(), Some(&step.lattice));
         }
-        assert_eq!(stored.lattice(4), None);
+        assert_eq!(stored.at_level(4), None);
         let turned: Vec<_> = levels.iter().rev().cloned().collect();
-        let error = Chain::new(input.clone(), &turned).expect_err("the levels are in the wrong order");
+        let error = with_levels(input.clone(), &turned).expect_err("the levels are in the wrong order");
         assert!(error.to_string().contains("level 2"), "{error}");
     }
 }
@@ -44,9 +44,9 @@ fn a_chain_of_an_open_lattice_with_unused_vertices_comes_back_whole() {
     let top: Vec<bool> = (0..open.keys.len()).map(|i| open.voxel(i).0.z > 14.0).collect();
     open.triangles.retain(|t| !t.iter().all(|&v| top[v as usize]));
     let levels = chain(&open, &RefineParams::default(), &[1, 2], Locks::NONE, &Exec::default()).unwrap();
-    let stored = Chain::new(open, &levels).unwrap();
+    let stored = with_levels(open, &levels).unwrap();
     for (i, step) in levels.iter().enumerate() {
-        assert_eq!(stored.lattice(i + 1).as_ref(), Some(&step.lattice));
+        assert_eq!(stored.at_level(i + 1).as_ref(), Some(&step.lattice));
     }
 }
 

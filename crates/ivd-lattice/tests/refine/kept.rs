@@ -152,6 +152,7 @@ fn bow_tie() -> Lattice {
         source: LatticeSource::Mask,
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     }
 }
 

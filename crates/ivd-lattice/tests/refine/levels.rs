@@ -37,6 +37,7 @@ fn on_cells(places: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Lattice {
         source: LatticeSource::Mask,
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     };
     lattice.check().expect("no two vertices share a cell");
     lattice

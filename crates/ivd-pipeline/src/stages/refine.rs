@@ -1,7 +1,9 @@
 use ivd_artefact::{Artefact, Kind};
 use ivd_core::{Exec, Lattice, World};
 use ivd_lattice::figures;
-use ivd_lattice::refine::{Locks, Method, RefineParams, Target, refine, vertices_within};
+use ivd_lattice::refine::{
+    Locks, Method, RefineParams, Refined, Target, chain, refine, vertices_within, with_levels,
+};
 use ivd_lattice::repair::{RepairParams, repair};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -19,6 +21,8 @@ pub struct Refine {
     pub locks: Vec<FixSection>,
     /// What goes before.
     pub repair: RepairParams,
+    /// Levels to keep beside the lattice, in place of the target; empty for one refined lattice.
+    pub levels: Vec<u8>,
 }
 
 impl Refine {
@@ -53,6 +57,16 @@ impl Refine {
                 format!("lock: {:?} with radius {}: give finite numbers, radius ≥ 0", lock.pick, lock.radius);
             return Err(Error::usage("refine", problem));
         }
+        let targets = [
+            section.level.is_some(),
+            section.ratio.is_some(),
+            section.count.is_some(),
+            section.max_error.is_some(),
+        ];
+        if !section.chain.is_empty() && targets.contains(&true) {
+            let problem = "chain gives levels of its own; leave out level, ratio, count and max_error";
+            return Err(Error::usage("refine", problem));
+        }
         let params = RefineParams {
             method,
             target,
@@ -62,7 +76,7 @@ impl Refine {
             feature_degrees: section.feature_degrees,
         };
         let repair = RepairParams { min_triangles: section.min_component, ..RepairParams::default() };
-        Ok(Self { params, locks: section.lock.clone(), repair })
+        Ok(Self { params, locks: section.lock.clone(), repair, levels: section.chain.clone() })
     }
 
     /// Vertices that stay, ascending.
@@ -97,6 +111,10 @@ impl Stage for Refine {
         let mut params = super::json(&self.params);
         params["lock"] = super::json(&self.locks);
         params["min_component"] = json!(self.repair.min_triangles);
+        if !self.levels.is_empty() {
+            params["chain"] = json!(self.levels);
+            params.as_object_mut().map(|params| params.remove("target"));
+        }
         params
     }
 
@@ -113,8 +131,15 @@ impl Stage for Refine {
         };
         let sound = repaired.as_ref().map_or(lattice, |repaired| &repaired.lattice);
         let locked = self.locked(sound, exec);
-        let refined =
-            refine(sound, &self.params, Locks { vertices: &locked }, exec).map_err(stage_error!("refine"))?;
+        let locks = Locks { vertices: &locked };
+        if !self.levels.is_empty() {
+            let steps =
+                chain(sound, &self.params, &self.levels, locks, exec).map_err(stage_error!("refine"))?;
+            let metrics = chain_metrics(lattice, &steps, exec);
+            let whole = with_levels(sound.clone(), &steps).map_err(stage_error!("refine"))?;
+            return Ok(Product::new(Artefact::Lattice(whole), metrics));
+        }
+        let refined = refine(sound, &self.params, locks, exec).map_err(stage_error!("refine"))?;
         exec.check_cancelled()?;
         let f = exec.run(|| figures::measure(&refined.lattice));
         let metrics = json!({
@@ -136,6 +161,29 @@ impl Stage for Refine {
         });
         Ok(Product::new(Artefact::Lattice(refined.lattice), metrics))
     }
+}
+
+/// Figures of a chain: those of its last level, with the errors from the input on, and each level's own.
+fn chain_metrics(input: &Lattice, steps: &[Refined], exec: &Exec) -> Value {
+    let level = |step: &Refined| {
+        let f = exec.run(|| figures::measure(&step.lattice));
+        json!({
+            "level": step.lattice.level,
+            "vertices": f.vertices,
+            "triangles": f.triangles,
+            "max_error_mm": step.lattice.max_error_mm - input.max_error_mm,
+            "mean_error_mm": step.mean_error_mm,
+            "boundary_edges": f.boundary_edges,
+            "non_manifold_edges": f.non_manifold_edges,
+            "subset": is_subset(&step.lattice, input),
+            "reached": super::json(&step.reached),
+        })
+    };
+    let levels: Vec<Value> = steps.iter().map(level).collect();
+    let mut metrics = levels.last().cloned().unwrap_or_else(|| json!({}));
+    metrics["vertices_in"] = json!(input.keys.len());
+    metrics["levels"] = Value::Array(levels);
+    metrics
 }
 
 /// Whether every vertex of `part` is one of `whole`, address and place alike. Both lists ascend by address.

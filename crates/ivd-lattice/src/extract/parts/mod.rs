@@ -392,6 +392,7 @@ fn assemble(labels: &Labels, mut pieces: Vec<Piece>) -> Result<Lattice, Error> {
         triangles: triangles.concat(),
         level: 0,
         max_error_mm: 0.0,
+        coarser: Vec::new(),
     })
 }
 

@@ -88,6 +88,8 @@ pub struct RefineSection {
     pub lock: Vec<FixSection>,
     /// Components of fewer triangles go before anything else; 0 keeps all.
     pub min_component: u64,
+    /// Levels to keep beside the lattice itself, ascending, in place of one target: each from the one before.
+    pub chain: Vec<u8>,
 }
 
 impl Default for RefineSection {
@@ -105,6 +107,7 @@ impl Default for RefineSection {
             feature_degrees: params.feature_degrees,
             lock: Vec::new(),
             min_component: 0,
+            chain: Vec::new(),
         }
     }
 }
