@@ -28,7 +28,9 @@ fn same(a: &Artefact, b: &Artefact) -> bool {
 fn a_lattice_of_a_foreign_mesh_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lattice");
-    let Artefact::Lattice(mut lattice) = sample(Kind::Lattice) else { unreachable!("a lattice was asked for") };
+    let Artefact::Lattice(mut lattice) = sample(Kind::Lattice) else {
+        unreachable!("a lattice was asked for")
+    };
     lattice.source = ivd_core::LatticeSource::Foreign;
     let value = Artefact::Lattice(lattice);
     write(&path, &value, &provenance()).unwrap();
