@@ -301,13 +301,19 @@ fn meshes(folder: &Path) -> Outcome {
     let body = "1 1 1\n2 1 1\n1 2 1\n1 1 2\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
     put(folder, "ascii.ply", format!("\0ply\nformat ascii 1.0\n{head}{body}"))?;
     let mut big = format!("\0ply\nformat binary_big_endian 1.0\n{head}").into_bytes();
-    big.extend([1.0_f32, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 2.0].iter().flat_map(|c| c.to_be_bytes()));
+    big.extend(
+        [1.0_f32, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 2.0].iter().flat_map(|c| c.to_be_bytes()),
+    );
     for t in [[0_u32, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
         big.push(3);
         big.extend(t.iter().flat_map(|v| v.to_be_bytes()));
     }
     put(folder, "big.ply", big)?;
-    put(folder, "quads.obj", "\x01v 1 1 1\nv 2 1 1\nv 2 2 1\nv 1 2 1 \\\n 1\nf -4/1 -3//2 3/1/1 4\nf 1 4 3 2\n")?;
+    put(
+        folder,
+        "quads.obj",
+        "\x01v 1 1 1\nv 2 1 1\nv 2 2 1\nv 1 2 1 \\\n 1\nf -4/1 -3//2 3/1/1 4\nf 1 4 3 2\n",
+    )?;
     put(
         folder,
         "ascii.stl",

@@ -259,7 +259,7 @@ def main():
     failed, wrong = 0, {}
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(2) as pool:
         found = pool.map(lambda case: ours(given.ivd, Path(folder), *case), cases)
-        for (name, field, iso), (faults, betti) in zip(cases, found):
+        for done, ((name, field, iso), (faults, betti)) in enumerate(zip(cases, found), 1):
             truth = expected(2 * field.astype(int) - int(2 * iso))
             if betti is not None and betti != truth:
                 faults = [*faults, f"Betti numbers {betti} for {truth}"]
@@ -270,6 +270,8 @@ def main():
                 tally = wrong.setdefault((name.split()[0], peer), [0, 0])
                 tally[0] += bool(faults)
                 tally[1] += betti != truth
+            if done % 500 == 0:
+                print(f"{done} of {len(cases)} judged, {failed} failed", file=sys.stderr, flush=True)
     for (kind, peer), (faults, betti) in wrong.items():
         print(f"{peer}, {'small fields with ties' if kind == 'tied' else 'random fields'}: {faults} with faults, {betti} with other Betti numbers")
     print(f"{len(cases) - failed} passed, {failed} failed")
