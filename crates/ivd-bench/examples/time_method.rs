@@ -28,11 +28,15 @@ type Method<'a> = Box<dyn Fn(&Exec) -> Anything<Found> + 'a>;
 
 /// What a run found.
 enum Found {
-    Classes(Segmentation),
+    Classes(Box<Segmentation>),
     Surface { vertices: usize, triangles: usize, max_error_mm: f64 },
 }
 
 impl Found {
+    fn classes(found: Segmentation) -> Self {
+        Self::Classes(Box::new(found))
+    }
+
     fn surface(lattice: &Lattice) -> Self {
         Self::Surface {
             vertices: lattice.keys.len(),
@@ -75,7 +79,7 @@ fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>
         "kmvs" => {
             let params: KmvsParams = params(text)?;
             Box::new(move |exec| {
-                Ok(Found::Classes(if params.spatial_weight > 0.0 {
+                Ok(Found::classes(if params.spatial_weight > 0.0 {
                     kmvs_spatial(volume, None, &params, exec)?.segmentation
                 } else {
                     kmvs(volume, None, &params, exec)?
@@ -84,15 +88,15 @@ fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>
         }
         "emvs" => {
             let params = params(text)?;
-            Box::new(move |exec| Ok(Found::Classes(emvs(volume, None, &params, exec)?.segmentation)))
+            Box::new(move |exec| Ok(Found::classes(emvs(volume, None, &params, exec)?.segmentation)))
         }
         "msvs" => {
             let params = params(text)?;
-            Box::new(move |exec| Ok(Found::Classes(msvs(volume, None, &params, exec)?.segmentation)))
+            Box::new(move |exec| Ok(Found::classes(msvs(volume, None, &params, exec)?.segmentation)))
         }
         "msvs+kmvs" => {
             let params = params(text)?;
-            Box::new(move |exec| Ok(Found::Classes(msvs_kmvs(volume, None, &params, exec)?.segmentation)))
+            Box::new(move |exec| Ok(Found::classes(msvs_kmvs(volume, None, &params, exec)?.segmentation)))
         }
         "hvs" => {
             let mut value: Value = serde_json::from_str(text)?;
@@ -101,7 +105,7 @@ fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>
             let params: HvsParams = serde_json::from_value(value)?;
             let classes = CutParams { cut: Cut::Classes(classes as usize), ..CutParams::default() };
             Box::new(move |exec| {
-                Ok(Found::Classes(cut(&hvs_tree(volume, None, &params, exec)?.tree, &classes, exec)?))
+                Ok(Found::classes(cut(&hvs_tree(volume, None, &params, exec)?.tree, &classes, exec)?))
             })
         }
         "lattice" => {
