@@ -17,7 +17,8 @@ use crate::Error;
 /// - `locks`: vertices of the input that stay in all levels.
 ///
 /// # Errors
-/// [`Error::Param`] for levels that don't ascend; otherwise as [`refine`].
+/// [`Error::Param`] for levels that don't ascend, and for [`Method::Sample`], whose levels aren't nested; otherwise as
+/// [`refine`].
 pub fn chain(
     lattice: &Lattice,
     params: &RefineParams,
@@ -29,6 +30,10 @@ pub fn chain(
         let problem = format!("{} follows {}", levels[at + 1], levels[at]);
         return Err(ParamError::new("levels", problem, "give levels in ascending order, each once").into());
     }
+    if params.method == Method::Sample {
+        let problem = "the vertices of a coarser sampling aren't among those of a finer one".to_owned();
+        return Err(ParamError::new("method", problem, "use another method for a chain").into());
+    }
     locks.check(lattice)?;
     let keys: Vec<_> = locks.vertices.iter().map(|&v| lattice.keys.get(v as usize)).collect();
     let mut chain: Vec<Refined> = Vec::with_capacity(levels.len());
@@ -37,7 +42,7 @@ pub fn chain(
         let last = chain.last().map_or(lattice, |refined| &refined.lattice);
         let target = match params.method {
             Method::Collapse | Method::Decimate => count_for(lattice, last, level),
-            Method::Loop | Method::Merge | Method::Sample => Target::Level(level - last_level),
+            _ => Target::Level(level - last_level),
         };
         let locked: Vec<u32> = keys.iter().flatten().filter_map(|key| last.vertex_at(**key)).collect();
         let params = RefineParams { target, ..params.clone() };

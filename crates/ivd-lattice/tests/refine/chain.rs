@@ -54,6 +54,9 @@ fn a_chain_of_an_open_lattice_with_unused_vertices_comes_back_whole() {
 fn levels_that_do_not_ascend_are_refused_and_none_is_no_level() {
     let sphere = lattices::sphere(16);
     let params = RefineParams::default();
+    let sampled = RefineParams { method: Method::Sample, ..params.clone() };
+    let error = chain(&sphere, &sampled, &[1, 2], Locks::NONE, &Exec::default()).unwrap_err();
+    assert!(error.to_string().contains("coarser sampling"), "{error}");
     for levels in [&[2, 1][..], &[1, 1]] {
         let error = chain(&sphere, &params, levels, Locks::NONE, &Exec::default()).unwrap_err();
         assert!(error.to_string().contains("levels"), "{error}");
