@@ -14,8 +14,9 @@ pub struct Refined {
     pub reached: Reached,
     /// Bound on the distance between input and result, both ways (mm): the Hausdorff distance is at most this.
     pub max_error_mm: f64,
-    /// Mean distance of the input's vertices from the result (mm), weighted by the area round them; perhaps a little
-    /// too large, as the search for the nearest triangle is local. Above 2¹⁶ vertices it is that of every n-th.
+    /// Mean distance (mm). Of collapse and decimation that of the input's vertices from the result, weighted by the area round
+    /// them; perhaps a little too large, as the search for the nearest triangle is local. Above 2¹⁶ vertices it is that of
+    /// every n-th. Of the other methods that of points of either surface from the other, by area, and the larger of both.
     pub mean_error_mm: f64,
     /// Vertices of the input.
     pub vertices_in: usize,

@@ -115,3 +115,36 @@ pub(crate) fn hausdorff_and_mean(a: &Lattice, b: &Lattice) -> (f64, f64) {
     let back = one_sided(&pb, &b.triangles, &pa, &a.triangles);
     (there.0.max(back.0), there.1.max(back.1))
 }
+
+/// Mean distance (mm) of the points of a surface from the other, each triangle's points standing for its area, and the worse
+/// direction.
+pub(crate) fn mean_by_area(a: &Lattice, b: &Lattice) -> f64 {
+    let spacing = a.grid.spacing().iter().copied().fold(0.0, f64::max);
+    let (pa, pb) = (a.local_positions(), b.local_positions());
+    let one_sided = |from: &[Point], of: &[[u32; 3]], to: &[Point], onto: &[[u32; 3]]| {
+        let cells = Cells::new(to, onto, spacing);
+        let (mut sum, mut whole) = (0.0, 0.0);
+        for t in of {
+            let [p, q, r] = t.map(|v| from[v as usize]);
+            let (u, v) = (q - p, r - p);
+            let n = (2.0 * u.norm().max(v.norm()).max((r - q).norm()) / spacing).ceil().max(2.0) as usize;
+            let area = u.cross(&v).norm() / (2 * n * n) as f64;
+            // The middles of n² equal triangles, those that stand on their base and those between.
+            for i in 0..n {
+                for j in 0..n - i {
+                    for third in [1.0 / 3.0, 2.0 / 3.0] {
+                        if third > 0.5 && i + j + 2 > n {
+                            continue;
+                        }
+                        let at =
+                            p + u * ((i as f64 + third) / n as f64) + v * ((j as f64 + third) / n as f64);
+                        sum += area * cells.distance(at);
+                        whole += area;
+                    }
+                }
+            }
+        }
+        sum / whole
+    };
+    one_sided(&pa, &a.triangles, &pb, &b.triangles).max(one_sided(&pb, &b.triangles, &pa, &a.triangles))
+}
