@@ -73,9 +73,12 @@ fn what_cannot_be_cut_into_parts_is_said() {
     let parts = |list: &str| {
         refused(at, &["lattice", "head.ivd", "--labels", "labels.ivd", "--parts", list, "-o", "parts"])
     };
-    for (list, said) in [("1,x", "`x`"), ("1,1", "twice"), ("0", "no data"), ("70000", "`70000`")] {
+    for (list, said) in
+        [("1,x", "`x`"), ("1,1", "twice"), ("0", "no data"), ("70000", "`70000`"), ("1,999", "label 999")]
+    {
         let (code, text) = parts(list);
         assert!(code == 2 && text.contains(said), "{list}: {code} {text}");
+        assert!(!at.join("parts").exists(), "{list} left a folder");
     }
     let words = ["lattice", "head.ivd", "--labels", "head.ivd", "--parts", "all", "-o", "parts"];
     let (code, text) = refused(at, &words);
@@ -120,6 +123,9 @@ fn locked_places_and_counts_are_kept() {
     let back = json(at, &["info", "coarse.ivd", "--voxel", &voxel.join(",")]);
     let kept = back["voxels"][0]["vertices"].as_array().unwrap();
     assert!(kept.iter().any(|v| v["world"] == place["world"]), "{back}");
+    let far = ["refine", "lattice.ivd", "--lock", "pick=900,0,0;radius=1", "-o", "no.ivd"];
+    let (code, text) = refused(at, &far);
+    assert!(code == 2 && text.contains("the nearest is"), "{code} {text}");
 }
 
 #[test]

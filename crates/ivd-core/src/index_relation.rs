@@ -11,7 +11,8 @@ pub struct VertexDescription {
     pub vertex: u32,
     /// Voxel that its element starts from; −1 and n lie in the border layer.
     pub voxel: [i64; 3],
-    /// Name of its element, such as `edge x`. In a foreign lattice the nearest one that was free.
+    /// Name of its element, such as `edge x`; `cell, further` for a vertex within the cell whose key is that of an edge or face
+    /// that has no vertex.
     pub element: &'static str,
     /// Offset from the voxel (voxels).
     pub place: [f32; 3],
@@ -86,13 +87,20 @@ impl Lattice {
     pub fn describe(&self, vertex: u32) -> VertexDescription {
         let (i, dims) = (vertex as usize, self.grid.dims());
         let key = self.keys[i];
+        // Where a cell has more vertices than elements of its own, others of its voxel stand for them.
+        let axis = usize::from(key.element() % 3);
+        let on_element = match key.element() {
+            0..=2 => (0..3).all(|a| a == axis || self.places[i][a] == 0.0),
+            3..=5 => self.places[i][axis] == 0.0,
+            _ => true,
+        };
         VertexDescription {
             vertex,
             voxel: key.voxel(dims),
-            element: key.element_name(),
+            element: if on_element { key.element_name() } else { "cell, further" },
             place: self.places[i],
             world: self.world(i),
-            voxels: key.voxels(dims),
+            voxels: if on_element { key.voxels(dims) } else { ElementKey(key.0 | 7).voxels(dims) },
         }
     }
 }

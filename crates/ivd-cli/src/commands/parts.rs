@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Kind};
+use ivd_core::Fault;
 use ivd_lattice::extract::occurring;
 use ivd_pipeline::stages::PartLattice;
 use ivd_pipeline::{Inputs, OutputRecord};
@@ -13,7 +14,7 @@ use super::volume::volume_or_artefact;
 use crate::context::Context;
 use crate::exit::Failure;
 
-/// Cuts them and writes `label-ID.ivd` for each that has voxels.
+/// Cuts them and writes `label-ID.ivd` for each.
 pub(super) fn run(
     volume: &Path,
     labels: &Path,
@@ -46,16 +47,21 @@ pub(super) fn run(
             labels.display()
         )));
     }
-    let ids = match parts {
-        "all" => context.exec.run(|| occurring(found)),
-        list => ids(list)?,
-    };
+    let occurring = context.exec.run(|| occurring(found));
+    let ids = if parts == "all" { occurring.clone() } else { ids(parts)? };
     if ids.is_empty() {
         return Err(Failure::usage(format!("--parts {parts}: {} has no label but 0", labels.display())));
     }
-    if let Some(problem) = unmade(folder) {
-        return Err(Failure::usage(problem));
+    if let Some(id) = ids.iter().find(|id| !occurring.contains(id)) {
+        let listed: Vec<String> = occurring.iter().take(20).map(ToString::to_string).collect();
+        let more = if occurring.len() > 20 { ", …" } else { "" };
+        return Err(Failure::usage(format!(
+            "--parts {parts}: no voxel of {} has label {id}; there are {}{more}",
+            labels.display(),
+            listed.join(", ")
+        )));
     }
+    make_folder(folder)?;
     let mut records = Vec::new();
     for stage in PartLattice::all(&ids) {
         let inputs = Inputs::default().with("labels", input.clone());
@@ -85,22 +91,24 @@ fn ids(list: &str) -> anyhow::Result<Vec<u16>> {
             ))
         })
     };
-    list.split(',').map(id).collect()
+    let ids: Vec<u16> = list.split(',').map(id).collect::<anyhow::Result<_>>()?;
+    if ids.contains(&0) {
+        return Err(Failure::usage(format!("--parts {list}: 0 stands for no data and has no lattice")));
+    }
+    match ids.iter().enumerate().find(|(i, id)| ids[..*i].contains(id)) {
+        Some((_, id)) => Err(Failure::usage(format!("--parts {list}: {id} is named twice"))),
+        None => Ok(ids),
+    }
 }
 
-/// Why the folder for the lattices can't be had, if it can't.
-fn unmade(folder: &Path) -> Option<String> {
-    let problem = |what: &str| {
-        Some(format!("-o {}: {what}; --parts writes a file for each label into a folder", folder.display()))
-    };
-    if folder.is_dir() {
-        return None;
+/// Makes the folder for the lattices, where it isn't there.
+fn make_folder(folder: &Path) -> anyhow::Result<()> {
+    if folder.exists() && !folder.is_dir() {
+        return Err(Failure::usage(format!(
+            "-o {}: a file; --parts writes a file for each label into a folder",
+            folder.display()
+        )));
     }
-    if folder.exists() {
-        return problem("it is a file");
-    }
-    match std::fs::create_dir_all(folder) {
-        Ok(()) => None,
-        Err(error) => problem(&error.to_string()),
-    }
+    std::fs::create_dir_all(folder)
+        .map_err(|e| Failure::of(Fault::Io, format!("-o {}: can't make the folder: {e}", folder.display())))
 }

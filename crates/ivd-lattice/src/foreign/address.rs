@@ -82,7 +82,7 @@ fn own(frame: &Frame, (voxel, element): Address, p: &Vector3<f64>) -> Option<Add
         return None;
     }
     let off = frame.voxel(p) - Vector3::from(voxel.map(|v| v as f64));
-    let tolerance = 2.0 * ON_LINE + frame.rounding(p);
+    let tolerance = ON_LINE + frame.rounding(p);
     let mut place = [0.0; 3];
     for axis in 0..3 {
         let lies_on = match element {
@@ -90,12 +90,13 @@ fn own(frame: &Frame, (voxel, element): Address, p: &Vector3<f64>) -> Option<Add
             3..=5 => axis == usize::from(element) - 3,
             _ => false,
         };
-        let room = if lies_on { 0.0 } else { 1.0 };
-        if !(-tolerance..=room + tolerance).contains(&off[axis]) {
+        // An element may stand for a vertex elsewhere in the cell, where the cell's own are taken.
+        if !(-tolerance..=1.0 + tolerance).contains(&off[axis]) {
             return None;
         }
         // Below a rounding there is nothing to tell a place from the voxel itself.
-        place[axis] = if lies_on { 0.0 } else { off[axis].clamp(0.0, 1.0) as f32 };
+        let on_it = lies_on && off[axis].abs() <= tolerance;
+        place[axis] = if on_it { 0.0 } else { off[axis].clamp(0.0, 1.0) as f32 };
     }
     let moves = std::array::from_fn(|axis| place[axis] != 0.0);
     let place = exact(frame, voxel, place, moves, p);

@@ -160,6 +160,7 @@ fn check(mesh: &Mesh) -> Result<(), Error> {
 }
 
 fn build(mesh: &Mesh, grid: &Grid, params: &ForeignParams, exec: &Exec) -> Result<Foreign, Error> {
+    address::check_inside(mesh, grid)?;
     let own = address::kept(mesh, grid);
     let addresses = match (&mesh.addresses, &own) {
         (None, _) => Addresses::Absent,
@@ -171,7 +172,6 @@ fn build(mesh: &Mesh, grid: &Grid, params: &ForeignParams, exec: &Exec) -> Resul
     let (onto, welded) = if own.is_some() {
         (all.collect(), 0)
     } else {
-        address::check_inside(mesh, grid)?;
         weld::onto(&mesh.positions, params.weld, grid, exec)?
     };
     let mut cleaned = weld::clean(&mesh.triangles, &onto, exec)?;

@@ -109,9 +109,13 @@ impl Budget {
         Ok(())
     }
 
-    /// Room for `more` items and half as many again as there are. Old and new are held at once for a moment.
+    /// Room for `more` items: where there is none, for half as many again as there are. Old and new are held at once for a
+    /// moment.
     #[cold]
     pub(super) fn grow<T>(&mut self, what: &str, list: &mut Vec<T>, more: usize) -> Result<(), Failure> {
+        if list.capacity() - list.len() >= more {
+            return Ok(());
+        }
         let each = size_of::<T>() as u64;
         let (old, least) = (list.capacity() as u64, (list.len() + more) as u64);
         let new = least.max(old + old / 2).max(256);

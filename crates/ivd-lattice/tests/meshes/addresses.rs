@@ -1,6 +1,7 @@
 //! Files that we wrote, put on their own grid again, and on others.
 
-use ivd_core::{Exec, Grid, Lattice};
+use ivd_core::{Exec, Grid, Labels, Lattice};
+use ivd_lattice::extract::extract_parts;
 use ivd_lattice::foreign::{Addresses, Foreign, ForeignParams, lattice};
 use ivd_lattice::formats::{Format, Mesh, write_deformed};
 
@@ -37,6 +38,28 @@ fn keys_and_places_come_back_bit_for_bit_from_ply_and_vtp() {
         }
     }
     assert!(cell_vertices > 100, "vertices in cells are among them");
+}
+
+#[test]
+fn lattices_of_several_labels_keep_addresses_that_stand_for_a_third_vertex_of_a_cell() {
+    // Three vertices of a part in the one cell between these eight voxels.
+    let labels = |grid: Grid| Labels::new(grid, vec![1_u16, 2, 2, 1, 3, 4, 4, 3].into(), Vec::new()).unwrap();
+    let mut thirds = 0;
+    for order in [[1, 2, 3, 4], [4, 3, 2, 1], [2, 3, 1, 4], [3, 1, 4, 2]] {
+        let grid = Grid::with_spacing([2; 3], [1.0; 3]).unwrap();
+        for part in extract_parts(&labels(grid.clone()), &order, &Exec::default()).unwrap() {
+            let cut = part.lattice;
+            let names: Vec<_> = (0..cut.keys.len() as u32).map(|v| cut.describe(v)).collect();
+            for further in names.iter().filter(|d| d.element == "cell, further") {
+                thirds += 1;
+                assert_eq!(further.voxels.len(), 8);
+            }
+            let foreign = put(&read(Format::Ply, &file(Format::Ply, &cut).0).unwrap(), &grid);
+            assert_eq!((foreign.addresses, &foreign.lattice.keys), (Addresses::Kept, &cut.keys));
+            assert_eq!(foreign.lattice.places, cut.places);
+        }
+    }
+    assert!(thirds > 0, "none of these orders has a third vertex in a cell");
 }
 
 #[test]

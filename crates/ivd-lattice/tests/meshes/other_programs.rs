@@ -261,6 +261,27 @@ fn vtp_in_two_pieces_of_strips_and_polygons_says_its_space() {
     );
     let foreign = assert_cube(&read(Format::Vtp, file.as_bytes()).unwrap());
     assert_eq!((foreign.welded, foreign.flipped), (8, 0));
+    let marked = format!("\u{feff}{file}");
+    assert_cube(&read(Format::Vtp, marked.as_bytes()).unwrap());
+}
+
+#[test]
+fn a_glb_of_many_small_meshes_is_read() {
+    let meshes = 400;
+    let (mut nodes, mut shown) = (Vec::new(), Vec::new());
+    for i in 0..meshes {
+        nodes.push("{\"mesh\":0}");
+        shown.push(i.to_string());
+    }
+    let json = format!(
+        "{{\"asset\":{{\"version\":\"2.0\"}},\"scene\":0,\"scenes\":[{{\"nodes\":[{}]}}],\"nodes\":[{}],\"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":0}}}}]}}],\"accessors\":[{{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}}],\"bufferViews\":[{{\"buffer\":0,\"byteLength\":36}}],\"buffers\":[{{\"byteLength\":36}}]}}",
+        shown.join(","),
+        nodes.join(",")
+    );
+    let binary: Vec<u8> =
+        [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].into_iter().flat_map(f32::to_le_bytes).collect();
+    let mesh = read(Format::Glb, &glb(&json, &binary)).unwrap();
+    assert_eq!((mesh.positions.len(), mesh.triangles.len()), (3 * meshes, meshes));
 }
 
 /// A GLB of one description and binary chunk.

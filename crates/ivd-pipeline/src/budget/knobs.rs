@@ -30,7 +30,7 @@ pub(super) enum Knob {
 /// The values of all knobs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Setting {
-    /// `None` where the scene bounds the refinement's error instead.
+    /// `None` where the scene bounds the refinement's error instead, counts triangles or keeps a chain.
     pub(super) level: Option<f64>,
     pub(super) steps: f64,
     pub(super) resolution: f64,
@@ -43,6 +43,7 @@ impl Setting {
     pub(super) fn of(scene: &Scene) -> Self {
         let refine = &scene.refine;
         let level = match (refine.level, refine.ratio, refine.max_error) {
+            _ if refine.count.is_some() || !refine.chain.is_empty() => None,
             (Some(level), ..) => Some(f64::from(level)),
             (None, Some(ratio), _) => Some((-ratio.max(1e-6).log(4.0)).max(0.0)),
             (None, None, Some(_)) => None,
@@ -91,7 +92,9 @@ impl Knob {
     /// Keys of the scene that it moves.
     pub(super) fn keys(self) -> &'static [&'static str] {
         match self {
-            Self::Level => &["refine.level", "refine.ratio", "refine.max_error"],
+            Self::Level => {
+                &["refine.level", "refine.ratio", "refine.count", "refine.max_error", "refine.chain"]
+            }
             Self::Steps => &["deform.dt"],
             Self::Resolution => &["atf.resolution"],
             Self::Picture => &["render.step", "render.termination"],
@@ -121,6 +124,8 @@ impl Knob {
                     Target::Count(_) | Target::MaxError(_) => unreachable!("a level is a level or a ratio"),
                 };
                 (scene.refine.level, scene.refine.ratio, scene.refine.max_error) = (level, ratio, None);
+                scene.refine.count = None;
+                scene.refine.chain.clear();
             }
             Self::Steps => {
                 if let Some(deform) = &mut scene.deform {

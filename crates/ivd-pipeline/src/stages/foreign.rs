@@ -9,9 +9,6 @@ use serde_json::{Value, json};
 use crate::error::stage_error;
 use crate::{Error, Inputs, Product, Slot, Stage};
 
-/// Bytes that reading a mesh may take where no limit is set, beyond what its file's size allows.
-const LIMIT: u64 = u64::MAX;
-
 /// Takes a mesh of another program for the lattice of a volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ForeignLattice {
@@ -48,7 +45,8 @@ impl Stage for ForeignLattice {
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let volume = inputs.volume("volume").expect("checked by the runner");
-        let mesh = formats::read(&self.path, LIMIT).map_err(stage_error!("lattice"))?;
+        let mesh = formats::read(&self.path, exec.memory_limit.unwrap_or(u64::MAX))
+            .map_err(stage_error!("lattice"))?;
         let foreign = lattice(&mesh, volume.grid(), &self.params, exec).map_err(stage_error!("lattice"))?;
         exec.check_cancelled()?;
         let f = exec.run(|| figures::measure(&foreign.lattice));

@@ -10,6 +10,9 @@ use serde_json::{Value, json};
 use crate::error::stage_error;
 use crate::{Error, Inputs, Product, Slot, Stage};
 
+/// Labels that a stage's parameters list at most.
+const LISTED: usize = 256;
+
 /// The lattice of one of several labels that are cut at once, so that what they share coincides.
 ///
 /// The stages of one set share their work: the first that runs cuts for all.
@@ -51,7 +54,13 @@ impl Stage for PartLattice {
     }
 
     fn params(&self) -> Value {
-        json!({ "parts": *self.ids, "label": self.label })
+        let (ids, label) = (&*self.ids, self.label);
+        if ids.len() <= LISTED {
+            return json!({ "parts": ids, "label": label });
+        }
+        // The list of thousands of labels would be in the record of each.
+        let bytes: Vec<u8> = ids.iter().flat_map(|id| id.to_le_bytes()).collect();
+        json!({ "parts": { "count": ids.len(), "hash": blake3::hash(&bytes).to_string() }, "label": label })
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {

@@ -2,7 +2,7 @@ use ivd_artefact::{Artefact, Kind};
 use ivd_core::{Exec, Lattice, World};
 use ivd_lattice::figures;
 use ivd_lattice::refine::{
-    Locks, Method, RefineParams, Refined, Target, chain, refine, vertices_within, with_levels,
+    Locks, Method, RefineParams, Refined, Target, chain, distances, refine, vertices_within, with_levels,
 };
 use ivd_lattice::repair::{RepairParams, repair};
 use nalgebra::Vector3;
@@ -79,14 +79,26 @@ impl Refine {
         Ok(Self { params, locks: section.lock.clone(), repair, levels: section.chain.clone() })
     }
 
-    /// Vertices that stay, ascending.
-    fn locked(&self, lattice: &Lattice, exec: &Exec) -> Vec<u32> {
-        let within =
-            |lock: &FixSection| vertices_within(lattice, World(Vector3::from(lock.pick)), lock.radius);
-        let mut locked: Vec<u32> = exec.run(|| self.locks.iter().flat_map(within).collect());
+    /// Vertices that stay, ascending. A place without one is a mistake.
+    fn locked(&self, lattice: &Lattice, exec: &Exec) -> Result<Vec<u32>, Error> {
+        let mut locked = Vec::new();
+        for lock in &self.locks {
+            let pick = World(Vector3::from(lock.pick));
+            let within = exec.run(|| vertices_within(lattice, pick, lock.radius));
+            if within.is_empty() {
+                let off = |i: usize| (lattice.world(i).0 - pick.0).norm();
+                let nearest = (0..lattice.keys.len()).map(off).fold(f64::INFINITY, f64::min);
+                let problem = format!(
+                    "lock: no vertex lies within {} mm of {:?}; the nearest is {nearest:.3} mm away",
+                    lock.radius, lock.pick
+                );
+                return Err(Error::usage("refine", problem));
+            }
+            locked.extend(within);
+        }
         locked.sort_unstable();
         locked.dedup();
-        locked
+        Ok(locked)
     }
 }
 
@@ -130,12 +142,14 @@ impl Stage for Refine {
             Some(repair(lattice, &self.repair, exec).map_err(stage_error!("refine"))?)
         };
         let sound = repaired.as_ref().map_or(lattice, |repaired| &repaired.lattice);
-        let locked = self.locked(sound, exec);
+        let locked = self.locked(sound, exec)?;
         let locks = Locks { vertices: &locked };
         if !self.levels.is_empty() {
             let steps =
                 chain(sound, &self.params, &self.levels, locks, exec).map_err(stage_error!("refine"))?;
-            let metrics = chain_metrics(lattice, &steps, exec);
+            let mut metrics = chain_metrics(lattice, sound, &steps, exec)?;
+            metrics["components_removed"] = json!(repaired.as_ref().map_or(0, |r| r.done.components_removed));
+            metrics["locked"] = json!(locked.len());
             let whole = with_levels(sound.clone(), &steps).map_err(stage_error!("refine"))?;
             return Ok(Product::new(Artefact::Lattice(whole), metrics));
         }
@@ -164,26 +178,27 @@ impl Stage for Refine {
 }
 
 /// Figures of a chain: those of its last level, with the errors from the input on, and each level's own.
-fn chain_metrics(input: &Lattice, steps: &[Refined], exec: &Exec) -> Value {
+fn chain_metrics(input: &Lattice, sound: &Lattice, steps: &[Refined], exec: &Exec) -> Result<Value, Error> {
     let level = |step: &Refined| {
         let f = exec.run(|| figures::measure(&step.lattice));
-        json!({
+        let apart = distances(sound, &step.lattice, exec).map_err(stage_error!("refine"))?;
+        Ok(json!({
             "level": step.lattice.level,
             "vertices": f.vertices,
             "triangles": f.triangles,
             "max_error_mm": step.lattice.max_error_mm - input.max_error_mm,
-            "mean_error_mm": step.mean_error_mm,
+            "mean_error_mm": apart.mean_mm,
             "boundary_edges": f.boundary_edges,
             "non_manifold_edges": f.non_manifold_edges,
             "subset": is_subset(&step.lattice, input),
             "reached": super::json(&step.reached),
-        })
+        }))
     };
-    let levels: Vec<Value> = steps.iter().map(level).collect();
+    let levels: Vec<Value> = steps.iter().map(level).collect::<Result<_, Error>>()?;
     let mut metrics = levels.last().cloned().unwrap_or_else(|| json!({}));
     metrics["vertices_in"] = json!(input.keys.len());
     metrics["levels"] = Value::Array(levels);
-    metrics
+    Ok(metrics)
 }
 
 /// Whether every vertex of `part` is one of `whole`, address and place alike. Both lists ascend by address.

@@ -67,8 +67,9 @@ fn no_parameter_is_hidden_from_scenes() {
     assert_eq!(unmoved(atf, |s| Atf::from_section(s, None)), [".iso"], "the isovalue is the lattice's");
     let part = "class = 1\nseed = [1.0, 2.0, 3.0]\nfill_holes = false\nabove = 4.0";
     assert_eq!(unmoved(part, |s: &BoundarySection| Boundary::from_section(s, None)), nothing);
-    let refine = "ratio = 0.5\nmax_turn_degrees = 30.0\nshape_weight = 0.5";
-    assert_eq!(unmoved(refine, |s| Refine::from_section(s).unwrap()), [".method"]);
+    let refine = "method = \"merge\"\nratio = 0.5\nmax_turn_degrees = 30.0\nshape_weight = 0.5\nallow_topology = true\n\
+        feature_degrees = 30.0\nmin_component = 9\n[[lock]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0";
+    assert_eq!(unmoved(refine, |s| Refine::from_section(s).unwrap()), nothing);
     assert_eq!(unmoved("leaf_size = 8", Octree::from_section), nothing);
     let deform = "stiffness = 1.0\nduration = 1.0\ndt = 0.1\nground = 2.0\ndamping = 2.0\ndensity = 2.0\n\
         vertex_mass = 2.0\nepsilon = 0.5\nliteral = true\n[[fix]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0\n\

@@ -18,6 +18,8 @@ const FAN: u32 = 6;
 
 pub(in crate::formats) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Mesh, Failure> {
     let (text, binary) = chunks(bytes)?;
+    // Lists of numbers, and at most 65,536 nodes, meshes and accessors of a hundred bytes each.
+    budget.take("the scene's description", (30 * text.len() as u64).min(24 << 20))?;
     let root: Root =
         serde_json::from_slice(text).map_err(|e| Failure::at("JSON chunk", e.to_string(), REWRITE))?;
     check(&root)?;
@@ -170,22 +172,28 @@ impl<'a> Scene<'a> {
                     && node.matrix.as_deref() == Some(&TO_GLTF)
                     && node.mesh.is_none()
             });
-        let mut open: Vec<(u32, Placement)> =
-            tops.iter().rev().map(|&top| (top, Placement::to_ras())).collect();
-        while let Some((i, above)) = open.pop() {
-            let node = nodes.get(i).ok_or_else(|| nowhere("node", i))?;
-            if std::mem::replace(&mut seen[i as usize], true) {
+        // A node is marked when it is first named, so that no more are open than there are.
+        let mut name = |i: u32| {
+            let seen = seen.get_mut(i as usize).ok_or_else(|| nowhere("node", i))?;
+            if std::mem::replace(seen, true) {
                 let problem = "it hangs under two nodes, or under itself";
                 return Err(Failure::at(format!("node {i}"), problem, REWRITE));
             }
+            Ok(i)
+        };
+        let mut open: Vec<(u32, Placement)> = Vec::new();
+        for &top in tops.iter().rev() {
+            open.push((name(top)?, Placement::to_ras()));
+        }
+        while let Some((i, above)) = open.pop() {
+            let node = nodes.get(i).ok_or_else(|| nowhere("node", i))?;
             let here = if ours && i == tops[0] { Placement::UNMOVED } else { above.then(node) };
             if let Some(mesh) = node.mesh {
                 self.mesh_of(mesh, &here)?;
             }
-            if open.len() + node.children.0.len() > 1 << 20 {
-                return Err(Failure::at(format!("node {i}"), "too many children", REWRITE));
+            for &child in node.children.0.iter().rev() {
+                open.push((name(child)?, here));
             }
-            open.extend(node.children.0.iter().rev().map(|&child| (child, here)));
         }
         Ok(())
     }

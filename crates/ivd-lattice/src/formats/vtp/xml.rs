@@ -70,6 +70,8 @@ pub(super) struct Document<'a> {
 
 impl<'a> Document<'a> {
     pub(super) fn parse(bytes: &'a [u8]) -> Result<Self, Failure> {
+        // The reader would pass over a mark of the encoding without counting it.
+        let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
         let (xml, appended) = split(bytes)?;
         let mut reader = Reader::from_reader(xml);
         let mut document =
@@ -255,6 +257,9 @@ fn coding(file: &BytesStart) -> Result<Coding, Failure> {
     Ok(Coding { big, word, zlib })
 }
 
+/// Bytes of an attribute's value at most: names and numbers are shorter.
+const LONGEST: usize = 1024;
+
 /// An attribute's value. Without the search for repeated names, which takes the square of their number.
 fn attribute(element: &BytesStart, key: &str) -> Result<Option<String>, Failure> {
     for attribute in element.attributes().with_checks(false) {
@@ -262,6 +267,10 @@ fn attribute(element: &BytesStart, key: &str) -> Result<Option<String>, Failure>
             Failure::at(shown(element.name().as_ref()), format!("its attributes: {e}"), REWRITE)
         })?;
         if attribute.key.as_ref() == key.as_bytes() {
+            if attribute.value.len() > LONGEST {
+                let problem = format!("`{key}` of {} bytes", attribute.value.len());
+                return Err(Failure::at(shown(element.name().as_ref()), problem, REWRITE));
+            }
             return Ok(Some(String::from_utf8_lossy(&attribute.value).trim().to_owned()));
         }
     }
