@@ -13,12 +13,13 @@ use crate::Error;
 /// distance from it, both ways. A level that can't be reached is as near as it gets, and the next goes on from there.
 ///
 /// - `params`: all but the target is used.
-/// - `levels`: ascending, each counted from the input: level `L` keeps 4⁻ᴸ of its vertices.
+/// - `levels`: ascending, each counted from the input: level `L` keeps 4⁻ᴸ of its vertices. Merging and Loop's scheme count
+///   from the level before, so that what they keep too many or too few of adds up.
 /// - `locks`: vertices of the input that stay in all levels.
 ///
 /// # Errors
-/// [`Error::Param`] for levels that don't ascend, and for [`Method::Sample`], whose levels aren't nested; otherwise as
-/// [`refine`].
+/// [`Error::Param`] for levels that don't ascend, for [`Method::Sample`], whose levels aren't nested, and for locks where
+/// clustering may leave them alone; otherwise as [`refine`].
 pub fn chain(
     lattice: &Lattice,
     params: &RefineParams,
@@ -33,6 +34,10 @@ pub fn chain(
     if params.method == Method::Sample {
         let problem = "the vertices of a coarser sampling aren't among those of a finer one".to_owned();
         return Err(ParamError::new("method", problem, "use another method for a chain").into());
+    }
+    if params.method == Method::Merge && params.allow_topology && !locks.vertices.is_empty() {
+        let problem = "a locked vertex may be left without a triangle, which no level can say".to_owned();
+        return Err(ParamError::new("locks", problem, "leave out the locks or allow_topology").into());
     }
     locks.check(lattice)?;
     let keys: Vec<_> = locks.vertices.iter().map(|&v| lattice.keys.get(v as usize)).collect();
@@ -77,6 +82,9 @@ pub fn with_levels(mut finest: Lattice, levels: &[Refined]) -> Result<Lattice, E
     for (i, Refined { lattice, .. }) in levels.iter().enumerate() {
         let bad = |problem: String| ivd_core::Error::Inconsistent { what: "chain of lattices", problem };
         lattice.check()?;
+        if lattice.grid != finest.grid {
+            return Err(bad(format!("level {} lies on another grid", i + 1)).into());
+        }
         let before = last.unwrap_or(&finest);
         if let Some(v) = (0..lattice.keys.len()).find(|&v| !shares(before, lattice, v)) {
             return Err(bad(format!("vertex {v} of level {} isn't one of the level before", i + 1)).into());

@@ -7,6 +7,9 @@ type Point = Vector3<f64>;
 /// Point of triangle `abc` closest to `p`. A triangle without area is taken as its edges.
 pub(super) fn closest_on_triangle(p: &Point, [a, b, c]: [&Point; 3]) -> Point {
     let (ab, ac, ap) = (b - a, c - a, p - a);
+    if ab.norm_squared() == 0.0 {
+        return a + ac * closest_on_segment(p, a, c);
+    }
     let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));
     if d1 <= 0.0 && d2 <= 0.0 {
         return *a;
@@ -89,6 +92,17 @@ mod tests {
             }
             assert!(found <= least + 1e-12 && found >= least - 0.05, "{p:?}: {found} against {least}");
         }
+    }
+
+    #[test]
+    fn a_triangle_with_two_corners_at_one_place_is_a_segment() {
+        let (near, far) = (Point::new(0.0, 0.0, 0.0), Point::new(4.0, 0.0, 0.0));
+        let p = Point::new(3.0, 1.0, 0.0);
+        for corners in [[&near, &near, &far], [&near, &far, &near], [&far, &near, &near], [&far, &far, &near]]
+        {
+            assert_eq!(closest_on_triangle(&p, corners), Point::new(3.0, 0.0, 0.0));
+        }
+        assert_eq!(closest_on_triangle(&p, [&near; 3]), near);
     }
 
     #[test]

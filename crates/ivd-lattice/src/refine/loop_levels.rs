@@ -53,7 +53,7 @@ impl Goal {
 
     /// Whether a surface of so many triangles has reached it at a level.
     fn is_reached(&self, level: usize, triangles: usize) -> bool {
-        level >= self.levels || triangles <= self.keep + 1
+        level >= self.levels || triangles <= self.keep.saturating_add(1)
     }
 }
 

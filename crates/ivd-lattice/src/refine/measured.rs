@@ -31,9 +31,15 @@ impl Draft {
         }
     }
 
-    /// Triangles, and of the vertices those that are in one or locked.
+    /// Triangles, and of the vertices those that are in one, locked, or in none of the input's.
     pub(super) fn of(triangles: Vec<[u32; 3]>, input: &Lattice, locks: Locks<'_>, passes: u32) -> Self {
-        let mut left = locks.flags(input.keys.len());
+        let mut left = vec![true; input.keys.len()];
+        for &v in input.triangles.as_flattened() {
+            left[v as usize] = false;
+        }
+        for &v in locks.vertices {
+            left[v as usize] = true;
+        }
         for &v in triangles.iter().flatten() {
             left[v as usize] = true;
         }

@@ -300,7 +300,8 @@ fn collapsed(
     let mut left = goal.removals(lattice.keys.len(), lattice.triangles.len());
     let mut run = Run { stopped_by: StoppedBy::Target, refused: Refused::default(), passes: 0 };
     while left > 0 {
-        if side > largest {
+        // A lattice all of whose vertices lie at one place has no size to grow by.
+        if !(side > 0.0 && side <= largest) {
             run.stopped_by = run.refused.reason();
             break;
         }

@@ -82,11 +82,13 @@ pub struct RefineParams {
     /// A little of it keeps triangles from growing thin where the surface is flat; much of it costs accuracy.
     pub shape_weight: f64,
     /// Whether [`Method::Collapse`], where nothing else can go, may pinch the surface: tunnels and handles close, and the
-    /// result need not be a manifold where they did.
+    /// result need not be a manifold where they did. [`Method::Merge`] is then clustering: whatever lies in one cube becomes one
+    /// vertex. The others pass over it.
     pub allow_topology: bool,
     /// Edges where the surface turns by more than this (degrees between the normals of the two triangles; above 0, below
     /// 180) are features: a vertex between two of them goes along them alone, and where one or more than two
-    /// meet, it stays. `None`: there are no features.
+    /// meet, it stays. `None`: there are no features. Collapse, decimation and legal merges heed it; clustering, sampling and
+    /// the exact inverse of a subdivision don't.
     pub feature_degrees: Option<f64>,
 }
 

@@ -10,7 +10,7 @@
 //! by the argument of [`crate::extract`]. Thin parts that no coarse voxel hits vanish or come apart, gaps close, components
 //! join: it is what marching cubes makes of fewer voxels (thesis, Figure 5.6).
 
-use ivd_core::{ElementKey, Exec, Lattice, ParamError};
+use ivd_core::{ElementKey, Exec, Lattice, LatticeSource, ParamError};
 use rayon::prelude::*;
 
 use super::locks::Locks;
@@ -42,6 +42,13 @@ pub(super) fn sample(
             "leave out the locks, or use collapse",
         )
         .into());
+    }
+    if lattice.source == LatticeSource::Foreign {
+        return Err(Error::Unreachable {
+            asked: "a coarser rate".into(),
+            problem: "the lattice is a mesh of another program, whose vertices aren't crossings".into(),
+            remedy: "use collapse".into(),
+        });
     }
     exec.run(|| {
         let signs = Signs::of(lattice, exec)?;
