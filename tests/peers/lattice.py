@@ -18,7 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from surfaces import THREADS, TimeMethod, phantom, scan, timed, vtk_threads
+from surfaces import THREADS, TimeMethod, phantom, scan, vtk_threads
+from timing import timed
 
 
 def image(voxels):

@@ -25,7 +25,8 @@ from pathlib import Path
 
 import numpy as np
 
-from surfaces import TimeMethod, defects, ivd, phantom, read_ply, scan, timed, vtk_threads, write_nrrd
+from surfaces import TimeMethod, defects, ivd, phantom, read_ply, scan, vtk_threads, write_nrrd
+from timing import timed
 
 
 def polydata(vertices, triangles):

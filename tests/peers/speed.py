@@ -12,7 +12,6 @@ import os
 import resource
 import subprocess
 import tempfile
-import time
 import warnings
 from pathlib import Path
 
@@ -20,21 +19,12 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "2"
 import nibabel
 import numpy as np
 
+from timing import timed
+
 warnings.simplefilter("ignore")
 K = 4
 # Added to every variance, so that a component of one value alone keeps one.
 ADDED = 0.25
-
-
-def clock():
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return np.array([time.perf_counter(), usage.ru_utime + usage.ru_stime])
-
-
-def timed(work):
-    begin = clock()
-    result = work()
-    return result, clock() - begin
 
 
 class Ours:

@@ -1,9 +1,7 @@
 """Volumes, processes and meshes that lattice.py, convergence.py and simplify.py share."""
 
 import json
-import resource
 import subprocess
-import time
 from pathlib import Path
 
 import nibabel
@@ -20,18 +18,6 @@ def vtk_threads():
     vtk.vtkSMPTools.Initialize(THREADS)
     assert vtk.vtkSMPTools.GetEstimatedNumberOfThreads() == THREADS
     return vtk.vtkSMPTools.GetBackend()
-
-
-def clock():
-    """Wall and processor time (s) of this process and its threads."""
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return np.array([time.perf_counter(), usage.ru_utime + usage.ru_stime])
-
-
-def timed(work):
-    begin = clock()
-    result = work()
-    return result, clock() - begin
 
 
 def ivd(program, *words):

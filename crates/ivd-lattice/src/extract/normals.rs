@@ -1,7 +1,7 @@
 //! Normals of a lattice's vertices by the gradient of the volume that it was cut from.
 
 use ivd_core::{Exec, Grid, Lattice, Volume};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::Error;
@@ -30,9 +30,7 @@ pub fn normals(volume: &Volume, lattice: &Lattice, exec: &Exec) -> Result<Vec<[f
         let faces = by_area(lattice);
         exec.check_cancelled()?;
         volume.voxels();
-        // A grid's matrix can be inverted.
-        let to_world =
-            volume.grid().linear_part().try_inverse().map_or_else(Matrix3::identity, |m| m.transpose());
+        let to_world = volume.grid().inverse_linear_part().transpose();
         let normal = |i: usize| {
             let face = faces[i].try_normalize(0.0).unwrap_or_else(Vector3::z);
             let gradient = to_world * gradient_at(volume, lattice.voxel(i).0);

@@ -142,12 +142,12 @@ struct Pass<'a> {
 
 /// What came of a pass or of a block.
 #[derive(Default)]
-struct Done {
+pub(super) struct Done {
     /// Vertices removed, in order.
-    collapsed: Vec<u32>,
+    pub(super) collapsed: Vec<u32>,
     /// Entries that lie across a border of blocks.
-    across: Vec<u64>,
-    refused: Refused,
+    pub(super) across: Vec<u64>,
+    pub(super) refused: Refused,
 }
 
 /// Room for the work on one vertex.
@@ -257,7 +257,7 @@ fn cheapest(targets: &[(f32, u32)]) -> Option<usize> {
 }
 
 impl Done {
-    fn add(&mut self, other: Self) {
+    pub(super) fn add(&mut self, other: Self) {
         self.collapsed.extend(other.collapsed);
         self.across.extend(other.across);
         self.refused = self.refused + other.refused;

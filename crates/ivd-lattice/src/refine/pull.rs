@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::blocks::Blocks;
 use super::deviation::Deviation;
 use super::half_edge::{Limits, collapse};
+use super::passes::Done;
 use super::report::Refused;
 use super::star::Fan;
 use super::surface::Surface;
@@ -81,22 +82,6 @@ struct Hand<'a, F> {
     may: F,
     rules: &'a Rules,
     cancel: &'a Cancel,
-}
-
-#[derive(Default)]
-struct Done {
-    collapsed: Vec<u32>,
-    /// Entries that lie across a border of blocks.
-    across: Vec<u64>,
-    refused: Refused,
-}
-
-impl Done {
-    fn add(&mut self, other: Self) {
-        self.collapsed.extend(other.collapsed);
-        self.across.extend(other.across);
-        self.refused = self.refused + other.refused;
-    }
 }
 
 impl<F: Fn(u32, u32) -> bool + Sync> Hand<'_, F> {

@@ -4,7 +4,7 @@ use ivd_core::{Exec, Lattice};
 use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
 
-use crate::{assert_bounded, assert_sound, lattices, sampled};
+use crate::{assert_levels, assert_phantoms, assert_sound, lattices, sampled};
 
 fn by(method: Method, lattice: &Lattice, target: Target) -> Refined {
     let params = RefineParams { method, target, ..RefineParams::default() };
@@ -17,30 +17,13 @@ fn decimated(lattice: &Lattice, target: Target) -> Refined {
 
 #[test]
 fn phantoms_stay_closed_and_of_their_genus_within_the_bound() {
-    let lattices = [
-        lattices::sphere(32),
-        lattices::torus(lattices::cube(32)),
-        lattices::gyroid(32),
-        lattices::shell(32),
-    ];
-    for lattice in &lattices {
-        for target in [Target::Ratio(0.5), Target::Ratio(0.1), Target::Level(3)] {
-            let out = decimated(lattice, target);
-            assert_sound(lattice, &out);
-            assert_bounded(lattice, &out);
-        }
-    }
+    assert_phantoms(decimated);
 }
 
 #[test]
 fn targets_are_met_exactly_where_nothing_is_in_the_way() {
     let sphere = lattices::sphere(32);
-    let vertices = sphere.keys.len() as f64;
-    for level in 0..=3_u8 {
-        let out = decimated(&sphere, Target::Level(level));
-        assert_eq!(out.lattice.keys.len(), (vertices * 0.25_f64.powi(i32::from(level))).round() as usize);
-        assert_eq!((out.reached.stopped_by, out.lattice.level), (StoppedBy::Target, level));
-    }
+    assert_levels(&sphere, decimated);
     for method in [Method::Collapse, Method::Decimate] {
         for count in [1000, 200, 60] {
             let out = by(method, &sphere, Target::Count(count));

@@ -53,8 +53,8 @@ pub(crate) fn assert_bounded(input: &Lattice, out: &Refined) {
     assert!(out.mean_error_mm <= 3.0 * mean + 1e-9, "mean {} against {mean}", out.mean_error_mm);
 }
 
-#[test]
-fn phantoms_stay_closed_and_of_their_genus_within_the_bound() {
+/// Phantoms stay closed and of their genus, within the bound.
+pub(crate) fn assert_phantoms(refined: impl Fn(&Lattice, Target) -> Refined) {
     let lattices = [
         lattices::sphere(32),
         lattices::torus(lattices::cube(32)),
@@ -70,15 +70,25 @@ fn phantoms_stay_closed_and_of_their_genus_within_the_bound() {
     }
 }
 
-#[test]
-fn targets_are_met_exactly_where_nothing_is_in_the_way() {
-    let sphere = lattices::sphere(32);
+/// Levels of a sphere are met to the vertex.
+pub(crate) fn assert_levels(sphere: &Lattice, refined: impl Fn(&Lattice, Target) -> Refined) {
     let vertices = sphere.keys.len() as f64;
     for level in 0..=3_u8 {
-        let out = refined(&sphere, Target::Level(level));
+        let out = refined(sphere, Target::Level(level));
         assert_eq!(out.lattice.keys.len(), (vertices * 0.25_f64.powi(i32::from(level))).round() as usize);
         assert_eq!((out.reached.stopped_by, out.lattice.level), (StoppedBy::Target, level));
     }
+}
+
+#[test]
+fn phantoms_stay_closed_and_of_their_genus_within_the_bound() {
+    assert_phantoms(refined);
+}
+
+#[test]
+fn targets_are_met_exactly_where_nothing_is_in_the_way() {
+    let sphere = lattices::sphere(32);
+    assert_levels(&sphere, refined);
     let out = refined(&sphere, Target::Ratio(0.1));
     let kept = out.lattice.triangles.len() as f64;
     assert!((kept - 0.1 * sphere.triangles.len() as f64).abs() <= 1.0);
