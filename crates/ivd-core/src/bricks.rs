@@ -99,20 +99,15 @@ impl BrickIndex {
     }
 }
 
-/// Ranges of the bricks of layer `bz`: voxels are first merged along z and y, element by element over whole rows so
-/// that the compiler vectorises it, and the merged rows then cut into bricks.
+/// Ranges of the bricks of layer `bz`: voxels are first merged along y and z, element by element, in the order in which they
+/// lie in memory and so that the compiler vectorises it; the merged rows are then cut into bricks.
 fn layer<T: Scalar>(n: [usize; 3], b: [usize; 3], voxels: &[T], bz: usize) -> Vec<BrickRange> {
     let mut rows = vec![Merged::<T>::new(n[0]); b[1]];
-    let mut column = Merged::new(n[0]);
-    for y in 0..n[1] {
-        column.clear();
-        for z in bz * BRICK..(bz * BRICK + BRICK + 1).min(n[2]) {
-            column.add_voxels(&voxels[n[0] * (y + n[1] * z)..][..n[0]]);
-        }
-        // A row on a brick's border belongs to both bricks.
-        rows[y / BRICK].add(&column);
-        if y % BRICK == 0 && y > 0 {
-            rows[y / BRICK - 1].add(&column);
+    for z in bz * BRICK..(bz * BRICK + BRICK + 1).min(n[2]) {
+        for (by, merged) in rows.iter_mut().enumerate() {
+            // A row on a brick's border belongs to both bricks.
+            let [start, end] = [by * BRICK, (by * BRICK + BRICK + 1).min(n[1])];
+            merged.add(&voxels[n[0] * (start + n[1] * z)..n[0] * (end + n[1] * z)]);
         }
     }
     let ranges = rows
@@ -131,42 +126,58 @@ struct Merged<T> {
 }
 
 impl<T: Scalar> Merged<T> {
+    /// Nothing merged yet.
     fn new(len: usize) -> Self {
-        let mut merged = Self {
-            min: vec![T::default(); len],
-            max: vec![T::default(); len],
+        Self {
+            min: vec![T::from_f64(f64::INFINITY); len],
+            max: vec![T::from_f64(f64::NEG_INFINITY); len],
             missing: vec![T::default(); len],
-        };
-        merged.clear();
-        merged
-    }
-
-    fn clear(&mut self) {
-        self.min.fill(T::from_f64(f64::INFINITY));
-        self.max.fill(T::from_f64(f64::NEG_INFINITY));
-        self.missing.fill(T::default());
-    }
-
-    /// Merges a row of voxels.
-    fn add_voxels(&mut self, row: &[T]) {
-        let (high, low, one) = (T::from_f64(f64::INFINITY), T::from_f64(f64::NEG_INFINITY), T::from_f64(1.0));
-        let merged = self.min.iter_mut().zip(&mut self.max).zip(&mut self.missing);
-        for (((min, max), missing), &value) in merged.zip(row) {
-            let data = value.is_data();
-            let (below, above) = if data { (value, value) } else { (high, low) };
-            *min = if below < *min { below } else { *min };
-            *max = if above > *max { above } else { *max };
-            *missing = if data { *missing } else { one };
         }
     }
 
-    /// Merges what other rows were merged to.
-    fn add(&mut self, other: &Self) {
-        for i in 0..self.min.len() {
-            self.min[i] = if other.min[i] < self.min[i] { other.min[i] } else { self.min[i] };
-            self.max[i] = if other.max[i] > self.max[i] { other.max[i] } else { self.max[i] };
-            self.missing[i] =
-                if other.missing[i] > self.missing[i] { other.missing[i] } else { self.missing[i] };
+    /// Merges rows of voxels that follow each other, 64 bytes at a time: the extremes of so many stay in vector registers.
+    fn add(&mut self, rows: &[T]) {
+        match size_of::<T>() {
+            1 => self.add_by::<64>(rows),
+            2 => self.add_by::<32>(rows),
+            4 => self.add_by::<16>(rows),
+            _ => self.add_by::<8>(rows),
+        }
+    }
+
+    fn add_by<const N: usize>(&mut self, rows: &[T]) {
+        let whole = self.min.len() / N * N;
+        for start in (0..whole).step_by(N) {
+            self.add_lanes::<N>(rows, start);
+        }
+        for start in whole..self.min.len() {
+            self.add_lanes::<1>(rows, start);
+        }
+    }
+
+    /// The same for `N` elements from `start` on.
+    #[inline(always)]
+    fn add_lanes<const N: usize>(&mut self, rows: &[T], start: usize) {
+        let (high, low, one) = (T::from_f64(f64::INFINITY), T::from_f64(f64::NEG_INFINITY), T::from_f64(1.0));
+        let len = self.min.len();
+        let [mut min, mut max, mut missing] = [[high; N], [low; N], [T::default(); N]];
+        for row in rows.chunks_exact(len) {
+            let values = &row[start..start + N];
+            for i in 0..N {
+                let value = values[i];
+                let data = value.is_data();
+                let (below, above) = if data { (value, value) } else { (high, low) };
+                min[i] = if below < min[i] { below } else { min[i] };
+                max[i] = if above > max[i] { above } else { max[i] };
+                missing[i] = if data { missing[i] } else { one };
+            }
+        }
+        let range = start..start + N;
+        let merged = self.min[range.clone()].iter_mut().zip(&mut self.max[range.clone()]);
+        for (i, ((least, greatest), gap)) in merged.zip(&mut self.missing[range]).enumerate() {
+            *least = if min[i] < *least { min[i] } else { *least };
+            *greatest = if max[i] > *greatest { max[i] } else { *greatest };
+            *gap = if missing[i] > *gap { missing[i] } else { *gap };
         }
     }
 
