@@ -5,7 +5,7 @@ scans that --scan names; two threads each. Both take turns, on the same voxels, 
 (ours: a volume never seen before, whose bricks are looked at first; VTK: a new filter), and the first of every turn isn't
 counted. Ours has no normals, as VTK's with normals, gradients and scalars off; VTK's with normals is timed beside it. Prints a
 Markdown table: VTK's time over ours, wall and processor, as the median of the turns' ratios with the least and the most; our
-times; ours with the bricks known; memory beyond the voxels' own. Needs numpy, nibabel and vtk.
+times; ours with the bricks known; memory beyond the voxels' own, of a single run in a process of its own each. Needs numpy, nibabel and vtk.
 """
 
 import argparse
@@ -73,8 +73,6 @@ def compare(name, voxels, iso, program, folder, given):
         for key, method in (("ours", "lattice"), ("again", "lattice-again")):
             found = ours(method, params, given.runs + 1)
             turns[key].append(np.median(found["times"][1:], axis=0))
-            if key == "ours":
-                taken = found["peak_mib"] - found["volume_mib"]
         for key, normals in (("plain", False), ("normals", True)):
             times = []
             for _ in range(given.runs + 1):
@@ -82,6 +80,8 @@ def compare(name, voxels, iso, program, folder, given):
                 times.append(seconds)
             turns[key].append(np.median(times[1:], axis=0))
     turns = {key: np.array(times) for key, times in turns.items()}
+    once = ours("lattice", params, 1)
+    taken = once["peak_mib"] - once["volume_mib"]
     words = [sys.executable, __file__, "--memory", ours.path, ",".join(map(str, voxels.shape)), voxels.dtype, iso]
     theirs = float(subprocess.run([str(w) for w in words], capture_output=True, text=True, check=True).stdout)
     row = {

@@ -35,13 +35,13 @@
 
 mod bounds;
 pub(crate) mod cell;
-mod directory;
 mod interior;
 mod normals;
 mod parts;
 mod place;
 #[cfg(test)]
 mod plain;
+mod rows;
 mod samples;
 mod signs;
 mod sweep;
@@ -49,6 +49,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 mod tube;
+mod vertices;
 
 use ivd_core::{
     BRICK, BrickIndex, ElementKey, Exec, Grid, Lattice, LatticeSource, Mask, ParamError, Volume, with_voxels,

@@ -1,5 +1,7 @@
 //! One bit a voxel: inside or outside, in rows padded by the border layer.
 
+use std::ops::Range;
+
 use ivd_core::{BRICK, BrickIndex, Exec};
 use rayon::prelude::*;
 
@@ -31,15 +33,28 @@ pub(super) fn brick_states<T: Ordered>(index: &BrickIndex, bounds: &Bounds<T>) -
     (0..index.len()).map(state).collect()
 }
 
-/// Signs of all voxels. Bit `p` of a row is the padded voxel `p`, so that bits 0 and `n + 1` are 0.
+/// Signs of all voxels. Bit `p` of a row is the padded voxel `p`, so that bits 0 and `n + 1` are 0; so are the rows of the border
+/// layer.
 #[derive(Debug)]
 pub(super) struct Signs {
     dims: [usize; 3],
     /// Words a row, the last one always 0.
     words: usize,
     rows: Vec<u32>,
-    outside: Vec<u32>,
+    /// Of each row the first word with a voxel inside and the one after the last.
+    spans: Vec<[u32; 2]>,
 }
+
+/// Two rows side by side along y.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pair<'a> {
+    pub(super) rows: [&'a [u32]; 2],
+    /// Words between which both have all their voxels inside.
+    pub(super) span: [u32; 2],
+}
+
+/// The span of a row without a voxel inside.
+const NOTHING: [u32; 2] = [u32::MAX, 0];
 
 impl Signs {
     /// Words that a row of `n` voxels takes: its `n + 2` bits and one word of zeros.
@@ -49,7 +64,8 @@ impl Signs {
 
     /// Bytes that the signs of a grid take.
     pub(super) fn bytes(dims: [usize; 3]) -> u64 {
-        (Self::words(dims[0]) * 4) as u64 * (dims[1] * dims[2]) as u64
+        let row = Self::words(dims[0]) * 4 + size_of::<[u32; 2]>();
+        row as u64 * (dims[1] + 2) as u64 * (dims[2] + 2) as u64
     }
 
     /// Reads the signs of `samples`; where `bricks` are given, only those of mixed bricks are looked at.
@@ -60,35 +76,44 @@ impl Signs {
         exec: &Exec,
     ) -> Result<Self, ivd_core::Error> {
         let words = Self::words(dims[0]);
-        let mut rows = vec![0_u32; words * dims[1] * dims[2]];
+        let [nx, ny, nz] = dims;
+        let mut rows = vec![0_u32; words * (ny + 2) * (nz + 2)];
+        let mut spans = vec![NOTHING; (ny + 2) * (nz + 2)];
         let strips = BrickIndex::dims_for(dims);
-        rows.par_chunks_mut(words * dims[1]).enumerate().try_for_each(|(z, layer)| {
+        let layers = rows[words * (ny + 2)..].par_chunks_mut(words * (ny + 2) * BRICK);
+        let layers = layers.zip(spans[ny + 2..].par_chunks_mut((ny + 2) * BRICK));
+        // The border layer above may lie in a chunk of its own.
+        layers.enumerate().take(strips[2]).try_for_each(|(bz, (rows, spans))| {
             exec.check_cancelled()?;
             let mut bytes = vec![0_u8; words * 4];
-            for (y, row) in layer.chunks_mut(words).enumerate() {
-                let first = dims[0] * (y + dims[1] * z);
-                match bricks {
-                    None => samples.signs(first, dims[0], &mut bytes),
-                    Some(bricks) => {
-                        let strip = strips[0] * (y / BRICK + strips[1] * (z / BRICK));
-                        read_strip(samples, first, dims[0], &bricks[strip..strip + strips[0]], &mut bytes);
+            for by in 0..strips[1] {
+                let runs = match bricks {
+                    Some(bricks) => runs(&bricks[strips[0] * (by + strips[1] * bz)..][..strips[0]]),
+                    None => vec![(0..strips[0], BrickState::Mixed)],
+                };
+                if runs.iter().all(|(_, state)| *state == BrickState::Outside) {
+                    continue;
+                }
+                for z in 0..BRICK.min(nz - bz * BRICK) {
+                    for y in by * BRICK..(by * BRICK + BRICK).min(ny) {
+                        read_strip(samples, nx * (y + ny * (z + bz * BRICK)), nx, &runs, &mut bytes);
+                        let row = y + 1 + (ny + 2) * z;
+                        spans[row] = pad(&bytes, &mut rows[words * row..][..words]);
                     }
                 }
-                pad(&bytes, row);
             }
             Ok::<(), ivd_core::Error>(())
         })?;
-        Ok(Self { dims, words, rows, outside: vec![0; words] })
+        Ok(Self { dims, words, rows, spans })
     }
 
-    /// Words of the row at padded `y` and `z`.
+    /// The rows at padded `y` and `y + 1`, both of padded `z`.
     #[inline]
-    pub(super) fn row(&self, y: usize, z: usize) -> &[u32] {
-        if (1..=self.dims[1]).contains(&y) && (1..=self.dims[2]).contains(&z) {
-            &self.rows[self.words * ((y - 1) + self.dims[1] * (z - 1))..][..self.words]
-        } else {
-            &self.outside
-        }
+    pub(super) fn pair(&self, y: usize, z: usize) -> Pair<'_> {
+        let first = y + (self.dims[1] + 2) * z;
+        let (a, b) = self.rows[self.words * first..][..2 * self.words].split_at(self.words);
+        let (s, t) = (self.spans[first], self.spans[first + 1]);
+        Pair { rows: [a, b], span: [s[0].min(t[0]), s[1].max(t[1])] }
     }
 
     /// Number of bricks that hold voxels of both signs.
@@ -100,7 +125,7 @@ impl Signs {
             let (mut any, mut all) = (0, u64::MAX);
             for z in bz * BRICK..end(bz, self.dims[2]) {
                 for y in by * BRICK..end(by, self.dims[1]) {
-                    let row = self.row(y + 1, z + 1);
+                    let row = self.pair(y + 1, z + 1).rows[0];
                     let at = bx * BRICK + 1;
                     let next = row.get(at / 32 + 1).copied().unwrap_or(0);
                     let bits = (u64::from(row[at / 32]) | u64::from(next) << 32) >> (at % 32);
@@ -115,32 +140,52 @@ impl Signs {
     }
 }
 
-/// Signs of a row of `n` voxels from `first` on, that runs through `bricks`.
-fn read_strip(samples: &impl Samples, first: usize, n: usize, bricks: &[BrickState], bytes: &mut [u8]) {
+/// Runs of bricks of one state.
+fn runs(bricks: &[BrickState]) -> Vec<(Range<usize>, BrickState)> {
     let mut start = 0;
-    for run in bricks.chunk_by(|a, b| a == b) {
-        let end = start + run.len();
-        match run[0] {
-            BrickState::Outside => bytes[start..end].fill(0),
-            BrickState::Inside => bytes[start..end].fill(0xFF),
+    let run = |run: &[BrickState]| {
+        let bricks = start..start + run.len();
+        start = bricks.end;
+        (bricks, run[0])
+    };
+    bricks.chunk_by(|a, b| a == b).map(run).collect()
+}
+
+/// Signs of a row of `n` voxels from `first` on, that goes through `runs` of bricks.
+fn read_strip(
+    samples: &impl Samples,
+    first: usize,
+    n: usize,
+    runs: &[(Range<usize>, BrickState)],
+    bytes: &mut [u8],
+) {
+    for (run, state) in runs {
+        let bytes = &mut bytes[run.clone()];
+        match state {
+            BrickState::Outside => bytes.fill(0),
+            BrickState::Inside => bytes.fill(0xFF),
             BrickState::Mixed => {
-                let count = (end * BRICK).min(n) - start * BRICK;
-                samples.signs(first + start * BRICK, count, &mut bytes[start..end]);
+                let start = run.start * BRICK;
+                samples.signs(first + start, (run.end * BRICK).min(n) - start, bytes);
             }
         }
-        start = end;
     }
     if !n.is_multiple_of(BRICK) {
-        bytes[start - 1] &= (1 << (n % BRICK)) - 1;
+        bytes[n / BRICK] &= (1 << (n % BRICK)) - 1;
     }
 }
 
-/// Voxel bits to padded bits: one place up.
-fn pad(bytes: &[u8], row: &mut [u32]) {
+/// Voxel bits to padded bits: one place up. Returns the span of words that aren't 0.
+fn pad(bytes: &[u8], row: &mut [u32]) -> [u32; 2] {
     let mut carry = 0;
-    for (word, bytes) in row.iter_mut().zip(bytes.as_chunks::<4>().0) {
+    let mut span = NOTHING;
+    for (k, (word, bytes)) in (0..).zip(row.iter_mut().zip(bytes.as_chunks::<4>().0)) {
         let bits = u32::from_le_bytes(*bytes);
         *word = bits << 1 | carry;
         carry = bits >> 31;
+        if *word != 0 {
+            span = [span[0].min(k), k + 1];
+        }
     }
+    span
 }

@@ -2,23 +2,25 @@
 //!
 //! The signs of all voxels are read into bits. Counting the vertices and triangles of each layer of cells then gives
 //! every layer its place in the output, so that layers are written independently and in any order. The work is by
-//! words of 32 cells; only cells with both signs are looked at one by one.
+//! words of 32 cells between the first and the last voxel inside; only cells with both signs are looked at one by one.
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
-use ivd_core::{ElementKey, Exec};
+use ivd_core::Exec;
 use rayon::prelude::*;
 
 use super::Surface;
-use super::directory::{Directory, Row};
 use super::place::Cell;
+use super::rows::CellRow;
 use super::samples::Samples;
 use super::signs::Signs;
-use super::table::CASES;
+use super::table::{CASES, CrossingId, Simple};
+use super::vertices::{Centre, Layer, RowVertices, Voxel, VoxelRow};
 use crate::Error;
 
-/// Layers that one task writes: enough to make up for filling in one directory more than it has layers.
-const SLAB: usize = 8;
+/// Slabs of layers for each thread: enough to share out the work, few beside the layers, as each numbers one more.
+const SLABS: usize = 6;
 
 /// Task name for observers.
 const TASK: &str = "extract";
@@ -28,8 +30,29 @@ const TASK: &str = "extract";
 struct Count {
     vertices: u64,
     triangles: u64,
-    /// Padded `[x, y]` of the cells with a vertex of their own, ascending by row, then place; twice those with two.
-    centres: Vec<[u32; 2]>,
+    /// The rows that hold all of them.
+    rows: Range<usize>,
+    /// How the surface crosses those cells whose signs leave it open, in order.
+    open: Vec<CrossingId>,
+    /// The cells with a vertex of their own, ascending by row, then place.
+    centres: Vec<Centre>,
+}
+
+impl Count {
+    /// What it costs to write the layer, in vertices.
+    fn cost(&self, dims: [usize; 3]) -> u64 {
+        self.vertices + dims[1] as u64
+    }
+
+    /// The cells of row `y` with a vertex of their own.
+    fn centres(&self, y: usize) -> &[Centre] {
+        if self.centres.is_empty() {
+            return &[];
+        }
+        let start = self.centres.partition_point(|c| (c.at[1] as usize) < y);
+        let len = self.centres[start..].partition_point(|c| c.at[1] as usize == y);
+        &self.centres[start..start + len]
+    }
 }
 
 /// The input of every pass.
@@ -37,6 +60,7 @@ struct Sweep<'a, S> {
     samples: &'a S,
     signs: &'a Signs,
     dims: [usize; 3],
+    simple: &'a Simple,
     flip: bool,
 }
 
@@ -49,7 +73,7 @@ pub(super) fn extract<S: Samples>(
     flip: bool,
     exec: &Exec,
 ) -> Result<Surface, Error> {
-    let sweep = Sweep { samples, signs, dims, flip };
+    let sweep = Sweep { samples, signs, dims, simple: &CASES.simple[usize::from(flip)], flip };
     let layers = dims[2] + 1;
     exec.observer().begin(TASK, 2 * layers as u64);
     let surface = sweep.run(layers, exec);
@@ -73,176 +97,204 @@ impl<S: Samples> Sweep<'_, S> {
         if vertices > u64::from(u32::MAX) {
             return Err(Error::TooManyVertices { vertices });
         }
-        exec.check_memory("the lattice", Signs::bytes(self.dims) + vertices * 20 + triangles * 12)?;
+        let desks = (rayon::current_num_threads() * 2 * Layer::bytes(self.dims)) as u64;
+        exec.check_memory("the lattice", Signs::bytes(self.dims) + desks + vertices * 20 + triangles * 12)?;
 
         let mut keys = vec![0_u64; vertices as usize];
         let mut places = vec![[0.0_f32; 3]; vertices as usize];
         let mut corners = vec![[0_u32; 3]; triangles as usize];
-        slabs(&counts, &mut keys, &mut places, &mut corners).into_par_iter().try_for_each(|slab| {
+        let slabs = self.slabs(&counts, &mut keys, &mut places, &mut corners);
+        let desks = Mutex::new(Vec::new());
+        slabs.into_par_iter().try_for_each(|slab| {
             exec.check_cancelled()?;
             let layers = slab.layers.len() as u64;
-            self.write_slab(slab, &counts);
+            let free = desks.lock().unwrap_or_else(PoisonError::into_inner).pop();
+            let mut desk = free.unwrap_or_else(|| Desk::new(self.dims));
+            self.write_slab(slab, &counts, &mut desk);
+            desks.lock().unwrap_or_else(PoisonError::into_inner).push(desk);
             exec.observer().advance(TASK, layers);
             Ok::<(), Error>(())
         })?;
         Ok(Surface { keys: bytemuck::cast_vec(keys), places, triangles: corners })
     }
 
-    /// Calls `visit` for each cell of a row of cells that has corners of both signs, in order.
-    #[inline(always)]
-    fn each_active_cell(&self, z: usize, y: usize, mut visit: impl FnMut(usize, u8)) {
-        let rows = [(y, z), (y + 1, z), (y, z + 1), (y + 1, z + 1)].map(|(y, z)| self.signs.row(y, z));
-        for k in 0..rows[0].len() - 1 {
-            let bits = rows.map(|row| u64::from(row[k]) | u64::from(row[k + 1]) << 32);
-            let any = bits[0] | bits[1] | bits[2] | bits[3];
-            let all = bits[0] & bits[1] & bits[2] & bits[3];
-            let mut active = ((any | any >> 1) & !(all & all >> 1)) as u32;
-            while active != 0 {
-                let b = active.trailing_zeros();
-                active &= active - 1;
-                let pair = |r: usize| (bits[r] >> b) as u8 & 3;
-                visit(32 * k + b as usize, pair(0) | pair(1) << 2 | pair(2) << 4 | pair(3) << 6);
-            }
-        }
-    }
-
     fn count_layer(&self, z: usize) -> Count {
         let mut count = Count::default();
         for y in 0..=self.dims[1] {
+            let cells = CellRow::new(self.signs, y, z);
+            if cells.is_empty() {
+                continue;
+            }
+            let start = if count.rows.is_empty() { y } else { count.rows.start };
+            count.rows = start..y + 1;
             let (mut vertices, mut triangles) = (0, 0);
-            self.each_active_cell(z, y, |x, case| {
-                let id = Cell { dims: self.dims, first: [x, y, z] }.crossing(self.samples, case);
-                let (here, centres) = CASES.counts(id);
-                vertices += OWN_EDGES[usize::from(case)].count_ones();
-                triangles += u64::from(here);
-                for _ in 0..centres {
-                    count.centres.push([x as u32, y as u32]);
-                }
-            });
+            for k in cells.words() {
+                let [x, y, z] = cells.crossed(k);
+                vertices += x.count_ones() + y.count_ones() + z.count_ones();
+            }
             count.vertices += u64::from(vertices);
+            cells.each_active(|x, case| {
+                triangles += if let Some(simple) = self.simple.get(case) {
+                    u64::from(simple.count)
+                } else {
+                    let id = Cell { dims: self.dims, first: [x, y, z] }.crossing(self.samples, case);
+                    count.open.push(id);
+                    let own = CASES.fans(id).len();
+                    if own > 0 {
+                        count.vertices += own as u64;
+                        count.centres.push(Centre { at: [x as u32, y as u32], id });
+                    }
+                    CASES.triangles(id).len() as u64
+                };
+            });
             count.triangles += triangles;
         }
-        count.vertices += count.centres.len() as u64;
         count
     }
 
-    fn write_slab(&self, slab: Slab<'_>, counts: &[Count]) {
-        let (mut here, mut above) = (Directory::default(), Directory::default());
-        let mut first = slab.first;
-        let mut vertices = slab.keys.iter_mut().zip(slab.places);
-        let mut triangles = slab.triangles.iter_mut();
+    fn write_slab(&self, slab: Slab<'_>, counts: &[Count], desk: &mut Desk) {
+        let Slab { layers, first, mut keys, mut places, mut triangles } = slab;
+        let Desk { here, above, vertices, faces } = desk;
         let nothing = Count::default();
-        here.fill(self.signs, self.dims, slab.layers.start, first, &counts[slab.layers.start].centres);
-        for z in slab.layers {
-            first += counts[z].vertices as u32;
-            let next = counts.get(z + 1).unwrap_or(&nothing);
-            above.fill(self.signs, self.dims, z + 1, first, &next.centres);
-            for y in 0..=self.dims[1] {
-                let rows = [here.row(y), here.row(y + 1), above.row(y), above.row(y + 1)];
-                let first_key = ElementKey::new(self.dims, [0, y, z], 0).0;
-                let own = OwnVertices::new(self.samples, self.dims, y, z);
-                self.each_active_cell(z, y, |x, case| {
-                    let cell = Cell { dims: self.dims, first: [x, y, z] };
-                    let id = cell.crossing(self.samples, case);
-                    let mut put = |element: u64, place: [f32; 3]| {
-                        if let Some((key, at)) = vertices.next() {
-                            (*key, *at) = (first_key + 8 * x as u64 + element, place);
-                        }
-                    };
-                    own.write(x, OWN_EDGES[usize::from(case)], &mut put);
-                    for (element, fan) in (6..).zip(CASES.fans(id)) {
-                        put(element, cell.centre_place(self.samples, fan));
-                    }
-                    let vertex = vertices_of_cell(rows, x);
-                    for (&corners, triangle) in CASES.triangles(id).iter().zip(triangles.by_ref()) {
-                        let [a, b, c] = corners.map(|e| vertex[usize::from(e & 15)]);
-                        *triangle = if self.flip { [a, c, b] } else { [a, b, c] };
-                    }
-                });
-            }
-            std::mem::swap(&mut here, &mut above);
-        }
-    }
-}
-
-/// Which of the three edges that start at a cell's first corner are crossed, a bit each, by case.
-static OWN_EDGES: [u8; 256] = own_edges();
-
-const fn own_edges() -> [u8; 256] {
-    let mut edges = [0; 256];
-    let mut case = 0;
-    while case < 256 {
-        let here = case as u8;
-        edges[case] =
-            ((here ^ here >> 1) & 1) | ((here ^ here >> 2) & 1) << 1 | ((here ^ here >> 4) & 1) << 2;
-        case += 1;
-    }
-    edges
-}
-
-/// Places the vertices on the edges that start at the voxels of one padded row.
-struct OwnVertices<'a, S> {
-    samples: &'a S,
-    /// The voxel at padded `x` of this row is `start + x - border`, where that isn't in the border layer.
-    start: usize,
-    border: usize,
-    /// For each axis the step to the next voxel and the `x` between which its edges have two real voxels.
-    steps: [usize; 3],
-    real: [Range<usize>; 3],
-}
-
-impl<'a, S: Samples> OwnVertices<'a, S> {
-    fn new(samples: &'a S, [nx, ny, nz]: [usize; 3], y: usize, z: usize) -> Self {
-        let all_if = |real: bool| if real { 0..nx + 1 } else { 0..0 };
-        Self {
-            samples,
-            start: nx * (y + ny * z),
-            border: 1 + nx * (1 + ny),
-            steps: [1, nx, nx * ny],
-            real: [1..nx, all_if((1..ny).contains(&y)), all_if((1..nz).contains(&z))],
-        }
-    }
-
-    /// Hands element and place of the crossed edges at padded `x` to `put`, in order.
-    #[inline(always)]
-    fn write(&self, x: usize, edges: u8, put: &mut impl FnMut(u64, [f32; 3])) {
-        for axis in (0..3).filter(|axis| edges >> axis & 1 == 1) {
-            let mut place = [0.0; 3];
-            place[axis] = if self.real[axis].contains(&x) {
-                let voxel = self.start + x - self.border;
-                self.samples.crossing(voxel, voxel + self.steps[axis])
-            } else {
-                0.5
+        let (mut next, end) = (first, layers.end);
+        for z in layers.start..=end {
+            let count = counts.get(z).unwrap_or(&nothing);
+            let below = z.checked_sub(1).filter(|below| layers.contains(below)).map(|z| &counts[z]);
+            let below = below.unwrap_or(&nothing);
+            let mut open = below.open.iter().copied();
+            // A row of triangles follows two rows of vertices, so that these are at hand.
+            let rows = match [&count.rows, &below.rows] {
+                [rows, none] if none.is_empty() => rows.clone(),
+                [none, rows] if none.is_empty() => rows.start..rows.end + 1,
+                [a, b] => a.start.min(b.start)..a.end.max(b.end + 1),
             };
-            put(axis as u64, place);
+            for y in rows {
+                if count.rows.contains(&y) {
+                    let cells = CellRow::new(self.signs, y, z);
+                    let row = VoxelRow::new(self.samples, cells, self.dims, [y, z], count.centres(y));
+                    if z < end {
+                        next = row.place(next, above, vertices);
+                        let (row_keys, row_places) = vertices.take();
+                        keys.split_off_mut(..row_keys.len()).expect("as counted").copy_from_slice(row_keys);
+                        places
+                            .split_off_mut(..row_places.len())
+                            .expect("as counted")
+                            .copy_from_slice(row_places);
+                    } else {
+                        // The layer above the last one is numbered for its triangles only.
+                        next = row.number(next, above);
+                    }
+                }
+                if let Some(y) = y.checked_sub(1).filter(|y| below.rows.contains(y)) {
+                    let written = self.face_row(y, z - 1, [here, above], &mut open, faces);
+                    triangles
+                        .split_off_mut(..written)
+                        .expect("as counted")
+                        .copy_from_slice(&faces[..written]);
+                }
+            }
+            std::mem::swap(here, above);
         }
+    }
+
+    /// Writes the triangles of a row of cells; returns how many there are.
+    fn face_row(
+        &self,
+        y: usize,
+        z: usize,
+        [here, above]: [&Layer; 2],
+        open: &mut impl Iterator<Item = CrossingId>,
+        faces: &mut [[u32; 3]],
+    ) -> usize {
+        let cells = CellRow::new(self.signs, y, z);
+        let rows = [here.row(y), here.row(y + 1), above.row(y), above.row(y + 1)];
+        let mut len = 0;
+        cells.each_active(|x, case| {
+            let vertex = vertices_of_cell(rows, x);
+            let at = |corners: &[u8; 3]| [0, 1, 2].map(|k| vertex[usize::from(corners[k] & 15)]);
+            if let Some(simple) = self.simple.get(case) {
+                // Three are written always, and what is not one of the cell's is written over.
+                let [p, q, r, s] = &simple.triangles;
+                let room = faces[len..].first_chunk_mut::<4>().expect("room for a row");
+                [room[0], room[1], room[2]] = [at(p), at(q), at(r)];
+                if simple.count == 4 {
+                    room[3] = at(s);
+                }
+                len += usize::from(simple.count);
+            } else {
+                let id = open.next().expect("as counted");
+                for corners in CASES.triangles(id) {
+                    let [a, b, c] = at(corners);
+                    faces[len] = if self.flip { [a, c, b] } else { [a, b, c] };
+                    len += 1;
+                }
+            }
+        });
+        len
+    }
+
+    /// The layers in slabs of about the same work, each with its part of the output.
+    fn slabs<'a>(
+        &self,
+        counts: &[Count],
+        mut keys: &'a mut [u64],
+        mut places: &'a mut [[f32; 3]],
+        mut triangles: &'a mut [[u32; 3]],
+    ) -> Vec<Slab<'a>> {
+        let all: u64 = counts.iter().map(|count| count.cost(self.dims)).sum();
+        let share = all / (SLABS * rayon::current_num_threads()) as u64;
+        let mut slabs = Vec::new();
+        let (mut start, mut first) = (0, 0);
+        let (mut cost, mut vertices, mut faces) = (0, 0, 0);
+        for (z, count) in counts.iter().enumerate() {
+            cost += count.cost(self.dims);
+            vertices += count.vertices as usize;
+            faces += count.triangles as usize;
+            if cost >= share || z + 1 == counts.len() {
+                slabs.push(Slab {
+                    layers: start..z + 1,
+                    first,
+                    keys: keys.split_off_mut(..vertices).expect("as counted"),
+                    places: places.split_off_mut(..vertices).expect("as counted"),
+                    triangles: triangles.split_off_mut(..faces).expect("as counted"),
+                });
+                first += vertices as u32;
+                start = z + 1;
+                (cost, vertices, faces) = (0, 0, 0);
+            }
+        }
+        slabs
     }
 }
 
 /// Vertex of each element of the cell at padded `x` between four rows: the twelve edges, then the cell's two; what stands
 /// for an element without a vertex means nothing.
 #[inline(always)]
-fn vertices_of_cell(rows: [Row<'_>; 4], x: usize) -> [u32; 16] {
-    let [[a, b], [c, d], [e, f]] = [rows[0].pair(x), rows[1].pair(x), rows[2].pair(x)];
-    let g = rows[3].voxel(x);
-    [
-        a.first,
-        c.first,
-        e.first,
-        g.first,
-        a.y(),
-        b.y(),
-        e.y(),
-        f.y(),
-        a.z(),
-        b.z(),
-        c.z(),
-        d.z(),
-        a.cell(),
-        a.cell() + 1,
-        0,
-        0,
-    ]
+fn vertices_of_cell(rows: [(&[Voxel], u32); 4], x: usize) -> [u32; 16] {
+    let one = |r: usize, x: usize| rows[r].0[x].numbers(rows[r].1);
+    let [a, b, c, d] = [one(0, x), one(0, x + 1), one(1, x), one(1, x + 1)];
+    let [e, f, g] = [one(2, x), one(2, x + 1), one(3, x)];
+    [a[0], c[0], e[0], g[0], a[1], b[1], e[1], f[1], a[2], b[2], c[2], d[2], a[3], a[3].wrapping_add(1), 0, 0]
+}
+
+/// What a slab is written with.
+#[derive(Debug)]
+struct Desk {
+    here: Layer,
+    above: Layer,
+    vertices: RowVertices,
+    /// Triangles of one row of cells.
+    faces: Vec<[u32; 3]>,
+}
+
+/// Most triangles of a cell.
+const MOST: usize = 12;
+
+impl Desk {
+    fn new(dims: [usize; 3]) -> Self {
+        let faces = vec![[0; 3]; MOST * (dims[0] + 2)];
+        Self { here: Layer::new(dims), above: Layer::new(dims), vertices: RowVertices::new(dims), faces }
+    }
 }
 
 /// A few layers and their part of the output.
@@ -253,26 +305,4 @@ struct Slab<'a> {
     keys: &'a mut [u64],
     places: &'a mut [[f32; 3]],
     triangles: &'a mut [[u32; 3]],
-}
-
-fn slabs<'a>(
-    counts: &[Count],
-    mut keys: &'a mut [u64],
-    mut places: &'a mut [[f32; 3]],
-    mut triangles: &'a mut [[u32; 3]],
-) -> Vec<Slab<'a>> {
-    let mut slabs = Vec::new();
-    let mut first = 0;
-    for (s, counts) in counts.chunks(SLAB).enumerate() {
-        let vertices: usize = counts.iter().map(|c| c.vertices as usize).sum();
-        let faces: usize = counts.iter().map(|c| c.triangles as usize).sum();
-        let (own_keys, rest_keys) = keys.split_at_mut(vertices);
-        let (own_places, rest_places) = places.split_at_mut(vertices);
-        let (own_triangles, rest_triangles) = triangles.split_at_mut(faces);
-        (keys, places, triangles) = (rest_keys, rest_places, rest_triangles);
-        let layers = s * SLAB..s * SLAB + counts.len();
-        slabs.push(Slab { layers, first, keys: own_keys, places: own_places, triangles: own_triangles });
-        first += vertices as u32;
-    }
-    slabs
 }

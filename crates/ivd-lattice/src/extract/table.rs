@@ -41,6 +41,46 @@ pub(super) struct CaseTable {
     triangles: Vec<[u8; 3]>,
     fans: Vec<Vec<Vec<u8>>>,
     tubes: Vec<Tube>,
+    /// What the signs alone settle: as they are, and with every triangle turned over.
+    pub(super) simple: [Simple; 2],
+}
+
+/// The triangles of those cases whose signs leave nothing open.
+#[derive(Debug)]
+pub(super) struct Simple([SimpleCase; 256]);
+
+/// At most four triangles between edges.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SimpleCase {
+    pub(super) triangles: [[u8; 3]; 4],
+    pub(super) count: u8,
+    is: bool,
+}
+
+impl Simple {
+    const NONE: Self = Self([SimpleCase { triangles: [[0; 3]; 4], count: 0, is: false }; 256]);
+
+    /// The triangles of a case, if its signs settle them.
+    #[inline(always)]
+    pub(super) fn get(&self, case: u8) -> Option<&SimpleCase> {
+        Some(&self.0[usize::from(case)]).filter(|case| case.is)
+    }
+
+    fn new(table: &CaseTable, flip: bool) -> Self {
+        Self(std::array::from_fn(|case| {
+            let id = table.crossing(case as u8, 0);
+            let is = table.ambiguous(case as u8) == 0 && table.tubes(id).is_empty();
+            let mut simple = SimpleCase { triangles: [[0; 3]; 4], count: 0, is };
+            if is {
+                let triangles = table.triangles(id);
+                simple.count = triangles.len() as u8;
+                for (to, &[a, b, c]) in simple.triangles[..triangles.len()].iter_mut().zip(triangles) {
+                    *to = if flip { [a, c, b] } else { [a, b, c] };
+                }
+            }
+            simple
+        }))
+    }
 }
 
 /// Where one crossing's triangles are in the table.
@@ -48,7 +88,6 @@ pub(super) struct CaseTable {
 struct Span {
     start: u16,
     count: u8,
-    centres: u8,
     /// First of the crossing's tubes, and how many there are.
     tubes: [u16; 2],
 }
@@ -76,6 +115,7 @@ impl CaseTable {
             triangles: Vec::new(),
             fans: Vec::new(),
             tubes: Vec::new(),
+            simple: [Simple::NONE, Simple::NONE],
         };
         let mut loops = Vec::new();
         for case in 0..=255_u8 {
@@ -100,6 +140,7 @@ impl CaseTable {
             }
             table.spans[id].tubes = [first as u16, (table.tubes.len() - first) as u16];
         }
+        table.simple = [false, true].map(|flip| Simple::new(&table, flip));
         table
     }
 
@@ -107,7 +148,6 @@ impl CaseTable {
         self.spans.push(Span {
             start: self.triangles.len() as u16,
             count: crossing.triangles.len() as u8,
-            centres: crossing.fans.len() as u8,
             tubes: [0; 2],
         });
         self.triangles.extend(crossing.triangles);
@@ -124,13 +164,6 @@ impl CaseTable {
     #[inline]
     pub(super) fn crossing(&self, case: u8, joined: u8) -> CrossingId {
         CrossingId(self.first[usize::from(case)] + u16::from(joined))
-    }
-
-    /// Numbers of triangles of a crossing, and of vertices in the cell's middle.
-    #[inline]
-    pub(super) fn counts(&self, id: CrossingId) -> (u8, u8) {
-        let span = self.spans[usize::from(id.0)];
-        (span.count, span.centres)
     }
 
     /// Corners of the triangles: edges 0…11, or one of [`CENTRES`]; counter-clockwise from outside on a right-handed grid.
