@@ -16,7 +16,7 @@ use super::rows::CellRow;
 use super::samples::Samples;
 use super::signs::Signs;
 use super::table::{CASES, CrossingId, Simple};
-use super::vertices::{Centre, Layer, RowVertices, Voxel, VoxelRow};
+use super::vertices::{Centre, Layer, Voxel, VoxelRow};
 use crate::Error;
 
 /// Slabs of layers for each thread: enough to share out the work, few beside the layers, as each numbers one more.
@@ -109,7 +109,7 @@ impl<S: Samples> Sweep<'_, S> {
             exec.check_cancelled()?;
             let layers = slab.layers.len() as u64;
             let free = desks.lock().unwrap_or_else(PoisonError::into_inner).pop();
-            let mut desk = free.unwrap_or_else(|| Desk::new(self.dims));
+            let mut desk = free.unwrap_or_else(|| [Layer::new(self.dims), Layer::new(self.dims)]);
             self.write_slab(slab, &counts, &mut desk);
             desks.lock().unwrap_or_else(PoisonError::into_inner).push(desk);
             exec.observer().advance(TASK, layers);
@@ -154,7 +154,7 @@ impl<S: Samples> Sweep<'_, S> {
 
     fn write_slab(&self, slab: Slab<'_>, counts: &[Count], desk: &mut Desk) {
         let Slab { layers, first, mut keys, mut places, mut triangles } = slab;
-        let Desk { here, above, vertices, faces } = desk;
+        let [here, above] = desk;
         let nothing = Count::default();
         let (mut next, end) = (first, layers.end);
         for z in layers.start..=end {
@@ -172,32 +172,26 @@ impl<S: Samples> Sweep<'_, S> {
                 if count.rows.contains(&y) {
                     let cells = CellRow::new(self.signs, y, z);
                     let row = VoxelRow::new(self.samples, cells, self.dims, [y, z], count.centres(y));
-                    if z < end {
-                        next = row.place(next, above, vertices);
-                        let (row_keys, row_places) = vertices.take();
-                        keys.split_off_mut(..row_keys.len()).expect("as counted").copy_from_slice(row_keys);
-                        places
-                            .split_off_mut(..row_places.len())
-                            .expect("as counted")
-                            .copy_from_slice(row_places);
+                    // The layer above the last one is numbered for its triangles only.
+                    let len = if z < end {
+                        let len = row.place(next, above, keys, places);
+                        (keys, places) = (&mut keys[len..], &mut places[len..]);
+                        len
                     } else {
-                        // The layer above the last one is numbered for its triangles only.
-                        next = row.number(next, above);
-                    }
+                        row.number(next, above)
+                    };
+                    next += len as u32;
                 }
                 if let Some(y) = y.checked_sub(1).filter(|y| below.rows.contains(y)) {
-                    let written = self.face_row(y, z - 1, [here, above], &mut open, faces);
-                    triangles
-                        .split_off_mut(..written)
-                        .expect("as counted")
-                        .copy_from_slice(&faces[..written]);
+                    let len = self.face_row(y, z - 1, [here, above], &mut open, triangles);
+                    triangles = &mut triangles[len..];
                 }
             }
             std::mem::swap(here, above);
         }
     }
 
-    /// Writes the triangles of a row of cells; returns how many there are.
+    /// Puts the triangles of a row of cells at the start of `faces`; returns how many there are.
     fn face_row(
         &self,
         y: usize,
@@ -213,14 +207,19 @@ impl<S: Samples> Sweep<'_, S> {
             let vertex = vertices_of_cell(rows, x);
             let at = |corners: &[u8; 3]| [0, 1, 2].map(|k| vertex[usize::from(corners[k] & 15)]);
             if let Some(simple) = self.simple.get(case) {
-                // Three are written always, and what is not one of the cell's is written over.
                 let [p, q, r, s] = &simple.triangles;
-                let room = faces[len..].first_chunk_mut::<4>().expect("room for a row");
-                [room[0], room[1], room[2]] = [at(p), at(q), at(r)];
-                if simple.count == 4 {
-                    room[3] = at(s);
+                let count = usize::from(simple.count);
+                if let Some(room) = faces[len..].first_chunk_mut::<4>() {
+                    // Three are put in any case: those after the cell's take the place of what isn't one of them.
+                    [room[0], room[1], room[2]] = [at(p), at(q), at(r)];
+                    if count == 4 {
+                        room[3] = at(s);
+                    }
+                } else {
+                    let room = faces[len..].iter_mut().zip(&simple.triangles[..count]);
+                    room.for_each(|(to, corners)| *to = at(corners));
                 }
-                len += usize::from(simple.count);
+                len += count;
             } else {
                 let id = open.next().expect("as counted");
                 for corners in CASES.triangles(id) {
@@ -277,25 +276,8 @@ fn vertices_of_cell(rows: [(&[Voxel], u32); 4], x: usize) -> [u32; 16] {
     [a[0], c[0], e[0], g[0], a[1], b[1], e[1], f[1], a[2], b[2], c[2], d[2], a[3], a[3].wrapping_add(1), 0, 0]
 }
 
-/// What a slab is written with.
-#[derive(Debug)]
-struct Desk {
-    here: Layer,
-    above: Layer,
-    vertices: RowVertices,
-    /// Triangles of one row of cells.
-    faces: Vec<[u32; 3]>,
-}
-
-/// Most triangles of a cell.
-const MOST: usize = 12;
-
-impl Desk {
-    fn new(dims: [usize; 3]) -> Self {
-        let faces = vec![[0; 3]; MOST * (dims[0] + 2)];
-        Self { here: Layer::new(dims), above: Layer::new(dims), vertices: RowVertices::new(dims), faces }
-    }
-}
+/// The vertices of two layers of voxels, for whoever writes a slab.
+type Desk = [Layer; 2];
 
 /// A few layers and their part of the output.
 struct Slab<'a> {

@@ -66,38 +66,6 @@ impl Layer {
     }
 }
 
-/// Most vertices of a voxel: three edges and two in its cell.
-const MOST: usize = 5;
-
-/// Keys and places of the vertices of one row.
-#[derive(Debug)]
-pub(super) struct RowVertices {
-    keys: Vec<u64>,
-    places: Vec<[f32; 3]>,
-    len: usize,
-}
-
-impl RowVertices {
-    /// Room for a row of a grid of `dims` voxels.
-    pub(super) fn new(dims: [usize; 3]) -> Self {
-        let room = MOST * (dims[0] + 2);
-        Self { keys: vec![0; room], places: vec![[0.0; 3]; room], len: 0 }
-    }
-
-    /// What was put, and none from here on.
-    pub(super) fn take(&mut self) -> (&[u64], &[[f32; 3]]) {
-        let len = std::mem::take(&mut self.len);
-        (&self.keys[..len], &self.places[..len])
-    }
-
-    /// Puts the key of a vertex where `is` is 1; where it is 0 the next one takes its place.
-    #[inline(always)]
-    fn put(&mut self, is: u32, key: u64) {
-        self.keys[self.len] = key;
-        self.len += is as usize;
-    }
-}
-
 /// The voxels of one padded row.
 #[derive(Debug)]
 pub(super) struct VoxelRow<'a, S> {
@@ -122,66 +90,70 @@ impl<'a, S: Samples> VoxelRow<'a, S> {
         Self { samples, cells, dims, y, z, centres }
     }
 
-    /// Enters the row's vertices in `layer`, numbered from `first` on; returns the number after the last.
-    pub(super) fn number(&self, first: u32, layer: &mut Layer) -> u32 {
-        let mut next = 0;
+    /// Enters the row's vertices in `layer`, numbered from `first` on; returns how many there are.
+    pub(super) fn number(&self, first: u32, layer: &mut Layer) -> usize {
+        let mut len = 0;
         let row = self.enter(first, layer);
         self.each(|x, crossed, centre| {
-            row[x] = Voxel::new(next, crossed);
-            next +=
+            row[x] = Voxel::new(len, crossed);
+            len +=
                 crossed.iter().sum::<u32>() + centre.map_or(0, |centre| CASES.fans(centre.id).len() as u32);
         });
-        first + next
+        len as usize
     }
 
-    /// The same, and hands out the vertices.
-    pub(super) fn place(&self, first: u32, layer: &mut Layer, out: &mut RowVertices) -> u32 {
+    /// The same, and puts their keys and places at the start of these.
+    pub(super) fn place(
+        &self,
+        first: u32,
+        layer: &mut Layer,
+        keys: &mut [u64],
+        places: &mut [[f32; 3]],
+    ) -> usize {
+        let mut len = 0;
         let row = self.enter(first, layer);
         let first_key = ElementKey::new(self.dims, [0, self.y, self.z], 0).0;
         self.each(|x, crossed, centre| {
-            row[x] = Voxel::new(out.len as u32, crossed);
+            row[x] = Voxel::new(len as u32, crossed);
             let key = first_key + 8 * x as u64;
-            out.put(crossed[0], key);
-            out.put(crossed[1], key + 1);
-            out.put(crossed[2], key + 2);
-            if let Some(centre) = centre {
-                for (element, _) in (6..).zip(CASES.fans(centre.id)) {
-                    out.put(1, key + element);
+            // Each is put, crossed or not: the key after it takes the place of one that isn't.
+            for (element, crossed) in (0..).zip(crossed) {
+                if let Some(to) = keys.get_mut(len) {
+                    *to = key + element;
                 }
+                len += crossed as usize;
+            }
+            for (element, _) in (6..).zip(centre.map_or(&[][..], |centre| CASES.fans(centre.id))) {
+                keys[len] = key + element;
+                len += 1;
             }
         });
         let edges = RowEdges::new(self.samples, self.dims, self.y, self.z);
-        let mut centres = self.centres.iter();
-        let (keys, places) = (&out.keys[..out.len], &mut out.places[..out.len]);
-        let ends =
-            keys.first().zip(keys.last()).map(|(a, b)| [a, b].map(|key| (key - first_key) as usize / 8));
-        if self.centres.is_empty() && ends.is_some_and(|ends| edges.are_real(ends)) {
+        let split = |key: &u64| ((key - first_key) as usize / 8, (key - first_key) as usize % 8);
+        let (keys, places) = (&keys[..len], &mut places[..len]);
+        let ends = [keys.first(), keys.last()].map(|key| key.map_or(0, |key| split(key).0));
+        if self.centres.is_empty() && edges.are_real(ends) {
             for (key, place) in keys.iter().zip(places) {
-                let at = (key - first_key) as usize;
-                let axis = at % 4;
-                let fraction = edges.fraction(at / 8, axis);
+                let (x, axis) = split(key);
+                let fraction = edges.fraction(x, axis);
                 *place = [0, 1, 2].map(|a| if a == axis { fraction } else { 0.0 });
             }
-        } else {
-            for (key, place) in keys.iter().zip(places) {
-                let at = (key - first_key) as usize;
-                let (x, element) = (at / 8, at % 8);
-                *place = [0.0; 3];
-                if element < 3 {
-                    place[element] = edges.fraction_or_half(x, element);
-                } else {
-                    // A second vertex follows its cell's first.
-                    let fans = |centre: &Centre| CASES.fans(centre.id);
-                    if element == 6 {
-                        let _ = centres.next();
-                    }
-                    let centre = self.centres[self.centres.len() - centres.len() - 1];
-                    let cell = Cell { dims: self.dims, first: [x, self.y, self.z] };
-                    *place = cell.centre_place(self.samples, &fans(&centre)[element - 6]);
-                }
+            return len;
+        }
+        let mut passed = 0;
+        for (key, place) in keys.iter().zip(places) {
+            let (x, element) = split(key);
+            *place = [0.0; 3];
+            if element < 3 {
+                place[element] = edges.fraction_or_half(x, element);
+            } else {
+                passed += usize::from(element == 6);
+                let fan = &CASES.fans(self.centres[passed - 1].id)[element - 6];
+                let cell = Cell { dims: self.dims, first: [x, self.y, self.z] };
+                *place = cell.centre_place(self.samples, fan);
             }
         }
-        first + out.len as u32
+        len
     }
 
     fn enter<'l>(&self, first: u32, layer: &'l mut Layer) -> &'l mut [Voxel] {
