@@ -98,7 +98,7 @@ impl Default for RefineParams {
             method: Method::Collapse,
             target: Target::default(),
             max_turn_degrees: 75.0,
-            shape_weight: 1e-3,
+            shape_weight: 1e-4,
             allow_topology: false,
             feature_degrees: None,
         }

@@ -37,6 +37,8 @@ pub(super) struct Surface {
     /// target and ends in a vertex that names itself.
     pub(super) merged: Vec<Word>,
     quadrics: Vec<Quadric>,
+    /// One over the mean area round a vertex of the input (mm⁻²).
+    per_area: f32,
     /// Cost of the cheapest collapse of each vertex that is worth a try (mm²): [`UNKNOWN`] where its neighbourhood has
     /// changed, infinite where none is.
     least: Vec<Word>,
@@ -44,6 +46,9 @@ pub(super) struct Surface {
 
 /// Stands for a cost that has to be found anew.
 const UNKNOWN: f32 = f32::NAN;
+
+/// Least area that tells, of the mean: what lies round a vertex of slivers still has a shape.
+const LEAST_SHARE: f32 = 1.0 / 256.0;
 
 impl Surface {
     /// The input with its stars, quadrics and locks. Vertices whose triangles aren't one closed fan are locked too.
@@ -66,6 +71,7 @@ impl Surface {
             .into_par_iter()
             .map(|v| Quadric::of_star(stars.of(v).iter().map(|&t| roots[t as usize])))
             .collect();
+        let area: f64 = quadrics.iter().map(|quadric| f64::from(quadric.weight())).sum();
         let locked = locks.flags(n);
         let features = Features::new(&positions, &corners, feature_degrees);
         let mut free: Vec<u32> = (0..n as u32)
@@ -89,6 +95,7 @@ impl Surface {
             onto: (0..n as u32).map(Word::new).collect(),
             merged: (0..n).map(|_| Word::new(NONE)).collect(),
             quadrics,
+            per_area: (n as f64 / area.max(f64::MIN_POSITIVE)) as f32,
             least: (0..n).map(|_| Word::new(UNKNOWN.to_bits())).collect(),
         }
     }
@@ -98,11 +105,17 @@ impl Surface {
         (0..self.triangles.len() as u32).map(|t| self.triangles.bound(t)).fold(0.0, f32::max).into()
     }
 
-    /// Cost (mm²) of pulling a vertex by an offset (mm): what its planes say about the place where it goes.
+    /// Cost (mm²) of pulling a vertex by an offset (mm): what its planes say about the place where it goes, more where it stands
+    /// for more of the surface.
+    ///
+    /// The fourth root of that area lies between its first power, which makes the mean error least and lets some places go far
+    /// wrong, and none, which only looks at how far.
     #[inline]
     pub(super) fn cost(&self, v: u32, offset: &Vector3<f64>, shape_weight: f32) -> f32 {
         let offset = offset.cast();
-        self.quadrics[v as usize].mean_square(&offset) + shape_weight * offset.norm_squared()
+        let quadric = &self.quadrics[v as usize];
+        let share = (quadric.weight() * self.per_area).max(LEAST_SHARE).sqrt().sqrt();
+        share * (quadric.mean_square(&offset) + shape_weight * offset.norm_squared())
     }
 
     /// Cost of the cheapest collapse of a free vertex that is worth a try; call between passes.
