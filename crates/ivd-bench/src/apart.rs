@@ -96,11 +96,16 @@ fn middles([a, b, c]: [Vector3<f64>; 3], across: u32) -> impl Iterator<Item = Ve
 mod tests {
     use super::*;
     use crate::plate;
+    use crate::stages::inputs::{grid, sampled};
+    use ivd_core::Volume;
     use ivd_lattice::extract::{ExtractParams, Iso, extract};
 
     fn plate(n: usize) -> Lattice {
-        let volume = plate::volume(n).unwrap();
-        extract(&volume, None, &ExtractParams { iso: Iso::Value(0.0) }, &Exec::default()).unwrap().lattice
+        cut(&plate::volume(n).unwrap())
+    }
+
+    fn cut(volume: &Volume) -> Lattice {
+        extract(volume, None, &ExtractParams { iso: Iso::Value(0.0) }, &Exec::default()).unwrap().lattice
     }
 
     #[test]
@@ -129,10 +134,15 @@ mod tests {
         let truth = Truth::formula(plate::nearest, &whole);
         let near = truth.apart(&whole, &exec).unwrap();
         assert!(near > 0.0 && near < 0.5, "marching cubes chamfers creases: {near}");
-        // Half of the triangles lie on the truth as well as all; what is gone is found from the other side.
-        let mut half = whole.clone();
-        half.triangles.truncate(whole.triangles.len() / 2);
-        assert!(truth.apart(&half, &exec).unwrap() > 10.0 * near);
+        // One of two balls lies on the truth as well as both do; that the other is missing is found from the other side.
+        let balls = |middles: &[f64]| {
+            let inside = |p: Vector3<f64>, x: &f64| 12.0 - (p - Vector3::new(*x, 0.0, 0.0)).norm();
+            let value = |p| middles.iter().map(|x| inside(p, x)).fold(f64::NEG_INFINITY, f64::max);
+            cut(&sampled(&grid(48).unwrap(), value).unwrap())
+        };
+        let (both, one) = (balls(&[-30.0, 30.0]), balls(&[30.0]));
+        assert!(Truth::lattice(&both, &exec).unwrap().apart(&one, &exec).unwrap() > 30.0);
+        assert!(Truth::lattice(&one, &exec).unwrap().apart(&both, &exec).unwrap() > 30.0);
         assert!(Truth::lattice(&whole, &exec).unwrap().apart(&whole, &exec).unwrap() < 1e-9);
     }
 }

@@ -28,7 +28,7 @@ use rows::Rows;
 /// Shares of the triangles that every method is asked for.
 const SHARES: [f64; 4] = [0.25, 0.1, 0.05, 0.01];
 /// The share that [`RefinementBench::sheet`] shows.
-const SHEET: f64 = 0.05;
+const SHEET: f64 = 0.01;
 /// Levels that are tried.
 const LEVELS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 /// How many of the coarsest levels of the inverse subdivision are held against other methods.
@@ -80,9 +80,9 @@ pub struct Reach {
     pub method: String,
     /// Vertices at levels 1, 2, …; none where the level can't be reached.
     pub levels: Vec<Option<usize>>,
-    /// Vertices left where it is asked for none.
+    /// Fewest vertices, asked for none or for any of the levels.
     pub least: usize,
-    /// What stopped it there.
+    /// What stopped it where it was asked for none.
     pub stopped_by: StoppedBy,
     /// Whether what is left has as many parts and handles as the lattice.
     pub same_topology: bool,
@@ -183,20 +183,24 @@ fn same_counts(rows: &Rows) -> Result<Vec<RefinementRow>, Problem> {
 }
 
 fn reached(rows: &Rows, method: Method) -> Result<Reach, Problem> {
-    let mut levels = Vec::new();
+    let none = rows.refined(method, Target::Count(0))?;
+    let stopped_by = none.reached.stopped_by;
+    let (mut levels, mut fewest) = (Vec::new(), none.lattice);
     for level in LEVELS {
         let found = rows.refined(method, Target::Level(level))?;
         let there = found.reached.stopped_by == StoppedBy::Target;
         levels.push(there.then_some(found.lattice.keys.len()));
+        // Sampling for no triangles ends at the first rate that leaves nothing; some coarser ones leave something.
+        if there && found.lattice.keys.len() < fewest.keys.len() {
+            fewest = found.lattice;
+        }
     }
-    let least = rows.refined(method, Target::Count(0))?;
-    let shape = Shape::of(&least.lattice);
     Ok(Reach {
         method: method.name().to_owned(),
         levels,
-        least: least.lattice.keys.len(),
-        stopped_by: least.reached.stopped_by,
-        same_topology: shape.is_as(&rows.shape),
+        least: fewest.keys.len(),
+        stopped_by,
+        same_topology: Shape::of(&fewest).is_as(&rows.shape),
     })
 }
 
@@ -221,7 +225,7 @@ fn levels(rows: &Rows, lattice: &Lattice, exec: &Exec) -> Result<Vec<RefinementR
 }
 
 impl RefinementBench {
-    /// One picture of the first lattice by every method at a twentieth of the triangles: wire-frames above, coloured by
+    /// One picture of the first lattice by every method at a hundredth of the triangles: wire-frames above, coloured by
     /// the distance from the input below.
     pub fn sheet(&self) -> Image {
         let asked = format!("{} %", 100.0 * SHEET);

@@ -12,9 +12,10 @@ use crate::page::STYLE;
 use crate::plot::{escape, number};
 
 const OWN_STYLE: &str = "
-body { max-width: 84rem } h3 { font-size: 1rem; margin: 1.5rem 0 .3rem }
+body { max-width: 88rem } h3 { font-size: 1rem; margin: 1.5rem 0 .3rem }
 .cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(15rem, 1fr)); gap: .8rem; margin: .6rem 0 }
-figure { margin: 0; border: 1px solid #e4e8ee; padding: .4rem } figure img { width: 33.3%; height: auto }
+figure { margin: 0; border: 1px solid #e4e8ee; padding: .4rem }
+.row { display: flex; flex-wrap: wrap; justify-content: center } .row img { flex: 0 1 240px; min-width: 10rem; max-width: 240px }
 figcaption { font-size: 12px } .wide { overflow-x: auto } .legend { display: flex; align-items: center; gap: .5rem; font-size: 12px }
 .bar { width: 14rem; height: .8rem; border: 1px solid #e4e8ee }
 tr.break td { border-top: 2px solid #9aa5b4 } dt { font-weight: 600; margin-top: .6rem } dd { margin: 0 0 0 1rem; max-width: 60rem }
@@ -105,7 +106,7 @@ fn cards(rows: &[RefinementRow]) -> String {
         let [lit, coloured, wires] = &row.pictures;
         let _ = write!(
             html,
-            "<figure>{}{}{}<figcaption><b>{}</b>, {}: {} vertices, largest distance {} mm, mean {} mm</figcaption></figure>",
+            "<figure><div class='row'>{}{}{}</div><figcaption><b>{}</b>, {}: {} vertices, largest distance {} mm, mean {} mm</figcaption></figure>",
             picture(lit, "lit"),
             picture(wires, "wire-frame"),
             picture(coloured, "distance from the lattice"),
