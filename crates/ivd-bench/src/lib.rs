@@ -18,19 +18,24 @@
 //! assert!(segment.points.iter().any(|point| point.default));
 //! ```
 //!
+//! [`refinements`] holds the methods of refinement side by side, with pictures.
+//!
 //! [`scenes`] does the same for whole scenes: what they skip, and how they grow with the volume.
 //!
 //! Stages without an accuracy knob aren't here: `boundary` and `octree` are exact, and the octree's leaf size changes no answer.
 #![forbid(unsafe_code)]
 
+mod apart;
 mod compare;
 mod error;
 mod experiment;
 mod front;
 mod page;
+mod plate;
 mod plot;
 mod rates;
 mod record;
+mod refinements;
 mod scenes;
 mod stages;
 mod sweep;
@@ -43,6 +48,9 @@ pub use front::fronts;
 pub use page::page;
 pub use rates::rates;
 pub use record::{Bench, Point, StageBench};
+pub use refinements::{
+    Claim, LatticeBench, Reach, RefinementBench, RefinementRow, Shape, refinements, refinements_page,
+};
 pub use scenes::{ScalePoint, SceneBench, SkipRow, scaling, scenes, scenes_page, skipping};
 pub use stages::{NAMES, ON_REQUEST, experiments, given};
 pub use sweep::{Given, Options, Plant, run, sweep};

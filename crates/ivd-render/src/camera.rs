@@ -106,7 +106,7 @@ impl Camera {
         let scale = match self.projection {
             Projection::Orthographic => 1.0,
             Projection::Perspective => {
-                let depth = self.distance - from_centre.dot(&self.towards_eye);
+                let depth = self.depth(world);
                 if depth <= 1e-6 * self.distance {
                     return None;
                 }
@@ -117,6 +117,11 @@ impl Camera {
         let y = from_centre.dot(&self.up) * scale / self.pixel_mm;
         let [width, height] = self.size.map(|n| 0.5 * (n as f64 - 1.0));
         Some([width + x, height - y])
+    }
+
+    /// Distance of a world position from the eye, or from the plane that parallel rays start from, along the view [mm].
+    pub(crate) fn depth(&self, world: Vector3<f64>) -> f64 {
+        self.distance - (world - self.centre).dot(&self.towards_eye)
     }
 
     /// Whether a triangle, counter-clockwise seen from outside, turns its outside to the eye.

@@ -14,6 +14,8 @@
 //!   pixels are the same bit for bit; so are they for any number of threads, and whether rays are cast one by one or eight at a time.
 //! - **View.** Azimuth 0 and elevation 0 show a patient from the front, head up, the patient's left at the picture's right.
 //!
+//! [`surface`] draws a lattice: lit, as a wire-frame, or coloured by any figure of its places.
+//!
 //! [`Prepared`] keeps what several views of one scene share. [`radiance`] stops before background, lettering and 8-bit encoding; [`difference`] compares two pictures.
 //!
 //! ```
@@ -62,6 +64,7 @@ mod samples;
 mod scene;
 mod skip;
 mod space;
+mod surface;
 mod warp;
 #[allow(unsafe_code, reason = "calls the version for AVX2 where it was found")]
 mod wide;
@@ -72,6 +75,7 @@ pub use frame::Radiance;
 pub use params::{Mode, Projection, RenderParams, View};
 pub use prepared::Prepared;
 pub use scene::Scene;
+pub use surface::{Look, surface};
 
 use ivd_core::{Exec, Image};
 

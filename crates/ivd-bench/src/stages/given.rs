@@ -9,7 +9,8 @@ use ivd_segment::{KmvsParams, kmvs};
 use nalgebra::Vector3;
 
 use super::inputs::{judged, root_mean_square, voxel_mm};
-use super::{atf, clusters, deform, map, refine, render, segment};
+use super::{atf, clusters, deform, map, methods, refine, render, segment};
+use crate::apart::Truth;
 use crate::experiment::{Experiment, Problem, Setting};
 use crate::sweep::Given;
 
@@ -34,6 +35,18 @@ pub(super) fn experiment(stage: &str, given: &Given, exec: &Exec) -> Result<Opti
             let truth = whole.clone();
             let measure: refine::Measure = Arc::new(move |found, exec| distance(found, &truth, exec));
             refine::on(&whole, of("the lattice of the densest part"), "the unrefined lattice", &measure)
+        }
+        "refine-methods" => {
+            let whole = whole()?;
+            let truth = Truth::lattice(&whole, exec)?;
+            let measure: refine::Measure = Arc::new(move |found, exec| truth.apart(found, exec));
+            methods::on(
+                &whole,
+                of("the lattice of the densest part"),
+                "the unrefined lattice",
+                &measure,
+                exec,
+            )?
         }
         "deform" => {
             let (whole, stiffness) = (whole()?, RingParams::default().stiffness);

@@ -9,12 +9,12 @@ use nalgebra::Vector3;
 use crate::experiment::{Judgement, Problem};
 
 /// Edge of every generated cube (mm), whatever its number of voxels.
-pub(super) const EDGE_MM: f64 = 128.0;
+pub(crate) const EDGE_MM: f64 = 128.0;
 /// Radius of the ball (mm).
 pub(super) const RADIUS_MM: f64 = 40.0;
 
 /// A grid of `n` voxels along each edge of the cube, its middle at the origin.
-pub(super) fn grid(n: usize) -> Result<Grid, Problem> {
+pub(crate) fn grid(n: usize) -> Result<Grid, Problem> {
     let spacing = EDGE_MM / n as f64;
     let first = -0.5 * spacing * (n - 1) as f64;
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -22,7 +22,7 @@ pub(super) fn grid(n: usize) -> Result<Grid, Problem> {
 }
 
 /// A volume of `f32` by a function of the place (mm).
-pub(super) fn sampled(grid: &Grid, value: impl Fn(Vector3<f64>) -> f64) -> Result<Volume, Problem> {
+pub(crate) fn sampled(grid: &Grid, value: impl Fn(Vector3<f64>) -> f64) -> Result<Volume, Problem> {
     let at = |i: usize| value(grid.world(VoxelCoord::from(grid.index(i))).0) as f32;
     let voxels: Vec<f32> = (0..grid.len()).map(at).collect();
     Ok(Volume::new(grid.clone(), Voxels::from(voxels))?)
@@ -35,7 +35,7 @@ pub(super) fn ball(n: usize, exec: &Exec) -> Result<Lattice, Problem> {
 }
 
 /// Longest edge of a grid's voxels (mm).
-pub(super) fn voxel_mm(grid: &Grid) -> f64 {
+pub(crate) fn voxel_mm(grid: &Grid) -> f64 {
     grid.spacing().into_iter().fold(0.0, f64::max)
 }
 
@@ -46,7 +46,7 @@ pub(super) fn judged<const N: usize>(error: f64, counters: [(&str, f64); N]) -> 
 }
 
 /// Root of the mean of squares; 0 for none.
-pub(super) fn root_mean_square(squares: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn root_mean_square(squares: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = squares.fold((0.0, 0_u64), |(sum, count), s| (sum + s, count + 1));
     (sum / count.max(1) as f64).sqrt()
 }

@@ -77,7 +77,7 @@ pub(super) fn on(
 const PUSH: f64 = 0.06;
 
 /// The lattice of a volume's densest class, its largest part.
-pub(super) fn part(volume: &Volume, exec: &Exec) -> Result<Lattice, Problem> {
+pub(crate) fn part(volume: &Volume, exec: &Exec) -> Result<Lattice, Problem> {
     let labels = kmvs(volume, None, &KmvsParams::default(), exec)?.labels;
     let params =
         ivd_boundary::Params { class: Some(ClassChoice::Densest), ..ivd_boundary::Params::default() };

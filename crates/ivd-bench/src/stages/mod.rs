@@ -4,15 +4,17 @@ mod atf;
 mod clusters;
 mod deform;
 mod given;
-mod inputs;
+pub(crate) mod inputs;
 mod lattice;
 mod map;
+pub(crate) mod methods;
 mod refine;
 mod render;
 mod segment;
 mod warp;
 
 use ivd_core::Exec;
+pub(crate) use map::part;
 
 use crate::Error;
 use crate::experiment::{Experiment, Problem};
@@ -22,7 +24,8 @@ use crate::sweep::Given;
 pub const NAMES: [&str; 8] = ["segment", "atf", "lattice", "refine", "deform", "map", "warp", "render"];
 
 /// Experiments that run where they are named only: they take longer.
-pub const ON_REQUEST: [&str; 4] = ["segment-kmvs", "segment-emvs", "segment-msvs", "segment-hvs"];
+pub const ON_REQUEST: [&str; 5] =
+    ["segment-kmvs", "segment-emvs", "segment-msvs", "segment-hvs", "refine-methods"];
 
 /// The experiments of a stage on generated inputs of `size` voxels along an edge; none for a stage without.
 ///
@@ -34,6 +37,7 @@ pub fn experiments(stage: &str, size: usize, exec: &Exec) -> Result<Vec<Experime
         "atf" => atf::experiment(size, exec),
         "lattice" => lattice::experiment(size),
         "refine" => refine::experiment(size, exec),
+        "refine-methods" => methods::experiment(size, exec),
         "deform" => deform::experiment(size, exec),
         "map" => map::experiment(size, exec),
         "warp" => warp::experiment(size),

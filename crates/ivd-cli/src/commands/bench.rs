@@ -17,19 +17,31 @@ use crate::exit::Failure;
 /// The name under which whole scenes are asked for.
 const SCENES: &str = "scenes";
 
+/// The name under which the page of refinements is asked for.
+const REFINEMENTS: &str = "refinements";
+
 /// Sweeps the stages' settings, runs the scenes, and writes what came of it.
 pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     let standard = if args.quick { Options::quick() } else { Options::default() };
     let options = Options {
         size: args.size.unwrap_or(standard.size),
         repeats: args.repeats.unwrap_or(standard.repeats),
-        stages: args.stages.iter().filter(|name| *name != SCENES).cloned().collect(),
+        stages: args
+            .stages
+            .iter()
+            .filter(|name| ![SCENES, REFINEMENTS].contains(&name.as_str()))
+            .cloned()
+            .collect(),
         input: args.input.as_deref().map(|path| given(path, context)).transpose()?,
         plant: args.plant.map(|plant| match plant {
             Planted::Slow => Plant::Slow,
             Planted::Inexact => Plant::Inexact,
         }),
     };
+    let named = |what: &str| args.stages.iter().any(|name| name == what);
+    if args.iso.is_some() && !named(REFINEMENTS) {
+        return Err(Failure::usage(format!("--iso: only `{REFINEMENTS}` cuts a volume at a value; name it")));
+    }
     // Before the work: a file that can't be read is no reason to lose it.
     let old = args.compare.as_deref().map(read).transpose()?;
     let all = args.stages.is_empty();
@@ -38,8 +50,11 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     if all || !options.stages.is_empty() {
         stages(&options, old.as_ref(), args, context, &mut object, &mut text)?;
     }
-    if all || args.stages.iter().any(|name| name == SCENES) {
+    if all || named(SCENES) {
         scenes(&options, args, context, &mut object, &mut text)?;
+    }
+    if named(REFINEMENTS) {
+        refinements(&options, args, context, &mut object, &mut text)?;
     }
     context.print(&object, || text.trim_end().to_owned())
 }
@@ -114,6 +129,31 @@ fn scenes(
     }
     let _ = writeln!(text, "{}", page.display());
     object["scenes_page"] = json!(page);
+    Ok(())
+}
+
+/// Refines lattices by every method, with pictures.
+fn refinements(
+    options: &Options,
+    args: &Args,
+    context: &Context,
+    object: &mut Value,
+    text: &mut String,
+) -> anyhow::Result<()> {
+    let bench = ivd_bench::refinements(options, args.iso, &context.exec).map_err(failed)?;
+    make(&args.out)?;
+    let file = |ending: &str| args.out.join(format!("{REFINEMENTS}.{ending}"));
+    ivd_pipeline::write_text(&file("json"), &(serde_json::to_string_pretty(&bench)? + "\n"))?;
+    ivd_pipeline::write_text(&file("html"), &ivd_bench::refinements_page(&bench))?;
+    ivd_pipeline::export(&Artefact::Image(bench.sheet()), &file("png"), &context.exec)?;
+    for lattice in &bench.lattices {
+        let _ = writeln!(text, "{}", lattice.input);
+        for claim in &lattice.claims {
+            let _ = writeln!(text, "  {} {}: {}", claim.section, claim.says, claim.verdict());
+        }
+    }
+    let _ = writeln!(text, "{}", file("html").display());
+    object["refinements_page"] = json!(file("html"));
     Ok(())
 }
 

@@ -195,6 +195,7 @@ pub fn recorded() -> &'static [Front] {
             recorded!("atf"),
             recorded!("lattice"),
             recorded!("refine"),
+            recorded!("refine-methods"),
             recorded!("deform"),
             recorded!("map"),
             recorded!("warp"),

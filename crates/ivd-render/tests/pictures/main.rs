@@ -6,3 +6,4 @@ mod common;
 mod comparator;
 mod deformed;
 mod identical;
+mod surface;
