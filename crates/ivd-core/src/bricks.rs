@@ -146,12 +146,14 @@ impl<T: Scalar> Merged<T> {
     }
 
     fn add_by<const N: usize>(&mut self, rows: &[T]) {
-        let whole = self.min.len() / N * N;
-        for start in (0..whole).step_by(N) {
-            self.add_lanes::<N>(rows, start);
+        let len = self.min.len();
+        if len < N {
+            (0..len).for_each(|start| self.add_lanes::<1>(rows, start));
+            return;
         }
-        for start in whole..self.min.len() {
-            self.add_lanes::<1>(rows, start);
+        // What is merged twice stays as it is, so that the last lanes may begin within those before.
+        for start in (0..len - N).step_by(N).chain([len - N]) {
+            self.add_lanes::<N>(rows, start);
         }
     }
 
@@ -204,29 +206,51 @@ fn f32_above(value: f64) -> f32 {
 mod tests {
     use super::*;
 
-    #[test]
-    fn ranges_equal_a_plain_scan_with_the_high_side_apron() {
-        let dims = [19, 17, 9];
+    /// Each brick's range against one found voxel by voxel.
+    fn assert_ranges<T: Scalar>(dims: [usize; 3], value: impl Fn(usize) -> T)
+    where
+        Voxels: From<Vec<T>>,
+    {
         let grid = Grid::with_spacing(dims, [1.0; 3]).unwrap();
-        let mut values: Vec<f32> = (0..grid.len()).map(|i| ((i * 7919) % 1013) as f32 - 500.0).collect();
-        values[5] = f32::NAN;
+        let values: Vec<T> = (0..grid.len()).map(value).collect();
         let index = BrickIndex::build(&grid, &Voxels::from(values.clone()));
-        assert_eq!(index.dims(), [3, 3, 2]);
+        let bricks = BrickIndex::dims_for(dims);
+        assert_eq!(index.dims(), bricks);
         for b in 0..index.len() {
-            let at = [b % 3, b / 3 % 3, b / 9];
-            let (mut lo, mut hi, mut missing) = (f32::INFINITY, f32::NEG_INFINITY, false);
+            let at = [b % bricks[0], b / bricks[0] % bricks[1], b / bricks[0] / bricks[1]];
+            let (mut lo, mut hi, mut missing) = (f64::INFINITY, f64::NEG_INFINITY, false);
             for i in 0..grid.len() {
                 let v = grid.index(i).0;
                 if (0..3).all(|a| v[a] >= 8 * at[a] && v[a] <= 8 * at[a] + 8) {
-                    if values[i].is_finite() {
-                        lo = lo.min(values[i]);
-                        hi = hi.max(values[i]);
+                    if values[i].is_data() {
+                        lo = lo.min(values[i].to_f64());
+                        hi = hi.max(values[i].to_f64());
                     } else {
                         missing = true;
                     }
                 }
             }
-            assert_eq!(index.range(b), BrickRange { min: lo, max: hi, missing });
+            let expected = BrickRange { min: f32_below(lo), max: f32_above(hi), missing };
+            assert_eq!(index.range(b), expected, "{dims:?}, brick {b} of {:?}", T::TYPE);
+        }
+    }
+
+    #[test]
+    fn ranges_equal_a_plain_scan_with_the_high_side_apron() {
+        // Rows shorter than the lanes merged at a time, as long, and longer by less and by more than half.
+        for dims in [[19, 17, 9], [64, 3, 2], [70, 9, 3], [150, 9, 10]] {
+            let value = |i: usize| (i * 7919 + i / 31 * 13) % 1013;
+            assert_ranges(dims, |i| (value(i) % 251) as u8);
+            assert_ranges(dims, |i| (value(i) % 251) as i8);
+            assert_ranges(dims, |i| (value(i) * 60) as u16);
+            assert_ranges(dims, |i| value(i) as i16 - 500);
+            assert_ranges(dims, |i| value(i) as u32);
+            assert_ranges(dims, |i| value(i) as i32 - 500);
+            for gap in [5, 40, dims[0] - 1] {
+                let gaps = |i: usize| if i % dims[0] == gap { f64::NAN } else { value(i) as f64 - 500.0 };
+                assert_ranges(dims, |i| gaps(i) as f32);
+                assert_ranges(dims, gaps);
+            }
         }
     }
 

@@ -23,7 +23,8 @@ pub enum Error {
     },
     /// More vertices than a triangle's 32-bit indices can name.
     #[error(
-        "the surface has {vertices} vertices, more than a lattice's 2³² − 1; crop the volume or choose another isovalue"
+        "the surface has at least {vertices} vertices, more than a lattice's 2³² − 1 or a row of voxels' 2²⁹; crop the volume or choose another \
+         isovalue"
     )]
     TooManyVertices {
         /// Vertices counted.

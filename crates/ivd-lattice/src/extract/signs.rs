@@ -49,7 +49,7 @@ pub(super) struct Signs {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pair<'a> {
     pub(super) rows: [&'a [u32]; 2],
-    /// Words between which both have all their voxels inside.
+    /// Words outside of which neither has a voxel inside.
     pub(super) span: [u32; 2],
 }
 
@@ -80,26 +80,21 @@ impl Signs {
         let mut rows = vec![0_u32; words * (ny + 2) * (nz + 2)];
         let mut spans = vec![NOTHING; (ny + 2) * (nz + 2)];
         let strips = BrickIndex::dims_for(dims);
-        let layers = rows[words * (ny + 2)..].par_chunks_mut(words * (ny + 2) * BRICK);
-        let layers = layers.zip(spans[ny + 2..].par_chunks_mut((ny + 2) * BRICK));
-        // The border layer above may lie in a chunk of its own.
-        layers.enumerate().take(strips[2]).try_for_each(|(bz, (rows, spans))| {
+        let layers = rows.par_chunks_mut(words * (ny + 2)).zip(spans.par_chunks_mut(ny + 2));
+        layers.skip(1).take(nz).enumerate().try_for_each(|(z, (rows, spans))| {
             exec.check_cancelled()?;
             let mut bytes = vec![0_u8; words * 4];
             for by in 0..strips[1] {
                 let runs = match bricks {
-                    Some(bricks) => runs(&bricks[strips[0] * (by + strips[1] * bz)..][..strips[0]]),
+                    Some(bricks) => runs(&bricks[strips[0] * (by + strips[1] * (z / BRICK))..][..strips[0]]),
                     None => vec![(0..strips[0], BrickState::Mixed)],
                 };
                 if runs.iter().all(|(_, state)| *state == BrickState::Outside) {
                     continue;
                 }
-                for z in 0..BRICK.min(nz - bz * BRICK) {
-                    for y in by * BRICK..(by * BRICK + BRICK).min(ny) {
-                        read_strip(samples, nx * (y + ny * (z + bz * BRICK)), nx, &runs, &mut bytes);
-                        let row = y + 1 + (ny + 2) * z;
-                        spans[row] = pad(&bytes, &mut rows[words * row..][..words]);
-                    }
+                for y in by * BRICK..(by * BRICK + BRICK).min(ny) {
+                    read_strip(samples, nx * (y + ny * z), nx, &runs, &mut bytes);
+                    spans[y + 1] = pad(&bytes, &mut rows[words * (y + 1)..][..words]);
                 }
             }
             Ok::<(), ivd_core::Error>(())

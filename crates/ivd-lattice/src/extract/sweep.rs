@@ -20,7 +20,10 @@ use super::vertices::{Centre, Layer, Voxel, VoxelRow};
 use crate::Error;
 
 /// Slabs of layers for each thread: enough to share out the work, few beside the layers, as each numbers one more.
-const SLABS: usize = 6;
+const SLABS_PER_THREAD: usize = 6;
+
+/// Layers that are counted before it is asked whether there is room for what they hold.
+const BATCH: usize = 128;
 
 /// Task name for observers.
 const TASK: &str = "extract";
@@ -30,6 +33,8 @@ const TASK: &str = "extract";
 struct Count {
     vertices: u64,
     triangles: u64,
+    /// Vertices of the row that has most.
+    longest_row: u32,
     /// The rows that hold all of them.
     rows: Range<usize>,
     /// How the surface crosses those cells whose signs leave it open, in order.
@@ -42,6 +47,12 @@ impl Count {
     /// What it costs to write the layer, in vertices.
     fn cost(&self, dims: [usize; 3]) -> u64 {
         self.vertices + dims[1] as u64
+    }
+
+    /// Bytes that it takes.
+    fn bytes(&self) -> u64 {
+        let lists = size_of_val(&self.open[..]) + size_of_val(&self.centres[..]);
+        (size_of::<Self>() + lists) as u64
     }
 
     /// The cells of row `y` with a vertex of their own.
@@ -83,39 +94,50 @@ pub(super) fn extract<S: Samples>(
 
 impl<S: Samples> Sweep<'_, S> {
     fn run(&self, layers: usize, exec: &Exec) -> Result<Surface, Error> {
-        let counts: Vec<Count> = (0..layers)
-            .into_par_iter()
-            .map(|z| {
-                exec.check_cancelled()?;
-                let count = self.count_layer(z);
-                exec.observer().advance(TASK, 1);
-                Ok(count)
-            })
-            .collect::<Result<_, ivd_core::Error>>()?;
+        let counts = self.count(layers, exec)?;
         let vertices: u64 = counts.iter().map(|c| c.vertices).sum();
         let triangles: u64 = counts.iter().map(|c| c.triangles).sum();
-        if vertices > u64::from(u32::MAX) {
-            return Err(Error::TooManyVertices { vertices });
-        }
-        let desks = (rayon::current_num_threads() * 2 * Layer::bytes(self.dims)) as u64;
-        exec.check_memory("the lattice", Signs::bytes(self.dims) + desks + vertices * 20 + triangles * 12)?;
+        let slabs = self.slabs(&counts);
+        let desks = rayon::current_num_threads().min(slabs.len()) * 2 * Layer::bytes(self.dims);
+        let held = Signs::bytes(self.dims) + counts.iter().map(Count::bytes).sum::<u64>() + desks as u64;
+        exec.check_memory("the lattice", held + vertices * 20 + triangles * 12)?;
 
         let mut keys = vec![0_u64; vertices as usize];
         let mut places = vec![[0.0_f32; 3]; vertices as usize];
         let mut corners = vec![[0_u32; 3]; triangles as usize];
-        let slabs = self.slabs(&counts, &mut keys, &mut places, &mut corners);
+        let slabs = shared_out(slabs, &counts, &mut keys, &mut places, &mut corners);
         let desks = Mutex::new(Vec::new());
         slabs.into_par_iter().try_for_each(|slab| {
-            exec.check_cancelled()?;
-            let layers = slab.layers.len() as u64;
             let free = desks.lock().unwrap_or_else(PoisonError::into_inner).pop();
             let mut desk = free.unwrap_or_else(|| [Layer::new(self.dims), Layer::new(self.dims)]);
-            self.write_slab(slab, &counts, &mut desk);
+            self.write_slab(slab, &counts, &mut desk, exec)?;
             desks.lock().unwrap_or_else(PoisonError::into_inner).push(desk);
-            exec.observer().advance(TASK, layers);
             Ok::<(), Error>(())
         })?;
         Ok(Surface { keys: bytemuck::cast_vec(keys), places, triangles: corners })
+    }
+
+    /// What each layer adds, if there is room for it.
+    fn count(&self, layers: usize, exec: &Exec) -> Result<Vec<Count>, Error> {
+        let mut counts: Vec<Count> = Vec::with_capacity(layers);
+        let (mut vertices, mut bytes) = (0, Signs::bytes(self.dims));
+        for start in (0..layers).step_by(BATCH) {
+            let batch = (start..(start + BATCH).min(layers)).into_par_iter().map(|z| {
+                exec.check_cancelled()?;
+                let count = self.count_layer(z);
+                exec.observer().advance(TASK, 1);
+                Ok(count)
+            });
+            let batch = batch.collect::<Result<Vec<Count>, ivd_core::Error>>()?;
+            vertices += batch.iter().map(|c| c.vertices).sum::<u64>();
+            bytes += batch.iter().map(Count::bytes).sum::<u64>();
+            if vertices > u64::from(u32::MAX) || batch.iter().any(|c| c.longest_row >= Voxel::MOST) {
+                return Err(Error::TooManyVertices { vertices });
+            }
+            exec.check_memory("the layers of the lattice", bytes)?;
+            counts.extend(batch);
+        }
+        Ok(counts)
     }
 
     fn count_layer(&self, z: usize) -> Count {
@@ -142,22 +164,31 @@ impl<S: Samples> Sweep<'_, S> {
                     let own = CASES.fans(id).len();
                     if own > 0 {
                         count.vertices += own as u64;
+                        vertices += own as u32;
                         count.centres.push(Centre { at: [x as u32, y as u32], id });
                     }
                     CASES.triangles(id).len() as u64
                 };
             });
             count.triangles += triangles;
+            count.longest_row = count.longest_row.max(vertices);
         }
         count
     }
 
-    fn write_slab(&self, slab: Slab<'_>, counts: &[Count], desk: &mut Desk) {
+    fn write_slab(
+        &self,
+        slab: Slab<'_>,
+        counts: &[Count],
+        desk: &mut Desk,
+        exec: &Exec,
+    ) -> Result<(), Error> {
         let Slab { layers, first, mut keys, mut places, mut triangles } = slab;
         let [here, above] = desk;
         let nothing = Count::default();
         let (mut next, end) = (first, layers.end);
         for z in layers.start..=end {
+            exec.check_cancelled()?;
             let count = counts.get(z).unwrap_or(&nothing);
             let below = z.checked_sub(1).filter(|below| layers.contains(below)).map(|z| &counts[z]);
             let below = below.unwrap_or(&nothing);
@@ -188,7 +219,11 @@ impl<S: Samples> Sweep<'_, S> {
                 }
             }
             std::mem::swap(here, above);
+            if z < end {
+                exec.observer().advance(TASK, 1);
+            }
         }
+        Ok(())
     }
 
     /// Puts the triangles of a row of cells at the start of `faces`; returns how many there are.
@@ -232,38 +267,46 @@ impl<S: Samples> Sweep<'_, S> {
         len
     }
 
-    /// The layers in slabs of about the same work, each with its part of the output.
-    fn slabs<'a>(
-        &self,
-        counts: &[Count],
-        mut keys: &'a mut [u64],
-        mut places: &'a mut [[f32; 3]],
-        mut triangles: &'a mut [[u32; 3]],
-    ) -> Vec<Slab<'a>> {
+    /// The layers in slabs of about the same work.
+    fn slabs(&self, counts: &[Count]) -> Vec<Range<usize>> {
         let all: u64 = counts.iter().map(|count| count.cost(self.dims)).sum();
-        let share = all / (SLABS * rayon::current_num_threads()) as u64;
+        let share = all / (SLABS_PER_THREAD * rayon::current_num_threads()) as u64;
         let mut slabs = Vec::new();
-        let (mut start, mut first) = (0, 0);
-        let (mut cost, mut vertices, mut faces) = (0, 0, 0);
+        let (mut start, mut cost) = (0, 0);
         for (z, count) in counts.iter().enumerate() {
             cost += count.cost(self.dims);
-            vertices += count.vertices as usize;
-            faces += count.triangles as usize;
             if cost >= share || z + 1 == counts.len() {
-                slabs.push(Slab {
-                    layers: start..z + 1,
-                    first,
-                    keys: keys.split_off_mut(..vertices).expect("as counted"),
-                    places: places.split_off_mut(..vertices).expect("as counted"),
-                    triangles: triangles.split_off_mut(..faces).expect("as counted"),
-                });
-                first += vertices as u32;
-                start = z + 1;
-                (cost, vertices, faces) = (0, 0, 0);
+                slabs.push(start..z + 1);
+                (start, cost) = (z + 1, 0);
             }
         }
         slabs
     }
+}
+
+/// Each slab with its part of the output.
+fn shared_out<'a>(
+    slabs: Vec<Range<usize>>,
+    counts: &[Count],
+    mut keys: &'a mut [u64],
+    mut places: &'a mut [[f32; 3]],
+    mut triangles: &'a mut [[u32; 3]],
+) -> Vec<Slab<'a>> {
+    let mut first = 0;
+    let share = |layers: Range<usize>| {
+        let vertices: usize = counts[layers.clone()].iter().map(|count| count.vertices as usize).sum();
+        let faces: usize = counts[layers.clone()].iter().map(|count| count.triangles as usize).sum();
+        let slab = Slab {
+            layers,
+            first,
+            keys: keys.split_off_mut(..vertices).expect("as counted"),
+            places: places.split_off_mut(..vertices).expect("as counted"),
+            triangles: triangles.split_off_mut(..faces).expect("as counted"),
+        };
+        first += vertices as u32;
+        slab
+    };
+    slabs.into_iter().map(share).collect()
 }
 
 /// Vertex of each element of the cell at padded `x` between four rows: the twelve edges, then the cell's two; what stands

@@ -73,6 +73,10 @@ impl Simple {
             let mut simple = SimpleCase { triangles: [[0; 3]; 4], count: 0, is };
             if is {
                 let triangles = table.triangles(id);
+                assert!(
+                    table.fans(id).is_empty(),
+                    "case {case}: only what is open has a vertex in the middle"
+                );
                 simple.count = triangles.len() as u8;
                 for (to, &[a, b, c]) in simple.triangles[..triangles.len()].iter_mut().zip(triangles) {
                     *to = if flip { [a, c, b] } else { [a, b, c] };

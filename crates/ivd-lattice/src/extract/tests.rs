@@ -14,9 +14,16 @@ fn noise(seed: u64, len: usize, values: u64) -> Vec<u8> {
 }
 
 fn swept(samples: &impl Samples, dims: [usize; 3], flip: bool, bricks: Option<&[BrickState]>) -> Surface {
-    let exec = Exec::default();
-    let signs = Signs::read(samples, dims, bricks, &exec).unwrap();
-    sweep::extract(samples, &signs, dims, flip, &exec).unwrap()
+    // Slabs of many layers, and of one.
+    let [one, many] = [1, 8].map(|threads| {
+        let exec = Exec::default().with_threads(threads);
+        exec.run(|| {
+            let signs = Signs::read(samples, dims, bricks, &exec).unwrap();
+            sweep::extract(samples, &signs, dims, flip, &exec).unwrap()
+        })
+    });
+    assert!(one == many, "{dims:?}: another surface with eight threads");
+    one
 }
 
 fn assert_twins<T: Ordered>(dims: [usize; 3], voxels: &[T], iso: Iso, context: &str)
@@ -75,6 +82,26 @@ fn the_sweep_equals_the_plain_version_where_most_bricks_are_of_one_sign() {
     }
     let stored: Vec<i16> = smooth.iter().map(|v| (v * 100.0) as i16).collect();
     assert_twins(dims, &stored, Iso::Value(-250.0), "i16");
+}
+
+#[test]
+fn the_sweep_equals_the_plain_version_where_rows_are_empty_but_for_a_voxel_at_a_words_end() {
+    let dims = [130, 3, 3];
+    let places = [30, 31, 32, 62, 63, 64, 95, 96, 127];
+    for (i, a) in places.into_iter().enumerate() {
+        for b in &places[i..] {
+            // Padded, a voxel's bit is one place up.
+            for at in [[a, *b], [a - 1, *b - 1]] {
+                let mut voxels = vec![0_u8; dims.iter().product()];
+                voxels[at[0] + dims[0] * (1 + dims[1])] = 9;
+                voxels[at[1] + dims[0] * (2 + dims[1])] = 5;
+                assert_twins(dims, &voxels, Iso::Value(4.0), &format!("{at:?}"));
+                let inside: Vec<u8> = voxels.iter().map(|v| u8::from(*v > 0)).collect();
+                let expected = plain::extract(&halfway(&inside), dims, false);
+                assert!(swept(&halfway(&inside), dims, false, None) == expected, "{at:?}, a mask");
+            }
+        }
+    }
 }
 
 #[test]

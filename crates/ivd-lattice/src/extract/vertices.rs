@@ -23,6 +23,9 @@ pub(super) struct Centre {
 pub(super) struct Voxel(u32);
 
 impl Voxel {
+    /// Vertices that a row may have: their numbers have 29 bits.
+    pub(super) const MOST: u32 = 1 << 29;
+
     #[inline(always)]
     fn new(first: u32, crossed: [u32; 3]) -> Self {
         Self(first << 3 | crossed[0] | crossed[1] << 1 | crossed[2] << 2)
@@ -56,7 +59,7 @@ impl Layer {
 
     /// Bytes of one.
     pub(super) fn bytes(dims: [usize; 3]) -> usize {
-        size_of::<Voxel>() * (dims[0] + 2) * (dims[1] + 2)
+        (size_of::<Voxel>() * (dims[0] + 2) + size_of::<u32>()) * (dims[1] + 2)
     }
 
     /// The row at padded `y`, and its first vertex.

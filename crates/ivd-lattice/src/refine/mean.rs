@@ -7,7 +7,7 @@ use super::distance::closest_on_triangle;
 const PIECE: usize = 1024;
 
 /// Vertices measured at most: enough to tell the mean to half a percent of the spread.
-const SAMPLES: usize = 1 << 16;
+const SAMPLES: usize = 1 << 15;
 
 /// What is left of a surface and where the rest of it went.
 pub(super) trait Refining: Sync {
