@@ -1,8 +1,9 @@
 //! Lattices that break simplification elsewhere, by every method: hundreds of tunnels, ties everywhere, edges of no length, scales.
 
-use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
+use ivd_core::{ElementKey, Exec, Fault, Grid, Lattice, LatticeSource, Volume, Voxels};
 use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
+use ivd_lattice::repair::{RepairParams, repair};
 
 use crate::{assert_bounded, assert_sound, lattices};
 
@@ -101,4 +102,71 @@ fn edges_of_no_length_and_isolated_vertices_do_no_harm() {
         assert!(out.lattice.vertex_at(holed.keys[gone[0] as usize]).is_some(), "{method:?}");
         assert!(out.lattice.keys.len() * 2 < holed.keys.len());
     }
+}
+
+/// Two vertices that share a ring of `k`, a voxel or so apart.
+fn bipyramid(k: usize) -> Lattice {
+    let grid = Grid::with_spacing([k + 20; 3], [1.0; 3]).expect("a grid");
+    let (middle, radius) = (k as f64 / 2.0 + 10.0, k as f64 / 2.0);
+    let mut places = vec![[middle, middle, middle + radius / 4.0], [middle, middle, middle - radius / 4.0]];
+    places.extend((0..k).map(|i| {
+        let (sin, cos) = ((i as f64 + 0.1) * std::f64::consts::TAU / k as f64).sin_cos();
+        [middle + radius * cos, middle + radius * sin, middle + 0.3]
+    }));
+    let key = |i: &usize| ElementKey::new(grid.dims(), places[*i].map(|c| c as usize + 1), 6);
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_unstable_by_key(key);
+    let mut rank = vec![0; order.len()];
+    for (new, &old) in order.iter().enumerate() {
+        rank[old] = new as u32;
+    }
+    let sides = (0..k).map(|i| [2 + i, 2 + (i + 1) % k]);
+    let triangles = sides.flat_map(|[a, b]| [[0, a, b], [1, b, a]]).map(|t| t.map(|v| rank[v])).collect();
+    Lattice {
+        keys: order.iter().map(key).collect(),
+        places: order.iter().map(|&i| places[i].map(|c| c.fract() as f32)).collect(),
+        triangles,
+        grid,
+        source: LatticeSource::Foreign,
+        level: 0,
+        max_error_mm: 0.0,
+        coarser: Vec::new(),
+    }
+}
+
+#[test]
+fn slivers_round_a_hub_of_thousands_of_triangles_go_without_its_whole_star_being_queued_each_time() {
+    let lattice = bipyramid(4000);
+    let params = RepairParams { max_aspect: Some(8.0), max_error_mm: 4000.0, ..RepairParams::default() };
+    let out = repair(&lattice, &params, &Exec::default()).expect("it is sound");
+    assert_eq!((out.done.slivers_found, out.done.slivers_left), (8000, 0));
+    let after = measure(&out.lattice);
+    assert!(after.is_closed_manifold() && after.genus == Some(0) && after.triangles < 200, "{after:?}");
+}
+
+#[test]
+fn what_every_step_allocates_is_counted_before_it_does() {
+    let sponge = lattices::sponge(21);
+    let (vertices, triangles) = (sponge.keys.len() as u64, sponge.triangles.len() as u64);
+    let run = |method, target, limit| {
+        let params = RefineParams { method, target, allow_topology: true, ..RefineParams::default() };
+        refine(&sponge, &params, Locks::NONE, &Exec::default().with_memory_limit(Some(limit)))
+    };
+    // Enough for collapses that keep the topology, not for those that follow.
+    let surface = 140 * vertices + 44 * triangles;
+    assert!(run(Method::Collapse, Target::Ratio(0.5), surface).is_ok());
+    let pinched = run(Method::Collapse, Target::Ratio(0.0), surface).expect_err("the stars are counted");
+    let merged = run(Method::Merge, Target::Ratio(0.5), surface).expect_err("the clusters are counted");
+    let slivers = RepairParams { max_aspect: Some(3.0), max_error_mm: 1.0, ..RepairParams::default() };
+    let mesh = 120 * vertices + 80 * triangles;
+    let repaired = repair(&sponge, &slivers, &Exec::default().with_memory_limit(Some(mesh)))
+        .map(|_| ())
+        .expect_err("the queue is counted");
+    for (error, what) in [(pinched, "tunnels"), (merged, "clustered"), (repaired, "slivers")] {
+        assert_eq!(error.fault(), Fault::Limit);
+        assert!(error.to_string().contains(what), "{error}");
+    }
+    // Twice that is enough for each of them.
+    assert!(run(Method::Collapse, Target::Ratio(0.0), 2 * surface).is_ok());
+    assert!(repair(&sponge, &slivers, &Exec::default().with_memory_limit(Some(2 * mesh))).is_ok());
 }
