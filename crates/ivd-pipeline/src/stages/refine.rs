@@ -108,7 +108,7 @@ impl Stage for Refine {
     }
 
     fn revision(&self) -> u32 {
-        4
+        5
     }
 
     fn inputs(&self) -> &'static [Slot] {
