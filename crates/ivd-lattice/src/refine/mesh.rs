@@ -73,7 +73,7 @@ impl Mesh {
 
     /// Bytes of such a surface.
     pub(super) fn bytes_for(lattice: &Lattice) -> u64 {
-        120 * lattice.keys.len() as u64 + 80 * lattice.triangles.len() as u64
+        132 * lattice.keys.len() as u64 + 80 * lattice.triangles.len() as u64
     }
 
     /// Reads the fan of a vertex with its places. Returns `false` where its triangles aren't one closed fan.

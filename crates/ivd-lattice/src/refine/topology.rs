@@ -26,7 +26,7 @@ use super::features::Kind;
 use super::half_edge::{LEAST_HEIGHT, Limits, Refusal, check_shape};
 use super::params::{RefineParams, Target};
 use super::passes::Run;
-use super::report::{Refused, StoppedBy};
+use super::report::{Refusals, Refused, StoppedBy};
 use super::shared::GONE;
 use super::star::{Fan, HUB};
 use super::surface::Surface;
@@ -87,7 +87,9 @@ pub(super) fn run(
 /// Bytes of the stars, which grow by doubling, and of the queue.
 fn bytes_for(vertices: usize, triangles: usize) -> u64 {
     let star = (size_of::<Vec<u32>>() + size_of::<u32>()) as u64;
-    star * vertices as u64 + 24 * triangles as u64 + 24 * most_queued(vertices) as u64
+    (star + size_of::<Option<Refusal>>() as u64) * vertices as u64
+        + 24 * triangles as u64
+        + 24 * most_queued(vertices) as u64
 }
 
 /// Entries of the queue at most: those that are out of date go when it is full.
@@ -148,9 +150,10 @@ impl Pinching<'_> {
         for &v in &self.surface.free {
             self.stamps[v as usize] = 0;
         }
-        let (mut refused, mut passes) = (self.surface.kept, 0);
+        let mut passes = 0;
+        let mut refusals = Refusals::new(self.stamps.len());
         while !self.is_enough() {
-            refused = self.surface.kept;
+            refusals.clear();
             passes += 1;
             let before = self.vertices;
             for v in 0..self.stamps.len() as u32 {
@@ -168,8 +171,11 @@ impl Pinching<'_> {
                 }
                 looked += 1;
                 match self.remove(v) {
-                    Ok(()) => self.vertices -= 1,
-                    Err(refusal) => refused.count(refusal),
+                    Ok(()) => {
+                        self.vertices -= 1;
+                        refusals.note(v, None);
+                    }
+                    Err(refusal) => refusals.note(v, Some(refusal)),
                 }
             }
             exec.observer().advance(TASK, (before - self.vertices) as u64);
@@ -177,7 +183,7 @@ impl Pinching<'_> {
                 break;
             }
         }
-        Ok((refused, passes))
+        Ok((self.surface.kept + refusals.count(), passes))
     }
 
     /// Queues a vertex, if it may go, by the cost of its cheapest collapse.

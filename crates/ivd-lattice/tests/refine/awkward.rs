@@ -158,7 +158,7 @@ fn what_every_step_allocates_is_counted_before_it_does() {
     let pinched = run(Method::Collapse, Target::Ratio(0.0), surface).expect_err("the stars are counted");
     let merged = run(Method::Merge, Target::Ratio(0.5), surface).expect_err("the clusters are counted");
     let slivers = RepairParams { max_aspect: Some(3.0), max_error_mm: 1.0, ..RepairParams::default() };
-    let mesh = 120 * vertices + 80 * triangles;
+    let mesh = 132 * vertices + 80 * triangles;
     let repaired = repair(&sponge, &slivers, &Exec::default().with_memory_limit(Some(mesh)))
         .map(|_| ())
         .expect_err("the queue is counted");
