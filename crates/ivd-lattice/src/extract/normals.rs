@@ -10,7 +10,7 @@ use crate::Error;
 ///
 /// The volume's gradient by central differences, interpolated between the voxels round the vertex, taken to world space by
 /// the inverse transpose of the grid's matrix, and turned to the side of the triangles' normals. At the volume's border
-/// differences are one-sided. Where there is no gradient (a flat or missing neighbourhood), and where it is
+/// differences are one-sided, of second order too. Where there is no gradient (a flat or missing neighbourhood), and where it is
 /// across the triangles (a cap on the volume's border, a mask's cut), the mean of the triangles' normals by area stands for it.
 ///
 /// # Errors
@@ -80,7 +80,8 @@ fn gradient_at(volume: &Volume, at: Vector3<f64>) -> Vector3<f64> {
     if weights > 0.0 { sum / weights } else { Vector3::zeros() }
 }
 
-/// Gradient at a voxel, one-sided where a neighbour is missing; `None` where a whole axis is.
+/// Gradient at a voxel, by differences of second order: central, or one-sided where a neighbour is missing; of first order where there
+/// are but two voxels, and `None` where a whole axis is missing.
 fn gradient_of(volume: &Volume, grid: &Grid, voxel: Vector3<f64>) -> Option<Vector3<f64>> {
     let dims = grid.dims();
     let index: [usize; 3] = std::array::from_fn(|a| voxel[a].clamp(0.0, dims[a] as f64 - 1.0) as usize);
@@ -92,17 +93,15 @@ fn gradient_of(volume: &Volume, grid: &Grid, voxel: Vector3<f64>) -> Option<Vect
             let at = index[axis].checked_add_signed(step).filter(|&at| at < dims[axis])?;
             let mut other = index;
             other[axis] = at;
-            Some((value(other), 1.0)).filter(|(value, _)| value.is_finite())
+            Some(value(other)).filter(|value| value.is_finite())
         };
-        let own = Some((here, 0.0)).filter(|(value, _)| value.is_finite());
-        let (above, below) = (beside(1).or(own), beside(-1).or(own));
-        if let (Some((up, u)), Some((down, d))) = (above, below) {
-            if u + d > 0.0 {
-                gradient[axis] = (up - down) / (u + d);
-            }
-        } else {
-            return None;
-        }
+        gradient[axis] = match (beside(-1), beside(1)) {
+            (Some(down), Some(up)) => (up - down) / 2.0,
+            _ if !here.is_finite() => return None,
+            (None, Some(up)) => beside(2).map_or(up - here, |far| 2.0 * up - 1.5 * here - 0.5 * far),
+            (Some(down), None) => beside(-2).map_or(here - down, |far| 1.5 * here - 2.0 * down + 0.5 * far),
+            (None, None) => 0.0,
+        };
     }
     Some(gradient)
 }

@@ -23,6 +23,7 @@
 //! ```
 
 mod address;
+mod boxes;
 mod nesting;
 mod orient;
 mod weld;

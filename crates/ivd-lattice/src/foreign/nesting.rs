@@ -1,20 +1,21 @@
 //! How many closed parts each closed part lies in.
+//!
+//! A tree over the parts' boxes tells which may hold a part, and a tree over the triangles of each of those what rays pass through.
+//! Parts side by side cost what sorting them does; parts in each other a look at each pair of which one's box holds the other.
 
 use ivd_core::Exec;
 use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
 
+use super::boxes::{Box, Boxes};
 use super::orient::Part;
 use crate::Error;
 
-/// Most cells along a side of the table.
-const SIDE: usize = 1024;
-
 /// For each part the number of other closed parts in which it lies; 0 for open parts.
 ///
-/// It lies in those that rays along x leave, from seven of its points: in its largest triangle and furthest out along each axis. Of
-/// parts that pass through each other seldom all of them are left. Triangles are looked up in a table of cells across y and z. The
-/// rays start at no round numbers, so that they hardly ever meet an edge.
+/// It lies in those whose box holds seven of its points, in its largest triangle and furthest out along each axis, and that rays along x
+/// leave from all seven. Of parts that pass through each other seldom all of them are left. The rays start at no round numbers, so
+/// that they hardly ever meet an edge.
 pub(super) fn depths(
     positions: &[Vector3<f64>],
     triangles: &[[u32; 3]],
@@ -24,42 +25,60 @@ pub(super) fn depths(
     if parts.iter().filter(|p| p.closed).count() < 2 {
         return Ok(vec![0; parts.len()]);
     }
-    let mut part_of = vec![u32::MAX; triangles.len()];
-    for (i, part) in parts.iter().enumerate().filter(|(_, part)| part.closed) {
-        for &t in &part.triangles {
-            part_of[t as usize] = i as u32;
+    let solids: Vec<Option<Solid>> = parts
+        .par_iter()
+        .map(|part| {
+            part.closed
+                .then(|| Solid::new(positions, triangles, part))
+                .filter(|_| !exec.cancel.is_cancelled())
+        })
+        .collect();
+    exec.check_cancelled()?;
+    let listed = solids.iter().enumerate().filter_map(|(i, solid)| Some((i as u32, solid.as_ref()?.around)));
+    let boxes = Boxes::new(listed.collect());
+    let depth = |(i, solid): (usize, &Option<Solid>)| {
+        exec.check_cancelled()?;
+        let Some(solid) = solid else { return Ok(0) };
+        let reach = Box::round(&solid.starts);
+        let mut holders = Vec::new();
+        boxes.visit(|b| b.holds(&reach), |j| holders.push(j));
+        let within = |j: &&u32| {
+            let other = solids[**j as usize].as_ref().expect("boxes of closed parts alone are listed");
+            **j as usize != i
+                && solid.starts.iter().all(|start| other.is_left_by(start, positions, triangles))
+        };
+        Ok(holders.iter().filter(within).count())
+    };
+    solids.par_iter().enumerate().map(depth).collect()
+}
+
+/// A closed part.
+struct Solid {
+    around: Box,
+    starts: [Vector3<f64>; 7],
+    triangles: Boxes,
+}
+
+impl Solid {
+    fn new(positions: &[Vector3<f64>], triangles: &[[u32; 3]], part: &Part) -> Self {
+        let around = |t: u32| Box::round(triangles[t as usize].iter().map(|&v| &positions[v as usize]));
+        let items: Vec<(u32, Box)> = part.triangles.iter().map(|&t| (t, around(t))).collect();
+        Self {
+            around: items.iter().fold(Box::NOTHING, |all, item| all.or(&item.1)),
+            starts: starts(positions, triangles, part),
+            triangles: Boxes::new(items),
         }
     }
-    let table = Table::new(positions, triangles, &part_of);
-    let round = |start: &Vector3<f64>, own: u32| {
-        let mut left: Vec<u32> = table
-            .at(start)
-            .iter()
-            .filter(|&&t| part_of[t as usize] != own)
-            .filter(|&&t| is_left(start, triangles[t as usize].map(|v| positions[v as usize])))
-            .map(|&t| part_of[t as usize])
-            .collect();
-        left.sort_unstable();
-        let odd = left.chunk_by(|a, b| a == b).filter(|crossings| crossings.len() % 2 == 1);
-        odd.map(|crossings| crossings[0]).collect::<Vec<u32>>()
-    };
-    let depth = |(i, part): (usize, &Part)| {
-        exec.check_cancelled()?;
-        if !part.closed {
-            return Ok(0);
-        }
-        let starts = starts(positions, triangles, part);
-        let mut common = round(&starts[0], i as u32);
-        for start in &starts[1..] {
-            if common.is_empty() {
-                break;
-            }
-            let other = round(start, i as u32);
-            common.retain(|part| other.binary_search(part).is_ok());
-        }
-        Ok(common.len())
-    };
-    parts.par_iter().enumerate().map(depth).collect()
+
+    /// Whether a ray along x passes through an odd number of its triangles.
+    fn is_left_by(&self, q: &Vector3<f64>, positions: &[Vector3<f64>], triangles: &[[u32; 3]]) -> bool {
+        let ahead = |b: &Box| b.high.x >= q.x && b.low.yz() <= q.yz() && q.yz() <= b.high.yz();
+        let mut odd = false;
+        self.triangles.visit(ahead, |t| {
+            odd ^= is_left(q, triangles[t as usize].map(|v| positions[v as usize]));
+        });
+        odd
+    }
 }
 
 /// A point within a part's largest triangle, and one near each of the corners that are furthest down and up along the axes.
@@ -103,79 +122,98 @@ fn is_left(q: &Vector3<f64>, corners: [Vector3<f64>; 3]) -> bool {
     x > q.x
 }
 
-/// Triangles of closed parts by the cells across y and z that their boxes touch.
-struct Table {
-    low: Vector2<f64>,
-    scale: Vector2<f64>,
-    side: usize,
-    starts: Vec<usize>,
-    triangles: Vec<u32>,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-impl Table {
-    fn new(positions: &[Vector3<f64>], triangles: &[[u32; 3]], part_of: &[u32]) -> Self {
-        let listed: Vec<u32> =
-            (0..triangles.len() as u32).filter(|&t| part_of[t as usize] != u32::MAX).collect();
-        let bounds = |t: u32| {
-            let flat = triangles[t as usize].map(|v| positions[v as usize].yz());
-            (flat[0].inf(&flat[1]).inf(&flat[2]), flat[0].sup(&flat[1]).sup(&flat[2]))
-        };
-        let (low, high) = listed.iter().map(|&t| bounds(t)).fold(
-            (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY)),
-            |(low, high), (l, h)| (low.inf(&l), high.sup(&h)),
-        );
-        let mut side = ((listed.len() as f64).sqrt() as usize).clamp(1, SIDE);
-        let mut table =
-            Self { low, scale: Vector2::zeros(), side, starts: Vec::new(), triangles: Vec::new() };
-        // Long triangles lie in many cells: fewer, larger ones until they don't matter.
-        loop {
-            table.side = side;
-            table.scale = (high - low).map(|extent| if extent > 0.0 { side as f64 / extent } else { 0.0 });
-            let cells = |t: u32| {
-                let (low, high) = bounds(t);
-                let ([y0, z0], [y1, z1]) = (table.cell(&low), table.cell(&high));
-                (z0..=z1).flat_map(move |z| (y0..=y1).map(move |y| y + side * z))
+    /// As it is told: every part against every other, every ray against every triangle.
+    fn plain(positions: &[Vector3<f64>], triangles: &[[u32; 3]], parts: &[Part]) -> Vec<usize> {
+        let corners = |t: u32| triangles[t as usize].map(|v| positions[v as usize]);
+        let depth = |(i, part): (usize, &Part)| {
+            let starts = starts(positions, triangles, part);
+            let holds = |(j, other): &(usize, &Part)| {
+                let leaves = |q: &Vector3<f64>| {
+                    other.triangles.iter().filter(|&&t| is_left(q, corners(t))).count() % 2 == 1
+                };
+                let around = Box::round(
+                    other.triangles.iter().map(|&t| corners(t)).collect::<Vec<_>>().as_flattened(),
+                );
+                part.closed
+                    && other.closed
+                    && i != *j
+                    && around.holds(&Box::round(&starts))
+                    && starts.iter().all(leaves)
             };
-            let entries: usize = listed
-                .iter()
-                .map(|&t| {
-                    let (low, high) = bounds(t);
-                    let ([y0, z0], [y1, z1]) = (table.cell(&low), table.cell(&high));
-                    (y1 - y0 + 1) * (z1 - z0 + 1)
-                })
-                .sum();
-            if entries > 8 * listed.len() && side > 1 {
-                side /= 2;
-                continue;
+            parts.iter().enumerate().filter(holds).count()
+        };
+        parts.iter().enumerate().map(depth).collect()
+    }
+
+    /// An octahedron; turned and stretched, so that no two share a plane.
+    fn octahedron(
+        middle: Vector3<f64>,
+        size: Vector3<f64>,
+        mesh: &mut (Vec<Vector3<f64>>, Vec<[u32; 3]>, Vec<Part>),
+    ) {
+        let (first, before) = (mesh.0.len() as u32, mesh.1.len() as u32);
+        for axis in 0..3 {
+            for sign in [-1.0, 1.0] {
+                let mut off = Vector3::zeros();
+                off[axis] = sign * size[axis];
+                off[(axis + 1) % 3] = 0.137 * sign * size[axis];
+                mesh.0.push(middle + off);
             }
-            let mut starts = vec![0; side * side + 1];
-            for cell in listed.iter().flat_map(|&t| cells(t)) {
-                starts[cell + 1] += 1;
-            }
-            for cell in 0..side * side {
-                starts[cell + 1] += starts[cell];
-            }
-            let (mut next, mut sorted) = (starts.clone(), vec![0; entries]);
-            for &t in &listed {
-                for cell in cells(t) {
-                    sorted[next[cell]] = t;
-                    next[cell] += 1;
-                }
-            }
-            (table.starts, table.triangles) = (starts, sorted);
-            return table;
         }
+        for [x, y, z] in
+            [[1, 3, 5], [3, 0, 5], [0, 2, 5], [2, 1, 5], [3, 1, 4], [0, 3, 4], [2, 0, 4], [1, 2, 4]]
+        {
+            mesh.1.push([first + x, first + y, first + z]);
+        }
+        mesh.2.push(Part { triangles: (before..before + 8).collect(), closed: true });
     }
 
-    fn cell(&self, flat: &Vector2<f64>) -> [usize; 2] {
-        let cell = (flat - self.low).component_mul(&self.scale);
-        [cell.x, cell.y].map(|c| (c.max(0.0) as usize).min(self.side - 1))
+    fn share(i: u64) -> f64 {
+        let mut h = i.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        h = (h ^ (h >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        (h >> 40) as f64 / (1_u64 << 24) as f64
     }
 
-    /// Triangles that a ray along x from `q` may meet.
-    fn at(&self, q: &Vector3<f64>) -> &[u32] {
-        let [y, z] = self.cell(&q.yz());
-        let cell = y + self.side * z;
-        &self.triangles[self.starts[cell]..self.starts[cell + 1]]
+    #[test]
+    fn depths_are_those_of_every_part_against_every_other() {
+        let exec = Exec::default();
+        let mut deepest = 0;
+        for seed in 0..60 {
+            let mut mesh = (Vec::new(), Vec::new(), Vec::new());
+            let n = 2 + seed % 40;
+            for i in 0..n {
+                let of = |k: u64| share(seed * 4096 + i * 8 + k);
+                // Round one middle or anywhere; of like sizes or of a thousandth: nested, apart and through each other.
+                let spread = [0.0, 0.2, 1.0][seed as usize % 3];
+                let size = if seed % 2 == 0 { 0.02 + of(0) } else { 10.0_f64.powf(-3.0 * of(0)) };
+                let middle = Vector3::new(of(1), of(2), of(3)) * spread;
+                octahedron(middle, Vector3::new(1.0, 0.8 + 0.4 * of(4), 0.9 + 0.2 * of(5)) * size, &mut mesh);
+            }
+            for part in mesh.2.iter_mut().step_by(7).skip(1) {
+                part.closed = false;
+            }
+            let (positions, triangles, parts) = mesh;
+            let expected = plain(&positions, &triangles, &parts);
+            assert_eq!(depths(&positions, &triangles, &parts, &exec).unwrap(), expected, "seed {seed}");
+            deepest = deepest.max(expected.into_iter().max().unwrap_or(0));
+        }
+        assert!(deepest > 20, "{deepest}");
+    }
+
+    #[test]
+    fn a_row_of_parts_along_the_rays_within_one_is_looked_at_part_by_part() {
+        let mut mesh = (Vec::new(), Vec::new(), Vec::new());
+        let n = 20_000;
+        octahedron(Vector3::zeros(), Vector3::new(4.0, 4.0, 4.0) * f64::from(n), &mut mesh);
+        for i in 1..n {
+            octahedron(Vector3::new(f64::from(i), 0.0, 0.0), Vector3::repeat(0.3), &mut mesh);
+        }
+        let (positions, triangles, parts) = mesh;
+        let found = depths(&positions, &triangles, &parts, &Exec::default()).unwrap();
+        assert!(found[0] == 0 && found[1..].iter().all(|&depth| depth == 1));
     }
 }

@@ -84,6 +84,17 @@ pub(super) fn distances_within(
     Pair::new(a, b, exec)?.distances(limit, exec)
 }
 
+/// A lower bound on the Hausdorff distance (mm) that is hardly less: what the corners and middles of the triangles are away.
+///
+/// Call it within [`Exec::run`].
+pub(super) fn least_distance(a: &Lattice, b: &Lattice, exec: &Exec) -> Result<f64, Error> {
+    let pair = Pair::new(a, b, exec)?;
+    match pair.is_apart() {
+        Some(distances) => Ok(distances.max_mm),
+        None => Ok(pair.sampled(exec)?.1),
+    }
+}
+
 /// Two meshes about the middle of their box.
 struct Pair {
     meshes: [Mesh; 2],
@@ -161,23 +172,39 @@ impl Pair {
         Ok(Self { meshes: [a, b], diagonal: (high - low).norm() })
     }
 
-    fn distances(&self, limit: f64, exec: &Exec) -> Result<Option<Distances>, Error> {
-        let [a, b] = &self.meshes;
-        match (a.tree.is_empty(), b.tree.is_empty()) {
-            (true, true) => return Ok(Some(Distances::NONE)),
-            (true, false) | (false, true) => return Ok(None),
-            (false, false) => {}
+    /// The distances where a mesh has no triangles.
+    fn is_apart(&self) -> Option<Distances> {
+        match self.meshes.each_ref().map(|mesh| mesh.tree.is_empty()) {
+            [true, true] => Some(Distances::NONE),
+            [true, false] | [false, true] => Some(Distances::INFINITE),
+            [false, false] => None,
         }
-        let ways = [Way { from: a, to: &b.tree }, Way { from: b, to: &a.tree }];
-        // What is known from below of either way serves both.
-        let mut corners = Vec::new();
-        let mut lower = 0.0_f64;
-        for way in &ways {
+    }
+
+    fn ways(&self) -> [Way<'_>; 2] {
+        let [a, b] = &self.meshes;
+        [Way { from: a, to: &b.tree }, Way { from: b, to: &a.tree }]
+    }
+
+    /// The nearest triangle to each vertex, either way, and what is known of the largest distance (mm) from below.
+    fn sampled(&self, exec: &Exec) -> Result<(Vec<Vec<Near>>, f64), Error> {
+        let (mut corners, mut lower) = (Vec::new(), 0.0_f64);
+        for way in self.ways() {
             let (near, largest) = way.sample(exec);
             exec.check_cancelled()?;
             lower = lower.max(largest);
             corners.push(near);
         }
+        Ok((corners, lower))
+    }
+
+    fn distances(&self, limit: f64, exec: &Exec) -> Result<Option<Distances>, Error> {
+        if let Some(distances) = self.is_apart() {
+            return Ok(Some(distances).filter(|d| d.max_mm < f64::INFINITY));
+        }
+        // What is known from below of either way serves both.
+        let ways = self.ways();
+        let (corners, lower) = self.sampled(exec)?;
         if lower > limit {
             return Ok(None);
         }

@@ -33,7 +33,7 @@ use super::mean::mean_distance;
 use super::mesh::Mesh;
 use super::params::RefineParams;
 use super::patch::Patch;
-use super::report::{Refined, Refused, StoppedBy};
+use super::report::{Refined, Refusals, Refused, StoppedBy};
 use super::star::Fan;
 use crate::Error;
 
@@ -111,9 +111,10 @@ impl Decimation {
         for &v in &free {
             self.stamps[v as usize] = 0;
         }
-        let (mut removed, mut passes, mut refused) = (0, 0, self.mesh.kept);
+        let (mut removed, mut passes) = (0, 0);
+        let mut refusals = Refusals::new(self.stamps.len());
         while removed < removals {
-            refused = self.mesh.kept;
+            refusals.clear();
             passes += 1;
             let before = removed;
             for &v in free.iter().filter(|&&v| self.stamps[v as usize] != KEPT).collect::<Vec<_>>() {
@@ -131,12 +132,15 @@ impl Decimation {
                 }
                 looked += 1;
                 match self.remove(v, f64::from_bits(key)) {
-                    Ok(()) => removed += 1,
+                    Ok(()) => {
+                        removed += 1;
+                        refusals.note(v, None);
+                    }
                     Err(Refusal::Bound(bound)) if f64::from(bound) <= self.bound => {
                         let later = f64::from(bound) / BOUND_FACTOR;
                         self.queue.push(Reverse((later.to_bits(), v, stamp)));
                     }
-                    Err(refusal) => refused.count(refusal),
+                    Err(refusal) => refusals.note(v, Some(refusal)),
                 }
             }
             exec.observer().advance(TASK, (removed - before) as u64);
@@ -146,6 +150,7 @@ impl Decimation {
                 break;
             }
         }
+        let refused = self.mesh.kept + refusals.count();
         let stopped_by = if removed >= removals { StoppedBy::Target } else { refused.reason() };
         Ok((stopped_by, refused, passes))
     }

@@ -2,7 +2,7 @@
 
 use ivd_core::{Exec, Lattice};
 
-use super::certified::distances_within;
+use super::certified::{distances_within, least_distance};
 use super::locks::Locks;
 use super::report::{Outcome, Refined, Refused, StoppedBy};
 use crate::Error;
@@ -47,6 +47,18 @@ impl Draft {
         Self { kept, triangles, stopped_by: StoppedBy::Target, refused: Refused::default(), passes }
     }
 
+    /// The refined lattice, as if it were no distance away.
+    fn unmeasured(self, input: &Lattice) -> Refined {
+        let Self { kept, triangles, stopped_by, refused, passes } = self;
+        let (max_error_mm, mean_error_mm) = (0.0, 0.0);
+        Outcome { kept, triangles, max_error_mm, mean_error_mm, stopped_by, refused, passes }.report(input)
+    }
+
+    /// How far it is from the input at least (mm), and hardly further: cheap beside [`measured`](Self::measured).
+    pub(super) fn least(self, input: &Lattice, exec: &Exec) -> Result<f64, Error> {
+        least_distance(input, &self.unmeasured(input).lattice, exec)
+    }
+
     /// The refined lattice and how far it is from the input; `None` where that is more than `limit` (mm).
     ///
     /// - `bound`: what is known of the distance otherwise (mm), or infinity.
@@ -57,10 +69,7 @@ impl Draft {
         limit: f64,
         exec: &Exec,
     ) -> Result<Option<Refined>, Error> {
-        let Self { kept, triangles, stopped_by, refused, passes } = self;
-        let (max_error_mm, mean_error_mm) = (0.0, 0.0);
-        let outcome = Outcome { kept, triangles, max_error_mm, mean_error_mm, stopped_by, refused, passes };
-        let mut refined = outcome.report(input);
+        let mut refined = self.unmeasured(input);
         if refined.lattice.keys.len() == input.keys.len() && refined.lattice.triangles == input.triangles {
             return Ok(Some(refined));
         }

@@ -96,7 +96,8 @@ pub(super) fn merge(
     locks: Locks<'_>,
     exec: &Exec,
 ) -> Result<Refined, Error> {
-    exec.check_memory("the surface to be refined", super::bytes_for(lattice))?;
+    let bytes = if params.allow_topology { Clusters::bytes(lattice) } else { super::bytes_for(lattice) };
+    exec.check_memory("the vertices to be clustered", bytes)?;
     exec.run(|| {
         let goal = Goal::new(lattice, params.target);
         let same = Draft::same(lattice, StoppedBy::Target);
@@ -133,6 +134,17 @@ impl<'a> Clusters<'a> {
         let used = (0..positions.len() as u32).filter(|&v| !stars.of(v as usize).is_empty()).collect();
         let locked = locks.flags(positions.len());
         Self { lattice, locks, positions, quadrics, used, locked }
+    }
+
+    /// Bytes of them, and of the cubes and triangles of one size beside the best two drafts so far.
+    fn bytes(lattice: &Lattice) -> u64 {
+        let vertex = size_of::<Point>() + size_of::<Quadric>() + size_of::<u32>() + size_of::<bool>();
+        let cubes = size_of::<(u64, u32)>() + size_of::<&[(u64, u32)]>() + 3 * size_of::<u32>();
+        let doubles = size_of::<([u32; 3], bool, u32)>() + size_of::<u32>();
+        let triangle = doubles + 3 * size_of::<[u32; 3]>();
+        let drafts = 2 * size_of::<u32>();
+        (vertex + cubes + drafts) as u64 * lattice.keys.len() as u64
+            + triangle as u64 * lattice.triangles.len() as u64
     }
 
     /// Bisects the side of the cubes.

@@ -73,7 +73,7 @@ impl Mesh {
 
     /// Bytes of such a surface.
     pub(super) fn bytes_for(lattice: &Lattice) -> u64 {
-        120 * lattice.keys.len() as u64 + 80 * lattice.triangles.len() as u64
+        132 * lattice.keys.len() as u64 + 80 * lattice.triangles.len() as u64
     }
 
     /// Reads the fan of a vertex with its places. Returns `false` where its triangles aren't one closed fan.
@@ -88,7 +88,8 @@ impl Mesh {
 
     /// Whether an edge joins two vertices.
     pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
-        self.stars[a as usize].iter().any(|&t| self.triangles[t as usize].contains(&b))
+        let [star, other] = if self.star_of(a).len() <= self.star_of(b).len() { [a, b] } else { [b, a] };
+        self.star_of(star).iter().any(|&t| self.triangles[t as usize].contains(&other))
     }
 
     /// Triangles round a vertex.
@@ -113,10 +114,11 @@ impl Mesh {
     }
 
     /// Whether a triangle joins three vertices that a given vertex has no part in.
-    pub(super) fn has_triangle(&self, [a, b, c]: [u32; 3], without: u32) -> bool {
-        self.stars[a as usize].iter().any(|&t| {
+    pub(super) fn has_triangle(&self, wanted: [u32; 3], without: u32) -> bool {
+        let least = wanted.map(|v| self.star_of(v)).into_iter().min_by_key(|star| star.len());
+        least.unwrap_or_default().iter().any(|&t| {
             let corners = self.triangles[t as usize];
-            corners.contains(&b) && corners.contains(&c) && !corners.contains(&without)
+            wanted.iter().all(|v| corners.contains(v)) && !corners.contains(&without)
         })
     }
 
@@ -128,7 +130,13 @@ impl Mesh {
     pub(super) fn replace(&mut self, v: u32, fan: &Fan, patch: &[[u8; 3]], bounds: &[f32], near: u32) {
         let slots = fan.triangles();
         for &r in fan.ring() {
-            self.stars[r as usize].retain(|t| !slots.contains(t));
+            let star = &mut self.stars[r as usize];
+            // Two of a fan's triangles meet in each of its ring.
+            for _ in 0..2 {
+                if let Some(at) = star.iter().position(|t| slots.contains(t)) {
+                    star.remove(at);
+                }
+            }
         }
         self.stars[v as usize] = Vec::new();
         for (i, &t) in slots.iter().enumerate() {

@@ -134,7 +134,11 @@ fn collapse_locked(
 
 /// Bytes of a surface with its quadrics, stars and bounds.
 fn bytes_for(lattice: &Lattice) -> u64 {
-    140 * lattice.keys.len() as u64 + 44 * lattice.triangles.len() as u64
+    surface_bytes(lattice.keys.len(), lattice.triangles.len())
+}
+
+fn surface_bytes(vertices: usize, triangles: usize) -> u64 {
+    140 * vertices as u64 + 44 * triangles as u64
 }
 
 /// What came of a run, in the input's order of vertices and triangles.

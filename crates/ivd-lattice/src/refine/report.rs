@@ -105,6 +105,34 @@ impl Refused {
     }
 }
 
+/// What was last said against each vertex.
+pub(super) struct Refusals(Vec<Option<Refusal>>);
+
+impl Refusals {
+    pub(super) fn new(vertices: usize) -> Self {
+        Self(vec![None; vertices])
+    }
+
+    /// Forgets all.
+    pub(super) fn clear(&mut self) {
+        self.0.fill(None);
+    }
+
+    /// Notes what a try came to.
+    pub(super) fn note(&mut self, v: u32, refusal: Option<Refusal>) {
+        self.0[v as usize] = refusal;
+    }
+
+    /// Counts the vertices that something was said against.
+    pub(super) fn count(&self) -> Refused {
+        let mut refused = Refused::default();
+        for refusal in self.0.iter().flatten() {
+            refused.count(*refusal);
+        }
+        refused
+    }
+}
+
 impl Add for Refused {
     type Output = Self;
 

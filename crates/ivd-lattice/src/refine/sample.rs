@@ -23,8 +23,8 @@ use crate::extract::{PARTED, cell};
 /// Refines a lattice as extracted by marching cubes at a coarser rate.
 ///
 /// Level `L` takes every `2ᴸ`-th voxel. For a share or a number of triangles the step is the least, of all whole numbers,
-/// that keeps no more; for an error, the last before the first that exceeds it. Where a step would leave nothing, the
-/// last that leaves something is taken.
+/// that keeps no more; for an error, the largest found within it, no less than the last before the first that exceeds it. Where a
+/// step would leave nothing, the last that leaves something is taken.
 ///
 /// # Errors
 /// [`Error::Unreachable`] for a lattice that isn't as extracted, [`Error::Param`] for locks, which this method can't keep;
@@ -114,29 +114,41 @@ fn at_count<'a>(
     Ok(Draft { stopped_by, ..draft })
 }
 
+/// The largest step found to be within an error: none below it that is proven to be within it before the first that isn't.
+///
+/// A step that is within the error for sure is so by the cheap measure too. So the first step that is beyond by that measure, found by
+/// doubling and halving, lies above all steps up to the first that can't be proven; below it the largest that can is taken.
 fn within<'a>(
     lattice: &Lattice,
     mm: f64,
     coarse: impl Fn(usize) -> Coarse<'a>,
     exec: &Exec,
 ) -> Result<Refined, Error> {
-    let mut best = None;
-    for step in 2.. {
+    let draft = |step: usize| {
         let triangles = coarse(step).triangles(exec)?;
-        if triangles.is_empty() {
-            break;
-        }
-        let mut draft = Draft::of(triangles, lattice, Locks::NONE, 1);
-        draft.stopped_by = StoppedBy::MaxError;
-        match draft.measured(lattice, f64::INFINITY, mm, exec)? {
-            Some(refined) => best = Some(refined),
-            None => break,
+        let draft = (!triangles.is_empty()).then(|| Draft::of(triangles, lattice, Locks::NONE, 1));
+        Ok::<_, Error>(draft.map(|draft| Draft { stopped_by: StoppedBy::MaxError, ..draft }))
+    };
+    let may_be = |step: usize| match draft(step)? {
+        Some(draft) => Ok::<_, Error>(draft.least(lattice, exec)? <= mm),
+        None => Ok(false),
+    };
+    let (mut within, mut beyond) = (1, 2);
+    while may_be(beyond)? {
+        (within, beyond) = (beyond, 2 * beyond);
+    }
+    while beyond - within > 1 {
+        let middle = within.midpoint(beyond);
+        *if may_be(middle)? { &mut within } else { &mut beyond } = middle;
+    }
+    for step in (2..=within).rev() {
+        if let Some(draft) = draft(step)?
+            && let Some(refined) = draft.measured(lattice, f64::INFINITY, mm, exec)?
+        {
+            return Ok(refined);
         }
     }
-    match best {
-        Some(refined) => Ok(refined),
-        None => Draft::same(lattice, StoppedBy::MaxError).finished(lattice, f64::INFINITY, exec),
-    }
+    Draft::same(lattice, StoppedBy::MaxError).finished(lattice, f64::INFINITY, exec)
 }
 
 /// Which voxels of the padded grid are inside, a bit each.
@@ -357,6 +369,59 @@ impl<'a> Coarse<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::extract::{ExtractParams, Iso, extract};
+    use ivd_core::{Grid, Volume, Voxels};
+
+    /// Every step in turn, each proven, until one isn't within the error: the plain twin.
+    fn in_turn(lattice: &Lattice, mm: f64, exec: &Exec) -> usize {
+        let signs = Signs::of(lattice, exec).unwrap();
+        let mut best = lattice.triangles.len();
+        for step in 2.. {
+            let triangles = Coarse::new(lattice, &signs, step).triangles(exec).unwrap();
+            if triangles.is_empty() {
+                break;
+            }
+            let draft = Draft::of(triangles, lattice, Locks::NONE, 1);
+            match draft.measured(lattice, f64::INFINITY, mm, exec).unwrap() {
+                Some(refined) => best = refined.lattice.triangles.len(),
+                None => break,
+            }
+        }
+        best
+    }
+
+    #[test]
+    fn within_an_error_no_step_in_turn_is_coarser() {
+        let n = 56;
+        let exec = Exec::default();
+        let gyroid = |p: [f64; 3]| {
+            let (s, c) = (p.map(|v| (0.2 * v).sin()), p.map(|v| (0.2 * v).cos()));
+            s[0] * c[1] + s[1] * c[2] + s[2] * c[0]
+        };
+        let ball = |p: [f64; 3]| 25.0 - (p[0] - 27.6).hypot(p[1] - 27.3).hypot(p[2] - 27.9);
+        for (name, level) in [("gyroid", &gyroid as &dyn Fn([f64; 3]) -> f64), ("ball", &ball)] {
+            let grid = Grid::with_spacing([n; 3], [1.0; 3]).unwrap();
+            let voxels: Vec<f32> =
+                (0..grid.len()).map(|i| level(grid.index(i).0.map(|c| c as f64)) as f32).collect();
+            let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
+            let lattice =
+                extract(&volume, None, &ExtractParams { iso: Iso::Value(0.0) }, &exec).unwrap().lattice;
+            for mm in [0.0, 0.3, 1.0, 4.0] {
+                let start = std::time::Instant::now();
+                let plain = in_turn(&lattice, mm, &exec);
+                let turn = start.elapsed();
+                let params = RefineParams { target: Target::MaxError(mm), ..RefineParams::default() };
+                let start = std::time::Instant::now();
+                let out = sample(&lattice, &params, Locks::NONE, &exec).unwrap();
+                let found = out.lattice.triangles.len();
+                println!(
+                    "{name} within {mm} mm: {found} triangles in {:.1?}, in turn {plain} in {turn:.1?}",
+                    start.elapsed()
+                );
+                assert!(found <= plain && out.max_error_mm <= mm, "{name} within {mm} mm");
+            }
+        }
+    }
 
     #[test]
     fn a_row_is_inside_after_an_odd_number_of_crossings() {

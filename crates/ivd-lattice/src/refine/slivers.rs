@@ -1,5 +1,6 @@
 //! Slivers, removed by half-edge collapse.
 
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use ivd_core::{Exec, Lattice};
@@ -10,7 +11,7 @@ use super::half_edge::{Limits, check_shape};
 use super::locks::Locks;
 use super::mesh::Mesh;
 use super::shared::GONE;
-use super::star::Fan;
+use super::star::{Fan, HUB};
 use crate::Error;
 
 /// Triangles between two looks at whether to stop.
@@ -44,14 +45,17 @@ impl Slivers {
     /// Removes slivers, the worst first, ties by index; each by the shortest collapse of one of its corners that is legal,
     /// leaves the worst triangle round the vertex better than it was, and stays within the error.
     pub(crate) fn remove(&self, lattice: &Lattice, exec: &Exec) -> Result<WithoutSlivers, Error> {
-        exec.check_memory("the surface to be repaired", Mesh::bytes_for(lattice))?;
+        let triangles = lattice.triangles.len();
+        let queue = QUEUE_BYTES * most_queued(triangles) as u64 + lattice.keys.len() as u64;
+        exec.check_memory("the surface to be repaired and its slivers", Mesh::bytes_for(lattice) + queue)?;
         let mesh = Mesh::new(lattice, Locks::NONE, None);
         let mut free = vec![false; mesh.positions.len()];
         for &v in &mesh.free {
             free[v as usize] = true;
         }
-        let mut work = Work { limits: self, mesh, free, queue: BinaryHeap::new() };
-        for t in 0..work.mesh.triangles.len() as u32 {
+        let queued = vec![0; triangles];
+        let mut work = Work { limits: self, mesh, free, queue: BinaryHeap::new(), queued };
+        for t in 0..triangles as u32 {
             work.push(t);
         }
         let found = work.queue.len() as u64;
@@ -89,23 +93,34 @@ struct Work<'a> {
     /// Whether each vertex may go.
     free: Vec<bool>,
     /// Badness as bits, triangle.
-    queue: BinaryHeap<(u64, std::cmp::Reverse<u32>)>,
+    queue: BinaryHeap<(u64, Reverse<u32>)>,
+    /// Badness that each triangle waits with; 0 where it doesn't. Another entry is out of date.
+    queued: Vec<u64>,
 }
+
+/// Entries of the queue at most: those that are out of date go when it is full.
+fn most_queued(triangles: usize) -> usize {
+    2 * triangles + LOOKS
+}
+
+/// Bytes of an entry, with room to grow, and of what each triangle waits with.
+const QUEUE_BYTES: u64 = 40;
 
 impl Work<'_> {
     fn run(&mut self, exec: &Exec) -> Result<(), Error> {
         let (mut fan, mut deviation) = (Fan::new(), Deviation::new());
         let mut looked = 0_usize;
-        while let Some((bits, std::cmp::Reverse(t))) = self.queue.pop() {
+        while let Some((bits, Reverse(t))) = self.queue.pop() {
             if looked.is_multiple_of(LOOKS) {
                 exec.check_cancelled()?;
             }
             looked += 1;
-            let corners = self.mesh.triangles[t as usize];
             // Triangles that have changed since were queued anew.
-            if corners == GONE || self.limits.badness(&self.mesh, corners).to_bits() != bits {
+            if self.queued[t as usize] != bits {
                 continue;
             }
+            self.queued[t as usize] = 0;
+            let corners = self.mesh.triangles[t as usize];
             let [a, b, c] = corners;
             let mut ways = [[a, b], [b, a], [b, c], [c, b], [c, a], [a, c]];
             let length = |w: &[u32; 2]| {
@@ -119,10 +134,18 @@ impl Work<'_> {
         Ok(())
     }
 
+    /// Queues a triangle if it is a sliver.
     fn push(&mut self, t: u32) {
-        let badness = self.limits.badness(&self.mesh, self.mesh.triangles[t as usize]);
-        if badness > 1.0 {
-            self.queue.push((badness.to_bits(), std::cmp::Reverse(t)));
+        let corners = self.mesh.triangles[t as usize];
+        let badness = if corners == GONE { 0.0 } else { self.limits.badness(&self.mesh, corners) };
+        let bits = if badness > 1.0 { badness.to_bits() } else { 0 };
+        if bits == std::mem::replace(&mut self.queued[t as usize], bits) || bits == 0 {
+            return;
+        }
+        self.queue.push((bits, Reverse(t)));
+        if self.queue.len() > most_queued(self.queued.len()) {
+            let queued = &self.queued;
+            self.queue.retain(|(bits, Reverse(t))| queued[*t as usize] == *bits);
         }
     }
 
@@ -153,8 +176,9 @@ impl Work<'_> {
         }
         let patch: Vec<[u8; 3]> = (1..k as u8 - 1).map(|i| [0, i, i + 1]).collect();
         self.mesh.replace(u, fan, &patch, bounds, y);
-        // What couldn't go before may now.
-        let mut around: Vec<u32> = ring.iter().flat_map(|&r| self.mesh.star_of(r)).copied().collect();
+        // What couldn't go before may now; round a hub only what has changed.
+        let stars = ring.iter().map(|&r| self.mesh.star_of(r)).filter(|star| star.len() <= HUB);
+        let mut around: Vec<u32> = stars.flatten().chain(fan.triangles()).copied().collect();
         around.sort_unstable();
         around.dedup();
         for t in around {

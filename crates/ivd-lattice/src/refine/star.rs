@@ -6,6 +6,9 @@ use crate::figures::stars::Stars;
 /// A vertex with more neighbours than this isn't removed.
 pub(super) const MAX_VALENCE: usize = 48;
 
+/// Triangles round a hub, at least: what lies round it elsewhere is taken not to change where one of them does.
+pub(super) const HUB: usize = 512;
+
 /// The closed fan of triangles round a vertex, in order: triangle `i` is `(vertex, ring[i], ring[i + 1])`.
 #[derive(Debug, Clone)]
 pub(super) struct Fan {

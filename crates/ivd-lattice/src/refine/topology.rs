@@ -26,9 +26,9 @@ use super::features::Kind;
 use super::half_edge::{LEAST_HEIGHT, Limits, Refusal, check_shape};
 use super::params::{RefineParams, Target};
 use super::passes::Run;
-use super::report::{Refused, StoppedBy};
+use super::report::{Refusals, Refused, StoppedBy};
 use super::shared::GONE;
-use super::star::Fan;
+use super::star::{Fan, HUB};
 use super::surface::Surface;
 use crate::Error;
 
@@ -58,6 +58,10 @@ pub(super) fn run(
         Target::MaxError(_) => Keep::Vertices(0),
     };
     let bound = if let Target::MaxError(mm) = params.target { mm } else { f64::INFINITY };
+    exec.check_memory(
+        "the surface whose tunnels are closed",
+        super::surface_bytes(vertices, triangles_in) + bytes_for(vertices, surface.triangles.len()),
+    )?;
     let stars: Vec<Vec<u32>> = (0..vertices).map(|v| surface.stars.of(v).to_vec()).collect();
     let mut pinching = Pinching {
         triangles: surface.triangles.len(),
@@ -78,6 +82,19 @@ pub(super) fn run(
     let stopped_by = if pinching.is_enough() { StoppedBy::Target } else { refused.reason() };
     surface.tidy(&[]);
     Ok(Run { stopped_by, refused, passes: passes_before + passes })
+}
+
+/// Bytes of the stars, which grow by doubling, and of the queue.
+fn bytes_for(vertices: usize, triangles: usize) -> u64 {
+    let star = (size_of::<Vec<u32>>() + size_of::<u32>()) as u64;
+    (star + size_of::<Option<Refusal>>() as u64) * vertices as u64
+        + 24 * triangles as u64
+        + 24 * most_queued(vertices) as u64
+}
+
+/// Entries of the queue at most: those that are out of date go when it is full.
+fn most_queued(vertices: usize) -> usize {
+    2 * vertices + LOOKS
 }
 
 /// How much to keep.
@@ -133,9 +150,10 @@ impl Pinching<'_> {
         for &v in &self.surface.free {
             self.stamps[v as usize] = 0;
         }
-        let (mut refused, mut passes) = (self.surface.kept, 0);
+        let mut passes = 0;
+        let mut refusals = Refusals::new(self.stamps.len());
         while !self.is_enough() {
-            refused = self.surface.kept;
+            refusals.clear();
             passes += 1;
             let before = self.vertices;
             for v in 0..self.stamps.len() as u32 {
@@ -153,8 +171,11 @@ impl Pinching<'_> {
                 }
                 looked += 1;
                 match self.remove(v) {
-                    Ok(()) => self.vertices -= 1,
-                    Err(refusal) => refused.count(refusal),
+                    Ok(()) => {
+                        self.vertices -= 1;
+                        refusals.note(v, None);
+                    }
+                    Err(refusal) => refusals.note(v, Some(refusal)),
                 }
             }
             exec.observer().advance(TASK, (before - self.vertices) as u64);
@@ -162,7 +183,7 @@ impl Pinching<'_> {
                 break;
             }
         }
-        Ok((refused, passes))
+        Ok((self.surface.kept + refusals.count(), passes))
     }
 
     /// Queues a vertex, if it may go, by the cost of its cheapest collapse.
@@ -170,9 +191,15 @@ impl Pinching<'_> {
         if self.stamps[v as usize] == KEPT {
             return;
         }
-        if let Some((cost, _)) = self.targets(v).first() {
-            self.stamps[v as usize] += 1;
-            self.queue.push(Reverse((cost.to_bits(), v, self.stamps[v as usize])));
+        // A hub stays as long as it is one.
+        let hub = self.stars[v as usize].len() > HUB;
+        let cost = if hub { Some(f32::INFINITY) } else { self.targets(v).first().map(|target| target.0) };
+        let Some(cost) = cost else { return };
+        self.stamps[v as usize] += 1;
+        self.queue.push(Reverse((cost.to_bits(), v, self.stamps[v as usize])));
+        if self.queue.len() > most_queued(self.stamps.len()) {
+            let stamps = &self.stamps;
+            self.queue.retain(|Reverse((_, v, stamp))| stamps[*v as usize] == *stamp);
         }
     }
 
@@ -194,6 +221,9 @@ impl Pinching<'_> {
     /// Collapses a vertex onto the cheapest neighbour that can be.
     fn remove(&mut self, u: u32) -> Result<(), Refusal> {
         let mut refusal = Refusal::Link;
+        if self.stars[u as usize].len() > HUB {
+            return Err(refusal);
+        }
         for (_, y) in self.targets(u) {
             match self.plan(u, y) {
                 Ok(change) => {
@@ -222,7 +252,9 @@ impl Pinching<'_> {
         let corners = |t: u32| self.surface.triangles.corners(t);
         for &(t, _) in &change.moved {
             let moved = corners(t).map(|c| if c == u { y } else { c });
-            let twin = self.stars[y as usize].iter().find(|&&other| {
+            let stars = moved.map(|c| &self.stars[c as usize]);
+            let least = stars.into_iter().min_by_key(|star| star.len()).expect("there are three");
+            let twin = least.iter().find(|&&other| {
                 let there = corners(other);
                 !there.contains(&u) && moved.iter().all(|c| there.contains(c))
             });
@@ -335,10 +367,9 @@ impl Pinching<'_> {
     }
 
     fn on_edge(&self, a: u32, b: u32) -> impl Iterator<Item = u32> {
-        self.stars[a as usize]
-            .iter()
-            .copied()
-            .filter(move |&t| self.surface.triangles.corners(t).contains(&b))
+        let [star, other] = [a, b].map(|v| &self.stars[v as usize]);
+        let (star, far) = if star.len() <= other.len() { (star, b) } else { (other, a) };
+        star.iter().copied().filter(move |&t| self.surface.triangles.corners(t).contains(&far))
     }
 
     fn inradius(&self, corners: [u32; 3]) -> f64 {
@@ -348,6 +379,8 @@ impl Pinching<'_> {
     }
 
     fn apply(&mut self, [u, y]: [u32; 2], change: &Change) {
+        let before: Vec<u32> =
+            self.stars[u as usize].iter().flat_map(|&t| self.surface.triangles.corners(t)).collect();
         for &t in &change.flat {
             self.drop(t);
         }
@@ -366,8 +399,11 @@ impl Pinching<'_> {
         self.surface.features.join(u);
         self.surface.absorb(u);
         self.stamps[u as usize] = KEPT;
-        let mut around: Vec<u32> =
-            self.stars[y as usize].iter().flat_map(|&t| self.surface.triangles.corners(t)).collect();
+        // What couldn't go before may now; round a hub only what has changed.
+        let mut around = before;
+        if self.stars[y as usize].len() <= HUB {
+            around = self.stars[y as usize].iter().flat_map(|&t| self.surface.triangles.corners(t)).collect();
+        }
         around.extend(change.raised.iter().flat_map(|r| self.surface.triangles.corners(r.0)));
         around.sort_unstable();
         around.dedup();
@@ -380,7 +416,9 @@ impl Pinching<'_> {
         let corners = self.surface.triangles.corners(t);
         debug_assert_ne!(corners, GONE);
         for c in corners {
-            self.stars[c as usize].retain(|&s| s != t);
+            let star = &mut self.stars[c as usize];
+            let at = star.iter().position(|&s| s == t).expect("stars are up to date");
+            star.remove(at);
         }
         self.surface.triangles.remove(t);
         self.triangles -= 1;

@@ -16,9 +16,9 @@ use crate::mesh::{area_and_volume, assert_closed_manifold};
 type Point = Vector3<f64>;
 
 /// A function of a place (mm) that is above 0 inside the body, and its gradient.
-struct Body {
-    level: fn(Point) -> f64,
-    gradient: fn(Point) -> Point,
+pub(crate) struct Body {
+    pub(crate) level: fn(Point) -> f64,
+    pub(crate) gradient: fn(Point) -> Point,
 }
 
 /// Side of the cube that is sampled (mm).
@@ -30,13 +30,13 @@ fn centre() -> Point {
     Point::new(50.13, 49.79, 50.37)
 }
 
-const BALL: Body =
+pub(crate) const BALL: Body =
     Body { level: |p| 35.0 - (p - centre()).norm(), gradient: |p| -(p - centre()).normalize() };
 
 /// Radius of the torus's circle and of its tube (mm); the axis is z.
 const TORUS: [f64; 2] = [28.0, 12.0];
 
-const RING: Body = Body {
+pub(crate) const RING: Body = Body {
     level: |p| {
         let p = p - centre();
         TORUS[1] - (p.x.hypot(p.y) - TORUS[0]).hypot(p.z)
@@ -57,7 +57,7 @@ fn phase(p: Point) -> Point {
     (p - centre()) * (TAU * PERIODS / SIDE)
 }
 
-const GYROID: Body = Body {
+pub(crate) const GYROID: Body = Body {
     level: |p| {
         let p = phase(p);
         p.x.sin() * p.y.cos() + p.y.sin() * p.z.cos() + p.z.sin() * p.x.cos()
@@ -100,8 +100,13 @@ fn area_of_a_period() -> f64 {
     3.0 * sum * step * step
 }
 
-/// The cube sampled with `dims` voxels, the first and the last on its faces.
+/// The cube sampled with `dims` voxels, the first and the last on its faces, and the lattice of it.
 fn cut_body(dims: [usize; 3], level: impl Fn(Point) -> f64) -> Lattice {
+    cut_volume(&sampled(dims, level), None, Iso::Value(0.0))
+}
+
+/// The cube sampled with `dims` voxels.
+pub(crate) fn sampled(dims: [usize; 3], level: impl Fn(Point) -> f64) -> Volume {
     let spacing = dims.map(|n| SIDE / (n - 1) as f64);
     let grid = Grid::with_spacing(dims, spacing).unwrap();
     let [nx, ny, _] = dims;
@@ -110,7 +115,7 @@ fn cut_body(dims: [usize; 3], level: impl Fn(Point) -> f64) -> Lattice {
         level(Point::from_fn(|a, _| v[a] as f64 * spacing[a])) as f32
     };
     let voxels: Vec<f32> = (0..dims.iter().product()).map(value).collect();
-    cut_volume(&Volume::new(grid, Voxels::from(voxels)).unwrap(), None, Iso::Value(0.0))
+    Volume::new(grid, Voxels::from(voxels)).unwrap()
 }
 
 /// What is measured between the voxels of the volume.

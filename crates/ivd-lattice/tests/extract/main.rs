@@ -4,12 +4,14 @@
 
 mod awkward;
 mod convergence;
+mod levels;
 mod mesh;
 mod normals;
 mod parts;
 mod random_fields;
 mod several;
 mod sphere;
+mod ties;
 
 use ivd_core::{Exec, Grid, Lattice, Mask, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};

@@ -4,6 +4,8 @@ use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract, normals};
 use nalgebra::Vector3;
 
+use crate::convergence::{BALL, Body, GYROID, RING, sampled};
+
 /// A ball of radius `r` (mm) about the middle of a grid, sampled from its distance, and its lattice.
 fn ball(grid: Grid, r: f64) -> (Volume, Lattice, Vector3<f64>) {
     let dims = grid.dims();
@@ -80,4 +82,40 @@ fn a_flat_volume_gives_the_triangles_normals() {
         let out = lattice.voxel(i).0 - Vector3::repeat(1.0);
         assert!(out.dot(&Vector3::from(n.map(f64::from))) > 0.0);
     }
+}
+
+/// Largest and mean angle (degrees) between the normals of a body's lattice and the body's own, between the voxels of the volume.
+fn angles(body: &Body, n: usize) -> [f64; 2] {
+    let volume = sampled([n; 3], body.level);
+    let params = ExtractParams { iso: Iso::Value(0.0) };
+    let lattice = extract(&volume, None, &params, &Exec::default()).unwrap().lattice;
+    let found = normals(&volume, &lattice, &Exec::default()).unwrap();
+    let inside = |i: &usize| lattice.voxel(*i).0.iter().all(|&c| 0.0 < c && c < (n - 1) as f64);
+    let angle = |i: usize| {
+        let normal = Vector3::from(found[i].map(f64::from));
+        let truth = -(body.gradient)(lattice.world(i).0);
+        normal.cross(&truth).norm().atan2(normal.dot(&truth)).to_degrees()
+    };
+    let angles: Vec<f64> = (0..lattice.keys.len()).filter(inside).map(angle).collect();
+    [angles.iter().copied().fold(0.0, f64::max), angles.iter().sum::<f64>() / angles.len() as f64]
+}
+
+fn assert_within_a_degree(n: usize) {
+    for (name, body) in [("ball", BALL), ("torus", RING), ("gyroid", GYROID)] {
+        let [largest, mean] = angles(&body, n);
+        println!("{name} {n}³: normals {largest:.4}° at most, {mean:.4}° on average");
+        assert!(largest < 1.0, "{name} {n}³: {largest}°");
+    }
+}
+
+#[test]
+fn normals_of_ball_torus_and_gyroid_are_within_a_degree() {
+    assert_within_a_degree(64);
+}
+
+#[test]
+#[ignore = "256³ voxels three times"]
+fn normals_of_finer_bodies_are_within_a_degree() {
+    assert_within_a_degree(128);
+    assert_within_a_degree(256);
 }

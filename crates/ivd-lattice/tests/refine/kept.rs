@@ -226,3 +226,30 @@ fn costs_that_are_all_the_same_give_the_same_bytes_for_any_number_of_threads() {
         }
     }
 }
+
+#[test]
+fn what_kept_vertices_is_told_of_each_that_is_left_and_of_no_other() {
+    for seed in 0..40 {
+        let lattice = lattices::random(seed);
+        for (method, allow_topology) in
+            [(Method::Collapse, false), (Method::Decimate, false), (Method::Collapse, true)]
+        {
+            let params = RefineParams { allow_topology, ..params(method, Target::Ratio(0.0)) };
+            let out = run(&lattice, &params, &[]);
+            let refused = out.reached.refused;
+            let told = [
+                refused.links,
+                refused.flips,
+                refused.specks,
+                refused.locks,
+                refused.features,
+                refused.max_error,
+            ];
+            assert_eq!(
+                told.iter().sum::<u64>(),
+                out.lattice.keys.len() as u64,
+                "{seed}, {method:?}: {refused:?}"
+            );
+        }
+    }
+}

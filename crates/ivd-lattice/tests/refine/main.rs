@@ -1,5 +1,6 @@
 //! Refinement of extracted lattices: what must hold whatever is refined, and however far.
 
+mod awkward;
 mod chain;
 mod coarser;
 mod decimate;
