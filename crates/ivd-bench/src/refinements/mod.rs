@@ -56,7 +56,7 @@ pub struct LatticeBench {
     pub input: String,
     /// Edge of its voxels (mm).
     pub voxel_mm: f64,
-    /// Vertices beside an edge where the surface turns by more than [`CREASE_DEGREES`](rows::CREASE_DEGREES).
+    /// Vertices beside an edge where the surface turns by more than 40°.
     pub crease_vertices: usize,
     /// The lattice's own counts.
     pub shape: Shape,
