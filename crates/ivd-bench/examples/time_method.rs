@@ -23,10 +23,6 @@ use ivd_segment::{
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-/// As in the program.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 type Anything<T> = Result<T, Box<dyn Error>>;
 type Method<'a> = Box<dyn Fn(&Exec) -> Anything<Found> + 'a>;
 
