@@ -2,19 +2,21 @@
 //! plots of growth.
 //!
 //! `time_method METHOD FILE TYPE NX,NY,NZ PARAMS [REPEATS [LABELS]]`: METHOD is kmvs, emvs, msvs, msvs+kmvs, hvs, lattice,
-//! lattice-again or refine; the file holds little-endian voxels of TYPE (u8, u16, f32), 1 mm apart; PARAMS is the JSON of the method's
+//! lattice-again, lattice-slider, lattice-slider-again or refine; the file holds little-endian voxels of TYPE (u8, u16, f32), 1 mm apart; PARAMS is the JSON of the method's
 //! parameters (kmvs weighs places where they say so; hvs takes `classes` beside them, refine the `iso` of the lattice that it
 //! is given). Each run is a call on what lies in memory, with two threads. `lattice` finds the range of values of each brick
-//! in every run, as for a volume seen for the first time; `lattice-again` finds it there. Prints JSON: wall and processor time of each run
+//! in every run, as for a volume seen for the first time; `lattice-again` finds it there; `lattice-slider` and
+//! `lattice-slider-again` are the same with memory that is used again. Prints JSON: wall and processor time of each run
 //! (s), peak memory (MiB) and that before the first run; for clusterings the method's own figure, K, iterations; for
 //! lattices what there is of vertices and triangles. LABELS gets the labels as u16.
 
+use std::cell::RefCell;
 use std::error::Error;
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
-use ivd_lattice::extract::{ExtractParams, extract};
+use ivd_lattice::extract::{ExtractParams, Extractor, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_segment::{
     Cut, CutParams, HvsParams, KmvsParams, Segmentation, cut, emvs, hvs_tree, kmvs, kmvs_spatial, msvs,
@@ -108,18 +110,26 @@ fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>
                 Ok(Found::classes(cut(&hvs_tree(volume, None, &params, exec)?.tree, &classes, exec)?))
             })
         }
-        "lattice" => {
+        "lattice" | "lattice-again" | "lattice-slider" | "lattice-slider-again" => {
             let params: ExtractParams = params(text)?;
-            // The voxels are shared, what was found out about them is not.
+            let (again, slider) = (name.ends_with("again"), name.contains("slider"));
+            let extractor = RefCell::new(Extractor::default());
+            if again {
+                volume.bricks();
+            }
             Box::new(move |exec| {
+                // The voxels are shared, what was found out about them is not.
                 let unseen = Volume::new(volume.grid().clone(), volume.voxels().clone())?;
-                Ok(Found::surface(&extract(&unseen, None, &params, exec)?.lattice))
+                let volume = if again { volume } else { &unseen };
+                if !slider {
+                    return Ok(Found::surface(&extract(volume, None, &params, exec)?.lattice));
+                }
+                let mut extractor = extractor.borrow_mut();
+                let lattice = extractor.extract(volume, None, &params, exec)?.lattice;
+                let found = Found::surface(&lattice);
+                extractor.recycle(lattice);
+                Ok(found)
             })
-        }
-        "lattice-again" => {
-            let params: ExtractParams = params(text)?;
-            volume.bricks();
-            Box::new(move |exec| Ok(Found::surface(&extract(volume, None, &params, exec)?.lattice)))
         }
         "refine" => {
             let mut value: Value = serde_json::from_str(text)?;

@@ -35,6 +35,7 @@
 
 mod bounds;
 pub(crate) mod cell;
+mod extractor;
 mod interior;
 mod normals;
 mod parts;
@@ -51,18 +52,13 @@ mod tests;
 mod tube;
 mod vertices;
 
-use ivd_core::{
-    BRICK, BrickIndex, ElementKey, Exec, Grid, Lattice, LatticeSource, Mask, ParamError, Volume, with_voxels,
-};
-use rayon::prelude::*;
+use ivd_core::{ElementKey, Exec, Lattice, Mask, ParamError, Volume};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
-use bounds::{Bounds, Ordered};
+pub use extractor::Extractor;
 pub use normals::normals;
 pub use parts::{Part, extract_parts, occurring};
-use samples::{Field, Masked, Samples};
-use signs::{BrickState, Signs};
 pub(crate) use table::PARTED;
 
 /// Which surface to cut.
@@ -141,7 +137,7 @@ pub struct Extracted {
 }
 
 /// A surface before it is a lattice.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 struct Surface {
     keys: Vec<ElementKey>,
     places: Vec<[f32; 3]>,
@@ -167,101 +163,5 @@ pub fn extract(
     params: &ExtractParams,
     exec: &Exec,
 ) -> Result<Extracted, Error> {
-    params.check()?;
-    if let Some(mask) = mask.filter(|m| !m.grid().matches(volume.grid())) {
-        return Err(Error::Core(ivd_core::Error::GridMismatch {
-            a: "volume",
-            a_dims: volume.grid().dims(),
-            b: "mask",
-            b_dims: mask.grid().dims(),
-        }));
-    }
-    exec.run(|| match (params.iso, mask) {
-        (Iso::Mask, None) => Err(Error::MissingInput {
-            asked: "the surface of a mask",
-            needed: "a mask",
-            remedy: "give a mask, or an isovalue",
-        }),
-        (Iso::Mask, Some(mask)) => cut_mask(mask, exec),
-        // The voxels that either cut reads are touched by it, once it knows which they are.
-        (iso, None) => with_voxels!(volume.layers([]), voxels => cut_field(volume, voxels, &iso, exec)),
-        (iso, Some(mask)) => {
-            with_voxels!(volume.layers([]), voxels => cut_part(volume, voxels, mask, &iso, exec))
-        }
-    })
-}
-
-fn cut_field<T: Ordered>(volume: &Volume, voxels: &[T], iso: &Iso, exec: &Exec) -> Result<Extracted, Error> {
-    let field = Field { voxels, bounds: Bounds::new(volume, iso) };
-    if !exec.skip {
-        volume.voxels();
-        return cut(&field, volume.grid(), source(iso), None, exec);
-    }
-    let bricks = signs::brick_states(volume.bricks(), &field.bounds);
-    let [nx, ny, _] = volume.bricks().dims();
-    let layers = bricks.chunks(nx * ny).enumerate().filter(|(_, layer)| layer.contains(&BrickState::Mixed));
-    volume.layers(layers.map(|(z, _)| z * BRICK..(z + 1) * BRICK + 1));
-    cut(&field, volume.grid(), source(iso), Some(&bricks), exec)
-}
-
-fn cut_part<T: Ordered>(
-    volume: &Volume,
-    voxels: &[T],
-    mask: &Mask,
-    iso: &Iso,
-    exec: &Exec,
-) -> Result<Extracted, Error> {
-    let bounds = Bounds::new(volume, iso);
-    let [nx, ny, _] = volume.grid().dims();
-    let inside: Vec<bool> = mask.inside().par_chunks(nx * ny).map(|layer| layer.contains(&1)).collect();
-    // An edge that crosses leads one layer out.
-    let layers = (0..inside.len()).filter(|&z| inside[z]);
-    volume.layers(layers.map(|z| z.saturating_sub(1)..z + 2));
-    let part = Masked { mask: mask.inside(), field: Field { voxels, bounds }, contradicts: bounds.first };
-    cut(&part, volume.grid(), source(iso), None, exec)
-}
-
-fn cut_mask(mask: &Mask, exec: &Exec) -> Result<Extracted, Error> {
-    if let Some(level) = mask.level() {
-        return cut(&samples::levelled(mask.inside(), level), mask.grid(), LatticeSource::Mask, None, exec);
-    }
-    cut(&samples::halfway(mask.inside()), mask.grid(), LatticeSource::Mask, None, exec)
-}
-
-fn source(iso: &Iso) -> LatticeSource {
-    match *iso {
-        Iso::Value(value) => LatticeSource::Iso(value),
-        Iso::Interval { lower, upper } => LatticeSource::Interval { lower, upper },
-        Iso::Mask => LatticeSource::Mask,
-    }
-}
-
-fn cut(
-    samples: &impl Samples,
-    grid: &Grid,
-    source: LatticeSource,
-    bricks: Option<&[BrickState]>,
-    exec: &Exec,
-) -> Result<Extracted, Error> {
-    let dims = grid.dims();
-    exec.check_memory("the signs of the voxels", Signs::bytes(dims))?;
-    let signs = Signs::read(samples, dims, bricks, exec)?;
-    let flip = grid.linear_part().determinant() < 0.0;
-    let Surface { keys, places, triangles } = sweep::extract(samples, &signs, dims, flip, exec)?;
-    let bricks_active = match bricks {
-        Some(bricks) => bricks.iter().filter(|b| **b == BrickState::Mixed).count() as u64,
-        None => signs.mixed_bricks(),
-    };
-    let bricks_total = BrickIndex::dims_for(dims).map(|n| n as u64).iter().product();
-    let lattice = Lattice {
-        grid: grid.clone(),
-        source,
-        keys,
-        places,
-        triangles,
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    };
-    Ok(Extracted { lattice, bricks_active, bricks_total })
+    Extractor::default().extract(volume, mask, params, exec)
 }

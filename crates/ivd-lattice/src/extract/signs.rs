@@ -35,7 +35,7 @@ pub(super) fn brick_states<T: Ordered>(index: &BrickIndex, bounds: &Bounds<T>) -
 
 /// Signs of all voxels. Bit `p` of a row is the padded voxel `p`, so that bits 0 and `n + 1` are 0; so are the rows of the border
 /// layer.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Signs {
     dims: [usize; 3],
     /// Words a row, the last one always 0.
@@ -68,8 +68,10 @@ impl Signs {
         row as u64 * (dims[1] + 2) as u64 * (dims[2] + 2) as u64
     }
 
-    /// Reads the signs of `samples`; where `bricks` are given, only those of mixed bricks are looked at.
+    /// Reads the signs of `samples` into the memory of `self`; where `bricks` are given, only those of mixed bricks are looked
+    /// at.
     pub(super) fn read(
+        self,
         samples: &impl Samples,
         dims: [usize; 3],
         bricks: Option<&[BrickState]>,
@@ -77,8 +79,10 @@ impl Signs {
     ) -> Result<Self, ivd_core::Error> {
         let words = Self::words(dims[0]);
         let [nx, ny, nz] = dims;
-        let mut rows = vec![0_u32; words * (ny + 2) * (nz + 2)];
-        let mut spans = vec![NOTHING; (ny + 2) * (nz + 2)];
+        let Self { rows, mut spans, .. } = self;
+        let mut rows = zeros(rows, words * (ny + 2) * (nz + 2));
+        spans.clear();
+        spans.resize((ny + 2) * (nz + 2), NOTHING);
         let strips = BrickIndex::dims_for(dims);
         let layers = rows.par_chunks_mut(words * (ny + 2)).zip(spans.par_chunks_mut(ny + 2));
         layers.skip(1).take(nz).enumerate().try_for_each(|(z, (rows, spans))| {
@@ -133,6 +137,17 @@ impl Signs {
         };
         (0..bricks.iter().product()).into_par_iter().filter(|&b| mixed(b)).count() as u64
     }
+}
+
+/// As many zeros, in the memory of `spare` where that is enough: else pages that nobody writes to are never fetched.
+fn zeros(mut spare: Vec<u32>, len: usize) -> Vec<u32> {
+    if spare.capacity() < len {
+        drop(spare);
+        return vec![0; len];
+    }
+    spare.clear();
+    spare.resize(len, 0);
+    spare
 }
 
 /// Runs of bricks of one state.

@@ -75,38 +75,73 @@ struct Sweep<'a, S> {
     flip: bool,
 }
 
-/// The surface of `samples`, whose signs are `signs`, on a grid of `dims` voxels. `flip` turns every triangle over
-/// (left-handed grids).
+/// Memory of sweeps before, for the next one; what is in it means nothing.
+#[derive(Debug, Default)]
+pub(super) struct Spare {
+    desks: Vec<Desk>,
+    pub(super) surface: Surface,
+}
+
+impl Spare {
+    /// Bytes of the vectors that the next surface is written to.
+    fn bytes(&self) -> u64 {
+        let Surface { keys, places, triangles } = &self.surface;
+        (keys.capacity() * 8 + places.capacity() * 12 + triangles.capacity() * 12) as u64
+    }
+
+    /// Vectors of these lengths, of what is there where that is enough; their contents mean nothing.
+    fn surface(&mut self, vertices: usize, triangles: usize) -> (Vec<u64>, Vec<[f32; 3]>, Vec<[u32; 3]>) {
+        let Surface { keys, places, triangles: corners } = std::mem::take(&mut self.surface);
+        (
+            of_length(bytemuck::cast_vec(keys), vertices),
+            of_length(places, vertices),
+            of_length(corners, triangles),
+        )
+    }
+}
+
+/// The vector with another length; one that is too small is given up first, so that both are never held.
+fn of_length<T: bytemuck::Zeroable + Copy>(mut spare: Vec<T>, len: usize) -> Vec<T> {
+    if spare.capacity() < len {
+        drop(spare);
+        return bytemuck::zeroed_vec(len);
+    }
+    spare.resize(len, T::zeroed());
+    spare
+}
+
+/// The surface of `samples`, whose signs are `signs`, on a grid of `dims` voxels, in the memory of `spare`. `flip` turns every
+/// triangle over (left-handed grids).
 pub(super) fn extract<S: Samples>(
     samples: &S,
     signs: &Signs,
     dims: [usize; 3],
     flip: bool,
+    spare: &mut Spare,
     exec: &Exec,
 ) -> Result<Surface, Error> {
     let sweep = Sweep { samples, signs, dims, simple: &CASES.simple[usize::from(flip)], flip };
     let layers = dims[2] + 1;
     exec.observer().begin(TASK, 2 * layers as u64);
-    let surface = sweep.run(layers, exec);
+    let surface = sweep.run(layers, spare, exec);
     exec.observer().end(TASK);
     surface
 }
 
 impl<S: Samples> Sweep<'_, S> {
-    fn run(&self, layers: usize, exec: &Exec) -> Result<Surface, Error> {
+    fn run(&self, layers: usize, spare: &mut Spare, exec: &Exec) -> Result<Surface, Error> {
         let counts = self.count(layers, exec)?;
         let vertices: u64 = counts.iter().map(|c| c.vertices).sum();
         let triangles: u64 = counts.iter().map(|c| c.triangles).sum();
         let slabs = self.slabs(&counts);
         let desks = rayon::current_num_threads().min(slabs.len()) * 2 * Layer::bytes(self.dims);
         let held = Signs::bytes(self.dims) + counts.iter().map(Count::bytes).sum::<u64>() + desks as u64;
-        exec.check_memory("the lattice", held + vertices * 20 + triangles * 12)?;
+        exec.check_memory("the lattice", held + (vertices * 20 + triangles * 12).max(spare.bytes()))?;
 
-        let mut keys = vec![0_u64; vertices as usize];
-        let mut places = vec![[0.0_f32; 3]; vertices as usize];
-        let mut corners = vec![[0_u32; 3]; triangles as usize];
+        let (mut keys, mut places, mut corners) = spare.surface(vertices as usize, triangles as usize);
         let slabs = shared_out(slabs, &counts, &mut keys, &mut places, &mut corners);
-        let desks = Mutex::new(Vec::new());
+        spare.desks.retain(|[layer, _]| layer.fits(self.dims));
+        let desks = Mutex::new(std::mem::take(&mut spare.desks));
         slabs.into_par_iter().try_for_each(|slab| {
             let free = desks.lock().unwrap_or_else(PoisonError::into_inner).pop();
             let mut desk = free.unwrap_or_else(|| [Layer::new(self.dims), Layer::new(self.dims)]);
@@ -114,6 +149,7 @@ impl<S: Samples> Sweep<'_, S> {
             desks.lock().unwrap_or_else(PoisonError::into_inner).push(desk);
             Ok::<(), Error>(())
         })?;
+        spare.desks = desks.into_inner().unwrap_or_else(PoisonError::into_inner);
         Ok(Surface { keys: bytemuck::cast_vec(keys), places, triangles: corners })
     }
 

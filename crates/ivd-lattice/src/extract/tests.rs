@@ -18,8 +18,8 @@ fn swept(samples: &impl Samples, dims: [usize; 3], flip: bool, bricks: Option<&[
     let [one, many] = [1, 8].map(|threads| {
         let exec = Exec::default().with_threads(threads);
         exec.run(|| {
-            let signs = Signs::read(samples, dims, bricks, &exec).unwrap();
-            sweep::extract(samples, &signs, dims, flip, &exec).unwrap()
+            let signs = Signs::default().read(samples, dims, bricks, &exec).unwrap();
+            sweep::extract(samples, &signs, dims, flip, &mut sweep::Spare::default(), &exec).unwrap()
         })
     });
     assert!(one == many, "{dims:?}: another surface with eight threads");
@@ -132,7 +132,7 @@ fn mixed_bricks_are_counted_alike_from_ranges_and_from_signs() {
             Volume::new(Grid::with_spacing(dims, [1.0; 3]).unwrap(), Voxels::from(voxels.clone())).unwrap();
         let field = Field { voxels: &voxels, bounds: Bounds::new(&volume, &Iso::Value(0.5)) };
         let bricks = brick_states(volume.bricks(), &field.bounds);
-        let signs = Signs::read(&field, dims, None, &Exec::default()).unwrap();
+        let signs = Signs::default().read(&field, dims, None, &Exec::default()).unwrap();
         let mixed = bricks.iter().filter(|b| **b == BrickState::Mixed).count() as u64;
         assert_eq!(signs.mixed_bricks(), mixed, "{dims:?}");
     }

@@ -57,6 +57,11 @@ impl Layer {
         Self { width, voxels: vec![Voxel::default(); width * rows], firsts: vec![0; rows] }
     }
 
+    /// Whether it is of a grid of `dims` voxels.
+    pub(super) fn fits(&self, dims: [usize; 3]) -> bool {
+        [self.width, self.firsts.len()] == [dims[0] + 2, dims[1] + 2]
+    }
+
     /// Bytes of one.
     pub(super) fn bytes(dims: [usize; 3]) -> usize {
         (size_of::<Voxel>() * (dims[0] + 2) + size_of::<u32>()) * (dims[1] + 2)
