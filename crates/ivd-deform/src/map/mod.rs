@@ -57,6 +57,7 @@ use carry::{Part, carry};
 use compose::{Composed, halve};
 pub use octree::{Prepared, frames, octree};
 pub use outcome::{Followed, Mapped};
+pub(crate) use params::smooth_fall;
 pub use params::{DepthWeight, MapMethod, MapParams, Outside};
 use region::{Region, largest};
 use relax::relax;
@@ -216,7 +217,7 @@ fn folded(certificate: &Certificate, grid: &Grid) -> Error {
 }
 
 /// Checks that lattice and motion belong together.
-fn check_inputs(lattice: &Lattice, motion: &Motion) -> Result<(), Error> {
+pub(crate) fn check_inputs(lattice: &Lattice, motion: &Motion) -> Result<(), Error> {
     motion.check()?;
     if !lattice.grid.matches(&motion.grid) {
         return Err(Error::Mismatch {

@@ -1,0 +1,121 @@
+//! Free forms: a lattice is translated, turned, scaled, bent, twisted, tapered, stretched, squeezed, without physics.
+//!
+//! Each [`Shape`] is a map of space, the identity beyond its ball. Several act one after another, each on what the one before
+//! left: [`lattice`] takes the vertices through all of them, from rest or from where a solver's motion took them. A solver's
+//! motion is made with its handles first; shapes come after it, in their order.
+//!
+//! After Barr 1984 (bend, twist, taper); the thesis, 6.1.1 and figure 8.11. A shape may fold space where it fades out too
+//! steeply; [`crate::map`] tells, and mends what can be mended.
+//!
+//! ```
+//! use ivd_deform::freeform::{Kind, Shape};
+//! use nalgebra::Vector3;
+//!
+//! let quarter = Shape {
+//!     kind: Kind::Rotate { angle: 90.0 },
+//!     centre: [10.0, 0.0, 0.0],
+//!     axis: [0.0, 0.0, 1.0],
+//!     radius: 20.0,
+//!     core: 0.5,
+//!     length: None,
+//! };
+//! let turned = quarter.apply(Vector3::new(15.0, 0.0, 3.0), 1.0);
+//! assert!((turned - Vector3::new(10.0, 5.0, 3.0)).norm() < 1e-12);
+//! let beyond = Vector3::new(31.0, 0.0, 0.0);
+//! assert_eq!(quarter.apply(beyond, 1.0), beyond);
+//! ```
+
+mod shape;
+#[cfg(test)]
+mod tests;
+
+use ivd_core::{Ball, Exec, Frame, Lattice, Motion};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use crate::Error;
+pub use shape::{Kind, Shape};
+
+/// A lattice's motion by shapes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shaped {
+    /// The frames, from none of the shapes' work to all of it; reach: the start's balls, then a ball for each shape.
+    pub motion: Motion,
+    /// Vertices whose displacement in the last frame isn't 0.
+    pub vertices_moved: usize,
+    /// Largest displacement of any frame (mm).
+    pub max_displacement_mm: f64,
+}
+
+/// Takes the vertices of a lattice through `shapes`, in their order.
+///
+/// With a `start`, from where each of its frames has them, the shapes doing `i / n` of their work in frame `i` of `n`, counted
+/// from 1; without, from rest, one frame at the time 0.
+///
+/// # Errors
+/// [`Error::Param`]: a shape outside its domain. [`Error::Mismatch`]: a start of another lattice. [`Error::Untrusted`]: a
+/// place that isn't finite. Cancelled.
+pub fn lattice(
+    lattice: &Lattice,
+    start: Option<&Motion>,
+    shapes: &[Shape],
+    exec: &Exec,
+) -> Result<Shaped, Error> {
+    shapes.iter().try_for_each(Shape::check)?;
+    lattice.check()?;
+    if let Some(start) = start {
+        crate::map::check_inputs(lattice, start)?;
+    }
+    let rest = lattice.local_positions();
+    let still = [Frame { time: 0.0, displacement: vec![[0.0; 3]; rest.len()] }];
+    let frames = start.map_or(&still[..], |start| &start.frames);
+    let origin = Vector3::from(lattice.grid.origin());
+    exec.run(|| {
+        let mut shaped = Vec::with_capacity(frames.len());
+        for (i, frame) in frames.iter().enumerate() {
+            exec.check_cancelled()?;
+            let amount = (i + 1) as f64 / frames.len() as f64;
+            let displacement: Vec<[f64; 3]> = frame
+                .displacement
+                .par_iter()
+                .zip(&rest)
+                .map(|(&before, &rest)| displaced(rest, before, origin, shapes, amount))
+                .collect();
+            if let Some(v) = displacement.iter().position(|d| !d.iter().all(|c| c.is_finite())) {
+                return Err(Error::Untrusted {
+                    what: "the shapes",
+                    problem: format!("vertex {v} of frame {i} goes beyond all numbers"),
+                    remedy: "use smaller factors and rates",
+                });
+            }
+            shaped.push(Frame { time: frame.time, displacement });
+        }
+        let balls = shapes.iter().map(|shape| Ball { centre: shape.centre, radius: shape.radius });
+        let reach = start.map_or(&[][..], |start| &start.reach).iter().copied().chain(balls).collect();
+        let motion = Motion { grid: lattice.grid.clone(), vertex_count: rest.len(), frames: shaped, reach };
+        let last = motion.frames.last().map_or(&[][..], |frame| &frame.displacement);
+        Ok(Shaped {
+            vertices_moved: last.iter().filter(|u| **u != [0.0; 3]).count(),
+            max_displacement_mm: motion.max_displacement(),
+            motion,
+        })
+    })
+}
+
+/// The displacement of a point that was displaced before, after all shapes (mm). What no shape reaches keeps it bit for bit.
+fn displaced(
+    rest: Vector3<f64>,
+    before: [f64; 3],
+    origin: Vector3<f64>,
+    shapes: &[Shape],
+    amount: f64,
+) -> [f64; 3] {
+    let at = rest + Vector3::from(before);
+    let mut now = at;
+    for shape in shapes {
+        // Relative to the grid's origin, which may be far away.
+        let local = Shape { centre: (Vector3::from(shape.centre) - origin).into(), ..*shape };
+        now = local.apply(now, amount);
+    }
+    if now == at { before } else { (now - rest).into() }
+}
