@@ -6,7 +6,9 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser as _;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
-use ivd_pipeline::scene::{ClassChoice, FixSection, HandleSection, IsoChoice, Override, triple};
+use ivd_pipeline::scene::{
+    ClassChoice, FixSection, HandleSection, IsoChoice, Override, ShapeSection, triple,
+};
 
 use crate::parse;
 
@@ -251,11 +253,16 @@ pub(crate) enum Command {
         #[arg(long)]
         labels: Option<PathBuf>,
         /// 'pick=x,y,z;move=dx,dy,dz;radius=r' (mm), or vertex=N, or force=x,y,z (mN).
-        #[arg(long, required = true)]
+        #[arg(long, required_unless_present = "shape")]
         handle: Vec<HandleSection>,
         /// 'pick=x,y,z;radius=r': vertices that stay.
         #[arg(long)]
         fix: Vec<FixSection>,
+        /// 'kind=…;centre=x,y,z;radius=r;…': a change of shape, after what the solver does. Kinds and what they need: translate by=x,y,z
+        /// (mm); rotate angle=… (degrees); scale along=…;across=…; stretch, squeeze factor=…; twist, taper rate=…; bend
+        /// rate=…;spine=x,y,z. Also axis=x,y,z, core=…, and length=… (mm) where there is a rate.
+        #[arg(long)]
+        shape: Vec<ShapeSection>,
         /// ring.
         #[arg(long)]
         solver: Option<String>,

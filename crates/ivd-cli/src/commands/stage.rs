@@ -131,7 +131,7 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             let files = vec![("lattice", Some(lattice.as_path()))];
             Job { stage: Box::new(Octree::from_section(&section)), files, output: &output.path }
         }
-        Command::Deform { lattice, labels, handle, fix, solver, stiffness, duration, output } => {
+        Command::Deform { lattice, labels, handle, fix, shape, solver, stiffness, duration, output } => {
             unused_labels(labels.as_deref(), context)?;
             let words = Words::default()
                 .with("solver", solver.clone())
@@ -140,6 +140,7 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             let mut section: DeformSection = section(params, words.0)?;
             section.handle.extend(handle.iter().cloned());
             section.fix.extend(fix.iter().cloned());
+            section.shape.extend(shape.iter().cloned());
             let files = vec![("lattice", Some(lattice.as_path()))];
             Job { stage: Box::new(Deform::from_section(&section)?), files, output: &output.path }
         }

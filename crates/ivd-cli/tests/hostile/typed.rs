@@ -119,6 +119,16 @@ fn scenes() -> Vec<Case> {
             "a handle with radius nan",
             format!("{HEAD}[[deform.handle]]\nvertex = 1\nmove = [0, 0, 1]\nradius = nan\n"),
         ),
+        (
+            "a shape without its keys",
+            format!("{HEAD}[[deform.shape]]\nkind = \"twist\"\ncentre = [0, 0, 0]\nradius = 1.0\n"),
+        ),
+        (
+            "a shape that is nothing",
+            format!(
+                "{HEAD}[[deform.shape]]\nkind = \"scale\"\ncentre = [0, 0, 0]\nradius = 1.0\nalong = 0.0\n"
+            ),
+        ),
         ("vertex −1", format!("{HEAD}[[deform.handle]]\nvertex = -1\nmove = [0, 0, 1]\nradius = 1.0\n")),
     ] {
         cases.push(scene(name.to_owned(), USAGE, text));

@@ -88,19 +88,24 @@ impl Amounts {
     }
 }
 
-/// How far a handle's motion goes (mm); for a force, which only physics tells, a tenth of its radius.
-pub(super) fn motion(handle: &HandleSection) -> f64 {
-    handle.displace.map_or(0.1 * handle.radius, |d| Vector3::from(d).norm())
+/// The balls in which something moves: centre (mm), radius (mm), and how far the motion goes (mm), for what only the work
+/// itself tells a tenth of the radius. A handle that names a vertex has no centre.
+pub(super) fn balls(deform: &DeformSection) -> impl Iterator<Item = (Option<[f64; 3]>, f64, f64)> + '_ {
+    let ball = |centre, radius: f64, by: Option<[f64; 3]>| {
+        (centre, radius, by.map_or(0.1 * radius, |by| Vector3::from(by).norm()))
+    };
+    let handles = deform.handle.iter().map(move |h| ball(h.pick, h.radius, h.displace));
+    handles.chain(deform.shape.iter().map(move |s| ball(Some(s.centre), s.radius, s.by)))
 }
 
-/// Voxels in the balls that the handles reach, widened by the default margin, as far as the volume goes. A handle that
+/// Voxels in the balls that handles and shapes reach, widened by the default margin, as far as the volume goes. A handle that
 /// names a vertex is taken to lie in the middle.
 fn reach_voxels(deform: &DeformSection, grid: &Grid) -> f64 {
     let dims = grid.dims().map(|n| n as f64);
     let middle = Vector3::from(dims.map(|n| 0.5 * n));
-    let ball = |handle: &HandleSection| {
-        let radius = handle.radius + 4.0 * motion(handle);
-        let centre = handle.pick.map_or(middle, |p| grid.voxel(World(p.into())).0);
+    let voxels = |(centre, radius, motion): (Option<[f64; 3]>, f64, f64)| {
+        let radius = radius + 4.0 * motion;
+        let centre = centre.map_or(middle, |p| grid.voxel(World(p.into())).0);
         let spacing = grid.spacing();
         let sides = (0..3).map(|a| {
             let half = radius / spacing[a];
@@ -109,7 +114,7 @@ fn reach_voxels(deform: &DeformSection, grid: &Grid) -> f64 {
         // A ball fills this part of its cube.
         sides.product::<f64>() * std::f64::consts::FRAC_PI_6
     };
-    deform.handle.iter().map(ball).sum::<f64>().min(grid.len() as f64)
+    balls(deform).map(voxels).sum::<f64>().min(grid.len() as f64)
 }
 
 /// Vertices of a lattice nearer to a handle than its radius.

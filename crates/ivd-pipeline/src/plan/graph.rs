@@ -353,7 +353,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         IsoChoice::Word(_) => None,
     };
     let isolates = labels || scene.boundary.is_some();
-    let moves = scene.deform.as_ref().filter(|d| !d.handle.is_empty());
+    let moves = scene.deform.as_ref().filter(|d| !d.is_still());
     let coloured = scene.render.mode == RenderMode::Dvr;
 
     let part: BoundarySection = scene.boundary.clone().unwrap_or_default();

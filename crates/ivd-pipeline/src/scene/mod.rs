@@ -16,7 +16,7 @@ pub use sections::{
     DeformSection, DepthWeight, FixSection, HandleSection, InputSection, IsoChoice, IsoWord, KernelChoice,
     LatticeSection, LinkageChoice, MapMethod, MapSection, OctreeSection, OutputSection, Outside, Picture,
     Projection, RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection,
-    SegmentMethod, SegmentSection, Solver, WarpOrder, WarpSection,
+    SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver, WarpOrder, WarpSection,
 };
 pub use written::triple;
 
@@ -93,10 +93,10 @@ impl Scene {
                 self.output.images.iter().any(|p| *p != Picture::Before),
             ),
         ];
-        let still = self.deform.as_ref().is_none_or(|d| d.handle.is_empty());
+        let still = self.deform.as_ref().is_none_or(DeformSection::is_still);
         if let Some((name, _)) = moved.iter().find(|(_, wanted)| still && *wanted) {
             return Err(format!(
-                "{name} shows a deformation, but there is no [[deform.handle]]; add one or drop the output"
+                "{name} shows a deformation, but there is no [[deform.handle]] or [[deform.shape]]; add one or drop the output"
             ));
         }
         for (name, path) in self.output.files() {
@@ -110,6 +110,9 @@ impl Scene {
         for (i, handle) in self.deform.iter().flat_map(|d| &d.handle).enumerate() {
             handle.check().map_err(|e| format!("deform.handle {i}: {e}"))?;
         }
+        for (i, shape) in self.deform.iter().flat_map(|d| &d.shape).enumerate() {
+            shape.shape().map_err(|e| format!("deform.shape {i}: {e}"))?;
+        }
         Ok(())
     }
 
@@ -120,7 +123,7 @@ impl Scene {
 
     /// Pictures to draw: those named, and those that a report asks for.
     pub fn pictures(&self) -> Vec<Picture> {
-        let deforms = self.deform.as_ref().is_some_and(|d| !d.handle.is_empty());
+        let deforms = self.deform.as_ref().is_some_and(|d| !d.is_still());
         let mut pictures = self.output.images.clone();
         if self.output.report {
             pictures.push(Picture::Before);

@@ -1,8 +1,8 @@
-//! Handles and fixed places in one line, as a command line gives them.
+//! Handles, fixed places and shapes in one line, as a command line gives them.
 
 use std::str::FromStr;
 
-use super::{FixSection, HandleSection};
+use super::{FixSection, HandleSection, ShapeSection};
 
 /// Reads `x,y,z`, three finite numbers.
 ///
@@ -70,6 +70,32 @@ impl FromStr for FixSection {
     }
 }
 
+impl FromStr for ShapeSection {
+    type Err = String;
+
+    /// Reads the keys of a `[[deform.shape]]` as `key=value`, vectors as `x,y,z`: `kind=twist;centre=x,y,z;radius=r;rate=a`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut keys = toml::Table::new();
+        for (key, value) in fields(text)? {
+            let number =
+                || value.parse::<f64>().map(toml::Value::Float).map_err(|e| format!("{key} `{value}`: {e}"));
+            let value = match key {
+                "kind" => value.into(),
+                "centre" | "axis" | "by" | "spine" => {
+                    triple(value).map_err(|e| format!("{key}: {e}"))?.to_vec().into()
+                }
+                _ => number()?,
+            };
+            if keys.insert(key.to_owned(), value).is_some() {
+                return Err(format!("`{key}` is there twice; give it once"));
+            }
+        }
+        let shape: Self = keys.try_into().map_err(|e: toml::de::Error| e.message().to_owned())?;
+        shape.shape()?;
+        Ok(shape)
+    }
+}
+
 fn fields(text: &str) -> Result<Vec<(&str, &str)>, String> {
     text.split(';')
         .filter(|part| !part.trim().is_empty())
@@ -102,5 +128,27 @@ mod tests {
         assert_eq!(fix("pick=1,2,3;radius=4"), Ok(FixSection { pick: [1.0, 2.0, 3.0], radius: 4.0 }));
         assert!(fix("pick=1,2,3;radius=0").unwrap_err().contains("positive"));
         assert!(fix("pick=1,2,3;radius=nan").is_err());
+    }
+
+    #[test]
+    fn shapes_are_read_as_in_a_scene_or_refused_by_key() {
+        let shape = |text: &str| text.parse::<ShapeSection>();
+        let twist = shape("kind=twist; centre=1,2,3; axis=0,1,0; radius=30; rate=2.5; length=20").unwrap();
+        let scene =
+            "kind = \"twist\"\ncentre = [1, 2, 3]\naxis = [0, 1, 0]\nradius = 30\nrate = 2.5\nlength = 20";
+        assert_eq!(twist, toml::from_str(scene).unwrap());
+        let refused = [
+            ("kind=twirl;centre=1,2,3;radius=3", "twirl"),
+            ("kind=twist;centre=1,2,3;rate=1", "radius"),
+            ("kind=twist;centre=1,2;radius=3;rate=1", "centre"),
+            ("kind=twist;centre=1,2,3;radius=3;rate=x", "rate"),
+            ("kind=twist;centre=1,2,3;radius=3;rate=1;rate=2", "twice"),
+            ("kind=twist;centre=1,2,3;radius=3;rate=1;angle=2", "angle"),
+            ("kind=twist;centre=1,2,3;radius=3;rate=1;size=2", "size"),
+        ];
+        for (text, word) in refused {
+            let error = shape(text).unwrap_err();
+            assert!(error.contains(word), "{text}: {error}");
+        }
     }
 }

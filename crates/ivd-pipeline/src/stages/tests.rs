@@ -73,7 +73,8 @@ fn no_parameter_is_hidden_from_scenes() {
     assert_eq!(unmoved("leaf_size = 8", Octree::from_section), nothing);
     let deform = "stiffness = 1.0\nduration = 1.0\ndt = 0.1\nground = 2.0\ndamping = 2.0\ndensity = 2.0\n\
         vertex_mass = 2.0\nepsilon = 0.5\nliteral = true\n[[fix]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0\n\
-        [[handle]]\nvertex = 1\nmove = [0.0, 0.0, 1.0]\nradius = 2.0";
+        [[handle]]\nvertex = 1\nmove = [0.0, 0.0, 1.0]\nradius = 2.0\n\
+        [[shape]]\nkind = \"rotate\"\ncentre = [0.0, 0.0, 1.0]\nradius = 2.0\nangle = 3.0";
     assert_eq!(unmoved(deform, |s| Deform::from_section(s).unwrap()), [".solver"]);
     let map = "weight = \"one\"\ndepth = 1.0\nmargin = 1.0\noutside = \"free\"\ntolerance = 0.1";
     assert_eq!(unmoved(map, Map::from_section), [".method"]);

@@ -1,6 +1,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::ShapeSection;
+
 /// How the lattice moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -38,6 +40,15 @@ pub struct DeformSection {
     pub handle: Vec<HandleSection>,
     /// What stays.
     pub fix: Vec<FixSection>,
+    /// Changes of shape, after what the solver does with the handles.
+    pub shape: Vec<ShapeSection>,
+}
+
+impl DeformSection {
+    /// Whether nothing moves.
+    pub fn is_still(&self) -> bool {
+        self.handle.is_empty() && self.shape.is_empty()
+    }
 }
 
 impl Default for DeformSection {
@@ -56,6 +67,7 @@ impl Default for DeformSection {
             literal: params.literal,
             handle: Vec::new(),
             fix: Vec::new(),
+            shape: Vec::new(),
         }
     }
 }

@@ -8,6 +8,7 @@ mod map;
 mod output;
 mod picture;
 mod segment;
+mod shape;
 
 pub use boundary::{BoundarySection, ClassChoice, ClassWord};
 pub use deform::{DeformSection, FixSection, HandleSection, Solver};
@@ -20,3 +21,4 @@ pub use segment::{
     AutoWord, ClassCount, ClassOrder, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice,
     SegmentMethod, SegmentSection,
 };
+pub use shape::{ShapeKind, ShapeSection};

@@ -1,0 +1,95 @@
+//! Free forms through the program: single stages, a scene, and what is refused.
+#![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn ivd(folder: &Path, words: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivd"));
+    command.current_dir(folder).env("IVD_CACHE", folder.join("cache")).args(words).output().unwrap()
+}
+
+fn json(folder: &Path, words: &[&str]) -> Value {
+    let output = ivd(folder, &[words, &["--json"]].concat());
+    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+const PUSH: &str = "kind=translate;centre=20,20,20;radius=60;core=0.8;by=0,3,4";
+
+fn ball(at: &Path) -> Value {
+    json(at, &["phantom", "sphere", "--size", "40", "-o", "v.ivd"]);
+    json(at, &["lattice", "v.ivd", "--iso", "128", "-o", "l.ivd"])
+}
+
+#[test]
+fn shapes_move_a_lattice_alone_and_after_a_handle() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let vertices = ball(at)["metrics"]["vertices"].clone();
+    let alone = json(at, &["deform", "l.ivd", "--shape", PUSH, "-o", "alone.ivd"]);
+    assert_eq!(alone["metrics"]["vertices_moved"], vertices);
+    assert_eq!(alone["metrics"]["steps"], 0);
+    assert!((alone["metrics"]["max_displacement_mm"].as_f64().unwrap() - 5.0).abs() < 1e-9);
+    // The handle's vertex goes (0, 3, 4) further than the handle takes it.
+    let handle = "vertex=0;move=0,3,4;radius=9";
+    let both = json(at, &["deform", "l.ivd", "--handle", handle, "--shape", PUSH, "-o", "both.ivd"]);
+    assert!(both["metrics"]["steps"].as_u64().unwrap() > 0);
+    assert!((both["metrics"]["max_displacement_mm"].as_f64().unwrap() - 10.0).abs() < 1e-9);
+    // There and back.
+    let pull = PUSH.replace("0,3,4", "0,-3,-4");
+    let back = json(at, &["deform", "l.ivd", "--shape", PUSH, "--shape", &pull, "-o", "back.ivd"]);
+    assert!(back["metrics"]["max_displacement_mm"].as_f64().unwrap() < 1e-9);
+}
+
+#[test]
+fn a_twist_goes_from_the_lattice_to_the_voxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    ball(at);
+    json(at, &["octree", "l.ivd", "-o", "o.ivd"]);
+    let twist = "kind=twist;centre=20,20,20;axis=1,0,0;radius=19;core=0.3;rate=2";
+    json(at, &["deform", "l.ivd", "--shape", twist, "-o", "m.ivd"]);
+    let map = json(at, &["map", "l.ivd", "o.ivd", "m.ivd", "-o", "d.ivd"]);
+    assert_eq!(map["metrics"]["folds"], 0);
+    assert!(map["metrics"]["voxels_moved"].as_u64().unwrap() > 0);
+    json(at, &["warp", "v.ivd", "d.ivd", "-o", "twisted.ivd"]);
+    // Turning a ball about its axis leaves it where it was, to what interpolation loses at its rim.
+    let change = json(at, &["compare", "v.ivd", "twisted.ivd"]);
+    assert!(change["rms"].as_f64().unwrap() < 4.0, "{change}");
+}
+
+#[test]
+fn a_scene_takes_shapes_without_handles() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 40\n[lattice]\niso = 128.0\n\
+        [[deform.shape]]\nkind = \"stretch\"\ncentre = [20, 20, 20]\nradius = 19.0\nfactor = 1.2\n\
+        [output]\nvolume = \"stretched.nii.gz\"\n";
+    std::fs::write(at.join("scene.toml"), scene).unwrap();
+    let told = json(at, &["pipeline", "scene.toml", "--out", "out"]);
+    let deform = told["stages"].as_array().unwrap().iter().find(|s| s["stage"] == "deform").unwrap();
+    assert_eq!(deform["state"], "ran");
+    assert!(deform["metrics"]["vertices_moved"].as_u64().unwrap() > 0);
+    assert!(at.join("out/stretched.nii.gz").exists());
+}
+
+#[test]
+fn what_a_shape_does_not_read_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for (shape, word) in [
+        ("kind=translate;centre=1,2,3;radius=4;by=1,0,0;angle=3", "angle"),
+        ("kind=bend;centre=1,2,3;radius=4;rate=3", "spine"),
+        ("kind=melt;centre=1,2,3;radius=4", "melt"),
+    ] {
+        let output = ivd(at, &["deform", "l.ivd", "--shape", shape, "-o", "m.ivd"]);
+        assert_eq!(output.status.code(), Some(2), "{shape}");
+        let words = String::from_utf8(output.stderr).unwrap();
+        assert!(words.contains(word), "{shape}: {words}");
+    }
+    let neither = ivd(at, &["deform", "l.ivd", "-o", "m.ivd"]);
+    assert_eq!(neither.status.code(), Some(2));
+}
