@@ -214,5 +214,7 @@ fn a_shape_out_of_its_domain_is_refused_by_name() {
         let error = shape.check().unwrap_err().to_string();
         assert!(error.contains(field), "{field}: {error}");
     }
-    KINDS.iter().for_each(|kind| shape(*kind).check().unwrap());
+    for kind in KINDS {
+        shape(kind).check().unwrap();
+    }
 }
