@@ -12,7 +12,7 @@ fi
 status=0
 echo "-- read_artefact"
 "$venv/bin/python" "$here/read_artefact.py" "$here"/../../fixtures/artefacts/*.ivd >/dev/null || status=1
-for script in volumes lattices pipeline; do
+for script in volumes lattices motions pipeline; do
     [ -f "$here/$script.py" ] || continue
     echo "-- $script"
     "$venv/bin/python" "$here/$script.py" "$ivd" || status=1

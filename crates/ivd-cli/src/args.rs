@@ -349,12 +349,19 @@ pub(crate) enum Command {
     Export {
         /// Artefact.
         artefact: PathBuf,
-        /// nii, nii.gz, nrrd, mha, mhd, vti, tif, raw; ply, obj, stl, glb, vtp; png; json.
+        /// nii, nii.gz, nrrd, mha, mhd, vti, tif, raw; ply, obj, stl, glb, vtp, with --lattice pvd; png; json.
         #[arg(short, long)]
         output: PathBuf,
         /// Of a lattice with coarser levels beside it: which, 0 the lattice itself.
         #[arg(long, value_name = "N")]
         level: Option<usize>,
+        /// Of a motion: the lattice that it moves (artefact). Written as glb with a morph target for every frame, as pvd with a vtp for
+        /// every frame, else as the last frame has it.
+        #[arg(long)]
+        lattice: Option<PathBuf>,
+        /// Of a displacement: forward (rest to deformed) or inverse (deformed to rest, what resamplers want; the default).
+        #[arg(long, value_enum)]
+        direction: Option<Direction>,
     },
     /// What a file holds.
     Info {
@@ -542,4 +549,13 @@ pub(crate) enum Planted {
     Slow,
     /// Every error is half as large again.
     Inexact,
+}
+
+/// Which way a displacement field leads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Direction {
+    /// Rest to deformed.
+    Forward,
+    /// Deformed to rest.
+    Inverse,
 }

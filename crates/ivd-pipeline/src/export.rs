@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use ivd_artefact::Artefact;
-use ivd_core::{Displacement, Exec, Image, Labels, Mask, Volume, Voxels};
+use ivd_core::{Displacement, Exec, Image, Labels, Lattice, Mask, Volume, Voxels};
 use ivd_volume::FieldDirection;
 use serde_json::{Value, json};
 
@@ -15,12 +15,35 @@ use crate::error::stage_error;
 /// Writes an artefact in the format of `path`'s ending. A file whose bytes would not change isn't touched.
 ///
 /// Volumes, labels and masks: nii, nii.gz, nrrd, mha, mhd, vti, tif, tiff, raw. Lattices: ply, obj, stl, glb, vtp.
-/// Displacements: nrrd (deformed → rest, LPS mm, as ITK reads it). Images: png. Transfer functions, motions, octrees, and the figures
-/// of anything else: json.
+/// Displacements: nrrd, nii, nii.gz (deformed → rest, LPS mm, as ITK reads it). Images: png. Transfer functions, motions, octrees, and
+/// the figures of anything else: json. What else may be chosen: [`export_with`].
 ///
 /// # Errors
 /// A usage error where the kind has no such format, and whatever writing runs into.
 pub fn export(artefact: &Artefact, path: &Path, exec: &Exec) -> Result<bool, Error> {
+    export_with(artefact, path, &ExportOptions::default(), exec)
+}
+
+/// What may be chosen in an export.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ExportOptions<'a> {
+    /// For a motion: the lattice that it moves, which makes it a mesh (glb with morph targets, pvd with a vtp for every frame, else
+    /// the last frame).
+    pub lattice: Option<&'a Lattice>,
+    /// For a displacement: which of its fields.
+    pub direction: FieldDirection,
+}
+
+/// As [`export()`], with what may be chosen.
+///
+/// # Errors
+/// As [`export()`].
+pub fn export_with(
+    artefact: &Artefact,
+    path: &Path,
+    options: &ExportOptions<'_>,
+    exec: &Exec,
+) -> Result<bool, Error> {
     if ending(path) == "json" {
         return write_text(path, &(pretty(&describe(artefact)) + "\n"));
     }
@@ -31,18 +54,21 @@ pub fn export(artefact: &Artefact, path: &Path, exec: &Exec) -> Result<bool, Err
         Artefact::Lattice(lattice) => {
             ivd_lattice::formats::write(path, lattice).map(|w| w.touched).map_err(stage_error!("export"))
         }
-        Artefact::Displacement(field) => write_field(path, field, exec),
+        Artefact::Displacement(field) => write_field(path, field, options.direction, exec),
         Artefact::Image(image) => write_png(path, image),
-        Artefact::Transfer(_) | Artefact::Motion(_) | Artefact::Octree(_) | Artefact::Tree(_) => {
-            Err(Error::usage(
-                "export",
-                format!(
-                    "a {} artefact is written as .json, not as .{}",
-                    artefact.kind().name(),
-                    ending(path)
-                ),
-            ))
+        Artefact::Motion(motion) => {
+            let Some(lattice) = options.lattice else {
+                let problem = "a motion is written as .json, or as a mesh with the lattice that it moves: add --lattice";
+                return Err(Error::usage("export", problem));
+            };
+            ivd_lattice::formats::write_motion(path, lattice, motion)
+                .map(|w| w.touched)
+                .map_err(stage_error!("export"))
         }
+        Artefact::Transfer(_) | Artefact::Octree(_) | Artefact::Tree(_) => Err(Error::usage(
+            "export",
+            format!("a {} artefact is written as .json, not as .{}", artefact.kind().name(), ending(path)),
+        )),
     }
 }
 
@@ -87,14 +113,17 @@ fn write_volume(path: &Path, volume: &Volume, exec: &Exec) -> Result<bool, Error
 const VOLUME_ENDINGS: [&str; 10] =
     ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "tiff", "raw"];
 
-fn write_field(path: &Path, field: &Displacement, exec: &Exec) -> Result<bool, Error> {
-    if ending(path) != "nrrd" {
-        let problem = format!("{}: a displacement field is written as .nrrd", path.display());
+fn write_field(
+    path: &Path,
+    field: &Displacement,
+    direction: FieldDirection,
+    exec: &Exec,
+) -> Result<bool, Error> {
+    if !["nrrd", "nii", "nii.gz"].contains(&&*ending(path)) {
+        let problem = format!("{}: a displacement field is written as .nrrd, .nii, .nii.gz", path.display());
         return Err(Error::usage("export", problem));
     }
-    ivd_volume::write_field(path, field, FieldDirection::Inverse, exec)
-        .map(|w| w.touched)
-        .map_err(stage_error!("export"))
+    ivd_volume::write_field(path, field, direction, exec).map(|w| w.touched).map_err(stage_error!("export"))
 }
 
 fn write_png(path: &Path, image: &Image) -> Result<bool, Error> {

@@ -49,7 +49,9 @@ pub mod stages;
 pub use budget::{Budget, BudgetReport, Choice};
 pub use compare::compare;
 pub use error::Error;
-pub use export::{describe, ending, export, labels_volume, mask_volume, png_bytes, write_text};
+pub use export::{
+    ExportOptions, describe, ending, export, export_with, labels_volume, mask_volume, png_bytes, write_text,
+};
 pub use outputs::OutputFile;
 pub use pipeline::{PipelineOptions, PipelineReport, default_out, run};
 pub use runner::{Done, OutputRecord, Runner, StageRecord, State, backend_name};

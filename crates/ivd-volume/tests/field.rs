@@ -46,6 +46,7 @@ fn a_field_is_dense_with_vectors_and_grid_in_lps() {
         "kinds: vector domain domain domain",
         "type: float",
         "endian: little",
+        "displacement:=forward mm LPS",
     ] {
         assert!(header.lines().any(|l| l == line), "{line} in {header}");
     }
@@ -57,6 +58,32 @@ fn a_field_is_dense_with_vectors_and_grid_in_lps() {
         let [r, a, s] = displacement.forward.at(at);
         assert_eq!(vector, [-r, -a, s], "{at:?}");
     }
+}
+
+#[test]
+fn nifti_holds_the_components_one_after_the_other_and_says_which_way_they_lead() {
+    let folder = tempfile::tempdir().unwrap();
+    let displacement = displacement();
+    let plain = folder.path().join("field.nii");
+    write_field(&plain, &displacement, FieldDirection::Forward, &Exec::default()).unwrap();
+    let bytes = std::fs::read(&plain).unwrap();
+    let i16_at = |at: usize| i16::from_le_bytes([bytes[at], bytes[at + 1]]);
+    assert_eq!([40, 42, 44, 46, 48, 50].map(i16_at), [5, 10, 9, 3, 1, 3]);
+    assert_eq!((i16_at(68), i16_at(70), &bytes[328..343]), (1007, 16, &b"forward mm LPS\0"[..]));
+    let numbers: Vec<f32> =
+        bytes[352..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+    assert_eq!(numbers.len(), 3 * 270);
+    for voxel in 0..270 {
+        let [r, a, s] = displacement.forward.at(VoxelIndex([voxel % 10, voxel / 10 % 9, voxel / 90]));
+        assert_eq!([0, 270, 540].map(|at| numbers[voxel + at]), [0.0 - r, 0.0 - a, s]);
+    }
+    // Far from the origin single precision can't hold the grid: the second version of the format can.
+    let grid =
+        Grid::new(DIMS, [0.5, 1.0, 2.0], [1e7 + 0.125, 20.0, 30.0], displacement.grid.direction()).unwrap();
+    write_field(&plain, &Displacement { grid, ..displacement }, FieldDirection::Inverse, &Exec::default())
+        .unwrap();
+    let bytes = std::fs::read(&plain).unwrap();
+    assert_eq!((bytes[0], bytes[504], bytes[505], &bytes[508..523]), (28, 239, 3, &b"inverse mm LPS\0"[..]));
 }
 
 #[test]

@@ -39,7 +39,9 @@ pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
             let params = volume::phantom_params(&name, size, noise, &voxel_type, seed)?;
             volume::phantom(params, truth.as_deref(), &output.path, context)
         }
-        Command::Export { artefact, output, level } => volume::export(&artefact, &output, level, context),
+        Command::Export { artefact, output, level, lattice, direction } => {
+            volume::export(&artefact, &output, level, lattice.as_deref(), direction, context)
+        }
         Command::Info { file, vertex, voxel } => info::run(&file, &vertex, &voxel, context),
         Command::Compare { a, b } => compare::run(&a, &b, context),
         Command::Bench(args) => bench::run(&args, context),

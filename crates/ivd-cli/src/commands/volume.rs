@@ -5,11 +5,11 @@ use std::path::Path;
 use ivd_artefact::{Artefact, Cache};
 use ivd_core::VoxelType;
 use ivd_pipeline::stages::{Import, ImportLabels, ImportSource};
-use ivd_pipeline::{Input, Inputs, ending, export as write_as};
-use ivd_volume::{ByteOrder, RawLayout, ReadOptions, phantom as phantoms};
+use ivd_pipeline::{ExportOptions, Input, Inputs, ending, export as write_as, export_with};
+use ivd_volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions, phantom as phantoms};
 
 use super::stage::{finish, write_artefact};
-use crate::args::Raw;
+use crate::args::{Direction, Raw};
 use crate::context::Context;
 use crate::exit::Failure;
 
@@ -97,6 +97,8 @@ pub(super) fn export(
     artefact: &Path,
     output: &Path,
     level: Option<usize>,
+    lattice: Option<&Path>,
+    direction: Option<Direction>,
     context: &Context,
 ) -> anyhow::Result<()> {
     let mut input = volume_or_artefact(artefact, &context.stage_cache()?, context)?;
@@ -114,7 +116,29 @@ pub(super) fn export(
         };
         input.artefact = std::sync::Arc::new(Artefact::Lattice(chosen));
     }
-    let written = write_as(&input.artefact, output, &context.exec)?;
+    if direction.is_some() && !matches!(*input.artefact, Artefact::Displacement(_)) {
+        let kind = input.artefact.kind().name();
+        return Err(Failure::usage(format!("--direction: a {kind} artefact has none; displacements have")));
+    }
+    let direction = match direction {
+        Some(Direction::Forward) => FieldDirection::Forward,
+        Some(Direction::Inverse) | None => FieldDirection::Inverse,
+    };
+    let moved = lattice.map(|path| context.artefact(path)).transpose()?;
+    let moved = match (moved.as_ref().map(|input| &*input.artefact), &*input.artefact) {
+        (None, _) => None,
+        (Some(Artefact::Lattice(lattice)), Artefact::Motion(_)) => Some(lattice),
+        (Some(Artefact::Lattice(_)), other) => {
+            let kind = other.kind().name();
+            return Err(Failure::usage(format!("--lattice: a {kind} artefact needs none; motions do")));
+        }
+        (Some(other), _) => {
+            let kind = other.kind().name();
+            return Err(Failure::usage(format!("--lattice: a {kind} artefact isn't a lattice")));
+        }
+    };
+    let options = ExportOptions { lattice: moved, direction };
+    let written = export_with(&input.artefact, output, &options, &context.exec)?;
     let object = serde_json::json!({
         "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),
         "output": { "path": output, "written": written },

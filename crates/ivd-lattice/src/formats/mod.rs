@@ -12,9 +12,12 @@
 //! which way its axes run) is taken as `docs/methods/mesh-files.md` tells. A [`Mesh`] becomes a lattice by
 //! [`foreign::lattice`](crate::foreign::lattice).
 //!
+//! [`write_motion`] writes a lattice with its motion: `.glb` as morph targets with an animation, `.pvd` as a series of `.vtp`.
+//!
 //! A file is written beside its target and renamed; where the bytes would not change the target isn't touched.
 
 mod glb;
+mod motion;
 mod obj;
 mod parse;
 mod ply;
@@ -22,12 +25,13 @@ mod read;
 mod stl;
 mod vtp;
 
+pub use motion::write_motion;
 pub use read::{Address, Mesh, read, read_bytes};
 
 use std::io::{self, Write};
 use std::path::Path;
 
-use ivd_core::Lattice;
+use ivd_core::{Frame, Lattice};
 use nalgebra::Vector3;
 
 use crate::Error;
@@ -83,6 +87,8 @@ struct Placed<'a> {
     lattice: &'a Lattice,
     /// World positions (mm), RAS.
     positions: Vec<Vector3<f64>>,
+    /// How they move from there; only formats with an animation hold it.
+    frames: &'a [Frame],
 }
 
 /// Writes a lattice at rest in the format of the file's ending.
@@ -91,7 +97,7 @@ struct Placed<'a> {
 /// [`Error::Format`] for an ending that isn't known, [`Error::Unwritable`] where the format can't hold the lattice,
 /// [`Error::Io`] where writing failed. The target is then as it was.
 pub fn write(path: &Path, lattice: &Lattice) -> Result<Written, Error> {
-    write_mesh(path, &Placed { lattice, positions: lattice.positions() })
+    write_mesh(path, &Placed { lattice, positions: lattice.positions(), frames: &[] })
 }
 
 /// Writes a lattice whose vertices are displaced.
@@ -102,6 +108,11 @@ pub fn write(path: &Path, lattice: &Lattice) -> Result<Written, Error> {
 /// As [`write()`]; [`ivd_core::Error::Inconsistent`] where the displacement's length isn't the lattice's or a vector
 /// isn't finite.
 pub fn write_deformed(path: &Path, lattice: &Lattice, displacement: &[[f64; 3]]) -> Result<Written, Error> {
+    write_mesh(path, &Placed { lattice, positions: deformed(lattice, displacement)?, frames: &[] })
+}
+
+/// Where the vertices are after a displacement (mm), RAS.
+fn deformed(lattice: &Lattice, displacement: &[[f64; 3]]) -> Result<Vec<Vector3<f64>>, Error> {
     let bad =
         |problem| Error::from(ivd_core::Error::Inconsistent { what: "displacement of a lattice", problem });
     if displacement.len() != lattice.keys.len() {
@@ -110,11 +121,8 @@ pub fn write_deformed(path: &Path, lattice: &Lattice, displacement: &[[f64; 3]])
     if let Some(at) = displacement.iter().position(|d| !d.iter().all(|c| c.is_finite())) {
         return Err(bad(format!("the vector of vertex {at} is not finite")));
     }
-    let mut positions = lattice.positions();
-    for (position, d) in positions.iter_mut().zip(displacement) {
-        *position += Vector3::from(*d);
-    }
-    write_mesh(path, &Placed { lattice, positions })
+    let moved = |(position, d): (Vector3<f64>, &[f64; 3])| position + Vector3::from(*d);
+    Ok(lattice.positions().into_iter().zip(displacement).map(moved).collect())
 }
 
 /// The format of a file's ending.

@@ -201,3 +201,89 @@ fn an_empty_lattice_is_a_valid_file_in_every_format() {
         assert!(!bytes.is_empty());
     }
 }
+
+/// The tetrahedron in two frames.
+fn motion(lattice: &Lattice) -> ivd_core::Motion {
+    let frame = |time: f64, by: f64| {
+        let displacement = (0..4).map(|v| [by, 0.5 * by * f64::from(v), -0.1]).collect();
+        Frame { time, displacement }
+    };
+    ivd_core::Motion {
+        grid: lattice.grid.clone(),
+        vertex_count: 4,
+        frames: vec![frame(0.1, 1.0), frame(0.4, -2.5)],
+        reach: Vec::new(),
+    }
+}
+
+#[test]
+fn glb_holds_a_morph_target_for_every_frame_and_an_animation_through_them() {
+    let (lattice, folder) = (tetrahedron(), tempfile::tempdir().unwrap());
+    let motion = motion(&lattice);
+    let path = folder.path().join("m.glb");
+    assert!(write_motion(&path, &lattice, &motion).unwrap().touched);
+    assert!(!write_motion(&path, &lattice, &motion).unwrap().touched);
+    let bytes = std::fs::read(&path).unwrap();
+    let text = u32_at(&bytes, 12) as usize;
+    let description: serde_json::Value = serde_json::from_slice(&bytes[20..20 + text]).unwrap();
+    let binary = &bytes[28 + text..];
+    assert_eq!(binary.len() as u64, description["buffers"][0]["byteLength"].as_u64().unwrap());
+    let floats = |accessor: &serde_json::Value, width: usize| -> Vec<f32> {
+        let accessor = &description["accessors"][accessor.as_u64().unwrap() as usize];
+        let view = &description["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+        let [at, len] = ["byteOffset", "byteLength"].map(|key| view[key].as_u64().unwrap() as usize);
+        assert_eq!(len, 4 * width * accessor["count"].as_u64().unwrap() as usize);
+        (0..len / 4).map(|i| f32_at(binary, at + 4 * i)).collect()
+    };
+    let shape = &description["meshes"][0];
+    let targets = shape["primitives"][0]["targets"].as_array().unwrap();
+    assert_eq!((targets.len(), shape["weights"].as_array().unwrap().len()), (2, 2));
+    for (target, frame) in targets.iter().zip(&motion.frames) {
+        let expected: Vec<f32> = frame.displacement.iter().flatten().map(|&c| c as f32).collect();
+        assert_eq!(floats(&target["POSITION"], 3), expected);
+    }
+    let sampler = &description["animations"][0]["samplers"][0];
+    assert_eq!(floats(&sampler["input"], 1), [0.0, 0.1, 0.4]);
+    assert_eq!(floats(&sampler["output"], 1), [0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let target = &description["animations"][0]["channels"][0]["target"];
+    assert_eq!((target["node"].as_u64(), target["path"].as_str()), (Some(1), Some("weights")));
+    // What reads meshes sees the lattice at rest.
+    assert_eq!(read(&path, u64::MAX).unwrap().triangles, lattice.triangles);
+}
+
+#[test]
+fn a_series_has_a_file_for_rest_and_for_every_frame_with_their_times() {
+    let (lattice, folder) = (tetrahedron(), tempfile::tempdir().unwrap());
+    let motion = motion(&lattice);
+    let path = folder.path().join("a & b.pvd");
+    assert!(write_motion(&path, &lattice, &motion).unwrap().touched);
+    assert!(!write_motion(&path, &lattice, &motion).unwrap().touched);
+    let text = std::fs::read_to_string(&path).unwrap();
+    for (i, time) in ["0", "0.1", "0.4"].iter().enumerate() {
+        let entry = format!("timestep=\"{time}\" part=\"0\" file=\"a &amp; b_000{i}.vtp\"");
+        assert!(text.contains(&entry), "{text}");
+        let frame = read(&folder.path().join(format!("a & b_000{i}.vtp")), u64::MAX).unwrap();
+        for (v, position) in frame.positions.iter().enumerate() {
+            let moved = i.checked_sub(1).map_or([0.0; 3], |i| motion.frames[i].displacement[v]);
+            assert_eq!(*position, lattice.world(v).0 + Vector3::from(moved), "frame {i}, vertex {v}");
+        }
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
+}
+
+#[test]
+fn other_formats_have_the_last_frame_and_a_motion_of_another_lattice_is_refused() {
+    let (lattice, folder) = (tetrahedron(), tempfile::tempdir().unwrap());
+    let mut motion = motion(&lattice);
+    let path = folder.path().join("m.ply");
+    write_motion(&path, &lattice, &motion).unwrap();
+    let last = Vector3::from(motion.frames[1].displacement[3]);
+    assert_eq!(read(&path, u64::MAX).unwrap().positions[3], lattice.world(3).0 + last);
+    // Times that don't grow are a second apart.
+    motion.frames[0].time = 0.0;
+    assert_eq!(super::motion::times(&motion.frames), [0.0, 1.0, 2.0]);
+    motion.vertex_count = 5;
+    motion.frames.iter_mut().for_each(|frame| frame.displacement.push([0.0; 3]));
+    let error = write_motion(&path, &lattice, &motion).unwrap_err().to_string();
+    assert!(error.contains("moves 5 vertices"), "{error}");
+}

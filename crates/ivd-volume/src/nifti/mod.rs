@@ -22,7 +22,7 @@ use crate::bounded::{self, Packing};
 use crate::stored::{self, Layout};
 use crate::{Error, frames};
 use header::Header;
-pub(crate) use write::write;
+pub(crate) use write::{field, write};
 
 /// Whether bytes, unpacked, open a NIfTI header.
 pub(crate) fn is_nifti(bytes: &[u8]) -> bool {

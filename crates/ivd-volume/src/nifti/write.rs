@@ -2,7 +2,7 @@ use std::io::Write;
 use std::path::Path;
 
 use flate2::{Compression, GzBuilder};
-use ivd_core::{Exec, Grid, Volume};
+use ivd_core::{Exec, Grid, Volume, VoxelType};
 use nalgebra::Vector3;
 
 use super::header::{SIZE_1, SIZE_2, code};
@@ -16,26 +16,49 @@ const MOST_MOVED: f64 = 1e-3;
 /// Writes NIfTI-1, or NIfTI-2 where NIfTI-1's `f32` would move a corner voxel by more than [`MOST_MOVED`] or change the
 /// scale, or its `i16` sizes are too small. The gzip stream carries no name and no time: same volume, same bytes.
 pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
-    let header = if fits_nifti_1(volume) { header_1(volume) } else { header_2(volume) };
+    let scale = [volume.slope(), volume.intercept()];
+    let header = header(volume.grid(), volume.voxel_type(), scale, None);
+    with_header(path, &header, |to| Values::Stored.write(to, path, volume, exec))
+}
+
+/// Writes a field of vectors (mm), LPS, as ITK and ANTs have displacement fields: five dimensions, the components one after the
+/// other, intent `VECTOR`. `name`, of at most 15 bytes, says what the field is.
+pub(crate) fn field(
+    path: &Path,
+    grid: &Grid,
+    name: &str,
+    components: impl FnOnce(&mut dyn Write) -> Result<(), Error>,
+) -> Result<Written, Error> {
+    with_header(path, &header(grid, VoxelType::F32, [1.0, 0.0], Some(name)), components)
+}
+
+fn with_header(
+    path: &Path,
+    header: &[u8],
+    values: impl FnOnce(&mut dyn Write) -> Result<(), Error>,
+) -> Result<Written, Error> {
     replace(path, |to| {
         if strip_ending(&path.to_string_lossy(), ".gz").is_none() {
-            put(to, path, &header)?;
-            return Values::Stored.write(to, path, volume, exec);
+            put(to, path, header)?;
+            return values(to);
         }
         let mut gzip = GzBuilder::new().write(to, Compression::fast());
-        put(&mut gzip, path, &header)?;
-        Values::Stored.write(&mut gzip, path, volume, exec)?;
+        put(&mut gzip, path, header)?;
+        values(&mut gzip)?;
         let to = gzip.finish().map_err(|e| Error::io(path, "write", e))?;
         to.flush().map_err(|e| Error::io(path, "write", e))
     })
 }
 
-fn fits_nifti_1(volume: &Volume) -> bool {
+/// A volume's header, or that of a field of three components with this name.
+fn header(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&str>) -> Vec<u8> {
     let exact = |v: f64| f64::from(v as f32) == v;
-    volume.grid().dims().iter().all(|&n| i16::try_from(n).is_ok())
-        && exact(volume.slope())
-        && exact(volume.intercept())
-        && moved(volume.grid()) <= MOST_MOVED
+    let fits = grid.dims().iter().all(|&n| i16::try_from(n).is_ok());
+    if fits && scale.into_iter().all(exact) && moved(grid) <= MOST_MOVED {
+        header_1(grid, voxel_type, scale, field)
+    } else {
+        header_2(grid, voxel_type, scale, field)
+    }
 }
 
 /// How far rounding the affine to `f32` moves a corner voxel at most [mm].
@@ -78,19 +101,18 @@ impl Bytes {
 }
 
 /// Header and the four zero bytes that say "no extension".
-fn header_1(volume: &Volume) -> Vec<u8> {
-    let grid = volume.grid();
+fn header_1(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&str>) -> Vec<u8> {
     let mut b = Bytes(vec![0; SIZE_1 + 4]);
     b.set(0, &348_i32.to_le_bytes());
     b.set(38, b"r");
-    for (i, n) in rank_and_sizes(grid).into_iter().enumerate() {
+    for (i, n) in rank_and_sizes(grid, field.is_some()).into_iter().enumerate() {
         b.set(40 + 2 * i, &(n as i16).to_le_bytes());
     }
-    b.set(70, &code(volume.voxel_type()).to_le_bytes());
-    b.set(72, &(8 * volume.voxel_type().bytes() as i16).to_le_bytes());
+    b.set(70, &code(voxel_type).to_le_bytes());
+    b.set(72, &(8 * voxel_type.bytes() as i16).to_le_bytes());
     let form = orient::quaternion(grid);
     b.f32s(76, &pixdim(grid, form.map_or(1.0, |f| f.1)));
-    b.f32s(108, &[(SIZE_1 + 4) as f64, volume.slope(), volume.intercept()]);
+    b.f32s(108, &[(SIZE_1 + 4) as f64, scale[0], scale[1]]);
     b.set(123, &[MILLIMETRES]);
     b.set(252, &i16::from(form.is_some()).to_le_bytes());
     b.set(254, &1_i16.to_le_bytes());
@@ -99,25 +121,28 @@ fn header_1(volume: &Volume) -> Vec<u8> {
     for (r, row) in srow(grid).iter().enumerate() {
         b.f32s(280 + 16 * r, row);
     }
+    if let Some(name) = field {
+        b.set(68, &(VECTOR as i16).to_le_bytes());
+        b.set(328, name.as_bytes());
+    }
     b.set(344, b"n+1\0");
     b.0
 }
 
 /// As [`header_1`], in the second version of the format.
-fn header_2(volume: &Volume) -> Vec<u8> {
-    let grid = volume.grid();
+fn header_2(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&str>) -> Vec<u8> {
     let mut b = Bytes(vec![0; SIZE_2 + 4]);
     b.set(0, &540_i32.to_le_bytes());
     b.set(4, b"n+2\0\r\n\x1a\n");
-    b.set(12, &code(volume.voxel_type()).to_le_bytes());
-    b.set(14, &(8 * volume.voxel_type().bytes() as i16).to_le_bytes());
-    for (i, n) in rank_and_sizes(grid).into_iter().enumerate() {
+    b.set(12, &code(voxel_type).to_le_bytes());
+    b.set(14, &(8 * voxel_type.bytes() as i16).to_le_bytes());
+    for (i, n) in rank_and_sizes(grid, field.is_some()).into_iter().enumerate() {
         b.set(16 + 8 * i, &(n as i64).to_le_bytes());
     }
     let form = orient::quaternion(grid);
     b.f64s(104, &pixdim(grid, form.map_or(1.0, |f| f.1)));
     b.set(168, &((SIZE_2 + 4) as i64).to_le_bytes());
-    b.f64s(176, &[volume.slope(), volume.intercept()]);
+    b.f64s(176, &scale);
     b.set(344, &i32::from(form.is_some()).to_le_bytes());
     b.set(348, &1_i32.to_le_bytes());
     b.f64s(352, &form.unwrap_or_default().0);
@@ -126,15 +151,22 @@ fn header_2(volume: &Volume) -> Vec<u8> {
         b.f64s(400 + 32 * r, row);
     }
     b.set(500, &i32::from(MILLIMETRES).to_le_bytes());
+    if let Some(name) = field {
+        b.set(504, &VECTOR.to_le_bytes());
+        b.set(508, name.as_bytes());
+    }
     b.0
 }
 
 /// `xyzt_units`: lengths in millimetres, no time.
 const MILLIMETRES: u8 = 2;
 
-fn rank_and_sizes(grid: &Grid) -> [usize; 8] {
+/// `intent_code` of a vector at every voxel.
+const VECTOR: i32 = 1007;
+
+fn rank_and_sizes(grid: &Grid, field: bool) -> [usize; 8] {
     let [x, y, z] = grid.dims();
-    [3, x, y, z, 1, 1, 1, 1]
+    if field { [5, x, y, z, 1, 3, 1, 1] } else { [3, x, y, z, 1, 1, 1, 1] }
 }
 
 fn pixdim(grid: &Grid, qfac: f64) -> [f64; 8] {

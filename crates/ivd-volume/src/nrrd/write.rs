@@ -30,14 +30,17 @@ pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written
     Ok(voxels.and(head))
 }
 
-/// Writes a field of vectors [mm] in LPS as a displacement field: the vector is the fastest axis.
+/// Writes a field of vectors (mm) in LPS as a displacement field: the vector is the fastest axis. The key `displacement` says
+/// which way it leads.
 pub(crate) fn field(
     path: &Path,
     grid: &Grid,
+    direction: &str,
     vectors: &mut dyn FnMut(&mut dyn Write) -> Result<(), Error>,
 ) -> Result<Written, Error> {
     replace(path, |to| {
-        put(to, path, format!("{}\n", header(grid, VoxelType::F32, "3 ")).as_bytes())?;
+        let header = header(grid, VoxelType::F32, "3 ");
+        put(to, path, format!("{header}displacement:={direction} mm LPS\n\n").as_bytes())?;
         vectors(to)
     })
 }

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use super::{GENERATOR, ROOT};
 use crate::Error;
+use crate::formats::motion::times;
 use crate::formats::{Placed, f32_rounding, put};
 
 const HEAD: u64 = 12;
@@ -24,7 +25,11 @@ pub(in crate::formats) fn check(mesh: &Placed) -> Result<f64, Error> {
     }
     let centre = centre(mesh);
     let relative: Vec<_> = mesh.positions.iter().map(|p| p - centre).collect();
-    Ok(f32_rounding(relative.iter()))
+    let moved = mesh.frames.iter().map(|frame| {
+        let moves: Vec<_> = frame.displacement.iter().map(|d| Vector3::from(*d)).collect();
+        f32_rounding(moves.iter())
+    });
+    Ok(f32_rounding(relative.iter()) + moved.fold(0.0, f64::max))
 }
 
 /// One mesh under two nodes: the inner one carries the offset (mm), the root turns mm, RAS, to metres, y up.
@@ -50,12 +55,38 @@ pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Resu
     for triangle in &mesh.lattice.triangles {
         put(file, *triangle, u32::to_le_bytes)?;
     }
+    if !is_animated(mesh) {
+        return Ok(());
+    }
+    for frame in mesh.frames {
+        for d in &frame.displacement {
+            put(file, *d, |c: f64| (c as f32).to_le_bytes())?;
+        }
+    }
+    for time in times(mesh.frames) {
+        file.write_all(&(time as f32).to_le_bytes())?;
+    }
+    // At rest no target counts, then one after the other.
+    for key in 0..=mesh.frames.len() {
+        for target in 1..=mesh.frames.len() {
+            let weight: f32 = if key == target { 1.0 } else { 0.0 };
+            file.write_all(&weight.to_le_bytes())?;
+        }
+    }
     Ok(())
 }
 
-/// Bytes of all positions and indices.
+/// Whether there is something to animate, and an animation of it.
+fn is_animated(mesh: &Placed) -> bool {
+    !mesh.frames.is_empty() && !mesh.lattice.triangles.is_empty()
+}
+
+/// Bytes of positions, indices, morph targets, times and weights.
 fn binary_bytes(mesh: &Placed) -> u64 {
-    12 * (mesh.positions.len() as u64 + mesh.lattice.triangles.len() as u64)
+    let [vertices, triangles, frames] =
+        [mesh.positions.len(), mesh.lattice.triangles.len(), mesh.frames.len()].map(|n| n as u64);
+    let still = 12 * (vertices + triangles);
+    if is_animated(mesh) { still + 12 * vertices * frames + 4 * (frames + 1) * (1 + frames) } else { still }
 }
 
 /// Middle of the bounding box (mm).
@@ -74,11 +105,9 @@ fn describe(mesh: &Placed, centre: Vector3<f64>) -> Value {
         return json!({"asset": asset, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [root, inner]});
     }
     let (vertices, indices) = (mesh.positions.len(), 3 * mesh.lattice.triangles.len());
-    let rounded = || mesh.positions.iter().map(|p| (p - centre).map(|c| c as f32));
-    let lo = rounded().fold(Vector3::repeat(f32::INFINITY), |lo, p| lo.inf(&p));
-    let hi = rounded().fold(Vector3::repeat(f32::NEG_INFINITY), |hi, p| hi.sup(&p));
+    let (lo, hi) = range(mesh.positions.iter().map(|p| p - centre));
     let inner = json!({"name": "lattice", "mesh": 0, "translation": centre.as_slice()});
-    json!({
+    let mut description = json!({
         "asset": asset,
         "scene": 0,
         "scenes": [{"nodes": [0]}],
@@ -94,5 +123,54 @@ fn describe(mesh: &Placed, centre: Vector3<f64>) -> Value {
             {"buffer": 0, "byteOffset": 12 * vertices, "byteLength": 4 * indices, "target": 34963},
         ],
         "buffers": [{"byteLength": binary_bytes(mesh)}],
-    })
+    });
+    if is_animated(mesh) {
+        animate(&mut description, mesh);
+    }
+    description
+}
+
+/// Adds a morph target for every frame, and an animation of their weights.
+fn animate(description: &mut Value, mesh: &Placed) {
+    let (vertices, frames) = (mesh.positions.len(), mesh.frames.len());
+    let mut offset = 12 * (vertices + mesh.lattice.triangles.len());
+    let mut add = |mut accessor: Value, bytes: usize| {
+        let mut view = json!({"buffer": 0, "byteOffset": offset, "byteLength": bytes});
+        if accessor["type"] == "VEC3" {
+            view["target"] = 34962.into();
+        }
+        offset += bytes;
+        let views = description["bufferViews"].as_array_mut().expect("written above");
+        accessor["bufferView"] = views.len().into();
+        accessor["componentType"] = 5126.into();
+        views.push(view);
+        let accessors = description["accessors"].as_array_mut().expect("written above");
+        accessors.push(accessor);
+        accessors.len() - 1
+    };
+    let mut targets = Vec::with_capacity(frames);
+    for frame in mesh.frames {
+        let (lo, hi) = range(frame.displacement.iter().map(|d| Vector3::from(*d)));
+        let accessor = json!({"count": vertices, "type": "VEC3", "min": lo.as_slice(), "max": hi.as_slice()});
+        targets.push(json!({"POSITION": add(accessor, 12 * vertices)}));
+    }
+    let times = times(mesh.frames);
+    let (start, end) = (times[0] as f32, times[frames] as f32);
+    let keys = json!({"count": frames + 1, "type": "SCALAR", "min": [start], "max": [end]});
+    let input = add(keys, 4 * (frames + 1));
+    let output = add(json!({"count": (frames + 1) * frames, "type": "SCALAR"}), 4 * (frames + 1) * frames);
+    let shape = &mut description["meshes"][0];
+    shape["primitives"][0]["targets"] = targets.into();
+    shape["weights"] = vec![0.0; frames].into();
+    description["animations"] = json!([{
+        "name": "motion",
+        "samplers": [{"input": input, "output": output, "interpolation": "LINEAR"}],
+        "channels": [{"sampler": 0, "target": {"node": 1, "path": "weights"}}],
+    }]);
+}
+
+/// Least and largest of each coordinate, as they are written.
+fn range(vectors: impl Iterator<Item = Vector3<f64>>) -> (Vector3<f32>, Vector3<f32>) {
+    let none = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
+    vectors.map(|v| v.map(|c| c as f32)).fold(none, |(lo, hi), v| (lo.inf(&v), hi.sup(&v)))
 }
