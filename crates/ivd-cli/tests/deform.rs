@@ -77,6 +77,25 @@ fn a_scene_takes_shapes_without_handles() {
 }
 
 #[test]
+fn a_report_tells_what_each_class_gains_or_loses() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 32\n[segment]\nmethod = \"kmvs\"\nk = 2\n\
+        [boundary]\nclass = \"densest\"\n[lattice]\niso = \"boundary\"\n[render]\nsize = [64, 64]\n\
+        [[deform.shape]]\nkind = \"scale\"\ncentre = [16, 16, 16]\nradius = 15.0\nalong = 1.2\nacross = 1.2\n\
+        [output]\nreport = true\n";
+    std::fs::write(at.join("scene.toml"), scene).unwrap();
+    json(at, &["pipeline", "scene.toml", "--out", "out"]);
+    let page = std::fs::read_to_string(at.join("out/report.html")).unwrap();
+    let table = page.split("<th>change [mm³]</th>").nth(1).unwrap().split("</table>").next().unwrap();
+    let changes: Vec<f64> =
+        table.split("</td><td>").filter_map(|cell| cell.split("</td>").next()?.parse::<f64>().ok()).collect();
+    // Two classes: volume at rest, change, percent; the ball grows by what the air loses.
+    assert_eq!(changes.len(), 6, "{table}");
+    assert!(changes[4] > 100.0 && (changes[1] + changes[4]).abs() < 0.01 * changes[4], "{table}");
+}
+
+#[test]
 fn what_a_shape_does_not_read_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

@@ -6,6 +6,8 @@
 //!    [`Displacement`](ivd_core::Displacement): forward and inverse, proven free of folds by [`certificate`].
 //! 3. [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through it. Only bricks that moved are visited.
 //!
+//! [`volumes::by_class`] tells what every class gains or loses.
+//!
 //! [`inverse::invert`] and [`certificate::certify`] also serve fields from elsewhere.
 //!
 //! ```
@@ -46,6 +48,7 @@ pub mod inverse;
 pub mod map;
 mod sampler;
 pub mod spring;
+pub mod volumes;
 pub mod warp;
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use ivd_artefact::Artefact;
 use ivd_core::Exec;
+use ivd_deform::volumes::by_class;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -131,7 +132,7 @@ impl<'a> Writer<'a> {
             }
         }
         if scene.output.report {
-            self.collect(id, done);
+            self.collect(id, done, earlier)?;
         }
         Ok(())
     }
@@ -142,7 +143,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Keeps what the report shows of a result: small things only.
-    fn collect(&mut self, id: NodeId, done: &Done) {
+    fn collect(&mut self, id: NodeId, done: &Done, earlier: &BTreeMap<NodeId, Done>) -> Result<(), Error> {
         match done.artefact.as_ref() {
             Artefact::Image(_) => {
                 self.material.pictures.insert(id.variant().to_owned(), done.artefact.clone());
@@ -151,8 +152,15 @@ impl<'a> Writer<'a> {
             Artefact::Motion(motion) => self.material.displacements = report::motion_lengths(motion),
             Artefact::Labels(labels) => self.material.class_slices = report::class_slices(labels),
             Artefact::Volume(_) if id == NodeId::Import => self.material.volume = Some(done.artefact.clone()),
+            Artefact::Displacement(displacement) => {
+                if let Some(Artefact::Labels(labels)) = earlier.get(&NodeId::Segment).map(|d| &*d.artefact) {
+                    self.material.class_volumes =
+                        by_class(displacement, labels, self.exec).map_err(stage_error!("report"))?;
+                }
+            }
             _ => {}
         }
+        Ok(())
     }
 
     /// Writes one file unless it is already there, made from the same source and intact.

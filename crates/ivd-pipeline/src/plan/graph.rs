@@ -264,7 +264,7 @@ impl Plan {
                 | NodeId::Difference
                     if node.stage.is_none() =>
                 {
-                    "the scene has no handle"
+                    "the scene has no handle and no shape"
                 }
                 NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => {
                     "no output shows a picture"

@@ -12,13 +12,14 @@ use std::sync::Arc;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Image, Motion, TransferFunction};
+use ivd_deform::volumes::ClassVolume;
 use nalgebra::Vector3;
 
 pub(crate) use page::html;
 pub(crate) use slices::class_slices;
 
 /// Raised whenever the same material gives another page.
-pub(crate) const REVISION: u32 = 3;
+pub(crate) const REVISION: u32 = 4;
 
 /// What the report shows beyond the stages' records.
 #[derive(Debug, Default)]
@@ -33,6 +34,8 @@ pub(crate) struct Material {
     pub(crate) class_slices: Vec<Image>,
     /// What the budget chose, a line each.
     pub(crate) budget: Vec<String>,
+    /// What each class of voxels gains or loses.
+    pub(crate) class_volumes: Vec<ClassVolume>,
     /// Length of each moved vertex's displacement (mm).
     pub(crate) displacements: Vec<f64>,
 }

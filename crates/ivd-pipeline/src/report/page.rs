@@ -13,7 +13,7 @@ use super::Material;
 use super::chart::{Bars, Line, bars, escape, histogram, number};
 use super::curve::{Curve, curve};
 use super::slices::{class_colour, slices};
-use super::tables::{classes, metric, pairs, stages};
+use super::tables::{class_volumes, classes, metric, pairs, stages};
 use super::tree::dendrogram;
 use crate::export::png_bytes;
 use crate::runner::StageRecord;
@@ -56,7 +56,8 @@ pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material
         section(
             &mut page,
             "Deformation",
-            &deformation(find("deform"), map, find("warp"), &material.displacements),
+            &(deformation(find("deform"), map, find("warp"), &material.displacements)
+                + &class_volumes(&material.class_volumes)),
         );
     }
     if !material.budget.is_empty() {

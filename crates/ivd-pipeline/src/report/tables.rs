@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use ivd_deform::volumes::ClassVolume;
 use serde_json::Value;
 
 use super::chart::{escape, number};
@@ -83,6 +84,27 @@ pub(super) fn stages(records: &[StageRecord]) -> String {
             seconds(Some(record.wall_s)),
             seconds(record.cpu_s),
             escape(&record.why),
+        );
+    }
+    html + "</table>"
+}
+
+/// What the classes gain or lose; nothing where none does.
+pub(super) fn class_volumes(volumes: &[ClassVolume]) -> String {
+    if volumes.iter().all(|v| v.change_mm3 == 0.0) {
+        return String::new();
+    }
+    let mut html = String::from(
+        "<table><tr><th>class</th><th>volume at rest [mm³]</th><th>change [mm³]</th><th>change [%]</th></tr>",
+    );
+    for volume in volumes.iter().filter(|v| v.change_mm3 != 0.0).take(MOST_CLASSES) {
+        let _ = write!(
+            html,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:+.4}</td></tr>",
+            volume.class,
+            number(volume.rest_mm3),
+            number(volume.change_mm3),
+            100.0 * volume.change_mm3 / volume.rest_mm3,
         );
     }
     html + "</table>"
