@@ -84,6 +84,14 @@ pub trait Scalar:
     fn is_data(self) -> bool;
 }
 
+/// The nearest whole number, ties to even, of what no integer type's range is beyond; larger ones as far away. A sum with 1.5 · 2⁵² has no
+/// bits after the point: two additions, where not every processor can round.
+#[inline(always)]
+fn whole(value: f64) -> f64 {
+    const SHIFT: f64 = 6_755_399_441_055_744.0;
+    (value.clamp(-1e12, 1e12) + SHIFT) - SHIFT
+}
+
 macro_rules! scalar {
     ($($type:ty, $tag:ident, $from:expr, $is_data:expr;)*) => {$(
         impl Scalar for $type {
@@ -109,12 +117,12 @@ macro_rules! scalar {
 }
 
 scalar! {
-    u8, U8, |v: f64| v.round_ties_even() as u8, |_| true;
-    i8, I8, |v: f64| v.round_ties_even() as i8, |_| true;
-    u16, U16, |v: f64| v.round_ties_even() as u16, |_| true;
-    i16, I16, |v: f64| v.round_ties_even() as i16, |_| true;
-    u32, U32, |v: f64| v.round_ties_even() as u32, |_| true;
-    i32, I32, |v: f64| v.round_ties_even() as i32, |_| true;
+    u8, U8, |v: f64| whole(v) as u8, |_| true;
+    i8, I8, |v: f64| whole(v) as i8, |_| true;
+    u16, U16, |v: f64| whole(v) as u16, |_| true;
+    i16, I16, |v: f64| whole(v) as i16, |_| true;
+    u32, U32, |v: f64| whole(v) as u32, |_| true;
+    i32, I32, |v: f64| whole(v) as i32, |_| true;
     f32, F32, |v: f64| v as f32, f32::is_finite;
     f64, F64, |v: f64| v, f64::is_finite;
 }
@@ -465,5 +473,18 @@ mod tests {
         let volume = Volume::new(grid, Voxels::from(vec![f32::NAN, 1.0, f32::INFINITY, -2.0])).unwrap();
         assert_eq!(volume.range(), Some([-2.0, 1.0]));
         assert_eq!(volume.missing(), 2);
+    }
+
+    #[test]
+    fn whole_numbers_are_the_nearest_with_ties_to_even() {
+        let halves = (-300..300).map(|i| f64::from(i) * 0.5);
+        let near = halves.flat_map(|v| [v.next_down(), v, v.next_up()]);
+        let ends = [255.5, 65_535.5, 2_147_483_647.5, 4_294_967_295.5].map(|v: f64| [v, -v]);
+        for v in near.chain(ends.into_iter().flatten()).chain([1e-300, 1e11 + 0.5, -0.0]) {
+            assert_eq!(whole(v), v.round_ties_even(), "{v}");
+        }
+        let huge = [1e20, f64::INFINITY, f64::MAX];
+        assert!(huge.iter().all(|&v| u32::from_f64(v) == u32::MAX && i32::from_f64(-v) == i32::MIN));
+        assert_eq!((u8::from_f64(f64::NAN), i16::from_f64(f64::NAN)), (0, 0));
     }
 }

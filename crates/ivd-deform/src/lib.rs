@@ -39,7 +39,7 @@
 //! assert_eq!((volume.value(above), warped.output.value(above)), (0.0, 100.0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod certificate;
 mod error;

@@ -9,6 +9,7 @@
 
 mod labels;
 mod params;
+mod row;
 mod sample;
 
 use ivd_core::{
@@ -20,6 +21,7 @@ use rayon::prelude::*;
 use crate::Error;
 pub use labels::{labels, mask};
 pub use params::{Order, WarpParams};
+use row::{LANES, Rows};
 use sample::Source;
 
 /// A warped value and how much of it was computed.
@@ -118,11 +120,17 @@ fn resample<T: Scalar>(
 ) -> Result<(Vec<T>, u64), Error> {
     let source = Source { voxels, dims: grid.dims() };
     let background = T::from_f64(background);
-    let mut out = voxels.to_vec();
-    let count = for_each_moved(grid, displacement, &mut out, exec, |place| match place {
+    let value = |place: Option<[f64; 3]>| match place {
         Some(x) => source.sample(x, order).map_or(background, T::from_f64),
         None => background,
-    })?;
+    };
+    let (mut out, count) = if order == Order::Linear {
+        linear_by_bricks(&Rows::new(&source, grid, exec.simd), displacement, exec, value)?
+    } else {
+        let mut out = voxels.to_vec();
+        let count = for_each_moved(grid, displacement, &mut out, exec, value)?;
+        (out, count)
+    };
     if !exec.skip {
         resample_still(&source, displacement, order, &mut out);
     }
@@ -157,7 +165,7 @@ fn for_each_moved<T: Send>(
 ) -> Result<u64, Error> {
     let [nx, ny, _] = grid.dims();
     let to_voxel = grid.inverse_linear_part();
-    let (field, vacated) = (&displacement.inverse, &displacement.vacated[..]);
+    let field = &displacement.inverse;
     let slices: Result<Vec<u64>, Error> = out
         .par_chunks_mut(nx * ny)
         .enumerate()
@@ -170,16 +178,79 @@ fn for_each_moved<T: Send>(
                 slice[x + nx * y] = value(Some(from.into()));
                 count += 1;
             });
-            if !vacated.is_empty() {
-                for (i, _) in vacated[z * nx * ny..][..nx * ny].iter().enumerate().filter(|(_, v)| **v != 0) {
-                    slice[i] = value(None);
-                    count += 1;
+            Ok(count + leave(displacement, z, slice, || value(None)))
+        })
+        .collect();
+    Ok(slices?.iter().sum())
+}
+
+/// The voxels with those set that moved or were left behind, a brick at a time: what lies near in the field lies near in the
+/// volume. What `rows` leaves gets `value`, as in [`for_each_moved`]. Returns how many voxels were set, too.
+fn linear_by_bricks<T: Scalar>(
+    rows: &Rows<'_, T>,
+    displacement: &Displacement,
+    exec: &Exec,
+    value: impl Fn(Option<[f64; 3]>) -> T + Sync,
+) -> Result<(Vec<T>, u64), Error> {
+    const SIDE: usize = FieldBricks::SIDE;
+    let field = &displacement.inverse;
+    let ([nx, ny, _], bricks) = (field.dims(), field.brick_dims());
+    let mut out = vec![T::default(); rows.voxels().len()];
+    let slabs = out.par_chunks_mut(SIDE * nx * ny).zip(rows.voxels().par_chunks(SIDE * nx * ny)).enumerate();
+    let counts: Result<Vec<u64>, Error> = slabs
+        .map(|(bz, (out, voxels))| {
+            exec.check_cancelled()?;
+            let mut count = 0;
+            let layer = bricks[0] * bricks[1];
+            if field.table()[layer * bz..][..layer].contains(&NO_BRICK) {
+                out.copy_from_slice(voxels);
+            }
+            for (by, bx) in (0..bricks[1]).flat_map(|by| (0..bricks[0]).map(move |bx| (by, bx))) {
+                let Some(vectors) = field.brick(bx + bricks[0] * by + layer * bz) else { continue };
+                for (z, y) in (0..out.len() / (nx * ny)).flat_map(|z| (0..SIDE).map(move |y| (z, y))) {
+                    let start = [SIDE * bx, SIDE * by + y, SIDE * bz + z];
+                    if start[1] >= ny {
+                        continue;
+                    }
+                    let range = start[0] + nx * (start[1] + ny * z)
+                        ..(start[0] + SIDE).min(nx) + nx * (start[1] + ny * z);
+                    let (to, from) = (&mut out[range.clone()], &voxels[range]);
+                    let (row, _) =
+                        vectors[SIDE * (y + SIDE * z)..].split_first_chunk::<LANES>().expect("a brick's row");
+                    let [moves, rest] =
+                        if let (Some(to), Some(from)) = (to.first_chunk_mut(), from.first_chunk()) {
+                            rows.fill(start, row, from, to)
+                        } else {
+                            to.copy_from_slice(from);
+                            let moves = row::moving(row) & ((1 << to.len()) - 1);
+                            [moves, moves]
+                        };
+                    count += u64::from(moves.count_ones());
+                    for i in (0..LANES).filter(|i| rest >> i & 1 == 1) {
+                        to[i] = value(Some(rows.place(start, i, row[i])));
+                    }
                 }
+            }
+            for (z, slice) in out.chunks_mut(nx * ny).enumerate() {
+                count += leave(displacement, SIDE * bz + z, slice, || value(None));
             }
             Ok(count)
         })
         .collect();
-    Ok(slices?.iter().sum())
+    Ok((out, counts?.iter().sum()))
+}
+
+/// Sets the voxels of slice `z` that a part left behind; returns how many there are.
+fn leave<T>(displacement: &Displacement, z: usize, slice: &mut [T], value: impl Fn() -> T) -> u64 {
+    let mut count = 0;
+    if !displacement.vacated.is_empty() {
+        let flags = &displacement.vacated[z * slice.len()..][..slice.len()];
+        for (to, _) in slice.iter_mut().zip(flags).filter(|(_, flag)| **flag != 0) {
+            *to = value();
+            count += 1;
+        }
+    }
+    count
 }
 
 /// Calls `each` with every voxel of slice `z` whose vector isn't 0.

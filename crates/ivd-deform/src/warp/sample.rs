@@ -5,7 +5,7 @@ use super::Order;
 /// Distance from a voxel's centre (voxels) below which a place counts as that centre. Vectors kept in `f32` name a
 /// place some 20 voxels away to about 2⁻²⁰ voxel; values differ by this fraction of their range at most, and a whole
 /// number of voxels stays one: no neighbour takes part, missing ones among them.
-const SNAP: f64 = 1.0 / 131_072.0;
+pub(super) const SNAP: f64 = 1.0 / 131_072.0;
 
 /// A typed volume that can be read between its voxels.
 pub(super) struct Source<'a, T> {

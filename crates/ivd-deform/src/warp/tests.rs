@@ -228,3 +228,74 @@ fn other_grids_and_bad_parameters_are_refused() {
     let tight = exec().with_memory_limit(Some(100));
     assert!(volume(&input, &moved, &WarpParams::default(), &tight).is_err());
 }
+
+/// Rows of lanes against the plain path, voxel by voxel.
+fn assert_rows_are_plain<T: Scalar>(grid: &Grid, displacement: &Displacement, value: impl Fn(usize) -> T)
+where
+    Voxels: From<Vec<T>>,
+{
+    let voxels: Vec<T> = (0..grid.len()).map(value).collect();
+    let source = Source { voxels: &voxels, dims: grid.dims() };
+    let background = T::from_f64(1.0);
+    let mut expected = voxels.clone();
+    let count = for_each_moved(grid, displacement, &mut expected, &Exec::default(), |place| {
+        place.and_then(|x| source.sample(x, Order::Linear)).map_or(background, T::from_f64)
+    })
+    .unwrap();
+    let volume = Volume::new(grid.clone(), Voxels::from(voxels.clone())).unwrap();
+    let params = WarpParams { order: Order::Linear, background: Some(1.0) };
+    for simd in [false, true] {
+        let mut exec = Exec::default().with_threads(if simd { 8 } else { 1 });
+        exec.simd = simd;
+        let warped = super::volume(&volume, displacement, &params, &exec).unwrap();
+        assert_eq!(warped.voxels_resampled, count);
+        let expected = Voxels::from(expected.clone());
+        assert!(warped.output.voxels().as_bytes() == expected.as_bytes(), "{:?}, simd {simd}", T::TYPE);
+    }
+}
+
+#[test]
+fn rows_of_lanes_are_the_plain_path_to_the_last_bit() {
+    let hash = |i: usize| (i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
+    for (n, dims) in [[17, 13, 11], [8, 16, 9], [33, 5, 2], [24, 9, 1], [1, 20, 9]].into_iter().enumerate() {
+        for grid in [sheared_grid(dims), Grid::with_spacing(dims, [0.5, 1.0, 2.0]).unwrap()] {
+            let bricks: usize = dims.iter().map(|n| n.div_ceil(8)).product();
+            // Whole numbers of voxels, less than a snap beside them, all directions, far out of the volume; some rest.
+            let vectors = |i: usize| -> [f32; 3] {
+                let part = |k: usize| (hash(3 * i + k + 1000 * n) % 2001) as f32 / 100.0 - 10.0;
+                match hash(i) % 5 {
+                    0 => [0.0; 3],
+                    1 => [part(0).round(), part(1).round() + 1e-6, part(2).round() - 1e-6],
+                    2 => [part(0) * 0.1, part(1) * 0.1, part(2) * 0.1],
+                    3 => [part(0), part(1), part(2)],
+                    _ => [1e30 * part(0), 0.0, part(1)],
+                }
+            };
+            let table = (0..bricks)
+                .map(|b| if b == 1 { NO_BRICK } else { (b - usize::from(b > 1)) as u32 })
+                .collect();
+            let stored = bricks - usize::from(bricks > 1);
+            let inverse =
+                FieldBricks::new(dims, table, (0..512 * stored).map(vectors).collect::<Vec<_>>().into());
+            let moved = Displacement {
+                inverse: inverse.unwrap(),
+                vacated: (0..grid.len()).map(|i| u8::from(hash(i) % 97 == 0)).collect::<Vec<_>>().into(),
+                ..displacement(&grid, FieldBricks::zero(dims))
+            };
+            assert_rows_are_plain(&grid, &moved, |i| hash(i) as u8);
+            assert_rows_are_plain(&grid, &moved, |i| hash(i) as i16);
+            assert_rows_are_plain(&grid, &moved, |i| hash(i) as u32);
+            assert_rows_are_plain(&grid, &moved, |i| match hash(i) % 41 {
+                0 => f32::NAN,
+                1 => f32::INFINITY,
+                2 => f32::MAX,
+                _ => hash(i) as f32 * 1e-3,
+            });
+            assert_rows_are_plain(
+                &grid,
+                &moved,
+                |i| if hash(i) % 41 == 0 { f64::MAX } else { hash(i) as f64 },
+            );
+        }
+    }
+}
