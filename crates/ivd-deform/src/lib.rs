@@ -46,6 +46,7 @@ mod error;
 pub mod freeform;
 pub mod inverse;
 pub mod map;
+pub mod mass_spring;
 mod sampler;
 pub mod spring;
 pub mod volumes;
