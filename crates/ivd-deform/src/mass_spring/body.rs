@@ -4,6 +4,7 @@ use ivd_core::{Labels, Lattice};
 use nalgebra::Vector3;
 
 use super::classes;
+use super::drives::Drives;
 use super::forces::{Law, Spring, Springs, Vectors, pull};
 use super::params::{Material, Params};
 use super::springs::{Kind, Link, links};
@@ -139,6 +140,58 @@ impl Body {
             }
         }
         bound
+    }
+
+    /// For each loose vertex, whether springs tie it to one that never moves or that has a ground spring.
+    pub(super) fn held(&self) -> Vec<bool> {
+        let part = self.parts();
+        let mut held = vec![false; self.loose];
+        for spring in &self.list {
+            let [a, b] = spring.ends.map(|v| v as usize);
+            if a.max(b) >= self.loose {
+                held[part[a.min(b)]] = true;
+            }
+        }
+        for v in 0..self.loose {
+            held[part[v]] |= self.ground[v] > 0.0;
+        }
+        part.into_iter().map(|p| held[p]).collect()
+    }
+
+    /// The lowest vertex that springs connect each loose vertex to, over loose ones.
+    fn parts(&self) -> Vec<usize> {
+        fn root(part: &mut [usize], mut v: usize) -> usize {
+            while part[v] != v {
+                part[v] = part[part[v]];
+                v = part[v];
+            }
+            v
+        }
+        let mut part: Vec<usize> = (0..self.loose).collect();
+        for spring in &self.list {
+            let [a, b] = spring.ends.map(|v| v as usize);
+            if a.max(b) < self.loose {
+                let (a, b) = (root(&mut part, a), root(&mut part, b));
+                part[a.max(b)] = a.min(b);
+            }
+        }
+        (0..self.loose).map(|v| root(&mut part, v)).collect()
+    }
+
+    /// A pull needs something to pull against.
+    pub(super) fn check_held(&self, drives: &Drives) -> Result<(), Error> {
+        let (part, mut held) = (self.parts(), self.held());
+        for &(moved, ..) in &drives.moved {
+            held[part[moved]] = true;
+        }
+        let loose = |v: &usize| drives.force[*v] != [0.0; 3] && !held[*v] && !held[part[*v]];
+        (0..self.loose).find(loose).map_or(Ok(()), |v| {
+            Err(Error::Mismatch {
+                what: "handle",
+                problem: format!("nothing holds the part that it pulls at vertex {}", self.vertices[v]),
+                remedy: "fix vertices, add ground springs, make the radius smaller, or let time pass",
+            })
+        })
     }
 
     /// Energy of springs and ground springs (nJ).

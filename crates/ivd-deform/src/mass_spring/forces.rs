@@ -172,6 +172,29 @@ impl Springs {
         })
     }
 
+    /// How much the springs' energy (nJ) grows where the vertices go on by `way` (mm) from `moved`. It is a sum of each
+    /// spring's own growth, exact where the energies themselves differ by less than their rounding.
+    pub(super) fn energy_growth(&self, rest: &Vectors, moved: &Vectors, way: &Vectors) -> f64 {
+        self.total(|spring| {
+            let (at, by) = apart(spring, rest, moved);
+            let [i, j] = spring.ends.map(|v| v as usize);
+            let on = Vector3::from(way[j]) - Vector3::from(way[i]);
+            let (here, there) = ((at + by).norm(), (at + by + on).norm());
+            if here + there <= 0.0 {
+                return 0.0;
+            }
+            let more = on.dot(&(2.0 * (at + by) + on)) / (here + there);
+            let stretch = stretch(spring, at, by);
+            let [below, beyond] = self.stretches(stretch, spring.length);
+            let [below_then, beyond_then] = self.stretches(stretch + more, spring.length);
+            // Where both lie on the same side, their difference is the growth itself.
+            let by = |now: f64, then: f64| if now != 0.0 && then != 0.0 { more } else { then - now };
+            let squares = by(below, below_then) * (below + below_then)
+                + LIMITED * by(beyond, beyond_then) * (beyond + beyond_then);
+            0.5 * spring.stiffness * squares
+        })
+    }
+
     /// The part of a stretch (mm) that counts, and the part that counts a hundredfold.
     fn stretches(&self, stretch: f64, length: f64) -> [f64; 2] {
         let below = if self.law.push { stretch } else { stretch.max(0.0) };

@@ -1,4 +1,4 @@
-//! Masses on springs: a body that solvers move.
+//! Masses on springs: three ways to solve one body.
 //!
 //! A lattice's vertices are masses, and springs tie them:
 //! - **structural** along the edges of triangles;
@@ -21,7 +21,10 @@
 //! exactly, and hold them: [`Solved::truncation`] says with how much force.
 //!
 //! **Solvers.** [`Solver::Dynamics`] steps through time. What it gives after the duration need not rest; `residual` says how
-//! far from balance it is.
+//! far from balance it is. [`Solver::Projective`] finds the balance of forces at each frame, or with `inertia` steps through
+//! time by implicit Euler; [`Solver::Xpbd`] does the latter. Their steps never raise the objective (`Xpbd`'s may) and end at
+//! the relative gradient asked for, or after the most iterations: `residual` says where. A balance need not be the only one:
+//! springs that push can buckle.
 //!
 //! [`Prepared`] keeps what handles don't change while they move.
 
@@ -29,10 +32,15 @@ mod body;
 mod classes;
 mod drives;
 mod dynamics;
+mod factor;
 mod forces;
+mod metric;
+mod objective;
 mod outcome;
 mod params;
+mod projective;
 mod springs;
+mod xpbd;
 
 use ivd_core::{Ball, Exec, Frame, Labels, Lattice, Motion};
 use nalgebra::Vector3;
@@ -60,11 +68,14 @@ pub struct Solved {
     pub vertices_loose: usize,
     /// Springs with such an end.
     pub springs: usize,
-    /// Time steps made.
+    /// Time steps made; frames, where time doesn't pass.
     pub steps: usize,
     /// Length of a step (s).
     pub dt: f64,
-    /// Length of the list of unbalanced forces over that of the forces of handles.
+    /// Iterations of an implicit solver, of all steps.
+    pub iterations: usize,
+    /// Length of the list of unbalanced forces over that of the forces of handles. Of an implicit solver the worst of all
+    /// frames or steps, in time with the forces of inertia beside those of handles.
     pub residual: f64,
     /// Energy after the first step (nJ): springs, ground springs and motion.
     pub energy_first: f64,
@@ -89,7 +100,7 @@ pub struct Solved {
 ///
 /// # Errors
 /// [`Error::Param`]: a parameter, handle or vertex number outside its domain. [`Error::Mismatch`]: a pick with no vertex
-/// near, contradicting handles, labels on another grid. [`Error::Untrusted`]: a force that takes its target further than ten
+/// near, contradicting handles, labels on another grid, a pull against nothing where the balance is asked for. [`Error::Untrusted`]: a force that takes its target further than ten
 /// radii, a displacement that isn't finite, more steps than can be made. Cancelled.
 pub fn solve(
     lattice: &Lattice,
@@ -111,6 +122,7 @@ pub struct Prepared<'a> {
     fixed: Vec<bool>,
     body: Body,
     params: Params,
+    kept: projective::Kept,
 }
 
 impl<'a> Prepared<'a> {
@@ -145,7 +157,7 @@ impl<'a> Prepared<'a> {
             let region = Region { near, fixed: still, targets: &targets };
             let body = Body::new(lattice, labels, &rest, &region, params)?;
             let fixed = region.fixed;
-            Ok(Self { lattice, rest, fixed, body, params: params.clone() })
+            Ok(Self { lattice, rest, fixed, body, params: params.clone(), kept: projective::Kept::default() })
         })
     }
 
@@ -160,6 +172,10 @@ impl<'a> Prepared<'a> {
             let drives = Drives::new(&self.body, handles, &targets, &self.fixed, &self.params)?;
             let outcome = match self.params.solver {
                 Solver::Dynamics => dynamics::run(&self.body, &drives, &self.params, exec)?,
+                Solver::Projective => {
+                    projective::run(&self.body, &drives, &self.params, &mut self.kept, exec)?
+                }
+                Solver::Xpbd => xpbd::run(&self.body, &drives, &self.params, exec)?,
             };
             self.solved(handles, &targets, &drives, &outcome)
         })
@@ -199,7 +215,8 @@ impl<'a> Prepared<'a> {
             springs: body.list.len(),
             steps: outcome.steps,
             dt: outcome.dt,
-            residual: balance.relative(),
+            iterations: outcome.iterations,
+            residual: outcome.residual.unwrap_or_else(|| balance.relative()),
             energy_first: outcome.energies[0],
             energy_last: outcome.energies[1],
             max_displacement_mm: motion.max_displacement(),

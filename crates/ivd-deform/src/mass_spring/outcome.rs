@@ -10,10 +10,13 @@ pub(super) struct Outcome {
     pub(super) steps: usize,
     /// Length of a step (s).
     pub(super) dt: f64,
+    pub(super) iterations: usize,
     /// Displacements (mm) of all vertices of the body, in the order of time.
     pub(super) frames: Vec<Vec<[f64; 3]>>,
     /// Energy (nJ) after the first and after the last step.
     pub(super) energies: [f64; 2],
+    /// Worst relative gradient of a step or frame, where the solver has one of its own.
+    pub(super) residual: Option<f64>,
 }
 
 /// Forces (µN) at a displacement.

@@ -10,6 +10,10 @@ pub enum Solver {
     /// Symplectic Euler in time, with as many sub-steps as stability asks for.
     #[default]
     Dynamics,
+    /// Quasi-Newton on the factored matrix of projective dynamics: the balance of forces, or implicit Euler in time.
+    Projective,
+    /// Gauss–Seidel over the springs as compliant constraints, implicit Euler in time; to compare.
+    Xpbd,
 }
 
 /// How handles come to their full motion or force.
@@ -77,6 +81,14 @@ pub struct Params {
     pub course: Course,
     /// Frames of the motion, evenly in time, 1…10,000.
     pub frames: usize,
+    /// Whether masses count in [`Solver::Projective`]: implicit Euler in time instead of balance at each frame.
+    pub inertia: bool,
+    /// Relative gradient at which an implicit solver is done, 1e-14…1.
+    pub tolerance: f64,
+    /// Most iterations of an implicit solver for a step or frame, 1…1e6.
+    pub max_iterations: usize,
+    /// Steps that the quasi-Newton method remembers, 0…100; 0 is plain local–global iteration.
+    pub history: usize,
 }
 
 impl Default for Params {
@@ -101,6 +113,10 @@ impl Default for Params {
             ramp: None,
             course: Course::Smooth,
             frames: 1,
+            inertia: false,
+            tolerance: 1e-3,
+            max_iterations: 1000,
+            history: 8,
         }
     }
 }
@@ -145,7 +161,10 @@ impl Params {
         within("duration", self.duration, 1e-9, 1e6)?;
         within("dt", self.dt.unwrap_or(1.0), f64::MIN_POSITIVE, f64::MAX)?;
         within("ramp", self.ramp.unwrap_or(0.0), 0.0, 1e6)?;
-        within("frames", self.frames as f64, 1.0, 1e4)
+        within("frames", self.frames as f64, 1.0, 1e4)?;
+        within("tolerance", self.tolerance, 1e-14, 1.0)?;
+        within("max_iterations", self.max_iterations as f64, 1.0, 1e6)?;
+        within("history", self.history as f64, 0.0, 100.0)
     }
 
     /// Fraction of their motion or force that handles have reached at a time (s).

@@ -6,7 +6,14 @@ use super::*;
 
 /// Every solver as it is by default, with a motion that is quick to find.
 fn solvers() -> Vec<Params> {
-    vec![Params { duration: 0.02, ..Params::default() }]
+    let params = Params { duration: 0.02, ..Params::default() };
+    let projective = Params { solver: Solver::Projective, tolerance: 1e-6, ..params.clone() };
+    vec![
+        params.clone(),
+        projective.clone(),
+        Params { inertia: true, dt: Some(2e-3), ..projective },
+        Params { solver: Solver::Xpbd, dt: Some(2e-3), ..params },
+    ]
 }
 
 #[test]
@@ -37,22 +44,27 @@ fn beyond_the_radius_nothing_moves_and_a_moved_target_is_where_it_was_sent() {
 #[test]
 fn mirrored_handles_give_mirrored_motion() {
     for params in solvers() {
-        // Not tied to a place by its neighbours' numbers: even sides have a mirror between vertices.
+        // A sweep over springs has an order.
+        if params.solver == Solver::Xpbd {
+            continue;
+        }
+        let params = Params { tolerance: 1e-10, max_iterations: 20_000, push: false, ..params };
+        let close = if params.solver == Solver::Dynamics { 1e-12 } else { 1e-6 };
+        let lattice = sheet(12);
+        let mirror = |v: u32| v / 12 * 12 + 11 - v % 12;
+        let mut mirrored = lattice.clone();
+        mirrored.triangles = lattice.triangles.iter().map(|t| [t[0], t[2], t[1]].map(mirror)).collect();
         for (one, other) in [
             (moved(3 + 12 * 5, [0.2, 0.1, 0.7], 4.0), moved(8 + 12 * 5, [-0.2, 0.1, 0.7], 4.0)),
             (pulled(3 + 12 * 5, [2.0, 1.0, 1.0], 4.0), pulled(8 + 12 * 5, [-2.0, 1.0, 1.0], 4.0)),
         ] {
-            let mut lattice = sheet(12);
-            // The middle column's diagonals all lean one way; mirrored, the other.
-            let mirrored = |v: u32| v / 12 * 12 + 11 - v % 12;
-            let [a, mut b] = [lattice.clone(), lattice.clone()];
-            b.triangles = a.triangles.iter().map(|t| [t[0], t[2], t[1]].map(mirrored)).collect();
-            lattice.triangles.clear();
-            let [left, right] = [(a, one), (b, other)].map(|(l, h)| run(&l, &[h], &[], &params).unwrap());
+            let left = run(&lattice, &[one], &[], &params).unwrap();
+            let right = run(&mirrored, &[other], &[], &params).unwrap();
             for v in 0..144 {
-                let (u, w) = (last(&left)[v as usize], last(&right)[mirrored(v) as usize]);
+                let (u, w) = (last(&left)[v as usize], last(&right)[mirror(v) as usize]);
                 let apart = (0..3).map(|a| (if a == 0 { u[a] + w[a] } else { u[a] - w[a] }).abs());
-                assert!(apart.fold(0.0, f64::max) < 1e-10, "vertex {v}: {u:?} {w:?}");
+                let apart = apart.fold(0.0, f64::max);
+                assert!(apart < close, "{:?}, vertex {v}: {u:?} {w:?}", params.solver);
             }
         }
     }
@@ -114,7 +126,14 @@ fn a_grip_moves_a_patch_and_shares_a_force() {
 #[test]
 fn ground_springs_take_what_a_small_reach_would_cut_off() {
     for params in solvers() {
-        let params = Params { ground: 1.0, duration: 0.2, ramp: Some(0.05), drag: 500.0, ..params };
+        let params = Params {
+            ground: 1.0,
+            max_iterations: 100,
+            duration: 0.2,
+            ramp: Some(0.05),
+            drag: 500.0,
+            ..params
+        };
         let cut = |radius| run(&sheet(25), &[moved(312, [0.2, 0.0, 0.3], radius)], &[], &params).unwrap();
         let parts: Vec<f64> = [3.5, 6.5, 9.5, 11.5].map(|r| cut(r).truncation).to_vec();
         assert!(parts.windows(2).all(|w| w[1] < w[0]), "{parts:?}");
@@ -144,9 +163,9 @@ fn extremes_end_in_finite_motion_or_say_why_not() {
     let mut right = 0;
     for params in solvers() {
         for stiffness in [1e-6, 1.0, 1e6, 1e12] {
-            for dt in [None, Some(1e-9), Some(1e-4), Some(1e3)] {
+            for dt in [None, Some(1e-9), Some(1e-3), Some(1e3)] {
                 for force in [0.0, 1e-30, 1.0, 1e30] {
-                    let params = Params { stiffness, dt, ..params.clone() };
+                    let params = Params { stiffness, dt, max_iterations: 30, ..params.clone() };
                     for handle in
                         [pulled(40, [force, 0.0, force], 3.5), moved(40, [force.min(1e3), 0.0, force], 3.5)]
                     {
@@ -236,7 +255,7 @@ fn threads_do_not_change_a_byte_and_cancel_stops() {
     for params in solvers() {
         let lattice = sheet(90);
         let handles = [moved(4000, [0.0, 1.0, 2.0], 60.0), pulled(4040, [0.0, 0.1, 0.2], 60.0)];
-        let params = Params { duration: 2e-3, dt: Some(1e-4), stiffness: 10.0, ..params };
+        let params = Params { duration: 2e-3, dt: Some(1e-4), stiffness: 10.0, max_iterations: 15, ..params };
         let with = |threads| {
             let exec = Exec::default().with_threads(threads);
             solve(&lattice, None, &handles, &[], &params, &exec).unwrap()

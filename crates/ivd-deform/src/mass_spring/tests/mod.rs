@@ -7,6 +7,7 @@ use crate::spring::HandleAt;
 mod body_of;
 mod explicit;
 mod extremes;
+mod implicit;
 mod sums;
 
 /// Vertices 1 mm apart on the layer z = 0.5, `width` by `height`, in these triangles.

@@ -45,7 +45,7 @@ fn forces_are_the_sum_of_the_springs_one_at_a_time() {
 }
 
 #[test]
-fn forces_are_the_slope_of_the_energy() {
+fn forces_are_the_slope_of_the_energy_and_its_growth_is_exact() {
     let (rest, list, loose, moved) = scattered(50);
     let mut way = noise(rest.len() + 5)[5..].to_vec();
     way[loose..].fill([0.0; 3]);
@@ -61,6 +61,14 @@ fn forces_are_the_slope_of_the_energy() {
         let h = 1e-5;
         let found = (springs.energy(&rest, &along(h)) - springs.energy(&rest, &along(-h))) / (2.0 * h);
         assert!((found - slope).abs() < 1e-8 * scale, "{law:?}: {found} {slope}");
+        // For a large step, the difference; for a tiny one, the slope to all its digits.
+        let growth = |step: f64| {
+            let scaled: Vec<[f64; 3]> = way.iter().map(|w| w.map(|c| c * step)).collect();
+            springs.energy_growth(&rest, &moved, &scaled)
+        };
+        let difference = springs.energy(&rest, &along(0.5)) - springs.energy(&rest, &moved);
+        assert!((growth(0.5) - difference).abs() < 1e-11 * springs.energy(&rest, &moved));
+        assert!((growth(1e-11) / 1e-11 - slope).abs() < 1e-9 * scale);
     }
 }
 
