@@ -12,6 +12,8 @@ use super::forces::Vectors;
 /// Added to the diagonal, as a fraction of it, where nothing holds a part of the body but a handle: the handles' update takes
 /// it out again, to some digits.
 const HOLD: f64 = 1e-6;
+/// Columns kept of vertices that aren't moved any more, about.
+const KEPT: usize = 64;
 
 /// The factored matrix: every spring's stiffness in every direction, ground springs, and masses over the step squared.
 #[derive(Debug, Clone)]
@@ -43,6 +45,10 @@ impl Metric {
         let moved: Vec<usize> = drives.moved.iter().map(|(v, ..)| *v).collect();
         if moved == self.moved {
             return;
+        }
+        // What a long drag no longer moves is given up, but not what comes and goes.
+        if self.columns.len() > KEPT + 2 * moved.len() {
+            self.columns.retain(|v, _| moved.contains(v));
         }
         let new: Vec<usize> = moved.iter().copied().filter(|v| !self.columns.contains_key(v)).collect();
         for three in new.chunks(3) {

@@ -191,7 +191,7 @@ impl<'a> Prepared<'a> {
     ) -> Result<Solved, Error> {
         let body = &self.body;
         let last = outcome.frames.last().expect("a solver gives at least one frame");
-        self.trust(handles, targets, last)?;
+        self.trust(handles, targets, last, outcome)?;
         let pulls: Vec<[f64; 3]> = handles
             .iter()
             .enumerate()
@@ -250,13 +250,24 @@ impl<'a> Prepared<'a> {
     }
 
     /// Refuses what isn't finite and what a force carried out of its handle's reach.
-    fn trust(&self, handles: &[Handle], targets: &[usize], last: &[[f64; 3]]) -> Result<(), Error> {
+    fn trust(
+        &self,
+        handles: &[Handle],
+        targets: &[usize],
+        last: &[[f64; 3]],
+        outcome: &Outcome,
+    ) -> Result<(), Error> {
         let bad = |problem: String| {
             let remedy = "use a smaller force, more stiffness, ground springs or a shorter duration";
             Err(Error::Untrusted { what: "the deformed lattice", problem, remedy })
         };
         if let Some(v) = last.iter().position(|u| !u.iter().all(|c| c.is_finite())) {
             return bad(format!("the displacement of vertex {} isn't finite", self.body.vertices[v]));
+        }
+        let [first, end] = outcome.energies;
+        let residual = outcome.residual.unwrap_or(0.0);
+        if !(first.is_finite() && end.is_finite() && residual.is_finite()) {
+            return bad(format!("its energy ends at {end:e} nJ, its relative gradient at {residual:e}"));
         }
         for (handle, &target) in handles.iter().zip(targets) {
             let Some(v) = self.body.loose_vertex(target) else { continue };
