@@ -249,7 +249,7 @@ pub(crate) enum Command {
     Deform {
         /// Lattice artefact.
         lattice: PathBuf,
-        /// Labels (artefact), for material by class: no solver here uses them yet.
+        /// Labels (artefact), for material by class (`[material.<class>]` in --params); not with ring.
         #[arg(long)]
         labels: Option<PathBuf>,
         /// 'pick=x,y,z;move=dx,dy,dz;radius=r' (mm), or vertex=N, or force=x,y,z (mN).
@@ -263,7 +263,7 @@ pub(crate) enum Command {
         /// rate=…;spine=x,y,z. Also axis=x,y,z, core=…, and length=… (mm) where there is a rate.
         #[arg(long)]
         shape: Vec<ShapeSection>,
-        /// ring.
+        /// ring, or masses on springs: dynamics, projective or xpbd.
         #[arg(long)]
         solver: Option<String>,
         /// Stiffness of a spring (N/m).
@@ -272,6 +272,9 @@ pub(crate) enum Command {
         /// Time of the motion (s).
         #[arg(long, value_name = "s", allow_hyphen_values = true)]
         duration: Option<f64>,
+        /// Frames of the motion, evenly in time; not with ring.
+        #[arg(long)]
+        frames: Option<u32>,
         #[command(flatten)]
         output: Output,
     },

@@ -131,17 +131,33 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             let files = vec![("lattice", Some(lattice.as_path()))];
             Job { stage: Box::new(Octree::from_section(&section)), files, output: &output.path }
         }
-        Command::Deform { lattice, labels, handle, fix, shape, solver, stiffness, duration, output } => {
-            unused_labels(labels.as_deref(), context)?;
+        Command::Deform {
+            lattice,
+            labels,
+            handle,
+            fix,
+            shape,
+            solver,
+            stiffness,
+            duration,
+            frames,
+            output,
+        } => {
             let words = Words::default()
                 .with("solver", solver.clone())
                 .with("stiffness", *stiffness)
-                .with("duration", *duration);
+                .with("duration", *duration)
+                .with("frames", frames.map(i64::from));
             let mut section: DeformSection = section(params, words.0)?;
             section.handle.extend(handle.iter().cloned());
             section.fix.extend(fix.iter().cloned());
             section.shape.extend(shape.iter().cloned());
-            let files = vec![("lattice", Some(lattice.as_path()))];
+            let mut files = vec![("lattice", Some(lattice.as_path()))];
+            if section.material.is_empty() {
+                unused_labels(labels.as_deref(), context)?;
+            } else {
+                files.push(("labels", labels.as_deref()));
+            }
             Job { stage: Box::new(Deform::from_section(&section)?), files, output: &output.path }
         }
         Command::Map { lattice, octree, motion, labels, method, weight, outside, margin, output } => {
@@ -198,7 +214,7 @@ fn unused_labels(labels: Option<&Path>, context: &Context) -> anyhow::Result<()>
             kind.name()
         )));
     }
-    context.say("ivd: note: --labels has no effect: this method knows no material by class");
+    context.say("ivd: note: --labels has no effect: there is no material by class");
     Ok(())
 }
 

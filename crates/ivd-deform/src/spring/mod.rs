@@ -128,7 +128,7 @@ pub fn ring(
 }
 
 /// The vertex that is meant.
-fn resolve(
+pub(crate) fn resolve(
     what: &'static str,
     at: &HandleAt,
     lattice: &Lattice,
@@ -165,7 +165,7 @@ fn resolve(
 }
 
 /// Two handles on one vertex must agree.
-fn check_targets(handles: &[Handle], targets: &[usize]) -> Result<(), Error> {
+pub(crate) fn check_targets(handles: &[Handle], targets: &[usize]) -> Result<(), Error> {
     if handles.is_empty() {
         return Err(ParamError::new("handle", "there is none", "give at least one handle").into());
     }

@@ -14,7 +14,7 @@ use super::work::Amounts;
 use super::{Budget, BudgetReport, Choice, rate_name};
 use crate::plan::{NodeId, Plan, PlanNode};
 use crate::runner::{Done, Runner, StageRecord, State};
-use crate::scene::Loaded;
+use crate::scene::{Loaded, Solver};
 use crate::{Error, PipelineOptions};
 
 /// Predictions are this much too short now and then: what is there is divided by it.
@@ -167,7 +167,10 @@ impl<'a> Pilot<'a> {
 
     /// Whether the user has fixed a knob.
     pub(super) fn pinned(&self, knob: Knob) -> bool {
-        knob.keys().iter().any(|key| self.options.budget.pinned.contains(*key))
+        // What a number of steps costs and errs is on record for the rings only.
+        let unknown = knob == Knob::Steps
+            && self.wish.scene.deform.as_ref().is_some_and(|deform| deform.solver != Solver::Ring);
+        unknown || knob.keys().iter().any(|key| self.options.budget.pinned.contains(*key))
     }
 
     /// Takes the settings that are predicted to end in time; those of the scene where they do.

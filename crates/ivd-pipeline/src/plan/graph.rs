@@ -383,6 +383,10 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let (segment, segment_inputs) = segment(&scene.segment, tree.is_some())?;
     let render = Render::from_section(&scene.render, given_iso)?;
     let deform = moves.map(Deform::from_section).transpose()?;
+    let mut deform_inputs = vec![("lattice", NodeId::Refine)];
+    if deform.as_ref().is_some_and(Deform::knows_classes) {
+        deform_inputs.push(("labels", NodeId::Segment));
+    }
 
     let node = |id, stage: Option<Box<dyn Stage>>, inputs| PlanNode {
         id,
@@ -404,7 +408,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
             if_moved(boxed(Octree::from_section(&scene.octree))),
             vec![("lattice", NodeId::Refine)],
         ),
-        node(NodeId::Deform, deform.and_then(boxed), vec![("lattice", NodeId::Refine)]),
+        node(NodeId::Deform, deform.and_then(boxed), deform_inputs),
         node(
             NodeId::Map,
             if_moved(boxed(Map::from_section(&scene.map))),

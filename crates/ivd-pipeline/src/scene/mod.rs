@@ -12,11 +12,12 @@ use serde::{Deserialize, Serialize};
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
-    AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CovarianceChoice,
-    DeformSection, DepthWeight, FixSection, HandleSection, InputSection, IsoChoice, IsoWord, KernelChoice,
-    LatticeSection, LinkageChoice, MapMethod, MapSection, OctreeSection, OutputSection, Outside, Picture,
-    Projection, RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection,
-    SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver, WarpOrder, WarpSection,
+    AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
+    CovarianceChoice, DeformSection, DepthWeight, FixSection, HandleSection, InputSection, IsoChoice,
+    IsoWord, KernelChoice, LatticeSection, LinkageChoice, MapMethod, MapSection, MaterialSection,
+    OctreeSection, OutputSection, Outside, Picture, Projection, RankingChoice, RawSection, RefineMethod,
+    RefineSection, RenderMode, RenderSection, SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver,
+    WarpOrder, WarpSection,
 };
 pub use written::triple;
 

@@ -16,7 +16,7 @@ mod warp;
 
 pub use atf::Atf;
 pub use boundary::Boundary;
-pub use deform::Deform;
+pub use deform::{Deform, DeformMethod};
 pub use foreign::ForeignLattice;
 pub use import::{Import, ImportLabels, ImportSource};
 pub use lattice::Lattice;

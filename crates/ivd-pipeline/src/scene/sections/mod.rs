@@ -11,7 +11,7 @@ mod segment;
 mod shape;
 
 pub use boundary::{BoundarySection, ClassChoice, ClassWord};
-pub use deform::{DeformSection, FixSection, HandleSection, Solver};
+pub use deform::{CourseChoice, DeformSection, FixSection, HandleSection, MaterialSection, Solver};
 pub use input::{InputSection, RawSection};
 pub use lattice::{IsoChoice, IsoWord, LatticeSection, OctreeSection, RefineMethod, RefineSection};
 pub use map::{DepthWeight, MapMethod, MapSection, Outside, WarpOrder, WarpSection};

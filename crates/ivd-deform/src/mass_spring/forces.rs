@@ -1,0 +1,270 @@
+//! The springs' forces, laid out for speed, and their energy.
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// Vertices of a chunk: its positions, displacements and forces stay in the nearest caches. Sums run chunk by chunk, so
+/// that the number of threads changes no bit.
+pub(super) const CHUNK: usize = 2048;
+/// Fewer vertices than these are faster on one thread.
+const ALONE: usize = 3 * CHUNK;
+/// A spring shorter than this fraction of its rest length has no direction and exerts nothing.
+const NO_DIRECTION: f64 = 1e-6;
+/// Springs of which the lengths are computed side by side.
+const LANES: usize = 8;
+/// Stiffness beyond the strain limit, in stiffnesses below it.
+pub(super) const LIMITED: f64 = 100.0;
+
+/// What a spring makes of its length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Law {
+    /// Whether it pushes when it is shorter than at rest.
+    pub(super) push: bool,
+    /// Strain beyond which it is stiffer.
+    pub(super) limit: Option<f64>,
+}
+
+/// A spring between two vertices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Spring {
+    /// Vertices of the body.
+    pub(super) ends: [u32; 2],
+    /// Length at rest (mm).
+    pub(super) length: f64,
+    /// Stiffness (g/s²).
+    pub(super) stiffness: f64,
+}
+
+/// The springs of a run of vertices: first those with both ends in it, then those that lead out of it, own end first.
+#[derive(Debug, Clone, PartialEq)]
+struct Chunk {
+    own: usize,
+    springs: Vec<Spring>,
+}
+
+/// Springs by the vertices that they act on. A spring between two chunks is in both, so that each is summed by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Springs {
+    law: Law,
+    vertices: usize,
+    chunks: Vec<Chunk>,
+}
+
+pub(super) type Vectors = [[f64; 3]];
+
+impl Springs {
+    /// Springs that act on the first `vertices` vertices; those beyond never move.
+    pub(super) fn new(springs: &[Spring], vertices: usize, law: Law) -> Self {
+        let mut chunks = vec![Chunk { own: 0, springs: Vec::new() }; vertices.div_ceil(CHUNK)];
+        let chunk_of = |v: u32| ((v as usize) < vertices).then_some(v as usize / CHUNK);
+        for spring in springs {
+            let [a, b] = spring.ends.map(chunk_of);
+            if let Some(chunk) = a.filter(|_| a == b) {
+                chunks[chunk].springs.push(*spring);
+            }
+        }
+        for chunk in &mut chunks {
+            chunk.own = chunk.springs.len();
+        }
+        for spring in springs {
+            let [i, j] = spring.ends;
+            let [a, b] = spring.ends.map(chunk_of);
+            if a != b {
+                for (chunk, ends) in [(a, [i, j]), (b, [j, i])] {
+                    if let Some(chunk) = chunk {
+                        chunks[chunk].springs.push(Spring { ends, ..*spring });
+                    }
+                }
+            }
+        }
+        Self { law, vertices, chunks }
+    }
+
+    /// Whether the work is worth more than one thread.
+    pub(super) fn worth_sharing(&self) -> bool {
+        self.vertices >= ALONE
+    }
+
+    /// Writes the springs' force (µN) on every vertex of a chunk to `force`, its part of the vertices' forces.
+    ///
+    /// - `rest`: rest positions; `moved`: displacements (mm), of all vertices.
+    pub(super) fn on_chunk(&self, chunk: usize, rest: &Vectors, moved: &Vectors, force: &mut Vectors) {
+        match (self.law.push, self.law.limit) {
+            (true, None) => self.sum::<true, false>(chunk, rest, moved, force),
+            (false, None) => self.sum::<false, false>(chunk, rest, moved, force),
+            (true, Some(_)) => self.sum::<true, true>(chunk, rest, moved, force),
+            (false, Some(_)) => self.sum::<false, true>(chunk, rest, moved, force),
+        }
+    }
+
+    fn sum<const PUSH: bool, const LIMIT: bool>(
+        &self,
+        chunk: usize,
+        rest: &Vectors,
+        moved: &Vectors,
+        force: &mut Vectors,
+    ) {
+        let first = chunk * CHUNK;
+        let limit = self.law.limit.unwrap_or(0.0);
+        let Chunk { own, springs } = &self.chunks[chunk];
+        force.fill([0.0; 3]);
+        let mut done = 0;
+        for block in springs.chunks(LANES) {
+            let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            let (mut grown, mut length, mut stiffness) = ([0.0; LANES], [1.0; LANES], [0.0; LANES]);
+            for (lane, spring) in block.iter().enumerate() {
+                let [i, j] = spring.ends.map(|v| v as usize);
+                let by: [f64; 3] = std::array::from_fn(|a| moved[j][a] - moved[i][a]);
+                let at: [f64; 3] = std::array::from_fn(|a| rest[j][a] - rest[i][a]);
+                [x[lane], y[lane], z[lane]] = std::array::from_fn(|a| at[a] + by[a]);
+                // The difference of the squared lengths, without their cancellation.
+                grown[lane] = (2.0 * at[0] + by[0]) * by[0]
+                    + (2.0 * at[1] + by[1]) * by[1]
+                    + (2.0 * at[2] + by[2]) * by[2];
+                (length[lane], stiffness[lane]) = (spring.length, spring.stiffness);
+            }
+            let mut scale = [0.0; LANES];
+            for lane in 0..LANES {
+                let now = (x[lane] * x[lane] + y[lane] * y[lane] + z[lane] * z[lane]).sqrt();
+                let directed = now > NO_DIRECTION * length[lane];
+                let now = if directed { now } else { 1.0 };
+                let mut pull = stiffness[lane] * grown[lane];
+                if LIMIT {
+                    let over = grown[lane] - limit * length[lane] * (now + length[lane]);
+                    pull += LIMITED * stiffness[lane] * if over > 0.0 { over } else { 0.0 };
+                }
+                let acts = directed && (PUSH || grown[lane] > 0.0);
+                scale[lane] = if acts { pull / ((now + length[lane]) * now) } else { 0.0 };
+            }
+            for (lane, spring) in block.iter().enumerate() {
+                let [i, j] = spring.ends.map(|v| v as usize);
+                let pull = [scale[lane] * x[lane], scale[lane] * y[lane], scale[lane] * z[lane]];
+                for a in 0..3 {
+                    force[i - first][a] += pull[a];
+                }
+                if done + lane < *own {
+                    for a in 0..3 {
+                        force[j - first][a] -= pull[a];
+                    }
+                }
+            }
+            done += block.len();
+        }
+    }
+
+    /// Writes the springs' force (µN) on every vertex.
+    pub(super) fn forces(&self, rest: &Vectors, moved: &Vectors, force: &mut Vectors) {
+        let of = |(chunk, force): (usize, &mut Vectors)| self.on_chunk(chunk, rest, moved, force);
+        if self.worth_sharing() {
+            force.par_chunks_mut(CHUNK).enumerate().for_each(of);
+        } else {
+            force.chunks_mut(CHUNK).enumerate().for_each(of);
+        }
+    }
+
+    /// Energy of the springs (nJ), each once.
+    pub(super) fn energy(&self, rest: &Vectors, moved: &Vectors) -> f64 {
+        self.total(|spring| {
+            let (at, by) = apart(spring, rest, moved);
+            let stretch = stretch(spring, at, by);
+            let [below, beyond] = self.stretches(stretch, spring.length);
+            0.5 * spring.stiffness * (below * below + LIMITED * beyond * beyond)
+        })
+    }
+
+    /// How much the springs' energy (nJ) grows where the vertices go on by `way` (mm) from `moved`. It is a sum of each
+    /// spring's own growth, exact where the energies themselves differ by less than their rounding.
+    pub(super) fn energy_growth(&self, rest: &Vectors, moved: &Vectors, way: &Vectors) -> f64 {
+        self.total(|spring| {
+            let (at, by) = apart(spring, rest, moved);
+            let [i, j] = spring.ends.map(|v| v as usize);
+            let on = Vector3::from(way[j]) - Vector3::from(way[i]);
+            let (here, there) = ((at + by).norm(), (at + by + on).norm());
+            if here + there <= 0.0 {
+                return 0.0;
+            }
+            let more = on.dot(&(2.0 * (at + by) + on)) / (here + there);
+            let stretch = stretch(spring, at, by);
+            let [below, beyond] = self.stretches(stretch, spring.length);
+            let [below_then, beyond_then] = self.stretches(stretch + more, spring.length);
+            // Where both lie on the same side, their difference is the growth itself.
+            let by = |now: f64, then: f64| if now != 0.0 && then != 0.0 { more } else { then - now };
+            let squares = by(below, below_then) * (below + below_then)
+                + LIMITED * by(beyond, beyond_then) * (beyond + beyond_then);
+            0.5 * spring.stiffness * squares
+        })
+    }
+
+    /// The part of a stretch (mm) that counts, and the part that counts a hundredfold.
+    fn stretches(&self, stretch: f64, length: f64) -> [f64; 2] {
+        let below = if self.law.push { stretch } else { stretch.max(0.0) };
+        [below, self.law.limit.map_or(0.0, |limit| (stretch - limit * length).max(0.0))]
+    }
+
+    /// Sum over all springs, each once, in an order that only the springs determine.
+    fn total(&self, of: impl Fn(&Spring) -> f64 + Sync) -> f64 {
+        let sum = |chunk: &Chunk| -> f64 {
+            let (own, leading_out) = chunk.springs.split_at(chunk.own);
+            own.iter().map(&of).sum::<f64>()
+                + leading_out.iter().filter(|s| s.ends[0] < s.ends[1]).map(&of).sum::<f64>()
+        };
+        let sums: Vec<f64> = self.chunks.par_iter().map(sum).collect();
+        sums.iter().sum()
+    }
+}
+
+/// The way from a spring's first end to the other at rest, and what their motion adds to it (mm).
+fn apart(spring: &Spring, rest: &Vectors, moved: &Vectors) -> (Vector3<f64>, Vector3<f64>) {
+    let [i, j] = spring.ends.map(|v| v as usize);
+    let between = |of: &Vectors| Vector3::from(of[j]) - Vector3::from(of[i]);
+    (between(rest), between(moved))
+}
+
+/// How much longer a spring is than at rest (mm), without the cancellation of a difference.
+fn stretch(spring: &Spring, at: Vector3<f64>, by: Vector3<f64>) -> f64 {
+    let lengths = (at + by).norm() + spring.length;
+    if lengths > 0.0 { (2.0 * at + by).dot(&by) / lengths } else { 0.0 }
+}
+
+/// Force of a spring on its first end (µN); the other gets the negative. What [`Springs`] sums, one spring at a time.
+pub(super) fn pull(spring: &Spring, law: Law, rest: &Vectors, moved: &Vectors) -> Vector3<f64> {
+    let (at, by) = apart(spring, rest, moved);
+    let now = (at + by).norm();
+    if now <= NO_DIRECTION * spring.length {
+        return Vector3::zeros();
+    }
+    let stretch = stretch(spring, at, by);
+    let beyond = law.limit.map_or(0.0, |limit| (stretch - limit * spring.length).max(0.0));
+    let counts = if law.push { stretch } else { stretch.max(0.0) };
+    (at + by) * (spring.stiffness * (counts + LIMITED * beyond) / now)
+}
+
+/// Scalar product of two lists of vectors, summed chunk by chunk.
+pub(super) fn dot(a: &Vectors, b: &Vectors) -> f64 {
+    let of = |(a, b): (&Vectors, &Vectors)| -> f64 {
+        a.iter().zip(b).map(|(a, b)| a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).sum()
+    };
+    let sums: Vec<f64> = if a.len() >= ALONE {
+        a.par_chunks(CHUNK).zip(b.par_chunks(CHUNK)).map(of).collect()
+    } else {
+        a.chunks(CHUNK).zip(b.chunks(CHUNK)).map(of).collect()
+    };
+    sums.iter().sum()
+}
+
+/// Length of a list of vectors; infinite where a component isn't finite.
+pub(super) fn norm(a: &Vectors) -> f64 {
+    if !a.iter().flatten().all(|c| c.is_finite()) {
+        return f64::INFINITY;
+    }
+    // Largest first, so that neither 1e200 nor 1e-200 is lost in its square.
+    let most = a.iter().flatten().fold(0.0_f64, |most, c| most.max(c.abs()));
+    if most == 0.0 {
+        return 0.0;
+    }
+    if (1e-100..1e100).contains(&most) {
+        return dot(a, a).sqrt();
+    }
+    let scaled: Vec<[f64; 3]> = a.iter().map(|v| v.map(|c| c / most)).collect();
+    dot(&scaled, &scaled).sqrt() * most
+}

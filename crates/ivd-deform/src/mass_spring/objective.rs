@@ -1,0 +1,73 @@
+//! What an implicit solver makes small: the energy of springs, of a constant pull, and of inertia.
+
+use super::body::Body;
+use super::drives::Drives;
+use super::forces::{Vectors, dot, norm};
+
+/// Inertia of an implicit Euler step with drag `γ`: `½ a |u − anchor|²`, `a = m (1 + γh) / h²`,
+/// `anchor = u₀ + h v₀ / (1 + γh)`.
+#[derive(Debug, Clone)]
+pub(super) struct Inertia {
+    /// Of each loose vertex (g/s²).
+    pub(super) stiffness: Vec<f64>,
+    /// Displacement of each loose vertex where no force acted (mm).
+    pub(super) anchor: Vec<[f64; 3]>,
+}
+
+/// The objective of a step, or of statics.
+pub(super) struct Objective<'a> {
+    pub(super) body: &'a Body,
+    pub(super) drives: &'a Drives,
+    /// Fraction of their force with which handles pull.
+    pub(super) reached: f64,
+    pub(super) inertia: Option<&'a Inertia>,
+}
+
+impl Objective<'_> {
+    /// Writes the gradient (µN) at `moved`, 0 at moved vertices; gives its length over that of the forces put in, which
+    /// are those of handles and of inertia.
+    ///
+    /// - `most`: the largest of the forces put in so far; they count as a millionth of it at least, so that a body that
+    ///   handles move as it is, against no force, has an end.
+    pub(super) fn gradient(&self, moved: &Vectors, gradient: &mut Vectors, most: &mut f64) -> f64 {
+        let body = self.body;
+        body.springs.forces(&body.rest, moved, gradient);
+        let mut put_in = vec![[0.0; 3]; 2 * body.loose];
+        let (by_handles, by_inertia) = put_in.split_at_mut(body.loose);
+        for v in 0..body.loose {
+            for a in 0..3 {
+                let inertia =
+                    self.inertia.map_or(0.0, |own| own.stiffness[v] * (moved[v][a] - own.anchor[v][a]));
+                let springs = body.ground[v] * moved[v][a] - gradient[v][a];
+                if self.drives.is_moved[v] {
+                    by_handles[v][a] = springs;
+                    gradient[v][a] = 0.0;
+                } else {
+                    let pull = self.drives.force[v][a] * self.reached;
+                    by_handles[v][a] = pull;
+                    by_inertia[v][a] = inertia;
+                    gradient[v][a] = springs + inertia - pull;
+                }
+            }
+        }
+        let put_in = norm(&put_in);
+        *most = most.max(put_in);
+        let size = norm(gradient);
+        if size == 0.0 { 0.0 } else { size / put_in.max(1e-6 * *most).max(f64::MIN_POSITIVE) }
+    }
+
+    /// How much it grows (nJ) from `moved` along `way`, to all digits however short the way is.
+    pub(super) fn growth(&self, moved: &Vectors, way: &Vectors) -> f64 {
+        let body = self.body;
+        // Displacements and ways of the held vertices are 0.
+        let mut slope = vec![[0.0; 3]; body.loose];
+        for v in (0..body.loose).filter(|v| !self.drives.is_moved[*v]) {
+            for a in 0..3 {
+                let half = moved[v][a] + 0.5 * way[v][a];
+                let inertia = self.inertia.map_or(0.0, |own| own.stiffness[v] * (half - own.anchor[v][a]));
+                slope[v][a] = body.ground[v] * half + inertia - self.drives.force[v][a] * self.reached;
+            }
+        }
+        body.springs.energy_growth(&body.rest, moved, way) + dot(&slope, &way[..body.loose])
+    }
+}

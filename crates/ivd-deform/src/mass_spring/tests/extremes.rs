@@ -1,0 +1,270 @@
+//! What holds for every solver, and what must not break one.
+
+use ivd_core::Fault;
+
+use super::*;
+
+/// Every solver as it is by default, with a motion that is quick to find.
+fn solvers() -> Vec<Params> {
+    let params = Params { duration: 0.02, ..Params::default() };
+    let projective = Params { solver: Solver::Projective, tolerance: 1e-6, ..params.clone() };
+    vec![
+        params.clone(),
+        projective.clone(),
+        Params { inertia: true, dt: Some(2e-3), ..projective },
+        Params { solver: Solver::Xpbd, dt: Some(2e-3), ..params },
+    ]
+}
+
+#[test]
+fn no_motion_and_no_force_leave_every_bit() {
+    for params in solvers() {
+        for handle in [moved(40, [0.0, -0.0, 0.0], 3.0), pulled(40, [-0.0; 3], 3.0)] {
+            let solved = run(&sheet(9), &[handle], &[], &params).unwrap();
+            assert!(last(&solved).iter().flatten().all(|c| c.to_bits() == 0), "{params:?}");
+            assert_eq!((solved.vertices_moved, solved.residual, solved.energy_last), (0, 0.0, 0.0));
+            assert_eq!((solved.truncation, solved.truncation_mn), (0.0, 0.0));
+        }
+    }
+}
+
+#[test]
+fn beyond_the_radius_nothing_moves_and_a_moved_target_is_where_it_was_sent() {
+    for params in solvers() {
+        let solved = run(&sheet(21), &[moved(220, [0.3, -0.2, 1.0], 5.5)], &[], &params).unwrap();
+        assert_eq!(last(&solved)[220], [0.3, -0.2, 1.0]);
+        for (i, u) in last(&solved).iter().enumerate() {
+            let distance = ((i % 21) as f64 - 10.0).hypot((i / 21) as f64 - 10.0);
+            assert!(distance < 5.5 || *u == [0.0; 3], "vertex {i}");
+        }
+        assert!(solved.vertices_moved > 80 && solved.vertices_moved <= solved.vertices_loose);
+    }
+}
+
+#[test]
+fn mirrored_handles_give_mirrored_motion() {
+    for params in solvers() {
+        // A sweep over springs has an order.
+        if params.solver == Solver::Xpbd {
+            continue;
+        }
+        let params = Params { tolerance: 1e-10, max_iterations: 20_000, push: false, ..params };
+        let close = if params.solver == Solver::Dynamics { 1e-12 } else { 1e-6 };
+        let lattice = sheet(12);
+        let mirror = |v: u32| v / 12 * 12 + 11 - v % 12;
+        let mut mirrored = lattice.clone();
+        mirrored.triangles = lattice.triangles.iter().map(|t| [t[0], t[2], t[1]].map(mirror)).collect();
+        for (one, other) in [
+            (moved(3 + 12 * 5, [0.2, 0.1, 0.7], 4.0), moved(8 + 12 * 5, [-0.2, 0.1, 0.7], 4.0)),
+            (pulled(3 + 12 * 5, [2.0, 1.0, 1.0], 4.0), pulled(8 + 12 * 5, [-2.0, 1.0, 1.0], 4.0)),
+        ] {
+            let left = run(&lattice, &[one], &[], &params).unwrap();
+            let right = run(&mirrored, &[other], &[], &params).unwrap();
+            for v in 0..144 {
+                let (u, w) = (last(&left)[v as usize], last(&right)[mirror(v) as usize]);
+                let apart = (0..3).map(|a| (if a == 0 { u[a] + w[a] } else { u[a] - w[a] }).abs());
+                let apart = apart.fold(0.0, f64::max);
+                assert!(apart < close, "{:?}, vertex {v}: {u:?} {w:?}", params.solver);
+            }
+        }
+    }
+}
+
+#[test]
+fn fixed_vertices_stay_islands_stay_and_isolated_vertices_go_alone() {
+    for params in solvers() {
+        let mut lattice = sheet(11);
+        lattice.triangles.retain(|t| t.iter().all(|v| v % 11 < 5) || t.iter().all(|v| v % 11 > 5));
+        lattice.triangles.push([3, 3, 4]);
+        let all = Fix { at: HandleAt::Vertex(60), radius: 100.0 };
+        for handle in [moved(58, [0.5; 3], 20.0), pulled(58, [1.0; 3], 20.0)] {
+            let solved = run(&lattice, &[handle], &[all], &params).unwrap();
+            assert_eq!((solved.vertices_moved, solved.vertices_loose), (0, 0));
+        }
+        let fix = Fix { at: HandleAt::Vertex(55), radius: 1.5 };
+        let solved = run(&lattice, &[moved(59, [0.0, 0.0, 0.5], 20.0)], &[fix], &params).unwrap();
+        for v in [55, 56, 44, 66, 45, 67] {
+            assert_eq!(last(&solved)[v], [0.0; 3], "vertex {v}");
+        }
+        assert!((0..121).filter(|v| v % 11 >= 5).all(|v| last(&solved)[v] == [0.0; 3]), "the island stays");
+        assert!(last(&solved)[58][2] > 0.0);
+        let alone = run(&lattice, &[moved(60, [0.5; 3], 20.0)], &[], &params).unwrap();
+        assert_eq!((alone.vertices_moved, last(&alone)[60]), (1, [0.5; 3]));
+    }
+}
+
+#[test]
+fn handles_on_one_vertex_agree_or_are_refused() {
+    for params in solvers() {
+        let pull = pulled(40, [0.0, 0.0, 0.5], 3.0);
+        let once = run(&sheet(9), &[pull], &[pin(0)], &params).unwrap();
+        let twice = run(&sheet(9), &[pull, pull], &[pin(0)], &params).unwrap();
+        assert_eq!(last(&once), last(&twice));
+        assert_eq!(once.truncation, twice.truncation);
+        let error = run(&sheet(9), &[pull, moved(40, [0.0; 3], 3.0)], &[], &params).unwrap_err();
+        assert!(error.fault() == Fault::Usage && error.to_string().contains("vertex 40"));
+        let both = [moved(39, [0.0, 0.0, 0.3], 3.0), moved(41, [0.0, 0.0, -0.3], 3.0)];
+        let solved = run(&sheet(9), &both, &[], &params).unwrap();
+        assert_eq!((last(&solved)[39][2], last(&solved)[41][2]), (0.3, -0.3));
+    }
+}
+
+#[test]
+fn a_grip_moves_a_patch_and_shares_a_force() {
+    for params in solvers() {
+        let params = Params { grip: 1.2, ..params };
+        let solved = run(&sheet(11), &[moved(60, [0.1, 0.2, 0.6], 4.5)], &[], &params).unwrap();
+        for v in [60, 59, 61, 49, 71] {
+            assert_eq!(last(&solved)[v], [0.1, 0.2, 0.6]);
+        }
+        let pull = run(&sheet(11), &[pulled(60, [0.0, 0.0, 0.5], 4.5)], &[], &params).unwrap();
+        let [_, _, z] = pull.handle_forces_mn[0];
+        assert!((z - 0.5).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn ground_springs_take_what_a_small_reach_would_cut_off() {
+    for params in solvers() {
+        let params = Params {
+            ground: 1.0,
+            max_iterations: 100,
+            duration: 0.2,
+            ramp: Some(0.05),
+            drag: 500.0,
+            ..params
+        };
+        let cut = |radius| run(&sheet(25), &[moved(312, [0.2, 0.0, 0.3], radius)], &[], &params).unwrap();
+        let parts: Vec<f64> = [3.5, 6.5, 9.5, 11.5].map(|r| cut(r).truncation).to_vec();
+        assert!(parts.windows(2).all(|w| w[1] < w[0]), "{parts:?}");
+        assert!(parts[3] < 0.05, "{parts:?}");
+        assert_eq!(cut(100.0).truncation, 0.0);
+    }
+}
+
+#[test]
+fn a_strain_limit_holds_springs_together() {
+    for params in solvers() {
+        let params = Params { duration: 0.2, ramp: Some(0.05), drag: 500.0, ..params };
+        let longest = |limit| {
+            let params = Params { strain_limit: limit, ..params.clone() };
+            let solved = run(&rod(6), &[pulled(5, [20.0, 0.0, 0.0], 50.0)], &[pin(0)], &params).unwrap();
+            let x: Vec<f64> = last(&solved).iter().map(|u| u[0]).collect();
+            x.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max)
+        };
+        // 20 mN on 50 N/m strains by 0.4; beyond 0.1 the rest is a hundred times as stiff: 0.1 + (20 − 5) / 5050.
+        assert!((longest(None) - 0.4).abs() < 1e-3);
+        assert!((longest(Some(0.1)) - (0.1 + 15.0 / 5050.0)).abs() < 1e-4, "{}", longest(Some(0.1)));
+    }
+}
+
+#[test]
+fn extremes_end_in_finite_motion_or_say_why_not() {
+    let mut right = 0;
+    for params in solvers() {
+        for stiffness in [1e-6, 1.0, 1e6, 1e12] {
+            for dt in [None, Some(1e-9), Some(1e-3), Some(1e3)] {
+                for force in [0.0, 1e-30, 1.0, 1e30] {
+                    let params = Params { stiffness, dt, max_iterations: 30, ..params.clone() };
+                    for handle in
+                        [pulled(40, [force, 0.0, force], 3.5), moved(40, [force.min(1e3), 0.0, force], 3.5)]
+                    {
+                        match run(&sheet(9), &[handle], &[], &params) {
+                            Ok(solved) => {
+                                right += 1;
+                                assert!(solved.motion.check().is_ok() && solved.energy_last.is_finite());
+                                assert!(solved.residual.is_finite() && solved.truncation.is_finite());
+                            }
+                            Err(error) => {
+                                let text = error.to_string();
+                                assert_eq!(error.fault(), Fault::Untrusted, "{text}");
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    assert!(right > 0);
+}
+
+#[test]
+fn mixed_stiffness_and_edges_of_no_length_end_well() {
+    for params in solvers() {
+        let mut lattice = sheet(9);
+        // Two vertices in one place: the places lie on one voxel, 1 mm further by key and by place.
+        lattice.places[41] = [0.0, 0.0, 0.5];
+        lattice.places[40] = [1.0, 0.0, 0.5];
+        let labels = ivd_core::Labels::new(
+            lattice.grid.clone(),
+            (0..162).map(|i| u16::from(i % 9 > 4) + 1).collect::<Vec<u16>>().into(),
+            Vec::new(),
+        )
+        .unwrap();
+        let stiff = Material { stiffness: Some(5e4), ..Material::default() };
+        for modulus in [None, Some(10.0)] {
+            let params = Params {
+                classes: [(2, stiff)].into(),
+                stiffness: 0.05,
+                youngs_kpa: modulus,
+                ..params.clone()
+            };
+            for handle in [moved(40, [0.0, 0.0, 0.5], 3.5), pulled(42, [0.1, 0.0, 0.1], 3.5)] {
+                let solved =
+                    solve(&lattice, Some(&labels), &[handle], &[], &params, &Exec::default()).unwrap();
+                solved.motion.check().unwrap();
+                assert!(solved.vertices_moved > 0, "{handle:?} {solved:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_handle_outside_and_bad_parameters_are_named() {
+    let far = Handle { at: HandleAt::Pick([4.0, 4.0, 99.0]), ..moved(0, [0.0; 3], 3.0) };
+    let error = run(&sheet(9), &[far], &[], &Params::default()).unwrap_err();
+    assert!(error.fault() == Fault::Usage && error.to_string().contains("mm away"), "{error}");
+    assert!(run(&sheet(9), &[], &[], &Params::default()).is_err());
+    let field = |params: Params| params.check().unwrap_err().field;
+    assert_eq!(field(Params { stiffness: 0.0, ..Params::default() }), "stiffness");
+    assert_eq!(field(Params { youngs_kpa: Some(-1.0), ..Params::default() }), "youngs_kpa");
+    assert_eq!(field(Params { drag: f64::NAN, ..Params::default() }), "drag");
+    assert_eq!(field(Params { frames: 0, ..Params::default() }), "frames");
+    assert_eq!(field(Params { strain_limit: Some(-0.1), ..Params::default() }), "strain_limit");
+    let both = Material { stiffness: Some(1.0), youngs_kpa: Some(1.0), density: None };
+    assert_eq!(field(Params { classes: [(3, both)].into(), ..Params::default() }), "stiffness");
+}
+
+#[test]
+fn a_prepared_body_takes_handles_inside_its_reach_and_no_others() {
+    for params in solvers() {
+        let lattice = sheet(15);
+        let first = [moved(112, [0.0, 0.0, 0.4], 5.0)];
+        let mut prepared = Prepared::new(&lattice, None, &first, &[], &params, &Exec::default()).unwrap();
+        let again = |prepared: &mut Prepared, handle| prepared.update(&[handle], &Exec::default());
+        assert_eq!(last(&again(&mut prepared, first[0]).unwrap())[112][2], 0.4);
+        let beside = again(&mut prepared, moved(114, [0.0, 0.3, 0.1], 5.0)).unwrap();
+        assert_eq!(last(&beside)[114], [0.0, 0.3, 0.1]);
+        let error = again(&mut prepared, moved(0, [0.0; 3], 5.0)).unwrap_err();
+        assert!(error.to_string().contains("outside the reach"), "{error}");
+    }
+}
+
+#[test]
+fn threads_do_not_change_a_byte_and_cancel_stops() {
+    for params in solvers() {
+        let lattice = sheet(90);
+        let handles = [moved(4000, [0.0, 1.0, 2.0], 60.0), pulled(4040, [0.0, 0.1, 0.2], 60.0)];
+        let params = Params { duration: 2e-3, dt: Some(1e-4), stiffness: 10.0, max_iterations: 15, ..params };
+        let with = |threads| {
+            let exec = Exec::default().with_threads(threads);
+            solve(&lattice, None, &handles, &[], &params, &exec).unwrap()
+        };
+        let one = with(1);
+        assert!(one.vertices_loose > 6144 && one == with(2) && one == with(5));
+        let stopped = Exec::default();
+        stopped.cancel.cancel();
+        let error = solve(&lattice, None, &handles, &[], &params, &stopped).unwrap_err();
+        assert_eq!(error.fault(), Fault::Cancelled);
+    }
+}
