@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::super::region::Region;
 use super::affine::Affine;
 use super::matrix::Triple;
-use super::nodes::Cells;
+use super::nodes::{Cells, Near};
 use crate::Error;
 use crate::sampler::{Sampler, brick_at, brick_voxels};
 
@@ -23,7 +23,7 @@ pub(super) struct Field<'a> {
 
 impl Field<'_> {
     /// Motion (mm) at a voxel coordinate, exactly 0 beyond Ω.
-    pub(super) fn at(&self, voxel: Vector3<f64>) -> Vector3<f64> {
+    fn at(&self, voxel: Vector3<f64>, near: &mut Near) -> Vector3<f64> {
         let place = self.grid.linear_part() * voxel;
         let cut = self.region.weight(place);
         if cut == 0.0 {
@@ -31,7 +31,7 @@ impl Field<'_> {
         }
         let mut motion = self.affine.map_or_else(Vector3::zeros, |a| a.at(place, cut));
         if !self.nodes.is_empty() {
-            motion += self.cells.interpolate(self.nodes, voxel) * cut;
+            motion += self.cells.interpolate(self.nodes, voxel, near) * cut;
         }
         motion
     }
@@ -52,10 +52,11 @@ impl Field<'_> {
             .map(|&brick| {
                 exec.check_cancelled()?;
                 let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
+                let mut near = Near::default();
                 for (slot, voxel) in brick_voxels(dims, brick_at(dims.map(|n| n.div_ceil(8)), brick)) {
                     let voxel = VoxelCoord::from(voxel).0;
                     let so_far = sampler.as_ref().map_or_else(Vector3::zeros, |s| s.at(voxel));
-                    let motion = linear * so_far + self.at(voxel + so_far);
+                    let motion = linear * so_far + self.at(voxel + so_far, &mut near);
                     out[slot] = motion.map(|c| c as f32).into();
                 }
                 observer.advance("map", 1);

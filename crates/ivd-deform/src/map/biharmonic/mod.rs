@@ -23,10 +23,11 @@
 //! # No folds
 //!
 //! Least second derivatives are no guard against folds: a wide push folds where its height is about twice its width. Where
-//! the certificate finds folds, the motion is made in increments: a part of the way, the vertices where they have come to,
-//! a new field for the rest, composed with what there was, resampled at the voxels and certified. A part that folds is
-//! halved, down to a 16th; one that still folds is relaxed, as all methods are, and the next one starts from what that has
-//! left. Where even that fails, the field in one step is left to the repair that all methods share.
+//! the certificate finds folds, the field is relaxed there, as all methods are. Where that leaves the lattice behind by more
+//! than a twentieth of its motion, the motion is made in increments: a part of the way, the vertices where they have come to, a
+//! new field for the rest, composed with what there was, resampled at the voxels and certified. A part that folds is halved,
+//! down to a 16th; one that still folds is relaxed, and the next one starts from what that has left. Of the two fields the one
+//! that follows more closely is taken.
 //!
 //! # A part that moves alone
 //!
@@ -54,7 +55,7 @@ use ivd_core::{Exec, FieldBricks, Frame, Lattice, Mask, Motion};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::outcome::Solved;
+use super::outcome::{Followed, Solved};
 use super::region::{Region, largest};
 use super::relax::relax;
 use super::settle::Settle;
@@ -71,6 +72,9 @@ use system::{Places, System};
 const TOLERANCE: f64 = 1e-8;
 /// The same of an increment: the next one takes up what it leaves.
 const LOOSE: f64 = 1e-5;
+/// Misfit up to which a repaired field is kept as it is: increments cost a hundred times as much on a scan's lattice, where
+/// specks stand still beside a surface that moves and a few cells fold whatever is done.
+const CLOSE: f64 = 0.05;
 /// Smallest part of the way that is gone at once.
 const SMALLEST: f64 = 1.0 / 16.0;
 /// Layer round a part that moves alone in which its motion continues (voxels): one for the corners of the cells at its
@@ -200,7 +204,7 @@ impl<'a> Biharmonic<'a> {
         let (field, repairs) = if certificate.holds() {
             (field, 0)
         } else {
-            self.in_increments(job, &path, &mut solved, exec)?.unwrap_or((field, 0))
+            self.unfolded(job, field, &path, &mut solved, exec)?
         };
         last.nodes = whole.nodes;
         last.nodes.resize(last.system.cells.nodes.free.len(), [0.0; 3]);
@@ -255,6 +259,29 @@ impl<'a> Biharmonic<'a> {
         }
         solved.increments = increments;
         Ok(Some((field, repairs)))
+    }
+
+    /// The field in one step, relaxed, where that follows closely; else the one made in increments, where that follows more
+    /// closely. With the rounds of repair.
+    fn unfolded(
+        &self,
+        job: &Job<'_>,
+        whole: FieldBricks,
+        path: &impl Fn(f64) -> Vec<Vector3<f64>>,
+        solved: &mut Solved,
+        exec: &Exec,
+    ) -> Result<(FieldBricks, u32), Error> {
+        let misfit = |field| Followed::measure(self.lattice, field, job.frame).misfit;
+        let relaxed = relax(whole, &self.lattice.grid, job.region, &job.settle.counts(), exec)?;
+        let left = if relaxed.certificate.holds() { misfit(&relaxed.field) } else { f64::INFINITY };
+        if left > CLOSE
+            && let Some((made, repairs)) = self.in_increments(job, path, solved, exec)?
+            && misfit(&made) < left
+        {
+            return Ok((made, repairs));
+        }
+        solved.increments = 1;
+        Ok((relaxed.field, relaxed.rounds))
     }
 
     /// Where a field has taken the vertices (mm), and the equations there.

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::super::region::Region;
 use super::energy::Room;
 use super::matrix::{Matrix, Triple};
+use crate::sampler::{Corners, interpolate};
 
 /// Nodes along the edge of a block of the index.
 const SIDE: usize = 8;
@@ -213,19 +214,30 @@ impl Cells {
         (node, place)
     }
 
-    /// The values at the nodes, trilinear at a voxel coordinate.
-    pub(super) fn interpolate(&self, values: &[Triple], voxel: Vector3<f64>) -> Vector3<f64> {
+    /// The values at the nodes, trilinear at a voxel coordinate. `near`: the cell of the last one asked for.
+    pub(super) fn interpolate(
+        &self,
+        values: &[Triple],
+        voxel: Vector3<f64>,
+        near: &mut Near,
+    ) -> Vector3<f64> {
         let (node, place) = self.locate(voxel);
-        let mut sum = Vector3::zeros();
-        for (corner, weight) in weights(place).into_iter().enumerate() {
-            if weight > 0.0
-                && let Some(i) = self.nodes.free.find(corner_of(node, corner))
-            {
-                sum += Vector3::from(values[i]) * weight;
-            }
+        if near.cell != Some(node) {
+            near.cell = Some(node);
+            near.corners = std::array::from_fn(|corner| {
+                let free = self.nodes.free.find(corner_of(node, corner));
+                free.map_or_else(Vector3::zeros, |i| Vector3::from(values[i]))
+            });
         }
-        sum
+        interpolate(&near.corners, place.into())
     }
+}
+
+/// The cell that was read last, and the values at its corners.
+#[derive(Default)]
+pub(super) struct Near {
+    cell: Option<[i32; 3]>,
+    corners: Corners,
 }
 
 /// A corner of a cell: x in bit 0, y in bit 1, z in bit 2.
