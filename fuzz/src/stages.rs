@@ -7,7 +7,7 @@ use ivd_core::{
     Displacement, ElementKey, Grid, Labels, Lattice, LatticeSource, Motion, TransferFunction, Volume, Voxels,
 };
 use ivd_pipeline::scene::{
-    AtfSection, BoundarySection, DeformSection, IsoChoice, MapSection, OctreeSection, RefineSection,
+    AtfSection, BoundarySection, DeformSection, IsoChoice, MapMethod, MapSection, OctreeSection, RefineSection,
     RenderSection, SegmentSection, WarpSection,
 };
 use ivd_pipeline::stages::{
@@ -151,7 +151,12 @@ pub fn deform(mut section: DeformSection) {
 /// Carries the ball's motion.
 pub fn map(section: &MapSection) {
     let Made { lattice, octree, motion, .. } = made();
-    run(&Map::from_section(section), &[("lattice", lattice), ("octree", octree), ("motion", motion)]);
+    let Ok(stage) = Map::from_section(section) else { return };
+    let mut inputs = vec![("lattice", lattice), ("motion", motion)];
+    if section.method == MapMethod::Octree {
+        inputs.insert(1, ("octree", octree));
+    }
+    run(&stage, &inputs);
 }
 
 /// Resamples the ball.

@@ -282,17 +282,17 @@ pub(crate) enum Command {
     Map {
         /// Lattice artefact.
         lattice: PathBuf,
-        /// Octree artefact over it.
+        /// Octree artefact over it; `biharmonic` has no use for it.
         octree: PathBuf,
         /// Motion artefact of it.
         motion: PathBuf,
         /// Labels (artefact), for material by class: no map here uses them yet.
         #[arg(long)]
         labels: Option<PathBuf>,
-        /// octree.
+        /// octree or biharmonic.
         #[arg(long)]
         method: Option<String>,
-        /// linear, smooth, exponential or one: how displacement fades with depth.
+        /// octree: linear, smooth, exponential or one: how displacement fades with depth.
         #[arg(long)]
         weight: Option<String>,
         /// band or free.
@@ -301,6 +301,9 @@ pub(crate) enum Command {
         /// Width of the band beyond the handles' reach (mm).
         #[arg(long, value_name = "MM")]
         margin: Option<f64>,
+        /// biharmonic: voxels along a cell's edge, 1, 2 or 4.
+        #[arg(long, value_name = "VOXELS")]
+        cell: Option<u8>,
         #[command(flatten)]
         output: Output,
     },

@@ -1,9 +1,12 @@
-//! Speed of the inverse and of the warp on a bump of 48 voxels in a volume of 192³.
+//! Speed of the inverse and of the warp on a bump of 48 voxels in a volume of 192³, and of both maps for a handle of radius 25 on a
+//! ball in 128³, alone and as a frame of a drag.
 #![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark")]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, Volume, VoxelCoord, VoxelIndex, Voxels};
 use ivd_deform::inverse::invert;
+use ivd_deform::map::{Biharmonic, MapMethod, MapParams, Outside, biharmonic, octree};
+use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 use ivd_deform::warp::{Order, WarpParams, volume};
 use nalgebra::Vector3;
 
@@ -60,5 +63,44 @@ fn benches(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(all, benches);
+/// A ball of 40 voxels whose top a handle moves.
+fn maps(c: &mut Criterion) {
+    let (grid, exec) = (Grid::with_spacing([128; 3], [1.0; 3]).unwrap(), Exec::default());
+    let from_middle = |i: usize| VoxelCoord::from(grid.index(i)).0.add_scalar(-63.5).norm();
+    let voxels: Vec<u8> =
+        (0..grid.len()).map(|i| (200.0 / (1.0 + (from_middle(i) - 40.0).exp())) as u8).collect();
+    let ball = Volume::new(grid.clone(), Voxels::from(voxels)).unwrap();
+    let cut = ivd_lattice::extract::ExtractParams { iso: ivd_lattice::extract::Iso::Value(100.0) };
+    let lattice = ivd_lattice::extract::extract(&ball, None, &cut, &exec).unwrap().lattice;
+    let refine = ivd_lattice::refine::RefineParams::default();
+    let lattice = ivd_lattice::refine::collapse(&lattice, &refine, &exec).unwrap().lattice;
+    let motion = |up: f64| {
+        let at = HandleAt::Pick([63.5, 63.5, 103.5]);
+        let handle = Handle { at, action: Action::Move([0.0, 0.0, up]), radius: 25.0 };
+        ring(&lattice, &[handle], &[], &RingParams::default(), &exec).unwrap().motion
+    };
+    let frames: Vec<_> = (0..20).map(|i| motion(2.0 + 0.1 * f64::from(i))).collect();
+    let tree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec).unwrap();
+    let mut group = c.benchmark_group("map");
+    group.sample_size(10);
+    let params = MapParams { margin_mm: Some(16.0), ..MapParams::default() };
+    group.bench_function("octree", |b| {
+        b.iter(|| octree(&lattice, &tree, &frames[10], 0, &params, &exec).unwrap());
+    });
+    let params = MapParams { method: MapMethod::Biharmonic, ..params };
+    group.bench_function("biharmonic", |b| {
+        b.iter(|| biharmonic(&lattice, &frames[10], 0, &params, &exec).unwrap());
+    });
+    let mut kept = Biharmonic::new(&lattice, Outside::Band, &exec).unwrap();
+    let mut frame = 0;
+    group.bench_function("biharmonic, a frame of a drag", |b| {
+        b.iter(|| {
+            frame += 1;
+            kept.map(&frames[frame % frames.len()], 0, &params, &exec).unwrap()
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(all, benches, maps);
 criterion_main!(all);

@@ -2,7 +2,7 @@
 
 use ivd_core::{Displacement, Exec, Fault, FieldBricks, Grid, Labels, Lattice, Mask, Motion, Octree, Volume};
 use ivd_deform::inverse::Inverse;
-use ivd_deform::map::{MapParams, Mapped};
+use ivd_deform::map::{MapMethod, MapParams, Mapped};
 use ivd_deform::spring::{Fix, Handle, RingParams, Solved};
 use ivd_deform::warp::{WarpParams, Warped};
 use ivd_lattice::extract::{ExtractParams, Extracted, Part};
@@ -144,7 +144,10 @@ pub trait Backend: Sync {
         params: &MapParams,
         exec: &Exec,
     ) -> Answer<Mapped> {
-        Ok(ivd_deform::map::octree(lattice, octree, motion, 0, params, exec)?)
+        Ok(match params.method {
+            MapMethod::Octree => ivd_deform::map::octree(lattice, octree, motion, 0, params, exec)?,
+            MapMethod::Biharmonic => ivd_deform::map::biharmonic(lattice, motion, 0, params, exec)?,
+        })
     }
 
     fn invert(&self, forward: &FieldBricks, grid: &Grid, exec: &Exec) -> Answer<Inverse> {

@@ -5,8 +5,8 @@ use std::path::Path;
 use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
 use ivd_lattice::foreign::ForeignParams;
 use ivd_pipeline::scene::{
-    AtfSection, BoundarySection, DeformSection, LatticeSection, MapSection, OctreeSection, RefineSection,
-    RenderSection, WarpSection,
+    AtfSection, BoundarySection, DeformSection, LatticeSection, MapMethod, MapSection, OctreeSection,
+    RefineSection, RenderSection, WarpSection,
 };
 use ivd_pipeline::stages::{
     Atf, Boundary, Deform, ForeignLattice, Lattice, Map, Octree, Refine, Render, Warp,
@@ -160,20 +160,22 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             }
             Job { stage: Box::new(Deform::from_section(&section)?), files, output: &output.path }
         }
-        Command::Map { lattice, octree, motion, labels, method, weight, outside, margin, output } => {
+        Command::Map { lattice, octree, motion, labels, method, weight, outside, margin, cell, output } => {
             unused_labels(labels.as_deref(), context)?;
             let words = Words::default()
                 .with("method", method.clone())
                 .with("weight", weight.clone())
                 .with("outside", outside.clone())
-                .with("margin", *margin);
+                .with("margin", *margin)
+                .with("cell", cell.map(i64::from));
             let section: MapSection = section(params, words.0)?;
-            let files = vec![
-                ("lattice", Some(lattice.as_path())),
-                ("octree", Some(octree.as_path())),
-                ("motion", Some(motion.as_path())),
-            ];
-            Job { stage: Box::new(Map::from_section(&section)), files, output: &output.path }
+            let mut files = vec![("lattice", Some(lattice.as_path())), ("motion", Some(motion.as_path()))];
+            if section.method == MapMethod::Octree {
+                files.insert(1, ("octree", Some(octree.as_path())));
+            } else if context.artefact(octree)?.artefact.kind() != ivd_artefact::Kind::Octree {
+                return Err(Failure::usage(format!("{}: not an octree", octree.display())));
+            }
+            Job { stage: Box::new(Map::from_section(&section)?), files, output: &output.path }
         }
         Command::Warp { volume, displacement, order, output } => {
             let section: WarpSection = section(params, Words::default().with("order", order.clone()).0)?;

@@ -1,6 +1,8 @@
 //! Mapping: the motion of a lattice carried to the voxels (I-DOGME), certified free of folds, with its inverse.
 //!
-//! # The field
+//! Two methods find the field, [`octree()`] and [`biharmonic()`]; what follows is the same for both.
+//!
+//! # The field of `octree`
 //!
 //! Let `Ω` be the union of the handles' balls (centre `cᵢ`, radius `rᵢ`), each widened by the margin `m`, inside the
 //! lattice *and outside it*. With `n(x)` the lattice point nearest to voxel `x`, `d = |x − n(x)|`, and `U` the vertices'
@@ -20,6 +22,17 @@
 //! The slope of `s` is at most 3/2, so with the default margin and depth of four times the largest motion neither band
 //! nor cut-off can fold by itself.
 //!
+//! # The field of `biharmonic`
+//!
+//! ```text
+//! u = A_ω + ω r,      r minimises  ∫ ‖∇²r‖² + Σ_v ‖A_ω(x_v) + ω(x_v) r(x_v) − U_v‖² / σ²
+//! ```
+//!
+//! `r` is trilinear on cells of some 4³ voxels in the same `Ω`, 0 with its slope on `∂Ω`; the integral is in world space. `A` is
+//! the affine motion of the whole lattice where that explains it to a quarter, and exact in the balls. Motion is smooth through
+//! the lattice, rotations are followed inside, and neither depth nor weight is to be chosen. A motion that folds in one step is
+//! made in up to 16 and more, each from where the one before has brought the vertices.
+//!
 //! # No folds
 //!
 //! 1. The nearest point jumps across the medial axis, and neighbouring pieces of a lattice may move differently. Where
@@ -37,6 +50,7 @@
 //!
 //! Sources: the thesis, 6.2–6.3 (the nearest lattice point through the octree; it leaves `w` open) and 7.4.
 
+mod biharmonic;
 mod carry;
 mod compose;
 mod free;
@@ -45,25 +59,20 @@ mod outcome;
 mod params;
 mod region;
 mod relax;
+mod settle;
 
-use ivd_core::{Displacement, Exec, FieldBricks, Frame, Grid, Lattice, Mask, Motion, NO_BRICK};
-use nalgebra::Vector3;
+use ivd_core::{Exec, FieldBricks, Frame, Grid, Lattice, Mask, Motion, NO_BRICK};
 
 use crate::Error;
-use crate::certificate::Certificate;
-use crate::inverse::{from_bricks, invert};
+pub use biharmonic::{Biharmonic, biharmonic};
 pub use carry::{Found, Hit, Nearest};
 use carry::{Part, carry};
-use compose::{Composed, halve};
 pub use octree::{Prepared, frames, octree};
-pub use outcome::{Followed, Mapped};
+pub use outcome::{Followed, Mapped, Solved};
 pub(crate) use params::smooth_fall;
 pub use params::{DepthWeight, MapMethod, MapParams, Outside};
 use region::{Region, largest};
-use relax::relax;
-
-/// Residual of the inverse above which a map is refused (voxels): a hundredth of what could be seen.
-const RESIDUAL: f64 = 1e-2;
+use settle::Settle;
 
 /// Largest motion that is mapped (mm): sums of a few such vectors still are finite in `f32`.
 const FARTHEST: f64 = 1e37;
@@ -87,11 +96,7 @@ pub fn nearest<N: Nearest>(
 ) -> Result<Mapped, Error> {
     params.check()?;
     check_inputs(lattice, motion)?;
-    let frame = motion.frames.get(frame).ok_or_else(|| Error::Mismatch {
-        what: "frame",
-        problem: format!("frame {frame} of {}", motion.frames.len()),
-        remedy: "name a frame of the motion, counted from 0",
-    })?;
+    let frame = frame_of(motion, frame)?;
     if inside.grid() != &lattice.grid {
         return Err(ivd_core::Error::GridMismatch {
             a: "inside",
@@ -116,62 +121,44 @@ fn map_frame<N: Nearest>(
     exec: &Exec,
 ) -> Result<Mapped, Error> {
     let grid = &part.lattice.grid;
-    if largest(frame) > FARTHEST {
-        return Err(Error::Untrusted {
-            what: "the map",
-            problem: format!("a motion of {:e} mm is more than its vectors hold", largest(frame)),
-            remedy: "move the handle less",
-        });
-    }
+    check_size(frame)?;
     let region = Region::new(motion, frame, part.positions, params);
+    let bricks = moving_bricks(grid, &region, frame, exec)?;
+    let carried = carry(part, &frame.displacement, &region, params, &bricks, exec)?;
+    let field = all_bricks(grid, &bricks, carried)?;
+    let alone = (params.outside == Outside::Free).then_some(part.inside);
+    Settle { lattice: part.lattice, alone, region: &region, frame, params }.settle(field, exec)
+}
+
+/// The bricks in which something may move; all of them where nothing is to be skipped.
+fn moving_bricks(grid: &Grid, region: &Region, frame: &Frame, exec: &Exec) -> Result<Vec<usize>, Error> {
     let bricks = match (largest(frame) == 0.0, exec.skip) {
         (_, false) => (0..grid.dims().iter().map(|n| n.div_ceil(8)).product()).collect(),
         (true, true) => Vec::new(),
         (false, true) => region.bricks(grid),
     };
     exec.check_memory("the displacement", 2 * 12 * 512 * bricks.len() as u64)?;
-    let carried = carry(part, &frame.displacement, &region, params, &bricks, exec)?;
-    let field = all_bricks(grid, &bricks, carried)?;
-    let counts = |cell: [i64; 3]| params.outside == Outside::Band || touches(part.inside, cell);
+    Ok(bricks)
+}
 
-    let relaxed = relax(field, grid, &region, &counts, exec)?;
-    let (mut field, mut certificate, mut halvings) = (relaxed.field, relaxed.certificate, 0);
-    if !certificate.holds() {
-        match halve(&field, grid, certificate, &counts, exec)? {
-            Composed::Found { field: f, certificate: c, halvings: h } => {
-                (field, certificate, halvings) = (f, c, h);
-            }
-            Composed::Folded(last) => return Err(folded(&last, grid)),
-        }
+fn check_size(frame: &Frame) -> Result<(), Error> {
+    if largest(frame) <= FARTHEST {
+        return Ok(());
     }
-    let field = without_zeros(field)?;
-    let followed = Followed::measure(part, &field, frame);
-    followed.check(params.tolerance)?;
-    let (inverse, vacated) = match params.outside {
-        Outside::Band => (invert(&field, grid, exec)?, Vec::new()),
-        Outside::Free => free::invert_part(&field, grid, part.inside, exec)?,
-    };
-    if inverse.residual_max_voxels > RESIDUAL {
-        return Err(Error::Untrusted {
-            what: "the inverse of the map",
-            problem: format!(
-                "a residual of {:.3} voxels at voxel {:?}",
-                inverse.residual_max_voxels,
-                inverse.worst.map(|v| v.0)
-            ),
-            remedy: "move the handle less, or give it a larger radius",
-        });
-    }
-    let displacement = Displacement {
-        grid: grid.clone(),
-        time: frame.time,
-        forward: field,
-        inverse: inverse.field,
-        inverse_residual_max: inverse.residual_max_voxels,
-        min_det_j: certificate.min_det,
-        vacated: vacated.into(),
-    };
-    Ok(Mapped::new(displacement, certificate, relaxed.rounds, halvings, followed))
+    Err(Error::Untrusted {
+        what: "the map",
+        problem: format!("a motion of {:e} mm is more than its vectors hold", largest(frame)),
+        remedy: "move the handle less",
+    })
+}
+
+/// Frame `frame` of a motion.
+fn frame_of(motion: &Motion, frame: usize) -> Result<&Frame, Error> {
+    motion.frames.get(frame).ok_or_else(|| Error::Mismatch {
+        what: "frame",
+        problem: format!("frame {frame} of {}", motion.frames.len()),
+        remedy: "name a frame of the motion, counted from 0",
+    })
 }
 
 /// A field that stores every brick of Ω, zero or not, so that it can be worked on.
@@ -183,37 +170,6 @@ fn all_bricks(grid: &Grid, bricks: &[usize], carried: Vec<Box<[[f32; 3]]>>) -> R
         vectors.extend_from_slice(&values);
     }
     Ok(FieldBricks::new(grid.dims(), table, vectors.into())?)
-}
-
-fn without_zeros(field: FieldBricks) -> Result<FieldBricks, Error> {
-    let stored: Vec<usize> = (0..field.table().len()).filter(|&b| field.table()[b] != NO_BRICK).collect();
-    let some_zero = stored.iter().any(|&b| field.brick(b).is_some_and(|v| v.iter().all(|u| *u == [0.0; 3])));
-    if !some_zero {
-        return Ok(field);
-    }
-    let bricks = stored.iter().map(|&b| field.brick(b).expect("the brick is stored").into());
-    from_bricks(field.dims(), &stored, bricks)
-}
-
-/// Whether a corner of the cell lies in the part.
-fn touches(inside: &Mask, cell: [i64; 3]) -> bool {
-    let dims = inside.grid().dims();
-    (0..8_usize).any(|i| {
-        let at: [usize; 3] =
-            std::array::from_fn(|a| (cell[a] + (i >> a & 1) as i64).clamp(0, dims[a] as i64 - 1) as usize);
-        inside.inside()[at[0] + dims[0] * (at[1] + dims[1] * at[2])] != 0
-    })
-}
-
-fn folded(certificate: &Certificate, grid: &Grid) -> Error {
-    let worst = certificate.worst.expect("a field that folds has a worst cell");
-    let middle = Vector3::from(worst.cell).map(|c| c as f64 + 0.5);
-    Error::Folded {
-        voxel: worst.cell,
-        world: grid.world(ivd_core::VoxelCoord(middle)).0.into(),
-        lower: worst.lower,
-        cells: certificate.folded.len(),
-    }
 }
 
 /// Checks that lattice and motion belong together.

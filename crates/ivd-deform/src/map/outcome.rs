@@ -1,9 +1,8 @@
-use ivd_core::{Displacement, FieldBricks, Frame};
+use ivd_core::{Displacement, FieldBricks, Frame, Lattice};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::carry::Part;
 use crate::Error;
 use crate::certificate::{Certificate, Histogram};
 use crate::sampler::Sampler;
@@ -14,11 +13,28 @@ pub struct Followed {
     /// Largest difference of the map's motion from a vertex's own (mm). Pieces of a lattice that stand still beside a
     /// moving one are dragged along, and count here.
     pub misfit_max_mm: f64,
+    /// The same along the grid's axes, in voxels.
+    pub misfit_max_voxel: f64,
+    /// Root mean square of the difference over all vertices that move (voxels).
+    pub misfit_rms_voxel: f64,
     /// Root mean square of the difference over the vertices that move at least half as far as the farthest, as a
     /// fraction of their motion (no unit).
     pub misfit: f64,
     /// Volume enclosed by the lattice, at rest and deformed by the map (mm³).
     pub volume_mm3: [f64; 2],
+}
+
+/// How the equations of a map's nodes were solved.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Solved {
+    /// Nodes that are free to move.
+    pub nodes: u64,
+    /// Iterations, of all increments.
+    pub iterations: u32,
+    /// Largest residual of an increment, relative to its right-hand side.
+    pub residual: f64,
+    /// Increments that the motion was made in; 1 where one step doesn't fold.
+    pub increments: u32,
 }
 
 /// What the map made.
@@ -40,6 +56,8 @@ pub struct Mapped {
     pub relaxations: u32,
     /// `k` where the map is a flow in 2ᵏ steps; 0 for the field as carried.
     pub halvings: u32,
+    /// How its equations were solved, where the method has some.
+    pub solved: Option<Solved>,
     /// Largest `|φ(ψ(y)) − y|` (voxels).
     pub inverse_residual_max_voxel: f64,
     /// det ∇φ at the centres of the cells that move, 0 … 2.
@@ -69,6 +87,7 @@ impl Mapped {
             folds: certificate.folded.len() as u64,
             relaxations,
             halvings,
+            solved: None,
             inverse_residual_max_voxel: displacement.inverse_residual_max,
             det_j: certificate.histogram,
             motion_mm,
@@ -93,28 +112,40 @@ fn lengths(field: &FieldBricks) -> (u64, Histogram) {
 }
 
 impl Followed {
-    pub(super) fn measure<N>(part: &Part<'_, N>, field: &FieldBricks, frame: &Frame) -> Self {
-        let sampler = Sampler::new(field, &part.lattice.grid);
-        let linear = part.lattice.grid.linear_part();
-        let moved: Vec<Vector3<f64>> = (0..part.positions.len())
-            .into_par_iter()
-            .map(|i| linear * sampler.at(part.lattice.voxel(i).0))
-            .collect();
+    pub(super) fn measure(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> Self {
+        let sampler = Sampler::new(field, &lattice.grid);
+        let (linear, to_voxel) = (lattice.grid.linear_part(), lattice.grid.inverse_linear_part());
+        let places: Vec<Vector3<f64>> = lattice.local_positions();
+        let moved: Vec<Vector3<f64>> =
+            (0..places.len()).into_par_iter().map(|i| linear * sampler.at(lattice.voxel(i).0)).collect();
         let most = super::largest(frame);
         let (mut worst, mut missed, mut asked) = (0.0_f64, 0.0, 0.0);
+        let (mut worst_voxel, mut squares, mut moving) = (0.0_f64, 0.0, 0_u64);
         for (got, want) in moved.iter().zip(&frame.displacement) {
             let want = Vector3::from(*want);
             let difference = (got - want).norm();
             worst = worst.max(difference);
+            let in_voxels = (to_voxel * (got - want)).norm();
+            worst_voxel = worst_voxel.max(in_voxels);
+            if want != Vector3::zeros() {
+                squares += in_voxels * in_voxels;
+                moving += 1;
+            }
             if most > 0.0 && want.norm() >= 0.5 * most {
                 missed += (difference / most).powi(2);
                 asked += (want.norm() / most).powi(2);
             }
         }
         let misfit = if asked > 0.0 { f64::sqrt(missed / asked) } else { 0.0 };
-        let rest = volume(&part.lattice.triangles, |i| part.positions[i]);
-        let deformed = volume(&part.lattice.triangles, |i| part.positions[i] + moved[i]);
-        Self { misfit_max_mm: worst, misfit, volume_mm3: [rest, deformed] }
+        let rest = volume(&lattice.triangles, |i| places[i]);
+        let deformed = volume(&lattice.triangles, |i| places[i] + moved[i]);
+        Self {
+            misfit_max_mm: worst,
+            misfit_max_voxel: worst_voxel,
+            misfit_rms_voxel: if moving > 0 { f64::sqrt(squares / moving as f64) } else { 0.0 },
+            misfit,
+            volume_mm3: [rest, deformed],
+        }
     }
 
     pub(super) fn check(&self, tolerance: f64) -> Result<(), Error> {

@@ -8,6 +8,8 @@ pub enum MapMethod {
     /// The motion of the nearest lattice point, weighted by depth (I-DOGME).
     #[default]
     Octree,
+    /// The smoothest motion that follows the lattice: least squared second derivatives in Ω, inside the lattice and outside.
+    Biharmonic,
 }
 
 /// Weight `w` of the nearest lattice point's motion at depth `t · depth_mm` inside the lattice; 0 from `t = 1` on.
@@ -69,14 +71,18 @@ pub enum Outside {
 pub struct MapParams {
     /// Method.
     pub method: MapMethod,
-    /// Weight by depth inside the lattice.
+    /// Weight by depth inside the lattice; read by [`MapMethod::Octree`].
     pub weight: DepthWeight,
-    /// Depth at which the weight reaches 0, in mm, > 0. Without it the largest reach of a handle, at least four times
-    /// the largest motion.
+    /// Depth at which the weight reaches 0, in mm, > 0; read by [`MapMethod::Octree`]. Without it the largest reach of a
+    /// handle, at least four times the largest motion.
     pub depth_mm: Option<f64>,
     /// Width of the band outside the lattice and of the fall-off beyond the reach, in mm, > 0. Without it four times the
     /// largest motion, at least two voxel diagonals.
     pub margin_mm: Option<f64>,
+    /// Voxels along a cell's edge: 1, 2 or 4, and as many along the other axes as give about the same length; read by
+    /// [`MapMethod::Biharmonic`]. Without it four, and fewer where the smallest ball and its margin are less than 24
+    /// voxels wide.
+    pub cell: Option<u8>,
     /// What happens outside the lattice.
     pub outside: Outside,
     /// How far the lattice points that move most may be left behind to keep the map free of folds, as a fraction of
@@ -91,6 +97,7 @@ impl Default for MapParams {
             weight: DepthWeight::default(),
             depth_mm: None,
             margin_mm: None,
+            cell: None,
             outside: Outside::default(),
             tolerance: 0.5,
         }
@@ -111,6 +118,11 @@ impl MapParams {
                     "give a length above 0, or leave it out",
                 ));
             }
+        }
+        if let Some(cell) = self.cell
+            && ![1, 2, 4].contains(&cell)
+        {
+            return Err(ParamError::new("cell", format!("{cell} voxels"), "give 1, 2 or 4, or leave it out"));
         }
         if !(0.0..=1.0).contains(&self.tolerance) {
             return Err(ParamError::new(
@@ -144,6 +156,8 @@ mod tests {
         assert_eq!(bad.check().unwrap_err().field, "margin_mm");
         let bad = MapParams { tolerance: f64::NAN, ..MapParams::default() };
         assert_eq!(bad.check().unwrap_err().field, "tolerance");
+        let bad = MapParams { cell: Some(3), ..MapParams::default() };
+        assert_eq!(bad.check().unwrap_err().field, "cell");
         assert!(MapParams::default().check().is_ok());
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use super::params::{MapParams, smooth_fall};
 
 /// Ω: where something may move. The union of the handles' balls, each widened by the margin.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Region {
     /// Centres relative to the grid's origin (mm) and radii (mm).
     balls: Vec<(Vector3<f64>, f64)>,
@@ -44,6 +44,11 @@ impl Region {
             still *= 1.0 - smooth_fall(((point - centre).norm() - radius) / self.margin);
         }
         1.0 - still
+    }
+
+    /// Centres of the balls, relative to the grid's origin, and their radii with the margin (mm).
+    pub(super) fn balls(&self) -> impl Iterator<Item = (Vector3<f64>, f64)> + '_ {
+        self.balls.iter().map(|(centre, radius)| (*centre, radius + self.margin))
     }
 
     /// The bricks that Ω may meet, ascending.

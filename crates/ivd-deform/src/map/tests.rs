@@ -1,5 +1,7 @@
 use ivd_core::{Ball, VoxelCoord, VoxelIndex};
 
+use nalgebra::Vector3;
+
 use super::*;
 use crate::fixtures::{lattice, middle, sheared_grid, voxels};
 
@@ -77,13 +79,13 @@ fn closest(p: Vector3<f64>, [a, b, c]: [Vector3<f64>; 3]) -> [f64; 3] {
 }
 
 /// A scene: a part, the motion of its vertices by their position, and the handles' balls (relative to the origin).
-struct Scene {
-    lattice: Lattice,
-    mask: Mask,
-    motion: Motion,
+pub(super) struct Scene {
+    pub(super) lattice: Lattice,
+    pub(super) mask: Mask,
+    pub(super) motion: Motion,
 }
 
-fn scene(
+pub(super) fn scene(
     grid: &Grid,
     level: impl Fn(Vector3<f64>) -> f64,
     moves: impl Fn(Vector3<f64>) -> Vector3<f64>,
@@ -102,7 +104,7 @@ fn scene(
 }
 
 impl Scene {
-    fn map(&self, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
+    pub(super) fn map(&self, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
         let tree = ivd_octree::build(&self.lattice, &ivd_octree::Params::default(), exec)?;
         octree(&self.lattice, &tree, &self.motion, 0, params, exec)
     }
@@ -124,12 +126,12 @@ fn pushed(at: Vector3<f64>, radius: f64, push: Vector3<f64>) -> impl Fn(Vector3<
     crate::fixtures::bump(at, radius, push)
 }
 
-fn ball(centre: Vector3<f64>, radius: f64) -> impl Fn(Vector3<f64>) -> f64 {
+pub(super) fn ball(centre: Vector3<f64>, radius: f64) -> impl Fn(Vector3<f64>) -> f64 {
     move |p| radius - (p - centre).norm()
 }
 
 /// A ball of 10 mm with a dent or bump at its top, on a grid of 1 mm × `scale`.
-fn dented(scale: f64, push: f64) -> Scene {
+pub(super) fn dented(scale: f64, push: f64) -> Scene {
     let grid = Grid::with_spacing([32, 32, 32], [scale; 3]).unwrap();
     let centre = middle(&grid);
     let top = centre + Vector3::new(0.0, 0.0, 10.0 * scale);

@@ -236,7 +236,9 @@ impl Pilot<'_> {
         if !plan.node(NodeId::Map).needed {
             return Ok(());
         }
-        self.step(NodeId::Octree, plan, done, &mut trial.done, runner)?;
+        if plan.node(NodeId::Octree).needed {
+            self.step(NodeId::Octree, plan, done, &mut trial.done, runner)?;
+        }
         self.step(NodeId::Map, plan, done, &mut trial.done, runner)?;
         let map = &trial.done[&NodeId::Map];
         let residual = metric(map, "inverse_residual_max_voxel") * voxel_mm(done);

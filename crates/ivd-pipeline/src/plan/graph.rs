@@ -3,7 +3,7 @@ use std::path::Path;
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
 use crate::scene::{
-    BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene, SegmentSection,
+    BoundarySection, InputSection, IsoChoice, Loaded, MapMethod, Picture, RenderMode, Scene, SegmentSection,
 };
 use crate::stages::{
     Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Map, Octree, Refine, Render, Segment,
@@ -266,6 +266,9 @@ impl Plan {
                 {
                     "the scene has no handle and no shape"
                 }
+                NodeId::Octree if scene.map.method == MapMethod::Biharmonic => {
+                    "the map looks for no nearest lattice point"
+                }
                 NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => {
                     "no output shows a picture"
                 }
@@ -387,6 +390,10 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     if deform.as_ref().is_some_and(Deform::knows_classes) {
         deform_inputs.push(("labels", NodeId::Segment));
     }
+    let mut map_inputs = vec![("lattice", NodeId::Refine), ("motion", NodeId::Deform)];
+    if scene.map.method == MapMethod::Octree {
+        map_inputs.insert(1, ("octree", NodeId::Octree));
+    }
 
     let node = |id, stage: Option<Box<dyn Stage>>, inputs| PlanNode {
         id,
@@ -409,11 +416,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
             vec![("lattice", NodeId::Refine)],
         ),
         node(NodeId::Deform, deform.and_then(boxed), deform_inputs),
-        node(
-            NodeId::Map,
-            if_moved(boxed(Map::from_section(&scene.map))),
-            vec![("lattice", NodeId::Refine), ("octree", NodeId::Octree), ("motion", NodeId::Deform)],
-        ),
+        node(NodeId::Map, if_moved(boxed(Map::from_section(&scene.map)?)), map_inputs),
         node(
             NodeId::Warp,
             if_moved(boxed(Warp::from_section(&scene.warp))),

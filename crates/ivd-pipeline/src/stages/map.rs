@@ -16,9 +16,15 @@ pub struct Map {
 
 impl Map {
     /// The stage that a scene's section asks for.
-    pub fn from_section(section: &MapSection) -> Self {
-        let MapMethod::Octree = section.method;
-        let method = map::MapMethod::Octree;
+    ///
+    /// # Errors
+    /// A key that the method doesn't read.
+    pub fn from_section(section: &MapSection) -> Result<Self, Error> {
+        check(section)?;
+        let method = match section.method {
+            MapMethod::Octree => map::MapMethod::Octree,
+            MapMethod::Biharmonic => map::MapMethod::Biharmonic,
+        };
         let weight = match section.weight {
             scene::DepthWeight::Linear => map::DepthWeight::Linear,
             scene::DepthWeight::Smooth => map::DepthWeight::Smooth,
@@ -29,16 +35,37 @@ impl Map {
             scene::Outside::Band => map::Outside::Band,
             scene::Outside::Free => map::Outside::Free,
         };
-        Self {
+        Ok(Self {
             params: MapParams {
                 method,
                 weight,
                 outside,
                 depth_mm: section.depth,
                 margin_mm: section.margin,
+                cell: section.cell,
                 tolerance: section.tolerance.unwrap_or(MapParams::default().tolerance),
             },
-        }
+        })
+    }
+}
+
+/// A key that the method doesn't read is a mistake: whoever wrote it expects something of it.
+fn check(section: &MapSection) -> Result<(), Error> {
+    let keys = [
+        ("weight", section.weight != scene::DepthWeight::default(), MapMethod::Octree),
+        ("depth", section.depth.is_some(), MapMethod::Octree),
+        ("cell", section.cell.is_some(), MapMethod::Biharmonic),
+    ];
+    let name = |method| match method {
+        MapMethod::Octree => "octree",
+        MapMethod::Biharmonic => "biharmonic",
+    };
+    match keys.into_iter().find(|(_, set, reader)| *set && *reader != section.method) {
+        None => Ok(()),
+        Some((key, _, reader)) => Err(Error::usage(
+            "map",
+            format!("{key}: {} doesn't read it; it belongs to {}", name(section.method), name(reader)),
+        )),
     }
 }
 
@@ -48,16 +75,20 @@ impl Stage for Map {
     }
 
     fn revision(&self) -> u32 {
-        2
+        3
     }
 
     fn inputs(&self) -> &'static [Slot] {
-        const {
-            &[
-                Slot::required("lattice", &[Kind::Lattice]),
-                Slot::required("octree", &[Kind::Octree]),
-                Slot::required("motion", &[Kind::Motion]),
-            ]
+        const OCTREE: &[Slot] = &[
+            Slot::required("lattice", &[Kind::Lattice]),
+            Slot::required("octree", &[Kind::Octree]),
+            Slot::required("motion", &[Kind::Motion]),
+        ];
+        const BIHARMONIC: &[Slot] =
+            &[Slot::required("lattice", &[Kind::Lattice]), Slot::required("motion", &[Kind::Motion])];
+        match self.params.method {
+            map::MapMethod::Octree => OCTREE,
+            map::MapMethod::Biharmonic => BIHARMONIC,
         }
     }
 
@@ -71,11 +102,16 @@ impl Stage for Map {
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let lattice = inputs.lattice("lattice").expect("checked by the runner");
-        let octree = inputs.octree("octree").expect("checked by the runner");
         let motion = inputs.motion("motion").expect("checked by the runner");
         let last = motion.frames.len().saturating_sub(1);
-        let mapped =
-            map::octree(lattice, octree, motion, last, &self.params, exec).map_err(stage_error!("map"))?;
+        let mapped = match self.params.method {
+            map::MapMethod::Octree => {
+                let octree = inputs.octree("octree").expect("checked by the runner");
+                map::octree(lattice, octree, motion, last, &self.params, exec)
+            }
+            map::MapMethod::Biharmonic => map::biharmonic(lattice, motion, last, &self.params, exec),
+        }
+        .map_err(stage_error!("map"))?;
         let metrics = json!({
             "voxels_moved": mapped.voxels_moved,
             "bricks_touched": mapped.bricks_touched,
@@ -84,6 +120,7 @@ impl Stage for Map {
             "folds": mapped.folds,
             "relaxations": mapped.relaxations,
             "halvings": mapped.halvings,
+            "solved": super::json(&mapped.solved),
             "inverse_residual_max_voxel": mapped.inverse_residual_max_voxel,
             "voxels_vacated": mapped.voxels_vacated,
             "followed": super::json(&mapped.followed),

@@ -99,7 +99,10 @@ fn no_parameter_is_hidden_from_scenes() {
     assert_eq!(solver("xpbd", both), [history, inertia, names[0].clone(), names[1].clone()]);
     assert_eq!(solver("projective", &format!("{both}inertia = true\nhistory = 7\n")), names);
     let map = "weight = \"one\"\ndepth = 1.0\nmargin = 1.0\noutside = \"free\"\ntolerance = 0.1";
-    assert_eq!(unmoved(map, Map::from_section), [".method"]);
+    assert_eq!(unmoved(map, |s| Map::from_section(s).unwrap()), [".cell", ".method"]);
+    let map = "margin = 1.0\ncell = 2\noutside = \"free\"\ntolerance = 0.1";
+    let map = unmoved_of("biharmonic", map, |s| Map::from_section(s).unwrap());
+    assert_eq!(map, [".depth_mm", ".method", ".weight"], "depth is the octree map's");
     assert_eq!(unmoved("order = \"cubic\"\nbackground = 1.0", Warp::from_section), nothing);
     let render = "mode = \"iso\"\niso = 1.0\nsize = [7, 8]\nview = [1.0, 2.0]\nzoom = 2.0\nstep = 1.0\n\
         shading = false\nannotate = false\nprojection = \"perspective\"\ntermination = 2.0\nskip = false\n\
@@ -117,7 +120,7 @@ fn a_section_that_says_nothing_is_the_stages_own_defaults() {
     assert_eq!(deform.method, DeformMethod::Ring(ivd_deform::spring::RingParams::default()));
     let deform = Deform::from_section(&toml::from_str("solver = \"dynamics\"").unwrap()).unwrap();
     assert_eq!(deform.method, DeformMethod::MassSpring(Box::default()));
-    assert_eq!(Map::from_section(&toml::from_str("").unwrap()), Map::default());
+    assert_eq!(Map::from_section(&toml::from_str("").unwrap()).unwrap(), Map::default());
     assert_eq!(Warp::from_section(&toml::from_str("").unwrap()), Warp::default());
     let mut render = Render::from_section(&toml::from_str("").unwrap(), None).unwrap().params;
     // A picture from the side shows more than one from the front.

@@ -8,6 +8,8 @@ pub enum MapMethod {
     /// Through the octree, weighted by depth.
     #[default]
     Octree,
+    /// The smoothest motion that follows the lattice, in its inside and outside alike.
+    Biharmonic,
 }
 
 /// What happens outside the lattice.
@@ -42,12 +44,14 @@ pub enum DepthWeight {
 pub struct MapSection {
     /// Method.
     pub method: MapMethod,
-    /// How displacement fades with depth.
+    /// `octree`: how displacement fades with depth.
     pub weight: DepthWeight,
-    /// Depth at which it has faded (mm); from the handles where it isn't given.
+    /// `octree`: depth at which it has faded (mm); from the handles where it isn't given.
     pub depth: Option<f64>,
     /// Width of the band beyond the handles' reach (mm).
     pub margin: Option<f64>,
+    /// `biharmonic`: voxels along a cell's edge, 1, 2 or 4; from the handles where it isn't given.
+    pub cell: Option<u8>,
     /// Outside of the lattice.
     pub outside: Outside,
     /// How far lattice points may be left behind to keep the map free of folds, as a fraction of their motion, 0…1.

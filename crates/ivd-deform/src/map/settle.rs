@@ -1,0 +1,109 @@
+//! From a field as carried to a map: repair, proof, inverse.
+
+use ivd_core::{Displacement, Exec, FieldBricks, Frame, Grid, Lattice, Mask, NO_BRICK};
+use nalgebra::Vector3;
+
+use super::compose::{Composed, halve};
+use super::free::invert_part;
+use super::outcome::{Followed, Mapped};
+use super::params::MapParams;
+use super::region::Region;
+use super::relax::relax;
+use crate::Error;
+use crate::certificate::Certificate;
+use crate::inverse::{from_bricks, invert};
+
+/// Residual of the inverse above which a map is refused (voxels): a hundredth of what could be seen.
+const RESIDUAL: f64 = 1e-2;
+
+/// What a field is held against.
+pub(super) struct Settle<'a> {
+    pub(super) lattice: &'a Lattice,
+    /// The inside of a part that moves alone.
+    pub(super) alone: Option<&'a Mask>,
+    pub(super) region: &'a Region,
+    pub(super) frame: &'a Frame,
+    pub(super) params: &'a MapParams,
+}
+
+impl Settle<'_> {
+    /// Whether a cell is to be free of folds.
+    pub(super) fn counts(&self) -> impl Fn([i64; 3]) -> bool + Sync + use<'_> {
+        move |cell| self.alone.is_none_or(|inside| touches(inside, cell))
+    }
+
+    /// Repairs the field where it folds, certifies and inverts it.
+    pub(super) fn settle(&self, field: FieldBricks, exec: &Exec) -> Result<Mapped, Error> {
+        let grid = &self.lattice.grid;
+        let counts = self.counts();
+        let relaxed = relax(field, grid, self.region, &counts, exec)?;
+        let (mut field, mut certificate, mut halvings) = (relaxed.field, relaxed.certificate, 0);
+        if !certificate.holds() {
+            match halve(&field, grid, certificate, &counts, exec)? {
+                Composed::Found { field: f, certificate: c, halvings: h } => {
+                    (field, certificate, halvings) = (f, c, h);
+                }
+                Composed::Folded(last) => return Err(folded(&last, grid)),
+            }
+        }
+        let field = without_zeros(field)?;
+        let followed = Followed::measure(self.lattice, &field, self.frame);
+        followed.check(self.params.tolerance)?;
+        let (inverse, vacated) = match self.alone {
+            None => (invert(&field, grid, exec)?, Vec::new()),
+            Some(inside) => invert_part(&field, grid, inside, exec)?,
+        };
+        if inverse.residual_max_voxels > RESIDUAL {
+            return Err(Error::Untrusted {
+                what: "the inverse of the map",
+                problem: format!(
+                    "a residual of {:.3} voxels at voxel {:?}",
+                    inverse.residual_max_voxels,
+                    inverse.worst.map(|v| v.0)
+                ),
+                remedy: "move the handle less, or give it a larger radius",
+            });
+        }
+        let displacement = Displacement {
+            grid: grid.clone(),
+            time: self.frame.time,
+            forward: field,
+            inverse: inverse.field,
+            inverse_residual_max: inverse.residual_max_voxels,
+            min_det_j: certificate.min_det,
+            vacated: vacated.into(),
+        };
+        Ok(Mapped::new(displacement, certificate, relaxed.rounds, halvings, followed))
+    }
+}
+
+fn without_zeros(field: FieldBricks) -> Result<FieldBricks, Error> {
+    let stored: Vec<usize> = (0..field.table().len()).filter(|&b| field.table()[b] != NO_BRICK).collect();
+    let some_zero = stored.iter().any(|&b| field.brick(b).is_some_and(|v| v.iter().all(|u| *u == [0.0; 3])));
+    if !some_zero {
+        return Ok(field);
+    }
+    let bricks = stored.iter().map(|&b| field.brick(b).expect("the brick is stored").into());
+    from_bricks(field.dims(), &stored, bricks)
+}
+
+/// Whether a corner of the cell lies in the part.
+fn touches(inside: &Mask, cell: [i64; 3]) -> bool {
+    let dims = inside.grid().dims();
+    (0..8_usize).any(|i| {
+        let at: [usize; 3] =
+            std::array::from_fn(|a| (cell[a] + (i >> a & 1) as i64).clamp(0, dims[a] as i64 - 1) as usize);
+        inside.inside()[at[0] + dims[0] * (at[1] + dims[1] * at[2])] != 0
+    })
+}
+
+fn folded(certificate: &Certificate, grid: &Grid) -> Error {
+    let worst = certificate.worst.expect("a field that folds has a worst cell");
+    let middle = Vector3::from(worst.cell).map(|c| c as f64 + 0.5);
+    Error::Folded {
+        voxel: worst.cell,
+        world: grid.world(ivd_core::VoxelCoord(middle)).0.into(),
+        lower: worst.lower,
+        cells: certificate.folded.len(),
+    }
+}
