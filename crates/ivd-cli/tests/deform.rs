@@ -45,6 +45,48 @@ fn shapes_move_a_lattice_alone_and_after_a_handle() {
 }
 
 #[test]
+fn every_solver_takes_a_handle_to_its_place_and_says_what_its_reach_cuts_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    ball(at);
+    json(at, &["refine", "l.ivd", "--level", "1", "-o", "r.ivd"]);
+    let handle = "pick=34,20,20;move=3,0,0;radius=14";
+    for solver in ["ring", "dynamics", "projective", "xpbd"] {
+        let words = ["deform", "r.ivd", "--handle", handle, "--solver", solver, "-o", "m.ivd"];
+        let told = json(at, &words);
+        let number =
+            |key: &str| told["metrics"][key].as_f64().unwrap_or_else(|| panic!("{solver}: {key}: {told}"));
+        assert!((number("max_displacement_mm") - 3.0).abs() < 1e-9, "{solver}: {told}");
+        assert!(number("vertices_moved") > 10.0 && number("energy_last").is_finite(), "{solver}");
+        assert_eq!(told["metrics"]["truncation"].is_null(), solver == "ring", "{solver}: {told}");
+    }
+    // What the ring reads is not the springs' to read, and the other way round.
+    std::fs::write(at.join("p.toml"), "epsilon = 0.1\n").unwrap();
+    let words =
+        ["deform", "r.ivd", "--handle", handle, "--solver", "dynamics", "--params", "p.toml", "-o", "x.ivd"];
+    let refused = ivd(at, &words);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8(refused.stderr).unwrap().contains("epsilon"));
+}
+
+#[test]
+fn a_scene_with_springs_and_the_smoothest_map_needs_no_octree() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 40\n[lattice]\niso = 128.0\n[refine]\nlevel = 1\n\
+        [deform]\nsolver = \"projective\"\n[[deform.handle]]\npick = [34, 20, 20]\nmove = [2, 0, 0]\nradius = 14.0\n\
+        [map]\nmethod = \"biharmonic\"\n[output]\nvolume = \"pulled.nii.gz\"\n";
+    std::fs::write(at.join("scene.toml"), scene).unwrap();
+    let told = json(at, &["pipeline", "scene.toml", "--out", "out"]);
+    let stage =
+        |name: &str| told["stages"].as_array().unwrap().iter().find(|s| s["stage"] == name).unwrap().clone();
+    assert_eq!(stage("octree")["state"], "not_needed");
+    assert_eq!(stage("map")["metrics"]["folds"], 0);
+    assert!(stage("map")["metrics"]["misfit_rms_voxel"].as_f64().unwrap() < 0.2, "{}", stage("map"));
+    assert!(at.join("out/pulled.nii.gz").exists());
+}
+
+#[test]
 fn a_twist_goes_from_the_lattice_to_the_voxels() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

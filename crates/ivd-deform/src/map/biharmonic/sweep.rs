@@ -1,7 +1,5 @@
 //! Drawn pushes, held against a check of folds that shares nothing with the library.
 
-use std::time::Instant;
-
 use ivd_core::{Exec, FieldBricks, Grid};
 use nalgebra::{Matrix3, Vector3};
 
@@ -102,7 +100,6 @@ fn folds(grid: &Grid, field: &FieldBricks) -> usize {
 /// What became of the maps of a drawn scene, by `octree` and by `biharmonic`: the misfit where one was certified.
 struct Drawn {
     misfits: [Option<f64>; 2],
-    seconds: [f64; 2],
 }
 
 /// Maps drawn scenes by both methods and holds every certified map against the independent check.
@@ -110,15 +107,13 @@ fn sweep(seeds: std::ops::Range<u64>) -> Vec<Drawn> {
     let exec = Exec::default().with_threads(1);
     let one = |seed: u64| {
         let scene = drawn(seed);
-        let mut drawn = Drawn { misfits: [None; 2], seconds: [0.0; 2] };
+        let mut drawn = Drawn { misfits: [None; 2] };
         for (i, method) in [MapMethod::Octree, MapMethod::Biharmonic].into_iter().enumerate() {
             let params = MapParams { method, ..MapParams::default() };
-            let begin = Instant::now();
             let mapped = match method {
                 MapMethod::Octree => scene.map(&params, &exec),
                 MapMethod::Biharmonic => scene.smooth(&params, &exec),
             };
-            drawn.seconds[i] = begin.elapsed().as_secs_f64();
             match mapped {
                 Ok(mapped) => {
                     let found = folds(&scene.lattice.grid, &mapped.displacement.forward);
@@ -130,7 +125,7 @@ fn sweep(seeds: std::ops::Range<u64>) -> Vec<Drawn> {
         }
         drawn
     };
-    // Threads of their own: a pool's would start another scene while they wait for one, and time both.
+    // Threads of their own: a pool's would start another scene while they wait for one.
     let many = std::thread::available_parallelism().map_or(1, usize::from) as u64;
     let part = |k: u64| seeds.clone().filter(|seed| seed % many == k).map(one).collect::<Vec<_>>();
     let part = &part;
@@ -140,22 +135,20 @@ fn sweep(seeds: std::ops::Range<u64>) -> Vec<Drawn> {
     })
 }
 
-/// Prints what was certified, how closely, and how fast; gives the numbers certified.
+/// Prints what was certified and how closely; gives the numbers certified.
 fn told(all: &[Drawn]) -> [usize; 2] {
     [0, 1].map(|m| {
         let mut misfits: Vec<f64> = all.iter().filter_map(|d| d.misfits[m]).collect();
         misfits.sort_by(f64::total_cmp);
         let at =
             |share: f64| misfits.get((misfits.len() as f64 * share) as usize).copied().unwrap_or(f64::NAN);
-        let seconds: f64 = all.iter().map(|d| d.seconds[m]).sum();
         eprintln!(
-            "{}: {} of {} certified, misfit {:.4} (median) {:.4} (nine tenths), {:.3} s each",
+            "{}: {} of {} certified, misfit {:.4} (median) {:.4} (nine tenths)",
             ["octree", "biharmonic"][m],
             misfits.len(),
             all.len(),
             at(0.5),
-            at(0.9),
-            seconds / all.len() as f64
+            at(0.9)
         );
         misfits.len()
     })
@@ -163,12 +156,12 @@ fn told(all: &[Drawn]) -> [usize; 2] {
 
 #[test]
 fn no_certified_map_of_a_drawn_push_folds() {
-    let certified = told(&sweep(0..200));
-    assert!(certified[1] >= 160, "{certified:?}");
+    let certified = told(&sweep(0..60));
+    assert!(certified[1] >= 48, "{certified:?}");
 }
 
 #[test]
-#[ignore = "an hour: 10,000 pushes by two methods; run it in release, with --ignored"]
+#[ignore = "some hours: 10,000 pushes by two methods; run it in release, with --ignored"]
 fn no_certified_map_of_ten_thousand_drawn_pushes_folds() {
     let certified = told(&sweep(0..10_000));
     assert!(certified.iter().all(|n| *n >= 6000), "{certified:?}");
