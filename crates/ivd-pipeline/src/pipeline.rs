@@ -150,7 +150,7 @@ fn walk(
         }
         stages.push(result.record.clone());
         done.insert(node.id, result);
-        release(&plan, at, &mut done);
+        release(&plan, at, loaded.scene.output.report, &mut done);
     }
     if options.until.is_none() {
         let force = options.force.contains("report");
@@ -188,12 +188,17 @@ fn explain(record: &mut StageRecord, node: &PlanNode, manifest: &Manifest) {
 }
 
 /// Drops values that no later place reads; report and writers have taken what they need.
-fn release(plan: &Plan, at: usize, done: &mut BTreeMap<NodeId, Done>) {
+fn release(plan: &Plan, at: usize, reports: bool, done: &mut BTreeMap<NodeId, Done>) {
     let later = &plan.nodes()[at + 1..];
     // The deformed lattice and the report's histogram are made from these after the last stage that reads them.
     let kept = [NodeId::Import, NodeId::Refine];
+    // The report tells how volumes of classes change, once the map is there.
+    let maps = |n: &PlanNode| n.needed && n.id == NodeId::Map;
+    let classes = reports && later.iter().any(maps);
     done.retain(|id, _| {
-        kept.contains(id) || later.iter().any(|n| n.needed && n.inputs.iter().any(|(_, from)| from == id))
+        kept.contains(id)
+            || (classes && *id == NodeId::Segment)
+            || later.iter().any(|n| n.needed && n.inputs.iter().any(|(_, from)| from == id))
     });
 }
 

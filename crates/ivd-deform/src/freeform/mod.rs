@@ -70,6 +70,7 @@ pub fn lattice(
     let still = [Frame { time: 0.0, displacement: vec![[0.0; 3]; rest.len()] }];
     let frames = start.map_or(&still[..], |start| &start.frames);
     let origin = Vector3::from(lattice.grid.origin());
+    exec.check_memory("the frames of the motion", 24 * (frames.len() * rest.len()) as u64)?;
     exec.run(|| {
         let mut shaped = Vec::with_capacity(frames.len());
         for (i, frame) in frames.iter().enumerate() {

@@ -157,6 +157,9 @@ impl<'a> Prepared<'a> {
             let region = Region { near, fixed: still, targets: &targets };
             let body = Body::new(lattice, labels, &rest, &region, params)?;
             let fixed = region.fixed;
+            // Kept by the solver, and as the motion of all vertices.
+            let frames = 24 * params.frames as u64 * (rest.len() + body.loose) as u64;
+            exec.check_memory("the frames of the motion", frames)?;
             Ok(Self { lattice, rest, fixed, body, params: params.clone(), kept: projective::Kept::default() })
         })
     }

@@ -208,7 +208,7 @@ pub(super) fn run(
         let objective = Objective { body, drives, reached, inertia: None };
         let (iterations, relative) = descend(&objective, metric, &mut moved, params, exec)?;
         outcome.iterations += iterations;
-        worst = worst.max(relative);
+        worst = larger(worst, relative);
         outcome.energies[usize::from(frame > 1)] = body.energy(&moved);
         outcome.frames.push(moved.clone());
     }
@@ -294,7 +294,7 @@ pub(super) fn step_through(
         let objective = Objective { body, drives, reached, inertia: Some(&inertia) };
         let (iterations, relative) = solve(&objective, &mut moved)?;
         outcome.iterations += iterations;
-        worst = worst.max(relative);
+        worst = larger(worst, relative);
         for (v, (now, then)) in velocity.iter_mut().zip(moved.iter().zip(&before)) {
             *v = std::array::from_fn(|a| (now[a] - then[a]) / dt);
         }
@@ -333,4 +333,9 @@ fn metric<'a>(
     let (_, metric) = slot.as_mut().expect("just made");
     metric.hold(body, drives);
     metric
+}
+
+/// The larger of two residuals; not a number, and it stays so, where one isn't.
+fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
 }

@@ -162,7 +162,9 @@ impl<'a, T: Scalar> Rows<'a, T> {
         for i in 0..LANES {
             let [x, y, z] = [weight[0][i], weight[1][i], weight[2][i]];
             let line = |k: usize| (1.0 - x) * near[2 * k][i].to_f64() + x * near[2 * k + 1][i].to_f64();
-            sum[i] = (1.0 - y) * (1.0 - z) * line(0)
+            // From 0 on, as the plain sum: −0 alone becomes 0.
+            sum[i] = 0.0
+                + (1.0 - y) * (1.0 - z) * line(0)
                 + y * (1.0 - z) * line(1)
                 + (1.0 - y) * z * line(2)
                 + y * z * line(3);

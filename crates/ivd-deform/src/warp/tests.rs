@@ -289,6 +289,7 @@ fn rows_of_lanes_are_the_plain_path_to_the_last_bit() {
                 0 => f32::NAN,
                 1 => f32::INFINITY,
                 2 => f32::MAX,
+                3..20 => -0.0,
                 _ => hash(i) as f32 * 1e-3,
             });
             assert_rows_are_plain(

@@ -83,10 +83,13 @@ pub(super) struct Spare {
 }
 
 impl Spare {
-    /// Bytes of the vectors that the next surface is written to.
-    fn bytes(&self) -> u64 {
-        let Surface { keys, places, triangles } = &self.surface;
-        (keys.capacity() * 8 + places.capacity() * 12 + triangles.capacity() * 12) as u64
+    /// Most bytes of the vectors that a surface of so many vertices and triangles is written to.
+    fn bytes(&self, vertices: u64, triangles: u64) -> u64 {
+        let Surface { keys, places, triangles: corners } = &self.surface;
+        let larger = |need: u64, have: usize| need.max(have as u64);
+        8 * larger(vertices, keys.capacity())
+            + 12 * larger(vertices, places.capacity())
+            + 12 * larger(triangles, corners.capacity())
     }
 
     /// Vectors of these lengths, of what is there where that is enough; their contents mean nothing.
@@ -136,7 +139,7 @@ impl<S: Samples> Sweep<'_, S> {
         let slabs = self.slabs(&counts);
         let desks = rayon::current_num_threads().min(slabs.len()) * 2 * Layer::bytes(self.dims);
         let held = Signs::bytes(self.dims) + counts.iter().map(Count::bytes).sum::<u64>() + desks as u64;
-        exec.check_memory("the lattice", held + (vertices * 20 + triangles * 12).max(spare.bytes()))?;
+        exec.check_memory("the lattice", held + spare.bytes(vertices, triangles))?;
 
         let (mut keys, mut places, mut corners) = spare.surface(vertices as usize, triangles as usize);
         let slabs = shared_out(slabs, &counts, &mut keys, &mut places, &mut corners);

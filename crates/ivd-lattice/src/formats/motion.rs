@@ -49,7 +49,7 @@ pub fn write_motion(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<W
 pub(super) fn times(frames: &[Frame]) -> Vec<f64> {
     let own: Vec<f64> = [0.0].into_iter().chain(frames.iter().map(|frame| frame.time)).collect();
     // As 32-bit numbers, which glTF has.
-    let grow = own.windows(2).all(|pair| (pair[0] as f32) < pair[1] as f32 && pair[1].is_finite());
+    let grow = own.windows(2).all(|pair| (pair[0] as f32) < pair[1] as f32 && (pair[1] as f32).is_finite());
     if grow { own } else { (0..own.len()).map(|i| i as f64).collect() }
 }
 

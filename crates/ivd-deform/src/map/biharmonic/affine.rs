@@ -49,9 +49,9 @@ impl Affine {
             (places.iter().zip(motions).map(rest).sum::<f64>() / n / square).sqrt()
         };
         let (of_general, of_rigid) = (left(&general), left(&rigid));
-        let fit = if of_rigid <= (2.0 * of_general).max(1e-9) { rigid } else { general };
-        let explains =
-            of_general.min(of_rigid) <= UNEXPLAINED && (fit.whole + Matrix3::identity()).determinant() > 0.0;
+        let is_rigid = of_rigid <= (2.0 * of_general).max(1e-9) && of_rigid <= UNEXPLAINED;
+        let (fit, left) = if is_rigid { (rigid, of_rigid) } else { (general, of_general) };
+        let explains = left <= UNEXPLAINED && (fit.whole + Matrix3::identity()).determinant() > 0.0;
         explains.then_some(fit)
     }
 

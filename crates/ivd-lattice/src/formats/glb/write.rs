@@ -16,7 +16,8 @@ pub(super) const TO_GLTF: [f64; 16] =
 
 /// GLB counts bytes in 32 bits. Returns what f32 rounds away (mm) of the positions relative to their node.
 pub(in crate::formats) fn check(mesh: &Placed) -> Result<f64, Error> {
-    let bytes = binary_bytes(mesh) + 4096;
+    // The description of a frame is shorter than this.
+    let bytes = binary_bytes(mesh) + 4096 + 1024 * mesh.frames.len() as u64;
     if u32::try_from(bytes).is_err() {
         return Err(Error::Unwritable {
             format: "GLB",
