@@ -135,34 +135,20 @@ fn sweep(seeds: std::ops::Range<u64>) -> Vec<Drawn> {
     })
 }
 
-/// Prints what was certified and how closely; gives the numbers certified.
-fn told(all: &[Drawn]) -> [usize; 2] {
-    [0, 1].map(|m| {
-        let mut misfits: Vec<f64> = all.iter().filter_map(|d| d.misfits[m]).collect();
-        misfits.sort_by(f64::total_cmp);
-        let at =
-            |share: f64| misfits.get((misfits.len() as f64 * share) as usize).copied().unwrap_or(f64::NAN);
-        eprintln!(
-            "{}: {} of {} certified, misfit {:.4} (median) {:.4} (nine tenths)",
-            ["octree", "biharmonic"][m],
-            misfits.len(),
-            all.len(),
-            at(0.5),
-            at(0.9)
-        );
-        misfits.len()
-    })
+/// How many maps were certified, by `octree` and by `biharmonic`.
+fn certified(all: &[Drawn]) -> [usize; 2] {
+    [0, 1].map(|m| all.iter().filter(|drawn| drawn.misfits[m].is_some()).count())
 }
 
 #[test]
 fn no_certified_map_of_a_drawn_push_folds() {
-    let certified = told(&sweep(0..60));
+    let certified = certified(&sweep(0..60));
     assert!(certified[1] >= 48, "{certified:?}");
 }
 
 #[test]
 #[ignore = "some hours: 10,000 pushes by two methods; run it in release, with --ignored"]
 fn no_certified_map_of_ten_thousand_drawn_pushes_folds() {
-    let certified = told(&sweep(0..10_000));
+    let certified = certified(&sweep(0..10_000));
     assert!(certified.iter().all(|n| *n >= 6000), "{certified:?}");
 }
