@@ -21,7 +21,6 @@ test:
 stress:
     IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} cargo test --release -p ivd-tests --test stability -- --nocapture --test-threads=1
     cargo test --release -p ivd-segment -- --ignored --nocapture
-    cargo test --release -p ivd-deform --lib
     cargo test --release -p ivd-deform -- --ignored --nocapture
     cargo build
     cargo build --release

@@ -127,15 +127,16 @@ fn area([a, b, c]: &[Point; 3]) -> f64 {
     0.5 * (b - a).cross(&(c - a)).norm()
 }
 
+fn sorted(mut t: [u64; 3]) -> [u64; 3] {
+    t.sort_unstable();
+    t
+}
+
 /// The triangles of `a` that `b` hasn't: no point of the others is away from `b`.
 fn without_shared(a: &Lattice, b: &Lattice) -> Vec<[u32; 3]> {
     if a.grid != b.grid {
         return a.triangles.clone();
     }
-    let sorted = |mut t: [u64; 3]| {
-        t.sort_unstable();
-        t
-    };
     let mut known: Vec<[u64; 3]> =
         b.triangles.par_iter().map(|t| sorted(t.map(|v| b.keys[v as usize].0))).collect();
     known.par_sort_unstable();

@@ -99,10 +99,9 @@ fn subdivided((places, triangles): &Mesh, salt: u64) -> (Mesh, Vec<u32>) {
 
 /// Triangles, each from its least corner on, in a set.
 fn set(triangles: impl IntoIterator<Item = [u32; 3]>) -> BTreeSet<[u32; 3]> {
-    let from_least = |mut t: [u32; 3]| {
+    let from_least = |t: [u32; 3]| {
         let least = (0..3).min_by_key(|&i| t[i]).unwrap();
-        t.rotate_left(least);
-        t
+        [0, 1, 2].map(|i| t[(least + i) % 3])
     };
     triangles.into_iter().map(from_least).collect()
 }
