@@ -74,6 +74,20 @@ impl<T: Pod> Buffer<T> {
         bytemuck::cast_slice(self.as_slice())
     }
 
+    /// The values, to be changed: copied first where they are shared, so that nobody else sees it.
+    pub fn make_mut(&mut self) -> &mut [T]
+    where
+        T: Clone,
+    {
+        if let Storage::Shared { .. } = self.storage {
+            self.storage = Storage::Owned(Arc::new(self.as_slice().to_vec()));
+        }
+        match &mut self.storage {
+            Storage::Owned(values) => Arc::<Vec<T>>::make_mut(values),
+            Storage::Shared { .. } => unreachable!("owned since the lines above"),
+        }
+    }
+
     /// The values, copied only where they are shared.
     pub fn into_vec(self) -> Vec<T> {
         match self.storage {
@@ -129,6 +143,18 @@ mod tests {
         assert!(Buffer::<u64>::shared(source.clone(), 8, 3).is_none());
         assert!(Buffer::<u64>::shared(source.clone(), 4, 1).is_none(), "unaligned");
         assert!(Buffer::<u64>::shared(source, 8, usize::MAX).is_none());
+    }
+
+    #[test]
+    fn changed_values_are_seen_by_nobody_else() {
+        let mut owned = Buffer::from(vec![1_u64, 2]);
+        let other = owned.clone();
+        owned.make_mut()[0] = 7;
+        assert_eq!((&owned[..], &other[..]), (&[7, 2][..], &[1, 2][..]));
+        let source: Arc<dyn ByteSource> = Arc::new(Bytes(vec![1, 2, 3]));
+        let mut view = Buffer::<u64>::shared(source.clone(), 0, 3).unwrap();
+        view.make_mut()[2] = 9;
+        assert_eq!((&view[..], source.bytes()[16]), (&[1, 2, 9][..], 3));
     }
 
     #[derive(Default)]

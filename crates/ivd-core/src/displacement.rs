@@ -93,6 +93,30 @@ impl FieldBricks {
         (slot != NO_BRICK).then(|| &self.vectors[slot as usize * Self::VOXELS..][..Self::VOXELS])
     }
 
+    /// The bricks, ascending, in which two fields on one grid differ by a bit; an absent brick is one of zeros.
+    ///
+    /// # Errors
+    /// [`Error::GridMismatch`] where their grids differ.
+    pub fn changed(&self, other: &Self) -> Result<Vec<usize>, Error> {
+        if self.dims != other.dims {
+            return Err(Error::GridMismatch {
+                a: "field",
+                a_dims: self.dims,
+                b: "other field",
+                b_dims: other.dims,
+            });
+        }
+        let still = |vectors: &[[f32; 3]]| vectors.iter().flatten().all(|c| c.to_bits() == 0);
+        let differs = |&brick: &usize| match (self.brick(brick), other.brick(brick)) {
+            (None, None) => false,
+            (Some(vectors), None) | (None, Some(vectors)) => !still(vectors),
+            (Some(a), Some(b)) => {
+                bytemuck::cast_slice::<_, u32>(a) != bytemuck::cast_slice::<[f32; 3], u32>(b)
+            }
+        };
+        Ok((0..self.table.len()).filter(differs).collect())
+    }
+
     /// The vector at a voxel (mm); 0 where its brick is absent.
     #[inline]
     pub fn at(&self, index: VoxelIndex) -> [f32; 3] {
@@ -202,6 +226,28 @@ mod tests {
         assert!((mid.x - 80.5).abs() < 1e-12);
         let edge = field.sample(Vector3::new(7.5, 2.0, 1.0));
         assert!((edge.z - 0.25).abs() < 1e-12, "half way into a stored brick");
+    }
+
+    #[test]
+    fn bricks_that_differ_are_named() {
+        let dims = [24, 8, 8];
+        let zeros = vec![[0.0_f32; 3]; 512];
+        let mut moved = zeros.clone();
+        moved[511] = [0.0, 0.0, 1.0];
+        let field = |table: [u32; 3], bricks: &[&Vec<[f32; 3]>]| {
+            FieldBricks::new(
+                dims,
+                table.to_vec(),
+                bricks.iter().flat_map(|b| b.iter().copied()).collect::<Vec<_>>().into(),
+            )
+            .unwrap()
+        };
+        let a = field([0, 1, NO_BRICK], &[&moved, &zeros]);
+        let b = field([0, NO_BRICK, 1], &[&moved, &moved]);
+        assert_eq!(a.changed(&b).unwrap(), [2], "a brick of zeros is an absent one");
+        assert_eq!(a.changed(&FieldBricks::zero(dims)).unwrap(), [0]);
+        assert_eq!(a.changed(&a).unwrap(), [0; 0]);
+        assert!(a.changed(&FieldBricks::zero([8; 3])).is_err());
     }
 
     #[test]

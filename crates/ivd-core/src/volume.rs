@@ -269,6 +269,13 @@ impl Volume {
         &self.voxels
     }
 
+    /// The stored voxels, to be changed: copied first where they are shared. The index of the bricks' ranges is forgotten.
+    pub fn voxels_mut(&mut self) -> &mut Voxels {
+        self.voxels();
+        self.bricks = OnceLock::new();
+        &mut self.voxels
+    }
+
     /// The stored voxels, of which the caller reads those of the layers (voxel indices along z) and no others: the rest of a
     /// mapped file may not have been checked, nor ever be read.
     pub fn layers(&self, layers: impl IntoIterator<Item = Range<usize>>) -> &Voxels {
@@ -428,6 +435,18 @@ mod tests {
         assert_eq!(volume.value(VoxelIndex([0, 0, 0])), -15.0);
         assert_eq!(volume.stored(-15.0), 10.0);
         assert_eq!(volume.range(), Some([-15.0, 13.0]));
+    }
+
+    #[test]
+    fn changed_voxels_have_ranges_of_their_own() {
+        let grid = Grid::with_spacing([2, 1, 1], [1.0; 3]).unwrap();
+        let mut volume = Volume::new(grid, Voxels::from(vec![1_u8, 2])).unwrap();
+        let before = volume.clone();
+        assert_eq!(volume.range(), Some([1.0, 2.0]));
+        if let Voxels::U8(values) = volume.voxels_mut() {
+            values.make_mut()[0] = 9;
+        }
+        assert_eq!((volume.range(), before.range()), (Some([2.0, 9.0]), Some([1.0, 2.0])));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 use ivd_core::{FieldBricks, Grid, NO_BRICK, VoxelIndex};
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
 
 /// Reads a sparse field in *voxel units*, trilinear, with its cells.
 ///
@@ -11,6 +12,8 @@ pub(crate) struct Sampler<'a> {
     dims: [usize; 3],
     bricks: [usize; 3],
     to_voxel: Matrix3<f64>,
+    /// All stored vectors in voxels, where they are read often.
+    ready: Vec<Vector3<f64>>,
 }
 
 /// The displacements (voxels) at the eight corners of a cell; corner `i` has x in bit 0, y in bit 1, z in bit 2.
@@ -18,7 +21,26 @@ pub(crate) type Corners = [Vector3<f64>; 8];
 
 impl<'a> Sampler<'a> {
     pub(crate) fn new(field: &'a FieldBricks, grid: &Grid) -> Self {
-        Self { field, dims: field.dims(), bricks: field.brick_dims(), to_voxel: grid.inverse_linear_part() }
+        Self {
+            field,
+            dims: field.dims(),
+            bricks: field.brick_dims(),
+            to_voxel: grid.inverse_linear_part(),
+            ready: Vec::new(),
+        }
+    }
+
+    /// As [`Sampler::new`], with all stored vectors turned to voxels now: for who reads most of them several times.
+    pub(crate) fn ready(field: &'a FieldBricks, grid: &Grid) -> Self {
+        let mut sampler = Self::new(field, grid);
+        let to_voxels = |v: &[f32; 3]| sampler.in_voxels(Vector3::from(*v));
+        sampler.ready = field.vectors().par_iter().with_min_len(1 << 12).map(to_voxels).collect();
+        sampler
+    }
+
+    #[inline]
+    fn in_voxels(&self, v: Vector3<f32>) -> Vector3<f64> {
+        if v == Vector3::zeros() { Vector3::zeros() } else { self.to_voxel * v.map(f64::from) }
     }
 
     /// Voxels of the grid.
@@ -29,17 +51,33 @@ impl<'a> Sampler<'a> {
     /// Displacement at a voxel (voxels); beyond the grid that of the nearest border voxel.
     #[inline]
     pub(crate) fn voxel(&self, at: [i64; 3]) -> Vector3<f64> {
-        let v = self.raw(std::array::from_fn(|a| at[a].clamp(0, self.dims[a] as i64 - 1) as usize));
-        if v == Vector3::zeros() { Vector3::zeros() } else { self.to_voxel * v.map(f64::from) }
+        self.raw(std::array::from_fn(|a| at[a].clamp(0, self.dims[a] as i64 - 1) as usize))
     }
 
     #[inline]
-    fn raw(&self, [x, y, z]: [usize; 3]) -> Vector3<f32> {
+    fn raw(&self, [x, y, z]: [usize; 3]) -> Vector3<f64> {
         let slot = self.field.table()[x / 8 + self.bricks[0] * (y / 8 + self.bricks[1] * (z / 8))];
         if slot == NO_BRICK {
             return Vector3::zeros();
         }
-        self.field.vectors()[slot as usize * FieldBricks::VOXELS + x % 8 + 8 * (y % 8 + 8 * (z % 8))].into()
+        let at = slot as usize * FieldBricks::VOXELS + x % 8 + 8 * (y % 8 + 8 * (z % 8));
+        match self.ready.get(at) {
+            Some(v) => *v,
+            None => self.in_voxels(self.field.vectors()[at].into()),
+        }
+    }
+
+    /// The first of a cell's corners in [`Sampler::ready`], where all of them lie in one brick; nothing where it isn't stored.
+    #[inline]
+    fn in_one_brick(&self, cell: [i64; 3]) -> Option<Option<usize>> {
+        let fits = |a: usize| cell[a] >= 0 && cell[a] & 7 != 7 && cell[a] + 1 < self.dims[a] as i64;
+        if self.ready.is_empty() || !(fits(0) && fits(1) && fits(2)) {
+            return None;
+        }
+        let [x, y, z] = cell.map(|c| c as usize);
+        let slot = self.field.table()[x / 8 + self.bricks[0] * (y / 8 + self.bricks[1] * (z / 8))];
+        let first = slot as usize * FieldBricks::VOXELS + x % 8 + 8 * (y % 8 + 8 * (z % 8));
+        Some((slot != NO_BRICK).then_some(first))
     }
 
     /// What a cell stands for, from and to along each axis, counted from its lowest corner: 0 to 1, and without an end where
@@ -55,6 +93,14 @@ impl<'a> Sampler<'a> {
     /// Displacements at the corners of a cell.
     #[inline]
     pub(crate) fn corners(&self, cell: [i64; 3]) -> Corners {
+        match self.in_one_brick(cell) {
+            Some(None) => return [Vector3::zeros(); 8],
+            Some(Some(first)) => {
+                let near = &self.ready[first..first + 74];
+                return [0, 1, 8, 9, 64, 65, 72, 73].map(|i| near[i]);
+            }
+            None => {}
+        }
         std::array::from_fn(|i| {
             self.voxel([cell[0] + (i & 1) as i64, cell[1] + (i >> 1 & 1) as i64, cell[2] + (i >> 2) as i64])
         })
@@ -131,6 +177,22 @@ pub(crate) fn brick_voxels(dims: [usize; 3], brick: [usize; 3]) -> impl Iterator
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn vectors_turned_to_voxels_before_are_those_turned_when_read() {
+        let grid = crate::fixtures::sheared_grid([17, 9, 12]);
+        let field = crate::fixtures::field(&grid, |p| {
+            Vector3::new(p.y.sin(), p.x * 0.1, if p.z > 6.0 { 0.0 } else { p.z })
+        });
+        let (plain, ready) = (Sampler::new(&field, &grid), Sampler::ready(&field, &grid));
+        for z in -1..12 {
+            for y in -1..9 {
+                for x in -1..17 {
+                    assert_eq!(plain.corners([x, y, z]), ready.corners([x, y, z]), "{x} {y} {z}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn gradient_is_the_derivative_of_the_interpolant() {

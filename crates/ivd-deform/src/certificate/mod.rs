@@ -9,6 +9,7 @@
 //! voxels; the cells of that continuation are checked as well, so a part that touches the border is covered.
 
 mod bernstein;
+mod quick;
 
 use ivd_core::{Exec, FieldBricks, Grid, NO_BRICK};
 use nalgebra::Vector3;
@@ -134,8 +135,25 @@ pub fn certify(
 ) -> Result<Certificate, Error> {
     exec.run(|| {
         let bricks = touched(forward);
-        certify_bricks(forward, grid, threshold, &counts, &bricks, exec)
+        certify_bricks(forward, grid, threshold, &counts, &bricks, Detail::All, exec)
     })
+}
+
+/// What is asked of a certificate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Detail {
+    /// Everything.
+    All,
+    /// The smallest bound with its cell, and the cells below the threshold: the same as with everything. Cells that can't be
+    /// either aren't looked at, so that their number and the histogram are of the others.
+    Least,
+}
+
+impl Detail {
+    /// [`Detail::Least`], but where nothing is to be skipped.
+    pub(crate) fn least(exec: &Exec) -> Self {
+        if exec.skip { Self::Least } else { Self::All }
+    }
 }
 
 /// The bricks that own a cell touching a stored brick: the stored ones and their lower neighbours.
@@ -162,6 +180,7 @@ pub(crate) fn certify_bricks(
     threshold: f64,
     counts: &(impl Fn([i64; 3]) -> bool + Sync),
     bricks: &[usize],
+    detail: Detail,
     exec: &Exec,
 ) -> Result<Certificate, Error> {
     if forward.dims() != grid.dims() {
@@ -176,38 +195,81 @@ pub(crate) fn certify_bricks(
     let sampler = Sampler::new(forward, grid);
     let moves = |b: usize| forward.brick(b).is_some_and(|vectors| vectors.iter().any(|u| *u != [0.0; 3]));
     let moves: Vec<bool> = (0..forward.table().len()).into_par_iter().map(moves).collect();
-    let parts = bricks
+    let moving: Vec<usize> = bricks
+        .iter()
+        .copied()
+        .filter(|&brick| upper(forward.brick_dims(), brick).any(|near| moves[near]))
+        .collect();
+    let one = |brick: usize, enough: f64| {
+        exec.check_cancelled()?;
+        let block = Block::of_brick(&sampler, forward, brick);
+        let quick = (detail == Detail::Least).then(|| quick::bounds(&block.values, block.size));
+        Ok::<_, Error>(certify_block(&block, quick.as_deref(), threshold, enough, counts))
+    };
+    if detail == Detail::All {
+        let parts =
+            moving.par_iter().map(|&brick| one(brick, f64::INFINITY)).collect::<Result<Vec<_>, _>>()?;
+        return Ok(parts.into_iter().fold(Certificate::empty(), Certificate::merge));
+    }
+    // The brick that looks worst says how far the others need to be looked at.
+    let worst = |&brick: &usize| {
+        let block = Block::of_brick(&sampler, forward, brick);
+        let quick = quick::bounds(&block.values, block.size);
+        (quick.iter().copied().fold(f32::INFINITY, least), brick)
+    };
+    let looks: Vec<(f32, usize)> = moving.par_iter().map(worst).collect();
+    let Some(&(_, first)) = looks.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return Ok(Certificate::empty());
+    };
+    let start = one(first, f64::INFINITY)?;
+    let enough = start.worst.map_or(f64::INFINITY, |worst| worst.lower);
+    let parts = looks
         .par_iter()
-        .filter(|&&brick| upper(forward.brick_dims(), brick).any(|near| moves[near]))
-        .map(|&brick| {
-            exec.check_cancelled()?;
-            Ok(certify_brick(&sampler, forward, brick, threshold, counts))
-        })
+        .filter(|(look, brick)| *brick != first && !(f64::from(*look) > enough.max(threshold)))
+        .map(|&(_, brick)| Ok((brick, one(brick, enough)?)))
         .collect::<Result<Vec<_>, Error>>()?;
-    Ok(parts.into_iter().fold(Certificate::empty(), Certificate::merge))
+    let (before, after) = parts.split_at(parts.partition_point(|(brick, _)| *brick < first));
+    let (before, after) = (before.iter().map(|p| &p.1), after.iter().map(|p| &p.1));
+    Ok(before.chain([&start]).chain(after).cloned().fold(Certificate::empty(), Certificate::merge))
 }
 
-fn certify_brick(
-    sampler: &Sampler<'_>,
-    forward: &FieldBricks,
-    brick: usize,
+/// The smaller of two; not a number where one isn't.
+fn least(a: f32, b: f32) -> f32 {
+    if a.is_nan() || a < b { a } else { b }
+}
+
+/// The certificate of a brick's cells. With `quick`, bounds of them that are cheap, cells that can be neither below the threshold
+/// nor below `enough` and what the brick has itself are passed over.
+fn certify_block(
+    block: &Block,
+    quick: Option<&[f32]>,
     threshold: f64,
+    enough: f64,
     counts: &impl Fn([i64; 3]) -> bool,
 ) -> Certificate {
-    let at = brick_at(forward.brick_dims(), brick);
-    let lo = at.map(|b| if b == 0 { -1 } else { 8 * b as i64 });
-    let hi: [i64; 3] = std::array::from_fn(|a| (8 * at[a] as i64 + 8).min(forward.dims()[a] as i64));
-    let block = Block::gather(sampler, lo, hi);
     let mut result = Certificate::empty();
-    for z in lo[2]..hi[2] {
-        for y in lo[1]..hi[1] {
-            for x in lo[0]..hi[0] {
-                let corners = block.corners([x, y, z]);
-                if corners.iter().all(|u| *u == Vector3::zeros()) || !counts([x, y, z]) {
-                    continue;
-                }
-                judge(&mut result, [x, y, z], &corners, threshold);
-            }
+    let mut enough = enough;
+    let look = |cell: [i64; 3], result: &mut Certificate| {
+        let corners = block.corners(cell);
+        if corners.iter().any(|u| *u != Vector3::zeros()) && counts(cell) {
+            judge(result, cell, &corners, threshold);
+        }
+    };
+    if let Some(quick) = quick {
+        // The cell that looks worst first, by itself: it is judged again in its turn, so that of equals the first is named.
+        if let Some((_, cell)) =
+            block.cells().zip(quick).map(|(c, q)| (*q, c)).min_by(|a, b| a.0.total_cmp(&b.0))
+        {
+            let mut alone = Certificate::empty();
+            look(cell, &mut alone);
+            enough = alone.worst.map_or(enough, |worst| worst.lower.min(enough));
+        }
+    }
+    for (i, cell) in block.cells().enumerate() {
+        // Not a number is no bound.
+        if quick.is_none_or(|quick| !(f64::from(quick[i]) > enough.max(threshold))) {
+            look(cell, &mut result);
+            enough = result.worst.map_or(enough, |worst| worst.lower.min(enough));
         }
     }
     result
@@ -252,6 +314,21 @@ struct Block {
 }
 
 impl Block {
+    fn of_brick(sampler: &Sampler<'_>, forward: &FieldBricks, brick: usize) -> Self {
+        let at = brick_at(forward.brick_dims(), brick);
+        let lo = at.map(|b| if b == 0 { -1 } else { 8 * b as i64 });
+        let hi = std::array::from_fn(|a| (8 * at[a] as i64 + 8).min(forward.dims()[a] as i64));
+        Self::gather(sampler, lo, hi)
+    }
+
+    /// The cells, in memory order.
+    fn cells(&self) -> impl Iterator<Item = [i64; 3]> + use<> {
+        let (lo, hi): (_, [i64; 3]) =
+            (self.lo, std::array::from_fn(|a| self.lo[a] + self.size[a] as i64 - 1));
+        (lo[2]..hi[2])
+            .flat_map(move |z| (lo[1]..hi[1]).flat_map(move |y| (lo[0]..hi[0]).map(move |x| [x, y, z])))
+    }
+
     /// The voxels `lo ..= hi`.
     fn gather(sampler: &Sampler<'_>, lo: [i64; 3], hi: [i64; 3]) -> Self {
         let size: [usize; 3] = std::array::from_fn(|a| (hi[a] - lo[a] + 1) as usize);

@@ -167,3 +167,55 @@ fn histogram_counts_every_cell_once_on_any_number_of_threads() {
         );
     }
 }
+
+/// A random field, of which many cells fold where `amplitude` is large.
+fn drawn(grid: &Grid, seed: u64, amplitude: f64) -> FieldBricks {
+    let mut s = seed;
+    let random: Vec<Vector3<f64>> = (0..grid.len())
+        .map(|_| {
+            Vector3::from_fn(|_, _| {
+                s = s.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                ((s >> 33) as f64 / (1_u64 << 31) as f64 - 0.5) * amplitude
+            })
+        })
+        .collect();
+    field(grid, |p| {
+        let v = grid.inverse_linear_part() * p;
+        let at = ivd_core::VoxelIndex([0, 1, 2].map(|a| v[a].round() as usize));
+        // Some of it stands still.
+        if v.z > 12.0 && seed % 3 == 0 {
+            Vector3::zeros()
+        } else {
+            grid.linear_part() * random[grid.linear(at)]
+        }
+    })
+}
+
+#[test]
+fn least_bound_and_thin_cells_are_the_same_whatever_is_passed_over() {
+    let grid = sheared_grid([19, 17, 26]);
+    let centre = middle(&grid);
+    let push = |height| field(&grid, bump(centre, 7.0, Vector3::new(0.2, 0.1, height)));
+    let fields = (0..24).map(|i| drawn(&grid, i + 1, 0.02 + 0.07 * i as f64));
+    let smooth = [0.1, 2.0, 5.0, 9.0].map(push);
+    let huge = [1e-30, 1e6, 1e20, 1e37].map(|a| drawn(&grid, 5, a));
+    let exec = Exec::default();
+    for forward in fields.chain(smooth).chain(huge).chain([FieldBricks::zero(grid.dims())]) {
+        for threshold in [0.0, 0.05, 0.7] {
+            let counts = |cell: [i64; 3]| cell[0] % 5 != 3;
+            let of = |detail| {
+                certify_bricks(&forward, &grid, threshold, &counts, &touched(&forward), detail, &exec)
+                    .unwrap()
+            };
+            let (all, least) = (of(Detail::All), of(Detail::Least));
+            assert_eq!(all.min_det.to_bits(), least.min_det.to_bits());
+            assert_eq!((all.worst, &all.folded, &all.thin), (least.worst, &least.folded, &least.thin));
+            assert!(least.cells <= all.cells);
+        }
+    }
+    let all = check(&push(2.0), &grid);
+    let forward = push(2.0);
+    let least =
+        certify_bricks(&forward, &grid, 0.05, &|_| true, &touched(&forward), Detail::Least, &exec).unwrap();
+    assert!(10 * least.cells < all.cells, "{} of {} cells are looked at", least.cells, all.cells);
+}

@@ -19,7 +19,7 @@ pub(crate) struct Solver<'a> {
 
 impl<'a> Solver<'a> {
     pub(crate) fn new(forward: &'a FieldBricks, grid: &Grid) -> Self {
-        let sampler = Sampler::new(forward, grid);
+        let sampler = Sampler::ready(forward, grid);
         let most = sampler.max_per_axis();
         Self { sampler, most }
     }

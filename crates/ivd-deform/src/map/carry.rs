@@ -1,5 +1,7 @@
 //! The field before any repair: each voxel takes the weighted motion of the nearest lattice point.
 
+use std::collections::BTreeMap;
+
 use ivd_core::{Exec, FieldBricks, Lattice, Mask, VoxelCoord};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -53,29 +55,86 @@ pub(super) struct Part<'a, N> {
 const LAYER: f64 = 2.0;
 
 /// The motion of the nearest lattice point, weighted; on the given bricks, zeros where nothing moves.
+///
+/// - `kept`: what was found before, for the same `nearest`; takes what is found now.
 pub(super) fn carry<N: Nearest>(
     part: &Part<'_, N>,
     displacement: &[[f64; 3]],
     region: &Region,
     params: &MapParams,
     bricks: &[usize],
+    mut kept: Option<&mut Kept>,
     exec: &Exec,
 ) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
     let carrier =
         Carrier { part, displacement, region, params, layer: LAYER * part.lattice.grid.voxel_diagonal() };
+    let mut seen = bricks.iter().map(|&brick| kept.as_mut().map(|kept| kept.take(brick))).collect::<Vec<_>>();
     let observer = exec.observer();
     observer.begin("map", bricks.len() as u64);
     let out = bricks
         .par_iter()
-        .map(|&brick| {
+        .zip(&mut seen)
+        .map(|(&brick, seen)| {
             exec.check_cancelled()?;
-            let vectors = carrier.brick(brick);
+            let vectors = carrier.brick(brick, seen.as_deref_mut());
             observer.advance("map", 1);
             Ok(vectors)
         })
         .collect();
     observer.end("map");
+    if let Some(kept) = kept {
+        kept.bricks.extend(bricks.iter().copied().zip(seen.into_iter().flatten()));
+    }
     out
+}
+
+/// What is nearest to a voxel.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    /// Up to what distance this was searched (mm); below 0: not at all.
+    within: f64,
+    /// The triangle that may move; [`Seen::NONE`] where none is nearest.
+    triangle: u32,
+    /// Weights of its second and third corner.
+    others: [f64; 2],
+    /// Distance (mm).
+    distance: f64,
+}
+
+impl Seen {
+    const NONE: u32 = u32::MAX;
+
+    fn nothing(within: f64) -> Self {
+        Self { within, triangle: Self::NONE, others: [0.0; 2], distance: f64::INFINITY }
+    }
+
+    fn on(hit: &Hit) -> Self {
+        let [_, b, c] = hit.barycentric;
+        Self { within: f64::INFINITY, triangle: hit.triangle, others: [b, c], distance: hit.distance }
+    }
+}
+
+/// Nearest points that were found, by brick. They are right for as long as the same triangles may move.
+#[derive(Debug, Default)]
+pub(super) struct Kept {
+    bricks: BTreeMap<usize, Box<[Seen]>>,
+}
+
+impl Kept {
+    /// Bytes kept for a brick.
+    pub(super) const BRICK: u64 = (FieldBricks::VOXELS * size_of::<Seen>()) as u64;
+    /// How much further than asked for is searched, so that a motion may grow a little before that is done again.
+    const AHEAD: f64 = 1.5;
+
+    /// Bricks of which something is kept.
+    pub(super) fn len(&self) -> usize {
+        self.bricks.len()
+    }
+
+    fn take(&mut self, brick: usize) -> Box<[Seen]> {
+        let unseen = || vec![Seen::nothing(-1.0); FieldBricks::VOXELS].into_boxed_slice();
+        self.bricks.remove(&brick).unwrap_or_else(unseen)
+    }
 }
 
 struct Carrier<'a, N> {
@@ -87,7 +146,7 @@ struct Carrier<'a, N> {
 }
 
 impl<N: Nearest> Carrier<'_, N> {
-    fn brick(&self, brick: usize) -> Box<[[f32; 3]]> {
+    fn brick(&self, brick: usize, mut kept: Option<&mut [Seen]>) -> Box<[[f32; 3]]> {
         let grid = &self.part.lattice.grid;
         let dims = grid.dims();
         let linear = grid.linear_part();
@@ -100,25 +159,42 @@ impl<N: Nearest> Carrier<'_, N> {
                 continue;
             }
             let inside = self.part.inside.inside()[grid.linear(voxel)] != 0;
-            let near = known.nearest(slot, point);
-            let (bound, still) = near.map_or((f64::INFINITY, None), |near| near.bound(point, known.slack));
             let limit = self.limit(inside);
-            let hit =
-                match self.part.nearest.nearest(point, bound.min(limit), still.is_some() && bound <= limit) {
-                    Found::On(hit) => hit,
-                    Found::Still(place) => {
-                        known.set(slot, place.or(still), true);
-                        continue;
-                    }
-                    Found::Nothing => continue,
-                };
-            known.set(slot, Some(self.position(&hit)), false);
-            let weight = cut * self.weight(inside, hit.distance);
+            let seen = match &mut kept {
+                None => self.search(slot, point, limit, &mut known),
+                Some(kept) if kept[slot].within >= limit => kept[slot],
+                Some(kept) => {
+                    kept[slot] = self.search(slot, point, limit * Kept::AHEAD, &mut known);
+                    kept[slot]
+                }
+            };
+            if seen.triangle == Seen::NONE {
+                continue;
+            }
+            let weight = cut * self.weight(inside, seen.distance);
             if weight > 0.0 {
-                out[slot] = (self.motion(&hit) * weight).map(|c| c as f32).into();
+                out[slot] = (self.motion(&seen) * weight).map(|c| c as f32).into();
             }
         }
         out
+    }
+
+    /// What is nearest to the point of a voxel, within a limit (mm).
+    fn search(&self, slot: usize, point: Vector3<f64>, limit: f64, known: &mut Known) -> Seen {
+        let near = known.nearest(slot, point);
+        let (bound, still) = near.map_or((f64::INFINITY, None), |near| near.bound(point, known.slack));
+        let within = bound.min(limit);
+        match self.part.nearest.nearest(point, within, still.is_some() && bound <= limit) {
+            Found::On(hit) => {
+                known.set(slot, Some(self.position(&hit)), false);
+                Seen::on(&hit)
+            }
+            Found::Still(place) => {
+                known.set(slot, place.or(still), true);
+                Seen::nothing(f64::INFINITY)
+            }
+            Found::Nothing => Seen::nothing(within),
+        }
     }
 
     /// Distance beyond which the weight is 0.
@@ -147,10 +223,10 @@ impl<N: Nearest> Carrier<'_, N> {
     }
 
     /// The motion at a lattice point, linear on its triangle; exact where the corners move alike.
-    fn motion(&self, hit: &Hit) -> Vector3<f64> {
-        let [a, b, c] = self.part.lattice.triangles[hit.triangle as usize]
+    fn motion(&self, seen: &Seen) -> Vector3<f64> {
+        let [a, b, c] = self.part.lattice.triangles[seen.triangle as usize]
             .map(|v| Vector3::from(self.displacement[v as usize]));
-        a + (b - a) * hit.barycentric[1] + (c - a) * hit.barycentric[2]
+        a + (b - a) * seen.others[0] + (c - a) * seen.others[1]
     }
 }
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::relax::THIN;
 use crate::Error;
-use crate::certificate::{Certificate, certify};
+use crate::certificate::{Certificate, Detail, certify_bricks, touched};
 use crate::inverse::from_bricks;
 use crate::sampler::{Sampler, brick_at, brick_voxels};
 
@@ -29,13 +29,17 @@ pub(super) fn halve(
     grid: &Grid,
     first: Certificate,
     counts: &(impl Fn([i64; 3]) -> bool + Sync),
+    detail: Detail,
     exec: &Exec,
 ) -> Result<Composed, Error> {
+    let proof = |field: &FieldBricks, detail| {
+        certify_bricks(field, grid, THIN, counts, &touched(field), detail, exec)
+    };
     let mut last = first;
     for halvings in 1..=HALVINGS {
         exec.check_cancelled()?;
         let mut step = scaled(field, 0.5_f32.powi(halvings as i32))?;
-        let step_certificate = certify(&step, grid, THIN, counts, exec)?;
+        let step_certificate = proof(&step, Detail::least(exec))?;
         if !step_certificate.holds() {
             last = step_certificate;
             continue;
@@ -43,7 +47,7 @@ pub(super) fn halve(
         for _ in 0..halvings {
             step = squared(&step, grid)?;
         }
-        last = certify(&step, grid, THIN, counts, exec)?;
+        last = proof(&step, detail)?;
         if last.holds() {
             return Ok(Composed::Found { field: step, certificate: last, halvings });
         }
@@ -82,6 +86,7 @@ fn squared(field: &FieldBricks, grid: &Grid) -> Result<FieldBricks, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::certificate::certify;
     use crate::fixtures::{bump, field, middle, sheared_grid, voxels};
 
     #[test]
@@ -91,7 +96,7 @@ mod tests {
         let first = certify(&u, &grid, THIN, |_| true, &Exec::default()).unwrap();
         assert!(!first.holds());
         let Composed::Found { field, certificate, halvings } =
-            halve(&u, &grid, first, &|_| true, &Exec::default()).unwrap()
+            halve(&u, &grid, first, &|_| true, Detail::All, &Exec::default()).unwrap()
         else {
             panic!("still folded");
         };

@@ -54,6 +54,7 @@ mod biharmonic;
 mod carry;
 mod compose;
 mod free;
+mod live;
 mod octree;
 mod outcome;
 mod params;
@@ -66,9 +67,10 @@ use ivd_core::{Exec, FieldBricks, Frame, Grid, Lattice, Mask, Motion, NO_BRICK};
 use crate::Error;
 pub use biharmonic::{Biharmonic, biharmonic};
 pub use carry::{Found, Hit, Nearest};
-use carry::{Part, carry};
+use carry::{Kept, Part, carry};
+pub use live::Live;
 pub use octree::{Prepared, frames, octree};
-pub use outcome::{Followed, Mapped, Solved};
+pub use outcome::{Followed, Mapped, Moved, Solved};
 pub(crate) use params::smooth_fall;
 pub use params::{DepthWeight, MapMethod, MapParams, Outside};
 use region::{Region, largest};
@@ -108,26 +110,41 @@ pub fn nearest<N: Nearest>(
     }
     exec.run(|| {
         let positions = lattice.local_positions();
-        map_frame(&Part { lattice, positions: &positions, inside, nearest }, motion, frame, params, exec)
+        let part = Part { lattice, positions: &positions, inside, nearest };
+        let region = Region::new(motion, frame, &positions, params);
+        let field = carried(&part, frame, &region, params, None, exec)?;
+        settle_of(&part, frame, &region, params).settle(field, exec)
     })
 }
 
-/// Maps one frame with the nearest points that `part` finds.
-fn map_frame<N: Nearest>(
+/// The field of one frame before any repair, with the nearest points that `part` finds or that are kept.
+fn carried<N: Nearest>(
     part: &Part<'_, N>,
-    motion: &Motion,
     frame: &Frame,
+    region: &Region,
     params: &MapParams,
+    kept: Option<&mut Kept>,
     exec: &Exec,
-) -> Result<Mapped, Error> {
+) -> Result<FieldBricks, Error> {
     let grid = &part.lattice.grid;
     check_size(frame)?;
-    let region = Region::new(motion, frame, part.positions, params);
-    let bricks = moving_bricks(grid, &region, frame, exec)?;
-    let carried = carry(part, &frame.displacement, &region, params, &bricks, exec)?;
-    let field = all_bricks(grid, &bricks, carried)?;
+    let bricks = moving_bricks(grid, region, frame, exec)?;
+    if let Some(kept) = &kept {
+        let most = (kept.len() + bricks.len()) as u64;
+        exec.check_memory("the nearest points of the map", Kept::BRICK * most)?;
+    }
+    let carried = carry(part, &frame.displacement, region, params, &bricks, kept, exec)?;
+    all_bricks(grid, &bricks, carried)
+}
+
+fn settle_of<'a, N>(
+    part: &Part<'a, N>,
+    frame: &'a Frame,
+    region: &'a Region,
+    params: &'a MapParams,
+) -> Settle<'a> {
     let alone = (params.outside == Outside::Free).then_some(part.inside);
-    Settle { lattice: part.lattice, alone, region: &region, frame, params }.settle(field, exec)
+    Settle { lattice: part.lattice, alone, region, frame, params }
 }
 
 /// The bricks in which something may move; all of them where nothing is to be skipped.

@@ -1,15 +1,42 @@
 use ivd_core::{Exec, Lattice, Mask, Motion, Octree};
 use ivd_octree::NearestIndex;
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use super::{Found, Hit, MapParams, Mapped, Nearest, check_inputs, nearest};
 use crate::Error;
 
-/// The searches of the triangles that move and of those that don't. Most places near a handle lie nearest to a triangle
+/// The searches of the triangles that may move and of those that don't. Most places near a handle lie nearest to a triangle
 /// that stays: for them it is enough to know that no moving one is nearer.
-struct Sides {
+#[derive(Debug)]
+pub(super) struct Sides {
     moving: NearestIndex,
     still: NearestIndex,
+}
+
+impl Sides {
+    /// Two searches of a lattice, by which vertices may move.
+    pub(super) fn new(
+        lattice: &Lattice,
+        octree: &Octree,
+        movable: &[bool],
+        exec: &Exec,
+    ) -> Result<Self, Error> {
+        let side = |t: u32| usize::from(!lattice.triangles[t as usize].iter().any(|v| movable[*v as usize]));
+        let [moving, still] = exec.run(|| ivd_octree::prepare_parts(lattice, octree, side))?;
+        Ok(Self { moving, still })
+    }
+}
+
+/// Which vertices may move: those in the balls of the motion's reach, and any that does.
+///
+/// - `positions`: the vertices relative to the grid's origin (mm).
+pub(super) fn movable(motion: &Motion, positions: &[Vector3<f64>]) -> Vec<bool> {
+    let origin = Vector3::from(motion.grid.origin());
+    let balls: Vec<_> = motion.reach.iter().map(|b| (Vector3::from(b.centre) - origin, b.radius)).collect();
+    let reached = |at: &Vector3<f64>| balls.iter().any(|(centre, radius)| (at - centre).norm() < *radius);
+    let moves = |v: usize| motion.frames.iter().any(|f| f.displacement[v] != [0.0; 3]);
+    positions.par_iter().enumerate().map(|(v, at)| reached(at) || moves(v)).collect()
 }
 
 impl Nearest for Sides {
@@ -49,11 +76,9 @@ impl<'a> Prepared<'a> {
     ) -> Result<Self, Error> {
         check_inputs(lattice, motion)?;
         let inside = ivd_octree::inside(lattice, exec)?;
-        let vertex_moves = |v: &u32| motion.frames.iter().any(|f| f.displacement[*v as usize] != [0.0; 3]);
-        let side =
-            |triangle: u32| usize::from(!lattice.triangles[triangle as usize].iter().any(vertex_moves));
-        let [moving, still] = exec.run(|| ivd_octree::prepare_parts(lattice, octree, side))?;
-        Ok(Self { lattice, motion, inside, sides: Sides { moving, still } })
+        let movable = movable(motion, &lattice.local_positions());
+        let sides = Sides::new(lattice, octree, &movable, exec)?;
+        Ok(Self { lattice, motion, inside, sides })
     }
 
     /// The voxels inside the lattice.

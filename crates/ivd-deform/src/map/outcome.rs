@@ -70,6 +70,19 @@ pub struct Mapped {
     pub followed: Followed,
 }
 
+/// What a map makes of a lattice that is dragged: [`Mapped`] without what only a report shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moved {
+    /// The displacement, forward and inverse.
+    pub displacement: Displacement,
+    /// Rounds of local relaxation that were needed.
+    pub relaxations: u32,
+    /// `k` where the map is a flow in 2ᵏ steps; 0 for the field as carried.
+    pub halvings: u32,
+    /// How far the vertices that move most are left behind: see [`Followed::misfit`].
+    pub misfit: f64,
+}
+
 impl Mapped {
     pub(super) fn new(
         displacement: Displacement,
@@ -149,21 +162,50 @@ impl Followed {
     }
 
     pub(super) fn check(&self, tolerance: f64) -> Result<(), Error> {
-        if self.misfit <= tolerance {
-            return Ok(());
-        }
-        Err(Error::Untrusted {
-            what: "the map",
-            problem: format!(
-                "kept free of folds it leaves the lattice behind by {:.0} % of its motion ({:.3} mm at most), more than \
-                 the tolerance of {:.0} %",
-                100.0 * self.misfit,
-                self.misfit_max_mm,
-                100.0 * tolerance
-            ),
-            remedy: "move the handle less, give it a larger radius, or raise the tolerance",
-        })
+        check_misfit(self.misfit, tolerance, || self.misfit_max_mm)
     }
+}
+
+/// Refuses a map that leaves the lattice behind; `most`: by how much at most (mm).
+pub(super) fn check_misfit(misfit: f64, tolerance: f64, most: impl FnOnce() -> f64) -> Result<(), Error> {
+    if misfit <= tolerance {
+        return Ok(());
+    }
+    Err(Error::Untrusted {
+        what: "the map",
+        problem: format!(
+            "kept free of folds it leaves the lattice behind by {:.0} % of its motion ({:.3} mm at most), more than the \
+             tolerance of {:.0} %",
+            100.0 * misfit,
+            most(),
+            100.0 * tolerance
+        ),
+        remedy: "move the handle less, give it a larger radius, or raise the tolerance",
+    })
+}
+
+/// [`Followed::misfit`] alone, from the vertices that it is about.
+pub(super) fn misfit(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> f64 {
+    let sampler = Sampler::new(field, &lattice.grid);
+    let (linear, most) = (lattice.grid.linear_part(), super::largest(frame));
+    let counts = |want: Vector3<f64>| most > 0.0 && want.norm() >= 0.5 * most;
+    let shares: Vec<[f64; 2]> = frame
+        .displacement
+        .par_iter()
+        .enumerate()
+        .map(|(v, want)| (v, Vector3::from(*want)))
+        .filter(|(_, want)| counts(*want))
+        .map(|(v, want)| {
+            let difference = (linear * sampler.at(lattice.voxel(v).0) - want).norm();
+            [(difference / most).powi(2), (want.norm() / most).powi(2)]
+        })
+        .collect();
+    let (mut missed, mut asked) = (0.0, 0.0);
+    for [m, a] in shares {
+        missed += m;
+        asked += a;
+    }
+    if asked > 0.0 { f64::sqrt(missed / asked) } else { 0.0 }
 }
 
 /// Volume enclosed by a closed mesh (mm³): a sixth of the triangles' determinants, summed in the order of triangles.

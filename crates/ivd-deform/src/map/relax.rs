@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use super::region::Region;
 use crate::Error;
-use crate::certificate::{CellBound, Certificate, certify_bricks};
+use crate::certificate::{CellBound, Certificate, Detail, certify_bricks};
 use crate::sampler::{brick_at, brick_voxels};
 
 /// Determinant up to which a cell is relaxed. At 0.05 a cell is squeezed to a twentieth of its size; less would pass as
@@ -36,16 +36,19 @@ pub(super) struct Relaxed {
     pub(super) rounds: u32,
 }
 
-/// Relaxes `field` until no cell is thin, or the rounds are used up. `bricks`: the bricks of Ω, ascending, all stored.
+/// Relaxes `field` until no cell is thin, or the rounds are used up. `detail`: of the certificate that it ends with.
 pub(super) fn relax(
     mut field: FieldBricks,
     grid: &Grid,
     region: &Region,
     counts: &(impl Fn([i64; 3]) -> bool + Sync),
+    detail: Detail,
     exec: &Exec,
 ) -> Result<Relaxed, Error> {
-    let mut certificate =
-        certify_bricks(&field, grid, THIN, counts, &crate::certificate::touched(&field), exec)?;
+    let all = |field: &FieldBricks| {
+        certify_bricks(field, grid, THIN, counts, &crate::certificate::touched(field), detail, exec)
+    };
+    let mut certificate = all(&field)?;
     let mut rounds = 0;
     let mut bad: Vec<CellBound> = bad_cells(&certificate);
     while !bad.is_empty() && rounds < ROUNDS {
@@ -57,7 +60,7 @@ pub(super) fn relax(
         }
         rounds += 1;
         let near = patch.owners(&field);
-        bad = bad_cells(&certify_bricks(&field, grid, THIN, counts, &near, exec)?);
+        bad = bad_cells(&certify_bricks(&field, grid, THIN, counts, &near, Detail::least(exec), exec)?);
         exec.observer().iteration(ivd_core::Iteration {
             method: "map relaxation",
             index: u64::from(rounds),
@@ -65,7 +68,7 @@ pub(super) fn relax(
         });
     }
     if rounds > 0 {
-        certificate = certify_bricks(&field, grid, THIN, counts, &crate::certificate::touched(&field), exec)?;
+        certificate = all(&field)?;
     }
     Ok(Relaxed { field, certificate, rounds })
 }

@@ -5,12 +5,12 @@ use nalgebra::Vector3;
 
 use super::compose::{Composed, halve};
 use super::free::invert_part;
-use super::outcome::{Followed, Mapped};
+use super::outcome::{self, Followed, Mapped, Moved};
 use super::params::MapParams;
 use super::region::Region;
 use super::relax::relax;
 use crate::Error;
-use crate::certificate::Certificate;
+use crate::certificate::{Certificate, Detail};
 use crate::inverse::{from_bricks, invert};
 
 /// Residual of the inverse above which a map is refused (voxels): a hundredth of what could be seen.
@@ -32,23 +32,47 @@ impl Settle<'_> {
         move |cell| self.alone.is_none_or(|inside| touches(inside, cell))
     }
 
-    /// Repairs the field where it folds, certifies and inverts it.
+    /// Repairs the field where it folds, certifies and inverts it, and measures what came of it.
     pub(super) fn settle(&self, field: FieldBricks, exec: &Exec) -> Result<Mapped, Error> {
+        let proven = self.prove(field, Detail::All, exec)?;
+        let followed = Followed::measure(self.lattice, &proven.field, self.frame);
+        followed.check(self.params.tolerance)?;
+        let (rounds, halvings, certificate) = (proven.rounds, proven.halvings, proven.certificate.clone());
+        let displacement = self.invert(proven, exec)?;
+        Ok(Mapped::new(displacement, certificate, rounds, halvings, followed))
+    }
+
+    /// As [`Settle::settle`], without the figures that only a report shows.
+    pub(super) fn moved(&self, field: FieldBricks, exec: &Exec) -> Result<Moved, Error> {
+        let proven = self.prove(field, if exec.skip { Detail::Least } else { Detail::All }, exec)?;
+        let misfit = outcome::misfit(self.lattice, &proven.field, self.frame);
+        outcome::check_misfit(misfit, self.params.tolerance, || {
+            Followed::measure(self.lattice, &proven.field, self.frame).misfit_max_mm
+        })?;
+        let (relaxations, halvings) = (proven.rounds, proven.halvings);
+        let displacement = self.invert(proven, exec)?;
+        Ok(Moved { displacement, relaxations, halvings, misfit })
+    }
+
+    /// Repairs the field where it folds, and certifies it.
+    fn prove(&self, field: FieldBricks, detail: Detail, exec: &Exec) -> Result<Proven, Error> {
         let grid = &self.lattice.grid;
         let counts = self.counts();
-        let relaxed = relax(field, grid, self.region, &counts, exec)?;
+        let relaxed = relax(field, grid, self.region, &counts, detail, exec)?;
         let (mut field, mut certificate, mut halvings) = (relaxed.field, relaxed.certificate, 0);
         if !certificate.holds() {
-            match halve(&field, grid, certificate, &counts, exec)? {
+            match halve(&field, grid, certificate, &counts, detail, exec)? {
                 Composed::Found { field: f, certificate: c, halvings: h } => {
                     (field, certificate, halvings) = (f, c, h);
                 }
                 Composed::Folded(last) => return Err(folded(&last, grid)),
             }
         }
-        let field = without_zeros(field)?;
-        let followed = Followed::measure(self.lattice, &field, self.frame);
-        followed.check(self.params.tolerance)?;
+        Ok(Proven { field: without_zeros(field)?, certificate, rounds: relaxed.rounds, halvings })
+    }
+
+    fn invert(&self, proven: Proven, exec: &Exec) -> Result<Displacement, Error> {
+        let (grid, field) = (&self.lattice.grid, proven.field);
         let (inverse, vacated) = match self.alone {
             None => (invert(&field, grid, exec)?, Vec::new()),
             Some(inside) => invert_part(&field, grid, inside, exec)?,
@@ -64,17 +88,24 @@ impl Settle<'_> {
                 remedy: "move the handle less, or give it a larger radius",
             });
         }
-        let displacement = Displacement {
+        Ok(Displacement {
             grid: grid.clone(),
             time: self.frame.time,
             forward: field,
             inverse: inverse.field,
             inverse_residual_max: inverse.residual_max_voxels,
-            min_det_j: certificate.min_det,
+            min_det_j: proven.certificate.min_det,
             vacated: vacated.into(),
-        };
-        Ok(Mapped::new(displacement, certificate, relaxed.rounds, halvings, followed))
+        })
     }
+}
+
+/// A field that doesn't fold, and what proves it.
+struct Proven {
+    field: FieldBricks,
+    certificate: Certificate,
+    rounds: u32,
+    halvings: u32,
 }
 
 fn without_zeros(field: FieldBricks) -> Result<FieldBricks, Error> {

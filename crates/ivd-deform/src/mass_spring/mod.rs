@@ -42,6 +42,8 @@ mod projective;
 mod springs;
 mod xpbd;
 
+use std::ops::Deref;
+
 use ivd_core::{Ball, Exec, Frame, Labels, Lattice, Motion};
 use nalgebra::Vector3;
 
@@ -115,8 +117,8 @@ pub fn solve(
 
 /// A body that is ready to be moved.
 #[derive(Debug, Clone)]
-pub struct Prepared<'a> {
-    lattice: &'a Lattice,
+pub struct Prepared<L> {
+    lattice: L,
     /// Rest positions (mm), relative to the grid's origin.
     rest: Vec<Vector3<f64>>,
     fixed: Vec<bool>,
@@ -125,13 +127,13 @@ pub struct Prepared<'a> {
     kept: projective::Kept,
 }
 
-impl<'a> Prepared<'a> {
+impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
     /// The body that handles reach. [`Prepared::update`] may move them elsewhere, and take others whose targets lie inside.
     ///
     /// # Errors
     /// As [`solve`].
     pub fn new(
-        lattice: &'a Lattice,
+        lattice: L,
         labels: Option<&Labels>,
         handles: &[Handle],
         fixed: &[Fix],
@@ -144,7 +146,7 @@ impl<'a> Prepared<'a> {
         lattice.check()?;
         exec.run(|| {
             let rest = lattice.local_positions();
-            let targets = find_targets(lattice, &rest, handles)?;
+            let targets = find_targets(&lattice, &rest, handles)?;
             let within = |at: Vector3<f64>| {
                 targets.iter().zip(handles).any(|(&t, h)| (at - rest[t]).norm() < h.radius)
             };
@@ -152,10 +154,10 @@ impl<'a> Prepared<'a> {
             for &t in &targets {
                 near[t] = true;
             }
-            let still = still(lattice, &rest, fixed)?;
+            let still = still(&lattice, &rest, fixed)?;
             exec.check_cancelled()?;
             let region = Region { near, fixed: still, targets: &targets };
-            let body = Body::new(lattice, labels, &rest, &region, params)?;
+            let body = Body::new(&lattice, labels, &rest, &region, params)?;
             let fixed = region.fixed;
             // Kept by the solver, and as the motion of all vertices.
             let frames = 24 * params.frames as u64 * (rest.len() + body.loose) as u64;
@@ -171,7 +173,7 @@ impl<'a> Prepared<'a> {
     pub fn update(&mut self, handles: &[Handle], exec: &Exec) -> Result<Solved, Error> {
         handles.iter().try_for_each(Handle::check)?;
         exec.run(|| {
-            let targets = find_targets(self.lattice, &self.rest, handles)?;
+            let targets = find_targets(&self.lattice, &self.rest, handles)?;
             let drives = Drives::new(&self.body, handles, &targets, &self.fixed, &self.params)?;
             let outcome = match self.params.solver {
                 Solver::Dynamics => dynamics::run(&self.body, &drives, &self.params, exec)?,
@@ -182,6 +184,11 @@ impl<'a> Prepared<'a> {
             };
             self.solved(handles, &targets, &drives, &outcome)
         })
+    }
+
+    /// Forgets where the last solution ended, so that the next one starts at rest and doesn't depend on it.
+    pub fn forget(&mut self) {
+        self.kept.forget();
     }
 
     /// What the outcome says of the lattice.

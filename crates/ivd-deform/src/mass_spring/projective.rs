@@ -31,6 +31,13 @@ pub(super) struct Kept {
     last: Option<Vec<[f64; 3]>>,
 }
 
+impl Kept {
+    /// Forgets the solution, and keeps the factor.
+    pub(super) fn forget(&mut self) {
+        self.last = None;
+    }
+}
+
 /// Lowers the objective from `moved` until its relative gradient is at most the tolerance; gives the iterations made and
 /// the relative gradient reached.
 pub(super) fn descend(

@@ -7,6 +7,7 @@
 //! A voxel becomes *background* where its origin lies outside the volume (further out than the border voxels' own half
 //! extent, as ITK has it), where a voxel that is no data takes part in its value, or where a part moved away.
 
+mod deformed;
 mod labels;
 mod params;
 mod row;
@@ -19,6 +20,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::Error;
+pub use deformed::Deformed;
 pub use labels::{labels, mask};
 pub use params::{Order, WarpParams};
 use row::{LANES, Rows};
@@ -207,29 +209,10 @@ fn linear_by_bricks<T: Scalar>(
             }
             for (by, bx) in (0..bricks[1]).flat_map(|by| (0..bricks[0]).map(move |bx| (by, bx))) {
                 let Some(vectors) = field.brick(bx + bricks[0] * by + layer * bz) else { continue };
-                for (z, y) in (0..out.len() / (nx * ny)).flat_map(|z| (0..SIDE).map(move |y| (z, y))) {
-                    let start = [SIDE * bx, SIDE * by + y, SIDE * bz + z];
-                    if start[1] >= ny {
-                        continue;
-                    }
-                    let range = start[0] + nx * (start[1] + ny * z)
-                        ..(start[0] + SIDE).min(nx) + nx * (start[1] + ny * z);
-                    let (to, from) = (&mut out[range.clone()], &voxels[range]);
-                    let (row, _) =
-                        vectors[SIDE * (y + SIDE * z)..].split_first_chunk::<LANES>().expect("a brick's row");
-                    let [moves, rest] =
-                        if let (Some(to), Some(from)) = (to.first_chunk_mut(), from.first_chunk()) {
-                            rows.fill(start, row, from, to)
-                        } else {
-                            to.copy_from_slice(from);
-                            let moves = row::moving(row) & ((1 << to.len()) - 1);
-                            [moves, moves]
-                        };
-                    count += u64::from(moves.count_ones());
-                    for i in (0..LANES).filter(|i| rest >> i & 1 == 1) {
-                        to[i] = value(Some(rows.place(start, i, row[i])));
-                    }
-                }
+                for_each_row(field.dims(), [bx, by, bz], |start, row, range| {
+                    let (row, _) = vectors[row..].split_first_chunk::<LANES>().expect("a brick's row");
+                    count += linear_row(rows, start, row, &voxels[range.clone()], &mut out[range], &value);
+                });
             }
             for (z, slice) in out.chunks_mut(nx * ny).enumerate() {
                 count += leave(displacement, SIDE * bz + z, slice, || value(None));
@@ -238,6 +221,45 @@ fn linear_by_bricks<T: Scalar>(
         })
         .collect();
     Ok((out, counts?.iter().sum()))
+}
+
+/// Calls `each` with every row of a brick that lies in the grid: its first voxel, its first vector in the brick, and its voxels in
+/// the brick's slab of eight slices.
+fn for_each_row(
+    [nx, ny, nz]: [usize; 3],
+    [bx, by, bz]: [usize; 3],
+    mut each: impl FnMut([usize; 3], usize, std::ops::Range<usize>),
+) {
+    const SIDE: usize = FieldBricks::SIDE;
+    for z in 0..SIDE.min(nz - SIDE * bz) {
+        for y in 0..SIDE.min(ny - SIDE * by) {
+            let start = [SIDE * bx, SIDE * by + y, SIDE * bz + z];
+            let first = nx * (start[1] + ny * z);
+            each(start, SIDE * (y + SIDE * z), first + start[0]..first + (start[0] + SIDE).min(nx));
+        }
+    }
+}
+
+/// A row of a brick, those voxels set that move; how many there are.
+fn linear_row<T: Scalar>(
+    rows: &Rows<'_, T>,
+    start: [usize; 3],
+    row: &[[f32; 3]; LANES],
+    from: &[T],
+    to: &mut [T],
+    value: &impl Fn(Option<[f64; 3]>) -> T,
+) -> u64 {
+    let [moves, rest] = if let (Some(to), Some(from)) = (to.first_chunk_mut(), from.first_chunk()) {
+        rows.fill(start, row, from, to)
+    } else {
+        to.copy_from_slice(from);
+        let moves = row::moving(row) & ((1 << to.len()) - 1);
+        [moves, moves]
+    };
+    for i in (0..LANES).filter(|i| rest >> i & 1 == 1) {
+        to[i] = value(Some(rows.place(start, i, row[i])));
+    }
+    u64::from(moves.count_ones())
 }
 
 /// Sets the voxels of slice `z` that a part left behind; returns how many there are.

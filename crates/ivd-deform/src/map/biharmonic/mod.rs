@@ -51,17 +51,21 @@ mod nodes;
 mod step;
 mod system;
 
+use std::ops::Deref;
+
 use ivd_core::{Exec, FieldBricks, Frame, Lattice, Mask, Motion};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::outcome::{Followed, Solved};
+use super::outcome::{Solved, misfit as misfit_of};
 use super::region::{Region, largest};
 use super::relax::relax;
 use super::settle::Settle;
-use super::{MapParams, Mapped, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks};
+use super::{
+    MapParams, Mapped, Moved, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks,
+};
 use crate::Error;
-use crate::certificate::{Certificate, certify};
+use crate::certificate::{Certificate, Detail, certify_bricks, touched};
 use crate::sampler::{Sampler, brick_at, brick_voxels};
 use matrix::Triple;
 use nodes::Cells;
@@ -82,8 +86,8 @@ const SMALLEST: f64 = 1.0 / 16.0;
 const LAYER: usize = 2;
 
 /// A lattice, ready to be mapped frame by frame; keeps the last frame's equations and nodes.
-pub struct Biharmonic<'a> {
-    lattice: &'a Lattice,
+pub struct Biharmonic<L> {
+    lattice: L,
     /// Vertices (voxels), and relative to the grid's origin (mm).
     voxels: Vec<Vector3<f64>>,
     positions: Vec<Vector3<f64>>,
@@ -104,19 +108,27 @@ struct Job<'a> {
     region: &'a Region,
     frame: &'a Frame,
     bricks: &'a [usize],
-    settle: Settle<'a>,
+    settle: &'a Settle<'a>,
     edge: Option<u8>,
 }
 
-impl<'a> Biharmonic<'a> {
+/// A field that was made, the rounds of repair that it took, and how its equations were solved.
+struct Made {
+    field: FieldBricks,
+    repairs: u32,
+    solved: Option<Solved>,
+}
+
+impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     /// Prepares a lattice.
     ///
     /// # Errors
     /// A lattice that isn't closed, where the part moves alone; cancellation.
-    pub fn new(lattice: &'a Lattice, outside: Outside, exec: &Exec) -> Result<Self, Error> {
-        let inside = (outside == Outside::Free).then(|| ivd_octree::inside(lattice, exec)).transpose()?;
+    pub fn new(lattice: L, outside: Outside, exec: &Exec) -> Result<Self, Error> {
+        let inside = (outside == Outside::Free).then(|| ivd_octree::inside(&lattice, exec)).transpose()?;
         let voxels = (0..lattice.keys.len()).map(|i| lattice.voxel(i).0).collect();
-        Ok(Self { lattice, voxels, positions: lattice.local_positions(), inside, last: None })
+        let positions = lattice.local_positions();
+        Ok(Self { lattice, voxels, positions, inside, last: None })
     }
 
     /// Maps frame `frame` of a motion of the lattice.
@@ -130,8 +142,47 @@ impl<'a> Biharmonic<'a> {
         params: &MapParams,
         exec: &Exec,
     ) -> Result<Mapped, Error> {
+        self.with_frame(motion, frame, params, exec, |settle, made, exec| {
+            let mut mapped = settle.settle(made.field, exec)?;
+            mapped.relaxations += made.repairs;
+            mapped.solved = made.solved;
+            Ok(mapped)
+        })
+    }
+
+    /// As [`Biharmonic::map`], without the figures that only a report shows, and from the nodes at rest: what it gives doesn't
+    /// depend on what was mapped before.
+    ///
+    /// # Errors
+    /// As [`Biharmonic::map`].
+    pub fn drag(
+        &mut self,
+        motion: &Motion,
+        frame: usize,
+        params: &MapParams,
+        exec: &Exec,
+    ) -> Result<Moved, Error> {
+        if let Some(last) = &mut self.last {
+            last.nodes.fill(Triple::default());
+        }
+        self.with_frame(motion, frame, params, exec, |settle, made, exec| {
+            let mut moved = settle.moved(made.field, exec)?;
+            moved.relaxations += made.repairs;
+            Ok(moved)
+        })
+    }
+
+    /// The field of a frame, before it is settled as `settled` does.
+    fn with_frame<T: Send>(
+        &mut self,
+        motion: &Motion,
+        frame: usize,
+        params: &MapParams,
+        exec: &Exec,
+        settled: impl FnOnce(&Settle<'_>, Made, &Exec) -> Result<T, Error> + Send,
+    ) -> Result<T, Error> {
         params.check()?;
-        check_inputs(self.lattice, motion)?;
+        check_inputs(&self.lattice, motion)?;
         let frame = frame_of(motion, frame)?;
         check_size(frame)?;
         if (params.outside == Outside::Free) != self.inside.is_some() {
@@ -141,32 +192,30 @@ impl<'a> Biharmonic<'a> {
                 remedy: "prepare the lattice again",
             });
         }
-        exec.run(|| self.map_frame(motion, frame, params, exec))
-    }
-
-    fn map_frame(
-        &mut self,
-        motion: &Motion,
-        frame: &Frame,
-        params: &MapParams,
-        exec: &Exec,
-    ) -> Result<Mapped, Error> {
-        let grid = &self.lattice.grid;
-        let region = Region::new(motion, frame, &self.positions, params);
-        let bricks = moving_bricks(grid, &region, frame, exec)?;
-        if largest(frame) == 0.0 {
-            let still =
-                all_bricks(grid, &bricks, vec![vec![[0.0; 3]; FieldBricks::VOXELS].into(); bricks.len()])?;
-            return Settle { lattice: self.lattice, alone: None, region: &region, frame, params }
-                .settle(still, exec);
-        }
-        let last = self.equations(&region, params.cell, exec)?;
-        let inside = self.inside.take();
-        let settle = Settle { lattice: self.lattice, alone: inside.as_ref(), region: &region, frame, params };
-        let job = Job { region: &region, frame, bricks: &bricks, settle, edge: params.cell };
-        let mapped = self.follow(&job, last, exec);
-        self.inside = inside;
-        mapped
+        exec.run(|| {
+            let grid = &self.lattice.grid;
+            let region = Region::new(motion, frame, &self.positions, params);
+            let bricks = moving_bricks(grid, &region, frame, exec)?;
+            if largest(frame) == 0.0 {
+                let zeros = vec![vec![[0.0; 3]; FieldBricks::VOXELS].into(); bricks.len()];
+                let still = Made { field: all_bricks(grid, &bricks, zeros)?, repairs: 0, solved: None };
+                let settle = Settle { lattice: &self.lattice, alone: None, region: &region, frame, params };
+                return settled(&settle, still, exec);
+            }
+            let last = self.equations(&region, params.cell, exec)?;
+            let inside = self.inside.take();
+            let alone = inside.as_ref();
+            let settle = Settle { lattice: &self.lattice, alone, region: &region, frame, params };
+            let job = Job { region: &region, frame, bricks: &bricks, settle: &settle, edge: params.cell };
+            let followed = self.follow(&job, last, exec);
+            let outcome = followed.and_then(|(made, last)| Ok((settled(&settle, made, exec)?, last)));
+            let outcome = outcome.map(|(outcome, last)| {
+                self.last = Some(last);
+                outcome
+            });
+            self.inside = inside;
+            outcome
+        })
     }
 
     /// The equations of a region: the last ones where they are the same, else new ones that start from the last nodes.
@@ -189,7 +238,8 @@ impl<'a> Biharmonic<'a> {
         }
     }
 
-    fn follow(&mut self, job: &Job<'_>, mut last: Last, exec: &Exec) -> Result<Mapped, Error> {
+    /// The field of a frame, and the equations with its nodes.
+    fn follow(&self, job: &Job<'_>, mut last: Last, exec: &Exec) -> Result<(Made, Last), Error> {
         let grid = &self.lattice.grid;
         let motions: Vec<Vector3<f64>> = job.frame.displacement.iter().map(|d| Vector3::from(*d)).collect();
         let start = std::mem::take(&mut last.nodes);
@@ -208,11 +258,7 @@ impl<'a> Biharmonic<'a> {
         };
         last.nodes = whole.nodes;
         last.nodes.resize(last.system.cells.nodes.free.len(), [0.0; 3]);
-        self.last = Some(last);
-        let mut mapped = job.settle.settle(field, exec)?;
-        mapped.solved = Some(solved);
-        mapped.relaxations += repairs;
-        Ok(mapped)
+        Ok((Made { field, repairs, solved: Some(solved) }, last))
     }
 
     /// The way gone in parts, each from where the vertices have come to, and the rounds of repair that it took; `None` where
@@ -240,7 +286,14 @@ impl<'a> Biharmonic<'a> {
                 part /= 2.0;
                 continue;
             } else {
-                let relaxed = relax(next, &self.lattice.grid, job.region, &job.settle.counts(), exec)?;
+                let relaxed = relax(
+                    next,
+                    &self.lattice.grid,
+                    job.region,
+                    &job.settle.counts(),
+                    Detail::least(exec),
+                    exec,
+                )?;
                 if !relaxed.certificate.holds() {
                     return Ok(None);
                 }
@@ -271,8 +324,9 @@ impl<'a> Biharmonic<'a> {
         solved: &mut Solved,
         exec: &Exec,
     ) -> Result<(FieldBricks, u32), Error> {
-        let misfit = |field| Followed::measure(self.lattice, field, job.frame).misfit;
-        let relaxed = relax(whole, &self.lattice.grid, job.region, &job.settle.counts(), exec)?;
+        let misfit = |field| misfit_of(&self.lattice, field, job.frame);
+        let relaxed =
+            relax(whole, &self.lattice.grid, job.region, &job.settle.counts(), Detail::least(exec), exec)?;
         let left = if relaxed.certificate.holds() { misfit(&relaxed.field) } else { f64::INFINITY };
         if left > CLOSE
             && let Some((made, repairs)) = self.in_increments(job, path, solved, exec)?
@@ -326,7 +380,8 @@ impl<'a> Biharmonic<'a> {
 
 /// The certificate of a field, as far as it decides whether a way can be gone.
 fn certified(field: &FieldBricks, job: &Job<'_>, exec: &Exec) -> Result<Certificate, Error> {
-    certify(field, &job.settle.lattice.grid, 0.0, job.settle.counts(), exec)
+    let (grid, counts) = (&job.settle.lattice.grid, job.settle.counts());
+    certify_bricks(field, grid, 0.0, &counts, &touched(field), Detail::least(exec), exec)
 }
 
 /// The field of a part that moves alone: 0 beyond a layer round it.

@@ -241,7 +241,7 @@ fn a_prepared_body_takes_handles_inside_its_reach_and_no_others() {
         let lattice = sheet(15);
         let first = [moved(112, [0.0, 0.0, 0.4], 5.0)];
         let mut prepared = Prepared::new(&lattice, None, &first, &[], &params, &Exec::default()).unwrap();
-        let again = |prepared: &mut Prepared, handle| prepared.update(&[handle], &Exec::default());
+        let again = |prepared: &mut Prepared<_>, handle| prepared.update(&[handle], &Exec::default());
         assert_eq!(last(&again(&mut prepared, first[0]).unwrap())[112][2], 0.4);
         let beside = again(&mut prepared, moved(114, [0.0, 0.3, 0.1], 5.0)).unwrap();
         assert_eq!(last(&beside)[114], [0.0, 0.3, 0.1]);

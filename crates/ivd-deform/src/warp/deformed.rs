@@ -1,0 +1,180 @@
+//! A deformed volume that is kept while its displacement changes.
+
+use ivd_core::{
+    Displacement, Exec, FieldBricks, Grid, Scalar, Volume, VoxelCoord, VoxelIndex, Voxels, with_voxels,
+};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::row::{LANES, Rows};
+use super::sample::Source;
+use super::{Order, WarpParams, check_grid, for_each_row, linear_row};
+use crate::Error;
+use crate::sampler::brick_at;
+
+/// Runs the same code on two buffers of one type, whatever it is.
+macro_rules! of_one_type {
+    ($a:expr, $b:expr, $x:ident, $y:ident => $body:expr) => {
+        of_one_type!(@ $a, $b, $x, $y => $body; U8 I8 U16 I16 U32 I32 F32 F64)
+    };
+    (@ $a:expr, $b:expr, $x:ident, $y:ident => $body:expr; $($tag:ident)*) => {
+        match ($a, $b) {
+            $((Voxels::$tag($x), Voxels::$tag($y)) => Some($body),)*
+            _ => None,
+        }
+    };
+}
+
+/// What [`volume`](super::volume) makes of a volume, made anew brick by brick where its displacement changed.
+///
+/// Memory: one copy of the voxels. Whoever keeps a clone of [`Deformed::output`] while it is updated makes it copy them again.
+#[derive(Debug, Clone)]
+pub struct Deformed {
+    output: Volume,
+    params: WarpParams,
+    /// As a stored value.
+    background: f64,
+}
+
+impl Deformed {
+    /// A volume at rest.
+    ///
+    /// # Errors
+    /// Parameters out of their domain; the memory limit.
+    pub fn new(volume: &Volume, params: WarpParams, exec: &Exec) -> Result<Self, Error> {
+        params.check()?;
+        exec.check_memory("the deformed volume", volume.voxels().as_bytes().len() as u64)?;
+        // A copy of its own, now and not at the first drag.
+        let output = with_voxels!(volume.voxels(), slice => {
+            let copy = Scalar::wrap(slice.to_vec().into());
+            Volume::with_scale(volume.grid().clone(), copy, volume.slope(), volume.intercept())?
+        });
+        let lowest = || volume.range().map(|range| range[0]);
+        let background = params.background.or_else(lowest).map_or(0.0, |value| volume.stored(value));
+        Ok(Self { output, params, background })
+    }
+
+    /// The deformed volume.
+    pub fn output(&self) -> &Volume {
+        &self.output
+    }
+
+    /// How values between voxels are found, and what comes where there are none.
+    pub fn params(&self) -> &WarpParams {
+        &self.params
+    }
+
+    /// Makes bricks (linear indices of [`FieldBricks::table`], ascending) anew, as they are under a displacement. All others must
+    /// be as they were made before. Gives the number of voxels that were computed; the rest of the bricks' is copied.
+    ///
+    /// - `volume`: the one it was made of.
+    ///
+    /// # Errors
+    /// A volume or a displacement on another grid, a volume of another type; the memory limit, where the output is shared;
+    /// cancellation, before anything is changed.
+    pub fn update(
+        &mut self,
+        volume: &Volume,
+        displacement: &Displacement,
+        bricks: &[usize],
+        exec: &Exec,
+    ) -> Result<u64, Error> {
+        check_grid(volume.grid(), displacement, "volume")?;
+        check_grid(self.output.grid(), displacement, "deformed volume")?;
+        exec.check_cancelled()?;
+        let job = Job {
+            displacement,
+            bricks,
+            order: self.params.order,
+            background: self.background,
+            simd: exec.simd,
+        };
+        let types = [volume.voxel_type(), self.output.voxel_type()];
+        let output = self.output.voxels_mut();
+        exec.run(|| {
+            of_one_type!(volume.voxels(), output, from, to => Ok(job.run(from, to.make_mut())))
+                .unwrap_or_else(|| {
+                    Err(Error::Mismatch {
+                        what: "volume",
+                        problem: format!("its voxels are {:?}, the deformed ones {:?}", types[0], types[1]),
+                        remedy: "update with the volume that it was made of",
+                    })
+                })
+        })
+    }
+}
+
+/// Bricks to be made.
+struct Job<'a> {
+    displacement: &'a Displacement,
+    bricks: &'a [usize],
+    order: Order,
+    background: f64,
+    simd: bool,
+}
+
+impl Job<'_> {
+    fn run<T: Scalar>(&self, voxels: &[T], out: &mut [T]) -> u64 {
+        let grid = &self.displacement.grid;
+        let ([nx, ny, _], brick_dims) = (grid.dims(), self.displacement.inverse.brick_dims());
+        let source = Source { voxels, dims: grid.dims() };
+        let rows = Rows::new(&source, grid, self.simd);
+        let layer = brick_dims[0] * brick_dims[1];
+        let slab = FieldBricks::SIDE * nx * ny;
+        let slabs = out.par_chunks_mut(slab).zip(voxels.par_chunks(slab)).enumerate();
+        let counts = slabs.map(|(bz, (out, voxels))| {
+            let first = self.bricks.partition_point(|b| *b < layer * bz);
+            let end = self.bricks.partition_point(|b| *b < layer * (bz + 1));
+            let bricks = self.bricks[first..end].iter();
+            bricks.map(|&brick| self.brick(&rows, &source, grid, brick, voxels, out)).sum::<u64>()
+        });
+        counts.sum()
+    }
+
+    /// One brick of a slab; how many of its voxels were computed.
+    fn brick<T: Scalar>(
+        &self,
+        rows: &Rows<'_, T>,
+        source: &Source<'_, T>,
+        grid: &Grid,
+        brick: usize,
+        voxels: &[T],
+        out: &mut [T],
+    ) -> u64 {
+        let background = T::from_f64(self.background);
+        let value = |place: Option<[f64; 3]>| match place {
+            Some(x) => source.sample(x, self.order).map_or(background, T::from_f64),
+            None => background,
+        };
+        let field = &self.displacement.inverse;
+        let vectors = field.brick(brick);
+        let to_voxel = grid.inverse_linear_part();
+        let mut count = 0;
+        for_each_row(grid.dims(), brick_at(field.brick_dims(), brick), |start, row, range| {
+            let to = &mut out[range.clone()];
+            let at = |i: usize| VoxelIndex([start[0] + i, start[1], start[2]]);
+            match vectors {
+                Some(vectors) if self.order == Order::Linear => {
+                    let (row, _) = vectors[row..].split_first_chunk::<LANES>().expect("a brick's row");
+                    count += linear_row(rows, start, row, &voxels[range], to, &value);
+                }
+                Some(vectors) => {
+                    to.copy_from_slice(&voxels[range]);
+                    for (i, to) in to.iter_mut().enumerate().filter(|(i, _)| vectors[row + i] != [0.0; 3]) {
+                        let from = VoxelCoord::from(at(i)).0
+                            + to_voxel * Vector3::from(vectors[row + i]).map(f64::from);
+                        *to = value(Some(from.into()));
+                        count += 1;
+                    }
+                }
+                None => to.copy_from_slice(&voxels[range]),
+            }
+            let flags = self.displacement.vacated.get(grid.linear(at(0))..).unwrap_or_default();
+            for (to, _) in to.iter_mut().zip(flags).filter(|(_, flag)| **flag != 0) {
+                *to = background;
+                count += 1;
+            }
+        });
+        count
+    }
+}

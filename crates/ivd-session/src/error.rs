@@ -1,0 +1,44 @@
+use ivd_core::{Fault, ParamError};
+
+/// Why an event wasn't followed. The session is then as it was.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Inputs that don't fit, cancellation, a limit.
+    #[error(transparent)]
+    Core(#[from] ivd_core::Error),
+    /// A parameter outside its domain.
+    #[error(transparent)]
+    Param(#[from] ParamError),
+    /// The lattice can't be refined to a level.
+    #[error(transparent)]
+    Lattice(#[from] ivd_lattice::Error),
+    /// The octree of a level can't be built.
+    #[error(transparent)]
+    Octree(#[from] ivd_octree::Error),
+    /// The deformation isn't possible, or not to be trusted.
+    #[error(transparent)]
+    Deform(#[from] ivd_deform::Error),
+    /// An event that names what isn't there, or doesn't go with the settings.
+    #[error("{event}: {problem}; {remedy}")]
+    Event {
+        /// The event.
+        event: &'static str,
+        /// What doesn't fit, with the numbers.
+        problem: String,
+        /// What to do instead.
+        remedy: &'static str,
+    },
+}
+
+impl Error {
+    /// Whose fault it is; decides the program's exit code.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Core(error) => error.fault(),
+            Self::Lattice(error) => error.fault(),
+            Self::Octree(error) => error.fault(),
+            Self::Deform(error) => error.fault(),
+            Self::Param(_) | Self::Event { .. } => Fault::Usage,
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! A level of refinement with what its deformations have in common.
+
+use std::fmt;
+use std::sync::Arc;
+
+use ivd_core::{Displacement, Exec, FieldBricks, Labels, Lattice, Motion};
+use ivd_deform::freeform;
+use ivd_deform::map::{Biharmonic, Live, MapMethod, MapParams, Moved, Outside};
+use ivd_deform::mass_spring;
+use ivd_deform::spring::{self, HandleAt};
+use ivd_lattice::refine::{RefineParams, Target, collapse};
+
+use crate::{Error, Physics, Settings};
+
+/// A lattice, and what was prepared of it. Nothing that is kept changes a result.
+pub(crate) struct Level {
+    pub(crate) lattice: Arc<Lattice>,
+    nearest: Option<Live<Arc<Lattice>>>,
+    smoothest: Option<(Outside, Biharmonic<Arc<Lattice>>)>,
+    springs: Option<(Held, mass_spring::Prepared<Arc<Lattice>>)>,
+}
+
+impl fmt::Debug for Level {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Level").field("vertices", &self.lattice.keys.len()).finish_non_exhaustive()
+    }
+}
+
+/// What prepared springs depend on.
+#[derive(Debug, PartialEq)]
+struct Held {
+    params: mass_spring::Params,
+    handles: Vec<(HandleAt, f64)>,
+    fixed: Vec<spring::Fix>,
+}
+
+impl Level {
+    /// Level `level` of a lattice.
+    pub(crate) fn new(finest: &Arc<Lattice>, level: u8, exec: &Exec) -> Result<Self, Error> {
+        let lattice = if level == 0 {
+            finest.clone()
+        } else {
+            let params = RefineParams { target: Target::Level(level), ..RefineParams::default() };
+            Arc::new(collapse(finest, &params, exec)?.lattice)
+        };
+        Ok(Self { lattice, nearest: None, smoothest: None, springs: None })
+    }
+
+    /// The lattice's motion; `None` where nothing could move it.
+    pub(crate) fn solve(
+        &mut self,
+        settings: &Settings,
+        labels: Option<&Labels>,
+        exec: &Exec,
+    ) -> Result<Option<Motion>, Error> {
+        let handled = match &settings.physics {
+            _ if settings.handles.is_empty() => None,
+            Physics::Ring(params) => {
+                Some(spring::ring(&self.lattice, &settings.handles, &settings.fixed, params, exec)?.motion)
+            }
+            Physics::Springs(params) => Some(self.springs(settings, params, labels, exec)?),
+        };
+        if settings.shapes.is_empty() {
+            return Ok(handled);
+        }
+        let shaped = freeform::lattice(&self.lattice, handled.as_ref(), &settings.shapes, exec)?;
+        Ok(Some(shaped.motion))
+    }
+
+    fn springs(
+        &mut self,
+        settings: &Settings,
+        params: &mass_spring::Params,
+        labels: Option<&Labels>,
+        exec: &Exec,
+    ) -> Result<Motion, Error> {
+        let labels = labels.filter(|_| !params.classes.is_empty());
+        if labels.is_none() && !params.classes.is_empty() {
+            return Err(Error::Event {
+                event: "material",
+                problem: "there are no labels to know classes by".into(),
+                remedy: "begin the session with labels",
+            });
+        }
+        let held = Held {
+            params: params.clone(),
+            handles: settings.handles.iter().map(|h| (h.at, h.radius)).collect(),
+            fixed: settings.fixed.clone(),
+        };
+        let kept = self.springs.take().filter(|(other, _)| *other == held).map(|(_, prepared)| prepared);
+        let mut prepared = match kept {
+            Some(prepared) => prepared,
+            None => mass_spring::Prepared::new(
+                self.lattice.clone(),
+                labels,
+                &settings.handles,
+                &settings.fixed,
+                params,
+                exec,
+            )?,
+        };
+        prepared.forget();
+        let solved = prepared.update(&settings.handles, exec);
+        self.springs = Some((held, prepared));
+        Ok(solved?.motion)
+    }
+
+    /// The voxels' motion.
+    pub(crate) fn map(
+        &mut self,
+        motion: Option<&Motion>,
+        params: &MapParams,
+        exec: &Exec,
+    ) -> Result<Moved, Error> {
+        let Some(motion) = motion else { return Ok(still(&self.lattice)) };
+        let frame = motion.frames.len() - 1;
+        match params.method {
+            MapMethod::Octree => {
+                let mut nearest = match self.nearest.take() {
+                    Some(nearest) => nearest,
+                    None => {
+                        let octree = ivd_octree::build(&self.lattice, &ivd_octree::Params::default(), exec)?;
+                        Live::new(self.lattice.clone(), octree, exec)?
+                    }
+                };
+                let moved = nearest.map(motion, frame, params, exec);
+                self.nearest = Some(nearest);
+                Ok(moved?)
+            }
+            MapMethod::Biharmonic => {
+                let kept = self.smoothest.take().filter(|(outside, _)| *outside == params.outside);
+                let (outside, mut smoothest) = match kept {
+                    Some(kept) => kept,
+                    None => (params.outside, Biharmonic::new(self.lattice.clone(), params.outside, exec)?),
+                };
+                let moved = smoothest.drag(motion, frame, params, exec);
+                self.smoothest = Some((outside, smoothest));
+                Ok(moved?)
+            }
+        }
+    }
+}
+
+/// A displacement of nothing.
+pub(crate) fn still(lattice: &Lattice) -> Moved {
+    let dims = lattice.grid.dims();
+    let displacement = Displacement {
+        grid: lattice.grid.clone(),
+        time: 0.0,
+        forward: FieldBricks::zero(dims),
+        inverse: FieldBricks::zero(dims),
+        inverse_residual_max: 0.0,
+        min_det_j: 1.0,
+        vacated: Vec::new().into(),
+    };
+    Moved { displacement, relaxations: 0, halvings: 0, misfit: 0.0 }
+}

@@ -1,0 +1,351 @@
+//! A session is what the stages give that are called once, whatever the way; it undoes and replays to the bit.
+#![allow(clippy::unwrap_used, reason = "a test ends where something is missing")]
+
+use std::collections::BTreeMap;
+
+use ivd_core::{Class, Exec, Labels, Lattice, Volume, VoxelIndex, Voxels, World};
+use ivd_deform::freeform;
+use ivd_deform::freeform::{Kind, Shape};
+use ivd_deform::map::{self, MapMethod, MapParams, Outside};
+use ivd_deform::mass_spring::{self, Material, Solver};
+use ivd_deform::spring::{self, Action, Fix, Handle, HandleAt, RingParams};
+use ivd_deform::warp::{self, Order, WarpParams};
+use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_session::{Event, Physics, Session, Settings};
+
+const SIDE: usize = 40;
+
+/// A ball whose values fall outwards, on an oblong grid.
+fn ball() -> (Volume, Lattice) {
+    let grid = ivd_core::Grid::with_spacing([SIDE, SIDE, SIDE], [1.0, 1.0, 1.25]).unwrap();
+    let value = |i: usize| {
+        let at = grid.index(i).0.map(|c| c as f64);
+        let from = [at[0] - 19.3, at[1] - 19.6, 1.25 * (at[2] - 19.4)];
+        let ripple = 3.0 * (0.7 * at[0] + 0.5 * at[1] - 0.3 * at[2]).sin();
+        200.0 - 8.0 * from.iter().map(|c| c * c).sum::<f64>().sqrt() + ripple
+    };
+    let voxels: Vec<u8> = (0..grid.len()).map(|i| value(i).clamp(0.0, 255.0) as u8).collect();
+    let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
+    let iso = ExtractParams { iso: Iso::Value(100.0) };
+    let lattice = extract(&volume, None, &iso, &Exec::default()).unwrap().lattice;
+    (volume, lattice)
+}
+
+/// Two classes: the half of lower x, and the other.
+fn labels(volume: &Volume) -> Labels {
+    let grid = volume.grid();
+    let ids: Vec<u16> = (0..grid.len()).map(|i| if grid.index(i).0[0] < SIDE / 2 { 1 } else { 2 }).collect();
+    let class = |id: u16| Class {
+        id,
+        voxels: ids.iter().filter(|i| **i == id).count() as u64,
+        mean: f64::from(id),
+        name: None,
+        sd: 0.0,
+        lower: None,
+        upper: None,
+    };
+    let classes = vec![class(1), class(2)];
+    Labels::new(grid.clone(), ids.into(), classes).unwrap()
+}
+
+fn session(settings: Settings, exec: &Exec) -> Session {
+    let (volume, lattice) = ball();
+    let labels = labels(&volume);
+    Session::new(volume, lattice, Some(labels), settings, exec).unwrap()
+}
+
+fn pick(direction: [f64; 3]) -> HandleAt {
+    let length = direction.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let [x, y, z] = direction.map(|c| 12.5 * c / length);
+    HandleAt::Pick([19.3 + x, 19.6 + y, 24.2 + z])
+}
+
+/// What the stages give that are called once.
+fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::Mapped>, Volume) {
+    let (volume, finest) = ball();
+    let lattice = match settings.level {
+        0 => finest,
+        level => {
+            let params = RefineParams { target: Target::Level(level), ..RefineParams::default() };
+            collapse(&finest, &params, exec).unwrap().lattice
+        }
+    };
+    let labels = labels(&volume);
+    let mut motion = None;
+    if !settings.handles.is_empty() {
+        motion = Some(match &settings.physics {
+            Physics::Ring(params) => {
+                spring::ring(&lattice, &settings.handles, &settings.fixed, params, exec).unwrap().motion
+            }
+            Physics::Springs(params) => {
+                let labels = Some(&labels).filter(|_| !params.classes.is_empty());
+                let (handles, fixed) = (&settings.handles, &settings.fixed);
+                mass_spring::solve(&lattice, labels, handles, fixed, params, exec).unwrap().motion
+            }
+        });
+    }
+    if !settings.shapes.is_empty() {
+        motion = Some(freeform::lattice(&lattice, motion.as_ref(), &settings.shapes, exec).unwrap().motion);
+    }
+    let Some(motion) = motion else { return (None, volume) };
+    let last = motion.frames.len() - 1;
+    let mapped = match settings.map.method {
+        MapMethod::Octree => {
+            let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), exec).unwrap();
+            map::octree(&lattice, &octree, &motion, last, &settings.map, exec).unwrap()
+        }
+        MapMethod::Biharmonic => map::biharmonic(&lattice, &motion, last, &settings.map, exec).unwrap(),
+    };
+    let warped = warp::volume(&volume, &mapped.displacement, &settings.warp, exec).unwrap();
+    (Some(mapped), warped.output)
+}
+
+fn assert_as_at_once(session: &Session, exec: &Exec) {
+    let (mapped, volume) = at_once(session.settings(), exec);
+    match mapped {
+        Some(mapped) => assert_eq!(session.displacement(), &mapped.displacement),
+        None => assert!(session.displacement().is_identity()),
+    }
+    assert_eq!(session.deformed(), &volume, "{:?}", session.settings());
+}
+
+#[test]
+fn a_drag_is_what_the_stages_give_and_names_the_bricks_that_change() {
+    let exec = Exec::default();
+    let mut session = session(Settings::default(), &exec);
+    let springs = |solver| {
+        let params = mass_spring::Params { solver, ..mass_spring::Params::default() };
+        Event::Physics(Physics::Springs(Box::new(params)))
+    };
+    let handle = Handle { at: pick([0.0, 0.0, 1.0]), action: Action::Move([0.0; 3]), radius: 9.0 };
+    let map = |method, outside| Event::Map(MapParams { method, outside, ..MapParams::default() });
+    let ways = [
+        vec![Event::Add(handle)],
+        vec![Event::Level(2)],
+        vec![map(MapMethod::Biharmonic, Outside::Band)],
+        vec![springs(Solver::Projective)],
+        vec![Event::Level(1), map(MapMethod::Octree, Outside::Free)],
+        vec![Event::Warp(WarpParams { order: Order::Cubic, background: Some(7.0) })],
+        vec![springs(Solver::Dynamics), map(MapMethod::Octree, Outside::Band)],
+    ];
+    for way in ways {
+        for event in way {
+            session.apply(event, &exec).unwrap();
+        }
+        for by in [[0.3, 0.0, 0.6], [0.5, 0.2, 1.4], [0.0, 0.1, -1.0], [0.0; 3], [0.2, -0.2, 1.1]] {
+            let before = session.deformed().clone();
+            let update = session.apply(Event::Move { handle: 0, by }, &exec).unwrap();
+            assert_as_at_once(&session, &exec);
+            let grid = before.grid().clone();
+            let bricks = grid.dims().map(|n| n.div_ceil(8));
+            for i in
+                (0..grid.len()).filter(|i| before.voxels().get(*i) != session.deformed().voxels().get(*i))
+            {
+                let VoxelIndex([x, y, z]) = grid.index(i);
+                let brick = x / 8 + bricks[0] * (y / 8 + bricks[1] * (z / 8));
+                assert!(update.dirty.binary_search(&brick).is_ok(), "voxel {x} {y} {z} changed unsaid");
+            }
+            assert!(
+                update.dirty.len() < bricks.iter().product::<usize>() / 2,
+                "{} bricks",
+                update.dirty.len()
+            );
+        }
+    }
+}
+
+/// Numbers that look random.
+struct Draw(u64);
+
+impl Draw {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((self.0 >> 33) as usize) % n
+    }
+
+    fn unit(&mut self) -> f64 {
+        self.below(1 << 20) as f64 / f64::from(1 << 20)
+    }
+
+    fn vector(&mut self, most: f64) -> [f64; 3] {
+        [0; 3].map(|_| most * (2.0 * self.unit() - 1.0))
+    }
+
+    fn place(&mut self) -> HandleAt {
+        let direction = self.vector(1.0);
+        pick([direction[0], direction[1], direction[2] + 0.01])
+    }
+
+    /// Any event, some of them bad.
+    fn event(&mut self) -> Event {
+        let number = |draw: &mut Self| draw.below(3);
+        match self.below(17) {
+            0 => Event::Add(Handle {
+                at: self.place(),
+                action: Action::Move(self.vector(1.0)),
+                radius: 4.0 + 6.0 * self.unit(),
+            }),
+            1 => Event::Remove { handle: number(self) },
+            2 => Event::Pull { handle: number(self), with: self.vector(30.0) },
+            3 => Event::Place { handle: number(self), at: self.place() },
+            4 => Event::Radius { handle: number(self), radius: 10.0 * self.unit() - 0.5 },
+            5 => Event::Fix(Fix { at: self.place(), radius: 2.0 * self.unit() }),
+            6 => Event::Release { fix: number(self) },
+            7 => Event::Shape(Shape {
+                kind: Kind::Twist { rate: 2.0 * self.unit() },
+                centre: [19.3, 19.6, 24.2],
+                axis: [0.0, 0.3, 1.0],
+                radius: 10.0,
+                core: 0.3,
+                length: None,
+            }),
+            8 => Event::Unshape { shape: number(self) },
+            9 => Event::Physics(self.physics()),
+            10 => Event::Stiffness { newton_per_metre: 1.0 + 200.0 * self.unit() },
+            11 => Event::Material {
+                class: 1 + self.below(2) as u16,
+                material: Material { stiffness: Some(1.0 + 99.0 * self.unit()), ..Material::default() },
+            },
+            12 => {
+                let method = [MapMethod::Octree, MapMethod::Biharmonic][self.below(2)];
+                let outside = [Outside::Band, Outside::Band, Outside::Free][self.below(3)];
+                Event::Map(MapParams { method, outside, ..MapParams::default() })
+            }
+            13 => Event::Warp(WarpParams {
+                order: [Order::Nearest, Order::Linear, Order::Cubic][self.below(3)],
+                background: [None, Some(0.0)][self.below(2)],
+            }),
+            14 => Event::Level([0, 1, 2, 2, 3, 17][self.below(6)]),
+            15 if self.below(4) == 0 => Event::Reset,
+            _ => Event::Move { handle: number(self), by: self.vector(1.5) },
+        }
+    }
+
+    fn physics(&mut self) -> Physics {
+        let springs = |solver| {
+            let params = mass_spring::Params {
+                solver,
+                ground: 0.01,
+                tolerance: 1e-2,
+                ..mass_spring::Params::default()
+            };
+            Physics::Springs(Box::new(params))
+        };
+        match self.below(4) {
+            0 => springs(Solver::Projective),
+            1 => springs(Solver::Dynamics),
+            _ => Physics::Ring(RingParams::default()),
+        }
+    }
+}
+
+#[test]
+fn a_thousand_events_replay_to_the_bit_and_are_undone_to_the_first() {
+    let exec = Exec::default();
+    let first = Settings { level: 2, ..Settings::default() };
+    let mut live = session(first.clone(), &exec);
+    let start = live.deformed().clone();
+    let mut draw = Draw(7);
+    let (mut refused, mut kinds, mut tried) = (0, BTreeMap::new(), 0);
+    while live.events().count() < 1000 {
+        let event = draw.event();
+        let name = serde_json::to_value(&event).unwrap();
+        let name = name
+            .as_str()
+            .map_or_else(|| name.as_object().unwrap().keys().next().unwrap().clone(), String::from);
+        let (settings, displacement) = (live.settings().clone(), live.displacement().clone());
+        tried += 1;
+        assert!(tried < 6000, "most events are refused");
+        if live.apply(event, &exec).is_ok() {
+            *kinds.entry(name).or_insert(0) += 1;
+        } else {
+            refused += 1;
+            assert!(
+                live.settings() == &settings && live.displacement() == &displacement,
+                "a refusal changes nothing"
+            );
+        }
+        if live.events().count() % 50 == 0 {
+            assert_as_at_once(&live, &exec);
+        }
+        // Many handles and shapes soon fold anything.
+        if live.settings().handles.len() + live.settings().shapes.len() > 3 {
+            live.apply(Event::Reset, &exec).unwrap();
+        }
+    }
+    assert_eq!(kinds.len(), 17, "{kinds:?}");
+    assert!(refused > 50, "{refused}");
+    let end = (live.deformed().clone(), live.displacement().clone(), live.settings().clone());
+
+    let log = serde_json::to_string(&live.events().collect::<Vec<_>>()).unwrap();
+    let events: Vec<Event> = serde_json::from_str(&log).unwrap();
+    let one = Exec::default().with_threads(1);
+    let mut again = session(first.clone(), &one);
+    for event in events {
+        again.apply(event, &one).unwrap();
+    }
+    assert!((again.deformed(), again.displacement(), again.settings()) == (&end.0, &end.1, &end.2));
+
+    for _ in 0..250 {
+        live.undo(&exec).unwrap().unwrap();
+    }
+    live.forget();
+    for _ in 0..100 {
+        live.redo(&exec).unwrap().unwrap();
+    }
+    for _ in 0..150 {
+        live.redo(&exec).unwrap().unwrap();
+    }
+    assert!(live.redo(&exec).unwrap().is_none());
+    assert!((live.deformed(), live.displacement(), live.settings()) == (&end.0, &end.1, &end.2));
+    while live.undo(&exec).unwrap().is_some() {}
+    assert_eq!((live.deformed(), live.settings()), (&start, &first));
+}
+
+#[test]
+fn nothing_skipped_gives_the_same() {
+    let mut plain = Exec::default();
+    plain.skip = false;
+    let exec = Exec::default();
+    let (mut quick, mut slow) = (session(Settings::default(), &exec), session(Settings::default(), &plain));
+    let handle = Handle { at: pick([1.0, 0.2, 0.1]), action: Action::Move([1.0, 0.0, 0.4]), radius: 8.0 };
+    for event in [
+        Event::Level(1),
+        Event::Add(handle),
+        Event::Move { handle: 0, by: [2.0, 0.0, 0.0] },
+        Event::Map(MapParams { method: MapMethod::Biharmonic, ..MapParams::default() }),
+        Event::Move { handle: 0, by: [-1.0, 0.5, 0.0] },
+    ] {
+        let (a, b) = (quick.apply(event.clone(), &exec).unwrap(), slow.apply(event, &plain).unwrap());
+        assert_eq!((a.min_det_j, a.misfit), (b.min_det_j, b.misfit));
+        assert!(quick.deformed() == slow.deformed() && quick.displacement() == slow.displacement());
+    }
+}
+
+#[test]
+fn bad_events_are_named() {
+    let exec = Exec::default();
+    let mut session = session(Settings::default(), &exec);
+    let mut refused = |event: Event| session.apply(event, &exec).unwrap_err().to_string();
+    assert!(refused(Event::Move { handle: 2, by: [0.0; 3] }).contains("handle 2 where there are 0"));
+    assert!(refused(Event::Level(40)).contains("level"));
+    assert!(refused(Event::Material { class: 1, material: Material::default() }).contains("springs first"));
+    let far = Handle { at: HandleAt::Pick([500.0; 3]), action: Action::Move([1.0; 3]), radius: 5.0 };
+    assert!(refused(Event::Add(far)).contains("pick a point nearer"));
+    let world: World = ball().1.world(0);
+    let deep =
+        Handle { at: HandleAt::Pick(world.0.into()), action: Action::Move([0.0, 0.0, 60.0]), radius: 5.0 };
+    refused(Event::Add(deep));
+    assert_eq!(session.events().count(), 0);
+    let (volume, lattice) = ball();
+    let other = ivd_core::Grid::with_spacing([8; 3], [1.0; 3]).unwrap();
+    let small = Volume::new(other, Voxels::from(vec![0_u8; 512])).unwrap();
+    assert!(
+        Session::new(small, lattice, None, Settings::default(), &exec)
+            .unwrap_err()
+            .to_string()
+            .contains("another grid")
+    );
+    drop(volume);
+}
