@@ -20,6 +20,8 @@
 //!
 //! [`refinements`] holds the methods of refinement side by side, with pictures.
 //!
+//! [`interactive`] drags a handle, frame by frame.
+//!
 //! [`scenes`] does the same for whole scenes: what they skip, and how they grow with the volume.
 //!
 //! Stages without an accuracy knob aren't here: `boundary` and `octree` are exact, and the octree's leaf size changes no answer.
@@ -30,6 +32,7 @@ mod compare;
 mod error;
 mod experiment;
 mod front;
+mod interactive;
 mod page;
 mod plate;
 mod plot;
@@ -45,6 +48,7 @@ pub use compare::{Change, Comparison, compare};
 pub use error::Error;
 pub use experiment::{Experiment, Judge, Judgement, Knobs, Problem, Setting, Work};
 pub use front::fronts;
+pub use interactive::{Drag, FrameCost, InteractiveBench, interactive, interactive_page};
 pub use page::page;
 pub use rates::rates;
 pub use record::{Bench, Point, StageBench};

@@ -515,7 +515,7 @@ pub(crate) enum CacheAction {
 pub(crate) struct Bench {
     /// segment, atf, lattice, refine, deform, map, warp, render, or scenes: whole scenes, what they skip and how they grow.
     /// All of them where none is named. On request alone: segment-kmvs, segment-emvs, segment-msvs, segment-hvs,
-    /// refine-methods, and refinements: the same lattices by every method, with pictures.
+    /// refine-methods, refinements: the same lattices by every method, with pictures, and interactive: a handle that is dragged.
     #[arg(value_name = "STAGE")]
     pub(crate) stages: Vec<String>,
     /// Small inputs and few repeats: under two minutes.
@@ -530,7 +530,7 @@ pub(crate) struct Bench {
     /// A volume in place of the generated inputs: the stages whose truth is a finer result on the same volume.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["size", "record"])]
     pub(crate) input: Option<PathBuf>,
-    /// Where refinements cuts the given volume; the densest part's own value without it.
+    /// Where refinements and interactive cut the given volume; the densest part's own value without it.
     #[arg(long, value_name = "VALUE", requires = "input", allow_negative_numbers = true)]
     pub(crate) iso: Option<f64>,
     /// Voxels along the edge of the generated inputs; 128, with --quick 64.

@@ -266,7 +266,7 @@ fn a_thousand_events_replay_to_the_bit_and_are_undone_to_the_first() {
                 "a refusal changes nothing"
             );
         }
-        if live.events().count() % 50 == 0 {
+        if live.events().count() % 100 == 0 {
             assert_as_at_once(&live, &exec);
         }
         // Many handles and shapes soon fold anything.
@@ -287,14 +287,14 @@ fn a_thousand_events_replay_to_the_bit_and_are_undone_to_the_first() {
     }
     assert!((again.deformed(), again.displacement(), again.settings()) == (&end.0, &end.1, &end.2));
 
-    for _ in 0..250 {
+    for _ in 0..80 {
         live.undo(&exec).unwrap().unwrap();
     }
     live.forget();
-    for _ in 0..100 {
+    for _ in 0..30 {
         live.redo(&exec).unwrap().unwrap();
     }
-    for _ in 0..150 {
+    for _ in 0..50 {
         live.redo(&exec).unwrap().unwrap();
     }
     assert!(live.redo(&exec).unwrap().is_none());

@@ -20,6 +20,9 @@ const SCENES: &str = "scenes";
 /// The name under which the page of refinements is asked for.
 const REFINEMENTS: &str = "refinements";
 
+/// The name under which drags are asked for.
+const INTERACTIVE: &str = "interactive";
+
 /// Sweeps the stages' settings, runs the scenes, and writes what came of it.
 pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     let standard = if args.quick { Options::quick() } else { Options::default() };
@@ -29,7 +32,7 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
         stages: args
             .stages
             .iter()
-            .filter(|name| ![SCENES, REFINEMENTS].contains(&name.as_str()))
+            .filter(|name| ![SCENES, REFINEMENTS, INTERACTIVE].contains(&name.as_str()))
             .cloned()
             .collect(),
         input: args.input.as_deref().map(|path| given(path, context)).transpose()?,
@@ -39,8 +42,10 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
         }),
     };
     let named = |what: &str| args.stages.iter().any(|name| name == what);
-    if args.iso.is_some() && !named(REFINEMENTS) {
-        return Err(Failure::usage(format!("--iso: only `{REFINEMENTS}` cuts a volume at a value; name it")));
+    if args.iso.is_some() && !named(REFINEMENTS) && !named(INTERACTIVE) {
+        let problem =
+            format!("--iso: only `{REFINEMENTS}` and `{INTERACTIVE}` cut a volume at a value; name one");
+        return Err(Failure::usage(problem));
     }
     // Before the work: a file that can't be read is no reason to lose it.
     let old = args.compare.as_deref().map(read).transpose()?;
@@ -55,6 +60,9 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     }
     if named(REFINEMENTS) {
         refinements(&options, args, context, &mut object, &mut text)?;
+    }
+    if named(INTERACTIVE) {
+        interactive(&options, args, context, &mut object, &mut text)?;
     }
     context.print(&object, || text.trim_end().to_owned())
 }
@@ -154,6 +162,34 @@ fn refinements(
     }
     let _ = writeln!(text, "{}", file("html").display());
     object["refinements_page"] = json!(file("html"));
+    Ok(())
+}
+
+/// Drags a handle.
+fn interactive(
+    options: &Options,
+    args: &Args,
+    context: &Context,
+    object: &mut Value,
+    text: &mut String,
+) -> anyhow::Result<()> {
+    let bench = ivd_bench::interactive(options, args.iso, &context.exec).map_err(failed)?;
+    make(&args.out)?;
+    let file = |ending: &str| args.out.join(format!("{INTERACTIVE}.{ending}"));
+    ivd_pipeline::write_text(&file("json"), &(serde_json::to_string_pretty(&bench)? + "\n"))?;
+    ivd_pipeline::write_text(&file("html"), &ivd_bench::interactive_page(&bench))?;
+    let _ = writeln!(text, "{}, {:?} voxels", bench.input, bench.dims);
+    for drag in &bench.drags {
+        let [median, most, first] = drag.cpu_ms;
+        let _ = writeln!(
+            text,
+            "  {} at level {}: processor time {median:.1} ms, 99 % {most:.1} ms, first {first:.1} ms; wall {:.1}, 99 % {:.1} ms; \
+             {} voxels; {:.3} voxels from level 0",
+            drag.solver, drag.level, drag.wall_ms[0], drag.wall_ms[1], drag.voxels, drag.error_voxel[0]
+        );
+    }
+    let _ = writeln!(text, "{}", file("html").display());
+    object["interactive_page"] = json!(file("html"));
     Ok(())
 }
 

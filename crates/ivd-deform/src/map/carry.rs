@@ -83,6 +83,10 @@ pub(super) fn carry<N: Nearest>(
         .collect();
     observer.end("map");
     if let Some(kept) = kept {
+        // What a long way has left behind is given up.
+        if kept.bricks.len() > 64 + 2 * bricks.len() {
+            kept.bricks.clear();
+        }
         kept.bricks.extend(bricks.iter().copied().zip(seen.into_iter().flatten()));
     }
     out

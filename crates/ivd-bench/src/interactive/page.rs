@@ -1,0 +1,62 @@
+use std::fmt::Write as _;
+
+use super::{Drag, InteractiveBench};
+use crate::page::STYLE;
+use crate::plot::{Curve, curves, escape, number};
+
+/// Drags as a page of its own: a table, and processor time by frame for every solver.
+pub fn interactive_page(bench: &InteractiveBench) -> String {
+    let mut html = format!(
+        "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>A handle that is dragged</title>\
+         <style>{STYLE}</style></head><body><h1>A handle that is dragged</h1>\
+         <p>ivd {}, {} threads. {}, {:?} voxels. Radius {} mm, farthest {} mm, {} frames. Times of a frame are those of solving, mapping, \
+         inverting and computing the voxels that changed, of all threads; the first frame also searches what others keep. The error is the \
+         difference of the voxels' motion from level 0's, where the handle is farthest out, over all voxels that move.</p>\
+         <table><tr><th>solver</th><th>level</th><th>vertices</th><th>voxels a frame</th><th>processor: median</th><th>99 %</th>\
+         <th>first (ms)</th><th>wall: median</th><th>99 %</th><th>first (ms)</th><th>error: rms</th><th>largest (voxels)</th>\
+         <th>refused</th></tr>",
+        escape(&bench.version),
+        bench.threads,
+        escape(&bench.input),
+        bench.dims,
+        number(bench.radius_mm),
+        number(bench.farthest_mm),
+        bench.drags.first().map_or(0, |drag| drag.frames.len()),
+    );
+    for drag in &bench.drags {
+        let cells = [drag.cpu_ms, drag.wall_ms].concat().into_iter().chain(drag.error_voxel);
+        let cells: String = cells.fold(String::new(), |mut all, v| {
+            let _ = write!(all, "<td>{}</td>", number(v));
+            all
+        });
+        let _ = write!(
+            html,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td>{cells}<td>{}</td></tr>",
+            escape(&drag.solver),
+            drag.level,
+            drag.vertices,
+            drag.voxels,
+            drag.refused
+        );
+    }
+    html.push_str("</table>");
+    let lines: Vec<Curve> = bench
+        .drags
+        .chunk_by(|a, b| a.solver == b.solver)
+        .map(|drags: &[Drag]| Curve {
+            name: drags[0].solver.clone(),
+            points: drags.iter().map(|drag| [drag.cpu_ms[1], drag.error_voxel[0]]).collect(),
+        })
+        .collect();
+    let _ = write!(
+        html,
+        "<h2>Error over time, by level</h2>{}",
+        curves(
+            &lines,
+            "processor time of a frame, 99 of 100 (ms)",
+            "difference from level 0, root mean square (voxels)"
+        )
+    );
+    html.push_str("</body></html>\n");
+    html
+}
