@@ -1,6 +1,6 @@
 //! A handle that is dragged: what every frame costs, by level of refinement and solver, and how far it is from the finest level.
 //!
-//! The outermost vertex along y near the middle of the surface is dragged along a closed loop out of the surface, into it and
+//! The outermost vertex along y near the middle of the coarsest surface is dragged along a closed loop out of the surface, into it and
 //! sideways; the farthest it goes is an eighth of the handle's radius. Every frame is one event of an
 //! [`ivd_session::Session`]: springs, map, inverse and the voxels that changed. Nothing is made ready before the first frame but
 //! the lattice of the level.
@@ -14,6 +14,7 @@ use ivd_core::{Exec, FieldBricks, Lattice, Volume, VoxelIndex, VoxelType};
 use ivd_deform::mass_spring::{self, Solver};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_session::{Event, Physics, Session, Settings};
 use ivd_volume::phantom;
 use nalgebra::Vector3;
@@ -120,7 +121,9 @@ fn measured(
     let (words, volume, lattice) = input(options, iso, exec)?;
     let voxel = volume.grid().spacing().iter().product::<f64>().cbrt();
     let radius = RADIUS * voxel;
-    let top = outermost(&lattice)?;
+    // A vertex that all levels have, or nearly.
+    let coarsest = RefineParams { target: Target::Level(LEVELS[4]), ..RefineParams::default() };
+    let top = outermost(&collapse(&lattice, &coarsest, exec)?.lattice)?;
     let path = path(frames, FARTHEST * radius);
     let solvers = [("ring", Physics::Ring(RingParams::default())), ("projective", projective(GRIP * radius))];
     exec.observer().begin("drags", (solvers.len() * LEVELS.len()) as u64);

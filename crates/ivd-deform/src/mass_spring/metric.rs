@@ -14,11 +14,20 @@ use super::forces::Vectors;
 const HOLD: f64 = 1e-6;
 /// Columns kept of vertices that aren't moved any more, about.
 const KEPT: usize = 64;
+/// Most vertices that are taken out by an update: for more of them a factor of their own is cheaper, as every update of `k` vertices
+/// costs `k` columns at every use.
+const UPDATED: usize = 24;
+/// Added to the diagonal of vertices that a factor of their own holds, as a multiple of the largest stiffness there is.
+const PIN: f64 = 1e10;
 
 /// The factored matrix: every spring's stiffness in every direction, ground springs, and masses over the step squared.
 #[derive(Debug, Clone)]
 pub(super) struct Metric {
     factor: Factor,
+    /// What was added to the diagonal, beyond the springs' stiffness (g/s²).
+    extra: Vec<f64>,
+    /// The matrix with the moved vertices pinned, and by what (g/s²), where there are many.
+    pinned: Option<(Factor, f64)>,
     /// The inverse's columns of the vertices that were moved so far.
     columns: BTreeMap<usize, Vec<f64>>,
     /// The vertices that are moved now, and the factored inverse between them.
@@ -36,14 +45,27 @@ impl Metric {
             let hold = if inertia > 0.0 || held[v] { 0.0 } else { HOLD * own[v].max(f64::MIN_POSITIVE) };
             body.ground[v] + inertia + hold
         });
-        let factor = Factor::new(&body.rest, &body.list, &extra.collect::<Vec<f64>>());
-        Self { factor, columns: BTreeMap::new(), moved: Vec::new(), between: None }
+        let extra: Vec<f64> = extra.collect();
+        let factor = Factor::new(&body.rest, &body.list, &extra);
+        Self { factor, extra, pinned: None, columns: BTreeMap::new(), moved: Vec::new(), between: None }
     }
 
-    /// Takes the vertices that handles move out of the matrix (Woodbury).
+    /// Takes the vertices that handles move out of the matrix (Woodbury), or pins them where they are many.
     pub(super) fn hold(&mut self, body: &Body, drives: &Drives) {
         let moved: Vec<usize> = drives.moved.iter().map(|(v, ..)| *v).collect();
         if moved == self.moved {
+            return;
+        }
+        self.pinned = None;
+        if moved.len() > UPDATED {
+            let stiffest =
+                body.stiffness_bound().into_iter().chain(self.extra.iter().copied()).fold(0.0, f64::max);
+            let (pin, mut extra) = (PIN * stiffest, self.extra.clone());
+            for &v in &moved {
+                extra[v] += pin;
+            }
+            self.pinned = Some((Factor::new(&body.rest, &body.list, &extra), pin));
+            (self.between, self.moved) = (None, moved);
             return;
         }
         // What a long drag no longer moves is given up, but not what comes and goes.
@@ -68,6 +90,17 @@ impl Metric {
 
     /// The inverse times `b`, with moved vertices held at 0.
     pub(super) fn apply(&self, b: &Vectors) -> Vec<[f64; 3]> {
+        if let Some((factor, _)) = &self.pinned {
+            let mut b = b.to_vec();
+            for &v in &self.moved {
+                b[v] = [0.0; 3];
+            }
+            let mut x = factor.solve(&b);
+            for &v in &self.moved {
+                x[v] = [0.0; 3];
+            }
+            return x;
+        }
         let mut x = self.factor.solve(b);
         let at: Vec<[f64; 3]> = self.moved.iter().map(|&v| x[v]).collect();
         self.add(&mut x, &at, -1.0);
@@ -80,7 +113,14 @@ impl Metric {
     /// Where the others go when the moved vertices go by `by`, and every spring pulls as its stiffness in every direction.
     pub(super) fn extend(&self, by: &Vectors, loose: usize) -> Vec<[f64; 3]> {
         let mut x = vec![[0.0; 3]; loose];
-        self.add(&mut x, by, 1.0);
+        if let Some((factor, pin)) = &self.pinned {
+            for (&v, by) in self.moved.iter().zip(by) {
+                x[v] = by.map(|c| c * pin);
+            }
+            x = factor.solve(&x);
+        } else {
+            self.add(&mut x, by, 1.0);
+        }
         for (&v, by) in self.moved.iter().zip(by) {
             x[v] = *by;
         }

@@ -218,7 +218,7 @@ impl Stage for Deform {
     }
 
     fn revision(&self) -> u32 {
-        1
+        2
     }
 
     fn inputs(&self) -> &'static [Slot] {

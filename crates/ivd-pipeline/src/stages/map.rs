@@ -75,7 +75,7 @@ impl Stage for Map {
     }
 
     fn revision(&self) -> u32 {
-        3
+        4
     }
 
     fn inputs(&self) -> &'static [Slot] {

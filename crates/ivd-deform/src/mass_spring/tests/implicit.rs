@@ -81,12 +81,14 @@ fn dissection_fills_the_factor_with_little_more_than_n_log_n() {
 #[test]
 fn handles_are_taken_out_of_the_matrix_as_if_it_had_been_made_without_them() {
     let lattice = sheet(9);
-    for (handles, fixed) in [
-        (vec![moved(40, [0.1; 3], 3.5), moved(42, [0.2; 3], 3.5)], vec![]),
+    for (handles, fixed, grip) in [
+        (vec![moved(40, [0.1; 3], 3.5), moved(42, [0.2; 3], 3.5)], vec![], 1.1),
         // Held by the handles alone: the diagonal's help is taken out to its square root's digits.
-        (vec![moved(40, [0.1; 3], 50.0)], vec![]),
+        (vec![moved(40, [0.1; 3], 50.0)], vec![], 1.1),
+        // So many that they are pinned instead.
+        (vec![moved(40, [0.1, -0.2, 0.3], 4.1)], vec![], 2.95),
     ] {
-        let params = Params { grip: 1.1, ..statics() };
+        let params = Params { grip, ..statics() };
         let body = body(&lattice, &handles, &fixed, &params);
         let drives = drives(&body, &handles, &params);
         let mut metric = Metric::new(&body, &[]);
@@ -108,6 +110,21 @@ fn handles_are_taken_out_of_the_matrix_as_if_it_had_been_made_without_them() {
             }
         }
         assert!(drives.moved.iter().all(|(v, ..)| found[*v] == [0.0; 3]));
+        assert_eq!(drives.moved.len() > 24, grip > 2.0, "{} are moved", drives.moved.len());
+        let by: Vec<[f64; 3]> = drives.moved.iter().map(|(_, by, _)| *by).collect();
+        let extended = metric.extend(&by, body.loose);
+        for a in 0..3 {
+            let pull = DVector::from_iterator(
+                free.len(),
+                free.iter()
+                    .map(|&v| -drives.moved.iter().map(|&(m, by, _)| whole[(v, m)] * by[a]).sum::<f64>()),
+            );
+            let exact = part.solve(&pull).unwrap();
+            for (v, y) in free.iter().zip(exact.iter()) {
+                let error = (extended[*v][a] - y).abs() / 0.3;
+                assert!(error < if body.loose == 81 { 1e-4 } else { 1e-8 }, "{error}");
+            }
+        }
     }
 }
 
