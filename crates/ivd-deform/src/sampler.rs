@@ -67,17 +67,21 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// The first of a cell's corners in [`Sampler::ready`], where all of them lie in one brick; nothing where it isn't stored.
+    /// A cell's corners, where all vectors are ready and these lie in one brick.
     #[inline]
-    fn in_one_brick(&self, cell: [i64; 3]) -> Option<Option<usize>> {
+    fn in_one_brick(&self, cell: [i64; 3]) -> Option<Corners> {
         let fits = |a: usize| cell[a] >= 0 && cell[a] & 7 != 7 && cell[a] + 1 < self.dims[a] as i64;
         if self.ready.is_empty() || !(fits(0) && fits(1) && fits(2)) {
             return None;
         }
         let [x, y, z] = cell.map(|c| c as usize);
         let slot = self.field.table()[x / 8 + self.bricks[0] * (y / 8 + self.bricks[1] * (z / 8))];
+        if slot == NO_BRICK {
+            return Some([Vector3::zeros(); 8]);
+        }
         let first = slot as usize * FieldBricks::VOXELS + x % 8 + 8 * (y % 8 + 8 * (z % 8));
-        Some((slot != NO_BRICK).then_some(first))
+        let near = &self.ready[first..first + 74];
+        Some([0, 1, 8, 9, 64, 65, 72, 73].map(|i| near[i]))
     }
 
     /// What a cell stands for, from and to along each axis, counted from its lowest corner: 0 to 1, and without an end where
@@ -93,13 +97,8 @@ impl<'a> Sampler<'a> {
     /// Displacements at the corners of a cell.
     #[inline]
     pub(crate) fn corners(&self, cell: [i64; 3]) -> Corners {
-        match self.in_one_brick(cell) {
-            Some(None) => return [Vector3::zeros(); 8],
-            Some(Some(first)) => {
-                let near = &self.ready[first..first + 74];
-                return [0, 1, 8, 9, 64, 65, 72, 73].map(|i| near[i]);
-            }
-            None => {}
+        if let Some(corners) = self.in_one_brick(cell) {
+            return corners;
         }
         std::array::from_fn(|i| {
             self.voxel([cell[0] + (i & 1) as i64, cell[1] + (i >> 1 & 1) as i64, cell[2] + (i >> 2) as i64])

@@ -116,12 +116,11 @@ impl Level {
         let frame = motion.frames.len() - 1;
         match params.method {
             MapMethod::Octree => {
-                let mut nearest = match self.nearest.take() {
-                    Some(nearest) => nearest,
-                    None => {
-                        let octree = ivd_octree::build(&self.lattice, &ivd_octree::Params::default(), exec)?;
-                        Live::new(self.lattice.clone(), octree, exec)?
-                    }
+                let mut nearest = if let Some(nearest) = self.nearest.take() {
+                    nearest
+                } else {
+                    let octree = ivd_octree::build(&self.lattice, &ivd_octree::Params::default(), exec)?;
+                    Live::new(self.lattice.clone(), octree, exec)?
                 };
                 let moved = nearest.map(motion, frame, params, exec);
                 self.nearest = Some(nearest);

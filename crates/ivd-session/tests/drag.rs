@@ -266,7 +266,7 @@ fn a_thousand_events_replay_to_the_bit_and_are_undone_to_the_first() {
                 "a refusal changes nothing"
             );
         }
-        if live.events().count() % 100 == 0 {
+        if live.events().count().is_multiple_of(100) {
             assert_as_at_once(&live, &exec);
         }
         // Many handles and shapes soon fold anything.

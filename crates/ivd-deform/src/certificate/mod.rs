@@ -225,12 +225,17 @@ pub(crate) fn certify_bricks(
     let enough = start.worst.map_or(f64::INFINITY, |worst| worst.lower);
     let parts = looks
         .par_iter()
-        .filter(|(look, brick)| *brick != first && !(f64::from(*look) > enough.max(threshold)))
+        .filter(|(look, brick)| *brick != first && !clears(*look, enough.max(threshold)))
         .map(|&(_, brick)| Ok((brick, one(brick, enough)?)))
         .collect::<Result<Vec<_>, Error>>()?;
     let (before, after) = parts.split_at(parts.partition_point(|(brick, _)| *brick < first));
     let (before, after) = (before.iter().map(|p| &p.1), after.iter().map(|p| &p.1));
     Ok(before.chain([&start]).chain(after).cloned().fold(Certificate::empty(), Certificate::merge))
+}
+
+/// Whether a quick bound is above another; one that isn't a number bounds nothing.
+fn clears(quick: f32, other: f64) -> bool {
+    f64::from(quick) > other
 }
 
 /// The smaller of two; not a number where one isn't.
@@ -266,8 +271,7 @@ fn certify_block(
         }
     }
     for (i, cell) in block.cells().enumerate() {
-        // Not a number is no bound.
-        if quick.is_none_or(|quick| !(f64::from(quick[i]) > enough.max(threshold))) {
+        if quick.is_none_or(|quick| !clears(quick[i], enough.max(threshold))) {
             look(cell, &mut result);
             enough = result.worst.map_or(enough, |worst| worst.lower.min(enough));
         }

@@ -183,7 +183,7 @@ fn drawn(grid: &Grid, seed: u64, amplitude: f64) -> FieldBricks {
         let v = grid.inverse_linear_part() * p;
         let at = ivd_core::VoxelIndex([0, 1, 2].map(|a| v[a].round() as usize));
         // Some of it stands still.
-        if v.z > 12.0 && seed % 3 == 0 {
+        if v.z > 12.0 && seed.is_multiple_of(3) {
             Vector3::zeros()
         } else {
             grid.linear_part() * random[grid.linear(at)]
