@@ -112,15 +112,16 @@ impl Body {
             .collect();
         let law = Law { push: params.push, limit: params.strain_limit };
         let outside = |v: u32| v as usize >= loose && !region.fixed[vertices[v as usize] as usize];
+        let rest: Vec<[f64; 3]> = vertices.iter().map(|&v| rest[v as usize].into()).collect();
         Ok(Self {
             loose,
-            rest: vertices.iter().map(|&v| rest[v as usize].into()).collect(),
             mass,
             ground,
-            springs: Springs::new(&list, loose, law),
+            springs: Springs::new(&list, &rest, loose, law),
             leading_out: list.iter().filter(|s| s.ends.iter().any(|&v| outside(v))).copied().collect(),
             list,
             law,
+            rest,
             vertices,
         })
     }

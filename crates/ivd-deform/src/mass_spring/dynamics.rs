@@ -55,7 +55,7 @@ impl<'a> Motion<'a> {
         let (body, now, drag) = (self.body, &self.now[..], self.drag);
         let of =
             |(chunk, ((next, velocity), force)): (usize, ((&mut Vectors, &mut Vectors), &mut Vectors))| {
-                body.springs.on_chunk(chunk, &body.rest, now, force);
+                body.springs.on_chunk(chunk, now, force);
                 let first = chunk * CHUNK;
                 let held = self.drives.force[first..].iter().zip(&body.ground[first..]);
                 let own = held.zip(&self.inverse_mass[first..]).zip(&now[first..]);

@@ -31,7 +31,7 @@ impl Objective<'_> {
     ///   handles move as it is, against no force, has an end.
     pub(super) fn gradient(&self, moved: &Vectors, gradient: &mut Vectors, most: &mut f64) -> f64 {
         let body = self.body;
-        body.springs.forces(&body.rest, moved, gradient);
+        body.springs.forces(moved, gradient);
         let mut put_in = vec![[0.0; 3]; 2 * body.loose];
         let (by_handles, by_inertia) = put_in.split_at_mut(body.loose);
         for v in 0..body.loose {

@@ -34,7 +34,7 @@ impl Balance {
     /// - `pulls`: force in the end of each handle that pulls (µN), 0 of one that moves.
     pub(super) fn new(body: &Body, drives: &Drives, moved: &Vectors, reached: f64, pulls: &Vectors) -> Self {
         let mut force = vec![[0.0; 3]; body.loose];
-        body.springs.forces(&body.rest, moved, &mut force);
+        body.springs.forces(moved, &mut force);
         for ((force, ground), at) in force.iter_mut().zip(&body.ground).zip(moved) {
             *force = std::array::from_fn(|a| force[a] - ground * at[a]);
         }

@@ -1,0 +1,84 @@
+//! Explicit steps of a flat sheet of springs, for a comparison with other programs: `time_springs SIDE STEPS THREADS`.
+//!
+//! Each line on stdin asks for a run; the answer is a line of JSON: wall and processor time (s), and at the first the displacement (mm) of every
+//! vertex. The sheet has SIDE × SIDE vertices of 1 g, 1 mm apart, springs of 1 N/m along the edges of halved squares, ground
+//! springs of 5 mN/m, a drag of 2/s, and steps of 1/240 s; its middle vertex is lifted by 5 mm in 0.2 s.
+
+use std::io::BufRead;
+use std::time::Instant;
+
+use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
+use ivd_deform::mass_spring::{Course, Params, Prepared};
+use ivd_deform::spring::{Action, Handle, HandleAt};
+
+fn sheet(side: usize) -> Result<Lattice, ivd_core::Error> {
+    let grid = Grid::with_spacing([side, side, 2], [1.0; 3])?;
+    let at = |x: usize, y: usize| (x + side * y) as u32;
+    let squares = (0..side - 1).flat_map(|y| (0..side - 1).map(move |x| (x, y)));
+    let triangles = squares.flat_map(|(x, y)| {
+        let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+        [[a, b, c], [a, c, d]]
+    });
+    let key = |i: usize| ElementKey::new(grid.dims(), [i % side + 1, i / side + 1, 1], 2);
+    Ok(Lattice {
+        keys: (0..side * side).map(key).collect(),
+        places: vec![[0.0, 0.0, 0.5]; side * side],
+        triangles: triangles.collect(),
+        source: LatticeSource::Mask,
+        level: 0,
+        max_error_mm: 0.0,
+        coarser: Vec::new(),
+        grid,
+    })
+}
+
+/// Processor time of all threads so far (s), where the system tells it.
+fn processor() -> f64 {
+    let of = |stat: String| -> Option<f64> {
+        let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+        let ticks: u64 = fields.get(11)?.parse::<u64>().ok()? + fields.get(12)?.parse::<u64>().ok()?;
+        Some(ticks as f64 / 100.0)
+    };
+    std::fs::read_to_string("/proc/self/stat").ok().and_then(of).unwrap_or(f64::NAN)
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let [side, steps, threads] = &words[..] else {
+        return Err("usage: time_springs SIDE STEPS THREADS".into());
+    };
+    let (side, steps, threads): (usize, u32, usize) = (side.parse()?, steps.parse()?, threads.parse()?);
+    let params = Params {
+        stiffness: 1.0,
+        shear: 0.0,
+        flexion: 0.0,
+        ground: 0.005,
+        vertex_mass: Some(1.0),
+        drag: 2.0,
+        duration: f64::from(steps) / 240.0,
+        dt: Some(1.0 / 240.0),
+        ramp: Some(0.2),
+        course: Course::Linear,
+        ..Params::default()
+    };
+    let lattice = sheet(side)?;
+    let middle = HandleAt::Vertex((side / 2 * (side + 1)) as u32);
+    let handles = [Handle { at: middle, action: Action::Move([0.0, 0.0, 5.0]), radius: 1e5 }];
+    let exec = Exec::default().with_threads(threads);
+    let mut prepared = Prepared::new(&lattice, None, &handles, &[], &params, &exec)?;
+    let mut first = true;
+    for line in std::io::stdin().lock().lines() {
+        line?;
+        let (wall, cpu) = (Instant::now(), processor());
+        let solved = prepared.update(&handles, &exec)?;
+        let (wall, cpu) = (wall.elapsed().as_secs_f64(), processor() - cpu);
+        let moved =
+            if first { format!("{:?}", solved.motion.frames[0].displacement) } else { "[]".to_owned() };
+        println!(
+            "{{\"wall_s\": {wall:?}, \"cpu_s\": {cpu:?}, \"steps\": {}, \"moved\": {moved}}}",
+            solved.steps
+        );
+        first = false;
+    }
+    Ok(())
+}
