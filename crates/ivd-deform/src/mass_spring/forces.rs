@@ -53,7 +53,7 @@ pub(super) struct Springs {
 pub(super) type Vectors = [[f64; 3]];
 
 impl Springs {
-    /// Springs that act on the first `vertices` vertices; those beyond never move.
+    /// Springs that act on the first `vertices` vertices; those beyond hold them.
     pub(super) fn new(springs: &[Spring], vertices: usize, law: Law) -> Self {
         let mut chunks = vec![Chunk { own: 0, springs: Vec::new() }; vertices.div_ceil(CHUNK)];
         let chunk_of = |v: u32| ((v as usize) < vertices).then_some(v as usize / CHUNK);
