@@ -59,8 +59,13 @@ fn left(cache: &Path) -> Left {
 
 /// The scene's bones, lowest first: between which heights they lie, and the height that they turn about; −6 degrees each but
 /// for the lowest.
-const BONES: [([f64; 2], f64); 5] =
-    [([0.0, 15.0], 0.0), ([15.0, 26.2], 15.1), ([26.3, 37.4], 26.3), ([37.5, 48.6], 37.5), ([48.7, 63.0], 48.7)];
+const BONES: [([f64; 2], f64); 5] = [
+    ([0.0, 15.0], 0.0),
+    ([15.0, 26.2], 15.1),
+    ([26.3, 37.4], 26.3),
+    ([37.5, 48.6], 37.5),
+    ([48.7, 63.0], 48.7),
+];
 const PIVOT: [f64; 2] = [31.6, 27.4];
 
 /// Where a bone takes a point: its own turn, then that of each bone below, about the places at rest.
@@ -154,7 +159,10 @@ fn vertebrae_stay_rigid_and_the_rest_of_the_neck_follows() {
         let [low, high] = [above - 1, above].map(|k| carried(k, p));
         let now = moved(p, last[v]);
         let span = apart(low, high);
-        assert!(apart(now, low) < span + 0.5 && apart(now, high) < span + 0.5, "vertex {v} at {p:?}: {now:?}");
+        assert!(
+            apart(now, low) < span + 0.5 && apart(now, high) < span + 0.5,
+            "vertex {v} at {p:?}: {now:?}"
+        );
     }
 
     // The map is one-to-one, and takes the flesh along.
@@ -174,7 +182,7 @@ fn vertebrae_stay_rigid_and_the_rest_of_the_neck_follows() {
                 (worst, count) = (worst.max(off), count + 1.0);
                 squares += off * off;
             }
-            // The throat, in front of the highest vertebra, at the far side of the neck.
+            // The throat, in front of the highest vertebra, at the far side of the neck, goes nearly as that does.
             2 if k == 4 && p[1] > 45.0 && (p[2] - 54.0).abs() < 3.0 => {
                 flesh += 1;
                 lag = lag.max(off / apart(p, carried(k, p)));
@@ -183,8 +191,71 @@ fn vertebrae_stay_rigid_and_the_rest_of_the_neck_follows() {
         }
     }
     let rms = f64::sqrt(squares / count);
-    println!("bone voxels leave their rigid motion by {worst:.4} mm at most, {rms:.4} rms; throat lags {lag:.3} of {flesh}");
+    println!(
+        "bone voxels leave their rigid motion by {worst:.4} mm at most, {rms:.4} rms; throat lags {lag:.3} of {flesh}"
+    );
     println!("{map}");
-    assert!(worst < 0.1 && rms < 0.03);
+    assert!(worst < 0.1 && rms < 0.03, "{worst} {rms}");
     assert!(flesh > 100 && lag < 0.3);
+}
+
+#[test]
+fn bones_are_moved_from_the_command_line_or_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "32", "-o", "v.ivd"]);
+    json(at, &["lattice", "v.ivd", "--iso", "128", "-o", "l.ivd"]);
+    json(at, &["refine", "l.ivd", "--level", "1", "-o", "r.ivd"]);
+    let cap = "name=cap;low=0,0,22;high=32,32,32;move=0,0,2;reach=40";
+    let base = "name=base;low=0,0,0;high=32,32,9;reach=0";
+    let deform = |more: &[&str]| -> Vec<String> {
+        let words = ["deform", "r.ivd", "--solver", "projective", "-o", "m.ivd"];
+        words.iter().chain(more).map(|word| (*word).to_owned()).collect()
+    };
+    let told = |more: &[&str]| {
+        let words = deform(more);
+        json(at, &words.iter().map(String::as_str).collect::<Vec<_>>())["metrics"].clone()
+    };
+    let pulled = told(&["--rigid", cap, "--rigid", base]);
+    assert_eq!(pulled["bones"][0]["shift_mm"], serde_json::json!([0.0, 0.0, 2.0]));
+    assert!(pulled["residual"].as_f64().unwrap() <= 1e-3 && pulled["bones"][0]["angle_deg"] == 0.0);
+    assert!(pulled["bones"][0]["force_mn"][2].as_f64().unwrap() > 0.0, "{pulled}");
+    assert_eq!(pulled["bones"][1]["shift_mm"], serde_json::json!([0.0, 0.0, 0.0]));
+    // The same by a handle on it, and a bone that stays moves nothing.
+    let fitted = cap.replace("move=0,0,2", "fit=true");
+    let handle = "pick=16,16,27;move=0,0,2;radius=3";
+    let again = told(&["--rigid", &fitted, "--rigid", base, "--handle", handle]);
+    assert!(again["bones"][0]["left_mm"].as_f64().unwrap() < 1e-12, "{again}");
+    assert_eq!(again["bones"][0]["shift_mm"], pulled["bones"][0]["shift_mm"]);
+    assert_eq!(told(&["--rigid", base])["vertices_moved"], 0);
+
+    for (more, word) in [
+        (vec!["--rigid", cap, "--solver", "ring"], "rigid: ring doesn't read it"),
+        (
+            vec!["--rigid", cap, "--rigid", "name=cap;centre=16,16,5;radius=4;reach=3"],
+            "two bones are called cap",
+        ),
+        (vec!["--rigid", cap, "--rigid", "low=0,0,20;high=32,32,24;reach=3"], "both hold vertex"),
+        (vec!["--rigid", "low=0,0,90;high=32,32,94;reach=3"], "holds no vertex"),
+        (vec!["--rigid", "class=4;move=0,0,1;reach=3"], "labels"),
+        (vec!["--rigid", &fitted], "no handle lies on it"),
+        (vec!["--rigid", cap, "--handle", handle], "whose motion is given"),
+        (vec!["--rigid", "centre=16,16,16;reach=3"], "radius"),
+        (
+            vec!["--rigid", "name=a;parent=b;centre=16,16,5;radius=4;pivot=1,2,3;angle=4;reach=3"],
+            "isn't there",
+        ),
+        (vec!["--rigid", cap, "--fix", "pick=16,16,27;radius=3"], "is fixed"),
+    ] {
+        let mut words: Vec<&str> = vec!["deform", "r.ivd", "-o", "x.ivd"];
+        if !more.contains(&"--solver") {
+            words.extend(["--solver", "projective"]);
+        }
+        words.extend(&more);
+        let output = ivd(at, &words);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{more:?}: {said}");
+        assert!(said.contains(word), "{more:?}: {said}");
+        assert!(!at.join("x.ivd").exists());
+    }
 }

@@ -44,7 +44,7 @@ mod projective;
 mod springs;
 mod xpbd;
 
-use ivd_core::{Ball, Exec, Frame, Labels, Lattice, Motion};
+use ivd_core::{Ball, Exec, Frame, Inner, Labels, Lattice, Motion};
 use nalgebra::Vector3;
 
 use crate::Error;
@@ -322,11 +322,18 @@ impl<'a> Prepared<'a> {
             self.skeleton.place(&self.rest, self.params.reached(time), &mut displacement);
             Frame { time, displacement }
         });
+        let frames: Vec<Frame> = frames.collect();
+        let places = self.skeleton.inner();
+        let linear = self.lattice.grid.linear_part();
+        let reached = |frame: &Frame| self.params.reached(frame.time);
+        let told = frames.iter().filter(|_| !places.is_empty());
+        let inner = told.map(|frame| self.skeleton.inner_displacement(&linear, reached(frame))).collect();
         let reach = targets.iter().zip(handles);
         Motion {
             grid: self.lattice.grid.clone(),
             vertex_count: self.rest.len(),
-            frames: frames.collect(),
+            frames,
+            inner: Inner { places, frames: inner },
             reach: reach
                 .map(|(&t, h)| Ball { centre: self.lattice.world(t).0.into(), radius: h.radius })
                 .chain(self.skeleton.reach())

@@ -28,6 +28,7 @@
 
 mod fit;
 mod holders;
+mod inner;
 mod part;
 mod skeleton;
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! Bones, what moves them, and where they are at any part of the way.
 
 use ivd_core::{Ball, Labels, Lattice};
-use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::fit::{self, Unsure};
 use super::holders::{Holders, holders};
+use super::inner;
 use super::turn::Pose;
 use super::{Drive, Part, Turn};
 use crate::Error;
@@ -23,6 +24,8 @@ pub struct Bone {
     turn: Turn,
     /// Whether it can move at all.
     moves: bool,
+    /// Voxels within it that a map is told of (voxel coordinates).
+    inner: Vec<Vector3<f64>>,
     /// The ball that its vertices lie in, widened by its reach; relative to the grid's origin (mm).
     ball: (Vector3<f64>, f64),
     /// Root mean square of what the fit leaves at its handles (mm); `None` where the motion is given.
@@ -106,7 +109,7 @@ impl Poses {
             v
         };
         let columns = [Vector3::x(), Vector3::y(), Vector3::z()].map(turned);
-        Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_columns(&columns))
+        Rotation3::from_matrix_unchecked(Matrix3::from_columns(&columns))
     }
 }
 
@@ -156,6 +159,7 @@ impl Skeleton {
                 vertices,
                 turn: Turn::NONE,
                 moves: false,
+                inner: inner::voxels(lattice, labels, part),
                 ball: (centre, radius + part.reach),
                 left: None,
             }
@@ -244,6 +248,25 @@ impl Skeleton {
                 displacement[v] = poses.displacement(b, rest[v]).map(|c| c + 0.0).into();
             }
         }
+    }
+
+    /// The voxels of all bones (voxel coordinates); none where no bone can move.
+    pub(crate) fn inner(&self) -> Vec<[f64; 3]> {
+        if self.bones.iter().all(|bone| !bone.moves) {
+            return Vec::new();
+        }
+        self.bones.iter().flat_map(|bone| &bone.inner).map(|at| (*at).into()).collect()
+    }
+
+    /// Their displacements after a part of the way (mm).
+    ///
+    /// - `linear`: from voxels to mm.
+    pub(crate) fn inner_displacement(&self, linear: &Matrix3<f64>, s: f64) -> Vec<[f64; 3]> {
+        let poses = self.poses(s);
+        let of = |(b, bone): (usize, &'_ Bone)| -> Vec<[f64; 3]> {
+            bone.inner.iter().map(|at| poses.displacement(b, linear * at).map(|c| c + 0.0).into()).collect()
+        };
+        self.bones.iter().enumerate().flat_map(of).collect()
     }
 
     /// What the bones have done after a part of the way.

@@ -7,6 +7,7 @@ use super::fit::{self, Unsure};
 use super::*;
 use crate::Error;
 use crate::fixtures::{lattice as cut, sheared_grid};
+use crate::map::{self, MapMethod, MapParams};
 use crate::mass_spring::{Params, Prepared, Solved, Solver, solve, with_bones};
 use crate::spring::{Action, Fix, Handle, HandleAt};
 
@@ -500,4 +501,46 @@ fn threads_do_not_change_a_byte() {
         });
         assert_eq!(one, four);
     }
+}
+
+/// The largest distance (mm) of the voxels inside a lattice from where the bone that holds them takes them.
+fn off(lattice: &Lattice, skeleton: &Skeleton, motion: &ivd_core::Motion, bones: &[Part]) -> (f64, f64) {
+    let params = MapParams { method: MapMethod::Biharmonic, ..MapParams::default() };
+    let mapped = map::biharmonic(lattice, motion, 0, &params, &Exec::default()).unwrap();
+    assert!(mapped.folds == 0 && mapped.min_det_j > 0.05, "{}", mapped.min_det_j);
+    let inside = ivd_octree::inside(lattice, &Exec::default()).unwrap();
+    let (mut worst, mut squares, mut count) = (0.0_f64, 0.0, 0.0);
+    for i in (0..inside.inside().len()).filter(|&i| inside.inside()[i] != 0) {
+        let index = lattice.grid.index(i);
+        let at = Vector3::from(index.0).map(|c| c as f64);
+        let Some(b) = bones.iter().position(|b| b.region.unwrap().holds(at, Vector3::zeros())) else {
+            continue;
+        };
+        let by = Vector3::from(mapped.displacement.forward.at(index)).map(f64::from);
+        let off = (by - skeleton.displacement(b, at, 1.0)).norm();
+        (worst, count) = (worst.max(off), count + 1.0);
+        squares += off * off;
+    }
+    (worst, f64::sqrt(squares / count))
+}
+
+#[test]
+fn the_map_takes_a_bones_voxels_along_with_it() {
+    let lattice = rod(false);
+    let grid = &lattice.grid;
+    let inside = ivd_octree::inside(&lattice, &Exec::default()).unwrap();
+    let ids: Vec<u16> = inside.inside().iter().map(|i| u16::from(*i)).collect();
+    let labels = Labels::new(grid.clone(), ids.into(), Vec::new()).unwrap();
+    let mut bones = chain(&lattice, [8.0, 8.0]);
+    bones.iter_mut().for_each(|bone| bone.class = Some(1));
+    let solved = with_bones(&lattice, Some(&labels), &[], &[], &bones, &statics(), &Exec::default()).unwrap();
+    let skeleton =
+        Skeleton::new(&lattice, Some(&labels), &bones, &[], &vec![false; lattice.keys.len()]).unwrap();
+    let inner = &solved.motion.inner;
+    assert!(inner.places.len() > 500 && inner.frames.len() == 1);
+    let with = off(&lattice, &skeleton, &solved.motion, &bones);
+    let blind = ivd_core::Motion { inner: ivd_core::Inner::default(), ..solved.motion.clone() };
+    let without = off(&lattice, &skeleton, &blind, &bones);
+    println!("off by {with:?} mm, without inner points {without:?}");
+    assert!(with.1 < 0.5 * without.1 && with.0 < 0.15, "{with:?}, without inner points {without:?}");
 }

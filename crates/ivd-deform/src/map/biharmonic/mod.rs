@@ -20,6 +20,8 @@
 //!   and a part of the stretch, which doesn't shrink space as a mean of places would. `Motion::reach` alone decides where:
 //!   a lattice that leaves its balls is followed there as far as the window lets it.
 //!
+//! Inner points of rigid parts ([`Motion::inner`]) count as vertices do: a bone's voxels go with its surface.
+//!
 //! # No folds
 //!
 //! Least second derivatives are no guard against folds: a wide push folds where its height is about twice its width. Where
@@ -51,7 +53,7 @@ mod nodes;
 mod step;
 mod system;
 
-use ivd_core::{Exec, FieldBricks, Frame, Lattice, Mask, Motion};
+use ivd_core::{Exec, FieldBricks, Frame, Inner, Lattice, Mask, Motion};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -84,7 +86,7 @@ const LAYER: usize = 2;
 /// A lattice, ready to be mapped frame by frame; keeps the last frame's equations and nodes.
 pub struct Biharmonic<'a> {
     lattice: &'a Lattice,
-    /// Vertices (voxels), and relative to the grid's origin (mm).
+    /// Vertices, then inner points of rigid parts (voxels), and relative to the grid's origin (mm).
     voxels: Vec<Vector3<f64>>,
     positions: Vec<Vector3<f64>>,
     inside: Option<Mask>,
@@ -103,6 +105,8 @@ struct Last {
 struct Job<'a> {
     region: &'a Region,
     frame: &'a Frame,
+    /// Of vertices and inner points (mm).
+    motions: Vec<Vector3<f64>>,
     bricks: &'a [usize],
     settle: Settle<'a>,
     edge: Option<u8>,
@@ -132,6 +136,7 @@ impl<'a> Biharmonic<'a> {
     ) -> Result<Mapped, Error> {
         params.check()?;
         check_inputs(self.lattice, motion)?;
+        let number = frame;
         let frame = frame_of(motion, frame)?;
         check_size(frame)?;
         if (params.outside == Outside::Free) != self.inside.is_some() {
@@ -141,16 +146,17 @@ impl<'a> Biharmonic<'a> {
                 remedy: "prepare the lattice again",
             });
         }
-        exec.run(|| self.map_frame(motion, frame, params, exec))
+        exec.run(|| self.map_frame(motion, (frame, number), params, exec))
     }
 
     fn map_frame(
         &mut self,
         motion: &Motion,
-        frame: &Frame,
+        (frame, number): (&Frame, usize),
         params: &MapParams,
         exec: &Exec,
     ) -> Result<Mapped, Error> {
+        self.take_inner(&motion.inner);
         let grid = &self.lattice.grid;
         let region = Region::new(motion, frame, &self.positions, params);
         let bricks = moving_bricks(grid, &region, frame, exec)?;
@@ -163,10 +169,28 @@ impl<'a> Biharmonic<'a> {
         let last = self.equations(&region, params.cell, exec)?;
         let inside = self.inside.take();
         let settle = Settle { lattice: self.lattice, alone: inside.as_ref(), region: &region, frame, params };
-        let job = Job { region: &region, frame, bricks: &bricks, settle, edge: params.cell };
+        let inner = motion.inner.frames.get(number).into_iter().flatten();
+        let motions = frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
+        let job = Job { region: &region, frame, motions, bricks: &bricks, settle, edge: params.cell };
         let mapped = self.follow(&job, last, exec);
         self.inside = inside;
         mapped
+    }
+
+    /// Takes in the inner points of a motion; where they are others than the last one's, the equations are others, too.
+    fn take_inner(&mut self, inner: &Inner) {
+        let known = self.lattice.keys.len();
+        let same = inner.places.len() == self.voxels.len() - known
+            && inner.places.iter().zip(&self.voxels[known..]).all(|(a, b)| *a == <[f64; 3]>::from(*b));
+        if same {
+            return;
+        }
+        let linear = self.lattice.grid.linear_part();
+        self.voxels.truncate(known);
+        self.positions.truncate(known);
+        self.voxels.extend(inner.places.iter().map(|at| Vector3::from(*at)));
+        self.positions.extend(inner.places.iter().map(|at| linear * Vector3::from(*at)));
+        self.last = None;
     }
 
     /// The equations of a region: the last ones where they are the same, else new ones that start from the last nodes.
@@ -191,9 +215,9 @@ impl<'a> Biharmonic<'a> {
 
     fn follow(&mut self, job: &Job<'_>, mut last: Last, exec: &Exec) -> Result<Mapped, Error> {
         let grid = &self.lattice.grid;
-        let motions: Vec<Vector3<f64>> = job.frame.displacement.iter().map(|d| Vector3::from(*d)).collect();
+        let motions = &job.motions;
         let start = std::mem::take(&mut last.nodes);
-        let whole = Step::solve(&last.system, job.region, &self.positions, &motions, Some(start), TOLERANCE);
+        let whole = Step::solve(&last.system, job.region, &self.positions, motions, Some(start), TOLERANCE);
         let bricks = whole.field(grid, &last.system, job.region).sample(None, job.bricks, exec)?;
         let field = cut(all_bricks(grid, job.bricks, bricks)?, job.settle.alone)?;
         let mut solved =
