@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::body::Body;
 use super::params::Params;
 use crate::Error;
-use crate::rigid::Skeleton;
+use crate::rigid::{Rig, Skeleton};
 use crate::spring::{Action, Handle};
 
 /// Force of 1 mN (µN).
@@ -27,7 +27,7 @@ pub(super) struct Drives {
 /// The vertices of the body that bones carry.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Carried {
-    skeleton: Skeleton,
+    rig: Rig,
     /// Vertex, its bone, and where it is at rest (mm).
     vertices: Vec<(usize, usize, Vector3<f64>)>,
 }
@@ -36,12 +36,12 @@ impl Carried {
     fn new(body: &Body, skeleton: &Skeleton) -> Self {
         let bone = |v: usize| skeleton.holder(body.vertices[v] as usize).expect("a bone carries it");
         let vertices = body.carried.iter().map(|&v| (v, bone(v), body.rest[v].into())).collect();
-        Self { skeleton: skeleton.clone(), vertices }
+        Self { rig: skeleton.rig(), vertices }
     }
 
     /// Where they are when handles have reached a fraction of their motion: displacements (mm).
     pub(super) fn at(&self, reached: f64) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
-        let poses = (!self.vertices.is_empty()).then(|| self.skeleton.poses(reached));
+        let poses = (!self.vertices.is_empty()).then(|| self.rig.poses(reached));
         self.vertices.iter().filter_map(move |&(v, bone, rest)| {
             Some((v, poses.as_ref()?.displacement(bone, rest).map(|c| c + 0.0).into()))
         })

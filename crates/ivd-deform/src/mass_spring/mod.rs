@@ -215,7 +215,8 @@ impl<'a> Prepared<'a> {
             let body = Body::new(lattice, labels, &rest, &region, params)?;
             let fixed = region.fixed;
             // Kept by the solver, and as the motion of all vertices.
-            let frames = 24 * params.frames as u64 * (rest.len() + body.loose) as u64;
+            let vectors = rest.len() + body.loose + skeleton.inner().len();
+            let frames = 24 * params.frames as u64 * vectors as u64;
             exec.check_memory("the frames of the motion", frames)?;
             let kept = projective::Kept::default();
             Ok(Self { lattice, rest, fixed, skeleton, body, params: params.clone(), kept })

@@ -36,5 +36,6 @@ mod tests;
 mod turn;
 
 pub use part::{Drive, Part, Region};
+pub(crate) use skeleton::Rig;
 pub use skeleton::{Bone, Moved, Skeleton};
 pub use turn::Turn;

@@ -66,6 +66,20 @@ pub struct Skeleton {
     origin: Vector3<f64>,
 }
 
+/// The bones' motions, without what they hold.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Rig {
+    turns: Vec<Turn>,
+    parents: Vec<Option<usize>>,
+}
+
+impl Rig {
+    /// Where the bones are after the part `s` (0 … 1) of the way.
+    pub(crate) fn poses(&self, s: f64) -> Poses {
+        Poses { poses: self.turns.iter().map(|turn| turn.after(s)).collect(), parents: self.parents.clone() }
+    }
+}
+
 /// Where the bones are.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Poses {
@@ -219,12 +233,16 @@ impl Skeleton {
         self.poses(s).displacement(bone, point - self.origin)
     }
 
-    /// Where the bones are after a part of the way.
-    pub(crate) fn poses(&self, s: f64) -> Poses {
-        Poses {
-            poses: self.bones.iter().map(|bone| bone.turn.after(s)).collect(),
+    /// The bones' motions.
+    pub(crate) fn rig(&self) -> Rig {
+        Rig {
+            turns: self.bones.iter().map(|bone| bone.turn).collect(),
             parents: self.bones.iter().map(|bone| bone.parent).collect(),
         }
+    }
+
+    fn poses(&self, s: f64) -> Poses {
+        self.rig().poses(s)
     }
 
     /// Balls round the bones that move, relative to the grid's origin: centres and radii (mm).

@@ -503,7 +503,7 @@ fn threads_do_not_change_a_byte() {
     }
 }
 
-/// The largest distance (mm) of the voxels inside a lattice from where the bone that holds them takes them.
+/// The distance (mm) of the voxels inside a lattice from where the bone that holds them takes them: largest, root mean square.
 fn off(lattice: &Lattice, skeleton: &Skeleton, motion: &ivd_core::Motion, bones: &[Part]) -> (f64, f64) {
     let params = MapParams { method: MapMethod::Biharmonic, ..MapParams::default() };
     let mapped = map::biharmonic(lattice, motion, 0, &params, &Exec::default()).unwrap();
@@ -541,6 +541,6 @@ fn the_map_takes_a_bones_voxels_along_with_it() {
     let with = off(&lattice, &skeleton, &solved.motion, &bones);
     let blind = ivd_core::Motion { inner: ivd_core::Inner::default(), ..solved.motion.clone() };
     let without = off(&lattice, &skeleton, &blind, &bones);
-    println!("off by {with:?} mm, without inner points {without:?}");
-    assert!(with.1 < 0.5 * without.1 && with.0 < 0.15, "{with:?}, without inner points {without:?}");
+    assert!(with.0 < 0.15 && with.0 < without.0, "{with:?}, without inner points {without:?}");
+    assert!(with.1 < 0.7 * without.1, "{with:?}, without inner points {without:?}");
 }
