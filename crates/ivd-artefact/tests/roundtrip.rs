@@ -55,6 +55,23 @@ fn a_lattice_keeps_its_coarser_levels() {
 }
 
 #[test]
+fn a_motion_keeps_the_inner_points_of_its_rigid_parts_and_is_refused_where_they_do_not_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("motion");
+    let Artefact::Motion(mut motion) = sample(Kind::Motion) else { unreachable!("a motion was asked for") };
+    motion.inner.places = vec![[0.5, 1.0, 2.0], [3.0, 0.0, -1.0]];
+    motion.inner.frames = vec![vec![[0.1, -0.0, 1e-300]; 2]; motion.frames.len()];
+    let value = Artefact::Motion(motion.clone());
+    write(&path, &value, &provenance()).unwrap();
+    assert!(same(&read(&path).unwrap().artefact, &value));
+    motion.inner.frames[0].pop();
+    let error = write(&path, &Artefact::Motion(motion.clone()), &provenance()).unwrap_err().to_string();
+    assert!(error.contains("inner"), "{error}");
+    motion.inner.frames.clear();
+    assert!(motion.check().is_err());
+}
+
+#[test]
 fn every_kind_comes_back_bit_for_bit_with_its_provenance() {
     let folder = tempfile::tempdir().unwrap();
     for kind in Kind::ALL {

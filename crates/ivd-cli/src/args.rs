@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::builder::TypedValueParser as _;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use ivd_pipeline::scene::{
-    ClassChoice, FixSection, HandleSection, IsoChoice, Override, ShapeSection, triple,
+    ClassChoice, FixSection, HandleSection, IsoChoice, Override, RigidSection, ShapeSection, triple,
 };
 
 use crate::parse;
@@ -117,7 +117,7 @@ pub(crate) enum Command {
     },
     /// A generated volume with its label truth.
     Phantom {
-        /// head, sphere, torus, gyroid, spheres, shell or bars.
+        /// head, sphere, torus, gyroid, spheres, shell, bars or neck.
         name: String,
         /// Voxels along its edge.
         #[arg(long, default_value_t = 128)]
@@ -249,15 +249,21 @@ pub(crate) enum Command {
     Deform {
         /// Lattice artefact.
         lattice: PathBuf,
-        /// Labels (artefact), for material by class (`[material.<class>]` in --params); not with ring.
+        /// Labels (artefact), for material (`[material.<class>]` in --params) and bones by class; not with ring.
         #[arg(long)]
         labels: Option<PathBuf>,
         /// 'pick=x,y,z;move=dx,dy,dz;radius=r' (mm), or vertex=N, or force=x,y,z (mN).
-        #[arg(long, required_unless_present = "shape")]
+        #[arg(long, required_unless_present_any = ["rigid", "shape"])]
         handle: Vec<HandleSection>,
         /// 'pick=x,y,z;radius=r': vertices that stay.
         #[arg(long)]
         fix: Vec<FixSection>,
+        /// 'centre=x,y,z;radius=r;reach=r;…': a bone, which moves as one; not with ring. It holds the vertices in a ball, a capsule
+        /// (from=x,y,z;to=x,y,z;radius=r) or a box (low=x,y,z;high=x,y,z), beside voxels of class=N, or both. It turns by
+        /// angle=… (degrees) about pivot=x,y,z and axis=x,y,z, goes by move=x,y,z (mm), or goes with the handles on it: fit=true.
+        /// name=… and parent=…: the parent carries it, and their pivot is a joint.
+        #[arg(long)]
+        rigid: Vec<RigidSection>,
         /// 'kind=…;centre=x,y,z;radius=r;…': a change of shape, after what the solver does. Kinds and what they need: translate by=x,y,z
         /// (mm); rotate angle=… (degrees); scale along=…;across=…; stretch, squeeze factor=…; twist, taper rate=…; bend
         /// rate=…;spine=x,y,z. Also axis=x,y,z, core=…, and length=… (mm) where there is a rate.

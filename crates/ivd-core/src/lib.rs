@@ -51,7 +51,7 @@ pub use index_relation::VertexDescription;
 pub use labels::{Class, Labels, NO_DATA};
 pub use lattice::{Coarser, ElementKey, Lattice, LatticeSource, T_MIN};
 pub use mask::Mask;
-pub use motion::{Ball, Frame, Motion};
+pub use motion::{Ball, Frame, Inner, Motion};
 pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode};
 pub use transfer::{TransferEntry, TransferFunction};
 pub use tree::{Linkage, Means, Tree};

@@ -28,6 +28,15 @@ pub struct Frame {
     pub displacement: Vec<[f64; 3]>,
 }
 
+/// Points inside rigid parts of a lattice, which go with them and tell a map what the surface alone doesn't.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Inner {
+    /// Places at rest (voxel coordinates), shape `[n, 3]`.
+    pub places: Vec<[f64; 3]>,
+    /// Displacement of each (mm), RAS, a list for every frame of the motion; none where there are no places.
+    pub frames: Vec<Vec<[f64; 3]>>,
+}
+
 /// How a lattice moves: one or many frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
@@ -39,6 +48,8 @@ pub struct Motion {
     pub frames: Vec<Frame>,
     /// Balls round the handles beyond which no vertex moves (rest space).
     pub reach: Vec<Ball>,
+    /// Points inside rigid parts; none for most.
+    pub inner: Inner,
 }
 
 impl Motion {
@@ -65,7 +76,20 @@ impl Motion {
                 });
             }
         }
-        Ok(())
+        let Inner { places, frames } = &self.inner;
+        let expected = if places.is_empty() { 0 } else { self.frames.len() };
+        let fits = frames.len() == expected && frames.iter().all(|frame| frame.len() == places.len());
+        let finite = |vectors: &[[f64; 3]]| vectors.iter().flatten().all(|c| c.is_finite());
+        if fits && finite(places) && frames.iter().all(|frame| finite(frame)) {
+            return Ok(());
+        }
+        Err(Error::Inconsistent {
+            what: "motion",
+            problem: format!(
+                "its {} inner points don't have a finite place and displacement in every frame",
+                places.len()
+            ),
+        })
     }
 
     /// Largest displacement of any frame (mm).

@@ -1,6 +1,7 @@
-//! `motion`: a section `displacement/00000`, … of shape `[vertices, 3]` a frame; times and reach as JSON.
+//! `motion`: a section `displacement/00000`, … of shape `[vertices, 3]` a frame; times and reach as JSON. Where there are inner points:
+//! a section `inner` of their places, and one `inner/00000`, … a frame, of shape `[inner, 3]`.
 
-use ivd_core::{Ball, Buffer, Frame, Motion};
+use ivd_core::{Ball, Buffer, Frame, Inner, Motion};
 use serde::{Deserialize, Serialize};
 
 use super::real::GridContent;
@@ -14,6 +15,14 @@ struct Content {
     vertex_count: usize,
     times: Vec<f64>,
     reach: Vec<BallContent>,
+    /// Number of inner points; left out where there is none.
+    #[serde(default, skip_serializing_if = "is_none")]
+    inner: usize,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_none(count: &usize) -> bool {
+    *count == 0
 }
 
 #[derive(Serialize, Deserialize)]
@@ -25,6 +34,10 @@ struct BallContent {
 
 fn frame_name(frame: usize) -> String {
     format!("displacement/{frame:05}")
+}
+
+fn inner_name(frame: usize) -> String {
+    format!("inner/{frame:05}")
 }
 
 pub(super) fn encode(motion: &Motion) -> Result<Encoded<'_>, String> {
@@ -40,12 +53,20 @@ pub(super) fn encode(motion: &Motion) -> Result<Encoded<'_>, String> {
         vertex_count: motion.vertex_count,
         times: motion.frames.iter().map(|f| f.time).collect(),
         reach: motion.reach.iter().map(ball).collect(),
+        inner: motion.inner.places.len(),
     };
     let shape = vec![motion.vertex_count as u64, 3];
     let frames = motion.frames.iter().enumerate();
-    let sections = frames
+    let mut sections: Vec<SectionBytes<'_>> = frames
         .map(|(i, frame)| SectionBytes::new(frame_name(i), Element::F64, shape.clone(), &frame.displacement))
         .collect();
+    if content.inner > 0 {
+        let shape = vec![content.inner as u64, 3];
+        sections.push(SectionBytes::new("inner", Element::F64, shape.clone(), &motion.inner.places));
+        for (i, frame) in motion.inner.frames.iter().enumerate() {
+            sections.push(SectionBytes::new(inner_name(i), Element::F64, shape.clone(), frame));
+        }
+    }
     Encoded::new(&content, sections)
 }
 
@@ -57,7 +78,18 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Motion, Problem> {
         let displacement: Buffer<[f64; 3]> = decoder.take(&frame_name(i), Element::F64, &shape)?;
         frames.push(Frame { time, displacement: displacement.into_vec() });
     }
+    let mut inner = Inner::default();
+    if content.inner > 0 {
+        let shape = [content.inner as u64, 3];
+        let places: Buffer<[f64; 3]> = decoder.take("inner", Element::F64, &shape)?;
+        inner.places = places.into_vec();
+        for i in 0..content.times.len() {
+            let frame: Buffer<[f64; 3]> = decoder.take(&inner_name(i), Element::F64, &shape)?;
+            inner.frames.push(frame.into_vec());
+        }
+    }
     let motion = Motion {
+        inner,
         grid: content.grid.grid()?,
         vertex_count: content.vertex_count,
         frames,

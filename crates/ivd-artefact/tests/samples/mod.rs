@@ -131,6 +131,7 @@ fn octree() -> Octree {
 fn motion() -> Motion {
     let frame = |time: f64| Frame { time, displacement: vec![[0.0, -0.0, time], [0.1, 1e-300, -7.5]] };
     Motion {
+        inner: ivd_core::Inner::default(),
         grid: grid([4, 3, 2]),
         vertex_count: 2,
         frames: vec![frame(0.0), frame(0.1)],

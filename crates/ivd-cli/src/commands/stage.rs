@@ -136,6 +136,7 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             labels,
             handle,
             fix,
+            rigid,
             shape,
             solver,
             stiffness,
@@ -151,14 +152,16 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             let mut section: DeformSection = section(params, words.0)?;
             section.handle.extend(handle.iter().cloned());
             section.fix.extend(fix.iter().cloned());
+            section.rigid.extend(rigid.iter().cloned());
             section.shape.extend(shape.iter().cloned());
+            let stage = Deform::from_section(&section)?;
             let mut files = vec![("lattice", Some(lattice.as_path()))];
-            if section.material.is_empty() {
+            if section.material.is_empty() && !stage.knows_classes() {
                 unused_labels(labels.as_deref(), context)?;
             } else {
                 files.push(("labels", labels.as_deref()));
             }
-            Job { stage: Box::new(Deform::from_section(&section)?), files, output: &output.path }
+            Job { stage: Box::new(stage), files, output: &output.path }
         }
         Command::Map { lattice, octree, motion, labels, method, weight, outside, margin, cell, output } => {
             unused_labels(labels.as_deref(), context)?;
@@ -216,7 +219,7 @@ fn unused_labels(labels: Option<&Path>, context: &Context) -> anyhow::Result<()>
             kind.name()
         )));
     }
-    context.say("ivd: note: --labels has no effect: there is no material by class");
+    context.say("ivd: note: --labels has no effect: there is no material and no bone by class");
     Ok(())
 }
 

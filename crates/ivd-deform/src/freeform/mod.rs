@@ -29,7 +29,7 @@ mod shape;
 #[cfg(test)]
 mod tests;
 
-use ivd_core::{Ball, Exec, Frame, Lattice, Motion};
+use ivd_core::{Ball, Exec, Frame, Inner, Lattice, Motion};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -93,7 +93,9 @@ pub fn lattice(
         }
         let balls = shapes.iter().map(|shape| Ball { centre: shape.centre, radius: shape.radius });
         let reach = start.map_or(&[][..], |start| &start.reach).iter().copied().chain(balls).collect();
-        let motion = Motion { grid: lattice.grid.clone(), vertex_count: rest.len(), frames: shaped, reach };
+        let inner = start.map_or_else(Inner::default, |start| inner(lattice, &start.inner, origin, shapes));
+        let motion =
+            Motion { grid: lattice.grid.clone(), vertex_count: rest.len(), frames: shaped, reach, inner };
         let last = motion.frames.last().map_or(&[][..], |frame| &frame.displacement);
         Ok(Shaped {
             vertices_moved: last.iter().filter(|u| **u != [0.0; 3]).count(),
@@ -101,6 +103,19 @@ pub fn lattice(
             motion,
         })
     })
+}
+
+/// Inner points go where the vertices round them go.
+fn inner(lattice: &Lattice, start: &Inner, origin: Vector3<f64>, shapes: &[Shape]) -> Inner {
+    let linear = lattice.grid.linear_part();
+    let frames = start.frames.iter().enumerate().map(|(i, frame)| {
+        let amount = (i + 1) as f64 / start.frames.len() as f64;
+        let of = |(place, by): (&[f64; 3], &[f64; 3])| {
+            displaced(linear * Vector3::from(*place), *by, origin, shapes, amount)
+        };
+        start.places.iter().zip(frame).map(of).collect()
+    });
+    Inner { places: start.places.clone(), frames: frames.collect() }
 }
 
 /// The displacement of a point that was displaced before, after all shapes (mm). What no shape reaches keeps it bit for bit.

@@ -1,4 +1,4 @@
-use ivd_core::{Exec, Frame, Grid, Motion};
+use ivd_core::{Exec, Frame, Grid, Inner, Motion};
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Kind, Shape, lattice};
@@ -172,8 +172,13 @@ fn shapes_go_on_from_a_motion_and_grow_with_its_frames() {
     let (ball, _) = ball_lattice(&grid, |p| 8.0 - (p - at).norm());
     let n = ball.keys.len();
     let frame = |time: f64| Frame { time, displacement: vec![[0.0, 0.0, time]; n] };
-    let start =
-        Motion { grid: grid.clone(), vertex_count: n, frames: vec![frame(1.0), frame(2.0)], reach: vec![] };
+    let start = Motion {
+        grid: grid.clone(),
+        vertex_count: n,
+        frames: vec![frame(1.0), frame(2.0)],
+        reach: vec![],
+        inner: Inner::default(),
+    };
     let push = Shape {
         kind: Kind::Translate { by: [2.0, 0.0, 0.0] },
         centre: at.into(),

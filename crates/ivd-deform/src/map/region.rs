@@ -119,6 +119,7 @@ mod tests {
             let centre = grid.world(VoxelCoord(Vector3::from(voxel))).0.into();
             let frame = Frame { time: 0.0, displacement: vec![[0.5, 0.0, 0.0]] };
             let motion = Motion {
+                inner: ivd_core::Inner::default(),
                 grid: grid.clone(),
                 vertex_count: 1,
                 frames: vec![],
@@ -138,7 +139,13 @@ mod tests {
     fn without_a_ball_the_moved_vertices_span_the_region() {
         let grid = sheared_grid([8, 8, 8]);
         let frame = Frame { time: 0.0, displacement: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
-        let motion = Motion { grid, vertex_count: 3, frames: vec![], reach: vec![] };
+        let motion = Motion {
+            grid,
+            vertex_count: 3,
+            frames: vec![],
+            reach: vec![],
+            inner: ivd_core::Inner::default(),
+        };
         let positions = [Vector3::repeat(100.0), Vector3::zeros(), Vector3::new(2.0, 0.0, 0.0)];
         let region = Region::new(&motion, &frame, &positions, &MapParams::default());
         assert_eq!(region.weight(Vector3::new(2.0, 0.0, 0.0)), 1.0);

@@ -95,6 +95,7 @@ pub(super) fn scene(
     let displacement = lattice.local_positions().into_iter().map(|p| moves(p).into()).collect();
     let origin = Vector3::from(grid.origin());
     let motion = Motion {
+        inner: ivd_core::Inner::default(),
         grid: grid.clone(),
         vertex_count: lattice.keys.len(),
         frames: vec![Frame { time: 0.5, displacement }],

@@ -34,20 +34,26 @@ pub(super) struct Body {
     pub(super) law: Law,
     /// The springs that lead out of the handles' reach.
     pub(super) leading_out: Vec<Spring>,
+    /// The vertices that bones carry, ascending; they come after the loose ones.
+    pub(super) carried: Vec<usize>,
+    /// The springs that tie loose vertices to them.
+    pub(super) to_bones: Vec<Spring>,
 }
 
 /// Which vertices may move, by the lattice's numbers.
 pub(super) struct Region<'a> {
     /// Within a handle's ball, or its target.
     pub(super) near: Vec<bool>,
-    /// Never moves.
+    /// Isn't moved by any spring: it stays, or a bone holds it.
     pub(super) fixed: Vec<bool>,
-    /// Where motion starts from.
+    /// Is carried by a bone that moves; fixed, too.
+    pub(super) carried: Vec<bool>,
+    /// Where motion starts from, beside what is carried.
     pub(super) targets: &'a [usize],
 }
 
 impl Body {
-    /// The vertices that springs connect to a target within the reach, without passing a fixed vertex.
+    /// The vertices that springs connect to a target or a bone that moves within the reach, without passing a fixed vertex.
     pub(super) fn new(
         lattice: &Lattice,
         labels: Option<&Labels>,
@@ -112,8 +118,11 @@ impl Body {
             .collect();
         let law = Law { push: params.push, limit: params.strain_limit };
         let outside = |v: u32| v as usize >= loose && !region.fixed[vertices[v as usize] as usize];
+        let on_bone = |v: u32| region.carried[vertices[v as usize] as usize];
         let rest: Vec<[f64; 3]> = vertices.iter().map(|&v| rest[v as usize].into()).collect();
         Ok(Self {
+            carried: (loose..vertices.len()).filter(|&v| on_bone(v as u32)).collect(),
+            to_bones: list.iter().filter(|s| s.ends.iter().any(|&v| on_bone(v))).copied().collect(),
             loose,
             mass,
             ground,
@@ -202,6 +211,25 @@ impl Body {
         self.springs.energy(&self.rest, moved) + ground
     }
 
+    /// The springs' force (µN) on every vertex that a bone carries, in their order.
+    pub(super) fn on_bones(&self, moved: &Vectors) -> Vec<[f64; 3]> {
+        let mut force = vec![[0.0; 3]; self.carried.len()];
+        let mut add = |v: usize, pull: Vector3<f64>| {
+            if let Ok(at) = self.carried.binary_search(&v) {
+                for a in 0..3 {
+                    force[at][a] += pull[a];
+                }
+            }
+        };
+        for spring in &self.to_bones {
+            let [i, j] = spring.ends.map(|v| v as usize);
+            let on_first = pull(spring, self.law, &self.rest, moved);
+            add(i, on_first);
+            add(j, -on_first);
+        }
+        force
+    }
+
     /// Sum of the sizes of the forces by which the vertices outside the reach hold the others (µN).
     pub(super) fn held_back(&self, moved: &Vectors) -> f64 {
         let mut force = vec![Vector3::zeros(); self.vertices.len() - self.loose];
@@ -233,7 +261,9 @@ fn numbers(links: &[Link], vertices: usize, region: &Region) -> Vec<u32> {
         next[a as usize] += 1;
     }
     let mut seen = vec![false; vertices];
-    let mut stack: Vec<usize> = region.targets.iter().copied().filter(|&t| may_move(t)).collect();
+    let beside_bones = ends().filter(|[a, _]| region.carried[*a as usize]).map(|[_, b]| b as usize);
+    let mut stack: Vec<usize> =
+        region.targets.iter().copied().chain(beside_bones).filter(|&t| may_move(t)).collect();
     for &t in &stack {
         seen[t] = true;
     }

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use crate::Error;
 
 /// Labels must lie on the lattice's grid.
-pub(super) fn check(lattice: &Lattice, labels: &Labels) -> Result<(), Error> {
+pub(crate) fn check(lattice: &Lattice, labels: &Labels) -> Result<(), Error> {
     if labels.grid() == &lattice.grid {
         return Ok(());
     }
@@ -24,23 +24,36 @@ pub(super) fn check(lattice: &Lattice, labels: &Labels) -> Result<(), Error> {
 /// The label of the voxel just inside the surface at a vertex: of the voxels round it, the one that lies furthest against
 /// the surface's normal `outward` (mm, any length), the first of several. 0 where there is none, or no normal.
 pub(super) fn inside(lattice: &Lattice, labels: &Labels, vertex: usize, outward: Vector3<f64>) -> u16 {
-    let dims = lattice.grid.dims();
     let at = lattice.voxel(vertex).0;
     let linear = lattice.grid.linear_part();
     let mut best = (0.0, 0);
-    for corner in 0..8_usize {
-        let voxel = Vector3::from_fn(|a, _| at[a].floor() + f64::from(u8::from(corner >> a & 1 == 1)));
-        let beside = (0..3).all(|a| (voxel[a] - at[a]).abs() < 1.0);
-        let within = (0..3).all(|a| voxel[a] >= 0.0 && voxel[a] < dims[a] as f64);
-        if !beside || !within {
-            continue;
-        }
+    for (voxel, label) in round(lattice, labels, vertex) {
         let depth = -(linear * (voxel - at)).dot(&outward);
-        let index = VoxelIndex([voxel.x as usize, voxel.y as usize, voxel.z as usize]);
-        let label = labels.ids()[lattice.grid.linear(index)];
         if depth > best.0 && label != 0 {
             best = (depth, label);
         }
     }
     best.1
+}
+
+/// Whether a vertex lies beside a voxel of a class: at an end of its grid edge, a corner of its face or cell.
+pub(crate) fn beside(lattice: &Lattice, labels: &Labels, vertex: usize, class: u16) -> bool {
+    round(lattice, labels, vertex).any(|(_, label)| label == class)
+}
+
+/// The voxels round a vertex, less than one away along every axis, with their labels.
+fn round<'a>(
+    lattice: &'a Lattice,
+    labels: &'a Labels,
+    vertex: usize,
+) -> impl Iterator<Item = (Vector3<f64>, u16)> + 'a {
+    let dims = lattice.grid.dims();
+    let at = lattice.voxel(vertex).0;
+    (0..8_usize).filter_map(move |corner| {
+        let voxel = Vector3::from_fn(|a, _| at[a].floor() + f64::from(u8::from(corner >> a & 1 == 1)));
+        let beside = (0..3).all(|a| (voxel[a] - at[a]).abs() < 1.0);
+        let within = (0..3).all(|a| voxel[a] >= 0.0 && voxel[a] < dims[a] as f64);
+        let index = || VoxelIndex([voxel.x as usize, voxel.y as usize, voxel.z as usize]);
+        (beside && within).then(|| (voxel, labels.ids()[lattice.grid.linear(index())]))
+    })
 }

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::body::Body;
 use super::params::Params;
 use crate::Error;
+use crate::rigid::{Rig, Skeleton};
 use crate::spring::{Action, Handle};
 
 /// Force of 1 mN (µN).
@@ -19,15 +20,42 @@ pub(super) struct Drives {
     pub(super) is_moved: Vec<bool>,
     /// Force in the end on each loose vertex that isn't moved (µN).
     pub(super) force: Vec<[f64; 3]>,
+    /// What bones carry.
+    pub(super) bones: Carried,
+}
+
+/// The vertices of the body that bones carry.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Carried {
+    rig: Rig,
+    /// Vertex, its bone, and where it is at rest (mm).
+    vertices: Vec<(usize, usize, Vector3<f64>)>,
+}
+
+impl Carried {
+    fn new(body: &Body, skeleton: &Skeleton) -> Self {
+        let bone = |v: usize| skeleton.holder(body.vertices[v] as usize).expect("a bone carries it");
+        let vertices = body.carried.iter().map(|&v| (v, bone(v), body.rest[v].into())).collect();
+        Self { rig: skeleton.rig(), vertices }
+    }
+
+    /// Where they are when handles have reached a fraction of their motion: displacements (mm).
+    pub(super) fn at(&self, reached: f64) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
+        let poses = (!self.vertices.is_empty()).then(|| self.rig.poses(reached));
+        self.vertices.iter().filter_map(move |&(v, bone, rest)| {
+            Some((v, poses.as_ref()?.displacement(bone, rest).map(|c| c + 0.0).into()))
+        })
+    }
 }
 
 impl Drives {
-    /// - `targets`: the lattice's vertex of each handle.
+    /// - `targets`: the lattice's vertex of each handle. Those on a bone have done their work in its fit.
     pub(super) fn new(
         body: &Body,
         handles: &[Handle],
         targets: &[usize],
         fixed: &[bool],
+        skeleton: &Skeleton,
         params: &Params,
     ) -> Result<Self, Error> {
         let own = targets.iter().zip(handles).map(|(&t, handle)| match body.loose_vertex(t) {
@@ -90,13 +118,17 @@ impl Drives {
         for &(v, ..) in &moved {
             force[v] = [0.0; 3];
         }
-        Ok(Self { is_moved: mover.iter().map(Option::is_some).collect(), moved, force })
+        let bones = Carried::new(body, skeleton);
+        Ok(Self { is_moved: mover.iter().map(Option::is_some).collect(), moved, force, bones })
     }
 
-    /// Takes the moved vertices to where they are when handles have reached a fraction of their motion.
+    /// Takes the moved and the carried vertices to where they are when handles have reached a fraction of their motion.
     pub(super) fn place(&self, displacement: &mut [[f64; 3]], reached: f64) {
         for &(v, by, _) in &self.moved {
             displacement[v] = by.map(|c| c * reached);
+        }
+        for (v, by) in self.bones.at(reached) {
+            displacement[v] = by;
         }
     }
 }

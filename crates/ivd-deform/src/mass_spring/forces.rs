@@ -153,7 +153,7 @@ pub(super) struct Springs {
 pub(super) type Vectors = [[f64; 3]];
 
 impl Springs {
-    /// Springs that act on the first `vertices` vertices; those beyond never move.
+    /// Springs that act on the first `vertices` vertices; those beyond hold them.
     ///
     /// - `rest`: rest positions (mm).
     pub(super) fn new(springs: &[Spring], rest: &Vectors, vertices: usize, law: Law) -> Self {

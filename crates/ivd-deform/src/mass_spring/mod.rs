@@ -17,7 +17,7 @@
 //! stands for Provot's correction of positions and has an energy. Drag takes `γ` of every velocity a second; ground springs
 //! tie vertices to their places. Momentum is kept where there is neither, and nothing is held.
 //!
-//! **Reach.** Only vertices that springs connect to a handle's target inside some handle's ball are loose. The others stay,
+//! **Reach.** Only vertices that springs connect to a handle's target, or a bone that moves, inside some ball of theirs are loose. The others stay,
 //! exactly, and hold them: [`Solved::truncation`] says with how much force.
 //!
 //! **Solvers.** [`Solver::Dynamics`] steps through time. What it gives after the duration need not rest; `residual` says how
@@ -26,10 +26,12 @@
 //! the relative gradient asked for, or after the most iterations: `residual` says where. A balance need not be the only one:
 //! springs that push can buckle.
 //!
+//! **Bones** ([`crate::rigid`]) hold their vertices at places that move rigidly. [`with_bones`] takes them.
+//!
 //! [`Prepared`] keeps what handles don't change while they move.
 
 mod body;
-mod classes;
+pub(crate) mod classes;
 mod drives;
 mod dynamics;
 mod factor;
@@ -44,10 +46,11 @@ mod xpbd;
 
 use std::ops::Deref;
 
-use ivd_core::{Ball, Exec, Frame, Labels, Lattice, Motion};
+use ivd_core::{Ball, Exec, Frame, Inner, Labels, Lattice, Motion};
 use nalgebra::Vector3;
 
 use crate::Error;
+use crate::rigid::{Moved, Part, Skeleton};
 use crate::spring::{Action, Fix, Handle, check_targets, resolve};
 use body::{Body, Region};
 use drives::{Drives, MILLINEWTON};
@@ -62,12 +65,15 @@ const FAR: f64 = 10.0;
 /// A solved deformation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solved {
-    /// As many frames as asked for, the last at the end of the duration; one ball of reach for every handle.
+    /// As many frames as asked for, the last at the end of the duration; one ball of reach for every handle and for every
+    /// bone that moves.
     pub motion: Motion,
     /// Vertices whose displacement isn't 0 in the last frame.
     pub vertices_moved: usize,
     /// Vertices that may move.
     pub vertices_loose: usize,
+    /// What bones have done, as they were declared.
+    pub bones: Vec<Moved>,
     /// Springs with such an end.
     pub springs: usize,
     /// Time steps made; frames, where time doesn't pass.
@@ -85,11 +91,12 @@ pub struct Solved {
     pub energy_last: f64,
     /// Largest displacement of any frame (mm).
     pub max_displacement_mm: f64,
-    /// Force of each handle at the end (mN): what it pulls with, or what it takes to hold its vertices where they are.
+    /// Force of each handle at the end (mN): what it pulls with, or what it takes to hold its vertices where they are. 0 of
+    /// one on a bone: see there.
     pub handle_forces_mn: Vec<[f64; 3]>,
     /// Sum of the sizes of the forces by which vertices outside the reach hold the others (mN).
     pub truncation_mn: f64,
-    /// The same over the sum of the sizes of the handles' forces; 0 where those are 0. Far less than 1 says that the radius
+    /// The same over the sum of the sizes of the handles' and the bones' forces; 0 where those are 0. Far less than 1 says that the radius
     /// is large enough; without ground springs or fixed vertices nothing else can hold against a pull, and it is at least 1.
     pub truncation: f64,
 }
@@ -112,7 +119,26 @@ pub fn solve(
     params: &Params,
     exec: &Exec,
 ) -> Result<Solved, Error> {
-    Prepared::new(lattice, labels, handles, fixed, params, exec)?.update(handles, exec)
+    with_bones(lattice, labels, handles, fixed, &[], params, exec)
+}
+
+/// The same with bones: their vertices go where their rigid motions take them, to the bit, and springs to them pull the others
+/// after them. Where there are bones, there need be no handle.
+///
+/// - `bones`: a handle on one of them is where it should go, and nothing else.
+///
+/// # Errors
+/// As [`solve`] and [`Skeleton::new`].
+pub fn with_bones(
+    lattice: &Lattice,
+    labels: Option<&Labels>,
+    handles: &[Handle],
+    fixed: &[Fix],
+    bones: &[Part],
+    params: &Params,
+    exec: &Exec,
+) -> Result<Solved, Error> {
+    Prepared::with_bones(lattice, labels, handles, fixed, bones, params, exec)?.update(handles, exec)
 }
 
 /// A body that is ready to be moved.
@@ -122,6 +148,7 @@ pub struct Prepared<L> {
     /// Rest positions (mm), relative to the grid's origin.
     rest: Vec<Vector3<f64>>,
     fixed: Vec<bool>,
+    skeleton: Skeleton,
     body: Body,
     params: Params,
     kept: projective::Kept,
@@ -140,29 +167,61 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         params: &Params,
         exec: &Exec,
     ) -> Result<Self, Error> {
+        Self::with_bones(lattice, labels, handles, fixed, &[], params, exec)
+    }
+
+    /// The body that handles and bones reach. [`Prepared::update`] may move handles on a bone elsewhere, too.
+    ///
+    /// # Errors
+    /// As [`with_bones`].
+    pub fn with_bones(
+        lattice: L,
+        labels: Option<&Labels>,
+        handles: &[Handle],
+        fixed: &[Fix],
+        bones: &[Part],
+        params: &Params,
+        exec: &Exec,
+    ) -> Result<Self, Error> {
         params.check()?;
         handles.iter().try_for_each(Handle::check)?;
         fixed.iter().try_for_each(Fix::check)?;
         lattice.check()?;
         exec.run(|| {
             let rest = lattice.local_positions();
-            let targets = find_targets(&lattice, &rest, handles)?;
-            let within = |at: Vector3<f64>| {
-                targets.iter().zip(handles).any(|(&t, h)| (at - rest[t]).norm() < h.radius)
-            };
-            let mut near: Vec<bool> = rest.iter().map(|at| within(*at)).collect();
+            let targets = find_targets(&lattice, &rest, handles, bones.is_empty())?;
+            let mut fixed = still(&lattice, &rest, fixed)?;
+            let mut skeleton = Skeleton::at_rest(&lattice, labels, &rest, bones)?;
+            skeleton.drive(&rest, &aimed(handles, &targets))?;
+            skeleton.check_free(&fixed)?;
+            let balls: Vec<(Vector3<f64>, f64)> = targets
+                .iter()
+                .zip(handles)
+                .map(|(&t, h)| (rest[t], h.radius))
+                .chain(skeleton.balls())
+                .collect();
+            let within =
+                |at: &Vector3<f64>| balls.iter().any(|(centre, radius)| (at - centre).norm() < *radius);
+            let mut near: Vec<bool> = rest.iter().map(within).collect();
             for &t in &targets {
                 near[t] = true;
             }
-            let still = still(&lattice, &rest, fixed)?;
+            let mut carried = vec![false; rest.len()];
+            for (b, bone) in skeleton.bones().iter().enumerate() {
+                for v in bone.vertices.iter().map(|&v| v as usize) {
+                    (fixed[v], carried[v], near[v]) = (true, skeleton.moves(b), near[v] || skeleton.moves(b));
+                }
+            }
             exec.check_cancelled()?;
-            let region = Region { near, fixed: still, targets: &targets };
+            let region = Region { near, fixed, carried, targets: &targets };
             let body = Body::new(&lattice, labels, &rest, &region, params)?;
             let fixed = region.fixed;
             // Kept by the solver, and as the motion of all vertices.
-            let frames = 24 * params.frames as u64 * (rest.len() + body.loose) as u64;
+            let vectors = rest.len() + body.loose + skeleton.inner().len();
+            let frames = 24 * params.frames as u64 * vectors as u64;
             exec.check_memory("the frames of the motion", frames)?;
-            Ok(Self { lattice, rest, fixed, body, params: params.clone(), kept: projective::Kept::default() })
+            let kept = projective::Kept::default();
+            Ok(Self { lattice, rest, fixed, skeleton, body, params: params.clone(), kept })
         })
     }
 
@@ -173,8 +232,11 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
     pub fn update(&mut self, handles: &[Handle], exec: &Exec) -> Result<Solved, Error> {
         handles.iter().try_for_each(Handle::check)?;
         exec.run(|| {
-            let targets = find_targets(&self.lattice, &self.rest, handles)?;
-            let drives = Drives::new(&self.body, handles, &targets, &self.fixed, &self.params)?;
+            let boneless = self.skeleton.bones().is_empty();
+            let targets = find_targets(&self.lattice, &self.rest, handles, boneless)?;
+            self.skeleton.drive(&self.rest, &aimed(handles, &targets))?;
+            let drives =
+                Drives::new(&self.body, handles, &targets, &self.fixed, &self.skeleton, &self.params)?;
             let outcome = match self.params.solver {
                 Solver::Dynamics => dynamics::run(&self.body, &drives, &self.params, exec)?,
                 Solver::Projective => {
@@ -214,14 +276,19 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
                 _ => [0.0; 3],
             })
             .collect();
-        let balance = Balance::new(body, drives, last, self.params.reached(self.params.duration), &pulls);
+        let reached = self.params.reached(self.params.duration);
+        let balance = Balance::new(body, drives, last, reached, &pulls);
         let truncation = body.held_back(last);
-        let put_in: f64 = balance.handles.iter().map(|f| Vector3::from(*f).norm()).sum();
         let motion = self.motion(handles, targets, outcome);
         let displacement = &motion.frames.last().expect("as many as the outcome").displacement;
+        let bones = self.bones(displacement, reached, &balance);
+        let sizes = |forces: &[[f64; 3]]| forces.iter().map(|f| Vector3::from(*f).norm()).sum::<f64>();
+        let forces: Vec<[f64; 3]> = bones.iter().map(|bone| bone.force_mn).collect();
+        let put_in = sizes(&balance.handles) + MILLINEWTON * sizes(&forces);
         Ok(Solved {
             vertices_moved: displacement.iter().filter(|u| **u != [0.0; 3]).count(),
             vertices_loose: body.loose,
+            bones,
             springs: body.list.len(),
             steps: outcome.steps,
             dt: outcome.dt,
@@ -237,6 +304,19 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         })
     }
 
+    /// What the bones have done, with the force that holds each.
+    fn bones(&self, displacement: &[[f64; 3]], reached: f64, balance: &Balance) -> Vec<Moved> {
+        let mut bones = self.skeleton.moved(&self.rest, reached, displacement);
+        for (&v, force) in self.body.carried.iter().zip(&balance.bones) {
+            let vertex = self.body.vertices[v] as usize;
+            let bone = self.skeleton.holder(vertex).expect("a bone carries it");
+            for (sum, own) in bones[bone].force_mn.iter_mut().zip(force) {
+                *sum += own / MILLINEWTON;
+            }
+        }
+        bones
+    }
+
     /// The frames, for every vertex of the lattice.
     fn motion(&self, handles: &[Handle], targets: &[usize], outcome: &Outcome) -> Motion {
         let count = outcome.frames.len() as f64;
@@ -246,15 +326,25 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
                 // No negative zeros.
                 displacement[v as usize] = u.map(|c| c + 0.0);
             }
-            Frame { time: self.params.duration * (f64::from(k) / count), displacement }
+            let time = self.params.duration * (f64::from(k) / count);
+            self.skeleton.place(&self.rest, self.params.reached(time), &mut displacement);
+            Frame { time, displacement }
         });
+        let frames: Vec<Frame> = frames.collect();
+        let places = self.skeleton.inner();
+        let linear = self.lattice.grid.linear_part();
+        let reached = |frame: &Frame| self.params.reached(frame.time);
+        let told = frames.iter().filter(|_| !places.is_empty());
+        let inner = told.map(|frame| self.skeleton.inner_displacement(&linear, reached(frame))).collect();
         let reach = targets.iter().zip(handles);
         Motion {
             grid: self.lattice.grid.clone(),
             vertex_count: self.rest.len(),
-            frames: frames.collect(),
+            frames,
+            inner: Inner { places, frames: inner },
             reach: reach
                 .map(|(&t, h)| Ball { centre: self.lattice.world(t).0.into(), radius: h.radius })
+                .chain(self.skeleton.reach())
                 .collect(),
         }
     }
@@ -293,11 +383,23 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
 }
 
 /// The target vertex of each handle.
-fn find_targets(lattice: &Lattice, rest: &[Vector3<f64>], handles: &[Handle]) -> Result<Vec<usize>, Error> {
+fn find_targets(
+    lattice: &Lattice,
+    rest: &[Vector3<f64>],
+    handles: &[Handle],
+    needed: bool,
+) -> Result<Vec<usize>, Error> {
     let targets = handles.iter().map(|handle| resolve("handle", &handle.at, lattice, rest));
     let targets: Vec<usize> = targets.collect::<Result<_, _>>()?;
-    check_targets(handles, &targets)?;
+    if needed || !handles.is_empty() {
+        check_targets(handles, &targets)?;
+    }
     Ok(targets)
+}
+
+/// Handles with their vertices.
+fn aimed(handles: &[Handle], targets: &[usize]) -> Vec<(Handle, usize)> {
+    handles.iter().copied().zip(targets.iter().copied()).collect()
 }
 
 /// For every vertex, whether it is fixed.

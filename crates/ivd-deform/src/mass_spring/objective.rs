@@ -25,7 +25,7 @@ pub(super) struct Objective<'a> {
 
 impl Objective<'_> {
     /// Writes the gradient (µN) at `moved`, 0 at moved vertices; gives its length over that of the forces put in, which
-    /// are those of handles and of inertia.
+    /// are those of handles, of bones and of inertia.
     ///
     /// - `most`: the largest of the forces put in so far; they count as a millionth of it at least, so that a body that
     ///   handles move as it is, against no force, has an end.
@@ -50,6 +50,7 @@ impl Objective<'_> {
                 }
             }
         }
+        put_in.extend(body.on_bones(moved));
         let put_in = norm(&put_in);
         *most = most.max(put_in);
         let size = norm(gradient);
@@ -59,7 +60,7 @@ impl Objective<'_> {
     /// How much it grows (nJ) from `moved` along `way`, to all digits however short the way is.
     pub(super) fn growth(&self, moved: &Vectors, way: &Vectors) -> f64 {
         let body = self.body;
-        // Displacements and ways of the held vertices are 0.
+        // Ways of the held vertices are 0, and no force but springs' acts on them.
         let mut slope = vec![[0.0; 3]; body.loose];
         for v in (0..body.loose).filter(|v| !self.drives.is_moved[*v]) {
             for a in 0..3 {

@@ -25,7 +25,9 @@ pub(super) struct Balance {
     pub(super) unbalanced: f64,
     /// By each handle, in all.
     pub(super) handles: Vec<[f64; 3]>,
-    /// Length of the list of the forces by which handles act on the vertices.
+    /// By which each vertex that a bone carries is held against the springs, in the order of the body's.
+    pub(super) bones: Vec<[f64; 3]>,
+    /// Length of the list of the forces by which handles and bones act on the vertices.
     pub(super) put_in: f64,
 }
 
@@ -46,10 +48,12 @@ impl Balance {
             handles[h] = std::array::from_fn(|a| handles[h][a] - force[v][a]);
         }
         force.iter_mut().zip(&put_in).for_each(|(f, p)| *f = std::array::from_fn(|a| f[a] + p[a]));
-        Self { unbalanced: norm(&force), handles, put_in: norm(&put_in) }
+        let bones: Vec<[f64; 3]> = body.on_bones(moved).into_iter().map(|f| f.map(|c| -c)).collect();
+        put_in.extend_from_slice(&bones);
+        Self { unbalanced: norm(&force), handles, bones, put_in: norm(&put_in) }
     }
 
-    /// The unbalanced force over what handles put in; 0 where both are.
+    /// The unbalanced force over what handles and bones put in; 0 where both are.
     pub(super) fn relative(&self) -> f64 {
         if self.unbalanced == 0.0 { 0.0 } else { self.unbalanced / self.put_in }
     }

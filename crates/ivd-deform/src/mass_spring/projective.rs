@@ -175,15 +175,35 @@ fn add(to: &mut Vectors, what: &Vectors, times: f64) {
     }
 }
 
-/// Moves the moved vertices to where they are when handles have reached a fraction, and the others after them.
-fn follow(moved: &mut Vectors, drives: &Drives, metric: &Metric, reached: f64) {
+/// Moves the moved and the carried vertices to where they are when handles have reached a fraction, and the others after them.
+fn follow(moved: &mut Vectors, body: &Body, drives: &Drives, metric: &Metric, reached: f64) {
     let on: Vec<[f64; 3]> = drives
         .moved
         .iter()
         .map(|&(v, by, _)| std::array::from_fn(|a| by[a] * reached - moved[v][a]))
         .collect();
-    if on.iter().flatten().any(|c| *c != 0.0) {
-        let way = metric.extend(&on, drives.is_moved.len());
+    let mut way = on.iter().flatten().any(|c| *c != 0.0).then(|| metric.extend(&on, drives.is_moved.len()));
+    let mut dragged = vec![[0.0; 3]; moved.len()];
+    for (v, to) in drives.bones.at(reached) {
+        dragged[v] = std::array::from_fn(|a| to[a] - moved[v][a]);
+    }
+    if dragged.iter().flatten().any(|c| *c != 0.0) {
+        // Every spring to a bone pulls as its stiffness in every direction.
+        let mut pull = vec![[0.0; 3]; body.loose];
+        for spring in &body.to_bones {
+            let [i, j] = spring.ends.map(|v| v as usize);
+            let (loose, bone) = if i < body.loose { (i, j) } else { (j, i) };
+            for a in 0..3 {
+                pull[loose][a] += spring.stiffness * dragged[bone][a];
+            }
+        }
+        let with_bones = metric.apply(&pull);
+        match &mut way {
+            Some(way) => add(way, &with_bones, 1.0),
+            None => way = Some(with_bones),
+        }
+    }
+    if let Some(way) = way {
         add(moved, &way, 1.0);
     }
     // To the bit.
@@ -211,7 +231,7 @@ pub(super) fn run(
     let mut worst = 0.0_f64;
     for frame in 1..=params.frames {
         let reached = params.reached(params.duration * (frame as f64 / params.frames as f64));
-        follow(&mut moved, drives, metric, reached);
+        follow(&mut moved, body, drives, metric, reached);
         let objective = Objective { body, drives, reached, inertia: None };
         let (iterations, relative) = descend(&objective, metric, &mut moved, params, exec)?;
         outcome.iterations += iterations;
@@ -252,7 +272,7 @@ fn stepped(
     let metric = metric(body, drives, &mut kept.metric, dt, &inertia);
     step_through(body, drives, params, "projective", exec, |objective, moved| {
         let start = moved.clone();
-        follow(moved, drives, metric, objective.reached);
+        follow(moved, body, drives, metric, objective.reached);
         // Where inertia alone would have them may be nearer.
         let anchor = &objective.inertia.expect("implicit steps have inertia").anchor;
         let mut coasting = vec![[0.0; 3]; moved.len()];

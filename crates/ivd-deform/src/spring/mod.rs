@@ -21,7 +21,7 @@ mod dynamics;
 mod params;
 mod rings;
 
-use ivd_core::{Ball, Exec, Frame, Iteration, Lattice, Motion, ParamError};
+use ivd_core::{Ball, Exec, Frame, Inner, Iteration, Lattice, Motion, ParamError};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -112,6 +112,7 @@ pub fn ring(
             vertex_count: rest.len(),
             frames: vec![Frame { time: params.duration, displacement }],
             reach,
+            inner: Inner::default(),
         };
         Ok(Solved {
             max_displacement_mm: motion.max_displacement(),

@@ -209,6 +209,7 @@ fn motion(lattice: &Lattice) -> ivd_core::Motion {
         Frame { time, displacement }
     };
     ivd_core::Motion {
+        inner: ivd_core::Inner::default(),
         grid: lattice.grid.clone(),
         vertex_count: 4,
         frames: vec![frame(0.1, 1.0), frame(0.4, -2.5)],

@@ -95,10 +95,14 @@ pub(super) fn balls(deform: &DeformSection) -> impl Iterator<Item = (Option<[f64
         (centre, radius, by.map_or(0.1 * radius, |by| Vector3::from(by).norm()))
     };
     let handles = deform.handle.iter().map(move |h| ball(h.pick, h.radius, h.displace));
-    handles.chain(deform.shape.iter().map(move |s| ball(Some(s.centre), s.radius, s.by)))
+    let bones = deform.rigid.iter().map(move |b| {
+        let (centre, radius) = b.ball();
+        ball(centre, radius, b.displace.filter(|_| b.angle.is_none()))
+    });
+    handles.chain(deform.shape.iter().map(move |s| ball(Some(s.centre), s.radius, s.by))).chain(bones)
 }
 
-/// Voxels in the balls that handles and shapes reach, widened by the default margin, as far as the volume goes. A handle that
+/// Voxels in the balls that handles, bones and shapes reach, widened by the default margin, as far as the volume goes. A handle that
 /// names a vertex is taken to lie in the middle.
 fn reach_voxels(deform: &DeformSection, grid: &Grid) -> f64 {
     let dims = grid.dims().map(|n| n as f64);
@@ -117,7 +121,7 @@ fn reach_voxels(deform: &DeformSection, grid: &Grid) -> f64 {
     balls(deform).map(voxels).sum::<f64>().min(grid.len() as f64)
 }
 
-/// Vertices of a lattice nearer to a handle than its radius.
+/// Vertices of a lattice nearer to a handle or a bone than its reach.
 fn reached(deform: &DeformSection, lattice: &Lattice) -> usize {
     let centre = |handle: &HandleSection| match (handle.pick, handle.vertex) {
         (Some(point), _) => lattice.grid.voxel(World(point.into())),
@@ -127,8 +131,12 @@ fn reached(deform: &DeformSection, lattice: &Lattice) -> usize {
         }
     };
     let linear = lattice.grid.linear_part();
+    let bones = deform.rigid.iter().filter_map(|b| {
+        let (centre, radius) = b.ball();
+        Some((linear * lattice.grid.voxel(World(centre?.into())).0, radius))
+    });
     let balls: Vec<(Vector3<f64>, f64)> =
-        deform.handle.iter().map(|h| (linear * centre(h).0, h.radius)).collect();
+        deform.handle.iter().map(|h| (linear * centre(h).0, h.radius)).chain(bones).collect();
     let near = |p: &Vector3<f64>| balls.iter().any(|(c, r)| (p - c).norm() < *r);
     lattice.local_positions().iter().filter(|p| near(p)).count()
 }

@@ -264,7 +264,7 @@ impl Plan {
                 | NodeId::Difference
                     if node.stage.is_none() =>
                 {
-                    "the scene has no handle and no shape"
+                    "the scene has no handle, no bone and no shape"
                 }
                 NodeId::Octree if scene.map.method == MapMethod::Biharmonic => {
                     "the map looks for no nearest lattice point"

@@ -13,7 +13,7 @@ use super::Material;
 use super::chart::{Bars, Line, bars, escape, histogram, number};
 use super::curve::{Curve, curve};
 use super::slices::{class_colour, slices};
-use super::tables::{class_volumes, classes, metric, pairs, stages};
+use super::tables::{bones, class_volumes, classes, metric, pairs, stages};
 use super::tree::dendrogram;
 use crate::export::png_bytes;
 use crate::runner::StageRecord;
@@ -57,6 +57,7 @@ pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material
             &mut page,
             "Deformation",
             &(deformation(find("deform"), map, find("warp"), &material.displacements)
+                + &bones(find("deform"))
                 + &class_volumes(&material.class_volumes)),
         );
     }

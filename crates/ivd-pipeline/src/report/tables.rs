@@ -89,6 +89,36 @@ pub(super) fn stages(records: &[StageRecord]) -> String {
     html + "</table>"
 }
 
+/// What bones have done; nothing where there is none.
+pub(super) fn bones(deform: Option<&StageRecord>) -> String {
+    let list = deform.and_then(|r| r.metrics.get("bones")).and_then(Value::as_array);
+    let Some(list) = list.filter(|list| !list.is_empty()) else { return String::new() };
+    let mut html = String::from(
+        "<table><tr><th>bone</th><th>vertices</th><th>turned by [°]</th><th>about</th><th>its middle went by [mm]</th><th>its handles are left [mm]</th><th>held with [mN]</th></tr>",
+    );
+    for bone in list.iter().take(MOST_CLASSES) {
+        let real = |key: &str| bone.get(key).and_then(Value::as_f64).map_or_else(|| "–".to_owned(), number);
+        let vector = |key: &str| {
+            let parts = bone.get(key).and_then(Value::as_array).into_iter().flatten();
+            parts.filter_map(Value::as_f64).map(number).collect::<Vec<_>>().join(", ")
+        };
+        let _ = write!(
+            html,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            escape(bone.get("name").and_then(Value::as_str).unwrap_or("–")),
+            bone.get("vertices").map_or_else(String::new, Value::to_string),
+            real("angle_deg"),
+            vector("axis"),
+            vector("shift_mm"),
+            real("left_mm"),
+            vector("force_mn"),
+        );
+    }
+    let more = list.len().saturating_sub(MOST_CLASSES);
+    html += "</table>";
+    if more > 0 { html + &format!("<p>and {more} more</p>") } else { html }
+}
+
 /// What the classes gain or lose; nothing where none does.
 pub(super) fn class_volumes(volumes: &[ClassVolume]) -> String {
     if volumes.iter().all(|v| v.change_mm3 == 0.0) {

@@ -16,8 +16,8 @@ pub use sections::{
     CovarianceChoice, DeformSection, DepthWeight, FixSection, HandleSection, InputSection, IsoChoice,
     IsoWord, KernelChoice, LatticeSection, LinkageChoice, MapMethod, MapSection, MaterialSection,
     OctreeSection, OutputSection, Outside, Picture, Projection, RankingChoice, RawSection, RefineMethod,
-    RefineSection, RenderMode, RenderSection, SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver,
-    WarpOrder, WarpSection,
+    RefineSection, RenderMode, RenderSection, RigidSection, SegmentMethod, SegmentSection, ShapeKind,
+    ShapeSection, Solver, WarpOrder, WarpSection,
 };
 pub use written::triple;
 
@@ -97,7 +97,7 @@ impl Scene {
         let still = self.deform.as_ref().is_none_or(DeformSection::is_still);
         if let Some((name, _)) = moved.iter().find(|(_, wanted)| still && *wanted) {
             return Err(format!(
-                "{name} shows a deformation, but there is no [[deform.handle]] or [[deform.shape]]; add one or drop the output"
+                "{name} shows a deformation, but there is no [[deform.handle]], [[deform.rigid]] or [[deform.shape]]; add one or drop the output"
             ));
         }
         for (name, path) in self.output.files() {
@@ -113,6 +113,9 @@ impl Scene {
         }
         for (i, shape) in self.deform.iter().flat_map(|d| &d.shape).enumerate() {
             shape.shape().map_err(|e| format!("deform.shape {i}: {e}"))?;
+        }
+        for (i, bone) in self.deform.iter().flat_map(|d| &d.rigid).enumerate() {
+            bone.part(i).map_err(|e| format!("deform.rigid {i}: {e}"))?;
         }
         Ok(())
     }

@@ -1,8 +1,8 @@
-//! Handles, fixed places and shapes in one line, as a command line gives them.
+//! Handles, fixed places, bones and shapes in one line, as a command line gives them.
 
 use std::str::FromStr;
 
-use super::{FixSection, HandleSection, ShapeSection};
+use super::{FixSection, HandleSection, RigidSection, ShapeSection};
 
 /// Reads `x,y,z`, three finite numbers.
 ///
@@ -96,6 +96,33 @@ impl FromStr for ShapeSection {
     }
 }
 
+impl FromStr for RigidSection {
+    type Err = String;
+
+    /// Reads the keys of a `[[deform.rigid]]` as `key=value`, vectors as `x,y,z`: `name=a;class=4;pivot=x,y,z;angle=6;reach=r`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut keys = toml::Table::new();
+        for (key, value) in fields(text)? {
+            let vector =
+                || triple(value).map(|v| toml::Value::from(v.to_vec())).map_err(|e| format!("{key}: {e}"));
+            let wrong = |e: &dyn std::fmt::Display| format!("{key} `{value}`: {e}");
+            let value = match key {
+                "name" | "parent" => value.into(),
+                "centre" | "from" | "to" | "low" | "high" | "pivot" | "axis" | "move" => vector()?,
+                "class" => value.parse::<u16>().map(|n| i64::from(n).into()).map_err(|e| wrong(&e))?,
+                "fit" => value.parse::<bool>().map(toml::Value::Boolean).map_err(|e| wrong(&e))?,
+                _ => value.parse::<f64>().map(toml::Value::Float).map_err(|e| wrong(&e))?,
+            };
+            if keys.insert(key.to_owned(), value).is_some() {
+                return Err(format!("`{key}` is there twice; give it once"));
+            }
+        }
+        let bone: Self = keys.try_into().map_err(|e: toml::de::Error| e.message().to_owned())?;
+        bone.part(0)?;
+        Ok(bone)
+    }
+}
+
 fn fields(text: &str) -> Result<Vec<(&str, &str)>, String> {
     text.split(';')
         .filter(|part| !part.trim().is_empty())
@@ -128,6 +155,30 @@ mod tests {
         assert_eq!(fix("pick=1,2,3;radius=4"), Ok(FixSection { pick: [1.0, 2.0, 3.0], radius: 4.0 }));
         assert!(fix("pick=1,2,3;radius=0").unwrap_err().contains("positive"));
         assert!(fix("pick=1,2,3;radius=nan").is_err());
+    }
+
+    #[test]
+    fn bones_are_read_as_in_a_scene_or_refused_by_key() {
+        let bone = |text: &str| text.parse::<RigidSection>();
+        let written = bone(
+            "name=C5;parent=C6;low=0,0,40;high=64,64,48;class=4;pivot=32,28,38;axis=1,0,0;angle=-6;reach=30",
+        );
+        let scene = "name = \"C5\"\nparent = \"C6\"\nlow = [0, 0, 40]\nhigh = [64, 64, 48]\nclass = 4\n\
+            pivot = [32, 28, 38]\naxis = [1, 0, 0]\nangle = -6\nreach = 30";
+        assert_eq!(written.unwrap(), toml::from_str(scene).unwrap());
+        assert!(bone("centre=1,2,3;radius=4;fit=true;reach=5").unwrap().fit);
+        for (text, word) in [
+            ("centre=1,2,3;radius=4", "reach"),
+            ("centre=1,2;radius=4;reach=5", "centre"),
+            ("class=bone;reach=5", "class"),
+            ("class=4;fit=yes;reach=5", "fit"),
+            ("class=4;reach=5;reach=6", "twice"),
+            ("class=4;reach=5;colour=6", "colour"),
+            ("class=4;angle=5;reach=5", "pivot"),
+        ] {
+            let error = bone(text).unwrap_err();
+            assert!(error.contains(word), "{text}: {error}");
+        }
     }
 
     #[test]

@@ -2,11 +2,12 @@ use ivd_artefact::{Artefact, Kind};
 use ivd_core::{Exec, Labels, Lattice, Motion};
 use ivd_deform::freeform::{self, Shape};
 use ivd_deform::mass_spring::{self, Course, Material, Params};
+use ivd_deform::rigid::{Moved, Part};
 use ivd_deform::spring::{self, Action, Fix, Handle, HandleAt, RingParams};
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
-use crate::scene::{CourseChoice, DeformSection, HandleSection, ShapeSection, Solver};
+use crate::scene::{CourseChoice, DeformSection, HandleSection, RigidSection, ShapeSection, Solver};
 use crate::{Error, Inputs, Product, Slot, Stage};
 
 /// Moves a lattice.
@@ -16,6 +17,8 @@ pub struct Deform {
     pub handles: Vec<Handle>,
     /// What stays.
     pub fixed: Vec<Fix>,
+    /// What moves as one.
+    pub bones: Vec<Part>,
     /// How.
     pub method: DeformMethod,
     /// Changes of shape, after that.
@@ -35,7 +38,7 @@ impl Deform {
     /// The stage that a scene's section asks for.
     ///
     /// # Errors
-    /// A handle without exactly one place and one action; a shape with a key missing, or out of its domain; a key that the solver doesn't read, a class that is no number.
+    /// A handle without exactly one place and one action; a bone or a shape with a key missing, or out of its domain; a key that the solver doesn't read, a class that is no number.
     pub fn from_section(section: &DeformSection) -> Result<Self, Error> {
         check_keys(section)?;
         let handles = section.handle.iter().map(handle).collect::<Result<_, _>>()?;
@@ -51,7 +54,11 @@ impl Deform {
         let shape =
             |shape: &ShapeSection| shape.shape().map_err(|e| Error::usage("deform", format!("shape: {e}")));
         let shapes = section.shape.iter().map(shape).collect::<Result<_, _>>()?;
-        Ok(Self { handles, fixed, method, shapes })
+        let bone = |(i, bone): (usize, &RigidSection)| {
+            bone.part(i).map_err(|e| Error::usage("deform", format!("rigid {i}: {e}")))
+        };
+        let bones = section.rigid.iter().enumerate().map(bone).collect::<Result<_, _>>()?;
+        Ok(Self { handles, fixed, bones, method, shapes })
     }
 
     fn ring(&self, lattice: &Lattice, params: &RingParams, exec: &Exec) -> Result<(Motion, Value), Error> {
@@ -79,10 +86,11 @@ impl Deform {
         if labels.is_none() && self.knows_classes() {
             return Err(Error::usage(
                 "deform",
-                "material: there are no labels to know classes by".to_owned(),
+                "material, rigid: there are no labels to know classes by; give --labels".to_owned(),
             ));
         }
-        let solved = mass_spring::solve(lattice, labels, &self.handles, &self.fixed, params, exec)
+        let (handles, fixed, bones) = (&self.handles, &self.fixed, &self.bones);
+        let solved = mass_spring::with_bones(lattice, labels, handles, fixed, bones, params, exec)
             .map_err(stage_error!("deform"))?;
         let metrics = json!({
             "vertices_moved": solved.vertices_moved,
@@ -98,15 +106,32 @@ impl Deform {
             "handle_forces_mn": solved.handle_forces_mn,
             "truncation_mn": solved.truncation_mn,
             "truncation": solved.truncation,
+            "bones": solved.bones.iter().map(bone_moved).collect::<Vec<_>>(),
         });
         Ok((solved.motion, metrics))
     }
 
     /// Whether it needs labels.
-    pub(crate) fn knows_classes(&self) -> bool {
+    pub fn knows_classes(&self) -> bool {
         let by_class = matches!(&self.method, DeformMethod::MassSpring(params) if !params.classes.is_empty());
-        by_class && !self.handles.is_empty()
+        let solves = !(self.handles.is_empty() && self.bones.is_empty());
+        (by_class && solves) || self.bones.iter().any(|bone| bone.class.is_some())
     }
+}
+
+/// What a bone has done, for a record.
+fn bone_moved(bone: &Moved) -> Value {
+    json!({
+        "name": bone.name,
+        "vertices": bone.vertices,
+        "axis": bone.axis,
+        "angle_deg": bone.angle,
+        "centre_mm": bone.centre,
+        "shift_mm": bone.shift,
+        "left_mm": bone.left_mm,
+        "strain": bone.strain,
+        "force_mn": bone.force_mn,
+    })
 }
 
 fn ring(section: &DeformSection) -> RingParams {
@@ -167,7 +192,7 @@ fn springs(section: &DeformSection, solver: mass_spring::Solver) -> Result<Param
 fn check_keys(of: &DeformSection) -> Result<(), Error> {
     use Solver::{Dynamics, Projective, Ring, Xpbd};
     const SPRINGS: &[Solver] = &[Dynamics, Projective, Xpbd];
-    let keys: [(&str, bool, &[Solver]); 19] = [
+    let keys: [(&str, bool, &[Solver]); 20] = [
         ("damping", of.damping.is_some(), &[Ring]),
         ("epsilon", of.epsilon.is_some(), &[Ring]),
         ("literal", of.literal, &[Ring]),
@@ -183,6 +208,7 @@ fn check_keys(of: &DeformSection) -> Result<(), Error> {
         ("course", of.course.is_some(), SPRINGS),
         ("frames", of.frames.is_some(), SPRINGS),
         ("material", !of.material.is_empty(), SPRINGS),
+        ("rigid", !of.rigid.is_empty(), SPRINGS),
         ("inertia", of.inertia, &[Projective]),
         ("tolerance", of.tolerance.is_some(), &[Projective, Xpbd]),
         ("max_iterations", of.max_iterations.is_some(), &[Projective, Xpbd]),
@@ -240,6 +266,7 @@ impl Stage for Deform {
             "solver": solver,
             "handles": super::json(&self.handles),
             "fixed": super::json(&self.fixed),
+            "bones": super::json(&self.bones),
             name: method,
             "shapes": super::json(&self.shapes),
         })
@@ -256,7 +283,7 @@ impl Stage for Deform {
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let lattice = inputs.lattice("lattice").expect("checked by the runner");
-        if self.handles.is_empty() && !self.shapes.is_empty() {
+        if self.handles.is_empty() && self.bones.is_empty() && !self.shapes.is_empty() {
             let shaped =
                 freeform::lattice(lattice, None, &self.shapes, exec).map_err(stage_error!("deform"))?;
             let metrics = json!({

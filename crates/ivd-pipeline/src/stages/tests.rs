@@ -75,11 +75,12 @@ fn no_parameter_is_hidden_from_scenes() {
         vertex_mass = 2.0\nepsilon = 0.5\nliteral = true\n[[fix]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0\n\
         [[handle]]\nvertex = 1\nmove = [0.0, 0.0, 1.0]\nradius = 2.0\n\
         [[shape]]\nkind = \"rotate\"\ncentre = [0.0, 0.0, 1.0]\nradius = 2.0\nangle = 3.0";
-    assert_eq!(unmoved(deform, |s| Deform::from_section(s).unwrap()), [".solver"]);
+    let ring = unmoved(deform, |s| Deform::from_section(s).unwrap());
+    assert_eq!(ring, [".bones", ".solver"], "rings know no bones");
     let springs = "stiffness = 1.0\nduration = 1.0\ndt = 0.1\nground = 2.0\ndensity = 2.0\nvertex_mass = 2.0\n\
         youngs_kpa = 9.0\nthickness = 2.0\nshear = 0.1\nflexion = 0.1\npush = false\nstrain_limit = 0.1\ndrag = 1.0\n\
         grip = 1.0\nramp = 0.1\ncourse = \"linear\"\nframes = 7\n\
-        [material.2]\nstiffness = 9.0\n[[fix]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0\n\
+        [material.2]\nstiffness = 9.0\n[[rigid]]\nclass = 2\nmove = [0.0, 0.0, 1.0]\nreach = 1.0\n[[fix]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0\n\
         [[handle]]\nvertex = 1\nmove = [0.0, 0.0, 1.0]\nradius = 2.0\n\
         [[shape]]\nkind = \"rotate\"\ncentre = [0.0, 0.0, 1.0]\nradius = 2.0\nangle = 3.0";
     let solver = |name: &str, own: &str| {
@@ -140,6 +141,8 @@ fn a_key_that_the_solver_does_not_read_is_refused() {
     assert!(error.contains("inertia: xpbd doesn't read it; it belongs to projective"), "{error}");
     let error = said("solver = \"dynamics\"\nepsilon = 0.1").unwrap_err();
     assert!(error.contains("epsilon: dynamics doesn't read it; it belongs to ring"), "{error}");
+    let error = said("[[rigid]]\nclass = 4\nreach = 1.0").unwrap_err();
+    assert!(error.contains("rigid: ring doesn't read it; it belongs to dynamics"), "{error}");
     let error = said("solver = \"dynamics\"\n[material.bone]\nstiffness = 1.0").unwrap_err();
     assert!(error.contains("material.bone"), "{error}");
     assert!(said("ground = 0.5").is_ok() && said("solver = \"dynamics\"\nground = 0.5").is_ok());

@@ -1,7 +1,7 @@
 //! Generated volumes whose every voxel's class is known.
 //!
 //! A phantom is a cube of `size` voxels at 1 mm on the identity grid. Lengths are fractions of the size and centres lie
-//! off the voxel grid, so that no surface passes through a row of voxels by chance. Apart from the head and the bars, the
+//! off the voxel grid, so that no surface passes through a row of voxels by chance. Apart from the head, the neck and the bars, the
 //! scalar is `0.5 - d / 8` clipped to 0…1, with `d` the signed distance (voxels) (negative inside): the surface is the
 //! value 0.5, and the profile across it is linear over 8 voxels. Integer types hold the scalar times their largest value.
 //!
@@ -54,12 +54,22 @@ pub enum Shape {
     Shell,
     /// Bars across x with periods of 16, 12, 8, 6, 5, 4, 3, 2 voxels in eight bands along y; full contrast.
     Bars,
+    /// A neck along z through the whole cube: air, soft tissue with an airway, a spine of five vertebrae with discs between.
+    Neck,
 }
 
 impl Shape {
     /// Every shape, in the order of the documentation.
-    pub const ALL: [Self; 7] =
-        [Self::Head, Self::Sphere, Self::Torus, Self::Gyroid, Self::Spheres, Self::Shell, Self::Bars];
+    pub const ALL: [Self; 8] = [
+        Self::Head,
+        Self::Sphere,
+        Self::Torus,
+        Self::Gyroid,
+        Self::Spheres,
+        Self::Shell,
+        Self::Bars,
+        Self::Neck,
+    ];
 
     /// Name as written on the command line.
     pub fn name(self) -> &'static str {
@@ -71,6 +81,7 @@ impl Shape {
             Self::Spheres => "spheres",
             Self::Shell => "shell",
             Self::Bars => "bars",
+            Self::Neck => "neck",
         }
     }
 }
@@ -146,8 +157,8 @@ impl Params {
 pub struct Phantom {
     /// The voxels: 1 mm, identity direction, origin 0.
     pub volume: Volume,
-    /// The class of each voxel: 0…5 in the head (air, skin/soft, skull, csf, grey, white), else 0 outside and 1 inside
-    /// (noise-free scalar above 0.5). Class 0 is listed: it is the air here, not missing data.
+    /// The class of each voxel: 0…5 in the head (air, skin/soft, skull, csf, grey, white), 0…3 in the neck (air, soft, disc,
+    /// bone), else 0 outside and 1 inside (noise-free scalar above 0.5). Class 0 is listed: it is the air here, not missing data.
     pub truth: Labels,
 }
 

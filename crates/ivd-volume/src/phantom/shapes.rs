@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::Shape;
-use super::truth::HEAD;
+use super::truth::{HEAD, NECK};
 
 /// Offset of a phantom's centre from the middle of its grid (voxels).
 const SHIFT: [f64; 3] = [0.13, -0.21, 0.37];
@@ -17,10 +17,24 @@ const HALF_SHELL: f64 = 0.75;
 const HEAD_AXES: [f64; 3] = [0.36, 0.44, 0.40];
 const VENTRICLE_AXES: [f64; 3] = [0.045, 0.13, 0.07];
 
+/// Semi-axes of the neck across z, its airway's radius and place along y (size).
+const NECK_AXES: [f64; 2] = [0.33, 0.37];
+const AIRWAY: [f64; 2] = [0.055, 0.19];
+/// The spine: its place along y, semi-axes of a vertebra's body and of a disc across z (size).
+const SPINE: f64 = -0.06;
+const BODY_AXES: [f64; 2] = [0.11, 0.085];
+const DISC_AXES: [f64; 2] = [0.10, 0.076];
+/// Vertebrae from the lowest to the highest, half the way from one to the next, and half the height of one (size).
+const VERTEBRAE: f64 = 5.0;
+const HALF_PITCH: f64 = 0.0875;
+const HALF_HEIGHT: f64 = 0.06;
+/// A vertebra's spine points backwards: its radius, and its tip's way from the middle of the body along y (size).
+const PROCESS: [f64; 2] = [0.03, -0.2];
+
 /// Signed distance (voxels) of a voxel coordinate from a shape's surface, negative inside.
 ///
 /// Exact for `sphere`, `torus`, `spheres` and `shell`. For `gyroid` it is `f / |∇f|`, right to first order near the
-/// surface. For `bars` it is the distance along x within the point's band; for `head` a first-order distance from the skin.
+/// surface. For `bars` it is the distance along x within the point's band; for `head` and `neck` a first-order distance from the skin.
 pub fn signed_distance(shape: Shape, point: [f64; 3], size: usize) -> f64 {
     let n = size as f64;
     let q: [f64; 3] = std::array::from_fn(|a| point[a] - centre(n)[a]);
@@ -54,6 +68,12 @@ pub fn signed_distance(shape: Shape, point: [f64; 3], size: usize) -> f64 {
             let r = norm(std::array::from_fn(|a| q[a] / n / HEAD_AXES[a]));
             let slope = norm(std::array::from_fn(|a| q[a] / (n * HEAD_AXES[a] * n * HEAD_AXES[a])));
             if slope > 0.0 { (r - 1.0) * r / slope } else { -HEAD_AXES[0] * n }
+        }
+        Shape::Neck => {
+            let r = norm([q[0] / n / NECK_AXES[0], q[1] / n / NECK_AXES[1], 0.0]);
+            let slope = |a: usize| q[a] / (n * NECK_AXES[a] * n * NECK_AXES[a]);
+            let slope = norm([slope(0), slope(1), 0.0]);
+            if slope > 0.0 { (r - 1.0) * r / slope } else { -NECK_AXES[0] * n }
         }
     }
 }
@@ -92,6 +112,11 @@ impl Sampler {
                 let label = self.head_label(voxel);
                 return (HEAD[label as usize].1, label);
             }
+            Shape::Neck => {
+                let centre = centre(self.size as f64);
+                let label = neck_label(std::array::from_fn(|a| (p[a] - centre[a]) / self.size as f64));
+                return (NECK[label as usize].1, label);
+            }
             Shape::Bars => {
                 let period = bar_period(p[1], self.size as f64);
                 f64::from(u8::from(p[0] % period < period / 2.0))
@@ -127,6 +152,27 @@ impl Sampler {
             () if r < 1.0 => 1,
             () => 0,
         }
+    }
+}
+
+/// Class of a place in the neck, from its centre (size).
+fn neck_label(q: [f64; 3]) -> u16 {
+    let ellipse = |axes: [f64; 2], y: f64| norm([q[0] / axes[0], (q[1] - y) / axes[1], 0.0]) < 1.0;
+    // Heights from the middle of the nearest vertebra.
+    let pitch = 2.0 * HALF_PITCH;
+    let half = (VERTEBRAE - 1.0) / 2.0;
+    let height = q[2] - (q[2] / pitch).round().clamp(-half, half) * pitch;
+    let in_spine = q[2].abs() < half * pitch + HALF_HEIGHT;
+    let process = {
+        let back = (q[1] - SPINE).clamp(PROCESS[1], 0.0);
+        norm([q[0], q[1] - SPINE - back, height]) < PROCESS[0]
+    };
+    match () {
+        () if !ellipse(NECK_AXES, 0.0) => 0,
+        () if norm([q[0], q[1] - AIRWAY[1], 0.0]) < AIRWAY[0] => 0,
+        () if height.abs() < HALF_HEIGHT && (process || ellipse(BODY_AXES, SPINE)) => 3,
+        () if in_spine && ellipse(DISC_AXES, SPINE) => 2,
+        () => 1,
     }
 }
 

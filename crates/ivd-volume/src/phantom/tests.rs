@@ -44,6 +44,31 @@ fn head_holds_six_named_classes_whose_counts_add_up_and_whose_means_are_the_trut
 }
 
 #[test]
+fn a_neck_holds_five_vertebrae_apart_from_each_other_with_discs_between_and_scales_with_its_size() {
+    let mut fractions = Vec::new();
+    for size in [48, 96] {
+        let neck = make(Shape::Neck, size, VoxelType::F32, None);
+        let names: Vec<_> = neck.truth.classes().iter().map(|c| c.name.clone().unwrap()).collect();
+        assert_eq!(names, ["air", "soft", "disc", "bone"]);
+        for (class, mean) in neck.truth.classes().iter().zip([0.02, 0.45, 0.65, 0.95]) {
+            assert!((class.mean - mean).abs() < 1e-7 && class.sd == 0.0, "{class:?}");
+        }
+        // Along the spine's axis: tissue, then bone and disc by turns, then tissue.
+        let label = |z: usize| {
+            let at = [size / 2, (0.44 * size as f64) as usize, z];
+            neck.truth.ids()[neck.truth.grid().linear(ivd_core::VoxelIndex(at))]
+        };
+        let mut met: Vec<u16> = (0..size).map(label).collect();
+        met.dedup();
+        assert_eq!(met, [1, 3, 2, 3, 2, 3, 2, 3, 2, 3, 1]);
+        fractions.push([1, 2, 3].map(|c| neck.truth.class(c).unwrap().voxels as f64 / (size as f64).powi(3)));
+    }
+    for (small, large) in fractions[0].iter().zip(&fractions[1]) {
+        assert!((small / large - 1.0).abs() < 0.1, "{fractions:?}");
+    }
+}
+
+#[test]
 fn threads_do_not_change_a_byte_and_seeds_do() {
     let params = Params { size: 20, ..Params::default() };
     let one = generate(&params, &Exec::default().with_threads(1)).unwrap();
@@ -87,7 +112,7 @@ fn memory_limit_and_cancel_stop_it() {
     assert_eq!(generate(&params, &stopped).unwrap_err(), Error::Cancelled);
 }
 
-/// FNV-1a of the noise-free 8-bit voxels at size 24, from an independent numpy program of the same formulas.
+/// FNV-1a of the noise-free 8-bit voxels at size 24, from independent Python programs of the same formulas.
 #[test]
 fn noise_free_bytes_are_those_of_an_independent_implementation() {
     let golden = [
@@ -98,6 +123,7 @@ fn noise_free_bytes_are_those_of_an_independent_implementation() {
         (Shape::Spheres, 0xa701_02c3_85ed_1a3b),
         (Shape::Shell, 0xd5bf_74f4_274d_3be5),
         (Shape::Bars, 0x9821_f782_e685_d725),
+        (Shape::Neck, 0xc263_a1a6_c019_d094),
     ];
     for (shape, expected) in golden {
         let phantom = make(shape, 24, VoxelType::U8, Some(0.0));

@@ -8,6 +8,9 @@ use super::Shape;
 pub(super) const HEAD: [(&str, f64); 6] =
     [("air", 0.02), ("skin/soft", 0.60), ("skull", 0.10), ("csf", 0.25), ("grey", 0.50), ("white", 0.75)];
 
+/// The same of the neck.
+pub(super) const NECK: [(&str, f64); 4] = [("air", 0.02), ("soft", 0.45), ("disc", 0.65), ("bone", 0.95)];
+
 /// Count, mean and sum of squared deviations of up to six classes (Welford 1962).
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Tally([(u64, f64, f64); HEAD.len()]);
@@ -40,7 +43,12 @@ impl Tally {
 pub(super) fn classes(shape: Shape, slices: &[Tally]) -> Vec<Class> {
     let total = slices.iter().fold(Tally::default(), Tally::join);
     let name = |label: usize| {
-        if shape == Shape::Head { HEAD[label].0 } else { ["outside", "inside"][label] }.to_owned()
+        match shape {
+            Shape::Head => HEAD[label].0,
+            Shape::Neck => NECK[label].0,
+            _ => ["outside", "inside"][label],
+        }
+        .to_owned()
     };
     let occupied = total.0.iter().enumerate().filter(|(_, (count, ..))| *count > 0);
     occupied

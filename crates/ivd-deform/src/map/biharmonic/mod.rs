@@ -20,6 +20,8 @@
 //!   and a part of the stretch, which doesn't shrink space as a mean of places would. `Motion::reach` alone decides where:
 //!   a lattice that leaves its balls is followed there as far as the window lets it.
 //!
+//! Inner points of rigid parts ([`Motion::inner`]) count as vertices do: a bone's voxels go with its surface.
+//!
 //! # No folds
 //!
 //! Least second derivatives are no guard against folds: a wide push folds where its height is about twice its width. Where
@@ -53,7 +55,7 @@ mod system;
 
 use std::ops::Deref;
 
-use ivd_core::{Exec, FieldBricks, Frame, Lattice, Mask, Motion};
+use ivd_core::{Exec, FieldBricks, Frame, Inner, Lattice, Mask, Motion};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -88,7 +90,7 @@ const LAYER: usize = 2;
 /// A lattice, ready to be mapped frame by frame; keeps the last frame's equations and nodes.
 pub struct Biharmonic<L> {
     lattice: L,
-    /// Vertices (voxels), and relative to the grid's origin (mm).
+    /// Vertices, then inner points of rigid parts (voxels), and relative to the grid's origin (mm).
     voxels: Vec<Vector3<f64>>,
     positions: Vec<Vector3<f64>>,
     inside: Option<Mask>,
@@ -107,6 +109,8 @@ struct Last {
 struct Job<'a> {
     region: &'a Region,
     frame: &'a Frame,
+    /// Of vertices and inner points (mm).
+    motions: Vec<Vector3<f64>>,
     bricks: &'a [usize],
     settle: &'a Settle<'a>,
     edge: Option<u8>,
@@ -183,6 +187,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     ) -> Result<T, Error> {
         params.check()?;
         check_inputs(&self.lattice, motion)?;
+        let number = frame;
         let frame = frame_of(motion, frame)?;
         check_size(frame)?;
         if (params.outside == Outside::Free) != self.inside.is_some() {
@@ -193,6 +198,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             });
         }
         exec.run(|| {
+            self.take_inner(&motion.inner);
             let grid = &self.lattice.grid;
             let region = Region::new(motion, frame, &self.positions, params);
             let bricks = moving_bricks(grid, &region, frame, exec)?;
@@ -206,9 +212,12 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let inside = self.inside.take();
             let alone = inside.as_ref();
             let settle = Settle { lattice: &self.lattice, alone, region: &region, frame, params };
-            let job = Job { region: &region, frame, bricks: &bricks, settle: &settle, edge: params.cell };
+            let inner = motion.inner.frames.get(number).into_iter().flatten();
+            let motions = frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
+            let (settle, edge) = (&settle, params.cell);
+            let job = Job { region: &region, frame, motions, bricks: &bricks, settle, edge };
             let followed = self.follow(&job, last, exec);
-            let outcome = followed.and_then(|(made, last)| Ok((settled(&settle, made, exec)?, last)));
+            let outcome = followed.and_then(|(made, last)| Ok((settled(settle, made, exec)?, last)));
             let outcome = outcome.map(|(outcome, last)| {
                 self.last = Some(last);
                 outcome
@@ -216,6 +225,22 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             self.inside = inside;
             outcome
         })
+    }
+
+    /// Takes in the inner points of a motion; where they are others than the last one's, the equations are others, too.
+    fn take_inner(&mut self, inner: &Inner) {
+        let known = self.lattice.keys.len();
+        let same = inner.places.len() == self.voxels.len() - known
+            && inner.places.iter().zip(&self.voxels[known..]).all(|(a, b)| *a == <[f64; 3]>::from(*b));
+        if same {
+            return;
+        }
+        let linear = self.lattice.grid.linear_part();
+        self.voxels.truncate(known);
+        self.positions.truncate(known);
+        self.voxels.extend(inner.places.iter().map(|at| Vector3::from(*at)));
+        self.positions.extend(inner.places.iter().map(|at| linear * Vector3::from(*at)));
+        self.last = None;
     }
 
     /// The equations of a region: the last ones where they are the same, else new ones that start from the last nodes.
@@ -241,9 +266,9 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     /// The field of a frame, and the equations with its nodes.
     fn follow(&self, job: &Job<'_>, mut last: Last, exec: &Exec) -> Result<(Made, Last), Error> {
         let grid = &self.lattice.grid;
-        let motions: Vec<Vector3<f64>> = job.frame.displacement.iter().map(|d| Vector3::from(*d)).collect();
+        let motions = &job.motions;
         let start = std::mem::take(&mut last.nodes);
-        let whole = Step::solve(&last.system, job.region, &self.positions, &motions, Some(start), TOLERANCE);
+        let whole = Step::solve(&last.system, job.region, &self.positions, motions, Some(start), TOLERANCE);
         let bricks = whole.field(grid, &last.system, job.region).sample(None, job.bricks, exec)?;
         let field = cut(all_bricks(grid, job.bricks, bricks)?, job.settle.alone)?;
         let mut solved =

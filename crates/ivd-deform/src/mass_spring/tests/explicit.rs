@@ -1,5 +1,6 @@
 //! Explicit steps: order, energy, momentum, and a plain twin.
 
+use super::drives::Carried;
 use super::dynamics::{Motion, longest_step};
 use super::*;
 
@@ -113,8 +114,12 @@ fn flying(steps: usize) {
     let params = Params { drag: 0.0, flexion: 0.2, ..Params::default() };
     let handle = moved(24, [0.0; 3], 100.0);
     let body = body(&lattice, &[handle], &[], &params);
-    let drives =
-        Drives { moved: Vec::new(), is_moved: vec![false; body.loose], force: vec![[0.0; 3]; body.loose] };
+    let drives = Drives {
+        moved: Vec::new(),
+        is_moved: vec![false; body.loose],
+        force: vec![[0.0; 3]; body.loose],
+        bones: Carried::default(),
+    };
     let dt = longest_step(&body, &drives, 0.0, 1.0);
     let mut motion = Motion::at_rest(&body, &drives, 0.0);
     motion.velocity = noise(body.loose).iter().map(|v| v.map(|c| 100.0 * c)).collect();

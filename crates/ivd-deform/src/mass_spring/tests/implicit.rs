@@ -26,7 +26,7 @@ fn drives(body: &Body, handles: &[Handle], params: &Params) -> Drives {
             HandleAt::Pick(_) => unreachable!("tests name vertices"),
         })
         .collect();
-    Drives::new(body, handles, &targets, &vec![false; 10_000], params).unwrap()
+    Drives::new(body, handles, &targets, &vec![false; 10_000], &Skeleton::default(), params).unwrap()
 }
 
 /// The matrix itself, one component of the vectors.

@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::ShapeSection;
+use super::{RigidSection, ShapeSection};
 
 /// How the lattice moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -102,6 +102,8 @@ pub struct DeformSection {
     pub handle: Vec<HandleSection>,
     /// What stays.
     pub fix: Vec<FixSection>,
+    /// What moves as one: bones (not `ring`).
+    pub rigid: Vec<RigidSection>,
     /// Changes of shape, after what the solver does with the handles.
     pub shape: Vec<ShapeSection>,
 }
@@ -109,7 +111,7 @@ pub struct DeformSection {
 impl DeformSection {
     /// Whether nothing moves.
     pub fn is_still(&self) -> bool {
-        self.handle.is_empty() && self.shape.is_empty()
+        self.handle.is_empty() && self.rigid.is_empty() && self.shape.is_empty()
     }
 }
 
@@ -145,6 +147,7 @@ impl Default for DeformSection {
             material: BTreeMap::new(),
             handle: Vec::new(),
             fix: Vec::new(),
+            rigid: Vec::new(),
             shape: Vec::new(),
         }
     }

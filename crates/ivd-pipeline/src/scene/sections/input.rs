@@ -24,7 +24,7 @@ pub struct InputSection {
     /// Distance of voxel centres (mm), for formats that don't say it.
     #[serde(default)]
     pub spacing: Option<[f64; 3]>,
-    /// A generated volume: head, sphere, torus, gyroid, spheres, shell or bars.
+    /// A generated volume: head, sphere, torus, gyroid, spheres, shell, bars or neck.
     #[serde(default)]
     #[schemars(with = "Option<String>")]
     pub phantom: Option<phantom::Shape>,

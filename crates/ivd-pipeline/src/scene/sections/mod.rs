@@ -7,6 +7,7 @@ mod lattice;
 mod map;
 mod output;
 mod picture;
+mod rigid;
 mod segment;
 mod shape;
 
@@ -17,6 +18,7 @@ pub use lattice::{IsoChoice, IsoWord, LatticeSection, OctreeSection, RefineMetho
 pub use map::{DepthWeight, MapMethod, MapSection, Outside, WarpOrder, WarpSection};
 pub use output::{OutputSection, Picture};
 pub use picture::{AtfSection, Projection, RenderMode, RenderSection};
+pub use rigid::RigidSection;
 pub use segment::{
     AutoWord, ClassCount, ClassOrder, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice,
     SegmentMethod, SegmentSection,
