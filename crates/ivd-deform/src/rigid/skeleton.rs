@@ -335,10 +335,8 @@ impl Skeleton {
             }
         };
         let n = before.len() as f64;
-        let middle = |of: fn(&(Vector3<f64>, Vector3<f64>)) -> Vector3<f64>| {
-            before.iter().map(|pair| of(pair) - of(&before[0])).sum::<Vector3<f64>>() / n + of(&before[0])
-        };
-        let (from, to) = pivot.map_or_else(|| (middle(|p| p.0), middle(|p| p.1)), |pivot| (pivot, pivot));
+        let (at, goal): (Vec<Vector3<f64>>, Vec<Vector3<f64>>) = before.iter().copied().unzip();
+        let (from, to) = pivot.map_or_else(|| (middle(&at), middle(&goal)), |pivot| (pivot, pivot));
         let arms: Vec<_> = before.iter().map(|(x, y)| (x - from, y - to)).collect();
         let turn = fit::turn(&arms).map_err(|unsure| open(unsure, &part.name))?;
         let angle = turn.norm();
@@ -348,6 +346,12 @@ impl Skeleton {
         let left = before.iter().map(|(x, y)| (x + pose.displacement(*x) - y).norm_squared()).sum::<f64>();
         Ok((turn, Some((left / n).sqrt())))
     }
+}
+
+/// The middle of points (mm), exact where they are one.
+fn middle(points: &[Vector3<f64>]) -> Vector3<f64> {
+    let first = points[0];
+    first + points.iter().map(|p| p - first).sum::<Vector3<f64>>() / points.len() as f64
 }
 
 fn open(unsure: Unsure, name: &str) -> Error {

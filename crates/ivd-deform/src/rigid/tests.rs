@@ -532,7 +532,9 @@ fn the_map_takes_a_bones_voxels_along_with_it() {
     let ids: Vec<u16> = inside.inside().iter().map(|i| u16::from(*i)).collect();
     let labels = Labels::new(grid.clone(), ids.into(), Vec::new()).unwrap();
     let mut bones = chain(&lattice, [8.0, 8.0]);
-    bones.iter_mut().for_each(|bone| bone.class = Some(1));
+    for bone in &mut bones {
+        bone.class = Some(1);
+    }
     let solved = with_bones(&lattice, Some(&labels), &[], &[], &bones, &statics(), &Exec::default()).unwrap();
     let skeleton =
         Skeleton::new(&lattice, Some(&labels), &bones, &[], &vec![false; lattice.keys.len()]).unwrap();

@@ -118,7 +118,7 @@ impl RigidSection {
     pub(crate) fn ball(&self) -> (Option<[f64; 3]>, f64) {
         let between = |a: [f64; 3], b: [f64; 3]| {
             let half: f64 = a.iter().zip(&b).map(|(a, b)| (b - a) * (b - a)).sum();
-            (std::array::from_fn(|i| (a[i] + b[i]) / 2.0), half.sqrt() / 2.0)
+            (std::array::from_fn(|i| f64::midpoint(a[i], b[i])), half.sqrt() / 2.0)
         };
         let own = self.radius.unwrap_or(0.0);
         match (self.centre, self.from.zip(self.to), self.low.zip(self.high)) {
