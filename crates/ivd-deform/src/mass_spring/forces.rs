@@ -118,7 +118,7 @@ impl Block {
                 let over = grown - limit * length[lane] * (now + length[lane]);
                 pull += LIMITED * stiffness[lane] * if over > 0.0 { over } else { 0.0 };
             }
-            let acts = directed & (PUSH | (grown > 0.0));
+            let acts = directed && (PUSH || grown > 0.0);
             let pull = pull / ((now + length[lane]) * now);
             scale[lane] = if acts { pull } else { 0.0 };
         }
