@@ -286,7 +286,7 @@ mod tests {
         for drag in &bench.drags {
             // The coarsest surfaces of so small a head, of triangles as large as the push, may be too stiff to be followed.
             assert!(drag.refused == 0 || drag.level > 2, "{} {}", drag.solver, drag.level);
-            assert_eq!(drag.frames.iter().filter(|f| f.bricks == 0).count(), drag.refused);
+            assert!(drag.frames.iter().filter(|f| f.bricks == 0).count() >= drag.refused);
             assert!(drag.frames.iter().all(|f| f.bricks == 0 || f.voxels > 1000));
             assert!(drag.cpu_ms[0] <= drag.cpu_ms[1] && drag.wall_ms[0] <= drag.wall_ms[1]);
             let [rms, most] = drag.error_voxel;
