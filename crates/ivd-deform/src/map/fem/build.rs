@@ -155,7 +155,9 @@ pub(super) fn body(
         })
         .collect();
     let mut many = vec![0_u32; mesh.cells.len()];
-    pulls.iter().for_each(|p| many[p.cell as usize] += 1);
+    for pull in &pulls {
+        many[pull.cell as usize] += 1;
+    }
     let edge = edges.determinant().abs().cbrt();
     for pull in &mut pulls {
         let cell = pull.cell as usize;

@@ -17,7 +17,9 @@ fn block(
     held: impl Fn([i32; 3]) -> bool,
 ) -> Body {
     let mut tree = Tree::new(roots, edge, |_| true);
-    fine.iter().for_each(|f| tree.refine(*f, 1));
+    for finest in fine {
+        tree.refine(*finest, 1);
+    }
     tree.balance();
     let mut mesh = Mesh::new(tree, |_| true);
     mesh.held = mesh.nodes.iter().map(|n| held(*n)).collect();
@@ -64,7 +66,9 @@ fn forces_and_matrix_are_the_differences_of_the_energy_also_where_nodes_hang() {
     };
     let mut with =
         Body::new(body.mesh.clone(), body.element.clone(), body.lame, body.young.clone(), vec![pull]);
-    with.loads.iter_mut().enumerate().for_each(|(i, l)| *l = [scatter(i), 0.1, scatter(i + 50)]);
+    for (i, load) in with.loads.iter_mut().enumerate() {
+        *load = [scatter(i), 0.1, scatter(i + 50)];
+    }
     body = with;
     let n = body.mesh.nodes.len();
     let random = |seed: usize, much: f64| -> Vec<Triple> {
@@ -176,7 +180,9 @@ fn a_manufactured_motion_is_met_to_the_second_order() {
                 let force = body_force(&lame, edges * place) * body.element.volume(1.0);
                 for (corner, w) in weights(gauss(point)).into_iter().enumerate() {
                     let node = body.mesh.corner(cell, corner)[0].0 as usize;
-                    (0..3).for_each(|a| body.loads[node][a] += w * force[a]);
+                    for a in 0..3 {
+                        body.loads[node][a] += w * force[a];
+                    }
                 }
             }
         }
@@ -210,7 +216,9 @@ fn traction(body: &mut Body, axis: usize, at: i32, area: f64, force: Vector3<f64
             if c.corner(corner)[axis] == at {
                 for (node, w) in body.mesh.corner(cell, corner).to_vec() {
                     let share = w * area * f64::from(c.size * c.size) / 4.0;
-                    (0..3).for_each(|a| body.loads[node as usize][a] += share * force[a]);
+                    for a in 0..3 {
+                        body.loads[node as usize][a] += share * force[a];
+                    }
                 }
             }
         }

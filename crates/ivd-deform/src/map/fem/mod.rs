@@ -192,8 +192,7 @@ fn no_balance(residual: f64, steps: u32) -> Error {
     Error::Untrusted {
         what: "the map",
         problem: format!(
-            "no balance of forces is found: {:.1e} of them are left after {steps} steps, more than {TOLERANCE:.0e}",
-            residual
+            "no balance of forces is found: {residual:.1e} of them are left after {steps} steps, more than {TOLERANCE:.0e}"
         ),
         remedy: "move the handle less, give it a larger radius, raise filler, or lower poisson",
     }
