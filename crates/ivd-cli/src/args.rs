@@ -288,14 +288,14 @@ pub(crate) enum Command {
     Map {
         /// Lattice artefact.
         lattice: PathBuf,
-        /// Octree artefact over it; `biharmonic` has no use for it.
+        /// Octree artefact over it; `biharmonic` and `fem` have no use for it.
         octree: PathBuf,
         /// Motion artefact of it.
         motion: PathBuf,
         /// Labels (artefact), for material by class: no map here uses them yet.
         #[arg(long)]
         labels: Option<PathBuf>,
-        /// octree or biharmonic.
+        /// octree, biharmonic or fem.
         #[arg(long)]
         method: Option<String>,
         /// octree: linear, smooth, exponential or one: how displacement fades with depth.
@@ -307,9 +307,15 @@ pub(crate) enum Command {
         /// Width of the band beyond the handles' reach (mm).
         #[arg(long, value_name = "MM")]
         margin: Option<f64>,
-        /// biharmonic: voxels along a cell's edge, 1, 2 or 4.
+        /// biharmonic, fem: voxels along a cell's edge, 1, 2 or 4.
         #[arg(long, value_name = "VOXELS")]
         cell: Option<u8>,
+        /// fem: Poisson's ratio, 0…0.45: how much matter keeps its volume.
+        #[arg(long)]
+        poisson: Option<f64>,
+        /// fem: Young's modulus outside the lattice, relative to the inside's, 0.0001…1.
+        #[arg(long)]
+        filler: Option<f64>,
         #[command(flatten)]
         output: Output,
     },

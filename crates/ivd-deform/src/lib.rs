@@ -3,7 +3,7 @@
 //! 1. [`spring::ring`] moves a lattice by its handles and gives a [`Motion`](ivd_core::Motion); so does
 //!    [`mass_spring::solve`], as masses on springs. [`freeform::lattice`] does so without physics, or goes on from there.
 //!    [`rigid`] keeps parts of it rigid, bones among soft tissue.
-//! 2. [`map::octree`] or [`map::biharmonic`] carries the motion to the voxels, inside the lattice and round it, and gives a
+//! 2. [`map::octree`], [`map::biharmonic`] or [`map::fem`] carries the motion to the voxels, inside the lattice and round it, and gives a
 //!    [`Displacement`](ivd_core::Displacement): forward and inverse, proven free of folds by [`certificate`].
 //! 3. [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through it. Only bricks that moved are visited.
 //!

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ivd_core::{Displacement, Exec, FieldBricks, Labels, Lattice, Motion};
 use ivd_deform::freeform;
-use ivd_deform::map::{Biharmonic, Live, MapMethod, MapParams, Moved, Outside};
+use ivd_deform::map::{Biharmonic, Live, MapMethod, MapParams, Moved, Outside, fem};
 use ivd_deform::mass_spring;
 use ivd_deform::spring::{self, HandleAt};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
@@ -126,6 +126,7 @@ impl Level {
                 self.nearest = Some(nearest);
                 Ok(moved?)
             }
+            MapMethod::Fem => Ok(fem(&self.lattice, motion, frame, params, exec)?.into()),
             MapMethod::Biharmonic => {
                 let kept = self.smoothest.take().filter(|(outside, _)| *outside == params.outside);
                 let (outside, mut smoothest) = match kept {

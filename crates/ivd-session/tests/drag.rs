@@ -96,6 +96,7 @@ fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::Mapped>, Volume) {
             map::octree(&lattice, &octree, &motion, last, &settings.map, exec).unwrap()
         }
         MapMethod::Biharmonic => map::biharmonic(&lattice, &motion, last, &settings.map, exec).unwrap(),
+        MapMethod::Fem => map::fem(&lattice, &motion, last, &settings.map, exec).unwrap(),
     };
     let warped = warp::volume(&volume, &mapped.displacement, &settings.warp, exec).unwrap();
     (Some(mapped), warped.output)
@@ -128,6 +129,7 @@ fn a_drag_is_what_the_stages_give_and_names_the_bricks_that_change() {
         vec![Event::Level(1), map(MapMethod::Octree, Outside::Free)],
         vec![Event::Warp(WarpParams { order: Order::Cubic, background: Some(7.0) })],
         vec![springs(Solver::Dynamics), map(MapMethod::Octree, Outside::Band)],
+        vec![map(MapMethod::Fem, Outside::Band)],
     ];
     for way in ways {
         for event in way {

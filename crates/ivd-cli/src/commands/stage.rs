@@ -163,14 +163,29 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             }
             Job { stage: Box::new(stage), files, output: &output.path }
         }
-        Command::Map { lattice, octree, motion, labels, method, weight, outside, margin, cell, output } => {
+        Command::Map {
+            lattice,
+            octree,
+            motion,
+            labels,
+            method,
+            weight,
+            outside,
+            margin,
+            cell,
+            poisson,
+            filler,
+            output,
+        } => {
             unused_labels(labels.as_deref(), context)?;
             let words = Words::default()
                 .with("method", method.clone())
                 .with("weight", weight.clone())
                 .with("outside", outside.clone())
                 .with("margin", *margin)
-                .with("cell", cell.map(i64::from));
+                .with("cell", cell.map(i64::from))
+                .with("poisson", *poisson)
+                .with("filler", *filler);
             let section: MapSection = section(params, words.0)?;
             let mut files = vec![("lattice", Some(lattice.as_path())), ("motion", Some(motion.as_path()))];
             if section.method == MapMethod::Octree {

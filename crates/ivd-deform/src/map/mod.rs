@@ -1,6 +1,6 @@
 //! Mapping: the motion of a lattice carried to the voxels (I-DOGME), certified free of folds, with its inverse.
 //!
-//! Two methods find the field, [`octree()`] and [`biharmonic()`]; what follows is the same for both.
+//! Three methods find the field, [`octree()`], [`biharmonic()`] and [`fem()`]; what follows is the same for both.
 //!
 //! # The field of `octree`
 //!
@@ -33,6 +33,11 @@
 //! the lattice, rotations are followed inside, and neither depth nor weight is to be chosen. A motion that folds in one step is
 //! made in up to 16 and more, each from where the one before has brought the vertices.
 //!
+//! # The field of `fem`
+//!
+//! In the same `Ω` the equilibrium of neo-Hookean matter, softer outside the lattice ([`MapParams::filler`]), whose vertices move as
+//! they are told to; on hexahedra that are finest round the lattice. See its page.
+//!
 //! # No folds
 //!
 //! 1. The nearest point jumps across the medial axis, and neighbouring pieces of a lattice may move differently. Where
@@ -53,6 +58,7 @@
 mod biharmonic;
 mod carry;
 mod compose;
+mod fem;
 mod free;
 mod live;
 mod octree;
@@ -68,6 +74,7 @@ use crate::Error;
 pub use biharmonic::{Biharmonic, biharmonic};
 pub use carry::{Found, Hit, Nearest};
 use carry::{Kept, Part, carry};
+pub use fem::fem;
 pub use live::Live;
 pub use octree::{Prepared, frames, octree};
 pub use outcome::{Followed, Mapped, Moved, Solved};

@@ -83,6 +83,13 @@ pub struct Moved {
     pub misfit: f64,
 }
 
+impl From<Mapped> for Moved {
+    fn from(mapped: Mapped) -> Self {
+        let Mapped { displacement, relaxations, halvings, followed, .. } = mapped;
+        Self { displacement, relaxations, halvings, misfit: followed.misfit }
+    }
+}
+
 impl Mapped {
     pub(super) fn new(
         displacement: Displacement,

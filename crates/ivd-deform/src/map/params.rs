@@ -10,6 +10,8 @@ pub enum MapMethod {
     Octree,
     /// The smoothest motion that follows the lattice: least squared second derivatives in Ω, inside the lattice and outside.
     Biharmonic,
+    /// The equilibrium of elastic matter, neo-Hookean, in which the lattice moves.
+    Fem,
 }
 
 /// Weight `w` of the nearest lattice point's motion at depth `t · depth_mm` inside the lattice; 0 from `t = 1` on.
@@ -80,9 +82,15 @@ pub struct MapParams {
     /// largest motion, at least two voxel diagonals.
     pub margin_mm: Option<f64>,
     /// Voxels along a cell's edge: 1, 2 or 4, and as many along the other axes as give about the same length; read by
-    /// [`MapMethod::Biharmonic`]. Without it four, and fewer where the smallest ball and its margin are less than 24
-    /// voxels wide.
+    /// [`MapMethod::Biharmonic`], and by [`MapMethod::Fem`] for its finest cells. Without it four, and fewer where the smallest
+    /// ball and its margin are less than 24 voxels wide.
     pub cell: Option<u8>,
+    /// Poisson's ratio ν (no unit), 0 … 0.45: how much matter keeps its volume; read by [`MapMethod::Fem`]. Beyond 0.45 its
+    /// cells would be far too stiff.
+    pub poisson: f64,
+    /// Young's modulus of what lies outside the lattice, relative to the inside's (no unit), 10⁻⁴ … 1; read by
+    /// [`MapMethod::Fem`].
+    pub filler: f64,
     /// What happens outside the lattice.
     pub outside: Outside,
     /// How far the lattice points that move most may be left behind to keep the map free of folds, as a fraction of
@@ -98,6 +106,8 @@ impl Default for MapParams {
             depth_mm: None,
             margin_mm: None,
             cell: None,
+            poisson: 0.4,
+            filler: 0.01,
             outside: Outside::default(),
             tolerance: 0.5,
         }
@@ -123,6 +133,12 @@ impl MapParams {
             && ![1, 2, 4].contains(&cell)
         {
             return Err(ParamError::new("cell", format!("{cell} voxels"), "give 1, 2 or 4, or leave it out"));
+        }
+        if !(0.0..=0.45).contains(&self.poisson) {
+            return Err(ParamError::new("poisson", format!("{}", self.poisson), "give a ratio, 0 … 0.45"));
+        }
+        if !(1e-4..=1.0).contains(&self.filler) {
+            return Err(ParamError::new("filler", format!("{}", self.filler), "give a ratio, 0.0001 … 1"));
         }
         if !(0.0..=1.0).contains(&self.tolerance) {
             return Err(ParamError::new(
@@ -158,6 +174,10 @@ mod tests {
         assert_eq!(bad.check().unwrap_err().field, "tolerance");
         let bad = MapParams { cell: Some(3), ..MapParams::default() };
         assert_eq!(bad.check().unwrap_err().field, "cell");
+        let bad = MapParams { poisson: 0.46, ..MapParams::default() };
+        assert_eq!(bad.check().unwrap_err().field, "poisson");
+        let bad = MapParams { filler: 0.0, ..MapParams::default() };
+        assert_eq!(bad.check().unwrap_err().field, "filler");
         assert!(MapParams::default().check().is_ok());
     }
 }

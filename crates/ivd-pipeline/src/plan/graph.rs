@@ -266,7 +266,7 @@ impl Plan {
                 {
                     "the scene has no handle, no bone and no shape"
                 }
-                NodeId::Octree if scene.map.method == MapMethod::Biharmonic => {
+                NodeId::Octree if scene.map.method != MapMethod::Octree => {
                     "the map looks for no nearest lattice point"
                 }
                 NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => {

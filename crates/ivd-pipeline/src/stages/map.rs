@@ -24,6 +24,7 @@ impl Map {
         let method = match section.method {
             MapMethod::Octree => map::MapMethod::Octree,
             MapMethod::Biharmonic => map::MapMethod::Biharmonic,
+            MapMethod::Fem => map::MapMethod::Fem,
         };
         let weight = match section.weight {
             scene::DepthWeight::Linear => map::DepthWeight::Linear,
@@ -35,6 +36,7 @@ impl Map {
             scene::Outside::Band => map::Outside::Band,
             scene::Outside::Free => map::Outside::Free,
         };
+        let default = MapParams::default();
         Ok(Self {
             params: MapParams {
                 method,
@@ -43,7 +45,9 @@ impl Map {
                 depth_mm: section.depth,
                 margin_mm: section.margin,
                 cell: section.cell,
-                tolerance: section.tolerance.unwrap_or(MapParams::default().tolerance),
+                poisson: section.poisson.unwrap_or(default.poisson),
+                filler: section.filler.unwrap_or(default.filler),
+                tolerance: section.tolerance.unwrap_or(default.tolerance),
             },
         })
     }
@@ -52,19 +56,26 @@ impl Map {
 /// A key that the method doesn't read is a mistake: whoever wrote it expects something of it.
 fn check(section: &MapSection) -> Result<(), Error> {
     let keys = [
-        ("weight", section.weight != scene::DepthWeight::default(), MapMethod::Octree),
-        ("depth", section.depth.is_some(), MapMethod::Octree),
-        ("cell", section.cell.is_some(), MapMethod::Biharmonic),
+        ("weight", section.weight != scene::DepthWeight::default(), &[MapMethod::Octree][..]),
+        ("depth", section.depth.is_some(), &[MapMethod::Octree]),
+        ("cell", section.cell.is_some(), &[MapMethod::Biharmonic, MapMethod::Fem]),
+        ("poisson", section.poisson.is_some(), &[MapMethod::Fem]),
+        ("filler", section.filler.is_some(), &[MapMethod::Fem]),
     ];
     let name = |method| match method {
         MapMethod::Octree => "octree",
         MapMethod::Biharmonic => "biharmonic",
+        MapMethod::Fem => "fem",
     };
-    match keys.into_iter().find(|(_, set, reader)| *set && *reader != section.method) {
+    match keys.into_iter().find(|(_, set, readers)| *set && !readers.contains(&section.method)) {
         None => Ok(()),
-        Some((key, _, reader)) => Err(Error::usage(
+        Some((key, _, readers)) => Err(Error::usage(
             "map",
-            format!("{key}: {} doesn't read it; it belongs to {}", name(section.method), name(reader)),
+            format!(
+                "{key}: {} doesn't read it; it belongs to {}",
+                name(section.method),
+                readers.iter().map(|r| name(*r)).collect::<Vec<_>>().join(", ")
+            ),
         )),
     }
 }
@@ -84,11 +95,11 @@ impl Stage for Map {
             Slot::required("octree", &[Kind::Octree]),
             Slot::required("motion", &[Kind::Motion]),
         ];
-        const BIHARMONIC: &[Slot] =
+        const NO_OCTREE: &[Slot] =
             &[Slot::required("lattice", &[Kind::Lattice]), Slot::required("motion", &[Kind::Motion])];
         match self.params.method {
             map::MapMethod::Octree => OCTREE,
-            map::MapMethod::Biharmonic => BIHARMONIC,
+            map::MapMethod::Biharmonic | map::MapMethod::Fem => NO_OCTREE,
         }
     }
 
@@ -110,6 +121,7 @@ impl Stage for Map {
                 map::octree(lattice, octree, motion, last, &self.params, exec)
             }
             map::MapMethod::Biharmonic => map::biharmonic(lattice, motion, last, &self.params, exec),
+            map::MapMethod::Fem => map::fem(lattice, motion, last, &self.params, exec),
         }
         .map_err(stage_error!("map"))?;
         let metrics = json!({

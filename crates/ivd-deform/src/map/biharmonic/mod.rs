@@ -71,6 +71,7 @@ use crate::certificate::{Certificate, Detail, certify_bricks, touched};
 use crate::sampler::{Sampler, brick_at, brick_voxels};
 use matrix::Triple;
 use nodes::Cells;
+pub(super) use nodes::steps;
 use step::Step;
 use system::{Places, System};
 
@@ -410,7 +411,7 @@ fn certified(field: &FieldBricks, job: &Job<'_>, exec: &Exec) -> Result<Certific
 }
 
 /// The field of a part that moves alone: 0 beyond a layer round it.
-fn cut(field: FieldBricks, alone: Option<&Mask>) -> Result<FieldBricks, Error> {
+pub(super) fn cut(field: FieldBricks, alone: Option<&Mask>) -> Result<FieldBricks, Error> {
     let Some(inside) = alone else { return Ok(field) };
     let dims = field.dims();
     let near = |voxel: [usize; 3]| {

@@ -254,7 +254,7 @@ pub(super) fn weights(place: [f64; 3]) -> [f64; 8] {
 
 /// Voxels along a cell's edges: at most four, powers of two, about as long (mm) along every axis, and with a dozen cells
 /// across the smallest ball and its margin.
-fn steps(grid: &Grid, region: &Region, edge: Option<u8>) -> [usize; 3] {
+pub(in crate::map) fn steps(grid: &Grid, region: &Region, edge: Option<u8>) -> [usize; 3] {
     let spacing = grid.spacing();
     let least = spacing.iter().copied().fold(f64::INFINITY, f64::min);
     let radius = region.balls().map(|b| b.1).fold(f64::INFINITY, f64::min);

@@ -108,6 +108,7 @@ fn sweep(seeds: std::ops::Range<u64>) -> [usize; 2] {
             let mapped = match method {
                 MapMethod::Octree => scene.map(&params, &exec),
                 MapMethod::Biharmonic => scene.smooth(&params, &exec),
+                MapMethod::Fem => scene.elastic(&params, &exec),
             };
             match mapped {
                 Ok(mapped) => {

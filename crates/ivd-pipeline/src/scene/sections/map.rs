@@ -10,6 +10,8 @@ pub enum MapMethod {
     Octree,
     /// The smoothest motion that follows the lattice, in its inside and outside alike.
     Biharmonic,
+    /// The equilibrium of elastic matter in which the lattice moves.
+    Fem,
 }
 
 /// What happens outside the lattice.
@@ -50,8 +52,12 @@ pub struct MapSection {
     pub depth: Option<f64>,
     /// Width of the band beyond the handles' reach (mm).
     pub margin: Option<f64>,
-    /// `biharmonic`: voxels along a cell's edge, 1, 2 or 4; from the handles where it isn't given.
+    /// `biharmonic`: voxels along a cell's edge, 1, 2 or 4; from the handles where it isn't given. `fem`: of the finest cells.
     pub cell: Option<u8>,
+    /// `fem`: Poisson's ratio, 0…0.45 (0.4 where it isn't given): how much matter keeps its volume.
+    pub poisson: Option<f64>,
+    /// `fem`: Young's modulus outside the lattice, relative to the inside's, 0.0001…1 (0.01 where it isn't given).
+    pub filler: Option<f64>,
     /// Outside of the lattice.
     pub outside: Outside,
     /// How far lattice points may be left behind to keep the map free of folds, as a fraction of their motion, 0…1.

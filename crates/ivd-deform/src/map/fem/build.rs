@@ -1,0 +1,171 @@
+//! The body of a scene: cells round the lattice, what they are made of, and the vertices' pulls.
+
+use ivd_core::{Exec, Grid, Lattice, Mask};
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::super::biharmonic::steps;
+use super::super::region::Region;
+use super::super::{MapParams, Outside};
+use super::material::{Hexahedron, Lame};
+use super::mesh::{Mesh, weights};
+use super::system::{Body, Pull};
+use super::tree::{Cell, Tree};
+use crate::Error;
+
+/// Stiffness of a cell's springs together, in units of the cell's modulus times its edge. Multipliers do the rest; stiffer ones
+/// need fewer of these and more iterations.
+const SPRING: f64 = 10.0;
+/// Longest edge of a cell, in finest cells.
+const COARSEST: i32 = 8;
+/// Cells across the margin.
+const ACROSS: f64 = 4.0;
+
+/// The finest cells: `step` voxels along each axis, the first one before the first voxel.
+pub(super) struct Cells {
+    step: [usize; 3],
+    /// Finest cells along a root's edge.
+    root: i32,
+}
+
+impl Cells {
+    pub(super) fn new(grid: &Grid, region: &Region, edge: Option<u8>) -> Self {
+        let mut cells = Self { step: steps(grid, region, edge), root: 1 };
+        while cells.root < COARSEST
+            && 2.0 * f64::from(cells.root) * cells.length(grid) * ACROSS <= region.margin
+        {
+            cells.root *= 2;
+        }
+        cells
+    }
+
+    /// Longest edge of a finest cell (mm).
+    pub(super) fn length(&self, grid: &Grid) -> f64 {
+        (0..3).map(|a| grid.spacing()[a] * self.step[a] as f64).fold(0.0, f64::max)
+    }
+
+    /// A voxel coordinate in finest cells.
+    pub(super) fn place(&self, voxel: Vector3<f64>) -> [f64; 3] {
+        std::array::from_fn(|a| voxel[a] / self.step[a] as f64 + 1.0)
+    }
+
+    /// Voxel coordinate of a place in finest cells.
+    fn voxel(&self, place: [f64; 3]) -> Vector3<f64> {
+        Vector3::from_fn(|a, _| (place[a] - 1.0) * self.step[a] as f64)
+    }
+
+    /// Edges of a finest cell (mm), as columns.
+    fn edges(&self, grid: &Grid) -> Matrix3<f64> {
+        grid.linear_part() * Matrix3::from_diagonal(&Vector3::from(self.step).map(|s| s as f64))
+    }
+
+    /// Leaves where Ω may be, finest round the vertices.
+    fn tree(&self, grid: &Grid, region: &Region, vertices: &[[i32; 3]], exec: &Exec) -> Result<Tree, Error> {
+        let roots = std::array::from_fn(|a| {
+            ((grid.dims()[a].div_ceil(self.step[a]) + 1) as i32 + self.root - 1) / self.root
+        });
+        let linear = grid.linear_part();
+        let mut tree = Tree::new(roots, self.root, |cell| {
+            let corner = |c| linear * self.voxel(cell.corner(c).map(f64::from));
+            let middle = (corner(0) + corner(7)) / 2.0;
+            let half = (0..8).map(|c| (corner(c) - middle).norm()).fold(0.0, f64::max);
+            region.balls().any(|(centre, radius)| (middle - centre).norm() <= radius + half)
+        });
+        for (i, cell) in vertices.iter().enumerate() {
+            if i % 4096 == 0 {
+                exec.check_cancelled()?;
+            }
+            for side in 0..27 {
+                let step = [side % 3 - 1, side / 3 % 3 - 1, side / 9 - 1];
+                tree.refine(std::array::from_fn(|a| cell[a] + step[a]), 1);
+            }
+        }
+        tree.balance();
+        Ok(tree)
+    }
+
+    /// Moduli at a cell's Gauss points, each the mean over its octant: 1 inside, `filler` outside.
+    fn young(&self, cell: &Cell, inside: &Mask, filler: f64) -> [f64; 8] {
+        let dims = inside.grid().dims();
+        let many: [usize; 3] =
+            std::array::from_fn(|a| (cell.size as usize * self.step[a]).div_ceil(2).clamp(1, 4));
+        std::array::from_fn(|octant| {
+            let (mut sum, count) = (0.0, many.iter().product::<usize>());
+            for i in 0..count {
+                let part = [i % many[0], i / many[0] % many[1], i / many[0] / many[1]];
+                let place = std::array::from_fn(|a| {
+                    let inner = (part[a] as f64 + 0.5) / many[a] as f64 + (octant >> a & 1) as f64;
+                    f64::from(cell.low[a]) + f64::from(cell.size) * 0.5 * inner
+                });
+                let voxel = self.voxel(place).map(|c| c.round() as i64);
+                let here = (0..3).all(|a| (0..dims[a] as i64).contains(&voxel[a]));
+                let solid = here && {
+                    let v = voxel.map(|c| c as usize);
+                    inside.inside()[v[0] + dims[0] * (v[1] + dims[1] * v[2])] != 0
+                };
+                sum += if solid { 1.0 } else { filler };
+            }
+            sum / count as f64
+        })
+    }
+}
+
+/// The body of a scene; the pulls' goals are 0 yet.
+pub(super) fn body(
+    cells: &Cells,
+    lattice: &Lattice,
+    inside: &Mask,
+    region: &Region,
+    params: &MapParams,
+    exec: &Exec,
+) -> Result<Body, Error> {
+    let grid = &lattice.grid;
+    let places: Vec<[f64; 3]> = (0..lattice.keys.len()).map(|v| cells.place(lattice.voxel(v).0)).collect();
+    let linear = grid.linear_part();
+    let mut near: Vec<[i32; 3]> = places
+        .iter()
+        .filter(|p| region.weight(linear * cells.voxel(**p)) > 0.0)
+        .map(|p| p.map(|c| c.floor() as i32))
+        .collect();
+    near.sort_unstable();
+    near.dedup();
+    let tree = cells.tree(grid, region, &near, exec)?;
+    let mesh = Mesh::new(tree, |cell| {
+        let corners: [Vector3<f64>; 8] =
+            std::array::from_fn(|c| linear * cells.voxel(cell.corner(c).map(f64::from)));
+        region.balls().any(|(centre, radius)| corners.iter().all(|x| (x - centre).norm() <= radius))
+    });
+    // The layer in which a part that moves alone goes on is to follow it.
+    let filler = if params.outside == Outside::Free { params.filler.min(FREE) } else { params.filler };
+    let young: Vec<[f64; 8]> = mesh.cells.par_iter().map(|c| cells.young(c, inside, filler)).collect();
+    let edges = cells.edges(grid);
+    let mut pulls: Vec<Pull> = places
+        .iter()
+        .enumerate()
+        .filter_map(|(vertex, place)| {
+            let (cell, inner) = mesh.locate(*place)?;
+            Some(Pull {
+                cell: cell as u32,
+                vertex: vertex as u32,
+                weights: weights(inner),
+                spring: 0.0,
+                goal: Vector3::zeros(),
+                multiplier: Vector3::zeros(),
+            })
+        })
+        .collect();
+    let mut many = vec![0_u32; mesh.cells.len()];
+    for pull in &pulls {
+        many[pull.cell as usize] += 1;
+    }
+    let edge = edges.determinant().abs().cbrt();
+    for pull in &mut pulls {
+        let cell = pull.cell as usize;
+        let length = edge * f64::from(mesh.cells[cell].size);
+        pull.spring = SPRING * length / f64::from(many[cell]);
+    }
+    Ok(Body::new(mesh, Hexahedron::new(&edges), Lame::new(1.0, params.poisson), young, pulls))
+}
+
+/// Modulus round a part that moves alone, relative to it.
+const FREE: f64 = 1e-3;

@@ -1,0 +1,308 @@
+//! The elements against elasticity that formulas give.
+
+use ivd_core::Exec;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+use super::material::{Hexahedron, Lame, gauss};
+use super::mesh::{Mesh, weights};
+use super::system::{Body, Pull, Triple};
+use super::tree::Tree;
+
+/// A block of `roots` cells of `edge`³ finest ones, cut to finest at `fine`; `held` says which nodes are.
+fn block(
+    (roots, edge): ([i32; 3], i32),
+    fine: &[[i32; 3]],
+    edges: &Matrix3<f64>,
+    lame: Lame,
+    held: impl Fn([i32; 3]) -> bool,
+) -> Body {
+    let mut tree = Tree::new(roots, edge, |_| true);
+    for finest in fine {
+        tree.refine(*finest, 1);
+    }
+    tree.balance();
+    let mut mesh = Mesh::new(tree, |_| true);
+    mesh.held = mesh.nodes.iter().map(|n| held(*n)).collect();
+    let young = vec![[1.0; 8]; mesh.cells.len()];
+    Body::new(mesh, Hexahedron::new(edges), lame, young, Vec::new())
+}
+
+/// Places of the nodes (mm).
+fn places(body: &Body, edges: &Matrix3<f64>) -> Vec<Vector3<f64>> {
+    body.mesh.nodes.iter().map(|n| edges * Vector3::from(n.map(f64::from))).collect()
+}
+
+fn border(n: [i32; 3], size: [i32; 3]) -> bool {
+    (0..3).any(|a| n[a] == 0 || n[a] == size[a])
+}
+
+/// Scattered values, −1 … 1.
+fn scatter(i: usize) -> f64 {
+    let hash = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    ((hash >> 20 & 0xffff) as f64) / 32_768.0 - 1.0
+}
+
+fn sheared() -> Matrix3<f64> {
+    Matrix3::new(0.9, 0.1, 0.0, -0.2, 1.1, 0.1, 0.0, 0.3, -1.4)
+}
+
+fn relative(a: &[Triple], b: &[Triple]) -> f64 {
+    let apart: f64 = a.iter().zip(b).flat_map(|(a, b)| (0..3).map(move |i| (a[i] - b[i]).powi(2))).sum();
+    (apart / b.iter().flatten().map(|x| x * x).sum::<f64>()).sqrt()
+}
+
+#[test]
+fn forces_and_matrix_are_the_differences_of_the_energy_also_where_nodes_hang() {
+    let mut body =
+        block(([2, 2, 1], 4), &[[0, 0, 0], [5, 5, 2]], &sheared(), Lame::new(1.0, 0.4), |n| n == [0; 3]);
+    assert!(body.mesh.cells.len() > 30, "{} cells", body.mesh.cells.len());
+    let pull = Pull {
+        cell: 3,
+        vertex: 0,
+        weights: weights([0.2, 0.7, 0.4]),
+        spring: 3.0,
+        goal: Vector3::new(0.3, -0.2, 0.1),
+        multiplier: Vector3::new(0.5, 0.25, -1.0),
+    };
+    let mut with =
+        Body::new(body.mesh.clone(), body.element.clone(), body.lame, body.young.clone(), vec![pull]);
+    for (i, load) in with.loads.iter_mut().enumerate() {
+        *load = [scatter(i), 0.1, scatter(i + 50)];
+    }
+    body = with;
+    let n = body.mesh.nodes.len();
+    let random = |seed: usize, much: f64| -> Vec<Triple> {
+        (0..n)
+            .map(|i| {
+                std::array::from_fn(
+                    |a| if body.mesh.held[i] { 0.0 } else { much * scatter(3 * i + a + seed) },
+                )
+            })
+            .collect()
+    };
+    let (u, way, h) = (random(0, 0.08), random(7000, 1.0), 1e-5);
+    let moved = |s: f64| -> Vec<Triple> {
+        u.iter().zip(&way).map(|(u, w)| std::array::from_fn(|a| u[a] + s * w[a])).collect()
+    };
+    let (gradient, _) = body.gradient(&u);
+    let slope: f64 = gradient.iter().zip(&way).flat_map(|(g, w)| (0..3).map(move |a| g[a] * w[a])).sum();
+    let steep = (body.energy(&moved(h)).unwrap().0 - body.energy(&moved(-h)).unwrap().0) / (2.0 * h);
+    assert!((slope - steep).abs() <= 1e-7 * slope.abs().max(1.0), "{slope} {steep}");
+    let product = body.matrix(&u, &Exec::default()).unwrap().times(&way);
+    let (up, down) = (body.gradient(&moved(h)).0, body.gradient(&moved(-h)).0);
+    let bend: Vec<Triple> =
+        up.iter().zip(&down).map(|(p, q)| std::array::from_fn(|a| (p[a] - q[a]) / (2.0 * h))).collect();
+    assert!(relative(&product, &bend) < 1e-7, "{}", relative(&product, &bend));
+}
+
+#[test]
+fn turns_cost_nothing_and_turn_the_forces() {
+    let edges = sheared();
+    let body = block(([2, 2, 2], 4), &[[3, 3, 3]], &edges, Lame::new(1.0, 0.3), |_| false);
+    let places = places(&body, &edges);
+    let turn = *Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2).matrix()
+        * *Rotation3::new(Vector3::new(0.4, 2.0, 0.1)).matrix();
+    let rigid: Vec<Triple> = places.iter().map(|x| (turn * x - x).into()).collect();
+    let worst = body.gradient(&rigid).0.iter().flatten().fold(0.0, |m: f64, f| m.max(f.abs()));
+    assert!(worst < 1e-12, "{worst}");
+    let bent: Vec<Triple> =
+        (0..places.len()).map(|i| std::array::from_fn(|a| 0.05 * scatter(3 * i + a))).collect();
+    let turned: Vec<Triple> =
+        places.iter().zip(&bent).map(|(x, u)| (turn * (x + Vector3::from(*u)) - x).into()).collect();
+    let expected: Vec<Triple> =
+        body.gradient(&bent).0.iter().map(|f| (turn * Vector3::from(*f)).into()).collect();
+    assert!(relative(&body.gradient(&turned).0, &expected) < 1e-11);
+    let (a, b) = (body.energy(&bent).unwrap().0, body.energy(&turned).unwrap().0);
+    assert!((a - b).abs() < 1e-11 * a, "{a} {b}");
+}
+
+#[test]
+fn affine_borders_give_affine_insides_also_where_nodes_hang() {
+    let (edges, size) = (sheared(), [8, 8, 8]);
+    let stretch = Matrix3::new(0.3, 0.2, 0.0, -0.1, -0.2, 0.1, 0.0, 0.3, 0.15);
+    let turn = *Rotation3::new(Vector3::new(0.0, 0.9, -0.8)).matrix();
+    for map in [stretch, turn * (Matrix3::identity() + stretch) - Matrix3::identity()] {
+        let body =
+            block(([2, 2, 2], 4), &[[3, 3, 3], [6, 1, 7]], &edges, Lame::new(2.0, 0.4), |n| border(n, size));
+        let wanted: Vec<Triple> = places(&body, &edges).iter().map(|x| (map * x).into()).collect();
+        let mut u: Vec<Triple> = (0..wanted.len())
+            .map(|i| {
+                let off = if body.mesh.held[i] { 0.0 } else { 0.1 };
+                std::array::from_fn(|a| wanted[i][a] + off * scatter(3 * i + a))
+            })
+            .collect();
+        assert!(relative(&u, &wanted) > 1e-3);
+        let balance = body.balance(&mut u, 1e-13, 30, &Exec::default()).unwrap();
+        assert!(relative(&u, &wanted) < 1e-10, "{} {balance:?}", relative(&u, &wanted));
+    }
+}
+
+/// A smooth motion of the unit cube, and its gradient.
+fn wave(x: Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
+    let (mut u, mut gradient) = (Vector3::zeros(), Matrix3::zeros());
+    for (a, wave) in [[2.0, 1.0, 1.5], [1.0, 2.5, 0.5], [1.5, 1.0, 2.0]].into_iter().enumerate() {
+        let k = Vector3::from(wave);
+        let phase = k.dot(&x) + 0.3 * a as f64;
+        u[a] = 0.1 * phase.sin();
+        gradient.set_row(a, &(k * (0.1 * phase.cos())).transpose());
+    }
+    (u, gradient)
+}
+
+/// `−Div P` of the wave: differences of the fourth order.
+fn body_force(lame: &Lame, x: Vector3<f64>) -> Vector3<f64> {
+    let stress = |x: Vector3<f64>| {
+        let f = Matrix3::identity() + wave(x).1;
+        let inverse = f.try_inverse().unwrap().transpose();
+        (f - inverse) * lame.mu + inverse * (lame.lambda * f.determinant().ln())
+    };
+    let h = 1e-3;
+    let mut sum = Vector3::zeros();
+    for axis in 0..3 {
+        let step = Vector3::ith(axis, h);
+        let slope =
+            (stress(x - step * 2.0) - stress(x + step * 2.0)) + (stress(x + step) - stress(x - step)) * 8.0;
+        sum -= slope.column(axis) / (12.0 * h);
+    }
+    sum
+}
+
+#[test]
+fn a_manufactured_motion_is_met_to_the_second_order() {
+    let lame = Lame::new(1.0, 0.3);
+    let error = |n: i32| {
+        let edges = Matrix3::identity() / f64::from(n);
+        let mut body = block(([n; 3], 1), &[], &edges, lame, |p| border(p, [n; 3]));
+        for cell in 0..body.mesh.cells.len() {
+            for point in 0..8 {
+                let place =
+                    Vector3::from(body.mesh.cells[cell].low.map(f64::from)) + Vector3::from(gauss(point));
+                let force = body_force(&lame, edges * place) * body.element.volume(1.0);
+                for (corner, w) in weights(gauss(point)).into_iter().enumerate() {
+                    let node = body.mesh.corner(cell, corner)[0].0 as usize;
+                    for a in 0..3 {
+                        body.loads[node][a] += w * force[a];
+                    }
+                }
+            }
+        }
+        let wanted: Vec<Triple> = places(&body, &edges).iter().map(|x| wave(*x).0.into()).collect();
+        let mut u: Vec<Triple> = (0..wanted.len())
+            .map(|i| if body.mesh.held[i] { wanted[i] } else { wanted[i].map(|c| 0.9 * c) })
+            .collect();
+        let balance = body.balance(&mut u, 1e-10, 30, &Exec::default()).unwrap();
+        assert!(balance.reached, "{balance:?}");
+        // The mean of squares between the nodes, where interpolation counts too.
+        let squares: f64 = (0..body.mesh.cells.len())
+            .map(|cell| {
+                let corners = body.mesh.gather(cell, &u);
+                let middle: Vector3<f64> = corners.iter().map(|c| Vector3::from(*c) / 8.0).sum();
+                let place = Vector3::from(body.mesh.cells[cell].low.map(|c| f64::from(c) + 0.5));
+                (middle - wave(edges * place).0).norm_squared()
+            })
+            .sum();
+        (squares / body.mesh.cells.len() as f64).sqrt()
+    };
+    let errors = [4, 8, 16].map(error);
+    let orders = [errors[0] / errors[1], errors[1] / errors[2]].map(f64::log2);
+    assert!(orders.iter().all(|o| (1.85..2.3).contains(o)), "{errors:?} {orders:?}");
+}
+
+/// Adds the force of a traction on the face of a block where `axis` is `at`, of squares of `area` a finest one.
+fn traction(body: &mut Body, axis: usize, at: i32, area: f64, force: Vector3<f64>) {
+    for cell in 0..body.mesh.cells.len() {
+        for corner in 0..8 {
+            let c = body.mesh.cells[cell];
+            if c.corner(corner)[axis] == at {
+                for (node, w) in body.mesh.corner(cell, corner).to_vec() {
+                    let share = w * area * f64::from(c.size * c.size) / 4.0;
+                    for a in 0..3 {
+                        body.loads[node as usize][a] += share * force[a];
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_bar_is_pulled_as_far_as_the_law_says_and_thins_as_it_says() {
+    let lame = Lame::new(1.0, 0.4);
+    let mut body =
+        block(([4, 1, 1], 4), &[[3, 1, 1], [15, 3, 3]], &Matrix3::identity(), lame, |n| n == [0; 3]);
+    let pull = 0.4;
+    traction(&mut body, 0, 16, 1.0, Vector3::new(pull, 0.0, 0.0));
+    traction(&mut body, 0, 0, 1.0, Vector3::new(-pull, 0.0, 0.0));
+    let mut u = vec![[0.0; 3]; body.mesh.nodes.len()];
+    let balance = body.balance(&mut u, 1e-11, 40, &Exec::default()).unwrap();
+    assert!(balance.reached, "{balance:?}");
+    // Sides are free: μ (b − 1/b) + λ ln(a b²) / b = 0; along it μ (a − 1/a) + λ ln(a b²) / a is the pull.
+    let across = |a: f64| {
+        let (mut low, mut high) = (0.2_f64, 1.0_f64);
+        for _ in 0..80 {
+            let b = 0.5 * (low + high);
+            let stress = lame.mu * (b * b - 1.0) + lame.lambda * (a * b * b).ln();
+            if stress > 0.0 { high = b } else { low = b }
+        }
+        low
+    };
+    let (mut low, mut high) = (1.0_f64, 3.0_f64);
+    for _ in 0..80 {
+        let a = 0.5 * (low + high);
+        let stress = lame.mu * (a - 1.0 / a) + lame.lambda * (a * across(a).powi(2)).ln() / a;
+        if stress > pull { high = a } else { low = a }
+    }
+    let (a, b) = (low, across(low));
+    assert!(a > 1.2 && b < 0.95, "{a} {b}");
+    for (node, u) in body.mesh.nodes.iter().zip(&u) {
+        let wanted = [a - 1.0, b - 1.0, b - 1.0];
+        for axis in 0..3 {
+            assert!((u[axis] - wanted[axis] * f64::from(node[axis])).abs() < 1e-6, "{node:?} {u:?}");
+        }
+    }
+}
+
+#[test]
+fn a_cantilever_sinks_as_timoshenko_says() {
+    let (n, long, load) = (6, 8, 1e-5);
+    let edges = Matrix3::identity() / f64::from(n);
+    let mut body = block(([n * long, n, n], 1), &[], &edges, Lame::new(1.0, 0.0), |p| p[0] == 0);
+    traction(&mut body, 0, n * long, f64::from(n * n).recip(), Vector3::new(0.0, 0.0, -load));
+    let mut u = vec![[0.0; 3]; body.mesh.nodes.len()];
+    assert!(body.balance(&mut u, 1e-7, 20, &Exec::default()).unwrap().reached);
+    let end: Vec<f64> =
+        body.mesh.nodes.iter().zip(&u).filter(|(p, _)| p[0] == n * long).map(|(_, u)| -u[2]).collect();
+    let sunk = end.iter().sum::<f64>() / end.len() as f64;
+    let l = f64::from(long);
+    // I = 1/12, G = E/2, shear coefficient 5/6.
+    let wanted = load * (l.powi(3) * 4.0 + l * 2.0 * 1.2);
+    assert!((sunk / wanted - 1.0).abs() < 0.03, "{} of it", sunk / wanted);
+}
+
+#[test]
+fn a_square_shaft_twists_as_saint_venant_says() {
+    let (n, long) = (8, 4);
+    let lame = Lame::new(1.0, 0.3);
+    let edges = Matrix3::identity() / f64::from(n);
+    let mut body = block(([n, n, n * long], 1), &[], &edges, lame, |p| p[2] == 0 || p[2] == n * long);
+    let places = places(&body, &edges);
+    let arm = |x: &Vector3<f64>| Vector3::new(0.5 - x.y, x.x - 0.5, 0.0);
+    let mut u: Vec<Triple> =
+        places.iter().map(|x| if x.z == 0.0 { [0.0; 3] } else { (arm(x) * (1e-5 * x.z)).into() }).collect();
+    assert!(body.balance(&mut u, 1e-7, 20, &Exec::default()).unwrap().reached);
+    // The reaction at the far end, and the turn between sections away from both.
+    let held = std::mem::replace(&mut body.mesh.held, vec![false; places.len()]);
+    let (forces, _) = body.gradient(&u);
+    let torque: f64 = (0..places.len())
+        .filter(|i| held[*i] && places[*i].z > 0.0)
+        .map(|i| arm(&places[i]).dot(&Vector3::from(forces[i])))
+        .sum();
+    let turn = |z: i32| {
+        let section = || (0..places.len()).filter(|i| body.mesh.nodes[*i][2] == z);
+        section().map(|i| arm(&places[i]).dot(&Vector3::from(u[i]))).sum::<f64>()
+            / section().map(|i| arm(&places[i]).norm_squared()).sum::<f64>()
+    };
+    let rate = (turn(n * long * 5 / 8) - turn(n * long * 3 / 8)) / (f64::from(long) / 4.0);
+    let wanted = lame.mu * 0.140_577 * rate;
+    assert!((torque / wanted - 1.0).abs() < 0.03, "{} of it", torque / wanted);
+}
