@@ -129,7 +129,8 @@ fn a_drag_is_what_the_stages_give_and_names_the_bricks_that_change() {
         vec![Event::Level(1), map(MapMethod::Octree, Outside::Free)],
         vec![Event::Warp(WarpParams { order: Order::Cubic, background: Some(7.0) })],
         vec![springs(Solver::Dynamics), map(MapMethod::Octree, Outside::Band)],
-        vec![map(MapMethod::Fem, Outside::Band)],
+        // A needle, which is what springs make of one vertex, is too thin for its cells.
+        vec![Event::Physics(Physics::default()), map(MapMethod::Fem, Outside::Band)],
     ];
     for way in ways {
         for event in way {
