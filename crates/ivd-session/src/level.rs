@@ -46,6 +46,11 @@ impl Level {
         Ok(Self { lattice, nearest: None, smoothest: None, springs: None })
     }
 
+    /// Lets go everything but the lattice.
+    pub(crate) fn forget(&mut self) {
+        (self.nearest, self.smoothest, self.springs) = (None, None, None);
+    }
+
     /// The lattice's motion; `None` where nothing could move it.
     pub(crate) fn solve(
         &mut self,

@@ -1,7 +1,8 @@
 //! Interactive deformation: a [`Session`] holds a volume, its lattice at several levels of refinement, and the deformed volume;
 //! an [`Event`] moves a handle, changes a stiffness, a method or a level, and the [`Update`] says which bricks of the volume changed.
 //!
-//! Nothing passes over the whole volume but the session's beginning: work goes by the handles' reach. What doesn't change while a
+//! Work goes by the handles' reach. The whole volume is passed over at the session's beginning, at the first event of a level, for
+//! other warp parameters, where a part moves alone, and for every event that is mapped by finite elements. What doesn't change while a
 //! handle moves is found once: the lattice of a level, its octree, the springs and their factor, every voxel's nearest point.
 //!
 //! **The state follows from the settings alone.** Solvers and maps start at rest for every event, so that no result depends on the way

@@ -160,7 +160,8 @@ impl Session {
 
     /// Lets go what is kept to be faster: other levels of the lattice, factors, searches, nearest points.
     pub fn forget(&mut self) {
-        self.levels.clear();
+        self.levels.retain(|level, _| *level == self.settings.level);
+        self.levels.values_mut().for_each(Level::forget);
     }
 
     /// Goes to settings, from wherever.

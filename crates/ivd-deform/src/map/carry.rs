@@ -85,7 +85,7 @@ pub(super) fn carry<N: Nearest>(
     if let Some(kept) = kept {
         // What a long way has left behind is given up.
         if kept.bricks.len() > 64 + 2 * bricks.len() {
-            kept.bricks.clear();
+            kept.clear();
         }
         kept.bricks.extend(bricks.iter().copied().zip(seen.into_iter().flatten()));
     }
@@ -130,9 +130,14 @@ impl Kept {
     /// How much further than asked for is searched, so that a motion may grow a little before that is done again.
     const AHEAD: f64 = 1.5;
 
-    /// Bricks of which something is kept.
-    pub(super) fn len(&self) -> usize {
-        self.bricks.len()
+    /// Bricks of which something is kept when these are too.
+    pub(super) fn with(&self, bricks: &[usize]) -> usize {
+        self.bricks.len() + bricks.iter().filter(|brick| !self.bricks.contains_key(brick)).count()
+    }
+
+    /// Gives everything up.
+    pub(super) fn clear(&mut self) {
+        self.bricks.clear();
     }
 
     fn take(&mut self, brick: usize) -> Box<[Seen]> {

@@ -130,16 +130,21 @@ fn carried<N: Nearest>(
     frame: &Frame,
     region: &Region,
     params: &MapParams,
-    kept: Option<&mut Kept>,
+    mut kept: Option<&mut Kept>,
     exec: &Exec,
 ) -> Result<FieldBricks, Error> {
     let grid = &part.lattice.grid;
     check_size(frame)?;
     let bricks = moving_bricks(grid, region, frame, exec)?;
-    if let Some(kept) = &kept {
-        let most = (kept.len() + bricks.len()) as u64;
-        exec.check_memory("the nearest points of the map", Kept::BRICK * most)?;
+    // Where there is no room nothing is kept: what was mapped before decides over no refusal.
+    let room =
+        |count: usize| exec.check_memory("the nearest points of the map", Kept::BRICK * count as u64).is_ok();
+    if let Some(kept) = &mut kept
+        && !room(kept.with(&bricks))
+    {
+        kept.clear();
     }
+    let kept = kept.filter(|_| room(bricks.len()));
     let carried = carry(part, &frame.displacement, region, params, &bricks, kept, exec)?;
     all_bricks(grid, &bricks, carried)
 }

@@ -27,7 +27,8 @@ macro_rules! of_one_type {
 
 /// What [`volume`](super::volume) makes of a volume, made anew brick by brick where its displacement changed.
 ///
-/// Memory: one copy of the voxels. Whoever keeps a clone of [`Deformed::output`] while it is updated makes it copy them again.
+/// Memory: one copy of the voxels. Whoever keeps a clone of [`Deformed::output`] while it is updated makes it copy them again, and no
+/// memory limit is asked about that.
 #[derive(Debug, Clone)]
 pub struct Deformed {
     output: Volume,
@@ -70,8 +71,7 @@ impl Deformed {
     /// - `volume`: the one it was made of.
     ///
     /// # Errors
-    /// A volume or a displacement on another grid, a volume of another type; the memory limit, where the output is shared;
-    /// cancellation, before anything is changed.
+    /// A volume or a displacement on another grid, a volume of another type; cancellation, before anything is changed.
     pub fn update(
         &mut self,
         volume: &Volume,

@@ -110,6 +110,9 @@ impl Cells {
     }
 }
 
+/// Bytes of a cell while the mesh is made, about: the nodes that its corners hang on, eight maps.
+const CELL: u64 = 2048;
+
 /// The body of a scene; the pulls' goals are 0 yet.
 pub(super) fn body(
     cells: &Cells,
@@ -130,6 +133,8 @@ pub(super) fn body(
     near.sort_unstable();
     near.dedup();
     let tree = cells.tree(grid, region, &near, exec)?;
+    exec.check_cancelled()?;
+    exec.check_memory("the cells of the map", CELL * tree.len() as u64)?;
     let mesh = Mesh::new(tree, |cell| {
         let corners: [Vector3<f64>; 8] =
             std::array::from_fn(|c| linear * cells.voxel(cell.corner(c).map(f64::from)));

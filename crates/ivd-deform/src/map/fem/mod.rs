@@ -165,12 +165,16 @@ fn relieve(
     let to_voxel = grid.inverse_linear_part();
     let (mut steps, mut before) = (0, f64::INFINITY);
     for relief in 0..=RELIEFS {
+        let found = (relief > 0).then(|| (u.clone(), solved.residual));
         let balance = body.balance(u, TOLERANCE, STEPS - steps, exec)?;
         steps += balance.steps;
         solved.iterations += balance.iterations;
         solved.residual = balance.residual;
         if !balance.reached {
-            return Err(no_balance(balance.residual, steps));
+            // The balance before this relief is one; how closely it follows is judged with the map.
+            let Some((kept, residual)) = found else { return Err(no_balance(balance.residual, steps)) };
+            (*u, solved.residual) = (kept, residual);
+            return Ok(());
         }
         let left: Vec<Vector3<f64>> =
             body.pulls().par_iter().map(|p| p.left(&body.mesh.gather(p.cell as usize, u))).collect();
