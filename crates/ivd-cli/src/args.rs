@@ -292,7 +292,7 @@ pub(crate) enum Command {
         octree: PathBuf,
         /// Motion artefact of it.
         motion: PathBuf,
-        /// Labels (artefact), for material by class: no map here uses them yet.
+        /// Labels (artefact), for elasticity by class of fem (`[material.<class>]` in --params).
         #[arg(long)]
         labels: Option<PathBuf>,
         /// octree, biharmonic or fem.

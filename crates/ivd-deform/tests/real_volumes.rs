@@ -64,7 +64,7 @@ fn handles_on_scans_are_mapped_without_a_fold() {
             let mapped = match method {
                 map::MapMethod::Octree => map::octree(&lattice, &octree, &solved.motion, 0, &params, &exec),
                 map::MapMethod::Biharmonic => map::biharmonic(&lattice, &solved.motion, 0, &params, &exec),
-                map::MapMethod::Fem => map::fem(&lattice, &solved.motion, 0, &params, &exec),
+                map::MapMethod::Fem => map::fem(&lattice, None, &solved.motion, 0, &params, &exec),
             };
             let mapped = mapped.unwrap_or_else(|error| panic!("{}, {method:?}: {error}", scan.file));
             let (followed, spent) = (&mapped.followed, begin.elapsed().as_secs_f64());

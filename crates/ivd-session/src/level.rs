@@ -114,6 +114,7 @@ impl Level {
     pub(crate) fn map(
         &mut self,
         motion: Option<&Motion>,
+        labels: Option<&Labels>,
         params: &MapParams,
         exec: &Exec,
     ) -> Result<Moved, Error> {
@@ -131,7 +132,10 @@ impl Level {
                 self.nearest = Some(nearest);
                 Ok(moved?)
             }
-            MapMethod::Fem => Ok(fem(&self.lattice, motion, frame, params, exec)?.into()),
+            MapMethod::Fem => {
+                let labels = labels.filter(|_| !params.classes.is_empty());
+                Ok(fem(&self.lattice, labels, motion, frame, params, exec)?.into())
+            }
             MapMethod::Biharmonic => {
                 let kept = self.smoothest.take().filter(|(outside, _)| *outside == params.outside);
                 let (outside, mut smoothest) = match kept {

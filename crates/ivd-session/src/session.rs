@@ -182,7 +182,7 @@ impl Session {
         let moved = if same_motion && now.map == next.map {
             None
         } else {
-            Some(level.map(motion.as_ref(), &next.map, exec)?)
+            Some(level.map(motion.as_ref(), self.labels.as_ref(), &next.map, exec)?)
         };
         let update = self.show(moved.as_ref(), &next, exec)?;
         self.motion = motion;

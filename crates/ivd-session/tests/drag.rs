@@ -96,7 +96,7 @@ fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::Mapped>, Volume) {
             map::octree(&lattice, &octree, &motion, last, &settings.map, exec).unwrap()
         }
         MapMethod::Biharmonic => map::biharmonic(&lattice, &motion, last, &settings.map, exec).unwrap(),
-        MapMethod::Fem => map::fem(&lattice, &motion, last, &settings.map, exec).unwrap(),
+        MapMethod::Fem => map::fem(&lattice, None, &motion, last, &settings.map, exec).unwrap(),
     };
     let warped = warp::volume(&volume, &mapped.displacement, &settings.warp, exec).unwrap();
     (Some(mapped), warped.output)

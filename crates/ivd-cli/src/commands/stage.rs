@@ -177,7 +177,6 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             filler,
             output,
         } => {
-            unused_labels(labels.as_deref(), context)?;
             let words = Words::default()
                 .with("method", method.clone())
                 .with("weight", weight.clone())
@@ -193,7 +192,13 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             } else if context.artefact(octree)?.artefact.kind() != ivd_artefact::Kind::Octree {
                 return Err(Failure::usage(format!("{}: not an octree", octree.display())));
             }
-            Job { stage: Box::new(Map::from_section(&section)?), files, output: &output.path }
+            let stage = Map::from_section(&section)?;
+            if stage.knows_classes() {
+                files.push(("labels", labels.as_deref()));
+            } else {
+                unused_labels(labels.as_deref(), context)?;
+            }
+            Job { stage: Box::new(stage), files, output: &output.path }
         }
         Command::Warp { volume, displacement, order, output } => {
             let section: WarpSection = section(params, Words::default().with("order", order.clone()).0)?;

@@ -79,7 +79,7 @@ pub use live::Live;
 pub use octree::{Prepared, frames, octree};
 pub use outcome::{Followed, Mapped, Moved, Solved};
 pub(crate) use params::smooth_fall;
-pub use params::{DepthWeight, MapMethod, MapParams, Outside};
+pub use params::{DepthWeight, Elastic, MapMethod, MapParams, Outside};
 use region::{Region, largest};
 use settle::Settle;
 

@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use ivd_core::ParamError;
 use serde::{Deserialize, Serialize};
 
@@ -67,6 +69,16 @@ pub enum Outside {
     Free,
 }
 
+/// What a class is made of; what isn't given is as inside the lattice.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Elastic {
+    /// Young's modulus relative to that of matter without a class of its own inside the lattice (no unit), 10⁻⁴ … 10⁴.
+    pub young: Option<f64>,
+    /// Poisson's ratio ν (no unit), 0 … 0.45.
+    pub poisson: Option<f64>,
+}
+
 /// How the motion of a lattice becomes a displacement of voxels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -91,6 +103,8 @@ pub struct MapParams {
     /// Young's modulus of what lies outside the lattice, relative to the inside's (no unit), 10⁻⁴ … 1; read by
     /// [`MapMethod::Fem`].
     pub filler: f64,
+    /// Elasticity by label, inside the lattice and outside, where labels are given; read by [`MapMethod::Fem`].
+    pub classes: BTreeMap<u16, Elastic>,
     /// What happens outside the lattice.
     pub outside: Outside,
     /// How far the lattice points that move most may be left behind to keep the map free of folds, as a fraction of
@@ -108,6 +122,7 @@ impl Default for MapParams {
             cell: None,
             poisson: 0.4,
             filler: 0.01,
+            classes: BTreeMap::new(),
             outside: Outside::default(),
             tolerance: 0.5,
         }
@@ -134,8 +149,13 @@ impl MapParams {
         {
             return Err(ParamError::new("cell", format!("{cell} voxels"), "give 1, 2 or 4, or leave it out"));
         }
-        if !(0.0..=0.45).contains(&self.poisson) {
-            return Err(ParamError::new("poisson", format!("{}", self.poisson), "give a ratio, 0 … 0.45"));
+        let ratios = self.classes.values().filter_map(|class| class.poisson).chain([self.poisson]);
+        if let Some(poisson) = ratios.into_iter().find(|ratio| !(0.0..=0.45).contains(ratio)) {
+            return Err(ParamError::new("poisson", format!("{poisson}"), "give a ratio, 0 … 0.45"));
+        }
+        let moduli = self.classes.values().filter_map(|class| class.young);
+        if let Some(young) = moduli.into_iter().find(|modulus| !(1e-4..=1e4).contains(modulus)) {
+            return Err(ParamError::new("young", format!("{young}"), "give a ratio, 0.0001 … 10000"));
         }
         if !(1e-4..=1.0).contains(&self.filler) {
             return Err(ParamError::new("filler", format!("{}", self.filler), "give a ratio, 0.0001 … 1"));
@@ -176,6 +196,12 @@ mod tests {
         assert_eq!(bad.check().unwrap_err().field, "cell");
         let bad = MapParams { poisson: 0.46, ..MapParams::default() };
         assert_eq!(bad.check().unwrap_err().field, "poisson");
+        let soft = Elastic { poisson: Some(0.5), ..Elastic::default() };
+        let bad = MapParams { classes: [(3, soft)].into(), ..MapParams::default() };
+        assert_eq!(bad.check().unwrap_err().field, "poisson");
+        let hard = Elastic { young: Some(f64::NAN), ..Elastic::default() };
+        let bad = MapParams { classes: [(3, hard)].into(), ..MapParams::default() };
+        assert_eq!(bad.check().unwrap_err().field, "young");
         let bad = MapParams { filler: 0.0, ..MapParams::default() };
         assert_eq!(bad.check().unwrap_err().field, "filler");
         assert!(MapParams::default().check().is_ok());

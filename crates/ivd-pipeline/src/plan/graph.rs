@@ -394,6 +394,10 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     if scene.map.method == MapMethod::Octree {
         map_inputs.insert(1, ("octree", NodeId::Octree));
     }
+    let map = Map::from_section(&scene.map)?;
+    if map.knows_classes() {
+        map_inputs.push(("labels", NodeId::Segment));
+    }
 
     let node = |id, stage: Option<Box<dyn Stage>>, inputs| PlanNode {
         id,
@@ -416,7 +420,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
             vec![("lattice", NodeId::Refine)],
         ),
         node(NodeId::Deform, deform.and_then(boxed), deform_inputs),
-        node(NodeId::Map, if_moved(boxed(Map::from_section(&scene.map)?)), map_inputs),
+        node(NodeId::Map, if_moved(boxed(map)), map_inputs),
         node(
             NodeId::Warp,
             if_moved(boxed(Warp::from_section(&scene.warp))),

@@ -1,6 +1,6 @@
 use ivd_artefact::{Artefact, Kind};
 use ivd_core::Exec;
-use ivd_deform::map::{self, MapParams};
+use ivd_deform::map::{self, Elastic, MapParams};
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
@@ -18,7 +18,7 @@ impl Map {
     /// The stage that a scene's section asks for.
     ///
     /// # Errors
-    /// A key that the method doesn't read.
+    /// A key that the method doesn't read; a class that is no number.
     pub fn from_section(section: &MapSection) -> Result<Self, Error> {
         check(section)?;
         let method = match section.method {
@@ -37,6 +37,12 @@ impl Map {
             scene::Outside::Free => map::Outside::Free,
         };
         let default = MapParams::default();
+        let classes = section.material.iter().map(|(class, own)| {
+            let id = class.parse().map_err(|_| {
+                Error::usage("map", format!("material.{class}: a class is named by its number, 0 to 65535"))
+            });
+            Ok((id?, Elastic { young: own.young, poisson: own.poisson }))
+        });
         Ok(Self {
             params: MapParams {
                 method,
@@ -47,9 +53,15 @@ impl Map {
                 cell: section.cell,
                 poisson: section.poisson.unwrap_or(default.poisson),
                 filler: section.filler.unwrap_or(default.filler),
+                classes: classes.collect::<Result<_, Error>>()?,
                 tolerance: section.tolerance.unwrap_or(default.tolerance),
             },
         })
+    }
+
+    /// Whether it needs labels.
+    pub fn knows_classes(&self) -> bool {
+        !self.params.classes.is_empty()
     }
 }
 
@@ -61,6 +73,7 @@ fn check(section: &MapSection) -> Result<(), Error> {
         ("cell", section.cell.is_some(), &[MapMethod::Biharmonic, MapMethod::Fem]),
         ("poisson", section.poisson.is_some(), &[MapMethod::Fem]),
         ("filler", section.filler.is_some(), &[MapMethod::Fem]),
+        ("material", !section.material.is_empty(), &[MapMethod::Fem]),
     ];
     let name = |method| match method {
         MapMethod::Octree => "octree",
@@ -86,7 +99,7 @@ impl Stage for Map {
     }
 
     fn revision(&self) -> u32 {
-        4
+        5
     }
 
     fn inputs(&self) -> &'static [Slot] {
@@ -97,9 +110,15 @@ impl Stage for Map {
         ];
         const NO_OCTREE: &[Slot] =
             &[Slot::required("lattice", &[Kind::Lattice]), Slot::required("motion", &[Kind::Motion])];
+        const ELASTIC: &[Slot] = &[
+            Slot::required("lattice", &[Kind::Lattice]),
+            Slot::required("motion", &[Kind::Motion]),
+            Slot::optional("labels", &[Kind::Labels]),
+        ];
         match self.params.method {
             map::MapMethod::Octree => OCTREE,
-            map::MapMethod::Biharmonic | map::MapMethod::Fem => NO_OCTREE,
+            map::MapMethod::Biharmonic => NO_OCTREE,
+            map::MapMethod::Fem => ELASTIC,
         }
     }
 
@@ -114,6 +133,13 @@ impl Stage for Map {
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let lattice = inputs.lattice("lattice").expect("checked by the runner");
         let motion = inputs.motion("motion").expect("checked by the runner");
+        let labels = inputs.labels("labels");
+        if labels.is_none() && self.knows_classes() {
+            return Err(Error::usage(
+                "map",
+                "material: there are no labels to know classes by; give --labels".to_owned(),
+            ));
+        }
         let last = motion.frames.len().saturating_sub(1);
         let mapped = match self.params.method {
             map::MapMethod::Octree => {
@@ -121,7 +147,7 @@ impl Stage for Map {
                 map::octree(lattice, octree, motion, last, &self.params, exec)
             }
             map::MapMethod::Biharmonic => map::biharmonic(lattice, motion, last, &self.params, exec),
-            map::MapMethod::Fem => map::fem(lattice, motion, last, &self.params, exec),
+            map::MapMethod::Fem => map::fem(lattice, labels, motion, last, &self.params, exec),
         }
         .map_err(stage_error!("map"))?;
         let metrics = json!({

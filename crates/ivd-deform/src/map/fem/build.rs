@@ -1,19 +1,19 @@
 //! The body of a scene: cells round the lattice, what they are made of, and the vertices' pulls.
 
-use ivd_core::{Exec, Grid, Lattice, Mask};
+use ivd_core::{Exec, Grid, Lattice};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::super::biharmonic::steps;
 use super::super::region::Region;
-use super::super::{MapParams, Outside};
-use super::material::{Hexahedron, Lame};
+use super::material::{Hexahedron, Lame, Matter};
+use super::materials::Materials;
 use super::mesh::{Mesh, weights};
 use super::system::{Body, Pull};
 use super::tree::{Cell, Tree};
 use crate::Error;
 
-/// Stiffness of a cell's springs together, in units of the cell's modulus times its edge. Multipliers do the rest; stiffer ones
+/// Stiffness of a cell's springs together, in units of the stiffest modulus in it, 1 at least, times its edge. Multipliers do the rest; stiffer ones
 /// need fewer of these and more iterations.
 const SPRING: f64 = 10.0;
 /// Longest edge of a cell, in finest cells.
@@ -84,28 +84,19 @@ impl Cells {
         Ok(tree)
     }
 
-    /// Moduli at a cell's Gauss points, each the mean over its octant: 1 inside, `filler` outside.
-    fn young(&self, cell: &Cell, inside: &Mask, filler: f64) -> [f64; 8] {
-        let dims = inside.grid().dims();
+    /// What a cell is made of at its Gauss points, each the mean over its octant.
+    fn matter(&self, cell: &Cell, materials: &Materials<'_>) -> Matter {
         let many: [usize; 3] =
             std::array::from_fn(|a| (cell.size as usize * self.step[a]).div_ceil(2).clamp(1, 4));
         std::array::from_fn(|octant| {
-            let (mut sum, count) = (0.0, many.iter().product::<usize>());
-            for i in 0..count {
+            Lame::mean((0..many.iter().product::<usize>()).map(|i| {
                 let part = [i % many[0], i / many[0] % many[1], i / many[0] / many[1]];
                 let place = std::array::from_fn(|a| {
                     let inner = (part[a] as f64 + 0.5) / many[a] as f64 + (octant >> a & 1) as f64;
                     f64::from(cell.low[a]) + f64::from(cell.size) * 0.5 * inner
                 });
-                let voxel = self.voxel(place).map(|c| c.round() as i64);
-                let here = (0..3).all(|a| (0..dims[a] as i64).contains(&voxel[a]));
-                let solid = here && {
-                    let v = voxel.map(|c| c as usize);
-                    inside.inside()[v[0] + dims[0] * (v[1] + dims[1] * v[2])] != 0
-                };
-                sum += if solid { 1.0 } else { filler };
-            }
-            sum / count as f64
+                materials.at(self.voxel(place))
+            }))
         })
     }
 }
@@ -117,9 +108,8 @@ const CELL: u64 = 2048;
 pub(super) fn body(
     cells: &Cells,
     lattice: &Lattice,
-    inside: &Mask,
+    materials: &Materials<'_>,
     region: &Region,
-    params: &MapParams,
     exec: &Exec,
 ) -> Result<Body, Error> {
     let grid = &lattice.grid;
@@ -140,9 +130,7 @@ pub(super) fn body(
             std::array::from_fn(|c| linear * cells.voxel(cell.corner(c).map(f64::from)));
         region.balls().any(|(centre, radius)| corners.iter().all(|x| (x - centre).norm() <= radius))
     });
-    // The layer in which a part that moves alone goes on is to follow it.
-    let filler = if params.outside == Outside::Free { params.filler.min(FREE) } else { params.filler };
-    let young: Vec<[f64; 8]> = mesh.cells.par_iter().map(|c| cells.young(c, inside, filler)).collect();
+    let matter: Vec<Matter> = mesh.cells.par_iter().map(|c| cells.matter(c, materials)).collect();
     let edges = cells.edges(grid);
     let mut pulls: Vec<Pull> = places
         .iter()
@@ -167,10 +155,8 @@ pub(super) fn body(
     for pull in &mut pulls {
         let cell = pull.cell as usize;
         let length = edge * f64::from(mesh.cells[cell].size);
-        pull.spring = SPRING * length / f64::from(many[cell]);
+        let stiffest = matter[cell].iter().map(|lame| materials.modulus(lame)).fold(1.0, f64::max);
+        pull.spring = SPRING * stiffest * length / f64::from(many[cell]);
     }
-    Ok(Body::new(mesh, Hexahedron::new(&edges), Lame::new(1.0, params.poisson), young, pulls))
+    Ok(Body::new(mesh, Hexahedron::new(&edges), matter, pulls))
 }
-
-/// Modulus round a part that moves alone, relative to it.
-const FREE: f64 = 1e-3;

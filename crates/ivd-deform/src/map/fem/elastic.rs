@@ -23,8 +23,8 @@ fn block(
     tree.balance();
     let mut mesh = Mesh::new(tree, |_| true);
     mesh.held = mesh.nodes.iter().map(|n| held(*n)).collect();
-    let young = vec![[1.0; 8]; mesh.cells.len()];
-    Body::new(mesh, Hexahedron::new(edges), lame, young, Vec::new())
+    let matter = vec![[lame; 8]; mesh.cells.len()];
+    Body::new(mesh, Hexahedron::new(edges), matter, Vec::new())
 }
 
 /// Places of the nodes (mm).
@@ -65,7 +65,7 @@ fn forces_and_matrix_are_the_differences_of_the_energy_also_where_nodes_hang() {
         multiplier: Vector3::new(0.5, 0.25, -1.0),
     };
     let mut with =
-        Body::new(body.mesh.clone(), body.element.clone(), body.lame, body.young.clone(), vec![pull]);
+        Body::new(body.mesh.clone(), body.element.clone(), body.matter.clone(), vec![pull]);
     for (i, load) in with.loads.iter_mut().enumerate() {
         *load = [scatter(i), 0.1, scatter(i + 50)];
     }
@@ -135,6 +135,31 @@ fn affine_borders_give_affine_insides_also_where_nodes_hang() {
         let balance = body.balance(&mut u, 1e-13, 30, &Exec::default()).unwrap();
         assert!(relative(&u, &wanted) < 1e-10, "{} {balance:?}", relative(&u, &wanted));
     }
+}
+
+/// Layers slide over one another by what their moduli let them: the shear stress `μ γ` is the same in all. Exact, as trilinear
+/// cells can bend where the layers meet.
+#[test]
+fn layers_of_two_materials_share_a_shear_by_their_moduli() {
+    let (size, edges) = ([8, 8, 8], Matrix3::from_diagonal(&Vector3::new(0.7, 1.3, 0.9)));
+    let (soft, hard) = (Lame::new(1.0, 0.4), Lame::new(50.0, 0.1));
+    let mut body = block(([2, 2, 2], 4), &[[1, 1, 1], [6, 6, 6]], &edges, soft, |n| border(n, size));
+    let above = |body: &Body, cell: usize| body.mesh.cells[cell].low[2] >= 4;
+    body.matter =
+        (0..body.mesh.cells.len()).map(|c| [if above(&body, c) { hard } else { soft }; 8]).collect();
+    let (rate, middle) = (0.4, 4.0 * edges[(2, 2)]);
+    let wanted: Vec<Triple> = places(&body, &edges)
+        .iter()
+        .map(|x| [rate * (x.z.min(middle) + (x.z - middle).max(0.0) * soft.mu / hard.mu), 0.0, 0.0])
+        .collect();
+    let mut u: Vec<Triple> = (0..wanted.len())
+        .map(|i| {
+            let off = if body.mesh.held[i] { 0.0 } else { 0.1 };
+            std::array::from_fn(|a| wanted[i][a] + off * scatter(3 * i + a))
+        })
+        .collect();
+    let balance = body.balance(&mut u, 1e-13, 30, &Exec::default()).unwrap();
+    assert!(relative(&u, &wanted) < 1e-10, "{} {balance:?}", relative(&u, &wanted));
 }
 
 /// A smooth motion of the unit cube, and its gradient.

@@ -28,6 +28,16 @@ impl Lame {
         }
     }
 
+    /// The mean of what parts of a whole are made of; 0 of none.
+    pub(super) fn mean(parts: impl ExactSizeIterator<Item = Self>) -> Self {
+        let many = parts.len().max(1) as f64;
+        let sum = parts.fold(Self { mu: 0.0, lambda: 0.0 }, |sum, part| Self {
+            mu: sum.mu + part.mu,
+            lambda: sum.lambda + part.lambda,
+        });
+        Self { mu: sum.mu / many, lambda: sum.lambda / many }
+    }
+
     /// `W(F)`; `None` where J ≤ 0.
     pub(super) fn energy(&self, f: &Matrix3<f64>) -> Option<f64> {
         let j = f.determinant();
@@ -47,6 +57,8 @@ pub(super) struct Hexahedron {
     volume: f64,
 }
 
+/// What a cell is made of at its Gauss points.
+pub(super) type Matter = [Lame; 8];
 /// Forces or places at the corners.
 pub(super) type Corners = [[f64; 3]; 8];
 /// A cell's matrix: 3×3 blocks by corner and corner.
@@ -91,21 +103,21 @@ impl Hexahedron {
         self.volume * size.powi(3)
     }
 
-    /// Energy of a cell with moduli `young` at its Gauss points, in units of which `lame` is; `None` where J ≤ 0 at one.
-    pub(super) fn energy(&self, lame: &Lame, young: &[f64; 8], size: f64, u: &Corners) -> Option<f64> {
+    /// Energy of a cell; `None` where J ≤ 0 at a Gauss point.
+    pub(super) fn energy(&self, matter: &Matter, size: f64, u: &Corners) -> Option<f64> {
         let mut sum = 0.0;
-        for (point, young) in young.iter().enumerate() {
-            sum += young * lame.energy(&self.deformation(point, size, u))?;
+        for (point, lame) in matter.iter().enumerate() {
+            sum += lame.energy(&self.deformation(point, size, u))?;
         }
         Some(sum * self.volume(size))
     }
 
     /// Derivative of the energy by the corners. J > 0 is asked for.
-    pub(super) fn forces(&self, lame: &Lame, young: &[f64; 8], size: f64, u: &Corners) -> Corners {
+    pub(super) fn forces(&self, matter: &Matter, size: f64, u: &Corners) -> Corners {
         let mut out = [[0.0; 3]; 8];
-        for (point, young) in young.iter().enumerate() {
+        let weight = self.volume(size) / size;
+        for (point, lame) in matter.iter().enumerate() {
             let f = self.deformation(point, size, u);
-            let weight = young * self.volume(size) / size;
             let (inverse, log) = inverse_transposed(&f);
             let stress = f * lame.mu + inverse * (lame.lambda * log - lame.mu);
             for (out, g) in out.iter_mut().zip(&self.gradients[point]) {
@@ -117,11 +129,11 @@ impl Hexahedron {
     }
 
     /// Second derivative of the energy by the corners.
-    pub(super) fn stiffness(&self, lame: &Lame, young: &[f64; 8], size: f64, u: &Corners) -> Stiffness {
+    pub(super) fn stiffness(&self, matter: &Matter, size: f64, u: &Corners) -> Stiffness {
         let mut out = [[Matrix3::zeros(); 8]; 8];
-        for (point, young) in young.iter().enumerate() {
+        let weight = self.volume(size) / (size * size);
+        for (point, lame) in matter.iter().enumerate() {
             let (inverse, log) = inverse_transposed(&self.deformation(point, size, u));
-            let weight = young * self.volume(size) / (size * size);
             let g = &self.gradients[point];
             let h: [Vector3<f64>; 8] = std::array::from_fn(|c| inverse * g[c]);
             let (straight, crossed) = (weight * lame.lambda, weight * (lame.mu - lame.lambda * log));

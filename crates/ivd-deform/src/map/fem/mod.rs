@@ -7,9 +7,9 @@
 //! ```
 //!
 //! - `W` is the compressible neo-Hookean energy of [`material`], so that turns cost nothing. `E` is 1 inside the lattice and
-//!   [`MapParams::filler`] outside; only their ratio matters. Poisson's ratio is the same everywhere.
+//!   [`MapParams::filler`] outside, or what [`MapParams::classes`] say of a voxel's class; only ratios matter.
 //! - Elements are hexahedra on the cells of a 2:1 balanced octree, finest ([`MapParams::cell`] voxels) round the vertices, at
-//!   most a quarter of the margin long elsewhere; with eight Gauss points, `E` at each the mean over its octant. Nodes that hang
+//!   most a quarter of the margin long elsewhere; with eight Gauss points, Lamé's constants at each the mean over its octant. Nodes that hang
 //!   on a coarser cell take its values, so that the field is continuous.
 //! - Cells that aren't wholly in Ω (in one of its balls) are left out, and their nodes held at 0: beyond Ω nothing moves, bit
 //!   for bit. The end of the grid is natural.
@@ -31,12 +31,13 @@
 mod blocks;
 mod build;
 mod material;
+mod materials;
 mod mesh;
 mod newton;
 mod system;
 mod tree;
 
-use ivd_core::{Exec, FieldBricks, Frame, Grid, Lattice, Mask, Motion, VoxelCoord};
+use ivd_core::{Exec, FieldBricks, Frame, Grid, Labels, Lattice, Mask, Motion, VoxelCoord};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -46,8 +47,10 @@ use super::region::{Region, largest};
 use super::settle::Settle;
 use super::{MapParams, Mapped, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks};
 use crate::Error;
+use crate::mass_spring::classes;
 use crate::sampler::{brick_at, brick_voxels, interpolate};
 use build::{Cells, body};
+use materials::Materials;
 use system::{Body, Triple};
 
 /// Most parts that the motion grows in.
@@ -65,12 +68,15 @@ const FOLLOWED: f64 = 1e-3;
 
 /// Maps frame `frame` of a motion by the equilibrium of elastic matter in which the lattice moves.
 ///
+/// - `labels`: on the lattice's grid, for [`MapParams::classes`].
+///
 /// # Errors
-/// Inputs that don't belong together; parameters out of their domain; a lattice that isn't closed; [`Error::Folded`] or
+/// Inputs that don't belong together; material by class without labels; parameters out of their domain; a lattice that isn't closed; [`Error::Folded`] or
 /// [`Error::Untrusted`] where no equilibrium is found, or no map free of folds follows the motion; the memory limit;
 /// cancellation.
 pub fn fem(
     lattice: &Lattice,
+    labels: Option<&Labels>,
     motion: &Motion,
     frame: usize,
     params: &MapParams,
@@ -78,14 +84,24 @@ pub fn fem(
 ) -> Result<Mapped, Error> {
     params.check()?;
     check_inputs(lattice, motion)?;
+    labels.map_or(Ok(()), |labels| classes::check(lattice, labels))?;
+    let labels = labels.filter(|_| !params.classes.is_empty());
+    if labels.is_none() && !params.classes.is_empty() {
+        return Err(Error::Mismatch {
+            what: "classes",
+            problem: "there are no labels to know them by".into(),
+            remedy: "give labels, or no material by class",
+        });
+    }
     let frame = frame_of(motion, frame)?;
     check_size(frame)?;
     let inside = ivd_octree::inside(lattice, exec)?;
-    exec.run(|| map_frame(lattice, &inside, motion, frame, params, exec))
+    exec.run(|| map_frame(lattice, labels, &inside, motion, frame, params, exec))
 }
 
 fn map_frame(
     lattice: &Lattice,
+    labels: Option<&Labels>,
     inside: &Mask,
     motion: &Motion,
     frame: &Frame,
@@ -101,7 +117,7 @@ fn map_frame(
         return settle.settle(all_bricks(&lattice.grid, &bricks, still)?, exec);
     }
     let cells = Cells::new(&lattice.grid, &region, params.cell);
-    let mut body = body(&cells, lattice, inside, &region, params, exec)?;
+    let mut body = body(&cells, lattice, &Materials::new(inside, labels, params), &region, exec)?;
     exec.check_memory("the equations of the map", body.bytes())?;
     let (field, solved) = equilibrium(&mut body, lattice, frame, cells.length(&lattice.grid), exec)?;
     let sampled = sample(&body, &cells, &lattice.grid, &field, &bricks, exec)?;

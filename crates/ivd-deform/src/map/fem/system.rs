@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::blocks::{Blocks, ROWS};
-use super::material::{Corners, Hexahedron, Lame, Stiffness};
+use super::material::{Corners, Hexahedron, Matter, Stiffness};
 use super::mesh::Mesh;
 use crate::Error;
 
@@ -41,9 +41,8 @@ impl Pull {
 pub(super) struct Body {
     pub(super) mesh: Mesh,
     pub(super) element: Hexahedron,
-    pub(super) lame: Lame,
-    /// Moduli at the Gauss points of every cell, relative to the stiffest.
-    pub(super) young: Vec<[f64; 8]>,
+    /// What every cell is made of.
+    pub(super) matter: Vec<Matter>,
     /// By cell.
     pulls: Vec<Pull>,
     ranges: Vec<std::ops::Range<usize>>,
@@ -58,8 +57,7 @@ impl Body {
     pub(super) fn new(
         mesh: Mesh,
         element: Hexahedron,
-        lame: Lame,
-        young: Vec<[f64; 8]>,
+        matter: Vec<Matter>,
         mut pulls: Vec<Pull>,
     ) -> Self {
         pulls.sort_by_key(|p| (p.cell, p.vertex));
@@ -78,7 +76,7 @@ impl Body {
             }
         }
         let loads = vec![[0.0; 3]; mesh.nodes.len()];
-        Self { mesh, element, lame, young, pulls, ranges, loads, touches }
+        Self { mesh, element, matter, pulls, ranges, loads, touches }
     }
 
     pub(super) fn pulls(&self) -> &[Pull] {
@@ -104,16 +102,16 @@ impl Body {
                 let corners = self.mesh.gather(cell, u);
                 let edge = f64::from(self.mesh.cells[cell].size);
                 let mut add = |term: f64| (sum, size) = (sum + term, size + term.abs());
-                let matter = self.element.energy(&self.lame, &self.young[cell], edge, &corners)?;
+                let matter = self.element.energy(&self.matter[cell], edge, &corners)?;
                 add(matter);
                 // `F : F − 3` is a small difference, even where the energy is next to nothing.
-                let volume = self.element.volume(edge) * self.young[cell].iter().sum::<f64>();
+                let modulus: f64 = self.matter[cell].iter().map(|lame| lame.mu).sum();
                 for pull in &self.pulls[self.ranges[cell].clone()] {
                     let left = pull.left(&corners);
                     add(0.5 * pull.spring * left.norm_squared());
                     add(pull.multiplier.dot(&left));
                 }
-                size += 3.0 * self.lame.mu * volume;
+                size += 3.0 * modulus * self.element.volume(edge);
             }
             Some((sum, size))
         };
@@ -138,7 +136,7 @@ impl Body {
             .map(|cell| {
                 let corners = self.mesh.gather(cell, u);
                 let edge = f64::from(self.mesh.cells[cell].size);
-                let mut out = self.element.forces(&self.lame, &self.young[cell], edge, &corners);
+                let mut out = self.element.forces(&self.matter[cell], edge, &corners);
                 for pull in &self.pulls[self.ranges[cell].clone()] {
                     let force = pull.left(&corners) * pull.spring + pull.multiplier;
                     for (out, w) in out.iter_mut().zip(pull.weights) {
@@ -174,7 +172,7 @@ impl Body {
             .map(|cell| {
                 let corners = self.mesh.gather(cell, u);
                 let edge = f64::from(self.mesh.cells[cell].size);
-                let mut out = self.element.stiffness(&self.lame, &self.young[cell], edge, &corners);
+                let mut out = self.element.stiffness(&self.matter[cell], edge, &corners);
                 for pull in &self.pulls[self.ranges[cell].clone()] {
                     for p in 0..8 {
                         for q in 0..8 {

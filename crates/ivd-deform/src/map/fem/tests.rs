@@ -1,16 +1,16 @@
 use std::sync::Arc;
 
-use ivd_core::{Cancel, Fault, Grid, Observer, VoxelCoord};
-use nalgebra::{Rotation3, Vector3};
+use ivd_core::{Cancel, Class, Fault, Grid, Labels, Observer, VoxelCoord};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::*;
 use crate::fixtures::{middle, sheared_grid, voxels};
-use crate::map::MapMethod;
+use crate::map::{Elastic, MapMethod};
 use crate::map::tests::{Scene, ball, scene};
 
 impl Scene {
     pub(in crate::map) fn elastic(&self, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
-        fem(&self.lattice, &self.motion, 0, params, exec)
+        fem(&self.lattice, None, &self.motion, 0, params, exec)
     }
 }
 
@@ -110,6 +110,84 @@ impl Observer for Stop {
             self.0.cancel();
         }
     }
+}
+
+/// Class 3 where `within`, else 0.
+fn class_three(grid: &Grid, within: impl Fn(Vector3<f64>) -> bool) -> Labels {
+    let at = |v| grid.linear_part() * VoxelCoord::from(v).0;
+    let ids: Vec<u16> = voxels(grid).map(|v| 3 * u16::from(within(at(v)))).collect();
+    let voxels = ids.iter().map(|id| u64::from(*id == 3)).sum();
+    let class = Class { id: 3, name: None, mean: 1.0, sd: 0.0, voxels, lower: None, upper: None };
+    Labels::new(grid.clone(), ids.into(), vec![class]).unwrap()
+}
+
+fn made_of(young: f64, poisson: f64) -> MapParams {
+    let own = Elastic { young: Some(young), poisson: Some(poisson) };
+    MapParams { cell: Some(2), classes: [(3, own)].into(), ..elastic() }
+}
+
+/// How far the motion of the voxels `within` is from turning and shifting them (voxels of 1 mm, root mean square).
+fn bent(mapped: &Mapped, grid: &Grid, within: impl Fn(Vector3<f64>) -> bool) -> f64 {
+    let at = |v| grid.linear_part() * VoxelCoord::from(v).0;
+    let moved: Vec<(Vector3<f64>, Vector3<f64>)> = voxels(grid)
+        .filter(|v| within(at(*v)))
+        .map(|v| (at(v), Vector3::from(mapped.displacement.forward.at(v)).map(f64::from)))
+        .collect();
+    let many = moved.len() as f64;
+    let from = moved.iter().map(|m| m.0).sum::<Vector3<f64>>() / many;
+    let to = moved.iter().map(|m| m.0 + m.1).sum::<Vector3<f64>>() / many;
+    let covariance: Matrix3<f64> =
+        moved.iter().map(|m| (m.0 + m.1 - to) * (m.0 - from).transpose()).sum::<Matrix3<f64>>();
+    let svd = covariance.svd(true, true);
+    let turn = svd.u.unwrap() * svd.v_t.unwrap();
+    let left = moved.iter().map(|m| (m.0 + m.1 - to - turn * (m.0 - from)).norm_squared());
+    f64::sqrt(left.sum::<f64>() / many)
+}
+
+#[test]
+fn a_hard_core_moves_as_one_and_a_class_like_the_rest_changes_nothing() {
+    let grid = Grid::with_spacing([36, 36, 36], [1.0; 3]).unwrap();
+    let (all, top) = pushed(&grid, 10.0, 2.0);
+    let near = top - Vector3::new(0.0, 0.0, 5.0);
+    let core = |p: Vector3<f64>| (p - near).norm() < 3.0;
+    let labels = class_three(&grid, core);
+    let exec = Exec::default();
+    let run = |params: &MapParams| fem(&all.lattice, Some(&labels), &all.motion, 0, params, &exec).unwrap();
+    let plain = all.elastic(&MapParams { cell: Some(2), ..elastic() }, &exec).unwrap();
+    assert_eq!(run(&made_of(1.0, 0.4)).displacement, plain.displacement);
+    let inner = |p: Vector3<f64>| (p - near).norm() < 2.5;
+    let bends = [0.01, 1.0, 10.0, 1000.0].map(|young| bent(&run(&made_of(young, 0.3)), &grid, inner));
+    assert!(bends.windows(2).all(|w| w[0] > w[1]), "{bends:?}");
+    // Cells of 2 voxels: those at the core's border are of both kinds.
+    assert!(bends[3] < 0.05 * bends[1], "{bends:?}");
+}
+
+#[test]
+fn a_class_keeps_its_matter_outside_the_lattice() {
+    let grid = Grid::with_spacing([36, 36, 36], [1.0; 3]).unwrap();
+    let (all, top) = pushed(&grid, 10.0, 2.0);
+    let above = |p: Vector3<f64>| (p - top - Vector3::new(0.0, 0.0, 4.0)).norm() < 3.0;
+    let labels = class_three(&grid, above);
+    let exec = Exec::default();
+    let run = |young| {
+        let mapped = fem(&all.lattice, Some(&labels), &all.motion, 0, &made_of(young, 0.3), &exec).unwrap();
+        assert!(mapped.followed.misfit < 0.1, "{:?}", mapped.followed);
+        bent(&mapped, &grid, above)
+    };
+    let (soft, hard) = (run(0.01), run(100.0));
+    assert!(hard < 0.1 * soft, "{soft} {hard}");
+}
+
+#[test]
+fn classes_without_labels_and_labels_of_another_grid_are_refused() {
+    let grid = Grid::with_spacing([32, 32, 32], [1.0; 3]).unwrap();
+    let (all, _) = pushed(&grid, 8.0, 1.5);
+    let exec = Exec::default();
+    let error = all.elastic(&made_of(2.0, 0.3), &exec).unwrap_err();
+    assert!(error.fault() == Fault::Usage && error.to_string().contains("labels"), "{error}");
+    let other = class_three(&Grid::with_spacing([32, 32, 31], [1.0; 3]).unwrap(), |_| true);
+    let error = fem(&all.lattice, Some(&other), &all.motion, 0, &elastic(), &exec).unwrap_err();
+    assert!(error.fault() == Fault::Usage && error.to_string().contains("grid"), "{error}");
 }
 
 #[test]

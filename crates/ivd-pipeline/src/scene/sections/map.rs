@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +42,16 @@ pub enum DepthWeight {
     One,
 }
 
+/// `[map.material.<class>]`: what isn't given is as inside the lattice.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ElasticSection {
+    /// Young's modulus relative to that of the rest of the inside, 0.0001…10000.
+    pub young: Option<f64>,
+    /// Poisson's ratio, 0…0.45.
+    pub poisson: Option<f64>,
+}
+
 /// `[map]`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -58,6 +70,8 @@ pub struct MapSection {
     pub poisson: Option<f64>,
     /// `fem`: Young's modulus outside the lattice, relative to the inside's, 0.0001…1 (0.01 where it isn't given).
     pub filler: Option<f64>,
+    /// `fem`: elasticity by class.
+    pub material: BTreeMap<String, ElasticSection>,
     /// Outside of the lattice.
     pub outside: Outside,
     /// How far lattice points may be left behind to keep the map free of folds, as a fraction of their motion, 0…1.

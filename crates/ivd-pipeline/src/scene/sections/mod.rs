@@ -15,7 +15,7 @@ pub use boundary::{BoundarySection, ClassChoice, ClassWord};
 pub use deform::{CourseChoice, DeformSection, FixSection, HandleSection, MaterialSection, Solver};
 pub use input::{InputSection, RawSection};
 pub use lattice::{IsoChoice, IsoWord, LatticeSection, OctreeSection, RefineMethod, RefineSection};
-pub use map::{DepthWeight, MapMethod, MapSection, Outside, WarpOrder, WarpSection};
+pub use map::{DepthWeight, ElasticSection, MapMethod, MapSection, Outside, WarpOrder, WarpSection};
 pub use output::{OutputSection, Picture};
 pub use picture::{AtfSection, Projection, RenderMode, RenderSection};
 pub use rigid::RigidSection;
