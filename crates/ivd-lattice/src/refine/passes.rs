@@ -15,10 +15,10 @@ use crate::Error;
 /// renewed after each collapse, and takes more passes.
 const PASS_SHARE: f64 = 0.5;
 
-/// Bound that a collapse may lead to, in roots of the largest cost of its pass. Costs are means, and say little of the
-/// one triangle that ends far off. At 16 the largest bound of two scans is half as large again, and hardly less than
-/// without a limit.
-const BOUND_ROOTS: f64 = 8.0;
+/// Bound that a collapse may lead to, in roots of the largest cost of its pass. Costs are means, and say little of the one
+/// triangle that ends far off: at 8 the largest errors of two scans are half as large again to more than twice, and means
+/// hardly smaller; below 3 passes become many.
+const BOUND_ROOTS: f64 = 3.0;
 
 /// A pass over no more vertices than this doesn't divide the surface into blocks.
 const ALONE: usize = 2048;

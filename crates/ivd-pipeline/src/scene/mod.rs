@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
     AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
-    CovarianceChoice, DeformSection, DepthWeight, ElasticSection, FixSection, HandleSection, InputSection, IsoChoice,
-    IsoWord, KernelChoice, LatticeSection, LinkageChoice, MapMethod, MapSection, MaterialSection,
+    CovarianceChoice, DeformSection, DepthWeight, ElasticSection, FixSection, HandleSection, InputSection,
+    IsoChoice, IsoWord, KernelChoice, LatticeSection, LinkageChoice, MapMethod, MapSection, MaterialSection,
     OctreeSection, OutputSection, Outside, Picture, Projection, RankingChoice, RawSection, RefineMethod,
     RefineSection, RenderMode, RenderSection, RigidSection, SegmentMethod, SegmentSection, ShapeKind,
     ShapeSection, Solver, WarpOrder, WarpSection,

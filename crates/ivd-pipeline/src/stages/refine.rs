@@ -108,7 +108,7 @@ impl Stage for Refine {
     }
 
     fn revision(&self) -> u32 {
-        5
+        6
     }
 
     fn inputs(&self) -> &'static [Slot] {

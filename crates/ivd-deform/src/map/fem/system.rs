@@ -54,12 +54,7 @@ pub(super) struct Body {
 
 impl Body {
     /// A body without loads.
-    pub(super) fn new(
-        mesh: Mesh,
-        element: Hexahedron,
-        matter: Vec<Matter>,
-        mut pulls: Vec<Pull>,
-    ) -> Self {
+    pub(super) fn new(mesh: Mesh, element: Hexahedron, matter: Vec<Matter>, mut pulls: Vec<Pull>) -> Self {
         pulls.sort_by_key(|p| (p.cell, p.vertex));
         let mut ranges = vec![0..0; mesh.cells.len()];
         let mut start = 0;

@@ -5,8 +5,8 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::*;
 use crate::fixtures::{middle, sheared_grid, voxels};
-use crate::map::{Elastic, MapMethod};
 use crate::map::tests::{Scene, ball, scene};
+use crate::map::{Elastic, MapMethod};
 
 impl Scene {
     pub(in crate::map) fn elastic(&self, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
