@@ -158,3 +158,74 @@ fn what_a_shape_does_not_read_is_refused_by_name() {
     let neither = ivd(at, &["deform", "l.ivd", "-o", "m.ivd"]);
     assert_eq!(neither.status.code(), Some(2));
 }
+
+/// Two parts: a ball of class 2 in air of class 1.
+fn labelled(at: &Path) {
+    ball(at);
+    json(at, &["segment", "v.ivd", "--method", "kmvs", "--k", "2", "-o", "labels.ivd"]);
+    json(at, &["octree", "l.ivd", "-o", "o.ivd"]);
+    json(at, &["deform", "l.ivd", "--handle", "pick=34,20,20;move=-2,0,0;radius=12", "-o", "m.ivd"]);
+}
+
+#[test]
+fn finite_elements_know_materials_by_class() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    labelled(at);
+    let map = |more: &[&str]| {
+        let words = ["map", "l.ivd", "o.ivd", "m.ivd", "--method", "fem", "--cell", "2", "-o", "d.ivd"];
+        json(at, &[&words[..], more].concat())["metrics"].clone()
+    };
+    let plain = map(&[]);
+    assert_eq!(plain["folds"], 0);
+    let solved = &plain["solved"];
+    assert!(
+        solved["nodes"].as_u64().unwrap() > 100 && solved["residual"].as_f64().unwrap() <= 1e-5,
+        "{solved}"
+    );
+    // Air as hard as the ball gives way less than the filler: less of it is squeezed against the ball's far side.
+    std::fs::write(at.join("p.toml"), "[material.1]\nyoung = 1.0\n[material.2]\npoisson = 0.2\n").unwrap();
+    let hard = map(&["--params", "p.toml", "--labels", "labels.ivd"]);
+    assert_eq!(hard["folds"], 0);
+    assert_ne!(hard["min_det_j"], plain["min_det_j"]);
+    let scene = "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 40\n[segment]\nmethod = \"kmvs\"\nk = 2\n\
+        [lattice]\niso = 128.0\n[refine]\nlevel = 0\n\
+        [[deform.handle]]\npick = [34, 20, 20]\nmove = [-2, 0, 0]\nradius = 12.0\n\
+        [map]\nmethod = \"fem\"\ncell = 2\n[map.material.1]\nyoung = 1.0\n[map.material.2]\npoisson = 0.2\n\
+        [output]\nvolume = \"pushed.nii.gz\"\n";
+    std::fs::write(at.join("scene.toml"), scene).unwrap();
+    let told = json(at, &["pipeline", "scene.toml", "--out", "out"]);
+    let stage =
+        |name: &str| told["stages"].as_array().unwrap().iter().find(|s| s["stage"] == name).unwrap().clone();
+    assert_eq!(stage("segment")["state"], "ran");
+    assert_eq!(stage("octree")["state"], "not_needed");
+    assert_eq!(stage("map")["metrics"]["folds"], 0);
+}
+
+#[test]
+fn what_a_map_can_do_nothing_with_is_refused_or_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    labelled(at);
+    let map = |method: &str, params: &str, more: &[&str]| {
+        std::fs::write(at.join("p.toml"), params).unwrap();
+        let words =
+            ["map", "l.ivd", "o.ivd", "m.ivd", "--method", method, "--params", "p.toml", "-o", "d.ivd"];
+        let output = ivd(at, &[&words[..], more].concat());
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    for (method, params, word) in [
+        ("octree", "[material.1]\nyoung = 2.0\n", "material"),
+        ("biharmonic", "poisson = 0.3\n", "poisson"),
+        ("fem", "[material.1]\nyoung = 2.0\n", "--labels"),
+        ("fem", "[material.bone]\nyoung = 2.0\n", "material.bone"),
+        ("fem", "[material.1]\nyoung = -2.0\n", "young"),
+        ("fem", "[material.1]\npoisson = 0.5\n", "poisson"),
+    ] {
+        let labels: &[&str] = if word == "--labels" { &[] } else { &["--labels", "labels.ivd"] };
+        let (code, words) = map(method, params, labels);
+        assert!(code == Some(2) && words.contains(word), "{method} {params}: {code:?} {words}");
+    }
+    let (code, words) = map("fem", "poisson = 0.3\n", &["--labels", "labels.ivd"]);
+    assert!(code == Some(0) && words.contains("no effect"), "{words}");
+}
