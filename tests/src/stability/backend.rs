@@ -147,7 +147,7 @@ pub trait Backend: Sync {
         Ok(match params.method {
             MapMethod::Octree => ivd_deform::map::octree(lattice, octree, motion, 0, params, exec)?,
             MapMethod::Biharmonic => ivd_deform::map::biharmonic(lattice, motion, 0, params, exec)?,
-            MapMethod::Fem => ivd_deform::map::fem(lattice, motion, 0, params, exec)?,
+            MapMethod::Fem => ivd_deform::map::fem(lattice, None, motion, 0, params, exec)?,
         })
     }
 
