@@ -289,7 +289,7 @@ mod tests {
 
     #[test]
     fn drags_move_voxels_and_coarser_levels_are_further_from_the_finest() {
-        let options = Options { size: 48, repeats: 1, ..Options::default() };
+        let options = Options { size: 64, repeats: 1, ..Options::default() };
         let bench = measured(&options, None, 8, &Exec::default()).unwrap();
         assert_eq!(bench.drags.len(), 2 * LEVELS.len());
         for drag in &bench.drags {
