@@ -55,7 +55,7 @@ bench *args="":
 fronts:
     cargo run --release -- bench --size 128 --repeats 7 --record fixtures/fronts
     cargo run --release -- bench segment-kmvs segment-emvs --size 128 --repeats 7 --record fixtures/fronts
-    cargo run --release -- bench refine-methods --size 128 --repeats 7 --record fixtures/fronts
+    cargo run --release -- bench refine-methods map-methods deformation --size 128 --repeats 7 --record fixtures/fronts
     cargo run --release -- bench segment-msvs segment-hvs --size 96 --repeats 3 --record fixtures/fronts
 
 # Kernel benches.

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use ivd_core::{Exec, Grid, Lattice, Volume, VoxelCoord, VoxelIndex, Voxels};
-use ivd_deform::spring::{Action, Handle, HandleAt, RingParams};
+use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_segment::{KmvsParams, kmvs};
 use nalgebra::Vector3;
 
 use super::inputs::{judged, root_mean_square, voxel_mm};
-use super::{atf, clusters, deform, map, methods, refine, render, segment};
+use super::{atf, clusters, deform, deformation, map, methods, refine, render, segment};
 use crate::apart::Truth;
 use crate::experiment::{Experiment, Problem, Setting};
 use crate::sweep::Given;
@@ -57,17 +57,32 @@ pub(super) fn experiment(stage: &str, given: &Given, exec: &Exec) -> Result<Opti
             deform::on(&whole, handle, of("the lattice of the densest part, pulled,"), exec)?
         }
         "map" => {
-            let whole = whole()?;
-            let (place, way, length) = front_of(&whole)?;
-            let action = Action::Move((way * (MOVE * length)).into());
-            let handle = Handle { at: place, action, radius: RADIUS * length };
+            let (whole, handle) = pushed(volume, exec)?;
             map::on(&whole, &handle, of("the densest part, pushed,"), exec)?
+        }
+        "map-methods" => {
+            let (whole, handle) = pushed(volume, exec)?;
+            let motion = ring(&whole, &[handle], &[], &RingParams::default(), exec)?.motion;
+            let tasks = vec![("push".to_owned(), motion)];
+            deformation::on_maps(&whole, tasks, handle.radius, of("the densest part"), exec)?
+        }
+        "deformation" => {
+            let (whole, handle) = pushed(volume, exec)?;
+            deformation::on_whole(&whole, &handle, of("the densest part, pushed,"), exec)?
         }
         _ => match clusters::on(stage, volume, of("values"), exec) {
             Some(made) => made?,
             None => return Ok(None),
         },
     }))
+}
+
+/// The lattice of the densest part, and a push at its front.
+fn pushed(volume: &Volume, exec: &Exec) -> Result<(Arc<Lattice>, Handle), Problem> {
+    let whole = Arc::new(map::part(volume, exec)?);
+    let (at, way, length) = front_of(&whole)?;
+    let action = Action::Move((way * (MOVE * length)).into());
+    Ok((whole, Handle { at, action, radius: RADIUS * length }))
 }
 
 /// The vertex furthest to the front, the way out from the middle there, and the diagonal of the lattice's box (mm).

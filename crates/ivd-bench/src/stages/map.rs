@@ -103,7 +103,7 @@ fn mapped(lattice: &Lattice, handle: &Handle, exec: &Exec) -> Result<Mapped, Pro
 }
 
 /// Root mean square and largest difference of two displacements (mm), where either moves.
-fn apart(a: &Displacement, b: &Displacement) -> (f64, f64) {
+pub(super) fn apart(a: &Displacement, b: &Displacement) -> (f64, f64) {
     let places = (0..a.grid.len()).map(|i| a.grid.index(i));
     let squares = places
         .map(|at| (a.forward.at(at), b.forward.at(at)))

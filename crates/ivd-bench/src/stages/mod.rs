@@ -3,6 +3,7 @@
 mod atf;
 mod clusters;
 mod deform;
+mod deformation;
 mod given;
 pub(crate) mod inputs;
 mod lattice;
@@ -24,8 +25,15 @@ use crate::sweep::Given;
 pub const NAMES: [&str; 8] = ["segment", "atf", "lattice", "refine", "deform", "map", "warp", "render"];
 
 /// Experiments that run where they are named only: they take longer.
-pub const ON_REQUEST: [&str; 5] =
-    ["segment-kmvs", "segment-emvs", "segment-msvs", "segment-hvs", "refine-methods"];
+pub const ON_REQUEST: [&str; 7] = [
+    "segment-kmvs",
+    "segment-emvs",
+    "segment-msvs",
+    "segment-hvs",
+    "refine-methods",
+    "map-methods",
+    "deformation",
+];
 
 /// The experiments of a stage on generated inputs of `size` voxels along an edge; none for a stage without.
 ///
@@ -40,6 +48,8 @@ pub fn experiments(stage: &str, size: usize, exec: &Exec) -> Result<Vec<Experime
         "refine-methods" => methods::experiment(size, exec),
         "deform" => deform::experiment(size, exec),
         "map" => map::experiment(size, exec),
+        "map-methods" => deformation::maps(size, exec),
+        "deformation" => deformation::whole(size, exec),
         "warp" => warp::experiment(size),
         "render" => render::experiment(size, exec),
         _ => match clusters::experiment(stage, size, exec) {

@@ -198,6 +198,8 @@ pub fn recorded() -> &'static [Front] {
             recorded!("refine-methods"),
             recorded!("deform"),
             recorded!("map"),
+            recorded!("map-methods"),
+            recorded!("deformation"),
             recorded!("warp"),
             recorded!("render"),
         ]

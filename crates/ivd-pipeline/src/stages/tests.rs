@@ -100,13 +100,10 @@ fn no_parameter_is_hidden_from_scenes() {
     assert_eq!(solver("xpbd", both), [history, inertia, names[0].clone(), names[1].clone()]);
     assert_eq!(solver("projective", &format!("{both}inertia = true\nhistory = 7\n")), names);
     let map = "weight = \"one\"\ndepth = 1.0\nmargin = 1.0\noutside = \"free\"\ntolerance = 0.1";
-    assert_eq!(
-        unmoved(map, |s| Map::from_section(s).unwrap()),
-        [".cell", ".classes", ".filler", ".method", ".poisson"]
-    );
+    assert_eq!(unmoved(map, |s| Map::from_section(s).unwrap()), [".cell", ".filler", ".method", ".poisson"]);
     let map = "margin = 1.0\ncell = 2\noutside = \"free\"\ntolerance = 0.1";
     let map = unmoved_of("biharmonic", map, |s| Map::from_section(s).unwrap());
-    let hidden = [".classes", ".depth_mm", ".filler", ".method", ".poisson", ".weight"];
+    let hidden = [".depth_mm", ".filler", ".method", ".poisson", ".weight"];
     assert_eq!(map, hidden, "depth is the octree map's, matter that of fem");
     let map = "margin = 1.0\ncell = 2\npoisson = 0.1\nfiller = 0.1\noutside = \"free\"\ntolerance = 0.1\n\
         [material.2]\nyoung = 9.0";
