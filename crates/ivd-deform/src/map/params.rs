@@ -69,11 +69,11 @@ pub enum Outside {
     Free,
 }
 
-/// What a class is made of; what isn't given is as inside the lattice.
+/// What a class is made of; what isn't given is as where it lies: inside the lattice, or outside.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Elastic {
-    /// Young's modulus relative to that of matter without a class of its own inside the lattice (no unit), 10⁻⁴ … 10⁴.
+    /// Young's modulus relative to that of matter without a class of its own inside the lattice (no unit), 10⁻³ … 10³.
     pub young: Option<f64>,
     /// Poisson's ratio ν (no unit), 0 … 0.45.
     pub poisson: Option<f64>,
@@ -103,7 +103,8 @@ pub struct MapParams {
     /// Young's modulus of what lies outside the lattice, relative to the inside's (no unit), 10⁻⁴ … 1; read by
     /// [`MapMethod::Fem`].
     pub filler: f64,
-    /// Elasticity by label, inside the lattice and outside, where labels are given; read by [`MapMethod::Fem`].
+    /// Elasticity by label where labels are given, inside the lattice and outside, there not with [`Outside::Free`]; read by
+    /// [`MapMethod::Fem`].
     pub classes: BTreeMap<u16, Elastic>,
     /// What happens outside the lattice.
     pub outside: Outside,
@@ -154,8 +155,8 @@ impl MapParams {
             return Err(ParamError::new("poisson", format!("{poisson}"), "give a ratio, 0 … 0.45"));
         }
         let moduli = self.classes.values().filter_map(|class| class.young);
-        if let Some(young) = moduli.into_iter().find(|modulus| !(1e-4..=1e4).contains(modulus)) {
-            return Err(ParamError::new("young", format!("{young}"), "give a ratio, 0.0001 … 10000"));
+        if let Some(young) = moduli.into_iter().find(|modulus| !(1e-3..=1e3).contains(modulus)) {
+            return Err(ParamError::new("young", format!("{young}"), "give a ratio, 0.001 … 1000"));
         }
         if !(1e-4..=1.0).contains(&self.filler) {
             return Err(ParamError::new("filler", format!("{}", self.filler), "give a ratio, 0.0001 … 1"));

@@ -16,8 +16,8 @@ use crate::Error;
 const PASS_SHARE: f64 = 0.5;
 
 /// Bound that a collapse may lead to, in roots of the largest cost of its pass. Costs are means, and say little of the one
-/// triangle that ends far off: at 8 the largest errors of two scans are half as large again to more than twice, and means
-/// hardly smaller; below 3 passes become many.
+/// triangle that ends far off: at 8 the largest errors of two scans are a third larger to more than twice as large, and
+/// means hardly smaller; below 3 passes become many.
 const BOUND_ROOTS: f64 = 3.0;
 
 /// A pass over no more vertices than this doesn't divide the surface into blocks.

@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use ivd_artefact::{Artefact, Kind};
 use ivd_core::Exec;
 use ivd_deform::map::{self, Elastic, MapParams};
@@ -37,12 +39,14 @@ impl Map {
             scene::Outside::Free => map::Outside::Free,
         };
         let default = MapParams::default();
-        let classes = section.material.iter().map(|(class, own)| {
-            let id = class.parse().map_err(|_| {
-                Error::usage("map", format!("material.{class}: a class is named by its number, 0 to 65535"))
-            });
-            Ok((id?, Elastic { young: own.young, poisson: own.poisson }))
-        });
+        let mut classes = BTreeMap::new();
+        for (class, own) in &section.material {
+            let wrong = |problem: &str| Error::usage("map", format!("material.{class}: {problem}"));
+            let id = class.parse().map_err(|_| wrong("a class is named by its number, 0 to 65535"))?;
+            if classes.insert(id, Elastic { young: own.young, poisson: own.poisson }).is_some() {
+                return Err(wrong("the class is named twice"));
+            }
+        }
         Ok(Self {
             params: MapParams {
                 method,
@@ -53,7 +57,7 @@ impl Map {
                 cell: section.cell,
                 poisson: section.poisson.unwrap_or(default.poisson),
                 filler: section.filler.unwrap_or(default.filler),
-                classes: classes.collect::<Result<_, Error>>()?,
+                classes,
                 tolerance: section.tolerance.unwrap_or(default.tolerance),
             },
         })

@@ -1,6 +1,6 @@
 //! The body of a scene: cells round the lattice, what they are made of, and the vertices' pulls.
 
-use ivd_core::{Exec, Grid, Lattice};
+use ivd_core::{Exec, Grid, Lattice, VoxelCoord, VoxelIndex};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -12,6 +12,7 @@ use super::mesh::{Mesh, weights};
 use super::system::{Body, Pull};
 use super::tree::{Cell, Tree};
 use crate::Error;
+use crate::sampler::{brick_at, brick_voxels};
 
 /// Stiffness of a cell's springs together, in units of the stiffest modulus in it, 1 at least, times its edge. Multipliers do the rest; stiffer ones
 /// need fewer of these and more iterations.
@@ -59,7 +60,7 @@ impl Cells {
         grid.linear_part() * Matrix3::from_diagonal(&Vector3::from(self.step).map(|s| s as f64))
     }
 
-    /// Leaves where Ω may be, finest round the vertices.
+    /// Leaves where Ω may be, finest round `vertices` and borders.
     fn tree(&self, grid: &Grid, region: &Region, vertices: &[[i32; 3]], exec: &Exec) -> Result<Tree, Error> {
         let roots = std::array::from_fn(|a| {
             ((grid.dims()[a].div_ceil(self.step[a]) + 1) as i32 + self.root - 1) / self.root
@@ -82,6 +83,29 @@ impl Cells {
         }
         tree.balance();
         Ok(tree)
+    }
+
+    /// The cells on either side of a border between materials by class, where Ω may be.
+    fn borders(&self, grid: &Grid, region: &Region, materials: &Materials<'_>) -> Vec<[i32; 3]> {
+        let (dims, linear) = (grid.dims(), grid.linear_part());
+        let bricks = dims.map(|n| n.div_ceil(8));
+        let cell = |v: VoxelIndex| self.place(VoxelCoord::from(v).0).map(|c| c.floor() as i32);
+        let within = |v: VoxelIndex| region.weight(linear * VoxelCoord::from(v).0) > 0.0;
+        let of = |brick: usize| {
+            let mut found = Vec::new();
+            for (_, voxel) in brick_voxels(dims, brick_at(bricks, brick)) {
+                let class = materials.class(voxel);
+                for axis in 0..3 {
+                    let mut next = voxel;
+                    next.0[axis] += 1;
+                    if next.0[axis] < dims[axis] && materials.class(next) != class && within(voxel) {
+                        found.extend([cell(voxel), cell(next)]);
+                    }
+                }
+            }
+            found
+        };
+        region.bricks(grid).into_par_iter().flat_map_iter(of).collect()
     }
 
     /// What a cell is made of at its Gauss points, each the mean over its octant.
@@ -120,6 +144,9 @@ pub(super) fn body(
         .filter(|p| region.weight(linear * cells.voxel(**p)) > 0.0)
         .map(|p| p.map(|c| c.floor() as i32))
         .collect();
+    if materials.differ() {
+        near.extend(cells.borders(grid, region, materials));
+    }
     near.sort_unstable();
     near.dedup();
     let tree = cells.tree(grid, region, &near, exec)?;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ivd_core::{Labels, Mask};
+use ivd_core::{Labels, Mask, VoxelIndex};
 use nalgebra::Vector3;
 
 use super::super::{MapParams, Outside};
@@ -11,12 +11,13 @@ use super::material::Lame;
 /// Modulus round a part that moves alone, relative to it.
 const FREE: f64 = 1e-3;
 
-/// Lamé's constants by voxel: a class's own where it has been given any, inside and outside the lattice; else those of the
-/// inside, or of the filler.
+/// Lamé's constants by voxel: a class's own where it has been given any; else those of the inside, or of the filler. Round a
+/// part that moves alone there is filler only.
 pub(super) struct Materials<'a> {
     inside: &'a Mask,
     labels: Option<&'a Labels>,
-    classes: BTreeMap<u16, Lame>,
+    /// Inside the lattice, and outside.
+    classes: BTreeMap<u16, [Lame; 2]>,
     own: Lame,
     filler: Lame,
 }
@@ -25,16 +26,20 @@ impl<'a> Materials<'a> {
     /// Checked parameters; `labels` on the grid of `inside`.
     pub(super) fn new(inside: &'a Mask, labels: Option<&'a Labels>, params: &MapParams) -> Self {
         // The layer in which a part that moves alone goes on is to follow it.
-        let filler = if params.outside == Outside::Free { params.filler.min(FREE) } else { params.filler };
+        let alone = params.outside == Outside::Free;
+        let filler = if alone { params.filler.min(FREE) } else { params.filler };
+        let outside = Lame::new(filler, params.poisson);
         let classes = params.classes.iter().map(|(class, own)| {
-            (*class, Lame::new(own.young.unwrap_or(1.0), own.poisson.unwrap_or(params.poisson)))
+            let poisson = own.poisson.unwrap_or(params.poisson);
+            let of = |plain| Lame::new(own.young.unwrap_or(plain), poisson);
+            (*class, [of(1.0), if alone { outside } else { of(filler) }])
         });
         Self {
             inside,
             labels,
             classes: classes.collect(),
             own: Lame::new(1.0, params.poisson),
-            filler: Lame::new(filler, params.poisson),
+            filler: outside,
         }
     }
 
@@ -47,9 +52,22 @@ impl<'a> Materials<'a> {
         }
         let v = nearest.map(|c| c as usize);
         let index = v[0] + dims[0] * (v[1] + dims[1] * v[2]);
+        let here = self.inside.inside()[index] != 0;
         let class = self.labels.and_then(|labels| self.classes.get(&labels.ids()[index]));
-        let plain = if self.inside.inside()[index] != 0 { self.own } else { self.filler };
-        class.copied().unwrap_or(plain)
+        let [inner, outer] = class.copied().unwrap_or([self.own, self.filler]);
+        if here { inner } else { outer }
+    }
+
+    /// Whether any class has been given a material.
+    pub(super) fn differ(&self) -> bool {
+        !self.classes.is_empty()
+    }
+
+    /// The class of a voxel, if that has been given a material.
+    pub(super) fn class(&self, voxel: VoxelIndex) -> Option<u16> {
+        let labels = self.labels?;
+        let id = labels.ids()[labels.grid().linear(voxel)];
+        self.classes.contains_key(&id).then_some(id)
     }
 
     /// Shear modulus relative to the inside's.

@@ -8,7 +8,8 @@
 //!
 //! - `W` is the compressible neo-Hookean energy of [`material`], so that turns cost nothing. `E` is 1 inside the lattice and
 //!   [`MapParams::filler`] outside, or what [`MapParams::classes`] say of a voxel's class; only ratios matter.
-//! - Elements are hexahedra on the cells of a 2:1 balanced octree, finest ([`MapParams::cell`] voxels) round the vertices, at
+//! - Elements are hexahedra on the cells of a 2:1 balanced octree, finest ([`MapParams::cell`] voxels) round the vertices and at
+//!   borders between materials, at
 //!   most a quarter of the margin long elsewhere; with eight Gauss points, Lamé's constants at each the mean over its octant. Nodes that hang
 //!   on a coarser cell take its values, so that the field is continuous.
 //! - Cells that aren't wholly in Ω (in one of its balls) are left out, and their nodes held at 0: beyond Ω nothing moves, bit
@@ -37,7 +38,7 @@ mod newton;
 mod system;
 mod tree;
 
-use ivd_core::{Exec, FieldBricks, Frame, Grid, Labels, Lattice, Mask, Motion, VoxelCoord};
+use ivd_core::{Exec, FieldBricks, Frame, Grid, Labels, Lattice, Mask, Motion, NO_DATA, VoxelCoord};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -93,10 +94,24 @@ pub fn fem(
             remedy: "give labels, or no material by class",
         });
     }
+    labels.map_or(Ok(()), |labels| known(labels, params))?;
     let frame = frame_of(motion, frame)?;
     check_size(frame)?;
     let inside = ivd_octree::inside(lattice, exec)?;
     exec.run(|| map_frame(lattice, labels, &inside, motion, frame, params, exec))
+}
+
+/// A material for a class that there isn't is a mistake; 0 is no data, which any labels may have.
+fn known(labels: &Labels, params: &MapParams) -> Result<(), Error> {
+    let there = |id: u16| id == NO_DATA || labels.classes().iter().any(|class| class.id == id);
+    match params.classes.keys().find(|id| !there(**id)) {
+        None => Ok(()),
+        Some(id) => Err(Error::Mismatch {
+            what: "classes",
+            problem: format!("there is no class {id} among the labels"),
+            remedy: "name a class that the labels have; `ivd info` lists them",
+        }),
+    }
 }
 
 fn map_frame(
@@ -214,7 +229,7 @@ fn no_balance(residual: f64, steps: u32) -> Error {
         problem: format!(
             "no balance of forces is found: {residual:.1e} of them are left after {steps} steps, more than {TOLERANCE:.0e}"
         ),
-        remedy: "move the handle less, give it a larger radius, raise filler, or lower poisson",
+        remedy: "move the handle less, give it a larger radius, raise filler, or lower poisson and the contrast of classes",
     }
 }
 

@@ -179,6 +179,43 @@ fn a_class_keeps_its_matter_outside_the_lattice() {
 }
 
 #[test]
+fn borders_of_materials_are_in_the_finest_cells() {
+    let grid = Grid::with_spacing([56, 56, 56], [1.0; 3]).unwrap();
+    let (all, top) = pushed(&grid, 16.0, 2.0);
+    let near = top - Vector3::new(0.0, 0.0, 11.0);
+    let core = |p: Vector3<f64>| (p - near).norm() < 2.6;
+    let labels = class_three(&grid, core);
+    let run = |young| {
+        let params = MapParams { margin_mm: Some(16.0), ..made_of(young, 0.4) };
+        fem(&all.lattice, Some(&labels), &all.motion, 0, &params, &Exec::default()).unwrap()
+    };
+    let plain = MapParams { cell: Some(2), margin_mm: Some(16.0), ..elastic() };
+    let plain = all.elastic(&plain, &Exec::default()).unwrap();
+    let [hard, soft] = [run(1000.0), run(0.01)];
+    assert!(hard.solved.unwrap().nodes > plain.solved.unwrap().nodes, "{:?} {:?}", hard.solved, plain.solved);
+    let [hard, soft] = [hard, soft].map(|mapped| bent(&mapped, &grid, |p| (p - near).norm() < 2.1));
+    assert!(hard < 0.1 * soft, "{hard} {soft}");
+}
+
+#[test]
+fn a_class_without_a_modulus_has_that_of_its_place_and_round_a_free_part_there_is_none() {
+    let grid = Grid::with_spacing([36, 36, 36], [1.0; 3]).unwrap();
+    let (all, _) = pushed(&grid, 10.0, 2.0);
+    let centre = middle(&grid);
+    let labels = class_three(&grid, |p| (p - centre).norm() >= 10.5);
+    let run = |params: &MapParams| {
+        fem(&all.lattice, Some(&labels), &all.motion, 0, params, &Exec::default()).unwrap().displacement
+    };
+    let air = |young, outside| {
+        let own = Elastic { young, poisson: Some(0.4) };
+        MapParams { cell: Some(2), classes: [(3, own)].into(), outside, ..elastic() }
+    };
+    assert_eq!(run(&air(None, Outside::Band)), run(&air(Some(0.01), Outside::Band)));
+    assert_ne!(run(&air(None, Outside::Band)), run(&air(Some(1.0), Outside::Band)));
+    assert_eq!(run(&air(None, Outside::Free)), run(&air(Some(1.0), Outside::Free)));
+}
+
+#[test]
 fn classes_without_labels_and_labels_of_another_grid_are_refused() {
     let grid = Grid::with_spacing([32, 32, 32], [1.0; 3]).unwrap();
     let (all, _) = pushed(&grid, 8.0, 1.5);

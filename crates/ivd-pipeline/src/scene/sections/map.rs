@@ -42,11 +42,11 @@ pub enum DepthWeight {
     One,
 }
 
-/// `[map.material.<class>]`: what isn't given is as inside the lattice.
+/// `[map.material.<class>]`: what isn't given is as where the class lies, inside the lattice or outside.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ElasticSection {
-    /// Young's modulus relative to that of the rest of the inside, 0.0001…10000.
+    /// Young's modulus relative to that of the rest of the inside, 0.001…1000.
     pub young: Option<f64>,
     /// Poisson's ratio, 0…0.45.
     pub poisson: Option<f64>,
