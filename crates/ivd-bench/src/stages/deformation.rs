@@ -18,7 +18,7 @@ const MOVE_MM: f64 = 5.0;
 const REACH_MM: f64 = 20.0;
 /// Angle of the twist at its middle (degrees).
 const TWIST: f64 = 25.0;
-/// Voxels along the generated ball's cube at least: the handle's radius is ten of them.
+/// Voxels along the cube of [`maps`] at least: the handle's radius is ten of them.
 const LEAST: usize = 64;
 /// Levels of refinement.
 const LEVELS: [u8; 4] = [0, 1, 2, 3];
@@ -60,8 +60,7 @@ pub(super) fn on_maps(
 ) -> Result<Experiment, Problem> {
     let (mut settings, mut reached) = (Vec::new(), 0);
     for (task, motion) in tasks {
-        let finest = MapParams { method: MapMethod::Fem, cell: Some(1), ..MapParams::default() };
-        let truth = mapped(lattice, &motion, &finest, exec)?;
+        let truth = mapped(lattice, &motion, &finest(), exec)?;
         reached += truth.voxels_moved;
         let (truth, motion) = (Arc::new(truth.displacement), Arc::new(motion));
         for (knobs, params) in methods(radius) {
@@ -88,6 +87,11 @@ pub(super) fn on_maps(
         work: ("voxels that move", reached as f64),
         settings,
     })
+}
+
+/// The map that all are held against.
+fn finest() -> MapParams {
+    MapParams { method: MapMethod::Fem, cell: Some(1), ..MapParams::default() }
 }
 
 /// The methods with their own knobs round the defaults.
@@ -139,8 +143,7 @@ pub(super) fn on_whole(
     input: String,
     exec: &Exec,
 ) -> Result<Experiment, Problem> {
-    let finest = MapParams { method: MapMethod::Fem, cell: Some(1), ..MapParams::default() };
-    let truth = deformed(lattice, handle, Some(Solver::Projective), &finest, exec)?;
+    let truth = deformed(lattice, handle, Some(Solver::Projective), &finest(), exec)?;
     let reached = truth.voxels_moved as f64;
     let truth = Arc::new(truth.displacement);
     let mut settings = Vec::new();
@@ -213,8 +216,8 @@ fn holds(found: Result<Mapped, Problem>) -> Result<bool, Problem> {
     }
 }
 
-/// Solver and map in one go, as a user waits for them.
-fn deformed(
+/// Solver and map in one go, as a user waits for them; the ring without a solver.
+pub(super) fn deformed(
     lattice: &Lattice,
     handle: &Handle,
     solver: Option<Solver>,

@@ -2,14 +2,15 @@ use std::sync::Arc;
 
 use ivd_boundary::{ClassChoice, component};
 use ivd_core::{Displacement, Exec, Lattice, Volume};
-use ivd_deform::map::{MapParams, Mapped, octree};
-use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
+use ivd_deform::map::MapParams;
+use ivd_deform::spring::{Action, Handle, HandleAt};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_pipeline::budget::{LEVELS, target};
 use ivd_segment::{KmvsParams, kmvs};
 use ivd_volume::phantom;
 
+use super::deformation::deformed;
 use super::inputs::{judged, root_mean_square, voxel_mm};
 use crate::experiment::{Experiment, Problem, Setting};
 
@@ -38,14 +39,14 @@ pub(super) fn on(
         let refined = collapse(whole, &params, exec)?;
         lattices.push((level, Arc::new(refined.lattice), refined.max_error_mm));
     }
-    let finest = mapped(whole, handle, exec)?;
+    let finest = deformed(whole, handle, None, &MapParams::default(), exec)?;
     let reached = finest.voxels_moved as f64;
     let finest = Arc::new(finest.displacement);
     let settings = lattices.into_iter().map(|(level, lattice, bound)| {
         let (finest, handle) = (finest.clone(), *handle);
         let default = target(level) == RefineParams::default().target;
         Setting::new([("refine.level", level.to_string())], default, move |exec| {
-            let found = mapped(&lattice, &handle, exec)?;
+            let found = deformed(&lattice, &handle, None, &MapParams::default(), exec)?;
             let (finest, triangles) = (finest.clone(), lattice.triangles.len() as f64);
             Ok(Box::new(move || {
                 let (error, most) = apart(&found.displacement, &finest);
@@ -94,12 +95,6 @@ fn push(size: usize) -> Handle {
     let edge = size as f64;
     let at = HandleAt::Pick([0.5 * edge, 0.78 * edge, 0.5 * edge]);
     Handle { at, action: Action::Move([0.0, PUSH * edge, 0.0]), radius: 0.25 * edge }
-}
-
-fn mapped(lattice: &Lattice, handle: &Handle, exec: &Exec) -> Result<Mapped, Problem> {
-    let solved = ring(lattice, std::slice::from_ref(handle), &[], &RingParams::default(), exec)?;
-    let tree = ivd_octree::build(lattice, &ivd_octree::Params::default(), exec)?;
-    Ok(octree(lattice, &tree, &solved.motion, 0, &MapParams::default(), exec)?)
 }
 
 /// Root mean square and largest difference of two displacements (mm), where either moves.

@@ -68,9 +68,12 @@ mod region;
 mod relax;
 mod settle;
 
-use ivd_core::{Exec, FieldBricks, Frame, Grid, Lattice, Mask, Motion, NO_BRICK};
+use ivd_core::{Exec, FieldBricks, Frame, Grid, Lattice, Mask, Motion, NO_BRICK, VoxelIndex};
+use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use crate::Error;
+use crate::sampler::{brick_at, brick_voxels};
 pub use biharmonic::{Biharmonic, biharmonic};
 pub use carry::{Found, Hit, Nearest};
 use carry::{Kept, Part, carry};
@@ -168,6 +171,32 @@ fn moving_bricks(grid: &Grid, region: &Region, frame: &Frame, exec: &Exec) -> Re
     };
     exec.check_memory("the displacement", 2 * 12 * 512 * bricks.len() as u64)?;
     Ok(bricks)
+}
+
+/// Vectors (mm) at the voxels of bricks; `at` may keep what it likes from voxel to voxel of a brick.
+fn sampled<T: Default>(
+    dims: [usize; 3],
+    bricks: &[usize],
+    exec: &Exec,
+    at: impl Fn(VoxelIndex, &mut T) -> Vector3<f64> + Sync,
+) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
+    let observer = exec.observer();
+    observer.begin("map", bricks.len() as u64);
+    let out = bricks
+        .par_iter()
+        .map(|&brick| {
+            exec.check_cancelled()?;
+            let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
+            let mut kept = T::default();
+            for (slot, voxel) in brick_voxels(dims, brick_at(dims.map(|n| n.div_ceil(8)), brick)) {
+                out[slot] = at(voxel, &mut kept).map(|c| c as f32).into();
+            }
+            observer.advance("map", 1);
+            Ok(out)
+        })
+        .collect();
+    observer.end("map");
+    out
 }
 
 fn check_size(frame: &Frame) -> Result<(), Error> {

@@ -2,14 +2,14 @@
 
 use ivd_core::{Exec, FieldBricks, Grid, VoxelCoord};
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use super::super::region::Region;
+use super::super::sampled;
 use super::affine::Affine;
 use super::matrix::Triple;
 use super::nodes::{Cells, Near};
 use crate::Error;
-use crate::sampler::{Sampler, brick_at, brick_voxels};
+use crate::sampler::Sampler;
 
 /// A continuous motion: the affine part in its share, and what the nodes say under the window.
 pub(super) struct Field<'a> {
@@ -43,27 +43,12 @@ impl Field<'_> {
         bricks: &[usize],
         exec: &Exec,
     ) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
-        let dims = self.grid.dims();
         let sampler = before.map(|b| Sampler::new(b, self.grid));
-        let (linear, observer) = (self.grid.linear_part(), exec.observer());
-        observer.begin("map", bricks.len() as u64);
-        let out = bricks
-            .par_iter()
-            .map(|&brick| {
-                exec.check_cancelled()?;
-                let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
-                let mut near = Near::default();
-                for (slot, voxel) in brick_voxels(dims, brick_at(dims.map(|n| n.div_ceil(8)), brick)) {
-                    let voxel = VoxelCoord::from(voxel).0;
-                    let so_far = sampler.as_ref().map_or_else(Vector3::zeros, |s| s.at(voxel));
-                    let motion = linear * so_far + self.at(voxel + so_far, &mut near);
-                    out[slot] = motion.map(|c| c as f32).into();
-                }
-                observer.advance("map", 1);
-                Ok(out)
-            })
-            .collect();
-        observer.end("map");
-        out
+        let linear = self.grid.linear_part();
+        sampled(self.grid.dims(), bricks, exec, |voxel, near| {
+            let voxel = VoxelCoord::from(voxel).0;
+            let so_far = sampler.as_ref().map_or_else(Vector3::zeros, |s| s.at(voxel));
+            linear * so_far + self.at(voxel + so_far, near)
+        })
     }
 }

@@ -14,8 +14,8 @@ use super::tree::{Cell, Tree};
 use crate::Error;
 use crate::sampler::{brick_at, brick_voxels};
 
-/// Stiffness of a cell's springs together, in units of the stiffest modulus in it, 1 at least, times its edge. Multipliers do the rest; stiffer ones
-/// need fewer of these and more iterations.
+/// Stiffness of a cell's springs together, in units of the stiffest modulus in it, 1 at least, times its edge. Multipliers do
+/// the rest; stiffer ones need fewer of these and more iterations.
 const SPRING: f64 = 10.0;
 /// Longest edge of a cell, in finest cells.
 const COARSEST: i32 = 8;

@@ -9,9 +9,8 @@
 //! - `W` is the compressible neo-Hookean energy of [`material`], so that turns cost nothing. `E` is 1 inside the lattice and
 //!   [`MapParams::filler`] outside, or what [`MapParams::classes`] say of a voxel's class; only ratios matter.
 //! - Elements are hexahedra on the cells of a 2:1 balanced octree, finest ([`MapParams::cell`] voxels) round the vertices and at
-//!   borders between materials, at
-//!   most a quarter of the margin long elsewhere; with eight Gauss points, Lamé's constants at each the mean over its octant. Nodes that hang
-//!   on a coarser cell take its values, so that the field is continuous.
+//!   borders between materials, at most a quarter of the margin long elsewhere; with eight Gauss points, Lamé's constants at each
+//!   the mean over its octant. Nodes that hang on a coarser cell take its values, so that the field is continuous.
 //! - Cells that aren't wholly in Ω (in one of its balls) are left out, and their nodes held at 0: beyond Ω nothing moves, bit
 //!   for bit. The end of the grid is natural.
 //! - Vertices are pulled to their places between the nodes by springs, which are relieved by multipliers (augmented
@@ -46,10 +45,12 @@ use super::biharmonic::cut;
 use super::outcome::Solved;
 use super::region::{Region, largest};
 use super::settle::Settle;
-use super::{MapParams, Mapped, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks};
+use super::{
+    MapParams, Mapped, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks, sampled,
+};
 use crate::Error;
 use crate::mass_spring::classes;
-use crate::sampler::{brick_at, brick_voxels, interpolate};
+use crate::sampler::interpolate;
 use build::{Cells, body};
 use materials::Materials;
 use system::{Body, Triple};
@@ -242,26 +243,12 @@ fn sample(
     bricks: &[usize],
     exec: &Exec,
 ) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
-    let (dims, observer) = (grid.dims(), exec.observer());
-    observer.begin("map", bricks.len() as u64);
-    let out = bricks
-        .par_iter()
-        .map(|&brick| {
-            exec.check_cancelled()?;
-            let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
-            for (slot, voxel) in brick_voxels(dims, brick_at(dims.map(|n| n.div_ceil(8)), brick)) {
-                let Some((cell, place)) = body.mesh.locate(cells.place(VoxelCoord::from(voxel).0)) else {
-                    continue;
-                };
-                let corners = body.mesh.gather(cell, u).map(Vector3::from);
-                out[slot] = interpolate(&corners, place.into()).map(|c| c as f32).into();
-            }
-            observer.advance("map", 1);
-            Ok(out)
-        })
-        .collect();
-    observer.end("map");
-    out
+    sampled(grid.dims(), bricks, exec, |voxel, (): &mut ()| {
+        let Some((cell, place)) = body.mesh.locate(cells.place(VoxelCoord::from(voxel).0)) else {
+            return Vector3::zeros();
+        };
+        interpolate(&body.mesh.gather(cell, u).map(Vector3::from), place.into())
+    })
 }
 
 #[cfg(test)]
