@@ -1,6 +1,7 @@
 //! What can be typed.
 
 mod segment;
+mod space;
 
 use std::path::PathBuf;
 
@@ -13,6 +14,7 @@ use ivd_pipeline::scene::{
 use crate::parse;
 
 pub(crate) use segment::SegmentArgs;
+pub(crate) use space::SpaceArgs;
 
 /// Interactive deformation of scanned volumes: from a CT, MRI or micro-CT volume to a deformed one.
 ///
@@ -319,6 +321,8 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
+    /// Displaces voxels without a lattice, or goes on from a displacement: deflectors, spatial transfer functions, chain mail, a cut.
+    Space(SpaceArgs),
     /// Resamples a volume, labels or a mask through a displacement.
     Warp {
         /// Volume artefact or file, labels artefact, or mask artefact.
@@ -431,6 +435,7 @@ impl Command {
                 | Self::Octree { .. }
                 | Self::Deform { .. }
                 | Self::Map { .. }
+                | Self::Space(_)
                 | Self::Warp { .. }
                 | Self::Render { .. }
         )

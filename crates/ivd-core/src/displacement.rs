@@ -168,9 +168,13 @@ pub struct Displacement {
     pub inverse_residual_max: f64,
     /// Smallest certified bound of det ∇φ.
     pub min_det_j: f64,
-    /// Voxels whose label (deformed space) must become background: left behind by a part that moved alone.
+    /// Voxels whose label (deformed space) must become background: left behind by a part that moved alone, or opened by a cut.
     /// One flag a voxel of the grid, or empty where nothing is left.
     pub vacated: Buffer<u8>,
+    /// Declares a cut, across which the field jumps: where its sides move apart, the side that a voxel (rest) is on, 1 below and 2
+    /// above; 0 elsewhere. One a voxel of the grid, or empty where nothing is cut. Between voxels of sides 1 and 2 `forward` means
+    /// nothing; each side goes on from its own voxels, up to the cut.
+    pub sides: Buffer<u8>,
 }
 
 impl Displacement {
@@ -195,13 +199,39 @@ impl Displacement {
                 ),
             });
         }
-        if !self.vacated.is_empty() && self.vacated.len() != self.grid.len() {
-            return Err(Error::Inconsistent {
-                what: "displacement",
-                problem: format!("{} vacated flags on {n:?}", self.vacated.len()),
-            });
+        for (name, flags) in [("vacated flags", &self.vacated), ("sides", &self.sides)] {
+            if !flags.is_empty() && flags.len() != self.grid.len() {
+                let problem = format!("{} {name} on {n:?}", flags.len());
+                return Err(Error::Inconsistent { what: "displacement", problem });
+            }
+        }
+        if let Some(at) = self.sides.iter().position(|side| *side > 2) {
+            let problem =
+                format!("side {} at voxel {:?}; sides are 0, 1 and 2", self.sides[at], self.grid.index(at).0);
+            return Err(Error::Inconsistent { what: "displacement", problem });
         }
         Ok(())
+    }
+
+    /// Whether a cut goes through it: see [`Displacement::sides`].
+    pub fn is_two_sided(&self) -> bool {
+        !self.sides.is_empty()
+    }
+
+    /// Whether a cut goes through the cell of eight voxels with this lowest corner; beyond the border the border voxels count.
+    pub fn is_torn(&self, cell: [i64; 3]) -> bool {
+        if self.sides.is_empty() {
+            return false;
+        }
+        let dims = self.grid.dims();
+        let side = |corner: usize| {
+            let at = std::array::from_fn(|a| {
+                (cell[a] + (corner >> a & 1) as i64).clamp(0, dims[a] as i64 - 1) as usize
+            });
+            self.sides[self.grid.linear(VoxelIndex(at))]
+        };
+        let has = |which| (0..8).any(|corner| side(corner) == which);
+        has(1) && has(2)
     }
 }
 

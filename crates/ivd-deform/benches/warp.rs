@@ -50,6 +50,7 @@ fn benches(c: &mut Criterion) {
         inverse_residual_max: 0.0,
         min_det_j: 0.0,
         vacated: Vec::new().into(),
+        sides: Vec::new().into(),
     };
     let input =
         Volume::new(grid, Voxels::from((0..SIDE.pow(3)).map(|i| (i % 251) as u8).collect::<Vec<_>>()))

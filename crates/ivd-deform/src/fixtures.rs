@@ -43,6 +43,7 @@ pub(crate) fn displacement(grid: &Grid, forward: FieldBricks) -> Displacement {
         inverse_residual_max: inverse.residual_max_voxels,
         min_det_j: 0.0,
         vacated: Vec::new().into(),
+        sides: Vec::new().into(),
     }
 }
 

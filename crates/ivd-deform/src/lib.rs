@@ -7,6 +7,8 @@
 //!    [`Displacement`](ivd_core::Displacement): forward and inverse, proven free of folds by [`certificate`].
 //! 3. [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through it. Only bricks that moved are visited.
 //!
+//! [`space`] displaces voxels without a lattice, or goes on from a displacement: deflectors, spatial transfer functions, chain mail, cuts.
+//!
 //! [`volumes::by_class`] tells what every class gains or loses.
 //!
 //! [`inverse::invert`] and [`certificate::certify`] also serve fields from elsewhere.
@@ -50,6 +52,7 @@ pub mod map;
 pub mod mass_spring;
 pub mod rigid;
 mod sampler;
+pub mod space;
 pub mod spring;
 pub mod volumes;
 pub mod warp;

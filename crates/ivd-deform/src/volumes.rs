@@ -26,7 +26,8 @@ pub struct ClassVolume {
 ///
 /// A voxel's box gains `∫ (det ∇φ − 1)` over itself. Between eight voxels φ is trilinear, so that two Gauss points an axis give the
 /// integral over their cell exactly; what a point gives goes to the voxel nearest to it. So the changes of all classes sum to that of
-/// the grid, which is 0 where nothing moves at its border. Only bricks that move, and their neighbours, are looked at.
+/// the grid, which is 0 where nothing moves at its border. Only bricks that move, and their neighbours, are looked at. What lies
+/// within a voxel of a cut counts as unchanged: between the sides there is no motion to be measured.
 ///
 /// # Errors
 /// Labels on another grid, and cancelling.
@@ -111,7 +112,7 @@ fn change_in(displacement: &Displacement, labels: &Labels, brick: [usize; 3]) ->
         for y in range(1) {
             for x in range(0) {
                 let corners = sampler.corners([x, y, z]);
-                if corners.iter().all(|u| *u == Vector3::zeros()) {
+                if corners.iter().all(|u| *u == Vector3::zeros()) || displacement.is_torn([x, y, z]) {
                     continue;
                 }
                 for point in 0..8_usize {

@@ -112,7 +112,7 @@ impl<'a> Writer<'a> {
         earlier: &BTreeMap<NodeId, Done>,
     ) -> Result<(), Error> {
         let scene = self.scene;
-        let named = scene.output.files().into_iter().filter(|(key, _)| NodeId::of_output(key) == id);
+        let named = scene.output.files().into_iter().filter(|(key, _)| NodeId::of_output(key, scene) == id);
         for (key, path) in named {
             let source = done.hash.to_string();
             if key == "lattice_deformed" {
@@ -152,7 +152,7 @@ impl<'a> Writer<'a> {
             Artefact::Motion(motion) => self.material.displacements = report::motion_lengths(motion),
             Artefact::Labels(labels) => self.material.class_slices = report::class_slices(labels),
             Artefact::Volume(_) if id == NodeId::Import => self.material.volume = Some(done.artefact.clone()),
-            Artefact::Displacement(displacement) => {
+            Artefact::Displacement(displacement) if id == NodeId::of_displacement(self.scene) => {
                 if let Some(Artefact::Labels(labels)) = earlier.get(&NodeId::Segment).map(|d| &*d.artefact) {
                     self.material.class_volumes =
                         by_class(displacement, labels, self.exec).map_err(stage_error!("report"))?;

@@ -192,8 +192,8 @@ fn release(plan: &Plan, at: usize, reports: bool, done: &mut BTreeMap<NodeId, Do
     let later = &plan.nodes()[at + 1..];
     // The deformed lattice and the report's histogram are made from these after the last stage that reads them.
     let kept = [NodeId::Import, NodeId::Refine];
-    // The report tells how volumes of classes change, once the map is there.
-    let maps = |n: &PlanNode| n.needed && n.id == NodeId::Map;
+    // The report tells how volumes of classes change, once the displacement is there.
+    let maps = |n: &PlanNode| n.needed && matches!(n.id, NodeId::Map | NodeId::Space);
     let classes = reports && later.iter().any(maps);
     done.retain(|id, _| {
         kept.contains(id)

@@ -99,6 +99,7 @@ mod tests {
             inverse_residual_max: 0.0,
             min_det_j: 1.0,
             vacated: (0..grid.len()).map(|i| u8::from(i.is_multiple_of(211))).collect::<Vec<_>>().into(),
+            sides: Vec::new().into(),
         }
     }
 

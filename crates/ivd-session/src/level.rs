@@ -161,6 +161,7 @@ pub(crate) fn still(lattice: &Lattice) -> Moved {
         inverse_residual_max: 0.0,
         min_det_j: 1.0,
         vacated: Vec::new().into(),
+        sides: Vec::new().into(),
     };
     Moved { displacement, relaxations: 0, halvings: 0, misfit: 0.0 }
 }

@@ -25,6 +25,7 @@ fn displacement() -> Displacement {
         inverse_residual_max: 0.0,
         min_det_j: 1.0,
         vacated: Vec::new().into(),
+        sides: Vec::new().into(),
     }
 }
 

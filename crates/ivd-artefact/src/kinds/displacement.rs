@@ -1,5 +1,5 @@
-//! `displacement`: `forward_table`, `forward_vectors`, `inverse_table`, `inverse_vectors`, and `vacated` where something
-//! was left behind.
+//! `displacement`: `forward_table`, `forward_vectors`, `inverse_table`, `inverse_vectors`, `vacated` where something
+//! was left behind, and `sides` where something is cut.
 
 use ivd_core::{Buffer, Displacement, FieldBricks};
 use serde::{Deserialize, Serialize};
@@ -16,6 +16,8 @@ struct Content {
     inverse_residual_max: Real,
     min_det_j: Real,
     vacated: bool,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    sides: bool,
 }
 
 /// Shape of one brick of vectors.
@@ -29,13 +31,16 @@ pub(super) fn encode(displacement: &Displacement) -> Result<Encoded<'_>, String>
         inverse_residual_max: Real(displacement.inverse_residual_max),
         min_det_j: Real(displacement.min_det_j),
         vacated: !displacement.vacated.is_empty(),
+        sides: displacement.is_two_sided(),
     };
     let mut sections = Vec::new();
     sections.extend(field("forward_table", "forward_vectors", &displacement.forward));
     sections.extend(field("inverse_table", "inverse_vectors", &displacement.inverse));
-    if content.vacated {
-        let shape = voxel_shape(displacement.grid.dims());
-        sections.push(SectionBytes::new("vacated", Element::U8, shape, displacement.vacated.as_slice()));
+    for (name, flags) in [("vacated", &displacement.vacated), ("sides", &displacement.sides)] {
+        if !flags.is_empty() {
+            let shape = voxel_shape(displacement.grid.dims());
+            sections.push(SectionBytes::new(name, Element::U8, shape, flags.as_slice()));
+        }
     }
     Encoded::new(&content, sections)
 }
@@ -54,11 +59,11 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Displacement, Problem>
     let grid = content.grid.grid()?;
     let forward = take_field(decoder, "forward_table", "forward_vectors", grid.dims())?;
     let inverse = take_field(decoder, "inverse_table", "inverse_vectors", grid.dims())?;
-    let vacated = if content.vacated {
-        decoder.take("vacated", Element::U8, &voxel_shape(grid.dims()))?
-    } else {
-        Vec::new().into()
+    let mut flags = |name, there: bool| match there {
+        true => decoder.take(name, Element::U8, &voxel_shape(grid.dims())),
+        false => Ok(Vec::new().into()),
     };
+    let (vacated, sides) = (flags("vacated", content.vacated)?, flags("sides", content.sides)?);
     let displacement = Displacement {
         grid,
         time: content.time.0,
@@ -67,6 +72,7 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Displacement, Problem>
         inverse_residual_max: content.inverse_residual_max.0,
         min_det_j: content.min_det_j.0,
         vacated,
+        sides,
     };
     displacement.check()?;
     Ok(displacement)

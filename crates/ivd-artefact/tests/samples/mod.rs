@@ -153,6 +153,7 @@ fn displacement() -> Displacement {
         inverse_residual_max: 1e-4,
         min_det_j: 0.25,
         vacated: vacated.into(),
+        sides: Vec::new().into(),
     }
 }
 

@@ -84,6 +84,7 @@ fn swirl(grid: &Grid) -> Result<Displacement, Problem> {
         inverse_residual_max: 0.0,
         min_det_j: 1.0,
         vacated: Vec::new().into(),
+        sides: Vec::new().into(),
     })
 }
 

@@ -80,14 +80,17 @@ use carry::{Kept, Part, carry};
 pub use fem::fem;
 pub use live::Live;
 pub use octree::{Prepared, frames, octree};
+pub(crate) use outcome::lengths;
 pub use outcome::{Followed, Mapped, Moved, Solved};
 pub(crate) use params::smooth_fall;
 pub use params::{DepthWeight, Elastic, MapMethod, MapParams, Outside};
 use region::{Region, largest};
+pub(crate) use relax::THIN;
 use settle::Settle;
+pub(crate) use settle::{check_residual, folded};
 
 /// Largest motion that is mapped (mm): sums of a few such vectors still are finite in `f32`.
-const FARTHEST: f64 = 1e37;
+pub(crate) const FARTHEST: f64 = 1e37;
 
 /// Maps frame `frame` of a motion with nearest points from any source.
 ///
@@ -174,14 +177,15 @@ fn moving_bricks(grid: &Grid, region: &Region, frame: &Frame, exec: &Exec) -> Re
 }
 
 /// Vectors (mm) at the voxels of bricks; `at` may keep what it likes from voxel to voxel of a brick.
-fn sampled<T: Default>(
+pub(crate) fn sampled<T: Default>(
+    stage: &'static str,
     dims: [usize; 3],
     bricks: &[usize],
     exec: &Exec,
     at: impl Fn(VoxelIndex, &mut T) -> Vector3<f64> + Sync,
 ) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
     let observer = exec.observer();
-    observer.begin("map", bricks.len() as u64);
+    observer.begin(stage, bricks.len() as u64);
     let out = bricks
         .par_iter()
         .map(|&brick| {
@@ -191,11 +195,11 @@ fn sampled<T: Default>(
             for (slot, voxel) in brick_voxels(dims, brick_at(dims.map(|n| n.div_ceil(8)), brick)) {
                 out[slot] = at(voxel, &mut kept).map(|c| c as f32).into();
             }
-            observer.advance("map", 1);
+            observer.advance(stage, 1);
             Ok(out)
         })
         .collect();
-    observer.end("map");
+    observer.end(stage);
     out
 }
 

@@ -119,7 +119,7 @@ impl Mapped {
 }
 
 /// Number of vectors that aren't 0, and a histogram of their lengths.
-fn lengths(field: &FieldBricks) -> (u64, Histogram) {
+pub(crate) fn lengths(field: &FieldBricks) -> (u64, Histogram) {
     let length = |v: &[f32; 3]| Vector3::from(*v).map(f64::from).norm();
     let most = field.vectors().iter().map(length).fold(0.0, f64::max);
     let mut histogram = Histogram::new(0.0, if most > 0.0 { most } else { 1.0 }, 40);

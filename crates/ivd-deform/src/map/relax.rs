@@ -23,7 +23,7 @@ use crate::sampler::{brick_at, brick_voxels};
 
 /// Determinant up to which a cell is relaxed. At 0.05 a cell is squeezed to a twentieth of its size; less would pass as
 /// fold-free but leaves the inverse with gradients that no interpolation follows.
-pub(super) const THIN: f64 = 0.05;
+pub(crate) const THIN: f64 = 0.05;
 /// Rounds of relaxation. On real lattices with a reach of eight times the motion 3 to 12 were enough; what folds after
 /// 32 is a push deeper than what is left to compress.
 const ROUNDS: u32 = 32;

@@ -11,10 +11,10 @@ use super::region::Region;
 use super::relax::relax;
 use crate::Error;
 use crate::certificate::{Certificate, Detail};
-use crate::inverse::{from_bricks, invert};
+use crate::inverse::{Inverse, from_bricks, invert};
 
 /// Residual of the inverse above which a map is refused (voxels): a hundredth of what could be seen.
-const RESIDUAL: f64 = 1e-2;
+pub(crate) const RESIDUAL: f64 = 1e-2;
 
 /// What a field is held against.
 pub(super) struct Settle<'a> {
@@ -77,17 +77,11 @@ impl Settle<'_> {
             None => (invert(&field, grid, exec)?, Vec::new()),
             Some(inside) => invert_part(&field, grid, inside, exec)?,
         };
-        if inverse.residual_max_voxels > RESIDUAL {
-            return Err(Error::Untrusted {
-                what: "the inverse of the map",
-                problem: format!(
-                    "a residual of {:.3} voxels at voxel {:?}",
-                    inverse.residual_max_voxels,
-                    inverse.worst.map(|v| v.0)
-                ),
-                remedy: "move the handle less, or give it a larger radius",
-            });
-        }
+        check_residual(
+            &inverse,
+            "the inverse of the map",
+            "move the handle less, or give it a larger radius",
+        )?;
         Ok(Displacement {
             grid: grid.clone(),
             time: self.frame.time,
@@ -96,8 +90,26 @@ impl Settle<'_> {
             inverse_residual_max: inverse.residual_max_voxels,
             min_det_j: proven.certificate.min_det,
             vacated: vacated.into(),
+            sides: Vec::new().into(),
         })
     }
+}
+
+/// Refuses an inverse that isn't one.
+pub(crate) fn check_residual(
+    inverse: &Inverse,
+    what: &'static str,
+    remedy: &'static str,
+) -> Result<(), Error> {
+    if inverse.residual_max_voxels <= RESIDUAL {
+        return Ok(());
+    }
+    let (residual, voxel) = (inverse.residual_max_voxels, inverse.worst.map(|v| v.0));
+    Err(Error::Untrusted {
+        what,
+        problem: format!("a residual of {residual:.3} voxels at voxel {voxel:?}"),
+        remedy,
+    })
 }
 
 /// A field that doesn't fold, and what proves it.
@@ -128,7 +140,7 @@ fn touches(inside: &Mask, cell: [i64; 3]) -> bool {
     })
 }
 
-fn folded(certificate: &Certificate, grid: &Grid) -> Error {
+pub(crate) fn folded(certificate: &Certificate, grid: &Grid) -> Error {
     let worst = certificate.worst.expect("a field that folds has a worst cell");
     let middle = Vector3::from(worst.cell).map(|c| c as f64 + 0.5);
     Error::Folded {

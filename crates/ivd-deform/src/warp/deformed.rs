@@ -170,9 +170,9 @@ impl Job<'_> {
                 None => to.copy_from_slice(&voxels[range]),
             }
             let flags = self.displacement.vacated.get(grid.linear(at(0))..).unwrap_or_default();
-            for (to, _) in to.iter_mut().zip(flags).filter(|(_, flag)| **flag != 0) {
+            for (i, to) in to.iter_mut().enumerate().filter(|(i, _)| flags.get(*i).is_some_and(|f| *f != 0)) {
                 *to = background;
-                count += 1;
+                count += u64::from(vectors.is_none_or(|vectors| vectors[row + i] == [0.0; 3]));
             }
         });
         count

@@ -262,14 +262,15 @@ fn linear_row<T: Scalar>(
     u64::from(moves.count_ones())
 }
 
-/// Sets the voxels of slice `z` that a part left behind; returns how many there are.
+/// Sets the voxels of slice `z` that were left behind; returns how many of them have no vector, which nobody counted yet.
 fn leave<T>(displacement: &Displacement, z: usize, slice: &mut [T], value: impl Fn() -> T) -> u64 {
     let mut count = 0;
     if !displacement.vacated.is_empty() {
-        let flags = &displacement.vacated[z * slice.len()..][..slice.len()];
-        for (to, _) in slice.iter_mut().zip(flags).filter(|(_, flag)| **flag != 0) {
+        let (first, nx) = (z * slice.len(), displacement.grid.dims()[0]);
+        let flags = &displacement.vacated[first..][..slice.len()];
+        for (i, to) in slice.iter_mut().enumerate().filter(|(i, _)| flags[*i] != 0) {
             *to = value();
-            count += 1;
+            count += u64::from(displacement.inverse.at(VoxelIndex([i % nx, i / nx, z])) == [0.0; 3]);
         }
     }
     count

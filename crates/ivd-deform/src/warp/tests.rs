@@ -280,6 +280,7 @@ fn rows_of_lanes_are_the_plain_path_to_the_last_bit() {
             let moved = Displacement {
                 inverse: inverse.unwrap(),
                 vacated: (0..grid.len()).map(|i| u8::from(hash(i) % 97 == 0)).collect::<Vec<_>>().into(),
+                sides: Vec::new().into(),
                 ..displacement(&grid, FieldBricks::zero(dims))
             };
             assert_rows_are_plain(&grid, &moved, |i| hash(i) as u8);

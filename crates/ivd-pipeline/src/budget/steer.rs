@@ -86,6 +86,10 @@ impl<'a> Pilot<'a> {
         let budget = &self.options.budget;
         self.measure_work(done);
         if let Some(most) = budget.max_error_mm.filter(|_| id == NodeId::Refine) {
+            if !self.wish.scene.space.step.is_empty() {
+                let problem = "--max-error: what it keeps is the map's error, and a [[space.step]] goes on from there; drop one of them";
+                return Err(Error::usage("pipeline", problem));
+            }
             self.hold_error(most, plan, done, runner)?;
             self.settled.extend([Knob::Level, Knob::Steps]);
         }
@@ -303,7 +307,7 @@ impl<'a> Pilot<'a> {
         let there = |path: &Path| self.options.out.join(path).exists();
         let output = &self.wish.scene.output;
         let files = output.files().into_iter().filter_map(|(key, path)| {
-            let id = NodeId::of_output(key);
+            let id = NodeId::of_output(key, &self.wish.scene);
             let unchanged = cached.contains(&id) && there(path);
             (ahead.contains(&id) && !unchanged).then(|| rate_name("write", key))
         });

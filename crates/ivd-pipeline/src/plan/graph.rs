@@ -7,7 +7,7 @@ use crate::scene::{
 };
 use crate::stages::{
     Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Map, Octree, Refine, Render, Segment,
-    SegmentTree, Warp,
+    SegmentTree, Space, Warp,
 };
 use crate::{Error, Stage};
 
@@ -31,8 +31,10 @@ pub enum NodeId {
     Octree,
     /// Its motion.
     Deform,
-    /// The voxels' displacement.
+    /// The voxels' displacement with the lattice.
     Map,
+    /// And without it.
+    Space,
     /// The deformed volume.
     Warp,
     /// The transfer function.
@@ -47,7 +49,7 @@ pub enum NodeId {
 
 impl NodeId {
     /// All of them, in the order in which they run.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Import,
         Self::Tree,
         Self::Segment,
@@ -57,6 +59,7 @@ impl NodeId {
         Self::Octree,
         Self::Deform,
         Self::Map,
+        Self::Space,
         Self::Warp,
         Self::Atf,
         Self::Before,
@@ -75,6 +78,7 @@ impl NodeId {
             Self::Octree => "octree",
             Self::Deform => "deform",
             Self::Map => "map",
+            Self::Space => "space",
             Self::Warp => "warp",
             Self::Atf => "atf",
             Self::Before | Self::After | Self::Difference => "render",
@@ -93,16 +97,21 @@ impl NodeId {
     }
 
     /// The place that the output file of a scene's key is made from.
-    pub(crate) fn of_output(key: &str) -> Self {
+    pub(crate) fn of_output(key: &str, scene: &Scene) -> Self {
         match key {
             "volume" => Self::Warp,
             "lattice_extracted" => Self::Lattice,
             "lattice" => Self::Refine,
-            "displacement" => Self::Map,
+            "displacement" => Self::of_displacement(scene),
             "labels" => Self::Segment,
             "mask" => Self::Boundary,
             _ => Self::Deform,
         }
+    }
+
+    /// The place of a scene's last displacement.
+    pub(crate) fn of_displacement(scene: &Scene) -> Self {
+        if scene.space.step.is_empty() { Self::Map } else { Self::Space }
     }
 
     /// The picture that it draws.
@@ -133,9 +142,10 @@ pub struct PlanNode {
 }
 
 impl PlanNode {
-    /// Whether a report of the run names it: a tree that the scene's method doesn't have is no stage of it.
+    /// Whether a report of the run names it: a tree that the scene's method doesn't have is no stage of it, nor are steps that it
+    /// doesn't have.
     pub(crate) fn is_told(&self) -> bool {
-        self.id != NodeId::Tree || self.stage.is_some()
+        !matches!(self.id, NodeId::Tree | NodeId::Space) || self.stage.is_some()
     }
 }
 
@@ -207,7 +217,7 @@ impl Plan {
 
     fn want_outputs(&mut self, scene: &Scene) -> Result<(), Error> {
         for (key, _) in scene.output.files() {
-            let id = NodeId::of_output(key);
+            let id = NodeId::of_output(key, scene);
             if self.node(id).stage.is_none() {
                 let problem = format!(
                     "output.{key}: the scene gives {} nothing to do; add its section, or drop the output",
@@ -226,7 +236,8 @@ impl Plan {
             self.need(NodeId::of_picture(picture), &format!("{asked} ({})", picture.name()));
         }
         if scene.output.report {
-            let last = if self.node(NodeId::Map).stage.is_some() { NodeId::Map } else { NodeId::Refine };
+            let moved = NodeId::of_displacement(scene);
+            let last = if self.node(moved).stage.is_some() { moved } else { NodeId::Refine };
             self.need(last, "output.report");
         }
         Ok(())
@@ -256,6 +267,7 @@ impl Plan {
                 NodeId::Tree if node.stage.is_none() => "the classes come from no tree",
                 NodeId::Boundary if node.stage.is_none() => "the isovalue is given and no part is isolated",
                 NodeId::Atf if node.stage.is_none() => "the rendering mode has no transfer function",
+                NodeId::Space if node.stage.is_none() => "the scene has no step in space",
                 NodeId::Octree
                 | NodeId::Deform
                 | NodeId::Map
@@ -381,7 +393,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         picture.push(("transfer", NodeId::Atf));
     }
     let mut moved_picture = picture.clone();
-    moved_picture.push(("displacement", NodeId::Map));
+    moved_picture.push(("displacement", NodeId::of_displacement(scene)));
     let tree = SegmentTree::from_section(&scene.segment);
     let (segment, segment_inputs) = segment(&scene.segment, tree.is_some())?;
     let render = Render::from_section(&scene.render, given_iso)?;
@@ -399,6 +411,15 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         map_inputs.push(("labels", NodeId::Segment));
     }
 
+    let space = (!scene.space.step.is_empty()).then(|| Space::from_section(&scene.space)).transpose()?;
+    let mut space_inputs = vec![("volume", NodeId::Import)];
+    if moves.is_some() {
+        space_inputs.push(("after", NodeId::Map));
+    }
+    if space.as_ref().is_some_and(Space::knows_classes) {
+        space_inputs.push(("labels", NodeId::Segment));
+    }
+
     let node = |id, stage: Option<Box<dyn Stage>>, inputs| PlanNode {
         id,
         stage,
@@ -407,6 +428,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         why: String::new(),
     };
     let if_moved = |stage: Option<Box<dyn Stage>>| stage.filter(|_| moves.is_some());
+    let if_deformed = |stage: Option<Box<dyn Stage>>| stage.filter(|_| scene.deforms());
     Ok(vec![
         node(NodeId::Import, boxed(import), vec![]),
         node(NodeId::Tree, tree.and_then(boxed), vec![("volume", NodeId::Import)]),
@@ -421,10 +443,11 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         ),
         node(NodeId::Deform, deform.and_then(boxed), deform_inputs),
         node(NodeId::Map, if_moved(boxed(map)), map_inputs),
+        node(NodeId::Space, space.and_then(boxed), space_inputs),
         node(
             NodeId::Warp,
-            if_moved(boxed(Warp::from_section(&scene.warp))),
-            vec![("volume", NodeId::Import), ("displacement", NodeId::Map)],
+            if_deformed(boxed(Warp::from_section(&scene.warp))),
+            vec![("volume", NodeId::Import), ("displacement", NodeId::of_displacement(scene))],
         ),
         node(
             NodeId::Atf,
@@ -432,10 +455,10 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
             with_labels(vec![("volume", NodeId::Import)]),
         ),
         node(NodeId::Before, boxed(render.clone()), picture),
-        node(NodeId::After, if_moved(boxed(render)), moved_picture),
+        node(NodeId::After, if_deformed(boxed(render)), moved_picture),
         node(
             NodeId::Difference,
-            if_moved(boxed(Difference)),
+            if_deformed(boxed(Difference)),
             vec![("before", NodeId::Before), ("after", NodeId::After)],
         ),
     ])

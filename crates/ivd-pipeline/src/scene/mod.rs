@@ -13,11 +13,12 @@ use serde::{Deserialize, Serialize};
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
     AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
-    CovarianceChoice, DeformSection, DepthWeight, ElasticSection, FixSection, HandleSection, InputSection,
-    IsoChoice, IsoWord, KernelChoice, LatticeSection, LinkageChoice, MapMethod, MapSection, MaterialSection,
-    OctreeSection, OutputSection, Outside, Picture, Projection, RankingChoice, RawSection, RefineMethod,
-    RefineSection, RenderMode, RenderSection, RigidSection, SegmentMethod, SegmentSection, ShapeKind,
-    ShapeSection, Solver, WarpOrder, WarpSection,
+    CovarianceChoice, CurveOver, CurveWay, DeformSection, DepthWeight, ElasticSection, FixSection,
+    HandleSection, InputSection, IsoChoice, IsoWord, KernelChoice, LatticeSection, LinkSection,
+    LinkageChoice, MapMethod, MapSection, MaterialSection, OctreeSection, OutputSection, Outside, Picture,
+    Projection, RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection,
+    RigidSection, SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver, SpaceSection, StepKind,
+    StepSection, WarpOrder, WarpSection,
 };
 pub use written::triple;
 
@@ -50,6 +51,9 @@ pub struct Scene {
     /// How the motion is carried to the voxels.
     #[serde(default)]
     pub map: MapSection,
+    /// What happens to the voxels without a lattice, after what the lattice does.
+    #[serde(default)]
+    pub space: SpaceSection,
     /// How the volume is resampled.
     #[serde(default)]
     pub warp: WarpSection,
@@ -88,17 +92,24 @@ impl Scene {
         let moved = [
             ("output.volume", self.output.volume.is_some()),
             ("output.displacement", self.output.displacement.is_some()),
-            ("output.lattice_deformed", self.output.lattice_deformed.is_some()),
             (
                 "output.images \"after\" or \"difference\"",
                 self.output.images.iter().any(|p| *p != Picture::Before),
             ),
         ];
         let still = self.deform.as_ref().is_none_or(DeformSection::is_still);
-        if let Some((name, _)) = moved.iter().find(|(_, wanted)| still && *wanted) {
+        if let Some((name, _)) = moved.iter().find(|(_, wanted)| !self.deforms() && *wanted) {
             return Err(format!(
-                "{name} shows a deformation, but there is no [[deform.handle]], [[deform.rigid]] or [[deform.shape]]; add one or drop the output"
+                "{name} shows a deformation, but there is no [[deform.handle]], [[deform.rigid]], [[deform.shape]] or [[space.step]]; \
+                 add one or drop the output"
             ));
+        }
+        if self.output.lattice_deformed.is_some() && still {
+            return Err(
+                "output.lattice_deformed shows the lattice's motion, but there is no [[deform.handle]], [[deform.rigid]] or \
+                 [[deform.shape]]; a [[space.step]] moves voxels only"
+                    .into(),
+            );
         }
         for (name, path) in self.output.files() {
             if path.is_absolute() || path.components().any(|c| matches!(c, std::path::Component::ParentDir)) {
@@ -117,7 +128,13 @@ impl Scene {
         for (i, bone) in self.deform.iter().flat_map(|d| &d.rigid).enumerate() {
             bone.part(i).map_err(|e| format!("deform.rigid {i}: {e}"))?;
         }
+        self.space.steps().map_err(|e| format!("space.{e}"))?;
         Ok(())
+    }
+
+    /// Whether the voxels move.
+    pub fn deforms(&self) -> bool {
+        self.deform.as_ref().is_some_and(|d| !d.is_still()) || !self.space.step.is_empty()
     }
 
     /// Whether pictures have to be drawn.
@@ -127,11 +144,10 @@ impl Scene {
 
     /// Pictures to draw: those named, and those that a report asks for.
     pub fn pictures(&self) -> Vec<Picture> {
-        let deforms = self.deform.as_ref().is_some_and(|d| !d.is_still());
         let mut pictures = self.output.images.clone();
         if self.output.report {
             pictures.push(Picture::Before);
-            if deforms {
+            if self.deforms() {
                 pictures.extend([Picture::After, Picture::Difference]);
             }
         }

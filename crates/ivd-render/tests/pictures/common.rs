@@ -58,6 +58,7 @@ pub(crate) fn displacement(
         inverse_residual_max: 0.0,
         min_det_j: 1.0,
         vacated: Vec::new().into(),
+        sides: Vec::new().into(),
     }
 }
 

@@ -45,7 +45,7 @@ impl Field<'_> {
     ) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
         let sampler = before.map(|b| Sampler::new(b, self.grid));
         let linear = self.grid.linear_part();
-        sampled(self.grid.dims(), bricks, exec, |voxel, near| {
+        sampled("map", self.grid.dims(), bricks, exec, |voxel, near| {
             let voxel = VoxelCoord::from(voxel).0;
             let so_far = sampler.as_ref().map_or_else(Vector3::zeros, |s| s.at(voxel));
             linear * so_far + self.at(voxel + so_far, near)

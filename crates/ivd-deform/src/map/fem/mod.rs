@@ -243,7 +243,7 @@ fn sample(
     bricks: &[usize],
     exec: &Exec,
 ) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
-    sampled(grid.dims(), bricks, exec, |voxel, (): &mut ()| {
+    sampled("map", grid.dims(), bricks, exec, |voxel, (): &mut ()| {
         let Some((cell, place)) = body.mesh.locate(cells.place(VoxelCoord::from(voxel).0)) else {
             return Vector3::zeros();
         };

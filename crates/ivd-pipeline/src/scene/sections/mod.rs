@@ -10,6 +10,7 @@ mod picture;
 mod rigid;
 mod segment;
 mod shape;
+mod space;
 
 pub use boundary::{BoundarySection, ClassChoice, ClassWord};
 pub use deform::{CourseChoice, DeformSection, FixSection, HandleSection, MaterialSection, Solver};
@@ -24,3 +25,4 @@ pub use segment::{
     SegmentMethod, SegmentSection,
 };
 pub use shape::{ShapeKind, ShapeSection};
+pub use space::{CurveOver, CurveWay, LinkSection, SpaceSection, StepKind, StepSection};

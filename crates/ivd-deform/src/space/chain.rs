@@ -1,0 +1,510 @@
+//! Chain mail: links that give way up to a limit and no further.
+//!
+//! Every voxel is linked to its six neighbours. A link may be squeezed, stretched and sheared up to its limits without resisting;
+//! what is gripped moves, and everything else as little as the limits allow (Gibson 1997). Along each of the grid's axes that is a
+//! problem of shortest paths: with `b` the motion of what is gripped and `c` the slack of the links on the way,
+//!
+//! ```text
+//! d(x) = max(0, b − min over paths from the grip to x of Σ c)
+//! ```
+//!
+//! is the least motion that keeps all limits, whatever order it is found in. (Gibson's queue finds it where all links are alike;
+//! with different ones the order matters, as Schill et al. 1998 show, and theirs is that of [`solve_by_paths`].) Where all links are
+//! alike the cost of a path is the sum of what it goes along each axis, and one sweep forth and back an axis finds it.
+//!
+//! Where the least size of a squeezed link is more than twice the shear no cell can fold: ∇φ is diagonally dominant.
+
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, BinaryHeap};
+
+use ivd_core::{Exec, FieldBricks, Grid, Labels, ParamError, VoxelCoord, VoxelIndex};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::inverse::from_bricks;
+use crate::sampler::{brick_at, brick_voxels};
+
+/// How far links give way. The defaults are soft.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Links {
+    /// Least length of a link, relative to its length at rest (no unit), above 0 … 1.
+    pub shrink: f64,
+    /// Largest length of a link, relative to its length at rest (no unit), 1 … 1000.
+    pub stretch: f64,
+    /// Most that a link's ends go sideways, relative to its length at rest (no unit), 0 … 1000.
+    pub shear: f64,
+}
+
+impl Default for Links {
+    fn default() -> Self {
+        Self { shrink: 0.5, stretch: 1.5, shear: 0.2 }
+    }
+}
+
+impl Links {
+    fn check(&self) -> Result<(), ParamError> {
+        let wrong = |field, value: f64, remedy| Err(ParamError::new(field, format!("{value}"), remedy));
+        if !(self.shrink > 0.0 && self.shrink <= 1.0) {
+            return wrong("shrink", self.shrink, "use a fraction, above 0 to 1");
+        }
+        if !(1.0..=1e3).contains(&self.stretch) {
+            return wrong("stretch", self.stretch, "use a factor, 1 to 1000");
+        }
+        if !(0.0..=1e3).contains(&self.shear) {
+            return wrong("shear", self.shear, "use 0 to 1000");
+        }
+        Ok(())
+    }
+}
+
+/// Chain mail over the voxels of a grid, gripped within a ball.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChainMail {
+    /// Middle of what is gripped (mm), RAS.
+    pub centre: [f64; 3],
+    /// Voxels this near to it are gripped (mm), and the nearest one.
+    pub grip: f64,
+    /// Way that they go (mm), RAS.
+    pub by: [f64; 3],
+    /// The links.
+    #[serde(default)]
+    pub links: Links,
+    /// Links by label, where labels are given; a link between two classes gives way by the mean of both.
+    #[serde(default)]
+    pub classes: BTreeMap<u16, Links>,
+}
+
+impl ChainMail {
+    /// # Errors
+    /// [`ParamError`] names the part that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        super::check_vector("centre", &self.centre)?;
+        super::check_vector("by", &self.by)?;
+        if !(0.0..=1e100).contains(&self.grip) {
+            return Err(ParamError::new("grip", format!("{} mm", self.grip), "give a length, 0 or more"));
+        }
+        self.links.check()?;
+        self.classes.values().try_for_each(Links::check)
+    }
+
+    /// The motion of every voxel (mm, RAS), at rest everything.
+    ///
+    /// - `centre`: its own, relative to the grid's origin.
+    ///
+    /// # Errors
+    /// Nothing to grip; labels on another grid; the memory limit; cancellation.
+    pub(super) fn field(
+        &self,
+        grid: &Grid,
+        labels: Option<&Labels>,
+        exec: &Exec,
+    ) -> Result<FieldBricks, Error> {
+        let by = grid.inverse_linear_part() * Vector3::from(self.by);
+        let gripped = self.gripped(grid)?;
+        let room = self.room(grid, by, &gripped, labels.is_some() && !self.classes.is_empty());
+        let count = room.len() as u64;
+        // Three components, and the queue's entries where there is one.
+        exec.check_memory("the chain mail", count * if labels.is_some() { 72 } else { 24 })?;
+        let components = (0..3)
+            .map(|c| {
+                let pull = Pull { component: c, by: by[c], step: step(grid, c) };
+                exec.check_cancelled()?;
+                match labels.filter(|_| !self.classes.is_empty()) {
+                    Some(labels) => {
+                        let links = |i: usize| self.classes.get(&labels.ids()[i]).unwrap_or(&self.links);
+                        solve_by_paths(&room, grid, &gripped, &pull, &|i| *links(i), exec)
+                    }
+                    None => Ok(solve_by_sweeps(&room, &gripped, &pull, &self.links)),
+                }
+            })
+            .collect::<Result<Vec<_>, Error>>()?;
+        let linear = grid.linear_part();
+        let bricks = grid.dims().map(|n| n.div_ceil(8));
+        let all: Vec<usize> =
+            (0..bricks.iter().product()).filter(|&b| room.meets(brick_at(bricks, b))).collect();
+        let vectors: Vec<Box<[[f32; 3]]>> = all
+            .par_iter()
+            .map(|&b| {
+                let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
+                for (slot, voxel) in brick_voxels(grid.dims(), brick_at(bricks, b)) {
+                    if let Some(i) = room.index(voxel.0) {
+                        let d = Vector3::from_fn(|c, _| components[c][i]);
+                        out[slot] = (linear * d).map(|c| c as f32).into();
+                    }
+                }
+                out
+            })
+            .collect();
+        from_bricks(grid.dims(), &all, vectors.into_iter())
+    }
+
+    /// The voxels that are gripped.
+    fn gripped(&self, grid: &Grid) -> Result<Vec<[usize; 3]>, Error> {
+        let (dims, linear) = (grid.dims(), grid.linear_part());
+        let middle = grid.inverse_linear_part() * Vector3::from(self.centre);
+        if (0..3).any(|a| !(-0.5..=dims[a] as f64 - 0.5).contains(&middle[a])) {
+            return Err(Error::Mismatch {
+                what: "the chain mail's centre",
+                problem: format!("it lies outside the volume, at voxel {:.1?}", <[f64; 3]>::from(middle)),
+                remedy: "grip something inside the volume",
+            });
+        }
+        let nearest: [usize; 3] =
+            std::array::from_fn(|a| (middle[a].round().max(0.0) as usize).min(dims[a] - 1));
+        let reach = super::half_extent(grid, self.grip);
+        let range = |a: usize| {
+            let lo = (middle[a] - reach[a]).ceil().max(0.0) as usize;
+            lo..((middle[a] + reach[a]).floor().min(dims[a] as f64 - 1.0) + 1.0).max(0.0) as usize
+        };
+        let near =
+            |at: [usize; 3]| (linear * (VoxelCoord::from(VoxelIndex(at)).0 - middle)).norm() <= self.grip;
+        let mut out: Vec<[usize; 3]> = range(2)
+            .flat_map(|z| range(1).flat_map(move |y| range(0).map(move |x| [x, y, z])))
+            .filter(|&at| near(at))
+            .collect();
+        if !out.contains(&nearest) {
+            out.push(nearest);
+        }
+        Ok(out)
+    }
+
+    /// The voxels that may move.
+    fn room(&self, grid: &Grid, by: Vector3<f64>, gripped: &[[usize; 3]], classes: bool) -> Room {
+        let dims = grid.dims();
+        let all = std::iter::once(&self.links).chain(self.classes.values().filter(|_| classes));
+        let mut reach = [0.0_f64; 3];
+        for links in all {
+            for c in 0..3 {
+                let costs = Costs::new(links, c, step(grid, c));
+                for (a, reach) in reach.iter_mut().enumerate() {
+                    // The dearest link decides over how far; one without slack over everything.
+                    let least = costs.along[a][0].min(costs.along[a][1]);
+                    if by[c] != 0.0 {
+                        *reach = reach.max((by[c].abs() / least).min(1e9));
+                    }
+                }
+            }
+        }
+        let end = |a: usize, f: fn(usize, usize) -> usize, first: usize| {
+            gripped.iter().map(|g| g[a]).fold(first, f)
+        };
+        let lo =
+            std::array::from_fn(|a| end(a, usize::min, usize::MAX).saturating_sub(reach[a].ceil() as usize));
+        let hi = std::array::from_fn(|a| (end(a, usize::max, 0) + reach[a].ceil() as usize + 1).min(dims[a]));
+        Room { lo, hi }
+    }
+}
+
+/// Lengths of the steps along the grid's axes, in steps along axis `component`.
+fn step(grid: &Grid, component: usize) -> [f64; 3] {
+    grid.spacing().map(|h| h / grid.spacing()[component])
+}
+
+/// What goes on along one of the grid's axes (voxels).
+pub(super) struct Pull {
+    component: usize,
+    by: f64,
+    step: [f64; 3],
+}
+
+/// Slack of the links of one kind in one component, along each axis, for a step ahead (the way of the pull) and one back; across the
+/// component's axis both are the same (voxels).
+struct Costs {
+    along: [[f64; 2]; 3],
+}
+
+impl Costs {
+    fn new(links: &Links, component: usize, step: [f64; 3]) -> Self {
+        let of = |a: usize| {
+            if a == component {
+                [1.0 - links.shrink, links.stretch - 1.0]
+            } else {
+                [links.shear * step[a]; 2]
+            }
+        };
+        Self { along: [of(0), of(1), of(2)] }
+    }
+
+    /// Slack of a step along axis `a` of the grid, up (`true`) or down, where the pull goes up or down its own axis.
+    fn of(&self, a: usize, up: bool, pull: &Pull) -> f64 {
+        self.along[a][usize::from(up != (pull.by > 0.0))]
+    }
+}
+
+/// A box of voxels.
+pub(super) struct Room {
+    lo: [usize; 3],
+    hi: [usize; 3],
+}
+
+impl Room {
+    fn size(&self) -> [usize; 3] {
+        std::array::from_fn(|a| self.hi[a] - self.lo[a])
+    }
+
+    fn len(&self) -> usize {
+        self.size().iter().product()
+    }
+
+    /// Place of a voxel in the box, x fastest.
+    fn index(&self, voxel: [usize; 3]) -> Option<usize> {
+        let size = self.size();
+        let at: [usize; 3] = std::array::from_fn(|a| voxel[a].wrapping_sub(self.lo[a]));
+        (0..3).all(|a| at[a] < size[a]).then(|| at[0] + size[0] * (at[1] + size[1] * at[2]))
+    }
+
+    /// Whether it meets a brick.
+    fn meets(&self, brick: [usize; 3]) -> bool {
+        (0..3).all(|a| self.lo[a] < 8 * brick[a] + 8 && 8 * brick[a] < self.hi[a])
+    }
+}
+
+/// One component of the motion (voxels) where all links are alike: a sweep forth and one back along every axis.
+fn solve_by_sweeps(room: &Room, gripped: &[[usize; 3]], pull: &Pull, links: &Links) -> Vec<f64> {
+    let mut out = vec![0.0; room.len()];
+    let most = pull.by.abs();
+    for &voxel in gripped {
+        out[room.index(voxel).expect("the room holds what is gripped")] = most;
+    }
+    if most == 0.0 {
+        return out;
+    }
+    let (size, costs) = (room.size(), Costs::new(links, pull.component, pull.step));
+    for a in 0..3 {
+        let stride = [1, size[0], size[0] * size[1]][a];
+        let [up, down] = [true, false].map(|up| costs.of(a, up, pull));
+        let sweep = |line: &mut [f64], first: usize| {
+            for i in 1..size[a] {
+                let before = line[first + (i - 1) * stride];
+                let here = &mut line[first + i * stride];
+                *here = here.max(before - up);
+            }
+            for i in (0..size[a] - 1).rev() {
+                let before = line[first + (i + 1) * stride];
+                let here = &mut line[first + i * stride];
+                *here = here.max(before - down);
+            }
+        };
+        // Lines of one axis lie in blocks that nothing else touches.
+        out.par_chunks_mut(stride * size[a])
+            .for_each(|block| (0..stride).for_each(|first| sweep(block, first)));
+    }
+    out.iter_mut().for_each(|d| *d *= pull.by.signum());
+    out
+}
+
+/// A voxel of the box that is due, the farthest moved first; of equals the first in memory order.
+struct Due {
+    moved: f64,
+    at: usize,
+}
+
+impl Ord for Due {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.moved.total_cmp(&other.moved).then(other.at.cmp(&self.at))
+    }
+}
+
+impl PartialOrd for Due {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Due {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Due {}
+
+/// The same where links differ, from voxel to voxel, what moves farthest first: no voxel is looked at twice (Dijkstra 1959; Schill et
+/// al. 1998).
+fn solve_by_paths(
+    room: &Room,
+    grid: &Grid,
+    gripped: &[[usize; 3]],
+    pull: &Pull,
+    links: &impl Fn(usize) -> Links,
+    exec: &Exec,
+) -> Result<Vec<f64>, Error> {
+    let mut out = vec![0.0; room.len()];
+    let most = pull.by.abs();
+    let mut queue = BinaryHeap::new();
+    if most > 0.0 {
+        for &voxel in gripped {
+            let at = room.index(voxel).expect("the room holds what is gripped");
+            out[at] = most;
+            queue.push(Due { moved: most, at });
+        }
+    }
+    let size = room.size();
+    let costs_at =
+        |voxel: [usize; 3]| Costs::new(&links(grid.linear(VoxelIndex(voxel))), pull.component, pull.step);
+    let mut done = 0_u64;
+    while let Some(Due { moved, at }) = queue.pop() {
+        if moved < out[at] {
+            continue;
+        }
+        done += 1;
+        if done.is_multiple_of(1 << 16) {
+            exec.check_cancelled()?;
+        }
+        let place = [at % size[0], at / size[0] % size[1], at / (size[0] * size[1])];
+        let voxel: [usize; 3] = std::array::from_fn(|a| room.lo[a] + place[a]);
+        let own = costs_at(voxel);
+        for (a, up) in (0..3).flat_map(|a| [(a, true), (a, false)]) {
+            let mut next = voxel;
+            next[a] = if up { next[a] + 1 } else { next[a].wrapping_sub(1) };
+            let Some(to) = room.index(next) else { continue };
+            let slack = 0.5 * (own.of(a, up, pull) + costs_at(next).of(a, up, pull));
+            if moved - slack > out[to] {
+                out[to] = moved - slack;
+                queue.push(Due { moved: out[to], at: to });
+            }
+        }
+    }
+    out.iter_mut().for_each(|d| *d *= pull.by.signum());
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{sheared_grid, voxels};
+
+    fn mail() -> ChainMail {
+        ChainMail {
+            centre: [0.0; 3],
+            grip: 1.2,
+            by: [3.0, -2.0, 1.0],
+            links: Links { shrink: 0.6, stretch: 1.25, shear: 0.3 },
+            classes: BTreeMap::new(),
+        }
+    }
+
+    /// A class for every voxel, by a hash.
+    fn classes(grid: &Grid) -> Labels {
+        let ids: Vec<u16> = (0..grid.len()).map(|i| (i * 2_654_435_761 >> 7) as u16 % 3).collect();
+        Labels::new(grid.clone(), ids.into(), Vec::new()).unwrap()
+    }
+
+    /// Every link of a solved component keeps its limits, and every voxel that moves is held by one of them or gripped.
+    fn check_limits(
+        grid: &Grid,
+        field: &FieldBricks,
+        links: impl Fn(usize) -> Links,
+        gripped: &[[usize; 3]],
+    ) {
+        let to_voxel = grid.inverse_linear_part();
+        let d = |v: [usize; 3]| to_voxel * Vector3::from(field.at(VoxelIndex(v))).map(f64::from);
+        for voxel in voxels(grid) {
+            let own = d(voxel.0);
+            let mut held = own.map(|c| c.abs() < 1e-5);
+            for a in 0..3 {
+                for up in [true, false] {
+                    let mut next = voxel.0;
+                    next[a] = if up { next[a] + 1 } else { next[a].wrapping_sub(1) };
+                    if next[a] >= grid.dims()[a] {
+                        continue;
+                    }
+                    let (mine, theirs) = (links(grid.linear(voxel)), links(grid.linear(VoxelIndex(next))));
+                    for c in 0..3 {
+                        let mean = |of: fn(&Links) -> f64| 0.5 * (of(&mine) + of(&theirs));
+                        let change = if up { d(next)[c] - own[c] } else { own[c] - d(next)[c] };
+                        let shear = mean(|l| l.shear) * step(grid, c)[a];
+                        let (least, most) = if a == c {
+                            (mean(|l| l.shrink) - 1.0, mean(|l| l.stretch) - 1.0)
+                        } else {
+                            (-shear, shear)
+                        };
+                        assert!(
+                            change >= least - 1e-5 && change <= most + 1e-5,
+                            "{voxel:?} {a} {c}: {change}"
+                        );
+                        // The link is at its limit, and pulls this voxel along.
+                        let at_limit = (change - least).abs() < 1e-5 || (change - most).abs() < 1e-5;
+                        held[c] |= at_limit && d(next)[c].abs() >= own[c].abs() - 1e-6;
+                    }
+                }
+            }
+            assert!(
+                held.iter().all(|h| *h) || gripped.contains(&voxel.0),
+                "{voxel:?} moves by itself: {own}"
+            );
+        }
+    }
+
+    #[test]
+    fn every_limit_is_kept_and_nothing_moves_that_no_link_pulls() {
+        let grid = sheared_grid([21, 17, 9]);
+        let centre = crate::fixtures::middle(&grid);
+        let mail = ChainMail { centre: centre.into(), ..mail() };
+        let gripped = mail.gripped(&grid).unwrap();
+        assert!(gripped.len() > 10, "{}", gripped.len());
+        let field = mail.field(&grid, None, &Exec::default()).unwrap();
+        check_limits(&grid, &field, |_| mail.links, &gripped);
+        let hard = Links { shrink: 1.0, stretch: 1.0, shear: 0.05 };
+        let mixed = ChainMail { classes: [(1, hard), (2, Links::default())].into(), ..mail.clone() };
+        let labels = classes(&grid);
+        let field = mixed.field(&grid, Some(&labels), &Exec::default()).unwrap();
+        check_limits(
+            &grid,
+            &field,
+            |i| *mixed.classes.get(&labels.ids()[i]).unwrap_or(&mixed.links),
+            &gripped,
+        );
+    }
+
+    #[test]
+    fn sweeps_find_what_paths_find() {
+        let grid = sheared_grid([21, 17, 9]);
+        for (grip, by) in [(0.0, [3.0, -2.0, 1.0]), (2.5, [-1.0, 0.0, 6.0]), (0.5, [0.0, 90.0, 0.0])] {
+            let mail = ChainMail { centre: crate::fixtures::middle(&grid).into(), grip, by, ..mail() };
+            let alike = ChainMail { classes: [(1, mail.links)].into(), ..mail.clone() };
+            let [swept, walked] = [(&mail, None), (&alike, Some(classes(&grid)))]
+                .map(|(mail, labels)| mail.field(&grid, labels.as_ref(), &Exec::default()).unwrap());
+            for v in voxels(&grid) {
+                let off = Vector3::from(swept.at(v)) - Vector3::from(walked.at(v));
+                assert!(off.norm() < 1e-4, "{v:?}: {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn links_that_never_give_way_move_everything_alike() {
+        let grid = sheared_grid([9, 10, 11]);
+        let stiff = Links { shrink: 1.0, stretch: 1.0, shear: 0.0 };
+        let mail = ChainMail { centre: crate::fixtures::middle(&grid).into(), links: stiff, ..mail() };
+        let field = mail.field(&grid, None, &Exec::default()).unwrap();
+        for v in voxels(&grid) {
+            let off = Vector3::from(field.at(v)).map(f64::from) - Vector3::from(mail.by);
+            assert!(off.norm() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_grip_outside_and_limits_out_of_their_domain_are_named() {
+        let grid = sheared_grid([9, 10, 11]);
+        let far = ChainMail { centre: [1e3; 3], ..mail() };
+        assert!(
+            far.field(&grid, None, &Exec::default()).unwrap_err().to_string().contains("outside the volume")
+        );
+        for (field, links) in [
+            ("shrink", Links { shrink: 0.0, ..Links::default() }),
+            ("stretch", Links { stretch: 0.9, ..Links::default() }),
+            ("shear", Links { shear: f64::NAN, ..Links::default() }),
+        ] {
+            assert_eq!(ChainMail { links, ..mail() }.check().unwrap_err().field, field);
+            assert_eq!(
+                ChainMail { classes: [(7, links)].into(), ..mail() }.check().unwrap_err().field,
+                field
+            );
+        }
+    }
+}

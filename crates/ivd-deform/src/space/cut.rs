@@ -1,0 +1,192 @@
+//! Cuts: fields with two sides.
+//!
+//! A cut is made of two maps of the whole space, one for what lies above its plane and one for what lies below; each is smooth,
+//! proven free of folds, and inverted by itself. A voxel at rest moves with the map of its side. A deformed voxel comes from
+//! where the map of one side has it, if that place lies on this side; where neither does, the cut has opened and there is
+//! nothing; where both do, two pieces would lie on one another, and the cut is refused.
+
+use ivd_core::{Buffer, Exec, FieldBricks, Grid, NO_BRICK, ParamError, VoxelCoord};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::inverse::{Inverse, from_bricks};
+use crate::sampler::{brick_at, brick_voxels};
+
+/// A cut through the centre of a ball that opens: what lies above its plane goes up, what lies below goes down, whole within
+/// `core · radius` of the centre and fading out to nothing at `radius`, where the cut ends. The discontinuous deflector of Kurzion
+/// and Yagel 1997.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cut {
+    /// Centre of the ball, on the plane (mm), RAS.
+    pub centre: [f64; 3],
+    /// Normal of the plane, RAS; any length but 0. Above is where it points.
+    pub normal: [f64; 3],
+    /// Distance from the centre at which the cut ends and from which on nothing moves (mm).
+    pub radius: f64,
+    /// Fraction of the radius within which the cut opens whole, 0 … below 1.
+    pub core: f64,
+    /// Distance of the two sides at the centre, once open (mm), ≥ 0.
+    pub open: f64,
+}
+
+/// A side of a cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Side {
+    Below,
+    Above,
+}
+
+impl Cut {
+    /// # Errors
+    /// [`ParamError`] names the part that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        super::check_ball(&self.centre, self.radius, self.core)?;
+        super::check_direction("normal", &self.normal)?;
+        if (0.0..=1e100).contains(&self.open) {
+            return Ok(());
+        }
+        Err(ParamError::new(
+            "open",
+            format!("{} mm", self.open),
+            "give a length, 0 or more; a cut doesn't close",
+        ))
+    }
+
+    /// Where it takes a point (mm, RAS) that goes with a side, whichever it lies on.
+    pub(super) fn apply(&self, point: Vector3<f64>, amount: f64, side: Side) -> Vector3<f64> {
+        let distance = (point - Vector3::from(self.centre)).norm();
+        let weight = super::weight(distance, self.radius, self.core) * amount;
+        if weight == 0.0 || self.open == 0.0 {
+            return point;
+        }
+        let half = Vector3::from(self.normal).normalize() * (0.5 * self.open * weight);
+        if side == Side::Above { point + half } else { point - half }
+    }
+
+    /// Distance from the plane (mm); above it ≥ 0.
+    pub(super) fn height(&self, point: Vector3<f64>) -> f64 {
+        (point - Vector3::from(self.centre)).dot(&Vector3::from(self.normal).normalize())
+    }
+}
+
+/// The map of one side, all over space.
+pub(super) struct Whole {
+    pub(super) field: FieldBricks,
+    pub(super) inverse: Inverse,
+}
+
+/// Both sides put together.
+pub(super) struct TwoSided {
+    pub(super) forward: FieldBricks,
+    pub(super) inverse: FieldBricks,
+    pub(super) vacated: Buffer<u8>,
+    pub(super) sides: Buffer<u8>,
+}
+
+/// What is put together of a brick.
+struct Brick {
+    forward: Box<[[f32; 3]]>,
+    inverse: Box<[[f32; 3]]>,
+    /// By voxel of the brick, whether it is vacated, and its side.
+    flags: Box<[(u8, u8)]>,
+    /// The deepest overlap (mm) and its slot.
+    overlap: Option<(f64, usize)>,
+}
+
+/// Puts the maps of two sides together.
+///
+/// - `height`: distance of a place at rest (mm from the grid's origin) from the cut, above it ≥ 0.
+/// - `slack`: distance from the cut up to which rounding may decide (mm).
+pub(super) fn join(
+    grid: &Grid,
+    [below, above]: [&Whole; 2],
+    height: impl Fn(Vector3<f64>) -> f64 + Sync,
+    slack: f64,
+    exec: &Exec,
+) -> Result<TwoSided, Error> {
+    let stored = |b: usize| [below, above].iter().any(|side| side.field.table()[b] != NO_BRICK);
+    let bricks: Vec<usize> = (0..above.field.table().len()).filter(|&b| stored(b)).collect();
+    let brick_dims = above.field.brick_dims();
+    exec.check_memory("the sides of the cut", 2 * grid.len() as u64 + 26 * 512 * bricks.len() as u64)?;
+    let joined = bricks
+        .par_iter()
+        .map(|&b| {
+            exec.check_cancelled()?;
+            Ok(join_brick(grid, [below, above], brick_at(brick_dims, b), &height, slack))
+        })
+        .collect::<Result<Vec<Brick>, Error>>()?;
+    let (mut vacated, mut sides) = (vec![0; grid.len()], vec![0; grid.len()]);
+    let mut deepest: Option<(f64, [usize; 3])> = None;
+    for (&b, brick) in bricks.iter().zip(&joined) {
+        for (slot, voxel) in brick_voxels(grid.dims(), brick_at(brick_dims, b)) {
+            let i = grid.linear(voxel);
+            (vacated[i], sides[i]) = brick.flags[slot];
+            if let Some((depth, at)) = brick.overlap
+                && at == slot
+                && deepest.is_none_or(|(other, _)| depth > other)
+            {
+                deepest = Some((depth, voxel.0));
+            }
+        }
+    }
+    if let Some((depth, voxel)) = deepest {
+        return Err(Error::Untrusted {
+            what: "the cut",
+            problem: format!("its sides lie on one another at voxel {voxel:?}, {depth:.3} mm deep"),
+            remedy: "cut where the steps before it don't turn space round, or open it less",
+        });
+    }
+    let (forward, inverse): (Vec<_>, Vec<_>) = joined.into_iter().map(|b| (b.forward, b.inverse)).unzip();
+    let some = |flags: Vec<u8>| if flags.iter().any(|f| *f != 0) { flags } else { Vec::new() };
+    Ok(TwoSided {
+        forward: from_bricks(grid.dims(), &bricks, forward.into_iter())?,
+        inverse: from_bricks(grid.dims(), &bricks, inverse.into_iter())?,
+        vacated: some(vacated).into(),
+        sides: some(sides).into(),
+    })
+}
+
+fn join_brick(
+    grid: &Grid,
+    sides: [&Whole; 2],
+    at: [usize; 3],
+    height: &impl Fn(Vector3<f64>) -> f64,
+    slack: f64,
+) -> Brick {
+    let zeros = || vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
+    let mut out = Brick {
+        forward: zeros(),
+        inverse: zeros(),
+        flags: vec![(0, 0); FieldBricks::VOXELS].into_boxed_slice(),
+        overlap: None,
+    };
+    for (slot, voxel) in brick_voxels(grid.dims(), at) {
+        let place = grid.linear_part() * VoxelCoord::from(voxel).0;
+        let forward = sides.map(|side| side.field.at(voxel));
+        let own = usize::from(height(place) >= 0.0);
+        out.forward[slot] = forward[own];
+        out.flags[slot].1 = if forward[0] == forward[1] { 0 } else { 1 + own as u8 };
+        let inverse = sides.map(|side| side.inverse.field.at(voxel));
+        if inverse[0] == inverse[1] {
+            out.inverse[slot] = inverse[0];
+            continue;
+        }
+        // How deep on its own side each origin lies.
+        let origin = inverse.map(|vector| height(place + Vector3::from(vector).map(f64::from)));
+        let depth = [-origin[0], origin[1]];
+        let nearer = usize::from(depth[1] >= depth[0]);
+        // Where nothing is left the inverse goes on from the nearer side, so that what is sampled beside it is smooth.
+        out.inverse[slot] = inverse[nearer];
+        if depth[nearer] < -slack {
+            out.flags[slot].0 = 1;
+        }
+        let both = depth[0].min(depth[1]);
+        if both > slack && out.overlap.is_none_or(|(most, _)| both > most) {
+            out.overlap = Some((both, slot));
+        }
+    }
+    out
+}

@@ -1,0 +1,525 @@
+//! Deforming space: displacements of voxels without a lattice.
+//!
+//! Each [`Step`] is a map of space, and several act one after another, each on what the ones before left:
+//!
+//! - [`Step::Shape`]: a ray deflector (Kurzion and Yagel 1997) that translates, turns, scales, bends and so on within a ball. What
+//!   [`crate::freeform`] does to the vertices of a lattice this does to all of space.
+//! - [`Step::Curve`]: a spatial transfer function (Chen et al. 2003).
+//! - [`Step::Chain`]: chain mail over the voxels (Gibson 1997), with links by class.
+//! - [`Step::Cut`]: an incision that opens, the discontinuous deflector. The displacement then is a field of two sides and says so,
+//!   in [`Displacement::sides`]; there is one cut at most.
+//!
+//! They go on from another displacement, a solver's for one: [`Start::after`].
+//!
+//! # No folds
+//!
+//! The composition is evaluated at the voxels, exactly, and certified as every map is ([`crate::certificate`]). Where it folds, what
+//! can be made of many small steps is: each shape does `1/n` of its work `n` times, `n = 2, 4 … 64`, a flow, which doesn't fold where
+//! its steps don't. (A bend, a curve and chain mail are not made of smaller ones; they are done at once.) What folds still is refused.
+//!
+//! ```
+//! use ivd_core::{Exec, Grid, VoxelIndex};
+//! use ivd_deform::freeform::{Kind, Shape};
+//! use ivd_deform::space::{self, Start, Step};
+//!
+//! let grid = Grid::with_spacing([32; 3], [1.0; 3])?;
+//! let push = Step::Shape(Shape {
+//!     kind: Kind::Translate { by: [0.0, 0.0, 3.0] },
+//!     centre: [16.0; 3],
+//!     axis: [0.0, 0.0, 1.0],
+//!     radius: 12.0,
+//!     core: 0.25,
+//!     length: None,
+//! });
+//! let made = space::displace(&grid, &[push], &Start::default(), &Exec::default())?;
+//! assert_eq!(made.displacement.forward.at(VoxelIndex([16; 3])), [0.0, 0.0, 3.0]);
+//! assert!(made.min_det_j > 0.0 && made.inverse_residual_max_voxel < 1e-3);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod chain;
+mod curve;
+mod cut;
+#[cfg(test)]
+mod tests;
+
+use ivd_core::{Displacement, Exec, FieldBricks, Grid, Labels, NO_BRICK, ParamError, VoxelCoord};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::certificate::{Certificate, Detail, Histogram, certify_bricks, touched};
+use crate::freeform::{Kind, Shape};
+use crate::inverse::{from_bricks, invert};
+use crate::map::{FARTHEST, THIN, lengths, sampled, smooth_fall};
+use crate::sampler::{Sampler, brick_at};
+pub use chain::{ChainMail, Links};
+pub use curve::{Curve, Over, Way};
+pub use cut::Cut;
+use cut::{Side, Whole, join};
+
+/// Most equal parts that shapes are done in.
+const PARTS: u32 = 64;
+
+/// A map of space.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Step {
+    /// A ray deflector.
+    Shape(Shape),
+    /// A spatial transfer function.
+    Curve(Curve),
+    /// Chain mail.
+    Chain(ChainMail),
+    /// A cut that opens.
+    Cut(Cut),
+}
+
+impl Step {
+    /// # Errors
+    /// [`ParamError`] names the part that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        match self {
+            Self::Shape(shape) => shape.check(),
+            Self::Curve(curve) => curve.check(),
+            Self::Chain(mail) => mail.check(),
+            Self::Cut(cut) => cut.check(),
+        }
+    }
+
+    /// Whether doing a fraction of it again and again comes to the same, where it is done whole.
+    fn flows(&self) -> bool {
+        match self {
+            Self::Shape(shape) => !matches!(shape.kind, Kind::Bend { .. }),
+            Self::Cut(_) => true,
+            Self::Curve(_) | Self::Chain(_) => false,
+        }
+    }
+
+    /// Its ball; chain mail has none.
+    fn ball(&self) -> Option<([f64; 3], f64)> {
+        match self {
+            Self::Shape(shape) => Some((shape.centre, shape.radius)),
+            Self::Curve(curve) => Some((curve.centre, curve.radius)),
+            Self::Cut(cut) => Some((cut.centre, cut.radius)),
+            Self::Chain(_) => None,
+        }
+    }
+
+    /// With its centre counted from the grid's origin, which may be far away.
+    fn from_origin(&self, grid: &Grid) -> Self {
+        let mut step = self.clone();
+        let centre = match &mut step {
+            Self::Shape(shape) => &mut shape.centre,
+            Self::Curve(curve) => &mut curve.centre,
+            Self::Chain(mail) => &mut mail.centre,
+            Self::Cut(cut) => &mut cut.centre,
+        };
+        *centre = (Vector3::from(*centre) - Vector3::from(grid.origin())).into();
+        step
+    }
+}
+
+/// What steps start from.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Start<'a> {
+    /// What has been displaced before, on the same grid, of one side and in one piece.
+    pub after: Option<&'a Displacement>,
+    /// Classes at rest, on the same grid, for chain mail that knows some.
+    pub labels: Option<&'a Labels>,
+}
+
+/// What was made of the steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Made {
+    /// The displacement, forward and inverse.
+    pub displacement: Displacement,
+    /// Voxels that move.
+    pub voxels_moved: u64,
+    /// Bricks (8³ voxels) with a voxel that moves.
+    pub bricks_touched: u64,
+    /// Bricks of the grid.
+    pub bricks_total: u64,
+    /// Smallest proven lower bound of det ∇φ, at most 1; of a cut's sides the smaller.
+    pub min_det_j: f64,
+    /// Cells that fold: 0, or there would be no displacement.
+    pub folds: u64,
+    /// Equal parts that shapes were done in; 1 where they are done at once.
+    pub parts: u32,
+    /// Largest `|φ(ψ(y)) − y|` (voxels).
+    pub inverse_residual_max_voxel: f64,
+    /// det ∇φ at the centres of the cells that move, 0 … 2; of a cut's sides the one above.
+    pub det_j: Histogram,
+    /// Lengths of the voxels' motion (mm), 0 … the largest.
+    pub motion_mm: Histogram,
+    /// Voxels where a cut has opened.
+    pub voxels_vacated: u64,
+}
+
+/// Displaces the voxels of a grid by steps, in their order.
+///
+/// # Errors
+/// A step outside its domain, or that doesn't reach the grid; a second cut; a start on another grid or of two sides;
+/// [`Error::Folded`] where it folds however it is done; [`Error::Untrusted`] where a cut's sides meet; the memory limit;
+/// cancellation.
+pub fn displace(grid: &Grid, steps: &[Step], start: &Start<'_>, exec: &Exec) -> Result<Made, Error> {
+    steps.iter().try_for_each(Step::check)?;
+    check(grid, steps, start)?;
+    exec.run(|| {
+        let space = Space::new(grid, steps, start, exec)?;
+        let bricks = space.bricks(exec.skip);
+        exec.check_memory("the displacement", 2 * 12 * 512 * bricks.len() as u64)?;
+        let most = if steps.iter().any(Step::flows) { PARTS } else { 1 };
+        let mut parts = 1;
+        loop {
+            match space.made(&bricks, parts, exec)? {
+                Tried::Made(made) => return Ok(*made),
+                Tried::Folded(_) if parts < most => parts *= 2,
+                Tried::Folded(certificate) => return Err(crate::map::folded(&certificate, grid)),
+            }
+        }
+    })
+}
+
+fn check(grid: &Grid, steps: &[Step], start: &Start<'_>) -> Result<(), Error> {
+    let mismatch = |what, problem, remedy| Err(Error::Mismatch { what, problem, remedy });
+    if let Some(after) = start.after {
+        after.check()?;
+        if !grid.matches(&after.grid) {
+            let problem = format!(
+                "it lies on {:?} voxels elsewhere than the volume's {:?}",
+                after.grid.dims(),
+                grid.dims()
+            );
+            return mismatch(
+                "the displacement to start from",
+                problem,
+                "start from one on the volume's grid",
+            );
+        }
+        if after.is_two_sided() || !after.vacated.is_empty() {
+            let problem =
+                "it has a cut, or a part that moved alone, and nothing goes on across that".to_owned();
+            return mismatch(
+                "the displacement to start from",
+                problem,
+                "let the cut be the last displacement, or warp first",
+            );
+        }
+    }
+    if let Some(labels) = start.labels
+        && !grid.matches(labels.grid())
+    {
+        let dims = [labels.grid().dims(), grid.dims()];
+        return Err(ivd_core::Error::GridMismatch {
+            a: "labels",
+            a_dims: dims[0],
+            b: "volume",
+            b_dims: dims[1],
+        }
+        .into());
+    }
+    if let [_, second, ..] =
+        steps.iter().enumerate().filter(|(_, s)| matches!(s, Step::Cut(_))).collect::<Vec<_>>()[..]
+    {
+        let problem = format!("step {} is a second one; a displacement has one at most", second.0);
+        return mismatch("the cut", problem, "warp the volume through the first, and cut what comes of it");
+    }
+    for (i, step) in steps.iter().enumerate() {
+        if let Some((centre, radius)) = step.ball()
+            && bounds(grid, Vector3::from(centre) - Vector3::from(grid.origin()), radius).is_none()
+        {
+            let problem = format!("within {radius} mm of {centre:?} there is no voxel");
+            return mismatch(
+                "a step's ball",
+                format!("step {i}: {problem}"),
+                "give a centre and a radius that reach the volume",
+            );
+        }
+        if let Step::Chain(mail) = step
+            && !mail.classes.is_empty()
+        {
+            if start.labels.is_none() {
+                let problem = format!("step {i} has links by class, and there are no labels");
+                return mismatch("the chain mail", problem, "give labels, or leave the classes out");
+            }
+            if i > 0 || start.after.is_some() {
+                let problem = format!("step {i} has links by class, and something has moved before it");
+                return mismatch(
+                    "the chain mail",
+                    problem,
+                    "labels are of the volume at rest: make it the first step",
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Steps ready to be done at any place.
+struct Space<'a> {
+    grid: &'a Grid,
+    /// With centres counted from the grid's origin, and the field of each chain mail.
+    steps: Vec<(Step, Option<FieldBricks>)>,
+    after: Option<&'a FieldBricks>,
+    time: f64,
+}
+
+/// What a number of parts came to.
+enum Tried {
+    Made(Box<Made>),
+    Folded(Box<Certificate>),
+}
+
+impl<'a> Space<'a> {
+    fn new(grid: &'a Grid, steps: &[Step], start: &Start<'a>, exec: &Exec) -> Result<Self, Error> {
+        let ready = steps.iter().map(|step| {
+            let step = step.from_origin(grid);
+            let field = match &step {
+                Step::Chain(mail) => Some(mail.field(grid, start.labels, exec)?),
+                _ => None,
+            };
+            Ok((step, field))
+        });
+        Ok(Self {
+            grid,
+            steps: ready.collect::<Result<_, Error>>()?,
+            after: start.after.map(|after| &after.forward),
+            time: start.after.map_or(0.0, |after| after.time),
+        })
+    }
+
+    /// The bricks in which something may move; all of them where nothing is to be skipped. What a step doesn't reach at rest comes
+    /// into its reach only by what moved it before.
+    fn bricks(&self, skip: bool) -> Vec<usize> {
+        let dims = self.grid.dims().map(|n| n.div_ceil(8));
+        let fields: Vec<&FieldBricks> =
+            self.steps.iter().filter_map(|(_, field)| field.as_ref()).chain(self.after).collect();
+        let balls: Vec<[[usize; 2]; 3]> = self
+            .steps
+            .iter()
+            .filter_map(|(step, _)| step.ball())
+            .filter_map(|(centre, radius)| bounds(self.grid, centre.into(), radius))
+            .collect();
+        let reached = |b: usize| {
+            let at = brick_at(dims, b);
+            let meets =
+                |ball: &[[usize; 2]; 3]| (0..3).all(|a| (ball[a][0] / 8..=ball[a][1] / 8).contains(&at[a]));
+            !skip || fields.iter().any(|field| field.table()[b] != NO_BRICK) || balls.iter().any(meets)
+        };
+        (0..dims.iter().product()).filter(|&b| reached(b)).collect()
+    }
+
+    fn made(&self, bricks: &[usize], parts: u32, exec: &Exec) -> Result<Tried, Error> {
+        let samplers = self.samplers();
+        let cut = self.steps.iter().position(|(step, _)| matches!(step, Step::Cut(_)));
+        let whole = |side| -> Result<Result<(Whole, Certificate), Certificate>, Error> {
+            let field = self.field(&samplers, bricks, parts, side, exec)?;
+            let all = touched(&field);
+            let certificate = certify_bricks(&field, self.grid, THIN, &|_| true, &all, Detail::All, exec)?;
+            if !certificate.holds() {
+                return Ok(Err(certificate));
+            }
+            let inverse = invert(&field, self.grid, exec)?;
+            crate::map::check_residual(
+                &inverse,
+                "the inverse of the displacement",
+                "move less, or within a larger radius",
+            )?;
+            Ok(Ok((Whole { field, inverse }, certificate)))
+        };
+        let (above, certificate) = match whole(Side::Above)? {
+            Ok(found) => found,
+            Err(certificate) => return Ok(Tried::Folded(Box::new(certificate))),
+        };
+        let Some(cut) = cut else {
+            let residual = above.inverse.residual_max_voxels;
+            let [forward, inverse] = [above.field, above.inverse.field];
+            return Ok(self.tell(
+                forward,
+                inverse,
+                residual,
+                [Vec::new(), Vec::new()],
+                parts,
+                certificate.min_det,
+                certificate.histogram,
+            ));
+        };
+        let (below, other) = match whole(Side::Below)? {
+            Ok(found) => found,
+            Err(certificate) => return Ok(Tried::Folded(Box::new(certificate))),
+        };
+        let Step::Cut(at) = &self.steps[cut].0 else { unreachable!("the place of the cut") };
+        let height = |place: Vector3<f64>| {
+            at.height(self.place(&samplers, place, &self.steps[..cut], parts, Side::Above))
+        };
+        let slack = 1e-3 * self.grid.spacing().into_iter().fold(f64::INFINITY, f64::min);
+        let joined = join(self.grid, [&below, &above], height, slack, exec)?;
+        let residual = above.inverse.residual_max_voxels.max(below.inverse.residual_max_voxels);
+        let flags = [joined.vacated.into_vec(), joined.sides.into_vec()];
+        let least = certificate.min_det.min(other.min_det);
+        Ok(self.tell(joined.forward, joined.inverse, residual, flags, parts, least, certificate.histogram))
+    }
+
+    #[allow(clippy::too_many_arguments, reason = "the parts of one report")]
+    fn tell(
+        &self,
+        forward: FieldBricks,
+        inverse: FieldBricks,
+        residual: f64,
+        [vacated, sides]: [Vec<u8>; 2],
+        parts: u32,
+        min_det_j: f64,
+        det_j: Histogram,
+    ) -> Tried {
+        let (voxels_moved, motion_mm) = lengths(&forward);
+        Tried::Made(Box::new(Made {
+            voxels_moved,
+            bricks_touched: forward.stored() as u64,
+            bricks_total: forward.table().len() as u64,
+            min_det_j,
+            folds: 0,
+            parts,
+            inverse_residual_max_voxel: residual,
+            det_j,
+            motion_mm,
+            voxels_vacated: vacated.iter().map(|&v| u64::from(v)).sum(),
+            displacement: Displacement {
+                grid: self.grid.clone(),
+                time: self.time,
+                forward,
+                inverse,
+                inverse_residual_max: residual,
+                min_det_j,
+                vacated: vacated.into(),
+                sides: sides.into(),
+            },
+        }))
+    }
+
+    /// One for what was displaced before, and one for each chain mail.
+    fn samplers(&self) -> Samplers<'_> {
+        let of = |field| Sampler::new(field, self.grid);
+        Samplers {
+            after: self.after.map(of),
+            steps: self.steps.iter().map(|(_, field)| field.as_ref().map(of)).collect(),
+        }
+    }
+
+    /// The displacement (mm) of every voxel, all of them on one side of the cut.
+    fn field(
+        &self,
+        samplers: &Samplers<'_>,
+        bricks: &[usize],
+        parts: u32,
+        side: Side,
+        exec: &Exec,
+    ) -> Result<FieldBricks, Error> {
+        let linear = self.grid.linear_part();
+        let vectors = sampled("space", self.grid.dims(), bricks, exec, |voxel, (): &mut ()| {
+            let rest = linear * VoxelCoord::from(voxel).0;
+            let now = self.place(samplers, rest, &self.steps, parts, side);
+            if now == rest { Vector3::zeros() } else { now - rest }
+        })?;
+        let fits = |v: &[f32; 3]| v.iter().all(|c| f64::from(c.abs()) <= FARTHEST);
+        if !vectors.iter().flatten().all(fits) {
+            return Err(Error::Untrusted {
+                what: "the displacement",
+                problem: format!("a motion of more than {FARTHEST:e} mm is more than its vectors hold"),
+                remedy: "use smaller motions, factors and rates",
+            });
+        }
+        from_bricks(self.grid.dims(), bricks, vectors.into_iter())
+    }
+
+    /// Where steps take a place at rest (mm from the grid's origin), with those that flow done in `parts` parts.
+    fn place(
+        &self,
+        samplers: &Samplers<'_>,
+        rest: Vector3<f64>,
+        steps: &[(Step, Option<FieldBricks>)],
+        parts: u32,
+        side: Side,
+    ) -> Vector3<f64> {
+        let (linear, to_voxel) = (self.grid.linear_part(), self.grid.inverse_linear_part());
+        // What isn't moved stays bit for bit.
+        let moved = |place: Vector3<f64>, sampler: &Sampler<'_>| {
+            let by = sampler.at(to_voxel * place);
+            if by == Vector3::zeros() { place } else { place + linear * by }
+        };
+        let mut now = samplers.after.as_ref().map_or(rest, |sampler| moved(rest, sampler));
+        let amount = 1.0 / f64::from(parts);
+        for ((step, _), sampler) in steps.iter().zip(&samplers.steps) {
+            match step {
+                Step::Shape(shape) if step.flows() => {
+                    (0..parts).for_each(|_| now = shape.apply(now, amount));
+                }
+                Step::Shape(shape) => now = shape.apply(now, 1.0),
+                Step::Curve(curve) => now = curve.apply(now, 1.0),
+                Step::Cut(cut) => (0..parts).for_each(|_| now = cut.apply(now, amount, side)),
+                Step::Chain(_) => now = moved(now, sampler.as_ref().expect("chain mail has a field")),
+            }
+        }
+        now
+    }
+}
+
+struct Samplers<'a> {
+    after: Option<Sampler<'a>>,
+    steps: Vec<Option<Sampler<'a>>>,
+}
+
+/// How much of its work a step does at a distance from its centre (mm): 1 … 0.
+fn weight(distance: f64, radius: f64, core: f64) -> f64 {
+    let whole = core * radius;
+    if distance >= radius { 0.0 } else { smooth_fall((distance - whole) / (radius - whole)) }
+}
+
+/// How far a ball goes along each of the grid's axes, from its middle (voxels).
+fn half_extent(grid: &Grid, radius: f64) -> [f64; 3] {
+    let to_voxel = grid.inverse_linear_part();
+    std::array::from_fn(|a| radius * to_voxel.row(a).norm())
+}
+
+/// First and last voxel of the box round a ball along each axis, its centre counted from the grid's origin (mm); `None` where there
+/// is none.
+fn bounds(grid: &Grid, centre: Vector3<f64>, radius: f64) -> Option<[[usize; 2]; 3]> {
+    let middle = grid.inverse_linear_part() * centre;
+    let extent = half_extent(grid, radius);
+    let mut out = [[0; 2]; 3];
+    for a in 0..3 {
+        let last = grid.dims()[a] as f64 - 1.0;
+        let (lo, hi) = ((middle[a] - extent[a]).floor().max(0.0), (middle[a] + extent[a]).ceil().min(last));
+        if !(lo <= hi) {
+            return None;
+        }
+        out[a] = [lo as usize, hi as usize];
+    }
+    Some(out)
+}
+
+fn check_vector(field: &'static str, vector: &[f64; 3]) -> Result<(), ParamError> {
+    if vector.iter().all(|c| c.abs() <= 1e100) {
+        return Ok(());
+    }
+    Err(ParamError::new(field, format!("{vector:?}"), "give three finite numbers"))
+}
+
+fn check_direction(field: &'static str, vector: &[f64; 3]) -> Result<(), ParamError> {
+    check_vector(field, vector)?;
+    if Vector3::from(*vector).norm() >= 1e-100 {
+        return Ok(());
+    }
+    Err(ParamError::new(field, format!("{vector:?}"), "give a direction"))
+}
+
+fn check_ball(centre: &[f64; 3], radius: f64, core: f64) -> Result<(), ParamError> {
+    check_vector("centre", centre)?;
+    if !(radius > 0.0 && radius <= 1e100) {
+        return Err(ParamError::new("radius", format!("{radius} mm"), "use a positive length"));
+    }
+    if !(0.0..1.0).contains(&core) {
+        return Err(ParamError::new("core", format!("{core}"), "use a fraction, 0 to below 1"));
+    }
+    Ok(())
+}
