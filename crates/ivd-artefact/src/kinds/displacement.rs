@@ -59,9 +59,8 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Displacement, Problem>
     let grid = content.grid.grid()?;
     let forward = take_field(decoder, "forward_table", "forward_vectors", grid.dims())?;
     let inverse = take_field(decoder, "inverse_table", "inverse_vectors", grid.dims())?;
-    let mut flags = |name, there: bool| match there {
-        true => decoder.take(name, Element::U8, &voxel_shape(grid.dims())),
-        false => Ok(Vec::new().into()),
+    let mut flags = |name, there: bool| {
+        if there { decoder.take(name, Element::U8, &voxel_shape(grid.dims())) } else { Ok(Vec::new().into()) }
     };
     let (vacated, sides) = (flags("vacated", content.vacated)?, flags("sides", content.sides)?);
     let displacement = Displacement {

@@ -293,8 +293,15 @@ fn solve_by_sweeps(room: &Room, gripped: &[[usize; 3]], pull: &Pull, links: &Lin
         out.par_chunks_mut(stride * size[a])
             .for_each(|block| (0..stride).for_each(|first| sweep(block, first)));
     }
-    out.iter_mut().for_each(|d| *d *= pull.by.signum());
+    turn(&mut out, pull);
     out
+}
+
+/// From lengths to a motion along the pull.
+fn turn(moved: &mut [f64], pull: &Pull) {
+    for d in moved {
+        *d *= pull.by.signum();
+    }
 }
 
 /// A voxel of the box that is due, the farthest moved first; of equals the first in memory order.
@@ -369,7 +376,7 @@ fn solve_by_paths(
             }
         }
     }
-    out.iter_mut().for_each(|d| *d *= pull.by.signum());
+    turn(&mut out, pull);
     Ok(out)
 }
 
@@ -390,7 +397,7 @@ mod tests {
 
     /// A class for every voxel, by a hash.
     fn classes(grid: &Grid) -> Labels {
-        let ids: Vec<u16> = (0..grid.len()).map(|i| (i * 2_654_435_761 >> 7) as u16 % 3).collect();
+        let ids: Vec<u16> = (0..grid.len()).map(|i| ((i * 2_654_435_761) >> 7) as u16 % 3).collect();
         Labels::new(grid.clone(), ids.into(), Vec::new()).unwrap()
     }
 

@@ -107,7 +107,7 @@ impl Step {
     }
 
     /// With its centre counted from the grid's origin, which may be far away.
-    fn from_origin(&self, grid: &Grid) -> Self {
+    fn about_origin(&self, grid: &Grid) -> Self {
         let mut step = self.clone();
         let centre = match &mut step {
             Self::Shape(shape) => &mut shape.centre,
@@ -274,7 +274,7 @@ enum Tried {
 impl<'a> Space<'a> {
     fn new(grid: &'a Grid, steps: &[Step], start: &Start<'a>, exec: &Exec) -> Result<Self, Error> {
         let ready = steps.iter().map(|step| {
-            let step = step.from_origin(grid);
+            let step = step.about_origin(grid);
             let field = match &step {
                 Step::Chain(mail) => Some(mail.field(grid, start.labels, exec)?),
                 _ => None,
@@ -490,7 +490,7 @@ fn bounds(grid: &Grid, centre: Vector3<f64>, radius: f64) -> Option<[[usize; 2];
     for a in 0..3 {
         let last = grid.dims()[a] as f64 - 1.0;
         let (lo, hi) = ((middle[a] - extent[a]).floor().max(0.0), (middle[a] + extent[a]).ceil().min(last));
-        if !(lo <= hi) {
+        if lo > hi || !(lo.is_finite() && hi.is_finite()) {
             return None;
         }
         out[a] = [lo as usize, hi as usize];
