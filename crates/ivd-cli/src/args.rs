@@ -1,5 +1,6 @@
 //! What can be typed.
 
+mod combine;
 mod segment;
 
 use std::path::PathBuf;
@@ -12,6 +13,7 @@ use ivd_pipeline::scene::{
 
 use crate::parse;
 
+pub(crate) use combine::{ClipArgs, CombineArgs};
 pub(crate) use segment::SegmentArgs;
 
 /// Interactive deformation of scanned volumes: from a CT, MRI or micro-CT volume to a deformed one.
@@ -331,6 +333,10 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
+    /// Puts volumes, labels or masks together: union, intersection, difference.
+    Combine(Box<CombineArgs>),
+    /// Keeps a part of a volume, of labels or of a mask.
+    Clip(Box<ClipArgs>),
     /// Draws a volume.
     Render {
         /// Volume artefact or file.

@@ -7,6 +7,8 @@
 //!    [`Displacement`](ivd_core::Displacement): forward and inverse, proven free of folds by [`certificate`].
 //! 3. [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through it. Only bricks that moved are visited.
 //!
+//! [`cvg`] combines deformed things, or things at rest: union, intersection, difference. [`clip`] throws a part of one away.
+//!
 //! [`volumes::by_class`] tells what every class gains or loses.
 //!
 //! [`inverse::invert`] and [`certificate::certify`] also serve fields from elsewhere.
@@ -43,6 +45,8 @@
 #![deny(unsafe_code)]
 
 pub mod certificate;
+pub mod clip;
+pub mod cvg;
 mod error;
 pub mod freeform;
 pub mod inverse;
