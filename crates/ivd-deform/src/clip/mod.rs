@@ -1,15 +1,15 @@
 //! Clipping: a volume, labels or a mask of which a part is kept, bit for bit, and the rest becomes background.
 //!
 //! The part is an intersection: of half spaces, of boxes along the world's axes, and of the voxels that a mask or labels tag.
-//! A voxel belongs to it where its centre does. Borders belong to it: a centre no further from a plane or a face than a millionth
-//! of the smallest spacing lies on it, so that rounding doesn't tell apart voxels in one plane of an oblique grid. Tags on another
-//! grid are read at the nearest voxel, by world position; nothing is tagged outside them. With `invert` the rest is kept and the
-//! part thrown away, exactly what would be kept otherwise.
+//! A voxel belongs to it where its centre does. Borders belong to it: a centre no further from a plane or a face than a
+//! millionth of the smallest spacing lies on it, so that rounding doesn't tell apart voxels in one plane of an oblique grid. Tags
+//! on another grid are read at the nearest voxel, by world position; nothing is tagged outside them. With `invert` the rest is
+//! kept and the part thrown away, exactly what would be kept otherwise.
 //!
-//! Data that were deformed already can be clipped by a part of rest space: with a [`Displacement`] voxel `y` is kept where its place
-//! at rest, `ψ(y)` as [`crate::warp`] reads it, belongs to the part. Voxels that a part of the body left behind (`vacated`) have no
-//! place at rest and are left as they are: background of the warp, with or without `invert`. Clipping the deformed data so is
-//! deforming the clipped data, but for what interpolation mixes within a voxel of the border.
+//! Data that were deformed already can be clipped by a part of rest space: with a [`Displacement`] voxel `y` is kept where its
+//! place at rest, `ψ(y)` as [`crate::warp`] reads it, belongs to the part. Voxels that a part of the body left behind (`vacated`)
+//! have no place at rest and are left as they are: background of the warp, with or without `invert`. Clipping the deformed data
+//! so is deforming the clipped data, but for what interpolation mixes within a voxel of the border.
 //!
 //! A part that holds no voxel, such as a box beside the volume, is no error: all becomes background.
 //!
@@ -78,8 +78,8 @@ pub struct Clipped<V> {
 /// Memory: one copy of the voxels.
 ///
 /// # Errors
-/// Nothing to clip by; parameters out of their domain; a class without labels, or that none of them has; a displacement on another
-/// grid; the memory limit; cancellation.
+/// Nothing to clip by; parameters out of their domain; a class without labels, or that none of them has; a displacement on
+/// another grid; the memory limit; cancellation.
 pub fn volume(
     volume: &Volume,
     params: &ClipParams,
@@ -123,8 +123,8 @@ pub fn labels(
     })
 }
 
-/// Clips a mask. Its level function, where it has one, is a voxel beyond the border at least where the mask was thrown away, on the
-/// background's side.
+/// Clips a mask. Its level function, where it has one, is a voxel beyond the border at least where the mask was thrown away, on
+/// the background's side.
 ///
 /// # Errors
 /// As [`volume`]; a background that is neither 0 nor 1.
@@ -175,21 +175,16 @@ fn prepare<'a>(
     if let Some(displacement) = by.displacement {
         check_grid(grid, displacement, what)?;
     }
-    match (params.class, by.tag) {
-        (Some(class), Some(Tag::Labels(labels))) if labels.class(class).is_none() => {
-            if !exec.run(|| labels.ids().par_iter().any(|id| *id == class)) {
-                let listed: Vec<String> =
-                    labels.classes().iter().take(20).map(|c| c.id.to_string()).collect();
-                let problem =
-                    format!("no voxel of the tag has label {class}; its classes are {}", listed.join(", "));
-                return Err(ParamError::new("class", problem, "give a class of the tag").into());
-            }
-        }
-        (Some(class), None | Some(Tag::Mask(_))) => {
+    if let Some(class) = params.class {
+        let Some(Tag::Labels(labels)) = by.tag else {
             let problem = format!("{class} is a class of no labels");
             return Err(ParamError::new("class", problem, "give labels as the tag, or leave it out").into());
+        };
+        let occurs = || exec.run(|| labels.ids().par_iter().any(|id| *id == class));
+        if labels.class(class).is_none() && !occurs() {
+            let problem = format!("no voxel of the tag has label {class}");
+            return Err(ParamError::new("class", problem, "give a label that occurs in it").into());
         }
-        _ => {}
     }
     Ok(Region::new(grid, params, by))
 }

@@ -20,8 +20,9 @@ fn number(i: usize) -> f64 {
 }
 
 fn random(grid: &Grid) -> Volume {
-    let value =
-        |i: usize| if hash(i) % 17 == 0 { f32::from_bits(0x7fc0_0000 | i as u32) } else { hash(i) as f32 };
+    let value = |i: usize| {
+        if hash(i).is_multiple_of(17) { f32::from_bits(0x7fc0_0000 | i as u32) } else { hash(i) as f32 }
+    };
     Volume::new(grid.clone(), Voxels::from((0..grid.len()).map(value).collect::<Vec<f32>>())).unwrap()
 }
 
@@ -274,7 +275,7 @@ fn a_bent_cut_differs_from_the_warp_of_the_cut_by_its_border_alone() {
     }
     assert!(border > 0, "interpolation mixes at the border");
     // What a part left behind has no place at rest.
-    moved.vacated = (0..grid.len()).map(|i| u8::from(hash(i) % 7 == 0)).collect::<Vec<_>>().into();
+    moved.vacated = (0..grid.len()).map(|i| u8::from(hash(i).is_multiple_of(7))).collect::<Vec<_>>().into();
     for invert in [false, true] {
         let params = ClipParams { invert, ..params.clone() };
         let got = volume(&warped, &params, &By { displacement: Some(&moved), tag: None }, &exec()).unwrap();

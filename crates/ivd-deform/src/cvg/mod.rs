@@ -25,8 +25,8 @@
 //! at the nearest voxel. On a matching grid voxels are read as they are. Each operand may come with a [`Displacement`], and is
 //! then read as [`crate::warp`] with its default parameters would have it, to the last bit, without a deformed copy of it.
 //!
-//! After Chen & Tucker 2000 (Constructive Volume Geometry, Computer Graphics Forum 19(4)); the difference as in Wang & Kaufman 1994
-//! (Volume-sampled 3D modeling, IEEE CG&A 14(5)).
+//! After Chen & Tucker 2000 (Constructive Volume Geometry, Computer Graphics Forum 19(4)); the difference as in Wang & Kaufman
+//! 1994 (Volume-sampled 3D modeling, IEEE CG&A 14(5)).
 //!
 //! ```
 //! use ivd_core::{Exec, Grid, Volume, VoxelIndex, Voxels};

@@ -58,16 +58,12 @@ impl<'a> Place<'a> {
         order: Order,
         simd: bool,
     ) -> Cow<'v, [T]> {
-        match self {
-            Self::Through { displacement, background } => {
-                let background = T::from_f64(*background);
-                Slabs { voxels, displacement, order, background, simd }.slab(bz).into()
-            }
-            _ => {
-                let slice = dims[0] * dims[1];
-                Cow::from(&voxels[slice * SIDE * bz..slice * (SIDE * (bz + 1)).min(dims[2])])
-            }
+        if let Self::Through { displacement, background } = self {
+            let background = T::from_f64(*background);
+            return Slabs { voxels, displacement, order, background, simd }.slab(bz).into();
         }
+        let slice = dims[0] * dims[1];
+        Cow::from(&voxels[slice * SIDE * bz..slice * (SIDE * (bz + 1)).min(dims[2])])
     }
 }
 
@@ -98,6 +94,7 @@ impl<'a> Read<'a> {
         let (mut volume, mut place) = (Cow::Borrowed(operand.value), Place::Here);
         match operand.displacement {
             Some(displacement) if operand.value.grid().matches(first) => {
+                check_grid(operand.value.grid(), displacement, "volume")?;
                 let background = stored_background(operand.value, displacement, &params);
                 place = Place::new(first, volume.grid(), Some(displacement), "volume", background)?;
             }
