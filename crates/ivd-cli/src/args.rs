@@ -1,5 +1,6 @@
 //! What can be typed.
 
+mod combine;
 mod segment;
 mod space;
 
@@ -13,6 +14,7 @@ use ivd_pipeline::scene::{
 
 use crate::parse;
 
+pub(crate) use combine::{ClipArgs, CombineArgs};
 pub(crate) use segment::SegmentArgs;
 pub(crate) use space::SpaceArgs;
 
@@ -335,6 +337,10 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
+    /// Puts volumes, labels or masks together: union, intersection, difference.
+    Combine(Box<CombineArgs>),
+    /// Keeps a part of a volume, of labels or of a mask.
+    Clip(Box<ClipArgs>),
     /// Draws a volume.
     Render {
         /// Volume artefact or file.

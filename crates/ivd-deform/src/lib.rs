@@ -8,6 +8,7 @@
 //! 3. [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through it. Only bricks that moved are visited.
 //!
 //! [`space`] displaces voxels without a lattice, or goes on from a displacement: deflectors, spatial transfer functions, chain mail, cuts.
+//! [`cvg`] combines deformed things, or things at rest: union, intersection, difference. [`clip`] throws a part of one away.
 //!
 //! [`volumes::by_class`] tells what every class gains or loses.
 //!
@@ -45,6 +46,8 @@
 #![deny(unsafe_code)]
 
 pub mod certificate;
+pub mod clip;
+pub mod cvg;
 mod error;
 pub mod freeform;
 pub mod inverse;

@@ -2,6 +2,7 @@
 
 mod bench;
 mod cache;
+mod combine;
 mod compare;
 mod doctor;
 mod info;
@@ -57,6 +58,8 @@ pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
             let script = String::from_utf8(script).expect("completion scripts are text");
             context.print(&serde_json::json!({ "script": script }), || script.clone())
         }
+        Command::Combine(args) => combine::combine(&args, context),
+        Command::Clip(args) => combine::clip(&args, context),
         stage => stage::run(&stage, context),
     }
 }

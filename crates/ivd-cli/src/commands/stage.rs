@@ -344,6 +344,8 @@ fn headline(record: &StageRecord) -> String {
         "vertices_moved",
         "voxels_moved",
         "voxels_resampled",
+        "voxels_changed",
+        "voxels_kept",
         "entries",
     ]
     .iter()

@@ -30,7 +30,7 @@ pub fn labels(
     })
 }
 
-fn label_background(labels: &Labels, params: &WarpParams) -> Result<u16, Error> {
+pub(crate) fn label_background(labels: &Labels, params: &WarpParams) -> Result<u16, Error> {
     match params.background {
         None => {
             let lowest =
@@ -45,7 +45,7 @@ fn label_background(labels: &Labels, params: &WarpParams) -> Result<u16, Error> 
 }
 
 /// Adds what changed to the classes' sizes, so that sizes that were counted over a part only stay what they were there.
-fn recount(before: &[u16], after: &[u16], classes: &mut [ivd_core::Class]) {
+pub(crate) fn recount(before: &[u16], after: &[u16], classes: &mut [ivd_core::Class]) {
     use rayon::prelude::*;
     let changes: Vec<Vec<(u16, u16)>> = before
         .par_chunks(1 << 16)

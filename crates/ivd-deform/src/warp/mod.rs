@@ -12,6 +12,7 @@ mod labels;
 mod params;
 mod row;
 mod sample;
+mod slabs;
 
 use ivd_core::{
     Displacement, Exec, FieldBricks, Grid, NO_BRICK, Scalar, Volume, VoxelCoord, VoxelIndex, with_voxels,
@@ -21,10 +22,12 @@ use rayon::prelude::*;
 
 use crate::Error;
 pub use deformed::Deformed;
+pub(crate) use labels::{label_background, recount};
 pub use labels::{labels, mask};
 pub use params::{Order, WarpParams};
 use row::{LANES, Rows};
-use sample::Source;
+pub(crate) use sample::Source;
+pub(crate) use slabs::Slabs;
 
 /// A warped value and how much of it was computed.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,7 +65,7 @@ pub fn volume(
     })
 }
 
-fn check_grid(grid: &Grid, displacement: &Displacement, what: &'static str) -> Result<(), Error> {
+pub(crate) fn check_grid(grid: &Grid, displacement: &Displacement, what: &'static str) -> Result<(), Error> {
     displacement.check()?;
     if grid.matches(&displacement.grid) {
         return Ok(());
@@ -86,7 +89,7 @@ fn check_grid(grid: &Grid, displacement: &Displacement, what: &'static str) -> R
 
 /// Background as a stored value. The smallest value costs a pass over the volume, so it is looked up only where some
 /// voxel may need it.
-fn stored_background(volume: &Volume, displacement: &Displacement, params: &WarpParams) -> f64 {
+pub(crate) fn stored_background(volume: &Volume, displacement: &Displacement, params: &WarpParams) -> f64 {
     let real = params.background.or_else(|| {
         let needed = !displacement.is_identity() && !volume.voxel_type().is_integer()
             || !displacement.vacated.is_empty()
@@ -166,24 +169,34 @@ fn for_each_moved<T: Send>(
     value: impl Fn(Option<[f64; 3]>) -> T + Sync,
 ) -> Result<u64, Error> {
     let [nx, ny, _] = grid.dims();
-    let to_voxel = grid.inverse_linear_part();
-    let field = &displacement.inverse;
     let slices: Result<Vec<u64>, Error> = out
         .par_chunks_mut(nx * ny)
         .enumerate()
         .map(|(z, slice)| {
             exec.check_cancelled()?;
-            let mut count = 0;
-            for_each_vector(field, z, |voxel, vector| {
-                let [x, y, _] = voxel.0;
-                let from = VoxelCoord::from(voxel).0 + to_voxel * Vector3::from(vector).map(f64::from);
-                slice[x + nx * y] = value(Some(from.into()));
-                count += 1;
-            });
-            Ok(count + leave(displacement, z, slice, || value(None)))
+            Ok(moved_slice(grid, displacement, z, slice, &value))
         })
         .collect();
     Ok(slices?.iter().sum())
+}
+
+/// The same for slice `z` alone.
+fn moved_slice<T>(
+    grid: &Grid,
+    displacement: &Displacement,
+    z: usize,
+    slice: &mut [T],
+    value: &impl Fn(Option<[f64; 3]>) -> T,
+) -> u64 {
+    let (nx, to_voxel) = (grid.dims()[0], grid.inverse_linear_part());
+    let mut count = 0;
+    for_each_vector(&displacement.inverse, z, |voxel, vector| {
+        let [x, y, _] = voxel.0;
+        let from = VoxelCoord::from(voxel).0 + to_voxel * Vector3::from(vector).map(f64::from);
+        slice[x + nx * y] = value(Some(from.into()));
+        count += 1;
+    });
+    count + leave(displacement, z, slice, || value(None))
 }
 
 /// The voxels with those set that moved or were left behind, a brick at a time: what lies near in the field lies near in the
@@ -196,31 +209,45 @@ fn linear_by_bricks<T: Scalar>(
 ) -> Result<(Vec<T>, u64), Error> {
     const SIDE: usize = FieldBricks::SIDE;
     let field = &displacement.inverse;
-    let ([nx, ny, _], bricks) = (field.dims(), field.brick_dims());
+    let [nx, ny, _] = field.dims();
     let mut out = vec![T::default(); rows.voxels().len()];
     let slabs = out.par_chunks_mut(SIDE * nx * ny).zip(rows.voxels().par_chunks(SIDE * nx * ny)).enumerate();
     let counts: Result<Vec<u64>, Error> = slabs
         .map(|(bz, (out, voxels))| {
             exec.check_cancelled()?;
-            let mut count = 0;
-            let layer = bricks[0] * bricks[1];
-            if field.table()[layer * bz..][..layer].contains(&NO_BRICK) {
-                out.copy_from_slice(voxels);
-            }
-            for (by, bx) in (0..bricks[1]).flat_map(|by| (0..bricks[0]).map(move |bx| (by, bx))) {
-                let Some(vectors) = field.brick(bx + bricks[0] * by + layer * bz) else { continue };
-                for_each_row(field.dims(), [bx, by, bz], |start, row, range| {
-                    let (row, _) = vectors[row..].split_first_chunk::<LANES>().expect("a brick's row");
-                    count += linear_row(rows, start, row, &voxels[range.clone()], &mut out[range], &value);
-                });
-            }
-            for (z, slice) in out.chunks_mut(nx * ny).enumerate() {
-                count += leave(displacement, SIDE * bz + z, slice, || value(None));
-            }
-            Ok(count)
+            Ok(linear_slab(rows, displacement, bz, voxels, out, &value))
         })
         .collect();
     Ok((out, counts?.iter().sum()))
+}
+
+/// The same for slab `bz`, eight slices, alone.
+fn linear_slab<T: Scalar>(
+    rows: &Rows<'_, T>,
+    displacement: &Displacement,
+    bz: usize,
+    voxels: &[T],
+    out: &mut [T],
+    value: &impl Fn(Option<[f64; 3]>) -> T,
+) -> u64 {
+    let field = &displacement.inverse;
+    let ([nx, ny, _], bricks) = (field.dims(), field.brick_dims());
+    let mut count = 0;
+    let layer = bricks[0] * bricks[1];
+    if field.table()[layer * bz..][..layer].contains(&NO_BRICK) {
+        out.copy_from_slice(voxels);
+    }
+    for (by, bx) in (0..bricks[1]).flat_map(|by| (0..bricks[0]).map(move |bx| (by, bx))) {
+        let Some(vectors) = field.brick(bx + bricks[0] * by + layer * bz) else { continue };
+        for_each_row(field.dims(), [bx, by, bz], |start, row, range| {
+            let (row, _) = vectors[row..].split_first_chunk::<LANES>().expect("a brick's row");
+            count += linear_row(rows, start, row, &voxels[range.clone()], &mut out[range], value);
+        });
+    }
+    for (z, slice) in out.chunks_mut(nx * ny).enumerate() {
+        count += leave(displacement, FieldBricks::SIDE * bz + z, slice, || value(None));
+    }
+    count
 }
 
 /// Calls `each` with every row of a brick that lies in the grid: its first voxel, its first vector in the brick, and its voxels in

@@ -8,9 +8,9 @@ use super::Order;
 pub(super) const SNAP: f64 = 1.0 / 131_072.0;
 
 /// A typed volume that can be read between its voxels.
-pub(super) struct Source<'a, T> {
-    pub(super) voxels: &'a [T],
-    pub(super) dims: [usize; 3],
+pub(crate) struct Source<'a, T> {
+    pub(crate) voxels: &'a [T],
+    pub(crate) dims: [usize; 3],
 }
 
 /// First index and weights along one axis.
@@ -23,7 +23,7 @@ impl<T: Scalar> Source<'_, T> {
     /// The stored value at voxel coordinate `x`; `None` outside the volume (the voxels' own extent, −½ … n − ½) or where
     /// no data takes part.
     #[inline]
-    pub(super) fn sample(&self, x: [f64; 3], order: Order) -> Option<f64> {
+    pub(crate) fn sample(&self, x: [f64; 3], order: Order) -> Option<f64> {
         if (0..3).any(|a| !(-0.5..self.dims[a] as f64 - 0.5).contains(&x[a])) {
             return None;
         }

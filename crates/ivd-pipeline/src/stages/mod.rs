@@ -2,6 +2,8 @@
 
 mod atf;
 mod boundary;
+mod clip;
+mod combine;
 mod deform;
 mod foreign;
 mod import;
@@ -17,6 +19,8 @@ mod warp;
 
 pub use atf::Atf;
 pub use boundary::Boundary;
+pub use clip::Clip;
+pub use combine::Combine;
 pub use deform::{Deform, DeformMethod};
 pub use foreign::ForeignLattice;
 pub use import::{Import, ImportLabels, ImportSource};

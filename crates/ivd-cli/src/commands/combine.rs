@@ -1,0 +1,65 @@
+//! `ivd combine` and `ivd clip`.
+
+use ivd_deform::clip::ClipParams;
+use ivd_deform::cvg::CombineParams;
+use ivd_pipeline::Inputs;
+use ivd_pipeline::stages::{Clip, Combine};
+
+use super::stage::{filled, finish};
+use super::volume::volume_or_artefact;
+use crate::args::{ClipArgs, CombineArgs};
+use crate::context::Context;
+use crate::exit::Failure;
+
+/// `ivd combine`.
+pub(super) fn combine(args: &CombineArgs, context: &Context) -> anyhow::Result<()> {
+    let params = CombineParams { op: args.op.into(), windows: args.window.clone() };
+    // Before anything is read.
+    params.check(args.operands.len()).map_err(|e| Failure::usage(format!("combine: {e}")))?;
+    let cache = context.stage_cache()?;
+    let mut inputs = Inputs::default();
+    for (file, [slot, _]) in args.operands.iter().zip(Combine::OPERANDS) {
+        let input = if ivd_artefact::is_artefact(file) {
+            context.stage_input(file)?
+        } else {
+            volume_or_artefact(file, &cache, context)?
+        };
+        inputs = inputs.with(slot, input);
+    }
+    for (i, (number, file)) in args.displacement.iter().enumerate() {
+        let wrong = |problem: String| {
+            Failure::usage(format!("--displacement {number}={}: {problem}", file.display()))
+        };
+        if *number > args.operands.len() {
+            return Err(wrong(format!("there are {} operands, counted from 1", args.operands.len())));
+        }
+        if args.displacement[..i].iter().any(|(other, _)| other == number) {
+            return Err(wrong(format!("operand {number} has one already; give one for each operand")));
+        }
+        let [_, slot] = Combine::OPERANDS[number - 1];
+        inputs = inputs.with(slot, context.stage_input(file)?);
+    }
+    let done = context.run(&cache, &Combine { params }, &inputs)?;
+    finish(done, &args.output.path, context)
+}
+
+/// `ivd clip`.
+pub(super) fn clip(args: &ClipArgs, context: &Context) -> anyhow::Result<()> {
+    let params = ClipParams {
+        planes: args.plane.clone(),
+        boxes: args.boxes.clone(),
+        class: args.class,
+        invert: args.invert,
+        background: args.background,
+    };
+    params.check().map_err(|e| Failure::usage(format!("clip: {e}")))?;
+    let cache = context.stage_cache()?;
+    let files = [
+        ("volume", Some(args.volume.as_path())),
+        ("tag", args.tag.as_deref()),
+        ("displacement", args.displacement.as_deref()),
+    ];
+    let inputs = filled(&files, &cache, context)?;
+    let done = context.run(&cache, &Clip { params }, &inputs)?;
+    finish(done, &args.output.path, context)
+}
