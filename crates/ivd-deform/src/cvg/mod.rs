@@ -29,7 +29,7 @@
 //! 1994 (Volume-sampled 3D modeling, IEEE CG&A 14(5)).
 //!
 //! ```
-//! use ivd_core::{Exec, Grid, Volume, VoxelIndex, Voxels};
+//! use ivd_core::{Exec, Grid, Volume, Voxels};
 //! use ivd_deform::cvg::{self, CombineParams, Op, Operand};
 //!
 //! let grid = Grid::with_spacing([3, 1, 1], [1.0; 3])?;
