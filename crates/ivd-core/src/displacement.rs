@@ -171,9 +171,10 @@ pub struct Displacement {
     /// Voxels whose label (deformed space) must become background: left behind by a part that moved alone, or opened by a cut.
     /// One flag a voxel of the grid, or empty where nothing is left.
     pub vacated: Buffer<u8>,
-    /// Declares a cut, across which the field jumps: where its sides move apart, the side that a voxel (rest) is on, 1 below and 2
-    /// above; 0 elsewhere. One a voxel of the grid, or empty where nothing is cut. Between voxels of sides 1 and 2 `forward` means
-    /// nothing; each side goes on from its own voxels, up to the cut.
+    /// Declares a cut, across which the field jumps; one a voxel of the grid, or empty where nothing is cut. The lowest two bits are
+    /// of the voxel at rest: where the cut's sides move apart the side that it is on, 1 below and 2 above, else 0. Between voxels
+    /// of sides 1 and 2 `forward` means nothing; each side goes on from its own voxels, up to the cut. The next two bits are of the
+    /// deformed voxel: the side that its origin is on, 0 where it has none or no side matters.
     pub sides: Buffer<u8>,
 }
 
@@ -205,7 +206,7 @@ impl Displacement {
                 return Err(Error::Inconsistent { what: "displacement", problem });
             }
         }
-        if let Some(at) = self.sides.iter().position(|side| *side > 2) {
+        if let Some(at) = self.sides.iter().position(|side| side & 3 == 3 || side >> 2 > 2) {
             let problem =
                 format!("side {} at voxel {:?}; sides are 0, 1 and 2", self.sides[at], self.grid.index(at).0);
             return Err(Error::Inconsistent { what: "displacement", problem });
@@ -228,7 +229,7 @@ impl Displacement {
             let at = std::array::from_fn(|a| {
                 (cell[a] + (corner >> a & 1) as i64).clamp(0, dims[a] as i64 - 1) as usize
             });
-            self.sides[self.grid.linear(VoxelIndex(at))]
+            self.sides[self.grid.linear(VoxelIndex(at))] & 3
         };
         let has = |which| (0..8).any(|corner| side(corner) == which);
         has(1) && has(2)

@@ -35,7 +35,7 @@ pub enum Error {
     /// A map that folds space, after everything that may be done against it.
     #[error(
         "the map folds: det ∇φ is only proven above {lower:.3} in the cell at voxel {voxel:?} ({world:.1?} mm), and in \
-         {cells} cells in all; move the handle less, or give it a larger radius or margin"
+         {cells} cells in all; move less, or within a larger radius or margin"
     )]
     Folded {
         /// Lowest corner of the worst cell (voxel).

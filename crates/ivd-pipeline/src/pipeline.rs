@@ -83,6 +83,10 @@ fn attempt(
         }
     }
     options.budget.check()?;
+    if options.budget.max_error_mm.is_some() && !loaded.scene.space.step.is_empty() {
+        let problem = "--max-error: what it keeps is the map's error, and a [[space.step]] goes on from there; drop one of them";
+        return Err(Error::usage("pipeline", problem));
+    }
     let mut plan = Plan::new(loaded, options.input.as_deref(), options.until.as_deref())?;
     if !runner.exec.skip {
         plan.want_everything();

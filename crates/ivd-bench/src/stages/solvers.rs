@@ -28,7 +28,9 @@ fn sheet(side: usize) -> Result<Lattice, Problem> {
     });
     Ok(Lattice {
         triangles: triangles.collect(),
-        keys: (0..side * side).map(|i| ElementKey::new(grid.dims(), [i % side + 1, i / side + 1, 1], 2)).collect(),
+        keys: (0..side * side)
+            .map(|i| ElementKey::new(grid.dims(), [i % side + 1, i / side + 1, 1], 2))
+            .collect(),
         places: vec![[0.0, 0.0, 0.5]; side * side],
         source: LatticeSource::Mask,
         level: 0,
@@ -44,7 +46,12 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
     let corners = [0, side - 1, side * (side - 1), side * side - 1];
     let corners: Vec<Handle> = corners.iter().map(|&v| moved(v as u32, [0.0; 3])).collect();
     let handles = [vec![moved((side / 2 * (side + 1)) as u32, LIFT)], corners].concat();
-    on(&Arc::new(sheet(side)?), &handles, format!("a sheet of {side}² vertices, its middle lifted, its corners held"), exec)
+    on(
+        &Arc::new(sheet(side)?),
+        &handles,
+        format!("a sheet of {side}² vertices, its middle lifted, its corners held"),
+        exec,
+    )
 }
 
 fn moved(vertex: u32, by: [f64; 3]) -> Handle {
@@ -52,7 +59,12 @@ fn moved(vertex: u32, by: [f64; 3]) -> Handle {
 }
 
 /// The same on any lattice and handles.
-pub(super) fn on(lattice: &Arc<Lattice>, handles: &[Handle], input: String, exec: &Exec) -> Result<Experiment, Problem> {
+pub(super) fn on(
+    lattice: &Arc<Lattice>,
+    handles: &[Handle],
+    input: String,
+    exec: &Exec,
+) -> Result<Experiment, Problem> {
     let handles: Arc<[Handle]> = handles.into();
     let mut settings = Vec::new();
     for (task, inertia) in [("balance", false), ("a step of 20 ms", true)] {

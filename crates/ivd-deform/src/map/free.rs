@@ -22,6 +22,25 @@ pub(super) fn invert_part(
     inside: &Mask,
     exec: &Exec,
 ) -> Result<(Inverse, Vec<u8>), Error> {
+    invert_pieces(forward, grid, Some(inside), exec)
+}
+
+/// The inverse of a field of which nothing beyond the grid counts, and the flags of the voxels that something from there came to.
+pub(crate) fn invert_within(
+    forward: &FieldBricks,
+    grid: &Grid,
+    exec: &Exec,
+) -> Result<(Inverse, Vec<u8>), Error> {
+    invert_pieces(forward, grid, None, exec)
+}
+
+/// Without a part: all of the grid, and none of the cells beyond it.
+fn invert_pieces(
+    forward: &FieldBricks,
+    grid: &Grid,
+    inside: Option<&Mask>,
+    exec: &Exec,
+) -> Result<(Inverse, Vec<u8>), Error> {
     let solver = Solver::new(forward, grid);
     let owners = crate::certificate::touched(forward);
     let found: Vec<Vec<(usize, Vector3<f64>)>> = owners
@@ -45,7 +64,7 @@ fn land(
     solver: &Solver<'_>,
     forward: &FieldBricks,
     grid: &Grid,
-    inside: &Mask,
+    inside: Option<&Mask>,
     brick: usize,
 ) -> Vec<(usize, Vector3<f64>)> {
     let dims = grid.dims();
@@ -57,7 +76,11 @@ fn land(
         for y in lo[1]..hi[1] {
             for x in lo[0]..hi[0] {
                 let cell = [x, y, z];
-                let corners_inside = corners_inside(inside, dims, cell);
+                let beyond = lies_beyond(dims, cell);
+                let corners_inside = match inside {
+                    Some(inside) => corners_inside(inside, dims, cell),
+                    None => [if beyond { 0.0 } else { 1.0 }; 8],
+                };
                 if corners_inside.iter().all(|c| *c == 0.0)
                     || solver.sampler().corners(cell).iter().all(|u| *u == Vector3::zeros())
                 {
@@ -80,6 +103,11 @@ fn land(
     out
 }
 
+/// Whether a cell lies beyond the grid's outermost voxels; along an axis with one voxel none does.
+pub(crate) fn lies_beyond(dims: [usize; 3], cell: [i64; 3]) -> bool {
+    (0..3).any(|a| dims[a] > 1 && (cell[a] < 0 || cell[a] + 1 >= dims[a] as i64))
+}
+
 /// 1 for the corners of a cell that lie in the part.
 fn corners_inside(inside: &Mask, dims: [usize; 3], cell: [i64; 3]) -> [f64; 8] {
     std::array::from_fn(|i| {
@@ -99,14 +127,19 @@ fn share_inside(corners: &[f64; 8], t: Vector3<f64>) -> f64 {
 }
 
 /// Flags of the voxels that the part left and nothing of it came to.
-fn vacated(forward: &FieldBricks, grid: &Grid, inside: &Mask, found: &[(usize, Vector3<f64>)]) -> Vec<u8> {
+fn vacated(
+    forward: &FieldBricks,
+    grid: &Grid,
+    inside: Option<&Mask>,
+    found: &[(usize, Vector3<f64>)],
+) -> Vec<u8> {
     let mut flags = Vec::new();
     for (brick, _) in forward.table().iter().enumerate().filter(|(_, slot)| **slot != NO_BRICK) {
         let vectors = forward.brick(brick).expect("the brick is stored");
         for (slot, voxel) in brick_voxels(grid.dims(), brick_at(forward.brick_dims(), brick)) {
             let i = grid.linear(voxel);
             if vectors[slot] != [0.0; 3]
-                && inside.inside()[i] != 0
+                && inside.is_none_or(|inside| inside.inside()[i] != 0)
                 && found.binary_search_by_key(&i, |(voxel, _)| *voxel).is_err()
             {
                 flags.resize(grid.len(), 0);

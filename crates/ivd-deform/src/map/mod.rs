@@ -78,6 +78,7 @@ pub use biharmonic::{Biharmonic, biharmonic};
 pub use carry::{Found, Hit, Nearest};
 use carry::{Kept, Part, carry};
 pub use fem::fem;
+pub(crate) use free::{invert_within, lies_beyond};
 pub use live::Live;
 pub use octree::{Prepared, frames, octree};
 pub(crate) use outcome::lengths;

@@ -24,15 +24,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 use crate::inverse::from_bricks;
+use crate::map::FARTHEST;
 use crate::sampler::{brick_at, brick_voxels};
 
 /// How far links give way. The defaults are soft.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Links {
-    /// Least length of a link, relative to its length at rest (no unit), above 0 … 1.
+    /// Least length of a link along its axis, relative to its length at rest (no unit), above 0 … 1.
     pub shrink: f64,
-    /// Largest length of a link, relative to its length at rest (no unit), 1 … 1000.
+    /// Largest length of a link along its axis, relative to its length at rest (no unit), 1 … 1000.
     pub stretch: f64,
     /// Most that a link's ends go sideways, relative to its length at rest (no unit), 0 … 1000.
     pub shear: f64,
@@ -104,11 +105,16 @@ impl ChainMail {
         exec: &Exec,
     ) -> Result<FieldBricks, Error> {
         let by = grid.inverse_linear_part() * Vector3::from(self.by);
-        let gripped = self.gripped(grid)?;
+        if Vector3::from(self.by).norm() > FARTHEST {
+            return Err(super::too_far());
+        }
+        self.check_classes(labels)?;
+        let gripped = self.gripped(grid, exec)?;
         let room = self.room(grid, by, &gripped, labels.is_some() && !self.classes.is_empty());
         let count = room.len() as u64;
-        // Three components, and the queue's entries where there is one.
-        exec.check_memory("the chain mail", count * if labels.is_some() { 72 } else { 24 })?;
+        // Three components and the vectors, twice while they are put together; and the queue, to which each neighbour may add an entry.
+        let queue = if labels.is_some() && !self.classes.is_empty() { 6 * 16 } else { 0 };
+        exec.check_memory("the chain mail", count * (3 * 8 + 2 * 12 + queue))?;
         let components = (0..3)
             .map(|c| {
                 let pull = Pull { component: c, by: by[c], step: step(grid, c) };
@@ -118,7 +124,7 @@ impl ChainMail {
                         let links = |i: usize| self.classes.get(&labels.ids()[i]).unwrap_or(&self.links);
                         solve_by_paths(&room, grid, &gripped, &pull, &|i| *links(i), exec)
                     }
-                    None => Ok(solve_by_sweeps(&room, &gripped, &pull, &self.links)),
+                    None => solve_by_sweeps(&room, &gripped, &pull, &self.links, exec),
                 }
             })
             .collect::<Result<Vec<_>, Error>>()?;
@@ -142,8 +148,24 @@ impl ChainMail {
         from_bricks(grid.dims(), &all, vectors.into_iter())
     }
 
+    /// Every class is one of the labels'.
+    fn check_classes(&self, labels: Option<&Labels>) -> Result<(), Error> {
+        let Some(labels) = labels else { return Ok(()) };
+        let unknown = |class: &&u16| {
+            labels.classes().iter().all(|known| known.id != **class) && !labels.ids().contains(class)
+        };
+        match self.classes.keys().find(unknown) {
+            None => Ok(()),
+            Some(class) => Err(Error::Mismatch {
+                what: "the chain mail",
+                problem: format!("it has links of class {class}, and the labels have no such class"),
+                remedy: "name a class that ivd info lists for the labels",
+            }),
+        }
+    }
+
     /// The voxels that are gripped.
-    fn gripped(&self, grid: &Grid) -> Result<Vec<[usize; 3]>, Error> {
+    fn gripped(&self, grid: &Grid, exec: &Exec) -> Result<Vec<[usize; 3]>, Error> {
         let (dims, linear) = (grid.dims(), grid.linear_part());
         let middle = grid.inverse_linear_part() * Vector3::from(self.centre);
         if (0..3).any(|a| !(-0.5..=dims[a] as f64 - 0.5).contains(&middle[a])) {
@@ -160,13 +182,20 @@ impl ChainMail {
             let lo = (middle[a] - reach[a]).ceil().max(0.0) as usize;
             lo..((middle[a] + reach[a]).floor().min(dims[a] as f64 - 1.0) + 1.0).max(0.0) as usize
         };
+        // Counted as the list grows: by doubling.
+        exec.check_memory(
+            "what the chain mail grips",
+            48 * (0..3).map(|a| range(a).len() as u64).product::<u64>(),
+        )?;
         let near =
             |at: [usize; 3]| (linear * (VoxelCoord::from(VoxelIndex(at)).0 - middle)).norm() <= self.grip;
-        let mut out: Vec<[usize; 3]> = range(2)
-            .flat_map(|z| range(1).flat_map(move |y| range(0).map(move |x| [x, y, z])))
-            .filter(|&at| near(at))
-            .collect();
-        if !out.contains(&nearest) {
+        let mut out = Vec::new();
+        for z in range(2) {
+            exec.check_cancelled()?;
+            let places = range(1).flat_map(|y| range(0).map(move |x| [x, y, z]));
+            out.extend(places.filter(|&at| near(at)));
+        }
+        if !near(nearest) {
             out.push(nearest);
         }
         Ok(out)
@@ -264,37 +293,60 @@ impl Room {
 }
 
 /// One component of the motion (voxels) where all links are alike: a sweep forth and one back along every axis.
-fn solve_by_sweeps(room: &Room, gripped: &[[usize; 3]], pull: &Pull, links: &Links) -> Vec<f64> {
+fn solve_by_sweeps(
+    room: &Room,
+    gripped: &[[usize; 3]],
+    pull: &Pull,
+    links: &Links,
+    exec: &Exec,
+) -> Result<Vec<f64>, Error> {
     let mut out = vec![0.0; room.len()];
     let most = pull.by.abs();
     for &voxel in gripped {
         out[room.index(voxel).expect("the room holds what is gripped")] = most;
     }
     if most == 0.0 {
-        return out;
+        return Ok(out);
     }
     let (size, costs) = (room.size(), Costs::new(links, pull.component, pull.step));
     for a in 0..3 {
         let stride = [1, size[0], size[0] * size[1]][a];
         let [up, down] = [true, false].map(|up| costs.of(a, up, pull));
-        let sweep = |line: &mut [f64], first: usize| {
-            for i in 1..size[a] {
-                let before = line[first + (i - 1) * stride];
-                let here = &mut line[first + i * stride];
-                *here = here.max(before - up);
-            }
-            for i in (0..size[a] - 1).rev() {
-                let before = line[first + (i + 1) * stride];
-                let here = &mut line[first + i * stride];
-                *here = here.max(before - down);
-            }
-        };
-        // Lines of one axis lie in blocks that nothing else touches.
-        out.par_chunks_mut(stride * size[a])
-            .for_each(|block| (0..stride).for_each(|first| sweep(block, first)));
+        // Lines of one axis lie in blocks that nothing else touches; in a block each layer follows the one before.
+        for block in out.chunks_mut(stride * size[a]).collect::<Vec<_>>().chunks_mut(1 << 12) {
+            exec.check_cancelled()?;
+            block.par_iter_mut().for_each(|block| sweep(block, stride, up, down));
+        }
     }
     turn(&mut out, pull);
-    out
+    Ok(out)
+}
+
+/// The layers of `stride` values of a block, each held by the one before it, and then by the one after it.
+fn sweep(block: &mut [f64], stride: usize, up: f64, down: f64) {
+    /// Values of a layer that a thread takes at once.
+    const SHARE: usize = 1 << 12;
+    let layers = block.len() / stride;
+    let plain = |(here, other): (&mut [f64], &[f64]), slack: f64| {
+        for (here, other) in here.iter_mut().zip(other) {
+            *here = here.max(other - slack);
+        }
+    };
+    let hold = |here: &mut [f64], other: &[f64], slack: f64| {
+        if stride <= SHARE {
+            plain((here, other), slack);
+        } else {
+            here.par_chunks_mut(SHARE).zip(other.par_chunks(SHARE)).for_each(|rows| plain(rows, slack));
+        }
+    };
+    for i in 1..layers {
+        let (before, here) = block.split_at_mut(i * stride);
+        hold(&mut here[..stride], &before[(i - 1) * stride..], up);
+    }
+    for i in (1..layers).rev() {
+        let (here, after) = block.split_at_mut(i * stride);
+        hold(&mut here[(i - 1) * stride..], &after[..stride], down);
+    }
 }
 
 /// From lengths to a motion along the pull.
@@ -452,7 +504,7 @@ mod tests {
         let grid = sheared_grid([21, 17, 9]);
         let centre = crate::fixtures::middle(&grid);
         let mail = ChainMail { centre: centre.into(), ..mail() };
-        let gripped = mail.gripped(&grid).unwrap();
+        let gripped = mail.gripped(&grid, &Exec::default()).unwrap();
         assert!(gripped.len() > 10, "{}", gripped.len());
         let field = mail.field(&grid, None, &Exec::default()).unwrap();
         check_limits(&grid, &field, |_| mail.links, &gripped);

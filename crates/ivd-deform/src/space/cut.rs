@@ -90,7 +90,7 @@ pub(super) struct TwoSided {
 struct Brick {
     forward: Box<[[f32; 3]]>,
     inverse: Box<[[f32; 3]]>,
-    /// By voxel of the brick, whether it is vacated, and its side.
+    /// By voxel of the brick, whether it is vacated, and its sides, as a displacement keeps them.
     flags: Box<[(u8, u8)]>,
     /// The deepest overlap (mm) and its slot.
     overlap: Option<(f64, usize)>,
@@ -140,12 +140,15 @@ pub(super) fn join(
         });
     }
     let (forward, inverse): (Vec<_>, Vec<_>) = joined.into_iter().map(|b| (b.forward, b.inverse)).unzip();
-    let some = |flags: Vec<u8>| if flags.iter().any(|f| *f != 0) { flags } else { Vec::new() };
+    let some = |flags: Vec<u8>, there: bool| if there { flags } else { Vec::new() };
+    let opens = vacated.iter().any(|f| *f != 0);
+    // Where the grid has one side of the cut only, it has no cut.
+    let cuts = [1, 2].iter().all(|side| sides.iter().any(|s| s & 3 == *side));
     Ok(TwoSided {
         forward: from_bricks(grid.dims(), &bricks, forward.into_iter())?,
         inverse: from_bricks(grid.dims(), &bricks, inverse.into_iter())?,
-        vacated: some(vacated).into(),
-        sides: some(sides).into(),
+        vacated: some(vacated, opens).into(),
+        sides: some(sides, cuts).into(),
     })
 }
 
@@ -163,10 +166,12 @@ fn join_brick(
         flags: vec![(0, 0); FieldBricks::VOXELS].into_boxed_slice(),
         overlap: None,
     };
+    // Above from the plane on, up to rounding, at rest as deformed: what lies on it belongs to one side only.
+    let is_above = |height: f64| height >= -slack;
     for (slot, voxel) in brick_voxels(grid.dims(), at) {
         let place = grid.linear_part() * VoxelCoord::from(voxel).0;
         let forward = sides.map(|side| side.field.at(voxel));
-        let own = usize::from(height(place) >= 0.0);
+        let own = usize::from(is_above(height(place)));
         out.forward[slot] = forward[own];
         out.flags[slot].1 = if forward[0] == forward[1] { 0 } else { 1 + own as u8 };
         let inverse = sides.map(|side| side.inverse.field.at(voxel));
@@ -174,16 +179,21 @@ fn join_brick(
             out.inverse[slot] = inverse[0];
             continue;
         }
-        // How deep on its own side each origin lies.
-        let origin = inverse.map(|vector| height(place + Vector3::from(vector).map(f64::from)));
-        let depth = [-origin[0], origin[1]];
-        let nearer = usize::from(depth[1] >= depth[0]);
+        let [below, above] = inverse.map(|vector| height(place + Vector3::from(vector).map(f64::from)));
+        let comes = [!is_above(below), is_above(above)];
         // Where nothing is left the inverse goes on from the nearer side, so that what is sampled beside it is smooth.
-        out.inverse[slot] = inverse[nearer];
-        if depth[nearer] < -slack {
+        let from = match comes {
+            [true, false] => 0,
+            [false, true] => 1,
+            _ => usize::from(above >= -below),
+        };
+        out.inverse[slot] = inverse[from];
+        if comes == [false, false] {
             out.flags[slot].0 = 1;
+        } else {
+            out.flags[slot].1 |= (1 + from as u8) << 2;
         }
-        let both = depth[0].min(depth[1]);
+        let both = above.min(-below);
         if both > slack && out.overlap.is_none_or(|(most, _)| both > most) {
             out.overlap = Some((both, slot));
         }

@@ -15,7 +15,11 @@
 //!
 //! The composition is evaluated at the voxels, exactly, and certified as every map is ([`crate::certificate`]). Where it folds, what
 //! can be made of many small steps is: each shape does `1/n` of its work `n` times, `n = 2, 4 … 64`, a flow, which doesn't fold where
-//! its steps don't. (A bend, a curve and chain mail are not made of smaller ones; they are done at once.) What folds still is refused.
+//! its steps don't. It comes to the same as long as a point stays in the core; [`Made::short_mm`] tells what it falls short of. (A bend,
+//! a curve and chain mail are not made of smaller ones; they are done at once.) What folds still is refused.
+//!
+//! A displacement goes on beyond the grid as at its border. Where that folds and the grid itself doesn't, as where a turn reaches the
+//! border, what lies beyond is left out: voxels that it came to are vacated.
 //!
 //! ```
 //! use ivd_core::{Exec, Grid, VoxelIndex};
@@ -43,7 +47,7 @@ mod cut;
 #[cfg(test)]
 mod tests;
 
-use ivd_core::{Displacement, Exec, FieldBricks, Grid, Labels, NO_BRICK, ParamError, VoxelCoord};
+use ivd_core::{Displacement, Exec, FieldBricks, Grid, Labels, NO_BRICK, ParamError, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -51,12 +55,12 @@ use crate::Error;
 use crate::certificate::{Certificate, Detail, Histogram, certify_bricks, touched};
 use crate::freeform::{Kind, Shape};
 use crate::inverse::{from_bricks, invert};
-use crate::map::{FARTHEST, THIN, lengths, sampled, smooth_fall};
+use crate::map::{FARTHEST, THIN, check_residual, invert_within, lengths, lies_beyond, sampled, smooth_fall};
 use crate::sampler::{Sampler, brick_at};
 pub use chain::{ChainMail, Links};
 pub use curve::{Curve, Over, Way};
 pub use cut::Cut;
-use cut::{Side, Whole, join};
+use cut::{Side, TwoSided, Whole, join};
 
 /// Most equal parts that shapes are done in.
 const PARTS: u32 = 64;
@@ -146,13 +150,15 @@ pub struct Made {
     pub folds: u64,
     /// Equal parts that shapes were done in; 1 where they are done at once.
     pub parts: u32,
+    /// What a step's centre is short of, for being done in parts (mm); the largest of all steps.
+    pub short_mm: f64,
     /// Largest `|φ(ψ(y)) − y|` (voxels).
     pub inverse_residual_max_voxel: f64,
     /// det ∇φ at the centres of the cells that move, 0 … 2; of a cut's sides the one above.
     pub det_j: Histogram,
     /// Lengths of the voxels' motion (mm), 0 … the largest.
     pub motion_mm: Histogram,
-    /// Voxels where a cut has opened.
+    /// Voxels where a cut has opened, or to which something came from beyond the grid that counts for nothing.
     pub voxels_vacated: u64,
 }
 
@@ -163,12 +169,14 @@ pub struct Made {
 /// [`Error::Folded`] where it folds however it is done; [`Error::Untrusted`] where a cut's sides meet; the memory limit;
 /// cancellation.
 pub fn displace(grid: &Grid, steps: &[Step], start: &Start<'_>, exec: &Exec) -> Result<Made, Error> {
-    steps.iter().try_for_each(Step::check)?;
-    check(grid, steps, start)?;
+    check(steps, start.after.is_some())?;
+    check_start(grid, steps, start)?;
     exec.run(|| {
         let space = Space::new(grid, steps, start, exec)?;
         let bricks = space.bricks(exec.skip);
-        exec.check_memory("the displacement", 2 * 12 * 512 * bricks.len() as u64)?;
+        // Forward and inverse, each twice while it is put together; a cut has them for either side, and both of them joined.
+        let fields = if steps.iter().any(|step| matches!(step, Step::Cut(_))) { 10 } else { 4 };
+        exec.check_memory("the displacement", fields * 12 * 512 * bricks.len() as u64)?;
         let most = if steps.iter().any(Step::flows) { PARTS } else { 1 };
         let mut parts = 1;
         loop {
@@ -181,16 +189,36 @@ pub fn displace(grid: &Grid, steps: &[Step], start: &Start<'_>, exec: &Exec) -> 
     })
 }
 
-fn check(grid: &Grid, steps: &[Step], start: &Start<'_>) -> Result<(), Error> {
+/// Whether each step is in its domain and they fit together; `after`: whether something has been displaced before.
+///
+/// # Errors
+/// [`Error::Param`]; [`Error::Mismatch`]: a second cut, links by class that aren't the first step.
+pub fn check(steps: &[Step], after: bool) -> Result<(), Error> {
+    let mismatch = |what, problem, remedy| Err(Error::Mismatch { what, problem, remedy });
+    steps.iter().try_for_each(Step::check)?;
+    let mut cuts = (0..steps.len()).filter(|&i| matches!(steps[i], Step::Cut(_)));
+    if let Some(second) = cuts.nth(1) {
+        let problem = format!("step {second} is a second one; a displacement has one at most");
+        return mismatch("the cut", problem, "warp the volume through the first, and cut what comes of it");
+    }
+    let by_class = |step: &Step| matches!(step, Step::Chain(mail) if !mail.classes.is_empty());
+    match steps.iter().rposition(by_class) {
+        Some(i) if i > 0 || after => {
+            let problem = format!("step {i} has links by class, and something has moved before it");
+            mismatch("the chain mail", problem, "labels are of the volume at rest: make it the first step")
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_start(grid: &Grid, steps: &[Step], start: &Start<'_>) -> Result<(), Error> {
     let mismatch = |what, problem, remedy| Err(Error::Mismatch { what, problem, remedy });
     if let Some(after) = start.after {
         after.check()?;
         if !grid.matches(&after.grid) {
-            let problem = format!(
-                "it lies on {:?} voxels elsewhere than the volume's {:?}",
-                after.grid.dims(),
-                grid.dims()
-            );
+            let dims = [after.grid.dims(), grid.dims()];
+            let problem =
+                format!("it lies on {:?} voxels elsewhere than the volume's {:?}", dims[0], dims[1]);
             return mismatch(
                 "the displacement to start from",
                 problem,
@@ -200,60 +228,41 @@ fn check(grid: &Grid, steps: &[Step], start: &Start<'_>) -> Result<(), Error> {
         if after.is_two_sided() || !after.vacated.is_empty() {
             let problem =
                 "it has a cut, or a part that moved alone, and nothing goes on across that".to_owned();
-            return mismatch(
-                "the displacement to start from",
-                problem,
-                "let the cut be the last displacement, or warp first",
-            );
+            let remedy = "let the cut be the last displacement, or warp first";
+            return mismatch("the displacement to start from", problem, remedy);
         }
     }
     if let Some(labels) = start.labels
         && !grid.matches(labels.grid())
     {
-        let dims = [labels.grid().dims(), grid.dims()];
-        return Err(ivd_core::Error::GridMismatch {
-            a: "labels",
-            a_dims: dims[0],
-            b: "volume",
-            b_dims: dims[1],
-        }
-        .into());
-    }
-    if let [_, second, ..] =
-        steps.iter().enumerate().filter(|(_, s)| matches!(s, Step::Cut(_))).collect::<Vec<_>>()[..]
-    {
-        let problem = format!("step {} is a second one; a displacement has one at most", second.0);
-        return mismatch("the cut", problem, "warp the volume through the first, and cut what comes of it");
+        let [a_dims, b_dims] = [labels.grid().dims(), grid.dims()];
+        return Err(ivd_core::Error::GridMismatch { a: "labels", a_dims, b: "volume", b_dims }.into());
     }
     for (i, step) in steps.iter().enumerate() {
         if let Some((centre, radius)) = step.ball()
-            && bounds(grid, Vector3::from(centre) - Vector3::from(grid.origin()), radius).is_none()
+            && !reaches(grid, Vector3::from(centre) - Vector3::from(grid.origin()), radius)
         {
-            let problem = format!("within {radius} mm of {centre:?} there is no voxel");
-            return mismatch(
-                "a step's ball",
-                format!("step {i}: {problem}"),
-                "give a centre and a radius that reach the volume",
-            );
+            let problem = format!("step {i}: within {radius} mm of {centre:?} there is no voxel");
+            return mismatch("a step's ball", problem, "give a centre and a radius that reach the volume");
         }
         if let Step::Chain(mail) = step
             && !mail.classes.is_empty()
+            && start.labels.is_none()
         {
-            if start.labels.is_none() {
-                let problem = format!("step {i} has links by class, and there are no labels");
-                return mismatch("the chain mail", problem, "give labels, or leave the classes out");
-            }
-            if i > 0 || start.after.is_some() {
-                let problem = format!("step {i} has links by class, and something has moved before it");
-                return mismatch(
-                    "the chain mail",
-                    problem,
-                    "labels are of the volume at rest: make it the first step",
-                );
-            }
+            let problem = format!("step {i} has links by class, and there are no labels");
+            return mismatch("the chain mail", problem, "give labels, or leave the classes out");
         }
     }
     Ok(())
+}
+
+/// What vectors can't hold.
+fn too_far() -> Error {
+    Error::Untrusted {
+        what: "the displacement",
+        problem: format!("a motion of more than {FARTHEST:e} mm is more than its vectors hold"),
+        remedy: "use smaller motions, factors and rates",
+    }
 }
 
 /// Steps ready to be done at any place.
@@ -312,76 +321,88 @@ impl<'a> Space<'a> {
 
     fn made(&self, bricks: &[usize], parts: u32, exec: &Exec) -> Result<Tried, Error> {
         let samplers = self.samplers();
-        let cut = self.steps.iter().position(|(step, _)| matches!(step, Step::Cut(_)));
-        let whole = |side| -> Result<Result<(Whole, Certificate), Certificate>, Error> {
-            let field = self.field(&samplers, bricks, parts, side, exec)?;
-            let all = touched(&field);
-            let certificate = certify_bricks(&field, self.grid, THIN, &|_| true, &all, Detail::All, exec)?;
-            if !certificate.holds() {
-                return Ok(Err(certificate));
-            }
-            let inverse = invert(&field, self.grid, exec)?;
-            crate::map::check_residual(
-                &inverse,
-                "the inverse of the displacement",
-                "move less, or within a larger radius",
-            )?;
-            Ok(Ok((Whole { field, inverse }, certificate)))
-        };
-        let (above, certificate) = match whole(Side::Above)? {
+        let (above, certificate, vacated) = match self.whole(&samplers, bricks, parts, Side::Above, exec)? {
             Ok(found) => found,
-            Err(certificate) => return Ok(Tried::Folded(Box::new(certificate))),
+            Err(certificate) => return Ok(Tried::Folded(certificate)),
         };
-        let Some(cut) = cut else {
+        let Some(cut) = self.steps.iter().position(|(step, _)| matches!(step, Step::Cut(_))) else {
             let residual = above.inverse.residual_max_voxels;
-            let [forward, inverse] = [above.field, above.inverse.field];
-            return Ok(self.tell(
-                forward,
-                inverse,
-                residual,
-                [Vec::new(), Vec::new()],
-                parts,
-                certificate.min_det,
-                certificate.histogram,
-            ));
+            let joined = TwoSided {
+                forward: above.field,
+                inverse: above.inverse.field,
+                vacated: vacated.into(),
+                sides: Vec::new().into(),
+            };
+            return Ok(self.tell(joined, residual, parts, &certificate));
         };
-        let (below, other) = match whole(Side::Below)? {
+        let (below, mut other, _) = match self.whole(&samplers, bricks, parts, Side::Below, exec)? {
             Ok(found) => found,
-            Err(certificate) => return Ok(Tried::Folded(Box::new(certificate))),
+            Err(certificate) => return Ok(Tried::Folded(certificate)),
         };
         let Step::Cut(at) = &self.steps[cut].0 else { unreachable!("the place of the cut") };
-        let height = |place: Vector3<f64>| {
-            at.height(self.place(&samplers, place, &self.steps[..cut], parts, Side::Above))
+        let height = |rest: Vector3<f64>| {
+            at.height(self.place(&samplers, rest, None, &self.steps[..cut], parts, Side::Above))
         };
         let slack = 1e-3 * self.grid.spacing().into_iter().fold(f64::INFINITY, f64::min);
         let joined = join(self.grid, [&below, &above], height, slack, exec)?;
         let residual = above.inverse.residual_max_voxels.max(below.inverse.residual_max_voxels);
-        let flags = [joined.vacated.into_vec(), joined.sides.into_vec()];
-        let least = certificate.min_det.min(other.min_det);
-        Ok(self.tell(joined.forward, joined.inverse, residual, flags, parts, least, certificate.histogram))
+        other.min_det = certificate.min_det.min(other.min_det);
+        other.histogram = certificate.histogram;
+        Ok(self.tell(joined, residual, parts, &other))
     }
 
-    #[allow(clippy::too_many_arguments, reason = "the parts of one report")]
-    fn tell(
+    /// The map of one side, all over space, with its certificate and what is vacated; or the certificate that it hasn't.
+    #[allow(clippy::type_complexity, reason = "a map, or why there is none")]
+    fn whole(
         &self,
-        forward: FieldBricks,
-        inverse: FieldBricks,
-        residual: f64,
-        [vacated, sides]: [Vec<u8>; 2],
+        samplers: &Samplers<'_>,
+        bricks: &[usize],
         parts: u32,
-        min_det_j: f64,
-        det_j: Histogram,
-    ) -> Tried {
+        side: Side,
+        exec: &Exec,
+    ) -> Result<Result<(Whole, Certificate, Vec<u8>), Box<Certificate>>, Error> {
+        let field = self.field(samplers, bricks, parts, side, exec)?;
+        let dims = self.grid.dims();
+        let proof = |counts: &(dyn Fn([i64; 3]) -> bool + Sync)| {
+            let all = touched(&field);
+            certify_bricks(&field, self.grid, THIN, &counts, &all, Detail::All, exec)
+        };
+        let mut certificate = proof(&|_| true)?;
+        let cuts = self.steps.iter().any(|(step, _)| matches!(step, Step::Cut(_)));
+        let beyond = !cuts && certificate.folded.iter().all(|bad| lies_beyond(dims, bad.cell));
+        let within = !certificate.holds() && beyond;
+        if within {
+            certificate = proof(&|cell| !lies_beyond(dims, cell))?;
+        }
+        if !certificate.holds() {
+            return Ok(Err(Box::new(certificate)));
+        }
+        let (inverse, vacated) = match within {
+            true => invert_within(&field, self.grid, exec)?,
+            false => (invert(&field, self.grid, exec)?, Vec::new()),
+        };
+        check_residual(&inverse, "the inverse of the displacement", "move less, or within a larger radius")?;
+        Ok(Ok((Whole { field, inverse }, certificate, vacated)))
+    }
+
+    fn tell(&self, made: TwoSided, residual: f64, parts: u32, certificate: &Certificate) -> Tried {
+        let TwoSided { forward, inverse, vacated, sides } = made;
         let (voxels_moved, motion_mm) = lengths(&forward);
+        let short = |(step, field): &(Step, Option<FieldBricks>)| {
+            let (Some((centre, _)), None) = (step.ball().filter(|_| step.flows()), field) else { return 0.0 };
+            let go = |parts| go_through(step, centre.into(), parts, Side::Above);
+            (go(1) - go(parts)).norm()
+        };
         Tried::Made(Box::new(Made {
             voxels_moved,
             bricks_touched: forward.stored() as u64,
             bricks_total: forward.table().len() as u64,
-            min_det_j,
+            min_det_j: certificate.min_det,
             folds: 0,
             parts,
+            short_mm: self.steps.iter().map(short).fold(0.0, f64::max),
             inverse_residual_max_voxel: residual,
-            det_j,
+            det_j: certificate.histogram.clone(),
             motion_mm,
             voxels_vacated: vacated.iter().map(|&v| u64::from(v)).sum(),
             displacement: Displacement {
@@ -390,9 +411,9 @@ impl<'a> Space<'a> {
                 forward,
                 inverse,
                 inverse_residual_max: residual,
-                min_det_j,
-                vacated: vacated.into(),
-                sides: sides.into(),
+                min_det_j: certificate.min_det,
+                vacated,
+                sides,
             },
         }))
     }
@@ -418,50 +439,59 @@ impl<'a> Space<'a> {
         let linear = self.grid.linear_part();
         let vectors = sampled("space", self.grid.dims(), bricks, exec, |voxel, (): &mut ()| {
             let rest = linear * VoxelCoord::from(voxel).0;
-            let now = self.place(samplers, rest, &self.steps, parts, side);
+            let now = self.place(samplers, rest, Some(voxel), &self.steps, parts, side);
             if now == rest { Vector3::zeros() } else { now - rest }
         })?;
         let fits = |v: &[f32; 3]| v.iter().all(|c| f64::from(c.abs()) <= FARTHEST);
         if !vectors.iter().flatten().all(fits) {
-            return Err(Error::Untrusted {
-                what: "the displacement",
-                problem: format!("a motion of more than {FARTHEST:e} mm is more than its vectors hold"),
-                remedy: "use smaller motions, factors and rates",
-            });
+            return Err(too_far());
         }
         from_bricks(self.grid.dims(), bricks, vectors.into_iter())
     }
 
-    /// Where steps take a place at rest (mm from the grid's origin), with those that flow done in `parts` parts.
+    /// Where steps take a place at rest (mm from the grid's origin), with those that flow done in `parts` parts. Of a voxel's own place
+    /// the fields that it starts with have a vector, which is taken as it is.
     fn place(
         &self,
         samplers: &Samplers<'_>,
         rest: Vector3<f64>,
+        voxel: Option<VoxelIndex>,
         steps: &[(Step, Option<FieldBricks>)],
         parts: u32,
         side: Side,
     ) -> Vector3<f64> {
         let (linear, to_voxel) = (self.grid.linear_part(), self.grid.inverse_linear_part());
-        // What isn't moved stays bit for bit.
-        let moved = |place: Vector3<f64>, sampler: &Sampler<'_>| {
-            let by = sampler.at(to_voxel * place);
-            if by == Vector3::zeros() { place } else { place + linear * by }
+        let moved = |place: Vector3<f64>, field: &FieldBricks, sampler: &Sampler<'_>| match voxel {
+            Some(voxel) if place == rest => match field.at(voxel) {
+                [0.0, 0.0, 0.0] => place,
+                vector => place + Vector3::from(vector).map(f64::from),
+            },
+            _ => place + linear * sampler.at(to_voxel * place),
         };
-        let mut now = samplers.after.as_ref().map_or(rest, |sampler| moved(rest, sampler));
-        let amount = 1.0 / f64::from(parts);
-        for ((step, _), sampler) in steps.iter().zip(&samplers.steps) {
-            match step {
-                Step::Shape(shape) if step.flows() => {
-                    (0..parts).for_each(|_| now = shape.apply(now, amount));
-                }
-                Step::Shape(shape) => now = shape.apply(now, 1.0),
-                Step::Curve(curve) => now = curve.apply(now, 1.0),
-                Step::Cut(cut) => (0..parts).for_each(|_| now = cut.apply(now, amount, side)),
-                Step::Chain(_) => now = moved(now, sampler.as_ref().expect("chain mail has a field")),
-            }
+        let mut now = match (self.after, &samplers.after) {
+            (Some(field), Some(sampler)) => moved(rest, field, sampler),
+            _ => rest,
+        };
+        for ((step, field), sampler) in steps.iter().zip(&samplers.steps) {
+            now = match (field, sampler) {
+                (Some(field), Some(sampler)) => moved(now, field, sampler),
+                _ => go_through(step, now, parts, side),
+            };
         }
         now
     }
+}
+
+/// Where a step without a field takes a place, done in `parts` parts if it flows.
+fn go_through(step: &Step, place: Vector3<f64>, parts: u32, side: Side) -> Vector3<f64> {
+    let parts = if step.flows() { parts } else { 1 };
+    let amount = 1.0 / f64::from(parts);
+    (0..parts).fold(place, |place, _| match step {
+        Step::Shape(shape) => shape.apply(place, amount),
+        Step::Curve(curve) => curve.apply(place, amount),
+        Step::Cut(cut) => cut.apply(place, amount, side),
+        Step::Chain(_) => place,
+    })
 }
 
 struct Samplers<'a> {
@@ -479,6 +509,19 @@ fn weight(distance: f64, radius: f64, core: f64) -> f64 {
 fn half_extent(grid: &Grid, radius: f64) -> [f64; 3] {
     let to_voxel = grid.inverse_linear_part();
     std::array::from_fn(|a| radius * to_voxel.row(a).norm())
+}
+
+/// Whether a voxel lies in a ball, its centre counted from the grid's origin (mm). Of a ball with many voxels in its box one does.
+fn reaches(grid: &Grid, centre: Vector3<f64>, radius: f64) -> bool {
+    const FEW: usize = 1 << 12;
+    let Some(bounds) = bounds(grid, centre, radius) else { return false };
+    let range = |a: usize| bounds[a][0]..=bounds[a][1];
+    if (0..3).map(|a| range(a).count()).product::<usize>() > FEW {
+        return true;
+    }
+    let near =
+        |at: [usize; 3]| (grid.linear_part() * VoxelCoord::from(VoxelIndex(at)).0 - centre).norm() < radius;
+    range(2).any(|z| range(1).any(|y| range(0).any(|x| near([x, y, z]))))
 }
 
 /// First and last voxel of the box round a ball along each axis, its centre counted from the grid's origin (mm); `None` where there

@@ -71,7 +71,7 @@ impl Deformed {
     /// - `volume`: the one it was made of.
     ///
     /// # Errors
-    /// A volume or a displacement on another grid, a volume of another type; cancellation, before anything is changed.
+    /// A volume or a displacement on another grid, a displacement with a cut, a volume of another type; cancellation, before anything is changed.
     pub fn update(
         &mut self,
         volume: &Volume,
@@ -81,6 +81,13 @@ impl Deformed {
     ) -> Result<u64, Error> {
         check_grid(volume.grid(), displacement, "volume")?;
         check_grid(self.output.grid(), displacement, "deformed volume")?;
+        if displacement.is_two_sided() {
+            return Err(Error::Mismatch {
+                what: "displacement",
+                problem: "it has a cut, and what is kept knows no sides".into(),
+                remedy: "warp the volume as a whole",
+            });
+        }
         exec.check_cancelled()?;
         let job = Job {
             displacement,
@@ -142,7 +149,7 @@ impl Job<'_> {
         out: &mut [T],
     ) -> u64 {
         let background = T::from_f64(self.background);
-        let value = |place: Option<[f64; 3]>| match place {
+        let value = |_: VoxelIndex, place: Option<[f64; 3]>| match place {
             Some(x) => source.sample(x, self.order).map_or(background, T::from_f64),
             None => background,
         };
@@ -163,7 +170,7 @@ impl Job<'_> {
                     for (i, to) in to.iter_mut().enumerate().filter(|(i, _)| vectors[row + i] != [0.0; 3]) {
                         let from = VoxelCoord::from(at(i)).0
                             + to_voxel * Vector3::from(vectors[row + i]).map(f64::from);
-                        *to = value(Some(from.into()));
+                        *to = value(at(i), Some(from.into()));
                         count += 1;
                     }
                 }

@@ -1,6 +1,6 @@
 use ivd_core::{Displacement, Exec, Labels, Mask, NO_DATA, ParamError};
 
-use super::{Order, WarpParams, Warped, check_grid, for_each_moved, resample};
+use super::{Order, WarpParams, Warped, check_grid, for_each_moved, resample, sided};
 use crate::Error;
 use crate::warp::sample::Source;
 
@@ -80,8 +80,10 @@ pub fn mask(mask: &Mask, displacement: &Displacement, exec: &Exec) -> Result<War
         if let Some(level) = mask.level() {
             let source = Source { voxels: &level[..], dims: grid.dims() };
             let mut levels = level.to_vec();
-            for_each_moved(grid, displacement, &mut levels, exec, |place| {
-                place.and_then(|x| source.sample(x, Order::Linear)).map_or(OUTSIDE, |v| v as f32)
+            for_each_moved(grid, displacement, &mut levels, exec, |voxel, place| {
+                place
+                    .and_then(|x| sided::sample(&source, displacement, voxel, x, Order::Linear))
+                    .map_or(OUTSIDE, |v| v as f32)
             })?;
             for (v, new) in levels.iter().enumerate() {
                 let changed = new.to_bits() != level[v].to_bits() || inside[v] != mask.inside()[v];

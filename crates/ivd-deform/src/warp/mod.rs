@@ -4,6 +4,8 @@
 //! copied bit for bit, NaN payloads too. Values are interpolated as stored, so the result has the input's type, slope
 //! and intercept; integers are rounded (ties to even) and clamped.
 //!
+//! Beside a cut a voxel takes part only on its own side: nothing of the other side bleeds through.
+//!
 //! A voxel becomes *background* where its origin lies outside the volume (further out than the border voxels' own half
 //! extent, as ITK has it), where a voxel that is no data takes part in its value, or where a part moved away.
 
@@ -12,6 +14,7 @@ mod labels;
 mod params;
 mod row;
 mod sample;
+mod sided;
 mod slabs;
 
 use ivd_core::{
@@ -125,11 +128,11 @@ fn resample<T: Scalar>(
 ) -> Result<(Vec<T>, u64), Error> {
     let source = Source { voxels, dims: grid.dims() };
     let background = T::from_f64(background);
-    let value = |place: Option<[f64; 3]>| match place {
-        Some(x) => source.sample(x, order).map_or(background, T::from_f64),
+    let value = |voxel: VoxelIndex, place: Option<[f64; 3]>| match place {
+        Some(x) => sided::sample(&source, displacement, voxel, x, order).map_or(background, T::from_f64),
         None => background,
     };
-    let (mut out, count) = if order == Order::Linear {
+    let (mut out, count) = if order == Order::Linear && !displacement.is_two_sided() {
         linear_by_bricks(&Rows::new(&source, grid, exec.simd), displacement, exec, value)?
     } else {
         let mut out = voxels.to_vec();
@@ -166,7 +169,7 @@ fn for_each_moved<T: Send>(
     displacement: &Displacement,
     out: &mut [T],
     exec: &Exec,
-    value: impl Fn(Option<[f64; 3]>) -> T + Sync,
+    value: impl Fn(VoxelIndex, Option<[f64; 3]>) -> T + Sync,
 ) -> Result<u64, Error> {
     let [nx, ny, _] = grid.dims();
     let slices: Result<Vec<u64>, Error> = out
@@ -186,17 +189,17 @@ fn moved_slice<T>(
     displacement: &Displacement,
     z: usize,
     slice: &mut [T],
-    value: &impl Fn(Option<[f64; 3]>) -> T,
+    value: &impl Fn(VoxelIndex, Option<[f64; 3]>) -> T,
 ) -> u64 {
     let (nx, to_voxel) = (grid.dims()[0], grid.inverse_linear_part());
     let mut count = 0;
     for_each_vector(&displacement.inverse, z, |voxel, vector| {
         let [x, y, _] = voxel.0;
         let from = VoxelCoord::from(voxel).0 + to_voxel * Vector3::from(vector).map(f64::from);
-        slice[x + nx * y] = value(Some(from.into()));
+        slice[x + nx * y] = value(voxel, Some(from.into()));
         count += 1;
     });
-    count + leave(displacement, z, slice, || value(None))
+    count + leave(displacement, z, slice, |voxel| value(voxel, None))
 }
 
 /// The voxels with those set that moved or were left behind, a brick at a time: what lies near in the field lies near in the
@@ -205,7 +208,7 @@ fn linear_by_bricks<T: Scalar>(
     rows: &Rows<'_, T>,
     displacement: &Displacement,
     exec: &Exec,
-    value: impl Fn(Option<[f64; 3]>) -> T + Sync,
+    value: impl Fn(VoxelIndex, Option<[f64; 3]>) -> T + Sync,
 ) -> Result<(Vec<T>, u64), Error> {
     const SIDE: usize = FieldBricks::SIDE;
     let field = &displacement.inverse;
@@ -228,7 +231,7 @@ fn linear_slab<T: Scalar>(
     bz: usize,
     voxels: &[T],
     out: &mut [T],
-    value: &impl Fn(Option<[f64; 3]>) -> T,
+    value: &impl Fn(VoxelIndex, Option<[f64; 3]>) -> T,
 ) -> u64 {
     let field = &displacement.inverse;
     let ([nx, ny, _], bricks) = (field.dims(), field.brick_dims());
@@ -245,7 +248,7 @@ fn linear_slab<T: Scalar>(
         });
     }
     for (z, slice) in out.chunks_mut(nx * ny).enumerate() {
-        count += leave(displacement, FieldBricks::SIDE * bz + z, slice, || value(None));
+        count += leave(displacement, FieldBricks::SIDE * bz + z, slice, |voxel| value(voxel, None));
     }
     count
 }
@@ -274,7 +277,7 @@ fn linear_row<T: Scalar>(
     row: &[[f32; 3]; LANES],
     from: &[T],
     to: &mut [T],
-    value: &impl Fn(Option<[f64; 3]>) -> T,
+    value: &impl Fn(VoxelIndex, Option<[f64; 3]>) -> T,
 ) -> u64 {
     let [moves, rest] = if let (Some(to), Some(from)) = (to.first_chunk_mut(), from.first_chunk()) {
         rows.fill(start, row, from, to)
@@ -284,20 +287,21 @@ fn linear_row<T: Scalar>(
         [moves, moves]
     };
     for i in (0..LANES).filter(|i| rest >> i & 1 == 1) {
-        to[i] = value(Some(rows.place(start, i, row[i])));
+        to[i] = value(VoxelIndex([start[0] + i, start[1], start[2]]), Some(rows.place(start, i, row[i])));
     }
     u64::from(moves.count_ones())
 }
 
 /// Sets the voxels of slice `z` that were left behind; returns how many of them have no vector, which nobody counted yet.
-fn leave<T>(displacement: &Displacement, z: usize, slice: &mut [T], value: impl Fn() -> T) -> u64 {
+fn leave<T>(displacement: &Displacement, z: usize, slice: &mut [T], value: impl Fn(VoxelIndex) -> T) -> u64 {
     let mut count = 0;
     if !displacement.vacated.is_empty() {
         let (first, nx) = (z * slice.len(), displacement.grid.dims()[0]);
         let flags = &displacement.vacated[first..][..slice.len()];
         for (i, to) in slice.iter_mut().enumerate().filter(|(i, _)| flags[*i] != 0) {
-            *to = value();
-            count += u64::from(displacement.inverse.at(VoxelIndex([i % nx, i / nx, z])) == [0.0; 3]);
+            let voxel = VoxelIndex([i % nx, i / nx, z]);
+            *to = value(voxel);
+            count += u64::from(displacement.inverse.at(voxel) == [0.0; 3]);
         }
     }
     count

@@ -102,7 +102,7 @@ impl<T: Scalar> Source<'_, T> {
 }
 
 /// Whole part and fraction of a coordinate inside the voxels' extent; the half voxel at either border reads the border.
-fn split(x: f64, n: usize) -> (usize, f64) {
+pub(super) fn split(x: f64, n: usize) -> (usize, f64) {
     let x = x.clamp(0.0, (n - 1) as f64);
     let near = x.round();
     let x = if (x - near).abs() <= SNAP { near } else { x };

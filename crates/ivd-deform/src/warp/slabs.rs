@@ -1,10 +1,10 @@
 //! Deformed voxels a slab at a time, for who has no use for all of them at once.
 
-use ivd_core::{Displacement, FieldBricks, Scalar};
+use ivd_core::{Displacement, FieldBricks, Scalar, VoxelIndex};
 
 use super::row::Rows;
 use super::sample::Source;
-use super::{Order, linear_slab, moved_slice};
+use super::{Order, linear_slab, moved_slice, sided};
 
 /// What a warp makes of voxels, slab by slab: eight slices each, the layers of the displacement's bricks.
 pub(crate) struct Slabs<'a, T> {
@@ -22,14 +22,15 @@ impl<T: Scalar> Slabs<'_, T> {
         let grid = &self.displacement.grid;
         let [nx, ny, nz] = grid.dims();
         let source = Source { voxels: self.voxels, dims: grid.dims() };
-        let value = |place: Option<[f64; 3]>| match place {
-            Some(x) => source.sample(x, self.order).map_or(self.background, T::from_f64),
+        let value = |voxel: VoxelIndex, place: Option<[f64; 3]>| match place {
+            Some(x) => sided::sample(&source, self.displacement, voxel, x, self.order)
+                .map_or(self.background, T::from_f64),
             None => self.background,
         };
         let first = FieldBricks::SIDE * bz;
         let slices = first..(first + FieldBricks::SIDE).min(nz);
         let mut out = self.voxels[nx * ny * slices.start..nx * ny * slices.end].to_vec();
-        if self.order == Order::Linear {
+        if self.order == Order::Linear && !self.displacement.is_two_sided() {
             let voxels = &self.voxels[nx * ny * slices.start..nx * ny * slices.end];
             let rows = Rows::new(&source, grid, self.simd);
             linear_slab(&rows, self.displacement, bz, voxels, &mut out, &value);

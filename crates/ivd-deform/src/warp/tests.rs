@@ -238,7 +238,7 @@ where
     let source = Source { voxels: &voxels, dims: grid.dims() };
     let background = T::from_f64(1.0);
     let mut expected = voxels.clone();
-    let count = for_each_moved(grid, displacement, &mut expected, &Exec::default(), |place| {
+    let count = for_each_moved(grid, displacement, &mut expected, &Exec::default(), |_, place| {
         place.and_then(|x| source.sample(x, Order::Linear)).map_or(background, T::from_f64)
     })
     .unwrap();

@@ -86,10 +86,6 @@ impl<'a> Pilot<'a> {
         let budget = &self.options.budget;
         self.measure_work(done);
         if let Some(most) = budget.max_error_mm.filter(|_| id == NodeId::Refine) {
-            if !self.wish.scene.space.step.is_empty() {
-                let problem = "--max-error: what it keeps is the map's error, and a [[space.step]] goes on from there; drop one of them";
-                return Err(Error::usage("pipeline", problem));
-            }
             self.hold_error(most, plan, done, runner)?;
             self.settled.extend([Knob::Level, Knob::Steps]);
         }

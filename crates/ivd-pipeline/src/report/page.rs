@@ -52,11 +52,13 @@ pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material
         section(&mut page, "Classes", &body);
     }
     section(&mut page, "Lattice", &lattice_table(find("lattice"), find("refine")));
-    if let Some(map) = find("map") {
+    // Steps in space have the last word over the voxels; what the lattice makes of it is the map's.
+    if let Some(last) = find("space").or(find("map")) {
+        let moves = Moves { deform: find("deform"), map: find("map"), last, warp: find("warp") };
         section(
             &mut page,
             "Deformation",
-            &(deformation(find("deform"), map, find("warp"), &material.displacements)
+            &(deformation(&moves, &material.displacements)
                 + &bones(find("deform"))
                 + &class_volumes(&material.class_volumes)),
         );
@@ -138,21 +140,26 @@ fn lattice_table(lattice: Option<&StageRecord>, refine: Option<&StageRecord>) ->
     ])
 }
 
-fn deformation(
-    deform: Option<&StageRecord>,
-    map: &StageRecord,
-    warp: Option<&StageRecord>,
-    lengths: &[f64],
-) -> String {
+/// The records of a deformation.
+struct Moves<'a> {
+    deform: Option<&'a StageRecord>,
+    map: Option<&'a StageRecord>,
+    /// Of the displacement that is carried out.
+    last: &'a StageRecord,
+    warp: Option<&'a StageRecord>,
+}
+
+fn deformation(moves: &Moves<'_>, lengths: &[f64]) -> String {
+    let &Moves { deform, map, last, warp } = moves;
     let mut html = pairs(&[
         ("vertices moved", metric(deform, "vertices_moved")),
         ("largest displacement [mm]", metric(deform, "max_displacement_mm")),
-        ("voxels moved", metric(Some(map), "voxels_moved")),
+        ("voxels moved", metric(Some(last), "voxels_moved")),
         ("voxels resampled", metric(warp, "voxels_resampled")),
-        ("volume inside the lattice, rest → deformed (mm³)", enclosed(map)),
-        ("smallest det J, certified", metric(Some(map), "min_det_j")),
-        ("folds", metric(Some(map), "folds")),
-        ("inverse, largest residual [voxels]", metric(Some(map), "inverse_residual_max_voxel")),
+        ("volume inside the lattice, rest → deformed (mm³)", map.map_or_else(|| "–".to_owned(), enclosed)),
+        ("smallest det J, certified", metric(Some(last), "min_det_j")),
+        ("folds", metric(Some(last), "folds")),
+        ("inverse, largest residual [voxels]", metric(Some(last), "inverse_residual_max_voxel")),
     ]);
     let plain = |_: f64| "#5b7a99".to_owned();
     if !lengths.is_empty() {
@@ -169,7 +176,7 @@ fn deformation(
             lines: Vec::new(),
         });
     }
-    if let Some((range, counts)) = det_j(map) {
+    if let Some((range, counts)) = det_j(last) {
         html += &bars(&Bars {
             range,
             counts: &counts,

@@ -128,7 +128,15 @@ impl Scene {
         for (i, bone) in self.deform.iter().flat_map(|d| &d.rigid).enumerate() {
             bone.part(i).map_err(|e| format!("deform.rigid {i}: {e}"))?;
         }
-        self.space.steps().map_err(|e| format!("space.{e}"))?;
+        let steps = self.space.steps().map_err(|e| format!("space.{e}"))?;
+        ivd_deform::space::check(&steps, !still).map_err(|e| format!("space: {e}"))?;
+        if !steps.is_empty() && !still && self.map.outside == Outside::Free {
+            return Err(
+                "map.outside = \"free\": a part that moved alone leaves a gap, and no [[space.step]] goes on across that; drop \
+                 one of them"
+                    .into(),
+            );
+        }
         Ok(())
     }
 

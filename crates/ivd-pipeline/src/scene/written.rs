@@ -117,7 +117,12 @@ impl FromStr for StepSection {
         let (mut keys, mut material) = (toml::Table::new(), toml::Table::new());
         for (key, value) in fields(text)? {
             if let Some(class) = key.strip_prefix("material.") {
-                let links = toml::Table::from_iter(pairs(key, value)?);
+                let mut links = toml::Table::new();
+                for (name, value) in pairs(key, value)? {
+                    if links.insert(name.clone(), value).is_some() {
+                        return Err(format!("{key}: `{name}` is there twice; give it once"));
+                    }
+                }
                 if material.insert(class.to_owned(), links.into()).is_some() {
                     return Err(format!("`{key}` is there twice; give it once"));
                 }
@@ -279,6 +284,7 @@ mod tests {
             ("kind=curve;centre=1,2,3;radius=9;over=along;way=turn;knots=x:3", "knots"),
             ("kind=chain;centre=1,2,3;grip=4;by=0,0,5;material.4=colour:1", "colour"),
             ("kind=chain;centre=1,2,3;grip=4;by=0,0,5;grip=4", "twice"),
+            ("kind=chain;centre=1,2,3;grip=4;by=0,0,5;material.4=shrink:1,shrink:0.5", "twice"),
             ("kind=chain;centre=1,2,3;grip=4;by=0,0", "by"),
         ] {
             let error = step(text).unwrap_err();

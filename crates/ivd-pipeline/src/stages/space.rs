@@ -72,6 +72,7 @@ impl Stage for Space {
             "min_det_j": made.min_det_j,
             "folds": made.folds,
             "parts": made.parts,
+            "short_mm": made.short_mm,
             "inverse_residual_max_voxel": made.inverse_residual_max_voxel,
             "two_sided": made.displacement.is_two_sided(),
             "voxels_vacated": made.voxels_vacated,
