@@ -19,7 +19,7 @@ test:
 # shift against brute force; and folds of 10,000 pushes, mapped by both methods.
 # `IVD_STRESS_SCENES` and `IVD_STRESS_SEED` choose other scenes; a failure names the one to run again.
 stress:
-    IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} cargo test --release -p ivd-tests --test stability -- --nocapture --test-threads=1
+    IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} IVD_STRESS_SPACES=${IVD_STRESS_SPACES:-20000} cargo test --release -p ivd-tests --test stability -- --nocapture --test-threads=1
     cargo test --release -p ivd-segment -- --ignored --nocapture
     cargo test --release -p ivd-deform -- --ignored --nocapture
     cargo build

@@ -146,7 +146,9 @@ fn what_folds_or_misses_is_told_and_leaves_nothing() {
         (&[], 2, "nothing to do"),
     ] {
         let mut words = vec!["space", "v.ivd", "-o", "x.ivd"];
-        steps.iter().for_each(|step| words.extend(["--step", step]));
+        for step in steps {
+            words.extend(["--step", step]);
+        }
         let (found, said) = refused(at, &words);
         assert!(found == Some(code) && said.contains(word), "{steps:?}: {found:?} {said}");
         assert!(!at.join("x.ivd").exists(), "{steps:?}");

@@ -4,6 +4,7 @@
 //! - [`chain`]: a case carried through all stages, each checked as soon as it has run.
 //! - [`invariants`]: what must hold, against analytic answers and plain twins.
 //! - [`nasty`]: the table of cases that must not break anything; [`scene`]: random ones from a seed.
+//! - [`spaces`]: random steps in space.
 //! - [`symmetry`]: the same case mirrored, turned, scaled or moved.
 
 pub mod backend;
@@ -16,6 +17,7 @@ pub mod meshes;
 pub mod nasty;
 pub mod scene;
 pub mod seeded;
+pub mod spaces;
 pub mod subjects;
 mod surfaces;
 pub mod symmetry;

@@ -38,7 +38,7 @@ pub fn scene(seed: u64) -> Case {
 }
 
 /// A grid of 6³ to 20³ voxels, in any place, turned, mirrored and stretched.
-fn grid(random: &mut Seeded) -> Grid {
+pub(super) fn grid(random: &mut Seeded) -> Grid {
     let most = random.pick(&[6, 9, 12, 12, 16]);
     let dims = std::array::from_fn(|_| 6 + random.below(most - 5 + 4));
     let scale = if random.one_in(4) { random.spread(1e-3, 1e3) } else { random.between(0.4, 2.0) };

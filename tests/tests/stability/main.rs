@@ -8,6 +8,7 @@ mod planted;
 mod rounding;
 mod scaling;
 mod scenes;
+mod spaces;
 mod symmetry;
 
 /// A number from the environment, so that `just stress` can ask for more than the normal suite does.

@@ -201,7 +201,7 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             Job { stage: Box::new(stage), files, output: &output.path }
         }
         Command::Space(SpaceArgs { volume, step, after, labels, output }) => {
-            let mut section: SpaceSection = section(params, Table::new())?;
+            let mut section: SpaceSection = section(params, Words::default().0)?;
             section.step.extend(step.iter().cloned());
             if section.step.is_empty() {
                 return Err(Failure::usage(

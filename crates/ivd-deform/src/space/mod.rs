@@ -377,9 +377,10 @@ impl<'a> Space<'a> {
         if !certificate.holds() {
             return Ok(Err(Box::new(certificate)));
         }
-        let (inverse, vacated) = match within {
-            true => invert_within(&field, self.grid, exec)?,
-            false => (invert(&field, self.grid, exec)?, Vec::new()),
+        let (inverse, vacated) = if within {
+            invert_within(&field, self.grid, exec)?
+        } else {
+            (invert(&field, self.grid, exec)?, Vec::new())
         };
         check_residual(&inverse, "the inverse of the displacement", "move less, or within a larger radius")?;
         Ok(Ok((Whole { field, inverse }, certificate, vacated)))

@@ -379,7 +379,7 @@ fn what_does_not_fit_together_is_named() {
         |steps: &[Step], start: &Start<'_>| displace(&grid, steps, start, &exec).unwrap_err().to_string();
     let none = Start::default();
     assert!(told(&[cut.clone(), cut.clone()], &none).contains("one at most"));
-    let open = made(&grid, &[cut.clone()]).displacement;
+    let open = made(&grid, std::slice::from_ref(&cut)).displacement;
     let start = Start { after: Some(&open), labels: None };
     assert!(told(&[], &start).contains("has a cut"));
     let elsewhere = made(&cube(23), &[]).displacement;

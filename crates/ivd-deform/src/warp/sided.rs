@@ -21,7 +21,7 @@ pub(super) fn sample<T: Scalar>(
         return source.sample(x, order);
     }
     let taps = corners(source.dims, x);
-    let counts = |at: usize| sides[at] & 3 == 0 || sides[at] & 3 == own;
+    let counts = |at: usize| [0, own].contains(&(sides[at] & 3));
     if taps.iter().all(|(at, _)| counts(*at)) || !taps.iter().any(|(at, _)| counts(*at)) {
         return source.sample(x, order);
     }

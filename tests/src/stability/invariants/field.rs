@@ -173,6 +173,58 @@ fn reach(motion: &Motion, params: &MapParams, moved: &Displacement) -> Verdict {
     Ok(())
 }
 
+/// What steps in space made: finite, positive determinants in every cell that isn't torn and never below the certificate, an inverse
+/// that leads back to the side that it says.
+///
+/// # Errors
+/// The first thing that doesn't hold.
+pub fn displaced(made: &ivd_deform::space::Made) -> Verdict {
+    let moved = &made.displacement;
+    moved.check().map_err(|e| e.to_string())?;
+    finite(&moved.forward)?;
+    finite(&moved.inverse)?;
+    hold!(made.min_det_j > 0.0 && made.min_det_j <= 1.0, "least determinant {}", made.min_det_j);
+    hold!(made.folds == 0 && made.parts >= 1, "{} folds in {} parts", made.folds, made.parts);
+    hold!(made.parts > 1 || made.short_mm == 0.0, "{} mm short at once", made.short_mm);
+    let grid = &moved.grid;
+    let n = grid.dims().map(|n| n as i64);
+    let left = !moved.vacated.is_empty() && !moved.is_two_sided();
+    let beyond = |cell: [i64; 3]| (0..3).any(|a| cell[a] < 0 || cell[a] + 1 >= n[a]);
+    determinants(&moved.forward, grid, made.min_det_j, |cell| {
+        !(moved.is_torn(cell) || left && beyond(cell))
+    })?;
+    hold!(moved.inverse_residual_max <= RESIDUAL, "residual {}", moved.inverse_residual_max);
+    let to_voxel = grid.inverse_linear_part();
+    for i in 0..grid.len() {
+        let voxel = grid.index(i);
+        let back = moved.inverse.at(voxel);
+        let vacated = moved.vacated.get(i).is_some_and(|flag| *flag != 0);
+        if back == [0.0; 3] || vacated {
+            continue;
+        }
+        let y = VoxelCoord::from(voxel).0;
+        let x = y + to_voxel * Vector3::from(back).map(f64::from);
+        let cell: [i64; 3] = std::array::from_fn(|a| (x[a].floor() as i64).clamp(-1, n[a] - 1));
+        if moved.is_torn(cell) || left && beyond(cell) {
+            continue;
+        }
+        let residual = (x + to_voxel * moved.forward.sample(x) - y).norm();
+        let most = moved.inverse_residual_max + 1e-9 * (1.0 + (x - y).norm());
+        hold!(
+            residual <= most,
+            "voxel {:?}: {residual} voxels off, stated {}",
+            voxel.0,
+            moved.inverse_residual_max
+        );
+        let from = moved.sides.get(i).map_or(0, |side| side >> 2);
+        let others =
+            corners(cell).map(|c| moved.sides.get(grid.linear(clamped(grid, c))).map_or(0, |side| side & 3));
+        let other = others.into_iter().find(|side| from != 0 && *side != 0 && *side != from);
+        hold!(other.is_none(), "voxel {:?} comes from side {from}, out of a cell of side {other:?}", voxel.0);
+    }
+    Ok(())
+}
+
 /// An inverse of a field by itself: finite, and what the map gave.
 ///
 /// # Errors
