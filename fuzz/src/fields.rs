@@ -119,6 +119,7 @@ fn still(grid: &Grid) -> Option<Displacement> {
         inverse_residual_max: 0.0,
         min_det_j: 1.0,
         vacated: Vec::new().into(),
+        sides: Vec::new().into(),
     })
 }
 

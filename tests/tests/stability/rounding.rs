@@ -35,6 +35,7 @@ fn shifted(grid: &Grid, by: [f32; 3]) -> Displacement {
         inverse_residual_max: 0.0,
         min_det_j: 1.0,
         vacated: Vec::new().into(),
+        sides: Vec::new().into(),
     }
 }
 
