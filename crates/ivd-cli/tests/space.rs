@@ -24,8 +24,8 @@ fn refused(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8(output.stderr).unwrap())
 }
 
-const TURN: &str = "kind=rotate;centre=20,20,20;radius=18;angle=90";
-const BACK: &str = "kind=rotate;centre=20,20,20;radius=18;angle=-90";
+const TURN: &str = "kind=rotate;centre=20,20,20;radius=18;angle=30";
+const BACK: &str = "kind=rotate;centre=20,20,20;radius=18;angle=-30";
 const CUT: &str = "kind=cut;centre=20,20,20;normal=0,0,1;radius=14;open=4";
 const MAIL: &str = "kind=chain;centre=20,20,32;grip=3;by=0,0,3";
 
@@ -64,7 +64,7 @@ fn a_cut_opens_a_volume_and_says_that_it_has_two_sides() {
     assert!(opened > 400, "{cut}");
     // What opens shows nothing, within the ball that was whole.
     let voxels = |file: &str| {
-        let classes = json(at, &["info", file])["classes"].as_array().cloned().unwrap();
+        let classes = json(at, &["info", file])["content"]["classes"].as_array().cloned().unwrap();
         classes.iter().find(|c| c["id"] == 1).unwrap()["voxels"].as_u64().unwrap()
     };
     json(at, &["warp", "t.ivd", "d.ivd", "-o", "w.ivd"]);
