@@ -5,7 +5,7 @@
 //! where the map of one side has it, if that place lies on this side; where neither does, the cut has opened and there is
 //! nothing; where both do, two pieces would lie on one another, and the cut is refused.
 
-use ivd_core::{Buffer, Exec, FieldBricks, Grid, NO_BRICK, ParamError, VoxelCoord};
+use ivd_core::{Buffer, Exec, FieldBricks, Grid, NO_BRICK, ParamError, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -140,6 +140,7 @@ pub(super) fn join(
         });
     }
     let (forward, inverse): (Vec<_>, Vec<_>) = joined.into_iter().map(|b| (b.forward, b.inverse)).unzip();
+    widen(grid, &mut sides, |voxel| own_side(height(grid.linear_part() * VoxelCoord::from(voxel).0), slack));
     let some = |flags: Vec<u8>, there: bool| if there { flags } else { Vec::new() };
     let opens = vacated.iter().any(|f| *f != 0);
     // Where the grid has one side of the cut only, it has no cut.
@@ -150,6 +151,33 @@ pub(super) fn join(
         vacated: some(vacated, opens).into(),
         sides: some(sides, cuts).into(),
     })
+}
+
+/// The side on which a height is, 1 below and 2 above: above from the plane on, up to rounding.
+fn own_side(height: f64, slack: f64) -> u8 {
+    1 + u8::from(height >= -slack)
+}
+
+/// Gives the voxels next to those that a cut moves apart their sides too, so that a cell with a voxel that is moved apart has a side at
+/// every corner.
+fn widen(grid: &Grid, sides: &mut [u8], side: impl Fn(VoxelIndex) -> u8) {
+    let dims = grid.dims();
+    let mut rim = Vec::new();
+    for i in (0..sides.len()).filter(|&i| sides[i] & 3 != 0) {
+        let at = grid.index(i).0;
+        let range = |a: usize| at[a].saturating_sub(1)..(at[a] + 2).min(dims[a]);
+        for z in range(2) {
+            for y in range(1) {
+                let row = dims[0] * (y + dims[1] * z);
+                rim.extend(range(0).map(|x| x + row).filter(|&near| sides[near] & 3 == 0));
+            }
+        }
+    }
+    rim.sort_unstable();
+    rim.dedup();
+    for i in rim {
+        sides[i] |= side(grid.index(i));
+    }
 }
 
 fn join_brick(
@@ -166,8 +194,8 @@ fn join_brick(
         flags: vec![(0, 0); FieldBricks::VOXELS].into_boxed_slice(),
         overlap: None,
     };
-    // Above from the plane on, up to rounding, at rest as deformed: what lies on it belongs to one side only.
-    let is_above = |height: f64| height >= -slack;
+    // At rest as deformed: what lies on the plane belongs to one side only.
+    let is_above = |height: f64| own_side(height, slack) == 2;
     for (slot, voxel) in brick_voxels(grid.dims(), at) {
         let place = grid.linear_part() * VoxelCoord::from(voxel).0;
         let forward = sides.map(|side| side.field.at(voxel));

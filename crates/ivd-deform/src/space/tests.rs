@@ -199,15 +199,6 @@ fn cut(grid: &Grid) -> Cut {
     Cut { centre: centre(grid), normal: [0.0, 0.0, 3.0], radius: 16.0, core: 0.25, open: 5.0 }
 }
 
-/// The corners of a cell; beyond the border those at the border.
-fn corners(grid: &Grid, cell: [i64; 3]) -> [VoxelIndex; 8] {
-    std::array::from_fn(|i| {
-        VoxelIndex(std::array::from_fn(|a| {
-            (cell[a] + (i >> a & 1) as i64).clamp(0, grid.dims()[a] as i64 - 1) as usize
-        }))
-    })
-}
-
 #[test]
 fn a_cut_opens_between_its_sides_and_nowhere_else() {
     let grid = cube(48);
@@ -223,7 +214,8 @@ fn a_cut_opens_between_its_sides_and_nowhere_else() {
         let (i, y) = (grid.linear(v), place(&grid, v));
         let goes = cut.apply(y, 1.0, side(y));
         assert!((goes - y - Vector3::from(d.forward.at(v)).map(f64::from)).norm() < 1e-6, "{v:?}");
-        assert_eq!(d.sides[i] & 3, if goes == y { 0 } else { 1 + u8::from(side(y) == Side::Above) }, "{v:?}");
+        let (own, told) = (1 + u8::from(side(y) == Side::Above), d.sides[i] & 3);
+        assert!(told == own || told == 0 && goes == y, "{v:?}: {told}");
         // What lies on the plane goes as far as its weight says: between there and here it is open.
         let opening = cut.height(cut.apply(y - normal * cut.height(y), 1.0, Side::Above));
         let outside = cut.height(y).abs() - opening;
@@ -287,14 +279,8 @@ fn cut_labels_stay_on_their_sides_whatever_comes_before_and_after() {
                 let x = place(&grid, v) + Vector3::from(d.inverse.at(v)).map(f64::from);
                 let height = cut.height(prefix.iter().fold(x + origin, |p, shape| shape.apply(p, 1.0)));
                 assert!(height.abs() < 2e-3 || 1 + u16::from(height > 0.0) == from, "{v:?}: {height} {from}");
-                let x = grid.inverse_linear_part() * x;
-                let cell: [i64; 3] = std::array::from_fn(|a| x[a].floor() as i64);
-                // At the rim of the cut its sides meet, and mix.
-                if corners(&grid, cell).iter().all(|v| d.sides[grid.linear(*v)] & 3 != 0) {
-                    assert_eq!(id, from, "{v:?}");
-                    let value = between.value(v);
-                    assert!((value - f64::from(from)).abs() < 1e-6, "{v:?}: {value}");
-                }
+                let value = between.value(v);
+                assert!(id == from && (value - f64::from(from)).abs() < 1e-6, "{v:?}: {id}, {value}, {from}");
                 kept += 1;
             }
         }
