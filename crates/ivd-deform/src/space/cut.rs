@@ -158,18 +158,23 @@ fn own_side(height: f64, slack: f64) -> u8 {
     1 + u8::from(height >= -slack)
 }
 
+/// Whether a voxel's flags have a side at rest.
+fn has_side(flags: u8) -> bool {
+    [1, 2].contains(&(flags & 3))
+}
+
 /// Gives the voxels next to those that a cut moves apart their sides too, so that a cell with a voxel that is moved apart has a side at
 /// every corner.
 fn widen(grid: &Grid, sides: &mut [u8], side: impl Fn(VoxelIndex) -> u8) {
     let dims = grid.dims();
     let mut rim = Vec::new();
-    for i in (0..sides.len()).filter(|&i| sides[i] & 3 != 0) {
+    for i in (0..sides.len()).filter(|&i| has_side(sides[i])) {
         let at = grid.index(i).0;
         let range = |a: usize| at[a].saturating_sub(1)..(at[a] + 2).min(dims[a]);
         for z in range(2) {
             for y in range(1) {
                 let row = dims[0] * (y + dims[1] * z);
-                rim.extend(range(0).map(|x| x + row).filter(|&near| sides[near] & 3 == 0));
+                rim.extend(range(0).map(|x| x + row).filter(|&near| !has_side(sides[near])));
             }
         }
     }

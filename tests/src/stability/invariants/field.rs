@@ -205,7 +205,8 @@ pub fn displaced(made: &ivd_deform::space::Made) -> Verdict {
         let y = VoxelCoord::from(voxel).0;
         let x = y + to_voxel * Vector3::from(back).map(f64::from);
         let cell: [i64; 3] = std::array::from_fn(|a| (x[a].floor() as i64).clamp(-1, n[a] - 1));
-        if moved.is_torn(cell) || left && beyond(cell) {
+        // Beyond the grid each side of a cut goes on in its own way, of which the field has one only.
+        if moved.is_torn(cell) || (left || moved.is_two_sided()) && beyond(cell) {
             continue;
         }
         let residual = (x + to_voxel * moved.forward.sample(x) - y).norm();
