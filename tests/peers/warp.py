@@ -117,7 +117,14 @@ def others(volume, field, threads):
         made = sitk.WarpImageFilter()
         made.SetOutputSize(plain.GetSize())
         made.SetInterpolator(sitk.sitkLinear)
-        found["SimpleITK"] = lambda: sitk.GetArrayViewFromImage(made.Execute(plain, moves))
+        last = []
+
+        def simple():
+            # A view doesn't keep its image.
+            last[:] = [made.Execute(plain, moves)]
+            return sitk.GetArrayViewFromImage(last[0])
+
+        found["SimpleITK"] = simple
     except ImportError:
         print("SimpleITK isn't there: passed over\n")
     return found

@@ -123,12 +123,12 @@ impl Drives {
     }
 
     /// Takes the moved and the carried vertices to where they are when handles have reached a fraction of their motion.
-    pub(super) fn place(&self, displacement: &mut [[f64; 3]], reached: f64) {
+    pub(super) fn place<const W: usize>(&self, displacement: &mut [[f64; W]], reached: f64) {
         for &(v, by, _) in &self.moved {
-            displacement[v] = by.map(|c| c * reached);
+            displacement[v][..3].copy_from_slice(&by.map(|c| c * reached));
         }
         for (v, by) in self.bones.at(reached) {
-            displacement[v] = by;
+            displacement[v][..3].copy_from_slice(&by);
         }
     }
 }

@@ -3,9 +3,10 @@
 use ivd_core::{Exec, Iteration};
 use rayon::prelude::*;
 
+use super::blocks::{Padded, padded, unpadded};
 use super::body::Body;
 use super::drives::Drives;
-use super::forces::{CHUNK, Vectors};
+use super::forces::{After, CHUNK};
 use super::outcome::Outcome;
 use super::params::Params;
 use crate::Error;
@@ -25,13 +26,52 @@ pub(super) struct Motion<'a> {
     drives: &'a Drives,
     /// 1 / mass of each loose vertex (1/g), 0 of a moved one.
     inverse_mass: Vec<f64>,
+    /// Force in the end of the handles on each loose vertex (µN); none where no handle pulls.
+    pull: Vec<[f64; 4]>,
     drag: f64,
-    /// Displacements (mm) of all vertices, now and one step on.
-    pub(super) now: Vec<[f64; 3]>,
-    next: Vec<[f64; 3]>,
-    /// Velocity of each loose vertex (mm/s).
-    pub(super) velocity: Vec<[f64; 3]>,
-    force: Vec<[f64; 3]>,
+    /// Displacements (mm) of all vertices, now and one step on, padded.
+    now: Vec<[f64; 4]>,
+    next: Vec<[f64; 4]>,
+    /// Velocity of each loose vertex (mm/s), padded.
+    pub(super) velocity: Vec<[f64; 4]>,
+    force: Vec<[f64; 4]>,
+}
+
+/// A step of the vertices of a chunk, from the springs' force on.
+struct Step<'a> {
+    dt: f64,
+    drag: f64,
+    pulling: f64,
+    /// Of the chunk's vertices, all as many.
+    ground: &'a [f64],
+    inverse_mass: &'a [f64],
+    pull: Option<&'a Padded>,
+    next: &'a mut Padded,
+    velocity: &'a mut Padded,
+    /// Its first vertex.
+    first: usize,
+}
+
+impl After for Step<'_> {
+    #[inline(always)]
+    fn go_on(self, moved: &Padded, force: &Padded) {
+        let Self { dt, drag, pulling, ground, inverse_mass, pull, next, velocity, first } = self;
+        let count = next.len();
+        let (now, force, velocity) = (&moved[first..first + count], &force[..count], &mut velocity[..count]);
+        let (ground, inverse) = (&ground[..count], &inverse_mass[..count]);
+        for v in 0..count {
+            for a in 0..4 {
+                let pulled = match pull {
+                    None => force[v][a],
+                    Some(pull) => force[v][a] + pull[v][a] * pulling,
+                };
+                let total = pulled - ground[v] * now[v][a];
+                let speed = velocity[v][a] + dt * (total * inverse[v] - drag * velocity[v][a]);
+                velocity[v][a] = speed;
+                next[v][a] = now[v][a] + dt * speed;
+            }
+        }
+    }
 }
 
 impl<'a> Motion<'a> {
@@ -41,44 +81,46 @@ impl<'a> Motion<'a> {
             body,
             drives,
             inverse_mass: body.mass.iter().zip(&drives.is_moved).map(inverse).collect(),
+            pull: if drives.force.iter().all(|f| *f == [0.0; 3]) {
+                Vec::new()
+            } else {
+                padded(&drives.force)
+            },
             drag,
-            now: vec![[0.0; 3]; body.vertices.len()],
-            next: vec![[0.0; 3]; body.vertices.len()],
-            velocity: vec![[0.0; 3]; body.loose],
-            force: vec![[0.0; 3]; body.loose],
+            now: vec![[0.0; 4]; body.vertices.len()],
+            next: vec![[0.0; 4]; body.vertices.len()],
+            velocity: vec![[0.0; 4]; body.loose],
+            force: vec![[0.0; 4]; body.loose],
         }
+    }
+
+    /// Displacements (mm) of all vertices.
+    pub(super) fn moved(&self) -> Vec<[f64; 3]> {
+        unpadded(&self.now)
     }
 
     /// One step of `dt` (s). Handles pull with the fraction `pulling` of their force, and have moved by the fraction
     /// `reached` at its end.
     pub(super) fn step(&mut self, dt: f64, pulling: f64, reached: f64) {
-        let (body, now, drag) = (self.body, &self.now[..], self.drag);
-        let of =
-            |(chunk, ((next, velocity), force)): (usize, ((&mut Vectors, &mut Vectors), &mut Vectors))| {
-                body.springs.on_chunk(chunk, now, force);
-                let first = chunk * CHUNK;
-                let held = self.drives.force[first..].iter().zip(&body.ground[first..]);
-                let own = held.zip(&self.inverse_mass[first..]).zip(&now[first..]);
-                for ((((next, velocity), force), (((pull, ground), inverse), at)), _) in
-                    next.iter_mut().zip(velocity.iter_mut()).zip(force.iter()).zip(own).zip(0..CHUNK)
-                {
-                    for a in 0..3 {
-                        let total = force[a] + pull[a] * pulling - ground * at[a];
-                        velocity[a] += dt * (total * inverse - drag * velocity[a]);
-                        next[a] = at[a] + dt * velocity[a];
-                    }
-                }
-            };
-        let next = &mut self.next[..body.loose];
+        let Self { body, drives, inverse_mass, pull, drag, now, next, velocity, force } = self;
+        let of = |(chunk, ((next, velocity), force)): (usize, ((&mut Padded, &mut Padded), &mut Padded))| {
+            let first = chunk * CHUNK;
+            let within = first..first + next.len();
+            let (ground, inverse_mass) = (&body.ground[within.clone()], &inverse_mass[within.clone()]);
+            let (drag, pull) = (*drag, pull.get(within));
+            let step = Step { dt, drag, pulling, ground, inverse_mass, pull, next, velocity, first };
+            body.springs.on_padded(chunk, now, force, step);
+        };
+        let loose = &mut next[..body.loose];
         if body.springs.worth_sharing() {
-            let both = next.par_chunks_mut(CHUNK).zip(self.velocity.par_chunks_mut(CHUNK));
-            both.zip(self.force.par_chunks_mut(CHUNK)).enumerate().for_each(of);
+            let both = loose.par_chunks_mut(CHUNK).zip(velocity.par_chunks_mut(CHUNK));
+            both.zip(force.par_chunks_mut(CHUNK)).enumerate().for_each(of);
         } else {
-            let both = next.chunks_mut(CHUNK).zip(self.velocity.chunks_mut(CHUNK));
-            both.zip(self.force.chunks_mut(CHUNK)).enumerate().for_each(of);
+            let both = loose.chunks_mut(CHUNK).zip(velocity.chunks_mut(CHUNK));
+            both.zip(force.chunks_mut(CHUNK)).enumerate().for_each(of);
         }
-        self.drives.place(&mut self.next, reached);
-        std::mem::swap(&mut self.now, &mut self.next);
+        drives.place(next, reached);
+        std::mem::swap(now, next);
     }
 
     /// Energy of springs, ground springs and motion (nJ).
@@ -88,7 +130,7 @@ impl<'a> Motion<'a> {
             .filter(|(_, moved)| !**moved)
             .map(|((m, v), _)| 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
             .sum();
-        self.body.energy(&self.now) + kinetic
+        self.body.energy(&self.moved()) + kinetic
     }
 }
 
@@ -145,7 +187,7 @@ pub(super) fn run(body: &Body, drives: &Drives, params: &Params, exec: &Exec) ->
             }
         }
         if step % frame_every == 0 {
-            outcome.frames.push(motion.now.clone());
+            outcome.frames.push(motion.moved());
         }
         exec.observer().advance(TASK, 1);
     }

@@ -1,23 +1,20 @@
 //! The springs' forces, laid out for speed, and their energy.
 //!
-//! Eight springs are computed side by side, each by the operations of [`pull`] in their order, so that the compiler makes vectors of
-//! the loops, four lanes wide with AVX2; the bytes are the same with and without.
+//! Springs are computed side by side in [blocks](super::blocks), the same bytes on every processor.
 //!
-//! The argument for the `unsafe` block: it calls a function that is safe but for the processor that it needs, and only where that
-//! processor is there.
+//! The arguments for the `unsafe` blocks: what needs AVX2 is called only where it was found, and blocks are given lists as long as
+//! those that they were made for.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
+
+use super::blocks::{Block, LANES, NO_DIRECTION, Padded};
 
 /// Vertices of a chunk: its positions, displacements and forces stay in the nearest caches. Sums run chunk by chunk, so
 /// that the number of threads changes no bit.
 pub(super) const CHUNK: usize = 2048;
 /// Fewer vertices than these are faster on one thread.
 const ALONE: usize = 3 * CHUNK;
-/// A spring shorter than this fraction of its rest length has no direction and exerts nothing.
-const NO_DIRECTION: f64 = 1e-6;
-/// Springs of which the lengths are computed side by side.
-const LANES: usize = 8;
 /// Stiffness beyond the strain limit, in stiffnesses below it.
 pub(super) const LIMITED: f64 = 100.0;
 
@@ -49,103 +46,20 @@ struct Chunk {
     blocks: Vec<Block>,
 }
 
-/// Springs side by side: those of both kinds in the order of the chunk, eight of one kind, fewer at the end of a kind.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Block {
-    count: usize,
-    ends: [[u32; 2]; LANES],
-    /// The way from the first end to the other at rest (mm).
-    at: [[f64; LANES]; 3],
-    length: [f64; LANES],
-    stiffness: [f64; LANES],
-}
-
-impl Block {
-    fn new(springs: &[Spring], rest: &Vectors) -> Self {
-        let mut block = Self {
-            count: springs.len(),
-            ends: [springs[0].ends; LANES],
-            at: [[0.0; LANES]; 3],
-            length: [1.0; LANES],
-            stiffness: [0.0; LANES],
-        };
-        for (lane, spring) in springs.iter().enumerate() {
-            let [i, j] = spring.ends.map(|v| v as usize);
-            for a in 0..3 {
-                block.at[a][lane] = rest[j][a] - rest[i][a];
-            }
-            (block.ends[lane], block.length[lane], block.stiffness[lane]) =
-                (spring.ends, spring.length, spring.stiffness);
-        }
-        block
-    }
-
-    /// Adds the springs' force (µN) to that on their vertices, of which the first is `first`: on both ends, or on the first alone.
-    #[inline(always)]
-    fn add<const PUSH: bool, const LIMIT: bool, const BOTH: bool>(
-        &self,
-        limit: f64,
-        moved: &Vectors,
-        first: usize,
-        force: &mut Vectors,
-    ) {
-        let (at, length, stiffness) = (&self.at, &self.length, &self.stiffness);
-        let mut by = [[0.0; LANES]; 3];
-        for (lane, ends) in self.ends.iter().enumerate() {
-            let [i, j] = ends.map(|v| moved[v as usize]);
-            for a in 0..3 {
-                by[a][lane] = j[a] - i[a];
-            }
-        }
-        let mut to = [[0.0; LANES]; 3];
-        for a in 0..3 {
-            for lane in 0..LANES {
-                to[a][lane] = at[a][lane] + by[a][lane];
-            }
-        }
-        let mut scale = [0.0; LANES];
-        for lane in 0..LANES {
-            // The difference of the squared lengths, without their cancellation.
-            let grown = (2.0 * at[0][lane] + by[0][lane]) * by[0][lane]
-                + (2.0 * at[1][lane] + by[1][lane]) * by[1][lane]
-                + (2.0 * at[2][lane] + by[2][lane]) * by[2][lane];
-            let now =
-                (to[0][lane] * to[0][lane] + to[1][lane] * to[1][lane] + to[2][lane] * to[2][lane]).sqrt();
-            let directed = now > NO_DIRECTION * length[lane];
-            let now = if directed { now } else { 1.0 };
-            let mut pull = stiffness[lane] * grown;
-            if LIMIT {
-                let over = grown - limit * length[lane] * (now + length[lane]);
-                pull += LIMITED * stiffness[lane] * if over > 0.0 { over } else { 0.0 };
-            }
-            let acts = directed && (PUSH || grown > 0.0);
-            let pull = pull / ((now + length[lane]) * now);
-            scale[lane] = if acts { pull } else { 0.0 };
-        }
-        for a in 0..3 {
-            for lane in 0..LANES {
-                to[a][lane] *= scale[lane];
-            }
-        }
-        for (lane, ends) in self.ends.iter().enumerate().take(self.count) {
-            let [i, j] = ends.map(|v| (v as usize).wrapping_sub(first));
-            for a in 0..3 {
-                force[i][a] += to[a][lane];
-            }
-            if BOTH {
-                for a in 0..3 {
-                    force[j][a] -= to[a][lane];
-                }
-            }
-        }
-    }
+/// What is done with the forces on a chunk as soon as they are known.
+pub(super) trait After {
+    /// Is inlined, so that it becomes as wide as the loops before it.
+    fn go_on(self, moved: &Padded, force: &Padded);
 }
 
 /// Springs by the vertices that they act on. A spring between two chunks is in both, so that each is summed by itself.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Springs {
     law: Law,
+    /// Vertices that they act on.
     vertices: usize,
+    /// Those and the ones that hold them: more than any end.
+    ends: usize,
     chunks: Vec<Chunk>,
     avx2: bool,
 }
@@ -180,16 +94,18 @@ impl Springs {
                 }
             }
         }
-        for chunk in &mut chunks {
-            let (own, leading_out) = chunk.springs.split_at(chunk.own);
+        for (number, chunk) in chunks.iter_mut().enumerate() {
+            let (own, leading_out) = chunk.springs.split_at_mut(chunk.own);
+            apart_in_order(own);
+            apart_in_order(leading_out);
             let blocks = own.chunks(LANES).chain(leading_out.chunks(LANES));
-            chunk.blocks = blocks.map(|springs| Block::new(springs, rest)).collect();
+            chunk.blocks = blocks.map(|springs| Block::new(springs, rest, number * CHUNK)).collect();
         }
         #[cfg(target_arch = "x86_64")]
         let avx2 = std::arch::is_x86_feature_detected!("avx2");
         #[cfg(not(target_arch = "x86_64"))]
         let avx2 = false;
-        Self { law, vertices, chunks, avx2 }
+        Self { law, vertices, ends: rest.len(), chunks, avx2 }
     }
 
     /// Whether the work is worth more than one thread.
@@ -207,7 +123,7 @@ impl Springs {
     /// Writes the springs' force (µN) on every vertex of a chunk to `force`, its part of the vertices' forces.
     ///
     /// - `moved`: displacements (mm) of all vertices.
-    pub(super) fn on_chunk(&self, chunk: usize, moved: &Vectors, force: &mut Vectors) {
+    fn on_chunk(&self, chunk: usize, moved: &Vectors, force: &mut Vectors) {
         #[cfg(target_arch = "x86_64")]
         if self.avx2 {
             // SAFETY: AVX2 was found.
@@ -223,28 +139,83 @@ impl Springs {
         self.on_chunk_any(chunk, moved, force);
     }
 
+    /// The same of padded vectors, and then what comes after.
+    ///
+    /// # Panics
+    ///
+    /// Where there are fewer displacements than vertices, or other forces than the chunk's.
+    pub(super) fn on_padded(&self, chunk: usize, moved: &Padded, force: &mut Padded, after: impl After) {
+        assert!(moved.len() >= self.ends && force.len() == CHUNK.min(self.vertices - chunk * CHUNK));
+        #[cfg(target_arch = "x86_64")]
+        if self.avx2 {
+            // SAFETY: AVX2 was found. Ends are less than `ends`; those within the chunk, less its first vertex, than its
+            // length: both are as long as was asserted.
+            #[allow(unsafe_code, reason = "argued in the module's head")]
+            unsafe {
+                match (self.law.push, self.law.limit) {
+                    (true, None) => self.sum_wide::<true, false>(chunk, moved, force, after),
+                    (false, None) => self.sum_wide::<false, false>(chunk, moved, force, after),
+                    (true, Some(_)) => self.sum_wide::<true, true>(chunk, moved, force, after),
+                    (false, Some(_)) => self.sum_wide::<false, true>(chunk, moved, force, after),
+                }
+            }
+            return;
+        }
+        self.on_chunk_any(chunk, moved, force);
+        after.go_on(moved, force);
+    }
+
+    /// # Safety
+    ///
+    /// That of [`Block::add_wide`], for the chunk's blocks.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    #[allow(unsafe_code, reason = "argued in the module's head")]
+    unsafe fn sum_wide<const PUSH: bool, const LIMIT: bool>(
+        &self,
+        chunk: usize,
+        moved: &Padded,
+        force: &mut Padded,
+        after: impl After,
+    ) {
+        let limit = self.law.limit.unwrap_or(0.0);
+        let Chunk { own, blocks, .. } = &self.chunks[chunk];
+        force.fill([0.0; 4]);
+        let (own, leading_out) = blocks.split_at(own.div_ceil(LANES));
+        // SAFETY: the caller's.
+        unsafe {
+            Block::add_wide::<PUSH, LIMIT, true>(own, limit, moved, force);
+            Block::add_wide::<PUSH, LIMIT, false>(leading_out, limit, moved, force);
+        }
+        after.go_on(moved, force);
+    }
+
     #[inline(always)]
-    fn on_chunk_any(&self, chunk: usize, moved: &Vectors, force: &mut Vectors) {
+    fn on_chunk_any<const W: usize>(&self, chunk: usize, moved: &[[f64; W]], force: &mut [[f64; W]]) {
         match (self.law.push, self.law.limit) {
-            (true, None) => self.sum::<true, false>(chunk, moved, force),
-            (false, None) => self.sum::<false, false>(chunk, moved, force),
-            (true, Some(_)) => self.sum::<true, true>(chunk, moved, force),
-            (false, Some(_)) => self.sum::<false, true>(chunk, moved, force),
+            (true, None) => self.sum::<true, false, W>(chunk, moved, force),
+            (false, None) => self.sum::<false, false, W>(chunk, moved, force),
+            (true, Some(_)) => self.sum::<true, true, W>(chunk, moved, force),
+            (false, Some(_)) => self.sum::<false, true, W>(chunk, moved, force),
         }
     }
 
     #[inline(always)]
-    fn sum<const PUSH: bool, const LIMIT: bool>(&self, chunk: usize, moved: &Vectors, force: &mut Vectors) {
-        let first = chunk * CHUNK;
+    fn sum<const PUSH: bool, const LIMIT: bool, const W: usize>(
+        &self,
+        chunk: usize,
+        moved: &[[f64; W]],
+        force: &mut [[f64; W]],
+    ) {
         let limit = self.law.limit.unwrap_or(0.0);
         let Chunk { own, blocks, .. } = &self.chunks[chunk];
-        force.fill([0.0; 3]);
+        force.fill([0.0; W]);
         let (own, leading_out) = blocks.split_at(own.div_ceil(LANES));
         for block in own {
-            block.add::<PUSH, LIMIT, true>(limit, moved, first, force);
+            block.add::<PUSH, LIMIT, true, W>(limit, moved, force);
         }
         for block in leading_out {
-            block.add::<PUSH, LIMIT, false>(limit, moved, first, force);
+            block.add::<PUSH, LIMIT, false, W>(limit, moved, force);
         }
     }
 
@@ -306,6 +277,22 @@ impl Springs {
         };
         let sums: Vec<f64> = self.chunks.par_iter().map(sum).collect();
         sums.iter().sum()
+    }
+}
+
+/// Puts springs of one end, which lie together, in turn with those of its neighbours: a sum need not wait for the one before.
+fn apart_in_order(springs: &mut [Spring]) {
+    const WINDOW: u32 = 64;
+    let mut ranks = Vec::with_capacity(springs.len());
+    for (s, spring) in springs.iter().enumerate() {
+        let follows = s > 0 && springs[s - 1].ends[0] == spring.ends[0];
+        ranks.push(if follows { ranks[s - 1] + 1 } else { 0_u32 });
+    }
+    let mut keyed: Vec<((u32, u32), Spring)> =
+        springs.iter().zip(&ranks).map(|(s, rank)| ((s.ends[0] / WINDOW, *rank), *s)).collect();
+    keyed.sort_by_key(|(key, _)| *key);
+    for (to, (_, from)) in springs.iter_mut().zip(keyed) {
+        *to = from;
     }
 }
 

@@ -30,6 +30,7 @@
 //!
 //! [`Prepared`] keeps what handles don't change while they move.
 
+mod blocks;
 mod body;
 pub(crate) mod classes;
 mod drives;

@@ -244,7 +244,7 @@ impl Stage for Deform {
     }
 
     fn revision(&self) -> u32 {
-        2
+        3
     }
 
     fn inputs(&self) -> &'static [Slot] {

@@ -1,9 +1,17 @@
 //! The springs' forces against one spring at a time, energies against forces.
 
-use super::forces::{Law, Spring, Springs, dot, norm, pull};
+use super::blocks::{Padded, padded, unpadded};
+use super::forces::{After, CHUNK, Law, Spring, Springs, dot, norm, pull};
 use super::*;
 
 type Positions = Vec<[f64; 3]>;
+
+/// Nothing comes after.
+struct Nothing;
+
+impl After for Nothing {
+    fn go_on(self, _: &Padded, _: &Padded) {}
+}
 
 fn laws() -> Vec<Law> {
     let limits = [None, Some(0.2), Some(0.0)];
@@ -39,9 +47,18 @@ fn forces_are_the_sum_of_the_springs_one_at_a_time() {
         let mut fast = vec![[0.0; 3]; loose];
         let springs = Springs::new(&list, &rest, loose, law);
         springs.forces(&moved, &mut fast);
-        let mut without = fast.clone();
-        springs.plain().forces(&moved, &mut without);
-        assert_eq!(fast, without, "the processor's wider lanes change no bit");
+        let bits = |of: &[[f64; 3]]| -> Vec<u64> { of.iter().flatten().map(|c| c.to_bits()).collect() };
+        for springs in [springs.clone(), springs.plain()] {
+            let mut without = fast.clone();
+            springs.forces(&moved, &mut without);
+            assert_eq!(bits(&fast), bits(&without), "the processor's wider lanes change no bit");
+            let (moved, mut force) = (padded(&moved), vec![[7.0; 4]; loose]);
+            for (chunk, force) in force.chunks_mut(CHUNK).enumerate() {
+                springs.on_padded(chunk, &moved, force, Nothing);
+            }
+            assert_eq!(bits(&fast), bits(&unpadded(&force)), "four at a time change no bit either");
+            assert!(force.iter().all(|f| f[3].to_bits() == 0));
+        }
         for (a, b) in fast.iter().zip(&plain) {
             assert!((Vector3::from(*a) - b).norm() < 1e-12 * (1.0 + b.norm()), "{a:?} {b:?}");
         }
@@ -107,6 +124,9 @@ fn a_spring_of_no_length_pulls_and_one_that_has_collapsed_has_no_direction() {
     let mut force = [[1.0; 3]; 2];
     Springs::new(&[collapsed], &rest, 2, law).forces(&onto, &mut force);
     assert_eq!(force, [[0.0; 3]; 2]);
+    let mut force = [[1.0; 4]; 2];
+    Springs::new(&[collapsed], &rest, 2, law).on_padded(0, &padded(&onto), &mut force, Nothing);
+    assert_eq!(force, [[0.0; 4]; 2]);
 }
 
 #[test]
