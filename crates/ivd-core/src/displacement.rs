@@ -173,9 +173,8 @@ pub struct Displacement {
     pub vacated: Buffer<u8>,
     /// Declares a cut, across which the field jumps; one a voxel of the grid, or empty where nothing is cut. The lowest two bits are
     /// of the voxel at rest: where the cut's sides move apart, and a voxel round that, the side that it is on, 1 below and 2 above,
-    /// else 0. Between voxels
-    /// of sides 1 and 2 `forward` means nothing; each side goes on from its own voxels, up to the cut. The next two bits are of the
-    /// deformed voxel: the side that its origin is on, 0 where it has none or no side matters.
+    /// else 0. Between voxels of sides 1 and 2 `forward` means nothing; each side goes on from its own voxels, up to the cut. The next
+    /// two bits are of the deformed voxel: the side that its origin is on, 0 where it has none or no side matters.
     pub sides: Buffer<u8>,
 }
 

@@ -1,7 +1,7 @@
 //! Springs side by side: their forces, four lanes at a time.
 //!
-//! Each spring is computed by the operations of [`pull`](super::forces::pull) in their order, so that lanes change no bit: the plain
-//! loops, which the compiler makes vectors of where it can, and the vectors written for AVX2 give the same bytes.
+//! What [`pull`](super::forces::pull) says of a spring, side by side. The plain loops, which the compiler makes vectors of where
+//! it can, and the vectors written for AVX2 do the same operations in the same order, so that lanes change no bit.
 //!
 //! The arguments for the `unsafe` blocks: what needs AVX2 is called only where [`Block::add_wide`] is, of which the caller has shown
 //! the processor; and pointers lie within their lists, since the ends of a block's springs are less than the bounds that it was
@@ -32,7 +32,7 @@ pub(super) fn unpadded(of: &Padded) -> Vec<[f64; 3]> {
 pub(super) struct Block {
     count: usize,
     ends: [[u32; 2]; LANES],
-    /// The first of the vertices that it acts on.
+    /// No vertex that it acts on comes before it.
     first: u32,
     /// The way from the first end to the other at rest (mm).
     at: [[f64; LANES]; 3],
@@ -41,7 +41,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// - `first`: the first of the vertices that it acts on; it is no end's successor.
+    /// - `first`: no vertex that it acts on comes before it.
     pub(super) fn new(springs: &[Spring], rest: &Vectors, first: usize) -> Self {
         let mut block = Self {
             count: springs.len(),
