@@ -6,6 +6,16 @@
 //! δ²W  = μ δF : δF + (μ − λ ln J) tr(F⁻¹ δF F⁻¹ δF) + λ tr(F⁻¹ δF)²
 //! ```
 //!
+//! With the displacement's gradient `G = F − I` and `d = J − 1 = tr G + m + det G`, `m` the sum of `G`'s principal minors of two rows,
+//! these are
+//!
+//! ```text
+//! W    = μ/2 (G : G + 2 (d − ln(1 + d) − m − det G)) + λ/2 ln(1 + d)²
+//! P    = μ (G + F⁻ᵀ Gᵀ) + λ ln(1 + d) F⁻ᵀ
+//! ```
+//!
+//! which keep their digits however little moves.
+//!
 //! Source: Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis (2008), 6.4.3.
 
 use nalgebra::{Matrix3, Vector3};
@@ -38,12 +48,14 @@ impl Lame {
         Self { mu: sum.mu / many, lambda: sum.lambda / many }
     }
 
-    /// `W(F)`; `None` where J ≤ 0.
-    pub(super) fn energy(&self, f: &Matrix3<f64>) -> Option<f64> {
-        let j = f.determinant();
-        (j > 0.0).then(|| {
-            let log = j.ln();
-            0.5 * self.mu * (f.norm_squared() - 3.0 - 2.0 * log) + 0.5 * self.lambda * log * log
+    /// `W` of a displacement's gradient, and the size of the terms that its rounding comes from; `None` where J ≤ 0.
+    pub(super) fn energy(&self, g: &Matrix3<f64>) -> Option<(f64, f64)> {
+        let (bent, cubic) = (minors(g), g.determinant());
+        let growth = g.trace() + bent + cubic;
+        (growth > -1.0).then(|| {
+            let (log, lost) = (growth.ln_1p(), without_log(growth) - bent - cubic);
+            let (shear, bulk) = (0.5 * self.mu * g.norm_squared(), 0.5 * self.lambda * log * log);
+            (shear + self.mu * lost + bulk, 4.0 * shear + bulk.abs())
         })
     }
 }
@@ -89,13 +101,13 @@ impl Hexahedron {
         Self { gradients, volume: edges.determinant().abs() / 8.0 }
     }
 
-    /// `F` at a Gauss point.
-    fn deformation(&self, point: usize, size: f64, u: &Corners) -> Matrix3<f64> {
-        let mut f = Matrix3::identity();
+    /// `G` at a Gauss point.
+    fn gradient(&self, point: usize, size: f64, u: &Corners) -> Matrix3<f64> {
+        let mut sum = Matrix3::zeros();
         for (g, u) in self.gradients[point].iter().zip(u) {
-            f += Vector3::from(*u) * g.transpose() / size;
+            sum += Vector3::from(*u) * g.transpose() / size;
         }
-        f
+        sum
     }
 
     /// Volume of a Gauss point of a cell (mm³).
@@ -103,13 +115,15 @@ impl Hexahedron {
         self.volume * size.powi(3)
     }
 
-    /// Energy of a cell; `None` where J ≤ 0 at a Gauss point.
-    pub(super) fn energy(&self, matter: &Matter, size: f64, u: &Corners) -> Option<f64> {
-        let mut sum = 0.0;
+    /// Energy of a cell, and the size of its terms; `None` where J ≤ 0 at a Gauss point.
+    pub(super) fn energy(&self, matter: &Matter, size: f64, u: &Corners) -> Option<(f64, f64)> {
+        let mut sum = (0.0, 0.0);
         for (point, lame) in matter.iter().enumerate() {
-            sum += lame.energy(&self.deformation(point, size, u))?;
+            let (own, terms) = lame.energy(&self.gradient(point, size, u))?;
+            sum = (sum.0 + own, sum.1 + terms);
         }
-        Some(sum * self.volume(size))
+        let volume = self.volume(size);
+        Some((sum.0 * volume, sum.1 * volume))
     }
 
     /// Derivative of the energy by the corners. J > 0 is asked for.
@@ -117,9 +131,9 @@ impl Hexahedron {
         let mut out = [[0.0; 3]; 8];
         let weight = self.volume(size) / size;
         for (point, lame) in matter.iter().enumerate() {
-            let f = self.deformation(point, size, u);
-            let (inverse, log) = inverse_transposed(&f);
-            let stress = f * lame.mu + inverse * (lame.lambda * log - lame.mu);
+            let g = self.gradient(point, size, u);
+            let (inverse, log) = inverse_transposed(&g);
+            let stress = (g + inverse * g.transpose()) * lame.mu + inverse * (lame.lambda * log);
             for (out, g) in out.iter_mut().zip(&self.gradients[point]) {
                 let force = stress * g * weight;
                 *out = [out[0] + force[0], out[1] + force[1], out[2] + force[2]];
@@ -133,7 +147,7 @@ impl Hexahedron {
         let mut out = [[Matrix3::zeros(); 8]; 8];
         let weight = self.volume(size) / (size * size);
         for (point, lame) in matter.iter().enumerate() {
-            let (inverse, log) = inverse_transposed(&self.deformation(point, size, u));
+            let (inverse, log) = inverse_transposed(&self.gradient(point, size, u));
             let g = &self.gradients[point];
             let h: [Vector3<f64>; 8] = std::array::from_fn(|c| inverse * g[c]);
             let (straight, crossed) = (weight * lame.lambda, weight * (lame.mu - lame.lambda * log));
@@ -152,8 +166,51 @@ impl Hexahedron {
     }
 }
 
-/// `F⁻ᵀ` and `ln J`.
-fn inverse_transposed(f: &Matrix3<f64>) -> (Matrix3<f64>, f64) {
-    let inverse = f.try_inverse().expect("J > 0 is kept by the line search");
-    (inverse.transpose(), f.determinant().ln())
+/// `F⁻ᵀ` and `ln J` of a displacement's gradient.
+fn inverse_transposed(g: &Matrix3<f64>) -> (Matrix3<f64>, f64) {
+    let inverse = (Matrix3::identity() + g).try_inverse().expect("J > 0 is kept by the line search");
+    (inverse.transpose(), (g.trace() + minors(g) + g.determinant()).ln_1p())
+}
+
+/// Sum of the principal minors of two rows.
+fn minors(g: &Matrix3<f64>) -> f64 {
+    let minor = |a: usize, b: usize| g[(a, a)] * g[(b, b)] - g[(a, b)] * g[(b, a)];
+    minor(0, 1) + minor(0, 2) + minor(1, 2)
+}
+
+/// `d − ln(1 + d)`, to all digits however small `d` is.
+fn without_log(d: f64) -> f64 {
+    if d.abs() > 0.01 {
+        return d - d.ln_1p();
+    }
+    // d²/2 − d³/3 + d⁴/4 − …: the ninth term is less than a rounding of the first.
+    let series = (2..=9).rev().fold(0.0, |sum, n| 1.0 / f64::from(n) - d * sum);
+    d * d * series
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn energy_and_stress_are_those_of_the_book_and_keep_their_digits_when_little_moves() {
+        let lame = Lame::new(3.0, 0.3);
+        let shape = Matrix3::new(0.3, -0.2, 0.1, 0.4, 0.2, -0.3, 0.1, 0.25, -0.15);
+        let g = shape * 0.7;
+        let f = Matrix3::identity() + g;
+        let log = f64::ln(f.determinant());
+        let plain = 0.5 * lame.mu * (f.norm_squared() - 3.0 - 2.0 * log) + 0.5 * lame.lambda * log * log;
+        assert!((lame.energy(&g).unwrap().0 - plain).abs() < 1e-13);
+        assert_eq!(lame.energy(&(Matrix3::identity() * -1.5)), None);
+        // Linear elasticity is what is left of small motions.
+        let strain = (shape + shape.transpose()) * 0.5;
+        let small = lame.mu * strain.norm_squared() + 0.5 * lame.lambda * strain.trace().powi(2);
+        for scale in [1e-5, 1e-9, 1e-30, 1e-100] {
+            let energy = lame.energy(&(shape * scale)).unwrap().0 / (scale * scale);
+            assert!((energy - small).abs() < 1e-12 + 4.0 * scale, "{scale:e}: {energy} for {small}");
+        }
+        for d in [-0.0101, -0.0099, 0.0099, 0.0101, 1e-4] {
+            assert!((without_log(d) - (d - d.ln_1p())).abs() < 1e-15, "{d}");
+        }
+    }
 }

@@ -96,17 +96,14 @@ impl Body {
             for &cell in cells {
                 let corners = self.mesh.gather(cell, u);
                 let edge = f64::from(self.mesh.cells[cell].size);
+                let (matter, terms) = self.element.energy(&self.matter[cell], edge, &corners)?;
+                (sum, size) = (sum + matter, size + terms);
                 let mut add = |term: f64| (sum, size) = (sum + term, size + term.abs());
-                let matter = self.element.energy(&self.matter[cell], edge, &corners)?;
-                add(matter);
-                // `F : F − 3` is a small difference, even where the energy is next to nothing.
-                let modulus: f64 = self.matter[cell].iter().map(|lame| lame.mu).sum();
                 for pull in &self.pulls[self.ranges[cell].clone()] {
                     let left = pull.left(&corners);
                     add(0.5 * pull.spring * left.norm_squared());
                     add(pull.multiplier.dot(&left));
                 }
-                size += 3.0 * modulus * self.element.volume(edge);
             }
             Some((sum, size))
         };
