@@ -15,7 +15,7 @@ use super::blocks::{Block, LANES, NO_DIRECTION, Padded};
 pub(super) const CHUNK: usize = 2048;
 /// Fewer vertices than these are faster on one thread.
 const ALONE: usize = 3 * CHUNK;
-/// Stiffness beyond the strain limit, in stiffnesses below it.
+/// Stiffness that comes on top beyond the strain limit, in stiffnesses below it.
 pub(super) const LIMITED: f64 = 100.0;
 
 /// What a spring makes of its length.

@@ -13,7 +13,7 @@
 //! thickness `t` (mm) it is `E t Σ area / L²` over the triangles beside (Van Gelder 1998, for a membrane), with
 //! `Σ area / L²` between 0.01 and 100. Between two materials a spring is two halves in a row: `2 K₁ K₂ / (K₁ + K₂)`.
 //!
-//! Springs pull and, where `push`, push by Hooke's law. Beyond the strain limit they pull a hundred times as stiffly, which
+//! Springs pull and, where `push`, push by Hooke's law. Beyond the strain limit a hundredfold stiffness more pulls, which
 //! stands for Provot's correction of positions and has an energy. Drag takes `γ` of every velocity a second; ground springs
 //! tie vertices to their places. Momentum is kept where there is neither, and nothing is held.
 //!
@@ -84,7 +84,7 @@ pub struct Solved {
     /// Iterations of an implicit solver, of all steps.
     pub iterations: usize,
     /// Length of the list of unbalanced forces over that of the forces of handles. Of an implicit solver the worst of all
-    /// frames or steps, in time with the forces of inertia beside those of handles.
+    /// frames or steps, in time with the forces of inertia beside those of handles. 1 where handles put in none and some are left.
     pub residual: f64,
     /// Energy after the first step (nJ): springs, ground springs and motion.
     pub energy_first: f64,

@@ -53,8 +53,12 @@ impl Balance {
         Self { unbalanced: norm(&force), handles, bones, put_in: norm(&put_in) }
     }
 
-    /// The unbalanced force over what handles and bones put in; 0 where both are.
+    /// The unbalanced force over what handles and bones put in; 0 where both are, 1 where only the latter is.
     pub(super) fn relative(&self) -> f64 {
-        if self.unbalanced == 0.0 { 0.0 } else { self.unbalanced / self.put_in }
+        match (self.unbalanced > 0.0, self.put_in > 0.0) {
+            (false, _) => 0.0,
+            (true, false) => 1.0,
+            (true, true) => (self.unbalanced / self.put_in).min(f64::MAX),
+        }
     }
 }

@@ -59,7 +59,7 @@ pub struct Params {
     pub ground: f64,
     /// Whether springs push when they are shorter than at rest.
     pub push: bool,
-    /// Strain beyond which a spring pulls a hundred times as stiffly, 0…1e3; `None`: never.
+    /// Strain beyond which a hundredfold stiffness more pulls, 0…1e3; `None`: never.
     pub strain_limit: Option<f64>,
     /// Mass of the surface (g/mm²), 1e-12…1e6; vertices share the mass of their triangles.
     pub density: f64,
