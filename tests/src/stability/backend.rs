@@ -1,8 +1,10 @@
 //! Where stages run.
 
 use ivd_core::{Displacement, Exec, Fault, FieldBricks, Grid, Labels, Lattice, Mask, Motion, Octree, Volume};
+use ivd_deform::freeform::{self, Shape, Shaped};
 use ivd_deform::inverse::Inverse;
 use ivd_deform::map::{MapMethod, MapParams, Mapped};
+use ivd_deform::mass_spring;
 use ivd_deform::spring::{Fix, Handle, RingParams, Solved};
 use ivd_deform::warp::{WarpParams, Warped};
 use ivd_lattice::extract::{ExtractParams, Extracted, Part};
@@ -134,6 +136,21 @@ pub trait Backend: Sync {
         exec: &Exec,
     ) -> Answer<Solved> {
         Ok(ivd_deform::spring::ring(lattice, handles, fixed, params, exec)?)
+    }
+
+    fn springs(
+        &self,
+        lattice: &Lattice,
+        handles: &[Handle],
+        fixed: &[Fix],
+        params: &mass_spring::Params,
+        exec: &Exec,
+    ) -> Answer<mass_spring::Solved> {
+        Ok(mass_spring::solve(lattice, None, handles, fixed, params, exec)?)
+    }
+
+    fn shapes(&self, lattice: &Lattice, start: &Motion, shapes: &[Shape], exec: &Exec) -> Answer<Shaped> {
+        Ok(freeform::lattice(lattice, Some(start), shapes, exec)?)
     }
 
     fn map(

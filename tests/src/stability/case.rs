@@ -1,7 +1,9 @@
 //! A case: a volume, how every stage is asked, and which refusals are right.
 
 use ivd_core::{Fault, Lattice, Volume};
+use ivd_deform::freeform::Shape;
 use ivd_deform::map::MapParams;
+use ivd_deform::mass_spring;
 use ivd_deform::spring::{Fix, Handle, RingParams};
 use ivd_deform::warp::WarpParams;
 use ivd_lattice::refine::RefineParams;
@@ -56,14 +58,42 @@ pub enum Stage {
     Octree,
     /// Motion of the lattice.
     Deform,
+    /// The same by masses on springs, explicit steps.
+    DeformDynamics,
+    /// The same in balance.
+    DeformBalance,
+    /// The same by implicit steps.
+    DeformImplicit,
+    /// The same by constraints.
+    DeformXpbd,
+    /// The same by free forms.
+    DeformShapes,
     /// Motion of the voxels.
     Map,
+    /// The same by the smoothest field.
+    MapBiharmonic,
+    /// The same by elastic matter.
+    MapFem,
     /// Inverse of the map.
     Inverse,
     /// Deformed volume, labels and mask.
     Warp,
     /// Picture.
     Render,
+}
+
+impl Stage {
+    /// The stage that does the same in the pipeline's own way.
+    #[must_use]
+    pub fn first_of_its_kind(self) -> Self {
+        match self {
+            Self::DeformDynamics | Self::DeformBalance | Self::DeformImplicit | Self::DeformXpbd => {
+                Self::Deform
+            }
+            Self::MapBiharmonic | Self::MapFem => Self::Map,
+            other => other,
+        }
+    }
 }
 
 /// Which surface the lattice is cut from.
@@ -77,7 +107,8 @@ pub enum Cut {
     Value(f64),
 }
 
-/// Groups that the other ways to cluster take turns in, where a case doesn't call them all: ten would cost more than the rest.
+/// Groups that the other ways to cluster, to thin out, to deform and to map take turns in, where a case doesn't call them all: they
+/// would cost more than the rest.
 pub const TURNS: usize = 5;
 
 /// How the stages are asked.
@@ -85,7 +116,7 @@ pub const TURNS: usize = 5;
 pub struct Setup {
     /// Classes of the segmentation.
     pub k: usize,
-    /// Which of the other ways to cluster have their turn, of [`TURNS`] groups; `None`: all.
+    /// Which of the other ways have their turn, of [`TURNS`] groups; `None`: all.
     pub turn: Option<usize>,
     /// Thresholds.
     pub thresholds: Vec<f64>,
@@ -103,8 +134,12 @@ pub struct Setup {
     pub handles: Vec<Handle>,
     /// Vertices that stay, numbered in the same way.
     pub fixed: Vec<Fix>,
-    /// Solver.
+    /// Rings.
     pub ring: RingParams,
+    /// Masses on springs; their solver is every one in turn.
+    pub springs: mass_spring::Params,
+    /// Free forms.
+    pub shapes: Vec<Shape>,
     /// Map.
     pub map: MapParams,
     /// Warp.
@@ -127,6 +162,13 @@ impl Default for Setup {
             handles: Vec::new(),
             fixed: Vec::new(),
             ring: RingParams { dt: Some(0.2 / 40.0), ..RingParams::default() },
+            springs: mass_spring::Params {
+                duration: 0.01,
+                dt: Some(0.01 / 4.0),
+                max_iterations: 20,
+                ..mass_spring::Params::default()
+            },
+            shapes: Vec::new(),
             map: MapParams::default(),
             warp: WarpParams::default(),
             render: RenderParams { width: 20, height: 14, annotate: false, ..RenderParams::default() },

@@ -5,8 +5,10 @@ use std::fmt;
 
 use ivd_artefact::{ArtefactRef, ContentHash};
 use ivd_core::{Exec, Fault, Labels, Lattice, Mask, Octree};
+use ivd_deform::freeform::Shaped;
 use ivd_deform::inverse::Inverse;
 use ivd_deform::map::Mapped;
+use ivd_deform::mass_spring;
 use ivd_deform::spring::{Fix, Handle, HandleAt, Solved};
 use ivd_deform::warp::Warped;
 use ivd_lattice::extract::Part;
@@ -39,7 +41,12 @@ pub struct Values {
     /// Voxels inside the refined lattice.
     pub inside: Option<Mask>,
     pub solved: Option<Solved>,
+    /// Motions by masses on springs, by solver.
+    pub sprung: BTreeMap<&'static str, mass_spring::Solved>,
+    pub shaped: Option<Shaped>,
     pub mapped: Option<Mapped>,
+    /// What the other methods made of the rings' motion, by name.
+    pub maps: BTreeMap<&'static str, Mapped>,
     pub inverse: Option<Inverse>,
     pub volume: Option<Warped<ivd_core::Volume>>,
     pub labels: Option<Warped<Labels>>,
@@ -97,7 +104,14 @@ impl Values {
         add("octree", self.octree.as_ref().map(Into::into))?;
         add("inside", self.inside.as_ref().map(Into::into))?;
         add("deform", self.solved.as_ref().map(|s| (&s.motion).into()))?;
+        for (name, found) in &self.sprung {
+            add(name, Some((&found.motion).into()))?;
+        }
+        add("deform by shapes", self.shaped.as_ref().map(|s| (&s.motion).into()))?;
         add("map", self.mapped.as_ref().map(|m| (&m.displacement).into()))?;
+        for (name, found) in &self.maps {
+            add(name, Some((&found.displacement).into()))?;
+        }
         add("warp", self.volume.as_ref().map(|v| (&v.output).into()))?;
         add("warp labels", self.labels.as_ref().map(|v| (&v.output).into()))?;
         add("warp mask", self.mask.as_ref().map(|v| (&v.output).into()))?;
@@ -195,7 +209,10 @@ fn walk(
 
 /// Whether the case allows what a stage did.
 fn allowed(case: &Case, stage: Stage, ran: &Ran) -> Verdict {
-    let listed = |refusals: &[(Stage, Fault)], fault| refusals.contains(&(stage, fault));
+    // What is too much for one way to deform or to map may be for another.
+    let listed = |refusals: &[(Stage, Fault)], fault| {
+        refusals.iter().any(|(at, why)| (*at == stage || *at == stage.first_of_its_kind()) && *why == fault)
+    };
     match ran {
         Ran::Refused(r) if listed(&case.may, r.fault) || listed(&case.must, r.fault) => {
             if r.why.trim().is_empty() { Err("refused without a reason".into()) } else { Ok(()) }

@@ -8,12 +8,14 @@
 //! - [`symmetry`]: the same case mirrored, turned, scaled or moved.
 
 pub mod backend;
+mod bodies;
 pub mod case;
 pub mod chain;
 mod clusters;
 pub mod determinism;
 pub mod invariants;
 pub mod meshes;
+mod motions;
 pub mod nasty;
 pub mod scene;
 pub mod seeded;

@@ -4,11 +4,11 @@ use ivd_boundary::ClassChoice;
 use ivd_core::{Fault, Grid, Scalar, Volume};
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt};
 
-use super::case::{Case, Cut, Refused, Stage};
-use super::meshes;
+use super::case::{Case, Cut, Refused, Stage, TURNS};
+use super::{bodies, meshes};
 
 /// What a motion that is too much ends with.
-const TOO_MUCH: [Refused; 3] =
+pub(super) const TOO_MUCH: [Refused; 3] =
     [(Stage::Deform, Fault::Untrusted), (Stage::Map, Fault::Untrusted), (Stage::Map, Fault::Limit)];
 /// What a volume without data ends with: there is no class to take a part from.
 const NO_PART: [Refused; 1] = [(Stage::Boundary, Fault::Usage)];
@@ -41,18 +41,18 @@ fn soft(grid: &Grid, radius: f64) -> impl Fn([usize; 3]) -> f64 {
 }
 
 /// A ball of bytes.
-fn ball(n: usize) -> Volume {
+pub(super) fn ball(n: usize) -> Volume {
     let grid = cube(n);
     let value = soft(&grid, 0.3 * n as f64);
     volume::<u8>(&grid, |at| 200.0 * value(at))
 }
 
-fn grip(vertex: u32, action: Action, radius: f64) -> Handle {
+pub(super) fn grip(vertex: u32, action: Action, radius: f64) -> Handle {
     Handle { at: HandleAt::Vertex(vertex), action, radius }
 }
 
 /// A case whose first vertex is moved a little.
-fn nudged(name: &str, volume: Volume) -> Case {
+pub(super) fn nudged(name: &str, volume: Volume) -> Case {
     let length = volume.grid().voxel_diagonal();
     Case::new(name, volume).with(|s| {
         s.k = 2;
@@ -64,7 +64,8 @@ fn nudged(name: &str, volume: Volume) -> Case {
 /// All cases.
 pub fn cases() -> Vec<Case> {
     let groups = [flat, missing, numbers, ties, grids, levels, surfaces, lattices, materials, handles];
-    groups.into_iter().flat_map(|group| group()).collect()
+    let others = [bodies::springs, bodies::shapes];
+    groups.into_iter().chain(others).flat_map(|group| group()).collect()
 }
 
 /// Volumes of one value or one voxel.
@@ -349,7 +350,8 @@ fn materials() -> Vec<Case> {
         all.push(case.with(|s| (s.ring.density, s.ring.vertex_mass) = (density, vertex)).may(&TOO_MUCH));
     }
     all.push(pulled("the thesis to the letter".into(), 20.0).with(|s| s.ring.literal = true).may(&TOO_MUCH));
-    all
+    // What differs is rings alone: the other ways take turns.
+    all.into_iter().enumerate().map(|(i, case)| case.with(|s| s.turn = Some(i % TURNS))).collect()
 }
 
 /// Handles that contradict, miss, or ask for what can't be had.

@@ -1,8 +1,10 @@
 //! Random scenes: a tiny volume of any kind and any questions, from a seed.
 
 use ivd_boundary::ClassChoice;
-use ivd_core::{Fault, Grid, Scalar, Volume, Voxels};
+use ivd_core::{Fault, Grid, Scalar, Volume, VoxelCoord, Voxels};
+use ivd_deform::freeform::{Kind, Shape};
 use ivd_deform::map::{DepthWeight, MapParams, Outside};
+use ivd_deform::mass_spring;
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt, RingParams};
 use ivd_deform::warp::{Order, WarpParams};
 use ivd_lattice::refine::{RefineParams, Target};
@@ -14,7 +16,8 @@ use super::seeded::Seeded;
 
 /// Refusals that a random scene may end with: a limit or a result that can't be trusted; and a handle that has no vertex
 /// to hold, or two that contradict each other on one.
-pub const ALLOWED: [(Stage, Fault); 4] = [
+pub const ALLOWED: [(Stage, Fault); 5] = [
+    (Stage::DeformShapes, Fault::Untrusted),
     (Stage::Deform, Fault::Untrusted),
     (Stage::Deform, Fault::Usage),
     (Stage::Map, Fault::Untrusted),
@@ -31,6 +34,8 @@ pub fn scene(seed: u64) -> Case {
     setup.turn = Some(seed as usize % TURNS);
     let handles = 1 + random.below(3);
     let (length, handle) = (grid.voxel_diagonal(), &mut random);
+    setup.springs = springs(&mut Seeded::new(seed ^ 0x5b71), setup.ring.stiffness);
+    setup.shapes = shapes(&mut Seeded::new(seed ^ 0x5a4e), &grid);
     setup.handles = (0..handles).map(|_| grip(handle, length, setup.ring.stiffness)).collect();
     let mut case = Case::new(format!("scene {seed}"), volume).may(&ALLOWED);
     case.setup = setup;
@@ -184,6 +189,59 @@ fn ring(random: &mut Seeded) -> RingParams {
         literal: random.one_in(40),
         ..RingParams::default()
     }
+}
+
+fn springs(random: &mut Seeded, stiffness: f64) -> mass_spring::Params {
+    let wide = |random: &mut Seeded, usual: f64, from: f64, to: f64| {
+        if random.one_in(6) { random.spread(from, to) } else { usual }
+    };
+    mass_spring::Params {
+        stiffness,
+        shear: random.pick(&[0.5, 0.5, 0.0, 2.0]),
+        flexion: random.pick(&[0.5, 0.5, 0.0, 2.0]),
+        ground: random.pick(&[0.0, 0.0, 1e-3, 1.0, 100.0]),
+        push: !random.one_in(4),
+        strain_limit: random.pick(&[None, None, Some(0.0), Some(0.3)]),
+        density: wide(random, 1e-3, 1e-9, 1e3),
+        drag: random.pick(&[100.0, 100.0, 0.0, 1e4]),
+        duration: wide(random, 0.01, 1e-9, 1e-1),
+        dt: random.pick(&[None, Some(0.01), Some(0.001)]),
+        ramp: random.pick(&[None, None, Some(0.0)]),
+        frames: random.pick(&[1, 1, 1, 3]),
+        tolerance: random.pick(&[1e-3, 1e-3, 1e-8]),
+        max_iterations: 20,
+        history: random.pick(&[8, 8, 0, 3]),
+        ..mass_spring::Params::default()
+    }
+}
+
+/// Up to two free forms that are mostly moderate.
+fn shapes(random: &mut Seeded, grid: &Grid) -> Vec<Shape> {
+    let length = grid.voxel_diagonal();
+    let count = random.below(3);
+    let shape = |_| {
+        let amount = if random.one_in(8) { random.spread(1e-9, 1e3) } else { random.between(0.0, 1.0) };
+        let kind = match random.below(8) {
+            0 => Kind::Translate { by: random.vector(amount * length) },
+            1 => Kind::Rotate { angle: 40.0 * amount },
+            2 => Kind::Scale { along: 1.0 + amount.min(900.0), across: 1.0 / (1.0 + amount.min(900.0)) },
+            3 => Kind::Stretch { factor: 1.0 + amount.min(900.0) },
+            4 => Kind::Squeeze { factor: 1.0 / (1.0 + amount.min(900.0)) },
+            5 => Kind::Twist { rate: (20.0 * amount / length).min(1e6) },
+            6 => Kind::Taper { rate: (0.1 * amount / length).min(1e6) },
+            _ => Kind::Bend { rate: (10.0 * amount / length).min(1e6), spine: [0.0, 0.6, 0.8] },
+        };
+        let voxel = std::array::from_fn(|a| random.between(0.0, grid.dims()[a] as f64));
+        Shape {
+            kind,
+            centre: grid.world(VoxelCoord(Vector3::from(voxel))).0.into(),
+            axis: [1.0, random.between(-0.5, 0.5), 0.0],
+            radius: random.between(1.0, 8.0) * length,
+            core: random.pick(&[0.0, 0.0, 0.5, 0.99]),
+            length: random.pick(&[None, None, Some(3.0 * length)]),
+        }
+    };
+    (0..count).map(shape).collect()
 }
 
 fn fix(random: &mut Seeded, length: f64) -> Fix {

@@ -9,11 +9,12 @@ use super::backend::{Answer, Backend};
 use super::case::{Case, Cut, Stage};
 use super::chain::{Subject, Values};
 use super::clusters;
-use super::invariants::{Verdict, field, mesh, motion, picture, segments, values as voxels};
-use super::surfaces;
+use super::invariants::motion::{self, Asked};
+use super::invariants::{Verdict, field, mesh, picture, segments, values as voxels};
+use super::{motions, surfaces};
 
 /// Every stage, in the order in which they run. A new stage is a line here.
-pub static SUBJECTS: [&dyn Subject; 27] = [
+pub static SUBJECTS: [&dyn Subject; 34] = [
     &Segment,
     &Threshold,
     &clusters::KMEANS,
@@ -37,7 +38,14 @@ pub static SUBJECTS: [&dyn Subject; 27] = [
     &surfaces::SAMPLE,
     &Tree,
     &Deform,
+    &motions::DYNAMICS,
+    &motions::BALANCE,
+    &motions::IMPLICIT,
+    &motions::XPBD,
+    &motions::Shapes,
     &Map,
+    &motions::BIHARMONIC,
+    &motions::FEM,
     &Invert,
     &Warp,
     &Render,
@@ -208,9 +216,12 @@ impl Subject for Deform {
         Ok(true)
     }
     fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {
-        let lattice = &values.refined.as_ref().expect(RAN).lattice;
-        let found = values.solved.as_ref().expect(RAN);
-        motion::solved(lattice, &values.handles(case), &values.fixed(case), found)
+        let asked = Asked {
+            lattice: &values.refined.as_ref().expect(RAN).lattice,
+            handles: &values.handles(case),
+            fixed: &values.fixed(case),
+        };
+        motion::solved(&asked, values.solved.as_ref().expect(RAN))
     }
 }
 

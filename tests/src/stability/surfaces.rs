@@ -70,6 +70,7 @@ impl Subject for Thinning {
     }
 }
 
-fn has_turn(case: &Case, stage: Stage) -> bool {
+/// Whether a stage that takes turns has its own.
+pub(super) fn has_turn(case: &Case, stage: Stage) -> bool {
     case.setup.turn.is_none_or(|turn| stage as usize % TURNS == turn)
 }

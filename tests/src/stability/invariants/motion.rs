@@ -1,10 +1,14 @@
 //! Motions of lattices.
 
-use ivd_core::Lattice;
-use ivd_deform::spring::{Action, Fix, Handle, HandleAt, Solved};
-use nalgebra::Vector3;
+use std::collections::BTreeMap;
 
-use super::Verdict;
+use ivd_core::{Lattice, Motion};
+use ivd_deform::freeform::{Kind as Form, Shape, Shaped};
+use ivd_deform::mass_spring::{self, Kind, Params, Solver};
+use ivd_deform::spring::{Action, Fix, Handle, HandleAt, Solved};
+use nalgebra::{Rotation3, Unit, Vector3};
+
+use super::{EPS, Verdict};
 use crate::hold;
 
 /// The vertex of a handle that names one.
@@ -12,28 +16,48 @@ fn vertex(at: &HandleAt) -> Option<usize> {
     if let HandleAt::Vertex(v) = at { Some(*v as usize) } else { None }
 }
 
-/// A motion: finite, exact at handles that move and at what is fixed, 0 beyond every handle's reach, and nothing where
+/// What a solver is asked.
+#[derive(Debug, Clone, Copy)]
+pub struct Asked<'a> {
+    /// The lattice at rest.
+    pub lattice: &'a Lattice,
+    /// Handles.
+    pub handles: &'a [Handle],
+    /// What stays.
+    pub fixed: &'a [Fix],
+}
+
+/// A motion by rings: finite, exact at handles that move and at what is fixed, 0 beyond every handle's reach, and nothing where
 /// nothing is asked.
 ///
 /// # Errors
 /// The first thing that doesn't hold.
-pub fn solved(lattice: &Lattice, handles: &[Handle], fixed: &[Fix], found: &Solved) -> Verdict {
-    let motion = &found.motion;
-    motion.check().map_err(|e| e.to_string())?;
-    hold!(motion.vertex_count == lattice.keys.len(), "{} vertices", motion.vertex_count);
+pub fn solved(asked: &Asked<'_>, found: &Solved) -> Verdict {
     let numbers =
         [found.residual, found.energy_first, found.energy_last, found.max_displacement_mm, found.dt];
     hold!(numbers.iter().all(|n| n.is_finite() && *n >= 0.0), "figures {numbers:?}");
-    let u = &motion.frames[0].displacement;
+    moved(asked, &found.motion, found.vertices_moved, true)
+}
+
+/// What holds of the last frame of any motion by handles.
+///
+/// - `whole`: whether handles have come to the end of their ways.
+fn moved(asked: &Asked<'_>, motion: &Motion, vertices: usize, whole: bool) -> Verdict {
+    let Asked { lattice, handles, fixed } = *asked;
+    motion.check().map_err(|e| e.to_string())?;
+    hold!(motion.vertex_count == lattice.keys.len(), "{} vertices", motion.vertex_count);
+    let u = &motion.frames[motion.frames.len() - 1].displacement;
     let moved = u.iter().filter(|d| **d != [0.0; 3]).count();
-    hold!(found.vertices_moved == moved, "{} vertices moved, plainly {moved}", found.vertices_moved);
-    out_of_reach(lattice, found)?;
+    hold!(vertices == moved, "{vertices} vertices moved, plainly {moved}");
+    out_of_reach(lattice, motion)?;
+    let rest = lattice.local_positions();
     let held = |v: usize| {
-        fixed.iter().filter_map(|f| Some((vertex(&f.at)?, f.radius))).any(|(f, radius)| {
-            v == f || (lattice.local_positions()[v] - lattice.local_positions()[f]).norm() <= radius
-        })
+        fixed
+            .iter()
+            .filter_map(|f| Some((vertex(&f.at)?, f.radius)))
+            .any(|(f, radius)| v == f || (rest[v] - rest[f]).norm() <= radius)
     };
-    for handle in handles {
+    for handle in handles.iter().filter(|_| whole) {
         if let (Some(v), Action::Move(by)) = (vertex(&handle.at), handle.action) {
             let expected = if held(v) { [0.0; 3] } else { by.map(|c| c + 0.0) };
             hold!(u[v] == expected, "handle at vertex {v} went {:?}, not {expected:?}", u[v]);
@@ -50,15 +74,225 @@ pub fn solved(lattice: &Lattice, handles: &[Handle], fixed: &[Fix], found: &Solv
 }
 
 /// Beyond the balls nothing moves, exactly. Rounding of world positions, which the balls' centres are in, is allowed for.
-fn out_of_reach(lattice: &Lattice, found: &Solved) -> Verdict {
+fn out_of_reach(lattice: &Lattice, motion: &Motion) -> Verdict {
     let rest = lattice.positions();
-    for (v, d) in found.motion.frames[0].displacement.iter().enumerate() {
-        let reached = found.motion.reach.iter().any(|b| {
+    for (v, d) in motion.frames.iter().flat_map(|frame| frame.displacement.iter().enumerate()) {
+        let reached = motion.reach.iter().any(|b| {
             let centre = Vector3::from(b.centre);
-            let slack = 8.0 * f64::EPSILON * (centre.amax() + rest[v].amax() + b.radius);
+            let slack = 8.0 * EPS * (centre.amax() + rest[v].amax() + b.radius);
             (rest[v] - centre).norm() < b.radius + slack
         });
         hold!(reached || *d == [0.0; 3], "vertex {v} is out of reach and went {d:?}");
+    }
+    Ok(())
+}
+
+/// A motion by masses on springs: as one by rings; and the figures are those of forces summed plainly.
+///
+/// # Errors
+/// The first thing that doesn't hold.
+pub fn sprung(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved) -> Verdict {
+    let mut numbers = vec![found.residual, found.energy_first, found.energy_last, found.max_displacement_mm];
+    numbers.extend([found.dt, found.truncation, found.truncation_mn]);
+    hold!(numbers.iter().all(|n| n.is_finite() && *n >= 0.0), "figures {numbers:?}");
+    hold!(found.motion.frames.len() == params.frames, "{} frames", found.motion.frames.len());
+    let whole = params.ramp.is_none_or(|ramp| ramp <= params.duration);
+    moved(asked, &found.motion, found.vertices_moved, whole)?;
+    if params.youngs_kpa.is_some() {
+        return Ok(());
+    }
+    let plain = Plain::new(asked, params, &found.motion);
+    // Places are rounded, and every force is a stiffness times a difference of lengths.
+    let slack = 1e-9 * plain.energy + 64.0 * EPS * plain.rounding_nj;
+    if params.solver == Solver::Projective && !params.inertia {
+        hold!(
+            (found.energy_last - plain.energy).abs() <= slack,
+            "an energy of {} nJ, plainly {}",
+            found.energy_last,
+            plain.energy
+        );
+        balanced(asked, params, found, &plain)?;
+    } else {
+        let least = plain.energy - slack;
+        hold!(found.energy_last >= least, "{} nJ, springs alone hold {}", found.energy_last, plain.energy);
+    }
+    Ok(())
+}
+
+/// What holds of forces in balance.
+fn balanced(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved, plain: &Plain) -> Verdict {
+    let u = &found.motion.frames[params.frames - 1].displacement;
+    let whole = params.ramp.is_none_or(|ramp| ramp <= params.duration);
+    let pull = whole && asked.handles.iter().all(|h| matches!(h.action, Action::Force(_)));
+    let (mut work, mut sizes) = (0.0, 0.0);
+    let mut seen = Vec::new();
+    for handle in asked.handles {
+        if let (Some(v), Action::Force(force)) = (vertex(&handle.at), handle.action)
+            && !seen.contains(&v)
+        {
+            seen.push(v);
+            // mN · mm = µJ.
+            work += 1e3 * Vector3::from(force).dot(&Vector3::from(u[v]));
+            sizes += 1e3 * Vector3::from(force).norm() * Vector3::from(u[v]).norm();
+        }
+    }
+    // From rest the objective, energy less work, never rises.
+    if pull && seen.len() == asked.handles.len() {
+        let slack = 1e-9 * (plain.energy + sizes) + 64.0 * EPS * plain.rounding_nj;
+        hold!(plain.energy <= work + slack, "{} nJ in springs, {work} nJ of work", plain.energy);
+    }
+    // One frame, one residual.
+    let named = asked.handles.iter().all(|h| vertex(&h.at).is_some());
+    if params.frames == 1 && params.grip == 0.0 && named && whole {
+        let (unbalanced, put_in) = plain.relative(asked, found);
+        let rounding = 64.0 * EPS * plain.rounding_mn;
+        let most = found.residual * put_in * (1.0 + 1e-6) + rounding;
+        hold!(
+            unbalanced <= most,
+            "{unbalanced} mN without balance, of {put_in} put in, stated {}",
+            found.residual
+        );
+    }
+    Ok(())
+}
+
+/// Springs summed one by one, in N/m, mm and mN.
+struct Plain {
+    /// Force of springs and ground on each vertex (mN).
+    force: Vec<Vector3<f64>>,
+    /// Energy in them (nJ).
+    energy: f64,
+    /// What a rounding of places is multiplied with: in energies (nJ) and in forces (mN).
+    rounding_nj: f64,
+    rounding_mn: f64,
+}
+
+impl Plain {
+    fn new(asked: &Asked<'_>, params: &Params, motion: &Motion) -> Self {
+        let rest = asked.lattice.local_positions();
+        let u = &motion.frames[motion.frames.len() - 1].displacement;
+        let stiffness = |kind: Kind| match kind {
+            Kind::Structural => params.stiffness,
+            Kind::Shear => params.shear * params.stiffness,
+            Kind::Flexion => params.flexion * params.stiffness,
+        };
+        let origin = Vector3::from(asked.lattice.grid.origin());
+        let targets: Vec<usize> = asked.handles.iter().filter_map(|h| vertex(&h.at)).collect();
+        let balls: Vec<_> =
+            motion.reach.iter().map(|b| (Vector3::from(b.centre) - origin, b.radius)).collect();
+        // An edge is seen with the triangles at the reach alone: with those beyond it may have more than two.
+        let near = |v: u32| {
+            let within =
+                |(centre, radius): &(Vector3<f64>, f64)| (rest[v as usize] - centre).norm() < *radius;
+            balls.iter().any(within) || targets.contains(&(v as usize))
+        };
+        let mut force = vec![Vector3::zeros(); rest.len()];
+        let (mut energy, mut rounding_nj, mut rounding_mn) = (0.0, 0.0, 0.0_f64);
+        let mut close = vec![false; rest.len()];
+        for t in asked.lattice.triangles.iter().filter(|t| t.iter().any(|&v| near(v))) {
+            for &v in t {
+                close[v as usize] = true;
+            }
+        }
+        let links = mass_spring::links(&asked.lattice.triangles, &rest, |v| close[v as usize]);
+        for link in links.into_iter().filter(|link| link.ends.iter().any(|&v| near(v))) {
+            let [a, b] = link.ends.map(|v| v as usize);
+            let (k, span) = (stiffness(link.kind), rest[b] - rest[a]);
+            let moved = span + Vector3::from(u[b]) - Vector3::from(u[a]);
+            let (short, long) = (span.norm(), moved.norm());
+            let stretch = long - short;
+            let far = Vector3::from(u[a]).norm().max(Vector3::from(u[b]).norm());
+            // Beyond the limit a hundredfold stiffness comes on top.
+            let over = params.strain_limit.map_or(0.0, |limit| (stretch - limit * short).max(0.0));
+            let tension = if stretch < 0.0 && !params.push { 0.0 } else { k * (stretch + 100.0 * over) };
+            let own = if stretch < 0.0 && !params.push {
+                0.0
+            } else {
+                0.5 * k * (stretch * stretch + 100.0 * over * over)
+            };
+            energy += 1e3 * own;
+            rounding_nj +=
+                1e3 * tension.abs() * (long + short) + 1e5 * k * EPS * (long + short + far).powi(2);
+            rounding_mn += 100.0 * k * (long + short + far);
+            if long > 0.0 {
+                let pull = moved * (tension / long);
+                force[a] += pull;
+                force[b] -= pull;
+            }
+        }
+        // All structural springs are alike, so that their mean is that of each.
+        let ground = params.ground * params.stiffness;
+        for (v, u) in u.iter().enumerate() {
+            let u = Vector3::from(*u);
+            let tied = asked.lattice.triangles.iter().any(|t| t.contains(&(v as u32)));
+            if tied {
+                force[v] -= u * ground;
+                energy += 0.5e3 * ground * u.norm_squared();
+                rounding_nj += 1e3 * ground * u.norm_squared();
+            }
+        }
+        Self { force, energy, rounding_nj, rounding_mn }
+    }
+
+    /// Length of the list of forces that nothing stands against, and of those that handles put in (mN).
+    fn relative(&self, asked: &Asked<'_>, found: &mass_spring::Solved) -> (f64, f64) {
+        let u = &found.motion.frames[0].displacement;
+        let targets: BTreeMap<usize, Action> =
+            asked.handles.iter().filter_map(|h| Some((vertex(&h.at)?, h.action))).collect();
+        let (mut unbalanced, mut put_in) = (0.0, 0.0);
+        for (v, force) in self.force.iter().enumerate() {
+            match targets.get(&v) {
+                Some(Action::Move(_)) => put_in += force.norm_squared(),
+                // What doesn't move may be held, by a fix or as out of reach.
+                _ if u[v] == [0.0; 3] => {}
+                Some(Action::Force(pull)) => {
+                    let pull = Vector3::from(*pull);
+                    put_in += pull.norm_squared();
+                    unbalanced += (force + pull).norm_squared();
+                }
+                None => unbalanced += force.norm_squared(),
+            }
+        }
+        (f64::sqrt(unbalanced), f64::sqrt(put_in))
+    }
+}
+
+/// A motion by free forms: finite; beyond their balls what was there before, bit for bit; and within the core of one that is alone and
+/// simple, what the book says.
+///
+/// # Errors
+/// The first thing that doesn't hold.
+pub fn shaped(lattice: &Lattice, start: &Motion, shapes: &[Shape], found: &Shaped) -> Verdict {
+    found.motion.check().map_err(|e| e.to_string())?;
+    let (before, after) = (&start.frames[0].displacement, &found.motion.frames[0].displacement);
+    let moved = after.iter().filter(|d| **d != [0.0; 3]).count();
+    hold!(found.vertices_moved == moved, "{} vertices moved, plainly {moved}", found.vertices_moved);
+    let origin = Vector3::from(lattice.grid.origin());
+    for (v, rest) in lattice.local_positions().into_iter().enumerate() {
+        let place = rest + Vector3::from(before[v]);
+        // Rounding of world positions, which the balls' centres are in.
+        let slack = |shape: &Shape| 16.0 * EPS * (origin.amax() + place.amax() + shape.radius);
+        let from = |shape: &Shape| place - (Vector3::from(shape.centre) - origin);
+        let beyond = |shape: &Shape| from(shape).norm() > shape.radius + slack(shape);
+        if shapes.iter().all(beyond) {
+            hold!(after[v] == before[v], "vertex {v} lies beyond all shapes and went {:?}", after[v]);
+        }
+        let [shape] = shapes else { continue };
+        if from(shape).norm() >= shape.core * shape.radius - slack(shape) {
+            continue;
+        }
+        let axis = Unit::new_normalize(Vector3::from(shape.axis));
+        let at = from(shape);
+        let along = axis.into_inner() * axis.dot(&at);
+        let expected = match shape.kind {
+            Form::Translate { by } => at + Vector3::from(by),
+            Form::Rotate { angle } => Rotation3::from_axis_angle(&axis, angle.to_radians()) * at,
+            Form::Scale { along: s, across: q } => along * s + (at - along) * q,
+            _ => continue,
+        };
+        let went = rest + Vector3::from(after[v]) - (place - at);
+        let most = slack(shape) * 1e3 + 1e-9 * expected.norm();
+        hold!((went - expected).norm() <= most, "vertex {v} went to {went:?}, not {expected:?}");
     }
     Ok(())
 }

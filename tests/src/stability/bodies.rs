@@ -1,0 +1,118 @@
+//! Awkward masses on springs and free forms, for [`nasty`](super::nasty).
+
+use ivd_core::Fault;
+use ivd_deform::freeform::{Kind, Shape};
+use ivd_deform::mass_spring::{Course, Params};
+use ivd_deform::spring::{Action, Fix, HandleAt};
+
+use super::case::{Case, Refused, Stage, TURNS};
+use super::nasty::{TOO_MUCH, ball, grip, nudged};
+
+/// What a pull ends with that nothing holds against.
+const NO_HOLD: [Refused; 1] = [(Stage::DeformBalance, Fault::Usage)];
+
+/// Springs, masses, time and solvers at their ends.
+pub(super) fn springs() -> Vec<Case> {
+    let of = |name: &str, change: fn(&mut Params)| {
+        let case = nudged(&format!("springs, {name}"), ball(12)).may(&TOO_MUCH);
+        case.with(|s| change(&mut s.springs))
+    };
+    let pulled = |name: &str, change: fn(&mut Params)| {
+        of(name, change).with(|s| s.handles = vec![grip(3, Action::Force([20.0, -10.0, 6.0]), 6.0)])
+    };
+    let mut all = vec![
+        of("none across edges", |p| (p.shear, p.flexion) = (0.0, 0.0)),
+        of("a million times as stiff across edges", |p| (p.shear, p.flexion) = (1e6, 1e6)),
+        of("1e12 times as stiff across flat edges", |p| (p.shear, p.flexion) = (1e6, 1e-6)),
+        of("ground 1e6", |p| p.ground = 1e6),
+        of("ground 1e-9", |p| p.ground = 1e-9),
+        of("they don't push", |p| p.push = false),
+        of("no strain allowed", |p| p.strain_limit = Some(0.0)),
+        of("strain of a thousand allowed", |p| p.strain_limit = Some(1e3)),
+        of("stiffness 1e-9", |p| p.stiffness = 1e-9),
+        of("stiffness 1e15", |p| p.stiffness = 1e15),
+        of("Young's modulus 1e-9", |p| p.youngs_kpa = Some(1e-9)),
+        of("Young's modulus 1e15, thickness 1e6", |p| (p.youngs_kpa, p.thickness) = (Some(1e15), 1e6)),
+        of("density 1e-12", |p| p.density = 1e-12),
+        of("density 1e6", |p| p.density = 1e6),
+        of("vertices of 1e-12 g", |p| p.vertex_mass = Some(1e-12)),
+        of("vertices of 1e9 g", |p| p.vertex_mass = Some(1e9)),
+        of("no drag", |p| p.drag = 0.0),
+        of("drag 1e9", |p| p.drag = 1e9),
+        of("a grip of everything", |p| p.grip = 1e100),
+        of("a grip of a few", |p| p.grip = 3.0),
+        of("a step of 1e-9 s", |p| (p.duration, p.dt) = (1e-7, Some(1e-9))),
+        of("a step of 1e3 s", |p| (p.duration, p.dt) = (1e3, Some(1e3))),
+        of("a step longer than the time", |p| p.dt = Some(1e300)),
+        of("at once", |p| p.ramp = Some(0.0)),
+        of("slower than the time", |p| p.ramp = Some(1e3)),
+        of("evenly, five frames", |p| (p.course, p.frames) = (Course::Linear, 5)),
+        of("tolerance 1e-14", |p| p.tolerance = 1e-14),
+        of("one iteration", |p| p.max_iterations = 1),
+        of("nothing remembered", |p| p.history = 0),
+        of("a hundred steps remembered", |p| p.history = 100),
+        of("a push through everything", |p| p.duration = 1e-9)
+            .with(|s| s.handles = vec![grip(3, Action::Move([0.0, 0.0, 40.0]), 6.0)]),
+        of("everything fixed", |_| ()).with(|s| s.fixed = vec![Fix { at: HandleAt::Vertex(0), radius: 1e3 }]),
+        of("the handle fixed", |_| ()).with(|s| s.fixed = vec![Fix { at: HandleAt::Vertex(3), radius: 0.0 }]),
+        pulled("a pull", |_| ()),
+        pulled("a pull, tight", |p| (p.tolerance, p.max_iterations) = (1e-12, 2000)),
+        pulled("a pull on what doesn't push", |p| p.push = false),
+        pulled("a pull against ground", |p| p.ground = 1.0).with(|s| s.handles[0].radius = 1e3),
+        pulled("a pull against nothing", |_| ()).with(|s| s.handles[0].radius = 1e3).must(&NO_HOLD),
+        pulled("a pull at once, no drag", |p| (p.ramp, p.drag) = (Some(0.0), 0.0)),
+    ];
+    for (name, by) in [("1e-30", 1e-30), ("1e-9", 1e-9), ("1e9", 1e9)] {
+        let case = of(&format!("a move of {name} mm"), |_| ());
+        all.push(case.with(|s| s.handles = vec![grip(3, Action::Move([by, 0.0, -by]), 6.0)]));
+    }
+    all
+}
+
+/// Free forms at their ends.
+pub(super) fn shapes() -> Vec<Case> {
+    let shape = |kind: Kind| Shape {
+        kind,
+        centre: [5.0, 6.0, 5.5],
+        axis: [0.3, -0.2, 0.9],
+        radius: 6.0,
+        core: 0.5,
+        length: None,
+    };
+    let of = |name: &str, shapes: Vec<Shape>| {
+        let case = nudged(&format!("shape, {name}"), ball(12)).may(&TOO_MUCH);
+        case.may(&[(Stage::DeformShapes, Fault::Untrusted)]).with(|s| {
+            s.shapes = shapes;
+            s.turn = Some(Stage::DeformShapes as usize % TURNS);
+        })
+    };
+    let twist = shape(Kind::Twist { rate: 30.0 });
+    let spine = [1.0, 0.0, 0.0];
+    let all = [
+        ("a way of nothing", shape(Kind::Translate { by: [0.0; 3] })),
+        ("a way", shape(Kind::Translate { by: [0.4, -0.3, 0.2] })),
+        ("a way of 1e30 mm", shape(Kind::Translate { by: [1e30, 0.0, 0.0] })),
+        ("a way of 1e100 mm", shape(Kind::Translate { by: [1e100, -1e100, 1e100] })),
+        ("half a turn", shape(Kind::Rotate { angle: 180.0 })),
+        ("a thousand turns", shape(Kind::Rotate { angle: 360e3 })),
+        ("a thousand times as large", shape(Kind::Scale { along: 1e3, across: 1e3 })),
+        ("a thousandth across", shape(Kind::Scale { along: 1.0, across: 1e-3 })),
+        ("stretched a thousandfold", shape(Kind::Stretch { factor: 1e3 })),
+        ("squeezed to a thousandth", shape(Kind::Squeeze { factor: 1e-3 })),
+        ("twisted by 1e6 degrees a mm", shape(Kind::Twist { rate: 1e6 })),
+        ("tapered by 1e3 a mm", shape(Kind::Taper { rate: 1e3 })),
+        ("tapered by -1e6 a mm", shape(Kind::Taper { rate: -1e6 })),
+        ("bent by 90 degrees a mm", shape(Kind::Bend { rate: 90.0, spine })),
+        ("bent by 1e6 degrees a mm", shape(Kind::Bend { rate: 1e6, spine })),
+        ("a radius of 1e-9 mm", Shape { radius: 1e-9, ..twist }),
+        ("a radius of 1e100 mm", Shape { radius: 1e100, ..twist }),
+        ("a core of nearly all", Shape { core: 1.0 - 1e-12, ..shape(Kind::Rotate { angle: 40.0 }) }),
+        ("centred 1e100 mm away", Shape { centre: [1e100, 0.0, 0.0], ..twist }),
+        ("an axis of 1e-90 mm", Shape { axis: [0.0, 1e-90, 0.0], ..twist }),
+        ("a length of 1e-9 mm", Shape { length: Some(1e-9), ..twist }),
+        ("a length of 1e100 mm", Shape { length: Some(1e100), ..twist }),
+    ];
+    let mut cases: Vec<Case> = all.into_iter().map(|(name, shape)| of(name, vec![shape])).collect();
+    cases.push(of("twenty, one after another", vec![shape(Kind::Rotate { angle: 9.0 }); 20]));
+    cases
+}

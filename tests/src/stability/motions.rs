@@ -1,0 +1,109 @@
+//! The other ways to deform a lattice and to carry its motion to the voxels, as one subject each.
+
+use ivd_core::Exec;
+use ivd_deform::map::{MapMethod, MapParams};
+use ivd_deform::mass_spring::{Params, Solver};
+
+use super::backend::{Answer, Backend};
+use super::case::{Case, Stage};
+use super::chain::{Subject, Values};
+use super::invariants::motion::{self, Asked};
+use super::invariants::{Verdict, field};
+use super::surfaces::has_turn;
+
+const RAN: &str = "checked after it ran";
+
+/// A solver of masses on springs, with its name and whether masses count.
+pub(super) struct Springs(Stage, &'static str, Solver, bool);
+
+pub(super) static DYNAMICS: Springs =
+    Springs(Stage::DeformDynamics, "deform by explicit steps", Solver::Dynamics, true);
+pub(super) static BALANCE: Springs =
+    Springs(Stage::DeformBalance, "deform to balance", Solver::Projective, false);
+pub(super) static IMPLICIT: Springs =
+    Springs(Stage::DeformImplicit, "deform by implicit steps", Solver::Projective, true);
+pub(super) static XPBD: Springs = Springs(Stage::DeformXpbd, "deform by constraints", Solver::Xpbd, true);
+
+impl Springs {
+    fn params(&self, case: &Case) -> Params {
+        Params { solver: self.2, inertia: self.3, ..case.setup.springs.clone() }
+    }
+}
+
+impl Subject for Springs {
+    fn stage(&self) -> Stage {
+        self.0
+    }
+    fn run(&self, on: &dyn Backend, case: &Case, values: &mut Values, exec: &Exec) -> Answer<bool> {
+        let asked = !case.setup.handles.is_empty() && has_turn(case, self.0);
+        let Some(refined) = values.refined.as_ref().filter(|_| asked) else { return Ok(false) };
+        let (handles, fixed) = (values.handles(case), values.fixed(case));
+        let found = on.springs(&refined.lattice, &handles, &fixed, &self.params(case), exec)?;
+        values.sprung.insert(self.1, found);
+        Ok(true)
+    }
+    fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {
+        let asked = Asked {
+            lattice: &values.refined.as_ref().expect(RAN).lattice,
+            handles: &values.handles(case),
+            fixed: &values.fixed(case),
+        };
+        motion::sprung(&asked, &self.params(case), &values.sprung[self.1])
+    }
+}
+
+/// Free forms, on top of what rings did.
+pub(super) struct Shapes;
+
+impl Subject for Shapes {
+    fn stage(&self) -> Stage {
+        Stage::DeformShapes
+    }
+    fn run(&self, on: &dyn Backend, case: &Case, values: &mut Values, exec: &Exec) -> Answer<bool> {
+        let asked = !case.setup.shapes.is_empty() && has_turn(case, self.stage());
+        let (Some(refined), Some(start)) = (&values.refined, values.solved.as_ref().filter(|_| asked)) else {
+            return Ok(false);
+        };
+        values.shaped = Some(on.shapes(&refined.lattice, &start.motion, &case.setup.shapes, exec)?);
+        Ok(true)
+    }
+    fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {
+        let lattice = &values.refined.as_ref().expect(RAN).lattice;
+        let start = &values.solved.as_ref().expect(RAN).motion;
+        motion::shaped(lattice, start, &case.setup.shapes, values.shaped.as_ref().expect(RAN))
+    }
+}
+
+/// Another way to carry the rings' motion to the voxels.
+pub(super) struct Carrying(Stage, &'static str, MapMethod);
+
+pub(super) static BIHARMONIC: Carrying =
+    Carrying(Stage::MapBiharmonic, "map biharmonic", MapMethod::Biharmonic);
+pub(super) static FEM: Carrying = Carrying(Stage::MapFem, "map fem", MapMethod::Fem);
+
+impl Carrying {
+    fn params(&self, case: &Case) -> MapParams {
+        MapParams { method: self.2, ..case.setup.map.clone() }
+    }
+}
+
+impl Subject for Carrying {
+    fn stage(&self) -> Stage {
+        self.0
+    }
+    fn run(&self, on: &dyn Backend, case: &Case, values: &mut Values, exec: &Exec) -> Answer<bool> {
+        let turn = has_turn(case, self.0);
+        let (Some(refined), Some(octree), Some(solved)) =
+            (&values.refined, &values.octree, values.solved.as_ref().filter(|_| turn))
+        else {
+            return Ok(false);
+        };
+        let found = on.map(&refined.lattice, octree, &solved.motion, &self.params(case), exec)?;
+        values.maps.insert(self.1, found);
+        Ok(true)
+    }
+    fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {
+        let (solved, inside) = (values.solved.as_ref().expect(RAN), values.inside.as_ref().expect(RAN));
+        field::mapped(&solved.motion, inside, &self.params(case), &values.maps[self.1])
+    }
+}
