@@ -51,6 +51,7 @@ pub mod cvg;
 mod error;
 pub mod freeform;
 pub mod inverse;
+mod lanes;
 pub mod map;
 pub mod mass_spring;
 pub mod rigid;

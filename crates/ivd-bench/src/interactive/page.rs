@@ -10,10 +10,10 @@ pub fn interactive_page(bench: &InteractiveBench) -> String {
         "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>A handle that is dragged</title>\
          <style>{STYLE}</style></head><body><h1>A handle that is dragged</h1>\
          <p>ivd {}, {} threads. {}, {:?} voxels. Radius {} mm, farthest {} mm, {} frames. Times of a frame are those of solving, mapping, \
-         inverting and computing the voxels that changed, of all threads; the first frame also searches what others keep. The error is the \
+         inverting and computing the voxels that changed, of all threads; placing the handle looks up what frames keep. The error is the \
          difference of the voxels' motion from level 0's, where the handle is farthest out, over all voxels that move.</p>\
          <table><tr><th>solver</th><th>level</th><th>vertices</th><th>voxels a frame</th><th>processor: median</th><th>99 %</th>\
-         <th>first (ms)</th><th>wall: median</th><th>99 %</th><th>first (ms)</th><th>error: rms</th><th>largest (voxels)</th>\
+         <th>first (ms)</th><th>wall: median</th><th>99 %</th><th>first (ms)</th><th>placing: processor</th><th>wall (ms)</th><th>error: rms</th><th>largest (voxels)</th>\
          <th>refused</th></tr>",
         escape(&bench.version),
         bench.threads,
@@ -24,7 +24,8 @@ pub fn interactive_page(bench: &InteractiveBench) -> String {
         bench.drags.first().map_or(0, |drag| drag.frames.len()),
     );
     for drag in &bench.drags {
-        let cells = [drag.cpu_ms, drag.wall_ms].concat().into_iter().chain(drag.error_voxel);
+        let cells =
+            [drag.cpu_ms, drag.wall_ms].concat().into_iter().chain(drag.placed_ms).chain(drag.error_voxel);
         let cells: String = cells.fold(String::new(), |mut all, v| {
             let _ = write!(all, "<td>{}</td>", number(v));
             all

@@ -184,8 +184,14 @@ fn interactive(
         let _ = writeln!(
             text,
             "  {} at level {}: processor time {median:.1} ms, 99 % {most:.1} ms, first {first:.1} ms; wall {:.1}, 99 % {:.1} ms; \
-             {} voxels; {:.3} voxels from level 0",
-            drag.solver, drag.level, drag.wall_ms[0], drag.wall_ms[1], drag.voxels, drag.error_voxel[0]
+             placing {:.0}; {} voxels; {:.3} voxels from level 0",
+            drag.solver,
+            drag.level,
+            drag.wall_ms[0],
+            drag.wall_ms[1],
+            drag.placed_ms[0],
+            drag.voxels,
+            drag.error_voxel[0]
         );
     }
     let _ = writeln!(text, "{}", file("html").display());

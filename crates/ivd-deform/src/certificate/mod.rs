@@ -11,6 +11,8 @@
 mod bernstein;
 mod quick;
 
+use std::collections::BTreeMap;
+
 use ivd_core::{Exec, FieldBricks, Grid, NO_BRICK};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -19,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 use crate::sampler::{Corners, Sampler, brick_at};
 use bernstein::{CORNERS, Coefficients, determinant, subdivide};
+use quick::{Quick, Room};
 
 /// Times that an undecided cell is cut into eight.
 const LEVELS: u8 = 3;
@@ -158,9 +161,16 @@ impl Detail {
 
 /// The bricks that own a cell touching a stored brick: the stored ones and their lower neighbours.
 pub(crate) fn touched(forward: &FieldBricks) -> Vec<usize> {
-    (0..forward.table().len())
-        .filter(|&b| upper(forward.brick_dims(), b).any(|near| forward.table()[near] != NO_BRICK))
-        .collect()
+    let bricks = forward.brick_dims();
+    let mut owner = vec![false; forward.table().len()];
+    for brick in (0..owner.len()).filter(|&b| forward.table()[b] != NO_BRICK) {
+        let at = brick_at(bricks, brick);
+        for corner in 0..8_usize {
+            let [x, y, z]: [usize; 3] = std::array::from_fn(|a| at[a].saturating_sub(corner >> a & 1));
+            owner[x + bricks[0] * (y + bricks[1] * z)] = true;
+        }
+    }
+    (0..owner.len()).filter(|&b| owner[b]).collect()
 }
 
 /// A brick and its upper neighbours: those that hold corners of its cells.
@@ -192,55 +202,94 @@ pub(crate) fn certify_bricks(
         }
         .into());
     }
+    if detail == Detail::Least {
+        let mut looks = Looks::default();
+        looks.take(forward, grid, bricks, exec)?;
+        return looks.certify(forward, grid, threshold, counts, exec);
+    }
     let sampler = Sampler::new(forward, grid);
     let moves = |b: usize| forward.brick(b).is_some_and(|vectors| vectors.iter().any(|u| *u != [0.0; 3]));
     let moves: Vec<bool> = (0..forward.table().len()).into_par_iter().map(moves).collect();
-    let moving: Vec<usize> = bricks
-        .iter()
-        .copied()
-        .filter(|&brick| upper(forward.brick_dims(), brick).any(|near| moves[near]))
-        .collect();
-    let one = |brick: usize, enough: f64| {
+    let moving = |brick: &&usize| upper(forward.brick_dims(), **brick).any(|near| moves[near]);
+    let moving: Vec<usize> = bricks.iter().filter(moving).copied().collect();
+    let one = |&brick: &usize| {
         exec.check_cancelled()?;
         let block = Block::of_brick(&sampler, forward, brick);
-        let quick = (detail == Detail::Least).then(|| quick::bounds(&block.values, block.size));
-        Ok::<_, Error>(certify_block(&block, quick.as_deref(), threshold, enough, counts))
+        Ok::<_, Error>(certify_block(&block, None, threshold, f64::INFINITY, counts))
     };
-    if detail == Detail::All {
-        let parts =
-            moving.par_iter().map(|&brick| one(brick, f64::INFINITY)).collect::<Result<Vec<_>, _>>()?;
-        return Ok(parts.into_iter().fold(Certificate::empty(), Certificate::merge));
+    let parts = moving.par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
+    Ok(parts.into_iter().fold(Certificate::empty(), Certificate::merge))
+}
+
+/// How bad each of some bricks looks: a cheap lower bound of the determinant in its cells. Kept while a field changes in some bricks, so
+/// that a certificate with [`Detail::Least`] costs what has changed.
+#[derive(Debug, Default)]
+pub(crate) struct Looks {
+    of: BTreeMap<usize, f32>,
+}
+
+impl Looks {
+    /// Looks at bricks, for the first time or anew.
+    pub(crate) fn take(
+        &mut self,
+        forward: &FieldBricks,
+        grid: &Grid,
+        bricks: &[usize],
+        exec: &Exec,
+    ) -> Result<(), Error> {
+        let quick = Quick::new(forward, grid, exec.simd);
+        let look = |room: &mut Room, &brick: &usize| {
+            exec.check_cancelled()?;
+            Ok((brick, quick.least(brick, room)))
+        };
+        let looks = bricks.par_iter().map_init(Room::default, look).collect::<Result<Vec<_>, Error>>()?;
+        self.of.extend(looks);
+        Ok(())
     }
-    // The brick that looks worst says how far the others need to be looked at.
-    let worst = |&brick: &usize| {
-        let block = Block::of_brick(&sampler, forward, brick);
-        let quick = quick::bounds(&block.values, block.size);
-        (quick.iter().copied().fold(f32::INFINITY, least), brick)
-    };
-    let looks: Vec<(f32, usize)> = moving.par_iter().map(worst).collect();
-    let Some(&(_, first)) = looks.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else {
-        return Ok(Certificate::empty());
-    };
-    let start = one(first, f64::INFINITY)?;
-    let enough = start.worst.map_or(f64::INFINITY, |worst| worst.lower);
-    let parts = looks
-        .par_iter()
-        .filter(|(look, brick)| *brick != first && !clears(*look, enough.max(threshold)))
-        .map(|&(_, brick)| Ok((brick, one(brick, enough)?)))
-        .collect::<Result<Vec<_>, Error>>()?;
-    let (before, after) = parts.split_at(parts.partition_point(|(brick, _)| *brick < first));
-    let (before, after) = (before.iter().map(|p| &p.1), after.iter().map(|p| &p.1));
-    Ok(before.chain([&start]).chain(after).cloned().fold(Certificate::empty(), Certificate::merge))
+
+    /// Takes over what others say of their bricks.
+    pub(crate) fn replace(&mut self, others: Self) {
+        self.of.extend(others.of);
+    }
+
+    /// The certificate of the bricks that were looked at since they changed last.
+    pub(crate) fn certify(
+        &self,
+        forward: &FieldBricks,
+        grid: &Grid,
+        threshold: f64,
+        counts: &(impl Fn([i64; 3]) -> bool + Sync),
+        exec: &Exec,
+    ) -> Result<Certificate, Error> {
+        let (sampler, quick) = (Sampler::new(forward, grid), Quick::new(forward, grid, exec.simd));
+        let one = |room: &mut Room, brick: usize, enough: f64| {
+            exec.check_cancelled()?;
+            let block = Block::of_brick(&sampler, forward, brick);
+            let bounds = quick.bounds(brick, room);
+            Ok::<_, Error>(certify_block(&block, Some(&bounds), threshold, enough, counts))
+        };
+        // The brick that looks worst says how far the others need to be looked at.
+        let moving: Vec<(usize, f32)> =
+            self.of.iter().map(|(b, l)| (*b, *l)).filter(|(_, look)| *look != f32::INFINITY).collect();
+        let Some(&(first, _)) = moving.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else {
+            return Ok(Certificate::empty());
+        };
+        let start = one(&mut Room::default(), first, f64::INFINITY)?;
+        let enough = start.worst.map_or(f64::INFINITY, |worst| worst.lower);
+        let parts = moving
+            .par_iter()
+            .filter(|(brick, look)| *brick != first && !clears(*look, enough.max(threshold)))
+            .map_init(Room::default, |room, &(brick, _)| Ok((brick, one(room, brick, enough)?)))
+            .collect::<Result<Vec<_>, Error>>()?;
+        let (before, after) = parts.split_at(parts.partition_point(|(brick, _)| *brick < first));
+        let (before, after) = (before.iter().map(|p| &p.1), after.iter().map(|p| &p.1));
+        Ok(before.chain([&start]).chain(after).cloned().fold(Certificate::empty(), Certificate::merge))
+    }
 }
 
 /// Whether a quick bound is above another; one that isn't a number bounds nothing.
 fn clears(quick: f32, other: f64) -> bool {
     f64::from(quick) > other
-}
-
-/// The smaller of two; not a number where one isn't.
-fn least(a: f32, b: f32) -> f32 {
-    if a.is_nan() || a < b { a } else { b }
 }
 
 /// The certificate of a brick's cells. With `quick`, bounds of them that are cheap, cells that can be neither below the threshold

@@ -7,14 +7,16 @@
 //! Where `φ` is one-to-one (see [`crate::certificate`]) a voxel with `u = 0` is its own preimage, so the inverse lives
 //! on the bricks of the forward field and is exactly 0 everywhere else.
 
+mod bulk;
 mod solve;
 
-use ivd_core::{Exec, FieldBricks, Grid, NO_BRICK, VoxelCoord, VoxelIndex};
+use ivd_core::{Exec, FieldBricks, Grid, NO_BRICK, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::sampler::{Sampler, brick_at, brick_voxels};
+use crate::sampler::Sampler;
+use bulk::Bulk;
 pub(crate) use solve::Solver;
 
 /// Most vectors of a brick, and the worst residual in it.
@@ -84,14 +86,14 @@ pub fn invert(forward: &FieldBricks, grid: &Grid, exec: &Exec) -> Result<Inverse
     exec.run(|| {
         let observer = exec.observer();
         observer.begin("inverse", forward.stored() as u64);
-        let solver = Solver::new(forward, grid);
+        let bulk = Bulk::new(forward, grid, exec.simd);
         let stored: Vec<usize> =
             (0..forward.table().len()).filter(|&b| forward.table()[b] != NO_BRICK).collect();
         let solved = stored
             .par_iter()
             .map(|&brick| {
                 exec.check_cancelled()?;
-                let result = solve_brick(forward, grid, &solver, brick);
+                let result = bulk.brick(brick);
                 observer.advance("inverse", 1);
                 Ok(result)
             })
@@ -119,43 +121,21 @@ pub(crate) fn assemble(
 pub(crate) fn from_bricks(
     dims: [usize; 3],
     bricks: &[usize],
-    vectors: impl Iterator<Item = Box<[[f32; 3]]>>,
+    vectors: impl Iterator<Item: AsRef<[[f32; 3]]>>,
 ) -> Result<FieldBricks, Error> {
     let total: usize = dims.iter().map(|n| n.div_ceil(8)).product();
     let mut table = vec![NO_BRICK; total];
     let mut all = Vec::new();
     let mut slot = 0;
     for (&brick, vectors) in bricks.iter().zip(vectors) {
+        let vectors = vectors.as_ref();
         if vectors.iter().any(|v| *v != [0.0; 3]) {
             table[brick] = slot;
             slot += 1;
-            all.extend_from_slice(&vectors);
+            all.extend_from_slice(vectors);
         }
     }
     Ok(FieldBricks::new(dims, table, all.into())?)
-}
-
-fn solve_brick(forward: &FieldBricks, grid: &Grid, solver: &Solver<'_>, brick: usize) -> SolvedBrick {
-    let dims = grid.dims();
-    let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
-    let mut worst = Worst::default();
-    let mut last: Option<(VoxelIndex, Vector3<f64>)> = None;
-    let moved = forward.brick(brick).expect("the brick is stored");
-    for (slot, voxel) in brick_voxels(dims, brick_at(forward.brick_dims(), brick)) {
-        if moved[slot] == [0.0; 3] {
-            continue;
-        }
-        let y = VoxelCoord::from(voxel).0;
-        let start = last
-            .filter(|(v, _)| v.0[1..] == voxel.0[1..])
-            .map_or_else(|| y - solver.sampler().at(y), |(v, x)| x + y - VoxelCoord::from(v).0);
-        let x = solver.solve(y, start);
-        last = Some((voxel, x));
-        let (vector, residual) = store(solver.sampler(), grid, y, x);
-        out[slot] = vector;
-        worst.take(residual, voxel);
-    }
-    (out, worst)
 }
 
 /// The stored vector (mm) that takes `y` to `x` (both voxel coordinates), and the residual that it leaves [voxels].

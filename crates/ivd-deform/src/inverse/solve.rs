@@ -1,27 +1,33 @@
+use std::sync::OnceLock;
+
 use ivd_core::{FieldBricks, Grid, VoxelIndex};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::sampler::{Corners, Sampler, gradient, interpolate};
 
 /// A residual at which a preimage counts as found (voxels): far below what `f32` vectors can keep.
-const FOUND: f64 = 1e-10;
+pub(super) const FOUND: f64 = 1e-10;
 /// The same for a preimage far away, as a fraction of its coordinates: a few roundings. 10⁶ voxels from here no residual
 /// of 10⁻¹⁰ can be met, and every voxel would be searched for.
-const FOUND_FAR: f64 = 8.0 * f64::EPSILON;
+pub(super) const FOUND_FAR: f64 = 8.0 * f64::EPSILON;
 /// Newton steps from one start. Smooth fields take 3 to 5; beyond 30 it hangs at a kink and the search takes over.
 const STEPS: usize = 30;
 
 /// Solves `φ(x) = y` for a trilinear field; all coordinates in voxels.
 pub(crate) struct Solver<'a> {
     sampler: Sampler<'a>,
-    most: Vector3<f64>,
+    /// Largest motion along each axis (voxels), once it is asked for.
+    most: OnceLock<Vector3<f64>>,
 }
 
 impl<'a> Solver<'a> {
     pub(crate) fn new(forward: &'a FieldBricks, grid: &Grid) -> Self {
-        let sampler = Sampler::ready(forward, grid);
-        let most = sampler.max_per_axis();
-        Self { sampler, most }
+        Self { sampler: Sampler::ready(forward, grid), most: OnceLock::new() }
+    }
+
+    /// As [`Solver::new`], for who asks for few voxels.
+    pub(super) fn seldom(forward: &'a FieldBricks, grid: &Grid) -> Self {
+        Self { sampler: Sampler::new(forward, grid), most: OnceLock::new() }
     }
 
     pub(crate) fn sampler(&self) -> &Sampler<'a> {
@@ -79,10 +85,11 @@ impl<'a> Solver<'a> {
     /// Goes through the cells near enough to hold a preimage of `y`: those whose deformed box contains it. Beyond the grid
     /// the field is constant outwards, so that the outermost cells stand for all of space beyond them.
     fn search(&self, y: Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
+        let most = self.most.get_or_init(|| self.sampler.max_per_axis());
         let last = self.sampler.dims().map(|n| n as i64 - 1);
         let cell = |c: f64, a: usize| (c.clamp(-1.0, last[a] as f64) as i64).clamp(-1, last[a]);
-        let lo = Vector3::from_fn(|a, _| cell((y[a] - self.most[a]).floor() - 1.0, a));
-        let hi = Vector3::from_fn(|a, _| cell((y[a] + self.most[a]).ceil() + 1.0, a));
+        let lo = Vector3::from_fn(|a, _| cell((y[a] - most[a]).floor() - 1.0, a));
+        let hi = Vector3::from_fn(|a, _| cell((y[a] + most[a]).ceil() + 1.0, a));
         let mut best: Option<(Vector3<f64>, f64)> = None;
         for z in lo.z..=hi.z {
             for yy in lo.y..=hi.y {

@@ -1,3 +1,5 @@
+use ivd_core::VoxelCoord;
+
 use super::*;
 use crate::fixtures::{bump, field, middle, sheared_grid, voxels};
 
@@ -133,5 +135,28 @@ fn motions_of_very_many_voxels_are_inverted_without_a_search_through_all_of_spac
         let kept = 4.0 * f64::from(f32::EPSILON) * shift / 0.5;
         let residual = inverse.residual_max_voxels;
         assert!(residual <= 1e-5 + kept, "{residual} voxels for a shift of {shift} mm");
+    }
+}
+
+#[test]
+fn bricks_at_once_are_the_plain_solver_voxel_by_voxel_and_the_same_bytes_on_any_processor() {
+    for grid in [sheared_grid([33, 30, 17]), Grid::with_spacing([9, 30, 21], [1.0; 3]).unwrap()] {
+        // Smooth, kinked at every voxel, up to the border, and folded.
+        let kinked =
+            field(&grid, |p| Vector3::new((3.0 * p.x).sin(), (5.0 * p.y).cos(), (4.0 * p.z).sin()) * 0.2);
+        let centre = middle(&grid);
+        let turned = field(&grid, |p| Vector3::new(-(p.y - centre.y), p.x - centre.x, 0.0) * 0.4);
+        let folded = field(&grid, bump(centre, 7.0, Vector3::new(9.0, 0.0, 0.0)));
+        for (forward, folds) in [(bumped(&grid), false), (kinked, false), (turned, false), (folded, true)] {
+            let found = invert(&forward, &grid, &Exec::default()).unwrap();
+            assert_eq!(found, invert(&forward, &grid, &Exec::default().with_simd(false)).unwrap());
+            let solver = Solver::new(&forward, &grid);
+            for v in voxels(&grid).filter(|v| forward.at(*v) != [0.0; 3] && !folds) {
+                let y = VoxelCoord::from(v).0;
+                let plain = solver.solve(y, y - solver.sampler().at(y));
+                let here = y + grid.inverse_linear_part() * Vector3::from(found.field.at(v)).map(f64::from);
+                assert!((here - plain).norm() < 1e-6 * (1.0 + plain.norm()), "{v:?}: {here} for {plain}");
+            }
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ivd_core::{Exec, FieldBricks, Lattice, Mask, VoxelCoord};
+use ivd_core::{Exec, FieldBricks, Lattice, Mask, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -54,7 +54,7 @@ pub(super) struct Part<'a, N> {
 /// surface need all their corners, which lie within one diagonal; one more keeps relaxation away from the layer's end.
 const LAYER: f64 = 2.0;
 
-/// The motion of the nearest lattice point, weighted; on the given bricks, zeros where nothing moves.
+/// The motion of the nearest lattice point, weighted; of the given bricks one after another, zeros where nothing moves.
 ///
 /// - `kept`: what was found before, for the same `nearest`; takes what is found now.
 pub(super) fn carry<N: Nearest>(
@@ -65,39 +65,55 @@ pub(super) fn carry<N: Nearest>(
     bricks: &[usize],
     mut kept: Option<&mut Kept>,
     exec: &Exec,
-) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
+) -> Result<Vec<[f32; 3]>, Error> {
     let carrier =
         Carrier { part, displacement, region, params, layer: LAYER * part.lattice.grid.voxel_diagonal() };
     let mut seen = bricks.iter().map(|&brick| kept.as_mut().map(|kept| kept.take(brick))).collect::<Vec<_>>();
+    let mut vectors = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
     let observer = exec.observer();
     observer.begin("map", bricks.len() as u64);
-    let out = bricks
-        .par_iter()
-        .zip(&mut seen)
-        .map(|(&brick, seen)| {
-            exec.check_cancelled()?;
-            let vectors = carrier.brick(brick, seen.as_deref_mut());
-            observer.advance("map", 1);
-            Ok(vectors)
-        })
-        .collect();
+    let carried =
+        bricks.par_iter().zip(&mut seen).zip(vectors.par_chunks_exact_mut(FieldBricks::VOXELS)).try_for_each(
+            |((&brick, seen), out)| {
+                exec.check_cancelled()?;
+                carrier.brick(brick, seen.as_mut(), out);
+                observer.advance("map", 1);
+                Ok(())
+            },
+        );
     observer.end("map");
     if let Some(kept) = kept {
         // What a long way has left behind is given up.
-        if kept.bricks.len() > 64 + 2 * bricks.len() {
+        if !bricks.is_empty() && kept.bricks.len() > 64 + 2 * bricks.len() {
             kept.clear();
         }
         kept.bricks.extend(bricks.iter().copied().zip(seen.into_iter().flatten()));
     }
-    out
+    carried.map(|()| vectors)
+}
+
+/// Nearest points that were found, by brick. They are right for as long as the same triangles may move.
+#[derive(Debug, Default)]
+pub(super) struct Kept {
+    bricks: BTreeMap<usize, KeptBrick>,
+}
+
+/// What was found for the voxels of a brick.
+#[derive(Debug)]
+struct KeptBrick {
+    /// Up to what distance each voxel's surroundings were searched (mm, rounded down); below 0: not at all.
+    within: Box<[f32]>,
+    /// The least of them.
+    least: f32,
+    /// The voxels to which a triangle that may move is nearest, ascending.
+    seen: Vec<Seen>,
 }
 
 /// What is nearest to a voxel.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
-    /// Up to what distance this was searched (mm); below 0: not at all.
-    within: f64,
-    /// The triangle that may move; [`Seen::NONE`] where none is nearest.
+    /// The voxel's place in its brick.
+    slot: u32,
     triangle: u32,
     /// Weights of its second and third corner.
     others: [f64; 2],
@@ -105,28 +121,35 @@ struct Seen {
     distance: f64,
 }
 
-impl Seen {
-    const NONE: u32 = u32::MAX;
-
-    fn nothing(within: f64) -> Self {
-        Self { within, triangle: Self::NONE, others: [0.0; 2], distance: f64::INFINITY }
+impl KeptBrick {
+    fn new() -> Self {
+        Self { within: vec![-1.0; FieldBricks::VOXELS].into(), least: -1.0, seen: Vec::new() }
     }
 
-    fn on(hit: &Hit) -> Self {
-        let [_, b, c] = hit.barycentric;
-        Self { within: f64::INFINITY, triangle: hit.triangle, others: [b, c], distance: hit.distance }
+    /// Whether voxel `slot` was searched up to a distance (mm).
+    fn knows(&self, slot: usize, distance: f64) -> bool {
+        f64::from(self.within[slot]) >= distance
     }
-}
 
-/// Nearest points that were found, by brick. They are right for as long as the same triangles may move.
-#[derive(Debug, Default)]
-pub(super) struct Kept {
-    bricks: BTreeMap<usize, Box<[Seen]>>,
+    /// Takes what was found at voxel `slot` within a distance (mm).
+    fn take(&mut self, slot: usize, within: f64, hit: Option<&Hit>) {
+        let near = within as f32;
+        self.within[slot] = if f64::from(near) > within { near.next_down() } else { near };
+        if let Some(&Hit { triangle, barycentric: [_, b, c], distance }) = hit {
+            self.seen.push(Seen { slot: slot as u32, triangle, others: [b, c], distance });
+        }
+    }
+
+    /// Brings in order what was taken.
+    fn sum_up(&mut self) {
+        self.seen.sort_unstable_by_key(|seen| seen.slot);
+        self.least = self.within.iter().copied().fold(f32::INFINITY, f32::min);
+    }
 }
 
 impl Kept {
-    /// Bytes kept for a brick.
-    pub(super) const BRICK: u64 = (FieldBricks::VOXELS * size_of::<Seen>()) as u64;
+    /// Bytes kept for a brick, at most.
+    pub(super) const BRICK: u64 = (FieldBricks::VOXELS * (size_of::<Seen>() + size_of::<f32>())) as u64;
     /// How much further than asked for is searched, so that a motion may grow a little before that is done again.
     const AHEAD: f64 = 1.5;
 
@@ -140,9 +163,8 @@ impl Kept {
         self.bricks.clear();
     }
 
-    fn take(&mut self, brick: usize) -> Box<[Seen]> {
-        let unseen = || vec![Seen::nothing(-1.0); FieldBricks::VOXELS].into_boxed_slice();
-        self.bricks.remove(&brick).unwrap_or_else(unseen)
+    fn take(&mut self, brick: usize) -> KeptBrick {
+        self.bricks.remove(&brick).unwrap_or_else(KeptBrick::new)
     }
 }
 
@@ -155,54 +177,74 @@ struct Carrier<'a, N> {
 }
 
 impl<N: Nearest> Carrier<'_, N> {
-    fn brick(&self, brick: usize, mut kept: Option<&mut [Seen]>) -> Box<[[f32; 3]]> {
+    /// Fills a brick, which is 0.
+    fn brick(&self, brick: usize, kept: Option<&mut KeptBrick>, out: &mut [[f32; 3]]) {
+        let ahead = if kept.is_some() { Kept::AHEAD } else { 1.0 };
+        let mut fresh = None;
+        let found = kept.unwrap_or_else(|| fresh.insert(KeptBrick::new()));
+        self.search_brick(brick, ahead, found);
+        let grid = &self.part.lattice.grid;
+        let linear = grid.linear_part();
+        let first = brick_at(grid.dims().map(|n| n.div_ceil(8)), brick).map(|b| 8 * b);
+        for seen in &found.seen {
+            let slot = seen.slot as usize;
+            let voxel = VoxelIndex([first[0] + slot % 8, first[1] + slot / 8 % 8, first[2] + slot / 64]);
+            let inside = self.part.inside.inside()[grid.linear(voxel)] != 0;
+            let near = self.weight(inside, seen.distance);
+            if near > 0.0 {
+                let weight = self.region.weight(linear * VoxelCoord::from(voxel).0) * near;
+                if weight > 0.0 {
+                    out[slot] = (self.motion(seen) * weight).map(|c| c as f32).into();
+                }
+            }
+        }
+    }
+
+    /// Searches for the voxels of a brick that aren't known as far as they need to be, `ahead` times as far as that.
+    fn search_brick(&self, brick: usize, ahead: f64, found: &mut KeptBrick) {
+        let limits = [false, true].map(|inside| self.limit(inside));
+        let most = limits[0].max(limits[1]);
+        if f64::from(found.least) >= most {
+            return;
+        }
         let grid = &self.part.lattice.grid;
         let dims = grid.dims();
         let linear = grid.linear_part();
-        let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
-        let mut known = Known::new(grid.voxel_diagonal());
+        let mut known = None;
         for (slot, voxel) in brick_voxels(dims, brick_at(dims.map(|n| n.div_ceil(8)), brick)) {
+            if found.knows(slot, most) {
+                continue;
+            }
+            let limit = limits[usize::from(self.part.inside.inside()[grid.linear(voxel)] != 0)];
+            if found.knows(slot, limit) {
+                continue;
+            }
             let point = linear * VoxelCoord::from(voxel).0;
-            let cut = self.region.weight(point);
-            if cut == 0.0 {
-                continue;
-            }
-            let inside = self.part.inside.inside()[grid.linear(voxel)] != 0;
-            let limit = self.limit(inside);
-            let seen = match &mut kept {
-                None => self.search(slot, point, limit, &mut known),
-                Some(kept) if kept[slot].within >= limit => kept[slot],
-                Some(kept) => {
-                    kept[slot] = self.search(slot, point, limit * Kept::AHEAD, &mut known);
-                    kept[slot]
-                }
-            };
-            if seen.triangle == Seen::NONE {
-                continue;
-            }
-            let weight = cut * self.weight(inside, seen.distance);
-            if weight > 0.0 {
-                out[slot] = (self.motion(&seen) * weight).map(|c| c as f32).into();
+            if self.region.weight(point) > 0.0 {
+                let known = known.get_or_insert_with(|| Known::new(grid.voxel_diagonal()));
+                self.search(slot, point, limit * ahead, known, found);
             }
         }
-        out
+        if known.is_some() {
+            found.sum_up();
+        }
     }
 
-    /// What is nearest to the point of a voxel, within a limit (mm).
-    fn search(&self, slot: usize, point: Vector3<f64>, limit: f64, known: &mut Known) -> Seen {
+    /// Finds what is nearest to the point of a voxel, within a limit (mm).
+    fn search(&self, slot: usize, point: Vector3<f64>, limit: f64, known: &mut Known, found: &mut KeptBrick) {
         let near = known.nearest(slot, point);
         let (bound, still) = near.map_or((f64::INFINITY, None), |near| near.bound(point, known.slack));
         let within = bound.min(limit);
         match self.part.nearest.nearest(point, within, still.is_some() && bound <= limit) {
             Found::On(hit) => {
                 known.set(slot, Some(self.position(&hit)), false);
-                Seen::on(&hit)
+                found.take(slot, f64::INFINITY, Some(&hit));
             }
             Found::Still(place) => {
                 known.set(slot, place.or(still), true);
-                Seen::nothing(f64::INFINITY)
+                found.take(slot, f64::INFINITY, None);
             }
-            Found::Nothing => Seen::nothing(within),
+            Found::Nothing => found.take(slot, within, None),
         }
     }
 

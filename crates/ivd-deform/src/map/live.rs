@@ -7,12 +7,13 @@ use nalgebra::Vector3;
 
 use super::carry::{Kept, Part};
 use super::octree::{Sides, movable};
-use super::region::Region;
-use super::{MapParams, Moved, carried, check_inputs, frame_of, settle_of};
+use super::region::{Region, largest};
+use super::{MapParams, Moved, carried, check_inputs, frame_of, look_ahead, settle_of};
 use crate::Error;
 
 /// A lattice, ready to be mapped by [`octree`](super::octree()) again and again while its handles move: keeps the inside, and
-/// for every voxel that was in reach the nearest lattice point, for as long as the same vertices may move.
+/// for every voxel that was in reach the nearest lattice point, for as long as the same vertices may move. A motion of nothing, with
+/// which a drag begins, makes it look them up in what the handles will reach.
 ///
 /// What it gives is, to the bit, what [`octree`](super::octree()) gives of the same motion, whatever was mapped before.
 #[derive(Debug)]
@@ -76,6 +77,9 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Live<L> {
             let (lattice, positions) = (&*self.lattice, &self.positions);
             let part = Part { lattice, positions, inside: &self.inside, nearest: sides };
             let region = Region::new(motion, frame, positions, params);
+            if largest(frame) == 0.0 && exec.skip {
+                look_ahead(&part, &region.ahead(params), params, kept, exec)?;
+            }
             let field = carried(&part, frame, &region, params, Some(kept), exec)?;
             settle_of(&part, frame, &region, params).moved(field, exec)
         })

@@ -144,16 +144,35 @@ fn carried<N: Nearest>(
     check_size(frame)?;
     let bricks = moving_bricks(grid, region, frame, exec)?;
     // Where there is no room nothing is kept: what was mapped before decides over no refusal.
-    let room =
-        |count: usize| exec.check_memory("the nearest points of the map", Kept::BRICK * count as u64).is_ok();
     if let Some(kept) = &mut kept
-        && !room(kept.with(&bricks))
+        && !room(kept.with(&bricks), exec)
     {
         kept.clear();
     }
-    let kept = kept.filter(|_| room(bricks.len()));
+    let kept = kept.filter(|_| room(bricks.len(), exec));
     let carried = carry(part, &frame.displacement, region, params, &bricks, kept, exec)?;
     all_bricks(grid, &bricks, carried)
+}
+
+/// Whether nearest points of so many bricks may be kept.
+fn room(bricks: usize, exec: &Exec) -> bool {
+    exec.check_memory("the nearest points of the map", Kept::BRICK * bricks as u64).is_ok()
+}
+
+/// Finds the nearest points of a region before they are asked for, where there is room.
+fn look_ahead<N: Nearest>(
+    part: &Part<'_, N>,
+    region: &Region,
+    params: &MapParams,
+    kept: &mut Kept,
+    exec: &Exec,
+) -> Result<(), Error> {
+    let bricks = region.bricks(&part.lattice.grid);
+    if room(kept.with(&bricks), exec) {
+        let still = vec![[0.0; 3]; part.lattice.keys.len()];
+        carry(part, &still, region, params, &bricks, Some(kept), exec)?;
+    }
+    Ok(())
 }
 
 fn settle_of<'a, N>(
@@ -177,31 +196,29 @@ fn moving_bricks(grid: &Grid, region: &Region, frame: &Frame, exec: &Exec) -> Re
     Ok(bricks)
 }
 
-/// Vectors (mm) at the voxels of bricks; `at` may keep what it likes from voxel to voxel of a brick.
+/// Vectors (mm) at the voxels of bricks, one brick after another; `at` may keep what it likes from voxel to voxel of a brick.
 pub(crate) fn sampled<T: Default>(
     stage: &'static str,
     dims: [usize; 3],
     bricks: &[usize],
     exec: &Exec,
     at: impl Fn(VoxelIndex, &mut T) -> Vector3<f64> + Sync,
-) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
+) -> Result<Vec<[f32; 3]>, Error> {
     let observer = exec.observer();
     observer.begin(stage, bricks.len() as u64);
-    let out = bricks
-        .par_iter()
-        .map(|&brick| {
-            exec.check_cancelled()?;
-            let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
-            let mut kept = T::default();
-            for (slot, voxel) in brick_voxels(dims, brick_at(dims.map(|n| n.div_ceil(8)), brick)) {
-                out[slot] = at(voxel, &mut kept).map(|c| c as f32).into();
-            }
-            observer.advance(stage, 1);
-            Ok(out)
-        })
-        .collect();
+    let mut vectors = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
+    let all = bricks.par_iter().zip(vectors.par_chunks_exact_mut(FieldBricks::VOXELS));
+    let sampled = all.try_for_each(|(&brick, out)| {
+        exec.check_cancelled()?;
+        let mut kept = T::default();
+        for (slot, voxel) in brick_voxels(dims, brick_at(dims.map(|n| n.div_ceil(8)), brick)) {
+            out[slot] = at(voxel, &mut kept).map(|c| c as f32).into();
+        }
+        observer.advance(stage, 1);
+        Ok(())
+    });
     observer.end(stage);
-    out
+    sampled.map(|()| vectors)
 }
 
 fn check_size(frame: &Frame) -> Result<(), Error> {
@@ -225,12 +242,10 @@ fn frame_of(motion: &Motion, frame: usize) -> Result<&Frame, Error> {
 }
 
 /// A field that stores every brick of Ω, zero or not, so that it can be worked on.
-fn all_bricks(grid: &Grid, bricks: &[usize], carried: Vec<Box<[[f32; 3]]>>) -> Result<FieldBricks, Error> {
+fn all_bricks(grid: &Grid, bricks: &[usize], vectors: Vec<[f32; 3]>) -> Result<FieldBricks, Error> {
     let mut table = vec![NO_BRICK; grid.dims().iter().map(|n| n.div_ceil(8)).product()];
-    let mut vectors = Vec::with_capacity(carried.len() * FieldBricks::VOXELS);
-    for (slot, (&brick, values)) in bricks.iter().zip(carried).enumerate() {
+    for (slot, &brick) in bricks.iter().enumerate() {
         table[brick] = slot as u32;
-        vectors.extend_from_slice(&values);
     }
     Ok(FieldBricks::new(grid.dims(), table, vectors.into())?)
 }

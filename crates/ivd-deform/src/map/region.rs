@@ -37,11 +37,27 @@ impl Region {
         Self { balls, margin, depth }
     }
 
+    /// The region as it would be for a motion of an eighth of the largest ball's radius, where its margin follows the motion: what a
+    /// drag that begins is likely to reach.
+    pub(super) fn ahead(&self, params: &MapParams) -> Self {
+        let reach = self.balls.iter().map(|b| b.1).fold(0.0, f64::max);
+        let margin = if params.margin_mm.is_none() { self.margin.max(0.5 * reach) } else { self.margin };
+        Self { margin, ..self.clone() }
+    }
+
     /// ω: 1 in the balls, 0 beyond the margin, `1 − Π (1 − ωᵢ)` over the balls in between.
     pub(super) fn weight(&self, point: Vector3<f64>) -> f64 {
         let mut still = 1.0;
         for (centre, radius) in &self.balls {
-            still *= 1.0 - smooth_fall(((point - centre).norm() - radius) / self.margin);
+            let (squared, far) = ((point - centre).norm_squared(), radius + self.margin);
+            // Most voxels lie beyond or within; a root and a quotient tell no more of them.
+            if squared > far * far * (1.0 + 1e-12) {
+                continue;
+            }
+            if squared < radius * radius * (1.0 - 1e-12) {
+                return 1.0;
+            }
+            still *= 1.0 - smooth_fall((squared.sqrt() - radius) / self.margin);
         }
         1.0 - still
     }

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use super::region::Region;
 use crate::Error;
-use crate::certificate::{CellBound, Certificate, Detail, certify_bricks};
+use crate::certificate::{CellBound, Certificate, Detail, Looks, certify_bricks, touched};
 use crate::sampler::{brick_at, brick_voxels};
 
 /// Determinant up to which a cell is relaxed. At 0.05 a cell is squeezed to a twentieth of its size; less would pass as
@@ -45,22 +45,32 @@ pub(super) fn relax(
     detail: Detail,
     exec: &Exec,
 ) -> Result<Relaxed, Error> {
-    let all = |field: &FieldBricks| {
-        certify_bricks(field, grid, THIN, counts, &crate::certificate::touched(field), detail, exec)
+    let mut looks = Looks::default();
+    let mut certificate = if detail == Detail::Least {
+        looks.take(&field, grid, &touched(&field), exec)?;
+        looks.certify(&field, grid, THIN, counts, exec)?
+    } else {
+        certify_bricks(&field, grid, THIN, counts, &touched(&field), detail, exec)?
     };
-    let mut certificate = all(&field)?;
     let mut rounds = 0;
     let mut bad: Vec<CellBound> = bad_cells(&certificate);
     while !bad.is_empty() && rounds < ROUNDS {
         exec.check_cancelled()?;
         let reach = Reach::of_round(rounds);
         let patch = Patch::round_cells(&field, grid, region, &bad, reach);
-        for stride in reach.strides() {
-            field = patch.diffuse(field, grid, stride)?;
-        }
+        field = patch.diffuse(field, grid, reach.strides())?;
         rounds += 1;
-        let near = patch.owners(&field);
-        bad = bad_cells(&certify_bricks(&field, grid, THIN, counts, &near, Detail::least(exec), exec)?);
+        let near = patch.owners(&bad);
+        let certificate = if exec.skip {
+            let mut fresh = Looks::default();
+            fresh.take(&field, grid, &near, exec)?;
+            let certificate = fresh.certify(&field, grid, THIN, counts, exec)?;
+            looks.replace(fresh);
+            certificate
+        } else {
+            certify_bricks(&field, grid, THIN, counts, &near, Detail::All, exec)?
+        };
+        bad = bad_cells(&certificate);
         exec.observer().iteration(ivd_core::Iteration {
             method: "map relaxation",
             index: u64::from(rounds),
@@ -68,7 +78,11 @@ pub(super) fn relax(
         });
     }
     if rounds > 0 {
-        certificate = all(&field)?;
+        certificate = if detail == Detail::Least {
+            looks.certify(&field, grid, THIN, counts, exec)?
+        } else {
+            certify_bricks(&field, grid, THIN, counts, &touched(&field), detail, exec)?
+        };
     }
     Ok(Relaxed { field, certificate, rounds })
 }
@@ -104,10 +118,21 @@ impl Reach {
     }
 }
 
-/// The bricks that a round changes, with α by voxel.
+/// The voxels that a round changes, with α.
 struct Patch {
-    bricks: Vec<usize>,
-    alpha: Vec<Box<[f32]>>,
+    /// Ascending by brick, then in the brick's order.
+    voxels: Vec<Changing>,
+    dims: [usize; 3],
+    brick_dims: [usize; 3],
+}
+
+/// A voxel that a round changes.
+#[derive(Clone, Copy)]
+struct Changing {
+    voxel: [usize; 3],
+    /// Where its vector is in the field's buffer.
+    at: usize,
+    alpha: f32,
 }
 
 impl Patch {
@@ -119,155 +144,187 @@ impl Patch {
         reach: Reach,
     ) -> Self {
         let brick_dims = field.brick_dims();
-        let mut hit = vec![false; field.table().len()];
-        for cell in bad {
-            let own: [usize; 3] = std::array::from_fn(|a| cell.cell[a].max(0) as usize / 8);
-            let lo = own.map(|b| b.saturating_sub(reach.bricks()));
-            let hi: [usize; 3] =
-                std::array::from_fn(|a| (own[a] + 1 + reach.bricks()).min(brick_dims[a] - 1));
-            for z in lo[2]..=hi[2] {
-                for y in lo[1]..=hi[1] {
-                    for x in lo[0]..=hi[0] {
-                        hit[x + brick_dims[0] * (y + brick_dims[1] * z)] = true;
-                    }
-                }
-            }
-        }
-        let bricks: Vec<usize> = (0..hit.len()).filter(|&b| hit[b] && field.table()[b] != NO_BRICK).collect();
-        let mut slots = vec![NO_BRICK; hit.len()];
-        for (slot, &b) in bricks.iter().enumerate() {
-            slots[b] = slot as u32;
-        }
-        let distance =
-            Distance { dims: field.dims(), brick_dims, slots: &slots }.by_voxel(&bricks, bad, reach.radius);
+        let mut near = Nearness::on(field, &round(brick_dims, bad, reach));
+        near.spread(bad, reach.radius);
         let linear = grid.linear_part();
-        let alpha = bricks
-            .par_iter()
-            .zip(distance)
-            .map(|(&brick, near)| {
-                let mut alpha = vec![0.0_f32; FieldBricks::VOXELS].into_boxed_slice();
-                for (slot, voxel) in brick_voxels(field.dims(), brick_at(brick_dims, brick)) {
-                    // Nothing moves beyond Ω, whatever folds near its border.
-                    if near[slot] > 0 && region.weight(linear * VoxelCoord::from(voxel).0) > 0.0 {
-                        alpha[slot] = f32::from(near[slot]) / f32::from(reach.radius);
-                    }
-                }
-                alpha
-            })
-            .collect();
-        Self { bricks, alpha }
-    }
-
-    /// One pass of diffusion with a stride.
-    fn diffuse(&self, field: FieldBricks, grid: &Grid, stride: usize) -> Result<FieldBricks, Error> {
-        let weights = Vector3::from(grid.spacing()).map(|h| 1.0 / (h * h));
-        let weights = (weights / (2.0 * weights.sum())).map(|w| w as f32);
-        let changed: Vec<Vec<[f32; 3]>> = self
+        let voxels = near
             .bricks
             .par_iter()
-            .zip(&self.alpha)
-            .map(|(&brick, alpha)| diffuse_brick(&field, brick, alpha, weights, stride))
+            .zip(&near.by_brick)
+            .map(|(&brick, near)| {
+                let first = field.table()[brick] as usize * FieldBricks::VOXELS;
+                let changing =
+                    brick_voxels(field.dims(), brick_at(brick_dims, brick)).filter(|(slot, voxel)| {
+                        // Nothing moves beyond Ω, whatever folds near its border.
+                        near[*slot] > 0 && region.weight(linear * VoxelCoord::from(*voxel).0) > 0.0
+                    });
+                let alpha = |slot: usize| f32::from(near[slot]) / f32::from(reach.radius);
+                changing
+                    .map(|(slot, voxel)| Changing { voxel: voxel.0, at: first + slot, alpha: alpha(slot) })
+                    .collect::<Vec<_>>()
+            })
+            .flatten_iter()
             .collect();
-        let (dims, table) = (field.dims(), field.table().to_vec());
-        let mut vectors = field.buffer().clone();
-        drop(field);
-        let mut all = std::mem::replace(&mut vectors, Vec::new().into()).into_vec();
-        for (&brick, new) in self.bricks.iter().zip(changed) {
-            all[table[brick] as usize * FieldBricks::VOXELS..][..FieldBricks::VOXELS].copy_from_slice(&new);
-        }
-        Ok(FieldBricks::new(dims, table, all.into())?)
+        Self { voxels, dims: field.dims(), brick_dims }
     }
 
-    /// The bricks that own cells which this patch may have changed.
-    fn owners(&self, field: &FieldBricks) -> Vec<usize> {
-        let brick_dims = field.brick_dims();
-        let mut owner = vec![false; field.table().len()];
-        for &brick in &self.bricks {
-            let at = brick_at(brick_dims, brick);
-            for corner in 0..8_usize {
-                let lower: [usize; 3] = std::array::from_fn(|a| at[a].saturating_sub(corner >> a & 1));
-                owner[lower[0] + brick_dims[0] * (lower[1] + brick_dims[1] * lower[2])] = true;
+    /// Passes of diffusion, each with its stride.
+    fn diffuse(
+        &self,
+        field: FieldBricks,
+        grid: &Grid,
+        strides: impl Iterator<Item = usize>,
+    ) -> Result<FieldBricks, Error> {
+        let weights = Vector3::from(grid.spacing()).map(|h| 1.0 / (h * h));
+        let weights = (weights / (2.0 * weights.sum())).map(|w| w as f32);
+        let (dims, table, buffer) = (field.dims(), field.table().to_vec(), field.buffer().clone());
+        drop(field);
+        let mut vectors = buffer.into_vec();
+        let (mut near, mut of_stride) = (Vec::new(), 0);
+        let mut changed = Vec::new();
+        for stride in strides {
+            if stride != of_stride {
+                let neighbours = |own: &Changing| self.neighbours(&table, own.voxel, stride);
+                self.voxels.par_iter().map(neighbours).collect_into_vec(&mut near);
+                of_stride = stride;
             }
+            let step = |(own, near): (&Changing, &[usize; 6])| diffused(&vectors, own, near, weights);
+            self.voxels.par_iter().zip(&near).map(step).collect_into_vec(&mut changed);
+            for (own, new) in self.voxels.iter().zip(&changed) {
+                vectors[own.at] = *new;
+            }
+        }
+        Ok(FieldBricks::new(dims, table, vectors.into())?)
+    }
+
+    /// Where the vectors of a voxel's neighbours are, below and above along each axis; [`usize::MAX`] where nothing is stored.
+    fn neighbours(&self, table: &[u32], voxel: [usize; 3], stride: usize) -> [usize; 6] {
+        std::array::from_fn(|i| {
+            let (a, mut at) = (i / 2, voxel);
+            at[a] = if i % 2 == 0 {
+                voxel[a].saturating_sub(stride)
+            } else {
+                (voxel[a] + stride).min(self.dims[a] - 1)
+            };
+            let slot = table[brick_of(self.brick_dims, at)];
+            if slot == NO_BRICK { usize::MAX } else { slot as usize * FieldBricks::VOXELS + slot_of(at) }
+        })
+    }
+
+    /// The bricks that own cells which this patch may have changed, and those of `cells`.
+    fn owners(&self, cells: &[CellBound]) -> Vec<usize> {
+        let mut owner = vec![false; self.brick_dims.iter().product()];
+        for own in &self.voxels {
+            for corner in 0..8_usize {
+                let cell = std::array::from_fn(|a| own.voxel[a].saturating_sub(corner >> a & 1));
+                owner[brick_of(self.brick_dims, cell)] = true;
+            }
+        }
+        for cell in cells {
+            owner[brick_of(self.brick_dims, cell.cell.map(|c| c.max(0) as usize))] = true;
         }
         (0..owner.len()).filter(|&b| owner[b]).collect()
     }
 }
 
-fn diffuse_brick(
-    field: &FieldBricks,
-    brick: usize,
-    alpha: &[f32],
-    weights: Vector3<f32>,
-    stride: usize,
-) -> Vec<[f32; 3]> {
-    let mut out = field.brick(brick).expect("the patch lies on stored bricks").to_vec();
-    let dims = field.dims();
-    for (slot, voxel) in brick_voxels(dims, brick_at(field.brick_dims(), brick)) {
-        if alpha[slot] == 0.0 {
-            continue;
+/// The bricks about cells that a round can read or change.
+fn round(brick_dims: [usize; 3], cells: &[CellBound], reach: Reach) -> Vec<usize> {
+    let mut hit = vec![false; brick_dims.iter().product()];
+    for cell in cells {
+        let own: [usize; 3] = std::array::from_fn(|a| cell.cell[a].max(0) as usize / 8);
+        let lo = own.map(|b| b.saturating_sub(reach.bricks()));
+        let hi: [usize; 3] = std::array::from_fn(|a| (own[a] + 1 + reach.bricks()).min(brick_dims[a] - 1));
+        for z in lo[2]..=hi[2] {
+            for y in lo[1]..=hi[1] {
+                for x in lo[0]..=hi[0] {
+                    hit[x + brick_dims[0] * (y + brick_dims[1] * z)] = true;
+                }
+            }
         }
-        let old = Vector3::from(out[slot]);
-        // Differences are summed, not values, so that a constant field doesn't change by a rounding.
-        let mut change = Vector3::zeros();
-        for a in 0..3 {
-            let (mut below, mut above) = (voxel, voxel);
-            below.0[a] = voxel.0[a].saturating_sub(stride);
-            above.0[a] = (voxel.0[a] + stride).min(dims[a] - 1);
-            let d = (Vector3::from(field.at(below)) - old) + (Vector3::from(field.at(above)) - old);
-            change += d * weights[a];
-        }
-        out[slot] = (old + change * alpha[slot]).into();
     }
-    out
+    (0..hit.len()).filter(|&b| hit[b]).collect()
+}
+
+/// A voxel's vector after a pass of diffusion.
+fn diffused(vectors: &[[f32; 3]], own: &Changing, near: &[usize; 6], weights: Vector3<f32>) -> [f32; 3] {
+    let at = |i: usize| Vector3::from(vectors.get(i).copied().unwrap_or_default());
+    let old = at(own.at);
+    // Differences are summed, not values, so that a constant field doesn't change by a rounding.
+    let mut change = Vector3::zeros();
+    for a in 0..3 {
+        let d = (at(near[2 * a]) - old) + (at(near[2 * a + 1]) - old);
+        change += d * weights[a];
+    }
+    (old + change * own.alpha).into()
+}
+
+/// The brick of a voxel.
+fn brick_of(brick_dims: [usize; 3], [x, y, z]: [usize; 3]) -> usize {
+    x / 8 + brick_dims[0] * (y / 8 + brick_dims[1] * (z / 8))
+}
+
+/// The place of a voxel in its brick.
+fn slot_of([x, y, z]: [usize; 3]) -> usize {
+    x % 8 + 8 * (y % 8 + 8 * (z % 8))
 }
 
 /// City-block nearness on a set of bricks.
-struct Distance<'a> {
+struct Nearness {
     dims: [usize; 3],
     brick_dims: [usize; 3],
-    slots: &'a [u32],
+    /// The bricks of the set that the field stores, ascending.
+    bricks: Vec<usize>,
+    /// Where each brick of the grid is among them.
+    slots: Vec<u32>,
+    by_brick: Vec<Box<[u8]>>,
 }
 
-impl Distance<'_> {
-    /// By voxel of the bricks: `radius` at the corners of the cells, one less a step, 0 from `radius` steps on.
-    fn by_voxel(&self, bricks: &[usize], cells: &[CellBound], radius: u8) -> Vec<Box<[u8]>> {
-        let mut near: Vec<Box<[u8]>> = vec![vec![0_u8; FieldBricks::VOXELS].into_boxed_slice(); bricks.len()];
+impl Nearness {
+    fn on(field: &FieldBricks, bricks: &[usize]) -> Self {
+        let stored = |b: &usize| field.table()[*b] != NO_BRICK;
+        let bricks: Vec<usize> = bricks.iter().copied().filter(stored).collect();
+        let mut slots = vec![NO_BRICK; field.table().len()];
+        for (slot, &b) in bricks.iter().enumerate() {
+            slots[b] = slot as u32;
+        }
+        let by_brick = vec![vec![0_u8; FieldBricks::VOXELS].into_boxed_slice(); bricks.len()];
+        Self { dims: field.dims(), brick_dims: field.brick_dims(), bricks, slots, by_brick }
+    }
+
+    /// `radius` at the corners of the cells, one less a step, 0 from `radius` steps on.
+    fn spread(&mut self, cells: &[CellBound], radius: u8) {
+        let mut front = Vec::new();
         for cell in cells {
             for corner in 0..8_usize {
-                let at: [usize; 3] = std::array::from_fn(|a| {
-                    ((cell.cell[a].max(0) as usize) + (corner >> a & 1)).min(self.dims[a] - 1)
-                });
-                if let Some((brick, slot)) = self.find(at) {
-                    near[brick][slot] = radius;
-                }
+                let at = |a: usize| (cell.cell[a].max(0) as usize + (corner >> a & 1)).min(self.dims[a] - 1);
+                self.reach([at(0), at(1), at(2)], radius, &mut front);
             }
         }
-        for _ in 1..radius {
-            near = (0..bricks.len()).into_par_iter().map(|i| self.grow(&near, bricks[i], i)).collect();
-        }
-        near
-    }
-
-    fn find(&self, [x, y, z]: [usize; 3]) -> Option<(usize, usize)> {
-        let slot = self.slots[x / 8 + self.brick_dims[0] * (y / 8 + self.brick_dims[1] * (z / 8))];
-        (slot != NO_BRICK).then_some((slot as usize, x % 8 + 8 * (y % 8 + 8 * (z % 8))))
-    }
-
-    fn grow(&self, near: &[Box<[u8]>], brick: usize, index: usize) -> Box<[u8]> {
-        let mut out = near[index].clone();
-        for (slot, voxel) in brick_voxels(self.dims, brick_at(self.brick_dims, brick)) {
-            let mut most = 0;
-            for a in 0..3 {
-                for step in [-1_i64, 1] {
-                    let mut at = voxel.0;
-                    at[a] = at[a].saturating_add_signed(step as isize).min(self.dims[a] - 1);
-                    if let Some((b, s)) = self.find(at) {
-                        most = most.max(near[b][s]);
+        for level in (1..radius).rev() {
+            let mut next = Vec::new();
+            for voxel in front {
+                for a in 0..3 {
+                    for step in [-1, 1] {
+                        let mut at = voxel;
+                        at[a] = at[a].saturating_add_signed(step).min(self.dims[a] - 1);
+                        self.reach(at, level, &mut next);
                     }
                 }
             }
-            out[slot] = out[slot].max(most.saturating_sub(1));
+            front = next;
         }
-        out
+    }
+
+    /// Makes a voxel of the set as near as `level`; into `front` where it was farther.
+    fn reach(&mut self, at: [usize; 3], level: u8, front: &mut Vec<[usize; 3]>) {
+        let slot = self.slots[brick_of(self.brick_dims, at)];
+        if slot == NO_BRICK {
+            return;
+        }
+        let near = &mut self.by_brick[slot as usize][slot_of(at)];
+        if *near < level {
+            *near = level;
+            front.push(at);
+        }
     }
 }

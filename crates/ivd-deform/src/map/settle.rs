@@ -126,7 +126,7 @@ fn without_zeros(field: FieldBricks) -> Result<FieldBricks, Error> {
     if !some_zero {
         return Ok(field);
     }
-    let bricks = stored.iter().map(|&b| field.brick(b).expect("the brick is stored").into());
+    let bricks = stored.iter().map(|&b| field.brick(b).expect("the brick is stored"));
     from_bricks(field.dims(), &stored, bricks)
 }
 

@@ -444,10 +444,10 @@ impl<'a> Space<'a> {
             if now == rest { Vector3::zeros() } else { now - rest }
         })?;
         let fits = |v: &[f32; 3]| v.iter().all(|c| f64::from(c.abs()) <= FARTHEST);
-        if !vectors.iter().flatten().all(fits) {
+        if !vectors.iter().all(fits) {
             return Err(too_far());
         }
-        from_bricks(self.grid.dims(), bricks, vectors.into_iter())
+        from_bricks(self.grid.dims(), bricks, vectors.chunks_exact(FieldBricks::VOXELS))
     }
 
     /// Where steps take a place at rest (mm from the grid's origin), with those that flow done in `parts` parts. Of a voxel's own place

@@ -42,7 +42,7 @@ impl Field<'_> {
         before: Option<&FieldBricks>,
         bricks: &[usize],
         exec: &Exec,
-    ) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
+    ) -> Result<Vec<[f32; 3]>, Error> {
         let sampler = before.map(|b| Sampler::new(b, self.grid));
         let linear = self.grid.linear_part();
         sampled("map", self.grid.dims(), bricks, exec, |voxel, near| {

@@ -204,7 +204,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let region = Region::new(motion, frame, &self.positions, params);
             let bricks = moving_bricks(grid, &region, frame, exec)?;
             if largest(frame) == 0.0 {
-                let zeros = vec![vec![[0.0; 3]; FieldBricks::VOXELS].into(); bricks.len()];
+                let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
                 let still = Made { field: all_bricks(grid, &bricks, zeros)?, repairs: 0, solved: None };
                 let settle = Settle { lattice: &self.lattice, alone: None, region: &region, frame, params };
                 return settled(&settle, still, exec);
@@ -298,7 +298,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         solved: &mut Solved,
         exec: &Exec,
     ) -> Result<Option<(FieldBricks, u32)>, Error> {
-        let still = vec![vec![[0.0; 3]; FieldBricks::VOXELS].into(); job.bricks.len()];
+        let still = vec![[0.0; 3]; FieldBricks::VOXELS * job.bricks.len()];
         let mut field = all_bricks(&self.lattice.grid, job.bricks, still)?;
         let (mut gone, mut part, mut increments, mut repairs) = (0.0, 0.5, 0, 0);
         let mut system = None;

@@ -129,7 +129,7 @@ fn map_frame(
     let alone = (params.outside == Outside::Free).then_some(inside);
     let settle = Settle { lattice, alone, region: &region, frame, params };
     if largest(frame) == 0.0 {
-        let still = vec![vec![[0.0; 3]; FieldBricks::VOXELS].into(); bricks.len()];
+        let still = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
         return settle.settle(all_bricks(&lattice.grid, &bricks, still)?, exec);
     }
     let cells = Cells::new(&lattice.grid, &region, params.cell);
@@ -242,7 +242,7 @@ fn sample(
     u: &[Triple],
     bricks: &[usize],
     exec: &Exec,
-) -> Result<Vec<Box<[[f32; 3]]>>, Error> {
+) -> Result<Vec<[f32; 3]>, Error> {
     sampled("map", grid.dims(), bricks, exec, |voxel, (): &mut ()| {
         let Some((cell, place)) = body.mesh.locate(cells.place(VoxelCoord::from(voxel).0)) else {
             return Vector3::zeros();
