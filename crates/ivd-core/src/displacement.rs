@@ -47,7 +47,8 @@ impl FieldBricks {
         // Without an early end the compiler looks at several at a time.
         let finite = |values: &[f32]| values.iter().fold(true, |all, c| all & c.is_finite());
         let sound = vectors.as_flattened().chunks(1 << 12).all(finite);
-        if let Some(at) = vectors.iter().position(|v| !sound && !v.iter().all(|c| c.is_finite())) {
+        if !sound {
+            let at = vectors.iter().position(|v| !v.iter().all(|c| c.is_finite())).unwrap_or_default();
             return Err(bad(format!("vector {at} is not finite")));
         }
         Ok(Self { dims, table, vectors })

@@ -53,10 +53,10 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Checks lengths and that every displacement is finite.
+    /// Checks lengths, that every displacement is finite, and that the balls are balls.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] names the first frame and vertex that don't fit.
+    /// [`Error::Inconsistent`] names the first frame and vertex that don't fit, or the ball.
     pub fn check(&self) -> Result<(), Error> {
         for (f, frame) in self.frames.iter().enumerate() {
             if frame.displacement.len() != self.vertex_count {
@@ -75,6 +75,16 @@ impl Motion {
                     problem: format!("frame {f}, vertex {v}: displacement is not finite"),
                 });
             }
+        }
+        let round =
+            |b: &Ball| b.centre.iter().all(|c| c.is_finite()) && b.radius >= 0.0 && b.radius.is_finite();
+        if let Some(ball) = self.reach.iter().position(|b| !round(b)) {
+            return Err(Error::Inconsistent {
+                what: "motion",
+                problem: format!(
+                    "ball {ball} of its reach has no finite centre, or no radius of 0 mm or more"
+                ),
+            });
         }
         let Inner { places, frames } = &self.inner;
         let expected = if places.is_empty() { 0 } else { self.frames.len() };

@@ -5,6 +5,14 @@
 //! The argument for the `unsafe` blocks: a value of a wide type exists only where the processor has AVX2, as whoever makes the first of
 //! them promises; every other is made of one.
 
+/// Whether this processor has the wide registers that lanes use (AVX2).
+pub(crate) fn wide() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return std::arch::is_x86_feature_detected!("avx2");
+    #[cfg(not(target_arch = "x86_64"))]
+    false
+}
+
 /// Four `f64`.
 pub(crate) trait Four: Copy {
     /// # Safety
@@ -252,7 +260,7 @@ mod tests {
 
     #[test]
     fn wide_lanes_do_what_plain_ones_do_also_with_what_is_no_number() {
-        if !std::arch::is_x86_feature_detected!("avx2") {
+        if !wide() {
             return;
         }
         let a = [0.1, -0.0, f32::NAN, 3.5, -2.0, 1e38, -1e-40, f32::INFINITY];

@@ -21,12 +21,16 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 use crate::sampler::{Corners, Sampler, brick_at};
 use bernstein::{CORNERS, Coefficients, determinant, subdivide};
-use quick::{Quick, Room};
+pub(crate) use quick::Quick;
+use quick::Room;
 
 /// Times that an undecided cell is cut into eight.
 const LEVELS: u8 = 3;
 /// Rounding of the coefficients, relative to the largest: some hundred additions and products in `f64`.
 const ROUNDING: f64 = 1e-13;
+/// What a quick bound must be clear of a bound by. A bound gives away [`ROUNDING`] of 1 at least, where a quick one gives away a share
+/// of its own size: of a cell that is squeezed to nothing, less.
+const SLACK: f64 = 1e-12;
 
 /// A histogram with equal bins; values beyond the ends are counted in the outermost bins.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -203,9 +207,10 @@ pub(crate) fn certify_bricks(
         .into());
     }
     if detail == Detail::Least {
+        let quick = Quick::new(forward, grid, exec.simd);
         let mut looks = Looks::default();
-        looks.take(forward, grid, bricks, exec)?;
-        return looks.certify(forward, grid, threshold, counts, exec);
+        looks.take(&quick, bricks, exec)?;
+        return looks.certify(&quick, threshold, counts, exec);
     }
     let sampler = Sampler::new(forward, grid);
     let moves = |b: usize| forward.brick(b).is_some_and(|vectors| vectors.iter().any(|u| *u != [0.0; 3]));
@@ -230,14 +235,7 @@ pub(crate) struct Looks {
 
 impl Looks {
     /// Looks at bricks, for the first time or anew.
-    pub(crate) fn take(
-        &mut self,
-        forward: &FieldBricks,
-        grid: &Grid,
-        bricks: &[usize],
-        exec: &Exec,
-    ) -> Result<(), Error> {
-        let quick = Quick::new(forward, grid, exec.simd);
+    pub(crate) fn take(&mut self, quick: &Quick<'_>, bricks: &[usize], exec: &Exec) -> Result<(), Error> {
         let look = |room: &mut Room, &brick: &usize| {
             exec.check_cancelled()?;
             Ok((brick, quick.least(brick, room)))
@@ -255,13 +253,12 @@ impl Looks {
     /// The certificate of the bricks that were looked at since they changed last.
     pub(crate) fn certify(
         &self,
-        forward: &FieldBricks,
-        grid: &Grid,
+        quick: &Quick<'_>,
         threshold: f64,
         counts: &(impl Fn([i64; 3]) -> bool + Sync),
         exec: &Exec,
     ) -> Result<Certificate, Error> {
-        let (sampler, quick) = (Sampler::new(forward, grid), Quick::new(forward, grid, exec.simd));
+        let (forward, sampler) = (quick.field, Sampler::new(quick.field, quick.grid));
         let one = |room: &mut Room, brick: usize, enough: f64| {
             exec.check_cancelled()?;
             let block = Block::of_brick(&sampler, forward, brick);
@@ -287,9 +284,9 @@ impl Looks {
     }
 }
 
-/// Whether a quick bound is above another; one that isn't a number bounds nothing.
+/// Whether a quick bound is above another for certain; one that isn't a number bounds nothing.
 fn clears(quick: f32, other: f64) -> bool {
-    f64::from(quick) > other
+    f64::from(quick) - SLACK > other
 }
 
 /// The certificate of a brick's cells. With `quick`, bounds of them that are cheap, cells that can be neither below the threshold
@@ -310,7 +307,8 @@ fn certify_block(
         }
     };
     if let Some(quick) = quick {
-        // The cell that looks worst first, by itself: it is judged again in its turn, so that of equals the first is named.
+        // The cell that looks worst first, by itself: it is judged again in its turn, so that of equals the first is named. It has its
+        // turn because a quick bound is never clear of the bound of its own cell.
         if let Some((_, cell)) =
             block.cells().zip(quick).map(|(c, q)| (*q, c)).min_by(|a, b| a.0.total_cmp(&b.0))
         {

@@ -33,8 +33,9 @@ const EDGES: [[[usize; 2]; 4]; 3] =
     [[[0, 1], [2, 3], [4, 5], [6, 7]], [[0, 2], [1, 3], [4, 6], [5, 7]], [[0, 4], [1, 5], [2, 6], [3, 7]]];
 
 /// Finds bounds brick by brick.
-pub(super) struct Quick<'a> {
-    field: &'a FieldBricks,
+pub(crate) struct Quick<'a> {
+    pub(super) field: &'a FieldBricks,
+    pub(super) grid: &'a Grid,
     /// From world vectors to voxels.
     to_voxel: [[f32; 3]; 3],
     /// Largest sum of a row's sizes.
@@ -56,12 +57,9 @@ pub(super) struct Room {
 
 impl<'a> Quick<'a> {
     /// `native`: whether AVX2 may be used where it is there.
-    pub(super) fn new(field: &'a FieldBricks, grid: &Grid, native: bool) -> Self {
+    pub(crate) fn new(field: &'a FieldBricks, grid: &'a Grid, native: bool) -> Self {
         let m = grid.inverse_linear_part();
-        #[cfg(target_arch = "x86_64")]
-        let avx2 = native && std::arch::is_x86_feature_detected!("avx2");
-        #[cfg(not(target_arch = "x86_64"))]
-        let avx2 = false & native;
+        let avx2 = native && crate::lanes::wide();
         let sum = |a: usize| (0..3).map(|b| m[(a, b)].abs()).sum::<f64>();
         let row = (0..3).map(sum).fold(0.0, f64::max) as f32;
         let to_voxel = [0, 1, 2].map(|a| [0, 1, 2].map(|b| m[(a, b)] as f32));
@@ -69,7 +67,7 @@ impl<'a> Quick<'a> {
         let any = |row: &[f32]| row.iter().fold(0, |any, c| any | c.to_bits() << 1) != 0;
         let moves = |brick: &[[f32; 3]]| brick.as_flattened().chunks(3 * 64).any(any);
         let moves = field.vectors().par_chunks(FieldBricks::VOXELS).with_min_len(16).map(moves).collect();
-        Self { field, to_voxel, row, moves, avx2 }
+        Self { field, grid, to_voxel, row, moves, avx2 }
     }
 
     /// The least bound of the cells of a brick; infinite where nothing moves there.

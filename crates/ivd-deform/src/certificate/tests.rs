@@ -219,3 +219,21 @@ fn least_bound_and_thin_cells_are_the_same_whatever_is_passed_over() {
         certify_bricks(&forward, &grid, 0.05, &|_| true, &touched(&forward), Detail::Least, &exec).unwrap();
     assert!(10 * least.cells < all.cells, "{} of {} cells are looked at", least.cells, all.cells);
 }
+
+#[test]
+fn cells_squeezed_to_nothing_are_the_same_whether_others_are_passed_over_or_not() {
+    let grid = Grid::with_spacing([2, 2, 2], [1.0; 3]).unwrap();
+    let mut folded = 0;
+    for k in [0.0, 1e-6, 4e-5, 4.5e-5, 1e-4, 1e-3] {
+        let forward = field(&grid, |p| (p - Vector3::repeat(0.5)) * (k - 1.0));
+        let exec = Exec::default();
+        let of = |detail| {
+            certify_bricks(&forward, &grid, 0.0, &|_| true, &touched(&forward), detail, &exec).unwrap()
+        };
+        let (all, least) = (of(Detail::All), of(Detail::Least));
+        assert_eq!(all.min_det.to_bits(), least.min_det.to_bits(), "squeezed to {k}");
+        assert_eq!((all.worst, &all.folded), (least.worst, &least.folded), "squeezed to {k}");
+        folded += usize::from(!all.holds());
+    }
+    assert!((1..6).contains(&folded), "both outcomes occur: {folded} folded");
+}

@@ -39,10 +39,7 @@ pub(super) struct Bulk<'a> {
 impl<'a> Bulk<'a> {
     /// `native`: whether AVX2 may be used where it is there.
     pub(super) fn new(forward: &'a FieldBricks, grid: &Grid, native: bool) -> Self {
-        #[cfg(target_arch = "x86_64")]
-        let avx2 = native && std::arch::is_x86_feature_detected!("avx2");
-        #[cfg(not(target_arch = "x86_64"))]
-        let avx2 = false & native;
+        let avx2 = native && crate::lanes::wide();
         let rows = |m: nalgebra::Matrix3<f64>| [0, 1, 2].map(|a| [0, 1, 2].map(|b| m[(a, b)]));
         let to_voxel = rows(grid.inverse_linear_part());
         let ready =

@@ -84,7 +84,7 @@ pub(super) fn carry<N: Nearest>(
     observer.end("map");
     if let Some(kept) = kept {
         // What a long way has left behind is given up.
-        if !bricks.is_empty() && kept.bricks.len() > 64 + 2 * bricks.len() {
+        if !bricks.is_empty() && kept.bricks.len() > 64 + 2 * bricks.len().max(kept.sought) {
             kept.clear();
         }
         kept.bricks.extend(bricks.iter().copied().zip(seen.into_iter().flatten()));
@@ -92,10 +92,34 @@ pub(super) fn carry<N: Nearest>(
     carried.map(|()| vectors)
 }
 
+/// Finds the nearest points of bricks before they are asked for.
+pub(super) fn seek<N: Nearest>(
+    part: &Part<'_, N>,
+    region: &Region,
+    params: &MapParams,
+    bricks: &[usize],
+    kept: &mut Kept,
+    exec: &Exec,
+) -> Result<(), Error> {
+    let layer = LAYER * part.lattice.grid.voxel_diagonal();
+    let carrier = Carrier { part, displacement: &[], region, params, layer };
+    let mut seen: Vec<_> = bricks.iter().map(|&brick| (brick, kept.take(brick))).collect();
+    let found = seen.par_iter_mut().try_for_each(|(brick, seen)| {
+        exec.check_cancelled()?;
+        carrier.search_brick(*brick, Kept::AHEAD, seen);
+        Ok(())
+    });
+    kept.bricks.extend(seen);
+    kept.sought = bricks.len();
+    found
+}
+
 /// Nearest points that were found, by brick. They are right for as long as the same triangles may move.
 #[derive(Debug, Default)]
 pub(super) struct Kept {
     bricks: BTreeMap<usize, KeptBrick>,
+    /// Bricks that were searched before they were asked for.
+    sought: usize,
 }
 
 /// What was found for the voxels of a brick.
@@ -158,9 +182,14 @@ impl Kept {
         self.bricks.len() + bricks.iter().filter(|brick| !self.bricks.contains_key(brick)).count()
     }
 
+    /// Whether something was searched before it was asked for.
+    pub(super) fn sought(&self) -> bool {
+        self.sought > 0
+    }
+
     /// Gives everything up.
     pub(super) fn clear(&mut self) {
-        self.bricks.clear();
+        *self = Self::default();
     }
 
     fn take(&mut self, brick: usize) -> KeptBrick {
@@ -170,6 +199,7 @@ impl Kept {
 
 struct Carrier<'a, N> {
     part: &'a Part<'a, N>,
+    /// Of each vertex; a search needs none.
     displacement: &'a [[f64; 3]],
     region: &'a Region,
     params: &'a MapParams,

@@ -77,7 +77,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Live<L> {
             let (lattice, positions) = (&*self.lattice, &self.positions);
             let part = Part { lattice, positions, inside: &self.inside, nearest: sides };
             let region = Region::new(motion, frame, positions, params);
-            if largest(frame) == 0.0 && exec.skip {
+            if largest(frame) == 0.0 && exec.skip && !kept.sought() {
                 look_ahead(&part, &region.ahead(params), params, kept, exec)?;
             }
             let field = carried(&part, frame, &region, params, Some(kept), exec)?;

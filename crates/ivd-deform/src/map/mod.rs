@@ -76,7 +76,7 @@ use crate::Error;
 use crate::sampler::{brick_at, brick_voxels};
 pub use biharmonic::{Biharmonic, biharmonic};
 pub use carry::{Found, Hit, Nearest};
-use carry::{Kept, Part, carry};
+use carry::{Kept, Part, carry, seek};
 pub use fem::fem;
 pub(crate) use free::{invert_within, lies_beyond};
 pub use live::Live;
@@ -168,11 +168,7 @@ fn look_ahead<N: Nearest>(
     exec: &Exec,
 ) -> Result<(), Error> {
     let bricks = region.bricks(&part.lattice.grid);
-    if room(kept.with(&bricks), exec) {
-        let still = vec![[0.0; 3]; part.lattice.keys.len()];
-        carry(part, &still, region, params, &bricks, Some(kept), exec)?;
-    }
-    Ok(())
+    if room(kept.with(&bricks), exec) { seek(part, region, params, &bricks, kept, exec) } else { Ok(()) }
 }
 
 fn settle_of<'a, N>(

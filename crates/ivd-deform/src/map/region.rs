@@ -37,12 +37,18 @@ impl Region {
         Self { balls, margin, depth }
     }
 
-    /// The region as it would be for a motion of an eighth of the largest ball's radius, where its margin follows the motion: what a
-    /// drag that begins is likely to reach.
+    /// Where a drag that begins is likely to reach, where the margin follows the motion: each ball as for a motion of an eighth of
+    /// its own radius.
     pub(super) fn ahead(&self, params: &MapParams) -> Self {
-        let reach = self.balls.iter().map(|b| b.1).fold(0.0, f64::max);
-        let margin = if params.margin_mm.is_none() { self.margin.max(0.5 * reach) } else { self.margin };
-        Self { margin, ..self.clone() }
+        if params.margin_mm.is_some() {
+            return self.clone();
+        }
+        let wide = |radius: f64| self.margin.max(0.5 * radius);
+        let margin = wide(self.balls.iter().map(|b| b.1).fold(0.0, f64::max));
+        // The margin is the same for all; a smaller ball gives up what it has too much of it.
+        let balls =
+            self.balls.iter().map(|&(centre, radius)| (centre, radius + wide(radius) - margin)).collect();
+        Self { balls, margin, depth: self.depth }
     }
 
     /// ω: 1 in the balls, 0 beyond the margin, `1 − Π (1 − ωᵢ)` over the balls in between.
@@ -54,7 +60,7 @@ impl Region {
             if squared > far * far * (1.0 + 1e-12) {
                 continue;
             }
-            if squared < radius * radius * (1.0 - 1e-12) {
+            if *radius > 0.0 && squared < radius * radius * (1.0 - 1e-12) {
                 return 1.0;
             }
             still *= 1.0 - smooth_fall((squared.sqrt() - radius) / self.margin);
@@ -149,6 +155,24 @@ mod tests {
                 assert!(weight == 0.0 || bricks.binary_search(&brick).is_ok(), "{v:?}");
             }
         }
+    }
+
+    #[test]
+    fn looking_ahead_widens_each_ball_by_its_own_size() {
+        let grid = sheared_grid([40, 33, 20]);
+        let balls = [(Vector3::repeat(5.0), 2.0), (Vector3::repeat(30.0), 40.0)].to_vec();
+        let region = Region { balls, margin: 3.0, depth: 40.0 };
+        let ahead = region.ahead(&MapParams::default());
+        assert_eq!(ahead.balls().map(|b| b.1).collect::<Vec<_>>(), [5.0, 60.0]);
+        assert_eq!(ahead.margin, 20.0);
+        // A ball that gave up more than it has covers what it covered, no more.
+        let at = |distance: f64| Vector3::repeat(5.0) - Vector3::x() * distance;
+        let small = Region { balls: ahead.balls[..1].to_vec(), ..ahead };
+        assert!(small.weight(at(0.0)) > 0.0 && small.weight(at(4.9)) > 0.0);
+        assert_eq!(small.weight(at(5.1)), 0.0);
+        assert!(small.bricks(&grid).len() < region.bricks(&grid).len());
+        let fixed = MapParams { margin_mm: Some(3.0), ..MapParams::default() };
+        assert_eq!(region.ahead(&fixed), region);
     }
 
     #[test]

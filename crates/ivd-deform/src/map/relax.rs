@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use super::region::Region;
 use crate::Error;
-use crate::certificate::{CellBound, Certificate, Detail, Looks, certify_bricks, touched};
+use crate::certificate::{CellBound, Certificate, Detail, Looks, Quick, certify_bricks, touched};
 use crate::sampler::{brick_at, brick_voxels};
 
 /// Determinant up to which a cell is relaxed. At 0.05 a cell is squeezed to a twentieth of its size; less would pass as
@@ -47,8 +47,9 @@ pub(super) fn relax(
 ) -> Result<Relaxed, Error> {
     let mut looks = Looks::default();
     let mut certificate = if detail == Detail::Least {
-        looks.take(&field, grid, &touched(&field), exec)?;
-        looks.certify(&field, grid, THIN, counts, exec)?
+        let quick = Quick::new(&field, grid, exec.simd);
+        looks.take(&quick, &touched(&field), exec)?;
+        looks.certify(&quick, THIN, counts, exec)?
     } else {
         certify_bricks(&field, grid, THIN, counts, &touched(&field), detail, exec)?
     };
@@ -62,9 +63,10 @@ pub(super) fn relax(
         rounds += 1;
         let near = patch.owners(&bad);
         let certificate = if exec.skip {
+            let quick = Quick::new(&field, grid, exec.simd);
             let mut fresh = Looks::default();
-            fresh.take(&field, grid, &near, exec)?;
-            let certificate = fresh.certify(&field, grid, THIN, counts, exec)?;
+            fresh.take(&quick, &near, exec)?;
+            let certificate = fresh.certify(&quick, THIN, counts, exec)?;
             looks.replace(fresh);
             certificate
         } else {
@@ -79,7 +81,7 @@ pub(super) fn relax(
     }
     if rounds > 0 {
         certificate = if detail == Detail::Least {
-            looks.certify(&field, grid, THIN, counts, exec)?
+            looks.certify(&Quick::new(&field, grid, exec.simd), THIN, counts, exec)?
         } else {
             certify_bricks(&field, grid, THIN, counts, &touched(&field), detail, exec)?
         };
@@ -112,7 +114,7 @@ impl Reach {
         wide.chain([1; 8])
     }
 
-    /// Bricks on each side of a bad one that a round can read or change.
+    /// Bricks on each side of a bad one that a round can change. It reads up to its stride beyond.
     fn bricks(self) -> usize {
         (usize::from(self.radius)).div_ceil(8)
     }
@@ -227,7 +229,7 @@ impl Patch {
     }
 }
 
-/// The bricks about cells that a round can read or change.
+/// The bricks about cells that a round can change.
 fn round(brick_dims: [usize; 3], cells: &[CellBound], reach: Reach) -> Vec<usize> {
     let mut hit = vec![false; brick_dims.iter().product()];
     for cell in cells {

@@ -101,11 +101,7 @@ impl Springs {
             let blocks = own.chunks(LANES).chain(leading_out.chunks(LANES));
             chunk.blocks = blocks.map(|springs| Block::new(springs, rest, number * CHUNK)).collect();
         }
-        #[cfg(target_arch = "x86_64")]
-        let avx2 = std::arch::is_x86_feature_detected!("avx2");
-        #[cfg(not(target_arch = "x86_64"))]
-        let avx2 = false;
-        Self { law, vertices, ends: rest.len(), chunks, avx2 }
+        Self { law, vertices, ends: rest.len(), chunks, avx2: crate::lanes::wide() }
     }
 
     /// Whether the work is worth more than one thread.
