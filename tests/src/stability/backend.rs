@@ -1,5 +1,6 @@
 //! Where stages run.
 
+use super::invariants::motion::Asked;
 use ivd_core::{Displacement, Exec, Fault, FieldBricks, Grid, Labels, Lattice, Mask, Motion, Octree, Volume};
 use ivd_deform::freeform::{self, Shape, Shaped};
 use ivd_deform::inverse::Inverse;
@@ -140,13 +141,12 @@ pub trait Backend: Sync {
 
     fn springs(
         &self,
-        lattice: &Lattice,
-        handles: &[Handle],
-        fixed: &[Fix],
+        asked: &Asked<'_>,
         params: &mass_spring::Params,
         exec: &Exec,
     ) -> Answer<mass_spring::Solved> {
-        Ok(mass_spring::solve(lattice, None, handles, fixed, params, exec)?)
+        let Asked { lattice, handles, fixed, labels, bones } = *asked;
+        Ok(mass_spring::with_bones(lattice, labels, handles, fixed, bones, params, exec)?)
     }
 
     fn shapes(&self, lattice: &Lattice, start: &Motion, shapes: &[Shape], exec: &Exec) -> Answer<Shaped> {

@@ -1,8 +1,9 @@
 //! Awkward masses on springs and free forms, for [`nasty`](super::nasty).
 
-use ivd_core::Fault;
+use ivd_core::{Fault, Labels};
 use ivd_deform::freeform::{Kind, Shape};
-use ivd_deform::mass_spring::{Course, Params};
+use ivd_deform::mass_spring::{Course, Material, Params};
+use ivd_deform::rigid::{Drive, Part, Region, Turn};
 use ivd_deform::spring::{Action, Fix, HandleAt};
 
 use super::case::{Case, Refused, Stage, TURNS};
@@ -66,6 +67,71 @@ pub(super) fn springs() -> Vec<Case> {
         let case = of(&format!("a move of {name} mm"), |_| ());
         all.push(case.with(|s| s.handles = vec![grip(3, Action::Move([by, 0.0, -by]), 6.0)]));
     }
+    all.extend([
+        mixed(of("materials mixed 1e6", |_| ()), 1e-3, 1e3),
+        mixed(of("materials mixed 1e6, stiff", |_| ()), 1e3, 1e9),
+        mixed(of("materials mixed 1e18", |_| ()), 1e-9, 1e9),
+        mixed(pulled("materials mixed 1e6, a pull", |_| ()), 1e-3, 1e3),
+    ]);
+    all
+}
+
+/// A case whose springs are of one stiffness (N/m) in one half of the volume, and of another in the other.
+fn mixed(case: Case, soft: f64, stiff: f64) -> Case {
+    let grid = case.volume.grid().clone();
+    let ids: Vec<u16> = (0..grid.len()).map(|i| if grid.index(i).0[0] < 6 { 1 } else { 2 }).collect();
+    let labels = Labels::new(grid, ids.into(), Vec::new()).expect("labels of the volume");
+    let of = |stiffness| Material { stiffness: Some(stiffness), ..Material::default() };
+    case.with(|s| {
+        s.materials = Some(labels);
+        s.springs.classes = [(1, of(soft)), (2, of(stiff))].into();
+    })
+}
+
+/// Bones at their ends.
+pub(super) fn bones() -> Vec<Case> {
+    // The end of the ball that the handle is on, and the other.
+    let end = |z: f64, radius: f64| Region::Ball { centre: [5.5, 5.5, z], radius };
+    let bone = |region: Region, drive: Drive| Part {
+        name: "one".to_owned(),
+        parent: None,
+        region: Some(region),
+        class: None,
+        drive,
+        reach: 5.0,
+    };
+    let turn = |angle: f64, by: [f64; 3]| Turn { pivot: [5.5, 5.5, 3.0], axis: [1.0, 0.2, 0.0], angle, by };
+    let (given, fitted) = (|turn: Turn| Drive::Given(turn), Drive::Fitted { pivot: None });
+    let of = |name: &str, bones: Vec<Part>| {
+        nudged(&format!("bone, {name}"), ball(12)).may(&TOO_MUCH).with(|s| s.bones = bones)
+    };
+    let low = end(2.0, 2.5);
+    let mut all = vec![
+        of("a handle on it", vec![bone(low, fitted)]),
+        of(
+            "a handle on it, turning about its end",
+            vec![bone(low, Drive::Fitted { pivot: Some([5.5, 5.5, 5.0]) })],
+        ),
+        of("of everything", vec![bone(end(5.5, 1e3), fitted)]),
+        of("of everything that is followed by nothing", vec![Part { reach: 0.0, ..bone(low, fitted) }]),
+        of("a handle beside it", vec![bone(end(10.0, 2.5), given(turn(10.0, [0.0; 3])))]),
+    ];
+    let alone = [
+        ("half a turn", turn(180.0, [0.0; 3])),
+        ("half a turn away", turn(180.0, [0.0, 0.0, -1.0])),
+        ("1e6 degrees", turn(1e6, [0.0; 3])),
+        ("whole turns", turn(3600.0, [0.0; 3])),
+        ("a way of 1e-30 mm", turn(0.0, [1e-30, 0.0, 0.0])),
+        ("a way of 1e9 mm", turn(0.0, [0.0, 0.0, -1e9])),
+        ("a turn about what is far", Turn { pivot: [1e6, 0.0, 0.0], ..turn(1e-5, [0.0; 3]) }),
+    ];
+    let without = |case: Case| case.with(|s| s.handles.clear());
+    all.extend(alone.map(|(name, turn)| without(of(name, vec![bone(low, given(turn))]))));
+    let upper = Part { name: "other".to_owned(), ..bone(end(9.0, 2.5), given(turn(-30.0, [0.0; 3]))) };
+    let carried = Part { parent: Some("one".to_owned()), ..upper.clone() };
+    let first = bone(low, given(turn(20.0, [0.0; 3])));
+    all.push(without(of("two against each other", vec![first.clone(), upper])));
+    all.push(without(of("one on another", vec![first, carried])));
     all
 }
 

@@ -1,9 +1,10 @@
 //! A case: a volume, how every stage is asked, and which refusals are right.
 
-use ivd_core::{Fault, Lattice, Volume};
+use ivd_core::{Fault, Labels, Lattice, Volume};
 use ivd_deform::freeform::Shape;
 use ivd_deform::map::MapParams;
 use ivd_deform::mass_spring;
+use ivd_deform::rigid;
 use ivd_deform::spring::{Fix, Handle, RingParams};
 use ivd_deform::warp::WarpParams;
 use ivd_lattice::refine::RefineParams;
@@ -138,6 +139,10 @@ pub struct Setup {
     pub ring: RingParams,
     /// Masses on springs; their solver is every one in turn.
     pub springs: mass_spring::Params,
+    /// Labels that say what springs are made of.
+    pub materials: Option<Labels>,
+    /// Bones in what springs hold.
+    pub bones: Vec<rigid::Part>,
     /// Free forms.
     pub shapes: Vec<Shape>,
     /// Map.
@@ -168,6 +173,8 @@ impl Default for Setup {
                 max_iterations: 20,
                 ..mass_spring::Params::default()
             },
+            materials: None,
+            bones: Vec::new(),
             shapes: Vec::new(),
             map: MapParams::default(),
             warp: WarpParams::default(),

@@ -1,8 +1,9 @@
 //! The other ways to deform a lattice and to carry its motion to the voxels, as one subject each.
 
-use ivd_core::Exec;
+use ivd_core::{Exec, Lattice};
 use ivd_deform::map::{MapMethod, MapParams};
 use ivd_deform::mass_spring::{Params, Solver};
+use ivd_deform::spring::{Fix, Handle};
 
 use super::backend::{Answer, Backend};
 use super::case::{Case, Stage};
@@ -30,24 +31,28 @@ impl Springs {
     }
 }
 
+fn asked<'a>(case: &'a Case, lattice: &'a Lattice, handles: &'a [Handle], fixed: &'a [Fix]) -> Asked<'a> {
+    Asked { lattice, handles, fixed, labels: case.setup.materials.as_ref(), bones: &case.setup.bones }
+}
+
 impl Subject for Springs {
     fn stage(&self) -> Stage {
         self.0
     }
     fn run(&self, on: &dyn Backend, case: &Case, values: &mut Values, exec: &Exec) -> Answer<bool> {
-        let asked = !case.setup.handles.is_empty() && has_turn(case, self.0);
-        let Some(refined) = values.refined.as_ref().filter(|_| asked) else { return Ok(false) };
+        let something = !case.setup.handles.is_empty() || !case.setup.bones.is_empty();
+        let Some(refined) = values.refined.as_ref().filter(|_| something && has_turn(case, self.0)) else {
+            return Ok(false);
+        };
         let (handles, fixed) = (values.handles(case), values.fixed(case));
-        let found = on.springs(&refined.lattice, &handles, &fixed, &self.params(case), exec)?;
+        let asked = asked(case, &refined.lattice, &handles, &fixed);
+        let found = on.springs(&asked, &self.params(case), exec)?;
         values.sprung.insert(self.1, found);
         Ok(true)
     }
     fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {
-        let asked = Asked {
-            lattice: &values.refined.as_ref().expect(RAN).lattice,
-            handles: &values.handles(case),
-            fixed: &values.fixed(case),
-        };
+        let (handles, fixed) = (values.handles(case), values.fixed(case));
+        let asked = asked(case, &values.refined.as_ref().expect(RAN).lattice, &handles, &fixed);
         motion::sprung(&asked, &self.params(case), &values.sprung[self.1])
     }
 }

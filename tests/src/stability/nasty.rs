@@ -64,7 +64,7 @@ pub(super) fn nudged(name: &str, volume: Volume) -> Case {
 /// All cases.
 pub fn cases() -> Vec<Case> {
     let groups = [flat, missing, numbers, ties, grids, levels, surfaces, lattices, materials, handles];
-    let others = [bodies::springs, bodies::shapes];
+    let others = [bodies::springs, bodies::bones, bodies::shapes];
     groups.into_iter().chain(others).flat_map(|group| group()).collect()
 }
 

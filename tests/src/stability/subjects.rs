@@ -220,6 +220,8 @@ impl Subject for Deform {
             lattice: &values.refined.as_ref().expect(RAN).lattice,
             handles: &values.handles(case),
             fixed: &values.fixed(case),
+            labels: None,
+            bones: &[],
         };
         motion::solved(&asked, values.solved.as_ref().expect(RAN))
     }

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use ivd_core::{Lattice, Motion};
+use ivd_core::{Labels, Lattice, Motion, VoxelIndex};
 use ivd_deform::freeform::{Kind as Form, Shape, Shaped};
 use ivd_deform::mass_spring::{self, Kind, Params, Solver};
+use ivd_deform::rigid::{Drive, Part};
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt, Solved};
 use nalgebra::{Rotation3, Unit, Vector3};
 
@@ -25,6 +26,27 @@ pub struct Asked<'a> {
     pub handles: &'a [Handle],
     /// What stays.
     pub fixed: &'a [Fix],
+    /// What springs are made of.
+    pub labels: Option<&'a Labels>,
+    /// Bones.
+    pub bones: &'a [Part],
+}
+
+impl Asked<'_> {
+    /// The bone that holds a vertex, by its region alone.
+    fn bone(&self, v: usize) -> Option<&Part> {
+        let rest = self.lattice.local_positions()[v];
+        let origin = Vector3::from(self.lattice.grid.origin());
+        self.bones.iter().find(|bone| bone.region.is_some_and(|region| region.holds(rest, origin)))
+    }
+
+    /// Stiffness of a structural spring of what a vertex is made of (N/m). Cases have no lattice edge between two labels.
+    fn stiffness(&self, v: usize, params: &Params) -> f64 {
+        let at = self.lattice.voxel(v).0.map(|c| c.floor().max(0.0) as usize);
+        let at = self.lattice.grid.linear(VoxelIndex(at.into()));
+        let own = self.labels.and_then(|labels| params.classes.get(&labels.ids()[at])?.stiffness);
+        own.unwrap_or(params.stiffness)
+    }
 }
 
 /// A motion by rings: finite, exact at handles that move and at what is fixed, 0 beyond every handle's reach, and nothing where
@@ -43,7 +65,7 @@ pub fn solved(asked: &Asked<'_>, found: &Solved) -> Verdict {
 ///
 /// - `whole`: whether handles have come to the end of their ways.
 fn moved(asked: &Asked<'_>, motion: &Motion, vertices: usize, whole: bool) -> Verdict {
-    let Asked { lattice, handles, fixed } = *asked;
+    let Asked { lattice, handles, fixed, .. } = *asked;
     motion.check().map_err(|e| e.to_string())?;
     hold!(motion.vertex_count == lattice.keys.len(), "{} vertices", motion.vertex_count);
     let u = &motion.frames[motion.frames.len() - 1].displacement;
@@ -58,7 +80,9 @@ fn moved(asked: &Asked<'_>, motion: &Motion, vertices: usize, whole: bool) -> Ve
             .any(|(f, radius)| v == f || (rest[v] - rest[f]).norm() <= radius)
     };
     for handle in handles.iter().filter(|_| whole) {
-        if let (Some(v), Action::Move(by)) = (vertex(&handle.at), handle.action) {
+        if let (Some(v), Action::Move(by)) = (vertex(&handle.at), handle.action)
+            && asked.bone(v).is_none()
+        {
             let expected = if held(v) { [0.0; 3] } else { by.map(|c| c + 0.0) };
             hold!(u[v] == expected, "handle at vertex {v} went {:?}, not {expected:?}", u[v]);
         }
@@ -69,7 +93,7 @@ fn moved(asked: &Asked<'_>, motion: &Motion, vertices: usize, whole: bool) -> Ve
     let idle = handles.iter().all(|h| match h.action {
         Action::Move(by) | Action::Force(by) => by == [0.0; 3],
     });
-    hold!(!idle || moved == 0, "nothing pulls and {moved} vertices move");
+    hold!(!idle || moved == 0 || !asked.bones.is_empty(), "nothing pulls and {moved} vertices move");
     Ok(())
 }
 
@@ -98,6 +122,9 @@ pub fn sprung(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved) -
     hold!(found.motion.frames.len() == params.frames, "{} frames", found.motion.frames.len());
     let whole = params.ramp.is_none_or(|ramp| ramp <= params.duration);
     moved(asked, &found.motion, found.vertices_moved, whole)?;
+    if whole {
+        rigid(asked, &found.motion)?;
+    }
     if params.youngs_kpa.is_some() {
         return Ok(());
     }
@@ -119,11 +146,35 @@ pub fn sprung(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved) -
     Ok(())
 }
 
+/// Bones have gone where they are sent: by the turn that is given, or with the one handle that they are fitted to.
+fn rigid(asked: &Asked<'_>, motion: &Motion) -> Verdict {
+    let (rest, origin) = (asked.lattice.local_positions(), Vector3::from(asked.lattice.grid.origin()));
+    let u = &motion.frames[motion.frames.len() - 1].displacement;
+    for (v, rest) in rest.iter().enumerate() {
+        let Some(bone) = asked.bone(v) else { continue };
+        let expected = match (bone.drive, asked.handles) {
+            (Drive::Given(turn), _) if bone.parent.is_none() => {
+                let (axis, at) = (Vector3::from(turn.axis), rest + origin - Vector3::from(turn.pivot));
+                let angle = (turn.angle % 360.0).to_radians();
+                let turned = Rotation3::from_axis_angle(&Unit::new_normalize(axis), angle) * at;
+                turned - at + Vector3::from(turn.by)
+            }
+            (Drive::Fitted { pivot: None }, [Handle { action: Action::Move(by), .. }]) => Vector3::from(*by),
+            _ => continue,
+        };
+        let most = 1e-9 * (1.0 + expected.norm() + rest.norm()) + 16.0 * EPS * origin.amax();
+        hold!((Vector3::from(u[v]) - expected).norm() <= most, "vertex {v} of a bone went {:?}", u[v]);
+    }
+    Ok(())
+}
+
 /// What holds of forces in balance.
 fn balanced(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved, plain: &Plain) -> Verdict {
     let u = &found.motion.frames[params.frames - 1].displacement;
     let whole = params.ramp.is_none_or(|ramp| ramp <= params.duration);
-    let pull = whole && asked.handles.iter().all(|h| matches!(h.action, Action::Force(_)));
+    // A bone that moves does work of its own.
+    let pull =
+        whole && asked.bones.is_empty() && asked.handles.iter().all(|h| matches!(h.action, Action::Force(_)));
     let (mut work, mut sizes) = (0.0, 0.0);
     let mut seen = Vec::new();
     for handle in asked.handles {
@@ -171,10 +222,11 @@ impl Plain {
     fn new(asked: &Asked<'_>, params: &Params, motion: &Motion) -> Self {
         let rest = asked.lattice.local_positions();
         let u = &motion.frames[motion.frames.len() - 1].displacement;
-        let stiffness = |kind: Kind| match kind {
-            Kind::Structural => params.stiffness,
-            Kind::Shear => params.shear * params.stiffness,
-            Kind::Flexion => params.flexion * params.stiffness,
+        let made: Vec<f64> = (0..rest.len()).map(|v| asked.stiffness(v, params)).collect();
+        let share = |kind: Kind| match kind {
+            Kind::Structural => 1.0,
+            Kind::Shear => params.shear,
+            Kind::Flexion => params.flexion,
         };
         let origin = Vector3::from(asked.lattice.grid.origin());
         let targets: Vec<usize> = asked.handles.iter().filter_map(|h| vertex(&h.at)).collect();
@@ -184,9 +236,11 @@ impl Plain {
         let near = |v: u32| {
             let within =
                 |(centre, radius): &(Vector3<f64>, f64)| (rest[v as usize] - centre).norm() < *radius;
-            balls.iter().any(within) || targets.contains(&(v as usize))
+            let carried = asked.bone(v as usize).is_some();
+            balls.iter().any(within) || targets.contains(&(v as usize)) || carried
         };
         let mut force = vec![Vector3::zeros(); rest.len()];
+        let mut structural = vec![(0.0, 0.0); rest.len()];
         let (mut energy, mut rounding_nj, mut rounding_mn) = (0.0, 0.0, 0.0_f64);
         let mut close = vec![false; rest.len()];
         for t in asked.lattice.triangles.iter().filter(|t| t.iter().any(|&v| near(v))) {
@@ -197,7 +251,15 @@ impl Plain {
         let links = mass_spring::links(&asked.lattice.triangles, &rest, |v| close[v as usize]);
         for link in links.into_iter().filter(|link| link.ends.iter().any(|&v| near(v))) {
             let [a, b] = link.ends.map(|v| v as usize);
-            let (k, span) = (stiffness(link.kind), rest[b] - rest[a]);
+            // Of two materials, halves in a row.
+            let k = share(link.kind)
+                * if made[a] == made[b] { made[a] } else { 2.0 / (1.0 / made[a] + 1.0 / made[b]) };
+            let span = rest[b] - rest[a];
+            if link.kind == Kind::Structural {
+                for v in [a, b] {
+                    structural[v] = (structural[v].0 + k, structural[v].1 + 1.0);
+                }
+            }
             let moved = span + Vector3::from(u[b]) - Vector3::from(u[a]);
             let (short, long) = (span.norm(), moved.norm());
             let stretch = long - short;
@@ -220,12 +282,11 @@ impl Plain {
                 force[b] -= pull;
             }
         }
-        // All structural springs are alike, so that their mean is that of each.
-        let ground = params.ground * params.stiffness;
         for (v, u) in u.iter().enumerate() {
             let u = Vector3::from(*u);
-            let tied = asked.lattice.triangles.iter().any(|t| t.contains(&(v as u32)));
-            if tied {
+            let (sum, count) = structural[v];
+            if count > 0.0 {
+                let ground = params.ground * sum / count;
                 force[v] -= u * ground;
                 energy += 0.5e3 * ground * u.norm_squared();
                 rounding_nj += 1e3 * ground * u.norm_squared();
@@ -243,6 +304,7 @@ impl Plain {
         for (v, force) in self.force.iter().enumerate() {
             match targets.get(&v) {
                 Some(Action::Move(_)) => put_in += force.norm_squared(),
+                None if asked.bone(v).is_some() => put_in += force.norm_squared(),
                 // What doesn't move may be held, by a fix or as out of reach.
                 _ if u[v] == [0.0; 3] => {}
                 Some(Action::Force(pull)) => {
