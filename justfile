@@ -17,7 +17,7 @@ test:
 
 # Numerical stability, the long form: every awkward case, 100,000 random scenes, the matrix of threads, builds and instructions; mean
 # shift against brute force; and folds of 10,000 pushes, mapped by both methods.
-# `IVD_STRESS_SCENES` and `IVD_STRESS_SEED` choose other scenes; a failure names the one to run again.
+# `IVD_STRESS_SCENES`, `IVD_STRESS_PUSHES` and `IVD_STRESS_SEED` choose how many and which; a failure names the one to run again.
 stress:
     IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} IVD_STRESS_SPACES=${IVD_STRESS_SPACES:-20000} cargo test --release -p ivd-tests --test stability -- --nocapture --test-threads=1
     cargo test --release -p ivd-segment -- --ignored --nocapture
@@ -55,7 +55,7 @@ bench *args="":
 fronts:
     cargo run --release -- bench --size 128 --repeats 7 --record fixtures/fronts
     cargo run --release -- bench segment-kmvs segment-emvs --size 128 --repeats 7 --record fixtures/fronts
-    cargo run --release -- bench refine-methods map-methods deformation --size 128 --repeats 7 --record fixtures/fronts
+    cargo run --release -- bench refine-methods solvers map-methods deformation --size 128 --repeats 7 --record fixtures/fronts
     cargo run --release -- bench segment-msvs segment-hvs --size 96 --repeats 3 --record fixtures/fronts
 
 # Kernel benches.

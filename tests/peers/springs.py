@@ -59,8 +59,8 @@ class Ours:
         words = [program, str(side), str(steps), str(threads)]
         self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
-    def __call__(self):
-        self.process.stdin.write("\n")
+    def __call__(self, asked=""):
+        self.process.stdin.write(asked + "\n")
         self.process.stdin.flush()
         return json.loads(self.process.stdout.readline())
 

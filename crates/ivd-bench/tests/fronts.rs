@@ -3,7 +3,7 @@
 
 use ivd_bench::{NAMES, ON_REQUEST, Setting, experiments};
 use ivd_core::Exec;
-use ivd_pipeline::fronts::recorded;
+use ivd_pipeline::fronts::{FrontPoint, recorded};
 
 /// The defaults that the code has today. The size of the input doesn't change what they are.
 fn defaults(stage: &str) -> Vec<Setting> {
@@ -22,6 +22,39 @@ fn every_default_is_recorded_and_no_other_setting_beats_it() {
         assert_eq!(marked, today.len(), "{stage}: as many defaults are recorded as there are; `just fronts`");
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Error at a time on a curve through points (s, error), by powers in between; `None` beyond its ends.
+fn between(curve: &[[f64; 2]], time: f64) -> Option<f64> {
+    let above = curve.iter().position(|p| p[0] >= time)?;
+    let [[t, e], [u, f]] = [curve[above.checked_sub(1)?], curve[above]];
+    let share = (time / t).ln() / (u / t).ln();
+    Some(e * (f / e).powf(share))
+}
+
+#[test]
+fn the_quasi_newton_solver_is_below_the_others_at_every_time_that_both_have() {
+    let front = recorded().iter().find(|f| f.stage == "solvers").unwrap();
+    let curve = |task: &str, solver: &str| {
+        let of = |p: &&FrontPoint| p.task == task && p.knobs["solver"] == solver;
+        let mut points: Vec<[f64; 2]> =
+            front.points.iter().filter(of).map(|p| [p.cpu_s.median, p.error]).collect();
+        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        points
+    };
+    for task in ["balance", "a step of 20 ms"] {
+        let own = curve(task, "projective");
+        for solver in ["local-global", "xpbd"] {
+            let compared: Vec<_> = curve(task, solver)
+                .into_iter()
+                .filter_map(|[time, error]| Some((time, error, between(&own, time)?)))
+                .collect();
+            assert!(compared.len() >= 3, "{task}, {solver}: {} times in common", compared.len());
+            for (time, error, own) in compared {
+                assert!(own < error, "{task} after {time} s: {own} above it, {solver} {error}");
+            }
+        }
+    }
 }
 
 /// Stages whose default errs: half of nothing is not better.

@@ -538,7 +538,7 @@ pub(crate) enum CacheAction {
 pub(crate) struct Bench {
     /// segment, atf, lattice, refine, deform, map, warp, render, or scenes: whole scenes, what they skip and how they grow.
     /// All of them where none is named. On request alone: segment-kmvs, segment-emvs, segment-msvs, segment-hvs,
-    /// refine-methods, map-methods and deformation: every map, and level, solver and map together, against finite elements;
+    /// refine-methods; solvers: masses on springs, the energy that each comes down to; map-methods and deformation: every map, and level, solver and map together, against finite elements;
     /// refinements: the same lattices by every method, with pictures; and interactive: a handle that is dragged.
     #[arg(value_name = "STAGE")]
     pub(crate) stages: Vec<String>,

@@ -9,7 +9,7 @@ use ivd_segment::{KmvsParams, kmvs};
 use nalgebra::Vector3;
 
 use super::inputs::{judged, root_mean_square, voxel_mm};
-use super::{atf, clusters, deform, deformation, map, methods, refine, render, segment};
+use super::{atf, clusters, deform, deformation, map, methods, refine, render, segment, solvers};
 use crate::apart::Truth;
 use crate::experiment::{Experiment, Problem, Setting};
 use crate::sweep::Given;
@@ -55,6 +55,10 @@ pub(super) fn experiment(stage: &str, given: &Given, exec: &Exec) -> Result<Opti
             let pull = way * (stiffness * MOVE * length);
             let handle = Handle { at: place, action: Action::Force(pull.into()), radius: RADIUS * length };
             deform::on(&whole, handle, of("the lattice of the densest part, pulled,"), exec)?
+        }
+        "solvers" => {
+            let (whole, handle) = pushed(volume, exec)?;
+            solvers::on(&whole, &handle, &[], 0.0, of("the lattice of the densest part, pushed,"), exec)?
         }
         "map" => {
             let (whole, handle) = pushed(volume, exec)?;

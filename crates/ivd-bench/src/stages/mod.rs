@@ -12,6 +12,7 @@ pub(crate) mod methods;
 mod refine;
 mod render;
 mod segment;
+mod solvers;
 mod warp;
 
 use ivd_core::Exec;
@@ -25,12 +26,13 @@ use crate::sweep::Given;
 pub const NAMES: [&str; 8] = ["segment", "atf", "lattice", "refine", "deform", "map", "warp", "render"];
 
 /// Experiments that run where they are named only: they take longer.
-pub const ON_REQUEST: [&str; 7] = [
+pub const ON_REQUEST: [&str; 8] = [
     "segment-kmvs",
     "segment-emvs",
     "segment-msvs",
     "segment-hvs",
     "refine-methods",
+    "solvers",
     "map-methods",
     "deformation",
 ];
@@ -47,6 +49,7 @@ pub fn experiments(stage: &str, size: usize, exec: &Exec) -> Result<Vec<Experime
         "refine" => refine::experiment(size, exec),
         "refine-methods" => methods::experiment(size, exec),
         "deform" => deform::experiment(size, exec),
+        "solvers" => solvers::experiment(size, exec),
         "map" => map::experiment(size, exec),
         "map-methods" => deformation::maps(size, exec),
         "deformation" => deformation::whole(size, exec),

@@ -196,6 +196,7 @@ pub fn recorded() -> &'static [Front] {
             recorded!("lattice"),
             recorded!("refine"),
             recorded!("refine-methods"),
+            recorded!("solvers"),
             recorded!("deform"),
             recorded!("map"),
             recorded!("map-methods"),
