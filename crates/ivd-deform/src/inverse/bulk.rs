@@ -281,7 +281,7 @@ fn line(
         }
     }
     let [y, z] = [8, 64];
-    if slot & 56 >= 2 * y && slot >= z {
+    if slot % z >= 2 * y && slot >= z {
         let all = [slot - y, slot - 2 * y, slot - z, slot - z - y, slot - z - 2 * y];
         if all.iter().all(|&i| known[i]) {
             let [a, b, c] = [places[slot - z], places[slot - z - y], places[slot - z - 2 * y]];
