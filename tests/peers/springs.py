@@ -55,8 +55,8 @@ def run(rest, begin, near, length, middle, steps):
 
 
 class Ours:
-    def __init__(self, program, side, steps, threads):
-        words = [program, str(side), str(steps), str(threads)]
+    def __init__(self, program, side, steps, threads, *others):
+        words = [program, str(side), str(steps), str(threads), *map(str, others)]
         self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def __call__(self, asked=""):
