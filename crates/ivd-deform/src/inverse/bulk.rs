@@ -20,17 +20,10 @@ use crate::sampler::brick_at;
 /// A vector; its last lane is 0.
 type Padded = [f64; 4];
 
-/// What a vector loses as `f32`, as a fraction of it.
-const ROUNDING: f64 = 5.960_464_477_539_063e-8;
+/// A residual at which a preimage counts as found, as a fraction of the vector: a sixteenth of what that loses as `f32`.
+const KEPT: f64 = 3.725_290_298_461_914e-9;
 /// Full steps from one start; the plain way takes over after that.
 const STEPS: usize = 8;
-
-/// A vector as it is stored (mm), where it leads to, and what residual that leaves (voxels).
-struct Stored {
-    vector: [f32; 3],
-    place: Padded,
-    residual: f64,
-}
 
 /// A field that is inverted brick by brick.
 pub(super) struct Bulk<'a> {
@@ -104,40 +97,37 @@ impl<'a> Bulk<'a> {
             let mut start = along(y, self.ready[slot0 + slot], -1.0);
             line(&places, &known, slot, &mut start);
             // SAFETY: the caller's.
-            let found = unsafe { self.newton::<F>(y, start) };
-            let Stored { vector, place, residual } = found.unwrap_or_else(|| {
-                let place = self.plain(y, start);
+            let (found, x) = unsafe { self.newton::<F>(y, start) };
+            (places[slot], known[slot]) = (if found { x } else { self.plain(y, start) }, true);
+            // SAFETY: the caller's.
+            let (mut vector, mut residual) = unsafe { self.stored::<F>(y, places[slot]) };
+            // Far more than rounding: a step was trusted that shouldn't have been.
+            if found && residual > 1e-5 {
+                places[slot] = self.plain(y, start);
                 // SAFETY: the caller's.
-                unsafe { self.stored::<F>(y, place) }
-            });
-            (places[slot], known[slot]) = (place, true);
+                (vector, residual) = unsafe { self.stored::<F>(y, places[slot]) };
+            }
             out[slot] = vector;
             worst.take(residual, VoxelIndex(voxel));
         }
         (out, worst)
     }
 
-    /// The vector that takes `y` to `x`, as it is stored (mm), and the place that it leads to.
-    #[inline(always)]
-    fn rounded(&self, y: Padded, x: Padded) -> ([f32; 3], Padded) {
-        let [p, q, r, _] = times(&self.to_world, minus(x, y));
-        let vector = [p as f32, q as f32, r as f32];
-        (vector, along(y, times(&self.to_voxel, vector), 1.0))
-    }
-
-    /// The same with what residual that leaves.
+    /// The vector that takes `y` to `x`, as it is stored (mm), and what residual that leaves (voxels).
     ///
     /// # Safety
     ///
     /// The processor has what the lanes need.
     #[inline(always)]
     #[allow(unsafe_code, reason = "argued in the module's head")]
-    unsafe fn stored<F: Four>(&self, y: Padded, x: Padded) -> Stored {
-        let (vector, place) = self.rounded(y, x);
-        let (cell, within) = self.locate(place);
+    unsafe fn stored<F: Four>(&self, y: Padded, x: Padded) -> ([f32; 3], f64) {
+        let [p, q, r, _] = times(&self.to_world, minus(x, y));
+        let vector = [p as f32, q as f32, r as f32];
+        let kept = along(y, times(&self.to_voxel, vector), 1.0);
+        let (cell, place) = self.locate(kept);
         // SAFETY: the caller's.
-        let (u, _) = unsafe { derived::<F>(&self.corners(cell), within) };
-        Stored { vector, place, residual: norm(minus(along(place, u.store(), 1.0), y)) }
+        let (u, _) = unsafe { derived::<F>(&self.corners(cell), place) };
+        (vector, norm(minus(along(kept, u.store(), 1.0), y)))
     }
 
     /// The plain way.
@@ -149,48 +139,45 @@ impl<'a> Bulk<'a> {
         [x.x, x.y, x.z, 0.0]
     }
 
-    /// Full steps from a start, each to a place that a stored vector leads to, for as long as each of them helps; `None` where they end
-    /// too early.
+    /// Full steps from a start, and whether each of them helped until nothing was left.
     ///
     /// # Safety
     ///
     /// The processor has what the lanes need.
     #[inline(always)]
     #[allow(unsafe_code, reason = "argued in the module's head")]
-    unsafe fn newton<F: Four>(&self, y: Padded, start: Padded) -> Option<Stored> {
-        let (mut x, mut vector) = (start, [0.0; 3]);
-        let (mut before, mut best) = (f64::INFINITY, None);
-        for n in 0..=STEPS {
+    unsafe fn newton<F: Four>(&self, y: Padded, start: Padded) -> (bool, Padded) {
+        let mut x = start;
+        let mut before = f64::INFINITY;
+        for _ in 0..=STEPS {
             let (cell, place) = self.locate(x);
             // SAFETY: the caller's.
             let (u, gradient) = unsafe { derived::<F>(&self.corners(cell), place) };
             let f = minus(along(x, u.store(), 1.0), y);
             // Squares of lengths: a root would be waited for.
             let left = dot(f, f);
-            let way = minus(x, y);
-            let rounding = ROUNDING * ROUNDING * dot(way, way);
             let far = x[0].abs().max(x[1].abs()).max(x[2].abs());
             let found = FOUND.max(FOUND_FAR * far);
-            if n > 0 {
-                let within = |near: f64| left <= near.max(found * found);
-                // What can't be much less as it is stored, and what was no less than the step before.
-                if within(rounding) {
-                    return Some(Stored { vector, place: x, residual: left.sqrt() });
-                }
-                if within(16.0 * rounding) && left < before {
-                    best = Some(Stored { vector, place: x, residual: left.sqrt() });
-                }
+            let vector = minus(x, y);
+            let near = (found * found).max(KEPT * KEPT * dot(vector, vector));
+            if left <= near {
+                return (true, x);
             }
             // Not a number, too: nothing that is compared with it holds.
             let helped = left < 0.81 * before;
             if !helped {
-                return best;
+                return (false, start);
             }
             before = left;
             let step = step([gradient[0].store(), gradient[1].store(), gradient[2].store()], f);
-            (vector, x) = self.rounded(y, minus(x, step));
+            x = minus(x, step);
+            // Within a cell a step leaves its square of a residual, about.
+            let squared = dot(step, step);
+            if squared * squared <= near && self.locate(x).0 == cell {
+                return (true, x);
+            }
         }
-        best
+        (false, start)
     }
 
     /// As [`Sampler::locate`](crate::sampler::Sampler::locate).
@@ -255,8 +242,7 @@ impl<'a> Bulk<'a> {
     }
 }
 
-/// Where the voxels of a brick before `slot` lead to: two make a line, one goes on as it is. A line along y bends as the one before it
-/// along z did. Left alone where there is none.
+/// Where the voxels of a brick before `slot` lead to: two make a line, one goes on as it is. Left alone where there is none.
 #[inline(always)]
 fn line(
     places: &[Padded; FieldBricks::VOXELS],
@@ -278,14 +264,6 @@ fn line(
             } else if known[slot - 2 * stride] {
                 *start = along(last, minus(last, places[slot - 2 * stride]), 1.0);
             }
-        }
-    }
-    let [y, z] = [8, 64];
-    if slot % z >= 2 * y && slot >= z {
-        let all = [slot - y, slot - 2 * y, slot - z, slot - z - y, slot - z - 2 * y];
-        if all.iter().all(|&i| known[i]) {
-            let [a, b, c] = [places[slot - z], places[slot - z - y], places[slot - z - 2 * y]];
-            *start = along(*start, minus(minus(a, b), minus(b, c)), 1.0);
         }
     }
 }

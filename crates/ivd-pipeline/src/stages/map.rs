@@ -103,7 +103,7 @@ impl Stage for Map {
     }
 
     fn revision(&self) -> u32 {
-        7
+        6
     }
 
     fn inputs(&self) -> &'static [Slot] {

@@ -35,7 +35,7 @@ impl Stage for Space {
     }
 
     fn revision(&self) -> u32 {
-        3
+        2
     }
 
     fn inputs(&self) -> &'static [Slot] {

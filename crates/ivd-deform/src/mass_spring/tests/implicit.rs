@@ -363,3 +363,35 @@ fn a_law_without_a_limit_has_no_stiffness_beyond_it() {
     let pulled = forces::pull(&spring, law, &rest, &[[0.0; 3], [9.0, 0.0, 0.0]]);
     assert_eq!(pulled, Vector3::new(18.0, 0.0, 0.0));
 }
+
+#[test]
+fn a_pulled_body_that_nothing_holds_gains_force_times_time_by_implicit_steps_too() {
+    let lattice = sheet(9);
+    let mass = body(&lattice, &[pulled(40, [0.0; 3], 100.0)], &[], &Params::default()).mass;
+    for (solver, steps) in [(Solver::Projective, 20), (Solver::Projective, 100), (Solver::Xpbd, 100)] {
+        let params = Params {
+            solver,
+            inertia: solver == Solver::Projective,
+            stiffness: 1000.0,
+            drag: 0.0,
+            duration: 0.01,
+            dt: Some(0.01 / steps as f64),
+            ramp: Some(0.0),
+            frames: steps,
+            tolerance: 1e-12,
+            max_iterations: 3000,
+            ..Params::default()
+        };
+        let solved = run(&lattice, &[pulled(40, [3.0, 0.0, 1.0], 100.0)], &[], &params).unwrap();
+        assert_eq!(solved.steps, steps);
+        let frames = &solved.motion.frames;
+        for pair in frames.windows(2) {
+            let went =
+                |v: usize| Vector3::from(pair[1].displacement[v]) - Vector3::from(pair[0].displacement[v]);
+            let momentum: Vector3<f64> = (0..81).map(|v| went(v) * (mass[v] / solved.dt)).sum();
+            let expected = Vector3::new(3e3, 0.0, 1e3) * pair[1].time;
+            let apart = (momentum - expected).norm() / expected.norm();
+            assert!(apart < 1e-8, "{solver:?}, {steps} steps, after {} s: {apart:e}", pair[1].time);
+        }
+    }
+}
