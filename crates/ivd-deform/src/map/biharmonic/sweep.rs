@@ -149,9 +149,5 @@ fn no_certified_map_of_ten_thousand_drawn_pushes_folds() {
     };
     let (first, count) = (asked("IVD_STRESS_SEED", 0), asked("IVD_STRESS_PUSHES", 10_000));
     let certified = sweep(first..first + count);
-    println!(
-        "pushes {first} to {}: {certified:?} certified by octree and biharmonic, none folds",
-        first + count
-    );
     assert!(certified.iter().all(|n| 5 * *n as u64 >= 3 * count), "{certified:?} of {count}");
 }
