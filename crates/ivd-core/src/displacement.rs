@@ -66,6 +66,7 @@ impl FieldBricks {
     }
 
     /// Bricks along x, y, z.
+    #[inline]
     pub fn brick_dims(&self) -> [usize; 3] {
         self.dims.map(|n| n.div_ceil(Self::SIDE))
     }

@@ -1,4 +1,4 @@
-//! Springs side by side: their forces, four lanes at a time.
+//! Springs side by side: their forces, four lanes at a time, and how their energies grow.
 //!
 //! What [`pull`](super::forces::pull) says of a spring, side by side. The plain loops, which the compiler makes vectors of where
 //! it can, and the vectors written for AVX2 do the same operations in the same order, so that lanes change no bit.
@@ -118,6 +118,70 @@ impl Block {
                     force[j][a] -= to[a][lane];
                 }
             }
+        }
+    }
+
+    /// Adds to every lane's sum how much its spring's energy (nJ) grows where the vertices go on by `way` (mm) from `moved`: of
+    /// every spring, or of those alone whose first end comes before the other.
+    #[inline(always)]
+    pub(super) fn add_growth<const PUSH: bool, const LIMIT: bool, const ALL: bool>(
+        &self,
+        limit: f64,
+        moved: &Vectors,
+        way: &Vectors,
+        sums: &mut [f64; LANES],
+    ) {
+        let (at, length, stiffness) = (&self.at, &self.length, &self.stiffness);
+        let (mut by, mut on, mut counts) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3], [false; LANES]);
+        for (lane, ends) in self.ends.iter().enumerate() {
+            counts[lane] = lane < self.count && (ALL || ends[0] < ends[1]);
+            let [i, j] = ends.map(|v| v as usize);
+            for a in 0..3 {
+                by[a][lane] = moved[j][a] - moved[i][a];
+                on[a][lane] = way[j][a] - way[i][a];
+            }
+        }
+        let squares = |of: &[[f64; LANES]; 3], lane: usize| {
+            of[0][lane] * of[0][lane] + of[1][lane] * of[1][lane] + of[2][lane] * of[2][lane]
+        };
+        // A quotient of lengths that are 0 is 0.
+        let over = |of: f64, lengths: f64| if lengths > 0.0 { of / lengths } else { 0.0 };
+        let (mut here, mut there) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        for a in 0..3 {
+            for lane in 0..LANES {
+                here[a][lane] = at[a][lane] + by[a][lane];
+                there[a][lane] = here[a][lane] + on[a][lane];
+            }
+        }
+        let (mut stretch, mut more) = ([0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            // Differences of squared lengths, without their cancellation.
+            let so_far = (at[0][lane] + here[0][lane]) * by[0][lane]
+                + (at[1][lane] + here[1][lane]) * by[1][lane]
+                + (at[2][lane] + here[2][lane]) * by[2][lane];
+            let further = (here[0][lane] + there[0][lane]) * on[0][lane]
+                + (here[1][lane] + there[1][lane]) * on[1][lane]
+                + (here[2][lane] + there[2][lane]) * on[2][lane];
+            let (now, then) = (squares(&here, lane).sqrt(), squares(&there, lane).sqrt());
+            stretch[lane] = over(so_far, now + length[lane]);
+            more[lane] = over(further, now + then);
+        }
+        // Where both lie on the same side, their difference is the growth itself.
+        let grown = |now: f64, then: f64, more: f64| {
+            (if now != 0.0 && then != 0.0 { more } else { then - now }) * (now + then)
+        };
+        let above = |stretch: f64, least: f64| if stretch > least { stretch - least } else { 0.0 };
+        for lane in 0..LANES {
+            let (now, more) = (stretch[lane], more[lane]);
+            let then = now + more;
+            let mut sum =
+                if PUSH { more * (now + then) } else { grown(above(now, 0.0), above(then, 0.0), more) };
+            if LIMIT {
+                let least = limit * length[lane];
+                sum += LIMITED * grown(above(now, least), above(then, least), more);
+            }
+            let energy = 0.5 * stiffness[lane] * sum;
+            sums[lane] += if counts[lane] { energy } else { 0.0 };
         }
     }
 

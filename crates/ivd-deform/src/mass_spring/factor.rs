@@ -2,6 +2,9 @@
 //!
 //! `A = L D Lᵀ`, row by row along the elimination tree (Davis 2005, LDL), after nested dissection by coordinates: a surface
 //! of `n` vertices is cut by about `√n` of them, which fills the factor with `n log n` entries.
+//!
+//! The argument for the `unsafe` block: what needs AVX2 is called only where it was found. It does the plain loops' operations in
+//! their order, and gives the same bytes.
 
 use super::forces::{Spring, Vectors};
 
@@ -107,24 +110,49 @@ impl Factor {
 
     /// The solution `x` of `A x = b`, one for each component of the vectors.
     pub(super) fn solve(&self, b: &Vectors) -> Vec<[f64; 3]> {
+        #[cfg(target_arch = "x86_64")]
+        if crate::lanes::wide() {
+            // SAFETY: AVX2 was found.
+            #[allow(unsafe_code, reason = "argued in the module's head")]
+            return unsafe { self.solve_avx2(b) };
+        }
+        self.solve_any(b)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn solve_avx2(&self, b: &Vectors) -> Vec<[f64; 3]> {
+        self.solve_any(b)
+    }
+
+    /// The plain twin, which is compiled for AVX2 too.
+    #[inline(always)]
+    pub(super) fn solve_any(&self, b: &Vectors) -> Vec<[f64; 3]> {
         let n = self.vertex.len();
-        let mut x: Vec<[f64; 3]> = self.vertex.iter().map(|&v| b[v as usize]).collect();
+        // As wide as the processor's vectors: the last component is 0.
+        let mut x = vec![[0.0; 4]; n];
+        for (x, &v) in x.iter_mut().zip(&self.vertex) {
+            x[..3].copy_from_slice(&b[v as usize]);
+        }
         for k in 0..n {
             let own = x[k];
             let column = self.first[k]..self.first[k + 1];
             for (&i, &l) in self.row[column.clone()].iter().zip(&self.value[column]) {
                 let x = &mut x[i as usize];
-                for a in 0..3 {
+                for a in 0..4 {
                     x[a] -= l * own[a];
                 }
             }
         }
         for k in (0..n).rev() {
             let column = self.first[k]..self.first[k + 1];
-            let mut own = x[k].map(|c| c / self.pivot[k]);
+            let mut own = x[k];
+            for c in &mut own {
+                *c /= self.pivot[k];
+            }
             for (&i, &l) in self.row[column.clone()].iter().zip(&self.value[column]) {
                 let x = &x[i as usize];
-                for a in 0..3 {
+                for a in 0..4 {
                     own[a] -= l * x[a];
                 }
             }
@@ -132,7 +160,7 @@ impl Factor {
         }
         let mut solution = vec![[0.0; 3]; n];
         for (&v, x) in self.vertex.iter().zip(x) {
-            solution[v as usize] = x;
+            solution[v as usize].copy_from_slice(&x[..3]);
         }
         solution
     }

@@ -237,25 +237,59 @@ impl Springs {
 
     /// How much the springs' energy (nJ) grows where the vertices go on by `way` (mm) from `moved`. It is a sum of each
     /// spring's own growth, exact where the energies themselves differ by less than their rounding.
-    pub(super) fn energy_growth(&self, rest: &Vectors, moved: &Vectors, way: &Vectors) -> f64 {
-        self.total(|spring| {
-            let (at, by) = apart(spring, rest, moved);
-            let [i, j] = spring.ends.map(|v| v as usize);
-            let on = Vector3::from(way[j]) - Vector3::from(way[i]);
-            let (here, there) = ((at + by).norm(), (at + by + on).norm());
-            if here + there <= 0.0 {
-                return 0.0;
-            }
-            let more = on.dot(&(2.0 * (at + by) + on)) / (here + there);
-            let stretch = stretch(spring, at, by);
-            let [below, beyond] = self.stretches(stretch, spring.length);
-            let [below_then, beyond_then] = self.stretches(stretch + more, spring.length);
-            // Where both lie on the same side, their difference is the growth itself.
-            let by = |now: f64, then: f64| if now != 0.0 && then != 0.0 { more } else { then - now };
-            let squares = by(below, below_then) * (below + below_then)
-                + LIMITED * by(beyond, beyond_then) * (beyond + beyond_then);
-            0.5 * spring.stiffness * squares
-        })
+    pub(super) fn energy_growth(&self, moved: &Vectors, way: &Vectors) -> f64 {
+        let of = |chunk: &Chunk| self.growth_of_chunk(chunk, moved, way);
+        let sums: Vec<f64> = if self.worth_sharing() {
+            self.chunks.par_iter().map(of).collect()
+        } else {
+            self.chunks.iter().map(of).collect()
+        };
+        sums.iter().sum()
+    }
+
+    fn growth_of_chunk(&self, chunk: &Chunk, moved: &Vectors, way: &Vectors) -> f64 {
+        #[cfg(target_arch = "x86_64")]
+        if self.avx2 {
+            // SAFETY: AVX2 was found.
+            #[allow(unsafe_code, reason = "argued in the module's head")]
+            return unsafe { self.growth_avx2(chunk, moved, way) };
+        }
+        self.growth_any(chunk, moved, way)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn growth_avx2(&self, chunk: &Chunk, moved: &Vectors, way: &Vectors) -> f64 {
+        self.growth_any(chunk, moved, way)
+    }
+
+    #[inline(always)]
+    fn growth_any(&self, chunk: &Chunk, moved: &Vectors, way: &Vectors) -> f64 {
+        match (self.law.push, self.law.limit) {
+            (true, None) => self.growth::<true, false>(chunk, moved, way),
+            (false, None) => self.growth::<false, false>(chunk, moved, way),
+            (true, Some(_)) => self.growth::<true, true>(chunk, moved, way),
+            (false, Some(_)) => self.growth::<false, true>(chunk, moved, way),
+        }
+    }
+
+    #[inline(always)]
+    fn growth<const PUSH: bool, const LIMIT: bool>(
+        &self,
+        chunk: &Chunk,
+        moved: &Vectors,
+        way: &Vectors,
+    ) -> f64 {
+        let limit = self.law.limit.unwrap_or(0.0);
+        let mut sums = [0.0; LANES];
+        let (own, leading_out) = chunk.blocks.split_at(chunk.own.div_ceil(LANES));
+        for block in own {
+            block.add_growth::<PUSH, LIMIT, true>(limit, moved, way, &mut sums);
+        }
+        for block in leading_out {
+            block.add_growth::<PUSH, LIMIT, false>(limit, moved, way, &mut sums);
+        }
+        sums.iter().sum()
     }
 
     /// The part of a stretch (mm) that counts, and the part that counts a hundredfold.
@@ -333,6 +367,11 @@ pub(super) fn dot(a: &Vectors, b: &Vectors) -> f64 {
 
 /// Length of a list of vectors; infinite where a component isn't finite.
 pub(super) fn norm(a: &Vectors) -> f64 {
+    // Neither lost nor beyond all bounds, so every component is finite.
+    let squared = dot(a, a);
+    if (1e-150..1e150).contains(&squared) {
+        return squared.sqrt();
+    }
     if !a.iter().flatten().all(|c| c.is_finite()) {
         return f64::INFINITY;
     }
@@ -340,9 +379,6 @@ pub(super) fn norm(a: &Vectors) -> f64 {
     let most = a.iter().flatten().fold(0.0_f64, |most, c| most.max(c.abs()));
     if most == 0.0 {
         return 0.0;
-    }
-    if (1e-100..1e100).contains(&most) {
-        return dot(a, a).sqrt();
     }
     let scaled: Vec<[f64; 3]> = a.iter().map(|v| v.map(|c| c / most)).collect();
     dot(&scaled, &scaled).sqrt() * most

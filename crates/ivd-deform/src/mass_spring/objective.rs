@@ -69,6 +69,6 @@ impl Objective<'_> {
                 slope[v][a] = body.ground[v] * half + inertia - self.drives.force[v][a] * self.reached;
             }
         }
-        body.springs.energy_growth(&body.rest, moved, way) + dot(&slope, &way[..body.loose])
+        body.springs.energy_growth(moved, way) + dot(&slope, &way[..body.loose])
     }
 }

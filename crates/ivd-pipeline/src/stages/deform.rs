@@ -244,7 +244,7 @@ impl Stage for Deform {
     }
 
     fn revision(&self) -> u32 {
-        3
+        4
     }
 
     fn inputs(&self) -> &'static [Slot] {

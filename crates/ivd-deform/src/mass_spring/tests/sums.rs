@@ -85,12 +85,29 @@ fn forces_are_the_slope_of_the_energy_and_its_growth_is_exact() {
         // For a large step, the difference; for a tiny one, the slope to all its digits.
         let growth = |step: f64| {
             let scaled: Vec<[f64; 3]> = way.iter().map(|w| w.map(|c| c * step)).collect();
-            springs.energy_growth(&rest, &moved, &scaled)
+            springs.energy_growth(&moved, &scaled)
         };
+        let plain: f64 = list.iter().map(|spring| growth_of(spring, law, &rest, &moved, &way)).sum();
+        assert!((growth(1.0) - plain).abs() < 1e-12 * scale, "one spring at a time");
+        let lanes = springs.clone().plain().energy_growth(&moved, &way);
+        assert_eq!(growth(1.0).to_bits(), lanes.to_bits(), "the processor's wider lanes change no bit");
         let difference = springs.energy(&rest, &along(0.5)) - springs.energy(&rest, &moved);
         assert!((growth(0.5) - difference).abs() < 1e-11 * springs.energy(&rest, &moved));
         assert!((growth(1e-11) / 1e-11 - slope).abs() < 1e-9 * scale);
     }
+}
+
+/// What one spring's energy grows by, from its lengths.
+fn growth_of(spring: &Spring, law: Law, rest: &Positions, moved: &Positions, way: &Positions) -> f64 {
+    let [i, j] = spring.ends.map(|v| v as usize);
+    let apart = |of: &Positions| Vector3::from(of[j]) - Vector3::from(of[i]);
+    let energy = |by: Vector3<f64>| {
+        let stretch = (apart(rest) + by).norm() - spring.length;
+        let counts = if law.push { stretch } else { stretch.max(0.0) };
+        let beyond = law.limit.map_or(0.0, |limit| (stretch - limit * spring.length).max(0.0));
+        0.5 * spring.stiffness * (counts * counts + 100.0 * beyond * beyond)
+    };
+    energy(apart(moved) + apart(way)) - energy(apart(moved))
 }
 
 #[test]
