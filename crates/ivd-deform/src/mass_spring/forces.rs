@@ -15,6 +15,8 @@ use super::blocks::{Block, LANES, NO_DIRECTION, Padded};
 pub(super) const CHUNK: usize = 2048;
 /// Fewer vertices than these are faster on one thread.
 const ALONE: usize = 3 * CHUNK;
+/// Fewer vectors than these are multiplied faster on one thread.
+const ALONE_IN_PRODUCTS: usize = 32 * CHUNK;
 /// Stiffness that comes on top beyond the strain limit, in stiffnesses below it.
 pub(super) const LIMITED: f64 = 100.0;
 
@@ -352,12 +354,20 @@ pub(super) fn pull(spring: &Spring, law: Law, rest: &Vectors, moved: &Vectors) -
     (at + by) * (spring.stiffness * (counts + LIMITED * beyond) / now)
 }
 
-/// Scalar product of two lists of vectors, summed chunk by chunk.
+/// Scalar product of two lists of vectors, summed chunk by chunk, and in a chunk lane by lane.
 pub(super) fn dot(a: &Vectors, b: &Vectors) -> f64 {
     let of = |(a, b): (&Vectors, &Vectors)| -> f64 {
-        a.iter().zip(b).map(|(a, b)| a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).sum()
+        let (a, b) = (a.as_flattened().chunks_exact(LANES), b.as_flattened().chunks_exact(LANES));
+        let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
+        let mut sums = [0.0; LANES];
+        for (a, b) in a.zip(b) {
+            for lane in 0..LANES {
+                sums[lane] += a[lane] * b[lane];
+            }
+        }
+        sums.iter().sum::<f64>() + rest
     };
-    let sums: Vec<f64> = if a.len() >= ALONE {
+    let sums: Vec<f64> = if a.len() >= ALONE_IN_PRODUCTS {
         a.par_chunks(CHUNK).zip(b.par_chunks(CHUNK)).map(of).collect()
     } else {
         a.chunks(CHUNK).zip(b.chunks(CHUNK)).map(of).collect()

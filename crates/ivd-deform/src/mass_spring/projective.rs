@@ -170,8 +170,8 @@ fn direction(gradient: &Vectors, history: &[Secant], metric: &Metric) -> Vec<[f6
 }
 
 fn add(to: &mut Vectors, what: &Vectors, times: f64) {
-    for (t, w) in to.iter_mut().zip(what) {
-        *t = std::array::from_fn(|a| t[a] + times * w[a]);
+    for (t, w) in to.as_flattened_mut().iter_mut().zip(what.as_flattened()) {
+        *t += times * w;
     }
 }
 
