@@ -43,6 +43,13 @@ interop:
     cargo build --release
     bash tests/interop/run.sh target/release/ivd
 
+# Every scene's artefacts and decoded outputs against the table; `just golden --write fixtures/golden.tsv` after a change that is meant.
+golden *args="--check fixtures/golden.tsv":
+    cargo build --release
+    test -x target/interop-venv/bin/python || python3 -m venv target/interop-venv
+    target/interop-venv/bin/pip install -q --disable-pip-version-check -r tests/interop/requirements.txt
+    target/interop-venv/bin/python tests/golden.py target/release/ivd {{args}}
+
 # Hostile bytes at every reader and stage, a minute each: `just fuzz`, `just fuzz nifti 600`. Needs cargo-fuzz and a nightly compiler.
 fuzz target="all" seconds="60":
     fuzz/run.sh {{target}} {{seconds}}

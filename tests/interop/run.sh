@@ -10,6 +10,8 @@ if ! "$venv/bin/python" -c 'import numpy, nibabel, SimpleITK, nrrd, vtk, tifffil
     "$venv/bin/pip" install -q --disable-pip-version-check -r "$here/requirements.txt"
 fi
 status=0
+echo "-- golden"
+"$venv/bin/python" "$here/../golden.py" "$ivd" --check "$here/../../fixtures/golden.tsv" || status=1
 echo "-- read_artefact"
 "$venv/bin/python" "$here/read_artefact.py" "$here"/../../fixtures/artefacts/*.ivd >/dev/null || status=1
 for script in volumes lattices motions pipeline; do
