@@ -5,6 +5,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use ivd_artefact::Cache;
 use ivd_core::{Exec, Fault, Observer};
 use ivd_pipeline::{Budget, PipelineOptions, PipelineReport, compare};
 use ivd_tests::{Bench, record};
@@ -239,6 +240,46 @@ fn an_error_that_nothing_holds_ends_with_a_limit_and_its_figures() {
     let pinned = Budget { pinned: ["refine.level".to_owned()].into(), ..error(0.1) };
     let failed = bench.run_with(&["refine.level=3"], &with(pinned), &Exec::default()).unwrap_err();
     assert!(failed.fault() == Fault::Limit && failed.to_string().contains("level 3"), "{failed}");
+}
+
+/// Gives every cached result of a stage another name for one of its figures, as a build of the program might that calls it so.
+fn rename_figure(bench: &Bench, stage: &str, figure: &str) {
+    let mut renamed = 0;
+    for entry in Cache::open(bench.cache()).unwrap().entries().unwrap() {
+        let mut loaded = ivd_artefact::read(&entry.path).unwrap();
+        if loaded.provenance.stage == stage {
+            let figures = loaded.metrics.as_object_mut().unwrap();
+            let value = figures.remove(figure).unwrap();
+            figures.insert(format!("{figure}_renamed"), value);
+            ivd_artefact::write_with_metrics(
+                &entry.path,
+                &loaded.artefact,
+                &loaded.provenance,
+                &loaded.metrics,
+            )
+            .unwrap();
+            renamed += 1;
+        }
+    }
+    assert!(renamed > 0, "{stage}");
+}
+
+#[test]
+fn a_figure_that_went_missing_is_an_error_and_never_a_part_of_0() {
+    for (stage, figure) in
+        [("refine", "max_error_mm"), ("map", "inverse_residual_max_voxel"), ("map", "relaxations")]
+    {
+        let bench = Bench::new(HEAD);
+        bench.run_with(&[], &with(error(0.5)), &Exec::default()).unwrap();
+        rename_figure(&bench, stage, figure);
+        let failed = bench.run_with(&[], &with(error(0.5)), &Exec::default()).unwrap_err();
+        assert_eq!(failed.fault(), Fault::Untrusted, "{failed}");
+        let told = failed.to_string();
+        assert!(told.starts_with(stage) && told.contains(&format!("`{figure}`")), "{told}");
+        // What the message advises.
+        let again = PipelineOptions { force: [stage.to_owned()].into(), ..with(error(0.5)) };
+        assert!(bench.run_with(&[], &again, &Exec::default()).unwrap().budget.unwrap().kept);
+    }
 }
 
 #[test]

@@ -32,7 +32,7 @@ pub fn rates(repeats: usize, exec: &Exec) -> Result<Rates, Error> {
     let mut amounts = Amounts::default();
     for round in 0..=repeats.max(1) {
         let report = once(&loaded, &folder.path().join(round.to_string()), exec)?;
-        amounts = Amounts::of_report(&loaded.scene, &report);
+        amounts = Amounts::of_report(&loaded.scene, &report).map_err(|e| failed(&e))?;
         let outputs = report.outputs.iter().map(|o| (rate_name("write", &o.name), o.wall_s));
         let stages = report.stages.iter().map(|s| (rate_name(&s.stage, &s.variant), s.wall_s));
         // The first run warms up.

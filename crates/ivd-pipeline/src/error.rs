@@ -47,6 +47,17 @@ pub enum Error {
     /// A budget of time or error could not be kept.
     #[error("{0}")]
     Budget(String),
+    /// A figure that a certificate or a choice rests on isn't in a stage's record. Nothing may be taken in its place.
+    #[error(
+        "{stage}: there is no number `{figure}` among the figures of its result, so that nothing can be said of it; run it \
+         again with --force {stage}, or without the cache"
+    )]
+    Figure {
+        /// Name of the stage.
+        stage: String,
+        /// Name of the figure, with dots where it lies within another.
+        figure: String,
+    },
     /// A file could not be read or written.
     #[error("{action} {}: {source}", path.display())]
     Io {
@@ -69,6 +80,7 @@ impl Error {
             Self::Core(error) => error.fault(),
             Self::Damaged(_) => Fault::Input,
             Self::Budget(_) => Fault::Limit,
+            Self::Figure { .. } => Fault::Untrusted,
             Self::Io { .. } => Fault::Io,
         }
     }

@@ -77,6 +77,19 @@ pub struct StageRecord {
     pub metrics: Metrics,
 }
 
+impl StageRecord {
+    /// A figure that something rests on: a number, by its name, with dots where it lies within another.
+    ///
+    /// # Errors
+    /// [`Error::Figure`] where the record has no number of that name.
+    pub fn figure(&self, name: &str) -> Result<f64, Error> {
+        let mut parts = name.split('.');
+        let first = parts.next().and_then(|part| self.metrics.get(part));
+        let found = parts.fold(first, |within, part| within?.get(part)).and_then(Value::as_f64);
+        found.ok_or_else(|| Error::Figure { stage: self.stage.clone(), figure: name.to_owned() })
+    }
+}
+
 /// A stage's result with its record.
 #[derive(Debug, Clone)]
 pub struct Done {

@@ -115,9 +115,12 @@ impl Run {
         self.report.stages.iter().find(|r| r.stage == stage)
     }
 
-    /// A number in a stage's metrics; 0 where there is none.
-    pub(super) fn metric(&self, stage: &str, name: &str) -> f64 {
-        self.record(stage).map_or(0.0, |record| metric(record, name))
+    /// A number among a stage's figures.
+    pub(super) fn figure(&self, stage: &str, name: &str) -> Result<f64, Error> {
+        let missing = || ivd_pipeline::Error::Figure { stage: stage.to_owned(), figure: name.to_owned() };
+        self.record(stage)
+            .map_or_else(|| Err(missing()), |r| r.figure(name))
+            .map_err(|e| failed(stage, &e.into()))
     }
 
     /// Largest resident memory of any stage (MiB).
@@ -138,37 +141,40 @@ impl Run {
 
     /// Voxels (of pictures: samples) that the stages which did their work looked at, and how many of these their outputs
     /// need at least.
-    pub(super) fn visited(&self) -> [f64; 2] {
-        let all = self.metric("import", "voxels");
+    pub(super) fn visited(&self) -> Result<[f64; 2], Error> {
+        let all = self.figure("import", "voxels")?;
         let ran = self.report.stages.iter().filter(|r| r.state == State::Ran);
-        ran.map(|r| visited(r, all)).fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d])
+        let each = ran.map(|r| visited(r, all).map_err(|e| failed(&r.stage, &e.into())));
+        each.into_iter().try_fold([0.0; 2], |[a, b], found| found.map(|[c, d]| [a + c, b + d]))
     }
-}
-
-fn metric(record: &StageRecord, name: &str) -> f64 {
-    record.metrics.get(name).and_then(serde_json::Value::as_f64).unwrap_or(0.0)
 }
 
 /// Voxels that a stage looked at, and at least had to: the two ends of every crossed edge for a lattice, what moves for a
 /// map. Where no less is known to do, the same twice.
-fn visited(record: &StageRecord, all: f64) -> [f64; 2] {
+fn visited(record: &StageRecord, all: f64) -> Result<[f64; 2], ivd_pipeline::Error> {
+    let figure = |name| record.figure(name);
     let cubes = |bricks: f64| (512.0 * bricks).min(all);
-    match record.stage.as_str() {
+    Ok(match record.stage.as_str() {
         "import" | "atf" | "boundary" => [all; 2],
-        "segment" => [metric(record, "visited_fraction") * all; 2],
+        "segment" => [figure("visited_fraction")? * all; 2],
         "lattice" => {
-            let least = (2.0 * metric(record, "vertices")).min(all);
+            let least = (2.0 * figure("vertices")?).min(all);
             // The mask is looked at whole.
             let isolated = record.inputs.contains_key("mask");
-            [if isolated { all } else { cubes(metric(record, "bricks_active")).max(least) }, least]
+            [if isolated { all } else { cubes(figure("bricks_active")?).max(least) }, least]
         }
-        "map" => [cubes(metric(record, "bricks_touched")), metric(record, "voxels_moved")],
-        "warp" => [metric(record, "voxels_resampled"); 2],
-        "render" => {
-            let size = |name: &str| record.params.pointer(name).and_then(serde_json::Value::as_f64);
-            let pixels = size("/width").zip(size("/height")).map_or(0.0, |(w, h)| w * h);
-            [metric(record, "samples_per_pixel") * pixels; 2]
+        "map" => [cubes(figure("bricks_touched")?), figure("voxels_moved")?],
+        "warp" => [figure("voxels_resampled")?; 2],
+        // A difference of pictures casts no rays.
+        "render" if record.variant != "difference" => {
+            let size = |name: &str| {
+                let missing =
+                    || ivd_pipeline::Error::Figure { stage: record.stage.clone(), figure: name.to_owned() };
+                record.params.get(name).and_then(serde_json::Value::as_f64).ok_or_else(missing)
+            };
+            let pixels = size("width")? * size("height")?;
+            [figure("samples_per_pixel")? * pixels; 2]
         }
         _ => [0.0; 2],
-    }
+    })
 }

@@ -40,14 +40,14 @@ pub struct Cost {
 }
 
 impl Cost {
-    fn of(runs: &[Run]) -> Self {
+    fn of(runs: &[Run]) -> Result<Self, Error> {
         let times = |of: fn(&Run) -> f64| Spread::of(&runs.iter().map(of).collect::<Vec<_>>());
-        Self {
+        Ok(Self {
             wall_s: times(|r| r.wall_s),
             cpu_s: times(|r| r.cpu_s),
             peak_rss_mb: runs.iter().filter_map(Run::peak_rss_mb).reduce(f64::max),
-            visited: runs[0].visited()[0],
-        }
+            visited: runs[0].visited()?[0],
+        })
     }
 }
 
@@ -81,9 +81,9 @@ pub fn scaling(size: usize, repeats: usize, exec: &Exec) -> Result<ScalePoint, E
     Ok(ScalePoint {
         size,
         voxel_mm: EDGE_MM / size as f64,
-        voxels_moved: last.metric("map", "voxels_moved"),
+        voxels_moved: last.figure("map", "voxels_moved")?,
         volume_bytes_read: source + asked_for.sum::<u64>(),
-        whole: Cost::of(&whole),
-        moved: Cost::of(&moved),
+        whole: Cost::of(&whole)?,
+        moved: Cost::of(&moved)?,
     })
 }

@@ -85,7 +85,7 @@ fn row(case: &Case, size: usize, exec: &Exec) -> Result<SkipRow, Error> {
     let mut everything = exec.clone();
     everything.skip = false;
     let plain = place.run(case.set, None, false, &everything)?;
-    let [visited, least] = run.visited();
+    let [visited, least] = run.visited()?;
     Ok(SkipRow {
         scene: case.name.to_owned(),
         ran: run.ran(),
@@ -96,7 +96,7 @@ fn row(case: &Case, size: usize, exec: &Exec) -> Result<SkipRow, Error> {
         bytes_read: run.bytes_read(),
         cpu_s: run.cpu_s,
         cpu_plain_s: plain.cpu_s,
-        visited_plain: plain.visited()[0],
+        visited_plain: plain.visited()?[0],
         same: same(&run, &plain),
     })
 }

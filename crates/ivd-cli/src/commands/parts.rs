@@ -73,7 +73,8 @@ pub(super) fn run(
             kind: done.artefact.kind().name().to_owned(),
             hash: done.hash.to_string(),
         });
-        let vertices = done.record.metrics.get("vertices").map(ToString::to_string).unwrap_or_default();
+        let vertices =
+            done.record.metrics.get("vertices").map_or_else(|| "–".to_owned(), ToString::to_string);
         context.say(&format!("label {}: vertices {vertices} → {}", stage.label(), path.display()));
         let mut record = serde_json::to_value(&done.record)?;
         record["label"] = json!(stage.label());

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Exec, Fault};
-use serde_json::Value;
 
 use super::error::{fields, motions, surfaces};
 use super::knobs::{Knob, Setting, along, between, front, level_errors};
@@ -47,7 +46,7 @@ impl Pilot<'_> {
         if !plan.node(NodeId::Refine).needed {
             return Ok(());
         }
-        let candidates = self.candidates(done);
+        let candidates = self.candidates(voxel_mm(done)?);
         let mut learned = Learned::new();
         let mut whole: Option<(f64, BTreeMap<NodeId, Done>)> = None;
         let mut least: Option<(Candidate, Trial)> = None;
@@ -56,7 +55,9 @@ impl Pilot<'_> {
             let (trial, ended) = match self.trial(&candidate, most, plan, done, &mut whole, runner) {
                 // A coarse lattice may fold where a finer one doesn't.
                 Err(error)
-                    if error.fault() == Fault::Untrusted && learned.tried.len() + 1 < candidates.len() =>
+                    if error.fault() == Fault::Untrusted
+                        && !matches!(error, Error::Figure { .. })
+                        && learned.tried.len() + 1 < candidates.len() =>
                 {
                     runner.exec.observer().note(&format!("budget: {}: {error}", named(&candidate)));
                     learned.trial(at, &candidate, [Some(2.0 * most), None, None], 0.0);
@@ -91,8 +92,9 @@ impl Pilot<'_> {
         )))
     }
 
-    /// Every refinement with every number of steps that may be chosen, with what the record predicts.
-    fn candidates(&self, done: &BTreeMap<NodeId, Done>) -> Vec<Candidate> {
+    /// Every refinement with every number of steps that may be chosen, with what the record predicts; `voxel` is the
+    /// longest edge of a voxel (mm).
+    fn candidates(&self, voxel: f64) -> Vec<Candidate> {
         let wish = Setting::of(&self.wish.scene);
         let free = |knob: Knob| !self.pinned(knob);
         let levels = if free(Knob::Level) { LEVELS.to_vec() } else { vec![wish.level.unwrap_or(2.0)] };
@@ -104,12 +106,11 @@ impl Pilot<'_> {
             }
             _ => vec![wish.steps],
         };
-        let voxel = voxel_mm(done);
         let push = deform.map_or(0.0, |d| balls(d).map(|(_, _, motion)| motion).fold(0.0, f64::max));
         let errors = level_errors();
         let error = |level: f64, steps: f64| -> [f64; PARTS] {
-            let stepping =
-                between(solver.iter().map(|(x, p)| (x.ln(), p.error_voxels.unwrap_or(0.0))), steps.ln());
+            let known = solver.iter().filter_map(|(x, p)| Some((x.ln(), p.error_voxels?)));
+            let stepping = between(known, steps.ln());
             [
                 voxel * between(errors.iter().map(|e| (e.0, e.1)), level),
                 push * between(errors.iter().map(|e| (e.0, e.2)), level),
@@ -144,7 +145,7 @@ impl Pilot<'_> {
         let setting = self.setting_of(candidate.level, candidate.steps);
         self.tune(plan, &setting)?;
         self.step(NodeId::Refine, plan, done, &mut trial.done, runner)?;
-        let bound = metric(&trial.done[&NodeId::Refine], "max_error_mm");
+        let bound = trial.done[&NodeId::Refine].record.figure("max_error_mm")?;
         trial.parts.insert("lattice_mm", bound);
         let moves = plan.node(NodeId::Deform).needed;
         if bound > most || !moves {
@@ -240,13 +241,12 @@ impl Pilot<'_> {
             self.step(NodeId::Octree, plan, done, &mut trial.done, runner)?;
         }
         self.step(NodeId::Map, plan, done, &mut trial.done, runner)?;
-        let map = &trial.done[&NodeId::Map];
-        let residual = metric(map, "inverse_residual_max_voxel") * voxel_mm(done);
+        let map = &trial.done[&NodeId::Map].record;
+        let residual = map.figure("inverse_residual_max_voxel")? * voxel_mm(done)?;
         trial.parts.insert("inverse_mm", residual);
         // A map that was diffused or halved to keep it free of folds has left the lattice behind.
-        if metric(map, "relaxations") + metric(map, "halvings") > 0.0 {
-            let misfit = map.record.metrics.get("followed").and_then(|f| f.get("misfit_max_mm"));
-            trial.parts.insert("map_mm", misfit.and_then(Value::as_f64).unwrap_or(0.0));
+        if map.figure("relaxations")? + map.figure("halvings")? > 0.0 {
+            trial.parts.insert("map_mm", map.figure("followed.misfit_max_mm")?);
         }
         Ok(())
     }
@@ -322,15 +322,11 @@ fn difference(
     Ok(most)
 }
 
-fn metric(done: &Done, key: &str) -> f64 {
-    done.record.metrics.get(key).and_then(Value::as_f64).unwrap_or(0.0)
-}
-
 /// Longest edge of the volume's voxels (mm).
-fn voxel_mm(done: &BTreeMap<NodeId, Done>) -> f64 {
+fn voxel_mm(done: &BTreeMap<NodeId, Done>) -> Result<f64, Error> {
     match done.get(&NodeId::Import).map(|d| d.artefact.as_ref()) {
-        Some(Artefact::Volume(volume)) => volume.grid().spacing().into_iter().fold(0.0, f64::max),
-        _ => 1.0,
+        Some(Artefact::Volume(volume)) => Ok(volume.grid().spacing().into_iter().fold(0.0, f64::max)),
+        _ => Err(Error::Figure { stage: "import".to_owned(), figure: "spacing".to_owned() }),
     }
 }
 

@@ -199,7 +199,7 @@ pub(super) fn between(points: impl IntoIterator<Item = (f64, f64)>, x: f64) -> f
 /// By level: bound on the lattice's distance (voxels), and largest difference of the voxels' motion (part of the push).
 pub(super) fn level_errors() -> Vec<(f64, f64, f64)> {
     let map = front("map");
-    let voxel = map.voxel_mm.unwrap_or(1.0);
+    let Some(voxel) = map.voxel_mm else { return Vec::new() };
     let of = |p: &FrontPoint| {
         let counter = |name: &str| p.counters.get(name).map(|mm| mm / voxel);
         let motion = counter("max_mm")? / counter("push_mm")?;

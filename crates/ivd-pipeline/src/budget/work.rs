@@ -2,9 +2,9 @@ use ivd_core::{Grid, Lattice, VoxelCoord, World};
 use nalgebra::Vector3;
 use serde_json::Value;
 
-use crate::PipelineReport;
 use crate::runner::StageRecord;
 use crate::scene::{DeformSection, HandleSection, Scene};
+use crate::{Error, PipelineReport};
 
 /// The name of a rate: a stage with its variant, or `write` with the key of an output.
 pub fn rate_name(stage: &str, variant: &str) -> String {
@@ -33,21 +33,27 @@ pub struct Amounts {
 }
 
 impl Amounts {
-    /// Those of a finished run.
-    pub fn of_report(scene: &Scene, report: &PipelineReport) -> Self {
-        let metric = |stage: &str, key: &str| {
-            let record = report.stages.iter().find(|r: &&StageRecord| r.stage == stage);
-            record.and_then(|r| r.metrics.get(key)).and_then(Value::as_f64).unwrap_or(0.0)
+    /// Those of a finished run; 0 where a stage wasn't needed.
+    ///
+    /// # Errors
+    /// [`Error::Figure`] where a stage did its work and doesn't tell how much it was.
+    pub fn of_report(scene: &Scene, report: &PipelineReport) -> Result<Self, Error> {
+        let find = |stage: &str| {
+            report.stages.iter().find(|r: &&StageRecord| r.stage == stage && r.output.is_some())
         };
-        let dims = report.stages.iter().find_map(|r| r.metrics.get("dims")?.as_array().cloned());
-        let dims: Vec<usize> = dims.iter().flatten().filter_map(Value::as_u64).map(|n| n as usize).collect();
+        let figure = |stage: &str, name: &str| find(stage).map_or(Ok(0.0), |record| record.figure(name));
+        let dims = find("import").and_then(|r| r.metrics.get("dims")?.as_array());
+        let dims: Vec<usize> =
+            dims.into_iter().flatten().filter_map(Value::as_u64).map(|n| n as usize).collect();
         let grid = <[usize; 3]>::try_from(dims).ok().and_then(|d| Grid::with_spacing(d, [1.0; 3]).ok());
-        Self {
-            triangles: metric("lattice", "triangles"),
-            refined: metric("refine", "triangles"),
-            moved: metric("deform", "vertices_moved"),
-            ..grid.map_or_else(Self::default, |grid| Self::of_volume(scene, &grid))
-        }
+        let grid =
+            grid.ok_or_else(|| Error::Figure { stage: "import".to_owned(), figure: "dims".to_owned() })?;
+        Ok(Self {
+            triangles: figure("lattice", "triangles")?,
+            refined: figure("refine", "triangles")?,
+            moved: figure("deform", "vertices_moved")?,
+            ..Self::of_volume(scene, &grid)
+        })
     }
 
     /// What the volume alone tells.

@@ -41,16 +41,17 @@ pub(super) fn classes(record: &StageRecord, colour: &dyn Fn(f64) -> String) -> S
     let list = record.metrics.get("classes").and_then(Value::as_array);
     for (rank, class) in list.into_iter().flatten().enumerate().take(MOST_CLASSES) {
         let real = |key: &str| class.get(key).and_then(Value::as_f64).map_or_else(|| "–".to_owned(), number);
-        let mean = class.get("mean").and_then(Value::as_f64).unwrap_or(0.0);
+        let shown = class.get("mean").and_then(Value::as_f64).map_or_else(String::new, |mean| {
+            format!("<span class='swatch' style='background:{}'></span>", colour(mean))
+        });
         let _ = write!(
             html,
-            "<tr><td><span class='swatch' style='background:{}'></span></td><td><span class='swatch' style='background:{}'></span></td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            "<tr><td><span class='swatch' style='background:{}'></span></td><td>{shown}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             class_colour(rank),
-            colour(mean),
-            class.get("id").map_or_else(String::new, Value::to_string),
+            class.get("id").map_or_else(String::new, |id| escape(&id.to_string())),
             real("mean"),
             real("sd"),
-            class.get("voxels").map_or_else(String::new, Value::to_string),
+            class.get("voxels").map_or_else(String::new, |n| escape(&n.to_string())),
             real("lower"),
             real("upper"),
         );
@@ -106,7 +107,7 @@ pub(super) fn bones(deform: Option<&StageRecord>) -> String {
             html,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             escape(bone.get("name").and_then(Value::as_str).unwrap_or("–")),
-            bone.get("vertices").map_or_else(String::new, Value::to_string),
+            bone.get("vertices").map_or_else(String::new, |n| escape(&n.to_string())),
             real("angle_deg"),
             vector("axis"),
             vector("shift_mm"),
