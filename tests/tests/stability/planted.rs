@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, Labels, Lattice, Mask, Volume, Voxels};
 use ivd_deform::inverse::Inverse;
+use ivd_deform::mass_spring;
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt, RingParams, Solved};
 use ivd_deform::warp::{WarpParams, Warped};
 use ivd_lattice::extract::{ExtractParams, Extracted};
@@ -16,6 +17,7 @@ use ivd_tests::stability::backend::{Answer, Backend, Cpu};
 use ivd_tests::stability::case::{Case, Stage};
 use ivd_tests::stability::chain::examine;
 use ivd_tests::stability::determinism::same_bytes;
+use ivd_tests::stability::invariants::motion::Asked;
 
 /// A ball in single precision with a handle.
 fn case() -> Case {
@@ -241,4 +243,34 @@ fn a_sum_in_the_order_of_arrival_is_found() {
     // k-means with positions is asked through the same spoilt method.
     assert!(found.contains("segment") || found.contains("kmvs"), "{found}");
     same_bytes(&Cpu, &case(), &[2, 8], 2).unwrap();
+}
+
+/// A backend whose springs end one bit elsewhere where the processor's own instructions may be used.
+struct WideErrs;
+
+impl Backend for WideErrs {
+    fn name(&self) -> &'static str {
+        "wide errs"
+    }
+
+    fn springs(
+        &self,
+        asked: &Asked<'_>,
+        params: &mass_spring::Params,
+        exec: &Exec,
+    ) -> Answer<mass_spring::Solved> {
+        let mut solved = Cpu.springs(asked, params, exec)?;
+        if exec.simd {
+            let last = solved.motion.frames.last_mut().unwrap();
+            let moved = last.displacement.as_flattened_mut().iter_mut().find(|x| **x != 0.0).unwrap();
+            *moved = moved.next_up();
+        }
+        Ok(solved)
+    }
+}
+
+#[test]
+fn one_bit_between_wide_lanes_and_plain_loops_is_found() {
+    let found = same_bytes(&WideErrs, &case(), &[1], 2).expect_err("it is found");
+    assert!(found.contains("deform"), "{found}");
 }

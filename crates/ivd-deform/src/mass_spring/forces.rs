@@ -111,11 +111,14 @@ impl Springs {
         self.vertices >= ALONE
     }
 
-    /// The same without what not every processor of its kind has.
-    #[cfg(test)]
-    pub(super) fn plain(mut self) -> Self {
-        self.avx2 = false;
-        self
+    /// With what not every processor of its kind has, where this one does; or the plain loops.
+    pub(super) fn use_simd(&mut self, simd: bool) {
+        self.avx2 = simd && crate::lanes::wide();
+    }
+
+    /// Whether [`Springs::use_simd`] found something to use.
+    pub(super) fn is_wide(&self) -> bool {
+        self.avx2
     }
 
     /// Writes the springs' force (µN) on every vertex of a chunk to `force`, its part of the vertices' forces.
@@ -126,7 +129,12 @@ impl Springs {
         if self.avx2 {
             // SAFETY: AVX2 was found.
             #[allow(unsafe_code, reason = "argued in the module's head")]
-            return unsafe { self.on_chunk_avx2(chunk, moved, force) };
+            unsafe {
+                self.on_chunk_avx2(chunk, moved, force);
+            }
+            #[cfg(test)]
+            crate::lanes::planted::spoil(force.as_flattened_mut());
+            return;
         }
         self.on_chunk_any(chunk, moved, force);
     }
@@ -185,6 +193,8 @@ impl Springs {
             Block::add_wide::<PUSH, LIMIT, true>(own, limit, moved, force);
             Block::add_wide::<PUSH, LIMIT, false>(leading_out, limit, moved, force);
         }
+        #[cfg(test)]
+        crate::lanes::planted::spoil(force.as_flattened_mut());
         after.go_on(moved, force);
     }
 

@@ -32,6 +32,8 @@ pub(super) struct Metric {
     columns: BTreeMap<usize, Vec<f64>>,
     /// The vertices that are moved now, and the factored inverse between them.
     moved: Vec<usize>,
+    /// Whether it is solved with what not every processor of its kind has.
+    simd: bool,
     between: Option<Cholesky<f64, Dyn>>,
 }
 
@@ -47,11 +49,20 @@ impl Metric {
         });
         let extra: Vec<f64> = extra.collect();
         let factor = Factor::new(&body.rest, &body.list, &extra);
-        Self { factor, extra, pinned: None, columns: BTreeMap::new(), moved: Vec::new(), between: None }
+        Self {
+            factor,
+            extra,
+            pinned: None,
+            columns: BTreeMap::new(),
+            moved: Vec::new(),
+            simd: body.springs.is_wide(),
+            between: None,
+        }
     }
 
     /// Takes the vertices that handles move out of the matrix (Woodbury), or pins them where they are many.
     pub(super) fn hold(&mut self, body: &Body, drives: &Drives) {
+        self.simd = body.springs.is_wide();
         let moved: Vec<usize> = drives.moved.iter().map(|(v, ..)| *v).collect();
         if moved == self.moved {
             return;
@@ -78,7 +89,7 @@ impl Metric {
             for (a, &v) in three.iter().enumerate() {
                 unit[v][a] = 1.0;
             }
-            let solved = self.factor.solve(&unit);
+            let solved = self.factor.solve(&unit, self.simd);
             for (a, &v) in three.iter().enumerate() {
                 self.columns.insert(v, solved.iter().map(|x| x[a]).collect());
             }
@@ -95,13 +106,13 @@ impl Metric {
             for &v in &self.moved {
                 b[v] = [0.0; 3];
             }
-            let mut x = factor.solve(&b);
+            let mut x = factor.solve(&b, self.simd);
             for &v in &self.moved {
                 x[v] = [0.0; 3];
             }
             return x;
         }
-        let mut x = self.factor.solve(b);
+        let mut x = self.factor.solve(b, self.simd);
         let at: Vec<[f64; 3]> = self.moved.iter().map(|&v| x[v]).collect();
         self.add(&mut x, &at, -1.0);
         for &v in &self.moved {
@@ -117,7 +128,7 @@ impl Metric {
             for (&v, by) in self.moved.iter().zip(by) {
                 x[v] = by.map(|c| c * pin);
             }
-            x = factor.solve(&x);
+            x = factor.solve(&x, self.simd);
         } else {
             self.add(&mut x, by, 1.0);
         }

@@ -232,6 +232,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
     /// As [`solve`]; [`Error::Mismatch`] for a target outside the reach.
     pub fn update(&mut self, handles: &[Handle], exec: &Exec) -> Result<Solved, Error> {
         handles.iter().try_for_each(Handle::check)?;
+        self.body.springs.use_simd(exec.simd);
         exec.run(|| {
             let boneless = self.skeleton.bones().is_empty();
             let targets = find_targets(&self.lattice, &self.rest, handles, boneless)?;

@@ -8,6 +8,7 @@ mod body_of;
 mod explicit;
 mod extremes;
 mod implicit;
+mod simd;
 mod sums;
 
 /// Vertices 1 mm apart on the layer z = 0.5, `width` by `height`, in these triangles.
