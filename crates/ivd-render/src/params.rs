@@ -67,7 +67,9 @@ pub struct RenderParams {
     pub termination: f64,
     /// Whether gradients light the volume. A surface (mode iso) is always lit.
     pub shading: bool,
-    /// Whether bricks that the transfer function makes clear are passed over. The pixels are the same either way.
+    /// Whether bricks that the transfer function makes clear are passed over. The pixels are the same either way: it is read,
+    /// but never written, so that no cache key holds it.
+    #[serde(skip_serializing)]
     pub skip: bool,
     /// Whether orientation letters and a scale bar are drawn.
     pub annotate: bool,

@@ -117,6 +117,14 @@ fn no_parameter_is_hidden_from_scenes() {
 }
 
 #[test]
+fn what_changes_no_pixel_is_read_from_scenes_and_is_in_no_cache_key() {
+    let render = |text: &str| Render::from_section(&toml::from_str(text).unwrap(), None).unwrap();
+    let [skipping, looking] = ["", "skip = false"].map(render);
+    assert!(skipping.params.skip && !looking.params.skip);
+    assert_eq!(skipping.params(), looking.params());
+}
+
+#[test]
 fn a_section_that_says_nothing_is_the_stages_own_defaults() {
     assert_eq!(Atf::from_section(&toml::from_str("").unwrap(), None).params, ivd_atf::Params::default());
     let refine = Refine::from_section(&toml::from_str("").unwrap()).unwrap();
