@@ -1,7 +1,7 @@
 //! A scene does what its outputs need, and nothing twice.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
-use ivd_core::Exec;
+use ivd_core::{Backend, Exec};
 use ivd_pipeline::{PipelineOptions, State};
 use ivd_tests::{Bench, in_state, record};
 
@@ -54,6 +54,21 @@ fn the_same_run_again_is_cached_throughout_and_touches_no_file() {
             "metrics come with the cached entry"
         );
     }
+}
+
+#[test]
+fn the_backend_on_record_is_the_one_that_ran_whatever_was_asked_for() {
+    let bench = Bench::new(SCENE);
+    let mut exec = Exec::default();
+    exec.backend = Backend::Gpu;
+    let asked = bench.run_with(&[], &PipelineOptions::default(), &exec).unwrap();
+    assert!(asked.stages.iter().all(|s| s.backend == "cpu"));
+    let plain = bench.run(&[]).unwrap();
+    assert!(
+        in_state(&plain, State::Ran).is_empty(),
+        "one work, one cache key: {:?}",
+        in_state(&plain, State::Ran)
+    );
 }
 
 #[test]

@@ -42,7 +42,7 @@ pub(crate) struct Global {
     /// Where kernels run.
     #[arg(long, global = true, value_enum, default_value_t = BackendChoice::Auto)]
     pub(crate) backend: BackendChoice,
-    /// Fail with exit code 6 where no GPU does the work.
+    /// Fail with exit code 6 where no GPU does the work; in this build none does.
     #[arg(long, global = true)]
     pub(crate) require_gpu: bool,
     /// Look at everything, also at what can't change the result: the same results, slower. Shows what skipping saves.
@@ -77,11 +77,11 @@ pub(crate) struct Global {
 /// Where kernels run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BackendChoice {
-    /// A GPU where there is one that serves, else the processor.
+    /// What serves best: in this build the processor.
     Auto,
     /// The processor.
     Cpu,
-    /// The GPU.
+    /// The GPU; this build has none, says so, and the processor does the work.
     Gpu,
 }
 

@@ -25,12 +25,10 @@ impl Context {
     /// Sets up logs, interruption, threads and bars.
     pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
         logs(global);
-        if global.require_gpu || global.backend == BackendChoice::Gpu {
-            let asked = if global.require_gpu { "--require-gpu" } else { "--backend gpu" };
-            return Err(Failure::of(
-                Fault::NoGpu,
-                format!("{asked}: this build has no GPU backend; leave it out and the CPU does the work"),
-            ));
+        if global.require_gpu {
+            let problem =
+                "--require-gpu: this build has no GPU backend; leave it out and the CPU does the work";
+            return Err(Failure::of(Fault::NoGpu, problem));
         }
         let draw = match global.progress {
             When::Always => true,
@@ -55,7 +53,11 @@ impl Context {
         if let Err(error) = ctrlc::set_handler(handler) {
             tracing::warn!(%error, "interruption won't be tidy");
         }
-        Ok(Self { exec, global: global.clone() })
+        let context = Self { exec, global: global.clone() };
+        if global.backend == BackendChoice::Gpu {
+            context.say("ivd: note: --backend gpu: this build has no GPU backend; the CPU does the work");
+        }
+        Ok(context)
     }
 
     /// The cache of a pipeline: the folder given, else the user's.

@@ -100,6 +100,22 @@ fn single_stages_chain_through_files_from_phantom_to_picture() {
 }
 
 #[test]
+fn a_gpu_that_is_not_there_is_said_once_and_the_cpu_does_the_work_and_is_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let words = ["phantom", "sphere", "--size", "24", "-o", "v.ivd", "--backend", "gpu"];
+    let output = ivd(at, &[&words[..], &["--json"]].concat());
+    assert!(output.status.success());
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(told.matches("GPU").count(), 1, "{told}");
+    assert!(told.contains("--backend gpu") && told.contains("the CPU does the work"), "{told}");
+    let record: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(record["backend"], "cpu");
+    assert_eq!(json(at, &["info", "v.ivd"])["provenance"]["backend"], "cpu");
+    assert!(ivd(at, &[&words[..], &["-q"]].concat()).stderr.is_empty());
+}
+
+#[test]
 fn a_volume_file_serves_as_well_as_an_artefact() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
@@ -137,6 +153,8 @@ fn every_kind_of_failure_has_its_code_and_names_thing_and_remedy() {
     assert!(code == 4 && text.contains("memory"), "{code} {text}");
     let (code, text) = failure(at, &["doctor", "--require-gpu"]);
     assert!(code == 6 && text.contains("GPU"), "{code} {text}");
+    let (code, text) = failure(at, &["doctor", "--backend", "gpu", "--require-gpu"]);
+    assert!(code == 6 && text.contains("--require-gpu"), "{code} {text}");
     let (code, _) = failure(at, &["phantom", "sphere", "--size", "24", "-o", "no/such/folder/x.ivd"]);
     assert_eq!(code, 7);
     let (code, text) =

@@ -203,7 +203,8 @@ impl Runner<'_> {
             revision: stage.revision(),
             params: stage.params(),
             inputs: hashes,
-            backend: backend_name(self.exec.backend).to_owned(),
+            // What did the work, whatever was asked for: every stage's code is the processor's.
+            backend: backend_name(Backend::Cpu).to_owned(),
         };
         Ok((provenance, bytes))
     }

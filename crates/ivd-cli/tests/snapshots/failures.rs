@@ -172,7 +172,7 @@ const FAILURES: &[&str] = &[
     "phantom sphere --size 24 -o no/such/folder/x.ivd",
     "phantom sphere --size 24 -o no/such/folder/x.ivd --json",
     "doctor --require-gpu",
-    "doctor --backend gpu",
+    "doctor --backend gpu --require-gpu",
     "pipeline gone.toml",
     "pipeline good.toml --input gone.nrrd",
     "pipeline good.toml --max-time 1e-9",
