@@ -4,7 +4,7 @@
 //! metadata, then the sections' bytes. Here they become a file whose hashes are right and whose content is anything.
 
 use ivd_artefact::{Artefact, Kind, Provenance, open, read, write};
-use ivd_core::{Image, Volume, Voxels};
+use ivd_core::{ByteSource as _, Image, Volume, Voxels};
 
 use crate::{exec, files, lattices, stages};
 
@@ -181,7 +181,8 @@ pub fn check(bytes: &[u8]) {
     std::fs::write(&path, file).expect("the temporary folder is writable");
     if let Ok(opened) = open(&path) {
         for section in &opened.info().sections {
-            let _ = opened.verify_range(&section.name, 0..section.length);
+            let first = section.offset as usize;
+            opened.touch(first..first + section.length as usize);
         }
     }
     let Ok(loaded) = read(&path) else { return };

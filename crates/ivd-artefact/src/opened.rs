@@ -16,8 +16,8 @@ use crate::{Error, Info, Loaded};
 
 /// An artefact whose payload is mapped and not yet read.
 ///
-/// [`Opened::verify_range`] verifies the chunks that it touches and remembers them, so that a look at a part of a large
-/// file reads that part alone. Whole-volume stages use [`crate::read()`], which verifies everything once.
+/// Looked at as a [`ByteSource`], it verifies the chunks that are touched and remembers them, so that a look at a part of a large
+/// file reads that part alone; what was wrong, [`Opened::damage`] tells. [`crate::read()`] verifies everything once.
 pub struct Opened {
     path: PathBuf,
     map: Map,
@@ -98,36 +98,6 @@ impl Opened {
             Some(&(section, chunk)) => Err(self.bad_chunk(section, chunk)),
             None => Ok(()),
         }
-    }
-
-    /// Verifies the chunks of a section that hold `range` (bytes within the section) and gives the range's bytes.
-    /// Chunks that were verified before aren't hashed again.
-    ///
-    /// # Errors
-    /// [`Error::SectionHash`] where a chunk doesn't match; [`Error::Metadata`] where there is no such section or range.
-    pub fn verify_range(&self, section: &str, range: Range<u64>) -> Result<&[u8], Error> {
-        let sections = &self.head.info.sections;
-        let at = sections
-            .iter()
-            .position(|s| s.name == section && range.start <= range.end && range.end <= s.length);
-        let at = at.ok_or_else(|| Error::Metadata {
-            path: self.path.clone(),
-            part: "section table",
-            problem: format!("no section `{section}` with bytes {range:?}"),
-        })?;
-        let bytes = &self.section_bytes(at)[range.start as usize..range.end as usize];
-        if !bytes.is_empty() {
-            let chunks = range.start as usize / CHUNK..=(range.end - 1) as usize / CHUNK;
-            if let Some(chunk) = chunks.into_par_iter().find_first(|&chunk| !self.verify_chunk(at, chunk)) {
-                return Err(self.bad_chunk(at, chunk));
-            }
-        }
-        Ok(bytes)
-    }
-
-    /// Number of chunks that were verified so far, of all sections.
-    pub fn verified_chunks(&self) -> usize {
-        self.verified.iter().flatten().filter(|v| v.load(Ordering::Relaxed)).count()
     }
 
     /// Bytes of the sections that were verified so far, and so read.

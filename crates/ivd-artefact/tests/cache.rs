@@ -23,10 +23,11 @@ fn entries_come_back_with_metrics_and_without_reading_the_payload() {
     let written =
         cache.put_with_metrics(&key, &sample(Kind::Mask), &provenance(), &metrics).unwrap().unwrap();
     assert_eq!(cache.lookup_hash(&key), Some(written.hash));
-    assert_eq!(cache.get_metrics(&key), Some(metrics));
+    let kept = || cache.lookup_info(&key).hit().map(|info| info.metrics);
+    assert_eq!(kept(), Some(metrics));
     assert_eq!(cache.get(&key).unwrap().artefact, sample(Kind::Mask));
-    cache.put_metrics(&key, &json!({"voxels": 6})).unwrap();
-    assert_eq!(cache.get_metrics(&key), Some(json!({"voxels": 6})));
+    cache.put_with_metrics(&key, &sample(Kind::Mask), &provenance(), &json!({"voxels": 6})).unwrap();
+    assert_eq!(kept(), Some(json!({"voxels": 6})));
     assert_eq!(cache.lookup_hash(&key), Some(written.hash), "metrics are no part of the content");
     assert!(cache.path_of(&key).unwrap().starts_with(folder.path().join("v1")));
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime};
 use ivd_artefact::{
     Artefact, CHUNK, Error, Kind, content_hash, is_artefact, open, peek, read, write, write_with_metrics,
 };
-use ivd_core::{Fault, Grid, Labels, Mask, Volume, VoxelType, Voxels, with_voxels};
+use ivd_core::{ByteSource as _, Fault, Grid, Labels, Mask, Volume, VoxelType, Voxels, with_voxels};
 use serde_json::json;
 
 mod samples;
@@ -195,17 +195,19 @@ fn chunks_are_verified_as_they_are_touched() {
     bytes[offset + 2 * CHUNK + 5] ^= 1;
     std::fs::write(&path, bytes).unwrap();
     let opened = open(&path).unwrap();
-    assert_eq!(opened.verified_chunks(), 0);
-    let range = CHUNK as u64 - 10..CHUNK as u64 + 10;
-    assert_eq!(opened.verify_range("inside", range.clone()).unwrap(), &inside[CHUNK - 10..CHUNK + 10]);
-    assert_eq!(opened.verified_chunks(), 2);
-    opened.verify_range("inside", range).unwrap();
-    assert_eq!(opened.verified_chunks(), 2, "remembered");
-    let error = opened.verify_range("inside", 0..n as u64).unwrap_err();
+    assert_eq!(opened.bytes_verified(), 0);
+    let range = offset + CHUNK - 10..offset + CHUNK + 10;
+    opened.touch(range.clone());
+    assert_eq!(opened.bytes()[range.clone()], inside[CHUNK - 10..CHUNK + 10]);
+    assert_eq!(opened.bytes_verified(), 2 * CHUNK as u64);
+    opened.touch(range);
+    assert_eq!(opened.bytes_verified(), 2 * CHUNK as u64, "remembered");
+    assert!(!opened.damaged() && opened.damage().is_none());
+    opened.touch(offset..offset + n);
+    let error = opened.damage().unwrap();
     assert!(matches!(&error, Error::SectionHash { section, chunk: 2, .. } if section == "inside"), "{error}");
+    assert!(opened.damaged());
     assert!(matches!(read(&path), Err(Error::SectionHash { chunk: 2, .. })));
-    assert!(opened.verify_range("inside", 0..n as u64 + 1).is_err());
-    assert!(opened.verify_range("outside", 0..1).is_err());
 }
 
 #[test]

@@ -242,11 +242,6 @@ pub trait Stage: Send + Sync {
         Ok(Vec::new())
     }
 
-    /// Parameters that trade run time for accuracy.
-    fn accuracy_knobs(&self) -> &'static [&'static str] {
-        &[]
-    }
-
     /// Does the work.
     ///
     /// # Errors

@@ -174,22 +174,6 @@ impl Cache {
         write_with_metrics(&path, artefact, provenance, metrics).map(Some)
     }
 
-    /// Metrics stored with a key's entry, from its metadata alone.
-    pub fn get_metrics(&self, key: &CacheKey) -> Option<Value> {
-        self.lookup_info(key).hit().map(|info| info.metrics).filter(|metrics| !metrics.is_null())
-    }
-
-    /// Adds metrics to an entry that is there. Rewrites the entry: [`Cache::put_with_metrics`] is cheaper.
-    ///
-    /// # Errors
-    /// As [`Cache::put`].
-    pub fn put_metrics(&self, key: &CacheKey, metrics: &Value) -> Result<(), Error> {
-        if let Some(loaded) = self.get(key) {
-            self.put_with_metrics(key, &loaded.artefact, &loaded.provenance, metrics)?;
-        }
-        Ok(())
-    }
-
     /// Reads an entry, checks that it is what its name says, marks it as used.
     fn find<T>(&self, key: &CacheKey, load: impl Fn(&Path) -> Result<(Info, T), Error>) -> Lookup<T> {
         let Some(path) = self.path_of(key) else { return Lookup::Absent };

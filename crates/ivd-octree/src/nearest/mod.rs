@@ -118,13 +118,17 @@ impl NearestIndex {
     /// A bound makes the search faster; among neighbouring points the last distance plus the step is one. Infinity finds
     /// any. `None` for an empty lattice, a point that isn't finite, or where everything is further away.
     pub fn nearest(&self, point: Vector3<f64>, bound: f64) -> Option<Nearest> {
-        self.search(point, bound, None)
-    }
-
-    /// As [`NearestIndex::nearest`] without a bound, starting from a triangle near the point, such as a neighbour's: the
-    /// same result, sooner.
-    pub fn nearest_from(&self, point: Vector3<f64>, triangle: u32) -> Option<Nearest> {
-        self.search(point, f64::INFINITY, Some(triangle))
+        if !point.iter().all(|c| c.is_finite()) || bound.is_nan() || bound < 0.0 {
+            return None;
+        }
+        let framed = (self.frame * point).map(|c| c as f32).into();
+        // A bound that is itself a rounded distance must not cut off the point that it belongs to.
+        let best_squared = (bound * (1.0 + 1e-12)).powi(2);
+        let limit = above(best_squared);
+        let (first, ended) = (false, false);
+        let mut search = Search { index: self, point, framed, best: None, best_squared, limit, first, ended };
+        search.lane(self.tree.root);
+        search.best
     }
 
     /// A lattice point nearer to `point` than `than`, which another part's search found for it; of two at one distance the
@@ -137,23 +141,6 @@ impl NearestIndex {
             Search { index: self, point, framed, best, best_squared, limit, first, ended: false };
         search.lane(self.tree.root);
         search.ended.then(|| search.best.expect("it began with one").point)
-    }
-
-    fn search(&self, point: Vector3<f64>, bound: f64, start: Option<u32>) -> Option<Nearest> {
-        if !point.iter().all(|c| c.is_finite()) || bound.is_nan() || bound < 0.0 {
-            return None;
-        }
-        let framed = (self.frame * point).map(|c| c as f32).into();
-        // A bound that is itself a rounded distance must not cut off the point that it belongs to.
-        let best_squared = (bound * (1.0 + 1e-12)).powi(2);
-        let limit = above(best_squared);
-        let (first, ended) = (false, false);
-        let mut search = Search { index: self, point, framed, best: None, best_squared, limit, first, ended };
-        if let Some(triangle) = start.filter(|&t| (t as usize) < self.triangles.len()) {
-            search.triangle(triangle);
-        }
-        search.lane(self.tree.root);
-        search.best
     }
 }
 

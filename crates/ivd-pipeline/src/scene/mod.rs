@@ -145,11 +145,6 @@ impl Scene {
         self.deform.as_ref().is_some_and(|d| !d.is_still()) || !self.space.step.is_empty()
     }
 
-    /// Whether pictures have to be drawn.
-    pub fn wants_pictures(&self) -> bool {
-        !self.output.images.is_empty() || self.output.report
-    }
-
     /// Pictures to draw: those named, and those that a report asks for.
     pub fn pictures(&self) -> Vec<Picture> {
         let mut pictures = self.output.images.clone();

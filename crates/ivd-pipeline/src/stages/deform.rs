@@ -272,15 +272,6 @@ impl Stage for Deform {
         })
     }
 
-    fn accuracy_knobs(&self) -> &'static [&'static str] {
-        match &self.method {
-            DeformMethod::MassSpring(params) if params.solver != mass_spring::Solver::Dynamics => {
-                &["dt", "tolerance"]
-            }
-            _ => &["dt"],
-        }
-    }
-
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let lattice = inputs.lattice("lattice").expect("checked by the runner");
         if self.handles.is_empty() && self.bones.is_empty() && !self.shapes.is_empty() {

@@ -130,10 +130,6 @@ impl Stage for Refine {
         params
     }
 
-    fn accuracy_knobs(&self) -> &'static [&'static str] {
-        &["level", "ratio", "count", "max_error"]
-    }
-
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let lattice = inputs.lattice("lattice").expect("checked by the runner");
         let repaired = if self.repair == RepairParams::default() {

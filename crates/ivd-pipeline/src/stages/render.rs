@@ -86,10 +86,6 @@ impl Stage for Render {
         super::json(&self.params)
     }
 
-    fn accuracy_knobs(&self) -> &'static [&'static str] {
-        &["step", "termination"]
-    }
-
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let scene = Scene {
             volume: inputs.volume("volume").expect("checked by the runner"),

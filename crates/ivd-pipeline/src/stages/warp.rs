@@ -52,10 +52,6 @@ impl Stage for Warp {
         super::json(&self.params)
     }
 
-    fn accuracy_knobs(&self) -> &'static [&'static str] {
-        &["order"]
-    }
-
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let displacement = inputs.displacement("displacement").expect("checked by the runner");
         let (artefact, resampled, total) = match inputs.get("volume").expect("checked by the runner") {

@@ -89,10 +89,6 @@ impl Stage for Segment {
         params
     }
 
-    fn accuracy_knobs(&self) -> &'static [&'static str] {
-        &["k", "tolerance", "max_iterations", "max_regions"]
-    }
-
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         self.run_keeping(inputs, exec, None)
     }
@@ -157,10 +153,6 @@ impl Stage for SegmentTree {
 
     fn params(&self) -> Value {
         serde_json::json!({ "method": "hvs", "tree": super::json(&self.params) })
-    }
-
-    fn accuracy_knobs(&self) -> &'static [&'static str] {
-        &["alpha", "max_regions"]
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
