@@ -29,6 +29,18 @@ fn crate_of(path: &Path) -> String {
     rest.components().next().unwrap().as_os_str().to_string_lossy().into_owned()
 }
 
+/// The stages' crates, and what each needs of ours.
+const STAGES: [(&str, &[&str]); 8] = [
+    ("ivd-volume", &["ivd-core", "ivd-fs"]),
+    ("ivd-segment", &["ivd-core"]),
+    ("ivd-atf", &["ivd-core"]),
+    ("ivd-boundary", &["ivd-core"]),
+    ("ivd-lattice", &["ivd-core", "ivd-fs"]),
+    ("ivd-octree", &["ivd-core"]),
+    ("ivd-deform", &["ivd-core", "ivd-octree"]),
+    ("ivd-render", &["ivd-core"]),
+];
+
 #[test]
 fn bincode_is_named_in_ivd_artefact_alone() {
     for (path, text) in sources(".rs").into_iter().chain(sources("Cargo.toml")) {
@@ -81,29 +93,29 @@ fn only_the_program_prints() {
 }
 
 #[test]
-fn stage_crates_know_neither_artefacts_nor_each_other() {
-    let stages = [
-        "ivd-volume",
-        "ivd-segment",
-        "ivd-atf",
-        "ivd-boundary",
-        "ivd-lattice",
-        "ivd-octree",
-        "ivd-deform",
-        "ivd-render",
-    ];
-    for (path, text) in
-        sources("Cargo.toml").into_iter().filter(|(p, _)| stages.contains(&crate_of(p).as_str()))
-    {
-        let name = crate_of(&path);
+fn stage_crates_need_exactly_what_the_architecture_says() {
+    for (name, needed) in STAGES {
+        let text = std::fs::read_to_string(root().join("crates").join(name).join("Cargo.toml")).unwrap();
         let dependencies = text.split("[dependencies]").nth(1).unwrap().split("\n[").next().unwrap();
-        for line in dependencies.lines().filter(|l| l.starts_with("ivd-")) {
-            let used = line.split(['.', ' ', '=']).next().unwrap();
-            let formats = ["ivd-volume", "ivd-lattice"].contains(&name.as_str());
-            let allowed = used == "ivd-core"
-                || (name == "ivd-deform" && used == "ivd-octree")
-                || (formats && used == "ivd-fs");
-            assert!(allowed, "{name} depends on {used}");
+        let ours = dependencies.lines().filter(|l| l.starts_with("ivd-"));
+        let used: Vec<&str> = ours.map(|line| line.split(['.', ' ', '=']).next().unwrap()).collect();
+        assert_eq!(used, needed, "{name}");
+    }
+}
+
+#[test]
+fn only_the_stage_crates_that_hold_formats_touch_files() {
+    for (path, text) in sources(".rs") {
+        let name = crate_of(&path);
+        let pure = STAGES.iter().any(|(stage, needed)| *stage == name && !needed.contains(&"ivd-fs"));
+        let spoken = path.to_string_lossy().replace('\\', "/");
+        if !pure || !spoken.contains(&format!("{name}/src/")) || spoken.ends_with("tests.rs") {
+            continue;
+        }
+        let library = text.split("#[cfg(test)]").next().unwrap();
+        for (n, line) in library.lines().enumerate().filter(|(_, l)| !l.trim_start().starts_with("//")) {
+            let touches = ["std::fs", "fs::", "File::", "Path"].iter().any(|word| line.contains(word));
+            assert!(!touches, "{}:{}: {line}", path.display(), n + 1);
         }
     }
 }
