@@ -133,12 +133,21 @@ pub(crate) fn number(value: f64) -> String {
 }
 
 pub(crate) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('\'', "&#39;")
+    ivd_core::shown(text)
+        .replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('\'', "&#39;")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn text_can_neither_be_markup_nor_act_on_the_display() {
+        assert_eq!(escape("<b>\u{202e}&\u{1b}\n"), "&lt;b&gt;\\u{202e}&amp;\\u{1b}\n");
+    }
 
     #[test]
     fn an_axis_spans_its_values_and_ticks_lie_on_it() {

@@ -1,17 +1,18 @@
 //! What was typed, made into what it means: threads, memory, cache, observer.
 
-use std::io::{IsTerminal, Write as _};
+use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ivd_artefact::{Cache, Loaded};
-use ivd_core::{Exec, Fault};
+use ivd_core::{Exec, Fault, shown};
 use ivd_pipeline::{Done, Input, Runner, Stage};
 use serde::Serialize;
 
 use crate::args::{BackendChoice, Global, When};
 use crate::exit::Failure;
 use crate::progress::Bars;
+use crate::talk;
 
 /// The context of one command.
 pub(crate) struct Context {
@@ -87,8 +88,17 @@ impl Context {
         Ok(Runner { exec: &self.exec, cache, lazy: false }.run(stage, inputs, false)?)
     }
 
-    /// Prints data: a JSON object where that was asked for, else text.
+    /// Prints data: a JSON object where that was asked for, with every character as it is, else text as it is shown.
     pub(crate) fn print(&self, object: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
+        self.print_verbatim(object, || shown(&text()).into_owned())
+    }
+
+    /// Prints data that another program reads, as it is: a JSON object where that was asked for, else text.
+    pub(crate) fn print_verbatim(
+        &self,
+        object: &impl Serialize,
+        text: impl FnOnce() -> String,
+    ) -> anyhow::Result<()> {
         let mut out = std::io::stdout().lock();
         if self.global.json {
             writeln!(out, "{}", serde_json::to_string(object)?)?;
@@ -104,7 +114,7 @@ impl Context {
     /// Says something to a person, unless that is not wanted.
     pub(crate) fn say(&self, text: &str) {
         if !self.global.quiet {
-            let _ = writeln!(std::io::stderr(), "{text}");
+            talk::say(text);
         }
     }
 
@@ -154,7 +164,9 @@ fn logs(global: &Global) {
     });
     let _ = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
+        // Colours are control characters too.
+        .with_ansi(false)
+        .with_writer(|| talk::Shown)
         .without_time()
         .try_init();
 }

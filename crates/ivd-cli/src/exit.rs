@@ -5,6 +5,8 @@ use std::process::ExitCode;
 
 use ivd_core::Fault;
 
+use crate::talk;
+
 /// A failure with its kind, for errors that no crate below has a type for.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
@@ -37,15 +39,15 @@ pub(crate) fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
         let object = serde_json::json!({ "error": { "message": error.to_string(), "exit_code": code } });
         let _ = writeln!(std::io::stdout(), "{object}");
     }
-    let _ = writeln!(std::io::stderr(), "ivd: {error}");
+    talk::say(&format!("ivd: {error}"));
     ExitCode::from(code)
 }
 
-/// clap's own message, on the stream it belongs to.
+/// clap's own message about what was typed, on the stream it belongs to.
 pub(crate) fn usage(error: &clap::Error, json: bool) -> ExitCode {
-    let _ = error.print();
+    let _ = talk::refused(error).print();
     if json && error.use_stderr() {
-        let message = error.to_string();
+        let message = talk::lossless(error);
         let object =
             serde_json::json!({ "error": { "message": message.trim(), "exit_code": code(Fault::Usage) } });
         let _ = writeln!(std::io::stdout(), "{object}");

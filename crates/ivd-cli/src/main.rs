@@ -7,6 +7,7 @@ mod context;
 mod exit;
 mod parse;
 mod progress;
+mod talk;
 
 use std::process::ExitCode;
 

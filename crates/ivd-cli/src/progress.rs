@@ -7,6 +7,8 @@ use std::time::Duration;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use ivd_core::{Iteration, Observer};
 
+use crate::talk;
+
 /// Shows what the stages tell.
 pub(crate) struct Bars {
     all: MultiProgress,
@@ -63,7 +65,7 @@ impl Observer for Bars {
 
     fn note(&self, message: &str) {
         if self.notes {
-            self.all.suspend(|| eprintln!("ivd: note: {message}"));
+            self.all.suspend(|| talk::say(&format!("ivd: note: {message}")));
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A scanned volume enters as a [`Volume`] on a [`Grid`]; stages turn it into [`Labels`], a [`TransferFunction`],
 //! a [`Mask`], a [`Tree`], a [`Lattice`], an [`Octree`], a [`Motion`], a [`Displacement`] and an [`Image`]. This crate holds those
-//! values, the execution context [`Exec`], and nothing else: no files, no arguments, no GPU.
+//! values, the execution context [`Exec`], how text is [`shown`] to a person, and nothing else: no files, no arguments, no GPU.
 //!
 //! Conventions, kept everywhere:
 //! - World space is millimetres, RAS (x to the patient's right, y to the front, z to the head), `f64`.
@@ -35,6 +35,7 @@ mod lattice;
 mod mask;
 mod motion;
 mod octree;
+mod shown;
 mod transfer;
 mod tree;
 mod volume;
@@ -53,6 +54,7 @@ pub use lattice::{Coarser, ElementKey, Lattice, LatticeSource, T_MIN};
 pub use mask::Mask;
 pub use motion::{Ball, Frame, Inner, Motion};
 pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode};
+pub use shown::shown;
 pub use transfer::{TransferEntry, TransferFunction};
 pub use tree::{Linkage, Means, Tree};
 pub use volume::{Scalar, Volume, VoxelType, Voxels};

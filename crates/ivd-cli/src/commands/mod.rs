@@ -49,14 +49,15 @@ pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
         Command::Doctor => doctor::run(context),
         Command::Schema => {
             let schema = ivd_pipeline::scene::Scene::json_schema();
-            context.print(&schema, || serde_json::to_string_pretty(&schema).expect("a schema is JSON"))
+            context
+                .print_verbatim(&schema, || serde_json::to_string_pretty(&schema).expect("a schema is JSON"))
         }
         Command::Cache { action } => cache::run(action, context),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "ivd", &mut script);
             let script = String::from_utf8(script).expect("completion scripts are text");
-            context.print(&serde_json::json!({ "script": script }), || script.clone())
+            context.print_verbatim(&serde_json::json!({ "script": script }), || script.clone())
         }
         Command::Combine(args) => combine::combine(&args, context),
         Command::Clip(args) => combine::clip(&args, context),

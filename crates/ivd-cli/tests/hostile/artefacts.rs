@@ -2,7 +2,11 @@
 
 use std::path::Path;
 
+use ivd_artefact::{ContentHash, Provenance};
+use serde_json::json;
+
 use crate::case::{BAD, Case};
+use crate::good;
 
 /// The kinds, and the command that needs each; the file is `a.ivd`.
 const KINDS: [(&str, &str); 10] = [
@@ -90,6 +94,18 @@ pub(crate) fn cases() -> Vec<Case> {
         );
     }
     cases
+}
+
+/// A volume whose head has a text wherever it has one: its stage, parameters, inputs and figures.
+pub(crate) fn with_text(text: &str) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ivd");
+    let mut from = Provenance::new(text, json!({ "method": text, text: [text, { text: text }] }));
+    from = from.with_input(text, ContentHash([7; 32]));
+    text.clone_into(&mut from.backend);
+    let figures = json!({ text: text, "classes": [{ "name": text, text: 1 }] });
+    ivd_artefact::write_with_metrics(&path, &good::volume(), &from, &figures).unwrap();
+    std::fs::read(path).unwrap()
 }
 
 /// What a file with right hashes may meet: its values may be strange and still make sense, or not fit what stands beside it.

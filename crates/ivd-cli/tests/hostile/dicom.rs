@@ -30,6 +30,37 @@ fn elements() -> Vec<Element> {
     ]
 }
 
+/// A file for each element with text: a text in place of its value, or behind it; and elements that name people and things.
+pub(crate) fn with_text(text: &str) -> Vec<(String, Vec<u8>)> {
+    let more: [Element; 7] = [
+        (8, 0x08, b"CS", b"ORIGINAL\\PRIMARY".to_vec()),
+        (8, 0x60, b"CS", b"CT".to_vec()),
+        (8, 0x103e, b"LO", b"series".to_vec()),
+        (0x10, 0x10, b"PN", b"Nobody".to_vec()),
+        (0x10, 0x20, b"LO", b"1".to_vec()),
+        (0x18, 0x50, b"DS", b"1 ".to_vec()),
+        (0x20, 0x11, b"IS", b"1 ".to_vec()),
+    ];
+    let mut all: Vec<Element> = elements().into_iter().chain(more).collect();
+    all.sort_by_key(|e| (e.0, e.1));
+    let even = |mut value: Vec<u8>| {
+        value.resize(value.len().next_multiple_of(2), b' ');
+        value
+    };
+    let mut files = Vec::new();
+    for (i, element) in
+        all.iter().enumerate().filter(|(_, e)| !is_long(e.2) && ![b"US", b"UL"].contains(&e.2))
+    {
+        for value in [text.as_bytes().to_vec(), [&element.3[..], text.as_bytes()].concat()] {
+            let mut plain: Vec<Vec<u8>> =
+                all.iter().map(|e| bytes(&(e.0, e.1, e.2, even(e.3.clone())), None)).collect();
+            plain[i] = bytes(&(element.0, element.1, element.2, even(value)), None);
+            files.push((format!("({:04x},{:04x})", element.0, element.1), file(&plain)));
+        }
+    }
+    files
+}
+
 fn is_long(kind: &[u8]) -> bool {
     [&b"OB"[..], b"OW", b"SQ", b"UN", b"UT"].contains(&kind)
 }

@@ -19,6 +19,7 @@ mod dicom;
 mod good;
 mod nifti;
 mod pictures;
+mod shown;
 mod special;
 mod text_headers;
 mod typed;
@@ -79,6 +80,41 @@ fn bombs_take_no_memory() {
 #[test]
 fn devices_folders_pipes_and_loops_are_no_volumes() {
     special::check();
+}
+
+#[test]
+fn text_of_volume_files_is_shown_and_kept_in_json() {
+    shown::check("volumes");
+}
+
+#[test]
+fn text_of_xml_is_shown_and_kept_in_json() {
+    shown::check("xml");
+}
+
+#[test]
+fn text_of_meshes_is_shown_and_kept_in_json() {
+    shown::check("meshes");
+}
+
+#[test]
+fn text_of_artefacts_is_shown_and_kept_in_json() {
+    shown::check("artefacts");
+}
+
+#[test]
+fn text_of_scenes_is_shown_and_kept_in_json() {
+    shown::check("scenes");
+}
+
+#[test]
+fn words_and_paths_are_shown_and_kept_in_json() {
+    shown::check("words");
+}
+
+#[test]
+fn text_on_pages_is_shown() {
+    shown::check_page();
 }
 
 /// The bound must bite, or no case proves anything: what takes more is stopped by the system.

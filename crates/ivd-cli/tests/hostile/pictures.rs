@@ -35,6 +35,43 @@ fn tiff(tags: &[Tag], next: u32) -> Vec<u8> {
     bytes
 }
 
+/// A TIFF for each tag of text, which lies behind the directory.
+pub(crate) fn tiff_with_text(text: &str) -> Vec<(String, Vec<u8>)> {
+    let texts = [format!("{text}\0"), format!("ImageJ=1.53\nimages=1\nunit={text}\nspacing={text}\n\0")];
+    // Description, maker, model, software, date, artist, host, copyright.
+    let numbers = [270_u16, 271, 272, 305, 306, 315, 316, 33432];
+    let mut files = Vec::new();
+    for number in numbers {
+        for text in &texts {
+            let mut tags = TAGS.to_vec();
+            let at = 48 + 2 + 12 * (tags.len() + 1) + 4;
+            tags.push((number, 2, text.len() as u32, at as u32));
+            tags.sort_by_key(|tag| tag.0);
+            let mut bytes = tiff(&tags, 0);
+            bytes.extend(text.bytes());
+            files.push((format!("tag {number}"), bytes));
+        }
+    }
+    files
+}
+
+/// A PNG for each chunk of text, and one whose own name for a chunk is none.
+pub(crate) fn png_with_text(text: &str) -> Vec<(String, Vec<u8>)> {
+    let rows = good::zlib(&[[0, 1, 2, 3, 4, 5]; 4].concat());
+    let text = text.as_bytes();
+    let name = |at: usize| text.get(at).copied().unwrap_or(b'x');
+    [
+        ("tEXt", chunk(*b"tEXt", &[text, &[0], text].concat())),
+        ("zTXt", chunk(*b"zTXt", &[text, &[0, 0], &good::zlib(text)[..]].concat())),
+        ("iTXt", chunk(*b"iTXt", &[text, &[0, 0, 0], text, &[0], text, &[0], text].concat())),
+        ("iCCP", chunk(*b"iCCP", &[text, &[0, 0], &good::zlib(text)[..]].concat())),
+        ("sPLT", chunk(*b"sPLT", &[text, &[0, 8]].concat())),
+        ("name of a chunk", chunk([name(0), name(1), name(2), name(3)], text)),
+    ]
+    .map(|(name, chunk)| (name.to_owned(), png(HEAD, &rows, &[chunk])))
+    .to_vec()
+}
+
 /// What a tag's value may be without making the file wrong.
 fn allowed(number: u16, value: u32) -> &'static [i32] {
     match (number, value) {

@@ -159,7 +159,8 @@ pub(super) fn number(value: f64) -> String {
 
 /// Text made safe for HTML.
 pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
+    ivd_core::shown(text)
+        .replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
         .replace('\'', "&#39;")
@@ -169,6 +170,11 @@ pub(super) fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn text_can_neither_be_markup_nor_act_on_the_display() {
+        assert_eq!(escape("<b>\u{202e}&\u{1b}\n"), "&lt;b&gt;\\u{202e}&amp;\\u{1b}\n");
+    }
 
     #[test]
     fn numbers_keep_three_digits() {
