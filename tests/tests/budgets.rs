@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ivd_artefact::Cache;
-use ivd_core::{Exec, Fault, Observer};
+use ivd_core::{Exec, Fault, Faulty, Observer};
 use ivd_pipeline::{Budget, PipelineOptions, PipelineReport, compare};
 use ivd_tests::{Bench, record};
 use serde_json::Value;

@@ -1,7 +1,7 @@
 //! A scene does what its outputs need, and nothing twice.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
-use ivd_core::{Backend, Exec};
+use ivd_core::{Backend, Exec, Faulty};
 use ivd_pipeline::{PipelineOptions, State};
 use ivd_tests::{Bench, in_state, record};
 

@@ -1,39 +1,7 @@
-use ivd_core::{Displacement, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Tree, Volume};
-
-use crate::Kind;
-
-/// A value read from an artefact. Bulk data views the mapped file.
-#[derive(Debug, Clone, PartialEq)]
-#[allow(clippy::large_enum_variant, reason = "a handful exist at a time; a box would only be in the way")]
-pub enum Artefact {
-    /// A scalar volume.
-    Volume(Volume),
-    /// A segmentation.
-    Labels(Labels),
-    /// A part of a volume.
-    Mask(Mask),
-    /// A transfer function.
-    Transfer(TransferFunction),
-    /// A lattice.
-    Lattice(Lattice),
-    /// An octree.
-    Octree(Octree),
-    /// A motion of a lattice.
-    Motion(Motion),
-    /// A deformation of space.
-    Displacement(Displacement),
-    /// A picture.
-    Image(Image),
-    /// A tree of merges.
-    Tree(Tree),
-}
-
-impl Artefact {
-    /// What it holds.
-    pub fn kind(&self) -> Kind {
-        ArtefactRef::from(self).kind()
-    }
-}
+use ivd_core::{
+    Artefact, Displacement, Image, Kind, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Tree,
+    Volume,
+};
 
 /// A borrowed value to write: nothing is copied on its way to the file.
 #[derive(Debug, Clone, Copy)]
@@ -88,11 +56,6 @@ impl<'a> From<&'a Artefact> for ArtefactRef<'a> {
 
 macro_rules! from_value {
     ($($variant:ident($type:ty),)*) => {$(
-        impl From<$type> for Artefact {
-            fn from(value: $type) -> Self {
-                Self::$variant(value)
-            }
-        }
         impl<'a> From<&'a $type> for ArtefactRef<'a> {
             fn from(value: &'a $type) -> Self {
                 Self::$variant(value)

@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use ivd_core::Fault;
+use ivd_core::{Fault, Faulty};
 
 /// Why an artefact can't be read or written. Every message names the file.
 #[derive(Debug, thiserror::Error)]
@@ -107,9 +107,8 @@ pub enum Error {
     },
 }
 
-impl Error {
-    /// What kind of failure it is.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Io { .. } => Fault::Io,
             Self::Content { source, .. } => source.fault(),
@@ -117,7 +116,9 @@ impl Error {
             _ => Fault::Input,
         }
     }
+}
 
+impl Error {
     /// The file or folder that it is about.
     pub fn path(&self) -> &Path {
         match self {

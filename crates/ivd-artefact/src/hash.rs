@@ -1,5 +1,6 @@
 //! Hashes: of a section by chunks, of what an artefact means, and the name that both are printed by.
 
+use crate::KindCode;
 use std::fmt;
 use std::str::FromStr;
 

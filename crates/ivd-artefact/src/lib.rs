@@ -50,12 +50,13 @@ mod provenance;
 mod read;
 mod write;
 
-pub use artefact::{Artefact, ArtefactRef};
+pub use artefact::ArtefactRef;
 pub use cache::{Cache, CacheKey, Entry, FileHash, Lookup};
 pub use canonical::canonical_json;
 pub use error::Error;
 pub use hash::{CHUNK, ContentHash};
-pub use kind::Kind;
+pub use ivd_core::{Artefact, Kind};
+pub use kind::KindCode;
 pub use kinds::Element;
 pub use map::TemporaryFiles;
 pub use opened::Opened;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::{Error, Kind};
+use crate::{Error, Kind, KindCode};
 
 /// First bytes of every artefact.
 pub(crate) const MAGIC: [u8; 4] = *b"IVDA";

@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::kinds::{Encoded, encode};
 use crate::metadata::{Bincode, Metadata, MetadataCodec, Section};
 use crate::prelude::{ALIGN, BEFORE_ROOT, MAX_METADATA, PRELUDE, Prelude, align};
-use crate::{ArtefactRef, ContentHash, Error, Kind, Provenance, canonical_json, hash, read};
+use crate::{ArtefactRef, ContentHash, Error, Kind, KindCode, Provenance, canonical_json, hash, read};
 
 /// What [`write()`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

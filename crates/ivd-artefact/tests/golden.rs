@@ -6,7 +6,7 @@
 
 use std::path::PathBuf;
 
-use ivd_artefact::{Kind, read, write_with_metrics};
+use ivd_artefact::{Kind, KindCode, read, write_with_metrics};
 use serde_json::json;
 
 mod samples;

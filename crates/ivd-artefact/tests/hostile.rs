@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use ivd_artefact::{Error, Kind, is_artefact, open, peek, read, write};
-use ivd_core::Fault;
+use ivd_core::{Fault, Faulty};
 use proptest::prelude::*;
 
 mod samples;

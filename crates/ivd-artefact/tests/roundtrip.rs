@@ -3,9 +3,10 @@
 use std::time::{Duration, SystemTime};
 
 use ivd_artefact::{
-    Artefact, CHUNK, Error, Kind, content_hash, is_artefact, open, peek, read, write, write_with_metrics,
+    Artefact, CHUNK, Error, Kind, KindCode, content_hash, is_artefact, open, peek, read, write,
+    write_with_metrics,
 };
-use ivd_core::{ByteSource as _, Fault, Grid, Labels, Mask, Volume, VoxelType, Voxels, with_voxels};
+use ivd_core::{ByteSource as _, Fault, Faulty, Grid, Labels, Mask, Volume, VoxelType, Voxels, with_voxels};
 use serde_json::json;
 
 mod samples;

@@ -1,4 +1,4 @@
-use ivd_core::{Fault, ParamError};
+use ivd_core::{Fault, Faulty, ParamError};
 
 /// Why a transfer function could not be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -33,9 +33,8 @@ pub enum Error {
     },
 }
 
-impl Error {
-    /// What kind of failure it is.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Core(error) => error.fault(),
             Self::Param(_) => Fault::Usage,

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 use ivd_atf::{Error, Params, transfer};
-use ivd_core::{Class, Exec, Fault, Grid, Labels, Volume, Voxels};
+use ivd_core::{Class, Exec, Fault, Faulty, Grid, Labels, Volume, Voxels};
 
 /// A volume of 24³ voxels with `value` and `label` by voxel index.
 fn scene(value: impl Fn([usize; 3]) -> f32, label: impl Fn([usize; 3]) -> u16) -> (Volume, Labels) {

@@ -1,4 +1,4 @@
-use ivd_core::{Fault, ParamError};
+use ivd_core::{Fault, Faulty, ParamError};
 
 /// Why no part could be isolated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -56,9 +56,8 @@ impl From<ParamError> for Error {
     }
 }
 
-impl Error {
-    /// What kind of failure it is.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Core(error) => error.fault(),
             Self::NoSuchClass { .. }

@@ -5,7 +5,7 @@
 use std::collections::VecDeque;
 
 use ivd_boundary::{ClassChoice, Error, Isolated, Params, component};
-use ivd_core::{Class, Exec, Fault, Grid, Labels, Volume, Voxels};
+use ivd_core::{Class, Exec, Fault, Faulty, Grid, Labels, Volume, Voxels};
 use proptest::prelude::*;
 
 fn above(value: f64) -> Params {

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use ivd_core::Fault;
+use ivd_core::{Fault, Faulty};
 
 use crate::talk;
 

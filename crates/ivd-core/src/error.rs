@@ -19,8 +19,7 @@ impl ParamError {
     }
 }
 
-/// What kind of failure an error is; the program maps it to its exit code. Every stage's `Error` has a method
-/// `fault() -> Fault`.
+/// What kind of failure an error is; the program maps it to its exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     /// Wrong usage, parameters or scene (exit 2).
@@ -37,6 +36,18 @@ pub enum Fault {
     Io,
     /// Interrupted (exit 130).
     Cancelled,
+}
+
+/// An error that knows what kind of failure it is.
+pub trait Faulty: std::error::Error {
+    /// What kind of failure it is.
+    fn fault(&self) -> Fault;
+}
+
+impl Faulty for ParamError {
+    fn fault(&self) -> Fault {
+        Fault::Usage
+    }
 }
 
 /// Failures that any stage can meet. Stage crates wrap it in their own `Error` with `#[from]`.
@@ -100,9 +111,8 @@ pub enum Error {
     },
 }
 
-impl Error {
-    /// What kind of failure it is.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Cancelled => Fault::Cancelled,
             Self::Spill { .. } => Fault::Io,

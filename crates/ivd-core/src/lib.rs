@@ -30,25 +30,29 @@ mod exec;
 mod grid;
 mod image;
 mod index_relation;
+mod kind;
 mod labels;
 mod lattice;
 mod mask;
 mod motion;
 mod octree;
+pub mod op;
 mod shown;
 mod transfer;
 mod tree;
+mod value;
 mod volume;
 
 pub use bricks::{BRICK, BrickIndex, BrickRange};
 pub use buffer::{Buffer, ByteSource};
 pub use bulk::{Bulk, Space, Spill};
 pub use displacement::{Displacement, FieldBricks, NO_BRICK};
-pub use error::{Error, Fault, ParamError};
+pub use error::{Error, Fault, Faulty, ParamError};
 pub use exec::{Backend, Cancel, Exec, Iteration, Observer, Silent};
 pub use grid::{Grid, GridError, VoxelCoord, VoxelIndex, World};
 pub use image::Image;
 pub use index_relation::VertexDescription;
+pub use kind::Kind;
 pub use labels::{Class, Labels, NO_DATA};
 pub use lattice::{Coarser, ElementKey, Lattice, LatticeSource, T_MIN};
 pub use mask::Mask;
@@ -57,6 +61,7 @@ pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode};
 pub use shown::shown;
 pub use transfer::{TransferEntry, TransferFunction};
 pub use tree::{Linkage, Means, Tree};
+pub use value::{Artefact, Value};
 pub use volume::{Scalar, Volume, VoxelType, Voxels};
 
 /// Dispatches on the stored type of a [`Voxels`]: binds the typed slice and runs the same code for each type.

@@ -1,4 +1,4 @@
-use ivd_core::{Fault, ParamError};
+use ivd_core::{Fault, Faulty, ParamError};
 
 /// What can go wrong in this crate.
 #[derive(Debug, thiserror::Error)]
@@ -49,9 +49,8 @@ pub enum Error {
     },
 }
 
-impl Error {
-    /// Whose fault it is; decides the program's exit code.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Core(error) => error.fault(),
             Self::Octree(error) => error.fault(),

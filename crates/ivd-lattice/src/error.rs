@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use ivd_core::{Fault, ParamError};
+use ivd_core::{Fault, Faulty, ParamError};
 
 /// Why a lattice could not be extracted, refined, read or written.
 #[derive(Debug, thiserror::Error)]
@@ -88,9 +88,8 @@ pub enum Error {
     },
 }
 
-impl Error {
-    /// What kind of failure it is.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Core(error) => error.fault(),
             Self::Param(_) | Self::MissingInput { .. } | Self::Format { .. } => Fault::Usage,

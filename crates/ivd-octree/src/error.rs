@@ -1,4 +1,4 @@
-use ivd_core::{Fault, ParamError};
+use ivd_core::{Fault, Faulty, ParamError};
 
 /// Why a lattice has no octree, or an octree doesn't serve.
 #[derive(Debug, thiserror::Error)]
@@ -40,9 +40,8 @@ pub enum Error {
     },
 }
 
-impl Error {
-    /// What kind of failure it is.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Core(e) => e.fault(),
             Self::Param(_) | Self::Mismatch { .. } => Fault::Usage,

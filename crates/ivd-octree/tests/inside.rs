@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "test values are sound")]
 
-use ivd_core::{Exec, Fault, Grid, Lattice, LatticeSource, Mask, Volume, VoxelIndex, Voxels};
+use ivd_core::{Exec, Fault, Faulty, Grid, Lattice, LatticeSource, Mask, Volume, VoxelIndex, Voxels};
 use ivd_octree::{Error, inside};
 use ivd_volume::phantom::Shape;
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use ivd_core::Fault;
+use ivd_core::{Fault, Faulty};
 
 /// Why a pipeline or one of its stages failed.
 #[derive(Debug, thiserror::Error)]
@@ -70,9 +70,8 @@ pub enum Error {
     },
 }
 
-impl Error {
-    /// What kind of failure it is; the program maps it to its exit code.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Scene { .. } | Self::WrongKind { .. } => Fault::Usage,
             Self::Stage { fault, .. } => *fault,
@@ -84,7 +83,9 @@ impl Error {
             Self::Io { .. } => Fault::Io,
         }
     }
+}
 
+impl Error {
     pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
         Self::Io { action, path: path.to_owned(), source }
     }
@@ -99,7 +100,7 @@ impl Error {
 macro_rules! stage_error {
     ($stage:expr) => {
         |error| {
-            let fault = error.fault();
+            let fault = ivd_core::Faulty::fault(&error);
             $crate::Error::Stage { stage: $stage, source: Box::new(error), fault }
         }
     };

@@ -8,7 +8,7 @@ use std::time::Instant;
 use ivd_artefact::{
     Artefact, Cache, CacheKey, ContentHash, Kind, Loaded, Lookup, Opened, Provenance, content_hash,
 };
-use ivd_core::{Backend, Exec, Fault};
+use ivd_core::{Backend, Exec, Fault, Faulty};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

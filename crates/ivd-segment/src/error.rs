@@ -1,4 +1,4 @@
-use ivd_core::{Fault, ParamError};
+use ivd_core::{Fault, Faulty, ParamError};
 
 /// Why a volume could not be segmented.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -14,9 +14,8 @@ impl From<ParamError> for Error {
     }
 }
 
-impl Error {
-    /// What kind of failure it is.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Core(error) => error.fault(),
         }

@@ -2,7 +2,7 @@
 // The helpers of these tests may unwrap as the tests do.
 #![allow(clippy::unwrap_used)]
 
-use ivd_core::{Exec, Fault, Grid, Mask, Volume, Voxels, with_voxels};
+use ivd_core::{Exec, Fault, Faulty, Grid, Mask, Volume, Voxels, with_voxels};
 use ivd_segment::{KmvsParams, Segmentation, ThresholdParams, kmvs, threshold};
 use proptest::prelude::*;
 

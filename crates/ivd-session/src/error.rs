@@ -1,4 +1,4 @@
-use ivd_core::{Fault, ParamError};
+use ivd_core::{Fault, Faulty, ParamError};
 
 /// Why an event wasn't followed. The session is then as it was.
 #[derive(Debug, thiserror::Error)]
@@ -30,9 +30,8 @@ pub enum Error {
     },
 }
 
-impl Error {
-    /// Whose fault it is; decides the program's exit code.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Core(error) => error.fault(),
             Self::Lattice(error) => error.fault(),

@@ -257,6 +257,7 @@ pub(crate) fn verify_end(reader: &mut dyn Read, path: &Path, exec: &Exec) -> Res
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ivd_core::Faulty;
 
     fn declared(count: usize, available: u64, packing: Packing) -> Declared {
         Declared { voxel_type: VoxelType::U16, count, order: ByteOrder::Big, packing, available }

@@ -1,7 +1,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use ivd_core::Fault;
+use ivd_core::{Fault, Faulty};
 
 /// Why a volume can't be read or written. Every variant names the file; those about a header name the field.
 #[derive(Debug, thiserror::Error)]
@@ -83,9 +83,8 @@ pub enum Error {
     },
 }
 
-impl Error {
-    /// What kind of failure it is.
-    pub fn fault(&self) -> Fault {
+impl Faulty for Error {
+    fn fault(&self) -> Fault {
         match self {
             Self::Core(error) => error.fault(),
             Self::Io { .. } => Fault::Io,
@@ -97,7 +96,9 @@ impl Error {
             | Self::Choice { .. } => Fault::Input,
         }
     }
+}
 
+impl Error {
     pub(crate) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
         Self::Io { path: path.to_owned(), action, source }
     }

@@ -4,7 +4,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use ivd_core::{Exec, Fault, Volume, VoxelCoord, VoxelType};
+use ivd_core::{Exec, Fault, Faulty, Volume, VoxelCoord, VoxelType};
 use ivd_volume::{Error, ReadOptions, read};
 use nalgebra::Vector3;
 

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use ivd_core::{Exec, Fault, Grid, Volume, Voxels};
+use ivd_core::{Exec, Fault, Faulty, Grid, Volume, Voxels};
 use ivd_volume::{ByteOrder, RawLayout, ReadOptions, read, write};
 
 fn volume() -> Volume {

@@ -1,7 +1,9 @@
 //! Where stages run.
 
 use super::invariants::motion::Asked;
-use ivd_core::{Displacement, Exec, Fault, FieldBricks, Grid, Labels, Lattice, Mask, Motion, Octree, Volume};
+use ivd_core::{
+    Displacement, Exec, Fault, Faulty, FieldBricks, Grid, Labels, Lattice, Mask, Motion, Octree, Volume,
+};
 use ivd_deform::freeform::{self, Shape, Shaped};
 use ivd_deform::inverse::Inverse;
 use ivd_deform::map::{MapMethod, MapParams, Mapped};

@@ -1,6 +1,6 @@
 //! Random steps in space, from a seed.
 
-use ivd_core::{Exec, Fault, Grid, Labels, VoxelCoord};
+use ivd_core::{Exec, Fault, Faulty, Grid, Labels, VoxelCoord};
 use ivd_deform::freeform::{Kind, Shape};
 use ivd_deform::space::{ChainMail, Curve, Cut, Links, Over, Start, Step, Way, displace};
 use nalgebra::Vector3;

@@ -1,7 +1,7 @@
 use std::fmt;
 
 use crate::hash::FieldHasher;
-use crate::{ContentHash, Kind, Provenance, canonical_json};
+use crate::{ContentHash, Kind, KindCode, Provenance, canonical_json};
 
 /// Name of a cache entry: BLAKE3 of everything that decides a stage's result.
 ///

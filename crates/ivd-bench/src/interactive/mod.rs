@@ -10,7 +10,7 @@ mod page;
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
-use ivd_core::{Exec, Fault, FieldBricks, Lattice, Volume, VoxelIndex, VoxelType};
+use ivd_core::{Exec, Fault, Faulty, FieldBricks, Lattice, Volume, VoxelIndex, VoxelType};
 use ivd_deform::mass_spring::{self, Solver};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};

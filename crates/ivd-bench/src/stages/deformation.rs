@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ivd_core::{Displacement, Exec, Fault, Lattice, Motion};
+use ivd_core::{Displacement, Exec, Fault, Faulty, Lattice, Motion};
 use ivd_deform::freeform::{self, Kind, Shape};
 use ivd_deform::map::{DepthWeight, MapMethod, MapParams, Mapped, biharmonic, fem, octree};
 use ivd_deform::mass_spring::{self, Solver};

@@ -1,5 +1,6 @@
 //! Single stages: artefacts in, one artefact out.
 
+use ivd_core::Faulty;
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};

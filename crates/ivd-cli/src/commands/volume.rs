@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache};
-use ivd_core::VoxelType;
+use ivd_core::{Faulty, VoxelType};
 use ivd_pipeline::stages::{Import, ImportLabels, ImportSource};
 use ivd_pipeline::{ExportOptions, Input, Inputs, ending, export as write_as, export_with};
 use ivd_volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions, phantom as phantoms};

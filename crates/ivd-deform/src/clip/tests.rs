@@ -1,4 +1,4 @@
-use ivd_core::{Class, FieldBricks, VoxelCoord, VoxelIndex, Voxels};
+use ivd_core::{Class, Faulty, FieldBricks, VoxelCoord, VoxelIndex, Voxels};
 use nalgebra::Vector3;
 
 use super::*;

@@ -1,4 +1,4 @@
-use ivd_core::{Class, VoxelCoord, VoxelIndex, Voxels};
+use ivd_core::{Class, Faulty, VoxelCoord, VoxelIndex, Voxels};
 use nalgebra::Vector3;
 
 use super::*;

@@ -1,4 +1,4 @@
-use ivd_core::VoxelCoord;
+use ivd_core::{Faulty, VoxelCoord};
 
 use super::*;
 use crate::fixtures::{bump, field, middle, sheared_grid, voxels};

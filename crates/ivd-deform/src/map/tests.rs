@@ -1,4 +1,4 @@
-use ivd_core::{Ball, VoxelCoord, VoxelIndex};
+use ivd_core::{Ball, Faulty, VoxelCoord, VoxelIndex};
 
 use nalgebra::Vector3;
 

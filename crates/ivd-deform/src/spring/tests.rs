@@ -1,4 +1,4 @@
-use ivd_core::{ElementKey, Fault, Grid, LatticeSource};
+use ivd_core::{ElementKey, Fault, Faulty, Grid, LatticeSource};
 
 use super::*;
 

@@ -1,6 +1,6 @@
 //! Intervals and masks.
 
-use ivd_core::{Exec, Fault, Grid, Mask, T_MIN, Volume, Voxels};
+use ivd_core::{Exec, Fault, Faulty, Grid, Mask, T_MIN, Volume, Voxels};
 use ivd_lattice::Error;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 

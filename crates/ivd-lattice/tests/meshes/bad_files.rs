@@ -1,6 +1,6 @@
 //! Damaged and hostile files: each gets its error, which names the file, the place, what is wrong and a remedy.
 
-use ivd_core::Fault;
+use ivd_core::{Fault, Faulty};
 use ivd_lattice::Error;
 use ivd_lattice::formats::Format;
 

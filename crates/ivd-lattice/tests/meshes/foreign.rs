@@ -1,6 +1,6 @@
 //! Meshes of any origin on a grid: what is mended, what is refused, and what is promised of the result.
 
-use ivd_core::{Exec, Fault, Grid, Lattice, LatticeSource};
+use ivd_core::{Exec, Fault, Faulty, Grid, Lattice, LatticeSource};
 use ivd_lattice::figures::measure;
 use ivd_lattice::foreign::{Foreign, ForeignParams, lattice};
 use ivd_lattice::formats::Mesh;

@@ -1,6 +1,6 @@
 //! What our writers write comes back.
 
-use ivd_core::Lattice;
+use ivd_core::{Faulty, Lattice};
 use ivd_lattice::formats::{Address, Format, Mesh};
 use nalgebra::Vector3;
 

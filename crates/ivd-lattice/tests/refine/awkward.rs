@@ -1,6 +1,6 @@
 //! Lattices that break simplification elsewhere, by every method: hundreds of tunnels, ties everywhere, edges of no length, scales.
 
-use ivd_core::{ElementKey, Exec, Fault, Grid, Lattice, LatticeSource, Volume, Voxels};
+use ivd_core::{ElementKey, Exec, Fault, Faulty, Grid, Lattice, LatticeSource, Volume, Voxels};
 use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
 use ivd_lattice::repair::{RepairParams, repair};

@@ -12,7 +12,7 @@ mod repair;
 mod sampled;
 mod topology;
 
-use ivd_core::{Exec, Grid, Lattice};
+use ivd_core::{Exec, Faulty, Grid, Lattice};
 use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{RefineParams, Refined, StoppedBy, Target, collapse};
 

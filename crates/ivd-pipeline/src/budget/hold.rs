@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use ivd_artefact::Artefact;
-use ivd_core::{Exec, Fault};
+use ivd_core::{Exec, Fault, Faulty};
 
 use super::error::{fields, motions, surfaces};
 use super::knobs::{Knob, Setting, along, between, front, level_errors};

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use ivd_artefact::{Artefact, ContentHash, Kind};
-use ivd_core::{Exec, Fault};
+use ivd_core::{Exec, Fault, Faulty};
 
 use super::choose::{Fit, Ladder, fit};
 use super::knobs::{Knob, Setting};

@@ -1,6 +1,6 @@
 //! Against mean shift of every datum over every datum, analytic mixtures, and awkward volumes.
 
-use ivd_core::{Exec, Fault, Grid, Mask, Volume, Voxels};
+use ivd_core::{Exec, Fault, Faulty, Grid, Mask, Volume, Voxels};
 use rayon::prelude::*;
 
 use super::*;

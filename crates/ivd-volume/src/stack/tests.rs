@@ -1,6 +1,6 @@
 use std::sync::{Arc, Mutex};
 
-use ivd_core::{Fault, Observer, VoxelIndex, VoxelType, Voxels};
+use ivd_core::{Fault, Faulty, Observer, VoxelIndex, VoxelType, Voxels};
 
 use super::*;
 use crate::ByteOrder;

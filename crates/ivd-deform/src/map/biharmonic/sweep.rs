@@ -1,6 +1,6 @@
 //! Drawn pushes, held against a check of folds that shares nothing with the library.
 
-use ivd_core::{Exec, FieldBricks, Grid};
+use ivd_core::{Exec, Faulty, FieldBricks, Grid};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::fixtures::{middle, sheared_grid};

@@ -1,4 +1,4 @@
-use ivd_core::{Grid, VoxelCoord};
+use ivd_core::{Faulty, Grid, VoxelCoord};
 use nalgebra::{DMatrix, Matrix3, Rotation3};
 
 use super::matrix::dot;

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use ivd_core::{Cancel, Class, Fault, Grid, Labels, Observer, VoxelCoord};
+use ivd_core::{Cancel, Class, Fault, Faulty, Grid, Labels, Observer, VoxelCoord};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::*;

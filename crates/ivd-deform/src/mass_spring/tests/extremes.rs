@@ -1,6 +1,6 @@
 //! What holds for every solver, and what must not break one.
 
-use ivd_core::Fault;
+use ivd_core::{Fault, Faulty};
 
 use super::*;
 

@@ -91,7 +91,7 @@ pub(super) fn build<T: Scalar>(
         first: room.first,
         first_group: room.first_group,
         count,
-        whole: count == edges.iter().product(),
+        whole: count == edges.iter().product::<usize>(),
         low: [u8::MAX; 3],
         high: [0; 3],
         values: [f64::INFINITY, f64::NEG_INFINITY],

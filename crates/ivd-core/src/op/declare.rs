@@ -1,0 +1,119 @@
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
+use serde_json::Value as Json;
+
+use super::{Job, Op, Output, Slot, Slots};
+use crate::Kind;
+
+/// One method of a stage, without its type.
+#[derive(Debug, Clone, Copy)]
+pub struct Method {
+    /// Its name, as the stage's selector chooses it; empty for the only one.
+    pub name: &'static str,
+    /// [`Op::REVISION`].
+    pub revision: u32,
+    /// What it reads.
+    pub slots: &'static [Slot],
+    /// Kind of what it gives; `None` where it is that of the first input.
+    pub output: Option<Kind>,
+    /// JSON Schema of its parameters, without references.
+    pub schema: fn() -> Json,
+    /// JSON Schema of its figures, without references.
+    pub figures: fn() -> Json,
+    /// The job with these parameters; those that aren't given have their defaults.
+    pub parse: fn(Json) -> Result<Box<dyn Job>, String>,
+}
+
+/// Declares a method of a stage.
+pub const fn method<O: Op>(name: &'static str) -> Method {
+    Method {
+        name,
+        revision: O::REVISION,
+        slots: <O::Inputs<'static> as Slots<'static>>::SLOTS,
+        output: <O::Output as Output>::KIND,
+        schema: schema_of::<O>,
+        figures: schema_of::<O::Figures>,
+        parse: |json| {
+            let op: O = serde_json::from_value(json).map_err(|error| error.to_string())?;
+            Ok(Box::new(op))
+        },
+    }
+}
+
+/// JSON Schema of a type, without references.
+pub fn schema_of<T: JsonSchema>() -> Json {
+    let settings = SchemaSettings::draft2020_12().with(|settings| settings.inline_subschemas = true);
+    settings.into_generator().into_root_schema_for::<T>().to_value()
+}
+
+/// A use of a stage in a scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Place {
+    /// What tells it from the stage's other uses; empty for the one that the stage is named by.
+    pub variant: &'static str,
+    /// Name of the value that it gives.
+    pub gives: &'static str,
+    /// Which job it does.
+    pub kind: PlaceKind,
+}
+
+/// Which job a place does.
+#[derive(Debug, Clone, Copy)]
+pub enum PlaceKind {
+    /// The stage's own, with these slots filled whatever the job wants, and those left empty.
+    Own {
+        /// Slots without which there is nothing to do.
+        with: &'static [&'static str],
+        /// Slots that stay empty.
+        without: &'static [&'static str],
+    },
+    /// The job that the stage's own goes on from ([`Op::precursor`]).
+    Precursor {
+        /// How it is declared.
+        method: Method,
+    },
+    /// A job without parameters.
+    Fixed {
+        /// How it is declared.
+        method: Method,
+    },
+}
+
+/// A stage: its methods, and how a scene uses it.
+#[derive(Debug, Clone, Copy)]
+pub struct Stage {
+    /// Name: of its section in a scene, of its command, in records.
+    pub name: &'static str,
+    /// What it does, in one sentence.
+    pub about: &'static str,
+    /// The key that chooses the method, such as `method`; empty for a stage of one.
+    pub selector: &'static str,
+    /// Its methods; the first is taken where none is chosen.
+    pub methods: &'static [Method],
+    /// The inputs that a command takes by their order, the others being flags.
+    pub positional: &'static [&'static str],
+    /// Its uses in a scene, in the order in which they run.
+    pub places: &'static [Place],
+    /// Why it isn't needed where those that could read it don't.
+    pub unread: &'static str,
+    /// Whether a scene that gives it nothing to do doesn't tell of it.
+    pub quiet: bool,
+}
+
+/// The one use of a stage that has no more, by the value that it gives.
+impl Place {
+    /// The use of a stage that has only one.
+    pub const fn only(gives: &'static str) -> Self {
+        Self { variant: "", gives, kind: PlaceKind::Own { with: &[], without: &[] } }
+    }
+}
+
+impl Stage {
+    /// The method of a name; the first where it is `None`.
+    pub fn method(&self, name: Option<&str>) -> Option<&Method> {
+        match name {
+            None => self.methods.first(),
+            Some(name) => self.methods.iter().find(|method| method.name == name),
+        }
+    }
+}

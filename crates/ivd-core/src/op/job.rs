@@ -1,0 +1,191 @@
+use std::any::Any;
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value as Json};
+
+use super::{Failure, Slots, Values};
+use crate::{Artefact, Exec, Kind, ParamError, Value};
+
+/// Whether a method with its parameters has a use for one of its slots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Want {
+    /// It doesn't look at it.
+    No,
+    /// It reads it.
+    Yes,
+    /// It reads it in a scene that has the section of the stage which gives it.
+    IfWritten,
+    /// It reads it where what fills the other slot has read it too.
+    As(&'static str),
+}
+
+/// One method of one stage: its parameters, and the work.
+pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send + Sync + 'static {
+    /// Raised whenever the same inputs and parameters may give another result.
+    const REVISION: u32;
+    /// What it reads.
+    type Inputs<'a>: Slots<'a>;
+    /// What it gives.
+    type Output: Output;
+    /// What is told of the work: `--json`, the report's rows, what budgets read.
+    type Figures: Serialize + DeserializeOwned + JsonSchema + Send;
+
+    /// Checks what the schema of a single field can't say.
+    ///
+    /// # Errors
+    /// Names the field as it is typed.
+    fn check(&self) -> Result<(), ParamError> {
+        Ok(())
+    }
+
+    /// Whether it has a use for an optional slot.
+    fn wants(&self, slot: &str) -> Want {
+        let _ = slot;
+        Want::Yes
+    }
+
+    /// Why there is nothing to do, where there isn't.
+    fn idle(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// A job whose result this one goes on from, where there is one that is worth keeping.
+    fn precursor(&self) -> Option<Box<dyn Job>> {
+        None
+    }
+
+    /// Files that it reads and that are no artefacts; their content and endings are part of what the result is made from, where they
+    /// lie isn't.
+    ///
+    /// # Errors
+    /// Where they can't be listed.
+    fn sources(&self) -> Result<Vec<PathBuf>, Failure> {
+        Ok(Vec::new())
+    }
+
+    /// Does the work.
+    ///
+    /// # Errors
+    /// The stage crate's own.
+    fn run(&self, inputs: Self::Inputs<'_>, exec: &Exec) -> Result<(Self::Output, Self::Figures), Failure>;
+}
+
+/// What a method can give: a value of one kind, or an [`Artefact`] of the kind of its first input.
+pub trait Output {
+    /// Its kind; `None` where it is that of the first input.
+    const KIND: Option<Kind>;
+
+    /// The artefact that holds it.
+    fn into_artefact(self) -> Artefact;
+}
+
+impl<T: Value> Output for T {
+    const KIND: Option<Kind> = Some(T::KIND);
+
+    fn into_artefact(self) -> Artefact {
+        Value::into_artefact(self)
+    }
+}
+
+impl Output for Artefact {
+    const KIND: Option<Kind> = None;
+
+    fn into_artefact(self) -> Artefact {
+        self
+    }
+}
+
+/// What a job gives.
+#[derive(Debug)]
+pub struct Product {
+    /// The value.
+    pub artefact: Artefact,
+    /// The figures of the work, by their names.
+    pub figures: Map<String, Json>,
+}
+
+/// An [`Op`] without its type: what scenes, commands, caches and sessions handle.
+pub trait Job: Send + Sync + 'static {
+    /// Its parameters.
+    fn params(&self) -> Map<String, Json>;
+    /// As [`Op::check`].
+    ///
+    /// # Errors
+    /// Names the field as it is typed.
+    fn check(&self) -> Result<(), ParamError>;
+    /// As [`Op::wants`].
+    fn wants(&self, slot: &str) -> Want;
+    /// As [`Op::idle`].
+    fn idle(&self) -> Option<&'static str>;
+    /// As [`Op::precursor`].
+    fn precursor(&self) -> Option<Box<dyn Job>>;
+    /// As [`Op::sources`].
+    ///
+    /// # Errors
+    /// Where they can't be listed.
+    fn sources(&self) -> Result<Vec<PathBuf>, Failure>;
+    /// Does the work.
+    ///
+    /// # Errors
+    /// The stage crate's own; a usage error for a slot that is empty or filled with another kind.
+    fn run(&self, values: &Values<'_>, exec: &Exec) -> Result<Product, Failure>;
+    /// Itself, to be asked for its type.
+    fn as_any(&self) -> &dyn Any;
+    /// The same job once more.
+    fn again(&self) -> Box<dyn Job>;
+}
+
+/// An object of plain fields as JSON.
+fn object(fields: &impl Serialize) -> Map<String, Json> {
+    match serde_json::to_value(fields) {
+        Ok(Json::Object(object)) => object,
+        // Structs of numbers, words, lists and maps: a test of every method holds it.
+        _ => Map::new(),
+    }
+}
+
+impl<O: Op> Job for O {
+    fn params(&self) -> Map<String, Json> {
+        object(self)
+    }
+
+    fn check(&self) -> Result<(), ParamError> {
+        Op::check(self)
+    }
+
+    fn wants(&self, slot: &str) -> Want {
+        match O::Inputs::SLOTS.iter().find(|known| known.name == slot) {
+            None => Want::No,
+            Some(known) if !known.optional => Want::Yes,
+            Some(_) => Op::wants(self, slot),
+        }
+    }
+
+    fn idle(&self) -> Option<&'static str> {
+        Op::idle(self)
+    }
+
+    fn precursor(&self) -> Option<Box<dyn Job>> {
+        Op::precursor(self)
+    }
+
+    fn sources(&self) -> Result<Vec<PathBuf>, Failure> {
+        Op::sources(self)
+    }
+
+    fn run(&self, values: &Values<'_>, exec: &Exec) -> Result<Product, Failure> {
+        let (output, figures) = Op::run(self, O::Inputs::take(values)?, exec)?;
+        Ok(Product { artefact: output.into_artefact(), figures: object(&figures) })
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+
+    fn again(&self) -> Box<dyn Job> {
+        Box::new(self.clone())
+    }
+}

@@ -1,0 +1,27 @@
+//! What a method of a stage declares, once.
+//!
+//! A method is a plain struct of parameters that implements [`Op`]. Its fields are at the same time the keys of a scene's section, the
+//! flags of the command, the properties of the schema, the parameters in a record and what a cache key is made of; doc, unit, range
+//! and default stand at the field and nowhere else:
+//!
+//! - `///` is its description, in help, editors and reports;
+//! - `#[schemars(extend("x-unit" = "mm"))]` its unit, `"1"` where a number has none;
+//! - `#[schemars(range(min = 0.0, max = 0.45))]` or `extend("exclusiveMinimum" = 0.0)` its range;
+//! - `impl Default` with `#[serde(default)]` its default;
+//! - `extend("x-alias" = ["old_name"])` names that it had before, which keep working;
+//! - `extend("x-from" = "lattice.iso")` the key of a scene whose value it takes where it isn't given, unless the key of
+//!   `extend("x-unless" = "boundary.class")` is;
+//! - `extend("x-how" = true)` that it says how the work is done and not what comes of it: left out of cache keys.
+//!
+//! Its inputs are a struct made by [`slots!`](crate::slots), its output a value, its figures a struct too: a figure that is renamed
+//! no longer compiles where it is read. [`Stage`] lists the methods of a stage; nothing else names them.
+
+mod declare;
+mod failure;
+mod job;
+mod slots;
+
+pub use declare::{Method, Place, PlaceKind, Stage, method, schema_of};
+pub use failure::Failure;
+pub use job::{Job, Op, Output, Product, Want};
+pub use slots::{Fill, Slot, Slots, Values, Voxelwise};
