@@ -242,7 +242,7 @@ pub fn octahedron() -> Lattice {
 /// Carries a motion to voxels and volume.
 pub fn carry(lattice: &Lattice, octree: &ivd_core::Octree, motion: &Motion) {
     motion.check().expect("a motion");
-    let params = ivd_deform::map::MapParams::default();
+    let params = ivd_deform::map::OctreeParams::default();
     let Ok(mapped) = ivd_deform::map::octree(lattice, octree, motion, 0, &params, exec()) else { return };
     finite(&mapped.displacement);
     let voxels: Vec<u8> = (0..lattice.grid.len()).map(|i| i as u8).collect();

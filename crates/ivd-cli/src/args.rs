@@ -242,13 +242,6 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
-    /// Indexes a lattice's grid.
-    Octree {
-        /// Lattice artefact.
-        lattice: PathBuf,
-        #[command(flatten)]
-        output: Output,
-    },
     /// Moves a lattice.
     Deform {
         /// Lattice artefact.
@@ -285,41 +278,6 @@ pub(crate) enum Command {
         /// Frames of the motion, evenly in time; not with ring.
         #[arg(long)]
         frames: Option<u32>,
-        #[command(flatten)]
-        output: Output,
-    },
-    /// Carries a lattice's motion to the voxels.
-    Map {
-        /// Lattice artefact.
-        lattice: PathBuf,
-        /// Octree artefact over it; `biharmonic` and `fem` have no use for it.
-        octree: PathBuf,
-        /// Motion artefact of it.
-        motion: PathBuf,
-        /// Labels (artefact), for elasticity by class of fem (`[material.<class>]` in --params).
-        #[arg(long)]
-        labels: Option<PathBuf>,
-        /// octree, biharmonic or fem.
-        #[arg(long)]
-        method: Option<String>,
-        /// octree: linear, smooth, exponential or one: how displacement fades with depth.
-        #[arg(long)]
-        weight: Option<String>,
-        /// band or free.
-        #[arg(long)]
-        outside: Option<String>,
-        /// Width of the band beyond the handles' reach (mm).
-        #[arg(long, value_name = "MM")]
-        margin: Option<f64>,
-        /// biharmonic, fem: voxels along a cell's edge, 1, 2 or 4.
-        #[arg(long, value_name = "VOXELS")]
-        cell: Option<u8>,
-        /// fem: Poisson's ratio, 0…0.45: how much matter keeps its volume.
-        #[arg(long)]
-        poisson: Option<f64>,
-        /// fem: Young's modulus outside the lattice, relative to the inside's, 0.0001…1.
-        #[arg(long)]
-        filler: Option<f64>,
         #[command(flatten)]
         output: Output,
     },
@@ -438,9 +396,7 @@ impl Command {
                 | Self::Boundary { .. }
                 | Self::Lattice { .. }
                 | Self::Refine { .. }
-                | Self::Octree { .. }
                 | Self::Deform { .. }
-                | Self::Map { .. }
                 | Self::Space(_)
                 | Self::Warp { .. }
                 | Self::Render { .. }

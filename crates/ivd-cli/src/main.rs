@@ -4,6 +4,7 @@
 mod args;
 mod commands;
 mod context;
+mod declared;
 mod exit;
 mod parse;
 mod progress;
@@ -11,16 +12,33 @@ mod talk;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use args::{Args, Global};
+use clap::{CommandFactory as _, FromArgMatches as _};
 
 fn main() -> ExitCode {
-    let args = match args::Args::try_parse() {
-        Ok(args) => args,
-        Err(error) => return exit::usage(&error, std::env::args_os().any(|word| word == "--json")),
-    };
-    let json = args.global.json;
-    match context::Context::new(&args.global).and_then(|context| commands::run(args.command, &context)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => exit::failure(&error, json),
+    let words = declared::with_truths(std::env::args_os());
+    let json = words.iter().any(|word| word == "--json");
+    match Args::command().subcommands(declared::commands()).try_get_matches_from(words).map(read) {
+        Ok(Ok((global, asked))) => {
+            let json = global.json;
+            match context::Context::new(&global).and_then(|context| commands::run(asked, &context)) {
+                Ok(()) => ExitCode::SUCCESS,
+                Err(error) => exit::failure(&error, json),
+            }
+        }
+        Ok(Err(error)) | Err(error) => exit::usage(&error, json),
+    }
+}
+
+/// What was typed: the flags of every command, and the command.
+fn read(matches: clap::ArgMatches) -> Result<(Global, commands::Asked), clap::Error> {
+    match matches.subcommand().and_then(|(name, own)| Some((ivd_pipeline::list::stage(name)?, own))) {
+        Some((stage, own)) => {
+            Ok((Global::from_arg_matches(&matches)?, commands::Asked::Stage(stage, own.clone())))
+        }
+        None => {
+            let args = Args::from_arg_matches(&matches)?;
+            Ok((args.global, commands::Asked::Command(args.command)))
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use ivd_pipeline::params::from_toml;
 use ivd_pipeline::scene::{MOST, in_short, read_short};
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
@@ -73,6 +74,28 @@ pub(crate) fn bytes(text: &str) -> Result<u64, String> {
     Ok((number * factor as f64) as u64)
 }
 
+/// The table in a file of parameters.
+fn toml_of(file: &Path) -> anyhow::Result<Table> {
+    let bytes = read_short(file)
+        .map_err(|e| Failure::of(ivd_core::Fault::Io, format!("reading {}: {e}", file.display())))?;
+    let wrong = |problem: String| Failure::usage(format!("--params {}: {problem}", file.display()));
+    let bytes = bytes.ok_or_else(|| wrong(format!("longer than {MOST} bytes")))?;
+    let text = String::from_utf8(bytes).map_err(|e| wrong(format!("{e}; write a TOML text file")))?;
+    text.parse::<Table>().map_err(|e| wrong(in_short(&e.to_string())))
+}
+
+/// The keys in a file of parameters, as JSON.
+pub(crate) fn table_of(file: &Path) -> anyhow::Result<serde_json::Map<String, serde_json::Value>> {
+    let mut keys = serde_json::Map::new();
+    for (key, value) in toml_of(file)? {
+        let value = from_toml(value).map_err(|problem| {
+            Failure::usage(format!("--params {}: {}", file.display(), problem.told_of(&key)))
+        })?;
+        keys.insert(key, value);
+    }
+    Ok(keys)
+}
+
 /// A section of the scene from `--params FILE` with the command line's own words on top, checked as a scene's is.
 pub(crate) fn section<T: DeserializeOwned>(params: Option<&Path>, words: Table) -> anyhow::Result<T> {
     section_over(Table::new(), params, words)
@@ -85,12 +108,7 @@ pub(crate) fn section_over<T: DeserializeOwned>(
     words: Table,
 ) -> anyhow::Result<T> {
     if let Some(file) = params {
-        let bytes = read_short(file)
-            .map_err(|e| Failure::of(ivd_core::Fault::Io, format!("reading {}: {e}", file.display())))?;
-        let wrong = |problem: String| Failure::usage(format!("--params {}: {problem}", file.display()));
-        let bytes = bytes.ok_or_else(|| wrong(format!("longer than {MOST} bytes")))?;
-        let text = String::from_utf8(bytes).map_err(|e| wrong(format!("{e}; write a TOML text file")))?;
-        table.extend(text.parse::<Table>().map_err(|e| wrong(in_short(&e.to_string())))?);
+        table.extend(toml_of(file)?);
     }
     table.extend(words);
     Value::Table(table).try_into().map_err(|e: toml::de::Error| {

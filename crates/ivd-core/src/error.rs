@@ -4,8 +4,8 @@ use crate::GridError;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("parameter `{field}`: {problem}; {remedy}")]
 pub struct ParamError {
-    /// The field as it is written in a scene or on the command line.
-    pub field: &'static str,
+    /// The field as it is written in a scene or on the command line; a dot before what lies inside it.
+    pub field: String,
     /// What is wrong, with the value.
     pub problem: String,
     /// What to do instead.
@@ -14,8 +14,30 @@ pub struct ParamError {
 
 impl ParamError {
     /// A parameter error about `field`.
-    pub fn new(field: &'static str, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Self { field, problem: problem.into(), remedy: remedy.into() }
+    pub fn new(field: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self { field: field.into(), problem: problem.into(), remedy: remedy.into() }
+    }
+
+    /// A problem of the value that is looked at; [`ParamError::under`] says where that stands.
+    pub fn at_itself(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::new("", problem, remedy)
+    }
+
+    /// The same problem, seen from around it.
+    #[must_use]
+    pub fn under(mut self, key: &str) -> Self {
+        self.field = if self.field.is_empty() { key.to_owned() } else { format!("{key}.{}", self.field) };
+        self
+    }
+
+    /// What is wrong and what to do, after the place where a user has typed it.
+    pub fn told_of(&self, place: &str) -> String {
+        let place = if place.is_empty() || self.field.is_empty() {
+            format!("{place}{}", self.field)
+        } else {
+            format!("{place}.{}", self.field)
+        };
+        format!("{place}: {}; {}", self.problem, self.remedy)
     }
 }
 

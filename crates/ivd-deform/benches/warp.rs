@@ -5,7 +5,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, Volume, VoxelCoord, VoxelIndex, Voxels};
 use ivd_deform::inverse::invert;
-use ivd_deform::map::{Biharmonic, MapMethod, MapParams, Outside, biharmonic, octree};
+use ivd_deform::map::{Band, Biharmonic, BiharmonicParams, OctreeParams, Outside, biharmonic, octree};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 use ivd_deform::warp::{Order, WarpParams, volume};
 use nalgebra::Vector3;
@@ -84,11 +84,12 @@ fn maps(c: &mut Criterion) {
     let tree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec).unwrap();
     let mut group = c.benchmark_group("map");
     group.sample_size(10);
-    let params = MapParams { margin_mm: Some(16.0), ..MapParams::default() };
+    let band = Band { margin: Some(16.0), ..Band::default() };
+    let params = OctreeParams { band: band.clone(), ..OctreeParams::default() };
     group.bench_function("octree", |b| {
         b.iter(|| octree(&lattice, &tree, &frames[10], 0, &params, &exec).unwrap());
     });
-    let params = MapParams { method: MapMethod::Biharmonic, ..params };
+    let params = BiharmonicParams { band, ..BiharmonicParams::default() };
     group.bench_function("biharmonic", |b| {
         b.iter(|| biharmonic(&lattice, &frames[10], 0, &params, &exec).unwrap());
     });

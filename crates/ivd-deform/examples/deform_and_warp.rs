@@ -3,7 +3,7 @@
 //! Run with `cargo run -p ivd-deform --example deform_and_warp`.
 
 use ivd_core::{Exec, Grid, Volume, VoxelCoord, Voxels};
-use ivd_deform::map::{self, MapParams};
+use ivd_deform::map::{self, OctreeParams};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 use ivd_deform::warp::{self, WarpParams};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // The motion of the voxels, proven free of folds.
     let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec)?;
-    let mapped = map::octree(&lattice, &octree, &solved.motion, 0, &MapParams::default(), &exec)?;
+    let mapped = map::octree(&lattice, &octree, &solved.motion, 0, &OctreeParams::default(), &exec)?;
     let warped = warp::volume(&volume, &mapped.displacement, &WarpParams::default(), &exec)?;
 
     println!(

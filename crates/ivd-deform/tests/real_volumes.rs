@@ -58,18 +58,17 @@ fn handles_on_scans_are_mapped_without_a_fold() {
         let radius = 8.0 * scan.motion.iter().map(|c| c * c).sum::<f64>().sqrt();
         let handle = Handle { at: HandleAt::Pick(scan.pick), action: Action::Move(scan.motion), radius };
         let solved = ring(&lattice, &[handle], &[], &RingParams::default(), &exec).unwrap();
-        for method in [map::MapMethod::Octree, map::MapMethod::Biharmonic] {
-            let params = map::MapParams { method, ..map::MapParams::default() };
+        for method in ["octree", "biharmonic"] {
             let begin = std::time::Instant::now();
-            let mapped = match method {
-                map::MapMethod::Octree => map::octree(&lattice, &octree, &solved.motion, 0, &params, &exec),
-                map::MapMethod::Biharmonic => map::biharmonic(&lattice, &solved.motion, 0, &params, &exec),
-                map::MapMethod::Fem => map::fem(&lattice, None, &solved.motion, 0, &params, &exec),
+            let mapped = if method == "octree" {
+                map::octree(&lattice, &octree, &solved.motion, 0, &map::OctreeParams::default(), &exec)
+            } else {
+                map::biharmonic(&lattice, &solved.motion, 0, &map::BiharmonicParams::default(), &exec)
             };
-            let mapped = mapped.unwrap_or_else(|error| panic!("{}, {method:?}: {error}", scan.file));
+            let mapped = mapped.unwrap_or_else(|error| panic!("{}, {method}: {error}", scan.file));
             let (followed, spent) = (&mapped.followed, begin.elapsed().as_secs_f64());
             eprintln!(
-                "{}, {method:?}: {spent:.2} s, misfit {:.4}, {:.3} voxels at most, {:.4} rms; {} rounds of repair, {:?}",
+                "{}, {method}: {spent:.2} s, misfit {:.4}, {:.3} voxels at most, {:.4} rms; {} rounds of repair, {:?}",
                 scan.file,
                 followed.misfit,
                 followed.misfit_max_voxel,
@@ -80,11 +79,11 @@ fn handles_on_scans_are_mapped_without_a_fold() {
             let warped =
                 warp::volume(&volume, &mapped.displacement, &warp::WarpParams::default(), &exec).unwrap();
             assert!(mapped.min_det_j > 0.0 && mapped.folds == 0, "{}", scan.file);
-            assert!(mapped.inverse_residual_max_voxel < 1e-4, "{}, {method:?}", scan.file);
-            assert!(followed.misfit < 0.1, "{}, {method:?}: {followed:?}", scan.file);
+            assert!(mapped.inverse_residual_max_voxel < 1e-4, "{}, {method}", scan.file);
+            assert!(followed.misfit < 0.1, "{}, {method}: {followed:?}", scan.file);
             assert!(warped.voxels_resampled > 10_000);
             // The band that moves along is narrower than the reach, which the smooth field fills.
-            let most = if method == map::MapMethod::Octree { 4 } else { 1 };
+            let most = if method == "octree" { 4 } else { 1 };
             assert!(warped.voxels_resampled < warped.voxels_total / most);
             unmoved_is_untouched(&volume, &warped.output, &mapped.displacement.inverse);
         }

@@ -58,4 +58,4 @@ pub use build::build;
 pub use error::Error;
 pub use inside::inside;
 pub use nearest::{Nearest, NearestIndex, prepare, prepare_parts};
-pub use params::Params;
+pub use params::{Figures, Inputs, Params, STAGE};

@@ -1,12 +1,28 @@
-use ivd_core::ParamError;
+use ivd_core::op::{Failure, Method, Op, Place, Stage, method};
+use ivd_core::{Exec, Lattice, Octree, ParamError, slots};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// The stage as scenes and commands see it.
+pub const STAGE: Stage = Stage {
+    name: "octree",
+    about: "Indexes a lattice's grid.",
+    selector: "",
+    methods: METHODS,
+    positional: &["lattice"],
+    places: &[Place::only("octree")],
+    unread: "the map looks for no nearest lattice point",
+    quiet: false,
+};
+const METHODS: &[Method] = &[method::<Params>("")];
+
 /// How fine an octree is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct Params {
     /// Edge of a surface leaf (voxels), a power of two from 1 to 64. Smaller leaves list fewer triangles each and take
     /// more memory; results of queries don't depend on it.
+    #[schemars(range(min = 1, max = 64), extend("x-unit" = "voxels"))]
     pub leaf_size: u32,
 }
 
@@ -16,14 +32,53 @@ impl Default for Params {
     }
 }
 
-impl Params {
-    /// # Errors
-    /// [`ParamError`] names the field that is out of its domain.
-    pub fn check(&self) -> Result<(), ParamError> {
-        if !self.leaf_size.is_power_of_two() || self.leaf_size > 64 {
-            let problem = format!("{} voxels", self.leaf_size);
-            return Err(ParamError::new("leaf_size", problem, "use 1, 2, 4, 8, 16, 32 or 64"));
+slots! {
+    /// What an octree is built over.
+    pub struct Inputs<'a> { lattice: &'a Lattice }
+}
+
+/// What an octree comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Figures {
+    /// Nodes.
+    #[schemars(extend("x-unit" = "1"))]
+    pub nodes: usize,
+    /// Nodes without children.
+    #[schemars(extend("x-unit" = "1"))]
+    pub leaves: usize,
+    /// Halvings from the root to the smallest leaf.
+    #[schemars(extend("x-unit" = "1"))]
+    pub depth: u8,
+    /// Size in memory.
+    #[schemars(extend("x-unit" = "bytes"))]
+    pub bytes: u64,
+}
+
+impl Op for Params {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = Inputs<'a>;
+    type Output = Octree;
+    type Figures = Figures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        if self.leaf_size.is_power_of_two() {
+            return Ok(());
         }
-        Ok(())
+        Err(ParamError::new(
+            "leaf_size",
+            format!("{} voxels", self.leaf_size),
+            "use 1, 2, 4, 8, 16, 32 or 64",
+        ))
+    }
+
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Octree, Figures), Failure> {
+        let octree = crate::build(inputs.lattice, self, exec)?;
+        let figures = Figures {
+            nodes: octree.nodes.len(),
+            leaves: octree.leaves(),
+            depth: octree.depth,
+            bytes: octree.bytes(),
+        };
+        Ok((octree, figures))
     }
 }

@@ -1,5 +1,6 @@
 use std::path::{Path, PathBuf};
 
+use ivd_core::op::Failure;
 use ivd_core::{Fault, Faulty};
 
 /// Why a pipeline or one of its stages failed.
@@ -88,6 +89,11 @@ impl Faulty for Error {
 impl Error {
     pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
         Self::Io { action, path: path.to_owned(), source }
+    }
+
+    /// The failure of a stage.
+    pub(crate) fn failed(stage: &'static str, failure: Failure) -> Self {
+        Self::Stage { stage, source: failure.source, fault: failure.fault }
     }
 
     /// A wrong combination of parameters, told in the words of the program and the scene.

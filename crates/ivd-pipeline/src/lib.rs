@@ -36,13 +36,16 @@ mod compare;
 mod error;
 mod export;
 pub mod fronts;
+pub mod list;
 mod outputs;
+pub mod params;
 mod pipeline;
 pub mod plan;
 mod report;
 pub mod resource;
 mod runner;
 pub mod scene;
+mod section;
 mod stage;
 pub mod stages;
 
@@ -52,7 +55,9 @@ pub use error::Error;
 pub use export::{
     ExportOptions, describe, ending, export, export_with, labels_volume, mask_volume, png_bytes, write_text,
 };
+pub use ivd_core::op::Slot;
 pub use outputs::OutputFile;
 pub use pipeline::{PipelineOptions, PipelineReport, default_out, run};
 pub use runner::{Done, OutputRecord, Runner, StageRecord, State, backend_name};
-pub use stage::{Input, Inputs, Metrics, Product, Slot, Stage};
+pub use section::Section;
+pub use stage::{Input, Inputs, Metrics, Product, Stage};

@@ -201,7 +201,7 @@ impl Runner<'_> {
         let provenance = Provenance {
             stage: stage.name().to_owned(),
             revision: stage.revision(),
-            params: stage.params(),
+            params: stage.identity(),
             inputs: hashes,
             // What did the work, whatever was asked for: every stage's code is the processor's.
             backend: backend_name(Backend::Cpu).to_owned(),
@@ -253,7 +253,7 @@ impl Runner<'_> {
             why: "same inputs and parameters as before".to_owned(),
             revision: provenance.revision,
             backend: provenance.backend.clone(),
-            params: provenance.params.clone(),
+            params: stage.params(),
             inputs: provenance.inputs.iter().map(|(slot, hash)| (slot.clone(), hash.to_string())).collect(),
             output: Some(OutputRecord {
                 path: self.cache.path_of(key),

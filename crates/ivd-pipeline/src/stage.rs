@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use ivd_artefact::{Artefact, ContentHash, Kind, Loaded, Opened};
+use ivd_core::op::Slot;
 use ivd_core::{
     Displacement, Exec, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Tree, Volume,
 };
@@ -20,7 +21,7 @@ pub struct Metrics {
     /// What every run gives again for the same inputs and parameters: kept with the result.
     pub figures: Map<String, Value>,
     /// Times (s) and rates (1/s) of one run: told of it, and kept nowhere, so that the same work gives the same file.
-    pub times: BTreeMap<&'static str, f64>,
+    pub times: BTreeMap<String, f64>,
 }
 
 impl Metrics {
@@ -33,7 +34,7 @@ impl Metrics {
     /// Adds the time or rate of a run.
     #[must_use]
     pub(crate) fn timed(mut self, name: &'static str, time: f64) -> Self {
-        self.times.insert(name, time);
+        self.times.insert(name.to_owned(), time);
         self
     }
 
@@ -56,7 +57,7 @@ impl std::ops::Index<&str> for Metrics {
 impl From<Metrics> for Map<String, Value> {
     fn from(metrics: Metrics) -> Self {
         let mut all = metrics.figures;
-        all.extend(metrics.times.into_iter().map(|(name, time)| (name.to_owned(), Value::from(time))));
+        all.extend(metrics.times.into_iter().map(|(name, time)| (name, Value::from(time))));
         all
     }
 }
@@ -65,29 +66,6 @@ impl From<Map<String, Value>> for Metrics {
     /// Read back, times can't be told from figures.
     fn from(figures: Map<String, Value>) -> Self {
         Self { figures, times: BTreeMap::new() }
-    }
-}
-
-/// One input of a stage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Slot {
-    /// Name, as in `--json`.
-    pub name: &'static str,
-    /// Kinds that fit.
-    pub kinds: &'static [Kind],
-    /// Whether the stage works without it.
-    pub optional: bool,
-}
-
-impl Slot {
-    /// An input that must be there.
-    pub const fn required(name: &'static str, kinds: &'static [Kind]) -> Self {
-        Self { name, kinds, optional: false }
-    }
-
-    /// An input that may be absent.
-    pub const fn optional(name: &'static str, kinds: &'static [Kind]) -> Self {
-        Self { name, kinds, optional: true }
     }
 }
 
@@ -230,8 +208,13 @@ pub trait Stage: Send + Sync {
     /// Kind of what it writes; `None` where it writes the kind that it read in its first slot.
     fn output(&self) -> Option<Kind>;
 
-    /// Parameters that say what the result is; hashed, in canonical form, for the cache.
+    /// Its parameters, by the names that a scene gives them.
     fn params(&self) -> Value;
+
+    /// Those of them that say what the result is; hashed, in canonical form, for the cache.
+    fn identity(&self) -> Value {
+        self.params()
+    }
 
     /// Files that it reads and that are no artefacts (those of an import); their content and endings are part of what
     /// the result is made from, where they lie isn't.

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use ivd_core::{Displacement, Exec, FieldBricks, Labels, Lattice, Motion};
 use ivd_deform::freeform;
-use ivd_deform::map::{Biharmonic, Live, MapMethod, MapParams, Moved, Outside, fem};
+use ivd_deform::map::{Biharmonic, Live, Moved, Outside, fem};
 use ivd_deform::mass_spring;
 use ivd_deform::spring::{self, HandleAt};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 
-use crate::{Error, Physics, Settings};
+use crate::{Error, MapChoice, Physics, Settings};
 
 /// A lattice, and what was prepared of it. Nothing that is kept changes a result.
 pub(crate) struct Level {
@@ -115,13 +115,13 @@ impl Level {
         &mut self,
         motion: Option<&Motion>,
         labels: Option<&Labels>,
-        params: &MapParams,
+        choice: &MapChoice,
         exec: &Exec,
     ) -> Result<Moved, Error> {
         let Some(motion) = motion else { return Ok(still(&self.lattice)) };
         let frame = motion.frames.len() - 1;
-        match params.method {
-            MapMethod::Octree => {
+        match choice {
+            MapChoice::Octree(params) => {
                 let mut nearest = if let Some(nearest) = self.nearest.take() {
                     nearest
                 } else {
@@ -132,15 +132,18 @@ impl Level {
                 self.nearest = Some(nearest);
                 Ok(moved?)
             }
-            MapMethod::Fem => {
-                let labels = labels.filter(|_| !params.classes.is_empty());
+            MapChoice::Fem(params) => {
+                let labels = labels.filter(|_| !params.material.is_empty());
                 Ok(fem(&self.lattice, labels, motion, frame, params, exec)?.into())
             }
-            MapMethod::Biharmonic => {
-                let kept = self.smoothest.take().filter(|(outside, _)| *outside == params.outside);
+            MapChoice::Biharmonic(params) => {
+                let kept = self.smoothest.take().filter(|(outside, _)| *outside == params.band.outside);
                 let (outside, mut smoothest) = match kept {
                     Some(kept) => kept,
-                    None => (params.outside, Biharmonic::new(self.lattice.clone(), params.outside, exec)?),
+                    None => (
+                        params.band.outside,
+                        Biharmonic::new(self.lattice.clone(), params.band.outside, exec)?,
+                    ),
                 };
                 let moved = smoothest.drag(motion, frame, params, exec);
                 self.smoothest = Some((outside, smoothest));

@@ -43,4 +43,4 @@ mod settings;
 
 pub use error::Error;
 pub use session::{Session, Update};
-pub use settings::{Event, Physics, Settings};
+pub use settings::{Event, MapChoice, Physics, Settings};

@@ -1,8 +1,9 @@
 //! What a session's state follows from, and the events that change it.
 
 use ivd_core::ParamError;
+use ivd_core::op::Op as _;
 use ivd_deform::freeform::Shape;
-use ivd_deform::map::MapParams;
+use ivd_deform::map::{BiharmonicParams, FemParams, OctreeParams};
 use ivd_deform::mass_spring::{self, Material};
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt, RingParams};
 use ivd_deform::warp::WarpParams;
@@ -29,6 +30,36 @@ impl Default for Physics {
     }
 }
 
+/// How the lattice's motion is carried to the voxels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "method", rename_all = "lowercase")]
+pub enum MapChoice {
+    /// Through the octree.
+    Octree(OctreeParams),
+    /// The smoothest motion.
+    Biharmonic(BiharmonicParams),
+    /// Elastic matter.
+    Fem(FemParams),
+}
+
+impl Default for MapChoice {
+    fn default() -> Self {
+        Self::Octree(OctreeParams::default())
+    }
+}
+
+impl MapChoice {
+    /// # Errors
+    /// Names the field that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        match self {
+            Self::Octree(params) => params.check(),
+            Self::Biharmonic(params) => params.check(),
+            Self::Fem(params) => params.check(),
+        }
+    }
+}
+
 /// All that a session's state follows from, beside its volume and lattice.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -44,7 +75,7 @@ pub struct Settings {
     /// Changes of shape, after that.
     pub shapes: Vec<Shape>,
     /// How the voxels follow.
-    pub map: MapParams,
+    pub map: MapChoice,
     /// How their values are found.
     pub warp: WarpParams,
 }
@@ -117,7 +148,7 @@ pub enum Event {
         material: Material,
     },
     /// Another way to carry the motion to the voxels.
-    Map(MapParams),
+    Map(MapChoice),
     /// Another way to find values.
     Warp(WarpParams),
     /// Another level of refinement.

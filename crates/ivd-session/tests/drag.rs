@@ -6,13 +6,13 @@ use std::collections::BTreeMap;
 use ivd_core::{Class, Exec, Labels, Lattice, Volume, VoxelIndex, Voxels, World};
 use ivd_deform::freeform;
 use ivd_deform::freeform::{Kind, Shape};
-use ivd_deform::map::{self, MapMethod, MapParams, Outside};
+use ivd_deform::map::{self, Band, BiharmonicParams, FemParams, OctreeParams, Outside};
 use ivd_deform::mass_spring::{self, Material, Solver};
 use ivd_deform::spring::{self, Action, Fix, Handle, HandleAt, RingParams};
 use ivd_deform::warp::{self, Order, WarpParams};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
-use ivd_session::{Event, Physics, Session, Settings};
+use ivd_session::{Event, MapChoice, Physics, Session, Settings};
 
 const SIDE: usize = 40;
 
@@ -90,16 +90,25 @@ fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::Mapped>, Volume) {
     }
     let Some(motion) = motion else { return (None, volume) };
     let last = motion.frames.len() - 1;
-    let mapped = match settings.map.method {
-        MapMethod::Octree => {
+    let mapped = match &settings.map {
+        MapChoice::Octree(params) => {
             let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), exec).unwrap();
-            map::octree(&lattice, &octree, &motion, last, &settings.map, exec).unwrap()
+            map::octree(&lattice, &octree, &motion, last, params, exec).unwrap()
         }
-        MapMethod::Biharmonic => map::biharmonic(&lattice, &motion, last, &settings.map, exec).unwrap(),
-        MapMethod::Fem => map::fem(&lattice, None, &motion, last, &settings.map, exec).unwrap(),
+        MapChoice::Biharmonic(params) => map::biharmonic(&lattice, &motion, last, params, exec).unwrap(),
+        MapChoice::Fem(params) => map::fem(&lattice, None, &motion, last, params, exec).unwrap(),
     };
     let warped = warp::volume(&volume, &mapped.displacement, &settings.warp, exec).unwrap();
     (Some(mapped), warped.output)
+}
+
+fn choice(method: &str, outside: Outside) -> MapChoice {
+    let band = Band { outside, ..Band::default() };
+    match method {
+        "octree" => MapChoice::Octree(OctreeParams { band, ..OctreeParams::default() }),
+        "biharmonic" => MapChoice::Biharmonic(BiharmonicParams { band, ..BiharmonicParams::default() }),
+        _ => MapChoice::Fem(FemParams { band, ..FemParams::default() }),
+    }
 }
 
 fn assert_as_at_once(session: &Session, exec: &Exec) {
@@ -120,17 +129,17 @@ fn a_drag_is_what_the_stages_give_and_names_the_bricks_that_change() {
         Event::Physics(Physics::Springs(Box::new(params)))
     };
     let handle = Handle { at: pick([0.0, 0.0, 1.0]), action: Action::Move([0.0; 3]), radius: 9.0 };
-    let map = |method, outside| Event::Map(MapParams { method, outside, ..MapParams::default() });
+    let map = |method, outside| Event::Map(choice(method, outside));
     let ways = [
         vec![Event::Add(handle)],
         vec![Event::Level(2)],
-        vec![map(MapMethod::Biharmonic, Outside::Band)],
+        vec![map("biharmonic", Outside::Band)],
         vec![springs(Solver::Projective)],
-        vec![Event::Level(1), map(MapMethod::Octree, Outside::Free)],
+        vec![Event::Level(1), map("octree", Outside::Free)],
         vec![Event::Warp(WarpParams { order: Order::Cubic, background: Some(7.0) })],
-        vec![springs(Solver::Dynamics), map(MapMethod::Octree, Outside::Band)],
+        vec![springs(Solver::Dynamics), map("octree", Outside::Band)],
         // A needle, which is what springs make of one vertex, is too thin for its cells.
-        vec![Event::Physics(Physics::default()), map(MapMethod::Fem, Outside::Band)],
+        vec![Event::Physics(Physics::default()), map("fem", Outside::Band)],
     ];
     for way in ways {
         for event in way {
@@ -211,9 +220,9 @@ impl Draw {
                 material: Material { stiffness: Some(1.0 + 99.0 * self.unit()), ..Material::default() },
             },
             12 => {
-                let method = [MapMethod::Octree, MapMethod::Biharmonic][self.below(2)];
+                let method = ["octree", "biharmonic"][self.below(2)];
                 let outside = [Outside::Band, Outside::Band, Outside::Free][self.below(3)];
-                Event::Map(MapParams { method, outside, ..MapParams::default() })
+                Event::Map(choice(method, outside))
             }
             13 => Event::Warp(WarpParams {
                 order: [Order::Nearest, Order::Linear, Order::Cubic][self.below(3)],
@@ -319,7 +328,7 @@ fn nothing_skipped_gives_the_same() {
         Event::Level(1),
         Event::Add(handle),
         Event::Move { handle: 0, by: [2.0, 0.0, 0.0] },
-        Event::Map(MapParams { method: MapMethod::Biharmonic, ..MapParams::default() }),
+        Event::Map(MapChoice::Biharmonic(BiharmonicParams::default())),
         Event::Move { handle: 0, by: [-1.0, 0.5, 0.0] },
     ] {
         let (a, b) = (quick.apply(event.clone(), &exec).unwrap(), slow.apply(event, &plain).unwrap());

@@ -6,7 +6,7 @@ use ivd_core::{
 };
 use ivd_deform::freeform::{self, Shape, Shaped};
 use ivd_deform::inverse::Inverse;
-use ivd_deform::map::{MapMethod, MapParams, Mapped};
+use ivd_deform::map::Mapped;
 use ivd_deform::mass_spring;
 use ivd_deform::spring::{Fix, Handle, RingParams, Solved};
 use ivd_deform::warp::{WarpParams, Warped};
@@ -16,6 +16,7 @@ use ivd_render::{Radiance, RenderParams, Rendered, Scene};
 use ivd_segment::{
     ChainParams, CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, Segmentation, ThresholdParams,
 };
+use ivd_session::MapChoice;
 
 /// Why a stage gave nothing.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -160,13 +161,13 @@ pub trait Backend: Sync {
         lattice: &Lattice,
         octree: &Octree,
         motion: &Motion,
-        params: &MapParams,
+        choice: &MapChoice,
         exec: &Exec,
     ) -> Answer<Mapped> {
-        Ok(match params.method {
-            MapMethod::Octree => ivd_deform::map::octree(lattice, octree, motion, 0, params, exec)?,
-            MapMethod::Biharmonic => ivd_deform::map::biharmonic(lattice, motion, 0, params, exec)?,
-            MapMethod::Fem => ivd_deform::map::fem(lattice, None, motion, 0, params, exec)?,
+        Ok(match choice {
+            MapChoice::Octree(params) => ivd_deform::map::octree(lattice, octree, motion, 0, params, exec)?,
+            MapChoice::Biharmonic(params) => ivd_deform::map::biharmonic(lattice, motion, 0, params, exec)?,
+            MapChoice::Fem(params) => ivd_deform::map::fem(lattice, None, motion, 0, params, exec)?,
         })
     }
 

@@ -2,7 +2,7 @@
 
 use ivd_core::{Fault, Labels, Lattice, Volume};
 use ivd_deform::freeform::Shape;
-use ivd_deform::map::MapParams;
+use ivd_deform::map::OctreeParams;
 use ivd_deform::mass_spring;
 use ivd_deform::rigid;
 use ivd_deform::spring::{Fix, Handle, RingParams};
@@ -146,7 +146,7 @@ pub struct Setup {
     /// Free forms.
     pub shapes: Vec<Shape>,
     /// Map.
-    pub map: MapParams,
+    pub map: OctreeParams,
     /// Warp.
     pub warp: WarpParams,
     /// Picture.
@@ -176,7 +176,7 @@ impl Default for Setup {
             materials: None,
             bones: Vec::new(),
             shapes: Vec::new(),
-            map: MapParams::default(),
+            map: OctreeParams::default(),
             warp: WarpParams::default(),
             render: RenderParams { width: 20, height: 14, annotate: false, ..RenderParams::default() },
         }

@@ -1,9 +1,10 @@
 //! The other ways to deform a lattice and to carry its motion to the voxels, as one subject each.
 
 use ivd_core::{Exec, Lattice};
-use ivd_deform::map::{MapMethod, MapParams};
+use ivd_deform::map::{Band, BiharmonicParams, FemParams};
 use ivd_deform::mass_spring::{Params, Solver};
 use ivd_deform::spring::{Fix, Handle};
+use ivd_session::MapChoice;
 
 use super::backend::{Answer, Backend};
 use super::case::{Case, Stage};
@@ -80,17 +81,13 @@ impl Subject for Shapes {
 }
 
 /// Another way to carry the rings' motion to the voxels.
-pub(super) struct Carrying(Stage, &'static str, MapMethod);
+pub(super) struct Carrying(Stage, &'static str, fn(Band) -> MapChoice);
 
-pub(super) static BIHARMONIC: Carrying =
-    Carrying(Stage::MapBiharmonic, "map biharmonic", MapMethod::Biharmonic);
-pub(super) static FEM: Carrying = Carrying(Stage::MapFem, "map fem", MapMethod::Fem);
-
-impl Carrying {
-    fn params(&self, case: &Case) -> MapParams {
-        MapParams { method: self.2, ..case.setup.map.clone() }
-    }
-}
+pub(super) static BIHARMONIC: Carrying = Carrying(Stage::MapBiharmonic, "map biharmonic", |band| {
+    MapChoice::Biharmonic(BiharmonicParams { band, ..BiharmonicParams::default() })
+});
+pub(super) static FEM: Carrying =
+    Carrying(Stage::MapFem, "map fem", |band| MapChoice::Fem(FemParams { band, ..FemParams::default() }));
 
 impl Subject for Carrying {
     fn stage(&self) -> Stage {
@@ -103,12 +100,13 @@ impl Subject for Carrying {
         else {
             return Ok(false);
         };
-        let found = on.map(&refined.lattice, octree, &solved.motion, &self.params(case), exec)?;
+        let found =
+            on.map(&refined.lattice, octree, &solved.motion, &(self.2)(case.setup.map.band.clone()), exec)?;
         values.maps.insert(self.1, found);
         Ok(true)
     }
     fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {
         let (solved, inside) = (values.solved.as_ref().expect(RAN), values.inside.as_ref().expect(RAN));
-        field::mapped(&solved.motion, inside, &self.params(case), &values.maps[self.1])
+        field::mapped(&solved.motion, inside, &case.setup.map.band, &values.maps[self.1])
     }
 }

@@ -3,7 +3,7 @@
 use ivd_boundary::ClassChoice;
 use ivd_core::{Fault, Grid, Scalar, Volume, VoxelCoord, Voxels};
 use ivd_deform::freeform::{Kind, Shape};
-use ivd_deform::map::{DepthWeight, MapParams, Outside};
+use ivd_deform::map::{Band, DepthWeight, OctreeParams, Outside};
 use ivd_deform::mass_spring;
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt, RingParams};
 use ivd_deform::warp::{Order, WarpParams};
@@ -264,15 +264,17 @@ fn grip(random: &mut Seeded, length: f64, stiffness: f64) -> Handle {
     Handle { at: HandleAt::Vertex(random.bits() as u32), action, radius }
 }
 
-fn map(random: &mut Seeded, length: f64) -> MapParams {
+fn map(random: &mut Seeded, length: f64) -> OctreeParams {
     let weights = [DepthWeight::Linear, DepthWeight::Smooth, DepthWeight::Exponential, DepthWeight::One];
     let margin = random.between(1.0, 6.0) * length;
-    MapParams {
+    OctreeParams {
         weight: random.pick(&weights),
-        outside: random.pick(&[Outside::Band, Outside::Band, Outside::Free]),
-        margin_mm: random.pick(&[None, None, Some(margin)]),
-        tolerance: random.pick(&[0.5, 0.5, 1.0]),
-        ..MapParams::default()
+        band: Band {
+            outside: random.pick(&[Outside::Band, Outside::Band, Outside::Free]),
+            margin: random.pick(&[None, None, Some(margin)]),
+            tolerance: random.pick(&[0.5, 0.5, 1.0]),
+        },
+        ..OctreeParams::default()
     }
 }
 

@@ -4,6 +4,7 @@ use ivd_core::{Exec, Mask, Volume};
 use ivd_lattice::extract::{ExtractParams, Iso};
 use ivd_render::{Mode, RenderParams, Scene};
 use ivd_segment::{KmvsParams, ThresholdParams};
+use ivd_session::MapChoice;
 
 use super::backend::{Answer, Backend};
 use super::case::{Case, Cut, Stage};
@@ -236,13 +237,19 @@ impl Subject for Map {
         else {
             return Ok(false);
         };
-        let mapped = on.map(&refined.lattice, octree, &solved.motion, &case.setup.map, exec)?;
+        let mapped = on.map(
+            &refined.lattice,
+            octree,
+            &solved.motion,
+            &MapChoice::Octree(case.setup.map.clone()),
+            exec,
+        )?;
         values.mapped = Some(mapped);
         Ok(true)
     }
     fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {
         let (solved, mapped) = (values.solved.as_ref().expect(RAN), values.mapped.as_ref().expect(RAN));
-        field::mapped(&solved.motion, values.inside.as_ref().expect(RAN), &case.setup.map, mapped)
+        field::mapped(&solved.motion, values.inside.as_ref().expect(RAN), &case.setup.map.band, mapped)
     }
 }
 
@@ -256,7 +263,7 @@ impl Subject for Invert {
         Ok(true)
     }
     fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {
-        if case.setup.map.outside == ivd_deform::map::Outside::Free {
+        if case.setup.map.band.outside == ivd_deform::map::Outside::Free {
             // A part that moves alone has an inverse of its own kind.
             return Ok(());
         }

@@ -6,7 +6,7 @@
 //! are taken. Times 10^±3 inputs are rounded, and results differ by what the stages make of one rounding.
 
 use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
-use ivd_deform::map::{MapParams, Mapped};
+use ivd_deform::map::{Mapped, OctreeParams};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, Solved, ring};
 use ivd_deform::warp::WarpParams;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
@@ -65,7 +65,7 @@ fn scene(scale: f64, shift: f64) -> Results {
     let ring_params = RingParams { density: 1e-3 / (scale * scale), ..RingParams::default() };
     let solved = ring(&lattice, &handles, &[], &ring_params, &exec).unwrap();
     let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec).unwrap();
-    let map = MapParams::default();
+    let map = OctreeParams::default();
     let mapped = ivd_deform::map::octree(&lattice, &octree, &solved.motion, 0, &map, &exec).unwrap();
     let warped = ivd_deform::warp::volume(&volume, &mapped.displacement, &WarpParams::default(), &exec)
         .unwrap()

@@ -4,7 +4,7 @@
 
 use ivd_boundary::ClassChoice;
 use ivd_core::{Displacement, Exec, Grid, Lattice, Volume, VoxelIndex, Voxels, World};
-use ivd_deform::map::{MapParams, Outside};
+use ivd_deform::map::{Band, OctreeParams, Outside};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, Solved, ring};
 use ivd_deform::warp::WarpParams;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
@@ -162,7 +162,8 @@ fn motion(straight: &Grid, turn: Option<Turn>, lattice: &Lattice) -> Solved {
 fn mapped(lattice: &Lattice, solved: &Solved, outside: Outside) -> ivd_deform::map::Mapped {
     let exec = Exec::default();
     let octree = ivd_octree::build(lattice, &ivd_octree::Params::default(), &exec).unwrap();
-    let params = MapParams { outside, tolerance: 1.0, ..MapParams::default() };
+    let params =
+        OctreeParams { band: Band { outside, tolerance: 1.0, ..Band::default() }, ..OctreeParams::default() };
     ivd_deform::map::octree(lattice, &octree, &solved.motion, 0, &params, &exec).unwrap()
 }
 

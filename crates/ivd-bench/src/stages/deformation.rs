@@ -4,10 +4,13 @@ use std::sync::Arc;
 
 use ivd_core::{Displacement, Exec, Fault, Faulty, Lattice, Motion};
 use ivd_deform::freeform::{self, Kind, Shape};
-use ivd_deform::map::{DepthWeight, MapMethod, MapParams, Mapped, biharmonic, fem, octree};
+use ivd_deform::map::{
+    BiharmonicParams, DepthWeight, FemParams, Mapped, OctreeParams, biharmonic, fem, octree,
+};
 use ivd_deform::mass_spring::{self, Solver};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_session::MapChoice;
 
 use super::inputs::{RADIUS_MM, ball, judged, voxel_mm};
 use super::map::apart;
@@ -90,15 +93,16 @@ pub(super) fn on_maps(
 }
 
 /// The map that all are held against.
-fn finest() -> MapParams {
-    MapParams { method: MapMethod::Fem, cell: Some(1), ..MapParams::default() }
+fn finest() -> MapChoice {
+    MapChoice::Fem(FemParams { cell: Some(1), ..FemParams::default() })
 }
 
 /// The methods with their own knobs round the defaults.
-fn methods(radius: f64) -> Vec<(Vec<(&'static str, String)>, MapParams)> {
-    let plain = MapParams::default();
+fn methods(radius: f64) -> Vec<(Vec<(&'static str, String)>, MapChoice)> {
+    let octree = |params| MapChoice::Octree(params);
+    let plain = OctreeParams::default();
     let mut all = Vec::new();
-    let mut add = |knobs: &[(&'static str, &str)], params: MapParams| {
+    let mut add = |knobs: &[(&'static str, &str)], params: MapChoice| {
         all.push((knobs.iter().map(|(name, value)| (*name, (*value).to_owned())).collect(), params));
     };
     for (word, weight) in [
@@ -107,22 +111,25 @@ fn methods(radius: f64) -> Vec<(Vec<(&'static str, String)>, MapParams)> {
         ("exponential", DepthWeight::Exponential),
         ("one", DepthWeight::One),
     ] {
-        add(&[("method", "octree"), ("weight", word)], MapParams { weight, ..plain.clone() });
+        add(&[("method", "octree"), ("weight", word)], octree(OctreeParams { weight, ..plain.clone() }));
     }
     for (word, times) in [("half the radius", 0.5), ("twice the radius", 2.0)] {
-        let depth_mm = Some(times * radius);
+        let depth = Some(times * radius);
         add(
             &[("method", "octree"), ("weight", "smooth"), ("depth", word)],
-            MapParams { depth_mm, ..plain.clone() },
+            octree(OctreeParams { depth, ..plain.clone() }),
         );
     }
-    for (word, method) in [("biharmonic", MapMethod::Biharmonic), ("fem", MapMethod::Fem)] {
-        for (edge, cell) in [("4", Some(4)), ("2", Some(2))] {
-            add(&[("method", word), ("cell", edge)], MapParams { method, cell, ..plain.clone() });
-        }
+    for (edge, cell) in [("4", Some(4)), ("2", Some(2))] {
+        let smooth = BiharmonicParams { cell, ..BiharmonicParams::default() };
+        add(&[("method", "biharmonic"), ("cell", edge)], MapChoice::Biharmonic(smooth));
     }
-    let method = MapMethod::Biharmonic;
-    add(&[("method", "biharmonic"), ("cell", "1")], MapParams { method, cell: Some(1), ..plain.clone() });
+    for (edge, cell) in [("4", Some(4)), ("2", Some(2))] {
+        let elastic = FemParams { cell, ..FemParams::default() };
+        add(&[("method", "fem"), ("cell", edge)], MapChoice::Fem(elastic));
+    }
+    let fine = BiharmonicParams { cell: Some(1), ..BiharmonicParams::default() };
+    add(&[("method", "biharmonic"), ("cell", "1")], MapChoice::Biharmonic(fine));
     all
 }
 
@@ -156,7 +163,7 @@ pub(super) fn on_whole(
         for (name, solver) in SOLVERS {
             for (knobs, params) in maps_of_whole(handle.radius) {
                 let default = refine == RefineParams::default() && solver.is_none();
-                let default = default && params == MapParams::default();
+                let default = default && params == MapChoice::default();
                 if !default && !holds(deformed(&lattice, handle, solver, &params, exec))? {
                     continue;
                 }
@@ -192,15 +199,17 @@ const SOLVERS: [(&str, Option<Solver>); 4] = [
 ];
 
 /// Methods and depths, the default first.
-fn maps_of_whole(radius: f64) -> Vec<(Vec<(&'static str, String)>, MapParams)> {
+fn maps_of_whole(radius: f64) -> Vec<(Vec<(&'static str, String)>, MapChoice)> {
     let octree = |word: &str, times: Option<f64>| {
-        let depth_mm = times.map(|times| times * radius);
+        let depth = times.map(|times| times * radius);
         let knobs = vec![("map", "octree".to_owned()), ("depth", word.to_owned())];
-        (knobs, MapParams { depth_mm, ..MapParams::default() })
+        (knobs, MapChoice::Octree(OctreeParams { depth, ..OctreeParams::default() }))
     };
-    let others = [("biharmonic", MapMethod::Biharmonic), ("fem", MapMethod::Fem)];
-    let others = others
-        .map(|(word, method)| (vec![("map", word.to_owned())], MapParams { method, ..MapParams::default() }));
+    let others = [
+        ("biharmonic", MapChoice::Biharmonic(BiharmonicParams::default())),
+        ("fem", MapChoice::Fem(FemParams::default())),
+    ];
+    let others = others.map(|(word, choice)| (vec![("map", word.to_owned())], choice));
     let depths = [octree("the radius", None), octree("half of it", Some(0.5)), octree("twice it", Some(2.0))];
     depths.into_iter().chain(others).collect()
 }
@@ -221,7 +230,7 @@ pub(super) fn deformed(
     lattice: &Lattice,
     handle: &Handle,
     solver: Option<Solver>,
-    params: &MapParams,
+    params: &MapChoice,
     exec: &Exec,
 ) -> Result<Mapped, Problem> {
     let handles = std::slice::from_ref(handle);
@@ -235,15 +244,15 @@ pub(super) fn deformed(
     mapped(lattice, &motion, params, exec)
 }
 
-fn mapped(lattice: &Lattice, motion: &Motion, params: &MapParams, exec: &Exec) -> Result<Mapped, Problem> {
+fn mapped(lattice: &Lattice, motion: &Motion, choice: &MapChoice, exec: &Exec) -> Result<Mapped, Problem> {
     let last = motion.frames.len() - 1;
-    Ok(match params.method {
-        MapMethod::Octree => {
+    Ok(match choice {
+        MapChoice::Octree(params) => {
             let tree = ivd_octree::build(lattice, &ivd_octree::Params::default(), exec)?;
             octree(lattice, &tree, motion, last, params, exec)?
         }
-        MapMethod::Biharmonic => biharmonic(lattice, motion, last, params, exec)?,
-        MapMethod::Fem => fem(lattice, None, motion, last, params, exec)?,
+        MapChoice::Biharmonic(params) => biharmonic(lattice, motion, last, params, exec)?,
+        MapChoice::Fem(params) => fem(lattice, None, motion, last, params, exec)?,
     })
 }
 

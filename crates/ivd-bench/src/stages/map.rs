@@ -2,12 +2,12 @@ use std::sync::Arc;
 
 use ivd_boundary::{ClassChoice, component};
 use ivd_core::{Displacement, Exec, Lattice, Volume};
-use ivd_deform::map::MapParams;
 use ivd_deform::spring::{Action, Handle, HandleAt};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_pipeline::budget::{LEVELS, target};
 use ivd_segment::{KmvsParams, kmvs};
+use ivd_session::MapChoice;
 use ivd_volume::phantom;
 
 use super::deformation::deformed;
@@ -39,14 +39,14 @@ pub(super) fn on(
         let refined = collapse(whole, &params, exec)?;
         lattices.push((level, Arc::new(refined.lattice), refined.max_error_mm));
     }
-    let finest = deformed(whole, handle, None, &MapParams::default(), exec)?;
+    let finest = deformed(whole, handle, None, &MapChoice::default(), exec)?;
     let reached = finest.voxels_moved as f64;
     let finest = Arc::new(finest.displacement);
     let settings = lattices.into_iter().map(|(level, lattice, bound)| {
         let (finest, handle) = (finest.clone(), *handle);
         let default = target(level) == RefineParams::default().target;
         Setting::new([("refine.level", level.to_string())], default, move |exec| {
-            let found = deformed(&lattice, &handle, None, &MapParams::default(), exec)?;
+            let found = deformed(&lattice, &handle, None, &MapChoice::default(), exec)?;
             let (finest, triangles) = (finest.clone(), lattice.triangles.len() as f64);
             Ok(Box::new(move || {
                 let (error, most) = apart(&found.displacement, &finest);

@@ -9,17 +9,30 @@ mod info;
 mod parts;
 mod pipeline;
 mod segment;
-mod stage;
+pub(crate) mod stage;
 mod volume;
 
 use clap::CommandFactory as _;
+use ivd_core::op::Stage;
 
 use crate::args::{Args, Command};
 use crate::context::Context;
 use crate::exit::Failure;
 
+/// What was asked for.
+pub(crate) enum Asked {
+    /// A stage of the list, with what was typed for it.
+    Stage(&'static Stage, clap::ArgMatches),
+    /// Another command.
+    Command(Command),
+}
+
 /// Does what was asked for.
-pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
+pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
+    let command = match asked {
+        Asked::Stage(stage, matches) => return crate::declared::run(stage, &matches, context),
+        Asked::Command(command) => command,
+    };
     if let Some(file) = context.global.params.as_deref().filter(|_| !command.has_section()) {
         return Err(Failure::usage(format!(
             "--params {}: this command has no section of a scene; segment, atf, boundary, lattice, refine, octree, \
@@ -55,7 +68,8 @@ pub(crate) fn run(command: Command, context: &Context) -> anyhow::Result<()> {
         Command::Cache { action } => cache::run(action, context),
         Command::Completions { shell } => {
             let mut script = Vec::new();
-            clap_complete::generate(shell, &mut Args::command(), "ivd", &mut script);
+            let mut program = Args::command().subcommands(crate::declared::commands());
+            clap_complete::generate(shell, &mut program, "ivd", &mut script);
             let script = String::from_utf8(script).expect("completion scripts are text");
             context.print_verbatim(&serde_json::json!({ "script": script }), || script.clone())
         }

@@ -4,14 +4,13 @@ use ivd_core::Faulty;
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
+use ivd_core::op;
 use ivd_lattice::foreign::ForeignParams;
 use ivd_pipeline::scene::{
-    AtfSection, BoundarySection, DeformSection, LatticeSection, MapMethod, MapSection, OctreeSection,
-    RefineSection, RenderSection, SpaceSection, WarpSection,
+    AtfSection, BoundarySection, DeformSection, LatticeSection, RefineSection, RenderSection, SpaceSection,
+    WarpSection,
 };
-use ivd_pipeline::stages::{
-    Atf, Boundary, Deform, ForeignLattice, Lattice, Map, Octree, Refine, Render, Space, Warp,
-};
+use ivd_pipeline::stages::{Atf, Boundary, Deform, ForeignLattice, Lattice, Refine, Render, Space, Warp};
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 use toml::Value;
 
@@ -41,7 +40,7 @@ pub(super) fn run(command: &Command, context: &Context) -> anyhow::Result<()> {
 }
 
 /// Slots filled from files, where there are any.
-pub(super) fn filled(
+pub(crate) fn filled(
     files: &[(&'static str, Option<&Path>)],
     cache: &Cache,
     context: &Context,
@@ -127,11 +126,6 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             let files = vec![("lattice", Some(lattice.as_path()))];
             Job { stage: Box::new(Refine::from_section(&section)?), files, output: &output.path }
         }
-        Command::Octree { lattice, output } => {
-            let section: OctreeSection = section(params, Words::default().0)?;
-            let files = vec![("lattice", Some(lattice.as_path()))];
-            Job { stage: Box::new(Octree::from_section(&section)), files, output: &output.path }
-        }
         Command::Deform {
             lattice,
             labels,
@@ -161,43 +155,6 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
                 unused_labels(labels.as_deref(), context)?;
             } else {
                 files.push(("labels", labels.as_deref()));
-            }
-            Job { stage: Box::new(stage), files, output: &output.path }
-        }
-        Command::Map {
-            lattice,
-            octree,
-            motion,
-            labels,
-            method,
-            weight,
-            outside,
-            margin,
-            cell,
-            poisson,
-            filler,
-            output,
-        } => {
-            let words = Words::default()
-                .with("method", method.clone())
-                .with("weight", weight.clone())
-                .with("outside", outside.clone())
-                .with("margin", *margin)
-                .with("cell", cell.map(i64::from))
-                .with("poisson", *poisson)
-                .with("filler", *filler);
-            let section: MapSection = section(params, words.0)?;
-            let mut files = vec![("lattice", Some(lattice.as_path())), ("motion", Some(motion.as_path()))];
-            if section.method == MapMethod::Octree {
-                files.insert(1, ("octree", Some(octree.as_path())));
-            } else if context.artefact(octree)?.artefact.kind() != ivd_artefact::Kind::Octree {
-                return Err(Failure::usage(format!("{}: not an octree", octree.display())));
-            }
-            let stage = Map::from_section(&section)?;
-            if stage.knows_classes() {
-                files.push(("labels", labels.as_deref()));
-            } else {
-                unused_labels(labels.as_deref(), context)?;
             }
             Job { stage: Box::new(stage), files, output: &output.path }
         }
@@ -261,12 +218,35 @@ fn unused_labels(labels: Option<&Path>, context: &Context) -> anyhow::Result<()>
     Ok(())
 }
 
+/// A file for a slot that the method in use doesn't look at: its kind is checked, and that it has no effect is said where it isn't
+/// among the files that the command always takes.
+pub(crate) fn unused(
+    stage: &op::Stage,
+    slot: &str,
+    file: Option<&Path>,
+    context: &Context,
+) -> anyhow::Result<()> {
+    let Some(path) = file else { return Ok(()) };
+    let known = stage.methods.iter().flat_map(|method| method.slots).find(|known| known.name == slot);
+    let kinds = known.map_or(&[][..], |known| known.kinds);
+    let kind = context.artefact(path)?.artefact.kind();
+    if !kinds.contains(&kind) {
+        let wanted: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
+        let problem = format!("{}: a {} artefact, not {}", path.display(), kind.name(), wanted.join(" or "));
+        return Err(Failure::usage(problem));
+    }
+    if !stage.positional.contains(&slot) {
+        context.say(&format!("ivd: note: --{slot} has no effect: nothing in the parameters reads it"));
+    }
+    Ok(())
+}
+
 pub(super) fn list(values: Vec<f64>) -> Vec<Value> {
     values.into_iter().map(Value::Float).collect()
 }
 
 /// Writes a stage's result and prints its record.
-pub(super) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow::Result<()> {
+pub(crate) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow::Result<()> {
     write_result(&done, output, context)?;
     let record = &mut done.record;
     record.output = Some(OutputRecord {

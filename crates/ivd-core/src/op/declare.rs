@@ -70,12 +70,12 @@ pub enum PlaceKind {
     /// The job that the stage's own goes on from ([`Op::precursor`]).
     Precursor {
         /// How it is declared.
-        method: Method,
+        method: &'static Method,
     },
     /// A job without parameters.
     Fixed {
         /// How it is declared.
-        method: Method,
+        method: &'static Method,
     },
 }
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
-use super::{Failure, Slots, Values};
+use super::{Failure, Slots, Values, check_fields};
 use crate::{Artefact, Exec, Kind, ParamError, Value};
 
 /// Whether a method with its parameters has a use for one of its slots.
@@ -33,11 +33,20 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
     /// What is told of the work: `--json`, the report's rows, what budgets read.
     type Figures: Serialize + DeserializeOwned + JsonSchema + Send;
 
-    /// Checks what the schema of a single field can't say.
+    /// Checks every field against its schema, and then what goes together.
     ///
     /// # Errors
     /// Names the field as it is typed.
     fn check(&self) -> Result<(), ParamError> {
+        check_fields(self)?;
+        self.check_together()
+    }
+
+    /// Checks what the schema of a single field can't say.
+    ///
+    /// # Errors
+    /// Names the field as it is typed.
+    fn check_together(&self) -> Result<(), ParamError> {
         Ok(())
     }
 

@@ -16,12 +16,17 @@
 //! Its inputs are a struct made by [`slots!`](crate::slots), its output a value, its figures a struct too: a figure that is renamed
 //! no longer compiles where it is read. [`Stage`] lists the methods of a stage; nothing else names them.
 
+mod check;
 mod declare;
 mod failure;
+mod field;
+mod finite;
 mod job;
 mod slots;
 
+pub use check::{check, check_fields, is_default, rename, unknown};
 pub use declare::{Method, Place, PlaceKind, Stage, method, schema_of};
 pub use failure::Failure;
+pub use field::{Field, alternatives, domain, fields, is_nullable, kind, map_values, words};
 pub use job::{Job, Op, Output, Product, Want};
 pub use slots::{Fill, Slot, Slots, Values, Voxelwise};

@@ -14,6 +14,18 @@ pub struct Slot {
     pub optional: bool,
 }
 
+impl Slot {
+    /// An input that must be there.
+    pub const fn required(name: &'static str, kinds: &'static [Kind]) -> Self {
+        Self { name, kinds, optional: false }
+    }
+
+    /// An input that may be absent.
+    pub const fn optional(name: &'static str, kinds: &'static [Kind]) -> Self {
+        Self { name, kinds, optional: true }
+    }
+}
+
 /// The inputs of one run, by slot.
 #[derive(Debug, Clone, Default)]
 pub struct Values<'a>(BTreeMap<&'static str, &'a Artefact>);
@@ -139,6 +151,7 @@ macro_rules! slots {
     ($(#[$meta:meta])* $vis:vis struct $name:ident<$l:lifetime> { $($(#[$doc:meta])* $field:ident: $type:ty),* $(,)? }) => {
         $(#[$meta])*
         #[derive(Debug, Clone, Copy)]
+        #[allow(missing_docs, reason = "fields are named as the slots, which say what fills them")]
         $vis struct $name<$l> { $($(#[$doc])* $vis $field: $type),* }
 
         impl<$l> $crate::op::Slots<$l> for $name<$l> {

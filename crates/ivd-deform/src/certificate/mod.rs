@@ -16,6 +16,7 @@ use std::collections::BTreeMap;
 use ivd_core::{Exec, FieldBricks, Grid, NO_BRICK};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
@@ -33,13 +34,16 @@ const ROUNDING: f64 = 1e-13;
 const SLACK: f64 = 1e-12;
 
 /// A histogram with equal bins; values beyond the ends are counted in the outermost bins.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Histogram {
-    /// Lower end of the first bin.
+    /// Lower end of the first bin, in the unit of its values.
+    #[schemars(extend("x-unit" = "that of the values"))]
     pub lower: f64,
     /// Upper end of the last bin.
+    #[schemars(extend("x-unit" = "that of the values"))]
     pub upper: f64,
     /// Number of values in each bin.
+    #[schemars(extend("x-unit" = "1"))]
     pub counts: Vec<u64>,
 }
 

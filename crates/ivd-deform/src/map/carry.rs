@@ -6,7 +6,7 @@ use ivd_core::{Exec, FieldBricks, Lattice, Mask, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::params::{MapParams, Outside, smooth_fall};
+use super::params::{OctreeParams, Outside, smooth_fall};
 use super::region::Region;
 use crate::Error;
 use crate::sampler::{brick_at, brick_voxels};
@@ -61,7 +61,7 @@ pub(super) fn carry<N: Nearest>(
     part: &Part<'_, N>,
     displacement: &[[f64; 3]],
     region: &Region,
-    params: &MapParams,
+    params: &OctreeParams,
     bricks: &[usize],
     mut kept: Option<&mut Kept>,
     exec: &Exec,
@@ -96,7 +96,7 @@ pub(super) fn carry<N: Nearest>(
 pub(super) fn seek<N: Nearest>(
     part: &Part<'_, N>,
     region: &Region,
-    params: &MapParams,
+    params: &OctreeParams,
     bricks: &[usize],
     kept: &mut Kept,
     exec: &Exec,
@@ -202,7 +202,7 @@ struct Carrier<'a, N> {
     /// Of each vertex; a search needs none.
     displacement: &'a [[f64; 3]],
     region: &'a Region,
-    params: &'a MapParams,
+    params: &'a OctreeParams,
     layer: f64,
 }
 
@@ -280,7 +280,7 @@ impl<N: Nearest> Carrier<'_, N> {
 
     /// Distance beyond which the weight is 0.
     fn limit(&self, inside: bool) -> f64 {
-        match (inside, self.params.outside) {
+        match (inside, self.params.band.outside) {
             (true, _) if self.params.weight == super::DepthWeight::One => f64::INFINITY,
             (true, _) => self.region.depth,
             (false, Outside::Band) => self.region.margin,
@@ -289,7 +289,7 @@ impl<N: Nearest> Carrier<'_, N> {
     }
 
     fn weight(&self, inside: bool, distance: f64) -> f64 {
-        match (inside, self.params.outside) {
+        match (inside, self.params.band.outside) {
             (true, _) => self.params.weight.at(distance / self.region.depth),
             (false, Outside::Band) => smooth_fall(distance / self.region.margin),
             (false, Outside::Free) => f64::from(u8::from(distance <= self.layer)),

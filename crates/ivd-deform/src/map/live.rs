@@ -2,13 +2,14 @@
 
 use std::ops::Deref;
 
+use ivd_core::op::Op as _;
 use ivd_core::{Exec, Lattice, Mask, Motion, Octree};
 use nalgebra::Vector3;
 
 use super::carry::{Kept, Part};
 use super::octree::{Sides, movable};
 use super::region::{Region, largest};
-use super::{MapParams, Moved, carried, check_inputs, frame_of, look_ahead, settle_of};
+use super::{Moved, OctreeParams, carried, check_inputs, frame_of, look_ahead, settle_of};
 use crate::Error;
 
 /// A lattice, ready to be mapped by [`octree`](super::octree()) again and again while its handles move: keeps the inside, and
@@ -61,7 +62,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Live<L> {
         &mut self,
         motion: &Motion,
         frame: usize,
-        params: &MapParams,
+        params: &OctreeParams,
         exec: &Exec,
     ) -> Result<Moved, Error> {
         params.check()?;
@@ -76,12 +77,12 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Live<L> {
             let Searched { sides, kept, .. } = self.searched.as_mut().expect("made above");
             let (lattice, positions) = (&*self.lattice, &self.positions);
             let part = Part { lattice, positions, inside: &self.inside, nearest: sides };
-            let region = Region::new(motion, frame, positions, params);
+            let region = Region::new(motion, frame, positions, &params.band, params.depth);
             if largest(frame) == 0.0 && exec.skip && !kept.sought() {
-                look_ahead(&part, &region.ahead(params), params, kept, exec)?;
+                look_ahead(&part, &region.ahead(&params.band), params, kept, exec)?;
             }
             let field = carried(&part, frame, &region, params, Some(kept), exec)?;
-            settle_of(&part, frame, &region, params).moved(field, exec)
+            settle_of(&part, frame, &region, &params.band).moved(field, exec)
         })
     }
 

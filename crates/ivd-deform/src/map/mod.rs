@@ -35,7 +35,7 @@
 //!
 //! # The field of `fem`
 //!
-//! In the same `Ω` the equilibrium of neo-Hookean matter, softer outside the lattice ([`MapParams::filler`]), whose vertices move as
+//! In the same `Ω` the equilibrium of neo-Hookean matter, softer outside the lattice ([`FemParams::filler`]), whose vertices move as
 //! they are told to; on hexahedra that are finest round the lattice. See its page.
 //!
 //! # No folds
@@ -45,7 +45,7 @@
 //!    rounds.
 //! 2. If cells still fold, the map is replaced by a flow in `2ᵏ` equal steps, `k ≤ 6`, resampled and certified again.
 //! 3. The certificate ([`crate::certificate`]) must hold at the end, and the vertices that move most must have followed
-//!    to within [`MapParams::tolerance`]; else the map is refused: nothing can push deeper than what is left to compress.
+//!    to within [`Band::tolerance`]; else the map is refused: nothing can push deeper than what is left to compress.
 //!
 //! # A part that moves alone
 //!
@@ -67,7 +67,9 @@ mod params;
 mod region;
 mod relax;
 mod settle;
+mod stage;
 
+use ivd_core::op::Op as _;
 use ivd_core::{Exec, FieldBricks, Frame, Grid, Lattice, Mask, Motion, NO_BRICK, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -84,11 +86,12 @@ pub use octree::{Prepared, frames, octree};
 pub(crate) use outcome::lengths;
 pub use outcome::{Followed, Mapped, Moved, Solved};
 pub(crate) use params::smooth_fall;
-pub use params::{DepthWeight, Elastic, MapMethod, MapParams, Outside};
+pub use params::{Band, BiharmonicParams, DepthWeight, Elastic, FemParams, OctreeParams, Outside};
 use region::{Region, largest};
 pub(crate) use relax::THIN;
 use settle::Settle;
 pub(crate) use settle::{check_residual, folded};
+pub use stage::{MapFigures, STAGE};
 
 /// Largest motion that is mapped (mm): sums of a few such vectors still are finite in `f32`.
 pub(crate) const FARTHEST: f64 = 1e37;
@@ -107,7 +110,7 @@ pub fn nearest<N: Nearest>(
     nearest: &N,
     motion: &Motion,
     frame: usize,
-    params: &MapParams,
+    params: &OctreeParams,
     exec: &Exec,
 ) -> Result<Mapped, Error> {
     params.check()?;
@@ -125,9 +128,9 @@ pub fn nearest<N: Nearest>(
     exec.run(|| {
         let positions = lattice.local_positions();
         let part = Part { lattice, positions: &positions, inside, nearest };
-        let region = Region::new(motion, frame, &positions, params);
+        let region = Region::new(motion, frame, &positions, &params.band, params.depth);
         let field = carried(&part, frame, &region, params, None, exec)?;
-        settle_of(&part, frame, &region, params).settle(field, exec)
+        settle_of(&part, frame, &region, &params.band).settle(field, exec)
     })
 }
 
@@ -136,7 +139,7 @@ fn carried<N: Nearest>(
     part: &Part<'_, N>,
     frame: &Frame,
     region: &Region,
-    params: &MapParams,
+    params: &OctreeParams,
     mut kept: Option<&mut Kept>,
     exec: &Exec,
 ) -> Result<FieldBricks, Error> {
@@ -163,7 +166,7 @@ fn room(bricks: usize, exec: &Exec) -> bool {
 fn look_ahead<N: Nearest>(
     part: &Part<'_, N>,
     region: &Region,
-    params: &MapParams,
+    params: &OctreeParams,
     kept: &mut Kept,
     exec: &Exec,
 ) -> Result<(), Error> {
@@ -171,14 +174,9 @@ fn look_ahead<N: Nearest>(
     if room(kept.with(&bricks), exec) { seek(part, region, params, &bricks, kept, exec) } else { Ok(()) }
 }
 
-fn settle_of<'a, N>(
-    part: &Part<'a, N>,
-    frame: &'a Frame,
-    region: &'a Region,
-    params: &'a MapParams,
-) -> Settle<'a> {
-    let alone = (params.outside == Outside::Free).then_some(part.inside);
-    Settle { lattice: part.lattice, alone, region, frame, params }
+fn settle_of<'a, N>(part: &Part<'a, N>, frame: &'a Frame, region: &'a Region, band: &'a Band) -> Settle<'a> {
+    let alone = (band.outside == Outside::Free).then_some(part.inside);
+    Settle { lattice: part.lattice, alone, region, frame, band }
 }
 
 /// The bricks in which something may move; all of them where nothing is to be skipped.

@@ -1,9 +1,10 @@
+use ivd_core::op::Op as _;
 use ivd_core::{Exec, Lattice, Mask, Motion, Octree};
 use ivd_octree::NearestIndex;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::{Found, Hit, MapParams, Mapped, Nearest, check_inputs, nearest};
+use super::{Found, Hit, Mapped, Nearest, OctreeParams, check_inputs, nearest};
 use crate::Error;
 
 /// The searches of the triangles that may move and of those that don't. Most places near a handle lie nearest to a triangle
@@ -90,7 +91,7 @@ impl<'a> Prepared<'a> {
     ///
     /// # Errors
     /// As [`octree`].
-    pub fn map(&self, frame: usize, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
+    pub fn map(&self, frame: usize, params: &OctreeParams, exec: &Exec) -> Result<Mapped, Error> {
         nearest(self.lattice, &self.inside, &self.sides, self.motion, frame, params, exec)
     }
 }
@@ -105,7 +106,7 @@ pub fn octree(
     octree: &Octree,
     motion: &Motion,
     frame: usize,
-    params: &MapParams,
+    params: &OctreeParams,
     exec: &Exec,
 ) -> Result<Mapped, Error> {
     params.check()?;
@@ -120,7 +121,7 @@ pub fn frames(
     lattice: &Lattice,
     octree: &Octree,
     motion: &Motion,
-    params: &MapParams,
+    params: &OctreeParams,
     exec: &Exec,
 ) -> Result<Vec<Mapped>, Error> {
     params.check()?;

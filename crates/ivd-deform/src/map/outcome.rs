@@ -1,6 +1,7 @@
 use ivd_core::{Displacement, FieldBricks, Frame, Lattice};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
@@ -8,32 +9,41 @@ use crate::certificate::{Certificate, Histogram};
 use crate::sampler::Sampler;
 
 /// How well the voxels' motion follows the lattice's, at the vertices.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Followed {
     /// Largest difference of the map's motion from a vertex's own (mm). Pieces of a lattice that stand still beside a
     /// moving one are dragged along, and count here.
+    #[schemars(extend("x-unit" = "mm"))]
     pub misfit_max_mm: f64,
     /// The same along the grid's axes, in voxels.
+    #[schemars(extend("x-unit" = "voxels"))]
     pub misfit_max_voxel: f64,
     /// Root mean square of the difference over all vertices that move (voxels).
+    #[schemars(extend("x-unit" = "voxels"))]
     pub misfit_rms_voxel: f64,
     /// Root mean square of the difference over the vertices that move at least half as far as the farthest, as a
     /// fraction of their motion (no unit).
+    #[schemars(extend("x-unit" = "1"))]
     pub misfit: f64,
     /// Volume enclosed by the lattice, at rest and deformed by the map (mm³).
+    #[schemars(extend("x-unit" = "mm³"))]
     pub volume_mm3: [f64; 2],
 }
 
 /// How the equations of a map's nodes were solved.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Solved {
     /// Nodes that are free to move.
+    #[schemars(extend("x-unit" = "1"))]
     pub nodes: u64,
     /// Iterations, of all increments.
+    #[schemars(extend("x-unit" = "1"))]
     pub iterations: u32,
     /// Largest residual of an increment, relative to its right-hand side.
+    #[schemars(extend("x-unit" = "1"))]
     pub residual: f64,
     /// Increments that the motion was made in; 1 where one step doesn't fold.
+    #[schemars(extend("x-unit" = "1"))]
     pub increments: u32,
 }
 

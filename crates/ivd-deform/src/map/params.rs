@@ -1,23 +1,11 @@
 use std::collections::BTreeMap;
 
 use ivd_core::ParamError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How the motion of the lattice is carried to the voxels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum MapMethod {
-    /// The motion of the nearest lattice point, weighted by depth (I-DOGME).
-    #[default]
-    Octree,
-    /// The smoothest motion that follows the lattice: least squared second derivatives in Ω, inside the lattice and outside.
-    Biharmonic,
-    /// The equilibrium of elastic matter, neo-Hookean, in which the lattice moves.
-    Fem,
-}
-
-/// Weight `w` of the nearest lattice point's motion at depth `t · depth_mm` inside the lattice; 0 from `t = 1` on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// Weight `w` of the nearest lattice point's motion at depth `t · depth` inside the lattice; 0 from `t = 1` on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum DepthWeight {
     /// `1 − t`.
@@ -32,7 +20,7 @@ pub enum DepthWeight {
 }
 
 impl DepthWeight {
-    /// The weight at `t = depth / depth_mm` (no unit), `t ≥ 0`.
+    /// The weight at `t = depth / depth` (no unit), `t ≥ 0`.
     pub fn at(self, t: f64) -> f64 {
         if self == Self::One {
             return 1.0;
@@ -59,7 +47,7 @@ pub(crate) fn smooth_fall(t: f64) -> f64 {
 }
 
 /// What happens outside the lattice.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Outside {
     /// A band round the lattice moves along, falling to 0 over the margin, so that space stays in one piece.
@@ -70,110 +58,107 @@ pub enum Outside {
 }
 
 /// What a class is made of; what isn't given is as where it lies: inside the lattice, or outside.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Elastic {
-    /// Young's modulus relative to that of matter without a class of its own inside the lattice (no unit), 10⁻³ … 10³.
+    /// Young's modulus relative to that of matter without a class of its own inside the lattice.
+    #[schemars(range(min = 0.001, max = 1000.0), extend("x-unit" = "1"))]
     pub young: Option<f64>,
-    /// Poisson's ratio ν (no unit), 0 … 0.45.
+    /// Poisson's ratio ν.
+    #[schemars(range(min = 0.0, max = 0.45), extend("x-unit" = "1"))]
     pub poisson: Option<f64>,
 }
 
-/// How the motion of a lattice becomes a displacement of voxels.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct MapParams {
-    /// Method.
-    pub method: MapMethod,
-    /// Weight by depth inside the lattice; read by [`MapMethod::Octree`].
-    pub weight: DepthWeight,
-    /// Depth at which the weight reaches 0, in mm, > 0; read by [`MapMethod::Octree`]. Without it the largest reach of a
-    /// handle, at least four times the largest motion.
-    pub depth_mm: Option<f64>,
-    /// Width of the band outside the lattice and of the fall-off beyond the reach, in mm, > 0. Without it four times the
-    /// largest motion, at least two voxel diagonals.
-    pub margin_mm: Option<f64>,
-    /// Voxels along a cell's edge: 1, 2 or 4, and as many along the other axes as give about the same length; read by
-    /// [`MapMethod::Biharmonic`], and by [`MapMethod::Fem`] for its finest cells. Without it four, and fewer where the smallest
-    /// ball and its margin are less than 24 voxels wide.
-    pub cell: Option<u8>,
-    /// Poisson's ratio ν (no unit), 0 … 0.45: how much matter keeps its volume; read by [`MapMethod::Fem`]. Beyond 0.45 its
-    /// cells would be far too stiff.
-    pub poisson: f64,
-    /// Young's modulus of what lies outside the lattice, relative to the inside's (no unit), 10⁻⁴ … 1; read by
-    /// [`MapMethod::Fem`].
-    pub filler: f64,
-    /// Elasticity by label where labels are given, inside the lattice and outside, there not with [`Outside::Free`]; read by
-    /// [`MapMethod::Fem`].
-    pub classes: BTreeMap<u16, Elastic>,
+/// What every map does beyond the lattice, whichever way it is found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct Band {
+    /// Width of the band outside the lattice and of the fall-off beyond the reach. Without it four times the largest motion, at
+    /// least two voxel diagonals.
+    #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
+    pub margin: Option<f64>,
     /// What happens outside the lattice.
     pub outside: Outside,
-    /// How far the lattice points that move most may be left behind to keep the map free of folds, as a fraction of
-    /// their motion (root mean square), 0 … 1. Beyond it the map isn't what was asked for, and is refused.
+    /// How far the lattice points that move most may be left behind to keep the map free of folds, as a fraction of their motion
+    /// (root mean square). Beyond it the map isn't what was asked for, and is refused.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub tolerance: f64,
 }
 
-impl Default for MapParams {
+impl Default for Band {
     fn default() -> Self {
-        Self {
-            method: MapMethod::default(),
-            weight: DepthWeight::default(),
-            depth_mm: None,
-            margin_mm: None,
-            cell: None,
-            poisson: 0.4,
-            filler: 0.01,
-            classes: BTreeMap::new(),
-            outside: Outside::default(),
-            tolerance: 0.5,
-        }
+        Self { margin: None, outside: Outside::default(), tolerance: 0.5 }
     }
 }
 
-impl MapParams {
-    /// # Errors
-    /// Names the field that is out of its domain.
-    pub fn check(&self) -> Result<(), ParamError> {
-        for (field, value) in [("depth_mm", self.depth_mm), ("margin_mm", self.margin_mm)] {
-            if let Some(v) = value
-                && !(v.is_finite() && v > 0.0)
-            {
-                return Err(ParamError::new(
-                    field,
-                    format!("{v} mm"),
-                    "give a length above 0, or leave it out",
-                ));
-            }
+/// The motion of the nearest lattice point, found through the octree and weighted by depth (I-DOGME).
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct OctreeParams {
+    /// How the motion fades with depth inside the lattice.
+    pub weight: DepthWeight,
+    /// Depth at which it has faded. Without it the largest reach of a handle, at least four times the largest motion.
+    #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
+    pub depth: Option<f64>,
+    /// Beyond the lattice.
+    #[serde(flatten)]
+    pub band: Band,
+}
+
+/// The smoothest motion that follows the lattice: least squared second derivatives, in its inside and outside alike.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct BiharmonicParams {
+    /// Edge of the cells: 1, 2 or 4 voxels, and as many along the other axes as give about the same length. Without it four, and fewer
+    /// where the smallest ball and its margin are less than 24 voxels wide.
+    #[schemars(range(min = 1, max = 4), extend("x-unit" = "voxels", "x-knob" = "accuracy"))]
+    pub cell: Option<u8>,
+    /// Beyond the lattice.
+    #[serde(flatten)]
+    pub band: Band,
+}
+
+/// The equilibrium of elastic matter, neo-Hookean, in which the lattice moves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct FemParams {
+    /// Edge of the finest cells: 1, 2 or 4 voxels. Without it four, and fewer where the smallest ball and its margin are less than 24
+    /// voxels wide.
+    #[schemars(range(min = 1, max = 4), extend("x-unit" = "voxels", "x-knob" = "accuracy"))]
+    pub cell: Option<u8>,
+    /// Poisson's ratio ν: how much matter keeps its volume. Beyond 0.45 the cells would be far too stiff.
+    #[schemars(range(min = 0.0, max = 0.45), extend("x-unit" = "1"))]
+    pub poisson: f64,
+    /// Young's modulus of what lies outside the lattice, relative to the inside's.
+    #[schemars(range(min = 0.0001, max = 1.0), extend("x-unit" = "1"))]
+    pub filler: f64,
+    /// Elasticity by class where labels are given, inside the lattice and outside, there not with `outside = "free"`.
+    pub material: BTreeMap<u16, Elastic>,
+    /// Beyond the lattice.
+    #[serde(flatten)]
+    pub band: Band,
+}
+
+impl Default for FemParams {
+    fn default() -> Self {
+        Self { cell: None, poisson: 0.4, filler: 0.01, material: BTreeMap::new(), band: Band::default() }
+    }
+}
+
+/// A cell's edge divides a brick's.
+pub(super) fn check_cell(cell: Option<u8>) -> Result<(), ParamError> {
+    match cell {
+        Some(cell) if !cell.is_power_of_two() => {
+            Err(ParamError::new("cell", format!("{cell} voxels"), "give 1, 2 or 4, or leave it out"))
         }
-        if let Some(cell) = self.cell
-            && ![1, 2, 4].contains(&cell)
-        {
-            return Err(ParamError::new("cell", format!("{cell} voxels"), "give 1, 2 or 4, or leave it out"));
-        }
-        let ratios = self.classes.values().filter_map(|class| class.poisson).chain([self.poisson]);
-        if let Some(poisson) = ratios.into_iter().find(|ratio| !(0.0..=0.45).contains(ratio)) {
-            return Err(ParamError::new("poisson", format!("{poisson}"), "give a ratio, 0 … 0.45"));
-        }
-        let moduli = self.classes.values().filter_map(|class| class.young);
-        if let Some(young) = moduli.into_iter().find(|modulus| !(1e-3..=1e3).contains(modulus)) {
-            return Err(ParamError::new("young", format!("{young}"), "give a ratio, 0.001 … 1000"));
-        }
-        if !(1e-4..=1.0).contains(&self.filler) {
-            return Err(ParamError::new("filler", format!("{}", self.filler), "give a ratio, 0.0001 … 1"));
-        }
-        if !(0.0..=1.0).contains(&self.tolerance) {
-            return Err(ParamError::new(
-                "tolerance",
-                format!("{}", self.tolerance),
-                "give a fraction, 0 … 1",
-            ));
-        }
-        Ok(())
+        _ => Ok(()),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use ivd_core::op::Op as _;
+
     use super::*;
 
     #[test]
@@ -188,23 +173,33 @@ mod tests {
     }
 
     #[test]
-    fn bad_lengths_are_named() {
-        let bad = MapParams { margin_mm: Some(0.0), ..MapParams::default() };
-        assert_eq!(bad.check().unwrap_err().field, "margin_mm");
-        let bad = MapParams { tolerance: f64::NAN, ..MapParams::default() };
-        assert_eq!(bad.check().unwrap_err().field, "tolerance");
-        let bad = MapParams { cell: Some(3), ..MapParams::default() };
-        assert_eq!(bad.check().unwrap_err().field, "cell");
-        let bad = MapParams { poisson: 0.46, ..MapParams::default() };
-        assert_eq!(bad.check().unwrap_err().field, "poisson");
+    fn bad_values_are_named_as_they_are_typed() {
+        let band = |band| OctreeParams { band, ..OctreeParams::default() };
+        let field = |params: &FemParams| params.check().unwrap_err().field;
+        let margin = band(Band { margin: Some(0.0), ..Band::default() }).check().unwrap_err();
+        assert_eq!((margin.field.as_str(), margin.problem.as_str()), ("margin", "0 mm"));
+        for tolerance in [f64::NAN, -0.1, 1.5] {
+            let bad = band(Band { tolerance, ..Band::default() });
+            assert_eq!(bad.check().unwrap_err().field, "tolerance");
+        }
+        for cell in [0, 3, 5] {
+            assert_eq!(
+                BiharmonicParams { cell: Some(cell), ..Default::default() }.check().unwrap_err().field,
+                "cell"
+            );
+        }
+        assert_eq!(field(&FemParams { poisson: 0.46, ..FemParams::default() }), "poisson");
         let soft = Elastic { poisson: Some(0.5), ..Elastic::default() };
-        let bad = MapParams { classes: [(3, soft)].into(), ..MapParams::default() };
-        assert_eq!(bad.check().unwrap_err().field, "poisson");
+        assert_eq!(
+            field(&FemParams { material: [(3, soft)].into(), ..FemParams::default() }),
+            "material.3.poisson"
+        );
         let hard = Elastic { young: Some(f64::NAN), ..Elastic::default() };
-        let bad = MapParams { classes: [(3, hard)].into(), ..MapParams::default() };
-        assert_eq!(bad.check().unwrap_err().field, "young");
-        let bad = MapParams { filler: 0.0, ..MapParams::default() };
-        assert_eq!(bad.check().unwrap_err().field, "filler");
-        assert!(MapParams::default().check().is_ok());
+        assert_eq!(
+            field(&FemParams { material: [(3, hard)].into(), ..FemParams::default() }),
+            "material.young"
+        );
+        assert_eq!(field(&FemParams { filler: 0.0, ..FemParams::default() }), "filler");
+        assert!(FemParams::default().check().is_ok() && OctreeParams::default().check().is_ok());
     }
 }

@@ -1,7 +1,7 @@
 use ivd_core::{Frame, Grid, Motion, VoxelCoord, World};
 use nalgebra::Vector3;
 
-use super::params::{MapParams, smooth_fall};
+use super::params::{Band, smooth_fall};
 
 /// Ω: where something may move. The union of the handles' balls, each widened by the margin.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,7 +21,8 @@ impl Region {
         motion: &Motion,
         frame: &Frame,
         positions: &[Vector3<f64>],
-        params: &MapParams,
+        band: &Band,
+        depth: Option<f64>,
     ) -> Self {
         let origin = World(motion.grid.origin().into());
         let mut balls: Vec<(Vector3<f64>, f64)> =
@@ -31,16 +32,15 @@ impl Region {
         }
         let most = largest(frame);
         let reach = balls.iter().map(|b| b.1).fold(0.0, f64::max);
-        let margin = params.margin_mm.unwrap_or_else(|| (4.0 * most).max(2.0 * motion.grid.voxel_diagonal()));
-        let depth =
-            params.depth_mm.unwrap_or_else(|| reach.max(4.0 * most).max(motion.grid.voxel_diagonal()));
+        let margin = band.margin.unwrap_or_else(|| (4.0 * most).max(2.0 * motion.grid.voxel_diagonal()));
+        let depth = depth.unwrap_or_else(|| reach.max(4.0 * most).max(motion.grid.voxel_diagonal()));
         Self { balls, margin, depth }
     }
 
     /// Where a drag that begins is likely to reach, where the margin follows the motion: each ball as for a motion of an eighth of
     /// its own radius.
-    pub(super) fn ahead(&self, params: &MapParams) -> Self {
-        if params.margin_mm.is_some() {
+    pub(super) fn ahead(&self, band: &Band) -> Self {
+        if band.margin.is_some() {
             return self.clone();
         }
         let wide = |radius: f64| self.margin.max(0.5 * radius);
@@ -147,7 +147,7 @@ mod tests {
                 frames: vec![],
                 reach: vec![Ball { centre, radius }],
             };
-            let region = Region::new(&motion, &frame, &[], &MapParams::default());
+            let region = Region::new(&motion, &frame, &[], &Band::default(), None);
             let bricks = region.bricks(&grid);
             for v in voxels(&grid) {
                 let weight = region.weight(grid.linear_part() * VoxelCoord::from(v).0);
@@ -162,7 +162,7 @@ mod tests {
         let grid = sheared_grid([40, 33, 20]);
         let balls = [(Vector3::repeat(5.0), 2.0), (Vector3::repeat(30.0), 40.0)].to_vec();
         let region = Region { balls, margin: 3.0, depth: 40.0 };
-        let ahead = region.ahead(&MapParams::default());
+        let ahead = region.ahead(&Band::default());
         assert_eq!(ahead.balls().map(|b| b.1).collect::<Vec<_>>(), [5.0, 60.0]);
         assert_eq!(ahead.margin, 20.0);
         // A ball that gave up more than it has covers what it covered, no more.
@@ -171,7 +171,7 @@ mod tests {
         assert!(small.weight(at(0.0)) > 0.0 && small.weight(at(4.9)) > 0.0);
         assert_eq!(small.weight(at(5.1)), 0.0);
         assert!(small.bricks(&grid).len() < region.bricks(&grid).len());
-        let fixed = MapParams { margin_mm: Some(3.0), ..MapParams::default() };
+        let fixed = Band { margin: Some(3.0), ..Band::default() };
         assert_eq!(region.ahead(&fixed), region);
     }
 
@@ -187,7 +187,7 @@ mod tests {
             inner: ivd_core::Inner::default(),
         };
         let positions = [Vector3::repeat(100.0), Vector3::zeros(), Vector3::new(2.0, 0.0, 0.0)];
-        let region = Region::new(&motion, &frame, &positions, &MapParams::default());
+        let region = Region::new(&motion, &frame, &positions, &Band::default(), None);
         assert_eq!(region.weight(Vector3::new(2.0, 0.0, 0.0)), 1.0);
         assert_eq!(region.weight(Vector3::repeat(100.0)), 0.0);
     }

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use super::compose::{Composed, halve};
 use super::free::invert_part;
 use super::outcome::{self, Followed, Mapped, Moved};
-use super::params::MapParams;
+use super::params::Band;
 use super::region::Region;
 use super::relax::relax;
 use crate::Error;
@@ -23,7 +23,7 @@ pub(super) struct Settle<'a> {
     pub(super) alone: Option<&'a Mask>,
     pub(super) region: &'a Region,
     pub(super) frame: &'a Frame,
-    pub(super) params: &'a MapParams,
+    pub(super) band: &'a Band,
 }
 
 impl Settle<'_> {
@@ -36,7 +36,7 @@ impl Settle<'_> {
     pub(super) fn settle(&self, field: FieldBricks, exec: &Exec) -> Result<Mapped, Error> {
         let proven = self.prove(field, Detail::All, exec)?;
         let followed = Followed::measure(self.lattice, &proven.field, self.frame);
-        followed.check(self.params.tolerance)?;
+        followed.check(self.band.tolerance)?;
         let (rounds, halvings, certificate) = (proven.rounds, proven.halvings, proven.certificate.clone());
         let displacement = self.invert(proven, exec)?;
         Ok(Mapped::new(displacement, certificate, rounds, halvings, followed))
@@ -46,7 +46,7 @@ impl Settle<'_> {
     pub(super) fn moved(&self, field: FieldBricks, exec: &Exec) -> Result<Moved, Error> {
         let proven = self.prove(field, if exec.skip { Detail::Least } else { Detail::All }, exec)?;
         let misfit = outcome::misfit(self.lattice, &proven.field, self.frame);
-        outcome::check_misfit(misfit, self.params.tolerance, || {
+        outcome::check_misfit(misfit, self.band.tolerance, || {
             Followed::measure(self.lattice, &proven.field, self.frame).misfit_max_mm
         })?;
         let (relaxations, halvings) = (proven.rounds, proven.halvings);

@@ -105,19 +105,19 @@ pub(super) fn scene(
 }
 
 impl Scene {
-    pub(super) fn map(&self, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
+    pub(super) fn map(&self, params: &OctreeParams, exec: &Exec) -> Result<Mapped, Error> {
         let tree = ivd_octree::build(&self.lattice, &ivd_octree::Params::default(), exec)?;
         octree(&self.lattice, &tree, &self.motion, 0, params, exec)
     }
 
     /// The plain twin.
-    fn map_brute(&self, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
+    fn map_brute(&self, params: &OctreeParams, exec: &Exec) -> Result<Mapped, Error> {
         let positions = self.lattice.local_positions();
         let brute = Brute::new(&self.lattice, &positions);
         nearest(&self.lattice, &self.mask, &brute, &self.motion, 0, params, exec)
     }
 
-    fn mapped(&self, params: &MapParams) -> Mapped {
+    fn mapped(&self, params: &OctreeParams) -> Mapped {
         self.map(params, &Exec::default()).unwrap()
     }
 }
@@ -144,7 +144,7 @@ pub(super) fn dented(scale: f64, push: f64) -> Scene {
 fn no_motion_is_the_identity_without_a_brick() {
     let grid = sheared_grid([20, 20, 10]);
     let still = scene(&grid, ball(middle(&grid), 4.0), |_| Vector3::zeros(), &[(middle(&grid), 5.0)]);
-    let mapped = still.mapped(&MapParams::default());
+    let mapped = still.mapped(&OctreeParams::default());
     assert!(mapped.displacement.is_identity());
     assert_eq!((mapped.voxels_moved, mapped.bricks_touched, mapped.bricks_total), (0, 0, 18));
     assert_eq!((mapped.min_det_j, mapped.folds, mapped.inverse_residual_max_voxel), (1.0, 0, 0.0));
@@ -159,7 +159,7 @@ fn translation_with_weight_one_moves_every_inside_voxel_exactly() {
         let radius = 0.2 * (grid.linear_part() * Vector3::new(1.0, 0.0, 0.0)).norm() * 40.0;
         let centre = middle(&grid);
         let all = scene(&grid, ball(centre, radius), |_| push, &[(centre, 2.0 * radius)]);
-        let mapped = all.mapped(&MapParams { weight: DepthWeight::One, ..MapParams::default() });
+        let mapped = all.mapped(&OctreeParams { weight: DepthWeight::One, ..OctreeParams::default() });
         assert_eq!((mapped.relaxations, mapped.halvings), (0, 0));
         let expected: [f32; 3] = push.map(|c| c as f32).into();
         for v in voxels(&grid).filter(|v| all.mask.inside()[grid.linear(*v)] == 1) {
@@ -174,7 +174,7 @@ fn translation_with_weight_one_moves_every_inside_voxel_exactly() {
 fn handle_with_eight_times_the_radius_passes_inwards_and_outwards_in_every_weight() {
     for push in [-3.0, 3.0] {
         for weight in [DepthWeight::Smooth, DepthWeight::Linear, DepthWeight::Exponential, DepthWeight::One] {
-            let mapped = dented(1.0, push).mapped(&MapParams { weight, ..MapParams::default() });
+            let mapped = dented(1.0, push).mapped(&OctreeParams { weight, ..OctreeParams::default() });
             assert!(mapped.min_det_j > 0.0 && mapped.folds == 0);
             assert!(mapped.inverse_residual_max_voxel < 1e-5);
             assert!(mapped.followed.misfit < 0.15, "{weight:?} {push}: misfit {}", mapped.followed.misfit);
@@ -190,7 +190,8 @@ fn nothing_moves_beyond_the_reach_and_its_margin() {
     let centre = middle(&grid);
     let at = centre + Vector3::new(6.0, 0.0, 0.0);
     let dent = scene(&grid, ball(centre, 6.0), pushed(at, 5.0, Vector3::new(-0.8, 0.3, 0.0)), &[(at, 5.0)]);
-    let params = MapParams { margin_mm: Some(3.0), ..MapParams::default() };
+    let params =
+        OctreeParams { band: Band { margin: Some(3.0), ..Band::default() }, ..OctreeParams::default() };
     let mapped = dent.mapped(&params);
     assert!(mapped.voxels_moved > 100);
     for v in voxels(&grid) {
@@ -215,7 +216,7 @@ fn two_handles_and_one_outside_the_lattice_move_only_their_own_places() {
             + pushed(ends[1], 12.0, Vector3::new(0.0, 0.0, -1.5))(p)
     };
     let two = scene(&grid, bar, moves, &[(ends[0], 12.0), (ends[1], 12.0), (far, 3.0)]);
-    let mapped = two.mapped(&MapParams::default());
+    let mapped = two.mapped(&OctreeParams::default());
     let at = |p: Vector3<f64>| {
         mapped.displacement.forward.at(VoxelIndex([0, 1, 2].map(|a| p[a].round() as usize)))
     };
@@ -238,7 +239,7 @@ fn still_piece_beside_a_moving_one_is_pushed_aside_instead_of_folding() {
     let push = pushed(top, 24.0, Vector3::new(0.0, 0.0, -3.0));
     let moves = move |p: Vector3<f64>| if p.z > centre.z { push(p) } else { Vector3::zeros() };
     let scene = scene(&grid, plates, moves, &[(top, 24.0)]);
-    let mapped = scene.mapped(&MapParams::default());
+    let mapped = scene.mapped(&OctreeParams::default());
     assert!(mapped.relaxations > 0 || mapped.halvings > 0);
     assert!(mapped.min_det_j > 0.0 && mapped.followed.misfit < 0.5);
     assert!(mapped.inverse_residual_max_voxel < 1e-3);
@@ -254,17 +255,18 @@ fn push_deeper_than_the_part_is_refused_with_the_place_and_a_remedy() {
     let moves = move |p: Vector3<f64>| {
         if p.z > centre.z { pushed(top, 10.0, Vector3::new(0.0, 0.0, -12.0))(p) } else { Vector3::zeros() }
     };
-    let error =
-        scene(&grid, plate, moves, &[(top, 10.0)]).map(&MapParams::default(), &Exec::default()).unwrap_err();
+    let error = scene(&grid, plate, moves, &[(top, 10.0)])
+        .map(&OctreeParams::default(), &Exec::default())
+        .unwrap_err();
     assert_eq!(error.fault(), ivd_core::Fault::Untrusted, "{error}");
     assert!(error.to_string().contains("larger radius"), "{error}");
 }
 
 #[test]
 fn scale_of_the_scene_changes_lengths_and_nothing_else() {
-    let one = dented(1.0, -3.0).mapped(&MapParams::default());
+    let one = dented(1.0, -3.0).mapped(&OctreeParams::default());
     for scale in [1.0 / 1024.0, 1024.0, 1e-3, 1e3] {
-        let other = dented(scale, -3.0).mapped(&MapParams::default());
+        let other = dented(scale, -3.0).mapped(&OctreeParams::default());
         assert_eq!(other.bricks_touched, one.bricks_touched);
         // A power of two scales without rounding; else ties between nearest points may fall differently.
         if scale.log2().fract() == 0.0 {
@@ -281,7 +283,10 @@ fn scale_of_the_scene_changes_lengths_and_nothing_else() {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
-    for params in [MapParams::default(), MapParams { outside: Outside::Free, ..MapParams::default() }] {
+    for params in [
+        OctreeParams::default(),
+        OctreeParams { band: Band { outside: Outside::Free, ..Band::default() }, ..OctreeParams::default() },
+    ] {
         let scene = dented(1.0, 3.0);
         let one = scene.map(&params, &Exec::default().with_threads(1)).unwrap();
         for threads in [2, 3] {
@@ -296,7 +301,11 @@ fn free_part_moves_alone_and_leaves_background() {
     let centre = middle(&grid);
     let push = Vector3::new(4.0, 0.0, 0.0);
     let whole = scene(&grid, ball(centre, 9.0), |_| push, &[(centre, 20.0)]);
-    let params = MapParams { weight: DepthWeight::One, outside: Outside::Free, ..MapParams::default() };
+    let params = OctreeParams {
+        weight: DepthWeight::One,
+        band: Band { outside: Outside::Free, ..Band::default() },
+        ..OctreeParams::default()
+    };
     let mapped = whole.mapped(&params);
     let inside = |x: i64, v: VoxelIndex| {
         let at = [v.0[0] as i64 + x, v.0[1] as i64, v.0[2] as i64];
@@ -316,7 +325,8 @@ fn free_part_moves_alone_and_leaves_background() {
 fn octree_and_plain_loop_give_the_same_map() {
     for scene in [dented(1.0, 3.0), dented(0.3, -2.0)] {
         for outside in [Outside::Band, Outside::Free] {
-            let params = MapParams { outside, ..MapParams::default() };
+            let params =
+                OctreeParams { band: Band { outside, ..Band::default() }, ..OctreeParams::default() };
             let (fast, plain) = (scene.mapped(&params), scene.map_brute(&params, &Exec::default()).unwrap());
             let worst = fast
                 .displacement
@@ -339,11 +349,11 @@ fn all_frames_are_mapped_as_each_alone() {
     scene.motion.frames.insert(0, Frame { time: 0.25, displacement: half });
     let exec = Exec::default();
     let tree = ivd_octree::build(&scene.lattice, &ivd_octree::Params::default(), &exec).unwrap();
-    let all = frames(&scene.lattice, &tree, &scene.motion, &MapParams::default(), &exec).unwrap();
-    let second = octree(&scene.lattice, &tree, &scene.motion, 1, &MapParams::default(), &exec).unwrap();
+    let all = frames(&scene.lattice, &tree, &scene.motion, &OctreeParams::default(), &exec).unwrap();
+    let second = octree(&scene.lattice, &tree, &scene.motion, 1, &OctreeParams::default(), &exec).unwrap();
     assert_eq!((all.len(), all[0].displacement.time), (2, 0.25));
     assert_eq!(all[1], second);
-    assert!(octree(&scene.lattice, &tree, &scene.motion, 2, &MapParams::default(), &exec).is_err());
+    assert!(octree(&scene.lattice, &tree, &scene.motion, 2, &OctreeParams::default(), &exec).is_err());
 }
 
 #[test]
@@ -351,7 +361,7 @@ fn a_motion_of_another_lattice_is_refused() {
     let mut scene = dented(1.0, 3.0);
     scene.motion.vertex_count += 1;
     scene.motion.frames[0].displacement.push([0.0; 3]);
-    let error = scene.map(&MapParams::default(), &Exec::default()).unwrap_err();
+    let error = scene.map(&OctreeParams::default(), &Exec::default()).unwrap_err();
     assert!(error.to_string().contains("vertices"), "{error}");
 }
 
@@ -362,8 +372,10 @@ fn voxels_that_a_free_part_leaves_in_place_are_their_own_origin_exactly() {
     let side = centre + Vector3::new(5.0, 0.0, 0.0);
     let (reach, margin, push) = (1.8, 1.2, Vector3::new(0.2, 0.15, -0.1));
     let part = scene(&grid, ball(centre, 5.0), pushed(side, reach, push), &[(side, reach)]);
-    let params =
-        MapParams { outside: Outside::Free, margin_mm: Some(margin), tolerance: 1.0, ..MapParams::default() };
+    let params = OctreeParams {
+        band: Band { outside: Outside::Free, margin: Some(margin), tolerance: 1.0 },
+        ..OctreeParams::default()
+    };
     let moved = part.mapped(&params).displacement;
     assert!(!moved.is_identity());
     for v in voxels(&grid) {
@@ -380,7 +392,7 @@ fn a_motion_that_no_vector_holds_is_refused_as_untrusted() {
     let centre = middle(&grid);
     for far in [1e38, 1e100, 1e200] {
         let part = scene(&grid, ball(centre, 4.0), |_| Vector3::new(far, 0.0, 0.0), &[(centre, 5.0)]);
-        let error = part.map(&MapParams::default(), &Exec::default()).unwrap_err();
+        let error = part.map(&OctreeParams::default(), &Exec::default()).unwrap_err();
         assert_eq!(error.fault(), ivd_core::Fault::Untrusted, "{error}");
         assert!(error.to_string().contains("move the handle less"), "{error}");
     }

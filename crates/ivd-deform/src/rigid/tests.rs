@@ -7,7 +7,7 @@ use super::fit::{self, Unsure};
 use super::*;
 use crate::Error;
 use crate::fixtures::{lattice as cut, sheared_grid};
-use crate::map::{self, MapMethod, MapParams};
+use crate::map::{self, BiharmonicParams};
 use crate::mass_spring::{Params, Prepared, Solved, Solver, solve, with_bones};
 use crate::spring::{Action, Fix, Handle, HandleAt};
 
@@ -505,7 +505,7 @@ fn threads_do_not_change_a_byte() {
 
 /// The distance (mm) of the voxels inside a lattice from where the bone that holds them takes them: largest, root mean square.
 fn off(lattice: &Lattice, skeleton: &Skeleton, motion: &ivd_core::Motion, bones: &[Part]) -> (f64, f64) {
-    let params = MapParams { method: MapMethod::Biharmonic, ..MapParams::default() };
+    let params = BiharmonicParams::default();
     let mapped = map::biharmonic(lattice, motion, 0, &params, &Exec::default()).unwrap();
     assert!(mapped.folds == 0 && mapped.min_det_j > 0.05, "{}", mapped.min_det_j);
     let inside = ivd_octree::inside(lattice, &Exec::default()).unwrap();

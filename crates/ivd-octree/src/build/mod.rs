@@ -4,6 +4,7 @@ mod cover;
 mod morton;
 mod overlap;
 
+use ivd_core::op::Op as _;
 use ivd_core::{Exec, Lattice, OCTREE_MAX_DEPTH, Octree, OctreeNode};
 use rayon::prelude::*;
 

@@ -1,13 +1,14 @@
 use std::path::Path;
 
+use ivd_core::op::Want;
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
 use crate::scene::{
-    BoundarySection, InputSection, IsoChoice, Loaded, MapMethod, Picture, RenderMode, Scene, SegmentSection,
+    BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene, SegmentSection,
 };
 use crate::stages::{
-    Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Map, Octree, Refine, Render, Segment,
-    SegmentTree, Space, Warp,
+    Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Refine, Render, Segment, SegmentTree,
+    Space, Warp,
 };
 use crate::{Error, Stage};
 
@@ -278,9 +279,7 @@ impl Plan {
                 {
                     "the scene has no handle, no bone and no shape"
                 }
-                NodeId::Octree if scene.map.method != MapMethod::Octree => {
-                    "the map looks for no nearest lattice point"
-                }
+                NodeId::Octree if !map_wants(scene, "octree") => "the map looks for no nearest lattice point",
                 NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => {
                     "no output shows a picture"
                 }
@@ -347,6 +346,16 @@ fn boxed<S: Stage + 'static>(stage: S) -> Option<Box<dyn Stage>> {
     Some(Box::new(stage))
 }
 
+/// Whether the scene's map has a use for a slot.
+fn map_wants(scene: &Scene, slot: &str) -> bool {
+    scene.section(&ivd_deform::map::STAGE).is_some_and(|section| section.wants(slot) == Want::Yes)
+}
+
+/// A stage of the list.
+fn declared(scene: &Scene, stage: &ivd_core::op::Stage) -> Option<Box<dyn Stage>> {
+    scene.section(stage).map(|section| Box::new(section.clone()) as Box<dyn Stage>)
+}
+
 /// The labels with their inputs: of the volume, or of the tree, and then of the volume too where they are changed by its values.
 fn segment(section: &SegmentSection, from_tree: bool) -> Result<(Segment, Slots), Error> {
     if !from_tree {
@@ -402,14 +411,9 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     if deform.as_ref().is_some_and(Deform::knows_classes) {
         deform_inputs.push(("labels", NodeId::Segment));
     }
-    let mut map_inputs = vec![("lattice", NodeId::Refine), ("motion", NodeId::Deform)];
-    if scene.map.method == MapMethod::Octree {
-        map_inputs.insert(1, ("octree", NodeId::Octree));
-    }
-    let map = Map::from_section(&scene.map)?;
-    if map.knows_classes() {
-        map_inputs.push(("labels", NodeId::Segment));
-    }
+    let mut map_inputs = vec![("lattice", NodeId::Refine)];
+    let others = [("octree", NodeId::Octree), ("motion", NodeId::Deform), ("labels", NodeId::Segment)];
+    map_inputs.extend(others.into_iter().filter(|(slot, _)| map_wants(scene, slot)));
 
     let space = (!scene.space.step.is_empty()).then(|| Space::from_section(&scene.space)).transpose()?;
     let mut space_inputs = vec![("volume", NodeId::Import)];
@@ -438,11 +442,11 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         node(NodeId::Refine, boxed(Refine::from_section(&scene.refine)?), vec![("lattice", NodeId::Lattice)]),
         node(
             NodeId::Octree,
-            if_moved(boxed(Octree::from_section(&scene.octree))),
+            if_moved(declared(scene, &ivd_octree::STAGE)),
             vec![("lattice", NodeId::Refine)],
         ),
         node(NodeId::Deform, deform.and_then(boxed), deform_inputs),
-        node(NodeId::Map, if_moved(boxed(map)), map_inputs),
+        node(NodeId::Map, if_moved(declared(scene, &ivd_deform::map::STAGE)), map_inputs),
         node(NodeId::Space, space.and_then(boxed), space_inputs),
         node(
             NodeId::Warp,

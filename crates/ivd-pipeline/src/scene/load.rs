@@ -1,11 +1,18 @@
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use ivd_core::ParamError;
+use ivd_core::op::Stage;
+use serde_json::Value as Json;
+use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
 use super::Scene;
-use crate::Error;
+use crate::list::STAGES;
+use crate::params::from_toml;
+use crate::{Error, Section};
 
 /// One `--set stage.key=value`.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,18 +82,71 @@ pub fn read_short(file: &Path) -> std::io::Result<Option<Vec<u8>>> {
 /// # Errors
 /// A sentence that names the place, what is wrong and what to do.
 pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
-    let scene: Scene = if overrides.is_empty() {
+    let mut table: Table = text.parse().map_err(|e: toml::de::Error| in_short(&e.to_string()))?;
+    for o in overrides {
+        set(&mut table, o)?;
+    }
+    let mut scene: Scene = if overrides.is_empty() {
         // Straight from the text, so that errors carry line and column.
         toml::from_str(text).map_err(|e| with_suggestion(&in_short(&e.to_string())))?
     } else {
-        let mut table: Table = text.parse().map_err(|e: toml::de::Error| in_short(&e.to_string()))?;
-        for o in overrides {
-            set(&mut table, o)?;
-        }
-        table.try_into().map_err(|e: toml::de::Error| with_suggestion(&in_short(&e.to_string())))?
+        let typed = table.clone().try_into();
+        typed.map_err(|e: toml::de::Error| with_suggestion(&in_short(&e.to_string())))?
     };
+    scene.sections = sections(table).map_err(|problem| placed(text, &problem))?;
     scene.check()?;
     Ok(scene)
+}
+
+/// The stages of the list, from the sections of a scene.
+fn sections(table: Table) -> Result<Vec<Section>, ParamError> {
+    let mut written = BTreeMap::new();
+    for (name, section) in table {
+        written.insert(name.clone(), from_toml(section).map_err(|problem| problem.under(&name))?);
+    }
+    let given = |section: &str, key: &str| written.get(section)?.get(key);
+    let section = |stage: &&'static Stage| {
+        let own = match written.get(stage.name) {
+            None => None,
+            Some(Json::Object(keys)) => Some(keys.clone()),
+            Some(_) => {
+                return Err(ParamError::new(stage.name, "not a table", "write it as a section of keys"));
+            }
+        };
+        Section::parse_adopting(stage, own, given).map_err(|problem| problem.under(stage.name))
+    };
+    STAGES.iter().map(section).collect()
+}
+
+/// What is wrong, with the line of the text that it stands in where there is one.
+fn placed(text: &str, problem: &ParamError) -> String {
+    let told = in_short(&problem.told_of(""));
+    match line_of(text, &problem.field) {
+        Some(line) => format!("line {line}: {told}"),
+        None => told,
+    }
+}
+
+/// The line, from 1, of the last key of a path that a text has.
+fn line_of(text: &str, path: &str) -> Option<usize> {
+    let root = DeTable::parse(text).ok()?.into_inner();
+    let (mut line, mut at) = (None, DeValue::Table(root));
+    for key in path.split('.') {
+        let (span, next) = match at {
+            DeValue::Table(table) => {
+                let (name, value) = table.into_iter().find(|(name, _)| name.get_ref() == key)?;
+                (name.span(), value)
+            }
+            DeValue::Array(list) => {
+                let value = list.into_iter().nth(key.parse().ok()?)?;
+                (value.span(), value)
+            }
+            _ => break,
+        };
+        line = text.get(..span.start).map(|before| before.matches('\n').count() + 1);
+        at = next.into_inner();
+    }
+    line
 }
 
 fn set(table: &mut Table, o: &Override) -> Result<(), String> {

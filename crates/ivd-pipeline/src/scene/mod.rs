@@ -4,19 +4,22 @@
 //! file with overrides (`--set stage.key=value`) applied before anything is checked.
 
 mod load;
+mod schema;
 mod sections;
 mod written;
 
+use ivd_core::op::Stage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::Section;
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
     AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
-    CovarianceChoice, CurveOver, CurveWay, DeformSection, DepthWeight, ElasticSection, FixSection,
-    HandleSection, InputSection, IsoChoice, IsoWord, KernelChoice, LatticeSection, LinkSection,
-    LinkageChoice, MapMethod, MapSection, MaterialSection, OctreeSection, OutputSection, Outside, Picture,
-    Projection, RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection,
+    CovarianceChoice, CurveOver, CurveWay, DeformSection, FixSection, HandleSection, InputSection, IsoChoice,
+    IsoWord, KernelChoice, LatticeSection, LinkSection, LinkageChoice, MaterialSection, OutputSection,
+    Picture, Projection, RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection,
     RigidSection, SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver, SpaceSection, StepKind,
     StepSection, WarpOrder, WarpSection,
 };
@@ -42,15 +45,9 @@ pub struct Scene {
     /// How far it is simplified.
     #[serde(default)]
     pub refine: RefineSection,
-    /// How finely it is indexed.
-    #[serde(default)]
-    pub octree: OctreeSection,
     /// What moves it.
     #[serde(default)]
     pub deform: Option<DeformSection>,
-    /// How the motion is carried to the voxels.
-    #[serde(default)]
-    pub map: MapSection,
     /// What happens to the voxels without a lattice, after what the lattice does.
     #[serde(default)]
     pub space: SpaceSection,
@@ -65,12 +62,28 @@ pub struct Scene {
     pub render: RenderSection,
     /// What is wanted; nothing else is computed.
     pub output: OutputSection,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    octree: Option<toml::Value>,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    map: Option<toml::Value>,
+    /// The stages of the list, in its order.
+    #[serde(skip)]
+    pub(crate) sections: Vec<Section>,
 }
 
 impl Scene {
     /// The scene's JSON Schema.
     pub fn json_schema() -> serde_json::Value {
-        schemars::schema_for!(Scene).to_value()
+        schema::with_stages(schemars::schema_for!(Scene).to_value())
+    }
+
+    /// The section of a stage, or what it is where the scene has none.
+    pub fn section(&self, stage: &Stage) -> Option<&Section> {
+        self.sections.iter().find(|section| section.stage().name == stage.name)
     }
 
     /// Checks what the type system can't: ranges and combinations. The text names section and key.
@@ -130,7 +143,7 @@ impl Scene {
         }
         let steps = self.space.steps().map_err(|e| format!("space.{e}"))?;
         ivd_deform::space::check(&steps, !still).map_err(|e| format!("space: {e}"))?;
-        if !steps.is_empty() && !still && self.map.outside == Outside::Free {
+        if !steps.is_empty() && !still && self.map_is_free() {
             return Err(
                 "map.outside = \"free\": a part that moved alone leaves a gap, and no [[space.step]] goes on across that; drop \
                  one of them"
@@ -138,6 +151,12 @@ impl Scene {
             );
         }
         Ok(())
+    }
+
+    /// Whether the map leaves what is outside the part where it is.
+    fn map_is_free(&self) -> bool {
+        let params = self.section(&ivd_deform::map::STAGE).map(|section| section.job().params());
+        params.is_some_and(|params| params.get("outside").is_some_and(|outside| outside == "free"))
     }
 
     /// Whether the voxels move.

@@ -70,7 +70,6 @@ fn no_parameter_is_hidden_from_scenes() {
     let refine = "method = \"merge\"\nratio = 0.5\nmax_turn_degrees = 30.0\nshape_weight = 0.5\nallow_topology = true\n\
         feature_degrees = 30.0\nmin_component = 9\n[[lock]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0";
     assert_eq!(unmoved(refine, |s| Refine::from_section(s).unwrap()), nothing);
-    assert_eq!(unmoved("leaf_size = 8", Octree::from_section), nothing);
     let deform = "stiffness = 1.0\nduration = 1.0\ndt = 0.1\nground = 2.0\ndamping = 2.0\ndensity = 2.0\n\
         vertex_mass = 2.0\nepsilon = 0.5\nliteral = true\n[[fix]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0\n\
         [[handle]]\nvertex = 1\nmove = [0.0, 0.0, 1.0]\nradius = 2.0\n\
@@ -99,16 +98,6 @@ fn no_parameter_is_hidden_from_scenes() {
     let [history, inertia] = [own[0].clone(), own[1].clone()];
     assert_eq!(solver("xpbd", both), [history, inertia, names[0].clone(), names[1].clone()]);
     assert_eq!(solver("projective", &format!("{both}inertia = true\nhistory = 7\n")), names);
-    let map = "weight = \"one\"\ndepth = 1.0\nmargin = 1.0\noutside = \"free\"\ntolerance = 0.1";
-    assert_eq!(unmoved(map, |s| Map::from_section(s).unwrap()), [".cell", ".filler", ".method", ".poisson"]);
-    let map = "margin = 1.0\ncell = 2\noutside = \"free\"\ntolerance = 0.1";
-    let map = unmoved_of("biharmonic", map, |s| Map::from_section(s).unwrap());
-    let hidden = [".depth_mm", ".filler", ".method", ".poisson", ".weight"];
-    assert_eq!(map, hidden, "depth is the octree map's, matter that of fem");
-    let map = "margin = 1.0\ncell = 2\npoisson = 0.1\nfiller = 0.1\noutside = \"free\"\ntolerance = 0.1\n\
-        [material.2]\nyoung = 9.0";
-    let map = unmoved_of("fem", map, |s| Map::from_section(s).unwrap());
-    assert_eq!(map, [".depth_mm", ".method", ".weight"]);
     assert_eq!(unmoved("order = \"cubic\"\nbackground = 1.0", Warp::from_section), nothing);
     let render = "mode = \"iso\"\niso = 1.0\nsize = [7, 8]\nview = [1.0, 2.0]\nzoom = 2.0\nstep = 1.0\n\
         shading = false\nannotate = false\nprojection = \"perspective\"\ntermination = 2.0\nskip = false\n\
@@ -129,12 +118,10 @@ fn a_section_that_says_nothing_is_the_stages_own_defaults() {
     assert_eq!(Atf::from_section(&toml::from_str("").unwrap(), None).params, ivd_atf::Params::default());
     let refine = Refine::from_section(&toml::from_str("").unwrap()).unwrap();
     assert_eq!(refine.params, ivd_lattice::refine::RefineParams::default());
-    assert_eq!(Octree::from_section(&toml::from_str("").unwrap()), Octree::default());
     let deform = Deform::from_section(&toml::from_str("").unwrap()).unwrap();
     assert_eq!(deform.method, DeformMethod::Ring(ivd_deform::spring::RingParams::default()));
     let deform = Deform::from_section(&toml::from_str("solver = \"dynamics\"").unwrap()).unwrap();
     assert_eq!(deform.method, DeformMethod::MassSpring(Box::default()));
-    assert_eq!(Map::from_section(&toml::from_str("").unwrap()).unwrap(), Map::default());
     assert_eq!(Warp::from_section(&toml::from_str("").unwrap()), Warp::default());
     let mut render = Render::from_section(&toml::from_str("").unwrap(), None).unwrap().params;
     // A picture from the side shows more than one from the front.

@@ -1,7 +1,7 @@
 //! Displacements: free of folds, inverted, and still beyond their reach.
 
 use ivd_core::{Displacement, FieldBricks, Grid, Mask, Motion, VoxelCoord, VoxelIndex, World};
-use ivd_deform::map::{MapParams, Mapped, Outside};
+use ivd_deform::map::{Band, Mapped, Outside};
 use nalgebra::{Matrix3, Vector3};
 
 use super::Verdict;
@@ -18,7 +18,7 @@ const PLACES: usize = 2;
 ///
 /// # Errors
 /// The first thing that doesn't hold.
-pub fn mapped(motion: &Motion, inside: &Mask, params: &MapParams, found: &Mapped) -> Verdict {
+pub fn mapped(motion: &Motion, inside: &Mask, band: &Band, found: &Mapped) -> Verdict {
     let moved = &found.displacement;
     moved.check().map_err(|e| e.to_string())?;
     finite(&moved.forward)?;
@@ -26,10 +26,10 @@ pub fn mapped(motion: &Motion, inside: &Mask, params: &MapParams, found: &Mapped
     hold!(found.min_det_j > 0.0 && found.min_det_j <= 1.0, "least determinant {}", found.min_det_j);
     hold!(found.min_det_j == moved.min_det_j, "{} or {}", found.min_det_j, moved.min_det_j);
     hold!(found.folds == 0, "{} folds", found.folds);
-    let counts = |cell: [i64; 3]| params.outside == Outside::Band || touches(inside, cell);
+    let counts = |cell: [i64; 3]| band.outside == Outside::Band || touches(inside, cell);
     determinants(&moved.forward, &moved.grid, moved.min_det_j, counts)?;
-    inverse(moved, params.outside == Outside::Band)?;
-    reach(motion, params, moved)?;
+    inverse(moved, band.outside == Outside::Band)?;
+    reach(motion, band, moved)?;
     if motion.max_displacement() == 0.0 {
         hold!(
             moved.is_identity() && found.voxels_moved == 0,
@@ -146,10 +146,10 @@ fn inverse(moved: &Displacement, whole: bool) -> Verdict {
 }
 
 /// Beyond the handles' balls and the margin nothing moves, bit for bit, either way.
-fn reach(motion: &Motion, params: &MapParams, moved: &Displacement) -> Verdict {
+fn reach(motion: &Motion, band: &Band, moved: &Displacement) -> Verdict {
     let grid = &moved.grid;
     let least = 2.0 * grid.voxel_diagonal();
-    let margin = params.margin_mm.unwrap_or((4.0 * motion.max_displacement()).max(least));
+    let margin = band.margin.unwrap_or((4.0 * motion.max_displacement()).max(least));
     for i in 0..grid.len() {
         let voxel = grid.index(i);
         let World(place) = grid.world(voxel.into());

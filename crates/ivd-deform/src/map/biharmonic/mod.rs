@@ -8,7 +8,7 @@
 //! ```
 //!
 //! - Ω and its window `ω` are those of [the page above](super): 1 in the handles' balls, 0 with its slope on ∂Ω.
-//! - `r` is trilinear on cells of 4³ voxels ([`MapParams::cell`]), fewer along axes of long voxels and in a small Ω. The
+//! - `r` is trilinear on cells of 4³ voxels ([`BiharmonicParams::cell`]), fewer along axes of long voxels and in a small Ω. The
 //!   integral is the discrete one of [`energy`], in world space; the sum is over the vertices, at their places between the
 //!   nodes. Nodes on ∂Ω and beyond it are held at 0, and the second differences that reach them count, so that `r` falls to 0
 //!   with its slope, over the whole way from the surface to ∂Ω. Nothing is asked at the lattice but that the field follows
@@ -55,6 +55,7 @@ mod system;
 
 use std::ops::Deref;
 
+use ivd_core::op::Op as _;
 use ivd_core::{Exec, FieldBricks, Frame, Inner, Lattice, Mask, Motion};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -64,7 +65,7 @@ use super::region::{Region, largest};
 use super::relax::relax;
 use super::settle::Settle;
 use super::{
-    MapParams, Mapped, Moved, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks,
+    BiharmonicParams, Mapped, Moved, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks,
 };
 use crate::Error;
 use crate::certificate::{Certificate, Detail, certify_bricks, touched};
@@ -144,7 +145,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         &mut self,
         motion: &Motion,
         frame: usize,
-        params: &MapParams,
+        params: &BiharmonicParams,
         exec: &Exec,
     ) -> Result<Mapped, Error> {
         self.with_frame(motion, frame, params, exec, |settle, made, exec| {
@@ -164,7 +165,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         &mut self,
         motion: &Motion,
         frame: usize,
-        params: &MapParams,
+        params: &BiharmonicParams,
         exec: &Exec,
     ) -> Result<Moved, Error> {
         if let Some(last) = &mut self.last {
@@ -182,7 +183,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         &mut self,
         motion: &Motion,
         frame: usize,
-        params: &MapParams,
+        params: &BiharmonicParams,
         exec: &Exec,
         settled: impl FnOnce(&Settle<'_>, Made, &Exec) -> Result<T, Error> + Send,
     ) -> Result<T, Error> {
@@ -191,7 +192,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let number = frame;
         let frame = frame_of(motion, frame)?;
         check_size(frame)?;
-        if (params.outside == Outside::Free) != self.inside.is_some() {
+        if (params.band.outside == Outside::Free) != self.inside.is_some() {
             return Err(Error::Mismatch {
                 what: "parameters",
                 problem: "they ask for another outside than the lattice was prepared for".into(),
@@ -201,18 +202,24 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         exec.run(|| {
             self.take_inner(&motion.inner);
             let grid = &self.lattice.grid;
-            let region = Region::new(motion, frame, &self.positions, params);
+            let region = Region::new(motion, frame, &self.positions, &params.band, None);
             let bricks = moving_bricks(grid, &region, frame, exec)?;
             if largest(frame) == 0.0 {
                 let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
                 let still = Made { field: all_bricks(grid, &bricks, zeros)?, repairs: 0, solved: None };
-                let settle = Settle { lattice: &self.lattice, alone: None, region: &region, frame, params };
+                let settle = Settle {
+                    lattice: &self.lattice,
+                    alone: None,
+                    region: &region,
+                    frame,
+                    band: &params.band,
+                };
                 return settled(&settle, still, exec);
             }
             let last = self.equations(&region, params.cell, exec)?;
             let inside = self.inside.take();
             let alone = inside.as_ref();
-            let settle = Settle { lattice: &self.lattice, alone, region: &region, frame, params };
+            let settle = Settle { lattice: &self.lattice, alone, region: &region, frame, band: &params.band };
             let inner = motion.inner.frames.get(number).into_iter().flatten();
             let motions = frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
             let (settle, edge) = (&settle, params.cell);
@@ -449,11 +456,11 @@ pub fn biharmonic(
     lattice: &Lattice,
     motion: &Motion,
     frame: usize,
-    params: &MapParams,
+    params: &BiharmonicParams,
     exec: &Exec,
 ) -> Result<Mapped, Error> {
     params.check()?;
-    Biharmonic::new(lattice, params.outside, exec)?.map(motion, frame, params, exec)
+    Biharmonic::new(lattice, params.band.outside, exec)?.map(motion, frame, params, exec)
 }
 
 #[cfg(test)]

@@ -5,17 +5,17 @@ use super::matrix::dot;
 use super::*;
 use crate::fixtures::{middle, sheared_grid, voxels};
 use crate::map::tests::{Scene, ball, dented, scene};
-use crate::map::{DepthWeight, MapMethod};
+use crate::map::{Band, BiharmonicParams, DepthWeight, OctreeParams};
 
 impl Scene {
-    pub(super) fn smooth(&self, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
+    pub(super) fn smooth(&self, params: &BiharmonicParams, exec: &Exec) -> Result<Mapped, Error> {
         biharmonic(&self.lattice, &self.motion, 0, params, exec)
     }
 
     /// The equations of the whole motion.
-    fn system(&self, params: &MapParams) -> (Region, System) {
+    fn system(&self, params: &BiharmonicParams) -> (Region, System) {
         let (grid, positions) = (&self.lattice.grid, self.lattice.local_positions());
-        let region = Region::new(&self.motion, &self.motion.frames[0], &positions, params);
+        let region = Region::new(&self.motion, &self.motion.frames[0], &positions, &params.band, None);
         let voxels: Vec<Vector3<f64>> = (0..positions.len()).map(|i| self.lattice.voxel(i).0).collect();
         let cells = Cells::new(grid, &region, params.cell);
         let places = Places::new(&cells, grid, &region, &voxels);
@@ -27,8 +27,8 @@ impl Scene {
     }
 }
 
-fn smooth() -> MapParams {
-    MapParams { method: MapMethod::Biharmonic, ..MapParams::default() }
+fn smooth() -> BiharmonicParams {
+    BiharmonicParams::default()
 }
 
 /// The largest difference of the forward field from `wanted` (mm, of places relative to the origin) at the voxels that
@@ -175,7 +175,8 @@ fn minimiser_is_that_of_the_plain_dense_equations() {
         [([1.0; 3], [32, 32, 32]), ([1.0, 1.3, 2.0], [24, 20, 9]), ([1.0, 1.0, 5.0], [20, 20, 1])]
     {
         let scene = small(spacing, dims);
-        let params = MapParams { margin_mm: Some(4.0), cell: Some(2), ..smooth() };
+        let params =
+            BiharmonicParams { cell: Some(2), band: Band { margin: Some(4.0), ..smooth().band }, ..smooth() };
         let (region, system) = scene.system(&params);
         let n = system.cells.nodes.free.len();
         assert!((30..2500).contains(&n), "{n} nodes");
@@ -276,7 +277,7 @@ fn twist_shear_and_radial_motions_are_followed_and_taken_back() {
             analytic,
         );
         let octree =
-            bar.map(&MapParams { weight: DepthWeight::One, ..MapParams::default() }, &Exec::default());
+            bar.map(&OctreeParams { weight: DepthWeight::One, ..OctreeParams::default() }, &Exec::default());
         let other = octree.as_ref().map(|m| {
             apart(
                 grid,
@@ -309,7 +310,13 @@ fn nothing_moves_beyond_the_reach_and_its_margin_not_by_a_bit() {
         let push = crate::fixtures::bump(at, radius, Vector3::new(-0.8, 0.3, 0.0) * grid.spacing()[0]);
         let dent = scene(&grid, ball(centre, 7.0 * grid.spacing()[0]), push, &[(at, radius)]);
         let mapped = dent
-            .smooth(&MapParams { margin_mm: Some(3.0), tolerance: 1.0, ..smooth() }, &Exec::default())
+            .smooth(
+                &BiharmonicParams {
+                    band: Band { margin: Some(3.0), tolerance: 1.0, ..smooth().band },
+                    ..smooth()
+                },
+                &Exec::default(),
+            )
             .unwrap();
         assert!(mapped.voxels_moved > 50);
         for v in voxels(&grid) {
@@ -329,7 +336,7 @@ fn last_frames_nodes_are_a_start_that_saves_iterations_and_changes_nothing() {
     let exec = Exec::default();
     // With a margin of its own the second frame has the same equations; without one another Ω.
     for margin_mm in [Some(12.0), None] {
-        let params = MapParams { margin_mm, ..smooth() };
+        let params = BiharmonicParams { band: Band { margin: margin_mm, ..smooth().band }, ..smooth() };
         let mut kept = Biharmonic::new(&dent.lattice, Outside::Band, &exec).unwrap();
         kept.map(&dent.motion, 0, &params, &exec).unwrap();
         let warm = kept.map(&dent.motion, 1, &params, &exec).unwrap();
@@ -350,7 +357,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
     for (scene, outside) in
         [(&dented(1.0, 3.0), Outside::Band), (&folding, Outside::Band), (&dented(1.0, 3.0), Outside::Free)]
     {
-        let params = MapParams { outside, tolerance: 1.0, ..smooth() };
+        let params = BiharmonicParams { band: Band { outside, tolerance: 1.0, ..smooth().band }, ..smooth() };
         let one = scene.smooth(&params, &Exec::default().with_threads(1)).unwrap();
         assert_eq!(one, scene.smooth(&params, &Exec::default().with_threads(8)).unwrap());
     }
@@ -388,7 +395,8 @@ fn handles_outside_two_in_a_cell_and_lattices_of_nothing_do_no_harm() {
     assert!(outside.smooth(&smooth(), &exec).unwrap().displacement.is_identity());
     // A ball that holds no vertex, though some move: nothing can follow.
     let aside = scene(&grid, ball(centre, 8.0), push(top, 0.8), &[(centre, 0.5)]);
-    let params = MapParams { margin_mm: Some(1.0), tolerance: 1.0, ..smooth() };
+    let params =
+        BiharmonicParams { band: Band { margin: Some(1.0), tolerance: 1.0, ..smooth().band }, ..smooth() };
     assert!(aside.smooth(&params, &exec).is_ok());
     let none = scene(&grid, |_| -1.0, |_| Vector3::zeros(), &[(centre, 9.0)]);
     assert!(none.smooth(&smooth(), &exec).unwrap().displacement.is_identity());
@@ -409,7 +417,12 @@ fn one_voxel_one_slice_and_one_row_are_mapped() {
         let push = crate::fixtures::bump(centre, 0.4 * side, Vector3::new(0.02, 0.01, 0.02) * side);
         for moves in [&push as &dyn Fn(Vector3<f64>) -> Vector3<f64>, &|_| Vector3::new(0.3, 0.1, 0.0)] {
             let part = scene(&grid, level, moves, &[(centre, 60.0)]);
-            let mapped = part.smooth(&MapParams { tolerance: 1.0, ..smooth() }, &Exec::default()).unwrap();
+            let mapped = part
+                .smooth(
+                    &BiharmonicParams { band: Band { tolerance: 1.0, ..smooth().band }, ..smooth() },
+                    &Exec::default(),
+                )
+                .unwrap();
             assert!(mapped.min_det_j > 0.0, "{dims:?}");
         }
     }
@@ -420,7 +433,7 @@ fn free_part_moves_alone_and_leaves_background() {
     let grid = Grid::with_spacing([40, 32, 32], [1.0; 3]).unwrap();
     let centre = middle(&grid);
     let whole = scene(&grid, ball(centre, 9.0), |_| Vector3::new(4.0, 0.0, 0.0), &[(centre, 20.0)]);
-    let free = MapParams { outside: Outside::Free, ..smooth() };
+    let free = BiharmonicParams { band: Band { outside: Outside::Free, ..smooth().band }, ..smooth() };
     let mapped = whole.smooth(&free, &Exec::default()).unwrap();
     let inside = |x: i64, v: ivd_core::VoxelIndex| {
         let at = [v.0[0] as i64 + x, v.0[1] as i64, v.0[2] as i64];

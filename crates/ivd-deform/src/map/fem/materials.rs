@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ivd_core::{Labels, Mask, VoxelIndex};
 use nalgebra::Vector3;
 
-use super::super::{MapParams, Outside};
+use super::super::{FemParams, Outside};
 use super::material::Lame;
 
 /// Modulus round a part that moves alone, relative to it.
@@ -24,12 +24,12 @@ pub(super) struct Materials<'a> {
 
 impl<'a> Materials<'a> {
     /// Checked parameters; `labels` on the grid of `inside`.
-    pub(super) fn new(inside: &'a Mask, labels: Option<&'a Labels>, params: &MapParams) -> Self {
+    pub(super) fn new(inside: &'a Mask, labels: Option<&'a Labels>, params: &FemParams) -> Self {
         // The layer in which a part that moves alone goes on is to follow it.
-        let alone = params.outside == Outside::Free;
+        let alone = params.band.outside == Outside::Free;
         let filler = if alone { params.filler.min(FREE) } else { params.filler };
         let outside = Lame::new(filler, params.poisson);
-        let classes = params.classes.iter().map(|(class, own)| {
+        let classes = params.material.iter().map(|(class, own)| {
             let poisson = own.poisson.unwrap_or(params.poisson);
             let of = |plain| Lame::new(own.young.unwrap_or(plain), poisson);
             (*class, [of(1.0), if alone { outside } else { of(filler) }])

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! - `W` is the compressible neo-Hookean energy of [`material`], so that turns cost nothing. `E` is 1 inside the lattice and
-//!   [`MapParams::filler`] outside, or what [`MapParams::classes`] say of a voxel's class; only ratios matter.
-//! - Elements are hexahedra on the cells of a 2:1 balanced octree, finest ([`MapParams::cell`] voxels) round the vertices and at
+//!   [`FemParams::filler`] outside, or what [`FemParams::material`] say of a voxel's class; only ratios matter.
+//! - Elements are hexahedra on the cells of a 2:1 balanced octree, finest ([`FemParams::cell`] voxels) round the vertices and at
 //!   borders between materials, at most a quarter of the margin long elsewhere; with eight Gauss points, Lamé's constants at each
 //!   the mean over its octant. Nodes that hang on a coarser cell take its values, so that the field is continuous.
 //! - Cells that aren't wholly in Ω (in one of its balls) are left out, and their nodes held at 0: beyond Ω nothing moves, bit
@@ -37,6 +37,7 @@ mod newton;
 mod system;
 mod tree;
 
+use ivd_core::op::Op as _;
 use ivd_core::{Exec, FieldBricks, Frame, Grid, Labels, Lattice, Mask, Motion, NO_DATA, VoxelCoord};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -46,7 +47,7 @@ use super::outcome::Solved;
 use super::region::{Region, largest};
 use super::settle::Settle;
 use super::{
-    MapParams, Mapped, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks, sampled,
+    FemParams, Mapped, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks, sampled,
 };
 use crate::Error;
 use crate::mass_spring::classes;
@@ -70,7 +71,7 @@ const FOLLOWED: f64 = 1e-3;
 
 /// Maps frame `frame` of a motion by the equilibrium of elastic matter in which the lattice moves.
 ///
-/// - `labels`: on the lattice's grid, for [`MapParams::classes`].
+/// - `labels`: on the lattice's grid, for [`FemParams::material`].
 ///
 /// # Errors
 /// Inputs that don't belong together; material by class without labels; parameters out of their domain; a lattice that isn't closed; [`Error::Folded`] or
@@ -81,16 +82,16 @@ pub fn fem(
     labels: Option<&Labels>,
     motion: &Motion,
     frame: usize,
-    params: &MapParams,
+    params: &FemParams,
     exec: &Exec,
 ) -> Result<Mapped, Error> {
     params.check()?;
     check_inputs(lattice, motion)?;
     labels.map_or(Ok(()), |labels| classes::check(lattice, labels))?;
-    let labels = labels.filter(|_| !params.classes.is_empty());
-    if labels.is_none() && !params.classes.is_empty() {
+    let labels = labels.filter(|_| !params.material.is_empty());
+    if labels.is_none() && !params.material.is_empty() {
         return Err(Error::Mismatch {
-            what: "classes",
+            what: "material",
             problem: "there are no labels to know them by".into(),
             remedy: "give labels, or no material by class",
         });
@@ -103,12 +104,12 @@ pub fn fem(
 }
 
 /// A material for a class that there isn't is a mistake; 0 is no data, which any labels may have.
-fn known(labels: &Labels, params: &MapParams) -> Result<(), Error> {
+fn known(labels: &Labels, params: &FemParams) -> Result<(), Error> {
     let there = |id: u16| id == NO_DATA || labels.classes().iter().any(|class| class.id == id);
-    match params.classes.keys().find(|id| !there(**id)) {
+    match params.material.keys().find(|id| !there(**id)) {
         None => Ok(()),
         Some(id) => Err(Error::Mismatch {
-            what: "classes",
+            what: "material",
             problem: format!("there is no class {id} among the labels"),
             remedy: "name a class that the labels have; `ivd info` lists them",
         }),
@@ -121,13 +122,13 @@ fn map_frame(
     inside: &Mask,
     motion: &Motion,
     frame: &Frame,
-    params: &MapParams,
+    params: &FemParams,
     exec: &Exec,
 ) -> Result<Mapped, Error> {
-    let region = Region::new(motion, frame, &lattice.local_positions(), params);
+    let region = Region::new(motion, frame, &lattice.local_positions(), &params.band, None);
     let bricks = moving_bricks(&lattice.grid, &region, frame, exec)?;
-    let alone = (params.outside == Outside::Free).then_some(inside);
-    let settle = Settle { lattice, alone, region: &region, frame, params };
+    let alone = (params.band.outside == Outside::Free).then_some(inside);
+    let settle = Settle { lattice, alone, region: &region, frame, band: &params.band };
     if largest(frame) == 0.0 {
         let still = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
         return settle.settle(all_bricks(&lattice.grid, &bricks, still)?, exec);

@@ -6,16 +6,16 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use super::*;
 use crate::fixtures::{middle, sheared_grid, voxels};
 use crate::map::tests::{Scene, ball, scene};
-use crate::map::{Elastic, MapMethod};
+use crate::map::{Band, Elastic, FemParams};
 
 impl Scene {
-    pub(in crate::map) fn elastic(&self, params: &MapParams, exec: &Exec) -> Result<Mapped, Error> {
+    pub(in crate::map) fn elastic(&self, params: &FemParams, exec: &Exec) -> Result<Mapped, Error> {
         fem(&self.lattice, None, &self.motion, 0, params, exec)
     }
 }
 
-fn elastic() -> MapParams {
-    MapParams { method: MapMethod::Fem, ..MapParams::default() }
+fn elastic() -> FemParams {
+    FemParams::default()
 }
 
 /// Largest and root mean square difference from `wanted` at the voxels that `within` takes (voxels).
@@ -69,7 +69,7 @@ fn pushed(grid: &Grid, size: f64, much: f64) -> (Scene, Vector3<f64>) {
 fn a_push_is_followed_moves_nothing_beyond_its_reach_and_is_the_same_for_any_number_of_threads() {
     let grid = Grid::with_spacing([36, 36, 36], [1.0; 3]).unwrap();
     let (all, top) = pushed(&grid, 10.0, 2.0);
-    let params = MapParams { cell: Some(2), ..elastic() };
+    let params = FemParams { cell: Some(2), ..elastic() };
     let run = |threads| all.elastic(&params, &Exec::default().with_threads(threads)).unwrap();
     let mapped = run(1);
     assert_eq!(mapped.displacement, run(2).displacement);
@@ -93,7 +93,7 @@ fn a_stretch_of_the_lattice_is_that_of_its_inside() {
         Vector3::new(d.x * (1.0 / f64::sqrt(1.15) - 1.0), d.y * (1.0 / f64::sqrt(1.15) - 1.0), 0.15 * d.z)
     };
     let all = scene(&grid, ball(centre, 9.0), moves, &[(centre, 11.0)]);
-    let mapped = all.elastic(&MapParams { cell: Some(2), ..elastic() }, &Exec::default()).unwrap();
+    let mapped = all.elastic(&FemParams { cell: Some(2), ..elastic() }, &Exec::default()).unwrap();
     let (most, _) = apart(&grid, &mapped, |p| (p - centre).norm() < 8.0, moves);
     // A twentieth of a cell's edge, of the 1.35 voxels that the poles move.
     assert!(most < 0.1, "{most} voxels");
@@ -121,9 +121,9 @@ fn class_three(grid: &Grid, within: impl Fn(Vector3<f64>) -> bool) -> Labels {
     Labels::new(grid.clone(), ids.into(), vec![class]).unwrap()
 }
 
-fn made_of(young: f64, poisson: f64) -> MapParams {
+fn made_of(young: f64, poisson: f64) -> FemParams {
     let own = Elastic { young: Some(young), poisson: Some(poisson) };
-    MapParams { cell: Some(2), classes: [(3, own)].into(), ..elastic() }
+    FemParams { cell: Some(2), material: [(3, own)].into(), ..elastic() }
 }
 
 /// How far the motion of the voxels `within` is from turning and shifting them (voxels of 1 mm, root mean square).
@@ -152,8 +152,8 @@ fn a_hard_core_moves_as_one_and_a_class_like_the_rest_changes_nothing() {
     let core = |p: Vector3<f64>| (p - near).norm() < 3.0;
     let labels = class_three(&grid, core);
     let exec = Exec::default();
-    let run = |params: &MapParams| fem(&all.lattice, Some(&labels), &all.motion, 0, params, &exec).unwrap();
-    let plain = all.elastic(&MapParams { cell: Some(2), ..elastic() }, &exec).unwrap();
+    let run = |params: &FemParams| fem(&all.lattice, Some(&labels), &all.motion, 0, params, &exec).unwrap();
+    let plain = all.elastic(&FemParams { cell: Some(2), ..elastic() }, &exec).unwrap();
     assert_eq!(run(&made_of(1.0, 0.4)).displacement, plain.displacement);
     let inner = |p: Vector3<f64>| (p - near).norm() < 2.5;
     let bends = [0.01, 1.0, 10.0, 1000.0].map(|young| bent(&run(&made_of(young, 0.3)), &grid, inner));
@@ -186,10 +186,13 @@ fn borders_of_materials_are_in_the_finest_cells() {
     let core = |p: Vector3<f64>| (p - near).norm() < 2.6;
     let labels = class_three(&grid, core);
     let run = |young| {
-        let params = MapParams { margin_mm: Some(16.0), ..made_of(young, 0.4) };
+        let params = FemParams {
+            band: Band { margin: Some(16.0), ..made_of(young, 0.4).band },
+            ..made_of(young, 0.4)
+        };
         fem(&all.lattice, Some(&labels), &all.motion, 0, &params, &Exec::default()).unwrap()
     };
-    let plain = MapParams { cell: Some(2), margin_mm: Some(16.0), ..elastic() };
+    let plain = FemParams { cell: Some(2), band: Band { margin: Some(16.0), ..elastic().band }, ..elastic() };
     let plain = all.elastic(&plain, &Exec::default()).unwrap();
     let [hard, soft] = [run(1000.0), run(0.01)];
     assert!(hard.solved.unwrap().nodes > plain.solved.unwrap().nodes, "{:?} {:?}", hard.solved, plain.solved);
@@ -203,12 +206,17 @@ fn a_class_without_a_modulus_has_that_of_its_place_and_round_a_free_part_there_i
     let (all, _) = pushed(&grid, 10.0, 2.0);
     let centre = middle(&grid);
     let labels = class_three(&grid, |p| (p - centre).norm() >= 10.5);
-    let run = |params: &MapParams| {
+    let run = |params: &FemParams| {
         fem(&all.lattice, Some(&labels), &all.motion, 0, params, &Exec::default()).unwrap().displacement
     };
     let air = |young, outside| {
         let own = Elastic { young, poisson: Some(0.4) };
-        MapParams { cell: Some(2), classes: [(3, own)].into(), outside, ..elastic() }
+        FemParams {
+            cell: Some(2),
+            material: [(3, own)].into(),
+            band: Band { outside, ..elastic().band },
+            ..elastic()
+        }
     };
     assert_eq!(run(&air(None, Outside::Band)), run(&air(Some(0.01), Outside::Band)));
     assert_ne!(run(&air(None, Outside::Band)), run(&air(Some(1.0), Outside::Band)));
@@ -231,7 +239,7 @@ fn classes_without_labels_and_labels_of_another_grid_are_refused() {
 fn what_cannot_be_is_refused_in_bounded_steps_and_cancelling_is_heard() {
     let grid = Grid::with_spacing([32, 32, 32], [1.0; 3]).unwrap();
     let (all, _) = pushed(&grid, 8.0, 60.0);
-    let params = MapParams { margin_mm: Some(6.0), ..elastic() };
+    let params = FemParams { band: Band { margin: Some(6.0), ..elastic().band }, ..elastic() };
     let error = all.elastic(&params, &Exec::default()).unwrap_err();
     assert_eq!(error.fault(), Fault::Untrusted, "{error}");
     let exec = Exec::default();
@@ -244,7 +252,12 @@ fn what_cannot_be_is_refused_in_bounded_steps_and_cancelling_is_heard() {
 fn parts_that_move_alone_leave_the_rest_in_place_and_stillness_stays() {
     let grid = Grid::with_spacing([32, 32, 32], [1.0; 3]).unwrap();
     let (all, _) = pushed(&grid, 8.0, 1.5);
-    let free = all.elastic(&MapParams { outside: Outside::Free, ..elastic() }, &Exec::default()).unwrap();
+    let free = all
+        .elastic(
+            &FemParams { band: Band { outside: Outside::Free, ..elastic().band }, ..elastic() },
+            &Exec::default(),
+        )
+        .unwrap();
     assert!(free.voxels_vacated > 0 && free.followed.misfit < 0.1, "{:?}", free.followed);
     let (still, _) = pushed(&grid, 8.0, 0.0);
     let still = still.elastic(&elastic(), &Exec::default()).unwrap();

@@ -111,17 +111,3 @@ impl Default for RefineSection {
         }
     }
 }
-
-/// `[octree]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct OctreeSection {
-    /// Edge of a surface leaf (voxels), a power of two from 1 to 64: speed and memory, never the result.
-    pub leaf_size: u32,
-}
-
-impl Default for OctreeSection {
-    fn default() -> Self {
-        Self { leaf_size: ivd_octree::Params::default().leaf_size }
-    }
-}

@@ -1,0 +1,322 @@
+//! The commands of the stages of the list: made from what their methods declare, as the scene's sections are.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::{Arg, ArgAction, ArgMatches, Command};
+use ivd_core::ParamError;
+use ivd_core::op::{Field, Stage, Want, alternatives, fields, kind, map_values, words};
+use ivd_pipeline::params::read_entry;
+use ivd_pipeline::{Section, list};
+use serde_json::{Map, Value as Json};
+
+use crate::commands::stage::{filled, finish, unused};
+use crate::context::Context;
+use crate::exit::Failure;
+use crate::parse::table_of;
+
+/// The commands of all stages of the list.
+pub(crate) fn commands() -> impl Iterator<Item = Command> {
+    list::STAGES.iter().map(|stage| {
+        // What a stage declares is looked up when its own command is asked for.
+        Command::new(stage.name).about(stage.about).defer(|command| match list::stage(command.get_name()) {
+            Some(stage) => with_arguments(command, stage),
+            None => command,
+        })
+    })
+}
+
+/// A field of some methods of a stage.
+struct Flag {
+    name: String,
+    schema: Json,
+    readers: Vec<&'static str>,
+}
+
+impl Flag {
+    fn field(&self) -> Field<'_> {
+        Field { name: &self.name, schema: &self.schema }
+    }
+}
+
+/// The fields of all methods, each once, in the order of their names.
+fn flags(stage: &Stage) -> Vec<Flag> {
+    let mut all: BTreeMap<String, Flag> = BTreeMap::new();
+    for method in stage.methods {
+        for field in fields(&(method.schema)()) {
+            let new =
+                || Flag { name: field.name.to_owned(), schema: field.schema.clone(), readers: Vec::new() };
+            all.entry(field.name.to_owned()).or_insert_with(new).readers.push(method.name);
+        }
+    }
+    all.into_values().collect()
+}
+
+/// Slots that some method has, each once.
+fn slots(stage: &Stage) -> Vec<&'static str> {
+    let mut all: Vec<&'static str> = stage.positional.to_vec();
+    for slot in stage.methods.iter().flat_map(|method| method.slots) {
+        if !all.contains(&slot.name) {
+            all.push(slot.name);
+        }
+    }
+    all
+}
+
+fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
+    for slot in slots(stage) {
+        let file = Arg::new(slot)
+            .value_parser(clap::value_parser!(PathBuf))
+            .help(format!("{} artefact", upper(slot)));
+        command = command.arg(if stage.positional.contains(&slot) {
+            file.value_name(slot.to_uppercase()).required(true)
+        } else {
+            file.long(flag(slot)).value_name("FILE")
+        });
+    }
+    if !stage.selector.is_empty() {
+        let named = |method: &ivd_core::op::Method| {
+            let schema = (method.schema)();
+            let about = schema.get("description").and_then(Json::as_str).unwrap_or("").to_owned();
+            PossibleValue::new(method.name).help(first_sentence(&about).to_owned())
+        };
+        let default = stage.methods.first().map_or("", |method| method.name);
+        let words = PossibleValuesParser::new(stage.methods.iter().map(named));
+        let about = format!("Method; {default} where it isn't given");
+        command =
+            command.arg(Arg::new(stage.selector).long(flag(stage.selector)).value_parser(words).help(about));
+    }
+    for found in flags(stage) {
+        command = command.args(arguments(stage, &found));
+    }
+    command.arg(
+        Arg::new("output")
+            .short('o')
+            .long("output")
+            .value_name("FILE.ivd")
+            .value_parser(clap::value_parser!(PathBuf))
+            .required(true)
+            .help("Artefact file"),
+    )
+}
+
+/// The flag of a field, and hidden ones for names that it had before.
+fn arguments(stage: &Stage, found: &Flag) -> Vec<Arg> {
+    let field = found.field();
+    let mut arg = Arg::new(found.name.clone()).long(flag(field.name)).help(help(stage, found));
+    let whole = alternatives(field.schema);
+    let is = |wanted: &str| whole.iter().all(|one| kind(one) == wanted);
+    if is("boolean") {
+        arg = arg.num_args(0..=1).default_missing_value("true").value_name("true|false");
+    } else if is("string") && !words(field.schema).is_empty() {
+        let known = words(field.schema)
+            .into_iter()
+            .map(|(word, about)| PossibleValue::new(word.to_owned()).help(first_sentence(about).to_owned()));
+        arg = arg.value_parser(PossibleValuesParser::new(known));
+    } else {
+        arg = arg.value_name(form(field)).allow_hyphen_values(!is("string"));
+    }
+    arg = arg.action(if repeats(field) { ArgAction::Append } else { ArgAction::Set });
+    let old = |alias: &str| {
+        let name = alias.trim_start_matches('!');
+        arg.clone().id(alias.to_owned()).long(flag(name)).hide(true)
+    };
+    let mut all: Vec<Arg> = field.aliases().map(old).collect();
+    all.insert(0, arg);
+    all
+}
+
+/// Whether a flag may be given several times: a list of things, a map.
+fn repeats(field: Field<'_>) -> bool {
+    let is_map = map_values(field.schema).is_some();
+    is_map || (kind(field.schema) == "array" && field.schema.get("maxItems").is_none())
+}
+
+/// What is written for a value.
+fn form(field: Field<'_>) -> String {
+    let unit = match field.unit() {
+        "" | "1" => None,
+        unit => Some(unit),
+    };
+    let one = alternatives(field.schema);
+    let Some(schema) = one.first() else { return "VALUE".to_owned() };
+    if map_values(schema).is_some() && schema.get("properties").is_none() {
+        return "CLASS=key:value,…".to_owned();
+    }
+    match kind(schema) {
+        "array" => {
+            let count = schema.get("maxItems").and_then(Json::as_u64).unwrap_or(0);
+            let object = schema
+                .get("items")
+                .is_some_and(|items| alternatives(items).iter().all(|one| kind(one) == "object"));
+            match count {
+                2 => "a,b".to_owned(),
+                3 => "x,y,z".to_owned(),
+                4 => "r,g,b,a".to_owned(),
+                _ if object => "key=value;…".to_owned(),
+                _ => "N,N…".to_owned(),
+            }
+        }
+        "object" => "key=value;…".to_owned(),
+        _ if one.len() > 1 => {
+            field.domain().replace(" | ", "|").split(' ').next().unwrap_or("VALUE").to_owned()
+        }
+        _ => unit.unwrap_or("N").to_owned(),
+    }
+}
+
+/// What a flag's help says: the field's own doc, what it may be, what it is where it isn't given.
+fn help(stage: &Stage, found: &Flag) -> String {
+    let field = found.field();
+    let whose = if found.readers.len() < stage.methods.len() {
+        format!("{}: ", found.readers.join(", "))
+    } else {
+        String::new()
+    };
+    let mut text = format!("{whose}{}", field.about().trim_end_matches('.').replace('\n', " "));
+    let domain = field.domain();
+    if words(field.schema).is_empty() && !domain.is_empty() {
+        text = format!("{text} [{domain}]");
+    }
+    match field.default() {
+        Some(Json::Null) | None => text,
+        Some(Json::Array(list)) if list.is_empty() => text,
+        Some(Json::Object(map)) if map.is_empty() => text,
+        Some(default) => {
+            let default = default.as_str().map_or_else(|| default.to_string(), str::to_owned);
+            format!("{text} [default: {default}]")
+        }
+    }
+}
+
+fn first_sentence(text: &str) -> &str {
+    text.split_once(". ").map_or(text, |(first, _)| first).trim_end_matches('.')
+}
+
+fn upper(slot: &str) -> String {
+    let mut letters = slot.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// The flag of a key.
+fn flag(key: &str) -> String {
+    key.replace('_', "-")
+}
+
+/// Runs a stage as its command asks for it.
+pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<()> {
+    let section = section(stage, matches, context)?;
+    let path = |name: &str| matches.get_one::<PathBuf>(name).map(PathBuf::as_path);
+    let reads = |slot: &str| {
+        section.method().slots.iter().any(|own| own.name == slot) && section.wants(slot) != Want::No
+    };
+    let (mut files, mut unread): (Vec<(&'static str, Option<&Path>)>, Vec<_>) = (Vec::new(), Vec::new());
+    for slot in slots(stage) {
+        if reads(slot) { files.push((slot, path(slot))) } else { unread.push((slot, path(slot))) }
+    }
+    for (slot, file) in unread {
+        unused(stage, slot, file, context)?;
+    }
+    if let Some(nothing) = section.job().idle() {
+        return Err(Failure::usage(format!("{}: {nothing}", stage.name)));
+    }
+    let cache = context.stage_cache()?;
+    let inputs = filled(&files, &cache, context)?;
+    let done = context.run(&cache, &section, &inputs)?;
+    let output = path("output").ok_or_else(|| Failure::usage("-o FILE is missing"))?;
+    finish(done, output, context)
+}
+
+/// The parameters from the file of `--params` with the command line's own on top.
+fn section(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<Section> {
+    let file = context.global.params.as_deref();
+    let mut keys = file.map(table_of).transpose()?.unwrap_or_default();
+    let typed = typed(stage, matches)?;
+    for (key, value) in typed.clone() {
+        add(&mut keys, key, value);
+    }
+    Section::parse(stage, Some(keys)).map_err(|problem| {
+        let first = problem.field.split('.').next().unwrap_or("");
+        Failure::usage(match file {
+            _ if typed.contains_key(first) => told(&problem),
+            Some(file) => format!("--params {}: {}", file.display(), problem.told_of(stage.name)),
+            None => problem.told_of(stage.name),
+        })
+    })
+}
+
+/// A problem of a flag.
+fn told(problem: &ParamError) -> String {
+    let (first, rest) = problem.field.split_once('.').unwrap_or((&problem.field, ""));
+    let inner = ParamError { field: rest.to_owned(), ..problem.clone() };
+    let flag = format!("--{}", flag(first));
+    if rest.is_empty() { inner.told_of(&flag) } else { format!("{flag}: {}", inner.told_of("")) }
+}
+
+/// The keys that flags were given for.
+fn typed(stage: &'static Stage, matches: &ArgMatches) -> anyhow::Result<Map<String, Json>> {
+    let mut keys = Map::new();
+    if !stage.selector.is_empty()
+        && let Some(word) = matches.get_one::<String>(stage.selector)
+    {
+        keys.insert(stage.selector.to_owned(), Json::String(word.clone()));
+    }
+    for found in flags(stage) {
+        let field = found.field();
+        for name in std::iter::once(field.name).chain(field.aliases()) {
+            let mut value = None;
+            for text in matches.get_many::<String>(name).into_iter().flatten() {
+                let read = read_entry(value, field, text)
+                    .map_err(|e| Failure::usage(told(&e.under(name.trim_start_matches('!')))))?;
+                value = Some(read);
+            }
+            if let Some(value) = value {
+                keys.insert(name.trim_start_matches('!').to_owned(), value);
+            }
+        }
+    }
+    Ok(keys)
+}
+
+/// Puts a flag's value over that of the file: things and classes are added to those that the file has.
+fn add(keys: &mut Map<String, Json>, key: String, value: Json) {
+    let is_things = |list: &[Json]| list.iter().all(Json::is_object);
+    match (keys.get_mut(&key), value) {
+        (Some(Json::Array(list)), Json::Array(more)) if is_things(&more) && is_things(list) => {
+            list.extend(more)
+        }
+        (Some(Json::Object(map)), Json::Object(more)) => map.extend(more),
+        (_, value) => {
+            keys.insert(key, value);
+        }
+    }
+}
+
+/// The words of a command line, with `true` written behind flags that are given without a value.
+pub(crate) fn with_truths(words: impl Iterator<Item = std::ffi::OsString>) -> Vec<std::ffi::OsString> {
+    let words: Vec<_> = words.collect();
+    let Some(stage) = words.iter().skip(1).find_map(|word| list::stage(word.to_str()?)) else { return words };
+    let truths: Vec<String> = flags(stage)
+        .iter()
+        .filter(|found| alternatives(&found.schema).iter().all(|one| kind(one) == "boolean"))
+        .flat_map(|found| {
+            let field = found.field();
+            std::iter::once(field.name)
+                .chain(field.aliases())
+                .map(|name| format!("--{}", flag(name.trim_start_matches('!'))))
+                .collect::<Vec<_>>()
+        })
+        .collect();
+    let mut all = Vec::with_capacity(words.len());
+    let mut rest = words.into_iter().peekable();
+    while let Some(word) = rest.next() {
+        let is_bare = word.to_str().is_some_and(|word| truths.iter().any(|flag| flag == word));
+        let has_value = rest.peek().is_some_and(|next| next == "true" || next == "false");
+        all.push(word);
+        if is_bare && !has_value {
+            all.push("true".into());
+        }
+    }
+    all
+}

@@ -1,0 +1,220 @@
+//! What must hold of every field of every method.
+
+use ivd_core::op::{Field, Method, Stage, alternatives, check, fields, kind, map_values};
+use serde_json::{Map, Value as Json, json};
+
+use super::STAGES;
+use crate::{Section, Stage as _};
+
+fn methods() -> impl Iterator<Item = (&'static Stage, &'static Method)> {
+    STAGES.iter().flat_map(|stage| stage.methods.iter().map(move |method| (*stage, method)))
+}
+
+/// Calls with every field of parameters and figures, and of what lies inside them: its place and itself.
+fn each_field(schema: &Json, place: &str, visit: &mut impl FnMut(&str, Field<'_>)) {
+    for one in alternatives(schema) {
+        for field in fields(one) {
+            let place = format!("{place}.{}", field.name);
+            // The word that tells several objects apart says what it means where it stands.
+            if field.schema.get("const").is_none() {
+                visit(&place, field);
+            }
+            each_field(field.schema, &place, visit);
+        }
+        for inner in [map_values(one), one.get("items")].into_iter().flatten() {
+            each_field(inner, place, visit);
+        }
+    }
+}
+
+fn all_fields(visit: &mut impl FnMut(&str, Field<'_>)) {
+    for (stage, method) in methods() {
+        let place = format!("{}.{}", stage.name, method.name);
+        each_field(&(method.schema)(), &place, visit);
+        each_field(&(method.figures)(), &format!("{place} figures"), visit);
+    }
+}
+
+#[test]
+fn every_field_is_documented_beyond_its_name() {
+    all_fields(&mut |place, field| {
+        let plain = |text: &str| text.to_lowercase().replace(|c: char| !c.is_alphanumeric(), "");
+        let (about, name) = (plain(field.about()), plain(field.name));
+        assert!(about.len() > 3 && about != name, "{place}: {}", field.about());
+    });
+    for (stage, method) in methods() {
+        let about = (method.schema)()["description"].as_str().map_or(0, str::len);
+        assert!(about > 10 && stage.about.len() > 10, "{} {}", stage.name, method.name);
+    }
+}
+
+#[test]
+fn every_number_has_a_unit() {
+    all_fields(&mut |place, field| {
+        let numbers = |schema: &Json| {
+            let is_number = |one: &&Json| matches!(kind(one), "number" | "integer");
+            let items =
+                |one: &&Json| one.get("items").is_some_and(|items| alternatives(items).iter().any(is_number));
+            alternatives(schema).iter().any(|one| is_number(one) || items(one))
+        };
+        assert!(!numbers(field.schema) || !field.unit().is_empty(), "{place} has no unit");
+    });
+}
+
+#[test]
+fn every_default_lies_in_its_range() {
+    for (stage, method) in methods() {
+        for field in fields(&(method.schema)()) {
+            let mut default = field
+                .default()
+                .cloned()
+                .unwrap_or_else(|| panic!("{}.{} has no default", stage.name, field.name));
+            let fits = check(&mut default, field.schema);
+            assert_eq!(fits, Ok(()), "{}.{}.{}", stage.name, method.name, field.name);
+        }
+        Section::parse(stage, Some(chosen(stage, method))).unwrap();
+    }
+}
+
+/// The keys that choose a method and say nothing else.
+fn chosen(stage: &Stage, method: &Method) -> Map<String, Json> {
+    let mut keys = Map::new();
+    if !stage.selector.is_empty() {
+        keys.insert(stage.selector.to_owned(), json!(method.name));
+    }
+    keys
+}
+
+/// A value that a field may have, and that isn't its default.
+fn other(field: Field<'_>) -> Option<Json> {
+    let tried = alternatives(field.schema).into_iter().flat_map(|one| samples(one)).collect::<Vec<_>>();
+    tried.into_iter().find(|value| {
+        let mut value = value.clone();
+        check(&mut value, field.schema).is_ok() && Some(&value) != field.default()
+    })
+}
+
+fn samples(schema: &Json) -> Vec<Json> {
+    let numbers =
+        || [1, 2, 3, 8, 40].into_iter().map(Json::from).chain([0.25, 0.001, 12.5, 140.5].map(Json::from));
+    if let Some(word) = schema.get("const") {
+        return vec![word.clone()];
+    }
+    match kind(schema) {
+        "number" | "integer" => numbers().collect(),
+        "boolean" => vec![json!(true), json!(false)],
+        "string" => {
+            let words = ivd_core::op::words(schema);
+            if words.is_empty() {
+                vec![json!("a")]
+            } else {
+                words.into_iter().map(|(word, _)| json!(word)).collect()
+            }
+        }
+        "array" => {
+            let count = schema.get("minItems").and_then(Json::as_u64).unwrap_or(1).max(1) as usize;
+            let items =
+                schema.get("items").map(|items| alternatives(items).into_iter().flat_map(samples).collect());
+            let items: Vec<Json> = items.unwrap_or_default();
+            items.into_iter().map(|item| Json::Array(vec![item; count])).collect()
+        }
+        "object" => match map_values(schema) {
+            Some(values) if schema.get("properties").is_none() => {
+                samples(values).into_iter().map(|value| json!({ "3": value })).collect()
+            }
+            _ => {
+                let full = fields(schema).filter_map(|field| Some((field.name.to_owned(), other(field)?)));
+                vec![Json::Object(full.collect())]
+            }
+        },
+        _ => Vec::new(),
+    }
+}
+
+#[test]
+fn what_is_parsed_is_written_as_it_was_read_and_read_again_the_same() {
+    for (stage, method) in methods() {
+        for field in fields(&(method.schema)()) {
+            let mut keys = chosen(stage, method);
+            let value =
+                other(field).unwrap_or_else(|| panic!("{}.{}: nothing to try", stage.name, field.name));
+            keys.insert(field.name.to_owned(), value);
+            let Ok(first) = Section::parse(stage, Some(keys)) else { continue };
+            let Json::Object(canonical) = first.params() else { panic!("parameters are an object") };
+            let again = Section::parse(stage, Some(canonical)).unwrap();
+            assert_eq!(first.params(), again.params(), "{}.{}.{}", stage.name, method.name, field.name);
+        }
+    }
+}
+
+#[test]
+fn whatever_says_what_the_result_is_changes_the_cache_key() {
+    for (stage, method) in methods() {
+        let plain = Section::parse(stage, Some(chosen(stage, method))).unwrap();
+        for field in fields(&(method.schema)()) {
+            let mut keys = chosen(stage, method);
+            keys.insert(field.name.to_owned(), other(field).unwrap());
+            let Ok(moved) = Section::parse(stage, Some(keys)) else { continue };
+            let is_same = moved.identity() == plain.identity();
+            assert_eq!(is_same, field.is_how(), "{}.{}.{}", stage.name, method.name, field.name);
+        }
+    }
+}
+
+#[test]
+fn keys_of_nobody_and_of_other_methods_are_refused_by_name() {
+    for (stage, method) in methods() {
+        let mut keys = chosen(stage, method);
+        keys.insert("nobodys_key".to_owned(), json!(1));
+        let refused = Section::parse(stage, Some(keys)).unwrap_err();
+        assert!(refused.field == "nobodys_key" && refused.problem.contains("unknown key"), "{refused:?}");
+        let own = (method.schema)();
+        for owner in stage.methods {
+            for field in
+                fields(&(owner.schema)()).filter(|field| fields(&own).all(|own| own.name != field.name))
+            {
+                let mut keys = chosen(stage, method);
+                keys.insert(field.name.to_owned(), other(field).unwrap());
+                let refused = Section::parse(stage, Some(keys)).unwrap_err();
+                assert_eq!(refused.field, field.name);
+                assert!(refused.remedy.contains(owner.name), "{}: {refused:?}", stage.name);
+                // What says nothing is no mistake.
+                let mut keys = chosen(stage, method);
+                keys.insert(field.name.to_owned(), field.default().unwrap().clone());
+                assert!(Section::parse(stage, Some(keys)).is_ok(), "{}.{}", stage.name, field.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_value_that_does_not_fit_is_refused_by_the_key_that_was_typed() {
+    for (stage, method) in methods() {
+        for field in fields(&(method.schema)()) {
+            let mut keys = chosen(stage, method);
+            keys.insert(field.name.to_owned(), json!({ "no": ["such", "thing"] }));
+            let refused = Section::parse(stage, Some(keys)).unwrap_err();
+            assert_eq!(refused.field.split('.').next(), Some(field.name), "{refused:?}");
+        }
+    }
+}
+
+#[test]
+fn old_names_are_read_and_refused_beside_the_new() {
+    for (stage, method) in methods() {
+        for field in fields(&(method.schema)()) {
+            for alias in field.aliases() {
+                let value = other(field).unwrap();
+                let (old, is_opposite) = (alias.trim_start_matches('!'), alias.starts_with('!'));
+                let written = if is_opposite { json!(value == json!(false)) } else { value.clone() };
+                let mut keys = chosen(stage, method);
+                keys.insert(old.to_owned(), written);
+                let read = Section::parse(stage, Some(keys.clone())).unwrap();
+                assert_eq!(read.params()[field.name], value, "{}.{old}", stage.name);
+                keys.insert(field.name.to_owned(), value);
+                let refused = Section::parse(stage, Some(keys)).unwrap_err();
+                assert_eq!(refused.field, old, "{refused:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,258 @@
+//! The parameters of one stage, read from a scene's section, a file or a command line.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use ivd_core::op::{
+    Job, Method, Op, PlaceKind, Slot, Stage, Values, Want, check, fields, is_default, rename, unknown,
+};
+use ivd_core::{Exec, Kind, ParamError};
+use serde_json::{Map, Value as Json};
+
+use crate::{Error, Inputs, Metrics, Product};
+
+/// A stage with the method that was chosen and its parameters.
+pub struct Section {
+    stage: &'static Stage,
+    method: &'static Method,
+    variant: &'static str,
+    written: Option<Map<String, Json>>,
+    job: Box<dyn Job>,
+}
+
+impl Clone for Section {
+    fn clone(&self) -> Self {
+        let (written, job) = (self.written.clone(), self.job.again());
+        Self { stage: self.stage, method: self.method, variant: self.variant, written, job }
+    }
+}
+
+impl PartialEq for Section {
+    fn eq(&self, other: &Self) -> bool {
+        let same = |a: &Self, b: &Self| (a.stage.name, a.variant) == (b.stage.name, b.variant);
+        same(self, other)
+            && self.written.is_some() == other.written.is_some()
+            && self.object(false) == other.object(false)
+    }
+}
+
+impl fmt::Debug for Section {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} {}", self.stage.name, self.variant, self.object(false))
+    }
+}
+
+impl Section {
+    /// Reads the keys of a section; `None` where a scene hasn't it.
+    ///
+    /// # Errors
+    /// The first key that is unknown, belongs to another method or has a value that doesn't fit, with its place in the section.
+    pub fn parse(stage: &'static Stage, written: Option<Map<String, Json>>) -> Result<Self, ParamError> {
+        Self::parse_over(stage, written, Map::new())
+    }
+
+    /// As [`Section::parse`], with values that hold where the section says nothing.
+    ///
+    /// # Errors
+    /// As [`Section::parse`].
+    pub fn parse_over(
+        stage: &'static Stage,
+        written: Option<Map<String, Json>>,
+        adopted: Map<String, Json>,
+    ) -> Result<Self, ParamError> {
+        let mut keys = written.clone().unwrap_or_default();
+        let method = choose(stage, &mut keys)?;
+        let schema = (method.schema)();
+        rename(&mut keys, &schema)?;
+        drop_foreign_defaults(stage, method, &schema, &mut keys)?;
+        for (key, value) in
+            adopted.into_iter().filter(|(key, _)| fields(&schema).any(|field| field.name == *key))
+        {
+            keys.entry(key).or_insert(value);
+        }
+        let mut keys = Json::Object(keys);
+        check(&mut keys, &schema)?;
+        let job = (method.parse)(keys).map_err(|e| ParamError::at_itself(e, "give what the schema says"))?;
+        job.check()?;
+        Ok(Self { stage, method, variant: "", written, job })
+    }
+
+    /// As [`Section::parse`], in a scene, of which `given` tells what is written under a section's key: fields that take the value
+    /// of another section's key where they aren't given themselves do so, if it is one that they may have.
+    ///
+    /// # Errors
+    /// As [`Section::parse`].
+    pub fn parse_adopting<'a>(
+        stage: &'static Stage,
+        written: Option<Map<String, Json>>,
+        given: impl Fn(&str, &str) -> Option<&'a Json>,
+    ) -> Result<Self, ParamError> {
+        let mut adopted = Map::new();
+        for method in stage.methods {
+            let schema = (method.schema)();
+            for field in fields(&schema) {
+                let Some((section, key)) = field.from() else { continue };
+                let kept_from_it = field.unless().is_some_and(|(section, key)| given(section, key).is_some());
+                let value = given(section, key).filter(|_| !kept_from_it).cloned();
+                if let Some(mut value) = value
+                    && check(&mut value, field.schema).is_ok()
+                {
+                    adopted.insert(field.name.to_owned(), value);
+                }
+            }
+        }
+        Self::parse_over(stage, written, adopted)
+    }
+
+    /// The stage.
+    pub fn stage(&self) -> &'static Stage {
+        self.stage
+    }
+
+    /// The method that was chosen.
+    pub fn method(&self) -> &'static Method {
+        self.method
+    }
+
+    /// The keys as they were written; `None` where the scene has no such section.
+    pub fn written(&self) -> Option<&Map<String, Json>> {
+        self.written.as_ref()
+    }
+
+    /// The job.
+    pub fn job(&self) -> &dyn Job {
+        self.job.as_ref()
+    }
+
+    /// The parameters, where the method is the one asked for.
+    pub fn get<O: Op>(&self) -> Option<&O> {
+        self.job.as_any().downcast_ref()
+    }
+
+    /// Whether the job has a use for a slot.
+    pub fn wants(&self, slot: &str) -> Want {
+        self.job.wants(slot)
+    }
+
+    /// The stage at one of its places; `None` where the scene gives that nothing to do.
+    pub fn at(&self, place: &ivd_core::op::Place) -> Option<Self> {
+        let (method, job) = match place.kind {
+            PlaceKind::Own { .. } => (self.method, self.job.again()),
+            PlaceKind::Precursor { method } => (method, self.job.precursor()?),
+            PlaceKind::Fixed { method } => (method, (method.parse)(Json::Object(Map::new())).ok()?),
+        };
+        let written = self.written.clone();
+        Some(Self { stage: self.stage, method, variant: place.variant, written, job })
+    }
+
+    /// The parameters with the word that chooses the method; without those that say how the work is done where it is the key of a
+    /// cache that is asked for.
+    fn object(&self, is_key: bool) -> Json {
+        let mut params = self.job.params();
+        if is_key {
+            let schema = (self.method.schema)();
+            fields(&schema).filter(|field| field.is_how()).for_each(|field| {
+                params.remove(field.name);
+            });
+        }
+        if !self.stage.selector.is_empty() && !self.method.name.is_empty() {
+            params.insert(self.stage.selector.to_owned(), Json::String(self.method.name.to_owned()));
+        }
+        Json::Object(params)
+    }
+}
+
+/// The method that a section chooses, whose key is taken out.
+fn choose(stage: &'static Stage, keys: &mut Map<String, Json>) -> Result<&'static Method, ParamError> {
+    let chosen = if stage.selector.is_empty() { None } else { keys.remove(stage.selector) };
+    let known = || stage.methods.iter().map(|method| method.name);
+    let found = match &chosen {
+        None => stage.methods.first(),
+        Some(Json::String(name)) => stage.methods.iter().find(|method| method.name == name),
+        Some(_) => None,
+    };
+    found.ok_or_else(|| {
+        let word = chosen
+            .map_or_else(String::new, |word| word.as_str().map_or_else(|| word.to_string(), str::to_owned));
+        unknown("word", &word, known()).under(stage.selector)
+    })
+}
+
+/// A key that the method doesn't read is a mistake, whoever wrote it expects something of it; but for one that says what it would say
+/// anyway.
+fn drop_foreign_defaults(
+    stage: &'static Stage,
+    method: &'static Method,
+    schema: &Json,
+    keys: &mut Map<String, Json>,
+) -> Result<(), ParamError> {
+    let foreign: Vec<String> =
+        keys.keys().filter(|key| fields(schema).all(|field| field.name != *key)).cloned().collect();
+    for key in foreign {
+        let (mut readers, mut says_nothing) = (Vec::new(), false);
+        for other in stage.methods {
+            let schema = (other.schema)();
+            if let Some(field) = fields(&schema).find(|field| field.name == key) {
+                readers.push(other.name);
+                says_nothing |= keys.get(&key).is_some_and(|value| is_default(value, field));
+            }
+        }
+        if readers.is_empty() {
+            let own = fields(schema).map(|field| field.name);
+            let selector = Some(stage.selector).filter(|selector| !selector.is_empty());
+            return Err(unknown("key", &key, own.chain(selector)).under(&key));
+        }
+        if !says_nothing {
+            let (problem, remedy) =
+                (format!("{} doesn't read it", method.name), format!("it belongs to {}", readers.join(", ")));
+            return Err(ParamError::at_itself(problem, remedy).under(&key));
+        }
+        keys.remove(&key);
+    }
+    Ok(())
+}
+
+impl crate::Stage for Section {
+    fn name(&self) -> &'static str {
+        self.stage.name
+    }
+
+    fn revision(&self) -> u32 {
+        self.method.revision
+    }
+
+    fn inputs(&self) -> &'static [Slot] {
+        self.method.slots
+    }
+
+    fn output(&self) -> Option<Kind> {
+        self.method.output
+    }
+
+    fn params(&self) -> Json {
+        self.object(false)
+    }
+
+    fn identity(&self) -> Json {
+        self.object(true)
+    }
+
+    fn sources(&self) -> Result<Vec<PathBuf>, Error> {
+        self.job.sources().map_err(|failure| Error::failed(self.stage.name, failure))
+    }
+
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+        let values: Values<'_> =
+            self.method.slots.iter().filter_map(|slot| Some((slot.name, inputs.get(slot.name)?))).collect();
+        let product =
+            self.job.run(&values, exec).map_err(|failure| Error::failed(self.stage.name, failure))?;
+        let schema = (self.method.figures)();
+        let mut metrics = Metrics { figures: product.figures, times: std::collections::BTreeMap::new() };
+        for field in fields(&schema).filter(|field| field.is_time()) {
+            if let Some(time) = metrics.figures.remove(field.name).and_then(|time| time.as_f64()) {
+                metrics.times.insert(field.name.to_owned(), time);
+            }
+        }
+        Ok(Product { artefact: product.artefact, metrics })
+    }
+}
