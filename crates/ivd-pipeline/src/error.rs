@@ -45,6 +45,16 @@ pub enum Error {
     /// A volume that was read in parts isn't what its file's hashes say: what was made from it is thrown away.
     #[error("{0}")]
     Damaged(String),
+    /// A stage's record lacks a figure that something else is decided by.
+    #[error(
+        "{stage}: its figures can't be used: {problem}; its cached result may be another program's: run it with --force {stage}"
+    )]
+    Figures {
+        /// Name of the stage.
+        stage: String,
+        /// What is missing.
+        problem: String,
+    },
     /// A budget of time or error could not be kept.
     #[error("{0}")]
     Budget(String),

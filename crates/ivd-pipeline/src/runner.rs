@@ -9,6 +9,7 @@ use ivd_artefact::{
     Artefact, Cache, CacheKey, ContentHash, Kind, Loaded, Lookup, Opened, Provenance, content_hash,
 };
 use ivd_core::{Backend, Exec, Fault, Faulty};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -87,6 +88,16 @@ impl StageRecord {
         let first = parts.next().and_then(|part| self.metrics.get(part));
         let found = parts.fold(first, |within, part| within?.get(part)).and_then(Value::as_f64);
         found.ok_or_else(|| Error::Figure { stage: self.stage.clone(), figure: name.to_owned() })
+    }
+
+    /// The figures of its work, as the stage's crate declares them.
+    ///
+    /// # Errors
+    /// A figure that is missing or of another type: nothing that is decided by figures may go on without.
+    pub fn figures<F: DeserializeOwned>(&self) -> Result<F, Error> {
+        let figures = Value::Object(self.metrics.figures.clone());
+        serde_json::from_value(figures)
+            .map_err(|problem| Error::Figure { stage: self.stage.clone(), figure: problem.to_string() })
     }
 }
 

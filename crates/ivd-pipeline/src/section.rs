@@ -1,5 +1,6 @@
 //! The parameters of one stage, read from a scene's section, a file or a command line.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -198,9 +199,11 @@ fn drop_foreign_defaults(
             }
         }
         if readers.is_empty() {
-            let own = fields(schema).map(|field| field.name);
+            // Those of the other methods too: it may be one of them that is meant.
+            let all: Vec<Json> = stage.methods.iter().map(|method| (method.schema)()).collect();
+            let known: BTreeSet<&str> = all.iter().flat_map(fields).map(|field| field.name).collect();
             let selector = Some(stage.selector).filter(|selector| !selector.is_empty());
-            return Err(unknown("key", &key, own.chain(selector)).under(&key));
+            return Err(unknown("key", &key, known.into_iter().chain(selector)).under(&key));
         }
         if !says_nothing {
             let (problem, remedy) =

@@ -1,4 +1,3 @@
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -9,7 +8,7 @@ use serde_json::Value as Json;
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
-use super::Scene;
+use super::{Scene, Written};
 use crate::list::STAGES;
 use crate::params::from_toml;
 use crate::{Error, Section};
@@ -93,17 +92,23 @@ pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
         let typed = table.clone().try_into();
         typed.map_err(|e: toml::de::Error| with_suggestion(&in_short(&e.to_string())))?
     };
-    scene.sections = sections(table).map_err(|problem| placed(text, &problem))?;
+    scene.written = as_json(table).map_err(|problem| placed(text, &problem))?;
+    scene.sections = sections(&scene.written).map_err(|problem| placed(text, &problem))?;
     scene.check()?;
     Ok(scene)
 }
 
+/// The sections as JSON.
+fn as_json(table: Table) -> Result<Written, ParamError> {
+    let section = |(name, section): (String, Value)| {
+        let section = from_toml(section).map_err(|problem| problem.under(&name))?;
+        Ok((name, section))
+    };
+    table.into_iter().map(section).collect()
+}
+
 /// The stages of the list, from the sections of a scene.
-fn sections(table: Table) -> Result<Vec<Section>, ParamError> {
-    let mut written = BTreeMap::new();
-    for (name, section) in table {
-        written.insert(name.clone(), from_toml(section).map_err(|problem| problem.under(&name))?);
-    }
+pub(super) fn sections(written: &Written) -> Result<Vec<Section>, ParamError> {
     let given = |section: &str, key: &str| written.get(section)?.get(key);
     let section = |stage: &&'static Stage| {
         let own = match written.get(stage.name) {

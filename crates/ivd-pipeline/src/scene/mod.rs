@@ -8,11 +8,15 @@ mod schema;
 mod sections;
 mod written;
 
-use ivd_core::op::Stage;
+use std::collections::BTreeMap;
+
+use ivd_core::op::{Op, Stage};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::Section;
+use serde_json::{Map, Value as Json};
+
+use crate::{Error, Section};
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
@@ -24,6 +28,14 @@ pub use sections::{
     StepSection, WarpOrder, WarpSection,
 };
 pub use written::triple;
+
+/// Sections by their names.
+pub(crate) type Written = BTreeMap<String, Json>;
+
+/// The name of a stage of the list.
+fn stage_name(stage: &Stage) -> &'static str {
+    crate::list::stage(stage.name).map_or("scene", |stage| stage.name)
+}
 
 /// A scene: every section is optional but `input` and `output`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -70,6 +82,9 @@ pub struct Scene {
     #[serde(default)]
     #[schemars(skip)]
     map: Option<toml::Value>,
+    /// Every section as it is written.
+    #[serde(skip)]
+    pub(crate) written: Written,
     /// The stages of the list, in its order.
     #[serde(skip)]
     pub(crate) sections: Vec<Section>,
@@ -84,6 +99,35 @@ impl Scene {
     /// The section of a stage, or what it is where the scene has none.
     pub fn section(&self, stage: &Stage) -> Option<&Section> {
         self.sections.iter().find(|section| section.stage().name == stage.name)
+    }
+
+    /// The parameters of a stage, where the scene chooses the method that has them.
+    pub fn get<O: Op>(&self, stage: &Stage) -> Option<&O> {
+        self.section(stage)?.get()
+    }
+
+    /// The value in force under a stage's key; `None` where its method has no such key, or nothing is said and that is its default.
+    pub fn param(&self, stage: &Stage, key: &str) -> Option<Json> {
+        self.section(stage)?.job().params().remove(key).filter(|value| !value.is_null())
+    }
+
+    /// Writes keys into a stage's section; `None` takes one out.
+    ///
+    /// # Errors
+    /// A key or a value that the section doesn't take.
+    pub fn set(&mut self, stage: &Stage, keys: &[(&str, Option<Json>)]) -> Result<(), Error> {
+        let section = self.written.entry(stage.name.to_owned()).or_insert_with(|| Json::Object(Map::new()));
+        if let Json::Object(section) = section {
+            for (key, value) in keys {
+                match value {
+                    Some(value) => section.insert((*key).to_owned(), value.clone()),
+                    None => section.remove(*key),
+                };
+            }
+        }
+        self.sections = load::sections(&self.written)
+            .map_err(|problem| Error::usage(stage_name(stage), problem.told_of("")))?;
+        Ok(())
     }
 
     /// Checks what the type system can't: ranges and combinations. The text names section and key.
