@@ -4,23 +4,42 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{Arg, ArgAction, ArgMatches, Command};
+use clap::{Arg, ArgAction, ArgMatches, Command, CommandFactory as _};
 use ivd_core::ParamError;
 use ivd_core::op::{Field, Stage, Want, alternatives, fields, kind, map_values, words};
 use ivd_pipeline::params::read_entry;
 use ivd_pipeline::{Section, list};
 use serde_json::{Map, Value as Json};
 
+use crate::args::Args;
 use crate::commands::stage::{filled, finish, unused};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::parse::table_of;
 
+/// Commands in the order in which help lists them: as data flows, then what looks at results, then the program's own.
+const ORDER: [&str; 24] = [
+    "demo", "pipeline", "import", "phantom", "segment", "atf", "boundary", "lattice", "refine", "octree",
+    "deform", "map", "space", "warp", "combine", "clip", "render", "export", "info", "compare", "bench",
+    "doctor", "schema", "cache",
+];
+
+/// The whole program: the commands of the stages of the list, and the others.
+pub(crate) fn program() -> Command {
+    let program = Args::command().subcommands(commands());
+    let names: Vec<String> = program.get_subcommands().map(|command| command.get_name().to_owned()).collect();
+    names.iter().fold(program, |program, name| {
+        let place = ORDER.iter().position(|known| known == name).unwrap_or(ORDER.len());
+        program.mut_subcommand(name, |command| command.display_order(place))
+    })
+}
+
 /// The commands of all stages of the list.
-pub(crate) fn commands() -> impl Iterator<Item = Command> {
+fn commands() -> impl Iterator<Item = Command> {
     list::STAGES.iter().map(|stage| {
         // What a stage declares is looked up when its own command is asked for.
-        Command::new(stage.name).about(stage.about).defer(|command| match list::stage(command.get_name()) {
+        let about = stage.about.trim_end_matches('.');
+        Command::new(stage.name).about(about).defer(|command| match list::stage(command.get_name()) {
             Some(stage) => with_arguments(command, stage),
             None => command,
         })
@@ -84,8 +103,13 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
         let default = stage.methods.first().map_or("", |method| method.name);
         let words = PossibleValuesParser::new(stage.methods.iter().map(named));
         let about = format!("Method; {default} where it isn't given");
-        command =
-            command.arg(Arg::new(stage.selector).long(flag(stage.selector)).value_parser(words).help(about));
+        command = command.arg(
+            Arg::new(stage.selector)
+                .long(flag(stage.selector))
+                .value_name(stage.selector.to_uppercase())
+                .value_parser(words)
+                .help(about),
+        );
     }
     for found in flags(stage) {
         command = command.args(arguments(stage, &found));
@@ -113,7 +137,7 @@ fn arguments(stage: &Stage, found: &Flag) -> Vec<Arg> {
         let known = words(field.schema)
             .into_iter()
             .map(|(word, about)| PossibleValue::new(word.to_owned()).help(first_sentence(about).to_owned()));
-        arg = arg.value_parser(PossibleValuesParser::new(known));
+        arg = arg.value_name(field.name.to_uppercase()).value_parser(PossibleValuesParser::new(known));
     } else {
         arg = arg.value_name(form(field)).allow_hyphen_values(!is("string"));
     }

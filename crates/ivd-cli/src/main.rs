@@ -13,12 +13,12 @@ mod talk;
 use std::process::ExitCode;
 
 use args::{Args, Global};
-use clap::{CommandFactory as _, FromArgMatches as _};
+use clap::FromArgMatches as _;
 
 fn main() -> ExitCode {
     let words = declared::with_truths(std::env::args_os());
     let json = words.iter().any(|word| word == "--json");
-    match Args::command().subcommands(declared::commands()).try_get_matches_from(words).map(read) {
+    match declared::program().try_get_matches_from(words).map(read) {
         Ok(Ok((global, asked))) => {
             let json = global.json;
             match context::Context::new(&global).and_then(|context| commands::run(asked, &context)) {

@@ -40,7 +40,7 @@ slots! {
 /// What an octree comes to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
-    /// Nodes.
+    /// Nodes, leaves among them.
     #[schemars(extend("x-unit" = "1"))]
     pub nodes: usize,
     /// Nodes without children.

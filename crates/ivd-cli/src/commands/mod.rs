@@ -12,10 +12,9 @@ mod segment;
 pub(crate) mod stage;
 mod volume;
 
-use clap::CommandFactory as _;
 use ivd_core::op::Stage;
 
-use crate::args::{Args, Command};
+use crate::args::Command;
 use crate::context::Context;
 use crate::exit::Failure;
 
@@ -68,7 +67,7 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         Command::Cache { action } => cache::run(action, context),
         Command::Completions { shell } => {
             let mut script = Vec::new();
-            let mut program = Args::command().subcommands(crate::declared::commands());
+            let mut program = crate::declared::program();
             clap_complete::generate(shell, &mut program, "ivd", &mut script);
             let script = String::from_utf8(script).expect("completion scripts are text");
             context.print_verbatim(&serde_json::json!({ "script": script }), || script.clone())

@@ -37,8 +37,11 @@ fn members(section: &Value, schema: &Value, path: &str, found: &mut Map<String, 
         let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
         describe(property, schema, &path, required(key), found);
     }
-    if section["additionalProperties"].is_object() {
-        describe(&section["additionalProperties"], schema, &format!("{path}.*"), false, found);
+    // What goes by class has a key for each, by any name or by a number.
+    let by_pattern = section["patternProperties"].as_object().into_iter().flat_map(|all| all.values());
+    let by_any = Some(&section["additionalProperties"]).filter(|values| values.is_object());
+    for values in by_pattern.chain(by_any) {
+        describe(values, schema, &format!("{path}.*"), false, found);
     }
 }
 
@@ -147,6 +150,8 @@ fn missing(path: &str, old: &Value, now: &Value, found: &mut Vec<String>) {
                 match b.get(key) {
                     // How help calls a value is no name that anyone writes.
                     Some(_) if key == "takes" => {}
+                    // What isn't given had a value that no schema told.
+                    Some(_) if key == "default" && value.is_null() => {}
                     Some(other) => missing(&path, value, other, found),
                     None => found.push(path),
                 }

@@ -40,7 +40,7 @@ fn selector(stage: &Stage) -> Json {
     let words = stage.methods.iter().map(|method| {
         let schema = (method.schema)();
         let about = schema.get("description").cloned().unwrap_or(Json::Null);
-        json!({ "const": method.name, "description": about })
+        json!({ "type": "string", "const": method.name, "description": about })
     });
     let default = stage.methods.first().map_or("", |method| method.name);
     json!({ "description": "Method.", "default": default, "oneOf": words.collect::<Vec<_>>() })
