@@ -45,22 +45,12 @@ pub enum Error {
     /// A volume that was read in parts isn't what its file's hashes say: what was made from it is thrown away.
     #[error("{0}")]
     Damaged(String),
-    /// A stage's record lacks a figure that something else is decided by.
-    #[error(
-        "{stage}: its figures can't be used: {problem}; its cached result may be another program's: run it with --force {stage}"
-    )]
-    Figures {
-        /// Name of the stage.
-        stage: String,
-        /// What is missing.
-        problem: String,
-    },
     /// A budget of time or error could not be kept.
     #[error("{0}")]
     Budget(String),
     /// A figure that a certificate or a choice rests on isn't in a stage's record. Nothing may be taken in its place.
     #[error(
-        "{stage}: there is no number `{figure}` among the figures of its result, so that nothing can be said of it; run it \
+        "{stage}: there is no `{figure}` among the figures of its result, so that nothing can be said of it; run it \
          again with --force {stage}, or without the cache"
     )]
     Figure {

@@ -158,7 +158,9 @@ fn missing(path: &str, old: &Value, now: &Value, found: &mut Vec<String>) {
             }
         }
         (Value::Array(a), Value::Array(b)) => {
-            found.extend(a.iter().filter(|item| !b.contains(item)).map(|item| format!("{path}: {item}")));
+            // Nothing at all can't be written in a scene.
+            let gone = a.iter().filter(|item| !b.contains(item) && **item != "null");
+            found.extend(gone.map(|item| format!("{path}: {item}")));
         }
         (a, b) if a != b => found.push(format!("{path}: {a}, now {b}")),
         _ => {}
