@@ -13,9 +13,8 @@
 
 use std::collections::BTreeMap;
 
-use pathfinding::prelude::{Matrix, kuhn_munkres};
-
 use super::agreement::Confusion;
+use super::assignment::Weights;
 
 /// One, in the fixed-point numbers of Dice: 2¹⁶ of them can be added up in 63 bits, whatever the sign.
 const ONE: u128 = 1 << 40;
@@ -191,13 +190,12 @@ impl Part {
         // Each row gets a column, so rows are the side with fewer classes.
         let row = usize::from(sides[0].len() > sides[1].len());
         let (rows, columns) = (&sides[row], &sides[1 - row]);
-        let mut dice = Matrix::new(rows.len(), columns.len(), 0_i64);
+        let mut dice = Weights::zero(rows.len(), columns.len());
         for pair in &self.0 {
             let place = |classes: &[u32], end| classes.binary_search(&end).expect("a class of this part");
-            dice[(place(rows, pair.ends[row]), place(columns, pair.ends[1 - row]))] = pair.dice;
+            dice.set(place(rows, pair.ends[row]), place(columns, pair.ends[1 - row]), pair.dice);
         }
-        let (_, found) = kuhn_munkres(&dice);
-        let shared = found.into_iter().enumerate().filter(|&place| dice[place] > 0);
+        let shared = dice.best().into_iter().enumerate().filter(|&(r, c)| dice.at(r, c) > 0);
         shared.map(|(r, c)| if row == 0 { [rows[r], columns[c]] } else { [columns[c], rows[r]] }).collect()
     }
 

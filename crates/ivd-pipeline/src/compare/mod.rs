@@ -1,6 +1,7 @@
 //! The error between two artefacts of one kind.
 
 mod agreement;
+mod assignment;
 mod distance;
 mod matching;
 
