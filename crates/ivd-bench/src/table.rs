@@ -1,8 +1,10 @@
+use std::borrow::Cow;
+
 use crate::record::Bench;
 
 /// The points as comma-separated values, a line each, with a line of names.
 pub fn table(bench: &Bench) -> String {
-    let mut writer = csv::Writer::from_writer(Vec::new());
+    let mut text = String::new();
     let names = [
         "stage",
         "input",
@@ -22,8 +24,10 @@ pub fn table(bench: &Bench) -> String {
         "unit",
         "counters",
     ];
-    // Writing to memory doesn't fail.
-    let mut line = |fields: &[String]| writer.write_record(fields).expect("memory takes all");
+    let mut line = |fields: &[String]| {
+        text.push_str(&fields.iter().map(|field| quoted(field)).collect::<Vec<_>>().join(","));
+        text.push('\n');
+    };
     line(&names.map(str::to_owned));
     for stage in &bench.stages {
         for point in &stage.points {
@@ -49,7 +53,16 @@ pub fn table(bench: &Bench) -> String {
             ]);
         }
     }
-    String::from_utf8(writer.into_inner().expect("memory takes all")).expect("text")
+    text
+}
+
+/// A field as RFC 4180 has it: in quotes, its own doubled, where it holds a comma, a quote or the end of a line.
+fn quoted(field: &str) -> Cow<'_, str> {
+    if field.contains([',', '"', '\n', '\r']) {
+        Cow::Owned(format!("\"{}\"", field.replace('"', "\"\"")))
+    } else {
+        Cow::Borrowed(field)
+    }
 }
 
 #[cfg(test)]
@@ -65,5 +78,18 @@ mod tests {
         assert_eq!(lines.len(), 3);
         assert!(lines[0].starts_with("stage,input,task,knobs,default"));
         assert!(lines[2].contains("\"step=2, or so\""));
+    }
+
+    #[test]
+    fn only_fields_that_need_quotes_have_them() {
+        for (field, written) in [
+            ("plain; 1.5", "plain; 1.5"),
+            ("", ""),
+            ("a,b", "\"a,b\""),
+            ("5\"", "\"5\"\"\""),
+            ("a\nb", "\"a\nb\""),
+        ] {
+            assert_eq!(quoted(field), written);
+        }
     }
 }
