@@ -35,6 +35,7 @@ mod labels;
 mod lattice;
 mod mask;
 mod motion;
+pub mod noise;
 mod octree;
 pub mod op;
 mod shown;
