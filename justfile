@@ -65,9 +65,9 @@ fronts:
     cargo run --release -- bench refine-methods solvers map-methods deformation --size 128 --repeats 7 --record fixtures/fronts
     cargo run --release -- bench segment-msvs segment-hvs --size 96 --repeats 3 --record fixtures/fronts
 
-# Kernel benches.
-kernels *args="":
-    cargo bench --workspace {{args}}
+# Times of single kernels: all, or those whose names begin so: `just kernels springs`.
+kernels *names="":
+    cargo run --release -p ivd-bench --example measure -- kernels {{names}}
 
 # The documentation, in a browser.
 doc:

@@ -3,7 +3,7 @@
 
     mixture.py PROGRAM [--volume FILE --type u8 --dims NX,NY,NZ --spacing SX,SY,SZ] [--k 4] [--iterations 30]
 
-PROGRAM is the example `emvs_json` of ivd-segment. Without a volume it makes small ones with numpy. Needs numpy and scikit-learn.
+PROGRAM is the example `measure` of ivd-bench. Without a volume it makes small ones with numpy. Needs numpy and scikit-learn.
 Prints the largest differences of each case; the status is 1 where one is beyond the tolerance.
 """
 import argparse
@@ -71,7 +71,7 @@ def ours(args, path, kind, dims, spacing, shape, begin, added, iterations):
         json.dump(params, file)
         file.flush()
         join = lambda numbers: ",".join(str(n) for n in numbers)
-        command = [args.program, str(path), kind, join(dims), join(spacing), "@" + file.name]
+        command = [args.program, "mixture", str(path), kind, join(dims), join(spacing), "@" + file.name]
         return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 

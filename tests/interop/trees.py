@@ -1,8 +1,8 @@
 """Compares the merge heights of single linkage trees with SciPy's and, where it is installed, Higra's.
 
-    python trees.py --program target/release/examples/hvs_raw [--volume FILE.npy ...] [--size 12]
+    python trees.py --program target/release/examples/measure [--volume FILE.npy ...] [--size 12]
 
-The program is the example `hvs_raw` of ivd-segment. Random integer volumes of several ranges are compared with SciPy's single
+The program is the example `measure` of ivd-bench. Random integer volumes of several ranges are compared with SciPy's single
 linkage of the minimum spanning tree of the grid; the given volumes (integers, z y x) with the weights of SciPy's minimum
 spanning tree, and with Higra's canonical binary partition tree. Equal means: every height, in order. Exits 1 where one isn't.
 """
@@ -28,7 +28,7 @@ def ours(program, volume, folder):
     dims = [str(n) for n in volume.shape[::-1]]
     kind = TYPES[volume.dtype.name]
     subprocess.run(
-        [program, raw, kind, *dims, "--linkage", "single", "--heights", out, "--classes", "1"],
+        [program, "tree", raw, kind, *dims, "--linkage", "single", "--heights", out, "--classes", "1"],
         check=True,
         stdout=subprocess.DEVNULL,
     )

@@ -1,6 +1,6 @@
-"""Implicit steps of masses on springs against other people's: python implicit.py PATH/TO/time_springs [--side N] [--stiffness N/m] [--plot FILE]
+"""Implicit steps of masses on springs against other people's: python implicit.py PATH/TO/measure [--side N] [--stiffness N/m] [--plot FILE]
 
-`cargo build --release -p ivd-deform --example time_springs` makes our side; its head says what the sheet is. A second of it is computed
+`cargo build --release -p ivd-bench --example measure` makes our side; its head says what the sheet is. A second of it is computed
 by our projective descent (implicit Euler, on one thread), by implicit Euler with SciPy (springs linearised once a step, conjugate gradients on a
 matrix whose pattern is made once) and by pypbd (XPBD, on as many threads as it takes), each at several steps a second and several tolerances or
 iterations. What each prepares once (our factored matrix, the others' lists) isn't timed. The error is the root mean square difference from short explicit steps, as a share of the motion's. pypbd has no drag and can't switch
@@ -143,7 +143,7 @@ class Xpbd:
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("time_springs")
+    parser.add_argument("measure")
     parser.add_argument("--side", type=int, default=50)
     parser.add_argument("--stiffness", type=float, default=1.0)
     parser.add_argument("--turns", type=int, default=3)
@@ -163,7 +163,7 @@ def main():
     size = lambda moved: np.sqrt((moved**2).sum(1).mean())
     print(f"{side}² vertices; the truth differs from twice its step by {size(half - truth) / size(truth):.1e} of the motion\n")
 
-    ours = Ours(given.time_springs, side, 1, 1, given.stiffness)
+    ours = Ours(given.measure, side, 1, 1, given.stiffness)
     linear, xpbd = Linearised(rest, edges, length[once], stiffness, middle), Xpbd(rest, edges, stiffness, middle)
 
     def mine(hz, tolerance):

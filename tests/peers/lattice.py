@@ -1,6 +1,6 @@
-"""Extraction against vtkFlyingEdges3D, for time and memory: python lattice.py PATH/TO/ivd PATH/TO/time_method [options]
+"""Extraction against vtkFlyingEdges3D, for time and memory: python lattice.py PATH/TO/ivd PATH/TO/measure [options]
 
-`cargo build --release -p ivd-bench --example time_method` makes our side. Sphere, torus, gyroid and head of `ivd phantom`, and
+`cargo build --release -p ivd-bench --example measure` makes our side. Sphere, torus, gyroid and head of `ivd phantom`, and
 scans that --scan names; two threads each. Both take turns, on the same voxels, which lie in memory; each run cuts a volume
 never seen before, whose bricks are looked at first, and the first of every turn isn't counted. Both are warm: ours is an
 extractor that is given back its last lattice; VTK's is the better, in every turn, of new filters and of one filter that runs
@@ -120,7 +120,7 @@ def main():
         return memory(path, [int(n) for n in shape.split(",")], dtype, float(iso))
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("ivd")
-    parser.add_argument("time_method")
+    parser.add_argument("measure")
     parser.add_argument("--size", type=int, default=256)
     parser.add_argument("--type", default="u8", choices=["u8", "u16", "f32"])
     parser.add_argument("--turns", type=int, default=5)
@@ -142,10 +142,10 @@ def main():
         for shape, iso in (("sphere", 0.5), ("torus", 0.5), ("gyroid", 0.5), ("head", 0.375)):
             if given.only in shape:
                 voxels = phantom(given.ivd, folder, shape, given.size, given.type)
-                rows.append(compare(f"{shape} {given.size}³", voxels, iso * top, given.time_method, folder, given))
+                rows.append(compare(f"{shape} {given.size}³", voxels, iso * top, given.measure, folder, given))
         for file, iso in (words.rsplit("@", 1) for words in given.scan):
             if given.only in file:
-                rows.append(compare(Path(file).name.split(".")[0], scan(file), float(iso), given.time_method, folder, given))
+                rows.append(compare(Path(file).name.split(".")[0], scan(file), float(iso), given.measure, folder, given))
     if given.json:
         given.json.write_text(json.dumps(rows, indent=1))
 

@@ -1,4 +1,4 @@
-"""The plots of clustering in the documentation: python plots.py growth|error PATH/TO/time_method PATH/TO/ivd OUT.svg [--data DIR]
+"""The plots of clustering in the documentation: python plots.py growth|error PATH/TO/measure PATH/TO/ivd OUT.svg [--data DIR]
 
 growth: processor time and peak memory of every method on head phantoms of 64³ to 512³ voxels (u8). error: processor time
 against what is labelled wrongly, of every method at several settings, on a noisy head and the MNI152 average. Prints the
@@ -125,14 +125,14 @@ def save(figure, out):
 def main():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("what", choices=("growth", "error"))
-    arguments.add_argument("time_method")
+    arguments.add_argument("measure")
     arguments.add_argument("ivd")
     arguments.add_argument("out", type=Path)
     arguments.add_argument("--data", type=Path, default=Path(__file__).resolve().parents[3] / "shared" / "data")
     given = arguments.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        ours, program = Ours(given.time_method, folder), Program(given.ivd, folder)
+        ours, program = Ours(given.measure, folder), Program(given.ivd, folder)
         if given.what == "growth":
             growth(ours, program, folder, given.out)
         else:

@@ -1,6 +1,6 @@
-"""Refinement against other simplifiers: python simplify.py PATH/TO/ivd PATH/TO/time_method [options]
+"""Refinement against other simplifiers: python simplify.py PATH/TO/ivd PATH/TO/measure [options]
 
-`cargo build --release -p ivd-bench --example time_method` makes our side. The lattices of torus and gyroid of `ivd phantom`, and
+`cargo build --release -p ivd-bench --example measure` makes our side. The lattices of torus and gyroid of `ivd phantom`, and
 of scans that --scan names, at 50, 25, 10 and 5 % of their triangles by `ivd refine --method collapse --ratio`, meshoptimizer,
 fast-simplification, vtkDecimatePro and pymeshlab's quadric collapse, all given the same mesh. Of those, meshoptimizer and
 vtkDecimatePro keep input vertices as ours does; the other two place new ones.
@@ -10,7 +10,7 @@ the output on the input, to the nearest triangle, in double precision: the large
 Every output is sampled alike. Edges, vertex fans and coincident corners are counted here. "kept" is the share of output vertices
 that are exactly vertices of the mesh that the program was given.
 
-Time: ours is a call in memory (`time_method refine`, two threads; error bounds and the mean error are part of it), the others' is
+Time: ours is a call in memory (`measure method refine`, two threads; error bounds and the mean error are part of it), the others' is
 the call alone, one thread each; --turns in turn for ours, meshoptimizer and fast-simplification, once for the others. Prints a
 Markdown table; ours has its carried bound beside the error, and the exit code is 1 where the bound is below it. Needs numpy,
 scipy, nibabel, vtk, meshoptimizer, fast-simplification and pymeshlab.
@@ -162,7 +162,7 @@ def compare(name, voxels, iso, folder, given):
     cut = ivd(given.ivd, "lattice", folder / "volume.nrrd", "--iso", iso, "-o", folder / "lattice.ivd")
     ivd(given.ivd, "export", folder / "lattice.ivd", "-o", folder / "lattice.ply")
     vertices, triangles = read_ply(folder / "lattice.ply")
-    ours, measured, rows = TimeMethod(given.time_method, folder, voxels), Measured(vertices, triangles, given.samples), []
+    ours, measured, rows = TimeMethod(given.measure, folder, voxels), Measured(vertices, triangles, given.samples), []
     assert cut["metrics"]["triangles"] == len(triangles)
     print(f"| {name} | | given | {len(triangles):,} | | | | | | {plain(defects(vertices, triangles))} | |", flush=True)
     for ratio in given.ratios:
@@ -174,7 +174,7 @@ def compare(name, voxels, iso, folder, given):
         runs = {peer: make(vertices, triangles, ratio) for peer, (make, _) in PEERS.items() if peer in given.peers}
         for turn in range(given.turns):
             found = ours("refine", params, 2)
-            assert found["triangles"] == len(out[1]), "time_method and ivd are not of one build"
+            assert found["triangles"] == len(out[1]), "measure and ivd are not of one build"
             times["ivd"].append(found["times"][1])
             for peer, (run, read, points) in runs.items():
                 quick = PEERS[peer][1]
@@ -217,7 +217,7 @@ def spread(ratios):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("ivd")
-    parser.add_argument("time_method")
+    parser.add_argument("measure")
     parser.add_argument("--size", type=int, default=256)
     parser.add_argument("--phantoms", nargs="*", default=["torus", "gyroid"])
     parser.add_argument("--scan", action="append", default=[], metavar="FILE@ISO", help="a NIfTI file and its isovalue")

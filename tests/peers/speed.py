@@ -1,6 +1,6 @@
-"""Clustering against other people's, for time: python speed.py PATH/TO/time_method [--data DIR] [--rounds N] [--only WORD]
+"""Clustering against other people's, for time: python speed.py PATH/TO/measure [--data DIR] [--rounds N] [--only WORD]
 
-`cargo build --release -p ivd-bench --example time_method` makes our side. Bonsai, a noisy head and the MNI152 average, two
+`cargo build --release -p ivd-bench --example measure` makes our side. Bonsai, a noisy head and the MNI152 average, two
 threads; ours and theirs take turns, each with the same voxels, the same start and the same number of iterations where there
 are iterations. Prints a Markdown table: the other program's median time over ours, wall and processor time, with what was
 found. Needs numpy, nibabel, scikit-learn, opencv-python-headless and higra.
@@ -35,7 +35,7 @@ class Ours:
         path = self.folder / "voxels.raw"
         voxels.ravel(order="F").tofile(path)
         kind = {"uint8": "u8", "uint16": "u16", "float32": "f32"}[str(voxels.dtype)]
-        words = [self.program, method, path, kind, ",".join(map(str, voxels.shape)), json.dumps(params), repeats]
+        words = [self.program, "method", method, path, kind, ",".join(map(str, voxels.shape)), json.dumps(params), repeats]
         done = subprocess.run([*map(str, words), *([str(labels)] if labels else [])], capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(done.stderr)

@@ -1,6 +1,6 @@
-"""Explicit steps of masses on springs against a plain loop that numba compiles: python springs.py PATH/TO/time_springs [options]
+"""Explicit steps of masses on springs against a plain loop that numba compiles: python springs.py PATH/TO/measure [options]
 
-`cargo build --release -p ivd-deform --example time_springs` makes our side; its head says what the sheet is. The loop goes over the
+`cargo build --release -p ivd-bench --example measure` makes our side; its head says what the sheet is. The loop goes over the
 vertices and their neighbours in double precision, on one thread and on two; both programs take turns, --turns times, with the same sheet and
 steps. First the displacements after 1,000 steps are compared. Prints a Markdown table: springs a second of ours over the loop's
 in wall and in processor time, as the median of the turns' ratios with the least and the most. Needs numpy and numba.
@@ -56,7 +56,7 @@ def run(rest, begin, near, length, middle, steps):
 
 class Ours:
     def __init__(self, program, side, steps, threads, *others):
-        words = [program, str(side), str(steps), str(threads), *map(str, others)]
+        words = [program, "springs", str(side), str(steps), str(threads), *map(str, others)]
         self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def __call__(self, asked=""):
@@ -75,7 +75,7 @@ def spread(ratios):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("time_springs")
+    parser.add_argument("measure")
     parser.add_argument("--sides", type=int, nargs="+", default=[50, 100, 200, 400])
     parser.add_argument("--steps", type=int, default=400)
     parser.add_argument("--turns", type=int, default=7)
@@ -83,7 +83,7 @@ def main():
 
     side = 50
     rest, begin, near, length, _ = sheet(side)
-    ours = Ours(given.time_springs, side, 1000, 1)
+    ours = Ours(given.measure, side, 1000, 1)
     apart = np.abs(np.array(ours()["moved"]) - run(rest, begin, near, length, side // 2 * (side + 1), 1000)).max()
     ours.close()
     print(f"after 1,000 steps of {side}² vertices displacements differ by {apart:.1e} mm at most\n")
@@ -95,7 +95,7 @@ def main():
         rest, begin, near, length, springs = sheet(side)
         for threads in (1, 2):
             set_num_threads(threads)
-            ours = Ours(given.time_springs, side, given.steps, threads)
+            ours = Ours(given.measure, side, given.steps, threads)
             turn = lambda: run(rest, begin, near, length, side // 2 * (side + 1), given.steps)
             ours(), turn()
             rows = []

@@ -55,7 +55,7 @@ def write_nrrd(path, voxels):
 
 
 class TimeMethod:
-    """Our side in memory: the example `time_method` of ivd-bench on these voxels."""
+    """Our side in memory: the example `measure` of ivd-bench on these voxels."""
 
     def __init__(self, program, folder, voxels):
         self.program, self.path, self.shape = program, Path(folder) / "voxels.raw", voxels.shape
@@ -64,7 +64,7 @@ class TimeMethod:
 
     def __call__(self, method, params, repeats):
         """Its JSON; `times` is [repeats, 2]: wall and processor time (s)."""
-        words = [self.program, method, self.path, self.kind, ",".join(map(str, self.shape)), json.dumps(params), repeats]
+        words = [self.program, "method", method, self.path, self.kind, ",".join(map(str, self.shape)), json.dumps(params), repeats]
         done = subprocess.run([str(w) for w in words], capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(done.stderr)

@@ -1,6 +1,6 @@
-"""Linear warps through a field against ITK and a plain loop that numba compiles: python warp.py PATH/TO/time_warp [options]
+"""Linear warps through a field against ITK and a plain loop that numba compiles: python warp.py PATH/TO/measure [options]
 
-`cargo build --release -p ivd-deform --example time_warp` makes our side. A volume of --side³ random f32, smoothed, goes through a dense
+`cargo build --release -p ivd-bench --example measure` makes our side. A volume of --side³ random f32, smoothed, goes through a dense
 field of sines of 6 voxels, and through bumps that end within balls of growing radius. Our program, the loop, itk.WarpImageFilter and
 SimpleITK's take turns, --turns times, with the same arrays and threads. First the values are compared, away from the border. Prints two
 Markdown tables: times of the others over ours, as the median of the turns' ratios with the least and the most, and, for the bumps, the
@@ -69,7 +69,7 @@ class Ours:
         self.at = Path(self.folder.name)
         volume.tofile(self.at / "volume.f32")
         field.tofile(self.at / "field.f32")
-        words = [program, self.at, str(len(volume)), str(threads)]
+        words = [program, "warp", self.at, str(len(volume)), str(threads)]
         self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def __call__(self):
@@ -162,7 +162,7 @@ def plot(path, bricks, frames, wholes):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("time_warp")
+    parser.add_argument("measure")
     parser.add_argument("--side", type=int, default=256)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--turns", type=int, default=7)
@@ -172,7 +172,7 @@ def main():
     volume = gaussian_filter(np.random.default_rng(5).random((side,) * 3, np.float32), 1.0)
 
     field = dense(side)
-    ours, rivals = Ours(given.time_warp, volume, field, given.threads), others(volume, field, given.threads)
+    ours, rivals = Ours(given.measure, volume, field, given.threads), others(volume, field, given.threads)
     ours()
     mine = np.fromfile(ours.at / "ours.f32", np.float32).reshape(volume.shape)
     inner, scale = (slice(8, -8),) * 3, np.ptp(volume)
@@ -193,7 +193,7 @@ def main():
     print("|---|---|---|---|---|")
     drawn = []
     for radius in (r for r in RADII if 2 * r < side):
-        ours = Ours(given.time_warp, volume, bump(side, radius), given.threads)
+        ours = Ours(given.measure, volume, bump(side, radius), given.threads)
         ours()
         # The system's clock of processor time ticks in hundredths of a second: many turns together.
         found = [ours() for _ in range(8 * given.turns)]

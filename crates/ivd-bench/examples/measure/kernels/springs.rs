@@ -1,16 +1,17 @@
 //! Speed of masses on springs: explicit steps by size, a drag to its balance, implicit steps.
-#![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark")]
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
 use ivd_deform::mass_spring::{Params, Prepared, Solver};
 use ivd_deform::spring::{Action, Handle, HandleAt};
 
+use super::Kernels;
+use crate::Anything;
+
 const STEPS: u32 = 200;
 
 /// A flat sheet of squares, each halved, vertices 1 mm apart.
-fn sheet(side: usize) -> Lattice {
-    let grid = Grid::with_spacing([side, side, 2], [1.0; 3]).unwrap();
+pub(crate) fn sheet(side: usize) -> Result<Lattice, ivd_core::Error> {
+    let grid = Grid::with_spacing([side, side, 2], [1.0; 3])?;
     let at = |x: usize, y: usize| (x + side * y) as u32;
     let squares = (0..side - 1).flat_map(|y| (0..side - 1).map(move |x| (x, y)));
     let triangles = squares.flat_map(|(x, y)| {
@@ -18,7 +19,7 @@ fn sheet(side: usize) -> Lattice {
         [[a, b, c], [a, c, d]]
     });
     let key = |i: usize| ElementKey::new(grid.dims(), [i % side + 1, i / side + 1, 1], 2);
-    Lattice {
+    Ok(Lattice {
         keys: (0..side * side).map(key).collect(),
         places: vec![[0.0, 0.0, 0.5]; side * side],
         triangles: triangles.collect(),
@@ -27,7 +28,7 @@ fn sheet(side: usize) -> Lattice {
         max_error_mm: 0.0,
         coarser: Vec::new(),
         grid,
-    }
+    })
 }
 
 /// The middle vertex, pulled up by `z` (mm).
@@ -37,11 +38,9 @@ fn lift(side: usize, z: f64, radius: f64) -> [Handle; 1] {
 }
 
 /// Structural springs, ground springs, unit masses and drag: what a plain loop over neighbours would do.
-fn explicit(c: &mut Criterion) {
-    let mut group = c.benchmark_group("explicit steps");
-    group.sample_size(10);
+fn explicit(kernels: &Kernels<'_>) -> Anything<()> {
     for side in [50, 100, 200, 400] {
-        let lattice = sheet(side);
+        let lattice = sheet(side)?;
         let params = Params {
             stiffness: 1.0,
             shear: 0.0,
@@ -54,46 +53,36 @@ fn explicit(c: &mut Criterion) {
             ..Params::default()
         };
         let handles = lift(side, 5.0, 1e4);
-        let springs = (side * (side - 1) * 2 + (side - 1) * (side - 1)) as u64;
-        group.throughput(Throughput::Elements(springs * u64::from(STEPS)));
         for threads in [1, 2] {
             let exec = Exec::default().with_threads(threads);
-            let mut prepared = Prepared::new(&lattice, None, &handles, &[], &params, &exec).unwrap();
-            group.bench_function(BenchmarkId::new(format!("{threads} threads"), side * side), |b| {
-                b.iter(|| assert_eq!(prepared.update(&handles, &exec).unwrap().steps, STEPS as usize));
-            });
+            let mut prepared = Prepared::new(&lattice, None, &handles, &[], &params, &exec)?;
+            let name =
+                format!("springs, {STEPS} explicit steps, {threads} threads, {} vertices", side * side);
+            kernels.time(&name, || prepared.update(&handles, &exec));
         }
     }
-    group.finish();
+    Ok(())
 }
 
 /// A sheet of 10,000 vertices, its border held, dragged up by a tenth of a millimetre at a time.
-fn drag(c: &mut Criterion) {
-    let mut group = c.benchmark_group("projective");
-    group.sample_size(10);
+fn drag(kernels: &Kernels<'_>) -> Anything<()> {
     let (side, exec) = (102, Exec::default());
-    let lattice = sheet(side);
+    let lattice = sheet(side)?;
     for (name, history, radius) in
         [("quasi-Newton", 8, 25.0), ("local-global", 0, 25.0), ("quasi-Newton", 8, 71.0)]
     {
         let params = Params { solver: Solver::Projective, history, push: false, ..Params::default() };
-        let prepare =
-            || Prepared::new(&lattice, None, &lift(side, 3.0, radius), &[], &params, &exec).unwrap();
-        let mut dragged = prepare();
-        dragged.update(&lift(side, 3.0, radius), &exec).unwrap();
-        group.bench_function(format!("{name}, radius {radius}, from rest"), |b| {
-            b.iter_batched(
-                prepare,
-                |mut fresh| fresh.update(&lift(side, 3.0, radius), &exec).unwrap(),
-                criterion::BatchSize::LargeInput,
-            );
+        let up = |z| lift(side, z, radius);
+        let prepare = || Prepared::new(&lattice, None, &up(3.0), &[], &params, &exec);
+        let mut dragged = prepare()?;
+        dragged.update(&up(3.0), &exec)?;
+        kernels.time_prepared(&format!("springs, {name}, radius {radius}, from rest"), prepare, |fresh| {
+            fresh.and_then(|mut fresh| fresh.update(&up(3.0), &exec))
         });
         let mut z = 3.0;
-        group.bench_function(format!("{name}, radius {radius}, 0.1 mm on"), |b| {
-            b.iter(|| {
-                z = if z < 6.0 { z + 0.1 } else { 3.0 };
-                dragged.update(&lift(side, z, radius), &exec).unwrap()
-            });
+        kernels.time(&format!("springs, {name}, radius {radius}, 0.1 mm on"), || {
+            z = if z < 6.0 { z + 0.1 } else { 3.0 };
+            dragged.update(&up(z), &exec)
         });
     }
     for solver in [Solver::Projective, Solver::Xpbd] {
@@ -107,13 +96,14 @@ fn drag(c: &mut Criterion) {
             ..Params::default()
         };
         let handles = lift(side, 1.0, 71.0);
-        let mut prepared = Prepared::new(&lattice, None, &handles, &[], &params, &exec).unwrap();
-        group.bench_function(format!("ten implicit steps, {solver:?}"), |b| {
-            b.iter(|| prepared.update(&handles, &exec).unwrap());
-        });
+        let mut prepared = Prepared::new(&lattice, None, &handles, &[], &params, &exec)?;
+        kernels
+            .time(&format!("springs, ten implicit steps, {solver:?}"), || prepared.update(&handles, &exec));
     }
-    group.finish();
+    Ok(())
 }
 
-criterion_group!(all, explicit, drag);
-criterion_main!(all);
+pub(super) fn run(kernels: &Kernels<'_>) -> Anything<()> {
+    explicit(kernels)?;
+    drag(kernels)
+}

@@ -1,6 +1,6 @@
 //! Writes a lattice in every format, reads it again, and puts what was read on the lattice's grid.
 //!
-//! `cargo run --release -p ivd-lattice --example mesh_files`
+//! `measure meshes`
 
 use std::time::Instant;
 
@@ -10,7 +10,11 @@ use ivd_lattice::figures::{measure, quality};
 use ivd_lattice::foreign::{ForeignParams, lattice};
 use ivd_lattice::formats::{Format, read, write};
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+use crate::Anything;
+
+pub(crate) const USAGE: &str = "";
+
+pub(crate) fn run(_: &[String]) -> Anything<()> {
     // Eight periods of a gyroid in 160³ voxels.
     let (n, exec) = (160, Exec::default());
     let grid = Grid::with_spacing([n; 3], [0.8, 0.8, 1.2])?;

@@ -1,7 +1,7 @@
 //! Times one way to cluster, to cut a lattice or to refine one, on raw voxels: for comparisons with other programs and for
 //! plots of growth.
 //!
-//! `time_method METHOD FILE TYPE NX,NY,NZ PARAMS [REPEATS [LABELS]]`: METHOD is kmvs, emvs, msvs, msvs+kmvs, hvs, lattice,
+//! `measure method METHOD FILE TYPE NX,NY,NZ PARAMS [REPEATS [LABELS]]`: METHOD is kmvs, emvs, msvs, msvs+kmvs, hvs, lattice,
 //! lattice-again, lattice-slider, lattice-slider-again or refine; the file holds little-endian voxels of TYPE (u8, u16, f32), 1 mm apart; PARAMS is the JSON of the method's
 //! parameters (kmvs weighs places where they say so; hvs takes `classes` beside them, refine the `iso` of the lattice that it
 //! is given). Each run is a call on what lies in memory, with two threads. `lattice` finds the range of values of each brick
@@ -11,11 +11,10 @@
 //! lattices what there is of vertices and triangles. LABELS gets the labels as u16.
 
 use std::cell::RefCell;
-use std::error::Error;
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
-use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
+use ivd_core::{Exec, Lattice, Volume};
 use ivd_lattice::extract::{ExtractParams, Extractor, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_segment::{
@@ -25,7 +24,10 @@ use ivd_segment::{
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-type Anything<T> = Result<T, Box<dyn Error>>;
+use crate::{Anything, raw};
+
+pub(crate) const USAGE: &str = "METHOD FILE TYPE NX,NY,NZ PARAMS [REPEATS [LABELS]]";
+
 type Method<'a> = Box<dyn Fn(&Exec) -> Anything<Found> + 'a>;
 
 /// What a run found.
@@ -59,16 +61,6 @@ impl Found {
             }
         }
     }
-}
-
-fn voxels(path: &str, kind: &str) -> Anything<Voxels> {
-    let bytes = std::fs::read(path)?;
-    Ok(match kind {
-        "u8" => bytes.into(),
-        "u16" => bytes.as_chunks::<2>().0.iter().map(|b| u16::from_le_bytes(*b)).collect::<Vec<_>>().into(),
-        "f32" => bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect::<Vec<_>>().into(),
-        _ => return Err(format!("{kind}: use u8, u16 or f32").into()),
-    })
 }
 
 fn params<P: DeserializeOwned>(text: &str) -> Anything<P> {
@@ -143,24 +135,12 @@ fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>
     })
 }
 
-/// Largest memory so far (MiB).
-fn peak() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find(|l| l.starts_with("VmHWM")).unwrap_or_default();
-    line.split_whitespace().nth(1).and_then(|t| t.parse::<f64>().ok()).unwrap_or(0.0) / 1024.0
-}
-
-fn main() -> Anything<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [name, file, kind, dims, text, rest @ ..] = &arguments[..] else {
-        return Err("time_method METHOD FILE TYPE NX,NY,NZ PARAMS [REPEATS [LABELS]]".into());
-    };
-    let dims: Vec<usize> = dims.split(',').map(str::parse).collect::<Result<_, _>>()?;
-    let dims: [usize; 3] = dims.try_into().map_err(|_| "NX,NY,NZ: three numbers are expected")?;
-    let volume = Volume::new(Grid::with_spacing(dims, [1.0; 3])?, voxels(file, kind)?)?;
+pub(crate) fn run(arguments: &[String]) -> Anything<()> {
+    let [name, file, kind, dims, text, rest @ ..] = arguments else { return Err(USAGE.into()) };
+    let volume = raw::volume(file, kind, raw::three(dims)?, [1.0; 3])?;
     let run = method(name, text, &volume)?;
     let exec = Exec::default().with_threads(2);
-    let before = peak();
+    let before = raw::peak_mib();
     let (mut times, mut found) = (Vec::new(), None::<Found>);
     for _ in 0..rest.first().map_or(Ok(1), |n| n.parse())? {
         drop(found.take());
@@ -169,13 +149,13 @@ fn main() -> Anything<()> {
         times.push([wall.elapsed().as_secs_f64(), processor.elapsed().as_secs_f64()]);
     }
     let found = found.ok_or("at least one repeat")?;
-    let mut printed = json!({"times": times, "peak_mib": peak(), "volume_mib": before});
+    let mut printed = json!({"times": times, "peak_mib": raw::peak_mib(), "volume_mib": before});
     if let (Some(printed), Value::Object(figures)) = (printed.as_object_mut(), found.figures()) {
         printed.extend(figures);
     }
     println!("{printed}");
     if let (Some(path), Found::Classes(found)) = (rest.get(1), &found) {
-        std::fs::write(path, found.labels.ids().iter().flat_map(|id| id.to_le_bytes()).collect::<Vec<u8>>())?;
+        raw::write_labels(path, found.labels.ids())?;
     }
     Ok(())
 }

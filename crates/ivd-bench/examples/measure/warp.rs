@@ -1,4 +1,4 @@
-//! Linear warps of a volume, for a comparison with other programs: `time_warp FOLDER SIDE THREADS`.
+//! Linear warps of a volume, for a comparison with other programs: `measure warp FOLDER SIDE THREADS`.
 //!
 //! `FOLDER/volume.f32` holds SIDE³ values, x fastest, `FOLDER/field.f32` as many vectors (voxels; deformed to rest), both little-endian.
 //! Each line on stdin asks for a run; the answer is a line of JSON: wall and processor time (s) of the whole warp, then those of making
@@ -8,13 +8,13 @@ use std::io::BufRead;
 use std::path::Path;
 use std::time::Instant;
 
+use cpu_time::ProcessTime;
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, NO_BRICK, Volume, Voxels};
 use ivd_deform::warp::{Deformed, WarpParams, volume};
 
-fn floats(path: &Path) -> std::io::Result<Vec<f32>> {
-    let bytes = std::fs::read(path)?;
-    Ok(bytes.as_chunks().0.iter().map(|four| f32::from_le_bytes(*four)).collect())
-}
+use crate::{Anything, raw};
+
+pub(crate) const USAGE: &str = "FOLDER SIDE THREADS";
 
 /// The bricks of a dense field that have a vector.
 fn bricks(side: usize, dense: &[f32]) -> Result<FieldBricks, ivd_core::Error> {
@@ -38,28 +38,18 @@ fn bricks(side: usize, dense: &[f32]) -> Result<FieldBricks, ivd_core::Error> {
     FieldBricks::new([side; 3], table, vectors.into())
 }
 
-/// Processor time of all threads so far (s), where the system tells it.
-fn processor() -> f64 {
-    let of = |stat: String| -> Option<f64> {
-        let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
-        let ticks: u64 = fields.get(11)?.parse::<u64>().ok()? + fields.get(12)?.parse::<u64>().ok()?;
-        Some(ticks as f64 / 100.0)
-    };
-    std::fs::read_to_string("/proc/self/stat").ok().and_then(of).unwrap_or(f64::NAN)
-}
-
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let [folder, side, threads] = &words[..] else {
-        return Err("usage: time_warp FOLDER SIDE THREADS".into());
-    };
+pub(crate) fn run(words: &[String]) -> Anything<()> {
+    let [folder, side, threads] = words else { return Err(USAGE.into()) };
     let (folder, side, threads): (&Path, usize, usize) = (folder.as_ref(), side.parse()?, threads.parse()?);
     let grid = Grid::with_spacing([side; 3], [1.0; 3])?;
-    let input = Volume::new(grid.clone(), Voxels::from(floats(&folder.join("volume.f32"))?))?;
+    let input = Volume::new(grid.clone(), raw::voxels(folder.join("volume.f32"), "f32")?)?;
+    let Voxels::F32(field) = raw::voxels(folder.join("field.f32"), "f32")? else {
+        return Err("floats are read".into());
+    };
     let moved = Displacement {
         time: 0.0,
         forward: FieldBricks::zero([side; 3]),
-        inverse: bricks(side, &floats(&folder.join("field.f32"))?)?,
+        inverse: bricks(side, &field)?,
         inverse_residual_max: 0.0,
         min_det_j: 0.0,
         vacated: Vec::new().into(),
@@ -74,12 +64,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut first = true;
     for line in std::io::stdin().lock().lines() {
         line?;
-        let (start, cpu) = (Instant::now(), processor());
+        let (start, cpu) = (Instant::now(), ProcessTime::now());
         let warped = volume(&input, &moved, &params, &exec)?;
-        let (wall, cpu) = (start.elapsed().as_secs_f64(), processor() - cpu);
-        let (start, frame_cpu) = (Instant::now(), processor());
+        let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu.elapsed().as_secs_f64());
+        let (start, frame_cpu) = (Instant::now(), ProcessTime::now());
         kept.update(&input, &moved, &touched, &exec)?;
-        let (frame_wall, frame_cpu) = (start.elapsed().as_secs_f64(), processor() - frame_cpu);
+        let (frame_wall, frame_cpu) = (start.elapsed().as_secs_f64(), frame_cpu.elapsed().as_secs_f64());
         if first {
             assert!(kept.output() == &warped.output, "a frame differs from the whole warp");
             std::fs::write(folder.join("ours.f32"), warped.output.voxels().as_bytes())?;

@@ -1,19 +1,22 @@
 //! Speed of the inverse and of the warp on a bump of 48 voxels in a volume of 192³, and of both maps for a handle of radius 25 on a
 //! ball in 128³, alone and as a frame of a drag.
-#![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark")]
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, Volume, VoxelCoord, VoxelIndex, Voxels};
 use ivd_deform::inverse::invert;
 use ivd_deform::map::{Band, Biharmonic, BiharmonicParams, OctreeParams, Outside, biharmonic, octree};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 use ivd_deform::warp::{Order, WarpParams, volume};
+use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use ivd_lattice::refine::{RefineParams, collapse};
 use nalgebra::Vector3;
+
+use super::Kernels;
+use crate::Anything;
 
 const SIDE: usize = 192;
 
 /// A smooth push of 9 voxels that ends 72 voxels away from the middle.
-fn bump() -> FieldBricks {
+fn bump() -> Result<FieldBricks, ivd_core::Error> {
     let bricks = SIDE / 8;
     let (mut table, mut vectors) = (Vec::new(), Vec::new());
     for b in 0..bricks * bricks * bricks {
@@ -32,77 +35,64 @@ fn bump() -> FieldBricks {
             vectors.extend(brick);
         }
     }
-    FieldBricks::new([SIDE; 3], table, vectors.into()).unwrap()
+    FieldBricks::new([SIDE; 3], table, vectors.into())
 }
 
-fn benches(c: &mut Criterion) {
-    let grid = Grid::with_spacing([SIDE; 3], [1.0; 3]).unwrap();
-    let (forward, exec) = (bump(), Exec::default());
-    let moved = forward.vectors().iter().filter(|v| **v != [0.0; 3]).count() as u64;
-    let mut group = c.benchmark_group("warp");
-    group.throughput(Throughput::Elements(moved)).sample_size(10);
-    group.bench_function("invert", |b| b.iter(|| invert(&forward, &grid, &exec).unwrap()));
+fn warps(kernels: &Kernels<'_>) -> Anything<()> {
+    let grid = Grid::with_spacing([SIDE; 3], [1.0; 3])?;
+    let (forward, exec) = (bump()?, Exec::default());
+    kernels.time("warp invert", || invert(&forward, &grid, &exec));
     let displacement = Displacement {
         grid: grid.clone(),
         time: 0.0,
-        inverse: invert(&forward, &grid, &exec).unwrap().field,
+        inverse: invert(&forward, &grid, &exec)?.field,
         forward,
         inverse_residual_max: 0.0,
         min_det_j: 0.0,
         vacated: Vec::new().into(),
         sides: Vec::new().into(),
     };
-    let input =
-        Volume::new(grid, Voxels::from((0..SIDE.pow(3)).map(|i| (i % 251) as u8).collect::<Vec<_>>()))
-            .unwrap();
+    let voxels: Vec<u8> = (0..SIDE.pow(3)).map(|i| (i % 251) as u8).collect();
+    let input = Volume::new(grid, Voxels::from(voxels))?;
     for order in [Order::Nearest, Order::Linear, Order::Cubic] {
         let params = WarpParams { order, background: Some(0.0) };
-        group.bench_function(format!("{order:?}"), |b| {
-            b.iter(|| volume(&input, &displacement, &params, &exec).unwrap());
-        });
+        kernels.time(&format!("warp {order:?}"), || volume(&input, &displacement, &params, &exec));
     }
-    group.finish();
+    Ok(())
 }
 
 /// A ball of 40 voxels whose top a handle moves.
-fn maps(c: &mut Criterion) {
-    let (grid, exec) = (Grid::with_spacing([128; 3], [1.0; 3]).unwrap(), Exec::default());
+fn maps(kernels: &Kernels<'_>) -> Anything<()> {
+    let (grid, exec) = (Grid::with_spacing([128; 3], [1.0; 3])?, Exec::default());
     let from_middle = |i: usize| VoxelCoord::from(grid.index(i)).0.add_scalar(-63.5).norm();
     let voxels: Vec<u8> =
         (0..grid.len()).map(|i| (200.0 / (1.0 + (from_middle(i) - 40.0).exp())) as u8).collect();
-    let ball = Volume::new(grid.clone(), Voxels::from(voxels)).unwrap();
-    let cut = ivd_lattice::extract::ExtractParams { iso: ivd_lattice::extract::Iso::Value(100.0) };
-    let lattice = ivd_lattice::extract::extract(&ball, None, &cut, &exec).unwrap().lattice;
-    let refine = ivd_lattice::refine::RefineParams::default();
-    let lattice = ivd_lattice::refine::collapse(&lattice, &refine, &exec).unwrap().lattice;
+    let ball = Volume::new(grid.clone(), Voxels::from(voxels))?;
+    let cut = ExtractParams { iso: Iso::Value(100.0) };
+    let lattice = extract(&ball, None, &cut, &exec)?.lattice;
+    let lattice = collapse(&lattice, &RefineParams::default(), &exec)?.lattice;
     let motion = |up: f64| {
         let at = HandleAt::Pick([63.5, 63.5, 103.5]);
         let handle = Handle { at, action: Action::Move([0.0, 0.0, up]), radius: 25.0 };
-        ring(&lattice, &[handle], &[], &RingParams::default(), &exec).unwrap().motion
+        ring(&lattice, &[handle], &[], &RingParams::default(), &exec).map(|found| found.motion)
     };
-    let frames: Vec<_> = (0..20).map(|i| motion(2.0 + 0.1 * f64::from(i))).collect();
-    let tree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec).unwrap();
-    let mut group = c.benchmark_group("map");
-    group.sample_size(10);
+    let frames: Vec<_> = (0..20).map(|i| motion(2.0 + 0.1 * f64::from(i))).collect::<Result<_, _>>()?;
+    let tree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec)?;
     let band = Band { margin: Some(16.0), ..Band::default() };
     let params = OctreeParams { band: band.clone(), ..OctreeParams::default() };
-    group.bench_function("octree", |b| {
-        b.iter(|| octree(&lattice, &tree, &frames[10], 0, &params, &exec).unwrap());
-    });
+    kernels.time("warp map octree", || octree(&lattice, &tree, &frames[10], 0, &params, &exec));
     let params = BiharmonicParams { band, ..BiharmonicParams::default() };
-    group.bench_function("biharmonic", |b| {
-        b.iter(|| biharmonic(&lattice, &frames[10], 0, &params, &exec).unwrap());
-    });
-    let mut kept = Biharmonic::new(&lattice, Outside::Band, &exec).unwrap();
+    kernels.time("warp map biharmonic", || biharmonic(&lattice, &frames[10], 0, &params, &exec));
+    let mut kept = Biharmonic::new(&lattice, Outside::Band, &exec)?;
     let mut frame = 0;
-    group.bench_function("biharmonic, a frame of a drag", |b| {
-        b.iter(|| {
-            frame += 1;
-            kept.map(&frames[frame % frames.len()], 0, &params, &exec).unwrap()
-        });
+    kernels.time("warp map biharmonic, a frame of a drag", || {
+        frame += 1;
+        kept.map(&frames[frame % frames.len()], 0, &params, &exec).map(drop)
     });
-    group.finish();
+    Ok(())
 }
 
-criterion_group!(all, benches, maps);
-criterion_main!(all);
+pub(super) fn run(kernels: &Kernels<'_>) -> Anything<()> {
+    warps(kernels)?;
+    maps(kernels)
+}

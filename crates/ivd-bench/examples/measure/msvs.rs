@@ -1,28 +1,17 @@
-//! Mean shift over a raw file: `msvs_raw FILE NX NY NZ TYPE [name=value …]`, TYPE u8, u16 or f32 (little endian).
+//! Mean shift over a raw file: `measure msvs FILE NX NY NZ TYPE [name=value …]`, TYPE u8, u16 or f32 (little endian).
 //!
 //! Names: those of the parameters, `threads`, `spacing=x,y,z`, `repeat` (prints the fastest) and `labels=FILE` (writes the labels, u16).
 use std::time::Instant;
 
-use ivd_core::{Exec, Grid, Volume, Voxels};
+use ivd_core::Exec;
 use ivd_segment::{Kernel, MsvsParams, msvs};
 
-fn voxels(bytes: &[u8], name: &str) -> Voxels {
-    match name {
-        "u8" => bytes.to_vec().into(),
-        "u16" => bytes.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect::<Vec<_>>().into(),
-        _ => bytes
-            .chunks_exact(4)
-            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            .collect::<Vec<_>>()
-            .into(),
-    }
-}
+use crate::{Anything, raw};
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let args: Vec<String> = std::env::args().skip(1).collect();
-    let [file, nx, ny, nz, kind, named @ ..] = &args[..] else {
-        return Err("FILE NX NY NZ TYPE [name=value …]".into());
-    };
+pub(crate) const USAGE: &str = "FILE NX NY NZ TYPE [name=value …]";
+
+pub(crate) fn run(args: &[String]) -> Anything<()> {
+    let [file, nx, ny, nz, kind, named @ ..] = args else { return Err(USAGE.into()) };
     let mut params = MsvsParams::default();
     let (mut exec, mut labels, mut repeat, mut spacing) = (Exec::default(), None, 1, [1.0; 3]);
     for (name, value) in named.iter().filter_map(|n| n.split_once('=')) {
@@ -36,16 +25,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             "threads" => exec = exec.with_threads(value.parse()?),
             "repeat" => repeat = value.parse()?,
             "labels" => labels = Some(value),
-            "spacing" => {
-                for (to, part) in spacing.iter_mut().zip(value.split(',')) {
-                    *to = part.parse()?;
-                }
-            }
+            "spacing" => spacing = raw::three(value)?,
             other => return Err(format!("no parameter is called {other}").into()),
         }
     }
-    let grid = Grid::with_spacing([nx.parse()?, ny.parse()?, nz.parse()?], spacing)?;
-    let volume = Volume::new(grid, voxels(&std::fs::read(file)?, kind))?;
+    let volume = raw::volume(file, kind, [nx.parse()?, ny.parse()?, nz.parse()?], spacing)?;
     let mut best = f64::INFINITY;
     let mut found = None;
     for _ in 0..repeat {
@@ -71,8 +55,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         );
     }
     if let Some(file) = labels {
-        let ids = found.segmentation.labels.ids();
-        std::fs::write(file, ids.iter().flat_map(|id| id.to_le_bytes()).collect::<Vec<u8>>())?;
+        raw::write_labels(file, found.segmentation.labels.ids())?;
     }
     Ok(())
 }

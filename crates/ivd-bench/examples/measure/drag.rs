@@ -1,4 +1,4 @@
-//! Drags the outermost vertex of a surface through a closed loop and says what a frame takes: `drag VOLUME ISO LEVEL [THREADS]`.
+//! Drags the outermost vertex of a surface through a closed loop and says what a frame takes: `measure drag VOLUME ISO LEVEL [THREADS]`.
 //!
 //! The radius is 25 voxels, the way an eighth of it at most, as in `ivd bench interactive`; here one drag alone can be profiled.
 
@@ -9,14 +9,17 @@ use ivd_deform::spring::{Action, Handle, HandleAt};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_session::{Event, Session, Settings};
 
+use crate::Anything;
+
+pub(crate) const USAGE: &str = "VOLUME ISO LEVEL [THREADS]";
+
 const FRAMES: usize = 200;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let (path, iso, level, threads) = match &words[..] {
+pub(crate) fn run(words: &[String]) -> Anything<()> {
+    let (path, iso, level, threads) = match words {
         [path, iso, level] => (path, iso, level, 1),
         [path, iso, level, threads] => (path, iso, level, threads.parse()?),
-        _ => return Err("usage: drag VOLUME ISO LEVEL [THREADS]".into()),
+        _ => return Err(USAGE.into()),
     };
     let exec = Exec::default().with_threads(threads);
     let volume = ivd_volume::read(path.as_ref(), &ivd_volume::ReadOptions::default(), &exec)?;

@@ -2,7 +2,7 @@
 //! object a line on stdout, so that a script can take turns with other programs.
 //!
 //! ```text
-//! time_stages VOLUME < requests
+//! measure stages VOLUME < requests
 //! kmvs 4          classes of least inertia
 //! extract 84.5    marching cubes at a value (the brick index is built anew each time)
 //! refine 0.1      half-edge collapse of the last lattice to a share of its triangles
@@ -14,6 +14,7 @@
 use std::io::BufRead;
 use std::time::Instant;
 
+use cpu_time::ProcessTime;
 use ivd_artefact::Artefact;
 use ivd_core::{Exec, Volume};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
@@ -21,8 +22,12 @@ use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_render::{Prepared, RenderParams, Rendered, Scene, View, render};
 use serde_json::json;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let path = std::env::args().nth(1).ok_or("usage: time_stages VOLUME < requests")?;
+use crate::Anything;
+
+pub(crate) const USAGE: &str = "VOLUME < REQUESTS";
+
+pub(crate) fn run(words: &[String]) -> Anything<()> {
+    let [path] = words else { return Err(USAGE.into()) };
     let exec = Exec::default();
     let volume = ivd_volume::read(path.as_ref(), &ivd_volume::ReadOptions::default(), &exec)?;
     let mut lattice = None;
@@ -44,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             },
             _ => None,
         };
-        let (wall, cpu) = (Instant::now(), cpu_seconds());
+        let (wall, cpu) = (Instant::now(), ProcessTime::now());
         let figures = match words[..] {
             ["kmvs", k] => {
                 let found = ivd_segment::kmvs(
@@ -86,35 +91,25 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
             _ => return Err(format!("unknown request `{line}`").into()),
         };
-        let (wall, cpu) = (wall.elapsed().as_secs_f64(), cpu_seconds() - cpu);
+        let (wall, cpu) = (wall.elapsed().as_secs_f64(), cpu.elapsed().as_secs_f64());
         println!("{}", json!({ "request": line, "wall_s": wall, "cpu_s": cpu, "figures": figures }));
     }
     Ok(())
 }
 
 /// A square picture without light and lettering.
-fn params_of(side: &str, step: &str, view: View) -> Result<RenderParams, Box<dyn std::error::Error>> {
+fn params_of(side: &str, step: &str, view: View) -> Anything<RenderParams> {
     let side = side.parse()?;
     let plain = RenderParams { shading: false, annotate: false, view, ..RenderParams::default() };
     Ok(RenderParams { width: side, height: side, step: step.parse()?, ..plain })
 }
 
 /// A view by azimuth and elevation (degrees).
-fn view_of(angles: &str) -> Result<View, Box<dyn std::error::Error>> {
+fn view_of(angles: &str) -> Anything<View> {
     let (azimuth, elevation) = angles.split_once(',').ok_or("view: azimuth,elevation")?;
     Ok(View { azimuth_deg: azimuth.parse()?, elevation_deg: elevation.parse()?, ..View::default() })
 }
 
 fn figures_of(found: &Rendered) -> serde_json::Value {
     json!({ "samples_per_pixel": found.samples_per_pixel, "skipped_fraction": found.skipped_fraction })
-}
-
-/// Processor time of the threads that live [s], to the nanosecond; Linux alone tells it so.
-fn cpu_seconds() -> f64 {
-    let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
-    let one = |task: std::fs::DirEntry| {
-        let text = std::fs::read_to_string(task.path().join("schedstat")).ok()?;
-        text.split_whitespace().next()?.parse::<f64>().ok()
-    };
-    tasks.filter_map(one).sum::<f64>() / 1e9
 }

@@ -1,12 +1,15 @@
-//! How many classes mean shift proposes and how many are kept: `msvs_kmvs_raw FILE NX NY NZ`, u8.
-use ivd_core::{Exec, Grid, Volume};
+//! How many classes mean shift proposes and how many are kept: `measure msvs-kmvs FILE NX NY NZ`, u8.
+
+use ivd_core::Exec;
 use ivd_segment::{ChainParams, msvs_kmvs};
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let args: Vec<String> = std::env::args().skip(1).collect();
-    let [file, nx, ny, nz] = &args[..] else { return Err("FILE NX NY NZ".into()) };
-    let grid = Grid::with_spacing([nx.parse()?, ny.parse()?, nz.parse()?], [1.0; 3])?;
-    let volume = Volume::new(grid, std::fs::read(file)?.into())?;
+use crate::{Anything, raw};
+
+pub(crate) const USAGE: &str = "FILE NX NY NZ";
+
+pub(crate) fn run(args: &[String]) -> Anything<()> {
+    let [file, nx, ny, nz] = args else { return Err(USAGE.into()) };
+    let volume = raw::volume(file, "u8", [nx.parse()?, ny.parse()?, nz.parse()?], [1.0; 3])?;
     let found = msvs_kmvs(&volume, None, &ChainParams::default(), &Exec::default())?;
     println!(
         "msvs {:.3} s, {} proposed; kmvs {:.3} s, {} kept",

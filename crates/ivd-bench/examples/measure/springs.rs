@@ -1,4 +1,4 @@
-//! Steps of a flat sheet of springs, for a comparison with other programs: `time_springs SIDE STEPS THREADS [STIFFNESS]`.
+//! Steps of a flat sheet of springs, for a comparison with other programs: `measure springs SIDE STEPS THREADS [STIFFNESS]`.
 //!
 //! Each line on stdin asks for a run; the answer is a line of JSON: wall and processor time (s), and at the first the displacement (mm) of every
 //! vertex. An empty line asks for so many explicit steps; `HZ TOLERANCE` for a second of so many implicit steps a second by projective
@@ -9,47 +9,21 @@
 use std::io::BufRead;
 use std::time::Instant;
 
-use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
+use cpu_time::ProcessTime;
+use ivd_core::Exec;
 use ivd_deform::mass_spring::{Course, Params, Prepared, Solver};
 use ivd_deform::spring::{Action, Handle, HandleAt};
 
-fn sheet(side: usize) -> Result<Lattice, ivd_core::Error> {
-    let grid = Grid::with_spacing([side, side, 2], [1.0; 3])?;
-    let at = |x: usize, y: usize| (x + side * y) as u32;
-    let squares = (0..side - 1).flat_map(|y| (0..side - 1).map(move |x| (x, y)));
-    let triangles = squares.flat_map(|(x, y)| {
-        let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
-        [[a, b, c], [a, c, d]]
-    });
-    let key = |i: usize| ElementKey::new(grid.dims(), [i % side + 1, i / side + 1, 1], 2);
-    Ok(Lattice {
-        keys: (0..side * side).map(key).collect(),
-        places: vec![[0.0, 0.0, 0.5]; side * side],
-        triangles: triangles.collect(),
-        source: LatticeSource::Mask,
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-        grid,
-    })
-}
+use crate::Anything;
+use crate::kernels::springs::sheet;
 
-/// Processor time of all threads so far (s), where the system tells it.
-fn processor() -> f64 {
-    let of = |stat: String| -> Option<f64> {
-        let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
-        let ticks: u64 = fields.get(11)?.parse::<u64>().ok()? + fields.get(12)?.parse::<u64>().ok()?;
-        Some(ticks as f64 / 100.0)
-    };
-    std::fs::read_to_string("/proc/self/stat").ok().and_then(of).unwrap_or(f64::NAN)
-}
+pub(crate) const USAGE: &str = "SIDE STEPS THREADS [STIFFNESS]";
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let (side, steps, threads, stiffness) = match &words[..] {
+pub(crate) fn run(words: &[String]) -> Anything<()> {
+    let (side, steps, threads, stiffness) = match words {
         [side, steps, threads] => (side, steps, threads, 1.0),
         [side, steps, threads, stiffness] => (side, steps, threads, stiffness.parse()?),
-        _ => return Err("usage: time_springs SIDE STEPS THREADS [STIFFNESS]".into()),
+        _ => return Err(USAGE.into()),
     };
     let (side, steps, threads): (usize, u32, usize) = (side.parse()?, steps.parse()?, threads.parse()?);
     let params = Params {
@@ -80,9 +54,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let mut prepared = Prepared::new(&lattice, None, &handles, &[], &params, &exec)?;
             prepared.update(&handles, &exec)?;
             prepared.forget();
-            let (wall, cpu) = (Instant::now(), processor());
+            let (wall, cpu) = (Instant::now(), ProcessTime::now());
             let solved = prepared.update(&handles, &exec)?;
-            let (wall, cpu) = (wall.elapsed().as_secs_f64(), processor() - cpu);
+            let (wall, cpu) = (wall.elapsed().as_secs_f64(), cpu.elapsed().as_secs_f64());
             let (steps, iterations) = (solved.steps, solved.iterations);
             let moved = &solved.motion.frames[0].displacement;
             println!(
@@ -90,9 +64,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             );
             continue;
         }
-        let (wall, cpu) = (Instant::now(), processor());
+        let (wall, cpu) = (Instant::now(), ProcessTime::now());
         let solved = prepared.update(&handles, &exec)?;
-        let (wall, cpu) = (wall.elapsed().as_secs_f64(), processor() - cpu);
+        let (wall, cpu) = (wall.elapsed().as_secs_f64(), cpu.elapsed().as_secs_f64());
         let moved =
             if first { format!("{:?}", solved.motion.frames[0].displacement) } else { "[]".to_owned() };
         println!(

@@ -1,52 +1,30 @@
 //! Times k-means on place and value on a raw volume, and holds it against the plain twin.
 //!
-//! `kmvs_spatial FILE TYPE NX NY NZ SX SY SZ START WEIGHT ITERATIONS REPEATS THREADS [plain] [every]`: `START` is a text file with
+//! `measure kmvs-spatial FILE TYPE NX NY NZ SX SY SZ START WEIGHT ITERATIONS REPEATS THREADS [plain] [every]`: `START` is a text file with
 //! one centroid a line (x y z in mm, value), or a number of classes for k-means++. `plain` compares with the twin; `every` looks
 //! at every voxel one by one.
 
 use std::time::Instant;
 
-use ivd_core::{Exec, Grid, Volume, Voxels};
+use cpu_time::ProcessTime;
+use ivd_core::Exec;
 use ivd_segment::{KmvsParams, kmvs_spatial};
 
-#[path = "../tests/plain/kmvs_spatial.rs"]
+use crate::{Anything, raw};
+
+#[path = "../../../ivd-segment/tests/plain/kmvs_spatial.rs"]
 mod plain;
 
-type Anything<T> = Result<T, Box<dyn std::error::Error>>;
+pub(crate) const USAGE: &str =
+    "FILE TYPE NX NY NZ SX SY SZ START WEIGHT ITERATIONS REPEATS THREADS [plain] [every]";
 
-fn voxels(bytes: &[u8], kind: &str) -> Voxels {
-    match kind {
-        "u8" => bytes.to_vec().into(),
-        "i16" => bytes.chunks(2).map(|b| i16::from_le_bytes([b[0], b[1]])).collect::<Vec<_>>().into(),
-        "u16" => bytes.chunks(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect::<Vec<_>>().into(),
-        "f32" => {
-            bytes.chunks(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<_>>().into()
-        }
-        _ => panic!("the type is u8, i16, u16 or f32"),
+pub(crate) fn run(arguments: &[String]) -> Anything<()> {
+    if arguments.len() < 13 {
+        return Err(USAGE.into());
     }
-}
-
-/// Seconds of processor time so far, of all threads (steps of 10 ms).
-fn processor() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let after = stat.rsplit(')').next().unwrap_or_default();
-    let fields: Vec<f64> = after.split_whitespace().skip(11).take(2).filter_map(|f| f.parse().ok()).collect();
-    fields.iter().sum::<f64>() / 100.0
-}
-
-/// Largest resident memory (MiB).
-fn peak() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find(|l| l.starts_with("VmHWM")).unwrap_or_default();
-    line.split_whitespace().nth(1).and_then(|n| n.parse::<f64>().ok()).unwrap_or(0.0) / 1024.0
-}
-
-fn main() -> Anything<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |i: usize| arguments[i].parse::<f64>();
     let dims = [number(2)? as usize, number(3)? as usize, number(4)? as usize];
-    let grid = Grid::with_spacing(dims, [number(5)?, number(6)?, number(7)?])?;
-    let volume = Volume::new(grid, voxels(&std::fs::read(&arguments[0])?, &arguments[1]))?;
+    let volume = raw::volume(&arguments[0], &arguments[1], dims, [number(5)?, number(6)?, number(7)?])?;
     let start: Option<Vec<[f64; 4]>> = match arguments[8].parse::<usize>() {
         Ok(_) => None,
         Err(_) => Some(
@@ -67,12 +45,12 @@ fn main() -> Anything<()> {
     let mut exec = Exec::default().with_threads(number(12)? as usize);
     exec.skip = !has("every");
     let repeats = number(11)?;
-    let (wall, cpu) = (Instant::now(), processor());
+    let (wall, cpu) = (Instant::now(), ProcessTime::now());
     let mut found = kmvs_spatial(&volume, None, &params, &exec)?;
     for _ in 1..repeats as u64 {
         found = kmvs_spatial(&volume, None, &params, &exec)?;
     }
-    let (wall, cpu) = (wall.elapsed().as_secs_f64() / repeats, (processor() - cpu) / repeats);
+    let (wall, cpu) = (wall.elapsed().as_secs_f64() / repeats, cpu.elapsed().as_secs_f64() / repeats);
     let of = &found.segmentation;
     println!(
         "wall {wall:.4} cpu {cpu:.3} iterations {} converged {} inertia {:.8e} visited {:.4} ties {} reseeded {} peak_mib {:.0}",
@@ -82,7 +60,7 @@ fn main() -> Anything<()> {
         of.visited_fraction,
         found.ties,
         found.reseeded,
-        peak()
+        raw::peak_mib()
     );
     println!("centroids {:?}", found.centroids);
     if has("plain") {
