@@ -15,11 +15,17 @@ check:
 test:
     cargo test --workspace
 
-# Numerical stability, the long form: every awkward case, 100,000 random scenes, the matrix of threads, builds and instructions; mean
-# shift against brute force; and folds of 10,000 pushes, mapped by both methods.
+# The forty tests that took longest.
+slowest *args="":
+    RUSTC_BOOTSTRAP=1 cargo test --workspace {{args}} -- -Z unstable-options --report-time | grep '<.*s>$' | sort -t '<' -k 2 -g -r | head -40
+
+# What takes too long for every change: numerical stability in its long form (every awkward case, 100,000 random scenes, the matrix of
+# threads, builds and instructions); all random lattices that are refined and all events of a drag; mean shift against brute force; folds
+# of 10,000 pushes, mapped by both methods; the same bytes from every build. The normal suite has a fifth of the first two.
 # `IVD_STRESS_SCENES`, `IVD_STRESS_PUSHES` and `IVD_STRESS_SEED` choose how many and which; a failure names the one to run again.
 stress:
-    IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} IVD_STRESS_SPACES=${IVD_STRESS_SPACES:-20000} cargo test --release -p ivd-tests --test stability -- --nocapture --test-threads=1
+    IVD_STRESS_EVERY=1 IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} IVD_STRESS_SPACES=${IVD_STRESS_SPACES:-20000} cargo test --release -p ivd-tests --test integration stability -- --nocapture --test-threads=1
+    IVD_STRESS_EVERY=1 cargo test --release -p ivd-lattice -p ivd-session --test integration
     cargo test --release -p ivd-segment -- --ignored --nocapture
     cargo test --release -p ivd-deform -- --ignored --nocapture
     cargo build
@@ -41,6 +47,7 @@ scenes:
 # What the program writes and reads, held against other people's readers (Python, packages from PyPI).
 interop:
     cargo build --release
+    cargo build --release -p ivd-bench --example measure
     bash tests/interop/run.sh target/release/ivd
 
 # Every scene's artefacts and decoded outputs against the table; `just golden --write fixtures/golden.tsv` after a change that is meant.

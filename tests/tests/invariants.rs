@@ -127,6 +127,24 @@ fn no_source_file_outgrows_six_hundred_lines() {
     }
 }
 
+/// Each crate's tests are one program: a file that it doesn't name would never be compiled.
+#[test]
+fn every_file_of_tests_is_a_module_of_its_crates_one_program() {
+    let crates = std::fs::read_dir(root().join("crates")).unwrap().map(|entry| entry.unwrap().path());
+    for folder in crates.chain([root().join("tests")]).map(|path| path.join("tests")).filter(|f| f.is_dir()) {
+        let main = std::fs::read_to_string(folder.join("main.rs")).unwrap();
+        let manifest = std::fs::read_to_string(folder.join("../Cargo.toml")).unwrap();
+        assert!(manifest.contains("autotests = false"), "{}", folder.display());
+        for path in std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()) {
+            let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+            // A folder without `mod.rs` holds what is taken in by path.
+            let is_module = path.is_file() || path.join("mod.rs").is_file();
+            let named = main.contains(&format!("mod {name};"));
+            assert!(!is_module || name == "main" || named, "{} is in no program", path.display());
+        }
+    }
+}
+
 #[test]
 fn every_scene_in_fixtures_is_read() {
     for entry in std::fs::read_dir(root().join("fixtures/scenes")).unwrap() {

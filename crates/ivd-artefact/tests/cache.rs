@@ -5,8 +5,7 @@ use std::time::{Duration, SystemTime};
 use ivd_artefact::{Cache, CacheKey, Kind, Lookup};
 use serde_json::json;
 
-mod samples;
-use samples::{provenance, sample};
+use crate::samples::{provenance, sample};
 
 fn key(kind: Kind) -> CacheKey {
     CacheKey::new(kind, &provenance())

@@ -1,7 +1,7 @@
 //! Files of every kind and version ever released are still read, and today's writer still writes the newest ones byte
 //! for byte.
 //!
-//! `IVD_BLESS=1 cargo test -p ivd-artefact --test golden` writes the files of a new kind or version. A file that is
+//! `IVD_BLESS=1 cargo test -p ivd-artefact golden` writes the files of a new kind or version. A file that is
 //! there is never written over: raise the kind's version instead, and teach its codec to read both.
 
 use std::path::PathBuf;
@@ -9,8 +9,7 @@ use std::path::PathBuf;
 use ivd_artefact::{Kind, KindCode, read, write_with_metrics};
 use serde_json::json;
 
-mod samples;
-use samples::{provenance, sample};
+use crate::samples::{provenance, sample};
 
 fn fixture(kind: Kind) -> PathBuf {
     let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/artefacts"));

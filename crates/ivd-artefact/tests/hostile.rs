@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 use ivd_artefact::{Error, Kind, is_artefact, open, peek, read, write};
 use ivd_core::{Fault, Faulty, noise};
 
-mod samples;
-use samples::{provenance, sample};
+use crate::samples::{provenance, sample};
 
 fn artefact(folder: &Path, kind: Kind) -> (PathBuf, Vec<u8>) {
     let path = folder.join(format!("{kind}.ivd"));

@@ -9,8 +9,7 @@ use ivd_artefact::{
 use ivd_core::{ByteSource as _, Fault, Faulty, Grid, Labels, Mask, Volume, VoxelType, Voxels, with_voxels};
 use serde_json::json;
 
-mod samples;
-use samples::{provenance, sample};
+use crate::samples::{provenance, sample};
 
 /// Equality that tells NaN from NaN and −0 from 0: the bytes of the bulk data.
 fn same(a: &Artefact, b: &Artefact) -> bool {
@@ -99,7 +98,7 @@ fn every_kind_comes_back_bit_for_bit_with_its_provenance() {
 fn every_voxel_type_comes_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("v.ivd");
-    let grid = samples::grid([3, 2, 2]);
+    let grid = crate::samples::grid([3, 2, 2]);
     let all: Vec<Voxels> = vec![
         Voxels::from((0..12).map(|i| i * 20).collect::<Vec<u8>>()),
         Voxels::from((0..12).map(|i| i * 11 - 60).collect::<Vec<i8>>()),

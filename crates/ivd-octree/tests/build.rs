@@ -7,8 +7,7 @@ use ivd_octree::{Error, Params, build, inside};
 use ivd_volume::phantom::Shape;
 use nalgebra::Vector3;
 
-mod lattices;
-use lattices::{grids, of_mask, of_volume, phantom, random_mask};
+use crate::lattices::{grids, of_mask, of_volume, phantom, random_mask};
 
 fn samples() -> Vec<Lattice> {
     let mut all: Vec<Lattice> = grids([9, 8, 12]).iter().map(|g| of_mask(&random_mask(g, 1, 20))).collect();

@@ -6,8 +6,7 @@ use ivd_core::{Exec, Fault, Faulty, Grid, Lattice, LatticeSource, Mask, Volume, 
 use ivd_octree::{Error, inside};
 use ivd_volume::phantom::Shape;
 
-mod lattices;
-use lattices::{grids, of_mask, of_volume, phantom, random_mask};
+use crate::lattices::{grids, of_mask, of_volume, phantom, random_mask};
 
 fn count_differences(lattice: &Lattice, truth: &[u8]) -> usize {
     let found = inside(lattice, &Exec::default()).expect("extracted lattices are closed");

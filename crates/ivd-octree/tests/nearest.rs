@@ -7,8 +7,7 @@ use ivd_octree::{Error, Nearest, NearestIndex, Params, build, prepare};
 use ivd_volume::phantom::Shape;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-mod lattices;
-use lattices::{grids, of_mask, of_volume, phantom, random_mask};
+use crate::lattices::{grids, of_mask, of_volume, phantom, random_mask};
 
 fn index(lattice: &Lattice) -> NearestIndex {
     prepare(lattice, &build(lattice, &Params::default(), &Exec::default()).unwrap()).unwrap()

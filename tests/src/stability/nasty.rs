@@ -61,11 +61,11 @@ pub(super) fn nudged(name: &str, volume: Volume) -> Case {
     })
 }
 
-/// All cases.
-pub fn cases() -> Vec<Case> {
+/// All cases, those of a kind together.
+pub fn groups() -> Vec<Vec<Case>> {
     let groups = [flat, missing, numbers, ties, grids, levels, surfaces, lattices, materials, handles];
     let others = [bodies::springs, bodies::bones, bodies::shapes];
-    groups.into_iter().chain(others).flat_map(|group| group()).collect()
+    groups.into_iter().chain(others).map(|group| group()).collect()
 }
 
 /// Volumes of one value or one voxel.

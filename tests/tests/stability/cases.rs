@@ -5,15 +5,23 @@ use std::collections::BTreeSet;
 use ivd_core::Exec;
 use ivd_tests::stability::backend::BACKENDS;
 use ivd_tests::stability::chain::{Ran, examine};
-use ivd_tests::stability::nasty::cases;
+use ivd_tests::stability::nasty::groups;
+
+use super::has_its_turn;
 
 #[test]
 fn every_awkward_case_holds_or_is_refused_as_its_row_says() {
     for on in BACKENDS {
-        let (mut broken, mut refused, all) = (Vec::new(), Vec::new(), cases());
-        let names: BTreeSet<&str> = all.iter().map(|c| c.name.as_str()).collect();
-        assert_eq!(names.len(), all.len(), "two cases have one name");
-        for case in &all {
+        let (mut broken, mut refused, groups) = (Vec::new(), Vec::new(), groups());
+        let names: BTreeSet<&str> = groups.iter().flatten().map(|c| c.name.as_str()).collect();
+        assert_eq!(names.len(), groups.iter().map(Vec::len).sum::<usize>(), "two cases have one name");
+        let mut tried = 0;
+        // Every group has its first case, and those that come round.
+        let chosen = groups.iter().flat_map(|group| {
+            group.iter().enumerate().filter(|(i, _)| has_its_turn(*i as u64)).map(|(_, case)| case)
+        });
+        for case in chosen {
+            tried += 1;
             let exec = Exec::default();
             let examined =
                 std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| examine(on, case, &exec)));
@@ -26,7 +34,7 @@ fn every_awkward_case_holds_or_is_refused_as_its_row_says() {
                 Err(_) => broken.push(format!("{}: panicked", case.name)),
             }
         }
-        println!("{} cases on {}, {} refusals", all.len(), on.name(), refused.len());
+        println!("{tried} cases on {}, {} refusals", on.name(), refused.len());
         for r in &refused {
             println!("  {r}");
         }

@@ -5,8 +5,8 @@ use std::path::Path;
 use ivd_artefact::{ContentHash, Provenance};
 use serde_json::json;
 
-use crate::case::{BAD, Case};
-use crate::good;
+use crate::hostile::case::{BAD, Case};
+use crate::hostile::good;
 
 /// The kinds, and the command that needs each; the file is `a.ivd`.
 const KINDS: [(&str, &str); 10] = [

@@ -1,7 +1,7 @@
 //! Small files that unpack or declare far more than there is.
 
-use crate::case::{BAD, Case};
-use crate::good;
+use crate::hostile::case::{BAD, Case};
+use crate::hostile::good;
 
 /// A limit that was hit.
 const LIMIT: &[i32] = &[4];

@@ -1,6 +1,6 @@
 //! DICOM: every element missing, given another value, type or length.
 
-use crate::case::{BAD, Case, EITHER, FINE};
+use crate::hostile::case::{BAD, Case, EITHER, FINE};
 
 /// Group, number, type and value.
 type Element = (u16, u16, &'static [u8; 2], Vec<u8>);

@@ -4,7 +4,7 @@ use std::io::{Read, Write};
 
 use ivd_core::{Exec, Grid, Volume, Voxels};
 
-use crate::case::{BAD, Case, FINE};
+use crate::hostile::case::{BAD, Case, FINE};
 
 /// 5 × 4 × 3 voxels of 16 bits on an oblique grid.
 pub(crate) fn volume() -> Volume {

@@ -1,7 +1,7 @@
 //! NIfTI-1 and -2, in one file, packed, and as a pair: every field set to what it must not, or may, be.
 
-use crate::case::{BAD, Case, EITHER, FINE};
-use crate::good;
+use crate::hostile::case::{BAD, Case, EITHER, FINE};
+use crate::hostile::good;
 
 /// How a field is stored.
 #[derive(Clone, Copy, PartialEq)]

@@ -1,7 +1,7 @@
 //! TIFF and PNG: every tag and every field of the head wrong.
 
-use crate::case::{BAD, Case, EITHER, FINE};
-use crate::good;
+use crate::hostile::case::{BAD, Case, EITHER, FINE};
+use crate::hostile::good;
 
 /// Number, type, count and value of an entry of a TIFF's directory.
 type Tag = (u16, u16, u32, u32);

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use ivd_core::shown;
 use serde_json::{Value, json};
 
-use crate::{artefacts, dicom, good, pictures};
+use crate::hostile::{artefacts, dicom, good, pictures};
 
 /// All of them. What a reader of words may cut at stands in a text of its own, so that it can't keep the others from being read.
 fn texts() -> Vec<String> {

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::good;
+use crate::hostile::good;
 
 /// Runs the program; kills it where it waits for a pipe that nobody writes. Gives code and stderr.
 fn run(at: &Path, words: &[&str]) -> (Option<i32>, String) {

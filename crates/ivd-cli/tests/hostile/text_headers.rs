@@ -1,7 +1,7 @@
 //! NRRD and MetaImage: every field of the header missing, given twice, and set to what it must not be.
 
-use crate::case::{BAD, Case, EITHER, FINE};
-use crate::good;
+use crate::hostile::case::{BAD, Case, EITHER, FINE};
+use crate::hostile::good;
 
 /// What no field of numbers or names means.
 const NASTY: [&str; 14] = [

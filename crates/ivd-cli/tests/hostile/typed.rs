@@ -1,7 +1,7 @@
 //! Scenes and parameters: every key with values that can't be meant, and texts that are no TOML.
 
-use crate::case::Case;
-use crate::good;
+use crate::hostile::case::Case;
+use crate::hostile::good;
 
 /// Wrong usage or scene.
 const USAGE: &[i32] = &[2];

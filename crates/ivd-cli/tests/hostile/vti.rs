@@ -1,7 +1,7 @@
 //! VTI: every attribute missing, given twice or wrong, in each way of keeping the voxels.
 
-use crate::case::{BAD, Case, EITHER, FINE};
-use crate::good;
+use crate::hostile::case::{BAD, Case, EITHER, FINE};
+use crate::hostile::good;
 
 const NASTY: [&str; 9] = [
     "",

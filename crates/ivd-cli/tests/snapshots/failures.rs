@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::masks::{text_masked, without_times};
-use crate::{check, ivd, prepare, words};
+use crate::snapshots::masks::{text_masked, without_times};
+use crate::snapshots::{check, ivd, prepare, words};
 
 /// Volumes, labels, lattices and what goes with them, small, for commands to be wrong about.
 const BEFORE: &[&str] = &[

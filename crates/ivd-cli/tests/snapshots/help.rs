@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use crate::{Said, check, check_files, ivd, words};
+use crate::snapshots::{Said, check, check_files, ivd, words};
 
 /// Every command with its page; the program itself is the empty name.
 pub(crate) fn pages() -> Vec<(String, String)> {

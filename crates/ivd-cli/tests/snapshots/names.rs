@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use crate::{help, ivd, snapshots, words, writing};
+use crate::snapshots::{help, ivd, snapshots, words, writing};
 
 /// Flags that no help page shows, by command.
 const HIDDEN: [(&str, &str); 2] = [("", "--no-simd"), ("bench", "--plant")];
@@ -173,7 +173,7 @@ fn whatever_could_be_written_still_can() {
     // Made once: what is added later isn't old.
     if writing() && !file.exists() {
         std::fs::create_dir_all(snapshots()).unwrap();
-        std::fs::write(&file, crate::masks::pretty(&now())).unwrap();
+        std::fs::write(&file, crate::snapshots::masks::pretty(&now())).unwrap();
     }
     let old: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
     assert!(

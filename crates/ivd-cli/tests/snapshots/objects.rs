@@ -6,8 +6,8 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::masks::{masked, numbers_masked, pretty, text_masked, without_times};
-use crate::{check, check_files, help, ivd, words};
+use crate::snapshots::masks::{masked, numbers_masked, pretty, text_masked, without_times};
+use crate::snapshots::{check, check_files, help, ivd, words};
 
 /// Snapshots by name, with the commands that print them, in this order: later ones read what earlier ones wrote.
 const COMMANDS: &[(&str, &str)] = &[

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::{prepare, program, root};
+use crate::snapshots::{prepare, program, root};
 
 /// How a command runs that doesn't run word for word.
 enum Otherwise {

@@ -3,8 +3,8 @@
 use ivd_core::{Exec, Grid, T_MIN, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 
-use crate::mesh::{area_and_volume, assert_closed_manifold, euler};
-use crate::{cut, cut_volume, noise};
+use crate::extract::mesh::{area_and_volume, assert_closed_manifold, euler};
+use crate::extract::{cut, cut_volume, noise};
 
 #[test]
 fn a_constant_volume_is_empty_or_a_box_closed_outside_its_border() {

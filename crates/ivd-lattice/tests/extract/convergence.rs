@@ -10,8 +10,8 @@ use ivd_core::{Grid, Lattice, Volume, Voxels};
 use ivd_lattice::extract::Iso;
 use nalgebra::Vector3;
 
-use crate::cut_volume;
-use crate::mesh::{area_and_volume, assert_closed_manifold};
+use crate::extract::cut_volume;
+use crate::extract::mesh::{area_and_volume, assert_closed_manifold};
 
 type Point = Vector3<f64>;
 

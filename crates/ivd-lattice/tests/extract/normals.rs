@@ -4,7 +4,7 @@ use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract, normals};
 use nalgebra::Vector3;
 
-use crate::convergence::{BALL, Body, GYROID, RING, sampled};
+use crate::extract::convergence::{BALL, Body, GYROID, RING, sampled};
 
 /// A ball of radius `r` (mm) about the middle of a grid, sampled from its distance, and its lattice.
 fn ball(grid: Grid, r: f64) -> (Volume, Lattice, Vector3<f64>) {

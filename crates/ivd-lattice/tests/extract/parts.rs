@@ -4,8 +4,8 @@ use ivd_core::{Exec, Fault, Faulty, Grid, Mask, T_MIN, Volume, Voxels};
 use ivd_lattice::Error;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 
-use crate::mesh::{area_and_volume, assert_closed_manifold, euler};
-use crate::{cut_volume, noise};
+use crate::extract::mesh::{area_and_volume, assert_closed_manifold, euler};
+use crate::extract::{cut_volume, noise};
 
 fn line(values: &[f32]) -> Volume {
     let grid = Grid::with_spacing([values.len(), 1, 1], [1.0; 3]).unwrap();

@@ -3,9 +3,9 @@
 use ivd_lattice::extract::Iso;
 use nalgebra::Vector3;
 
-use crate::levels::Levels;
-use crate::mesh::{assert_closed_manifold, euler, winding};
-use crate::{cut, hash, noise};
+use crate::extract::levels::Levels;
+use crate::extract::mesh::{assert_closed_manifold, euler, winding};
+use crate::extract::{cut, hash, noise};
 
 #[test]
 fn a_thousand_fields_give_closed_manifolds_of_the_right_topology() {

@@ -3,8 +3,8 @@
 use ivd_core::{Grid, Lattice, Volume, Voxels};
 use ivd_lattice::extract::Iso;
 
-use crate::cut_volume;
-use crate::mesh::{area_and_volume, assert_closed_manifold, euler};
+use crate::extract::cut_volume;
+use crate::extract::mesh::{area_and_volume, assert_closed_manifold, euler};
 
 /// A ball of radius 35 mm sampled with `n` voxels over 100 mm, its centre off the grid; ½ at the surface.
 fn ball(n: usize) -> Lattice {

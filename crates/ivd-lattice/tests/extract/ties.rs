@@ -6,9 +6,9 @@ use ivd_core::{Grid, Lattice, Volume, Voxels};
 use ivd_lattice::extract::Iso;
 use ivd_lattice::figures::measure;
 
-use crate::levels::Levels;
-use crate::mesh::{area_and_volume, assert_closed_manifold, euler};
-use crate::{cut, cut_volume, hash, noise};
+use crate::extract::levels::Levels;
+use crate::extract::mesh::{area_and_volume, assert_closed_manifold, euler};
+use crate::extract::{cut, cut_volume, hash, noise};
 
 /// Fails unless the lattice of an integer field is closed, manifold, and of the field's own topology.
 fn assert_topology<T: Copy + Into<i64>>(dims: [usize; 3], voxels: &[T], iso: f64, context: &str) -> Lattice

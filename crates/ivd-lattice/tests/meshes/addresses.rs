@@ -5,7 +5,7 @@ use ivd_lattice::extract::extract_parts;
 use ivd_lattice::foreign::{Addresses, Foreign, ForeignParams, lattice};
 use ivd_lattice::formats::{Format, Mesh, write_deformed};
 
-use crate::{file, grids, read, solids};
+use crate::meshes::{file, grids, read, solids};
 
 fn put(mesh: &Mesh, grid: &Grid) -> Foreign {
     lattice(mesh, grid, &ForeignParams::default(), &Exec::default()).unwrap()

@@ -4,8 +4,8 @@ use ivd_core::{Fault, Faulty};
 use ivd_lattice::Error;
 use ivd_lattice::formats::Format;
 
-use crate::other_programs::glb;
-use crate::read;
+use crate::meshes::other_programs::glb;
+use crate::meshes::read;
 
 /// The error holds all of `wanted`, the file's name and a remedy.
 fn assert_refused(format: Format, bytes: &[u8], wanted: &[&str]) {

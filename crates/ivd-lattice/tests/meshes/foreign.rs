@@ -7,7 +7,7 @@ use ivd_lattice::formats::Mesh;
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use nalgebra::Vector3;
 
-use crate::solids::{self, cuboid, hash, turned};
+use crate::meshes::solids::{self, cuboid, hash, turned};
 
 fn grid() -> Grid {
     Grid::with_spacing([12; 3], [1.0; 3]).unwrap()

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ivd_core::{Exec, Lattice};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 
-use crate::{grids, solids};
+use crate::meshes::{grids, solids};
 
 /// Every padded voxel, and some outside.
 fn voxels(lattice: &Lattice) -> impl Iterator<Item = [i64; 3]> {

@@ -6,8 +6,8 @@ use ivd_core::Exec;
 use ivd_lattice::foreign::{ForeignParams, lattice};
 use ivd_lattice::formats::Format;
 
-use crate::solids::hash;
-use crate::{file, grids, read, solids};
+use crate::meshes::solids::hash;
+use crate::meshes::{file, grids, read, solids};
 
 /// Random numbers, the same every time.
 struct Dice(u64);

@@ -9,7 +9,7 @@ use ivd_lattice::figures::measure;
 use ivd_lattice::foreign::{Foreign, ForeignParams, lattice};
 use ivd_lattice::formats::{Format, Mesh};
 
-use crate::read;
+use crate::meshes::read;
 
 /// Corners and quads of the cube from 1 to 3, as every file below has them.
 const CORNERS: [[f64; 3]; 8] = [

@@ -4,7 +4,7 @@ use ivd_core::{Exec, Grid};
 use ivd_lattice::figures::{ASPECT_BINS, measure, quality};
 use ivd_lattice::foreign::{ForeignParams, lattice};
 
-use crate::{grids, solids};
+use crate::meshes::{grids, solids};
 
 #[test]
 fn an_octahedron_is_equilateral_and_a_tetrahedron_has_its_right_angles() {

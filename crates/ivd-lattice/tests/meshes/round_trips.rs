@@ -4,7 +4,7 @@ use ivd_core::{Faulty, Lattice};
 use ivd_lattice::formats::{Address, Format, Mesh};
 use nalgebra::Vector3;
 
-use crate::{file, grids, read, solids};
+use crate::meshes::{file, grids, read, solids};
 
 fn lattices() -> impl Iterator<Item = Lattice> {
     (0_u64..).zip(grids()).flat_map(|(i, grid)| (0..3).map(move |j| solids::random(&grid, 7 * i + j)))

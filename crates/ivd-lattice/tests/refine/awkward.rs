@@ -5,7 +5,7 @@ use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
 use ivd_lattice::repair::{RepairParams, repair};
 
-use crate::{assert_bounded, assert_sound, lattices};
+use crate::refine::{assert_bounded, assert_sound, lattices};
 
 /// Those that keep the topology.
 const METHODS: [Method; 4] = [Method::Collapse, Method::Decimate, Method::Loop, Method::Merge];

@@ -3,7 +3,7 @@
 use ivd_core::Exec;
 use ivd_lattice::refine::{Locks, Method, RefineParams, chain, vertices_within, with_levels};
 
-use crate::{assert_sound, lattices, sampled};
+use crate::refine::{assert_sound, lattices, sampled};
 
 #[test]
 fn every_level_is_a_subset_of_the_one_before_and_bounds_add_up() {

@@ -6,7 +6,7 @@ use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, distances, refine};
 use nalgebra::Vector3;
 
-use crate::{lattices, sampled};
+use crate::refine::{lattices, sampled};
 
 pub(crate) fn by(method: Method, lattice: &Lattice, target: Target) -> Refined {
     let params = RefineParams { method, target, ..RefineParams::default() };
@@ -60,8 +60,8 @@ fn phantoms_are_closed_manifolds_within_a_tight_bound() {
 }
 
 #[test]
-fn a_thousand_random_fields_are_closed_manifolds_at_every_step() {
-    for seed in 0..1000 {
+fn random_fields_are_closed_manifolds_at_every_step() {
+    for seed in lattices::seeds(1000) {
         let lattice = lattices::random(seed);
         let mut last = usize::MAX;
         for level in 1..=3 {
@@ -84,7 +84,7 @@ fn binary(grid: Grid, inside: impl Fn([usize; 3]) -> bool) -> Lattice {
 #[test]
 fn every_coarse_voxel_is_where_it_was() {
     // Winding numbers of the coarse surface at coarse voxels are the signs of the field there.
-    for seed in 0..40_u64 {
+    for seed in lattices::seeds(40) {
         let n = 9;
         let inside = |at: [usize; 3]| {
             lattices::hash(seed * 8192 + (at[0] + 16 * (at[1] + 16 * at[2])) as u64).is_multiple_of(3)

@@ -4,7 +4,7 @@ use ivd_core::{Exec, Lattice};
 use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
 
-use crate::{assert_levels, assert_phantoms, assert_sound, lattices, sampled};
+use crate::refine::{assert_levels, assert_phantoms, assert_sound, lattices, sampled};
 
 fn by(method: Method, lattice: &Lattice, target: Target) -> Refined {
     let params = RefineParams { method, target, ..RefineParams::default() };
@@ -36,7 +36,7 @@ fn targets_are_met_exactly_where_nothing_is_in_the_way() {
 
 #[test]
 fn random_fields_keep_every_speck_and_tunnel_and_the_bound() {
-    for seed in 0..300 {
+    for seed in lattices::seeds(300) {
         let lattice = lattices::random(seed);
         let out = decimated(&lattice, Target::Ratio(0.0));
         assert_sound(&lattice, &out);

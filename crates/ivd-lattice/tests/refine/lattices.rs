@@ -83,6 +83,14 @@ pub(crate) fn hash(i: u64) -> u64 {
     h ^ (h >> 31)
 }
 
+/// Of so many seeds a fifth, of each five in a row the next; all where `IVD_STRESS_EVERY` is 1, one of so many where it is more. Sizes and
+/// isovalues go round with the seed, and all of them occur.
+pub(crate) fn seeds(count: u64) -> impl Iterator<Item = u64> {
+    let every = std::env::var("IVD_STRESS_EVERY")
+        .map_or(5, |text| text.parse().unwrap_or_else(|_| panic!("IVD_STRESS_EVERY={text} is no number")));
+    (0..count).filter(move |seed| seed % every == seed / every % every)
+}
+
 /// Random integers 0…3 cut at 1, 1.5 or 2: specks, tunnels and touching corners everywhere.
 pub(crate) fn random(seed: u64) -> Lattice {
     let dims = [4 + seed as usize % 5, 5, 4 + seed as usize % 3];

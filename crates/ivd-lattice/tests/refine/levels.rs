@@ -8,8 +8,8 @@ use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
 use nalgebra::Vector3;
 
-use crate::coarser::{assert_certified, assert_subset, assert_threads_change_nothing, awkward, by};
-use crate::{assert_sound, lattices};
+use crate::refine::coarser::{assert_certified, assert_subset, assert_threads_change_nothing, awkward, by};
+use crate::refine::{assert_sound, lattices};
 
 fn levels(lattice: &Lattice, target: Target) -> Refined {
     by(Method::Loop, lattice, target)
@@ -183,7 +183,7 @@ fn ratio_count_and_error_are_met() {
 
 #[test]
 fn random_fields_keep_every_speck_and_tunnel_and_say_what_stopped_them() {
-    for seed in 0..200 {
+    for seed in lattices::seeds(200) {
         let lattice = lattices::random(seed);
         let out = levels(&lattice, Target::Ratio(0.0));
         assert_subset(&lattice, &out);

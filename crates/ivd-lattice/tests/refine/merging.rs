@@ -5,8 +5,8 @@ use ivd_core::{Exec, Lattice, Volume, Voxels};
 use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
 
-use crate::coarser::{assert_certified, assert_subset, assert_threads_change_nothing, awkward, by};
-use crate::{assert_sound, lattices};
+use crate::refine::coarser::{assert_certified, assert_subset, assert_threads_change_nothing, awkward, by};
+use crate::refine::{assert_sound, lattices};
 
 /// By legal collapses alone.
 fn merged(lattice: &Lattice, target: Target) -> Refined {
@@ -108,7 +108,7 @@ fn a_thin_wall_goes_where_clustering_is_allowed_to_and_stays_where_it_is_not() {
 
 #[test]
 fn random_fields_merge_to_the_least_and_say_what_stopped_them() {
-    for seed in 0..100 {
+    for seed in lattices::seeds(100) {
         let lattice = lattices::random(seed);
         let out = merged(&lattice, Target::Ratio(0.0));
         assert_subset(&lattice, &out);

@@ -5,7 +5,7 @@ use ivd_lattice::figures::measure;
 use ivd_lattice::repair::{RepairParams, Repaired, repair};
 use nalgebra::Vector3;
 
-use crate::{lattices, sampled};
+use crate::refine::{lattices, sampled};
 
 fn repaired(lattice: &Lattice, params: &RepairParams) -> Repaired {
     repair(lattice, params, &Exec::default()).expect("the parameters are in their domain")
@@ -92,7 +92,7 @@ fn slivers_go_within_the_error_and_the_rest_keeps_its_topology() {
 
 #[test]
 fn random_fields_are_repaired_soundly() {
-    for seed in 0..100 {
+    for seed in lattices::seeds(100) {
         let lattice = lattices::random(seed);
         let before = measure(&lattice);
         let params = RepairParams { max_aspect: Some(3.0), max_error_mm: 1.0, ..RepairParams::default() };

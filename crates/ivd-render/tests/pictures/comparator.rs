@@ -4,7 +4,7 @@ use ivd_core::{Exec, Grid, TransferFunction, Volume, Voxels};
 use ivd_render::{RenderParams, Scene, View, difference, render};
 use nalgebra::Vector3;
 
-use crate::common::sampled;
+use crate::pictures::common::sampled;
 
 /// A threshold under which two pictures of the same scene count as one: two renderers that agree differ by rounding.
 const SAME: u8 = 2;

@@ -4,7 +4,7 @@ use ivd_core::{Displacement, Exec, Grid, TransferFunction, Volume};
 use ivd_render::{Mode, Radiance, RenderParams, Scene, View, radiance};
 use nalgebra::{Rotation3, Vector3};
 
-use crate::common::{displacement, sampled};
+use crate::pictures::common::{displacement, sampled};
 
 /// A smooth lopsided density, 0…1, about (20, 20, 20) mm.
 fn density(at: Vector3<f64>) -> f64 {

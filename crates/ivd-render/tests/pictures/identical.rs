@@ -1,6 +1,6 @@
 //! What must not change a single byte: skipping, threads, the stored type; and what missing data must not do.
 
-use crate::common::{hills, twisted};
+use crate::pictures::common::{hills, twisted};
 use ivd_core::{Exec, Labels, Scalar, TransferFunction, Volume, Voxels};
 use ivd_render::{Mode, Radiance, RenderParams, Scene, View, radiance};
 
@@ -99,13 +99,13 @@ fn equal_values_of_any_stored_type_give_one_picture() {
 fn a_displacement_of_nothing_is_the_undeformed_picture() {
     let volume = hills::<u8>();
     let transfer = transfer();
-    let still = crate::common::displacement(volume.grid(), |_| None);
+    let still = crate::pictures::common::displacement(volume.grid(), |_| None);
     let scene = Scene { transfer: Some(&transfer), ..Scene::new(&volume) };
     let moved = Scene { displacement: Some(&still), ..scene };
     let rest = radiance(&scene, &params(), &Exec::default()).unwrap();
     assert_eq!(radiance(&moved, &params(), &Exec::default()).unwrap(), rest);
     // Stored bricks of zeros as well.
-    let zero = crate::common::displacement(volume.grid(), |_| Some(nalgebra::Vector3::zeros()));
+    let zero = crate::pictures::common::displacement(volume.grid(), |_| Some(nalgebra::Vector3::zeros()));
     let moved = Scene { displacement: Some(&zero), ..scene };
     assert_eq!(bits(&radiance(&moved, &params(), &Exec::default()).unwrap()), bits(&rest));
 }

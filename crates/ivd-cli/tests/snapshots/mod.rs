@@ -1,7 +1,7 @@
 //! What the program says, held against the files in fixtures/snapshots: every help page, the schema, a JSON object of every
 //! command, what wrong usage and failures end with; and every command of the README runs.
 //!
-//! `IVD_SNAPSHOTS=write cargo test -p ivd-cli --test snapshots` writes the files anew. Their difference is then what a change
+//! `IVD_SNAPSHOTS=write cargo test -p ivd-cli snapshots` writes the files anew. Their difference is then what a change
 //! changes for those who use the program, and is read as such.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 

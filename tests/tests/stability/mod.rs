@@ -11,6 +11,13 @@ mod scenes;
 mod spaces;
 mod symmetry;
 
+/// Whether a case has its turn: of each five in a row one, each time the next, so that what goes round by fives comes round too. All have
+/// where `IVD_STRESS_EVERY` is 1, as `just stress` has it; one of so many where it is more.
+fn has_its_turn(case: u64) -> bool {
+    let every = asked("IVD_STRESS_EVERY", 5);
+    case % every == case / every % every
+}
+
 /// A number from the environment, so that `just stress` can ask for more than the normal suite does.
 fn asked(name: &str, default: u64) -> u64 {
     std::env::var(name)

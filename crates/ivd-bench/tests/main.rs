@@ -1,0 +1,6 @@
+//! The harness, what it measures on given volumes, and the recorded fronts.
+
+mod fronts;
+mod given;
+mod harness;
+mod refinements;

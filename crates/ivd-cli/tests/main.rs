@@ -1,0 +1,16 @@
+//! The program as it is called: what it prints, writes, refuses and survives.
+
+mod bench;
+mod budget;
+mod cache;
+mod combine;
+mod deform;
+mod faults;
+mod hostile;
+mod killed;
+mod lattice;
+mod neck;
+mod program;
+mod segment;
+mod snapshots;
+mod space;

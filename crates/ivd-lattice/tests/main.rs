@@ -1,0 +1,5 @@
+//! Extraction, refinement and mesh files through the public interface.
+
+mod extract;
+mod meshes;
+mod refine;

@@ -1,0 +1,7 @@
+//! Readers and writers of volumes, on sound, hostile and real files.
+
+mod field;
+mod headers;
+mod hostile;
+mod real_volumes;
+mod round_trip;
