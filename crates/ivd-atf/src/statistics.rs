@@ -1,4 +1,4 @@
-use ivd_core::{Exec, Labels, NO_DATA, Scalar, Volume, with_voxels};
+use ivd_core::{Exec, Labels, NO_DATA, Scalar, Volume, parallel, with_voxels};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -48,19 +48,16 @@ pub(crate) fn measure(volume: &Volume, labels: &Labels, exec: &Exec) -> Result<V
     let layers = volume.grid().dims()[2];
     exec.observer().begin("class statistics", layers as u64);
     let slabs: Vec<Vec<Sums>> = with_voxels!(volume.voxels(), stored => {
-        (0..SLABS)
-            .into_par_iter()
-            .map(|slab| {
-                let scan = Scan::new(volume, labels, stored, &slot, middle);
-                let mut sums = vec![Sums::default(); present.len()];
-                for z in layers * slab / SLABS..layers * (slab + 1) / SLABS {
-                    exec.check_cancelled()?;
-                    scan.layer(z, &mut sums);
-                    exec.observer().advance("class statistics", 1);
-                }
-                Ok(sums)
-            })
-            .collect::<Result<_, Error>>()?
+        parallel::try_map(SLABS, &|slab| {
+            let scan = Scan::new(volume, labels, stored, &slot, middle);
+            let mut sums = vec![Sums::default(); present.len()];
+            for z in layers * slab / SLABS..layers * (slab + 1) / SLABS {
+                exec.check_cancelled()?;
+                scan.layer(z, &mut sums);
+                exec.observer().advance("class statistics", 1);
+            }
+            Ok::<_, Error>(sums)
+        })?
     });
     exec.observer().end("class statistics");
     let measured = present.iter().enumerate().map(|(i, &id)| {

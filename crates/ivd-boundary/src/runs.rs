@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use ivd_core::parallel;
 
 /// Which voxels touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,19 +24,16 @@ pub(crate) struct Runs {
 impl Runs {
     /// Finds the runs in a box of `size` voxels; `row(y, z, found)` appends the ascending runs of one row.
     pub(crate) fn find(size: [usize; 3], row: impl Fn(usize, usize, &mut Vec<[u32; 2]>) + Sync) -> Self {
-        let slices: Vec<(Vec<[u32; 2]>, Vec<usize>)> = (0..size[2])
-            .into_par_iter()
-            .map(|z| {
-                let mut runs = Vec::new();
-                let ends = (0..size[1])
-                    .map(|y| {
-                        row(y, z, &mut runs);
-                        runs.len()
-                    })
-                    .collect();
-                (runs, ends)
-            })
-            .collect();
+        let slices: Vec<(Vec<[u32; 2]>, Vec<usize>)> = parallel::map(size[2], &|z| {
+            let mut runs = Vec::new();
+            let ends = (0..size[1])
+                .map(|y| {
+                    row(y, z, &mut runs);
+                    runs.len()
+                })
+                .collect();
+            (runs, ends)
+        });
         let mut all = Self {
             size,
             spans: Vec::with_capacity(slices.iter().map(|s| s.0.len()).sum()),

@@ -1,6 +1,4 @@
-use rayon::prelude::*;
-
-use crate::{Buffer, Grid, Scalar, Voxels, with_voxels};
+use crate::{Buffer, Grid, Scalar, Voxels, parallel, with_voxels};
 
 /// Cells along a brick's edge. A brick of cells `[8b, 8b + 8)` spans the voxels `8b ..= 8b + 8`.
 pub const BRICK: usize = 8;
@@ -39,7 +37,7 @@ impl BrickIndex {
     pub fn build(grid: &Grid, voxels: &Voxels) -> Self {
         let dims = Self::dims_for(grid.dims());
         let ranges: Vec<BrickRange> = with_voxels!(voxels, slice => {
-            (0..dims[2]).into_par_iter().flat_map_iter(|bz| layer(grid.dims(), dims, slice, bz)).collect()
+            parallel::map(dims[2], &|bz| layer(grid.dims(), dims, slice, bz)).concat()
         });
         Self {
             dims,

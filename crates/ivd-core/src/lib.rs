@@ -38,6 +38,7 @@ mod motion;
 pub mod noise;
 mod octree;
 pub mod op;
+pub mod parallel;
 mod shown;
 mod transfer;
 mod tree;

@@ -3,7 +3,7 @@ use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{BrickIndex, Buffer, Error, Grid, VoxelIndex, with_voxels};
+use crate::{BrickIndex, Buffer, Error, Grid, VoxelIndex, parallel, with_voxels};
 
 /// Type of a stored voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -395,11 +395,14 @@ impl Volume {
 
     /// Number of voxels that are no data (NaN or infinite).
     pub fn missing(&self) -> u64 {
-        use rayon::prelude::*;
         if self.voxels.voxel_type().is_integer() {
             return 0;
         }
-        with_voxels!(self.voxels(), slice => slice.par_iter().filter(|v| !v.is_data()).count() as u64)
+        with_voxels!(self.voxels(), slice => parallel::map_pieces(slice.len(), PIECE, &|piece| {
+            slice[piece].iter().filter(|v| !v.is_data()).count() as u64
+        })
+        .iter()
+        .sum())
     }
 }
 
@@ -412,15 +415,17 @@ impl PartialEq for Volume {
     }
 }
 
+/// Voxels that are looked at in one go.
+const PIECE: usize = 1 << 16;
+
 /// Smallest and largest value that is data.
 fn extremes<T: Scalar>(values: &[T]) -> Option<[f64; 2]> {
-    use rayon::prelude::*;
     let none = [f64::INFINITY, f64::NEG_INFINITY];
     let join = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-    let of = |chunk: &[T]| {
-        chunk.iter().filter(|v| v.is_data()).fold(none, |all, v| join(all, [v.to_f64(), v.to_f64()]))
-    };
-    let [lo, hi] = values.par_chunks(1 << 16).map(of).reduce(|| none, join);
+    let parts = parallel::map_pieces(values.len(), PIECE, &|piece| {
+        values[piece].iter().filter(|v| v.is_data()).fold(none, |all, v| join(all, [v.to_f64(), v.to_f64()]))
+    });
+    let [lo, hi] = parts.into_iter().fold(none, join);
     (lo <= hi).then_some([lo, hi])
 }
 

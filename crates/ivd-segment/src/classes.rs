@@ -1,7 +1,6 @@
 //! Classes of a labelling that isn't one of intervals: their figures, and ids in the order of their means.
 
-use ivd_core::{Buffer, Bulk, Class, Error, Exec, NO_DATA, Scalar, Volume, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{Buffer, Bulk, Class, Error, Exec, NO_DATA, Scalar, Volume, parallel, with_voxels};
 
 use crate::moments::{Frame, Moments};
 
@@ -36,8 +35,11 @@ pub(crate) fn by_mean(
         renamed[group + 1] = class as u16 + 1;
     }
     if renamed.iter().enumerate().any(|(old, new)| old != usize::from(*new)) {
-        ids.par_chunks_mut(CHUNK)
-            .for_each(|ids| ids.iter_mut().for_each(|id| *id = renamed[usize::from(*id)]));
+        parallel::for_each_piece_mut(&mut ids, CHUNK, &|_, ids| {
+            for id in ids {
+                *id = renamed[usize::from(*id)];
+            }
+        });
     }
     let class = |(i, &group): (usize, &usize)| Class {
         id: i as u16 + 1,
@@ -95,20 +97,16 @@ fn moments<T: Scalar>(
     exec: &Exec,
 ) -> Result<Vec<Moments>, Error> {
     let chunk = CHUNK.max(16 * groups);
-    let parts: Vec<Vec<Moments>> = voxels
-        .par_chunks(chunk)
-        .zip(ids.par_chunks(chunk))
-        .map(|(voxels, ids)| {
-            exec.check_cancelled()?;
-            let mut parts = vec![Moments::default(); groups];
-            for (v, &id) in voxels.iter().zip(ids) {
-                if id != NO_DATA {
-                    parts[usize::from(id) - 1].add(*v, frame);
-                }
+    let parts: Vec<Vec<Moments>> = parallel::try_map_pieces(voxels.len(), chunk, &|piece| {
+        exec.check_cancelled()?;
+        let mut parts = vec![Moments::default(); groups];
+        for (v, &id) in voxels[piece.clone()].iter().zip(&ids[piece]) {
+            if id != NO_DATA {
+                parts[usize::from(id) - 1].add(*v, frame);
             }
-            Ok(parts)
-        })
-        .collect::<Result<_, Error>>()?;
+        }
+        Ok::<_, Error>(parts)
+    })?;
     let mut total = vec![Moments::default(); groups];
     for part in &parts {
         total.iter_mut().zip(part).for_each(|(total, part)| total.join(part));

@@ -1,7 +1,6 @@
 //! Exact histograms of 8 and 16 bit voxels.
 
-use ivd_core::{Error, Exec, Mask, Scalar, Voxels};
-use rayon::prelude::*;
+use ivd_core::{Error, Exec, Mask, Scalar, Voxels, parallel};
 
 /// Voxels that one task counts; long enough to pay for its private tables.
 const CHUNK: usize = 1 << 20;
@@ -75,23 +74,22 @@ pub(crate) fn of(voxels: &Voxels, mask: Option<&Mask>, exec: &Exec) -> Result<Op
 }
 
 fn count<T: Tabled>(voxels: &[T], mask: Option<&Mask>, exec: &Exec) -> Result<Histogram, Error> {
-    let table = voxels
-        .par_chunks(CHUNK)
-        .enumerate()
-        .map(|(i, chunk)| {
-            exec.check_cancelled()?;
-            let inside = mask.map(|m| &m.inside()[i * CHUNK..][..chunk.len()]);
-            Ok(match inside {
-                None => count_chunk(chunk),
-                Some(inside) => count_masked(chunk, inside),
-            })
-        })
-        .try_reduce_with(|mut a, b| {
-            // Integer sums: whatever the order, the same table.
-            a.iter_mut().zip(&b).for_each(|(a, b)| *a += b);
-            Ok::<_, Error>(a)
-        })
-        .unwrap_or_else(|| Ok(vec![0; T::VALUES]))?;
+    let pieces = parallel::pieces(voxels.len(), CHUNK);
+    // Integer sums: whatever the order, the same table.
+    let tables = parallel::try_gather(pieces, &|| vec![0_u64; T::VALUES], &|table, i| {
+        exec.check_cancelled()?;
+        let piece = parallel::piece(voxels.len(), CHUNK, i);
+        let counts = match mask.map(|m| &m.inside()[piece.clone()]) {
+            None => count_chunk(&voxels[piece]),
+            Some(inside) => count_masked(&voxels[piece], inside),
+        };
+        table.iter_mut().zip(&counts).for_each(|(sum, n)| *sum += n);
+        Ok::<_, Error>(())
+    })?;
+    let mut table = vec![0; T::VALUES];
+    for part in &tables {
+        table.iter_mut().zip(part).for_each(|(sum, n)| *sum += n);
+    }
     let occupied = table.iter().enumerate().filter(|(_, n)| **n > 0);
     Ok(Histogram {
         values: occupied.clone().map(|(slot, _)| T::LOWEST + slot as i64).collect(),

@@ -1,7 +1,6 @@
 //! The pass that gives each voxel its label.
 
-use ivd_core::{Bulk, Error, Exec, Mask, NO_DATA, Scalar, Voxels, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{Bulk, Error, Exec, Mask, NO_DATA, Scalar, Voxels, parallel, with_voxels};
 
 use crate::histogram::{Tabled, with_tabled};
 
@@ -60,7 +59,8 @@ fn steps(table: &[u16]) -> Option<Vec<u8>> {
 
 /// Labels by how many steps a slot has passed: comparisons of many voxels at once, where a table takes them one by one.
 fn by_steps<T: Tabled>(voxels: &[T], first: u16, steps: &[u8], labels: &mut [u16]) {
-    labels.par_chunks_mut(CHUNK).zip(voxels.par_chunks(CHUNK)).for_each(|(labels, voxels)| {
+    parallel::for_each_piece_mut(labels, CHUNK, &|i, labels| {
+        let voxels = &voxels[i * CHUNK..][..labels.len()];
         for (labels, voxels) in labels.chunks_mut(NEAR).zip(voxels.chunks(NEAR)) {
             labels.fill(first);
             for &step in steps {
@@ -82,16 +82,17 @@ fn each<T: Scalar>(
     labels: &mut [u16],
     label: impl Fn(T) -> u16 + Sync + Send,
 ) {
-    labels.par_chunks_mut(CHUNK).zip(voxels.par_chunks(CHUNK)).enumerate().for_each(
-        |(i, (labels, voxels))| match mask.map(|m| &m.inside()[i * CHUNK..][..voxels.len()]) {
+    parallel::for_each_piece_mut(labels, CHUNK, &|i, labels| {
+        let voxels = &voxels[i * CHUNK..][..labels.len()];
+        match mask.map(|m| &m.inside()[i * CHUNK..][..labels.len()]) {
             None => labels.iter_mut().zip(voxels).for_each(|(id, &v)| *id = label(v)),
             Some(inside) => labels
                 .iter_mut()
                 .zip(voxels)
                 .zip(inside)
                 .for_each(|((id, &v), &inside)| *id = if inside == 0 { NO_DATA } else { label(v) }),
-        },
-    );
+        }
+    });
 }
 
 #[cfg(test)]

@@ -2,8 +2,7 @@
 
 use std::borrow::Cow;
 
-use ivd_core::{Error as CoreError, Exec, Mask, ParamError, Scalar, Volume, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{Error as CoreError, Exec, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
 
 use crate::Error;
 
@@ -37,8 +36,9 @@ pub(crate) fn of<'a>(
     let Some([low, high]) = range else { return Ok(mask.map(Cow::Borrowed)) };
     let mut inside = exec.bulk::<u8>("the voxels within the range", volume.grid().len())?;
     with_voxels!(volume.voxels(), slice => {
-        inside.par_chunks_mut(CHUNK).zip(slice.par_chunks(CHUNK)).enumerate().try_for_each(|(i, (inside, voxels))| {
+        parallel::try_for_each_piece_mut(&mut inside, CHUNK, &|i, inside| {
             exec.check_cancelled()?;
+            let voxels = &slice[i * CHUNK..][..inside.len()];
             let mask = mask.map(|m| &m.inside()[i * CHUNK..][..voxels.len()]);
             for (j, (inside, v)) in inside.iter_mut().zip(voxels).enumerate() {
                 let value = volume.real(v.to_f64());

@@ -3,8 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, NO_DATA, ParamError, Volume};
-use rayon::prelude::*;
+use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, NO_DATA, ParamError, Volume, parallel};
 use serde::{Deserialize, Serialize};
 
 use crate::hvs::sets;
@@ -94,9 +93,9 @@ fn by_size(labels: &Labels, exec: &Exec) -> Result<Labels, Error> {
         names[usize::from(class.id)] = rank as u16 + 1;
     }
     let mut ids = exec.bulk::<u16>("the labels", labels.ids().len())?;
-    ids.par_chunks_mut(CHUNK).zip(labels.ids().par_chunks(CHUNK)).for_each(|(ids, old)| {
+    parallel::for_each_piece_mut(&mut ids, CHUNK, &|i, ids| {
         ids.iter_mut()
-            .zip(old)
+            .zip(&labels.ids()[i * CHUNK..])
             .for_each(|(id, old)| *id = names.get(usize::from(*old)).copied().unwrap_or(*old));
     });
     let classes = labels.classes().iter().map(|c| Class { id: names[usize::from(c.id)], ..c.clone() });
@@ -197,8 +196,8 @@ fn absorb(ids: &mut Bulk<u16>, dims: [usize; 3], smallest: u64, exec: &Exec) -> 
         }
     })?;
     let names = merge(&parts, &starts, &faces, smallest, exec)?;
-    ids.par_chunks_mut(CHUNK).zip(parts.of.par_chunks(CHUNK)).for_each(|(ids, of)| {
-        ids.iter_mut().zip(of).for_each(|(id, part)| *id = names[*part as usize]);
+    parallel::for_each_piece_mut(ids, CHUNK, &|i, ids| {
+        ids.iter_mut().zip(&parts.of[i * CHUNK..]).for_each(|(id, part)| *id = names[*part as usize]);
     });
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use ivd_core::{BRICK, BrickIndex, Exec};
+use ivd_core::{BRICK, BrickIndex, Exec, parallel};
 use rayon::prelude::*;
 
 use super::bounds::{Bounds, Ordered};
@@ -84,8 +84,9 @@ impl Signs {
         spans.clear();
         spans.resize((ny + 2) * (nz + 2), NOTHING);
         let strips = BrickIndex::dims_for(dims);
-        let layers = rows.par_chunks_mut(words * (ny + 2)).zip(spans.par_chunks_mut(ny + 2));
-        layers.skip(1).take(nz).enumerate().try_for_each(|(z, (rows, spans))| {
+        let layers = rows.chunks_mut(words * (ny + 2)).zip(spans.chunks_mut(ny + 2));
+        let layers: Vec<_> = layers.skip(1).take(nz).enumerate().collect();
+        parallel::try_for_each_of(layers, &|(z, (rows, spans))| {
             exec.check_cancelled()?;
             let mut bytes = vec![0_u8; words * 4];
             for by in 0..strips[1] {

@@ -7,8 +7,7 @@
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use ivd_core::Exec;
-use rayon::prelude::*;
+use ivd_core::{Exec, parallel};
 
 use super::Surface;
 use super::place::Cell;
@@ -145,7 +144,7 @@ impl<S: Samples> Sweep<'_, S> {
         let slabs = shared_out(slabs, &counts, &mut keys, &mut places, &mut corners);
         spare.desks.retain(|[layer, _]| layer.fits(self.dims));
         let desks = Mutex::new(std::mem::take(&mut spare.desks));
-        slabs.into_par_iter().try_for_each(|slab| {
+        parallel::try_for_each_of(slabs, &|slab| {
             let free = desks.lock().unwrap_or_else(PoisonError::into_inner).pop();
             let mut desk = free.unwrap_or_else(|| [Layer::new(self.dims), Layer::new(self.dims)]);
             self.write_slab(slab, &counts, &mut desk, exec)?;
@@ -161,13 +160,12 @@ impl<S: Samples> Sweep<'_, S> {
         let mut counts: Vec<Count> = Vec::with_capacity(layers);
         let (mut vertices, mut bytes) = (0, Signs::bytes(self.dims));
         for start in (0..layers).step_by(BATCH) {
-            let batch = (start..(start + BATCH).min(layers)).into_par_iter().map(|z| {
+            let batch: Vec<Count> = parallel::try_map(BATCH.min(layers - start), &|i| {
                 exec.check_cancelled()?;
-                let count = self.count_layer(z);
+                let count = self.count_layer(start + i);
                 exec.observer().advance(TASK, 1);
-                Ok(count)
-            });
-            let batch = batch.collect::<Result<Vec<Count>, ivd_core::Error>>()?;
+                Ok::<_, ivd_core::Error>(count)
+            })?;
             vertices += batch.iter().map(|c| c.vertices).sum::<u64>();
             bytes += batch.iter().map(Count::bytes).sum::<u64>();
             if vertices > u64::from(u32::MAX) || batch.iter().any(|c| c.longest_row >= Voxel::MOST) {

@@ -8,8 +8,9 @@
 //! the letter: no likelihood is promised to rise. The gains' weighted mean is 1; without that they and the means would be
 //! known up to a factor only.
 
-use ivd_core::{Error as CoreError, Exec, Iteration, Mask, Scalar as _, Volume, Voxels, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{
+    Error as CoreError, Exec, Iteration, Mask, Scalar as _, Volume, Voxels, parallel, with_voxels,
+};
 use serde::Serialize;
 
 use super::bins::{self, Bins};
@@ -91,8 +92,9 @@ impl BiasField {
         let [x, y, z] = [(0, nx), (1, ny), (2, nz)].map(|(a, n)| self.placed(a, n));
         let mut corrected = exec.bulk::<f32>("the corrected volume", nx * ny * nz)?;
         with_voxels!(volume.voxels(), slice => {
-            corrected.par_chunks_mut(nx).zip(slice.par_chunks(nx)).enumerate().try_for_each(|(row, (out, row_of))| {
+            parallel::try_for_each_piece_mut(&mut corrected, nx, &|row, out| {
                 exec.check_cancelled()?;
+                let row_of = &slice[row * nx..][..nx];
                 let (y, z) = (y[row % ny], z[row / ny]);
                 for ((out, v), x) in out.iter_mut().zip(row_of).zip(&x) {
                     let real = volume.real(v.to_f64());
@@ -239,7 +241,7 @@ fn gather(
     let unit = bins.unit;
     let mut fits = vec![[0.0; 2]; field.gains.len()];
     let layer = field.dims[0] * field.dims[1];
-    fits.par_chunks_mut(layer).enumerate().try_for_each(|(layer, fits)| {
+    parallel::try_for_each_piece_mut(&mut fits, layer, &|layer, fits| {
         for row in (0..nz).filter(|k| z[*k] == layer).flat_map(|k| k * ny..(k + 1) * ny) {
             exec.check_cancelled()?;
             for (i, node) in x.iter().enumerate() {

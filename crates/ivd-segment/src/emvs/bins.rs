@@ -5,8 +5,7 @@
 //! bin keeps its values' mean and mean squared deviation; all voxels of a bin share their responsibilities, by the mean of
 //! their log-densities (Verbeek, Nunnink & Vlassis 2006). What is maximised is then a lower bound of the log-likelihood.
 
-use ivd_core::{Error, Exec, Mask, Scalar, Volume, Voxels, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{Error, Exec, Mask, Scalar, Volume, Voxels, parallel, with_voxels};
 
 use crate::histogram;
 
@@ -335,14 +334,12 @@ pub(super) fn extremes<T: Scalar>(
 ) -> Result<Option<[f64; 2]>, Error> {
     let none = [f64::INFINITY, f64::NEG_INFINITY];
     let join = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-    let found = voxels
-        .par_chunks(CHUNK)
-        .enumerate()
-        .map(|(i, chunk)| {
-            exec.check_cancelled()?;
-            Ok(data(chunk, mask, i * CHUNK).fold(none, |ends, v| join(ends, [v, v])))
-        })
-        .try_reduce(|| none, |a, b| Ok::<_, Error>(join(a, b)))?;
+    let parts: Vec<[f64; 2]> = parallel::try_map_pieces(voxels.len(), CHUNK, &|piece| {
+        exec.check_cancelled()?;
+        let from = piece.start;
+        Ok::<_, Error>(data(&voxels[piece], mask, from).fold(none, |ends, v| join(ends, [v, v])))
+    })?;
+    let found = parts.into_iter().fold(none, join);
     Ok((found[0] <= found[1]).then_some(found))
 }
 
@@ -364,18 +361,15 @@ fn fill<T: Scalar>(
     exec: &Exec,
 ) -> Result<Vec<Slot>, Error> {
     let part = voxels.len().div_ceil(PARTS).max(CHUNK);
-    let parts: Vec<Vec<Slot>> = voxels
-        .par_chunks(part)
-        .enumerate()
-        .map(|(i, voxels)| {
-            let mut slots = vec![Slot::EMPTY; Ruler::SLOTS];
-            for (j, chunk) in voxels.chunks(CHUNK).enumerate() {
-                exec.check_cancelled()?;
-                data(chunk, mask, i * part + j * CHUNK).for_each(|v| slots[ruler.slot(v)].add(v, 1, shrink));
-            }
-            Ok(slots)
-        })
-        .collect::<Result<_, Error>>()?;
+    let parts: Vec<Vec<Slot>> = parallel::try_map_pieces(voxels.len(), part, &|piece| {
+        let mut slots = vec![Slot::EMPTY; Ruler::SLOTS];
+        let from = piece.start;
+        for (j, chunk) in voxels[piece].chunks(CHUNK).enumerate() {
+            exec.check_cancelled()?;
+            data(chunk, mask, from + j * CHUNK).for_each(|v| slots[ruler.slot(v)].add(v, 1, shrink));
+        }
+        Ok::<_, Error>(slots)
+    })?;
     let mut parts = parts.into_iter();
     let mut all = parts.next().unwrap_or_else(|| vec![Slot::EMPTY; Ruler::SLOTS]);
     for part in parts {

@@ -13,8 +13,7 @@
 //! distribution where the rounded new one isn't better, so that rounding can't make the energy rise. The colours are stored
 //! apart: whoever writes one only reads the other.
 
-use ivd_core::{Buffer, Bulk, Error as CoreError, Exec, Iteration, Scalar, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{Buffer, Bulk, Error as CoreError, Exec, Iteration, Scalar, parallel, with_voxels};
 
 use super::labels::Scene;
 use super::line::Sums;
@@ -221,10 +220,10 @@ impl Field {
         let renewal =
             Renewal { scene, densities, means, places, colour, other, couplings, entropy, half: self.half };
         let parts: Vec<Tally> = with_voxels!(scene.volume.voxels(), slice => {
-            own.par_chunks_mut(rows * row).enumerate().map(|(i, own)| {
+            parallel::try_map_pieces_mut(own, rows * row, &|i, own: &mut [u8]| {
                 exec.check_cancelled()?;
-                Ok(renewal.rows(slice, i * rows, own))
-            }).collect::<Result<_, CoreError>>()
+                Ok::<_, CoreError>(renewal.rows(slice, i * rows, own))
+            })
         })?;
         let mut total = Tally::new(self.k);
         for part in &parts {
@@ -282,7 +281,7 @@ impl Field {
     ) -> Result<(), CoreError> {
         let ([nx, ny, _], half, k) = (self.dims, self.half, self.k);
         let rows = (TASK / nx).max(1);
-        out.par_chunks_mut(nx * rows).enumerate().try_for_each(|(i, out)| {
+        parallel::try_for_each_piece_mut(out, nx * rows, &|i, out| {
             exec.check_cancelled()?;
             for (r, out) in out.chunks_mut(nx).enumerate() {
                 let row = i * rows + r;

@@ -1,7 +1,8 @@
 //! Labels and posterior maps: every voxel to its likeliest component.
 
-use ivd_core::{Buffer, Bulk, Class, Error as CoreError, Exec, Labels, Mask, NO_DATA, Volume, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{
+    Buffer, Bulk, Class, Error as CoreError, Exec, Labels, Mask, NO_DATA, Volume, parallel, with_voxels,
+};
 
 use super::Covariance;
 use super::bins::Bins;
@@ -74,7 +75,7 @@ impl Scene<'_> {
         let (x, dims) = (quadratic::places(self.frame), self.frame.dims);
         let chunk = rows::chunk(dims);
         with_voxels!(self.volume.voxels(), slice => {
-            out.par_chunks_mut(chunk).enumerate().try_for_each(|(i, out)| {
+            parallel::try_for_each_piece_mut(out, chunk, &|i, out| {
                 exec.check_cancelled()?;
                 let mut values = Values::new();
                 let mut logs = vec![[0.0; PIECE]; densities.len()];

@@ -1,7 +1,6 @@
 //! Expectation and maximisation on intensity alone, over bins: O(bins · K) an iteration, however many voxels there are.
 
-use ivd_core::{Error, Exec, Iteration};
-use rayon::prelude::*;
+use ivd_core::{Error, Exec, Iteration, parallel};
 
 use super::bins::Bins;
 use super::exponential::exp;
@@ -126,8 +125,7 @@ pub(super) fn expect(bins: &Bins, components: &[Component]) -> (Vec<Sums>, f64) 
     let densities: Vec<Density> = components.iter().map(Density::of).collect();
     let tasks = bins.len().div_ceil(TASK);
     let task = |i: usize| expect_part(bins, i * TASK..((i + 1) * TASK).min(bins.len()), &densities);
-    let parts: Vec<_> =
-        if tasks == 1 { vec![task(0)] } else { (0..tasks).into_par_iter().map(task).collect() };
+    let parts: Vec<_> = if tasks == 1 { vec![task(0)] } else { parallel::map(tasks, &task) };
     let mut total = (vec![Sums::default(); components.len()], 0.0);
     for (sums, log_likelihood) in parts {
         for (total, part) in total.0.iter_mut().zip(sums) {

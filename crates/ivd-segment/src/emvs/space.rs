@@ -1,7 +1,6 @@
 //! Expectation and maximisation over space and intensity.
 
-use ivd_core::{Error, Exec, Iteration, Mask, Volume, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{Error, Exec, Iteration, Mask, Volume, parallel, with_voxels};
 
 use super::bins::Bins;
 use super::line::{Found, Limits};
@@ -104,13 +103,10 @@ impl Space<'_> {
         part: &(impl Fn([usize; 2]) -> (Vec<Sums>, f64) + Sync),
     ) -> Result<(Vec<Sums>, f64), Error> {
         let (len, chunk) = (self.volume.grid().len(), rows::chunk(self.frame.dims));
-        let parts: Vec<(Vec<Sums>, f64)> = (0..len.div_ceil(chunk))
-            .into_par_iter()
-            .map(|i| {
-                exec.check_cancelled()?;
-                Ok(part([i * chunk, ((i + 1) * chunk).min(len)]))
-            })
-            .collect::<Result<_, Error>>()?;
+        let parts: Vec<(Vec<Sums>, f64)> = parallel::try_map_pieces(len, chunk, &|piece| {
+            exec.check_cancelled()?;
+            Ok::<_, Error>(part([piece.start, piece.end]))
+        })?;
         let mut total = (vec![Sums::default(); k], 0.0);
         for (sums, likelihood) in &parts {
             total.0.iter_mut().zip(sums).for_each(|(total, part)| total.join(part));

@@ -3,8 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, Linkage, NO_DATA, ParamError, Tree};
-use rayon::prelude::*;
+use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, Linkage, NO_DATA, ParamError, Tree, parallel};
 use serde::{Deserialize, Serialize};
 
 use super::{frame, sets};
@@ -281,7 +280,11 @@ fn describe(
     });
     let mut names = vec![NO_DATA; count + 1];
     order.iter().enumerate().for_each(|(class, group)| names[group + 1] = class as u16 + 1);
-    groups.par_chunks_mut(CHUNK).for_each(|g| g.iter_mut().for_each(|g| *g = names[usize::from(*g)]));
+    parallel::for_each_piece_mut(&mut groups, CHUNK, &|_, groups| {
+        for group in groups {
+            *group = names[usize::from(*group)];
+        }
+    });
     let class = |(i, &group): (usize, &usize)| Class {
         id: i as u16 + 1,
         name: None,
@@ -299,9 +302,9 @@ fn describe(
 
 fn voxel_labels(tree: &Tree, classes: &[u16], exec: &Exec) -> Result<Bulk<u16>, CoreError> {
     let mut labels: Bulk<u16> = exec.bulk("the labels", tree.leaves.len())?;
-    labels.par_chunks_mut(CHUNK).zip(tree.leaves.par_chunks(CHUNK)).try_for_each(|(labels, leaves)| {
+    parallel::try_for_each_piece_mut(&mut labels, CHUNK, &|i, labels| {
         exec.check_cancelled()?;
-        for (label, leaf) in labels.iter_mut().zip(leaves) {
+        for (label, leaf) in labels.iter_mut().zip(&tree.leaves[i * CHUNK..]) {
             *label = if *leaf == 0 { NO_DATA } else { classes[*leaf as usize - 1] };
         }
         Ok::<_, CoreError>(())

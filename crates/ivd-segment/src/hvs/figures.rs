@@ -1,7 +1,6 @@
 //! Voxels, means and spreads of the leaves.
 
-use ivd_core::{Bulk, Error, Exec, Means, Scalar, Volume};
-use rayon::prelude::*;
+use ivd_core::{Bulk, Error, Exec, Means, Scalar, Volume, parallel};
 
 use crate::moments::Frame;
 
@@ -25,9 +24,14 @@ pub(super) fn flat<T: Scalar>(
     exec: &Exec,
 ) -> Result<Figures, Error> {
     let real = |v: T| volume.real(v.to_f64()).clamp(f64::MIN, f64::MAX);
-    let short = voxels.par_chunks(CHUNK).zip(leaves.par_chunks(CHUNK)).all(|(voxels, leaves)| {
-        voxels.iter().zip(leaves).all(|(v, leaf)| *leaf == 0 || f64::from(real(*v) as f32) == real(*v))
+    let pieces = parallel::pieces(voxels.len(), CHUNK);
+    let short = parallel::try_for_each(pieces, &|i| {
+        let piece = parallel::piece(voxels.len(), CHUNK, i);
+        let mut pairs = voxels[piece.clone()].iter().zip(&leaves[piece]);
+        let fits = pairs.all(|(v, leaf)| *leaf == 0 || f64::from(real(*v) as f32) == real(*v));
+        if fits { Ok(()) } else { Err(()) }
     });
+    let short = short.is_ok();
     let mut counts: Bulk<u32> = exec.bulk("the sizes of the leaves", count)?;
     let means = if short {
         let mut means: Bulk<f32> = exec.bulk("the means of the leaves", count)?;

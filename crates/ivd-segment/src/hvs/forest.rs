@@ -4,8 +4,7 @@
 //! volume can do without (as in the distributed algorithms after Borůvka; filter-Kruskal, Osipov, Sanders & Singler 2009).
 //! Each block is small enough to stay close to the processor, and blocks don't wait for one another.
 
-use ivd_core::{Bulk, Error, Exec};
-use rayon::prelude::*;
+use ivd_core::{Bulk, Error, Exec, parallel};
 
 use super::field::{Apart, Block, Field, blocks};
 use super::sets;
@@ -38,7 +37,7 @@ pub(super) fn edges<T: Apart>(field: &Field<'_, T>, exec: &Exec) -> Result<Edges
     let shift = (32 - largest.leading_zeros()).saturating_sub(BUCKETS.ilog2());
     let buckets = (largest >> shift) as usize + 1;
     let mut starts = vec![0_usize; buckets + 1];
-    for part in found.par_chunks(CHUNK).map(|part| count(field, part, shift, buckets)).collect::<Vec<_>>() {
+    for part in parallel::map_pieces(len, CHUNK, &|piece| count(field, &found[piece], shift, buckets)) {
         starts[1..].iter_mut().zip(&part).for_each(|(start, n)| *start += *n as usize);
     }
     (0..buckets).for_each(|b| starts[b + 1] += starts[b]);
@@ -80,7 +79,7 @@ fn sort_buckets<T: Apart>(
         parts.push(part);
         rest = after;
     }
-    parts.into_par_iter().with_max_len(1).try_for_each(|part| {
+    parallel::try_for_each_of(parts, &|part| {
         exec.check_cancelled()?;
         // Differences aren't negative: their bits ascend with them.
         let mut keyed: Vec<(u64, u32)> = part.iter().map(|e| (field.apart(*e).to_bits(), *e)).collect();
@@ -97,10 +96,10 @@ fn gather<T: Apart>(field: &Field<'_, T>, exec: &Exec) -> Result<(Bulk<u32>, usi
     let (mut len, mut largest) = (0, 0);
     for batch in blocks.chunks(BATCH) {
         exec.check_cancelled()?;
-        let parts: Vec<(Vec<u32>, u32)> = batch
-            .par_iter()
-            .map_init(Scratch::default, |scratch, block| scratch.keep(field, *block))
-            .collect();
+        let parts: Vec<(Vec<u32>, u32)> =
+            parallel::try_map_with(batch.len(), &Scratch::default, &|scratch, i| {
+                Ok::<_, Error>(scratch.keep(field, batch[i]))
+            })?;
         for (part, key) in &parts {
             found[len..len + part.len()].copy_from_slice(part);
             len += part.len();

@@ -7,7 +7,7 @@ mod reals;
 mod sorted;
 mod spatial;
 
-use ivd_core::{Exec, Mask, ParamError, Scalar, Volume, with_voxels};
+use ivd_core::{Exec, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -118,16 +118,18 @@ pub fn kmvs(
     })
 }
 
+/// Voxels that are looked at in one go.
+const PIECE: usize = 1 << 16;
+
 /// The optimum over the data inside the mask, sorted.
 fn sample<T: Scalar>(voxels: &[T], mask: Option<&Mask>, k: usize, exec: &Exec) -> Result<Partition, Error> {
     exec.check_memory("sorting the voxels", size_of_val(voxels) as u64)?;
-    let mut values: Vec<T> = match mask {
-        None => voxels.par_iter().copied().filter(|v| v.is_data()).collect(),
-        Some(mask) => {
-            let inside = voxels.par_iter().zip(mask.inside());
-            inside.filter(|(v, inside)| **inside != 0 && v.is_data()).map(|(v, _)| *v).collect()
-        }
-    };
+    let parts = parallel::map_pieces(voxels.len(), PIECE, &|piece| {
+        let inside = mask.map(|m| &m.inside()[piece.clone()]);
+        let counts = |(i, v): &(usize, &T)| v.is_data() && inside.is_none_or(|m| m[*i] != 0);
+        voxels[piece].iter().enumerate().filter(counts).map(|(_, v)| *v).collect::<Vec<T>>()
+    });
+    let mut values = parts.concat();
     exec.check_cancelled()?;
     values.par_sort_unstable_by(|a, b| a.partial_cmp(b).expect("missing data were left out"));
     Ok(reals::partition(&values, k, exec)?)

@@ -6,8 +6,7 @@
 //! every single place. Places whose bound exceeds the upper bound can't hold a cut of the optimum and are dropped; the other
 //! stretches are divided. When none is left the partition is the global optimum.
 
-use ivd_core::{Error, Exec, Iteration, Scalar};
-use rayon::prelude::*;
+use ivd_core::{Error, Exec, Iteration, Scalar, parallel};
 
 use super::optimal;
 use super::sorted::{Moments, Sorted};
@@ -42,7 +41,7 @@ pub(super) fn partition<T: Scalar>(values: &[T], k: usize, exec: &Exec) -> Resul
     let few = few_borders(&sorted, FEW.max(k + 1));
     let k = few.as_ref().map_or(k, |borders| k.min(borders.len() - 1));
     let mut places = match few {
-        Some(borders) => at(&sorted, borders.into_iter().map(|i| [i, i]).collect()),
+        Some(borders) => at(&sorted, &borders.into_iter().map(|i| [i, i]).collect::<Vec<_>>()),
         None => divide(&sorted, 0, values.len(), STRETCHES),
     };
     let mut round = 0;
@@ -99,13 +98,14 @@ fn prune(places: &[Place], k: usize, upper: f64, cuts: &[usize]) -> (Vec<Place>,
 fn closer<T: Scalar>(sorted: &Sorted<T>, kept: &[Place]) -> Vec<Place> {
     let stretches = kept.iter().filter(|p| p.a < p.b).count();
     let parts = (DIVIDED / stretches.max(1)).clamp(2, 64);
-    let mut spans: Vec<[usize; 2]> = kept
-        .par_iter()
-        .flat_map_iter(|p| if p.a == p.b { vec![[p.a, p.b]] } else { spans(sorted, p.a, p.b, parts) })
-        .collect();
+    let mut spans = parallel::map(kept.len(), &|i| {
+        let p = &kept[i];
+        if p.a == p.b { vec![[p.a, p.b]] } else { spans(sorted, p.a, p.b, parts) }
+    })
+    .concat();
     spans.sort_unstable();
     spans.dedup();
-    at(sorted, spans)
+    at(sorted, &spans)
 }
 
 /// The stretch `a … b - 1` with its ends, in about `parts` parts.
@@ -114,7 +114,7 @@ fn divide<T: Scalar>(sorted: &Sorted<T>, a: usize, b: usize, parts: usize) -> Ve
     spans.extend([[a, a], [b, b]]);
     spans.sort_unstable();
     spans.dedup();
-    at(sorted, spans)
+    at(sorted, &spans)
 }
 
 /// Borders inside a stretch at about equal counts, each where the value changes, and the stretches between them that
@@ -162,14 +162,12 @@ fn few_borders<T: Scalar>(sorted: &Sorted<T>, limit: usize) -> Option<Vec<usize>
 }
 
 /// Attaches the running sums.
-fn at<T: Scalar>(sorted: &Sorted<T>, spans: Vec<[usize; 2]>) -> Vec<Place> {
-    spans
-        .into_par_iter()
-        .map(|[a, b]| {
-            let at_a = sorted.at(a);
-            Place { a, b, at_a, at_b: if a == b { at_a } else { sorted.at(b) } }
-        })
-        .collect()
+fn at<T: Scalar>(sorted: &Sorted<T>, spans: &[[usize; 2]]) -> Vec<Place> {
+    parallel::map(spans.len(), &|i| {
+        let [a, b] = spans[i];
+        let at_a = sorted.at(a);
+        Place { a, b, at_a, at_b: if a == b { at_a } else { sorted.at(b) } }
+    })
 }
 
 fn describe<T: Scalar>(

@@ -1,7 +1,6 @@
 //! Sums over any interval of a sorted sample, without cancellation.
 
-use ivd_core::Scalar;
-use rayon::prelude::*;
+use ivd_core::{Scalar, parallel};
 
 use crate::wide::Wide;
 
@@ -67,14 +66,11 @@ impl<'a, T: Scalar> Sorted<'a, T> {
             left: Vec::new(),
         };
         let n = values.len();
-        let right: Vec<Moments> = (0..(n - middle) / BLOCK)
-            .into_par_iter()
-            .map(|j| sorted.part(middle + j * BLOCK, middle + (j + 1) * BLOCK))
-            .collect();
-        let left: Vec<Moments> = (0..middle / BLOCK)
-            .into_par_iter()
-            .map(|j| sorted.part(middle - (j + 1) * BLOCK, middle - j * BLOCK))
-            .collect();
+        let right = parallel::map((n - middle) / BLOCK, &|j| {
+            sorted.part(middle + j * BLOCK, middle + (j + 1) * BLOCK)
+        });
+        let left =
+            parallel::map(middle / BLOCK, &|j| sorted.part(middle - (j + 1) * BLOCK, middle - j * BLOCK));
         sorted.right = running(&right, Moments::plus);
         sorted.left = running(&left, Moments::minus);
         sorted

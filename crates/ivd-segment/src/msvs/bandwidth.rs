@@ -1,6 +1,6 @@
 //! Bandwidths, and the values that the data span.
 
-use ivd_core::{Error, Exec, Mask, Scalar, Volume, with_voxels};
+use ivd_core::{Error, Exec, Mask, Scalar, Volume, parallel, with_voxels};
 use rayon::prelude::*;
 
 use super::MsvsParams;
@@ -53,15 +53,11 @@ fn span<T: Scalar>(
     mask: Option<&Mask>,
     exec: &Exec,
 ) -> Result<Option<(u64, [f64; 2])>, Error> {
-    let spans: Vec<Option<(u64, T, T)>> = voxels
-        .par_chunks(CHUNK)
-        .enumerate()
-        .map(|(i, voxels)| {
-            exec.check_cancelled()?;
-            let inside = mask.map(|m| &m.inside()[i * CHUNK..][..voxels.len()]);
-            Ok(span_of(voxels, inside))
-        })
-        .collect::<Result<_, Error>>()?;
+    let spans: Vec<Option<(u64, T, T)>> = parallel::try_map_pieces(voxels.len(), CHUNK, &|piece| {
+        exec.check_cancelled()?;
+        let inside = mask.map(|m| &m.inside()[piece.clone()]);
+        Ok::<_, Error>(span_of(&voxels[piece], inside))
+    })?;
     let joined = spans
         .into_iter()
         .flatten()

@@ -1,7 +1,6 @@
 //! The grid of cells over space and value, and how many voxels each of them holds.
 
-use ivd_core::{Error as CoreError, Exec, Mask, ParamError, Scalar, Volume, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{Error as CoreError, Exec, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
 
 use super::bandwidth::{Bandwidths, real};
 use super::range_axis::RangeAxis;
@@ -171,7 +170,7 @@ impl Cells {
             return self.count_together(voxels, mask, exec, place);
         }
         let row = nx * self.dims[3];
-        counts.par_chunks_mut(row).enumerate().try_for_each(|(i, counts)| {
+        parallel::try_for_each_piece_mut(&mut counts, row, &|i, counts| {
             exec.check_cancelled()?;
             let (y, z) = (i % ny, i / ny);
             for z in z * self.edge[2]..((z + 1) * self.edge[2]).min(self.voxels[2]) {
@@ -215,25 +214,23 @@ impl Cells {
         place: impl Fn(T) -> u32 + Sync,
     ) -> Result<Vec<u32>, CoreError> {
         let chunk = (1 << 20).max(16 * self.dims[3]);
-        let counts = voxels
-            .par_chunks(chunk)
-            .enumerate()
-            .map(|(i, voxels)| {
-                exec.check_cancelled()?;
-                let mut counts = vec![0_u32; self.dims[3]];
-                for (j, v) in voxels.iter().enumerate() {
-                    let cell = place(*v) as usize;
-                    if cell < counts.len() && mask.is_none_or(|m| m.inside()[i * chunk + j] != 0) {
-                        counts[cell] += 1;
-                    }
+        let empty = || vec![0_u32; self.dims[3]];
+        let pieces = parallel::pieces(voxels.len(), chunk);
+        let tables = parallel::try_gather(pieces, &empty, &|counts, i| {
+            exec.check_cancelled()?;
+            for j in parallel::piece(voxels.len(), chunk, i) {
+                let cell = place(voxels[j]) as usize;
+                if cell < counts.len() && mask.is_none_or(|m| m.inside()[j] != 0) {
+                    counts[cell] += 1;
                 }
-                Ok(counts)
-            })
-            .try_reduce_with(|mut a, b| {
-                a.iter_mut().zip(&b).for_each(|(a, b)| *a += b);
-                Ok::<_, CoreError>(a)
-            });
-        counts.unwrap_or_else(|| Ok(vec![0; self.dims[3]]))
+            }
+            Ok::<_, CoreError>(())
+        })?;
+        let mut counts = empty();
+        for part in &tables {
+            counts.iter_mut().zip(part).for_each(|(sum, n)| *sum += n);
+        }
+        Ok(counts)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use ivd_core::{Error, Exec};
+use ivd_core::{Error, Exec, parallel};
 use rayon::prelude::*;
 
 use super::Kernel;
@@ -80,8 +80,9 @@ fn gaussian(cells: &Cells, counts: &[u32], exec: &Exec) -> Result<Vec<f32>, Erro
     let along = |axis: usize| weights(cells.sigma[axis], cells.edge[axis] as f64);
     let value = weights(cells.sigma[3], f64::INFINITY);
     let mut blurred = vec![0_f32; cells.len()];
-    blurred.par_chunks_mut(range * nx).zip(counts.par_chunks(range * nx)).try_for_each(|(row, counts)| {
+    parallel::try_for_each_piece_mut(&mut blurred, range * nx, &|i, row| {
         exec.check_cancelled()?;
+        let counts = &counts[i * range * nx..];
         let mut padded = vec![0_f32; range + 2 * (value.len() - 1)];
         for (row, counts) in row.chunks_mut(range).zip(counts.chunks(range)) {
             blur_counts(counts, &value, &mut padded, row);
@@ -93,7 +94,7 @@ fn gaussian(cells: &Cells, counts: &[u32], exec: &Exec) -> Result<Vec<f32>, Erro
     })?;
     if ny > 1 {
         let weights = along(1);
-        blurred.par_chunks_mut(range * nx * ny).try_for_each(|plane| {
+        parallel::try_for_each_piece_mut(&mut blurred, range * nx * ny, &|_, plane| {
             exec.check_cancelled()?;
             blur_rows(plane, range * nx, &weights);
             Ok::<_, Error>(())
@@ -105,7 +106,7 @@ fn gaussian(cells: &Cells, counts: &[u32], exec: &Exec) -> Result<Vec<f32>, Erro
     let weights = along(2);
     let mut out = vec![0_f32; cells.len()];
     // Parts of a layer, so that a few layers keep many threads busy.
-    out.par_chunks_mut(range * nx).enumerate().try_for_each(|(i, out)| {
+    parallel::try_for_each_piece_mut(&mut out, range * nx, &|i, out| {
         exec.check_cancelled()?;
         let (y, z) = (i % ny, i / ny);
         let row = |z: usize| &blurred[range * nx * (y + ny * z)..][..range * nx];
@@ -183,7 +184,7 @@ fn flat(cells: &Cells, counts: &[u32], exec: &Exec) -> Result<Vec<f32>, Error> {
     let spokes = spokes(cells);
     let reach = cells.sigma[3].ceil() as usize;
     let mut out = vec![0_f32; cells.len()];
-    out.par_chunks_mut(range).enumerate().try_for_each(|(i, out)| {
+    parallel::try_for_each_piece_mut(&mut out, range, &|i, out| {
         exec.check_cancelled()?;
         let at = [i % nx, i / nx % ny, i / nx / ny].map(|v| v as isize);
         let mut padded = vec![0_f32; range + 2 * reach];

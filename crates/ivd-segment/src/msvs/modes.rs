@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use ivd_core::{Error, Exec};
+use ivd_core::{Error, Exec, parallel};
 use rayon::prelude::*;
 
 use super::MsvsParams;
@@ -101,35 +101,29 @@ fn saddles(
     let strides = cells.strides();
     let looked: Vec<(usize, usize)> =
         (0..4).filter(|a| cells.dims[*a] > 1).map(|a| (strides[a], cells.dims[a])).collect();
-    let found = basins
-        .of
-        .par_chunks(CHUNK)
-        .enumerate()
-        .map(|(i, chunk)| {
-            exec.check_cancelled()?;
-            let mut found: HashMap<(u32, u32), f32> = HashMap::new();
-            for (j, &a) in chunk.iter().enumerate().filter(|(_, a)| **a != NO_BASIN) {
-                let cell = i * CHUNK + j;
-                for &(stride, len) in &looked {
-                    // The other cell's basin first: nearly always it settles the matter without a division.
-                    let Some(&b) = basins.of.get(cell + stride) else { continue };
-                    if b == a || b == NO_BASIN || cell / stride % len + 1 == len {
-                        continue;
-                    }
-                    let height = heights.of[cell].min(heights.of[cell + stride]);
-                    let most = found.entry((a.min(b), a.max(b))).or_insert(height);
-                    *most = most.max(height);
+    let pieces = parallel::pieces(basins.of.len(), CHUNK);
+    let parts = parallel::try_gather(pieces, &HashMap::new, &|found: &mut HashMap<(u32, u32), f32>, i| {
+        exec.check_cancelled()?;
+        for cell in parallel::piece(basins.of.len(), CHUNK, i).filter(|c| basins.of[*c] != NO_BASIN) {
+            let a = basins.of[cell];
+            for &(stride, len) in &looked {
+                // The other cell's basin first: nearly always it settles the matter without a division.
+                let Some(&b) = basins.of.get(cell + stride) else { continue };
+                if b == a || b == NO_BASIN || cell / stride % len + 1 == len {
+                    continue;
                 }
-            }
-            Ok::<_, Error>(found)
-        })
-        .try_reduce(HashMap::new, |mut a, b| {
-            for (pair, height) in b {
-                let most = a.entry(pair).or_insert(height);
+                let height = heights.of[cell].min(heights.of[cell + stride]);
+                let most = found.entry((a.min(b), a.max(b))).or_insert(height);
                 *most = most.max(height);
             }
-            Ok(a)
-        })?;
+        }
+        Ok::<_, Error>(())
+    })?;
+    let mut found: HashMap<(u32, u32), f32> = HashMap::new();
+    for (pair, height) in parts.into_iter().flatten() {
+        let most = found.entry(pair).or_insert(height);
+        *most = most.max(height);
+    }
     let mut saddles: Vec<_> = found.into_iter().map(|((a, b), height)| (height, a, b)).collect();
     saddles.par_sort_unstable_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
     Ok(saddles)

@@ -1,6 +1,6 @@
 //! Labels of the voxels, from the basins of their cells.
 
-use ivd_core::{Bulk, Error as CoreError, Exec, Mask, NO_DATA, Scalar, Volume, with_voxels};
+use ivd_core::{Bulk, Error as CoreError, Exec, Mask, NO_DATA, Scalar, Volume, parallel, with_voxels};
 use rayon::prelude::*;
 
 use super::ascent::{Basins, NO_BASIN};
@@ -55,8 +55,9 @@ fn rows<T: Scalar>(
     let [nx, ny, _] = volume.grid().dims();
     let range = cells.dims[3];
     let chunk = ROWS * nx;
-    ids.par_chunks_mut(chunk).zip(voxels.par_chunks(chunk)).enumerate().try_for_each(|(i, (ids, voxels))| {
+    parallel::try_for_each_piece_mut(ids, chunk, &|i, ids| {
         exec.check_cancelled()?;
+        let voxels = &voxels[i * chunk..][..ids.len()];
         for (j, (ids, voxels)) in ids.chunks_mut(nx).zip(voxels.chunks(nx)).enumerate() {
             let row = i * ROWS + j;
             let [y, z] = [row % ny / cells.edge[1], row / ny / cells.edge[2]];

@@ -2,8 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use ivd_core::{Error, Exec, Mask, Scalar, Volume, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{Error, Exec, Mask, Scalar, Volume, parallel, with_voxels};
 
 use super::bandwidth::real;
 use crate::histogram;
@@ -109,24 +108,19 @@ impl RangeAxis {
         mask: Option<&Mask>,
         exec: &Exec,
     ) -> Result<Vec<i64>, Error> {
-        let steps = voxels
-            .par_chunks(CHUNK)
-            .enumerate()
-            .map(|(i, voxels)| {
-                exec.check_cancelled()?;
-                let inside = |j: usize| mask.is_none_or(|m| m.inside()[i * CHUNK + j] != 0);
-                let data = voxels.iter().enumerate().filter(|(j, v)| v.is_data() && inside(*j));
-                let mut steps: Vec<i64> = data.map(|(_, v)| self.step(real(volume, *v))).collect();
-                steps.sort_unstable();
-                steps.dedup();
-                Ok::<_, Error>(steps)
-            })
-            .try_reduce(Vec::new, |mut a, b| {
-                a.extend(b);
-                a.sort_unstable();
-                a.dedup();
-                Ok(a)
-            })?;
+        let pieces = parallel::pieces(voxels.len(), CHUNK);
+        let parts = parallel::try_gather(pieces, &Vec::new, &|steps: &mut Vec<i64>, i| {
+            exec.check_cancelled()?;
+            let inside = |j: &usize| mask.is_none_or(|m| m.inside()[*j] != 0);
+            let data = parallel::piece(voxels.len(), CHUNK, i).filter(|j| voxels[*j].is_data() && inside(j));
+            steps.extend(data.map(|j| self.step(real(volume, voxels[j]))));
+            steps.sort_unstable();
+            steps.dedup();
+            Ok::<_, Error>(())
+        })?;
+        let mut steps = parts.concat();
+        steps.sort_unstable();
+        steps.dedup();
         Ok(steps)
     }
 }

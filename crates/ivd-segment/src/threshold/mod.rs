@@ -1,7 +1,6 @@
 //! Classes between given values.
 
-use ivd_core::{Bulk, Class, Exec, Labels, Mask, ParamError, Scalar, Volume, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{Bulk, Class, Exec, Labels, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
 use serde::{Deserialize, Serialize};
 
 use crate::{Error, KmvsParams, Segmentation, histogram, kmvs, segmentation};
@@ -128,24 +127,19 @@ fn scanned<T: Scalar>(
     exec: &Exec,
 ) -> Result<Labelled, Error> {
     let mut ids = exec.bulk("the labels", voxels.len())?;
-    let parts: Vec<Vec<Tally>> = ids
-        .par_chunks_mut(CHUNK)
-        .zip(voxels.par_chunks(CHUNK))
-        .enumerate()
-        .map(|(i, (ids, voxels))| {
-            exec.check_cancelled()?;
-            let mut tallies = vec![Tally::default(); values.len() + 1];
-            for (j, (id, v)) in ids.iter_mut().zip(voxels).enumerate() {
-                if v.is_data() && mask.is_none_or(|m| m.inside()[i * CHUNK + j] != 0) {
-                    let value = volume.real(v.to_f64()).clamp(f64::MIN, f64::MAX);
-                    let at = interval(value, values);
-                    *id = at as u16 + 1;
-                    tallies[at].join(&Tally { count: 1, mean: value, squares: 0.0 });
-                }
+    let parts: Vec<Vec<Tally>> = parallel::try_map_pieces_mut(&mut ids, CHUNK, &|i, ids: &mut [u16]| {
+        exec.check_cancelled()?;
+        let mut tallies = vec![Tally::default(); values.len() + 1];
+        for (j, (id, v)) in ids.iter_mut().zip(&voxels[i * CHUNK..]).enumerate() {
+            if v.is_data() && mask.is_none_or(|m| m.inside()[i * CHUNK + j] != 0) {
+                let value = volume.real(v.to_f64()).clamp(f64::MIN, f64::MAX);
+                let at = interval(value, values);
+                *id = at as u16 + 1;
+                tallies[at].join(&Tally { count: 1, mean: value, squares: 0.0 });
             }
-            Ok(tallies)
-        })
-        .collect::<Result<_, Error>>()?;
+        }
+        Ok::<_, Error>(tallies)
+    })?;
     let mut tallies = vec![Tally::default(); values.len() + 1];
     for part in &parts {
         tallies.iter_mut().zip(part).for_each(|(total, part)| total.join(part));

@@ -34,7 +34,7 @@ mod tests;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::{Arc, PoisonError, RwLock};
 
-use ivd_core::{ElementKey, Exec, Labels, Lattice, LatticeSource, NO_DATA, ParamError};
+use ivd_core::{ElementKey, Exec, Labels, Lattice, LatticeSource, NO_DATA, ParamError, parallel};
 use rayon::prelude::*;
 
 use super::cell::{self, FACES};
@@ -138,16 +138,15 @@ impl<'a> Sweep<'a> {
     fn run(&self, labels: &Labels, ids: &[u16], exec: &Exec) -> Result<Vec<Part>, Error> {
         let layers = self.dims[2] + 1;
         exec.observer().begin(TASK, 2 * layers as u64);
-        let sweep = |z: usize| {
+        let begin = || {
             exec.check_cancelled()?;
             exec.observer().advance(TASK, 1);
-            Ok::<_, ivd_core::Error>(z)
+            Ok::<_, ivd_core::Error>(())
         };
-        let counted = (0..layers).into_par_iter().map(|z| sweep(z).map(|z| self.count(z)));
-        let triangles: u64 = counted.collect::<Result<Vec<_>, _>>()?.into_iter().sum();
+        let counted = parallel::try_map(layers, &|z| begin().map(|()| self.count(z)))?;
+        let triangles: u64 = counted.into_iter().sum();
         exec.check_memory("the lattices of the labels", triangles * TRIANGLE_BYTES)?;
-        let pieces = (0..layers).into_par_iter().map(|z| sweep(z).map(|z| self.pieces(z)));
-        let mut pieces = pieces.collect::<Result<Vec<_>, _>>()?;
+        let mut pieces = parallel::try_map(layers, &|z| begin().map(|()| self.pieces(z)))?;
         let mut parts = Vec::with_capacity(ids.len());
         for (i, &id) in ids.iter().enumerate() {
             exec.check_cancelled()?;

@@ -18,7 +18,7 @@ fn brute_force(values: &[f64], k: usize) -> f64 {
 /// The optimum with every border present: no stretches, no pruning.
 fn plain(values: &[f32], k: usize) -> f64 {
     let sorted = Sorted::new(values);
-    let borders = at(&sorted, (0..=values.len()).map(|i| [i, i]).collect());
+    let borders = at(&sorted, &(0..=values.len()).map(|i| [i, i]).collect::<Vec<_>>());
     optimal::rows(borders.len(), k, true, &|p, q| inertia(&borders[p], &borders[q])).cost[k - 1][values.len()]
 }
 

@@ -1,7 +1,6 @@
 //! The space in which voxels are compared: three weighted coordinates and the value.
 
-use ivd_core::{Mask, Scalar, Volume};
-use rayon::prelude::*;
+use ivd_core::{Mask, Scalar, Volume, parallel};
 
 use crate::wide::Wide;
 
@@ -154,8 +153,9 @@ fn power_of_two(exponent: i32) -> f64 {
 
 /// The least and the largest of the data inside the mask.
 pub(super) fn range<T: Scalar>(voxels: &[T], mask: Option<&Mask>) -> Option<[f64; 2]> {
-    let of = |(i, voxels): (usize, &[T])| {
-        let inside = mask.map(|m| &m.inside()[i * CHUNK..][..voxels.len()]);
+    let of = |piece: std::ops::Range<usize>| {
+        let inside = mask.map(|m| &m.inside()[piece.clone()]);
+        let voxels = &voxels[piece];
         let counts = |j: usize| voxels[j].is_data() && inside.is_none_or(|m| m[j] != 0);
         let first = (0..voxels.len()).find(|j| counts(*j))?;
         let (mut low, mut high) = (voxels[first], voxels[first]);
@@ -168,5 +168,5 @@ pub(super) fn range<T: Scalar>(voxels: &[T], mask: Option<&Mask>) -> Option<[f64
         Some([low.to_f64(), high.to_f64()])
     };
     let join = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-    voxels.par_chunks(CHUNK).enumerate().filter_map(of).reduce_with(join)
+    parallel::map_pieces(voxels.len(), CHUNK, &of).into_iter().flatten().reduce(join)
 }

@@ -5,8 +5,7 @@
 //! the order of values alone. In noise, neighbours differ in value far more than in place: a group of like values from anywhere in
 //! the brick is smaller in feature space than a cube of neighbours, so that fewer groups straddle two centroids.
 
-use ivd_core::{Bulk, Exec, Mask, Scalar, Volume};
-use rayon::prelude::*;
+use ivd_core::{Bulk, Exec, Mask, Scalar, Volume, parallel};
 
 use super::build::{Room, Scratch, build};
 use super::frame::Frame;
@@ -93,14 +92,11 @@ impl<T: Scalar> Hierarchy<T> {
             group_sums: &mut group_sums[..],
         };
         let rooms: Vec<Room<T>> = whole.split(&extents);
-        let found: Vec<(Brick, [i128; 3])> = rooms
-            .into_par_iter()
-            .enumerate()
-            .map_init(Scratch::default, |scratch, (index, mut room)| {
+        let found: Vec<(Brick, [i128; 3])> =
+            parallel::try_map_of(rooms, &Scratch::default, &|scratch, index, mut room| {
                 exec.check_cancelled()?;
-                Ok(build(voxels, mask, frame, (&layout, index), scratch, &mut room))
-            })
-            .collect::<Result<_, ivd_core::Error>>()?;
+                Ok::<_, ivd_core::Error>(build(voxels, mask, frame, (&layout, index), scratch, &mut room))
+            })?;
         let mut squares = [0; 4];
         for (brick, places) in &found {
             (0..3).for_each(|a| squares[a] += places[a]);

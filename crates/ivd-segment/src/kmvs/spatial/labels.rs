@@ -1,7 +1,6 @@
 //! The last pass: labels, and the figures of the classes.
 
-use ivd_core::{Bulk, Class, Exec, Scalar};
-use rayon::prelude::*;
+use ivd_core::{Bulk, Class, Exec, Scalar, parallel};
 
 use super::build::squares_of;
 use super::frame::{Centroid, Frame, wide};
@@ -87,7 +86,7 @@ fn write<T: Scalar>(
 ) -> Result<Found, Error> {
     let depth = 1 << hierarchy.layout.log[2];
     let voxels = hierarchy.layout.layer_voxels();
-    let layer = |(index, ids): (usize, &mut [u16])| {
+    let layer = |index: usize, ids: &mut [u16]| {
         let z = |brick: &Brick| brick.origin[2] / depth;
         let from = hierarchy.bricks.partition_point(|b| z(b) < index);
         let to = hierarchy.bricks.partition_point(|b| z(b) <= index);
@@ -100,9 +99,9 @@ fn write<T: Scalar>(
         }
         Ok::<_, ivd_core::Error>(Found { visited: walk.visited, ..sink.found })
     };
-    let none = || Found { squares: vec![0; all.len()], ties: 0, visited: 0 };
-    let layers = ids.par_chunks_mut(voxels).enumerate().map(layer);
-    Ok(layers.try_reduce(none, |a, b| Ok(a.join(&b)))?)
+    let none = Found { squares: vec![0; all.len()], ties: 0, visited: 0 };
+    let layers = parallel::try_map_pieces_mut(ids, voxels, &layer)?;
+    Ok(layers.iter().fold(none, Found::join))
 }
 
 struct Writing<'a> {

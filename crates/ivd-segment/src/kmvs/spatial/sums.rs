@@ -1,7 +1,6 @@
 //! Exact sums over the voxels of every centroid.
 
-use ivd_core::{Exec, Scalar};
-use rayon::prelude::*;
+use ivd_core::{Exec, Scalar, parallel};
 
 use super::frame::{Centroid, Frame, wide};
 use super::hierarchy::{Brick, Hierarchy};
@@ -58,27 +57,21 @@ impl Tally {
         exec: &Exec,
     ) -> Result<Self, Error> {
         let all = candidates(centroids);
-        let empty = || Self { sums: vec![Sums::default(); all.len()], visited: 0 };
-        let tally = hierarchy
-            .bricks
-            .par_chunks(TASK)
-            .try_fold(
-                || (empty(), Walk::default(), Part::default()),
-                |(tally, mut walk, part), bricks| {
-                    exec.check_cancelled()?;
-                    let mut sink = Adding { sums: tally.sums, part, frame };
-                    for brick in bricks {
-                        walk.brick((hierarchy, frame), brick, &all, exec.skip, &mut sink);
-                    }
-                    Ok::<_, ivd_core::Error>((Self { sums: sink.sums, visited: 0 }, walk, sink.part))
-                },
-            )
-            .map(|part| part.map(|(tally, walk, _)| Self { visited: walk.visited, ..tally }))
-            .try_reduce(empty, |mut a, b| {
-                a.sums.iter_mut().zip(&b.sums).for_each(|(a, b)| a.join(b));
-                a.visited += b.visited;
-                Ok(a)
-            })?;
+        let sink = || Adding { sums: vec![Sums::default(); all.len()], part: Part::default(), frame };
+        let tasks = parallel::pieces(hierarchy.bricks.len(), TASK);
+        // Sums of whole numbers: the same in any order.
+        let parts = parallel::try_gather(tasks, &|| (sink(), Walk::default()), &|(sink, walk), i| {
+            exec.check_cancelled()?;
+            for brick in &hierarchy.bricks[parallel::piece(hierarchy.bricks.len(), TASK, i)] {
+                walk.brick((hierarchy, frame), brick, &all, exec.skip, sink);
+            }
+            Ok::<_, ivd_core::Error>(())
+        })?;
+        let mut tally = Self { sums: vec![Sums::default(); all.len()], visited: 0 };
+        for (sink, walk) in &parts {
+            tally.sums.iter_mut().zip(&sink.sums).for_each(|(a, b)| a.join(b));
+            tally.visited += walk.visited;
+        }
         Ok(tally)
     }
 
