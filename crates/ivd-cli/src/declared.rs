@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{Arg, ArgAction, ArgMatches, Command, CommandFactory as _};
+use clap::{Arg, ArgAction, ArgMatches, Command, CommandFactory as _, FromArgMatches as _};
 use ivd_core::ParamError;
 use ivd_core::op::{Field, Stage, Want, alternatives, fields, kind, map_values, words};
 use ivd_pipeline::params::read_entry;
 use ivd_pipeline::{Section, list};
 use serde_json::{Map, Value as Json};
 
-use crate::args::Args;
+use crate::args::{Args, Global};
+use crate::commands::Asked;
 use crate::commands::stage::{filled, finish, unused};
 use crate::context::Context;
 use crate::exit::Failure;
@@ -44,6 +45,15 @@ fn commands() -> impl Iterator<Item = Command> {
             None => command,
         })
     })
+}
+
+/// What was typed: the flags of every command, and the command.
+pub(crate) fn read(matches: &ArgMatches) -> Result<(Global, Asked), clap::Error> {
+    if let Some((stage, own)) = matches.subcommand().and_then(|(name, own)| Some((list::stage(name)?, own))) {
+        return Ok((Global::from_arg_matches(matches)?, Asked::Stage(stage, own.clone())));
+    }
+    let args = Args::from_arg_matches(matches)?;
+    Ok((args.global, Asked::Command(args.command)))
 }
 
 /// A field of some methods of a stage.
@@ -308,7 +318,7 @@ fn add(keys: &mut Map<String, Json>, key: String, value: Json) {
     let is_things = |list: &[Json]| list.iter().all(Json::is_object);
     match (keys.get_mut(&key), value) {
         (Some(Json::Array(list)), Json::Array(more)) if is_things(&more) && is_things(list) => {
-            list.extend(more)
+            list.extend(more);
         }
         (Some(Json::Object(map)), Json::Object(more)) => map.extend(more),
         (_, value) => {

@@ -4,10 +4,9 @@ use std::ffi::OsString;
 use std::io::Write;
 
 use clap::builder::Styles;
-use clap::{CommandFactory as _, FromArgMatches as _};
 use ivd_core::shown;
 
-use crate::args::Args;
+use crate::declared::{program, read, with_truths};
 
 /// Says a line on stderr.
 pub(crate) fn say(text: &str) {
@@ -34,18 +33,19 @@ impl Write for Shown {
 pub(crate) fn refused(error: &clap::Error) -> clap::Error {
     let words: Vec<OsString> =
         std::env::args_os().map(|word| shown(&word.to_string_lossy()).into_owned().into()).collect();
-    again(Args::command(), words, error)
+    again(program(), words, error)
 }
 
 /// The message of clap's error with every character of what was typed, and no style.
 pub(crate) fn lossless(error: &clap::Error) -> String {
-    let plain = Args::command().styles(Styles::plain());
+    let plain = program().styles(Styles::plain());
     again(plain, std::env::args_os().collect(), error).render().ansi().to_string()
 }
 
 /// The error of a command about words, of the same kind as one that was found before.
 fn again(mut command: clap::Command, words: Vec<OsString>, before: &clap::Error) -> clap::Error {
-    let parsed = command.try_get_matches_from_mut(words).and_then(|found| Args::from_arg_matches(&found));
+    let parsed =
+        command.try_get_matches_from_mut(with_truths(words.into_iter())).and_then(|found| read(&found));
     match parsed {
         Err(error) => error.format(&mut command),
         // Escaped, the words would be taken: then what is wrong with them is that they aren't escaped.

@@ -190,6 +190,9 @@ fn check_object(object: &mut Map<String, Json>, schema: &Json) -> Result<(), Par
 }
 
 /// Old names become what they are called now.
+///
+/// # Errors
+/// A field that is given by both of its names.
 pub fn rename(object: &mut Map<String, Json>, schema: &Json) -> Result<(), ParamError> {
     for field in fields(schema) {
         for alias in field.aliases() {

@@ -87,7 +87,7 @@ fn chosen(stage: &Stage, method: &Method) -> Map<String, Json> {
 
 /// A value that a field may have, and that isn't its default.
 fn other(field: Field<'_>) -> Option<Json> {
-    let tried = alternatives(field.schema).into_iter().flat_map(|one| samples(one)).collect::<Vec<_>>();
+    let tried = alternatives(field.schema).into_iter().flat_map(samples).collect::<Vec<_>>();
     tried.into_iter().find(|value| {
         let mut value = value.clone();
         check(&mut value, field.schema).is_ok() && Some(&value) != field.default()
