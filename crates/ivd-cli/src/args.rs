@@ -2,7 +2,6 @@
 
 mod combine;
 mod segment;
-mod space;
 
 use std::path::PathBuf;
 
@@ -16,7 +15,6 @@ use crate::parse;
 
 pub(crate) use combine::{ClipArgs, CombineArgs};
 pub(crate) use segment::SegmentArgs;
-pub(crate) use space::SpaceArgs;
 
 /// Interactive deformation of scanned volumes: from a CT, MRI or micro-CT volume to a deformed one.
 ///
@@ -281,8 +279,6 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
-    /// Displaces voxels without a lattice, or goes on from a displacement: deflectors, spatial transfer functions, chain mail, a cut.
-    Space(SpaceArgs),
     /// Resamples a volume, labels or a mask through a displacement.
     Warp {
         /// Volume artefact or file, labels artefact, or mask artefact.
@@ -397,7 +393,6 @@ impl Command {
                 | Self::Lattice { .. }
                 | Self::Refine { .. }
                 | Self::Deform { .. }
-                | Self::Space(_)
                 | Self::Warp { .. }
                 | Self::Render { .. }
         )

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, CommandFactory as _, FromArgMatches as _};
-use ivd_core::ParamError;
 use ivd_core::op::{Field, Stage, Want, alternatives, fields, kind, map_values, words};
+use ivd_core::{Kind, ParamError};
 use ivd_pipeline::params::read_entry;
 use ivd_pipeline::{Section, list};
 use serde_json::{Map, Value as Json};
@@ -61,6 +61,8 @@ struct Flag {
     name: String,
     schema: Json,
     readers: Vec<&'static str>,
+    /// What it may be and what it is where it isn't given, with the methods in which that is so.
+    says: Vec<(String, Vec<&'static str>)>,
 }
 
 impl Flag {
@@ -74,9 +76,19 @@ fn flags(stage: &Stage) -> Vec<Flag> {
     let mut all: BTreeMap<String, Flag> = BTreeMap::new();
     for method in stage.methods {
         for field in fields(&(method.schema)()) {
-            let new =
-                || Flag { name: field.name.to_owned(), schema: field.schema.clone(), readers: Vec::new() };
-            all.entry(field.name.to_owned()).or_insert_with(new).readers.push(method.name);
+            let new = || Flag {
+                name: field.name.to_owned(),
+                schema: field.schema.clone(),
+                readers: Vec::new(),
+                says: Vec::new(),
+            };
+            let flag = all.entry(field.name.to_owned()).or_insert_with(new);
+            flag.readers.push(method.name);
+            let text = says(field);
+            match flag.says.iter_mut().find(|(known, _)| *known == text) {
+                Some((_, methods)) => methods.push(method.name),
+                None => flag.says.push((text, vec![method.name])),
+            }
         }
     }
     all.into_values().collect()
@@ -95,9 +107,7 @@ fn slots(stage: &Stage) -> Vec<&'static str> {
 
 fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
     for slot in slots(stage) {
-        let file = Arg::new(slot)
-            .value_parser(clap::value_parser!(PathBuf))
-            .help(format!("{} artefact", upper(slot)));
+        let file = Arg::new(slot).value_parser(clap::value_parser!(PathBuf)).help(slot_help(stage, slot));
         command = command.arg(if stage.positional.contains(&slot) {
             file.value_name(slot.to_uppercase()).required(true)
         } else {
@@ -133,6 +143,18 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
             .required(true)
             .help("Artefact file"),
     )
+}
+
+/// What a file for a slot may hold; a volume may lie in a file of any format.
+fn slot_help(stage: &Stage, slot: &str) -> String {
+    let known = stage.methods.iter().flat_map(|method| method.slots).find(|known| known.name == slot);
+    let kinds = known.map_or(&[][..], |known| known.kinds).iter().map(|kind| match kind {
+        Kind::Volume => "volume artefact or file".to_owned(),
+        kind => format!("{} artefact", kind.name()),
+    });
+    let kinds: Vec<String> = kinds.collect();
+    let kinds = kinds.join(", ");
+    if kinds.starts_with(slot) { upper(&kinds) } else { format!("{}: {kinds}", upper(slot)) }
 }
 
 /// The flag of a field, and hidden ones for names that it had before.
@@ -208,20 +230,57 @@ fn help(stage: &Stage, found: &Flag) -> String {
     } else {
         String::new()
     };
-    let mut text = format!("{whose}{}", field.about().trim_end_matches('.').replace('\n', " "));
-    let domain = field.domain();
-    if words(field.schema).is_empty() && !domain.is_empty() {
-        text = format!("{text} [{domain}]");
-    }
-    match field.default() {
-        Some(Json::Null) | None => text,
-        Some(Json::Array(list)) if list.is_empty() => text,
-        Some(Json::Object(map)) if map.is_empty() => text,
-        Some(default) => {
-            let default = default.as_str().map_or_else(|| default.to_string(), str::to_owned);
-            format!("{text} [default: {default}]")
+    let text = format!("{whose}{}{}", field.about().trim_end_matches('.').replace('\n', " "), keys(field));
+    match &found.says[..] {
+        [(says, _)] => format!("{text}{says}"),
+        several => {
+            let each = several.iter().map(|(says, methods)| format!("; {}{says}", methods.join(", ")));
+            text + &each.collect::<String>()
         }
     }
+}
+
+/// What a field may be, and what it is where it isn't given.
+fn says(field: Field<'_>) -> String {
+    let domain = field.domain();
+    let domain = if words(field.schema).is_empty() && !domain.is_empty() {
+        format!(" [{domain}]")
+    } else {
+        String::new()
+    };
+    match field.default() {
+        Some(Json::Null) | None => domain,
+        Some(Json::Array(list)) if list.is_empty() => domain,
+        Some(Json::Object(map)) if map.is_empty() => domain,
+        Some(default) => {
+            let default = default.as_str().map_or_else(|| default.to_string(), str::to_owned);
+            format!("{domain} [default: {default}]")
+        }
+    }
+}
+
+/// The keys of the things that a flag lists, or of what it says of a class; where a word tells several kinds apart, those that all
+/// have, and then those of each.
+fn keys(field: Field<'_>) -> String {
+    let things = field.schema.get("items").or_else(|| map_values(field.schema));
+    let all = things.map_or_else(Vec::new, alternatives);
+    if all.is_empty() || !all.iter().all(|one| kind(one) == "object") {
+        return String::new();
+    }
+    let word =
+        |field: Field<'_>| Some((field.name.to_owned(), field.schema.get("const")?.as_str()?.to_owned()));
+    let own = |one: &Json| -> Vec<String> {
+        fields(one).filter(|field| word(*field).is_none()).map(|field| field.name.to_owned()).collect()
+    };
+    let shared: Vec<String> =
+        own(all[0]).into_iter().filter(|key| all.iter().all(|one| own(one).contains(key))).collect();
+    let mut text = format!(". Keys: {}", shared.join(", "));
+    for one in all {
+        let Some((key, word)) = fields(one).find_map(word) else { continue };
+        let own: Vec<String> = own(one).into_iter().filter(|key| !shared.contains(key)).collect();
+        text += &format!("; {key}={word}: {}", own.join(", "));
+    }
+    text
 }
 
 fn first_sentence(text: &str) -> &str {
@@ -253,7 +312,8 @@ pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context
         unused(stage, slot, file, context)?;
     }
     if let Some(nothing) = section.job().idle() {
-        return Err(Failure::usage(format!("{}: {nothing}", stage.name)));
+        let problem = format!("{}: there is nothing to do: {nothing}", stage.name);
+        return Err(Failure::usage(problem));
     }
     let cache = context.stage_cache()?;
     let inputs = filled(&files, &cache, context)?;

@@ -48,6 +48,7 @@
 pub mod certificate;
 pub mod clip;
 pub mod cvg;
+mod direction;
 mod error;
 pub mod freeform;
 pub mod inverse;

@@ -213,12 +213,11 @@ impl Draw {
             5 => Event::Fix(Fix { at: self.place(), radius: 2.0 * self.unit() }),
             6 => Event::Release { fix: number(self) },
             7 => Event::Shape(Shape {
-                kind: Kind::Twist { rate: 2.0 * self.unit() },
+                kind: Kind::Twist { rate: 2.0 * self.unit(), length: None },
                 centre: [19.3, 19.6, 24.2],
                 axis: [0.0, 0.3, 1.0],
                 radius: 10.0,
                 core: 0.3,
-                length: None,
             }),
             8 => Event::Unshape { shape: number(self) },
             9 => Event::Physics(self.physics()),

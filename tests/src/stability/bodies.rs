@@ -137,14 +137,8 @@ pub(super) fn bones() -> Vec<Case> {
 
 /// Free forms at their ends.
 pub(super) fn shapes() -> Vec<Case> {
-    let shape = |kind: Kind| Shape {
-        kind,
-        centre: [5.0, 6.0, 5.5],
-        axis: [0.3, -0.2, 0.9],
-        radius: 6.0,
-        core: 0.5,
-        length: None,
-    };
+    let shape =
+        |kind: Kind| Shape { kind, centre: [5.0, 6.0, 5.5], axis: [0.3, -0.2, 0.9], radius: 6.0, core: 0.5 };
     let of = |name: &str, shapes: Vec<Shape>| {
         let case = nudged(&format!("shape, {name}"), ball(12)).may(&TOO_MUCH);
         case.may(&[(Stage::DeformShapes, Fault::Untrusted)]).with(|s| {
@@ -152,7 +146,7 @@ pub(super) fn shapes() -> Vec<Case> {
             s.turn = Some(Stage::DeformShapes as usize % TURNS);
         })
     };
-    let twist = shape(Kind::Twist { rate: 30.0 });
+    let twist = shape(Kind::Twist { rate: 30.0, length: None });
     let spine = [1.0, 0.0, 0.0];
     let all = [
         ("a way of nothing", shape(Kind::Translate { by: [0.0; 3] })),
@@ -161,22 +155,22 @@ pub(super) fn shapes() -> Vec<Case> {
         ("a way of 1e100 mm", shape(Kind::Translate { by: [1e100, -1e100, 1e100] })),
         ("half a turn", shape(Kind::Rotate { angle: 180.0 })),
         ("a thousand turns", shape(Kind::Rotate { angle: 360e3 })),
-        ("a thousand times as large", shape(Kind::Scale { along: 1e3, across: 1e3 })),
-        ("a thousandth across", shape(Kind::Scale { along: 1.0, across: 1e-3 })),
+        ("a thousand times as large", shape(Kind::Scale { along: Some(1e3), across: Some(1e3) })),
+        ("a thousandth across", shape(Kind::Scale { along: Some(1.0), across: Some(1e-3) })),
         ("stretched a thousandfold", shape(Kind::Stretch { factor: 1e3 })),
         ("squeezed to a thousandth", shape(Kind::Squeeze { factor: 1e-3 })),
-        ("twisted by 1e6 degrees a mm", shape(Kind::Twist { rate: 1e6 })),
-        ("tapered by 1e3 a mm", shape(Kind::Taper { rate: 1e3 })),
-        ("tapered by -1e6 a mm", shape(Kind::Taper { rate: -1e6 })),
-        ("bent by 90 degrees a mm", shape(Kind::Bend { rate: 90.0, spine })),
-        ("bent by 1e6 degrees a mm", shape(Kind::Bend { rate: 1e6, spine })),
+        ("twisted by 1e6 degrees a mm", shape(Kind::Twist { rate: 1e6, length: None })),
+        ("tapered by 1e3 a mm", shape(Kind::Taper { rate: 1e3, length: None })),
+        ("tapered by -1e6 a mm", shape(Kind::Taper { rate: -1e6, length: None })),
+        ("bent by 90 degrees a mm", shape(Kind::Bend { rate: 90.0, spine, length: None })),
+        ("bent by 1e6 degrees a mm", shape(Kind::Bend { rate: 1e6, spine, length: None })),
         ("a radius of 1e-9 mm", Shape { radius: 1e-9, ..twist }),
         ("a radius of 1e100 mm", Shape { radius: 1e100, ..twist }),
         ("a core of nearly all", Shape { core: 1.0 - 1e-12, ..shape(Kind::Rotate { angle: 40.0 }) }),
         ("centred 1e100 mm away", Shape { centre: [1e100, 0.0, 0.0], ..twist }),
         ("an axis of 1e-90 mm", Shape { axis: [0.0, 1e-90, 0.0], ..twist }),
-        ("a length of 1e-9 mm", Shape { length: Some(1e-9), ..twist }),
-        ("a length of 1e100 mm", Shape { length: Some(1e100), ..twist }),
+        ("a length of 1e-9 mm", shape(Kind::Twist { rate: 30.0, length: Some(1e-9) })),
+        ("a length of 1e100 mm", shape(Kind::Twist { rate: 30.0, length: Some(1e100) })),
     ];
     let mut cases: Vec<Case> = all.into_iter().map(|(name, shape)| of(name, vec![shape])).collect();
     cases.push(of("twenty, one after another", vec![shape(Kind::Rotate { angle: 9.0 }); 20]));

@@ -221,25 +221,29 @@ fn shapes(random: &mut Seeded, grid: &Grid) -> Vec<Shape> {
     let count = random.below(3);
     let shape = |_| {
         let amount = if random.one_in(8) { random.spread(1e-9, 1e3) } else { random.between(0.0, 1.0) };
-        let kind = match random.below(8) {
+        let mut kind = match random.below(8) {
             0 => Kind::Translate { by: random.vector(amount * length) },
             1 => Kind::Rotate { angle: 40.0 * amount },
-            2 => Kind::Scale { along: 1.0 + amount.min(900.0), across: 1.0 / (1.0 + amount.min(900.0)) },
+            2 => Kind::Scale {
+                along: Some(1.0 + amount.min(900.0)),
+                across: Some(1.0 / (1.0 + amount.min(900.0))),
+            },
             3 => Kind::Stretch { factor: 1.0 + amount.min(900.0) },
             4 => Kind::Squeeze { factor: 1.0 / (1.0 + amount.min(900.0)) },
-            5 => Kind::Twist { rate: (20.0 * amount / length).min(1e6) },
-            6 => Kind::Taper { rate: (0.1 * amount / length).min(1e6) },
-            _ => Kind::Bend { rate: (10.0 * amount / length).min(1e6), spine: [0.0, 0.6, 0.8] },
+            5 => Kind::Twist { rate: (20.0 * amount / length).min(1e6), length: None },
+            6 => Kind::Taper { rate: (0.1 * amount / length).min(1e6), length: None },
+            _ => Kind::Bend { rate: (10.0 * amount / length).min(1e6), spine: [0.0, 0.6, 0.8], length: None },
         };
         let voxel = std::array::from_fn(|a| random.between(0.0, grid.dims()[a] as f64));
-        Shape {
-            kind,
-            centre: grid.world(VoxelCoord(Vector3::from(voxel))).0.into(),
-            axis: [1.0, random.between(-0.5, 0.5), 0.0],
-            radius: random.between(1.0, 8.0) * length,
-            core: random.pick(&[0.0, 0.0, 0.5, 0.99]),
-            length: random.pick(&[None, None, Some(3.0 * length)]),
+        let axis = [1.0, random.between(-0.5, 0.5), 0.0];
+        let radius = random.between(1.0, 8.0) * length;
+        let core = random.pick(&[0.0, 0.0, 0.5, 0.99]);
+        let end = random.pick(&[None, None, Some(3.0 * length)]);
+        if let Kind::Twist { length, .. } | Kind::Taper { length, .. } | Kind::Bend { length, .. } = &mut kind
+        {
+            *length = end;
         }
+        Shape { kind, centre: grid.world(VoxelCoord(Vector3::from(voxel))).0.into(), axis, radius, core }
     };
     (0..count).map(shape).collect()
 }

@@ -65,10 +65,10 @@ fn step(random: &mut Seeded, grid: &Grid) -> Step {
                 stretch: random.pick(&[1.0, 1.5, 3.0]),
                 shear: random.pick(&[0.0, 0.1, 0.2, 1.0]),
             };
-            let classes = if random.one_in(2) { [(1, links(random))].into() } else { [].into() };
+            let material = if random.one_in(2) { [(1, links(random).into())].into() } else { [].into() };
             let (grip, far) = (length * random.between(0.0, 2.0), length * random.spread(0.1, 5.0));
             let by = random.vector(far);
-            Step::Chain(ChainMail { centre, grip, by, links: links(random), classes })
+            Step::Chain(ChainMail { centre, grip, by, links: links(random), material })
         }
         1 => Step::Cut(Cut { centre, normal: axis, radius, core, open: radius * random.between(0.0, 0.9) }),
         2 => {
@@ -84,23 +84,27 @@ fn step(random: &mut Seeded, grid: &Grid) -> Step {
         }
         _ => {
             let far = radius * random.between(0.0, 0.8);
-            let kind = match random.below(7) {
+            let mut kind = match random.below(7) {
                 0 => Kind::Translate { by: random.vector(far) },
                 1 => Kind::Rotate { angle: random.between(-180.0, 180.0) },
-                2 => Kind::Scale { along: random.spread(0.5, 2.0), across: random.spread(0.5, 2.0) },
+                2 => Kind::Scale {
+                    along: Some(random.spread(0.5, 2.0)),
+                    across: Some(random.spread(0.5, 2.0)),
+                },
                 3 => Kind::Stretch { factor: random.spread(0.5, 2.0) },
                 4 => Kind::Squeeze { factor: random.spread(0.5, 2.0) },
-                5 => Kind::Twist { rate: random.between(-60.0, 60.0) / radius },
-                _ => Kind::Bend { rate: random.between(-30.0, 30.0) / radius, spine: random.vector(1.0) },
+                5 => Kind::Twist { rate: random.between(-60.0, 60.0) / radius, length: None },
+                _ => Kind::Bend {
+                    rate: random.between(-30.0, 30.0) / radius,
+                    spine: random.vector(1.0),
+                    length: None,
+                },
             };
-            Step::Shape(Shape {
-                kind,
-                centre,
-                axis,
-                radius,
-                core,
-                length: random.one_in(3).then_some(radius),
-            })
+            let end = random.one_in(3).then_some(radius);
+            if let Kind::Twist { length, .. } | Kind::Bend { length, .. } = &mut kind {
+                *length = end;
+            }
+            Step::Shape(Shape { kind, centre, axis, radius, core })
         }
     }
 }

@@ -44,7 +44,6 @@ pub(super) fn maps(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
         axis: [0.0, 0.0, 1.0],
         radius: REACH_MM,
         core: 0.3,
-        length: None,
     };
     let twisted = freeform::lattice(&lattice, None, &[twist], exec)?.motion;
     let tasks = [("push", pushed(-MOVE_MM)?), ("pull", pushed(MOVE_MM)?), ("twist", twisted)];

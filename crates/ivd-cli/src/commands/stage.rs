@@ -7,15 +7,14 @@ use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
 use ivd_core::op;
 use ivd_lattice::foreign::ForeignParams;
 use ivd_pipeline::scene::{
-    AtfSection, BoundarySection, DeformSection, LatticeSection, RefineSection, RenderSection, SpaceSection,
-    WarpSection,
+    AtfSection, BoundarySection, DeformSection, LatticeSection, RefineSection, RenderSection, WarpSection,
 };
-use ivd_pipeline::stages::{Atf, Boundary, Deform, ForeignLattice, Lattice, Refine, Render, Space, Warp};
+use ivd_pipeline::stages::{Atf, Boundary, Deform, ForeignLattice, Lattice, Refine, Render, Warp};
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 use toml::Value;
 
 use super::volume::volume_or_artefact;
-use crate::args::{Command, SpaceArgs};
+use crate::args::Command;
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::parse::{Words, section, section_over};
@@ -155,23 +154,6 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
                 unused_labels(labels.as_deref(), context)?;
             } else {
                 files.push(("labels", labels.as_deref()));
-            }
-            Job { stage: Box::new(stage), files, output: &output.path }
-        }
-        Command::Space(SpaceArgs { volume, step, after, labels, output }) => {
-            let mut section: SpaceSection = section(params, Words::default().0)?;
-            section.step.extend(step.iter().cloned());
-            if section.step.is_empty() {
-                return Err(Failure::usage(
-                    "space: there is nothing to do; give --step, or [[step]] in --params".to_owned(),
-                ));
-            }
-            let stage = Space::from_section(&section)?;
-            let mut files = vec![("volume", Some(volume.as_path())), ("after", after.as_deref())];
-            if stage.knows_classes() {
-                files.push(("labels", labels.as_deref()));
-            } else {
-                unused_labels(labels.as_deref(), context)?;
             }
             Job { stage: Box::new(stage), files, output: &output.path }
         }

@@ -71,7 +71,11 @@ fn describe(property: &Value, schema: &Value, path: &str, required: bool, found:
     if let Some(default) = property.get("default").filter(|d| !d.is_object()) {
         told["default"] = default.clone();
     }
-    found.insert(path.to_owned(), told);
+    // A key that several alternatives have may be all that any of them says.
+    match found.get_mut(path) {
+        Some(before) => join(before, &told),
+        None => drop(found.insert(path.to_owned(), told)),
+    }
     for form in forms {
         members(form, schema, path, found);
         if form["items"].is_object() {
@@ -81,6 +85,24 @@ fn describe(property: &Value, schema: &Value, path: &str, required: bool, found:
                 describe(&form["items"], schema, &format!("{path}[]"), false, found);
             }
         }
+    }
+}
+
+/// Adds what another alternative says of a key.
+fn join(before: &mut Value, more: &Value) {
+    for list in ["types", "values"] {
+        let new: Vec<Value> = more[list].as_array().into_iter().flatten().cloned().collect();
+        if let Some(all) = before[list].as_array_mut() {
+            let new: Vec<Value> = new.into_iter().filter(|item| !all.contains(item)).collect();
+            all.extend(new);
+        } else if !new.is_empty() {
+            before[list] = new.into();
+        }
+    }
+    if more.get("required").is_none()
+        && let Some(before) = before.as_object_mut()
+    {
+        before.remove("required");
     }
 }
 
@@ -152,6 +174,7 @@ fn missing(path: &str, old: &Value, now: &Value, found: &mut Vec<String>) {
                     Some(_) if key == "takes" => {}
                     // What isn't given had a value that no schema told.
                     Some(_) if key == "default" && value.is_null() => {}
+                    None if key == "default" && value.is_null() => {}
                     Some(other) => missing(&path, value, other, found),
                     None => found.push(path),
                 }

@@ -43,7 +43,37 @@ pub const fn method<O: Op>(name: &'static str) -> Method {
 /// JSON Schema of a type, without references.
 pub fn schema_of<T: JsonSchema>() -> Json {
     let settings = SchemaSettings::draft2020_12().with(|settings| settings.inline_subschemas = true);
-    settings.into_generator().into_root_schema_for::<T>().to_value()
+    let mut schema = settings.into_generator().into_root_schema_for::<T>().to_value();
+    share_out(&mut schema);
+    schema
+}
+
+/// Fields that an object has beside alternatives, as a flattened enum gives them, become fields of each of them: what else one of them
+/// has belongs to it alone.
+fn share_out(schema: &mut Json) {
+    match schema {
+        Json::Array(list) => list.iter_mut().for_each(share_out),
+        Json::Object(object) => {
+            object.values_mut().for_each(share_out);
+            let Some(Json::Array(mut all)) = object.remove("oneOf") else { return };
+            if let Some(Json::Object(shared)) = object.remove("properties") {
+                let required = object.remove("required");
+                let required = required.as_ref().and_then(Json::as_array);
+                object.remove("type");
+                for one in all.iter_mut().filter_map(Json::as_object_mut) {
+                    one.insert("additionalProperties".to_owned(), Json::Bool(false));
+                    if let Some(Json::Object(own)) = one.get_mut("properties") {
+                        own.extend(shared.clone());
+                    }
+                    if let Some(Json::Array(own)) = one.get_mut("required") {
+                        own.extend(required.into_iter().flatten().cloned());
+                    }
+                }
+            }
+            object.insert("oneOf".to_owned(), Json::Array(all));
+        }
+        Json::Null | Json::Bool(_) | Json::Number(_) | Json::String(_) => {}
+    }
 }
 
 /// A use of a stage in a scene.

@@ -16,6 +16,7 @@
 //! Its inputs are a struct made by [`slots!`](crate::slots), its output a value, its figures a struct too: a figure that is renamed
 //! no longer compiles where it is read. [`Stage`] lists the methods of a stage; nothing else names them.
 
+mod by_class;
 mod check;
 mod declare;
 mod failure;
@@ -24,6 +25,7 @@ mod finite;
 mod job;
 mod slots;
 
+pub use by_class::by_class;
 pub use check::{check, check_fields, is_default, rename, unknown};
 pub use declare::{Method, Place, PlaceKind, Stage, method, schema_of};
 pub use failure::Failure;

@@ -17,7 +17,6 @@
 //!     axis: [0.0, 0.0, 1.0],
 //!     radius: 20.0,
 //!     core: 0.5,
-//!     length: None,
 //! };
 //! let turned = quarter.apply(Vector3::new(15.0, 0.0, 3.0), 1.0);
 //! assert!((turned - Vector3::new(10.0, 5.0, 3.0)).norm() < 1e-12);

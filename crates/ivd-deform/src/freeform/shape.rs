@@ -1,140 +1,154 @@
 use ivd_core::ParamError;
+use ivd_core::op::check_fields;
 use nalgebra::{Rotation3, Unit, Vector3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::direction::{along_z, half, is_direction, is_finite, is_near};
 use crate::map::smooth_fall;
 
 /// What a shape change does, in coordinates about its centre: `s` along its axis, `q` across it (mm).
 ///
 /// Each is a family `T(w)` with `T(0)` the identity, so that a weight fades it out by doing less of it, not by mixing
 /// places: half a turn fades through quarter turns.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "lowercase")]
 pub enum Kind {
     /// Moves by `w · by`.
     Translate {
-        /// Way to go (mm), RAS.
+        /// Way to go, RAS.
+        #[schemars(extend("x-unit" = "mm"))]
         by: [f64; 3],
     },
     /// Turns about the axis by `w · angle`, counter-clockwise as seen from the axis' tip.
     Rotate {
-        /// Degrees.
+        /// Angle, counter-clockwise as seen from the axis' tip.
+        #[schemars(range(min = -1e6, max = 1e6), extend("x-unit" = "degrees"))]
         angle: f64,
     },
-    /// `s ← along^w · s`, `q ← across^w · q`.
+    /// `s ← along^w · s`, `q ← across^w · q`; one of both at least.
     Scale {
-        /// Factor along the axis, > 0.
-        along: f64,
-        /// Factor across it, > 0.
-        across: f64,
+        /// Factor along the axis; 1 where only the other is given.
+        #[serde(default)]
+        #[schemars(range(min = 1e-3, max = 1e3), extend("x-unit" = "1"))]
+        along: Option<f64>,
+        /// Factor across the axis; 1 where only the other is given.
+        #[serde(default)]
+        #[schemars(range(min = 1e-3, max = 1e3), extend("x-unit" = "1"))]
+        across: Option<f64>,
     },
     /// `s ← f^w · s`, `q ← f^(−w/2) · q`: longer and thinner, or shorter and thicker. Volume is kept where `w` is 1.
     Stretch {
-        /// Factor along the axis, > 0.
+        /// Factor along the axis.
+        #[schemars(range(min = 1e-3, max = 1e3), extend("x-unit" = "1"))]
         factor: f64,
     },
     /// `q ← f^w · q`, `s ← f^(−2w) · s`: as hands round a lump of clay. Volume is kept where `w` is 1.
     Squeeze {
-        /// Factor across the axis, > 0.
+        /// Factor across the axis.
+        #[schemars(range(min = 1e-3, max = 1e3), extend("x-unit" = "1"))]
         factor: f64,
     },
     /// Turns about the axis by `w · rate · s` (Barr 1984).
     Twist {
-        /// Degrees for each mm along the axis.
+        /// Turn for each mm along the axis.
+        #[schemars(range(min = -1e6, max = 1e6), extend("x-unit" = "degrees/mm"))]
         rate: f64,
+        /// Length of the part that is twisted, half of it on either side of the centre. What lies beyond goes along without being
+        /// twisted itself. Without it there is no such end.
+        #[serde(default)]
+        #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
+        length: Option<f64>,
     },
     /// `q ← e^(w · rate · s) · q`. Barr's taper is linear, and turns inside out beyond its tip; this one has the same slope at
     /// the centre and no tip.
     Taper {
-        /// Growth across the axis for each mm along it (1/mm).
+        /// Growth across the axis for each mm along it.
+        #[schemars(range(min = -1e6, max = 1e6), extend("x-unit" = "1/mm"))]
         rate: f64,
+        /// Length of the part that is tapered, half of it on either side of the centre. What lies beyond goes along without being
+        /// tapered itself. Without it there is no such end.
+        #[serde(default)]
+        #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
+        length: Option<f64>,
     },
     /// Rolls the line through the centre along `spine` up to an arc about the axis, of curvature `w · rate`, and what is beside
     /// the line with it (Barr 1984). The lengths along the line are kept. It needs `rate · q < 1` towards the arc's middle.
     Bend {
-        /// Degrees for each mm along the spine.
+        /// Turn for each mm along the spine.
+        #[schemars(range(min = -1e6, max = 1e6), extend("x-unit" = "degrees/mm"))]
         rate: f64,
         /// Direction of the line that is bent, RAS; its part across the axis counts.
+        #[schemars(extend("x-unit" = "1"))]
         spine: [f64; 3],
+        /// Length of the part that is bent, half of it on either side of the centre. What lies beyond goes along without being bent
+        /// itself. Without it there is no such end.
+        #[serde(default)]
+        #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
+        length: Option<f64>,
     },
+}
+
+impl Kind {
+    /// Length of the part that is twisted, tapered or bent (mm), where it has an end.
+    fn length(&self) -> Option<f64> {
+        match *self {
+            Self::Twist { length, .. } | Self::Taper { length, .. } | Self::Bend { length, .. } => length,
+            Self::Translate { .. }
+            | Self::Rotate { .. }
+            | Self::Scale { .. }
+            | Self::Stretch { .. }
+            | Self::Squeeze { .. } => None,
+        }
+    }
 }
 
 /// A shape change about a centre, within a ball.
 ///
 /// It does its whole work within `core · radius` of the centre, fades out smoothly from there, and does nothing from `radius`
 /// on, bit for bit.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Shape {
     /// What it does.
+    #[serde(flatten)]
     pub kind: Kind,
-    /// Centre (mm), RAS.
+    /// Centre, RAS.
+    #[schemars(extend("x-unit" = "mm"))]
     pub centre: [f64; 3],
     /// Direction of the axis, RAS; any length but 0.
-    #[serde(default = "Shape::default_axis")]
+    #[serde(default = "along_z")]
+    #[schemars(extend("x-unit" = "1"))]
     pub axis: [f64; 3],
-    /// Distance from which on nothing moves (mm).
+    /// Distance from the centre from which on nothing moves.
+    #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub radius: f64,
-    /// Fraction of the radius within which the work is done whole, 0 … below 1.
-    #[serde(default)]
+    /// Fraction of the radius within which the work is done whole.
+    #[serde(default = "half")]
+    #[schemars(range(min = 0.0), extend("x-unit" = "1", "exclusiveMaximum" = 1.0))]
     pub core: f64,
-    /// For twist, taper and bend: length of the part that is twisted, tapered or bent (mm), half of it on either side of the
-    /// centre. What lies beyond goes along without being twisted, tapered or bent itself. Without it there is no such end.
-    #[serde(default)]
-    pub length: Option<f64>,
 }
 
 impl Shape {
-    fn default_axis() -> [f64; 3] {
-        [0.0, 0.0, 1.0]
-    }
-
     /// # Errors
     /// [`ParamError`] names the part that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        let finite = |field, vector: &[f64; 3]| {
-            if vector.iter().all(|c| c.abs() <= 1e100) {
-                return Ok(());
-            }
-            Err(ParamError::new(field, format!("{vector:?}"), "give three finite numbers"))
-        };
-        let length = |field, value: f64| {
-            if value > 0.0 && value <= 1e100 {
-                return Ok(());
-            }
-            Err(ParamError::new(field, format!("{value} mm"), "use a positive length"))
-        };
-        let factor = |field, value: f64| {
-            if (1e-3..=1e3).contains(&value) {
-                return Ok(());
-            }
-            Err(ParamError::new(field, format!("{value}"), "use a factor, 0.001 to 1000"))
-        };
-        let number = |field, value: f64| {
-            if value.abs() <= 1e6 {
-                return Ok(());
-            }
-            Err(ParamError::new(field, format!("{value}"), "use -1e6 to 1e6"))
-        };
-        finite("centre", &self.centre)?;
-        finite("axis", &self.axis)?;
-        if Vector3::from(self.axis).norm() < 1e-100 {
-            return Err(ParamError::new("axis", format!("{:?}", self.axis), "give a direction"));
-        }
-        length("radius", self.radius)?;
-        length("length", self.length.unwrap_or(1.0))?;
-        if !(0.0..1.0).contains(&self.core) {
-            return Err(ParamError::new("core", format!("{}", self.core), "use a fraction, 0 to below 1"));
-        }
+        check_fields(self)?;
+        self.check_together()
+    }
+
+    /// What the schema of a single field can't say.
+    pub(crate) fn check_together(&self) -> Result<(), ParamError> {
+        is_finite("centre", &self.centre)?;
+        is_direction("axis", &self.axis)?;
+        is_near("radius", self.radius)?;
+        is_near("length", self.kind.length().unwrap_or(0.0))?;
         match &self.kind {
-            Kind::Translate { by } => finite("by", by),
-            Kind::Rotate { angle } => number("angle", *angle),
-            Kind::Scale { along, across } => factor("along", *along).and(factor("across", *across)),
-            Kind::Stretch { factor: f } | Kind::Squeeze { factor: f } => factor("factor", *f),
-            Kind::Twist { rate } | Kind::Taper { rate } => number("rate", *rate),
-            Kind::Bend { rate, spine } => {
-                number("rate", *rate)?;
-                finite("spine", spine)?;
+            Kind::Translate { by } => is_finite("by", by),
+            Kind::Scale { along: None, across: None } => {
+                Err(ParamError::at_itself("along and across are missing", "give one of them or both"))
+            }
+            Kind::Bend { spine, .. } => {
+                is_finite("spine", spine)?;
                 let axis = Vector3::from(self.axis).normalize();
                 let across = Vector3::from(*spine).normalize().cross(&axis).norm();
                 if across > 1e-6 {
@@ -142,6 +156,12 @@ impl Shape {
                 }
                 Err(ParamError::new("spine", format!("{spine:?}"), "give a direction across the axis"))
             }
+            Kind::Rotate { .. }
+            | Kind::Scale { .. }
+            | Kind::Stretch { .. }
+            | Kind::Squeeze { .. }
+            | Kind::Twist { .. }
+            | Kind::Taper { .. } => Ok(()),
         }
     }
 
@@ -169,7 +189,7 @@ impl Shape {
         let s = point.dot(&axis);
         let across = point - axis.into_inner() * s;
         // The part of a place that counts for what goes on along a line, and how far beyond its end the place is.
-        let within = |s: f64| match self.length {
+        let within = |s: f64| match self.kind.length() {
             Some(length) => s.clamp(-length / 2.0, length / 2.0),
             None => s,
         };
@@ -177,12 +197,14 @@ impl Shape {
         match self.kind {
             Kind::Translate { by } => point + Vector3::from(by) * w,
             Kind::Rotate { angle } => turn(axis, w * angle) * point,
-            Kind::Scale { along, across } => scaled(along.powf(w), across.powf(w)),
+            Kind::Scale { along, across } => {
+                scaled(along.unwrap_or(1.0).powf(w), across.unwrap_or(1.0).powf(w))
+            }
             Kind::Stretch { factor } => scaled(factor.powf(w), factor.powf(-w / 2.0)),
             Kind::Squeeze { factor } => scaled(factor.powf(-2.0 * w), factor.powf(w)),
-            Kind::Twist { rate } => turn(axis, w * rate * within(s)) * point,
-            Kind::Taper { rate } => scaled(1.0, (w * rate * within(s)).exp()),
-            Kind::Bend { rate, spine } => {
+            Kind::Twist { rate, .. } => turn(axis, w * rate * within(s)) * point,
+            Kind::Taper { rate, .. } => scaled(1.0, (w * rate * within(s)).exp()),
+            Kind::Bend { rate, spine, .. } => {
                 let line = Vector3::from(spine);
                 let line = (line - axis.into_inner() * line.dot(&axis)).normalize();
                 let up = axis.cross(&line);

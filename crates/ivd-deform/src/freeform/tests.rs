@@ -7,16 +7,16 @@ use crate::fixtures::{lattice as ball_lattice, middle, sheared_grid};
 const KINDS: [Kind; 8] = [
     Kind::Translate { by: [3.0, -2.0, 1.0] },
     Kind::Rotate { angle: 70.0 },
-    Kind::Scale { along: 1.6, across: 0.8 },
+    Kind::Scale { along: Some(1.6), across: Some(0.8) },
     Kind::Stretch { factor: 1.5 },
     Kind::Squeeze { factor: 0.8 },
-    Kind::Twist { rate: 4.0 },
-    Kind::Taper { rate: 0.03 },
-    Kind::Bend { rate: 2.0, spine: [1.0, 0.2, 0.0] },
+    Kind::Twist { rate: 4.0, length: None },
+    Kind::Taper { rate: 0.03, length: None },
+    Kind::Bend { rate: 2.0, spine: [1.0, 0.2, 0.0], length: None },
 ];
 
 fn shape(kind: Kind) -> Shape {
-    Shape { kind, centre: [5.0, -3.0, 2.0], axis: [0.3, -0.2, 0.9], radius: 40.0, core: 0.5, length: None }
+    Shape { kind, centre: [5.0, -3.0, 2.0], axis: [0.3, -0.2, 0.9], radius: 40.0, core: 0.5 }
 }
 
 fn points() -> impl Iterator<Item = Vector3<f64>> {
@@ -104,12 +104,11 @@ fn in_the_core_the_maps_are_their_definitions() {
 fn a_bend_rolls_its_line_up_to_an_arc_and_keeps_lengths_along_it() {
     let rate = 3.0_f64;
     let bend = Shape {
-        kind: Kind::Bend { rate, spine: [1.0, 0.0, 7.0] },
+        kind: Kind::Bend { rate, spine: [1.0, 0.0, 7.0], length: Some(60.0) },
         centre: [0.0; 3],
         axis: [0.0, 0.0, 2.0],
         radius: 1e3,
         core: 0.9,
-        length: Some(60.0),
     };
     let radius = 1.0 / rate.to_radians();
     let at = |x: f64, y: f64| bend.apply(Vector3::new(x, y, 5.0), 1.0);
@@ -147,14 +146,7 @@ fn two_opposite_turns_undo_each_other_and_order_matters() {
     let at = middle(&grid);
     let (ball, _) = ball_lattice(&grid, |p| 6.0 - (p - at).norm());
     let centre: [f64; 3] = (at + Vector3::from(grid.origin())).into();
-    let turn = |angle, axis| Shape {
-        kind: Kind::Rotate { angle },
-        centre,
-        axis,
-        radius: 9.0,
-        core: 0.2,
-        length: None,
-    };
+    let turn = |angle, axis| Shape { kind: Kind::Rotate { angle }, centre, axis, radius: 9.0, core: 0.2 };
     let [x, y] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let shaped = |shapes: &[Shape]| lattice(&ball, None, shapes, &Exec::default()).unwrap();
     let back = shaped(&[turn(40.0, x), turn(-40.0, x)]);
@@ -185,7 +177,6 @@ fn shapes_go_on_from_a_motion_and_grow_with_its_frames() {
         axis: [0.0, 0.0, 1.0],
         radius: 100.0,
         core: 0.5,
-        length: None,
     };
     let shaped = lattice(&ball, Some(&start), &[push], &Exec::default()).unwrap();
     for (frame, [x, z]) in shaped.motion.frames.iter().zip([[1.0, 1.0], [2.0, 2.0]]) {
@@ -208,12 +199,15 @@ fn a_shape_out_of_its_domain_is_refused_by_name() {
         ("axis", Shape { axis: [0.0; 3], ..good }),
         ("centre", Shape { centre: [f64::NAN, 0.0, 0.0], ..good }),
         ("core", Shape { core: 1.0, ..good }),
-        ("length", Shape { length: Some(-1.0), ..good }),
+        ("length", shape(Kind::Twist { rate: 1.0, length: Some(-1.0) })),
         ("factor", shape(Kind::Stretch { factor: 0.0 })),
-        ("along", shape(Kind::Scale { along: -1.0, across: 1.0 })),
+        ("length", shape(Kind::Taper { rate: 1.0, length: Some(1e101) })),
+        ("across are missing", shape(Kind::Scale { along: None, across: None })),
+        ("radius", Shape { radius: 1e101, ..good }),
+        ("along", shape(Kind::Scale { along: Some(-1.0), across: Some(1.0) })),
         ("angle", shape(Kind::Rotate { angle: f64::INFINITY })),
-        ("spine", shape(Kind::Bend { rate: 1.0, spine: good.axis })),
-        ("spine", shape(Kind::Bend { rate: 1.0, spine: [0.0; 3] })),
+        ("spine", shape(Kind::Bend { rate: 1.0, spine: good.axis, length: None })),
+        ("spine", shape(Kind::Bend { rate: 1.0, spine: [0.0; 3], length: None })),
     ];
     for (field, shape) in bad {
         let error = shape.check().unwrap_err().to_string();

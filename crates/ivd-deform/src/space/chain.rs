@@ -17,25 +17,31 @@
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 
+use ivd_core::op::{by_class, check_fields};
 use ivd_core::{Exec, FieldBricks, Grid, Labels, ParamError, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
+use crate::direction::{is_finite, is_near};
 use crate::inverse::from_bricks;
 use crate::map::FARTHEST;
 use crate::sampler::{brick_at, brick_voxels};
 
 /// How far links give way. The defaults are soft.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct Links {
-    /// Least length of a link along its axis, relative to its length at rest (no unit), above 0 … 1.
+    /// Least length of a link along its axis, relative to its length at rest.
+    #[schemars(range(max = 1.0), extend("x-unit" = "1", "exclusiveMinimum" = 0.0))]
     pub shrink: f64,
-    /// Largest length of a link along its axis, relative to its length at rest (no unit), 1 … 1000.
+    /// Largest length of a link along its axis, relative to its length at rest.
+    #[schemars(range(min = 1.0, max = 1000.0), extend("x-unit" = "1"))]
     pub stretch: f64,
-    /// Most that a link's ends go sideways, relative to its length at rest (no unit), 0 … 1000.
+    /// Most that a link's ends go sideways, relative to its length at rest.
+    #[schemars(range(min = 0.0, max = 1000.0), extend("x-unit" = "1"))]
     pub shear: f64,
 }
 
@@ -45,51 +51,77 @@ impl Default for Links {
     }
 }
 
-impl Links {
-    fn check(&self) -> Result<(), ParamError> {
-        let wrong = |field, value: f64, remedy| Err(ParamError::new(field, format!("{value}"), remedy));
-        if !(self.shrink > 0.0 && self.shrink <= 1.0) {
-            return wrong("shrink", self.shrink, "use a fraction, above 0 to 1");
+/// How far the links of a class give way; what isn't given is as in all others.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ClassLinks {
+    /// Least length of a link along its axis, relative to its length at rest.
+    #[schemars(range(max = 1.0), extend("x-unit" = "1", "exclusiveMinimum" = 0.0))]
+    pub shrink: Option<f64>,
+    /// Largest length of a link along its axis, relative to its length at rest.
+    #[schemars(range(min = 1.0, max = 1000.0), extend("x-unit" = "1"))]
+    pub stretch: Option<f64>,
+    /// Most that a link's ends go sideways, relative to its length at rest.
+    #[schemars(range(min = 0.0, max = 1000.0), extend("x-unit" = "1"))]
+    pub shear: Option<f64>,
+}
+
+impl ClassLinks {
+    /// The links, with those of all others where nothing is said.
+    pub fn or(self, others: Links) -> Links {
+        Links {
+            shrink: self.shrink.unwrap_or(others.shrink),
+            stretch: self.stretch.unwrap_or(others.stretch),
+            shear: self.shear.unwrap_or(others.shear),
         }
-        if !(1.0..=1e3).contains(&self.stretch) {
-            return wrong("stretch", self.stretch, "use a factor, 1 to 1000");
-        }
-        if !(0.0..=1e3).contains(&self.shear) {
-            return wrong("shear", self.shear, "use 0 to 1000");
-        }
-        Ok(())
     }
 }
 
-/// Chain mail over the voxels of a grid, gripped within a ball.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+impl From<Links> for ClassLinks {
+    fn from(all: Links) -> Self {
+        Self { shrink: Some(all.shrink), stretch: Some(all.stretch), shear: Some(all.shear) }
+    }
+}
+
+/// Chain mail over the voxels: what is gripped within a ball moves, and links take the rest along.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ChainMail {
-    /// Middle of what is gripped (mm), RAS.
+    /// Middle of what is gripped, RAS.
+    #[schemars(extend("x-unit" = "mm"))]
     pub centre: [f64; 3],
-    /// Voxels this near to it are gripped (mm), and the nearest one.
+    /// Voxels this near to it are gripped, and the nearest one.
+    #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
     pub grip: f64,
-    /// Way that they go (mm), RAS.
+    /// Way that they go, RAS.
+    #[schemars(extend("x-unit" = "mm"))]
     pub by: [f64; 3],
     /// The links.
-    #[serde(default)]
+    #[serde(flatten)]
     pub links: Links,
-    /// Links by label, where labels are given; a link between two classes gives way by the mean of both.
-    #[serde(default)]
-    pub classes: BTreeMap<u16, Links>,
+    /// Links by class, where labels are given; a link between two classes gives way by the mean of both. Only as the first step, and
+    /// where nothing has moved before it: labels are of the volume at rest.
+    #[serde(default, deserialize_with = "by_class")]
+    pub material: BTreeMap<u16, ClassLinks>,
 }
 
 impl ChainMail {
     /// # Errors
     /// [`ParamError`] names the part that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        super::check_vector("centre", &self.centre)?;
-        super::check_vector("by", &self.by)?;
-        if !(0.0..=1e100).contains(&self.grip) {
-            return Err(ParamError::new("grip", format!("{} mm", self.grip), "give a length, 0 or more"));
-        }
-        self.links.check()?;
-        self.classes.values().try_for_each(Links::check)
+        check_fields(self)?;
+        self.check_together()
+    }
+
+    /// What the schema of a single field can't say.
+    pub(super) fn check_together(&self) -> Result<(), ParamError> {
+        is_finite("centre", &self.centre)?;
+        is_near("grip", self.grip)?;
+        is_finite("by", &self.by)
+    }
+
+    /// Links by class.
+    fn classes(&self) -> BTreeMap<u16, Links> {
+        self.material.iter().map(|(class, own)| (*class, own.or(self.links))).collect()
     }
 
     /// The motion of every voxel (mm, RAS), at rest everything.
@@ -110,18 +142,19 @@ impl ChainMail {
         }
         self.check_classes(labels)?;
         let gripped = self.gripped(grid, exec)?;
-        let room = self.room(grid, by, &gripped, labels.is_some() && !self.classes.is_empty());
+        let classes = if labels.is_some() { self.classes() } else { BTreeMap::new() };
+        let room = self.room(grid, by, &gripped, &classes);
         let count = room.len() as u64;
         // Three components and the vectors, twice while they are put together; and the queue, to which each neighbour may add an entry.
-        let queue = if labels.is_some() && !self.classes.is_empty() { 6 * 16 } else { 0 };
+        let queue = if classes.is_empty() { 0 } else { 6 * 16 };
         exec.check_memory("the chain mail", count * (3 * 8 + 2 * 12 + queue))?;
         let components = (0..3)
             .map(|c| {
                 let pull = Pull { component: c, by: by[c], step: step(grid, c) };
                 exec.check_cancelled()?;
-                match labels.filter(|_| !self.classes.is_empty()) {
+                match labels.filter(|_| !classes.is_empty()) {
                     Some(labels) => {
-                        let links = |i: usize| self.classes.get(&labels.ids()[i]).unwrap_or(&self.links);
+                        let links = |i: usize| classes.get(&labels.ids()[i]).unwrap_or(&self.links);
                         solve_by_paths(&room, grid, &gripped, &pull, &|i| *links(i), exec)
                     }
                     None => solve_by_sweeps(&room, &gripped, &pull, &self.links, exec),
@@ -154,7 +187,7 @@ impl ChainMail {
         let unknown = |class: &&u16| {
             labels.classes().iter().all(|known| known.id != **class) && !labels.ids().contains(class)
         };
-        match self.classes.keys().find(unknown) {
+        match self.material.keys().find(unknown) {
             None => Ok(()),
             Some(class) => Err(Error::Mismatch {
                 what: "the chain mail",
@@ -202,9 +235,15 @@ impl ChainMail {
     }
 
     /// The voxels that may move.
-    fn room(&self, grid: &Grid, by: Vector3<f64>, gripped: &[[usize; 3]], classes: bool) -> Room {
+    fn room(
+        &self,
+        grid: &Grid,
+        by: Vector3<f64>,
+        gripped: &[[usize; 3]],
+        classes: &BTreeMap<u16, Links>,
+    ) -> Room {
         let dims = grid.dims();
-        let all = std::iter::once(&self.links).chain(self.classes.values().filter(|_| classes));
+        let all = std::iter::once(&self.links).chain(classes.values());
         let mut reach = [0.0_f64; 3];
         for links in all {
             for c in 0..3 {
@@ -443,7 +482,7 @@ mod tests {
             grip: 1.2,
             by: [3.0, -2.0, 1.0],
             links: Links { shrink: 0.6, stretch: 1.25, shear: 0.3 },
-            classes: BTreeMap::new(),
+            material: BTreeMap::new(),
         }
     }
 
@@ -509,13 +548,14 @@ mod tests {
         let field = mail.field(&grid, None, &Exec::default()).unwrap();
         check_limits(&grid, &field, |_| mail.links, &gripped);
         let hard = Links { shrink: 1.0, stretch: 1.0, shear: 0.05 };
-        let mixed = ChainMail { classes: [(1, hard), (2, Links::default())].into(), ..mail.clone() };
+        let mixed =
+            ChainMail { material: [(1, hard.into()), (2, Links::default().into())].into(), ..mail.clone() };
         let labels = classes(&grid);
         let field = mixed.field(&grid, Some(&labels), &Exec::default()).unwrap();
         check_limits(
             &grid,
             &field,
-            |i| *mixed.classes.get(&labels.ids()[i]).unwrap_or(&mixed.links),
+            |i| *mixed.classes().get(&labels.ids()[i]).unwrap_or(&mixed.links),
             &gripped,
         );
     }
@@ -525,7 +565,7 @@ mod tests {
         let grid = sheared_grid([21, 17, 9]);
         for (grip, by) in [(0.0, [3.0, -2.0, 1.0]), (2.5, [-1.0, 0.0, 6.0]), (0.5, [0.0, 90.0, 0.0])] {
             let mail = ChainMail { centre: crate::fixtures::middle(&grid).into(), grip, by, ..mail() };
-            let alike = ChainMail { classes: [(1, mail.links)].into(), ..mail.clone() };
+            let alike = ChainMail { material: [(1, mail.links.into())].into(), ..mail.clone() };
             let [swept, walked] = [(&mail, None), (&alike, Some(classes(&grid)))]
                 .map(|(mail, labels)| mail.field(&grid, labels.as_ref(), &Exec::default()).unwrap());
             for v in voxels(&grid) {
@@ -561,8 +601,12 @@ mod tests {
         ] {
             assert_eq!(ChainMail { links, ..mail() }.check().unwrap_err().field, field);
             assert_eq!(
-                ChainMail { classes: [(7, links)].into(), ..mail() }.check().unwrap_err().field,
-                field
+                ChainMail { material: [(7, links.into())].into(), ..mail() }.check().unwrap_err().field,
+                if links.shear.is_nan() {
+                    "material.shear".to_owned()
+                } else {
+                    format!("material.7.{field}")
+                }
             );
         }
     }

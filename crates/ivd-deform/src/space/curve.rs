@@ -1,11 +1,15 @@
 //! Spatial transfer functions: a curve over a coordinate of space says how far, or how much, everything there moves.
 
 use ivd_core::ParamError;
+use ivd_core::op::check_fields;
 use nalgebra::{Rotation3, Unit, Vector3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::direction::{along_z, half, is_direction, is_finite, is_near};
+
 /// The coordinate that a curve runs over (mm).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Over {
     /// Along the axis, from the centre.
@@ -17,7 +21,7 @@ pub enum Over {
 }
 
 /// What a curve's value does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Way {
     /// Moves along the axis by the value (mm).
@@ -42,38 +46,45 @@ impl Way {
 /// Between its knots the curve is a cubic that is monotone where the knots are (Fritsch and Butland 1984), so that it never
 /// overshoots them; beyond the outer knots it is constant. It does its whole work within `core · radius` of the centre, fades
 /// out smoothly from there, and does nothing from `radius` on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Curve {
-    /// Centre (mm), RAS.
+    /// Centre, RAS.
+    #[schemars(extend("x-unit" = "mm"))]
     pub centre: [f64; 3],
     /// Direction of the axis, RAS; any length but 0.
+    #[serde(default = "along_z")]
+    #[schemars(extend("x-unit" = "1"))]
     pub axis: [f64; 3],
-    /// Distance from which on nothing moves (mm).
+    /// Distance from the centre from which on nothing moves.
+    #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub radius: f64,
-    /// Fraction of the radius within which the work is done whole, 0 … below 1.
+    /// Fraction of the radius within which the work is done whole.
+    #[serde(default = "half")]
+    #[schemars(range(min = 0.0), extend("x-unit" = "1", "exclusiveMaximum" = 1.0))]
     pub core: f64,
     /// What the curve runs over.
     pub over: Over,
     /// What its value does.
     pub way: Way,
-    /// Coordinate (mm), ascending, and value.
+    /// Pairs of a coordinate (mm), ascending, and a value (mm, degrees or a factor).
+    #[schemars(length(min = 1, max = 4096), extend("x-unit" = "1"))]
     pub knots: Vec<[f64; 2]>,
 }
 
 impl Curve {
-    /// Most knots.
-    pub const MOST: usize = 4096;
-
     /// # Errors
     /// [`ParamError`] names the part that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        super::check_ball(&self.centre, self.radius, self.core)?;
-        super::check_direction("axis", &self.axis)?;
-        if !(1..=Self::MOST).contains(&self.knots.len()) {
-            let found = format!("{} knots", self.knots.len());
-            return Err(ParamError::new("knots", found, "give 1 to 4096 pairs of a coordinate and a value"));
-        }
+        check_fields(self)?;
+        self.check_together()
+    }
+
+    /// What the schema of a single field can't say.
+    pub(super) fn check_together(&self) -> Result<(), ParamError> {
+        is_finite("centre", &self.centre)?;
+        is_direction("axis", &self.axis)?;
+        is_near("radius", self.radius)?;
         if let Some(pair) = self
             .knots
             .windows(2)

@@ -5,30 +5,39 @@
 //! where the map of one side has it, if that place lies on this side; where neither does, the cut has opened and there is
 //! nothing; where both do, two pieces would lie on one another, and the cut is refused.
 
+use ivd_core::op::check_fields;
 use ivd_core::{Buffer, Exec, FieldBricks, Grid, NO_BRICK, ParamError, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
+use crate::direction::{half, is_direction, is_finite, is_near};
 use crate::inverse::{Inverse, from_bricks};
 use crate::sampler::{brick_at, brick_voxels};
 
 /// A cut through the centre of a ball that opens: what lies above its plane goes up, what lies below goes down, whole within
 /// `core · radius` of the centre and fading out to nothing at `radius`, where the cut ends. The discontinuous deflector of Kurzion
 /// and Yagel 1997.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Cut {
-    /// Centre of the ball, on the plane (mm), RAS.
+    /// Centre of the ball, on the plane, RAS.
+    #[schemars(extend("x-unit" = "mm"))]
     pub centre: [f64; 3],
     /// Normal of the plane, RAS; any length but 0. Above is where it points.
+    #[schemars(extend("x-unit" = "1"))]
     pub normal: [f64; 3],
-    /// Distance from the centre at which the cut ends and from which on nothing moves (mm).
+    /// Distance from the centre at which the cut ends and from which on nothing moves.
+    #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub radius: f64,
-    /// Fraction of the radius within which the cut opens whole, 0 … below 1.
+    /// Fraction of the radius within which the cut opens whole.
+    #[serde(default = "half")]
+    #[schemars(range(min = 0.0), extend("x-unit" = "1", "exclusiveMaximum" = 1.0))]
     pub core: f64,
-    /// Distance of the two sides at the centre, once open (mm), ≥ 0.
+    /// Distance of the two sides at the centre, once open; a cut doesn't close.
+    #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
     pub open: f64,
 }
 
@@ -43,16 +52,16 @@ impl Cut {
     /// # Errors
     /// [`ParamError`] names the part that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        super::check_ball(&self.centre, self.radius, self.core)?;
-        super::check_direction("normal", &self.normal)?;
-        if (0.0..=1e100).contains(&self.open) {
-            return Ok(());
-        }
-        Err(ParamError::new(
-            "open",
-            format!("{} mm", self.open),
-            "give a length, 0 or more; a cut doesn't close",
-        ))
+        check_fields(self)?;
+        self.check_together()
+    }
+
+    /// What the schema of a single field can't say.
+    pub(super) fn check_together(&self) -> Result<(), ParamError> {
+        is_finite("centre", &self.centre)?;
+        is_near("radius", self.radius)?;
+        is_near("open", self.open)?;
+        is_direction("normal", &self.normal)
     }
 
     /// Where it takes a point (mm, RAS) that goes with a side, whichever it lies on.

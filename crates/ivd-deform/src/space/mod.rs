@@ -33,7 +33,6 @@
 //!     axis: [0.0, 0.0, 1.0],
 //!     radius: 12.0,
 //!     core: 0.25,
-//!     length: None,
 //! });
 //! let made = space::displace(&grid, &[push], &Start::default(), &Exec::default())?;
 //! assert_eq!(made.displacement.forward.at(VoxelIndex([16; 3])), [0.0, 0.0, 3.0]);
@@ -44,11 +43,13 @@
 mod chain;
 mod curve;
 mod cut;
+mod stage;
 #[cfg(test)]
 mod tests;
 
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, Labels, NO_BRICK, ParamError, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
@@ -57,26 +58,28 @@ use crate::freeform::{Kind, Shape};
 use crate::inverse::{from_bricks, invert};
 use crate::map::{FARTHEST, THIN, check_residual, invert_within, lengths, lies_beyond, sampled, smooth_fall};
 use crate::sampler::{Sampler, brick_at};
-pub use chain::{ChainMail, Links};
+pub use chain::{ChainMail, ClassLinks, Links};
 pub use curve::{Curve, Over, Way};
 pub use cut::Cut;
 use cut::{Side, TwoSided, Whole, join};
+pub use stage::{Inputs, STAGE, SpaceFigures, SpaceParams};
 
 /// Most equal parts that shapes are done in.
 const PARTS: u32 = 64;
 
-/// A map of space.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+/// A map of space, by its `kind`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "lowercase")]
 pub enum Step {
-    /// A ray deflector.
-    Shape(Shape),
     /// A spatial transfer function.
     Curve(Curve),
     /// Chain mail.
     Chain(ChainMail),
     /// A cut that opens.
     Cut(Cut),
+    /// A ray deflector.
+    #[serde(untagged)]
+    Shape(Shape),
 }
 
 impl Step {
@@ -88,6 +91,16 @@ impl Step {
             Self::Curve(curve) => curve.check(),
             Self::Chain(mail) => mail.check(),
             Self::Cut(cut) => cut.check(),
+        }
+    }
+
+    /// What the schema of a single field can't say.
+    fn check_together(&self) -> Result<(), ParamError> {
+        match self {
+            Self::Shape(shape) => shape.check_together(),
+            Self::Curve(curve) => curve.check_together(),
+            Self::Chain(mail) => mail.check_together(),
+            Self::Cut(cut) => cut.check_together(),
         }
     }
 
@@ -201,7 +214,7 @@ pub fn check(steps: &[Step], after: bool) -> Result<(), Error> {
         let problem = format!("step {second} is a second one; a displacement has one at most");
         return mismatch("the cut", problem, "warp the volume through the first, and cut what comes of it");
     }
-    let by_class = |step: &Step| matches!(step, Step::Chain(mail) if !mail.classes.is_empty());
+    let by_class = |step: &Step| matches!(step, Step::Chain(mail) if !mail.material.is_empty());
     match steps.iter().rposition(by_class) {
         Some(i) if i > 0 || after => {
             let problem = format!("step {i} has links by class, and something has moved before it");
@@ -246,7 +259,7 @@ fn check_start(grid: &Grid, steps: &[Step], start: &Start<'_>) -> Result<(), Err
             return mismatch("a step's ball", problem, "give a centre and a radius that reach the volume");
         }
         if let Step::Chain(mail) = step
-            && !mail.classes.is_empty()
+            && !mail.material.is_empty()
             && start.labels.is_none()
         {
             let problem = format!("step {i} has links by class, and there are no labels");
@@ -540,30 +553,4 @@ fn bounds(grid: &Grid, centre: Vector3<f64>, radius: f64) -> Option<[[usize; 2];
         out[a] = [lo as usize, hi as usize];
     }
     Some(out)
-}
-
-fn check_vector(field: &'static str, vector: &[f64; 3]) -> Result<(), ParamError> {
-    if vector.iter().all(|c| c.abs() <= 1e100) {
-        return Ok(());
-    }
-    Err(ParamError::new(field, format!("{vector:?}"), "give three finite numbers"))
-}
-
-fn check_direction(field: &'static str, vector: &[f64; 3]) -> Result<(), ParamError> {
-    check_vector(field, vector)?;
-    if Vector3::from(*vector).norm() >= 1e-100 {
-        return Ok(());
-    }
-    Err(ParamError::new(field, format!("{vector:?}"), "give a direction"))
-}
-
-fn check_ball(centre: &[f64; 3], radius: f64, core: f64) -> Result<(), ParamError> {
-    check_vector("centre", centre)?;
-    if !(radius > 0.0 && radius <= 1e100) {
-        return Err(ParamError::new("radius", format!("{radius} mm"), "use a positive length"));
-    }
-    if !(0.0..1.0).contains(&core) {
-        return Err(ParamError::new("core", format!("{core}"), "use a fraction, 0 to below 1"));
-    }
-    Ok(())
 }

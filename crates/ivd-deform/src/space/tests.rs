@@ -11,7 +11,7 @@ fn centre(grid: &Grid) -> [f64; 3] {
 }
 
 fn shape(grid: &Grid, kind: Kind) -> Shape {
-    Shape { kind, centre: centre(grid), axis: [0.2, -0.1, 1.0], radius: 7.0, core: 0.3, length: None }
+    Shape { kind, centre: centre(grid), axis: [0.2, -0.1, 1.0], radius: 7.0, core: 0.3 }
 }
 
 fn curve(over: Over, way: Way, knots: &[[f64; 2]]) -> Curve {
@@ -47,12 +47,12 @@ fn a_deflector_moves_every_voxel_as_its_shape_says() {
     let kinds = [
         Kind::Translate { by: [0.5, -0.4, 0.6] },
         Kind::Rotate { angle: 25.0 },
-        Kind::Scale { along: 1.2, across: 0.9 },
+        Kind::Scale { along: Some(1.2), across: Some(0.9) },
         Kind::Stretch { factor: 1.1 },
         Kind::Squeeze { factor: 0.9 },
-        Kind::Twist { rate: 3.0 },
-        Kind::Taper { rate: 0.02 },
-        Kind::Bend { rate: 2.0, spine: [1.0, 0.0, 0.0] },
+        Kind::Twist { rate: 3.0, length: None },
+        Kind::Taper { rate: 0.02, length: None },
+        Kind::Bend { rate: 2.0, spine: [1.0, 0.0, 0.0], length: None },
     ];
     for kind in kinds {
         let shape = shape(&grid, kind);
@@ -113,7 +113,7 @@ fn a_push_that_folds_at_once_is_done_in_parts() {
             [z, z + 1].map(|z| z as f32 + far.displacement.forward.at(VoxelIndex([20, 20, z]))[2]);
         assert!(next > here, "{z}: {here} {next}");
     }
-    let bend = Kind::Bend { rate: 40.0, spine: [1.0, 0.0, 0.0] };
+    let bend = Kind::Bend { rate: 40.0, spine: [1.0, 0.0, 0.0], length: None };
     let error = displace(
         &grid,
         &[Step::Shape(Shape { radius: 18.0, ..shape(&grid, bend) })],
@@ -177,7 +177,8 @@ fn curves_shift_turn_swell_and_grow() {
 fn chain_mail_that_cannot_fold_does_not() {
     let grid = cube(48);
     let links = Links { shrink: 0.5, stretch: 1.5, shear: 0.2 };
-    let mail = ChainMail { centre: centre(&grid), grip: 4.0, by: [2.0, 1.0, 3.0], links, classes: [].into() };
+    let mail =
+        ChainMail { centre: centre(&grid), grip: 4.0, by: [2.0, 1.0, 3.0], links, material: [].into() };
     let made = made(&grid, &[Step::Chain(mail.clone())]);
     // ∇φ has at least 0.5 on its diagonal and at most 0.2 twice beside it; the determinant is least where both are reached.
     let least = Matrix3::from_fn(|r, c| if r == c { 0.5 } else { -0.2 }).determinant();
@@ -331,7 +332,7 @@ fn beyond_its_reach_a_field_moves_nothing_whatever_the_spacing() {
     let grid = Grid::with_spacing([24; 3], [0.9; 3]).unwrap();
     let links = Links { shear: 0.22, ..Links::default() };
     let mail =
-        ChainMail { centre: [2.7, 2.7, 0.0], grip: 0.0, by: [0.0, 0.0, 0.9], links, classes: [].into() };
+        ChainMail { centre: [2.7, 2.7, 0.0], grip: 0.0, by: [0.0, 0.0, 0.9], links, material: [].into() };
     let steps = [Step::Chain(mail)];
     let mut all = Exec::default();
     all.skip = false;
@@ -372,8 +373,8 @@ fn what_does_not_fit_together_is_named() {
     assert!(told(&[], &Start { after: Some(&elsewhere), labels: None }).contains("volume's grid"));
     let far = Step::Shape(Shape { centre: [500.0; 3], ..shape(&grid, Kind::Rotate { angle: 1.0 }) });
     assert!(told(&[far], &none).contains("there is no voxel"));
-    let classes = [(1, Links::default())].into();
-    let mail = ChainMail { centre: [12.0; 3], grip: 1.0, by: [1.0; 3], links: Links::default(), classes };
+    let material = [(1, Links::default().into())].into();
+    let mail = ChainMail { centre: [12.0; 3], grip: 1.0, by: [1.0; 3], links: Links::default(), material };
     assert!(told(&[Step::Chain(mail.clone())], &none).contains("no labels"));
     let labels = Labels::new(grid.clone(), vec![1_u16; grid.len()].into(), Vec::new()).unwrap();
     let start = Start { after: None, labels: Some(&labels) };

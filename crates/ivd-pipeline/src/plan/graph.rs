@@ -8,7 +8,7 @@ use crate::scene::{
 };
 use crate::stages::{
     Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Refine, Render, Segment, SegmentTree,
-    Space, Warp,
+    Warp,
 };
 use crate::{Error, Stage};
 
@@ -86,6 +86,11 @@ impl NodeId {
         }
     }
 
+    /// Its stage, where that is on the list.
+    fn declared(self) -> Option<&'static ivd_core::op::Stage> {
+        crate::list::stage(self.stage())
+    }
+
     /// Which use of the stage it is; empty for the only one.
     pub fn variant(self) -> &'static str {
         match self {
@@ -112,7 +117,7 @@ impl NodeId {
 
     /// The place of a scene's last displacement.
     pub(crate) fn of_displacement(scene: &Scene) -> Self {
-        if scene.space.step.is_empty() { Self::Map } else { Self::Space }
+        if is_idle(scene, &ivd_deform::space::STAGE) { Self::Map } else { Self::Space }
     }
 
     /// The picture that it draws.
@@ -263,12 +268,14 @@ impl Plan {
 
     fn explain_rest(&mut self, scene: &Scene) {
         for node in self.nodes.iter_mut().filter(|n| !n.needed) {
+            let nothing =
+                node.id.declared().filter(|_| node.stage.is_none()).and_then(|stage| idle(scene, stage));
             let why = match node.id {
+                _ if nothing.is_some() => nothing.unwrap_or_default(),
                 NodeId::Segment if !uses_labels(scene) => "the isovalue is given and no class is named",
                 NodeId::Tree if node.stage.is_none() => "the classes come from no tree",
                 NodeId::Boundary if node.stage.is_none() => "the isovalue is given and no part is isolated",
                 NodeId::Atf if node.stage.is_none() => "the rendering mode has no transfer function",
-                NodeId::Space if node.stage.is_none() => "the scene has no step in space",
                 NodeId::Octree
                 | NodeId::Deform
                 | NodeId::Map
@@ -279,7 +286,9 @@ impl Plan {
                 {
                     "the scene has no handle, no bone and no shape"
                 }
-                NodeId::Octree if !map_wants(scene, "octree") => "the map looks for no nearest lattice point",
+                NodeId::Octree if !wants(scene, &ivd_deform::map::STAGE, "octree") => {
+                    "the map looks for no nearest lattice point"
+                }
                 NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => {
                     "no output shows a picture"
                 }
@@ -346,14 +355,25 @@ fn boxed<S: Stage + 'static>(stage: S) -> Option<Box<dyn Stage>> {
     Some(Box::new(stage))
 }
 
-/// Whether the scene's map has a use for a slot.
-fn map_wants(scene: &Scene, slot: &str) -> bool {
-    scene.section(&ivd_deform::map::STAGE).is_some_and(|section| section.wants(slot) == Want::Yes)
+/// Whether a stage of the list has a use for a slot.
+fn wants(scene: &Scene, stage: &ivd_core::op::Stage, slot: &str) -> bool {
+    scene.section(stage).is_some_and(|section| section.wants(slot) == Want::Yes)
 }
 
-/// A stage of the list.
+/// Why a scene gives a stage of the list nothing to do, where it doesn't.
+fn idle(scene: &Scene, stage: &ivd_core::op::Stage) -> Option<&'static str> {
+    scene.section(stage)?.job().idle()
+}
+
+/// Whether a scene gives a stage of the list nothing to do.
+fn is_idle(scene: &Scene, stage: &ivd_core::op::Stage) -> bool {
+    idle(scene, stage).is_some()
+}
+
+/// A stage of the list, where the scene gives it something to do.
 fn declared(scene: &Scene, stage: &ivd_core::op::Stage) -> Option<Box<dyn Stage>> {
-    scene.section(stage).map(|section| Box::new(section.clone()) as Box<dyn Stage>)
+    let section = scene.section(stage).filter(|section| section.job().idle().is_none());
+    section.map(|section| Box::new(section.clone()) as Box<dyn Stage>)
 }
 
 /// The labels with their inputs: of the volume, or of the tree, and then of the volume too where they are changed by its values.
@@ -413,14 +433,13 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     }
     let mut map_inputs = vec![("lattice", NodeId::Refine)];
     let others = [("octree", NodeId::Octree), ("motion", NodeId::Deform), ("labels", NodeId::Segment)];
-    map_inputs.extend(others.into_iter().filter(|(slot, _)| map_wants(scene, slot)));
+    map_inputs.extend(others.into_iter().filter(|(slot, _)| wants(scene, &ivd_deform::map::STAGE, slot)));
 
-    let space = (!scene.space.step.is_empty()).then(|| Space::from_section(&scene.space)).transpose()?;
     let mut space_inputs = vec![("volume", NodeId::Import)];
     if moves.is_some() {
         space_inputs.push(("after", NodeId::Map));
     }
-    if space.as_ref().is_some_and(Space::knows_classes) {
+    if wants(scene, &ivd_deform::space::STAGE, "labels") {
         space_inputs.push(("labels", NodeId::Segment));
     }
 
@@ -447,7 +466,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         ),
         node(NodeId::Deform, deform.and_then(boxed), deform_inputs),
         node(NodeId::Map, if_moved(declared(scene, &ivd_deform::map::STAGE)), map_inputs),
-        node(NodeId::Space, space.and_then(boxed), space_inputs),
+        node(NodeId::Space, declared(scene, &ivd_deform::space::STAGE), space_inputs),
         node(
             NodeId::Warp,
             if_deformed(boxed(Warp::from_section(&scene.warp))),

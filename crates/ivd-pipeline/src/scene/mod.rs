@@ -11,6 +11,7 @@ mod written;
 use std::collections::BTreeMap;
 
 use ivd_core::op::{Op, Stage};
+use ivd_deform::space::SpaceParams;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -21,11 +22,10 @@ use crate::{Error, Section};
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
     AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
-    CovarianceChoice, CurveOver, CurveWay, DeformSection, FixSection, HandleSection, InputSection, IsoChoice,
-    IsoWord, KernelChoice, LatticeSection, LinkSection, LinkageChoice, MaterialSection, OutputSection,
-    Picture, Projection, RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection,
-    RigidSection, SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver, SpaceSection, StepKind,
-    StepSection, WarpOrder, WarpSection,
+    CovarianceChoice, DeformSection, FixSection, HandleSection, InputSection, IsoChoice, IsoWord,
+    KernelChoice, LatticeSection, LinkageChoice, MaterialSection, OutputSection, Picture, Projection,
+    RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection, RigidSection,
+    SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver, WarpOrder, WarpSection,
 };
 pub use written::triple;
 
@@ -60,9 +60,6 @@ pub struct Scene {
     /// What moves it.
     #[serde(default)]
     pub deform: Option<DeformSection>,
-    /// What happens to the voxels without a lattice, after what the lattice does.
-    #[serde(default)]
-    pub space: SpaceSection,
     /// How the volume is resampled.
     #[serde(default)]
     pub warp: WarpSection,
@@ -82,6 +79,10 @@ pub struct Scene {
     #[serde(default)]
     #[schemars(skip)]
     map: Option<toml::Value>,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    space: Option<toml::Value>,
     /// Every section as it is written.
     #[serde(skip)]
     pub(crate) written: Written,
@@ -185,8 +186,8 @@ impl Scene {
         for (i, bone) in self.deform.iter().flat_map(|d| &d.rigid).enumerate() {
             bone.part(i).map_err(|e| format!("deform.rigid {i}: {e}"))?;
         }
-        let steps = self.space.steps().map_err(|e| format!("space.{e}"))?;
-        ivd_deform::space::check(&steps, !still).map_err(|e| format!("space: {e}"))?;
+        let steps = self.steps();
+        ivd_deform::space::check(steps, !still).map_err(|e| format!("space: {e}"))?;
         if !steps.is_empty() && !still && self.map_is_free() {
             return Err(
                 "map.outside = \"free\": a part that moved alone leaves a gap, and no [[space.step]] goes on across that; drop \
@@ -197,6 +198,12 @@ impl Scene {
         Ok(())
     }
 
+    /// Its steps in space.
+    fn steps(&self) -> &[ivd_deform::space::Step] {
+        let params: Option<&SpaceParams> = self.get(&ivd_deform::space::STAGE);
+        params.map_or(&[], |params| &params.step)
+    }
+
     /// Whether the map leaves what is outside the part where it is.
     fn map_is_free(&self) -> bool {
         let params = self.section(&ivd_deform::map::STAGE).map(|section| section.job().params());
@@ -205,7 +212,7 @@ impl Scene {
 
     /// Whether the voxels move.
     pub fn deforms(&self) -> bool {
-        self.deform.as_ref().is_some_and(|d| !d.is_still()) || !self.space.step.is_empty()
+        self.deform.as_ref().is_some_and(|d| !d.is_still()) || !self.steps().is_empty()
     }
 
     /// Pictures to draw: those named, and those that a report asks for.

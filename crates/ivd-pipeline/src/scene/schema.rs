@@ -23,6 +23,7 @@ fn section(stage: &Stage) -> Json {
                 continue;
             }
             let own = described(stage, field);
+            let own = in_all(stage, field.name, own);
             for alias in field.aliases().filter(|alias| !alias.starts_with('!')) {
                 let mut old = own.clone();
                 old["deprecated"] = json!(true);
@@ -55,6 +56,23 @@ fn described(stage: &Stage, field: Field<'_>) -> Json {
         schema["description"] = json!(format!("{}: {}", names.join(", "), field.about()));
     }
     schema
+}
+
+/// The schema of a key whose ranges and defaults aren't the same in all methods: those of any of them.
+fn in_all(stage: &Stage, key: &str, own: Json) -> Json {
+    let plain = |mut schema: Json| {
+        if let Some(schema) = schema.as_object_mut() {
+            schema.remove("description");
+        }
+        schema
+    };
+    let mut all: Vec<Json> = Vec::new();
+    for method in stage.methods {
+        let schema = (method.schema)();
+        let found = fields(&schema).find(|field| field.name == key).map(|field| plain(field.schema.clone()));
+        all.extend(found.filter(|found| !all.contains(found)));
+    }
+    if all.len() < 2 { own } else { json!({ "description": own["description"], "anyOf": all }) }
 }
 
 /// Names of the methods that read a key.

@@ -1,8 +1,8 @@
-//! Handles, fixed places, bones, shapes and steps in one line, as a command line gives them.
+//! Handles, fixed places, bones, and shapes in one line, as a command line gives them.
 
 use std::str::FromStr;
 
-use super::{FixSection, HandleSection, RigidSection, ShapeSection, StepSection};
+use super::{FixSection, HandleSection, RigidSection, ShapeSection};
 
 /// Reads `x,y,z`, three finite numbers.
 ///
@@ -93,64 +93,6 @@ impl FromStr for ShapeSection {
         let shape: Self = keys.try_into().map_err(|e: toml::de::Error| e.message().to_owned())?;
         shape.shape()?;
         Ok(shape)
-    }
-}
-
-impl FromStr for StepSection {
-    type Err = String;
-
-    /// Reads the keys of a `[[space.step]]` as `key=value`, vectors as `x,y,z`, knots as `c:v,c:v`, classes as
-    /// `material.4=shrink:1,shear:0`: `kind=cut;centre=x,y,z;normal=x,y,z;radius=r;open=w`.
-    fn from_str(text: &str) -> Result<Self, String> {
-        let number = |key: &str, value: &str| {
-            let read = value.trim().parse::<f64>().map(toml::Value::Float);
-            read.map_err(|e| format!("{key} `{value}`: {e}"))
-        };
-        // Pairs `a:b`, each with its first part as it is.
-        let pairs = |key: &str, value: &str| -> Result<Vec<(String, toml::Value)>, String> {
-            let pair = |part: &str| {
-                let (a, b) = part.split_once(':').ok_or_else(|| format!("{key} `{part}`: write a:b"))?;
-                Ok((a.trim().to_owned(), number(key, b)?))
-            };
-            value.split(',').map(pair).collect()
-        };
-        let (mut keys, mut material) = (toml::Table::new(), toml::Table::new());
-        for (key, value) in fields(text)? {
-            if let Some(class) = key.strip_prefix("material.") {
-                let mut links = toml::Table::new();
-                for (name, value) in pairs(key, value)? {
-                    if links.insert(name.clone(), value).is_some() {
-                        return Err(format!("{key}: `{name}` is there twice; give it once"));
-                    }
-                }
-                if material.insert(class.to_owned(), links.into()).is_some() {
-                    return Err(format!("`{key}` is there twice; give it once"));
-                }
-                continue;
-            }
-            let value = match key {
-                "kind" | "over" | "way" => value.into(),
-                "centre" | "axis" | "by" | "spine" | "normal" => {
-                    triple(value).map_err(|e| format!("{key}: {e}"))?.to_vec().into()
-                }
-                "knots" => {
-                    let knot = |(at, value): (String, toml::Value)| Ok(vec![number(key, &at)?, value].into());
-                    let knots: Vec<toml::Value> =
-                        pairs(key, value)?.into_iter().map(knot).collect::<Result<_, String>>()?;
-                    knots.into()
-                }
-                _ => number(key, value)?,
-            };
-            if keys.insert(key.to_owned(), value).is_some() {
-                return Err(format!("`{key}` is there twice; give it once"));
-            }
-        }
-        if !material.is_empty() {
-            keys.insert("material".to_owned(), material.into());
-        }
-        let step: Self = keys.try_into().map_err(|e: toml::de::Error| e.message().to_owned())?;
-        step.step()?;
-        Ok(step)
     }
 }
 
@@ -257,37 +199,6 @@ mod tests {
         ];
         for (text, word) in refused {
             let error = shape(text).unwrap_err();
-            assert!(error.contains(word), "{text}: {error}");
-        }
-    }
-
-    #[test]
-    fn steps_are_read_as_in_a_scene_or_refused_by_key() {
-        let step = |text: &str| text.parse::<StepSection>();
-        let same = |text: &str, scene: &str| assert_eq!(step(text).unwrap(), toml::from_str(scene).unwrap());
-        same(
-            "kind=curve;centre=1,2,3;axis=0,1,0;radius=30;over=along;way=turn;knots=-4:0,4:30",
-            "kind = \"curve\"\ncentre = [1, 2, 3]\naxis = [0, 1, 0]\nradius = 30\nover = \"along\"\nway = \"turn\"\n\
-             knots = [[-4, 0], [4, 30]]",
-        );
-        same(
-            "kind=chain;centre=1,2,3;grip=4;by=0,0,5;shear=0.1;material.4=shrink:1,shear:0",
-            "kind = \"chain\"\ncentre = [1, 2, 3]\ngrip = 4\nby = [0, 0, 5]\nshear = 0.1\n[material.4]\nshrink = 1\nshear = 0",
-        );
-        same(
-            "kind=cut;centre=1,2,3;normal=0,0,1;radius=9;open=3",
-            "kind = \"cut\"\ncentre = [1, 2, 3]\nnormal = [0, 0, 1]\nradius = 9\nopen = 3",
-        );
-        for (text, word) in [
-            ("kind=cut;centre=1,2,3;normal=0,0,1;radius=9", "open"),
-            ("kind=curve;centre=1,2,3;radius=9;over=along;way=turn;knots=3", "a:b"),
-            ("kind=curve;centre=1,2,3;radius=9;over=along;way=turn;knots=x:3", "knots"),
-            ("kind=chain;centre=1,2,3;grip=4;by=0,0,5;material.4=colour:1", "colour"),
-            ("kind=chain;centre=1,2,3;grip=4;by=0,0,5;grip=4", "twice"),
-            ("kind=chain;centre=1,2,3;grip=4;by=0,0,5;material.4=shrink:1,shrink:0.5", "twice"),
-            ("kind=chain;centre=1,2,3;grip=4;by=0,0", "by"),
-        ] {
-            let error = step(text).unwrap_err();
             assert!(error.contains(word), "{text}: {error}");
         }
     }

@@ -12,7 +12,6 @@ mod parts;
 mod refine;
 mod render;
 mod segment;
-mod space;
 mod warp;
 
 pub use atf::Atf;
@@ -27,7 +26,6 @@ pub use parts::PartLattice;
 pub use refine::Refine;
 pub use render::{Difference, Render};
 pub use segment::{KeepPosteriors, Method, Posteriors, Segment, SegmentTree};
-pub use space::Space;
 pub use warp::Warp;
 
 use serde::Serialize;

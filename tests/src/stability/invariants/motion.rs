@@ -349,7 +349,7 @@ pub fn shaped(lattice: &Lattice, start: &Motion, shapes: &[Shape], found: &Shape
         let expected = match shape.kind {
             Form::Translate { by } => at + Vector3::from(by),
             Form::Rotate { angle } => Rotation3::from_axis_angle(&axis, angle.to_radians()) * at,
-            Form::Scale { along: s, across: q } => along * s + (at - along) * q,
+            Form::Scale { along: s, across: q } => along * s.unwrap_or(1.0) + (at - along) * q.unwrap_or(1.0),
             _ => continue,
         };
         let went = rest + Vector3::from(after[v]) - (place - at);

@@ -10,7 +10,6 @@ mod picture;
 mod rigid;
 mod segment;
 mod shape;
-mod space;
 
 pub use boundary::{BoundarySection, ClassChoice, ClassWord};
 pub use deform::{CourseChoice, DeformSection, FixSection, HandleSection, MaterialSection, Solver};
@@ -25,4 +24,3 @@ pub use segment::{
     SegmentMethod, SegmentSection,
 };
 pub use shape::{ShapeKind, ShapeSection};
-pub use space::{CurveOver, CurveWay, LinkSection, SpaceSection, StepKind, StepSection};

@@ -110,16 +110,16 @@ impl ShapeSection {
             ShapeKind::Scale if self.along.or(self.across).is_none() => {
                 return Err("along and across are missing; scale reads one of them or both".into());
             }
-            ShapeKind::Scale => {
-                Kind::Scale { along: self.along.unwrap_or(1.0), across: self.across.unwrap_or(1.0) }
-            }
+            ShapeKind::Scale => Kind::Scale { along: self.along, across: self.across },
             ShapeKind::Stretch => Kind::Stretch { factor: number("factor", self.factor)? },
             ShapeKind::Squeeze => Kind::Squeeze { factor: number("factor", self.factor)? },
-            ShapeKind::Twist => Kind::Twist { rate: number("rate", self.rate)? },
-            ShapeKind::Taper => Kind::Taper { rate: number("rate", self.rate)? },
-            ShapeKind::Bend => {
-                Kind::Bend { rate: number("rate", self.rate)?, spine: vector("spine", self.spine)? }
-            }
+            ShapeKind::Twist => Kind::Twist { rate: number("rate", self.rate)?, length: self.length },
+            ShapeKind::Taper => Kind::Taper { rate: number("rate", self.rate)?, length: self.length },
+            ShapeKind::Bend => Kind::Bend {
+                rate: number("rate", self.rate)?,
+                spine: vector("spine", self.spine)?,
+                length: self.length,
+            },
         };
         let shape = Shape {
             kind,
@@ -127,7 +127,6 @@ impl ShapeSection {
             axis: self.axis.unwrap_or([0.0, 0.0, 1.0]),
             radius: self.radius,
             core: self.core.unwrap_or(CORE),
-            length: self.length,
         };
         shape.check().map_err(|e| e.to_string())?;
         Ok(shape)
@@ -149,12 +148,16 @@ mod tests {
         let kinds = [
             ("translate", "by = [1, 2, 3]", Kind::Translate { by: [1.0, 2.0, 3.0] }),
             ("rotate", "angle = 30", Kind::Rotate { angle: 30.0 }),
-            ("scale", "across = 2", Kind::Scale { along: 1.0, across: 2.0 }),
+            ("scale", "across = 2", Kind::Scale { along: None, across: Some(2.0) }),
             ("stretch", "factor = 2", Kind::Stretch { factor: 2.0 }),
             ("squeeze", "factor = 0.5", Kind::Squeeze { factor: 0.5 }),
-            ("twist", "rate = 3", Kind::Twist { rate: 3.0 }),
-            ("taper", "rate = 0.1", Kind::Taper { rate: 0.1 }),
-            ("bend", "rate = 3\nspine = [1, 0, 0]", Kind::Bend { rate: 3.0, spine: [1.0, 0.0, 0.0] }),
+            ("twist", "rate = 3", Kind::Twist { rate: 3.0, length: None }),
+            ("taper", "rate = 0.1", Kind::Taper { rate: 0.1, length: None }),
+            (
+                "bend",
+                "rate = 3\nspine = [1, 0, 0]",
+                Kind::Bend { rate: 3.0, spine: [1.0, 0.0, 0.0], length: None },
+            ),
         ];
         let all = ["by", "angle", "along", "across", "factor", "rate", "spine", "length"];
         for (name, keys, kind) in kinds {
