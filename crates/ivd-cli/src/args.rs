@@ -279,18 +279,6 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
-    /// Resamples a volume, labels or a mask through a displacement.
-    Warp {
-        /// Volume artefact or file, labels artefact, or mask artefact.
-        volume: PathBuf,
-        /// Displacement artefact.
-        displacement: PathBuf,
-        /// nearest, linear or cubic.
-        #[arg(long)]
-        order: Option<String>,
-        #[command(flatten)]
-        output: Output,
-    },
     /// Puts volumes, labels or masks together: union, intersection, difference.
     Combine(Box<CombineArgs>),
     /// Keeps a part of a volume, of labels or of a mask.
@@ -393,7 +381,6 @@ impl Command {
                 | Self::Lattice { .. }
                 | Self::Refine { .. }
                 | Self::Deform { .. }
-                | Self::Warp { .. }
                 | Self::Render { .. }
         )
     }

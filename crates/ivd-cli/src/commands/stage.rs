@@ -7,9 +7,9 @@ use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
 use ivd_core::op;
 use ivd_lattice::foreign::ForeignParams;
 use ivd_pipeline::scene::{
-    AtfSection, BoundarySection, DeformSection, LatticeSection, RefineSection, RenderSection, WarpSection,
+    AtfSection, BoundarySection, DeformSection, LatticeSection, RefineSection, RenderSection,
 };
-use ivd_pipeline::stages::{Atf, Boundary, Deform, ForeignLattice, Lattice, Refine, Render, Warp};
+use ivd_pipeline::stages::{Atf, Boundary, Deform, ForeignLattice, Lattice, Refine, Render};
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 use toml::Value;
 
@@ -156,12 +156,6 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
                 files.push(("labels", labels.as_deref()));
             }
             Job { stage: Box::new(stage), files, output: &output.path }
-        }
-        Command::Warp { volume, displacement, order, output } => {
-            let section: WarpSection = section(params, Words::default().with("order", order.clone()).0)?;
-            let files =
-                vec![("volume", Some(volume.as_path())), ("displacement", Some(displacement.as_path()))];
-            Job { stage: Box::new(Warp::from_section(&section)), files, output: &output.path }
         }
         Command::Render { volume, transfer, labels, displacement, mode, iso, size, view, step, output } => {
             // Without a transfer function there is nothing to compose: the maximum shows every volume.

@@ -1,5 +1,6 @@
 //! A deformed volume that is kept while its displacement changes.
 
+use ivd_core::op::Op as _;
 use ivd_core::{
     Displacement, Exec, FieldBricks, Grid, Scalar, Volume, VoxelCoord, VoxelIndex, Voxels, with_voxels,
 };

@@ -1,3 +1,4 @@
+use ivd_core::op::Op as _;
 use ivd_core::{Displacement, Exec, Labels, Mask, NO_DATA, ParamError};
 
 use super::{Order, WarpParams, Warped, check_grid, for_each_moved, resample, sided};

@@ -16,7 +16,9 @@ mod row;
 mod sample;
 mod sided;
 mod slabs;
+mod stage;
 
+use ivd_core::op::Op as _;
 use ivd_core::{
     Displacement, Exec, FieldBricks, Grid, NO_BRICK, Scalar, Volume, VoxelCoord, VoxelIndex, with_voxels,
 };
@@ -31,6 +33,7 @@ pub use params::{Order, WarpParams};
 use row::{LANES, Rows};
 pub(crate) use sample::Source;
 pub(crate) use slabs::Slabs;
+pub use stage::{Moved, STAGE, WarpFigures};
 
 /// A warped value and how much of it was computed.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,7 +8,6 @@ use crate::scene::{
 };
 use crate::stages::{
     Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Refine, Render, Segment, SegmentTree,
-    Warp,
 };
 use crate::{Error, Stage};
 
@@ -469,7 +468,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         node(NodeId::Space, declared(scene, &ivd_deform::space::STAGE), space_inputs),
         node(
             NodeId::Warp,
-            if_deformed(boxed(Warp::from_section(&scene.warp))),
+            if_deformed(declared(scene, &ivd_deform::warp::STAGE)),
             vec![("volume", NodeId::Import), ("displacement", NodeId::of_displacement(scene))],
         ),
         node(

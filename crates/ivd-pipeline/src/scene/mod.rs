@@ -25,7 +25,7 @@ pub use sections::{
     CovarianceChoice, DeformSection, FixSection, HandleSection, InputSection, IsoChoice, IsoWord,
     KernelChoice, LatticeSection, LinkageChoice, MaterialSection, OutputSection, Picture, Projection,
     RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection, RigidSection,
-    SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver, WarpOrder, WarpSection,
+    SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver,
 };
 pub use written::triple;
 
@@ -60,9 +60,6 @@ pub struct Scene {
     /// What moves it.
     #[serde(default)]
     pub deform: Option<DeformSection>,
-    /// How the volume is resampled.
-    #[serde(default)]
-    pub warp: WarpSection,
     /// How it is coloured.
     #[serde(default)]
     pub atf: AtfSection,
@@ -83,6 +80,10 @@ pub struct Scene {
     #[serde(default)]
     #[schemars(skip)]
     space: Option<toml::Value>,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    warp: Option<toml::Value>,
     /// Every section as it is written.
     #[serde(skip)]
     pub(crate) written: Written,

@@ -12,7 +12,6 @@ mod parts;
 mod refine;
 mod render;
 mod segment;
-mod warp;
 
 pub use atf::Atf;
 pub use boundary::Boundary;
@@ -26,7 +25,6 @@ pub use parts::PartLattice;
 pub use refine::Refine;
 pub use render::{Difference, Render};
 pub use segment::{KeepPosteriors, Method, Posteriors, Segment, SegmentTree};
-pub use warp::Warp;
 
 use serde::Serialize;
 use serde_json::Value;

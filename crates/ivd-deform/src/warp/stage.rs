@@ -1,0 +1,63 @@
+//! The stage as scenes and commands see it.
+
+use ivd_core::op::{Failure, Method, Op, Place, PlaceKind, Stage, Voxelwise, method};
+use ivd_core::{Artefact, Displacement, Exec, Value, slots};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{WarpParams, Warped, labels, mask, volume};
+
+/// The stage: its method, and where it stands in a scene.
+pub const STAGE: Stage = Stage {
+    name: "warp",
+    about: "Resamples a volume, labels or a mask through a displacement.",
+    selector: "",
+    methods: METHODS,
+    positional: &["volume", "displacement"],
+    places: &[Place {
+        variant: "",
+        gives: "deformed",
+        kind: PlaceKind::Own { with: &["displacement"], without: &[] },
+    }],
+    unread: "no output needs it",
+    quiet: false,
+};
+const METHODS: &[Method] = &[method::<WarpParams>("")];
+
+slots! {
+    /// What is resampled, and through what.
+    pub struct Moved<'a> { volume: Voxelwise<'a>, displacement: &'a Displacement }
+}
+
+/// What a warp comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct WarpFigures {
+    /// Voxels that were computed; all others are the input's.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxels_resampled: u64,
+    /// Voxels of the grid.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxels_total: u64,
+}
+
+/// The value and the figures of a warp.
+fn told<V: Value>(warped: Warped<V>) -> (Artefact, WarpFigures) {
+    let Warped { output, voxels_resampled, voxels_total } = warped;
+    (output.into_artefact(), WarpFigures { voxels_resampled, voxels_total })
+}
+
+impl Op for WarpParams {
+    const REVISION: u32 = 2;
+    type Inputs<'a> = Moved<'a>;
+    type Output = Artefact;
+    type Figures = WarpFigures;
+
+    fn run(&self, inputs: Moved<'_>, exec: &Exec) -> Result<(Artefact, WarpFigures), Failure> {
+        let Moved { volume: input, displacement } = inputs;
+        Ok(match input {
+            Voxelwise::Volume(input) => told(volume(input, displacement, self, exec)?),
+            Voxelwise::Labels(input) => told(labels(input, displacement, self, exec)?),
+            Voxelwise::Mask(input) => told(mask(input, displacement, exec)?),
+        })
+    }
+}
