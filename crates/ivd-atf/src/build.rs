@@ -1,3 +1,4 @@
+use ivd_core::op::Op as _;
 use ivd_core::{Exec, Grid, Labels, NO_DATA, TransferEntry, TransferFunction, Volume};
 
 use crate::edges::{Hill, Window, windows};
@@ -138,7 +139,8 @@ fn entries(
             0.0
         } else {
             let relative = (score(candidate) / greatest) as f32;
-            (params.max_opacity * relative).clamp(params.min_opacity, params.max_opacity)
+            let [least, most] = [params.min_opacity, params.max_opacity].map(|opacity| opacity as f32);
+            (most * relative).clamp(least, most)
         };
         let rgb = if candidate.clear { [0.0; 3] } else { palette::colour(rank) };
         rank += usize::from(!candidate.clear);

@@ -1,3 +1,4 @@
+use ivd_core::op::Op as _;
 use ivd_core::{Error as CoreError, Exec, NO_DATA, TransferEntry, TransferFunction, Volume};
 
 use crate::build::{range_of, reference_mm};
@@ -30,13 +31,12 @@ pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) ->
             f64::from(u8::from(v >= iso))
         }
     };
-    let [r, g, b] = palette::colour(0);
-    let table =
-        (0..params.resolution).map(|i| [r, g, b, params.max_opacity * weight(value(i)) as f32]).collect();
+    let ([r, g, b], most) = (palette::colour(0), params.max_opacity as f32);
+    let table = (0..params.resolution).map(|i| [r, g, b, most * weight(value(i)) as f32]).collect();
     let entry = TransferEntry {
         class: NO_DATA,
         rgb: [r, g, b],
-        opacity: params.max_opacity,
+        opacity: most,
         lower: iso,
         upper: range[1],
         softness: half,
@@ -49,7 +49,7 @@ pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) ->
         table,
         vec![entry],
     )?;
-    Ok(Built { transfer, entries: 1, opacity_range: [params.max_opacity; 2] })
+    Ok(Built { transfer, entries: 1, opacity_range: [most; 2] })
 }
 
 #[cfg(test)]
@@ -77,6 +77,6 @@ mod tests {
             from_isovalue(&volume, iso, &Params::default(), &Exec::default()).unwrap().transfer.sample(0, 7.0)
                 [3]
         };
-        assert_eq!((at(8.0), at(7.0)), (0.0, Params::default().max_opacity));
+        assert_eq!((at(8.0), at(7.0)), (0.0, Params::default().max_opacity as f32));
     }
 }

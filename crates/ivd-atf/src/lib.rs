@@ -53,4 +53,4 @@ pub use build::{Built, transfer};
 pub use error::Error;
 pub use isovalue::from_isovalue;
 pub use palette::colour as class_colour;
-pub use params::Params;
+pub use params::{Figures, Inputs, Params, STAGE};

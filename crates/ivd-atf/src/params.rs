@@ -1,21 +1,44 @@
-use ivd_core::ParamError;
+use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::{Exec, Labels, ParamError, TransferFunction, Volume, slots};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// The stage as scenes and commands see it.
+pub const STAGE: Stage = Stage {
+    name: "atf",
+    about: "An automatic transfer function.",
+    selector: "",
+    methods: METHODS,
+    positional: &["volume", "labels"],
+    places: &[Place::only("transfer")],
+    unread: "the rendering mode has no transfer function",
+    quiet: false,
+};
+const METHODS: &[Method] = &[method::<Params>("")];
+
 /// What the transfer function is to be.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct Params {
-    /// Samples of each row over the volume's range (count), 2…65536.
+    /// Samples of each row of the table, over the volume's range.
+    #[schemars(range(min = 2, max = 65536), extend("x-unit" = "samples", "x-knob" = "accuracy"))]
     pub resolution: usize,
-    /// Opacity of the most prominent class over the reference length (no unit), 0…1.
-    pub max_opacity: f32,
-    /// Opacity below which no class but air falls (no unit), 0…`max_opacity`: a class that hardly stands out stays visible.
-    pub min_opacity: f32,
-    /// Power of "inverse size" (no unit), ≥ 0: a class of share `n` of the voxels is weighed by `n^-size_exponent`. The default 1/3 makes it an inverse
-    /// length, so that rays gather about as much in a large class as in a small one.
+    /// Opacity of the most prominent class over the reference length.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
+    pub max_opacity: f64,
+    /// Opacity below which no class but air falls, at most `max_opacity`: a class that hardly stands out stays visible.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
+    pub min_opacity: f64,
+    /// Power of "inverse size": a class of share `n` of the voxels is weighed by `n` to the minus this. At 1/3 it is an inverse length, so
+    /// that rays gather about as much in a large class as in a small one.
+    #[schemars(range(min = 0.0), extend("x-unit" = "1"))]
     pub size_exponent: f64,
-    /// Half width of an edge in standard deviations of the narrower class (no unit), ≥ 0; 0 for hard edges.
+    /// Half width of an edge in standard deviations of the narrower class; 0 for hard edges.
+    #[schemars(range(min = 0.0), extend("x-unit" = "1"))]
     pub softness: f64,
+    /// Isovalue that splits the volume, where it isn't coloured by its classes.
+    #[schemars(extend("x-unit" = "that of the values", "x-from" = "lattice.iso", "x-unless" = "boundary.class"))]
+    pub iso: Option<f64>,
 }
 
 impl Default for Params {
@@ -26,36 +49,57 @@ impl Default for Params {
             min_opacity: 0.01,
             size_exponent: 1.0 / 3.0,
             softness: 1.0,
+            iso: None,
         }
     }
 }
 
-impl Params {
-    /// Checks every field against its domain.
-    ///
-    /// # Errors
-    /// [`ParamError`] names the first field that leaves it.
-    pub fn check(&self) -> Result<(), ParamError> {
-        if !(2..=65536).contains(&self.resolution) {
-            return Err(ParamError::new("resolution", format!("{} samples", self.resolution), "use 2…65536"));
+slots! {
+    /// What is coloured, and by which classes.
+    pub struct Inputs<'a> { volume: &'a Volume, labels: Option<&'a Labels> }
+}
+
+/// What a transfer function comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Figures {
+    /// Classes that have an entry: those that occur.
+    #[schemars(extend("x-unit" = "1"))]
+    pub entries: usize,
+    /// Least and greatest opacity of the entries over the reference length; zeros without entries.
+    #[schemars(extend("x-unit" = "1"))]
+    pub opacity_range: [f32; 2],
+}
+
+impl Op for Params {
+    const REVISION: u32 = 2;
+    type Inputs<'a> = Inputs<'a>;
+    type Output = TransferFunction;
+    type Figures = Figures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        if self.min_opacity <= self.max_opacity {
+            return Ok(());
         }
-        if !(0.0..=1.0).contains(&self.max_opacity) {
-            return Err(ParamError::new("max_opacity", format!("{}", self.max_opacity), "use 0…1"));
-        }
-        if !(0.0..=self.max_opacity).contains(&self.min_opacity) {
-            return Err(ParamError::new("min_opacity", format!("{}", self.min_opacity), "use 0…max_opacity"));
-        }
-        if !(self.size_exponent.is_finite() && self.size_exponent >= 0.0) {
-            return Err(ParamError::new(
-                "size_exponent",
-                format!("{}", self.size_exponent),
-                "use a number ≥ 0",
-            ));
-        }
-        if !(self.softness.is_finite() && self.softness >= 0.0) {
-            return Err(ParamError::new("softness", format!("{}", self.softness), "use a number ≥ 0"));
-        }
-        Ok(())
+        Err(ParamError::new(
+            "min_opacity",
+            format!("{}", self.min_opacity),
+            format!("give 0 … {}, which is max_opacity", self.max_opacity),
+        ))
+    }
+
+    fn wants(&self, _: &str) -> Want {
+        if self.iso.is_none() { Want::Yes } else { Want::No }
+    }
+
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(TransferFunction, Figures), Failure> {
+        let built = match (self.iso, inputs.labels) {
+            (Some(iso), _) => crate::from_isovalue(inputs.volume, iso, self, exec)?,
+            (None, Some(labels)) => crate::transfer(inputs.volume, labels, self, exec)?,
+            (None, None) => {
+                return Err(Failure::usage("needs labels, or iso, a value to split the volume at"));
+            }
+        };
+        Ok((built.transfer, Figures { entries: built.entries, opacity_range: built.opacity_range }))
     }
 }
 
@@ -68,7 +112,7 @@ mod tests {
         assert!(Params::default().check().is_ok());
         let bad = |params: Params| params.check().unwrap_err().field;
         assert_eq!(bad(Params { resolution: 1, ..Params::default() }), "resolution");
-        assert_eq!(bad(Params { max_opacity: f32::NAN, ..Params::default() }), "max_opacity");
+        assert_eq!(bad(Params { max_opacity: f64::NAN, ..Params::default() }), "max_opacity");
         assert_eq!(bad(Params { min_opacity: 0.9, ..Params::default() }), "min_opacity");
         assert_eq!(bad(Params { size_exponent: -1.0, ..Params::default() }), "size_exponent");
         assert_eq!(bad(Params { softness: f64::INFINITY, ..Params::default() }), "softness");

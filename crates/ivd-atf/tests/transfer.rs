@@ -113,12 +113,18 @@ fn opacities_stay_in_0_to_1_whatever_the_parameters() {
     let (volume, labels) = scene(|at| (at[0] * at[1]) as f32 * 1e-3 + 1e7, |at| (at[0] / 3) as u16 + 1);
     for max_opacity in [0.0, 0.3, 1.0] {
         for size_exponent in [0.0, 1.0, 30.0] {
-            let params =
-                Params { max_opacity, min_opacity: 0.0, size_exponent, softness: 3.0, resolution: 17 };
+            let params = Params {
+                max_opacity,
+                min_opacity: 0.0,
+                size_exponent,
+                softness: 3.0,
+                resolution: 17,
+                iso: None,
+            };
             let built = transfer(&volume, &labels, &params, &Exec::default()).unwrap();
             let table = built.transfer.table();
-            assert!(table.iter().all(|c| (0.0..=max_opacity + 1e-6).contains(&c[3])));
-            assert!(built.opacity_range[0] >= 0.0 && built.opacity_range[1] <= max_opacity);
+            assert!(table.iter().all(|c| (0.0..=max_opacity as f32 + 1e-6).contains(&c[3])));
+            assert!(built.opacity_range[0] >= 0.0 && built.opacity_range[1] <= max_opacity as f32);
         }
     }
 }

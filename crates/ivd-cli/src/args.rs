@@ -141,15 +141,6 @@ pub(crate) enum Command {
     },
     /// Finds a volume's classes.
     Segment(Box<SegmentArgs>),
-    /// An automatic transfer function.
-    Atf {
-        /// Volume artefact or file.
-        volume: PathBuf,
-        /// Its labels (artefact).
-        labels: PathBuf,
-        #[command(flatten)]
-        output: Output,
-    },
     /// Isolates a class's part.
     Boundary {
         /// Volume artefact or file.
@@ -376,7 +367,6 @@ impl Command {
         matches!(
             self,
             Self::Segment { .. }
-                | Self::Atf { .. }
                 | Self::Boundary { .. }
                 | Self::Lattice { .. }
                 | Self::Refine { .. }

@@ -105,11 +105,16 @@ fn slots(stage: &Stage) -> Vec<&'static str> {
     all
 }
 
+/// Whether every method that has a slot works without it.
+fn is_optional(stage: &Stage, slot: &str) -> bool {
+    stage.methods.iter().flat_map(|method| method.slots).all(|own| own.name != slot || own.optional)
+}
+
 fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
     for slot in slots(stage) {
         let file = Arg::new(slot).value_parser(clap::value_parser!(PathBuf)).help(slot_help(stage, slot));
         command = command.arg(if stage.positional.contains(&slot) {
-            file.value_name(slot.to_uppercase()).required(true)
+            file.value_name(slot.to_uppercase()).required(!is_optional(stage, slot))
         } else {
             file.long(flag(slot)).value_name("FILE")
         });

@@ -273,8 +273,8 @@ fn parameters_come_from_a_file_where_a_command_has_a_section_and_are_refused_els
 
     params("min_opacity = 0.125\nsize_exponent = 0.5\nsoftness = 0.0\n");
     let atf = json(at, &["atf", "v.ivd", "labels.ivd", "-o", "t.ivd", "--params", "p.toml"]);
-    assert_eq!(of(&atf, "params.atf.min_opacity"), 0.125);
-    assert_eq!(of(&atf, "params.atf.softness"), 0.0);
+    assert_eq!(of(&atf, "params.min_opacity"), 0.125);
+    assert_eq!(of(&atf, "params.softness"), 0.0);
     params("leaf_size = 8\n");
     let octree = json(at, &["octree", "l.ivd", "-o", "o.ivd", "--params", "p.toml"]);
     assert_eq!(of(&octree, "params.leaf_size"), 8);

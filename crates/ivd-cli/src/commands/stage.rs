@@ -7,9 +7,9 @@ use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
 use ivd_core::op;
 use ivd_lattice::foreign::ForeignParams;
 use ivd_pipeline::scene::{
-    AtfSection, BoundarySection, DeformSection, LatticeSection, RefineSection, RenderSection,
+    BoundarySection, DeformSection, LatticeSection, RefineSection, RenderSection,
 };
-use ivd_pipeline::stages::{Atf, Boundary, Deform, ForeignLattice, Lattice, Refine, Render};
+use ivd_pipeline::stages::{Boundary, Deform, ForeignLattice, Lattice, Refine, Render};
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 use toml::Value;
 
@@ -63,11 +63,6 @@ pub(crate) fn filled(
 fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
     let params = context.global.params.as_deref();
     Ok(match command {
-        Command::Atf { volume, labels, output } => {
-            let section: AtfSection = section(params, Words::default().0)?;
-            let files = vec![("volume", Some(volume.as_path())), ("labels", Some(labels.as_path()))];
-            Job { stage: Box::new(Atf::from_section(&section, None)), files, output: &output.path }
-        }
         Command::Boundary { volume, labels, class, seed, above, keep_holes, output } => {
             let mut section: BoundarySection = section(params, Words::default().0)?;
             section.class = class.or(section.class);

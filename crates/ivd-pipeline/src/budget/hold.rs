@@ -190,7 +190,7 @@ impl Pilot<'_> {
     }
 
     fn tune(&self, plan: &mut Plan, setting: &Setting) -> Result<(), Error> {
-        plan.retune(&self.scene_with(setting), self.options.input.as_deref())
+        plan.retune(&self.scene_with(setting)?, self.options.input.as_deref())
     }
 
     /// Runs a place of the plan on a trial's results, and on those of the run so far.

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 
 use super::choose::{Ladder, Rung};
 use super::{LEVELS, target};
+use crate::Error;
 use crate::fronts::{Front, FrontPoint, recorded};
 use crate::scene::Scene;
 use ivd_lattice::refine::Target;
@@ -49,11 +50,12 @@ impl Setting {
             (None, None, Some(_)) => None,
             (None, None, None) => Some(2.0),
         };
+        let atf: ivd_atf::Params = scene.get(&ivd_atf::STAGE).cloned().unwrap_or_default();
         let steps = scene.deform.as_ref().and_then(|d| d.dt.map(|dt| (d.duration / dt).ceil()));
         Self {
             level,
             steps: steps.unwrap_or(STEPS).max(LEAST_STEPS),
-            resolution: scene.atf.resolution as f64,
+            resolution: atf.resolution as f64,
             step: scene.render.step,
             termination: scene.render.termination,
         }
@@ -114,10 +116,13 @@ impl Knob {
     }
 
     /// Sets the scene's keys.
-    pub(super) fn apply(self, scene: &mut Scene, setting: &Setting) {
+    ///
+    /// # Errors
+    /// A value that the scene doesn't take.
+    pub(super) fn apply(self, scene: &mut Scene, setting: &Setting) -> Result<(), Error> {
         match self {
             Self::Level => {
-                let Some(level) = setting.level else { return };
+                let Some(level) = setting.level else { return Ok(()) };
                 let (level, ratio) = match target(level) {
                     Target::Level(level) => (Some(level), None),
                     Target::Ratio(ratio) => (None, Some(ratio)),
@@ -133,11 +138,15 @@ impl Knob {
                     deform.dt = Some(deform.duration / setting.steps * (1.0 + 1e-9));
                 }
             }
-            Self::Resolution => scene.atf.resolution = setting.resolution as usize,
+            Self::Resolution => {
+                let resolution = json!(setting.resolution as usize);
+                scene.set(&ivd_atf::STAGE, &[("resolution", Some(resolution))])?;
+            }
             Self::Picture => {
                 (scene.render.step, scene.render.termination) = (setting.step, setting.termination);
             }
         }
+        Ok(())
     }
 
     /// Name and value before and after, for each of its knobs that differs.
@@ -303,7 +312,7 @@ mod tests {
                 Setting { level: Some(level), steps: 50.0, resolution: 64.0, step: 1.5, termination: 0.8 };
             let mut changed = scene.clone();
             for knob in Knob::ALL {
-                knob.apply(&mut changed, &asked);
+                knob.apply(&mut changed, &asked).unwrap();
             }
             let found = Setting::of(&changed);
             assert!((found.level.unwrap() - level).abs() < 1e-12 && found.steps == 50.0, "{found:?}");

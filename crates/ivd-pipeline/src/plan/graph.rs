@@ -7,7 +7,7 @@ use crate::scene::{
     BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene, SegmentSection,
 };
 use crate::stages::{
-    Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Refine, Render, Segment, SegmentTree,
+    Boundary, Deform, Difference, Import, ImportSource, Lattice, Refine, Render, Segment, SegmentTree,
 };
 use crate::{Error, Stage};
 
@@ -416,6 +416,10 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     if isolates {
         lattice_inputs.push(("mask", NodeId::Boundary));
     }
+    let mut atf_inputs = vec![("volume", NodeId::Import)];
+    if wants(scene, &ivd_atf::STAGE, "labels") {
+        atf_inputs.push(("labels", NodeId::Segment));
+    }
     let mut picture = vec![("volume", NodeId::Import)];
     if coloured {
         picture.push(("transfer", NodeId::Atf));
@@ -471,11 +475,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
             if_deformed(declared(scene, &ivd_deform::warp::STAGE)),
             vec![("volume", NodeId::Import), ("displacement", NodeId::of_displacement(scene))],
         ),
-        node(
-            NodeId::Atf,
-            coloured.then(|| Box::new(Atf::from_section(&scene.atf, given_iso)) as Box<dyn Stage>),
-            with_labels(vec![("volume", NodeId::Import)]),
-        ),
+        node(NodeId::Atf, declared(scene, &ivd_atf::STAGE).filter(|_| coloured), atf_inputs),
         node(NodeId::Before, boxed(render.clone()), picture),
         node(NodeId::After, if_deformed(boxed(render)), moved_picture),
         node(

@@ -21,7 +21,7 @@ use crate::{Error, Section};
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
-    AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
+    AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
     CovarianceChoice, DeformSection, FixSection, HandleSection, InputSection, IsoChoice, IsoWord,
     KernelChoice, LatticeSection, LinkageChoice, MaterialSection, OutputSection, Picture, Projection,
     RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection, RigidSection,
@@ -60,9 +60,6 @@ pub struct Scene {
     /// What moves it.
     #[serde(default)]
     pub deform: Option<DeformSection>,
-    /// How it is coloured.
-    #[serde(default)]
-    pub atf: AtfSection,
     /// How it is drawn.
     #[serde(default)]
     pub render: RenderSection,
@@ -84,6 +81,10 @@ pub struct Scene {
     #[serde(default)]
     #[schemars(skip)]
     warp: Option<toml::Value>,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    atf: Option<toml::Value>,
     /// Every section as it is written.
     #[serde(skip)]
     pub(crate) written: Written,

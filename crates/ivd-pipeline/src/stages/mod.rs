@@ -1,6 +1,5 @@
 //! The adapters: each stage crate's function behind the [`Stage`](crate::Stage) trait.
 
-mod atf;
 mod boundary;
 mod clip;
 mod combine;
@@ -13,7 +12,6 @@ mod refine;
 mod render;
 mod segment;
 
-pub use atf::Atf;
 pub use boundary::Boundary;
 pub use clip::Clip;
 pub use combine::Combine;

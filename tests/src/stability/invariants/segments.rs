@@ -161,7 +161,7 @@ pub fn transfer(labels: &Labels, params: &ivd_atf::Params, transfer: &TransferFu
     for entry in transfer.entries() {
         let finite = entry.lower.is_finite() && entry.upper.is_finite() && entry.softness.is_finite();
         hold!(finite && entry.softness >= 0.0, "entry {entry:?}");
-        hold!((0.0..=params.max_opacity).contains(&entry.opacity), "opacity of {entry:?}");
+        hold!((0.0..=params.max_opacity as f32).contains(&entry.opacity), "opacity of {entry:?}");
     }
     let within = |c: &[f32; 4]| c.iter().all(|v| (0.0..=1.0).contains(v));
     hold!(transfer.table().iter().all(within), "a sample of the table leaves 0…1");

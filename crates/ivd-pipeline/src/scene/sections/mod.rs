@@ -15,7 +15,7 @@ pub use deform::{CourseChoice, DeformSection, FixSection, HandleSection, Materia
 pub use input::{InputSection, RawSection};
 pub use lattice::{IsoChoice, IsoWord, LatticeSection, RefineMethod, RefineSection};
 pub use output::{OutputSection, Picture};
-pub use picture::{AtfSection, Projection, RenderMode, RenderSection};
+pub use picture::{Projection, RenderMode, RenderSection};
 pub use rigid::RigidSection;
 pub use segment::{
     AutoWord, ClassCount, ClassOrder, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice,

@@ -1,35 +1,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// `[atf]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct AtfSection {
-    /// Samples of a row of the table.
-    pub resolution: usize,
-    /// Largest opacity of a class, 0…1.
-    pub max_opacity: f32,
-    /// Opacity below which no class but air falls, 0…`max_opacity`.
-    pub min_opacity: f32,
-    /// Power of "inverse size": a class of share `n` of the voxels is weighed by `n` to the minus this.
-    pub size_exponent: f64,
-    /// Half width of an edge in standard deviations of the narrower class; 0 for hard edges.
-    pub softness: f64,
-}
-
-impl Default for AtfSection {
-    fn default() -> Self {
-        let params = ivd_atf::Params::default();
-        Self {
-            resolution: params.resolution,
-            max_opacity: params.max_opacity,
-            min_opacity: params.min_opacity,
-            size_exponent: params.size_exponent,
-            softness: params.softness,
-        }
-    }
-}
-
 /// What a picture shows of the volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
