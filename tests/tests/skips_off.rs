@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use ivd_core::{BRICK, BrickIndex, Exec, Grid, Volume, Voxels};
 use ivd_pipeline::{PipelineOptions, PipelineReport, State};
-use ivd_render::{Mode, RenderParams, Scene, radiance};
+use ivd_render::{Mode, RenderParams, Scene, View, radiance};
 use ivd_tests::Bench;
 
 const HEAD: &str = "schema = 1\n[input]\nphantom = \"head\"\nsize = 40\n";
@@ -108,8 +108,12 @@ fn without_apron(volume: &Volume) -> BrickIndex {
 #[test]
 fn an_apron_that_is_off_by_one_is_caught() {
     let seen = |volume: &Volume, value: f64, skip: bool| {
-        let params =
-            RenderParams { width: 48, height: 48, mode: Mode::Iso { value }, ..RenderParams::default() };
+        let params = RenderParams {
+            size: [48; 2],
+            view: View::FRONT,
+            mode: Mode::Iso { value },
+            ..RenderParams::default()
+        };
         radiance(&Scene::new(volume), &params, &with_skips(skip)).unwrap().rgba
     };
     let isovalues = [60.0, 100.0, 140.0, 180.0];

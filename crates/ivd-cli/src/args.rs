@@ -274,38 +274,6 @@ pub(crate) enum Command {
     Combine(Box<CombineArgs>),
     /// Keeps a part of a volume, of labels or of a mask.
     Clip(Box<ClipArgs>),
-    /// Draws a volume.
-    Render {
-        /// Volume artefact or file.
-        volume: PathBuf,
-        /// Transfer function (artefact).
-        #[arg(long)]
-        transfer: Option<PathBuf>,
-        /// Labels (artefact): the second axis of the transfer function.
-        #[arg(long)]
-        labels: Option<PathBuf>,
-        /// Draw through this displacement (artefact).
-        #[arg(long)]
-        displacement: Option<PathBuf>,
-        /// dvr, mip or iso.
-        #[arg(long)]
-        mode: Option<String>,
-        /// Isovalue of mode iso.
-        #[arg(long, allow_hyphen_values = true)]
-        iso: Option<f64>,
-        /// Pixels.
-        #[arg(long, value_name = "WxH", value_parser = parse::size)]
-        size: Option<[usize; 2]>,
-        /// Azimuth and elevation (degrees).
-        #[arg(long, value_name = "az,el", value_parser = parse::pair, allow_hyphen_values = true)]
-        view: Option<[f64; 2]>,
-        /// Sample distance as a fraction of the smallest spacing.
-        #[arg(long)]
-        step: Option<f64>,
-        /// PNG file, or `.ivd` for an image artefact.
-        #[arg(short, long)]
-        output: PathBuf,
-    },
     /// Writes an artefact in another format, by the file's ending.
     Export {
         /// Artefact.
@@ -371,7 +339,6 @@ impl Command {
                 | Self::Lattice { .. }
                 | Self::Refine { .. }
                 | Self::Deform { .. }
-                | Self::Render { .. }
         )
     }
 }

@@ -127,7 +127,10 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
         };
         let default = stage.methods.first().map_or("", |method| method.name);
         let words = PossibleValuesParser::new(stage.methods.iter().map(named));
-        let about = format!("Method; {default} where it isn't given");
+        let mut about = format!("Method; {default} where it isn't given");
+        for (_, slot, method) in WITHOUT.iter().filter(|(name, ..)| *name == stage.name) {
+            about = format!("{about}, {method} without --{slot}");
+        }
         command = command.arg(
             Arg::new(stage.selector)
                 .long(flag(stage.selector))
@@ -139,14 +142,20 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
     for found in flags(stage) {
         command = command.args(arguments(stage, &found));
     }
+    let is_picture = stage.methods.iter().any(|method| method.output == Some(Kind::Image));
+    let (form, about) = if is_picture {
+        ("OUTPUT", "PNG file, or `.ivd` for an image artefact")
+    } else {
+        ("FILE.ivd", "Artefact file")
+    };
     command.arg(
         Arg::new("output")
             .short('o')
             .long("output")
-            .value_name("FILE.ivd")
+            .value_name(form)
             .value_parser(clap::value_parser!(PathBuf))
             .required(true)
-            .help("Artefact file"),
+            .help(about),
     )
 }
 
@@ -208,10 +217,13 @@ fn form(field: Field<'_>) -> String {
     match kind(schema) {
         "array" => {
             let count = schema.get("maxItems").and_then(Json::as_u64).unwrap_or(0);
-            let object = schema
-                .get("items")
-                .is_some_and(|items| alternatives(items).iter().all(|one| kind(one) == "object"));
+            let items = |wanted: &str| {
+                let items = schema.get("items");
+                items.is_some_and(|items| alternatives(items).iter().all(|one| kind(one) == wanted))
+            };
+            let (object, whole) = (items("object"), items("integer"));
             match count {
+                2 if whole => "WxH".to_owned(),
                 2 => "a,b".to_owned(),
                 3 => "x,y,z".to_owned(),
                 4 => "r,g,b,a".to_owned(),
@@ -223,7 +235,11 @@ fn form(field: Field<'_>) -> String {
         _ if one.len() > 1 => {
             field.domain().replace(" | ", "|").split(' ').next().unwrap_or("VALUE").to_owned()
         }
-        _ => unit.unwrap_or("N").to_owned(),
+        _ => match unit {
+            None => "N".to_owned(),
+            Some(unit) if unit.contains(' ') => "VALUE".to_owned(),
+            Some(unit) => unit.to_owned(),
+        },
     }
 }
 
@@ -327,6 +343,15 @@ pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context
     finish(done, output, context)
 }
 
+/// Methods that commands take where none is chosen and a slot is empty: stage, slot, method. Without a transfer function there is nothing
+/// to compose; the maximum shows every volume.
+const WITHOUT: &[(&str, &str, &str)] = &[("render", "transfer", "mip")];
+
+/// Whether a file was given for a slot.
+fn is_filled(matches: &ArgMatches, slot: &str) -> bool {
+    matches.get_one::<PathBuf>(slot).is_some()
+}
+
 /// The parameters from the file of `--params` with the command line's own on top.
 fn section(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<Section> {
     let file = context.global.params.as_deref();
@@ -334,6 +359,11 @@ fn section(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> an
     let typed = typed(stage, matches)?;
     for (key, value) in typed.clone() {
         add(&mut keys, key, value);
+    }
+    for (_, _, method) in
+        WITHOUT.iter().filter(|(name, slot, _)| *name == stage.name && !is_filled(matches, slot))
+    {
+        keys.entry(stage.selector).or_insert_with(|| Json::from(*method));
     }
     Section::parse(stage, Some(keys)).map_err(|problem| {
         let first = problem.field.split('.').next().unwrap_or("");

@@ -44,16 +44,6 @@ pub(crate) fn voxel(text: &str) -> Result<[i64; 3], String> {
     parts.try_into().map_err(|_| format!("`{text}`: write three voxel numbers, X,Y,Z"))
 }
 
-/// `WxH` pixels.
-pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
-    let (w, h) = text.split_once(['x', ',']).ok_or_else(|| format!("`{text}`: write WxH"))?;
-    let side = |t: &str| match t.trim().parse::<usize>() {
-        Ok(n) if (1..=16384).contains(&n) => Ok(n),
-        _ => Err(format!("`{text}`: each side 1…16384 pixels")),
-    };
-    Ok([side(w)?, side(h)?])
-}
-
 /// Bytes with an optional unit: `2G`, `512MiB`, `1000000`.
 pub(crate) fn bytes(text: &str) -> Result<u64, String> {
     let lower = text.trim().to_lowercase();
@@ -98,15 +88,7 @@ pub(crate) fn table_of(file: &Path) -> anyhow::Result<serde_json::Map<String, se
 
 /// A section of the scene from `--params FILE` with the command line's own words on top, checked as a scene's is.
 pub(crate) fn section<T: DeserializeOwned>(params: Option<&Path>, words: Table) -> anyhow::Result<T> {
-    section_over(Table::new(), params, words)
-}
-
-/// As [`section`], with words that hold where neither the file nor the command line says anything else.
-pub(crate) fn section_over<T: DeserializeOwned>(
-    mut table: Table,
-    params: Option<&Path>,
-    words: Table,
-) -> anyhow::Result<T> {
+    let mut table = Table::new();
     if let Some(file) = params {
         table.extend(toml_of(file)?);
     }
@@ -143,7 +125,5 @@ mod tests {
         assert_eq!(bytes("1.5k"), Ok(1536));
         assert_eq!(bytes("10MB"), Ok(10_000_000));
         assert!(bytes("10 parsecs").is_err());
-        assert_eq!(size("640x480"), Ok([640, 480]));
-        assert!(size("0x480").is_err());
     }
 }

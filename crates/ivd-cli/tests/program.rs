@@ -285,9 +285,13 @@ fn parameters_come_from_a_file_where_a_command_has_a_section_and_are_refused_els
     assert_eq!(of(&part, "params.above"), 90.0, "what is typed wins");
     params("mode = \"iso\"\niso = 100.0\nsize = [8, 8]\n");
     let picture = json(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml"]);
-    assert_eq!(of(&picture, "params.mode.iso.value"), 100.0, "a default gives way to the file");
+    assert_eq!(of(&picture, "params.iso"), 100.0, "a default gives way to the file");
+    let (code, text) =
+        failure(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml", "--mode", "mip"]);
+    assert!(code == 2 && text.contains("iso: mip doesn't read it; it belongs to iso"), "{code} {text}");
+    params("mode = \"iso\"\nsize = [8, 8]\n");
     let picture = json(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml", "--mode", "mip"]);
-    assert_eq!(picture["params"]["mode"], "mip");
+    assert_eq!(picture["params"]["mode"], "mip", "what is typed wins");
     params("leaf_sise = 8\n");
     let (code, text) = failure(at, &["octree", "l.ivd", "-o", "x.ivd", "--params", "p.toml"]);
     assert!(code == 2 && text.contains("leaf_sise") && text.contains("p.toml"), "{code} {text}");

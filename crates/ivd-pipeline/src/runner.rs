@@ -175,10 +175,7 @@ impl Runner<'_> {
         let hash = self.exec.run(|| self.keep(&key, &product, &provenance))?;
         let record = self.record(stage, &provenance, &product.artefact, hash, &key);
         let bytes_read = source_bytes + inputs.bytes_read() - read_before;
-        let mut record = StageRecord { why, bytes_read, metrics: product.metrics, ..clock.stop(record) };
-        if let Some(frames) = record.metrics.get("frames").and_then(Value::as_f64) {
-            record.metrics = record.metrics.timed("fps", frames / record.wall_s.max(1e-9));
-        }
+        let record = StageRecord { why, bytes_read, metrics: product.metrics, ..clock.stop(record) };
         Ok(Done { artefact: Arc::new(product.artefact), hash, file: None, record })
     }
 

@@ -55,8 +55,7 @@ impl Ray {
 
 impl Camera {
     pub(crate) fn new(grid: &Grid, params: &RenderParams) -> Self {
-        let (sin_a, cos_a) = params.view.azimuth_deg.to_radians().sin_cos();
-        let (sin_e, cos_e) = params.view.elevation_deg.to_radians().sin_cos();
+        let [(sin_a, cos_a), (sin_e, cos_e)] = params.view.angles.map(|angle| angle.to_radians().sin_cos());
         let towards_eye = Vector3::new(-sin_a * cos_e, cos_a * cos_e, sin_e);
         let up = Vector3::new(sin_a * sin_e, -cos_a * sin_e, cos_e);
         let dims = grid.dims();
@@ -76,11 +75,11 @@ impl Camera {
             towards_eye,
             right,
             up,
-            pixel_mm: 2.0 * half_height / params.view.zoom / params.width.min(params.height) as f64,
+            pixel_mm: 2.0 * half_height / params.view.zoom / params.size[0].min(params.size[1]) as f64,
             centre,
             distance,
             projection: params.view.projection,
-            size: [params.width, params.height],
+            size: params.size,
             start,
             voxels_right: to_voxel * right,
             voxels_up: to_voxel * up,
@@ -213,23 +212,23 @@ mod tests {
     }
 
     fn camera(view: View) -> Camera {
-        Camera::new(&grid(), &RenderParams { view, width: 64, height: 48, ..RenderParams::default() })
+        Camera::new(&grid(), &RenderParams { view, size: [64, 48], ..RenderParams::default() })
     }
 
     #[test]
     fn the_default_view_is_from_the_front_with_the_head_up() {
-        let c = camera(View::default());
+        let c = camera(View::FRONT);
         assert!((c.towards_eye - Vector3::y()).norm() < 1e-12);
         assert!((c.up - Vector3::z()).norm() < 1e-12);
         assert!((c.right + Vector3::x()).norm() < 1e-12, "the patient's left is at the picture's right");
-        let feet = camera(View { elevation_deg: -90.0, ..View::default() });
+        let feet = camera(View { angles: [0.0, -90.0], ..View::FRONT });
         assert!((feet.up - Vector3::y()).norm() < 1e-12);
     }
 
     #[test]
     fn rays_pass_where_their_pixel_projects() {
         for projection in [Projection::Orthographic, Projection::Perspective] {
-            let c = camera(View { azimuth_deg: 33.0, elevation_deg: 21.0, zoom: 1.7, projection });
+            let c = camera(View { angles: [33.0, 21.0], zoom: 1.7, projection });
             let ray = c.ray(30, 25).unwrap();
             for i in [0, ray.steps / 2, ray.steps - 1] {
                 let voxel = Vector3::from_fn(|a, _| f64::from(ray.at(i)[a]));
@@ -242,7 +241,7 @@ mod tests {
 
     #[test]
     fn the_steps_and_the_rest_fill_the_chord() {
-        let c = camera(View::default());
+        let c = camera(View::FRONT);
         // Along the world's y, which is the grid's x of 20 mm.
         let ray = c.ray(32, 24).unwrap();
         let length = (ray.steps as f64 + f64::from(ray.rest)) * c.step_mm();

@@ -34,7 +34,7 @@
 //! let transfer = TransferFunction::new([0.0, 100.0], 2, 2.0, vec![0], ramp, vec![])?;
 //!
 //! let scene = Scene { transfer: Some(&transfer), ..Scene::new(&volume) };
-//! let params = RenderParams { width: 64, height: 64, ..RenderParams::default() };
+//! let params = RenderParams { size: [64; 2], ..RenderParams::default() };
 //! let rendered = render(&scene, &params, &Exec::default()).unwrap();
 //! assert_eq!((rendered.image.width(), rendered.image.height()), (64, 64));
 //! assert!(rendered.skipped_fraction > 0.0, "the corners are empty");
@@ -64,6 +64,7 @@ mod samples;
 mod scene;
 mod skip;
 mod space;
+mod stage;
 mod surface;
 mod warp;
 #[allow(unsafe_code, reason = "calls the version for AVX2 where it was found")]
@@ -75,6 +76,10 @@ pub use frame::Radiance;
 pub use params::{Mode, Projection, RenderParams, View};
 pub use prepared::Prepared;
 pub use scene::Scene;
+pub use stage::{
+    Coloured, DifferenceFigures, DifferenceParams, DvrParams, IsoParams, MipParams, Pair, Plain,
+    RenderFigures, STAGE,
+};
 pub use surface::{Look, surface};
 
 use ivd_core::{Exec, Image};

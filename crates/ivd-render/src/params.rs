@@ -1,9 +1,9 @@
 use ivd_core::ParamError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What a ray makes of the values along it.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase", deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Mode {
     /// Direct volume rendering: emission and absorption by the transfer function, post-classified.
     #[default]
@@ -18,7 +18,7 @@ pub enum Mode {
 }
 
 /// How the scene is projected onto the picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Projection {
     /// Parallel rays: lengths can be read off the picture.
@@ -30,61 +30,72 @@ pub enum Projection {
 
 /// Where the scene is seen from. The camera looks at the centre of the volume; at zoom 1 the shorter side of the picture holds the sphere round
 /// the volume, whatever the angles.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct View {
-    /// Turn of the camera about the body axis (degrees): 0 from the front, 90 from the patient's left, 180 from behind.
-    pub azimuth_deg: f64,
-    /// Height of the camera (degrees), −90…90: 90 from the head, −90 from the feet (anterior up, as axial slices are shown).
-    pub elevation_deg: f64,
-    /// Magnification (no unit), > 0.
+    /// Azimuth and elevation of the camera. Azimuth turns it about the body axis: 0 from the front, 90 from the patient's left, 180 from
+    /// behind. Elevation, −90 to 90, is its height: 90 from the head, −90 from the feet (anterior up, as axial slices are shown).
+    #[serde(rename = "view")]
+    #[schemars(extend("x-unit" = "degrees"))]
+    pub angles: [f64; 2],
+    /// Magnification; at 1 the volume fits.
+    #[schemars(range(min = 0.001, max = 1_000_000.0), extend("x-unit" = "1"))]
     pub zoom: f64,
     /// Parallel or perspective.
     pub projection: Projection,
 }
 
+impl View {
+    /// From the front, parallel.
+    pub const FRONT: Self = Self { angles: [0.0; 2], zoom: 1.0, projection: Projection::Orthographic };
+}
+
 impl Default for View {
+    /// From somewhat aside and above, which shows more than the front does.
     fn default() -> Self {
-        Self { azimuth_deg: 0.0, elevation_deg: 0.0, zoom: 1.0, projection: Projection::Orthographic }
+        Self { angles: [30.0, 15.0], ..Self::FRONT }
     }
 }
 
 /// What the picture is to be.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct RenderParams {
-    /// Width (pixels), 1…32768.
-    pub width: usize,
-    /// Height (pixels), 1…32768.
-    pub height: usize,
-    /// What a ray makes of the values along it.
+    /// What a ray makes of the values along it; in scenes the method.
+    #[serde(skip)]
     pub mode: Mode,
+    /// Width and height of the picture.
+    #[schemars(inner(range(min = 1, max = 32768)), extend("x-unit" = "pixels"))]
+    pub size: [usize; 2],
     /// Where from.
+    #[serde(flatten)]
     pub view: View,
-    /// Distance of samples along a ray (fractions of the smallest spacing), 0.01…10.
+    /// Distance of samples along a ray, as a fraction of the smallest spacing.
+    #[schemars(range(min = 0.01, max = 10.0), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub step: f64,
-    /// Opacity at which a ray ends (no unit), > 0; above 1 no ray ends early.
+    /// Opacity at which a ray ends; above 1 no ray ends early.
+    #[schemars(extend("x-unit" = "1", "exclusiveMinimum" = 0.0, "x-knob" = "accuracy"))]
     pub termination: f64,
     /// Whether gradients light the volume. A surface (mode iso) is always lit.
     pub shading: bool,
-    /// Whether bricks that the transfer function makes clear are passed over. The pixels are the same either way: it is read,
-    /// but never written, so that no cache key holds it.
-    #[serde(skip_serializing)]
+    /// Whether bricks that hold nothing to see are passed over: speed, never the pixels.
+    #[schemars(extend("x-how" = true))]
     pub skip: bool,
     /// Whether orientation letters and a scale bar are drawn.
     pub annotate: bool,
-    /// Background, straight linear RGBA in 0…1.
-    pub background: [f32; 4],
-    /// Colour of a surface in mode iso, linear RGB in 0…1.
-    pub surface: [f32; 3],
+    /// Background, straight linear RGBA.
+    #[schemars(inner(range(min = 0.0, max = 1.0)), extend("x-unit" = "1"))]
+    pub background: [f64; 4],
+    /// Colour of a surface in mode iso, linear RGB.
+    #[schemars(inner(range(min = 0.0, max = 1.0)), extend("x-unit" = "1"))]
+    pub surface: [f64; 3],
 }
 
 impl Default for RenderParams {
     fn default() -> Self {
         Self {
-            width: 512,
-            height: 512,
             mode: Mode::Dvr,
+            size: [512; 2],
             view: View::default(),
             step: 0.5,
             termination: 0.99,
@@ -103,41 +114,23 @@ impl RenderParams {
     /// # Errors
     /// [`ParamError`] names the first field that leaves it.
     pub fn check(&self) -> Result<(), ParamError> {
-        let bad = |field, problem: String, remedy: &str| Err(ParamError::new(field, problem, remedy));
-        for (field, side) in [("width", self.width), ("height", self.height)] {
-            if !(1..=32768).contains(&side) {
-                return bad(field, format!("{side} pixels"), "use 1…32768");
+        ivd_core::op::check_fields(self)?;
+        self.check_together()?;
+        match self.mode {
+            Mode::Iso { value } if !value.is_finite() => {
+                Err(ParamError::new("iso", format!("{value}"), "give a finite isovalue"))
             }
+            Mode::Dvr | Mode::Mip | Mode::Iso { .. } => Ok(()),
         }
-        let View { azimuth_deg, elevation_deg, zoom, .. } = self.view;
-        if !azimuth_deg.is_finite() {
-            return bad("view.azimuth_deg", format!("{azimuth_deg}"), "use a finite angle in degrees");
+    }
+
+    /// Checks what the schema of a field can't say.
+    pub(crate) fn check_together(&self) -> Result<(), ParamError> {
+        let elevation = self.view.angles[1];
+        if (-90.0..=90.0).contains(&elevation) {
+            return Ok(());
         }
-        if !(-90.0..=90.0).contains(&elevation_deg) {
-            return bad("view.elevation_deg", format!("{elevation_deg}"), "use −90…90 degrees");
-        }
-        if !(1e-3..=1e6).contains(&zoom) {
-            return bad("view.zoom", format!("{zoom}"), "use 0.001…1000000");
-        }
-        if !(0.01..=10.0).contains(&self.step) {
-            return bad("step", format!("{}", self.step), "use 0.01…10 of the smallest spacing");
-        }
-        if !(self.termination.is_finite() && self.termination > 0.0) {
-            return bad("termination", format!("{}", self.termination), "use an opacity above 0");
-        }
-        if let Mode::Iso { value } = self.mode
-            && !value.is_finite()
-        {
-            return bad("mode.iso.value", format!("{value}"), "use a finite isovalue");
-        }
-        let unit = |colour: &[f32]| colour.iter().all(|c| (0.0..=1.0).contains(c));
-        if !unit(&self.background) {
-            return bad("background", format!("{:?}", self.background), "use components in 0…1");
-        }
-        if !unit(&self.surface) {
-            return bad("surface", format!("{:?}", self.surface), "use components in 0…1");
-        }
-        Ok(())
+        Err(ParamError::new("view", format!("an elevation of {elevation} degrees"), "give −90 … 90 degrees"))
     }
 }
 
@@ -150,12 +143,12 @@ mod tests {
         assert!(RenderParams::default().check().is_ok());
         let bad = |params: RenderParams| params.check().unwrap_err().field;
         let ok = RenderParams::default;
-        assert_eq!(bad(RenderParams { width: 0, ..ok() }), "width");
-        assert_eq!(bad(RenderParams { step: f64::NAN, ..ok() }), "step");
+        assert_eq!(bad(RenderParams { size: [0, 8], ..ok() }), "size.0");
+        assert_eq!(bad(RenderParams { step: 0.0, ..ok() }), "step");
         assert_eq!(bad(RenderParams { termination: 0.0, ..ok() }), "termination");
-        assert_eq!(bad(RenderParams { mode: Mode::Iso { value: f64::NAN }, ..ok() }), "mode.iso.value");
-        let view = View { elevation_deg: 91.0, ..View::default() };
-        assert_eq!(bad(RenderParams { view, ..ok() }), "view.elevation_deg");
-        assert_eq!(bad(RenderParams { background: [0.0, 2.0, 0.0, 1.0], ..ok() }), "background");
+        assert_eq!(bad(RenderParams { mode: Mode::Iso { value: f64::NAN }, ..ok() }), "iso");
+        let view = View { angles: [0.0, 91.0], ..View::default() };
+        assert_eq!(bad(RenderParams { view, ..ok() }), "view");
+        assert_eq!(bad(RenderParams { background: [0.0, 2.0, 0.0, 1.0], ..ok() }), "background.1");
     }
 }

@@ -167,7 +167,7 @@ impl<'a> Prepared<'a> {
         let light = self.radiance(view, exec)?;
         let params = &self.params;
         let camera = Camera::new(self.scene.volume.grid(), &RenderParams { view, ..params.clone() });
-        let mut image = picture::compose(&light, params.background);
+        let mut image = picture::compose(&light, params.background.map(|c| c as f32));
         if let Some(lattice) = self.scene.lattice {
             image = outline::outline(&image, lattice, &camera);
         }
@@ -179,7 +179,7 @@ impl<'a> Prepared<'a> {
             image,
             frames: 1,
             samples: light.samples,
-            samples_per_pixel: light.samples as f64 / (params.width * params.height) as f64,
+            samples_per_pixel: light.samples as f64 / (params.size[0] * params.size[1]) as f64,
             skipped_fraction: light.skipped as f64 / on_the_way,
         })
     }
@@ -228,7 +228,8 @@ impl<'a> Prepared<'a> {
                 tiles(&camera, exec, |rays| one_by_one(rays, cast))
             }
             Optics::Iso(iso) => {
-                let cast = |ray: &Ray| first_hit(&field, *iso, sign, params.surface, ray);
+                let colour = params.surface.map(|c| c as f32);
+                let cast = |ray: &Ray| first_hit(&field, *iso, sign, colour, ray);
                 tiles(&camera, exec, |rays| one_by_one(rays, cast))
             }
         }?)

@@ -44,30 +44,34 @@ pub fn surface(lattice: &Lattice, look: &Look, params: &RenderParams, exec: &Exe
         Some(frame) => around(frame)?,
         None => lattice.grid.clone(),
     };
-    let fine = RenderParams { width: FINE * params.width, height: FINE * params.height, ..params.clone() };
-    exec.check_memory("picture of a lattice", 24 * (fine.width * fine.height) as u64)?;
+    let fine = RenderParams { size: params.size.map(|side| FINE * side), ..params.clone() };
+    let [wide, high] = fine.size;
+    let colour = params.surface.map(|c| c as f32);
+    exec.check_memory("picture of a lattice", 24 * (wide * high) as u64)?;
     let camera = Camera::new(&grid, &fine);
     exec.run(|| {
         let drawn = Drawn::new(lattice, &camera, params.view.projection);
         exec.check_cancelled()?;
         let light = params.shading.then(|| Light::new(&camera, Matrix3::identity(), -1.0));
         let shade = |sample: usize, triangle: u32| {
-            let at = [(sample % fine.width) as f64, (sample / fine.width) as f64];
-            drawn.shade(triangle, at, look, params.surface, light.as_ref())
+            let at = [(sample % wide) as f64, (sample / wide) as f64];
+            drawn.shade(triangle, at, look, colour, light.as_ref())
         };
-        let rows = drawn.seen.par_chunks(FINE * fine.width).enumerate().map(|(row, seen)| {
-            let first = row * FINE * fine.width;
+        let rows = drawn.seen.par_chunks(FINE * wide).enumerate().map(|(row, seen)| {
+            let first = row * FINE * wide;
             let samples: Vec<[f32; 4]> = seen
                 .iter()
                 .enumerate()
                 .map(|(i, &t)| if t == NONE { [0.0; 4] } else { shade(first + i, t) })
                 .collect();
-            means(&samples, fine.width)
+            means(&samples, wide)
         });
         let rgba: Vec<[f32; 4]> = rows.collect::<Vec<_>>().concat();
-        let (width, height) = (params.width, params.height);
-        let image =
-            picture::compose(&Radiance { width, height, rgba, samples: 0, skipped: 0 }, params.background);
+        let [width, height] = params.size;
+        let image = picture::compose(
+            &Radiance { width, height, rgba, samples: 0, skipped: 0 },
+            params.background.map(|c| c as f32),
+        );
         let camera = Camera::new(&grid, params);
         Ok(if params.annotate { annotate::annotate(&image, &camera) } else { image })
     })

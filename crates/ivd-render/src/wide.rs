@@ -108,8 +108,7 @@ mod tests {
         let grid = Grid::with_spacing(DIMS, [1.0, 0.9, 1.1]).unwrap();
         let voxels: Vec<T> = voxels(scale);
         let ids: Vec<u16> = (0..grid.len()).map(|i| (i / 500 % 3) as u16).collect();
-        let camera =
-            Camera::new(&grid, &RenderParams { view, width: 24, height: 20, ..RenderParams::default() });
+        let camera = Camera::new(&grid, &RenderParams { view, size: [24, 20], ..RenderParams::default() });
         let row = |low: usize| {
             (0..64).map(move |i| [0.1, 0.5, 0.9, if i < low { 0.0 } else { opacity * i as f32 / 64.0 }])
         };
@@ -160,8 +159,8 @@ mod tests {
     #[test]
     fn packets_and_single_rays_give_the_same_bytes() {
         for projection in [Projection::Orthographic, Projection::Perspective] {
-            for (azimuth_deg, elevation_deg) in [(31.0, 12.0), (0.0, 0.0), (90.0, 45.0)] {
-                let view = View { azimuth_deg, elevation_deg, zoom: 1.4, projection };
+            for angles in [[31.0, 12.0], [0.0, 0.0], [90.0, 45.0]] {
+                let view = View { angles, zoom: 1.4, projection };
                 both_ways::<u8, false, false>(255.0, 0.9, view);
                 both_ways::<u8, true, true>(255.0, 0.1, view);
                 both_ways::<u16, false, true>(60_000.0, 0.1, view);
@@ -177,7 +176,7 @@ mod tests {
     fn a_ray_of_very_many_steps_is_cast_alone() {
         let grid = Grid::with_spacing([4; 3], [1e-7, 1.0, 1.0]).unwrap();
         // The middle ray runs along the thin volume.
-        let params = RenderParams { width: 5, height: 1, step: 0.9, ..RenderParams::default() };
+        let params = RenderParams { size: [5, 1], view: View::FRONT, step: 0.9, ..RenderParams::default() };
         let camera = Camera::new(&grid, &params);
         let rays: Packet = std::array::from_fn(|lane| camera.ray(lane, 0));
         assert!(rays.iter().flatten().any(|ray| ray.steps > 1 << 24));

@@ -8,7 +8,7 @@ use ivd_deform::rigid;
 use ivd_deform::spring::{Fix, Handle, RingParams};
 use ivd_deform::warp::WarpParams;
 use ivd_lattice::refine::RefineParams;
-use ivd_render::RenderParams;
+use ivd_render::{RenderParams, View};
 
 /// A stage of the pipeline, in the order in which they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -178,7 +178,12 @@ impl Default for Setup {
             shapes: Vec::new(),
             map: OctreeParams::default(),
             warp: WarpParams::default(),
-            render: RenderParams { width: 20, height: 14, annotate: false, ..RenderParams::default() },
+            render: RenderParams {
+                size: [20, 14],
+                view: View::FRONT,
+                annotate: false,
+                ..RenderParams::default()
+            },
         }
     }
 }

@@ -284,12 +284,10 @@ fn map(random: &mut Seeded, length: f64) -> OctreeParams {
 
 fn render(random: &mut Seeded, value: f64) -> RenderParams {
     RenderParams {
-        width: 5 + random.below(20),
-        height: 5 + random.below(12),
+        size: [5 + random.below(20), 5 + random.below(12)],
         mode: random.pick(&[Mode::Dvr, Mode::Dvr, Mode::Dvr, Mode::Mip, Mode::Iso { value }]),
         view: View {
-            azimuth_deg: random.between(-180.0, 180.0),
-            elevation_deg: random.pick(&[0.0, -90.0, 90.0, 37.0]),
+            angles: [random.between(-180.0, 180.0), random.pick(&[0.0, -90.0, 90.0, 37.0])],
             zoom: random.pick(&[1.0, 1.0, 4.0]),
             projection: random.pick(&[Projection::Orthographic, Projection::Perspective]),
         },

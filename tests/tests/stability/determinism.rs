@@ -28,7 +28,7 @@ fn large(side: usize) -> Case {
     case.setup.k = 3;
     let action = Action::Move([1.5, -1.0, 2.0]);
     case.setup.handles = vec![Handle { at: HandleAt::Vertex(40), action, radius: 0.4 * side as f64 }];
-    (case.setup.render.width, case.setup.render.height) = (40, 30);
+    case.setup.render.size = [40, 30];
     case
 }
 

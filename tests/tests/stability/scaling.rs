@@ -11,7 +11,7 @@ use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, Solved, ring};
 use ivd_deform::warp::WarpParams;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Refined, collapse};
-use ivd_render::{RenderParams, Rendered, Scene};
+use ivd_render::{RenderParams, Rendered, Scene, View};
 use ivd_segment::{KmvsParams, Segmentation};
 
 /// Everything that comes of a scene.
@@ -70,7 +70,8 @@ fn scene(scale: f64, shift: f64) -> Results {
     let warped = ivd_deform::warp::volume(&volume, &mapped.displacement, &WarpParams::default(), &exec)
         .unwrap()
         .output;
-    let params = RenderParams { width: 40, height: 32, annotate: false, ..RenderParams::default() };
+    let params =
+        RenderParams { size: [40, 32], view: View::FRONT, annotate: false, ..RenderParams::default() };
     let drawn =
         Scene { transfer: Some(&transfer), displacement: Some(&mapped.displacement), ..Scene::new(&volume) };
     let picture = ivd_render::render(&drawn, &params, &exec).unwrap();

@@ -248,12 +248,11 @@ fn light(volume: &Volume, azimuth_deg: f64) -> ivd_render::Radiance {
     let ramp = vec![[0.0; 4], [0.9, 0.5, 0.2, 0.1], [0.3, 0.9, 0.6, 0.3]];
     let transfer = ivd_core::TransferFunction::new([0.0, 110.0], 3, 1.0, vec![0], ramp, vec![]).unwrap();
     let params = RenderParams {
-        width: 48,
-        height: 40,
+        size: [48, 40],
         shading: false,
         annotate: false,
         termination: 2.0,
-        view: View { azimuth_deg, ..View::default() },
+        view: View { angles: [azimuth_deg, 0.0], ..View::FRONT },
         ..RenderParams::default()
     };
     let scene = Scene { transfer: Some(&transfer), ..Scene::new(volume) };

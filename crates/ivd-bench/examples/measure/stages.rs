@@ -82,7 +82,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
                 // Lives as long as the process: views of it may come at any time.
                 let transfer = Box::leak(Box::new(transfer.ok_or("no transfer function")?));
                 let scene = Scene { transfer: Some(transfer), ..Scene::new(Box::leak(Box::new(fresh))) };
-                prepared = Some(Prepared::new(&scene, &params_of(side, step, View::default())?, &exec)?);
+                prepared = Some(Prepared::new(&scene, &params_of(side, step, View::FRONT)?, &exec)?);
                 json!({})
             }
             ["view", angles] => {
@@ -101,13 +101,13 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
 fn params_of(side: &str, step: &str, view: View) -> Anything<RenderParams> {
     let side = side.parse()?;
     let plain = RenderParams { shading: false, annotate: false, view, ..RenderParams::default() };
-    Ok(RenderParams { width: side, height: side, step: step.parse()?, ..plain })
+    Ok(RenderParams { size: [side; 2], step: step.parse()?, ..plain })
 }
 
 /// A view by azimuth and elevation (degrees).
 fn view_of(angles: &str) -> Anything<View> {
     let (azimuth, elevation) = angles.split_once(',').ok_or("view: azimuth,elevation")?;
-    Ok(View { azimuth_deg: azimuth.parse()?, elevation_deg: elevation.parse()?, ..View::default() })
+    Ok(View { angles: [azimuth.parse()?, elevation.parse()?], ..View::FRONT })
 }
 
 fn figures_of(found: &Rendered) -> serde_json::Value {

@@ -24,7 +24,7 @@ pub(super) const COLOURS: [[u8; 3]; 7] = [
     [253, 231, 37],
 ];
 /// Faces of a wire-frame, linear.
-const PAPER: [f32; 3] = [1.0; 3];
+const PAPER: [f64; 3] = [1.0; 3];
 
 /// Draws refinements of one lattice.
 pub(super) struct Painter {
@@ -40,7 +40,6 @@ impl Painter {
         let positions = lattice.positions();
         let first = positions.first().copied().unwrap_or_default();
         let (low, high) = positions.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p)));
-        let [azimuth_deg, elevation_deg] = view;
         // At zoom 1 a picture holds the sphere round the box, whichever way that is turned.
         let [azimuth, elevation] = view.map(f64::to_radians);
         let to_eye =
@@ -49,15 +48,14 @@ impl Painter {
         let aside = |p: &Vector3<f64>| (p - middle).cross(&to_eye).norm();
         let widest = positions.iter().map(aside).fold(f64::MIN_POSITIVE, f64::max);
         let zoom = FILL * 0.5 * (high - low).norm() / widest;
-        let view = View { azimuth_deg, elevation_deg, zoom, ..View::default() };
+        let view = View { angles: view, zoom, ..View::FRONT };
         Self { input, frame: [low.into(), high.into()], view, voxel_mm }
     }
 
     /// A lattice lit; coloured by its distance from the input; and as a wire-frame.
     pub(super) fn pictures(&self, lattice: &Lattice, exec: &Exec) -> Result<[Image; 3], Problem> {
         let lit = RenderParams {
-            width: SIDE,
-            height: SIDE,
+            size: [SIDE; 2],
             view: self.view,
             annotate: false,
             background: [1.0; 4],

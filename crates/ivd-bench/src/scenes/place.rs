@@ -170,9 +170,9 @@ fn visited(record: &StageRecord, all: f64) -> Result<[f64; 2], ivd_pipeline::Err
             let size = |name: &str| {
                 let missing =
                     || ivd_pipeline::Error::Figure { stage: record.stage.clone(), figure: name.to_owned() };
-                record.params.get(name).and_then(serde_json::Value::as_f64).ok_or_else(missing)
+                record.params.pointer(name).and_then(serde_json::Value::as_f64).ok_or_else(missing)
             };
-            let pixels = size("width")? * size("height")?;
+            let pixels = size("/size/0")? * size("/size/1")?;
             [figure("samples_per_pixel")? * pixels; 2]
         }
         _ => [0.0; 2],

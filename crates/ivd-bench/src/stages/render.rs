@@ -64,9 +64,8 @@ fn seen(
     termination: f64,
     exec: &Exec,
 ) -> Result<Radiance, Problem> {
-    let view = View { azimuth_deg: 40.0, elevation_deg: 15.0, ..View::default() };
-    let params =
-        RenderParams { width: SIDE, height: SIDE, step, termination, view, ..RenderParams::default() };
+    let view = View { angles: [40.0, 15.0], ..View::FRONT };
+    let params = RenderParams { size: [SIDE; 2], step, termination, view, ..RenderParams::default() };
     let scene = Scene { transfer: Some(&scene.1), ..Scene::new(&scene.0) };
     Ok(radiance(&scene, &params, exec)?)
 }

@@ -6,10 +6,8 @@ use std::path::Path;
 use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
 use ivd_core::op;
 use ivd_lattice::foreign::ForeignParams;
-use ivd_pipeline::scene::{
-    BoundarySection, DeformSection, LatticeSection, RefineSection, RenderSection,
-};
-use ivd_pipeline::stages::{Boundary, Deform, ForeignLattice, Lattice, Refine, Render};
+use ivd_pipeline::scene::{BoundarySection, DeformSection, LatticeSection, RefineSection};
+use ivd_pipeline::stages::{Boundary, Deform, ForeignLattice, Lattice, Refine};
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 use toml::Value;
 
@@ -17,7 +15,7 @@ use super::volume::volume_or_artefact;
 use crate::args::Command;
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::parse::{Words, section, section_over};
+use crate::parse::{Words, section};
 
 /// A stage and the files of its slots.
 struct Job<'a> {
@@ -151,24 +149,6 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
                 files.push(("labels", labels.as_deref()));
             }
             Job { stage: Box::new(stage), files, output: &output.path }
-        }
-        Command::Render { volume, transfer, labels, displacement, mode, iso, size, view, step, output } => {
-            // Without a transfer function there is nothing to compose: the maximum shows every volume.
-            let default = Words::default().with("mode", transfer.is_none().then(|| "mip".to_owned()));
-            let words = Words::default()
-                .with("mode", mode.clone())
-                .with("iso", *iso)
-                .with("size", size.map(|s| s.map(|n| Value::Integer(n as i64)).to_vec()))
-                .with("view", view.map(|v| list(v.to_vec())))
-                .with("step", *step);
-            let section: RenderSection = section_over(default.0, params, words.0)?;
-            let files = vec![
-                ("volume", Some(volume.as_path())),
-                ("transfer", transfer.as_deref()),
-                ("labels", labels.as_deref()),
-                ("displacement", displacement.as_deref()),
-            ];
-            Job { stage: Box::new(Render::from_section(&section, None)?), files, output }
         }
         _ => unreachable!("the other commands are no stages"),
     })

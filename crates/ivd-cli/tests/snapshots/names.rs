@@ -163,6 +163,19 @@ fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {
     text.split_once(before)?.1.split_once(after).map(|(inside, _)| inside)
 }
 
+/// Whether two values are the same. Numbers that were kept in 32 bits were told with more digits than were meant; an argument that
+/// had to be given need not be any more.
+fn same(old: &Value, now: &Value) -> bool {
+    let is_optional_now = |(old, now): (&str, &str)| {
+        old.strip_prefix('<').and_then(|old| old.strip_suffix('>'))
+            == now.strip_prefix('[').and_then(|now| now.strip_suffix(']'))
+            && old.starts_with('<')
+    };
+    old == now
+        || old.as_f64().zip(now.as_f64()).is_some_and(|(old, now)| old as f32 == now as f32)
+        || old.as_str().zip(now.as_str()).is_some_and(is_optional_now)
+}
+
 /// Everything that was, beside what is now; lists may have grown.
 fn missing(path: &str, old: &Value, now: &Value, found: &mut Vec<String>) {
     match (old, now) {
@@ -182,10 +195,10 @@ fn missing(path: &str, old: &Value, now: &Value, found: &mut Vec<String>) {
         }
         (Value::Array(a), Value::Array(b)) => {
             // Nothing at all can't be written in a scene.
-            let gone = a.iter().filter(|item| !b.contains(item) && **item != "null");
+            let gone = a.iter().filter(|item| !b.iter().any(|now| same(item, now)) && **item != "null");
             found.extend(gone.map(|item| format!("{path}: {item}")));
         }
-        (a, b) if a != b => found.push(format!("{path}: {a}, now {b}")),
+        (a, b) if !same(a, b) => found.push(format!("{path}: {a}, now {b}")),
         _ => {}
     }
 }

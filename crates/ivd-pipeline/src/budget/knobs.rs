@@ -8,6 +8,7 @@ use crate::Error;
 use crate::fronts::{Front, FrontPoint, recorded};
 use crate::scene::Scene;
 use ivd_lattice::refine::Target;
+use ivd_render::RenderParams;
 
 /// Steps of the ring solver where the scene names none, and the least it makes.
 pub(super) const STEPS: f64 = 200.0;
@@ -51,13 +52,14 @@ impl Setting {
             (None, None, None) => Some(2.0),
         };
         let atf: ivd_atf::Params = scene.get(&ivd_atf::STAGE).cloned().unwrap_or_default();
+        let picture: RenderParams = scene.common(&ivd_render::STAGE).unwrap_or_default();
         let steps = scene.deform.as_ref().and_then(|d| d.dt.map(|dt| (d.duration / dt).ceil()));
         Self {
             level,
             steps: steps.unwrap_or(STEPS).max(LEAST_STEPS),
             resolution: atf.resolution as f64,
-            step: scene.render.step,
-            termination: scene.render.termination,
+            step: picture.step,
+            termination: picture.termination,
         }
     }
 
@@ -143,7 +145,9 @@ impl Knob {
                 scene.set(&ivd_atf::STAGE, &[("resolution", Some(resolution))])?;
             }
             Self::Picture => {
-                (scene.render.step, scene.render.termination) = (setting.step, setting.termination);
+                let (step, termination) = (json!(setting.step), json!(setting.termination));
+                let keys = [("step", Some(step)), ("termination", Some(termination))];
+                scene.set(&ivd_render::STAGE, &keys)?;
             }
         }
         Ok(())

@@ -1,4 +1,5 @@
 use ivd_core::{Grid, Lattice, VoxelCoord, World};
+use ivd_render::RenderParams;
 use nalgebra::Vector3;
 use serde_json::Value;
 
@@ -59,11 +60,12 @@ impl Amounts {
     /// What the volume alone tells.
     pub fn of_volume(scene: &Scene, grid: &Grid) -> Self {
         let voxels = grid.len() as f64;
+        let RenderParams { size, .. } = scene.common(&ivd_render::STAGE).unwrap_or_default();
         Self {
             voxels,
             edge: voxels.cbrt(),
             reach: scene.deform.as_ref().map_or(0.0, |d| reach_voxels(d, grid)),
-            pixels: (scene.render.size[0] * scene.render.size[1]) as f64,
+            pixels: (size[0] * size[1]) as f64,
             ..Self::default()
         }
     }

@@ -4,8 +4,14 @@
 use ivd_core::op::Stage;
 
 /// The stages, in the order in which a scene runs them.
-pub const STAGES: &[&Stage] =
-    &[&ivd_octree::STAGE, &ivd_deform::map::STAGE, &ivd_deform::space::STAGE, &ivd_deform::warp::STAGE, &ivd_atf::STAGE];
+pub const STAGES: &[&Stage] = &[
+    &ivd_octree::STAGE,
+    &ivd_deform::map::STAGE,
+    &ivd_deform::space::STAGE,
+    &ivd_deform::warp::STAGE,
+    &ivd_atf::STAGE,
+    &ivd_render::STAGE,
+];
 
 /// The stage of a name.
 pub fn stage(name: &str) -> Option<&'static Stage> {

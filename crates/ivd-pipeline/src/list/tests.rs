@@ -1,6 +1,6 @@
 //! What must hold of every field of every method.
 
-use ivd_core::op::{Field, Method, Stage, alternatives, check, fields, kind, map_values};
+use ivd_core::op::{Field, Method, Stage, alternatives, check, fields, is_default, kind, map_values};
 use serde_json::{Map, Value as Json, json};
 
 use super::STAGES;
@@ -76,22 +76,36 @@ fn every_default_lies_in_its_range() {
     }
 }
 
-/// The keys that choose a method and say nothing else.
-fn chosen(stage: &Stage, method: &Method) -> Map<String, Json> {
+/// The keys that choose a method, and those that it can't do without; nothing else is said.
+fn chosen(stage: &'static Stage, method: &Method) -> Map<String, Json> {
     let mut keys = Map::new();
     if !stage.selector.is_empty() {
         keys.insert(stage.selector.to_owned(), json!(method.name));
     }
+    let schema = (method.schema)();
+    for field in fields(&schema) {
+        match Section::parse(stage, Some(keys.clone())) {
+            Err(problem) if problem.field == field.name => {
+                keys.insert(field.name.to_owned(), others(field).pop().unwrap());
+            }
+            _ => {}
+        }
+    }
     keys
 }
 
-/// A value that a field may have, and that isn't its default.
-fn other(field: Field<'_>) -> Option<Json> {
-    let tried = alternatives(field.schema).into_iter().flat_map(samples).collect::<Vec<_>>();
-    tried.into_iter().find(|value| {
+/// Values that a field may have, and that aren't its default.
+fn others(field: Field<'_>) -> Vec<Json> {
+    let mut tried = alternatives(field.schema).into_iter().flat_map(samples).collect::<Vec<_>>();
+    tried.retain(|value| {
         let mut value = value.clone();
-        check(&mut value, field.schema).is_ok() && Some(&value) != field.default()
-    })
+        check(&mut value, field.schema).is_ok() && !is_default(&value, field)
+    });
+    tried
+}
+
+fn other(field: Field<'_>) -> Option<Json> {
+    others(field).into_iter().next()
 }
 
 fn samples(schema: &Json) -> Vec<Json> {
@@ -217,4 +231,14 @@ fn old_names_are_read_and_refused_beside_the_new() {
             }
         }
     }
+}
+
+#[test]
+fn what_changes_no_pixel_is_read_from_scenes_and_is_in_no_cache_key() {
+    let render =
+        |keys: Json| Section::parse(&ivd_render::STAGE, Some(keys.as_object().unwrap().clone())).unwrap();
+    let [skipping, looking] = [json!({}), json!({ "skip": false })].map(render);
+    assert_eq!([&skipping, &looking].map(|section| section.params()["skip"].clone()), [true, false]);
+    assert_eq!(skipping.identity(), looking.identity());
+    assert!(skipping.identity().get("skip").is_none());
 }

@@ -3,12 +3,8 @@ use std::path::Path;
 use ivd_core::op::Want;
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
-use crate::scene::{
-    BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene, SegmentSection,
-};
-use crate::stages::{
-    Boundary, Deform, Difference, Import, ImportSource, Lattice, Refine, Render, Segment, SegmentTree,
-};
+use crate::scene::{BoundarySection, InputSection, IsoChoice, Loaded, Picture, Scene, SegmentSection};
+use crate::stages::{Boundary, Deform, Import, ImportSource, Lattice, Refine, Segment, SegmentTree};
 use crate::{Error, Stage};
 
 /// The places that a stage can have in a pipeline, in the order in which they run.
@@ -375,6 +371,12 @@ fn declared(scene: &Scene, stage: &ivd_core::op::Stage) -> Option<Box<dyn Stage>
     section.map(|section| Box::new(section.clone()) as Box<dyn Stage>)
 }
 
+/// A stage of the list at one of its places.
+fn placed(scene: &Scene, stage: &ivd_core::op::Stage, variant: &str) -> Option<Box<dyn Stage>> {
+    let place = stage.places.iter().find(|place| place.variant == variant)?;
+    Some(Box::new(scene.section(stage)?.at(place)?))
+}
+
 /// The labels with their inputs: of the volume, or of the tree, and then of the volume too where they are changed by its values.
 fn segment(section: &SegmentSection, from_tree: bool) -> Result<(Segment, Slots), Error> {
     if !from_tree {
@@ -397,7 +399,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     };
     let isolates = labels || scene.boundary.is_some();
     let moves = scene.deform.as_ref().filter(|d| !d.is_still());
-    let coloured = scene.render.mode == RenderMode::Dvr;
+    let coloured = wants(scene, &ivd_render::STAGE, "transfer");
 
     let part: BoundarySection = scene.boundary.clone().unwrap_or_default();
     let boundary = isolates.then(|| Boundary::from_section(&part, if labels { None } else { given_iso }));
@@ -428,7 +430,6 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     moved_picture.push(("displacement", NodeId::of_displacement(scene)));
     let tree = SegmentTree::from_section(&scene.segment);
     let (segment, segment_inputs) = segment(&scene.segment, tree.is_some())?;
-    let render = Render::from_section(&scene.render, given_iso)?;
     let deform = moves.map(Deform::from_section).transpose()?;
     let mut deform_inputs = vec![("lattice", NodeId::Refine)];
     if deform.as_ref().is_some_and(Deform::knows_classes) {
@@ -476,11 +477,11 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
             vec![("volume", NodeId::Import), ("displacement", NodeId::of_displacement(scene))],
         ),
         node(NodeId::Atf, declared(scene, &ivd_atf::STAGE).filter(|_| coloured), atf_inputs),
-        node(NodeId::Before, boxed(render.clone()), picture),
-        node(NodeId::After, if_deformed(boxed(render)), moved_picture),
+        node(NodeId::Before, placed(scene, &ivd_render::STAGE, "before"), picture),
+        node(NodeId::After, if_deformed(placed(scene, &ivd_render::STAGE, "after")), moved_picture),
         node(
             NodeId::Difference,
-            if_deformed(boxed(Difference)),
+            if_deformed(placed(scene, &ivd_render::STAGE, "difference")),
             vec![("before", NodeId::Before), ("after", NodeId::After)],
         ),
     ])

@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use ivd_core::op::{Op, Stage};
 use ivd_deform::space::SpaceParams;
 use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use serde_json::{Map, Value as Json};
@@ -23,9 +24,9 @@ pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
     AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
     CovarianceChoice, DeformSection, FixSection, HandleSection, InputSection, IsoChoice, IsoWord,
-    KernelChoice, LatticeSection, LinkageChoice, MaterialSection, OutputSection, Picture, Projection,
-    RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection, RigidSection,
-    SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver,
+    KernelChoice, LatticeSection, LinkageChoice, MaterialSection, OutputSection, Picture, RankingChoice,
+    RawSection, RefineMethod, RefineSection, RigidSection, SegmentMethod, SegmentSection, ShapeKind,
+    ShapeSection, Solver,
 };
 pub use written::triple;
 
@@ -60,9 +61,6 @@ pub struct Scene {
     /// What moves it.
     #[serde(default)]
     pub deform: Option<DeformSection>,
-    /// How it is drawn.
-    #[serde(default)]
-    pub render: RenderSection,
     /// What is wanted; nothing else is computed.
     pub output: OutputSection,
     /// Read with the stages of the list.
@@ -85,6 +83,10 @@ pub struct Scene {
     #[serde(default)]
     #[schemars(skip)]
     atf: Option<toml::Value>,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    render: Option<toml::Value>,
     /// Every section as it is written.
     #[serde(skip)]
     pub(crate) written: Written,
@@ -107,6 +109,11 @@ impl Scene {
     /// The parameters of a stage, where the scene chooses the method that has them.
     pub fn get<O: Op>(&self, stage: &Stage) -> Option<&O> {
         self.section(stage)?.get()
+    }
+
+    /// Parameters that all methods of a stage have, as its crate declares them.
+    pub fn common<T: DeserializeOwned>(&self, stage: &Stage) -> Option<T> {
+        serde_json::from_value(Json::Object(self.section(stage)?.job().params())).ok()
     }
 
     /// The value in force under a stage's key; `None` where its method has no such key, or nothing is said and that is its default.

@@ -9,7 +9,6 @@ mod import;
 mod lattice;
 mod parts;
 mod refine;
-mod render;
 mod segment;
 
 pub use boundary::Boundary;
@@ -21,7 +20,6 @@ pub use import::{Import, ImportLabels, ImportSource};
 pub use lattice::Lattice;
 pub use parts::PartLattice;
 pub use refine::Refine;
-pub use render::{Difference, Render};
 pub use segment::{KeepPosteriors, Method, Posteriors, Segment, SegmentTree};
 
 use serde::Serialize;

@@ -96,18 +96,6 @@ fn no_parameter_is_hidden_from_scenes() {
     let [history, inertia] = [own[0].clone(), own[1].clone()];
     assert_eq!(solver("xpbd", both), [history, inertia, names[0].clone(), names[1].clone()]);
     assert_eq!(solver("projective", &format!("{both}inertia = true\nhistory = 7\n")), names);
-    let render = "mode = \"iso\"\niso = 1.0\nsize = [7, 8]\nview = [1.0, 2.0]\nzoom = 2.0\nstep = 1.0\n\
-        shading = false\nannotate = false\nprojection = \"perspective\"\ntermination = 2.0\nskip = false\n\
-        background = [1.0, 1.0, 1.0, 0.0]\nsurface = [0.0, 0.0, 0.0]";
-    assert_eq!(unmoved(render, |s| Render::from_section(s, None).unwrap()), nothing);
-}
-
-#[test]
-fn what_changes_no_pixel_is_read_from_scenes_and_is_in_no_cache_key() {
-    let render = |text: &str| Render::from_section(&toml::from_str(text).unwrap(), None).unwrap();
-    let [skipping, looking] = ["", "skip = false"].map(render);
-    assert!(skipping.params.skip && !looking.params.skip);
-    assert_eq!(skipping.params(), looking.params());
 }
 
 #[test]
@@ -118,10 +106,6 @@ fn a_section_that_says_nothing_is_the_stages_own_defaults() {
     assert_eq!(deform.method, DeformMethod::Ring(ivd_deform::spring::RingParams::default()));
     let deform = Deform::from_section(&toml::from_str("solver = \"dynamics\"").unwrap()).unwrap();
     assert_eq!(deform.method, DeformMethod::MassSpring(Box::default()));
-    let mut render = Render::from_section(&toml::from_str("").unwrap(), None).unwrap().params;
-    // A picture from the side shows more than one from the front.
-    (render.view.azimuth_deg, render.view.elevation_deg) = (0.0, 0.0);
-    assert_eq!(render, ivd_render::RenderParams::default());
 }
 
 #[test]

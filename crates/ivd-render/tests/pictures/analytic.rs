@@ -11,8 +11,8 @@ fn exec() -> Exec {
 /// Parameters for measuring: no early end, no lighting.
 fn measuring() -> RenderParams {
     RenderParams {
-        width: 33,
-        height: 33,
+        size: [33; 2],
+        view: View::FRONT,
         termination: 2.0,
         shading: false,
         annotate: false,
@@ -37,7 +37,7 @@ fn a_homogeneous_slab_is_exact_at_any_step_and_spacing() {
     // From the front through 10 · 0.7 mm; from the left through 16 mm; from the head through 18 mm.
     for (azimuth_deg, elevation_deg, thickness) in [(0.0, 0.0, 7.0), (90.0, 0.0, 16.0), (0.0, 90.0, 18.0)] {
         for step in [0.13, 0.5, 1.0, 3.7] {
-            let view = View { azimuth_deg, elevation_deg, ..View::default() };
+            let view = View { angles: [azimuth_deg, elevation_deg], ..View::FRONT };
             let picture = radiance(&scene, &RenderParams { step, view, ..measuring() }, &exec()).unwrap();
             let alpha = f64::from(picture.rgba[16 + 33 * 16][3]);
             let truth = 1.0 - (-0.1_f64 * thickness).exp();
@@ -64,8 +64,8 @@ fn a_ball_of_smooth_density_has_the_opacity_of_its_chord() {
     let tau = 0.03;
     let transfer = absorbing(tau, 2.0);
     let scene = Scene { transfer: Some(&transfer), ..Scene::new(&volume) };
-    let view = View { azimuth_deg: 37.0, elevation_deg: 25.0, ..View::default() };
-    let params = RenderParams { view, step: 0.25, width: 65, height: 65, ..measuring() };
+    let view = View { angles: [37.0, 25.0], ..View::FRONT };
+    let params = RenderParams { view, step: 0.25, size: [65; 2], ..measuring() };
     let picture = radiance(&scene, &params, &exec()).unwrap();
     // Half the picture shows the radius of the sphere round the volume.
     let pixel = 2.0 * (3.0_f64.sqrt() * 48.0) / 65.0;
@@ -92,8 +92,8 @@ fn a_homogeneous_ball_follows_beer_and_lambert() {
     let table = (0..8192).map(|i| [1.0, 0.5, 0.25, if i >= 4096 { opacity } else { 0.0 }]).collect();
     let transfer = TransferFunction::new([-64.0, 64.0], 8192, 1.0, vec![0], table, vec![]).unwrap();
     let scene = Scene { transfer: Some(&transfer), ..Scene::new(&volume) };
-    let view = View { azimuth_deg: 53.0, elevation_deg: -35.0, ..View::default() };
-    let params = RenderParams { view, step: 0.04, width: 25, height: 25, ..measuring() };
+    let view = View { angles: [53.0, -35.0], ..View::FRONT };
+    let params = RenderParams { view, step: 0.04, size: [25; 2], ..measuring() };
     let picture = radiance(&scene, &params, &exec()).unwrap();
     let pixel = 2.0 * (3.0_f64.sqrt() * 64.0) / 25.0;
     for (i, rgba) in picture.rgba.iter().enumerate() {
@@ -118,7 +118,7 @@ fn halving_the_step_brings_the_picture_nearer_to_the_fine_one() {
         Volume::new(grid.clone(), Voxels::from((0..grid.len()).map(value).collect::<Vec<_>>())).unwrap();
     let transfer = absorbing(0.1, 1.0);
     let scene = Scene { transfer: Some(&transfer), ..Scene::new(&volume) };
-    let view = View { azimuth_deg: 20.0, elevation_deg: 10.0, ..View::default() };
+    let view = View { angles: [20.0, 10.0], ..View::FRONT };
     let picture = |step: f64| radiance(&scene, &RenderParams { step, view, ..measuring() }, &exec()).unwrap();
     let fine = picture(0.02);
     let error = |step: f64| {
@@ -142,11 +142,10 @@ fn the_greatest_value_along_an_axis_equals_a_plain_search() {
     let radius = 7.5 * 3.0_f64.sqrt();
     let params = RenderParams {
         mode: Mode::Mip,
-        width: 15,
-        height: 15,
+        size: [15; 2],
         step: 0.5,
         // A pixel of 1 mm.
-        view: View { zoom: 2.0 * radius / 15.0, ..View::default() },
+        view: View { zoom: 2.0 * radius / 15.0, ..View::FRONT },
         ..measuring()
     };
     let picture = ivd_render::render(&Scene::new(&volume), &params, &exec()).unwrap();
@@ -191,9 +190,9 @@ fn sphere(radius: f64) -> (Volume, Vector3<f64>) {
 fn a_surface_covers_the_disc_of_its_sphere_from_every_side() {
     let (volume, _) = sphere(20.0);
     for (azimuth_deg, elevation_deg) in [(0.0, 0.0), (75.0, -40.0), (200.0, 88.0)] {
-        let view = View { azimuth_deg, elevation_deg, zoom: 2.0, projection: Projection::Orthographic };
-        let params =
-            RenderParams { mode: Mode::Iso { value: 0.0 }, view, width: 200, height: 200, ..measuring() };
+        let view =
+            View { angles: [azimuth_deg, elevation_deg], zoom: 2.0, projection: Projection::Orthographic };
+        let params = RenderParams { mode: Mode::Iso { value: 0.0 }, view, size: [200; 2], ..measuring() };
         let picture = radiance(&Scene::new(&volume), &params, &exec()).unwrap();
         let covered = picture.rgba.iter().filter(|c| c[3] > 0.5).count() as f64;
         let pixel = 2.0 * (30.0_f64.powi(2) + 30.0_f64.powi(2) + 30.0_f64.powi(2)).sqrt() / 2.0 / 200.0;

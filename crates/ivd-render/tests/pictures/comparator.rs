@@ -26,9 +26,8 @@ fn transfer(reference_mm: f64) -> TransferFunction {
 
 fn picture(volume: &Volume, transfer: &TransferFunction, step: f64) -> ivd_core::Image {
     let scene = Scene { transfer: Some(transfer), ..Scene::new(volume) };
-    let view = View { azimuth_deg: 25.0, elevation_deg: 20.0, ..View::default() };
-    let params =
-        RenderParams { width: 64, height: 64, step, view, annotate: false, ..RenderParams::default() };
+    let view = View { angles: [25.0, 20.0], ..View::FRONT };
+    let params = RenderParams { size: [64; 2], step, view, annotate: false, ..RenderParams::default() };
     render(&scene, &params, &Exec::default()).unwrap().image
 }
 

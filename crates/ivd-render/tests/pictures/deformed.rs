@@ -31,16 +31,9 @@ fn transfer() -> TransferFunction {
 fn picture(volume: &Volume, displacement: Option<&Displacement>, mode: Mode, shading: bool) -> Radiance {
     let transfer = transfer();
     let scene = Scene { transfer: Some(&transfer), displacement, ..Scene::new(volume) };
-    let view = View { azimuth_deg: 40.0, elevation_deg: 30.0, zoom: 1.4, ..View::default() };
-    let params = RenderParams {
-        width: 60,
-        height: 60,
-        view,
-        mode,
-        shading,
-        termination: 2.0,
-        ..RenderParams::default()
-    };
+    let view = View { angles: [40.0, 30.0], zoom: 1.4, ..View::FRONT };
+    let params =
+        RenderParams { size: [60; 2], view, mode, shading, termination: 2.0, ..RenderParams::default() };
     radiance(&scene, &params, &Exec::default()).unwrap()
 }
 

@@ -19,8 +19,8 @@ fn transfer() -> TransferFunction {
 }
 
 fn params() -> RenderParams {
-    let view = View { azimuth_deg: 28.0, elevation_deg: 17.0, zoom: 1.3, ..View::default() };
-    RenderParams { width: 70, height: 50, view, annotate: false, ..RenderParams::default() }
+    let view = View { angles: [28.0, 17.0], zoom: 1.3, ..View::FRONT };
+    RenderParams { size: [70, 50], view, annotate: false, ..RenderParams::default() }
 }
 
 fn with_holes(volume: &Volume) -> Volume {

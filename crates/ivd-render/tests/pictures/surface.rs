@@ -40,7 +40,7 @@ fn octahedron(origin: f64) -> Lattice {
 }
 
 fn params(view: View) -> RenderParams {
-    RenderParams { width: 120, height: 120, view, annotate: false, ..RenderParams::default() }
+    RenderParams { size: [120; 2], view, annotate: false, ..RenderParams::default() }
 }
 
 /// Millimetres of a pixel: the picture holds the sphere round the frame.
@@ -54,10 +54,10 @@ fn an_octahedron_from_the_front_covers_a_square_and_shows_its_front_half() {
         [1.0; 3]
     };
     let look = Look { colour: Some(&note), frame: Some(FRAME), ..Look::default() };
-    let unlit = RenderParams { shading: false, ..params(View::default()) };
+    let unlit = RenderParams { shading: false, ..params(View::FRONT) };
     for projection in [Projection::Orthographic, Projection::Perspective] {
         places.lock().unwrap().clear();
-        let view = View { projection, ..View::default() };
+        let view = View { projection, ..View::FRONT };
         let image =
             surface(&octahedron(0.0), &look, &RenderParams { view, ..unlit.clone() }, &Exec::default())
                 .unwrap();
@@ -85,7 +85,7 @@ fn what_lies_behind_is_hidden_with_its_edges() {
         0.0,
     );
     let look = Look { edges: true, frame: Some(FRAME), ..Look::default() };
-    let paper = RenderParams { shading: false, surface: [1.0; 3], ..params(View::default()) };
+    let paper = RenderParams { shading: false, surface: [1.0; 3], ..params(View::FRONT) };
     let drawn = |l: &Lattice| surface(l, &look, &paper, &Exec::default()).unwrap();
     // Inside the quad in front, off its diagonal, where the far triangle has its left side.
     let dark = |image: &ivd_core::Image| {
@@ -102,7 +102,7 @@ fn what_lies_behind_is_hidden_with_its_edges() {
 
 #[test]
 fn the_same_bytes_for_any_number_of_threads_far_from_the_origin_and_without_triangles() {
-    let view = View { azimuth_deg: 31.0, elevation_deg: 22.0, ..View::default() };
+    let view = View { angles: [31.0, 22.0], ..View::FRONT };
     let look = Look { edges: true, ..Look::default() };
     let drawn = |lattice: &Lattice, threads: usize| {
         surface(lattice, &look, &params(view), &Exec::default().with_threads(threads)).unwrap()
@@ -121,8 +121,7 @@ fn a_face_is_lit_alike_from_both_sides() {
     let corners = [[-8, 1, -8], [8, -2, -8], [0, 0, 8]];
     let drawn = |triangles: &[[u32; 3]]| {
         let look = Look { frame: Some(FRAME), ..Look::default() };
-        surface(&lattice(&corners, triangles, 0.0), &look, &params(View::default()), &Exec::default())
-            .unwrap()
+        surface(&lattice(&corners, triangles, 0.0), &look, &params(View::FRONT), &Exec::default()).unwrap()
     };
     let image = drawn(&ccw);
     assert_eq!(image, drawn(&cw));

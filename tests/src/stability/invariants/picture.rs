@@ -13,7 +13,7 @@ const SLACK: f32 = 1e-4;
 /// # Errors
 /// The first pixel that doesn't fit.
 pub fn light(params: &RenderParams, found: &Radiance) -> Verdict {
-    hold!(found.rgba.len() == params.width * params.height, "{} pixels", found.rgba.len());
+    hold!(found.rgba.len() == params.size[0] * params.size[1], "{} pixels", found.rgba.len());
     for (i, pixel) in found.rgba.iter().enumerate() {
         let alpha = pixel[3];
         let within = |c: &f32| c.is_finite() && (0.0..=alpha + SLACK).contains(c);
@@ -28,7 +28,7 @@ pub fn light(params: &RenderParams, found: &Radiance) -> Verdict {
 /// The first thing that doesn't fit.
 pub fn picture(params: &RenderParams, found: &Rendered) -> Verdict {
     let size = [found.image.width(), found.image.height()];
-    hold!(size == [params.width, params.height], "a picture of {size:?}");
+    hold!(size == params.size, "a picture of {size:?}");
     hold!((0.0..=1.0).contains(&found.skipped_fraction), "skipped {}", found.skipped_fraction);
     hold!(found.samples_per_pixel.is_finite(), "samples a pixel {}", found.samples_per_pixel);
     Ok(())

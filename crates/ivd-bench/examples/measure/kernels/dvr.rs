@@ -32,7 +32,7 @@ fn transfer(opacity: f32) -> Anything<TransferFunction> {
 pub(super) fn run(kernels: &Kernels<'_>) -> Anything<()> {
     let volume = volume(128)?;
     let _ = volume.bricks();
-    let view = View { azimuth_deg: 30.0, elevation_deg: 15.0, ..View::default() };
+    let view = View { angles: [30.0, 15.0], ..View::FRONT };
     for (name, mode, opacity, shading) in [
         ("opaque", Mode::Dvr, 0.9, false),
         ("see-through", Mode::Dvr, 0.01, false),

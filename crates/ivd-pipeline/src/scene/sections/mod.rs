@@ -5,7 +5,6 @@ mod deform;
 mod input;
 mod lattice;
 mod output;
-mod picture;
 mod rigid;
 mod segment;
 mod shape;
@@ -15,7 +14,6 @@ pub use deform::{CourseChoice, DeformSection, FixSection, HandleSection, Materia
 pub use input::{InputSection, RawSection};
 pub use lattice::{IsoChoice, IsoWord, LatticeSection, RefineMethod, RefineSection};
 pub use output::{OutputSection, Picture};
-pub use picture::{Projection, RenderMode, RenderSection};
 pub use rigid::RigidSection;
 pub use segment::{
     AutoWord, ClassCount, ClassOrder, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice,

@@ -1,0 +1,240 @@
+//! The stage as scenes and commands see it.
+
+use std::time::Instant;
+
+use ivd_core::op::{Failure, Method, Op, Place, PlaceKind, Stage, method};
+use ivd_core::{Displacement, Exec, Image, Labels, Lattice, ParamError, TransferFunction, Volume, slots};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Mode, RenderParams, Scene, difference, render};
+
+/// The stage: its modes, and the pictures that a scene has of it.
+pub const STAGE: Stage = Stage {
+    name: "render",
+    about: "Draws a volume.",
+    selector: "mode",
+    methods: METHODS,
+    positional: &["volume"],
+    places: &[
+        Place {
+            variant: "before",
+            gives: "before",
+            kind: PlaceKind::Own { with: &[], without: &["displacement", "labels", "lattice"] },
+        },
+        Place {
+            variant: "after",
+            gives: "after",
+            // In a picture of a scene the nearest voxel's label would draw the grid's steps on every surface.
+            kind: PlaceKind::Own { with: &["displacement"], without: &["labels", "lattice"] },
+        },
+        Place { variant: "difference", gives: "difference", kind: PlaceKind::Fixed { method: &DIFFERENCE } },
+    ],
+    unread: "no output shows a picture",
+    quiet: false,
+};
+const METHODS: &[Method] =
+    &[method::<DvrParams>("dvr"), method::<MipParams>("mip"), method::<IsoParams>("iso")];
+static DIFFERENCE: Method = method::<DifferenceParams>("difference");
+
+/// Direct volume rendering: emission and absorption by the transfer function.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct DvrParams {
+    /// The picture.
+    #[serde(flatten)]
+    pub picture: RenderParams,
+}
+
+/// Maximum intensity projection: the greatest value along a ray, as grey over the volume's range.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct MipParams {
+    /// The picture.
+    #[serde(flatten)]
+    pub picture: RenderParams,
+}
+
+/// First-hit isosurface: the first place where the value reaches the isovalue, as a lit opaque surface.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct IsoParams {
+    /// Isovalue of the surface.
+    #[schemars(extend("x-unit" = "that of the values", "x-from" = "lattice.iso"))]
+    pub iso: Option<f64>,
+    /// The picture.
+    #[serde(flatten)]
+    pub picture: RenderParams,
+}
+
+/// Where two pictures differ, amplified.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+pub struct DifferenceParams {}
+
+slots! {
+    /// What is drawn with a transfer function.
+    pub struct Coloured<'a> {
+        volume: &'a Volume,
+        transfer: Option<&'a TransferFunction>,
+        labels: Option<&'a Labels>,
+        displacement: Option<&'a Displacement>,
+        lattice: Option<&'a Lattice>,
+    }
+}
+slots! {
+    /// What is drawn without.
+    pub struct Plain<'a> {
+        volume: &'a Volume,
+        displacement: Option<&'a Displacement>,
+        lattice: Option<&'a Lattice>,
+    }
+}
+slots! {
+    /// Two pictures of one size.
+    pub struct Pair<'a> { before: &'a Image, after: &'a Image }
+}
+
+/// What a picture comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RenderFigures {
+    /// Pictures made.
+    #[schemars(extend("x-unit" = "1"))]
+    pub frames: u32,
+    /// Samples taken for each pixel of the picture, on average.
+    #[schemars(extend("x-unit" = "1"))]
+    pub samples_per_pixel: f64,
+    /// Share of the samples on the rays' way that were passed over because their brick is empty.
+    #[schemars(extend("x-unit" = "1"))]
+    pub skipped_fraction: f64,
+    /// Pictures made in a second.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "1/s", "x-time" = true))]
+    pub fps: Option<f64>,
+}
+
+/// What the difference of two pictures comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DifferenceFigures {
+    /// Pictures made.
+    #[schemars(extend("x-unit" = "1"))]
+    pub frames: u32,
+    /// Greatest difference of a channel.
+    #[schemars(extend("x-unit" = "levels of 255"))]
+    pub max: u8,
+    /// Mean over the pixels of their greatest channel's difference.
+    #[schemars(extend("x-unit" = "levels of 255"))]
+    pub mean: f64,
+    /// Share of the pixels that differ at all.
+    #[schemars(extend("x-unit" = "1"))]
+    pub changed_fraction: f64,
+    /// Pictures made in a second.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "1/s", "x-time" = true))]
+    pub fps: Option<f64>,
+}
+
+/// Pictures in a second where one takes as long as since `start`.
+fn rate(start: Instant) -> Option<f64> {
+    Some(1.0 / start.elapsed().as_secs_f64().max(1e-9))
+}
+
+/// Draws a scene in a mode.
+fn drawn(
+    scene: &Scene<'_>,
+    mode: Mode,
+    picture: &RenderParams,
+    exec: &Exec,
+) -> Result<(Image, RenderFigures), Failure> {
+    let start = Instant::now();
+    let found = render(scene, &RenderParams { mode, ..picture.clone() }, exec)?;
+    let figures = RenderFigures {
+        frames: found.frames,
+        samples_per_pixel: found.samples_per_pixel,
+        skipped_fraction: found.skipped_fraction,
+        fps: rate(start),
+    };
+    Ok((found.image, figures))
+}
+
+impl<'a> From<Plain<'a>> for Scene<'a> {
+    fn from(Plain { volume, displacement, lattice }: Plain<'a>) -> Self {
+        Scene { displacement, lattice, ..Scene::new(volume) }
+    }
+}
+
+/// Raised for all modes together: what they share is most of them.
+const REVISION: u32 = 2;
+
+impl Op for DvrParams {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = Coloured<'a>;
+    type Output = Image;
+    type Figures = RenderFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        self.picture.check_together()
+    }
+
+    fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
+        let Coloured { volume, transfer, labels, displacement, lattice } = inputs;
+        drawn(&Scene { volume, transfer, labels, displacement, lattice }, Mode::Dvr, &self.picture, exec)
+    }
+}
+
+impl Op for MipParams {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = Plain<'a>;
+    type Output = Image;
+    type Figures = RenderFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        self.picture.check_together()
+    }
+
+    fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
+        drawn(&inputs.into(), Mode::Mip, &self.picture, exec)
+    }
+}
+
+impl IsoParams {
+    fn value(&self) -> Result<f64, ParamError> {
+        self.iso.ok_or_else(|| ParamError::new("iso", "mode iso needs it", "give an isovalue, a real value"))
+    }
+}
+
+impl Op for IsoParams {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = Plain<'a>;
+    type Output = Image;
+    type Figures = RenderFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        self.value()?;
+        self.picture.check_together()
+    }
+
+    fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
+        let value = self.value().map_err(crate::Error::from)?;
+        drawn(&inputs.into(), Mode::Iso { value }, &self.picture, exec)
+    }
+}
+
+impl Op for DifferenceParams {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = Pair<'a>;
+    type Output = Image;
+    type Figures = DifferenceFigures;
+
+    fn run(&self, inputs: Pair<'_>, _: &Exec) -> Result<(Image, DifferenceFigures), Failure> {
+        let start = Instant::now();
+        let found = difference(inputs.before, inputs.after)?;
+        let figures = DifferenceFigures {
+            frames: 1,
+            max: found.max,
+            mean: found.mean,
+            changed_fraction: found.changed,
+            fps: rate(start),
+        };
+        Ok((found.image, figures))
+    }
+}
