@@ -231,17 +231,17 @@ impl<'a> Pilot<'a> {
             }
         }
         self.setting = setting;
-        plan.retune(&self.scene_with(&setting), self.options.input.as_deref())
+        plan.retune(&self.scene_with(&setting)?, self.options.input.as_deref())
     }
 
     /// The scene with the knobs that differ from its wish.
-    pub(super) fn scene_with(&self, setting: &Setting) -> Loaded {
+    pub(super) fn scene_with(&self, setting: &Setting) -> Result<Loaded, Error> {
         let mut loaded = self.wish.clone();
         let wish = Setting::of(&loaded.scene);
         for knob in Knob::ALL.into_iter().filter(|knob| !knob.moved(&wish, setting).is_empty()) {
-            knob.apply(&mut loaded.scene, setting);
+            knob.apply(&mut loaded.scene, setting)?;
         }
-        loaded
+        Ok(loaded)
     }
 
     /// A knob's value is final: says what became of it.

@@ -4,7 +4,6 @@ use serde::de::DeserializeOwned;
 
 use super::*;
 use crate::Stage;
-use crate::scene::BoundarySection;
 
 /// The leaves of a JSON value, by their paths.
 fn leaves(path: &str, value: &Value, found: &mut Vec<(String, Value)>) {
@@ -65,11 +64,6 @@ fn no_parameter_is_hidden_from_scenes() {
     assert_eq!(segment("values = [1.0]\nsmallest = 9\norder = \"size\"", "threshold"), [".method"]);
     let atf = "resolution = 9\nmax_opacity = 0.3\nmin_opacity = 0.2\nsize_exponent = 1.0\nsoftness = 0.0";
     assert_eq!(unmoved(atf, |s| Atf::from_section(s, None)), [".iso"], "the isovalue is the lattice's");
-    let part = "class = 1\nseed = [1.0, 2.0, 3.0]\nfill_holes = false\nabove = 4.0";
-    assert_eq!(unmoved(part, |s: &BoundarySection| Boundary::from_section(s, None)), nothing);
-    let refine = "method = \"merge\"\nratio = 0.5\nmax_turn_degrees = 30.0\nshape_weight = 0.5\nallow_topology = true\n\
-        feature_degrees = 30.0\nmin_component = 9\n[[lock]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0";
-    assert_eq!(unmoved(refine, |s| Refine::from_section(s).unwrap()), nothing);
     let deform = "stiffness = 1.0\nduration = 1.0\ndt = 0.1\nground = 2.0\ndamping = 2.0\ndensity = 2.0\n\
         vertex_mass = 2.0\nepsilon = 0.5\nliteral = true\n[[fix]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0\n\
         [[handle]]\nvertex = 1\nmove = [0.0, 0.0, 1.0]\nradius = 2.0\n\
@@ -116,8 +110,6 @@ fn what_changes_no_pixel_is_read_from_scenes_and_is_in_no_cache_key() {
 #[test]
 fn a_section_that_says_nothing_is_the_stages_own_defaults() {
     assert_eq!(Atf::from_section(&toml::from_str("").unwrap(), None).params, ivd_atf::Params::default());
-    let refine = Refine::from_section(&toml::from_str("").unwrap()).unwrap();
-    assert_eq!(refine.params, ivd_lattice::refine::RefineParams::default());
     let deform = Deform::from_section(&toml::from_str("").unwrap()).unwrap();
     assert_eq!(deform.method, DeformMethod::Ring(ivd_deform::spring::RingParams::default()));
     let deform = Deform::from_section(&toml::from_str("solver = \"dynamics\"").unwrap()).unwrap();

@@ -1,9 +1,7 @@
 //! The sections of a scene, in the order in which data flows. Every parameter of a stage has a key in its section.
 
-mod boundary;
 mod deform;
 mod input;
-mod lattice;
 mod map;
 mod output;
 mod picture;
@@ -11,10 +9,8 @@ mod rigid;
 mod segment;
 mod shape;
 
-pub use boundary::{BoundarySection, ClassChoice, ClassWord};
 pub use deform::{CourseChoice, DeformSection, FixSection, HandleSection, MaterialSection, Solver};
 pub use input::{InputSection, RawSection};
-pub use lattice::{IsoChoice, IsoWord, LatticeSection, RefineMethod, RefineSection};
 pub use map::{WarpOrder, WarpSection};
 pub use output::{OutputSection, Picture};
 pub use picture::{AtfSection, Projection, RenderMode, RenderSection};
