@@ -37,7 +37,7 @@ pub fn take_through(lattice: &Lattice, handles: &[Handle], fixed: &[Fix], target
         return;
     }
     let closed = figures::measure(lattice).is_closed_manifold();
-    let params = RefineParams { target, ..RefineParams::default() };
+    let params = RefineParams { target: target.into(), ..RefineParams::default() };
     let refined = collapse(lattice, &params, exec()).map(|refined| refined.lattice);
     for lattice in std::iter::once(lattice).chain(refined.as_ref().ok()) {
         lattice.check().expect("a lattice");

@@ -6,14 +6,6 @@ pub enum Error {
     /// A failure that any stage can meet.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
-    /// The labels have no voxel of the class.
-    #[error("no voxel has class {id}; the labels have {known}")]
-    NoSuchClass {
-        /// The class asked for.
-        id: u16,
-        /// The classes there are, with their means and sizes.
-        known: String,
-    },
     /// No voxel is at or above the value.
     #[error("no voxel is at or above {above}; the volume's values are {range}")]
     NothingAbove {
@@ -60,10 +52,7 @@ impl Faulty for Error {
     fn fault(&self) -> Fault {
         match self {
             Self::Core(error) => error.fault(),
-            Self::NoSuchClass { .. }
-            | Self::NothingAbove { .. }
-            | Self::SeedOutside { .. }
-            | Self::SeedElsewhere { .. } => Fault::Usage,
+            Self::NothingAbove { .. } | Self::SeedOutside { .. } | Self::SeedElsewhere { .. } => Fault::Usage,
         }
     }
 }

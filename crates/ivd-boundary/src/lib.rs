@@ -8,7 +8,7 @@
 //! only through a corner is no hole.
 //!
 //! ```
-//! use ivd_boundary::{Params, component};
+//! use ivd_boundary::{ComponentParams, component};
 //! use ivd_core::{Exec, Grid, Volume, Voxels};
 //!
 //! // A ring of nines round a one, and a nine on its own.
@@ -18,7 +18,7 @@
 //! voxels[2 + 6 * (2 + 5)] = 1;
 //! voxels[5] = 9;
 //! let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
-//! let params = Params { above: Some(5.0), ..Params::default() };
+//! let params = ComponentParams { above: Some(5.0), ..ComponentParams::default() };
 //! let part = component(&volume, None, &params, &Exec::default()).unwrap();
 //! assert_eq!((part.voxels, part.filled, part.components), (27, 1, 2));
 //! ```
@@ -28,7 +28,9 @@ mod component;
 mod error;
 mod params;
 mod runs;
+mod stage;
 
-pub use component::{Isolated, choose_class, component};
+pub use component::{Isolated, component};
 pub use error::Error;
-pub use params::{ClassChoice, Params};
+pub use params::ComponentParams;
+pub use stage::{BoundaryFigures, Inputs, STAGE};

@@ -4,18 +4,18 @@
 
 use std::collections::VecDeque;
 
-use ivd_boundary::{ClassChoice, Error, Isolated, Params, component};
-use ivd_core::{Class, Exec, Fault, Faulty, Grid, Labels, Volume, Voxels, noise};
+use ivd_boundary::{ComponentParams, Error, Isolated, component};
+use ivd_core::{Class, ClassChoice, Exec, Fault, Faulty, Grid, Labels, Volume, Voxels, noise};
 
-fn above(value: f64) -> Params {
-    Params { above: Some(value), ..Params::default() }
+fn above(value: f64) -> ComponentParams {
+    ComponentParams { above: Some(value), ..ComponentParams::default() }
 }
 
 fn volume(dims: [usize; 3], voxels: impl Into<Voxels>) -> Volume {
     Volume::new(Grid::with_spacing(dims, [1.0; 3]).unwrap(), voxels.into()).unwrap()
 }
 
-fn isolate(volume: &Volume, params: &Params) -> Result<Isolated, Error> {
+fn isolate(volume: &Volume, params: &ComponentParams) -> Result<Isolated, Error> {
     component(volume, None, params, &Exec::default())
 }
 
@@ -115,7 +115,7 @@ fn a_hole_is_filled_and_a_hole_with_a_door_is_not() {
     assert_eq!((open.voxels, open.filled), (97, 0));
     let through_an_edge = isolate(&shell(&[[2, 2, 4]]), &above(1.0)).unwrap();
     assert_eq!(through_an_edge.filled, 0, "background passes edges and corners");
-    let kept = Params { fill_holes: false, ..above(1.0) };
+    let kept = ComponentParams { fill_holes: false, ..above(1.0) };
     assert_eq!(isolate(&shell(&[]), &kept).unwrap().voxels, 98);
 }
 
@@ -182,7 +182,12 @@ fn classes_are_chosen_by_id_density_and_size_and_seeds_pick_the_piece() {
     let (volume, labels) = bars();
     let world = |x: usize| volume.grid().world(ivd_core::VoxelIndex([x, 1, 1]).into()).0.into();
     let run = |class, seed| {
-        component(&volume, Some(&labels), &Params { class, seed, ..Params::default() }, &Exec::default())
+        component(
+            &volume,
+            Some(&labels),
+            &ComponentParams { class, seed, ..ComponentParams::default() },
+            &Exec::default(),
+        )
     };
     let largest = run(None, None).unwrap();
     assert_eq!((largest.class, largest.voxels, largest.components), (Some(2), 18, 2));
@@ -207,14 +212,14 @@ fn classes_are_chosen_by_id_density_and_size_and_seeds_pick_the_piece() {
 #[test]
 fn seeds_in_nothing_and_empty_parts_say_so() {
     let v = volume([4, 1, 1], vec![0_u8, 0, 0, 9]);
-    let params = Params { seed: Some([0.0; 3]), ..above(5.0) };
+    let params = ComponentParams { seed: Some([0.0; 3]), ..above(5.0) };
     let Err(Error::SeedElsewhere { distance_mm, .. }) = isolate(&v, &params) else {
         panic!("0 isn't above 5")
     };
     assert_eq!(distance_mm, 3.0);
     assert!(isolate(&v, &above(10.0)).unwrap_err().to_string().contains("0 to 9"));
     assert!(isolate(&volume([1, 1, 1], vec![f32::NAN]), &above(0.0)).is_err());
-    assert!(isolate(&v, &Params::default()).unwrap_err().to_string().contains("`above`"));
+    assert!(isolate(&v, &ComponentParams::default()).unwrap_err().to_string().contains("`above`"));
 }
 
 #[test]

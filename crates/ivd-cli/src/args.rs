@@ -7,9 +7,7 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser as _;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
-use ivd_pipeline::scene::{
-    ClassChoice, FixSection, HandleSection, IsoChoice, Override, RigidSection, ShapeSection, triple,
-};
+use ivd_pipeline::scene::{FixSection, HandleSection, Override, RigidSection, ShapeSection, triple};
 
 use crate::parse;
 
@@ -141,96 +139,6 @@ pub(crate) enum Command {
     },
     /// Finds a volume's classes.
     Segment(Box<SegmentArgs>),
-    /// Isolates a class's part.
-    Boundary {
-        /// Volume artefact or file.
-        volume: PathBuf,
-        /// Its labels (artefact).
-        #[arg(long)]
-        labels: Option<PathBuf>,
-        /// A class id, densest or largest.
-        #[arg(long)]
-        class: Option<ClassChoice>,
-        /// A point in the part (mm).
-        #[arg(long, value_name = "x,y,z", value_parser = triple, allow_hyphen_values = true)]
-        seed: Option<[f64; 3]>,
-        /// Where there are no labels: the part at or above this value.
-        #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
-        above: Option<f64>,
-        /// Leave holes inside the part open.
-        #[arg(long)]
-        keep_holes: bool,
-        #[command(flatten)]
-        output: Output,
-    },
-    /// Cuts a lattice by marching cubes.
-    Lattice {
-        /// Volume artefact or file.
-        volume: PathBuf,
-        /// Its labels (artefact), for `--iso boundary`.
-        #[arg(long)]
-        labels: Option<PathBuf>,
-        /// The class whose crossings are meant.
-        #[arg(long)]
-        class: Option<ClassChoice>,
-        /// The isolated part (artefact).
-        #[arg(long)]
-        mask: Option<PathBuf>,
-        /// A value, or `boundary`.
-        #[arg(long, value_name = "V|boundary", allow_hyphen_values = true)]
-        iso: Option<IsoChoice>,
-        /// Several labels at once, whose lattices meet without gaps: ids by priority, or `all`; the output is a folder.
-        #[arg(long, value_name = "ID,ID…|all", conflicts_with_all = ["class", "mask", "iso"], requires = "labels")]
-        parts: Option<String>,
-        /// A closed mesh of another program (.ply, .obj, .stl, .glb, .vtp) to take for the lattice.
-        #[arg(long, value_name = "FILE", conflicts_with_all = ["labels", "class", "mask", "iso", "parts"])]
-        mesh: Option<PathBuf>,
-        /// Vertices of the mesh no further apart than this are one.
-        #[arg(long, value_name = "MM", requires = "mesh", allow_hyphen_values = true)]
-        weld: Option<f64>,
-        /// Take a mesh that isn't closed; its inside has no meaning then.
-        #[arg(long, requires = "mesh")]
-        allow_open: bool,
-        #[command(flatten)]
-        output: Output,
-    },
-    /// Simplifies a lattice without a new vertex.
-    Refine {
-        /// Lattice artefact.
-        lattice: PathBuf,
-        /// collapse, decimate, loop, merge or sample.
-        #[arg(long)]
-        method: Option<String>,
-        /// Keep about a quarter of the vertices per level.
-        #[arg(long, group = "target")]
-        level: Option<u8>,
-        /// Keep this share of the triangles.
-        #[arg(long, group = "target", allow_hyphen_values = true)]
-        ratio: Option<f64>,
-        /// Stay within this distance (mm).
-        #[arg(long, group = "target", value_name = "MM", allow_hyphen_values = true)]
-        max_error: Option<f64>,
-        /// Keep this many triangles.
-        #[arg(long, group = "target")]
-        count: Option<usize>,
-        /// Handles and tunnels may close where nothing else can go; the result need not be a manifold there.
-        #[arg(long)]
-        allow_topology: bool,
-        /// Keep edges where the surface turns by more than this.
-        #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
-        feature_degrees: Option<f64>,
-        /// Place whose vertices stay: `pick=x,y,z;radius=r` (mm).
-        #[arg(long, value_name = "PLACE")]
-        lock: Vec<FixSection>,
-        /// Components of fewer triangles go before anything else.
-        #[arg(long, value_name = "TRIANGLES")]
-        min_component: Option<u32>,
-        /// Keep the lattice and these levels of it beside one another, in one artefact.
-        #[arg(long, value_name = "N,N…", value_delimiter = ',', conflicts_with = "target")]
-        chain: Vec<u8>,
-        #[command(flatten)]
-        output: Output,
-    },
     /// Moves a lattice.
     Deform {
         /// Lattice artefact.
@@ -332,14 +240,7 @@ pub(crate) enum Command {
 impl Command {
     /// Whether it is a stage whose parameters are a section of a scene.
     pub(crate) fn has_section(&self) -> bool {
-        matches!(
-            self,
-            Self::Segment { .. }
-                | Self::Boundary { .. }
-                | Self::Lattice { .. }
-                | Self::Refine { .. }
-                | Self::Deform { .. }
-        )
+        matches!(self, Self::Segment { .. } | Self::Deform { .. })
     }
 }
 

@@ -1,6 +1,7 @@
 //! The commands of the stages of the list: made from what their methods declare, as the scene's sections are.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
@@ -14,6 +15,7 @@ use serde_json::{Map, Value as Json};
 use crate::args::{Args, Global};
 use crate::commands::Asked;
 use crate::commands::stage::{filled, finish, unused};
+use crate::commands::{lattice, two_classes};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::parse::table_of;
@@ -148,6 +150,7 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
     } else {
         ("FILE.ivd", "Artefact file")
     };
+    command = command.args(extra(stage));
     command.arg(
         Arg::new("output")
             .short('o')
@@ -169,6 +172,19 @@ fn slot_help(stage: &Stage, slot: &str) -> String {
     let kinds: Vec<String> = kinds.collect();
     let kinds = kinds.join(", ");
     if kinds.starts_with(slot) { upper(&kinds) } else { format!("{}: {kinds}", upper(slot)) }
+}
+
+/// The flags of a command that are neither keys nor inputs of its stage: the command, the flag, and why it is none of them.
+#[cfg(test)]
+const EXTRA: [(&str, &str, &str); 4] = [
+    ("lattice", "parts", "it gives a lattice for each label, where a stage gives one value"),
+    ("lattice", "mesh", "a file of another program stands in for the stage's work"),
+    ("lattice", "weld", "how that file is taken"),
+    ("lattice", "allow_open", "how that file is taken"),
+];
+
+fn extra(stage: &Stage) -> Vec<Arg> {
+    if stage.name == ivd_lattice::extract::STAGE.name { lattice::flags().into() } else { Vec::new() }
 }
 
 /// The flag of a field, and hidden ones for names that it had before.
@@ -299,7 +315,7 @@ fn keys(field: Field<'_>) -> String {
     for one in all {
         let Some((key, word)) = fields(one).find_map(word) else { continue };
         let own: Vec<String> = own(one).into_iter().filter(|key| !shared.contains(key)).collect();
-        text += &format!("; {key}={word}: {}", own.join(", "));
+        let _ = write!(text, "; {key}={word}: {}", own.join(", "));
     }
     text
 }
@@ -320,6 +336,9 @@ fn flag(key: &str) -> String {
 
 /// Runs a stage as its command asks for it.
 pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<()> {
+    if stage.name == ivd_lattice::extract::STAGE.name && lattice::run(matches, context)? {
+        return Ok(());
+    }
     let section = section(stage, matches, context)?;
     let path = |name: &str| matches.get_one::<PathBuf>(name).map(PathBuf::as_path);
     let reads = |slot: &str| {
@@ -338,6 +357,7 @@ pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context
     }
     let cache = context.stage_cache()?;
     let inputs = filled(&files, &cache, context)?;
+    let inputs = two_classes::completed(inputs, &section, &cache, context)?;
     let done = context.run(&cache, &section, &inputs)?;
     let output = path("output").ok_or_else(|| Failure::usage("-o FILE is missing"))?;
     finish(done, output, context)
@@ -448,4 +468,26 @@ pub(crate) fn with_truths(words: impl Iterator<Item = std::ffi::OsString>) -> Ve
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_flag_is_a_key_an_input_the_output_or_on_the_list() {
+        for stage in list::STAGES {
+            let command = with_arguments(Command::new(stage.name), stage);
+            let keys = flags(stage);
+            for arg in command.get_arguments() {
+                let id = arg.get_id().as_str();
+                let is_key =
+                    keys.iter().any(|key| key.name == id || key.field().aliases().any(|old| old == id));
+                let is_listed = EXTRA.iter().any(|(command, flag, _)| (*command, *flag) == (stage.name, id));
+                let is_known =
+                    is_key || slots(stage).contains(&id) || [stage.selector, "output"].contains(&id);
+                assert!(is_known != is_listed, "{} {id}", stage.name);
+            }
+        }
+    }
 }

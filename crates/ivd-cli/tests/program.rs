@@ -283,6 +283,8 @@ fn parameters_come_from_a_file_where_a_command_has_a_section_and_are_refused_els
     assert_eq!(of(&part, "params.above"), 100.0);
     let part = json(at, &["boundary", "v.ivd", "--above", "90", "-o", "m.ivd", "--params", "p.toml"]);
     assert_eq!(of(&part, "params.above"), 90.0, "what is typed wins");
+    let part = json(at, &["boundary", "v.ivd", "--above", "90", "--keep-holes", "-o", "m.ivd"]);
+    assert_eq!(of(&part, "params.fill_holes"), false, "the old name says the opposite");
     params("mode = \"iso\"\niso = 100.0\nsize = [8, 8]\n");
     let picture = json(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml"]);
     assert_eq!(of(&picture, "params.iso"), 100.0, "a default gives way to the file");

@@ -123,6 +123,14 @@ pub enum Error {
         /// Its dims.
         b_dims: [usize; 3],
     },
+    /// The labels have no voxel of the class.
+    #[error("no voxel has class {id}; the labels have {known}")]
+    NoSuchClass {
+        /// The class asked for.
+        id: u16,
+        /// The classes there are, with their means and sizes.
+        known: String,
+    },
     /// Data whose length doesn't fit its shape, or that breaks an invariant of its type.
     #[error("inconsistent {what}: {problem}")]
     Inconsistent {
@@ -139,7 +147,7 @@ impl Faulty for Error {
             Self::Cancelled => Fault::Cancelled,
             Self::Spill { .. } => Fault::Io,
             Self::MemoryLimit { .. } | Self::Deadline => Fault::Limit,
-            Self::Param(_) | Self::GridMismatch { .. } => Fault::Usage,
+            Self::Param(_) | Self::GridMismatch { .. } | Self::NoSuchClass { .. } => Fault::Usage,
             Self::Grid(_) | Self::Inconsistent { .. } => Fault::Input,
         }
     }

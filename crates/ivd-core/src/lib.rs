@@ -24,6 +24,7 @@
 mod bricks;
 mod buffer;
 mod bulk;
+mod class_choice;
 mod displacement;
 mod error;
 mod exec;
@@ -48,6 +49,7 @@ mod volume;
 pub use bricks::{BRICK, BrickIndex, BrickRange};
 pub use buffer::{Buffer, ByteSource};
 pub use bulk::{Bulk, Space, Spill};
+pub use class_choice::ClassChoice;
 pub use displacement::{Displacement, FieldBricks, NO_BRICK};
 pub use error::{Error, Fault, Faulty, ParamError};
 pub use exec::{Backend, Cancel, Exec, Iteration, Observer, Silent};

@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("{} of {} bricks hold the surface", cut.bricks_active, cut.bricks_total);
     print("extracted", &cut.lattice);
 
-    let params = RefineParams { target: Target::Level(2), ..RefineParams::default() };
+    let params = RefineParams { target: Target::Level(2).into(), ..RefineParams::default() };
     let refined = collapse(&cut.lattice, &params, &exec)?;
     print("refined", &refined.lattice);
     println!("at most {:.3} mm from the extracted surface", refined.lattice.max_error_mm);

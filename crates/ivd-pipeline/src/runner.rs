@@ -140,6 +140,17 @@ impl Runner<'_> {
     /// The stage's own error, or what the cache's files ran into while writing (an unreadable entry is no error:
     /// the work is done again).
     pub fn run(&self, stage: &dyn Stage, inputs: &Inputs, force: bool) -> Result<Done, Error> {
+        self.run_with(stage, inputs, force, &mut || stage.run(inputs, self.exec))
+    }
+
+    /// As [`Runner::run`], where the work may be shared with that of other stages.
+    pub(crate) fn run_with(
+        &self,
+        stage: &dyn Stage,
+        inputs: &Inputs,
+        force: bool,
+        work: &mut dyn FnMut() -> Result<Product, Error>,
+    ) -> Result<Done, Error> {
         inputs.check(stage)?;
         self.exec.check_cancelled()?;
         let clock = Clock::start();
@@ -168,7 +179,7 @@ impl Runner<'_> {
             }
         };
         tracing::info!(stage = stage.name(), why, "running");
-        let product = stage.run(inputs, self.exec);
+        let product = work();
         // Before anything is believed of it, its failure too.
         inputs.check_damage()?;
         let product = product?;

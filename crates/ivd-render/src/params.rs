@@ -144,7 +144,7 @@ mod tests {
         let bad = |params: RenderParams| params.check().unwrap_err().field;
         let ok = RenderParams::default;
         assert_eq!(bad(RenderParams { size: [0, 8], ..ok() }), "size.0");
-        assert_eq!(bad(RenderParams { step: 0.0, ..ok() }), "step");
+        assert_eq!(bad(RenderParams { step: f64::NAN, ..ok() }), "step");
         assert_eq!(bad(RenderParams { termination: 0.0, ..ok() }), "termination");
         assert_eq!(bad(RenderParams { mode: Mode::Iso { value: f64::NAN }, ..ok() }), "iso");
         let view = View { angles: [0.0, 91.0], ..View::default() };

@@ -134,8 +134,8 @@ pub struct DifferenceFigures {
 }
 
 /// Pictures in a second where one takes as long as since `start`.
-fn rate(start: Instant) -> Option<f64> {
-    Some(1.0 / start.elapsed().as_secs_f64().max(1e-9))
+fn rate(start: Instant) -> f64 {
+    1.0 / start.elapsed().as_secs_f64().max(1e-9)
 }
 
 /// Draws a scene in a mode.
@@ -151,7 +151,7 @@ fn drawn(
         frames: found.frames,
         samples_per_pixel: found.samples_per_pixel,
         skipped_fraction: found.skipped_fraction,
-        fps: rate(start),
+        fps: Some(rate(start)),
     };
     Ok((found.image, figures))
 }
@@ -233,7 +233,7 @@ impl Op for DifferenceParams {
             max: found.max,
             mean: found.mean,
             changed_fraction: found.changed,
-            fps: rate(start),
+            fps: Some(rate(start)),
         };
         Ok((found.image, figures))
     }

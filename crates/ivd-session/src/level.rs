@@ -40,7 +40,7 @@ impl Level {
         let lattice = if level == 0 {
             finest.clone()
         } else {
-            let params = RefineParams { target: Target::Level(level), ..RefineParams::default() };
+            let params = RefineParams { target: Target::Level(level).into(), ..RefineParams::default() };
             Arc::new(collapse(finest, &params, exec)?.lattice)
         };
         Ok(Self { lattice, nearest: None, smoothest: None, springs: None })

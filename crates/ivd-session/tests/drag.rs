@@ -67,7 +67,7 @@ fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::Mapped>, Volume) {
     let lattice = match settings.level {
         0 => finest,
         level => {
-            let params = RefineParams { target: Target::Level(level), ..RefineParams::default() };
+            let params = RefineParams { target: Target::Level(level).into(), ..RefineParams::default() };
             collapse(&finest, &params, exec).unwrap().lattice
         }
     };

@@ -95,7 +95,7 @@ pub trait Backend: Sync {
         &self,
         volume: &Volume,
         labels: &Labels,
-        params: &ivd_boundary::Params,
+        params: &ivd_boundary::ComponentParams,
         exec: &Exec,
     ) -> Answer<ivd_boundary::Isolated> {
         Ok(ivd_boundary::component(volume, Some(labels), params, exec)?)

@@ -124,7 +124,7 @@ pub struct Setup {
     /// Transfer function.
     pub atf: ivd_atf::Params,
     /// Which part.
-    pub boundary: ivd_boundary::Params,
+    pub boundary: ivd_boundary::ComponentParams,
     /// Which surface.
     pub cut: Cut,
     /// Refinement.
@@ -160,9 +160,12 @@ impl Default for Setup {
             turn: None,
             thresholds: vec![0.5],
             atf: ivd_atf::Params { resolution: 64, ..ivd_atf::Params::default() },
-            boundary: ivd_boundary::Params::default(),
+            boundary: ivd_boundary::ComponentParams::default(),
             cut: Cut::Part,
-            refine: RefineParams { target: ivd_lattice::refine::Target::Level(1), ..RefineParams::default() },
+            refine: RefineParams {
+                target: ivd_lattice::refine::Target::Level(1).into(),
+                ..RefineParams::default()
+            },
             octree: ivd_octree::Params::default(),
             handles: Vec::new(),
             fixed: Vec::new(),

@@ -1,7 +1,6 @@
 //! The cases that must not break anything, as a table: awkward volumes, surfaces, lattices, materials and handles.
 
-use ivd_boundary::ClassChoice;
-use ivd_core::{Fault, Grid, Scalar, Volume};
+use ivd_core::{ClassChoice, Fault, Grid, Scalar, Volume};
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt};
 
 use super::case::{Case, Cut, Refused, Stage, TURNS};
@@ -291,7 +290,7 @@ fn surfaces() -> Vec<Case> {
         .with(|s| s.cut = Cut::Value(125.0))
         .may(&TOO_MUCH),
         nudged("all refined away", ball(16))
-            .with(|s| s.refine.target = ivd_lattice::refine::Target::Level(9))
+            .with(|s| s.refine.target = ivd_lattice::refine::Target::Level(9).into())
             .may(&TOO_MUCH),
     ]
 }
@@ -300,7 +299,7 @@ fn surfaces() -> Vec<Case> {
 fn lattices() -> Vec<Case> {
     let grid = cube(12);
     let middle = [5.3, 5.4, 5.6];
-    let pull = |case: Case| case.with(|s| s.refine.target = ivd_lattice::refine::Target::Level(0));
+    let pull = |case: Case| case.with(|s| s.refine.target = ivd_lattice::refine::Target::Level(0).into());
     let on = |name: &str, lattice| pull(nudged(name, ball(12)).on(lattice)).may(&TOO_MUCH);
     let isolated = on("handle at an isolated vertex", meshes::loose(&grid, middle, 3.0));
     vec![
@@ -388,7 +387,7 @@ fn handles() -> Vec<Case> {
             .with(|s| s.fixed = vec![Fix { at: HandleAt::Vertex(4), radius: 0.0 }]),
         nudged("opposing flaps", flaps)
             .with(|s| {
-                s.refine.target = ivd_lattice::refine::Target::Level(0);
+                s.refine.target = ivd_lattice::refine::Target::Level(0).into();
                 s.cut = Cut::Value(0.5);
                 s.handles =
                     vec![pick([5.5, 7.6, 7.4], [2.5, 0.0, 0.0]), pick([8.5, 7.6, 7.4], [-2.5, 0.0, 0.0])];

@@ -1,7 +1,6 @@
 //! Random scenes: a tiny volume of any kind and any questions, from a seed.
 
-use ivd_boundary::ClassChoice;
-use ivd_core::{Fault, Grid, Scalar, Volume, VoxelCoord, Voxels};
+use ivd_core::{ClassChoice, Fault, Grid, Scalar, Volume, VoxelCoord, Voxels};
 use ivd_deform::freeform::{Kind, Shape};
 use ivd_deform::map::{Band, DepthWeight, OctreeParams, Outside};
 use ivd_deform::mass_spring;
@@ -158,13 +157,13 @@ fn setup(random: &mut Seeded, volume: &Volume) -> Setup {
         k: 1 + random.below(6),
         turn: None,
         thresholds,
-        boundary: ivd_boundary::Params {
+        boundary: ivd_boundary::ComponentParams {
             class: random.pick(&[None, Some(ClassChoice::Densest), Some(ClassChoice::Largest)]),
             fill_holes: !random.one_in(3),
-            ..ivd_boundary::Params::default()
+            ..ivd_boundary::ComponentParams::default()
         },
         cut: random.pick(&[Cut::Part, Cut::Part, Cut::Mask, Cut::Value(cut_at)]),
-        refine: RefineParams { target, ..RefineParams::default() },
+        refine: RefineParams { target: target.into(), ..RefineParams::default() },
         octree: ivd_octree::Params { leaf_size: random.pick(&[1, 2, 4, 4, 8]) },
         fixed: if random.one_in(4) { vec![fix(random, length)] } else { Vec::new() },
         ring,

@@ -30,7 +30,7 @@ fn case() -> Case {
     let mut case = Case::new("planted", Volume::new(grid, Voxels::from(voxels)).unwrap());
     case.setup.k = 2;
     case.setup.octree.leaf_size = 1;
-    case.setup.boundary.class = Some(ivd_boundary::ClassChoice::Densest);
+    case.setup.boundary.class = Some(ivd_core::ClassChoice::Densest);
     case.setup.handles =
         vec![Handle { at: HandleAt::Vertex(7), action: Action::Move([0.8, 0.2, -0.3]), radius: 7.0 }];
     case

@@ -47,7 +47,8 @@ fn scene(scale: f64, shift: f64) -> Results {
         ivd_atf::transfer(&volume, &found.labels, &ivd_atf::Params::default(), &exec).unwrap().transfer;
     let iso = ExtractParams { iso: Iso::Value(52.0) };
     let lattice = extract(&volume, None, &iso, &exec).unwrap().lattice;
-    let params = RefineParams { target: ivd_lattice::refine::Target::Level(1), ..RefineParams::default() };
+    let params =
+        RefineParams { target: ivd_lattice::refine::Target::Level(1).into(), ..RefineParams::default() };
     let refined = collapse(&lattice, &params, &exec).unwrap();
     let at = |p: [f64; 3]| HandleAt::Pick(std::array::from_fn(|a| origin[a] + p[a] * scale));
     let handles = [

@@ -2,8 +2,7 @@
 //!
 //! The scene has no ties: smooth values in single precision on which no two voxels agree.
 
-use ivd_boundary::ClassChoice;
-use ivd_core::{Displacement, Exec, Grid, Lattice, Volume, VoxelIndex, Voxels, World};
+use ivd_core::{ClassChoice, Displacement, Exec, Grid, Lattice, Volume, VoxelIndex, Voxels, World};
 use ivd_deform::map::{Band, OctreeParams, Outside};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, Solved, ring};
 use ivd_deform::warp::WarpParams;
@@ -49,8 +48,10 @@ fn lattice(volume: &Volume) -> Lattice {
 fn labels_masks_and_transfer_functions_turn_with_the_volume() {
     let (volume, exec) = (blob(), Exec::default());
     let (found, grid) = (kmvs(&volume), volume.grid());
-    let params =
-        ivd_boundary::Params { class: Some(ClassChoice::Densest), ..ivd_boundary::Params::default() };
+    let params = ivd_boundary::ComponentParams {
+        class: Some(ClassChoice::Densest),
+        ..ivd_boundary::ComponentParams::default()
+    };
     let part = ivd_boundary::component(&volume, Some(&found.labels), &params, &exec).unwrap();
     let at = ThresholdParams { values: vec![20.5, 60.5] };
     let cut = ivd_segment::threshold(&volume, None, &at, &exec).unwrap();
@@ -120,7 +121,7 @@ fn lattices_and_octrees_turn_with_the_volume() {
 fn a_refined_lattice_stays_within_its_bound_whichever_way_it_is_turned() {
     let exec = Exec::default();
     let straight = lattice(&blob());
-    let params = RefineParams { target: Target::Level(1), ..RefineParams::default() };
+    let params = RefineParams { target: Target::Level(1).into(), ..RefineParams::default() };
     let refined = collapse(&straight, &params, &exec).unwrap();
     for turn in TURNS {
         let (other, _) = turn.lattice(&straight);

@@ -69,7 +69,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
             }
             ["refine", ratio] => {
                 let params =
-                    RefineParams { target: Target::Ratio(ratio.parse()?), ..RefineParams::default() };
+                    RefineParams { target: Target::Ratio(ratio.parse()?).into(), ..RefineParams::default() };
                 let found = collapse(lattice.as_ref().ok_or("extract first")?, &params, &exec)?;
                 json!({ "triangles": found.lattice.triangles.len(), "max_error_mm": found.max_error_mm })
             }

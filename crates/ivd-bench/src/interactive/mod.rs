@@ -124,7 +124,7 @@ fn measured(
     let voxel = volume.grid().spacing().iter().product::<f64>().cbrt();
     let radius = RADIUS * voxel;
     // A vertex that all levels have, or nearly.
-    let coarsest = RefineParams { target: Target::Level(LEVELS[4]), ..RefineParams::default() };
+    let coarsest = RefineParams { target: Target::Level(LEVELS[4]).into(), ..RefineParams::default() };
     let top = outermost(&collapse(&lattice, &coarsest, exec)?.lattice)?;
     let path = path(frames, FARTHEST * radius);
     let solvers = [("ring", Physics::Ring(RingParams::default())), ("projective", projective(GRIP * radius))];

@@ -104,7 +104,7 @@ impl<'a> Rows<'a> {
 
     /// Refines the lattice with the method's defaults.
     pub(super) fn refined(&self, method: Method, target: Target) -> Result<Refined, Problem> {
-        let params = RefineParams { method, target, ..RefineParams::default() };
+        let params = RefineParams { method, target: target.into(), ..RefineParams::default() };
         Ok(refine(self.lattice, &params, Locks::NONE, self.exec)?)
     }
 

@@ -154,7 +154,7 @@ pub(super) fn on_whole(
     let truth = Arc::new(truth.displacement);
     let mut settings = Vec::new();
     for level in LEVELS {
-        let refine = RefineParams { target: Target::Level(level), ..RefineParams::default() };
+        let refine = RefineParams { target: Target::Level(level).into(), ..RefineParams::default() };
         let lattice = match level {
             0 => Arc::new(lattice.clone()),
             _ => Arc::new(collapse(lattice, &refine, exec)?.lattice),

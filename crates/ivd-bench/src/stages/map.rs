@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
-use ivd_boundary::{ClassChoice, component};
-use ivd_core::{Displacement, Exec, Lattice, Volume};
+use ivd_boundary::component;
+use ivd_core::{ClassChoice, Displacement, Exec, Lattice, Volume};
 use ivd_deform::spring::{Action, Handle, HandleAt};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
@@ -35,7 +35,7 @@ pub(super) fn on(
     let voxel = voxel_mm(&whole.grid);
     let mut lattices = Vec::new();
     for level in LEVELS {
-        let params = RefineParams { target: target(level), ..RefineParams::default() };
+        let params = RefineParams { target: target(level).into(), ..RefineParams::default() };
         let refined = collapse(whole, &params, exec)?;
         lattices.push((level, Arc::new(refined.lattice), refined.max_error_mm));
     }
@@ -44,7 +44,7 @@ pub(super) fn on(
     let finest = Arc::new(finest.displacement);
     let settings = lattices.into_iter().map(|(level, lattice, bound)| {
         let (finest, handle) = (finest.clone(), *handle);
-        let default = target(level) == RefineParams::default().target;
+        let default = target(level) == RefineParams::default().target.get();
         Setting::new([("refine.level", level.to_string())], default, move |exec| {
             let found = deformed(&lattice, &handle, None, &MapChoice::default(), exec)?;
             let (finest, triangles) = (finest.clone(), lattice.triangles.len() as f64);
@@ -80,8 +80,10 @@ const PUSH: f64 = 0.06;
 /// The lattice of a volume's densest class, its largest part.
 pub(crate) fn part(volume: &Volume, exec: &Exec) -> Result<Lattice, Problem> {
     let labels = kmvs(volume, None, &KmvsParams::default(), exec)?.labels;
-    let params =
-        ivd_boundary::Params { class: Some(ClassChoice::Densest), ..ivd_boundary::Params::default() };
+    let params = ivd_boundary::ComponentParams {
+        class: Some(ClassChoice::Densest),
+        ..ivd_boundary::ComponentParams::default()
+    };
     let part = component(volume, Some(&labels), &params, exec)?;
     let iso = match (part.lower, part.upper) {
         (None, None) => Iso::Mask,

@@ -54,7 +54,7 @@ pub(super) fn on(
 ) -> Result<Experiment, Problem> {
     let mut settings = Vec::new();
     for (target, tried) in TASKS {
-        let defaults = RefineParams { target, ..RefineParams::default() };
+        let defaults = RefineParams { target: target.into(), ..RefineParams::default() };
         for params in METHODS.into_iter().flat_map(|method| variants(method, &defaults, tried)) {
             let default = params == defaults;
             if default || reaches(lattice, &params, exec)? {
@@ -107,7 +107,7 @@ fn reaches(lattice: &Lattice, params: &RefineParams, exec: &Exec) -> Result<bool
         found => found?.lattice,
     };
     let share = |kept: usize, of: usize| kept as f64 / of.max(1) as f64;
-    Ok(match params.target {
+    Ok(match params.target.get() {
         Target::Ratio(r) => share(found.triangles.len(), lattice.triangles.len()) <= REACHED * r,
         Target::Level(l) => {
             share(found.keys.len(), lattice.keys.len()) <= LEVEL_REACHED * 0.25_f64.powi(i32::from(l))

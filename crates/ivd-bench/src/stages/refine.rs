@@ -37,8 +37,12 @@ pub(super) fn on(
     let mut settings = Vec::new();
     for level in LEVELS {
         for (shape_weight, max_turn_degrees) in pairs(level, &defaults) {
-            let params =
-                RefineParams { target: target(level), shape_weight, max_turn_degrees, ..defaults.clone() };
+            let params = RefineParams {
+                target: target(level).into(),
+                shape_weight,
+                max_turn_degrees,
+                ..defaults.clone()
+            };
             let default = params == defaults;
             let knobs = [
                 ("shape_weight", shape_weight.to_string()),

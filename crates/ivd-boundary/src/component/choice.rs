@@ -1,10 +1,10 @@
 //! What the caller asked for: a class or a value, and where the seed lies.
 
-use ivd_core::{Class, Error as CoreError, Labels, ParamError, Scalar, Volume, World, with_voxels};
+use ivd_core::{ClassChoice, Error as CoreError, Labels, ParamError, Scalar, Volume, World, with_voxels};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use crate::{ClassChoice, Error, Params};
+use crate::{ComponentParams, Error};
 
 /// The class, or the values, to isolate.
 pub(super) struct Chosen {
@@ -25,7 +25,11 @@ enum Rule<'a> {
     Above(f64),
 }
 
-pub(super) fn choose(volume: &Volume, labels: Option<&Labels>, params: &Params) -> Result<Chosen, Error> {
+pub(super) fn choose(
+    volume: &Volume,
+    labels: Option<&Labels>,
+    params: &ComponentParams,
+) -> Result<Chosen, Error> {
     if let Some(above) = params.above {
         return Ok(Chosen { class: None, lower: Some(above), upper: None });
     }
@@ -44,56 +48,15 @@ pub(super) fn choose(volume: &Volume, labels: Option<&Labels>, params: &Params) 
     }
     let id = match (params.class, params.seed) {
         (Some(ClassChoice::Id(id)), _) => id,
-        (Some(ClassChoice::Densest), _) => densest(labels)?.id,
+        (Some(choice), _) => labels.choose(choice)?.id,
         (None, Some(seed)) => labels.ids()[linear(volume, seed_voxel(volume, seed)?)],
-        (Some(ClassChoice::Largest) | None, _) => largest(labels)?.id,
+        (None, None) => labels.choose(ClassChoice::Largest)?.id,
     };
     let class = labels.class(id);
     if class.is_none() && (id == ivd_core::NO_DATA || !labels.ids().par_iter().any(|&other| other == id)) {
-        return Err(Error::NoSuchClass { id, known: known(labels) });
+        return Err(labels.no_such_class(id).into());
     }
     Ok(Chosen { class: Some(id), lower: class.and_then(|c| c.lower), upper: class.and_then(|c| c.upper) })
-}
-
-/// The listed class that a choice means, so that other stages mean the same one.
-///
-/// # Errors
-/// [`Error::NoSuchClass`] for an id that isn't listed; a parameter error where no class holds a voxel.
-pub fn choose_class(labels: &Labels, choice: ClassChoice) -> Result<&Class, Error> {
-    match choice {
-        ClassChoice::Id(id) => {
-            labels.class(id).ok_or_else(|| Error::NoSuchClass { id, known: known(labels) })
-        }
-        ClassChoice::Densest => densest(labels),
-        ClassChoice::Largest => largest(labels),
-    }
-}
-
-/// The occupied class of the highest mean; of equals the highest id.
-fn densest(labels: &Labels) -> Result<&Class, Error> {
-    let occupied = labels.classes().iter().filter(|c| c.voxels > 0);
-    occupied.max_by(|a, b| a.mean.total_cmp(&b.mean).then(a.id.cmp(&b.id))).ok_or_else(no_classes)
-}
-
-/// The class of the most voxels, the one of the lowest mean apart unless it is the only one; of equals the lowest id.
-fn largest(labels: &Labels) -> Result<&Class, Error> {
-    let occupied = || labels.classes().iter().filter(|c| c.voxels > 0);
-    let air =
-        occupied().min_by(|a, b| a.mean.total_cmp(&b.mean).then(a.id.cmp(&b.id))).ok_or_else(no_classes)?;
-    let others = occupied().filter(|c| c.id != air.id);
-    Ok(others.max_by_key(|c| (c.voxels, std::cmp::Reverse(c.id))).unwrap_or(air))
-}
-
-fn no_classes() -> Error {
-    let remedy = "segment a volume that holds data, or give an id";
-    ParamError::new("class", "the labels list no class with voxels", remedy).into()
-}
-
-/// The classes there are, for messages.
-fn known(labels: &Labels) -> String {
-    let each = labels.classes().iter().map(|c| format!("{} (mean {:.4}, {} voxels)", c.id, c.mean, c.voxels));
-    let list = each.collect::<Vec<_>>().join(", ");
-    if list.is_empty() { "no class".into() } else { list }
 }
 
 /// The voxel that holds a point.
@@ -115,7 +78,7 @@ fn linear(volume: &Volume, voxel: [usize; 3]) -> usize {
 /// Why there is nothing to isolate.
 pub(super) fn nothing_there(volume: &Volume, labels: Option<&Labels>, chosen: &Chosen) -> Error {
     match (chosen.class, labels) {
-        (Some(id), Some(labels)) => Error::NoSuchClass { id, known: known(labels) },
+        (Some(id), Some(labels)) => labels.no_such_class(id).into(),
         _ => Error::NothingAbove {
             above: chosen.lower.unwrap_or(f64::NEG_INFINITY),
             range: volume.range().map_or("all missing".into(), |[low, high]| format!("{low} to {high}")),

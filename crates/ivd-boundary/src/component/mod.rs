@@ -3,13 +3,12 @@
 mod choice;
 mod holes;
 
-pub use choice::choose_class;
-
+use ivd_core::op::Op as _;
 use ivd_core::{Exec, Labels, Mask, Volume};
 use rayon::prelude::*;
 
 use crate::runs::{Connectivity, Runs};
-use crate::{Error, Params};
+use crate::{ComponentParams, Error};
 use choice::{Chosen, Members};
 
 /// A part of a volume, isolated.
@@ -33,9 +32,9 @@ pub struct Isolated {
 
 /// Isolates one 6-connected piece of a class: the largest, or the one at the seed.
 ///
-/// - `labels`: classes on the volume's grid; needed unless [`Params::above`] is given, and then not looked at.
+/// - `labels`: classes on the volume's grid; needed unless [`ComponentParams::above`] is given, and then not looked at.
 /// - Of two largest pieces the one whose first voxel comes first is taken.
-/// - With [`Params::fill_holes`], background that doesn't reach the volume's border through faces, edges or corners is
+/// - With [`ComponentParams::fill_holes`], background that doesn't reach the volume's border through faces, edges or corners is
 ///   filled. Voxels without data (NaN, infinite) are never part of it.
 ///
 /// # Errors
@@ -44,7 +43,7 @@ pub struct Isolated {
 pub fn component(
     volume: &Volume,
     labels: Option<&Labels>,
-    params: &Params,
+    params: &ComponentParams,
     exec: &Exec,
 ) -> Result<Isolated, Error> {
     params.check()?;
@@ -83,7 +82,7 @@ pub fn component(
 fn kept_component(
     volume: &Volume,
     labels: Option<&Labels>,
-    params: &Params,
+    params: &ComponentParams,
     chosen: &Chosen,
     members: &Members,
     runs: &Runs,

@@ -6,10 +6,12 @@ mod combine;
 mod compare;
 mod doctor;
 mod info;
+pub(crate) mod lattice;
 mod parts;
 mod pipeline;
 mod segment;
 pub(crate) mod stage;
+pub(crate) mod two_classes;
 mod volume;
 
 use ivd_core::op::Stage;
@@ -44,9 +46,6 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         Command::Pipeline(args) => pipeline::run(&args, context),
         Command::Import { source, labels, raw, output } => {
             volume::import(&source, labels, &raw, &output.path, context)
-        }
-        Command::Lattice { volume, labels: Some(labels), parts: Some(parts), output, .. } => {
-            parts::run(&volume, &labels, &parts, &output.path, context)
         }
         Command::Phantom { name, size, truth, noise, voxel_type, seed, output } => {
             let params = volume::phantom_params(&name, size, noise, &voxel_type, seed)?;

@@ -5,8 +5,8 @@ use std::path::Path;
 use ivd_artefact::{Artefact, Kind};
 use ivd_core::Fault;
 use ivd_lattice::extract::occurring;
-use ivd_pipeline::stages::PartLattice;
-use ivd_pipeline::{Inputs, OutputRecord};
+use ivd_pipeline::stages::part_lattices;
+use ivd_pipeline::{OutputRecord, Runner};
 use serde_json::json;
 
 use super::stage::write_result;
@@ -63,10 +63,10 @@ pub(super) fn run(
     }
     make_folder(folder)?;
     let mut records = Vec::new();
-    for stage in PartLattice::all(&ids) {
-        let inputs = Inputs::default().with("labels", input.clone());
-        let mut done = context.run(&cache, &stage, &inputs)?;
-        let path = folder.join(format!("label-{}.ivd", stage.label()));
+    let runner = Runner { exec: &context.exec, cache: &cache, lazy: false };
+    for made in part_lattices(runner, input.clone(), &ids) {
+        let (label, mut done) = made?;
+        let path = folder.join(format!("label-{label}.ivd"));
         write_result(&done, &path, context)?;
         done.record.output = Some(OutputRecord {
             path: Some(path.clone()),
@@ -75,9 +75,9 @@ pub(super) fn run(
         });
         let vertices =
             done.record.metrics.get("vertices").map_or_else(|| "–".to_owned(), ToString::to_string);
-        context.say(&format!("label {}: vertices {vertices} → {}", stage.label(), path.display()));
+        context.say(&format!("label {label}: vertices {vertices} → {}", path.display()));
         let mut record = serde_json::to_value(&done.record)?;
-        record["label"] = json!(stage.label());
+        record["label"] = json!(label);
         records.push(record);
     }
     context.print(&json!({ "stage": "lattice", "parts": records }), String::new)

@@ -1,13 +1,11 @@
 //! Single stages: artefacts in, one artefact out.
 
-use ivd_core::Faulty;
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
-use ivd_core::op;
-use ivd_lattice::foreign::ForeignParams;
-use ivd_pipeline::scene::{BoundarySection, DeformSection, LatticeSection, RefineSection};
-use ivd_pipeline::stages::{Boundary, Deform, ForeignLattice, Lattice, Refine};
+use ivd_core::{Faulty, op};
+use ivd_pipeline::scene::DeformSection;
+use ivd_pipeline::stages::Deform;
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 use toml::Value;
 
@@ -61,63 +59,6 @@ pub(crate) fn filled(
 fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
     let params = context.global.params.as_deref();
     Ok(match command {
-        Command::Boundary { volume, labels, class, seed, above, keep_holes, output } => {
-            let mut section: BoundarySection = section(params, Words::default().0)?;
-            section.class = class.or(section.class);
-            section.seed = seed.or(section.seed);
-            section.fill_holes &= !keep_holes;
-            section.above = above.or(section.above);
-            let files = vec![("volume", Some(volume.as_path())), ("labels", labels.as_deref())];
-            Job { stage: Box::new(Boundary::from_section(&section, None)), files, output: &output.path }
-        }
-        Command::Lattice { volume, mesh: Some(mesh), weld, allow_open, output, .. } => {
-            let weld = weld.unwrap_or(ForeignParams::default().weld);
-            let params = ForeignParams { weld, allow_open: *allow_open };
-            let stage = ForeignLattice { path: mesh.clone(), params };
-            let files = vec![("volume", Some(volume.as_path()))];
-            Job { stage: Box::new(stage), files, output: &output.path }
-        }
-        Command::Lattice { volume, labels, class, mask, iso, output, .. } => {
-            let section: LatticeSection = section(params, Words::default().0)?;
-            let stage = Lattice { iso: iso.unwrap_or(section.iso), class: *class };
-            let files = vec![
-                ("volume", Some(volume.as_path())),
-                ("labels", labels.as_deref()),
-                ("mask", mask.as_deref()),
-            ];
-            Job { stage: Box::new(stage), files, output: &output.path }
-        }
-        Command::Refine {
-            lattice,
-            method,
-            level,
-            ratio,
-            max_error,
-            count,
-            allow_topology,
-            feature_degrees,
-            lock,
-            min_component,
-            chain,
-            output,
-        } => {
-            let words = Words::default()
-                .with("method", method.clone())
-                .with("level", level.map(i64::from))
-                .with("ratio", *ratio)
-                .with("count", count.map(|n| n as i64))
-                .with("max_error", *max_error)
-                .with("allow_topology", allow_topology.then_some(true))
-                .with("feature_degrees", *feature_degrees)
-                .with("min_component", min_component.map(i64::from));
-            let mut section: RefineSection = section(params, words.0)?;
-            section.lock.extend(lock.iter().cloned());
-            if !chain.is_empty() {
-                section.chain.clone_from(chain);
-            }
-            let files = vec![("lattice", Some(lattice.as_path()))];
-            Job { stage: Box::new(Refine::from_section(&section)?), files, output: &output.path }
-        }
         Command::Deform {
             lattice,
             labels,

@@ -45,6 +45,7 @@ mod plain;
 mod rows;
 mod samples;
 mod signs;
+mod stage;
 mod sweep;
 mod table;
 #[cfg(test)]
@@ -59,6 +60,7 @@ use crate::Error;
 pub use extractor::Extractor;
 pub use normals::normals;
 pub use parts::{Part, extract_parts, occurring};
+pub use stage::{IsoChoice, IsoWord, LatticeFigures, LatticeParams, STAGE};
 pub(crate) use table::PARTED;
 
 /// Which surface to cut.

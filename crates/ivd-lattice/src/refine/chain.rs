@@ -29,7 +29,7 @@ pub fn chain(
 ) -> Result<Vec<Refined>, Error> {
     if let Some(at) = levels.windows(2).position(|w| w[0] >= w[1]) {
         let problem = format!("{} follows {}", levels[at + 1], levels[at]);
-        return Err(ParamError::new("levels", problem, "give levels in ascending order, each once").into());
+        return Err(ParamError::new("chain", problem, "give levels in ascending order, each once").into());
     }
     if params.method == Method::Sample {
         let problem = "the vertices of a coarser sampling aren't among those of a finer one".to_owned();
@@ -37,7 +37,7 @@ pub fn chain(
     }
     if params.method == Method::Merge && params.allow_topology && !locks.vertices.is_empty() {
         let problem = "a locked vertex may be left without a triangle, which no level can say".to_owned();
-        return Err(ParamError::new("locks", problem, "leave out the locks or allow_topology").into());
+        return Err(ParamError::new("lock", problem, "leave out the locks or allow_topology").into());
     }
     locks.check(lattice)?;
     let keys: Vec<_> = locks.vertices.iter().map(|&v| lattice.keys.get(v as usize)).collect();
@@ -50,7 +50,7 @@ pub fn chain(
             _ => Target::Level(level - last_level),
         };
         let locked: Vec<u32> = keys.iter().flatten().filter_map(|key| last.vertex_at(**key)).collect();
-        let params = RefineParams { target, ..params.clone() };
+        let params = RefineParams { target: target.into(), ..params.clone() };
         let mut step = refine(last, &params, Locks { vertices: &locked }, exec)?;
         step.lattice.level = lattice.level.saturating_add(levels_between(lattice, &step.lattice));
         chain.push(step);

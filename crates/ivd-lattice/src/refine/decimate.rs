@@ -60,7 +60,7 @@ pub(super) fn decimate(
     exec.check_memory("the surface to be decimated", Mesh::bytes_for(lattice))?;
     exec.run(|| {
         let mesh = Mesh::new(lattice, locks, params.feature_degrees);
-        let (removals, bound) = params.target.removals(mesh.positions.len(), mesh.triangles.len());
+        let (removals, bound) = params.target.get().removals(mesh.positions.len(), mesh.triangles.len());
         let mut run = Decimation {
             stamps: vec![0; mesh.positions.len()],
             mesh,

@@ -73,7 +73,7 @@ pub(super) fn loop_levels(
 ) -> Result<Refined, Error> {
     exec.check_memory("the surface to be refined", super::bytes_for(lattice))?;
     exec.run(|| {
-        let goal = Goal::new(lattice, params.target);
+        let goal = Goal::new(lattice, params.target.get());
         if lattice.triangles.is_empty() {
             return Draft::same(lattice, StoppedBy::Target).finished(lattice, f64::INFINITY, exec);
         }

@@ -102,7 +102,7 @@ mod tests {
         let exec = Exec::default();
         let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(0.0) }, &exec).unwrap().lattice;
         let mut surface = Surface::new(&lattice, Locks::NONE, None);
-        let params = RefineParams { target: Target::Ratio(0.1), ..RefineParams::default() };
+        let params = RefineParams { target: Target::Ratio(0.1).into(), ..RefineParams::default() };
         passes::run(&mut surface, &params, &exec).unwrap();
         let (all, some) = (mean_of(&surface, 1), mean_of(&surface, 3));
         assert!(all > 0.01 && (some - all).abs() < 0.05 * all, "{some} against {all}");

@@ -99,7 +99,7 @@ pub(super) fn merge(
     let bytes = if params.allow_topology { Clusters::bytes(lattice) } else { super::bytes_for(lattice) };
     exec.check_memory("the vertices to be clustered", bytes)?;
     exec.run(|| {
-        let goal = Goal::new(lattice, params.target);
+        let goal = Goal::new(lattice, params.target.get());
         let same = Draft::same(lattice, StoppedBy::Target);
         if lattice.triangles.is_empty() || goal.is_met(&same) {
             return same.finished(lattice, f64::INFINITY, exec);

@@ -54,6 +54,7 @@ mod report;
 mod sample;
 mod shared;
 mod slivers;
+mod stage;
 mod star;
 mod surface;
 mod topology;
@@ -65,10 +66,11 @@ use crate::Error;
 pub use certified::{Distances, distances};
 pub use chain::{chain, with_levels};
 pub use locks::{Locks, vertices_within};
-pub use params::{Method, RefineParams, Target};
+pub use params::{Method, RefineParams, Target, TargetKeys};
 use report::Outcome;
 pub use report::{Reached, Refined, Refused, StoppedBy};
 pub(crate) use slivers::{Slivers, WithoutSlivers};
+pub use stage::{LevelFigures, Lock, RefineFigures, Refinement, STAGE};
 use surface::Surface;
 
 /// Refines a lattice by the method that the parameters name.

@@ -1,8 +1,10 @@
 use ivd_core::ParamError;
+use ivd_core::op::check_fields;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How a lattice is refined.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
     /// Half-edge collapse in the order of quadric error.
@@ -14,7 +16,7 @@ pub enum Method {
     Loop,
     /// Vertex clustering onto a member vertex.
     Merge,
-    /// Marching cubes at a coarser rate.
+    /// Marching cubes at a coarser rate; only of a lattice as extracted.
     Sample,
 }
 
@@ -32,8 +34,7 @@ impl Method {
 }
 
 /// How far a lattice is refined.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Target {
     /// Levels below the input: level `L` keeps 4⁻ᴸ of the vertices; 0 keeps all.
     Level(u8),
@@ -68,27 +69,105 @@ impl Default for Target {
     }
 }
 
+/// A [`Target`] as it is asked for: at most one of these is given.
+///
+/// Two that ask for the same are equal, whether they say so or leave it to the default.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct TargetKeys {
+    /// Levels below the input, each of which keeps about a quarter of the vertices: level L keeps 4⁻ᴸ of them. 2 where no target is
+    /// given.
+    #[schemars(extend("x-unit" = "1", "x-knob" = "accuracy"))]
+    pub level: Option<u8>,
+    /// Keep this share of the triangles.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1", "x-knob" = "accuracy"))]
+    pub ratio: Option<f64>,
+    /// Keep this many triangles.
+    #[schemars(extend("x-unit" = "triangles", "x-knob" = "accuracy"))]
+    pub count: Option<usize>,
+    /// Keep as few as stay within this distance of the input, both ways.
+    #[schemars(range(min = 0.0), extend("x-unit" = "mm", "x-knob" = "accuracy"))]
+    pub max_error: Option<f64>,
+}
+
+impl PartialEq for TargetKeys {
+    fn eq(&self, other: &Self) -> bool {
+        self.get() == other.get()
+    }
+}
+
+impl From<Target> for TargetKeys {
+    fn from(target: Target) -> Self {
+        let none = Self::default();
+        match target {
+            Target::Level(level) => Self { level: Some(level), ..none },
+            Target::Ratio(ratio) => Self { ratio: Some(ratio), ..none },
+            Target::Count(count) => Self { count: Some(count), ..none },
+            Target::MaxError(mm) => Self { max_error: Some(mm), ..none },
+        }
+    }
+}
+
+impl TargetKeys {
+    /// The target: what is given, else the default. Of several the first.
+    pub fn get(self) -> Target {
+        let level = self.level.map(Target::Level);
+        let ratio = || self.ratio.map(Target::Ratio);
+        let count = || self.count.map(Target::Count);
+        let max_error = || self.max_error.map(Target::MaxError);
+        level.or_else(ratio).or_else(count).or_else(max_error).unwrap_or_default()
+    }
+
+    /// Whether one is given.
+    pub(super) fn is_given(self) -> bool {
+        self.level.is_some() || self.ratio.is_some() || self.count.is_some() || self.max_error.is_some()
+    }
+
+    /// At most one is given.
+    pub(super) fn check(self) -> Result<(), ParamError> {
+        let given = [
+            ("level", self.level.is_some()),
+            ("ratio", self.ratio.is_some()),
+            ("count", self.count.is_some()),
+            ("max_error", self.max_error.is_some()),
+        ];
+        let given: Vec<&str> =
+            given.into_iter().filter(|(_, is_given)| *is_given).map(|(name, _)| name).collect();
+        match given[..] {
+            [first, second, ..] => Err(ParamError::new(
+                second,
+                format!("given together with {first}"),
+                "give one of level, ratio, count and max_error, not several",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Parameters of [`refine`](super::refine). What a method has no use for it passes over.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct RefineParams {
     /// How vertices are chosen.
     pub method: Method,
     /// How far to go.
-    pub target: Target,
-    /// Most that one collapse may turn a triangle (degrees), above 0 and below 180.
+    #[serde(flatten)]
+    pub target: TargetKeys,
+    /// Most that one collapse may turn a triangle.
+    #[schemars(extend("x-unit" = "degrees", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 180.0))]
     pub max_turn_degrees: f64,
-    /// Weight of the squared length of a collapse against its squared distance from the planes it leaves; ≥ 0, no unit.
+    /// Weight of the squared length of a collapse against its squared distance from the planes it leaves.
     /// A little of it keeps triangles from growing thin where the surface is flat; much of it costs accuracy.
+    #[schemars(range(min = 0.0), extend("x-unit" = "1"))]
     pub shape_weight: f64,
-    /// Whether [`Method::Collapse`], where nothing else can go, may pinch the surface: tunnels and handles close, and the
-    /// result need not be a manifold where they did. [`Method::Merge`] is then clustering: whatever lies in one cube becomes one
+    /// Whether collapse, where nothing else can go, may pinch the surface: tunnels and handles close, and the
+    /// result need not be a manifold where they did. Merge is then clustering: whatever lies in one cube becomes one
     /// vertex. The others pass over it.
     pub allow_topology: bool,
-    /// Edges where the surface turns by more than this (degrees between the normals of the two triangles; above 0, below
-    /// 180) are features: a vertex between two of them goes along them alone, and where one or more than two
-    /// meet, it stays. `None`: there are no features. Collapse, decimation and legal merges heed it; clustering, sampling and
-    /// the exact inverse of a subdivision don't.
+    /// Edges where the surface turns by more than this (between the normals of the two triangles) are features: a vertex between two
+    /// of them goes along them alone, and where one or more than two meet, it stays. Without it there are no features. Collapse,
+    /// decimation and legal merges heed it; clustering, sampling and the exact inverse of a subdivision don't.
+    #[schemars(extend("x-unit" = "degrees", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 180.0))]
     pub feature_degrees: Option<f64>,
 }
 
@@ -96,7 +175,7 @@ impl Default for RefineParams {
     fn default() -> Self {
         Self {
             method: Method::Collapse,
-            target: Target::default(),
+            target: TargetKeys::default(),
             max_turn_degrees: 75.0,
             shape_weight: 1e-4,
             allow_topology: false,
@@ -111,44 +190,7 @@ impl RefineParams {
     /// # Errors
     /// [`ParamError`] names the first field outside its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        match self.target {
-            Target::Level(_) | Target::Count(_) => {}
-            Target::Ratio(ratio) if (0.0..=1.0).contains(&ratio) => {}
-            Target::Ratio(ratio) => {
-                return Err(ParamError::new(
-                    "ratio",
-                    format!("{ratio} of the triangles"),
-                    "give a number from 0 to 1",
-                ));
-            }
-            Target::MaxError(mm) if mm.is_finite() && mm >= 0.0 => {}
-            Target::MaxError(mm) => {
-                return Err(ParamError::new(
-                    "max_error",
-                    format!("{mm} mm"),
-                    "give a length of 0 mm or more",
-                ));
-            }
-        }
-        if !(self.max_turn_degrees > 0.0 && self.max_turn_degrees < 180.0) {
-            return Err(ParamError::new(
-                "max_turn_degrees",
-                format!("{} degrees", self.max_turn_degrees),
-                "give an angle above 0 and below 180 degrees",
-            ));
-        }
-        if !(self.shape_weight.is_finite() && self.shape_weight >= 0.0) {
-            return Err(ParamError::new("shape_weight", format!("{}", self.shape_weight), "give 0 or more"));
-        }
-        if let Some(degrees) = self.feature_degrees
-            && !(degrees > 0.0 && degrees < 180.0)
-        {
-            return Err(ParamError::new(
-                "feature_degrees",
-                format!("{degrees} degrees"),
-                "give an angle above 0 and below 180 degrees, or none",
-            ));
-        }
-        Ok(())
+        check_fields(self)?;
+        self.target.check()
     }
 }

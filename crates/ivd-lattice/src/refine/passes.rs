@@ -52,7 +52,8 @@ struct Goal {
 
 impl Goal {
     fn new(surface: &Surface, params: &RefineParams) -> Self {
-        let (removals, bound) = params.target.removals(surface.positions.len(), surface.triangles.len());
+        let (removals, bound) =
+            params.target.get().removals(surface.positions.len(), surface.triangles.len());
         Self { removals, turn_cosine: params.max_turn_degrees.to_radians().cos(), bound }
     }
 }

@@ -1,6 +1,7 @@
 use std::ops::Add;
 
 use ivd_core::Lattice;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::half_edge::Refusal;
@@ -27,11 +28,13 @@ pub struct Refined {
 }
 
 /// How far a refinement went.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reached {
     /// Share of the triangles that is left; 1 for an empty lattice.
+    #[schemars(extend("x-unit" = "1"))]
     pub ratio: f64,
     /// Level that the vertices left amount to: log₄ of how many times fewer they are.
+    #[schemars(extend("x-unit" = "1"))]
     pub level: f64,
     /// What ended it.
     pub stopped_by: StoppedBy,
@@ -40,7 +43,7 @@ pub struct Reached {
 }
 
 /// What ended a refinement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StoppedBy {
     /// The level or ratio asked for was reached.
@@ -62,19 +65,25 @@ pub enum StoppedBy {
 }
 
 /// Vertices left, counted by what kept them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Refused {
     /// Vertices whose every collapse would pinch the surface.
+    #[schemars(extend("x-unit" = "vertices"))]
     pub links: u64,
     /// Vertices whose every collapse would turn a triangle over.
+    #[schemars(extend("x-unit" = "vertices"))]
     pub flips: u64,
     /// Vertices of components that are tetrahedra.
+    #[schemars(extend("x-unit" = "vertices"))]
     pub specks: u64,
     /// Vertices that the caller locked, and those whose triangles aren't one closed fan.
+    #[schemars(extend("x-unit" = "vertices"))]
     pub locks: u64,
     /// Vertices in which one feature edge ends or more than two meet, and those that no feature edge can spare.
+    #[schemars(extend("x-unit" = "vertices"))]
     pub features: u64,
     /// Vertices whose every collapse would exceed the error asked for.
+    #[schemars(extend("x-unit" = "vertices"))]
     pub max_error: u64,
 }
 

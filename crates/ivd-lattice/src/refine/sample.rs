@@ -53,7 +53,7 @@ pub(super) fn sample(
     exec.run(|| {
         let signs = Signs::of(lattice, exec)?;
         let coarse = |step: usize| Coarse::new(lattice, &signs, step);
-        let draft = match params.target {
+        let draft = match params.target.get() {
             Target::Level(level) => at_level(lattice, level, coarse, exec)?,
             Target::Ratio(ratio) => {
                 let keep = (lattice.triangles.len() as f64 * ratio).round() as usize;
@@ -408,7 +408,7 @@ mod tests {
                 extract(&volume, None, &ExtractParams { iso: Iso::Value(0.0) }, &exec).unwrap().lattice;
             for mm in [0.0, 0.3, 1.0, 4.0] {
                 let plain = in_turn(&lattice, mm, &exec);
-                let params = RefineParams { target: Target::MaxError(mm), ..RefineParams::default() };
+                let params = RefineParams { target: Target::MaxError(mm).into(), ..RefineParams::default() };
                 let out = sample(&lattice, &params, Locks::NONE, &exec).unwrap();
                 let found = out.lattice.triangles.len();
                 assert!(found <= plain && out.max_error_mm <= mm, "{name} within {mm} mm");

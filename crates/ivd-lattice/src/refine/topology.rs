@@ -49,7 +49,7 @@ pub(super) fn run(
 ) -> Result<Run, Error> {
     let vertices = surface.positions.len();
     let left = (0..vertices).filter(|&v| surface.is_left(v)).count();
-    let keep = match params.target {
+    let keep = match params.target.get() {
         Target::Level(level) => {
             Keep::Vertices((vertices as f64 * 0.25_f64.powi(i32::from(level))).round() as usize)
         }
@@ -57,7 +57,7 @@ pub(super) fn run(
         Target::Count(count) => Keep::Triangles(count),
         Target::MaxError(_) => Keep::Vertices(0),
     };
-    let bound = if let Target::MaxError(mm) = params.target { mm } else { f64::INFINITY };
+    let bound = if let Target::MaxError(mm) = params.target.get() { mm } else { f64::INFINITY };
     exec.check_memory(
         "the surface whose tunnels are closed",
         super::surface_bytes(vertices, triangles_in) + bytes_for(vertices, surface.triangles.len()),

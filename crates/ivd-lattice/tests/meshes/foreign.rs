@@ -101,7 +101,7 @@ fn a_soup_of_triangles_becomes_a_closed_manifold_within_a_millionth_of_a_voxel()
 #[test]
 fn what_comes_from_outside_can_be_refined_and_keeps_its_keys() {
     let foreign = put(&bumpy(8, 1.0, 10.0, 4), &grid());
-    let params = RefineParams { target: Target::Ratio(0.4), ..RefineParams::default() };
+    let params = RefineParams { target: Target::Ratio(0.4).into(), ..RefineParams::default() };
     let refined = collapse(&foreign.lattice, &params, &Exec::default()).unwrap().lattice;
     assert!(measure(&refined).is_closed_manifold());
     for (key, place) in refined.keys.iter().zip(&refined.places) {

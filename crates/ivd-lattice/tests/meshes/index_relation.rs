@@ -55,7 +55,7 @@ fn every_vertex_is_found_by_its_voxel_and_the_other_way_round() {
     for (i, grid) in grids().iter().enumerate() {
         let lattice = solids::random(grid, 11 + i as u64);
         assert_both_ways(&lattice);
-        let params = RefineParams { target: Target::Ratio(0.3), ..RefineParams::default() };
+        let params = RefineParams { target: Target::Ratio(0.3).into(), ..RefineParams::default() };
         let refined = collapse(&lattice, &params, &Exec::default()).unwrap().lattice;
         assert!(refined.keys.len() < lattice.keys.len());
         assert_both_ways(&refined);

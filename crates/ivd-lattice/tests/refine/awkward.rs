@@ -11,7 +11,7 @@ use crate::refine::{assert_bounded, assert_sound, lattices};
 const METHODS: [Method; 4] = [Method::Collapse, Method::Decimate, Method::Loop, Method::Merge];
 
 fn run(lattice: &Lattice, method: Method, target: Target) -> Refined {
-    let params = RefineParams { method, target, ..RefineParams::default() };
+    let params = RefineParams { method, target: target.into(), ..RefineParams::default() };
     refine(lattice, &params, Locks::NONE, &Exec::default()).expect("the parameters are in their domain")
 }
 
@@ -148,8 +148,9 @@ fn slivers_round_a_hub_of_thousands_of_triangles_go_without_its_whole_star_being
 fn what_every_step_allocates_is_counted_before_it_does() {
     let sponge = lattices::sponge(21);
     let (vertices, triangles) = (sponge.keys.len() as u64, sponge.triangles.len() as u64);
-    let run = |method, target, limit| {
-        let params = RefineParams { method, target, allow_topology: true, ..RefineParams::default() };
+    let run = |method, target: Target, limit| {
+        let params =
+            RefineParams { method, target: target.into(), allow_topology: true, ..RefineParams::default() };
         refine(&sponge, &params, Locks::NONE, &Exec::default().with_memory_limit(Some(limit)))
     };
     // Enough for collapses that keep the topology, not for those that follow.

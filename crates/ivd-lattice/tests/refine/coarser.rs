@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use crate::refine::{lattices, sampled};
 
 pub(crate) fn by(method: Method, lattice: &Lattice, target: Target) -> Refined {
-    let params = RefineParams { method, target, ..RefineParams::default() };
+    let params = RefineParams { method, target: target.into(), ..RefineParams::default() };
     refine(lattice, &params, Locks::NONE, &Exec::default()).expect("the parameters are in their domain")
 }
 
@@ -236,7 +236,8 @@ pub(crate) fn assert_threads_change_nothing(lattice: &Lattice, params: &RefinePa
 fn the_number_of_threads_changes_nothing() {
     let lattice = lattices::gyroid(48);
     for target in [Target::Level(1), Target::Ratio(0.1), Target::MaxError(1.0)] {
-        let params = RefineParams { method: Method::Sample, target, ..RefineParams::default() };
+        let params =
+            RefineParams { method: Method::Sample, target: target.into(), ..RefineParams::default() };
         assert_threads_change_nothing(&lattice, &params);
     }
 }

@@ -7,7 +7,7 @@ use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Targe
 use crate::refine::{assert_levels, assert_phantoms, assert_sound, lattices, sampled};
 
 fn by(method: Method, lattice: &Lattice, target: Target) -> Refined {
-    let params = RefineParams { method, target, ..RefineParams::default() };
+    let params = RefineParams { method, target: target.into(), ..RefineParams::default() };
     refine(lattice, &params, Locks::NONE, &Exec::default()).expect("the parameters are in their domain")
 }
 
@@ -76,8 +76,11 @@ fn a_box_loses_all_but_its_shape_without_any_error() {
 #[test]
 fn the_number_of_threads_changes_nothing() {
     let lattice = lattices::gyroid(32);
-    let params =
-        RefineParams { method: Method::Decimate, target: Target::Ratio(0.1), ..RefineParams::default() };
+    let params = RefineParams {
+        method: Method::Decimate,
+        target: Target::Ratio(0.1).into(),
+        ..RefineParams::default()
+    };
     let with = |threads| {
         refine(&lattice, &params, Locks::NONE, &Exec::default().with_threads(threads)).expect("it is sound")
     };

@@ -12,7 +12,7 @@ use crate::refine::{assert_bounded, assert_sound, lattices};
 const METHODS: [Method; 2] = [Method::Collapse, Method::Decimate];
 
 fn params(method: Method, target: Target) -> RefineParams {
-    RefineParams { method, target, ..RefineParams::default() }
+    RefineParams { method, target: target.into(), ..RefineParams::default() }
 }
 
 fn run(lattice: &Lattice, params: &RefineParams, locked: &[u32]) -> Refined {

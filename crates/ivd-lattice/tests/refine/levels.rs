@@ -200,7 +200,8 @@ fn random_fields_keep_every_speck_and_tunnel_and_say_what_stopped_them() {
 fn locked_vertices_stay_and_all_of_them_stop_it() {
     let sphere = lattices::sphere(24);
     let exec = Exec::default();
-    let params = RefineParams { method: Method::Loop, target: Target::Level(3), ..RefineParams::default() };
+    let params =
+        RefineParams { method: Method::Loop, target: Target::Level(3).into(), ..RefineParams::default() };
     let some: Vec<u32> = (0..sphere.keys.len() as u32).step_by(17).collect();
     let out = refine(&sphere, &params, Locks { vertices: &some }, &exec).unwrap();
     assert!(some.iter().all(|&v| out.lattice.vertex_at(sphere.keys[v as usize]).is_some()));
@@ -211,7 +212,7 @@ fn locked_vertices_stay_and_all_of_them_stop_it() {
     let fine = (0..3).fold(octahedron(), |mesh, _| subdivided(&mesh, 0.0));
     let lattice = on_cells(&fine.0, &fine.1);
     let odd = lattice.vertex_at(on_cells(&fine.0[70..71], &[]).keys[0]).unwrap();
-    let params = RefineParams { target: Target::Level(1), ..params };
+    let params = RefineParams { target: Target::Level(1).into(), ..params };
     let out = refine(&lattice, &params, Locks { vertices: &[odd] }, &exec).unwrap();
     assert!(out.lattice.vertex_at(lattice.keys[odd as usize]).is_some());
     assert_sound(&lattice, &out);
@@ -233,7 +234,7 @@ fn empty_far_sheared_and_mirrored_lattices_have_levels_too() {
 fn the_number_of_threads_changes_nothing() {
     let lattice = lattices::gyroid(56);
     for target in [Target::Level(2), Target::Ratio(0.1)] {
-        let params = RefineParams { method: Method::Loop, target, ..RefineParams::default() };
+        let params = RefineParams { method: Method::Loop, target: target.into(), ..RefineParams::default() };
         assert_threads_change_nothing(&lattice, &params);
     }
 }

@@ -15,8 +15,12 @@ fn merged(lattice: &Lattice, target: Target) -> Refined {
 
 /// By clustering, whatever becomes of the topology.
 fn clustered(lattice: &Lattice, target: Target) -> Refined {
-    let params =
-        RefineParams { method: Method::Merge, target, allow_topology: true, ..RefineParams::default() };
+    let params = RefineParams {
+        method: Method::Merge,
+        target: target.into(),
+        allow_topology: true,
+        ..RefineParams::default()
+    };
     refine(lattice, &params, Locks::NONE, &Exec::default()).expect("the parameters are in their domain")
 }
 
@@ -126,8 +130,12 @@ fn locked_vertices_stay_either_way() {
     let some: Vec<u32> = (0..sphere.keys.len() as u32).step_by(37).collect();
     for allow_topology in [false, true] {
         let target = Target::Ratio(0.1);
-        let params =
-            RefineParams { method: Method::Merge, target, allow_topology, ..RefineParams::default() };
+        let params = RefineParams {
+            method: Method::Merge,
+            target: target.into(),
+            allow_topology,
+            ..RefineParams::default()
+        };
         let out = refine(&sphere, &params, Locks { vertices: &some }, &Exec::default()).unwrap();
         assert!(some.iter().all(|&v| out.lattice.vertex_at(sphere.keys[v as usize]).is_some()));
     }
@@ -156,8 +164,12 @@ fn the_number_of_threads_changes_nothing() {
     for (target, allow_topology) in
         [(Target::Ratio(0.1), false), (Target::Ratio(0.1), true), (Target::Level(1), false)]
     {
-        let params =
-            RefineParams { method: Method::Merge, target, allow_topology, ..RefineParams::default() };
+        let params = RefineParams {
+            method: Method::Merge,
+            target: target.into(),
+            allow_topology,
+            ..RefineParams::default()
+        };
         assert_threads_change_nothing(&lattice, &params);
     }
 }

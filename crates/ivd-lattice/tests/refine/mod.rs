@@ -17,7 +17,7 @@ use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{RefineParams, Refined, StoppedBy, Target, collapse};
 
 fn refined(lattice: &Lattice, target: Target) -> Refined {
-    let params = RefineParams { target, ..RefineParams::default() };
+    let params = RefineParams { target: target.into(), ..RefineParams::default() };
     collapse(lattice, &params, &Exec::default()).expect("the parameters are in their domain")
 }
 
@@ -186,7 +186,7 @@ fn where_refinement_gives_up_no_vertex_can_go() {
 fn the_number_of_threads_changes_nothing_among_specks() {
     let lattice = lattices::ball_and_specks(72);
     for ratio in [0.0, 0.44] {
-        let params = RefineParams { target: Target::Ratio(ratio), ..RefineParams::default() };
+        let params = RefineParams { target: Target::Ratio(ratio).into(), ..RefineParams::default() };
         let one = collapse(&lattice, &params, &Exec::default().with_threads(1)).unwrap();
         for threads in [2, 5] {
             assert_eq!(collapse(&lattice, &params, &Exec::default().with_threads(threads)).unwrap(), one);
@@ -249,7 +249,7 @@ fn a_box_loses_all_but_its_shape_without_any_error() {
 fn the_number_of_threads_changes_nothing() {
     // Large enough for many blocks in the first passes.
     let lattice = lattices::gyroid(112);
-    let params = RefineParams { target: Target::Ratio(0.1), ..RefineParams::default() };
+    let params = RefineParams { target: Target::Ratio(0.1).into(), ..RefineParams::default() };
     let one = collapse(&lattice, &params, &Exec::default().with_threads(1)).unwrap();
     assert_sound(&lattice, &one);
     for threads in [2, 3] {
@@ -306,7 +306,7 @@ fn parameters_outside_their_domain_are_named_and_a_stop_is_heard() {
         (Target::MaxError(-1.0), "max_error"),
         (Target::MaxError(f64::INFINITY), "max_error"),
     ] {
-        let params = RefineParams { target, ..RefineParams::default() };
+        let params = RefineParams { target: target.into(), ..RefineParams::default() };
         let error = collapse(&sphere, &params, &Exec::default()).unwrap_err();
         assert!(error.to_string().contains(field), "{error}");
     }
@@ -331,7 +331,7 @@ fn a_stop_in_the_midst_is_an_error_and_no_half_refined_lattice() {
     let cancel = ivd_core::Cancel::default();
     let mut exec = Exec::default().with_observer(std::sync::Arc::new(StopAfterAPass(cancel.clone())));
     exec.cancel = cancel;
-    let params = RefineParams { target: Target::Level(3), ..RefineParams::default() };
+    let params = RefineParams { target: Target::Level(3).into(), ..RefineParams::default() };
     let stopped = collapse(&lattices::sphere(48), &params, &exec).expect_err("it was stopped");
     assert_eq!(stopped.fault(), ivd_core::Fault::Cancelled);
 }

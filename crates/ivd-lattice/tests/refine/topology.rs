@@ -9,7 +9,7 @@ use ivd_lattice::refine::{Locks, RefineParams, Refined, StoppedBy, Target, refin
 use crate::refine::{assert_sound, lattices, sampled};
 
 fn run(lattice: &Lattice, target: Target, allow_topology: bool) -> Refined {
-    let params = RefineParams { target, allow_topology, ..RefineParams::default() };
+    let params = RefineParams { target: target.into(), allow_topology, ..RefineParams::default() };
     refine(lattice, &params, Locks::NONE, &Exec::default()).expect("the parameters are in their domain")
 }
 
@@ -94,7 +94,7 @@ fn random_fields_refined_to_nothing_stay_cycles_within_the_bound() {
 fn the_number_of_threads_changes_nothing_where_tunnels_close() {
     let sponge = lattices::sponge(21);
     let params =
-        RefineParams { target: Target::Ratio(0.02), allow_topology: true, ..RefineParams::default() };
+        RefineParams { target: Target::Ratio(0.02).into(), allow_topology: true, ..RefineParams::default() };
     let with = |threads| {
         refine(&sponge, &params, Locks::NONE, &Exec::default().with_threads(threads)).expect("sound")
     };
@@ -108,7 +108,8 @@ fn the_number_of_threads_changes_nothing_where_tunnels_close() {
 fn locked_vertices_stay_where_tunnels_close() {
     let sponge = lattices::sponge(20);
     let locked: Vec<u32> = (0..sponge.keys.len() as u32).step_by(40).collect();
-    let params = RefineParams { target: Target::Ratio(0.0), allow_topology: true, ..RefineParams::default() };
+    let params =
+        RefineParams { target: Target::Ratio(0.0).into(), allow_topology: true, ..RefineParams::default() };
     let out = refine(&sponge, &params, Locks { vertices: &locked }, &Exec::default()).expect("sound");
     assert_a_cycle(&sponge, &out);
     assert!(locked.iter().all(|&v| out.lattice.vertex_at(sponge.keys[v as usize]).is_some()));

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Exec, Fault, Faulty};
+use ivd_lattice::refine::RefineFigures;
 
 use super::error::{fields, motions, surfaces};
 use super::knobs::{Knob, Setting, along, between, front, level_errors};
@@ -145,7 +146,7 @@ impl Pilot<'_> {
         let setting = self.setting_of(candidate.level, candidate.steps);
         self.tune(plan, &setting)?;
         self.step(NodeId::Refine, plan, done, &mut trial.done, runner)?;
-        let bound = trial.done[&NodeId::Refine].record.figure("max_error_mm")?;
+        let bound = trial.done[&NodeId::Refine].record.figures::<RefineFigures>()?.last.max_error_mm;
         trial.parts.insert("lattice_mm", bound);
         let moves = plan.node(NodeId::Deform).needed;
         if bound > most || !moves {

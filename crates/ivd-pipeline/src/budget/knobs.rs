@@ -7,7 +7,7 @@ use super::{LEVELS, target};
 use crate::Error;
 use crate::fronts::{Front, FrontPoint, recorded};
 use crate::scene::Scene;
-use ivd_lattice::refine::Target;
+use ivd_lattice::refine::{self, Refinement, Target, TargetKeys};
 use ivd_render::RenderParams;
 
 /// Steps of the ring solver where the scene names none, and the least it makes.
@@ -43,13 +43,12 @@ pub(super) struct Setting {
 impl Setting {
     /// What a scene asks for.
     pub(super) fn of(scene: &Scene) -> Self {
-        let refine = &scene.refine;
-        let level = match (refine.level, refine.ratio, refine.max_error) {
-            _ if refine.count.is_some() || !refine.chain.is_empty() => None,
-            (Some(level), ..) => Some(f64::from(level)),
-            (None, Some(ratio), _) => Some((-ratio.max(1e-6).log(4.0)).max(0.0)),
-            (None, None, Some(_)) => None,
-            (None, None, None) => Some(2.0),
+        let refine = scene.get::<Refinement>(&refine::STAGE);
+        let level = match refine.map(|refine| refine.params.target.get()).unwrap_or_default() {
+            _ if refine.is_some_and(|refine| !refine.chain.is_empty()) => None,
+            Target::Level(level) => Some(f64::from(level)),
+            Target::Ratio(ratio) => Some((-ratio.max(1e-6).log(4.0)).max(0.0)),
+            Target::Count(_) | Target::MaxError(_) => None,
         };
         let atf: ivd_atf::Params = scene.get(&ivd_atf::STAGE).cloned().unwrap_or_default();
         let picture: RenderParams = scene.common(&ivd_render::STAGE).unwrap_or_default();
@@ -120,19 +119,20 @@ impl Knob {
     /// Sets the scene's keys.
     ///
     /// # Errors
-    /// A value that the scene doesn't take.
+    /// A value that a section doesn't take.
     pub(super) fn apply(self, scene: &mut Scene, setting: &Setting) -> Result<(), Error> {
         match self {
             Self::Level => {
                 let Some(level) = setting.level else { return Ok(()) };
-                let (level, ratio) = match target(level) {
-                    Target::Level(level) => (Some(level), None),
-                    Target::Ratio(ratio) => (None, Some(ratio)),
-                    Target::Count(_) | Target::MaxError(_) => unreachable!("a level is a level or a ratio"),
-                };
-                (scene.refine.level, scene.refine.ratio, scene.refine.max_error) = (level, ratio, None);
-                scene.refine.count = None;
-                scene.refine.chain.clear();
+                let TargetKeys { level, ratio, count, max_error } = target(level).into();
+                let keys = [
+                    ("level", level.map(Value::from)),
+                    ("ratio", ratio.map(Value::from)),
+                    ("count", count.map(Value::from)),
+                    ("max_error", max_error.map(Value::from)),
+                    ("chain", None),
+                ];
+                scene.set(&refine::STAGE, &keys)?;
             }
             Self::Steps => {
                 if let Some(deform) = &mut scene.deform {

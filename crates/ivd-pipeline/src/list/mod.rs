@@ -5,6 +5,9 @@ use ivd_core::op::Stage;
 
 /// The stages, in the order in which a scene runs them.
 pub const STAGES: &[&Stage] = &[
+    &ivd_boundary::STAGE,
+    &ivd_lattice::extract::STAGE,
+    &ivd_lattice::refine::STAGE,
     &ivd_octree::STAGE,
     &ivd_deform::map::STAGE,
     &ivd_deform::space::STAGE,

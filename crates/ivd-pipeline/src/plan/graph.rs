@@ -1,10 +1,12 @@
 use std::path::Path;
 
 use ivd_core::op::Want;
+use ivd_lattice::extract;
+use ivd_lattice::refine;
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
-use crate::scene::{BoundarySection, InputSection, IsoChoice, Loaded, Picture, Scene, SegmentSection};
-use crate::stages::{Boundary, Deform, Import, ImportSource, Lattice, Refine, Segment, SegmentTree};
+use crate::scene::{InputSection, Loaded, Picture, Scene, SegmentSection};
+use crate::stages::{Deform, Import, ImportSource, Segment, SegmentTree};
 use crate::{Error, Stage};
 
 /// The places that a stage can have in a pipeline, in the order in which they run.
@@ -303,8 +305,7 @@ pub(crate) fn stage_names() -> String {
 
 /// Whether the part is found through a class.
 fn uses_labels(scene: &Scene) -> bool {
-    matches!(scene.lattice.iso, IsoChoice::Word(_))
-        || scene.boundary.as_ref().is_some_and(|b| b.class.is_some())
+    wants(scene, &extract::STAGE, "labels") || wants(scene, &ivd_boundary::STAGE, "labels")
 }
 
 fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Error> {
@@ -393,26 +394,16 @@ fn segment(section: &SegmentSection, from_tree: bool) -> Result<(Segment, Slots)
 /// Every place with its stage and where its slots are filled from.
 fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let labels = uses_labels(scene);
-    let given_iso = match scene.lattice.iso {
-        IsoChoice::Value(value) => Some(value),
-        IsoChoice::Word(_) => None,
-    };
-    let isolates = labels || scene.boundary.is_some();
+    let isolates = labels || scene.section(&ivd_boundary::STAGE).is_some_and(|part| part.written().is_some());
     let moves = scene.deform.as_ref().filter(|d| !d.is_still());
     let coloured = wants(scene, &ivd_render::STAGE, "transfer");
 
-    let part: BoundarySection = scene.boundary.clone().unwrap_or_default();
-    let boundary = isolates.then(|| Boundary::from_section(&part, if labels { None } else { given_iso }));
-    let with_labels = |mut inputs: Vec<(&'static str, NodeId)>| {
-        if labels {
-            inputs.push(("labels", NodeId::Segment));
-        }
-        inputs
-    };
-    let part_inputs = vec![("volume", NodeId::Import)];
-    let part_inputs = if part.above.is_some() { part_inputs } else { with_labels(part_inputs) };
+    let mut part_inputs = vec![("volume", NodeId::Import)];
+    if wants(scene, &ivd_boundary::STAGE, "labels") {
+        part_inputs.push(("labels", NodeId::Segment));
+    }
     let mut lattice_inputs = vec![("volume", NodeId::Import)];
-    if given_iso.is_none() {
+    if wants(scene, &extract::STAGE, "labels") {
         lattice_inputs.push(("labels", NodeId::Segment));
     }
     if isolates {
@@ -460,9 +451,9 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         node(NodeId::Import, boxed(import), vec![]),
         node(NodeId::Tree, tree.and_then(boxed), vec![("volume", NodeId::Import)]),
         node(NodeId::Segment, boxed(segment), segment_inputs),
-        node(NodeId::Boundary, boundary.and_then(boxed), part_inputs),
-        node(NodeId::Lattice, boxed(Lattice { iso: scene.lattice.iso, class: part.class }), lattice_inputs),
-        node(NodeId::Refine, boxed(Refine::from_section(&scene.refine)?), vec![("lattice", NodeId::Lattice)]),
+        node(NodeId::Boundary, declared(scene, &ivd_boundary::STAGE).filter(|_| isolates), part_inputs),
+        node(NodeId::Lattice, declared(scene, &extract::STAGE), lattice_inputs),
+        node(NodeId::Refine, declared(scene, &refine::STAGE), vec![("lattice", NodeId::Lattice)]),
         node(
             NodeId::Octree,
             if_moved(declared(scene, &ivd_octree::STAGE)),

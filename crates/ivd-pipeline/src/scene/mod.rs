@@ -22,11 +22,9 @@ use crate::{Error, Section};
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
-    AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
-    CovarianceChoice, DeformSection, FixSection, HandleSection, InputSection, IsoChoice, IsoWord,
-    KernelChoice, LatticeSection, LinkageChoice, MaterialSection, OutputSection, Picture, RankingChoice,
-    RawSection, RefineMethod, RefineSection, RigidSection, SegmentMethod, SegmentSection, ShapeKind,
-    ShapeSection, Solver,
+    AutoWord, ClassCount, ClassOrder, CourseChoice, CovarianceChoice, DeformSection, FixSection,
+    HandleSection, InputSection, KernelChoice, LinkageChoice, MaterialSection, OutputSection, Picture,
+    RankingChoice, RawSection, RigidSection, SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver,
 };
 pub use written::triple;
 
@@ -49,20 +47,23 @@ pub struct Scene {
     /// How its structure is found.
     #[serde(default)]
     pub segment: SegmentSection,
-    /// Which part is isolated.
-    #[serde(default)]
-    pub boundary: Option<BoundarySection>,
-    /// Where the lattice is cut.
-    #[serde(default)]
-    pub lattice: LatticeSection,
-    /// How far it is simplified.
-    #[serde(default)]
-    pub refine: RefineSection,
     /// What moves it.
     #[serde(default)]
     pub deform: Option<DeformSection>,
     /// What is wanted; nothing else is computed.
     pub output: OutputSection,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    boundary: Option<toml::Value>,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    refine: Option<toml::Value>,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    lattice: Option<toml::Value>,
     /// Read with the stages of the list.
     #[serde(default)]
     #[schemars(skip)]

@@ -2,8 +2,9 @@ use std::path::PathBuf;
 
 use ivd_artefact::{Artefact, Kind};
 use ivd_core::Exec;
+use ivd_lattice::extract::LatticeFigures;
 use ivd_lattice::foreign::{ForeignParams, lattice};
-use ivd_lattice::{figures, formats};
+use ivd_lattice::formats;
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
@@ -49,10 +50,8 @@ impl Stage for ForeignLattice {
             .map_err(stage_error!("lattice"))?;
         let foreign = lattice(&mesh, volume.grid(), &self.params, exec).map_err(stage_error!("lattice"))?;
         exec.check_cancelled()?;
-        let f = exec.run(|| figures::measure(&foreign.lattice));
-        let (active, total) = super::parts::bricks(&foreign.lattice);
-        let mut metrics = super::lattice::metrics(&f, active, total);
-        metrics["vertices_in"] = json!(foreign.vertices_in);
-        Ok(Product::new(Artefact::Lattice(foreign.lattice), metrics))
+        let mut figures = exec.run(|| LatticeFigures::of(&foreign.lattice));
+        figures.vertices_in = Some(foreign.vertices_in);
+        Ok(Product::new(Artefact::Lattice(foreign.lattice), super::json(&figures)))
     }
 }

@@ -1,25 +1,19 @@
 //! The adapters: each stage crate's function behind the [`Stage`](crate::Stage) trait.
 
-mod boundary;
 mod clip;
 mod combine;
 mod deform;
 mod foreign;
 mod import;
-mod lattice;
 mod parts;
-mod refine;
 mod segment;
 
-pub use boundary::Boundary;
 pub use clip::Clip;
 pub use combine::Combine;
 pub use deform::{Deform, DeformMethod};
 pub use foreign::ForeignLattice;
 pub use import::{Import, ImportLabels, ImportSource};
-pub use lattice::Lattice;
-pub use parts::PartLattice;
-pub use refine::Refine;
+pub use parts::part_lattices;
 pub use segment::{KeepPosteriors, Method, Posteriors, Segment, SegmentTree};
 
 use serde::Serialize;

@@ -1,44 +1,67 @@
-use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, PoisonError};
-
 use ivd_artefact::{Artefact, Kind};
-use ivd_core::{BRICK, BrickIndex, ElementKey, Exec, Lattice};
-use ivd_lattice::extract::{Part, extract_parts};
-use ivd_lattice::figures;
+use ivd_core::{Exec, Lattice};
+use ivd_lattice::extract::{LatticeFigures, Part, STAGE, extract_parts};
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
-use crate::{Error, Inputs, Product, Slot, Stage};
+use crate::{Done, Error, Input, Inputs, Product, Runner, Slot, Stage};
 
 /// Labels that a stage's parameters list at most.
 const LISTED: usize = 256;
 
-/// The lattice of one of several labels that are cut at once, so that what they share coincides.
-///
-/// The stages of one set share their work: the first that runs cuts for all.
-#[derive(Debug, Clone)]
-pub struct PartLattice {
-    ids: Arc<Vec<u16>>,
+/// Lattices of several labels, by priority, that are cut at once, so that what they share coincides: each with its label and a record of
+/// its own, as they are asked for. The work is done once, for the first that isn't in the cache.
+pub fn part_lattices<'a>(
+    runner: Runner<'a>,
+    labels: Input,
+    ids: &'a [u16],
+) -> impl Iterator<Item = Result<(u16, Done), Error>> + 'a {
+    let inputs = Inputs::default().with("labels", labels);
+    let mut cut: Option<Vec<Part>> = None;
+    ids.iter().map(move |&label| {
+        let part = PartLattice { ids, label };
+        let mut work = || {
+            let parts = match cut.take() {
+                Some(parts) => parts,
+                None => part.all(&inputs, runner.exec)?,
+            };
+            let (own, others) = parts.into_iter().partition(|part| part.id == label);
+            cut = Some(others);
+            product(own, runner.exec)
+        };
+        Ok((label, runner.run_with(&part, &inputs, false, &mut work)?))
+    })
+}
+
+/// The lattice of one of them.
+struct PartLattice<'a> {
+    ids: &'a [u16],
     label: u16,
-    cut: Arc<Mutex<Vec<Part>>>,
 }
 
-impl PartLattice {
-    /// A stage for each label, by priority.
-    pub fn all(ids: &[u16]) -> Vec<Self> {
-        let (shared, cut) = (Arc::new(ids.to_vec()), Arc::default());
-        ids.iter().map(|&label| Self { ids: Arc::clone(&shared), label, cut: Arc::clone(&cut) }).collect()
-    }
-
-    /// The label.
-    pub fn label(&self) -> u16 {
-        self.label
+impl PartLattice<'_> {
+    fn all(&self, inputs: &Inputs, exec: &Exec) -> Result<Vec<Part>, Error> {
+        let labels =
+            inputs.labels("labels").ok_or_else(|| Error::usage(STAGE.name, "its labels are missing"))?;
+        extract_parts(labels, self.ids, exec).map_err(stage_error!(STAGE.name))
     }
 }
 
-impl Stage for PartLattice {
+/// The part of a label, which is among those that were cut, as a product.
+fn product(own: Vec<Part>, exec: &Exec) -> Result<Product, Error> {
+    let lattice: Lattice = own
+        .into_iter()
+        .next()
+        .map(|part| part.lattice)
+        .ok_or_else(|| Error::usage(STAGE.name, "no voxel has the label"))?;
+    exec.check_cancelled()?;
+    let figures = exec.run(|| LatticeFigures::of(&lattice));
+    Ok(Product::new(Artefact::Lattice(lattice), super::json(&figures)))
+}
+
+impl Stage for PartLattice<'_> {
     fn name(&self) -> &'static str {
-        "lattice"
+        STAGE.name
     }
 
     fn revision(&self) -> u32 {
@@ -54,7 +77,7 @@ impl Stage for PartLattice {
     }
 
     fn params(&self) -> Value {
-        let (ids, label) = (&*self.ids, self.label);
+        let Self { ids, label } = self;
         if ids.len() <= LISTED {
             return json!({ "parts": ids, "label": label });
         }
@@ -64,30 +87,7 @@ impl Stage for PartLattice {
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
-        let labels = inputs.labels("labels").expect("checked by the runner");
-        let mut cut = self.cut.lock().unwrap_or_else(PoisonError::into_inner);
-        if !cut.iter().any(|part| part.id == self.label) {
-            *cut = extract_parts(labels, &self.ids, exec).map_err(stage_error!("lattice"))?;
-        }
-        let at = cut.iter().position(|part| part.id == self.label).expect("each label has its part");
-        let lattice = cut.swap_remove(at).lattice;
-        drop(cut);
-        exec.check_cancelled()?;
-        let f = exec.run(|| figures::measure(&lattice));
-        let (active, total) = bricks(&lattice);
-        let metrics = super::lattice::metrics(&f, active, total);
-        Ok(Product::new(Artefact::Lattice(lattice), metrics))
+        let own = self.all(inputs, exec)?.into_iter().filter(|part| part.id == self.label).collect();
+        product(own, exec)
     }
-}
-
-/// Bricks that hold vertices of a lattice, the border layer's among those next to it, and bricks of its grid.
-pub(super) fn bricks(lattice: &Lattice) -> (u64, u64) {
-    let dims = lattice.grid.dims();
-    let brick = |key: &ElementKey| {
-        let voxel = key.voxel(dims);
-        let within: [usize; 3] = std::array::from_fn(|a| voxel[a].clamp(0, dims[a] as i64 - 1) as usize);
-        within.map(|v| v / BRICK)
-    };
-    let active: BTreeSet<[usize; 3]> = lattice.keys.iter().map(brick).collect();
-    (active.len() as u64, BrickIndex::dims_for(dims).map(|n| n as u64).iter().product())
 }

@@ -4,7 +4,6 @@ use serde::de::DeserializeOwned;
 
 use super::*;
 use crate::Stage;
-use crate::scene::BoundarySection;
 
 /// The leaves of a JSON value, by their paths.
 fn leaves(path: &str, value: &Value, found: &mut Vec<(String, Value)>) {
@@ -45,7 +44,6 @@ fn moved_from<S: DeserializeOwned, T: Stage>(both: &str, said: &str, stage: impl
 #[test]
 fn no_parameter_is_hidden_from_scenes() {
     // What has one choice only can't be another.
-    let nothing: [&str; 0] = [];
     let segment = |said: &str, method: &str| unmoved_of(method, said, |s| Segment::from_section(s).unwrap());
     let kmvs = "k = 9\nspatial_weight = 0.5\nseed = 9\nmax_iterations = 9\ntolerance = 0.5\nrange = [0.0, 1.0]\n\
         smallest = 9\norder = \"size\"";
@@ -63,11 +61,6 @@ fn no_parameter_is_hidden_from_scenes() {
         smallest = 9\norder = \"size\"";
     assert_eq!(segment(hvs, "hvs"), [".cut.smallest", ".method"], "tidying does the same to any labels");
     assert_eq!(segment("values = [1.0]\nsmallest = 9\norder = \"size\"", "threshold"), [".method"]);
-    let part = "class = 1\nseed = [1.0, 2.0, 3.0]\nfill_holes = false\nabove = 4.0";
-    assert_eq!(unmoved(part, |s: &BoundarySection| Boundary::from_section(s, None)), nothing);
-    let refine = "method = \"merge\"\nratio = 0.5\nmax_turn_degrees = 30.0\nshape_weight = 0.5\nallow_topology = true\n\
-        feature_degrees = 30.0\nmin_component = 9\n[[lock]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0";
-    assert_eq!(unmoved(refine, |s| Refine::from_section(s).unwrap()), nothing);
     let deform = "stiffness = 1.0\nduration = 1.0\ndt = 0.1\nground = 2.0\ndamping = 2.0\ndensity = 2.0\n\
         vertex_mass = 2.0\nepsilon = 0.5\nliteral = true\n[[fix]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0\n\
         [[handle]]\nvertex = 1\nmove = [0.0, 0.0, 1.0]\nradius = 2.0\n\
@@ -100,8 +93,6 @@ fn no_parameter_is_hidden_from_scenes() {
 
 #[test]
 fn a_section_that_says_nothing_is_the_stages_own_defaults() {
-    let refine = Refine::from_section(&toml::from_str("").unwrap()).unwrap();
-    assert_eq!(refine.params, ivd_lattice::refine::RefineParams::default());
     let deform = Deform::from_section(&toml::from_str("").unwrap()).unwrap();
     assert_eq!(deform.method, DeformMethod::Ring(ivd_deform::spring::RingParams::default()));
     let deform = Deform::from_section(&toml::from_str("solver = \"dynamics\"").unwrap()).unwrap();

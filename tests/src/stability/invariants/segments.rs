@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use ivd_boundary::{Isolated, Params};
+use ivd_boundary::{ComponentParams, Isolated};
 use ivd_core::{Grid, Labels, NO_DATA, TransferFunction, Volume};
 use ivd_segment::Segmentation;
 
@@ -212,7 +212,7 @@ fn pieces(grid: &Grid, of: &[bool], all: bool) -> (Vec<Option<usize>>, usize) {
 ///
 /// # Errors
 /// The first voxel that differs.
-pub fn part(volume: &Volume, labels: &Labels, params: &Params, found: &Isolated) -> Verdict {
+pub fn part(volume: &Volume, labels: &Labels, params: &ComponentParams, found: &Isolated) -> Verdict {
     let grid = volume.grid();
     let values = reals(volume);
     let member = |i: usize| match (params.above, found.class) {

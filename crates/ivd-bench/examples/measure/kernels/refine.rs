@@ -27,7 +27,7 @@ pub(super) fn run(kernels: &Kernels<'_>) -> Anything<()> {
     let lattice = torus(128)?;
     for threads in [1, 2] {
         let exec = Exec::default().with_threads(threads);
-        let params = RefineParams { target: Target::Ratio(0.1), ..RefineParams::default() };
+        let params = RefineParams { target: Target::Ratio(0.1).into(), ..RefineParams::default() };
         kernels.time(&format!("refine to a tenth, {threads} threads"), || collapse(&lattice, &params, &exec));
     }
     kernels.time("refine measure", || measure(&lattice));

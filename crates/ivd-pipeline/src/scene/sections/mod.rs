@@ -1,18 +1,14 @@
 //! The sections of a scene, in the order in which data flows. Every parameter of a stage has a key in its section.
 
-mod boundary;
 mod deform;
 mod input;
-mod lattice;
 mod output;
 mod rigid;
 mod segment;
 mod shape;
 
-pub use boundary::{BoundarySection, ClassChoice, ClassWord};
 pub use deform::{CourseChoice, DeformSection, FixSection, HandleSection, MaterialSection, Solver};
 pub use input::{InputSection, RawSection};
-pub use lattice::{IsoChoice, IsoWord, LatticeSection, RefineMethod, RefineSection};
 pub use output::{OutputSection, Picture};
 pub use rigid::RigidSection;
 pub use segment::{

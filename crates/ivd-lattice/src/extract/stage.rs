@@ -1,0 +1,218 @@
+//! The stage as scenes and commands see it.
+
+use std::collections::BTreeSet;
+
+use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::{
+    BRICK, BrickIndex, Class, ClassChoice, ElementKey, Exec, Grid, Labels, Lattice, Mask, ParamError, Volume,
+    slots,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{ExtractParams, Iso, extract};
+use crate::Error;
+use crate::figures::measure;
+
+/// The stage: its one method, and where it stands in a scene.
+pub const STAGE: Stage = Stage {
+    name: "lattice",
+    about: "Cuts a lattice by marching cubes.",
+    selector: "",
+    methods: METHODS,
+    positional: &["volume"],
+    places: &[Place::only("lattice")],
+    unread: "no output needs it",
+    quiet: false,
+};
+const METHODS: &[Method] = &[method::<LatticeParams>("")];
+
+/// Where a lattice is cut: at a value, or where a class ends.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum IsoChoice {
+    /// A real value; inside is above.
+    Value(f64),
+    /// A word.
+    Word(IsoWord),
+}
+
+/// The word for [`IsoChoice`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum IsoWord {
+    /// The class's crossings with its neighbours in intensity.
+    Boundary,
+}
+
+/// The closed surface at a value, or at a class's crossings.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct LatticeParams {
+    /// Isovalue, or boundary: the class's crossings with its neighbours in intensity.
+    #[schemars(extend("x-unit" = "value"))]
+    pub iso: IsoChoice,
+    /// The class whose crossings are meant by boundary: an id, densest or largest (air apart). Without it the one that the mask was cut
+    /// from, and without a mask the largest.
+    #[schemars(extend("x-unit" = "1", "x-from" = "boundary.class"))]
+    pub class: Option<ClassChoice>,
+}
+
+impl Default for LatticeParams {
+    fn default() -> Self {
+        Self { iso: IsoChoice::Word(IsoWord::Boundary), class: None }
+    }
+}
+
+slots! {
+    /// What a lattice is cut out of: the part in the mask, by the classes' crossings unless a value is given.
+    pub struct Inputs<'a> { volume: &'a Volume, labels: Option<&'a Labels>, mask: Option<&'a Mask> }
+}
+
+/// What a lattice that was cut comes to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LatticeFigures {
+    /// Vertices, used or not.
+    #[schemars(extend("x-unit" = "1"))]
+    pub vertices: u64,
+    /// Triangles, degenerate ones too.
+    #[schemars(extend("x-unit" = "1"))]
+    pub triangles: u64,
+    /// Edges with one triangle.
+    #[schemars(extend("x-unit" = "1"))]
+    pub boundary_edges: u64,
+    /// Edges with more than two triangles.
+    #[schemars(extend("x-unit" = "1"))]
+    pub non_manifold_edges: u64,
+    /// Triangles that name a vertex twice, or two of whose corners lie at one place.
+    #[schemars(extend("x-unit" = "1"))]
+    pub degenerate_triangles: u64,
+    /// Euler characteristic: used vertices − edges + triangles.
+    #[schemars(extend("x-unit" = "1"))]
+    pub euler: i64,
+    /// Parts that triangles connect.
+    #[schemars(extend("x-unit" = "1"))]
+    pub components: u64,
+    /// Area.
+    #[schemars(extend("x-unit" = "mm²"))]
+    pub area_mm2: f64,
+    /// Enclosed volume, of a closed lattice.
+    #[schemars(extend("x-unit" = "mm³"))]
+    pub volume_mm3: f64,
+    /// Bricks (8³ voxels) that the surface passes through.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_active: u64,
+    /// Bricks of the grid.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_total: u64,
+    /// Vertices of the mesh that it was taken from, where it was.
+    #[schemars(extend("x-unit" = "1"))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vertices_in: Option<u64>,
+}
+
+impl LatticeFigures {
+    /// Measures a lattice. Its active bricks are those that hold a vertex, the border layer's among those next to it.
+    pub fn of(lattice: &Lattice) -> Self {
+        let dims = lattice.grid.dims();
+        let brick = |key: &ElementKey| {
+            let voxel = key.voxel(dims);
+            let within: [usize; 3] = std::array::from_fn(|a| voxel[a].clamp(0, dims[a] as i64 - 1) as usize);
+            within.map(|v| v / BRICK)
+        };
+        let active: BTreeSet<[usize; 3]> = lattice.keys.iter().map(brick).collect();
+        let total = BrickIndex::dims_for(dims).map(|n| n as u64).iter().product();
+        Self::with_bricks(lattice, active.len() as u64, total)
+    }
+
+    fn with_bricks(lattice: &Lattice, bricks_active: u64, bricks_total: u64) -> Self {
+        let f = measure(lattice);
+        Self {
+            vertices: f.vertices,
+            triangles: f.triangles,
+            boundary_edges: f.boundary_edges,
+            non_manifold_edges: f.non_manifold_edges,
+            degenerate_triangles: f.degenerate_triangles,
+            euler: f.euler,
+            components: f.components,
+            area_mm2: f.area_mm2,
+            volume_mm3: f.volume_mm3,
+            bricks_active,
+            bricks_total,
+            vertices_in: None,
+        }
+    }
+}
+
+impl Op for LatticeParams {
+    const REVISION: u32 = 2;
+    type Inputs<'a> = Inputs<'a>;
+    type Output = Lattice;
+    type Figures = LatticeFigures;
+
+    fn wants(&self, slot: &str) -> Want {
+        match (self.iso, slot) {
+            (IsoChoice::Word(_), _) => Want::Yes,
+            (IsoChoice::Value(_), "mask") => Want::IfWritten,
+            (IsoChoice::Value(_), _) => Want::No,
+        }
+    }
+
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Lattice, LatticeFigures), Failure> {
+        let Inputs { volume, labels, mask } = inputs;
+        let params = ExtractParams { iso: self.crossings(volume.grid(), labels, mask)? };
+        let extracted = extract(volume, mask, &params, exec)?;
+        exec.check_cancelled()?;
+        let (active, total) = (extracted.bricks_active, extracted.bricks_total);
+        let figures = exec.run(|| LatticeFigures::with_bricks(&extracted.lattice, active, total));
+        Ok((extracted.lattice, figures))
+    }
+}
+
+impl LatticeParams {
+    /// Where the surface is: at the value, or at the crossings of the class that is meant, the one named, else the one that the mask was
+    /// cut from, else the largest. Where no crossings are known, it is the mask's own surface.
+    ///
+    /// # Errors
+    /// Neither labels nor a mask where a class is meant; labels or a mask on another grid; an unknown class.
+    pub fn crossings(&self, grid: &Grid, labels: Option<&Labels>, mask: Option<&Mask>) -> Result<Iso, Error> {
+        let a_dims = grid.dims();
+        let others = [labels.map(|l| ("labels", l.grid())), mask.map(|m| ("mask", m.grid()))];
+        if let Some((b, other)) = others.into_iter().flatten().find(|(_, other)| !other.matches(grid)) {
+            let b_dims = other.dims();
+            return Err(ivd_core::Error::GridMismatch { a: "volume", a_dims, b, b_dims }.into());
+        }
+        let class = match (self.iso, labels, mask) {
+            (IsoChoice::Value(value), ..) => return Ok(Iso::Value(value)),
+            (IsoChoice::Word(_), None, Some(_)) => return Ok(Iso::Mask),
+            (IsoChoice::Word(_), None, None) => {
+                return Err(Error::MissingInput {
+                    asked: "iso = boundary",
+                    needed: "labels or a mask",
+                    remedy: "give them, or a value",
+                });
+            }
+            (IsoChoice::Word(_), Some(labels), mask) => match (self.class, mask) {
+                (Some(choice), _) => labels.choose(choice)?,
+                (None, Some(mask)) => majority(labels, mask)?,
+                (None, None) => labels.choose(ClassChoice::Largest)?,
+            },
+        };
+        Ok(match (class.lower, class.upper) {
+            (None, None) => Iso::Mask,
+            (lower, upper) => Iso::Interval { lower, upper },
+        })
+    }
+}
+
+/// The class that most voxels of a mask belong to (a filled hole belongs to others).
+fn majority<'a>(labels: &'a Labels, mask: &Mask) -> Result<&'a Class, Error> {
+    let mut counts = vec![0_u64; usize::from(u16::MAX) + 1];
+    for (id, _) in labels.ids().iter().zip(mask.inside()).filter(|(_, inside)| **inside == 1) {
+        counts[usize::from(*id)] += 1;
+    }
+    let most = labels.classes().iter().max_by_key(|c| (counts[usize::from(c.id)], std::cmp::Reverse(c.id)));
+    most.ok_or_else(|| {
+        ParamError::new("labels", "they list no class", "segment a volume that holds data").into()
+    })
+}
