@@ -1,7 +1,6 @@
 //! What can be typed.
 
 mod combine;
-mod segment;
 mod space;
 
 use std::path::PathBuf;
@@ -15,7 +14,6 @@ use ivd_pipeline::scene::{
 use crate::parse;
 
 pub(crate) use combine::{ClipArgs, CombineArgs};
-pub(crate) use segment::SegmentArgs;
 pub(crate) use space::SpaceArgs;
 
 /// Interactive deformation of scanned volumes: from a CT, MRI or micro-CT volume to a deformed one.
@@ -141,8 +139,6 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
-    /// Finds a volume's classes.
-    Segment(Box<SegmentArgs>),
     /// An automatic transfer function.
     Atf {
         /// Volume artefact or file.
@@ -391,8 +387,7 @@ impl Command {
     pub(crate) fn has_section(&self) -> bool {
         matches!(
             self,
-            Self::Segment { .. }
-                | Self::Atf { .. }
+            Self::Atf { .. }
                 | Self::Boundary { .. }
                 | Self::Lattice { .. }
                 | Self::Refine { .. }

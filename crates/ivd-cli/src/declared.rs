@@ -1,19 +1,20 @@
 //! The commands of the stages of the list: made from what their methods declare, as the scene's sections are.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, CommandFactory as _, FromArgMatches as _};
 use ivd_core::ParamError;
-use ivd_core::op::{Field, Stage, Want, alternatives, fields, kind, map_values, words};
+use ivd_core::op::{Field, Stage, Want, alternatives, kind, map_values, words};
+use ivd_pipeline::Section;
+use ivd_pipeline::list::{self, Key};
 use ivd_pipeline::params::read_entry;
-use ivd_pipeline::{Section, list};
 use serde_json::{Map, Value as Json};
 
 use crate::args::{Args, Global};
 use crate::commands::Asked;
 use crate::commands::stage::{filled, finish, unused};
+use crate::commands::{posteriors, precursor};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::parse::table_of;
@@ -56,31 +57,28 @@ pub(crate) fn read(matches: &ArgMatches) -> Result<(Global, Asked), clap::Error>
     Ok((args.global, Asked::Command(args.command)))
 }
 
-/// A field of some methods of a stage.
-struct Flag {
-    name: String,
-    schema: Json,
-    readers: Vec<&'static str>,
+/// The keys of a stage, in the order of their names.
+fn flags(stage: &Stage) -> Vec<Key> {
+    let mut all = list::keys(stage);
+    all.sort_by(|a, b| a.name.cmp(&b.name));
+    all
 }
 
-impl Flag {
-    fn field(&self) -> Field<'_> {
-        Field { name: &self.name, schema: &self.schema }
-    }
+/// A flag that is no key, no input and no output of a stage.
+struct Extra {
+    command: &'static str,
+    flag: &'static str,
+    takes: &'static str,
+    about: &'static str,
 }
 
-/// The fields of all methods, each once, in the order of their names.
-fn flags(stage: &Stage) -> Vec<Flag> {
-    let mut all: BTreeMap<String, Flag> = BTreeMap::new();
-    for method in stage.methods {
-        for field in fields(&(method.schema)()) {
-            let new =
-                || Flag { name: field.name.to_owned(), schema: field.schema.clone(), readers: Vec::new() };
-            all.entry(field.name.to_owned()).or_insert_with(new).readers.push(method.name);
-        }
-    }
-    all.into_values().collect()
-}
+/// All such flags; what each does stands where it is asked for by its name.
+const EXTRA: &[Extra] = &[Extra {
+    command: "segment",
+    flag: posteriors::FLAG,
+    takes: "PREFIX",
+    about: "emvs: keep the posterior maps: a volume artefact a component, PREFIX-1.ivd and so on",
+}];
 
 /// Slots that some method has, each once.
 fn slots(stage: &Stage) -> Vec<&'static str> {
@@ -94,15 +92,33 @@ fn slots(stage: &Stage) -> Vec<&'static str> {
 }
 
 fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
+    let precursor = precursor::of(stage);
     for slot in slots(stage) {
         let file = Arg::new(slot)
             .value_parser(clap::value_parser!(PathBuf))
             .help(format!("{} artefact", upper(slot)));
-        command = command.arg(if stage.positional.contains(&slot) {
-            file.value_name(slot.to_uppercase()).required(true)
+        let is_positional = stage.positional.contains(&slot);
+        let file = if is_positional {
+            file.value_name(slot.to_uppercase())
         } else {
             file.long(flag(slot)).value_name("FILE")
+        };
+        command = command.arg(match precursor {
+            Some(precursor) => precursor.argument(file, slot, is_positional),
+            None => file.required(is_positional),
         });
+    }
+    if let Some(precursor) = precursor {
+        command = command.arg(precursor.keeper());
+    }
+    for extra in EXTRA.iter().filter(|extra| extra.command == stage.name) {
+        command = command.arg(
+            Arg::new(extra.flag)
+                .long(extra.flag)
+                .value_name(extra.takes)
+                .value_parser(clap::value_parser!(PathBuf))
+                .help(extra.about),
+        );
     }
     if !stage.selector.is_empty() {
         let named = |method: &ivd_core::op::Method| {
@@ -136,7 +152,7 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
 }
 
 /// The flag of a field, and hidden ones for names that it had before.
-fn arguments(stage: &Stage, found: &Flag) -> Vec<Arg> {
+fn arguments(stage: &Stage, found: &Key) -> Vec<Arg> {
     let field = found.field();
     let mut arg = Arg::new(found.name.clone()).long(flag(field.name)).help(help(stage, found));
     let whole = alternatives(field.schema);
@@ -164,7 +180,9 @@ fn arguments(stage: &Stage, found: &Flag) -> Vec<Arg> {
 /// Whether a flag may be given several times: a list of things, a map.
 fn repeats(field: Field<'_>) -> bool {
     let is_map = map_values(field.schema).is_some();
-    is_map || (kind(field.schema) == "array" && field.schema.get("maxItems").is_none())
+    let is_vector = field.schema.get("maxItems") == field.schema.get("minItems")
+        && field.schema.get("maxItems").is_some();
+    is_map || (kind(field.schema) == "array" && !is_vector)
 }
 
 /// What is written for a value.
@@ -194,34 +212,46 @@ fn form(field: Field<'_>) -> String {
         }
         "object" => "key=value;…".to_owned(),
         _ if one.len() > 1 => {
-            field.domain().replace(" | ", "|").split(' ').next().unwrap_or("VALUE").to_owned()
+            let form = |one: &&Json| match kind(one) {
+                "string" => words(one).iter().map(|(word, _)| *word).collect::<Vec<_>>().join("|"),
+                "array" => "N,N…".to_owned(),
+                _ => unit.unwrap_or("N").to_owned(),
+            };
+            one.iter().map(form).collect::<Vec<_>>().join("|")
         }
         _ => unit.unwrap_or("N").to_owned(),
     }
 }
 
 /// What a flag's help says: the field's own doc, what it may be, what it is where it isn't given.
-fn help(stage: &Stage, found: &Flag) -> String {
+fn help(stage: &Stage, found: &Key) -> String {
     let field = found.field();
-    let whose = if found.readers.len() < stage.methods.len() {
-        format!("{}: ", found.readers.join(", "))
-    } else {
-        String::new()
-    };
-    let mut text = format!("{whose}{}", field.about().trim_end_matches('.').replace('\n', " "));
-    let domain = field.domain();
-    if words(field.schema).is_empty() && !domain.is_empty() {
-        text = format!("{text} [{domain}]");
-    }
-    match field.default() {
-        Some(Json::Null) | None => text,
-        Some(Json::Array(list)) if list.is_empty() => text,
-        Some(Json::Object(map)) if map.is_empty() => text,
+    let default = |default: Option<&Json>| match default {
+        None | Some(Json::Null) => String::new(),
+        Some(Json::Array(list)) if list.is_empty() => String::new(),
+        Some(Json::Object(map)) if map.is_empty() => String::new(),
         Some(default) => {
-            let default = default.as_str().map_or_else(|| default.to_string(), str::to_owned);
-            format!("{text} [default: {default}]")
+            format!(" [default: {}]", default.as_str().map_or_else(|| default.to_string(), str::to_owned))
         }
-    }
+    };
+    let said = found.says.iter().map(|said| {
+        let whose = if said.methods.len() < stage.methods.len() {
+            format!("{}: ", said.methods.join(", "))
+        } else {
+            String::new()
+        };
+        let own = if field.default().is_none() { default(said.default.as_ref()) } else { String::new() };
+        format!("{whose}{}{own}", said.about.trim_end_matches('.').replace('\n', " "))
+    });
+    let text = said.collect::<Vec<_>>().join("; ");
+    let domain = field.domain();
+    let domain = if words_alone(field) || domain.is_empty() { String::new() } else { format!(" [{domain}]") };
+    format!("{text}{domain}{}", default(field.default()))
+}
+
+/// Whether a flag takes words and nothing else: help lists them by themselves.
+fn words_alone(field: Field<'_>) -> bool {
+    alternatives(field.schema).iter().all(|one| !words(one).is_empty())
 }
 
 fn first_sentence(text: &str) -> &str {
@@ -234,16 +264,23 @@ fn upper(slot: &str) -> String {
 }
 
 /// The flag of a key.
-fn flag(key: &str) -> String {
+pub(crate) fn flag(key: &str) -> String {
     key.replace('_', "-")
 }
 
 /// Runs a stage as its command asks for it.
 pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<()> {
-    let section = section(stage, matches, context)?;
+    let given = precursor::Given::of(stage, matches);
+    let keys = Typed::read(stage, matches, context)?;
+    let section = match given.taken() {
+        Some(precursor) => precursor.cut(keys)?,
+        None => keys.section()?,
+    };
     let path = |name: &str| matches.get_one::<PathBuf>(name).map(PathBuf::as_path);
     let reads = |slot: &str| {
-        section.method().slots.iter().any(|own| own.name == slot) && section.wants(slot) != Want::No
+        let own =
+            section.method().slots.iter().any(|own| own.name == slot) && section.wants(slot) != Want::No;
+        own || given.is_needed(&section, slot)
     };
     let (mut files, mut unread): (Vec<(&'static str, Option<&Path>)>, Vec<_>) = (Vec::new(), Vec::new());
     for slot in slots(stage) {
@@ -257,27 +294,79 @@ pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context
     }
     let cache = context.stage_cache()?;
     let inputs = filled(&files, &cache, context)?;
-    let done = context.run(&cache, &section, &inputs)?;
+    let beside = extra(matches, posteriors::FLAG);
+    if beside.is_some() && given.kept().is_some() {
+        let problem =
+            format!("--{} is of another method than what is kept beside it; give one", posteriors::FLAG);
+        return Err(Failure::usage(problem));
+    }
+    let mut done = if let Some(prefix) = beside {
+        posteriors::run(&section, prefix, &inputs, context)?
+    } else if let Some(file) = given.kept() {
+        precursor::run_through(&section, file, inputs, &cache, context)?
+    } else {
+        context.run(&cache, &section, &inputs)?
+    };
+    if let Some(precursor) = given.taken() {
+        precursor.leave_out(&mut done.record);
+    }
     let output = path("output").ok_or_else(|| Failure::usage("-o FILE is missing"))?;
     finish(done, output, context)
 }
 
-/// The parameters from the file of `--params` with the command line's own on top.
-fn section(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<Section> {
-    let file = context.global.params.as_deref();
-    let mut keys = file.map(table_of).transpose()?.unwrap_or_default();
-    let typed = typed(stage, matches)?;
-    for (key, value) in typed.clone() {
-        add(&mut keys, key, value);
+/// The value of a flag that only some commands have.
+fn extra<'a>(matches: &'a ArgMatches, flag: &str) -> Option<&'a Path> {
+    matches.try_get_one::<PathBuf>(flag).ok().flatten().map(PathBuf::as_path)
+}
+
+/// What was written for a stage: in the file of `--params`, and on the command line.
+pub(crate) struct Typed {
+    stage: &'static Stage,
+    file: Option<PathBuf>,
+    line: Map<String, Json>,
+    keys: Map<String, Json>,
+}
+
+impl Typed {
+    fn read(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<Self> {
+        let file = context.global.params.clone();
+        let mut keys = file.as_deref().map(table_of).transpose()?.unwrap_or_default();
+        let typed = typed(stage, matches)?;
+        for (key, value) in typed.clone() {
+            add(&mut keys, key, value);
+        }
+        Ok(Self { stage, file, line: typed, keys })
     }
-    Section::parse(stage, Some(keys)).map_err(|problem| {
-        let first = problem.field.split('.').next().unwrap_or("");
-        Failure::usage(match file {
-            _ if typed.contains_key(first) => told(&problem),
-            Some(file) => format!("--params {}: {}", file.display(), problem.told_of(stage.name)),
-            None => problem.told_of(stage.name),
+
+    /// What is given for a key.
+    pub(crate) fn get(&self, key: &str) -> Option<&Json> {
+        self.keys.get(key)
+    }
+
+    /// Gives a key where it isn't given.
+    pub(crate) fn or_insert(&mut self, key: &str, value: &str) {
+        self.keys.entry(key).or_insert_with(|| Json::String(value.to_owned()));
+    }
+
+    /// Where a key was given, for a message.
+    pub(crate) fn place(&self, key: &str) -> String {
+        match &self.file {
+            Some(file) if !self.line.contains_key(key) => format!("--params {}: {key}", file.display()),
+            _ => format!("--{}", flag(key)),
+        }
+    }
+
+    /// The parameters.
+    pub(crate) fn section(self) -> anyhow::Result<Section> {
+        Section::parse(self.stage, Some(self.keys)).map_err(|problem| {
+            let first = problem.field.split('.').next().unwrap_or("");
+            Failure::usage(match &self.file {
+                _ if self.line.contains_key(first) => told(&problem),
+                Some(file) => format!("--params {}: {}", file.display(), problem.told_of(self.stage.name)),
+                None => problem.told_of(self.stage.name),
+            })
         })
-    })
+    }
 }
 
 /// A problem of a flag.

@@ -110,10 +110,10 @@ impl Inputs {
         self
     }
 
-    /// Only what fills one of the slots.
+    /// Only what fills slots that are wanted.
     #[must_use]
-    pub fn only(mut self, slot: &str) -> Self {
-        self.0.retain(|name, _| *name == slot);
+    pub fn only(mut self, wanted: impl Fn(&str) -> bool) -> Self {
+        self.0.retain(|slot, _| wanted(slot));
         self
     }
 

@@ -8,7 +8,8 @@ mod doctor;
 mod info;
 mod parts;
 mod pipeline;
-mod segment;
+pub(crate) mod posteriors;
+pub(crate) mod precursor;
 pub(crate) mod stage;
 mod volume;
 

@@ -29,9 +29,6 @@ struct Job<'a> {
 
 /// Runs the stage of a command.
 pub(super) fn run(command: &Command, context: &Context) -> anyhow::Result<()> {
-    if let Command::Segment(args) = command {
-        return super::segment::run(args, context);
-    }
     let job = job(command, context)?;
     let cache = context.stage_cache()?;
     let inputs = filled(&job.files, &cache, context)?;

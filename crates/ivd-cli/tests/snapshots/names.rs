@@ -153,6 +153,8 @@ fn missing(path: &str, old: &Value, now: &Value, found: &mut Vec<String>) {
                     // What isn't given had a value that no schema told.
                     Some(_) if key == "default" && value.is_null() => {}
                     Some(other) => missing(&path, value, other, found),
+                    // Nor is there one where methods differ in it: each one's is told with what it means.
+                    None if key == "default" && value.is_null() => {}
                     None => found.push(path),
                 }
             }

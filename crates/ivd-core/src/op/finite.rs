@@ -3,6 +3,7 @@
 use std::fmt;
 
 use serde::ser::{self, Serialize, Serializer};
+use serde_json::Value as Json;
 
 /// The field that holds a number which isn't finite, where there is one; those inside it count as it.
 pub(super) fn not_finite(params: &impl Serialize) -> Option<String> {
@@ -170,6 +171,19 @@ impl ser::SerializeMap for Finite {
     type Ok = ();
     type Error = NotFinite;
 
+    // A struct with flattened fields is a map too: its keys are names of fields.
+    fn serialize_entry<K: Serialize + ?Sized, V: Serialize + ?Sized>(
+        &mut self,
+        key: &K,
+        value: &V,
+    ) -> Result<(), NotFinite> {
+        value.serialize(*self).map_err(|e| match serde_json::to_value(key) {
+            Ok(Json::String(name)) => e.within(&name),
+            Ok(name) => e.within(&name.to_string()),
+            Err(_) => e,
+        })
+    }
+
     fn serialize_key<T: Serialize + ?Sized>(&mut self, _: &T) -> Result<(), NotFinite> {
         Ok(())
     }
@@ -224,9 +238,9 @@ mod tests {
     fn a_number_that_is_not_finite_is_found_wherever_it_hides() {
         let outer = |a, b, c| Outer { a: [0.0, a], inner: Inner { b }, c: BTreeMap::from([(3, c)]) };
         assert_eq!(not_finite(&outer(1.0, None, 2.0)), None);
-        assert!(not_finite(&outer(f64::NAN, None, 2.0)).is_some());
-        assert!(not_finite(&outer(1.0, Some(f64::INFINITY), 2.0)).is_some());
-        assert!(not_finite(&outer(1.0, Some(0.0), f32::NAN)).is_some());
+        assert_eq!(not_finite(&outer(f64::NAN, None, 2.0)).as_deref(), Some("a"));
+        assert_eq!(not_finite(&outer(1.0, Some(f64::INFINITY), 2.0)).as_deref(), Some("b"));
+        assert_eq!(not_finite(&outer(1.0, Some(0.0), f32::NAN)).as_deref(), Some("c.3"));
         assert_eq!(not_finite(&Inner { b: Some(f64::NAN) }).as_deref(), Some("b"));
     }
 }

@@ -197,7 +197,7 @@ mod tests {
         let hard = Elastic { young: Some(f64::NAN), ..Elastic::default() };
         assert_eq!(
             field(&FemParams { material: [(3, hard)].into(), ..FemParams::default() }),
-            "material.young"
+            "material.3.young"
         );
         assert_eq!(field(&FemParams { filler: 0.0, ..FemParams::default() }), "filler");
         assert!(FemParams::default().check().is_ok() && OctreeParams::default().check().is_ok());

@@ -1,10 +1,14 @@
 //! The one list of stages. Each says in its crate which methods it has; scenes, commands, schema, plan, cache keys, report and budgets go
 //! by this list, and nothing else names a stage's parameters.
 
+mod keys;
+
 use ivd_core::op::Stage;
 
+pub use keys::{Key, Said, keys};
+
 /// The stages, in the order in which a scene runs them.
-pub const STAGES: &[&Stage] = &[&ivd_octree::STAGE, &ivd_deform::map::STAGE];
+pub const STAGES: &[&Stage] = &[&ivd_segment::STAGE, &ivd_octree::STAGE, &ivd_deform::map::STAGE];
 
 /// The stage of a name.
 pub fn stage(name: &str) -> Option<&'static Stage> {

@@ -3,14 +3,11 @@ use std::path::Path;
 use ivd_core::op::Want;
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
-use crate::scene::{
-    BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene, SegmentSection,
-};
+use crate::scene::{BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene};
 use crate::stages::{
-    Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Refine, Render, Segment, SegmentTree,
-    Space, Warp,
+    Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Refine, Render, Space, Warp,
 };
-use crate::{Error, Stage};
+use crate::{Error, Section, Stage};
 
 /// The places that a stage can have in a pipeline, in the order in which they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -356,17 +353,16 @@ fn declared(scene: &Scene, stage: &ivd_core::op::Stage) -> Option<Box<dyn Stage>
     scene.section(stage).map(|section| Box::new(section.clone()) as Box<dyn Stage>)
 }
 
-/// The labels with their inputs: of the volume, or of the tree, and then of the volume too where they are changed by its values.
-fn segment(section: &SegmentSection, from_tree: bool) -> Result<(Segment, Slots), Error> {
-    if !from_tree {
-        return Ok((Segment::from_section(section)?, vec![("volume", NodeId::Import)]));
-    }
-    let cut = Segment::cut_of_section(section)?;
-    let mut inputs = vec![("tree", NodeId::Tree)];
-    if cut.tidies() {
-        inputs.push(("volume", NodeId::Import));
-    }
-    Ok((cut, inputs))
+/// A stage of the list at one of its places, where the scene gives that something to do.
+fn placed(scene: &Scene, stage: &ivd_core::op::Stage, variant: &str) -> Option<Section> {
+    let place = stage.places.iter().find(|place| place.variant == variant)?;
+    scene.section(stage)?.at(place)
+}
+
+/// Those of some slots that a section reads.
+fn wanted(section: Option<&Section>, slots: &[(&'static str, NodeId)]) -> Slots {
+    let reads = |slot: &str| section.is_some_and(|section| section.wants(slot) == Want::Yes);
+    slots.iter().copied().filter(|(slot, _)| reads(slot)).collect()
 }
 
 /// Every place with its stage and where its slots are filled from.
@@ -403,8 +399,10 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     }
     let mut moved_picture = picture.clone();
     moved_picture.push(("displacement", NodeId::of_displacement(scene)));
-    let tree = SegmentTree::from_section(&scene.segment);
-    let (segment, segment_inputs) = segment(&scene.segment, tree.is_some())?;
+    let tree = placed(scene, &ivd_segment::STAGE, "tree");
+    let tree_inputs = wanted(tree.as_ref(), &[("volume", NodeId::Import)]);
+    let segment = scene.section(&ivd_segment::STAGE);
+    let segment_inputs = wanted(segment, &[("tree", NodeId::Tree), ("volume", NodeId::Import)]);
     let render = Render::from_section(&scene.render, given_iso)?;
     let deform = moves.map(Deform::from_section).transpose()?;
     let mut deform_inputs = vec![("lattice", NodeId::Refine)];
@@ -435,8 +433,8 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let if_deformed = |stage: Option<Box<dyn Stage>>| stage.filter(|_| scene.deforms());
     Ok(vec![
         node(NodeId::Import, boxed(import), vec![]),
-        node(NodeId::Tree, tree.and_then(boxed), vec![("volume", NodeId::Import)]),
-        node(NodeId::Segment, boxed(segment), segment_inputs),
+        node(NodeId::Tree, tree.and_then(boxed), tree_inputs),
+        node(NodeId::Segment, declared(scene, &ivd_segment::STAGE), segment_inputs),
         node(NodeId::Boundary, boundary.and_then(boxed), part_inputs),
         node(NodeId::Lattice, boxed(Lattice { iso: scene.lattice.iso, class: part.class }), lattice_inputs),
         node(NodeId::Refine, boxed(Refine::from_section(&scene.refine)?), vec![("lattice", NodeId::Lattice)]),

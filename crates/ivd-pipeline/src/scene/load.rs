@@ -237,10 +237,8 @@ mod tests {
         let scene = parse(SCENE, &overrides).unwrap();
         let deform = scene.deform.as_ref().unwrap();
         assert_eq!((deform.stiffness, deform.handle[0].radius), (80.0, 7.5));
-        assert_eq!(
-            (scene.render.mode, scene.segment.k),
-            (crate::scene::RenderMode::Mip, crate::scene::ClassCount::Number(6))
-        );
+        let k = scene.param(&ivd_segment::STAGE, "k");
+        assert_eq!((scene.render.mode, k), (crate::scene::RenderMode::Mip, Some(6.into())));
         assert!(parse(SCENE, &[set("deform.handle.4.radius=1")]).unwrap_err().contains("handle"));
         assert!("deform".parse::<Override>().is_err());
     }

@@ -20,12 +20,11 @@ use crate::{Error, Section};
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
-    AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
-    CovarianceChoice, CurveOver, CurveWay, DeformSection, FixSection, HandleSection, InputSection, IsoChoice,
-    IsoWord, KernelChoice, LatticeSection, LinkSection, LinkageChoice, MaterialSection, OutputSection,
-    Picture, Projection, RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection,
-    RigidSection, SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver, SpaceSection, StepKind,
-    StepSection, WarpOrder, WarpSection,
+    AtfSection, BoundarySection, ClassChoice, ClassWord, CourseChoice, CurveOver, CurveWay, DeformSection,
+    FixSection, HandleSection, InputSection, IsoChoice, IsoWord, LatticeSection, LinkSection,
+    MaterialSection, OutputSection, Picture, Projection, RawSection, RefineMethod, RefineSection, RenderMode,
+    RenderSection, RigidSection, ShapeKind, ShapeSection, Solver, SpaceSection, StepKind, StepSection,
+    WarpOrder, WarpSection,
 };
 pub use written::triple;
 
@@ -45,9 +44,6 @@ pub struct Scene {
     pub schema: u32,
     /// Where the volume comes from.
     pub input: InputSection,
-    /// How its structure is found.
-    #[serde(default)]
-    pub segment: SegmentSection,
     /// Which part is isolated.
     #[serde(default)]
     pub boundary: Option<BoundarySection>,
@@ -74,6 +70,10 @@ pub struct Scene {
     pub render: RenderSection,
     /// What is wanted; nothing else is computed.
     pub output: OutputSection,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    segment: Option<toml::Value>,
     /// Read with the stages of the list.
     #[serde(default)]
     #[schemars(skip)]

@@ -11,7 +11,6 @@ mod lattice;
 mod parts;
 mod refine;
 mod render;
-mod segment;
 mod space;
 mod warp;
 
@@ -26,7 +25,6 @@ pub use lattice::Lattice;
 pub use parts::PartLattice;
 pub use refine::Refine;
 pub use render::{Difference, Render};
-pub use segment::{KeepPosteriors, Method, Posteriors, Segment, SegmentTree};
 pub use space::Space;
 pub use warp::Warp;
 

@@ -8,7 +8,6 @@ mod map;
 mod output;
 mod picture;
 mod rigid;
-mod segment;
 mod shape;
 mod space;
 
@@ -20,9 +19,5 @@ pub use map::{WarpOrder, WarpSection};
 pub use output::{OutputSection, Picture};
 pub use picture::{AtfSection, Projection, RenderMode, RenderSection};
 pub use rigid::RigidSection;
-pub use segment::{
-    AutoWord, ClassCount, ClassOrder, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice,
-    SegmentMethod, SegmentSection,
-};
 pub use shape::{ShapeKind, ShapeSection};
 pub use space::{CurveOver, CurveWay, LinkSection, SpaceSection, StepKind, StepSection};
