@@ -5,7 +5,7 @@ use ivd_core::{Displacement, FieldBricks, Grid, Labels, Mask, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures;
 use ivd_segment::{
-    ChainParams, Covariance, Cut, CutParams, EmvsParams, Error, HvsParams, KmvsParams, Linkage, MsvsParams,
+    ChainParams, Covariance, CutParams, EmvsParams, Error, HvsParams, KmvsParams, Linkage, MsvsParams,
     Segmentation, ThresholdParams, cut as cut_tree, emvs, hvs_tree, kmvs, msvs, msvs_kmvs, threshold,
 };
 
@@ -48,7 +48,7 @@ fn every_way(
     let tree = |linkage| {
         let params = HvsParams { linkage, alpha: Some(b).filter(|b| *b > 0.0), ..HvsParams::default() };
         let tree = hvs_tree(volume, None, &params, exec())?.tree;
-        cut_tree(&tree, &CutParams { cut: Cut::Classes(k), ..CutParams::default() }, exec())
+        cut_tree(&tree, &CutParams { k, ..CutParams::default() }, exec())
     };
     let rounds = EmvsParams { k: Some(k), max_iterations: 20, ..EmvsParams::default() };
     vec![

@@ -64,6 +64,7 @@ def ours(args, path, kind, dims, spacing, shape, begin, added, iterations):
         "max_iterations": iterations,
         "tolerance": 0.0,
         "variance_floor": 0.0,
+        "k": len(weights),
         "variance_added": added,
         "start": {"weights": weights.tolist(), "means": means.tolist(), "covariances": covariances},
     }

@@ -1,7 +1,6 @@
 //! What can be typed.
 
 mod combine;
-mod segment;
 
 use std::path::PathBuf;
 
@@ -12,7 +11,6 @@ use ivd_pipeline::scene::{FixSection, HandleSection, Override, RigidSection, Sha
 use crate::parse;
 
 pub(crate) use combine::{ClipArgs, CombineArgs};
-pub(crate) use segment::SegmentArgs;
 
 /// Interactive deformation of scanned volumes: from a CT, MRI or micro-CT volume to a deformed one.
 ///
@@ -137,8 +135,6 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
-    /// Finds a volume's classes.
-    Segment(Box<SegmentArgs>),
     /// Moves a lattice.
     Deform {
         /// Lattice artefact.
@@ -240,7 +236,7 @@ pub(crate) enum Command {
 impl Command {
     /// Whether it is a stage whose parameters are a section of a scene.
     pub(crate) fn has_section(&self) -> bool {
-        matches!(self, Self::Segment { .. } | Self::Deform { .. })
+        matches!(self, Self::Deform { .. })
     }
 }
 

@@ -1,6 +1,5 @@
 //! The commands of the stages of the list: made from what their methods declare, as the scene's sections are.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -8,14 +7,15 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, CommandFactory as _, FromArgMatches as _};
 use ivd_core::op::{Field, Stage, Want, alternatives, fields, kind, map_values, words};
 use ivd_core::{Kind, ParamError};
+use ivd_pipeline::Section;
+use ivd_pipeline::list::{self, Key};
 use ivd_pipeline::params::read_entry;
-use ivd_pipeline::{Section, list};
 use serde_json::{Map, Value as Json};
 
 use crate::args::{Args, Global};
 use crate::commands::Asked;
 use crate::commands::stage::{filled, finish, unused};
-use crate::commands::{lattice, two_classes};
+use crate::commands::{lattice, posteriors, precursor, two_classes};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::parse::table_of;
@@ -58,42 +58,11 @@ pub(crate) fn read(matches: &ArgMatches) -> Result<(Global, Asked), clap::Error>
     Ok((args.global, Asked::Command(args.command)))
 }
 
-/// A field of some methods of a stage.
-struct Flag {
-    name: String,
-    schema: Json,
-    readers: Vec<&'static str>,
-    /// What it may be and what it is where it isn't given, with the methods in which that is so.
-    says: Vec<(String, Vec<&'static str>)>,
-}
-
-impl Flag {
-    fn field(&self) -> Field<'_> {
-        Field { name: &self.name, schema: &self.schema }
-    }
-}
-
-/// The fields of all methods, each once, in the order of their names.
-fn flags(stage: &Stage) -> Vec<Flag> {
-    let mut all: BTreeMap<String, Flag> = BTreeMap::new();
-    for method in stage.methods {
-        for field in fields(&(method.schema)()) {
-            let new = || Flag {
-                name: field.name.to_owned(),
-                schema: field.schema.clone(),
-                readers: Vec::new(),
-                says: Vec::new(),
-            };
-            let flag = all.entry(field.name.to_owned()).or_insert_with(new);
-            flag.readers.push(method.name);
-            let text = says(field);
-            match flag.says.iter_mut().find(|(known, _)| *known == text) {
-                Some((_, methods)) => methods.push(method.name),
-                None => flag.says.push((text, vec![method.name])),
-            }
-        }
-    }
-    all.into_values().collect()
+/// The keys of a stage, in the order of their names.
+fn flags(stage: &Stage) -> Vec<Key> {
+    let mut all = list::keys(stage);
+    all.sort_by(|a, b| a.name.cmp(&b.name));
+    all
 }
 
 /// Slots that some method has, each once.
@@ -113,13 +82,22 @@ fn is_optional(stage: &Stage, slot: &str) -> bool {
 }
 
 fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
+    let precursor = precursor::of(stage);
     for slot in slots(stage) {
         let file = Arg::new(slot).value_parser(clap::value_parser!(PathBuf)).help(slot_help(stage, slot));
-        command = command.arg(if stage.positional.contains(&slot) {
-            file.value_name(slot.to_uppercase()).required(!is_optional(stage, slot))
+        let is_positional = stage.positional.contains(&slot);
+        let file = if is_positional {
+            file.value_name(slot.to_uppercase())
         } else {
             file.long(flag(slot)).value_name("FILE")
+        };
+        command = command.arg(match precursor {
+            Some(precursor) => precursor.argument(file, slot, is_positional),
+            None => file.required(is_positional && !is_optional(stage, slot)),
         });
+    }
+    if let Some(precursor) = precursor {
+        command = command.arg(precursor.keeper());
     }
     if !stage.selector.is_empty() {
         let named = |method: &ivd_core::op::Method| {
@@ -150,7 +128,7 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
     } else {
         ("FILE.ivd", "Artefact file")
     };
-    command = command.args(extra(stage));
+    command = command.args(more(stage));
     command.arg(
         Arg::new("output")
             .short('o')
@@ -176,19 +154,25 @@ fn slot_help(stage: &Stage, slot: &str) -> String {
 
 /// The flags of a command that are neither keys nor inputs of its stage: the command, the flag, and why it is none of them.
 #[cfg(test)]
-const EXTRA: [(&str, &str, &str); 4] = [
+const EXTRA: [(&str, &str, &str); 6] = [
+    ("segment", posteriors::FLAG, "volumes beside the labels, as many as there are components"),
+    ("segment", "tree-out", "what the labels are cut from, kept too"),
     ("lattice", "parts", "it gives a lattice for each label, where a stage gives one value"),
     ("lattice", "mesh", "a file of another program stands in for the stage's work"),
     ("lattice", "weld", "how that file is taken"),
     ("lattice", "allow_open", "how that file is taken"),
 ];
 
-fn extra(stage: &Stage) -> Vec<Arg> {
-    if stage.name == ivd_lattice::extract::STAGE.name { lattice::flags().into() } else { Vec::new() }
+/// Those flags, but for what a precursor has of its own.
+fn more(stage: &Stage) -> Vec<Arg> {
+    if stage.name == ivd_lattice::extract::STAGE.name {
+        return lattice::flags().into();
+    }
+    if stage.name == ivd_segment::STAGE.name { vec![posteriors::argument()] } else { Vec::new() }
 }
 
 /// The flag of a field, and hidden ones for names that it had before.
-fn arguments(stage: &Stage, found: &Flag) -> Vec<Arg> {
+fn arguments(stage: &Stage, found: &Key) -> Vec<Arg> {
     let field = found.field();
     let mut arg = Arg::new(found.name.clone()).long(flag(field.name)).help(help(stage, found));
     let whole = alternatives(field.schema);
@@ -216,7 +200,9 @@ fn arguments(stage: &Stage, found: &Flag) -> Vec<Arg> {
 /// Whether a flag may be given several times: a list of things, a map.
 fn repeats(field: Field<'_>) -> bool {
     let is_map = map_values(field.schema).is_some();
-    is_map || (kind(field.schema) == "array" && field.schema.get("maxItems").is_none())
+    let is_vector = field.schema.get("maxItems") == field.schema.get("minItems")
+        && field.schema.get("maxItems").is_some();
+    is_map || (kind(field.schema) == "array" && !is_vector)
 }
 
 /// What is written for a value.
@@ -249,7 +235,12 @@ fn form(field: Field<'_>) -> String {
         }
         "object" => "key=value;…".to_owned(),
         _ if one.len() > 1 => {
-            field.domain().replace(" | ", "|").split(' ').next().unwrap_or("VALUE").to_owned()
+            let form = |one: &&Json| match kind(one) {
+                "string" => words(one).iter().map(|(word, _)| *word).collect::<Vec<_>>().join("|"),
+                "array" => "N,N…".to_owned(),
+                _ => unit.unwrap_or("N").to_owned(),
+            };
+            one.iter().map(form).collect::<Vec<_>>().join("|")
         }
         _ => match unit {
             None => "N".to_owned(),
@@ -260,40 +251,34 @@ fn form(field: Field<'_>) -> String {
 }
 
 /// What a flag's help says: the field's own doc, what it may be, what it is where it isn't given.
-fn help(stage: &Stage, found: &Flag) -> String {
+fn help(stage: &Stage, found: &Key) -> String {
     let field = found.field();
-    let whose = if found.readers.len() < stage.methods.len() {
-        format!("{}: ", found.readers.join(", "))
-    } else {
-        String::new()
-    };
-    let text = format!("{whose}{}{}", field.about().trim_end_matches('.').replace('\n', " "), keys(field));
-    match &found.says[..] {
-        [(says, _)] => format!("{text}{says}"),
-        several => {
-            let each = several.iter().map(|(says, methods)| format!("; {}{says}", methods.join(", ")));
-            text + &each.collect::<String>()
+    let default = |default: Option<&Json>| match default {
+        None | Some(Json::Null) => String::new(),
+        Some(Json::Array(list)) if list.is_empty() => String::new(),
+        Some(Json::Object(map)) if map.is_empty() => String::new(),
+        Some(default) => {
+            format!(" [default: {}]", default.as_str().map_or_else(|| default.to_string(), str::to_owned))
         }
-    }
+    };
+    let said = found.says.iter().map(|said| {
+        let whose = if said.methods.len() < stage.methods.len() {
+            format!("{}: ", said.methods.join(", "))
+        } else {
+            String::new()
+        };
+        let own = if field.default().is_none() { default(said.default.as_ref()) } else { String::new() };
+        format!("{whose}{}{own}", said.about.trim_end_matches('.').replace('\n', " "))
+    });
+    let text = said.collect::<Vec<_>>().join("; ");
+    let domain = field.domain();
+    let domain = if words_alone(field) || domain.is_empty() { String::new() } else { format!(" [{domain}]") };
+    format!("{text}{}{domain}{}", keys(field), default(field.default()))
 }
 
-/// What a field may be, and what it is where it isn't given.
-fn says(field: Field<'_>) -> String {
-    let domain = field.domain();
-    let domain = if words(field.schema).is_empty() && !domain.is_empty() {
-        format!(" [{domain}]")
-    } else {
-        String::new()
-    };
-    match field.default() {
-        Some(Json::Null) | None => domain,
-        Some(Json::Array(list)) if list.is_empty() => domain,
-        Some(Json::Object(map)) if map.is_empty() => domain,
-        Some(default) => {
-            let default = default.as_str().map_or_else(|| default.to_string(), str::to_owned);
-            format!("{domain} [default: {default}]")
-        }
-    }
+/// Whether a flag takes words and nothing else: help lists them by themselves.
+fn words_alone(field: Field<'_>) -> bool {
+    alternatives(field.schema).iter().all(|one| !words(one).is_empty())
 }
 
 /// The keys of the things that a flag lists, or of what it says of a class; where a word tells several kinds apart, those that all
@@ -330,7 +315,7 @@ fn upper(slot: &str) -> String {
 }
 
 /// The flag of a key.
-fn flag(key: &str) -> String {
+pub(crate) fn flag(key: &str) -> String {
     key.replace('_', "-")
 }
 
@@ -339,10 +324,17 @@ pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context
     if stage.name == ivd_lattice::extract::STAGE.name && lattice::run(matches, context)? {
         return Ok(());
     }
-    let section = section(stage, matches, context)?;
+    let given = precursor::Given::of(stage, matches);
+    let keys = Typed::read(stage, matches, context)?;
+    let section = match given.taken() {
+        Some(precursor) => precursor.cut(keys)?,
+        None => keys.section()?,
+    };
     let path = |name: &str| matches.get_one::<PathBuf>(name).map(PathBuf::as_path);
     let reads = |slot: &str| {
-        section.method().slots.iter().any(|own| own.name == slot) && section.wants(slot) != Want::No
+        let own =
+            section.method().slots.iter().any(|own| own.name == slot) && section.wants(slot) != Want::No;
+        own || given.is_needed(&section, slot)
     };
     let (mut files, mut unread): (Vec<(&'static str, Option<&Path>)>, Vec<_>) = (Vec::new(), Vec::new());
     for slot in slots(stage) {
@@ -358,7 +350,22 @@ pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context
     let cache = context.stage_cache()?;
     let inputs = filled(&files, &cache, context)?;
     let inputs = two_classes::completed(inputs, &section, &cache, context)?;
-    let done = context.run(&cache, &section, &inputs)?;
+    let beside = extra(matches, posteriors::FLAG);
+    if beside.is_some() && given.kept().is_some() {
+        let problem =
+            format!("--{} is of another method than what is kept beside it; give one", posteriors::FLAG);
+        return Err(Failure::usage(problem));
+    }
+    let mut done = if let Some(prefix) = beside {
+        posteriors::run(&section, prefix, &inputs, context)?
+    } else if let Some(file) = given.kept() {
+        precursor::run_through(&section, file, inputs, &cache, context)?
+    } else {
+        context.run(&cache, &section, &inputs)?
+    };
+    if let Some(precursor) = given.taken() {
+        precursor.leave_out(&mut done.record);
+    }
     let output = path("output").ok_or_else(|| Failure::usage("-o FILE is missing"))?;
     finish(done, output, context)
 }
@@ -372,27 +379,64 @@ fn is_filled(matches: &ArgMatches, slot: &str) -> bool {
     matches.get_one::<PathBuf>(slot).is_some()
 }
 
-/// The parameters from the file of `--params` with the command line's own on top.
-fn section(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<Section> {
-    let file = context.global.params.as_deref();
-    let mut keys = file.map(table_of).transpose()?.unwrap_or_default();
-    let typed = typed(stage, matches)?;
-    for (key, value) in typed.clone() {
-        add(&mut keys, key, value);
+/// The value of a flag that only some commands have.
+fn extra<'a>(matches: &'a ArgMatches, flag: &str) -> Option<&'a Path> {
+    matches.try_get_one::<PathBuf>(flag).ok().flatten().map(PathBuf::as_path)
+}
+
+/// What was written for a stage: in the file of `--params`, and on the command line.
+pub(crate) struct Typed {
+    stage: &'static Stage,
+    file: Option<PathBuf>,
+    line: Map<String, Json>,
+    keys: Map<String, Json>,
+}
+
+impl Typed {
+    fn read(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<Self> {
+        let file = context.global.params.clone();
+        let mut keys = file.as_deref().map(table_of).transpose()?.unwrap_or_default();
+        let typed = typed(stage, matches)?;
+        for (key, value) in typed.clone() {
+            add(&mut keys, key, value);
+        }
+        for (_, _, method) in
+            WITHOUT.iter().filter(|(name, slot, _)| *name == stage.name && !is_filled(matches, slot))
+        {
+            keys.entry(stage.selector).or_insert_with(|| Json::from(*method));
+        }
+        Ok(Self { stage, file, line: typed, keys })
     }
-    for (_, _, method) in
-        WITHOUT.iter().filter(|(name, slot, _)| *name == stage.name && !is_filled(matches, slot))
-    {
-        keys.entry(stage.selector).or_insert_with(|| Json::from(*method));
+
+    /// What is given for a key.
+    pub(crate) fn get(&self, key: &str) -> Option<&Json> {
+        self.keys.get(key)
     }
-    Section::parse(stage, Some(keys)).map_err(|problem| {
-        let first = problem.field.split('.').next().unwrap_or("");
-        Failure::usage(match file {
-            _ if typed.contains_key(first) => told(&problem),
-            Some(file) => format!("--params {}: {}", file.display(), problem.told_of(stage.name)),
-            None => problem.told_of(stage.name),
+
+    /// Gives a key where it isn't given.
+    pub(crate) fn or_insert(&mut self, key: &str, value: &str) {
+        self.keys.entry(key).or_insert_with(|| Json::String(value.to_owned()));
+    }
+
+    /// Where a key was given, for a message.
+    pub(crate) fn place(&self, key: &str) -> String {
+        match &self.file {
+            Some(file) if !self.line.contains_key(key) => format!("--params {}: {key}", file.display()),
+            _ => format!("--{}", flag(key)),
+        }
+    }
+
+    /// The parameters.
+    pub(crate) fn section(self) -> anyhow::Result<Section> {
+        Section::parse(self.stage, Some(self.keys)).map_err(|problem| {
+            let first = problem.field.split('.').next().unwrap_or("");
+            Failure::usage(match &self.file {
+                _ if self.line.contains_key(first) => told(&problem),
+                Some(file) => format!("--params {}: {}", file.display(), problem.told_of(self.stage.name)),
+                None => problem.told_of(self.stage.name),
+            })
         })
-    })
+    }
 }
 
 /// A problem of a flag.

@@ -210,10 +210,10 @@ fn what_does_not_fit_together_is_said() {
     let folder = head();
     let at = folder.path();
     let segment = |args: &[&'static str]| [&["segment", "head.ivd", "-o", "l.ivd"], args].concat();
-    assert!(refused(at, 2, &segment(&["--k", "auto"])).contains("msvs+kmvs"));
+    assert!(refused(at, 2, &segment(&["--k", "auto"])).contains("is for emvs"));
     assert!(refused(at, 2, &segment(&["--smoothing", "1"])).contains("emvs"));
-    assert!(refused(at, 2, &segment(&["--k-min", "2"])).contains("msvs+kmvs"));
-    assert!(refused(at, 2, &segment(&["--method", "msvs+kmvs", "--k-min", "0"])).contains("`k_min`"));
+    assert!(refused(at, 2, &segment(&["--k-min", "3"])).contains("msvs+kmvs"));
+    assert!(refused(at, 2, &segment(&["--method", "msvs+kmvs", "--k-min", "0"])).contains("--k-min: 0"));
     assert!(refused(at, 2, &segment(&["--method", "emsv"])).contains("emsv"));
     assert!(refused(at, 2, &segment(&["--tree-out", "t.ivd"])).contains("--method hvs"));
     assert!(refused(at, 2, &segment(&["--posteriors-out", "p"])).contains("--method emvs"));

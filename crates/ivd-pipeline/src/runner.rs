@@ -8,12 +8,13 @@ use std::time::Instant;
 use ivd_artefact::{
     Artefact, Cache, CacheKey, ContentHash, Kind, Loaded, Lookup, Opened, Provenance, content_hash,
 };
+use ivd_core::op::{self, Failure, Values};
 use ivd_core::{Backend, Exec, Fault, Faulty};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{Error, Input, Inputs, Metrics, Product, Stage, resource};
+use crate::{Error, Input, Inputs, Metrics, Product, Section, Stage, resource};
 
 /// What became of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -133,6 +134,15 @@ pub struct Runner<'a> {
     pub lazy: bool,
 }
 
+/// A run that has begun.
+struct Begun {
+    clock: Clock,
+    read_before: u64,
+    provenance: Provenance,
+    source_bytes: u64,
+    key: CacheKey,
+}
+
 impl Runner<'_> {
     /// Runs a stage on its inputs; with `force` even where the cache has its result.
     ///
@@ -151,25 +161,17 @@ impl Runner<'_> {
         force: bool,
         work: &mut dyn FnMut() -> Result<Product, Error>,
     ) -> Result<Done, Error> {
-        inputs.check(stage)?;
-        self.exec.check_cancelled()?;
-        let clock = Clock::start();
-        let read_before = inputs.bytes_read();
-        let (provenance, source_bytes) = self.provenance(stage, inputs.hashes())?;
-        let output_kind = match stage.output() {
-            Some(kind) => kind,
-            None => inputs.get(stage.inputs()[0].name).expect("checked: the first slot is filled").kind(),
-        };
-        let key = CacheKey::new(output_kind, &provenance);
+        let begun = self.begin(stage, inputs)?;
         let why = if force {
             "forced".to_owned()
         } else {
-            match self.exec.run(|| self.look_up(&key)) {
+            match self.exec.run(|| self.look_up(&begun.key)) {
                 Lookup::Hit(entry) => {
-                    let record = self.record(stage, &provenance, &entry.artefact, entry.hash, &key);
+                    let record =
+                        self.record(stage, &begun.provenance, &entry.artefact, entry.hash, &begun.key);
                     let metrics = Metrics::from(entry.metrics.as_object().cloned().unwrap_or_default());
-                    let bytes_read = source_bytes + entry.file.bytes_verified();
-                    let record = StageRecord { bytes_read, metrics, ..clock.stop(record) };
+                    let bytes_read = begun.source_bytes + entry.file.bytes_verified();
+                    let record = StageRecord { bytes_read, metrics, ..begun.clock.stop(record) };
                     let record = StageRecord { state: State::Cached, cached: true, ..record };
                     let artefact = Arc::new(entry.artefact);
                     return Ok(Done { artefact, hash: entry.hash, file: Some(entry.file), record });
@@ -182,7 +184,50 @@ impl Runner<'_> {
         let product = work();
         // Before anything is believed of it, its failure too.
         inputs.check_damage()?;
-        let product = product?;
+        self.end(stage, inputs, begun, why, product?)
+    }
+
+    /// Does a stage's work by `work`, which gives something beside its product; that is in no cache, so it is always done.
+    ///
+    /// # Errors
+    /// Those of [`Runner::run`].
+    pub fn run_beside<T>(
+        &self,
+        stage: &Section,
+        inputs: &Inputs,
+        work: impl FnOnce(&Values<'_>) -> Result<(op::Product, T), Failure>,
+    ) -> Result<(Done, T), Error> {
+        let begun = self.begin(stage, inputs)?;
+        let worked = stage.run_with(inputs, work);
+        inputs.check_damage()?;
+        let (product, beside) = worked?;
+        let why = "what it gives beside its result is in no cache".to_owned();
+        Ok((self.end(stage, inputs, begun, why, product)?, beside))
+    }
+
+    fn begin(&self, stage: &dyn Stage, inputs: &Inputs) -> Result<Begun, Error> {
+        inputs.check(stage)?;
+        self.exec.check_cancelled()?;
+        let clock = Clock::start();
+        let read_before = inputs.bytes_read();
+        let (provenance, source_bytes) = self.provenance(stage, inputs.hashes())?;
+        let output_kind = match stage.output() {
+            Some(kind) => kind,
+            None => inputs.get(stage.inputs()[0].name).expect("checked: the first slot is filled").kind(),
+        };
+        let key = CacheKey::new(output_kind, &provenance);
+        Ok(Begun { clock, read_before, provenance, source_bytes, key })
+    }
+
+    fn end(
+        &self,
+        stage: &dyn Stage,
+        inputs: &Inputs,
+        begun: Begun,
+        why: String,
+        product: Product,
+    ) -> Result<Done, Error> {
+        let Begun { clock, read_before, provenance, source_bytes, key } = begun;
         let hash = self.exec.run(|| self.keep(&key, &product, &provenance))?;
         let record = self.record(stage, &provenance, &product.artefact, hash, &key);
         let bytes_read = source_bytes + inputs.bytes_read() - read_before;

@@ -5,7 +5,8 @@ use std::fmt;
 use std::path::PathBuf;
 
 use ivd_core::op::{
-    Job, Method, Op, PlaceKind, Slot, Stage, Values, Want, check, fields, is_default, rename, unknown,
+    self, Failure, Job, Method, Op, PlaceKind, Slot, Stage, Values, Want, check, fields, is_default, rename,
+    unknown,
 };
 use ivd_core::{Exec, Kind, ParamError};
 use serde_json::{Map, Value as Json};
@@ -72,7 +73,7 @@ impl Section {
             keys.entry(key).or_insert(value);
         }
         let mut keys = Json::Object(keys);
-        check(&mut keys, &schema)?;
+        check(&mut keys, &schema).map_err(|problem| with_takers(stage, method, &keys, problem))?;
         let job = (method.parse)(keys).map_err(|e| ParamError::at_itself(e, "give what the schema says"))?;
         job.check()?;
         Ok(Self { stage, method, variant: "", written, job })
@@ -135,6 +136,25 @@ impl Section {
         self.job.wants(slot)
     }
 
+    /// Its product, and what else `work` gives beside: it is given the inputs by slot, and does what the job would do.
+    pub(crate) fn run_with<T>(
+        &self,
+        inputs: &Inputs,
+        work: impl FnOnce(&Values<'_>) -> Result<(op::Product, T), Failure>,
+    ) -> Result<(Product, T), Error> {
+        let values: Values<'_> =
+            self.method.slots.iter().filter_map(|slot| Some((slot.name, inputs.get(slot.name)?))).collect();
+        let (product, beside) = work(&values).map_err(|failure| Error::failed(self.stage.name, failure))?;
+        let schema = (self.method.figures)();
+        let mut metrics = Metrics { figures: product.figures, times: std::collections::BTreeMap::new() };
+        for field in fields(&schema).filter(|field| field.is_time()) {
+            if let Some(time) = metrics.figures.remove(field.name).and_then(|time| time.as_f64()) {
+                metrics.times.insert(field.name.to_owned(), time);
+            }
+        }
+        Ok((Product { artefact: product.artefact, metrics }, beside))
+    }
+
     /// The stage at one of its places; `None` where the scene gives that nothing to do.
     pub fn at(&self, place: &ivd_core::op::Place) -> Option<Self> {
         let (method, job) = match place.kind {
@@ -177,6 +197,23 @@ fn choose(stage: &'static Stage, keys: &mut Map<String, Json>) -> Result<&'stati
             .map_or_else(String::new, |word| word.as_str().map_or_else(|| word.to_string(), str::to_owned));
         unknown("word", &word, known()).under(stage.selector)
     })
+}
+
+/// A problem of a key, with the methods that would take what is given for it.
+fn with_takers(stage: &Stage, method: &Method, keys: &Json, mut problem: ParamError) -> ParamError {
+    let Some(value) = keys.get(&problem.field) else { return problem };
+    let takes = |other: &&Method| {
+        let schema = (other.schema)();
+        let field = fields(&schema).find(|field| field.name == problem.field);
+        other.name != method.name
+            && field.is_some_and(|field| check(&mut value.clone(), field.schema).is_ok())
+    };
+    let names: Vec<&str> = stage.methods.iter().filter(takes).map(|other| other.name).collect();
+    if !names.is_empty() {
+        let names = names.join(", ");
+        problem.remedy = format!("{}; {} = {value} is for {names}", problem.remedy, problem.field);
+    }
+    problem
 }
 
 /// A key that the method doesn't read is a mistake, whoever wrote it expects something of it; but for one that says what it would say
@@ -245,17 +282,6 @@ impl crate::Stage for Section {
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
-        let values: Values<'_> =
-            self.method.slots.iter().filter_map(|slot| Some((slot.name, inputs.get(slot.name)?))).collect();
-        let product =
-            self.job.run(&values, exec).map_err(|failure| Error::failed(self.stage.name, failure))?;
-        let schema = (self.method.figures)();
-        let mut metrics = Metrics { figures: product.figures, times: std::collections::BTreeMap::new() };
-        for field in fields(&schema).filter(|field| field.is_time()) {
-            if let Some(time) = metrics.figures.remove(field.name).and_then(|time| time.as_f64()) {
-                metrics.times.insert(field.name.to_owned(), time);
-            }
-        }
-        Ok(Product { artefact: product.artefact, metrics })
+        self.run_with(inputs, |values| Ok((self.job.run(values, exec)?, ()))).map(|(product, ())| product)
     }
 }

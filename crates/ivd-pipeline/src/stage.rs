@@ -31,13 +31,6 @@ impl Metrics {
         Self { figures, times: BTreeMap::new() }
     }
 
-    /// Adds the time or rate of a run.
-    #[must_use]
-    pub(crate) fn timed(mut self, name: &'static str, time: f64) -> Self {
-        self.times.insert(name.to_owned(), time);
-        self
-    }
-
     /// The figure of a name; no time or rate.
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.figures.get(name)
@@ -110,10 +103,10 @@ impl Inputs {
         self
     }
 
-    /// Only what fills one of the slots.
+    /// Only what fills slots that are wanted.
     #[must_use]
-    pub fn only(mut self, slot: &str) -> Self {
-        self.0.retain(|name, _| *name == slot);
+    pub fn only(mut self, wanted: impl Fn(&str) -> bool) -> Self {
+        self.0.retain(|slot, _| wanted(slot));
         self
     }
 

@@ -36,6 +36,7 @@
 mod classes;
 mod emvs;
 mod error;
+mod figures;
 mod groups;
 mod histogram;
 mod hvs;
@@ -45,17 +46,24 @@ mod moments;
 mod msvs;
 mod scope;
 mod segmentation;
+mod stage;
 mod threshold;
 mod tidy;
 mod wide;
 
-pub use emvs::{BiasField, BicPoint, Covariance, Emvs, EmvsParams, Mixture, emvs};
+pub use emvs::{BiasField, BicPoint, Covariance, Emvs, EmvsParams, Mixture, emvs, emvs_with_posteriors};
 pub use error::Error;
-pub use hvs::{Cut, CutParams, Dendrogram, Hvs, HvsParams, Leaf, Ranking, cut, dendrogram, hvs_tree};
+pub use figures::{
+    AnyFigures, ClassFigures, CommonFigures, CutFigures, Figures, MixtureFigures, MixturePoint, ModesFigures,
+    NoFigures, ProposalFigures, SpatialFigures, TreeFigures,
+};
+pub use hvs::{CutParams, Dendrogram, Hvs, HvsParams, Leaf, Ranking, cut, dendrogram, hvs_tree};
 pub use ivd_core::Linkage;
 pub use kmvs::{KmvsParams, SpatialKmvs, kmvs, kmvs_spatial};
 pub use msvs::chain::{Chain, ChainParams, ChainPoint, ChainTimes, msvs_kmvs};
 pub use msvs::{Kernel, Mode, Msvs, MsvsParams, msvs};
+pub use scope::Within;
 pub use segmentation::Segmentation;
+pub use stage::{Find, Grown, Hierarchy, STAGE, Scanned, Tidied};
 pub use threshold::{ThresholdParams, threshold};
 pub use tidy::{Order, TidyParams, tidy};

@@ -3,37 +3,53 @@
 use std::borrow::Cow;
 
 use ivd_core::{Error as CoreError, Exec, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
 /// Voxels that one task looks at.
 const CHUNK: usize = 1 << 16;
 
-/// # Errors
-/// [`ParamError`] where a range isn't two finite numbers, the lower first.
-pub(crate) fn check_range(range: Option<[f64; 2]>) -> Result<(), ParamError> {
-    match range {
-        Some([low, high]) if !(low.is_finite() && high.is_finite() && low <= high) => Err(ParamError::new(
-            "range",
-            format!("{low} to {high}"),
-            "give two finite values, the lower one first",
-        )),
-        _ => Ok(()),
+/// Which values count.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct Within {
+    /// Only voxels whose value lies between these count, both included.
+    #[schemars(extend("x-unit" = "real units"))]
+    pub range: Option<[f64; 2]>,
+}
+
+impl Within {
+    /// All values between two, both included.
+    pub fn range(low: f64, high: f64) -> Self {
+        Self { range: Some([low, high]) }
+    }
+
+    /// # Errors
+    /// [`ParamError`] where the higher value comes first.
+    pub(crate) fn check(self) -> Result<(), ParamError> {
+        match self.range {
+            Some([low, high]) if low > high => {
+                Err(ParamError::new("range", format!("{low} to {high}"), "give the lower value first"))
+            }
+            _ => Ok(()),
+        }
     }
 }
 
-/// The voxels inside the mask whose real value lies in `range` (both ends belong to it). `None` stands for all voxels.
+/// The voxels inside the mask whose real value lies within a range (both ends belong to it). `None` stands for all voxels.
 ///
 /// # Errors
 /// [`CoreError::GridMismatch`] where the mask lies on another grid, or the memory limit.
 pub(crate) fn of<'a>(
     volume: &Volume,
     mask: Option<&'a Mask>,
-    range: Option<[f64; 2]>,
+    within: Within,
     exec: &Exec,
 ) -> Result<Option<Cow<'a, Mask>>, Error> {
     crate::segmentation::check_mask(volume, mask)?;
-    let Some([low, high]) = range else { return Ok(mask.map(Cow::Borrowed)) };
+    let Some([low, high]) = within.range else { return Ok(mask.map(Cow::Borrowed)) };
     let mut inside = exec.bulk::<u8>("the voxels within the range", volume.grid().len())?;
     with_voxels!(volume.voxels(), slice => {
         parallel::try_for_each_piece_mut(&mut inside, CHUNK, &|i, inside| {
@@ -64,13 +80,11 @@ mod tests {
         let mask = Mask::new(grid, vec![1_u8, 1, 1, 1, 0].into()).unwrap();
         let exec = Exec::default();
         // Real values: NaN, -1, -3, -5, -7.
-        let found = of(&volume, None, Some([-7.0, -3.0]), &exec).unwrap().unwrap();
+        let found = of(&volume, None, Within::range(-7.0, -3.0), &exec).unwrap().unwrap();
         assert_eq!(found.inside(), [0, 0, 1, 1, 1]);
-        let found = of(&volume, Some(&mask), Some([-7.0, -3.0]), &exec).unwrap().unwrap();
+        let found = of(&volume, Some(&mask), Within::range(-7.0, -3.0), &exec).unwrap().unwrap();
         assert_eq!(found.inside(), [0, 0, 1, 1, 0]);
-        assert!(of(&volume, None, None, &exec).unwrap().is_none());
-        for bad in [[2.0, 1.0], [f64::NAN, 1.0], [0.0, f64::INFINITY]] {
-            assert!(check_range(Some(bad)).is_err());
-        }
+        assert!(of(&volume, None, Within::default(), &exec).unwrap().is_none());
+        assert!(Within::range(2.0, 1.0).check().is_err() && Within::range(2.0, 2.0).check().is_ok());
     }
 }

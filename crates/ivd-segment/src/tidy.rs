@@ -3,7 +3,8 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, NO_DATA, ParamError, Volume, parallel};
+use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, NO_DATA, Volume, parallel};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::hvs::sets;
@@ -13,33 +14,32 @@ use crate::{Error, Segmentation, classes};
 const CHUNK: usize = 1 << 16;
 
 /// The order of class ids.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
-    /// Ascending means.
+    /// By mean value, the lowest first.
     #[default]
     Mean,
-    /// Falling numbers of voxels.
+    /// By size, the largest first.
     Size,
 }
 
-/// What [`tidy`] does.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+/// What is done with labels after they are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct TidyParams {
-    /// Connected parts (6-neighbourhood) of fewer voxels take the label of the part that they share most faces with; 0 and 1
+    /// Connected parts of fewer voxels (6-neighbourhood) take the label of the part that they share most faces with; 0 and 1
     /// leave all as they are. A part that touches none but missing data stays.
+    #[schemars(extend("x-unit" = "voxels"))]
     pub smallest: u64,
-    /// The order of ids.
+    /// The order of class ids.
     pub order: Order,
 }
 
 impl TidyParams {
-    /// # Errors
-    /// None yet: every value has a meaning.
-    #[allow(clippy::unnecessary_wraps, reason = "the pattern of all parameters")]
-    pub fn check(&self) -> Result<(), ParamError> {
-        Ok(())
+    /// Whether anything is done.
+    pub fn is_any(self) -> bool {
+        self != Self::default()
     }
 }
 
@@ -51,10 +51,9 @@ impl TidyParams {
 pub fn tidy(
     volume: &Volume,
     found: Segmentation,
-    params: &TidyParams,
+    params: TidyParams,
     exec: &Exec,
 ) -> Result<Segmentation, Error> {
-    params.check()?;
     let grid = volume.grid();
     if !found.labels.grid().matches(grid) {
         return Err(CoreError::GridMismatch {
@@ -334,12 +333,12 @@ mod tests {
         let exec = Exec::default();
         let found = threshold(&volume, None, &ThresholdParams { values: vec![3.0, 7.0] }, &exec).unwrap();
         let params = TidyParams { smallest: 0, order: Order::Size };
-        let sized = tidy(&volume, found.clone(), &params, &exec).unwrap();
+        let sized = tidy(&volume, found.clone(), params, &exec).unwrap();
         assert_eq!(sized.labels.ids(), [3, 1, 1, 1, 2, 2]);
         let means: Vec<f64> = sized.labels.classes().iter().map(|c| c.mean).collect();
         assert_eq!(means, [1.0, 5.0, 9.0]);
         let params = TidyParams { smallest: 2, order: Order::Mean };
-        let merged = tidy(&volume, found, &params, &exec).unwrap();
+        let merged = tidy(&volume, found, params, &exec).unwrap();
         assert_eq!(merged.labels.ids(), [2, 2, 2, 2, 1, 1]);
         assert_eq!(merged.k, 2);
         assert_eq!(merged.labels.classes()[1].mean, 7.0);

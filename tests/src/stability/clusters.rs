@@ -2,8 +2,7 @@
 
 use ivd_core::{Exec, Volume};
 use ivd_segment::{
-    ChainParams, Covariance, Cut, CutParams, EmvsParams, HvsParams, KmvsParams, Linkage, MsvsParams,
-    Segmentation,
+    ChainParams, Covariance, CutParams, EmvsParams, HvsParams, KmvsParams, Linkage, MsvsParams, Segmentation,
 };
 
 use super::backend::{Answer, Backend};
@@ -70,13 +69,13 @@ pub(super) static CHAIN: Cluster = Cluster(Stage::MsvsKmvs, "msvs+kmvs", |on, vo
 });
 
 pub(super) static WARD: Cluster = Cluster(Stage::HvsWard, "hvs by ward", |on, volume, k, exec| {
-    let cut = CutParams { cut: Cut::Classes(k), ..CutParams::default() };
+    let cut = CutParams { k, ..CutParams::default() };
     on.hvs(volume, &HvsParams { max_regions: 2000, ..HvsParams::default() }, &cut, exec)
 });
 
 pub(super) static SINGLE: Cluster =
     Cluster(Stage::HvsSingle, "hvs by single linkage", |on, volume, k, exec| {
-        let cut = CutParams { cut: Cut::Classes(k), ..CutParams::default() };
+        let cut = CutParams { k, ..CutParams::default() };
         on.hvs(volume, &HvsParams { linkage: Linkage::Single, ..HvsParams::default() }, &cut, exec)
     });
 

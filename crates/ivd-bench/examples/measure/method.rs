@@ -18,8 +18,7 @@ use ivd_core::{Exec, Lattice, Volume};
 use ivd_lattice::extract::{ExtractParams, Extractor, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_segment::{
-    Cut, CutParams, HvsParams, KmvsParams, Segmentation, cut, emvs, hvs_tree, kmvs, kmvs_spatial, msvs,
-    msvs_kmvs,
+    CutParams, HvsParams, KmvsParams, Segmentation, cut, emvs, hvs_tree, kmvs, kmvs_spatial, msvs, msvs_kmvs,
 };
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
@@ -97,7 +96,7 @@ fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>
             let classes = value.as_object_mut().and_then(|o| o.remove("classes")).unwrap_or(4.into());
             let classes = classes.as_u64().ok_or("classes: a whole number is expected")?;
             let params: HvsParams = serde_json::from_value(value)?;
-            let classes = CutParams { cut: Cut::Classes(classes as usize), ..CutParams::default() };
+            let classes = CutParams { k: classes as usize, ..CutParams::default() };
             Box::new(move |exec| {
                 Ok(Found::classes(cut(&hvs_tree(volume, None, &params, exec)?.tree, &classes, exec)?))
             })

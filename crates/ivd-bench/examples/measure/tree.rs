@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use ivd_core::{Exec, Linkage};
-use ivd_segment::{Cut, CutParams, HvsParams, Ranking, cut, hvs_tree};
+use ivd_segment::{CutParams, HvsParams, Ranking, cut, hvs_tree};
 
 use crate::{Anything, raw};
 
@@ -38,7 +38,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
     if let Some(regions) = named("regions") {
         params.max_regions = regions.parse()?;
     }
-    let order = match named("order") {
+    let ranking = match named("order") {
         Some("height") => Ranking::Height,
         Some("area") => Ranking::Area,
         _ => Ranking::Persistence,
@@ -50,9 +50,10 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
     let (grown, cpu_grown) = (start.elapsed().as_secs_f64(), cpu.elapsed().as_secs_f64());
     let peak = raw::peak_mib();
     let classes = named("classes").unwrap_or("6").parse()?;
-    let smallest = named("smallest").unwrap_or("1").parse()?;
+    let least_part = named("smallest").unwrap_or("1").parse()?;
     let start = Instant::now();
-    let segments = cut(&found.tree, &CutParams { cut: Cut::Classes(classes), order, smallest }, &exec)?;
+    let params = CutParams { k: classes, ranking, least_part, ..CutParams::default() };
+    let segments = cut(&found.tree, &params, &exec)?;
     let cut_seconds = start.elapsed().as_secs_f64();
 
     if let Some(out) = named("heights") {

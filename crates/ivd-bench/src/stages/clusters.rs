@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ivd_core::{Exec, Labels, Volume, VoxelType};
 use ivd_segment::{
-    Cut, CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, cut, emvs, hvs_tree, kmvs_spatial, msvs,
+    CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, cut, emvs, hvs_tree, kmvs_spatial, msvs,
 };
 use ivd_volume::phantom::{Params, generate};
 
@@ -150,11 +150,8 @@ fn modes(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment,
 /// Ward's tree from fewer regions.
 fn tree(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, Problem> {
     let params = |max_regions| HvsParams { max_regions, ..HvsParams::default() };
-    let classes = CutParams {
-        cut: Cut::Classes(TREE_CLASSES),
-        order: ivd_segment::Ranking::Height,
-        ..CutParams::default()
-    };
+    let classes =
+        CutParams { k: TREE_CLASSES, ranking: ivd_segment::Ranking::Height, ..CutParams::default() };
     let squares = move |volume: &Volume, max_regions: usize, exec: &Exec| -> Result<(f64, f64), Problem> {
         let found = hvs_tree(volume, None, &params(max_regions), exec)?;
         Ok((cut(&found.tree, &classes, exec)?.objective, found.regions as f64))

@@ -9,7 +9,8 @@ mod info;
 pub(crate) mod lattice;
 mod parts;
 mod pipeline;
-mod segment;
+pub(crate) mod posteriors;
+pub(crate) mod precursor;
 pub(crate) mod stage;
 pub(crate) mod two_classes;
 mod volume;
@@ -73,6 +74,6 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         }
         Command::Combine(args) => combine::combine(&args, context),
         Command::Clip(args) => combine::clip(&args, context),
-        stage => stage::run(&stage, context),
+        stage @ Command::Deform { .. } => stage::run(&stage, context),
     }
 }

@@ -7,7 +7,6 @@ use ivd_core::{Faulty, op};
 use ivd_pipeline::scene::DeformSection;
 use ivd_pipeline::stages::Deform;
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
-use toml::Value;
 
 use super::volume::volume_or_artefact;
 use crate::args::Command;
@@ -24,9 +23,6 @@ struct Job<'a> {
 
 /// Runs the stage of a command.
 pub(super) fn run(command: &Command, context: &Context) -> anyhow::Result<()> {
-    if let Command::Segment(args) = command {
-        return super::segment::run(args, context);
-    }
     let job = job(command, context)?;
     let cache = context.stage_cache()?;
     let inputs = filled(&job.files, &cache, context)?;
@@ -131,10 +127,6 @@ pub(crate) fn unused(
         context.say(&format!("ivd: note: --{slot} has no effect: nothing in the parameters reads it"));
     }
     Ok(())
-}
-
-pub(super) fn list(values: Vec<f64>) -> Vec<Value> {
-    values.into_iter().map(Value::Float).collect()
 }
 
 /// Writes a stage's result and prints its record.

@@ -2,11 +2,10 @@
 
 use ivd_artefact::Cache;
 use ivd_boundary::ComponentParams;
-use ivd_pipeline::scene::{ClassCount, SegmentSection};
-use ivd_pipeline::stages::Segment;
 use ivd_pipeline::{Inputs, Section};
 
 use crate::context::Context;
+use crate::exit::Failure;
 
 /// The inputs with labels of two classes, where a part is looked for by classes and none are given: those that `ivd segment --k 2`
 /// makes.
@@ -21,7 +20,9 @@ pub(crate) fn completed(
         return Ok(inputs);
     }
     inputs.check(section)?;
-    let two = SegmentSection { k: ClassCount::Number(2), ..SegmentSection::default() };
-    let labels = context.run(cache, &Segment::from_section(&two)?, &inputs)?;
+    let two = serde_json::Map::from_iter([("k".to_owned(), 2.into())]);
+    let two =
+        Section::parse(&ivd_segment::STAGE, Some(two)).map_err(|e| Failure::usage(e.told_of("boundary")))?;
+    let labels = context.run(cache, &two, &inputs)?;
     Ok(inputs.with("labels", labels.input()))
 }

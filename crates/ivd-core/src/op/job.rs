@@ -116,6 +116,13 @@ pub struct Product {
     pub figures: Map<String, Json>,
 }
 
+impl Product {
+    /// A value with its figures.
+    pub fn new(output: impl Output, figures: &impl Serialize) -> Self {
+        Self { artefact: output.into_artefact(), figures: object(figures) }
+    }
+}
+
 /// An [`Op`] without its type: what scenes, commands, caches and sessions handle.
 pub trait Job: Send + Sync + 'static {
     /// Its parameters.
@@ -187,7 +194,7 @@ impl<O: Op> Job for O {
 
     fn run(&self, values: &Values<'_>, exec: &Exec) -> Result<Product, Failure> {
         let (output, figures) = Op::run(self, O::Inputs::take(values)?, exec)?;
-        Ok(Product { artefact: output.into_artefact(), figures: object(&figures) })
+        Ok(Product::new(output, &figures))
     }
 
     fn as_any(&self) -> &dyn Any {

@@ -1,10 +1,15 @@
 //! The one list of stages. Each says in its crate which methods it has; scenes, commands, schema, plan, cache keys, report and budgets go
 //! by this list, and nothing else names a stage's parameters.
 
+mod keys;
+
 use ivd_core::op::Stage;
+
+pub use keys::{Key, Said, keys};
 
 /// The stages, in the order in which a scene runs them.
 pub const STAGES: &[&Stage] = &[
+    &ivd_segment::STAGE,
     &ivd_boundary::STAGE,
     &ivd_lattice::extract::STAGE,
     &ivd_lattice::refine::STAGE,

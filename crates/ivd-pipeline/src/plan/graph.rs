@@ -5,9 +5,9 @@ use ivd_lattice::extract;
 use ivd_lattice::refine;
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
-use crate::scene::{InputSection, Loaded, Picture, Scene, SegmentSection};
-use crate::stages::{Deform, Import, ImportSource, Segment, SegmentTree};
-use crate::{Error, Stage};
+use crate::scene::{InputSection, Loaded, Picture, Scene};
+use crate::stages::{Deform, Import, ImportSource};
+use crate::{Error, Section, Stage};
 
 /// The places that a stage can have in a pipeline, in the order in which they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -372,23 +372,16 @@ fn declared(scene: &Scene, stage: &ivd_core::op::Stage) -> Option<Box<dyn Stage>
     section.map(|section| Box::new(section.clone()) as Box<dyn Stage>)
 }
 
-/// A stage of the list at one of its places.
-fn placed(scene: &Scene, stage: &ivd_core::op::Stage, variant: &str) -> Option<Box<dyn Stage>> {
+/// A stage of the list at one of its places, where the scene gives that something to do.
+fn placed(scene: &Scene, stage: &ivd_core::op::Stage, variant: &str) -> Option<Section> {
     let place = stage.places.iter().find(|place| place.variant == variant)?;
-    Some(Box::new(scene.section(stage)?.at(place)?))
+    scene.section(stage)?.at(place)
 }
 
-/// The labels with their inputs: of the volume, or of the tree, and then of the volume too where they are changed by its values.
-fn segment(section: &SegmentSection, from_tree: bool) -> Result<(Segment, Slots), Error> {
-    if !from_tree {
-        return Ok((Segment::from_section(section)?, vec![("volume", NodeId::Import)]));
-    }
-    let cut = Segment::cut_of_section(section)?;
-    let mut inputs = vec![("tree", NodeId::Tree)];
-    if cut.tidies() {
-        inputs.push(("volume", NodeId::Import));
-    }
-    Ok((cut, inputs))
+/// Those of some slots that a section reads.
+fn wanted(section: Option<&Section>, slots: &[(&'static str, NodeId)]) -> Slots {
+    let reads = |slot: &str| section.is_some_and(|section| section.wants(slot) == Want::Yes);
+    slots.iter().copied().filter(|(slot, _)| reads(slot)).collect()
 }
 
 /// Every place with its stage and where its slots are filled from.
@@ -419,8 +412,10 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     }
     let mut moved_picture = picture.clone();
     moved_picture.push(("displacement", NodeId::of_displacement(scene)));
-    let tree = SegmentTree::from_section(&scene.segment);
-    let (segment, segment_inputs) = segment(&scene.segment, tree.is_some())?;
+    let tree = placed(scene, &ivd_segment::STAGE, "tree");
+    let tree_inputs = wanted(tree.as_ref(), &[("volume", NodeId::Import)]);
+    let segment = scene.section(&ivd_segment::STAGE);
+    let segment_inputs = wanted(segment, &[("tree", NodeId::Tree), ("volume", NodeId::Import)]);
     let deform = moves.map(Deform::from_section).transpose()?;
     let mut deform_inputs = vec![("lattice", NodeId::Refine)];
     if deform.as_ref().is_some_and(Deform::knows_classes) {
@@ -449,8 +444,8 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let if_deformed = |stage: Option<Box<dyn Stage>>| stage.filter(|_| scene.deforms());
     Ok(vec![
         node(NodeId::Import, boxed(import), vec![]),
-        node(NodeId::Tree, tree.and_then(boxed), vec![("volume", NodeId::Import)]),
-        node(NodeId::Segment, boxed(segment), segment_inputs),
+        node(NodeId::Tree, tree.and_then(boxed), tree_inputs),
+        node(NodeId::Segment, declared(scene, &ivd_segment::STAGE), segment_inputs),
         node(NodeId::Boundary, declared(scene, &ivd_boundary::STAGE).filter(|_| isolates), part_inputs),
         node(NodeId::Lattice, declared(scene, &extract::STAGE), lattice_inputs),
         node(NodeId::Refine, declared(scene, &refine::STAGE), vec![("lattice", NodeId::Lattice)]),
@@ -468,11 +463,15 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
             vec![("volume", NodeId::Import), ("displacement", NodeId::of_displacement(scene))],
         ),
         node(NodeId::Atf, declared(scene, &ivd_atf::STAGE).filter(|_| coloured), atf_inputs),
-        node(NodeId::Before, placed(scene, &ivd_render::STAGE, "before"), picture),
-        node(NodeId::After, if_deformed(placed(scene, &ivd_render::STAGE, "after")), moved_picture),
+        node(NodeId::Before, placed(scene, &ivd_render::STAGE, "before").and_then(boxed), picture),
+        node(
+            NodeId::After,
+            if_deformed(placed(scene, &ivd_render::STAGE, "after").and_then(boxed)),
+            moved_picture,
+        ),
         node(
             NodeId::Difference,
-            if_deformed(placed(scene, &ivd_render::STAGE, "difference")),
+            if_deformed(placed(scene, &ivd_render::STAGE, "difference").and_then(boxed)),
             vec![("before", NodeId::Before), ("after", NodeId::After)],
         ),
     ])

@@ -6,6 +6,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use ivd_artefact::Artefact;
 use ivd_core::{Exec, Scalar, TransferFunction, Volume, with_voxels};
+use ivd_segment::{AnyFigures, ClassFigures, Figures};
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -39,13 +40,23 @@ pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material
     );
     pictures(&mut page, material);
     section(&mut page, "Volume", &volume_table(find("import")));
+    let found = find("segment").map(StageRecord::figures::<Figures<AnyFigures>>);
     if let Some(Artefact::Volume(volume)) = material.volume.as_deref() {
-        let chart = exec.run(|| value_histogram(volume, material.transfer.as_ref(), find("segment")));
+        let chart = exec.run(|| {
+            value_histogram(
+                volume,
+                material.transfer.as_ref(),
+                found.as_ref().and_then(|found| found.as_ref().ok()),
+            )
+        });
         section(&mut page, "Histogram, classes and transfer function", &chart);
     }
-    if let Some(segment) = find("segment") {
+    if let Some((segment, found)) = find("segment").zip(found.as_ref()) {
         let colour = |value: f64| colour_of(material.transfer.as_ref(), value);
-        let mut body = segmentation(segment) + &classes(segment, &colour);
+        let mut body = match found {
+            Ok(found) => segmentation(segment, found) + &classes(&found.common.classes, &colour),
+            Err(problem) => format!("<p>{}</p>", escape(&problem.to_string())),
+        };
         if let Some(Artefact::Volume(volume)) = material.volume.as_deref() {
             body += &slices(volume, &material.class_slices);
         }
@@ -214,66 +225,47 @@ fn det_j(map: &StageRecord) -> Option<([f64; 2], Vec<u64>)> {
 }
 
 /// How the classes were found, with the curves that their number was read from.
-fn segmentation(segment: &StageRecord) -> String {
-    let metrics = &segment.metrics;
+fn segmentation(segment: &StageRecord, found: &Figures<AnyFigures>) -> String {
+    let Figures { common, own } = found;
     let method = segment.params.get("method").and_then(Value::as_str).unwrap_or("–").to_owned();
-    let mut rows = vec![("method", method), ("classes", metric(Some(segment), "k"))];
-    for (name, key) in [
-        ("classes proposed", "k_proposed"),
-        ("iterations", "iterations"),
-        ("objective", "objective"),
-        ("regions", "regions"),
-    ] {
-        if metrics.get(key).is_some_and(|v| !v.is_null()) {
-            rows.push((name, metric(Some(segment), key)));
-        }
-    }
-    let points: Vec<(f64, f64)> = metrics
-        .get("curve")
-        .and_then(Value::as_array)
-        .into_iter()
-        .flatten()
-        .filter_map(|p| Some((p.get("k")?.as_f64()?, p.get("bic")?.as_f64()?)))
-        .collect();
-    let chosen = metrics.get("k").and_then(Value::as_f64);
+    let mut rows = vec![("method", method), ("classes", common.k.to_string())];
+    rows.extend(own.proposed().map(|k| ("classes proposed", k.to_string())));
+    rows.push(("iterations", common.iterations.to_string()));
+    rows.push(("objective", number(common.objective)));
+    rows.extend(own.regions().map(|regions| ("regions", regions.to_string())));
+    let points: Vec<(f64, f64)> = own.criterion().into_iter().map(|(k, bic)| (k as f64, bic)).collect();
     let bic = curve(&Curve {
         points: &points,
         x_label: "number of classes",
         y_label: "Bayesian information criterion",
-        chosen,
+        chosen: Some(common.k as f64),
     });
-    pairs(&rows) + &bic + &dendrogram(metrics.get("dendrogram"))
+    pairs(&rows) + &bic + &dendrogram(own.dendrogram())
 }
 
 /// Normal density of each class, in voxels a bar.
-fn densities(segment: Option<&StageRecord>, range: [f64; 2]) -> Vec<Line> {
-    let list = segment.and_then(|r| r.metrics.get("classes")?.as_array());
+fn densities(classes: &[ClassFigures], range: [f64; 2]) -> Vec<Line> {
     let width = (range[1] - range[0]) / BINS as f64;
-    let line = |(rank, class): (usize, &Value)| {
-        let figure = |key: &str| class.get(key).and_then(Value::as_f64);
-        let (mean, sd, voxels) = (figure("mean")?, figure("sd")?, figure("voxels")?);
+    let line = |(rank, class): (usize, &ClassFigures)| {
+        let ClassFigures { mean, sd, voxels, .. } = *class;
         let density =
             |value: f64| (-0.5 * ((value - mean) / sd).powi(2)).exp() / (sd * std::f64::consts::TAU.sqrt());
-        let heights = (0..BINS).map(|i| voxels * width * density(range[0] + (i as f64 + 0.5) * width));
+        let heights = (0..BINS).map(|i| voxels as f64 * width * density(range[0] + (i as f64 + 0.5) * width));
         (sd > 0.0 && width > 0.0).then(|| Line { heights: heights.collect(), colour: class_colour(rank) })
     };
-    list.into_iter().flatten().take(MOST_DENSITIES).enumerate().filter_map(line).collect()
+    classes.iter().take(MOST_DENSITIES).enumerate().filter_map(line).collect()
 }
 
 fn value_histogram(
     volume: &Volume,
     transfer: Option<&TransferFunction>,
-    segment: Option<&StageRecord>,
+    found: Option<&Figures<AnyFigures>>,
 ) -> String {
     let Some(range) = volume.range() else { return "<p>The volume holds no data.</p>".to_owned() };
     let counts = count_values(volume, range);
-    let crossings: Vec<(f64, String)> = segment
-        .and_then(|r| r.metrics.get("classes")?.as_array().cloned())
-        .unwrap_or_default()
-        .iter()
-        .filter_map(|c| c.get("upper")?.as_f64())
-        .map(|v| (v, number(v)))
-        .collect();
+    let classes = found.map_or(&[][..], |found| &found.common.classes);
+    let crossings: Vec<(f64, String)> =
+        classes.iter().filter_map(|class| class.upper).map(|v| (v, number(v))).collect();
     let mut html = bars(&Bars {
         range,
         counts: &counts,
@@ -282,7 +274,7 @@ fn value_histogram(
         logarithmic: true,
         marks: crossings,
         colour: &|value| colour_of(transfer, value),
-        lines: densities(segment, range),
+        lines: densities(classes, range),
     });
     if let Some(transfer) = transfer {
         let opacity: Vec<u64> = (0..BINS)

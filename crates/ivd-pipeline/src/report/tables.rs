@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use ivd_deform::volumes::ClassVolume;
+use ivd_segment::ClassFigures;
 use serde_json::Value;
 
 use super::chart::{escape, number};
@@ -34,29 +35,26 @@ pub(super) fn metric(record: Option<&StageRecord>, key: &str) -> String {
 }
 
 /// The classes of a segmentation.
-pub(super) fn classes(record: &StageRecord, colour: &dyn Fn(f64) -> String) -> String {
+pub(super) fn classes(list: &[ClassFigures], colour: &dyn Fn(f64) -> String) -> String {
     let mut html = String::from(
         "<table><tr><th>in slices</th><th>in pictures</th><th>class</th><th>mean</th><th>sd</th><th>voxels</th><th>from</th><th>to</th></tr>",
     );
-    let list = record.metrics.get("classes").and_then(Value::as_array);
-    for (rank, class) in list.into_iter().flatten().enumerate().take(MOST_CLASSES) {
-        let real = |key: &str| class.get(key).and_then(Value::as_f64).map_or_else(|| "–".to_owned(), number);
-        let shown = class.get("mean").and_then(Value::as_f64).map_or_else(String::new, |mean| {
-            format!("<span class='swatch' style='background:{}'></span>", colour(mean))
-        });
+    for (rank, class) in list.iter().enumerate().take(MOST_CLASSES) {
+        let real = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), number);
         let _ = write!(
             html,
-            "<tr><td><span class='swatch' style='background:{}'></span></td><td>{shown}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            "<tr><td><span class='swatch' style='background:{}'></span></td><td><span class='swatch' style='background:{}'></span></td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             class_colour(rank),
-            class.get("id").map_or_else(String::new, |id| escape(&id.to_string())),
-            real("mean"),
-            real("sd"),
-            class.get("voxels").map_or_else(String::new, |n| escape(&n.to_string())),
-            real("lower"),
-            real("upper"),
+            colour(class.mean),
+            class.id,
+            number(class.mean),
+            number(class.sd),
+            class.voxels,
+            real(class.lower),
+            real(class.upper),
         );
     }
-    let more = list.map_or(0, |l| l.len().saturating_sub(MOST_CLASSES));
+    let more = list.len().saturating_sub(MOST_CLASSES);
     html += "</table>";
     if more > 0 { html + &format!("<p>and {more} more</p>") } else { html }
 }

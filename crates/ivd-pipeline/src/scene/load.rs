@@ -238,7 +238,8 @@ mod tests {
         let deform = scene.deform.as_ref().unwrap();
         assert_eq!((deform.stiffness, deform.handle[0].radius), (80.0, 7.5));
         assert_eq!(scene.section(&ivd_render::STAGE).unwrap().method().name, "mip");
-        assert_eq!(scene.segment.k, crate::scene::ClassCount::Number(6));
+        let k = scene.param(&ivd_segment::STAGE, "k");
+        assert_eq!(k, Some(6.into()));
         assert!(parse(SCENE, &[set("deform.handle.4.radius=1")]).unwrap_err().contains("handle"));
         assert!("deform".parse::<Override>().is_err());
     }

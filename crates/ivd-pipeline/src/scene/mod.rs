@@ -22,9 +22,8 @@ use crate::{Error, Section};
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
-    AutoWord, ClassCount, ClassOrder, CourseChoice, CovarianceChoice, DeformSection, FixSection,
-    HandleSection, InputSection, KernelChoice, LinkageChoice, MaterialSection, OutputSection, Picture,
-    RankingChoice, RawSection, RigidSection, SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver,
+    CourseChoice, DeformSection, FixSection, HandleSection, InputSection, MaterialSection, OutputSection,
+    Picture, RawSection, RigidSection, ShapeKind, ShapeSection, Solver,
 };
 pub use written::triple;
 
@@ -44,9 +43,6 @@ pub struct Scene {
     pub schema: u32,
     /// Where the volume comes from.
     pub input: InputSection,
-    /// How its structure is found.
-    #[serde(default)]
-    pub segment: SegmentSection,
     /// What moves it.
     #[serde(default)]
     pub deform: Option<DeformSection>,
@@ -64,6 +60,10 @@ pub struct Scene {
     #[serde(default)]
     #[schemars(skip)]
     lattice: Option<toml::Value>,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    segment: Option<toml::Value>,
     /// Read with the stages of the list.
     #[serde(default)]
     #[schemars(skip)]

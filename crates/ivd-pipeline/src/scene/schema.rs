@@ -1,7 +1,7 @@
-use ivd_core::op::{Field, Stage, fields};
+use ivd_core::op::Stage;
 use serde_json::{Map, Value as Json, json};
 
-use crate::list::STAGES;
+use crate::list::{Key, STAGES, keys};
 
 /// The schema of a scene with a section for every stage of the list.
 pub(super) fn with_stages(mut schema: Json) -> Json {
@@ -17,21 +17,15 @@ fn section(stage: &Stage) -> Json {
     if !stage.selector.is_empty() {
         properties.insert(stage.selector.to_owned(), selector(stage));
     }
-    for method in stage.methods {
-        for field in fields(&(method.schema)()) {
-            if properties.contains_key(field.name) {
-                continue;
-            }
-            let own = described(stage, field);
-            let own = in_all(stage, field.name, own);
-            for alias in field.aliases().filter(|alias| !alias.starts_with('!')) {
-                let mut old = own.clone();
-                old["deprecated"] = json!(true);
-                old["description"] = json!(format!("The old name of {}.", field.name));
-                properties.insert(alias.to_owned(), old);
-            }
-            properties.insert(field.name.to_owned(), own);
+    for key in keys(stage) {
+        let own = described(stage, &key);
+        for alias in key.field().aliases().filter(|alias| !alias.starts_with('!')) {
+            let mut old = own.clone();
+            old["deprecated"] = json!(true);
+            old["description"] = json!(format!("The old name of {}.", key.name));
+            properties.insert(alias.to_owned(), old);
         }
+        properties.insert(key.name, own);
     }
     json!({ "type": "object", "description": stage.about, "additionalProperties": false, "properties": properties })
 }
@@ -47,36 +41,19 @@ fn selector(stage: &Stage) -> Json {
     json!({ "description": "Method.", "default": default, "oneOf": words.collect::<Vec<_>>() })
 }
 
-/// A field's schema; where not every method reads it, its description begins with those that do.
-fn described(stage: &Stage, field: Field<'_>) -> Json {
-    let mut schema = field.schema.clone();
-    let readers = readers(stage, field.name);
-    if readers.len() < stage.methods.len() {
-        let names: Vec<String> = readers.iter().map(|name| format!("`{name}`")).collect();
-        schema["description"] = json!(format!("{}: {}", names.join(", "), field.about()));
+/// A key's schema; where not every method reads it, or not all alike, its description tells which do.
+fn described(stage: &Stage, key: &Key) -> Json {
+    let mut schema = key.schema.clone();
+    if key.is_of_all(stage) {
+        return schema;
     }
+    let tells_defaults = key.schema.get("default").is_none();
+    let said = key.says.iter().map(|said| {
+        let names: Vec<String> = said.methods.iter().map(|name| format!("`{name}`")).collect();
+        let default = said.default.as_ref().filter(|default| tells_defaults && !default.is_null());
+        let default = default.map_or_else(String::new, |default| format!(" Default {default}."));
+        format!("{}: {}{default}", names.join(", "), said.about)
+    });
+    schema["description"] = json!(said.collect::<Vec<_>>().join("\n\n"));
     schema
-}
-
-/// The schema of a key whose ranges and defaults aren't the same in all methods: those of any of them.
-fn in_all(stage: &Stage, key: &str, own: Json) -> Json {
-    let plain = |mut schema: Json| {
-        if let Some(schema) = schema.as_object_mut() {
-            schema.remove("description");
-        }
-        schema
-    };
-    let mut all: Vec<Json> = Vec::new();
-    for method in stage.methods {
-        let schema = (method.schema)();
-        let found = fields(&schema).find(|field| field.name == key).map(|field| plain(field.schema.clone()));
-        all.extend(found.filter(|found| !all.contains(found)));
-    }
-    if all.len() < 2 { own } else { json!({ "description": own["description"], "anyOf": all }) }
-}
-
-/// Names of the methods that read a key.
-fn readers(stage: &Stage, key: &str) -> Vec<&'static str> {
-    let reads = |schema: &Json| fields(schema).any(|field| field.name == key);
-    stage.methods.iter().filter(|method| reads(&(method.schema)())).map(|method| method.name).collect()
 }

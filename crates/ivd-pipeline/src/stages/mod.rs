@@ -6,7 +6,6 @@ mod deform;
 mod foreign;
 mod import;
 mod parts;
-mod segment;
 
 pub use clip::Clip;
 pub use combine::Combine;
@@ -14,7 +13,6 @@ pub use deform::{Deform, DeformMethod};
 pub use foreign::ForeignLattice;
 pub use import::{Import, ImportLabels, ImportSource};
 pub use parts::part_lattices;
-pub use segment::{KeepPosteriors, Method, Posteriors, Segment, SegmentTree};
 
 use serde::Serialize;
 use serde_json::Value;

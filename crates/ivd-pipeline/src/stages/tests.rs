@@ -22,15 +22,6 @@ fn unmoved<S: DeserializeOwned, T: Stage>(said: &str, stage: impl Fn(&S) -> T) -
     moved_from("", said, stage)
 }
 
-/// The same within one method.
-fn unmoved_of<S: DeserializeOwned, T: Stage>(
-    method: &str,
-    said: &str,
-    stage: impl Fn(&S) -> T,
-) -> Vec<String> {
-    moved_from(&format!("method = \"{method}\"\n"), said, stage)
-}
-
 fn moved_from<S: DeserializeOwned, T: Stage>(both: &str, said: &str, stage: impl Fn(&S) -> T) -> Vec<String> {
     let params = |text: &str| {
         let mut found = Vec::new();
@@ -44,23 +35,6 @@ fn moved_from<S: DeserializeOwned, T: Stage>(both: &str, said: &str, stage: impl
 #[test]
 fn no_parameter_is_hidden_from_scenes() {
     // What has one choice only can't be another.
-    let segment = |said: &str, method: &str| unmoved_of(method, said, |s| Segment::from_section(s).unwrap());
-    let kmvs = "k = 9\nspatial_weight = 0.5\nseed = 9\nmax_iterations = 9\ntolerance = 0.5\nrange = [0.0, 1.0]\n\
-        smallest = 9\norder = \"size\"";
-    assert_eq!(segment(kmvs, "kmvs"), [".method"]);
-    let emvs = "k = 9\nk_max = 7\ncovariance = \"full\"\nmax_iterations = 9\ntolerance = 0.5\nvariance_floor = 0.1\n\
-        smoothing = 1.0\nsmoothing_iterations = 7\nbias = 9.0\nrange = [0.0, 1.0]\nsmallest = 9\norder = \"size\"";
-    // What is added to variances serves comparisons, a start only embedders; maps are asked for by --posteriors-out.
-    let hidden = [".emvs.posteriors", ".emvs.start", ".emvs.variance_added", ".method"];
-    assert_eq!(segment(emvs, "emvs"), hidden);
-    let window = "k_max = 7\nkernel = \"flat\"\nrange_bandwidth = 3.0\nspatial_bandwidth = 3.0\npersistence = 0.5\n\
-        cells_per_bandwidth = 3.0\nrange = [0.0, 1.0]\nsmallest = 9\norder = \"size\"";
-    assert_eq!(segment(window, "msvs"), [".method"]);
-    assert_eq!(segment(&format!("k_min = 3\n{window}"), "msvs+kmvs"), [".method"]);
-    let hvs = "k = 9\nlinkage = \"single\"\nalpha = 1.0\nmax_regions = 9\nranking = \"area\"\nrange = [0.0, 1.0]\n\
-        smallest = 9\norder = \"size\"";
-    assert_eq!(segment(hvs, "hvs"), [".cut.smallest", ".method"], "tidying does the same to any labels");
-    assert_eq!(segment("values = [1.0]\nsmallest = 9\norder = \"size\"", "threshold"), [".method"]);
     let deform = "stiffness = 1.0\nduration = 1.0\ndt = 0.1\nground = 2.0\ndamping = 2.0\ndensity = 2.0\n\
         vertex_mass = 2.0\nepsilon = 0.5\nliteral = true\n[[fix]]\npick = [0.0, 0.0, 0.0]\nradius = 1.0\n\
         [[handle]]\nvertex = 1\nmove = [0.0, 0.0, 1.0]\nradius = 2.0\n\

@@ -3,6 +3,7 @@
 use std::cmp::Ordering;
 
 use ivd_core::Volume;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Covariance, bins::Bins};
@@ -15,10 +16,11 @@ pub(super) const INTENSITY: usize = 3;
 /// A mixture of normal densities, components in the order of their mean intensity.
 ///
 /// Intensities are real values; places are in mm along the axes of the grid, from the centre of voxel 0.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mixture {
     /// Share of each component, sum 1; shape `[K]`.
+    #[schemars(extend("x-unit" = "1"))]
     pub weights: Vec<f64>,
     /// Means: `[intensity]`, or `[x, y, z, intensity]`.
     pub means: Vec<Vec<f64>>,

@@ -45,9 +45,6 @@ pub struct Emvs {
     pub bic: Vec<BicPoint>,
     /// With `smoothing`: the variational free energy after each sweep since the external field stands, a voxel; it never rises.
     pub energies: Vec<f64>,
-    /// Posterior probability of every component of the mixture, shape `[K][voxels]`, where they were asked for; 0 where there
-    /// is no datum.
-    pub posteriors: Vec<Buffer<f32>>,
     /// With `bias`: the field that was taken out. Classes are described by the values as they are; the mixture and the
     /// labels are those of the values without it.
     pub bias: Option<BiasField>,
@@ -97,15 +94,40 @@ pub struct BicPoint {
 /// # Errors
 /// [`Error::Core`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
 pub fn emvs(volume: &Volume, mask: Option<&Mask>, params: &EmvsParams, exec: &Exec) -> Result<Emvs, Error> {
+    Ok(found(volume, mask, params, false, exec)?.0)
+}
+
+/// As [`emvs`], with the posterior probability of every component of the mixture at every voxel, shape `[K][voxels]`; 0 where there
+/// is no datum.
+///
+/// # Errors
+/// Those of [`emvs`].
+pub fn emvs_with_posteriors(
+    volume: &Volume,
+    mask: Option<&Mask>,
+    params: &EmvsParams,
+    exec: &Exec,
+) -> Result<(Emvs, Vec<Buffer<f32>>), Error> {
+    found(volume, mask, params, true, exec)
+}
+
+fn found(
+    volume: &Volume,
+    mask: Option<&Mask>,
+    params: &EmvsParams,
+    with_posteriors: bool,
+    exec: &Exec,
+) -> Result<(Emvs, Vec<Buffer<f32>>), Error> {
     params.check()?;
     exec.run(|| {
-        let scope = scope::of(volume, mask, params.range, exec)?;
+        let scope = scope::of(volume, mask, params.within, exec)?;
         let mask = scope.as_deref();
         if params.bias == 0.0 {
-            return fit(volume, volume, mask, params, exec);
+            return fit(volume, volume, mask, params, with_posteriors, exec);
         }
         let (corrected, bias) = bias::remove(volume, mask, params, exec)?;
-        Ok(Emvs { bias: Some(bias), ..fit(&corrected, volume, mask, params, exec)? })
+        let (found, posteriors) = fit(&corrected, volume, mask, params, with_posteriors, exec)?;
+        Ok((Emvs { bias: Some(bias), ..found }, posteriors))
     })
 }
 
@@ -115,9 +137,12 @@ fn fit(
     original: &Volume,
     mask: Option<&Mask>,
     params: &EmvsParams,
+    with_posteriors: bool,
     exec: &Exec,
-) -> Result<Emvs, Error> {
-    let Some(bins) = Bins::of(volume, mask, exec)? else { return nothing(original, mask, exec) };
+) -> Result<(Emvs, Vec<Buffer<f32>>), Error> {
+    let Some(bins) = Bins::of(volume, mask, exec)? else {
+        return Ok((nothing(original, mask, exec)?, Vec::new()));
+    };
     let frame = Frame::new(volume, &bins);
     let search = Search::new(volume, mask, &bins, &frame, params);
     let shape = params.covariance;
@@ -131,14 +156,14 @@ fn fit(
     let components = &found.components[..];
     let scene = Scene { volume, original, mask, bins: &bins, frame: &frame, shape, components };
     let outcome = if smooths {
-        smoothed(&scene, &search, &found, params, exec)?
+        smoothed(&scene, &search, &found, params, with_posteriors, exec)?
     } else {
-        let posteriors = if params.posteriors { scene.posteriors(exec)? } else { Vec::new() };
+        let posteriors = if with_posteriors { scene.posteriors(exec)? } else { Vec::new() };
         Outcome { labels: scene.labels(exec)?, posteriors, energies: Vec::new(), found: found.clone() }
     };
     let Outcome { labels, posteriors, energies, found } = outcome;
     let log_likelihood = found.log_likelihood + frame.log_unit(shape);
-    Ok(Emvs {
+    let found = Emvs {
         segmentation: Segmentation {
             k: labels.classes().len(),
             labels,
@@ -152,9 +177,9 @@ fn fit(
         log_likelihood,
         bic,
         energies,
-        posteriors,
         bias: None,
-    })
+    };
+    Ok((found, posteriors))
 }
 
 /// What the voxels get.
@@ -171,11 +196,12 @@ fn smoothed(
     search: &Search,
     found: &Found,
     params: &EmvsParams,
+    with_posteriors: bool,
     exec: &Exec,
 ) -> Result<Outcome, Error> {
     let field::Smoothed { field, components, energies, sweeps, converged } =
         field::smooth(scene, &search.space, params, exec)?;
-    let posteriors = if params.posteriors { field.posteriors(exec)? } else { Vec::new() };
+    let posteriors = if with_posteriors { field.posteriors(exec)? } else { Vec::new() };
     let ids = field.labels(exec)?;
     drop(field);
     let labels = scene.described(ids, exec)?;
@@ -204,7 +230,6 @@ fn nothing(volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Result<Emvs, Er
         log_likelihood: 0.0,
         bic: Vec::new(),
         energies: Vec::new(),
-        posteriors: Vec::new(),
         bias: None,
     })
 }

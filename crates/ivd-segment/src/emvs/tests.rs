@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 use ivd_core::{Exec, Grid, Iteration, Mask, Observer, Volume, Voxels};
 
 use super::*;
+use crate::Within;
 
 mod coupled;
 
@@ -241,6 +242,7 @@ fn all_shapes_follow_the_plain_twin_for_every_storage_type() {
                 max_iterations: 7,
                 tolerance: 0.0,
                 variance_floor: 0.0,
+                k: None,
                 start: Some(begin.clone()),
                 ..EmvsParams::default()
             };
@@ -279,13 +281,14 @@ fn labels_are_those_of_the_greatest_posterior() {
         volume(dims, [1.0; 3], values.iter().map(|v| *v as i8).collect::<Vec<_>>()),
     ] {
         for shape in SHAPES {
-            let found = run(&volume, &EmvsParams { covariance: shape, posteriors: true, ..with_k(3) });
+            let params = EmvsParams { covariance: shape, ..with_k(3) };
+            let (found, maps) = emvs_with_posteriors(&volume, None, &params, &Exec::default()).unwrap();
             let ids = found.segmentation.labels.ids();
             let is_real = volume.voxel_type() == ivd_core::VoxelType::F32;
             assert_eq!(ids.iter().filter(|id| **id == 0).count(), 2 * usize::from(is_real));
             let mut class_of = std::collections::BTreeMap::new();
             for (i, id) in ids.iter().enumerate() {
-                let shares: Vec<f32> = found.posteriors.iter().map(|map| map[i]).collect();
+                let shares: Vec<f32> = maps.iter().map(|map| map[i]).collect();
                 if *id == 0 {
                     assert_eq!(shares, [0.0; 3]);
                     continue;
@@ -315,7 +318,7 @@ fn the_criterion_finds_the_number_of_well_separated_components() {
             volume([24; 3], [1.0; 3], values.iter().map(|v| v.round() as u8).collect::<Vec<_>>()),
             volume([24; 3], [1.0; 3], values.iter().map(|v| *v as f32).collect::<Vec<_>>()),
         ] {
-            let found = run(&volume, &EmvsParams { k_max: 6, ..EmvsParams::default() });
+            let found = run(&volume, &EmvsParams { k: None, k_max: 6, ..EmvsParams::default() });
             assert_eq!(found.mixture.weights.len(), levels.len(), "{:?}", found.bic);
             assert_eq!(found.bic.len(), 6);
             for (mean, level) in found.mixture.means.iter().zip(&levels) {
@@ -403,16 +406,18 @@ fn threads_and_storage_types_change_no_bit() {
         with_k(3),
         EmvsParams { covariance: Covariance::Diagonal, max_iterations: 6, ..with_k(3) },
         EmvsParams { covariance: Covariance::Full, max_iterations: 6, ..with_k(3) },
-        EmvsParams { smoothing: 0.7, smoothing_iterations: 4, posteriors: true, ..with_k(3) },
+        EmvsParams { smoothing: 0.7, smoothing_iterations: 4, ..with_k(3) },
         EmvsParams { bias: 20.0, ..with_k(3) },
     ];
     for params in variants {
-        let first = run(&volume(dims, [1.0, 1.0, 2.0], of(0)), &params);
+        let all = |volume: &Volume, threads| {
+            emvs_with_posteriors(volume, None, &params, &Exec::default().with_threads(threads)).unwrap()
+        };
+        let first = all(&volume(dims, [1.0, 1.0, 2.0], of(0)), 2);
         for kind in 0..6 {
             let volume = volume(dims, [1.0, 1.0, 2.0], of(kind));
             for threads in if kind == 0 || kind == 3 { &[1, 2, 3, 8][..] } else { &[2][..] } {
-                let found = emvs(&volume, None, &params, &Exec::default().with_threads(*threads)).unwrap();
-                assert!(found == first, "{threads} threads, type {kind}, {params:?}");
+                assert!(all(&volume, *threads) == first, "{threads} threads, type {kind}, {params:?}");
             }
         }
     }
@@ -489,7 +494,7 @@ fn masks_and_ranges_leave_the_rest_alone() {
         for smoothing in [0.0, 0.5] {
             let params = EmvsParams { covariance: shape, smoothing, ..with_k(2) };
             let masked = emvs(&volume, Some(&mask), &params, &Exec::default()).unwrap();
-            let ranged = run(&volume, &EmvsParams { range: Some([0.0, 254.0]), ..params });
+            let ranged = run(&volume, &EmvsParams { within: Within::range(0.0, 254.0), ..params });
             for (i, id) in masked.segmentation.labels.ids().iter().enumerate() {
                 assert_eq!(*id, if inside[i] == 0 { 0 } else { truth[i] }, "{shape:?} {smoothing} {i}");
             }
@@ -520,8 +525,12 @@ fn an_outlier_does_not_hide_what_floats_say() {
 #[test]
 fn bad_parameters_are_named() {
     let start = Mixture { weights: vec![1.0], means: vec![vec![0.0; 4]], covariances: vec![vec![1.0; 4]] };
-    let diagonal =
-        EmvsParams { covariance: Covariance::Diagonal, start: Some(start.clone()), ..EmvsParams::default() };
+    let diagonal = EmvsParams {
+        k: None,
+        covariance: Covariance::Diagonal,
+        start: Some(start.clone()),
+        ..EmvsParams::default()
+    };
     assert!(diagonal.check().is_ok());
     for (params, field) in [
         (with_k(0), "k"),
@@ -529,8 +538,8 @@ fn bad_parameters_are_named() {
         (EmvsParams { max_iterations: 0, ..EmvsParams::default() }, "max_iterations"),
         (EmvsParams { tolerance: f64::NAN, ..EmvsParams::default() }, "tolerance"),
         (EmvsParams { smoothing: -1.0, ..EmvsParams::default() }, "smoothing"),
-        (EmvsParams { range: Some([2.0, 1.0]), ..EmvsParams::default() }, "range"),
-        (EmvsParams { start: Some(start), ..EmvsParams::default() }, "start"),
+        (EmvsParams { within: Within::range(2.0, 1.0), ..EmvsParams::default() }, "range"),
+        (EmvsParams { k: None, start: Some(start), ..EmvsParams::default() }, "start"),
         (EmvsParams { k: Some(2), ..diagonal }, "start"),
     ] {
         assert_eq!(params.check().unwrap_err().field, field);

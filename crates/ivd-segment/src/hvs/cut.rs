@@ -3,7 +3,9 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use ivd_core::op::check_fields;
 use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, Linkage, NO_DATA, ParamError, Tree, parallel};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{frame, sets};
@@ -17,21 +19,8 @@ const CHUNK: usize = 1 << 16;
 /// The thesis draws its tree as the levels 0…4.
 const LEVELS: u32 = 5;
 
-/// Where a tree is cut.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Cut {
-    /// This many classes, 1…65535; fewer where the tree has fewer leaves.
-    Classes(usize),
-    /// Above this height, ≥ 0 (real units for single linkage, real units² for Ward's criterion).
-    Height(f64),
-    /// A level 0…4 of the thesis (figure 4.2), which starts from many parts and ends with two. Each level halves them:
-    /// level L has 2^(5 − L) classes, so 32, 16, 8, 4 and 2.
-    Level(u32),
-}
-
 /// Which merges matter most.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ranking {
     /// Those that join two parts that are both large and far apart. For single linkage: the height times the voxels of the
@@ -45,21 +34,31 @@ pub enum Ranking {
 }
 
 /// How a tree is cut.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct CutParams {
-    /// Where.
-    pub cut: Cut,
+    /// Number of classes; fewer where the tree has fewer leaves.
+    #[schemars(range(min = 1, max = 65535), extend("x-unit" = "1", "x-knob" = "accuracy"))]
+    pub k: usize,
+    /// Cut at a height instead of a number of classes: all merges above it are undone. By Ward's criterion in squares of real units.
+    #[schemars(range(min = 0.0), extend("x-unit" = "real units"))]
+    pub height: Option<f64>,
+    /// Cut at a level instead of a number of classes. The levels are those of the thesis (figure 4.2), which starts from many parts
+    /// and ends with two: 32, 16, 8, 4 and 2 classes.
+    #[schemars(range(min = 0, max = 4), extend("x-unit" = "1"))]
+    pub level: Option<u32>,
     /// Which merges a number of classes undoes first. A cut by height undoes all above the height.
-    pub order: Ranking,
+    pub ranking: Ranking,
     /// Fewest voxels of a part, ≥ 1: merges with a smaller part on one side are never undone, so specks stay with their
-    /// neighbour.
-    pub smallest: u64,
+    /// neighbour. No key of a scene, where [`TidyParams`](crate::TidyParams) say what becomes of small parts.
+    #[serde(skip_serializing)]
+    #[schemars(skip)]
+    pub least_part: u64,
 }
 
 impl Default for CutParams {
     fn default() -> Self {
-        Self { cut: Cut::Classes(4), order: Ranking::Persistence, smallest: 1 }
+        Self { k: 4, height: None, level: None, ranking: Ranking::Persistence, least_part: 1 }
     }
 }
 
@@ -67,28 +66,35 @@ impl CutParams {
     /// # Errors
     /// [`ParamError`] names the field that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        match self.cut {
-            Cut::Classes(k) if !(1..=MOST_CLASSES).contains(&k) => Err(ParamError::new(
-                "cut",
-                format!("{k} classes"),
-                format!("use 1…{MOST_CLASSES}; labels have 16 bits"),
-            )),
-            Cut::Height(height) if !(height.is_finite() && height >= 0.0) => {
-                Err(ParamError::new("cut", format!("height {height}"), "use a finite height of at least 0"))
+        check_fields(self)?;
+        self.check_together()
+    }
+
+    pub(crate) fn check_together(&self) -> Result<(), ParamError> {
+        let given = match (self.height, self.level) {
+            (Some(_), Some(level)) => {
+                let problem = format!("{level} and a height, which both say where the tree is cut");
+                return Err(ParamError::new("level", problem, "give one of them"));
             }
-            Cut::Level(level) if level >= LEVELS => {
-                Err(ParamError::new("cut", format!("level {level}"), format!("use 0…{}", LEVELS - 1)))
-            }
-            _ if self.smallest == 0 => Err(ParamError::new("smallest", "0 voxels", "use 1 or more")),
-            _ => Ok(()),
+            (Some(_), None) => Some("height"),
+            (None, Some(_)) => Some("level"),
+            (None, None) => None,
+        };
+        if let Some(given) = given.filter(|_| self.k != Self::default().k) {
+            let problem = format!("{} classes and a {given}, which both say where the tree is cut", self.k);
+            return Err(ParamError::new("k", problem, "give one of them"));
         }
+        if self.least_part == 0 {
+            return Err(ParamError::new("least_part", "0 voxels", "use 1 or more"));
+        }
+        Ok(())
     }
 
     fn classes(&self) -> Option<usize> {
-        match self.cut {
-            Cut::Classes(k) => Some(k),
-            Cut::Height(_) => None,
-            Cut::Level(level) => Some(1 << (LEVELS - level)),
+        match (self.height, self.level) {
+            (Some(_), _) => None,
+            (None, Some(level)) => Some(1 << (LEVELS - level)),
+            (None, None) => Some(self.k),
         }
     }
 }
@@ -97,7 +103,7 @@ impl CutParams {
 ///
 /// A cut undoes merges: single edges between leaves, wherever they lie in the tree. A merge that isn't undone keeps its two
 /// leaves in one class, so what is left out by a cut stays with the neighbour that it joined. The merges are undone in one
-/// order (by [`CutParams::order`]; the later of equal ones first), so cuts of a tree with the same order and `smallest` nest.
+/// order (by [`CutParams::ranking`]; the later of equal ones first), so cuts of a tree with the same ranking and `least_part` nest.
 /// Parts that touch nowhere are joined by merges too, and a cut may leave them joined.
 ///
 /// Labels are 1…K in the order of the class means; means, spreads and counts come from the leaves.
@@ -144,7 +150,7 @@ pub(super) fn classes_of(tree: &Tree, params: &CutParams, exec: &Exec) -> Result
     if undone.len() >= MOST_CLASSES {
         let problem = format!("{} classes, labels have 16 bits", undone.len() + 1);
         return Err(
-            ParamError::new("cut", problem, "raise the height, or ask for a number of classes").into()
+            ParamError::new("height", problem, "raise the height, or ask for a number of classes").into()
         );
     }
     let (groups, count) = groups(tree, &undone, exec)?;
@@ -154,24 +160,24 @@ pub(super) fn classes_of(tree: &Tree, params: &CutParams, exec: &Exec) -> Result
 /// The merges that are undone, ascending.
 fn undone(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Vec<u32>, CoreError> {
     let merges = tree.merges.len();
-    let by_height = match params.order {
+    let by_height = match params.ranking {
         Ranking::Height => true,
         Ranking::Persistence => tree.linkage == Linkage::Ward,
         Ranking::Area => false,
     };
-    let first = match (params.cut, params.classes()) {
-        (Cut::Height(height), _) => tree.merges_up_to(height),
-        (_, Some(k)) if by_height && params.smallest <= 1 => merges.saturating_sub(k - 1),
+    let first = match (params.height, params.classes()) {
+        (Some(height), _) => tree.merges_up_to(height),
+        (_, Some(k)) if by_height && params.least_part <= 1 => merges.saturating_sub(k - 1),
         _ => 0,
     };
     let most = params.classes().map_or(MOST_CLASSES, |k| k - 1);
-    if params.smallest <= 1 && (by_height || params.classes().is_none()) {
+    if params.least_part <= 1 && (by_height || params.classes().is_none()) {
         return Ok((first as u32..merges as u32).collect());
     }
     let mut top = Top { most, heap: BinaryHeap::new() };
     ranked(tree, exec, |merge, height, smaller| {
-        if merge >= first && u64::from(smaller) >= params.smallest {
-            let rank = match params.order {
+        if merge >= first && u64::from(smaller) >= params.least_part {
+            let rank = match params.ranking {
                 _ if params.classes().is_none() => 0.0,
                 Ranking::Area => f64::from(smaller),
                 _ if by_height => height,

@@ -1,27 +1,30 @@
 //! How the classes of a cut come together, for drawing.
 
 use ivd_core::{Exec, Tree};
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::cut::{CutParams, classes_of};
 use super::sets;
 use crate::Error;
 
 /// The merges that a cut undid, between its classes.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Dendrogram {
-    /// The classes in the order of their ids: mean (real units) and voxels.
+    /// The classes in the order of their ids.
     pub leaves: Vec<Leaf>,
     /// Two nodes and the height at which they join, ascending: nodes 0…K − 1 are the classes, node K + i is merge i.
     pub merges: Vec<(usize, usize, f64)>,
 }
 
 /// A class of a [`Dendrogram`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Leaf {
-    /// Mean (real units).
+    /// Mean of its values.
+    #[schemars(extend("x-unit" = "real units"))]
     pub mean: f64,
     /// Number of voxels.
+    #[schemars(extend("x-unit" = "voxels"))]
     pub voxels: u64,
 }
 
@@ -62,7 +65,6 @@ pub fn dendrogram(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hvs::cut::Cut;
     use crate::{HvsParams, hvs_tree};
     use ivd_core::{Grid, Linkage, Volume, Voxels};
 
@@ -73,7 +75,7 @@ mod tests {
         let exec = Exec::default();
         let params = HvsParams { linkage: Linkage::Single, ..HvsParams::default() };
         let tree = hvs_tree(&volume, None, &params, &exec).unwrap().tree;
-        let cut = CutParams { cut: Cut::Classes(3), ..CutParams::default() };
+        let cut = CutParams { k: 3, ..CutParams::default() };
         let found = dendrogram(&tree, &cut, 10, &exec).unwrap().unwrap();
         assert_eq!(found.merges, [(0, 1, 4.0), (3, 2, 15.0)]);
         assert_eq!(found.leaves.iter().map(|l| l.mean).collect::<Vec<_>>(), [1.0, 5.0, 20.0]);

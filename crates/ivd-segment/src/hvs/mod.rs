@@ -15,12 +15,14 @@ mod single;
 mod tests;
 mod ward;
 
+use ivd_core::op::Op as _;
 use ivd_core::{Error as CoreError, Exec, Linkage, Mask, Means, ParamError, Tree, Volume, with_voxels};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::moments::{Frame, Moments};
-use crate::{Error, scope};
-pub use cut::{Cut, CutParams, Ranking, cut};
+use crate::{Error, Within, scope};
+pub use cut::{CutParams, Ranking, cut};
 pub use dendrogram::{Dendrogram, Leaf, dendrogram};
 use field::{Apart, Field};
 use figures::Figures;
@@ -29,40 +31,29 @@ use merges::Merges;
 /// Most voxels: an edge of the grid has a number of 32 bits.
 const MOST_VOXELS: usize = u32::MAX as usize / 3;
 
-/// How a tree is grown.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+/// How a tree of merged regions is grown.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct HvsParams {
     /// How unlike two neighbouring parts are taken to be.
     pub linkage: Linkage,
-    /// Neighbouring voxels whose real values differ by at most this are one leaf, and so are those that a chain of such
-    /// neighbours connects (quasi-flat zones; real units). Without it: equal neighbours for single linkage; for Ward's
-    /// criterion as many of its own cheapest merges as [`HvsParams::max_regions`] asks for.
+    /// Neighbouring voxels whose values differ by at most this are one leaf, and so are those that a chain of such
+    /// neighbours connects (quasi-flat zones). Without it: equal neighbours for single linkage; for Ward's
+    /// criterion as many of its own cheapest merges as `max_regions` asks for.
+    #[schemars(range(min = 0.0), extend("x-unit" = "real units", "x-knob" = "accuracy"))]
     pub alpha: Option<f64>,
-    /// Most leaves for Ward's criterion, ≥ 1. Each block of 16³ voxels keeps one at least. On a noisy head of 64³ voxels a
+    /// Most leaves for Ward's criterion. Each block of 16³ voxels keeps one at least. On a noisy head of 64³ voxels a
     /// tenth as many leaves as voxels cost 2 % more inertia at 50 classes than no cap, a fifth 1 %, and neither any at 6.
+    #[schemars(range(min = 1), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub max_regions: usize,
-    /// Only voxels whose real value lies between these, both included.
-    pub range: Option<[f64; 2]>,
+    /// Which values count.
+    #[serde(flatten)]
+    pub within: Within,
 }
 
 impl Default for HvsParams {
     fn default() -> Self {
-        Self { linkage: Linkage::Ward, alpha: None, max_regions: 200_000, range: None }
-    }
-}
-
-impl HvsParams {
-    /// # Errors
-    /// [`ParamError`] names the field that is out of its domain.
-    pub fn check(&self) -> Result<(), ParamError> {
-        if let Some(alpha) = self.alpha.filter(|alpha| !(alpha.is_finite() && *alpha >= 0.0)) {
-            return Err(ParamError::new("alpha", alpha.to_string(), "use a finite difference of at least 0"));
-        }
-        if self.max_regions == 0 {
-            return Err(ParamError::new("max_regions", "0 regions", "use 1 or more"));
-        }
-        scope::check_range(self.range)
+        Self { linkage: Linkage::Ward, alpha: None, max_regions: 200_000, within: Within::default() }
     }
 }
 
@@ -108,7 +99,7 @@ pub fn hvs_tree(volume: &Volume, mask: Option<&Mask>, params: &HvsParams, exec: 
         return Err(CoreError::Inconsistent { what: "volume", problem }.into());
     }
     exec.run(|| {
-        let scope = scope::of(volume, mask, params.range, exec)?;
+        let scope = scope::of(volume, mask, params.within, exec)?;
         with_voxels!(volume.voxels(), slice => grow(volume, &Field::new(volume, slice, scope.as_deref()), params, exec))
     })
 }

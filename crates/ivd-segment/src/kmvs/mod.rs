@@ -7,40 +7,45 @@ mod reals;
 mod sorted;
 mod spatial;
 
+use ivd_core::op::check_fields;
 use ivd_core::{Exec, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::groups::Partition;
-use crate::{Error, Segmentation, histogram, scope, segmentation};
+use crate::{Error, Segmentation, Within, histogram, scope, segmentation};
 
 pub(crate) use integers::{groups_between, partition, partitions};
 pub use spatial::{SpatialKmvs, kmvs_spatial};
 
-/// Most classes that can be asked for.
-const MOST_CLASSES: usize = 1024;
-
-/// What `kmvs` looks for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+/// k-means: on intensity alone globally optimal, with a spatial weight on place and intensity.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct KmvsParams {
-    /// Number of classes, 1…1024. A volume with fewer distinct values gets as many classes as values.
+    /// Number of classes. A volume with fewer distinct values gets as many classes as values.
+    #[schemars(range(min = 1, max = 1024), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub k: usize,
-    /// Only voxels whose real value lies between these, both included.
-    pub range: Option<[f64; 2]>,
-    /// How many real units of the value a distance of 1 mm is worth, 0…1e100 (real units/mm). The axes of a sheared grid are
-    /// measured as perpendicular. 0: intensity alone counts, and the result is the global optimum; the fields below have no
-    /// effect then.
+    /// How much of the value a distance counts for; 0 for intensity alone, and then the result is the global optimum. The axes of
+    /// a sheared grid are measured as perpendicular.
+    #[schemars(range(min = 0.0, max = 1e100), extend("x-unit" = "real units/mm"))]
     pub spatial_weight: f64,
-    /// What the draw of start centroids begins with.
+    /// Seed of the start centroids with a spatial weight.
+    #[schemars(extend("x-unit" = "1"))]
     pub seed: u64,
-    /// Most iterations of Lloyd's algorithm, at least 1.
+    /// Most iterations with a spatial weight (Lloyd's algorithm).
+    #[schemars(range(min = 1), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub max_iterations: u64,
-    /// Relative fall of the inertia in one iteration at which to stop, 0…1; 0: until no label changes.
+    /// Relative fall of the inertia in one iteration at which to stop with a spatial weight; 0 until no label changes.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub tolerance: f64,
+    /// Which values count.
+    #[serde(flatten)]
+    pub within: Within,
     /// Start centroids, `[x, y, z, value]` (mm from the first voxel along the grid's axes; real units), shape `[k]`, instead of
-    /// drawn ones.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// drawn ones. For comparisons; no key of a scene.
+    #[serde(skip_serializing)]
+    #[schemars(skip)]
     pub start: Option<Vec<[f64; 4]>>,
 }
 
@@ -48,11 +53,11 @@ impl Default for KmvsParams {
     fn default() -> Self {
         Self {
             k: 4,
-            range: None,
             spatial_weight: 0.0,
             seed: 1,
             max_iterations: 300,
             tolerance: 0.0,
+            within: Within::default(),
             start: None,
         }
     }
@@ -62,23 +67,30 @@ impl KmvsParams {
     /// # Errors
     /// [`ParamError`] names the field that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        if !(1..=MOST_CLASSES).contains(&self.k) {
-            return Err(ParamError::new("k", format!("{} classes", self.k), format!("use 1…{MOST_CLASSES}")));
-        }
-        let within = |field, value: f64, most: f64| {
-            if (0.0..=most).contains(&value) {
-                Ok(())
-            } else {
-                Err(ParamError::new(field, format!("{value}"), format!("use 0…{most}")))
-            }
-        };
-        within("spatial_weight", self.spatial_weight, spatial::LARGEST)?;
-        within("tolerance", self.tolerance, 1.0)?;
-        if self.max_iterations == 0 {
-            return Err(ParamError::new("max_iterations", "0", "use at least 1"));
-        }
+        check_fields(self)?;
+        self.check_together()
+    }
+
+    pub(crate) fn check_together(&self) -> Result<(), ParamError> {
         spatial::check_start(self.start.as_deref(), self.k)?;
-        scope::check_range(self.range)
+        self.within.check()
+    }
+
+    /// k-means on intensity alone reads nothing that ends iterations.
+    pub(crate) fn check_read(&self) -> Result<(), ParamError> {
+        let plain = Self::default();
+        let unread = [
+            ("max_iterations", self.max_iterations.to_string(), self.max_iterations != plain.max_iterations),
+            ("tolerance", self.tolerance.to_string(), self.tolerance != plain.tolerance),
+        ];
+        match unread.into_iter().find(|(_, _, is_given)| *is_given && self.spatial_weight == 0.0) {
+            Some((field, value, _)) => Err(ParamError::new(
+                field,
+                format!("{value}, but kmvs on intensity alone doesn't iterate"),
+                "give spatial_weight too, or leave it out",
+            )),
+            None => Ok(()),
+        }
     }
 }
 
@@ -108,7 +120,7 @@ pub fn kmvs(
         return Ok(kmvs_spatial(volume, mask, params, exec)?.segmentation);
     }
     exec.run(|| {
-        let scope = scope::of(volume, mask, params.range, exec)?;
+        let scope = scope::of(volume, mask, params.within, exec)?;
         let mask = scope.as_deref();
         let partition = match histogram::of(volume.voxels(), mask, exec)? {
             Some(histogram) => integers::partition(&histogram, params.k),

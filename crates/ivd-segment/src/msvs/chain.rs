@@ -6,7 +6,9 @@
 
 use std::time::{Duration, Instant};
 
+use ivd_core::op::check_fields;
 use ivd_core::{Exec, Iteration, Mask, ParamError, Volume};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::bandwidth::{self, Bandwidths};
@@ -22,13 +24,15 @@ use crate::{Error, KmvsParams, Segmentation, kmvs, scope};
 /// at 5 and 6, with four at 4 and 5, where the bonsai loses a part that it shows.
 const BLUR: f64 = 2.0;
 
-/// How `msvs_kmvs` looks for classes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+/// Mean shift proposes classes, k-means keeps those that count.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct ChainParams {
-    /// How the number of classes is proposed. Its `range` holds for both parts.
+    /// How the number of classes is proposed. Its `within` holds for both parts.
+    #[serde(flatten)]
     pub msvs: MsvsParams,
-    /// Fewest classes looked at, 1…1024; where fewer are proposed, that many are kept.
+    /// Fewest classes looked at; where fewer are proposed, that many are kept.
+    #[schemars(range(min = 1, max = 1024), extend("x-unit" = "1"))]
     pub k_min: usize,
 }
 
@@ -42,23 +46,22 @@ impl ChainParams {
     /// # Errors
     /// [`ParamError`] names the field that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        self.msvs.check()?;
-        if !(1..=super::MOST_MODES).contains(&self.k_min) {
-            let problem = format!("{} classes", self.k_min);
-            return Err(ParamError::new("k_min", problem, format!("use 1…{}", super::MOST_MODES)));
-        }
-        Ok(())
+        check_fields(self)?;
+        self.msvs.within.check()
     }
 }
 
 /// One number of classes that was looked at.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ChainPoint {
     /// Number of classes.
+    #[schemars(extend("x-unit" = "1"))]
     pub k: usize,
-    /// Least inertia of a partition into `k` classes (real units²).
+    /// Least inertia of a partition into so many classes.
+    #[schemars(extend("x-unit" = "real units²"))]
     pub objective: f64,
-    /// Criterion; the least is best. See [`msvs_kmvs`].
+    /// Criterion of description length; the least is best.
+    #[schemars(extend("x-unit" = "1"))]
     pub bic: f64,
 }
 
@@ -128,7 +131,7 @@ pub fn msvs_kmvs(
     let best = curve.iter().reduce(|best, point| if point.bic < best.bic { point } else { best });
     let k = best.map_or(1, |point| point.k);
     let segmentation =
-        kmvs(volume, mask, &KmvsParams { k, range: params.msvs.range, ..KmvsParams::default() }, exec)?;
+        kmvs(volume, mask, &KmvsParams { k, within: params.msvs.within, ..KmvsParams::default() }, exec)?;
     Ok(Chain {
         k_proposed: proposed.k_proposed,
         k_kept: segmentation.k,
@@ -146,7 +149,7 @@ fn curve(
     proposed: &Msvs,
     exec: &Exec,
 ) -> Result<Vec<ChainPoint>, Error> {
-    let scope = scope::of(volume, mask, params.msvs.range, exec)?;
+    let scope = scope::of(volume, mask, params.msvs.within, exec)?;
     let mask = scope.as_deref();
     let (histogram, unit) = match histogram::of(volume.voxels(), mask, exec)? {
         Some(histogram) => (histogram, volume.slope().abs()),

@@ -24,18 +24,17 @@ mod range_axis;
 #[cfg(test)]
 mod tests;
 
+use ivd_core::op::check_fields;
 use ivd_core::{Exec, Iteration, Labels, Mask, ParamError, Volume};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Segmentation, classes, scope, segmentation};
+use crate::{Error, Segmentation, Within, classes, scope, segmentation};
 use cells::Cells;
 use modes::Peak;
 
-/// Most modes that can be asked for.
-const MOST_MODES: usize = 1024;
-
 /// How a datum's weight falls with its distance from the point that moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Kernel {
     /// `exp(-d² / 2)`, with `d` the distance in bandwidths.
@@ -46,32 +45,37 @@ pub enum Kernel {
     Flat,
 }
 
-/// How `msvs` looks for modes.
-///
-/// The distance of two voxels in bandwidths is `d² = |x - x'|² / spatial_bandwidth² + (v - v')² / range_bandwidth²`, with `x` the
-/// voxel's index times the spacing (mm): the axes of a sheared grid are measured as perpendicular.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+/// Mean shift: the modes of the density.
+// The distance of two voxels in bandwidths is `d² = |x - x'|² / spatial_bandwidth² + (v - v')² / range_bandwidth²`, with `x` the
+// voxel's index times the spacing (mm): the axes of a sheared grid are measured as perpendicular.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct MsvsParams {
-    /// Bandwidth of the values (real units). 0: from the data, see [`Msvs::range_bandwidth`].
+    /// Window in value; 0 to find it from the data.
+    #[schemars(range(min = 0.0), extend("x-unit" = "real units"))]
     pub range_bandwidth: f64,
-    /// Bandwidth in space (mm). 0, the default, looks at values alone: a class is then a material, wherever it lies. With a
-    /// bandwidth in space a class is a blob of a material: two blobs of one value are two classes, and a large homogeneous
-    /// part falls into several. Less than a thousandth of a voxel's shortest edge is refused.
+    /// Window in space. 0 looks at values alone: a class is then a material, wherever it lies. With a window in space a class is a
+    /// blob of a material: two blobs of one value are two classes, and a large homogeneous part falls into several. Less than a
+    /// thousandth of a voxel's shortest edge is refused. The axes of a sheared grid are measured as perpendicular.
+    #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
     pub spatial_bandwidth: f64,
-    /// Kernel.
+    /// Shape of the window.
     pub kernel: Kernel,
     /// A mode is given up to its neighbour where its density exceeds that of the saddle between them by no more than this
-    /// fraction, 0…1, or by no more than chance would (three standard deviations of a count). 0 keeps every mode
+    /// fraction, or by no more than chance would (three standard deviations of a count). 0 keeps every mode
     /// that stands out by more than the density's own error, 0.5 % of it where places count.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
     pub persistence: f64,
-    /// Most modes kept, 1…1024: those that stand highest above their saddles.
+    /// Most modes kept: those that stand highest above their saddles.
+    #[schemars(range(min = 1, max = 1024), extend("x-unit" = "1"))]
     pub k_max: usize,
-    /// Cells across one bandwidth, 1…32: more are more accurate and cost their number's fourth power with a bandwidth in
+    /// Cells across one window: more are more accurate and cost their number's fourth power with a window in
     /// space. Values alone get four times as many, for next to nothing.
+    #[schemars(range(min = 1.0, max = 32.0), extend("x-unit" = "1"))]
     pub cells_per_bandwidth: f64,
-    /// Only voxels whose real value lies between these, both included.
-    pub range: Option<[f64; 2]>,
+    /// Which values count.
+    #[serde(flatten)]
+    pub within: Within,
 }
 
 impl Default for MsvsParams {
@@ -83,7 +87,7 @@ impl Default for MsvsParams {
             persistence: 0.05,
             k_max: 64,
             cells_per_bandwidth: 4.0,
-            range: None,
+            within: Within::default(),
         }
     }
 }
@@ -92,42 +96,31 @@ impl MsvsParams {
     /// # Errors
     /// [`ParamError`] names the field that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        for (field, value) in
-            [("range_bandwidth", self.range_bandwidth), ("spatial_bandwidth", self.spatial_bandwidth)]
-        {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(ParamError::new(field, format!("{value}"), "use a finite number, 0 or more"));
-            }
-        }
-        if !(0.0..=1.0).contains(&self.persistence) {
-            return Err(ParamError::new("persistence", format!("{}", self.persistence), "use 0…1"));
-        }
-        if !(1..=MOST_MODES).contains(&self.k_max) {
-            let problem = format!("{} modes", self.k_max);
-            return Err(ParamError::new("k_max", problem, format!("use 1…{MOST_MODES}")));
-        }
-        if !(1.0..=32.0).contains(&self.cells_per_bandwidth) {
-            let problem = format!("{} cells", self.cells_per_bandwidth);
-            return Err(ParamError::new("cells_per_bandwidth", problem, "use 1…32"));
-        }
-        scope::check_range(self.range)
+        check_fields(self)?;
+        self.within.check()
     }
 }
 
 /// A mode of the density.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Mode {
     /// Class of the voxels that climb to it.
+    #[schemars(extend("x-unit" = "1"))]
     pub class: u16,
-    /// Place along the voxel axes (mm), from the centre of the first voxel; the volume's middle where space doesn't count.
+    /// Place along the voxel axes, from the centre of the first voxel; the volume's middle where space doesn't count.
+    #[schemars(extend("x-unit" = "mm"))]
     pub position: [f64; 3],
-    /// Value (real units).
+    /// Value at the mode.
+    #[schemars(extend("x-unit" = "real units"))]
     pub value: f64,
     /// Mean over all voxels of the kernel's weight at the mode, 0…1; the flat kernel's density is that of its shadow.
+    #[schemars(extend("x-unit" = "1"))]
     pub density: f64,
     /// `1 - saddle / density`, with the density of the highest saddle that leads to a higher mode; 1 where none does.
+    #[schemars(extend("x-unit" = "1"))]
     pub persistence: f64,
     /// Number of voxels that climb to it, or to a mode that was given up to it.
+    #[schemars(extend("x-unit" = "voxels"))]
     pub voxels: u64,
 }
 
@@ -169,7 +162,7 @@ pub struct Msvs {
 pub fn msvs(volume: &Volume, mask: Option<&Mask>, params: &MsvsParams, exec: &Exec) -> Result<Msvs, Error> {
     params.check()?;
     exec.run(|| {
-        let scope = scope::of(volume, mask, params.range, exec)?;
+        let scope = scope::of(volume, mask, params.within, exec)?;
         let mask = scope.as_deref();
         let Some(bandwidths) = bandwidth::of(volume, mask, params, exec)? else {
             return nothing(volume, mask, params);

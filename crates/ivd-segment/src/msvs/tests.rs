@@ -142,7 +142,7 @@ fn assert_as_plain(name: &str, volume: &Volume, range: f64, spatial: f64) {
         range_bandwidth: range,
         spatial_bandwidth: spatial,
         persistence: 0.0,
-        k_max: MOST_MODES,
+        k_max: 1024,
         ..MsvsParams::default()
     };
     let found = run(volume, &params);
@@ -401,7 +401,7 @@ fn falling_slopes_masks_and_ranges_are_kept() {
         let found = msvs(&falling, Some(&mask), &params, &Exec::default()).unwrap();
         assert_eq!(found.segmentation.labels.ids(), [2, 2, 0, 1, 2, 0]);
     }
-    let ranged = MsvsParams { range: Some([0.0, 10.0]), ..params.clone() };
+    let ranged = MsvsParams { within: Within::range(0.0, 10.0), ..params.clone() };
     assert_eq!(run_loose(&falling, &ranged).segmentation.labels.ids(), [1, 1, 0, 0, 1, 0]);
     let empty = Mask::new(grid, vec![0; 6].into()).unwrap();
     let found = msvs(&falling, Some(&empty), &params, &Exec::default()).unwrap();

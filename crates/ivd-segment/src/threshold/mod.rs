@@ -1,20 +1,22 @@
 //! Classes between given values.
 
+use ivd_core::op::check_fields;
 use ivd_core::{Bulk, Class, Exec, Labels, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{Error, KmvsParams, Segmentation, histogram, kmvs, segmentation};
 
 /// Voxels whose statistics are gathered together. The joins follow this division, never the threads.
 const CHUNK: usize = 1 << 16;
-const MOST_VALUES: usize = 1023;
 
-/// Where to cut.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+/// Given thresholds.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct ThresholdParams {
-    /// Thresholds [real units], ascending, finite, at most 1023. Class `c` holds `values[c - 2] ≤ v < values[c - 1]`.
-    /// Empty: one threshold, where two classes have the least inertia.
+    /// Thresholds, ascending: class `c` holds the values from `values[c - 2]` up to, but not including, `values[c - 1]`. Without any
+    /// there is one, where two classes have the least inertia.
+    #[schemars(length(max = 1023), extend("x-unit" = "real units"))]
     pub values: Vec<f64>,
 }
 
@@ -22,16 +24,18 @@ impl ThresholdParams {
     /// # Errors
     /// [`ParamError`] names the field that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        let problem = if self.values.len() > MOST_VALUES {
-            format!("{} thresholds", self.values.len())
-        } else if let Some(bad) = self.values.iter().find(|v| !v.is_finite()) {
-            format!("threshold {bad} is not finite")
-        } else if let Some(at) = self.values.windows(2).position(|w| w[0] >= w[1]) {
-            format!("threshold {} comes before {}", self.values[at], self.values[at + 1])
-        } else {
-            return Ok(());
-        };
-        Err(ParamError::new("values", problem, format!("give up to {MOST_VALUES} finite values, ascending")))
+        check_fields(self)?;
+        self.check_together()
+    }
+
+    pub(crate) fn check_together(&self) -> Result<(), ParamError> {
+        match self.values.windows(2).position(|w| w[0] >= w[1]) {
+            Some(at) => {
+                let problem = format!("threshold {} comes before {}", self.values[at], self.values[at + 1]);
+                Err(ParamError::new("values", problem, "give ascending values"))
+            }
+            None => Ok(()),
+        }
     }
 }
 

@@ -4,15 +4,10 @@ mod deform;
 mod input;
 mod output;
 mod rigid;
-mod segment;
 mod shape;
 
 pub use deform::{CourseChoice, DeformSection, FixSection, HandleSection, MaterialSection, Solver};
 pub use input::{InputSection, RawSection};
 pub use output::{OutputSection, Picture};
 pub use rigid::RigidSection;
-pub use segment::{
-    AutoWord, ClassCount, ClassOrder, CovarianceChoice, KernelChoice, LinkageChoice, RankingChoice,
-    SegmentMethod, SegmentSection,
-};
 pub use shape::{ShapeKind, ShapeSection};

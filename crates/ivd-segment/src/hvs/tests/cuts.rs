@@ -23,23 +23,25 @@ fn cuts_nest_and_their_classes_are_connected() {
     let exec = Exec::default();
     for params in [single(), HvsParams::default(), HvsParams { max_regions: 900, ..HvsParams::default() }] {
         let tree = grow(&volume, &params).tree;
-        for order in [Ranking::Persistence, Ranking::Height, Ranking::Area] {
+        for ranking in [Ranking::Persistence, Ranking::Height, Ranking::Area] {
             for smallest in [1, 40] {
-                let at = |cut_at| cut(&tree, &CutParams { cut: cut_at, order, smallest }, &exec).unwrap();
+                let base = CutParams { ranking, least_part: smallest, ..CutParams::default() };
+                let at = |params| cut(&tree, &params, &exec).unwrap();
                 let mut before: Option<Vec<u16>> = None;
                 for k in [40, 17, 16, 5, 2, 1] {
-                    let found = at(Cut::Classes(k));
+                    let found = at(CutParams { k, ..base });
                     assert!(found.k <= k && (smallest > 1 || found.k == k));
-                    assert!(found.labels.classes().iter().all(|c| c.voxels >= smallest), "{k} {order:?}");
+                    assert!(found.labels.classes().iter().all(|c| c.voxels >= smallest), "{k} {ranking:?}");
                     assert_eq!(parts(&volume, found.labels.ids()), found.k);
                     let exact = inertia(&volume, found.labels.ids());
                     assert!((found.objective - exact).abs() <= 1e-9 * exact);
                     assert!(before.is_none_or(|fine| nested(&fine, found.labels.ids())));
                     before = Some(found.labels.ids().to_vec());
                 }
-                let levels: Vec<_> = (0..5).map(|level| at(Cut::Level(level))).collect();
+                let levels: Vec<_> =
+                    (0..5).map(|level| at(CutParams { level: Some(level), ..base })).collect();
                 assert!(levels.windows(2).all(|w| nested(w[0].labels.ids(), w[1].labels.ids())));
-                assert_eq!(levels[4].labels, at(Cut::Classes(2)).labels);
+                assert_eq!(levels[4].labels, at(CutParams { k: 2, ..base }).labels);
             }
         }
         let [low, high] = tree.height_range().unwrap();
@@ -47,7 +49,7 @@ fn cuts_nest_and_their_classes_are_connected() {
             .map(|f| {
                 cut(
                     &tree,
-                    &CutParams { cut: Cut::Height(high * f), smallest: 5, ..CutParams::default() },
+                    &CutParams { height: Some(high * f), least_part: 5, ..CutParams::default() },
                     &exec,
                 )
                 .unwrap()
@@ -63,7 +65,7 @@ fn a_cut_by_height_joins_what_lies_below_it() {
     let volume = volume([6, 1, 1], vec![0_u8, 1, 5, 5, 20, 22]);
     let tree = grow(&volume, &single()).tree;
     let at = |height| {
-        let params = CutParams { cut: Cut::Height(height), ..CutParams::default() };
+        let params = CutParams { height: Some(height), ..CutParams::default() };
         cut(&tree, &params, &Exec::default()).unwrap()
     };
     assert_eq!(at(0.0).labels.ids(), [1, 2, 3, 3, 4, 5]);
@@ -106,16 +108,18 @@ fn parameters_outside_their_domain_are_named() {
         let error = cut(&tree, &params, &Exec::default()).unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
     };
-    let at = |cut| CutParams { cut, ..CutParams::default() };
-    refused(at(Cut::Classes(0)), "use 1…65535");
-    refused(at(Cut::Classes(65_536)), "16 bits");
-    refused(at(Cut::Level(5)), "use 0…4");
-    refused(at(Cut::Height(f64::NAN)), "height NaN");
-    refused(CutParams { smallest: 0, ..CutParams::default() }, "smallest");
+    let plain = CutParams::default();
+    refused(CutParams { k: 0, ..plain }, "1 … 65535");
+    refused(CutParams { k: 65_536, ..plain }, "1 … 65535");
+    refused(CutParams { level: Some(5), ..plain }, "0 … 4");
+    refused(CutParams { height: Some(f64::NAN), ..plain }, "`height`");
+    refused(CutParams { height: Some(1.0), level: Some(1), ..plain }, "give one of them");
+    refused(CutParams { k: 7, height: Some(1.0), ..plain }, "give one of them");
+    refused(CutParams { least_part: 0, ..CutParams::default() }, "least_part");
     for (params, field) in [
         (HvsParams { alpha: Some(-1.0), ..HvsParams::default() }, "alpha"),
         (HvsParams { max_regions: 0, ..HvsParams::default() }, "max_regions"),
-        (HvsParams { range: Some([2.0, 1.0]), ..HvsParams::default() }, "range"),
+        (HvsParams { within: Within::range(2.0, 1.0), ..HvsParams::default() }, "range"),
     ] {
         assert!(params.check().unwrap_err().to_string().contains(field));
     }
@@ -126,7 +130,7 @@ fn more_classes_than_labels_are_refused_with_a_remedy() {
     let mut next = noise(9);
     let voxels: Vec<f32> = (0..70_000).map(|_| next() as f32).collect();
     let tree = grow(&volume([70, 100, 10], voxels), &single()).tree;
-    let params = CutParams { cut: Cut::Height(0.0), ..CutParams::default() };
+    let params = CutParams { height: Some(0.0), ..CutParams::default() };
     let error = cut(&tree, &params, &Exec::default()).unwrap_err().to_string();
     assert!(error.contains("raise the height"), "{error}");
     let most = cut(&tree, &classes(65_535, Ranking::Height), &Exec::default()).unwrap();

@@ -5,9 +5,11 @@ mod cuts;
 mod single;
 mod ward;
 
+use ivd_core::op::Op as _;
 use ivd_core::{Exec, Grid, Linkage, Mask, Tree, Volume, Voxels};
 
-use super::{Cut, CutParams, Hvs, HvsParams, Ranking, cut, hvs_tree};
+use super::{CutParams, Hvs, HvsParams, Ranking, cut, hvs_tree};
+use crate::Within;
 
 /// Numbers that look random, 0…2³² − 1.
 fn noise(seed: u64) -> impl FnMut() -> u32 {
@@ -65,7 +67,7 @@ fn heights(tree: &Tree) -> Vec<f64> {
 }
 
 fn classes(k: usize, order: Ranking) -> CutParams {
-    CutParams { cut: Cut::Classes(k), order, smallest: 1 }
+    CutParams { k, ranking: order, ..CutParams::default() }
 }
 
 /// The pairs of neighbouring voxels with data.

@@ -66,7 +66,7 @@ pub fn kmvs_spatial(
 ) -> Result<SpatialKmvs, Error> {
     params.check()?;
     exec.run(|| {
-        let scope = scope::of(volume, mask, params.range, exec)?;
+        let scope = scope::of(volume, mask, params.within, exec)?;
         let mask = scope.as_deref();
         with_voxels!(volume.voxels(), slice => cluster(volume, slice, mask, params, exec))
     })
@@ -84,8 +84,8 @@ pub(super) fn check_start(start: Option<&[[f64; 4]]>, k: usize) -> Result<(), Pa
     }
 }
 
-/// Largest spatial weight and coordinate of a start.
-pub(super) const LARGEST: f64 = 1e100;
+/// Largest coordinate of a start, as of the spatial weight.
+const LARGEST: f64 = 1e100;
 
 fn cluster<T: Scalar>(
     volume: &Volume,

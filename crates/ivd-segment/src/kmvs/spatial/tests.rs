@@ -2,6 +2,7 @@
 mod plain;
 
 use super::*;
+use crate::Within;
 use ivd_core::noise;
 use ivd_core::{Grid, Voxels};
 use std::sync::{Arc, Mutex};
@@ -337,7 +338,7 @@ fn nothing_inside_the_mask_is_no_class_and_a_range_leaves_the_rest_out() {
     let of = found(&volume, Some(&none), &params(3, 1.0));
     assert_eq!((of.segmentation.k, of.centroids.len()), (0, 0));
     assert!(of.segmentation.labels.ids().iter().all(|id| *id == 0));
-    let of = found(&volume, None, &KmvsParams { range: Some([40.0, 60.0]), ..params(2, 1.0) });
+    let of = found(&volume, None, &KmvsParams { within: Within::range(40.0, 60.0), ..params(2, 1.0) });
     for (i, id) in of.segmentation.labels.ids().iter().enumerate() {
         assert_eq!(*id > 0, (40.0..=60.0).contains(&volume.voxels().get(i)));
     }

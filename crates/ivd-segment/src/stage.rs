@@ -1,0 +1,316 @@
+//! The stage as scenes and commands see it.
+
+use ivd_core::op::{Failure, Job, Method, Op, Place, PlaceKind, Stage, Want, method};
+use ivd_core::{Exec, Labels, Mask, ParamError, Tree, Volume, Voxels, slots};
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    ChainParams, CutFigures, CutParams, EmvsParams, Error, Figures, HvsParams, KmvsParams, MixtureFigures,
+    ModesFigures, MsvsParams, NoFigures, ProposalFigures, Segmentation, SpatialFigures, ThresholdParams,
+    TidyParams, TreeFigures, cut, emvs, emvs_with_posteriors, hvs_tree, kmvs, kmvs_spatial, msvs, msvs_kmvs,
+    threshold, tidy,
+};
+
+/// The stage: its methods, and where it stands in a scene.
+pub const STAGE: Stage = Stage {
+    name: "segment",
+    about: "Finds a volume's classes.",
+    selector: "method",
+    methods: METHODS,
+    positional: &["volume"],
+    places: &[
+        Place { variant: "tree", gives: "tree", kind: PlaceKind::Precursor { method: &TREE } },
+        Place { variant: "", gives: "labels", kind: PlaceKind::Own { with: &[], without: &["mask"] } },
+    ],
+    unread: "the isovalue is given and no class is named",
+    quiet: false,
+};
+const METHODS: &[Method] = &[
+    method::<Tidied<KmvsParams>>("kmvs"),
+    method::<Tidied<EmvsParams>>("emvs"),
+    method::<Tidied<MsvsParams>>("msvs"),
+    method::<Hierarchy>("hvs"),
+    method::<Tidied<ChainParams>>("msvs+kmvs"),
+    method::<Tidied<ThresholdParams>>("threshold"),
+];
+/// The tree that [`Hierarchy`] cuts.
+const TREE: Method = method::<HvsParams>("hvs");
+
+slots! {
+    /// What classes are found in.
+    pub struct Scanned<'a> { volume: &'a Volume, mask: Option<&'a Mask> }
+}
+slots! {
+    /// What is cut: a tree that is there, or that of a volume.
+    pub struct Grown<'a> { tree: Option<&'a Tree>, volume: Option<&'a Volume>, mask: Option<&'a Mask> }
+}
+
+/// A way to find classes in a volume.
+pub trait Find: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send + Sync + 'static {
+    /// What it tells beside the figures that all have.
+    type Own: Serialize + DeserializeOwned + JsonSchema + Send;
+
+    /// As [`Op::check_together`].
+    ///
+    /// # Errors
+    /// Names the field as it is typed.
+    fn check_found(&self) -> Result<(), ParamError>;
+
+    /// Finds them.
+    ///
+    /// # Errors
+    /// Those of the method's function.
+    fn find(
+        &self,
+        volume: &Volume,
+        mask: Option<&Mask>,
+        exec: &Exec,
+    ) -> Result<(Segmentation, Self::Own), Error>;
+}
+
+// A method's description is that of its own parameters, not of what is shared.
+#[allow(missing_docs, reason = "a doc here would stand in the place of the method's own in schema and help")]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, bound(deserialize = "M: Find"))]
+#[schemars(bound = "M: Find")]
+pub struct Tidied<M> {
+    /// How classes are found.
+    #[serde(flatten)]
+    pub method: M,
+    /// What is done with them then.
+    #[serde(flatten)]
+    pub tidy: TidyParams,
+}
+
+/// Raised for all methods together: what they share is most of them.
+const REVISION: u32 = 5;
+
+impl<M: Find> Op for Tidied<M> {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = Scanned<'a>;
+    type Output = Labels;
+    type Figures = Figures<M::Own>;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        self.method.check_found()
+    }
+
+    fn run(&self, inputs: Scanned<'_>, exec: &Exec) -> Result<(Labels, Self::Figures), Failure> {
+        let (found, own) = self.method.find(inputs.volume, inputs.mask, exec)?;
+        Ok(told(tidied(Some(inputs.volume), found, self.tidy, exec)?, own))
+    }
+}
+
+impl Tidied<EmvsParams> {
+    /// As [`Op::run`], with the posterior probability of every component of the mixture as a volume.
+    ///
+    /// # Errors
+    /// As [`Op::run`].
+    #[allow(clippy::type_complexity, reason = "what run gives, and the maps")]
+    pub fn run_with_posteriors(
+        &self,
+        inputs: Scanned<'_>,
+        exec: &Exec,
+    ) -> Result<(Labels, Figures<MixtureFigures>, Vec<Volume>), Failure> {
+        let Scanned { volume, mask } = inputs;
+        let (found, maps) = emvs_with_posteriors(volume, mask, &self.method, exec)?;
+        let own = MixtureFigures::from(&found);
+        let (labels, figures) = told(tidied(Some(volume), found.segmentation, self.tidy, exec)?, own);
+        let maps = maps.into_iter().map(|map| Volume::new(volume.grid().clone(), Voxels::F32(map)));
+        Ok((labels, figures, maps.collect::<Result<_, _>>()?))
+    }
+}
+
+/// Labels as they are wanted.
+fn tidied(
+    volume: Option<&Volume>,
+    found: Segmentation,
+    params: TidyParams,
+    exec: &Exec,
+) -> Result<Segmentation, Failure> {
+    if !params.is_any() {
+        return Ok(found);
+    }
+    let volume = volume.ok_or_else(|| {
+        Failure::usage(
+            "smallest and order look at the voxels' values, and a tree has none; segment the volume instead",
+        )
+    })?;
+    Ok(tidy(volume, found, params, exec)?)
+}
+
+fn told<O>(found: Segmentation, own: O) -> (Labels, Figures<O>) {
+    let figures = Figures::of(&found, own);
+    (found.labels, figures)
+}
+
+impl Find for KmvsParams {
+    type Own = SpatialFigures;
+
+    fn check_found(&self) -> Result<(), ParamError> {
+        self.check_read()?;
+        self.check_together()
+    }
+
+    fn find(
+        &self,
+        volume: &Volume,
+        mask: Option<&Mask>,
+        exec: &Exec,
+    ) -> Result<(Segmentation, SpatialFigures), Error> {
+        if self.spatial_weight == 0.0 {
+            return Ok((kmvs(volume, mask, self, exec)?, SpatialFigures::default()));
+        }
+        let found = kmvs_spatial(volume, mask, self, exec)?;
+        let own = SpatialFigures::from(&found);
+        Ok((found.segmentation, own))
+    }
+}
+
+impl Find for EmvsParams {
+    type Own = MixtureFigures;
+
+    fn check_found(&self) -> Result<(), ParamError> {
+        self.check_together()
+    }
+
+    fn find(
+        &self,
+        volume: &Volume,
+        mask: Option<&Mask>,
+        exec: &Exec,
+    ) -> Result<(Segmentation, MixtureFigures), Error> {
+        let found = emvs(volume, mask, self, exec)?;
+        let own = MixtureFigures::from(&found);
+        Ok((found.segmentation, own))
+    }
+}
+
+impl Find for MsvsParams {
+    type Own = ModesFigures;
+
+    fn check_found(&self) -> Result<(), ParamError> {
+        self.within.check()
+    }
+
+    fn find(
+        &self,
+        volume: &Volume,
+        mask: Option<&Mask>,
+        exec: &Exec,
+    ) -> Result<(Segmentation, ModesFigures), Error> {
+        let found = msvs(volume, mask, self, exec)?;
+        let own = ModesFigures::from(&found);
+        Ok((found.segmentation, own))
+    }
+}
+
+impl Find for ChainParams {
+    type Own = ProposalFigures;
+
+    fn check_found(&self) -> Result<(), ParamError> {
+        self.msvs.within.check()
+    }
+
+    fn find(
+        &self,
+        volume: &Volume,
+        mask: Option<&Mask>,
+        exec: &Exec,
+    ) -> Result<(Segmentation, ProposalFigures), Error> {
+        let found = msvs_kmvs(volume, mask, self, exec)?;
+        let own = ProposalFigures::from(&found);
+        Ok((found.segmentation, own))
+    }
+}
+
+impl Find for ThresholdParams {
+    type Own = NoFigures;
+
+    fn check_found(&self) -> Result<(), ParamError> {
+        self.check_together()
+    }
+
+    fn find(
+        &self,
+        volume: &Volume,
+        mask: Option<&Mask>,
+        exec: &Exec,
+    ) -> Result<(Segmentation, NoFigures), Error> {
+        Ok((threshold(volume, mask, self, exec)?, NoFigures {}))
+    }
+}
+
+impl Op for HvsParams {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = Scanned<'a>;
+    type Output = Tree;
+    type Figures = TreeFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        self.within.check()
+    }
+
+    fn run(&self, inputs: Scanned<'_>, exec: &Exec) -> Result<(Tree, TreeFigures), Failure> {
+        let found = hvs_tree(inputs.volume, inputs.mask, self, exec)?;
+        let figures = TreeFigures::from(&found);
+        Ok((found.tree, figures))
+    }
+}
+
+/// A tree of merged regions, cut.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct Hierarchy {
+    /// How the tree is grown, where there is none yet.
+    #[serde(flatten)]
+    pub tree: HvsParams,
+    /// How it is cut.
+    #[serde(flatten)]
+    pub cut: CutParams,
+    /// What is done with the classes then.
+    #[serde(flatten)]
+    pub tidy: TidyParams,
+}
+
+impl Op for Hierarchy {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = Grown<'a>;
+    type Output = Labels;
+    type Figures = Figures<CutFigures>;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        self.tree.check_together()?;
+        self.cut.check_together()
+    }
+
+    /// With a tree, the volume is looked at only where labels are changed by its values.
+    fn wants(&self, slot: &str) -> Want {
+        match slot {
+            "volume" if self.tidy.is_any() => Want::Yes,
+            "tree" => Want::Yes,
+            _ => Want::No,
+        }
+    }
+
+    fn precursor(&self) -> Option<Box<dyn Job>> {
+        Some(Box::new(self.tree.clone()))
+    }
+
+    fn run(&self, inputs: Grown<'_>, exec: &Exec) -> Result<(Labels, Self::Figures), Failure> {
+        let grown;
+        let tree = match (inputs.tree, inputs.volume) {
+            (Some(tree), _) => tree,
+            (None, Some(volume)) => {
+                grown = hvs_tree(volume, inputs.mask, &self.tree, exec)?.tree;
+                &grown
+            }
+            (None, None) => return Err(Failure::usage("hvs cuts a tree or segments a volume; give one")),
+        };
+        let found = cut(tree, &self.cut, exec)?;
+        let own = CutFigures::of(tree, &self.cut, exec)?;
+        Ok(told(tidied(inputs.volume, found, self.tidy, exec)?, own))
+    }
+}
