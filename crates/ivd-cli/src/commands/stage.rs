@@ -7,9 +7,9 @@ use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
 use ivd_core::op;
 use ivd_lattice::foreign::ForeignParams;
 use ivd_pipeline::scene::{
-    AtfSection, BoundarySection, DeformSection, LatticeSection, RefineSection, RenderSection, WarpSection,
+    AtfSection, BoundarySection, LatticeSection, RefineSection, RenderSection, WarpSection,
 };
-use ivd_pipeline::stages::{Atf, Boundary, Deform, ForeignLattice, Lattice, Refine, Render, Warp};
+use ivd_pipeline::stages::{Atf, Boundary, ForeignLattice, Lattice, Refine, Render, Warp};
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 use toml::Value;
 
@@ -125,38 +125,6 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
             let files = vec![("lattice", Some(lattice.as_path()))];
             Job { stage: Box::new(Refine::from_section(&section)?), files, output: &output.path }
         }
-        Command::Deform {
-            lattice,
-            labels,
-            handle,
-            fix,
-            rigid,
-            shape,
-            solver,
-            stiffness,
-            duration,
-            frames,
-            output,
-        } => {
-            let words = Words::default()
-                .with("solver", solver.clone())
-                .with("stiffness", *stiffness)
-                .with("duration", *duration)
-                .with("frames", frames.map(i64::from));
-            let mut section: DeformSection = section(params, words.0)?;
-            section.handle.extend(handle.iter().cloned());
-            section.fix.extend(fix.iter().cloned());
-            section.rigid.extend(rigid.iter().cloned());
-            section.shape.extend(shape.iter().cloned());
-            let stage = Deform::from_section(&section)?;
-            let mut files = vec![("lattice", Some(lattice.as_path()))];
-            if section.material.is_empty() && !stage.knows_classes() {
-                unused_labels(labels.as_deref(), context)?;
-            } else {
-                files.push(("labels", labels.as_deref()));
-            }
-            Job { stage: Box::new(stage), files, output: &output.path }
-        }
         Command::Warp { volume, displacement, order, output } => {
             let section: WarpSection = section(params, Words::default().with("order", order.clone()).0)?;
             let files =
@@ -183,21 +151,6 @@ fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
         }
         _ => unreachable!("the other commands are no stages"),
     })
-}
-
-/// Labels that the method in use has no use for: checked, and said so.
-fn unused_labels(labels: Option<&Path>, context: &Context) -> anyhow::Result<()> {
-    let Some(path) = labels else { return Ok(()) };
-    let kind = context.artefact(path)?.artefact.kind();
-    if kind != ivd_artefact::Kind::Labels {
-        return Err(Failure::usage(format!(
-            "--labels {}: a {} artefact, not labels",
-            path.display(),
-            kind.name()
-        )));
-    }
-    context.say("ivd: note: --labels has no effect: there is no material and no bone by class");
-    Ok(())
 }
 
 /// A file for a slot that the method in use doesn't look at: its kind is checked, and that it has no effect is said where it isn't

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 
 use super::choose::{Ladder, Rung};
 use super::{LEVELS, target};
+use crate::Error;
 use crate::fronts::{Front, FrontPoint, recorded};
 use crate::scene::Scene;
 use ivd_lattice::refine::Target;
@@ -49,7 +50,8 @@ impl Setting {
             (None, None, Some(_)) => None,
             (None, None, None) => Some(2.0),
         };
-        let steps = scene.deform.as_ref().and_then(|d| d.dt.map(|dt| (d.duration / dt).ceil()));
+        let seconds = |key: &str| scene.param(&ivd_deform::deform::STAGE, key)?.as_f64();
+        let steps = seconds("duration").zip(seconds("dt")).map(|(duration, dt)| (duration / dt).ceil());
         Self {
             level,
             steps: steps.unwrap_or(STEPS).max(LEAST_STEPS),
@@ -114,10 +116,13 @@ impl Knob {
     }
 
     /// Sets the scene's keys.
-    pub(super) fn apply(self, scene: &mut Scene, setting: &Setting) {
+    ///
+    /// # Errors
+    /// A value that the scene doesn't take.
+    pub(super) fn apply(self, scene: &mut Scene, setting: &Setting) -> Result<(), Error> {
         match self {
             Self::Level => {
-                let Some(level) = setting.level else { return };
+                let Some(level) = setting.level else { return Ok(()) };
                 let (level, ratio) = match target(level) {
                     Target::Level(level) => (Some(level), None),
                     Target::Ratio(ratio) => (None, Some(ratio)),
@@ -128,9 +133,12 @@ impl Knob {
                 scene.refine.chain.clear();
             }
             Self::Steps => {
-                if let Some(deform) = &mut scene.deform {
+                let stage = &ivd_deform::deform::STAGE;
+                let is_written = scene.section(stage).is_some_and(|section| section.written().is_some());
+                let duration = scene.param(stage, "duration").and_then(|duration| duration.as_f64());
+                if let Some(duration) = duration.filter(|_| is_written) {
                     // A hair longer, so that rounding doesn't make it one step more.
-                    deform.dt = Some(deform.duration / setting.steps * (1.0 + 1e-9));
+                    scene.set(stage, &[("dt", Some(json!(duration / setting.steps * (1.0 + 1e-9))))])?;
                 }
             }
             Self::Resolution => scene.atf.resolution = setting.resolution as usize,
@@ -138,6 +146,7 @@ impl Knob {
                 (scene.render.step, scene.render.termination) = (setting.step, setting.termination);
             }
         }
+        Ok(())
     }
 
     /// Name and value before and after, for each of its knobs that differs.
@@ -303,7 +312,7 @@ mod tests {
                 Setting { level: Some(level), steps: 50.0, resolution: 64.0, step: 1.5, termination: 0.8 };
             let mut changed = scene.clone();
             for knob in Knob::ALL {
-                knob.apply(&mut changed, &asked);
+                knob.apply(&mut changed, &asked).unwrap();
             }
             let found = Setting::of(&changed);
             assert!((found.level.unwrap() - level).abs() < 1e-12 && found.steps == 50.0, "{found:?}");

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use ivd_artefact::{Artefact, ContentHash, Kind};
 use ivd_core::{Exec, Fault, Faulty};
+use ivd_deform::deform::RingMethod;
 
 use super::choose::{Fit, Ladder, fit};
 use super::knobs::{Knob, Setting};
@@ -14,7 +15,7 @@ use super::work::Amounts;
 use super::{Budget, BudgetReport, Choice, rate_name};
 use crate::plan::{NodeId, Plan, PlanNode};
 use crate::runner::{Done, Runner, StageRecord, State};
-use crate::scene::{Loaded, Solver};
+use crate::scene::Loaded;
 use crate::{Error, PipelineOptions};
 
 /// Predictions are this much too short now and then: what is there is divided by it.
@@ -161,15 +162,15 @@ impl<'a> Pilot<'a> {
             && self.model.amounts.triangles == 0.0
         {
             let amounts = std::mem::take(&mut self.model.amounts);
-            self.model.amounts = amounts.with_lattice(scene.deform.as_ref(), lattice);
+            self.model.amounts = amounts.with_lattice(scene.asked(), lattice);
         }
     }
 
     /// Whether the user has fixed a knob.
     pub(super) fn pinned(&self, knob: Knob) -> bool {
         // What a number of steps costs and errs is on record for the rings only.
-        let unknown = knob == Knob::Steps
-            && self.wish.scene.deform.as_ref().is_some_and(|deform| deform.solver != Solver::Ring);
+        let unknown =
+            knob == Knob::Steps && self.wish.scene.get::<RingMethod>(&ivd_deform::deform::STAGE).is_none();
         unknown || knob.keys().iter().any(|key| self.options.budget.pinned.contains(*key))
     }
 
@@ -231,17 +232,17 @@ impl<'a> Pilot<'a> {
             }
         }
         self.setting = setting;
-        plan.retune(&self.scene_with(&setting), self.options.input.as_deref())
+        plan.retune(&self.scene_with(&setting)?, self.options.input.as_deref())
     }
 
     /// The scene with the knobs that differ from its wish.
-    pub(super) fn scene_with(&self, setting: &Setting) -> Loaded {
+    pub(super) fn scene_with(&self, setting: &Setting) -> Result<Loaded, Error> {
         let mut loaded = self.wish.clone();
         let wish = Setting::of(&loaded.scene);
         for knob in Knob::ALL.into_iter().filter(|knob| !knob.moved(&wish, setting).is_empty()) {
-            knob.apply(&mut loaded.scene, setting);
+            knob.apply(&mut loaded.scene, setting)?;
         }
-        loaded
+        Ok(loaded)
     }
 
     /// A knob's value is final: says what became of it.

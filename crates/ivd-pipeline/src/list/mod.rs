@@ -4,7 +4,8 @@
 use ivd_core::op::Stage;
 
 /// The stages, in the order in which a scene runs them.
-pub const STAGES: &[&Stage] = &[&ivd_octree::STAGE, &ivd_deform::map::STAGE, &ivd_deform::space::STAGE];
+pub const STAGES: &[&Stage] =
+    &[&ivd_octree::STAGE, &ivd_deform::deform::STAGE, &ivd_deform::map::STAGE, &ivd_deform::space::STAGE];
 
 /// The stage of a name.
 pub fn stage(name: &str) -> Option<&'static Stage> {

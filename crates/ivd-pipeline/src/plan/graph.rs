@@ -7,8 +7,7 @@ use crate::scene::{
     BoundarySection, InputSection, IsoChoice, Loaded, Picture, RenderMode, Scene, SegmentSection,
 };
 use crate::stages::{
-    Atf, Boundary, Deform, Difference, Import, ImportSource, Lattice, Refine, Render, Segment, SegmentTree,
-    Warp,
+    Atf, Boundary, Difference, Import, ImportSource, Lattice, Refine, Render, Segment, SegmentTree, Warp,
 };
 use crate::{Error, Stage};
 
@@ -276,15 +275,10 @@ impl Plan {
                 NodeId::Tree if node.stage.is_none() => "the classes come from no tree",
                 NodeId::Boundary if node.stage.is_none() => "the isovalue is given and no part is isolated",
                 NodeId::Atf if node.stage.is_none() => "the rendering mode has no transfer function",
-                NodeId::Octree
-                | NodeId::Deform
-                | NodeId::Map
-                | NodeId::Warp
-                | NodeId::After
-                | NodeId::Difference
+                NodeId::Octree | NodeId::Map | NodeId::Warp | NodeId::After | NodeId::Difference
                     if node.stage.is_none() =>
                 {
-                    "the scene has no handle, no bone and no shape"
+                    idle(scene, &ivd_deform::deform::STAGE).unwrap_or("no output needs it")
                 }
                 NodeId::Octree if !wants(scene, &ivd_deform::map::STAGE, "octree") => {
                     "the map looks for no nearest lattice point"
@@ -397,7 +391,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         IsoChoice::Word(_) => None,
     };
     let isolates = labels || scene.boundary.is_some();
-    let moves = scene.deform.as_ref().filter(|d| !d.is_still());
+    let moves = !is_idle(scene, &ivd_deform::deform::STAGE);
     let coloured = scene.render.mode == RenderMode::Dvr;
 
     let part: BoundarySection = scene.boundary.clone().unwrap_or_default();
@@ -426,9 +420,8 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let tree = SegmentTree::from_section(&scene.segment);
     let (segment, segment_inputs) = segment(&scene.segment, tree.is_some())?;
     let render = Render::from_section(&scene.render, given_iso)?;
-    let deform = moves.map(Deform::from_section).transpose()?;
     let mut deform_inputs = vec![("lattice", NodeId::Refine)];
-    if deform.as_ref().is_some_and(Deform::knows_classes) {
+    if wants(scene, &ivd_deform::deform::STAGE, "labels") {
         deform_inputs.push(("labels", NodeId::Segment));
     }
     let mut map_inputs = vec![("lattice", NodeId::Refine)];
@@ -436,7 +429,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     map_inputs.extend(others.into_iter().filter(|(slot, _)| wants(scene, &ivd_deform::map::STAGE, slot)));
 
     let mut space_inputs = vec![("volume", NodeId::Import)];
-    if moves.is_some() {
+    if moves {
         space_inputs.push(("after", NodeId::Map));
     }
     if wants(scene, &ivd_deform::space::STAGE, "labels") {
@@ -450,7 +443,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         needed: false,
         why: String::new(),
     };
-    let if_moved = |stage: Option<Box<dyn Stage>>| stage.filter(|_| moves.is_some());
+    let if_moved = |stage: Option<Box<dyn Stage>>| stage.filter(|_| moves);
     let if_deformed = |stage: Option<Box<dyn Stage>>| stage.filter(|_| scene.deforms());
     Ok(vec![
         node(NodeId::Import, boxed(import), vec![]),
@@ -464,7 +457,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
             if_moved(declared(scene, &ivd_octree::STAGE)),
             vec![("lattice", NodeId::Refine)],
         ),
-        node(NodeId::Deform, deform.and_then(boxed), deform_inputs),
+        node(NodeId::Deform, declared(scene, &ivd_deform::deform::STAGE), deform_inputs),
         node(NodeId::Map, if_moved(declared(scene, &ivd_deform::map::STAGE)), map_inputs),
         node(NodeId::Space, declared(scene, &ivd_deform::space::STAGE), space_inputs),
         node(

@@ -11,6 +11,7 @@ mod written;
 use std::collections::BTreeMap;
 
 use ivd_core::op::{Op, Stage};
+use ivd_deform::deform::Asked;
 use ivd_deform::space::SpaceParams;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,11 +22,10 @@ use crate::{Error, Section};
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
 pub use sections::{
-    AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CourseChoice,
-    CovarianceChoice, DeformSection, FixSection, HandleSection, InputSection, IsoChoice, IsoWord,
-    KernelChoice, LatticeSection, LinkageChoice, MaterialSection, OutputSection, Picture, Projection,
-    RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection, RigidSection,
-    SegmentMethod, SegmentSection, ShapeKind, ShapeSection, Solver, WarpOrder, WarpSection,
+    AtfSection, AutoWord, BoundarySection, ClassChoice, ClassCount, ClassOrder, ClassWord, CovarianceChoice,
+    FixSection, InputSection, IsoChoice, IsoWord, KernelChoice, LatticeSection, LinkageChoice, OutputSection,
+    Picture, Projection, RankingChoice, RawSection, RefineMethod, RefineSection, RenderMode, RenderSection,
+    SegmentMethod, SegmentSection, WarpOrder, WarpSection,
 };
 pub use written::triple;
 
@@ -57,9 +57,6 @@ pub struct Scene {
     /// How far it is simplified.
     #[serde(default)]
     pub refine: RefineSection,
-    /// What moves it.
-    #[serde(default)]
-    pub deform: Option<DeformSection>,
     /// How the volume is resampled.
     #[serde(default)]
     pub warp: WarpSection,
@@ -75,6 +72,10 @@ pub struct Scene {
     #[serde(default)]
     #[schemars(skip)]
     octree: Option<toml::Value>,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    deform: Option<toml::Value>,
     /// Read with the stages of the list.
     #[serde(default)]
     #[schemars(skip)]
@@ -155,7 +156,7 @@ impl Scene {
                 self.output.images.iter().any(|p| *p != Picture::Before),
             ),
         ];
-        let still = self.deform.as_ref().is_none_or(DeformSection::is_still);
+        let still = self.asked().is_none_or(|asked| asked.is_still());
         if let Some((name, _)) = moved.iter().find(|(_, wanted)| !self.deforms() && *wanted) {
             return Err(format!(
                 "{name} shows a deformation, but there is no [[deform.handle]], [[deform.rigid]], [[deform.shape]] or [[space.step]]; \
@@ -177,15 +178,6 @@ impl Scene {
                 ));
             }
         }
-        for (i, handle) in self.deform.iter().flat_map(|d| &d.handle).enumerate() {
-            handle.check().map_err(|e| format!("deform.handle {i}: {e}"))?;
-        }
-        for (i, shape) in self.deform.iter().flat_map(|d| &d.shape).enumerate() {
-            shape.shape().map_err(|e| format!("deform.shape {i}: {e}"))?;
-        }
-        for (i, bone) in self.deform.iter().flat_map(|d| &d.rigid).enumerate() {
-            bone.part(i).map_err(|e| format!("deform.rigid {i}: {e}"))?;
-        }
         let steps = self.steps();
         ivd_deform::space::check(steps, !still).map_err(|e| format!("space: {e}"))?;
         if !steps.is_empty() && !still && self.map_is_free() {
@@ -196,6 +188,11 @@ impl Scene {
             );
         }
         Ok(())
+    }
+
+    /// What it asks the lattice to do.
+    pub(crate) fn asked(&self) -> Option<Asked<'_>> {
+        Asked::of(self.section(&ivd_deform::deform::STAGE)?.job())
     }
 
     /// Its steps in space.
@@ -212,7 +209,7 @@ impl Scene {
 
     /// Whether the voxels move.
     pub fn deforms(&self) -> bool {
-        self.deform.as_ref().is_some_and(|d| !d.is_still()) || !self.steps().is_empty()
+        self.asked().is_some_and(|asked| !asked.is_still()) || !self.steps().is_empty()
     }
 
     /// Pictures to draw: those named, and those that a report asks for.

@@ -1,8 +1,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::FixSection;
-
 /// Where the lattice is cut: a value, or the word "boundary".
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -110,4 +108,14 @@ impl Default for RefineSection {
             chain: Vec::new(),
         }
     }
+}
+
+/// A place: vertices within a ball.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FixSection {
+    /// Centre (mm), RAS.
+    pub pick: [f64; 3],
+    /// Radius (mm).
+    pub radius: f64,
 }
