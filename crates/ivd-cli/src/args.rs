@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser as _;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
-use ivd_pipeline::scene::{FixSection, HandleSection, Override, RigidSection, ShapeSection, triple};
+use ivd_pipeline::scene::{Override, triple};
 
 use crate::parse;
 
@@ -135,45 +135,6 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
-    /// Moves a lattice.
-    Deform {
-        /// Lattice artefact.
-        lattice: PathBuf,
-        /// Labels (artefact), for material (`[material.<class>]` in --params) and bones by class; not with ring.
-        #[arg(long)]
-        labels: Option<PathBuf>,
-        /// 'pick=x,y,z;move=dx,dy,dz;radius=r' (mm), or vertex=N, or force=x,y,z (mN).
-        #[arg(long, required_unless_present_any = ["rigid", "shape"])]
-        handle: Vec<HandleSection>,
-        /// 'pick=x,y,z;radius=r': vertices that stay.
-        #[arg(long)]
-        fix: Vec<FixSection>,
-        /// 'centre=x,y,z;radius=r;reach=r;…': a bone, which moves as one; not with ring. It holds the vertices in a ball, a capsule
-        /// (from=x,y,z;to=x,y,z;radius=r) or a box (low=x,y,z;high=x,y,z), beside voxels of class=N, or both. It turns by
-        /// angle=… (degrees) about pivot=x,y,z and axis=x,y,z, goes by move=x,y,z (mm), or goes with the handles on it: fit=true.
-        /// name=… and parent=…: the parent carries it, and their pivot is a joint.
-        #[arg(long)]
-        rigid: Vec<RigidSection>,
-        /// 'kind=…;centre=x,y,z;radius=r;…': a change of shape, after what the solver does. Kinds and what they need: translate by=x,y,z
-        /// (mm); rotate angle=… (degrees); scale along=…;across=…; stretch, squeeze factor=…; twist, taper rate=…; bend
-        /// rate=…;spine=x,y,z. Also axis=x,y,z, core=…, and length=… (mm) where there is a rate.
-        #[arg(long)]
-        shape: Vec<ShapeSection>,
-        /// ring, or masses on springs: dynamics, projective or xpbd.
-        #[arg(long)]
-        solver: Option<String>,
-        /// Stiffness of a spring (N/m).
-        #[arg(long, value_name = "N/m", allow_hyphen_values = true)]
-        stiffness: Option<f64>,
-        /// Time of the motion (s).
-        #[arg(long, value_name = "s", allow_hyphen_values = true)]
-        duration: Option<f64>,
-        /// Frames of the motion, evenly in time; not with ring.
-        #[arg(long)]
-        frames: Option<u32>,
-        #[command(flatten)]
-        output: Output,
-    },
     /// Puts volumes, labels or masks together: union, intersection, difference.
     Combine(Box<CombineArgs>),
     /// Keeps a part of a volume, of labels or of a mask.
@@ -231,13 +192,6 @@ pub(crate) enum Command {
         /// Shell.
         shell: clap_complete::Shell,
     },
-}
-
-impl Command {
-    /// Whether it is a stage whose parameters are a section of a scene.
-    pub(crate) fn has_section(&self) -> bool {
-        matches!(self, Self::Deform { .. })
-    }
 }
 
 /// Where a stage's artefact goes.

@@ -4,8 +4,7 @@ use std::path::Path;
 
 use ivd_pipeline::params::from_toml;
 use ivd_pipeline::scene::{MOST, in_short, read_short};
-use serde::de::DeserializeOwned;
-use toml::{Table, Value};
+use toml::Table;
 
 use crate::exit::Failure;
 
@@ -84,35 +83,6 @@ pub(crate) fn table_of(file: &Path) -> anyhow::Result<serde_json::Map<String, se
         keys.insert(key, value);
     }
     Ok(keys)
-}
-
-/// A section of the scene from `--params FILE` with the command line's own words on top, checked as a scene's is.
-pub(crate) fn section<T: DeserializeOwned>(params: Option<&Path>, words: Table) -> anyhow::Result<T> {
-    let mut table = Table::new();
-    if let Some(file) = params {
-        table.extend(toml_of(file)?);
-    }
-    table.extend(words);
-    Value::Table(table).try_into().map_err(|e: toml::de::Error| {
-        let place = params
-            .map_or_else(String::new, |file| format!("--params {} or the command line: ", file.display()));
-        Failure::usage(format!("{place}{}", in_short(e.to_string().trim())))
-    })
-}
-
-/// Collects the words that were given.
-#[derive(Debug, Default)]
-pub(crate) struct Words(pub(crate) Table);
-
-impl Words {
-    /// Adds a word where it was given.
-    #[must_use]
-    pub(crate) fn with(mut self, key: &str, value: Option<impl Into<Value>>) -> Self {
-        if let Some(value) = value {
-            self.0.insert(key.to_owned(), value.into());
-        }
-        self
-    }
 }
 
 #[cfg(test)]

@@ -48,6 +48,7 @@
 pub mod certificate;
 pub mod clip;
 pub mod cvg;
+pub mod deform;
 mod direction;
 mod error;
 pub mod freeform;

@@ -79,8 +79,8 @@ impl Level {
         labels: Option<&Labels>,
         exec: &Exec,
     ) -> Result<Motion, Error> {
-        let labels = labels.filter(|_| !params.classes.is_empty());
-        if labels.is_none() && !params.classes.is_empty() {
+        let labels = labels.filter(|_| !params.springs.material.is_empty());
+        if labels.is_none() && !params.springs.material.is_empty() {
             return Err(Error::Event {
                 event: "material",
                 problem: "there are no labels to know classes by".into(),

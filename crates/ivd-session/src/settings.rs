@@ -177,8 +177,8 @@ impl Settings {
             Physics::Ring(params) => params.check()?,
             Physics::Springs(params) => {
                 params.check()?;
-                if params.frames != 1 {
-                    let problem = format!("{} of them", params.frames);
+                if params.springs.frames != 1 {
+                    let problem = format!("{} of them", params.springs.frames);
                     return Err(ParamError::new("frames", problem, "a session shows one").into());
                 }
             }
@@ -228,13 +228,13 @@ impl Settings {
             Event::Stiffness { newton_per_metre } => match &mut next.physics {
                 Physics::Ring(params) => params.stiffness = *newton_per_metre,
                 Physics::Springs(params) => {
-                    params.stiffness = *newton_per_metre;
-                    params.youngs_kpa = None;
+                    params.springs.stiffness = *newton_per_metre;
+                    params.springs.youngs_kpa = None;
                 }
             },
             Event::Material { class, material } => match &mut next.physics {
                 Physics::Springs(params) => {
-                    params.classes.insert(*class, *material);
+                    params.springs.material.insert(*class, *material);
                 }
                 Physics::Ring(_) => {
                     return Err(Error::Event {

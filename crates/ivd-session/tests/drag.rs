@@ -79,7 +79,7 @@ fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::Mapped>, Volume) {
                 spring::ring(&lattice, &settings.handles, &settings.fixed, params, exec).unwrap().motion
             }
             Physics::Springs(params) => {
-                let labels = Some(&labels).filter(|_| !params.classes.is_empty());
+                let labels = Some(&labels).filter(|_| !params.springs.material.is_empty());
                 let (handles, fixed) = (&settings.handles, &settings.fixed);
                 mass_spring::solve(&lattice, labels, handles, fixed, params, exec).unwrap().motion
             }
@@ -245,8 +245,8 @@ impl Draw {
         let springs = |solver| {
             let params = mass_spring::Params {
                 solver,
-                ground: 0.01,
-                tolerance: 1e-2,
+                springs: mass_spring::Springs { ground: 0.01, ..mass_spring::Springs::default() },
+                closeness: mass_spring::Closeness { tolerance: 1e-2, ..mass_spring::Closeness::default() },
                 ..mass_spring::Params::default()
             };
             Physics::Springs(Box::new(params))

@@ -22,46 +22,48 @@ pub(super) fn springs() -> Vec<Case> {
         of(name, change).with(|s| s.handles = vec![grip(3, Action::Force([20.0, -10.0, 6.0]), 6.0)])
     };
     let mut all = vec![
-        of("none across edges", |p| (p.shear, p.flexion) = (0.0, 0.0)),
-        of("a million times as stiff across edges", |p| (p.shear, p.flexion) = (1e6, 1e6)),
-        of("1e12 times as stiff across flat edges", |p| (p.shear, p.flexion) = (1e6, 1e-6)),
-        of("ground 1e6", |p| p.ground = 1e6),
-        of("ground 1e-9", |p| p.ground = 1e-9),
-        of("they don't push", |p| p.push = false),
-        of("no strain allowed", |p| p.strain_limit = Some(0.0)),
-        of("strain of a thousand allowed", |p| p.strain_limit = Some(1e3)),
-        of("stiffness 1e-9", |p| p.stiffness = 1e-9),
-        of("stiffness 1e15", |p| p.stiffness = 1e15),
-        of("Young's modulus 1e-9", |p| p.youngs_kpa = Some(1e-9)),
-        of("Young's modulus 1e15, thickness 1e6", |p| (p.youngs_kpa, p.thickness) = (Some(1e15), 1e6)),
-        of("density 1e-12", |p| p.density = 1e-12),
-        of("density 1e6", |p| p.density = 1e6),
-        of("vertices of 1e-12 g", |p| p.vertex_mass = Some(1e-12)),
-        of("vertices of 1e9 g", |p| p.vertex_mass = Some(1e9)),
-        of("no drag", |p| p.drag = 0.0),
-        of("drag 1e9", |p| p.drag = 1e9),
-        of("a grip of everything", |p| p.grip = 1e100),
-        of("a grip of a few", |p| p.grip = 3.0),
-        of("a step of 1e-9 s", |p| (p.duration, p.dt) = (1e-7, Some(1e-9))),
-        of("a step of 1e3 s", |p| (p.duration, p.dt) = (1e3, Some(1e3))),
-        of("a step longer than the time", |p| p.dt = Some(1e300)),
-        of("at once", |p| p.ramp = Some(0.0)),
-        of("slower than the time", |p| p.ramp = Some(1e3)),
-        of("evenly, five frames", |p| (p.course, p.frames) = (Course::Linear, 5)),
-        of("tolerance 1e-14", |p| p.tolerance = 1e-14),
-        of("one iteration", |p| p.max_iterations = 1),
-        of("nothing remembered", |p| p.history = 0),
-        of("a hundred steps remembered", |p| p.history = 100),
-        of("a push through everything", |p| p.duration = 1e-9)
+        of("none across edges", |p| (p.springs.shear, p.springs.flexion) = (0.0, 0.0)),
+        of("a million times as stiff across edges", |p| (p.springs.shear, p.springs.flexion) = (1e6, 1e6)),
+        of("1e12 times as stiff across flat edges", |p| (p.springs.shear, p.springs.flexion) = (1e6, 1e-6)),
+        of("ground 1e6", |p| p.springs.ground = 1e6),
+        of("ground 1e-9", |p| p.springs.ground = 1e-9),
+        of("they don't push", |p| p.springs.push = false),
+        of("no strain allowed", |p| p.springs.strain_limit = Some(0.0)),
+        of("strain of a thousand allowed", |p| p.springs.strain_limit = Some(1e3)),
+        of("stiffness 1e-9", |p| p.springs.stiffness = 1e-9),
+        of("stiffness 1e15", |p| p.springs.stiffness = 1e15),
+        of("Young's modulus 1e-9", |p| p.springs.youngs_kpa = Some(1e-9)),
+        of("Young's modulus 1e15, thickness 1e6", |p| {
+            (p.springs.youngs_kpa, p.springs.thickness) = (Some(1e15), 1e6);
+        }),
+        of("density 1e-12", |p| p.springs.density = 1e-12),
+        of("density 1e6", |p| p.springs.density = 1e6),
+        of("vertices of 1e-12 g", |p| p.springs.vertex_mass = Some(1e-12)),
+        of("vertices of 1e9 g", |p| p.springs.vertex_mass = Some(1e9)),
+        of("no drag", |p| p.springs.drag = 0.0),
+        of("drag 1e9", |p| p.springs.drag = 1e9),
+        of("a grip of everything", |p| p.springs.grip = 1e100),
+        of("a grip of a few", |p| p.springs.grip = 3.0),
+        of("a step of 1e-9 s", |p| (p.springs.duration, p.springs.dt) = (1e-7, Some(1e-9))),
+        of("a step of 1e3 s", |p| (p.springs.duration, p.springs.dt) = (1e3, Some(1e3))),
+        of("a step longer than the time", |p| p.springs.dt = Some(1e300)),
+        of("at once", |p| p.springs.ramp = Some(0.0)),
+        of("slower than the time", |p| p.springs.ramp = Some(1e3)),
+        of("evenly, five frames", |p| (p.springs.course, p.springs.frames) = (Course::Linear, 5)),
+        of("tolerance 1e-14", |p| p.closeness.tolerance = 1e-14),
+        of("one iteration", |p| p.closeness.max_iterations = 1),
+        of("nothing remembered", |p| p.descent.history = 0),
+        of("a hundred steps remembered", |p| p.descent.history = 100),
+        of("a push through everything", |p| p.springs.duration = 1e-9)
             .with(|s| s.handles = vec![grip(3, Action::Move([0.0, 0.0, 40.0]), 6.0)]),
         of("everything fixed", |_| ()).with(|s| s.fixed = vec![Fix { at: HandleAt::Vertex(0), radius: 1e3 }]),
         of("the handle fixed", |_| ()).with(|s| s.fixed = vec![Fix { at: HandleAt::Vertex(3), radius: 0.0 }]),
         pulled("a pull", |_| ()),
-        pulled("a pull, tight", |p| (p.tolerance, p.max_iterations) = (1e-12, 2000)),
-        pulled("a pull on what doesn't push", |p| p.push = false),
-        pulled("a pull against ground", |p| p.ground = 1.0).with(|s| s.handles[0].radius = 1e3),
+        pulled("a pull, tight", |p| (p.closeness.tolerance, p.closeness.max_iterations) = (1e-12, 2000)),
+        pulled("a pull on what doesn't push", |p| p.springs.push = false),
+        pulled("a pull against ground", |p| p.springs.ground = 1.0).with(|s| s.handles[0].radius = 1e3),
         pulled("a pull against nothing", |_| ()).with(|s| s.handles[0].radius = 1e3).must(&NO_HOLD),
-        pulled("a pull at once, no drag", |p| (p.ramp, p.drag) = (Some(0.0), 0.0)),
+        pulled("a pull at once, no drag", |p| (p.springs.ramp, p.springs.drag) = (Some(0.0), 0.0)),
     ];
     for (name, by) in [("1e-30", 1e-30), ("1e-9", 1e-9), ("1e9", 1e9)] {
         let case = of(&format!("a move of {name} mm"), |_| ());
@@ -84,7 +86,7 @@ fn mixed(case: Case, soft: f64, stiff: f64) -> Case {
     let of = |stiffness| Material { stiffness: Some(stiffness), ..Material::default() };
     case.with(|s| {
         s.materials = Some(labels);
-        s.springs.classes = [(1, of(soft)), (2, of(stiff))].into();
+        s.springs.springs.material = [(1, of(soft)), (2, of(stiff))].into();
     })
 }
 

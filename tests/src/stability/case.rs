@@ -171,9 +171,12 @@ impl Default for Setup {
             fixed: Vec::new(),
             ring: RingParams { dt: Some(0.2 / 40.0), ..RingParams::default() },
             springs: mass_spring::Params {
-                duration: 0.01,
-                dt: Some(0.01 / 4.0),
-                max_iterations: 20,
+                springs: mass_spring::Springs {
+                    duration: 0.01,
+                    dt: Some(0.01 / 4.0),
+                    ..mass_spring::Springs::default()
+                },
+                closeness: mass_spring::Closeness { max_iterations: 20, ..mass_spring::Closeness::default() },
                 ..mass_spring::Params::default()
             },
             materials: None,

@@ -2,7 +2,7 @@
 
 use ivd_core::{Exec, Lattice};
 use ivd_deform::map::{Band, BiharmonicParams, FemParams};
-use ivd_deform::mass_spring::{Params, Solver};
+use ivd_deform::mass_spring::{Descent, Params, Solver};
 use ivd_deform::spring::{Fix, Handle};
 use ivd_session::MapChoice;
 
@@ -28,7 +28,11 @@ pub(super) static XPBD: Springs = Springs(Stage::DeformXpbd, "deform by constrai
 
 impl Springs {
     fn params(&self, case: &Case) -> Params {
-        Params { solver: self.2, inertia: self.3, ..case.setup.springs.clone() }
+        Params {
+            solver: self.2,
+            descent: Descent { inertia: self.3, ..case.setup.springs.descent },
+            ..case.setup.springs.clone()
+        }
     }
 }
 

@@ -195,21 +195,26 @@ fn springs(random: &mut Seeded, stiffness: f64) -> mass_spring::Params {
         if random.one_in(6) { random.spread(from, to) } else { usual }
     };
     mass_spring::Params {
-        stiffness,
-        shear: random.pick(&[0.5, 0.5, 0.0, 2.0]),
-        flexion: random.pick(&[0.5, 0.5, 0.0, 2.0]),
-        ground: random.pick(&[0.0, 0.0, 1e-3, 1.0, 100.0]),
-        push: !random.one_in(4),
-        strain_limit: random.pick(&[None, None, Some(0.0), Some(0.3)]),
-        density: wide(random, 1e-3, 1e-9, 1e3),
-        drag: random.pick(&[100.0, 100.0, 0.0, 1e4]),
-        duration: wide(random, 0.01, 1e-9, 1e-1),
-        dt: random.pick(&[None, Some(0.01), Some(0.001)]),
-        ramp: random.pick(&[None, None, Some(0.0)]),
-        frames: random.pick(&[1, 1, 1, 3]),
-        tolerance: random.pick(&[1e-3, 1e-3, 1e-8]),
-        max_iterations: 20,
-        history: random.pick(&[8, 8, 0, 3]),
+        springs: mass_spring::Springs {
+            stiffness,
+            shear: random.pick(&[0.5, 0.5, 0.0, 2.0]),
+            flexion: random.pick(&[0.5, 0.5, 0.0, 2.0]),
+            ground: random.pick(&[0.0, 0.0, 1e-3, 1.0, 100.0]),
+            push: !random.one_in(4),
+            strain_limit: random.pick(&[None, None, Some(0.0), Some(0.3)]),
+            density: wide(random, 1e-3, 1e-9, 1e3),
+            drag: random.pick(&[100.0, 100.0, 0.0, 1e4]),
+            duration: wide(random, 0.01, 1e-9, 1e-1),
+            dt: random.pick(&[None, Some(0.01), Some(0.001)]),
+            ramp: random.pick(&[None, None, Some(0.0)]),
+            frames: random.pick(&[1, 1, 1, 3]),
+            ..mass_spring::Springs::default()
+        },
+        closeness: mass_spring::Closeness { tolerance: random.pick(&[1e-3, 1e-3, 1e-8]), max_iterations: 20 },
+        descent: mass_spring::Descent {
+            history: random.pick(&[8, 8, 0, 3]),
+            ..mass_spring::Descent::default()
+        },
         ..mass_spring::Params::default()
     }
 }

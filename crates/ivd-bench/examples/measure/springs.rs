@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use ivd_core::Exec;
-use ivd_deform::mass_spring::{Course, Params, Prepared, Solver};
+use ivd_deform::mass_spring::{Closeness, Course, Descent, Params, Prepared, Solver, Springs};
 use ivd_deform::spring::{Action, Handle, HandleAt};
 
 use crate::Anything;
@@ -27,16 +27,19 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
     };
     let (side, steps, threads): (usize, u32, usize) = (side.parse()?, steps.parse()?, threads.parse()?);
     let params = Params {
-        stiffness,
-        shear: 0.0,
-        flexion: 0.0,
-        ground: 0.005 / stiffness,
-        vertex_mass: Some(1.0),
-        drag: 2.0,
-        duration: f64::from(steps) / 240.0,
-        dt: Some(1.0 / 240.0),
-        ramp: Some(0.2),
-        course: Course::Linear,
+        springs: Springs {
+            stiffness,
+            shear: 0.0,
+            flexion: 0.0,
+            ground: 0.005 / stiffness,
+            vertex_mass: Some(1.0),
+            drag: 2.0,
+            duration: f64::from(steps) / 240.0,
+            dt: Some(1.0 / 240.0),
+            ramp: Some(0.2),
+            course: Course::Linear,
+            ..Springs::default()
+        },
         ..Params::default()
     };
     let lattice = sheet(side)?;
@@ -50,7 +53,12 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
             let (hz, tolerance): (f64, f64) = (hz.parse()?, tolerance.trim().parse()?);
             let (solver, inertia) = (Solver::Projective, true);
             let (duration, dt) = (1.0, Some(1.0 / hz));
-            let params = Params { solver, inertia, duration, dt, tolerance, ..params.clone() };
+            let params = Params {
+                solver,
+                springs: Springs { duration, dt, ..params.springs.clone() },
+                closeness: Closeness { tolerance, ..params.closeness },
+                descent: Descent { inertia, ..params.descent },
+            };
             let mut prepared = Prepared::new(&lattice, None, &handles, &[], &params, &exec)?;
             prepared.update(&handles, &exec)?;
             prepared.forget();

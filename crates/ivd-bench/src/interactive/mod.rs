@@ -162,7 +162,11 @@ fn measured(
 }
 
 fn projective(grip: f64) -> Physics {
-    let params = mass_spring::Params { solver: Solver::Projective, grip, ..mass_spring::Params::default() };
+    let params = mass_spring::Params {
+        solver: Solver::Projective,
+        springs: mass_spring::Springs { grip, ..mass_spring::Springs::default() },
+        ..mass_spring::Params::default()
+    };
     Physics::Springs(Box::new(params))
 }
 

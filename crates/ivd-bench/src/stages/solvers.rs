@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
-use ivd_deform::mass_spring::{Params, Prepared, Solved, Solver};
+use ivd_deform::mass_spring::{Closeness, Descent, Params, Prepared, Solved, Solver, Springs};
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt};
 
 use super::inputs::judged;
@@ -149,16 +149,16 @@ fn params(task: Task, solver: Solver, history: usize, max_iterations: usize, gri
     let step = if task == Task::Balance { LONG_S } else { STEP_S };
     Params {
         solver,
-        history,
-        max_iterations,
-        grip,
-        inertia: task == Task::Step,
-        duration: step,
-        dt: Some(step),
-        ramp: Some(0.0),
-        drag: 0.0,
-        tolerance: 1e-12,
-        ..Params::default()
+        springs: Springs {
+            grip,
+            duration: step,
+            dt: Some(step),
+            ramp: Some(0.0),
+            drag: 0.0,
+            ..Springs::default()
+        },
+        closeness: Closeness { max_iterations, tolerance: 1e-12 },
+        descent: Descent { history, inertia: task == Task::Step },
     }
 }
 

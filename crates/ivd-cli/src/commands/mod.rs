@@ -35,11 +35,11 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         Asked::Stage(stage, matches) => return crate::declared::run(stage, &matches, context),
         Asked::Command(command) => command,
     };
-    if let Some(file) = context.global.params.as_deref().filter(|_| !command.has_section()) {
+    if let Some(file) = context.global.params.as_deref() {
         return Err(Failure::usage(format!(
-            "--params {}: this command has no section of a scene; segment, atf, boundary, lattice, refine, octree, \
-             deform, map, warp and render have one, and `ivd pipeline` takes --set stage.key=value",
-            file.display()
+            "--params {}: this command has no section of a scene; {} have one, and `ivd pipeline` takes --set stage.key=value",
+            file.display(),
+            ivd_pipeline::list::STAGES.iter().map(|stage| stage.name).collect::<Vec<_>>().join(", ")
         )));
     }
     match command {
@@ -74,6 +74,5 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         }
         Command::Combine(args) => combine::combine(&args, context),
         Command::Clip(args) => combine::clip(&args, context),
-        stage @ Command::Deform { .. } => stage::run(&stage, context),
     }
 }

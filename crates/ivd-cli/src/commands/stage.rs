@@ -4,31 +4,11 @@ use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
 use ivd_core::{Faulty, op};
-use ivd_pipeline::scene::DeformSection;
-use ivd_pipeline::stages::Deform;
-use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
+use ivd_pipeline::{Done, Inputs, OutputRecord, StageRecord, ending, export};
 
 use super::volume::volume_or_artefact;
-use crate::args::Command;
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::parse::{Words, section};
-
-/// A stage and the files of its slots.
-struct Job<'a> {
-    stage: Box<dyn Stage>,
-    files: Vec<(&'static str, Option<&'a Path>)>,
-    output: &'a Path,
-}
-
-/// Runs the stage of a command.
-pub(super) fn run(command: &Command, context: &Context) -> anyhow::Result<()> {
-    let job = job(command, context)?;
-    let cache = context.stage_cache()?;
-    let inputs = filled(&job.files, &cache, context)?;
-    let done = context.run(&cache, job.stage.as_ref(), &inputs)?;
-    finish(done, job.output, context)
-}
 
 /// Slots filled from files, where there are any.
 pub(crate) fn filled(
@@ -49,61 +29,6 @@ pub(crate) fn filled(
         }
     }
     Ok(inputs)
-}
-
-/// What a command means.
-fn job<'a>(command: &'a Command, context: &Context) -> anyhow::Result<Job<'a>> {
-    let params = context.global.params.as_deref();
-    Ok(match command {
-        Command::Deform {
-            lattice,
-            labels,
-            handle,
-            fix,
-            rigid,
-            shape,
-            solver,
-            stiffness,
-            duration,
-            frames,
-            output,
-        } => {
-            let words = Words::default()
-                .with("solver", solver.clone())
-                .with("stiffness", *stiffness)
-                .with("duration", *duration)
-                .with("frames", frames.map(i64::from));
-            let mut section: DeformSection = section(params, words.0)?;
-            section.handle.extend(handle.iter().cloned());
-            section.fix.extend(fix.iter().cloned());
-            section.rigid.extend(rigid.iter().cloned());
-            section.shape.extend(shape.iter().cloned());
-            let stage = Deform::from_section(&section)?;
-            let mut files = vec![("lattice", Some(lattice.as_path()))];
-            if section.material.is_empty() && !stage.knows_classes() {
-                unused_labels(labels.as_deref(), context)?;
-            } else {
-                files.push(("labels", labels.as_deref()));
-            }
-            Job { stage: Box::new(stage), files, output: &output.path }
-        }
-        _ => unreachable!("the other commands are no stages"),
-    })
-}
-
-/// Labels that the method in use has no use for: checked, and said so.
-fn unused_labels(labels: Option<&Path>, context: &Context) -> anyhow::Result<()> {
-    let Some(path) = labels else { return Ok(()) };
-    let kind = context.artefact(path)?.artefact.kind();
-    if kind != ivd_artefact::Kind::Labels {
-        return Err(Failure::usage(format!(
-            "--labels {}: a {} artefact, not labels",
-            path.display(),
-            kind.name()
-        )));
-    }
-    context.say("ivd: note: --labels has no effect: there is no material and no bone by class");
-    Ok(())
 }
 
 /// A file for a slot that the method in use doesn't look at: its kind is checked, and that it has no effect is said where it isn't

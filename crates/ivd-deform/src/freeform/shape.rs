@@ -90,6 +90,20 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// How far it takes everything (mm), where it takes everything alike.
+    pub(crate) fn way(&self) -> Option<[f64; 3]> {
+        match *self {
+            Self::Translate { by } => Some(by),
+            Self::Rotate { .. }
+            | Self::Scale { .. }
+            | Self::Stretch { .. }
+            | Self::Squeeze { .. }
+            | Self::Twist { .. }
+            | Self::Taper { .. }
+            | Self::Bend { .. } => None,
+        }
+    }
+
     /// Length of the part that is twisted, tapered or bent (mm), where it has an end.
     fn length(&self) -> Option<f64> {
         match *self {

@@ -114,9 +114,9 @@ impl Body {
         let ground = structural
             .iter()
             .zip(&material)
-            .map(|(&(sum, n), own)| params.ground * if n > 0.0 { sum / n } else { own.alone(params) })
+            .map(|(&(sum, n), own)| params.springs.ground * if n > 0.0 { sum / n } else { own.alone(params) })
             .collect();
-        let law = Law { push: params.push, limit: params.strain_limit };
+        let law = Law { push: params.springs.push, limit: params.springs.strain_limit };
         let outside = |v: u32| v as usize >= loose && !region.fixed[vertices[v as usize] as usize];
         let on_bone = |v: u32| region.carried[vertices[v as usize] as usize];
         let rest: Vec<[f64; 3]> = vertices.iter().map(|&v| rest[v as usize].into()).collect();
@@ -303,7 +303,7 @@ fn masses(areas: impl Iterator<Item = f64> + Clone, material: &[Resolved], param
     let least = if mean > 0.0 { 0.1 * mean } else { 1.0 };
     areas
         .zip(material)
-        .map(|(area, own)| params.vertex_mass.unwrap_or((area.max(least) * own.density).max(1e-15)))
+        .map(|(area, own)| params.springs.vertex_mass.unwrap_or((area.max(least) * own.density).max(1e-15)))
         .collect()
 }
 
@@ -316,13 +316,13 @@ struct Resolved {
 
 impl Resolved {
     fn of(params: &Params, class: Option<u16>) -> Self {
-        let own = class.and_then(|class| params.classes.get(&class).copied()).unwrap_or_default();
+        let own = class.and_then(|class| params.springs.material.get(&class).copied()).unwrap_or_default();
         let Material { stiffness, youngs_kpa, density } = own;
         Self {
-            stiffness: stiffness.unwrap_or(params.stiffness),
+            stiffness: stiffness.unwrap_or(params.springs.stiffness),
             // A stiffness that a class is given is meant instead of everybody's Young's modulus.
-            youngs_kpa: youngs_kpa.or(params.youngs_kpa.filter(|_| stiffness.is_none())),
-            density: density.unwrap_or(params.density),
+            youngs_kpa: youngs_kpa.or(params.springs.youngs_kpa.filter(|_| stiffness.is_none())),
+            density: density.unwrap_or(params.springs.density),
         }
     }
 
@@ -330,8 +330,8 @@ impl Resolved {
     fn stiffness(&self, link: &Link, params: &Params) -> f64 {
         let part = match link.kind {
             Kind::Structural => 1.0,
-            Kind::Shear => params.shear,
-            Kind::Flexion => params.flexion,
+            Kind::Shear => params.springs.shear,
+            Kind::Flexion => params.springs.flexion,
         };
         let aspect = if self.youngs_kpa.is_some() { link.aspect } else { 1.0 };
         part * aspect * self.alone(params)
@@ -339,6 +339,6 @@ impl Resolved {
 
     /// Stiffness of a structural spring of which the aspect is 1 (g/s²). 1 kPa · 1 mm is 1 N/m.
     fn alone(&self, params: &Params) -> f64 {
-        self.youngs_kpa.map_or(self.stiffness, |e| e * params.thickness) * NEWTON_PER_METRE
+        self.youngs_kpa.map_or(self.stiffness, |e| e * params.springs.thickness) * NEWTON_PER_METRE
     }
 }

@@ -74,10 +74,10 @@ impl Drives {
         // The vertices that a handle grips, with how firmly.
         let gripped = |target: usize| -> Vec<(usize, f64)> {
             let hold = |v: usize| {
-                let t = if v == target { 0.0 } else { (at(v) - at(target)).norm() / params.grip };
+                let t = if v == target { 0.0 } else { (at(v) - at(target)).norm() / params.springs.grip };
                 (v, if t < 1.0 { (1.0 - t * t).powi(2) } else { 0.0 })
             };
-            if params.grip == 0.0 {
+            if params.springs.grip == 0.0 {
                 return vec![(target, 1.0)];
             }
             (0..body.loose).map(hold).filter(|(_, hold)| *hold > 0.0).collect()

@@ -145,11 +145,11 @@ pub(super) fn longest_step(body: &Body, drives: &Drives, drag: f64, bound: f64) 
 /// Steps through the duration.
 pub(super) fn run(body: &Body, drives: &Drives, params: &Params, exec: &Exec) -> Result<Outcome, Error> {
     const TASK: &str = "dynamics";
-    let stable = match params.dt {
-        Some(dt) => dt.min(longest_step(body, drives, params.drag, STABLE)),
-        None => longest_step(body, drives, params.drag, CALM).min(params.duration / 32.0),
+    let stable = match params.springs.dt {
+        Some(dt) => dt.min(longest_step(body, drives, params.springs.drag, STABLE)),
+        None => longest_step(body, drives, params.springs.drag, CALM).min(params.springs.duration / 32.0),
     };
-    let wanted = params.steps(stable);
+    let wanted = params.springs.steps(stable);
     if wanted > MOST_STEPS {
         return Err(Error::Untrusted {
             what: "the deformed lattice",
@@ -161,18 +161,18 @@ pub(super) fn run(body: &Body, drives: &Drives, params: &Params, exec: &Exec) ->
         });
     }
     let steps = wanted as usize;
-    let dt = params.duration / wanted;
+    let dt = params.springs.duration / wanted;
     exec.observer().begin(TASK, steps as u64);
-    let (every, frame_every) = (steps.div_ceil(REPORTS), steps / params.frames);
-    let mut motion = Motion::at_rest(body, drives, params.drag);
+    let (every, frame_every) = (steps.div_ceil(REPORTS), steps / params.springs.frames);
+    let mut motion = Motion::at_rest(body, drives, params.springs.drag);
     let mut outcome = Outcome { steps, dt, ..Outcome::default() };
-    let mut reached = params.reached(0.0);
+    let mut reached = params.springs.reached(0.0);
     for step in 1..=steps {
         if step % 16 == 0 {
             exec.check_cancelled()?;
         }
         let pulling = reached;
-        reached = params.reached(params.duration * (step as f64 / wanted));
+        reached = params.springs.reached(params.springs.duration * (step as f64 / wanted));
         motion.step(dt, pulling, reached);
         if step == 1 || step == steps || step % every == 0 {
             let value = motion.energy();

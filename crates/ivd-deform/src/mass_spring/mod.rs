@@ -57,7 +57,7 @@ use body::{Body, Region};
 use drives::{Drives, MILLINEWTON};
 use outcome::{Balance, Outcome};
 
-pub use params::{Course, Material, Params, Solver};
+pub use params::{Closeness, Course, Descent, Material, Params, Solver, Springs};
 pub use springs::{Kind, Link, links};
 
 /// A pulled target that goes further than this many radii has left what its radius can follow.
@@ -219,7 +219,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
             let fixed = region.fixed;
             // Kept by the solver, and as the motion of all vertices.
             let vectors = rest.len() + body.loose + skeleton.inner().len();
-            let frames = 24 * params.frames as u64 * vectors as u64;
+            let frames = 24 * params.springs.frames as u64 * vectors as u64;
             exec.check_memory("the frames of the motion", frames)?;
             let kept = projective::Kept::default();
             Ok(Self { lattice, rest, fixed, skeleton, body, params: params.clone(), kept })
@@ -278,7 +278,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
                 _ => [0.0; 3],
             })
             .collect();
-        let reached = self.params.reached(self.params.duration);
+        let reached = self.params.springs.reached(self.params.springs.duration);
         let balance = Balance::new(body, drives, last, reached, &pulls);
         let truncation = body.held_back(last);
         let motion = self.motion(handles, targets, outcome);
@@ -328,14 +328,14 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
                 // No negative zeros.
                 displacement[v as usize] = u.map(|c| c + 0.0);
             }
-            let time = self.params.duration * (f64::from(k) / count);
-            self.skeleton.place(&self.rest, self.params.reached(time), &mut displacement);
+            let time = self.params.springs.duration * (f64::from(k) / count);
+            self.skeleton.place(&self.rest, self.params.springs.reached(time), &mut displacement);
             Frame { time, displacement }
         });
         let frames: Vec<Frame> = frames.collect();
         let places = self.skeleton.inner();
         let linear = self.lattice.grid.linear_part();
-        let reached = |frame: &Frame| self.params.reached(frame.time);
+        let reached = |frame: &Frame| self.params.springs.reached(frame.time);
         let told = frames.iter().filter(|_| !places.is_empty());
         let inner = told.map(|frame| self.skeleton.inner_displacement(&linear, reached(frame))).collect();
         let reach = targets.iter().zip(handles);

@@ -53,7 +53,7 @@ pub(super) fn descend(
     let mut relative = objective.gradient(moved, &mut gradient, &mut most);
     let mut history: Vec<Secant> = Vec::new();
     let mut iterations = 0;
-    while relative > params.tolerance && iterations < params.max_iterations {
+    while relative > params.closeness.tolerance && iterations < params.closeness.max_iterations {
         exec.check_cancelled()?;
         let mut way = direction(&gradient, &history, metric);
         let mut slope = dot(&gradient, &way);
@@ -88,7 +88,7 @@ pub(super) fn descend(
             value: relative,
         });
         way.truncate(loose);
-        Secant::remember(&mut history, way, &before, &gradient, params.history);
+        Secant::remember(&mut history, way, &before, &gradient, params.descent.history);
     }
     Ok((iterations, relative))
 }
@@ -218,19 +218,23 @@ pub(super) fn run(
     kept: &mut Kept,
     exec: &Exec,
 ) -> Result<Outcome, Error> {
-    if params.inertia {
+    if params.descent.inertia {
         return stepped(body, drives, params, kept, exec);
     }
     body.check_held(drives)?;
     // Many frames start from rest.
-    let last = kept.last.take().filter(|_| params.frames == 1);
+    let last = kept.last.take().filter(|_| params.springs.frames == 1);
     let mut moved = last.unwrap_or_else(|| vec![[0.0; 3]; body.vertices.len()]);
     let metric = metric(body, drives, &mut kept.metric, 0.0, &[]);
-    let mut outcome =
-        Outcome { steps: params.frames, dt: params.duration / params.frames as f64, ..Outcome::default() };
+    let mut outcome = Outcome {
+        steps: params.springs.frames,
+        dt: params.springs.duration / params.springs.frames as f64,
+        ..Outcome::default()
+    };
     let mut worst = 0.0_f64;
-    for frame in 1..=params.frames {
-        let reached = params.reached(params.duration * (frame as f64 / params.frames as f64));
+    for frame in 1..=params.springs.frames {
+        let reached =
+            params.springs.reached(params.springs.duration * (frame as f64 / params.springs.frames as f64));
         follow(&mut moved, body, drives, metric, reached);
         let objective = Objective { body, drives, reached, inertia: None };
         let (iterations, relative) = descend(&objective, metric, &mut moved, params, exec)?;
@@ -239,7 +243,7 @@ pub(super) fn run(
         outcome.energies[usize::from(frame > 1)] = body.energy(&moved);
         outcome.frames.push(moved.clone());
     }
-    if params.frames == 1 {
+    if params.springs.frames == 1 {
         outcome.energies[1] = outcome.energies[0];
     }
     outcome.residual = Some(worst);
@@ -249,7 +253,7 @@ pub(super) fn run(
 
 /// Steps of an implicit solver, and their length (s).
 pub(super) fn clock(params: &Params) -> Result<(usize, f64), Error> {
-    let wanted = params.steps(params.dt.unwrap_or(params.duration / 50.0));
+    let wanted = params.springs.steps(params.springs.dt.unwrap_or(params.springs.duration / 50.0));
     if wanted > MOST_STEPS {
         return Err(Error::Untrusted {
             what: "the deformed lattice",
@@ -257,7 +261,7 @@ pub(super) fn clock(params: &Params) -> Result<(usize, f64), Error> {
             remedy: "use longer steps",
         });
     }
-    Ok((wanted as usize, params.duration / wanted))
+    Ok((wanted as usize, params.springs.duration / wanted))
 }
 
 fn stepped(
@@ -288,7 +292,7 @@ fn stepped(
 
 /// `m (1 + γh) / h²` of every loose vertex (g/s²).
 pub(super) fn stiffness_of_inertia(body: &Body, params: &Params, dt: f64) -> Vec<f64> {
-    body.mass.iter().map(|m| m * (1.0 + params.drag * dt) / dt / dt).collect()
+    body.mass.iter().map(|m| m * (1.0 + params.springs.drag * dt) / dt / dt).collect()
 }
 
 /// Implicit Euler: every step is one objective, which `solve` makes small.
@@ -301,7 +305,7 @@ pub(super) fn step_through(
     mut solve: impl FnMut(&Objective, &mut Vec<[f64; 3]>) -> Result<(usize, f64), Error>,
 ) -> Result<Outcome, Error> {
     let (steps, dt) = clock(params)?;
-    let frame_every = steps / params.frames;
+    let frame_every = steps / params.springs.frames;
     let mut moved = vec![[0.0; 3]; body.vertices.len()];
     let mut velocity = vec![[0.0; 3]; body.loose];
     let mut inertia = Inertia { stiffness: stiffness_of_inertia(body, params, dt), anchor: Vec::new() };
@@ -311,13 +315,13 @@ pub(super) fn step_through(
     for step in 1..=steps {
         exec.check_cancelled()?;
         let before = moved.clone();
-        let coast = dt / (1.0 + params.drag * dt);
+        let coast = dt / (1.0 + params.springs.drag * dt);
         inertia.anchor = before
             .iter()
             .zip(&velocity)
             .map(|(u, v): (&[f64; 3], &[f64; 3])| std::array::from_fn(|a| u[a] + coast * v[a]))
             .collect();
-        let reached = params.reached(params.duration * (step as f64 / steps as f64));
+        let reached = params.springs.reached(params.springs.duration * (step as f64 / steps as f64));
         let objective = Objective { body, drives, reached, inertia: Some(&inertia) };
         let (iterations, relative) = solve(&objective, &mut moved)?;
         outcome.iterations += iterations;

@@ -40,10 +40,13 @@ pub(super) fn run(body: &Body, drives: &Drives, params: &Params, exec: &Exec) ->
             let relative = objective.gradient(moved, &mut gradient, &mut most);
             idle = if relative < 0.99 * least { 0 } else { idle + 1 };
             least = least.min(relative);
-            if relative <= params.tolerance || sweeps >= params.max_iterations || idle > PATIENCE {
+            if relative <= params.closeness.tolerance
+                || sweeps >= params.closeness.max_iterations
+                || idle > PATIENCE
+            {
                 return Ok((sweeps, relative));
             }
-            for _ in 0..SWEEPS.min(params.max_iterations - sweeps) {
+            for _ in 0..SWEEPS.min(params.closeness.max_iterations - sweeps) {
                 sweep.once(body, moved);
                 sweeps += 1;
             }

@@ -8,7 +8,7 @@ use super::*;
 use crate::Error;
 use crate::fixtures::{lattice as cut, sheared_grid};
 use crate::map::{self, BiharmonicParams};
-use crate::mass_spring::{Params, Prepared, Solved, Solver, solve, with_bones};
+use crate::mass_spring::{Closeness, Params, Prepared, Solved, Solver, Springs, solve, with_bones};
 use crate::spring::{Action, Fix, Handle, HandleAt};
 
 /// Numbers in −1…1 without a pattern.
@@ -163,7 +163,11 @@ fn run(lattice: &Lattice, handles: &[Handle], bones: &[Part], params: &Params) -
 }
 
 fn statics() -> Params {
-    Params { solver: Solver::Projective, tolerance: 1e-6, ..Params::default() }
+    Params {
+        solver: Solver::Projective,
+        closeness: Closeness { tolerance: 1e-6, ..Closeness::default() },
+        ..Params::default()
+    }
 }
 
 /// The largest relative change of a distance between any two vertices of a bone.
@@ -207,8 +211,12 @@ fn bones_stay_rigid_in_every_frame_of_every_solver_and_joints_stay_together() {
         let bones = chain(&lattice, [25.0, 180.0]);
         let skeleton = Skeleton::new(&lattice, None, &bones, &[], &vec![false; lattice.keys.len()]).unwrap();
         for solver in [Solver::Dynamics, Solver::Projective, Solver::Xpbd] {
-            let params =
-                Params { solver, frames: 5, duration: 0.02, max_iterations: 60, ..Params::default() };
+            let params = Params {
+                solver,
+                springs: Springs { frames: 5, duration: 0.02, ..Springs::default() },
+                closeness: Closeness { max_iterations: 60, ..Closeness::default() },
+                ..Params::default()
+            };
             let solved = run(&lattice, &[], &bones, &params).unwrap();
             solved.motion.check().unwrap();
             assert_eq!(solved.motion.frames.len(), 5);
@@ -281,7 +289,13 @@ fn a_rigid_motion_of_all_bones_strains_nothing() {
     let lattice = rod(false);
     let mut bones = chain(&lattice, [0.0, 0.0]);
     bones[0].drive = turned(&lattice, [3.0, 2.0, 1.0], 40.0);
-    let solved = run(&lattice, &[], &bones, &Params { tolerance: 1e-9, ..statics() }).unwrap();
+    let solved = run(
+        &lattice,
+        &[],
+        &bones,
+        &Params { closeness: Closeness { tolerance: 1e-9, ..statics().closeness }, ..statics() },
+    )
+    .unwrap();
     let skeleton = Skeleton::new(&lattice, None, &bones, &[], &vec![false; lattice.keys.len()]).unwrap();
     let last = &solved.motion.frames[0].displacement;
     assert!(solved.energy_last < 1e-6, "{} nJ, of springs of 50 N/m on ways of 12 mm", solved.energy_last);
@@ -297,7 +311,12 @@ fn no_motion_is_no_motion_to_the_bit_and_a_still_bone_is_a_fixed_one() {
     let lattice = rod(false);
     let still = chain(&lattice, [0.0, 0.0]);
     for solver in [Solver::Dynamics, Solver::Projective, Solver::Xpbd] {
-        let params = Params { solver, duration: 0.01, max_iterations: 50, ..Params::default() };
+        let params = Params {
+            solver,
+            springs: Springs { duration: 0.01, ..Springs::default() },
+            closeness: Closeness { max_iterations: 50, ..Closeness::default() },
+            ..Params::default()
+        };
         let solved = run(&lattice, &[], &still, &params).unwrap();
         assert!(
             solved.motion.frames.iter().flat_map(|f| &f.displacement).flatten().all(|c| c.to_bits() == 0)
@@ -494,7 +513,8 @@ fn threads_do_not_change_a_byte() {
     let lattice = rod(false);
     let bones = chain(&lattice, [20.0, -35.0]);
     for solver in [Solver::Dynamics, Solver::Projective] {
-        let params = Params { solver, duration: 0.01, ..Params::default() };
+        let params =
+            Params { solver, springs: Springs { duration: 0.01, ..Springs::default() }, ..Params::default() };
         let [one, four] = [1, 4].map(|threads| {
             let exec = Exec::default().with_threads(threads);
             with_bones(&lattice, None, &[], &[], &bones, &params, &exec).unwrap()

@@ -1,4 +1,6 @@
 use ivd_core::ParamError;
+use ivd_core::op::check_fields;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Which vertex is meant.
@@ -42,24 +44,32 @@ pub struct Fix {
 }
 
 /// The material and the clock of the ring solver.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct RingParams {
-    /// Stiffness of every structural spring (N/m), 1e-9…1e15.
+    /// Stiffness of every structural spring.
+    #[schemars(range(min = 1e-9, max = 1e15), extend("x-unit" = "N/m"))]
     pub stiffness: f64,
-    /// Time over which the handles act (s), 1e-9…1e6.
+    /// Time over which the handles act.
+    #[schemars(range(min = 1e-9, max = 1e6), extend("x-unit" = "s"))]
     pub duration: f64,
-    /// Time step (s), > 0; `None`: a 200th of the duration. At least 32 and at most 20 000 steps are made.
+    /// Time step. Without it a 200th of the duration. At least 32 and at most 20 000 steps are made.
+    #[schemars(extend("x-unit" = "s", "exclusiveMinimum" = 0.0, "x-knob" = "accuracy"))]
     pub dt: Option<f64>,
-    /// Stiffness of the spring that ties each vertex to its place, as a fraction of `stiffness`, 1e-3…1e3.
+    /// Stiffness of the spring that ties each vertex to its place, as a fraction of `stiffness`.
+    #[schemars(range(min = 1e-3, max = 1e3), extend("x-unit" = "1"))]
     pub ground: f64,
-    /// Viscous drag, as a fraction of the critical damping of the ground springs, 0…100.
+    /// Viscous drag, as a fraction of the critical damping of the ground springs.
+    #[schemars(range(min = 0.0, max = 100.0), extend("x-unit" = "1"))]
     pub damping: f64,
-    /// Mass of the surface (g/mm²), > 0; vertices share the mass of their triangles.
+    /// Mass of the surface; vertices share the mass of their triangles.
+    #[schemars(range(min = 1e-12, max = 1e6), extend("x-unit" = "g/mm²"))]
     pub density: f64,
-    /// Mass of every vertex (g), > 0, instead of `density`.
+    /// Mass of every vertex, instead of `density`.
+    #[schemars(range(min = 1e-12, max = 1e9), extend("x-unit" = "g"))]
     pub vertex_mass: Option<f64>,
-    /// Fraction of the handle's force below which a vertex passes none on, 0…1.
+    /// Fraction of the handle's force below which a vertex passes none on.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
     pub epsilon: f64,
     /// The thesis to the letter: masses of 1 g, signed cosines, ring sums free to grow, no ground springs, springs that
     /// push as well as pull. It may well end in an error.
@@ -86,20 +96,7 @@ impl RingParams {
     /// # Errors
     /// [`ParamError`] names the field that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        let within = |field, value: f64, low: f64, high: f64| {
-            if (low..=high).contains(&value) {
-                return Ok(());
-            }
-            Err(ParamError::new(field, format!("{value}"), format!("use {low:e} to {high:e}")))
-        };
-        within("stiffness", self.stiffness, 1e-9, 1e15)?;
-        within("duration", self.duration, 1e-9, 1e6)?;
-        within("dt", self.dt.unwrap_or(1.0), f64::MIN_POSITIVE, f64::MAX)?;
-        within("ground", self.ground, 1e-3, 1e3)?;
-        within("damping", self.damping, 0.0, 100.0)?;
-        within("density", self.density, 1e-12, 1e6)?;
-        within("vertex_mass", self.vertex_mass.unwrap_or(1.0), 1e-12, 1e9)?;
-        within("epsilon", self.epsilon, 0.0, 1.0)
+        check_fields(self)
     }
 
     /// Number of steps, and their length (s).

@@ -10,7 +10,6 @@ use super::error::{fields, motions, surfaces};
 use super::knobs::{Knob, Setting, along, between, front, level_errors};
 use super::search::{Candidate, Learned, PARTS};
 use super::steer::Pilot;
-use super::work::balls;
 use super::{LEVELS, rate_name};
 use crate::Error;
 use crate::pipeline::run_node;
@@ -99,15 +98,15 @@ impl Pilot<'_> {
         let wish = Setting::of(&self.wish.scene);
         let free = |knob: Knob| !self.pinned(knob);
         let levels = if free(Knob::Level) { LEVELS.to_vec() } else { vec![wish.level.unwrap_or(2.0)] };
-        let deform = self.wish.scene.deform.as_ref().filter(|d| !d.is_still());
+        let deform = self.wish.scene.asked().filter(|asked| !asked.is_still());
         let solver = along(front("deform"), "steps");
         let steps = match deform {
-            Some(deform) if free(Knob::Steps) && !deform.handle.is_empty() => {
+            Some(deform) if free(Knob::Steps) && !deform.moves.handle.is_empty() => {
                 solver.iter().map(|(steps, _)| *steps).collect()
             }
             _ => vec![wish.steps],
         };
-        let push = deform.map_or(0.0, |d| balls(d).map(|(_, _, motion)| motion).fold(0.0, f64::max));
+        let push = deform.map_or(0.0, |asked| asked.balls().map(|(_, _, motion)| motion).fold(0.0, f64::max));
         let errors = level_errors();
         let error = |level: f64, steps: f64| -> [f64; PARTS] {
             let known = solver.iter().filter_map(|(x, p)| Some((x.ln(), p.error_voxels?)));

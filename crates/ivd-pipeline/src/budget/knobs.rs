@@ -52,7 +52,8 @@ impl Setting {
         };
         let atf: ivd_atf::Params = scene.get(&ivd_atf::STAGE).cloned().unwrap_or_default();
         let picture: RenderParams = scene.common(&ivd_render::STAGE).unwrap_or_default();
-        let steps = scene.deform.as_ref().and_then(|d| d.dt.map(|dt| (d.duration / dt).ceil()));
+        let seconds = |key: &str| scene.param(&ivd_deform::deform::STAGE, key)?.as_f64();
+        let steps = seconds("duration").zip(seconds("dt")).map(|(duration, dt)| (duration / dt).ceil());
         Self {
             level,
             steps: steps.unwrap_or(STEPS).max(LEAST_STEPS),
@@ -119,6 +120,7 @@ impl Knob {
     /// Sets the scene's keys.
     ///
     /// # Errors
+    /// A value that the scene doesn't take.
     /// A value that a section doesn't take.
     pub(super) fn apply(self, scene: &mut Scene, setting: &Setting) -> Result<(), Error> {
         match self {
@@ -135,9 +137,12 @@ impl Knob {
                 scene.set(&refine::STAGE, &keys)?;
             }
             Self::Steps => {
-                if let Some(deform) = &mut scene.deform {
+                let stage = &ivd_deform::deform::STAGE;
+                let is_written = scene.section(stage).is_some_and(|section| section.written().is_some());
+                let duration = scene.param(stage, "duration").and_then(|duration| duration.as_f64());
+                if let Some(duration) = duration.filter(|_| is_written) {
                     // A hair longer, so that rounding doesn't make it one step more.
-                    deform.dt = Some(deform.duration / setting.steps * (1.0 + 1e-9));
+                    scene.set(stage, &[("dt", Some(json!(duration / setting.steps * (1.0 + 1e-9))))])?;
                 }
             }
             Self::Resolution => {

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use ivd_artefact::{Artefact, ContentHash, Kind};
 use ivd_core::{Exec, Fault, Faulty};
+use ivd_deform::deform::RingMethod;
 
 use super::choose::{Fit, Ladder, fit};
 use super::knobs::{Knob, Setting};
@@ -14,7 +15,7 @@ use super::work::Amounts;
 use super::{Budget, BudgetReport, Choice, rate_name};
 use crate::plan::{NodeId, Plan, PlanNode};
 use crate::runner::{Done, Runner, StageRecord, State};
-use crate::scene::{Loaded, Solver};
+use crate::scene::Loaded;
 use crate::{Error, PipelineOptions};
 
 /// Predictions are this much too short now and then: what is there is divided by it.
@@ -161,15 +162,15 @@ impl<'a> Pilot<'a> {
             && self.model.amounts.triangles == 0.0
         {
             let amounts = std::mem::take(&mut self.model.amounts);
-            self.model.amounts = amounts.with_lattice(scene.deform.as_ref(), lattice);
+            self.model.amounts = amounts.with_lattice(scene.asked(), lattice);
         }
     }
 
     /// Whether the user has fixed a knob.
     pub(super) fn pinned(&self, knob: Knob) -> bool {
         // What a number of steps costs and errs is on record for the rings only.
-        let unknown = knob == Knob::Steps
-            && self.wish.scene.deform.as_ref().is_some_and(|deform| deform.solver != Solver::Ring);
+        let unknown =
+            knob == Knob::Steps && self.wish.scene.get::<RingMethod>(&ivd_deform::deform::STAGE).is_none();
         unknown || knob.keys().iter().any(|key| self.options.budget.pinned.contains(*key))
     }
 

@@ -1,10 +1,11 @@
 use ivd_core::{Grid, Lattice, VoxelCoord, World};
+use ivd_deform::deform::{Asked, Figures, Handle};
 use ivd_render::RenderParams;
 use nalgebra::Vector3;
 use serde_json::Value;
 
 use crate::runner::StageRecord;
-use crate::scene::{DeformSection, HandleSection, Scene};
+use crate::scene::Scene;
 use crate::{Error, PipelineReport};
 
 /// The name of a rate: a stage with its variant, or `write` with the key of an output.
@@ -52,7 +53,10 @@ impl Amounts {
         Ok(Self {
             triangles: figure("lattice", "triangles")?,
             refined: figure("refine", "triangles")?,
-            moved: figure("deform", "vertices_moved")?,
+            moved: match find("deform") {
+                Some(record) => record.figures::<Figures>()?.vertices_moved as f64,
+                None => 0.0,
+            },
             ..Self::of_volume(scene, &grid)
         })
     }
@@ -64,16 +68,16 @@ impl Amounts {
         Self {
             voxels,
             edge: voxels.cbrt(),
-            reach: scene.deform.as_ref().map_or(0.0, |d| reach_voxels(d, grid)),
             pixels: (size[0] * size[1]) as f64,
+            reach: scene.asked().map_or(0.0, |asked| reach_voxels(asked, grid)),
             ..Self::default()
         }
     }
 
     /// Adds what the lattice as cut tells, all of it kept.
-    pub(super) fn with_lattice(self, deform: Option<&DeformSection>, lattice: &Lattice) -> Self {
+    pub(super) fn with_lattice(self, asked: Option<Asked<'_>>, lattice: &Lattice) -> Self {
         let triangles = lattice.triangles.len() as f64;
-        let moved = deform.map_or(0, |d| reached(d, lattice)) as f64;
+        let moved = asked.map_or(0, |asked| reached(asked, lattice)) as f64;
         Self { triangles, refined: triangles, moved, ..self }
     }
 
@@ -96,23 +100,9 @@ impl Amounts {
     }
 }
 
-/// The balls in which something moves: centre (mm), radius (mm), and how far the motion goes (mm), for what only the work
-/// itself tells a tenth of the radius. A handle that names a vertex has no centre.
-pub(super) fn balls(deform: &DeformSection) -> impl Iterator<Item = (Option<[f64; 3]>, f64, f64)> + '_ {
-    let ball = |centre, radius: f64, by: Option<[f64; 3]>| {
-        (centre, radius, by.map_or(0.1 * radius, |by| Vector3::from(by).norm()))
-    };
-    let handles = deform.handle.iter().map(move |h| ball(h.pick, h.radius, h.displace));
-    let bones = deform.rigid.iter().map(move |b| {
-        let (centre, radius) = b.ball();
-        ball(centre, radius, b.displace.filter(|_| b.angle.is_none()))
-    });
-    handles.chain(deform.shape.iter().map(move |s| ball(Some(s.centre), s.radius, s.by))).chain(bones)
-}
-
 /// Voxels in the balls that handles, bones and shapes reach, widened by the default margin, as far as the volume goes. A handle that
 /// names a vertex is taken to lie in the middle.
-fn reach_voxels(deform: &DeformSection, grid: &Grid) -> f64 {
+fn reach_voxels(asked: Asked<'_>, grid: &Grid) -> f64 {
     let dims = grid.dims().map(|n| n as f64);
     let middle = Vector3::from(dims.map(|n| 0.5 * n));
     let voxels = |(centre, radius, motion): (Option<[f64; 3]>, f64, f64)| {
@@ -126,12 +116,12 @@ fn reach_voxels(deform: &DeformSection, grid: &Grid) -> f64 {
         // A ball fills this part of its cube.
         sides.product::<f64>() * std::f64::consts::FRAC_PI_6
     };
-    balls(deform).map(voxels).sum::<f64>().min(grid.len() as f64)
+    asked.balls().map(voxels).sum::<f64>().min(grid.len() as f64)
 }
 
 /// Vertices of a lattice nearer to a handle or a bone than its reach.
-fn reached(deform: &DeformSection, lattice: &Lattice) -> usize {
-    let centre = |handle: &HandleSection| match (handle.pick, handle.vertex) {
+fn reached(asked: Asked<'_>, lattice: &Lattice) -> usize {
+    let centre = |handle: &Handle| match (handle.pick, handle.vertex) {
         (Some(point), _) => lattice.grid.voxel(World(point.into())),
         (None, vertex) => {
             let vertex = vertex.map_or(0, |v| v as usize);
@@ -139,12 +129,12 @@ fn reached(deform: &DeformSection, lattice: &Lattice) -> usize {
         }
     };
     let linear = lattice.grid.linear_part();
-    let bones = deform.rigid.iter().filter_map(|b| {
+    let bones = asked.bones.iter().filter_map(|b| {
         let (centre, radius) = b.ball();
         Some((linear * lattice.grid.voxel(World(centre?.into())).0, radius))
     });
     let balls: Vec<(Vector3<f64>, f64)> =
-        deform.handle.iter().map(|h| (linear * centre(h).0, h.radius)).chain(bones).collect();
+        asked.moves.handle.iter().map(|h| (linear * centre(h).0, h.radius)).chain(bones).collect();
     let near = |p: &Vector3<f64>| balls.iter().any(|(c, r)| (p - c).norm() < *r);
     lattice.local_positions().iter().filter(|p| near(p)).count()
 }

@@ -14,6 +14,7 @@ pub const STAGES: &[&Stage] = &[
     &ivd_lattice::extract::STAGE,
     &ivd_lattice::refine::STAGE,
     &ivd_octree::STAGE,
+    &ivd_deform::deform::STAGE,
     &ivd_deform::map::STAGE,
     &ivd_deform::space::STAGE,
     &ivd_deform::warp::STAGE,

@@ -6,7 +6,7 @@ use ivd_lattice::refine;
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
 use crate::scene::{InputSection, Loaded, Picture, Scene};
-use crate::stages::{Deform, Import, ImportSource};
+use crate::stages::{Import, ImportSource};
 use crate::{Error, Section, Stage};
 
 /// The places that a stage can have in a pipeline, in the order in which they run.
@@ -165,7 +165,7 @@ impl Plan {
     /// Parameters that don't fit together.
     pub fn new(loaded: &Loaded, input: Option<&Path>, until: Option<&str>) -> Result<Self, Error> {
         let scene = &loaded.scene;
-        let mut plan = Self { nodes: wire(scene, import(loaded, input)?)? };
+        let mut plan = Self { nodes: wire(scene, import(loaded, input)?) };
         match until {
             Some(stage) => plan.want_stage(stage)?,
             None => plan.want_outputs(scene)?,
@@ -181,7 +181,7 @@ impl Plan {
 
     /// Gives every place the stage that another scene of the same outputs has there.
     pub(crate) fn retune(&mut self, loaded: &Loaded, input: Option<&Path>) -> Result<(), Error> {
-        let fresh = wire(&loaded.scene, import(loaded, input)?)?;
+        let fresh = wire(&loaded.scene, import(loaded, input)?);
         for (node, new) in self.nodes.iter_mut().zip(fresh) {
             node.stage = new.stage;
         }
@@ -273,15 +273,10 @@ impl Plan {
                 NodeId::Tree if node.stage.is_none() => "the classes come from no tree",
                 NodeId::Boundary if node.stage.is_none() => "the isovalue is given and no part is isolated",
                 NodeId::Atf if node.stage.is_none() => "the rendering mode has no transfer function",
-                NodeId::Octree
-                | NodeId::Deform
-                | NodeId::Map
-                | NodeId::Warp
-                | NodeId::After
-                | NodeId::Difference
+                NodeId::Octree | NodeId::Map | NodeId::Warp | NodeId::After | NodeId::Difference
                     if node.stage.is_none() =>
                 {
-                    "the scene has no handle, no bone and no shape"
+                    idle(scene, &ivd_deform::deform::STAGE).unwrap_or("no output needs it")
                 }
                 NodeId::Octree if !wants(scene, &ivd_deform::map::STAGE, "octree") => {
                     "the map looks for no nearest lattice point"
@@ -385,10 +380,10 @@ fn wanted(section: Option<&Section>, slots: &[(&'static str, NodeId)]) -> Slots 
 }
 
 /// Every place with its stage and where its slots are filled from.
-fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
+fn wire(scene: &Scene, import: Import) -> Vec<PlanNode> {
     let labels = uses_labels(scene);
     let isolates = labels || scene.section(&ivd_boundary::STAGE).is_some_and(|part| part.written().is_some());
-    let moves = scene.deform.as_ref().filter(|d| !d.is_still());
+    let moves = !is_idle(scene, &ivd_deform::deform::STAGE);
     let coloured = wants(scene, &ivd_render::STAGE, "transfer");
 
     let mut part_inputs = vec![("volume", NodeId::Import)];
@@ -416,9 +411,8 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     let tree_inputs = wanted(tree.as_ref(), &[("volume", NodeId::Import)]);
     let segment = scene.section(&ivd_segment::STAGE);
     let segment_inputs = wanted(segment, &[("tree", NodeId::Tree), ("volume", NodeId::Import)]);
-    let deform = moves.map(Deform::from_section).transpose()?;
     let mut deform_inputs = vec![("lattice", NodeId::Refine)];
-    if deform.as_ref().is_some_and(Deform::knows_classes) {
+    if wants(scene, &ivd_deform::deform::STAGE, "labels") {
         deform_inputs.push(("labels", NodeId::Segment));
     }
     let mut map_inputs = vec![("lattice", NodeId::Refine)];
@@ -426,7 +420,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
     map_inputs.extend(others.into_iter().filter(|(slot, _)| wants(scene, &ivd_deform::map::STAGE, slot)));
 
     let mut space_inputs = vec![("volume", NodeId::Import)];
-    if moves.is_some() {
+    if moves {
         space_inputs.push(("after", NodeId::Map));
     }
     if wants(scene, &ivd_deform::space::STAGE, "labels") {
@@ -440,9 +434,9 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
         needed: false,
         why: String::new(),
     };
-    let if_moved = |stage: Option<Box<dyn Stage>>| stage.filter(|_| moves.is_some());
+    let if_moved = |stage: Option<Box<dyn Stage>>| stage.filter(|_| moves);
     let if_deformed = |stage: Option<Box<dyn Stage>>| stage.filter(|_| scene.deforms());
-    Ok(vec![
+    vec![
         node(NodeId::Import, boxed(import), vec![]),
         node(NodeId::Tree, tree.and_then(boxed), tree_inputs),
         node(NodeId::Segment, declared(scene, &ivd_segment::STAGE), segment_inputs),
@@ -454,7 +448,7 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
             if_moved(declared(scene, &ivd_octree::STAGE)),
             vec![("lattice", NodeId::Refine)],
         ),
-        node(NodeId::Deform, deform.and_then(boxed), deform_inputs),
+        node(NodeId::Deform, declared(scene, &ivd_deform::deform::STAGE), deform_inputs),
         node(NodeId::Map, if_moved(declared(scene, &ivd_deform::map::STAGE)), map_inputs),
         node(NodeId::Space, declared(scene, &ivd_deform::space::STAGE), space_inputs),
         node(
@@ -474,5 +468,5 @@ fn wire(scene: &Scene, import: Import) -> Result<Vec<PlanNode>, Error> {
             if_deformed(placed(scene, &ivd_render::STAGE, "difference").and_then(boxed)),
             vec![("before", NodeId::Before), ("after", NodeId::After)],
         ),
-    ])
+    ]
 }

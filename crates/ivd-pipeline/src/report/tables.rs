@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use ivd_deform::deform::Figures;
 use ivd_deform::volumes::ClassVolume;
 use ivd_segment::ClassFigures;
 use serde_json::Value;
@@ -90,27 +91,25 @@ pub(super) fn stages(records: &[StageRecord]) -> String {
 
 /// What bones have done; nothing where there is none.
 pub(super) fn bones(deform: Option<&StageRecord>) -> String {
-    let list = deform.and_then(|r| r.metrics.get("bones")).and_then(Value::as_array);
-    let Some(list) = list.filter(|list| !list.is_empty()) else { return String::new() };
+    let springs = deform.and_then(|record| record.figures::<Figures>().ok()?.springs);
+    let Some(list) = springs.map(|springs| springs.bones).filter(|list| !list.is_empty()) else {
+        return String::new();
+    };
     let mut html = String::from(
         "<table><tr><th>bone</th><th>vertices</th><th>turned by [°]</th><th>about</th><th>its middle went by [mm]</th><th>its handles are left [mm]</th><th>held with [mN]</th></tr>",
     );
     for bone in list.iter().take(MOST_CLASSES) {
-        let real = |key: &str| bone.get(key).and_then(Value::as_f64).map_or_else(|| "–".to_owned(), number);
-        let vector = |key: &str| {
-            let parts = bone.get(key).and_then(Value::as_array).into_iter().flatten();
-            parts.filter_map(Value::as_f64).map(number).collect::<Vec<_>>().join(", ")
-        };
+        let vector = |parts: [f64; 3]| parts.map(number).join(", ");
         let _ = write!(
             html,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            escape(bone.get("name").and_then(Value::as_str).unwrap_or("–")),
-            bone.get("vertices").map_or_else(String::new, |n| escape(&n.to_string())),
-            real("angle_deg"),
-            vector("axis"),
-            vector("shift_mm"),
-            real("left_mm"),
-            vector("force_mn"),
+            escape(&bone.name),
+            bone.vertices,
+            number(bone.angle_deg),
+            vector(bone.axis),
+            vector(bone.shift_mm),
+            bone.left_mm.map_or_else(|| "–".to_owned(), number),
+            vector(bone.force_mn),
         );
     }
     let more = list.len().saturating_sub(MOST_CLASSES);

@@ -235,8 +235,8 @@ mod tests {
             set("segment.k=6"),
         ];
         let scene = parse(SCENE, &overrides).unwrap();
-        let deform = scene.deform.as_ref().unwrap();
-        assert_eq!((deform.stiffness, deform.handle[0].radius), (80.0, 7.5));
+        let deform: &ivd_deform::deform::RingMethod = scene.get(&ivd_deform::deform::STAGE).unwrap();
+        assert_eq!((deform.ring.stiffness, deform.moves.handle[0].radius), (80.0, 7.5));
         assert_eq!(scene.section(&ivd_render::STAGE).unwrap().method().name, "mip");
         let k = scene.param(&ivd_segment::STAGE, "k");
         assert_eq!(k, Some(6.into()));
@@ -268,6 +268,6 @@ mod tests {
         let escape = SCENE.replace("report = true", "volume = \"../x.nii\"");
         assert!(parse(&escape, &[]).unwrap_err().contains("output.volume"));
         let two = SCENE.replace("pick = [0, 1, 2]", "pick = [0, 1, 2]\nvertex = 3");
-        assert!(parse(&two, &[]).unwrap_err().contains("deform.handle 0"));
+        assert!(parse(&two, &[]).unwrap_err().contains("deform.handle.0"));
     }
 }

@@ -11,6 +11,7 @@ mod written;
 use std::collections::BTreeMap;
 
 use ivd_core::op::{Op, Stage};
+use ivd_deform::deform::Asked;
 use ivd_deform::space::SpaceParams;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -21,10 +22,7 @@ use serde_json::{Map, Value as Json};
 use crate::{Error, Section};
 
 pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
-pub use sections::{
-    CourseChoice, DeformSection, FixSection, HandleSection, InputSection, MaterialSection, OutputSection,
-    Picture, RawSection, RigidSection, ShapeKind, ShapeSection, Solver,
-};
+pub use sections::{InputSection, OutputSection, Picture, RawSection};
 pub use written::triple;
 
 /// Sections by their names.
@@ -43,9 +41,6 @@ pub struct Scene {
     pub schema: u32,
     /// Where the volume comes from.
     pub input: InputSection,
-    /// What moves it.
-    #[serde(default)]
-    pub deform: Option<DeformSection>,
     /// What is wanted; nothing else is computed.
     pub output: OutputSection,
     /// Read with the stages of the list.
@@ -68,6 +63,10 @@ pub struct Scene {
     #[serde(default)]
     #[schemars(skip)]
     octree: Option<toml::Value>,
+    /// Read with the stages of the list.
+    #[serde(default)]
+    #[schemars(skip)]
+    deform: Option<toml::Value>,
     /// Read with the stages of the list.
     #[serde(default)]
     #[schemars(skip)]
@@ -165,7 +164,7 @@ impl Scene {
                 self.output.images.iter().any(|p| *p != Picture::Before),
             ),
         ];
-        let still = self.deform.as_ref().is_none_or(DeformSection::is_still);
+        let still = self.asked().is_none_or(|asked| asked.is_still());
         if let Some((name, _)) = moved.iter().find(|(_, wanted)| !self.deforms() && *wanted) {
             return Err(format!(
                 "{name} shows a deformation, but there is no [[deform.handle]], [[deform.rigid]], [[deform.shape]] or [[space.step]]; \
@@ -187,15 +186,6 @@ impl Scene {
                 ));
             }
         }
-        for (i, handle) in self.deform.iter().flat_map(|d| &d.handle).enumerate() {
-            handle.check().map_err(|e| format!("deform.handle {i}: {e}"))?;
-        }
-        for (i, shape) in self.deform.iter().flat_map(|d| &d.shape).enumerate() {
-            shape.shape().map_err(|e| format!("deform.shape {i}: {e}"))?;
-        }
-        for (i, bone) in self.deform.iter().flat_map(|d| &d.rigid).enumerate() {
-            bone.part(i).map_err(|e| format!("deform.rigid {i}: {e}"))?;
-        }
         let steps = self.steps();
         ivd_deform::space::check(steps, !still).map_err(|e| format!("space: {e}"))?;
         if !steps.is_empty() && !still && self.map_is_free() {
@@ -206,6 +196,11 @@ impl Scene {
             );
         }
         Ok(())
+    }
+
+    /// What it asks the lattice to do.
+    pub(crate) fn asked(&self) -> Option<Asked<'_>> {
+        Asked::of(self.section(&ivd_deform::deform::STAGE)?.job())
     }
 
     /// Its steps in space.
@@ -222,7 +217,7 @@ impl Scene {
 
     /// Whether the voxels move.
     pub fn deforms(&self) -> bool {
-        self.deform.as_ref().is_some_and(|d| !d.is_still()) || !self.steps().is_empty()
+        self.asked().is_some_and(|asked| !asked.is_still()) || !self.steps().is_empty()
     }
 
     /// Pictures to draw: those named, and those that a report asks for.

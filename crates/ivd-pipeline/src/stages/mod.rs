@@ -2,14 +2,12 @@
 
 mod clip;
 mod combine;
-mod deform;
 mod foreign;
 mod import;
 mod parts;
 
 pub use clip::Clip;
 pub use combine::Combine;
-pub use deform::{Deform, DeformMethod};
 pub use foreign::ForeignLattice;
 pub use import::{Import, ImportLabels, ImportSource};
 pub use parts::part_lattices;
@@ -21,6 +19,3 @@ use serde_json::Value;
 fn json(params: &impl Serialize) -> Value {
     serde_json::to_value(params).expect("plain parameter structs serialise to JSON")
 }
-
-#[cfg(test)]
-mod tests;

@@ -44,8 +44,8 @@ impl Asked<'_> {
     fn stiffness(&self, v: usize, params: &Params) -> f64 {
         let at = self.lattice.voxel(v).0.map(|c| c.floor().max(0.0) as usize);
         let at = self.lattice.grid.linear(VoxelIndex(at.into()));
-        let own = self.labels.and_then(|labels| params.classes.get(&labels.ids()[at])?.stiffness);
-        own.unwrap_or(params.stiffness)
+        let own = self.labels.and_then(|labels| params.springs.material.get(&labels.ids()[at])?.stiffness);
+        own.unwrap_or(params.springs.stiffness)
     }
 }
 
@@ -119,19 +119,19 @@ pub fn sprung(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved) -
     let mut numbers = vec![found.residual, found.energy_first, found.energy_last, found.max_displacement_mm];
     numbers.extend([found.dt, found.truncation, found.truncation_mn]);
     hold!(numbers.iter().all(|n| n.is_finite() && *n >= 0.0), "figures {numbers:?}");
-    hold!(found.motion.frames.len() == params.frames, "{} frames", found.motion.frames.len());
-    let whole = params.ramp.is_none_or(|ramp| ramp <= params.duration);
+    hold!(found.motion.frames.len() == params.springs.frames, "{} frames", found.motion.frames.len());
+    let whole = params.springs.ramp.is_none_or(|ramp| ramp <= params.springs.duration);
     moved(asked, &found.motion, found.vertices_moved, whole)?;
     if whole {
         rigid(asked, &found.motion)?;
     }
-    if params.youngs_kpa.is_some() {
+    if params.springs.youngs_kpa.is_some() {
         return Ok(());
     }
     let plain = Plain::new(asked, params, &found.motion);
     // Places are rounded, and every force is a stiffness times a difference of lengths.
     let slack = 1e-9 * plain.energy + 64.0 * EPS * plain.rounding_nj;
-    if params.solver == Solver::Projective && !params.inertia {
+    if params.solver == Solver::Projective && !params.descent.inertia {
         hold!(
             (found.energy_last - plain.energy).abs() <= slack,
             "an energy of {} nJ, plainly {}",
@@ -170,8 +170,8 @@ fn rigid(asked: &Asked<'_>, motion: &Motion) -> Verdict {
 
 /// What holds of forces in balance.
 fn balanced(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved, plain: &Plain) -> Verdict {
-    let u = &found.motion.frames[params.frames - 1].displacement;
-    let whole = params.ramp.is_none_or(|ramp| ramp <= params.duration);
+    let u = &found.motion.frames[params.springs.frames - 1].displacement;
+    let whole = params.springs.ramp.is_none_or(|ramp| ramp <= params.springs.duration);
     // A bone that moves does work of its own.
     let pull =
         whole && asked.bones.is_empty() && asked.handles.iter().all(|h| matches!(h.action, Action::Force(_)));
@@ -194,7 +194,7 @@ fn balanced(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved, pla
     }
     // One frame, one residual.
     let named = asked.handles.iter().all(|h| vertex(&h.at).is_some());
-    if params.frames == 1 && params.grip == 0.0 && named && whole {
+    if params.springs.frames == 1 && params.springs.grip == 0.0 && named && whole {
         let (unbalanced, put_in) = plain.relative(asked, found);
         let rounding = 64.0 * EPS * plain.rounding_mn;
         let most = found.residual * put_in * (1.0 + 1e-6) + rounding;
@@ -225,8 +225,8 @@ impl Plain {
         let made: Vec<f64> = (0..rest.len()).map(|v| asked.stiffness(v, params)).collect();
         let share = |kind: Kind| match kind {
             Kind::Structural => 1.0,
-            Kind::Shear => params.shear,
-            Kind::Flexion => params.flexion,
+            Kind::Shear => params.springs.shear,
+            Kind::Flexion => params.springs.flexion,
         };
         let origin = Vector3::from(asked.lattice.grid.origin());
         let targets: Vec<usize> = asked.handles.iter().filter_map(|h| vertex(&h.at)).collect();
@@ -265,9 +265,10 @@ impl Plain {
             let stretch = long - short;
             let far = Vector3::from(u[a]).norm().max(Vector3::from(u[b]).norm());
             // Beyond the limit a hundredfold stiffness comes on top.
-            let over = params.strain_limit.map_or(0.0, |limit| (stretch - limit * short).max(0.0));
-            let tension = if stretch < 0.0 && !params.push { 0.0 } else { k * (stretch + 100.0 * over) };
-            let own = if stretch < 0.0 && !params.push {
+            let over = params.springs.strain_limit.map_or(0.0, |limit| (stretch - limit * short).max(0.0));
+            let tension =
+                if stretch < 0.0 && !params.springs.push { 0.0 } else { k * (stretch + 100.0 * over) };
+            let own = if stretch < 0.0 && !params.springs.push {
                 0.0
             } else {
                 0.5 * k * (stretch * stretch + 100.0 * over * over)
@@ -286,7 +287,7 @@ impl Plain {
             let u = Vector3::from(*u);
             let (sum, count) = structural[v];
             if count > 0.0 {
-                let ground = params.ground * sum / count;
+                let ground = params.springs.ground * sum / count;
                 force[v] -= u * ground;
                 energy += 0.5e3 * ground * u.norm_squared();
                 rounding_nj += 1e3 * ground * u.norm_squared();

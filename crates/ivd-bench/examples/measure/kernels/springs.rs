@@ -1,7 +1,7 @@
 //! Speed of masses on springs: explicit steps by size, a drag to its balance, implicit steps.
 
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
-use ivd_deform::mass_spring::{Params, Prepared, Solver};
+use ivd_deform::mass_spring::{Closeness, Descent, Params, Prepared, Solver, Springs};
 use ivd_deform::spring::{Action, Handle, HandleAt};
 
 use super::Kernels;
@@ -42,14 +42,17 @@ fn explicit(kernels: &Kernels<'_>) -> Anything<()> {
     for side in [50, 100, 200, 400] {
         let lattice = sheet(side)?;
         let params = Params {
-            stiffness: 1.0,
-            shear: 0.0,
-            flexion: 0.0,
-            ground: 0.005,
-            vertex_mass: Some(1.0),
-            drag: 2.0,
-            duration: f64::from(STEPS) / 240.0,
-            dt: Some(1.0 / 240.0),
+            springs: Springs {
+                stiffness: 1.0,
+                shear: 0.0,
+                flexion: 0.0,
+                ground: 0.005,
+                vertex_mass: Some(1.0),
+                drag: 2.0,
+                duration: f64::from(STEPS) / 240.0,
+                dt: Some(1.0 / 240.0),
+                ..Springs::default()
+            },
             ..Params::default()
         };
         let handles = lift(side, 5.0, 1e4);
@@ -71,7 +74,12 @@ fn drag(kernels: &Kernels<'_>) -> Anything<()> {
     for (name, history, radius) in
         [("quasi-Newton", 8, 25.0), ("local-global", 0, 25.0), ("quasi-Newton", 8, 71.0)]
     {
-        let params = Params { solver: Solver::Projective, history, push: false, ..Params::default() };
+        let params = Params {
+            solver: Solver::Projective,
+            springs: Springs { push: false, ..Springs::default() },
+            descent: Descent { history, ..Descent::default() },
+            ..Params::default()
+        };
         let up = |z| lift(side, z, radius);
         let prepare = || Prepared::new(&lattice, None, &up(3.0), &[], &params, &exec);
         let mut dragged = prepare()?;
@@ -88,12 +96,9 @@ fn drag(kernels: &Kernels<'_>) -> Anything<()> {
     for solver in [Solver::Projective, Solver::Xpbd] {
         let params = Params {
             solver,
-            inertia: solver == Solver::Projective,
-            duration: 0.01,
-            dt: Some(1e-3),
-            tolerance: 1e-2,
-            max_iterations: 100,
-            ..Params::default()
+            springs: Springs { duration: 0.01, dt: Some(1e-3), ..Springs::default() },
+            closeness: Closeness { tolerance: 1e-2, max_iterations: 100 },
+            descent: Descent { inertia: solver == Solver::Projective, ..Descent::default() },
         };
         let handles = lift(side, 1.0, 71.0);
         let mut prepared = Prepared::new(&lattice, None, &handles, &[], &params, &exec)?;

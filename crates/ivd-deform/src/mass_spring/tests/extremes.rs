@@ -6,13 +6,21 @@ use super::*;
 
 /// Every solver as it is by default, with a motion that is quick to find.
 fn solvers() -> Vec<Params> {
-    let params = Params { duration: 0.02, ..Params::default() };
-    let projective = Params { solver: Solver::Projective, tolerance: 1e-6, ..params.clone() };
+    let params = Params { springs: Springs { duration: 0.02, ..Springs::default() }, ..Params::default() };
+    let projective = Params {
+        solver: Solver::Projective,
+        closeness: Closeness { tolerance: 1e-6, ..params.closeness },
+        ..params.clone()
+    };
     vec![
         params.clone(),
         projective.clone(),
-        Params { inertia: true, dt: Some(2e-3), ..projective },
-        Params { solver: Solver::Xpbd, dt: Some(2e-3), ..params },
+        Params {
+            springs: Springs { dt: Some(2e-3), ..projective.springs },
+            descent: Descent { inertia: true, ..projective.descent },
+            ..projective
+        },
+        Params { solver: Solver::Xpbd, springs: Springs { dt: Some(2e-3), ..params.springs }, ..params },
     ]
 }
 
@@ -48,7 +56,11 @@ fn mirrored_handles_give_mirrored_motion() {
         if params.solver == Solver::Xpbd {
             continue;
         }
-        let params = Params { tolerance: 1e-10, max_iterations: 20_000, push: false, ..params };
+        let params = Params {
+            springs: Springs { push: false, ..params.springs },
+            closeness: Closeness { tolerance: 1e-10, max_iterations: 20_000 },
+            ..params
+        };
         let close = if params.solver == Solver::Dynamics { 1e-12 } else { 1e-6 };
         let lattice = sheet(12);
         let mirror = |v: u32| v / 12 * 12 + 11 - v % 12;
@@ -112,7 +124,7 @@ fn handles_on_one_vertex_agree_or_are_refused() {
 #[test]
 fn a_grip_moves_a_patch_and_shares_a_force() {
     for params in solvers() {
-        let params = Params { grip: 1.2, ..params };
+        let params = Params { springs: Springs { grip: 1.2, ..params.springs }, ..params };
         let solved = run(&sheet(11), &[moved(60, [0.1, 0.2, 0.6], 4.5)], &[], &params).unwrap();
         for v in [60, 59, 61, 49, 71] {
             assert_eq!(last(&solved)[v], [0.1, 0.2, 0.6]);
@@ -127,11 +139,8 @@ fn a_grip_moves_a_patch_and_shares_a_force() {
 fn ground_springs_take_what_a_small_reach_would_cut_off() {
     for params in solvers() {
         let params = Params {
-            ground: 1.0,
-            max_iterations: 100,
-            duration: 0.2,
-            ramp: Some(0.05),
-            drag: 500.0,
+            springs: Springs { ground: 1.0, duration: 0.2, ramp: Some(0.05), drag: 500.0, ..params.springs },
+            closeness: Closeness { max_iterations: 100, ..params.closeness },
             ..params
         };
         let cut = |radius| run(&sheet(25), &[moved(312, [0.2, 0.0, 0.3], radius)], &[], &params).unwrap();
@@ -145,9 +154,15 @@ fn ground_springs_take_what_a_small_reach_would_cut_off() {
 #[test]
 fn a_strain_limit_holds_springs_together() {
     for params in solvers() {
-        let params = Params { duration: 0.2, ramp: Some(0.05), drag: 500.0, ..params };
+        let params = Params {
+            springs: Springs { duration: 0.2, ramp: Some(0.05), drag: 500.0, ..params.springs },
+            ..params
+        };
         let longest = |limit| {
-            let params = Params { strain_limit: limit, ..params.clone() };
+            let params = Params {
+                springs: Springs { strain_limit: limit, ..params.springs.clone() },
+                ..params.clone()
+            };
             let solved = run(&rod(6), &[pulled(5, [20.0, 0.0, 0.0], 50.0)], &[pin(0)], &params).unwrap();
             let x: Vec<f64> = last(&solved).iter().map(|u| u[0]).collect();
             x.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max)
@@ -165,7 +180,11 @@ fn extremes_end_in_finite_motion_or_say_why_not() {
         for stiffness in [1e-6, 1.0, 1e6, 1e12] {
             for dt in [None, Some(1e-9), Some(1e-3), Some(1e3)] {
                 for force in [0.0, 1e-30, 1.0, 1e30] {
-                    let params = Params { stiffness, dt, max_iterations: 30, ..params.clone() };
+                    let params = Params {
+                        springs: Springs { stiffness, dt, ..params.springs.clone() },
+                        closeness: Closeness { max_iterations: 30, ..params.closeness },
+                        ..params.clone()
+                    };
                     for handle in
                         [pulled(40, [force, 0.0, force], 3.5), moved(40, [force.min(1e3), 0.0, force], 3.5)]
                     {
@@ -204,9 +223,12 @@ fn mixed_stiffness_and_edges_of_no_length_end_well() {
         let stiff = Material { stiffness: Some(5e4), ..Material::default() };
         for modulus in [None, Some(10.0)] {
             let params = Params {
-                classes: [(2, stiff)].into(),
-                stiffness: 0.05,
-                youngs_kpa: modulus,
+                springs: Springs {
+                    material: [(2, stiff)].into(),
+                    stiffness: 0.05,
+                    youngs_kpa: modulus,
+                    ..params.springs.clone()
+                },
                 ..params.clone()
             };
             for handle in [moved(40, [0.0, 0.0, 0.5], 3.5), pulled(42, [0.1, 0.0, 0.1], 3.5)] {
@@ -226,13 +248,40 @@ fn a_handle_outside_and_bad_parameters_are_named() {
     assert!(error.fault() == Fault::Usage && error.to_string().contains("mm away"), "{error}");
     assert!(run(&sheet(9), &[], &[], &Params::default()).is_err());
     let field = |params: Params| params.check().unwrap_err().field;
-    assert_eq!(field(Params { stiffness: 0.0, ..Params::default() }), "stiffness");
-    assert_eq!(field(Params { youngs_kpa: Some(-1.0), ..Params::default() }), "youngs_kpa");
-    assert_eq!(field(Params { drag: f64::NAN, ..Params::default() }), "drag");
-    assert_eq!(field(Params { frames: 0, ..Params::default() }), "frames");
-    assert_eq!(field(Params { strain_limit: Some(-0.1), ..Params::default() }), "strain_limit");
+    assert_eq!(
+        field(Params { springs: Springs { stiffness: 0.0, ..Springs::default() }, ..Params::default() }),
+        "stiffness"
+    );
+    assert_eq!(
+        field(Params {
+            springs: Springs { youngs_kpa: Some(-1.0), ..Springs::default() },
+            ..Params::default()
+        }),
+        "youngs_kpa"
+    );
+    assert_eq!(
+        field(Params { springs: Springs { drag: f64::NAN, ..Springs::default() }, ..Params::default() }),
+        "drag"
+    );
+    assert_eq!(
+        field(Params { springs: Springs { frames: 0, ..Springs::default() }, ..Params::default() }),
+        "frames"
+    );
+    assert_eq!(
+        field(Params {
+            springs: Springs { strain_limit: Some(-0.1), ..Springs::default() },
+            ..Params::default()
+        }),
+        "strain_limit"
+    );
     let both = Material { stiffness: Some(1.0), youngs_kpa: Some(1.0), density: None };
-    assert_eq!(field(Params { classes: [(3, both)].into(), ..Params::default() }), "stiffness");
+    assert_eq!(
+        field(Params {
+            springs: Springs { material: [(3, both)].into(), ..Springs::default() },
+            ..Params::default()
+        }),
+        "stiffness"
+    );
 }
 
 #[test]
@@ -255,7 +304,11 @@ fn threads_do_not_change_a_byte_and_cancel_stops() {
     for params in solvers() {
         let lattice = sheet(90);
         let handles = [moved(4000, [0.0, 1.0, 2.0], 60.0), pulled(4040, [0.0, 0.1, 0.2], 60.0)];
-        let params = Params { duration: 2e-3, dt: Some(1e-4), stiffness: 10.0, max_iterations: 15, ..params };
+        let params = Params {
+            springs: Springs { duration: 2e-3, dt: Some(1e-4), stiffness: 10.0, ..params.springs },
+            closeness: Closeness { max_iterations: 15, ..params.closeness },
+            ..params
+        };
         let with = |threads| {
             let exec = Exec::default().with_threads(threads);
             solve(&lattice, None, &handles, &[], &params, &exec).unwrap()

@@ -10,7 +10,11 @@ use super::projective::descend;
 use super::*;
 
 fn statics() -> Params {
-    Params { solver: Solver::Projective, tolerance: 1e-9, max_iterations: 5000, ..Params::default() }
+    Params {
+        solver: Solver::Projective,
+        closeness: Closeness { tolerance: 1e-9, max_iterations: 5000 },
+        ..Params::default()
+    }
 }
 
 /// A sheet that is pulled up beside its middle, its border held.
@@ -72,7 +76,8 @@ fn the_factor_solves_what_the_dense_matrix_does() {
 #[test]
 fn dissection_fills_the_factor_with_little_more_than_n_log_n() {
     let entries = |side: usize| {
-        let params = Params { shear: 0.0, flexion: 0.0, ..statics() };
+        let params =
+            Params { springs: Springs { shear: 0.0, flexion: 0.0, ..statics().springs }, ..statics() };
         let body = body(&sheet(side), &[moved(side + 1, [0.0; 3], 1e3)], &[], &params);
         let factor = Factor::new(&body.rest, &body.list, &vec![1.0; body.loose]);
         factor.entries() as f64 / (body.loose as f64 * (body.loose as f64).log2())
@@ -91,7 +96,7 @@ fn handles_are_taken_out_of_the_matrix_as_if_it_had_been_made_without_them() {
         // So many that they are pinned instead.
         (vec![moved(40, [0.1, -0.2, 0.3], 4.1)], vec![], 2.95),
     ] {
-        let params = Params { grip, ..statics() };
+        let params = Params { springs: Springs { grip, ..statics().springs }, ..statics() };
         let body = body(&lattice, &handles, &fixed, &params);
         let drives = drives(&body, &handles, &params);
         let mut metric = Metric::new(&body, &[]);
@@ -203,7 +208,7 @@ fn the_descent_ends_where_newtons_method_does() {
     let handles = [pull, vec![moved(61, [0.3, -0.4, 2.0], 4.8)]];
     for handles in handles {
         // Springs that only pull have one balance; those that push may buckle on the way to theirs.
-        let params = Params { push: false, ..params.clone() };
+        let params = Params { springs: Springs { push: false, ..params.springs.clone() }, ..params.clone() };
         let solved = run(&lattice, &handles, &[], &params).unwrap();
         assert!(solved.residual <= 1e-8, "{} after {}", solved.residual, solved.iterations);
         let body = body(&lattice, &handles, &[], &params);
@@ -226,7 +231,11 @@ fn no_iteration_raises_the_objective_and_memory_saves_iterations() {
     for history in [0, 8] {
         let rest = vec![[0.0; 3]; body.vertices.len()];
         let after = |iterations: usize| {
-            let params = Params { history, max_iterations: iterations, ..params.clone() };
+            let params = Params {
+                closeness: Closeness { max_iterations: iterations, ..params.closeness },
+                descent: Descent { history, ..params.descent },
+                ..params.clone()
+            };
             let mut moved = rest.clone();
             descend(&objective, &metric, &mut moved, &params, &Exec::default()).unwrap();
             objective.growth(&rest, &moved)
@@ -235,7 +244,11 @@ fn no_iteration_raises_the_objective_and_memory_saves_iterations() {
         assert!(values.windows(2).all(|w| w[1] <= w[0]) && values[0] < 0.0, "{values:?}");
     }
     let needed = |history| {
-        let params = Params { history, tolerance: 1e-3, ..params.clone() };
+        let params = Params {
+            closeness: Closeness { tolerance: 1e-3, ..params.closeness },
+            descent: Descent { history, ..params.descent },
+            ..params.clone()
+        };
         let mut moved = vec![[0.0; 3]; body.vertices.len()];
         descend(&objective, &metric, &mut moved, &params, &Exec::default()).unwrap().0
     };
@@ -244,7 +257,11 @@ fn no_iteration_raises_the_objective_and_memory_saves_iterations() {
 
 #[test]
 fn statics_of_two_masses_and_of_a_chain_are_analytic() {
-    let params = Params { stiffness: 2.0, tolerance: 1e-12, ..statics() };
+    let params = Params {
+        springs: Springs { stiffness: 2.0, ..statics().springs },
+        closeness: Closeness { tolerance: 1e-12, ..statics().closeness },
+        ..statics()
+    };
     let two = run(&rod(2), &[pulled(1, [0.5, 0.0, 0.0], 5.0)], &[pin(0)], &params).unwrap();
     assert!((last(&two)[1][0] - 0.25).abs() < 1e-13, "{:?}", last(&two));
     let chain = run(&rod(11), &[pulled(3, [0.5, 0.0, 0.0], 50.0)], &[pin(0), pin(10)], &params).unwrap();
@@ -261,7 +278,7 @@ fn statics_of_two_masses_and_of_a_chain_are_analytic() {
 fn stiffness_lessens_motion_under_a_force_and_cancels_under_a_motion() {
     let lattice = sheet(11);
     let height = |stiffness, handle| {
-        let params = Params { stiffness, push: false, ..statics() };
+        let params = Params { springs: Springs { stiffness, push: false, ..statics().springs }, ..statics() };
         let solved = run(&lattice, &[handle], &[], &params).unwrap();
         assert!(solved.residual < 1e-8, "{} at {stiffness}", solved.residual);
         last(&solved).to_vec()
@@ -282,15 +299,17 @@ fn implicit_steps_err_by_their_length_and_both_solvers_take_the_same() {
     let at_end = |solver, steps: f64| {
         let params = Params {
             solver,
-            inertia: solver == Solver::Projective,
-            stiffness: 1.0,
-            vertex_mass: Some(1.0),
-            drag: 3.0,
-            duration: 0.2,
-            dt: Some(0.2 / steps),
-            ramp: Some(0.0),
-            tolerance: 1e-10,
-            ..Params::default()
+            springs: Springs {
+                stiffness: 1.0,
+                vertex_mass: Some(1.0),
+                drag: 3.0,
+                duration: 0.2,
+                dt: Some(0.2 / steps),
+                ramp: Some(0.0),
+                ..Springs::default()
+            },
+            closeness: Closeness { tolerance: 1e-10, ..Closeness::default() },
+            descent: Descent { inertia: solver == Solver::Projective, ..Descent::default() },
         };
         let solved = run(&rod(2), &[pulled(1, [0.1, 0.0, 0.0], 5.0)], &[pin(0)], &params).unwrap();
         assert_eq!(solved.steps as f64, steps);
@@ -312,14 +331,16 @@ fn implicit_steps_err_by_their_length_and_both_solvers_take_the_same() {
 fn a_sheet_in_motion_is_much_the_same_by_both_implicit_solvers() {
     let params = |solver| Params {
         solver,
-        inertia: solver == Solver::Projective,
-        duration: 0.02,
-        dt: Some(1e-3),
-        stiffness: 0.5,
-        ground: 0.1,
-        strain_limit: Some(0.2),
-        tolerance: 1e-6,
-        ..Params::default()
+        springs: Springs {
+            duration: 0.02,
+            dt: Some(1e-3),
+            stiffness: 0.5,
+            ground: 0.1,
+            strain_limit: Some(0.2),
+            ..Springs::default()
+        },
+        closeness: Closeness { tolerance: 1e-6, ..Closeness::default() },
+        descent: Descent { inertia: solver == Solver::Projective, ..Descent::default() },
     };
     let handles = [moved(60, [0.0, 0.3, 1.0], 4.5), pulled(63, [0.1, 0.0, 0.2], 4.5)];
     let [a, b] =
@@ -343,7 +364,7 @@ fn what_is_pulled_against_nothing_has_no_balance_and_what_is_moved_goes_as_it_is
 #[test]
 fn a_handle_that_goes_on_ends_where_it_would_have_gone_at_once() {
     let lattice = sheet(13);
-    let params = Params { push: false, ..statics() };
+    let params = Params { springs: Springs { push: false, ..statics().springs }, ..statics() };
     let by = |z: f64| moved(84, [0.1 * z, 0.0, z], 5.5);
     let mut prepared = Prepared::new(&lattice, None, &[by(0.0)], &[], &params, &Exec::default()).unwrap();
     let mut iterations = 0;
@@ -374,16 +395,17 @@ fn a_pulled_body_that_nothing_holds_gains_force_times_time_by_implicit_steps_too
     for (solver, steps) in [(Solver::Projective, 20), (Solver::Projective, 100), (Solver::Xpbd, 100)] {
         let params = Params {
             solver,
-            inertia: solver == Solver::Projective,
-            stiffness: 1000.0,
-            drag: 0.0,
-            duration: 0.01,
-            dt: Some(0.01 / steps as f64),
-            ramp: Some(0.0),
-            frames: steps,
-            tolerance: 1e-12,
-            max_iterations: 3000,
-            ..Params::default()
+            springs: Springs {
+                stiffness: 1000.0,
+                drag: 0.0,
+                duration: 0.01,
+                dt: Some(0.01 / steps as f64),
+                ramp: Some(0.0),
+                frames: steps,
+                ..Springs::default()
+            },
+            closeness: Closeness { tolerance: 1e-12, max_iterations: 3000 },
+            descent: Descent { inertia: solver == Solver::Projective, ..Descent::default() },
         };
         let solved = run(&lattice, &[pulled(40, [3.0, 0.0, 1.0], 100.0)], &[], &params).unwrap();
         assert_eq!(solved.steps, steps);

@@ -16,9 +16,16 @@ fn motion(params: &Params, exec: &Exec, faulty: bool) -> Vec<u64> {
 fn settings() -> [Params; 4] {
     let projective = Params { solver: Solver::Projective, ..Params::default() };
     [
-        Params { duration: 0.05, ..Params::default() },
-        Params { push: false, strain_limit: Some(0.1), duration: 0.05, ..Params::default() },
-        Params { inertia: true, duration: 0.05, ..projective.clone() },
+        Params { springs: Springs { duration: 0.05, ..Springs::default() }, ..Params::default() },
+        Params {
+            springs: Springs { push: false, strain_limit: Some(0.1), duration: 0.05, ..Springs::default() },
+            ..Params::default()
+        },
+        Params {
+            springs: Springs { duration: 0.05, ..projective.springs.clone() },
+            descent: Descent { inertia: true, ..projective.descent },
+            ..projective.clone()
+        },
         projective,
     ]
 }
