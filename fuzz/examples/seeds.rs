@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ivd_artefact::{Kind, peek, KindCode};
+use ivd_artefact::{Kind, KindCode, peek};
 use ivd_core::{Exec, Grid, Volume, Voxels};
 use ivd_fuzz::artefacts::{Section, Wanted};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};

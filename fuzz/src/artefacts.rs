@@ -213,7 +213,12 @@ fn use_it(artefact: &Artefact) {
             if let Ok(built) = ivd_atf::transfer(&volume, labels, &ivd_atf::Params::default(), exec()) {
                 stages::draw(&volume, &built.transfer, Some(labels), None);
             }
-            let _ = ivd_boundary::component(&volume, Some(labels), &ivd_boundary::Params::default(), exec());
+            let _ = ivd_boundary::component(
+                &volume,
+                Some(labels),
+                &ivd_boundary::ComponentParams::default(),
+                exec(),
+            );
         }
         Artefact::Mask(mask) if mask.grid().len() <= SMALL => {
             let voxels: Vec<u8> = (0..mask.grid().len()).map(|i| i as u8).collect();

@@ -1,6 +1,6 @@
 //! Tiny volumes of any values.
 
-use ivd_boundary::{Params as PartParams, component};
+use ivd_boundary::{ComponentParams as PartParams, component};
 use ivd_core::{Displacement, FieldBricks, Grid, Labels, Mask, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures;

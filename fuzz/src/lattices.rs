@@ -138,6 +138,6 @@ fn soup(grid: Grid, bytes: &mut Bytes) -> Lattice {
         triangles,
         level: 0,
         max_error_mm: 0.0,
- coarser: Vec::new(),
+        coarser: Vec::new(),
     }
 }

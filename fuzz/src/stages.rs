@@ -1,52 +1,42 @@
 //! Every stage on something tiny, and what its result promises.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use ivd_artefact::{Artefact, ContentHash};
+use ivd_core::op;
 use ivd_core::{
     Displacement, ElementKey, Grid, Labels, Lattice, LatticeSource, Motion, TransferFunction, Volume, Voxels,
 };
-use ivd_pipeline::scene::{
-    AtfSection, BoundarySection, DeformSection, IsoChoice, MapMethod, MapSection, OctreeSection, RefineSection,
-    RenderSection, SegmentSection, WarpSection,
-};
-use ivd_pipeline::stages::{
-    Atf, Boundary, Deform, Lattice as Cut, Map, Octree, Refine, Render, Segment, SegmentTree, Warp,
-};
-use ivd_pipeline::{Input, Inputs, Stage};
+use ivd_pipeline::list::{STAGES, stage};
+use ivd_pipeline::{Input, Inputs, Section, Stage};
+use serde_json::{Map, Value as Json, json};
 
 use crate::exec;
 
-/// What the stages read, made once.
-struct Made {
-    volume: Arc<Artefact>,
-    labels: Arc<Artefact>,
-    transfer: Arc<Artefact>,
-    lattice: Arc<Artefact>,
-    octree: Arc<Artefact>,
-    motion: Arc<Artefact>,
-    displacement: Arc<Artefact>,
-}
+/// What the stages read, by slot, made once.
+type Made = BTreeMap<&'static str, Arc<Artefact>>;
 
 fn made() -> &'static Made {
     static MADE: OnceLock<Made> = OnceLock::new();
     MADE.get_or_init(|| {
-        let volume = Arc::new(Artefact::Volume(ball()));
-        let just = |stage: &dyn Stage, slots: &[(&'static str, &Arc<Artefact>)]| {
-            Arc::new(run(stage, slots).expect("the defaults work on a ball"))
-        };
-        let segmentation = Segment::from_section(&SegmentSection::default()).expect("sound");
-        let labels = just(&segmentation, &[("volume", &volume)]);
-        let atf = Atf::from_section(&AtfSection::default(), None);
-        let transfer = just(&atf, &[("volume", &volume), ("labels", &labels)]);
-        let lattice = just(&Cut { iso: IsoChoice::Value(50.0), class: None }, &[("volume", &volume)]);
-        let octree = just(&Octree::default(), &[("lattice", &lattice)]);
-        let handle = "pick=4,4,7;move=0,0,0.5;radius=6".parse().expect("a handle");
-        let section = DeformSection { handle: vec![handle], ..DeformSection::default() };
-        let motion = just(&Deform::from_section(&section).expect("sound"), &[("lattice", &lattice)]);
-        let slots = [("lattice", &lattice), ("octree", &octree), ("motion", &motion)];
-        let displacement = just(&Map::default(), &slots);
-        Made { labels, transfer, octree, motion, displacement, lattice, volume }
+        let mut made = Made::from([("volume", Arc::new(Artefact::Volume(ball())))]);
+        let handle = json!({ "pick": [4, 4, 7], "move": [0, 0, 0.5], "radius": 6 });
+        for (slot, name, keys) in [
+            ("labels", "segment", json!({})),
+            ("mask", "boundary", json!({})),
+            ("transfer", "atf", json!({})),
+            ("lattice", "lattice", json!({ "iso": 50 })),
+            ("octree", "octree", json!({})),
+            ("motion", "deform", json!({ "handle": [handle] })),
+            ("displacement", "map", json!({})),
+        ] {
+            let Json::Object(keys) = keys else { continue };
+            let section = Section::parse(stage(name).expect("on the list"), Some(keys)).expect("sound");
+            let artefact = run(&section, &made).expect("the defaults work on a ball");
+            made.insert(slot, Arc::new(artefact));
+        }
+        made
     })
 }
 
@@ -62,13 +52,15 @@ pub fn ball() -> Volume {
     Volume::new(grid, Voxels::from(voxels)).expect("as many voxels as the grid has")
 }
 
-/// Runs a stage; its result must be sound.
-fn run(stage: &dyn Stage, slots: &[(&'static str, &Arc<Artefact>)]) -> Option<Artefact> {
-    let inputs = slots.iter().fold(Inputs::default(), |inputs, (slot, artefact)| {
+/// Runs a stage on what it wants of what there is; its result must be sound.
+fn run(section: &Section, made: &Made) -> Option<Artefact> {
+    let wanted = section.inputs().iter().filter(|slot| section.wants(slot.name) != op::Want::No);
+    let filled = wanted.filter_map(|slot| Some((slot.name, made.get(slot.name)?)));
+    let inputs = filled.fold(Inputs::default(), |inputs, (slot, artefact)| {
         inputs.with(slot, Input { artefact: Arc::clone(artefact), hash: ContentHash([0; 32]), file: None })
     });
-    inputs.check(stage).ok()?;
-    let product = stage.run(&inputs, exec()).ok()?;
+    inputs.check(section).ok()?;
+    let product = section.run(&inputs, exec()).ok()?;
     sound(&product.artefact);
     Some(product.artefact)
 }
@@ -105,75 +97,34 @@ fn opacities(transfer: &TransferFunction) {
     assert!(table.as_flattened().iter().all(|c| (0.0..=1.0).contains(c)), "a colour outside 0…1");
 }
 
-/// Segments the ball.
-pub fn segment(section: &SegmentSection) {
-    if let Ok(stage) = Segment::from_section(section) {
-        run(&stage, &[("volume", &made().volume)]);
+/// Runs the stage of a number with these keys, at each of its places.
+pub fn parameters(number: usize, mut keys: Map<String, Json>) {
+    let stage = STAGES[number % STAGES.len()];
+    // The only work that parameters can ask for without end is steps and pixels; there are few of them here.
+    if let Some(dt) = keys.get("dt").and_then(Json::as_f64) {
+        let duration = keys.get("duration").and_then(Json::as_f64).unwrap_or(0.2);
+        keys.insert("dt".to_owned(), json!(dt.max(duration / 1000.0)));
     }
-    if let (Some(tree), Ok(cut)) = (SegmentTree::from_section(section), Segment::cut_of_section(section))
-        && let Some(tree) = run(&tree, &[("volume", &made().volume)])
-    {
-        run(&cut, &[("tree", &Arc::new(tree)), ("volume", &made().volume)]);
+    if let Some(Json::Array(sides)) = keys.get_mut("size") {
+        for side in sides {
+            let few = side.as_u64().filter(|side| *side <= 32768).map(|side| side.min(8));
+            *side = few.map_or(side.take(), Json::from);
+        }
     }
-}
-
-/// Colours the ball.
-pub fn atf(section: &AtfSection) {
-    let Made { volume, labels, .. } = made();
-    run(&Atf::from_section(section, None), &[("volume", volume), ("labels", labels)]);
-    run(&Atf::from_section(section, Some(50.0)), &[("volume", volume)]);
-}
-
-/// Isolates a part of the ball.
-pub fn boundary(section: &BoundarySection) {
-    let Made { volume, labels, .. } = made();
-    run(&Boundary::from_section(section, None), &[("volume", volume), ("labels", labels)]);
-}
-
-/// Refines the ball's lattice.
-pub fn refine(section: &RefineSection) {
-    let Ok(stage) = Refine::from_section(section) else { return };
-    run(&stage, &[("lattice", &made().lattice)]);
-}
-
-/// Builds the ball's octree.
-pub fn octree(section: &OctreeSection) {
-    run(&Octree::from_section(section), &[("lattice", &made().lattice)]);
-}
-
-/// Moves the ball. Steps are the only work that parameters can ask for without end; they are few here.
-pub fn deform(mut section: DeformSection) {
-    section.dt = section.dt.map(|dt| dt.max(section.duration / 1000.0));
-    let Ok(stage) = Deform::from_section(&section) else { return };
-    run(&stage, &[("lattice", &made().lattice)]);
-}
-
-/// Carries the ball's motion.
-pub fn map(section: &MapSection) {
-    let Made { lattice, octree, motion, .. } = made();
-    let Ok(stage) = Map::from_section(section) else { return };
-    let mut inputs = vec![("lattice", lattice), ("motion", motion)];
-    if section.method == MapMethod::Octree {
-        inputs.insert(1, ("octree", octree));
+    if !keys.contains_key("size") && stage.name == ivd_render::STAGE.name {
+        keys.insert("size".to_owned(), json!([8, 8]));
     }
-    run(&stage, &inputs);
-}
-
-/// Resamples the ball.
-pub fn warp(section: &WarpSection) {
-    let Made { volume, displacement, .. } = made();
-    run(&Warp::from_section(section), &[("volume", volume), ("displacement", displacement)]);
-}
-
-/// Draws the ball, 8 × 8 pixels at most.
-pub fn render(mut section: RenderSection) {
-    section.size = section.size.map(|side| if side > 32768 { side } else { side.min(8) });
-    let Made { volume, transfer, labels, displacement, .. } = made();
-    let Ok(stage) = Render::from_section(&section, None) else { return };
-    run(
-        &stage,
-        &[("volume", volume), ("transfer", transfer), ("labels", labels), ("displacement", displacement)],
-    );
+    let Ok(section) = Section::parse(stage, Some(keys)) else { return };
+    let written = section.params();
+    let Json::Object(written) = written else { panic!("parameters are an object") };
+    let again = Section::parse(stage, Some(written)).expect("what was written is read");
+    assert_eq!(again.params(), section.params());
+    run(&section, made());
+    for place in stage.places {
+        if let Some(section) = section.at(place) {
+            run(&section, made());
+        }
+    }
 }
 
 /// A transfer function over a volume with classes, drawn 4 × 4 in every mode.
@@ -186,7 +137,7 @@ pub fn draw(
     use ivd_render::{Mode, RenderParams, Scene, render};
     for mode in [Mode::Dvr, Mode::Mip, Mode::Iso { value: 0.5 }] {
         let scene = Scene { volume, transfer: Some(transfer), labels, displacement, lattice: None };
-        let params = RenderParams { width: 4, height: 4, mode, ..RenderParams::default() };
+        let params = RenderParams { size: [4, 4], mode, ..RenderParams::default() };
         if let Ok(rendered) = render(&scene, &params, exec()) {
             assert!(rendered.samples_per_pixel.is_finite());
         }
@@ -235,7 +186,7 @@ pub fn octahedron() -> Lattice {
         triangles,
         level: 1,
         max_error_mm: 0.125,
- coarser: Vec::new(),
+        coarser: Vec::new(),
     }
 }
 
