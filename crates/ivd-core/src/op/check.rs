@@ -1,7 +1,7 @@
 //! A value held against its schema: names, types, ranges, words. What doesn't fit is told with its place, and with what would.
 
 use std::any::TypeId;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use schemars::JsonSchema;
@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::{Map, Value as Json};
 
 use super::declare::schema_of;
-use super::field::{Field, alternatives, domain, fields, is_nullable, kind, map_values, words};
+use super::field::{Field, alternatives, domain, fields, figure, is_nullable, kind, map_values, words};
 use super::finite::not_finite;
 use crate::ParamError;
 
@@ -133,8 +133,20 @@ fn check_range(number: f64, value: &Json, schema: &Json, unit: &str) -> Result<(
     let fits = bound("minimum").is_none_or(|least| number >= least)
         && bound("exclusiveMinimum").is_none_or(|least| number > least)
         && bound("maximum").is_none_or(|most| number <= most)
-        && bound("exclusiveMaximum").is_none_or(|most| number < most);
+        && bound("exclusiveMaximum").is_none_or(|most| number < most)
+        && schema.get("format").and_then(Json::as_str).and_then(widest).is_none_or(|most| number <= most);
     if fits { Ok(()) } else { Err(wrong(value, schema, unit)) }
+}
+
+/// The largest number that a whole number of a format can be.
+fn widest(format: &str) -> Option<f64> {
+    match format {
+        "uint8" => Some(u8::MAX.into()),
+        "uint16" => Some(u16::MAX.into()),
+        "uint32" => Some(u32::MAX.into()),
+        "int32" => Some(i32::MAX.into()),
+        _ => None,
+    }
 }
 
 fn check_list(list: &mut [Json], schema: &Json, unit: &str) -> Result<(), ParamError> {
@@ -160,10 +172,16 @@ fn check_list(list: &mut [Json], schema: &Json, unit: &str) -> Result<(), ParamE
 fn check_map(object: &mut Map<String, Json>, schema: &Json, values: &Json) -> Result<(), ParamError> {
     // Maps go by class: other keys have no pattern.
     let by_number = schema.get("patternProperties").is_some();
+    let mut classes = BTreeSet::new();
     for (key, value) in object {
-        if by_number && key.parse::<u16>().is_err() {
-            let remedy = "name a class by its number, 0 to 65535";
-            return Err(ParamError::at_itself("not a class", remedy).under(key));
+        if by_number {
+            let Ok(class) = key.parse::<u16>() else {
+                let remedy = "name a class by its number, 0 to 65535";
+                return Err(ParamError::at_itself("not a class", remedy).under(key));
+            };
+            if !classes.insert(class) {
+                return Err(ParamError::at_itself("the class is named twice", "name it once").under(key));
+            }
         }
         check_unit(value, values, "").map_err(|problem| problem.under(key))?;
     }
@@ -230,7 +248,8 @@ pub fn unknown<'a>(what: &str, found: &str, known: impl Iterator<Item = &'a str>
 
 /// A value as a person writes it, not at length.
 fn plain(value: &Json) -> String {
-    let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let number = value.as_f64().filter(|_| value.is_f64()).map(figure);
+    let text = number.unwrap_or_else(|| value.as_str().map_or_else(|| value.to_string(), str::to_owned));
     if text.chars().count() <= 80 { text } else { text.chars().take(80).chain(['…']).collect() }
 }
 

@@ -127,6 +127,12 @@ pub fn map_values(schema: &Json) -> Option<&Json> {
     by_pattern.or_else(|| schema.get("additionalProperties").filter(|values| values.is_object()))
 }
 
+/// A number as a person writes it: very large and very small ones with their power of ten.
+pub(super) fn figure(number: f64) -> String {
+    let size = number.abs();
+    if size == 0.0 || (1e-4..1e6).contains(&size) { format!("{number}") } else { format!("{number:e}") }
+}
+
 /// What a value may be, for a person.
 pub fn domain(schema: &Json, unit: &str) -> String {
     let all = alternatives(schema);
@@ -153,14 +159,16 @@ pub fn domain(schema: &Json, unit: &str) -> String {
             (Some(0.0), None, None | Some(255.0 | 65535.0), None) if kind(schema) == "integer" => {
                 String::new()
             }
-            (Some(low), None, Some(high), None) => format!("{low} … {high}{unit}"),
-            (None, Some(low), Some(high), None) => format!("above {low} to {high}{unit}"),
-            (Some(low), None, None, Some(high)) => format!("{low} to below {high}{unit}"),
-            (None, Some(low), None, Some(high)) => format!("above {low}, below {high}{unit}"),
-            (Some(low), None, None, None) => format!("≥ {low}{unit}"),
-            (None, Some(low), None, None) => format!("> {low}{unit}"),
-            (None, None, Some(high), None) => format!("≤ {high}{unit}"),
-            (None, None, None, Some(high)) => format!("< {high}{unit}"),
+            (Some(low), None, Some(high), None) => format!("{} … {}{unit}", figure(low), figure(high)),
+            (None, Some(low), Some(high), None) => format!("above {} to {}{unit}", figure(low), figure(high)),
+            (Some(low), None, None, Some(high)) => format!("{} to below {}{unit}", figure(low), figure(high)),
+            (None, Some(low), None, Some(high)) => {
+                format!("above {}, below {}{unit}", figure(low), figure(high))
+            }
+            (Some(low), None, None, None) => format!("≥ {}{unit}", figure(low)),
+            (None, Some(low), None, None) => format!("> {}{unit}", figure(low)),
+            (None, None, Some(high), None) => format!("≤ {}{unit}", figure(high)),
+            (None, None, None, Some(high)) => format!("< {}{unit}", figure(high)),
             _ => String::new(),
         };
     if range.is_empty() { unit.trim().to_owned() } else { range }

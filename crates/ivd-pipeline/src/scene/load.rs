@@ -85,15 +85,16 @@ pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
     for o in overrides {
         set(&mut table, o)?;
     }
+    let written = as_json(table.clone()).map_err(|problem| placed(text, &problem))?;
+    let sections = sections(&written).map_err(|problem| placed(text, &problem))?;
     let mut scene: Scene = if overrides.is_empty() {
         // Straight from the text, so that errors carry line and column.
         toml::from_str(text).map_err(|e| with_suggestion(&in_short(&e.to_string())))?
     } else {
-        let typed = table.clone().try_into();
+        let typed = table.try_into();
         typed.map_err(|e: toml::de::Error| with_suggestion(&in_short(&e.to_string())))?
     };
-    scene.written = as_json(table).map_err(|problem| placed(text, &problem))?;
-    scene.sections = sections(&scene.written).map_err(|problem| placed(text, &problem))?;
+    (scene.written, scene.sections) = (written, sections);
     scene.check()?;
     Ok(scene)
 }

@@ -93,7 +93,7 @@ pub fn fem(
         return Err(Error::Mismatch {
             what: "material",
             problem: "there are no labels to know them by".into(),
-            remedy: "give labels, or no material by class",
+            remedy: "give labels (--labels), or no material by class",
         });
     }
     labels.map_or(Ok(()), |labels| known(labels, params))?;

@@ -280,7 +280,7 @@ fn a_handle_outside_and_bad_parameters_are_named() {
             springs: Springs { material: [(3, both)].into(), ..Springs::default() },
             ..Params::default()
         }),
-        "stiffness"
+        "material.3.stiffness"
     );
 }
 
