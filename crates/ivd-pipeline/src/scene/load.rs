@@ -9,7 +9,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
 use super::{Scene, Written};
-use crate::list::STAGES;
+use crate::list::{STAGES, stage};
 use crate::params::from_toml;
 use crate::{Error, Section};
 
@@ -85,8 +85,13 @@ pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
     for o in overrides {
         set(&mut table, o)?;
     }
-    let written = as_json(table.clone()).map_err(|problem| placed(text, &problem))?;
-    let sections = sections(&written).map_err(|problem| placed(text, &problem))?;
+    // What isn't known at all is refused below, before anything is made of it.
+    let is_known = |key: &str| ["schema", "input", "output"].contains(&key) || stage(key).is_some();
+    let (mut written, mut found) = (Written::new(), Vec::new());
+    if table.keys().all(|key| is_known(key)) {
+        written = as_json(table.clone()).map_err(|problem| placed(text, &problem))?;
+        found = sections(&written).map_err(|problem| placed(text, &problem))?;
+    }
     let mut scene: Scene = if overrides.is_empty() {
         // Straight from the text, so that errors carry line and column.
         toml::from_str(text).map_err(|e| with_suggestion(&in_short(&e.to_string())))?
@@ -94,7 +99,7 @@ pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
         let typed = table.try_into();
         typed.map_err(|e: toml::de::Error| with_suggestion(&in_short(&e.to_string())))?
     };
-    (scene.written, scene.sections) = (written, sections);
+    (scene.written, scene.sections) = (written, found);
     scene.check()?;
     Ok(scene)
 }
