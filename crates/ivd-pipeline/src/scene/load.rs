@@ -9,7 +9,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
 use super::{Scene, Written};
-use crate::list::{STAGES, stage};
+use crate::list::STAGES;
 use crate::params::from_toml;
 use crate::{Error, Section};
 
@@ -81,25 +81,26 @@ pub fn read_short(file: &Path) -> std::io::Result<Option<Vec<u8>>> {
 /// # Errors
 /// A sentence that names the place, what is wrong and what to do.
 pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
-    let mut table: Table = text.parse().map_err(|e: toml::de::Error| in_short(&e.to_string()))?;
-    for o in overrides {
-        set(&mut table, o)?;
-    }
-    // What isn't known at all is refused below, before anything is made of it.
-    let is_known = |key: &str| ["schema", "input", "output"].contains(&key) || stage(key).is_some();
-    let (mut written, mut found) = (Written::new(), Vec::new());
-    if table.keys().all(|key| is_known(key)) {
-        written = as_json(table.clone()).map_err(|problem| placed(text, &problem))?;
-        found = sections(&written).map_err(|problem| placed(text, &problem))?;
-    }
-    let mut scene: Scene = if overrides.is_empty() {
-        // Straight from the text, so that errors carry line and column.
-        toml::from_str(text).map_err(|e| with_suggestion(&in_short(&e.to_string())))?
+    let told = |e: toml::de::Error| with_suggestion(&in_short(&e.to_string()));
+    let table = || text.parse::<Table>().map_err(|e| in_short(&e.to_string()));
+    let (typed, table) = if overrides.is_empty() {
+        // Straight from the text, so that errors carry line and column. Of keys that nobody knows nothing else is made.
+        let typed = toml::from_str::<Scene>(text).map_err(told);
+        if typed.as_ref().is_err_and(|problem| problem.contains("unknown field")) {
+            return typed;
+        }
+        (typed, table()?)
     } else {
-        let typed = table.try_into();
-        typed.map_err(|e: toml::de::Error| with_suggestion(&in_short(&e.to_string())))?
+        let mut table = table()?;
+        for o in overrides {
+            set(&mut table, o)?;
+        }
+        (table.clone().try_into().map_err(told), table)
     };
-    (scene.written, scene.sections) = (written, found);
+    let written = as_json(table).map_err(|problem| placed(text, &problem))?;
+    let sections = sections(&written).map_err(|problem| placed(text, &problem))?;
+    let mut scene = typed?;
+    (scene.written, scene.sections) = (written, sections);
     scene.check()?;
     Ok(scene)
 }
