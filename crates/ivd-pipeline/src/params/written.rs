@@ -35,7 +35,7 @@ fn is_fixed(schema: &Json) -> bool {
     schema.get("maxItems").is_some() && schema.get("maxItems") == schema.get("minItems")
 }
 
-/// Reads a value. Whether it fits, [`check`](super::check) tells.
+/// Reads a value. Whether it fits, [`check`](ivd_core::op::check()) tells.
 ///
 /// # Errors
 /// What was written, and how to write it.
