@@ -30,7 +30,7 @@ pub fn handles(bytes: &[u8]) {
             let _ = read_entry(None, key.field(), text);
         }
         for method in stage.methods {
-            for field in fields(&(method.schema)()) {
+            for field in fields((method.schema)()) {
                 let _ = read_entry(None, field, text);
             }
         }

@@ -65,15 +65,15 @@ impl Section {
         let mut keys = written.clone().unwrap_or_default();
         let method = choose(stage, &mut keys)?;
         let schema = (method.schema)();
-        rename(&mut keys, &schema)?;
-        drop_foreign_defaults(stage, method, &schema, &mut keys)?;
+        rename(&mut keys, schema)?;
+        drop_foreign_defaults(stage, method, schema, &mut keys)?;
         for (key, value) in
-            adopted.into_iter().filter(|(key, _)| fields(&schema).any(|field| field.name == *key))
+            adopted.into_iter().filter(|(key, _)| fields(schema).any(|field| field.name == *key))
         {
             keys.entry(key).or_insert(value);
         }
         let mut keys = Json::Object(keys);
-        check(&mut keys, &schema).map_err(|problem| with_takers(stage, method, &keys, problem))?;
+        check(&mut keys, schema).map_err(|problem| with_takers(stage, method, &keys, problem))?;
         let job = (method.parse)(keys).map_err(|e| ParamError::at_itself(e, "give what the schema says"))?;
         job.check()?;
         Ok(Self { stage, method, variant: "", written, job })
@@ -92,7 +92,7 @@ impl Section {
         let mut adopted = Map::new();
         for method in stage.methods {
             let schema = (method.schema)();
-            for field in fields(&schema) {
+            for field in fields(schema) {
                 let Some((section, key)) = field.from() else { continue };
                 let kept_from_it = field.unless().is_some_and(|(section, key)| given(section, key).is_some());
                 let value = given(section, key).filter(|_| !kept_from_it).cloned();
@@ -147,7 +147,7 @@ impl Section {
         let (product, beside) = work(&values).map_err(|failure| Error::failed(self.stage.name, failure))?;
         let schema = (self.method.figures)();
         let mut metrics = Metrics { figures: product.figures, times: std::collections::BTreeMap::new() };
-        for field in fields(&schema).filter(|field| field.is_time()) {
+        for field in fields(schema).filter(|field| field.is_time()) {
             if let Some(time) = metrics.figures.remove(field.name).and_then(|time| time.as_f64()) {
                 metrics.times.insert(field.name.to_owned(), time);
             }
@@ -172,7 +172,7 @@ impl Section {
         let mut params = self.job.params();
         if is_key {
             let schema = (self.method.schema)();
-            fields(&schema).filter(|field| field.is_how()).for_each(|field| {
+            fields(schema).filter(|field| field.is_how()).for_each(|field| {
                 params.remove(field.name);
             });
         }
@@ -204,7 +204,7 @@ fn with_takers(stage: &Stage, method: &Method, keys: &Json, mut problem: ParamEr
     let Some(value) = keys.get(&problem.field) else { return problem };
     let takes = |other: &&Method| {
         let schema = (other.schema)();
-        let field = fields(&schema).find(|field| field.name == problem.field);
+        let field = fields(schema).find(|field| field.name == problem.field);
         other.name != method.name
             && field.is_some_and(|field| check(&mut value.clone(), field.schema).is_ok())
     };
@@ -230,15 +230,15 @@ fn drop_foreign_defaults(
         let (mut readers, mut says_nothing) = (Vec::new(), false);
         for other in stage.methods {
             let schema = (other.schema)();
-            if let Some(field) = fields(&schema).find(|field| field.name == key) {
+            if let Some(field) = fields(schema).find(|field| field.name == key) {
                 readers.push(other.name);
                 says_nothing |= keys.get(&key).is_some_and(|value| is_default(value, field));
             }
         }
         if readers.is_empty() {
             // Those of the other methods too: it may be one of them that is meant.
-            let all: Vec<Json> = stage.methods.iter().map(|method| (method.schema)()).collect();
-            let known: BTreeSet<&str> = all.iter().flat_map(fields).map(|field| field.name).collect();
+            let all = stage.methods.iter().flat_map(|method| fields((method.schema)()));
+            let known: BTreeSet<&str> = all.map(|field| field.name).collect();
             let selector = Some(stage.selector).filter(|selector| !selector.is_empty());
             return Err(unknown("key", &key, known.into_iter().chain(selector)).under(&key));
         }

@@ -77,7 +77,7 @@ impl Precursor {
             )));
         }
         let schema = (method.schema)();
-        if let Some(field) = fields(&schema).find(|field| keys.get(field.name).is_some()) {
+        if let Some(field) = fields(schema).find(|field| keys.get(field.name).is_some()) {
             return Err(Failure::usage(format!(
                 "{}: it shapes a {variant}, and that of --from-{variant} is built; leave it out, or build another {variant} with \
                  `ivd {} … --{} {} --{} … --{} {}`",
@@ -101,7 +101,7 @@ impl Precursor {
     pub(crate) fn leave_out(self, record: &mut StageRecord) {
         if let Some(params) = record.params.as_object_mut() {
             let schema = (self.method.schema)();
-            params.retain(|key, _| fields(&schema).all(|field| field.name != key));
+            params.retain(|key, _| fields(schema).all(|field| field.name != key));
         }
     }
 }

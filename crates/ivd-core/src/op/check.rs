@@ -1,8 +1,6 @@
 //! A value held against its schema: names, types, ranges, words. What doesn't fit is told with its place, and with what would.
 
-use std::any::TypeId;
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::BTreeSet;
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -22,14 +20,7 @@ pub fn check_fields<T: Serialize + JsonSchema + 'static>(params: &T) -> Result<(
         return Err(ParamError::new(field, "not a finite number", "give a finite number"));
     }
     let wrong = |e: serde_json::Error| ParamError::at_itself(e.to_string(), "give plain parameters");
-    check(&mut serde_json::to_value(params).map_err(wrong)?, &kept_schema::<T>())
-}
-
-/// The schema of a type, made once.
-fn kept_schema<T: JsonSchema + 'static>() -> Arc<Json> {
-    static KEPT: Mutex<BTreeMap<TypeId, Arc<Json>>> = Mutex::new(BTreeMap::new());
-    let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-    kept.entry(TypeId::of::<T>()).or_insert_with(|| Arc::new(schema_of::<T>())).clone()
+    check(&mut serde_json::to_value(params).map_err(wrong)?, schema_of::<T>())
 }
 
 /// Writes old names as what they are called now, and holds the value against the schema.

@@ -1,3 +1,7 @@
+use std::any::TypeId;
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::Value as Json;
@@ -17,9 +21,9 @@ pub struct Method {
     /// Kind of what it gives; `None` where it is that of the first input.
     pub output: Option<Kind>,
     /// JSON Schema of its parameters, without references.
-    pub schema: fn() -> Json,
+    pub schema: fn() -> &'static Json,
     /// JSON Schema of its figures, without references.
-    pub figures: fn() -> Json,
+    pub figures: fn() -> &'static Json,
     /// The job with these parameters; those that aren't given have their defaults.
     pub parse: fn(Json) -> Result<Box<dyn Job>, String>,
 }
@@ -40,8 +44,14 @@ pub const fn method<O: Op>(name: &'static str) -> Method {
     }
 }
 
-/// JSON Schema of a type, without references.
-pub fn schema_of<T: JsonSchema>() -> Json {
+/// JSON Schema of a type, without references. It is made once: every key that is read asks for it.
+pub fn schema_of<T: JsonSchema + 'static>() -> &'static Json {
+    static MADE: Mutex<BTreeMap<TypeId, &'static Json>> = Mutex::new(BTreeMap::new());
+    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    made.entry(TypeId::of::<T>()).or_insert_with(|| Box::leak(Box::new(generated::<T>())))
+}
+
+fn generated<T: JsonSchema>() -> Json {
     let settings = SchemaSettings::draft2020_12().with(|settings| settings.inline_subschemas = true);
     let mut schema = settings.into_generator().into_root_schema_for::<T>().to_value();
     share_out(&mut schema);

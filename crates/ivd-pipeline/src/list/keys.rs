@@ -41,7 +41,7 @@ impl Key {
 pub fn keys(stage: &Stage) -> Vec<Key> {
     let mut all: Vec<Key> = Vec::new();
     for method in stage.methods {
-        for field in fields(&(method.schema)()) {
+        for field in fields((method.schema)()) {
             let (about, default) = (field.about(), field.default());
             let said =
                 || Said { methods: vec![method.name], about: about.to_owned(), default: default.cloned() };

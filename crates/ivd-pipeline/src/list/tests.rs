@@ -30,8 +30,8 @@ fn each_field(schema: &Json, place: &str, visit: &mut impl FnMut(&str, Field<'_>
 fn all_fields(visit: &mut impl FnMut(&str, Field<'_>)) {
     for (stage, method) in methods() {
         let place = format!("{}.{}", stage.name, method.name);
-        each_field(&(method.schema)(), &place, visit);
-        each_field(&(method.figures)(), &format!("{place} figures"), visit);
+        each_field((method.schema)(), &place, visit);
+        each_field((method.figures)(), &format!("{place} figures"), visit);
     }
 }
 
@@ -64,7 +64,7 @@ fn every_number_has_a_unit() {
 #[test]
 fn every_default_lies_in_its_range() {
     for (stage, method) in methods() {
-        for field in fields(&(method.schema)()) {
+        for field in fields((method.schema)()) {
             let mut default = field
                 .default()
                 .cloned()
@@ -83,7 +83,7 @@ fn chosen(stage: &'static Stage, method: &Method) -> Map<String, Json> {
         keys.insert(stage.selector.to_owned(), json!(method.name));
     }
     let schema = (method.schema)();
-    for field in fields(&schema) {
+    for field in fields(schema) {
         match Section::parse(stage, Some(keys.clone())) {
             Err(problem) if problem.field == field.name => {
                 keys.insert(field.name.to_owned(), others(field).pop().unwrap());
@@ -148,7 +148,7 @@ fn samples(schema: &Json) -> Vec<Json> {
 #[test]
 fn what_is_parsed_is_written_as_it_was_read_and_read_again_the_same() {
     for (stage, method) in methods() {
-        for field in fields(&(method.schema)()) {
+        for field in fields((method.schema)()) {
             let mut keys = chosen(stage, method);
             let value =
                 other(field).unwrap_or_else(|| panic!("{}.{}: nothing to try", stage.name, field.name));
@@ -165,7 +165,7 @@ fn what_is_parsed_is_written_as_it_was_read_and_read_again_the_same() {
 fn whatever_says_what_the_result_is_changes_the_cache_key() {
     for (stage, method) in methods() {
         let plain = Section::parse(stage, Some(chosen(stage, method))).unwrap();
-        for field in fields(&(method.schema)()) {
+        for field in fields((method.schema)()) {
             let mut keys = chosen(stage, method);
             keys.insert(field.name.to_owned(), other(field).unwrap());
             let Ok(moved) = Section::parse(stage, Some(keys)) else { continue };
@@ -185,7 +185,7 @@ fn keys_of_nobody_and_of_other_methods_are_refused_by_name() {
         let own = (method.schema)();
         for owner in stage.methods {
             for field in
-                fields(&(owner.schema)()).filter(|field| fields(&own).all(|own| own.name != field.name))
+                fields((owner.schema)()).filter(|field| fields(own).all(|own| own.name != field.name))
             {
                 let mut keys = chosen(stage, method);
                 keys.insert(field.name.to_owned(), other(field).unwrap());
@@ -204,7 +204,7 @@ fn keys_of_nobody_and_of_other_methods_are_refused_by_name() {
 #[test]
 fn a_value_that_does_not_fit_is_refused_by_the_key_that_was_typed() {
     for (stage, method) in methods() {
-        for field in fields(&(method.schema)()) {
+        for field in fields((method.schema)()) {
             let mut keys = chosen(stage, method);
             keys.insert(field.name.to_owned(), json!({ "no": ["such", "thing"] }));
             let refused = Section::parse(stage, Some(keys)).unwrap_err();
@@ -216,7 +216,7 @@ fn a_value_that_does_not_fit_is_refused_by_the_key_that_was_typed() {
 #[test]
 fn old_names_are_read_and_refused_beside_the_new() {
     for (stage, method) in methods() {
-        for field in fields(&(method.schema)()) {
+        for field in fields((method.schema)()) {
             for alias in field.aliases() {
                 let value = other(field).unwrap();
                 let (old, is_opposite) = (alias.trim_start_matches('!'), alias.starts_with('!'));
