@@ -19,52 +19,36 @@ pub enum ArtefactRef<'a> {
     Tree(&'a Tree),
 }
 
-impl ArtefactRef<'_> {
-    /// What it holds.
-    pub fn kind(&self) -> Kind {
-        match self {
-            Self::Volume(_) => Kind::Volume,
-            Self::Labels(_) => Kind::Labels,
-            Self::Mask(_) => Kind::Mask,
-            Self::Transfer(_) => Kind::Transfer,
-            Self::Lattice(_) => Kind::Lattice,
-            Self::Octree(_) => Kind::Octree,
-            Self::Motion(_) => Kind::Motion,
-            Self::Displacement(_) => Kind::Displacement,
-            Self::Image(_) => Kind::Image,
-            Self::Tree(_) => Kind::Tree,
-        }
-    }
-}
-
-impl<'a> From<&'a Artefact> for ArtefactRef<'a> {
-    fn from(artefact: &'a Artefact) -> Self {
-        match artefact {
-            Artefact::Volume(value) => Self::Volume(value),
-            Artefact::Labels(value) => Self::Labels(value),
-            Artefact::Mask(value) => Self::Mask(value),
-            Artefact::Transfer(value) => Self::Transfer(value),
-            Artefact::Lattice(value) => Self::Lattice(value),
-            Artefact::Octree(value) => Self::Octree(value),
-            Artefact::Motion(value) => Self::Motion(value),
-            Artefact::Displacement(value) => Self::Displacement(value),
-            Artefact::Image(value) => Self::Image(value),
-            Artefact::Tree(value) => Self::Tree(value),
-        }
-    }
-}
-
-macro_rules! from_value {
-    ($($variant:ident($type:ty),)*) => {$(
-        impl<'a> From<&'a $type> for ArtefactRef<'a> {
-            fn from(value: &'a $type) -> Self {
-                Self::$variant(value)
+macro_rules! of_values {
+    ($($variant:ident($type:ty),)*) => {
+        impl ArtefactRef<'_> {
+            /// What it holds.
+            pub fn kind(&self) -> Kind {
+                match self {
+                    $(Self::$variant(_) => Kind::$variant,)*
+                }
             }
         }
-    )*};
+
+        impl<'a> From<&'a Artefact> for ArtefactRef<'a> {
+            fn from(artefact: &'a Artefact) -> Self {
+                match artefact {
+                    $(Artefact::$variant(value) => Self::$variant(value),)*
+                }
+            }
+        }
+
+        $(
+            impl<'a> From<&'a $type> for ArtefactRef<'a> {
+                fn from(value: &'a $type) -> Self {
+                    Self::$variant(value)
+                }
+            }
+        )*
+    };
 }
 
-from_value! {
+of_values! {
     Volume(Volume),
     Labels(Labels),
     Mask(Mask),

@@ -28,24 +28,6 @@ pub enum Artefact {
     Tree(Tree),
 }
 
-impl Artefact {
-    /// What it holds.
-    pub fn kind(&self) -> Kind {
-        match self {
-            Self::Volume(_) => Kind::Volume,
-            Self::Labels(_) => Kind::Labels,
-            Self::Mask(_) => Kind::Mask,
-            Self::Transfer(_) => Kind::Transfer,
-            Self::Lattice(_) => Kind::Lattice,
-            Self::Octree(_) => Kind::Octree,
-            Self::Motion(_) => Kind::Motion,
-            Self::Displacement(_) => Kind::Displacement,
-            Self::Image(_) => Kind::Image,
-            Self::Tree(_) => Kind::Tree,
-        }
-    }
-}
-
 /// A type that stages hand on.
 pub trait Value: Sized + 'static {
     /// Its kind.
@@ -65,22 +47,33 @@ impl<T: Value> From<T> for Artefact {
 }
 
 macro_rules! values {
-    ($($variant:ident($type:ty)),* $(,)?) => {$(
-        impl Value for $type {
-            const KIND: Kind = Kind::$variant;
-
-            fn of(artefact: &Artefact) -> Option<&Self> {
-                match artefact {
-                    Artefact::$variant(value) => Some(value),
-                    _ => None,
+    ($($variant:ident($type:ty)),* $(,)?) => {
+        impl Artefact {
+            /// What it holds.
+            pub fn kind(&self) -> Kind {
+                match self {
+                    $(Self::$variant(_) => Kind::$variant,)*
                 }
             }
-
-            fn into_artefact(self) -> Artefact {
-                Artefact::$variant(self)
-            }
         }
-    )*};
+
+        $(
+            impl Value for $type {
+                const KIND: Kind = Kind::$variant;
+
+                fn of(artefact: &Artefact) -> Option<&Self> {
+                    match artefact {
+                        Artefact::$variant(value) => Some(value),
+                        _ => None,
+                    }
+                }
+
+                fn into_artefact(self) -> Artefact {
+                    Artefact::$variant(self)
+                }
+            }
+        )*
+    };
 }
 values! {
     Volume(Volume), Labels(Labels), Mask(Mask), Transfer(TransferFunction), Lattice(Lattice), Octree(Octree), Motion(Motion),
