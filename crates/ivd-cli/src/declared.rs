@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, CommandFactory as _, FromArgMatches as _};
-use ivd_core::op::{Field, Stage, Want, alternatives, fields, kind, map_values, words};
+use ivd_core::op::{Field, Stage, Want, alternatives, fields, is_vector, kind, map_values, words};
 use ivd_core::{Kind, ParamError};
 use ivd_pipeline::Section;
 use ivd_pipeline::list::{self, Key};
@@ -199,10 +199,7 @@ fn arguments(stage: &Stage, found: &Key) -> Vec<Arg> {
 
 /// Whether a flag may be given several times: a list of things, a map.
 fn repeats(field: Field<'_>) -> bool {
-    let is_map = map_values(field.schema).is_some();
-    let is_vector = field.schema.get("maxItems") == field.schema.get("minItems")
-        && field.schema.get("maxItems").is_some();
-    is_map || (kind(field.schema) == "array" && !is_vector)
+    map_values(field.schema).is_some() || (kind(field.schema) == "array" && !is_vector(field.schema))
 }
 
 /// What is written for a value.
@@ -213,7 +210,7 @@ fn form(field: Field<'_>) -> String {
     };
     let one = alternatives(field.schema);
     let Some(schema) = one.first() else { return "VALUE".to_owned() };
-    if map_values(schema).is_some() && schema.get("properties").is_none() {
+    if map_values(schema).is_some() {
         return "CLASS=key:value,…".to_owned();
     }
     match kind(schema) {

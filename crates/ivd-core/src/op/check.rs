@@ -112,8 +112,8 @@ fn check_one(value: &mut Json, schema: &Json, unit: &str) -> Result<(), ParamErr
         }
         Json::Array(list) => check_list(list, schema, unit),
         Json::Object(object) => match map_values(schema) {
-            Some(values) if schema.get("properties").is_none() => check_map(object, schema, values),
-            _ => check_object(object, schema),
+            Some(values) => check_map(object, schema, values),
+            None => check_object(object, schema),
         },
         Json::Null | Json::Bool(_) => Ok(()),
     }

@@ -120,8 +120,16 @@ pub fn words(schema: &Json) -> Vec<(&str, &str)> {
     }
 }
 
-/// The schema of the values of a map, where it is one.
+/// Whether a list has a fixed length: a vector, not a list of things.
+pub fn is_vector(schema: &Json) -> bool {
+    schema.get("maxItems").is_some() && schema.get("maxItems") == schema.get("minItems")
+}
+
+/// The schema of the values of a map, where it is one: an object without fields of its own.
 pub fn map_values(schema: &Json) -> Option<&Json> {
+    if schema.get("properties").is_some() {
+        return None;
+    }
     let by_pattern =
         schema.get("patternProperties").and_then(Json::as_object).and_then(|all| all.values().next());
     by_pattern.or_else(|| schema.get("additionalProperties").filter(|values| values.is_object()))

@@ -132,15 +132,13 @@ fn samples(schema: &Json) -> Vec<Json> {
             let items: Vec<Json> = items.unwrap_or_default();
             items.into_iter().map(|item| Json::Array(vec![item; count])).collect()
         }
-        "object" => match map_values(schema) {
-            Some(values) if schema.get("properties").is_none() => {
-                samples(values).into_iter().map(|value| json!({ "3": value })).collect()
+        "object" => {
+            if let Some(values) = map_values(schema) {
+                return samples(values).into_iter().map(|value| json!({ "3": value })).collect();
             }
-            _ => {
-                let full = fields(schema).filter_map(|field| Some((field.name.to_owned(), other(field)?)));
-                vec![Json::Object(full.collect())]
-            }
-        },
+            let full = fields(schema).filter_map(|field| Some((field.name.to_owned(), other(field)?)));
+            vec![Json::Object(full.collect())]
+        }
         _ => Vec::new(),
     }
 }

@@ -4,7 +4,7 @@
 use serde_json::{Map, Value as Json};
 
 use ivd_core::ParamError;
-use ivd_core::op::{Field, alternatives, fields, kind, map_values, words};
+use ivd_core::op::{Field, alternatives, fields, is_vector, kind, map_values, words};
 
 /// What one occurrence of a flag adds to a field: its value, the next elements of a list, the next entries of a map.
 ///
@@ -13,7 +13,7 @@ use ivd_core::op::{Field, alternatives, fields, kind, map_values, words};
 pub fn read_entry(before: Option<Json>, field: Field<'_>, text: &str) -> Result<Json, ParamError> {
     let new = read(field.schema, text)?;
     Ok(match (before, new) {
-        (Some(Json::Array(mut list)), Json::Array(more)) if !is_fixed(field.schema) => {
+        (Some(Json::Array(mut list)), Json::Array(more)) if !is_vector(field.schema) => {
             list.extend(more);
             Json::Array(list)
         }
@@ -28,11 +28,6 @@ pub fn read_entry(before: Option<Json>, field: Field<'_>, text: &str) -> Result<
         (Some(_), _) => return Err(ParamError::at_itself("given twice", "give it once")),
         (None, new) => new,
     })
-}
-
-/// Whether a list has a fixed length: a vector, not a list of things.
-fn is_fixed(schema: &Json) -> bool {
-    schema.get("maxItems").is_some() && schema.get("maxItems") == schema.get("minItems")
 }
 
 /// Reads a value. Whether it fits, [`check`](ivd_core::op::check()) tells.
@@ -77,13 +72,13 @@ fn read_one(schema: &Json, text: &str) -> Result<Json, ParamError> {
             .map_err(|_| ParamError::at_itself(format!("`{text}`"), "give true or false")),
         "array" => read_list(schema, text),
         "object" => match map_values(schema) {
-            Some(values) if schema.get("properties").is_none() => {
+            Some(values) => {
                 let (key, entry) = text.split_once('=').ok_or_else(|| {
                     ParamError::at_itself(format!("`{text}`"), "write CLASS=key:value,key:value")
                 })?;
                 Ok(Json::Object(Map::from_iter([(key.trim().to_owned(), read_pairs(values, entry)?)])))
             }
-            _ => read_keys(&[schema], text),
+            None => read_keys(&[schema], text),
         },
         _ => Ok(Json::String(text.to_owned())),
     }
@@ -114,13 +109,13 @@ fn read_list(schema: &Json, text: &str) -> Result<Json, ParamError> {
         return Ok(Json::Array(text.split(',').map(inner).collect::<Result<_, _>>()?));
     }
     let part = |part: &str| read(items, part);
-    let list: Vec<Json> = if is("integer") && is_fixed(schema) {
+    let list: Vec<Json> = if is("integer") && is_vector(schema) {
         text.split([',', 'x']).map(part).collect::<Result<_, _>>()?
     } else {
         text.split(',').map(part).collect::<Result<_, _>>()?
     };
     let wanted = schema.get("minItems").and_then(Json::as_u64);
-    match wanted.filter(|n| is_fixed(schema) && *n != list.len() as u64) {
+    match wanted.filter(|n| is_vector(schema) && *n != list.len() as u64) {
         Some(wanted) => Err(ParamError::at_itself(
             format!("`{text}`"),
             format!("write {wanted} numbers with commas between them"),
