@@ -188,8 +188,8 @@ fn choose(stage: &'static Stage, keys: &mut Map<String, Json>) -> Result<&'stati
     let chosen = if stage.selector.is_empty() { None } else { keys.remove(stage.selector) };
     let known = || stage.methods.iter().map(|method| method.name);
     let found = match &chosen {
-        None => stage.methods.first(),
-        Some(Json::String(name)) => stage.methods.iter().find(|method| method.name == name),
+        None => stage.method(None),
+        Some(Json::String(name)) => stage.method(Some(name)),
         Some(_) => None,
     };
     found.ok_or_else(|| {

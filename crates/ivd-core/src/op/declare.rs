@@ -140,9 +140,8 @@ pub struct Stage {
     pub quiet: bool,
 }
 
-/// The one use of a stage that has no more, by the value that it gives.
 impl Place {
-    /// The use of a stage that has only one.
+    /// The one use of a stage that has no more, by the value that it gives.
     pub const fn only(gives: &'static str) -> Self {
         Self { variant: "", gives, kind: PlaceKind::Own { with: &[], without: &[] } }
     }

@@ -18,8 +18,6 @@ pub enum Want {
     Yes,
     /// It reads it in a scene that has the section of the stage which gives it.
     IfWritten,
-    /// It reads it where what fills the other slot has read it too.
-    As(&'static str),
 }
 
 /// One method of one stage: its parameters, and the work.

@@ -1,8 +1,7 @@
 use std::path::Path;
 
-use ivd_core::op::Want;
+use ivd_core::op::{Place, PlaceKind, Want};
 use ivd_lattice::extract;
-use ivd_lattice::refine;
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
 use crate::scene::{InputSection, Loaded, Picture, Scene};
@@ -127,8 +126,8 @@ impl NodeId {
     }
 }
 
-/// Slots and the places that fill them.
-type Slots = Vec<(&'static str, NodeId)>;
+/// A slot and the place that fills it.
+type Source = (&'static str, NodeId);
 
 /// One place of the graph.
 pub struct PlanNode {
@@ -137,7 +136,7 @@ pub struct PlanNode {
     /// Its stage; `None` where the scene gives it nothing to do.
     pub stage: Option<Box<dyn Stage>>,
     /// Slots and where they are filled from.
-    pub inputs: Vec<(&'static str, NodeId)>,
+    pub inputs: Vec<Source>,
     /// Whether some output needs it.
     pub needed: bool,
     /// Who needs it, or why nobody does.
@@ -148,7 +147,8 @@ impl PlanNode {
     /// Whether a report of the run names it: a tree that the scene's method doesn't have is no stage of it, nor are steps that it
     /// doesn't have.
     pub(crate) fn is_told(&self) -> bool {
-        !matches!(self.id, NodeId::Tree | NodeId::Space) || self.stage.is_some()
+        let is_quiet = self.id.declared().is_some_and(|stage| stage.quiet);
+        self.stage.is_some() || !(is_quiet || self.id == NodeId::Tree)
     }
 }
 
@@ -265,25 +265,21 @@ impl Plan {
 
     fn explain_rest(&mut self, scene: &Scene) {
         for node in self.nodes.iter_mut().filter(|n| !n.needed) {
-            let nothing =
-                node.id.declared().filter(|_| node.stage.is_none()).and_then(|stage| idle(scene, stage));
+            let declared = node.id.declared();
+            let nothing = declared.filter(|_| node.stage.is_none()).and_then(|stage| idle(scene, stage));
+            let unread = declared.map_or("", |stage| stage.unread);
             let why = match node.id {
                 _ if nothing.is_some() => nothing.unwrap_or_default(),
-                NodeId::Segment if !uses_labels(scene) => "the isovalue is given and no class is named",
+                NodeId::Segment if !uses_labels(scene) => unread,
                 NodeId::Tree if node.stage.is_none() => "the classes come from no tree",
-                NodeId::Boundary if node.stage.is_none() => "the isovalue is given and no part is isolated",
-                NodeId::Atf if node.stage.is_none() => "the rendering mode has no transfer function",
+                NodeId::Boundary | NodeId::Atf if node.stage.is_none() => unread,
                 NodeId::Octree | NodeId::Map | NodeId::Warp | NodeId::After | NodeId::Difference
                     if node.stage.is_none() =>
                 {
                     idle(scene, &ivd_deform::deform::STAGE).unwrap_or("no output needs it")
                 }
-                NodeId::Octree if !wants(scene, &ivd_deform::map::STAGE, "octree") => {
-                    "the map looks for no nearest lattice point"
-                }
-                NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => {
-                    "no output shows a picture"
-                }
+                NodeId::Octree if !wants(scene, &ivd_deform::map::STAGE, "octree") => unread,
+                NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => ivd_render::STAGE.unread,
                 _ => "no output needs it",
             };
             why.clone_into(&mut node.why);
@@ -340,12 +336,6 @@ fn read_options(section: &InputSection) -> ReadOptions {
     }
 }
 
-/// A stage for a place that always has one.
-#[allow(clippy::unnecessary_wraps, reason = "places hold an optional stage")]
-fn boxed<S: Stage + 'static>(stage: S) -> Option<Box<dyn Stage>> {
-    Some(Box::new(stage))
-}
-
 /// Whether a stage of the list has a use for a slot.
 fn wants(scene: &Scene, stage: &ivd_core::op::Stage, slot: &str) -> bool {
     scene.section(stage).is_some_and(|section| section.wants(slot) == Want::Yes)
@@ -361,112 +351,63 @@ fn is_idle(scene: &Scene, stage: &ivd_core::op::Stage) -> bool {
     idle(scene, stage).is_some()
 }
 
-/// A stage of the list, where the scene gives it something to do.
-fn declared(scene: &Scene, stage: &ivd_core::op::Stage) -> Option<Box<dyn Stage>> {
-    let section = scene.section(stage).filter(|section| section.job().idle().is_none());
-    section.map(|section| Box::new(section.clone()) as Box<dyn Stage>)
+/// A place on the list, with its stage where it has one in the scene.
+fn placed(scene: &Scene, id: NodeId) -> Option<(&'static Place, Section)> {
+    let stage = id.declared()?;
+    let place = stage.places.iter().find(|place| place.variant == id.variant())?;
+    Some((place, scene.section(stage)?.at(place)?))
 }
 
-/// A stage of the list at one of its places, where the scene gives that something to do.
-fn placed(scene: &Scene, stage: &ivd_core::op::Stage, variant: &str) -> Option<Section> {
-    let place = stage.places.iter().find(|place| place.variant == variant)?;
-    scene.section(stage)?.at(place)
-}
-
-/// Those of some slots that a section reads.
-fn wanted(section: Option<&Section>, slots: &[(&'static str, NodeId)]) -> Slots {
-    let reads = |slot: &str| section.is_some_and(|section| section.wants(slot) == Want::Yes);
-    slots.iter().copied().filter(|(slot, _)| reads(slot)).collect()
+/// Those of some slots that a place fills: what it is declared to have whatever its job wants, and what the job reads.
+fn filled(place: &Place, section: &Section, slots: &[Source]) -> Vec<Source> {
+    let (with, without) = match place.kind {
+        PlaceKind::Own { with, without } => (with, without),
+        PlaceKind::Precursor { .. } | PlaceKind::Fixed { .. } => (&[][..], &[][..]),
+    };
+    let fills = |slot| with.contains(&slot) || (!without.contains(&slot) && section.wants(slot) != Want::No);
+    slots.iter().copied().filter(|(slot, _)| fills(*slot)).collect()
 }
 
 /// Every place with its stage and where its slots are filled from.
 fn wire(scene: &Scene, import: Import) -> Vec<PlanNode> {
-    let labels = uses_labels(scene);
-    let isolates = labels || scene.section(&ivd_boundary::STAGE).is_some_and(|part| part.written().is_some());
-    let moves = !is_idle(scene, &ivd_deform::deform::STAGE);
+    let isolates = uses_labels(scene)
+        || scene.section(&ivd_boundary::STAGE).is_some_and(|part| part.written().is_some());
+    let (moves, deforms) = (!is_idle(scene, &ivd_deform::deform::STAGE), scene.deforms());
     let coloured = wants(scene, &ivd_render::STAGE, "transfer");
 
-    let mut part_inputs = vec![("volume", NodeId::Import)];
-    if wants(scene, &ivd_boundary::STAGE, "labels") {
-        part_inputs.push(("labels", NodeId::Segment));
-    }
-    let mut lattice_inputs = vec![("volume", NodeId::Import)];
-    if wants(scene, &extract::STAGE, "labels") {
-        lattice_inputs.push(("labels", NodeId::Segment));
-    }
-    if isolates {
-        lattice_inputs.push(("mask", NodeId::Boundary));
-    }
-    let mut atf_inputs = vec![("volume", NodeId::Import)];
-    if wants(scene, &ivd_atf::STAGE, "labels") {
-        atf_inputs.push(("labels", NodeId::Segment));
-    }
-    let mut picture = vec![("volume", NodeId::Import)];
-    if coloured {
-        picture.push(("transfer", NodeId::Atf));
-    }
-    let mut moved_picture = picture.clone();
-    moved_picture.push(("displacement", NodeId::of_displacement(scene)));
-    let tree = placed(scene, &ivd_segment::STAGE, "tree");
-    let tree_inputs = wanted(tree.as_ref(), &[("volume", NodeId::Import)]);
-    let segment = scene.section(&ivd_segment::STAGE);
-    let segment_inputs = wanted(segment, &[("tree", NodeId::Tree), ("volume", NodeId::Import)]);
-    let mut deform_inputs = vec![("lattice", NodeId::Refine)];
-    if wants(scene, &ivd_deform::deform::STAGE, "labels") {
-        deform_inputs.push(("labels", NodeId::Segment));
-    }
-    let mut map_inputs = vec![("lattice", NodeId::Refine)];
-    let others = [("octree", NodeId::Octree), ("motion", NodeId::Deform), ("labels", NodeId::Segment)];
-    map_inputs.extend(others.into_iter().filter(|(slot, _)| wants(scene, &ivd_deform::map::STAGE, slot)));
+    let volume = ("volume", NodeId::Import);
+    let labels = ("labels", NodeId::Segment);
+    let lattice = ("lattice", NodeId::Refine);
+    let displacement = ("displacement", NodeId::of_displacement(scene));
+    let drawn = [volume, ("transfer", NodeId::Atf), displacement];
+    let mask = isolates.then_some(("mask", NodeId::Boundary));
+    let after = moves.then_some(("after", NodeId::Map));
+    let part: Vec<Source> = [volume, labels].into_iter().chain(mask).collect();
+    let space: Vec<Source> = [volume].into_iter().chain(after).chain([labels]).collect();
 
-    let mut space_inputs = vec![("volume", NodeId::Import)];
-    if moves {
-        space_inputs.push(("after", NodeId::Map));
-    }
-    if wants(scene, &ivd_deform::space::STAGE, "labels") {
-        space_inputs.push(("labels", NodeId::Segment));
-    }
-
-    let node = |id, stage: Option<Box<dyn Stage>>, inputs| PlanNode {
-        id,
-        stage,
-        inputs,
-        needed: false,
-        why: String::new(),
+    let boxed = |stage: Section| Box::new(stage) as Box<dyn Stage>;
+    let node = |id: NodeId, has_work: bool, slots: &[Source]| {
+        let found = placed(scene, id);
+        let inputs = found.as_ref().map_or_else(Vec::new, |(place, section)| filled(place, section, slots));
+        let stage = found.map(|(_, section)| section);
+        let stage = stage.filter(|section| has_work && section.job().idle().is_none()).map(boxed);
+        PlanNode { id, stage, inputs, needed: false, why: String::new() }
     };
-    let if_moved = |stage: Option<Box<dyn Stage>>| stage.filter(|_| moves);
-    let if_deformed = |stage: Option<Box<dyn Stage>>| stage.filter(|_| scene.deforms());
     vec![
-        node(NodeId::Import, boxed(import), vec![]),
-        node(NodeId::Tree, tree.and_then(boxed), tree_inputs),
-        node(NodeId::Segment, declared(scene, &ivd_segment::STAGE), segment_inputs),
-        node(NodeId::Boundary, declared(scene, &ivd_boundary::STAGE).filter(|_| isolates), part_inputs),
-        node(NodeId::Lattice, declared(scene, &extract::STAGE), lattice_inputs),
-        node(NodeId::Refine, declared(scene, &refine::STAGE), vec![("lattice", NodeId::Lattice)]),
-        node(
-            NodeId::Octree,
-            if_moved(declared(scene, &ivd_octree::STAGE)),
-            vec![("lattice", NodeId::Refine)],
-        ),
-        node(NodeId::Deform, declared(scene, &ivd_deform::deform::STAGE), deform_inputs),
-        node(NodeId::Map, if_moved(declared(scene, &ivd_deform::map::STAGE)), map_inputs),
-        node(NodeId::Space, declared(scene, &ivd_deform::space::STAGE), space_inputs),
-        node(
-            NodeId::Warp,
-            if_deformed(declared(scene, &ivd_deform::warp::STAGE)),
-            vec![("volume", NodeId::Import), ("displacement", NodeId::of_displacement(scene))],
-        ),
-        node(NodeId::Atf, declared(scene, &ivd_atf::STAGE).filter(|_| coloured), atf_inputs),
-        node(NodeId::Before, placed(scene, &ivd_render::STAGE, "before").and_then(boxed), picture),
-        node(
-            NodeId::After,
-            if_deformed(placed(scene, &ivd_render::STAGE, "after").and_then(boxed)),
-            moved_picture,
-        ),
-        node(
-            NodeId::Difference,
-            if_deformed(placed(scene, &ivd_render::STAGE, "difference").and_then(boxed)),
-            vec![("before", NodeId::Before), ("after", NodeId::After)],
-        ),
+        PlanNode { stage: Some(Box::new(import)), ..node(NodeId::Import, true, &[]) },
+        node(NodeId::Tree, true, &[volume]),
+        node(NodeId::Segment, true, &[("tree", NodeId::Tree), volume]),
+        node(NodeId::Boundary, isolates, &[volume, labels]),
+        node(NodeId::Lattice, true, &part),
+        node(NodeId::Refine, true, &[("lattice", NodeId::Lattice)]),
+        node(NodeId::Octree, moves, &[lattice]),
+        node(NodeId::Deform, true, &[lattice, labels]),
+        node(NodeId::Map, moves, &[lattice, ("octree", NodeId::Octree), ("motion", NodeId::Deform), labels]),
+        node(NodeId::Space, true, &space),
+        node(NodeId::Warp, deforms, &[volume, displacement]),
+        node(NodeId::Atf, coloured, &[volume, labels]),
+        node(NodeId::Before, true, &drawn),
+        node(NodeId::After, deforms, &drawn),
+        node(NodeId::Difference, deforms, &[("before", NodeId::Before), ("after", NodeId::After)]),
     ]
 }
