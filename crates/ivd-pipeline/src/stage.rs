@@ -5,10 +5,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use ivd_artefact::{Artefact, ContentHash, Kind, Loaded, Opened};
+use ivd_core::Exec;
 use ivd_core::op::Slot;
-use ivd_core::{
-    Displacement, Exec, Image, Labels, Lattice, Mask, Motion, Octree, TransferFunction, Tree, Volume,
-};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -83,18 +81,6 @@ impl From<Loaded> for Input {
 #[derive(Debug, Clone, Default)]
 pub struct Inputs(BTreeMap<&'static str, Input>);
 
-macro_rules! typed {
-    ($($get:ident, $variant:ident, $type:ty;)*) => {$(
-        #[doc = concat!("The ", stringify!($variant), " in a slot, where it is filled with one.")]
-        pub fn $get(&self, slot: &str) -> Option<&$type> {
-            match self.0.get(slot).map(|i| i.artefact.as_ref()) {
-                Some(Artefact::$variant(value)) => Some(value),
-                _ => None,
-            }
-        }
-    )*};
-}
-
 impl Inputs {
     /// Fills a slot.
     #[must_use]
@@ -120,6 +106,11 @@ impl Inputs {
         self.0.get(slot).map(|i| i.artefact.as_ref())
     }
 
+    /// The value in a slot, where it is filled with one of that type.
+    pub fn value<T: ivd_core::Value>(&self, slot: &str) -> Option<&T> {
+        T::of(self.get(slot)?)
+    }
+
     /// Bytes that were read so far of the files behind the values.
     pub(crate) fn bytes_read(&self) -> u64 {
         self.0.values().filter_map(|input| input.file.as_ref()).map(|file| file.bytes_verified()).sum()
@@ -130,19 +121,6 @@ impl Inputs {
     pub(crate) fn check_damage(&self) -> Result<(), Error> {
         let damage = self.0.values().find_map(|input| input.file.as_ref()?.damage());
         damage.map_or(Ok(()), |damage| Err(Error::Damaged(damage.to_string())))
-    }
-
-    typed! {
-        volume, Volume, Volume;
-        labels, Labels, Labels;
-        mask, Mask, Mask;
-        transfer, Transfer, TransferFunction;
-        lattice, Lattice, Lattice;
-        octree, Octree, Octree;
-        tree, Tree, Tree;
-        motion, Motion, Motion;
-        displacement, Displacement, Displacement;
-        image, Image, Image;
     }
 
     /// Checks kinds and presence against a stage's slots.
@@ -182,8 +160,8 @@ pub struct Product {
 
 impl Product {
     /// A value with its figures, given as a JSON object.
-    pub(crate) fn new(artefact: Artefact, figures: Value) -> Self {
-        Self { artefact, metrics: Metrics::of(figures) }
+    pub(crate) fn new(value: impl Into<Artefact>, figures: Value) -> Self {
+        Self { artefact: value.into(), metrics: Metrics::of(figures) }
     }
 }
 

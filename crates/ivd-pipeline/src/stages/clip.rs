@@ -13,7 +13,7 @@ pub struct Clip {
     pub params: ClipParams,
 }
 
-fn product<V>(clipped: Clipped<V>, artefact: impl Fn(V) -> Artefact) -> Product {
+fn product<V: ivd_core::Value>(clipped: Clipped<V>) -> Product {
     let metrics = json!({
         "voxels_kept": clipped.voxels_kept,
         "voxels_clipped": clipped.voxels_clipped,
@@ -21,7 +21,7 @@ fn product<V>(clipped: Clipped<V>, artefact: impl Fn(V) -> Artefact) -> Product 
         "bricks_visited": clipped.bricks_visited,
         "bricks_total": clipped.bricks_total,
     });
-    Product::new(artefact(clipped.output), metrics)
+    Product::new(clipped.output, metrics)
 }
 
 impl Stage for Clip {
@@ -52,20 +52,20 @@ impl Stage for Clip {
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
-        let tag = inputs.mask("tag").map(Tag::Mask).or(inputs.labels("tag").map(Tag::Labels));
-        let by = By { tag, displacement: inputs.displacement("displacement") };
+        let tag = inputs.value("tag").map(Tag::Mask).or(inputs.value("tag").map(Tag::Labels));
+        let by = By { tag, displacement: inputs.value("displacement") };
         match inputs.get("volume").expect("checked by the runner") {
             Artefact::Volume(volume) => {
                 let clipped = clip::volume(volume, &self.params, &by, exec).map_err(stage_error!("clip"))?;
-                Ok(product(clipped, Artefact::Volume))
+                Ok(product(clipped))
             }
             Artefact::Labels(labels) => {
                 let clipped = clip::labels(labels, &self.params, &by, exec).map_err(stage_error!("clip"))?;
-                Ok(product(clipped, Artefact::Labels))
+                Ok(product(clipped))
             }
             Artefact::Mask(mask) => {
                 let clipped = clip::mask(mask, &self.params, &by, exec).map_err(stage_error!("clip"))?;
-                Ok(product(clipped, Artefact::Mask))
+                Ok(product(clipped))
             }
             _ => unreachable!("the runner checked the kinds of the slots"),
         }

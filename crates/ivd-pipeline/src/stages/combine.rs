@@ -44,14 +44,11 @@ impl Combine {
 }
 
 /// The operands of one kind, in the order of their slots.
-fn operands<'a, V>(
-    inputs: &'a Inputs,
-    value: impl Fn(&'a Artefact) -> Option<&'a V>,
-) -> Result<Vec<Operand<'a, V>>, Error> {
+fn operands<V: ivd_core::Value>(inputs: &Inputs) -> Result<Vec<Operand<'_, V>>, Error> {
     let mut operands = Vec::new();
     let first = inputs.get("a").expect("checked by the runner").kind().name();
     for [slot, displacement] in Combine::OPERANDS {
-        let field: Option<&Displacement> = inputs.displacement(displacement);
+        let field: Option<&Displacement> = inputs.value(displacement);
         let Some(artefact) = inputs.get(slot) else {
             if field.is_some() {
                 let problem = format!("{displacement}: there is no operand {slot} to deform by it");
@@ -59,7 +56,7 @@ fn operands<'a, V>(
             }
             continue;
         };
-        let Some(value) = value(artefact) else {
+        let Some(value) = V::of(artefact) else {
             let kind = artefact.kind().name();
             let problem =
                 format!("a is a {first} artefact and {slot} a {kind} artefact; give operands of one kind");
@@ -70,14 +67,14 @@ fn operands<'a, V>(
     Ok(operands)
 }
 
-fn product<V>(combined: Combined<V>, artefact: impl Fn(V) -> Artefact) -> Product {
+fn product<V: ivd_core::Value>(combined: Combined<V>) -> Product {
     let metrics = json!({
         "voxels_changed": combined.voxels_changed,
         "voxels_total": combined.voxels_total,
         "bricks_visited": combined.bricks_visited,
         "bricks_total": combined.bricks_total,
     });
-    Product::new(artefact(combined.output), metrics)
+    Product::new(combined.output, metrics)
 }
 
 impl Stage for Combine {
@@ -104,28 +101,19 @@ impl Stage for Combine {
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         match inputs.get("a").expect("checked by the runner") {
             Artefact::Volume(_) => {
-                let all = operands(inputs, |artefact| match artefact {
-                    Artefact::Volume(volume) => Some(volume),
-                    _ => None,
-                })?;
+                let all = operands(inputs)?;
                 let combined = cvg::volumes(&all, &self.params, exec).map_err(stage_error!("combine"))?;
-                Ok(product(combined, Artefact::Volume))
+                Ok(product(combined))
             }
             Artefact::Labels(_) => {
-                let all = operands(inputs, |artefact| match artefact {
-                    Artefact::Labels(labels) => Some(labels),
-                    _ => None,
-                })?;
+                let all = operands(inputs)?;
                 let combined = cvg::labels(&all, &self.params, exec).map_err(stage_error!("combine"))?;
-                Ok(product(combined, Artefact::Labels))
+                Ok(product(combined))
             }
             Artefact::Mask(_) => {
-                let all = operands(inputs, |artefact| match artefact {
-                    Artefact::Mask(mask) => Some(mask),
-                    _ => None,
-                })?;
+                let all = operands(inputs)?;
                 let combined = cvg::masks(&all, &self.params, exec).map_err(stage_error!("combine"))?;
-                Ok(product(combined, Artefact::Mask))
+                Ok(product(combined))
             }
             _ => unreachable!("the runner checked the kinds of the slots"),
         }

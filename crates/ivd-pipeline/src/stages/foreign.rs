@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
-use ivd_artefact::{Artefact, Kind};
-use ivd_core::Exec;
+use ivd_artefact::Kind;
+use ivd_core::{Exec, Volume};
 use ivd_lattice::extract::LatticeFigures;
 use ivd_lattice::foreign::{ForeignParams, lattice};
 use ivd_lattice::formats;
@@ -45,13 +45,13 @@ impl Stage for ForeignLattice {
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
-        let volume = inputs.volume("volume").expect("checked by the runner");
+        let volume: &Volume = inputs.value("volume").expect("checked by the runner");
         let mesh = formats::read(&self.path, exec.memory_limit.unwrap_or(u64::MAX))
             .map_err(stage_error!("lattice"))?;
         let foreign = lattice(&mesh, volume.grid(), &self.params, exec).map_err(stage_error!("lattice"))?;
         exec.check_cancelled()?;
         let mut figures = exec.run(|| LatticeFigures::of(&foreign.lattice));
         figures.vertices_in = Some(foreign.vertices_in);
-        Ok(Product::new(Artefact::Lattice(foreign.lattice), super::json(&figures)))
+        Ok(Product::new(foreign.lattice, super::json(&figures)))
     }
 }

@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
-use ivd_artefact::{Artefact, Kind};
-use ivd_core::{Exec, Labels};
+use ivd_artefact::Kind;
+use ivd_core::{Exec, Labels, Volume};
 use ivd_volume::{ReadOptions, phantom};
 use serde_json::{Value, json};
 
@@ -79,7 +79,7 @@ impl Stage for Import {
             "missing": exec.run(|| volume.missing()),
             "voxels": volume.grid().len(),
         });
-        Ok(Product::new(Artefact::Volume(volume), metrics))
+        Ok(Product::new(volume, metrics))
     }
 }
 
@@ -109,7 +109,7 @@ impl Stage for ImportLabels {
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
-        let volume = inputs.volume("volume").expect("checked by the runner");
+        let volume: &Volume = inputs.value("volume").expect("checked by the runner");
         let labels = exec.run(|| Labels::from_volume(volume))?;
         let metrics = json!({
             "dims": volume.grid().dims(),
@@ -117,6 +117,6 @@ impl Stage for ImportLabels {
             "k": labels.classes().len(),
             "voxels": volume.grid().len(),
         });
-        Ok(Product::new(Artefact::Labels(labels), metrics))
+        Ok(Product::new(labels, metrics))
     }
 }

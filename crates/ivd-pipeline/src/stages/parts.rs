@@ -1,5 +1,5 @@
-use ivd_artefact::{Artefact, Kind};
-use ivd_core::{Exec, Lattice};
+use ivd_artefact::Kind;
+use ivd_core::{Exec, Labels, Lattice};
 use ivd_lattice::extract::{LatticeFigures, Part, STAGE, extract_parts};
 use serde_json::{Value, json};
 
@@ -41,8 +41,9 @@ struct PartLattice<'a> {
 
 impl PartLattice<'_> {
     fn all(&self, inputs: &Inputs, exec: &Exec) -> Result<Vec<Part>, Error> {
-        let labels =
-            inputs.labels("labels").ok_or_else(|| Error::usage(STAGE.name, "its labels are missing"))?;
+        let labels = inputs
+            .value::<Labels>("labels")
+            .ok_or_else(|| Error::usage(STAGE.name, "its labels are missing"))?;
         extract_parts(labels, self.ids, exec).map_err(stage_error!(STAGE.name))
     }
 }
@@ -56,7 +57,7 @@ fn product(own: Vec<Part>, exec: &Exec) -> Result<Product, Error> {
         .ok_or_else(|| Error::usage(STAGE.name, "no voxel has the label"))?;
     exec.check_cancelled()?;
     let figures = exec.run(|| LatticeFigures::of(&lattice));
-    Ok(Product::new(Artefact::Lattice(lattice), super::json(&figures)))
+    Ok(Product::new(lattice, super::json(&figures)))
 }
 
 impl Stage for PartLattice<'_> {
