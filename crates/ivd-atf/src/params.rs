@@ -10,8 +10,11 @@ pub const STAGE: Stage = Stage {
     selector: "",
     methods: METHODS,
     positional: &["volume", "labels"],
-    places: &[Place::only("transfer")],
-    unread: "the rendering mode has no transfer function",
+    places: &[Place {
+        for_readers: true,
+        unread: "the rendering mode has no transfer function",
+        ..Place::only("transfer")
+    }],
     quiet: false,
 };
 const METHODS: &[Method] = &[method::<Params>("")];

@@ -15,8 +15,11 @@ pub const STAGE: Stage = Stage {
     selector: "method",
     methods: METHODS,
     positional: &["volume"],
-    places: &[Place::only("mask")],
-    unread: "the isovalue is given and no part is isolated",
+    places: &[Place {
+        for_readers: true,
+        unread: "the isovalue is given and no part is isolated",
+        ..Place::only("mask")
+    }],
     quiet: false,
 };
 const METHODS: &[Method] = &[method::<ComponentParams>("component")];

@@ -10,8 +10,11 @@ pub const STAGE: Stage = Stage {
     selector: "",
     methods: METHODS,
     positional: &["lattice"],
-    places: &[Place::only("octree")],
-    unread: "the map looks for no nearest lattice point",
+    places: &[Place {
+        for_readers: true,
+        unread: "the map looks for no nearest lattice point",
+        ..Place::only("octree")
+    }],
     quiet: false,
 };
 const METHODS: &[Method] = &[method::<Params>("")];

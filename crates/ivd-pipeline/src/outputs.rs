@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use ivd_artefact::Artefact;
-use ivd_core::Exec;
+use ivd_artefact::{Artefact, ContentHash};
+use ivd_core::{Exec, Lattice, Motion, Value as _};
 use ivd_deform::volumes::by_class;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::stage_error;
 use crate::export::{ending, export, whole, write_text};
-use crate::plan::NodeId;
+use crate::plan::{NodeId, PlanNode};
 use crate::report::{self, Material};
 use crate::runner::{Done, OutputRecord, StageRecord, State};
 use crate::scene::{Loaded, Picture, Scene};
@@ -107,32 +107,32 @@ impl<'a> Writer<'a> {
     /// Writes what the scene wants of a place's result, and keeps what the report will want.
     pub(crate) fn stage_done(
         &mut self,
-        id: NodeId,
+        node: &PlanNode,
         done: &Done,
         earlier: &BTreeMap<NodeId, Done>,
     ) -> Result<(), Error> {
         let scene = self.scene;
-        let named = scene.output.files().into_iter().filter(|(key, _)| NodeId::of_output(key, scene) == id);
+        let named = scene.output.files().into_iter().filter(|(key, _)| node.outputs.contains(key));
         for (key, path) in named {
             let source = done.hash.to_string();
-            if key == "lattice_deformed" {
-                let rest =
-                    earlier.get(&NodeId::Refine).expect("the plan needs the lattice before its motion");
-                let source = format!("{source} {}", rest.hash);
-                self.file(key, path, &source, |to, _| deformed_lattice(&rest.artefact, &done.artefact, to))?;
+            if let Some(motion) = Motion::of(&done.artefact)
+                && let Some((lattice, hash)) = beside(node, earlier)
+            {
+                let source = format!("{source} {hash}");
+                self.file(key, path, &source, |to, _| deformed_lattice(lattice, motion, to))?;
             } else {
                 self.file(key, path, &source, |to, exec| export(&done.artefact, to, exec))?;
             }
         }
         for picture in [Picture::Before, Picture::After, Picture::Difference] {
-            if NodeId::of_picture(picture) == id && scene.output.images.contains(&picture) {
+            if node.outputs.contains(&picture.name()) {
                 let name = format!("image {}", picture.name());
                 let file = PathBuf::from(format!("{}.png", picture.name()));
                 self.file(&name, &file, &done.hash.to_string(), |to, exec| export(&done.artefact, to, exec))?;
             }
         }
         if scene.output.report {
-            self.collect(id, done, earlier)?;
+            self.collect(node, done, earlier)?;
         }
         Ok(())
     }
@@ -143,17 +143,24 @@ impl<'a> Writer<'a> {
     }
 
     /// Keeps what the report shows of a result: small things only.
-    fn collect(&mut self, id: NodeId, done: &Done, earlier: &BTreeMap<NodeId, Done>) -> Result<(), Error> {
+    fn collect(
+        &mut self,
+        node: &PlanNode,
+        done: &Done,
+        earlier: &BTreeMap<NodeId, Done>,
+    ) -> Result<(), Error> {
         match done.artefact.as_ref() {
             Artefact::Image(_) => {
-                self.material.pictures.insert(id.variant().to_owned(), done.artefact.clone());
+                self.material.pictures.insert(node.id.variant.to_owned(), done.artefact.clone());
             }
             Artefact::Transfer(transfer) => self.material.transfer = Some(transfer.clone()),
             Artefact::Motion(motion) => self.material.displacements = report::motion_lengths(motion),
             Artefact::Labels(labels) => self.material.class_slices = report::class_slices(labels),
-            Artefact::Volume(_) if id == NodeId::Import => self.material.volume = Some(done.artefact.clone()),
-            Artefact::Displacement(displacement) if id == NodeId::of_displacement(self.scene) => {
-                if let Some(Artefact::Labels(labels)) = earlier.get(&NodeId::Segment).map(|d| &*d.artefact) {
+            Artefact::Volume(_) if node.id == NodeId::IMPORT => {
+                self.material.volume = Some(done.artefact.clone());
+            }
+            Artefact::Displacement(displacement) if node.outputs.contains(&"report") => {
+                if let Some((labels, _)) = beside(node, earlier) {
                     self.material.class_volumes =
                         by_class(displacement, labels, self.exec).map_err(stage_error!("report"))?;
                 }
@@ -280,10 +287,18 @@ impl<'a> Writer<'a> {
     }
 }
 
-fn deformed_lattice(rest: &Artefact, motion: &Artefact, to: &Path) -> Result<bool, Error> {
-    let (Artefact::Lattice(lattice), Artefact::Motion(motion)) = (rest, motion) else {
-        unreachable!("refine gives a lattice and deform a motion");
-    };
+/// The value of a type, and its hash, among those that are looked at when a place is done.
+fn beside<'a, T: ivd_core::Value>(
+    node: &PlanNode,
+    earlier: &'a BTreeMap<NodeId, Done>,
+) -> Option<(&'a T, ContentHash)> {
+    node.beside
+        .iter()
+        .filter_map(|id| earlier.get(id))
+        .find_map(|done| Some((T::of(&done.artefact)?, done.hash)))
+}
+
+fn deformed_lattice(lattice: &Lattice, motion: &Motion, to: &Path) -> Result<bool, Error> {
     let last = motion.frames.last();
     let written = match last {
         Some(frame) => ivd_lattice::formats::write_deformed(to, lattice, &frame.displacement),

@@ -77,7 +77,7 @@ fn attempt(
     runner: Runner<'_>,
 ) -> Result<PipelineReport, Error> {
     for stage in &options.force {
-        if stage != "report" && !NodeId::ALL.iter().any(|id| id.stage() == stage) {
+        if stage != "report" && stage != NodeId::IMPORT.stage && crate::list::stage(stage).is_none() {
             let known = stage_names();
             return Err(Error::usage("pipeline", format!("--force {stage}: stages are {known}, report")));
         }
@@ -149,14 +149,14 @@ fn walk(
         if let Some(pilot) = pilot {
             pilot.after(node.id, &result);
         }
-        node.id.variant().clone_into(&mut result.record.variant);
+        node.id.variant.clone_into(&mut result.record.variant);
         explain(&mut result.record, node, &manifest);
         if options.until.is_none() {
-            writer.stage_done(node.id, &result, &done)?;
+            writer.stage_done(node, &result, &done)?;
         }
         stages.push(result.record.clone());
         done.insert(node.id, result);
-        release(&plan, at, loaded.scene.output.report, &mut done);
+        release(&plan, at, &mut done);
     }
     if options.until.is_none() {
         let force = options.force.contains("report");
@@ -193,26 +193,19 @@ fn explain(record: &mut StageRecord, node: &PlanNode, manifest: &Manifest) {
     };
 }
 
-/// Drops values that no later place reads; report and writers have taken what they need.
-fn release(plan: &Plan, at: usize, reports: bool, done: &mut BTreeMap<NodeId, Done>) {
-    let later = &plan.nodes()[at + 1..];
-    // The deformed lattice and the report's histogram are made from these after the last stage that reads them.
-    let kept = [NodeId::Import, NodeId::Refine];
-    // The report tells how volumes of classes change, once the displacement is there.
-    let maps = |n: &PlanNode| n.needed && matches!(n.id, NodeId::Map | NodeId::Space);
-    let classes = reports && later.iter().any(maps);
+/// Drops values that no later place and no output reads.
+fn release(plan: &Plan, at: usize, done: &mut BTreeMap<NodeId, Done>) {
+    let later = || plan.nodes()[at + 1..].iter().filter(|node| node.needed);
     done.retain(|id, _| {
-        kept.contains(id)
-            || (classes && *id == NodeId::Segment)
-            || later.iter().any(|n| n.needed && n.inputs.iter().any(|(_, from)| from == id))
+        later().any(|n| n.beside.contains(id) || n.inputs.iter().any(|(_, from)| from == id))
     });
 }
 
 /// The record of a stage that did nothing.
 fn idle(node: &PlanNode, state: State) -> StageRecord {
     StageRecord {
-        stage: node.id.stage().to_owned(),
-        variant: node.id.variant().to_owned(),
+        stage: node.id.stage.to_owned(),
+        variant: node.id.variant.to_owned(),
         state,
         why: node.why.clone(),
         revision: node.stage.as_ref().map_or(0, |s| s.revision()),

@@ -158,7 +158,7 @@ impl Section {
     /// The stage at one of its places; `None` where the scene gives that nothing to do.
     pub fn at(&self, place: &ivd_core::op::Place) -> Option<Self> {
         let (method, job) = match place.kind {
-            PlaceKind::Own { .. } => (self.method, self.job.again()),
+            PlaceKind::Own => (self.method, self.job.again()),
             PlaceKind::Precursor { method } => (method, self.job.precursor()?),
             PlaceKind::Fixed { method } => (method, (method.parse)(Json::Object(Map::new())).ok()?),
         };

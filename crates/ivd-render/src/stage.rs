@@ -17,22 +17,22 @@ pub const STAGE: Stage = Stage {
     methods: METHODS,
     positional: &["volume"],
     places: &[
-        Place {
-            variant: "before",
-            gives: "before",
-            kind: PlaceKind::Own { with: &[], without: &["displacement", "labels", "lattice"] },
-        },
-        Place {
-            variant: "after",
-            gives: "after",
-            // In a picture of a scene the nearest voxel's label would draw the grid's steps on every surface.
-            kind: PlaceKind::Own { with: &["displacement"], without: &["labels", "lattice"] },
-        },
-        Place { variant: "difference", gives: "difference", kind: PlaceKind::Fixed { method: &DIFFERENCE } },
+        Place { empty: &["displacement", "labels", "lattice"], ..picture("before") },
+        Place { needs: &["displacement"], ..picture("after") },
+        Place { kind: PlaceKind::Fixed { method: &DIFFERENCE }, ..picture("difference") },
     ],
-    unread: "no output shows a picture",
     quiet: false,
 };
+/// The place of a picture. In one of a scene the nearest voxel's label would draw the grid's steps on every surface.
+const fn picture(name: &'static str) -> Place {
+    Place {
+        variant: name,
+        empty: &["labels", "lattice"],
+        unread: "no output shows a picture",
+        ..Place::only(name)
+    }
+}
+
 const METHODS: &[Method] =
     &[method::<DvrParams>("dvr"), method::<MipParams>("mip"), method::<IsoParams>("iso")];
 static DIFFERENCE: Method = method::<DifferenceParams>("difference");

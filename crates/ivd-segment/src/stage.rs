@@ -21,10 +21,14 @@ pub const STAGE: Stage = Stage {
     methods: METHODS,
     positional: &["volume"],
     places: &[
-        Place { variant: "tree", gives: "tree", kind: PlaceKind::Precursor { method: &TREE } },
-        Place { variant: "", gives: "labels", kind: PlaceKind::Own { with: &[], without: &["mask"] } },
+        Place {
+            variant: "tree",
+            kind: PlaceKind::Precursor { method: &TREE },
+            unread: "the classes come from no tree",
+            ..Place::only("tree")
+        },
+        Place { unread: "the isovalue is given and no class is named", ..Place::only("labels") },
     ],
-    unread: "the isovalue is given and no class is named",
     quiet: false,
 };
 const METHODS: &[Method] = &[

@@ -86,7 +86,7 @@ fn share_out(schema: &mut Json) {
     }
 }
 
-/// A use of a stage in a scene.
+/// A use of a stage in a scene. Its slots are filled with the values of their names that are made last before it.
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
     /// What tells it from the stage's other uses; empty for the one that the stage is named by.
@@ -95,18 +95,23 @@ pub struct Place {
     pub gives: &'static str,
     /// Which job it does.
     pub kind: PlaceKind,
+    /// Values without which there is nothing to do, whatever its method reads.
+    pub needs: &'static [&'static str],
+    /// Slots that stay empty.
+    pub empty: &'static [&'static str],
+    /// Slots that are filled with a value of another name, with that name.
+    pub from: &'static [(&'static str, &'static str)],
+    /// Whether it has nothing to do where no other reads its value.
+    pub for_readers: bool,
+    /// Why it isn't needed where no other reads its value.
+    pub unread: &'static str,
 }
 
 /// Which job a place does.
 #[derive(Debug, Clone, Copy)]
 pub enum PlaceKind {
-    /// The stage's own, with these slots filled whatever the job wants, and those left empty.
-    Own {
-        /// Slots without which there is nothing to do.
-        with: &'static [&'static str],
-        /// Slots that stay empty.
-        without: &'static [&'static str],
-    },
+    /// The stage's own.
+    Own,
     /// The job that the stage's own goes on from ([`Op::precursor`]).
     Precursor {
         /// How it is declared.
@@ -134,8 +139,6 @@ pub struct Stage {
     pub positional: &'static [&'static str],
     /// Its uses in a scene, in the order in which they run.
     pub places: &'static [Place],
-    /// Why it isn't needed where those that could read it don't.
-    pub unread: &'static str,
     /// Whether a scene that gives it nothing to do doesn't tell of it.
     pub quiet: bool,
 }
@@ -143,7 +146,21 @@ pub struct Stage {
 impl Place {
     /// The one use of a stage that has no more, by the value that it gives.
     pub const fn only(gives: &'static str) -> Self {
-        Self { variant: "", gives, kind: PlaceKind::Own { with: &[], without: &[] } }
+        Self {
+            variant: "",
+            gives,
+            kind: PlaceKind::Own,
+            needs: &[],
+            empty: &[],
+            from: &[],
+            for_readers: false,
+            unread: "no output needs it",
+        }
+    }
+
+    /// Name of the value that fills a slot.
+    pub fn value_for<'a>(&self, slot: &'a str) -> &'a str {
+        self.from.iter().find(|(renamed, _)| *renamed == slot).map_or(slot, |(_, value)| value)
     }
 }
 

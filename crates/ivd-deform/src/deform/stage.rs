@@ -14,7 +14,6 @@ pub const STAGE: Stage = Stage {
     methods: METHODS,
     positional: &["lattice"],
     places: &[Place::only("motion")],
-    unread: "no output needs it",
     quiet: false,
 };
 const METHODS: &[Method] = &[

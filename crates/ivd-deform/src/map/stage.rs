@@ -17,7 +17,6 @@ pub const STAGE: Stage = Stage {
     methods: METHODS,
     positional: &["lattice", "octree", "motion"],
     places: &[Place::only("displacement")],
-    unread: "no output needs it",
     quiet: false,
 };
 const METHODS: &[Method] =

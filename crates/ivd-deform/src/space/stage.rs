@@ -15,8 +15,7 @@ pub const STAGE: Stage = Stage {
     selector: "",
     methods: METHODS,
     positional: &["volume"],
-    places: &[Place::only("displacement")],
-    unread: "no output needs it",
+    places: &[Place { from: &[("after", "displacement")], ..Place::only("displacement") }],
     quiet: true,
 };
 const METHODS: &[Method] = &[method::<SpaceParams>("")];

@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Method, Op, Place, PlaceKind, Stage, Voxelwise, method};
+use ivd_core::op::{Failure, Method, Op, Place, Stage, Voxelwise, method};
 use ivd_core::{Artefact, Displacement, Exec, Value, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,12 +14,7 @@ pub const STAGE: Stage = Stage {
     selector: "",
     methods: METHODS,
     positional: &["volume", "displacement"],
-    places: &[Place {
-        variant: "",
-        gives: "deformed",
-        kind: PlaceKind::Own { with: &["displacement"], without: &[] },
-    }],
-    unread: "no output needs it",
+    places: &[Place::only("deformed")],
     quiet: false,
 };
 const METHODS: &[Method] = &[method::<WarpParams>("")];

@@ -22,7 +22,6 @@ pub const STAGE: Stage = Stage {
     methods: METHODS,
     positional: &["volume"],
     places: &[Place::only("lattice")],
-    unread: "no output needs it",
     quiet: false,
 };
 const METHODS: &[Method] = &[method::<LatticeParams>("")];

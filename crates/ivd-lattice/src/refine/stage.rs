@@ -19,7 +19,6 @@ pub const STAGE: Stage = Stage {
     methods: METHODS,
     positional: &["lattice"],
     places: &[Place::only("lattice")],
-    unread: "no output needs it",
     quiet: false,
 };
 const METHODS: &[Method] = &[method::<Refinement>("")];

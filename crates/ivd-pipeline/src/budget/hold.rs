@@ -16,6 +16,12 @@ use crate::pipeline::run_node;
 use crate::plan::{NodeId, Plan};
 use crate::runner::{Done, Runner};
 
+const LATTICE: NodeId = NodeId::of(&ivd_lattice::extract::STAGE);
+const REFINE: NodeId = NodeId::of(&ivd_lattice::refine::STAGE);
+const OCTREE: NodeId = NodeId::of(&ivd_octree::STAGE);
+const DEFORM: NodeId = NodeId::of(&ivd_deform::deform::STAGE);
+const MAP: NodeId = NodeId::of(&ivd_deform::map::STAGE);
+
 /// What a trial measured (mm), and its results.
 #[derive(Default)]
 struct Trial {
@@ -43,7 +49,7 @@ impl Pilot<'_> {
         done: &BTreeMap<NodeId, Done>,
         runner: Runner<'_>,
     ) -> Result<(), Error> {
-        if !plan.node(NodeId::Refine).needed {
+        if !plan.needs(REFINE) {
             return Ok(());
         }
         let candidates = self.candidates(voxel_mm(done)?);
@@ -144,20 +150,20 @@ impl Pilot<'_> {
         let mut trial = Trial::default();
         let setting = self.setting_of(candidate.level, candidate.steps);
         self.tune(plan, &setting)?;
-        self.step(NodeId::Refine, plan, done, &mut trial.done, runner)?;
-        let bound = trial.done[&NodeId::Refine].record.figures::<RefineFigures>()?.last.max_error_mm;
+        self.step(REFINE, plan, done, &mut trial.done, runner)?;
+        let bound = trial.done[&REFINE].record.figures::<RefineFigures>()?.last.max_error_mm;
         trial.parts.insert("lattice_mm", bound);
-        let moves = plan.node(NodeId::Deform).needed;
+        let moves = plan.needs(DEFORM);
         if bound > most || !moves {
             return Ok((trial, !moves && bound <= most));
         }
-        self.step(NodeId::Deform, plan, done, &mut trial.done, runner)?;
+        self.step(DEFORM, plan, done, &mut trial.done, runner)?;
         let finer = self.stepped_finer(&setting, plan, done, &trial, runner)?;
         let motion = |done: &Done| match done.artefact.as_ref() {
             Artefact::Motion(motion) => motion.clone(),
             _ => unreachable!("deform gives a motion"),
         };
-        let (own, finer) = (motion(&trial.done[&NodeId::Deform]), motion(&finer));
+        let (own, finer) = (motion(&trial.done[&DEFORM]), motion(&finer));
         // The method is of first order: half the step leaves half the error, so the difference is the other half.
         trial.parts.insert("steps_mm", 2.0 * motions(&own, &finer));
         if trial.error() > most {
@@ -202,7 +208,7 @@ impl Pilot<'_> {
         trial: &mut BTreeMap<NodeId, Done>,
         runner: Runner<'_>,
     ) -> Result<(), Error> {
-        let node = plan.node(id);
+        let Some(node) = plan.node(id) else { return Ok(()) };
         let inputs = node.inputs.iter().filter_map(|(_, from)| {
             trial.get(from).or_else(|| done.get(from)).map(|value| (*from, value.clone()))
         });
@@ -221,9 +227,9 @@ impl Pilot<'_> {
         runner: Runner<'_>,
     ) -> Result<Done, Error> {
         self.tune(plan, &Setting { steps: 2.0 * setting.steps, ..*setting })?;
-        let mut twice = BTreeMap::from([(NodeId::Refine, trial.done[&NodeId::Refine].clone())]);
-        self.step(NodeId::Deform, plan, done, &mut twice, runner)?;
-        Ok(twice.remove(&NodeId::Deform).expect("just made"))
+        let mut twice = BTreeMap::from([(REFINE, trial.done[&REFINE].clone())]);
+        self.step(DEFORM, plan, done, &mut twice, runner)?;
+        Ok(twice.remove(&DEFORM).expect("just made"))
     }
 
     /// Carries a trial's motion to the voxels, where the scene needs that, and measures what the map leaves.
@@ -234,14 +240,14 @@ impl Pilot<'_> {
         trial: &mut Trial,
         runner: Runner<'_>,
     ) -> Result<(), Error> {
-        if !plan.node(NodeId::Map).needed {
+        if !plan.needs(MAP) {
             return Ok(());
         }
-        if plan.node(NodeId::Octree).needed {
-            self.step(NodeId::Octree, plan, done, &mut trial.done, runner)?;
+        if plan.needs(OCTREE) {
+            self.step(OCTREE, plan, done, &mut trial.done, runner)?;
         }
-        self.step(NodeId::Map, plan, done, &mut trial.done, runner)?;
-        let map = &trial.done[&NodeId::Map].record;
+        self.step(MAP, plan, done, &mut trial.done, runner)?;
+        let map = &trial.done[&MAP].record;
         let residual = map.figure("inverse_residual_max_voxel")? * voxel_mm(done)?;
         trial.parts.insert("inverse_mm", residual);
         // A map that was diffused or halved to keep it free of folds has left the lattice behind.
@@ -261,8 +267,8 @@ impl Pilot<'_> {
     ) -> Result<BTreeMap<NodeId, Done>, Error> {
         self.tune(plan, &Setting { level: Some(0.0), steps, ..self.setting })?;
         let mut made = BTreeMap::new();
-        for id in [NodeId::Refine, NodeId::Deform, NodeId::Octree, NodeId::Map] {
-            if plan.node(id).needed {
+        for id in [REFINE, DEFORM, OCTREE, MAP] {
+            if plan.needs(id) {
                 self.step(id, plan, done, &mut made, runner)?;
             }
         }
@@ -290,7 +296,7 @@ impl Pilot<'_> {
             self.because(knob, &why, exec);
         }
         for (id, done) in trial.done {
-            self.model.learn(&rate_name(id.stage(), id.variant()), &setting, done.record.wall_s);
+            self.model.learn(&rate_name(id.stage, id.variant), &setting, done.record.wall_s);
             self.ready.insert(id, done);
         }
         Ok(())
@@ -306,7 +312,7 @@ fn difference(
 ) -> Result<f64, Error> {
     let artefact = |of: &BTreeMap<NodeId, Done>, id| of.get(&id).map(|d: &Done| d.artefact.clone());
     let pair = |id| artefact(whole, id).zip(artefact(trial, id));
-    let (lattices, motions) = (pair(NodeId::Refine), pair(NodeId::Deform));
+    let (lattices, motions) = (pair(REFINE), pair(DEFORM));
     let mut most = 0.0_f64;
     if let (Some((a, b)), Some((p, q))) = (lattices, motions)
         && let (Artefact::Lattice(a), Artefact::Lattice(b)) = (a.as_ref(), b.as_ref())
@@ -314,7 +320,7 @@ fn difference(
     {
         most = most.max(surfaces((a, p), (b, q), exec)?);
     }
-    if let Some((a, b)) = pair(NodeId::Map)
+    if let Some((a, b)) = pair(MAP)
         && let (Artefact::Displacement(a), Artefact::Displacement(b)) = (a.as_ref(), b.as_ref())
     {
         most = most.max(fields(a, b, exec));
@@ -324,9 +330,9 @@ fn difference(
 
 /// Longest edge of the volume's voxels (mm).
 fn voxel_mm(done: &BTreeMap<NodeId, Done>) -> Result<f64, Error> {
-    match done.get(&NodeId::Import).map(|d| d.artefact.as_ref()) {
-        Some(Artefact::Volume(volume)) => Ok(volume.grid().spacing().into_iter().fold(0.0, f64::max)),
-        _ => Err(Error::Figure { stage: "import".to_owned(), figure: "spacing".to_owned() }),
+    match done.get(&LATTICE).map(|d| d.artefact.as_ref()) {
+        Some(Artefact::Lattice(lattice)) => Ok(lattice.grid.spacing().into_iter().fold(0.0, f64::max)),
+        _ => Err(Error::Figure { stage: LATTICE.stage.to_owned(), figure: "spacing".to_owned() }),
     }
 }
 

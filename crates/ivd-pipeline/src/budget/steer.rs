@@ -82,15 +82,15 @@ impl<'a> Pilot<'a> {
         done: &BTreeMap<NodeId, Done>,
         runner: Runner<'_>,
     ) -> Result<Option<Done>, Error> {
-        let id = plan.nodes()[at].id;
+        let (id, is_own) = (plan.nodes()[at].id, plan.nodes()[at].is_own());
         self.running = Some(id);
         let budget = &self.options.budget;
         self.measure_work(done);
-        if let Some(most) = budget.max_error_mm.filter(|_| id == NodeId::Refine) {
+        if let Some(most) = budget.max_error_mm.filter(|_| id == NodeId::of(&ivd_lattice::refine::STAGE)) {
             self.hold_error(most, plan, done, runner)?;
             self.settled.extend([Knob::Level, Knob::Steps]);
         }
-        let knob = Knob::ALL.into_iter().find(|k| k.stage() == id.stage() && id != NodeId::Difference);
+        let knob = Knob::ALL.into_iter().find(|k| k.stage() == id.stage && is_own);
         if let (Some(most), Some(knob)) = (budget.max_time_s, knob) {
             self.fit_time(most, at, plan, runner)?;
             self.settle(knob, runner.exec);
@@ -103,7 +103,7 @@ impl<'a> Pilot<'a> {
         self.running = None;
         self.hashes.insert(id, done.hash);
         if done.record.state == State::Ran {
-            self.model.learn(&rate_name(id.stage(), id.variant()), &self.setting, done.record.wall_s);
+            self.model.learn(&rate_name(id.stage, id.variant), &self.setting, done.record.wall_s);
         }
     }
 
@@ -143,7 +143,7 @@ impl<'a> Pilot<'a> {
         let ended: Vec<&str> =
             stages.iter().filter(|r| r.state != State::NotNeeded).map(|r| r.stage.as_str()).collect();
         let ended = if ended.is_empty() { "nothing".to_owned() } else { ended.join(", ") };
-        let running = self.running.map_or("the outputs", NodeId::stage);
+        let running = self.running.map_or("the outputs", |id| id.stage);
         Error::Budget(format!(
             "--max-time {most}: the time is up after {took:.3} s, in {running}; done: {ended}; what was written is whole. \
              Give it more time, a cache (`--cache DIR`, so that the next run goes on from there), or fewer outputs"
@@ -153,12 +153,13 @@ impl<'a> Pilot<'a> {
     /// The scene's work, as far as it is known by now.
     fn measure_work(&mut self, done: &BTreeMap<NodeId, Done>) {
         let scene = &self.wish.scene;
-        if let Some(Artefact::Volume(volume)) = done.get(&NodeId::Import).map(|d| d.artefact.as_ref())
+        if let Some(Artefact::Volume(volume)) = done.get(&NodeId::IMPORT).map(|d| d.artefact.as_ref())
             && self.model.amounts.voxels == 0.0
         {
             self.model.amounts = Amounts::of_volume(scene, volume.grid());
         }
-        if let Some(Artefact::Lattice(lattice)) = done.get(&NodeId::Lattice).map(|d| d.artefact.as_ref())
+        if let Some(Artefact::Lattice(lattice)) =
+            done.get(&NodeId::of(&ivd_lattice::extract::STAGE)).map(|d| d.artefact.as_ref())
             && self.model.amounts.triangles == 0.0
         {
             let amounts = std::mem::take(&mut self.model.amounts);
@@ -185,7 +186,7 @@ impl<'a> Pilot<'a> {
         let open: Vec<Knob> = Knob::ALL
             .into_iter()
             .filter(|knob| !self.settled.contains(knob) && !self.pinned(*knob))
-            .filter(|knob| plan.nodes()[at..].iter().filter(waits).any(|n| n.id.stage() == knob.stage()))
+            .filter(|knob| plan.nodes()[at..].iter().filter(waits).any(|n| n.id.stage == knob.stage()))
             .collect();
         let ladders: Vec<Ladder> = open.iter().map(|knob| knob.ladder(&wish)).collect();
         let base = self.setting;
@@ -300,22 +301,22 @@ impl<'a> Pilot<'a> {
 
     /// Names of the rates of everything that is still to be done: stages, then files.
     fn rates(&self, at: usize, plan: &Plan, cached: &BTreeSet<NodeId>) -> Vec<String> {
-        let waiting = plan.nodes()[at..].iter().filter(|n| n.needed);
-        let ahead: BTreeSet<NodeId> = waiting.map(|n| n.id).collect();
+        let ahead: Vec<&PlanNode> = plan.nodes()[at..].iter().filter(|n| n.needed).collect();
         let made = |id: &NodeId| cached.contains(id) || self.ready.contains_key(id);
-        let stages = ahead.iter().filter(|id| !made(id)).map(|id| rate_name(id.stage(), id.variant()));
+        let stages = ahead.iter().filter(|n| !made(&n.id)).map(|n| rate_name(n.id.stage, n.id.variant));
         let there = |path: &Path| self.options.out.join(path).exists();
         let output = &self.wish.scene.output;
+        let from =
+            |key: &str| ahead.iter().find(|n| n.outputs.contains(&key)).map(|n| cached.contains(&n.id));
         let files = output.files().into_iter().filter_map(|(key, path)| {
-            let id = NodeId::of_output(key, &self.wish.scene);
-            let unchanged = cached.contains(&id) && there(path);
-            (ahead.contains(&id) && !unchanged).then(|| rate_name("write", key))
+            let is_cached = from(key)?;
+            (!is_cached || !there(path)).then(|| rate_name("write", key))
         });
         let pictures = output.images.iter().filter_map(|picture| {
-            let id = NodeId::of_picture(*picture);
-            (ahead.contains(&id) && !cached.contains(&id)).then(|| rate_name("write", "image"))
+            let is_cached = from(picture.name())?;
+            (!is_cached).then(|| rate_name("write", "image"))
         });
-        let all_cached = ahead.iter().all(|id| cached.contains(id));
+        let all_cached = ahead.iter().all(|n| cached.contains(&n.id));
         let report = (output.report && !all_cached).then(|| "report".to_owned());
         let whole = self.options.until.is_none();
         stages.chain(files.chain(pictures).chain(report).filter(|_| whole)).collect()

@@ -1,5 +1,5 @@
 use super::*;
-use crate::plan::NodeId;
+use crate::list::STAGES;
 
 fn point(knob: &str, seconds: f64, counted: Option<f64>, error: f64) -> FrontPoint {
     let time = Spread { least: 0.9 * seconds, median: seconds, most: 1.1 * seconds };
@@ -93,9 +93,11 @@ fn the_record_is_of_this_layout_and_wide() {
     }
     let rates = recorded_rates();
     // The plain scene's classes come from no tree, and it has no steps in space.
-    let plain = |id: &NodeId| !matches!(id, NodeId::Tree | NodeId::Space);
-    for id in NodeId::ALL.into_iter().filter(plain) {
-        let rate = crate::budget::rate_name(id.stage(), id.variant());
+    let all = STAGES.iter().flat_map(|stage| stage.places.iter().map(|place| (stage.name, place.variant)));
+    for (stage, variant) in
+        all.chain([("import", "")]).filter(|place| !matches!(place, ("segment", "tree") | ("space", "")))
+    {
+        let rate = crate::budget::rate_name(stage, variant);
         assert!(rates.seconds(&rate, 1.0) > 0.0, "{rate}");
     }
 }

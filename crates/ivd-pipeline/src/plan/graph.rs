@@ -1,133 +1,45 @@
 use std::path::Path;
 
-use ivd_core::op::{Place, PlaceKind, Want};
-use ivd_lattice::extract;
+use ivd_core::op::{self, Place, PlaceKind, Want};
 use ivd_volume::{RawLayout, ReadOptions, phantom};
 
+use crate::list::STAGES;
 use crate::scene::{InputSection, Loaded, Picture, Scene};
 use crate::stages::{Import, ImportSource};
-use crate::{Error, Section, Stage};
+use crate::{Error, Stage};
 
-/// The places that a stage can have in a pipeline, in the order in which they run.
+/// A place of a pipeline: a stage and which of its uses it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(usize)]
-pub enum NodeId {
-    /// The volume.
-    Import,
-    /// The tree of its regions, which classes are cut from.
-    Tree,
-    /// Its classes.
-    Segment,
-    /// The isolated part.
-    Boundary,
-    /// Its lattice.
-    Lattice,
-    /// The simplified lattice.
-    Refine,
-    /// The index over it.
-    Octree,
-    /// Its motion.
-    Deform,
-    /// The voxels' displacement with the lattice.
-    Map,
-    /// And without it.
-    Space,
-    /// The deformed volume.
-    Warp,
-    /// The transfer function.
-    Atf,
-    /// The picture at rest.
-    Before,
-    /// The deformed picture.
-    After,
-    /// What differs.
-    Difference,
+pub struct NodeId {
+    /// Name of its stage.
+    pub stage: &'static str,
+    /// Which use of the stage it is; empty for the one that the stage is named by.
+    pub variant: &'static str,
 }
 
 impl NodeId {
-    /// All of them, in the order in which they run.
-    pub const ALL: [Self; 15] = [
-        Self::Import,
-        Self::Tree,
-        Self::Segment,
-        Self::Boundary,
-        Self::Lattice,
-        Self::Refine,
-        Self::Octree,
-        Self::Deform,
-        Self::Map,
-        Self::Space,
-        Self::Warp,
-        Self::Atf,
-        Self::Before,
-        Self::After,
-        Self::Difference,
-    ];
+    /// The volume's.
+    pub const IMPORT: Self = Self { stage: "import", variant: "" };
 
-    /// Name of its stage.
-    pub fn stage(self) -> &'static str {
-        match self {
-            Self::Import => "import",
-            Self::Tree | Self::Segment => "segment",
-            Self::Boundary => "boundary",
-            Self::Lattice => "lattice",
-            Self::Refine => "refine",
-            Self::Octree => "octree",
-            Self::Deform => "deform",
-            Self::Map => "map",
-            Self::Space => "space",
-            Self::Warp => "warp",
-            Self::Atf => "atf",
-            Self::Before | Self::After | Self::Difference => "render",
-        }
+    /// The place that a stage of the list is named by.
+    pub const fn of(stage: &op::Stage) -> Self {
+        Self { stage: stage.name, variant: "" }
     }
 
-    /// Its stage, where that is on the list.
-    fn declared(self) -> Option<&'static ivd_core::op::Stage> {
-        crate::list::stage(self.stage())
-    }
-
-    /// Which use of the stage it is; empty for the only one.
-    pub fn variant(self) -> &'static str {
-        match self {
-            Self::Tree => "tree",
-            Self::Before => "before",
-            Self::After => "after",
-            Self::Difference => "difference",
-            _ => "",
-        }
-    }
-
-    /// The place that the output file of a scene's key is made from.
-    pub(crate) fn of_output(key: &str, scene: &Scene) -> Self {
-        match key {
-            "volume" => Self::Warp,
-            "lattice_extracted" => Self::Lattice,
-            "lattice" => Self::Refine,
-            "displacement" => Self::of_displacement(scene),
-            "labels" => Self::Segment,
-            "mask" => Self::Boundary,
-            _ => Self::Deform,
-        }
-    }
-
-    /// The place of a scene's last displacement.
-    pub(crate) fn of_displacement(scene: &Scene) -> Self {
-        if is_idle(scene, &ivd_deform::space::STAGE) { Self::Map } else { Self::Space }
-    }
-
-    /// The picture that it draws.
+    /// The place that draws a picture.
     pub fn of_picture(picture: Picture) -> Self {
-        match picture {
-            Picture::Before => Self::Before,
-            Picture::After => Self::After,
-            Picture::Difference => Self::Difference,
-        }
+        Self { stage: ivd_render::STAGE.name, variant: picture.name() }
     }
 }
 
-/// A slot and the place that fills it.
-type Source = (&'static str, NodeId);
+/// Nobody asks for what a place gives.
+const UNASKED: &str = "no output needs it";
+/// What the import gives.
+const VOLUME: Place = Place::only("volume");
+/// Output files that are named otherwise than the value that they hold.
+const RENAMED: [(&str, &str); 2] = [("volume", "deformed"), ("lattice_deformed", "motion")];
+/// The output of what a lattice is refined from.
+const UNREFINED: &str = "lattice_extracted";
 
 /// One place of the graph.
 pub struct PlanNode {
@@ -135,20 +47,61 @@ pub struct PlanNode {
     pub id: NodeId,
     /// Its stage; `None` where the scene gives it nothing to do.
     pub stage: Option<Box<dyn Stage>>,
-    /// Slots and where they are filled from.
-    pub inputs: Vec<Source>,
+    /// Slots and the places that fill them.
+    pub inputs: Vec<(&'static str, NodeId)>,
+    /// Places whose values are looked at when it is done.
+    pub beside: Vec<NodeId>,
+    /// The scene's outputs that are made from it.
+    pub outputs: Vec<&'static str>,
     /// Whether some output needs it.
     pub needed: bool,
     /// Who needs it, or why nobody does.
     pub why: String,
+    place: &'static Place,
+    idle: Option<Idle>,
+    is_quiet: bool,
+}
+
+/// Why a place has nothing to do.
+#[derive(Clone, Copy)]
+enum Idle {
+    /// As its job says.
+    Asked(&'static str),
+    /// Nobody gives a value that it goes by.
+    Missing(&'static str),
+    /// Nobody reads what it gives.
+    Unread,
 }
 
 impl PlanNode {
+    fn new(id: NodeId, place: &'static Place) -> Self {
+        Self {
+            id,
+            stage: None,
+            inputs: Vec::new(),
+            beside: Vec::new(),
+            outputs: Vec::new(),
+            needed: false,
+            why: String::new(),
+            place,
+            idle: None,
+            is_quiet: false,
+        }
+    }
+
     /// Whether a report of the run names it: a tree that the scene's method doesn't have is no stage of it, nor are steps that it
     /// doesn't have.
     pub(crate) fn is_told(&self) -> bool {
-        let is_quiet = self.id.declared().is_some_and(|stage| stage.quiet);
-        self.stage.is_some() || !(is_quiet || self.id == NodeId::Tree)
+        self.stage.is_some() || !self.is_quiet
+    }
+
+    /// Whether it does the stage's own job, with the scene's parameters.
+    pub(crate) fn is_own(&self) -> bool {
+        matches!(self.place.kind, PlaceKind::Own)
+    }
+
+    fn reads(&self, id: NodeId) -> bool {
+        self.stage.is_some() && self.inputs.iter().any(|(_, from)| *from == id)
     }
 }
 
@@ -170,7 +123,9 @@ impl Plan {
             Some(stage) => plan.want_stage(stage)?,
             None => plan.want_outputs(scene)?,
         }
-        plan.explain_rest(scene);
+        for at in (0..plan.nodes.len()).filter(|&at| !plan.nodes[at].needed).collect::<Vec<_>>() {
+            plan.why_idle(at).clone_into(&mut plan.nodes[at].why);
+        }
         Ok(plan)
     }
 
@@ -188,22 +143,26 @@ impl Plan {
         Ok(())
     }
 
+    /// Whether some output needs a place.
+    pub fn needs(&self, id: NodeId) -> bool {
+        self.node(id).is_some_and(|node| node.needed)
+    }
+
     /// One place.
-    pub fn node(&self, id: NodeId) -> &PlanNode {
-        &self.nodes[id as usize]
+    pub fn node(&self, id: NodeId) -> Option<&PlanNode> {
+        self.nodes.iter().find(|node| node.id == id)
     }
 
     /// Marks every place that has a stage, whoever needs it.
     pub(crate) fn want_everything(&mut self) {
-        for id in NodeId::ALL.into_iter().filter(|&id| self.node(id).stage.is_some()).collect::<Vec<_>>() {
-            self.need(id, "nothing: skipping is switched off");
+        for at in (0..self.nodes.len()).filter(|&at| self.nodes[at].stage.is_some()).collect::<Vec<_>>() {
+            self.need(at, "nothing: skipping is switched off");
         }
     }
 
     fn want_stage(&mut self, stage: &str) -> Result<(), Error> {
-        let found: Vec<NodeId> = NodeId::ALL
-            .into_iter()
-            .filter(|id| id.stage() == stage && self.node(*id).stage.is_some())
+        let found: Vec<usize> = (0..self.nodes.len())
+            .filter(|&at| self.nodes[at].id.stage == stage && self.nodes[at].stage.is_some())
             .collect();
         if found.is_empty() {
             let known = stage_names();
@@ -212,91 +171,108 @@ impl Plan {
                 format!("--until {stage}: not a stage of this scene; stages are {known}"),
             ));
         }
-        for id in found {
-            self.need(id, &format!("--until {stage}"));
+        for at in found {
+            self.need(at, &format!("--until {stage}"));
         }
         Ok(())
     }
 
     fn want_outputs(&mut self, scene: &Scene) -> Result<(), Error> {
         for (key, _) in scene.output.files() {
-            let id = NodeId::of_output(key, scene);
-            if self.node(id).stage.is_none() {
+            let at = self.made_from(key);
+            let node = &mut self.nodes[at];
+            if node.stage.is_none() {
                 let problem = format!(
                     "output.{key}: the scene gives {} nothing to do; add its section, or drop the output",
-                    id.stage()
+                    node.id.stage
                 );
                 return Err(Error::usage("pipeline", problem));
             }
-            self.need(id, &format!("output.{key}"));
+            node.outputs.push(key);
+            self.need(at, &format!("output.{key}"));
             if key == "lattice_deformed" {
-                self.need(NodeId::Refine, "output.lattice_deformed");
+                let lattice = self.giver("lattice");
+                let id = self.nodes[lattice].id;
+                self.nodes[at].beside.push(id);
+                self.need(lattice, "output.lattice_deformed");
             }
         }
         for picture in scene.pictures() {
-            let asked =
-                if scene.output.images.contains(&picture) { "output.images" } else { "output.report" };
-            self.need(NodeId::of_picture(picture), &format!("{asked} ({})", picture.name()));
+            let at = self.giver(picture.name());
+            let is_named = scene.output.images.contains(&picture);
+            let asked = if is_named { "output.images" } else { "output.report" };
+            self.nodes[at].outputs.extend(is_named.then_some(picture.name()));
+            self.need(at, &format!("{asked} ({})", picture.name()));
         }
         if scene.output.report {
-            let moved = NodeId::of_displacement(scene);
-            let last = if self.node(moved).stage.is_some() { moved } else { NodeId::Refine };
-            self.need(last, "output.report");
+            let (moved, labels) = (self.giver("displacement"), self.giver("labels"));
+            let (moves, classes) = (self.nodes[moved].stage.is_some(), self.nodes[labels].id);
+            self.nodes[moved].beside.push(classes);
+            self.nodes[moved].outputs.push("report");
+            self.need(if moves { moved } else { self.giver("lattice") }, "output.report");
         }
         Ok(())
     }
 
-    fn need(&mut self, id: NodeId, why: &str) {
-        let node = &mut self.nodes[id as usize];
+    /// The place that gives a value last; where the scene gives none of them anything to do, the first.
+    fn giver(&self, value: &str) -> usize {
+        let gives = |node: &PlanNode| node.place.gives == value;
+        let last = self.nodes.iter().rposition(|node| gives(node) && node.stage.is_some());
+        last.or_else(|| self.nodes.iter().position(gives)).unwrap_or_default()
+    }
+
+    /// The place that an output file is made from.
+    fn made_from(&self, key: &str) -> usize {
+        if key == UNREFINED {
+            return self.nodes.iter().position(|node| node.place.gives == "lattice").unwrap_or_default();
+        }
+        self.giver(RENAMED.iter().find(|(renamed, _)| *renamed == key).map_or(key, |(_, value)| value))
+    }
+
+    fn need(&mut self, at: usize, why: &str) {
+        let node = &mut self.nodes[at];
         if node.needed {
             return;
         }
         node.needed = true;
         node.why = format!("needed for {why}");
-        let name = if id.variant().is_empty() {
-            id.stage().to_owned()
-        } else {
-            format!("{} {}", id.stage(), id.variant())
-        };
+        let NodeId { stage, variant } = node.id;
+        let name = if variant.is_empty() { stage.to_owned() } else { format!("{stage} {variant}") };
         for (_, from) in node.inputs.clone() {
-            self.need(from, &name);
+            if let Some(from) = self.nodes[..at].iter().position(|node| node.id == from) {
+                self.need(from, &name);
+            }
         }
     }
 
-    fn explain_rest(&mut self, scene: &Scene) {
-        for node in self.nodes.iter_mut().filter(|n| !n.needed) {
-            let declared = node.id.declared();
-            let nothing = declared.filter(|_| node.stage.is_none()).and_then(|stage| idle(scene, stage));
-            let unread = declared.map_or("", |stage| stage.unread);
-            let why = match node.id {
-                _ if nothing.is_some() => nothing.unwrap_or_default(),
-                NodeId::Segment if !uses_labels(scene) => unread,
-                NodeId::Tree if node.stage.is_none() => "the classes come from no tree",
-                NodeId::Boundary | NodeId::Atf if node.stage.is_none() => unread,
-                NodeId::Octree | NodeId::Map | NodeId::Warp | NodeId::After | NodeId::Difference
-                    if node.stage.is_none() =>
-                {
-                    idle(scene, &ivd_deform::deform::STAGE).unwrap_or("no output needs it")
-                }
-                NodeId::Octree if !wants(scene, &ivd_deform::map::STAGE, "octree") => unread,
-                NodeId::Atf | NodeId::Before | NodeId::After | NodeId::Difference => ivd_render::STAGE.unread,
-                _ => "no output needs it",
-            };
-            why.clone_into(&mut node.why);
+    /// Why a place isn't needed.
+    fn why_idle(&self, at: usize) -> &'static str {
+        let node = &self.nodes[at];
+        match node.idle {
+            Some(Idle::Asked(why)) => return why,
+            Some(Idle::Missing(value)) => {
+                let giver = self.nodes[..at].iter().position(|earlier| earlier.place.gives == value);
+                return giver.map_or(UNASKED, |giver| self.why_idle(giver));
+            }
+            Some(Idle::Unread) => {
+                let would_read = |later: &PlanNode| later.inputs.iter().any(|(_, from)| *from == node.id);
+                let reader = self.nodes.iter().position(would_read);
+                return reader.map_or(node.place.unread, |reader| self.why_idle(reader));
+            }
+            None => {}
         }
+        let mut readers = (at..self.nodes.len()).filter(|&later| self.nodes[later].reads(node.id));
+        let Some(first) = readers.next() else { return node.place.unread };
+        let stage = self.nodes[first].id.stage;
+        if readers.all(|other| self.nodes[other].id.stage == stage) { self.why_idle(first) } else { UNASKED }
     }
 }
 
 /// Names of the stages, each once, in the order in which they run.
 pub(crate) fn stage_names() -> String {
-    let mut names = NodeId::ALL.map(NodeId::stage).to_vec();
-    names.dedup();
+    let names: Vec<&str> =
+        [NodeId::IMPORT.stage].into_iter().chain(STAGES.iter().map(|stage| stage.name)).collect();
     names.join(", ")
-}
-
-/// Whether the part is found through a class.
-fn uses_labels(scene: &Scene) -> bool {
-    wants(scene, &extract::STAGE, "labels") || wants(scene, &ivd_boundary::STAGE, "labels")
 }
 
 fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Error> {
@@ -336,78 +312,50 @@ fn read_options(section: &InputSection) -> ReadOptions {
     }
 }
 
-/// Whether a stage of the list has a use for a slot.
-fn wants(scene: &Scene, stage: &ivd_core::op::Stage, slot: &str) -> bool {
-    scene.section(stage).is_some_and(|section| section.wants(slot) == Want::Yes)
-}
-
-/// Why a scene gives a stage of the list nothing to do, where it doesn't.
-fn idle(scene: &Scene, stage: &ivd_core::op::Stage) -> Option<&'static str> {
-    scene.section(stage)?.job().idle()
-}
-
-/// Whether a scene gives a stage of the list nothing to do.
-fn is_idle(scene: &Scene, stage: &ivd_core::op::Stage) -> bool {
-    idle(scene, stage).is_some()
-}
-
-/// A place on the list, with its stage where it has one in the scene.
-fn placed(scene: &Scene, id: NodeId) -> Option<(&'static Place, Section)> {
-    let stage = id.declared()?;
-    let place = stage.places.iter().find(|place| place.variant == id.variant())?;
-    Some((place, scene.section(stage)?.at(place)?))
-}
-
-/// Those of some slots that a place fills: what it is declared to have whatever its job wants, and what the job reads.
-fn filled(place: &Place, section: &Section, slots: &[Source]) -> Vec<Source> {
-    let (with, without) = match place.kind {
-        PlaceKind::Own { with, without } => (with, without),
-        PlaceKind::Precursor { .. } | PlaceKind::Fixed { .. } => (&[][..], &[][..]),
-    };
-    let fills = |slot| with.contains(&slot) || (!without.contains(&slot) && section.wants(slot) != Want::No);
-    slots.iter().copied().filter(|(slot, _)| fills(*slot)).collect()
-}
-
-/// Every place with its stage and where its slots are filled from.
+/// Every place with its stage and the places that fill its slots: each slot is filled with the value of its name that is made last
+/// before it.
 fn wire(scene: &Scene, import: Import) -> Vec<PlanNode> {
-    let isolates = uses_labels(scene)
-        || scene.section(&ivd_boundary::STAGE).is_some_and(|part| part.written().is_some());
-    let (moves, deforms) = (!is_idle(scene, &ivd_deform::deform::STAGE), scene.deforms());
-    let coloured = wants(scene, &ivd_render::STAGE, "transfer");
+    let mut nodes =
+        vec![PlanNode { stage: Some(Box::new(import)), ..PlanNode::new(NodeId::IMPORT, &VOLUME) }];
+    for stage in STAGES {
+        for place in stage.places {
+            let node = placed(scene, stage, place, &nodes);
+            nodes.push(node);
+        }
+    }
+    for at in 0..nodes.len() {
+        let id = nodes[at].id;
+        if nodes[at].place.for_readers && !nodes[at..].iter().any(|later| later.reads(id)) {
+            nodes[at].stage = None;
+            nodes[at].idle = nodes[at].idle.or(Some(Idle::Unread));
+        }
+    }
+    nodes
+}
 
-    let volume = ("volume", NodeId::Import);
-    let labels = ("labels", NodeId::Segment);
-    let lattice = ("lattice", NodeId::Refine);
-    let displacement = ("displacement", NodeId::of_displacement(scene));
-    let drawn = [volume, ("transfer", NodeId::Atf), displacement];
-    let mask = isolates.then_some(("mask", NodeId::Boundary));
-    let after = moves.then_some(("after", NodeId::Map));
-    let part: Vec<Source> = [volume, labels].into_iter().chain(mask).collect();
-    let space: Vec<Source> = [volume].into_iter().chain(after).chain([labels]).collect();
-
-    let boxed = |stage: Section| Box::new(stage) as Box<dyn Stage>;
-    let node = |id: NodeId, has_work: bool, slots: &[Source]| {
-        let found = placed(scene, id);
-        let inputs = found.as_ref().map_or_else(Vec::new, |(place, section)| filled(place, section, slots));
-        let stage = found.map(|(_, section)| section);
-        let stage = stage.filter(|section| has_work && section.job().idle().is_none()).map(boxed);
-        PlanNode { id, stage, inputs, needed: false, why: String::new() }
+/// A place after those before it.
+fn placed(scene: &Scene, stage: &'static op::Stage, place: &'static Place, earlier: &[PlanNode]) -> PlanNode {
+    let id = NodeId { stage: stage.name, variant: place.variant };
+    let mut node = PlanNode { is_quiet: stage.quiet, ..PlanNode::new(id, place) };
+    let is_written = |id: NodeId| {
+        scene.sections().iter().any(|section| section.stage().name == id.stage && section.written().is_some())
     };
-    vec![
-        PlanNode { stage: Some(Box::new(import)), ..node(NodeId::Import, true, &[]) },
-        node(NodeId::Tree, true, &[volume]),
-        node(NodeId::Segment, true, &[("tree", NodeId::Tree), volume]),
-        node(NodeId::Boundary, isolates, &[volume, labels]),
-        node(NodeId::Lattice, true, &part),
-        node(NodeId::Refine, true, &[("lattice", NodeId::Lattice)]),
-        node(NodeId::Octree, moves, &[lattice]),
-        node(NodeId::Deform, true, &[lattice, labels]),
-        node(NodeId::Map, moves, &[lattice, ("octree", NodeId::Octree), ("motion", NodeId::Deform), labels]),
-        node(NodeId::Space, true, &space),
-        node(NodeId::Warp, deforms, &[volume, displacement]),
-        node(NodeId::Atf, coloured, &[volume, labels]),
-        node(NodeId::Before, true, &drawn),
-        node(NodeId::After, deforms, &drawn),
-        node(NodeId::Difference, deforms, &[("before", NodeId::Before), ("after", NodeId::After)]),
-    ]
+    let Some(section) = scene.section(stage).and_then(|section| section.at(place)) else {
+        (node.idle, node.is_quiet) = (Some(Idle::Unread), true);
+        return node;
+    };
+    let last = |value: &str| earlier.iter().rev().find(|n| n.place.gives == value && n.stage.is_some());
+    let mut missing = place.needs.iter().copied().find(|value| last(value).is_none());
+    for slot in section.method().slots.iter().filter(|slot| !place.empty.contains(&slot.name)) {
+        let value = place.value_for(slot.name);
+        match (section.wants(slot.name), last(value)) {
+            (Want::Yes, Some(giver)) => node.inputs.push((slot.name, giver.id)),
+            (Want::IfWritten, Some(giver)) if is_written(giver.id) => node.inputs.push((slot.name, giver.id)),
+            (Want::Yes, None) if !slot.optional => missing = missing.or(Some(value)),
+            (Want::No | Want::Yes | Want::IfWritten, _) => {}
+        }
+    }
+    node.idle = section.job().idle().map(Idle::Asked).or(missing.map(Idle::Missing));
+    node.stage = node.idle.is_none().then(|| Box::new(section) as Box<dyn Stage>);
+    node
 }

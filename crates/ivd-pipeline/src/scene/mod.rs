@@ -106,6 +106,11 @@ impl Scene {
         self.sections.iter().find(|section| section.stage().name == stage.name)
     }
 
+    /// The sections of all stages, written or not.
+    pub fn sections(&self) -> &[Section] {
+        &self.sections
+    }
+
     /// The parameters of a stage, where the scene chooses the method that has them.
     pub fn get<O: Op>(&self, stage: &Stage) -> Option<&O> {
         self.section(stage)?.get()
