@@ -4,6 +4,7 @@
 //! file with overrides (`--set stage.key=value`) applied before anything is checked.
 
 mod load;
+mod read;
 mod schema;
 mod sections;
 mod written;
@@ -15,8 +16,6 @@ use ivd_deform::deform::Asked;
 use ivd_deform::space::SpaceParams;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
-
 use serde_json::{Map, Value as Json};
 
 use crate::{Error, Section};
@@ -34,8 +33,8 @@ fn stage_name(stage: &Stage) -> &'static str {
 }
 
 /// A scene: every section is optional but `input` and `output`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct Scene {
     /// Version of the scene file; 1.
     pub schema: u32,
@@ -43,55 +42,11 @@ pub struct Scene {
     pub input: InputSection,
     /// What is wanted; nothing else is computed.
     pub output: OutputSection,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    boundary: Option<toml::Value>,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    refine: Option<toml::Value>,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    lattice: Option<toml::Value>,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    segment: Option<toml::Value>,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    octree: Option<toml::Value>,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    deform: Option<toml::Value>,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    map: Option<toml::Value>,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    space: Option<toml::Value>,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    warp: Option<toml::Value>,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    atf: Option<toml::Value>,
-    /// Read with the stages of the list.
-    #[serde(default)]
-    #[schemars(skip)]
-    render: Option<toml::Value>,
     /// Every section as it is written.
-    #[serde(skip)]
+    #[schemars(skip)]
     pub(crate) written: Written,
     /// The stages of the list, in its order.
-    #[serde(skip)]
+    #[schemars(skip)]
     pub(crate) sections: Vec<Section>,
 }
 
