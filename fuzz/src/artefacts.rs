@@ -242,9 +242,9 @@ fn use_it(artefact: &Artefact) {
             let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), exec());
             stages::carry(&lattice, &octree.expect("an octahedron"), motion);
         }
-        Artefact::Displacement(displacement) if displacement.grid.len() <= SMALL => {
-            let voxels: Vec<u8> = (0..displacement.grid.len()).map(|i| i as u8).collect();
-            let Ok(volume) = Volume::new(displacement.grid.clone(), Voxels::from(voxels)) else { return };
+        Artefact::Displacement(displacement) if displacement.grid().len() <= SMALL => {
+            let voxels: Vec<u8> = (0..displacement.grid().len()).map(|i| i as u8).collect();
+            let Ok(volume) = Volume::new(displacement.grid().clone(), Voxels::from(voxels)) else { return };
             let params = ivd_deform::warp::WarpParams::default();
             let _ = ivd_deform::warp::volume(&volume, displacement, &params, exec());
             if let Ok(built) = ivd_atf::from_isovalue(&volume, 7.0, &ivd_atf::Params::default(), exec()) {

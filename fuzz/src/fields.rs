@@ -1,7 +1,7 @@
 //! Tiny volumes of any values.
 
 use ivd_boundary::{ComponentParams as PartParams, component};
-use ivd_core::{Displacement, FieldBricks, Grid, Labels, Mask, Volume, Voxels};
+use ivd_core::{Displacement, Grid, Labels, Mask, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures;
 use ivd_segment::{
@@ -110,17 +110,7 @@ fn colour(volume: &Volume, labels: &Labels) {
 
 /// A displacement that moves nothing.
 fn still(grid: &Grid) -> Option<Displacement> {
-    let dims = grid.dims();
-    Some(Displacement {
-        grid: grid.clone(),
-        time: 0.0,
-        forward: FieldBricks::zero(dims),
-        inverse: FieldBricks::zero(dims),
-        inverse_residual_max: 0.0,
-        min_det_j: 1.0,
-        vacated: Vec::new().into(),
-        sides: Vec::new().into(),
-    })
+    Some(Displacement::identity(grid.clone()))
 }
 
 /// Cuts a lattice, which must be closed.

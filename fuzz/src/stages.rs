@@ -87,8 +87,8 @@ fn sound(artefact: &Artefact) {
 }
 
 fn finite(displacement: &Displacement) {
-    assert!(displacement.min_det_j > 0.0, "folded: {}", displacement.min_det_j);
-    let all = [&displacement.forward, &displacement.inverse];
+    assert!(displacement.min_det_j() > 0.0, "folded: {}", displacement.min_det_j());
+    let all = [displacement.forward(), displacement.inverse()];
     assert!(all.iter().all(|f| f.vectors().as_flattened().iter().all(|c| c.is_finite())), "not finite");
 }
 

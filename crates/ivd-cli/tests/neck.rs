@@ -169,7 +169,7 @@ fn vertebrae_stay_rigid_and_the_rest_of_the_neck_follows() {
     let map = &stage(&told, "map")["metrics"];
     assert!(map["folds"] == 0 && map["min_det_j"].as_f64().unwrap() > 0.05, "{map}");
     let grid = left.labels.grid();
-    let by = |index: VoxelIndex| -> Point { left.displacement.forward.at(index).map(f64::from) };
+    let by = |index: VoxelIndex| -> Point { left.displacement.forward().at(index).map(f64::from) };
     let (mut worst, mut squares, mut count) = (0.0_f64, 0.0, 0.0);
     let (mut flesh, mut lag) = (0, 0.0_f64);
     for i in 0..grid.len() {

@@ -161,62 +161,156 @@ impl FieldBricks {
 /// `ψ(y) = y + inverse(y)`, sampled at deformed positions. Vectors are world millimetres, RAS.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Displacement {
+    grid: Grid,
+    time: f64,
+    forward: FieldBricks,
+    inverse: FieldBricks,
+    inverse_residual_max: f64,
+    min_det_j: f64,
+    vacated: Buffer<u8>,
+    sides: Buffer<u8>,
+}
+
+impl Displacement {
+    /// A displacement on the grid whose voxels carry the vectors, at the time 0. Nothing is known yet of how well the fields agree
+    /// ([`Displacement::inverse_residual_max`] is ∞) and of folds ([`Displacement::min_det_j`] is −∞); nothing is left behind or cut.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where a field doesn't lie on the grid.
+    pub fn new(grid: Grid, forward: FieldBricks, inverse: FieldBricks) -> Result<Self, Error> {
+        let n = grid.dims();
+        if forward.dims() != n || inverse.dims() != n {
+            let problem = format!("fields of {:?} and {:?} on {n:?}", forward.dims(), inverse.dims());
+            return Err(Error::Inconsistent { what: "displacement", problem });
+        }
+        Ok(Self {
+            grid,
+            time: 0.0,
+            forward,
+            inverse,
+            inverse_residual_max: f64::INFINITY,
+            min_det_j: f64::NEG_INFINITY,
+            vacated: Vec::new().into(),
+            sides: Vec::new().into(),
+        })
+    }
+
+    /// The displacement that moves nothing, at the time 0.
+    pub fn identity(grid: Grid) -> Self {
+        let still = FieldBricks::zero(grid.dims());
+        Self {
+            grid,
+            time: 0.0,
+            forward: still.clone(),
+            inverse: still,
+            inverse_residual_max: 0.0,
+            min_det_j: 1.0,
+            vacated: Vec::new().into(),
+            sides: Vec::new().into(),
+        }
+    }
+
+    /// At another time: see [`Displacement::time`].
+    #[must_use]
+    pub fn with_time(self, time: f64) -> Self {
+        Self { time, ..self }
+    }
+
+    /// With what was measured: see [`Displacement::inverse_residual_max`].
+    #[must_use]
+    pub fn with_inverse_residual_max(self, inverse_residual_max: f64) -> Self {
+        Self { inverse_residual_max, ..self }
+    }
+
+    /// With what was certified: see [`Displacement::min_det_j`].
+    #[must_use]
+    pub fn with_min_det_j(self, min_det_j: f64) -> Self {
+        Self { min_det_j, ..self }
+    }
+
+    /// With what is left behind: see [`Displacement::vacated`].
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where there is neither one flag a voxel nor none at all.
+    pub fn with_vacated(self, vacated: Buffer<u8>) -> Result<Self, Error> {
+        self.check_length("vacated flags", &vacated)?;
+        Ok(Self { vacated, ..self })
+    }
+
+    /// With a cut: see [`Displacement::sides`].
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where there is neither one a voxel nor none at all, or one names another side than 0, 1 and 2.
+    pub fn with_sides(self, sides: Buffer<u8>) -> Result<Self, Error> {
+        self.check_length("sides", &sides)?;
+        if let Some(at) = sides.iter().position(|side| side & 3 == 3 || side >> 2 > 2) {
+            let problem =
+                format!("side {} at voxel {:?}; sides are 0, 1 and 2", sides[at], self.grid.index(at).0);
+            return Err(Error::Inconsistent { what: "displacement", problem });
+        }
+        Ok(Self { sides, ..self })
+    }
+
+    fn check_length(&self, name: &str, flags: &[u8]) -> Result<(), Error> {
+        if flags.is_empty() || flags.len() == self.grid.len() {
+            return Ok(());
+        }
+        let problem = format!("{} {name} on {:?}", flags.len(), self.grid.dims());
+        Err(Error::Inconsistent { what: "displacement", problem })
+    }
+
     /// The grid whose voxels carry the vectors.
-    pub grid: Grid,
+    #[inline]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
     /// Time of the frame (s).
-    pub time: f64,
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
     /// Rest → deformed.
-    pub forward: FieldBricks,
+    #[inline]
+    pub fn forward(&self) -> &FieldBricks {
+        &self.forward
+    }
+
     /// Deformed → rest.
-    pub inverse: FieldBricks,
+    #[inline]
+    pub fn inverse(&self) -> &FieldBricks {
+        &self.inverse
+    }
+
     /// Largest |φ(ψ(y)) − y| over the voxels of the inverse (voxels).
-    pub inverse_residual_max: f64,
+    pub fn inverse_residual_max(&self) -> f64 {
+        self.inverse_residual_max
+    }
+
     /// Smallest certified bound of det ∇φ.
-    pub min_det_j: f64,
+    pub fn min_det_j(&self) -> f64 {
+        self.min_det_j
+    }
+
     /// Voxels whose label (deformed space) must become background: left behind by a part that moved alone, or opened by a cut.
     /// One flag a voxel of the grid, or empty where nothing is left.
-    pub vacated: Buffer<u8>,
+    #[inline]
+    pub fn vacated(&self) -> &[u8] {
+        &self.vacated
+    }
+
     /// Declares a cut, across which the field jumps; one a voxel of the grid, or empty where nothing is cut. The lowest two bits are
     /// of the voxel at rest: where the cut's sides move apart, and a voxel round that, the side that it is on, 1 below and 2 above,
     /// else 0. Between voxels of sides 1 and 2 `forward` means nothing; each side goes on from its own voxels, up to the cut. The next
     /// two bits are of the deformed voxel: the side that its origin is on, 0 where it has none or no side matters.
-    pub sides: Buffer<u8>,
-}
+    #[inline]
+    pub fn sides(&self) -> &[u8] {
+        &self.sides
+    }
 
-impl Displacement {
     /// Whether nothing moves at all.
     pub fn is_identity(&self) -> bool {
         self.forward.stored() == 0 && self.inverse.stored() == 0
-    }
-
-    /// Checks that both fields lie on the grid.
-    ///
-    /// # Errors
-    /// [`Error::Inconsistent`] where they don't.
-    pub fn check(&self) -> Result<(), Error> {
-        let n = self.grid.dims();
-        if self.forward.dims() != n || self.inverse.dims() != n {
-            return Err(Error::Inconsistent {
-                what: "displacement",
-                problem: format!(
-                    "fields of {:?} and {:?} on {n:?}",
-                    self.forward.dims(),
-                    self.inverse.dims()
-                ),
-            });
-        }
-        for (name, flags) in [("vacated flags", &self.vacated), ("sides", &self.sides)] {
-            if !flags.is_empty() && flags.len() != self.grid.len() {
-                let problem = format!("{} {name} on {n:?}", flags.len());
-                return Err(Error::Inconsistent { what: "displacement", problem });
-            }
-        }
-        if let Some(at) = self.sides.iter().position(|side| side & 3 == 3 || side >> 2 > 2) {
-            let problem =
-                format!("side {} at voxel {:?}; sides are 0, 1 and 2", self.sides[at], self.grid.index(at).0);
-            return Err(Error::Inconsistent { what: "displacement", problem });
-        }
-        Ok(())
     }
 
     /// Whether a cut goes through it: see [`Displacement::sides`].
@@ -284,6 +378,25 @@ mod tests {
         assert_eq!(a.changed(&FieldBricks::zero(dims)).unwrap(), [0]);
         assert_eq!(a.changed(&a).unwrap(), [0; 0]);
         assert!(a.changed(&FieldBricks::zero([8; 3])).is_err());
+    }
+
+    #[test]
+    fn fields_of_another_grid_and_flags_that_do_not_fit_are_refused() {
+        let grid = Grid::with_spacing([2, 1, 1], [1.0; 3]).unwrap();
+        let still = || FieldBricks::zero([2, 1, 1]);
+        assert!(Displacement::new(grid.clone(), still(), FieldBricks::zero([1, 2, 1])).is_err());
+        let unknown = Displacement::new(grid.clone(), still(), still()).unwrap();
+        assert_eq!((unknown.min_det_j(), unknown.inverse_residual_max()), (f64::NEG_INFINITY, f64::INFINITY));
+        let moved = Displacement::identity(grid);
+        assert!(moved.clone().with_vacated(vec![1].into()).is_err());
+        assert!(moved.clone().with_sides(vec![1].into()).is_err());
+        for bad in [3, 3 << 2] {
+            let error = moved.clone().with_sides(vec![0, bad].into()).unwrap_err().to_string();
+            assert!(error.contains("[1, 0, 0]"), "{error}");
+        }
+        let cut =
+            moved.with_vacated(Vec::new().into()).unwrap().with_sides(vec![1, 2 | (2 << 2)].into()).unwrap();
+        assert!(cut.is_torn([0; 3]) && cut.is_two_sided() && cut.vacated().is_empty());
     }
 
     #[test]

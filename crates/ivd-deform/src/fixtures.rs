@@ -35,16 +35,9 @@ pub(crate) fn field(grid: &Grid, u: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Fi
 /// A displacement with its inverse, uncertified.
 pub(crate) fn displacement(grid: &Grid, forward: FieldBricks) -> Displacement {
     let inverse = crate::inverse::invert(&forward, grid, &Exec::default()).unwrap();
-    Displacement {
-        grid: grid.clone(),
-        time: 0.0,
-        forward,
-        inverse: inverse.field,
-        inverse_residual_max: inverse.residual_max_voxels,
-        min_det_j: 0.0,
-        vacated: Vec::new().into(),
-        sides: Vec::new().into(),
-    }
+    Displacement::new(grid.clone(), forward, inverse.field)
+        .unwrap()
+        .with_inverse_residual_max(inverse.residual_max_voxels)
 }
 
 /// A smooth bump: `push` at `centre` (relative to the origin), 0 with its slope from `radius` on [mm].

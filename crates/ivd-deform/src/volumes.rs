@@ -36,8 +36,7 @@ pub fn by_class(
     labels: &Labels,
     exec: &Exec,
 ) -> Result<Vec<ClassVolume>, Error> {
-    displacement.check()?;
-    let grid = &displacement.grid;
+    let grid = displacement.grid();
     if !grid.matches(labels.grid()) {
         return Err(ivd_core::Error::GridMismatch {
             a: "displacement",
@@ -85,7 +84,7 @@ fn counted(labels: &Labels) -> BTreeMap<u16, u64> {
 
 /// Bricks with a cell that moves: those stored, and those before them along any axes.
 fn touched(displacement: &Displacement) -> Vec<[usize; 3]> {
-    let field = &displacement.forward;
+    let field = displacement.forward();
     let bricks = field.brick_dims();
     let stored = |at: [usize; 3]| {
         let inside = (0..3).all(|a| at[a] < bricks[a]);
@@ -100,9 +99,9 @@ fn touched(displacement: &Displacement) -> Vec<[usize; 3]> {
 /// What the cells of a brick give to the classes (voxels). A brick has the cells whose lowest corner it holds; those before the
 /// first voxels belong to the first bricks.
 fn change_in(displacement: &Displacement, labels: &Labels, brick: [usize; 3]) -> BTreeMap<u16, f64> {
-    let grid = &displacement.grid;
+    let grid = displacement.grid();
     let dims = grid.dims();
-    let sampler = Sampler::new(&displacement.forward, grid);
+    let sampler = Sampler::new(displacement.forward(), grid);
     let range = |a: usize| {
         let first = 8 * brick[a] as i64;
         (if first == 0 { -1 } else { first })..(first + 8).min(dims[a] as i64)
@@ -164,16 +163,17 @@ mod tests {
         assert!((a.rest_mm3 + b.rest_mm3 - all).abs() < 1e-9 * all);
     }
 
+    /// Volumes are read from where a field goes, and never from where it comes.
+    fn moved(grid: &Grid, forward: ivd_core::FieldBricks) -> Displacement {
+        Displacement::new(grid.clone(), forward, ivd_core::FieldBricks::zero(grid.dims())).unwrap()
+    }
+
     #[test]
     fn a_linear_map_scales_every_class_by_its_determinant() {
         let grid = sheared_grid([24, 20, 9]);
         let matrix = Matrix3::new(0.05, 0.02, 0.0, -0.01, 0.03, 0.04, 0.0, -0.02, -0.06);
         let factor = (Matrix3::identity() + matrix).determinant() - 1.0;
-        let moved = Displacement {
-            forward: field(&grid, |p| matrix * p),
-            inverse: ivd_core::FieldBricks::zero(grid.dims()),
-            ..displacement(&grid, ivd_core::FieldBricks::zero(grid.dims()))
-        };
+        let moved = moved(&grid, field(&grid, |p| matrix * p));
         // A ball that the border is far from: there the field goes on as a constant.
         let centre = middle(&grid);
         let ball = labels(&grid, |p| u16::from((p - centre).norm() < 4.0));
@@ -193,8 +193,7 @@ mod tests {
         let slice = Grid::with_spacing([24, 24, 1], [1.0; 3]).unwrap();
         let centre = middle(&slice);
         let wider = field(&slice, |p| Vector3::new(0.1, 0.2, 0.0).component_mul(&(p - centre)));
-        let moved =
-            Displacement { forward: wider, ..displacement(&slice, ivd_core::FieldBricks::zero([24, 24, 1])) };
+        let moved = moved(&slice, wider);
         let disc = labels(&slice, |p| u16::from((p - centre).norm() < 8.0));
         let inner = by_class(&moved, &disc, &Exec::default()).unwrap()[1];
         assert!((inner.change_mm3 / inner.rest_mm3 - 0.32).abs() < 1e-5, "{inner:?}");

@@ -85,7 +85,7 @@ fn handles_on_scans_are_mapped_without_a_fold() {
             // The band that moves along is narrower than the reach, which the smooth field fills.
             let most = if method == "octree" { 4 } else { 1 };
             assert!(warped.voxels_resampled < warped.voxels_total / most);
-            unmoved_is_untouched(&volume, &warped.output, &mapped.displacement.inverse);
+            unmoved_is_untouched(&volume, &warped.output, mapped.displacement.inverse());
         }
     }
 }

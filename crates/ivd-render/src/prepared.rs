@@ -238,5 +238,5 @@ impl<'a> Prepared<'a> {
 
 /// Whether a displacement changes no pixel.
 fn is_still(displacement: &ivd_core::Displacement) -> bool {
-    displacement.inverse.stored() == 0 && displacement.vacated.iter().all(|&v| v == 0)
+    displacement.inverse().stored() == 0 && displacement.vacated().iter().all(|&v| v == 0)
 }

@@ -32,11 +32,8 @@ impl<'a> Scene<'a> {
         if let Some(labels) = self.labels.filter(|labels| !grid.matches(labels.grid())) {
             return Err(mismatch("labels", labels.grid()));
         }
-        if let Some(displacement) = self.displacement {
-            displacement.check()?;
-            if !grid.matches(&displacement.grid) {
-                return Err(mismatch("displacement", &displacement.grid));
-            }
+        if let Some(displacement) = self.displacement.filter(|moved| !grid.matches(moved.grid())) {
+            return Err(mismatch("displacement", displacement.grid()));
         }
         Ok(())
     }

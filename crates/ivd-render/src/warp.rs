@@ -19,16 +19,16 @@ pub(crate) struct Warp<'a> {
 impl<'a> Warp<'a> {
     /// `to_voxel`: the grid's world-to-voxel matrix.
     pub(crate) fn new(displacement: &'a Displacement, to_voxel: Matrix3<f64>) -> Self {
-        let shape = Shape::new(displacement.inverse.dims());
-        let bricks = displacement.inverse.brick_dims();
+        let shape = Shape::new(displacement.inverse().dims());
+        let bricks = displacement.inverse().brick_dims();
         let mut moved = vec![false; bricks.iter().product()];
-        let table = displacement.inverse.table();
+        let table = displacement.inverse().table();
         for (b, moved) in moved.iter_mut().enumerate() {
             *moved = beside(bricks, b).any(|voxel_brick| table[voxel_brick] != NO_BRICK);
         }
-        let vacated = &displacement.vacated[..];
+        let vacated = displacement.vacated();
         for i in (0..vacated.len()).filter(|&i| vacated[i] != 0) {
-            let voxel = displacement.grid.index(i).0;
+            let voxel = displacement.grid().index(i).0;
             // A voxel on a brick's low side is nearest to samples of the brick below as well.
             for corner in 0..8_usize {
                 let at: [usize; 3] =
@@ -36,7 +36,7 @@ impl<'a> Warp<'a> {
                 moved[at[0] + bricks[0] * (at[1] + bricks[1] * at[2])] = true;
             }
         }
-        Self { inverse: &displacement.inverse, vacated, shape, to_voxel, moved }
+        Self { inverse: displacement.inverse(), vacated, shape, to_voxel, moved }
     }
 
     /// Whether samples of a brick may come from elsewhere. Elsewhere the map is the identity, exactly.

@@ -91,16 +91,10 @@ mod tests {
                 (0..FieldBricks::VOXELS).map(|v| [1.9, -0.3, 0.8].map(|c: f32| c * (v as f32).sin())),
             );
         }
-        Displacement {
-            grid: grid.clone(),
-            time: 0.0,
-            forward: FieldBricks::zero(dims),
-            inverse: FieldBricks::new(dims, table, vectors.into()).unwrap(),
-            inverse_residual_max: 0.0,
-            min_det_j: 1.0,
-            vacated: (0..grid.len()).map(|i| u8::from(i.is_multiple_of(211))).collect::<Vec<_>>().into(),
-            sides: Vec::new().into(),
-        }
+        let inverse = FieldBricks::new(dims, table, vectors.into()).unwrap();
+        let vacated: Vec<_> = (0..grid.len()).map(|i| u8::from(i.is_multiple_of(211))).collect();
+        let moved = Displacement::new(grid.clone(), FieldBricks::zero(dims), inverse).unwrap();
+        moved.with_vacated(vacated.into()).unwrap()
     }
 
     /// Every ray of a picture, cast in packets and one by one: with what is clear passed over or not, and moved.

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use ivd_core::{Displacement, Exec, FieldBricks, Labels, Lattice, Motion};
+use ivd_core::{Displacement, Exec, Labels, Lattice, Motion};
 use ivd_deform::freeform;
 use ivd_deform::map::{Biharmonic, Live, Moved, Outside, fem};
 use ivd_deform::mass_spring;
@@ -155,16 +155,6 @@ impl Level {
 
 /// A displacement of nothing.
 pub(crate) fn still(lattice: &Lattice) -> Moved {
-    let dims = lattice.grid.dims();
-    let displacement = Displacement {
-        grid: lattice.grid.clone(),
-        time: 0.0,
-        forward: FieldBricks::zero(dims),
-        inverse: FieldBricks::zero(dims),
-        inverse_residual_max: 0.0,
-        min_det_j: 1.0,
-        vacated: Vec::new().into(),
-        sides: Vec::new().into(),
-    };
+    let displacement = Displacement::identity(lattice.grid.clone());
     Moved { displacement, relaxations: 0, halvings: 0, misfit: 0.0 }
 }

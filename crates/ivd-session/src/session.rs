@@ -198,14 +198,14 @@ impl Session {
         let before = &self.moved.displacement;
         let after = moved.unwrap_or(&self.moved);
         let mut update = Update {
-            min_det_j: after.displacement.min_det_j,
+            min_det_j: after.displacement.min_det_j(),
             misfit: after.misfit,
             relaxations: after.relaxations,
             ..Update::default()
         };
         if next.warp != *self.deformed.params() || !exec.skip {
             let mut deformed = Deformed::new(&self.volume, next.warp.clone(), exec)?;
-            let all = || (0..after.displacement.inverse.table().len()).collect();
+            let all = || (0..after.displacement.inverse().table().len()).collect();
             let here = if exec.skip { touched(&after.displacement) } else { all() };
             update.voxels = deformed.update(&self.volume, &after.displacement, &here, exec)?;
             update.dirty = merged(&here, &touched(before));
@@ -220,17 +220,17 @@ impl Session {
 
 /// Bricks whose voxels a displacement moves or leaves behind, ascending.
 fn touched(displacement: &Displacement) -> Vec<usize> {
-    let left = !displacement.vacated.is_empty();
+    let left = !displacement.vacated().is_empty();
     let stored = |b: &usize| {
-        displacement.inverse.brick(*b).is_some() || left && displacement.forward.brick(*b).is_some()
+        displacement.inverse().brick(*b).is_some() || left && displacement.forward().brick(*b).is_some()
     };
-    (0..displacement.inverse.table().len()).filter(stored).collect()
+    (0..displacement.inverse().table().len()).filter(stored).collect()
 }
 
 /// Bricks in which two displacements give other values, ascending.
 fn changed(before: &Displacement, after: &Displacement) -> Result<Vec<usize>, Error> {
-    let mut dirty = after.inverse.changed(&before.inverse)?;
-    if !(before.vacated.is_empty() && after.vacated.is_empty()) {
+    let mut dirty = after.inverse().changed(before.inverse())?;
+    if !(before.vacated().is_empty() && after.vacated().is_empty()) {
         // What was left behind lies where something moved from.
         dirty = merged(&dirty, &merged(&touched(before), &touched(after)));
     }

@@ -42,12 +42,11 @@ pub fn write_field(
     direction: FieldDirection,
     exec: &Exec,
 ) -> Result<Written, Error> {
-    displacement.check()?;
     let field = match direction {
-        FieldDirection::Forward => &displacement.forward,
-        FieldDirection::Inverse => &displacement.inverse,
+        FieldDirection::Forward => displacement.forward(),
+        FieldDirection::Inverse => displacement.inverse(),
     };
-    let grid = &displacement.grid;
+    let grid = displacement.grid();
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e));
     if ends(&[".nrrd"]) {

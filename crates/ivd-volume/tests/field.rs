@@ -17,16 +17,7 @@ fn displacement() -> Displacement {
     let vectors: Vec<[f32; 3]> = (0..512).map(|i| [i as f32, -2.0 * i as f32, 0.25]).collect();
     let table = vec![NO_BRICK, NO_BRICK, NO_BRICK, 0];
     let forward = FieldBricks::new(DIMS, table, vectors.into()).unwrap();
-    Displacement {
-        grid,
-        time: 0.0,
-        forward,
-        inverse: FieldBricks::zero(DIMS),
-        inverse_residual_max: 0.0,
-        min_det_j: 1.0,
-        vacated: Vec::new().into(),
-        sides: Vec::new().into(),
-    }
+    Displacement::new(grid, forward, FieldBricks::zero(DIMS)).unwrap()
 }
 
 #[test]
@@ -56,7 +47,7 @@ fn a_field_is_dense_with_vectors_and_grid_in_lps() {
     assert_eq!(numbers.len(), 3 * 270);
     for (voxel, vector) in numbers.chunks_exact(3).enumerate() {
         let at = VoxelIndex([voxel % 10, voxel / 10 % 9, voxel / 90]);
-        let [r, a, s] = displacement.forward.at(at);
+        let [r, a, s] = displacement.forward().at(at);
         assert_eq!(vector, [-r, -a, s], "{at:?}");
     }
 }
@@ -75,14 +66,15 @@ fn nifti_holds_the_components_one_after_the_other_and_says_which_way_they_lead()
         bytes[352..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
     assert_eq!(numbers.len(), 3 * 270);
     for voxel in 0..270 {
-        let [r, a, s] = displacement.forward.at(VoxelIndex([voxel % 10, voxel / 10 % 9, voxel / 90]));
+        let [r, a, s] = displacement.forward().at(VoxelIndex([voxel % 10, voxel / 10 % 9, voxel / 90]));
         assert_eq!([0, 270, 540].map(|at| numbers[voxel + at]), [0.0 - r, 0.0 - a, s]);
     }
     // Far from the origin single precision can't hold the grid: the second version of the format can.
     let grid =
-        Grid::new(DIMS, [0.5, 1.0, 2.0], [1e7 + 0.125, 20.0, 30.0], displacement.grid.direction()).unwrap();
-    write_field(&plain, &Displacement { grid, ..displacement }, FieldDirection::Inverse, &Exec::default())
-        .unwrap();
+        Grid::new(DIMS, [0.5, 1.0, 2.0], [1e7 + 0.125, 20.0, 30.0], displacement.grid().direction()).unwrap();
+    let far =
+        Displacement::new(grid, displacement.forward().clone(), displacement.inverse().clone()).unwrap();
+    write_field(&plain, &far, FieldDirection::Inverse, &Exec::default()).unwrap();
     let bytes = std::fs::read(&plain).unwrap();
     assert_eq!((bytes[0], bytes[504], bytes[505], &bytes[508..523]), (28, 239, 3, &b"inverse mm LPS\0"[..]));
 }

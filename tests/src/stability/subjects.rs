@@ -259,7 +259,7 @@ impl Subject for Invert {
     }
     fn run(&self, on: &dyn Backend, case: &Case, values: &mut Values, exec: &Exec) -> Answer<bool> {
         let Some(mapped) = &values.mapped else { return Ok(false) };
-        values.inverse = Some(on.invert(&mapped.displacement.forward, case.volume.grid(), exec)?);
+        values.inverse = Some(on.invert(mapped.displacement.forward(), case.volume.grid(), exec)?);
         Ok(true)
     }
     fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {

@@ -158,7 +158,7 @@ impl Backend for Spoiled {
         let mut warped = Cpu.warp_volume(volume, moved, params, exec)?;
         let mut values: Vec<f32> =
             (0..volume.grid().len()).map(|i| warped.output.voxels().get(i) as f32).collect();
-        let vector = |i: usize| moved.inverse.at(volume.grid().index(i));
+        let vector = |i: usize| moved.inverse().at(volume.grid().index(i));
         let moving = (0..values.len()).position(|i| vector(i) != [0.0; 3]).unwrap();
         let still = (0..values.len()).position(|i| vector(i) == [0.0; 3]).unwrap();
         match self.0 {

@@ -27,16 +27,7 @@ fn shifted(grid: &Grid, by: [f32; 3]) -> Displacement {
         let vectors = vec![v; bricks * FieldBricks::VOXELS];
         FieldBricks::new(grid.dims(), (0..bricks as u32).collect(), vectors.into()).unwrap()
     };
-    Displacement {
-        grid: grid.clone(),
-        time: 0.0,
-        forward: field(by.map(|c| -c)),
-        inverse: field(by),
-        inverse_residual_max: 0.0,
-        min_det_j: 1.0,
-        vacated: Vec::new().into(),
-        sides: Vec::new().into(),
-    }
+    Displacement::new(grid.clone(), field(by.map(|c| -c)), field(by)).unwrap()
 }
 
 /// The trilinear value between voxels of values in double precision.

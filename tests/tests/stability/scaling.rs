@@ -85,7 +85,7 @@ fn apart(a: &Results, b: &Results, scale: f64) -> [f64; 2] {
     let difference =
         |p: &[f64; 3], q: &[f64; 3]| (0..3).map(|c| (p[c] - q[c] / scale).abs()).fold(0.0, f64::max);
     let motion = u.iter().zip(v).map(|(p, q)| difference(p, q)).fold(0.0, f64::max);
-    let (f, g) = (&a.mapped.displacement.forward, &b.mapped.displacement.forward);
+    let (f, g) = (a.mapped.displacement.forward(), b.mapped.displacement.forward());
     let grid = &a.lattice.grid;
     let at = |i: usize| (f.at(grid.index(i)).map(f64::from), g.at(grid.index(i)).map(f64::from));
     let field = (0..grid.len()).map(|i| difference(&at(i).0, &at(i).1)).fold(0.0, f64::max);

@@ -190,11 +190,11 @@ fn motions_and_maps_turn_with_the_lattice() {
             assert!((got - expected).norm() <= slack, "{turn:?}, vertex {v}: {got} for {expected}");
         }
         let mapped = mapped(&other, &again, Outside::Band);
-        let expected = turn.field(&map.displacement.forward);
+        let expected = turn.field(map.displacement.forward());
         let (mut worst, dims) = (0.0_f64, other.grid.dims());
         for i in 0..other.grid.len() {
             let v = other.grid.index(i);
-            let off = Vector3::from(mapped.displacement.forward.at(v)) - Vector3::from(expected.at(v));
+            let off = Vector3::from(mapped.displacement.forward().at(v)) - Vector3::from(expected.at(v));
             worst = worst.max(f64::from(off.norm()));
         }
         assert_eq!(dims, turn.grid(grid).dims());
@@ -217,9 +217,9 @@ fn inverses_warps_and_pictures_turn_with_the_field() {
     let warped = warp(&volume, &map.displacement);
     for turn in TURNS {
         let other = turned(turn, &volume);
-        let forward = turn.field(&map.displacement.forward);
+        let forward = turn.field(map.displacement.forward());
         let inverse = ivd_deform::inverse::invert(&forward, other.grid(), &exec).unwrap();
-        let expected = turn.field(&map.displacement.inverse);
+        let expected = turn.field(map.displacement.inverse());
         for i in 0..other.grid().len() {
             let v = other.grid().index(i);
             let off = Vector3::from(inverse.field.at(v)) - Vector3::from(expected.at(v));
@@ -227,12 +227,7 @@ fn inverses_warps_and_pictures_turn_with_the_field() {
             let most = 2.0 * f32::EPSILON * Vector3::from(expected.at(v)).amax() + 2e-9;
             assert!(off.amax() <= most, "{turn:?}, voxel {v:?}: {off}");
         }
-        let moved = Displacement {
-            grid: other.grid().clone(),
-            forward,
-            inverse: inverse.field,
-            ..map.displacement.clone()
-        };
+        let moved = Displacement::new(other.grid().clone(), forward, inverse.field).unwrap();
         let got = warp(&other, &moved);
         let expected = turned(turn, &warped);
         let range = volume.range().unwrap();

@@ -24,22 +24,21 @@ struct Content {
 const BRICK_SHAPE: [u64; 4] = [8, 8, 8, 3];
 
 pub(super) fn encode(displacement: &Displacement) -> Result<Encoded<'_>, String> {
-    displacement.check().map_err(|e| e.to_string())?;
     let content = Content {
-        grid: (&displacement.grid).into(),
-        time: Real(displacement.time),
-        inverse_residual_max: Real(displacement.inverse_residual_max),
-        min_det_j: Real(displacement.min_det_j),
-        vacated: !displacement.vacated.is_empty(),
+        grid: (displacement.grid()).into(),
+        time: Real(displacement.time()),
+        inverse_residual_max: Real(displacement.inverse_residual_max()),
+        min_det_j: Real(displacement.min_det_j()),
+        vacated: !displacement.vacated().is_empty(),
         sides: displacement.is_two_sided(),
     };
     let mut sections = Vec::new();
-    sections.extend(field("forward_table", "forward_vectors", &displacement.forward));
-    sections.extend(field("inverse_table", "inverse_vectors", &displacement.inverse));
-    for (name, flags) in [("vacated", &displacement.vacated), ("sides", &displacement.sides)] {
+    sections.extend(field("forward_table", "forward_vectors", displacement.forward()));
+    sections.extend(field("inverse_table", "inverse_vectors", displacement.inverse()));
+    for (name, flags) in [("vacated", displacement.vacated()), ("sides", displacement.sides())] {
         if !flags.is_empty() {
-            let shape = voxel_shape(displacement.grid.dims());
-            sections.push(SectionBytes::new(name, Element::U8, shape, flags.as_slice()));
+            let shape = voxel_shape(displacement.grid().dims());
+            sections.push(SectionBytes::new(name, Element::U8, shape, flags));
         }
     }
     Encoded::new(&content, sections)
@@ -63,18 +62,12 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Displacement, Problem>
         if there { decoder.take(name, Element::U8, &voxel_shape(grid.dims())) } else { Ok(Vec::new().into()) }
     };
     let (vacated, sides) = (flags("vacated", content.vacated)?, flags("sides", content.sides)?);
-    let displacement = Displacement {
-        grid,
-        time: content.time.0,
-        forward,
-        inverse,
-        inverse_residual_max: content.inverse_residual_max.0,
-        min_det_j: content.min_det_j.0,
-        vacated,
-        sides,
-    };
-    displacement.check()?;
-    Ok(displacement)
+    Ok(Displacement::new(grid, forward, inverse)?
+        .with_time(content.time.0)
+        .with_inverse_residual_max(content.inverse_residual_max.0)
+        .with_min_det_j(content.min_det_j.0)
+        .with_vacated(vacated)?
+        .with_sides(sides)?)
 }
 
 fn take_field(

@@ -145,16 +145,13 @@ fn displacement() -> Displacement {
     let forward = FieldBricks::new(dims, vec![NO_BRICK, 0], vectors.into()).unwrap();
     let mut vacated = vec![0; 54];
     vacated[8] = 1;
-    Displacement {
-        grid: grid(dims),
-        time: 0.2,
-        forward,
-        inverse: FieldBricks::zero(dims),
-        inverse_residual_max: 1e-4,
-        min_det_j: 0.25,
-        vacated: vacated.into(),
-        sides: Vec::new().into(),
-    }
+    Displacement::new(grid(dims), forward, FieldBricks::zero(dims))
+        .unwrap()
+        .with_time(0.2)
+        .with_inverse_residual_max(1e-4)
+        .with_min_det_j(0.25)
+        .with_vacated(vacated.into())
+        .unwrap()
 }
 
 /// Three leaves, one of them an island beyond missing voxels.

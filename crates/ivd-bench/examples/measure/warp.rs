@@ -46,18 +46,9 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
     let Voxels::F32(field) = raw::voxels(folder.join("field.f32"), "f32")? else {
         return Err("floats are read".into());
     };
-    let moved = Displacement {
-        time: 0.0,
-        forward: FieldBricks::zero([side; 3]),
-        inverse: bricks(side, &field)?,
-        inverse_residual_max: 0.0,
-        min_det_j: 0.0,
-        vacated: Vec::new().into(),
-        sides: Vec::new().into(),
-        grid,
-    };
+    let moved = Displacement::new(grid, FieldBricks::zero([side; 3]), bricks(side, &field)?)?;
     let touched: Vec<usize> =
-        (0..moved.inverse.table().len()).filter(|&b| moved.inverse.table()[b] != NO_BRICK).collect();
+        (0..moved.inverse().table().len()).filter(|&b| moved.inverse().table()[b] != NO_BRICK).collect();
     let exec = Exec::default().with_threads(threads);
     let params = WarpParams { background: Some(0.0), ..WarpParams::default() };
     let mut kept = Deformed::new(&input, params.clone(), &exec)?;

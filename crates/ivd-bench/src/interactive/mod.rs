@@ -243,7 +243,7 @@ fn drag(
             bricks,
         });
         if 4 * (k + 1) == path.len() && followed {
-            farthest = Some(session.displacement().forward.clone());
+            farthest = Some(session.displacement().forward().clone());
         }
     }
     let figures = |of: fn(&FrameCost) -> f64| {

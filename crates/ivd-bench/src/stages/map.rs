@@ -101,9 +101,9 @@ fn push(size: usize) -> Handle {
 
 /// Root mean square and largest difference of two displacements (mm), where either moves.
 pub(super) fn apart(a: &Displacement, b: &Displacement) -> (f64, f64) {
-    let places = (0..a.grid.len()).map(|i| a.grid.index(i));
+    let places = (0..a.grid().len()).map(|i| a.grid().index(i));
     let squares = places
-        .map(|at| (a.forward.at(at), b.forward.at(at)))
+        .map(|at| (a.forward().at(at), b.forward().at(at)))
         .filter(|(a, b)| a.iter().chain(b).any(|&c| c != 0.0))
         .map(|(a, b)| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>());
     let squares: Vec<f64> = squares.collect();

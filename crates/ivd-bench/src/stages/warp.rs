@@ -76,16 +76,8 @@ fn swirl(grid: &Grid) -> Result<Displacement, Problem> {
             vectors.push([vector.x as f32, vector.y as f32, vector.z as f32]);
         }
     }
-    Ok(Displacement {
-        grid: grid.clone(),
-        time: 0.0,
-        forward: FieldBricks::zero(dims),
-        inverse: FieldBricks::new(dims, (0..count as u32).collect(), vectors.into())?,
-        inverse_residual_max: 0.0,
-        min_det_j: 1.0,
-        vacated: Vec::new().into(),
-        sides: Vec::new().into(),
-    })
+    let inverse = FieldBricks::new(dims, (0..count as u32).collect(), vectors.into())?;
+    Ok(Displacement::new(grid.clone(), FieldBricks::zero(dims), inverse)?)
 }
 
 /// Difference from the truth at the voxels (of 1), root mean square, a tenth of the cube away from its sides.

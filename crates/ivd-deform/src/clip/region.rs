@@ -126,10 +126,10 @@ impl<'a> Region<'a> {
         let mut place = VoxelCoord::from(VoxelIndex([x, y, z])).0;
         if let Some(displacement) = self.displacement {
             let linear = x + self.dims[0] * (y + self.dims[1] * z);
-            if displacement.vacated.get(linear).is_some_and(|flag| *flag != 0) {
+            if displacement.vacated().get(linear).is_some_and(|flag| *flag != 0) {
                 return true;
             }
-            let vector = displacement.inverse.at(VoxelIndex([x, y, z]));
+            let vector = displacement.inverse().at(VoxelIndex([x, y, z]));
             if vector != [0.0; 3] {
                 place += self.to_voxel * Vector3::from(vector).map(f64::from);
             }
@@ -142,9 +142,9 @@ impl<'a> Region<'a> {
     /// How much of a brick stays, as far as that is known without its voxels.
     pub(super) fn brick(&self, brick: [usize; 3]) -> Part {
         if let Some(displacement) = self.displacement {
-            let [bx, by, _] = displacement.inverse.brick_dims();
+            let [bx, by, _] = displacement.inverse().brick_dims();
             let index = brick[0] + bx * (brick[1] + by * brick[2]);
-            if displacement.inverse.table()[index] != NO_BRICK || !displacement.vacated.is_empty() {
+            if displacement.inverse().table()[index] != NO_BRICK || !displacement.vacated().is_empty() {
                 return Part::Some;
             }
         }

@@ -264,7 +264,7 @@ fn a_bent_cut_differs_from_the_warp_of_the_cut_by_its_border_alone() {
     let before = warp::volume(&before, &moved, &WarpParams::default(), &exec()).unwrap().output;
     let (normal, mut border) = (Vector3::from(plane.normal).normalize(), 0);
     for v in voxels(&grid) {
-        let psi = Vector3::from(moved.inverse.at(v)).map(f64::from);
+        let psi = Vector3::from(moved.inverse().at(v)).map(f64::from);
         let distance = normal.dot(&(grid.world(VoxelCoord::from(v)).0 + psi - point));
         // Linear interpolation reads no further than a voxel's diagonal.
         if distance.abs() > grid.voxel_diagonal() {
@@ -275,11 +275,12 @@ fn a_bent_cut_differs_from_the_warp_of_the_cut_by_its_border_alone() {
     }
     assert!(border > 0, "interpolation mixes at the border");
     // What a part left behind has no place at rest.
-    moved.vacated = (0..grid.len()).map(|i| u8::from(hash(i).is_multiple_of(7))).collect::<Vec<_>>().into();
+    let vacated: Vec<_> = (0..grid.len()).map(|i| u8::from(hash(i).is_multiple_of(7))).collect();
+    moved = moved.with_vacated(vacated.into()).unwrap();
     for invert in [false, true] {
         let params = ClipParams { invert, ..params.clone() };
         let got = volume(&warped, &params, &By { displacement: Some(&moved), tag: None }, &exec()).unwrap();
-        for (i, flag) in moved.vacated.iter().enumerate().filter(|(_, flag)| **flag != 0) {
+        for (i, flag) in moved.vacated().iter().enumerate().filter(|(_, flag)| **flag != 0) {
             assert_eq!(got.output.voxels().get(i), warped.voxels().get(i), "{flag} at {i}");
         }
         let mut plain = exec();

@@ -170,7 +170,8 @@ impl<'a> Read<'a> {
         let index = brick[0] + bricks[0] * (brick[1] + bricks[1] * brick[2]);
         match &self.place {
             Place::Through { displacement, .. }
-                if !displacement.vacated.is_empty() || displacement.inverse.table()[index] != NO_BRICK =>
+                if !displacement.vacated().is_empty()
+                    || displacement.inverse().table()[index] != NO_BRICK =>
             {
                 [0.0, 1.0]
             }

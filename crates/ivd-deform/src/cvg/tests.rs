@@ -399,9 +399,9 @@ fn other_grids_are_read_by_world_position() {
 /// A displacement that moves only a ball, and one that leaves some voxels behind.
 fn moved(grid: &Grid) -> [Displacement; 2] {
     let one = displacement(grid, field(grid, bump(middle(grid), 6.0, Vector3::new(1.9, 1.2, -2.0))));
-    let mut other = displacement(grid, field(grid, |p| Vector3::new(0.1 * p.z, 0.4, 0.3)));
-    other.vacated = (0..grid.len()).map(|i| u8::from(hash(i).is_multiple_of(19))).collect::<Vec<_>>().into();
-    [one, other]
+    let other = displacement(grid, field(grid, |p| Vector3::new(0.1 * p.z, 0.4, 0.3)));
+    let vacated: Vec<_> = (0..grid.len()).map(|i| u8::from(hash(i).is_multiple_of(19))).collect();
+    [one, other.with_vacated(vacated.into()).unwrap()]
 }
 
 #[test]

@@ -108,20 +108,20 @@ impl Mapped {
         halvings: u32,
         followed: Followed,
     ) -> Self {
-        let (voxels_moved, motion_mm) = lengths(&displacement.forward);
+        let (voxels_moved, motion_mm) = lengths(displacement.forward());
         Self {
             voxels_moved,
-            bricks_touched: displacement.forward.stored() as u64,
-            bricks_total: displacement.forward.table().len() as u64,
+            bricks_touched: displacement.forward().stored() as u64,
+            bricks_total: displacement.forward().table().len() as u64,
             min_det_j: certificate.min_det,
             folds: certificate.folded.len() as u64,
             relaxations,
             halvings,
             solved: None,
-            inverse_residual_max_voxel: displacement.inverse_residual_max,
+            inverse_residual_max_voxel: displacement.inverse_residual_max(),
             det_j: certificate.histogram,
             motion_mm,
-            voxels_vacated: displacement.vacated.iter().map(|&v| u64::from(v)).sum(),
+            voxels_vacated: displacement.vacated().iter().map(|&v| u64::from(v)).sum(),
             followed,
             displacement,
         }

@@ -82,16 +82,11 @@ impl Settle<'_> {
             "the inverse of the map",
             "move the handle less, or give it a larger radius",
         )?;
-        Ok(Displacement {
-            grid: grid.clone(),
-            time: self.frame.time,
-            forward: field,
-            inverse: inverse.field,
-            inverse_residual_max: inverse.residual_max_voxels,
-            min_det_j: proven.certificate.min_det,
-            vacated: vacated.into(),
-            sides: Vec::new().into(),
-        })
+        Ok(Displacement::new(grid.clone(), field, inverse.field)?
+            .with_time(self.frame.time)
+            .with_inverse_residual_max(inverse.residual_max_voxels)
+            .with_min_det_j(proven.certificate.min_det)
+            .with_vacated(vacated.into())?)
     }
 }
 

@@ -536,7 +536,7 @@ fn off(lattice: &Lattice, skeleton: &Skeleton, motion: &ivd_core::Motion, bones:
         let Some(b) = bones.iter().position(|b| b.region.unwrap().holds(at, Vector3::zeros())) else {
             continue;
         };
-        let by = Vector3::from(mapped.displacement.forward.at(index)).map(f64::from);
+        let by = Vector3::from(mapped.displacement.forward().at(index)).map(f64::from);
         let off = (by - skeleton.displacement(b, at, 1.0)).norm();
         (worst, count) = (worst.max(off), count + 1.0);
         squares += off * off;

@@ -227,9 +227,8 @@ pub fn check(steps: &[Step], after: bool) -> Result<(), Error> {
 fn check_start(grid: &Grid, steps: &[Step], start: &Start<'_>) -> Result<(), Error> {
     let mismatch = |what, problem, remedy| Err(Error::Mismatch { what, problem, remedy });
     if let Some(after) = start.after {
-        after.check()?;
-        if !grid.matches(&after.grid) {
-            let dims = [after.grid.dims(), grid.dims()];
+        if !grid.matches(after.grid()) {
+            let dims = [after.grid().dims(), grid.dims()];
             let problem =
                 format!("it lies on {:?} voxels elsewhere than the volume's {:?}", dims[0], dims[1]);
             return mismatch(
@@ -238,7 +237,7 @@ fn check_start(grid: &Grid, steps: &[Step], start: &Start<'_>) -> Result<(), Err
                 "start from one on the volume's grid",
             );
         }
-        if after.is_two_sided() || !after.vacated.is_empty() {
+        if after.is_two_sided() || !after.vacated().is_empty() {
             let problem =
                 "it has a cut, or a part that moved alone, and nothing goes on across that".to_owned();
             let remedy = "let the cut be the last displacement, or warp first";
@@ -306,8 +305,8 @@ impl<'a> Space<'a> {
         Ok(Self {
             grid,
             steps: ready.collect::<Result<_, Error>>()?,
-            after: start.after.map(|after| &after.forward),
-            time: start.after.map_or(0.0, |after| after.time),
+            after: start.after.map(Displacement::forward),
+            time: start.after.map_or(0.0, Displacement::time),
         })
     }
 
@@ -346,7 +345,7 @@ impl<'a> Space<'a> {
                 vacated: vacated.into(),
                 sides: Vec::new().into(),
             };
-            return Ok(self.tell(joined, residual, parts, &certificate));
+            return self.tell(joined, residual, parts, &certificate);
         };
         let (below, mut other, _) = match self.whole(&samplers, bricks, parts, Side::Below, exec)? {
             Ok(found) => found,
@@ -361,7 +360,7 @@ impl<'a> Space<'a> {
         let residual = above.inverse.residual_max_voxels.max(below.inverse.residual_max_voxels);
         other.min_det = certificate.min_det.min(other.min_det);
         other.histogram = certificate.histogram;
-        Ok(self.tell(joined, residual, parts, &other))
+        self.tell(joined, residual, parts, &other)
     }
 
     /// The map of one side, all over space, with its certificate and what is vacated; or the certificate that it hasn't.
@@ -399,7 +398,13 @@ impl<'a> Space<'a> {
         Ok(Ok((Whole { field, inverse }, certificate, vacated)))
     }
 
-    fn tell(&self, made: TwoSided, residual: f64, parts: u32, certificate: &Certificate) -> Tried {
+    fn tell(
+        &self,
+        made: TwoSided,
+        residual: f64,
+        parts: u32,
+        certificate: &Certificate,
+    ) -> Result<Tried, Error> {
         let TwoSided { forward, inverse, vacated, sides } = made;
         let (voxels_moved, motion_mm) = lengths(&forward);
         let short = |(step, field): &(Step, Option<FieldBricks>)| {
@@ -407,7 +412,7 @@ impl<'a> Space<'a> {
             let go = |parts| go_through(step, centre.into(), parts, Side::Above);
             (go(1) - go(parts)).norm()
         };
-        Tried::Made(Box::new(Made {
+        Ok(Tried::Made(Box::new(Made {
             voxels_moved,
             bricks_touched: forward.stored() as u64,
             bricks_total: forward.table().len() as u64,
@@ -419,17 +424,13 @@ impl<'a> Space<'a> {
             det_j: certificate.histogram.clone(),
             motion_mm,
             voxels_vacated: vacated.iter().map(|&v| u64::from(v)).sum(),
-            displacement: Displacement {
-                grid: self.grid.clone(),
-                time: self.time,
-                forward,
-                inverse,
-                inverse_residual_max: residual,
-                min_det_j: certificate.min_det,
-                vacated,
-                sides,
-            },
-        }))
+            displacement: Displacement::new(self.grid.clone(), forward, inverse)?
+                .with_time(self.time)
+                .with_inverse_residual_max(residual)
+                .with_min_det_j(certificate.min_det)
+                .with_vacated(vacated)?
+                .with_sides(sides)?,
+        })))
     }
 
     /// One for what was displaced before, and one for each chain mail.

@@ -59,7 +59,7 @@ fn a_deflector_moves_every_voxel_as_its_shape_says() {
         let made = made(&grid, &[Step::Shape(shape)]);
         assert_eq!((made.parts, made.folds), (1, 0), "{kind:?}");
         // The origin is 10 m away: what is left is the rounding of the centre.
-        let off = worst(&grid, &made.displacement.forward, |p| shape.apply(p, 1.0) - p);
+        let off = worst(&grid, made.displacement.forward(), |p| shape.apply(p, 1.0) - p);
         assert!(off < 1e-6, "{kind:?}: {off}");
         assert!(made.voxels_moved > 1000 && made.bricks_touched < made.bricks_total, "{kind:?}: {made:?}");
         assert!(made.min_det_j > 0.0 && made.inverse_residual_max_voxel < 1e-4, "{kind:?}: {made:?}");
@@ -76,20 +76,20 @@ fn steps_go_on_from_where_the_ones_before_left() {
     let [first, second] =
         [Kind::Translate { by: [0.9, 0.0, 0.8] }, Kind::Rotate { angle: 40.0 }].map(|k| shape(&grid, k));
     let both = made(&grid, &[Step::Shape(first), Step::Shape(second)]);
-    let off = worst(&grid, &both.displacement.forward, |p| second.apply(first.apply(p, 1.0), 1.0) - p);
+    let off = worst(&grid, both.displacement.forward(), |p| second.apply(first.apply(p, 1.0), 1.0) - p);
     assert!(off < 1e-6, "{off}");
     let alone = made(&grid, &[Step::Shape(first)]).displacement;
     let start = Start { after: Some(&alone), labels: None };
     let after = displace(&grid, &[Step::Shape(second)], &start, &Exec::default()).unwrap();
     let off = voxels(&grid)
         .map(|v| {
-            let [a, b] = [&after, &both].map(|m| Vector3::from(m.displacement.forward.at(v)));
+            let [a, b] = [&after, &both].map(|m| Vector3::from(m.displacement.forward().at(v)));
             (a - b).norm()
         })
         .fold(0.0, f32::max);
     assert!(off < 1e-5, "{off}");
     let nothing = displace(&grid, &[], &start, &Exec::default()).unwrap();
-    assert_eq!(nothing.displacement.forward, alone.forward, "no step: what was before");
+    assert_eq!(nothing.displacement.forward(), alone.forward(), "no step: what was before");
 }
 
 #[test]
@@ -103,14 +103,14 @@ fn a_push_that_folds_at_once_is_done_in_parts() {
     assert_eq!(made(&grid, &[push(6.0)]).parts, 1);
     let far = made(&grid, &[push(10.0)]);
     assert!(far.parts > 1 && far.min_det_j > 0.0, "{far:?}");
-    let top = f64::from(far.displacement.forward.at(VoxelIndex([20; 3]))[2]);
+    let top = f64::from(far.displacement.forward().at(VoxelIndex([20; 3]))[2]);
     assert!((0.1..3.0).contains(&far.short_mm) && (top + far.short_mm - 10.0).abs() < 0.1, "{top} {far:?}");
     let moves = |u: &[f32; 3]| u[0] == 0.0 && u[1] == 0.0;
-    assert!(far.displacement.forward.vectors().iter().all(moves), "a flow along the push");
+    assert!(far.displacement.forward().vectors().iter().all(moves), "a flow along the push");
     // Within reach of the push nothing passes what was ahead of it.
     for z in 8..31 {
         let [here, next] =
-            [z, z + 1].map(|z| z as f32 + far.displacement.forward.at(VoxelIndex([20, 20, z]))[2]);
+            [z, z + 1].map(|z| z as f32 + far.displacement.forward().at(VoxelIndex([20, 20, z]))[2]);
         assert!(next > here, "{z}: {here} {next}");
     }
     let bend = Kind::Bend { rate: 40.0, spine: [1.0, 0.0, 0.0], length: None };
@@ -169,7 +169,7 @@ fn curves_shift_turn_swell_and_grow() {
         ..curve(Over::Along, Way::Turn, &[[-8.0, -20.0], [8.0, 20.0]])
     };
     let made = made(&grid, &[Step::Curve(twist.clone())]);
-    let off = worst(&grid, &made.displacement.forward, |p| twist.apply(p, 1.0) - p);
+    let off = worst(&grid, made.displacement.forward(), |p| twist.apply(p, 1.0) - p);
     assert!(off < 1e-6 && made.min_det_j > 0.0, "{off} {made:?}");
 }
 
@@ -183,10 +183,10 @@ fn chain_mail_that_cannot_fold_does_not() {
     // ∇φ has at least 0.5 on its diagonal and at most 0.2 twice beside it; the determinant is least where both are reached.
     let least = Matrix3::from_fn(|r, c| if r == c { 0.5 } else { -0.2 }).determinant();
     assert!(made.min_det_j >= least - 1e-6 && made.parts == 1, "{} {least}", made.min_det_j);
-    let grip = made.displacement.forward.at(VoxelIndex([24; 3]));
+    let grip = made.displacement.forward().at(VoxelIndex([24; 3]));
     assert!((Vector3::from(grip) - Vector3::new(2.0, 1.0, 3.0)).norm() < 1e-6, "{grip:?}");
     // Straight ahead of the grip every link is squeezed to a half: 3 mm are used up after 6.
-    let ahead = |z: usize| made.displacement.forward.at(VoxelIndex([24, 24, z]))[2];
+    let ahead = |z: usize| made.displacement.forward().at(VoxelIndex([24, 24, z]))[2];
     let edge = (24..40).find(|&z| ahead(z) < 2.9).unwrap();
     assert!((0..5).all(|i| (ahead(edge + i) - 2.5 + 0.5 * i as f32).abs() < 1e-5), "{edge}");
     let threads = |n| {
@@ -214,21 +214,21 @@ fn a_cut_opens_between_its_sides_and_nowhere_else() {
     for v in voxels(&grid) {
         let (i, y) = (grid.linear(v), place(&grid, v));
         let goes = cut.apply(y, 1.0, side(y));
-        assert!((goes - y - Vector3::from(d.forward.at(v)).map(f64::from)).norm() < 1e-6, "{v:?}");
-        let (own, told) = (1 + u8::from(side(y) == Side::Above), d.sides[i] & 3);
+        assert!((goes - y - Vector3::from(d.forward().at(v)).map(f64::from)).norm() < 1e-6, "{v:?}");
+        let (own, told) = (1 + u8::from(side(y) == Side::Above), d.sides()[i] & 3);
         assert!(told == own || told == 0 && goes == y, "{v:?}: {told}");
         // What lies on the plane goes as far as its weight says: between there and here it is open.
         let opening = cut.height(cut.apply(y - normal * cut.height(y), 1.0, Side::Above));
         let outside = cut.height(y).abs() - opening;
         if outside < -0.02 {
-            assert_eq!(d.vacated[i], 1, "{v:?}");
+            assert_eq!(d.vacated()[i], 1, "{v:?}");
         } else if outside > 0.02 {
-            assert_eq!(d.vacated[i], 0, "{v:?}");
-            let x = y + Vector3::from(d.inverse.at(v)).map(f64::from);
+            assert_eq!(d.vacated()[i], 0, "{v:?}");
+            let x = y + Vector3::from(d.inverse().at(v)).map(f64::from);
             assert_eq!(side(x), side(y), "{v:?} comes from its own side");
             assert!((cut.apply(x, 1.0, side(y)) - y).norm() < 0.05, "{v:?}");
         }
-        vacated += f64::from(d.vacated[i]);
+        vacated += f64::from(d.vacated()[i]);
     }
     // ∫ open · w(r) 2πr dr over the disc, by the midpoint rule.
     let step = 1e-3;
@@ -262,8 +262,8 @@ fn cut_labels_stay_on_their_sides_whatever_comes_before_and_after() {
         let made = made(&grid, &steps);
         assert!(made.voxels_vacated > 200, "{made:?}");
         let d = &made.displacement;
-        for v in voxels(&grid).filter(|v| d.sides[grid.linear(*v)] & 3 != 0) {
-            assert_eq!(u16::from(d.sides[grid.linear(v)] & 3), side(v), "{v:?}");
+        for v in voxels(&grid).filter(|v| d.sides()[grid.linear(*v)] & 3 != 0) {
+            assert_eq!(u16::from(d.sides()[grid.linear(v)] & 3), side(v), "{v:?}");
         }
         let warped = warp_labels(&labels, d, &WarpParams::default(), &Exec::default()).unwrap().output;
         let values: Vec<f32> = labels.ids().iter().map(|id| f32::from(*id)).collect();
@@ -274,10 +274,10 @@ fn cut_labels_stay_on_their_sides_whatever_comes_before_and_after() {
         let mut kept = 0_u32;
         for v in voxels(&grid) {
             let i = grid.linear(v);
-            let (id, from) = (warped.ids()[i], u16::from(d.sides[i] >> 2));
-            assert_eq!(id == 0, d.vacated[i] == 1, "{v:?}");
+            let (id, from) = (warped.ids()[i], u16::from(d.sides()[i] >> 2));
+            assert_eq!(id == 0, d.vacated()[i] == 1, "{v:?}");
             if id != 0 && from != 0 {
-                let x = place(&grid, v) + Vector3::from(d.inverse.at(v)).map(f64::from);
+                let x = place(&grid, v) + Vector3::from(d.inverse().at(v)).map(f64::from);
                 let height = cut.height(prefix.iter().fold(x + origin, |p, shape| shape.apply(p, 1.0)));
                 assert!(height.abs() < 2e-3 || 1 + u16::from(height > 0.0) == from, "{v:?}: {height} {from}");
                 let value = between.value(v);
@@ -298,7 +298,7 @@ fn an_opening_between_voxels_is_as_wide_as_it_is_said_to_be() {
     // On a plane of voxels: those are the upper side's, and four layers are empty.
     let cut = Cut { centre: [24.0; 3], normal: [0.0, 0.0, 1.0], radius: 16.0, core: 0.5, open: 4.0 };
     let d = made(&grid, &[Step::Cut(cut)]).displacement;
-    let is_open = |z: &usize| d.vacated[grid.linear(VoxelIndex([24, 24, *z]))] == 1;
+    let is_open = |z: &usize| d.vacated()[grid.linear(VoxelIndex([24, 24, *z]))] == 1;
     assert_eq!((0..48).filter(is_open).collect::<Vec<_>>(), [22, 23, 24, 25]);
 }
 
@@ -318,11 +318,11 @@ fn a_turn_that_reaches_the_border_turns() {
         let y = place(&grid, v);
         let x = back.apply(y, 1.0);
         let inside = |margin: f64| x.iter().all(|c| (-margin..=31.0 + margin).contains(c));
-        let found = y + Vector3::from(d.inverse.at(v)).map(f64::from);
+        let found = y + Vector3::from(d.inverse().at(v)).map(f64::from);
         if inside(-1e-3) {
-            assert!((found - x).norm() < 1e-3 && d.vacated[grid.linear(v)] == 0, "{v:?}: {found} {x}");
+            assert!((found - x).norm() < 1e-3 && d.vacated()[grid.linear(v)] == 0, "{v:?}: {found} {x}");
         } else if !inside(1e-3) {
-            assert_eq!(d.vacated[grid.linear(v)], 1, "{v:?}");
+            assert_eq!(d.vacated()[grid.linear(v)], 1, "{v:?}");
         }
     }
 }

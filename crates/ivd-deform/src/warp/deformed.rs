@@ -123,8 +123,8 @@ struct Job<'a> {
 
 impl Job<'_> {
     fn run<T: Scalar>(&self, voxels: &[T], out: &mut [T]) -> u64 {
-        let grid = &self.displacement.grid;
-        let ([nx, ny, _], brick_dims) = (grid.dims(), self.displacement.inverse.brick_dims());
+        let grid = self.displacement.grid();
+        let ([nx, ny, _], brick_dims) = (grid.dims(), self.displacement.inverse().brick_dims());
         let source = Source { voxels, dims: grid.dims() };
         let rows = Rows::new(&source, grid, self.simd);
         let layer = brick_dims[0] * brick_dims[1];
@@ -154,7 +154,7 @@ impl Job<'_> {
             Some(x) => source.sample(x, self.order).map_or(background, T::from_f64),
             None => background,
         };
-        let field = &self.displacement.inverse;
+        let field = self.displacement.inverse();
         let vectors = field.brick(brick);
         let to_voxel = grid.inverse_linear_part();
         let mut count = 0;
@@ -177,7 +177,7 @@ impl Job<'_> {
                 }
                 None => to.copy_from_slice(&voxels[range]),
             }
-            let flags = self.displacement.vacated.get(grid.linear(at(0))..).unwrap_or_default();
+            let flags = self.displacement.vacated().get(grid.linear(at(0))..).unwrap_or_default();
             for (i, to) in to.iter_mut().enumerate().filter(|(i, _)| flags.get(*i).is_some_and(|f| *f != 0)) {
                 *to = background;
                 count += u64::from(vectors.is_none_or(|vectors| vectors[row + i] == [0.0; 3]));

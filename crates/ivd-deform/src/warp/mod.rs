@@ -72,16 +72,15 @@ pub fn volume(
 }
 
 pub(crate) fn check_grid(grid: &Grid, displacement: &Displacement, what: &'static str) -> Result<(), Error> {
-    displacement.check()?;
-    if grid.matches(&displacement.grid) {
+    if grid.matches(displacement.grid()) {
         return Ok(());
     }
-    if grid.dims() != displacement.grid.dims() {
+    if grid.dims() != displacement.grid().dims() {
         return Err(ivd_core::Error::GridMismatch {
             a: what,
             a_dims: grid.dims(),
             b: "displacement",
-            b_dims: displacement.grid.dims(),
+            b_dims: displacement.grid().dims(),
         }
         .into());
     }
@@ -98,7 +97,7 @@ pub(crate) fn check_grid(grid: &Grid, displacement: &Displacement, what: &'stati
 pub(crate) fn stored_background(volume: &Volume, displacement: &Displacement, params: &WarpParams) -> f64 {
     let real = params.background.or_else(|| {
         let needed = !displacement.is_identity() && !volume.voxel_type().is_integer()
-            || !displacement.vacated.is_empty()
+            || !displacement.vacated().is_empty()
             || leaves_grid(displacement);
         needed.then(|| volume.range()).flatten().map(|range| range[0])
     });
@@ -107,7 +106,7 @@ pub(crate) fn stored_background(volume: &Volume, displacement: &Displacement, pa
 
 /// Whether some voxel comes from outside the volume.
 fn leaves_grid(displacement: &Displacement) -> bool {
-    let (field, grid) = (&displacement.inverse, &displacement.grid);
+    let (field, grid) = (displacement.inverse(), displacement.grid());
     let (dims, to_voxel) = (grid.dims(), grid.inverse_linear_part());
     (0..field.table().len()).into_par_iter().filter(|&b| field.table()[b] != NO_BRICK).any(|b| {
         let vectors = field.brick(b).expect("the brick is stored");
@@ -155,10 +154,10 @@ fn resample_still<T: Scalar>(
     order: Order,
     out: &mut [T],
 ) {
-    let (grid, vacated) = (&displacement.grid, &displacement.vacated[..]);
+    let (grid, vacated) = (displacement.grid(), displacement.vacated());
     out.par_iter_mut().enumerate().for_each(|(i, value)| {
         let at = grid.index(i);
-        let still = displacement.inverse.at(at) == [0.0; 3] && vacated.get(i).is_none_or(|&v| v == 0);
+        let still = displacement.inverse().at(at) == [0.0; 3] && vacated.get(i).is_none_or(|&v| v == 0);
         if let Some(sampled) = still.then(|| source.sample(VoxelCoord::from(at).0.into(), order)).flatten() {
             *value = T::from_f64(sampled);
         }
@@ -196,7 +195,7 @@ fn moved_slice<T>(
 ) -> u64 {
     let (nx, to_voxel) = (grid.dims()[0], grid.inverse_linear_part());
     let mut count = 0;
-    for_each_vector(&displacement.inverse, z, |voxel, vector| {
+    for_each_vector(displacement.inverse(), z, |voxel, vector| {
         let [x, y, _] = voxel.0;
         let from = VoxelCoord::from(voxel).0 + to_voxel * Vector3::from(vector).map(f64::from);
         slice[x + nx * y] = value(voxel, Some(from.into()));
@@ -214,7 +213,7 @@ fn linear_by_bricks<T: Scalar>(
     value: impl Fn(VoxelIndex, Option<[f64; 3]>) -> T + Sync,
 ) -> Result<(Vec<T>, u64), Error> {
     const SIDE: usize = FieldBricks::SIDE;
-    let field = &displacement.inverse;
+    let field = displacement.inverse();
     let [nx, ny, _] = field.dims();
     let mut out = vec![T::default(); rows.voxels().len()];
     let slabs = out.par_chunks_mut(SIDE * nx * ny).zip(rows.voxels().par_chunks(SIDE * nx * ny)).enumerate();
@@ -236,7 +235,7 @@ fn linear_slab<T: Scalar>(
     out: &mut [T],
     value: &impl Fn(VoxelIndex, Option<[f64; 3]>) -> T,
 ) -> u64 {
-    let field = &displacement.inverse;
+    let field = displacement.inverse();
     let ([nx, ny, _], bricks) = (field.dims(), field.brick_dims());
     let mut count = 0;
     let layer = bricks[0] * bricks[1];
@@ -298,13 +297,13 @@ fn linear_row<T: Scalar>(
 /// Sets the voxels of slice `z` that were left behind; returns how many of them have no vector, which nobody counted yet.
 fn leave<T>(displacement: &Displacement, z: usize, slice: &mut [T], value: impl Fn(VoxelIndex) -> T) -> u64 {
     let mut count = 0;
-    if !displacement.vacated.is_empty() {
-        let (first, nx) = (z * slice.len(), displacement.grid.dims()[0]);
-        let flags = &displacement.vacated[first..][..slice.len()];
+    if !displacement.vacated().is_empty() {
+        let (first, nx) = (z * slice.len(), displacement.grid().dims()[0]);
+        let flags = &displacement.vacated()[first..][..slice.len()];
         for (i, to) in slice.iter_mut().enumerate().filter(|(i, _)| flags[*i] != 0) {
             let voxel = VoxelIndex([i % nx, i / nx, z]);
             *to = value(voxel);
-            count += u64::from(displacement.inverse.at(voxel) == [0.0; 3]);
+            count += u64::from(displacement.inverse().at(voxel) == [0.0; 3]);
         }
     }
     count

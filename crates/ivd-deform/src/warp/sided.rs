@@ -14,8 +14,8 @@ pub(super) fn sample<T: Scalar>(
     x: [f64; 3],
     order: Order,
 ) -> Option<f64> {
-    let sides = &displacement.sides;
-    let own = if sides.is_empty() { 0 } else { sides[displacement.grid.linear(voxel)] >> 2 };
+    let sides = displacement.sides();
+    let own = if sides.is_empty() { 0 } else { sides[displacement.grid().linear(voxel)] >> 2 };
     let inside = (0..3).all(|a| (-0.5..source.dims[a] as f64 - 0.5).contains(&x[a]));
     if own == 0 || !inside {
         return source.sample(x, order);

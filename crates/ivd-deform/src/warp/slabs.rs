@@ -19,7 +19,7 @@ pub(crate) struct Slabs<'a, T> {
 impl<T: Scalar> Slabs<'_, T> {
     /// Slab `bz`: to the last bit what the whole warp has there.
     pub(crate) fn slab(&self, bz: usize) -> Vec<T> {
-        let grid = &self.displacement.grid;
+        let grid = self.displacement.grid();
         let [nx, ny, nz] = grid.dims();
         let source = Source { voxels: self.voxels, dims: grid.dims() };
         let value = |voxel: VoxelIndex, place: Option<[f64; 3]>| match place {

@@ -1,4 +1,4 @@
-use ivd_core::{Buffer, Class, Labels, Mask, Voxels};
+use ivd_core::{Class, Labels, Mask, Voxels};
 
 use super::*;
 use crate::fixtures::{bump, displacement, field, middle, sheared_grid, voxels};
@@ -55,7 +55,7 @@ fn plain_linear(input: &Volume, moved: &Displacement, background: f64) -> Vec<f6
     let grid = input.grid();
     voxels(grid)
         .map(|v| {
-            let psi = Vector3::from(moved.inverse.at(v)).map(f64::from);
+            let psi = Vector3::from(moved.inverse().at(v)).map(f64::from);
             let x = VoxelCoord::from(v).0 + grid.inverse_linear_part() * psi;
             if (0..3).any(|a| x[a] < -0.5 || x[a] >= grid.dims()[a] as f64 - 0.5) {
                 return background;
@@ -120,7 +120,7 @@ fn orders_reproduce_the_polynomials_they_should() {
         let input = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
         let warped = volume(&input, &moved, &WarpParams { order, background: None }, &exec()).unwrap();
         for v in voxels(&grid) {
-            let x = VoxelCoord::from(v).0 + Vector3::from(moved.inverse.at(v)).map(f64::from);
+            let x = VoxelCoord::from(v).0 + Vector3::from(moved.inverse().at(v)).map(f64::from);
             let expected = shape(x, order);
             assert!((warped.output.value(v) - expected).abs() < 1e-2, "{order:?} {v:?}");
         }
@@ -169,7 +169,7 @@ fn labels_take_the_nearest_and_their_sizes_follow() {
     let got = labels(&input, &moved, &WarpParams::default(), &exec()).unwrap().output;
     assert_eq!(got.ids(), [1, 1, 1, 2, 2, 2], "what enters from outside is the lowest class");
     assert_eq!((got.class(1).unwrap().voxels, got.class(2).unwrap().voxels), (3, 3));
-    moved.vacated = Buffer::from(vec![0, 0, 0, 0, 1, 0]);
+    moved = moved.with_vacated(vec![0, 0, 0, 0, 1, 0].into()).unwrap();
     let got = labels(&input, &moved, &WarpParams { background: Some(2.0), ..WarpParams::default() }, &exec())
         .unwrap();
     assert_eq!(got.output.ids(), [2, 2, 1, 2, 2, 2]);
@@ -193,7 +193,7 @@ fn level_function_and_mask_keep_one_sign() {
     for v in voxels(&grid) {
         let i = grid.linear(v);
         assert!(level[i] == 0.0 || (level[i] > 0.0) == (got.inside()[i] == 1));
-        let x = VoxelCoord::from(v).0 + Vector3::from(moved.inverse.at(v)).map(f64::from);
+        let x = VoxelCoord::from(v).0 + Vector3::from(moved.inverse().at(v)).map(f64::from);
         assert!((f64::from(level[i]) - (7.0 - (x - centre).norm())).abs() < 0.3);
     }
     let plain = Mask::new(grid.clone(), input.buffer().clone()).unwrap();
@@ -277,12 +277,9 @@ fn rows_of_lanes_are_the_plain_path_to_the_last_bit() {
             let stored = bricks - usize::from(bricks > 1);
             let inverse =
                 FieldBricks::new(dims, table, (0..512 * stored).map(vectors).collect::<Vec<_>>().into());
-            let moved = Displacement {
-                inverse: inverse.unwrap(),
-                vacated: (0..grid.len()).map(|i| u8::from(hash(i) % 97 == 0)).collect::<Vec<_>>().into(),
-                sides: Vec::new().into(),
-                ..displacement(&grid, FieldBricks::zero(dims))
-            };
+            let moved = Displacement::new(grid.clone(), FieldBricks::zero(dims), inverse.unwrap()).unwrap();
+            let vacated: Vec<_> = (0..grid.len()).map(|i| u8::from(hash(i) % 97 == 0)).collect();
+            let moved = moved.with_vacated(vacated.into()).unwrap();
             assert_rows_are_plain(&grid, &moved, |i| hash(i) as u8);
             assert_rows_are_plain(&grid, &moved, |i| hash(i) as i16);
             assert_rows_are_plain(&grid, &moved, |i| hash(i) as u32);

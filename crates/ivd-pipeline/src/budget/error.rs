@@ -43,7 +43,7 @@ pub(super) fn surfaces(
 
 /// Largest difference of two displacements on one grid (mm), forward or inverse.
 pub(super) fn fields(a: &Displacement, b: &Displacement, exec: &Exec) -> f64 {
-    exec.run(|| bricks(&a.forward, &b.forward).max(bricks(&a.inverse, &b.inverse)))
+    exec.run(|| bricks(a.forward(), b.forward()).max(bricks(a.inverse(), b.inverse())))
 }
 
 fn bricks(a: &FieldBricks, b: &FieldBricks) -> f64 {

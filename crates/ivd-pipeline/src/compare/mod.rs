@@ -77,16 +77,16 @@ fn volumes(a: &Volume, b: &Volume) -> Result<Value, Error> {
 }
 
 fn fields(a: &Displacement, b: &Displacement) -> Result<Value, Error> {
-    same_grid(&a.grid, &b.grid)?;
+    same_grid(a.grid(), b.grid())?;
     let length = |p: [f32; 3], q: [f32; 3]| {
         (0..3).map(|c| (f64::from(p[c]) - f64::from(q[c])).powi(2)).sum::<f64>().sqrt()
     };
     let measure = |p: &ivd_core::FieldBricks, q: &ivd_core::FieldBricks| {
-        let all = (0..a.grid.len()).into_par_iter();
-        spread(all.map(|i| a.grid.index(i)).map(|v: VoxelIndex| length(p.at(v), q.at(v))).collect())
+        let all = (0..a.grid().len()).into_par_iter();
+        spread(all.map(|i| a.grid().index(i)).map(|v: VoxelIndex| length(p.at(v), q.at(v))).collect())
     };
-    Ok(json!({ "kind": "displacement", "unit": "mm", "forward": measure(&a.forward, &b.forward),
-        "inverse": measure(&a.inverse, &b.inverse) }))
+    Ok(json!({ "kind": "displacement", "unit": "mm", "forward": measure(a.forward(), b.forward()),
+        "inverse": measure(a.inverse(), b.inverse()) }))
 }
 
 fn images(a: &Image, b: &Image) -> Result<Value, Error> {

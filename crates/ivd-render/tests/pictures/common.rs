@@ -50,16 +50,8 @@ pub(crate) fn displacement(
             table.push(NO_BRICK);
         }
     }
-    Displacement {
-        grid: grid.clone(),
-        time: 0.0,
-        forward: FieldBricks::zero(dims),
-        inverse: FieldBricks::new(dims, table, vectors.into()).unwrap(),
-        inverse_residual_max: 0.0,
-        min_det_j: 1.0,
-        vacated: Vec::new().into(),
-        sides: Vec::new().into(),
-    }
+    let inverse = FieldBricks::new(dims, table, vectors.into()).unwrap();
+    Displacement::new(grid.clone(), FieldBricks::zero(dims), inverse).unwrap()
 }
 
 /// A twist about the body axis through the middle, falling to 0 at 12 mm from the middle.

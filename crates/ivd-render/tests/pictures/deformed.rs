@@ -106,8 +106,7 @@ fn a_translated_volume_is_the_volume_on_a_translated_grid() {
 fn vacated_voxels_are_clear() {
     let grid = grid();
     let rest = sampled(&grid, density);
-    let mut moved = displacement(&grid, |_| None);
-    moved.vacated = vec![1_u8; grid.len()].into();
+    let moved = displacement(&grid, |_| None).with_vacated(vec![1; grid.len()].into()).unwrap();
     let shown = picture(&rest, Some(&moved), Mode::Dvr, false);
     assert!(shown.rgba.iter().all(|c| c[3] == 0.0));
 }

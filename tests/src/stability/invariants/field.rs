@@ -20,14 +20,13 @@ const PLACES: usize = 2;
 /// The first thing that doesn't hold.
 pub fn mapped(motion: &Motion, inside: &Mask, band: &Band, found: &Mapped) -> Verdict {
     let moved = &found.displacement;
-    moved.check().map_err(|e| e.to_string())?;
-    finite(&moved.forward)?;
-    finite(&moved.inverse)?;
+    finite(moved.forward())?;
+    finite(moved.inverse())?;
     hold!(found.min_det_j > 0.0 && found.min_det_j <= 1.0, "least determinant {}", found.min_det_j);
-    hold!(found.min_det_j == moved.min_det_j, "{} or {}", found.min_det_j, moved.min_det_j);
+    hold!(found.min_det_j == moved.min_det_j(), "{} or {}", found.min_det_j, moved.min_det_j());
     hold!(found.folds == 0, "{} folds", found.folds);
     let counts = |cell: [i64; 3]| band.outside == Outside::Band || touches(inside, cell);
-    determinants(&moved.forward, &moved.grid, moved.min_det_j, counts)?;
+    determinants(moved.forward(), moved.grid(), moved.min_det_j(), counts)?;
     inverse(moved, band.outside == Outside::Band)?;
     reach(motion, band, moved)?;
     if motion.max_displacement() == 0.0 {
@@ -112,34 +111,34 @@ fn gradient(u: &[Vector3<f64>], t: Vector3<f64>) -> Matrix3<f64> {
 /// Every voxel that the inverse moves is led back, within the residual that is stated, and a voxel that the map leaves in
 /// place is its own origin.
 fn inverse(moved: &Displacement, whole: bool) -> Verdict {
-    let grid = &moved.grid;
+    let grid = moved.grid();
     let to_voxel = grid.inverse_linear_part();
-    hold!(moved.inverse_residual_max <= RESIDUAL, "residual {}", moved.inverse_residual_max);
+    hold!(moved.inverse_residual_max() <= RESIDUAL, "residual {}", moved.inverse_residual_max());
     for i in 0..grid.len() {
         let voxel = grid.index(i);
-        let back = moved.inverse.at(voxel);
+        let back = moved.inverse().at(voxel);
         let y = VoxelCoord::from(voxel).0;
         if back == [0.0; 3] {
             // A motion that no coordinate shows has the voxel itself as its origin, rounded.
-            let there = to_voxel * Vector3::from(moved.forward.at(voxel)).map(f64::from);
-            let still = y + there == y || moved.inverse_residual_max > 0.0 || !whole;
+            let there = to_voxel * Vector3::from(moved.forward().at(voxel)).map(f64::from);
+            let still = y + there == y || moved.inverse_residual_max() > 0.0 || !whole;
             hold!(still, "voxel {:?} moves by {there:?} and is its own origin", voxel.0);
             continue;
         }
         hold!(
-            !whole || moved.forward.at(voxel) != [0.0; 3],
+            !whole || moved.forward().at(voxel) != [0.0; 3],
             "voxel {:?} is still and comes from afar",
             voxel.0
         );
         let x = y + to_voxel * Vector3::from(back).map(f64::from);
-        let residual = (x + to_voxel * moved.forward.sample(x) - y).norm();
+        let residual = (x + to_voxel * moved.forward().sample(x) - y).norm();
         // Both sample the same field; one in voxels, the other in millimetres.
-        let most = moved.inverse_residual_max + 1e-9 * (1.0 + (x - y).norm());
+        let most = moved.inverse_residual_max() + 1e-9 * (1.0 + (x - y).norm());
         hold!(
             residual <= most,
             "voxel {:?}: {residual} voxels off, stated {}",
             voxel.0,
-            moved.inverse_residual_max
+            moved.inverse_residual_max()
         );
     }
     Ok(())
@@ -147,7 +146,7 @@ fn inverse(moved: &Displacement, whole: bool) -> Verdict {
 
 /// Beyond the handles' balls and the margin nothing moves, bit for bit, either way.
 fn reach(motion: &Motion, band: &Band, moved: &Displacement) -> Verdict {
-    let grid = &moved.grid;
+    let grid = moved.grid();
     let least = 2.0 * grid.voxel_diagonal();
     let margin = band.margin.unwrap_or((4.0 * motion.max_displacement()).max(least));
     for i in 0..grid.len() {
@@ -158,11 +157,11 @@ fn reach(motion: &Motion, band: &Band, moved: &Displacement) -> Verdict {
             b.distance(World(place)) > margin + slack
         });
         if out && !motion.reach.is_empty() {
-            let still = moved.forward.at(voxel) == [0.0; 3] && moved.inverse.at(voxel) == [0.0; 3];
-            let vacated = moved.vacated.get(i).is_some_and(|v| *v != 0);
+            let still = moved.forward().at(voxel) == [0.0; 3] && moved.inverse().at(voxel) == [0.0; 3];
+            let vacated = moved.vacated().get(i).is_some_and(|v| *v != 0);
             let beyond =
                 motion.reach.iter().map(|b| b.distance(World(place)) - margin).fold(f64::INFINITY, f64::min);
-            let (there, back) = (moved.forward.at(voxel), moved.inverse.at(voxel));
+            let (there, back) = (moved.forward().at(voxel), moved.inverse().at(voxel));
             hold!(
                 still && !vacated,
                 "voxel {:?} is {beyond} mm out of reach (margin {margin}) and moves: {there:?} and {back:?}, left {vacated}",
@@ -180,25 +179,24 @@ fn reach(motion: &Motion, band: &Band, moved: &Displacement) -> Verdict {
 /// The first thing that doesn't hold.
 pub fn displaced(made: &ivd_deform::space::Made) -> Verdict {
     let moved = &made.displacement;
-    moved.check().map_err(|e| e.to_string())?;
-    finite(&moved.forward)?;
-    finite(&moved.inverse)?;
+    finite(moved.forward())?;
+    finite(moved.inverse())?;
     hold!(made.min_det_j > 0.0 && made.min_det_j <= 1.0, "least determinant {}", made.min_det_j);
     hold!(made.folds == 0 && made.parts >= 1, "{} folds in {} parts", made.folds, made.parts);
     hold!(made.parts > 1 || made.short_mm == 0.0, "{} mm short at once", made.short_mm);
-    let grid = &moved.grid;
+    let grid = moved.grid();
     let n = grid.dims().map(|n| n as i64);
-    let left = !moved.vacated.is_empty() && !moved.is_two_sided();
+    let left = !moved.vacated().is_empty() && !moved.is_two_sided();
     let beyond = |cell: [i64; 3]| (0..3).any(|a| cell[a] < 0 || cell[a] + 1 >= n[a]);
-    determinants(&moved.forward, grid, made.min_det_j, |cell| {
+    determinants(moved.forward(), grid, made.min_det_j, |cell| {
         !(moved.is_torn(cell) || left && beyond(cell))
     })?;
-    hold!(moved.inverse_residual_max <= RESIDUAL, "residual {}", moved.inverse_residual_max);
+    hold!(moved.inverse_residual_max() <= RESIDUAL, "residual {}", moved.inverse_residual_max());
     let to_voxel = grid.inverse_linear_part();
     for i in 0..grid.len() {
         let voxel = grid.index(i);
-        let back = moved.inverse.at(voxel);
-        let vacated = moved.vacated.get(i).is_some_and(|flag| *flag != 0);
+        let back = moved.inverse().at(voxel);
+        let vacated = moved.vacated().get(i).is_some_and(|flag| *flag != 0);
         if back == [0.0; 3] || vacated {
             continue;
         }
@@ -209,17 +207,17 @@ pub fn displaced(made: &ivd_deform::space::Made) -> Verdict {
         if moved.is_torn(cell) || (left || moved.is_two_sided()) && beyond(cell) {
             continue;
         }
-        let residual = (x + to_voxel * moved.forward.sample(x) - y).norm();
-        let most = moved.inverse_residual_max + 1e-9 * (1.0 + (x - y).norm());
+        let residual = (x + to_voxel * moved.forward().sample(x) - y).norm();
+        let most = moved.inverse_residual_max() + 1e-9 * (1.0 + (x - y).norm());
         hold!(
             residual <= most,
             "voxel {:?}: {residual} voxels off, stated {}",
             voxel.0,
-            moved.inverse_residual_max
+            moved.inverse_residual_max()
         );
-        let from = moved.sides.get(i).map_or(0, |side| side >> 2);
-        let others =
-            corners(cell).map(|c| moved.sides.get(grid.linear(clamped(grid, c))).map_or(0, |side| side & 3));
+        let from = moved.sides().get(i).map_or(0, |side| side >> 2);
+        let others = corners(cell)
+            .map(|c| moved.sides().get(grid.linear(clamped(grid, c))).map_or(0, |side| side & 3));
         let other = others.into_iter().find(|side| from != 0 && *side != 0 && *side != from);
         hold!(other.is_none(), "voxel {:?} comes from side {from}, out of a cell of side {other:?}", voxel.0);
     }
@@ -233,7 +231,7 @@ pub fn displaced(made: &ivd_deform::space::Made) -> Verdict {
 pub fn inverted(found: &ivd_deform::inverse::Inverse, moved: &Displacement) -> Verdict {
     finite(&found.field)?;
     hold!(found.residual_max_voxels.is_finite(), "residual {}", found.residual_max_voxels);
-    hold!(found.field == moved.inverse, "another inverse than the map's");
-    hold!(found.residual_max_voxels == moved.inverse_residual_max, "another residual than the map's");
+    hold!(found.field == *moved.inverse(), "another inverse than the map's");
+    hold!(found.residual_max_voxels == moved.inverse_residual_max(), "another residual than the map's");
     Ok(())
 }

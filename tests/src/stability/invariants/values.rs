@@ -34,7 +34,7 @@ pub fn warped(volume: &Volume, moved: &Displacement, params: &WarpParams, found:
     let to_voxel = grid.inverse_linear_part();
     for i in 0..grid.len() {
         let voxel = grid.index(i);
-        let (vector, vacated) = (moved.inverse.at(voxel), moved.vacated.get(i).is_some_and(|v| *v != 0));
+        let (vector, vacated) = (moved.inverse().at(voxel), moved.vacated().get(i).is_some_and(|v| *v != 0));
         if vector == [0.0; 3] && !vacated {
             hold!(same(i), "voxel {:?} didn't move and changed", voxel.0);
             continue;
@@ -112,7 +112,7 @@ pub fn labels(labels: &Labels, moved: &Displacement, found: &Warped<Labels>) -> 
 pub fn mask(mask: &Mask, moved: &Displacement, found: &Warped<Mask>) -> Verdict {
     for i in 0..mask.grid().len() {
         let (before, after) = (mask.inside()[i], found.output.inside()[i]);
-        let still = moved.inverse.at(mask.grid().index(i)) == [0.0; 3] && moved.vacated.is_empty();
+        let still = moved.inverse().at(mask.grid().index(i)) == [0.0; 3] && moved.vacated().is_empty();
         hold!(after <= 1 && (!still || before == after), "voxel {i}: {before} became {after}");
     }
     Ok(())

@@ -42,16 +42,8 @@ fn warps(kernels: &Kernels<'_>) -> Anything<()> {
     let grid = Grid::with_spacing([SIDE; 3], [1.0; 3])?;
     let (forward, exec) = (bump()?, Exec::default());
     kernels.time("warp invert", || invert(&forward, &grid, &exec));
-    let displacement = Displacement {
-        grid: grid.clone(),
-        time: 0.0,
-        inverse: invert(&forward, &grid, &exec)?.field,
-        forward,
-        inverse_residual_max: 0.0,
-        min_det_j: 0.0,
-        vacated: Vec::new().into(),
-        sides: Vec::new().into(),
-    };
+    let inverse = invert(&forward, &grid, &exec)?.field;
+    let displacement = Displacement::new(grid.clone(), forward, inverse)?;
     let voxels: Vec<u8> = (0..SIDE.pow(3)).map(|i| (i % 251) as u8).collect();
     let input = Volume::new(grid, Voxels::from(voxels))?;
     for order in [Order::Nearest, Order::Linear, Order::Cubic] {

@@ -44,7 +44,7 @@ fn apart(
     voxels(grid)
         .filter(|v| within(at(*v)))
         .map(|v| {
-            let got = Vector3::from(mapped.displacement.forward.at(v)).map(f64::from);
+            let got = Vector3::from(mapped.displacement.forward().at(v)).map(f64::from);
             (to_voxel * (got - wanted(at(v)))).norm()
         })
         .fold(0.0, f64::max)
@@ -85,7 +85,7 @@ fn translations_are_exact_to_the_last_bit() {
         for v in voxels(&grid) {
             let place = grid.linear_part() * VoxelCoord::from(v).0;
             if (place - centre).norm() <= 1.3 * size {
-                assert_eq!(mapped.displacement.forward.at(v), expected, "{v:?}");
+                assert_eq!(mapped.displacement.forward().at(v), expected, "{v:?}");
             }
         }
         assert_eq!(mapped.solved.unwrap().iterations, 0, "nothing is left to solve");
@@ -242,11 +242,11 @@ fn residuals(grid: &Grid, mapped: &Mapped) -> Vec<f64> {
     let to_voxel = grid.inverse_linear_part();
     let displacement = &mapped.displacement;
     let mut all: Vec<f64> = voxels(grid)
-        .filter(|v| displacement.inverse.at(*v) != [0.0; 3])
+        .filter(|v| displacement.inverse().at(*v) != [0.0; 3])
         .map(|v| {
             let y = VoxelCoord::from(v).0;
-            let x = y + to_voxel * Vector3::from(displacement.inverse.at(v)).map(f64::from);
-            (x + to_voxel * displacement.forward.sample(x) - y).norm()
+            let x = y + to_voxel * Vector3::from(displacement.inverse().at(v)).map(f64::from);
+            (x + to_voxel * displacement.forward().sample(x) - y).norm()
         })
         .collect();
     all.sort_by(f64::total_cmp);
@@ -320,8 +320,8 @@ fn nothing_moves_beyond_the_reach_and_its_margin_not_by_a_bit() {
         assert!(mapped.voxels_moved > 50);
         for v in voxels(&grid) {
             if (grid.linear_part() * VoxelCoord::from(v).0 - at).norm() >= radius + 3.0 {
-                assert_eq!(mapped.displacement.forward.at(v).map(f32::to_bits), [0; 3]);
-                assert_eq!(mapped.displacement.inverse.at(v).map(f32::to_bits), [0; 3]);
+                assert_eq!(mapped.displacement.forward().at(v).map(f32::to_bits), [0; 3]);
+                assert_eq!(mapped.displacement.inverse().at(v).map(f32::to_bits), [0; 3]);
             }
         }
     }
@@ -341,8 +341,8 @@ fn last_frames_nodes_are_a_start_that_saves_iterations_and_changes_nothing() {
         let warm = kept.map(&dent.motion, 1, &params, &exec).unwrap();
         let cold = biharmonic(&dent.lattice, &dent.motion, 1, &params, &exec).unwrap();
         assert!(warm.solved.unwrap().iterations < cold.solved.unwrap().iterations);
-        assert_eq!(warm.displacement.forward.table(), cold.displacement.forward.table());
-        let pairs = warm.displacement.forward.vectors().iter().zip(cold.displacement.forward.vectors());
+        assert_eq!(warm.displacement.forward().table(), cold.displacement.forward().table());
+        let pairs = warm.displacement.forward().vectors().iter().zip(cold.displacement.forward().vectors());
         let worst = pairs.flat_map(|(p, q)| (0..3).map(move |a| (p[a] - q[a]).abs())).fold(0.0, f32::max);
         assert!(worst < 1e-5, "{worst} mm");
         let again = kept.map(&dent.motion, 1, &params, &exec).unwrap();
@@ -442,8 +442,8 @@ fn free_part_moves_alone_and_leaves_background() {
     for v in voxels(&grid) {
         let (here, comes) = (inside(0, v), inside(-4, v));
         let expected = if comes { [-4.0, 0.0, 0.0] } else { [0.0; 3] };
-        assert_eq!(mapped.displacement.inverse.at(v), expected, "{v:?}");
-        assert_eq!(mapped.displacement.vacated[grid.linear(v)] == 1, here && !comes, "{v:?}");
+        assert_eq!(mapped.displacement.inverse().at(v), expected, "{v:?}");
+        assert_eq!(mapped.displacement.vacated()[grid.linear(v)] == 1, here && !comes, "{v:?}");
     }
 }
 

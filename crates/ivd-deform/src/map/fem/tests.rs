@@ -30,7 +30,7 @@ fn apart(
     for v in voxels(grid) {
         let at = grid.linear_part() * VoxelCoord::from(v).0;
         if within(at) {
-            let got = Vector3::from(mapped.displacement.forward.at(v)).map(f64::from);
+            let got = Vector3::from(mapped.displacement.forward().at(v)).map(f64::from);
             let left = (to_voxel * (got - wanted(at))).norm();
             most = most.max(left);
             squares += left * left;
@@ -77,7 +77,7 @@ fn a_push_is_followed_moves_nothing_beyond_its_reach_and_is_the_same_for_any_num
     assert!(mapped.followed.misfit < 0.05, "{:?}", mapped.followed);
     let reach = 10.0 + 4.0 * 2.0;
     let moved: Vec<f64> = voxels(&grid)
-        .filter(|v| mapped.displacement.forward.at(*v) != [0.0; 3])
+        .filter(|v| mapped.displacement.forward().at(*v) != [0.0; 3])
         .map(|v| (grid.linear_part() * VoxelCoord::from(v).0 - top).norm())
         .collect();
     assert!(moved.len() > 1000 && moved.iter().all(|d| *d < reach), "{} voxels", moved.len());
@@ -131,7 +131,7 @@ fn bent(mapped: &Mapped, grid: &Grid, within: impl Fn(Vector3<f64>) -> bool) -> 
     let at = |v| grid.linear_part() * VoxelCoord::from(v).0;
     let moved: Vec<(Vector3<f64>, Vector3<f64>)> = voxels(grid)
         .filter(|v| within(at(*v)))
-        .map(|v| (at(v), Vector3::from(mapped.displacement.forward.at(v)).map(f64::from)))
+        .map(|v| (at(v), Vector3::from(mapped.displacement.forward().at(v)).map(f64::from)))
         .collect();
     let many = moved.len() as f64;
     let from = moved.iter().map(|m| m.0).sum::<Vector3<f64>>() / many;
