@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use ivd_artefact::Cache;
 use ivd_core::{Exec, Fault, Faulty, Observer};
+use ivd_lattice::refine::{LevelFigures, RefineFigures};
 use ivd_pipeline::{Budget, PipelineOptions, PipelineReport, compare};
+use ivd_render::RenderFigures;
 use ivd_tests::{Bench, record};
 use serde_json::Value;
 
@@ -62,6 +64,11 @@ fn files(bench: &Bench) -> Vec<String> {
     entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect()
 }
 
+/// The figures of the refined lattice.
+fn refined(report: &PipelineReport) -> LevelFigures {
+    record(report, "refine", "").figures::<RefineFigures>().unwrap().last
+}
+
 #[test]
 fn a_generous_time_changes_nothing() {
     let (plain, timed) = (Bench::new(HEAD), Bench::new(HEAD));
@@ -89,10 +96,11 @@ fn a_time_that_the_wish_is_predicted_to_miss_makes_settings_coarser_and_says_so(
     for knob in [("refine", "level"), ("deform", "steps"), ("render", "step"), ("render", "termination")] {
         assert!(moved.contains(&knob), "{moved:?}");
     }
-    let triangles = |r: &PipelineReport| record(r, "refine", "").metrics["triangles"].as_u64().unwrap();
+    let triangles = |r: &PipelineReport| refined(r).triangles;
     assert!(triangles(&found) < triangles(&wish));
-    let samples =
-        |r: &PipelineReport| record(r, "render", "before").metrics["samples_per_pixel"].as_f64().unwrap();
+    let samples = |r: &PipelineReport| {
+        record(r, "render", "before").figures::<RenderFigures>().unwrap().samples_per_pixel
+    };
     assert!(samples(&found) < samples(&wish));
     // What the cache has costs nothing: the wish is taken as it is.
     let again = bench.run_with(&[], &with(slow), &Exec::default()).unwrap();
@@ -210,10 +218,7 @@ fn an_error_that_is_allowed_holds_when_someone_else_measures_it() {
         let part = |name: &str| budget.error_parts.get(name).copied().unwrap_or(0.0);
         assert!(lattice <= part("lattice_mm") + 1e-6, "{lattice} {budget:?}");
         assert!(field <= part("motion_mm") + part("steps_mm") + 1e-6, "{field} {budget:?}");
-        assert_eq!(
-            part("lattice_mm"),
-            record(&found, "refine", "").metrics["max_error_mm"].as_f64().unwrap()
-        );
+        assert_eq!(part("lattice_mm"), refined(&found).max_error_mm);
     }
 }
 
@@ -222,7 +227,7 @@ fn a_larger_error_gives_a_coarser_lattice() {
     let bench = Bench::new(HEAD);
     let triangles = |most: f64| {
         let found = bench.run_with(&[], &with(error(most)), &Exec::default()).unwrap();
-        record(&found, "refine", "").metrics["triangles"].as_u64().unwrap()
+        refined(&found).triangles
     };
     let (fine, coarse) = (triangles(0.5), triangles(20.0));
     assert!(coarse < fine, "{coarse} {fine}");

@@ -3,6 +3,7 @@
 
 use ivd_artefact::Artefact;
 use ivd_core::Volume;
+use ivd_deform::map::MapFigures;
 use ivd_pipeline::PipelineReport;
 use ivd_tests::{Bench, record};
 
@@ -37,7 +38,7 @@ fn voxels_out_of_reach_keep_their_bits_and_some_within_change() {
     let report = bench.run(&[]).unwrap();
     let (before, after) = (volume(&report, "import"), volume(&report, "warp"));
     assert_eq!(before.grid(), after.grid());
-    let moved = record(&report, "map", "").metrics["voxels_moved"].as_u64().unwrap();
+    let moved = record(&report, "map", "").figures::<MapFigures>().unwrap().voxels_moved;
     let changed: Vec<usize> =
         (0..before.grid().len()).filter(|&i| before.voxels().get(i) != after.voxels().get(i)).collect();
     assert!(!changed.is_empty() && changed.len() as u64 <= 2 * moved);
@@ -54,5 +55,5 @@ fn a_motion_of_nothing_gives_the_input_bit_for_bit() {
     let bench = Bench::new(&SCENE.replace("move = [0.0, 3.0, 0.0]", "force = [0.0, 0.0, 0.0]"));
     let report = bench.run(&[]).unwrap();
     assert_eq!(volume(&report, "import").voxels().as_bytes(), volume(&report, "warp").voxels().as_bytes());
-    assert_eq!(record(&report, "map", "").metrics["voxels_moved"], 0);
+    assert_eq!(record(&report, "map", "").figures::<MapFigures>().unwrap().voxels_moved, 0);
 }

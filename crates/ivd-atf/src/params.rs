@@ -66,7 +66,7 @@ slots! {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
     /// Classes that have an entry: those that occur.
-    #[schemars(extend("x-unit" = "1"))]
+    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
     pub entries: usize,
     /// Least and greatest opacity of the entries over the reference length; zeros without entries.
     #[schemars(extend("x-unit" = "1"))]

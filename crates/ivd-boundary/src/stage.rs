@@ -33,7 +33,7 @@ slots! {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BoundaryFigures {
     /// Voxels of the part.
-    #[schemars(extend("x-unit" = "voxels"))]
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
     pub voxels: u64,
     /// Iterations; 0 of a method that has none.
     #[schemars(extend("x-unit" = "1"))]

@@ -364,7 +364,7 @@ pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context
         precursor.leave_out(&mut done.record);
     }
     let output = path("output").ok_or_else(|| Failure::usage("-o FILE is missing"))?;
-    finish(done, output, context)
+    finish(&section, done, output, context)
 }
 
 /// Methods that commands take where none is chosen and a slot is empty: stage, slot, method. Without a transfer function there is nothing

@@ -44,7 +44,7 @@ slots! {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
     /// Nodes, leaves among them.
-    #[schemars(extend("x-unit" = "1"))]
+    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
     pub nodes: usize,
     /// Nodes without children.
     #[schemars(extend("x-unit" = "1"))]

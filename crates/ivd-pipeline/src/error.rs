@@ -50,14 +50,14 @@ pub enum Error {
     Budget(String),
     /// A figure that a certificate or a choice rests on isn't in a stage's record. Nothing may be taken in its place.
     #[error(
-        "{stage}: there is no `{figure}` among the figures of its result, so that nothing can be said of it; run it \
-         again with --force {stage}, or without the cache"
+        "{stage}: {problem}, so that nothing can be said of its result; run it again with --force {stage}, or without the \
+         cache"
     )]
     Figure {
         /// Name of the stage.
         stage: String,
-        /// Name of the figure, with dots where it lies within another.
-        figure: String,
+        /// Which figure is missing, or not what it should be.
+        problem: String,
     },
     /// A file could not be read or written.
     #[error("{action} {}: {source}", path.display())]
@@ -89,6 +89,11 @@ impl Faulty for Error {
 impl Error {
     pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
         Self::Io { action, path: path.to_owned(), source }
+    }
+
+    /// Figures that can't be read, with what the reader says of them.
+    pub(crate) fn figures(stage: &str, problem: impl std::fmt::Display) -> Self {
+        Self::Figure { stage: stage.to_owned(), problem: format!("{problem} among its figures") }
     }
 
     /// The failure of a stage.

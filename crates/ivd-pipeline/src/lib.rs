@@ -58,6 +58,6 @@ pub use export::{
 pub use ivd_core::op::Slot;
 pub use outputs::OutputFile;
 pub use pipeline::{PipelineOptions, PipelineReport, default_out, run};
-pub use runner::{Done, OutputRecord, Runner, StageRecord, State, backend_name};
+pub use runner::{Done, OutputRecord, Runner, StageRecord, State, backend_name, figures_of};
 pub use section::Section;
 pub use stage::{Input, Inputs, Metrics, Product, Stage};

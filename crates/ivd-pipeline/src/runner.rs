@@ -80,26 +80,32 @@ pub struct StageRecord {
 }
 
 impl StageRecord {
-    /// A figure that something rests on: a number, by its name, with dots where it lies within another.
+    /// Its parameters, as the stage's crate declares them.
     ///
     /// # Errors
-    /// [`Error::Figure`] where the record has no number of that name.
-    pub fn figure(&self, name: &str) -> Result<f64, Error> {
-        let mut parts = name.split('.');
-        let first = parts.next().and_then(|part| self.metrics.get(part));
-        let found = parts.fold(first, |within, part| within?.get(part)).and_then(Value::as_f64);
-        found.ok_or_else(|| Error::Figure { stage: self.stage.clone(), figure: name.to_owned() })
+    /// Where one is missing or of another type.
+    pub fn params<P: DeserializeOwned>(&self) -> Result<P, Error> {
+        serde_json::from_value(self.params.clone())
+            .map_err(|problem| Error::Figure { stage: self.stage.clone(), problem: problem.to_string() })
     }
 
     /// The figures of its work, as the stage's crate declares them.
     ///
     /// # Errors
-    /// A figure that is missing or of another type: nothing that is decided by figures may go on without.
+    /// [`Error::Figure`] where one is missing or of another type: nothing that is decided by figures may go on without.
     pub fn figures<F: DeserializeOwned>(&self) -> Result<F, Error> {
         let figures = Value::Object(self.metrics.figures.clone());
-        serde_json::from_value(figures)
-            .map_err(|problem| Error::Figure { stage: self.stage.clone(), figure: problem.to_string() })
+        serde_json::from_value(figures).map_err(|problem| Error::figures(&self.stage, problem))
     }
+}
+
+/// The figures of a stage among the records of a run; `None` where it wasn't needed.
+///
+/// # Errors
+/// As [`StageRecord::figures`].
+pub fn figures_of<F: DeserializeOwned>(records: &[StageRecord], stage: &str) -> Result<Option<F>, Error> {
+    let found = records.iter().find(|record| record.stage == stage && record.output.is_some());
+    found.map(StageRecord::figures).transpose()
 }
 
 /// A stage's result with its record.
@@ -211,11 +217,10 @@ impl Runner<'_> {
         let clock = Clock::start();
         let read_before = inputs.bytes_read();
         let (provenance, source_bytes) = self.provenance(stage, inputs.hashes())?;
-        let output_kind = match stage.output() {
-            Some(kind) => kind,
-            None => inputs.get(stage.inputs()[0].name).expect("checked: the first slot is filled").kind(),
-        };
-        let key = CacheKey::new(output_kind, &provenance);
+        let first = stage.inputs().first().and_then(|slot| inputs.get(slot.name)).map(Artefact::kind);
+        let kind = stage.output().or(first);
+        let kind = kind.ok_or_else(|| Error::usage(stage.name(), "its first input is missing"))?;
+        let key = CacheKey::new(kind, &provenance);
         Ok(Begun { clock, read_before, provenance, source_bytes, key })
     }
 

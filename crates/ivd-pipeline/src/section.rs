@@ -142,9 +142,8 @@ impl Section {
         inputs: &Inputs,
         work: impl FnOnce(&Values<'_>) -> Result<(op::Product, T), Failure>,
     ) -> Result<(Product, T), Error> {
-        let values: Values<'_> =
-            self.method.slots.iter().filter_map(|slot| Some((slot.name, inputs.get(slot.name)?))).collect();
-        let (product, beside) = work(&values).map_err(|failure| Error::failed(self.stage.name, failure))?;
+        let (product, beside) =
+            work(&inputs.values()).map_err(|failure| Error::failed(self.stage.name, failure))?;
         let schema = (self.method.figures)();
         let mut metrics = Metrics { figures: product.figures, times: std::collections::BTreeMap::new() };
         for field in fields(schema).filter(|field| field.is_time()) {
@@ -267,6 +266,15 @@ impl crate::Stage for Section {
 
     fn output(&self) -> Option<Kind> {
         self.method.output
+    }
+
+    fn figures(&self) -> &'static Json {
+        (self.method.figures)()
+    }
+
+    fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
+        (self.method.remark)(Json::Object(figures.figures.clone()))
+            .map_err(|problem| Error::figures(self.stage.name, problem))
     }
 
     fn params(&self) -> Json {

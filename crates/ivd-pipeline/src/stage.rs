@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ivd_artefact::{Artefact, ContentHash, Kind, Loaded, Opened};
 use ivd_core::Exec;
-use ivd_core::op::Slot;
+use ivd_core::op::{self, Output, Slot, Slots, Values};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -20,29 +20,6 @@ pub struct Metrics {
     pub figures: Map<String, Value>,
     /// Times (s) and rates (1/s) of one run: told of it, and kept nowhere, so that the same work gives the same file.
     pub times: BTreeMap<String, f64>,
-}
-
-impl Metrics {
-    /// Figures that are a JSON object.
-    pub(crate) fn of(figures: Value) -> Self {
-        let Value::Object(figures) = figures else { unreachable!("metrics are written as an object") };
-        Self { figures, times: BTreeMap::new() }
-    }
-
-    /// The figure of a name; no time or rate.
-    pub fn get(&self, name: &str) -> Option<&Value> {
-        self.figures.get(name)
-    }
-}
-
-impl std::ops::Index<&str> for Metrics {
-    type Output = Value;
-
-    /// # Panics
-    /// Where there is no figure of that name.
-    fn index(&self, name: &str) -> &Value {
-        &self.figures[name]
-    }
 }
 
 impl From<Metrics> for Map<String, Value> {
@@ -111,6 +88,19 @@ impl Inputs {
         T::of(self.get(slot)?)
     }
 
+    /// The values, as methods take them.
+    pub(crate) fn values(&self) -> Values<'_> {
+        self.0.iter().map(|(slot, input)| (*slot, input.artefact.as_ref())).collect()
+    }
+
+    /// The values as a stage declares them.
+    ///
+    /// # Errors
+    /// A usage error that names the slot which is empty, or filled with another kind.
+    pub(crate) fn take<'a, S: Slots<'a>>(&'a self, stage: &'static str) -> Result<S, Error> {
+        S::take(&self.values()).map_err(|failure| Error::failed(stage, failure))
+    }
+
     /// Bytes that were read so far of the files behind the values.
     pub(crate) fn bytes_read(&self) -> u64 {
         self.0.values().filter_map(|input| input.file.as_ref()).map(|file| file.bytes_verified()).sum()
@@ -159,9 +149,10 @@ pub struct Product {
 }
 
 impl Product {
-    /// A value with its figures, given as a JSON object.
-    pub(crate) fn new(value: impl Into<Artefact>, figures: Value) -> Self {
-        Self { artefact: value.into(), metrics: Metrics::of(figures) }
+    /// A value with its figures.
+    pub(crate) fn new(value: impl Output, figures: &impl Serialize) -> Self {
+        let op::Product { artefact, figures } = op::Product::new(value, figures);
+        Self { artefact, metrics: Metrics::from(figures) }
     }
 }
 
@@ -178,6 +169,18 @@ pub trait Stage: Send + Sync {
 
     /// Kind of what it writes; `None` where it writes the kind that it read in its first slot.
     fn output(&self) -> Option<Kind>;
+
+    /// JSON Schema of its figures.
+    fn figures(&self) -> &'static Value;
+
+    /// What a person should know of a result with these figures beside them, where there is something.
+    ///
+    /// # Errors
+    /// A figure that is missing or of another type.
+    fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
+        let _ = figures;
+        Ok(None)
+    }
 
     /// Its parameters, by the names that a scene gives them.
     fn params(&self) -> Value;

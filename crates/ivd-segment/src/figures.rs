@@ -29,7 +29,7 @@ pub struct Figures<O> {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CommonFigures {
     /// Number of classes.
-    #[schemars(extend("x-unit" = "1"))]
+    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
     pub k: usize,
     /// Rounds of an iterative method; 1 for one without iterations.
     #[schemars(extend("x-unit" = "1"))]
@@ -251,7 +251,7 @@ impl CutFigures {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TreeFigures {
     /// Leaves and merges.
-    #[schemars(extend("x-unit" = "1"))]
+    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
     pub nodes: usize,
     /// Leaves of the tree.
     #[schemars(extend("x-unit" = "1"))]

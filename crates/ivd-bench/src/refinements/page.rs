@@ -160,8 +160,7 @@ fn table(rows: &[RefinementRow], bench: &LatticeBench) -> String {
 
 /// What ended a refinement, as the program's JSON says it.
 pub(super) fn ended(by: ivd_lattice::refine::StoppedBy) -> String {
-    let name = serde_json::to_value(by).ok();
-    name.as_ref().and_then(serde_json::Value::as_str).unwrap_or_default().replace('_', " ")
+    by.to_string().replace('_', " ")
 }
 
 fn reach(all: &[Reach]) -> String {

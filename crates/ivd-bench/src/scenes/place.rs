@@ -6,9 +6,17 @@ use std::time::{Duration, Instant};
 use cpu_time::ProcessTime;
 use ivd_artefact::Cache;
 use ivd_core::{Exec, Grid, Volume};
+use ivd_deform::map::{self, MapFigures};
+use ivd_deform::warp::{self, WarpFigures};
+use ivd_lattice::extract::{self, LatticeFigures};
 use ivd_pipeline::scene::{self, Loaded, Override};
-use ivd_pipeline::{PipelineOptions, PipelineReport, StageRecord, State};
+use ivd_pipeline::stages::{IMPORT, ImportFigures};
+use ivd_pipeline::{PipelineOptions, PipelineReport, StageRecord, State, figures_of};
+use ivd_render::{DifferenceFigures, RenderFigures, RenderParams};
+use ivd_segment::CommonFigures;
 use ivd_volume::phantom;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
 use crate::Error;
 use crate::experiment::Problem;
@@ -115,12 +123,10 @@ impl Run {
         self.report.stages.iter().find(|r| r.stage == stage)
     }
 
-    /// A number among a stage's figures.
-    pub(super) fn figure(&self, stage: &str, name: &str) -> Result<f64, Error> {
-        let missing = || ivd_pipeline::Error::Figure { stage: stage.to_owned(), figure: name.to_owned() };
-        self.record(stage)
-            .map_or_else(|| Err(missing()), |r| r.figure(name))
-            .map_err(|e| failed(stage, &e.into()))
+    /// The figures of a stage that did its work.
+    pub(super) fn figures<F: DeserializeOwned>(&self, stage: &str) -> Result<F, Error> {
+        let found = figures_of(&self.report.stages, stage).map_err(|e| failed(stage, &e.into()))?;
+        found.ok_or_else(|| failed(stage, &"it wasn't needed".into()))
     }
 
     /// Largest resident memory of any stage (MiB).
@@ -142,39 +148,61 @@ impl Run {
     /// Voxels (of pictures: samples) that the stages which did their work looked at, and how many of these their outputs
     /// need at least.
     pub(super) fn visited(&self) -> Result<[f64; 2], Error> {
-        let all = self.figure("import", "voxels")?;
+        let all = self.figures::<ImportFigures>(IMPORT)?.voxels as f64;
         let ran = self.report.stages.iter().filter(|r| r.state == State::Ran);
         let each = ran.map(|r| visited(r, all).map_err(|e| failed(&r.stage, &e.into())));
         each.into_iter().try_fold([0.0; 2], |[a, b], found| found.map(|[c, d]| [a + c, b + d]))
     }
 }
 
-/// Voxels that a stage looked at, and at least had to: the two ends of every crossed edge for a lattice, what moves for a
-/// map. Where no less is known to do, the same twice.
-fn visited(record: &StageRecord, all: f64) -> Result<[f64; 2], ivd_pipeline::Error> {
-    let figure = |name| record.figure(name);
-    let cubes = |bricks: f64| (512.0 * bricks).min(all);
-    Ok(match record.stage.as_str() {
-        "import" | "atf" | "boundary" => [all; 2],
-        "segment" => [figure("visited_fraction")? * all; 2],
-        "lattice" => {
-            let least = (2.0 * figure("vertices")?).min(all);
-            // The mask is looked at whole.
-            let isolated = record.inputs.contains_key("mask");
-            [if isolated { all } else { cubes(figure("bricks_active")?).max(least) }, least]
-        }
-        "map" => [cubes(figure("bricks_touched")?), figure("voxels_moved")?],
-        "warp" => [figure("voxels_resampled")?; 2],
+/// Voxels that a stage looked at and at least had to, of all that there are.
+type Looked = fn(&StageRecord, f64) -> Result<[f64; 2], ivd_pipeline::Error>;
+
+/// How many voxels a stage looks at: the two ends of every crossed edge for a lattice, what moves for a map. Where no less is known to
+/// do, the same twice; stages that aren't listed look at none.
+const LOOKED: [(&str, Looked); 8] = [
+    (IMPORT, |_, all| Ok([all; 2])),
+    (ivd_atf::STAGE.name, |_, all| Ok([all; 2])),
+    (ivd_boundary::STAGE.name, |_, all| Ok([all; 2])),
+    (ivd_segment::STAGE.name, |record, all| {
+        Ok([record.figures::<CommonFigures>()?.visited_fraction * all; 2])
+    }),
+    (extract::STAGE.name, |record, all| {
+        let found: LatticeFigures = record.figures()?;
+        let least = (2.0 * found.vertices as f64).min(all);
+        // The mask is looked at whole.
+        let isolated = record.inputs.contains_key("mask");
+        Ok([if isolated { all } else { in_bricks(found.bricks_active, all).max(least) }, least])
+    }),
+    (map::STAGE.name, |record, all| {
+        let found: MapFigures = record.figures()?;
+        Ok([in_bricks(found.bricks_touched, all), found.voxels_moved as f64])
+    }),
+    (warp::STAGE.name, |record, _| Ok([record.figures::<WarpFigures>()?.voxels_resampled as f64; 2])),
+    (ivd_render::STAGE.name, |record, _| {
         // A difference of pictures casts no rays.
-        "render" if record.variant != "difference" => {
-            let size = |name: &str| {
-                let missing =
-                    || ivd_pipeline::Error::Figure { stage: record.stage.clone(), figure: name.to_owned() };
-                record.params.pointer(name).and_then(serde_json::Value::as_f64).ok_or_else(missing)
-            };
-            let pixels = size("/size/0")? * size("/size/1")?;
-            [figure("samples_per_pixel")? * pixels; 2]
-        }
-        _ => [0.0; 2],
-    })
+        let Pictured::Drawn(found) = record.figures()? else { return Ok([0.0; 2]) };
+        let RenderParams { size, .. } = record.params()?;
+        Ok([found.samples_per_pixel * (size[0] * size[1]) as f64; 2])
+    }),
+];
+
+/// Figures of a picture, or of the difference of two.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Pictured {
+    Drawn(RenderFigures),
+    #[allow(dead_code, reason = "told apart by its fields")]
+    Apart(DifferenceFigures),
+}
+
+/// Voxels of so many bricks.
+fn in_bricks(bricks: u64, all: f64) -> f64 {
+    (512.0 * bricks as f64).min(all)
+}
+
+/// Voxels that a stage looked at, and at least had to.
+fn visited(record: &StageRecord, all: f64) -> Result<[f64; 2], ivd_pipeline::Error> {
+    let looked = LOOKED.iter().find(|(stage, _)| *stage == record.stage);
+    looked.map_or(Ok([0.0; 2]), |(_, looked)| looked(record, all))
 }

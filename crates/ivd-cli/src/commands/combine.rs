@@ -39,8 +39,9 @@ pub(super) fn combine(args: &CombineArgs, context: &Context) -> anyhow::Result<(
         let [_, slot] = Combine::OPERANDS[number - 1];
         inputs = inputs.with(slot, context.stage_input(file)?);
     }
-    let done = context.run(&cache, &Combine { params }, &inputs)?;
-    finish(done, &args.output.path, context)
+    let stage = Combine { params };
+    let done = context.run(&cache, &stage, &inputs)?;
+    finish(&stage, done, &args.output.path, context)
 }
 
 /// `ivd clip`.
@@ -60,6 +61,7 @@ pub(super) fn clip(args: &ClipArgs, context: &Context) -> anyhow::Result<()> {
         ("displacement", args.displacement.as_deref()),
     ];
     let inputs = filled(&files, &cache, context)?;
-    let done = context.run(&cache, &Clip { params }, &inputs)?;
-    finish(done, &args.output.path, context)
+    let stage = Clip { params };
+    let done = context.run(&cache, &stage, &inputs)?;
+    finish(&stage, done, &args.output.path, context)
 }

@@ -54,7 +54,8 @@ pub(crate) fn run(matches: &ArgMatches, context: &Context) -> anyhow::Result<boo
     let params = ForeignParams { weld, allow_open: matches.get_flag("allow_open") };
     let cache = context.stage_cache()?;
     let inputs = filled(&[("volume", Some(volume))], &cache, context)?;
-    let done = context.run(&cache, &ForeignLattice { path: mesh.clone(), params }, &inputs)?;
-    finish(done, output, context)?;
+    let stage = ForeignLattice { path: mesh.clone(), params };
+    let done = context.run(&cache, &stage, &inputs)?;
+    finish(&stage, done, output, context)?;
     Ok(true)
 }

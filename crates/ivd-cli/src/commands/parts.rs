@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ivd_artefact::{Artefact, Kind};
 use ivd_core::Fault;
-use ivd_lattice::extract::occurring;
+use ivd_lattice::extract::{LatticeFigures, occurring};
 use ivd_pipeline::stages::part_lattices;
 use ivd_pipeline::{OutputRecord, Runner};
 use serde_json::json;
@@ -73,8 +73,7 @@ pub(super) fn run(
             kind: done.artefact.kind().name().to_owned(),
             hash: done.hash.to_string(),
         });
-        let vertices =
-            done.record.metrics.get("vertices").map_or_else(|| "–".to_owned(), ToString::to_string);
+        let LatticeFigures { vertices, .. } = done.record.figures()?;
         context.say(&format!("label {label}: vertices {vertices} → {}", path.display()));
         let mut record = serde_json::to_value(&done.record)?;
         record["label"] = json!(label);

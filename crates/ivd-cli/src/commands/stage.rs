@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
-use ivd_core::{Faulty, op};
-use ivd_pipeline::{Done, Inputs, OutputRecord, StageRecord, ending, export};
+use ivd_core::Faulty;
+use ivd_core::op::{self, Field, alternatives, fields};
+use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 
 use super::volume::volume_or_artefact;
 use crate::context::Context;
@@ -55,7 +56,12 @@ pub(crate) fn unused(
 }
 
 /// Writes a stage's result and prints its record.
-pub(crate) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow::Result<()> {
+pub(crate) fn finish(
+    stage: &dyn Stage,
+    mut done: Done,
+    output: &Path,
+    context: &Context,
+) -> anyhow::Result<()> {
     write_result(&done, output, context)?;
     let record = &mut done.record;
     record.output = Some(OutputRecord {
@@ -66,7 +72,7 @@ pub(crate) fn finish(mut done: Done, output: &Path, context: &Context) -> anyhow
     context.say(&format!(
         "{}: {} in {:.2} s → {}",
         record.stage,
-        headline(record),
+        headline(stage, record)?,
         record.wall_s,
         output.display()
     ));
@@ -124,27 +130,13 @@ fn placed(error: ivd_artefact::Error, path: &Path) -> anyhow::Error {
 }
 
 /// The figures that a person wants first.
-fn headline(record: &StageRecord) -> String {
-    let picked: Vec<String> = [
-        "k",
-        "voxels",
-        "vertices",
-        "triangles",
-        "nodes",
-        "vertices_moved",
-        "voxels_moved",
-        "voxels_resampled",
-        "voxels_changed",
-        "voxels_kept",
-        "entries",
-    ]
-    .iter()
-    .filter_map(|key| record.metrics.get(key).map(|value| format!("{key} {value}")))
-    .collect();
+fn headline(stage: &dyn Stage, record: &StageRecord) -> anyhow::Result<String> {
+    let mut fields: Vec<Field<'_>> = alternatives(stage.figures()).into_iter().flat_map(fields).collect();
+    fields.retain(|field| field.headline().is_some());
+    fields.sort_by_key(|field| field.headline());
+    let figures = &record.metrics.figures;
+    let told = fields.iter().filter_map(|field| Some(format!("{} {}", field.name, figures.get(field.name)?)));
     // A target that wasn't met is said with what stood in the way.
-    let stopped = record.metrics.get("reached").and_then(|r| r.get("stopped_by")).and_then(|s| s.as_str());
-    if let Some(reason) = stopped.filter(|s| !["target", "max_error"].contains(s)) {
-        return format!("{}, target not reached: stopped by {reason}", picked.join(", "));
-    }
-    if picked.is_empty() { "done".to_owned() } else { picked.join(", ") }
+    let told: Vec<String> = told.chain(stage.remark(&record.metrics)?).collect();
+    Ok(if told.is_empty() { "done".to_owned() } else { told.join(", ") })
 }

@@ -23,12 +23,13 @@ pub(super) fn import(
 ) -> anyhow::Result<()> {
     let stage = Import { source: ImportSource::File { path: source.to_owned(), options: options(raw)? } };
     let cache = context.stage_cache()?;
-    let mut done = context.run(&cache, &stage, &Inputs::default())?;
-    if labels {
-        let inputs = Inputs::default().with("volume", done.input());
-        done = context.run(&cache, &ImportLabels, &inputs)?;
+    let done = context.run(&cache, &stage, &Inputs::default())?;
+    if !labels {
+        return finish(&stage, done, output, context);
     }
-    finish(done, output, context)
+    let inputs = Inputs::default().with("volume", done.input());
+    let done = context.run(&cache, &ImportLabels, &inputs)?;
+    finish(&ImportLabels, done, output, context)
 }
 
 /// What the flags say about a file.
@@ -89,7 +90,7 @@ pub(super) fn phantom(
     }
     let stage = Import { source: ImportSource::Phantom(params) };
     let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
-    finish(done, output, context)
+    finish(&stage, done, output, context)
 }
 
 /// `ivd export`.

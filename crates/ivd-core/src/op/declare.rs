@@ -24,6 +24,8 @@ pub struct Method {
     pub schema: fn() -> &'static Json,
     /// JSON Schema of its figures, without references.
     pub figures: fn() -> &'static Json,
+    /// [`Op::REMARK`] of figures by their names; an error where one is missing or of another type.
+    pub remark: fn(Json) -> Result<Option<String>, String>,
     /// The job with these parameters; those that aren't given have their defaults.
     pub parse: fn(Json) -> Result<Box<dyn Job>, String>,
 }
@@ -37,6 +39,11 @@ pub const fn method<O: Op>(name: &'static str) -> Method {
         output: <O::Output as Output>::KIND,
         schema: schema_of::<O>,
         figures: schema_of::<O::Figures>,
+        remark: |json| {
+            let Some(remark) = O::REMARK else { return Ok(None) };
+            let figures = serde_json::from_value(json).map_err(|error| error.to_string())?;
+            Ok(remark(&figures))
+        },
         parse: |json| {
             let op: O = serde_json::from_value(json).map_err(|error| error.to_string())?;
             Ok(Box::new(op))

@@ -62,6 +62,11 @@ impl<'a> Field<'a> {
         self.schema.get("x-time").and_then(Json::as_bool).unwrap_or(false)
     }
 
+    /// Its place among the figures that a person wants first; `None` of all others.
+    pub fn headline(self) -> Option<u64> {
+        self.schema.get("x-headline").and_then(Json::as_u64)
+    }
+
     /// What it may be, for a person: its range with its unit, or its words.
     pub fn domain(self) -> String {
         domain(self.schema, self.unit())

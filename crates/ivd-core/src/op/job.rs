@@ -20,10 +20,15 @@ pub enum Want {
     IfWritten,
 }
 
+/// What figures say beside themselves.
+pub type Remark<F> = fn(&F) -> Option<String>;
+
 /// One method of one stage: its parameters, and the work.
 pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send + Sync + 'static {
     /// Raised whenever the same inputs and parameters may give another result.
     const REVISION: u32;
+    /// What a person should know of a result beside its figures, where there is something: that it isn't all that was asked for.
+    const REMARK: Option<Remark<Self::Figures>> = None;
     /// What it reads.
     type Inputs<'a>: Slots<'a>;
     /// What it gives.
@@ -152,8 +157,8 @@ pub trait Job: Send + Sync + 'static {
     fn again(&self) -> Box<dyn Job>;
 }
 
-/// An object of plain fields as JSON.
-fn object(fields: &impl Serialize) -> Map<String, Json> {
+/// A struct of plain fields as JSON.
+pub fn object(fields: &impl Serialize) -> Map<String, Json> {
     match serde_json::to_value(fields) {
         Ok(Json::Object(object)) => object,
         // Structs of numbers, words, lists and maps: a test of every method holds it.

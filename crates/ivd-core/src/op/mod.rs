@@ -13,6 +13,9 @@
 //!   `extend("x-unless" = "boundary.class")` is;
 //! - `extend("x-how" = true)` that it says how the work is done and not what comes of it: left out of cache keys.
 //!
+//! A figure has `extend("x-headline" = 1)` where it is the first that a person wants, `2` the second, and `"x-time" = true` where it is a
+//! time or a rate of one run.
+//!
 //! Its inputs are a struct made by [`slots!`](crate::slots), its output a value, its figures a struct too: a figure that is renamed
 //! no longer compiles where it is read. [`Stage`] lists the methods of a stage; nothing else names them.
 
@@ -30,5 +33,5 @@ pub use check::{check, check_fields, is_default, rename, unknown};
 pub use declare::{Method, Place, PlaceKind, Stage, method, schema_of};
 pub use failure::Failure;
 pub use field::{Field, alternatives, domain, fields, is_nullable, is_vector, kind, map_values, words};
-pub use job::{Job, Op, Output, Product, Want};
-pub use slots::{Fill, Slot, Slots, Values, Voxelwise};
+pub use job::{Job, Op, Output, Product, Remark, Want, object};
+pub use slots::{Fill, Slot, Slots, Values, Voxelwise, unfit};

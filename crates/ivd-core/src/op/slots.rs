@@ -76,8 +76,8 @@ pub trait Fill<'a>: Sized {
     fn fill(values: &Values<'a>, slot: &'static str) -> Result<Self, Failure>;
 }
 
-/// A usage error about what fills a slot.
-fn unfit(slot: &str, kinds: &[Kind], found: Option<&Artefact>) -> Failure {
+/// A usage error about what fills a slot, or that nothing does.
+pub fn unfit(slot: &str, kinds: &[Kind], found: Option<&Artefact>) -> Failure {
     let Some(found) = found else { return Failure::usage(format!("its input {slot} is missing")) };
     let expected: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
     Failure::usage(format!(

@@ -29,7 +29,11 @@
 mod params;
 mod region;
 
-use ivd_core::{Displacement, Exec, Grid, Labels, Mask, NO_DATA, ParamError, Scalar, Volume, with_voxels};
+use ivd_core::op::{Failure, Fill, Values, unfit};
+use ivd_core::{
+    Displacement, Exec, Grid, Kind, Labels, Mask, NO_DATA, ParamError, Scalar, Value as _, Volume,
+    with_voxels,
+};
 use rayon::prelude::*;
 
 use crate::Error;
@@ -45,6 +49,17 @@ pub enum Tag<'a> {
     Mask(&'a Mask),
     /// Those of [`ClipParams::class`], or of any label but 0.
     Labels(&'a Labels),
+}
+
+impl<'a> Fill<'a> for Tag<'a> {
+    const KINDS: &'static [Kind] = &[Kind::Mask, Kind::Labels];
+
+    fn fill(values: &Values<'a>, slot: &'static str) -> Result<Self, Failure> {
+        let found = values.get(slot);
+        let labels = || found.and_then(Labels::of).map(Self::Labels);
+        let tag = found.and_then(Mask::of).map(Self::Mask).or_else(labels);
+        tag.ok_or_else(|| unfit(slot, Self::KINDS, found))
+    }
 }
 
 /// What a clip reads beside the data.

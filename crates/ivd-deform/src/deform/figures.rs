@@ -10,7 +10,7 @@ use crate::spring;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
     /// Vertices whose displacement isn't 0 in the last frame.
-    #[schemars(extend("x-unit" = "1"))]
+    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
     pub vertices_moved: usize,
     /// Time steps made; frames, where time doesn't pass; 0 where there are shapes only.
     #[schemars(extend("x-unit" = "1"))]

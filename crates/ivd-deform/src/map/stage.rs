@@ -39,7 +39,7 @@ slots! {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MapFigures {
     /// Voxels that move.
-    #[schemars(extend("x-unit" = "voxels"))]
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
     pub voxels_moved: u64,
     /// Bricks (8³ voxels) with a voxel that moves.
     #[schemars(extend("x-unit" = "1"))]

@@ -37,7 +37,7 @@ pub struct SpaceParams {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SpaceFigures {
     /// Voxels that move.
-    #[schemars(extend("x-unit" = "voxels"))]
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
     pub voxels_moved: u64,
     /// Bricks (8³ voxels) with a voxel that moves.
     #[schemars(extend("x-unit" = "1"))]

@@ -28,7 +28,7 @@ slots! {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct WarpFigures {
     /// Voxels that were computed; all others are the input's.
-    #[schemars(extend("x-unit" = "voxels"))]
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
     pub voxels_resampled: u64,
     /// Voxels of the grid.
     #[schemars(extend("x-unit" = "voxels"))]

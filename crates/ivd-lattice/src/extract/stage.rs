@@ -72,10 +72,10 @@ slots! {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LatticeFigures {
     /// Vertices, used or not.
-    #[schemars(extend("x-unit" = "1"))]
+    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
     pub vertices: u64,
     /// Triangles, degenerate ones too.
-    #[schemars(extend("x-unit" = "1"))]
+    #[schemars(extend("x-unit" = "1", "x-headline" = 2))]
     pub triangles: u64,
     /// Edges with one triangle.
     #[schemars(extend("x-unit" = "1"))]

@@ -1,3 +1,4 @@
+use std::fmt;
 use std::ops::Add;
 
 use ivd_core::Lattice;
@@ -62,6 +63,13 @@ pub enum StoppedBy {
     Features,
     /// Coarser by a step, nothing would be left.
     Vanishing,
+}
+
+impl fmt::Display for StoppedBy {
+    /// The word that JSON has for it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
 }
 
 /// Vertices left, counted by what kept them.

@@ -1,12 +1,14 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Method, Op, Place, Stage, method};
+use ivd_core::op::{Failure, Method, Op, Place, Remark, Stage, method};
 use ivd_core::{Exec, Lattice, ParamError, World, slots};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Locks, Reached, RefineParams, Refined, chain, distances, refine, vertices_within, with_levels};
+use super::{
+    Locks, Reached, RefineParams, Refined, StoppedBy, chain, distances, refine, vertices_within, with_levels,
+};
 use crate::Error;
 use crate::figures::measure;
 use crate::repair::{RepairParams, repair};
@@ -96,10 +98,10 @@ pub struct LevelFigures {
     #[schemars(extend("x-unit" = "1"))]
     pub level: u8,
     /// Vertices that are left.
-    #[schemars(extend("x-unit" = "1"))]
+    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
     pub vertices: u64,
     /// Triangles that are left.
-    #[schemars(extend("x-unit" = "1"))]
+    #[schemars(extend("x-unit" = "1", "x-headline" = 2))]
     pub triangles: u64,
     /// Bound on the distance from the input, both ways: the Hausdorff distance is at most this.
     #[schemars(extend("x-unit" = "mm"))]
@@ -146,6 +148,11 @@ impl Refinement {
 
 impl Op for Refinement {
     const REVISION: u32 = 6;
+    const REMARK: Option<Remark<RefineFigures>> = Some(|figures| {
+        let by = figures.last.reached.stopped_by;
+        let is_met = matches!(by, StoppedBy::Target | StoppedBy::MaxError);
+        (!is_met).then(|| format!("target not reached: stopped by {by}"))
+    });
     type Inputs<'a> = Inputs<'a>;
     type Output = Lattice;
     type Figures = RefineFigures;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Exec, Fault, Faulty};
+use ivd_deform::map::MapFigures;
 use ivd_lattice::refine::RefineFigures;
 
 use super::error::{fields, motions, surfaces};
@@ -247,12 +248,11 @@ impl Pilot<'_> {
             self.step(OCTREE, plan, done, &mut trial.done, runner)?;
         }
         self.step(MAP, plan, done, &mut trial.done, runner)?;
-        let map = &trial.done[&MAP].record;
-        let residual = map.figure("inverse_residual_max_voxel")? * voxel_mm(done)?;
-        trial.parts.insert("inverse_mm", residual);
+        let map: MapFigures = trial.done[&MAP].record.figures()?;
+        trial.parts.insert("inverse_mm", map.inverse_residual_max_voxel * voxel_mm(done)?);
         // A map that was diffused or halved to keep it free of folds has left the lattice behind.
-        if map.figure("relaxations")? + map.figure("halvings")? > 0.0 {
-            trial.parts.insert("map_mm", map.figure("followed.misfit_max_mm")?);
+        if map.relaxations + map.halvings > 0 {
+            trial.parts.insert("map_mm", map.followed.misfit_max_mm);
         }
         Ok(())
     }
@@ -332,7 +332,7 @@ fn difference(
 fn voxel_mm(done: &BTreeMap<NodeId, Done>) -> Result<f64, Error> {
     match done.get(&LATTICE).map(|d| d.artefact.as_ref()) {
         Some(Artefact::Lattice(lattice)) => Ok(lattice.grid.spacing().into_iter().fold(0.0, f64::max)),
-        _ => Err(Error::Figure { stage: LATTICE.stage.to_owned(), figure: "spacing".to_owned() }),
+        _ => Err(Error::Figure { stage: LATTICE.stage.to_owned(), problem: "it gave no lattice".to_owned() }),
     }
 }
 

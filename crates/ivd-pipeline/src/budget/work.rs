@@ -1,18 +1,24 @@
 use ivd_core::{Grid, Lattice, VoxelCoord, World};
-use ivd_deform::deform::{Asked, Figures, Handle};
+use ivd_deform::deform::{self, Asked, Figures, Handle};
+use ivd_lattice::extract::{self, LatticeFigures};
+use ivd_lattice::refine::{self, RefineFigures};
 use ivd_render::RenderParams;
 use nalgebra::Vector3;
-use serde_json::Value;
 
-use crate::runner::StageRecord;
 use crate::scene::Scene;
-use crate::{Error, PipelineReport};
+use crate::stages::{IMPORT, ImportFigures};
+use crate::{Error, PipelineReport, figures_of};
 
 /// The name of a rate: a stage with its variant, or `write` with the key of an output.
 pub fn rate_name(stage: &str, variant: &str) -> String {
     // Pictures are alike.
     let variant = if variant.starts_with("image ") { "image" } else { variant };
     format!("{stage} {variant}").trim().to_owned()
+}
+
+/// An import that gave no volume.
+fn no_volume() -> Error {
+    Error::Figure { stage: IMPORT.to_owned(), problem: "it gave no volume".to_owned() }
 }
 
 /// How much there is to do in a scene; what isn't known yet is 0.
@@ -40,23 +46,16 @@ impl Amounts {
     /// # Errors
     /// [`Error::Figure`] where a stage did its work and doesn't tell how much it was.
     pub fn of_report(scene: &Scene, report: &PipelineReport) -> Result<Self, Error> {
-        let find = |stage: &str| {
-            report.stages.iter().find(|r: &&StageRecord| r.stage == stage && r.output.is_some())
-        };
-        let figure = |stage: &str, name: &str| find(stage).map_or(Ok(0.0), |record| record.figure(name));
-        let dims = find("import").and_then(|r| r.metrics.get("dims")?.as_array());
-        let dims: Vec<usize> =
-            dims.into_iter().flatten().filter_map(Value::as_u64).map(|n| n as usize).collect();
-        let grid = <[usize; 3]>::try_from(dims).ok().and_then(|d| Grid::with_spacing(d, [1.0; 3]).ok());
-        let grid =
-            grid.ok_or_else(|| Error::Figure { stage: "import".to_owned(), figure: "dims".to_owned() })?;
+        let records = &report.stages;
+        let import: ImportFigures = figures_of(records, IMPORT)?.ok_or_else(no_volume)?;
+        let cut: Option<LatticeFigures> = figures_of(records, extract::STAGE.name)?;
+        let refined: Option<RefineFigures> = figures_of(records, refine::STAGE.name)?;
+        let deformed: Option<Figures> = figures_of(records, deform::STAGE.name)?;
+        let grid = Grid::with_spacing(import.dims, [1.0; 3]).map_err(ivd_core::Error::from)?;
         Ok(Self {
-            triangles: figure("lattice", "triangles")?,
-            refined: figure("refine", "triangles")?,
-            moved: match find("deform") {
-                Some(record) => record.figures::<Figures>()?.vertices_moved as f64,
-                None => 0.0,
-            },
+            triangles: cut.map_or(0.0, |found| found.triangles as f64),
+            refined: refined.map_or(0.0, |found| found.last.triangles as f64),
+            moved: deformed.map_or(0.0, |found| found.vertices_moved as f64),
             ..Self::of_volume(scene, &grid)
         })
     }

@@ -1,9 +1,12 @@
 //! What must hold of every field of every method.
 
-use ivd_core::op::{Field, Method, Stage, alternatives, check, fields, is_default, kind, map_values};
+use ivd_core::op::{
+    Field, Method, Stage, alternatives, check, fields, is_default, kind, map_values, schema_of,
+};
 use serde_json::{Map, Value as Json, json};
 
 use super::STAGES;
+use crate::stages::{ClipFigures, CombineFigures, ImportFigures, ImportLabelsFigures};
 use crate::{Section, Stage as _};
 
 fn methods() -> impl Iterator<Item = (&'static Stage, &'static Method)> {
@@ -32,6 +35,15 @@ fn all_fields(visit: &mut impl FnMut(&str, Field<'_>)) {
         let place = format!("{}.{}", stage.name, method.name);
         each_field((method.schema)(), &place, visit);
         each_field((method.figures)(), &format!("{place} figures"), visit);
+    }
+    let others = [
+        schema_of::<ImportFigures>(),
+        schema_of::<ImportLabelsFigures>(),
+        schema_of::<ClipFigures>(),
+        schema_of::<CombineFigures>(),
+    ];
+    for figures in others {
+        each_field(figures, &figures["title"].to_string(), visit);
     }
 }
 

@@ -6,6 +6,13 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use ivd_artefact::Artefact;
 use ivd_core::{Exec, Scalar, TransferFunction, Volume, with_voxels};
+use ivd_deform::certificate::Histogram;
+use ivd_deform::map::MapFigures;
+use ivd_deform::space::SpaceFigures;
+use ivd_deform::warp::WarpFigures;
+use ivd_deform::{deform, map, space, warp};
+use ivd_lattice::extract::{self, LatticeFigures};
+use ivd_lattice::refine::{self, RefineFigures};
 use ivd_segment::{AnyFigures, ClassFigures, Figures};
 use rayon::prelude::*;
 use serde_json::Value;
@@ -14,11 +21,13 @@ use super::Material;
 use super::chart::{Bars, Line, bars, escape, histogram, number};
 use super::curve::{Curve, curve};
 use super::slices::{class_colour, slices};
-use super::tables::{bones, class_volumes, classes, metric, pairs, stages};
+use super::tables::{bones, class_volumes, classes, pairs, shown, stages};
 use super::tree::dendrogram;
+use crate::Error;
 use crate::export::png_bytes;
-use crate::runner::StageRecord;
+use crate::runner::{StageRecord, figures_of};
 use crate::scene::Loaded;
+use crate::stages::{IMPORT, ImportFigures};
 
 /// Bars of a histogram.
 const BINS: usize = 256;
@@ -32,15 +41,15 @@ const SCRIPT: &str = include_str!("report.js");
 /// The report of a run, self-contained.
 pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material, exec: &Exec) -> String {
     let name = loaded.file.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy());
-    let find = |stage: &str| records.iter().find(|r| r.stage == stage && r.output.is_some());
     let mut page = format!(
         "<!doctype html><html lang='en'><head><meta charset='utf-8'><meta name='viewport' content='width=device-width'>\
          <title>{0} – IVD report</title><style>{STYLE}</style></head><body><h1>{0}</h1>",
         escape(&name)
     );
     pictures(&mut page, material);
-    section(&mut page, "Volume", &volume_table(find("import")));
-    let found = find("segment").map(StageRecord::figures::<Figures<AnyFigures>>);
+    section(&mut page, "Volume", &or_problem(volume_table(records)));
+    let segment = records.iter().find(|r| r.stage == ivd_segment::STAGE.name && r.output.is_some());
+    let found = segment.map(StageRecord::figures::<Figures<AnyFigures>>);
     if let Some(Artefact::Volume(volume)) = material.volume.as_deref() {
         let chart = exec.run(|| {
             value_histogram(
@@ -51,28 +60,21 @@ pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material
         });
         section(&mut page, "Histogram, classes and transfer function", &chart);
     }
-    if let Some((segment, found)) = find("segment").zip(found.as_ref()) {
+    if let Some((segment, found)) = segment.zip(found) {
         let colour = |value: f64| colour_of(material.transfer.as_ref(), value);
-        let mut body = match found {
-            Ok(found) => segmentation(segment, found) + &classes(&found.common.classes, &colour),
-            Err(problem) => format!("<p>{}</p>", escape(&problem.to_string())),
-        };
+        let mut body = or_problem(
+            found.map(|found| segmentation(segment, &found) + &classes(&found.common.classes, &colour)),
+        );
         if let Some(Artefact::Volume(volume)) = material.volume.as_deref() {
             body += &slices(volume, &material.class_slices);
         }
         section(&mut page, "Classes", &body);
     }
-    section(&mut page, "Lattice", &lattice_table(find("lattice"), find("refine")));
-    // Steps in space have the last word over the voxels; what the lattice makes of it is the map's.
-    if let Some(last) = find("space").or(find("map")) {
-        let moves = Moves { deform: find("deform"), map: find("map"), last, warp: find("warp") };
-        section(
-            &mut page,
-            "Deformation",
-            &(deformation(&moves, &material.displacements)
-                + &bones(find("deform"))
-                + &class_volumes(&material.class_volumes)),
-        );
+    section(&mut page, "Lattice", &or_problem(lattice_table(records)));
+    if let Some(moves) = Moves::of(records).transpose() {
+        let told = |moves: Moves| deformation(&moves, &material.displacements) + &bones(moves.deform);
+        let body = or_problem(moves.map(told)) + &class_volumes(&material.class_volumes);
+        section(&mut page, "Deformation", &body);
     }
     if !material.budget.is_empty() {
         let lines = material.budget.iter().map(|line| format!("<p>{}</p>", escape(line)));
@@ -124,53 +126,111 @@ fn pictures(page: &mut String, material: &Material) {
     }
 }
 
-fn volume_table(import: Option<&StageRecord>) -> String {
-    pairs(&[
-        ("voxels along x, y, z", metric(import, "dims")),
-        ("spacing [mm]", metric(import, "spacing")),
-        ("stored type", metric(import, "type")),
-        ("range", metric(import, "range")),
-        ("voxels without data", metric(import, "missing")),
-    ])
+/// What a section shows, or why there is nothing to show.
+fn or_problem(body: Result<String, Error>) -> String {
+    body.unwrap_or_else(|problem| format!("<p>{}</p>", escape(&problem.to_string())))
 }
 
-fn lattice_table(lattice: Option<&StageRecord>, refine: Option<&StageRecord>) -> String {
-    pairs(&[
-        ("vertices, as cut", metric(lattice, "vertices")),
-        ("triangles, as cut", metric(lattice, "triangles")),
-        ("components", metric(lattice, "components")),
-        ("Euler characteristic", metric(lattice, "euler")),
-        ("area [mm²]", metric(lattice, "area_mm2")),
-        ("enclosed volume [mm³]", metric(lattice, "volume_mm3")),
-        ("open edges", metric(lattice, "boundary_edges")),
-        ("non-manifold edges", metric(lattice, "non_manifold_edges")),
-        ("vertices, refined", metric(refine, "vertices")),
-        ("triangles, refined", metric(refine, "triangles")),
-        ("distance to the cut lattice, bound [mm]", metric(refine, "max_error_mm")),
-        ("distance to the cut lattice, mean [mm]", metric(refine, "mean_error_mm")),
-    ])
+fn volume_table(records: &[StageRecord]) -> Result<String, Error> {
+    let import = figures_of::<ImportFigures>(records, IMPORT)?;
+    let import = import.as_ref();
+    Ok(pairs(&[
+        ("voxels along x, y, z", shown(import.map(|found| found.dims))),
+        ("spacing [mm]", shown(import.map(|found| found.spacing))),
+        ("stored type", shown(import.map(|found| &found.stored))),
+        ("range", shown(import.map(|found| found.range))),
+        ("voxels without data", shown(import.map(|found| found.missing))),
+    ]))
 }
 
-/// The records of a deformation.
-struct Moves<'a> {
-    deform: Option<&'a StageRecord>,
-    map: Option<&'a StageRecord>,
-    /// Of the displacement that is carried out.
-    last: &'a StageRecord,
-    warp: Option<&'a StageRecord>,
+fn lattice_table(records: &[StageRecord]) -> Result<String, Error> {
+    let cut = figures_of::<LatticeFigures>(records, extract::STAGE.name)?;
+    let refined = figures_of::<RefineFigures>(records, refine::STAGE.name)?;
+    let (cut, last) = (cut.as_ref(), refined.as_ref().map(|found| &found.last));
+    Ok(pairs(&[
+        ("vertices, as cut", shown(cut.map(|found| found.vertices))),
+        ("triangles, as cut", shown(cut.map(|found| found.triangles))),
+        ("components", shown(cut.map(|found| found.components))),
+        ("Euler characteristic", shown(cut.map(|found| found.euler))),
+        ("area [mm²]", shown(cut.map(|found| found.area_mm2))),
+        ("enclosed volume [mm³]", shown(cut.map(|found| found.volume_mm3))),
+        ("open edges", shown(cut.map(|found| found.boundary_edges))),
+        ("non-manifold edges", shown(cut.map(|found| found.non_manifold_edges))),
+        ("vertices, refined", shown(last.map(|found| found.vertices))),
+        ("triangles, refined", shown(last.map(|found| found.triangles))),
+        ("distance to the cut lattice, bound [mm]", shown(last.map(|found| found.max_error_mm))),
+        ("distance to the cut lattice, mean [mm]", shown(last.map(|found| found.mean_error_mm))),
+    ]))
 }
 
-fn deformation(moves: &Moves<'_>, lengths: &[f64]) -> String {
-    let &Moves { deform, map, last, warp } = moves;
+/// The figures of a deformation.
+struct Moves {
+    deform: Option<deform::Figures>,
+    /// What the lattice encloses at rest and deformed, as the map tells it.
+    enclosed_mm3: Option<[f64; 2]>,
+    last: Carried,
+    warp: Option<WarpFigures>,
+}
+
+/// Figures of the displacement that is carried out.
+struct Carried {
+    voxels_moved: u64,
+    min_det_j: f64,
+    folds: u64,
+    residual_voxel: f64,
+    det_j: Histogram,
+}
+
+impl Moves {
+    /// Those of a run; `None` where nothing is displaced.
+    fn of(records: &[StageRecord]) -> Result<Option<Self>, Error> {
+        let space: Option<SpaceFigures> = figures_of(records, space::STAGE.name)?;
+        let map: Option<MapFigures> = figures_of(records, map::STAGE.name)?;
+        let enclosed_mm3 = map.as_ref().map(|map| map.followed.volume_mm3);
+        // Steps in space have the last word over the voxels; what the lattice makes of it is the map's.
+        let last = space.map(Carried::from).or(map.map(Carried::from));
+        let Some(last) = last else { return Ok(None) };
+        let deform = figures_of(records, deform::STAGE.name)?;
+        Ok(Some(Self { deform, enclosed_mm3, last, warp: figures_of(records, warp::STAGE.name)? }))
+    }
+}
+
+impl From<MapFigures> for Carried {
+    fn from(found: MapFigures) -> Self {
+        Self {
+            voxels_moved: found.voxels_moved,
+            min_det_j: found.min_det_j,
+            folds: found.folds,
+            residual_voxel: found.inverse_residual_max_voxel,
+            det_j: found.det_j_histogram,
+        }
+    }
+}
+
+impl From<SpaceFigures> for Carried {
+    fn from(found: SpaceFigures) -> Self {
+        Self {
+            voxels_moved: found.voxels_moved,
+            min_det_j: found.min_det_j,
+            folds: found.folds,
+            residual_voxel: found.inverse_residual_max_voxel,
+            det_j: found.det_j_histogram,
+        }
+    }
+}
+
+fn deformation(moves: &Moves, lengths: &[f64]) -> String {
+    let Moves { deform, enclosed_mm3, last, warp } = moves;
+    let deform = deform.as_ref();
     let mut html = pairs(&[
-        ("vertices moved", metric(deform, "vertices_moved")),
-        ("largest displacement [mm]", metric(deform, "max_displacement_mm")),
-        ("voxels moved", metric(Some(last), "voxels_moved")),
-        ("voxels resampled", metric(warp, "voxels_resampled")),
-        ("volume inside the lattice, rest → deformed (mm³)", map.map_or_else(|| "–".to_owned(), enclosed)),
-        ("smallest det J, certified", metric(Some(last), "min_det_j")),
-        ("folds", metric(Some(last), "folds")),
-        ("inverse, largest residual [voxels]", metric(Some(last), "inverse_residual_max_voxel")),
+        ("vertices moved", shown(deform.map(|found| found.vertices_moved))),
+        ("largest displacement [mm]", shown(deform.map(|found| found.max_displacement_mm))),
+        ("voxels moved", shown(last.voxels_moved)),
+        ("voxels resampled", shown(warp.map(|found| found.voxels_resampled))),
+        ("volume inside the lattice, rest → deformed (mm³)", enclosed(*enclosed_mm3)),
+        ("smallest det J, certified", shown(last.min_det_j)),
+        ("folds", shown(last.folds)),
+        ("inverse, largest residual [voxels]", shown(last.residual_voxel)),
     ]);
     let plain = |_: f64| "#5b7a99".to_owned();
     if !lengths.is_empty() {
@@ -187,27 +247,23 @@ fn deformation(moves: &Moves<'_>, lengths: &[f64]) -> String {
             lines: Vec::new(),
         });
     }
-    if let Some((range, counts)) = det_j(last) {
-        html += &bars(&Bars {
-            range,
-            counts: &counts,
-            x_label: "det J of touched cells: local volume change (1 = unchanged)",
-            y_label: "cells",
-            logarithmic: true,
-            marks: vec![(1.0, "1".to_owned())],
-            colour: &|v| if v < 1.0 { "#b5651d".to_owned() } else { "#2f7f6f".to_owned() },
-            lines: Vec::new(),
-        });
-    }
+    html += &bars(&Bars {
+        range: [last.det_j.lower, last.det_j.upper],
+        counts: &last.det_j.counts,
+        x_label: "det J of touched cells: local volume change (1 = unchanged)",
+        y_label: "cells",
+        logarithmic: true,
+        marks: vec![(1.0, "1".to_owned())],
+        colour: &|v| if v < 1.0 { "#b5651d".to_owned() } else { "#2f7f6f".to_owned() },
+        lines: Vec::new(),
+    });
     html
 }
 
-/// The volume inside the lattice before and after, as the map tells it, with the change.
-fn enclosed(map: &StageRecord) -> String {
-    let pair = map.metrics.get("followed").and_then(|f| f.get("volume_mm3"));
-    let at = |i: usize| pair.and_then(|p| p.get(i)).and_then(Value::as_f64);
-    match (at(0), at(1)) {
-        (Some(rest), Some(deformed)) if rest != 0.0 => {
+/// The volume inside the lattice before and after, with the change.
+fn enclosed(volume_mm3: Option<[f64; 2]>) -> String {
+    match volume_mm3 {
+        Some([rest, deformed]) if rest != 0.0 => {
             let change = 100.0 * (deformed - rest) / rest;
             format!("{} → {} ({change:+.2} %)", number(rest), number(deformed))
         }
@@ -215,19 +271,11 @@ fn enclosed(map: &StageRecord) -> String {
     }
 }
 
-/// Range and counts of the map's histogram of det J, where it tells them.
-fn det_j(map: &StageRecord) -> Option<([f64; 2], Vec<u64>)> {
-    let histogram = map.metrics.get("det_j_histogram")?;
-    let low = histogram.get("lower")?.as_f64()?;
-    let high = histogram.get("upper")?.as_f64()?;
-    let counts = histogram.get("counts")?.as_array()?.iter().filter_map(Value::as_u64).collect();
-    Some(([low, high], counts))
-}
-
 /// How the classes were found, with the curves that their number was read from.
 fn segmentation(segment: &StageRecord, found: &Figures<AnyFigures>) -> String {
     let Figures { common, own } = found;
-    let method = segment.params.get("method").and_then(Value::as_str).unwrap_or("–").to_owned();
+    let method =
+        segment.params.get(ivd_segment::STAGE.selector).and_then(Value::as_str).unwrap_or("–").to_owned();
     let mut rows = vec![("method", method), ("classes", common.k.to_string())];
     rows.extend(own.proposed().map(|k| ("classes proposed", k.to_string())));
     rows.push(("iterations", common.iterations.to_string()));

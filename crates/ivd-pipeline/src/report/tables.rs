@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use ivd_deform::deform::Figures;
 use ivd_deform::volumes::ClassVolume;
 use ivd_segment::ClassFigures;
+use serde::Serialize;
 use serde_json::Value;
 
 use super::chart::{escape, number};
@@ -23,15 +24,15 @@ pub(super) fn pairs(rows: &[(&str, String)]) -> String {
     html + "</table>"
 }
 
-/// A figure of a record as text; a dash where there is none.
-pub(super) fn metric(record: Option<&StageRecord>, key: &str) -> String {
-    match record.and_then(|r| r.metrics.get(key)) {
-        Some(Value::Number(n)) => {
+/// A figure as text; a dash where there is none.
+pub(super) fn shown(figure: impl Serialize) -> String {
+    match serde_json::to_value(figure) {
+        Ok(Value::Number(n)) => {
             n.as_u64().map_or_else(|| number(n.as_f64().unwrap_or(f64::NAN)), |u| u.to_string())
         }
-        Some(Value::Null) | None => "–".to_owned(),
-        Some(Value::String(s)) => s.clone(),
-        Some(other) => other.to_string(),
+        Ok(Value::Null) | Err(_) => "–".to_owned(),
+        Ok(Value::String(s)) => s,
+        Ok(other) => other.to_string(),
     }
 }
 
@@ -90,8 +91,8 @@ pub(super) fn stages(records: &[StageRecord]) -> String {
 }
 
 /// What bones have done; nothing where there is none.
-pub(super) fn bones(deform: Option<&StageRecord>) -> String {
-    let springs = deform.and_then(|record| record.figures::<Figures>().ok()?.springs);
+pub(super) fn bones(deform: Option<Figures>) -> String {
+    let springs = deform.and_then(|found| found.springs);
     let Some(list) = springs.map(|springs| springs.bones).filter(|list| !list.is_empty()) else {
         return String::new();
     };

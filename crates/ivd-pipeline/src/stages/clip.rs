@@ -1,7 +1,10 @@
-use ivd_artefact::{Artefact, Kind};
-use ivd_core::Exec;
+use ivd_artefact::Kind;
+use ivd_core::op::{Output, Slots as _, Voxelwise, object, schema_of};
+use ivd_core::{Displacement, Exec, slots};
 use ivd_deform::clip::{self, By, ClipParams, Clipped, Tag};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::error::stage_error;
 use crate::{Error, Inputs, Product, Slot, Stage};
@@ -13,15 +16,35 @@ pub struct Clip {
     pub params: ClipParams,
 }
 
-fn product<V: ivd_core::Value>(clipped: Clipped<V>) -> Product {
-    let metrics = json!({
-        "voxels_kept": clipped.voxels_kept,
-        "voxels_clipped": clipped.voxels_clipped,
-        "voxels_total": clipped.voxels_total,
-        "bricks_visited": clipped.bricks_visited,
-        "bricks_total": clipped.bricks_total,
-    });
-    Product::new(clipped.output, metrics)
+slots! {
+    /// What is clipped, and by what beside planes and boxes.
+    struct Given<'a> { volume: Voxelwise<'a>, tag: Option<Tag<'a>>, displacement: Option<&'a Displacement> }
+}
+
+/// What a clip comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ClipFigures {
+    /// Voxels as they were.
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
+    pub voxels_kept: u64,
+    /// Voxels that became background.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxels_clipped: u64,
+    /// Voxels of the grid.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxels_total: u64,
+    /// Bricks (8³ voxels) that were looked at voxel by voxel.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_visited: u64,
+    /// Bricks of the grid.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_total: u64,
+}
+
+fn product<V: Output>(clipped: Clipped<V>) -> Product {
+    let Clipped { output, voxels_kept, voxels_clipped, voxels_total, bricks_visited, bricks_total } = clipped;
+    let figures = ClipFigures { voxels_kept, voxels_clipped, voxels_total, bricks_visited, bricks_total };
+    Product::new(output, &figures)
 }
 
 impl Stage for Clip {
@@ -34,40 +57,29 @@ impl Stage for Clip {
     }
 
     fn inputs(&self) -> &'static [Slot] {
-        const {
-            &[
-                Slot::required("volume", &[Kind::Volume, Kind::Labels, Kind::Mask]),
-                Slot::optional("tag", &[Kind::Mask, Kind::Labels]),
-                Slot::optional("displacement", &[Kind::Displacement]),
-            ]
-        }
+        Given::SLOTS
     }
 
     fn output(&self) -> Option<Kind> {
         None
     }
 
+    fn figures(&self) -> &'static Value {
+        schema_of::<ClipFigures>()
+    }
+
     fn params(&self) -> Value {
-        super::json(&self.params)
+        object(&self.params).into()
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
-        let tag = inputs.value("tag").map(Tag::Mask).or(inputs.value("tag").map(Tag::Labels));
-        let by = By { tag, displacement: inputs.value("displacement") };
-        match inputs.get("volume").expect("checked by the runner") {
-            Artefact::Volume(volume) => {
-                let clipped = clip::volume(volume, &self.params, &by, exec).map_err(stage_error!("clip"))?;
-                Ok(product(clipped))
-            }
-            Artefact::Labels(labels) => {
-                let clipped = clip::labels(labels, &self.params, &by, exec).map_err(stage_error!("clip"))?;
-                Ok(product(clipped))
-            }
-            Artefact::Mask(mask) => {
-                let clipped = clip::mask(mask, &self.params, &by, exec).map_err(stage_error!("clip"))?;
-                Ok(product(clipped))
-            }
-            _ => unreachable!("the runner checked the kinds of the slots"),
+        let Given { volume, tag, displacement } = inputs.take(self.name())?;
+        let (params, by) = (&self.params, &By { tag, displacement });
+        match volume {
+            Voxelwise::Volume(volume) => clip::volume(volume, params, by, exec).map(product),
+            Voxelwise::Labels(labels) => clip::labels(labels, params, by, exec).map(product),
+            Voxelwise::Mask(mask) => clip::mask(mask, params, by, exec).map(product),
         }
+        .map_err(stage_error!(self.name()))
     }
 }

@@ -1,7 +1,10 @@
-use ivd_artefact::{Artefact, Kind};
+use ivd_artefact::Kind;
+use ivd_core::op::{Fill as _, Output, Voxelwise, object, schema_of};
 use ivd_core::{Displacement, Exec};
 use ivd_deform::cvg::{self, CombineParams, Combined, Operand};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::error::stage_error;
 use crate::{Error, Inputs, Product, Slot, Stage};
@@ -43,10 +46,26 @@ impl Combine {
     };
 }
 
-/// The operands of one kind, in the order of their slots.
+/// What a combination comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct CombineFigures {
+    /// Voxels whose stored value isn't the first operand's (as it is deformed).
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
+    pub voxels_changed: u64,
+    /// Voxels of the grid.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxels_total: u64,
+    /// Bricks (8³ voxels) that were looked at voxel by voxel.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_visited: u64,
+    /// Bricks of the grid.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_total: u64,
+}
+
+/// The operands, all of the first one's kind, in the order of their slots.
 fn operands<V: ivd_core::Value>(inputs: &Inputs) -> Result<Vec<Operand<'_, V>>, Error> {
     let mut operands = Vec::new();
-    let first = inputs.get("a").expect("checked by the runner").kind().name();
     for [slot, displacement] in Combine::OPERANDS {
         let field: Option<&Displacement> = inputs.value(displacement);
         let Some(artefact) = inputs.get(slot) else {
@@ -57,7 +76,7 @@ fn operands<V: ivd_core::Value>(inputs: &Inputs) -> Result<Vec<Operand<'_, V>>, 
             continue;
         };
         let Some(value) = V::of(artefact) else {
-            let kind = artefact.kind().name();
+            let (first, kind) = (V::KIND.name(), artefact.kind().name());
             let problem =
                 format!("a is a {first} artefact and {slot} a {kind} artefact; give operands of one kind");
             return Err(Error::usage("combine", problem));
@@ -67,14 +86,9 @@ fn operands<V: ivd_core::Value>(inputs: &Inputs) -> Result<Vec<Operand<'_, V>>, 
     Ok(operands)
 }
 
-fn product<V: ivd_core::Value>(combined: Combined<V>) -> Product {
-    let metrics = json!({
-        "voxels_changed": combined.voxels_changed,
-        "voxels_total": combined.voxels_total,
-        "bricks_visited": combined.bricks_visited,
-        "bricks_total": combined.bricks_total,
-    });
-    Product::new(combined.output, metrics)
+fn product<V: Output>(combined: Combined<V>) -> Product {
+    let Combined { output, voxels_changed, voxels_total, bricks_visited, bricks_total } = combined;
+    Product::new(output, &CombineFigures { voxels_changed, voxels_total, bricks_visited, bricks_total })
 }
 
 impl Stage for Combine {
@@ -94,28 +108,22 @@ impl Stage for Combine {
         None
     }
 
+    fn figures(&self) -> &'static Value {
+        schema_of::<CombineFigures>()
+    }
+
     fn params(&self) -> Value {
-        super::json(&self.params)
+        object(&self.params).into()
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
-        match inputs.get("a").expect("checked by the runner") {
-            Artefact::Volume(_) => {
-                let all = operands(inputs)?;
-                let combined = cvg::volumes(&all, &self.params, exec).map_err(stage_error!("combine"))?;
-                Ok(product(combined))
-            }
-            Artefact::Labels(_) => {
-                let all = operands(inputs)?;
-                let combined = cvg::labels(&all, &self.params, exec).map_err(stage_error!("combine"))?;
-                Ok(product(combined))
-            }
-            Artefact::Mask(_) => {
-                let all = operands(inputs)?;
-                let combined = cvg::masks(&all, &self.params, exec).map_err(stage_error!("combine"))?;
-                Ok(product(combined))
-            }
-            _ => unreachable!("the runner checked the kinds of the slots"),
+        let [first, _] = Self::OPERANDS[0];
+        let first = Voxelwise::fill(&inputs.values(), first);
+        match first.map_err(|failure| Error::failed(self.name(), failure))? {
+            Voxelwise::Volume(_) => cvg::volumes(&operands(inputs)?, &self.params, exec).map(product),
+            Voxelwise::Labels(_) => cvg::labels(&operands(inputs)?, &self.params, exec).map(product),
+            Voxelwise::Mask(_) => cvg::masks(&operands(inputs)?, &self.params, exec).map(product),
         }
+        .map_err(stage_error!(self.name()))
     }
 }

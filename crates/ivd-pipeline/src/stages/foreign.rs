@@ -1,8 +1,9 @@
 use std::path::PathBuf;
 
 use ivd_artefact::Kind;
-use ivd_core::{Exec, Volume};
-use ivd_lattice::extract::LatticeFigures;
+use ivd_core::op::{Slots as _, object, schema_of};
+use ivd_core::{Exec, Volume, slots};
+use ivd_lattice::extract::{LatticeFigures, STAGE};
 use ivd_lattice::foreign::{ForeignParams, lattice};
 use ivd_lattice::formats;
 use serde_json::{Value, json};
@@ -19,9 +20,14 @@ pub struct ForeignLattice {
     pub params: ForeignParams,
 }
 
+slots! {
+    /// What it becomes the lattice of.
+    struct Given<'a> { volume: &'a Volume }
+}
+
 impl Stage for ForeignLattice {
     fn name(&self) -> &'static str {
-        "lattice"
+        STAGE.name
     }
 
     fn revision(&self) -> u32 {
@@ -29,15 +35,19 @@ impl Stage for ForeignLattice {
     }
 
     fn inputs(&self) -> &'static [Slot] {
-        const { &[Slot::required("volume", &[Kind::Volume])] }
+        Given::SLOTS
     }
 
     fn output(&self) -> Option<Kind> {
         Some(Kind::Lattice)
     }
 
+    fn figures(&self) -> &'static Value {
+        schema_of::<LatticeFigures>()
+    }
+
     fn params(&self) -> Value {
-        json!({ "mesh": super::json(&self.params) })
+        json!({ "mesh": object(&self.params) })
     }
 
     fn sources(&self) -> Result<Vec<PathBuf>, Error> {
@@ -45,13 +55,13 @@ impl Stage for ForeignLattice {
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
-        let volume: &Volume = inputs.value("volume").expect("checked by the runner");
+        let Given { volume } = inputs.take(self.name())?;
         let mesh = formats::read(&self.path, exec.memory_limit.unwrap_or(u64::MAX))
-            .map_err(stage_error!("lattice"))?;
-        let foreign = lattice(&mesh, volume.grid(), &self.params, exec).map_err(stage_error!("lattice"))?;
+            .map_err(stage_error!(STAGE.name))?;
+        let foreign = lattice(&mesh, volume.grid(), &self.params, exec).map_err(stage_error!(STAGE.name))?;
         exec.check_cancelled()?;
         let mut figures = exec.run(|| LatticeFigures::of(&foreign.lattice));
         figures.vertices_in = Some(foreign.vertices_in);
-        Ok(Product::new(foreign.lattice, super::json(&figures)))
+        Ok(Product::new(foreign.lattice, &figures))
     }
 }

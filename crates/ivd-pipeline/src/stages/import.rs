@@ -1,12 +1,18 @@
 use std::path::PathBuf;
 
 use ivd_artefact::Kind;
-use ivd_core::{Exec, Labels, Volume};
+use ivd_core::op::{Slots as _, object, schema_of};
+use ivd_core::{Exec, Labels, Volume, slots};
 use ivd_volume::{ReadOptions, phantom};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
 use crate::{Error, Inputs, Product, Slot, Stage};
+
+/// Name of the stage.
+pub const IMPORT: &str = "import";
 
 /// Where an imported volume comes from.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,9 +35,32 @@ pub struct Import {
     pub source: ImportSource,
 }
 
+/// What an imported volume comes to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ImportFigures {
+    /// Voxels along x, y and z.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub dims: [usize; 3],
+    /// Distance of voxels along x, y and z.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub spacing: [f64; 3],
+    /// Type that its values are stored in.
+    #[serde(rename = "type")]
+    pub stored: String,
+    /// Least and greatest value, where any voxel has one.
+    #[schemars(extend("x-unit" = "real units"))]
+    pub range: Option<[f64; 2]>,
+    /// Voxels without data.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub missing: u64,
+    /// Voxels of the grid.
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
+    pub voxels: usize,
+}
+
 impl Stage for Import {
     fn name(&self) -> &'static str {
-        "import"
+        IMPORT
     }
 
     fn revision(&self) -> u32 {
@@ -46,17 +75,21 @@ impl Stage for Import {
         Some(Kind::Volume)
     }
 
+    fn figures(&self) -> &'static Value {
+        schema_of::<ImportFigures>()
+    }
+
     fn params(&self) -> Value {
         match &self.source {
-            ImportSource::File { options, .. } => json!({ "file": super::json(options) }),
-            ImportSource::Phantom(params) => json!({ "phantom": super::json(params) }),
+            ImportSource::File { options, .. } => json!({ "file": object(options) }),
+            ImportSource::Phantom(params) => json!({ "phantom": object(params) }),
         }
     }
 
     fn sources(&self) -> Result<Vec<PathBuf>, Error> {
         match &self.source {
             ImportSource::File { path, options } => {
-                ivd_volume::sources(path, options).map_err(stage_error!("import"))
+                ivd_volume::sources(path, options).map_err(stage_error!(IMPORT))
             }
             ImportSource::Phantom(_) => Ok(Vec::new()),
         }
@@ -65,21 +98,21 @@ impl Stage for Import {
     fn run(&self, _inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let volume = match &self.source {
             ImportSource::File { path, options } => {
-                ivd_volume::read(path, options, exec).map_err(stage_error!("import"))?
+                ivd_volume::read(path, options, exec).map_err(stage_error!(IMPORT))?
             }
             ImportSource::Phantom(params) => {
-                phantom::generate(params, exec).map_err(stage_error!("import"))?.volume
+                phantom::generate(params, exec).map_err(stage_error!(IMPORT))?.volume
             }
         };
-        let metrics = json!({
-            "dims": volume.grid().dims(),
-            "spacing": volume.grid().spacing(),
-            "type": volume.voxel_type().name(),
-            "range": exec.run(|| volume.range()),
-            "missing": exec.run(|| volume.missing()),
-            "voxels": volume.grid().len(),
-        });
-        Ok(Product::new(volume, metrics))
+        let figures = ImportFigures {
+            dims: volume.grid().dims(),
+            spacing: volume.grid().spacing(),
+            stored: volume.voxel_type().name().to_owned(),
+            range: exec.run(|| volume.range()),
+            missing: exec.run(|| volume.missing()),
+            voxels: volume.grid().len(),
+        };
+        Ok(Product::new(volume, &figures))
     }
 }
 
@@ -87,9 +120,31 @@ impl Stage for Import {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImportLabels;
 
+slots! {
+    /// What is taken for labels.
+    struct Given<'a> { volume: &'a Volume }
+}
+
+/// What imported labels come to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ImportLabelsFigures {
+    /// Voxels along x, y and z.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub dims: [usize; 3],
+    /// Distance of voxels along x, y and z.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub spacing: [f64; 3],
+    /// Number of classes.
+    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
+    pub k: usize,
+    /// Voxels of the grid.
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 2))]
+    pub voxels: usize,
+}
+
 impl Stage for ImportLabels {
     fn name(&self) -> &'static str {
-        "import"
+        IMPORT
     }
 
     fn revision(&self) -> u32 {
@@ -97,11 +152,15 @@ impl Stage for ImportLabels {
     }
 
     fn inputs(&self) -> &'static [Slot] {
-        const { &[Slot::required("volume", &[Kind::Volume])] }
+        Given::SLOTS
     }
 
     fn output(&self) -> Option<Kind> {
         Some(Kind::Labels)
+    }
+
+    fn figures(&self) -> &'static Value {
+        schema_of::<ImportLabelsFigures>()
     }
 
     fn params(&self) -> Value {
@@ -109,14 +168,14 @@ impl Stage for ImportLabels {
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
-        let volume: &Volume = inputs.value("volume").expect("checked by the runner");
+        let Given { volume } = inputs.take(self.name())?;
         let labels = exec.run(|| Labels::from_volume(volume))?;
-        let metrics = json!({
-            "dims": volume.grid().dims(),
-            "spacing": volume.grid().spacing(),
-            "k": labels.classes().len(),
-            "voxels": volume.grid().len(),
-        });
-        Ok(Product::new(labels, metrics))
+        let figures = ImportLabelsFigures {
+            dims: volume.grid().dims(),
+            spacing: volume.grid().spacing(),
+            k: labels.classes().len(),
+            voxels: volume.grid().len(),
+        };
+        Ok(Product::new(labels, &figures))
     }
 }

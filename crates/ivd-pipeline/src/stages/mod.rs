@@ -6,16 +6,8 @@ mod foreign;
 mod import;
 mod parts;
 
-pub use clip::Clip;
-pub use combine::Combine;
+pub use clip::{Clip, ClipFigures};
+pub use combine::{Combine, CombineFigures};
 pub use foreign::ForeignLattice;
-pub use import::{Import, ImportLabels, ImportSource};
+pub use import::{IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportSource};
 pub use parts::part_lattices;
-
-use serde::Serialize;
-use serde_json::Value;
-
-/// Parameters as JSON; plain structs always serialise.
-fn json(params: &impl Serialize) -> Value {
-    serde_json::to_value(params).expect("plain parameter structs serialise to JSON")
-}

@@ -1,5 +1,6 @@
 use ivd_artefact::Kind;
-use ivd_core::{Exec, Labels, Lattice};
+use ivd_core::op::{Slots as _, schema_of};
+use ivd_core::{Exec, Labels, Lattice, slots};
 use ivd_lattice::extract::{LatticeFigures, Part, STAGE, extract_parts};
 use serde_json::{Value, json};
 
@@ -33,6 +34,11 @@ pub fn part_lattices<'a>(
     })
 }
 
+slots! {
+    /// What they are cut from.
+    struct Given<'a> { labels: &'a Labels }
+}
+
 /// The lattice of one of them.
 struct PartLattice<'a> {
     ids: &'a [u16],
@@ -41,9 +47,7 @@ struct PartLattice<'a> {
 
 impl PartLattice<'_> {
     fn all(&self, inputs: &Inputs, exec: &Exec) -> Result<Vec<Part>, Error> {
-        let labels = inputs
-            .value::<Labels>("labels")
-            .ok_or_else(|| Error::usage(STAGE.name, "its labels are missing"))?;
+        let Given { labels } = inputs.take(STAGE.name)?;
         extract_parts(labels, self.ids, exec).map_err(stage_error!(STAGE.name))
     }
 }
@@ -57,7 +61,7 @@ fn product(own: Vec<Part>, exec: &Exec) -> Result<Product, Error> {
         .ok_or_else(|| Error::usage(STAGE.name, "no voxel has the label"))?;
     exec.check_cancelled()?;
     let figures = exec.run(|| LatticeFigures::of(&lattice));
-    Ok(Product::new(lattice, super::json(&figures)))
+    Ok(Product::new(lattice, &figures))
 }
 
 impl Stage for PartLattice<'_> {
@@ -70,11 +74,15 @@ impl Stage for PartLattice<'_> {
     }
 
     fn inputs(&self) -> &'static [Slot] {
-        const { &[Slot::required("labels", &[Kind::Labels])] }
+        Given::SLOTS
     }
 
     fn output(&self) -> Option<Kind> {
         Some(Kind::Lattice)
+    }
+
+    fn figures(&self) -> &'static Value {
+        schema_of::<LatticeFigures>()
     }
 
     fn params(&self) -> Value {
