@@ -15,7 +15,7 @@ fn defaults(stage: &str) -> Vec<Setting> {
 fn every_default_is_recorded_and_no_other_setting_beats_it() {
     let mut wrong = Vec::new();
     for stage in NAMES.into_iter().chain(ON_REQUEST) {
-        let front = recorded().iter().find(|f| f.stage == stage).unwrap();
+        let front = recorded().unwrap().iter().find(|f| f.stage == stage).unwrap();
         let today = defaults(stage);
         wrong.extend(today.iter().filter_map(|s| front.check_default(&s.task, &s.knobs).err()));
         let marked = front.points.iter().filter(|p| p.default).count();
@@ -34,7 +34,7 @@ fn between(curve: &[[f64; 2]], time: f64) -> Option<f64> {
 
 #[test]
 fn the_quasi_newton_solver_is_below_the_others_at_every_time_that_both_have() {
-    let front = recorded().iter().find(|f| f.stage == "solvers").unwrap();
+    let front = recorded().unwrap().iter().find(|f| f.stage == "solvers").unwrap();
     let curve = |task: &str, solver: &str| {
         let of = |p: &&FrontPoint| p.task == task && p.knobs["solver"] == solver;
         let mut points: Vec<[f64; 2]> =
@@ -72,7 +72,7 @@ fn a_default_that_is_moved_or_beaten_is_found_in_every_stage_with_one() {
         "map",
         "render",
     ] {
-        let mut front = recorded().iter().find(|f| f.stage == stage).unwrap().clone();
+        let mut front = recorded().unwrap().iter().find(|f| f.stage == stage).unwrap().clone();
         let today = defaults(stage).remove(0);
         // Another value than the recorded one.
         let mut moved = today.knobs.clone();

@@ -46,7 +46,7 @@ fn every_row_has_its_figures_and_its_pictures_and_counts_are_what_was_asked_for(
     assert!(lattice.reach.iter().all(|r| r.least > 3 && r.levels[0].is_some()), "{:?}", lattice.reach);
     assert!(lattice.claims.len() == 5 && lattice.claims.iter().all(|c| c.holds[0] <= c.holds[1]));
 
-    let page = refinements_page(&bench);
+    let page = refinements_page(&bench).unwrap();
     assert_eq!(page.matches("<img").count(), 3 * all().count());
     assert!(page.matches("<tr").count() > all().count(), "a row of figures each");
     // Pictures are letters, and may spell anything.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, CommandFactory as _, FromArgMatches as _};
-use ivd_core::op::{Field, Stage, Want, alternatives, fields, is_vector, kind, map_values, words};
+use ivd_core::op::{Field, Method, Stage, Want, alternatives, fields, is_vector, kind, map_values, words};
 use ivd_core::{Kind, ParamError};
 use ivd_pipeline::Section;
 use ivd_pipeline::list::{self, Key};
@@ -14,8 +14,9 @@ use serde_json::{Map, Value as Json};
 
 use crate::args::{Args, Global};
 use crate::commands::Asked;
+use crate::commands::hooks::hooks;
+use crate::commands::precursor;
 use crate::commands::stage::{filled, finish, unused};
-use crate::commands::{lattice, posteriors, precursor, two_classes};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::parse::table_of;
@@ -100,7 +101,7 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
         command = command.arg(precursor.keeper());
     }
     if !stage.selector.is_empty() {
-        let named = |method: &ivd_core::op::Method| {
+        let named = |method: &Method| {
             let schema = (method.schema)();
             let about = schema.get("description").and_then(Json::as_str).unwrap_or("").to_owned();
             PossibleValue::new(method.name).help(first_sentence(&about).to_owned())
@@ -108,8 +109,8 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
         let default = stage.methods.first().map_or("", |method| method.name);
         let words = PossibleValuesParser::new(stage.methods.iter().map(named));
         let mut about = format!("Method; {default} where it isn't given");
-        for (_, slot, method) in WITHOUT.iter().filter(|(name, ..)| *name == stage.name) {
-            about = format!("{about}, {method} without --{slot}");
+        for Method { name, without, .. } in stage.methods.iter().filter(|method| !method.without.is_empty()) {
+            about = format!("{about}, {name} without --{without}");
         }
         command = command.arg(
             Arg::new(stage.selector)
@@ -128,7 +129,7 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
     } else {
         ("FILE.ivd", "Artefact file")
     };
-    command = command.args(more(stage));
+    command = command.args((hooks(stage).flags)());
     command.arg(
         Arg::new("output")
             .short('o')
@@ -143,9 +144,9 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
 /// What a file for a slot may hold; a volume may lie in a file of any format.
 fn slot_help(stage: &Stage, slot: &str) -> String {
     let known = stage.methods.iter().flat_map(|method| method.slots).find(|known| known.name == slot);
-    let kinds = known.map_or(&[][..], |known| known.kinds).iter().map(|kind| match kind {
-        Kind::Volume => "volume artefact or file".to_owned(),
-        kind => format!("{} artefact", kind.name()),
+    let kinds = known.map_or(&[][..], |known| known.kinds).iter().map(|kind| {
+        let file = if *kind == Kind::Volume { " or file" } else { "" };
+        format!("{} artefact{file}", kind.name())
     });
     let kinds: Vec<String> = kinds.collect();
     let kinds = kinds.join(", ");
@@ -155,21 +156,13 @@ fn slot_help(stage: &Stage, slot: &str) -> String {
 /// The flags of a command that are neither keys nor inputs of its stage: the command, the flag, and why it is none of them.
 #[cfg(test)]
 const EXTRA: [(&str, &str, &str); 6] = [
-    ("segment", posteriors::FLAG, "volumes beside the labels, as many as there are components"),
+    ("segment", "posteriors-out", "volumes beside the labels, as many as there are components"),
     ("segment", "tree-out", "what the labels are cut from, kept too"),
     ("lattice", "parts", "it gives a lattice for each label, where a stage gives one value"),
     ("lattice", "mesh", "a file of another program stands in for the stage's work"),
     ("lattice", "weld", "how that file is taken"),
     ("lattice", "allow_open", "how that file is taken"),
 ];
-
-/// Those flags, but for what a precursor has of its own.
-fn more(stage: &Stage) -> Vec<Arg> {
-    if stage.name == ivd_lattice::extract::STAGE.name {
-        return lattice::flags().into();
-    }
-    if stage.name == ivd_segment::STAGE.name { vec![posteriors::argument()] } else { Vec::new() }
-}
 
 /// The flag of a field, and hidden ones for names that it had before.
 fn arguments(stage: &Stage, found: &Key) -> Vec<Arg> {
@@ -318,7 +311,8 @@ pub(crate) fn flag(key: &str) -> String {
 
 /// Runs a stage as its command asks for it.
 pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<()> {
-    if stage.name == ivd_lattice::extract::STAGE.name && lattice::run(matches, context)? {
+    let hooks = hooks(stage);
+    if (hooks.instead)(matches, context)? {
         return Ok(());
     }
     let given = precursor::Given::of(stage, matches);
@@ -346,19 +340,16 @@ pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context
     }
     let cache = context.stage_cache()?;
     let inputs = filled(&files, &cache, context)?;
-    let inputs = two_classes::completed(inputs, &section, &cache, context)?;
-    let beside = extra(matches, posteriors::FLAG);
-    if beside.is_some() && given.kept().is_some() {
-        let problem =
-            format!("--{} is of another method than what is kept beside it; give one", posteriors::FLAG);
-        return Err(Failure::usage(problem));
-    }
-    let mut done = if let Some(prefix) = beside {
-        posteriors::run(&section, prefix, &inputs, context)?
-    } else if let Some(file) = given.kept() {
-        precursor::run_through(&section, file, inputs, &cache, context)?
-    } else {
-        context.run(&cache, &section, &inputs)?
+    let inputs = (hooks.completed)(inputs, &section, &cache, context)?;
+    let beside = hooks.beside.and_then(|(flag, run)| Some((flag, run, path(flag)?)));
+    let mut done = match (beside, given.kept()) {
+        (Some((flag, ..)), Some(_)) => {
+            let problem = format!("--{flag} is of another method than what is kept beside it; give one");
+            return Err(Failure::usage(problem));
+        }
+        (Some((_, run, file)), None) => run(&section, file, &inputs, context)?,
+        (None, Some(file)) => precursor::run_through(&section, file, inputs, &cache, context)?,
+        (None, None) => context.run(&cache, &section, &inputs)?,
     };
     if let Some(precursor) = given.taken() {
         precursor.leave_out(&mut done.record);
@@ -367,18 +358,9 @@ pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context
     finish(&section, done, output, context)
 }
 
-/// Methods that commands take where none is chosen and a slot is empty: stage, slot, method. Without a transfer function there is nothing
-/// to compose; the maximum shows every volume.
-const WITHOUT: &[(&str, &str, &str)] = &[("render", "transfer", "mip")];
-
 /// Whether a file was given for a slot.
 fn is_filled(matches: &ArgMatches, slot: &str) -> bool {
     matches.get_one::<PathBuf>(slot).is_some()
-}
-
-/// The value of a flag that only some commands have.
-fn extra<'a>(matches: &'a ArgMatches, flag: &str) -> Option<&'a Path> {
-    matches.try_get_one::<PathBuf>(flag).ok().flatten().map(PathBuf::as_path)
 }
 
 /// What was written for a stage: in the file of `--params`, and on the command line.
@@ -397,10 +379,9 @@ impl Typed {
         for (key, value) in typed.clone() {
             add(&mut keys, key, value);
         }
-        for (_, _, method) in
-            WITHOUT.iter().filter(|(name, slot, _)| *name == stage.name && !is_filled(matches, slot))
-        {
-            keys.entry(stage.selector).or_insert_with(|| Json::from(*method));
+        let lacks = |method: &&Method| !method.without.is_empty() && !is_filled(matches, method.without);
+        if let Some(method) = stage.methods.iter().find(lacks) {
+            keys.entry(stage.selector).or_insert_with(|| Json::from(method.name));
         }
         Ok(Self { stage, file, line: typed, keys })
     }

@@ -1,13 +1,16 @@
 //! Progress bars on stderr, and notes.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use ivd_core::{Iteration, Observer};
 
 use crate::talk;
+
+/// What a bar looks like.
+const TEMPLATE: &str = "{msg:12} {bar:32} {percent:>3} % {elapsed}";
 
 /// Shows what the stages tell.
 pub(crate) struct Bars {
@@ -26,7 +29,7 @@ impl Bars {
     }
 
     fn with(&self, task: &'static str, act: impl FnOnce(&ProgressBar)) {
-        if let Some(bar) = self.running.lock().expect("no bar panics while it is drawn").get(task) {
+        if let Some(bar) = self.running.lock().unwrap_or_else(PoisonError::into_inner).get(task) {
             act(bar);
         }
     }
@@ -37,11 +40,10 @@ impl Observer for Bars {
         if !self.draw {
             return;
         }
-        let style = ProgressStyle::with_template("{msg:12} {bar:32} {percent:>3} % {elapsed}")
-            .expect("the template is fixed and right");
+        let style = ProgressStyle::with_template(TEMPLATE).unwrap_or_else(|_| ProgressStyle::default_bar());
         let bar = self.all.add(ProgressBar::new(total).with_style(style).with_message(task));
         bar.enable_steady_tick(Duration::from_millis(120));
-        self.running.lock().expect("no bar panics while it is drawn").insert(task, bar);
+        self.running.lock().unwrap_or_else(PoisonError::into_inner).insert(task, bar);
     }
 
     fn advance(&self, task: &'static str, units: u64) {
@@ -52,7 +54,7 @@ impl Observer for Bars {
 
     fn end(&self, task: &'static str) {
         if self.draw {
-            let bar = self.running.lock().expect("no bar panics while it is drawn").remove(task);
+            let bar = self.running.lock().unwrap_or_else(PoisonError::into_inner).remove(task);
             if let Some(bar) = bar {
                 bar.finish_and_clear();
             }
@@ -67,5 +69,15 @@ impl Observer for Bars {
         if self.notes {
             self.all.suspend(|| talk::say(&format!("ivd: note: {message}")));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_template_of_a_bar_is_right() {
+        assert!(ProgressStyle::with_template(TEMPLATE).is_ok());
     }
 }

@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use ivd_artefact::Artefact;
-use ivd_core::{Displacement, Exec, Image, Labels, Lattice, Mask, Volume, Voxels};
+use ivd_core::{Displacement, Exec, Fault, Image, Labels, Lattice, Mask, Volume, Voxels};
 use ivd_volume::FieldDirection;
 use serde_json::{Value, json};
 
@@ -45,7 +45,7 @@ pub fn export_with(
     exec: &Exec,
 ) -> Result<bool, Error> {
     if ending(path) == "json" {
-        return write_text(path, &(pretty(&describe(artefact)) + "\n"));
+        return write_text(path, &format!("{:#}\n", describe(artefact)));
     }
     match artefact {
         Artefact::Volume(volume) => write_volume(path, exec.run(|| whole(volume))?, exec),
@@ -133,19 +133,26 @@ fn write_png(path: &Path, image: &Image) -> Result<bool, Error> {
             format!("an image artefact is written as .png, not as .{}", ending(path)),
         ));
     }
-    write_bytes(path, &png_bytes(image))
+    write_bytes(path, &png_bytes(image)?)
 }
 
 /// A picture as a PNG file's bytes.
-pub fn png_bytes(image: &Image) -> Vec<u8> {
+///
+/// # Errors
+/// A size that PNG files don't have.
+pub fn png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
+    let failed = |error: png::EncodingError| {
+        let (stage, source) = ("export", Box::new(error));
+        Error::Stage { stage, source, fault: Fault::Io }
+    };
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, image.width() as u32, image.height() as u32);
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_depth(png::BitDepth::Eight);
-    let mut writer = encoder.write_header().expect("writing to memory doesn't fail");
-    writer.write_image_data(image.rgba()).expect("an image holds 4 bytes a pixel");
-    writer.finish().expect("writing to memory doesn't fail");
-    bytes
+    let mut writer = encoder.write_header().map_err(failed)?;
+    writer.write_image_data(image.rgba()).map_err(failed)?;
+    writer.finish().map_err(failed)?;
+    Ok(bytes)
 }
 
 /// Writes text atomically; an unchanged file isn't touched. Returns whether it was.
@@ -203,10 +210,6 @@ pub fn describe(artefact: &Artefact) -> Value {
             "heights": t.height_range(), "bridges": t.bridges,
         }),
     }
-}
-
-fn pretty(value: &Value) -> String {
-    serde_json::to_string_pretty(value).expect("JSON values serialise")
 }
 
 /// The ending that decides the format, lower case, without a dot (`nii.gz` is one ending).

@@ -30,6 +30,16 @@
 //! assert!(folder.path().join("out/lattice.ply").is_file());
 //! ```
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::expect_used,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::unreachable,
+        clippy::wildcard_enum_match_arm
+    )
+)]
 
 pub mod budget;
 mod compare;

@@ -155,7 +155,7 @@ impl<'a> Writer<'a> {
             }
             Artefact::Transfer(transfer) => self.material.transfer = Some(transfer.clone()),
             Artefact::Motion(motion) => self.material.displacements = report::motion_lengths(motion),
-            Artefact::Labels(labels) => self.material.class_slices = report::class_slices(labels),
+            Artefact::Labels(labels) => self.material.class_slices = report::class_slices(labels)?,
             Artefact::Volume(_) if node.id == NodeId::IMPORT => {
                 self.material.volume = Some(done.artefact.clone());
             }
@@ -165,7 +165,12 @@ impl<'a> Writer<'a> {
                         by_class(displacement, labels, self.exec).map_err(stage_error!("report"))?;
                 }
             }
-            _ => {}
+            Artefact::Volume(_)
+            | Artefact::Mask(_)
+            | Artefact::Lattice(_)
+            | Artefact::Octree(_)
+            | Artefact::Displacement(_)
+            | Artefact::Tree(_) => {}
         }
         Ok(())
     }
@@ -243,7 +248,7 @@ impl<'a> Writer<'a> {
             if let Some(Artefact::Volume(volume)) = material.volume.as_deref() {
                 exec.run(|| whole(volume))?;
             }
-            write_text(to, &report::html(loaded, stages, &material, exec))
+            write_text(to, &report::html(loaded, stages, &material, exec)?)
         })?;
         let file = &self.files[before];
         let again = self.manifest.outputs.iter().any(|o| o.name == "report" && o.source == file.source)
@@ -281,8 +286,9 @@ impl<'a> Writer<'a> {
             })
             .collect();
         let manifest = Manifest { stages, outputs: self.files.clone() };
-        let text = serde_json::to_string(&manifest).expect("records serialise");
-        write_text(&self.out.join(MANIFEST), &text)?;
+        let file = self.out.join(MANIFEST);
+        let text = serde_json::to_string(&manifest).map_err(|e| Error::io("writing", &file, e.into()))?;
+        write_text(&file, &text)?;
         Ok(self.files)
     }
 }

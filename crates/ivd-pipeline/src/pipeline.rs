@@ -104,7 +104,7 @@ fn attempt(
         return Ok(PipelineReport { stages, outputs: Vec::new(), wall_s, budget: None });
     }
     let exec = &options.budget.bounded(runner.exec, start);
-    let mut pilot = options.budget.is_set().then(|| Pilot::new(loaded, options, start));
+    let mut pilot = options.budget.is_set().then(|| Pilot::new(loaded, options, start)).transpose()?;
     let mut stages = Vec::new();
     let outputs = match walk(loaded, options, plan, &mut pilot, &mut stages, Runner { exec, ..runner }) {
         Ok(outputs) => outputs,
@@ -172,7 +172,8 @@ pub(crate) fn run_node(
     runner: Runner<'_>,
     options: &PipelineOptions,
 ) -> Result<Done, Error> {
-    let stage = node.stage.as_deref().expect("a needed place has its stage");
+    let stage = node.stage.as_deref();
+    let stage = stage.ok_or_else(|| Error::usage(node.id.stage, "it has nothing to do in this scene"))?;
     let mut inputs = Inputs::default();
     for (slot, from) in &node.inputs {
         inputs = inputs.with(slot, done[from].input());

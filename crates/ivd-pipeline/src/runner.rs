@@ -122,6 +122,16 @@ pub struct Done {
 }
 
 impl Done {
+    /// The value, as one of a type.
+    ///
+    /// # Errors
+    /// [`Error::Figure`] where it is of another.
+    pub fn value<T: ivd_core::Value>(&self) -> Result<&T, Error> {
+        let (stage, kind) = (self.record.stage.clone(), self.artefact.kind().name());
+        T::of(&self.artefact)
+            .ok_or_else(|| Error::Figure { stage, problem: format!("it gave a {kind} artefact") })
+    }
+
     /// The value on its way to the next stage.
     pub fn input(&self) -> Input {
         Input { artefact: self.artefact.clone(), hash: self.hash, file: self.file.clone() }

@@ -33,8 +33,12 @@ const fn picture(name: &'static str) -> Place {
     }
 }
 
-const METHODS: &[Method] =
-    &[method::<DvrParams>("dvr"), method::<MipParams>("mip"), method::<IsoParams>("iso")];
+const METHODS: &[Method] = &[
+    method::<DvrParams>("dvr"),
+    // Without a transfer function there is nothing to compose; the maximum shows every volume.
+    method::<MipParams>("mip").without("transfer"),
+    method::<IsoParams>("iso"),
+];
 static DIFFERENCE: Method = method::<DifferenceParams>("difference");
 
 /// Direct volume rendering: emission and absorption by the transfer function.

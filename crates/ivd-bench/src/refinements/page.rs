@@ -3,7 +3,7 @@ use std::fmt::Write as _;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use ivd_core::Image;
-use ivd_pipeline::png_bytes;
+use ivd_pipeline::{Error, png_bytes};
 
 use super::pictures::{COLOURS, SCALE};
 use super::rows::CREASE_DEGREES;
@@ -22,7 +22,10 @@ tr.break td { border-top: 2px solid #9aa5b4 } dt { font-weight: 600; margin-top:
 ";
 
 /// Refinements by every method, as a page of its own with all pictures in it.
-pub fn refinements_page(bench: &RefinementBench) -> String {
+///
+/// # Errors
+/// A picture that can't be shown.
+pub fn refinements_page(bench: &RefinementBench) -> Result<String, Error> {
     let mut html = format!(
         "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>Refinement by every method</title>\
          <style>{STYLE}{OWN_STYLE}</style></head><body><h1>Refinement by every method</h1>\
@@ -36,13 +39,13 @@ pub fn refinements_page(bench: &RefinementBench) -> String {
         legend()
     );
     for lattice in &bench.lattices {
-        lattice_part(&mut html, lattice);
+        lattice_part(&mut html, lattice)?;
     }
     html.push_str("</body></html>\n");
-    html
+    Ok(html)
 }
 
-fn lattice_part(html: &mut String, bench: &LatticeBench) {
+fn lattice_part(html: &mut String, bench: &LatticeBench) -> Result<(), Error> {
     let _ = write!(
         html,
         "<h2>{}</h2><p>{}. Voxels of {} mm, {} vertices on creases.</p><h3>What the thesis says, and what was found</h3>{}",
@@ -54,18 +57,19 @@ fn lattice_part(html: &mut String, bench: &LatticeBench) {
     );
     html.push_str("<h3>The same shares of the triangles (figures 5.6 to 5.9)</h3>");
     for group in bench.shares.chunk_by(|a, b| a.asked == b.asked) {
-        html.push_str(&cards(group));
+        html.push_str(&cards(group)?);
     }
     html.push_str(&table(&bench.shares, bench));
     html.push_str("<h3>The same counts as the inverse subdivision's levels (table 5.1)</h3>");
     for group in bench.same_counts.chunk_by(|a, b| a.asked == b.asked) {
-        html.push_str(&cards(group));
+        html.push_str(&cards(group)?);
     }
     html.push_str(&table(&bench.same_counts, bench));
     let _ = write!(html, "<h3>How far they go: vertices by level (table 5.2)</h3>{}", reach(&bench.reach));
     html.push_str("<h3>Levels of the default, each from the one before (figure 5.10)</h3>");
-    html.push_str(&cards(&bench.levels));
+    html.push_str(&cards(&bench.levels)?);
     html.push_str(&table(&bench.levels, bench));
+    Ok(())
 }
 
 fn topology(shape: &Shape) -> String {
@@ -100,16 +104,16 @@ fn claims(claims: &[Claim]) -> String {
     html + "</dl>"
 }
 
-fn cards(rows: &[RefinementRow]) -> String {
+fn cards(rows: &[RefinementRow]) -> Result<String, Error> {
     let mut html = String::from("<div class='cards'>");
     for row in rows {
         let [lit, coloured, wires] = &row.pictures;
         let _ = write!(
             html,
             "<figure><div class='row'>{}{}{}</div><figcaption><b>{}</b>, {}: {} vertices, largest distance {} mm, mean {} mm</figcaption></figure>",
-            picture(lit, "lit"),
-            picture(wires, "wire-frame"),
-            picture(coloured, "distance from the lattice"),
+            picture(lit, "lit")?,
+            picture(wires, "wire-frame")?,
+            picture(coloured, "distance from the lattice")?,
             row.method,
             escape(&row.asked),
             row.vertices,
@@ -117,11 +121,12 @@ fn cards(rows: &[RefinementRow]) -> String {
             number(row.mean_mm)
         );
     }
-    html + "</div>"
+    Ok(html + "</div>")
 }
 
-fn picture(image: &Image, words: &str) -> String {
-    format!("<img src='data:image/png;base64,{}' alt='{words}'>", STANDARD.encode(png_bytes(image)))
+fn picture(image: &Image, words: &str) -> Result<String, Error> {
+    let data = STANDARD.encode(png_bytes(image)?);
+    Ok(format!("<img src='data:image/png;base64,{data}' alt='{words}'>"))
 }
 
 fn table(rows: &[RefinementRow], bench: &LatticeBench) -> String {

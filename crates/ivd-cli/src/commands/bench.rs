@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ivd_artefact::{Artefact, Cache};
 use ivd_bench::{Bench, Comparison, Given, Options, Plant, StageBench};
-use ivd_core::Fault;
+use ivd_core::{Fault, Value as _, Volume};
 use serde_json::{Value, json};
 
 use super::volume::volume_or_artefact;
@@ -152,7 +152,7 @@ fn refinements(
     make(&args.out)?;
     let file = |ending: &str| args.out.join(format!("{REFINEMENTS}.{ending}"));
     ivd_pipeline::write_text(&file("json"), &(serde_json::to_string_pretty(&bench)? + "\n"))?;
-    ivd_pipeline::write_text(&file("html"), &ivd_bench::refinements_page(&bench))?;
+    ivd_pipeline::write_text(&file("html"), &ivd_bench::refinements_page(&bench)?)?;
     ivd_pipeline::export(&Artefact::Image(bench.sheet()), &file("png"), &context.exec)?;
     for lattice in &bench.lattices {
         let _ = writeln!(text, "{}", lattice.input);
@@ -209,14 +209,11 @@ fn make(folder: &Path) -> anyhow::Result<()> {
 fn given(path: &Path, context: &Context) -> anyhow::Result<Given> {
     let input = volume_or_artefact(path, &Cache::disabled(), context)?;
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    match input.artefact.as_ref() {
-        Artefact::Volume(volume) => Ok(Given { name, volume: Arc::new(volume.clone()) }),
-        other => {
-            let problem =
-                format!("--input {}: a {} artefact; give a volume", path.display(), other.kind().name());
-            Err(Failure::usage(problem))
-        }
-    }
+    let Some(volume) = Volume::of(&input.artefact) else {
+        let kind = input.artefact.kind().name();
+        return Err(Failure::usage(format!("--input {}: a {kind} artefact; give a volume", path.display())));
+    };
+    Ok(Given { name, volume: Arc::new(volume.clone()) })
 }
 
 /// Keeps the fronts, and the times of a plain scene where that is wanted.

@@ -25,5 +25,5 @@ pub(super) fn run(a: &Path, b: &Path, context: &Context) -> anyhow::Result<()> {
     error["a"] = json!(a);
     error["b"] = json!(b);
     error["equal"] = json!(first.hash == second.hash);
-    context.print(&error, || serde_json::to_string_pretty(&error).expect("JSON values serialise"))
+    context.print(&error, || format!("{error:#}"))
 }

@@ -124,7 +124,9 @@ fn lines(indent: &str, value: &Value) -> Vec<String> {
                 lines.extend(list.iter().map(|item| format!("{indent}  {item}")));
             }
             Value::String(text) => lines.push(format!("{indent}{key}: {text}")),
-            _ => lines.push(format!("{indent}{key}: {value}")),
+            Value::Null | Value::Bool(_) | Value::Number(_) | Value::Array(_) | Value::Object(_) => {
+                lines.push(format!("{indent}{key}: {value}"));
+            }
         }
     }
     lines

@@ -5,14 +5,15 @@ mod cache;
 mod combine;
 mod compare;
 mod doctor;
+pub(crate) mod hooks;
 mod info;
-pub(crate) mod lattice;
+mod lattice;
 mod parts;
 mod pipeline;
-pub(crate) mod posteriors;
+mod posteriors;
 pub(crate) mod precursor;
 pub(crate) mod stage;
-pub(crate) mod two_classes;
+mod two_classes;
 mod volume;
 
 use ivd_core::op::Stage;
@@ -61,15 +62,14 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         Command::Doctor => doctor::run(context),
         Command::Schema => {
             let schema = ivd_pipeline::scene::Scene::json_schema();
-            context
-                .print_verbatim(&schema, || serde_json::to_string_pretty(&schema).expect("a schema is JSON"))
+            context.print_verbatim(&schema, || format!("{schema:#}"))
         }
         Command::Cache { action } => cache::run(action, context),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             let mut program = crate::declared::program();
             clap_complete::generate(shell, &mut program, "ivd", &mut script);
-            let script = String::from_utf8(script).expect("completion scripts are text");
+            let script = String::from_utf8(script)?;
             context.print_verbatim(&serde_json::json!({ "script": script }), || script.clone())
         }
         Command::Combine(args) => combine::combine(&args, context),

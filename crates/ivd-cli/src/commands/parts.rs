@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Kind};
-use ivd_core::Fault;
+use ivd_core::{Fault, Labels, Value as _, Volume};
 use ivd_lattice::extract::{LatticeFigures, occurring};
 use ivd_pipeline::stages::part_lattices;
 use ivd_pipeline::{OutputRecord, Runner};
@@ -32,15 +32,13 @@ pub(super) fn run(
         )));
     };
     let volume_input = volume_or_artefact(volume, &cache, context)?;
-    let same = match &*volume_input.artefact {
-        Artefact::Volume(volume) => volume.grid().matches(found.grid()),
-        Artefact::Labels(labels) => labels.grid().matches(found.grid()),
-        other => {
-            let (kind, wanted) = (other.kind().name(), Kind::Volume.name());
-            return Err(Failure::usage(format!("{}: a {kind} artefact, not a {wanted}", volume.display())));
-        }
+    let made = &*volume_input.artefact;
+    let grid = Volume::of(made).map(Volume::grid).or_else(|| Labels::of(made).map(Labels::grid));
+    let Some(grid) = grid else {
+        let (kind, wanted) = (made.kind().name(), Kind::Volume.name());
+        return Err(Failure::usage(format!("{}: a {kind} artefact, not a {wanted}", volume.display())));
     };
-    if !same {
+    if !grid.matches(found.grid()) {
         return Err(Failure::usage(format!(
             "{} and {}: their grids differ; segment that volume, or give the labels' own",
             volume.display(),

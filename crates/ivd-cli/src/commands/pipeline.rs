@@ -7,13 +7,14 @@ use ivd_pipeline::{Budget, PipelineOptions, PipelineReport, State, default_out};
 
 use crate::args::Pipeline;
 use crate::context::Context;
+use crate::exit::Failure;
 
 /// The scene of the demo: a generated head, its brain pushed in from the left.
 const DEMO: &str = include_str!("../../../../fixtures/scenes/head.toml");
 
 /// `ivd demo`.
 pub(super) fn demo(out: &Path, context: &Context) -> anyhow::Result<()> {
-    let scene = scene::parse(DEMO, &[]).expect("the demo's scene is right: a test reads it");
+    let scene = scene::parse(DEMO, &[]).map_err(Failure::usage)?;
     let loaded = Loaded { scene, folder: ".".into(), file: "demo.toml".into() };
     let options = PipelineOptions { out: out.to_owned(), ..PipelineOptions::default() };
     let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)?;

@@ -18,6 +18,8 @@ pub struct Method {
     pub revision: u32,
     /// What it reads.
     pub slots: &'static [Slot],
+    /// The slot of other methods without which a command takes this one, where none is chosen; empty for none.
+    pub without: &'static str,
     /// Kind of what it gives; `None` where it is that of the first input.
     pub output: Option<Kind>,
     /// JSON Schema of its parameters, without references.
@@ -36,6 +38,7 @@ pub const fn method<O: Op>(name: &'static str) -> Method {
         name,
         revision: O::REVISION,
         slots: <O::Inputs<'static> as Slots<'static>>::SLOTS,
+        without: "",
         output: <O::Output as Output>::KIND,
         schema: schema_of::<O>,
         figures: schema_of::<O::Figures>,
@@ -48,6 +51,14 @@ pub const fn method<O: Op>(name: &'static str) -> Method {
             let op: O = serde_json::from_value(json).map_err(|error| error.to_string())?;
             Ok(Box::new(op))
         },
+    }
+}
+
+impl Method {
+    /// The method that a command takes without a slot, where none is chosen.
+    #[must_use]
+    pub const fn without(self, slot: &'static str) -> Self {
+        Self { without: slot, ..self }
     }
 }
 

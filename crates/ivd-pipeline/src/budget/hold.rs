@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use ivd_artefact::Artefact;
-use ivd_core::{Exec, Fault, Faulty};
+use ivd_core::{Exec, Fault, Faulty, Lattice};
 use ivd_deform::map::MapFigures;
 use ivd_lattice::refine::RefineFigures;
 
 use super::error::{fields, motions, surfaces};
-use super::knobs::{Knob, Setting, along, between, front, level_errors};
+use super::knobs::{Knob, Setting, along, between, level_errors};
 use super::search::{Candidate, Learned, PARTS};
 use super::steer::Pilot;
 use super::{LEVELS, rate_name};
@@ -106,7 +106,7 @@ impl Pilot<'_> {
         let free = |knob: Knob| !self.pinned(knob);
         let levels = if free(Knob::Level) { LEVELS.to_vec() } else { vec![wish.level.unwrap_or(2.0)] };
         let deform = self.wish.scene.asked().filter(|asked| !asked.is_still());
-        let solver = along(front("deform"), "steps");
+        let solver = along(self.model.known.deform, "steps");
         let steps = match deform {
             Some(deform) if free(Knob::Steps) && !deform.moves.handle.is_empty() => {
                 solver.iter().map(|(steps, _)| *steps).collect()
@@ -114,7 +114,7 @@ impl Pilot<'_> {
             _ => vec![wish.steps],
         };
         let push = deform.map_or(0.0, |asked| asked.balls().map(|(_, _, motion)| motion).fold(0.0, f64::max));
-        let errors = level_errors();
+        let errors = level_errors(&self.model.known);
         let error = |level: f64, steps: f64| -> [f64; PARTS] {
             let known = solver.iter().filter_map(|(x, p)| Some((x.ln(), p.error_voxels?)));
             let stepping = between(known, steps.ln());
@@ -160,13 +160,9 @@ impl Pilot<'_> {
         }
         self.step(DEFORM, plan, done, &mut trial.done, runner)?;
         let finer = self.stepped_finer(&setting, plan, done, &trial, runner)?;
-        let motion = |done: &Done| match done.artefact.as_ref() {
-            Artefact::Motion(motion) => motion.clone(),
-            _ => unreachable!("deform gives a motion"),
-        };
-        let (own, finer) = (motion(&trial.done[&DEFORM]), motion(&finer));
+        let apart = motions(trial.done[&DEFORM].value()?, finer.value()?);
         // The method is of first order: half the step leaves half the error, so the difference is the other half.
-        trial.parts.insert("steps_mm", 2.0 * motions(&own, &finer));
+        trial.parts.insert("steps_mm", 2.0 * apart);
         if trial.error() > most {
             return Ok((trial, false));
         }
@@ -178,11 +174,11 @@ impl Pilot<'_> {
         let apart = if setting.level == Some(0.0) {
             0.0
         } else {
-            if whole.as_ref().is_none_or(|(steps, _)| *steps != setting.steps) {
-                let reference = self.unrefined(setting.steps, plan, done, runner)?;
-                *whole = Some((setting.steps, reference));
-            }
-            let (_, reference) = whole.as_ref().expect("just made");
+            let made = match whole.take() {
+                Some((steps, made)) if steps == setting.steps => made,
+                _ => self.unrefined(setting.steps, plan, done, runner)?,
+            };
+            let (_, reference) = whole.insert((setting.steps, made));
             difference(reference, &trial.done, runner.exec)?
         };
         trial.parts.insert("motion_mm", apart);
@@ -209,13 +205,26 @@ impl Pilot<'_> {
         trial: &mut BTreeMap<NodeId, Done>,
         runner: Runner<'_>,
     ) -> Result<(), Error> {
-        let Some(node) = plan.node(id) else { return Ok(()) };
+        if let Some(result) = self.made(id, plan, done, trial, runner)? {
+            trial.insert(id, result);
+        }
+        Ok(())
+    }
+
+    /// What a place of the plan gives on a trial's results, and on those of the run so far.
+    fn made(
+        &self,
+        id: NodeId,
+        plan: &Plan,
+        done: &BTreeMap<NodeId, Done>,
+        trial: &BTreeMap<NodeId, Done>,
+        runner: Runner<'_>,
+    ) -> Result<Option<Done>, Error> {
+        let Some(node) = plan.node(id) else { return Ok(None) };
         let inputs = node.inputs.iter().filter_map(|(_, from)| {
             trial.get(from).or_else(|| done.get(from)).map(|value| (*from, value.clone()))
         });
-        let result = run_node(node, &inputs.collect(), runner, self.options)?;
-        trial.insert(id, result);
-        Ok(())
+        run_node(node, &inputs.collect(), runner, self.options).map(Some)
     }
 
     /// The trial's motion in twice the steps.
@@ -228,9 +237,8 @@ impl Pilot<'_> {
         runner: Runner<'_>,
     ) -> Result<Done, Error> {
         self.tune(plan, &Setting { steps: 2.0 * setting.steps, ..*setting })?;
-        let mut twice = BTreeMap::from([(REFINE, trial.done[&REFINE].clone())]);
-        self.step(DEFORM, plan, done, &mut twice, runner)?;
-        Ok(twice.remove(&DEFORM).expect("just made"))
+        let refined = BTreeMap::from([(REFINE, trial.done[&REFINE].clone())]);
+        self.made(DEFORM, plan, done, &refined, runner)?.ok_or_else(|| nothing(DEFORM))
     }
 
     /// Carries a trial's motion to the voxels, where the scene needs that, and measures what the map leaves.
@@ -330,10 +338,13 @@ fn difference(
 
 /// Longest edge of the volume's voxels (mm).
 fn voxel_mm(done: &BTreeMap<NodeId, Done>) -> Result<f64, Error> {
-    match done.get(&LATTICE).map(|d| d.artefact.as_ref()) {
-        Some(Artefact::Lattice(lattice)) => Ok(lattice.grid.spacing().into_iter().fold(0.0, f64::max)),
-        _ => Err(Error::Figure { stage: LATTICE.stage.to_owned(), problem: "it gave no lattice".to_owned() }),
-    }
+    let lattice: &Lattice = done.get(&LATTICE).ok_or_else(|| nothing(LATTICE))?.value()?;
+    Ok(lattice.grid.spacing().into_iter().fold(0.0, f64::max))
+}
+
+/// A place that gave nothing to go on with.
+fn nothing(place: NodeId) -> Error {
+    Error::Figure { stage: place.stage.to_owned(), problem: "it gave nothing".to_owned() }
 }
 
 fn named(candidate: &Candidate) -> String {

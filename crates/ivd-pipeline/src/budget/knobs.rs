@@ -7,6 +7,8 @@ use super::{LEVELS, target};
 use crate::Error;
 use crate::fronts::{Front, FrontPoint, recorded};
 use crate::scene::Scene;
+use ivd_core::op::Stage;
+use ivd_deform::{deform, map};
 use ivd_lattice::refine::{self, Refinement, Target, TargetKeys};
 use ivd_render::RenderParams;
 
@@ -52,7 +54,7 @@ impl Setting {
         };
         let atf: ivd_atf::Params = scene.get(&ivd_atf::STAGE).cloned().unwrap_or_default();
         let picture: RenderParams = scene.common(&ivd_render::STAGE).unwrap_or_default();
-        let seconds = |key: &str| scene.param(&ivd_deform::deform::STAGE, key)?.as_f64();
+        let seconds = |key: &str| scene.param(&deform::STAGE, key)?.as_f64();
         let steps = seconds("duration").zip(seconds("dt")).map(|(duration, dt)| (duration / dt).ceil());
         Self {
             level,
@@ -85,12 +87,13 @@ impl Knob {
 
     /// The stage.
     pub(super) fn stage(self) -> &'static str {
-        match self {
-            Self::Level => "refine",
-            Self::Steps => "deform",
-            Self::Resolution => "atf",
-            Self::Picture => "render",
-        }
+        let stage = match self {
+            Self::Level => &refine::STAGE,
+            Self::Steps => &deform::STAGE,
+            Self::Resolution => &ivd_atf::STAGE,
+            Self::Picture => &ivd_render::STAGE,
+        };
+        stage.name
     }
 
     /// Keys of the scene that it moves.
@@ -106,12 +109,12 @@ impl Knob {
     }
 
     /// From the scene's wish to the coarsest on the front: each costs less and errs more than the wish.
-    pub(super) fn ladder(self, wish: &Setting) -> Ladder {
+    pub(super) fn ladder(self, wish: &Setting, known: &Known) -> Ladder {
         let mut rungs = match self {
-            Self::Level => wish.level.map_or_else(Vec::new, levels),
-            Self::Steps => line(front("deform"), "steps", wish.steps),
-            Self::Resolution => line(front("atf"), "resolution", wish.resolution),
-            Self::Picture => pictures(front("render"), wish),
+            Self::Level => wish.level.map_or_else(Vec::new, |level| levels(level, known)),
+            Self::Steps => line(known.deform, "steps", wish.steps),
+            Self::Resolution => line(known.atf, "resolution", wish.resolution),
+            Self::Picture => pictures(known.render, wish),
         };
         rungs.dedup_by(|a, b| a.value == b.value && a.other == b.other);
         Ladder(rungs)
@@ -137,7 +140,7 @@ impl Knob {
                 scene.set(&refine::STAGE, &keys)?;
             }
             Self::Steps => {
-                let stage = &ivd_deform::deform::STAGE;
+                let stage = &deform::STAGE;
                 let is_written = scene.section(stage).is_some_and(|section| section.written().is_some());
                 let duration = scene.param(stage, "duration").and_then(|duration| duration.as_f64());
                 if let Some(duration) = duration.filter(|_| is_written) {
@@ -182,9 +185,33 @@ fn number(value: Option<f64>) -> Value {
     }
 }
 
-/// The recorded front of a stage.
-pub(super) fn front(stage: &str) -> &'static Front {
-    recorded().iter().find(|f| f.stage == stage).expect("every stage with a knob has a recorded front")
+/// What is recorded of the stages that have a knob, or whose time one changes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known {
+    pub(super) atf: &'static Front,
+    pub(super) deform: &'static Front,
+    pub(super) map: &'static Front,
+    pub(super) refine: &'static Front,
+    pub(super) render: &'static Front,
+}
+
+impl Known {
+    /// # Errors
+    /// A record that isn't there, or can't be read.
+    pub(super) fn recorded() -> Result<Self, Error> {
+        let fronts = recorded()?;
+        let front = |stage: &Stage| {
+            let found = fronts.iter().find(|front| front.stage == stage.name);
+            found.ok_or_else(|| Error::Budget(format!("nothing is recorded of {}", stage.name)))
+        };
+        Ok(Self {
+            atf: front(&ivd_atf::STAGE)?,
+            deform: front(&deform::STAGE)?,
+            map: front(&map::STAGE)?,
+            refine: front(&refine::STAGE)?,
+            render: front(&ivd_render::STAGE)?,
+        })
+    }
 }
 
 /// The front's points along one knob, the others at their defaults; ascending.
@@ -215,8 +242,8 @@ pub(super) fn between(points: impl IntoIterator<Item = (f64, f64)>, x: f64) -> f
 }
 
 /// By level: bound on the lattice's distance (voxels), and largest difference of the voxels' motion (part of the push).
-pub(super) fn level_errors() -> Vec<(f64, f64, f64)> {
-    let map = front("map");
+pub(super) fn level_errors(known: &Known) -> Vec<(f64, f64, f64)> {
+    let map = known.map;
     let Some(voxel) = map.voxel_mm else { return Vec::new() };
     let of = |p: &FrontPoint| {
         let counter = |name: &str| p.counters.get(name).map(|mm| mm / voxel);
@@ -228,8 +255,8 @@ pub(super) fn level_errors() -> Vec<(f64, f64, f64)> {
     found
 }
 
-fn levels(wish: f64) -> Vec<Rung> {
-    let errors = level_errors();
+fn levels(wish: f64, known: &Known) -> Vec<Rung> {
+    let errors = level_errors(known);
     let error = |level: f64| between(errors.iter().map(|e| (e.0, e.1)), level);
     let coarser = LEVELS.into_iter().filter(|&level| level > wish && level <= COARSEST);
     let values = std::iter::once(wish).chain(coarser);
@@ -299,15 +326,22 @@ mod tests {
     #[test]
     fn every_ladder_starts_at_the_wish_and_never_gets_finer() {
         for knob in Knob::ALL {
-            let rungs = knob.ladder(&wish()).0;
+            let rungs = knob.ladder(&wish(), &Known::recorded().unwrap()).0;
             assert!(rungs.len() >= 2, "{knob:?}: {rungs:?}");
             assert_eq!(wish().with(knob, &rungs[0]), wish(), "{knob:?}");
             assert!(rungs[1..].iter().all(|r| r.error > rungs[0].error), "{knob:?}: {rungs:?}");
         }
-        let levels: Vec<f64> = Knob::Level.ladder(&wish()).0.iter().map(|r| r.value).collect();
+        let levels: Vec<f64> =
+            Knob::Level.ladder(&wish(), &Known::recorded().unwrap()).0.iter().map(|r| r.value).collect();
         assert_eq!(levels, [2.0, 3.0]);
-        assert!(Knob::Steps.ladder(&wish()).0.iter().all(|r| r.value <= 200.0));
-        assert!(Knob::Picture.ladder(&wish()).0.iter().all(|r| r.value >= 0.5 && r.other <= 0.99));
+        assert!(Knob::Steps.ladder(&wish(), &Known::recorded().unwrap()).0.iter().all(|r| r.value <= 200.0));
+        assert!(
+            Knob::Picture
+                .ladder(&wish(), &Known::recorded().unwrap())
+                .0
+                .iter()
+                .all(|r| r.value >= 0.5 && r.other <= 0.99)
+        );
     }
 
     #[test]

@@ -2,9 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use super::knobs::{STEPS, Setting, along, between, front, picture};
+use ivd_core::op::PlaceKind;
+use ivd_deform::{deform, map};
+use ivd_lattice::refine;
+use ivd_render::RenderParams;
+
+use super::knobs::{Known, STEPS, Setting, along, between, picture};
 use super::work::Amounts;
-use crate::fronts::{Rates, recorded_rates};
+use crate::fronts::{Front, Rates, recorded_rates};
+use crate::stages::IMPORT;
+use crate::{Error, list};
 
 /// Shorter times say nothing of the machine (s).
 const TELLING: f64 = 1e-3;
@@ -13,13 +20,16 @@ const TELLING: f64 = 1e-3;
 /// they alone would triple every prediction; with 5 a slow machine would be learnt too late.
 const BELIEF: f64 = 0.5;
 
-/// Share of the lattice that the default level, 2, keeps.
+/// The level of a refinement that says nothing else.
+const DEFAULT_LEVEL: f64 = 2.0;
+/// Share of the lattice that it keeps.
 const DEFAULT_LEVEL_SHARE: f64 = 1.0 / 16.0;
 
 /// Predicts times, and learns from those that were taken.
 #[derive(Debug, Clone)]
 pub(super) struct Model {
     rates: &'static Rates,
+    pub(super) known: Known,
     /// How much there is to do where nothing is refined away.
     pub(super) amounts: Amounts,
     /// Stages that ran: name, what the record said, what it took (s).
@@ -29,16 +39,19 @@ pub(super) struct Model {
 }
 
 impl Model {
-    pub(super) fn new(times: Option<BTreeMap<String, f64>>) -> Self {
-        Self { rates: recorded_rates(), amounts: Amounts::default(), taken: Vec::new(), times }
+    /// # Errors
+    /// What is recorded of the stages can't be read.
+    pub(super) fn new(times: Option<BTreeMap<String, f64>>) -> Result<Self, Error> {
+        let (rates, known) = (recorded_rates()?, Known::recorded()?);
+        Ok(Self { rates, known, amounts: Amounts::default(), taken: Vec::new(), times })
     }
 
     /// Wall time (s) of a stage, or of writing an output, with a setting.
     pub(super) fn seconds(&self, rate: &str, setting: &Setting) -> f64 {
         match &self.times {
-            Some(times) => {
-                times.get(rate).map_or(0.0, |s| s * self.share(rate, setting) * ratio(rate, setting))
-            }
+            Some(times) => times
+                .get(rate)
+                .map_or(0.0, |s| s * self.share(rate, setting) * ratio(rate, setting, &self.known)),
             None => self.recorded(rate, setting) * self.factor(rate),
         }
     }
@@ -46,7 +59,7 @@ impl Model {
     /// What the record says for this scene's work.
     fn recorded(&self, rate: &str, setting: &Setting) -> f64 {
         let amounts = self.amounts.refined(setting.share());
-        self.rates.seconds(rate, amounts.of(rate).1) * ratio(rate, setting)
+        self.rates.seconds(rate, amounts.of(rate).1) * ratio(rate, setting, &self.known)
     }
 
     /// A refinement's work over the default's, where the stage's work depends on it.
@@ -60,7 +73,7 @@ impl Model {
     pub(super) fn learn(&mut self, rate: &str, setting: &Setting, seconds: f64) {
         let recorded = self.recorded(rate, setting);
         // A volume may be read, unpacked or generated: that says nothing of the other stages.
-        if recorded > TELLING && rate != "import" {
+        if recorded > TELLING && rate != IMPORT {
             self.taken.push((rate.to_owned(), recorded, seconds));
         }
     }
@@ -76,42 +89,54 @@ impl Model {
     }
 }
 
-/// A setting's cost over the default's.
-fn ratio(rate: &str, setting: &Setting) -> f64 {
-    let level = setting.level.unwrap_or(2.0);
-    let over = |points: &[(f64, f64)], at: f64, default: f64| {
-        between(points.iter().copied(), at) / between(points.iter().copied(), default)
-    };
-    let times = |stage: &str, knob: &str| -> Vec<(f64, f64)> {
-        along(front(stage), knob).iter().map(|(x, p)| (*x, p.cpu_s.least)).collect()
-    };
-    match rate {
-        "refine" => {
-            let refine = front("refine");
-            let default = refine.points.iter().find(|p| p.default).map(|p| &p.knobs);
-            let mut points: Vec<(f64, f64)> = refine
-                .points
-                .iter()
-                .filter(|p| Some(&p.knobs) == default)
-                .filter_map(|p| Some((p.task.strip_prefix("level ")?.parse().ok()?, p.cpu_s.least)))
-                .collect();
-            points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            over(&points, level, 2.0)
-        }
-        "octree" | "map" => over(&times("map", "refine.level"), level, 2.0),
-        "atf" => {
-            let default = ivd_atf::Params::default().resolution as f64;
-            over(&times("atf", "resolution"), setting.resolution, default)
-        }
-        "deform" => setting.steps / STEPS,
-        "render before" | "render after" => {
-            let defaults = ivd_render::RenderParams::default();
-            let render = front("render");
-            picture(render, setting.step, setting.termination).0
-                / picture(render, defaults.step, defaults.termination).0
-        }
-        _ => 1.0,
-    }
+/// A setting's cost over the default's, of the stages whose cost a knob changes.
+type Ratio = fn(&Known, &Setting) -> f64;
+
+const RATIOS: [(&str, Ratio); 6] = [
+    (refine::STAGE.name, |known, setting| {
+        let refine = known.refine;
+        let default = refine.points.iter().find(|p| p.default).map(|p| &p.knobs);
+        let at_default = refine.points.iter().filter(|p| Some(&p.knobs) == default);
+        let mut points: Vec<(f64, f64)> = at_default
+            .filter_map(|p| Some((p.task.strip_prefix("level ")?.parse().ok()?, p.cpu_s.least)))
+            .collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        over(&points, setting.level.unwrap_or(DEFAULT_LEVEL), DEFAULT_LEVEL)
+    }),
+    (ivd_octree::STAGE.name, by_level),
+    (map::STAGE.name, by_level),
+    (ivd_atf::STAGE.name, |known, setting| {
+        let default = ivd_atf::Params::default().resolution as f64;
+        over(&times(known.atf, "resolution"), setting.resolution, default)
+    }),
+    (deform::STAGE.name, |_, setting| setting.steps / STEPS),
+    (ivd_render::STAGE.name, |known, setting| {
+        let RenderParams { step, termination, .. } = RenderParams::default();
+        picture(known.render, setting.step, setting.termination).0
+            / picture(known.render, step, termination).0
+    }),
+];
+
+/// Of what is carried to the voxels.
+fn by_level(known: &Known, setting: &Setting) -> f64 {
+    over(&times(known.map, "refine.level"), setting.level.unwrap_or(DEFAULT_LEVEL), DEFAULT_LEVEL)
+}
+
+/// Times along a knob.
+fn times(front: &Front, knob: &str) -> Vec<(f64, f64)> {
+    along(front, knob).iter().map(|(x, p)| (*x, p.cpu_s.least)).collect()
+}
+
+/// What is recorded at one place over what is at another.
+fn over(points: &[(f64, f64)], at: f64, default: f64) -> f64 {
+    between(points.iter().copied(), at) / between(points.iter().copied(), default)
+}
+
+/// A setting's cost over the default's; 1 of a job without parameters, and of what writes.
+fn ratio(rate: &str, setting: &Setting, known: &Known) -> f64 {
+    let Some((stage, place)) = list::place(rate) else { return 1.0 };
+    let own = RATIOS.iter().find(|(name, _)| *name == stage.name && matches!(place.kind, PlaceKind::Own));
+    own.map_or(1.0, |(_, ratio)| ratio(known, setting))
 }
 
 #[cfg(test)]
@@ -123,7 +148,7 @@ mod tests {
     }
 
     fn model() -> Model {
-        let mut model = Model::new(None);
+        let mut model = Model::new(None).unwrap();
         model.amounts = Amounts {
             voxels: 1e6,
             edge: 100.0,

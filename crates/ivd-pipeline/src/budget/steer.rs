@@ -55,13 +55,15 @@ impl Budget {
 }
 
 impl<'a> Pilot<'a> {
-    pub(crate) fn new(wish: &'a Loaded, options: &'a PipelineOptions, start: Instant) -> Self {
+    /// # Errors
+    /// What is recorded of the stages can't be read.
+    pub(crate) fn new(wish: &'a Loaded, options: &'a PipelineOptions, start: Instant) -> Result<Self, Error> {
         let Budget { max_time_s, max_error_mm, .. } = options.budget;
-        Self {
+        Ok(Self {
             options,
             wish,
             setting: Setting::of(&wish.scene),
-            model: Model::new(options.budget.times.clone()),
+            model: Model::new(options.budget.times.clone())?,
             ready: BTreeMap::new(),
             report: BudgetReport { max_time_s, max_error_mm, ..BudgetReport::default() },
             start,
@@ -70,7 +72,7 @@ impl<'a> Pilot<'a> {
             whys: BTreeMap::new(),
             running: None,
             warned: false,
-        }
+        })
     }
 
     /// Before the stage at `at` runs: sets the plan's stages to what the budget allows. Gives the stage's result where the
@@ -188,7 +190,7 @@ impl<'a> Pilot<'a> {
             .filter(|knob| !self.settled.contains(knob) && !self.pinned(*knob))
             .filter(|knob| plan.nodes()[at..].iter().filter(waits).any(|n| n.id.stage == knob.stage()))
             .collect();
-        let ladders: Vec<Ladder> = open.iter().map(|knob| knob.ladder(&wish)).collect();
+        let ladders: Vec<Ladder> = open.iter().map(|knob| knob.ladder(&wish, &self.model.known)).collect();
         let base = self.setting;
         let setting = |rungs: &[usize]| {
             let moved = open.iter().zip(&ladders).zip(rungs).filter(|(_, rung)| **rung > 0);

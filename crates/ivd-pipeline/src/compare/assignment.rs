@@ -35,7 +35,7 @@ impl Weights {
     ///
     /// Labels hold a bound: `rows[r] + columns[c] ≥ weight(r, c)`, with equality for the pairs that are given. Once all rows have one,
     /// the sum of labels proves that no other is larger.
-    pub(super) fn best(&self) -> Vec<usize> {
+    pub(super) fn best(&self) -> Vec<(usize, usize)> {
         let mut row_label: Vec<i64> =
             (0..self.rows()).map(|r| self.row(r).iter().copied().max().unwrap_or(0)).collect();
         let mut column_label = vec![0_i64; self.columns];
@@ -47,10 +47,10 @@ impl Weights {
             let mut lacks_from = vec![joining; self.columns];
             let mut from: Vec<Option<usize>> = vec![None; self.columns];
             let (mut rows, mut columns) = (vec![joining], Vec::new());
+            let mut newest = joining;
             let mut step = 0;
             let mut end = loop {
                 // One pass: the labels' last step, what the row reached last offers, and which column is nearest now.
-                let newest = *rows.last().expect("the row that joins is there");
                 let mut nearest = (i64::MAX, usize::MAX);
                 for (c, &weight) in self.row(newest).iter().enumerate() {
                     if from[c].is_some() {
@@ -77,6 +77,7 @@ impl Weights {
                 columns.push(column);
                 let Some(next) = row_of[column] else { break column };
                 rows.push(next);
+                newest = next;
             };
             // Along the path every row takes the column by which it was left.
             while let Some(row) = from[end] {
@@ -85,7 +86,7 @@ impl Weights {
                 end = before;
             }
         }
-        column_of.into_iter().map(|c| c.expect("every row has joined")).collect()
+        column_of.into_iter().enumerate().filter_map(|(row, column)| Some((row, column?))).collect()
     }
 }
 
@@ -125,9 +126,9 @@ mod tests {
                 weights.set(i / columns, i % columns, weight);
             }
             let found = weights.best();
-            let sum: i64 = found.iter().enumerate().map(|(r, &c)| weights.at(r, c)).sum();
+            let sum: i64 = found.iter().map(|&(r, c)| weights.at(r, c)).sum();
             assert_eq!(sum, largest(&weights, 0, 0), "case {case}");
-            let mut different = found.clone();
+            let mut different: Vec<usize> = found.iter().map(|(_, column)| *column).collect();
             different.sort_unstable();
             different.dedup();
             assert_eq!(different.len(), rows, "case {case}: a column twice");
@@ -141,7 +142,7 @@ mod tests {
         for (row, column, weight) in [(0, 0, 9), (0, 1, 8), (0, 2, 7), (1, 0, 9), (1, 1, 8), (2, 0, 9)] {
             weights.set(row, column, weight);
         }
-        assert_eq!(weights.best(), [2, 1, 0]);
+        assert_eq!(weights.best(), [(0, 2), (1, 1), (2, 0)]);
         assert!(Weights::zero(0, 0).best().is_empty());
     }
 }

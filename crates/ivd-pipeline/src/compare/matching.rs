@@ -192,10 +192,10 @@ impl Part {
         let (rows, columns) = (&sides[row], &sides[1 - row]);
         let mut dice = Weights::zero(rows.len(), columns.len());
         for pair in &self.0 {
-            let place = |classes: &[u32], end| classes.binary_search(&end).expect("a class of this part");
+            let place = |classes: &[u32], end| classes.partition_point(|class| *class < end);
             dice.set(place(rows, pair.ends[row]), place(columns, pair.ends[1 - row]), pair.dice);
         }
-        let shared = dice.best().into_iter().enumerate().filter(|&(r, c)| dice.at(r, c) > 0);
+        let shared = dice.best().into_iter().filter(|&(r, c)| dice.at(r, c) > 0);
         shared.map(|(r, c)| if row == 0 { [rows[r], columns[c]] } else { [columns[c], rows[r]] }).collect()
     }
 

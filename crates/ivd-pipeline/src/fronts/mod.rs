@@ -11,6 +11,8 @@ use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 
+use crate::Error;
+
 pub use rates::{Rate, Rates};
 
 /// Errors are sums in floating point: closer ones are equal.
@@ -174,19 +176,22 @@ impl Front {
     }
 }
 
-/// A recorded file.
+/// A recorded file, read.
 macro_rules! recorded {
     ($name:literal) => {
         serde_json::from_str(include_str!(concat!("../../../../fixtures/fronts/", $name, ".json")))
-            .expect(concat!("the recorded front of ", $name, " can be read: a test holds it"))
+            .map_err(|problem| format!(concat!("the record of ", $name, " can't be read: {}"), problem))
     };
 }
 
 /// The fronts of this repository, in the order of the pipeline.
-pub fn recorded() -> &'static [Front] {
-    static FRONTS: OnceLock<Vec<Front>> = OnceLock::new();
-    FRONTS.get_or_init(|| {
-        vec![
+///
+/// # Errors
+/// [`Error::Budget`] where one can't be read.
+pub fn recorded() -> Result<&'static [Front], Error> {
+    static FRONTS: OnceLock<Result<Vec<Front>, String>> = OnceLock::new();
+    let found = FRONTS.get_or_init(|| {
+        [
             recorded!("segment"),
             recorded!("segment-kmvs"),
             recorded!("segment-emvs"),
@@ -204,13 +209,20 @@ pub fn recorded() -> &'static [Front] {
             recorded!("warp"),
             recorded!("render"),
         ]
-    })
+        .into_iter()
+        .collect()
+    });
+    found.as_deref().map_err(|problem| Error::Budget(problem.clone()))
 }
 
 /// The times of a plain scene's stages of this repository.
-pub fn recorded_rates() -> &'static Rates {
-    static RATES: OnceLock<Rates> = OnceLock::new();
-    RATES.get_or_init(|| recorded!("stages"))
+///
+/// # Errors
+/// [`Error::Budget`] where they can't be read.
+pub fn recorded_rates() -> Result<&'static Rates, Error> {
+    static RATES: OnceLock<Result<Rates, String>> = OnceLock::new();
+    let found = RATES.get_or_init(|| recorded!("stages"));
+    found.as_ref().map_err(|problem| Error::Budget(problem.clone()))
 }
 
 #[cfg(test)]

@@ -79,7 +79,7 @@ fn a_default_that_is_not_the_recorded_one_asks_for_a_new_record() {
 
 #[test]
 fn the_record_is_of_this_layout_and_wide() {
-    for front in recorded() {
+    for front in recorded().unwrap() {
         let name = &front.stage;
         assert_eq!(front.schema, 1, "{name}");
         assert!(front.work.amount > 0.0 && !front.work.what.is_empty(), "{name}");
@@ -91,7 +91,7 @@ fn the_record_is_of_this_layout_and_wide() {
         let by_error = pairs.iter().map(|p| p.1.to_bits()).collect::<std::collections::BTreeSet<_>>().len();
         assert!(by_cost >= 5 && by_error >= 5, "{name}: {by_cost} costs, {by_error} errors");
     }
-    let rates = recorded_rates();
+    let rates = recorded_rates().unwrap();
     // The plain scene's classes come from no tree, and it has no steps in space.
     let all = STAGES.iter().flat_map(|stage| stage.places.iter().map(|place| (stage.name, place.variant)));
     for (stage, variant) in

@@ -3,7 +3,7 @@
 
 mod keys;
 
-use ivd_core::op::Stage;
+use ivd_core::op::{Place, Stage};
 
 pub use keys::{Key, Said, keys};
 
@@ -25,6 +25,13 @@ pub const STAGES: &[&Stage] = &[
 /// The stage of a name.
 pub fn stage(name: &str) -> Option<&'static Stage> {
     STAGES.iter().find(|stage| stage.name == name).copied()
+}
+
+/// The place of a stage's name with its variant, such as `render before`.
+pub fn place(name: &str) -> Option<(&'static Stage, &'static Place)> {
+    let (stage_name, variant) = name.split_once(' ').unwrap_or((name, ""));
+    let stage = stage(stage_name)?;
+    Some((stage, stage.places.iter().find(|place| place.variant == variant)?))
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use ivd_artefact::Artefact;
-use ivd_core::{Exec, Scalar, TransferFunction, Volume, with_voxels};
+use ivd_core::{Exec, Image, Scalar, TransferFunction, Value as _, Volume, with_voxels};
 use ivd_deform::certificate::Histogram;
 use ivd_deform::map::MapFigures;
 use ivd_deform::space::SpaceFigures;
@@ -26,7 +26,7 @@ use super::tree::dendrogram;
 use crate::Error;
 use crate::export::png_bytes;
 use crate::runner::{StageRecord, figures_of};
-use crate::scene::Loaded;
+use crate::scene::{Loaded, Picture};
 use crate::stages::{IMPORT, ImportFigures};
 
 /// Bars of a histogram.
@@ -39,14 +39,22 @@ const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
 
 /// The report of a run, self-contained.
-pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material, exec: &Exec) -> String {
+///
+/// # Errors
+/// A picture that can't be shown.
+pub(crate) fn html(
+    loaded: &Loaded,
+    records: &[StageRecord],
+    material: &Material,
+    exec: &Exec,
+) -> Result<String, Error> {
     let name = loaded.file.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy());
     let mut page = format!(
         "<!doctype html><html lang='en'><head><meta charset='utf-8'><meta name='viewport' content='width=device-width'>\
          <title>{0} – IVD report</title><style>{STYLE}</style></head><body><h1>{0}</h1>",
         escape(&name)
     );
-    pictures(&mut page, material);
+    pictures(&mut page, material)?;
     section(&mut page, "Volume", &or_problem(volume_table(records)));
     let segment = records.iter().find(|r| r.stage == ivd_segment::STAGE.name && r.output.is_some());
     let found = segment.map(StageRecord::figures::<Figures<AnyFigures>>);
@@ -66,7 +74,7 @@ pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material
             found.map(|found| segmentation(segment, &found) + &classes(&found.common.classes, &colour)),
         );
         if let Some(Artefact::Volume(volume)) = material.volume.as_deref() {
-            body += &slices(volume, &material.class_slices);
+            body += &slices(volume, &material.class_slices)?;
         }
         section(&mut page, "Classes", &body);
     }
@@ -86,21 +94,20 @@ pub(crate) fn html(loaded: &Loaded, records: &[StageRecord], material: &Material
         "<p class='foot'>Made by IVD {}. A research tool, not a medical device.</p><script>{SCRIPT}</script></body></html>",
         env!("CARGO_PKG_VERSION")
     );
-    page
+    Ok(page)
 }
 
 fn section(page: &mut String, title: &str, body: &str) {
     let _ = write!(page, "<section><h2>{}</h2>{body}</section>", escape(title));
 }
 
-fn pictures(page: &mut String, material: &Material) {
-    let source = |name: &str| match material.pictures.get(name).map(AsRef::as_ref) {
-        Some(Artefact::Image(image)) => {
-            Some(format!("data:image/png;base64,{}", STANDARD.encode(png_bytes(image))))
-        }
-        _ => None,
+fn pictures(page: &mut String, material: &Material) -> Result<(), Error> {
+    let source = |picture: Picture| {
+        let image = material.pictures.get(picture.name()).and_then(|artefact| Image::of(artefact));
+        let bytes = image.map(png_bytes).transpose()?;
+        Ok::<_, Error>(bytes.map(|bytes| format!("data:image/png;base64,{}", STANDARD.encode(bytes))))
     };
-    match (source("before"), source("after")) {
+    match (source(Picture::Before)?, source(Picture::After)?) {
         (Some(before), Some(after)) => {
             let _ = write!(
                 page,
@@ -108,7 +115,7 @@ fn pictures(page: &mut String, material: &Material) {
                  <img class='over' src='{after}' alt='after'><input type='range' min='0' max='100' value='50' \
                  aria-label='before to after'></div><figcaption>before · after: move the slider</figcaption></figure>"
             );
-            if let Some(difference) = source("difference") {
+            if let Some(difference) = source(Picture::Difference)? {
                 let _ = write!(
                     page,
                     "<figure><img src='{difference}' alt='difference'><figcaption>difference, amplified</figcaption></figure>"
@@ -124,6 +131,7 @@ fn pictures(page: &mut String, material: &Material) {
         }
         _ => {}
     }
+    Ok(())
 }
 
 /// What a section shows, or why there is nothing to show.

@@ -6,6 +6,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use ivd_core::{Image, Labels, NO_DATA, Volume, VoxelIndex};
 
+use crate::Error;
 use crate::export::png_bytes;
 
 /// Longer side of a slice on the page (CSS pixels).
@@ -19,12 +20,18 @@ const SLICES: [([usize; 3], &str); 3] = [
 ];
 
 /// The middle slices of a labelling, coloured.
-pub(crate) fn class_slices(labels: &Labels) -> Vec<Image> {
-    SLICES.map(|(axes, _)| coloured(labels, axes, labels.grid().dims()[axes[2]] / 2)).into()
+///
+/// # Errors
+/// Those of a picture's constructor.
+pub(crate) fn class_slices(labels: &Labels) -> Result<Vec<Image>, Error> {
+    SLICES.iter().map(|(axes, _)| coloured(labels, *axes, labels.grid().dims()[axes[2]] / 2)).collect()
 }
 
 /// The middle slices of a volume, each beside the same of its labels.
-pub(super) fn slices(volume: &Volume, coloured: &[Image]) -> String {
+///
+/// # Errors
+/// A picture that can't be shown.
+pub(super) fn slices(volume: &Volume, coloured: &[Image]) -> Result<String, Error> {
     let grid = volume.grid();
     let mut html = String::from("<div class='pictures'>");
     for ((axes, caption), classes) in SLICES.into_iter().zip(coloured) {
@@ -35,8 +42,8 @@ pub(super) fn slices(volume: &Volume, coloured: &[Image]) -> String {
         // However thin a slice is, it can be seen.
         let [width, height] = extent.map(|e| (e * scale).round().max(8.0));
         html += "<figure>";
-        for image in [&grey(volume, axes, at), classes] {
-            let data = STANDARD.encode(png_bytes(image));
+        for image in [&grey(volume, axes, at)?, classes] {
+            let data = STANDARD.encode(png_bytes(image)?);
             let _ = write!(
                 html,
                 "<img class='slice' width='{width}' height='{height}' src='data:image/png;base64,{data}' alt='slice'> "
@@ -45,7 +52,7 @@ pub(super) fn slices(volume: &Volume, coloured: &[Image]) -> String {
         let name = ["x", "y", "z"][cut];
         let _ = write!(html, "<figcaption>voxel {name} = {at}; {caption}</figcaption></figure>");
     }
-    html + "</div>"
+    Ok(html + "</div>")
 }
 
 /// Colour of a class as CSS, by its place in the order of the means.
@@ -64,7 +71,7 @@ fn image(
     [right, up, cut]: [usize; 3],
     at: usize,
     pixel: impl Fn([usize; 3]) -> [u8; 4],
-) -> Image {
+) -> Result<Image, Error> {
     let mut rgba = Vec::with_capacity(4 * dims[right] * dims[up]);
     for j in (0..dims[up]).rev() {
         for i in 0..dims[right] {
@@ -73,10 +80,10 @@ fn image(
             rgba.extend(pixel(voxel));
         }
     }
-    Image::new(dims[right], dims[up], rgba).expect("four bytes were given for every pixel")
+    Ok(Image::new(dims[right], dims[up], rgba)?)
 }
 
-fn grey(volume: &Volume, axes: [usize; 3], at: usize) -> Image {
+fn grey(volume: &Volume, axes: [usize; 3], at: usize) -> Result<Image, Error> {
     let [low, high] = volume.range().unwrap_or([0.0, 1.0]);
     let scale = if high > low { 255.0 / (high - low) } else { 0.0 };
     image(volume.grid().dims(), axes, at, |voxel| {
@@ -87,7 +94,7 @@ fn grey(volume: &Volume, axes: [usize; 3], at: usize) -> Image {
     })
 }
 
-fn coloured(labels: &Labels, axes: [usize; 3], at: usize) -> Image {
+fn coloured(labels: &Labels, axes: [usize; 3], at: usize) -> Result<Image, Error> {
     let rank = |id: u16| labels.classes().iter().position(|c| c.id == id);
     let colours: Vec<Option<[u8; 3]>> =
         (0..=labels.classes().iter().map(|c| c.id).max().unwrap_or(0)).map(|id| rank(id).map(rgb)).collect();
@@ -110,19 +117,19 @@ mod tests {
         let grid = Grid::with_spacing([2, 2, 2], [1.0; 3]).unwrap();
         let volume = Volume::new(grid.clone(), Voxels::from((0..8_u8).collect::<Vec<_>>())).unwrap();
         // The slice at z = 1 holds 4 5 below 6 7: the top row comes first.
-        let found = grey(&volume, [0, 1, 2], 1);
+        let found = grey(&volume, [0, 1, 2], 1).unwrap();
         let reds: Vec<u8> = found.rgba().iter().step_by(4).copied().collect();
         assert_eq!(reds, [6, 7, 4, 5].map(|v: u32| (v as f64 * 255.0 / 7.0).round() as u8));
         let class =
             |id| Class { id, name: None, mean: f64::from(id), sd: 0.0, voxels: 4, lower: None, upper: None };
         let ids: Vec<u16> = vec![1, 0, 1, 1, 2, 2, 2, 2];
         let labels = Labels::new(grid, ids.into(), vec![class(1), class(2)]).unwrap();
-        let found = coloured(&labels, [1, 2, 0], 1);
+        let found = coloured(&labels, [1, 2, 0], 1).unwrap();
         // x = 1: y to the right, z up; the top row is z = 1.
         let pixels: Vec<&[u8]> = found.rgba().chunks(4).collect();
         assert_eq!(pixels[0][..3], rgb(1));
         assert_eq!(pixels[2], [0, 0, 0, 0], "no data is clear");
         assert_eq!(pixels[3][..3], rgb(0));
-        assert!(slices(&volume, &class_slices(&labels)).matches("<img").count() == 6);
+        assert!(slices(&volume, &class_slices(&labels).unwrap()).unwrap().matches("<img").count() == 6);
     }
 }

@@ -153,7 +153,11 @@ fn line_of(text: &str, path: &str) -> Option<usize> {
                 let value = list.into_iter().nth(key.parse().ok()?)?;
                 (value.span(), value)
             }
-            _ => break,
+            DeValue::String(_)
+            | DeValue::Integer(_)
+            | DeValue::Float(_)
+            | DeValue::Boolean(_)
+            | DeValue::Datetime(_) => break,
         };
         line = text.get(..span.start).map(|before| before.matches('\n').count() + 1);
         at = next.into_inner();
@@ -163,33 +167,31 @@ fn line_of(text: &str, path: &str) -> Option<usize> {
 
 fn set(table: &mut Table, o: &Override) -> Result<(), String> {
     let whole = o.path.join(".");
-    let (last, parents) = o.path.split_last().expect("an override has at least one key");
-    let mut root = Value::Table(std::mem::take(table));
-    let mut at = &mut root;
+    let Some((first, rest)) = o.path.split_first() else { return Err(format!("--set {whole}: give a key")) };
+    let Some((last, parents)) = rest.split_last() else {
+        table.insert(first.clone(), o.value.clone());
+        return Ok(());
+    };
+    let mut at = table.entry(first.clone()).or_insert_with(|| Value::Table(Table::new()));
     for key in parents {
         at = step(at, key).ok_or_else(|| format!("--set {whole}: `{key}` is not a section or list there"))?;
     }
-    match at {
-        Value::Table(t) => {
-            t.insert(last.clone(), o.value.clone());
-        }
-        Value::Array(list) => {
-            let slot = last.parse().ok().and_then(|i: usize| list.get_mut(i));
-            *slot.ok_or_else(|| format!("--set {whole}: no element `{last}`"))? = o.value.clone();
-        }
-        _ => return Err(format!("--set {whole}: `{last}` would lie inside a plain value")),
+    if let Value::Array(list) = at {
+        let slot = last.parse().ok().and_then(|i: usize| list.get_mut(i));
+        *slot.ok_or_else(|| format!("--set {whole}: no element `{last}`"))? = o.value.clone();
+    } else if let Value::Table(table) = at {
+        table.insert(last.clone(), o.value.clone());
+    } else {
+        return Err(format!("--set {whole}: `{last}` would lie inside a plain value"));
     }
-    let Value::Table(changed) = root else { unreachable!("the root stays a table") };
-    *table = changed;
     Ok(())
 }
 
 fn step<'a>(at: &'a mut Value, key: &str) -> Option<&'a mut Value> {
-    match at {
-        Value::Table(t) => Some(t.entry(key.to_owned()).or_insert_with(|| Value::Table(Table::new()))),
-        Value::Array(list) => key.parse().ok().and_then(|i: usize| list.get_mut(i)),
-        _ => None,
+    if let Value::Array(list) = at {
+        return key.parse().ok().and_then(|i: usize| list.get_mut(i));
     }
+    Some(at.as_table_mut()?.entry(key.to_owned()).or_insert_with(|| Value::Table(Table::new())))
 }
 
 /// A message whose lines fit on a screen: what quotes a line of megabytes would be megabytes itself, and compared with every

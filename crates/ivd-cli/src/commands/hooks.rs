@@ -1,0 +1,55 @@
+//! What single commands do beside their stage, in one list.
+
+use std::path::Path;
+
+use clap::{Arg, ArgMatches};
+use ivd_artefact::Cache;
+use ivd_core::op::Stage;
+use ivd_pipeline::{Done, Inputs, Section};
+
+use super::{lattice, posteriors, two_classes};
+use crate::context::Context;
+
+/// Does a stage's work and writes something else beside its result, as a flag asks for.
+pub(crate) type Beside = fn(&Section, &Path, &Inputs, &Context) -> anyhow::Result<Done>;
+
+/// What a command does beside its stage.
+pub(crate) struct Hooks {
+    /// Its flags that are neither keys nor inputs.
+    pub(crate) flags: fn() -> Vec<Arg>,
+    /// Does something else instead, where flags ask for it; tells whether.
+    pub(crate) instead: fn(&ArgMatches, &Context) -> anyhow::Result<bool>,
+    /// Fills slots that were left empty.
+    pub(crate) completed: fn(Inputs, &Section, &Cache, &Context) -> anyhow::Result<Inputs>,
+    /// What is written beside its result, with the flag that asks for it.
+    pub(crate) beside: Option<(&'static str, Beside)>,
+}
+
+/// Nothing.
+const PLAIN: Hooks = Hooks {
+    flags: Vec::new,
+    instead: |_, _| Ok(false),
+    completed: |inputs, _, _, _| Ok(inputs),
+    beside: None,
+};
+
+const ALL: [(&str, Hooks); 3] = [
+    (
+        ivd_segment::STAGE.name,
+        Hooks {
+            flags: || vec![posteriors::argument()],
+            beside: Some((posteriors::FLAG, posteriors::run)),
+            ..PLAIN
+        },
+    ),
+    (ivd_boundary::STAGE.name, Hooks { completed: two_classes::completed, ..PLAIN }),
+    (
+        ivd_lattice::extract::STAGE.name,
+        Hooks { flags: || lattice::flags().into(), instead: lattice::run, ..PLAIN },
+    ),
+];
+
+/// What the command of a stage does beside it.
+pub(crate) fn hooks(stage: &Stage) -> &'static Hooks {
+    ALL.iter().find(|(name, _)| *name == stage.name).map_or(&PLAIN, |(_, hooks)| hooks)
+}
