@@ -1,4 +1,4 @@
-use ivd_core::op::{Failure, Method, Op, Place, Stage, method};
+use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, method};
 use ivd_core::{Exec, Lattice, Octree, ParamError, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,6 +13,7 @@ pub const STAGE: Stage = Stage {
     places: &[Place {
         for_readers: true,
         unread: "the map looks for no nearest lattice point",
+        amount: Amount::VoxelsInReach,
         ..Place::only("octree")
     }],
     quiet: false,

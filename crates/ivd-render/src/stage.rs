@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use ivd_core::op::{Failure, Method, Op, Place, PlaceKind, Stage, method};
+use ivd_core::op::{Amount, Failure, Method, Op, Place, PlaceKind, Stage, method};
 use ivd_core::{Displacement, Exec, Image, Labels, Lattice, ParamError, TransferFunction, Volume, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,11 @@ pub const STAGE: Stage = Stage {
     places: &[
         Place { empty: &["displacement", "labels", "lattice"], ..picture("before") },
         Place { needs: &["displacement"], ..picture("after") },
-        Place { kind: PlaceKind::Fixed { method: &DIFFERENCE }, ..picture("difference") },
+        Place {
+            kind: PlaceKind::Fixed { method: &DIFFERENCE },
+            amount: Amount::Pixels,
+            ..picture("difference")
+        },
     ],
     quiet: false,
 };
@@ -29,6 +33,7 @@ const fn picture(name: &'static str) -> Place {
         variant: name,
         empty: &["labels", "lattice"],
         unread: "no output shows a picture",
+        amount: Amount::Samples,
         ..Place::only(name)
     }
 }

@@ -123,6 +123,27 @@ pub struct Place {
     pub for_readers: bool,
     /// Why it isn't needed where no other reads its value.
     pub unread: &'static str,
+    /// What its time grows with.
+    pub amount: Amount,
+}
+
+/// What the time of a place, or of writing a file, grows with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Amount {
+    /// Voxels of the volume.
+    Voxels,
+    /// Voxels in the reach of what moves.
+    VoxelsInReach,
+    /// Triangles of the lattice before it is refined.
+    TrianglesAsCut,
+    /// Triangles of the refined lattice.
+    Triangles,
+    /// Vertices of the refined lattice in the reach of what moves.
+    VerticesInReach,
+    /// Pixels of a picture times voxels along an edge of the volume.
+    Samples,
+    /// Pixels of a picture.
+    Pixels,
 }
 
 /// Which job a place does.
@@ -173,6 +194,7 @@ impl Place {
             from: &[],
             for_readers: false,
             unread: "no output needs it",
+            amount: Amount::Voxels,
         }
     }
 

@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, Want, method};
 use ivd_core::{Exec, Labels, Lattice, Motion, ParamError, slots};
 
 use super::{Body, DynamicsMethod, Figures, Moves, ProjectiveMethod, RingMethod, XpbdMethod};
@@ -13,7 +13,7 @@ pub const STAGE: Stage = Stage {
     selector: "solver",
     methods: METHODS,
     positional: &["lattice"],
-    places: &[Place::only("motion")],
+    places: &[Place { amount: Amount::VerticesInReach, ..Place::only("motion") }],
     quiet: false,
 };
 const METHODS: &[Method] = &[

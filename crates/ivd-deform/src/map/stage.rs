@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, Want, method};
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Octree, ParamError, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,7 @@ pub const STAGE: Stage = Stage {
     selector: "method",
     methods: METHODS,
     positional: &["lattice", "octree", "motion"],
-    places: &[Place::only("displacement")],
+    places: &[Place { amount: Amount::VoxelsInReach, ..Place::only("displacement") }],
     quiet: false,
 };
 const METHODS: &[Method] =

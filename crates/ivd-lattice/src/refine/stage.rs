@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Method, Op, Place, Remark, Stage, method};
+use ivd_core::op::{Amount, Failure, Method, Op, Place, Remark, Stage, method};
 use ivd_core::{Exec, Lattice, ParamError, World, slots};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -20,7 +20,7 @@ pub const STAGE: Stage = Stage {
     selector: "",
     methods: METHODS,
     positional: &["lattice"],
-    places: &[Place::only("lattice")],
+    places: &[Place { amount: Amount::TrianglesAsCut, ..Place::only("lattice") }],
     quiet: false,
 };
 const METHODS: &[Method] = &[method::<Refinement>("")];

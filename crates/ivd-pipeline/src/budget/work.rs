@@ -1,3 +1,4 @@
+use ivd_core::op::Amount;
 use ivd_core::{Grid, Lattice, VoxelCoord, World};
 use ivd_deform::deform::{self, Asked, Figures, Handle};
 use ivd_lattice::extract::{self, LatticeFigures};
@@ -7,7 +8,7 @@ use nalgebra::Vector3;
 
 use crate::scene::Scene;
 use crate::stages::{IMPORT, ImportFigures};
-use crate::{Error, PipelineReport, figures_of};
+use crate::{Error, PipelineReport, figures_of, list};
 
 /// The name of a rate: a stage with its variant, or `write` with the key of an output.
 pub fn rate_name(stage: &str, variant: &str) -> String {
@@ -87,14 +88,21 @@ impl Amounts {
 
     /// The amount that a rate counts, with its name.
     pub fn of(&self, rate: &str) -> (&'static str, f64) {
-        match rate {
-            "refine" | "write lattice_extracted" => ("triangles as cut", self.triangles),
-            "write lattice" | "write lattice_deformed" => ("triangles", self.refined),
-            "octree" | "map" => ("voxels in reach", self.reach),
-            "deform" => ("vertices in reach", self.moved),
-            "render before" | "render after" => ("pixels × voxels along an edge", self.pixels * self.edge),
-            "render difference" | "write image" => ("pixels", self.pixels),
-            _ => ("voxels", self.voxels),
+        let amount = match rate.strip_prefix("write ") {
+            None => list::place(rate).map_or(Amount::Voxels, |(_, place)| place.amount),
+            Some("lattice_extracted") => Amount::TrianglesAsCut,
+            Some("lattice" | "lattice_deformed") => Amount::Triangles,
+            Some("image") => Amount::Pixels,
+            Some(_) => Amount::Voxels,
+        };
+        match amount {
+            Amount::Voxels => ("voxels", self.voxels),
+            Amount::VoxelsInReach => ("voxels in reach", self.reach),
+            Amount::TrianglesAsCut => ("triangles as cut", self.triangles),
+            Amount::Triangles => ("triangles", self.refined),
+            Amount::VerticesInReach => ("vertices in reach", self.moved),
+            Amount::Samples => ("pixels × voxels along an edge", self.pixels * self.edge),
+            Amount::Pixels => ("pixels", self.pixels),
         }
     }
 }
