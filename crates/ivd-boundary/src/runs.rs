@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use ivd_core::parallel;
+use ivd_core::{Error, parallel, sets};
 
 /// Which voxels touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,8 +65,16 @@ impl Runs {
     }
 
     /// The component of every run, named by its first run.
-    pub(crate) fn components(&self, connectivity: Connectivity) -> Vec<usize> {
-        let mut parent: Vec<usize> = (0..self.len()).collect();
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`]: more runs than have a number.
+    pub(crate) fn components(&self, connectivity: Connectivity) -> Result<Vec<u32>, Error> {
+        if self.len() > u32::MAX as usize {
+            let problem =
+                format!("{} runs of voxels along x, at most {} are joined; crop it", self.len(), u32::MAX);
+            return Err(Error::Inconsistent { what: "volume", problem });
+        }
+        let mut parts = sets::singles(self.len());
         for z in 0..self.size[2] {
             for y in 0..self.size[1] {
                 let row = self.row(y, z);
@@ -74,7 +82,7 @@ impl Runs {
                     continue;
                 }
                 let mut join =
-                    |y: usize, z: usize| self.join(&row, &self.row(y, z), connectivity, &mut parent);
+                    |y: usize, z: usize| self.join(&row, &self.row(y, z), connectivity, &mut parts);
                 if y > 0 {
                     join(y - 1, z);
                 }
@@ -91,21 +99,18 @@ impl Runs {
                 }
             }
         }
-        // Parents precede their children, so one ascending pass flattens every chain.
-        for run in 0..parent.len() {
-            parent[run] = parent[parent[run]];
-        }
-        parent
+        sets::flatten(&mut parts);
+        Ok(parts)
     }
 
     /// Joins the touching runs of two neighbouring rows.
-    fn join(&self, a: &Range<usize>, b: &Range<usize>, connectivity: Connectivity, parent: &mut [usize]) {
+    fn join(&self, a: &Range<usize>, b: &Range<usize>, connectivity: Connectivity, parts: &mut [u32]) {
         let slack = u32::from(connectivity == Connectivity::Corners);
         let (mut i, mut j) = (a.start, b.start);
         while i < a.end && j < b.end {
             let ([start, end], [other_start, other_end]) = (self.spans[i], self.spans[j]);
             if start < other_end + slack && other_start < end + slack {
-                unite(parent, i, j);
+                sets::join(parts, i as u32, j as u32);
             }
             if end < other_end {
                 i += 1;
@@ -114,22 +119,4 @@ impl Runs {
             }
         }
     }
-}
-
-/// Joins two sets; the lower root stays.
-fn unite(parent: &mut [usize], a: usize, b: usize) {
-    let (a, b) = (root(parent, a), root(parent, b));
-    if a < b {
-        parent[b] = a;
-    } else {
-        parent[a] = b;
-    }
-}
-
-fn root(parent: &mut [usize], mut run: usize) -> usize {
-    while parent[run] != run {
-        parent[run] = parent[parent[run]];
-        run = parent[run];
-    }
-    run
 }

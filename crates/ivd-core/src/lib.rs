@@ -2,7 +2,8 @@
 //!
 //! A scanned volume enters as a [`Volume`] on a [`Grid`]; stages turn it into [`Labels`], a [`TransferFunction`],
 //! a [`Mask`], a [`Tree`], a [`Lattice`], an [`Octree`], a [`Motion`], a [`Displacement`] and an [`Image`]. This crate holds those
-//! values, the execution context [`Exec`], how text is [`shown`] to a person, and nothing else: no files, no arguments, no GPU.
+//! values, the execution context [`Exec`], how text is [`shown`] to a person, and what several stages work with
+//! ([`noise`], [`parallel`], [`sets`]): no files, no arguments, no GPU.
 //!
 //! Conventions, kept everywhere:
 //! - World space is millimetres, RAS (x to the patient's right, y to the front, z to the head), `f64`.
@@ -40,6 +41,7 @@ pub mod noise;
 mod octree;
 pub mod op;
 pub mod parallel;
+pub mod sets;
 mod shown;
 mod transfer;
 mod tree;

@@ -1,7 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Buffer, Error, Grid};
+use crate::{Buffer, Error, Grid, sets};
 
 /// How unlike two neighbouring parts of a volume are taken to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -136,16 +136,16 @@ impl Tree {
     pub fn parents(&self) -> Vec<u32> {
         let leaves = self.leaf_count();
         let mut parents: Vec<u32> = (0..self.nodes() as u32).collect();
-        let mut sets: Vec<u32> = (0..leaves as u32).collect();
-        // The node that stands for a set, at its root.
-        let mut top = sets.clone();
+        let mut parts = sets::singles(leaves);
+        // The node that stands for a part, at its root.
+        let mut top = parts.clone();
         for (i, pair) in self.merges.iter().enumerate() {
-            let [a, b] = pair.map(|leaf| root(&mut sets, leaf - 1));
+            let [a, b] = pair.map(|leaf| sets::root(&mut parts, leaf - 1));
             let node = (leaves + i) as u32;
             parents[top[a as usize] as usize] = node;
             parents[top[b as usize] as usize] = node;
             let (low, high) = (a.min(b), a.max(b));
-            sets[high as usize] = low;
+            parts[high as usize] = low;
             top[low as usize] = node;
         }
         parents
@@ -202,29 +202,17 @@ impl Tree {
 
     fn problem_of_merges(&self) -> Option<String> {
         let leaves = self.leaf_count() as u32;
-        let mut sets: Vec<u32> = (0..leaves).collect();
+        let mut parts = sets::singles(leaves as usize);
         for (i, pair) in self.merges.iter().enumerate() {
             if pair.iter().any(|leaf| *leaf == 0 || *leaf > leaves) {
                 return Some(format!("merge {i} names the leaves {pair:?} of {leaves}"));
             }
-            let [a, b] = pair.map(|leaf| root(&mut sets, leaf - 1));
-            if a == b {
+            if !sets::join(&mut parts, pair[0] - 1, pair[1] - 1) {
                 return Some(format!("merge {i} joins the leaves {pair:?}, which were joined before"));
             }
-            sets[a.max(b) as usize] = a.min(b);
         }
         None
     }
-}
-
-/// Root of a set, halving the way to it.
-fn root(sets: &mut [u32], mut at: u32) -> u32 {
-    while sets[at as usize] != at {
-        let above = sets[sets[at as usize] as usize];
-        sets[at as usize] = above;
-        at = above;
-    }
-    at
 }
 
 #[cfg(test)]

@@ -3,11 +3,10 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, NO_DATA, Volume, parallel};
+use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, NO_DATA, Volume, parallel, sets};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::hvs::sets;
 use crate::{Error, Segmentation, classes};
 
 /// Voxels that one task looks at.
@@ -111,7 +110,7 @@ struct Parts {
 
 fn parts(ids: &[u16], dims: [usize; 3], exec: &Exec) -> Result<Parts, Error> {
     let mut of = exec.bulk::<u32>("the parts of the voxels", ids.len())?;
-    sets::fill(&mut of);
+    sets::reset(&mut of);
     each_face(ids.len(), dims, exec, |a, b| {
         if ids[a] == ids[b] {
             sets::join(&mut of, a as u32, b as u32);

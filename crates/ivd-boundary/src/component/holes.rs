@@ -1,6 +1,6 @@
 //! Background that a piece encloses.
 
-use ivd_core::{Volume, with_voxels};
+use ivd_core::{Error, Volume, with_voxels};
 use rayon::prelude::*;
 
 use crate::runs::{Connectivity, Runs};
@@ -11,10 +11,10 @@ pub(super) fn fill(
     inside: &mut [u8],
     dims: [usize; 3],
     part: &Runs,
-    components: &[usize],
-    kept: usize,
+    components: &[u32],
+    kept: u32,
     volume: &Volume,
-) -> u64 {
+) -> Result<u64, Error> {
     let [low, high] = bounds(part, components, kept, dims);
     let size: [usize; 3] = std::array::from_fn(|a| high[a] - low[a]);
     let row_start = |y: usize, z: usize| low[0] + dims[0] * (low[1] + y + dims[1] * (low[2] + z));
@@ -22,7 +22,7 @@ pub(super) fn fill(
         let inside = &*inside;
         Runs::find(size, |y, z, found| gaps(&inside[row_start(y, z)..][..size[0]], found))
     };
-    let pieces = background.components(Connectivity::Corners);
+    let pieces = background.components(Connectivity::Corners)?;
     let mut outer = vec![false; pieces.len()];
     for z in 0..size[2] {
         for y in 0..size[1] {
@@ -30,12 +30,12 @@ pub(super) fn fill(
             for run in background.row(y, z) {
                 let span = background.span(run);
                 if face || span.start == 0 || span.end == size[0] {
-                    outer[pieces[run]] = true;
+                    outer[pieces[run] as usize] = true;
                 }
             }
         }
     }
-    inside
+    let filled = inside
         .par_chunks_mut(dims[0] * dims[1])
         .enumerate()
         .skip(low[2])
@@ -44,7 +44,7 @@ pub(super) fn fill(
             let mut filled = 0;
             for y in 0..size[1] {
                 let start = low[0] + dims[0] * (low[1] + y);
-                for run in background.row(y, z - low[2]).filter(|&run| !outer[pieces[run]]) {
+                for run in background.row(y, z - low[2]).filter(|&run| !outer[pieces[run] as usize]) {
                     let span = background.span(run);
                     let range = start + span.start..start + span.end;
                     filled +=
@@ -53,7 +53,8 @@ pub(super) fn fill(
             }
             filled
         })
-        .sum()
+        .sum();
+    Ok(filled)
 }
 
 /// Sets the voxels that hold data; `first` is the linear index of the first.
@@ -66,7 +67,7 @@ fn fill_data(target: &mut [u8], volume: &Volume, first: usize) -> u64 {
 }
 
 /// Lowest and one past the highest voxel of a component.
-fn bounds(runs: &Runs, components: &[usize], kept: usize, dims: [usize; 3]) -> [[usize; 3]; 2] {
+fn bounds(runs: &Runs, components: &[u32], kept: u32, dims: [usize; 3]) -> [[usize; 3]; 2] {
     let (mut low, mut high) = (dims, [0; 3]);
     for z in 0..dims[2] {
         for y in 0..dims[1] {

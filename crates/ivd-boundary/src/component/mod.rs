@@ -54,14 +54,14 @@ pub fn component(
         let dims = volume.grid().dims();
         let runs = Runs::find(dims, |y, z, found| members.row_runs(y, z, found));
         exec.check_cancelled()?;
-        let components = runs.components(Connectivity::Faces);
+        let components = runs.components(Connectivity::Faces)?;
         exec.check_cancelled()?;
         let kept = kept_component(volume, labels, params, &chosen, &members, &runs, &components)?;
         let mut inside = vec![0_u8; volume.grid().len()];
         draw(&runs, &components, kept, dims, &mut inside);
         exec.check_cancelled()?;
         let filled = if params.fill_holes {
-            holes::fill(&mut inside, dims, &runs, &components, kept, volume)
+            holes::fill(&mut inside, dims, &runs, &components, kept, volume)?
         } else {
             0
         };
@@ -70,7 +70,7 @@ pub fn component(
             voxels: mask.count(),
             mask,
             class: chosen.class,
-            components: components.iter().enumerate().filter(|(run, component)| run == *component).count(),
+            components: components.iter().enumerate().filter(|(run, first)| *run == **first as usize).count(),
             filled,
             lower: chosen.lower,
             upper: chosen.upper,
@@ -86,8 +86,8 @@ fn kept_component(
     chosen: &Chosen,
     members: &Members,
     runs: &Runs,
-    components: &[usize],
-) -> Result<usize, Error> {
+    components: &[u32],
+) -> Result<u32, Error> {
     if runs.len() == 0 {
         return Err(choice::nothing_there(volume, labels, chosen));
     }
@@ -101,14 +101,14 @@ fn kept_component(
     }
     let mut sizes = vec![0_u64; components.len()];
     for (run, &component) in components.iter().enumerate() {
-        sizes[component] += runs.span(run).len() as u64;
+        sizes[component as usize] += runs.span(run).len() as u64;
     }
-    let largest = (0..sizes.len()).max_by_key(|&run| (sizes[run], std::cmp::Reverse(run)));
+    let largest = (0..sizes.len() as u32).max_by_key(|&run| (sizes[run as usize], std::cmp::Reverse(run)));
     Ok(largest.expect("there is a run"))
 }
 
 /// Writes a component's runs into the mask.
-fn draw(runs: &Runs, components: &[usize], kept: usize, dims: [usize; 3], inside: &mut [u8]) {
+fn draw(runs: &Runs, components: &[u32], kept: u32, dims: [usize; 3], inside: &mut [u8]) {
     inside.par_chunks_mut(dims[0] * dims[1]).enumerate().for_each(|(z, slice)| {
         for (y, row) in slice.chunks_mut(dims[0]).enumerate() {
             for run in runs.row(y, z).filter(|&run| components[run] == kept) {

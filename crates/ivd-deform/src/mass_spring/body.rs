@@ -1,6 +1,6 @@
 //! The part of a lattice that handles can move, as masses on springs.
 
-use ivd_core::{Labels, Lattice};
+use ivd_core::{Labels, Lattice, sets};
 use nalgebra::Vector3;
 
 use super::classes;
@@ -159,42 +159,34 @@ impl Body {
         for spring in &self.list {
             let [a, b] = spring.ends.map(|v| v as usize);
             if a.max(b) >= self.loose {
-                held[part[a.min(b)]] = true;
+                held[part[a.min(b)] as usize] = true;
             }
         }
         for v in 0..self.loose {
-            held[part[v]] |= self.ground[v] > 0.0;
+            held[part[v] as usize] |= self.ground[v] > 0.0;
         }
-        part.into_iter().map(|p| held[p]).collect()
+        part.into_iter().map(|p| held[p as usize]).collect()
     }
 
     /// The lowest vertex that springs connect each loose vertex to, over loose ones.
-    fn parts(&self) -> Vec<usize> {
-        fn root(part: &mut [usize], mut v: usize) -> usize {
-            while part[v] != v {
-                part[v] = part[part[v]];
-                v = part[v];
-            }
-            v
-        }
-        let mut part: Vec<usize> = (0..self.loose).collect();
-        for spring in &self.list {
-            let [a, b] = spring.ends.map(|v| v as usize);
-            if a.max(b) < self.loose {
-                let (a, b) = (root(&mut part, a), root(&mut part, b));
-                part[a.max(b)] = a.min(b);
+    fn parts(&self) -> Vec<u32> {
+        let mut parts = sets::singles(self.loose);
+        for [a, b] in self.list.iter().map(|spring| spring.ends) {
+            if (a.max(b) as usize) < self.loose {
+                sets::join(&mut parts, a, b);
             }
         }
-        (0..self.loose).map(|v| root(&mut part, v)).collect()
+        sets::flatten(&mut parts);
+        parts
     }
 
     /// A pull needs something to pull against.
     pub(super) fn check_held(&self, drives: &Drives) -> Result<(), Error> {
         let (part, mut held) = (self.parts(), self.held());
         for &(moved, ..) in &drives.moved {
-            held[part[moved]] = true;
+            held[part[moved] as usize] = true;
         }
-        let loose = |v: &usize| drives.force[*v] != [0.0; 3] && !held[*v] && !held[part[*v]];
+        let loose = |v: &usize| drives.force[*v] != [0.0; 3] && !held[*v] && !held[part[*v] as usize];
         (0..self.loose).find(loose).map_or(Ok(()), |v| {
             Err(Error::Mismatch {
                 what: "handle",

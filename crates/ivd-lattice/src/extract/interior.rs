@@ -9,6 +9,8 @@
 //!
 //! The idea of slicing is Chernyaev's (1995) and Custodio's (2013); that it suffices to join slabs is told here without a table of cases.
 
+use ivd_core::sets;
+
 /// What stands for a level of 0 beside a largest one of 1 to 2. All levels are moved by it, so that what lies on the surface goes
 /// where ties go. Levels much less than it beside the largest of their cell count as 0.
 const NOTHING: f64 = 1.0 / (1_u64 << 32) as f64;
@@ -87,11 +89,8 @@ fn roots(c: [f64; 3]) -> [Option<f64>; 2] {
 
 /// Joins the corners of the slabs between `cuts`.
 fn join(cuts: &[f64], low: [f64; 4], rise: [f64; 4], joint: [f64; 3]) -> [u8; 8] {
-    let mut parent: [u8; 4 * SLABS] = std::array::from_fn(|i| i as u8);
-    let mut unite = |a: usize, b: usize| {
-        let [a, b] = [a, b].map(|i| root(&parent, i));
-        parent[usize::from(a)] = b;
-    };
+    let mut parts: [u32; 4 * SLABS] = std::array::from_fn(|i| i as u32);
+    let mut unite = |a: usize, b: usize| sets::join(&mut parts, a as u32, b as u32);
     let slabs = cuts.len() - 1;
     let mut before = [false; 4];
     for slab in 0..slabs {
@@ -114,17 +113,10 @@ fn join(cuts: &[f64], low: [f64; 4], rise: [f64; 4], joint: [f64; 3]) -> [u8; 8]
     }
     let mut regions = [0; 8];
     for (i, corner) in TURN.into_iter().enumerate() {
-        regions[corner] = root(&parent, i);
-        regions[corner | 4] = root(&parent, 4 * (slabs - 1) + i);
+        regions[corner] = sets::root(&mut parts, i as u32) as u8;
+        regions[corner | 4] = sets::root(&mut parts, (4 * (slabs - 1) + i) as u32) as u8;
     }
     regions
-}
-
-fn root(parent: &[u8], mut at: usize) -> u8 {
-    while usize::from(parent[at]) != at {
-        at = usize::from(parent[at]);
-    }
-    at as u8
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 use std::ops::AddAssign;
 
+use ivd_core::sets;
+
 use super::stars::Stars;
 
 /// What the edges and links of some vertices show; sums over all vertices describe the mesh.
@@ -96,24 +98,10 @@ impl Link {
         let mut parts = self.neighbours.len();
         for side in &self.sides {
             let [a, b] = side.map(|w| {
-                let at = self.neighbours.binary_search(&w).expect("both ends of a side are neighbours");
-                root(&mut self.parent, at as u32)
+                self.neighbours.binary_search(&w).expect("both ends of a side are neighbours") as u32
             });
-            if a != b {
-                self.parent[a.max(b) as usize] = a.min(b);
-                parts -= 1;
-            }
+            parts -= usize::from(sets::join(&mut self.parent, a, b));
         }
         parts
     }
-}
-
-/// Representative of `v`'s set in a forest of parents, halving the path on the way.
-pub(crate) fn root(parent: &mut [u32], mut v: u32) -> u32 {
-    while parent[v as usize] != v {
-        let above = parent[parent[v as usize] as usize];
-        parent[v as usize] = above;
-        v = above;
-    }
-    v
 }

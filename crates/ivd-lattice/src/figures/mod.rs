@@ -28,12 +28,11 @@ pub(crate) mod link;
 mod quality;
 pub(crate) mod stars;
 
-use ivd_core::Lattice;
+use ivd_core::{Lattice, sets};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub(crate) use link::root;
 use link::{Link, LinkCounts};
 pub use quality::{ASPECT_BINS, Component, Quality, Spread, quality};
 use stars::Stars;
@@ -137,14 +136,13 @@ fn components(lattice: &Lattice) -> u64 {
 
 /// The first vertex of the component that each vertex is in.
 pub(crate) fn component_roots(lattice: &Lattice) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..lattice.keys.len() as u32).collect();
+    let mut roots = sets::singles(lattice.keys.len());
     for &[a, b, c] in &lattice.triangles {
-        for (from, to) in [(a, b), (b, c)] {
-            let (from, to) = (root(&mut parent, from), root(&mut parent, to));
-            parent[from.max(to) as usize] = from.min(to);
-        }
+        sets::join(&mut roots, a, b);
+        sets::join(&mut roots, b, c);
     }
-    (0..parent.len() as u32).map(|v| root(&mut parent, v)).collect()
+    sets::flatten(&mut roots);
+    roots
 }
 
 /// Area (mm²), enclosed volume (mm³), degenerate triangles.

@@ -5,9 +5,9 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::PIECE;
-use super::link::{Link, LinkCounts, root};
+use super::link::{Link, LinkCounts};
 use super::stars::Stars;
+use super::{PIECE, component_roots};
 
 /// Lower ends of the histogram's bins; the last bin is open.
 pub const ASPECT_BINS: [f64; 8] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 100.0];
@@ -181,22 +181,14 @@ fn genus(component: &Component, links: &LinkCounts) -> Option<u64> {
 
 /// The component of each vertex, numbered by their least vertices, which are given too.
 fn label(lattice: &Lattice) -> (Vec<u32>, Vec<u32>) {
-    let mut parent: Vec<u32> = (0..lattice.keys.len() as u32).collect();
-    for &[a, b, c] in &lattice.triangles {
-        for (from, to) in [(a, b), (b, c)] {
-            let (from, to) = (root(&mut parent, from), root(&mut parent, to));
-            // The root of a set is its least vertex.
-            parent[from.max(to) as usize] = from.min(to);
-        }
-    }
-    let (mut component_of, mut firsts) = (vec![0; parent.len()], Vec::new());
-    for v in 0..parent.len() as u32 {
-        let first = root(&mut parent, v);
-        if first == v {
-            component_of[v as usize] = firsts.len() as u32;
-            firsts.push(v);
+    let roots = component_roots(lattice);
+    let (mut component_of, mut firsts) = (vec![0; roots.len()], Vec::new());
+    for (v, &first) in roots.iter().enumerate() {
+        if first as usize == v {
+            component_of[v] = firsts.len() as u32;
+            firsts.push(first);
         } else {
-            component_of[v as usize] = component_of[first as usize];
+            component_of[v] = component_of[first as usize];
         }
     }
     (component_of, firsts)

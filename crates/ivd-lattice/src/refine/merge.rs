@@ -12,7 +12,7 @@
 //! the surface joins within the cube: each such patch has a member of its own. Cubes begin as small as the triangles and
 //! grow by half their side, each time over what is left, until the target is met.
 
-use ivd_core::{Exec, Lattice};
+use ivd_core::{Exec, Lattice, sets};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -26,7 +26,6 @@ use super::quadric::{Quadric, plane_root};
 use super::report::{Refined, Refused, StoppedBy};
 use super::surface::Surface;
 use crate::Error;
-use crate::figures::root;
 use crate::figures::stars::Stars;
 
 type Point = Vector3<f64>;
@@ -371,18 +370,18 @@ fn flags(surface: &Surface) -> Vec<bool> {
 fn patches(surface: &Surface, low: Point, side: f64) -> Vec<(u64, u32)> {
     let n = surface.positions.len();
     let cubes: Vec<u64> = surface.positions.par_iter().map(|p| cube(p, low, side)).collect();
-    let mut parent: Vec<u32> = (0..n as u32).collect();
+    let mut roots = sets::singles(n);
     for t in 0..surface.triangles.len() as u32 {
         let [a, b, c] = surface.triangles.corners(t);
         for (u, v) in [(a, b), (b, c), (c, a)] {
             if cubes[u as usize] == cubes[v as usize] {
-                let (u, v) = (root(&mut parent, u), root(&mut parent, v));
-                parent[u.max(v) as usize] = u.min(v);
+                sets::join(&mut roots, u, v);
             }
         }
     }
+    sets::flatten(&mut roots);
     let left = (0..n).filter(|&v| surface.is_left(v));
-    left.map(|v| (u64::from(root(&mut parent, v as u32)), v as u32)).collect()
+    left.map(|v| (u64::from(roots[v]), v as u32)).collect()
 }
 
 #[cfg(test)]

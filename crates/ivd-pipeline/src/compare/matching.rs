@@ -13,6 +13,8 @@
 
 use std::collections::BTreeMap;
 
+use ivd_core::sets;
+
 use super::agreement::Confusion;
 use super::assignment::Weights;
 
@@ -147,30 +149,20 @@ impl Graph {
 
     /// The connected parts of what is left, in the order of their first classes.
     fn into_parts(self) -> Vec<Part> {
-        let mut root: Vec<u32> = (0..2 * SECOND).collect();
+        let mut parts_of = sets::singles(2 * SECOND as usize);
         let left: Vec<Pair> = (0..self.pairs.len() as u32)
             .filter(|&i| self.is_left(i))
             .map(|i| self.pairs[i as usize])
             .collect();
         for pair in &left {
-            let [a, b] = pair.ends.map(|end| find(&mut root, end));
-            root[a.max(b) as usize] = a.min(b);
+            sets::join(&mut parts_of, pair.ends[0], pair.ends[1]);
         }
         let mut parts = BTreeMap::<u32, Vec<Pair>>::new();
         for pair in left {
-            parts.entry(find(&mut root, pair.ends[0])).or_default().push(pair);
+            parts.entry(sets::root(&mut parts_of, pair.ends[0])).or_default().push(pair);
         }
         parts.into_values().map(Part).collect()
     }
-}
-
-/// The first class of a class's part, as far as parts are joined yet.
-fn find(root: &mut [u32], mut class: u32) -> u32 {
-    while root[class as usize] != class {
-        root[class as usize] = root[root[class as usize] as usize];
-        class = root[class as usize];
-    }
-    class
 }
 
 /// The pairs of a connected part.

@@ -74,7 +74,7 @@ impl Regions {
         self.near[b as usize].push(a);
     }
 
-    /// The region that a member belongs to.
+    /// The region that a member belongs to: [`ivd_core::sets::root`] where what leads to it lies beside the figures that are read next.
     #[inline]
     pub(super) fn root(&mut self, mut at: u32) -> u32 {
         loop {

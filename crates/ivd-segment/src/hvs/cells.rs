@@ -5,7 +5,7 @@
 //! everything before they are few: on a noisy head of 16³ voxels, 1500 zones had 21 % more inertia at 50 classes than no zones
 //! at all, and 500 regions from blocks not any more.
 
-use ivd_core::{Bulk, Error, Exec, parallel};
+use ivd_core::{Bulk, Error, Exec, parallel, sets};
 use rayon::prelude::*;
 
 use super::agglomerate::Regions;
@@ -177,7 +177,7 @@ impl Cell {
             for (axis, back) in field.steps.into_iter().enumerate() {
                 let near = self.before(place, axis, block);
                 if near != ABSENT && field.voxels[voxel].apart(field.voxels[voxel - back]) == 0.0 {
-                    super::sets::join(&mut self.sets, place, near);
+                    sets::join(&mut self.sets, place, near);
                 }
             }
         }
@@ -252,9 +252,9 @@ impl Cell {
         mut count: u32,
     ) -> u32 {
         let zones = self.zones(field, block);
-        let mut names: Vec<u32> = (0..zones as u32).collect();
+        let mut names = sets::singles(zones);
         for [pair, _] in steps.iter().take_while(|step| step[1] <= limit) {
-            super::sets::join(&mut names, pair >> 16, pair & 0xffff);
+            sets::join(&mut names, pair >> 16, pair & 0xffff);
         }
         for zone in 0..zones {
             let above = names[zone] as usize;

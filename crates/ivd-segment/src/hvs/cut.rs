@@ -4,11 +4,13 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use ivd_core::op::check_fields;
-use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, Linkage, NO_DATA, ParamError, Tree, parallel};
+use ivd_core::{
+    Bulk, Class, Error as CoreError, Exec, Labels, Linkage, NO_DATA, ParamError, Tree, parallel, sets,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{frame, sets};
+use super::frame;
 use crate::moments::Moments;
 use crate::{Error, Segmentation, classes};
 
@@ -213,7 +215,7 @@ impl Top {
 fn ranked(tree: &Tree, exec: &Exec, mut tell: impl FnMut(usize, f64, u32)) -> Result<(), CoreError> {
     let mut parts: Bulk<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
     let mut sizes: Bulk<u32> = exec.bulk("the sizes of the parts", tree.leaf_count())?;
-    sets::fill(&mut parts);
+    sets::reset(&mut parts);
     sizes.copy_from_slice(&tree.counts);
     let mut step = 0;
     for (merge, pair) in tree.merges.iter().enumerate() {
@@ -233,7 +235,7 @@ fn ranked(tree: &Tree, exec: &Exec, mut tell: impl FnMut(usize, f64, u32)) -> Re
 /// The group of each leaf, 1…, joined by all merges but the undone; and the number of groups.
 fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(Bulk<u16>, usize), CoreError> {
     let mut parts: Bulk<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
-    sets::fill(&mut parts);
+    sets::reset(&mut parts);
     let mut from = 0;
     for end in undone.iter().map(|merge| *merge as usize).chain([tree.merges.len()]) {
         for merges in tree.merges[from..end].chunks(CHUNK) {

@@ -1,11 +1,10 @@
 //! How the classes of a cut come together, for drawing.
 
-use ivd_core::{Exec, Tree};
+use ivd_core::{Exec, Tree, sets};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::cut::{CutParams, classes_of};
-use super::sets;
 use crate::Error;
 
 /// The merges that a cut undid, between its classes.
@@ -44,7 +43,7 @@ pub fn dendrogram(
         if count > most {
             return Ok(None);
         }
-        let mut parts: Vec<u32> = (0..count as u32).collect();
+        let mut parts = sets::singles(count);
         let mut top: Vec<usize> = (0..count).collect();
         let mut merges = Vec::with_capacity(found.undone.len());
         for &merge in &found.undone {

@@ -4,10 +4,9 @@
 //! volume can do without (as in the distributed algorithms after Borůvka; filter-Kruskal, Osipov, Sanders & Singler 2009).
 //! Each block is small enough to stay close to the processor, and blocks don't wait for one another.
 
-use ivd_core::{Bulk, Error, Exec, parallel};
+use ivd_core::{Bulk, Error, Exec, parallel, sets};
 
 use super::field::{Apart, Block, Field, blocks};
-use super::sets;
 
 /// Voxels of a block along each axis; a voxel's place in it takes 13 bits, an edge's 15.
 const BLOCK: [usize; 3] = [32, 16, 16];
@@ -227,6 +226,8 @@ impl Scratch {
         }
     }
 
+    /// As [`sets::join`], in half the bytes and without a branch: blocks are joined where most of the time goes, and their sets fit the
+    /// nearest cache.
     #[inline(always)]
     fn join(&mut self, a: u16, b: u16) -> bool {
         let (a, b) = (self.root(a), self.root(b));
@@ -267,7 +268,7 @@ pub(super) fn zones<T: Apart>(
 ) -> Result<(Bulk<u32>, usize, usize), Error> {
     let flat = edges.partition_point(|e| field.height(*e) <= alpha);
     let mut leaves: Bulk<u32> = exec.bulk("the leaves of the voxels", field.voxels.len())?;
-    sets::fill(&mut leaves);
+    sets::reset(&mut leaves);
     for part in edges[..flat].chunks(CHUNK) {
         exec.check_cancelled()?;
         for &edge in part {

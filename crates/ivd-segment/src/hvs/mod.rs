@@ -9,7 +9,6 @@ mod figures;
 mod forest;
 mod graph;
 mod merges;
-pub(crate) mod sets;
 mod single;
 #[cfg(test)]
 mod tests;

@@ -1,11 +1,10 @@
 //! Single linkage: the merges are the edges of a minimum spanning forest, in order (Kruskal 1956).
 
-use ivd_core::{Bulk, Error, Exec};
+use ivd_core::{Bulk, Error, Exec, sets};
 
 use super::field::{Apart, Field};
 use super::figures::Figures;
 use super::merges::Merges;
-use super::sets;
 
 /// Edges between two looks at whether to stop.
 const CHUNK: usize = 1 << 18;
@@ -20,7 +19,7 @@ pub(super) fn merges<T: Apart>(
 ) -> Result<Merges, Error> {
     let mut merges = Merges::of(figures.counts.len(), exec)?;
     let mut sets: Bulk<u32> = exec.bulk("the parts of the leaves", figures.counts.len())?;
-    sets::fill(&mut sets);
+    sets::reset(&mut sets);
     for part in edges.chunks(CHUNK) {
         exec.check_cancelled()?;
         for &edge in part {

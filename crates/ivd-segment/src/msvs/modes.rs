@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use ivd_core::{Error, Exec, parallel};
+use ivd_core::{Error, Exec, parallel, sets};
 use rayon::prelude::*;
 
 use super::MsvsParams;
@@ -132,20 +132,13 @@ fn saddles(
 /// Where each peak ends. Peaks are numbered from the highest down.
 fn ends(peaks: usize, saddles: &[(f32, u32, u32)], heights: &Heights) -> Vec<End> {
     let mut ends = vec![End { saddle: 0.0, into: None }; peaks];
-    let mut root: Vec<u32> = (0..peaks as u32).collect();
-    let find = |root: &mut Vec<u32>, mut m: u32| {
-        while root[m as usize] != m {
-            root[m as usize] = root[root[m as usize] as usize];
-            m = root[m as usize];
-        }
-        m
-    };
+    let mut parts = sets::singles(peaks);
     for &(height, a, b) in saddles {
-        let (first, second) = (find(&mut root, a), find(&mut root, b));
+        let (first, second) = (sets::root(&mut parts, a), sets::root(&mut parts, b));
         if first != second {
             let (lower, into) = if first > second { (first, b) } else { (second, a) };
             ends[lower as usize] = End { saddle: heights.density(f64::from(height)), into: Some(into) };
-            root[lower as usize] = first.min(second);
+            sets::join(&mut parts, first, second);
         }
     }
     ends

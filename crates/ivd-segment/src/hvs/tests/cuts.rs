@@ -1,4 +1,5 @@
 use super::*;
+use ivd_core::sets;
 
 /// Whether every class of `coarse` is a union of classes of `fine`.
 fn nested(fine: &[u16], coarse: &[u16]) -> bool {
@@ -8,10 +9,10 @@ fn nested(fine: &[u16], coarse: &[u16]) -> bool {
 
 /// Number of connected parts of the classes.
 fn parts(volume: &Volume, ids: &[u16]) -> usize {
-    let mut sets: Vec<u32> = (0..ids.len() as u32).collect();
+    let mut sets = sets::singles(ids.len());
     for [a, b] in neighbours(volume, None) {
         if ids[a] == ids[b] {
-            crate::hvs::sets::join(&mut sets, a as u32, b as u32);
+            sets::join(&mut sets, a as u32, b as u32);
         }
     }
     sets.iter().enumerate().filter(|(i, s)| *i as u32 == **s && ids[*i] > 0).count()
