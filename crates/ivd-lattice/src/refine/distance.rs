@@ -1,48 +1,22 @@
-//! Closest points between points, segments and triangles (Ericson 2005, sections 5.1.5 and 5.1.9).
+//! Closest points between points, segments and triangles (Ericson 2005, section 5.1.9).
 
+use ivd_core::geometry::{self, share};
 use nalgebra::Vector3;
 
 type Point = Vector3<f64>;
 
-/// Point of triangle `abc` closest to `p`. A triangle without area is taken as its edges.
+/// Point of triangle `abc` closest to `p`, a corner's or an edge's to the bit.
 pub(super) fn closest_on_triangle(p: &Point, [a, b, c]: [&Point; 3]) -> Point {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
-    if ab.norm_squared() == 0.0 {
-        return a + ac * closest_on_segment(p, a, c);
+    let [u, v, w] = geometry::closest_on_triangle(&[*a, *b, *c], *p);
+    if v == 1.0 {
+        *b
+    } else if w == 1.0 {
+        *c
+    } else if u == 0.0 {
+        b + (c - b) * w
+    } else {
+        a + (b - a) * v + (c - a) * w
     }
-    let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return *a;
-    }
-    let bp = p - b;
-    let (d3, d4) = (ab.dot(&bp), ac.dot(&bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return *b;
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return a + ab * share(d1, d1 - d3);
-    }
-    let cp = p - c;
-    let (d5, d6) = (ab.dot(&cp), ac.dot(&cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return *c;
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return a + ac * share(d2, d2 - d6);
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-        return b + (c - b) * share(d4 - d3, (d4 - d3) + (d5 - d6));
-    }
-    let sum = va + vb + vc;
-    a + ab * share(vb, sum) + ac * share(vc, sum)
-}
-
-/// `part / whole` in 0…1, and 0 where the whole is nothing.
-fn share(part: f64, whole: f64) -> f64 {
-    if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 0.0 }
 }
 
 /// Parameter in 0…1 of the point of segment `a + s (b - a)` closest to `p`.

@@ -8,16 +8,15 @@
 
 mod blocks;
 mod bounds;
-mod triangle;
 
 use std::sync::Arc;
 
+use ivd_core::geometry::closest_on_triangle;
 use ivd_core::{Lattice, Octree};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::Error;
 use blocks::{Block, Lane, Tree};
-use triangle::closest;
 
 /// The lattice point nearest to a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -183,7 +182,7 @@ impl Search<'_> {
         if beyond(&corners, self.point, self.best_squared) {
             return;
         }
-        let barycentric = closest(&corners, self.point);
+        let barycentric = closest_on_triangle(&corners, self.point);
         let found = corners[0] * barycentric[0] + corners[1] * barycentric[1] + corners[2] * barycentric[2];
         let squared = (found - self.point).norm_squared();
         let better = squared < self.best_squared

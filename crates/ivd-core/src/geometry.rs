@@ -1,3 +1,5 @@
+//! Closest points.
+
 use nalgebra::Vector3;
 
 /// Weights of the corners of the triangle's point nearest to `point` (Ericson 2005, Real-Time Collision Detection, 5.1.5).
@@ -5,7 +7,7 @@ use nalgebra::Vector3;
 /// A corner or an edge has exact zeros for the corners that don't take part, so that the triangles at a corner agree on
 /// its distance to the last bit. A triangle without area is its longest edge.
 #[inline]
-pub(super) fn closest(corners: &[Vector3<f64>; 3], point: Vector3<f64>) -> [f64; 3] {
+pub fn closest_on_triangle(corners: &[Vector3<f64>; 3], point: Vector3<f64>) -> [f64; 3] {
     let [a, b, c] = corners;
     let (ab, ac, ap) = (b - a, c - a, point - a);
     let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));
@@ -45,7 +47,7 @@ pub(super) fn closest(corners: &[Vector3<f64>; 3], point: Vector3<f64>) -> [f64;
 
 /// A quotient in 0…1; 0 where the whole is nothing.
 #[inline]
-fn share(part: f64, whole: f64) -> f64 {
+pub fn share(part: f64, whole: f64) -> f64 {
     if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 0.0 }
 }
 
@@ -56,7 +58,7 @@ mod tests {
     #[test]
     fn nearest_points_of_all_seven_regions_are_right() {
         let corners = [Vector3::new(0.0, 0.0, 0.0), Vector3::new(2.0, 0.0, 0.0), Vector3::new(0.0, 2.0, 0.0)];
-        let at = |x, y, z| closest(&corners, Vector3::new(x, y, z));
+        let at = |x, y, z| closest_on_triangle(&corners, Vector3::new(x, y, z));
         assert_eq!(at(-1.0, -1.0, 1.0), [1.0, 0.0, 0.0]);
         assert_eq!(at(4.0, -1.0, 1.0), [0.0, 1.0, 0.0]);
         assert_eq!(at(-1.0, 4.0, 1.0), [0.0, 0.0, 1.0]);
@@ -73,7 +75,7 @@ mod tests {
             [[v(0.0); 3], [v(0.0), v(0.0), v(1.0)], [v(0.0), v(1.0), v(0.0)], [v(0.0), v(1.0), v(2.0)]]
         {
             for point in [Vector3::new(0.5, 1.0, 0.0), v(-1.0), v(3.0), v(0.0)] {
-                let weights = closest(&corners, point);
+                let weights = closest_on_triangle(&corners, point);
                 assert!(weights.iter().all(|w| (0.0..=1.0).contains(w)), "{weights:?}");
                 assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
             }
@@ -89,7 +91,7 @@ mod tests {
                 (Vector3::new(9.0, 9.0, 9.0), a),
                 (Vector3::new(2.0, 1.5, 7.0), Vector3::new(2.0, 1.5, 1.0)),
             ] {
-                let [u, v, w] = closest(&corners, point);
+                let [u, v, w] = closest_on_triangle(&corners, point);
                 let found = corners[0] * u + corners[1] * v + corners[2] * w;
                 assert!((found - nearest).norm() < 1e-12, "{corners:?} from {point:?}: {found:?}");
             }
