@@ -1,3 +1,5 @@
+use ivd_core::srgb;
+
 /// Eight colours that people with any kind of colour blindness can tell apart (after Okabe and Ito 2008), sRGB 8 bit,
 /// in an order that gives neighbours in intensity strongly different hues.
 const PALETTE: [[u8; 3]; 8] = [
@@ -15,14 +17,7 @@ const PALETTE: [[u8; 3]; 8] = [
 /// palette repeats, each time at 0.7 of the brightness.
 pub fn colour(rank: usize) -> [f32; 3] {
     let dim = 0.7_f32.powi((rank / PALETTE.len()).min(8) as i32);
-    PALETTE[rank % PALETTE.len()].map(|c| linear(c) * dim)
-}
-
-/// Linear light of an sRGB byte (IEC 61966-2-1).
-fn linear(srgb: u8) -> f32 {
-    let c = f64::from(srgb) / 255.0;
-    let l = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
-    l as f32
+    PALETTE[rank % PALETTE.len()].map(|c| srgb::linear_of_byte(c) * dim)
 }
 
 #[cfg(test)]
@@ -36,7 +31,5 @@ mod tests {
             assert!(a.iter().all(|c| (0.0..=1.0).contains(c)));
             assert!(all[..i].iter().all(|b| a != b), "colour {i} occurs twice");
         }
-        assert_eq!(linear(255), 1.0);
-        assert_eq!(linear(0), 0.0);
     }
 }

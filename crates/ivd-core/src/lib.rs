@@ -3,7 +3,7 @@
 //! A scanned volume enters as a [`Volume`] on a [`Grid`]; stages turn it into [`Labels`], a [`TransferFunction`],
 //! a [`Mask`], a [`Tree`], a [`Lattice`], an [`Octree`], a [`Motion`], a [`Displacement`] and an [`Image`]. This crate holds those
 //! values, the execution context [`Exec`], how text is [`shown`] to a person, and what several stages work with
-//! ([`geometry`], [`noise`], [`parallel`], [`sets`]): no files, no arguments, no GPU.
+//! ([`geometry`], [`noise`], [`parallel`], [`sets`], [`srgb`]): no files, no arguments, no GPU.
 //!
 //! Conventions, kept everywhere:
 //! - World space is millimetres, RAS (x to the patient's right, y to the front, z to the head), `f64`.
@@ -44,6 +44,7 @@ pub mod op;
 pub mod parallel;
 pub mod sets;
 mod shown;
+pub mod srgb;
 mod transfer;
 mod tree;
 mod value;

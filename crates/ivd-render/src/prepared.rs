@@ -1,4 +1,4 @@
-use ivd_core::{BrickRange, Exec, Labels};
+use ivd_core::{BrickRange, Exec, Labels, srgb};
 
 use crate::camera::{Camera, Ray};
 use crate::cast::{Cast, Field, first_hit, mip};
@@ -222,7 +222,7 @@ impl<'a> Prepared<'a> {
                     let Some(greatest) = greatest else { return cast };
                     let value = self.scene.volume.real(self.sign() * f64::from(greatest) + self.shift);
                     let share = if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 1.0 };
-                    let grey = picture::linear(share as f32);
+                    let grey = srgb::linear(share as f32);
                     Cast { rgba: [grey, grey, grey, 1.0], ..cast }
                 };
                 tiles(&camera, exec, |rays| one_by_one(rays, cast))

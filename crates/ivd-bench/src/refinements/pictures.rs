@@ -1,6 +1,6 @@
 //! How refinements look: all from one side, in one scale of colours.
 
-use ivd_core::{Exec, Image, Lattice};
+use ivd_core::{Exec, Image, Lattice, srgb};
 use ivd_render::{Look, RenderParams, View, surface};
 use nalgebra::Vector3;
 
@@ -79,7 +79,7 @@ fn colour(voxels: f64) -> [f32; 3] {
     let at = ((voxels / low).max(1.0).ln() / (high / low).ln()).min(1.0) * last;
     let below = at.min(last - 1.0) as usize;
     let part = (at - below as f64) as f32;
-    let linear = |c: u8| (f32::from(c) / 255.0).powf(2.2);
+    let linear = srgb::linear_of_byte;
     std::array::from_fn(|c| linear(COLOURS[below][c]) * (1.0 - part) + linear(COLOURS[below + 1][c]) * part)
 }
 

@@ -19,7 +19,7 @@ pub(crate) use page::html;
 pub(crate) use slices::class_slices;
 
 /// Raised whenever the same material gives another page.
-pub(crate) const REVISION: u32 = 5;
+pub(crate) const REVISION: u32 = 6;
 
 /// What the report shows beyond the stages' records.
 #[derive(Debug, Default)]

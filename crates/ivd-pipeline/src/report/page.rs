@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use ivd_artefact::Artefact;
-use ivd_core::{Exec, Image, Scalar, TransferFunction, Value as _, Volume, with_voxels};
+use ivd_core::{Exec, Image, Scalar, TransferFunction, Value as _, Volume, srgb, with_voxels};
 use ivd_deform::certificate::Histogram;
 use ivd_deform::map::MapFigures;
 use ivd_deform::space::SpaceFigures;
@@ -377,6 +377,6 @@ fn colour_of(transfer: Option<&TransferFunction>, value: f64) -> String {
     if rgba[3] < 1e-4 {
         return "#bbb".to_owned();
     }
-    let srgb = |c: f32| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8;
-    format!("#{:02x}{:02x}{:02x}", srgb(rgba[0]), srgb(rgba[1]), srgb(rgba[2]))
+    let [r, g, b] = [rgba[0], rgba[1], rgba[2]].map(srgb::byte);
+    format!("#{r:02x}{g:02x}{b:02x}")
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use ivd_core::{Image, Labels, NO_DATA, Volume, VoxelIndex};
+use ivd_core::{Image, Labels, NO_DATA, Volume, VoxelIndex, srgb};
 
 use crate::Error;
 use crate::export::png_bytes;
@@ -62,7 +62,7 @@ pub(super) fn class_colour(rank: usize) -> String {
 }
 
 fn rgb(rank: usize) -> [u8; 3] {
-    ivd_atf::class_colour(rank).map(|c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8)
+    ivd_atf::class_colour(rank).map(srgb::byte)
 }
 
 /// Pixels of a slice from the top, by the linear index of their voxel.
