@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use crate::plot::{AREA, Axis, BOTTOM, LEFT, TOP, axes, escape, number};
+use ivd_pipeline::html::{escape, number};
+
+use crate::plot::{AREA, Axis, BOTTOM, LEFT, TOP, axes};
 use crate::record::{Bench, Point, StageBench};
 
 /// Where a point without error stands, below the least error there is.

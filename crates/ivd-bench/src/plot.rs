@@ -1,6 +1,8 @@
-//! Plots as SVG, and numbers in text.
+//! Plots as SVG.
 
 use std::fmt::Write as _;
+
+use ivd_pipeline::html::{escape, number};
 
 /// The plotted area and the room for its labels (SVG units).
 pub(crate) const AREA: [f64; 2] = [600.0, 300.0];
@@ -118,36 +120,9 @@ pub(crate) fn curves(curves: &[Curve], x_label: &str, y_label: &str) -> String {
     svg + "</svg>"
 }
 
-/// Three digits that say something.
-pub(crate) fn number(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    if !(1e-3..1e6).contains(&size) {
-        return format!("{value:.2e}");
-    }
-    let places = (2 - size.log10().floor() as i32).clamp(0, 6) as usize;
-    let text = format!("{value:.places$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
-
-pub(crate) fn escape(text: &str) -> String {
-    ivd_core::shown(text)
-        .replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('\'', "&#39;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn text_can_neither_be_markup_nor_act_on_the_display() {
-        assert_eq!(escape("<b>\u{202e}&\u{1b}\n"), "&lt;b&gt;\\u{202e}&amp;\\u{1b}\n");
-    }
 
     #[test]
     fn an_axis_spans_its_values_and_ticks_lie_on_it() {
@@ -156,11 +131,5 @@ mod tests {
         assert_eq!(axis.ticks(), [5.0, 10.0, 20.0, 50.0]);
         let none = Axis::new(std::iter::empty(), 100.0);
         assert!(none.at(1.0).is_finite());
-    }
-
-    #[test]
-    fn numbers_keep_three_digits() {
-        assert_eq!([0.0, 0.012_34, 1.0, 12.3, 1234.0].map(number), ["0", "0.0123", "1", "12.3", "1234"]);
-        assert_eq!(number(1.2e-7), "1.20e-7");
     }
 }

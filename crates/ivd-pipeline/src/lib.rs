@@ -46,6 +46,7 @@ mod compare;
 mod error;
 mod export;
 pub mod fronts;
+pub mod html;
 pub mod list;
 mod outputs;
 pub mod params;

@@ -1,8 +1,10 @@
 use std::fmt::Write as _;
 
+use ivd_pipeline::html::{escape, number};
+
 use super::{Drag, InteractiveBench};
 use crate::page::STYLE;
-use crate::plot::{Curve, curves, escape, number};
+use crate::plot::{Curve, curves};
 
 /// Drags as a page of its own: a table, and processor time by frame for every solver.
 pub fn interactive_page(bench: &InteractiveBench) -> String {

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::page::ended;
 use super::{LatticeBench, Reach, RefinementRow};
-use crate::plot::number;
+use ivd_pipeline::html::number;
 
 /// A conclusion of the thesis, and whether it holds here.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

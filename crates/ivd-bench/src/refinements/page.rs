@@ -3,13 +3,13 @@ use std::fmt::Write as _;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use ivd_core::Image;
+use ivd_pipeline::html::{escape, number};
 use ivd_pipeline::{Error, png_bytes};
 
 use super::pictures::{COLOURS, SCALE};
 use super::rows::CREASE_DEGREES;
 use super::{Claim, LEVELS, LatticeBench, Reach, RefinementBench, RefinementRow, Shape};
 use crate::page::STYLE;
-use crate::plot::{escape, number};
 
 const OWN_STYLE: &str = "
 body { max-width: 88rem } h3 { font-size: 1rem; margin: 1.5rem 0 .3rem }

@@ -1,8 +1,10 @@
 use std::fmt::Write as _;
 
+use ivd_pipeline::html::{escape, number};
+
 use super::{ScalePoint, SceneBench, SkipRow};
 use crate::page::STYLE;
-use crate::plot::{Curve, curves, escape, number};
+use crate::plot::{Curve, curves};
 
 /// What scenes skip and how they grow, as a page of its own.
 pub fn scenes_page(bench: &SceneBench) -> String {

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use crate::html::{escape, number};
+
 /// Width and height of the plotted area (SVG units).
 pub(super) const AREA: [f64; 2] = [560.0, 160.0];
 /// Room for the labels of the axes.
@@ -143,51 +145,12 @@ pub(super) fn histogram(values: &[f64], range: [f64; 2], bins: usize) -> Vec<u64
     counts
 }
 
-/// A number with as many digits as a reader wants.
-pub(super) fn number(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    let magnitude = value.abs();
-    if !(1e-3..1e6).contains(&magnitude) {
-        return format!("{value:.2e}");
-    }
-    let digits = (3 - magnitude.log10().floor() as i32 - 1).clamp(0, 4) as usize;
-    let text = format!("{value:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
-
-/// Text made safe for HTML.
-pub(super) fn escape(text: &str) -> String {
-    ivd_core::shown(text)
-        .replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('\'', "&#39;")
-        .replace('"', "&quot;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn text_can_neither_be_markup_nor_act_on_the_display() {
-        assert_eq!(escape("<b>\u{202e}&\u{1b}\n"), "&lt;b&gt;\\u{202e}&amp;\\u{1b}\n");
-    }
-
-    #[test]
-    fn numbers_keep_three_digits() {
-        assert_eq!(number(0.0), "0");
-        assert_eq!(number(127.5), "128");
-        assert_eq!(number(1.25), "1.25");
-        assert_eq!(number(-0.004_12), "-0.0041");
-        assert_eq!(number(1.2e-7), "1.20e-7");
-    }
-
-    #[test]
-    fn every_value_falls_into_a_bin_and_text_is_escaped() {
+    fn every_value_falls_into_a_bin() {
         assert_eq!(histogram(&[0.0, 0.5, 1.0, 2.0], [0.0, 1.0], 2), vec![1, 3]);
-        assert_eq!(escape("<a 'b'>"), "&lt;a &#39;b&#39;&gt;");
     }
 }

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::chart::{AREA, Axes, LEFT, axes, number, open};
+use super::chart::{AREA, Axes, LEFT, axes, open};
+use crate::html::number;
 
 /// Points joined by a line.
 pub(super) struct Curve<'a> {

@@ -18,13 +18,14 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use super::Material;
-use super::chart::{Bars, Line, bars, escape, histogram, number};
+use super::chart::{Bars, Line, bars, histogram};
 use super::curve::{Curve, curve};
 use super::slices::{class_colour, slices};
 use super::tables::{bones, class_volumes, classes, pairs, shown, stages};
 use super::tree::dendrogram;
 use crate::Error;
 use crate::export::png_bytes;
+use crate::html::{escape, number};
 use crate::runner::{StageRecord, figures_of};
 use crate::scene::{Loaded, Picture};
 use crate::stages::{IMPORT, ImportFigures};

@@ -8,8 +8,8 @@ use ivd_segment::ClassFigures;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::chart::{escape, number};
 use super::slices::class_colour;
+use crate::html::{escape, number};
 use crate::runner::{StageRecord, State};
 
 /// Longer tables aren't read.

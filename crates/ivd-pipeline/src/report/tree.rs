@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 
 use ivd_segment::{Dendrogram, Leaf};
 
-use super::chart::{AREA, LEFT, number, open};
+use super::chart::{AREA, LEFT, open};
 use super::slices::class_colour;
+use crate::html::number;
 
 /// Whether each merge is of two nodes that are there before it: a record may be anybody's.
 fn is_sound(tree: &Dendrogram) -> bool {
