@@ -217,21 +217,9 @@ impl<'a> Writer<'a> {
         force: bool,
     ) -> Result<StageRecord, Error> {
         let mut record = StageRecord {
-            stage: "report".to_owned(),
-            variant: String::new(),
-            state: State::NotNeeded,
             why: "output.report is not asked for".to_owned(),
             revision: report::REVISION,
-            backend: "cpu".to_owned(),
-            params: Value::Null,
-            inputs: BTreeMap::new(),
-            output: None,
-            cached: false,
-            wall_s: 0.0,
-            cpu_s: None,
-            peak_rss_mb: None,
-            bytes_read: 0,
-            metrics: Metrics::default(),
+            ..StageRecord::new("report", State::NotNeeded)
         };
         if !self.scene.output.report {
             return Ok(record);

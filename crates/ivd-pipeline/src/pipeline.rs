@@ -13,7 +13,7 @@ use crate::outputs::{Manifest, OutputFile, Writer};
 use crate::plan::{NodeId, Plan, PlanNode, stage_names};
 use crate::runner::{Done, Runner, StageRecord, State};
 use crate::scene::Loaded;
-use crate::{Error, Inputs, Metrics};
+use crate::{Error, Inputs};
 
 /// How a scene is run.
 #[derive(Debug, Clone, Default)]
@@ -205,21 +205,11 @@ fn release(plan: &Plan, at: usize, done: &mut BTreeMap<NodeId, Done>) {
 /// The record of a stage that did nothing.
 fn idle(node: &PlanNode, state: State) -> StageRecord {
     StageRecord {
-        stage: node.id.stage.to_owned(),
         variant: node.id.variant.to_owned(),
-        state,
         why: node.why.clone(),
         revision: node.stage.as_ref().map_or(0, |s| s.revision()),
-        backend: "cpu".to_owned(),
         params: node.stage.as_ref().map_or(serde_json::Value::Null, |s| s.params()),
-        inputs: BTreeMap::new(),
-        output: None,
-        cached: false,
-        wall_s: 0.0,
-        cpu_s: None,
-        peak_rss_mb: None,
-        bytes_read: 0,
-        metrics: Metrics::default(),
+        ..StageRecord::new(node.id.stage, state)
     }
 }
 

@@ -80,6 +80,27 @@ pub struct StageRecord {
 }
 
 impl StageRecord {
+    /// Of a stage that has done nothing yet.
+    pub(crate) fn new(stage: &str, state: State) -> Self {
+        Self {
+            stage: stage.to_owned(),
+            variant: String::new(),
+            state,
+            why: String::new(),
+            revision: 0,
+            backend: "cpu".to_owned(),
+            params: Value::Null,
+            inputs: BTreeMap::new(),
+            output: None,
+            cached: false,
+            wall_s: 0.0,
+            cpu_s: None,
+            peak_rss_mb: None,
+            bytes_read: 0,
+            metrics: Metrics::default(),
+        }
+    }
+
     /// Its parameters, as the stage's crate declares them.
     ///
     /// # Errors
@@ -326,9 +347,6 @@ impl Runner<'_> {
         key: &CacheKey,
     ) -> StageRecord {
         StageRecord {
-            stage: stage.name().to_owned(),
-            variant: String::new(),
-            state: State::Ran,
             why: "same inputs and parameters as before".to_owned(),
             revision: provenance.revision,
             backend: provenance.backend.clone(),
@@ -339,12 +357,7 @@ impl Runner<'_> {
                 kind: artefact.kind().name().to_owned(),
                 hash: hash.to_string(),
             }),
-            cached: false,
-            wall_s: 0.0,
-            cpu_s: None,
-            peak_rss_mb: None,
-            bytes_read: 0,
-            metrics: Metrics::default(),
+            ..StageRecord::new(stage.name(), State::Ran)
         }
     }
 }
