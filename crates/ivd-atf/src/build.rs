@@ -62,14 +62,7 @@ struct Candidate {
 /// [`Error::TooManyClasses`] above 1,024; [`Error::TooWide`] for values beyond ±10¹⁴⁰.
 pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) -> Result<Built, Error> {
     params.check()?;
-    if !volume.grid().matches(labels.grid()) {
-        return Err(Error::Core(ivd_core::Error::GridMismatch {
-            a: "volume",
-            a_dims: volume.grid().dims(),
-            b: "labels",
-            b_dims: labels.grid().dims(),
-        }));
-    }
+    volume.grid().require(labels.grid(), "volume", "labels")?;
     exec.run(|| {
         let range = range_of(volume)?;
         let candidates = candidates(measure(volume, labels, exec)?);

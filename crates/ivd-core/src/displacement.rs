@@ -98,19 +98,23 @@ impl FieldBricks {
         (slot != NO_BRICK).then(|| &self.vectors[slot as usize * Self::VOXELS..][..Self::VOXELS])
     }
 
+    /// Refuses the field `a` beside `b`, which has so many voxels, unless they have as many along each axis.
+    ///
+    /// # Errors
+    /// [`Error::GridMismatch`].
+    pub fn require(&self, dims: [usize; 3], a: &'static str, b: &'static str) -> Result<(), Error> {
+        if self.dims == dims {
+            return Ok(());
+        }
+        Err(Error::GridMismatch { a, a_dims: self.dims, b, b_dims: dims })
+    }
+
     /// The bricks, ascending, in which two fields on one grid differ by a bit; an absent brick is one of zeros.
     ///
     /// # Errors
     /// [`Error::GridMismatch`] where their grids differ.
     pub fn changed(&self, other: &Self) -> Result<Vec<usize>, Error> {
-        if self.dims != other.dims {
-            return Err(Error::GridMismatch {
-                a: "field",
-                a_dims: self.dims,
-                b: "other field",
-                b_dims: other.dims,
-            });
-        }
+        self.require(other.dims, "field", "other field")?;
         let still = |vectors: &[[f32; 3]]| vectors.iter().flatten().all(|c| c.to_bits() == 0);
         let differs = |&brick: &usize| match (self.brick(brick), other.brick(brick)) {
             (None, None) => false,

@@ -3,6 +3,8 @@ use std::ops::RangeInclusive;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::Error;
+
 /// Integer index of a voxel, `[x, y, z]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct VoxelIndex(pub [usize; 3]);
@@ -212,6 +214,16 @@ impl Grid {
             .fold(0.0, f64::max)
     }
 
+    /// Length of a voxel's shortest edge (mm).
+    pub fn shortest_edge(&self) -> f64 {
+        self.spacing.into_iter().fold(f64::INFINITY, f64::min)
+    }
+
+    /// Length of a voxel's longest edge (mm).
+    pub fn longest_edge(&self) -> f64 {
+        self.spacing.into_iter().fold(0.0, f64::max)
+    }
+
     /// Volume of one voxel (mm³).
     pub fn voxel_volume(&self) -> f64 {
         self.linear_part().determinant().abs()
@@ -222,13 +234,24 @@ impl Grid {
         if self.dims != other.dims {
             return false;
         }
-        let tolerance = 1e-3 * self.spacing.iter().copied().fold(f64::INFINITY, f64::min);
+        let tolerance = 1e-3 * self.shortest_edge();
         (0..8_usize).all(|corner| {
             let at = VoxelCoord(Vector3::from_fn(|a, _| {
                 if corner >> a & 1 == 1 { (self.dims[a] - 1) as f64 } else { 0.0 }
             }));
             (self.world(at).0 - other.world(at).0).norm() <= tolerance
         })
+    }
+
+    /// Refuses `b`, which lies on `other`, beside `a`, which lies on this grid, unless the two grids match.
+    ///
+    /// # Errors
+    /// [`Error::GridMismatch`].
+    pub fn require(&self, other: &Self, a: &'static str, b: &'static str) -> Result<(), Error> {
+        if self.matches(other) {
+            return Ok(());
+        }
+        Err(Error::GridMismatch { a, a_dims: self.dims, b, b_dims: other.dims })
     }
 }
 
@@ -286,5 +309,20 @@ mod tests {
         }
         let flat = [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
         assert!(matches!(Grid::new([1; 3], [1.0; 3], [0.0; 3], flat), Err(GridError::Direction(_))));
+    }
+
+    #[test]
+    fn grids_that_do_not_match_are_refused_by_the_names_of_what_lies_on_them() {
+        let grid = |dims| Grid::with_spacing(dims, [0.5, 1.0, 4.0]).unwrap();
+        let (a, b) = (grid([4, 3, 2]), grid([4, 3, 3]));
+        assert_eq!(
+            (a.require(&a.clone(), "volume", "labels"), a.shortest_edge(), a.longest_edge()),
+            (Ok(()), 0.5, 4.0)
+        );
+        let said = a.require(&b, "volume", "labels").unwrap_err().to_string();
+        assert!(
+            said.starts_with("volume ([4, 3, 2]) and labels ([4, 3, 3]) lie on different grids"),
+            "{said}"
+        );
     }
 }

@@ -37,15 +37,7 @@ pub fn by_class(
     exec: &Exec,
 ) -> Result<Vec<ClassVolume>, Error> {
     let grid = displacement.grid();
-    if !grid.matches(labels.grid()) {
-        return Err(ivd_core::Error::GridMismatch {
-            a: "displacement",
-            a_dims: grid.dims(),
-            b: "labels",
-            b_dims: labels.grid().dims(),
-        }
-        .into());
-    }
+    grid.require(labels.grid(), "displacement", "labels")?;
     exec.run(|| {
         let voxel_mm3 = grid.linear_part().determinant().abs();
         let mut changes: BTreeMap<u16, f64> = BTreeMap::new();

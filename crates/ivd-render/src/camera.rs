@@ -70,7 +70,7 @@ impl Camera {
         let right = up.cross(&towards_eye);
         // Differences to the grid's origin first: an origin 10⁶ mm away costs no precision.
         let start = to_voxel * ((centre - Vector3::from(grid.origin())) + towards_eye * distance);
-        let smallest = grid.spacing().into_iter().fold(f64::INFINITY, f64::min);
+        let smallest = grid.shortest_edge();
         Self {
             towards_eye,
             right,

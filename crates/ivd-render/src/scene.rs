@@ -1,4 +1,4 @@
-use ivd_core::{Displacement, Error as CoreError, Labels, Lattice, TransferFunction, Volume};
+use ivd_core::{Displacement, Labels, Lattice, TransferFunction, Volume};
 
 use crate::Error;
 
@@ -26,14 +26,11 @@ impl<'a> Scene<'a> {
     /// Checks that everything lies on the volume's grid.
     pub(crate) fn check(&self) -> Result<(), Error> {
         let grid = self.volume.grid();
-        let mismatch = |b, other: &ivd_core::Grid| {
-            Error::Core(CoreError::GridMismatch { a: "volume", a_dims: grid.dims(), b, b_dims: other.dims() })
-        };
-        if let Some(labels) = self.labels.filter(|labels| !grid.matches(labels.grid())) {
-            return Err(mismatch("labels", labels.grid()));
+        if let Some(labels) = self.labels {
+            grid.require(labels.grid(), "volume", "labels")?;
         }
-        if let Some(displacement) = self.displacement.filter(|moved| !grid.matches(moved.grid())) {
-            return Err(mismatch("displacement", displacement.grid()));
+        if let Some(displacement) = self.displacement {
+            grid.require(displacement.grid(), "volume", "displacement")?;
         }
         Ok(())
     }

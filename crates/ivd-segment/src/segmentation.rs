@@ -1,4 +1,4 @@
-use ivd_core::{Class, Error as CoreError, Exec, Labels, Mask, Volume};
+use ivd_core::{Class, Exec, Labels, Mask, Volume};
 
 use crate::groups::{Group, Partition};
 use crate::{Error, labelling};
@@ -25,18 +25,9 @@ pub struct Segmentation {
 }
 
 /// # Errors
-/// [`CoreError::GridMismatch`] where the mask lies on another grid.
+/// [`ivd_core::Error::GridMismatch`] where the mask lies on another grid.
 pub(crate) fn check_mask(volume: &Volume, mask: Option<&Mask>) -> Result<(), Error> {
-    match mask {
-        Some(mask) if !mask.grid().matches(volume.grid()) => Err(CoreError::GridMismatch {
-            a: "volume",
-            a_dims: volume.grid().dims(),
-            b: "mask",
-            b_dims: mask.grid().dims(),
-        }
-        .into()),
-        _ => Ok(()),
-    }
+    mask.map_or(Ok(()), |mask| Ok(volume.grid().require(mask.grid(), "volume", "mask")?))
 }
 
 /// Labels the voxels by an optimal partition of their stored values. The crossings are the midpoints of the class means; where

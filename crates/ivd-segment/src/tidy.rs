@@ -54,15 +54,7 @@ pub fn tidy(
     exec: &Exec,
 ) -> Result<Segmentation, Error> {
     let grid = volume.grid();
-    if !found.labels.grid().matches(grid) {
-        return Err(CoreError::GridMismatch {
-            a: "volume",
-            a_dims: grid.dims(),
-            b: "labels",
-            b_dims: found.labels.grid().dims(),
-        }
-        .into());
-    }
+    grid.require(found.labels.grid(), "volume", "labels")?;
     exec.run(|| {
         let mut found = found;
         if params.smallest > 1 {

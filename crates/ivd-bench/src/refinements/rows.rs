@@ -14,7 +14,6 @@ use super::inputs::Input;
 use super::pictures::Painter;
 use crate::apart::Search;
 use crate::experiment::Problem;
-use crate::stages::inputs::voxel_mm;
 
 /// Edges where the surface turns by more than this (degrees between the normals of both triangles) are creases.
 pub(super) const CREASE_DEGREES: f64 = 40.0;
@@ -90,7 +89,7 @@ pub(super) struct Rows<'a> {
 impl<'a> Rows<'a> {
     pub(super) fn new(input: &'a Input, repeats: usize, exec: &'a Exec) -> Result<Self, Problem> {
         let lattice = &input.lattice;
-        let voxel_mm = voxel_mm(&lattice.grid);
+        let voxel_mm = lattice.grid.longest_edge();
         Ok(Self {
             lattice,
             repeats,

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use ivd_core::{Exec, Lattice};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 
-use super::inputs::{RADIUS_MM, ball, each_once, judged, root_mean_square, voxel_mm};
+use super::inputs::{RADIUS_MM, ball, each_once, judged, root_mean_square};
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// Steps over the duration, and shares of the force below which a vertex passes none on.
@@ -67,7 +67,7 @@ pub(super) fn on(
         measure: "difference of the vertices' displacements, root mean square",
         unit: "mm",
         counted: Some("steps × springs"),
-        voxel_mm: Some(voxel_mm(&lattice.grid)),
+        voxel_mm: Some(lattice.grid.longest_edge()),
         work: ("springs", springs(lattice, &finest) as f64),
         settings: settings.collect(),
     })

@@ -8,7 +8,7 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_segment::{KmvsParams, kmvs};
 use nalgebra::Vector3;
 
-use super::inputs::{judged, root_mean_square, voxel_mm};
+use super::inputs::{judged, root_mean_square};
 use super::{atf, clusters, deform, deformation, map, methods, refine, render, segment, solvers};
 use crate::apart::Truth;
 use crate::experiment::{Experiment, Problem, Setting};
@@ -126,7 +126,7 @@ fn lattice(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experimen
         .filter(|stride| volume.grid().dims().iter().all(|n| n / stride >= 4))
         .map(|stride| {
             let (coarse, truth, params) = (strided(volume, stride)?, truth.clone(), params.clone());
-            let voxel = format!("{:.3} mm", voxel_mm(coarse.grid()));
+            let voxel = format!("{:.3} mm", coarse.grid().longest_edge());
             Ok(Setting::new([("voxel", voxel)], false, move |exec| {
                 let found = extract(&coarse, None, &params, exec)?;
                 let (truth, exec) = (truth.clone(), exec.clone());
@@ -144,7 +144,7 @@ fn lattice(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experimen
         measure: "distance of the triangles' middles from the truth, root mean square",
         unit: "mm",
         counted: None,
-        voxel_mm: Some(voxel_mm(volume.grid())),
+        voxel_mm: Some(volume.grid().longest_edge()),
         work: ("voxels", volume.grid().len() as f64),
         settings: settings?,
     })

@@ -34,11 +34,6 @@ pub(super) fn ball(n: usize, exec: &Exec) -> Result<Lattice, Problem> {
     Ok(extract(&volume, None, &ExtractParams { iso: Iso::Value(0.0) }, exec)?.lattice)
 }
 
-/// Longest edge of a grid's voxels (mm).
-pub(crate) fn voxel_mm(grid: &Grid) -> f64 {
-    grid.spacing().into_iter().fold(0.0, f64::max)
-}
-
 /// A judgement with counters.
 pub(super) fn judged<const N: usize>(error: f64, counters: [(&str, f64); N]) -> Judgement {
     let counters: BTreeMap<String, f64> = counters.into_iter().map(|(n, v)| (n.to_owned(), v)).collect();

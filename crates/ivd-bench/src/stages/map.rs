@@ -11,7 +11,7 @@ use ivd_session::MapChoice;
 use ivd_volume::phantom;
 
 use super::deformation::deformed;
-use super::inputs::{judged, root_mean_square, voxel_mm};
+use super::inputs::{judged, root_mean_square};
 use crate::experiment::{Experiment, Problem, Setting};
 
 /// How coarse the lattice is that carries the voxels against what the whole one gives: solver and map on each level.
@@ -32,7 +32,7 @@ pub(super) fn on(
 ) -> Result<Experiment, Problem> {
     let Action::Move(by) = handle.action else { return Err("a motion is needed".into()) };
     let push_mm = by.iter().map(|c| c * c).sum::<f64>().sqrt();
-    let voxel = voxel_mm(&whole.grid);
+    let voxel = whole.grid.longest_edge();
     let mut lattices = Vec::new();
     for level in LEVELS {
         let params = RefineParams { target: target(level).into(), ..RefineParams::default() };

@@ -6,7 +6,7 @@ use ivd_core::{Exec, Lattice};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, Target, distances, refine};
 
-use super::inputs::{judged, voxel_mm};
+use super::inputs::judged;
 use super::refine::Measure;
 use crate::apart::Truth;
 use crate::experiment::{Experiment, Problem, Setting};
@@ -69,7 +69,7 @@ pub(super) fn on(
         measure: "distance over the surface, root mean square, from the truth or of the truth, whichever is more",
         unit: "mm",
         counted: None,
-        voxel_mm: Some(voxel_mm(&lattice.grid)),
+        voxel_mm: Some(lattice.grid.longest_edge()),
         work: ("triangles", lattice.triangles.len() as f64),
         settings,
     })

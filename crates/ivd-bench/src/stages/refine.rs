@@ -4,7 +4,7 @@ use ivd_core::{Exec, Lattice};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_pipeline::budget::{LEVELS, target};
 
-use super::inputs::{ball, each_once, judged, voxel_mm};
+use super::inputs::{ball, each_once, judged};
 use super::lattice::distance;
 use crate::experiment::{Experiment, Problem, Setting};
 
@@ -71,7 +71,7 @@ pub(super) fn on(
         measure: "distance of the triangles' middles from the truth, root mean square",
         unit: "mm",
         counted: None,
-        voxel_mm: Some(voxel_mm(&lattice.grid)),
+        voxel_mm: Some(lattice.grid.longest_edge()),
         work: ("triangles", lattice.triangles.len() as f64),
         settings,
     }

@@ -1,6 +1,6 @@
 //! What the caller asked for: a class or a value, and where the seed lies.
 
-use ivd_core::{ClassChoice, Error as CoreError, Labels, ParamError, Scalar, Volume, World, with_voxels};
+use ivd_core::{ClassChoice, Labels, ParamError, Scalar, Volume, World, with_voxels};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -37,15 +37,7 @@ pub(super) fn choose(
         let problem = "there are neither labels nor a value to isolate";
         return Err(ParamError::new("above", problem, "give labels, or the least value of the part").into());
     };
-    if !labels.grid().matches(volume.grid()) {
-        return Err(CoreError::GridMismatch {
-            a: "volume",
-            a_dims: volume.grid().dims(),
-            b: "labels",
-            b_dims: labels.grid().dims(),
-        }
-        .into());
-    }
+    volume.grid().require(labels.grid(), "volume", "labels")?;
     let id = match (params.class, params.seed) {
         (Some(ClassChoice::Id(id)), _) => id,
         (Some(choice), _) => labels.choose(choice)?.id,

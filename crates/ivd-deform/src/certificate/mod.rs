@@ -201,15 +201,7 @@ pub(crate) fn certify_bricks(
     detail: Detail,
     exec: &Exec,
 ) -> Result<Certificate, Error> {
-    if forward.dims() != grid.dims() {
-        return Err(ivd_core::Error::GridMismatch {
-            a: "forward field",
-            a_dims: forward.dims(),
-            b: "grid",
-            b_dims: grid.dims(),
-        }
-        .into());
-    }
+    forward.require(grid.dims(), "forward field", "grid")?;
     if detail == Detail::Least {
         let quick = Quick::new(forward, grid, exec.simd);
         let mut looks = Looks::default();

@@ -28,7 +28,7 @@ struct Distance {
 impl Distance {
     fn new(grid: &Grid, half_space: &HalfSpace) -> Self {
         let normal = Vector3::from(half_space.normal);
-        let smallest = grid.spacing().into_iter().fold(f64::INFINITY, f64::min);
+        let smallest = grid.shortest_edge();
         let offset = Vector3::from(grid.origin()) - Vector3::from(half_space.point);
         Self {
             constant: normal.dot(&offset) + ON_PLANE * smallest,

@@ -74,15 +74,7 @@ impl Worst {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn invert(forward: &FieldBricks, grid: &Grid, exec: &Exec) -> Result<Inverse, Error> {
-    if forward.dims() != grid.dims() {
-        return Err(ivd_core::Error::GridMismatch {
-            a: "forward field",
-            a_dims: forward.dims(),
-            b: "grid",
-            b_dims: grid.dims(),
-        }
-        .into());
-    }
+    forward.require(grid.dims(), "forward field", "grid")?;
     exec.run(|| {
         let observer = exec.observer();
         observer.begin("inverse", forward.stored() as u64);

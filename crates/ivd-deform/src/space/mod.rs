@@ -244,11 +244,8 @@ fn check_start(grid: &Grid, steps: &[Step], start: &Start<'_>) -> Result<(), Err
             return mismatch("the displacement to start from", problem, remedy);
         }
     }
-    if let Some(labels) = start.labels
-        && !grid.matches(labels.grid())
-    {
-        let [a_dims, b_dims] = [labels.grid().dims(), grid.dims()];
-        return Err(ivd_core::Error::GridMismatch { a: "labels", a_dims, b: "volume", b_dims }.into());
+    if let Some(labels) = start.labels {
+        labels.grid().require(grid, "labels", "volume")?;
     }
     for (i, step) in steps.iter().enumerate() {
         if let Some((centre, radius)) = step.ball()
@@ -355,7 +352,7 @@ impl<'a> Space<'a> {
         let height = |rest: Vector3<f64>| {
             at.height(self.place(&samplers, rest, None, &self.steps[..cut], parts, Side::Above))
         };
-        let slack = 1e-3 * self.grid.spacing().into_iter().fold(f64::INFINITY, f64::min);
+        let slack = 1e-3 * self.grid.shortest_edge();
         let joined = join(self.grid, [&below, &above], height, slack, exec)?;
         let residual = above.inverse.residual_max_voxels.max(below.inverse.residual_max_voxels);
         other.min_det = certificate.min_det.min(other.min_det);

@@ -72,17 +72,8 @@ pub fn volume(
 }
 
 pub(crate) fn check_grid(grid: &Grid, displacement: &Displacement, what: &'static str) -> Result<(), Error> {
-    if grid.matches(displacement.grid()) {
-        return Ok(());
-    }
-    if grid.dims() != displacement.grid().dims() {
-        return Err(ivd_core::Error::GridMismatch {
-            a: what,
-            a_dims: grid.dims(),
-            b: "displacement",
-            b_dims: displacement.grid().dims(),
-        }
-        .into());
+    if grid.matches(displacement.grid()) || grid.dims() != displacement.grid().dims() {
+        return Ok(grid.require(displacement.grid(), what, "displacement")?);
     }
     Err(Error::Mismatch {
         what,

@@ -52,13 +52,8 @@ impl Extractor {
         exec: &Exec,
     ) -> Result<Extracted, Error> {
         params.check()?;
-        if let Some(mask) = mask.filter(|m| !m.grid().matches(volume.grid())) {
-            return Err(Error::Core(ivd_core::Error::GridMismatch {
-                a: "volume",
-                a_dims: volume.grid().dims(),
-                b: "mask",
-                b_dims: mask.grid().dims(),
-            }));
+        if let Some(mask) = mask {
+            volume.grid().require(mask.grid(), "volume", "mask")?;
         }
         exec.run(|| match (params.iso, mask) {
             (Iso::Mask, None) => Err(Error::MissingInput {

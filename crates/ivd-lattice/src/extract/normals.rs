@@ -18,14 +18,7 @@ use crate::Error;
 /// parts don't fit, [`ivd_core::Error::Cancelled`].
 pub fn normals(volume: &Volume, lattice: &Lattice, exec: &Exec) -> Result<Vec<[f32; 3]>, Error> {
     lattice.check()?;
-    if !lattice.grid.matches(volume.grid()) {
-        return Err(Error::Core(ivd_core::Error::GridMismatch {
-            a: "volume",
-            a_dims: volume.grid().dims(),
-            b: "lattice",
-            b_dims: lattice.grid.dims(),
-        }));
-    }
+    volume.grid().require(&lattice.grid, "volume", "lattice")?;
     exec.run(|| {
         let faces = by_area(lattice);
         exec.check_cancelled()?;

@@ -175,12 +175,8 @@ impl LatticeParams {
     /// # Errors
     /// Neither labels nor a mask where a class is meant; labels or a mask on another grid; an unknown class.
     pub fn crossings(&self, grid: &Grid, labels: Option<&Labels>, mask: Option<&Mask>) -> Result<Iso, Error> {
-        let a_dims = grid.dims();
         let others = [labels.map(|l| ("labels", l.grid())), mask.map(|m| ("mask", m.grid()))];
-        if let Some((b, other)) = others.into_iter().flatten().find(|(_, other)| !other.matches(grid)) {
-            let b_dims = other.dims();
-            return Err(ivd_core::Error::GridMismatch { a: "volume", a_dims, b, b_dims }.into());
-        }
+        others.into_iter().flatten().try_for_each(|(what, other)| grid.require(other, "volume", what))?;
         let class = match (self.iso, labels, mask) {
             (IsoChoice::Value(value), ..) => return Ok(Iso::Value(value)),
             (IsoChoice::Word(_), None, Some(_)) => return Ok(Iso::Mask),

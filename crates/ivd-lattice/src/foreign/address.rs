@@ -37,7 +37,7 @@ impl Frame {
             origin: Vector3::from(grid.origin()),
             linear: grid.linear_part(),
             inverse: grid.inverse_linear_part(),
-            spacing: grid.spacing().into_iter().fold(f64::INFINITY, f64::min),
+            spacing: grid.shortest_edge(),
         }
     }
 

@@ -52,11 +52,7 @@ pub fn compare(a: &Artefact, b: &Artefact, exec: &Exec) -> Result<Value, Error> 
 }
 
 fn same_grid(a: &Grid, b: &Grid) -> Result<(), Error> {
-    if a.matches(b) {
-        return Ok(());
-    }
-    Err(ivd_core::Error::GridMismatch { a: "the first", a_dims: a.dims(), b: "the second", b_dims: b.dims() }
-        .into())
+    Ok(a.require(b, "the first", "the second")?)
 }
 
 fn volumes(a: &Volume, b: &Volume) -> Result<Value, Error> {

@@ -47,7 +47,7 @@ impl Cells {
         bandwidths: &Bandwidths,
         exec: &Exec,
     ) -> Result<Self, Error> {
-        let least = LEAST_SPATIAL * volume.grid().spacing().iter().copied().fold(f64::INFINITY, f64::min);
+        let least = LEAST_SPATIAL * volume.grid().shortest_edge();
         if bandwidths.spatial > 0.0 && bandwidths.spatial < least {
             let problem = format!("{} mm, far less than a voxel", bandwidths.spatial);
             let remedy = format!("use {least} mm at least, or 0 to leave places out");
