@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use super::carry::{Kept, Part};
 use super::octree::{Sides, movable};
 use super::region::{Region, largest};
-use super::{Moved, OctreeParams, carried, check_inputs, frame_of, look_ahead, settle_of};
+use super::{Moved, OctreeParams, carried, frame_of, look_ahead, settle_of};
 use crate::Error;
 
 /// A lattice, ready to be mapped by [`octree`](super::octree()) again and again while its handles move: keeps the inside, and
@@ -66,8 +66,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Live<L> {
         exec: &Exec,
     ) -> Result<Moved, Error> {
         params.check()?;
-        check_inputs(&self.lattice, motion)?;
-        let frame = frame_of(motion, frame)?;
+        let frame = frame_of(&self.lattice, motion, frame)?;
         exec.run(|| {
             let movable = movable(motion, &self.positions);
             if self.searched.as_ref().is_none_or(|searched| searched.movable != movable) {

@@ -114,17 +114,8 @@ pub fn nearest<N: Nearest>(
     exec: &Exec,
 ) -> Result<Mapped, Error> {
     params.check()?;
-    check_inputs(lattice, motion)?;
-    let frame = frame_of(motion, frame)?;
-    if inside.grid() != &lattice.grid {
-        return Err(ivd_core::Error::GridMismatch {
-            a: "inside",
-            a_dims: inside.grid().dims(),
-            b: "lattice",
-            b_dims: lattice.grid.dims(),
-        }
-        .into());
-    }
+    let frame = frame_of(lattice, motion, frame)?;
+    inside.grid().require(&lattice.grid, "inside", "lattice")?;
     exec.run(|| {
         let positions = lattice.local_positions();
         let part = Part { lattice, positions: &positions, inside, nearest };
@@ -226,8 +217,9 @@ fn check_size(frame: &Frame) -> Result<(), Error> {
     })
 }
 
-/// Frame `frame` of a motion.
-fn frame_of(motion: &Motion, frame: usize) -> Result<&Frame, Error> {
+/// Frame `frame` of a motion of the lattice.
+fn frame_of<'a>(lattice: &Lattice, motion: &'a Motion, frame: usize) -> Result<&'a Frame, Error> {
+    check_inputs(lattice, motion)?;
     motion.frames.get(frame).ok_or_else(|| Error::Mismatch {
         what: "frame",
         problem: format!("frame {frame} of {}", motion.frames.len()),

@@ -52,7 +52,7 @@ use nalgebra::Vector3;
 
 use crate::Error;
 use crate::rigid::{Moved, Part, Skeleton};
-use crate::spring::{Action, Fix, Handle, check_targets, resolve};
+use crate::spring::{Action, Fix, Handle, check_pull, find_targets, resolve};
 use body::{Body, Region};
 use drives::{Drives, MILLINEWTON};
 use outcome::{Balance, Outcome};
@@ -185,9 +185,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         exec: &Exec,
     ) -> Result<Self, Error> {
         params.check()?;
-        handles.iter().try_for_each(Handle::check)?;
-        fixed.iter().try_for_each(Fix::check)?;
-        lattice.check()?;
+        check_pull(&lattice, handles, fixed)?;
         exec.run(|| {
             let rest = lattice.local_positions();
             let targets = find_targets(&lattice, &rest, handles, bones.is_empty())?;
@@ -382,21 +380,6 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         }
         Ok(())
     }
-}
-
-/// The target vertex of each handle.
-fn find_targets(
-    lattice: &Lattice,
-    rest: &[Vector3<f64>],
-    handles: &[Handle],
-    needed: bool,
-) -> Result<Vec<usize>, Error> {
-    let targets = handles.iter().map(|handle| resolve("handle", &handle.at, lattice, rest));
-    let targets: Vec<usize> = targets.collect::<Result<_, _>>()?;
-    if needed || !handles.is_empty() {
-        check_targets(handles, &targets)?;
-    }
-    Ok(targets)
 }
 
 /// Handles with their vertices.

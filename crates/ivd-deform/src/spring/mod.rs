@@ -78,17 +78,11 @@ pub fn ring(
     exec: &Exec,
 ) -> Result<Solved, Error> {
     params.check()?;
-    handles.iter().try_for_each(Handle::check)?;
-    fixed.iter().try_for_each(Fix::check)?;
-    lattice.check()?;
+    check_pull(lattice, handles, fixed)?;
     exec.run(|| {
         let rest = lattice.local_positions();
         let mass = masses(lattice, &rest, params);
-        let targets = handles
-            .iter()
-            .map(|handle| resolve("handle", &handle.at, lattice, &rest))
-            .collect::<Result<Vec<usize>, Error>>()?;
-        check_targets(handles, &targets)?;
+        let targets = find_targets(lattice, &rest, handles, true)?;
         let edges = Edges::new(lattice, |v| {
             let at = rest[v as usize];
             targets.iter().zip(handles).any(|(&t, h)| v as usize == t || (at - rest[t]).norm() < h.radius)
@@ -165,11 +159,25 @@ pub(crate) fn resolve(
     Err(Error::Mismatch { what, problem, remedy: "pick a point nearer to the lattice" })
 }
 
-/// Two handles on one vertex must agree.
-pub(crate) fn check_targets(handles: &[Handle], targets: &[usize]) -> Result<(), Error> {
-    if handles.is_empty() {
+/// Handles, fixed vertices and a lattice by themselves.
+pub(crate) fn check_pull(lattice: &Lattice, handles: &[Handle], fixed: &[Fix]) -> Result<(), Error> {
+    handles.iter().try_for_each(Handle::check)?;
+    fixed.iter().try_for_each(Fix::check)?;
+    Ok(lattice.check()?)
+}
+
+/// The target vertex of each handle; two on one vertex must agree. `needed`: there must be a handle.
+pub(crate) fn find_targets(
+    lattice: &Lattice,
+    rest: &[Vector3<f64>],
+    handles: &[Handle],
+    needed: bool,
+) -> Result<Vec<usize>, Error> {
+    if needed && handles.is_empty() {
         return Err(ParamError::new("handle", "there is none", "give at least one handle").into());
     }
+    let targets = handles.iter().map(|handle| resolve("handle", &handle.at, lattice, rest));
+    let targets: Vec<usize> = targets.collect::<Result<_, _>>()?;
     for (i, target) in targets.iter().enumerate() {
         if let Some(j) = targets[..i].iter().position(|other| other == target)
             && handles[i].action != handles[j].action
@@ -181,7 +189,7 @@ pub(crate) fn check_targets(handles: &[Handle], targets: &[usize]) -> Result<(),
             });
         }
     }
-    Ok(())
+    Ok(targets)
 }
 
 /// Mass of each vertex (g): a third of its triangles', never less than a tenth of the mean.

@@ -64,9 +64,7 @@ use super::outcome::{Solved, misfit as misfit_of};
 use super::region::{Region, largest};
 use super::relax::relax;
 use super::settle::Settle;
-use super::{
-    BiharmonicParams, Mapped, Moved, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks,
-};
+use super::{BiharmonicParams, Mapped, Moved, Outside, all_bricks, check_size, frame_of, moving_bricks};
 use crate::Error;
 use crate::certificate::{Certificate, Detail, certify_bricks, touched};
 use crate::sampler::{Sampler, brick_at, brick_voxels};
@@ -188,9 +186,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         settled: impl FnOnce(&Settle<'_>, Made, &Exec) -> Result<T, Error> + Send,
     ) -> Result<T, Error> {
         params.check()?;
-        check_inputs(&self.lattice, motion)?;
         let number = frame;
-        let frame = frame_of(motion, frame)?;
+        let frame = frame_of(&self.lattice, motion, frame)?;
         check_size(frame)?;
         if (params.band.outside == Outside::Free) != self.inside.is_some() {
             return Err(Error::Mismatch {

@@ -46,9 +46,7 @@ use super::biharmonic::cut;
 use super::outcome::Solved;
 use super::region::{Region, largest};
 use super::settle::Settle;
-use super::{
-    FemParams, Mapped, Outside, all_bricks, check_inputs, check_size, frame_of, moving_bricks, sampled,
-};
+use super::{FemParams, Mapped, Outside, all_bricks, check_size, frame_of, moving_bricks, sampled};
 use crate::Error;
 use crate::mass_spring::classes;
 use crate::sampler::interpolate;
@@ -86,7 +84,7 @@ pub fn fem(
     exec: &Exec,
 ) -> Result<Mapped, Error> {
     params.check()?;
-    check_inputs(lattice, motion)?;
+    let frame = frame_of(lattice, motion, frame)?;
     labels.map_or(Ok(()), |labels| classes::check(lattice, labels))?;
     let labels = labels.filter(|_| !params.material.is_empty());
     if labels.is_none() && !params.material.is_empty() {
@@ -97,7 +95,6 @@ pub fn fem(
         });
     }
     labels.map_or(Ok(()), |labels| known(labels, params))?;
-    let frame = frame_of(motion, frame)?;
     check_size(frame)?;
     let inside = ivd_octree::inside(lattice, exec)?;
     exec.run(|| map_frame(lattice, labels, &inside, motion, frame, params, exec))
