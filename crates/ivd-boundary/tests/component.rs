@@ -75,9 +75,7 @@ fn pieces_and_holes_equal_a_plain_flood_fill() {
         let dims: [usize; 3] = std::array::from_fn(|a| 1 + noise::below(case, a as u64, 7) as usize);
         let (seed, fill) = (noise::bits(case, 3), 1 + noise::below(case, 4, 9));
         let n = dims.iter().product::<usize>();
-        let part: Vec<bool> = (0..n as u64)
-            .map(|i| ((i + 1).wrapping_mul(seed | 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) % 10 < fill)
-            .collect();
+        let part: Vec<bool> = (0..n as u64).map(|i| noise::below(seed, i, 10) < fill).collect();
         let v = volume(dims, part.iter().map(|&p| u8::from(p)).collect::<Vec<_>>());
         match isolate(&v, &above(0.5)) {
             Err(Error::NothingAbove { .. }) => {

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "test values are sound")]
 
-use ivd_core::{Exec, Lattice};
+use ivd_core::{Exec, Lattice, noise};
 use ivd_octree::{Error, Nearest, NearestIndex, Params, build, prepare};
 use ivd_volume::phantom::Shape;
 use nalgebra::{Matrix2, Vector2, Vector3};
@@ -35,15 +35,12 @@ fn plain(lattice: &Lattice, positions: &[Vector3<f64>], point: Vector3<f64>) -> 
     lattice.triangles.iter().map(to_triangle).fold(f64::INFINITY, f64::min)
 }
 
-/// Points in and around the volume, from an integer hash.
+/// Points in and around the volume.
 fn points(lattice: &Lattice, count: u64) -> impl Iterator<Item = Vector3<f64>> {
     let linear = lattice.grid.linear_part();
     let dims = Vector3::from(lattice.grid.dims().map(|n| n as f64));
     (0..count).map(move |i| {
-        let unit = Vector3::from_fn(|a, _| {
-            let h = (3 * i + a as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            ((h ^ h >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1_u64 << 53) as f64
-        });
+        let unit = Vector3::from_fn(|a, _| noise::unit(a as u64, i));
         linear * (unit * 1.6 - Vector3::repeat(0.3)).component_mul(&dims)
     })
 }

@@ -125,6 +125,7 @@ fn is_left(q: &Vector3<f64>, corners: [Vector3<f64>; 3]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ivd_core::noise;
 
     /// As it is told: every part against every other, every ray against every triangle.
     fn plain(positions: &[Vector3<f64>], triangles: &[[u32; 3]], parts: &[Part]) -> Vec<usize> {
@@ -172,12 +173,6 @@ mod tests {
         mesh.2.push(Part { triangles: (before..before + 8).collect(), closed: true });
     }
 
-    fn share(i: u64) -> f64 {
-        let mut h = i.wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        h = (h ^ (h >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        (h >> 40) as f64 / (1_u64 << 24) as f64
-    }
-
     #[test]
     fn depths_are_those_of_every_part_against_every_other() {
         let exec = Exec::default();
@@ -186,7 +181,7 @@ mod tests {
             let mut mesh = (Vec::new(), Vec::new(), Vec::new());
             let n = 2 + seed % 40;
             for i in 0..n {
-                let of = |k: u64| share(seed * 4096 + i * 8 + k);
+                let of = |k: u64| noise::unit(seed, i * 8 + k);
                 // Round one middle or anywhere; of like sizes or of a thousandth: nested, apart and through each other.
                 let spread = [0.0, 0.2, 1.0][seed as usize % 3];
                 let size = if seed % 2 == 0 { 0.02 + of(0) } else { 10.0_f64.powf(-3.0 * of(0)) };

@@ -131,11 +131,9 @@ mod tests {
         from.iter().flat_map(samples).map(nearest).fold(0.0, f64::max)
     }
 
-    /// A cheap integer hash, −1…1.
+    /// −1…1.
     fn noise(i: u64) -> f64 {
-        let mut h = i.wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        h = (h ^ (h >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        (h >> 40) as f64 / (1_u64 << 23) as f64 - 1.0
+        2.0 * ivd_core::noise::unit(0, i) - 1.0
     }
 
     #[test]

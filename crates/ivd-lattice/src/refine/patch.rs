@@ -144,11 +144,9 @@ mod tests {
     use super::super::deviation::Deviation;
     use super::*;
 
-    /// A cheap integer hash, 0…1.
+    /// 0…1.
     fn noise(i: u64) -> f64 {
-        let mut h = i.wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        h = (h ^ (h >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        (h >> 40) as f64 / (1_u64 << 24) as f64
+        ivd_core::noise::unit(0, i)
     }
 
     /// A random triangulation of a loop.

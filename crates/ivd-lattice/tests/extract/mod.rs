@@ -26,14 +26,11 @@ fn cut_volume(volume: &Volume, mask: Option<&Mask>, iso: Iso) -> Lattice {
     extract(volume, mask, &ExtractParams { iso }, &Exec::default()).unwrap().lattice
 }
 
-/// Small integers that look random: a hash of the index and a seed.
+/// Small integers that look random.
 fn noise(seed: u64, len: usize, values: u64) -> Vec<u8> {
-    (0..len as u64).map(|i| (hash(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ i) % values) as u8).collect()
+    (0..len as u64).map(|i| ivd_core::noise::below(seed, i, values) as u8).collect()
 }
 
-fn hash(mut x: u64) -> u64 {
-    for _ in 0..2 {
-        x = (x ^ (x >> 32)).wrapping_mul(0xD6E8_FEB8_6659_FD93);
-    }
-    x ^ (x >> 32)
+fn hash(i: u64) -> u64 {
+    ivd_core::noise::bits(0, i)
 }

@@ -5,11 +5,8 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::formats::Mesh;
 use nalgebra::Vector3;
 
-/// A cheap integer hash.
 pub(crate) fn hash(i: u64) -> u64 {
-    let mut h = i.wrapping_add(0x9E37_79B9_7F4A_7C15).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    h = (h ^ (h >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    h ^ (h >> 31)
+    ivd_core::noise::bits(0, i)
 }
 
 /// The surface where a function of the voxel is 0.5.

@@ -76,11 +76,8 @@ pub(crate) fn ball_and_specks(n: usize) -> Lattice {
     })
 }
 
-/// A cheap integer hash.
 pub(crate) fn hash(i: u64) -> u64 {
-    let mut h = i.wrapping_add(0x9E37_79B9_7F4A_7C15).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    h = (h ^ (h >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    h ^ (h >> 31)
+    ivd_core::noise::bits(0, i)
 }
 
 /// Of so many seeds a fifth, of each five in a row the next; all where `IVD_STRESS_EVERY` is 1, one of so many where it is more. Sizes and

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "test values are sound")]
 
-use ivd_core::{Exec, Grid, Lattice, Mask, Volume, Voxels};
+use ivd_core::{Exec, Grid, Lattice, Mask, Volume, Voxels, noise};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_volume::phantom::{Params, Shape, generate};
 
@@ -17,13 +17,9 @@ pub(crate) fn grids(dims: [usize; 3]) -> [Grid; 3] {
     ]
 }
 
-/// Random bits by an integer hash, `percent` of them 1.
+/// Random bits, `percent` of them 1.
 pub(crate) fn random_mask(grid: &Grid, seed: u64, percent: u64) -> Mask {
-    let bit = |i: u64| {
-        let mut h = (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        h = (h ^ h >> 31).wrapping_mul(0x94d0_49bb_1331_11eb);
-        u8::from((h ^ h >> 29) % 100 < percent)
-    };
+    let bit = |i: u64| u8::from(noise::below(seed, i, 100) < percent);
     Mask::new(grid.clone(), (0..grid.len() as u64).map(bit).collect::<Vec<_>>().into()).unwrap()
 }
 

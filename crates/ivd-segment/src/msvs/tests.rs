@@ -5,12 +5,9 @@ use rayon::prelude::*;
 
 use super::*;
 
-/// Uniform in 0…1, from a hash.
+/// Uniform in 0…1.
 fn uniform(i: u64) -> f64 {
-    let mut x = i.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((x ^ (x >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    ivd_core::noise::unit(0, i)
 }
 
 /// Standard normal.

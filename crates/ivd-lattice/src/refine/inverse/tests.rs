@@ -79,7 +79,7 @@ fn subdivided((places, triangles): &Mesh, salt: u64) -> (Mesh, Vec<u32>) {
         });
         fine.extend([[t[0], m[0], m[2]], [t[1], m[1], m[0]], [t[2], m[2], m[1]], m]);
     }
-    let hash = |i: u64| (i + salt).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 17;
+    let hash = |i: u64| ivd_core::noise::bits(salt, i);
     let mut order: Vec<usize> = (0..places.len()).collect();
     order.sort_by_key(|&v| hash(v as u64));
     let mut rank = vec![0; places.len()];

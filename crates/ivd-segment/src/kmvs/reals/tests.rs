@@ -23,9 +23,7 @@ fn plain(values: &[f32], k: usize) -> f64 {
 }
 
 fn noise(i: u64) -> f64 {
-    let x = (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    ((x ^ (x >> 32)) >> 11) as f64 / (1_u64 << 53) as f64
+    noise::unit(0, i)
 }
 
 #[test]

@@ -39,8 +39,7 @@ fn every_voxel() -> Exec {
 
 /// A hash of an index, for noise that is the same everywhere.
 fn hash(i: u64) -> u64 {
-    let z = (i ^ 0x5851_f42d).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    (z ^ (z >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 17
+    noise::bits(0, i) >> 17
 }
 
 /// Slabs of different levels with noise of a given amplitude.
