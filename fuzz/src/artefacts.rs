@@ -228,7 +228,7 @@ fn use_it(artefact: &Artefact) {
             let _ = ivd_lattice::extract::extract(&volume, Some(mask), &params, exec());
         }
         Artefact::Transfer(transfer) => stages::draw(&stages::ball(), transfer, None, None),
-        Artefact::Lattice(lattice) if lattice.grid.len() <= SMALL && lattice.keys.len() <= SMALL => {
+        Artefact::Lattice(lattice) if lattice.grid().len() <= SMALL && lattice.keys().len() <= SMALL => {
             lattices::take_through(lattice, &[], &[], ivd_lattice::refine::Target::Level(1));
         }
         Artefact::Octree(octree) => {

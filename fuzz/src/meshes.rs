@@ -29,7 +29,6 @@ pub fn check(bytes: &[u8]) {
     }
     let params = ForeignParams { weld: f64::from(choice / 100) * 1e-3, allow_open: choice & 64 != 0 };
     let Ok(foreign) = lattice(&mesh, grid, &params, exec()) else { return };
-    foreign.lattice.check().expect("a lattice");
     let figures = figures::measure(&foreign.lattice);
     assert!(params.allow_open || figures.boundary_edges + figures.non_manifold_edges == 0, "an open lattice");
     assert!(params.weld > 0.0 || foreign.moved_mm <= 1e-6 * grid.voxel_diagonal(), "a vertex moved");

@@ -68,7 +68,6 @@ fn run(section: &Section, made: &Made) -> Option<Artefact> {
 /// What a value that was read promises: only what its own check holds.
 pub fn sound_enough(artefact: &Artefact) {
     match artefact {
-        Artefact::Lattice(lattice) => lattice.check().expect("a lattice"),
         Artefact::Octree(octree) => octree.check().expect("an octree"),
         Artefact::Motion(motion) => motion.check().expect("a motion"),
         Artefact::Tree(tree) => tree.check().expect("a tree"),
@@ -171,23 +170,23 @@ pub fn octahedron() -> Lattice {
         .collect();
     corners.sort_by_key(|c| c.0);
     let at = |which: usize| corners.iter().position(|c| c.2 == which).expect("one of six") as u32;
-    let triangles = (0..8_usize)
+    let triangles: ivd_core::Buffer<_> = (0..8_usize)
         .map(|octant| {
             let [x, y, z] = [octant & 1, octant >> 1 & 1, octant >> 2];
             let corner = [at(x), at(2 + y), at(4 + z)];
             if (x + y + z) % 2 == 1 { corner } else { [corner[0], corner[2], corner[1]] }
         })
         .collect();
-    Lattice {
-        grid: Grid::with_spacing(dims, [1.0, 2.0, 3.0]).expect("a grid"),
-        source: LatticeSource::Mask,
-        keys: corners.iter().map(|c| c.0).collect(),
-        places: corners.iter().map(|c| c.1).collect(),
+    Lattice::new(
+        Grid::with_spacing(dims, [1.0, 2.0, 3.0]).expect("a grid"),
+        corners.iter().map(|c| c.0).collect(),
+        corners.iter().map(|c| c.1).collect(),
         triangles,
-        level: 1,
-        max_error_mm: 0.125,
-        coarser: Vec::new(),
-    }
+    )
+    .expect("it fits")
+    .with_source(LatticeSource::Mask)
+    .with_level(1)
+    .with_max_error_mm(0.125)
 }
 
 /// Carries a motion to voxels and volume.
@@ -196,8 +195,8 @@ pub fn carry(lattice: &Lattice, octree: &ivd_core::Octree, motion: &Motion) {
     let params = ivd_deform::map::OctreeParams::default();
     let Ok(mapped) = ivd_deform::map::octree(lattice, octree, motion, 0, &params, exec()) else { return };
     finite(&mapped.displacement);
-    let voxels: Vec<u8> = (0..lattice.grid.len()).map(|i| i as u8).collect();
-    let volume = Volume::new(lattice.grid.clone(), Voxels::from(voxels)).expect("as many as the grid has");
+    let voxels: Vec<u8> = (0..lattice.grid().len()).map(|i| i as u8).collect();
+    let volume = Volume::new(lattice.grid().clone(), Voxels::from(voxels)).expect("as many as the grid has");
     let warped = ivd_deform::warp::volume(
         &volume,
         &mapped.displacement,

@@ -28,11 +28,8 @@ fn same(a: &Artefact, b: &Artefact) -> bool {
 fn a_lattice_of_a_foreign_mesh_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lattice");
-    let Artefact::Lattice(mut lattice) = sample(Kind::Lattice) else {
-        unreachable!("a lattice was asked for")
-    };
-    lattice.source = ivd_core::LatticeSource::Foreign;
-    let value = Artefact::Lattice(lattice);
+    let Artefact::Lattice(lattice) = sample(Kind::Lattice) else { unreachable!("a lattice was asked for") };
+    let value = Artefact::Lattice(lattice.with_source(ivd_core::LatticeSource::Foreign));
     write(&path, &value, &provenance()).unwrap();
     assert!(same(&read(&path).unwrap().artefact, &value));
 }
@@ -41,15 +38,13 @@ fn a_lattice_of_a_foreign_mesh_says_so() {
 fn a_lattice_keeps_its_coarser_levels() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lattice");
-    let Artefact::Lattice(mut lattice) = sample(Kind::Lattice) else {
-        unreachable!("a lattice was asked for")
-    };
-    let triangles = lattice.triangles[..1].to_vec();
-    lattice.coarser = vec![
+    let Artefact::Lattice(lattice) = sample(Kind::Lattice) else { unreachable!("a lattice was asked for") };
+    let triangles = lattice.triangles()[..1].to_vec().into();
+    let coarser = vec![
         ivd_core::Coarser { triangles, level: 1, max_error_mm: 0.25 },
-        ivd_core::Coarser { triangles: Vec::new(), level: 3, max_error_mm: 1.5 },
+        ivd_core::Coarser { triangles: Vec::new().into(), level: 3, max_error_mm: 1.5 },
     ];
-    let value = Artefact::Lattice(lattice);
+    let value = Artefact::Lattice(lattice.with_coarser(coarser).unwrap());
     write(&path, &value, &provenance()).unwrap();
     assert!(same(&read(&path).unwrap().artefact, &value));
 }

@@ -49,7 +49,7 @@ impl Search {
     pub(crate) fn new(lattice: &Lattice, exec: &Exec) -> Result<Self, Problem> {
         let tree = ivd_octree::build(lattice, &ivd_octree::Params::default(), exec)?;
         let index = ivd_octree::prepare(lattice, &tree)?;
-        Ok(Self { index, origin: Vector3::from(lattice.grid.origin()) })
+        Ok(Self { index, origin: Vector3::from(lattice.grid().origin()) })
     }
 
     /// Distance of a place (mm); infinite where the lattice has no triangle.
@@ -66,11 +66,11 @@ fn spread(lattice: &Lattice) -> Vec<Vector3<f64>> {
         let [a, b, c] = corners(t);
         0.5 * (b - a).cross(&(c - a)).norm()
     };
-    let density = POINTS / lattice.triangles.iter().map(area).sum::<f64>();
+    let density = POINTS / lattice.triangles().iter().map(area).sum::<f64>();
     let mut points = Vec::new();
     // What the triangles before had too much or too little.
     let mut owed = 0.0;
-    for t in &lattice.triangles {
+    for t in lattice.triangles() {
         owed += density * area(t);
         let across = owed.max(0.0).sqrt().round() as u32;
         owed -= f64::from(across * across);
@@ -118,7 +118,7 @@ mod tests {
         // The first moment of the area: no part of the surface has more points than its share.
         let corners = |t: &[u32; 3]| t.map(|v| lattice.positions()[v as usize]);
         let (mut area, mut moment) = (0.0, Vector3::zeros());
-        for t in &lattice.triangles {
+        for t in lattice.triangles() {
             let [a, b, c] = corners(t);
             let own = 0.5 * (b - a).cross(&(c - a)).norm();
             (area, moment) = (area + own, moment + (a + b + c) * (own / 3.0));

@@ -102,7 +102,7 @@ fn holders(left: &Left) -> Vec<Option<usize>> {
         let beside = is_bone(at.map(f64::floor)) || is_bone(at.map(f64::ceil));
         bone_at(at[2]).filter(|_| beside)
     };
-    (0..left.lattice.keys.len()).map(of).collect()
+    (0..left.lattice.keys().len()).map(of).collect()
 }
 
 fn stage<'a>(told: &'a Value, name: &str) -> &'a Value {

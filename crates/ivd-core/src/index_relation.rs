@@ -61,23 +61,23 @@ impl Lattice {
     ///
     /// Empty where there are none, and for voxels outside the padded grid.
     pub fn vertices_of_voxel(&self, voxel: [i64; 3]) -> Range<u32> {
-        let dims = self.grid.dims();
+        let dims = self.grid().dims();
         let inside = (0..3).all(|a| voxel[a] >= -1 && voxel[a] <= dims[a] as i64);
         if !inside {
             return 0..0;
         }
         let key = ElementKey::new(dims, voxel.map(|v| (v + 1) as usize), 0);
-        let start = self.keys.partition_point(|k| *k < key);
-        let count = self.keys[start..].partition_point(|k| k.0 < key.0 + 8);
+        let start = self.keys().partition_point(|k| *k < key);
+        let count = self.keys()[start..].partition_point(|k| k.0 < key.0 + 8);
         start as u32..(start + count) as u32
     }
 
     /// Vertices that have a voxel among those of their element, ascending.
     pub fn vertices_round_voxel(&self, voxel: [i64; 3]) -> Vec<u32> {
-        let dims = self.grid.dims();
+        let dims = self.grid().dims();
         let from = |corner: usize| std::array::from_fn(|a| voxel[a].saturating_sub((corner >> a & 1) as i64));
         let near = (0..8).rev().flat_map(|corner| self.vertices_of_voxel(from(corner)));
-        near.filter(|&v| self.keys[v as usize].voxels(dims).contains(&voxel)).collect()
+        near.filter(|&v| self.keys()[v as usize].voxels(dims).contains(&voxel)).collect()
     }
 
     /// What a vertex is and where.
@@ -85,20 +85,20 @@ impl Lattice {
     /// # Panics
     /// If there is no vertex `vertex`.
     pub fn describe(&self, vertex: u32) -> VertexDescription {
-        let (i, dims) = (vertex as usize, self.grid.dims());
-        let key = self.keys[i];
+        let (i, dims) = (vertex as usize, self.grid().dims());
+        let key = self.keys()[i];
         // Where a cell has more vertices than elements of its own, others of its voxel stand for them.
         let axis = usize::from(key.element() % 3);
         let on_element = match key.element() {
-            0..=2 => (0..3).all(|a| a == axis || self.places[i][a] == 0.0),
-            3..=5 => self.places[i][axis] == 0.0,
+            0..=2 => (0..3).all(|a| a == axis || self.places()[i][a] == 0.0),
+            3..=5 => self.places()[i][axis] == 0.0,
             _ => true,
         };
         VertexDescription {
             vertex,
             voxel: key.voxel(dims),
             element: if on_element { key.element_name() } else { "cell, further" },
-            place: self.places[i],
+            place: self.places()[i],
             world: self.world(i),
             voxels: if on_element { key.voxels(dims) } else { ElementKey(key.0 | 7).voxels(dims) },
         }

@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     println!(
         "{} vertices, {} voxels moved in {} of {} bricks; det J at least {:.2}",
-        lattice.keys.len(),
+        lattice.keys().len(),
         mapped.voxels_moved,
         mapped.bricks_touched,
         mapped.bricks_total,

@@ -114,16 +114,9 @@ pub(crate) fn lattice(grid: &Grid, level: impl Fn(Vector3<f64>) -> f64) -> (Latt
             if *outward == flip { [[a, c, b], [a, d, c]] } else { [[a, b, c], [a, c, d]] }
         })
         .collect();
-    let lattice = Lattice {
-        grid: grid.clone(),
-        source: LatticeSource::Mask,
-        places: crossed.keys().map(|k| place(*k)).collect(),
-        keys: crossed.into_keys().collect(),
-        triangles,
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    };
-    lattice.check().unwrap();
+    let places = crossed.keys().map(|k| place(*k)).collect();
+    let lattice = Lattice::new(grid.clone(), crossed.into_keys().collect(), places, triangles)
+        .unwrap()
+        .with_source(LatticeSource::Mask);
     (lattice, Mask::new(grid.clone(), inside.into()).unwrap())
 }

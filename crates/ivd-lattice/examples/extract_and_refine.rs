@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let params = RefineParams { target: Target::Level(2).into(), ..RefineParams::default() };
     let refined = collapse(&cut.lattice, &params, &exec)?;
     print("refined", &refined.lattice);
-    println!("at most {:.3} mm from the extracted surface", refined.lattice.max_error_mm);
+    println!("at most {:.3} mm from the extracted surface", refined.lattice.max_error_mm());
     Ok(())
 }
 

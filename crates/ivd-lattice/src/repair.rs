@@ -119,10 +119,9 @@ pub struct RepairFigures {
 /// don't fit, [`ivd_core::Error::MemoryLimit`], [`ivd_core::Error::Cancelled`].
 pub fn repair(lattice: &Lattice, params: &RepairParams, exec: &Exec) -> Result<Repaired, Error> {
     params.check()?;
-    lattice.check()?;
     exec.check_cancelled()?;
     let mut done = RepairFigures::default();
-    let mut repaired = exec.run(|| without_small(lattice, params, &mut done));
+    let mut repaired = exec.run(|| without_small(lattice, params, &mut done))?;
     if params.max_aspect.is_some() || params.min_height_mm > 0.0 {
         let slivers = Slivers {
             max_aspect: params.max_aspect.unwrap_or(f64::INFINITY),
@@ -133,9 +132,9 @@ pub fn repair(lattice: &Lattice, params: &RepairParams, exec: &Exec) -> Result<R
         let without = exec.run(|| slivers.remove(&repaired, exec))?;
         let WithoutSlivers { kept, triangles, found, left, max_error_mm } = without;
         (done.slivers_found, done.slivers_left, done.max_error_mm) = (found, left, max_error_mm);
-        done.vertices_collapsed = (repaired.keys.len() - kept.len()) as u64;
-        repaired = subset(&repaired, &kept, &triangles);
-        repaired.max_error_mm += max_error_mm;
+        done.vertices_collapsed = (repaired.keys().len() - kept.len()) as u64;
+        let bound = repaired.max_error_mm() + max_error_mm;
+        repaired = repaired.subset(&kept, triangles)?.with_max_error_mm(bound);
     }
     Ok(Repaired { lattice: repaired, done })
 }
@@ -148,11 +147,15 @@ struct Size {
     volume: f64,
 }
 
-fn without_small(lattice: &Lattice, params: &RepairParams, done: &mut RepairFigures) -> Lattice {
+fn without_small(
+    lattice: &Lattice,
+    params: &RepairParams,
+    done: &mut RepairFigures,
+) -> Result<Lattice, Error> {
     let roots = component_roots(lattice);
     let positions = lattice.local_positions();
     let mut sizes = vec![Size::default(); positions.len()];
-    for t in &lattice.triangles {
+    for t in lattice.triangles() {
         let root = roots[t[0] as usize] as usize;
         // Relative to the component, so that the volume of a small one far away loses nothing.
         let [a, b, c] = t.map(|v| positions[v as usize] - positions[root]);
@@ -178,24 +181,6 @@ fn without_small(lattice: &Lattice, params: &RepairParams, done: &mut RepairFigu
     }
     let stays = |v: u32| !goes(&sizes[roots[v as usize] as usize]);
     let kept: Vec<u32> = (0..positions.len() as u32).filter(|&v| stays(v)).collect();
-    let triangles: Vec<_> = lattice.triangles.iter().copied().filter(|t| stays(t[0])).collect();
-    subset(lattice, &kept, &triangles)
-}
-
-/// Some vertices of a lattice, ascending, and triangles between them in its numbers.
-fn subset(lattice: &Lattice, kept: &[u32], triangles: &[[u32; 3]]) -> Lattice {
-    let mut rank = vec![u32::MAX; lattice.keys.len()];
-    for (new, &old) in kept.iter().enumerate() {
-        rank[old as usize] = new as u32;
-    }
-    Lattice {
-        grid: lattice.grid.clone(),
-        source: lattice.source.clone(),
-        keys: kept.iter().map(|&v| lattice.keys[v as usize]).collect(),
-        places: kept.iter().map(|&v| lattice.places[v as usize]).collect(),
-        triangles: triangles.iter().map(|t| t.map(|v| rank[v as usize])).collect(),
-        level: lattice.level,
-        max_error_mm: lattice.max_error_mm,
-        coarser: Vec::new(),
-    }
+    let triangles: Vec<_> = lattice.triangles().iter().copied().filter(|t| stays(t[0])).collect();
+    Ok(lattice.subset(&kept, triangles)?)
 }

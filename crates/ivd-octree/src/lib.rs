@@ -7,7 +7,7 @@
 //!   world millimetres, whatever the spacing and direction of the grid.
 //!
 //! ```
-//! use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
+//! use ivd_core::{ElementKey, Exec, Grid, Lattice};
 //! use nalgebra::Vector3;
 //!
 //! // An octahedron round the middle voxel of 3 × 3 × 3, its corners on the middle of six grid edges.
@@ -27,16 +27,9 @@
 //!     let (x, y, z) = (at(o & 1), at(2 + (o >> 1 & 1)), at(4 + (o >> 2)));
 //!     if o.count_ones() % 2 == 1 { [x, y, z] } else { [x, z, y] }
 //! });
-//! let lattice = Lattice {
-//!     grid: Grid::with_spacing(dims, [1.0, 1.0, 2.0])?,
-//!     source: LatticeSource::Mask,
-//!     triangles: triangles.collect(),
-//!     keys: corners.iter().map(|c| c.0).collect(),
-//!     places: corners.iter().map(|c| c.1).collect(),
-//!     level: 0,
-//!     max_error_mm: 0.0,
-//!     coarser: Vec::new(),
-//! };
+//! let (keys, places) = (corners.iter().map(|c| c.0).collect(), corners.iter().map(|c| c.1).collect());
+//! let grid = Grid::with_spacing(dims, [1.0, 1.0, 2.0])?;
+//! let lattice = Lattice::new(grid, keys, places, triangles.collect())?;
 //!
 //! let exec = Exec::default();
 //! assert_eq!(ivd_octree::inside(&lattice, &exec)?.count(), 1);

@@ -61,7 +61,7 @@ fn leaves_cover_the_root_once_in_morton_order() {
 fn homogeneous_leaves_agree_with_every_voxel_in_them() {
     for lattice in samples() {
         let mask = inside(&lattice, &Exec::default()).unwrap();
-        let dims = lattice.grid.dims();
+        let dims = lattice.grid().dims();
         let octree = tree(&lattice, 2);
         let mut whole = [0, 0];
         for z in 0..dims[2] + 2 {
@@ -89,7 +89,7 @@ fn every_triangle_is_listed_in_every_leaf_that_it_touches() {
     for lattice in samples() {
         for leaf_size in [1, 4] {
             let octree = tree(&lattice, leaf_size);
-            for (index, triangle) in lattice.triangles.iter().enumerate() {
+            for (index, triangle) in lattice.triangles().iter().enumerate() {
                 let corners = triangle.map(|v| lattice.voxel(v as usize).0);
                 for i in 0..=12 {
                     for j in 0..=12 - i {
@@ -117,16 +117,14 @@ fn touches(octree: &Octree, point: Vector3<f64>, triangle: u32) {
 
 #[test]
 fn an_empty_lattice_is_one_leaf_outside() {
-    let lattice = Lattice {
-        grid: Grid::with_spacing([3, 4, 5], [1.0; 3]).unwrap(),
-        source: LatticeSource::Mask,
-        keys: vec![],
-        places: vec![],
-        triangles: vec![],
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    };
+    let lattice = Lattice::new(
+        Grid::with_spacing([3, 4, 5], [1.0; 3]).unwrap(),
+        Vec::new().into(),
+        Vec::new().into(),
+        Vec::new().into(),
+    )
+    .unwrap()
+    .with_source(LatticeSource::Mask);
     let octree = tree(&lattice, 4);
     assert_eq!((octree.nodes.len(), octree.node(0), octree.depth), (1, OctreeNode::Outside, 3));
 }
@@ -136,7 +134,7 @@ fn a_leaf_larger_than_the_volume_is_the_root() {
     let lattice = &samples()[0];
     let octree = tree(lattice, 64);
     assert_eq!((octree.nodes.len(), octree.node(0), octree.depth), (1, OctreeNode::Surface { slot: 0 }, 6));
-    assert_eq!(octree.leaf_triangles.len(), lattice.triangles.len());
+    assert_eq!(octree.leaf_triangles.len(), lattice.triangles().len());
 }
 
 #[test]
@@ -152,13 +150,8 @@ fn bad_leaf_sizes_long_axes_and_cancelling_are_told() {
     for leaf_size in [0, 3, 128] {
         assert!(matches!(build(lattice, &Params { leaf_size }, &Exec::default()), Err(Error::Param(_))));
     }
-    let long = Lattice {
-        grid: Grid::with_spacing([1 << 21, 1, 1], [1.0; 3]).unwrap(),
-        keys: vec![],
-        places: vec![],
-        triangles: vec![],
-        ..lattice.clone()
-    };
+    let grid = Grid::with_spacing([1 << 21, 1, 1], [1.0; 3]).unwrap();
+    let long = Lattice::new(grid, Vec::new().into(), Vec::new().into(), Vec::new().into()).unwrap();
     assert!(matches!(build(&long, &Params::default(), &Exec::default()), Err(Error::TooLarge { .. })));
     let exec = Exec::default();
     exec.cancel.cancel();

@@ -53,16 +53,14 @@ fn specks_and_shells_of_one_voxel_are_kept_apart() {
 
 #[test]
 fn an_empty_lattice_has_nothing_inside() {
-    let lattice = Lattice {
-        grid: Grid::with_spacing([3, 4, 5], [1.0; 3]).unwrap(),
-        source: LatticeSource::Mask,
-        keys: vec![],
-        places: vec![],
-        triangles: vec![],
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    };
+    let lattice = Lattice::new(
+        Grid::with_spacing([3, 4, 5], [1.0; 3]).unwrap(),
+        Vec::new().into(),
+        Vec::new().into(),
+        Vec::new().into(),
+    )
+    .unwrap()
+    .with_source(LatticeSource::Mask);
     assert_eq!(inside(&lattice, &Exec::default()).unwrap().count(), 0);
 }
 
@@ -71,12 +69,13 @@ fn an_open_lattice_is_refused_with_its_row() {
     let grid = Grid::with_spacing([5, 5, 5], [1.0; 3]).unwrap();
     let mut voxels = vec![0; 125];
     voxels[grid.linear(VoxelIndex([2, 3, 1]))] = 1;
-    let mut lattice = of_mask(&Mask::new(grid, voxels.into()).unwrap());
-    let whole = lattice.triangles.clone();
+    let lattice = of_mask(&Mask::new(grid, voxels.into()).unwrap());
+    let whole = lattice.triangles();
     let mut refused = 0;
     for removed in 0..whole.len() {
-        lattice.triangles = whole.clone();
-        lattice.triangles.remove(removed);
+        let mut triangles = whole.to_vec();
+        triangles.remove(removed);
+        let lattice = lattice.clone().with_triangles(triangles.into()).unwrap();
         // A ray that hits the hole tells; an octahedron's corners are hit through one triangle each.
         if let Err(error) = inside(&lattice, &Exec::default()) {
             assert!(matches!(error, Error::Open { row: [3, 1], surplus: 1 | -1 }), "{error}");

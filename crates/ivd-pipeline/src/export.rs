@@ -185,9 +185,9 @@ pub fn describe(artefact: &Artefact) -> Value {
             "classes": t.classes(), "entries": t.entries(), "table": t.table(),
         }),
         Artefact::Lattice(l) => json!({
-            "kind": "lattice", "grid": grid(&l.grid), "vertices": l.keys.len(), "triangles": l.triangles.len(),
-            "source": l.source, "level": l.level, "max_error_mm": l.max_error_mm,
-            "coarser": l.coarser.iter().map(|c| json!({
+            "kind": "lattice", "grid": grid(l.grid()), "vertices": l.keys().len(), "triangles": l.triangles().len(),
+            "source": l.source(), "level": l.level(), "max_error_mm": l.max_error_mm(),
+            "coarser": l.coarser().iter().map(|c| json!({
                 "level": c.level, "triangles": c.triangles.len(), "max_error_mm": c.max_error_mm,
             })).collect::<Vec<_>>(),
         }),

@@ -10,8 +10,8 @@ const COLOUR: [u8; 3] = [0xF0, 0xE4, 0x42];
 /// triangle only.
 pub(crate) fn outline(image: &Image, lattice: &Lattice, camera: &Camera) -> Image {
     let positions = lattice.positions();
-    let mut edges: Vec<([u32; 2], bool)> = Vec::with_capacity(3 * lattice.triangles.len());
-    for triangle in &lattice.triangles {
+    let mut edges: Vec<([u32; 2], bool)> = Vec::with_capacity(3 * lattice.triangles().len());
+    for triangle in lattice.triangles() {
         let corners = triangle.map(|v| positions[v as usize]);
         let faces_eye = camera.faces_eye(corners);
         for side in 0..3 {

@@ -39,10 +39,9 @@ pub struct Look<'a> {
 /// is short, or cancelled work.
 pub fn surface(lattice: &Lattice, look: &Look, params: &RenderParams, exec: &Exec) -> Result<Image, Error> {
     params.check()?;
-    lattice.check()?;
     let grid = match look.frame.or_else(|| extent(lattice)) {
         Some(frame) => around(frame)?,
-        None => lattice.grid.clone(),
+        None => lattice.grid().clone(),
     };
     let fine = RenderParams { size: params.size.map(|side| FINE * side), ..params.clone() };
     let [wide, high] = fine.size;
@@ -80,7 +79,7 @@ pub fn surface(lattice: &Lattice, look: &Look, params: &RenderParams, exec: &Exe
 /// Low and high corner of a lattice's box (mm); none for a lattice without triangles.
 fn extent(lattice: &Lattice) -> Option<[[f64; 3]; 2]> {
     let positions = lattice.positions();
-    let used = lattice.triangles.iter().flatten().map(|&v| positions[v as usize]);
+    let used = lattice.triangles().iter().flatten().map(|&v| positions[v as usize]);
     let [low, high] = used.map(|p| [p; 2]).reduce(|a, b| [a[0].inf(&b[0]), a[1].sup(&b[1])])?;
     Some([low.into(), high.into()])
 }
@@ -145,7 +144,7 @@ impl<'a> Drawn<'a> {
 
     /// Corners of a triangle; none where one lies behind the eye.
     fn corners(&self, triangle: u32) -> Option<[Projected; 3]> {
-        let [a, b, c] = self.lattice.triangles[triangle as usize].map(|v| self.projected[v as usize]);
+        let [a, b, c] = self.lattice.triangles()[triangle as usize].map(|v| self.projected[v as usize]);
         Some([a?, b?, c?])
     }
 
@@ -153,7 +152,7 @@ impl<'a> Drawn<'a> {
     fn visible(&self, [width, height]: [usize; 2]) -> Vec<u32> {
         let mut nearest = vec![f64::NEG_INFINITY; width * height];
         let mut seen = vec![NONE; width * height];
-        for triangle in 0..self.lattice.triangles.len() as u32 {
+        for triangle in 0..self.lattice.triangles().len() as u32 {
             let Some(corners) = self.corners(triangle) else { continue };
             let side = |axis: usize, size: usize| {
                 let of = corners.map(|c| c.at[axis]);
@@ -191,7 +190,7 @@ impl<'a> Drawn<'a> {
         if look.edges && (0..3).any(|i| off_edge(&corners, parts[i], i) < HALF_EDGE * FINE as f64) {
             return [EDGE[0], EDGE[1], EDGE[2], 1.0];
         }
-        let [a, b, c] = self.lattice.triangles[triangle as usize].map(|v| self.places[v as usize]);
+        let [a, b, c] = self.lattice.triangles()[triangle as usize].map(|v| self.places[v as usize]);
         let whole: f64 = (0..3).map(|i| parts[i] * corners[i].weight).sum();
         let [u, v, w] = [0, 1, 2].map(|i| parts[i] * corners[i].weight / whole);
         let [red, green, blue] = look.colour.map_or(plain, |colour| colour((a * u + b * v + c * w).into()));

@@ -22,7 +22,7 @@ pub(crate) struct Level {
 
 impl fmt::Debug for Level {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Level").field("vertices", &self.lattice.keys.len()).finish_non_exhaustive()
+        f.debug_struct("Level").field("vertices", &self.lattice.keys().len()).finish_non_exhaustive()
     }
 }
 
@@ -155,6 +155,6 @@ impl Level {
 
 /// A displacement of nothing.
 pub(crate) fn still(lattice: &Lattice) -> Moved {
-    let displacement = Displacement::identity(lattice.grid.clone());
+    let displacement = Displacement::identity(lattice.grid().clone());
     Moved { displacement, relaxations: 0, halvings: 0, misfit: 0.0 }
 }

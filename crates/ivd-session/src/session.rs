@@ -60,8 +60,7 @@ impl Session {
         exec: &Exec,
     ) -> Result<Self, Error> {
         settings.check()?;
-        lattice.check()?;
-        check_grid(&volume, "lattice", &lattice.grid)?;
+        check_grid(&volume, "lattice", lattice.grid())?;
         if let Some(labels) = &labels {
             check_grid(&volume, "labels", labels.grid())?;
         }

@@ -309,9 +309,9 @@ fn random_events_replay_to_the_bit_and_are_undone_to_the_first() {
     for _ in 0..80 {
         live.undo(&exec).unwrap().unwrap();
     }
-    let vertices = live.lattice().keys.len();
+    let vertices = live.lattice().keys().len();
     live.forget();
-    assert_eq!(live.lattice().keys.len(), vertices, "the present level stays");
+    assert_eq!(live.lattice().keys().len(), vertices, "the present level stays");
     for _ in 0..30 {
         live.redo(&exec).unwrap().unwrap();
     }

@@ -67,7 +67,7 @@ impl Values {
     }
 
     fn vertex(&self, at: HandleAt) -> HandleAt {
-        let count = self.refined.as_ref().map_or(0, |r| r.lattice.keys.len() as u32);
+        let count = self.refined.as_ref().map_or(0, |r| r.lattice.keys().len() as u32);
         match at {
             HandleAt::Vertex(v) if count > 0 => HandleAt::Vertex(v % count),
             other => other,

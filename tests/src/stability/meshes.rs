@@ -21,18 +21,14 @@ pub fn mesh(grid: &Grid, corners: &[[f64; 3]], triangles: &[[usize; 3]]) -> Latt
     taken.sort_by_key(|t| t.0);
     let mut number = vec![0_u32; corners.len()];
     taken.iter().enumerate().for_each(|(new, t)| number[t.2] = new as u32);
-    let lattice = Lattice {
-        grid: grid.clone(),
-        source: LatticeSource::Mask,
-        keys: taken.iter().map(|t| t.0).collect(),
-        places: taken.iter().map(|t| t.1).collect(),
-        triangles: triangles.iter().map(|t| t.map(|v| number[v])).collect(),
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    };
-    lattice.check().expect("corners within the padded grid");
-    lattice
+    Lattice::new(
+        grid.clone(),
+        taken.iter().map(|t| t.0).collect(),
+        taken.iter().map(|t| t.1).collect(),
+        triangles.iter().map(|t| t.map(|v| number[v])).collect(),
+    )
+    .expect("corners within the padded grid")
+    .with_source(LatticeSource::Mask)
 }
 
 /// Corners and outward triangles of an octahedron.

@@ -103,10 +103,10 @@ impl Turn {
     /// A lattice turned with [`Turn::grid`], and the number that each of its vertices has in the result. Triangles keep
     /// their order; they are turned over where the turn is a mirror.
     pub fn lattice(&self, lattice: &Lattice) -> (Lattice, Vec<u32>) {
-        let (dims, grid) = (lattice.grid.dims(), self.grid(&lattice.grid));
-        let mut moved: Vec<(ElementKey, [f32; 3], usize)> = (0..lattice.keys.len())
+        let (dims, grid) = (lattice.grid().dims(), self.grid(lattice.grid()));
+        let mut moved: Vec<(ElementKey, [f32; 3], usize)> = (0..lattice.keys().len())
             .map(|i| {
-                let (key, place) = self.vertex(dims, lattice.keys[i], lattice.places[i]);
+                let (key, place) = self.vertex(dims, lattice.keys()[i], lattice.places()[i]);
                 (key, place, i)
             })
             .collect();
@@ -118,13 +118,13 @@ impl Turn {
             let [a, b, c] = t.map(|v| number[v as usize]);
             if mirror { [a, c, b] } else { [a, b, c] }
         };
-        let result = Lattice {
-            grid,
-            keys: moved.iter().map(|m| m.0).collect(),
-            places: moved.iter().map(|m| m.1).collect(),
-            triangles: lattice.triangles.iter().map(turned).collect(),
-            ..lattice.clone()
-        };
+        let keys: Vec<_> = moved.iter().map(|m| m.0).collect();
+        let places: Vec<_> = moved.iter().map(|m| m.1).collect();
+        let triangles: Vec<_> = lattice.triangles().iter().map(turned).collect();
+        let result = Lattice::new(grid, keys.into(), places.into(), triangles.into())
+            .expect("a turn keeps addresses apart");
+        let result = result.with_source(lattice.source().clone()).with_level(lattice.level());
+        let result = result.with_max_error_mm(lattice.max_error_mm());
         (result, number)
     }
 

@@ -89,7 +89,8 @@ impl Backend for Spoiled {
     ) -> Answer<Extracted> {
         let mut cut = Cpu.extract(volume, mask, params, exec)?;
         if self.is(Spoil::HoleInLattice) {
-            cut.lattice.triangles.pop();
+            let left = cut.lattice.triangles()[1..].to_vec();
+            cut.lattice = cut.lattice.with_triangles(left.into()).map_err(ivd_lattice::Error::from)?;
         }
         Ok(cut)
     }
@@ -98,8 +99,12 @@ impl Backend for Spoiled {
         let mut refined = Cpu.collapse(lattice, params, exec)?;
         match self.0 {
             Spoil::VertexMoved => {
-                let axis = refined.lattice.places[3].iter().position(|p| *p > 0.0).unwrap();
-                refined.lattice.places[3][axis] += 1e-6;
+                let grid = refined.lattice.grid().clone();
+                let (keys, mut places, triangles) = refined.lattice.into_parts();
+                let axis = places[3].iter().position(|p| *p > 0.0).unwrap();
+                places.make_mut()[3][axis] += 1e-6;
+                refined.lattice =
+                    Lattice::new(grid, keys, places, triangles).map_err(ivd_lattice::Error::from)?;
             }
             Spoil::BoundTooSmall => refined.max_error_mm *= 0.05,
             _ => {}

@@ -86,7 +86,7 @@ fn apart(a: &Results, b: &Results, scale: f64) -> [f64; 2] {
         |p: &[f64; 3], q: &[f64; 3]| (0..3).map(|c| (p[c] - q[c] / scale).abs()).fold(0.0, f64::max);
     let motion = u.iter().zip(v).map(|(p, q)| difference(p, q)).fold(0.0, f64::max);
     let (f, g) = (a.mapped.displacement.forward(), b.mapped.displacement.forward());
-    let grid = &a.lattice.grid;
+    let grid = a.lattice.grid();
     let at = |i: usize| (f.at(grid.index(i)).map(f64::from), g.at(grid.index(i)).map(f64::from));
     let field = (0..grid.len()).map(|i| difference(&at(i).0, &at(i).1)).fold(0.0, f64::max);
     [motion, field]
@@ -96,9 +96,9 @@ fn apart(a: &Results, b: &Results, scale: f64) -> [f64; 2] {
 fn same_shape(a: &Results, b: &Results, what: &str) {
     assert_eq!(a.found.labels.ids(), b.found.labels.ids(), "{what}");
     assert_eq!(a.found.labels.classes(), b.found.labels.classes(), "{what}");
-    assert_eq!(a.lattice.keys, b.lattice.keys, "{what}");
-    assert_eq!(a.lattice.places, b.lattice.places, "{what}");
-    assert_eq!(a.lattice.triangles, b.lattice.triangles, "{what}");
+    assert_eq!(a.lattice.keys(), b.lattice.keys(), "{what}");
+    assert_eq!(a.lattice.places(), b.lattice.places(), "{what}");
+    assert_eq!(a.lattice.triangles(), b.lattice.triangles(), "{what}");
 }
 
 #[test]
@@ -108,8 +108,8 @@ fn powers_of_two_change_exponents_and_nothing_else() {
     for scale in [1024.0, 1.0 / 1024.0] {
         let scaled = scene(scale, 0.0);
         same_shape(&plain, &scaled, "power of two");
-        assert_eq!(plain.refined.lattice.keys, scaled.refined.lattice.keys, "{scale}");
-        assert_eq!(plain.refined.lattice.triangles, scaled.refined.lattice.triangles, "{scale}");
+        assert_eq!(plain.refined.lattice.keys(), scaled.refined.lattice.keys(), "{scale}");
+        assert_eq!(plain.refined.lattice.triangles(), scaled.refined.lattice.triangles(), "{scale}");
         assert_eq!(plain.refined.max_error_mm, scaled.refined.max_error_mm / scale, "{scale}");
         assert_eq!(apart(&plain, &scaled, scale), [0.0; 2], "{scale}");
         assert_eq!(plain.mapped.min_det_j, scaled.mapped.min_det_j, "{scale}");
@@ -135,7 +135,7 @@ fn thousands_and_thousandths_differ_by_roundings() {
         // Stored in single precision on both sides.
         assert!(field <= 2.0 * f64::from(f32::EPSILON) * most, "{scale}: {field} mm");
         let range = plain.warped.range().unwrap();
-        for i in 0..plain.lattice.grid.len() {
+        for i in 0..plain.lattice.grid().len() {
             let off = (plain.warped.voxels().get(i) - scaled.warped.voxels().get(i)).abs();
             // The steepest value, a quarter of the range a voxel, times what `f32` vectors of a voxel differ by.
             assert!(off <= 1e-6 * (range[1] - range[0]), "{scale}, voxel {i}: {off}");
@@ -152,7 +152,7 @@ fn a_scene_a_million_millimetres_away_is_the_same() {
     let plain = scene(1.0, 0.0);
     let moved = scene(1.0, 1e6);
     same_shape(&plain, &moved, "moved");
-    assert_eq!(plain.refined.lattice.keys, moved.refined.lattice.keys);
+    assert_eq!(plain.refined.lattice.keys(), moved.refined.lattice.keys());
     assert_eq!(plain.refined.max_error_mm, moved.refined.max_error_mm);
     let [motion, field] = apart(&plain, &moved, 1.0);
     // Handles are picked by places relative to the origin, which are exact here.

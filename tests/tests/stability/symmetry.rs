@@ -83,8 +83,8 @@ fn labels_masks_and_transfer_functions_turn_with_the_volume() {
 
 /// Positions (mm) of a lattice's vertices in ascending order of address.
 fn close(a: &Lattice, b: &Lattice, tolerance: f64) {
-    assert_eq!(a.keys, b.keys);
-    for i in 0..a.keys.len() {
+    assert_eq!(a.keys(), b.keys());
+    for i in 0..a.keys().len() {
         let off = (a.voxel(i).0 - b.voxel(i).0).norm();
         assert!(off <= tolerance, "vertex {i}: {off} voxels");
     }
@@ -126,7 +126,7 @@ fn a_refined_lattice_stays_within_its_bound_whichever_way_it_is_turned() {
     for turn in TURNS {
         let (other, _) = turn.lattice(&straight);
         let found = collapse(&other, &params, &exec).unwrap();
-        assert_eq!(found.lattice.keys.len(), refined.lattice.keys.len());
+        assert_eq!(found.lattice.keys().len(), refined.lattice.keys().len());
         // Costs are equal but for rounding, which decides between near equals: another subset may be kept. Both are within
         // their bounds of the same surface, hence of each other within the sum.
         let (expected, _) = turn.lattice(&refined.lattice);
@@ -191,9 +191,9 @@ fn motions_and_maps_turn_with_the_lattice() {
         }
         let mapped = mapped(&other, &again, Outside::Band);
         let expected = turn.field(map.displacement.forward());
-        let (mut worst, dims) = (0.0_f64, other.grid.dims());
-        for i in 0..other.grid.len() {
-            let v = other.grid.index(i);
+        let (mut worst, dims) = (0.0_f64, other.grid().dims());
+        for i in 0..other.grid().len() {
+            let v = other.grid().index(i);
             let off = Vector3::from(mapped.displacement.forward().at(v)) - Vector3::from(expected.at(v));
             worst = worst.max(f64::from(off.norm()));
         }

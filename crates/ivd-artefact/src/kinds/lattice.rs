@@ -64,25 +64,24 @@ impl From<Source> for LatticeSource {
 }
 
 pub(super) fn encode(lattice: &Lattice) -> Result<Encoded<'_>, String> {
-    lattice.check().map_err(|e| e.to_string())?;
     let content = Content {
-        grid: (&lattice.grid).into(),
-        source: (&lattice.source).into(),
-        level: lattice.level,
-        max_error_mm: Real(lattice.max_error_mm),
+        grid: (lattice.grid()).into(),
+        source: (lattice.source()).into(),
+        level: lattice.level(),
+        max_error_mm: Real(lattice.max_error_mm()),
         coarser: lattice
-            .coarser
+            .coarser()
             .iter()
             .map(|c| Level { level: c.level, max_error_mm: Real(c.max_error_mm) })
             .collect(),
     };
-    let (vertices, triangles) = (lattice.keys.len() as u64, lattice.triangles.len() as u64);
+    let (vertices, triangles) = (lattice.keys().len() as u64, lattice.triangles().len() as u64);
     let mut sections = vec![
-        SectionBytes::new("keys", Element::U64, vec![vertices], &lattice.keys),
-        SectionBytes::new("places", Element::F32, vec![vertices, 3], &lattice.places),
-        SectionBytes::new("triangles", Element::U32, vec![triangles, 3], &lattice.triangles),
+        SectionBytes::new("keys", Element::U64, vec![vertices], lattice.keys()),
+        SectionBytes::new("places", Element::F32, vec![vertices, 3], lattice.places()),
+        SectionBytes::new("triangles", Element::U32, vec![triangles, 3], lattice.triangles()),
     ];
-    sections.extend(lattice.coarser.iter().enumerate().map(|(k, coarser)| {
+    sections.extend(lattice.coarser().iter().enumerate().map(|(k, coarser)| {
         let shape = vec![coarser.triangles.len() as u64, 3];
         SectionBytes::new(coarser_name(k), Element::U32, shape, &coarser.triangles)
     }));
@@ -102,18 +101,11 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Lattice, Problem> {
     let mut coarser = Vec::with_capacity(content.coarser.len());
     for (k, Level { level, max_error_mm }) in content.coarser.into_iter().enumerate() {
         let triangles: Buffer<[u32; 3]> = decoder.take_rows(&coarser_name(k), Element::U32, &[3])?;
-        coarser.push(Coarser { triangles: triangles.into_vec(), level, max_error_mm: max_error_mm.0 });
+        coarser.push(Coarser { triangles, level, max_error_mm: max_error_mm.0 });
     }
-    let lattice = Lattice {
-        grid: content.grid.grid()?,
-        source: content.source.into(),
-        keys: keys.into_vec(),
-        places: places.into_vec(),
-        triangles: triangles.into_vec(),
-        level: content.level,
-        max_error_mm: content.max_error_mm.0,
-        coarser,
-    };
-    lattice.check()?;
-    Ok(lattice)
+    Ok(Lattice::new(content.grid.grid()?, keys, places, triangles)?
+        .with_source(content.source.into())
+        .with_level(content.level)
+        .with_max_error_mm(content.max_error_mm.0)
+        .with_coarser(coarser)?)
 }

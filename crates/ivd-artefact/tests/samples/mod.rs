@@ -93,23 +93,23 @@ fn lattice() -> Lattice {
         .collect();
     corners.sort_by_key(|c| c.0);
     let at = |which: usize| corners.iter().position(|c| c.2 == which).unwrap() as u32;
-    let triangles = (0..8_usize)
+    let triangles: ivd_core::Buffer<_> = (0..8_usize)
         .map(|octant| {
             let [x, y, z] = [octant & 1, octant >> 1 & 1, octant >> 2];
             let corner = [at(x), at(2 + y), at(4 + z)];
             if (x + y + z) % 2 == 1 { corner } else { [corner[0], corner[2], corner[1]] }
         })
         .collect();
-    Lattice {
-        grid: Grid::with_spacing(dims, [1.0, 2.0, 3.0]).unwrap(),
-        source: LatticeSource::Interval { lower: Some(0.1), upper: None },
-        keys: corners.iter().map(|c| c.0).collect(),
-        places: corners.iter().map(|c| c.1).collect(),
+    Lattice::new(
+        Grid::with_spacing(dims, [1.0, 2.0, 3.0]).unwrap(),
+        corners.iter().map(|c| c.0).collect(),
+        corners.iter().map(|c| c.1).collect(),
         triangles,
-        level: 1,
-        max_error_mm: 0.125,
-        coarser: Vec::new(),
-    }
+    )
+    .unwrap()
+    .with_source(LatticeSource::Interval { lower: Some(0.1), upper: None })
+    .with_level(1)
+    .with_max_error_mm(0.125)
 }
 
 fn octree() -> Octree {

@@ -26,7 +26,7 @@ pub(crate) fn run(_: &[String]) -> Anything<()> {
         .collect();
     let volume = Volume::new(grid.clone(), Voxels::from(voxels))?;
     let cut = extract(&volume, None, &ExtractParams { iso: Iso::Value(0.1) }, &exec)?.lattice;
-    println!("{} vertices, {} triangles", cut.keys.len(), cut.triangles.len());
+    println!("{} vertices, {} triangles", cut.keys().len(), cut.triangles().len());
     let folder = std::env::temp_dir();
     for format in Format::ALL {
         let path = folder.join(format!("ivd-example-{}", std::process::id())).with_extension(format.ending());

@@ -42,9 +42,9 @@ impl Found {
 
     fn surface(lattice: &Lattice) -> Self {
         Self::Surface {
-            vertices: lattice.keys.len(),
-            triangles: lattice.triangles.len(),
-            max_error_mm: lattice.max_error_mm,
+            vertices: lattice.keys().len(),
+            triangles: lattice.triangles().len(),
+            max_error_mm: lattice.max_error_mm(),
         }
     }
 

@@ -63,7 +63,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
             ["extract", iso] => {
                 let found =
                     extract(&fresh, None, &ExtractParams { iso: Iso::Value(iso.parse()?) }, &exec)?.lattice;
-                let figures = json!({ "vertices": found.keys.len(), "triangles": found.triangles.len() });
+                let figures = json!({ "vertices": found.keys().len(), "triangles": found.triangles().len() });
                 lattice = Some(found);
                 figures
             }
@@ -71,7 +71,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
                 let params =
                     RefineParams { target: Target::Ratio(ratio.parse()?).into(), ..RefineParams::default() };
                 let found = collapse(lattice.as_ref().ok_or("extract first")?, &params, &exec)?;
-                json!({ "triangles": found.lattice.triangles.len(), "max_error_mm": found.max_error_mm })
+                json!({ "triangles": found.lattice.triangles().len(), "max_error_mm": found.max_error_mm })
             }
             ["render", _, side, step, angles] => {
                 let transfer = transfer.ok_or("no transfer function")?;

@@ -192,7 +192,7 @@ fn input(options: &Options, iso: Option<f64>, exec: &Exec) -> Result<(String, Vo
 
 /// The vertex furthest along y of those within a tenth of the surface's size of its middle in x and z.
 fn outermost(lattice: &Lattice) -> Result<HandleAt, Problem> {
-    let places: Vec<Vector3<f64>> = (0..lattice.keys.len()).map(|v| lattice.world(v).0).collect();
+    let places: Vec<Vector3<f64>> = (0..lattice.keys().len()).map(|v| lattice.world(v).0).collect();
     let low = places.iter().copied().reduce(|a, b| a.inf(&b)).ok_or("the surface has no vertex")?;
     let high = places.iter().copied().reduce(|a, b| a.sup(&b)).ok_or("the surface has no vertex")?;
     let (middle, near) = ((low + high) / 2.0, 0.1 * (high - low).amax());
@@ -257,7 +257,7 @@ fn drag(
     let drag = Drag {
         solver: String::new(),
         level: session.settings().level,
-        vertices: session.lattice().keys.len(),
+        vertices: session.lattice().keys().len(),
         cpu_ms,
         wall_ms,
         placed_ms,

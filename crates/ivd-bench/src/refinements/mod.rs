@@ -120,7 +120,7 @@ pub fn refinements(options: &Options, iso: Option<f64>, exec: &Exec) -> Result<R
 
 fn measured(input: &Input, repeats: usize, exec: &Exec) -> Result<LatticeBench, Problem> {
     let lattice = &input.lattice;
-    if lattice.triangles.is_empty() {
+    if lattice.triangles().is_empty() {
         return Err("there is no surface".into());
     }
     let rows = Rows::new(input, repeats, exec)?;
@@ -189,16 +189,16 @@ fn reached(rows: &Rows, method: Method) -> Result<Reach, Problem> {
     for level in LEVELS {
         let found = rows.refined(method, Target::Level(level))?;
         let there = found.reached.stopped_by == StoppedBy::Target;
-        levels.push(there.then_some(found.lattice.keys.len()));
+        levels.push(there.then_some(found.lattice.keys().len()));
         // Sampling for no triangles ends at the first rate that leaves nothing; some coarser ones leave something.
-        if there && found.lattice.keys.len() < fewest.keys.len() {
+        if there && found.lattice.keys().len() < fewest.keys().len() {
             fewest = found.lattice;
         }
     }
     Ok(Reach {
         method: method.name().to_owned(),
         levels,
-        least: fewest.keys.len(),
+        least: fewest.keys().len(),
         stopped_by,
         same_topology: Shape::of(&fewest).is_as(&rows.shape),
     })
@@ -215,7 +215,7 @@ fn levels(rows: &Rows, lattice: &Lattice, exec: &Exec) -> Result<Vec<RefinementR
         let last = found.last().ok_or("a chain has as many levels as were asked for")?;
         let mut row = rows.judged(params.method, format!("level {}", LEVELS[i]), last, seconds)?;
         // Its lattice's bound adds those of the levels before.
-        row.bound_mm = last.lattice.max_error_mm - lattice.max_error_mm;
+        row.bound_mm = last.lattice.max_error_mm() - lattice.max_error_mm();
         all.push(row);
         if last.reached.stopped_by != StoppedBy::Target {
             break;

@@ -89,7 +89,7 @@ pub(super) struct Rows<'a> {
 impl<'a> Rows<'a> {
     pub(super) fn new(input: &'a Input, repeats: usize, exec: &'a Exec) -> Result<Self, Problem> {
         let lattice = &input.lattice;
-        let voxel_mm = lattice.grid.longest_edge();
+        let voxel_mm = lattice.grid().longest_edge();
         Ok(Self {
             lattice,
             repeats,
@@ -143,22 +143,22 @@ impl<'a> Rows<'a> {
         let (input, result) = (self.lattice, &found.lattice);
         let apart = distances(input, result, self.exec)?;
         let is_new = |v: &usize| {
-            let at = input.vertex_at(result.keys[*v]);
-            at.is_none_or(|w| input.places[w as usize] != result.places[*v])
+            let at = input.vertex_at(result.keys()[*v]);
+            at.is_none_or(|w| input.places()[w as usize] != result.places()[*v])
         };
         let search = Search::new(result, self.exec)?;
         let off: f64 = self.creases.iter().map(|p| search.distance(*p)).sum();
         Ok(RefinementRow {
             method: method.name().to_owned(),
             asked,
-            vertices: result.keys.len(),
-            triangles: result.triangles.len(),
-            ratio: result.triangles.len() as f64 / input.triangles.len() as f64,
+            vertices: result.keys().len(),
+            triangles: result.triangles().len(),
+            ratio: result.triangles().len() as f64 / input.triangles().len() as f64,
             bound_mm: found.max_error_mm,
             max_mm: apart.max_mm,
             mean_mm: apart.mean_mm,
             crease_mm: off / self.creases.len().max(1) as f64,
-            new_vertices: (0..result.keys.len()).filter(is_new).count(),
+            new_vertices: (0..result.keys().len()).filter(is_new).count(),
             shape: Shape::of(result),
             stopped_by: found.reached.stopped_by,
             seconds,
@@ -171,7 +171,7 @@ impl<'a> Rows<'a> {
 fn creases(lattice: &Lattice) -> Vec<Vector3<f64>> {
     let positions = lattice.positions();
     let mut sides: BTreeMap<[u32; 2], Vec<Vector3<f64>>> = BTreeMap::new();
-    for t in &lattice.triangles {
+    for t in lattice.triangles() {
         let [a, b, c] = t.map(|v| positions[v as usize]);
         let Some(normal) = (b - a).cross(&(c - a)).try_normalize(0.0) else { continue };
         for (u, v) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {

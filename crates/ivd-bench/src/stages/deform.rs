@@ -17,7 +17,7 @@ const FINEST: f64 = 12_800.0;
 /// Time steps, and where forces end, against what a very short step gives.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let lattice = Arc::new(ball(size / 2, exec)?);
-    let input = format!("the lattice of a ball of 40 mm, {} vertices, pulled by 0.3 N", lattice.keys.len());
+    let input = format!("the lattice of a ball of 40 mm, {} vertices, pulled by 0.3 N", lattice.keys().len());
     on(&lattice, pulled(), input, exec)
 }
 
@@ -67,7 +67,7 @@ pub(super) fn on(
         measure: "difference of the vertices' displacements, root mean square",
         unit: "mm",
         counted: Some("steps × springs"),
-        voxel_mm: Some(lattice.grid.longest_edge()),
+        voxel_mm: Some(lattice.grid().longest_edge()),
         work: ("springs", springs(lattice, &finest) as f64),
         settings: settings.collect(),
     })
@@ -88,7 +88,7 @@ fn displacements(
 /// Edges of the lattice with an end that moves: what a time step works on.
 fn springs(lattice: &Lattice, displacement: &[[f64; 3]]) -> usize {
     let moves = |v: u32| displacement[v as usize] != [0.0; 3];
-    let sides = lattice.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+    let sides = lattice.triangles().iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
     // Every edge is a side of two triangles, once in each direction.
     sides.filter(|[a, b]| a < b && (moves(*a) || moves(*b))).count()
 }

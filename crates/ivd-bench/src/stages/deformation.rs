@@ -31,7 +31,7 @@ const MEASURE: &str = "difference of the voxels' displacements where one moves, 
 pub(super) fn maps(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let size = (size / 2).max(LEAST);
     let lattice = ball(size, exec)?;
-    let input = format!("a ball of 40 mm in {size}³ voxels of {:.1} mm", lattice.grid.longest_edge());
+    let input = format!("a ball of 40 mm in {size}³ voxels of {:.1} mm", lattice.grid().longest_edge());
     let top = [0.0, 0.0, RADIUS_MM];
     let pushed = |by: f64| -> Result<Motion, Problem> {
         let handle =
@@ -85,7 +85,7 @@ pub(super) fn on_maps(
         measure: MEASURE,
         unit: "mm",
         counted: None,
-        voxel_mm: Some(lattice.grid.longest_edge()),
+        voxel_mm: Some(lattice.grid().longest_edge()),
         work: ("voxels that move", reached as f64),
         settings,
     })
@@ -136,7 +136,7 @@ fn methods(radius: f64) -> Vec<(Vec<(&'static str, String)>, MapChoice)> {
 pub(super) fn whole(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let lattice = ball(size / 2, exec)?;
     let input =
-        format!("a ball of 40 mm in {}³ voxels of {:.1} mm, pushed", size / 2, lattice.grid.longest_edge());
+        format!("a ball of 40 mm in {}³ voxels of {:.1} mm, pushed", size / 2, lattice.grid().longest_edge());
     let at = HandleAt::Pick([0.0, 0.0, RADIUS_MM]);
     let handle = Handle { at, action: Action::Move([0.0, 0.0, -MOVE_MM]), radius: REACH_MM };
     on_whole(&lattice, &handle, input, exec)
@@ -183,7 +183,7 @@ pub(super) fn on_whole(
         measure: MEASURE,
         unit: "mm",
         counted: None,
-        voxel_mm: Some(lattice.grid.longest_edge()),
+        voxel_mm: Some(lattice.grid().longest_edge()),
         work: ("voxels that move", reached),
         settings,
     })

@@ -104,8 +104,8 @@ fn distance(from: &Lattice, to: &Lattice, exec: &Exec) -> Result<f64, Problem> {
     let tree = ivd_octree::build(to, &ivd_octree::Params::default(), exec)?;
     let index = ivd_octree::prepare(to, &tree)?;
     let positions = from.positions();
-    let origin = Vector3::from(to.grid.origin());
-    let squares = from.triangles.iter().map(|t| {
+    let origin = Vector3::from(to.grid().origin());
+    let squares = from.triangles().iter().map(|t| {
         let middle = t.iter().map(|&c| positions[c as usize]).sum::<Vector3<f64>>() / 3.0;
         index.nearest(middle - origin, f64::INFINITY).map_or(f64::INFINITY, |n| n.distance_mm.powi(2))
     });
@@ -131,7 +131,7 @@ fn lattice(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experimen
                 let found = extract(&coarse, None, &params, exec)?;
                 let (truth, exec) = (truth.clone(), exec.clone());
                 Ok(Box::new(move || {
-                    let triangles = found.lattice.triangles.len() as f64;
+                    let triangles = found.lattice.triangles().len() as f64;
                     Ok(judged(distance(&found.lattice, &truth, &exec)?, [("triangles", triangles)]))
                 }))
             }))

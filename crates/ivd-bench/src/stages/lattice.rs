@@ -25,7 +25,7 @@ pub(super) fn experiment(size: usize) -> Result<Experiment, Problem> {
                     let lattice = &found.lattice;
                     Ok(judged(
                         distance(lattice),
-                        [("triangles", lattice.triangles.len() as f64), ("bricks", bricks)],
+                        [("triangles", lattice.triangles().len() as f64), ("bricks", bricks)],
                     ))
                 }))
             }))
@@ -47,7 +47,7 @@ pub(super) fn experiment(size: usize) -> Result<Experiment, Problem> {
 /// Distance of the middles of triangles from the ball (mm), root mean square.
 pub(super) fn distance(lattice: &Lattice) -> f64 {
     let positions = lattice.positions();
-    root_mean_square(lattice.triangles.iter().map(|t| {
+    root_mean_square(lattice.triangles().iter().map(|t| {
         let middle = t.iter().map(|&c| positions[c as usize]).sum::<nalgebra::Vector3<f64>>() / 3.0;
         (middle.norm() - RADIUS_MM).powi(2)
     }))

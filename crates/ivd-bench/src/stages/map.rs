@@ -32,7 +32,7 @@ pub(super) fn on(
 ) -> Result<Experiment, Problem> {
     let Action::Move(by) = handle.action else { return Err("a motion is needed".into()) };
     let push_mm = by.iter().map(|c| c * c).sum::<f64>().sqrt();
-    let voxel = whole.grid.longest_edge();
+    let voxel = whole.grid().longest_edge();
     let mut lattices = Vec::new();
     for level in LEVELS {
         let params = RefineParams { target: target(level).into(), ..RefineParams::default() };
@@ -47,7 +47,7 @@ pub(super) fn on(
         let default = target(level) == RefineParams::default().target.get();
         Setting::new([("refine.level", level.to_string())], default, move |exec| {
             let found = deformed(&lattice, &handle, None, &MapChoice::default(), exec)?;
-            let (finest, triangles) = (finest.clone(), lattice.triangles.len() as f64);
+            let (finest, triangles) = (finest.clone(), lattice.triangles().len() as f64);
             Ok(Box::new(move || {
                 let (error, most) = apart(&found.displacement, &finest);
                 let counters = [

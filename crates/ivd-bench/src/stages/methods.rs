@@ -39,7 +39,7 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
     let lattice = Arc::new(extract(&plate::volume(size)?, None, &params, exec)?.lattice);
     let truth = Truth::formula(plate::nearest, &lattice);
     let input =
-        format!("the lattice of {}, {size}³ voxels, {} triangles", plate::WORDS, lattice.triangles.len());
+        format!("the lattice of {}, {size}³ voxels, {} triangles", plate::WORDS, lattice.triangles().len());
     let measure: Measure = Arc::new(move |found, exec| truth.apart(found, exec));
     on(&lattice, input, "the plate", &measure, exec)
 }
@@ -69,8 +69,8 @@ pub(super) fn on(
         measure: "distance over the surface, root mean square, from the truth or of the truth, whichever is more",
         unit: "mm",
         counted: None,
-        voxel_mm: Some(lattice.grid.longest_edge()),
-        work: ("triangles", lattice.triangles.len() as f64),
+        voxel_mm: Some(lattice.grid().longest_edge()),
+        work: ("triangles", lattice.triangles().len() as f64),
         settings,
     })
 }
@@ -108,9 +108,9 @@ fn reaches(lattice: &Lattice, params: &RefineParams, exec: &Exec) -> Result<bool
     };
     let share = |kept: usize, of: usize| kept as f64 / of.max(1) as f64;
     Ok(match params.target.get() {
-        Target::Ratio(r) => share(found.triangles.len(), lattice.triangles.len()) <= REACHED * r,
+        Target::Ratio(r) => share(found.triangles().len(), lattice.triangles().len()) <= REACHED * r,
         Target::Level(l) => {
-            share(found.keys.len(), lattice.keys.len()) <= LEVEL_REACHED * 0.25_f64.powi(i32::from(l))
+            share(found.keys().len(), lattice.keys().len()) <= LEVEL_REACHED * 0.25_f64.powi(i32::from(l))
         }
         Target::Count(_) | Target::MaxError(_) => true,
     })
@@ -135,8 +135,8 @@ fn setting(lattice: &Arc<Lattice>, params: RefineParams, default: bool, measure:
         Ok(Box::new(move || {
             let from_input = distances(&lattice, &found.lattice, &exec)?;
             let counters = [
-                ("vertices", found.lattice.keys.len() as f64),
-                ("triangles", found.lattice.triangles.len() as f64),
+                ("vertices", found.lattice.keys().len() as f64),
+                ("triangles", found.lattice.triangles().len() as f64),
                 ("bound_mm", found.max_error_mm),
                 ("max_mm", from_input.max_mm),
                 ("mean_mm", from_input.mean_mm),

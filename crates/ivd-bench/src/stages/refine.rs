@@ -18,7 +18,7 @@ const TRIED: [f64; 3] = [1.0, 2.0, 3.0];
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let lattice = Arc::new(ball(size, exec)?);
     let input =
-        format!("the lattice of a ball of 40 mm, {size}³ voxels, {} triangles", lattice.triangles.len());
+        format!("the lattice of a ball of 40 mm, {size}³ voxels, {} triangles", lattice.triangles().len());
     let measure: Measure = Arc::new(|found, _| Ok(distance(found)));
     Ok(on(&lattice, input, "the ball", &measure))
 }
@@ -54,7 +54,7 @@ pub(super) fn on(
                 let (measure, exec) = (measure.clone(), exec.clone());
                 Ok(Box::new(move || {
                     let counters = [
-                        ("triangles", found.lattice.triangles.len() as f64),
+                        ("triangles", found.lattice.triangles().len() as f64),
                         ("bound_mm", found.max_error_mm),
                         ("passes", f64::from(found.passes)),
                     ];
@@ -71,8 +71,8 @@ pub(super) fn on(
         measure: "distance of the triangles' middles from the truth, root mean square",
         unit: "mm",
         counted: None,
-        voxel_mm: Some(lattice.grid.longest_edge()),
-        work: ("triangles", lattice.triangles.len() as f64),
+        voxel_mm: Some(lattice.grid().longest_edge()),
+        work: ("triangles", lattice.triangles().len() as f64),
         settings,
     }
 }

@@ -171,14 +171,11 @@ fn sheet(side: usize) -> Result<Lattice, Problem> {
         let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
         if x < side / 2 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
     };
-    Ok(Lattice {
-        keys: (0..side * side).map(|i| ElementKey::new(dims, [i % side + 1, i / side + 1, 1], 2)).collect(),
-        places: vec![[0.0, 0.0, 0.5]; side * side],
-        grid: Grid::with_spacing(dims, [1.0; 3])?,
-        source: LatticeSource::Mask,
-        triangles: (0..(side - 1).pow(2)).flat_map(halves).collect(),
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    })
+    Ok(Lattice::new(
+        Grid::with_spacing(dims, [1.0; 3])?,
+        (0..side * side).map(|i| ElementKey::new(dims, [i % side + 1, i / side + 1, 1], 2)).collect(),
+        vec![[0.0, 0.0, 0.5]; side * side].into(),
+        (0..(side - 1).pow(2)).flat_map(halves).collect(),
+    )?
+    .with_source(LatticeSource::Mask))
 }

@@ -40,12 +40,12 @@ fn relation(file: &Path, vertices: &[u32], voxels: &[[i64; 3]], context: &Contex
         let problem = format!("{}: a {kind} artefact; --vertex and --voxel are of a lattice", file.display());
         return Err(Failure::usage(problem));
     };
-    let count = lattice.keys.len();
+    let count = lattice.keys().len();
     if let Some(beyond) = vertices.iter().find(|&&v| v as usize >= count) {
         let problem = format!("--vertex {beyond}: {} has vertices 0 to {}", file.display(), count as i64 - 1);
         return Err(Failure::usage(problem));
     }
-    let dims = lattice.grid.dims();
+    let dims = lattice.grid().dims();
     let padded = |voxel: &[i64; 3]| (0..3).all(|a| (-1..=dims[a] as i64).contains(&voxel[a]));
     if let Some(beyond) = voxels.iter().find(|voxel| !padded(voxel)) {
         let problem =

@@ -61,14 +61,13 @@ pub fn lattice(
     exec: &Exec,
 ) -> Result<Shaped, Error> {
     shapes.iter().try_for_each(Shape::check)?;
-    lattice.check()?;
     if let Some(start) = start {
         crate::map::check_inputs(lattice, start)?;
     }
     let rest = lattice.local_positions();
     let still = [Frame { time: 0.0, displacement: vec![[0.0; 3]; rest.len()] }];
     let frames = start.map_or(&still[..], |start| &start.frames);
-    let origin = Vector3::from(lattice.grid.origin());
+    let origin = Vector3::from(lattice.grid().origin());
     exec.check_memory("the frames of the motion", 24 * (frames.len() * rest.len()) as u64)?;
     exec.run(|| {
         let mut shaped = Vec::with_capacity(frames.len());
@@ -94,7 +93,7 @@ pub fn lattice(
         let reach = start.map_or(&[][..], |start| &start.reach).iter().copied().chain(balls).collect();
         let inner = start.map_or_else(Inner::default, |start| inner(lattice, &start.inner, origin, shapes));
         let motion =
-            Motion { grid: lattice.grid.clone(), vertex_count: rest.len(), frames: shaped, reach, inner };
+            Motion { grid: lattice.grid().clone(), vertex_count: rest.len(), frames: shaped, reach, inner };
         let last = motion.frames.last().map_or(&[][..], |frame| &frame.displacement);
         Ok(Shaped {
             vertices_moved: last.iter().filter(|u| **u != [0.0; 3]).count(),
@@ -106,7 +105,7 @@ pub fn lattice(
 
 /// Inner points go where the vertices round them go.
 fn inner(lattice: &Lattice, start: &Inner, origin: Vector3<f64>, shapes: &[Shape]) -> Inner {
-    let linear = lattice.grid.linear_part();
+    let linear = lattice.grid().linear_part();
     let frames = start.frames.iter().enumerate().map(|(i, frame)| {
         let amount = (i + 1) as f64 / start.frames.len() as f64;
         let of = |(place, by): (&[f64; 3], &[f64; 3])| {

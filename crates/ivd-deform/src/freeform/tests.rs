@@ -154,7 +154,7 @@ fn two_opposite_turns_undo_each_other_and_order_matters() {
     let [xy, yx] = [[x, y], [y, x]].map(|[a, b]| shaped(&[turn(40.0, a), turn(40.0, b)]));
     assert!(xy.max_displacement_mm > 1.0 && xy.motion.frames != yx.motion.frames);
     assert_eq!(xy.motion.reach.len(), 2);
-    assert_eq!(xy.vertices_moved, ball.keys.len());
+    assert_eq!(xy.vertices_moved, ball.keys().len());
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn shapes_go_on_from_a_motion_and_grow_with_its_frames() {
     let grid = Grid::with_spacing([30; 3], [1.0; 3]).unwrap();
     let at = middle(&grid);
     let (ball, _) = ball_lattice(&grid, |p| 8.0 - (p - at).norm());
-    let n = ball.keys.len();
+    let n = ball.keys().len();
     let frame = |time: f64| Frame { time, displacement: vec![[0.0, 0.0, time]; n] };
     let start = Motion {
         grid: grid.clone(),

@@ -67,7 +67,7 @@ pub(super) fn carry<N: Nearest>(
     exec: &Exec,
 ) -> Result<Vec<[f32; 3]>, Error> {
     let carrier =
-        Carrier { part, displacement, region, params, layer: LAYER * part.lattice.grid.voxel_diagonal() };
+        Carrier { part, displacement, region, params, layer: LAYER * part.lattice.grid().voxel_diagonal() };
     let mut seen = bricks.iter().map(|&brick| kept.as_mut().map(|kept| kept.take(brick))).collect::<Vec<_>>();
     let mut vectors = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
     let observer = exec.observer();
@@ -101,7 +101,7 @@ pub(super) fn seek<N: Nearest>(
     kept: &mut Kept,
     exec: &Exec,
 ) -> Result<(), Error> {
-    let layer = LAYER * part.lattice.grid.voxel_diagonal();
+    let layer = LAYER * part.lattice.grid().voxel_diagonal();
     let carrier = Carrier { part, displacement: &[], region, params, layer };
     let mut seen: Vec<_> = bricks.iter().map(|&brick| (brick, kept.take(brick))).collect();
     let found = seen.par_iter_mut().try_for_each(|(brick, seen)| {
@@ -213,7 +213,7 @@ impl<N: Nearest> Carrier<'_, N> {
         let mut fresh = None;
         let found = kept.unwrap_or_else(|| fresh.insert(KeptBrick::new()));
         self.search_brick(brick, ahead, found);
-        let grid = &self.part.lattice.grid;
+        let grid = self.part.lattice.grid();
         let linear = grid.linear_part();
         let first = brick_at(grid.dims().map(|n| n.div_ceil(8)), brick).map(|b| 8 * b);
         for seen in &found.seen {
@@ -237,7 +237,7 @@ impl<N: Nearest> Carrier<'_, N> {
         if f64::from(found.least) >= most {
             return;
         }
-        let grid = &self.part.lattice.grid;
+        let grid = self.part.lattice.grid();
         let dims = grid.dims();
         let linear = grid.linear_part();
         let mut known = None;
@@ -299,13 +299,13 @@ impl<N: Nearest> Carrier<'_, N> {
     /// Where a lattice point lies (mm, relative to the grid's origin).
     fn position(&self, hit: &Hit) -> Vector3<f64> {
         let [a, b, c] =
-            self.part.lattice.triangles[hit.triangle as usize].map(|v| self.part.positions[v as usize]);
+            self.part.lattice.triangles()[hit.triangle as usize].map(|v| self.part.positions[v as usize]);
         a * hit.barycentric[0] + b * hit.barycentric[1] + c * hit.barycentric[2]
     }
 
     /// The motion at a lattice point, linear on its triangle; exact where the corners move alike.
     fn motion(&self, seen: &Seen) -> Vector3<f64> {
-        let [a, b, c] = self.part.lattice.triangles[seen.triangle as usize]
+        let [a, b, c] = self.part.lattice.triangles()[seen.triangle as usize]
             .map(|v| Vector3::from(self.displacement[v as usize]));
         a + (b - a) * seen.others[0] + (c - a) * seen.others[1]
     }

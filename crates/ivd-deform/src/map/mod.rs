@@ -115,7 +115,7 @@ pub fn nearest<N: Nearest>(
 ) -> Result<Mapped, Error> {
     params.check()?;
     let frame = frame_of(lattice, motion, frame)?;
-    inside.grid().require(&lattice.grid, "inside", "lattice")?;
+    inside.grid().require(lattice.grid(), "inside", "lattice")?;
     exec.run(|| {
         let positions = lattice.local_positions();
         let part = Part { lattice, positions: &positions, inside, nearest };
@@ -134,7 +134,7 @@ fn carried<N: Nearest>(
     mut kept: Option<&mut Kept>,
     exec: &Exec,
 ) -> Result<FieldBricks, Error> {
-    let grid = &part.lattice.grid;
+    let grid = part.lattice.grid();
     check_size(frame)?;
     let bricks = moving_bricks(grid, region, frame, exec)?;
     // Where there is no room nothing is kept: what was mapped before decides over no refusal.
@@ -161,7 +161,7 @@ fn look_ahead<N: Nearest>(
     kept: &mut Kept,
     exec: &Exec,
 ) -> Result<(), Error> {
-    let bricks = region.bricks(&part.lattice.grid);
+    let bricks = region.bricks(part.lattice.grid());
     if room(kept.with(&bricks), exec) { seek(part, region, params, &bricks, kept, exec) } else { Ok(()) }
 }
 
@@ -239,24 +239,24 @@ fn all_bricks(grid: &Grid, bricks: &[usize], vectors: Vec<[f32; 3]>) -> Result<F
 /// Checks that lattice and motion belong together.
 pub(crate) fn check_inputs(lattice: &Lattice, motion: &Motion) -> Result<(), Error> {
     motion.check()?;
-    if !lattice.grid.matches(&motion.grid) {
+    if !lattice.grid().matches(&motion.grid) {
         return Err(Error::Mismatch {
             what: "motion",
             problem: format!(
                 "it moves a lattice on {:?}, not on {:?}",
                 motion.grid.dims(),
-                lattice.grid.dims()
+                lattice.grid().dims()
             ),
             remedy: "map the motion onto the lattice that it was computed for",
         });
     }
-    if lattice.keys.len() != motion.vertex_count {
+    if lattice.keys().len() != motion.vertex_count {
         return Err(Error::Mismatch {
             what: "motion",
             problem: format!(
                 "it moves {} vertices, the lattice has {}",
                 motion.vertex_count,
-                lattice.keys.len()
+                lattice.keys().len()
             ),
             remedy: "map the motion onto the lattice that it was computed for (the same level of refinement)",
         });

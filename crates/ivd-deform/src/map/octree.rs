@@ -23,7 +23,8 @@ impl Sides {
         movable: &[bool],
         exec: &Exec,
     ) -> Result<Self, Error> {
-        let side = |t: u32| usize::from(!lattice.triangles[t as usize].iter().any(|v| movable[*v as usize]));
+        let side =
+            |t: u32| usize::from(!lattice.triangles()[t as usize].iter().any(|v| movable[*v as usize]));
         let [moving, still] = exec.run(|| ivd_octree::prepare_parts(lattice, octree, side))?;
         Ok(Self { moving, still })
     }

@@ -143,8 +143,8 @@ pub(crate) fn lengths(field: &FieldBricks) -> (u64, Histogram) {
 
 impl Followed {
     pub(super) fn measure(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> Self {
-        let sampler = Sampler::new(field, &lattice.grid);
-        let (linear, to_voxel) = (lattice.grid.linear_part(), lattice.grid.inverse_linear_part());
+        let sampler = Sampler::new(field, lattice.grid());
+        let (linear, to_voxel) = (lattice.grid().linear_part(), lattice.grid().inverse_linear_part());
         let places: Vec<Vector3<f64>> = lattice.local_positions();
         let moved: Vec<Vector3<f64>> =
             (0..places.len()).into_par_iter().map(|i| linear * sampler.at(lattice.voxel(i).0)).collect();
@@ -167,8 +167,8 @@ impl Followed {
             }
         }
         let misfit = if asked > 0.0 { f64::sqrt(missed / asked) } else { 0.0 };
-        let rest = volume(&lattice.triangles, |i| places[i]);
-        let deformed = volume(&lattice.triangles, |i| places[i] + moved[i]);
+        let rest = volume(lattice.triangles(), |i| places[i]);
+        let deformed = volume(lattice.triangles(), |i| places[i] + moved[i]);
         Self {
             misfit_max_mm: worst,
             misfit_max_voxel: worst_voxel,
@@ -203,8 +203,8 @@ pub(super) fn check_misfit(misfit: f64, tolerance: f64, most: impl FnOnce() -> f
 
 /// [`Followed::misfit`] alone, from the vertices that it is about.
 pub(super) fn misfit(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> f64 {
-    let sampler = Sampler::new(field, &lattice.grid);
-    let (linear, most) = (lattice.grid.linear_part(), super::largest(frame));
+    let sampler = Sampler::new(field, lattice.grid());
+    let (linear, most) = (lattice.grid().linear_part(), super::largest(frame));
     let counts = |want: Vector3<f64>| most > 0.0 && want.norm() >= 0.5 * most;
     let shares: Vec<[f64; 2]> = frame
         .displacement

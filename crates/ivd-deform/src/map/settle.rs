@@ -56,7 +56,7 @@ impl Settle<'_> {
 
     /// Repairs the field where it folds, and certifies it.
     fn prove(&self, field: FieldBricks, detail: Detail, exec: &Exec) -> Result<Proven, Error> {
-        let grid = &self.lattice.grid;
+        let grid = self.lattice.grid();
         let counts = self.counts();
         let relaxed = relax(field, grid, self.region, &counts, detail, exec)?;
         let (mut field, mut certificate, mut halvings) = (relaxed.field, relaxed.certificate, 0);
@@ -72,7 +72,7 @@ impl Settle<'_> {
     }
 
     fn invert(&self, proven: Proven, exec: &Exec) -> Result<Displacement, Error> {
-        let (grid, field) = (&self.lattice.grid, proven.field);
+        let (grid, field) = (self.lattice.grid(), proven.field);
         let (inverse, vacated) = match self.alone {
             None => (invert(&field, grid, exec)?, Vec::new()),
             Some(inside) => invert_part(&field, grid, inside, exec)?,

@@ -20,14 +20,14 @@ impl<'a> Brute<'a> {
             let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
             (centre, corners.iter().map(|c| (c - centre).norm()).fold(0.0, f64::max))
         };
-        Self { lattice, positions, balls: lattice.triangles.iter().map(ball).collect() }
+        Self { lattice, positions, balls: lattice.triangles().iter().map(ball).collect() }
     }
 }
 
 impl Nearest for Brute<'_> {
     fn nearest(&self, point: Vector3<f64>, bound: f64, _known_still: bool) -> Found {
         let mut best: Option<Hit> = None;
-        for (i, t) in self.lattice.triangles.iter().enumerate() {
+        for (i, t) in self.lattice.triangles().iter().enumerate() {
             let (centre, radius) = self.balls[i];
             let far = best.map_or(bound, |b| b.distance) + radius * 1.000_001;
             if (point - centre).norm_squared() > far * far {
@@ -97,7 +97,7 @@ pub(super) fn scene(
     let motion = Motion {
         inner: ivd_core::Inner::default(),
         grid: grid.clone(),
-        vertex_count: lattice.keys.len(),
+        vertex_count: lattice.keys().len(),
         frames: vec![Frame { time: 0.5, displacement }],
         reach: balls.iter().map(|(c, r)| Ball { centre: (c + origin).into(), radius: *r }).collect(),
     };

@@ -64,14 +64,14 @@ impl Body {
         labels.map_or(Ok(()), |labels| classes::check(lattice, labels))?;
         // Springs across an edge need both triangles, though only a corner may be near.
         let mut close = region.near.clone();
-        for t in &lattice.triangles {
+        for t in lattice.triangles() {
             if t.iter().any(|&v| region.near[v as usize]) {
                 for &v in t {
                     close[v as usize] = true;
                 }
             }
         }
-        let mut links = links(&lattice.triangles, rest, |v| close[v as usize]);
+        let mut links = links(lattice.triangles(), rest, |v| close[v as usize]);
         links.retain(|link| link.ends.iter().any(|&v| region.near[v as usize]));
         let number = numbers(&links, rest.len(), region);
         let vertices: Vec<u32> = {
@@ -277,7 +277,7 @@ fn numbers(links: &[Link], vertices: usize, region: &Region) -> Vec<u32> {
 fn shares(lattice: &Lattice, rest: &[Vector3<f64>], close: &[bool]) -> (Vec<f64>, Vec<Vector3<f64>>) {
     let mut area = vec![0.0; rest.len()];
     let mut outward = vec![Vector3::zeros(); rest.len()];
-    for t in lattice.triangles.iter().filter(|t| t.iter().any(|&v| close[v as usize])) {
+    for t in lattice.triangles().iter().filter(|t| t.iter().any(|&v| close[v as usize])) {
         let [a, b, c] = t.map(|v| rest[v as usize]);
         let normal = (b - a).cross(&(c - a));
         for &v in t {

@@ -7,7 +7,7 @@ use crate::Error;
 
 /// Labels must lie on the lattice's grid.
 pub(crate) fn check(lattice: &Lattice, labels: &Labels) -> Result<(), Error> {
-    if labels.grid() == &lattice.grid {
+    if labels.grid() == lattice.grid() {
         return Ok(());
     }
     Err(Error::Mismatch {
@@ -15,7 +15,7 @@ pub(crate) fn check(lattice: &Lattice, labels: &Labels) -> Result<(), Error> {
         problem: format!(
             "their grid of {:?} voxels isn't the lattice's of {:?}, or lies elsewhere",
             labels.grid().dims(),
-            lattice.grid.dims()
+            lattice.grid().dims()
         ),
         remedy: "give the labels of the volume that the lattice was cut from",
     })
@@ -25,7 +25,7 @@ pub(crate) fn check(lattice: &Lattice, labels: &Labels) -> Result<(), Error> {
 /// the surface's normal `outward` (mm, any length), the first of several. 0 where there is none, or no normal.
 pub(super) fn inside(lattice: &Lattice, labels: &Labels, vertex: usize, outward: Vector3<f64>) -> u16 {
     let at = lattice.voxel(vertex).0;
-    let linear = lattice.grid.linear_part();
+    let linear = lattice.grid().linear_part();
     let mut best = (0.0, 0);
     for (voxel, label) in round(lattice, labels, vertex) {
         let depth = -(linear * (voxel - at)).dot(&outward);
@@ -47,13 +47,13 @@ fn round<'a>(
     labels: &'a Labels,
     vertex: usize,
 ) -> impl Iterator<Item = (Vector3<f64>, u16)> + 'a {
-    let dims = lattice.grid.dims();
+    let dims = lattice.grid().dims();
     let at = lattice.voxel(vertex).0;
     (0..8_usize).filter_map(move |corner| {
         let voxel = Vector3::from_fn(|a, _| at[a].floor() + f64::from(u8::from(corner >> a & 1 == 1)));
         let beside = (0..3).all(|a| (voxel[a] - at[a]).abs() < 1.0);
         let within = (0..3).all(|a| voxel[a] >= 0.0 && voxel[a] < dims[a] as f64);
         let index = || VoxelIndex([voxel.x as usize, voxel.y as usize, voxel.z as usize]);
-        (beside && within).then(|| (voxel, labels.ids()[lattice.grid.linear(index())]))
+        (beside && within).then(|| (voxel, labels.ids()[lattice.grid().linear(index())]))
     })
 }

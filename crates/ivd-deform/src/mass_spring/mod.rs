@@ -185,7 +185,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         exec: &Exec,
     ) -> Result<Self, Error> {
         params.check()?;
-        check_pull(&lattice, handles, fixed)?;
+        check_pull(handles, fixed)?;
         exec.run(|| {
             let rest = lattice.local_positions();
             let targets = find_targets(&lattice, &rest, handles, bones.is_empty())?;
@@ -332,13 +332,13 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         });
         let frames: Vec<Frame> = frames.collect();
         let places = self.skeleton.inner();
-        let linear = self.lattice.grid.linear_part();
+        let linear = self.lattice.grid().linear_part();
         let reached = |frame: &Frame| self.params.springs.reached(frame.time);
         let told = frames.iter().filter(|_| !places.is_empty());
         let inner = told.map(|frame| self.skeleton.inner_displacement(&linear, reached(frame))).collect();
         let reach = targets.iter().zip(handles);
         Motion {
-            grid: self.lattice.grid.clone(),
+            grid: self.lattice.grid().clone(),
             vertex_count: self.rest.len(),
             frames,
             inner: Inner { places, frames: inner },

@@ -22,7 +22,7 @@ pub(super) fn holders(
     rest: &[Vector3<f64>],
     parts: &[Part],
 ) -> Result<Holders, Error> {
-    let origin = Vector3::from(lattice.grid.origin());
+    let origin = Vector3::from(lattice.grid().origin());
     let mut holder: Holders = vec![None; rest.len()];
     for (b, part) in parts.iter().enumerate() {
         let within = |v: usize| part.region.is_none_or(|region: Region| region.holds(rest[v], origin));

@@ -12,7 +12,7 @@ const MOST: usize = 20_000;
 /// tells bone from what is beside it.
 pub(super) fn voxels(lattice: &Lattice, labels: Option<&Labels>, part: &Part) -> Vec<Vector3<f64>> {
     let (Some(class), Some(labels)) = (part.class, labels) else { return Vec::new() };
-    let grid = &lattice.grid;
+    let grid = lattice.grid();
     let origin = Vector3::from(grid.origin());
     let linear = grid.linear_part();
     let mine = || {

@@ -179,7 +179,7 @@ impl Skeleton {
             }
         };
         let bones = parts.iter().enumerate().map(bone).collect();
-        let origin = Vector3::from(lattice.grid.origin());
+        let origin = Vector3::from(lattice.grid().origin());
         Ok(Self { parts: parts.to_vec(), bones, order, holder, origin })
     }
 

@@ -143,7 +143,7 @@ fn rod(sheared: bool) -> Lattice {
 
 /// The box of the world between two heights over the grid's origin.
 fn slab(lattice: &Lattice, from: f64, to: f64) -> Region {
-    let origin = lattice.grid.origin();
+    let origin = lattice.grid().origin();
     let corner = |side: f64, z: f64| [origin[0] + side, origin[1] + side, origin[2] + z];
     Region::Box { low: corner(-500.0, from), high: corner(500.0, to) }
 }
@@ -153,7 +153,7 @@ fn bone(name: &str, region: Region, drive: Drive) -> Part {
 }
 
 fn turned(lattice: &Lattice, pivot: [f64; 3], angle: f64) -> Drive {
-    let origin = Vector3::from(lattice.grid.origin());
+    let origin = Vector3::from(lattice.grid().origin());
     let pivot = (origin + Vector3::from(pivot)).into();
     Drive::Given(Turn { pivot, axis: [1.0, 0.3, 0.0], angle, by: [0.0; 3] })
 }
@@ -188,7 +188,7 @@ fn strain(lattice: &Lattice, vertices: &[u32], displacement: &[[f64; 3]]) -> f64
 
 /// A chain of three bones up the rod: the lowest stays.
 fn chain(lattice: &Lattice, angles: [f64; 2]) -> Vec<Part> {
-    let up = if lattice.grid.spacing()[2] > 1.0 { -1.0 } else { 1.0 };
+    let up = if lattice.grid().spacing()[2] > 1.0 { -1.0 } else { 1.0 };
     let at = |a: f64, b: f64| {
         let (a, b) = if up > 0.0 { (a, b) } else { (-b - 1.0, -a - 1.0) };
         slab(lattice, a, b)
@@ -209,7 +209,8 @@ fn bones_stay_rigid_in_every_frame_of_every_solver_and_joints_stay_together() {
     for sheared in [false, true] {
         let lattice = rod(sheared);
         let bones = chain(&lattice, [25.0, 180.0]);
-        let skeleton = Skeleton::new(&lattice, None, &bones, &[], &vec![false; lattice.keys.len()]).unwrap();
+        let skeleton =
+            Skeleton::new(&lattice, None, &bones, &[], &vec![false; lattice.keys().len()]).unwrap();
         for solver in [Solver::Dynamics, Solver::Projective, Solver::Xpbd] {
             let params = Params {
                 solver,
@@ -296,7 +297,7 @@ fn a_rigid_motion_of_all_bones_strains_nothing() {
         &Params { closeness: Closeness { tolerance: 1e-9, ..statics().closeness }, ..statics() },
     )
     .unwrap();
-    let skeleton = Skeleton::new(&lattice, None, &bones, &[], &vec![false; lattice.keys.len()]).unwrap();
+    let skeleton = Skeleton::new(&lattice, None, &bones, &[], &vec![false; lattice.keys().len()]).unwrap();
     let last = &solved.motion.frames[0].displacement;
     assert!(solved.energy_last < 1e-6, "{} nJ, of springs of 50 N/m on ways of 12 mm", solved.energy_last);
     for (v, u) in last.iter().enumerate() {
@@ -330,7 +331,7 @@ fn no_motion_is_no_motion_to_the_bit_and_a_still_bone_is_a_fixed_one() {
         };
         let one = &still[..1];
         let with_bone = run(&lattice, &[handle], one, &params).unwrap();
-        let held = Skeleton::new(&lattice, None, one, &[], &vec![false; lattice.keys.len()]).unwrap();
+        let held = Skeleton::new(&lattice, None, one, &[], &vec![false; lattice.keys().len()]).unwrap();
         let fixed: Vec<Fix> =
             held.bones()[0].vertices.iter().map(|&v| Fix { at: HandleAt::Vertex(v), radius: 0.0 }).collect();
         let with_fix = solve(&lattice, None, &[handle], &fixed, &params, &Exec::default()).unwrap();
@@ -351,7 +352,7 @@ fn handles(lattice: &Lattice, vertices: &[u32], to: impl Fn(Vector3<f64>) -> Vec
 #[test]
 fn fitted_bones_go_where_their_handles_go_and_a_fitted_child_keeps_its_joint() {
     let lattice = rod(false);
-    let free = vec![false; lattice.keys.len()];
+    let free = vec![false; lattice.keys().len()];
     let fitted = Drive::Fitted { pivot: None };
     let bones = [bone("high", slab(&lattice, 20.0, 32.0), fitted)];
     let held = Skeleton::at_rest(&lattice, None, &lattice.local_positions(), &bones).unwrap();
@@ -452,7 +453,7 @@ fn bones_that_contradict_are_refused_by_name() {
 #[test]
 fn a_class_holds_the_vertices_beside_its_voxels_and_a_region_narrows_it() {
     let lattice = rod(false);
-    let grid = lattice.grid.clone();
+    let grid = lattice.grid().clone();
     // Two bones of one class, with another class between.
     let ids: Vec<u16> = (0..grid.len())
         .map(|i| match grid.index(i).0[2] {
@@ -531,7 +532,7 @@ fn off(lattice: &Lattice, skeleton: &Skeleton, motion: &ivd_core::Motion, bones:
     let inside = ivd_octree::inside(lattice, &Exec::default()).unwrap();
     let (mut worst, mut squares, mut count) = (0.0_f64, 0.0, 0.0);
     for i in (0..inside.inside().len()).filter(|&i| inside.inside()[i] != 0) {
-        let index = lattice.grid.index(i);
+        let index = lattice.grid().index(i);
         let at = Vector3::from(index.0).map(|c| c as f64);
         let Some(b) = bones.iter().position(|b| b.region.unwrap().holds(at, Vector3::zeros())) else {
             continue;
@@ -547,7 +548,7 @@ fn off(lattice: &Lattice, skeleton: &Skeleton, motion: &ivd_core::Motion, bones:
 #[test]
 fn the_map_takes_a_bones_voxels_along_with_it() {
     let lattice = rod(false);
-    let grid = &lattice.grid;
+    let grid = lattice.grid();
     let inside = ivd_octree::inside(&lattice, &Exec::default()).unwrap();
     let ids: Vec<u16> = inside.inside().iter().map(|i| u16::from(*i)).collect();
     let labels = Labels::new(grid.clone(), ids.into(), Vec::new()).unwrap();
@@ -557,7 +558,7 @@ fn the_map_takes_a_bones_voxels_along_with_it() {
     }
     let solved = with_bones(&lattice, Some(&labels), &[], &[], &bones, &statics(), &Exec::default()).unwrap();
     let skeleton =
-        Skeleton::new(&lattice, Some(&labels), &bones, &[], &vec![false; lattice.keys.len()]).unwrap();
+        Skeleton::new(&lattice, Some(&labels), &bones, &[], &vec![false; lattice.keys().len()]).unwrap();
     let inner = &solved.motion.inner;
     assert!(inner.places.len() > 500 && inner.frames.len() == 1);
     let with = off(&lattice, &skeleton, &solved.motion, &bones);

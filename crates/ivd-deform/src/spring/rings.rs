@@ -13,14 +13,14 @@ pub(super) struct Edges {
 impl Edges {
     /// The neighbours of the vertices for which `near` is true.
     pub(super) fn new(lattice: &Lattice, near: impl Fn(u32) -> bool) -> Self {
-        let near: Vec<bool> = (0..lattice.keys.len() as u32).map(near).collect();
-        let reached = lattice.triangles.iter().filter(|t| t.iter().any(|&v| near[v as usize]));
+        let near: Vec<bool> = (0..lattice.keys().len() as u32).map(near).collect();
+        let reached = lattice.triangles().iter().filter(|t| t.iter().any(|&v| near[v as usize]));
         let corners = reached.flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
         let mut pairs: Vec<[u32; 2]> =
             corners.filter(|[a, b]| a != b).flat_map(|[a, b]| [[a, b], [b, a]]).collect();
         pairs.sort_unstable();
         pairs.dedup();
-        let mut first = vec![0; lattice.keys.len() + 1];
+        let mut first = vec![0; lattice.keys().len() + 1];
         for [a, _] in &pairs {
             first[*a as usize + 1] += 1;
         }

@@ -6,9 +6,11 @@ const SIDE: usize = 21;
 
 /// A flat sheet of `SIDE`² vertices, 1 mm apart along x and y, its diagonals mirrored about the middle.
 fn sheet(origin: [f64; 3]) -> Lattice {
-    let grid =
-        Grid::new([SIDE, SIDE, 2], [1.0; 3], origin, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-            .unwrap();
+    on(&Grid::new([SIDE, SIDE, 2], [1.0; 3], origin, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        .unwrap())
+}
+
+fn on(grid: &Grid) -> Lattice {
     let at = |x: usize, y: usize| (x + SIDE * y) as u32;
     let mut triangles = Vec::new();
     for y in 0..SIDE - 1 {
@@ -22,16 +24,9 @@ fn sheet(origin: [f64; 3]) -> Lattice {
         }
     }
     let keys = (0..SIDE * SIDE).map(|i| ElementKey::new(grid.dims(), [i % SIDE + 1, i / SIDE + 1, 1], 2));
-    Lattice {
-        keys: keys.collect(),
-        places: vec![[0.0, 0.0, 0.5]; SIDE * SIDE],
-        grid,
-        source: LatticeSource::Mask,
-        triangles,
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    }
+    Lattice::new(grid.clone(), keys.collect(), vec![[0.0, 0.0, 0.5]; SIDE * SIDE].into(), triangles.into())
+        .unwrap()
+        .with_source(LatticeSource::Mask)
 }
 
 fn vertex(x: usize, y: usize) -> HandleAt {
@@ -217,12 +212,12 @@ fn several_handles_each_reach_their_own_move_without_adding_up() {
 
 #[test]
 fn islands_and_isolated_vertices_and_coincident_ones_are_left_alone() {
-    let mut lattice = sheet([0.0; 3]);
+    let whole = sheet([0.0; 3]);
     let cut = |t: &[u32; 3]| {
         t.iter().all(|v| *v as usize % SIDE < 10) || t.iter().all(|v| *v as usize % SIDE >= 12)
     };
-    lattice.triangles.retain(cut);
-    lattice.triangles.push([3, 3, 4]);
+    let triangles = whole.triangles().iter().copied().filter(cut).chain([[3, 3, 4]]);
+    let lattice = whole.clone().with_triangles(triangles.collect()).unwrap();
     let alone = |h| ring(&lattice, &[h], &[], &RingParams::default(), &Exec::default()).unwrap();
     let solved = alone(moved(vertex(9, 10), [0.0, 0.0, 2.0], 8.0));
     assert!((0..SIDE).all(|y| (10..SIDE).all(|x| at(&solved, x, y).norm() == 0.0)), "the island stays");
@@ -232,8 +227,7 @@ fn islands_and_isolated_vertices_and_coincident_ones_are_left_alone() {
         assert_eq!(solved.vertices_moved, 1, "an isolated vertex moves alone");
     }
     // Every vertex in one place: edges of no length.
-    let mut point = sheet([0.0; 3]);
-    point.grid = Grid::with_spacing([SIDE, SIDE, 2], [1e-12; 3]).unwrap();
+    let point = on(&Grid::with_spacing([SIDE, SIDE, 2], [1e-12; 3]).unwrap());
     let solved = ring(
         &point,
         &[moved(vertex(9, 9), [0.0, 0.0, 1.0], 5.0)],
@@ -271,8 +265,7 @@ fn lengths_scale_together() {
     let by = [0.5, 0.0, 2.0];
     let base = solve(&[moved(vertex(10, 10), by, 6.0)], &[], &RingParams::default()).unwrap();
     for scale in [1e-3, 1e3] {
-        let mut lattice = sheet([0.0; 3]);
-        lattice.grid = Grid::with_spacing([SIDE, SIDE, 2], [scale; 3]).unwrap();
+        let lattice = on(&Grid::with_spacing([SIDE, SIDE, 2], [scale; 3]).unwrap());
         // Masses that scale with length squared must be kept for the same clock.
         let params = RingParams { density: 1e-3 / (scale * scale), ..RingParams::default() };
         let handle = moved(vertex(10, 10), by.map(|c| c * scale), 6.0 * scale);

@@ -74,7 +74,8 @@ impl Extractor {
 
     /// Takes the memory of a lattice that is no longer needed, for the next cut.
     pub fn recycle(&mut self, lattice: Lattice) {
-        let Lattice { keys, places, triangles, .. } = lattice;
+        let (keys, places, triangles) = lattice.into_parts();
+        let (keys, places, triangles) = (keys.into_vec(), places.into_vec(), triangles.into_vec());
         self.spare.surface = Surface { keys, places, triangles };
     }
 
@@ -149,16 +150,8 @@ impl Extractor {
         };
         self.signs = signs;
         let bricks_total = BrickIndex::dims_for(dims).map(|n| n as u64).iter().product();
-        let lattice = Lattice {
-            grid: grid.clone(),
-            source,
-            keys,
-            places,
-            triangles,
-            level: 0,
-            max_error_mm: 0.0,
-            coarser: Vec::new(),
-        };
+        let lattice =
+            Lattice::new(grid.clone(), keys.into(), places.into(), triangles.into())?.with_source(source);
         Ok(Extracted { lattice, bricks_active, bricks_total })
     }
 }
@@ -221,9 +214,9 @@ mod tests {
             extractor.extract(&volume, None, &params, &Exec::default()).unwrap().lattice
         };
         let large = cut(9.0, &mut extractor);
-        let at = [large.places.as_ptr().addr(), large.triangles.as_ptr().addr()];
+        let at = [large.places().as_ptr().addr(), large.triangles().as_ptr().addr()];
         extractor.recycle(large);
         let small = cut(5.0, &mut extractor);
-        assert_eq!([small.places.as_ptr().addr(), small.triangles.as_ptr().addr()], at);
+        assert_eq!([small.places().as_ptr().addr(), small.triangles().as_ptr().addr()], at);
     }
 }

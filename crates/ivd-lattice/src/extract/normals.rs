@@ -17,8 +17,7 @@ use crate::Error;
 /// [`ivd_core::Error::GridMismatch`] where the volume has another grid, [`ivd_core::Error::Inconsistent`] for a lattice whose
 /// parts don't fit, [`ivd_core::Error::Cancelled`].
 pub fn normals(volume: &Volume, lattice: &Lattice, exec: &Exec) -> Result<Vec<[f32; 3]>, Error> {
-    lattice.check()?;
-    volume.grid().require(&lattice.grid, "volume", "lattice")?;
+    volume.grid().require(lattice.grid(), "volume", "lattice")?;
     exec.run(|| {
         let faces = by_area(lattice);
         exec.check_cancelled()?;
@@ -32,7 +31,7 @@ pub fn normals(volume: &Volume, lattice: &Lattice, exec: &Exec) -> Result<Vec<[f
             let normal = outward.filter(|n| n.dot(&face) > ACROSS).unwrap_or(face);
             <[f64; 3]>::from(normal).map(|c| c as f32)
         };
-        Ok((0..lattice.keys.len()).into_par_iter().map(normal).collect())
+        Ok((0..lattice.keys().len()).into_par_iter().map(normal).collect())
     })
 }
 
@@ -43,7 +42,7 @@ const ACROSS: f64 = 0.342;
 fn by_area(lattice: &Lattice) -> Vec<Vector3<f64>> {
     let positions = lattice.local_positions();
     let mut sums = vec![Vector3::zeros(); positions.len()];
-    for t in &lattice.triangles {
+    for t in lattice.triangles() {
         let [a, b, c] = t.map(|v| positions[v as usize]);
         let normal = (b - a).cross(&(c - a));
         for &v in t {

@@ -113,13 +113,13 @@ pub struct LatticeFigures {
 impl LatticeFigures {
     /// Measures a lattice. Its active bricks are those that hold a vertex, the border layer's among those next to it.
     pub fn of(lattice: &Lattice) -> Self {
-        let dims = lattice.grid.dims();
+        let dims = lattice.grid().dims();
         let brick = |key: &ElementKey| {
             let voxel = key.voxel(dims);
             let within: [usize; 3] = std::array::from_fn(|a| voxel[a].clamp(0, dims[a] as i64 - 1) as usize);
             within.map(|v| v / BRICK)
         };
-        let active: BTreeSet<[usize; 3]> = lattice.keys.iter().map(brick).collect();
+        let active: BTreeSet<[usize; 3]> = lattice.keys().iter().map(brick).collect();
         let total = BrickIndex::dims_for(dims).map(|n| n as u64).iter().product();
         Self::with_bricks(lattice, active.len() as u64, total)
     }

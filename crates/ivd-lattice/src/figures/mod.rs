@@ -2,26 +2,19 @@
 //! triangles ([`quality()`]).
 //!
 //! ```
-//! use ivd_core::{ElementKey, Grid, Lattice, LatticeSource};
+//! use ivd_core::{ElementKey, Grid, Lattice};
 //! use ivd_lattice::figures::measure;
 //!
 //! let grid = Grid::with_spacing([2, 2, 2], [1.0; 3])?;
 //! let key = |padded| ElementKey::new(grid.dims(), padded, 6);
-//! let tetrahedron = Lattice {
-//!     keys: vec![key([1, 1, 1]), key([2, 1, 1]), key([1, 2, 1]), key([1, 1, 2])],
-//!     places: vec![[0.0; 3]; 4],
-//!     triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
-//!     grid,
-//!     source: LatticeSource::Mask,
-//!     level: 0,
-//!     max_error_mm: 0.0,
-//!     coarser: Vec::new(),
-//! };
+//! let keys = vec![key([1, 1, 1]), key([2, 1, 1]), key([1, 2, 1]), key([1, 1, 2])];
+//! let triangles = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+//! let tetrahedron = Lattice::new(grid, keys.into(), vec![[0.0; 3]; 4].into(), triangles.into())?;
 //! let figures = measure(&tetrahedron);
 //! assert!(figures.is_closed_manifold());
 //! assert_eq!((figures.euler, figures.genus), (2, Some(0)));
 //! assert!((figures.volume_mm3 - 1.0 / 6.0).abs() < 1e-12);
-//! # Ok::<(), ivd_core::GridError>(())
+//! # Ok::<(), ivd_core::Error>(())
 //! ```
 
 pub(crate) mod link;
@@ -87,20 +80,20 @@ impl Figures {
 ///
 /// Lengths are taken relative to the grid's origin, so that a lattice 10⁶ mm away loses nothing.
 pub fn measure(lattice: &Lattice) -> Figures {
-    let stars = Stars::new(lattice.keys.len(), &lattice.triangles);
-    let links = count_links(&stars, &lattice.triangles);
+    let stars = Stars::new(lattice.keys().len(), lattice.triangles());
+    let links = count_links(&stars, lattice.triangles());
     let (area_mm2, volume_mm3, degenerate_triangles) = extent(lattice);
     let used = stars.len() as u64 - links.unused_vertices;
     let mut figures = Figures {
-        vertices: lattice.keys.len() as u64,
-        triangles: lattice.triangles.len() as u64,
+        vertices: lattice.keys().len() as u64,
+        triangles: lattice.triangles().len() as u64,
         boundary_edges: links.boundary_edges,
         non_manifold_edges: links.non_manifold_edges,
         misoriented_edges: links.misoriented_edges,
         bow_tie_vertices: links.bow_tie_vertices,
         degenerate_triangles,
         unused_vertices: links.unused_vertices,
-        euler: used as i64 - links.edges as i64 + lattice.triangles.len() as i64,
+        euler: used as i64 - links.edges as i64 + lattice.triangles().len() as i64,
         components: components(lattice) - links.unused_vertices,
         genus: None,
         area_mm2,
@@ -136,8 +129,8 @@ fn components(lattice: &Lattice) -> u64 {
 
 /// The first vertex of the component that each vertex is in.
 pub(crate) fn component_roots(lattice: &Lattice) -> Vec<u32> {
-    let mut roots = sets::singles(lattice.keys.len());
-    for &[a, b, c] in &lattice.triangles {
+    let mut roots = sets::singles(lattice.keys().len());
+    for &[a, b, c] in lattice.triangles() {
         sets::join(&mut roots, a, b);
         sets::join(&mut roots, b, c);
     }
@@ -150,7 +143,7 @@ fn extent(lattice: &Lattice) -> (f64, f64, u64) {
     let positions = lattice.local_positions();
     let centre = middle(&positions);
     let pieces: Vec<(f64, f64, u64)> = lattice
-        .triangles
+        .triangles()
         .par_chunks(PIECE)
         .map(|piece| {
             let (mut area, mut volume, mut degenerate) = (0.0, 0.0, 0);

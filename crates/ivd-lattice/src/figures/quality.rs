@@ -167,7 +167,11 @@ pub fn quality(lattice: &Lattice) -> Quality {
         smallest_angle_degrees: sum.angle.spread(),
         edge_mm: edges.spread(),
         valences,
-        regular_share: if lattice.keys.is_empty() { 0.0 } else { regular as f64 / lattice.keys.len() as f64 },
+        regular_share: if lattice.keys().is_empty() {
+            0.0
+        } else {
+            regular as f64 / lattice.keys().len() as f64
+        },
         components,
     }
 }
@@ -195,11 +199,11 @@ fn label(lattice: &Lattice) -> (Vec<u32>, Vec<u32>) {
 }
 
 fn rings(lattice: &Lattice, positions: &[Vector3<f64>], component_of: &[u32]) -> Vec<Rings> {
-    let stars = Stars::new(lattice.keys.len(), &lattice.triangles);
+    let stars = Stars::new(lattice.keys().len(), lattice.triangles());
     let piece = |link: &mut Link, piece: usize| {
         let mut rings = Rings::default();
         for v in piece * PIECE..(piece * PIECE + PIECE).min(stars.len()) {
-            let counts = link.count(v as u32, &stars, &lattice.triangles);
+            let counts = link.count(v as u32, &stars, lattice.triangles());
             let neighbours = link.neighbours();
             if rings.valences.len() <= neighbours.len() {
                 rings.valences.resize(neighbours.len() + 1, 0);
@@ -247,7 +251,7 @@ fn shapes(
         }
         shapes
     };
-    lattice.triangles.par_chunks(PIECE).map(piece).collect()
+    lattice.triangles().par_chunks(PIECE).map(piece).collect()
 }
 
 impl Shapes {

@@ -8,16 +8,14 @@ fn mesh(at: &[[usize; 3]], triangles: &[[u32; 3]], spacing: [f64; 3]) -> Lattice
     let key = |i: usize| ElementKey::new(grid.dims(), at[i].map(|c| c + 1), 6);
     order.sort_by_key(|&i| key(i));
     let rank = |i: u32| order.iter().position(|&o| o == i as usize).unwrap() as u32;
-    Lattice {
-        keys: order.iter().map(|&i| key(i)).collect(),
-        places: vec![[0.0; 3]; at.len()],
-        triangles: triangles.iter().map(|t| t.map(rank)).collect(),
-        grid,
-        source: LatticeSource::Mask,
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    }
+    Lattice::new(
+        grid.clone(),
+        order.iter().map(|&i| key(i)).collect(),
+        vec![[0.0; 3]; at.len()].into(),
+        triangles.iter().map(|t| t.map(rank)).collect(),
+    )
+    .unwrap()
+    .with_source(LatticeSource::Mask)
 }
 
 /// Surface of the given unit cubes, outward, with coincident vertices shared.
@@ -79,18 +77,24 @@ fn cubes_that_share_only_an_edge_or_a_corner_are_found_out() {
 
 #[test]
 fn holes_flips_repeats_coincidences_and_strays_are_counted() {
-    let mut box_ = cubes(&[[1, 1, 1]], [1.0; 3]);
-    box_.triangles.pop();
-    assert_eq!(measure(&box_).boundary_edges, 3);
-    let mut flipped = cubes(&[[1, 1, 1]], [1.0; 3]);
-    flipped.triangles[0].swap(0, 1);
-    assert_eq!(measure(&flipped).misoriented_edges, 3);
+    let whole = cubes(&[[1, 1, 1]], [1.0; 3]);
+    let mut triangles = whole.triangles().to_vec();
+    triangles[0].swap(0, 1);
+    assert_eq!(
+        measure(&whole.clone().with_triangles(triangles.clone().into()).unwrap()).misoriented_edges,
+        3
+    );
+    triangles.remove(0);
+    assert_eq!(measure(&whole.with_triangles(triangles.into()).unwrap()).boundary_edges, 3);
     let stray = mesh(&[[0; 3], [1, 0, 0], [0, 1, 0], [5, 5, 5]], &[[0, 1, 2], [0, 0, 1]], [1.0; 3]);
     let figures = measure(&stray);
     assert_eq!((figures.degenerate_triangles, figures.unused_vertices, figures.components), (1, 1, 1));
-    let mut coincident = stray;
     // Cell (0, 0, 0) at place 1 along x is cell (1, 0, 0) at place 0.
-    coincident.places[0] = [1.0, 0.0, 0.0];
+    let (grid, mut places) = (stray.grid().clone(), stray.places().to_vec());
+    places[0] = [1.0, 0.0, 0.0];
+    let coincident =
+        Lattice::new(grid, stray.keys().to_vec().into(), places.into(), stray.triangles().to_vec().into())
+            .unwrap();
     assert_eq!(measure(&coincident).degenerate_triangles, 2);
 }
 

@@ -28,7 +28,7 @@ mod nesting;
 mod orient;
 mod weld;
 
-use ivd_core::{Exec, Grid, Lattice, LatticeSource, ParamError};
+use ivd_core::{Exec, Grid, Lattice, ParamError};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -193,8 +193,7 @@ fn build(mesh: &Mesh, grid: &Grid, params: &ForeignParams, exec: &Exec) -> Resul
         None => address::assign(&kept, mesh, grid)?,
     };
     let unused = mesh.positions.len() as u64 - welded - kept.len() as u64;
-    let (lattice, moved_mm) = assemble(mesh, grid, &kept, &addressed, &cleaned.triangles);
-    lattice.check()?;
+    let (lattice, moved_mm) = assemble(mesh, grid, &kept, &addressed, &cleaned.triangles)?;
     Ok(Foreign {
         lattice,
         addresses,
@@ -259,27 +258,23 @@ fn assemble(
     kept: &[u32],
     addressed: &[address::Addressed],
     triangles: &[[u32; 3]],
-) -> (Lattice, f64) {
+) -> Result<(Lattice, f64), Error> {
     let mut order: Vec<u32> = (0..kept.len() as u32).collect();
     order.sort_unstable_by_key(|&i| addressed[i as usize].key);
     let mut rank = vec![u32::MAX; mesh.positions.len()];
     for (new, &i) in order.iter().enumerate() {
         rank[kept[i as usize] as usize] = new as u32;
     }
-    let lattice = Lattice {
-        grid: grid.clone(),
-        source: LatticeSource::Foreign,
-        keys: order.iter().map(|&i| addressed[i as usize].key).collect(),
-        places: order.iter().map(|&i| addressed[i as usize].place).collect(),
-        triangles: triangles.iter().map(|t| t.map(|v| rank[v as usize])).collect(),
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    };
+    let lattice = Lattice::new(
+        grid.clone(),
+        order.iter().map(|&i| addressed[i as usize].key).collect(),
+        order.iter().map(|&i| addressed[i as usize].place).collect(),
+        triangles.iter().map(|t| t.map(|v| rank[v as usize])).collect(),
+    )?;
     let moved = order
         .iter()
         .enumerate()
         .map(|(new, &i)| (lattice.world(new).0 - mesh.positions[kept[i as usize] as usize]).norm());
     let moved = moved.fold(0.0, f64::max);
-    (lattice, moved)
+    Ok((lattice, moved))
 }

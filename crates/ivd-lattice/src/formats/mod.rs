@@ -115,8 +115,8 @@ pub fn write_deformed(path: &Path, lattice: &Lattice, displacement: &[[f64; 3]])
 fn deformed(lattice: &Lattice, displacement: &[[f64; 3]]) -> Result<Vec<Vector3<f64>>, Error> {
     let bad =
         |problem| Error::from(ivd_core::Error::Inconsistent { what: "displacement of a lattice", problem });
-    if displacement.len() != lattice.keys.len() {
-        return Err(bad(format!("{} vectors for {} vertices", displacement.len(), lattice.keys.len())));
+    if displacement.len() != lattice.keys().len() {
+        return Err(bad(format!("{} vectors for {} vertices", displacement.len(), lattice.keys().len())));
     }
     if let Some(at) = displacement.iter().position(|d| !d.iter().all(|c| c.is_finite())) {
         return Err(bad(format!("the vector of vertex {at} is not finite")));
@@ -138,7 +138,6 @@ fn format_of(path: &Path) -> Result<Format, Error> {
 
 fn write_mesh(path: &Path, mesh: &Placed) -> Result<Written, Error> {
     let format = format_of(path)?;
-    mesh.lattice.check()?;
     let rounding_mm = match format {
         Format::Ply => ply::check(mesh)?,
         Format::Obj => 0.0,
@@ -162,7 +161,7 @@ fn write_mesh(path: &Path, mesh: &Placed) -> Result<Written, Error> {
 
 /// Refuses a grid whose voxels 32-bit numbers can't name; else nothing is rounded.
 fn voxels_fit(mesh: &Placed, format: &'static str) -> Result<f64, Error> {
-    let dims = mesh.lattice.grid.dims();
+    let dims = mesh.lattice.grid().dims();
     if dims.iter().any(|&n| n >= i32::MAX as usize) {
         let problem = format!("its integers have 32 bits, and the grid has {dims:?} voxels");
         return Err(Error::Unwritable { format, problem });

@@ -22,15 +22,15 @@ use crate::Error;
 /// As [`write()`](super::write()); [`ivd_core::Error::Inconsistent`] where the motion is of another lattice.
 pub fn write_motion(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Written, Error> {
     motion.check()?;
-    if !lattice.grid.matches(&motion.grid) || lattice.keys.len() != motion.vertex_count {
+    if !lattice.grid().matches(&motion.grid) || lattice.keys().len() != motion.vertex_count {
         return Err(Error::from(ivd_core::Error::Inconsistent {
             what: "motion of a lattice",
             problem: format!(
                 "it moves {} vertices on {:?} voxels, the lattice has {} on {:?}",
                 motion.vertex_count,
                 motion.grid.dims(),
-                lattice.keys.len(),
-                lattice.grid.dims()
+                lattice.keys().len(),
+                lattice.grid().dims()
             ),
         }));
     }

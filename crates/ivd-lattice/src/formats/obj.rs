@@ -15,7 +15,7 @@ pub(super) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
     for p in &mesh.positions {
         writeln!(file, "v {} {} {}", p.x, p.y, p.z)?;
     }
-    for [a, b, c] in &mesh.lattice.triangles {
+    for [a, b, c] in mesh.lattice.triangles() {
         writeln!(file, "f {} {} {}", u64::from(*a) + 1, u64::from(*b) + 1, u64::from(*c) + 1)?;
     }
     Ok(())

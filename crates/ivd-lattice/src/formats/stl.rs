@@ -14,7 +14,7 @@ const TRIANGLE: usize = 50;
 
 /// STL counts triangles in 32 bits. Returns what f32 rounds away (mm).
 pub(super) fn check(mesh: &Placed) -> Result<f64, Error> {
-    let triangles = mesh.lattice.triangles.len();
+    let triangles = mesh.lattice.triangles().len();
     if u32::try_from(triangles).is_err() {
         return Err(Error::Unwritable {
             format: "STL",
@@ -30,8 +30,8 @@ pub(super) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
     let comment = b"positions in mm, RAS";
     head[..comment.len()].copy_from_slice(comment);
     file.write_all(&head)?;
-    file.write_all(&(mesh.lattice.triangles.len() as u32).to_le_bytes())?;
-    for triangle in &mesh.lattice.triangles {
+    file.write_all(&(mesh.lattice.triangles().len() as u32).to_le_bytes())?;
+    for triangle in mesh.lattice.triangles() {
         let corners = triangle.map(|v| mesh.positions[v as usize]);
         for vector in [normal(corners), corners[0], corners[1], corners[2]] {
             put(file, vector.into(), |c: f64| (c as f32).to_le_bytes())?;

@@ -67,8 +67,6 @@ impl Distances {
 /// [`ivd_core::Error::Inconsistent`] for a lattice whose parts don't fit, [`ivd_core::Error::MemoryLimit`],
 /// [`ivd_core::Error::Cancelled`].
 pub fn distances(a: &Lattice, b: &Lattice, exec: &Exec) -> Result<Distances, Error> {
-    a.check()?;
-    b.check()?;
     exec.run(|| Ok(Pair::new(a, b, exec)?.distances(f64::INFINITY, exec)?.unwrap_or(Distances::INFINITE)))
 }
 
@@ -134,30 +132,30 @@ fn sorted(mut t: [u64; 3]) -> [u64; 3] {
 
 /// The triangles of `a` that `b` hasn't: no point of the others is away from `b`.
 fn without_shared(a: &Lattice, b: &Lattice) -> Vec<[u32; 3]> {
-    if a.grid != b.grid {
-        return a.triangles.clone();
+    if a.grid() != b.grid() {
+        return a.triangles().to_vec();
     }
     let mut known: Vec<[u64; 3]> =
-        b.triangles.par_iter().map(|t| sorted(t.map(|v| b.keys[v as usize].0))).collect();
+        b.triangles().par_iter().map(|t| sorted(t.map(|v| b.keys()[v as usize].0))).collect();
     known.par_sort_unstable();
     let same_place = |v: u32| {
         let v = v as usize;
-        b.vertex_at(a.keys[v]).is_some_and(|w| a.places[v] == b.places[w as usize])
+        b.vertex_at(a.keys()[v]).is_some_and(|w| a.places()[v] == b.places()[w as usize])
     };
     let shared = |t: &[u32; 3]| {
-        known.binary_search(&sorted(t.map(|v| a.keys[v as usize].0))).is_ok()
+        known.binary_search(&sorted(t.map(|v| a.keys()[v as usize].0))).is_ok()
             && t.iter().all(|&v| same_place(v))
     };
-    a.triangles.par_iter().filter(|t| !shared(t)).copied().collect()
+    a.triangles().par_iter().filter(|t| !shared(t)).copied().collect()
 }
 
 impl Pair {
     fn new(a: &Lattice, b: &Lattice, exec: &Exec) -> Result<Self, Error> {
         let bytes = |l: &Lattice| {
-            48 * l.keys.len() as u64 + Tree::bytes(l.triangles.len()) + 36 * l.triangles.len() as u64
+            48 * l.keys().len() as u64 + Tree::bytes(l.triangles().len()) + 36 * l.triangles().len() as u64
         };
         exec.check_memory("the distance between two lattices", bytes(a) + bytes(b))?;
-        let shift = Point::from(b.grid.origin()) - Point::from(a.grid.origin());
+        let shift = Point::from(b.grid().origin()) - Point::from(a.grid().origin());
         let (mut pa, mut pb) = (a.local_positions(), b.local_positions());
         for p in &mut pb {
             *p += shift;
@@ -168,7 +166,7 @@ impl Pair {
         for p in pa.iter_mut().chain(&mut pb) {
             *p -= middle;
         }
-        let mesh = |places, of: &Lattice, other| Mesh::new(places, &of.triangles, without_shared(of, other));
+        let mesh = |places, of: &Lattice, other| Mesh::new(places, of.triangles(), without_shared(of, other));
         let (a, b) = rayon::join(|| mesh(pa, a, b), || mesh(pb, b, a));
         Ok(Self { meshes: [a, b], diagonal: (high - low).norm() })
     }

@@ -40,7 +40,7 @@ pub fn chain(
         return Err(ParamError::new("lock", problem, "leave out the locks or allow_topology").into());
     }
     locks.check(lattice)?;
-    let keys: Vec<_> = locks.vertices.iter().map(|&v| lattice.keys.get(v as usize)).collect();
+    let keys: Vec<_> = locks.vertices.iter().map(|&v| lattice.keys().get(v as usize)).collect();
     let mut chain: Vec<Refined> = Vec::with_capacity(levels.len());
     let mut last_level = 0;
     for &level in levels {
@@ -52,7 +52,8 @@ pub fn chain(
         let locked: Vec<u32> = keys.iter().flatten().filter_map(|key| last.vertex_at(**key)).collect();
         let params = RefineParams { target: target.into(), ..params.clone() };
         let mut step = refine(last, &params, Locks { vertices: &locked }, exec)?;
-        step.lattice.level = lattice.level.saturating_add(levels_between(lattice, &step.lattice));
+        let between = levels_between(lattice, &step.lattice);
+        step.lattice = step.lattice.with_level(lattice.level().saturating_add(between));
         chain.push(step);
         last_level = level;
     }
@@ -61,13 +62,13 @@ pub fn chain(
 
 /// Triangles to keep so that as many vertices of the chain's input are left as a level has.
 fn count_for(input: &Lattice, last: &Lattice, level: u8) -> Target {
-    let keep = (input.keys.len() as f64 * 0.25_f64.powi(i32::from(level))).round() as usize;
+    let keep = (input.keys().len() as f64 * 0.25_f64.powi(i32::from(level))).round() as usize;
     // Each vertex takes two triangles with it.
-    Target::Count(last.triangles.len().saturating_sub(2 * last.keys.len().saturating_sub(keep)))
+    Target::Count(last.triangles().len().saturating_sub(2 * last.keys().len().saturating_sub(keep)))
 }
 
 fn levels_between(input: &Lattice, refined: &Lattice) -> u8 {
-    let times = input.keys.len() as f64 / refined.keys.len() as f64;
+    let times = input.keys().len() as f64 / refined.keys().len() as f64;
     if times.is_finite() { times.log(4.0).round() as u8 } else { 0 }
 }
 
@@ -76,35 +77,37 @@ fn levels_between(input: &Lattice, refined: &Lattice) -> u8 {
 /// # Errors
 /// [`ivd_core::Error::Inconsistent`] for a level with a vertex that the one before hasn't, or without one that no
 /// triangle of the finest names: those belong to all levels.
-pub fn with_levels(mut finest: Lattice, levels: &[Refined]) -> Result<Lattice, Error> {
-    finest.coarser = Vec::with_capacity(levels.len());
+pub fn with_levels(finest: Lattice, levels: &[Refined]) -> Result<Lattice, Error> {
+    let bad = |problem: String| ivd_core::Error::Inconsistent { what: "chain of lattices", problem };
+    let mut coarser = Vec::with_capacity(levels.len());
     let mut last: Option<&Lattice> = None;
     for (i, Refined { lattice, .. }) in levels.iter().enumerate() {
-        let bad = |problem: String| ivd_core::Error::Inconsistent { what: "chain of lattices", problem };
-        lattice.check()?;
-        if lattice.grid != finest.grid {
+        if lattice.grid() != finest.grid() {
             return Err(bad(format!("level {} lies on another grid", i + 1)).into());
         }
         let before = last.unwrap_or(&finest);
-        if let Some(v) = (0..lattice.keys.len()).find(|&v| !shares(before, lattice, v)) {
+        if let Some(v) = (0..lattice.keys().len()).find(|&v| !shares(before, lattice, v)) {
             return Err(bad(format!("vertex {v} of level {} isn't one of the level before", i + 1)).into());
         }
-        let number = |v: u32| finest.vertex_at(lattice.keys[v as usize]).expect("levels are subsets");
-        let triangles = lattice.triangles.iter().map(|t| t.map(number)).collect();
-        let (level, max_error_mm) = (lattice.level, lattice.max_error_mm);
-        finest.coarser.push(Coarser { triangles, level, max_error_mm });
-        let told = finest.vertices_at_level(i + 1).len();
-        if told != lattice.keys.len() {
-            let problem =
-                format!("level {} has {} vertices, its triangles tell {told}", i + 1, lattice.keys.len());
-            return Err(bad(problem).into());
-        }
+        let number = |v: u32| finest.vertex_at(lattice.keys()[v as usize]).expect("levels are subsets");
+        let triangles: Vec<_> = lattice.triangles().iter().map(|t| t.map(number)).collect();
+        let (level, max_error_mm) = (lattice.level(), lattice.max_error_mm());
+        coarser.push(Coarser { triangles: triangles.into(), level, max_error_mm });
         last = Some(lattice);
     }
-    Ok(finest)
+    let whole = finest.with_coarser(coarser)?;
+    for (i, Refined { lattice, .. }) in levels.iter().enumerate() {
+        let told = whole.vertices_at_level(i + 1).len();
+        if told != lattice.keys().len() {
+            let problem =
+                format!("level {} has {} vertices, its triangles tell {told}", i + 1, lattice.keys().len());
+            return Err(bad(problem).into());
+        }
+    }
+    Ok(whole)
 }
 
 /// Whether a vertex of `part` is one of `whole`, address and place alike.
 fn shares(whole: &Lattice, part: &Lattice, v: usize) -> bool {
-    whole.vertex_at(part.keys[v]).is_some_and(|w| whole.places[w as usize] == part.places[v])
+    whole.vertex_at(part.keys()[v]).is_some_and(|w| whole.places()[w as usize] == part.places()[v])
 }

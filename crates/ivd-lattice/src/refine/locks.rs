@@ -21,7 +21,7 @@ impl Locks<'_> {
     /// # Errors
     /// [`ParamError`] names the first that doesn't.
     pub fn check(&self, lattice: &Lattice) -> Result<(), ParamError> {
-        let n = lattice.keys.len();
+        let n = lattice.keys().len();
         match self.vertices.iter().find(|&&v| v as usize >= n) {
             None => Ok(()),
             Some(v) => Err(ParamError::new(
@@ -47,9 +47,9 @@ impl Locks<'_> {
 /// - `centre`: world position (mm); `radius_mm`: largest distance (mm), taken along straight lines.
 pub fn vertices_within(lattice: &Lattice, centre: World, radius_mm: f64) -> Vec<u32> {
     // Relative to the origin, so that a grid far away loses nothing.
-    let centre = centre.0 - Vector3::from(lattice.grid.origin());
-    let linear = lattice.grid.linear_part();
-    (0..lattice.keys.len())
+    let centre = centre.0 - Vector3::from(lattice.grid().origin());
+    let linear = lattice.grid().linear_part();
+    (0..lattice.keys().len())
         .into_par_iter()
         .filter(|&i| (linear * lattice.voxel(i).0 - centre).norm() <= radius_mm)
         .map(|i| i as u32)

@@ -45,7 +45,7 @@ impl Goal {
         let keep = |keep| Self { levels: LEVELS, keep, mm: f64::INFINITY };
         match target {
             Target::Level(level) => Self { levels: usize::from(level), keep: 0, mm: f64::INFINITY },
-            Target::Ratio(ratio) => keep((lattice.triangles.len() as f64 * ratio).round() as usize),
+            Target::Ratio(ratio) => keep((lattice.triangles().len() as f64 * ratio).round() as usize),
             Target::Count(count) => keep(count),
             Target::MaxError(mm) => Self { levels: LEVELS, keep: 0, mm },
         }
@@ -74,7 +74,7 @@ pub(super) fn loop_levels(
     exec.check_memory("the surface to be refined", super::bytes_for(lattice))?;
     exec.run(|| {
         let goal = Goal::new(lattice, params.target.get());
-        if lattice.triangles.is_empty() {
+        if lattice.triangles().is_empty() {
             return Draft::same(lattice, StoppedBy::Target).finished(lattice, f64::INFINITY, exec);
         }
         let (exact, levels, error) = taken_back(lattice, &goal, locks, exec)?;
@@ -93,7 +93,7 @@ fn taken_back(
     exec: &Exec,
 ) -> Result<(Draft, usize, f64), Error> {
     let positions = lattice.local_positions();
-    let locked = locks.flags(lattice.keys.len());
+    let locked = locks.flags(lattice.keys().len());
     let (mut draft, mut levels, mut error) = (Draft::same(lattice, StoppedBy::Target), 0, 0.0);
     while !goal.is_reached(levels, draft.triangles.len()) && draft.triangles.len() / 4 >= goal.keep {
         let Ok(coarse) = inverse::coarser(&draft.triangles, &positions) else { break };
@@ -125,7 +125,7 @@ fn pulled(
     locks: Locks<'_>,
     exec: &Exec,
 ) -> Result<Refined, Error> {
-    let base = base(lattice, exact);
+    let base = lattice.subset(&exact.kept, exact.triangles.clone())?;
     let locked: Vec<u32> =
         locks.vertices.iter().filter_map(|v| exact.kept.binary_search(v).ok()).map(|v| v as u32).collect();
     let mut surface = Surface::new(&base, Locks { vertices: &locked }, params.feature_degrees);
@@ -153,21 +153,6 @@ fn pulled(
         passes: outcome.passes,
     };
     draft.finished(lattice, error + outcome.max_error_mm, exec)
-}
-
-/// The lattice that a draft stands for.
-fn base(lattice: &Lattice, draft: &Draft) -> Lattice {
-    let number = |v: u32| draft.kept.binary_search(&v).expect("a corner is kept") as u32;
-    Lattice {
-        grid: lattice.grid.clone(),
-        source: lattice.source.clone(),
-        keys: draft.kept.iter().map(|&v| lattice.keys[v as usize]).collect(),
-        places: draft.kept.iter().map(|&v| lattice.places[v as usize]).collect(),
-        triangles: draft.triangles.iter().map(|t| t.map(number)).collect(),
-        level: lattice.level,
-        max_error_mm: lattice.max_error_mm,
-        coarser: Vec::new(),
-    }
 }
 
 /// What came of a level.

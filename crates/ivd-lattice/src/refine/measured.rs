@@ -23,8 +23,8 @@ impl Draft {
     /// The input as it is.
     pub(super) fn same(input: &Lattice, stopped_by: StoppedBy) -> Self {
         Self {
-            kept: (0..input.keys.len() as u32).collect(),
-            triangles: input.triangles.clone(),
+            kept: (0..input.keys().len() as u32).collect(),
+            triangles: input.triangles().to_vec(),
             stopped_by,
             refused: Refused::default(),
             passes: 0,
@@ -33,8 +33,8 @@ impl Draft {
 
     /// Triangles, and of the vertices those that are in one, locked, or in none of the input's.
     pub(super) fn of(triangles: Vec<[u32; 3]>, input: &Lattice, locks: Locks<'_>, passes: u32) -> Self {
-        let mut left = vec![true; input.keys.len()];
-        for &v in input.triangles.as_flattened() {
+        let mut left = vec![true; input.keys().len()];
+        for &v in input.triangles().as_flattened() {
             left[v as usize] = false;
         }
         for &v in locks.vertices {
@@ -70,13 +70,15 @@ impl Draft {
         exec: &Exec,
     ) -> Result<Option<Refined>, Error> {
         let mut refined = self.unmeasured(input);
-        if refined.lattice.keys.len() == input.keys.len() && refined.lattice.triangles == input.triangles {
+        if refined.lattice.keys().len() == input.keys().len()
+            && refined.lattice.triangles() == input.triangles()
+        {
             return Ok(Some(refined));
         }
         let Some(found) = distances_within(input, &refined.lattice, limit, exec)? else { return Ok(None) };
         refined.max_error_mm = found.max_mm.min(bound);
         refined.mean_error_mm = found.mean_mm.min(refined.max_error_mm);
-        refined.lattice.max_error_mm = input.max_error_mm + refined.max_error_mm;
+        refined.lattice = refined.lattice.with_max_error_mm(input.max_error_mm() + refined.max_error_mm);
         Ok(Some(refined))
     }
 

@@ -55,9 +55,9 @@ impl Goal {
         let share = |n: usize, share: f64| (n as f64 * share).round() as usize;
         match target {
             Target::Level(level) => {
-                Self::Vertices(share(lattice.keys.len(), 0.25_f64.powi(i32::from(level))))
+                Self::Vertices(share(lattice.keys().len(), 0.25_f64.powi(i32::from(level))))
             }
-            Target::Ratio(ratio) => Self::Triangles(share(lattice.triangles.len(), ratio)),
+            Target::Ratio(ratio) => Self::Triangles(share(lattice.triangles().len(), ratio)),
             Target::Count(count) => Self::Triangles(count),
             Target::MaxError(mm) => Self::Error(mm),
         }
@@ -100,7 +100,7 @@ pub(super) fn merge(
     exec.run(|| {
         let goal = Goal::new(lattice, params.target.get());
         let same = Draft::same(lattice, StoppedBy::Target);
-        if lattice.triangles.is_empty() || goal.is_met(&same) {
+        if lattice.triangles().is_empty() || goal.is_met(&same) {
             return same.finished(lattice, f64::INFINITY, exec);
         }
         if params.allow_topology {
@@ -125,9 +125,9 @@ struct Clusters<'a> {
 impl<'a> Clusters<'a> {
     fn new(lattice: &'a Lattice, locks: Locks<'a>) -> Self {
         let positions = lattice.local_positions();
-        let stars = Stars::new(positions.len(), &lattice.triangles);
+        let stars = Stars::new(positions.len(), lattice.triangles());
         let root = |t: &[u32; 3]| plane_root(t.map(|v| positions[v as usize]));
-        let roots: Vec<_> = lattice.triangles.par_iter().map(root).collect();
+        let roots: Vec<_> = lattice.triangles().par_iter().map(root).collect();
         let quadric = |v| Quadric::of_star(stars.of(v).iter().map(|&t| roots[t as usize]));
         let quadrics = (0..positions.len()).into_par_iter().map(quadric).collect();
         let used = (0..positions.len() as u32).filter(|&v| !stars.of(v as usize).is_empty()).collect();
@@ -142,8 +142,8 @@ impl<'a> Clusters<'a> {
         let doubles = size_of::<([u32; 3], bool, u32)>() + size_of::<u32>();
         let triangle = doubles + 3 * size_of::<[u32; 3]>();
         let drafts = 2 * size_of::<u32>();
-        (vertex + cubes + drafts) as u64 * lattice.keys.len() as u64
-            + triangle as u64 * lattice.triangles.len() as u64
+        (vertex + cubes + drafts) as u64 * lattice.keys().len() as u64
+            + triangle as u64 * lattice.triangles().len() as u64
     }
 
     /// Bisects the side of the cubes.
@@ -207,7 +207,7 @@ impl<'a> Clusters<'a> {
         for &v in self.locks.vertices {
             to[v as usize] = v;
         }
-        let moved: Vec<_> = self.lattice.triangles.par_iter().map(|t| t.map(|v| to[v as usize])).collect();
+        let moved: Vec<_> = self.lattice.triangles().par_iter().map(|t| t.map(|v| to[v as usize])).collect();
         without_doubles(&moved)
     }
 }
@@ -290,7 +290,7 @@ fn mean_side(lattice: &Lattice, positions: &[Point]) -> f64 {
         let [a, b, c] = [a, b, c].map(|v| positions[v as usize]);
         (b - a).norm() + (c - b).norm() + (a - c).norm()
     };
-    lattice.triangles.iter().map(length).sum::<f64>() / (3.0 * lattice.triangles.len().max(1) as f64)
+    lattice.triangles().iter().map(length).sum::<f64>() / (3.0 * lattice.triangles().len().max(1) as f64)
 }
 
 /// Clusters by legal collapses, with cubes that grow.
@@ -308,7 +308,7 @@ fn collapsed(
     let (low, high) = extent(surface.positions.iter());
     let largest = 2.0 * (high - low).norm();
     let mut side = mean_side(lattice, &lattice.local_positions());
-    let mut left = goal.removals(lattice.keys.len(), lattice.triangles.len());
+    let mut left = goal.removals(lattice.keys().len(), lattice.triangles().len());
     let mut run = Run { stopped_by: StoppedBy::Target, refused: Refused::default(), passes: 0 };
     while left > 0 {
         // A lattice all of whose vertices lie at one place has no size to grow by.

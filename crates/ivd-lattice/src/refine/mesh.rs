@@ -34,7 +34,7 @@ impl Mesh {
         let mut positions = lattice.local_positions();
         super::surface::centre(&mut positions);
         let n = positions.len();
-        let triangles = lattice.triangles.clone();
+        let triangles = lattice.triangles().to_vec();
         let mut stars = vec![Vec::new(); n];
         let mut areas = vec![0.0_f32; n];
         for (t, corners) in triangles.iter().enumerate() {
@@ -73,7 +73,7 @@ impl Mesh {
 
     /// Bytes of such a surface.
     pub(super) fn bytes_for(lattice: &Lattice) -> u64 {
-        132 * lattice.keys.len() as u64 + 80 * lattice.triangles.len() as u64
+        132 * lattice.keys().len() as u64 + 80 * lattice.triangles().len() as u64
     }
 
     /// Reads the fan of a vertex with its places. Returns `false` where its triangles aren't one closed fan.

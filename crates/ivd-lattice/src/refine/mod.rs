@@ -91,7 +91,6 @@ pub fn refine(
     exec: &Exec,
 ) -> Result<Refined, Error> {
     params.check()?;
-    lattice.check()?;
     locks.check(lattice)?;
     match params.method {
         Method::Collapse => collapse_locked(lattice, params, locks, exec),
@@ -110,7 +109,6 @@ pub fn refine(
 /// As [`refine`].
 pub fn collapse(lattice: &Lattice, params: &RefineParams, exec: &Exec) -> Result<Refined, Error> {
     params.check()?;
-    lattice.check()?;
     collapse_locked(lattice, params, Locks::NONE, exec)
 }
 
@@ -125,7 +123,7 @@ fn collapse_locked(
         let mut surface = Surface::new(lattice, locks, params.feature_degrees);
         let mut run = passes::run(&mut surface, params, exec)?;
         if params.allow_topology && run.stopped_by != StoppedBy::Target {
-            run = topology::run(&mut surface, params, lattice.triangles.len(), run.passes, exec)?;
+            run = topology::run(&mut surface, params, lattice.triangles().len(), run.passes, exec)?;
         }
         exec.check_cancelled()?;
         let mean_error_mm = mean::mean_distance(&surface);
@@ -136,7 +134,7 @@ fn collapse_locked(
 
 /// Bytes of a surface with its quadrics, stars and bounds.
 fn bytes_for(lattice: &Lattice) -> u64 {
-    surface_bytes(lattice.keys.len(), lattice.triangles.len())
+    surface_bytes(lattice.keys().len(), lattice.triangles().len())
 }
 
 fn surface_bytes(vertices: usize, triangles: usize) -> u64 {

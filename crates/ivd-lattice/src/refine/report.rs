@@ -183,38 +183,24 @@ pub(super) struct Outcome {
 impl Outcome {
     /// The refined lattice, with its vertices numbered anew, and its figures.
     pub(super) fn report(self, input: &Lattice) -> Refined {
-        let Self { kept, mut triangles, max_error_mm, mean_error_mm, stopped_by, refused, passes } = self;
-        let mut rank = vec![u32::MAX; input.keys.len()];
-        for (new, &old) in kept.iter().enumerate() {
-            rank[old as usize] = new as u32;
-        }
-        for corner in triangles.iter_mut().flatten() {
-            *corner = rank[*corner as usize];
-        }
+        let Self { kept, triangles, max_error_mm, mean_error_mm, stopped_by, refused, passes } = self;
         let level =
-            if kept.is_empty() { 0.0 } else { (input.keys.len() as f64 / kept.len() as f64).log(4.0) };
-        let share = triangles.len() as f64 / input.triangles.len() as f64;
+            if kept.is_empty() { 0.0 } else { (input.keys().len() as f64 / kept.len() as f64).log(4.0) };
+        let share = triangles.len() as f64 / input.triangles().len() as f64;
+        let lattice = input.subset(&kept, triangles).expect("triangles lie between the vertices kept");
+        let lattice = lattice.with_level(input.level().saturating_add(level.round() as u8));
         Refined {
-            lattice: Lattice {
-                grid: input.grid.clone(),
-                source: input.source.clone(),
-                keys: kept.iter().map(|&v| input.keys[v as usize]).collect(),
-                places: kept.iter().map(|&v| input.places[v as usize]).collect(),
-                triangles,
-                level: input.level.saturating_add(level.round() as u8),
-                max_error_mm: input.max_error_mm + max_error_mm,
-                coarser: Vec::new(),
-            },
+            lattice: lattice.with_max_error_mm(input.max_error_mm() + max_error_mm),
             reached: Reached {
-                ratio: if input.triangles.is_empty() { 1.0 } else { share },
+                ratio: if input.triangles().is_empty() { 1.0 } else { share },
                 level,
                 stopped_by,
                 refused,
             },
             max_error_mm,
             mean_error_mm,
-            vertices_in: input.keys.len(),
-            triangles_in: input.triangles.len(),
+            vertices_in: input.keys().len(),
+            triangles_in: input.triangles().len(),
             passes,
         }
     }

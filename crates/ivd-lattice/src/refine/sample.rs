@@ -43,7 +43,7 @@ pub(super) fn sample(
         )
         .into());
     }
-    if lattice.source == LatticeSource::Foreign {
+    if *lattice.source() == LatticeSource::Foreign {
         return Err(Error::Unreachable {
             asked: "a coarser rate".into(),
             problem: "the lattice is a mesh of another program, whose vertices aren't crossings".into(),
@@ -56,7 +56,7 @@ pub(super) fn sample(
         let draft = match params.target.get() {
             Target::Level(level) => at_level(lattice, level, coarse, exec)?,
             Target::Ratio(ratio) => {
-                let keep = (lattice.triangles.len() as f64 * ratio).round() as usize;
+                let keep = (lattice.triangles().len() as f64 * ratio).round() as usize;
                 at_count(lattice, keep, coarse, exec)?
             }
             Target::Count(keep) => at_count(lattice, keep, coarse, exec)?,
@@ -73,7 +73,7 @@ fn at_level<'a>(
     exec: &Exec,
 ) -> Result<Draft, Error> {
     // A step beyond the grid leaves nothing, however far beyond.
-    let most = level.min(lattice.grid.dims().iter().map(|n| n + 2).max().unwrap_or(0).ilog2() as u8 + 1);
+    let most = level.min(lattice.grid().dims().iter().map(|n| n + 2).max().unwrap_or(0).ilog2() as u8 + 1);
     for lower in (1..=most).rev() {
         let triangles = coarse(1 << lower).triangles(exec)?;
         if !triangles.is_empty() {
@@ -82,7 +82,7 @@ fn at_level<'a>(
             return Ok(draft);
         }
     }
-    let reached = level == 0 || lattice.triangles.is_empty();
+    let reached = level == 0 || lattice.triangles().is_empty();
     Ok(Draft::same(lattice, if reached { StoppedBy::Target } else { StoppedBy::Vanishing }))
 }
 
@@ -92,7 +92,7 @@ fn at_count<'a>(
     coarse: impl Fn(usize) -> Coarse<'a>,
     exec: &Exec,
 ) -> Result<Draft, Error> {
-    if lattice.triangles.len() <= keep {
+    if lattice.triangles().len() <= keep {
         return Ok(Draft::same(lattice, StoppedBy::Target));
     }
     let mut step = 1;
@@ -162,19 +162,19 @@ struct Signs {
 impl Signs {
     /// The sides that a lattice's keys tell along x, if those along y and z tell the same.
     fn of(lattice: &Lattice, exec: &Exec) -> Result<Self, Error> {
-        if lattice.level > 0 {
+        if lattice.level() > 0 {
             return Err(not_as_extracted(&format!(
                 "the lattice has been refined to level {}",
-                lattice.level
+                lattice.level()
             )));
         }
-        let dims = lattice.grid.dims().map(|n| n + 2);
+        let dims = lattice.grid().dims().map(|n| n + 2);
         let row = dims[0].div_ceil(64);
         let bytes = (8 * row) as u64 * dims[1] as u64 * dims[2] as u64;
         exec.check_memory("the voxels' sides of the surface", bytes)?;
         let mut signs = Self { dims, row, words: vec![0; row * dims[1] * dims[2]] };
-        for key in lattice.keys.iter().filter(|k| k.element() < 3) {
-            let at = key.padded(lattice.grid.dims());
+        for key in lattice.keys().iter().filter(|k| k.element() < 3) {
+            let at = key.padded(lattice.grid().dims());
             let axis = usize::from(key.element());
             if at[axis] + 1 >= dims[axis] {
                 return Err(not_as_extracted(&format!("key {} names an edge that leaves the grid", key.0)));
@@ -215,9 +215,9 @@ impl Signs {
             let [y, z] = [i % ny, i / ny].map(|c| c as i64 - 1);
             return Err(not_as_extracted(&format!("the row of voxels at y {y}, z {z} doesn't end outside")));
         }
-        let dims = lattice.grid.dims();
+        let dims = lattice.grid().dims();
         let mut keys = [0_u64; 3];
-        for key in lattice.keys.iter().filter(|k| (1..3).contains(&k.element())) {
+        for key in lattice.keys().iter().filter(|k| (1..3).contains(&k.element())) {
             let (at, axis) = (key.padded(dims), usize::from(key.element()));
             let mut next = at;
             next[axis] += 1;
@@ -289,7 +289,7 @@ struct Coarse<'a> {
 impl<'a> Coarse<'a> {
     fn new(lattice: &'a Lattice, signs: &'a Signs, step: usize) -> Self {
         let cells = signs.dims.map(|n| (n - 1).div_ceil(step));
-        let flip = lattice.grid.linear_part().determinant() < 0.0;
+        let flip = lattice.grid().linear_part().determinant() < 0.0;
         Self { lattice, signs, step, cells, flip }
     }
 
@@ -361,7 +361,7 @@ impl<'a> Coarse<'a> {
         let crossings = || (first..first + self.step).filter(|&p| crosses(p));
         let middle = crossings().nth(crossings().count() / 2);
         from[axis] = middle.expect("the ends of the edge are on two sides");
-        let key = ElementKey::new(self.lattice.grid.dims(), from, axis as u8);
+        let key = ElementKey::new(self.lattice.grid().dims(), from, axis as u8);
         self.lattice.vertex_at(key).expect("each change of sides has a vertex")
     }
 }
@@ -375,7 +375,7 @@ mod tests {
     /// Every step in turn, each proven, until one isn't within the error: the plain twin.
     fn in_turn(lattice: &Lattice, mm: f64, exec: &Exec) -> usize {
         let signs = Signs::of(lattice, exec).unwrap();
-        let mut best = lattice.triangles.len();
+        let mut best = lattice.triangles().len();
         for step in 2.. {
             let triangles = Coarse::new(lattice, &signs, step).triangles(exec).unwrap();
             if triangles.is_empty() {
@@ -383,7 +383,7 @@ mod tests {
             }
             let draft = Draft::of(triangles, lattice, Locks::NONE, 1);
             match draft.measured(lattice, f64::INFINITY, mm, exec).unwrap() {
-                Some(refined) => best = refined.lattice.triangles.len(),
+                Some(refined) => best = refined.lattice.triangles().len(),
                 None => break,
             }
         }
@@ -410,7 +410,7 @@ mod tests {
                 let plain = in_turn(&lattice, mm, &exec);
                 let params = RefineParams { target: Target::MaxError(mm).into(), ..RefineParams::default() };
                 let out = sample(&lattice, &params, Locks::NONE, &exec).unwrap();
-                let found = out.lattice.triangles.len();
+                let found = out.lattice.triangles().len();
                 assert!(found <= plain && out.max_error_mm <= mm, "{name} within {mm} mm");
             }
         }

@@ -45,8 +45,8 @@ impl Slivers {
     /// Removes slivers, the worst first, ties by index; each by the shortest collapse of one of its corners that is legal,
     /// leaves the worst triangle round the vertex better than it was, and stays within the error.
     pub(crate) fn remove(&self, lattice: &Lattice, exec: &Exec) -> Result<WithoutSlivers, Error> {
-        let triangles = lattice.triangles.len();
-        let queue = QUEUE_BYTES * most_queued(triangles) as u64 + lattice.keys.len() as u64;
+        let triangles = lattice.triangles().len();
+        let queue = QUEUE_BYTES * most_queued(triangles) as u64 + lattice.keys().len() as u64;
         exec.check_memory("the surface to be repaired and its slivers", Mesh::bytes_for(lattice) + queue)?;
         let mesh = Mesh::new(lattice, Locks::NONE, None);
         let mut free = vec![false; mesh.positions.len()];

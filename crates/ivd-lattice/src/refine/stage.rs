@@ -133,7 +133,7 @@ impl Refinement {
             let within = exec.run(|| vertices_within(lattice, pick, lock.radius));
             if within.is_empty() {
                 let off = |i: usize| (lattice.world(i).0 - pick.0).norm();
-                let nearest = (0..lattice.keys.len()).map(off).fold(f64::INFINITY, f64::min);
+                let nearest = (0..lattice.keys().len()).map(off).fold(f64::INFINITY, f64::min);
                 let problem = format!("no vertex lies within {} mm of {:?}", lock.radius, lock.pick);
                 let remedy = format!("the nearest is {nearest:.3} mm away; move it there, or make it larger");
                 return Err(ParamError::new(format!("lock.{i}"), problem, remedy).into());
@@ -191,9 +191,9 @@ fn single(input: &Lattice, refined: Refined, exec: &Exec) -> Result<(Lattice, Re
     exec.check_cancelled()?;
     let f = exec.run(|| measure(&refined.lattice));
     let figures = RefineFigures {
-        vertices_in: input.keys.len(),
+        vertices_in: input.keys().len(),
         last: LevelFigures {
-            level: refined.lattice.level,
+            level: refined.lattice.level(),
             vertices: f.vertices,
             triangles: f.triangles,
             max_error_mm: refined.max_error_mm,
@@ -224,10 +224,10 @@ fn chain_figures(
         let f = exec.run(|| measure(&step.lattice));
         let apart = distances(sound, &step.lattice, exec)?;
         Ok(LevelFigures {
-            level: step.lattice.level,
+            level: step.lattice.level(),
             vertices: f.vertices,
             triangles: f.triangles,
-            max_error_mm: step.lattice.max_error_mm - input.max_error_mm,
+            max_error_mm: step.lattice.max_error_mm() - input.max_error_mm(),
             mean_error_mm: apart.mean_mm,
             boundary_edges: f.boundary_edges,
             non_manifold_edges: f.non_manifold_edges,
@@ -240,7 +240,7 @@ fn chain_figures(
         return Err(ParamError::new("chain", "has no level", "give one or more").into());
     };
     Ok(RefineFigures {
-        vertices_in: input.keys.len(),
+        vertices_in: input.keys().len(),
         last,
         bow_tie_vertices: None,
         euler: None,
@@ -254,10 +254,10 @@ fn chain_figures(
 /// Whether every vertex of `part` is one of `whole`, address and place alike. Both lists ascend by address.
 fn is_subset(part: &Lattice, whole: &Lattice) -> bool {
     let mut at = 0;
-    part.keys.iter().zip(&part.places).all(|(key, place)| {
-        while at < whole.keys.len() && whole.keys[at] < *key {
+    part.keys().iter().zip(part.places()).all(|(key, place)| {
+        while at < whole.keys().len() && whole.keys()[at] < *key {
             at += 1;
         }
-        at < whole.keys.len() && whole.keys[at] == *key && whole.places[at] == *place
+        at < whole.keys().len() && whole.keys()[at] == *key && whole.places()[at] == *place
     })
 }

@@ -58,7 +58,8 @@ impl Surface {
         let mut places = lattice.local_positions();
         centre(&mut places);
         let n = places.len();
-        let Numbering { vertices: numbers, triangles, corners } = Numbering::new(&places, &lattice.triangles);
+        let Numbering { vertices: numbers, triangles, corners } =
+            Numbering::new(&places, lattice.triangles());
         let positions: Vec<_> = numbers.par_iter().map(|&v| places[v as usize]).collect();
         let (stars, (roots, triangles)) = rayon::join(
             || Stars::new(n, &corners),

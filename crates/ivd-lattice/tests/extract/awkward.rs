@@ -8,7 +8,7 @@ use crate::extract::{cut, cut_volume, noise};
 
 #[test]
 fn a_constant_volume_is_empty_or_a_box_closed_outside_its_border() {
-    assert_eq!(cut([4, 5, 6], vec![7_u8; 120], Iso::Value(7.5)).triangles.len(), 0);
+    assert_eq!(cut([4, 5, 6], vec![7_u8; 120], Iso::Value(7.5)).triangles().len(), 0);
     let full = cut([4, 5, 6], vec![7_u8; 120], Iso::Value(7.0));
     assert_closed_manifold(&full, "full");
     assert_eq!(euler(&full), 2);
@@ -25,7 +25,7 @@ fn flat_volumes_are_closed() {
             assert_closed_manifold(&cut(dims, noise(3, len, 4), Iso::Value(iso)), &format!("{dims:?} {iso}"));
         }
     }
-    assert_eq!(cut([1, 1, 1], vec![1_u8], Iso::Value(1.0)).triangles.len(), 8);
+    assert_eq!(cut([1, 1, 1], vec![1_u8], Iso::Value(1.0)).triangles().len(), 8);
 }
 
 #[test]
@@ -34,11 +34,11 @@ fn a_voxel_on_the_isovalue_is_inside_and_one_ulp_decides() {
     let iso = f64::from(0.1_f32);
     for (iso, vertices) in [(iso, 6), (iso.next_down(), 6), (iso.next_up(), 0)] {
         let lattice = cut([3, 1, 1], values.clone(), Iso::Value(iso));
-        assert_eq!(lattice.keys.len(), vertices, "{iso:e}");
+        assert_eq!(lattice.keys().len(), vertices, "{iso:e}");
         assert_closed_manifold(&lattice, "ulp");
     }
     let lattice = cut([3, 1, 1], values, Iso::Value(iso));
-    let along: Vec<f32> = lattice.places.iter().map(|p| p[0]).filter(|&t| t != 0.0).collect();
+    let along: Vec<f32> = lattice.places().iter().map(|p| p[0]).filter(|&t| t != 0.0).collect();
     assert_eq!(along, [1.0 - T_MIN, T_MIN], "the surface touches the voxel and keeps its distance");
 }
 
@@ -47,8 +47,8 @@ fn voxels_without_data_are_outside_with_the_surface_halfway() {
     for missing in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let lattice = cut([3, 1, 1], vec![5.0, missing, 5.0], Iso::Value(1.0));
         assert_closed_manifold(&lattice, "missing");
-        assert_eq!(lattice.keys.len(), 12, "{missing}");
-        assert!(lattice.places.iter().flatten().all(|&p| p == 0.0 || p == 0.5));
+        assert_eq!(lattice.keys().len(), 12, "{missing}");
+        assert!(lattice.places().iter().flatten().all(|&p| p == 0.0 || p == 0.5));
     }
     for seed in 0..100 {
         let mut voxels: Vec<f32> = noise(seed, 216, 4).iter().map(|&v| f32::from(v)).collect();
@@ -69,7 +69,7 @@ fn extreme_doubles_give_finite_places() {
     for iso in [0.0, 5e-324, 1e300, -1e300] {
         let lattice = cut([5, 5, 5], voxels.clone(), Iso::Value(iso));
         assert_closed_manifold(&lattice, &format!("{iso:e}"));
-        assert!(lattice.places.iter().flatten().all(|p| p.is_finite()));
+        assert!(lattice.places().iter().flatten().all(|p| p.is_finite()));
     }
 }
 
@@ -93,7 +93,7 @@ fn sixteen_bit_data_with_gaps_and_padding_keeps_exact_signs() {
         let lattice = cut([7, 7, 7], voxels.clone(), Iso::Value(iso));
         assert_closed_manifold(&lattice, &format!("{iso}"));
         let above = voxels.iter().any(|&v| f64::from(v) >= iso);
-        assert_eq!(lattice.triangles.is_empty(), !above);
+        assert_eq!(lattice.triangles().is_empty(), !above);
     }
 }
 
@@ -136,7 +136,7 @@ fn a_million_millimetres_away_the_places_are_the_same() {
         let grid = grids([5, 5, 5])[g].clone();
         cut_volume(&Volume::new(grid, Voxels::from(noise(6, 125, 250))).unwrap(), None, Iso::Value(99.5))
     });
-    assert_eq!((near.keys, near.places, near.triangles), (far.keys, far.places, far.triangles));
+    assert_eq!((near.keys(), near.places(), near.triangles()), (far.keys(), far.places(), far.triangles()));
 }
 
 #[test]

@@ -131,10 +131,10 @@ struct Measured {
 
 fn measure(lattice: &Lattice, body: &Body) -> Measured {
     let at = lattice.local_positions();
-    let last = lattice.grid.dims().map(|n| (n - 1) as f64);
+    let last = lattice.grid().dims().map(|n| (n - 1) as f64);
     let mut area = 0.0;
     let mut normals = vec![Point::zeros(); at.len()];
-    for t in &lattice.triangles {
+    for t in lattice.triangles() {
         let [a, b, c] = t.map(|v| at[v as usize]);
         let normal = (b - a).cross(&(c - a)) / 2.0;
         let middle = t.map(|v| lattice.voxel(v as usize).0).iter().sum::<Point>() / 3.0;

@@ -22,7 +22,7 @@ fn ball(grid: Grid, r: f64) -> (Volume, Lattice, Vector3<f64>) {
 /// Largest angle (degrees) between a normal and the ball's own.
 fn worst(volume: &Volume, lattice: &Lattice, middle: Vector3<f64>) -> f64 {
     let found = normals(volume, lattice, &Exec::default()).unwrap();
-    (0..lattice.keys.len())
+    (0..lattice.keys().len())
         .map(|i| {
             let n = Vector3::from(found[i].map(f64::from));
             assert!((n.norm() - 1.0).abs() < 1e-5);
@@ -96,7 +96,7 @@ fn angles(body: &Body, n: usize) -> [f64; 2] {
         let truth = -(body.gradient)(lattice.world(i).0);
         normal.cross(&truth).norm().atan2(normal.dot(&truth)).to_degrees()
     };
-    let angles: Vec<f64> = (0..lattice.keys.len()).filter(inside).map(angle).collect();
+    let angles: Vec<f64> = (0..lattice.keys().len()).filter(inside).map(angle).collect();
     [angles.iter().copied().fold(0.0, f64::max), angles.iter().sum::<f64>() / angles.len() as f64]
 }
 

@@ -20,7 +20,7 @@ fn mask_on(volume: &Volume, inside: &[u8]) -> Mask {
 fn crossings(volume: &Volume, mask: Option<&Mask>, iso: Iso) -> Vec<f64> {
     let lattice = cut_volume(volume, mask, iso);
     assert_closed_manifold(&lattice, "line");
-    let on_axis = (0..lattice.keys.len()).filter(|&i| lattice.keys[i].element() == 0);
+    let on_axis = (0..lattice.keys().len()).filter(|&i| lattice.keys()[i].element() == 0);
     on_axis.map(|i| lattice.voxel(i).0.x).collect()
 }
 
@@ -32,7 +32,7 @@ fn an_interval_is_crossed_at_both_of_its_ends() {
     let open = Iso::Interval { lower: None, upper: Some(3.0) };
     assert_eq!(crossings(&volume, None, open), [-0.5, 1.25, 2.75, 3.5]);
     let upper_end_is_outside = Iso::Interval { lower: Some(1.0), upper: Some(2.0) };
-    assert_eq!(cut_volume(&volume, None, upper_end_is_outside).keys.len(), 0);
+    assert_eq!(cut_volume(&volume, None, upper_end_is_outside).keys().len(), 0);
 }
 
 #[test]
@@ -42,8 +42,8 @@ fn an_interval_open_above_is_a_value() {
     let value = cut_volume(&volume, None, Iso::Value(-0.2));
     let interval = cut_volume(&volume, None, Iso::Interval { lower: Some(-0.2), upper: None });
     assert_eq!(
-        (value.keys, value.places, value.triangles),
-        (interval.keys, interval.places, interval.triangles)
+        (value.keys(), value.places(), value.triangles()),
+        (interval.keys(), interval.places(), interval.triangles())
     );
 }
 
@@ -106,7 +106,7 @@ fn a_mask_of_one_voxel_is_an_octahedron_of_half_a_voxel() {
     let mut inside = vec![0_u8; 27];
     inside[13] = 1;
     let lattice = cut_volume(&volume, Some(&Mask::new(grid, inside.into()).unwrap()), Iso::Mask);
-    assert_eq!((lattice.keys.len(), euler(&lattice)), (6, 2));
+    assert_eq!((lattice.keys().len(), euler(&lattice)), (6, 2));
     // Half axes 1, ½, ½ mm: 4/3 · a b c.
     assert!((area_and_volume(&lattice).1 - 1.0 / 3.0).abs() < 1e-12);
 }

@@ -30,7 +30,7 @@ fn places(lattice: &Lattice, t: [u32; 3]) -> [[u64; 3]; 3] {
 fn assert_seams_coincide(parts: &[Part], context: &str) -> usize {
     let mut sides: BTreeMap<[[u64; 3]; 3], u16> = BTreeMap::new();
     for part in parts {
-        for &t in &part.lattice.triangles {
+        for &t in part.lattice.triangles() {
             let twice = sides.insert(places(&part.lattice, t), part.id);
             assert!(
                 twice.is_none(),
@@ -84,7 +84,7 @@ fn assert_holds_its_voxels(labels: &Labels, part: &Part, context: &str) {
             }
         }
     }
-    let keys = part.lattice.keys.iter().filter(|key| key.element() < 3);
+    let keys = part.lattice.keys().iter().filter(|key| key.element() < 3);
     let found: BTreeSet<_> = keys.map(|key| (key.voxel(dims), key.element())).collect();
     assert_eq!(found, expected, "{context}, label {}", part.id);
 }
@@ -115,7 +115,8 @@ fn one_label_crosses_the_edges_that_its_mask_crosses_and_winds_around_its_voxels
         let params = ExtractParams { iso: Iso::Mask };
         let expected = extract(&volume, Some(&mask), &params, &Exec::default()).unwrap().lattice;
         let found = &parts(&labels, &[1])[0].lattice;
-        let edges = |l: &Lattice| -> Vec<_> { l.keys.iter().filter(|k| k.element() < 3).copied().collect() };
+        let edges =
+            |l: &Lattice| -> Vec<_> { l.keys().iter().filter(|k| k.element() < 3).copied().collect() };
         assert_eq!(edges(found), edges(&expected), "seed {seed}");
         for (i, inside) in inside.iter().enumerate() {
             let at = Vector3::from(grid.index(i).0.map(|c| c as f64));
@@ -135,7 +136,7 @@ fn columns_of_labels_side_by_side_share_their_walls() {
         assert!(shared >= 4 * 2 * n, "{shared} triangles on the walls of {n} layers");
         for part in &parts {
             assert_closed_manifold(&part.lattice, "columns");
-            assert_eq!(part.lattice.keys.len() as i64 - part.lattice.triangles.len() as i64 / 2, 2);
+            assert_eq!(part.lattice.keys().len() as i64 - part.lattice.triangles().len() as i64 / 2, 2);
         }
     }
 }
@@ -145,7 +146,7 @@ fn the_first_named_goes_through_where_two_cross() {
     let ids = vec![1, 2, 2, 1];
     let count = |order: &[u16]| -> Vec<u16> {
         let parts = parts(&labels([2, 2, 1], ids.clone()), order);
-        let euler = |l: &Lattice| l.keys.len() as i64 - l.triangles.len() as i64 / 2;
+        let euler = |l: &Lattice| l.keys().len() as i64 - l.triangles().len() as i64 / 2;
         // Two spheres have 4, one has 2.
         parts.iter().filter(|p| euler(&p.lattice) == 4).map(|p| p.id).collect()
     };
@@ -187,5 +188,5 @@ fn a_label_twice_or_no_data_is_refused() {
         let error = extract_parts(&labels, ids, &Exec::default()).unwrap_err().to_string();
         assert!(error.contains(text), "{error}");
     }
-    assert!(parts(&labels, &[4])[0].lattice.keys.is_empty(), "a label that no voxel has");
+    assert!(parts(&labels, &[4])[0].lattice.keys().is_empty(), "a label that no voxel has");
 }

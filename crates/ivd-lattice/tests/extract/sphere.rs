@@ -43,7 +43,7 @@ fn every_vertex_of_a_ball_lies_on_it() {
     let lattice = ball(48);
     assert_closed_manifold(&lattice, "ball");
     let centre = [0.13, -0.21, 0.37].map(|shift| 23.5 + shift);
-    for i in 0..lattice.keys.len() {
+    for i in 0..lattice.keys().len() {
         let v = lattice.voxel(i).0;
         let r = (0..3).map(|a| (v[a] - centre[a]).powi(2)).sum::<f64>().sqrt();
         assert!((r - 0.35 * 48.0).abs() < 0.02, "vertex {i} at radius {r}");

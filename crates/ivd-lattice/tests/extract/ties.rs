@@ -23,7 +23,7 @@ where
 
 /// Grid edges that the surface crosses.
 fn crossed(lattice: &Lattice) -> BTreeSet<u64> {
-    lattice.keys.iter().filter(|key| key.element() < 3).map(|key| key.0).collect()
+    lattice.keys().iter().filter(|key| key.element() < 3).map(|key| key.0).collect()
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn every_face_of_case_13_either_way_and_its_tunnels() {
         }
         if !tied {
             met.entry(faces).or_default().insert(euler(&lattice));
-            tunnels += u32::from(lattice.keys.iter().any(|key| key.element() == 6));
+            tunnels += u32::from(lattice.keys().iter().any(|key| key.element() == 6));
         }
     }
     let undecided: Vec<u32> =
@@ -205,8 +205,8 @@ fn a_field_far_from_zero_is_cut_as_one_near_it() {
         for iso in [1.0, 2.5, 6.0] {
             let near = cut(dims, voxels.clone(), Iso::Value(iso));
             let far = cut(dims, floats.clone(), Iso::Value(iso + f64::from(offset)));
-            assert_eq!((near.keys, near.triangles), (far.keys, far.triangles), "{offset} + {iso}");
-            assert!(near.places.iter().flatten().zip(far.places.iter().flatten()).all(|(a, b)| a == b));
+            assert_eq!((near.keys(), near.triangles()), (far.keys(), far.triangles()), "{offset} + {iso}");
+            assert!(near.places().iter().flatten().zip(far.places().iter().flatten()).all(|(a, b)| a == b));
         }
     }
 }
@@ -250,8 +250,8 @@ fn a_mirrored_field_without_ties_gives_the_mirrored_lattice() {
         let other = measure(&lattice);
         assert_eq!((other.euler, other.components), (figures.euler, figures.components));
         let places = |lattice: &Lattice, turned: bool| {
-            let mut places: Vec<[i64; 3]> = (0..lattice.keys.len())
-                .filter(|&i| lattice.keys[i].element() < 3)
+            let mut places: Vec<[i64; 3]> = (0..lattice.keys().len())
+                .filter(|&i| lattice.keys()[i].element() < 3)
                 .map(|i| {
                     let mut p = <[f64; 3]>::from(lattice.voxel(i).0);
                     if turned {
@@ -284,7 +284,10 @@ fn voxels_of_any_size_give_the_same_places() {
     assert_closed_manifold(&one, "1");
     for scale in [1e-3, 1e3] {
         let other = at(scale);
-        assert_eq!((&one.keys, &one.places, &one.triangles), (&other.keys, &other.places, &other.triangles));
+        assert_eq!(
+            (one.keys(), one.places(), one.triangles()),
+            (other.keys(), other.places(), other.triangles())
+        );
         let ([area, volume], [a, v]) = (area_and_volume(&one).into(), area_and_volume(&other).into());
         assert!((a / (area * scale * scale) - 1.0_f64).abs() < 1e-12);
         assert!((v / (volume * scale * scale * scale) - 1.0_f64).abs() < 1e-12);

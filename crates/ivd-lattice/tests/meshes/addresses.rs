@@ -13,9 +13,9 @@ fn put(mesh: &Mesh, grid: &Grid) -> Foreign {
 
 /// The largest distance between positions, in voxels of the grid.
 fn apart(a: &Lattice, mesh: &Mesh, order: impl Fn(usize) -> usize) -> f64 {
-    let inverse = a.grid.inverse_linear_part();
+    let inverse = a.grid().inverse_linear_part();
     let off = |i: usize| (inverse * (a.world(i).0 - mesh.positions[order(i)])).norm();
-    (0..a.keys.len()).map(off).fold(0.0, f64::max)
+    (0..a.keys().len()).map(off).fold(0.0, f64::max)
 }
 
 #[test]
@@ -25,14 +25,14 @@ fn keys_and_places_come_back_bit_for_bit_from_ply_and_vtp() {
     for (i, grid) in grids().iter().take(4).enumerate() {
         for seed in 0..12 {
             let cut = solids::random(grid, 100 * i as u64 + seed);
-            cell_vertices += cut.keys.iter().filter(|key| key.element() >= 6).count();
+            cell_vertices += cut.keys().iter().filter(|key| key.element() >= 6).count();
             for format in [Format::Ply, Format::Vtp] {
                 let foreign = put(&read(format, &file(format, &cut).0).unwrap(), grid);
                 assert_eq!(foreign.addresses, Addresses::Kept);
-                assert_eq!(foreign.lattice.keys, cut.keys);
-                let bits = |l: &Lattice| l.places.iter().map(|p| p.map(f32::to_bits)).collect::<Vec<_>>();
+                assert_eq!(foreign.lattice.keys(), cut.keys());
+                let bits = |l: &Lattice| l.places().iter().map(|p| p.map(f32::to_bits)).collect::<Vec<_>>();
                 assert!(bits(&foreign.lattice) == bits(&cut), "places of seed {seed} on grid {i}");
-                assert_eq!(foreign.lattice.triangles, cut.triangles);
+                assert_eq!(foreign.lattice.triangles(), cut.triangles());
                 assert_eq!((foreign.flipped, foreign.welded, foreign.moved_mm), (0, 0, 0.0));
             }
         }
@@ -49,14 +49,14 @@ fn lattices_of_several_labels_keep_addresses_that_stand_for_a_third_vertex_of_a_
         let grid = Grid::with_spacing([2; 3], [1.0; 3]).unwrap();
         for part in extract_parts(&labels(grid.clone()), &order, &Exec::default()).unwrap() {
             let cut = part.lattice;
-            let names: Vec<_> = (0..cut.keys.len() as u32).map(|v| cut.describe(v)).collect();
+            let names: Vec<_> = (0..cut.keys().len() as u32).map(|v| cut.describe(v)).collect();
             for further in names.iter().filter(|d| d.element == "cell, further") {
                 thirds += 1;
                 assert_eq!(further.voxels.len(), 8);
             }
             let foreign = put(&read(Format::Ply, &file(Format::Ply, &cut).0).unwrap(), &grid);
-            assert_eq!((foreign.addresses, &foreign.lattice.keys), (Addresses::Kept, &cut.keys));
-            assert_eq!(foreign.lattice.places, cut.places);
+            assert_eq!((foreign.addresses, foreign.lattice.keys()), (Addresses::Kept, cut.keys()));
+            assert_eq!(foreign.lattice.places(), cut.places());
         }
     }
     assert!(thirds > 0, "none of these orders has a third vertex in a cell");
@@ -76,11 +76,14 @@ fn a_million_millimetres_away_keys_come_back_and_places_as_far_as_the_file_has_t
                 let mesh = read(format, &bytes).unwrap();
                 let foreign = put(&mesh, grid);
                 assert_eq!(foreign.addresses, Addresses::Kept);
-                assert_eq!((&foreign.lattice.keys, &foreign.lattice.triangles), (&cut.keys, &cut.triangles));
+                assert_eq!(
+                    (foreign.lattice.keys(), foreign.lattice.triangles()),
+                    (cut.keys(), cut.triangles())
+                );
                 assert!(apart(&foreign.lattice, &mesh, |i| i) < 1e-8);
                 assert!(file(format, &foreign.lattice).0 == bytes, "the same file is written again");
-                same += foreign.lattice.places.iter().zip(&cut.places).filter(|(a, b)| a == b).count();
-                all += cut.places.len();
+                same += foreign.lattice.places().iter().zip(cut.places()).filter(|(a, b)| a == b).count();
+                all += cut.places().len();
             }
         }
         assert!(same as f64 > 0.9 * all as f64);
@@ -105,9 +108,12 @@ fn keys_come_back_from_obj_without_addresses_and_positions_from_every_format() {
             assert_eq!(foreign.addresses, Addresses::Absent);
             let bound = 1e-6 * grid.voxel_diagonal();
             assert!(foreign.moved_mm <= bound, "{} mm in {format:?}", foreign.moved_mm);
-            assert_eq!(foreign.lattice.triangles.len(), cut.triangles.len());
+            assert_eq!(foreign.lattice.triangles().len(), cut.triangles().len());
             if format == Format::Obj {
-                assert_eq!((&foreign.lattice.keys, &foreign.lattice.triangles), (&cut.keys, &cut.triangles));
+                assert_eq!(
+                    (foreign.lattice.keys(), foreign.lattice.triangles()),
+                    (cut.keys(), cut.triangles())
+                );
                 assert!(apart(&foreign.lattice, &mesh, |i| i) < 1e-6);
             }
         }
@@ -126,7 +132,7 @@ fn addresses_that_do_not_fit_are_replaced() {
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("moved.ply");
-    write_deformed(&path, &cut, &vec![[0.1, -0.2, 0.3]; cut.keys.len()]).unwrap();
+    write_deformed(&path, &cut, &vec![[0.1, -0.2, 0.3]; cut.keys().len()]).unwrap();
     let mesh = ivd_lattice::formats::read(&path, u64::MAX).unwrap();
     assert_eq!(put(&mesh, grid).addresses, Addresses::Replaced);
 

@@ -83,9 +83,9 @@ fn a_soup_of_triangles_becomes_a_closed_manifold_within_a_millionth_of_a_voxel()
             assert!(figures.is_closed_manifold() && figures.volume_mm3 > 0.0);
             assert_eq!((figures.genus, figures.components, foreign.flipped), (Some(0), 1, handed));
             assert_eq!((foreign.vertices_in - foreign.welded, figures.vertices), (6 * 36 + 2, 6 * 36 + 2));
-            assert_eq!(foreign.lattice.source, LatticeSource::Foreign);
+            assert_eq!(*foreign.lattice.source(), LatticeSource::Foreign);
             let inverse = grid.inverse_linear_part();
-            let corners = mesh.triangles.iter().zip(&foreign.lattice.triangles);
+            let corners = mesh.triangles.iter().zip(foreign.lattice.triangles());
             for (t, [a, b, c]) in corners {
                 let [b, c] = if handed > 0 { [c, b] } else { [b, c] };
                 for (v, w) in t.iter().zip([a, b, c]) {
@@ -93,7 +93,7 @@ fn a_soup_of_triangles_becomes_a_closed_manifold_within_a_millionth_of_a_voxel()
                     assert!((inverse * off).norm() < 1e-6);
                 }
             }
-            assert!(foreign.lattice.places.as_flattened().iter().all(|p| (0.0..1.0).contains(p)));
+            assert!(foreign.lattice.places().as_flattened().iter().all(|p| (0.0..1.0).contains(p)));
         }
     }
 }
@@ -104,9 +104,9 @@ fn what_comes_from_outside_can_be_refined_and_keeps_its_keys() {
     let params = RefineParams { target: Target::Ratio(0.4).into(), ..RefineParams::default() };
     let refined = collapse(&foreign.lattice, &params, &Exec::default()).unwrap().lattice;
     assert!(measure(&refined).is_closed_manifold());
-    for (key, place) in refined.keys.iter().zip(&refined.places) {
+    for (key, place) in refined.keys().iter().zip(refined.places()) {
         let old = foreign.lattice.vertex_at(*key).unwrap();
-        assert_eq!(foreign.lattice.places[old as usize], *place);
+        assert_eq!(foreign.lattice.places()[old as usize], *place);
     }
 }
 
@@ -118,17 +118,17 @@ fn triangles_turned_at_random_are_turned_back_through_three_levels_of_nesting() 
     for seed in 0..4 {
         let mut turned_over = 0;
         for (t, triangle) in mesh.triangles.iter_mut().enumerate() {
-            *triangle = cut.triangles[t];
+            *triangle = cut.triangles()[t];
             // The last time all of them.
             if seed == 3 || hash(seed << 32 | t as u64).is_multiple_of(3) {
                 triangle.swap(0, 1);
                 turned_over += 1;
             }
         }
-        let foreign = put(&mesh, &cut.grid);
+        let foreign = put(&mesh, cut.grid());
         assert_eq!(foreign.flipped, turned_over);
-        let wanted: Vec<_> = cut.triangles.iter().map(|t| turned(*t)).collect();
-        let found: Vec<_> = foreign.lattice.triangles.iter().map(|t| turned(*t)).collect();
+        let wanted: Vec<_> = cut.triangles().iter().map(|t| turned(*t)).collect();
+        let found: Vec<_> = foreign.lattice.triangles().iter().map(|t| turned(*t)).collect();
         assert!(found == wanted);
     }
 }
@@ -158,7 +158,7 @@ fn the_result_is_the_same_for_any_number_of_threads() {
     let cut = solids::nested();
     let run = |threads| {
         let exec = Exec::default().with_threads(threads);
-        lattice(&solids::mesh(&cut), &cut.grid, &ForeignParams { weld: 1e-4, allow_open: false }, &exec)
+        lattice(&solids::mesh(&cut), cut.grid(), &ForeignParams { weld: 1e-4, allow_open: false }, &exec)
             .unwrap()
     };
     assert!(run(1) == run(7));
@@ -190,7 +190,7 @@ fn corners_that_differ_a_little_are_welded_with_a_tolerance_alone() {
     assert!(refused(&mesh).contains("open borders"));
     let params = ForeignParams { weld: 1e-4, allow_open: false };
     let foreign = lattice(&mesh, &grid(), &params, &Exec::default()).unwrap();
-    assert_eq!((foreign.lattice.keys.len(), measure(&foreign.lattice).genus), (6 * 25 + 2, Some(0)));
+    assert_eq!((foreign.lattice.keys().len(), measure(&foreign.lattice).genus), (6 * 25 + 2, Some(0)));
 }
 
 #[test]
@@ -205,7 +205,7 @@ fn open_borders_touching_parts_and_one_sided_strips_are_refused_with_their_place
     assert!(message.contains("allow open"), "{message}");
     let allowed = ForeignParams { allow_open: true, ..ForeignParams::default() };
     let foreign = lattice(&open, &grid(), &allowed, &Exec::default()).unwrap();
-    assert_eq!((foreign.boundary_edges, foreign.lattice.triangles.len()), (3, 23));
+    assert_eq!((foreign.boundary_edges, foreign.lattice.triangles().len()), (3, 23));
 
     let edge = boxes(&[([1.0; 3], [2.0; 3]), ([2.0, 2.0, 1.0], [3.0, 3.0, 2.0])]);
     let message = refused(&edge);
@@ -269,7 +269,7 @@ fn a_mesh_outside_the_grid_or_crowded_in_a_voxel_is_refused_with_the_remedy() {
     assert!(message.contains("unit"), "{message}");
     // The border layer belongs to it.
     let edge = put(&boxes(&[([-1.0; 3], [12.0; 3])]), &grid()).lattice;
-    assert_eq!((edge.keys[0].voxel([12; 3]), edge.keys[7].voxel([12; 3])), ([-1; 3], [12; 3]));
+    assert_eq!((edge.keys()[0].voxel([12; 3]), edge.keys()[7].voxel([12; 3])), ([-1; 3], [12; 3]));
 
     let message = refused(&bumpy(4, 5.1, 5.9, 1));
     assert!(message.contains("1 voxels hold more than 8 vertices, the first 98 of them"), "{message}");
@@ -282,7 +282,7 @@ fn a_mesh_outside_the_grid_or_crowded_in_a_voxel_is_refused_with_the_remedy() {
 fn eight_vertices_share_a_voxel_and_all_of_them_are_found_there() {
     let cut: Lattice = put(&boxes(&[([3.2; 3], [3.8; 3])]), &grid()).lattice;
     assert_eq!(cut.vertices_of_voxel([3; 3]), 0..8);
-    let elements: Vec<u8> = cut.keys.iter().map(|k| k.element()).collect();
+    let elements: Vec<u8> = cut.keys().iter().map(|k| k.element()).collect();
     assert_eq!(elements, [0, 1, 2, 3, 4, 5, 6, 7]);
     assert!((measure(&cut).volume_mm3 - 0.216).abs() < 1e-6);
 }
@@ -303,7 +303,7 @@ fn hand_made_meshes_that_make_no_sense_are_refused() {
         assert_eq!(error.fault(), Fault::Usage);
     }
     let empty = put(&Mesh::default(), &grid());
-    assert!(empty.lattice.keys.is_empty() && empty.moved_mm == 0.0);
+    assert!(empty.lattice.keys().is_empty() && empty.moved_mm == 0.0);
     let exec = Exec::default();
     exec.cancel.cancel();
     let error =

@@ -9,14 +9,14 @@ use crate::meshes::{grids, solids};
 
 /// Every padded voxel, and some outside.
 fn voxels(lattice: &Lattice) -> impl Iterator<Item = [i64; 3]> {
-    let [nx, ny, nz] = lattice.grid.dims().map(|n| n as i64);
+    let [nx, ny, nz] = lattice.grid().dims().map(|n| n as i64);
     (-3..nz + 3).flat_map(move |z| (-3..ny + 3).flat_map(move |y| (-3..nx + 3).map(move |x| [x, y, z])))
 }
 
 fn assert_both_ways(lattice: &Lattice) {
     let mut met = Vec::new();
     let mut round: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
-    for v in 0..lattice.keys.len() as u32 {
+    for v in 0..lattice.keys().len() as u32 {
         let told = lattice.describe(v);
         assert!(lattice.vertices_of_voxel(told.voxel).contains(&v));
         assert_eq!(told.voxels[0], told.voxel);
@@ -47,7 +47,7 @@ fn assert_both_ways(lattice: &Lattice) {
     }
     assert!(round.is_empty());
     met.sort_unstable();
-    assert!(met.into_iter().eq(0..lattice.keys.len() as u32), "every vertex is of one voxel");
+    assert!(met.into_iter().eq(0..lattice.keys().len() as u32), "every vertex is of one voxel");
 }
 
 #[test]
@@ -57,11 +57,11 @@ fn every_vertex_is_found_by_its_voxel_and_the_other_way_round() {
         assert_both_ways(&lattice);
         let params = RefineParams { target: Target::Ratio(0.3).into(), ..RefineParams::default() };
         let refined = collapse(&lattice, &params, &Exec::default()).unwrap().lattice;
-        assert!(refined.keys.len() < lattice.keys.len());
+        assert!(refined.keys().len() < lattice.keys().len());
         assert_both_ways(&refined);
         // What is left is what it was.
-        for v in 0..refined.keys.len() as u32 {
-            let old = lattice.vertex_at(refined.keys[v as usize]).unwrap();
+        for v in 0..refined.keys().len() as u32 {
+            let old = lattice.vertex_at(refined.keys()[v as usize]).unwrap();
             let (now, then) = (refined.describe(v), lattice.describe(old));
             assert_eq!((now.voxels, now.place, now.world), (then.voxels, then.place, then.world));
         }

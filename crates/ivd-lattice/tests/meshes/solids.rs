@@ -42,7 +42,7 @@ pub(crate) fn nested() -> Lattice {
 
 /// The triangles of a lattice at its positions, without addresses.
 pub(crate) fn mesh(lattice: &Lattice) -> Mesh {
-    Mesh { positions: lattice.positions(), triangles: lattice.triangles.clone(), addresses: None }
+    Mesh { positions: lattice.positions(), triangles: lattice.triangles().to_vec(), addresses: None }
 }
 
 /// A mesh of the given positions.

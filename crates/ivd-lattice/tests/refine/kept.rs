@@ -30,14 +30,14 @@ fn locked_vertices_stay_and_nothing_else_is_kept_for_them() {
         assert_sound(&torus, &out);
         assert_bounded(&torus, &out);
         assert_eq!(out.reached.stopped_by, StoppedBy::Target);
-        assert!(locked.iter().all(|&v| out.lattice.vertex_at(torus.keys[v as usize]).is_some()));
+        assert!(locked.iter().all(|&v| out.lattice.vertex_at(torus.keys()[v as usize]).is_some()));
         let free = run(&torus, &params(method, Target::Ratio(0.25)), &[]);
-        assert!(locked.iter().any(|&v| free.lattice.vertex_at(torus.keys[v as usize]).is_none()));
-        let all: Vec<u32> = (0..torus.keys.len() as u32).rev().collect();
+        assert!(locked.iter().any(|&v| free.lattice.vertex_at(torus.keys()[v as usize]).is_none()));
+        let all: Vec<u32> = (0..torus.keys().len() as u32).rev().collect();
         let out = run(&torus, &params(method, Target::Ratio(0.25)), &all);
         assert_eq!((out.lattice, out.reached.stopped_by), (torus.clone(), StoppedBy::Locks));
     }
-    let none = torus.keys.len() as u32;
+    let none = torus.keys().len() as u32;
     let error = refine(
         &torus,
         &params(Method::Collapse, Target::Level(1)),
@@ -51,7 +51,7 @@ fn locked_vertices_stay_and_nothing_else_is_kept_for_them() {
 fn creases(lattice: &Lattice, degrees: f64) -> Vec<[Vector3<f64>; 2]> {
     let places = lattice.local_positions();
     let mut normals: HashMap<[u32; 2], Vec<Vector3<f64>>> = HashMap::new();
-    for &t in &lattice.triangles {
+    for &t in lattice.triangles() {
         let [a, b, c] = t.map(|v| places[v as usize]);
         let normal = (b - a).cross(&(c - a)).normalize();
         for (v, w) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
@@ -85,15 +85,15 @@ fn the_edges_of_a_cube_stay_where_they_are_and_its_corners_too() {
         }
         // Chamfered: a corner is a triangle, so that 24 vertices are the least.
         assert!(
-            out.lattice.keys.len() < 60,
+            out.lattice.keys().len() < 60,
             "{method:?}: {} of {}",
-            out.lattice.keys.len(),
-            block.keys.len()
+            out.lattice.keys().len(),
+            block.keys().len()
         );
         assert!(out.reached.refused.features >= 24, "{:?}", out.reached);
         assert!(out.max_error_mm < 1e-5, "{method:?}: {}", out.max_error_mm);
         let plain = run(&block, &RefineParams { feature_degrees: None, ..params }, &[]);
-        assert!(plain.lattice.keys.len() < out.lattice.keys.len());
+        assert!(plain.lattice.keys().len() < out.lattice.keys().len());
     }
 }
 
@@ -114,28 +114,29 @@ fn a_feature_angle_beyond_all_edges_changes_nothing() {
 fn bow_tie() -> Lattice {
     let ball = lattices::sphere(12);
     let grid = Grid::with_spacing([40, 12, 12], [1.0; 3]).expect("a grid");
-    let n = ball.keys.len() as u32;
+    let n = ball.keys().len() as u32;
     let top = (0..n)
         .max_by(|&a, &b| ball.voxel(a as usize).0.x.total_cmp(&ball.voxel(b as usize).0.x))
         .expect("some");
     // The second ball is the first, moved and mirrored along x so that its first vertex meets the other's last.
     let key = |v: u32, mirrored: bool| {
-        let key = ball.keys[v as usize];
-        let mut padded = key.padded(ball.grid.dims());
+        let key = ball.keys()[v as usize];
+        let mut padded = key.padded(ball.grid().dims());
         if mirrored {
             padded[0] = 30 - padded[0];
         }
         ElementKey::new(grid.dims(), padded, key.element())
     };
     let mut vertices: Vec<(ElementKey, [f32; 3])> = (0..n)
-        .flat_map(|v| [(key(v, false), ball.places[v as usize]), (key(v, true), ball.places[v as usize])])
+        .flat_map(|v| [(key(v, false), ball.places()[v as usize]), (key(v, true), ball.places()[v as usize])])
         .collect();
     vertices.sort_unstable_by_key(|v| v.0);
     let at = |k: ElementKey| vertices.iter().position(|v| v.0 == k).expect("listed") as u32;
-    let mut triangles: Vec<[u32; 3]> = ball.triangles.iter().map(|t| t.map(|v| at(key(v, false)))).collect();
+    let mut triangles: Vec<[u32; 3]> =
+        ball.triangles().iter().map(|t| t.map(|v| at(key(v, false)))).collect();
     let shared = at(key(top, false));
     let twin = at(key(top, true));
-    triangles.extend(ball.triangles.iter().map(|t| {
+    triangles.extend(ball.triangles().iter().map(|t| {
         let [a, b, c] = t.map(|v| at(key(v, true))).map(|v| if v == twin { shared } else { v });
         [a, c, b]
     }));
@@ -144,16 +145,14 @@ fn bow_tie() -> Lattice {
     for corner in triangles.iter_mut().flatten() {
         *corner -= u32::from(*corner > twin);
     }
-    Lattice {
-        keys: vertices.iter().map(|v| v.0).collect(),
-        places: vertices.iter().map(|v| v.1).collect(),
-        triangles,
+    Lattice::new(
         grid,
-        source: LatticeSource::Mask,
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    }
+        vertices.iter().map(|v| v.0).collect(),
+        vertices.iter().map(|v| v.1).collect(),
+        triangles.into(),
+    )
+    .expect("they fit")
+    .with_source(LatticeSource::Mask)
 }
 
 #[test]
@@ -166,19 +165,21 @@ fn bow_ties_stay_and_the_rest_goes() {
         let after = measure(&out.lattice);
         assert_eq!((after.bow_tie_vertices, after.boundary_edges, after.non_manifold_edges), (1, 0, 0));
         assert_eq!((after.euler, after.components), (before.euler, before.components));
-        assert!(out.lattice.keys.len() * 3 < lattice.keys.len());
+        assert!(out.lattice.keys().len() * 3 < lattice.keys().len());
     }
 }
 
 #[test]
 fn open_borders_stay_as_they_are() {
-    let mut open = lattices::sphere(24);
-    let top: Vec<bool> = (0..open.keys.len()).map(|i| open.voxel(i).0.z > 14.0).collect();
-    open.triangles.retain(|t| !t.iter().all(|&v| top[v as usize]));
+    let open = lattices::open_sphere(24, 14.0);
     let border = |lattice: &Lattice| {
         let sides = |t: &[u32; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
-        let all: Vec<_> =
-            lattice.triangles.iter().flat_map(sides).map(|e| e.map(|v| lattice.keys[v as usize])).collect();
+        let all: Vec<_> = lattice
+            .triangles()
+            .iter()
+            .flat_map(sides)
+            .map(|e| e.map(|v| lattice.keys()[v as usize]))
+            .collect();
         let mut open: Vec<_> = all.iter().copied().filter(|[a, b]| !all.contains(&[*b, *a])).collect();
         open.sort_unstable();
         open
@@ -200,7 +201,7 @@ fn far_thick_slanted_and_mirrored_grids_lose_nothing() {
     let (a, b) = (run(&near, &params, &[]), run(&far, &params, &[]));
     assert_sound(&near, &a);
     assert_bounded(&near, &a);
-    assert_eq!((&a.lattice.keys, &a.lattice.triangles), (&b.lattice.keys, &b.lattice.triangles));
+    assert_eq!((a.lattice.keys(), a.lattice.triangles()), (b.lattice.keys(), b.lattice.triangles()));
     assert_eq!(a.max_error_mm, b.max_error_mm);
     let locked = |lattice: &Lattice| vertices_within(lattice, lattice.world(50), 3.0);
     assert_eq!(locked(&near), locked(&far));
@@ -247,7 +248,7 @@ fn what_kept_vertices_is_told_of_each_that_is_left_and_of_no_other() {
             ];
             assert_eq!(
                 told.iter().sum::<u64>(),
-                out.lattice.keys.len() as u64,
+                out.lattice.keys().len() as u64,
                 "{seed}, {method:?}: {refused:?}"
             );
         }

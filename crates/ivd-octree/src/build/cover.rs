@@ -20,7 +20,7 @@ pub(super) fn leaf_triangles(lattice: &Lattice, depth: u8, leaf_bits: u32) -> Ve
     let cells =
         Cells { size: f64::from(1_u32 << leaf_bits), last: (1_u32 << (u32::from(depth) - leaf_bits)) - 1 };
     let mut pairs: Vec<(u64, u32)> = lattice
-        .triangles
+        .triangles()
         .par_chunks(CHUNK)
         .enumerate()
         .flat_map_iter(|(chunk, triangles)| {

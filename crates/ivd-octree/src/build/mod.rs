@@ -31,7 +31,7 @@ pub fn build(lattice: &Lattice, params: &Params, exec: &Exec) -> Result<Octree, 
         exec.observer().begin(TASK, 3);
         let crossings = Crossings::find(lattice, exec)?;
         exec.observer().advance(TASK, 1);
-        let longest = lattice.grid.dims().into_iter().max().expect("three axes") + 2;
+        let longest = lattice.grid().dims().into_iter().max().expect("three axes") + 2;
         let leaf_bits = params.leaf_size.trailing_zeros();
         let depth = longest.next_power_of_two().trailing_zeros().max(leaf_bits) as u8;
         debug_assert!(depth <= OCTREE_MAX_DEPTH, "Crossings::find refuses longer axes");
@@ -40,19 +40,19 @@ pub fn build(lattice: &Lattice, params: &Params, exec: &Exec) -> Result<Octree, 
         exec.check_cancelled()?;
         exec.observer().advance(TASK, 1);
         fits("listed triangles", pairs.len() as u64, u64::from(u32::MAX))?;
-        fits("triangles", lattice.triangles.len() as u64, u64::from(u32::MAX))?;
+        fits("triangles", lattice.triangles().len() as u64, u64::from(u32::MAX))?;
         let (codes, leaf_start) = runs(&pairs);
         let nodes = nodes(lattice, &crossings, &codes, depth, leaf_bits, exec)?;
         exec.observer().advance(TASK, 1);
         exec.observer().end(TASK);
         Ok(Octree {
-            grid: lattice.grid.clone(),
+            grid: lattice.grid().clone(),
             depth,
             nodes,
             leaf_start,
             leaf_triangles: pairs.par_iter().map(|pair| pair.1).collect(),
-            triangle_count: lattice.triangles.len() as u32,
-            vertex_count: lattice.keys.len() as u32,
+            triangle_count: lattice.triangles().len() as u32,
+            vertex_count: lattice.keys().len() as u32,
         })
     })
 }
@@ -89,7 +89,7 @@ fn nodes(
     leaf_bits: u32,
     exec: &Exec,
 ) -> Result<Vec<u32>, Error> {
-    let dims = lattice.grid.dims();
+    let dims = lattice.grid().dims();
     let mut nodes = Vec::new();
     let mut level = vec![Pending { code: 0, cells: 0..codes.len() }];
     for below in (0..=u32::from(depth) - leaf_bits).rev() {

@@ -20,14 +20,13 @@ pub(crate) struct Crossings {
 impl Crossings {
     /// Finds the crossings and checks that each row leaves the lattice as often as it enters.
     pub(crate) fn find(lattice: &Lattice, exec: &Exec) -> Result<Self, Error> {
-        lattice.check()?;
-        let dims = lattice.grid.dims();
+        let dims = lattice.grid().dims();
         let limit = (1_u64 << OCTREE_MAX_DEPTH) - 2;
         if let Some(&n) = dims.iter().find(|&&n| n as u64 > limit) {
             return Err(Error::TooLarge { what: "voxels along an axis", needed: n as u64, limit });
         }
         let mut packed: Vec<u64> = lattice
-            .triangles
+            .triangles()
             .par_chunks(1 << 12)
             .flat_map_iter(|triangles| {
                 let mut found = Vec::new();

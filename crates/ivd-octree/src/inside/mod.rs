@@ -26,10 +26,10 @@ use crate::Error;
 /// 2²¹ − 2 voxels along an axis; in [`Error::Core`] a lattice that breaks its own check, the memory limit, cancelling.
 pub fn inside(lattice: &Lattice, exec: &Exec) -> Result<Mask, Error> {
     exec.run(|| {
-        exec.check_memory("the inside of a lattice", lattice.grid.len() as u64)?;
+        exec.check_memory("the inside of a lattice", lattice.grid().len() as u64)?;
         let crossings = Crossings::find(lattice, exec)?;
-        let [nx, ny, _] = lattice.grid.dims();
-        let mut inside = vec![0_u8; lattice.grid.len()];
+        let [nx, ny, _] = lattice.grid().dims();
+        let mut inside = vec![0_u8; lattice.grid().len()];
         inside.par_chunks_mut(nx).enumerate().for_each(|(row, voxels)| {
             let mut winding = 0;
             let mut runs = crossings.row(row % ny, row / ny).peekable();
@@ -41,6 +41,6 @@ pub fn inside(lattice: &Lattice, exec: &Exec) -> Result<Mask, Error> {
                 }
             }
         });
-        Ok(Mask::new(lattice.grid.clone(), inside.into())?)
+        Ok(Mask::new(lattice.grid().clone(), inside.into())?)
     })
 }

@@ -12,8 +12,8 @@ pub(super) type Fixed = [i64; 3];
 /// The vertices in fixed point. An `f32` in `[T_MIN, 1 - T_MIN]` is such a multiple; a vertex within a face or a cell
 /// may move by 2⁻³⁵ voxel.
 pub(super) fn fixed_vertex(lattice: &Lattice, vertex: u32) -> Fixed {
-    let voxel = lattice.keys[vertex as usize].voxel(lattice.grid.dims());
-    let place = lattice.places[vertex as usize];
+    let voxel = lattice.keys()[vertex as usize].voxel(lattice.grid().dims());
+    let place = lattice.places()[vertex as usize];
     std::array::from_fn(|a| (voxel[a] << FRACTION) + (f64::from(place[a]) * ONE).round_ties_even() as i64)
 }
 

@@ -81,7 +81,7 @@ impl<F: Fn(u32) -> usize, const N: usize> Builder<'_, F, N> {
     fn leaf(&self, slot: u32, at: [u64; 3], bits: u8, items: &mut [Vec<Item>; N]) {
         let cell = self.cell(at, bits);
         for &triangle in self.octree.leaf(slot) {
-            let corners = self.lattice.triangles[triangle as usize].map(|v| self.framed[v as usize]);
+            let corners = self.lattice.triangles()[triangle as usize].map(|v| self.framed[v as usize]);
             let lo = corners[0].inf(&corners[1]).inf(&corners[2]).sup(&cell.0);
             let hi = corners[0].sup(&corners[1]).sup(&corners[2]).inf(&cell.1);
             items[(self.part)(triangle)].push((self.outward(lo, hi), Lane::triangle(triangle)));

@@ -66,27 +66,26 @@ pub fn prepare_parts<const N: usize>(
     octree: &Octree,
     part: impl Fn(u32) -> usize,
 ) -> Result<[NearestIndex; N], Error> {
-    lattice.check()?;
     octree.check()?;
     let counts = [
-        ("triangles", octree.triangle_count as usize, lattice.triangles.len()),
-        ("vertices", octree.vertex_count as usize, lattice.keys.len()),
+        ("triangles", octree.triangle_count as usize, lattice.triangles().len()),
+        ("vertices", octree.vertex_count as usize, lattice.keys().len()),
     ];
     if let Some((what, tree, mesh)) = counts.into_iter().find(|c| c.1 != c.2) {
         return Err(Error::Mismatch {
             problem: format!("{tree} {what} in the octree, {mesh} in the lattice"),
         });
     }
-    if !octree.grid.matches(&lattice.grid) {
+    if !octree.grid.matches(lattice.grid()) {
         return Err(Error::Mismatch { problem: "their grids differ".to_owned() });
     }
     // linear = q · r with q a rotation and r upper triangular (diagonal for a grid without shear): in the frame turned
     // by qᵀ cells are boxes and lengths are unchanged.
-    let (q, r) = lattice.grid.linear_part().qr().unpack();
+    let (q, r) = lattice.grid().linear_part().qr().unpack();
     let positions = lattice.local_positions();
     let frame = q.transpose();
     let trees = bounds::trees(octree, lattice, &positions, frame, r, part)?;
-    let (positions, triangles) = (Arc::new(positions), Arc::new(lattice.triangles.clone()));
+    let (positions, triangles) = (Arc::new(positions), Arc::new(lattice.triangles().to_vec()));
     Ok(trees.map(|tree| NearestIndex {
         frame,
         positions: positions.clone(),

@@ -32,7 +32,7 @@ pub(super) fn surfaces(
     let (positions, wanted) = (fine.0.local_positions(), last(fine.1));
     let difference = |(place, want): (&Vector3<f64>, &[f64; 3])| {
         let Some(near) = index.nearest(*place, f64::INFINITY) else { return f64::INFINITY };
-        let corners = coarse.0.triangles[near.triangle as usize];
+        let corners = coarse.0.triangles()[near.triangle as usize];
         let there: Vector3<f64> =
             corners.iter().zip(near.barycentric).map(|(&v, w)| Vector3::from(moved[v as usize]) * w).sum();
         (there - Vector3::from(*want)).norm()

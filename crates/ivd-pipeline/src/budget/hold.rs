@@ -339,7 +339,7 @@ fn difference(
 /// Longest edge of the volume's voxels (mm).
 fn voxel_mm(done: &BTreeMap<NodeId, Done>) -> Result<f64, Error> {
     let lattice: &Lattice = done.get(&LATTICE).ok_or_else(|| nothing(LATTICE))?.value()?;
-    Ok(lattice.grid.longest_edge())
+    Ok(lattice.grid().longest_edge())
 }
 
 /// A place that gave nothing to go on with.

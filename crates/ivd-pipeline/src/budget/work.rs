@@ -76,7 +76,7 @@ impl Amounts {
 
     /// Adds what the lattice as cut tells, all of it kept.
     pub(super) fn with_lattice(self, asked: Option<Asked<'_>>, lattice: &Lattice) -> Self {
-        let triangles = lattice.triangles.len() as f64;
+        let triangles = lattice.triangles().len() as f64;
         let moved = asked.map_or(0, |asked| reached(asked, lattice)) as f64;
         Self { triangles, refined: triangles, moved, ..self }
     }
@@ -129,16 +129,16 @@ fn reach_voxels(asked: Asked<'_>, grid: &Grid) -> f64 {
 /// Vertices of a lattice nearer to a handle or a bone than its reach.
 fn reached(asked: Asked<'_>, lattice: &Lattice) -> usize {
     let centre = |handle: &Handle| match (handle.pick, handle.vertex) {
-        (Some(point), _) => lattice.grid.voxel(World(point.into())),
+        (Some(point), _) => lattice.grid().voxel(World(point.into())),
         (None, vertex) => {
             let vertex = vertex.map_or(0, |v| v as usize);
-            if vertex < lattice.keys.len() { lattice.voxel(vertex) } else { VoxelCoord(Vector3::zeros()) }
+            if vertex < lattice.keys().len() { lattice.voxel(vertex) } else { VoxelCoord(Vector3::zeros()) }
         }
     };
-    let linear = lattice.grid.linear_part();
+    let linear = lattice.grid().linear_part();
     let bones = asked.bones.iter().filter_map(|b| {
         let (centre, radius) = b.ball();
-        Some((linear * lattice.grid.voxel(World(centre?.into())).0, radius))
+        Some((linear * lattice.grid().voxel(World(centre?.into())).0, radius))
     });
     let balls: Vec<(Vector3<f64>, f64)> =
         asked.moves.handle.iter().map(|h| (linear * centre(h).0, h.radius)).chain(bones).collect();

@@ -11,7 +11,7 @@ use crate::error::stage_error;
 /// Largest and mean distance (mm) of vertices and triangle centres from the other surface, and the larger of both
 /// directions (a sampled Hausdorff distance: a lower bound of the true one).
 pub(super) fn lattices(a: &Lattice, b: &Lattice, exec: &Exec) -> Result<Value, Error> {
-    if a.triangles.is_empty() || b.triangles.is_empty() {
+    if a.triangles().is_empty() || b.triangles().is_empty() {
         return Err(Error::usage("compare", "an empty lattice has no distance from another"));
     }
     let (forth, back) = (one_way(a, b, exec)?, one_way(b, a, exec)?);
@@ -29,17 +29,17 @@ fn one_way(from: &Lattice, to: &Lattice, exec: &Exec) -> Result<(f64, f64), Erro
         ivd_octree::build(to, &ivd_octree::Params::default(), exec).map_err(stage_error!("compare"))?;
     let index = ivd_octree::prepare(to, &octree).map_err(stage_error!("compare"))?;
     // Into the other lattice's local space: the same where both were cut from one grid.
-    let (linear, shift) = (to.grid.linear_part(), to.grid.clone());
+    let (linear, shift) = (to.grid().linear_part(), to.grid().clone());
     let local = |voxel: Vector3<f64>| {
-        if from.grid == to.grid {
+        if from.grid() == to.grid() {
             linear * voxel
         } else {
-            linear * shift.voxel(from.grid.world(VoxelCoord(voxel))).0
+            linear * shift.voxel(from.grid().world(VoxelCoord(voxel))).0
         }
     };
-    let vertices: Vec<Vector3<f64>> = (0..from.keys.len()).map(|i| from.voxel(i).0).collect();
+    let vertices: Vec<Vector3<f64>> = (0..from.keys().len()).map(|i| from.voxel(i).0).collect();
     let centres =
-        from.triangles.iter().map(|t| t.iter().map(|&v| vertices[v as usize]).sum::<Vector3<f64>>() / 3.0);
+        from.triangles().iter().map(|t| t.iter().map(|&v| vertices[v as usize]).sum::<Vector3<f64>>() / 3.0);
     let points: Vec<Vector3<f64>> = vertices.iter().copied().chain(centres).map(local).collect();
     let distances: Vec<f64> = points
         .par_iter()

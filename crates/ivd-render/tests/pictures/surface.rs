@@ -20,16 +20,14 @@ fn lattice(corners: &[[i64; 3]], triangles: &[[u32; 3]], origin: f64) -> Lattice
         .collect();
     order.sort_unstable();
     let new = |old: u32| order.iter().position(|v| v.1 == old).unwrap() as u32;
-    Lattice {
-        keys: order.iter().map(|v| v.0).collect(),
-        places: vec![[0.0; 3]; order.len()],
-        triangles: triangles.iter().map(|t| t.map(new)).collect(),
+    Lattice::new(
         grid,
-        source: LatticeSource::Mask,
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    }
+        order.iter().map(|v| v.0).collect(),
+        vec![[0.0; 3]; order.len()].into(),
+        triangles.iter().map(|t| t.map(new)).collect(),
+    )
+    .unwrap()
+    .with_source(LatticeSource::Mask)
 }
 
 /// An octahedron of 8 mm from the middle to each corner, counter-clockwise from outside.
@@ -79,7 +77,7 @@ fn an_octahedron_from_the_front_covers_a_square_and_shows_its_front_half() {
 #[test]
 fn what_lies_behind_is_hidden_with_its_edges() {
     let far = lattice(&[[-8, -4, -8], [8, -4, -8], [0, -4, 8]], &[[0, 1, 2]], 0.0);
-    let mut both = lattice(
+    let both = lattice(
         &[[-8, -4, -8], [8, -4, -8], [0, -4, 8], [-9, 4, -9], [9, 4, -9], [-9, 4, 9], [9, 4, 9]],
         &[[0, 1, 2], [3, 4, 5], [5, 4, 6]],
         0.0,
@@ -96,8 +94,8 @@ fn what_lies_behind_is_hidden_with_its_edges() {
     let hidden = drawn(&both);
     assert!(!dark(&hidden), "and isn't through a face");
     // The order of triangles doesn't matter.
-    both.triangles.reverse();
-    assert_eq!(drawn(&both), hidden);
+    let reversed: Vec<_> = both.triangles().iter().rev().copied().collect();
+    assert_eq!(drawn(&both.with_triangles(reversed.into()).unwrap()), hidden);
 }
 
 #[test]
@@ -110,8 +108,7 @@ fn the_same_bytes_for_any_number_of_threads_far_from_the_origin_and_without_tria
     let near = drawn(&octahedron(0.0), 1);
     assert_eq!(near, drawn(&octahedron(0.0), 3));
     assert_eq!(near, drawn(&octahedron((1 << 20) as f64), 1));
-    let mut none = octahedron(0.0);
-    none.triangles.clear();
+    let none = octahedron(0.0).with_triangles(Vec::new().into()).unwrap();
     assert!(drawn(&none, 1).rgba().chunks(4).all(|p| p == [0, 0, 0, 255]));
 }
 

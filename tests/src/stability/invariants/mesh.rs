@@ -24,7 +24,7 @@ pub fn extracted(lattice: &Lattice, inside: &[bool], exec: &Exec) -> Verdict {
     hold!(!any || figures.volume_mm3 > 0.0 && figures.area_mm2 > 0.0, "turned inside out: {figures:?}");
     let within = ivd_octree::inside(lattice, exec).map_err(|e| e.to_string())?;
     for (i, (&got, &expected)) in within.inside().iter().zip(inside).enumerate() {
-        let at = lattice.grid.index(i).0;
+        let at = lattice.grid().index(i).0;
         hold!((got == 1) == expected, "voxel {at:?}: {got} within the lattice, {expected} by its value");
     }
     Ok(())
@@ -32,7 +32,6 @@ pub fn extracted(lattice: &Lattice, inside: &[bool], exec: &Exec) -> Verdict {
 
 /// Consistent, closed, manifold, finite.
 fn closed(lattice: &Lattice) -> Result<Figures, String> {
-    lattice.check().map_err(|e| e.to_string())?;
     let figures = measure(lattice);
     hold!(figures.is_closed_manifold(), "not a closed manifold: {figures:?}");
     hold!(figures.euler % 2 == 0, "Euler characteristic {}", figures.euler);
@@ -52,7 +51,7 @@ pub fn parts(labels: &Labels, parts: &[Part]) -> Verdict {
         let figures = closed(lattice).map_err(|e| format!("label {}: {e}", part.id))?;
         let voxels = labels.ids().iter().filter(|id| **id == part.id).count() as u64;
         hold!(voxels > 0 && figures.triangles > 0, "label {} of {voxels} voxels: {figures:?}", part.id);
-        for t in &lattice.triangles {
+        for t in lattice.triangles() {
             let mut corners = t.map(|v| <[f64; 3]>::from(lattice.voxel(v as usize).0).map(f64::to_bits));
             let least = (0..3).min_by_key(|&k| corners[k]).unwrap_or(0);
             corners.rotate_left(least);
@@ -72,7 +71,7 @@ pub fn sampled(input: &Lattice, found: &Refined, exec: &Exec) -> Verdict {
         return Ok(());
     }
     closed(&found.lattice)?;
-    if found.lattice.triangles.is_empty() {
+    if found.lattice.triangles().is_empty() {
         return Ok(());
     }
     bounded(input, &found.lattice, found.max_error_mm, exec)?;
@@ -104,10 +103,9 @@ pub fn refined(input: &Lattice, found: &Refined, exec: &Exec) -> Verdict {
 /// Vertices of the input at their places, and errors that are numbers.
 fn subset(input: &Lattice, found: &Refined) -> Verdict {
     let output = &found.lattice;
-    output.check().map_err(|e| e.to_string())?;
-    for (i, key) in output.keys.iter().enumerate() {
+    for (i, key) in output.keys().iter().enumerate() {
         let Some(at) = input.vertex_at(*key) else { return Err(format!("vertex {i} is a new one")) };
-        let (place, before) = (output.places[i], input.places[at as usize]);
+        let (place, before) = (output.places()[i], input.places()[at as usize]);
         hold!(place.map(f32::to_bits) == before.map(f32::to_bits), "vertex {i} moved");
     }
     hold!(found.max_error_mm.is_finite() && found.max_error_mm >= 0.0, "bound {}", found.max_error_mm);
@@ -117,18 +115,18 @@ fn subset(input: &Lattice, found: &Refined) -> Verdict {
 
 /// Some places of one lattice lie within a distance of another.
 fn bounded(from: &Lattice, to: &Lattice, bound: f64, exec: &Exec) -> Verdict {
-    if from.triangles.is_empty() {
+    if from.triangles().is_empty() {
         return Ok(());
     }
     let octree = ivd_octree::build(to, &ivd_octree::Params::default(), exec).map_err(|e| e.to_string())?;
     let index = ivd_octree::prepare(to, &octree).map_err(|e| e.to_string())?;
     let positions = from.local_positions();
-    let mut random = Seeded::new(from.triangles.len() as u64);
+    let mut random = Seeded::new(from.triangles().len() as u64);
     // The weights of the nearest point solve a system whose condition is the square of a triangle's aspect ratio, up to 10⁶.
     let extent = positions.iter().map(Vector3::amax).fold(0.0, f64::max);
     for _ in 0..PROBES {
-        let t = random.below(from.triangles.len());
-        let [a, b, c] = from.triangles[t].map(|v| positions[v as usize]);
+        let t = random.below(from.triangles().len());
+        let [a, b, c] = from.triangles()[t].map(|v| positions[v as usize]);
         let (s, r) = (random.unit().sqrt(), random.unit());
         let point = a * (1.0 - s) + b * (s * (1.0 - r)) + c * (s * r);
         let Some(near) = index.nearest(point, f64::INFINITY) else { return Err("nothing is near".into()) };
@@ -149,7 +147,7 @@ fn bounded(from: &Lattice, to: &Lattice, bound: f64, exec: &Exec) -> Verdict {
 /// The first thing that doesn't hold.
 pub fn octree(lattice: &Lattice, inside: &Mask, octree: &Octree) -> Verdict {
     octree.check().map_err(|e| e.to_string())?;
-    let grid = &lattice.grid;
+    let grid = lattice.grid();
     for i in 0..grid.len() {
         let at = grid.index(i).0;
         let within = inside.inside()[i] == 1;
@@ -160,7 +158,7 @@ pub fn octree(lattice: &Lattice, inside: &Mask, octree: &Octree) -> Verdict {
             OctreeNode::Internal { .. } => return Err(format!("voxel {at:?} has no leaf")),
         }
     }
-    let mut listed = vec![false; lattice.triangles.len()];
+    let mut listed = vec![false; lattice.triangles().len()];
     octree.leaf_triangles.iter().for_each(|&t| listed[t as usize] = true);
     if let Some(t) = listed.iter().position(|l| !l) {
         return Err(format!("triangle {t} is in no leaf"));
@@ -170,14 +168,14 @@ pub fn octree(lattice: &Lattice, inside: &Mask, octree: &Octree) -> Verdict {
 
 /// The sides of some voxels, half of them beside the lattice, against the sum of the triangles' solid angles.
 fn windings(lattice: &Lattice, inside: &Mask) -> Verdict {
-    let (grid, positions) = (&lattice.grid, lattice.local_positions());
+    let (grid, positions) = (lattice.grid(), lattice.local_positions());
     let linear = grid.linear_part();
-    let mut random = Seeded::new(lattice.keys.len() as u64);
+    let mut random = Seeded::new(lattice.keys().len() as u64);
     for probe in 0..24 {
-        let i = if probe % 2 == 0 || lattice.keys.is_empty() {
+        let i = if probe % 2 == 0 || lattice.keys().is_empty() {
             random.below(grid.len())
         } else {
-            let near = lattice.voxel(random.below(lattice.keys.len())).0;
+            let near = lattice.voxel(random.below(lattice.keys().len())).0;
             let clamped: [usize; 3] =
                 std::array::from_fn(|a| near[a].round().clamp(0.0, (grid.dims()[a] - 1) as f64) as usize);
             grid.linear(ivd_core::VoxelIndex(clamped))
@@ -195,7 +193,7 @@ fn windings(lattice: &Lattice, inside: &Mask) -> Verdict {
 /// How often the lattice winds round a point (van Oosterom & Strackee 1983); `None` where the point lies in a triangle.
 fn winding(lattice: &Lattice, positions: &[Vector3<f64>], point: Vector3<f64>) -> Option<f64> {
     let mut turns = 0.0;
-    for t in &lattice.triangles {
+    for t in lattice.triangles() {
         let [a, b, c] = t.map(|v| positions[v as usize] - point);
         let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
         let above = a.dot(&b.cross(&c));

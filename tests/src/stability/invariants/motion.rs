@@ -36,14 +36,14 @@ impl Asked<'_> {
     /// The bone that holds a vertex, by its region alone.
     fn bone(&self, v: usize) -> Option<&Part> {
         let rest = self.lattice.local_positions()[v];
-        let origin = Vector3::from(self.lattice.grid.origin());
+        let origin = Vector3::from(self.lattice.grid().origin());
         self.bones.iter().find(|bone| bone.region.is_some_and(|region| region.holds(rest, origin)))
     }
 
     /// Stiffness of a structural spring of what a vertex is made of (N/m). Cases have no lattice edge between two labels.
     fn stiffness(&self, v: usize, params: &Params) -> f64 {
         let at = self.lattice.voxel(v).0.map(|c| c.floor().max(0.0) as usize);
-        let at = self.lattice.grid.linear(VoxelIndex(at.into()));
+        let at = self.lattice.grid().linear(VoxelIndex(at.into()));
         let own = self.labels.and_then(|labels| params.springs.material.get(&labels.ids()[at])?.stiffness);
         own.unwrap_or(params.springs.stiffness)
     }
@@ -67,7 +67,7 @@ pub fn solved(asked: &Asked<'_>, found: &Solved) -> Verdict {
 fn moved(asked: &Asked<'_>, motion: &Motion, vertices: usize, whole: bool) -> Verdict {
     let Asked { lattice, handles, fixed, .. } = *asked;
     motion.check().map_err(|e| e.to_string())?;
-    hold!(motion.vertex_count == lattice.keys.len(), "{} vertices", motion.vertex_count);
+    hold!(motion.vertex_count == lattice.keys().len(), "{} vertices", motion.vertex_count);
     let u = &motion.frames[motion.frames.len() - 1].displacement;
     let moved = u.iter().filter(|d| **d != [0.0; 3]).count();
     hold!(vertices == moved, "{vertices} vertices moved, plainly {moved}");
@@ -148,7 +148,7 @@ pub fn sprung(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved) -
 
 /// Bones have gone where they are sent: by the turn that is given, or with the one handle that they are fitted to.
 fn rigid(asked: &Asked<'_>, motion: &Motion) -> Verdict {
-    let (rest, origin) = (asked.lattice.local_positions(), Vector3::from(asked.lattice.grid.origin()));
+    let (rest, origin) = (asked.lattice.local_positions(), Vector3::from(asked.lattice.grid().origin()));
     let u = &motion.frames[motion.frames.len() - 1].displacement;
     for (v, rest) in rest.iter().enumerate() {
         let Some(bone) = asked.bone(v) else { continue };
@@ -228,7 +228,7 @@ impl Plain {
             Kind::Shear => params.springs.shear,
             Kind::Flexion => params.springs.flexion,
         };
-        let origin = Vector3::from(asked.lattice.grid.origin());
+        let origin = Vector3::from(asked.lattice.grid().origin());
         let targets: Vec<usize> = asked.handles.iter().filter_map(|h| vertex(&h.at)).collect();
         let balls: Vec<_> =
             motion.reach.iter().map(|b| (Vector3::from(b.centre) - origin, b.radius)).collect();
@@ -243,12 +243,12 @@ impl Plain {
         let mut structural = vec![(0.0, 0.0); rest.len()];
         let (mut energy, mut rounding_nj, mut rounding_mn) = (0.0, 0.0, 0.0_f64);
         let mut close = vec![false; rest.len()];
-        for t in asked.lattice.triangles.iter().filter(|t| t.iter().any(|&v| near(v))) {
+        for t in asked.lattice.triangles().iter().filter(|t| t.iter().any(|&v| near(v))) {
             for &v in t {
                 close[v as usize] = true;
             }
         }
-        let links = mass_spring::links(&asked.lattice.triangles, &rest, |v| close[v as usize]);
+        let links = mass_spring::links(asked.lattice.triangles(), &rest, |v| close[v as usize]);
         for link in links.into_iter().filter(|link| link.ends.iter().any(|&v| near(v))) {
             let [a, b] = link.ends.map(|v| v as usize);
             // Of two materials, halves in a row.
@@ -330,7 +330,7 @@ pub fn shaped(lattice: &Lattice, start: &Motion, shapes: &[Shape], found: &Shape
     let (before, after) = (&start.frames[0].displacement, &found.motion.frames[0].displacement);
     let moved = after.iter().filter(|d| **d != [0.0; 3]).count();
     hold!(found.vertices_moved == moved, "{} vertices moved, plainly {moved}", found.vertices_moved);
-    let origin = Vector3::from(lattice.grid.origin());
+    let origin = Vector3::from(lattice.grid().origin());
     for (v, rest) in lattice.local_positions().into_iter().enumerate() {
         let place = rest + Vector3::from(before[v]);
         // Rounding of world positions, which the balls' centres are in.

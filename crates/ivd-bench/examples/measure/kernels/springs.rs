@@ -19,16 +19,13 @@ pub(crate) fn sheet(side: usize) -> Result<Lattice, ivd_core::Error> {
         [[a, b, c], [a, c, d]]
     });
     let key = |i: usize| ElementKey::new(grid.dims(), [i % side + 1, i / side + 1, 1], 2);
-    Ok(Lattice {
-        keys: (0..side * side).map(key).collect(),
-        places: vec![[0.0, 0.0, 0.5]; side * side],
-        triangles: triangles.collect(),
-        source: LatticeSource::Mask,
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-        grid,
-    })
+    Ok(Lattice::new(
+        grid.clone(),
+        (0..side * side).map(key).collect(),
+        vec![[0.0, 0.0, 0.5]; side * side].into(),
+        triangles.collect(),
+    )?
+    .with_source(LatticeSource::Mask))
 }
 
 /// The middle vertex, pulled up by `z` (mm).

@@ -130,7 +130,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     /// A lattice that isn't closed, where the part moves alone; cancellation.
     pub fn new(lattice: L, outside: Outside, exec: &Exec) -> Result<Self, Error> {
         let inside = (outside == Outside::Free).then(|| ivd_octree::inside(&lattice, exec)).transpose()?;
-        let voxels = (0..lattice.keys.len()).map(|i| lattice.voxel(i).0).collect();
+        let voxels = (0..lattice.keys().len()).map(|i| lattice.voxel(i).0).collect();
         let positions = lattice.local_positions();
         Ok(Self { lattice, voxels, positions, inside, last: None })
     }
@@ -198,7 +198,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         }
         exec.run(|| {
             self.take_inner(&motion.inner);
-            let grid = &self.lattice.grid;
+            let grid = self.lattice.grid();
             let region = Region::new(motion, frame, &self.positions, &params.band, None);
             let bricks = moving_bricks(grid, &region, frame, exec)?;
             if largest(frame) == 0.0 {
@@ -234,13 +234,13 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
 
     /// Takes in the inner points of a motion; where they are others than the last one's, the equations are others, too.
     fn take_inner(&mut self, inner: &Inner) {
-        let known = self.lattice.keys.len();
+        let known = self.lattice.keys().len();
         let same = inner.places.len() == self.voxels.len() - known
             && inner.places.iter().zip(&self.voxels[known..]).all(|(a, b)| *a == <[f64; 3]>::from(*b));
         if same {
             return;
         }
-        let linear = self.lattice.grid.linear_part();
+        let linear = self.lattice.grid().linear_part();
         self.voxels.truncate(known);
         self.positions.truncate(known);
         self.voxels.extend(inner.places.iter().map(|at| Vector3::from(*at)));
@@ -253,7 +253,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         match self.last.take() {
             Some(last) if last.region == *region && last.edge == edge => Ok(last),
             last => {
-                let cells = Cells::new(&self.lattice.grid, region, edge);
+                let cells = Cells::new(self.lattice.grid(), region, edge);
                 // Rows of the matrix and its levels, mostly of 60 entries.
                 exec.check_memory("the equations of the map", 3 * 60 * 12 * cells.nodes.free.len() as u64)?;
                 let nodes = cells.nodes.free.all().iter().map(|node| {
@@ -261,8 +261,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                     Some(last.nodes[last.system.cells.nodes.free.find(*node)?])
                 });
                 let nodes = nodes.map(Option::unwrap_or_default).collect();
-                let places = Places::new(&cells, &self.lattice.grid, region, &self.voxels);
-                let system = System::new(cells, &self.lattice.grid, places);
+                let places = Places::new(&cells, self.lattice.grid(), region, &self.voxels);
+                let system = System::new(cells, self.lattice.grid(), places);
                 Ok(Last { region: region.clone(), edge, system, nodes })
             }
         }
@@ -270,7 +270,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
 
     /// The field of a frame, and the equations with its nodes.
     fn follow(&self, job: &Job<'_>, mut last: Last, exec: &Exec) -> Result<(Made, Last), Error> {
-        let grid = &self.lattice.grid;
+        let grid = self.lattice.grid();
         let motions = &job.motions;
         let start = std::mem::take(&mut last.nodes);
         let whole = Step::solve(&last.system, job.region, &self.positions, motions, Some(start), TOLERANCE);
@@ -303,7 +303,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         exec: &Exec,
     ) -> Result<Option<(FieldBricks, u32)>, Error> {
         let still = vec![[0.0; 3]; FieldBricks::VOXELS * job.bricks.len()];
-        let mut field = all_bricks(&self.lattice.grid, job.bricks, still)?;
+        let mut field = all_bricks(self.lattice.grid(), job.bricks, still)?;
         let (mut gone, mut part, mut increments, mut repairs) = (0.0, 0.5, 0, 0);
         let mut system = None;
         while gone < 1.0 {
@@ -318,7 +318,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             } else {
                 let relaxed = relax(
                     next,
-                    &self.lattice.grid,
+                    self.lattice.grid(),
                     job.region,
                     &job.settle.counts(),
                     Detail::least(exec),
@@ -356,7 +356,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     ) -> Result<(FieldBricks, u32), Error> {
         let misfit = |field| misfit_of(&self.lattice, field, job.frame);
         let relaxed =
-            relax(whole, &self.lattice.grid, job.region, &job.settle.counts(), Detail::least(exec), exec)?;
+            relax(whole, self.lattice.grid(), job.region, &job.settle.counts(), Detail::least(exec), exec)?;
         let left = if relaxed.certificate.holds() { misfit(&relaxed.field) } else { f64::INFINITY };
         if left > CLOSE
             && let Some((made, repairs)) = self.in_increments(job, path, solved, exec)?
@@ -375,7 +375,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         field: &FieldBricks,
         system: &'s mut Option<System>,
     ) -> (Vec<Vector3<f64>>, &'s System) {
-        let grid = &self.lattice.grid;
+        let grid = self.lattice.grid();
         let sampler = Sampler::new(field, grid);
         let come: Vec<Vector3<f64>> = self.voxels.par_iter().map(|v| v + sampler.at(*v)).collect();
         let linear = grid.linear_part();
@@ -398,7 +398,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         solved: &mut Solved,
         exec: &Exec,
     ) -> Result<FieldBricks, Error> {
-        let grid = &self.lattice.grid;
+        let grid = self.lattice.grid();
         let motions: Vec<Vector3<f64>> =
             wanted.iter().zip(&self.positions).zip(at).map(|((u, p), at)| p + u - at).collect();
         let step = Step::solve(equations, job.region, at, &motions, None, LOOSE);
@@ -410,7 +410,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
 
 /// The certificate of a field, as far as it decides whether a way can be gone.
 fn certified(field: &FieldBricks, job: &Job<'_>, exec: &Exec) -> Result<Certificate, Error> {
-    let (grid, counts) = (&job.settle.lattice.grid, job.settle.counts());
+    let (grid, counts) = (job.settle.lattice.grid(), job.settle.counts());
     certify_bricks(field, grid, 0.0, &counts, &touched(field), Detail::least(exec), exec)
 }
 

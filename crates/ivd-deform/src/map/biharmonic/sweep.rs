@@ -107,7 +107,7 @@ fn sweep(seeds: std::ops::Range<u64>) -> [usize; 2] {
         let smooth = scene.smooth(&BiharmonicParams::default(), &exec);
         [("octree", nearest), ("biharmonic", smooth)].map(|(method, mapped)| match mapped {
             Ok(mapped) => {
-                let found = folds(&scene.lattice.grid, mapped.displacement.forward());
+                let found = folds(scene.lattice.grid(), mapped.displacement.forward());
                 assert_eq!(found, 0, "seed {seed}, {method}");
                 true
             }

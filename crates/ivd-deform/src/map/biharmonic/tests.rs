@@ -14,7 +14,7 @@ impl Scene {
 
     /// The equations of the whole motion.
     fn system(&self, params: &BiharmonicParams) -> (Region, System) {
-        let (grid, positions) = (&self.lattice.grid, self.lattice.local_positions());
+        let (grid, positions) = (self.lattice.grid(), self.lattice.local_positions());
         let region = Region::new(&self.motion, &self.motion.frames[0], &positions, &params.band, None);
         let voxels: Vec<Vector3<f64>> = (0..positions.len()).map(|i| self.lattice.voxel(i).0).collect();
         let cells = Cells::new(grid, &region, params.cell);
@@ -101,7 +101,7 @@ fn shift(mut node: [i32; 3], axis: usize, by: i32) -> [i32; 3] {
 /// `Σ_a (D_aa u)² / h_a⁴ + 2 Σ_{a<b} (D_ab u)² / (h_a² h_b²)` of the free nodes and the pulls, as a dense matrix: a row of
 /// differences for every node and face whose nodes exist, squared.
 fn plain_matrix(system: &System, scene: &Scene, region: &Region) -> (DMatrix<f64>, DMatrix<f64>) {
-    let (cells, grid) = (&system.cells, &scene.lattice.grid);
+    let (cells, grid) = (&system.cells, scene.lattice.grid());
     let n = cells.nodes.free.len();
     let h: Vec<f64> = (0..3).map(|a| grid.spacing()[a] * cells.step[a] as f64).collect();
     let exists = |c: [i32; 3]| (0..3).all(|a| (cells.nodes.low[a]..=cells.nodes.high[a]).contains(&c[a]));
@@ -262,7 +262,7 @@ fn twist_shear_and_radial_motions_are_followed_and_taken_back() {
         ("radial", radial, 0.2, 0.5),
     ] {
         let bar = bar(motion);
-        let grid = &bar.lattice.grid;
+        let grid = bar.lattice.grid();
         let mapped = bar.smooth(&smooth(), &Exec::default()).unwrap();
         let all = residuals(grid, &mapped);
         let (p95, most) = (all[all.len() * 95 / 100], all[all.len() - 1]);

@@ -136,8 +136,8 @@ pub(super) fn body(
     region: &Region,
     exec: &Exec,
 ) -> Result<Body, Error> {
-    let grid = &lattice.grid;
-    let places: Vec<[f64; 3]> = (0..lattice.keys.len()).map(|v| cells.place(lattice.voxel(v).0)).collect();
+    let grid = lattice.grid();
+    let places: Vec<[f64; 3]> = (0..lattice.keys().len()).map(|v| cells.place(lattice.voxel(v).0)).collect();
     let linear = grid.linear_part();
     let mut near: Vec<[i32; 3]> = places
         .iter()

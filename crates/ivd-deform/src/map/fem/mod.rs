@@ -123,19 +123,19 @@ fn map_frame(
     exec: &Exec,
 ) -> Result<Mapped, Error> {
     let region = Region::new(motion, frame, &lattice.local_positions(), &params.band, None);
-    let bricks = moving_bricks(&lattice.grid, &region, frame, exec)?;
+    let bricks = moving_bricks(lattice.grid(), &region, frame, exec)?;
     let alone = (params.band.outside == Outside::Free).then_some(inside);
     let settle = Settle { lattice, alone, region: &region, frame, band: &params.band };
     if largest(frame) == 0.0 {
         let still = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
-        return settle.settle(all_bricks(&lattice.grid, &bricks, still)?, exec);
+        return settle.settle(all_bricks(lattice.grid(), &bricks, still)?, exec);
     }
-    let cells = Cells::new(&lattice.grid, &region, params.cell);
+    let cells = Cells::new(lattice.grid(), &region, params.cell);
     let mut body = body(&cells, lattice, &Materials::new(inside, labels, params), &region, exec)?;
     exec.check_memory("the equations of the map", body.bytes())?;
-    let (field, solved) = equilibrium(&mut body, lattice, frame, cells.length(&lattice.grid), exec)?;
-    let sampled = sample(&body, &cells, &lattice.grid, &field, &bricks, exec)?;
-    let mut mapped = settle.settle(cut(all_bricks(&lattice.grid, &bricks, sampled)?, alone)?, exec)?;
+    let (field, solved) = equilibrium(&mut body, lattice, frame, cells.length(lattice.grid()), exec)?;
+    let sampled = sample(&body, &cells, lattice.grid(), &field, &bricks, exec)?;
+    let mut mapped = settle.settle(cut(all_bricks(lattice.grid(), &bricks, sampled)?, alone)?, exec)?;
     mapped.solved = Some(solved);
     Ok(mapped)
 }
@@ -168,7 +168,7 @@ fn equilibrium(
         }
         observer.advance("equilibrium", 1);
     }
-    let relieved = relieve(body, &mut u, &lattice.grid, &mut solved, exec);
+    let relieved = relieve(body, &mut u, lattice.grid(), &mut solved, exec);
     observer.end("equilibrium");
     relieved?;
     Ok((u, solved))

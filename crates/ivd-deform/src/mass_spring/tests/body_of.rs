@@ -5,7 +5,7 @@ use ivd_core::{Labels, VoxelIndex};
 use super::*;
 
 fn ends(lattice: &Lattice, kind: Kind) -> Vec<[u32; 2]> {
-    let all = links(&lattice.triangles, &lattice.local_positions(), |_| true);
+    let all = links(lattice.triangles(), &lattice.local_positions(), |_| true);
     all.iter().filter(|link| link.kind == kind).map(|link| link.ends).collect()
 }
 
@@ -41,7 +41,7 @@ fn every_square_of_a_sheet_has_one_shear_spring_and_every_edge_between_squares_b
 #[test]
 fn doubled_pinched_and_flat_triangles_add_no_second_spring() {
     let twice = flat(2, 2, vec![[0, 1, 3], [0, 3, 2], [0, 1, 3], [3, 0, 1], [2, 2, 2], [1, 3, 3]]);
-    let all = links(&twice.triangles, &twice.local_positions(), |_| true);
+    let all = links(twice.triangles(), &twice.local_positions(), |_| true);
     assert!(all.windows(2).all(|w| w[0].ends < w[1].ends));
     assert_eq!(all.iter().filter(|link| link.kind == Kind::Structural).count(), 5);
     assert!(all.iter().all(|link| link.aspect.is_finite()));
@@ -84,14 +84,14 @@ fn mass_is_area_times_density() {
 fn a_vertex_takes_the_material_of_the_voxel_inside() {
     let lattice = sheet(9);
     // Triangles turn upwards: the layer z = 0 is inside.
-    let ids: Vec<u16> = (0..lattice.grid.len())
-        .map(|i| match lattice.grid.index(i) {
+    let ids: Vec<u16> = (0..lattice.grid().len())
+        .map(|i| match lattice.grid().index(i) {
             VoxelIndex([_, _, 1]) => 9,
             VoxelIndex([x, ..]) if x < 4 => 1,
             _ => 2,
         })
         .collect();
-    let labels = Labels::new(lattice.grid.clone(), ids.into(), Vec::new()).unwrap();
+    let labels = Labels::new(lattice.grid().clone(), ids.into(), Vec::new()).unwrap();
     let stiff = Material { stiffness: Some(150.0), density: Some(4e-3), ..Material::default() };
     let params = Params {
         springs: Springs { material: [(2, stiff)].into(), ..Springs::default() },

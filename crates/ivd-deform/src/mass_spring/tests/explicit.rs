@@ -57,7 +57,7 @@ fn plain(
     let (stiffness, ground, drag) = (1000.0, 5.0, 2.0);
     let rest = lattice.local_positions();
     let mut neighbours = vec![Vec::new(); rest.len()];
-    for t in &lattice.triangles {
+    for t in lattice.triangles() {
         for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
             neighbours[a as usize].push(b as usize);
             neighbours[b as usize].push(a as usize);

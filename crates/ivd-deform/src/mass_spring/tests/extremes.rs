@@ -64,8 +64,8 @@ fn mirrored_handles_give_mirrored_motion() {
         let close = if params.solver == Solver::Dynamics { 1e-12 } else { 1e-6 };
         let lattice = sheet(12);
         let mirror = |v: u32| v / 12 * 12 + 11 - v % 12;
-        let mut mirrored = lattice.clone();
-        mirrored.triangles = lattice.triangles.iter().map(|t| [t[0], t[2], t[1]].map(mirror)).collect();
+        let turned = lattice.triangles().iter().map(|t| [t[0], t[2], t[1]].map(mirror));
+        let mirrored = lattice.clone().with_triangles(turned.collect()).unwrap();
         for (one, other) in [
             (moved(3 + 12 * 5, [0.2, 0.1, 0.7], 4.0), moved(8 + 12 * 5, [-0.2, 0.1, 0.7], 4.0)),
             (pulled(3 + 12 * 5, [2.0, 1.0, 1.0], 4.0), pulled(8 + 12 * 5, [-2.0, 1.0, 1.0], 4.0)),
@@ -85,9 +85,10 @@ fn mirrored_handles_give_mirrored_motion() {
 #[test]
 fn fixed_vertices_stay_islands_stay_and_isolated_vertices_go_alone() {
     for params in solvers() {
-        let mut lattice = sheet(11);
-        lattice.triangles.retain(|t| t.iter().all(|v| v % 11 < 5) || t.iter().all(|v| v % 11 > 5));
-        lattice.triangles.push([3, 3, 4]);
+        let whole = sheet(11);
+        let apart = |t: &[u32; 3]| t.iter().all(|v| v % 11 < 5) || t.iter().all(|v| v % 11 > 5);
+        let triangles = whole.triangles().iter().copied().filter(apart).chain([[3, 3, 4]]);
+        let lattice = whole.clone().with_triangles(triangles.collect()).unwrap();
         let all = Fix { at: HandleAt::Vertex(60), radius: 100.0 };
         for handle in [moved(58, [0.5; 3], 20.0), pulled(58, [1.0; 3], 20.0)] {
             let solved = run(&lattice, &[handle], &[all], &params).unwrap();
@@ -210,12 +211,13 @@ fn extremes_end_in_finite_motion_or_say_why_not() {
 #[test]
 fn mixed_stiffness_and_edges_of_no_length_end_well() {
     for params in solvers() {
-        let mut lattice = sheet(9);
+        let whole = sheet(9);
+        let (keys, mut places, triangles) = whole.clone().into_parts();
         // Two vertices in one place: the places lie on one voxel, 1 mm further by key and by place.
-        lattice.places[41] = [0.0, 0.0, 0.5];
-        lattice.places[40] = [1.0, 0.0, 0.5];
+        places.make_mut()[40][0] = 1.0;
+        let lattice = Lattice::new(whole.grid().clone(), keys, places, triangles).unwrap();
         let labels = ivd_core::Labels::new(
-            lattice.grid.clone(),
+            lattice.grid().clone(),
             (0..162).map(|i| u16::from(i % 9 > 4) + 1).collect::<Vec<u16>>().into(),
             Vec::new(),
         )

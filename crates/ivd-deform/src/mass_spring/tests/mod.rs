@@ -15,16 +15,14 @@ mod sums;
 fn flat(width: usize, height: usize, triangles: Vec<[u32; 3]>) -> Lattice {
     let grid = Grid::with_spacing([width, height, 2], [1.0; 3]).unwrap();
     let key = |i: usize| ElementKey::new([width, height, 2], [i % width + 1, i / width + 1, 1], 2);
-    Lattice {
-        keys: (0..width * height).map(key).collect(),
-        places: vec![[0.0, 0.0, 0.5]; width * height],
-        grid,
-        source: LatticeSource::Mask,
-        triangles,
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    }
+    Lattice::new(
+        grid.clone(),
+        (0..width * height).map(key).collect(),
+        vec![[0.0, 0.0, 0.5]; width * height].into(),
+        triangles.into(),
+    )
+    .unwrap()
+    .with_source(LatticeSource::Mask)
 }
 
 /// `count` vertices in a row along x, a spring between every two neighbours.

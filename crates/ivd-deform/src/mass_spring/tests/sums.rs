@@ -22,7 +22,7 @@ fn laws() -> Vec<Law> {
 fn scattered(side: usize) -> (Positions, Vec<Spring>, usize, Positions) {
     let lattice = sheet(side);
     let rest = lattice.local_positions();
-    let list = links(&lattice.triangles, &rest, |_| true).into_iter().enumerate().map(|(i, link)| Spring {
+    let list = links(lattice.triangles(), &rest, |_| true).into_iter().enumerate().map(|(i, link)| Spring {
         ends: link.ends,
         length: (rest[link.ends[1] as usize] - rest[link.ends[0] as usize]).norm(),
         stiffness: 1.0 + (i % 7) as f64,

@@ -385,16 +385,13 @@ fn assemble(labels: &Labels, mut pieces: Vec<Piece>) -> Result<Lattice, Error> {
             layer.iter().map(place).collect()
         })
         .collect();
-    Ok(Lattice {
-        grid: grid.clone(),
-        source: LatticeSource::Mask,
-        keys: bytemuck::cast_vec(layers.concat()),
-        places: places.concat(),
-        triangles: triangles.concat(),
-        level: 0,
-        max_error_mm: 0.0,
-        coarser: Vec::new(),
-    })
+    Ok(Lattice::new(
+        grid.clone(),
+        bytemuck::cast_vec(layers.concat()).into(),
+        places.concat().into(),
+        triangles.concat().into(),
+    )?
+    .with_source(LatticeSource::Mask))
 }
 
 /// The middle of an edge or of a face.

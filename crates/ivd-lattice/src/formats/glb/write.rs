@@ -53,7 +53,7 @@ pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Resu
     for p in &mesh.positions {
         put(file, (p - centre).into(), |c: f64| (c as f32).to_le_bytes())?;
     }
-    for triangle in &mesh.lattice.triangles {
+    for triangle in mesh.lattice.triangles() {
         put(file, *triangle, u32::to_le_bytes)?;
     }
     if !is_animated(mesh) {
@@ -79,13 +79,13 @@ pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Resu
 
 /// Whether there is something to animate, and an animation of it.
 fn is_animated(mesh: &Placed) -> bool {
-    !mesh.frames.is_empty() && !mesh.lattice.triangles.is_empty()
+    !mesh.frames.is_empty() && !mesh.lattice.triangles().is_empty()
 }
 
 /// Bytes of positions, indices, morph targets, times and weights.
 fn binary_bytes(mesh: &Placed) -> u64 {
     let [vertices, triangles, frames] =
-        [mesh.positions.len(), mesh.lattice.triangles.len(), mesh.frames.len()].map(|n| n as u64);
+        [mesh.positions.len(), mesh.lattice.triangles().len(), mesh.frames.len()].map(|n| n as u64);
     let still = 12 * (vertices + triangles);
     if is_animated(mesh) { still + 12 * vertices * frames + 4 * (frames + 1) * (1 + frames) } else { still }
 }
@@ -101,11 +101,11 @@ fn describe(mesh: &Placed, centre: Vector3<f64>) -> Value {
     let asset = json!({"version": "2.0", "generator": GENERATOR});
     let root = json!({"name": ROOT, "matrix": TO_GLTF, "children": [1]});
     // An empty mesh isn't valid glTF: the nodes alone are.
-    if mesh.lattice.triangles.is_empty() {
+    if mesh.lattice.triangles().is_empty() {
         let inner = json!({"name": "lattice", "translation": centre.as_slice()});
         return json!({"asset": asset, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [root, inner]});
     }
-    let (vertices, indices) = (mesh.positions.len(), 3 * mesh.lattice.triangles.len());
+    let (vertices, indices) = (mesh.positions.len(), 3 * mesh.lattice.triangles().len());
     let (lo, hi) = range(mesh.positions.iter().map(|p| p - centre));
     let inner = json!({"name": "lattice", "mesh": 0, "translation": centre.as_slice()});
     let mut description = json!({
@@ -134,7 +134,7 @@ fn describe(mesh: &Placed, centre: Vector3<f64>) -> Value {
 /// Adds a morph target for every frame, and an animation of their weights.
 fn animate(description: &mut Value, mesh: &Placed) {
     let (vertices, frames) = (mesh.positions.len(), mesh.frames.len());
-    let mut offset = 12 * (vertices + mesh.lattice.triangles.len());
+    let mut offset = 12 * (vertices + mesh.lattice.triangles().len());
     let mut add = |mut accessor: Value, bytes: usize| {
         let mut view = json!({"buffer": 0, "byteOffset": offset, "byteLength": bytes});
         if accessor["type"] == "VEC3" {

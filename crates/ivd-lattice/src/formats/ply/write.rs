@@ -10,7 +10,7 @@ pub(in crate::formats) fn check(mesh: &Placed) -> Result<f64, Error> {
 
 /// Binary little endian: f64 positions, the address of each vertex, triangles as lists of three.
 pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
-    let dims = mesh.lattice.grid.dims();
+    let dims = mesh.lattice.grid().dims();
     write!(
         file,
         "ply\nformat binary_little_endian 1.0\n\
@@ -25,14 +25,14 @@ pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Resu
         dims[1],
         dims[2],
         mesh.positions.len(),
-        mesh.lattice.triangles.len()
+        mesh.lattice.triangles().len()
     )?;
-    for (position, key) in mesh.positions.iter().zip(&mesh.lattice.keys) {
+    for (position, key) in mesh.positions.iter().zip(mesh.lattice.keys()) {
         put(file, (*position).into(), f64::to_le_bytes)?;
         put(file, key.voxel(dims), |v| (v as i32).to_le_bytes())?;
         file.write_all(&[key.element()])?;
     }
-    for triangle in &mesh.lattice.triangles {
+    for triangle in mesh.lattice.triangles() {
         file.write_all(&[3])?;
         put(file, *triangle, u32::to_le_bytes)?;
     }

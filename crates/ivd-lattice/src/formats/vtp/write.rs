@@ -16,7 +16,7 @@ pub(in crate::formats) fn check(mesh: &Placed) -> Result<f64, Error> {
 /// VTK's world has no anatomy. Positions are LPS, as in the volumes that are written for VTK, so that both lie on each
 /// other; the field `SPACE` says so to programs that look for it.
 pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
-    let (vertices, triangles) = (mesh.positions.len() as u64, mesh.lattice.triangles.len() as u64);
+    let (vertices, triangles) = (mesh.positions.len() as u64, mesh.lattice.triangles().len() as u64);
     let sizes = [24 * vertices, 12 * vertices, vertices, 24 * triangles, 8 * triangles];
     head(file, mesh, sizes)?;
     put(file, [sizes[0]], u64::to_le_bytes)?;
@@ -24,17 +24,17 @@ pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Resu
         // 0 − x rather than −x: no negative zeros.
         put(file, [0.0 - p.x, 0.0 - p.y, p.z], f64::to_le_bytes)?;
     }
-    let dims = mesh.lattice.grid.dims();
+    let dims = mesh.lattice.grid().dims();
     put(file, [sizes[1]], u64::to_le_bytes)?;
-    for key in &mesh.lattice.keys {
+    for key in mesh.lattice.keys() {
         put(file, key.voxel(dims), |v| (v as i32).to_le_bytes())?;
     }
     put(file, [sizes[2]], u64::to_le_bytes)?;
-    for key in &mesh.lattice.keys {
+    for key in mesh.lattice.keys() {
         file.write_all(&[key.element()])?;
     }
     put(file, [sizes[3]], u64::to_le_bytes)?;
-    for triangle in &mesh.lattice.triangles {
+    for triangle in mesh.lattice.triangles() {
         put(file, triangle.map(i64::from), i64::to_le_bytes)?;
     }
     put(file, [sizes[4]], u64::to_le_bytes)?;
@@ -77,6 +77,6 @@ fn head(file: &mut dyn Write, mesh: &Placed, sizes: [u64; 5]) -> io::Result<()> 
          </PolyData>\n  \
          <AppendedData encoding=\"raw\">\n   _",
         mesh.positions.len(),
-        mesh.lattice.triangles.len()
+        mesh.lattice.triangles().len()
     )
 }
