@@ -68,7 +68,6 @@ fn run(section: &Section, made: &Made) -> Option<Artefact> {
 /// What a value that was read promises: only what its own check holds.
 pub fn sound_enough(artefact: &Artefact) {
     match artefact {
-        Artefact::Octree(octree) => octree.check().expect("an octree"),
         Artefact::Motion(motion) => motion.check().expect("a motion"),
         Artefact::Tree(tree) => tree.check().expect("a tree"),
         _ => {}

@@ -65,7 +65,7 @@ pub use labels::{Class, Labels, NO_DATA};
 pub use lattice::{Coarser, ElementKey, Lattice, LatticeSource, T_MIN};
 pub use mask::Mask;
 pub use motion::{Ball, Frame, Inner, Motion};
-pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode};
+pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode, OctreeParts};
 pub use shown::shown;
 pub use transfer::{TransferEntry, TransferFunction};
 pub use tree::{Linkage, Means, Tree};

@@ -78,9 +78,9 @@ impl Op for Params {
     fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Octree, Figures), Failure> {
         let octree = crate::build(inputs.lattice, self, exec)?;
         let figures = Figures {
-            nodes: octree.nodes.len(),
+            nodes: octree.nodes().len(),
             leaves: octree.leaves(),
-            depth: octree.depth,
+            depth: octree.depth(),
             bytes: octree.bytes(),
         };
         Ok((octree, figures))

@@ -16,9 +16,7 @@ fn samples() -> Vec<Lattice> {
 }
 
 fn tree(lattice: &Lattice, leaf_size: u32) -> Octree {
-    let octree = build(lattice, &Params { leaf_size }, &Exec::default()).unwrap();
-    octree.check().unwrap();
-    octree
+    build(lattice, &Params { leaf_size }, &Exec::default()).unwrap()
 }
 
 #[test]
@@ -29,8 +27,8 @@ fn leaves_cover_the_root_once_in_morton_order() {
             let mut covered = 0_u64;
             // Each level's nodes in Morton order: walk the queue and check each node's place against its number.
             let mut level = vec![(0_u32, [0_u32; 3])];
-            for depth in 0..=octree.depth {
-                let size = 1_u64 << (octree.depth - depth);
+            for depth in 0..=octree.depth() {
+                let size = 1_u64 << (octree.depth() - depth);
                 let mut next = Vec::new();
                 for (i, pair) in level.windows(2).enumerate() {
                     assert!(pair[0].0 + 1 == pair[1].0, "node {i} of level {depth}");
@@ -52,7 +50,7 @@ fn leaves_cover_the_root_once_in_morton_order() {
                 level = next;
             }
             assert!(level.is_empty());
-            assert_eq!(covered, 1 << (3 * octree.depth));
+            assert_eq!(covered, 1 << (3 * octree.depth()));
         }
     }
 }
@@ -126,15 +124,18 @@ fn an_empty_lattice_is_one_leaf_outside() {
     .unwrap()
     .with_source(LatticeSource::Mask);
     let octree = tree(&lattice, 4);
-    assert_eq!((octree.nodes.len(), octree.node(0), octree.depth), (1, OctreeNode::Outside, 3));
+    assert_eq!((octree.nodes().len(), octree.node(0), octree.depth()), (1, OctreeNode::Outside, 3));
 }
 
 #[test]
 fn a_leaf_larger_than_the_volume_is_the_root() {
     let lattice = &samples()[0];
     let octree = tree(lattice, 64);
-    assert_eq!((octree.nodes.len(), octree.node(0), octree.depth), (1, OctreeNode::Surface { slot: 0 }, 6));
-    assert_eq!(octree.leaf_triangles.len(), lattice.triangles().len());
+    assert_eq!(
+        (octree.nodes().len(), octree.node(0), octree.depth()),
+        (1, OctreeNode::Surface { slot: 0 }, 6)
+    );
+    assert_eq!(octree.leaf_triangles().len(), lattice.triangles().len());
 }
 
 #[test]

@@ -192,8 +192,8 @@ pub fn describe(artefact: &Artefact) -> Value {
             })).collect::<Vec<_>>(),
         }),
         Artefact::Octree(o) => json!({
-            "kind": "octree", "grid": grid(&o.grid), "depth": o.depth, "nodes": o.nodes.len(), "leaves": o.leaves(),
-            "triangles": o.triangle_count, "vertices": o.vertex_count,
+            "kind": "octree", "grid": grid(o.grid()), "depth": o.depth(), "nodes": o.nodes().len(), "leaves": o.leaves(),
+            "triangles": o.triangle_count(), "vertices": o.vertex_count(),
         }),
         Artefact::Motion(m) => json!({
             "kind": "motion", "vertices": m.vertex_count, "reach": m.reach,

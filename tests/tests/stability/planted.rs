@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use ivd_core::{Displacement, Exec, FieldBricks, Grid, Labels, Lattice, Mask, Volume, Voxels};
+use ivd_core::{Displacement, Exec, FieldBricks, Grid, Labels, Lattice, Mask, Octree, Volume, Voxels};
 use ivd_deform::inverse::Inverse;
 use ivd_deform::mass_spring;
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt, RingParams, Solved};
@@ -112,16 +112,13 @@ impl Backend for Spoiled {
         Ok(refined)
     }
 
-    fn octree(
-        &self,
-        lattice: &Lattice,
-        params: &ivd_octree::Params,
-        exec: &Exec,
-    ) -> Answer<ivd_core::Octree> {
+    fn octree(&self, lattice: &Lattice, params: &ivd_octree::Params, exec: &Exec) -> Answer<Octree> {
         let mut tree = Cpu.octree(lattice, params, exec)?;
         if self.is(Spoil::TreeOfAnother) {
-            let leaf = tree.nodes.iter().position(|n| n & 3 == 2).unwrap();
-            tree.nodes[leaf] = 1;
+            let mut parts = tree.into_parts();
+            let leaf = parts.nodes.iter().position(|n| n & 3 == 2).unwrap();
+            parts.nodes.make_mut()[leaf] = 1;
+            tree = Octree::new(parts).map_err(ivd_octree::Error::from)?;
         }
         Ok(tree)
     }

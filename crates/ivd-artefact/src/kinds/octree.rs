@@ -1,6 +1,6 @@
 //! `octree`: `nodes`, `leaf_start` and `leaf_triangles`, all `u32`.
 
-use ivd_core::{Buffer, Octree};
+use ivd_core::{Octree, OctreeParts};
 use serde::{Deserialize, Serialize};
 
 use super::real::GridContent;
@@ -17,17 +17,16 @@ struct Content {
 }
 
 pub(super) fn encode(octree: &Octree) -> Result<Encoded<'_>, String> {
-    octree.check().map_err(|e| e.to_string())?;
     let content = Content {
-        grid: (&octree.grid).into(),
-        depth: octree.depth,
-        triangle_count: octree.triangle_count,
-        vertex_count: octree.vertex_count,
+        grid: octree.grid().into(),
+        depth: octree.depth(),
+        triangle_count: octree.triangle_count(),
+        vertex_count: octree.vertex_count(),
     };
     let sections = vec![
-        list("nodes", &octree.nodes),
-        list("leaf_start", &octree.leaf_start),
-        list("leaf_triangles", &octree.leaf_triangles),
+        list("nodes", octree.nodes()),
+        list("leaf_start", octree.leaf_start()),
+        list("leaf_triangles", octree.leaf_triangles()),
     ];
     Encoded::new(&content, sections)
 }
@@ -38,8 +37,8 @@ fn list<'a>(name: &'static str, values: &'a [u32]) -> SectionBytes<'a> {
 
 pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Octree, Problem> {
     let content: Content = decoder.content()?;
-    let mut list = |name| decoder.take_rows::<u32>(name, Element::U32, &[]).map(Buffer::into_vec);
-    let octree = Octree {
+    let mut list = |name| decoder.take_rows::<u32>(name, Element::U32, &[]);
+    Ok(Octree::new(OctreeParts {
         nodes: list("nodes")?,
         leaf_start: list("leaf_start")?,
         leaf_triangles: list("leaf_triangles")?,
@@ -47,7 +46,5 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Octree, Problem> {
         depth: content.depth,
         triangle_count: content.triangle_count,
         vertex_count: content.vertex_count,
-    };
-    octree.check()?;
-    Ok(octree)
+    })?)
 }

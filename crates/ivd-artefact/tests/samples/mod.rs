@@ -5,8 +5,8 @@
 use ivd_artefact::{Artefact, ContentHash, Kind, Provenance};
 use ivd_core::{
     Ball, Class, Displacement, ElementKey, FieldBricks, Frame, Grid, Image, Labels, Lattice, LatticeSource,
-    Linkage, Mask, Means, Motion, NO_BRICK, Octree, OctreeNode, TransferEntry, TransferFunction, Tree,
-    Volume, Voxels,
+    Linkage, Mask, Means, Motion, NO_BRICK, Octree, OctreeNode, OctreeParts, TransferEntry, TransferFunction,
+    Tree, Volume, Voxels,
 };
 
 /// A provenance with nested parameters and two inputs.
@@ -117,15 +117,16 @@ fn octree() -> Octree {
     nodes.extend((0..6).map(|_| Octree::pack(OctreeNode::Outside)));
     nodes.push(Octree::pack(OctreeNode::Inside));
     nodes.push(Octree::pack(OctreeNode::Surface { slot: 0 }));
-    Octree {
+    Octree::new(OctreeParts {
         grid: Grid::with_spacing([3, 3, 3], [1.0, 2.0, 3.0]).unwrap(),
         depth: 3,
-        nodes,
-        leaf_start: vec![0, 3],
-        leaf_triangles: vec![0, 2, 7],
+        nodes: nodes.into(),
+        leaf_start: vec![0, 3].into(),
+        leaf_triangles: vec![0, 2, 7].into(),
         triangle_count: 8,
         vertex_count: 6,
-    }
+    })
+    .unwrap()
 }
 
 fn motion() -> Motion {

@@ -5,7 +5,7 @@ mod morton;
 mod overlap;
 
 use ivd_core::op::Op as _;
-use ivd_core::{Exec, Lattice, OCTREE_MAX_DEPTH, Octree, OctreeNode};
+use ivd_core::{Exec, Lattice, OCTREE_MAX_DEPTH, Octree, OctreeNode, OctreeParts};
 use rayon::prelude::*;
 
 use crate::inside::Crossings;
@@ -45,15 +45,15 @@ pub fn build(lattice: &Lattice, params: &Params, exec: &Exec) -> Result<Octree, 
         let nodes = nodes(lattice, &crossings, &codes, depth, leaf_bits, exec)?;
         exec.observer().advance(TASK, 1);
         exec.observer().end(TASK);
-        Ok(Octree {
+        Ok(Octree::new(OctreeParts {
             grid: lattice.grid().clone(),
             depth,
-            nodes,
-            leaf_start,
-            leaf_triangles: pairs.par_iter().map(|pair| pair.1).collect(),
+            nodes: nodes.into(),
+            leaf_start: leaf_start.into(),
+            leaf_triangles: pairs.par_iter().map(|pair| pair.1).collect::<Vec<_>>().into(),
             triangle_count: lattice.triangles().len() as u32,
             vertex_count: lattice.keys().len() as u32,
-        })
+        })?)
     })
 }
 

@@ -20,7 +20,7 @@ pub(super) fn trees<const N: usize>(
     cell_axes: Matrix3<f64>,
     part: impl Fn(u32) -> usize,
 ) -> Result<[Tree; N], Error> {
-    let listed = octree.leaf_triangles.len() as u64;
+    let listed = octree.leaf_triangles().len() as u64;
     if listed > Lane::LIMIT {
         return Err(Error::TooLarge { what: "listed triangles", needed: listed, limit: Lane::LIMIT });
     }
@@ -35,7 +35,7 @@ pub(super) fn trees<const N: usize>(
         part,
         blocks: std::array::from_fn(|_| Vec::new()),
     };
-    let roots = builder.node(0, [0; 3], octree.depth);
+    let roots = builder.node(0, [0; 3], octree.depth());
     let mut blocks = builder.blocks.into_iter();
     Ok(roots.map(|(_, root)| Tree { blocks: blocks.next().expect("as many as roots"), root }))
 }

@@ -66,17 +66,16 @@ pub fn prepare_parts<const N: usize>(
     octree: &Octree,
     part: impl Fn(u32) -> usize,
 ) -> Result<[NearestIndex; N], Error> {
-    octree.check()?;
     let counts = [
-        ("triangles", octree.triangle_count as usize, lattice.triangles().len()),
-        ("vertices", octree.vertex_count as usize, lattice.keys().len()),
+        ("triangles", octree.triangle_count() as usize, lattice.triangles().len()),
+        ("vertices", octree.vertex_count() as usize, lattice.keys().len()),
     ];
     if let Some((what, tree, mesh)) = counts.into_iter().find(|c| c.1 != c.2) {
         return Err(Error::Mismatch {
             problem: format!("{tree} {what} in the octree, {mesh} in the lattice"),
         });
     }
-    if !octree.grid.matches(lattice.grid()) {
+    if !octree.grid().matches(lattice.grid()) {
         return Err(Error::Mismatch { problem: "their grids differ".to_owned() });
     }
     // linear = q · r with q a rotation and r upper triangular (diagonal for a grid without shear): in the frame turned

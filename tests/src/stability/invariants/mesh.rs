@@ -146,7 +146,6 @@ fn bounded(from: &Lattice, to: &Lattice, bound: f64, exec: &Exec) -> Verdict {
 /// # Errors
 /// The first thing that doesn't hold.
 pub fn octree(lattice: &Lattice, inside: &Mask, octree: &Octree) -> Verdict {
-    octree.check().map_err(|e| e.to_string())?;
     let grid = lattice.grid();
     for i in 0..grid.len() {
         let at = grid.index(i).0;
@@ -159,7 +158,7 @@ pub fn octree(lattice: &Lattice, inside: &Mask, octree: &Octree) -> Verdict {
         }
     }
     let mut listed = vec![false; lattice.triangles().len()];
-    octree.leaf_triangles.iter().for_each(|&t| listed[t as usize] = true);
+    octree.leaf_triangles().iter().for_each(|&t| listed[t as usize] = true);
     if let Some(t) = listed.iter().position(|l| !l) {
         return Err(format!("triangle {t} is in no leaf"));
     }
