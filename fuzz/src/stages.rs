@@ -68,7 +68,6 @@ fn run(section: &Section, made: &Made) -> Option<Artefact> {
 /// What a value that was read promises: only what its own check holds.
 pub fn sound_enough(artefact: &Artefact) {
     match artefact {
-        Artefact::Motion(motion) => motion.check().expect("a motion"),
         Artefact::Tree(tree) => tree.check().expect("a tree"),
         _ => {}
     }
@@ -190,7 +189,6 @@ pub fn octahedron() -> Lattice {
 
 /// Carries a motion to voxels and volume.
 pub fn carry(lattice: &Lattice, octree: &ivd_core::Octree, motion: &Motion) {
-    motion.check().expect("a motion");
     let params = ivd_deform::map::OctreeParams::default();
     let Ok(mapped) = ivd_deform::map::octree(lattice, octree, motion, 0, &params, exec()) else { return };
     finite(&mapped.displacement);

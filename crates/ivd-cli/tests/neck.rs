@@ -135,7 +135,7 @@ fn vertebrae_stay_rigid_and_the_rest_of_the_neck_follows() {
     // Every vertex of a bone goes where the chain of turns takes it, and no distance between two of them changes.
     let left = left(&at.join("cache"));
     let holders = holders(&left);
-    let last = &left.motion.frames.last().unwrap().displacement;
+    let last = &left.motion.frames().last().unwrap().displacement;
     let rest = |v: usize| -> Point { left.lattice.world(v).0.into() };
     for (k, bone) in bones.iter().enumerate() {
         let own: Vec<usize> = (0..holders.len()).filter(|&v| holders[v] == Some(k)).collect();

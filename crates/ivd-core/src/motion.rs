@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Grid, World};
+use crate::{Buffer, Error, Grid, World};
 
 /// A ball in rest space.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -25,85 +25,175 @@ pub struct Frame {
     /// Time since rest (s).
     pub time: f64,
     /// Displacement of each vertex (mm), RAS, shape `[vertex_count, 3]`; exactly 0 where nothing moved.
-    pub displacement: Vec<[f64; 3]>,
+    pub displacement: Buffer<[f64; 3]>,
 }
 
 /// Points inside rigid parts of a lattice, which go with them and tell a map what the surface alone doesn't.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Inner {
     /// Places at rest (voxel coordinates), shape `[n, 3]`.
-    pub places: Vec<[f64; 3]>,
+    pub places: Buffer<[f64; 3]>,
     /// Displacement of each (mm), RAS, a list for every frame of the motion; none where there are no places.
-    pub frames: Vec<Vec<[f64; 3]>>,
+    pub frames: Vec<Buffer<[f64; 3]>>,
+}
+
+impl Default for Inner {
+    fn default() -> Self {
+        Self { places: Vec::new().into(), frames: Vec::new() }
+    }
 }
 
 /// How a lattice moves: one or many frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
-    /// The grid of the lattice that moves.
-    pub grid: Grid,
-    /// Vertices of the lattice that moves: a check that the two belong together.
-    pub vertex_count: usize,
-    /// Frames in the order of time.
-    pub frames: Vec<Frame>,
-    /// Balls round the handles beyond which no vertex moves (rest space).
-    pub reach: Vec<Ball>,
-    /// Points inside rigid parts; none for most.
-    pub inner: Inner,
+    grid: Grid,
+    vertex_count: usize,
+    frames: Vec<Frame>,
+    reach: Vec<Ball>,
+    inner: Inner,
+}
+
+/// A motion that doesn't fit.
+fn bad(problem: String) -> Error {
+    Error::Inconsistent { what: "motion", problem }
+}
+
+/// The first vector that isn't finite.
+fn not_finite(vectors: &[[f64; 3]]) -> Option<usize> {
+    vectors.iter().position(|d| !d.iter().all(|c| c.is_finite()))
 }
 
 impl Motion {
-    /// Checks lengths, that every displacement is finite, and that the balls are balls.
+    /// A motion of a lattice on the grid with so many vertices, without bounds on its reach and without inner points.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] names the first frame and vertex that don't fit, or the ball.
-    pub fn check(&self) -> Result<(), Error> {
-        for (f, frame) in self.frames.iter().enumerate() {
-            if frame.displacement.len() != self.vertex_count {
-                return Err(Error::Inconsistent {
-                    what: "motion",
-                    problem: format!(
-                        "frame {f} moves {} vertices of {}",
-                        frame.displacement.len(),
-                        self.vertex_count
-                    ),
-                });
+    /// [`Error::Inconsistent`] names the first frame that moves another number of vertices, or its first vertex that goes beyond all
+    /// numbers.
+    pub fn new(grid: Grid, vertex_count: usize, frames: Vec<Frame>) -> Result<Self, Error> {
+        for (f, Frame { displacement, .. }) in frames.iter().enumerate() {
+            if displacement.len() != vertex_count {
+                return Err(bad(format!(
+                    "frame {f} moves {} vertices of {vertex_count}",
+                    displacement.len()
+                )));
             }
-            if let Some(v) = frame.displacement.iter().position(|d| !d.iter().all(|c| c.is_finite())) {
-                return Err(Error::Inconsistent {
-                    what: "motion",
-                    problem: format!("frame {f}, vertex {v}: displacement is not finite"),
-                });
+            if let Some(v) = not_finite(displacement) {
+                return Err(bad(format!("frame {f}, vertex {v}: displacement is not finite")));
             }
         }
+        Ok(Self { grid, vertex_count, frames, reach: Vec::new(), inner: Inner::default() })
+    }
+
+    /// With a bound: see [`Motion::reach`].
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] names the first ball that is none.
+    pub fn with_reach(self, reach: Vec<Ball>) -> Result<Self, Error> {
         let round =
             |b: &Ball| b.centre.iter().all(|c| c.is_finite()) && b.radius >= 0.0 && b.radius.is_finite();
-        if let Some(ball) = self.reach.iter().position(|b| !round(b)) {
-            return Err(Error::Inconsistent {
-                what: "motion",
-                problem: format!(
-                    "ball {ball} of its reach has no finite centre, or no radius of 0 mm or more"
-                ),
-            });
+        if let Some(ball) = reach.iter().position(|b| !round(b)) {
+            let problem = "of its reach has no finite centre, or no radius of 0 mm or more";
+            return Err(bad(format!("ball {ball} {problem}")));
         }
-        let Inner { places, frames } = &self.inner;
+        Ok(Self { reach, ..self })
+    }
+
+    /// With inner points: see [`Motion::inner`].
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where they aren't somewhere and go somewhere in every frame.
+    pub fn with_inner(self, inner: Inner) -> Result<Self, Error> {
+        let Inner { places, frames } = &inner;
         let expected = if places.is_empty() { 0 } else { self.frames.len() };
         let fits = frames.len() == expected && frames.iter().all(|frame| frame.len() == places.len());
-        let finite = |vectors: &[[f64; 3]]| vectors.iter().flatten().all(|c| c.is_finite());
-        if fits && finite(places) && frames.iter().all(|frame| finite(frame)) {
-            return Ok(());
+        if fits && frames.iter().chain([places]).all(|vectors| not_finite(vectors).is_none()) {
+            return Ok(Self { inner, ..self });
         }
-        Err(Error::Inconsistent {
-            what: "motion",
-            problem: format!(
-                "its {} inner points don't have a finite place and displacement in every frame",
-                places.len()
-            ),
-        })
+        let points = places.len();
+        Err(bad(format!(
+            "its {points} inner points don't have a finite place and displacement in every frame"
+        )))
+    }
+
+    /// The grid of the lattice that moves.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Vertices of the lattice that moves: a check that the two belong together.
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    /// Frames in the order of time.
+    pub fn frames(&self) -> &[Frame] {
+        &self.frames
+    }
+
+    /// Balls round the handles beyond which no vertex moves (rest space).
+    pub fn reach(&self) -> &[Ball] {
+        &self.reach
+    }
+
+    /// Points inside rigid parts; none for most.
+    pub fn inner(&self) -> &Inner {
+        &self.inner
     }
 
     /// Largest displacement of any frame (mm).
     pub fn max_displacement(&self) -> f64 {
-        self.frames.iter().flat_map(|f| &f.displacement).map(|&d| Vector3::from(d).norm()).fold(0.0, f64::max)
+        self.frames
+            .iter()
+            .flat_map(|f| &f.displacement[..])
+            .map(|&d| Vector3::from(d).norm())
+            .fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_balls_and_inner_points_that_do_not_fit_are_refused_by_number() {
+        let grid = Grid::with_spacing([3; 3], [1.0; 3]).unwrap();
+        let frame =
+            |displacement: &[[f64; 3]]| Frame { time: 0.0, displacement: displacement.to_vec().into() };
+        let made = |frames| Motion::new(grid.clone(), 2, frames);
+        let refused = |made: Result<Motion, Error>, part: &str| {
+            let error = made.unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+        };
+        let sound = frame(&[[0.0; 3], [1.0, 0.0, -2.0]]);
+        refused(made(vec![sound.clone(), frame(&[[0.0; 3]])]), "frame 1 moves 1 vertices of 2");
+        for bad in [f64::NAN, f64::INFINITY] {
+            refused(made(vec![frame(&[[0.0; 3], [0.0, bad, 0.0]])]), "frame 0, vertex 1");
+        }
+        let motion = made(vec![sound]).unwrap();
+        let ball = |x: f64, radius: f64| Ball { centre: [x, 0.0, 0.0], radius };
+        for bad in [ball(f64::NAN, 1.0), ball(0.0, -1.0), ball(0.0, f64::INFINITY), ball(0.0, f64::NAN)] {
+            refused(motion.clone().with_reach(vec![ball(0.0, 0.0), bad]), "ball 1");
+        }
+        let inner = |places: &[[f64; 3]], frames: &[&[[f64; 3]]]| Inner {
+            places: places.to_vec().into(),
+            frames: frames.iter().map(|frame| frame.to_vec().into()).collect(),
+        };
+        let (at, lost) = ([0.5, 1.0, 2.0], [f64::NAN, 0.0, 0.0]);
+        for bad in [
+            inner(&[at], &[]),
+            inner(&[at], &[&[]]),
+            inner(&[at], &[&[at], &[at]]),
+            inner(&[], &[&[]]),
+            inner(&[lost], &[&[at]]),
+            inner(&[at], &[&[lost]]),
+        ] {
+            refused(motion.clone().with_inner(bad), "inner points");
+        }
+        let whole =
+            motion.with_reach(vec![ball(1.0, 0.0)]).unwrap().with_inner(inner(&[at], &[&[at]])).unwrap();
+        assert_eq!(
+            (whole.max_displacement(), whole.reach().len(), whole.inner().places.len()),
+            (5.0_f64.sqrt(), 1, 1)
+        );
     }
 }

@@ -196,8 +196,8 @@ pub fn describe(artefact: &Artefact) -> Value {
             "triangles": o.triangle_count(), "vertices": o.vertex_count(),
         }),
         Artefact::Motion(m) => json!({
-            "kind": "motion", "vertices": m.vertex_count, "reach": m.reach,
-            "frames": m.frames.iter().map(|f| json!({ "time": f.time, "displacement_mm": f.displacement })).collect::<Vec<_>>(),
+            "kind": "motion", "vertices": m.vertex_count(), "reach": m.reach(),
+            "frames": m.frames().iter().map(|f| json!({ "time": f.time, "displacement_mm": f.displacement[..] })).collect::<Vec<_>>(),
         }),
         Artefact::Displacement(d) => json!({
             "kind": "displacement", "grid": grid(d.grid()), "time": d.time(), "forward_bricks": d.forward().stored(),

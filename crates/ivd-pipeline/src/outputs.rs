@@ -293,7 +293,7 @@ fn beside<'a, T: ivd_core::Value>(
 }
 
 fn deformed_lattice(lattice: &Lattice, motion: &Motion, to: &Path) -> Result<bool, Error> {
-    let last = motion.frames.last();
+    let last = motion.frames().last();
     let written = match last {
         Some(frame) => ivd_lattice::formats::write_deformed(to, lattice, &frame.displacement),
         None => ivd_lattice::formats::write(to, lattice),

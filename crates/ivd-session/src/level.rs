@@ -119,7 +119,7 @@ impl Level {
         exec: &Exec,
     ) -> Result<Moved, Error> {
         let Some(motion) = motion else { return Ok(still(&self.lattice)) };
-        let frame = motion.frames.len() - 1;
+        let frame = motion.frames().len() - 1;
         match choice {
             MapChoice::Octree(params) => {
                 let mut nearest = if let Some(nearest) = self.nearest.take() {

@@ -89,7 +89,7 @@ fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::Mapped>, Volume) {
         motion = Some(freeform::lattice(&lattice, motion.as_ref(), &settings.shapes, exec).unwrap().motion);
     }
     let Some(motion) = motion else { return (None, volume) };
-    let last = motion.frames.len() - 1;
+    let last = motion.frames().len() - 1;
     let mapped = match &settings.map {
         MapChoice::Octree(params) => {
             let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), exec).unwrap();

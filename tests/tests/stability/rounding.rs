@@ -144,7 +144,7 @@ fn a_vertex_that_is_pulled_alone_never_has_more_energy_than_the_pull_can_give() 
                     );
                     seen += 1;
                 }
-                let [x, y, z] = solved.motion.frames[0].displacement[0];
+                let [x, y, z] = solved.motion.frames()[0].displacement[0];
                 let work = 1e3 * stiffness * force * (x + 0.5 * y - z);
                 let slack = 1e-9 * most;
                 assert!(solved.energy_last <= work + slack, "{} nJ of {work} nJ of work", solved.energy_last);

@@ -81,10 +81,10 @@ fn scene(scale: f64, shift: f64) -> Results {
 
 /// Largest difference of two motions and of two fields, the second over `scale` (mm).
 fn apart(a: &Results, b: &Results, scale: f64) -> [f64; 2] {
-    let (u, v) = (&a.solved.motion.frames[0].displacement, &b.solved.motion.frames[0].displacement);
+    let (u, v) = (&a.solved.motion.frames()[0].displacement, &b.solved.motion.frames()[0].displacement);
     let difference =
         |p: &[f64; 3], q: &[f64; 3]| (0..3).map(|c| (p[c] - q[c] / scale).abs()).fold(0.0, f64::max);
-    let motion = u.iter().zip(v).map(|(p, q)| difference(p, q)).fold(0.0, f64::max);
+    let motion = u.iter().zip(&v[..]).map(|(p, q)| difference(p, q)).fold(0.0, f64::max);
     let (f, g) = (a.mapped.displacement.forward(), b.mapped.displacement.forward());
     let grid = a.lattice.grid();
     let at = |i: usize| (f.at(grid.index(i)).map(f64::from), g.at(grid.index(i)).map(f64::from));

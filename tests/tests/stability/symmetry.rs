@@ -184,9 +184,9 @@ fn motions_and_maps_turn_with_the_lattice() {
         // Places that were taken from 1 differ by 2⁻²⁵ of a voxel; the taper turns that into as much of the motion for each
         // radius, and the springs' stretch (some hundredths) carries it to their neighbours.
         let slack = most * 2.0_f64.powi(-25) * 64.0;
-        for (v, d) in solved.motion.frames[0].displacement.iter().enumerate() {
+        for (v, d) in solved.motion.frames()[0].displacement.iter().enumerate() {
             let expected = turn.direction(Vector3::from(*d));
-            let got = Vector3::from(again.motion.frames[0].displacement[number[v] as usize]);
+            let got = Vector3::from(again.motion.frames()[0].displacement[number[v] as usize]);
             assert!((got - expected).norm() <= slack, "{turn:?}, vertex {v}: {got} for {expected}");
         }
         let mapped = mapped(&other, &again, Outside::Band);

@@ -1,7 +1,7 @@
 //! `motion`: a section `displacement/00000`, … of shape `[vertices, 3]` a frame; times and reach as JSON. Where there are inner points:
 //! a section `inner` of their places, and one `inner/00000`, … a frame, of shape `[inner, 3]`.
 
-use ivd_core::{Ball, Buffer, Frame, Inner, Motion};
+use ivd_core::{Ball, Frame, Inner, Motion};
 use serde::{Deserialize, Serialize};
 
 use super::real::GridContent;
@@ -41,27 +41,26 @@ fn inner_name(frame: usize) -> String {
 }
 
 pub(super) fn encode(motion: &Motion) -> Result<Encoded<'_>, String> {
-    motion.check().map_err(|e| e.to_string())?;
-    if !motion.frames.iter().all(|f| f.time.is_finite()) {
+    if !motion.frames().iter().all(|f| f.time.is_finite()) {
         return Err("a frame's time is not finite".to_owned());
     }
     let ball = |b: &Ball| BallContent { centre: b.centre, radius: b.radius };
     let content = Content {
-        grid: (&motion.grid).into(),
-        vertex_count: motion.vertex_count,
-        times: motion.frames.iter().map(|f| f.time).collect(),
-        reach: motion.reach.iter().map(ball).collect(),
-        inner: motion.inner.places.len(),
+        grid: motion.grid().into(),
+        vertex_count: motion.vertex_count(),
+        times: motion.frames().iter().map(|f| f.time).collect(),
+        reach: motion.reach().iter().map(ball).collect(),
+        inner: motion.inner().places.len(),
     };
-    let shape = vec![motion.vertex_count as u64, 3];
-    let frames = motion.frames.iter().enumerate();
+    let shape = vec![motion.vertex_count() as u64, 3];
+    let frames = motion.frames().iter().enumerate();
     let mut sections: Vec<SectionBytes<'_>> = frames
         .map(|(i, frame)| SectionBytes::new(frame_name(i), Element::F64, shape.clone(), &frame.displacement))
         .collect();
     if content.inner > 0 {
         let shape = vec![content.inner as u64, 3];
-        sections.push(SectionBytes::new("inner", Element::F64, shape.clone(), &motion.inner.places));
-        for (i, frame) in motion.inner.frames.iter().enumerate() {
+        sections.push(SectionBytes::new("inner", Element::F64, shape.clone(), &motion.inner().places));
+        for (i, frame) in motion.inner().frames.iter().enumerate() {
             sections.push(SectionBytes::new(inner_name(i), Element::F64, shape.clone(), frame));
         }
     }
@@ -73,26 +72,18 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Motion, Problem> {
     let shape = [content.vertex_count as u64, 3];
     let mut frames = Vec::new();
     for (i, &time) in content.times.iter().enumerate() {
-        let displacement: Buffer<[f64; 3]> = decoder.take(&frame_name(i), Element::F64, &shape)?;
-        frames.push(Frame { time, displacement: displacement.into_vec() });
+        let displacement = decoder.take(&frame_name(i), Element::F64, &shape)?;
+        frames.push(Frame { time, displacement });
     }
     let mut inner = Inner::default();
     if content.inner > 0 {
         let shape = [content.inner as u64, 3];
-        let places: Buffer<[f64; 3]> = decoder.take("inner", Element::F64, &shape)?;
-        inner.places = places.into_vec();
+        inner.places = decoder.take("inner", Element::F64, &shape)?;
         for i in 0..content.times.len() {
-            let frame: Buffer<[f64; 3]> = decoder.take(&inner_name(i), Element::F64, &shape)?;
-            inner.frames.push(frame.into_vec());
+            inner.frames.push(decoder.take(&inner_name(i), Element::F64, &shape)?);
         }
     }
-    let motion = Motion {
-        inner,
-        grid: content.grid.grid()?,
-        vertex_count: content.vertex_count,
-        frames,
-        reach: content.reach.into_iter().map(|b| Ball { centre: b.centre, radius: b.radius }).collect(),
-    };
-    motion.check()?;
-    Ok(motion)
+    let reach = content.reach.into_iter().map(|b| Ball { centre: b.centre, radius: b.radius }).collect();
+    let motion = Motion::new(content.grid.grid()?, content.vertex_count, frames)?;
+    Ok(motion.with_reach(reach)?.with_inner(inner)?)
 }

@@ -130,14 +130,11 @@ fn octree() -> Octree {
 }
 
 fn motion() -> Motion {
-    let frame = |time: f64| Frame { time, displacement: vec![[0.0, -0.0, time], [0.1, 1e-300, -7.5]] };
-    Motion {
-        inner: ivd_core::Inner::default(),
-        grid: grid([4, 3, 2]),
-        vertex_count: 2,
-        frames: vec![frame(0.0), frame(0.1)],
-        reach: vec![Ball { centre: [1.0, 2.0, 3.0], radius: 25.0 }],
-    }
+    let frame = |time: f64| Frame { time, displacement: vec![[0.0, -0.0, time], [0.1, 1e-300, -7.5]].into() };
+    Motion::new(grid([4, 3, 2]), 2, vec![frame(0.0), frame(0.1)])
+        .unwrap()
+        .with_reach(vec![Ball { centre: [1.0, 2.0, 3.0], radius: 25.0 }])
+        .unwrap()
 }
 
 fn displacement() -> Displacement {

@@ -66,7 +66,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
             let solved = prepared.update(&handles, &exec)?;
             let (wall, cpu) = (wall.elapsed().as_secs_f64(), cpu.elapsed().as_secs_f64());
             let (steps, iterations) = (solved.steps, solved.iterations);
-            let moved = &solved.motion.frames[0].displacement;
+            let moved = &solved.motion.frames()[0].displacement[..];
             println!(
                 "{{\"wall_s\": {wall:?}, \"cpu_s\": {cpu:?}, \"steps\": {steps}, \"iterations\": {iterations}, \"moved\": {moved:?}}}"
             );
@@ -75,8 +75,11 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
         let (wall, cpu) = (Instant::now(), ProcessTime::now());
         let solved = prepared.update(&handles, &exec)?;
         let (wall, cpu) = (wall.elapsed().as_secs_f64(), cpu.elapsed().as_secs_f64());
-        let moved =
-            if first { format!("{:?}", solved.motion.frames[0].displacement) } else { "[]".to_owned() };
+        let moved = if first {
+            format!("{:?}", &solved.motion.frames()[0].displacement[..])
+        } else {
+            "[]".to_owned()
+        };
         println!(
             "{{\"wall_s\": {wall:?}, \"cpu_s\": {cpu:?}, \"steps\": {}, \"moved\": {moved}}}",
             solved.steps

@@ -81,8 +81,8 @@ fn displacements(
     exec: &Exec,
 ) -> Result<(Vec<[f64; 3]>, usize), Problem> {
     let solved = ring(lattice, handles, &[], params, exec)?;
-    let frame = solved.motion.frames.last().ok_or("a motion without frames")?;
-    Ok((frame.displacement.clone(), solved.vertices_moved))
+    let frame = solved.motion.frames().last().ok_or("a motion without frames")?;
+    Ok((frame.displacement.to_vec(), solved.vertices_moved))
 }
 
 /// Edges of the lattice with an end that moves: what a time step works on.

@@ -244,7 +244,7 @@ pub(super) fn deformed(
 }
 
 fn mapped(lattice: &Lattice, motion: &Motion, choice: &MapChoice, exec: &Exec) -> Result<Mapped, Problem> {
-    let last = motion.frames.len() - 1;
+    let last = motion.frames().len() - 1;
     Ok(match choice {
         MapChoice::Octree(params) => {
             let tree = ivd_octree::build(lattice, &ivd_octree::Params::default(), exec)?;

@@ -65,8 +65,8 @@ pub fn lattice(
         crate::map::check_inputs(lattice, start)?;
     }
     let rest = lattice.local_positions();
-    let still = [Frame { time: 0.0, displacement: vec![[0.0; 3]; rest.len()] }];
-    let frames = start.map_or(&still[..], |start| &start.frames);
+    let still = [Frame { time: 0.0, displacement: vec![[0.0; 3]; rest.len()].into() }];
+    let frames = start.map_or(&still[..], |start| start.frames());
     let origin = Vector3::from(lattice.grid().origin());
     exec.check_memory("the frames of the motion", 24 * (frames.len() * rest.len()) as u64)?;
     exec.run(|| {
@@ -74,27 +74,25 @@ pub fn lattice(
         for (i, frame) in frames.iter().enumerate() {
             exec.check_cancelled()?;
             let amount = (i + 1) as f64 / frames.len() as f64;
-            let displacement: Vec<[f64; 3]> = frame
+            let displacement: Vec<_> = frame
                 .displacement
                 .par_iter()
                 .zip(&rest)
                 .map(|(&before, &rest)| displaced(rest, before, origin, shapes, amount))
                 .collect();
-            if let Some(v) = displacement.iter().position(|d| !d.iter().all(|c| c.is_finite())) {
-                return Err(Error::Untrusted {
-                    what: "the shapes",
-                    problem: format!("vertex {v} of frame {i} goes beyond all numbers"),
-                    remedy: "use smaller factors and rates",
-                });
-            }
-            shaped.push(Frame { time: frame.time, displacement });
+            shaped.push(Frame { time: frame.time, displacement: displacement.into() });
         }
         let balls = shapes.iter().map(|shape| Ball { centre: shape.centre, radius: shape.radius });
-        let reach = start.map_or(&[][..], |start| &start.reach).iter().copied().chain(balls).collect();
-        let inner = start.map_or_else(Inner::default, |start| inner(lattice, &start.inner, origin, shapes));
-        let motion =
-            Motion { grid: lattice.grid().clone(), vertex_count: rest.len(), frames: shaped, reach, inner };
-        let last = motion.frames.last().map_or(&[][..], |frame| &frame.displacement);
+        let reach = start.map_or(&[][..], |start| start.reach()).iter().copied().chain(balls).collect();
+        let inner = start.map_or_else(Inner::default, |start| inner(lattice, start.inner(), origin, shapes));
+        let motion = Motion::new(lattice.grid().clone(), rest.len(), shaped)
+            .and_then(|motion| motion.with_reach(reach)?.with_inner(inner))
+            .map_err(|beyond| Error::Untrusted {
+                what: "the shapes",
+                problem: beyond.to_string(),
+                remedy: "use smaller factors and rates",
+            })?;
+        let last = motion.frames().last().map_or(&[][..], |frame| &frame.displacement);
         Ok(Shaped {
             vertices_moved: last.iter().filter(|u| **u != [0.0; 3]).count(),
             max_displacement_mm: motion.max_displacement(),
@@ -111,7 +109,7 @@ fn inner(lattice: &Lattice, start: &Inner, origin: Vector3<f64>, shapes: &[Shape
         let of = |(place, by): (&[f64; 3], &[f64; 3])| {
             displaced(linear * Vector3::from(*place), *by, origin, shapes, amount)
         };
-        start.places.iter().zip(frame).map(of).collect()
+        start.places.iter().zip(&frame[..]).map(of).collect()
     });
     Inner { places: start.places.clone(), frames: frames.collect() }
 }

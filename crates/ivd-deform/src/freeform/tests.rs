@@ -1,4 +1,4 @@
-use ivd_core::{Exec, Frame, Grid, Inner, Motion};
+use ivd_core::{Exec, Frame, Grid, Motion};
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Kind, Shape, lattice};
@@ -152,8 +152,8 @@ fn two_opposite_turns_undo_each_other_and_order_matters() {
     let back = shaped(&[turn(40.0, x), turn(-40.0, x)]);
     assert!(back.max_displacement_mm < 1e-10, "{}", back.max_displacement_mm);
     let [xy, yx] = [[x, y], [y, x]].map(|[a, b]| shaped(&[turn(40.0, a), turn(40.0, b)]));
-    assert!(xy.max_displacement_mm > 1.0 && xy.motion.frames != yx.motion.frames);
-    assert_eq!(xy.motion.reach.len(), 2);
+    assert!(xy.max_displacement_mm > 1.0 && xy.motion.frames() != yx.motion.frames());
+    assert_eq!(xy.motion.reach().len(), 2);
     assert_eq!(xy.vertices_moved, ball.keys().len());
 }
 
@@ -163,14 +163,8 @@ fn shapes_go_on_from_a_motion_and_grow_with_its_frames() {
     let at = middle(&grid);
     let (ball, _) = ball_lattice(&grid, |p| 8.0 - (p - at).norm());
     let n = ball.keys().len();
-    let frame = |time: f64| Frame { time, displacement: vec![[0.0, 0.0, time]; n] };
-    let start = Motion {
-        grid: grid.clone(),
-        vertex_count: n,
-        frames: vec![frame(1.0), frame(2.0)],
-        reach: vec![],
-        inner: Inner::default(),
-    };
+    let frame = |time: f64| Frame { time, displacement: vec![[0.0, 0.0, time]; n].into() };
+    let start = Motion::new(grid.clone(), n, vec![frame(1.0), frame(2.0)]).unwrap();
     let push = Shape {
         kind: Kind::Translate { by: [2.0, 0.0, 0.0] },
         centre: at.into(),
@@ -179,15 +173,18 @@ fn shapes_go_on_from_a_motion_and_grow_with_its_frames() {
         core: 0.5,
     };
     let shaped = lattice(&ball, Some(&start), &[push], &Exec::default()).unwrap();
-    for (frame, [x, z]) in shaped.motion.frames.iter().zip([[1.0, 1.0], [2.0, 2.0]]) {
+    for (frame, [x, z]) in shaped.motion.frames().iter().zip([[1.0, 1.0], [2.0, 2.0]]) {
         assert!(
             frame.displacement.iter().all(|u| (Vector3::from(*u) - Vector3::new(x, 0.0, z)).norm() < 1e-12)
         );
     }
     // Out of reach the start's displacement stays, bit for bit.
     let far = Shape { centre: [1e4; 3], ..push };
-    assert_eq!(lattice(&ball, Some(&start), &[far], &Exec::default()).unwrap().motion.frames, start.frames);
-    let other = Motion { vertex_count: n + 1, ..start };
+    assert_eq!(
+        lattice(&ball, Some(&start), &[far], &Exec::default()).unwrap().motion.frames(),
+        start.frames()
+    );
+    let other = Motion::new(grid, n + 1, vec![]).unwrap();
     assert!(lattice(&ball, Some(&other), &[push], &Exec::default()).is_err());
 }
 

@@ -220,9 +220,9 @@ fn check_size(frame: &Frame) -> Result<(), Error> {
 /// Frame `frame` of a motion of the lattice.
 fn frame_of<'a>(lattice: &Lattice, motion: &'a Motion, frame: usize) -> Result<&'a Frame, Error> {
     check_inputs(lattice, motion)?;
-    motion.frames.get(frame).ok_or_else(|| Error::Mismatch {
+    motion.frames().get(frame).ok_or_else(|| Error::Mismatch {
         what: "frame",
-        problem: format!("frame {frame} of {}", motion.frames.len()),
+        problem: format!("frame {frame} of {}", motion.frames().len()),
         remedy: "name a frame of the motion, counted from 0",
     })
 }
@@ -238,24 +238,23 @@ fn all_bricks(grid: &Grid, bricks: &[usize], vectors: Vec<[f32; 3]>) -> Result<F
 
 /// Checks that lattice and motion belong together.
 pub(crate) fn check_inputs(lattice: &Lattice, motion: &Motion) -> Result<(), Error> {
-    motion.check()?;
-    if !lattice.grid().matches(&motion.grid) {
+    if !lattice.grid().matches(motion.grid()) {
         return Err(Error::Mismatch {
             what: "motion",
             problem: format!(
                 "it moves a lattice on {:?}, not on {:?}",
-                motion.grid.dims(),
+                motion.grid().dims(),
                 lattice.grid().dims()
             ),
             remedy: "map the motion onto the lattice that it was computed for",
         });
     }
-    if lattice.keys().len() != motion.vertex_count {
+    if lattice.keys().len() != motion.vertex_count() {
         return Err(Error::Mismatch {
             what: "motion",
             problem: format!(
                 "it moves {} vertices, the lattice has {}",
-                motion.vertex_count,
+                motion.vertex_count(),
                 lattice.keys().len()
             ),
             remedy: "map the motion onto the lattice that it was computed for (the same level of refinement)",

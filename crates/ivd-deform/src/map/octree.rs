@@ -34,10 +34,10 @@ impl Sides {
 ///
 /// - `positions`: the vertices relative to the grid's origin (mm).
 pub(super) fn movable(motion: &Motion, positions: &[Vector3<f64>]) -> Vec<bool> {
-    let origin = Vector3::from(motion.grid.origin());
-    let balls: Vec<_> = motion.reach.iter().map(|b| (Vector3::from(b.centre) - origin, b.radius)).collect();
+    let origin = Vector3::from(motion.grid().origin());
+    let balls: Vec<_> = motion.reach().iter().map(|b| (Vector3::from(b.centre) - origin, b.radius)).collect();
     let reached = |at: &Vector3<f64>| balls.iter().any(|(centre, radius)| (at - centre).norm() < *radius);
-    let moves = |v: usize| motion.frames.iter().any(|f| f.displacement[v] != [0.0; 3]);
+    let moves = |v: usize| motion.frames().iter().any(|f| f.displacement[v] != [0.0; 3]);
     positions.par_iter().enumerate().map(|(v, at)| reached(at) || moves(v)).collect()
 }
 
@@ -127,5 +127,5 @@ pub fn frames(
 ) -> Result<Vec<Mapped>, Error> {
     params.check()?;
     let prepared = Prepared::new(lattice, octree, motion, exec)?;
-    (0..motion.frames.len()).map(|frame| prepared.map(frame, params, exec)).collect()
+    (0..motion.frames().len()).map(|frame| prepared.map(frame, params, exec)).collect()
 }

@@ -151,7 +151,7 @@ impl Followed {
         let most = super::largest(frame);
         let (mut worst, mut missed, mut asked) = (0.0_f64, 0.0, 0.0);
         let (mut worst_voxel, mut squares, mut moving) = (0.0_f64, 0.0, 0_u64);
-        for (got, want) in moved.iter().zip(&frame.displacement) {
+        for (got, want) in moved.iter().zip(&frame.displacement[..]) {
             let want = Vector3::from(*want);
             let difference = (got - want).norm();
             worst = worst.max(difference);

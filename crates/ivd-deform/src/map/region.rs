@@ -24,16 +24,16 @@ impl Region {
         band: &Band,
         depth: Option<f64>,
     ) -> Self {
-        let origin = World(motion.grid.origin().into());
+        let origin = World(motion.grid().origin().into());
         let mut balls: Vec<(Vector3<f64>, f64)> =
-            motion.reach.iter().map(|b| (Vector3::from(b.centre) - origin.0, b.radius)).collect();
+            motion.reach().iter().map(|b| (Vector3::from(b.centre) - origin.0, b.radius)).collect();
         if balls.is_empty() {
             balls.extend(ball_of_moved(frame, positions));
         }
         let most = largest(frame);
         let reach = balls.iter().map(|b| b.1).fold(0.0, f64::max);
-        let margin = band.margin.unwrap_or_else(|| (4.0 * most).max(2.0 * motion.grid.voxel_diagonal()));
-        let depth = depth.unwrap_or_else(|| reach.max(4.0 * most).max(motion.grid.voxel_diagonal()));
+        let margin = band.margin.unwrap_or_else(|| (4.0 * most).max(2.0 * motion.grid().voxel_diagonal()));
+        let depth = depth.unwrap_or_else(|| reach.max(4.0 * most).max(motion.grid().voxel_diagonal()));
         Self { balls, margin, depth }
     }
 
@@ -139,14 +139,9 @@ mod tests {
         let grid = sheared_grid([40, 33, 20]);
         for (voxel, radius) in [([20.0, 15.0, 10.0], 3.0), ([-3.0, 40.0, 5.0], 6.0), ([0.0, 0.0, 0.0], 0.0)] {
             let centre = grid.world(VoxelCoord(Vector3::from(voxel))).0.into();
-            let frame = Frame { time: 0.0, displacement: vec![[0.5, 0.0, 0.0]] };
-            let motion = Motion {
-                inner: ivd_core::Inner::default(),
-                grid: grid.clone(),
-                vertex_count: 1,
-                frames: vec![],
-                reach: vec![Ball { centre, radius }],
-            };
+            let frame = Frame { time: 0.0, displacement: vec![[0.5, 0.0, 0.0]].into() };
+            let motion = Motion::new(grid.clone(), 1, vec![]).unwrap();
+            let motion = motion.with_reach(vec![Ball { centre, radius }]).unwrap();
             let region = Region::new(&motion, &frame, &[], &Band::default(), None);
             let bricks = region.bricks(&grid);
             for v in voxels(&grid) {
@@ -178,14 +173,9 @@ mod tests {
     #[test]
     fn without_a_ball_the_moved_vertices_span_the_region() {
         let grid = sheared_grid([8, 8, 8]);
-        let frame = Frame { time: 0.0, displacement: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
-        let motion = Motion {
-            grid,
-            vertex_count: 3,
-            frames: vec![],
-            reach: vec![],
-            inner: ivd_core::Inner::default(),
-        };
+        let displacement = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].into();
+        let frame = Frame { time: 0.0, displacement };
+        let motion = Motion::new(grid, 3, vec![]).unwrap();
         let positions = [Vector3::repeat(100.0), Vector3::zeros(), Vector3::new(2.0, 0.0, 0.0)];
         let region = Region::new(&motion, &frame, &positions, &Band::default(), None);
         assert_eq!(region.weight(Vector3::new(2.0, 0.0, 0.0)), 1.0);

@@ -97,7 +97,7 @@ fn told(mapped: Mapped) -> (Displacement, MapFigures) {
 
 /// The frame that is mapped: a motion's last.
 fn last(motion: &Motion) -> usize {
-    motion.frames.len().saturating_sub(1)
+    motion.frames().len().saturating_sub(1)
 }
 
 /// Raised for all methods together: what they share is most of them.

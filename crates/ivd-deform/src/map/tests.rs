@@ -94,14 +94,15 @@ pub(super) fn scene(
     let (lattice, mask) = lattice(grid, level);
     let displacement = lattice.local_positions().into_iter().map(|p| moves(p).into()).collect();
     let origin = Vector3::from(grid.origin());
-    let motion = Motion {
-        inner: ivd_core::Inner::default(),
-        grid: grid.clone(),
-        vertex_count: lattice.keys().len(),
-        frames: vec![Frame { time: 0.5, displacement }],
-        reach: balls.iter().map(|(c, r)| Ball { centre: (c + origin).into(), radius: *r }).collect(),
-    };
-    Scene { lattice, mask, motion }
+    let reach = balls.iter().map(|(c, r)| Ball { centre: (c + origin).into(), radius: *r }).collect();
+    let motion = Motion::new(grid.clone(), lattice.keys().len(), vec![Frame { time: 0.5, displacement }]);
+    Scene { lattice, mask, motion: motion.unwrap().with_reach(reach).unwrap() }
+}
+
+/// A motion of the same reach in other frames.
+pub(super) fn with_frames(motion: &Motion, frames: Vec<Frame>) -> Motion {
+    let moved = Motion::new(motion.grid().clone(), frames[0].displacement.len(), frames).unwrap();
+    moved.with_reach(motion.reach().to_vec()).unwrap()
 }
 
 impl Scene {
@@ -345,8 +346,9 @@ fn octree_and_plain_loop_give_the_same_map() {
 #[test]
 fn all_frames_are_mapped_as_each_alone() {
     let mut scene = dented(1.0, 2.0);
-    let half = scene.motion.frames[0].displacement.iter().map(|d| d.map(|c| c / 2.0)).collect();
-    scene.motion.frames.insert(0, Frame { time: 0.25, displacement: half });
+    let whole = scene.motion.frames()[0].clone();
+    let half = whole.displacement.iter().map(|d| d.map(|c| c / 2.0)).collect();
+    scene.motion = with_frames(&scene.motion, vec![Frame { time: 0.25, displacement: half }, whole]);
     let exec = Exec::default();
     let tree = ivd_octree::build(&scene.lattice, &ivd_octree::Params::default(), &exec).unwrap();
     let all = frames(&scene.lattice, &tree, &scene.motion, &OctreeParams::default(), &exec).unwrap();
@@ -359,8 +361,9 @@ fn all_frames_are_mapped_as_each_alone() {
 #[test]
 fn a_motion_of_another_lattice_is_refused() {
     let mut scene = dented(1.0, 3.0);
-    scene.motion.vertex_count += 1;
-    scene.motion.frames[0].displacement.push([0.0; 3]);
+    let Frame { time, displacement } = &scene.motion.frames()[0];
+    let one_more = displacement.iter().copied().chain([[0.0; 3]]).collect();
+    scene.motion = with_frames(&scene.motion, vec![Frame { time: *time, displacement: one_more }]);
     let error = scene.map(&OctreeParams::default(), &Exec::default()).unwrap_err();
     assert!(error.to_string().contains("vertices"), "{error}");
 }

@@ -279,8 +279,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         let reached = self.params.springs.reached(self.params.springs.duration);
         let balance = Balance::new(body, drives, last, reached, &pulls);
         let truncation = body.held_back(last);
-        let motion = self.motion(handles, targets, outcome);
-        let displacement = &motion.frames.last().expect("as many as the outcome").displacement;
+        let motion = self.motion(handles, targets, outcome)?;
+        let displacement = &motion.frames().last().expect("as many as the outcome").displacement;
         let bones = self.bones(displacement, reached, &balance);
         let sizes = |forces: &[[f64; 3]]| forces.iter().map(|f| Vector3::from(*f).norm()).sum::<f64>();
         let forces: Vec<[f64; 3]> = bones.iter().map(|bone| bone.force_mn).collect();
@@ -318,7 +318,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
     }
 
     /// The frames, for every vertex of the lattice.
-    fn motion(&self, handles: &[Handle], targets: &[usize], outcome: &Outcome) -> Motion {
+    fn motion(&self, handles: &[Handle], targets: &[usize], outcome: &Outcome) -> Result<Motion, Error> {
         let count = outcome.frames.len() as f64;
         let frames = outcome.frames.iter().zip(1..).map(|(frame, k)| {
             let mut displacement = vec![[0.0; 3]; self.rest.len()];
@@ -328,25 +328,20 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
             }
             let time = self.params.springs.duration * (f64::from(k) / count);
             self.skeleton.place(&self.rest, self.params.springs.reached(time), &mut displacement);
-            Frame { time, displacement }
+            Frame { time, displacement: displacement.into() }
         });
         let frames: Vec<Frame> = frames.collect();
         let places = self.skeleton.inner();
         let linear = self.lattice.grid().linear_part();
         let reached = |frame: &Frame| self.params.springs.reached(frame.time);
         let told = frames.iter().filter(|_| !places.is_empty());
-        let inner = told.map(|frame| self.skeleton.inner_displacement(&linear, reached(frame))).collect();
-        let reach = targets.iter().zip(handles);
-        Motion {
-            grid: self.lattice.grid().clone(),
-            vertex_count: self.rest.len(),
-            frames,
-            inner: Inner { places, frames: inner },
-            reach: reach
-                .map(|(&t, h)| Ball { centre: self.lattice.world(t).0.into(), radius: h.radius })
-                .chain(self.skeleton.reach())
-                .collect(),
-        }
+        let inner = told.map(|frame| self.skeleton.inner_displacement(&linear, reached(frame)).into());
+        let inner = Inner { frames: inner.collect(), places: places.into() };
+        let ball =
+            |(&t, h): (&usize, &Handle)| Ball { centre: self.lattice.world(t).0.into(), radius: h.radius };
+        let reach = targets.iter().zip(handles).map(ball).chain(self.skeleton.reach()).collect();
+        let motion = Motion::new(self.lattice.grid().clone(), self.rest.len(), frames)?;
+        Ok(motion.with_reach(reach)?.with_inner(inner)?)
     }
 
     /// Refuses what isn't finite and what a force carried out of its handle's reach.

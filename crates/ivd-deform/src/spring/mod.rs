@@ -21,7 +21,7 @@ mod dynamics;
 mod params;
 mod rings;
 
-use ivd_core::{Ball, Exec, Frame, Inner, Iteration, Lattice, Motion, ParamError};
+use ivd_core::{Ball, Exec, Frame, Iteration, Lattice, Motion, ParamError};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -101,13 +101,8 @@ pub fn ring(
             .map(|(&t, h)| Ball { centre: lattice.world(t).0.into(), radius: h.radius })
             .collect();
         let vertices_moved = displacement.iter().filter(|u| **u != [0.0; 3]).count();
-        let motion = Motion {
-            grid: lattice.grid().clone(),
-            vertex_count: rest.len(),
-            frames: vec![Frame { time: params.duration, displacement }],
-            reach,
-            inner: Inner::default(),
-        };
+        let frame = Frame { time: params.duration, displacement: displacement.into() };
+        let motion = Motion::new(lattice.grid().clone(), rest.len(), vec![frame])?.with_reach(reach)?;
         Ok(Solved {
             max_displacement_mm: motion.max_displacement(),
             motion,

@@ -21,14 +21,13 @@ use crate::Error;
 /// # Errors
 /// As [`write()`](super::write()); [`ivd_core::Error::Inconsistent`] where the motion is of another lattice.
 pub fn write_motion(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Written, Error> {
-    motion.check()?;
-    if !lattice.grid().matches(&motion.grid) || lattice.keys().len() != motion.vertex_count {
+    if !lattice.grid().matches(motion.grid()) || lattice.keys().len() != motion.vertex_count() {
         return Err(Error::from(ivd_core::Error::Inconsistent {
             what: "motion of a lattice",
             problem: format!(
                 "it moves {} vertices on {:?} voxels, the lattice has {} on {:?}",
-                motion.vertex_count,
-                motion.grid.dims(),
+                motion.vertex_count(),
+                motion.grid().dims(),
                 lattice.keys().len(),
                 lattice.grid().dims()
             ),
@@ -37,9 +36,9 @@ pub fn write_motion(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<W
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pvd")) {
         return write_series(path, lattice, motion);
     }
-    match (Format::of(path), motion.frames.last()) {
+    match (Format::of(path), motion.frames().last()) {
         (Some(Format::Glb), _) | (_, None) => {
-            write_mesh(path, &Placed { lattice, positions: lattice.positions(), frames: &motion.frames })
+            write_mesh(path, &Placed { lattice, positions: lattice.positions(), frames: motion.frames() })
         }
         (_, Some(last)) => write_deformed(path, lattice, &last.displacement),
     }
@@ -58,7 +57,7 @@ fn write_series(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Writt
     let named = |i: usize| format!("{stem}_{i:04}.vtp");
     let beside = |i: usize| -> PathBuf { path.with_file_name(named(i)) };
     let mut written = super::write(&beside(0), lattice)?;
-    for (i, frame) in motion.frames.iter().enumerate() {
+    for (i, frame) in motion.frames().iter().enumerate() {
         let positions = deformed(lattice, &frame.displacement)?;
         let one = write_mesh(&beside(i + 1), &Placed { lattice, positions, frames: &[] })?;
         written.touched |= one.touched;
@@ -67,7 +66,7 @@ fn write_series(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Writt
     let mut text = String::from(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">\n  <Collection>\n",
     );
-    for (i, time) in times(&motion.frames).into_iter().enumerate() {
+    for (i, time) in times(motion.frames()).into_iter().enumerate() {
         let file = escaped(&named(i));
         let _ = writeln!(text, "    <DataSet timestep=\"{time}\" part=\"0\" file=\"{file}\"/>");
     }

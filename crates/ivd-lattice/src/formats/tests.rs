@@ -203,13 +203,7 @@ fn motion(lattice: &Lattice) -> ivd_core::Motion {
         let displacement = (0..4).map(|v| [by, 0.5 * by * f64::from(v), -0.1]).collect();
         Frame { time, displacement }
     };
-    ivd_core::Motion {
-        inner: ivd_core::Inner::default(),
-        grid: lattice.grid().clone(),
-        vertex_count: 4,
-        frames: vec![frame(0.1, 1.0), frame(0.4, -2.5)],
-        reach: Vec::new(),
-    }
+    ivd_core::Motion::new(lattice.grid().clone(), 4, vec![frame(0.1, 1.0), frame(0.4, -2.5)]).unwrap()
 }
 
 #[test]
@@ -234,7 +228,7 @@ fn glb_holds_a_morph_target_for_every_frame_and_an_animation_through_them() {
     let shape = &description["meshes"][0];
     let targets = shape["primitives"][0]["targets"].as_array().unwrap();
     assert_eq!((targets.len(), shape["weights"].as_array().unwrap().len()), (2, 2));
-    for (target, frame) in targets.iter().zip(&motion.frames) {
+    for (target, frame) in targets.iter().zip(motion.frames()) {
         let expected: Vec<f32> = frame.displacement.iter().flatten().map(|&c| c as f32).collect();
         assert_eq!(floats(&target["POSITION"], 3), expected);
     }
@@ -260,7 +254,7 @@ fn a_series_has_a_file_for_rest_and_for_every_frame_with_their_times() {
         assert!(text.contains(&entry), "{text}");
         let frame = read(&folder.path().join(format!("a & b_000{i}.vtp")), u64::MAX).unwrap();
         for (v, position) in frame.positions.iter().enumerate() {
-            let moved = i.checked_sub(1).map_or([0.0; 3], |i| motion.frames[i].displacement[v]);
+            let moved = i.checked_sub(1).map_or([0.0; 3], |i| motion.frames()[i].displacement[v]);
             assert_eq!(*position, lattice.world(v).0 + Vector3::from(moved), "frame {i}, vertex {v}");
         }
     }
@@ -270,16 +264,17 @@ fn a_series_has_a_file_for_rest_and_for_every_frame_with_their_times() {
 #[test]
 fn other_formats_have_the_last_frame_and_a_motion_of_another_lattice_is_refused() {
     let (lattice, folder) = (tetrahedron(), tempfile::tempdir().unwrap());
-    let mut motion = motion(&lattice);
+    let motion = motion(&lattice);
     let path = folder.path().join("m.ply");
     write_motion(&path, &lattice, &motion).unwrap();
-    let last = Vector3::from(motion.frames[1].displacement[3]);
+    let last = Vector3::from(motion.frames()[1].displacement[3]);
     assert_eq!(read(&path, u64::MAX).unwrap().positions[3], lattice.world(3).0 + last);
     // Times that don't grow are a second apart.
-    motion.frames[0].time = 0.0;
-    assert_eq!(super::motion::times(&motion.frames), [0.0, 1.0, 2.0]);
-    motion.vertex_count = 5;
-    motion.frames.iter_mut().for_each(|frame| frame.displacement.push([0.0; 3]));
-    let error = write_motion(&path, &lattice, &motion).unwrap_err().to_string();
+    let mut frames = motion.frames().to_vec();
+    frames[0].time = 0.0;
+    assert_eq!(super::motion::times(&frames), [0.0, 1.0, 2.0]);
+    let frame = Frame { time: 0.0, displacement: vec![[0.0; 3]; 5].into() };
+    let other = ivd_core::Motion::new(lattice.grid().clone(), 5, vec![frame]).unwrap();
+    let error = write_motion(&path, &lattice, &other).unwrap_err().to_string();
     assert!(error.contains("moves 5 vertices"), "{error}");
 }

@@ -9,7 +9,7 @@ use crate::error::stage_error;
 
 /// Displacements of the last frame; none for a motion without frames.
 fn last(motion: &Motion) -> &[[f64; 3]] {
-    motion.frames.last().map_or(&[], |f| &f.displacement)
+    motion.frames().last().map_or(&[], |f| &f.displacement)
 }
 
 /// Largest difference of two motions of one lattice (mm).

@@ -42,7 +42,7 @@ pub(crate) struct Material {
 
 /// Displacement (mm) of the vertices that move, in the last frame.
 pub(crate) fn motion_lengths(motion: &Motion) -> Vec<f64> {
-    let last = motion.frames.last();
-    let lengths = last.into_iter().flat_map(|f| &f.displacement).map(|&d| Vector3::from(d).norm());
+    let last = motion.frames().last();
+    let lengths = last.into_iter().flat_map(|f| &f.displacement[..]).map(|&d| Vector3::from(d).norm());
     lengths.filter(|length| *length > 0.0).collect()
 }

@@ -152,15 +152,18 @@ fn reach(motion: &Motion, band: &Band, moved: &Displacement) -> Verdict {
     for i in 0..grid.len() {
         let voxel = grid.index(i);
         let World(place) = grid.world(voxel.into());
-        let out = motion.reach.iter().all(|b| {
+        let out = motion.reach().iter().all(|b| {
             let slack = 1e-9 * (place.amax() + b.radius + margin);
             b.distance(World(place)) > margin + slack
         });
-        if out && !motion.reach.is_empty() {
+        if out && !motion.reach().is_empty() {
             let still = moved.forward().at(voxel) == [0.0; 3] && moved.inverse().at(voxel) == [0.0; 3];
             let vacated = moved.vacated().get(i).is_some_and(|v| *v != 0);
-            let beyond =
-                motion.reach.iter().map(|b| b.distance(World(place)) - margin).fold(f64::INFINITY, f64::min);
+            let beyond = motion
+                .reach()
+                .iter()
+                .map(|b| b.distance(World(place)) - margin)
+                .fold(f64::INFINITY, f64::min);
             let (there, back) = (moved.forward().at(voxel), moved.inverse().at(voxel));
             hold!(
                 still && !vacated,

@@ -66,9 +66,8 @@ pub fn solved(asked: &Asked<'_>, found: &Solved) -> Verdict {
 /// - `whole`: whether handles have come to the end of their ways.
 fn moved(asked: &Asked<'_>, motion: &Motion, vertices: usize, whole: bool) -> Verdict {
     let Asked { lattice, handles, fixed, .. } = *asked;
-    motion.check().map_err(|e| e.to_string())?;
-    hold!(motion.vertex_count == lattice.keys().len(), "{} vertices", motion.vertex_count);
-    let u = &motion.frames[motion.frames.len() - 1].displacement;
+    hold!(motion.vertex_count() == lattice.keys().len(), "{} vertices", motion.vertex_count());
+    let u = &motion.frames()[motion.frames().len() - 1].displacement;
     let moved = u.iter().filter(|d| **d != [0.0; 3]).count();
     hold!(vertices == moved, "{vertices} vertices moved, plainly {moved}");
     out_of_reach(lattice, motion)?;
@@ -100,8 +99,8 @@ fn moved(asked: &Asked<'_>, motion: &Motion, vertices: usize, whole: bool) -> Ve
 /// Beyond the balls nothing moves, exactly. Rounding of world positions, which the balls' centres are in, is allowed for.
 fn out_of_reach(lattice: &Lattice, motion: &Motion) -> Verdict {
     let rest = lattice.positions();
-    for (v, d) in motion.frames.iter().flat_map(|frame| frame.displacement.iter().enumerate()) {
-        let reached = motion.reach.iter().any(|b| {
+    for (v, d) in motion.frames().iter().flat_map(|frame| frame.displacement.iter().enumerate()) {
+        let reached = motion.reach().iter().any(|b| {
             let centre = Vector3::from(b.centre);
             let slack = 8.0 * EPS * (centre.amax() + rest[v].amax() + b.radius);
             (rest[v] - centre).norm() < b.radius + slack
@@ -119,7 +118,7 @@ pub fn sprung(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved) -
     let mut numbers = vec![found.residual, found.energy_first, found.energy_last, found.max_displacement_mm];
     numbers.extend([found.dt, found.truncation, found.truncation_mn]);
     hold!(numbers.iter().all(|n| n.is_finite() && *n >= 0.0), "figures {numbers:?}");
-    hold!(found.motion.frames.len() == params.springs.frames, "{} frames", found.motion.frames.len());
+    hold!(found.motion.frames().len() == params.springs.frames, "{} frames", found.motion.frames().len());
     let whole = params.springs.ramp.is_none_or(|ramp| ramp <= params.springs.duration);
     moved(asked, &found.motion, found.vertices_moved, whole)?;
     if whole {
@@ -149,7 +148,7 @@ pub fn sprung(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved) -
 /// Bones have gone where they are sent: by the turn that is given, or with the one handle that they are fitted to.
 fn rigid(asked: &Asked<'_>, motion: &Motion) -> Verdict {
     let (rest, origin) = (asked.lattice.local_positions(), Vector3::from(asked.lattice.grid().origin()));
-    let u = &motion.frames[motion.frames.len() - 1].displacement;
+    let u = &motion.frames()[motion.frames().len() - 1].displacement;
     for (v, rest) in rest.iter().enumerate() {
         let Some(bone) = asked.bone(v) else { continue };
         let expected = match (bone.drive, asked.handles) {
@@ -170,7 +169,7 @@ fn rigid(asked: &Asked<'_>, motion: &Motion) -> Verdict {
 
 /// What holds of forces in balance.
 fn balanced(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved, plain: &Plain) -> Verdict {
-    let u = &found.motion.frames[params.springs.frames - 1].displacement;
+    let u = &found.motion.frames()[params.springs.frames - 1].displacement;
     let whole = params.springs.ramp.is_none_or(|ramp| ramp <= params.springs.duration);
     // A bone that moves does work of its own.
     let pull =
@@ -221,7 +220,7 @@ struct Plain {
 impl Plain {
     fn new(asked: &Asked<'_>, params: &Params, motion: &Motion) -> Self {
         let rest = asked.lattice.local_positions();
-        let u = &motion.frames[motion.frames.len() - 1].displacement;
+        let u = &motion.frames()[motion.frames().len() - 1].displacement;
         let made: Vec<f64> = (0..rest.len()).map(|v| asked.stiffness(v, params)).collect();
         let share = |kind: Kind| match kind {
             Kind::Structural => 1.0,
@@ -231,7 +230,7 @@ impl Plain {
         let origin = Vector3::from(asked.lattice.grid().origin());
         let targets: Vec<usize> = asked.handles.iter().filter_map(|h| vertex(&h.at)).collect();
         let balls: Vec<_> =
-            motion.reach.iter().map(|b| (Vector3::from(b.centre) - origin, b.radius)).collect();
+            motion.reach().iter().map(|b| (Vector3::from(b.centre) - origin, b.radius)).collect();
         // An edge is seen with the triangles at the reach alone: with those beyond it may have more than two.
         let near = |v: u32| {
             let within =
@@ -298,7 +297,7 @@ impl Plain {
 
     /// Length of the list of forces that nothing stands against, and of those that handles put in (mN).
     fn relative(&self, asked: &Asked<'_>, found: &mass_spring::Solved) -> (f64, f64) {
-        let u = &found.motion.frames[0].displacement;
+        let u = &found.motion.frames()[0].displacement;
         let targets: BTreeMap<usize, Action> =
             asked.handles.iter().filter_map(|h| Some((vertex(&h.at)?, h.action))).collect();
         let (mut unbalanced, mut put_in) = (0.0, 0.0);
@@ -326,8 +325,7 @@ impl Plain {
 /// # Errors
 /// The first thing that doesn't hold.
 pub fn shaped(lattice: &Lattice, start: &Motion, shapes: &[Shape], found: &Shaped) -> Verdict {
-    found.motion.check().map_err(|e| e.to_string())?;
-    let (before, after) = (&start.frames[0].displacement, &found.motion.frames[0].displacement);
+    let (before, after) = (&start.frames()[0].displacement, &found.motion.frames()[0].displacement);
     let moved = after.iter().filter(|d| **d != [0.0; 3]).count();
     hold!(found.vertices_moved == moved, "{} vertices moved, plainly {moved}", found.vertices_moved);
     let origin = Vector3::from(lattice.grid().origin());

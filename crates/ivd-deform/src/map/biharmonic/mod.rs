@@ -197,7 +197,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             });
         }
         exec.run(|| {
-            self.take_inner(&motion.inner);
+            self.take_inner(motion.inner());
             let grid = self.lattice.grid();
             let region = Region::new(motion, frame, &self.positions, &params.band, None);
             let bricks = moving_bricks(grid, &region, frame, exec)?;
@@ -217,7 +217,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let inside = self.inside.take();
             let alone = inside.as_ref();
             let settle = Settle { lattice: &self.lattice, alone, region: &region, frame, band: &params.band };
-            let inner = motion.inner.frames.get(number).into_iter().flatten();
+            let inner = motion.inner().frames.get(number).into_iter().flat_map(|frame| &frame[..]);
             let motions = frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
             let (settle, edge) = (&settle, params.cell);
             let job = Job { region: &region, frame, motions, bricks: &bricks, settle, edge };

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, Matrix3, Rotation3};
 use super::matrix::dot;
 use super::*;
 use crate::fixtures::{middle, sheared_grid, voxels};
-use crate::map::tests::{Scene, ball, dented, scene};
+use crate::map::tests::{Scene, ball, dented, scene, with_frames};
 use crate::map::{Band, BiharmonicParams, DepthWeight, OctreeParams};
 
 impl Scene {
@@ -15,7 +15,7 @@ impl Scene {
     /// The equations of the whole motion.
     fn system(&self, params: &BiharmonicParams) -> (Region, System) {
         let (grid, positions) = (self.lattice.grid(), self.lattice.local_positions());
-        let region = Region::new(&self.motion, &self.motion.frames[0], &positions, &params.band, None);
+        let region = Region::new(&self.motion, &self.motion.frames()[0], &positions, &params.band, None);
         let voxels: Vec<Vector3<f64>> = (0..positions.len()).map(|i| self.lattice.voxel(i).0).collect();
         let cells = Cells::new(grid, &region, params.cell);
         let places = Places::new(&cells, grid, &region, &voxels);
@@ -23,7 +23,7 @@ impl Scene {
     }
 
     fn motions(&self) -> Vec<Vector3<f64>> {
-        self.motion.frames[0].displacement.iter().map(|d| Vector3::from(*d)).collect()
+        self.motion.frames()[0].displacement.iter().map(|d| Vector3::from(*d)).collect()
     }
 }
 
@@ -330,8 +330,9 @@ fn nothing_moves_beyond_the_reach_and_its_margin_not_by_a_bit() {
 #[test]
 fn last_frames_nodes_are_a_start_that_saves_iterations_and_changes_nothing() {
     let mut dent = dented(1.0, 3.0);
-    let further = dent.motion.frames[0].displacement.iter().map(|d| d.map(|c| 1.05 * c)).collect();
-    dent.motion.frames.push(Frame { time: 1.0, displacement: further });
+    let first = dent.motion.frames()[0].clone();
+    let further = first.displacement.iter().map(|d| d.map(|c| 1.05 * c)).collect();
+    dent.motion = with_frames(&dent.motion, vec![first, Frame { time: 1.0, displacement: further }]);
     let exec = Exec::default();
     // With a margin of its own the second frame has the same equations; without one another Ω.
     for margin_mm in [Some(12.0), None] {

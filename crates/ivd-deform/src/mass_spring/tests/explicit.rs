@@ -29,7 +29,7 @@ fn an_oscillators_period_errs_by_the_square_of_the_step() {
     let error = |dt: f64| {
         let steps = (2.1 / dt).round() as usize;
         let solved = oscillator(dt, steps as f64 * dt, steps);
-        let x: Vec<f64> = solved.motion.frames.iter().map(|f| f.displacement[1][0] - 0.1).collect();
+        let x: Vec<f64> = solved.motion.frames().iter().map(|f| f.displacement[1][0] - 0.1).collect();
         let rises: Vec<f64> = (1..x.len())
             .filter(|&k| x[k - 1] < 0.0 && x[k] >= 0.0)
             .map(|k| (k as f64 - x[k] / (x[k] - x[k - 1])) * dt)
@@ -170,7 +170,7 @@ fn a_pulled_body_that_nothing_holds_gains_force_times_time() {
     };
     let solved = run(&lattice, &[pulled(40, [3.0, 0.0, 1.0], 100.0)], &[], &params).unwrap();
     let mass = body(&lattice, &[pulled(40, [0.0; 3], 100.0)], &[], &params).mass;
-    let frames = &solved.motion.frames;
+    let frames = solved.motion.frames();
     let momentum: Vector3<f64> = (0..81)
         .map(|v| {
             let [a, b] = [98, 99].map(|f: usize| Vector3::from(frames[f].displacement[v]));
@@ -217,14 +217,14 @@ fn frames_are_the_states_on_the_way() {
     let params =
         Params { springs: Springs { frames: 4, dt: Some(2e-5), ..Springs::default() }, ..Params::default() };
     let many = run(&lattice, &[moved(40, [0.0, 0.0, 1.0], 3.5)], &[], &params).unwrap();
-    let times: Vec<f64> = many.motion.frames.iter().map(|f| f.time).collect();
+    let times: Vec<f64> = many.motion.frames().iter().map(|f| f.time).collect();
     assert!(times.iter().zip([0.05, 0.1, 0.15, 0.2]).all(|(a, b)| (a - b).abs() < 1e-15));
-    let reached: Vec<f64> = many.motion.frames.iter().map(|f| f.displacement[40][2]).collect();
+    let reached: Vec<f64> = many.motion.frames().iter().map(|f| f.displacement[40][2]).collect();
     assert!(
         reached.iter().zip([0.15625, 0.5, 0.84375, 1.0]).all(|(a, b)| (a - b).abs() < 1e-12),
         "{reached:?}"
     );
     let one = Params { springs: Springs { frames: 1, ..params.springs }, ..params };
     let one = run(&lattice, &[moved(40, [0.0, 0.0, 1.0], 3.5)], &[], &one).unwrap();
-    assert_eq!((last(&one), one.motion.frames.len()), (last(&many), 1));
+    assert_eq!((last(&one), one.motion.frames().len()), (last(&many), 1));
 }

@@ -409,7 +409,7 @@ fn a_pulled_body_that_nothing_holds_gains_force_times_time_by_implicit_steps_too
         };
         let solved = run(&lattice, &[pulled(40, [3.0, 0.0, 1.0], 100.0)], &[], &params).unwrap();
         assert_eq!(solved.steps, steps);
-        let frames = &solved.motion.frames;
+        let frames = solved.motion.frames();
         for pair in frames.windows(2) {
             let went =
                 |v: usize| Vector3::from(pair[1].displacement[v]) - Vector3::from(pair[0].displacement[v]);

@@ -65,8 +65,7 @@ fn run(lattice: &Lattice, handles: &[Handle], fixed: &[Fix], params: &Params) ->
 }
 
 fn last(solved: &Solved) -> &Vectors {
-    solved.motion.check().unwrap();
-    &solved.motion.frames.last().unwrap().displacement
+    &solved.motion.frames().last().unwrap().displacement
 }
 
 /// The body that handles reach.

@@ -9,7 +9,7 @@ fn motion(params: &Params, exec: &Exec, faulty: bool) -> Vec<u64> {
     exec.run(|| planted::set(faulty));
     let solved = solve(&sheet(11), None, &handles, &[pin(0)], params, exec).unwrap();
     exec.run(|| planted::set(false));
-    let frames = solved.motion.frames.iter().flat_map(|f| f.displacement.as_flattened());
+    let frames = solved.motion.frames().iter().flat_map(|f| f.displacement.as_flattened());
     frames.map(|x| x.to_bits()).collect()
 }
 

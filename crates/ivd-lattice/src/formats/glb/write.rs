@@ -60,7 +60,7 @@ pub(in crate::formats) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Resu
         return Ok(());
     }
     for frame in mesh.frames {
-        for d in &frame.displacement {
+        for d in &frame.displacement[..] {
             put(file, *d, |c: f64| (c as f32).to_le_bytes())?;
         }
     }
