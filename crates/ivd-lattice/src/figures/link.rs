@@ -41,9 +41,23 @@ pub(crate) struct Link {
 impl Link {
     /// Counts vertex `v` and those of its edges that lead to higher vertices, so that each edge is counted once.
     pub(crate) fn count(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) -> LinkCounts {
-        self.gather(v, stars, triangles);
+        if !self.is_ring(v, stars, triangles) {
+            return self.count_all(v, stars, triangles);
+        }
+        self.neighbours.clear();
+        self.neighbours.extend(self.sides.iter().map(|side| side[0]));
+        self.neighbours.sort_unstable();
+        LinkCounts {
+            edges: self.neighbours.iter().filter(|w| **w > v).count() as u64,
+            ..LinkCounts::default()
+        }
+    }
+
+    /// As [`Link::count`], whatever the triangles are like.
+    fn count_all(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) -> LinkCounts {
         let mut counts = LinkCounts::default();
         self.neighbours.clear();
+        self.gather(v, stars, triangles);
         if stars.of(v as usize).is_empty() {
             counts.unused_vertices = 1;
             return counts;
@@ -67,6 +81,36 @@ impl Link {
     /// Distinct neighbours of the vertex counted last, ascending; none of one that no triangle names.
     pub(super) fn neighbours(&self) -> &[u32] {
         &self.neighbours
+    }
+
+    /// Whether the triangles follow one another round the vertex in one ring, all turning the same way, as nearly everywhere: then
+    /// there is nothing to count but edges, and each neighbour begins one side of the link.
+    fn is_ring(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) -> bool {
+        self.sides.clear();
+        for &t in stars.of(v as usize) {
+            let [a, b, c] = triangles[t as usize];
+            let side = if a == v {
+                [b, c]
+            } else if b == v {
+                [c, a]
+            } else {
+                [a, b]
+            };
+            if side[0] == side[1] || side.contains(&v) {
+                return false;
+            }
+            self.sides.push(side);
+        }
+        let Some(&first) = self.sides.first() else { return false };
+        let mut end = first[1];
+        for _ in 1..self.sides.len() {
+            let mut next = self.sides.iter().filter(|side| side[0] == end);
+            match (next.next(), next.next()) {
+                (Some(side), None) if end != first[0] => end = side[1],
+                _ => return false,
+            }
+        }
+        end == first[0] && self.sides.iter().filter(|side| side[0] == end).count() == 1
     }
 
     fn gather(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) {
@@ -103,5 +147,41 @@ impl Link {
             parts -= usize::from(sets::join(&mut self.parent, a, b));
         }
         parts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ivd_core::noise;
+
+    use super::*;
+
+    #[test]
+    fn a_ring_of_triangles_counts_as_its_edges_do_one_by_one() {
+        // Few vertices and many triangles, so that rings, holes, fans, repeats and triangles without an inside all occur.
+        let (mut rings, mut others) = (0, 0);
+        for seed in 0..20_000_u64 {
+            let draw = |i: u64, most: u64| noise::below(seed, i, most) as u32;
+            let count = 1 + u64::from(draw(63, 9));
+            let mut triangles: Vec<[u32; 3]> =
+                (0..count).map(|t| std::array::from_fn(|k| draw(3 * t + k as u64, 6))).collect();
+            if seed % 2 == 0 {
+                // An octahedron's upper half and what else there is.
+                triangles.truncate(draw(62, 3) as usize);
+                triangles.extend([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]);
+            }
+            let stars = Stars::new(6, &triangles);
+            let (mut fast, mut plain) = (Link::default(), Link::default());
+            for v in 0..6 {
+                assert_eq!(
+                    fast.count(v, &stars, &triangles),
+                    plain.count_all(v, &stars, &triangles),
+                    "{triangles:?} {v}"
+                );
+                assert_eq!(fast.neighbours(), plain.neighbours(), "{triangles:?} {v}");
+                if fast.is_ring(v, &stars, &triangles) { rings += 1 } else { others += 1 }
+            }
+        }
+        assert!(rings > 5000 && others > 5000, "{rings} rings, {others} others");
     }
 }

@@ -140,7 +140,10 @@ pub(crate) fn component_roots(lattice: &Lattice) -> Vec<u32> {
 
 /// Area (mm²), enclosed volume (mm³), degenerate triangles.
 fn extent(lattice: &Lattice) -> (f64, f64, u64) {
-    let positions = lattice.local_positions();
+    let voxels: Vec<Vector3<f64>> =
+        (0..lattice.keys.len()).into_par_iter().map(|v| lattice.voxel(v).0).collect();
+    let linear = lattice.grid.linear_part();
+    let positions: Vec<Vector3<f64>> = voxels.par_iter().map(|voxel| linear * voxel).collect();
     let centre = middle(&positions);
     let pieces: Vec<(f64, f64, u64)> = lattice
         .triangles()
@@ -151,7 +154,7 @@ fn extent(lattice: &Lattice) -> (f64, f64, u64) {
                 let [a, b, c] = t.map(|v| positions[v as usize] - centre);
                 area += 0.5 * (b - a).cross(&(c - a)).norm();
                 volume += a.dot(&b.cross(&c)) / 6.0;
-                degenerate += u64::from(is_degenerate(lattice, *t));
+                degenerate += u64::from(is_degenerate(&voxels, *t));
             }
             (area, volume, degenerate)
         })
@@ -166,10 +169,9 @@ fn middle(positions: &[Vector3<f64>]) -> Vector3<f64> {
     (lo + hi) / 2.0
 }
 
-fn is_degenerate(lattice: &Lattice, [a, b, c]: [u32; 3]) -> bool {
-    [(a, b), (b, c), (c, a)]
-        .iter()
-        .any(|&(u, v)| u == v || lattice.voxel(u as usize) == lattice.voxel(v as usize))
+fn is_degenerate(voxels: &[Vector3<f64>], corners: [u32; 3]) -> bool {
+    let [a, b, c] = corners.map(|v| voxels[v as usize]);
+    a == b || b == c || c == a
 }
 
 #[cfg(test)]
