@@ -62,4 +62,6 @@ pub use map::TemporaryFiles;
 pub use opened::Opened;
 pub use provenance::Provenance;
 pub use read::{Info, Loaded, SectionInfo, is_artefact, open, peek, read, read_lazily};
-pub use write::{Written, content_hash, write, write_with_metrics};
+pub use write::{
+    SectionHashes, Written, content_hash, section_hashes, write, write_again, write_with_metrics,
+};

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
+use std::sync::Arc;
 
 use serde_json::Value;
 
@@ -11,8 +12,12 @@ use crate::metadata::{Bincode, Metadata, MetadataCodec, Section};
 use crate::prelude::{ALIGN, BEFORE_ROOT, MAX_METADATA, PRELUDE, Prelude, align};
 use crate::{ArtefactRef, ContentHash, Error, Kind, KindCode, Provenance, canonical_json, hash, read};
 
+/// Hashes of the sections of one value, by which it is written again without being hashed again.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SectionHashes(Arc<[Vec<[u8; 32]>]>);
+
 /// What [`write()`] did.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Written {
     /// Content hash of the artefact.
     pub hash: ContentHash,
@@ -20,6 +25,8 @@ pub struct Written {
     pub bytes: u64,
     /// False where the file already held these very bytes and was left alone.
     pub touched: bool,
+    /// Hashes of its sections.
+    pub sections: SectionHashes,
 }
 
 /// Writes an artefact.
@@ -49,20 +56,45 @@ pub fn write_with_metrics<'a>(
     provenance: &Provenance,
     metrics: &Value,
 ) -> Result<Written, Error> {
-    let (path, artefact) = (path.as_ref(), artefact.into());
+    write_hashed(path.as_ref(), artefact.into(), provenance, metrics, None)
+}
+
+/// As [`write_with_metrics`], of a value whose sections have been hashed.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_again<'a>(
+    path: impl AsRef<Path>,
+    artefact: impl Into<ArtefactRef<'a>>,
+    provenance: &Provenance,
+    metrics: &Value,
+    sections: &SectionHashes,
+) -> Result<Written, Error> {
+    write_hashed(path.as_ref(), artefact.into(), provenance, metrics, Some(sections))
+}
+
+fn write_hashed(
+    path: &Path,
+    artefact: ArtefactRef<'_>,
+    provenance: &Provenance,
+    metrics: &Value,
+    sections: Option<&SectionHashes>,
+) -> Result<Written, Error> {
     let kind = artefact.kind();
     let unwritable = |problem| Error::Unwritable { path: path.to_owned(), kind: kind.name(), problem };
     let encoded = encode(artefact).map_err(unwritable)?;
-    let (head, file_bytes, hash) = head(kind, &encoded, provenance, metrics).map_err(unwritable)?;
-    if holds(path, &head, file_bytes) {
+    let sections = sections.cloned().unwrap_or_else(|| hash_sections(&encoded));
+    debug_assert!(sections == hash_sections(&encoded), "the hashes are another value's");
+    let (head, bytes, hash) = head(kind, &encoded, &sections, provenance, metrics).map_err(unwritable)?;
+    if holds(path, &head, bytes) {
         ivd_fs::sweep(ivd_fs::folder_of(path));
-        return Ok(Written { hash, bytes: file_bytes, touched: false });
+        return Ok(Written { hash, bytes, touched: false, sections });
     }
     let failed = |action, source| Error::io(path, action)(source);
     let touched = ivd_fs::replace(path, failed, |to| {
         payload(to, &head, &encoded).map_err(|source| failed("write", source))
     })?;
-    Ok(Written { hash, bytes: file_bytes, touched })
+    Ok(Written { hash, bytes, touched, sections })
 }
 
 /// The content hash of a value, without a file: what [`write()`] would return.
@@ -70,18 +102,31 @@ pub fn write_with_metrics<'a>(
 /// # Errors
 /// [`Error::Unwritable`] for a value that [`write()`] would refuse.
 pub fn content_hash<'a>(artefact: impl Into<ArtefactRef<'a>>) -> Result<ContentHash, Error> {
+    section_hashes(artefact).map(|(hash, _)| hash)
+}
+
+/// The content hash of a value and those of its sections, for [`write_again`].
+///
+/// # Errors
+/// As [`content_hash`].
+pub fn section_hashes<'a>(
+    artefact: impl Into<ArtefactRef<'a>>,
+) -> Result<(ContentHash, SectionHashes), Error> {
     let artefact = artefact.into();
     let kind = artefact.kind();
     let unwritable = |problem| Error::Unwritable { path: "(in memory)".into(), kind: kind.name(), problem };
     let encoded = encode(artefact).map_err(unwritable)?;
     let provenance = Provenance::new("", Value::Null);
-    head(kind, &encoded, &provenance, &Value::Null).map(|(_, _, hash)| hash).map_err(unwritable)
+    let sections = hash_sections(&encoded);
+    let (_, _, hash) = head(kind, &encoded, &sections, &provenance, &Value::Null).map_err(unwritable)?;
+    Ok((hash, sections))
 }
 
 /// Prelude, metadata and padding up to the payload; bytes of the whole file; content hash.
 fn head(
     kind: Kind,
     encoded: &Encoded<'_>,
+    sections: &SectionHashes,
     provenance: &Provenance,
     metrics: &Value,
 ) -> Result<(Vec<u8>, u64, ContentHash), String> {
@@ -93,7 +138,7 @@ fn head(
         backend: provenance.backend.clone(),
         metrics: canonical_json(metrics),
         content: encoded.content.clone(),
-        sections: table(encoded),
+        sections: table(encoded, sections),
     };
     // Offsets have a fixed width: they can be filled in once the length is known.
     let length = Bincode::encode(&metadata)?.len();
@@ -126,21 +171,22 @@ pub(crate) fn root(head: &[u8]) -> [u8; 32] {
     *hasher.finalize().as_bytes()
 }
 
+fn hash_sections(encoded: &Encoded<'_>) -> SectionHashes {
+    SectionHashes(encoded.sections.iter().map(|section| hash::chunk_hashes(&section.bytes)).collect())
+}
+
 /// The section table, offsets still 0.
-fn table(encoded: &Encoded<'_>) -> Vec<Section> {
-    let row = |section: &crate::kinds::SectionBytes<'_>| {
-        let chunks = hash::chunk_hashes(&section.bytes);
-        Section {
-            name: section.name.to_string(),
-            element: section.element.name().to_owned(),
-            shape: section.shape.clone(),
-            offset: 0,
-            length: section.bytes.len() as u64,
-            hash: hash::section_hash(&chunks),
-            chunks,
-        }
+fn table(encoded: &Encoded<'_>, hashes: &SectionHashes) -> Vec<Section> {
+    let row = |(section, chunks): (&crate::kinds::SectionBytes<'_>, &Vec<[u8; 32]>)| Section {
+        name: section.name.to_string(),
+        element: section.element.name().to_owned(),
+        shape: section.shape.clone(),
+        offset: 0,
+        length: section.bytes.len() as u64,
+        hash: hash::section_hash(chunks),
+        chunks: chunks.clone(),
     };
-    encoded.sections.iter().map(row).collect()
+    encoded.sections.iter().zip(hashes.0.iter()).map(row).collect()
 }
 
 /// Gives each section the next aligned offset; the file's end, or `None` beyond `u64`.

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ivd_artefact::{
-    Artefact, Cache, CacheKey, ContentHash, Kind, Loaded, Lookup, Opened, Provenance, content_hash,
+    Artefact, Cache, CacheKey, ContentHash, Kind, Loaded, Lookup, Opened, Provenance, SectionHashes,
+    section_hashes,
 };
 use ivd_core::op::{self, Failure, Values};
 use ivd_core::{Backend, Exec, Fault, Faulty};
@@ -138,6 +139,8 @@ pub struct Done {
     pub hash: ContentHash,
     /// The file behind the value, where it came from the cache.
     pub file: Option<Arc<Opened>>,
+    /// Hashes of its sections, where it was made just now.
+    pub sections: Option<SectionHashes>,
     /// What was done.
     pub record: StageRecord,
 }
@@ -211,7 +214,8 @@ impl Runner<'_> {
                     let record = StageRecord { bytes_read, metrics, ..begun.clock.stop(record) };
                     let record = StageRecord { state: State::Cached, cached: true, ..record };
                     let artefact = Arc::new(entry.artefact);
-                    return Ok(Done { artefact, hash: entry.hash, file: Some(entry.file), record });
+                    let file = Some(entry.file);
+                    return Ok(Done { artefact, hash: entry.hash, file, sections: None, record });
                 }
                 Lookup::Absent => "nothing cached for these inputs and parameters".to_owned(),
                 Lookup::Unusable(reason) => format!("its cached entry can't be trusted: {reason}"),
@@ -264,11 +268,11 @@ impl Runner<'_> {
         product: Product,
     ) -> Result<Done, Error> {
         let Begun { clock, read_before, provenance, source_bytes, key } = begun;
-        let hash = self.exec.run(|| self.keep(&key, &product, &provenance))?;
+        let (hash, sections) = self.exec.run(|| self.keep(&key, &product, &provenance))?;
         let record = self.record(stage, &provenance, &product.artefact, hash, &key);
         let bytes_read = source_bytes + inputs.bytes_read() - read_before;
         let record = StageRecord { why, bytes_read, metrics: product.metrics, ..clock.stop(record) };
-        Ok(Done { artefact: Arc::new(product.artefact), hash, file: None, record })
+        Ok(Done { artefact: Arc::new(product.artefact), hash, file: None, sections: Some(sections), record })
     }
 
     fn look_up(&self, key: &CacheKey) -> Lookup<Loaded> {
@@ -324,18 +328,23 @@ impl Runner<'_> {
         Ok((!files.is_empty()).then(|| (ContentHash(*hasher.finalize().as_bytes()), bytes)))
     }
 
-    /// Puts a product into the cache and gives its content hash. A cache that can't be written to is only slow.
-    fn keep(&self, key: &CacheKey, product: &Product, provenance: &Provenance) -> Result<ContentHash, Error> {
+    /// Puts a product into the cache and gives its hashes. A cache that can't be written to is only slow.
+    fn keep(
+        &self,
+        key: &CacheKey,
+        product: &Product,
+        provenance: &Provenance,
+    ) -> Result<(ContentHash, SectionHashes), Error> {
         let metrics = Value::Object(product.metrics.figures.clone());
         match self.cache.put_with_metrics(key, &product.artefact, provenance, &metrics) {
-            Ok(Some(written)) => return Ok(written.hash),
+            Ok(Some(written)) => return Ok((written.hash, written.sections)),
             Ok(None) => {}
             Err(error) if error.fault() == Fault::Io => {
                 self.exec.observer().note(&format!("result not cached: {error}"));
             }
             Err(error) => return Err(error.into()),
         }
-        Ok(content_hash(&product.artefact)?)
+        Ok(section_hashes(&product.artefact)?)
     }
 
     fn record(

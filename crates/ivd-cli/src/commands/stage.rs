@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ivd_artefact::{Artefact, Cache, Provenance, write_with_metrics};
+use ivd_artefact::{Artefact, Cache, Provenance, write_again, write_with_metrics};
 use ivd_core::Faulty;
 use ivd_core::op::{self, Field, alternatives, fields};
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
@@ -101,7 +101,10 @@ pub(super) fn write_result(done: &Done, output: &Path, context: &Context) -> any
     }
     let provenance = provenance(&done.record)?;
     let metrics = serde_json::Value::Object(done.record.metrics.figures.clone());
-    let write = || write_with_metrics(output, &*done.artefact, &provenance, &metrics);
+    let write = || match &done.sections {
+        Some(sections) => write_again(output, &*done.artefact, &provenance, &metrics, sections),
+        None => write_with_metrics(output, &*done.artefact, &provenance, &metrics),
+    };
     context.exec.run(write).map_err(|e| placed(e, output))?;
     Ok(())
 }
