@@ -141,8 +141,8 @@ pub(crate) fn component_roots(lattice: &Lattice) -> Vec<u32> {
 /// Area (mm²), enclosed volume (mm³), degenerate triangles.
 fn extent(lattice: &Lattice) -> (f64, f64, u64) {
     let voxels: Vec<Vector3<f64>> =
-        (0..lattice.keys.len()).into_par_iter().map(|v| lattice.voxel(v).0).collect();
-    let linear = lattice.grid.linear_part();
+        (0..lattice.keys().len()).into_par_iter().map(|v| lattice.voxel(v).0).collect();
+    let linear = lattice.grid().linear_part();
     let positions: Vec<Vector3<f64>> = voxels.par_iter().map(|voxel| linear * voxel).collect();
     let centre = middle(&positions);
     let pieces: Vec<(f64, f64, u64)> = lattice
