@@ -94,6 +94,13 @@ fn only_the_program_prints() {
 
 #[test]
 fn stage_crates_need_exactly_what_the_architecture_says() {
+    for (path, text) in sources(".rs") {
+        let (name, declares) = (crate_of(&path), text.contains("STAGE: Stage = Stage {"));
+        assert!(
+            !declares || STAGES.iter().any(|(known, _)| *known == name),
+            "STAGES doesn't tell what {name} may need"
+        );
+    }
     for (name, needed) in STAGES {
         let text = std::fs::read_to_string(root().join("crates").join(name).join("Cargo.toml")).unwrap();
         let dependencies = text.split("[dependencies]").nth(1).unwrap().split("\n[").next().unwrap();

@@ -1,6 +1,5 @@
 //! The commands of the stages of the list: made from what their methods declare, as the scene's sections are.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
@@ -286,13 +285,13 @@ fn keys(field: Field<'_>) -> String {
     };
     let shared: Vec<String> =
         own(all[0]).into_iter().filter(|key| all.iter().all(|one| own(one).contains(key))).collect();
-    let mut text = format!(". Keys: {}", shared.join(", "));
+    let mut parts: Vec<String> = (!shared.is_empty()).then(|| shared.join(", ")).into_iter().collect();
     for one in all {
         let Some((key, word)) = fields(one).find_map(word) else { continue };
         let own: Vec<String> = own(one).into_iter().filter(|key| !shared.contains(key)).collect();
-        let _ = write!(text, "; {key}={word}: {}", own.join(", "));
+        parts.push(format!("{key}={word}: {}", own.join(", ")));
     }
-    text
+    format!(". Keys: {}", parts.join("; "))
 }
 
 fn first_sentence(text: &str) -> &str {
@@ -495,6 +494,13 @@ pub(crate) fn with_truths(words: impl Iterator<Item = std::ffi::OsString>) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn help_lists_every_stage_where_data_flow_through_it() {
+        for stage in list::STAGES {
+            assert!(ORDER.contains(&stage.name), "ORDER has no place for {}", stage.name);
+        }
+    }
 
     #[test]
     fn every_flag_is_a_key_an_input_the_output_or_on_the_list() {

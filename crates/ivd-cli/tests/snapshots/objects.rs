@@ -160,7 +160,7 @@ fn no_command_is_without_an_object() {
         let begins = |line: &str| {
             line.strip_prefix(command.as_str()).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
         };
-        assert!(COMMANDS.iter().any(|(_, line)| begins(line)), "{command}");
+        assert!(COMMANDS.iter().any(|(_, line)| begins(line)), "COMMANDS has no line that runs {command}");
     }
 }
 

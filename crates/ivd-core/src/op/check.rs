@@ -270,8 +270,10 @@ fn wrong(value: &Json, schema: &Json, unit: &str) -> ParamError {
     }
     let range = domain(schema, unit);
     let range = if range.is_empty() { range } else { format!(", {range}") };
+    // A number in quotes looks like one without them.
+    let quote = if value.is_string() && !wanted.contains(&"a word") { "\"" } else { "" };
     ParamError::at_itself(
-        format!("{}{of_unit}", plain(value)),
+        format!("{quote}{}{quote}{of_unit}", plain(value)),
         format!("give {}{range}", wanted.join(" or ")),
     )
 }

@@ -119,7 +119,8 @@ pub struct Place {
     pub empty: &'static [&'static str],
     /// Slots that are filled with a value of another name, with that name.
     pub from: &'static [(&'static str, &'static str)],
-    /// Whether it has nothing to do where no other reads its value.
+    /// Whether it has nothing to do where no other place of the scene reads its value; a value that an output may be made from stays
+    /// something to do.
     pub for_readers: bool,
     /// Why it isn't needed where no other reads its value.
     pub unread: &'static str,
@@ -178,7 +179,8 @@ pub struct Stage {
     pub positional: &'static [&'static str],
     /// Its uses in a scene, in the order in which they run.
     pub places: &'static [Place],
-    /// Whether a scene that gives it nothing to do doesn't tell of it.
+    /// Whether a scene that gives it nothing to do doesn't tell of it: for a stage that few scenes have, whose job says that it is idle
+    /// ([`Op::idle`]) or whose place is [for readers](Place::for_readers).
     pub quiet: bool,
 }
 

@@ -13,6 +13,15 @@
 //!   `extend("x-unless" = "boundary.class")` is;
 //! - `extend("x-how" = true)` that it says how the work is done and not what comes of it: left out of cache keys.
 //!
+//! - `extend("x-knob" = "accuracy")` that it trades time for exactness: told in the schema.
+//!
+//! A field may be a number, a boolean, a list, or of a type that derives `JsonSchema`: a word of several is an enum
+//! (`#[serde(rename_all = "lowercase")]`), a list of entries by kind a `Vec` of an enum with `#[serde(tag = "kind")]`, as
+//! `[[space.step]]` is, a map by class a `BTreeMap<u16, T>` of structs, whose fields have unit and range (a map has neither), read by
+//! `deserialize_with = "ivd_core::op::by_class"` where it lies in something flattened. What can't be done without is an `Option` that
+//! [`Op::check_together`] asks for. A new field changes the parameters that a cache key is made of: what is kept of the method is made
+//! again, so that `REVISION` need not be raised for it.
+//!
 //! A figure has `extend("x-headline" = 1)` where it is the first that a person wants, `2` the second, and `"x-time" = true` where it is a
 //! time or a rate of one run.
 //!

@@ -74,6 +74,20 @@ fn every_number_has_a_unit() {
 }
 
 #[test]
+fn values_by_class_have_a_unit_and_a_range_of_their_own() {
+    all_fields(&mut |place, field| {
+        let values = alternatives(field.schema).into_iter().filter_map(map_values);
+        for value in values.flat_map(alternatives) {
+            assert_eq!(
+                kind(value),
+                "object",
+                "{place}: a struct of the value, whose field says unit and range"
+            );
+        }
+    });
+}
+
+#[test]
 fn every_default_lies_in_its_range() {
     for (stage, method) in methods() {
         for field in fields((method.schema)()) {
@@ -95,12 +109,16 @@ fn chosen(stage: &'static Stage, method: &Method) -> Map<String, Json> {
         keys.insert(stage.selector.to_owned(), json!(method.name));
     }
     let schema = (method.schema)();
-    for field in fields(schema) {
-        match Section::parse(stage, Some(keys.clone())) {
-            Err(problem) if problem.field == field.name => {
-                keys.insert(field.name.to_owned(), others(field).pop().unwrap());
+    let refused = |keys: &Map<String, Json>| Section::parse(stage, Some(keys.clone())).err().map(|e| e.field);
+    // One after another, and of each the first value that goes with those before.
+    for _ in fields(schema) {
+        let Some(missing) = refused(&keys) else { break };
+        let Some(field) = fields(schema).find(|field| field.name == missing) else { break };
+        for value in others(field) {
+            keys.insert(missing.clone(), value);
+            if refused(&keys).as_ref() != Some(&missing) {
+                break;
             }
-            _ => {}
         }
     }
     keys
