@@ -18,7 +18,7 @@
 //! let mesh = read_bytes(Format::Obj, text.as_bytes(), u64::MAX)?;
 //! let grid = Grid::with_spacing([4; 3], [1.0; 3])?;
 //! let foreign = lattice(&mesh, &grid, &ForeignParams::default(), &Exec::default())?;
-//! assert_eq!((foreign.lattice.keys.len(), foreign.flipped), (4, 2));
+//! assert_eq!((foreign.lattice.keys().len(), foreign.flipped), (4, 2));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
