@@ -19,6 +19,10 @@ pub(super) fn leaf_triangles(lattice: &Lattice, depth: u8, leaf_bits: u32) -> Ve
     const CHUNK: usize = 1 << 12;
     let cells =
         Cells { size: f64::from(1_u32 << leaf_bits), last: (1_u32 << (u32::from(depth) - leaf_bits)) - 1 };
+    let places: Vec<Vector3<f64>> = (0..lattice.keys().len())
+        .into_par_iter()
+        .map(|vertex| lattice.voxel(vertex).0.add_scalar(SHIFT))
+        .collect();
     let mut pairs: Vec<(u64, u32)> = lattice
         .triangles()
         .par_chunks(CHUNK)
@@ -26,7 +30,7 @@ pub(super) fn leaf_triangles(lattice: &Lattice, depth: u8, leaf_bits: u32) -> Ve
         .flat_map_iter(|(chunk, triangles)| {
             let mut pairs = Vec::with_capacity(2 * triangles.len());
             for (i, triangle) in triangles.iter().enumerate() {
-                let corners = triangle.map(|v| lattice.voxel(v as usize).0.add_scalar(SHIFT));
+                let corners = triangle.map(|v| places[v as usize]);
                 let index = (chunk * CHUNK + i) as u32;
                 cells.visit(&corners, |cell| pairs.push((morton::encode(cell), index)));
             }
