@@ -78,7 +78,7 @@ pub enum Addresses {
 /// A lattice made of a mesh, and what had to be done to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Foreign {
-    /// The lattice, of the source [`LatticeSource::Foreign`].
+    /// The lattice, of the source [`ivd_core::LatticeSource::Foreign`].
     pub lattice: Lattice,
     /// Whether the mesh's own addresses were taken.
     pub addresses: Addresses,
