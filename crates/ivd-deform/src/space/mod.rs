@@ -35,7 +35,7 @@
 //!     core: 0.25,
 //! });
 //! let made = space::displace(&grid, &[push], &Start::default(), &Exec::default())?;
-//! assert_eq!(made.displacement.forward.at(VoxelIndex([16; 3])), [0.0, 0.0, 3.0]);
+//! assert_eq!(made.displacement.forward().at(VoxelIndex([16; 3])), [0.0, 0.0, 3.0]);
 //! assert!(made.min_det_j > 0.0 && made.inverse_residual_max_voxel < 1e-3);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

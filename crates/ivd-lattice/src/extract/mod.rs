@@ -29,7 +29,7 @@
 //! voxels[13] = 200;
 //! let volume = Volume::new(grid, Voxels::from(voxels))?;
 //! let cut = extract(&volume, None, &ExtractParams { iso: Iso::Value(100.0) }, &Exec::default())?;
-//! assert_eq!((cut.lattice.keys.len(), cut.lattice.triangles.len()), (6, 8)); // an octahedron around one voxel
+//! assert_eq!((cut.lattice.keys().len(), cut.lattice.triangles().len()), (6, 8)); // an octahedron around one voxel
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -109,16 +109,12 @@ fn chosen(stage: &'static Stage, method: &Method) -> Map<String, Json> {
         keys.insert(stage.selector.to_owned(), json!(method.name));
     }
     let schema = (method.schema)();
-    let refused = |keys: &Map<String, Json>| Section::parse(stage, Some(keys.clone())).err().map(|e| e.field);
-    // One after another, and of each the first value that goes with those before.
-    for _ in fields(schema) {
-        let Some(missing) = refused(&keys) else { break };
-        let Some(field) = fields(schema).find(|field| field.name == missing) else { break };
-        for value in others(field) {
-            keys.insert(missing.clone(), value);
-            if refused(&keys).as_ref() != Some(&missing) {
-                break;
+    for field in fields(schema) {
+        match Section::parse(stage, Some(keys.clone())) {
+            Err(problem) if problem.field == field.name => {
+                keys.insert(field.name.to_owned(), others(field).pop().unwrap());
             }
+            _ => {}
         }
     }
     keys

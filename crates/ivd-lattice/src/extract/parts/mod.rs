@@ -20,8 +20,8 @@
 //! let labels = Labels::new(Grid::with_spacing([2, 1, 1], [1.0; 3])?, vec![3_u16, 5].into(), Vec::new())?;
 //! let parts = extract_parts(&labels, &[3, 5], &Exec::default())?;
 //! // Six vertices round each voxel, and eight where both meet the outside: on four faces, in four cells.
-//! assert!(parts.iter().all(|part| part.lattice.keys.len() == 14));
-//! let shared = parts[0].lattice.keys.iter().filter(|key| parts[1].lattice.vertex_at(**key).is_some());
+//! assert!(parts.iter().all(|part| part.lattice.keys().len() == 14));
+//! let shared = parts[0].lattice.keys().iter().filter(|key| parts[1].lattice.vertex_at(**key).is_some());
 //! assert_eq!(shared.count(), 9);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
