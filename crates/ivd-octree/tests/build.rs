@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "test values are sound")]
 
-use ivd_core::{Exec, Grid, Lattice, LatticeSource, Octree, OctreeNode};
+use ivd_core::{Exec, Grid, Lattice, Octree, OctreeNode};
 use ivd_octree::{Error, Params, build, inside};
 use ivd_volume::phantom::Shape;
 use nalgebra::Vector3;
 
-use crate::lattices::{grids, of_mask, of_volume, phantom, random_mask};
+use crate::lattices::{empty, grids, of_mask, of_volume, phantom, random_mask};
 
 fn samples() -> Vec<Lattice> {
     let mut all: Vec<Lattice> = grids([9, 8, 12]).iter().map(|g| of_mask(&random_mask(g, 1, 20))).collect();
@@ -115,14 +115,7 @@ fn touches(octree: &Octree, point: Vector3<f64>, triangle: u32) {
 
 #[test]
 fn an_empty_lattice_is_one_leaf_outside() {
-    let lattice = Lattice::new(
-        Grid::with_spacing([3, 4, 5], [1.0; 3]).unwrap(),
-        Vec::new().into(),
-        Vec::new().into(),
-        Vec::new().into(),
-    )
-    .unwrap()
-    .with_source(LatticeSource::Mask);
+    let lattice = empty();
     let octree = tree(&lattice, 4);
     assert_eq!((octree.nodes().len(), octree.node(0), octree.depth()), (1, OctreeNode::Outside, 3));
 }

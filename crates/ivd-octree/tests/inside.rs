@@ -2,11 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "test values are sound")]
 
-use ivd_core::{Exec, Fault, Faulty, Grid, Lattice, LatticeSource, Mask, Volume, VoxelIndex, Voxels, noise};
+use ivd_core::{Exec, Fault, Faulty, Grid, Lattice, Mask, Volume, VoxelIndex, Voxels, noise};
 use ivd_octree::{Error, inside};
 use ivd_volume::phantom::Shape;
 
-use crate::lattices::{grids, of_mask, of_volume, phantom, random_mask};
+use crate::lattices::{empty, grids, of_mask, of_volume, phantom, random_mask};
 
 fn count_differences(lattice: &Lattice, truth: &[u8]) -> usize {
     let found = inside(lattice, &Exec::default()).expect("extracted lattices are closed");
@@ -53,14 +53,7 @@ fn specks_and_shells_of_one_voxel_are_kept_apart() {
 
 #[test]
 fn an_empty_lattice_has_nothing_inside() {
-    let lattice = Lattice::new(
-        Grid::with_spacing([3, 4, 5], [1.0; 3]).unwrap(),
-        Vec::new().into(),
-        Vec::new().into(),
-        Vec::new().into(),
-    )
-    .unwrap()
-    .with_source(LatticeSource::Mask);
+    let lattice = empty();
     assert_eq!(inside(&lattice, &Exec::default()).unwrap().count(), 0);
 }
 

@@ -26,6 +26,9 @@ impl AddAssign for LinkCounts {
     }
 }
 
+/// More triangles than this round a vertex aren't looked at for a ring: that compares each with each.
+const MOST_IN_RING: usize = 16;
+
 /// Scratch for one vertex's link after another.
 #[derive(Debug, Default)]
 pub(crate) struct Link {
@@ -87,7 +90,11 @@ impl Link {
     /// there is nothing to count but edges, and each neighbour begins one side of the link.
     fn is_ring(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) -> bool {
         self.sides.clear();
-        for &t in stars.of(v as usize) {
+        let star = stars.of(v as usize);
+        if star.len() > MOST_IN_RING {
+            return false;
+        }
+        for &t in star {
             let [a, b, c] = triangles[t as usize];
             let side = if a == v {
                 [b, c]

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "test values are sound")]
 
-use ivd_core::{Exec, Grid, Lattice, Mask, Volume, Voxels, noise};
+use ivd_core::{Exec, Grid, Lattice, LatticeSource, Mask, Volume, Voxels, noise};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_volume::phantom::{Params, Shape, generate};
 
@@ -15,6 +15,13 @@ pub(crate) fn grids(dims: [usize; 3]) -> [Grid; 3] {
         Grid::new(dims, [0.3, 0.7, 5.0], [-4.0, 90.0, 1e6], left).unwrap(),
         Grid::new(dims, [1.0, 0.5, 2.0], [1e5, 0.0, 3.0], sheared).unwrap(),
     ]
+}
+
+/// A lattice without vertices.
+pub(crate) fn empty() -> Lattice {
+    let grid = Grid::with_spacing([3, 4, 5], [1.0; 3]).unwrap();
+    let none = Lattice::new(grid, Vec::new().into(), Vec::new().into(), Vec::new().into());
+    none.unwrap().with_source(LatticeSource::Mask)
 }
 
 /// Random bits, `percent` of them 1.

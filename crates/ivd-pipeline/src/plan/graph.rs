@@ -5,7 +5,7 @@ use ivd_volume::{RawLayout, ReadOptions, phantom};
 
 use crate::list::STAGES;
 use crate::scene::{InputSection, Loaded, Picture, Scene};
-use crate::stages::{Import, ImportSource};
+use crate::stages::{IMPORT, Import, ImportSource};
 use crate::{Error, Stage};
 
 /// A place of a pipeline: a stage and which of its uses it is.
@@ -19,7 +19,7 @@ pub struct NodeId {
 
 impl NodeId {
     /// The volume's.
-    pub const IMPORT: Self = Self { stage: "import", variant: "" };
+    pub const IMPORT: Self = Self { stage: IMPORT, variant: "" };
 
     /// The place that a stage of the list is named by.
     pub const fn of(stage: &op::Stage) -> Self {
@@ -32,10 +32,10 @@ impl NodeId {
     }
 }
 
-/// Nobody asks for what a place gives.
-const UNASKED: &str = "no output needs it";
 /// What the import gives.
 const VOLUME: Place = Place::only("volume");
+/// Nobody asks for what a place gives.
+const UNASKED: &str = VOLUME.unread;
 /// Output files that are named otherwise than the value that they hold.
 const RENAMED: [(&str, &str); 2] = [("volume", "deformed"), ("lattice_deformed", "motion")];
 /// The output of what a lattice is refined from.
