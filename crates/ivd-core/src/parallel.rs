@@ -170,7 +170,13 @@ pub fn try_for_each_piece_mut<T: Send, E: Send>(
     try_for_each(parts.len(), &|i| work(i, &mut locked(&parts[i])))
 }
 
-/// As [`try_for_each_piece_mut`], and what comes of every piece, in their order.
+/// As [`for_each_piece_mut`], and what comes of every piece, in their order.
+pub fn map_pieces_mut<T: Send, R: Send>(out: &mut [T], size: usize, work: &OnPiece<'_, T, R>) -> Vec<R> {
+    let parts: Vec<Mutex<&mut [T]>> = out.chunks_mut(size).map(Mutex::new).collect();
+    map(parts.len(), &|i| work(i, &mut locked(&parts[i])))
+}
+
+/// As [`map_pieces_mut`], until one fails.
 ///
 /// # Errors
 /// As [`try_for_each`].

@@ -1,5 +1,4 @@
-use ivd_core::Exec;
-use rayon::prelude::*;
+use ivd_core::{Exec, parallel};
 
 use crate::camera::{Camera, Ray};
 use crate::cast::Cast;
@@ -50,17 +49,17 @@ pub(crate) fn tiles(
     exec.check_memory("picture", (32 * width * height) as u64)?;
     exec.observer().begin("render", count as u64);
     let mut tiles = vec![Tile::default(); count];
-    tiles.par_iter_mut().enumerate().try_for_each(|(i, tile)| {
+    parallel::try_for_each_piece_mut(&mut tiles, 1, &|i, tile| {
         exec.check_cancelled()?;
-        tile.cast(camera, [i % across * TILE, i / across * TILE], &cast);
+        tile[0].cast(camera, [i % across * TILE, i / across * TILE], &cast);
         exec.observer().advance("render", 1);
         Ok::<_, ivd_core::Error>(())
     })?;
     exec.observer().end("render");
     let mut rgba = vec![[0.0; 4]; width * height];
-    rgba.par_chunks_mut(width * TILE).zip(tiles.par_chunks(across)).for_each(|(band, tiles)| {
+    parallel::for_each_piece_mut(&mut rgba, width * TILE, &|i, band| {
         for (y, row) in band.chunks_mut(width).enumerate() {
-            for (pixels, tile) in row.chunks_mut(TILE).zip(tiles) {
+            for (pixels, tile) in row.chunks_mut(TILE).zip(&tiles[i * across..]) {
                 pixels.copy_from_slice(&tile.rgba[y * TILE..][..pixels.len()]);
             }
         }

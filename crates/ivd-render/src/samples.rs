@@ -8,8 +8,10 @@
 
 use std::borrow::Cow;
 
-use ivd_core::{Error, Exec, Scalar, Volume, Voxels, with_voxels};
-use rayon::prelude::*;
+use ivd_core::{Error, Exec, Scalar, Volume, Voxels, parallel, with_voxels};
+
+/// Voxels that are converted at a time.
+const PIECE: usize = 1 << 16;
 
 /// A voxel type with a sampling kernel of its own; the others are converted to `f32` once.
 pub(crate) trait Stored: Scalar {
@@ -49,7 +51,13 @@ pub(crate) fn fast<'a>(volume: &'a Volume, exec: &Exec) -> Result<(Fast<'a>, f64
             exec.check_memory("voxels converted for rendering", 4 * wide.len() as u64)?;
             let shift = volume.bricks().total().map_or(0.0, |(lo, hi)| 0.5 * (f64::from(lo) + f64::from(hi)));
             let converted: Vec<f32> = with_voxels!(wide, stored => {
-                stored.par_iter().map(|v| (v.to_f64() - shift) as f32).collect()
+                let mut converted = vec![0.0; stored.len()];
+                parallel::for_each_piece_mut(&mut converted, PIECE, &|i, out| {
+                    for (out, v) in out.iter_mut().zip(&stored[i * PIECE..]) {
+                        *out = (v.to_f64() - shift) as f32;
+                    }
+                });
+                converted
             });
             (Fast::F32(Cow::Owned(converted)), shift)
         }

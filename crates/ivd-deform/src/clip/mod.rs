@@ -31,7 +31,7 @@ mod region;
 
 use ivd_core::op::{Failure, Fill, Values, unfit};
 use ivd_core::{
-    Displacement, Exec, Grid, Kind, Labels, Mask, NO_DATA, ParamError, Scalar, Value as _, Volume,
+    Displacement, Exec, Grid, Kind, Labels, Mask, NO_DATA, ParamError, Scalar, Value as _, Volume, parallel,
     with_voxels,
 };
 use rayon::prelude::*;
@@ -235,10 +235,9 @@ fn run<T: Scalar>(
 ) -> Result<(Vec<T>, Counts), Error> {
     let [nx, ny, nz] = region.dims();
     let mut out = vec![T::default(); voxels.len()];
-    let slabs = out.par_chunks_mut(8 * nx * ny).zip(voxels.par_chunks(8 * nx * ny)).enumerate();
-    let counts = slabs.map(|(bz, (out, voxels))| {
+    let counts = parallel::try_map_pieces_mut(&mut out, 8 * nx * ny, &|bz, out| {
         exec.check_cancelled()?;
-        out.copy_from_slice(voxels);
+        out.copy_from_slice(&voxels[8 * nx * ny * bz..][..out.len()]);
         let mut counts = Counts::default();
         for (by, bx) in (0..ny.div_ceil(8)).flat_map(|by| (0..nx.div_ceil(8)).map(move |bx| (by, bx))) {
             let part = if exec.skip { region.brick([bx, by, bz]) } else { Part::Some };
@@ -258,9 +257,8 @@ fn run<T: Scalar>(
                 }
             }
         }
-        Ok(counts)
-    });
-    let counts: Vec<Counts> = counts.collect::<Result<_, Error>>()?;
+        Ok::<_, Error>(counts)
+    })?;
     let sum = |a: Counts, b: Counts| Counts { clipped: a.clipped + b.clipped, bricks: a.bricks + b.bricks };
     Ok((out, counts.into_iter().fold(Counts::default(), sum)))
 }

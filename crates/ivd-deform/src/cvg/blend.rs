@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use ivd_core::{Exec, Scalar, VoxelType};
-use rayon::prelude::*;
+use ivd_core::{Exec, Scalar, VoxelType, parallel};
 
 use super::read::{Read, Row, SIDE};
 use super::{Counts, Op};
@@ -18,12 +17,10 @@ pub(super) fn run<T: Scalar>(
 ) -> Result<(Vec<T>, Counts), Error> {
     let [nx, ny, _] = reads[0].volume.grid().dims();
     let mut out = vec![T::default(); a.len()];
-    let slabs = out.par_chunks_mut(SIDE * nx * ny).enumerate();
-    let counts = slabs.map(|(bz, out)| {
+    let counts = parallel::try_map_pieces_mut(&mut out, SIDE * nx * ny, &|bz, out| {
         exec.check_cancelled()?;
-        Ok(slab(a, reads, op, exec.skip, bz, out))
-    });
-    let counts: Vec<Counts> = counts.collect::<Result<_, Error>>()?;
+        Ok::<_, Error>(slab(a, reads, op, exec.skip, bz, out))
+    })?;
     Ok((out, counts.into_iter().sum()))
 }
 

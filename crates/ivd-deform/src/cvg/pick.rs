@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use ivd_core::{Class, Exec, Grid, Labels, Scalar};
+use ivd_core::{Class, Exec, Grid, Labels, Scalar, parallel};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -21,8 +21,7 @@ pub(super) fn run<T: Scalar>(
 ) -> Result<(Vec<T>, Counts), Error> {
     let [nx, ny, _] = grid.dims();
     let mut out = vec![T::default(); grid.len()];
-    let slabs = out.par_chunks_mut(SIDE * nx * ny).enumerate();
-    let counts = slabs.map(|(bz, out)| {
+    let counts = parallel::try_map_pieces_mut(&mut out, SIDE * nx * ny, &|bz, out| {
         exec.check_cancelled()?;
         let mut slabs = voxels.iter().zip(places).map(|(voxels, place)| slab(grid, voxels, place, bz, exec));
         let first = slabs.next().expect("checked: there are two operands or more");
@@ -33,9 +32,8 @@ pub(super) fn run<T: Scalar>(
             }
         }
         let changed = out.iter().zip(&*first).filter(|(a, b)| a != b).count() as u64;
-        Ok(Counts { changed, bricks: (nx.div_ceil(SIDE) * ny.div_ceil(SIDE)) as u64 })
-    });
-    let counts: Vec<Counts> = counts.collect::<Result<_, Error>>()?;
+        Ok::<_, Error>(Counts { changed, bricks: (nx.div_ceil(SIDE) * ny.div_ceil(SIDE)) as u64 })
+    })?;
     Ok((out, counts.into_iter().sum()))
 }
 

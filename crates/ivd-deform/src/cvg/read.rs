@@ -2,9 +2,8 @@
 
 use std::borrow::Cow;
 
-use ivd_core::{Displacement, Exec, Grid, NO_BRICK, Scalar, Volume, with_voxels};
+use ivd_core::{Displacement, Exec, Grid, NO_BRICK, Scalar, Volume, parallel, with_voxels};
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
 
 use super::Operand;
 use super::params::Window;
@@ -123,14 +122,15 @@ impl<'a> Read<'a> {
         let none = [f64::INFINITY, f64::NEG_INFINITY];
         let join = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
         let [lo, hi] = with_voxels!(self.volume.voxels(), slice => {
-            let slabs = (0..self.dims[2].div_ceil(SIDE)).into_par_iter().map(|bz| {
+            parallel::try_map(parallel::pieces(self.dims[2], SIDE), &|bz| {
                 exec.check_cancelled()?;
                 let slab = self.slab(slice, bz);
                 let data = slab.iter().filter(|v| v.is_data());
-                Ok(data.fold(none, |all, v| join(all, [v.to_f64(); 2])))
-            });
-            slabs.try_reduce(|| none, |a, b| Ok::<_, Error>(join(a, b)))?
-        });
+                Ok::<_, Error>(data.fold(none, |all, v| join(all, [v.to_f64(); 2])))
+            })?
+        })
+        .into_iter()
+        .fold(none, join);
         let [a, b] = [lo, hi].map(|stored| self.volume.real(stored));
         Ok((lo <= hi).then_some([a.min(b), a.max(b)]))
     }

@@ -2,10 +2,10 @@
 
 use ivd_core::op::Op as _;
 use ivd_core::{
-    Displacement, Exec, FieldBricks, Grid, Scalar, Volume, VoxelCoord, VoxelIndex, Voxels, with_voxels,
+    Displacement, Exec, FieldBricks, Grid, Scalar, Volume, VoxelCoord, VoxelIndex, Voxels, parallel,
+    with_voxels,
 };
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use super::row::{LANES, Rows};
 use super::sample::Source;
@@ -129,14 +129,14 @@ impl Job<'_> {
         let rows = Rows::new(&source, grid, self.simd);
         let layer = brick_dims[0] * brick_dims[1];
         let slab = FieldBricks::SIDE * nx * ny;
-        let slabs = out.par_chunks_mut(slab).zip(voxels.par_chunks(slab)).enumerate();
-        let counts = slabs.map(|(bz, (out, voxels))| {
+        let counts = parallel::map_pieces_mut(out, slab, &|bz, out| {
+            let voxels = &voxels[slab * bz..][..out.len()];
             let first = self.bricks.partition_point(|b| *b < layer * bz);
             let end = self.bricks.partition_point(|b| *b < layer * (bz + 1));
             let bricks = self.bricks[first..end].iter();
             bricks.map(|&brick| self.brick(&rows, &source, grid, brick, voxels, out)).sum::<u64>()
         });
-        counts.sum()
+        counts.iter().sum()
     }
 
     /// One brick of a slab; how many of its voxels were computed.

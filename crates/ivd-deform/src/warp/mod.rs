@@ -20,7 +20,8 @@ mod stage;
 
 use ivd_core::op::Op as _;
 use ivd_core::{
-    Displacement, Exec, FieldBricks, Grid, NO_BRICK, Scalar, Volume, VoxelCoord, VoxelIndex, with_voxels,
+    Displacement, Exec, FieldBricks, Grid, NO_BRICK, Scalar, Volume, VoxelCoord, VoxelIndex, parallel,
+    with_voxels,
 };
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -146,11 +147,16 @@ fn resample_still<T: Scalar>(
     out: &mut [T],
 ) {
     let (grid, vacated) = (displacement.grid(), displacement.vacated());
-    out.par_iter_mut().enumerate().for_each(|(i, value)| {
-        let at = grid.index(i);
-        let still = displacement.inverse().at(at) == [0.0; 3] && vacated.get(i).is_none_or(|&v| v == 0);
-        if let Some(sampled) = still.then(|| source.sample(VoxelCoord::from(at).0.into(), order)).flatten() {
-            *value = T::from_f64(sampled);
+    let [nx, ny, _] = grid.dims();
+    parallel::for_each_piece_mut(out, nx * ny, &|z, slice| {
+        for (i, value) in slice.iter_mut().enumerate() {
+            let at = VoxelIndex([i % nx, i / nx, z]);
+            let left = vacated.get(i + nx * ny * z).is_some_and(|&v| v != 0);
+            let still = displacement.inverse().at(at) == [0.0; 3] && !left;
+            let sampled = still.then(|| source.sample(VoxelCoord::from(at).0.into(), order)).flatten();
+            if let Some(sampled) = sampled {
+                *value = T::from_f64(sampled);
+            }
         }
     });
 }
@@ -165,15 +171,11 @@ fn for_each_moved<T: Send>(
     value: impl Fn(VoxelIndex, Option<[f64; 3]>) -> T + Sync,
 ) -> Result<u64, Error> {
     let [nx, ny, _] = grid.dims();
-    let slices: Result<Vec<u64>, Error> = out
-        .par_chunks_mut(nx * ny)
-        .enumerate()
-        .map(|(z, slice)| {
-            exec.check_cancelled()?;
-            Ok(moved_slice(grid, displacement, z, slice, &value))
-        })
-        .collect();
-    Ok(slices?.iter().sum())
+    let counts = parallel::try_map_pieces_mut(out, nx * ny, &|z, slice| {
+        exec.check_cancelled()?;
+        Ok::<_, Error>(moved_slice(grid, displacement, z, slice, &value))
+    })?;
+    Ok(counts.iter().sum())
 }
 
 /// The same for slice `z` alone.
@@ -207,14 +209,13 @@ fn linear_by_bricks<T: Scalar>(
     let field = displacement.inverse();
     let [nx, ny, _] = field.dims();
     let mut out = vec![T::default(); rows.voxels().len()];
-    let slabs = out.par_chunks_mut(SIDE * nx * ny).zip(rows.voxels().par_chunks(SIDE * nx * ny)).enumerate();
-    let counts: Result<Vec<u64>, Error> = slabs
-        .map(|(bz, (out, voxels))| {
-            exec.check_cancelled()?;
-            Ok(linear_slab(rows, displacement, bz, voxels, out, &value))
-        })
-        .collect();
-    Ok((out, counts?.iter().sum()))
+    let slab = SIDE * nx * ny;
+    let counts = parallel::try_map_pieces_mut(&mut out, slab, &|bz, out| {
+        exec.check_cancelled()?;
+        let voxels = &rows.voxels()[slab * bz..][..out.len()];
+        Ok::<_, Error>(linear_slab(rows, displacement, bz, voxels, out, &value))
+    })?;
+    Ok((out, counts.iter().sum()))
 }
 
 /// The same for slab `bz`, eight slices, alone.

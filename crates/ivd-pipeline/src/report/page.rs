@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use ivd_artefact::Artefact;
-use ivd_core::{Exec, Image, Scalar, TransferFunction, Value as _, Volume, srgb, with_voxels};
+use ivd_core::{Exec, Image, Scalar, TransferFunction, Value as _, Volume, parallel, srgb, with_voxels};
 use ivd_deform::certificate::Histogram;
 use ivd_deform::map::MapFigures;
 use ivd_deform::space::SpaceFigures;
@@ -14,7 +14,6 @@ use ivd_deform::{deform, map, space, warp};
 use ivd_lattice::extract::{self, LatticeFigures};
 use ivd_lattice::refine::{self, RefineFigures};
 use ivd_segment::{AnyFigures, ClassFigures, Figures};
-use rayon::prelude::*;
 use serde_json::Value;
 
 use super::Material;
@@ -356,18 +355,17 @@ fn value_histogram(
 fn count_values(volume: &Volume, range: [f64; 2]) -> Vec<u64> {
     let scale = if range[1] > range[0] { BINS as f64 / (range[1] - range[0]) } else { 0.0 };
     with_voxels!(volume.voxels(), slice => {
-        slice
-            .par_chunks(1 << 18)
-            .map(|chunk| {
-                let mut counts = vec![0_u64; BINS];
-                for value in chunk.iter().filter(|v| v.is_data()) {
-                    let bin = (volume.real(value.to_f64()) - range[0]) * scale;
-                    counts[(bin as usize).min(BINS - 1)] += 1;
-                }
-                counts
-            })
-            .reduce(|| vec![0; BINS], |a, b| a.iter().zip(&b).map(|(x, y)| x + y).collect())
+        parallel::map_pieces(slice.len(), 1 << 18, &|piece| {
+            let mut counts = vec![0_u64; BINS];
+            for value in slice[piece].iter().filter(|v| v.is_data()) {
+                let bin = (volume.real(value.to_f64()) - range[0]) * scale;
+                counts[(bin as usize).min(BINS - 1)] += 1;
+            }
+            counts
+        })
     })
+    .into_iter()
+    .fold(vec![0; BINS], |a, b| a.iter().zip(&b).map(|(x, y)| x + y).collect())
 }
 
 /// Colour of a value in the transfer function, for a page; grey where there is none.

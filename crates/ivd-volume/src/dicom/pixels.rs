@@ -1,5 +1,4 @@
-use ivd_core::{Exec, Scalar, Voxels};
-use rayon::prelude::*;
+use ivd_core::{Exec, Scalar, Voxels, parallel};
 
 use super::element;
 use super::header::{Bits, Slice};
@@ -66,16 +65,12 @@ fn each<T: Send>(
     work: impl Fn(&Slice, &mut [T]) -> Result<(), Error> + Sync,
 ) -> Result<(), Error> {
     exec.observer().begin("read", slices.len() as u64);
-    let results: Vec<Result<(), Error>> = values
-        .par_chunks_mut(pixels)
-        .zip(slices)
-        .map(|(out, slice)| {
-            exec.check_cancelled()?;
-            work(slice, out)?;
-            exec.observer().advance("read", 1);
-            Ok(())
-        })
-        .collect();
+    let results = parallel::try_map_pieces_mut(values, pixels, &|i, out| {
+        exec.check_cancelled()?;
+        let result = work(&slices[i], out);
+        exec.observer().advance("read", 1);
+        Ok::<_, Error>(result)
+    })?;
     exec.observer().end("read");
     results.into_iter().collect()
 }

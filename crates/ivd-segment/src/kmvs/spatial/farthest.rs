@@ -19,8 +19,7 @@ pub(super) fn farthest<T: Scalar>(
     exec: &Exec,
 ) -> Result<Option<Centroid>, Error> {
     let bounds = hierarchy.bricks.iter().map(|brick| bound(&Cell::of_brick(frame, brick), centroids));
-    let mut bounds: Vec<(f64, usize)> = bounds.enumerate().map(|(i, bound)| (bound, i)).collect();
-    bounds.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let bounds = largest_first(bounds.collect());
     // Distance, linear index, member, brick.
     let mut best = (0.0, usize::MAX, 0, 0);
     for (bound_of_brick, index) in bounds {
@@ -53,6 +52,13 @@ pub(super) fn farthest<T: Scalar>(
         let value = frame.fixed(frame.relative(hierarchy.values[member]));
         frame.centroid(1, at, i128::from(value))
     }))
+}
+
+/// Bounds with their places, the largest first.
+fn largest_first(bounds: Vec<f64>) -> Vec<(f64, usize)> {
+    let mut placed: Vec<(f64, usize)> = bounds.into_iter().enumerate().map(|(i, bound)| (bound, i)).collect();
+    placed.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    placed
 }
 
 fn nearest(at: &Point, centroids: &[Centroid]) -> f64 {

@@ -29,12 +29,8 @@ pub(super) fn label<T: Scalar>(
     voxels: usize,
     exec: &Exec,
 ) -> Result<Labelled, Error> {
-    let mean = |k: usize| tally.sums[k].centroid(frame).map_or(0.0, |c| c.real[3]);
-    let mut order: Vec<usize> = (0..centroids.len()).filter(|k| tally.sums[*k].count > 0).collect();
-    order.sort_by(|&a, &b| {
-        let larger = tally.sums[b].count.cmp(&tally.sums[a].count);
-        mean(a).total_cmp(&mean(b)).then(larger).then(a.cmp(&b))
-    });
+    let mean = |k: usize| mean_of(tally, k, frame);
+    let order = by_mean(tally, frame);
     let mut classes = vec![0; centroids.len()];
     order.iter().enumerate().for_each(|(i, k)| classes[*k] = i as u16 + 1);
     let mut ids = exec.bulk("the labels", voxels)?;
@@ -51,6 +47,21 @@ pub(super) fn label<T: Scalar>(
     let mut classes: Vec<Class> = order.iter().enumerate().map(class).collect();
     set_crossings(&mut classes);
     Ok(Labelled { ids, classes, order, ties: found.ties, visited: found.visited })
+}
+
+/// The mean value of a cluster.
+fn mean_of(tally: &Tally, k: usize, frame: &Frame) -> f64 {
+    tally.sums[k].centroid(frame).map_or(0.0, |c| c.real[3])
+}
+
+/// The clusters that have voxels, by mean value, the larger first where these are equal.
+fn by_mean(tally: &Tally, frame: &Frame) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..tally.sums.len()).filter(|k| tally.sums[*k].count > 0).collect();
+    order.sort_by(|&a, &b| {
+        let larger = tally.sums[b].count.cmp(&tally.sums[a].count);
+        mean_of(tally, a, frame).total_cmp(&mean_of(tally, b, frame)).then(larger).then(a.cmp(&b))
+    });
+    order
 }
 
 /// Sum of squared deviations from the mean, in fixed point.

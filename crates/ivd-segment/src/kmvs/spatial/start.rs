@@ -1,7 +1,6 @@
 //! Start centroids: k-means++ (Arthur & Vassilvitskii 2007) over the means of groups.
 
-use ivd_core::{Exec, Scalar};
-use rayon::prelude::*;
+use ivd_core::{Exec, Scalar, parallel};
 
 use super::farthest::farthest;
 use super::frame::{Centroid, Frame, distance};
@@ -73,7 +72,7 @@ fn weights<T: Scalar>(
         parts.push((brick, part));
         rest = more;
     }
-    let update = |(brick, near): (&Brick, &mut [f64])| {
+    let update = |(brick, near): &mut (&Brick, &mut [f64])| {
         let mut weight = 0.0;
         for (group, near) in near.iter_mut().enumerate() {
             if let Some(newest) = found.last() {
@@ -84,7 +83,8 @@ fn weights<T: Scalar>(
         }
         weight
     };
-    parts.into_par_iter().with_min_len(16).map(update).collect()
+    parallel::map_pieces_mut(&mut parts, 16, &|_, parts| parts.iter_mut().map(update).collect::<Vec<f64>>())
+        .concat()
 }
 
 /// The group at a fraction of the total weight.
