@@ -59,9 +59,9 @@ pub(crate) fn read(matches: &ArgMatches) -> Result<(Global, Asked), clap::Error>
 }
 
 /// The keys of a stage, in the order of their names.
-fn flags(stage: &Stage) -> Vec<Key> {
-    let mut all = list::keys(stage);
-    all.sort_by(|a, b| a.name.cmp(&b.name));
+fn flags(stage: &'static Stage) -> Vec<&'static Key> {
+    let mut all: Vec<&Key> = list::keys(stage).iter().collect();
+    all.sort_by_key(|key| &key.name);
     all
 }
 
@@ -120,7 +120,7 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
         );
     }
     for found in flags(stage) {
-        command = command.args(arguments(stage, &found));
+        command = command.args(arguments(stage, found));
     }
     let is_picture = stage.methods.iter().any(|method| method.output == Some(Kind::Image));
     let (form, about) = if is_picture {

@@ -1,5 +1,8 @@
 //! The keys of a stage's section: those of all of its methods together.
 
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
 use ivd_core::op::{Field, Stage, alternatives, fields, kind};
 use serde_json::{Map, Value as Json, json};
 
@@ -37,8 +40,17 @@ impl Key {
     }
 }
 
-/// The keys of a stage's section, each once, in the order in which its methods declare them.
-pub fn keys(stage: &Stage) -> Vec<Key> {
+/// The keys of a stage's section, each once, in the order in which its methods declare them. They are put together once: a command line
+/// asks for them three times.
+pub fn keys(stage: &'static Stage) -> &'static [Key] {
+    static MADE: Mutex<BTreeMap<usize, &'static [Key]>> = Mutex::new(BTreeMap::new());
+    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    // No name: a test's own stage may have that of one of the list.
+    made.entry(std::ptr::from_ref(stage).addr())
+        .or_insert_with(|| Box::leak(together(stage).into_boxed_slice()))
+}
+
+fn together(stage: &Stage) -> Vec<Key> {
     let mut all: Vec<Key> = Vec::new();
     for method in stage.methods {
         for field in fields((method.schema)()) {

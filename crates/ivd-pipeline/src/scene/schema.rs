@@ -12,20 +12,20 @@ pub(super) fn with_stages(mut schema: Json) -> Json {
 }
 
 /// The schema of a stage's section: the keys of all of its methods, each with the methods that read it where not all do.
-fn section(stage: &Stage) -> Json {
+fn section(stage: &'static Stage) -> Json {
     let mut properties = Map::new();
     if !stage.selector.is_empty() {
         properties.insert(stage.selector.to_owned(), selector(stage));
     }
     for key in keys(stage) {
-        let own = described(stage, &key);
+        let own = described(stage, key);
         for alias in key.field().aliases().filter(|alias| !alias.starts_with('!')) {
             let mut old = own.clone();
             old["deprecated"] = json!(true);
             old["description"] = json!(format!("The old name of {}.", key.name));
             properties.insert(alias.to_owned(), old);
         }
-        properties.insert(key.name, own);
+        properties.insert(key.name.clone(), own);
     }
     json!({ "type": "object", "description": stage.about, "additionalProperties": false, "properties": properties })
 }
