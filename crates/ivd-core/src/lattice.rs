@@ -37,7 +37,14 @@ impl ElementKey {
     pub fn padded(self, dims: [usize; 3]) -> [usize; 3] {
         let [px, py] = [dims[0] as u64 + 2, dims[1] as u64 + 2];
         let voxel = self.0 >> 3;
-        [(voxel % px) as usize, (voxel / px % py) as usize, (voxel / (px * py)) as usize]
+        // Of numbers that fit, the shorter division is the same and takes a fraction of the time.
+        if (voxel | px | py) >> 32 == 0 {
+            let (voxel, px, py) = (voxel as u32, px as u32, py as u32);
+            let row = voxel / px;
+            return [voxel % px, row % py, row / py].map(|p| p as usize);
+        }
+        let row = voxel / px;
+        [voxel % px, row % py, row / py].map(|p| p as usize)
     }
 
     /// The voxel that the element starts from; −1 and n lie in the border layer.

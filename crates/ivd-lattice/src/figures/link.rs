@@ -36,7 +36,7 @@ pub(crate) struct Link {
     spokes: Vec<(u32, bool)>,
     /// Ends of the link's edges: the neighbours that share a triangle.
     sides: Vec<[u32; 2]>,
-    /// Distinct neighbours, ascending, and the parent of each in a forest of connected ones.
+    /// Distinct neighbours, and the parent of each in a forest of connected ones.
     neighbours: Vec<u32>,
     parent: Vec<u32>,
 }
@@ -49,7 +49,6 @@ impl Link {
         }
         self.neighbours.clear();
         self.neighbours.extend(self.sides.iter().map(|side| side[0]));
-        self.neighbours.sort_unstable();
         LinkCounts {
             edges: self.neighbours.iter().filter(|w| **w > v).count() as u64,
             ..LinkCounts::default()
@@ -82,7 +81,8 @@ impl Link {
     }
 
     /// Distinct neighbours of the vertex counted last, ascending; none of one that no triangle names.
-    pub(super) fn neighbours(&self) -> &[u32] {
+    pub(super) fn neighbours(&mut self) -> &[u32] {
+        self.neighbours.sort_unstable();
         &self.neighbours
     }
 
@@ -109,15 +109,16 @@ impl Link {
             self.sides.push(side);
         }
         let Some(&first) = self.sides.first() else { return false };
+        // The next side is always the same, so a walk that is back after as many steps as there are sides, and not before, went along each
+        // of them once.
         let mut end = first[1];
         for _ in 1..self.sides.len() {
-            let mut next = self.sides.iter().filter(|side| side[0] == end);
-            match (next.next(), next.next()) {
-                (Some(side), None) if end != first[0] => end = side[1],
+            match self.sides.iter().find(|side| side[0] == end) {
+                Some(side) if end != first[0] => end = side[1],
                 _ => return false,
             }
         }
-        end == first[0] && self.sides.iter().filter(|side| side[0] == end).count() == 1
+        end == first[0]
     }
 
     fn gather(&mut self, v: u32, stars: &Stars, triangles: &[[u32; 3]]) {

@@ -140,10 +140,9 @@ pub(crate) fn component_roots(lattice: &Lattice) -> Vec<u32> {
 
 /// Area (mm²), enclosed volume (mm³), degenerate triangles.
 fn extent(lattice: &Lattice) -> (f64, f64, u64) {
-    let voxels: Vec<Vector3<f64>> =
-        (0..lattice.keys().len()).into_par_iter().map(|v| lattice.voxel(v).0).collect();
     let linear = lattice.grid().linear_part();
-    let positions: Vec<Vector3<f64>> = voxels.par_iter().map(|voxel| linear * voxel).collect();
+    let positions: Vec<Vector3<f64>> =
+        (0..lattice.keys().len()).into_par_iter().map(|v| linear * lattice.voxel(v).0).collect();
     let centre = middle(&positions);
     let pieces: Vec<(f64, f64, u64)> = lattice
         .triangles()
@@ -151,10 +150,11 @@ fn extent(lattice: &Lattice) -> (f64, f64, u64) {
         .map(|piece| {
             let (mut area, mut volume, mut degenerate) = (0.0, 0.0, 0);
             for t in piece {
-                let [a, b, c] = t.map(|v| positions[v as usize] - centre);
+                let corners = t.map(|v| positions[v as usize]);
+                let [a, b, c] = corners.map(|p| p - centre);
                 area += 0.5 * (b - a).cross(&(c - a)).norm();
                 volume += a.dot(&b.cross(&c)) / 6.0;
-                degenerate += u64::from(is_degenerate(&voxels, *t));
+                degenerate += u64::from(is_degenerate(corners, || t.map(|v| lattice.voxel(v as usize).0)));
             }
             (area, volume, degenerate)
         })
@@ -169,9 +169,10 @@ fn middle(positions: &[Vector3<f64>]) -> Vector3<f64> {
     (lo + hi) / 2.0
 }
 
-fn is_degenerate(voxels: &[Vector3<f64>], corners: [u32; 3]) -> bool {
-    let [a, b, c] = corners.map(|v| voxels[v as usize]);
-    a == b || b == c || c == a
+/// Whether two corners lie at one place of the grid. In the world they then do too, and others by rounding.
+fn is_degenerate(world: [Vector3<f64>; 3], voxels: impl FnOnce() -> [Vector3<f64>; 3]) -> bool {
+    let meet = |[a, b, c]: [Vector3<f64>; 3]| a == b || b == c || c == a;
+    meet(world) && meet(voxels())
 }
 
 #[cfg(test)]
