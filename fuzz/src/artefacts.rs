@@ -191,7 +191,6 @@ pub fn check(bytes: &[u8]) {
     // The fuzzer's JSON isn't in canonical form, so that the first hash may differ; what we wrote may not.
     let again = read(&copy).expect("what was written is read");
     assert_eq!(written.expect("what was read is written").hash, again.hash, "the copy has another hash");
-    stages::sound_enough(&loaded.artefact);
     use_it(&loaded.artefact);
 }
 

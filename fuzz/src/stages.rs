@@ -65,17 +65,8 @@ fn run(section: &Section, made: &Made) -> Option<Artefact> {
     Some(product.artefact)
 }
 
-/// What a value that was read promises: only what its own check holds.
-pub fn sound_enough(artefact: &Artefact) {
-    match artefact {
-        Artefact::Tree(tree) => tree.check().expect("a tree"),
-        _ => {}
-    }
-}
-
 /// What a stage's result promises.
 fn sound(artefact: &Artefact) {
-    sound_enough(artefact);
     match artefact {
         Artefact::Displacement(displacement) => finite(displacement),
         Artefact::Transfer(transfer) => opacities(transfer),

@@ -68,7 +68,7 @@ pub use motion::{Ball, Frame, Inner, Motion};
 pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode, OctreeParts};
 pub use shown::shown;
 pub use transfer::{TransferEntry, TransferFunction};
-pub use tree::{Linkage, Means, Tree};
+pub use tree::{Linkage, Means, Tree, TreeParts};
 pub use value::{Artefact, Value};
 pub use volume::{Scalar, Volume, VoxelType, Voxels};
 

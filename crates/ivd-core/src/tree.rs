@@ -1,3 +1,5 @@
+use std::ops::Deref;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -62,9 +64,15 @@ impl Means {
 /// A leaf is a connected set of voxels. With L leaves there are L − 1 merges, ascending in height; a merge names one leaf on
 /// either side of the border that it removes, so a union of the leaves of the first merges gives the parts after them, and
 /// leaving single merges out cuts the volume exactly there. Parts that touch nowhere (islands between missing data) are joined
-/// by the last [`Tree::bridges`] merges.
+/// by the last [`TreeParts::bridges`] merges.
+///
+/// Its parts are read as fields; they fit together, and can't be changed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tree {
+pub struct Tree(TreeParts);
+
+/// What a [`Tree`] is made of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TreeParts {
     /// Where the voxels lie.
     pub grid: Grid,
     /// How heights were measured.
@@ -87,7 +95,26 @@ pub struct Tree {
     pub bridges: u32,
 }
 
+impl Deref for Tree {
+    type Target = TreeParts;
+
+    fn deref(&self) -> &TreeParts {
+        &self.0
+    }
+}
+
 impl Tree {
+    /// The tree of these parts: it can be cut without a bound check failing.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] names the first thing that doesn't fit.
+    pub fn new(parts: TreeParts) -> Result<Self, Error> {
+        match parts.problem() {
+            None => Ok(Self(parts)),
+            Some(problem) => Err(Error::Inconsistent { what: "tree", problem }),
+        }
+    }
+
     /// Number of leaves L.
     pub fn leaf_count(&self) -> usize {
         self.counts.len()
@@ -150,17 +177,12 @@ impl Tree {
         }
         parents
     }
+}
 
-    /// Checks that it is a tree, so that one from a file can be cut without a bound check failing.
-    ///
-    /// # Errors
-    /// [`Error::Inconsistent`] names the first thing that doesn't fit.
-    pub fn check(&self) -> Result<(), Error> {
-        self.problem().map_or(Ok(()), |problem| Err(Error::Inconsistent { what: "tree", problem }))
-    }
-
+impl TreeParts {
+    /// The first thing that doesn't fit.
     fn problem(&self) -> Option<String> {
-        let (leaves, merges) = (self.leaf_count(), self.merges.len());
+        let (leaves, merges) = (self.counts.len(), self.merges.len());
         let lengths = self.leaves.len() == self.grid.len()
             && self.means.len() == leaves
             && self.squares.as_ref().is_none_or(|s| s.len() == leaves)
@@ -183,7 +205,7 @@ impl Tree {
     }
 
     fn problem_of_leaves(&self) -> Option<String> {
-        let leaves = self.leaf_count();
+        let leaves = self.counts.len();
         let mut counts = vec![0_u32; leaves];
         for &leaf in self.leaves.iter().filter(|leaf| **leaf > 0) {
             match counts.get_mut(leaf as usize - 1) {
@@ -201,7 +223,7 @@ impl Tree {
     }
 
     fn problem_of_merges(&self) -> Option<String> {
-        let leaves = self.leaf_count() as u32;
+        let leaves = self.counts.len() as u32;
         let mut parts = sets::singles(leaves as usize);
         for (i, pair) in self.merges.iter().enumerate() {
             if pair.iter().any(|leaf| *leaf == 0 || *leaf > leaves) {
@@ -220,8 +242,8 @@ mod tests {
     use super::*;
 
     /// Four leaves in a row, merged as ((1 2) (3 4)).
-    fn tree() -> Tree {
-        Tree {
+    fn parts() -> TreeParts {
+        TreeParts {
             grid: Grid::with_spacing([6, 1, 1], [1.0; 3]).unwrap(),
             linkage: Linkage::Single,
             leaves: vec![1, 1, 2, 0, 3, 4].into(),
@@ -237,8 +259,7 @@ mod tests {
 
     #[test]
     fn parents_and_heights_follow_from_the_merges() {
-        let tree = tree();
-        assert_eq!(tree.check(), Ok(()));
+        let tree = Tree::new(parts()).unwrap();
         assert_eq!(tree.parents(), [4, 4, 5, 5, 6, 6, 6]);
         assert_eq!([0, 1, 2].map(|i| tree.height(i)), [1.0, 1.0, 2.5]);
         assert_eq!([0.5, 1.0, 2.0, 3.0].map(|h| tree.merges_up_to(h)), [0, 2, 2, 3]);
@@ -248,10 +269,10 @@ mod tests {
 
     #[test]
     fn what_is_no_tree_is_refused_by_name() {
-        let refused = |change: &dyn Fn(&mut Tree), part: &str| {
-            let mut tree = tree();
-            change(&mut tree);
-            let error = tree.check().unwrap_err().to_string();
+        let refused = |change: &dyn Fn(&mut TreeParts), part: &str| {
+            let mut parts = parts();
+            change(&mut parts);
+            let error = Tree::new(parts).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
         };
         refused(&|t| t.merges = vec![[1, 2], [2, 1], [2, 3]].into(), "joined before");
@@ -269,15 +290,15 @@ mod tests {
 
     #[test]
     fn a_tree_of_nothing_and_of_one_leaf_are_trees() {
-        let mut tree = tree();
-        tree.leaves = vec![0; 6].into();
-        tree.merges = Vec::new().into();
-        (tree.heights, tree.ends, tree.bridges) = (Vec::new().into(), Vec::new().into(), 0);
-        (tree.counts, tree.means) = (Vec::new().into(), Means::F64(Vec::new().into()));
-        assert_eq!((tree.check(), tree.height_range()), (Ok(()), None));
-        assert!(tree.parents().is_empty());
-        tree.leaves = vec![1; 6].into();
-        (tree.counts, tree.means) = (vec![6].into(), Means::F64(vec![0.1].into()));
-        assert_eq!((tree.check(), tree.parents()), (Ok(()), vec![0]));
+        let mut parts = parts();
+        parts.leaves = vec![0; 6].into();
+        parts.merges = Vec::new().into();
+        (parts.heights, parts.ends, parts.bridges) = (Vec::new().into(), Vec::new().into(), 0);
+        (parts.counts, parts.means) = (Vec::new().into(), Means::F64(Vec::new().into()));
+        let tree = Tree::new(parts.clone()).unwrap();
+        assert_eq!((tree.height_range(), tree.parents()), (None, vec![]));
+        parts.leaves = vec![1; 6].into();
+        (parts.counts, parts.means) = (vec![6].into(), Means::F64(vec![0.1].into()));
+        assert_eq!(Tree::new(parts).unwrap().parents(), [0]);
     }
 }

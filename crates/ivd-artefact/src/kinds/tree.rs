@@ -1,6 +1,6 @@
 //! `tree`: leaves of the voxels, merges, heights, and the leaves' figures.
 
-use ivd_core::{Linkage, Means, Tree};
+use ivd_core::{Linkage, Means, Tree, TreeParts};
 use serde::{Deserialize, Serialize};
 
 use super::real::{GridContent, voxel_shape};
@@ -17,7 +17,6 @@ struct Content {
 }
 
 pub(super) fn encode(tree: &Tree) -> Result<Encoded<'_>, String> {
-    tree.check().map_err(|e| e.to_string())?;
     let content = Content {
         grid: (&tree.grid).into(),
         linkage: tree.linkage,
@@ -46,7 +45,7 @@ pub(super) fn encode(tree: &Tree) -> Result<Encoded<'_>, String> {
 pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Tree, Problem> {
     let content: Content = decoder.content()?;
     let grid = content.grid.grid()?;
-    let tree = Tree {
+    let parts = TreeParts {
         linkage: content.linkage,
         bridges: content.bridges,
         leaves: decoder.take("leaves", Element::U32, &voxel_shape(grid.dims()))?,
@@ -62,6 +61,5 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Tree, Problem> {
         squares: content.spread.then(|| decoder.take_rows("squares", Element::F64, &[])).transpose()?,
         grid,
     };
-    tree.check()?;
-    Ok(tree)
+    Ok(Tree::new(parts)?)
 }

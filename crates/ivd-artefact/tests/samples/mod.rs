@@ -6,7 +6,7 @@ use ivd_artefact::{Artefact, ContentHash, Kind, Provenance};
 use ivd_core::{
     Ball, Class, Displacement, ElementKey, FieldBricks, Frame, Grid, Image, Labels, Lattice, LatticeSource,
     Linkage, Mask, Means, Motion, NO_BRICK, Octree, OctreeNode, OctreeParts, TransferEntry, TransferFunction,
-    Tree, Volume, Voxels,
+    Tree, TreeParts, Volume, Voxels,
 };
 
 /// A provenance with nested parameters and two inputs.
@@ -154,7 +154,7 @@ fn displacement() -> Displacement {
 
 /// Three leaves, one of them an island beyond missing voxels.
 fn tree() -> Tree {
-    Tree {
+    Tree::new(TreeParts {
         grid: grid([4, 3, 2]),
         linkage: Linkage::Ward,
         leaves: (0..24).map(|i| if i == 23 { 3 } else { [1, 2, 2, 0][i % 4] }).collect::<Vec<u32>>().into(),
@@ -165,5 +165,6 @@ fn tree() -> Tree {
         means: Means::F64(vec![-0.1, 7.25, 1e6 + 0.1].into()),
         squares: Some(vec![0.3, 0.0, 1e-300].into()),
         bridges: 1,
-    }
+    })
+    .unwrap()
 }

@@ -15,7 +15,9 @@ mod tests;
 mod ward;
 
 use ivd_core::op::Op as _;
-use ivd_core::{Error as CoreError, Exec, Linkage, Mask, Means, ParamError, Tree, Volume, with_voxels};
+use ivd_core::{
+    Error as CoreError, Exec, Linkage, Mask, Means, ParamError, Tree, TreeParts, Volume, with_voxels,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -114,7 +116,7 @@ fn grow<T: Apart>(
         let (leaves, count) = cells::cells(field, &frame, cells::BLOCK, params.max_regions, exec)?;
         let figures = figures::spread(volume, field.voxels, &leaves, count, exec)?;
         let merges = ward(volume, &leaves, &figures, exec)?;
-        return Ok(finish(volume, params.linkage, leaves, figures, merges));
+        return finish(volume, params.linkage, leaves, figures, merges);
     }
     let edges = forest::edges(field, exec)?;
     let alpha = params.alpha.unwrap_or(0.0);
@@ -125,7 +127,11 @@ fn grow<T: Apart>(
         figures::spread(volume, field.voxels, &leaves, count, exec)?
     };
     let merges = match params.linkage {
-        Linkage::Single => single::merges(field, &edges.ids()[flat..], &leaves, &figures, exec)?,
+        Linkage::Single => {
+            let merges = single::merges(field, &edges.ids()[flat..], &leaves, &figures, exec)?;
+            drop(edges);
+            merges
+        }
         Linkage::Ward if count > params.max_regions => {
             let problem =
                 format!("{alpha} leaves {count} zones, more than max_regions ({})", params.max_regions);
@@ -136,7 +142,7 @@ fn grow<T: Apart>(
             ward(volume, &leaves, &figures, exec)?
         }
     };
-    Ok(finish(volume, params.linkage, leaves, figures, merges))
+    finish(volume, params.linkage, leaves, figures, merges)
 }
 
 fn ward(volume: &Volume, leaves: &[u32], figures: &Figures, exec: &Exec) -> Result<Merges, Error> {
@@ -150,11 +156,11 @@ fn finish(
     leaves: ivd_core::Bulk<u32>,
     figures: Figures,
     merges: Merges,
-) -> Hvs {
+) -> Result<Hvs, Error> {
     let excess = excess(&figures);
     let (inversions, bridges) = (merges.inversions, merges.bridges);
     let parts = merges.into_parts();
-    let tree = Tree {
+    let tree = Tree::new(TreeParts {
         grid: volume.grid().clone(),
         linkage,
         leaves: leaves.into_buffer(),
@@ -165,8 +171,8 @@ fn finish(
         means: figures.means,
         squares: figures.squares.map(ivd_core::Bulk::into_buffer),
         bridges,
-    };
-    Hvs { regions: tree.leaf_count(), tree, excess, inversions }
+    })?;
+    Ok(Hvs { regions: tree.leaf_count(), tree, excess, inversions })
 }
 
 /// The share of the sum of squared deviations that lies within the leaves.

@@ -7,7 +7,6 @@ fn both(volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> [(Hvs, crate::Segm
     [Linkage::Single, Linkage::Ward].map(|linkage| {
         let params = HvsParams { linkage, max_regions: 300, ..HvsParams::default() };
         let found = hvs_tree(volume, mask, &params, exec).unwrap();
-        found.tree.check().unwrap();
         let segments = cut(&found.tree, &classes(5, Ranking::Persistence), exec).unwrap();
         let classes = segments.labels.classes();
         assert!(classes.windows(2).all(|w| w[0].mean <= w[1].mean), "{classes:?}");

@@ -114,7 +114,6 @@ fn a_mask_and_a_range_leave_voxels_out() {
         hvs_tree(&volume, Some(&mask), &HvsParams { within: Within::range(20.0, 60.0), ..single() }, &exec)
             .unwrap()
             .tree;
-    tree.check().unwrap();
     for (i, leaf) in tree.leaves.iter().enumerate() {
         assert_eq!(*leaf > 0, inside[i] == 1 && (20.0..=60.0).contains(&real(&volume, i)));
     }

@@ -44,9 +44,7 @@ fn capped(volume: &Volume, block: usize, most: usize) -> Hvs {
     let figures = figures::spread(volume, &voxels[..], &leaves, count, &exec).unwrap();
     let graph = crate::hvs::graph::graph(&leaves, count, volume.grid().dims(), &exec).unwrap();
     let merges = ward_merges::merges(volume, &graph, &figures, &exec).unwrap();
-    let found = finish(volume, Linkage::Ward, leaves, figures, merges);
-    found.tree.check().unwrap();
-    found
+    finish(volume, Linkage::Ward, leaves, figures, merges).unwrap()
 }
 
 fn cut_inertia(volume: &Volume, tree: &Tree, k: usize) -> f64 {
