@@ -35,7 +35,6 @@
 #[cfg(target_endian = "big")]
 compile_error!("artefacts are mapped as they are: this crate needs a little-endian machine");
 
-mod artefact;
 mod cache;
 mod canonical;
 mod error;
@@ -50,12 +49,11 @@ mod provenance;
 mod read;
 mod write;
 
-pub use artefact::ArtefactRef;
 pub use cache::{Cache, CacheKey, Entry, FileHash, Lookup};
 pub use canonical::canonical_json;
 pub use error::Error;
 pub use hash::{CHUNK, ContentHash};
-pub use ivd_core::{Artefact, Kind};
+pub use ivd_core::{Artefact, ArtefactRef, Kind};
 pub use kind::KindCode;
 pub use kinds::Element;
 pub use map::TemporaryFiles;

@@ -33,7 +33,6 @@ pub mod geometry;
 mod grid;
 mod image;
 mod index_relation;
-mod kind;
 mod labels;
 mod lattice;
 mod mask;
@@ -60,7 +59,6 @@ pub use exec::{Backend, Cancel, Exec, Iteration, Observer, Silent};
 pub use grid::{Grid, GridError, VoxelCoord, VoxelIndex, World};
 pub use image::Image;
 pub use index_relation::VertexDescription;
-pub use kind::Kind;
 pub use labels::{Class, Labels, NO_DATA};
 pub use lattice::{Coarser, ElementKey, Lattice, LatticeSource, T_MIN};
 pub use mask::Mask;
@@ -69,7 +67,7 @@ pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode, OctreeParts};
 pub use shown::shown;
 pub use transfer::{TransferEntry, TransferFunction};
 pub use tree::{Linkage, Means, Tree, TreeParts};
-pub use value::{Artefact, Value};
+pub use value::{Artefact, ArtefactRef, Kind, Value};
 pub use volume::{Scalar, Volume, VoxelType, Voxels};
 
 /// Dispatches on the stored type of a [`Voxels`]: binds the typed slice and runs the same code for each type.

@@ -34,10 +34,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!(
         "{} vertices, {} voxels moved in {} of {} bricks; det J at least {:.2}",
         lattice.keys().len(),
-        mapped.voxels_moved,
-        mapped.bricks_touched,
-        mapped.bricks_total,
-        mapped.min_det_j
+        mapped.figures.voxels_moved,
+        mapped.figures.bricks_touched,
+        mapped.figures.bricks_total,
+        mapped.figures.min_det_j
     );
     let above_the_ball = ivd_core::VoxelIndex([31, 31, 52]);
     println!(

@@ -66,20 +66,20 @@ fn handles_on_scans_are_mapped_without_a_fold() {
                 map::biharmonic(&lattice, &solved.motion, 0, &map::BiharmonicParams::default(), &exec)
             };
             let mapped = mapped.unwrap_or_else(|error| panic!("{}, {method}: {error}", scan.file));
-            let (followed, spent) = (&mapped.followed, begin.elapsed().as_secs_f64());
+            let (followed, spent) = (&mapped.figures.followed, begin.elapsed().as_secs_f64());
             eprintln!(
                 "{}, {method}: {spent:.2} s, misfit {:.4}, {:.3} voxels at most, {:.4} rms; {} rounds of repair, {:?}",
                 scan.file,
                 followed.misfit,
                 followed.misfit_max_voxel,
                 followed.misfit_rms_voxel,
-                mapped.relaxations,
-                mapped.solved
+                mapped.figures.relaxations,
+                mapped.figures.solved
             );
             let warped =
                 warp::volume(&volume, &mapped.displacement, &warp::WarpParams::default(), &exec).unwrap();
-            assert!(mapped.min_det_j > 0.0 && mapped.folds == 0, "{}", scan.file);
-            assert!(mapped.inverse_residual_max_voxel < 1e-4, "{}, {method}", scan.file);
+            assert!(mapped.figures.min_det_j > 0.0 && mapped.figures.folds == 0, "{}", scan.file);
+            assert!(mapped.figures.inverse_residual_max_voxel < 1e-4, "{}, {method}", scan.file);
             assert!(followed.misfit < 0.1, "{}, {method}: {followed:?}", scan.file);
             assert!(warped.voxels_resampled > 10_000);
             // The band that moves along is narrower than the reach, which the smooth field fills.

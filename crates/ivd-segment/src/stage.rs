@@ -51,6 +51,9 @@ slots! {
     pub struct Grown<'a> { tree: Option<&'a Tree>, volume: Option<&'a Volume>, mask: Option<&'a Mask> }
 }
 
+/// The classes, and what the method alone tells.
+type Found<O> = Result<(Segmentation, O), Error>;
+
 /// A way to find classes in a volume.
 pub trait Find: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send + Sync + 'static {
     /// What it tells beside the figures that all have.
@@ -66,12 +69,7 @@ pub trait Find: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Se
     ///
     /// # Errors
     /// Those of the method's function.
-    fn find(
-        &self,
-        volume: &Volume,
-        mask: Option<&Mask>,
-        exec: &Exec,
-    ) -> Result<(Segmentation, Self::Own), Error>;
+    fn find(&self, volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Found<Self::Own>;
 }
 
 // A method's description is that of its own parameters, not of what is shared.
@@ -158,12 +156,7 @@ impl Find for KmvsParams {
         self.check_together()
     }
 
-    fn find(
-        &self,
-        volume: &Volume,
-        mask: Option<&Mask>,
-        exec: &Exec,
-    ) -> Result<(Segmentation, SpatialFigures), Error> {
+    fn find(&self, volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Found<SpatialFigures> {
         if self.spatial_weight == 0.0 {
             return Ok((kmvs(volume, mask, self, exec)?, SpatialFigures::default()));
         }
@@ -180,12 +173,7 @@ impl Find for EmvsParams {
         self.check_together()
     }
 
-    fn find(
-        &self,
-        volume: &Volume,
-        mask: Option<&Mask>,
-        exec: &Exec,
-    ) -> Result<(Segmentation, MixtureFigures), Error> {
+    fn find(&self, volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Found<MixtureFigures> {
         let found = emvs(volume, mask, self, exec)?;
         let own = MixtureFigures::from(&found);
         Ok((found.segmentation, own))
@@ -199,12 +187,7 @@ impl Find for MsvsParams {
         self.within.check()
     }
 
-    fn find(
-        &self,
-        volume: &Volume,
-        mask: Option<&Mask>,
-        exec: &Exec,
-    ) -> Result<(Segmentation, ModesFigures), Error> {
+    fn find(&self, volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Found<ModesFigures> {
         let found = msvs(volume, mask, self, exec)?;
         let own = ModesFigures::from(&found);
         Ok((found.segmentation, own))
@@ -218,12 +201,7 @@ impl Find for ChainParams {
         self.msvs.within.check()
     }
 
-    fn find(
-        &self,
-        volume: &Volume,
-        mask: Option<&Mask>,
-        exec: &Exec,
-    ) -> Result<(Segmentation, ProposalFigures), Error> {
+    fn find(&self, volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Found<ProposalFigures> {
         let found = msvs_kmvs(volume, mask, self, exec)?;
         let own = ProposalFigures::from(&found);
         Ok((found.segmentation, own))
@@ -237,12 +215,7 @@ impl Find for ThresholdParams {
         self.check_together()
     }
 
-    fn find(
-        &self,
-        volume: &Volume,
-        mask: Option<&Mask>,
-        exec: &Exec,
-    ) -> Result<(Segmentation, NoFigures), Error> {
+    fn find(&self, volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Found<NoFigures> {
         Ok((threshold(volume, mask, self, exec)?, NoFigures {}))
     }
 }

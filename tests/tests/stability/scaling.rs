@@ -104,7 +104,7 @@ fn same_shape(a: &Results, b: &Results, what: &str) {
 #[test]
 fn powers_of_two_change_exponents_and_nothing_else() {
     let plain = scene(1.0, 0.0);
-    assert!(plain.mapped.voxels_moved > 100 && plain.solved.max_displacement_mm > 0.5);
+    assert!(plain.mapped.figures.voxels_moved > 100 && plain.solved.max_displacement_mm > 0.5);
     for scale in [1024.0, 1.0 / 1024.0] {
         let scaled = scene(scale, 0.0);
         same_shape(&plain, &scaled, "power of two");
@@ -112,7 +112,7 @@ fn powers_of_two_change_exponents_and_nothing_else() {
         assert_eq!(plain.refined.lattice.triangles(), scaled.refined.lattice.triangles(), "{scale}");
         assert_eq!(plain.refined.max_error_mm, scaled.refined.max_error_mm / scale, "{scale}");
         assert_eq!(apart(&plain, &scaled, scale), [0.0; 2], "{scale}");
-        assert_eq!(plain.mapped.min_det_j, scaled.mapped.min_det_j, "{scale}");
+        assert_eq!(plain.mapped.figures.min_det_j, scaled.mapped.figures.min_det_j, "{scale}");
         assert_eq!(plain.warped.voxels().as_bytes(), scaled.warped.voxels().as_bytes(), "{scale}");
         let tables = plain.transfer.table().iter().zip(scaled.transfer.table());
         // The reference length is a cube root, and a weight is a power: not exact, but of numbers near each other.

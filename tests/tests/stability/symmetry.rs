@@ -177,7 +177,7 @@ fn motions_and_maps_turn_with_the_lattice() {
     let most = solved.max_displacement_mm;
     assert!(most > 0.5);
     let map = mapped(&straight, &solved, Outside::Band);
-    assert!(map.voxels_moved > 100);
+    assert!(map.figures.voxels_moved > 100);
     for turn in TURNS {
         let (other, number) = turn.lattice(&straight);
         let again = motion(grid, Some(turn), &other);
@@ -201,7 +201,12 @@ fn motions_and_maps_turn_with_the_lattice() {
         // The motion's own difference, carried with weights that change by 3/2 over a margin of four motions, and `f32`.
         let slack = 4.0 * slack + 4.0 * f64::from(f32::EPSILON) * most;
         assert!(worst <= slack, "{turn:?}: fields differ by {worst} mm, {slack} are explained");
-        assert!((mapped.min_det_j - map.min_det_j).abs() < 1e-4, "{} {}", mapped.min_det_j, map.min_det_j);
+        assert!(
+            (mapped.figures.min_det_j - map.figures.min_det_j).abs() < 1e-4,
+            "{} {}",
+            mapped.figures.min_det_j,
+            map.figures.min_det_j
+        );
     }
 }
 

@@ -63,7 +63,7 @@ pub(super) fn on_maps(
     let (mut settings, mut reached) = (Vec::new(), 0);
     for (task, motion) in tasks {
         let truth = mapped(lattice, &motion, &finest(), exec)?;
-        reached += truth.voxels_moved;
+        reached += truth.figures.voxels_moved;
         let (truth, motion) = (Arc::new(truth.displacement), Arc::new(motion));
         for (knobs, params) in methods(radius) {
             let (lattice, motion, truth) = (lattice.clone(), motion.clone(), truth.clone());
@@ -150,7 +150,7 @@ pub(super) fn on_whole(
     exec: &Exec,
 ) -> Result<Experiment, Problem> {
     let truth = deformed(lattice, handle, Some(Solver::Projective), &finest(), exec)?;
-    let reached = truth.voxels_moved as f64;
+    let reached = truth.figures.voxels_moved as f64;
     let truth = Arc::new(truth.displacement);
     let mut settings = Vec::new();
     for level in LEVELS {
@@ -259,9 +259,9 @@ fn against(truth: &Displacement, found: &Mapped) -> Judgement {
     let (error, most) = apart(&found.displacement, truth);
     let counters = [
         ("max_mm", most),
-        ("voxels_moved", found.voxels_moved as f64),
-        ("min_det_j", found.min_det_j),
-        ("misfit", found.followed.misfit),
+        ("voxels_moved", found.figures.voxels_moved as f64),
+        ("min_det_j", found.figures.min_det_j),
+        ("misfit", found.figures.followed.misfit),
     ];
     judged(error, counters)
 }

@@ -40,7 +40,7 @@ pub(super) fn on(
         lattices.push((level, Arc::new(refined.lattice), refined.max_error_mm));
     }
     let finest = deformed(whole, handle, None, &MapChoice::default(), exec)?;
-    let reached = finest.voxels_moved as f64;
+    let reached = finest.figures.voxels_moved as f64;
     let finest = Arc::new(finest.displacement);
     let settings = lattices.into_iter().map(|(level, lattice, bound)| {
         let (finest, handle) = (finest.clone(), *handle);
@@ -52,7 +52,7 @@ pub(super) fn on(
                 let (error, most) = apart(&found.displacement, &finest);
                 let counters = [
                     ("triangles", triangles),
-                    ("voxels_moved", found.voxels_moved as f64),
+                    ("voxels_moved", found.figures.voxels_moved as f64),
                     ("bound_mm", bound),
                     ("max_mm", most),
                     ("push_mm", push_mm),

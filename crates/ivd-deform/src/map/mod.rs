@@ -84,14 +84,14 @@ pub(crate) use free::{invert_within, lies_beyond};
 pub use live::Live;
 pub use octree::{Prepared, frames, octree};
 pub(crate) use outcome::lengths;
-pub use outcome::{Followed, Mapped, Moved, Solved};
+pub use outcome::{Followed, MapFigures, Mapped, Moved, Solved};
 pub(crate) use params::smooth_fall;
 pub use params::{Band, BiharmonicParams, DepthWeight, Elastic, FemParams, OctreeParams, Outside};
 use region::{Region, largest};
 pub(crate) use relax::THIN;
 use settle::Settle;
 pub(crate) use settle::{check_residual, folded};
-pub use stage::{MapFigures, STAGE};
+pub use stage::STAGE;
 
 /// Largest motion that is mapped (mm): sums of a few such vectors still are finite in `f32`.
 pub(crate) const FARTHEST: f64 = 1e37;

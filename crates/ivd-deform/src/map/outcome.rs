@@ -47,37 +47,53 @@ pub struct Solved {
     pub increments: u32,
 }
 
-/// What the map made.
+/// What a map comes to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MapFigures {
+    /// Voxels that move.
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
+    pub voxels_moved: u64,
+    /// Bricks (8³ voxels) with a voxel that moves.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_touched: u64,
+    /// Bricks of the grid.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_total: u64,
+    /// Smallest proven lower bound of det ∇φ, at most 1.
+    #[schemars(extend("x-unit" = "1"))]
+    pub min_det_j: f64,
+    /// Cells that fold: 0, or there would be no map.
+    #[schemars(extend("x-unit" = "1"))]
+    pub folds: u64,
+    /// Rounds of local relaxation that were needed.
+    #[schemars(extend("x-unit" = "1"))]
+    pub relaxations: u32,
+    /// `k` where the map is a flow in 2ᵏ steps; 0 for the field as carried.
+    #[schemars(extend("x-unit" = "1"))]
+    pub halvings: u32,
+    /// How its equations were solved, where the method has some.
+    pub solved: Option<Solved>,
+    /// Largest `|φ(ψ(y)) − y|`.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub inverse_residual_max_voxel: f64,
+    /// Voxels that a part moving alone left behind.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxels_vacated: u64,
+    /// How well the map follows the lattice.
+    pub followed: Followed,
+    /// Lengths of the voxels' motion (mm), 0 … the largest.
+    pub motion_mm_histogram: Histogram,
+    /// det ∇φ at the centres of the cells that move, 0 … 2.
+    pub det_j_histogram: Histogram,
+}
+
+/// What a map made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mapped {
     /// The displacement, forward and inverse.
     pub displacement: Displacement,
-    /// Voxels that move.
-    pub voxels_moved: u64,
-    /// Bricks (8³ voxels) with a voxel that moves.
-    pub bricks_touched: u64,
-    /// Bricks of the grid.
-    pub bricks_total: u64,
-    /// Smallest proven lower bound of det ∇φ, at most 1.
-    pub min_det_j: f64,
-    /// Cells that fold: 0, or there would be no map.
-    pub folds: u64,
-    /// Rounds of local relaxation that were needed.
-    pub relaxations: u32,
-    /// `k` where the map is a flow in 2ᵏ steps; 0 for the field as carried.
-    pub halvings: u32,
-    /// How its equations were solved, where the method has some.
-    pub solved: Option<Solved>,
-    /// Largest `|φ(ψ(y)) − y|` (voxels).
-    pub inverse_residual_max_voxel: f64,
-    /// det ∇φ at the centres of the cells that move, 0 … 2.
-    pub det_j: Histogram,
-    /// Lengths of the voxels' motion (mm), 0 … the largest.
-    pub motion_mm: Histogram,
-    /// Voxels that a part moving alone left behind.
-    pub voxels_vacated: u64,
-    /// How well the map follows the lattice.
-    pub followed: Followed,
+    /// What it comes to.
+    pub figures: MapFigures,
 }
 
 /// What a map makes of a lattice that is dragged: [`Mapped`] without what only a report shows.
@@ -93,9 +109,16 @@ pub struct Moved {
     pub misfit: f64,
 }
 
+impl From<Mapped> for (Displacement, MapFigures) {
+    fn from(mapped: Mapped) -> Self {
+        (mapped.displacement, mapped.figures)
+    }
+}
+
 impl From<Mapped> for Moved {
     fn from(mapped: Mapped) -> Self {
-        let Mapped { displacement, relaxations, halvings, followed, .. } = mapped;
+        let Mapped { displacement, figures } = mapped;
+        let MapFigures { relaxations, halvings, followed, .. } = figures;
         Self { displacement, relaxations, halvings, misfit: followed.misfit }
     }
 }
@@ -108,8 +131,8 @@ impl Mapped {
         halvings: u32,
         followed: Followed,
     ) -> Self {
-        let (voxels_moved, motion_mm) = lengths(displacement.forward());
-        Self {
+        let (voxels_moved, motion_mm_histogram) = lengths(displacement.forward());
+        let figures = MapFigures {
             voxels_moved,
             bricks_touched: displacement.forward().stored() as u64,
             bricks_total: displacement.forward().table().len() as u64,
@@ -119,12 +142,12 @@ impl Mapped {
             halvings,
             solved: None,
             inverse_residual_max_voxel: displacement.inverse_residual_max(),
-            det_j: certificate.histogram,
-            motion_mm,
+            det_j_histogram: certificate.histogram,
+            motion_mm_histogram,
             voxels_vacated: displacement.vacated().iter().map(|&v| u64::from(v)).sum(),
             followed,
-            displacement,
-        }
+        };
+        Self { displacement, figures }
     }
 }
 

@@ -147,8 +147,14 @@ fn no_motion_is_the_identity_without_a_brick() {
     let still = scene(&grid, ball(middle(&grid), 4.0), |_| Vector3::zeros(), &[(middle(&grid), 5.0)]);
     let mapped = still.mapped(&OctreeParams::default());
     assert!(mapped.displacement.is_identity());
-    assert_eq!((mapped.voxels_moved, mapped.bricks_touched, mapped.bricks_total), (0, 0, 18));
-    assert_eq!((mapped.min_det_j, mapped.folds, mapped.inverse_residual_max_voxel), (1.0, 0, 0.0));
+    assert_eq!(
+        (mapped.figures.voxels_moved, mapped.figures.bricks_touched, mapped.figures.bricks_total),
+        (0, 0, 18)
+    );
+    assert_eq!(
+        (mapped.figures.min_det_j, mapped.figures.folds, mapped.figures.inverse_residual_max_voxel),
+        (1.0, 0, 0.0)
+    );
 }
 
 #[test]
@@ -161,12 +167,12 @@ fn translation_with_weight_one_moves_every_inside_voxel_exactly() {
         let centre = middle(&grid);
         let all = scene(&grid, ball(centre, radius), |_| push, &[(centre, 2.0 * radius)]);
         let mapped = all.mapped(&OctreeParams { weight: DepthWeight::One, ..OctreeParams::default() });
-        assert_eq!((mapped.relaxations, mapped.halvings), (0, 0));
+        assert_eq!((mapped.figures.relaxations, mapped.figures.halvings), (0, 0));
         let expected: [f32; 3] = push.map(|c| c as f32).into();
         for v in voxels(&grid).filter(|v| all.mask.inside()[grid.linear(*v)] == 1) {
             assert_eq!(mapped.displacement.forward().at(v), expected, "{v:?}");
         }
-        let [rest, deformed] = mapped.followed.volume_mm3;
+        let [rest, deformed] = mapped.figures.followed.volume_mm3;
         assert!(rest > 0.0 && (deformed / rest - 1.0).abs() < 0.02, "{rest} → {deformed} mm³");
     }
 }
@@ -176,10 +182,14 @@ fn handle_with_eight_times_the_radius_passes_inwards_and_outwards_in_every_weigh
     for push in [-3.0, 3.0] {
         for weight in [DepthWeight::Smooth, DepthWeight::Linear, DepthWeight::Exponential, DepthWeight::One] {
             let mapped = dented(1.0, push).mapped(&OctreeParams { weight, ..OctreeParams::default() });
-            assert!(mapped.min_det_j > 0.0 && mapped.folds == 0);
-            assert!(mapped.inverse_residual_max_voxel < 1e-5);
-            assert!(mapped.followed.misfit < 0.15, "{weight:?} {push}: misfit {}", mapped.followed.misfit);
-            let [rest, deformed] = mapped.followed.volume_mm3;
+            assert!(mapped.figures.min_det_j > 0.0 && mapped.figures.folds == 0);
+            assert!(mapped.figures.inverse_residual_max_voxel < 1e-5);
+            assert!(
+                mapped.figures.followed.misfit < 0.15,
+                "{weight:?} {push}: misfit {}",
+                mapped.figures.followed.misfit
+            );
+            let [rest, deformed] = mapped.figures.followed.volume_mm3;
             assert_eq!(deformed > rest, push > 0.0);
         }
     }
@@ -194,7 +204,7 @@ fn nothing_moves_beyond_the_reach_and_its_margin() {
     let params =
         OctreeParams { band: Band { margin: Some(3.0), ..Band::default() }, ..OctreeParams::default() };
     let mapped = dent.mapped(&params);
-    assert!(mapped.voxels_moved > 100);
+    assert!(mapped.figures.voxels_moved > 100);
     for v in voxels(&grid) {
         if (grid.linear_part() * VoxelCoord::from(v).0 - at).norm() >= 8.0 {
             assert_eq!(mapped.displacement.forward().at(v), [0.0; 3]);
@@ -241,9 +251,9 @@ fn still_piece_beside_a_moving_one_is_pushed_aside_instead_of_folding() {
     let moves = move |p: Vector3<f64>| if p.z > centre.z { push(p) } else { Vector3::zeros() };
     let scene = scene(&grid, plates, moves, &[(top, 24.0)]);
     let mapped = scene.mapped(&OctreeParams::default());
-    assert!(mapped.relaxations > 0 || mapped.halvings > 0);
-    assert!(mapped.min_det_j > 0.0 && mapped.followed.misfit < 0.5);
-    assert!(mapped.inverse_residual_max_voxel < 1e-3);
+    assert!(mapped.figures.relaxations > 0 || mapped.figures.halvings > 0);
+    assert!(mapped.figures.min_det_j > 0.0 && mapped.figures.followed.misfit < 0.5);
+    assert!(mapped.figures.inverse_residual_max_voxel < 1e-3);
 }
 
 #[test]
@@ -268,17 +278,17 @@ fn scale_of_the_scene_changes_lengths_and_nothing_else() {
     let one = dented(1.0, -3.0).mapped(&OctreeParams::default());
     for scale in [1.0 / 1024.0, 1024.0, 1e-3, 1e3] {
         let other = dented(scale, -3.0).mapped(&OctreeParams::default());
-        assert_eq!(other.bricks_touched, one.bricks_touched);
+        assert_eq!(other.figures.bricks_touched, one.figures.bricks_touched);
         // A power of two scales without rounding; else ties between nearest points may fall differently.
         if scale.log2().fract() == 0.0 {
             assert!(
-                (other.min_det_j - one.min_det_j).abs() < 1e-6,
+                (other.figures.min_det_j - one.figures.min_det_j).abs() < 1e-6,
                 "{} for {}",
-                other.min_det_j,
-                one.min_det_j
+                other.figures.min_det_j,
+                one.figures.min_det_j
             );
         }
-        assert!((other.followed.misfit - one.followed.misfit).abs() < 0.02);
+        assert!((other.figures.followed.misfit - one.figures.followed.misfit).abs() < 0.02);
     }
 }
 

@@ -533,7 +533,7 @@ fn threads_do_not_change_a_byte() {
 fn off(lattice: &Lattice, skeleton: &Skeleton, motion: &ivd_core::Motion, bones: &[Part]) -> (f64, f64) {
     let params = BiharmonicParams::default();
     let mapped = map::biharmonic(lattice, motion, 0, &params, &Exec::default()).unwrap();
-    assert!(mapped.folds == 0 && mapped.min_det_j > 0.05, "{}", mapped.min_det_j);
+    assert!(mapped.figures.folds == 0 && mapped.figures.min_det_j > 0.05, "{}", mapped.figures.min_det_j);
     let inside = ivd_octree::inside(lattice, &Exec::default()).unwrap();
     let (mut worst, mut squares, mut count) = (0.0_f64, 0.0, 0.0);
     for i in (0..inside.inside().len()).filter(|&i| inside.inside()[i] != 0) {

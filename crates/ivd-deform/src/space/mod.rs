@@ -15,7 +15,7 @@
 //!
 //! The composition is evaluated at the voxels, exactly, and certified as every map is ([`crate::certificate`]). Where it folds, what
 //! can be made of many small steps is: each shape does `1/n` of its work `n` times, `n = 2, 4 … 64`, a flow, which doesn't fold where
-//! its steps don't. It comes to the same as long as a point stays in the core; [`Made::short_mm`] tells what it falls short of. (A bend,
+//! its steps don't. It comes to the same as long as a point stays in the core; [`SpaceFigures::short_mm`] tells what it falls short of. (A bend,
 //! a curve and chain mail are not made of smaller ones; they are done at once.) What folds still is refused.
 //!
 //! A displacement goes on beyond the grid as at its border. Where that folds and the grid itself doesn't, as where a turn reaches the
@@ -62,7 +62,7 @@ pub use chain::{ChainMail, ClassLinks, Links};
 pub use curve::{Curve, Over, Way};
 pub use cut::Cut;
 use cut::{Side, TwoSided, Whole, join};
-pub use stage::{Inputs, STAGE, SpaceFigures, SpaceParams};
+pub use stage::{Inputs, STAGE, SpaceParams};
 
 /// Most equal parts that shapes are done in.
 const PARTS: u32 = 64;
@@ -146,33 +146,51 @@ pub struct Start<'a> {
     pub labels: Option<&'a Labels>,
 }
 
+/// What steps in space come to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SpaceFigures {
+    /// Voxels that move.
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
+    pub voxels_moved: u64,
+    /// Bricks (8³ voxels) with a voxel that moves.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_touched: u64,
+    /// Bricks of the grid.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_total: u64,
+    /// Smallest proven lower bound of det ∇φ, at most 1; of a cut's sides the smaller.
+    #[schemars(extend("x-unit" = "1"))]
+    pub min_det_j: f64,
+    /// Cells that fold: 0, or there would be no displacement.
+    #[schemars(extend("x-unit" = "1"))]
+    pub folds: u64,
+    /// Equal parts that shapes were done in; 1 where they are done at once.
+    #[schemars(extend("x-unit" = "1"))]
+    pub parts: u32,
+    /// What a step's centre is short of, for being done in parts; the largest of all steps.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub short_mm: f64,
+    /// Largest `|φ(ψ(y)) − y|`.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub inverse_residual_max_voxel: f64,
+    /// Whether a cut makes it a field of two sides.
+    pub two_sided: bool,
+    /// Voxels where a cut has opened, or to which something came from beyond the grid that counts for nothing.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxels_vacated: u64,
+    /// Lengths of the voxels' motion (mm), 0 … the largest.
+    pub motion_mm_histogram: Histogram,
+    /// det ∇φ at the centres of the cells that move, 0 … 2; of a cut's sides the one above.
+    pub det_j_histogram: Histogram,
+}
+
 /// What was made of the steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Made {
     /// The displacement, forward and inverse.
     pub displacement: Displacement,
-    /// Voxels that move.
-    pub voxels_moved: u64,
-    /// Bricks (8³ voxels) with a voxel that moves.
-    pub bricks_touched: u64,
-    /// Bricks of the grid.
-    pub bricks_total: u64,
-    /// Smallest proven lower bound of det ∇φ, at most 1; of a cut's sides the smaller.
-    pub min_det_j: f64,
-    /// Cells that fold: 0, or there would be no displacement.
-    pub folds: u64,
-    /// Equal parts that shapes were done in; 1 where they are done at once.
-    pub parts: u32,
-    /// What a step's centre is short of, for being done in parts (mm); the largest of all steps.
-    pub short_mm: f64,
-    /// Largest `|φ(ψ(y)) − y|` (voxels).
-    pub inverse_residual_max_voxel: f64,
-    /// det ∇φ at the centres of the cells that move, 0 … 2; of a cut's sides the one above.
-    pub det_j: Histogram,
-    /// Lengths of the voxels' motion (mm), 0 … the largest.
-    pub motion_mm: Histogram,
-    /// Voxels where a cut has opened, or to which something came from beyond the grid that counts for nothing.
-    pub voxels_vacated: u64,
+    /// What it comes to.
+    pub figures: SpaceFigures,
 }
 
 /// Displaces the voxels of a grid by steps, in their order.
@@ -403,13 +421,13 @@ impl<'a> Space<'a> {
         certificate: &Certificate,
     ) -> Result<Tried, Error> {
         let TwoSided { forward, inverse, vacated, sides } = made;
-        let (voxels_moved, motion_mm) = lengths(&forward);
+        let (voxels_moved, motion_mm_histogram) = lengths(&forward);
         let short = |(step, field): &(Step, Option<FieldBricks>)| {
             let (Some((centre, _)), None) = (step.ball().filter(|_| step.flows()), field) else { return 0.0 };
             let go = |parts| go_through(step, centre.into(), parts, Side::Above);
             (go(1) - go(parts)).norm()
         };
-        Ok(Tried::Made(Box::new(Made {
+        let figures = SpaceFigures {
             voxels_moved,
             bricks_touched: forward.stored() as u64,
             bricks_total: forward.table().len() as u64,
@@ -418,16 +436,18 @@ impl<'a> Space<'a> {
             parts,
             short_mm: self.steps.iter().map(short).fold(0.0, f64::max),
             inverse_residual_max_voxel: residual,
-            det_j: certificate.histogram.clone(),
-            motion_mm,
+            det_j_histogram: certificate.histogram.clone(),
+            motion_mm_histogram,
             voxels_vacated: vacated.iter().map(|&v| u64::from(v)).sum(),
-            displacement: Displacement::new(self.grid.clone(), forward, inverse)?
-                .with_time(self.time)
-                .with_inverse_residual_max(residual)
-                .with_min_det_j(certificate.min_det)
-                .with_vacated(vacated)?
-                .with_sides(sides)?,
-        })))
+            two_sided: !sides.is_empty(),
+        };
+        let displacement = Displacement::new(self.grid.clone(), forward, inverse)?
+            .with_time(self.time)
+            .with_inverse_residual_max(residual)
+            .with_min_det_j(certificate.min_det)
+            .with_vacated(vacated)?
+            .with_sides(sides)?;
+        Ok(Tried::Made(Box::new(Made { displacement, figures })))
     }
 
     /// One for what was displaced before, and one for each chain mail.

@@ -57,12 +57,18 @@ fn a_deflector_moves_every_voxel_as_its_shape_says() {
     for kind in kinds {
         let shape = shape(&grid, kind);
         let made = made(&grid, &[Step::Shape(shape)]);
-        assert_eq!((made.parts, made.folds), (1, 0), "{kind:?}");
+        assert_eq!((made.figures.parts, made.figures.folds), (1, 0), "{kind:?}");
         // The origin is 10 m away: what is left is the rounding of the centre.
         let off = worst(&grid, made.displacement.forward(), |p| shape.apply(p, 1.0) - p);
         assert!(off < 1e-6, "{kind:?}: {off}");
-        assert!(made.voxels_moved > 1000 && made.bricks_touched < made.bricks_total, "{kind:?}: {made:?}");
-        assert!(made.min_det_j > 0.0 && made.inverse_residual_max_voxel < 1e-4, "{kind:?}: {made:?}");
+        assert!(
+            made.figures.voxels_moved > 1000 && made.figures.bricks_touched < made.figures.bricks_total,
+            "{kind:?}: {made:?}"
+        );
+        assert!(
+            made.figures.min_det_j > 0.0 && made.figures.inverse_residual_max_voxel < 1e-4,
+            "{kind:?}: {made:?}"
+        );
         let mut all = Exec::default();
         all.skip = false;
         let plain = displace(&grid, &[Step::Shape(shape)], &Start::default(), &all).unwrap();
@@ -100,11 +106,14 @@ fn a_push_that_folds_at_once_is_done_in_parts() {
         Step::Shape(Shape { radius: 12.0, core: 0.0, ..shape(&grid, kind) })
     };
     // The fade's slope is at most 3/2 over 12 mm: 8 mm is where it folds.
-    assert_eq!(made(&grid, &[push(6.0)]).parts, 1);
+    assert_eq!(made(&grid, &[push(6.0)]).figures.parts, 1);
     let far = made(&grid, &[push(10.0)]);
-    assert!(far.parts > 1 && far.min_det_j > 0.0, "{far:?}");
+    assert!(far.figures.parts > 1 && far.figures.min_det_j > 0.0, "{far:?}");
     let top = f64::from(far.displacement.forward().at(VoxelIndex([20; 3]))[2]);
-    assert!((0.1..3.0).contains(&far.short_mm) && (top + far.short_mm - 10.0).abs() < 0.1, "{top} {far:?}");
+    assert!(
+        (0.1..3.0).contains(&far.figures.short_mm) && (top + far.figures.short_mm - 10.0).abs() < 0.1,
+        "{top} {far:?}"
+    );
     let moves = |u: &[f32; 3]| u[0] == 0.0 && u[1] == 0.0;
     assert!(far.displacement.forward().vectors().iter().all(moves), "a flow along the push");
     // Within reach of the push nothing passes what was ahead of it.
@@ -170,7 +179,7 @@ fn curves_shift_turn_swell_and_grow() {
     };
     let made = made(&grid, &[Step::Curve(twist.clone())]);
     let off = worst(&grid, made.displacement.forward(), |p| twist.apply(p, 1.0) - p);
-    assert!(off < 1e-6 && made.min_det_j > 0.0, "{off} {made:?}");
+    assert!(off < 1e-6 && made.figures.min_det_j > 0.0, "{off} {made:?}");
 }
 
 #[test]
@@ -182,7 +191,11 @@ fn chain_mail_that_cannot_fold_does_not() {
     let made = made(&grid, &[Step::Chain(mail.clone())]);
     // ∇φ has at least 0.5 on its diagonal and at most 0.2 twice beside it; the determinant is least where both are reached.
     let least = Matrix3::from_fn(|r, c| if r == c { 0.5 } else { -0.2 }).determinant();
-    assert!(made.min_det_j >= least - 1e-6 && made.parts == 1, "{} {least}", made.min_det_j);
+    assert!(
+        made.figures.min_det_j >= least - 1e-6 && made.figures.parts == 1,
+        "{} {least}",
+        made.figures.min_det_j
+    );
     let grip = made.displacement.forward().at(VoxelIndex([24; 3]));
     assert!((Vector3::from(grip) - Vector3::new(2.0, 1.0, 3.0)).norm() < 1e-6, "{grip:?}");
     // Straight ahead of the grip every link is squeezed to a half: 3 mm are used up after 6.
@@ -207,7 +220,7 @@ fn a_cut_opens_between_its_sides_and_nowhere_else() {
     let cut = Cut { normal: [1.0, 2.0, 3.0], ..cut(&grid) };
     let made = made(&grid, &[Step::Cut(cut)]);
     let d = &made.displacement;
-    assert!(d.is_two_sided() && made.min_det_j > 0.0, "{made:?}");
+    assert!(d.is_two_sided() && made.figures.min_det_j > 0.0, "{made:?}");
     let normal = Vector3::from(cut.normal).normalize();
     let side = |p: Vector3<f64>| if cut.height(p) >= -1e-3 { Side::Above } else { Side::Below };
     let mut vacated = 0.0;
@@ -239,7 +252,7 @@ fn a_cut_opens_between_its_sides_and_nowhere_else() {
         })
         .sum();
     assert!((vacated / volume - 1.0).abs() < 0.02, "{vacated} voxels, {volume} mm³");
-    assert_eq!(made.voxels_vacated as f64, vacated);
+    assert_eq!(made.figures.voxels_vacated as f64, vacated);
 }
 
 #[test]
@@ -260,7 +273,7 @@ fn cut_labels_stay_on_their_sides_whatever_comes_before_and_after() {
         let ids: Vec<u16> = voxels(&grid).map(side).collect();
         let labels = Labels::new(grid.clone(), ids.into(), Vec::new()).unwrap();
         let made = made(&grid, &steps);
-        assert!(made.voxels_vacated > 200, "{made:?}");
+        assert!(made.figures.voxels_vacated > 200, "{made:?}");
         let d = &made.displacement;
         for v in voxels(&grid).filter(|v| d.sides()[grid.linear(*v)] & 3 != 0) {
             assert_eq!(u16::from(d.sides()[grid.linear(v)] & 3), side(v), "{v:?}");
@@ -312,7 +325,11 @@ fn a_turn_that_reaches_the_border_turns() {
         ..shape(&grid, Kind::Rotate { angle: 120.0 })
     };
     let made = made(&grid, &[Step::Shape(turn)]);
-    assert!((made.min_det_j - 1.0).abs() < 1e-4 && made.parts == 1, "{}", made.min_det_j);
+    assert!(
+        (made.figures.min_det_j - 1.0).abs() < 1e-4 && made.figures.parts == 1,
+        "{}",
+        made.figures.min_det_j
+    );
     let (d, back) = (&made.displacement, Shape { kind: Kind::Rotate { angle: -120.0 }, ..turn });
     for v in voxels(&grid) {
         let y = place(&grid, v);

@@ -22,18 +22,27 @@ pub fn mapped(motion: &Motion, inside: &Mask, band: &Band, found: &Mapped) -> Ve
     let moved = &found.displacement;
     finite(moved.forward())?;
     finite(moved.inverse())?;
-    hold!(found.min_det_j > 0.0 && found.min_det_j <= 1.0, "least determinant {}", found.min_det_j);
-    hold!(found.min_det_j == moved.min_det_j(), "{} or {}", found.min_det_j, moved.min_det_j());
-    hold!(found.folds == 0, "{} folds", found.folds);
+    hold!(
+        found.figures.min_det_j > 0.0 && found.figures.min_det_j <= 1.0,
+        "least determinant {}",
+        found.figures.min_det_j
+    );
+    hold!(
+        found.figures.min_det_j == moved.min_det_j(),
+        "{} or {}",
+        found.figures.min_det_j,
+        moved.min_det_j()
+    );
+    hold!(found.figures.folds == 0, "{} folds", found.figures.folds);
     let counts = |cell: [i64; 3]| band.outside == Outside::Band || touches(inside, cell);
     determinants(moved.forward(), moved.grid(), moved.min_det_j(), counts)?;
     inverse(moved, band.outside == Outside::Band)?;
     reach(motion, band, moved)?;
     if motion.max_displacement() == 0.0 {
         hold!(
-            moved.is_identity() && found.voxels_moved == 0,
+            moved.is_identity() && found.figures.voxels_moved == 0,
             "nothing moves, {} voxels do",
-            found.voxels_moved
+            found.figures.voxels_moved
         );
     }
     Ok(())
@@ -184,14 +193,27 @@ pub fn displaced(made: &ivd_deform::space::Made) -> Verdict {
     let moved = &made.displacement;
     finite(moved.forward())?;
     finite(moved.inverse())?;
-    hold!(made.min_det_j > 0.0 && made.min_det_j <= 1.0, "least determinant {}", made.min_det_j);
-    hold!(made.folds == 0 && made.parts >= 1, "{} folds in {} parts", made.folds, made.parts);
-    hold!(made.parts > 1 || made.short_mm == 0.0, "{} mm short at once", made.short_mm);
+    hold!(
+        made.figures.min_det_j > 0.0 && made.figures.min_det_j <= 1.0,
+        "least determinant {}",
+        made.figures.min_det_j
+    );
+    hold!(
+        made.figures.folds == 0 && made.figures.parts >= 1,
+        "{} folds in {} parts",
+        made.figures.folds,
+        made.figures.parts
+    );
+    hold!(
+        made.figures.parts > 1 || made.figures.short_mm == 0.0,
+        "{} mm short at once",
+        made.figures.short_mm
+    );
     let grid = moved.grid();
     let n = grid.dims().map(|n| n as i64);
     let left = !moved.vacated().is_empty() && !moved.is_two_sided();
     let beyond = |cell: [i64; 3]| (0..3).any(|a| cell[a] < 0 || cell[a] + 1 >= n[a]);
-    determinants(moved.forward(), grid, made.min_det_j, |cell| {
+    determinants(moved.forward(), grid, made.figures.min_det_j, |cell| {
         !(moved.is_torn(cell) || left && beyond(cell))
     })?;
     hold!(moved.inverse_residual_max() <= RESIDUAL, "residual {}", moved.inverse_residual_max());

@@ -148,8 +148,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     ) -> Result<Mapped, Error> {
         self.with_frame(motion, frame, params, exec, |settle, made, exec| {
             let mut mapped = settle.settle(made.field, exec)?;
-            mapped.relaxations += made.repairs;
-            mapped.solved = made.solved;
+            mapped.figures.relaxations += made.repairs;
+            mapped.figures.solved = made.solved;
             Ok(mapped)
         })
     }

@@ -68,8 +68,10 @@ fn affine_motions_of_the_whole_lattice_are_exact_in_its_balls_on_the_lattice_and
             let mapped = all.smooth(&smooth(), &Exec::default()).unwrap();
             let worst = apart(&grid, &mapped, |p| (p - centre).norm() <= reach, moves);
             assert!(worst <= 1e-5, "{worst} voxels");
-            assert!(mapped.followed.misfit_max_voxel <= 1e-5, "{:?}", mapped.followed);
-            assert!(mapped.folds == 0 && mapped.relaxations == 0 && mapped.halvings == 0);
+            assert!(mapped.figures.followed.misfit_max_voxel <= 1e-5, "{:?}", mapped.figures.followed);
+            assert!(
+                mapped.figures.folds == 0 && mapped.figures.relaxations == 0 && mapped.figures.halvings == 0
+            );
         }
     }
 }
@@ -88,7 +90,7 @@ fn translations_are_exact_to_the_last_bit() {
                 assert_eq!(mapped.displacement.forward().at(v), expected, "{v:?}");
             }
         }
-        assert_eq!(mapped.solved.unwrap().iterations, 0, "nothing is left to solve");
+        assert_eq!(mapped.figures.solved.unwrap().iterations, 0, "nothing is left to solve");
     }
 }
 
@@ -287,12 +289,14 @@ fn twist_shear_and_radial_motions_are_followed_and_taken_back() {
         });
         eprintln!(
             "{name}: misfit {:.4} max {:.4} rms, inside {off:.4} (octree {other:?}) voxels, {:?}",
-            mapped.followed.misfit_max_voxel, mapped.followed.misfit_rms_voxel, mapped.solved
+            mapped.figures.followed.misfit_max_voxel,
+            mapped.figures.followed.misfit_rms_voxel,
+            mapped.figures.solved
         );
         assert!(
-            mapped.followed.misfit_max_voxel < misfit && off < inside,
+            mapped.figures.followed.misfit_max_voxel < misfit && off < inside,
             "{name}: {:?}, {off}",
-            mapped.followed
+            mapped.figures.followed
         );
     }
 }
@@ -317,7 +321,7 @@ fn nothing_moves_beyond_the_reach_and_its_margin_not_by_a_bit() {
                 &Exec::default(),
             )
             .unwrap();
-        assert!(mapped.voxels_moved > 50);
+        assert!(mapped.figures.voxels_moved > 50);
         for v in voxels(&grid) {
             if (grid.linear_part() * VoxelCoord::from(v).0 - at).norm() >= radius + 3.0 {
                 assert_eq!(mapped.displacement.forward().at(v).map(f32::to_bits), [0; 3]);
@@ -341,13 +345,13 @@ fn last_frames_nodes_are_a_start_that_saves_iterations_and_changes_nothing() {
         kept.map(&dent.motion, 0, &params, &exec).unwrap();
         let warm = kept.map(&dent.motion, 1, &params, &exec).unwrap();
         let cold = biharmonic(&dent.lattice, &dent.motion, 1, &params, &exec).unwrap();
-        assert!(warm.solved.unwrap().iterations < cold.solved.unwrap().iterations);
+        assert!(warm.figures.solved.unwrap().iterations < cold.figures.solved.unwrap().iterations);
         assert_eq!(warm.displacement.forward().table(), cold.displacement.forward().table());
         let pairs = warm.displacement.forward().vectors().iter().zip(cold.displacement.forward().vectors());
         let worst = pairs.flat_map(|(p, q)| (0..3).map(move |a| (p[a] - q[a]).abs())).fold(0.0, f32::max);
         assert!(worst < 1e-5, "{worst} mm");
         let again = kept.map(&dent.motion, 1, &params, &exec).unwrap();
-        assert_eq!(again.solved.unwrap().iterations, 0, "the same frame is solved already");
+        assert_eq!(again.figures.solved.unwrap().iterations, 0, "the same frame is solved already");
     }
 }
 
@@ -368,9 +372,9 @@ fn scale_of_the_scene_changes_lengths_and_nothing_else() {
     let one = dented(1.0, -3.0).smooth(&smooth(), &Exec::default()).unwrap();
     for scale in [1e-3, 1e3] {
         let other = dented(scale, -3.0).smooth(&smooth(), &Exec::default()).unwrap();
-        assert_eq!(other.bricks_touched, one.bricks_touched);
-        assert!((other.min_det_j - one.min_det_j).abs() < 1e-4);
-        assert!((other.followed.misfit - one.followed.misfit).abs() < 1e-5);
+        assert_eq!(other.figures.bricks_touched, one.figures.bricks_touched);
+        assert!((other.figures.min_det_j - one.figures.min_det_j).abs() < 1e-4);
+        assert!((other.figures.followed.misfit - one.figures.followed.misfit).abs() < 1e-5);
     }
 }
 
@@ -390,7 +394,11 @@ fn handles_outside_two_in_a_cell_and_lattices_of_nothing_do_no_harm() {
         &[(top, 6.0), (near, 6.0), (far, 3.0)],
     );
     let mapped = two.smooth(&smooth(), &exec).unwrap();
-    assert!(mapped.min_det_j > 0.0 && mapped.followed.misfit < 0.05, "{:?}", mapped.followed);
+    assert!(
+        mapped.figures.min_det_j > 0.0 && mapped.figures.followed.misfit < 0.05,
+        "{:?}",
+        mapped.figures.followed
+    );
     let outside = scene(&grid, ball(centre, 8.0), |_| Vector3::zeros(), &[(far, 5.0)]);
     assert!(outside.smooth(&smooth(), &exec).unwrap().displacement.is_identity());
     // A ball that holds no vertex, though some move: nothing can follow.
@@ -423,7 +431,7 @@ fn one_voxel_one_slice_and_one_row_are_mapped() {
                     &Exec::default(),
                 )
                 .unwrap();
-            assert!(mapped.min_det_j > 0.0, "{dims:?}");
+            assert!(mapped.figures.min_det_j > 0.0, "{dims:?}");
         }
     }
 }
@@ -456,7 +464,7 @@ fn motions_that_no_vector_holds_and_cancelled_work_end_with_a_reason() {
         let moves = |p: Vector3<f64>| Vector3::new(if p.x > centre.x { far } else { 0.0 }, 0.0, 0.0);
         let part = scene(&grid, ball(centre, 4.0), moves, &[(centre, 5.0)]);
         match part.smooth(&smooth(), &Exec::default()) {
-            Ok(mapped) => assert!(far < 1e37 && mapped.min_det_j > 0.0, "{far}"),
+            Ok(mapped) => assert!(far < 1e37 && mapped.figures.min_det_j > 0.0, "{far}"),
             Err(error) => assert_eq!(error.fault(), ivd_core::Fault::Untrusted, "{far}: {error}"),
         }
     }

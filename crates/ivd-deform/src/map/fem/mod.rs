@@ -136,7 +136,7 @@ fn map_frame(
     let (field, solved) = equilibrium(&mut body, lattice, frame, cells.length(lattice.grid()), exec)?;
     let sampled = sample(&body, &cells, lattice.grid(), &field, &bricks, exec)?;
     let mut mapped = settle.settle(cut(all_bricks(lattice.grid(), &bricks, sampled)?, alone)?, exec)?;
-    mapped.solved = Some(solved);
+    mapped.figures.solved = Some(solved);
     Ok(mapped)
 }
 

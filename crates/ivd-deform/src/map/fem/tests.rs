@@ -73,8 +73,8 @@ fn a_push_is_followed_moves_nothing_beyond_its_reach_and_is_the_same_for_any_num
     let run = |threads| all.elastic(&params, &Exec::default().with_threads(threads)).unwrap();
     let mapped = run(1);
     assert_eq!(mapped.displacement, run(2).displacement);
-    assert_eq!(mapped.folds, 0);
-    assert!(mapped.followed.misfit < 0.05, "{:?}", mapped.followed);
+    assert_eq!(mapped.figures.folds, 0);
+    assert!(mapped.figures.followed.misfit < 0.05, "{:?}", mapped.figures.followed);
     let reach = 10.0 + 4.0 * 2.0;
     let moved: Vec<f64> = voxels(&grid)
         .filter(|v| mapped.displacement.forward().at(*v) != [0.0; 3])
@@ -97,7 +97,7 @@ fn a_stretch_of_the_lattice_is_that_of_its_inside() {
     let (most, _) = apart(&grid, &mapped, |p| (p - centre).norm() < 8.0, moves);
     // A twentieth of a cell's edge, of the 1.35 voxels that the poles move.
     assert!(most < 0.1, "{most} voxels");
-    let [before, after] = mapped.followed.volume_mm3;
+    let [before, after] = mapped.figures.followed.volume_mm3;
     assert!((after / before - 1.0).abs() < 0.005, "{before} {after}");
 }
 
@@ -171,7 +171,7 @@ fn a_class_keeps_its_matter_outside_the_lattice() {
     let exec = Exec::default();
     let run = |young| {
         let mapped = fem(&all.lattice, Some(&labels), &all.motion, 0, &made_of(young, 0.3), &exec).unwrap();
-        assert!(mapped.followed.misfit < 0.1, "{:?}", mapped.followed);
+        assert!(mapped.figures.followed.misfit < 0.1, "{:?}", mapped.figures.followed);
         bent(&mapped, &grid, above)
     };
     let (soft, hard) = (run(0.01), run(100.0));
@@ -195,7 +195,12 @@ fn borders_of_materials_are_in_the_finest_cells() {
     let plain = FemParams { cell: Some(2), band: Band { margin: Some(16.0), ..elastic().band }, ..elastic() };
     let plain = all.elastic(&plain, &Exec::default()).unwrap();
     let [hard, soft] = [run(1000.0), run(0.01)];
-    assert!(hard.solved.unwrap().nodes > plain.solved.unwrap().nodes, "{:?} {:?}", hard.solved, plain.solved);
+    assert!(
+        hard.figures.solved.unwrap().nodes > plain.figures.solved.unwrap().nodes,
+        "{:?} {:?}",
+        hard.figures.solved,
+        plain.figures.solved
+    );
     let [hard, soft] = [hard, soft].map(|mapped| bent(&mapped, &grid, |p| (p - near).norm() < 2.1));
     assert!(hard < 0.1 * soft, "{hard} {soft}");
 }
@@ -258,8 +263,12 @@ fn parts_that_move_alone_leave_the_rest_in_place_and_stillness_stays() {
             &Exec::default(),
         )
         .unwrap();
-    assert!(free.voxels_vacated > 0 && free.followed.misfit < 0.1, "{:?}", free.followed);
+    assert!(
+        free.figures.voxels_vacated > 0 && free.figures.followed.misfit < 0.1,
+        "{:?}",
+        free.figures.followed
+    );
     let (still, _) = pushed(&grid, 8.0, 0.0);
     let still = still.elastic(&elastic(), &Exec::default()).unwrap();
-    assert_eq!((still.voxels_moved, still.solved), (0, None));
+    assert_eq!((still.figures.voxels_moved, still.figures.solved), (0, None));
 }
