@@ -36,7 +36,7 @@
 //! let solved = spring::ring(&lattice, &[handle], &[], &spring::RingParams::default(), &exec)?;
 //! let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec)?;
 //! let mapped = map::octree(&lattice, &octree, &solved.motion, 0, &map::OctreeParams::default(), &exec)?;
-//! assert!(mapped.min_det_j > 0.0);
+//! assert!(mapped.figures.min_det_j > 0.0);
 //!
 //! let warped = warp::volume(&volume, &mapped.displacement, &warp::WarpParams::default(), &exec)?;
 //! let above = VoxelIndex([15, 15, 27]);

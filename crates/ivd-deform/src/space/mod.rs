@@ -36,7 +36,7 @@
 //! });
 //! let made = space::displace(&grid, &[push], &Start::default(), &Exec::default())?;
 //! assert_eq!(made.displacement.forward().at(VoxelIndex([16; 3])), [0.0, 0.0, 3.0]);
-//! assert!(made.min_det_j > 0.0 && made.inverse_residual_max_voxel < 1e-3);
+//! assert!(made.figures.min_det_j > 0.0 && made.figures.inverse_residual_max_voxel < 1e-3);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
