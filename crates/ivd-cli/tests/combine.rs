@@ -2,26 +2,13 @@
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
 use std::path::Path;
-use std::process::{Command, Output};
 
-use serde_json::Value;
-
-fn ivd(folder: &Path, words: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivd"));
-    command.current_dir(folder).env("IVD_CACHE", folder.join("cache")).args(words).output().unwrap()
-}
-
-fn json(folder: &Path, words: &[&str]) -> Value {
-    let output = ivd(folder, &[words, &["--json"]].concat());
-    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
+use crate::call::{self, json};
 
 /// What a refusal says; its exit code must be the one given.
 fn refused(folder: &Path, code: i32, words: &[&str]) -> String {
-    let output = ivd(folder, words);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{words:?}: {said}");
+    let (found, said) = call::refused(folder, words);
+    assert_eq!(found, code, "{words:?}: {said}");
     assert!(!folder.join("x.ivd").exists(), "{words:?} left a file behind");
     said
 }

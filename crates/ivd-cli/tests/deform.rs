@@ -2,20 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use serde_json::Value;
 
-fn ivd(folder: &Path, words: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivd"));
-    command.current_dir(folder).env("IVD_CACHE", folder.join("cache")).args(words).output().unwrap()
-}
-
-fn json(folder: &Path, words: &[&str]) -> Value {
-    let output = ivd(folder, &[words, &["--json"]].concat());
-    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
+use crate::call::{ivd, json};
 
 const PUSH: &str = "kind=translate;centre=20,20,20;radius=60;core=0.8;by=0,3,4";
 

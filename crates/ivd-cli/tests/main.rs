@@ -3,6 +3,7 @@
 mod bench;
 mod budget;
 mod cache;
+mod call;
 mod combine;
 mod deform;
 mod faults;

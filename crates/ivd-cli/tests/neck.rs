@@ -2,24 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "a failed step of a test's own preparation is a failed test")]
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use ivd_artefact::Artefact;
 use ivd_core::{Displacement, Labels, Lattice, Motion, VoxelIndex};
 use serde_json::Value;
 
+use crate::call::{ivd, json};
+
 type Point = [f64; 3];
-
-fn ivd(folder: &Path, words: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivd"));
-    command.current_dir(folder).env("IVD_CACHE", folder.join("cache")).args(words).output().unwrap()
-}
-
-fn json(folder: &Path, words: &[&str]) -> Value {
-    let output = ivd(folder, &[words, &["--json"]].concat());
-    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
 
 fn scene() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/scenes/neck-bend.toml"))

@@ -1,36 +1,9 @@
 //! The program's contract: data on stdout, talk on stderr, exit codes, nothing half-written.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
-use std::path::Path;
-use std::process::{Command, Output};
-
 use serde_json::Value;
 
-fn ivd(folder: &Path, words: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_ivd"))
-        .current_dir(folder)
-        .env("IVD_CACHE", folder.join("cache"))
-        .args(words)
-        .output()
-        .unwrap()
-}
-
-/// Runs with `--json`; the exit code must be 0 and stdout one object.
-fn json(folder: &Path, words: &[&str]) -> Value {
-    let words: Vec<&str> = words.iter().copied().chain(["--json"]).collect();
-    let output = ivd(folder, &words);
-    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(text.lines().count(), 1, "one object, one line: {text}");
-    serde_json::from_str(&text).unwrap()
-}
-
-/// Exit code and stderr of a command that must fail.
-fn failure(folder: &Path, words: &[&str]) -> (i32, String) {
-    let output = ivd(folder, words);
-    assert!(!output.status.success(), "{words:?} was taken");
-    (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
-}
+use crate::call::{ivd, json, refused};
 
 #[test]
 fn single_stages_chain_through_files_from_phantom_to_picture() {
@@ -140,25 +113,25 @@ fn every_kind_of_failure_has_its_code_and_names_thing_and_remedy() {
     json(at, &["phantom", "sphere", "--size", "24", "-o", "v.ivd"]);
     json(at, &["lattice", "v.ivd", "--iso", "127.5", "-o", "l.ivd"]);
 
-    let (code, text) = failure(at, &["segment"]);
+    let (code, text) = refused(at, &["segment"]);
     assert_eq!(code, 2, "{text}");
-    let (code, text) = failure(at, &["pipeline", "scene.toml"]);
+    let (code, text) = refused(at, &["pipeline", "scene.toml"]);
     assert!(code == 2 && text.contains("imput") && text.contains("input"), "{code} {text}");
-    let (code, text) = failure(at, &["import", "junk.nrrd", "-o", "x.ivd"]);
+    let (code, text) = refused(at, &["import", "junk.nrrd", "-o", "x.ivd"]);
     assert!(code == 3 && text.contains("junk.nrrd") && text.contains("type"), "{code} {text}");
-    let (code, text) = failure(at, &["refine", "v.ivd", "--level", "1", "-o", "x.ivd"]);
+    let (code, text) = refused(at, &["refine", "v.ivd", "--level", "1", "-o", "x.ivd"]);
     assert!(code == 2 && text.contains("volume"), "{code} {text}");
     let (code, text) =
-        failure(at, &["phantom", "sphere", "--size", "600", "--memory-limit", "10M", "-o", "x.ivd"]);
+        refused(at, &["phantom", "sphere", "--size", "600", "--memory-limit", "10M", "-o", "x.ivd"]);
     assert!(code == 4 && text.contains("memory"), "{code} {text}");
-    let (code, text) = failure(at, &["doctor", "--require-gpu"]);
+    let (code, text) = refused(at, &["doctor", "--require-gpu"]);
     assert!(code == 6 && text.contains("GPU"), "{code} {text}");
-    let (code, text) = failure(at, &["doctor", "--backend", "gpu", "--require-gpu"]);
+    let (code, text) = refused(at, &["doctor", "--backend", "gpu", "--require-gpu"]);
     assert!(code == 6 && text.contains("--require-gpu"), "{code} {text}");
-    let (code, _) = failure(at, &["phantom", "sphere", "--size", "24", "-o", "no/such/folder/x.ivd"]);
+    let (code, _) = refused(at, &["phantom", "sphere", "--size", "24", "-o", "no/such/folder/x.ivd"]);
     assert_eq!(code, 7);
     let (code, text) =
-        failure(at, &["deform", "l.ivd", "--handle", "pick=500,0,0;move=1,0,0;radius=5", "-o", "x.ivd"]);
+        refused(at, &["deform", "l.ivd", "--handle", "pick=500,0,0;move=1,0,0;radius=5", "-o", "x.ivd"]);
     assert!(code == 2 && text.contains("mm"), "{code} {text}");
     assert!(!at.join("x.ivd").exists(), "a failure leaves no output");
 }
@@ -173,7 +146,7 @@ fn a_flipped_byte_in_an_artefact_is_an_input_error_and_not_a_result() {
         let mut bytes = whole.clone();
         bytes[place] ^= 1;
         std::fs::write(at.join("bad.ivd"), bytes).unwrap();
-        let (code, text) = failure(at, &["lattice", "bad.ivd", "--iso", "127.5", "-o", "x.ivd"]);
+        let (code, text) = refused(at, &["lattice", "bad.ivd", "--iso", "127.5", "-o", "x.ivd"]);
         assert!(code == 3 && text.contains("bad.ivd"), "byte {place}: {code} {text}");
     }
 }
@@ -234,7 +207,7 @@ fn labels_of_another_volume_are_refused_and_usage_errors_are_json_too() {
         "-o",
         "x.ivd",
     ];
-    let (code, text) = failure(at, &words);
+    let (code, text) = refused(at, &words);
     assert!(code == 2 && text.contains("grid"), "{code} {text}");
     let part = json(at, &["boundary", "large.ivd", "--seed", "12,12,12", "-o", "part.ivd"]);
     assert!(
@@ -244,7 +217,7 @@ fn labels_of_another_volume_are_refused_and_usage_errors_are_json_too() {
     let output = ivd(at, &["segment", "small.ivd", "--bogus", "--json"]);
     let object: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((output.status.code(), &object["error"]["exit_code"]), (Some(2), &Value::from(2)));
-    let (code, text) = failure(at, &["export", "small.ivd", "-o", "x.foo"]);
+    let (code, text) = refused(at, &["export", "small.ivd", "-o", "x.foo"]);
     assert!(code == 2 && text.contains("nii"), "{code} {text}");
 }
 
@@ -289,13 +262,13 @@ fn parameters_come_from_a_file_where_a_command_has_a_section_and_are_refused_els
     let picture = json(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml"]);
     assert_eq!(of(&picture, "params.iso"), 100.0, "a default gives way to the file");
     let (code, text) =
-        failure(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml", "--mode", "mip"]);
+        refused(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml", "--mode", "mip"]);
     assert!(code == 2 && text.contains("iso: mip doesn't read it; it belongs to iso"), "{code} {text}");
     params("mode = \"iso\"\nsize = [8, 8]\n");
     let picture = json(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml", "--mode", "mip"]);
     assert_eq!(picture["params"]["mode"], "mip", "what is typed wins");
     params("leaf_sise = 8\n");
-    let (code, text) = failure(at, &["octree", "l.ivd", "-o", "x.ivd", "--params", "p.toml"]);
+    let (code, text) = refused(at, &["octree", "l.ivd", "-o", "x.ivd", "--params", "p.toml"]);
     assert!(code == 2 && text.contains("leaf_sise") && text.contains("p.toml"), "{code} {text}");
 
     std::fs::write(at.join("scene.toml"), "schema = 1\n[input]\nphantom = \"sphere\"\n[output]\n").unwrap();
@@ -312,7 +285,7 @@ fn parameters_come_from_a_file_where_a_command_has_a_section_and_are_refused_els
         &["cache", "show"],
     ];
     for words in without {
-        let (code, text) = failure(at, &[words, &["--params", "p.toml"]].concat());
+        let (code, text) = refused(at, &[words, &["--params", "p.toml"]].concat());
         assert!(
             code == 2 && text.contains("--params p.toml") && text.contains("--set"),
             "{words:?}: {code} {text}"
@@ -365,9 +338,9 @@ fn a_missing_input_file_has_one_exit_code_in_every_command() {
         &["pipeline", "scene.toml"],
     ];
     for words in missing {
-        let (code, text) = failure(at, words);
+        let (code, text) = refused(at, words);
         assert!(code == 7 && text.contains("gone"), "{words:?}: {code} {text}");
     }
-    let (code, text) = failure(at, &["pipeline", "good.toml", "--input", "gone"]);
+    let (code, text) = refused(at, &["pipeline", "good.toml", "--input", "gone"]);
     assert!(code == 7 && text.contains("gone"), "{code} {text}");
 }

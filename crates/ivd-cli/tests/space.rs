@@ -1,28 +1,9 @@
 //! Displacements without a lattice, through the program: single stages, a scene, and what is refused.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
-use std::path::Path;
-use std::process::{Command, Output};
-
 use serde_json::Value;
 
-fn ivd(folder: &Path, words: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivd"));
-    command.current_dir(folder).env("IVD_CACHE", folder.join("cache")).args(words).output().unwrap()
-}
-
-fn json(folder: &Path, words: &[&str]) -> Value {
-    let output = ivd(folder, &[words, &["--json"]].concat());
-    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-/// Exit code and what is said of it.
-fn refused(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
-    let output = ivd(folder, words);
-    assert!(!output.status.success(), "{words:?}");
-    (output.status.code(), String::from_utf8(output.stderr).unwrap())
-}
+use crate::call::{json, refused};
 
 const TURN: &str = "kind=rotate;centre=20,20,20;radius=18;angle=30";
 const BACK: &str = "kind=rotate;centre=20,20,20;radius=18;angle=-30";
@@ -76,7 +57,7 @@ fn a_cut_opens_a_volume_and_says_that_it_has_two_sides() {
     let told: Value = serde_json::from_slice(&std::fs::read(at.join("d.json")).unwrap()).unwrap();
     assert_eq!(told["two_sided"], true);
     let (code, said) = refused(at, &["space", "v.ivd", "--step", TURN, "--after", "d.ivd", "-o", "x.ivd"]);
-    assert!(code == Some(2) && said.contains("has a cut") && said.contains("warp first"), "{code:?} {said}");
+    assert!(code == 2 && said.contains("has a cut") && said.contains("warp first"), "{code} {said}");
     assert!(!at.join("x.ivd").exists());
 }
 
@@ -96,7 +77,7 @@ fn chain_mail_knows_classes() {
     let apart = json(at, &["compare", "t.ivd", "w.ivd"]);
     assert!(apart.to_string().contains("dice"), "{apart}");
     let (code, said) = refused(at, &["space", "v.ivd", "--step", &stiff, "-o", "x.ivd"]);
-    assert!(code == Some(2) && said.contains("no labels"), "{code:?} {said}");
+    assert!(code == 2 && said.contains("no labels"), "{code} {said}");
 }
 
 #[test]
@@ -128,7 +109,7 @@ fn a_scene_without_a_lattice_moves_and_one_with_both_goes_on() {
         assert_eq!(state(&told, stage), "ran", "{stage}");
     }
     let (code, said) = refused(at, &["pipeline", "both.toml", "--out", "no", "--max-error", "1"]);
-    assert!(code == Some(2) && said.contains("space.step"), "{code:?} {said}");
+    assert!(code == 2 && said.contains("space.step"), "{code} {said}");
     // Without steps the stage isn't named.
     let still = "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 16\n[lattice]\niso = 128.0\n[output]\nlattice = \"l.ply\"\n";
     std::fs::write(at.join("still.toml"), still).unwrap();
@@ -153,7 +134,7 @@ fn what_folds_or_misses_is_told_and_leaves_nothing() {
             words.extend(["--step", step]);
         }
         let (found, said) = refused(at, &words);
-        assert!(found == Some(code) && said.contains(word), "{steps:?}: {found:?} {said}");
+        assert!(found == code && said.contains(word), "{steps:?}: {found} {said}");
         assert!(!at.join("x.ivd").exists(), "{steps:?}");
     }
 }

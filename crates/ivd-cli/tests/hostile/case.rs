@@ -131,19 +131,29 @@ impl Case {
     }
 }
 
-/// Runs all cases, as many at once as there are processors, and tells all that went wrong. Gives their number.
+/// Runs all cases and tells all that went wrong. Gives their number.
 pub(crate) fn run_all(cases: Vec<Case>) -> usize {
+    each_in_a_folder(&cases, Case::check).len()
+}
+
+/// Checks every case in a folder of its own, as many at once as there are processors, and tells all that went wrong. Gives what
+/// the checks found, in no order.
+pub(super) fn each_in_a_folder<C: Sync, T: Send>(
+    cases: &[C],
+    check: impl Fn(&C, &Path) -> Result<T, String> + Sync,
+) -> Vec<T> {
     let folder = tempfile::tempdir().unwrap();
     let next = AtomicUsize::new(0);
-    let wrong = Mutex::new(Vec::new());
+    let (found, wrong) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
     let workers = std::thread::available_parallelism().map_or(2, usize::from);
     std::thread::scope(|scope| {
         for _ in 0..workers {
             scope.spawn(|| {
                 while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
                     let at = tempfile::tempdir_in(folder.path()).unwrap();
-                    if let Err(problem) = case.check(at.path()) {
-                        wrong.lock().unwrap().push(problem);
+                    match check(case, at.path()) {
+                        Ok(one) => found.lock().unwrap().push(one),
+                        Err(problem) => wrong.lock().unwrap().push(problem),
                     }
                 }
             });
@@ -151,5 +161,5 @@ pub(crate) fn run_all(cases: Vec<Case>) -> usize {
     });
     let wrong = wrong.into_inner().unwrap();
     assert!(wrong.is_empty(), "{} of {} cases:\n{}", wrong.len(), cases.len(), wrong.join("\n"));
-    cases.len()
+    found.into_inner().unwrap()
 }

@@ -5,12 +5,11 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use ivd_core::shown;
 use serde_json::{Value, json};
 
+use crate::hostile::case::each_in_a_folder;
 use crate::hostile::{artefacts, dicom, good, pictures};
 
 /// All of them. What a reader of words may cut at stands in a text of its own, so that it can't keep the others from being read.
@@ -458,30 +457,10 @@ fn words(text: &str) -> Vec<Planted> {
     all
 }
 
-/// Runs the cases of a group on all processors; gives how many there were and in how many the text was repeated.
+/// Runs the cases of a group; gives how many there were and in how many the text was repeated.
 fn run(cases: &[Planted]) -> (usize, usize) {
-    let folder = tempfile::tempdir().unwrap();
-    let (next, repeated) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let wrong = Mutex::new(Vec::new());
-    let workers = std::thread::available_parallelism().map_or(2, usize::from);
-    std::thread::scope(|scope| {
-        for _ in 0..workers {
-            scope.spawn(|| {
-                while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let at = tempfile::tempdir_in(folder.path()).unwrap();
-                    match case.check(at.path()) {
-                        Ok(told) => {
-                            repeated.fetch_add(usize::from(told), Ordering::Relaxed);
-                        }
-                        Err(problem) => wrong.lock().unwrap().push(problem),
-                    }
-                }
-            });
-        }
-    });
-    let wrong = wrong.into_inner().unwrap();
-    assert!(wrong.is_empty(), "{} of {} cases:\n{}", wrong.len(), cases.len(), wrong.join("\n"));
-    (cases.len(), repeated.into_inner())
+    let repeated = each_in_a_folder(cases, Planted::check);
+    (repeated.len(), repeated.into_iter().filter(|told| *told).count())
 }
 
 /// Runs a group over all texts; some of it must have been repeated, or nothing was proved.
