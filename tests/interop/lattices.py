@@ -6,7 +6,6 @@ formats agree within their precision; VTK reads the VTP. Prints `N passed, N fai
 failed. Needs numpy, trimesh and vtk.
 """
 
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -16,27 +15,12 @@ import trimesh
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
+from checks import check, ivd, outcome
+
 PHANTOMS = [("sphere", 48, 127.5), ("torus", 64, 127.5), ("gyroid", 48, 127.5), ("shell", 40, 127.5), ("head", 48, 60.0)]
 RATIOS = [0.5, 0.1, 0.0]
 # glTF is in metres with y up: left is +x, the head +y, the front +z.
 TO_RAS = 1000.0 * np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-
-passed = failed = 0
-
-
-def check(name, holds, detail=""):
-    global passed, failed
-    if holds:
-        passed += 1
-    else:
-        failed += 1
-        print(f"FAILED {name} {detail}")
-
-
-def ivd(program, *arguments):
-    done = subprocess.run([program, *map(str, arguments), "--progress", "never"], capture_output=True, text=True)
-    if done.returncode != 0:
-        raise RuntimeError(f"ivd {' '.join(map(str, arguments))}: exit {done.returncode}: {done.stderr.strip()}")
 
 
 def load(path):
@@ -162,8 +146,7 @@ def main():
                 check_phantom(program, shape, size, iso, Path(folder))
             except RuntimeError as error:
                 check(shape, False, str(error))
-    print(f"{passed} passed, {failed} failed")
-    sys.exit(failed > 0)
+    sys.exit(outcome())
 
 
 if __name__ == "__main__":

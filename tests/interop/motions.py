@@ -7,7 +7,6 @@ places. Prints `N passed, N failed`; the exit code is 1 where something failed. 
 """
 
 import json
-import subprocess
 import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
@@ -18,29 +17,13 @@ import SimpleITK as sitk
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
+from checks import check, ivd, outcome
+
 # From the metres with y up of glTF to mm, RAS.
 TO_RAS = 1000.0 * np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 TO_LPS = np.array([-1.0, -1.0, 1.0])
 TWIST = "kind=twist;centre=24,24,24;axis=0.2,0.3,1;radius=22;core=0.3;rate=2.5"
 PUSH = "kind=translate;centre=24,24,24;radius=23;core=0;by=1.5,-1,0.5"
-
-passed = failed = 0
-
-
-def check(name, holds, detail=""):
-    global passed, failed
-    if holds:
-        passed += 1
-    else:
-        failed += 1
-        print(f"FAILED {name} {detail}")
-
-
-def ivd(program, *arguments):
-    words = [program, *map(str, arguments), "--progress", "never", "--cache", "off"]
-    done = subprocess.run(words, capture_output=True, text=True)
-    if done.returncode != 0:
-        raise RuntimeError(f"ivd {' '.join(map(str, arguments))}: exit {done.returncode}: {done.stderr.strip()}")
 
 
 def points_of(data):
@@ -169,8 +152,7 @@ def main():
         ivd(program, "octree", at / "l.ivd", "-o", at / "o.ivd")
         motions(program, at)
         fields(program, at)
-    print(f"{passed} passed, {failed} failed")
-    return 1 if failed else 0
+    return outcome()
 
 
 if __name__ == "__main__":

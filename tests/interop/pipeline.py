@@ -17,20 +17,12 @@ import numpy as np
 import SimpleITK as sitk
 import trimesh
 
+from checks import check, outcome
+
 IVD = pathlib.Path(sys.argv[1]).resolve()
 # Scenes that run on floats as well.
 SINGLE = ["bonsai", "mni152", "mri_brain_dicom", "tooth"]
 SCENES = pathlib.Path(__file__).resolve().parents[2] / "fixtures" / "scenes"
-FAILED, PASSED = [], 0
-
-
-def check(name, holds, text=""):
-    global PASSED
-    if holds:
-        PASSED += 1
-    else:
-        FAILED.append(name)
-        print(f"FAILED {name}: {text}")
 
 
 def run(*words):
@@ -164,8 +156,7 @@ def main():
                 as_single(f"{name} as f32", file, scene, pathlib.Path(root) / f"{name}-single", temporary)
         if len(exits) >= 8:
             check("at least 7 of 8 scenes exit 0", sum(c == 0 for c in exits.values()) >= len(exits) - 1, str(exits))
-    print(f"{PASSED} passed, {len(FAILED)} failed")
-    sys.exit(bool(FAILED))
+    sys.exit(outcome())
 
 
 main()

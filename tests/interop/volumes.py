@@ -17,13 +17,14 @@ import tifffile
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
+from checks import check, outcome
+
 IVD = pathlib.Path(sys.argv[1]).resolve()
 DATA = pathlib.Path(__file__).resolve().parents[3] / "shared" / "data"
 ENDINGS = ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "raw"]
 PLACE_MM = 1e-3
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0])
 sitk.ProcessObject.SetGlobalWarningDisplay(False)
-FAILED, PASSED = [], 0
 
 
 class Volume:
@@ -37,15 +38,6 @@ class Volume:
         n = np.array(self.values.shape[::-1]) - 1
         at = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)]) * n
         return at @ self.affine[:, :3].T + self.affine[:, 3]
-
-
-def check(name, holds, text=""):
-    global PASSED
-    if holds:
-        PASSED += 1
-    else:
-        FAILED.append(name)
-        print(f"FAILED {name}: {text}")
 
 
 def of_image(image):
@@ -219,8 +211,7 @@ def main():
         expected = load()
         with tempfile.TemporaryDirectory() as folder:
             volume(path, words, expected, pathlib.Path(folder))
-    print(f"{PASSED} passed, {len(FAILED)} failed")
-    sys.exit(bool(FAILED))
+    sys.exit(outcome())
 
 
 main()
