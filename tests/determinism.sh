@@ -5,28 +5,9 @@
 set -euo pipefail
 [ $# -gt 0 ] || { echo "usage: determinism.sh PROGRAM..." >&2; exit 2; }
 runs=${RUNS:-20}
+scene=$(dirname "$0")/scenes/determinism.toml
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-cat > "$work/scene.toml" <<'SCENE'
-schema = 1
-[input]
-phantom = "head"
-size = 40
-[segment]
-k = 4
-[refine]
-level = 1
-[[deform.handle]]
-pick = [20.0, 32.0, 20.0]
-move = [0.0, 2.5, 0.5]
-radius = 14.0
-[render]
-size = [64, 64]
-view = [25.0, 15.0]
-[output]
-images = ["before", "after"]
-volume = "deformed.nrrd"
-SCENE
 # Stage, variant and content hash of everything that was made, one a line.
 hashes='import json,sys
 for s in json.load(sys.stdin)["stages"]:
@@ -37,7 +18,7 @@ for program in "$@"; do
         for simd in "" --no-simd; do
             for _ in $(seq "$runs"); do
                 "$program" --json --quiet --cache off --threads "$threads" $simd \
-                    pipeline "$work/scene.toml" --out "$work/out" | python3 -c "$hashes" > "$work/now"
+                    pipeline "$scene" --out "$work/out" | python3 -c "$hashes" > "$work/now"
                 if [ ! -s "$work/first" ]; then
                     cp "$work/now" "$work/first"
                 elif ! diff "$work/first" "$work/now"; then
@@ -54,7 +35,7 @@ done
 # setting does nothing.
 for program in "$@"; do
     GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX,-AVX2,-FMA,-FMA4,-AVX512F "$program" --json --quiet --cache off --no-simd \
-        pipeline "$work/scene.toml" --out "$work/out" | python3 -c "$hashes" > "$work/now"
+        pipeline "$scene" --out "$work/out" | python3 -c "$hashes" > "$work/now"
     diff "$work/first" "$work/now" || { echo "$program: other bytes with the plain C library" >&2; exit 1; }
     count=$((count + 1))
 done

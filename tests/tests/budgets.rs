@@ -13,28 +13,7 @@ use ivd_render::RenderFigures;
 use ivd_tests::{Bench, record};
 use serde_json::Value;
 
-const HEAD: &str = r#"
-schema = 1
-[input]
-phantom = "head"
-size = 48
-[segment]
-k = 4
-[boundary]
-class = "densest"
-[refine]
-level = 2
-[[deform.handle]]
-pick = [24.0, 37.5, 24.0]
-move = [0.0, 3.0, 0.0]
-radius = 12.0
-[render]
-size = [64, 64]
-[output]
-images = ["before", "after", "difference"]
-volume = "deformed.nii.gz"
-lattice = "lattice.ply"
-"#;
+const HEAD: &str = include_str!("../scenes/budgets.toml");
 
 fn time(seconds: f64) -> Budget {
     Budget { max_time_s: Some(seconds), ..Budget::default() }

@@ -7,22 +7,7 @@ use ivd_deform::map::MapFigures;
 use ivd_pipeline::PipelineReport;
 use ivd_tests::{Bench, record};
 
-const SCENE: &str = r#"
-schema = 1
-[input]
-phantom = "head"
-size = 48
-[segment]
-k = 4
-[refine]
-level = 1
-[[deform.handle]]
-pick = [24.0, 38.0, 24.0]
-move = [0.0, 3.0, 0.0]
-radius = 16.0
-[output]
-volume = "deformed.nrrd"
-"#;
+const SCENE: &str = include_str!("../scenes/outside_reach.toml");
 
 fn volume(report: &PipelineReport, stage: &str) -> Volume {
     let path = record(report, stage, "").output.as_ref().unwrap().path.clone().unwrap();

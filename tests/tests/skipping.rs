@@ -5,32 +5,7 @@ use ivd_core::{Backend, Exec, Faulty};
 use ivd_pipeline::{PipelineOptions, State};
 use ivd_tests::{Bench, in_state, record};
 
-const SCENE: &str = r#"
-schema = 1
-[input]
-phantom = "sphere"
-size = 48
-[segment]
-method = "kmvs"
-k = 2
-[boundary]
-class = "densest"
-[refine]
-level = 1
-[deform]
-stiffness = 50.0
-[[deform.handle]]
-pick = [40.0, 24.0, 24.0]
-force = [2.0, 0.0, 0.0]
-radius = 16.0
-[render]
-size = [96, 96]
-[output]
-images = ["before", "after", "difference"]
-volume = "deformed.nii.gz"
-lattice = "lattice.ply"
-report = true
-"#;
+const SCENE: &str = include_str!("../scenes/skipping.toml");
 
 const OUTPUTS: [&str; 6] =
     ["before.png", "after.png", "difference.png", "deformed.nii.gz", "lattice.ply", "report.html"];
