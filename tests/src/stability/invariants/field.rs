@@ -140,16 +140,23 @@ fn inverse(moved: &Displacement, whole: bool) -> Verdict {
             voxel.0
         );
         let x = y + to_voxel * Vector3::from(back).map(f64::from);
-        let residual = (x + to_voxel * moved.forward().sample(x) - y).norm();
-        // Both sample the same field; one in voxels, the other in millimetres.
-        let most = moved.inverse_residual_max() + 1e-9 * (1.0 + (x - y).norm());
-        hold!(
-            residual <= most,
-            "voxel {:?}: {residual} voxels off, stated {}",
-            voxel.0,
-            moved.inverse_residual_max()
-        );
+        leads_back(moved, voxel, x)?;
     }
+    Ok(())
+}
+
+/// What is at `x` (voxels) is carried to the voxel, within the residual that is stated.
+fn leads_back(moved: &Displacement, voxel: VoxelIndex, x: Vector3<f64>) -> Verdict {
+    let (y, to_voxel) = (VoxelCoord::from(voxel).0, moved.grid().inverse_linear_part());
+    let residual = (x + to_voxel * moved.forward().sample(x) - y).norm();
+    // Both sample the same field; one in voxels, the other in millimetres.
+    let most = moved.inverse_residual_max() + 1e-9 * (1.0 + (x - y).norm());
+    hold!(
+        residual <= most,
+        "voxel {:?}: {residual} voxels off, stated {}",
+        voxel.0,
+        moved.inverse_residual_max()
+    );
     Ok(())
 }
 
@@ -232,14 +239,7 @@ pub fn displaced(made: &ivd_deform::space::Made) -> Verdict {
         if moved.is_torn(cell) || (left || moved.is_two_sided()) && beyond(cell) {
             continue;
         }
-        let residual = (x + to_voxel * moved.forward().sample(x) - y).norm();
-        let most = moved.inverse_residual_max() + 1e-9 * (1.0 + (x - y).norm());
-        hold!(
-            residual <= most,
-            "voxel {:?}: {residual} voxels off, stated {}",
-            voxel.0,
-            moved.inverse_residual_max()
-        );
+        leads_back(moved, voxel, x)?;
         let from = moved.sides().get(i).map_or(0, |side| side >> 2);
         let others = corners(cell)
             .map(|c| moved.sides().get(grid.linear(clamped(grid, c))).map_or(0, |side| side & 3));
