@@ -8,6 +8,12 @@ fn check(forward: &FieldBricks, grid: &Grid) -> Certificate {
     certify(forward, grid, 0.05, |_| true, &Exec::default()).unwrap()
 }
 
+/// Of the cells that don't reach over the border.
+fn check_within(forward: &FieldBricks, grid: &Grid, threshold: f64) -> Certificate {
+    let within = |c: [i64; 3]| (0..3).all(|a| c[a] >= 0 && c[a] + 1 < grid.dims()[a] as i64);
+    certify(forward, grid, threshold, within, &Exec::default()).unwrap()
+}
+
 /// Smallest determinant over a dense sampling, in millimetres: an oracle that shares no polynomial with the certificate.
 fn sampled(forward: &FieldBricks, grid: &Grid, steps: usize) -> f64 {
     let (a, inverse) = (grid.linear_part(), grid.inverse_linear_part());
@@ -30,34 +36,36 @@ fn sampled(forward: &FieldBricks, grid: &Grid, steps: usize) -> f64 {
     least
 }
 
+/// A random field, of which many cells fold where `amplitude` is large.
+fn drawn(grid: &Grid, seed: u64, amplitude: f64) -> FieldBricks {
+    let mut s = seed;
+    let random: Vec<Vector3<f64>> = (0..grid.len())
+        .map(|_| {
+            Vector3::from_fn(|_, _| {
+                s = s.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                ((s >> 33) as f64 / (1_u64 << 31) as f64 - 0.5) * amplitude
+            })
+        })
+        .collect();
+    field(grid, |p| {
+        let v = grid.inverse_linear_part() * p;
+        let at = ivd_core::VoxelIndex([0, 1, 2].map(|a| v[a].round() as usize));
+        // Some of a large one stands still.
+        if v.z > 12.0 && seed.is_multiple_of(3) {
+            Vector3::zeros()
+        } else {
+            grid.linear_part() * random[grid.linear(at)]
+        }
+    })
+}
+
 #[test]
 fn bound_lies_just_below_a_dense_sampling_of_random_fields() {
     let grid = sheared_grid([9, 8, 7]);
     let mut folded = 0;
     for seed in 0..12_u64 {
-        let mut s = seed + 1;
-        let amplitude = 0.1 + 0.05 * seed as f64;
-        let random: Vec<Vector3<f64>> = (0..grid.len())
-            .map(|_| {
-                Vector3::from_fn(|_, _| {
-                    s = s.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                    ((s >> 33) as f64 / (1_u64 << 31) as f64 - 0.5) * amplitude
-                })
-            })
-            .collect();
-        let forward = field(&grid, |p| {
-            let v = grid.inverse_linear_part() * p;
-            grid.linear_part()
-                * random[grid.linear(ivd_core::VoxelIndex([0, 1, 2].map(|a| v[a].round() as usize)))]
-        });
-        let proof = certify(
-            &forward,
-            &grid,
-            10.0,
-            |c| (0..3).all(|a| c[a] >= 0 && c[a] + 1 < grid.dims()[a] as i64),
-            &Exec::default(),
-        )
-        .unwrap();
+        let forward = drawn(&grid, seed + 1, 0.1 + 0.05 * seed as f64);
+        let proof = check_within(&forward, &grid, 10.0);
         let dense = sampled(&forward, &grid, 6);
         assert!(proof.min_det <= dense.min(1.0) + 1e-9, "seed {seed}: bound {} above {dense}", proof.min_det);
         if proof.holds() {
@@ -79,14 +87,7 @@ fn affine_maps_have_their_own_determinant() {
         nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), 0.7).matrix() - Matrix3::identity(),
     ] {
         let forward = field(&grid, |p| m * (p - centre));
-        let proof = certify(
-            &forward,
-            &grid,
-            0.05,
-            |c| (0..3).all(|a| c[a] >= 0 && c[a] + 1 < grid.dims()[a] as i64),
-            &Exec::default(),
-        )
-        .unwrap();
+        let proof = check_within(&forward, &grid, 0.05);
         let det = (Matrix3::identity() + m).determinant();
         assert!((proof.min_det - det.min(1.0)).abs() < 1e-4, "{} for {det}", proof.min_det);
     }
@@ -166,29 +167,6 @@ fn histogram_counts_every_cell_once_on_any_number_of_threads() {
             certify(&forward, &grid, 0.05, |_| true, &Exec::default().with_threads(threads)).unwrap()
         );
     }
-}
-
-/// A random field, of which many cells fold where `amplitude` is large.
-fn drawn(grid: &Grid, seed: u64, amplitude: f64) -> FieldBricks {
-    let mut s = seed;
-    let random: Vec<Vector3<f64>> = (0..grid.len())
-        .map(|_| {
-            Vector3::from_fn(|_, _| {
-                s = s.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                ((s >> 33) as f64 / (1_u64 << 31) as f64 - 0.5) * amplitude
-            })
-        })
-        .collect();
-    field(grid, |p| {
-        let v = grid.inverse_linear_part() * p;
-        let at = ivd_core::VoxelIndex([0, 1, 2].map(|a| v[a].round() as usize));
-        // Some of it stands still.
-        if v.z > 12.0 && seed.is_multiple_of(3) {
-            Vector3::zeros()
-        } else {
-            grid.linear_part() * random[grid.linear(at)]
-        }
-    })
 }
 
 #[test]

@@ -50,16 +50,13 @@ fn doubled_pinched_and_flat_triangles_add_no_second_spring() {
 #[test]
 fn youngs_modulus_gives_a_sheet_its_stiffness_whatever_the_triangles() {
     // Van Gelder's springs, stretched along x: E t per mm of width, at Poisson's ratio 1/3, for springs that fill the plane.
-    let params = Params {
-        springs: Springs {
-            youngs_kpa: Some(20.0),
-            thickness: 3.0,
-            shear: 0.0,
-            flexion: 0.0,
-            ..Springs::default()
-        },
-        ..Params::default()
-    };
+    let params = with_springs(Springs {
+        youngs_kpa: Some(20.0),
+        thickness: 3.0,
+        shear: 0.0,
+        flexion: 0.0,
+        ..Springs::default()
+    });
     let lattice = sheet(9);
     let body = body(&lattice, &[moved(40, [0.0; 3], 100.0)], &[], &params);
     let square =
@@ -72,7 +69,7 @@ fn youngs_modulus_gives_a_sheet_its_stiffness_whatever_the_triangles() {
 #[test]
 fn mass_is_area_times_density() {
     let lattice = sheet(9);
-    let params = Params { springs: Springs { density: 2e-3, ..Springs::default() }, ..Params::default() };
+    let params = with_springs(Springs { density: 2e-3, ..Springs::default() });
     let whole = body(&lattice, &[moved(40, [0.0; 3], 100.0)], &[], &params);
     assert!((whole.mass.iter().sum::<f64>() - 64.0 * 2e-3).abs() < 1e-12);
     let unit = Params { springs: Springs { vertex_mass: Some(1.0), ..params.springs }, ..params };
@@ -93,10 +90,7 @@ fn a_vertex_takes_the_material_of_the_voxel_inside() {
         .collect();
     let labels = Labels::new(lattice.grid().clone(), ids.into(), Vec::new()).unwrap();
     let stiff = Material { stiffness: Some(150.0), density: Some(4e-3), ..Material::default() };
-    let params = Params {
-        springs: Springs { material: [(2, stiff)].into(), ..Springs::default() },
-        ..Params::default()
-    };
+    let params = with_springs(Springs { material: [(2, stiff)].into(), ..Springs::default() });
     let handle = [moved(40, [0.0; 3], 100.0)];
     let prepared = Prepared::new(&lattice, Some(&labels), &handle, &[], &params, &Exec::default()).unwrap();
     let spring = |ends: [u32; 2]| prepared.body.list.iter().find(|s| s.ends == ends).unwrap().stiffness;
@@ -122,7 +116,7 @@ fn a_vertex_takes_the_material_of_the_voxel_inside() {
 #[test]
 fn a_smaller_reach_has_the_same_springs_within() {
     let lattice = sheet(21);
-    let params = Params { springs: Springs { flexion: 0.3, ..Springs::default() }, ..Params::default() };
+    let params = with_springs(Springs { flexion: 0.3, ..Springs::default() });
     let whole = body(&lattice, &[moved(220, [0.0; 3], 100.0)], &[], &params);
     let part = body(&lattice, &[moved(220, [0.0; 3], 5.0)], &[], &params);
     assert!(part.loose < whole.loose && !part.leading_out.is_empty() && whole.leading_out.is_empty());

@@ -6,19 +6,16 @@ use super::*;
 
 /// A mass of 1 g on a spring of 1 N/m beside a fixed one.
 fn oscillator(dt: f64, duration: f64, frames: usize) -> Solved {
-    let params = Params {
-        springs: Springs {
-            stiffness: 1.0,
-            vertex_mass: Some(1.0),
-            drag: 0.0,
-            duration,
-            dt: Some(dt),
-            ramp: Some(0.0),
-            frames,
-            ..Springs::default()
-        },
-        ..Params::default()
-    };
+    let params = with_springs(Springs {
+        stiffness: 1.0,
+        vertex_mass: Some(1.0),
+        drag: 0.0,
+        duration,
+        dt: Some(dt),
+        ramp: Some(0.0),
+        frames,
+        ..Springs::default()
+    });
     run(&rod(2), &[pulled(1, [0.1, 0.0, 0.0], 5.0)], &[pin(0)], &params).unwrap()
 }
 
@@ -90,22 +87,19 @@ fn plain(
 #[test]
 fn a_thousand_steps_are_those_of_the_plain_loop() {
     let lattice = sheet(13);
-    let params = Params {
-        springs: Springs {
-            stiffness: 1.0,
-            shear: 0.0,
-            flexion: 0.0,
-            ground: 0.005,
-            vertex_mass: Some(1.0),
-            drag: 2.0,
-            duration: 1.0,
-            dt: Some(1e-3),
-            ramp: Some(0.2),
-            course: Course::Linear,
-            ..Springs::default()
-        },
-        ..Params::default()
-    };
+    let params = with_springs(Springs {
+        stiffness: 1.0,
+        shear: 0.0,
+        flexion: 0.0,
+        ground: 0.005,
+        vertex_mass: Some(1.0),
+        drag: 2.0,
+        duration: 1.0,
+        dt: Some(1e-3),
+        ramp: Some(0.2),
+        course: Course::Linear,
+        ..Springs::default()
+    });
     let by = [0.3, 0.2, 1.5];
     let solved = run(&lattice, &[moved(84, by, 100.0)], &[pin(0), pin(12)], &params).unwrap();
     assert_eq!((solved.steps, solved.vertices_loose), (1000, 167));
@@ -117,8 +111,7 @@ fn a_thousand_steps_are_those_of_the_plain_loop() {
 /// A free sheet that flies, spins and rings.
 fn flying(steps: usize) {
     let lattice = sheet(7);
-    let params =
-        Params { springs: Springs { drag: 0.0, flexion: 0.2, ..Springs::default() }, ..Params::default() };
+    let params = with_springs(Springs { drag: 0.0, flexion: 0.2, ..Springs::default() });
     let handle = moved(24, [0.0; 3], 100.0);
     let body = body(&lattice, &[handle], &[], &params);
     let drives = Drives {
@@ -157,17 +150,14 @@ fn energy_stays_within_its_envelope_and_momentum_stays_over_a_million_steps() {
 #[test]
 fn a_pulled_body_that_nothing_holds_gains_force_times_time() {
     let lattice = sheet(9);
-    let params = Params {
-        springs: Springs {
-            stiffness: 1000.0,
-            drag: 0.0,
-            duration: 0.01,
-            ramp: Some(0.0),
-            frames: 100,
-            ..Springs::default()
-        },
-        ..Params::default()
-    };
+    let params = with_springs(Springs {
+        stiffness: 1000.0,
+        drag: 0.0,
+        duration: 0.01,
+        ramp: Some(0.0),
+        frames: 100,
+        ..Springs::default()
+    });
     let solved = run(&lattice, &[pulled(40, [3.0, 0.0, 1.0], 100.0)], &[], &params).unwrap();
     let mass = body(&lattice, &[pulled(40, [0.0; 3], 100.0)], &[], &params).mass;
     let frames = solved.motion.frames();
@@ -184,17 +174,14 @@ fn a_pulled_body_that_nothing_holds_gains_force_times_time() {
 
 #[test]
 fn statics_of_two_masses_and_of_a_chain_are_analytic() {
-    let settled = Params {
-        springs: Springs {
-            stiffness: 2.0,
-            vertex_mass: Some(1e-2),
-            drag: 300.0,
-            duration: 3.0,
-            ramp: Some(0.1),
-            ..Springs::default()
-        },
-        ..Params::default()
-    };
+    let settled = with_springs(Springs {
+        stiffness: 2.0,
+        vertex_mass: Some(1e-2),
+        drag: 300.0,
+        duration: 3.0,
+        ramp: Some(0.1),
+        ..Springs::default()
+    });
     let two = run(&rod(2), &[pulled(1, [0.5, 0.0, 0.0], 5.0)], &[pin(0)], &settled).unwrap();
     // 0.5 mN on 2 N/m.
     assert!((last(&two)[1][0] - 0.25).abs() < 1e-12 && two.residual < 1e-9, "{:?}", last(&two));
@@ -214,8 +201,7 @@ fn statics_of_two_masses_and_of_a_chain_are_analytic() {
 #[test]
 fn frames_are_the_states_on_the_way() {
     let lattice = sheet(9);
-    let params =
-        Params { springs: Springs { frames: 4, dt: Some(2e-5), ..Springs::default() }, ..Params::default() };
+    let params = with_springs(Springs { frames: 4, dt: Some(2e-5), ..Springs::default() });
     let many = run(&lattice, &[moved(40, [0.0, 0.0, 1.0], 3.5)], &[], &params).unwrap();
     let times: Vec<f64> = many.motion.frames().iter().map(|f| f.time).collect();
     assert!(times.iter().zip([0.05, 0.1, 0.15, 0.2]).all(|(a, b)| (a - b).abs() < 1e-15));

@@ -6,7 +6,7 @@ use super::*;
 
 /// Every solver as it is by default, with a motion that is quick to find.
 fn solvers() -> Vec<Params> {
-    let params = Params { springs: Springs { duration: 0.02, ..Springs::default() }, ..Params::default() };
+    let params = with_springs(Springs { duration: 0.02, ..Springs::default() });
     let projective = Params {
         solver: Solver::Projective,
         closeness: Closeness { tolerance: 1e-6, ..params.closeness },
@@ -249,38 +249,17 @@ fn a_handle_outside_and_bad_parameters_are_named() {
     assert!(error.fault() == Fault::Usage && error.to_string().contains("mm away"), "{error}");
     assert!(run(&sheet(9), &[], &[], &Params::default()).is_err());
     let field = |params: Params| params.check().unwrap_err().field;
+    assert_eq!(field(with_springs(Springs { stiffness: 0.0, ..Springs::default() })), "stiffness");
+    assert_eq!(field(with_springs(Springs { youngs_kpa: Some(-1.0), ..Springs::default() })), "youngs_kpa");
+    assert_eq!(field(with_springs(Springs { drag: f64::NAN, ..Springs::default() })), "drag");
+    assert_eq!(field(with_springs(Springs { frames: 0, ..Springs::default() })), "frames");
     assert_eq!(
-        field(Params { springs: Springs { stiffness: 0.0, ..Springs::default() }, ..Params::default() }),
-        "stiffness"
-    );
-    assert_eq!(
-        field(Params {
-            springs: Springs { youngs_kpa: Some(-1.0), ..Springs::default() },
-            ..Params::default()
-        }),
-        "youngs_kpa"
-    );
-    assert_eq!(
-        field(Params { springs: Springs { drag: f64::NAN, ..Springs::default() }, ..Params::default() }),
-        "drag"
-    );
-    assert_eq!(
-        field(Params { springs: Springs { frames: 0, ..Springs::default() }, ..Params::default() }),
-        "frames"
-    );
-    assert_eq!(
-        field(Params {
-            springs: Springs { strain_limit: Some(-0.1), ..Springs::default() },
-            ..Params::default()
-        }),
+        field(with_springs(Springs { strain_limit: Some(-0.1), ..Springs::default() })),
         "strain_limit"
     );
     let both = Material { stiffness: Some(1.0), youngs_kpa: Some(1.0), density: None };
     assert_eq!(
-        field(Params {
-            springs: Springs { material: [(3, both)].into(), ..Springs::default() },
-            ..Params::default()
-        }),
+        field(with_springs(Springs { material: [(3, both)].into(), ..Springs::default() })),
         "material.3.stiffness"
     );
 }

@@ -11,6 +11,11 @@ mod implicit;
 mod simd;
 mod sums;
 
+/// Parameters with these springs, all else by default.
+fn with_springs(springs: Springs) -> Params {
+    Params { springs, ..Params::default() }
+}
+
 /// Vertices 1 mm apart on the layer z = 0.5, `width` by `height`, in these triangles.
 fn flat(width: usize, height: usize, triangles: Vec<[u32; 3]>) -> Lattice {
     let grid = Grid::with_spacing([width, height, 2], [1.0; 3]).unwrap();

@@ -16,11 +16,8 @@ fn motion(params: &Params, exec: &Exec, faulty: bool) -> Vec<u64> {
 fn settings() -> [Params; 4] {
     let projective = Params { solver: Solver::Projective, ..Params::default() };
     [
-        Params { springs: Springs { duration: 0.05, ..Springs::default() }, ..Params::default() },
-        Params {
-            springs: Springs { push: false, strain_limit: Some(0.1), duration: 0.05, ..Springs::default() },
-            ..Params::default()
-        },
+        with_springs(Springs { duration: 0.05, ..Springs::default() }),
+        with_springs(Springs { push: false, strain_limit: Some(0.1), duration: 0.05, ..Springs::default() }),
         Params {
             springs: Springs { duration: 0.05, ..projective.springs.clone() },
             descent: Descent { inertia: true, ..projective.descent },
