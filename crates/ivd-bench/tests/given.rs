@@ -1,21 +1,16 @@
 //! The bench on a given volume.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
-use std::sync::{Arc, Mutex};
+#[path = "../../ivd-volume/tests/notes.rs"]
+mod notes;
+
+use std::sync::Arc;
 
 use ivd_bench::{Given, Options, run};
-use ivd_core::{Exec, Observer};
+use ivd_core::Exec;
 use ivd_volume::phantom;
 
-/// Keeps what is told.
-#[derive(Default)]
-struct Notes(Mutex<Vec<String>>);
-
-impl Observer for Notes {
-    fn note(&self, message: &str) {
-        self.0.lock().unwrap().push(message.to_owned());
-    }
-}
+use notes::Notes;
 
 #[test]
 fn a_given_volume_is_swept_and_what_has_no_truth_on_it_is_named() {

@@ -14,6 +14,9 @@ mod field;
 mod frames;
 mod metaimage;
 mod nifti;
+#[cfg(test)]
+#[path = "../tests/notes.rs"]
+mod notes;
 mod nrrd;
 mod numbers;
 mod order;

@@ -3,5 +3,6 @@
 mod field;
 mod headers;
 mod hostile;
+mod notes;
 mod real_volumes;
 mod round_trip;

@@ -2,10 +2,12 @@
 #![allow(clippy::unwrap_used, reason = "what builds a test's files may fail it")]
 
 use std::f64::consts::FRAC_1_SQRT_2;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
-use ivd_core::{Exec, Grid, Observer, Scalar, Volume, VoxelCoord, VoxelType, Voxels};
+use ivd_core::{Exec, Grid, Scalar, Volume, VoxelCoord, VoxelType, Voxels};
 use ivd_volume::{ByteOrder, RawLayout, ReadOptions, read, write};
+
+use crate::notes::Notes;
 
 const DIMS: [usize; 3] = [5, 4, 3];
 
@@ -107,16 +109,6 @@ fn values_come_back_bit_for_bit_and_positions_within_a_micron() {
                 assert!(apart(back.grid(), &grid) <= limit, "{case}: {}", apart(back.grid(), &grid));
             }
         }
-    }
-}
-
-/// What was noted.
-#[derive(Default)]
-struct Notes(Mutex<Vec<String>>);
-
-impl Observer for Notes {
-    fn note(&self, message: &str) {
-        self.0.lock().unwrap().push(message.to_owned());
     }
 }
 

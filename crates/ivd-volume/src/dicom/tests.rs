@@ -1,21 +1,14 @@
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
-use ivd_core::{Observer, VoxelCoord, VoxelIndex, Voxels};
+use ivd_core::{VoxelCoord, VoxelIndex, Voxels};
 use nalgebra::Vector3;
 use tempfile::TempDir;
 
 use super::*;
+use crate::notes::Notes;
 
 mod made;
 use made::{Made, tags, uids};
-
-#[derive(Default)]
-struct Notes(Mutex<Vec<String>>);
-impl Observer for Notes {
-    fn note(&self, message: &str) {
-        self.0.lock().unwrap().push(message.to_owned());
-    }
-}
 
 fn folder() -> TempDir {
     tempfile::tempdir().unwrap()

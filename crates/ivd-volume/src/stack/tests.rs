@@ -1,17 +1,10 @@
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
-use ivd_core::{Fault, Faulty, Observer, VoxelIndex, VoxelType, Voxels};
+use ivd_core::{Fault, Faulty, VoxelIndex, VoxelType, Voxels};
 
 use super::*;
 use crate::ByteOrder;
-
-#[derive(Default)]
-struct Notes(Mutex<Vec<String>>);
-impl Observer for Notes {
-    fn note(&self, message: &str) {
-        self.0.lock().unwrap().push(message.to_owned());
-    }
-}
+use crate::notes::Notes;
 
 fn png(path: &Path, color: ::png::ColorType, depth: ::png::BitDepth, size: [u32; 2], bytes: &[u8]) {
     let mut encoder = ::png::Encoder::new(std::fs::File::create(path).unwrap(), size[0], size[1]);
