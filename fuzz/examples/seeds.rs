@@ -67,28 +67,23 @@ fn volumes(seeds: &Path) -> Outcome {
             }
         }
     }
-    let nrrd = |fields: &str, data: &str| {
-        format!("NRRD0005\n# c\ntype: uchar\ndimension: 3\nsizes: 2 2 2\n{fields}\n\n{data}")
+    let nrrd = |name: &str, fields: &str, data: &str| {
+        let header = "NRRD0005\n# c\ntype: uchar\ndimension: 3\nsizes: 2 2 2";
+        put(&seeds.join("nrrd"), name, format!("{header}\n{fields}\n\n{data}"))
     };
-    put(&seeds.join("nrrd"), "ascii", nrrd("encoding: ascii", "1 2 3 4 5 6 7 8"))?;
-    put(&seeds.join("nrrd"), "hex", nrrd("encoding: hex", "0102030405060708"))?;
-    put(
-        &seeds.join("nrrd"),
+    nrrd("ascii", "encoding: ascii", "1 2 3 4 5 6 7 8")?;
+    nrrd("hex", "encoding: hex", "0102030405060708")?;
+    nrrd("list", "encoding: raw\ndata file: LIST 2\nx.raw\nx.raw", "")?;
+    nrrd("pattern", "encoding: raw\ndata file: x%d.raw 1 2 1 2", "")?;
+    nrrd(
         "spacings",
-        nrrd(
-            "encoding: raw\nspacings: 1 2 nan\naxis mins: 0 0 0\nline skip: 0\nbyte skip: -1\nkey:=value",
-            "abcdefgh",
-        ),
+        "encoding: raw\nspacings: 1 2 nan\naxis mins: 0 0 0\nline skip: 0\nbyte skip: -1\nkey:=value",
+        "abcdefgh",
     )?;
-    put(&seeds.join("nrrd"), "list", nrrd("encoding: raw\ndata file: LIST 2\nx.raw\nx.raw", ""))?;
-    put(&seeds.join("nrrd"), "pattern", nrrd("encoding: raw\ndata file: x%d.raw 1 2 1 2", ""))?;
-    put(
-        &seeds.join("nrrd"),
+    nrrd(
         "colours",
-        nrrd(
-            "encoding: raw\nkinds: RGB-color domain domain\nspace: left-posterior-superior\nspace origin: (0,0,0)\nspace directions: none (1,0,0) (0,1,0)\nendian: big",
-            "abcdefgh",
-        ),
+        "encoding: raw\nkinds: RGB-color domain domain\nspace: left-posterior-superior\nspace origin: (0,0,0)\nspace directions: none (1,0,0) (0,1,0)\nendian: big",
+        "abcdefgh",
     )?;
     let mha = |fields: &str| {
         format!(

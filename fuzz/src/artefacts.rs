@@ -232,14 +232,14 @@ fn use_it(artefact: &Artefact) {
         }
         Artefact::Octree(octree) => {
             let lattice = stages::octahedron();
-            if let Ok(index) = ivd_octree::prepare(&lattice, octree) {
+            if let Ok(index) = ivd_octree::prepare(lattice, octree) {
                 let _ = index.nearest(nalgebra::Vector3::new(0.5, 3.0, -2.0), f64::INFINITY);
             }
         }
         Artefact::Motion(motion) => {
             let lattice = stages::octahedron();
-            let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), exec());
-            stages::carry(&lattice, &octree.expect("an octahedron"), motion);
+            let octree = ivd_octree::build(lattice, &ivd_octree::Params::default(), exec());
+            stages::carry(lattice, &octree.expect("an octahedron"), motion);
         }
         Artefact::Displacement(displacement) if displacement.grid().len() <= SMALL => {
             let voxels: Vec<u8> = (0..displacement.grid().len()).map(|i| i as u8).collect();

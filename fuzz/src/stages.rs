@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 use ivd_artefact::{Artefact, ContentHash};
 use ivd_core::op;
 use ivd_core::{
-    Displacement, ElementKey, Grid, Labels, Lattice, LatticeSource, Motion, TransferFunction, Volume, Voxels,
+    Displacement, Grid, Labels, Lattice, LatticeSource, Motion, TransferFunction, Volume, Voxels,
 };
 use ivd_pipeline::list::{STAGES, stage};
 use ivd_pipeline::{Input, Inputs, Section, Stage};
@@ -144,38 +144,16 @@ pub fn move_lattice(
     carry(lattice, octree, &solved.motion);
 }
 
-/// An octahedron round voxel (1, 1, 1) of a 3 × 3 × 3 grid, as in fixtures/artefacts.
-pub fn octahedron() -> Lattice {
-    let dims = [3, 3, 3];
-    let mut corners: Vec<(ElementKey, [f32; 3], usize)> = (0..3_usize)
-        .flat_map(|axis| [(axis, 0_usize), (axis, 1)])
-        .map(|(axis, far)| {
-            let mut padded = [2, 2, 2];
-            padded[axis] -= 1 - far;
-            let mut place = [0.0; 3];
-            place[axis] = 0.5;
-            (ElementKey::new(dims, padded, axis as u8), place, 2 * axis + far)
-        })
-        .collect();
-    corners.sort_by_key(|c| c.0);
-    let at = |which: usize| corners.iter().position(|c| c.2 == which).expect("one of six") as u32;
-    let triangles: ivd_core::Buffer<_> = (0..8_usize)
-        .map(|octant| {
-            let [x, y, z] = [octant & 1, octant >> 1 & 1, octant >> 2];
-            let corner = [at(x), at(2 + y), at(4 + z)];
-            if (x + y + z) % 2 == 1 { corner } else { [corner[0], corner[2], corner[1]] }
-        })
-        .collect();
-    Lattice::new(
-        Grid::with_spacing(dims, [1.0, 2.0, 3.0]).expect("a grid"),
-        corners.iter().map(|c| c.0).collect(),
-        corners.iter().map(|c| c.1).collect(),
-        triangles,
-    )
-    .expect("it fits")
-    .with_source(LatticeSource::Mask)
-    .with_level(1)
-    .with_max_error_mm(0.125)
+/// The octahedron of fixtures/artefacts, read once.
+pub fn octahedron() -> &'static Lattice {
+    static READ: OnceLock<Lattice> = OnceLock::new();
+    READ.get_or_init(|| {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/artefacts/lattice.v1.ivd");
+        match ivd_artefact::read(file).expect("a sound file").artefact {
+            Artefact::Lattice(lattice) => lattice.with_source(LatticeSource::Mask),
+            other => panic!("no lattice but {:?}", other.kind()),
+        }
+    })
 }
 
 /// Carries a motion to voxels and volume.
