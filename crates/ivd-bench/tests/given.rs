@@ -8,16 +8,18 @@ use std::sync::Arc;
 
 use ivd_bench::{Given, Options, run};
 use ivd_core::Exec;
-use ivd_volume::phantom;
 
 use notes::Notes;
 
 #[test]
 fn a_given_volume_is_swept_and_what_has_no_truth_on_it_is_named() {
     let size = 32;
-    let volume = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, &Exec::default())
-        .unwrap()
-        .volume;
+    let volume = ivd_phantom::generate(
+        &ivd_phantom::Params { size, ..ivd_phantom::Params::default() },
+        &Exec::default(),
+    )
+    .unwrap()
+    .volume;
     let given = Given { name: "a head".to_owned(), volume: Arc::new(volume) };
     let options = Options { input: Some(given), repeats: 1, ..Options::default() };
     let notes = Arc::new(Notes::default());

@@ -6,13 +6,17 @@ use std::sync::Arc;
 use ivd_bench::{Given, Options, RefinementRow, refinements, refinements_page};
 use ivd_core::Exec;
 use ivd_lattice::refine::StoppedBy;
-use ivd_volume::phantom::{self, Shape};
+use ivd_phantom::Shape;
 
 #[test]
 fn every_row_has_its_figures_and_its_pictures_and_counts_are_what_was_asked_for() {
-    let params =
-        phantom::Params { size: 32, shape: Shape::Torus, noise: Some(0.0), ..phantom::Params::default() };
-    let volume = Arc::new(phantom::generate(&params, &Exec::default()).unwrap().volume);
+    let params = ivd_phantom::Params {
+        size: 32,
+        shape: Shape::Torus,
+        noise: Some(0.0),
+        ..ivd_phantom::Params::default()
+    };
+    let volume = Arc::new(ivd_phantom::generate(&params, &Exec::default()).unwrap().volume);
     let middle = volume.range().map(|[low, high]| 0.5 * (low + high));
     let given = Given { name: "a torus".to_owned(), volume };
     let options = Options { input: Some(given), repeats: 1, ..Options::default() };

@@ -4,7 +4,7 @@
 
 use ivd_core::{Exec, Grid, Lattice, Octree, OctreeNode};
 use ivd_octree::{Error, Params, build, inside};
-use ivd_volume::phantom::Shape;
+use ivd_phantom::Shape;
 use nalgebra::Vector3;
 
 use crate::lattices::{empty, grids, of_mask, of_volume, phantom, random_mask};

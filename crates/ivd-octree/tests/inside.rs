@@ -4,7 +4,7 @@
 
 use ivd_core::{Exec, Fault, Faulty, Grid, Lattice, Mask, Volume, VoxelIndex, Voxels, noise};
 use ivd_octree::{Error, inside};
-use ivd_volume::phantom::Shape;
+use ivd_phantom::Shape;
 
 use crate::lattices::{empty, grids, of_mask, of_volume, phantom, random_mask};
 

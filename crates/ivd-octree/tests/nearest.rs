@@ -4,7 +4,7 @@
 
 use ivd_core::{Exec, Lattice, noise};
 use ivd_octree::{Error, Nearest, NearestIndex, Params, build, prepare};
-use ivd_volume::phantom::Shape;
+use ivd_phantom::Shape;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use crate::lattices::{grids, of_mask, of_volume, phantom, random_mask};

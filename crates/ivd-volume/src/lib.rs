@@ -1,4 +1,4 @@
-//! Volume files in and out, and phantoms with known truth.
+//! Volume files in and out.
 //!
 //! [`read`] takes any volume that scanners, simulations and research tools write and gives a
 //! [`Volume`](ivd_core::Volume): the stored voxels as they are, slope and intercept beside them, and the grid that
@@ -20,7 +20,6 @@ mod notes;
 mod nrrd;
 mod numbers;
 mod order;
-pub mod phantom;
 mod raw;
 mod read;
 mod space;

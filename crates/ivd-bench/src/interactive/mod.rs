@@ -16,7 +16,6 @@ use ivd_deform::spring::{Action, Handle, HandleAt, RingParams};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_session::{Event, Physics, Session, Settings};
-use ivd_volume::phantom;
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -184,8 +183,8 @@ fn input(options: &Options, iso: Option<f64>, exec: &Exec) -> Result<(String, Vo
     }
     let size = options.size.min(HEAD.0);
     let voxel_type = VoxelType::F32;
-    let params = phantom::Params { size, noise: Some(0.0), voxel_type, ..phantom::Params::default() };
-    let volume = phantom::generate(&params, exec)?.volume;
+    let params = ivd_phantom::Params { size, noise: Some(0.0), voxel_type, ..ivd_phantom::Params::default() };
+    let volume = ivd_phantom::generate(&params, exec)?.volume;
     let lattice = cut(&volume, HEAD.1)?;
     Ok((format!("a generated head, {size}³ voxels"), volume, lattice))
 }

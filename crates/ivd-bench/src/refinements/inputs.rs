@@ -2,7 +2,7 @@
 
 use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
-use ivd_volume::phantom::{Shape, signed_distance};
+use ivd_phantom::{Shape, signed_distance};
 
 use crate::experiment::Problem;
 use crate::stages::inputs::EDGE_MM;

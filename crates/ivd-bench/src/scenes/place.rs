@@ -14,7 +14,6 @@ use ivd_pipeline::stages::{IMPORT, ImportFigures};
 use ivd_pipeline::{PipelineOptions, PipelineReport, StageRecord, State, figures_of};
 use ivd_render::{DifferenceFigures, RenderFigures, RenderParams};
 use ivd_segment::CommonFigures;
-use ivd_volume::phantom;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
@@ -113,8 +112,8 @@ fn volume(size: usize, content: Content, exec: &Exec) -> Result<Volume, Problem>
         Content::Head => None,
         Content::SmoothHead => Some(0.0),
     };
-    let params = phantom::Params { size, noise, ..phantom::Params::default() };
-    let head = phantom::generate(&params, exec)?.volume;
+    let params = ivd_phantom::Params { size, noise, ..ivd_phantom::Params::default() };
+    let head = ivd_phantom::generate(&params, exec)?.volume;
     Ok(Volume::new(grid, head.voxels().clone())?)
 }
 

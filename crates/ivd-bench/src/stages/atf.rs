@@ -3,7 +3,6 @@ use std::sync::Arc;
 use ivd_atf::{Params, transfer};
 use ivd_core::{Exec, TransferFunction, Volume};
 use ivd_segment::{KmvsParams, kmvs};
-use ivd_volume::phantom;
 
 use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};
@@ -17,7 +16,8 @@ const PLACES: usize = 20_011;
 
 /// Samples of a table against what they miss of the function.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
-    let phantom = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, exec)?;
+    let phantom =
+        ivd_phantom::generate(&ivd_phantom::Params { size, ..ivd_phantom::Params::default() }, exec)?;
     on(&Arc::new(phantom.volume), format!("head phantom of {size}³ voxels, u8, four classes"), exec)
 }
 

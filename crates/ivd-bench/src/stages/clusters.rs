@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use ivd_core::{Exec, Labels, Volume, VoxelType};
+use ivd_phantom::{Params, generate};
 use ivd_segment::{
     CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, cut, emvs, hvs_tree, kmvs_spatial, msvs,
 };
-use ivd_volume::phantom::{Params, generate};
 
 use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};

@@ -8,7 +8,6 @@ use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_pipeline::budget::{LEVELS, target};
 use ivd_segment::{KmvsParams, kmvs};
 use ivd_session::MapChoice;
-use ivd_volume::phantom;
 
 use super::deformation::deformed;
 use super::inputs::{judged, root_mean_square};
@@ -18,7 +17,8 @@ use crate::experiment::{Experiment, Problem, Setting};
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     // A smaller head has no part worth a lattice.
     let size = (size / 2).max(32);
-    let volume = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, exec)?.volume;
+    let volume =
+        ivd_phantom::generate(&ivd_phantom::Params { size, ..ivd_phantom::Params::default() }, exec)?.volume;
     let words = format!("the densest part of a head phantom of {size}³ voxels, pushed by {PUSH} of its edge");
     on(&part(&volume, exec)?, &push(size), words, exec)
 }

@@ -3,7 +3,6 @@ use std::sync::Arc;
 use ivd_core::{Exec, TransferFunction, Volume};
 use ivd_render::{Radiance, RenderParams, Scene, View, radiance};
 use ivd_segment::{KmvsParams, kmvs};
-use ivd_volume::phantom;
 
 use super::inputs::{judged, root_mean_square};
 use crate::experiment::{Experiment, Problem, Setting};
@@ -16,7 +15,8 @@ const FINEST: f64 = 0.03125;
 
 /// The step, and the opacity at which a ray ends, against what a very short step gives.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
-    let volume = phantom::generate(&phantom::Params { size, ..phantom::Params::default() }, exec)?.volume;
+    let volume =
+        ivd_phantom::generate(&ivd_phantom::Params { size, ..ivd_phantom::Params::default() }, exec)?.volume;
     on(&Arc::new(volume), format!("head phantom of {size}³ voxels, u8, shaded, {SIDE}² pixels"), exec)
 }
 

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
 use ivd_core::{Exec, Volume, VoxelType};
+use ivd_phantom::{Params, generate};
 use ivd_segment::{KmvsParams, kmvs};
-use ivd_volume::phantom::{Params, generate};
 
 use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};

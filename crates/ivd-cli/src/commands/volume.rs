@@ -6,7 +6,7 @@ use ivd_artefact::{Artefact, Cache};
 use ivd_core::{Faulty, VoxelType};
 use ivd_pipeline::stages::{Import, ImportLabels, ImportSource};
 use ivd_pipeline::{ExportOptions, Input, Inputs, ending, export as write_as, export_with};
-use ivd_volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions, phantom as phantoms};
+use ivd_volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
 
 use super::stage::{finish, write_artefact};
 use crate::args::{Direction, Raw};
@@ -64,20 +64,20 @@ pub(super) fn phantom_params(
     noise: Option<f64>,
     type_name: &str,
     seed: u64,
-) -> anyhow::Result<phantoms::Params> {
+) -> anyhow::Result<ivd_phantom::Params> {
     let shape = name.parse().map_err(|e| Failure::usage(format!("{e}")))?;
-    Ok(phantoms::Params { shape, size, noise, voxel_type: voxel_type(type_name)?, seed })
+    Ok(ivd_phantom::Params { shape, size, noise, voxel_type: voxel_type(type_name)?, seed })
 }
 
 /// `ivd phantom`.
 pub(super) fn phantom(
-    params: phantoms::Params,
+    params: ivd_phantom::Params,
     truth: Option<&Path>,
     output: &Path,
     context: &Context,
 ) -> anyhow::Result<()> {
     if let Some(truth) = truth {
-        let labels = phantoms::generate(&params, &context.exec)
+        let labels = ivd_phantom::generate(&params, &context.exec)
             .map_err(|e| Failure::of(e.fault(), e.to_string()))?
             .truth;
         let artefact = Artefact::Labels(labels);

@@ -4,7 +4,7 @@
 
 use ivd_core::{Exec, Grid, Lattice, LatticeSource, Mask, Volume, Voxels, noise};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
-use ivd_volume::phantom::{Params, Shape, generate};
+use ivd_phantom::{Params, Shape, generate};
 
 /// Grids of one size: unit, anisotropic and left-handed, rotated and sheared.
 pub(crate) fn grids(dims: [usize; 3]) -> [Grid; 3] {

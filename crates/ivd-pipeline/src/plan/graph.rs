@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use ivd_core::op::{self, Place, PlaceKind, Want};
-use ivd_volume::{RawLayout, ReadOptions, phantom};
+use ivd_volume::{RawLayout, ReadOptions};
 
 use crate::list::STAGES;
 use crate::scene::{InputSection, Loaded, Picture, Scene};
@@ -281,8 +281,8 @@ fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Error> {
     let source = match (file, section.phantom) {
         (Some(path), _) => ImportSource::File { path, options: read_options(section) },
         (None, Some(shape)) => {
-            let base = phantom::Params::default();
-            ImportSource::Phantom(phantom::Params {
+            let base = ivd_phantom::Params::default();
+            ImportSource::Phantom(ivd_phantom::Params {
                 shape,
                 size: section.size.unwrap_or(base.size),
                 noise: section.noise,

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use ivd_artefact::Kind;
 use ivd_core::op::{Slots as _, object, schema_of};
 use ivd_core::{Exec, Labels, Volume, slots};
-use ivd_volume::{ReadOptions, phantom};
+use ivd_volume::ReadOptions;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -25,7 +25,7 @@ pub enum ImportSource {
         options: ReadOptions,
     },
     /// A generated volume.
-    Phantom(phantom::Params),
+    Phantom(ivd_phantom::Params),
 }
 
 /// Reads a volume.
@@ -101,7 +101,7 @@ impl Stage for Import {
                 ivd_volume::read(path, options, exec).map_err(stage_error!(IMPORT))?
             }
             ImportSource::Phantom(params) => {
-                phantom::generate(params, exec).map_err(stage_error!(IMPORT))?.volume
+                ivd_phantom::generate(params, exec).map_err(stage_error!(IMPORT))?.volume
             }
         };
         let figures = ImportFigures {

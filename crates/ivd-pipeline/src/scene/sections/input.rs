@@ -1,7 +1,6 @@
 use std::path::PathBuf;
 
 use ivd_core::VoxelType;
-use ivd_volume::phantom;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +26,7 @@ pub struct InputSection {
     /// A generated volume: head, sphere, torus, gyroid, spheres, shell, bars or neck.
     #[serde(default)]
     #[schemars(with = "Option<String>")]
-    pub phantom: Option<phantom::Shape>,
+    pub phantom: Option<ivd_phantom::Shape>,
     /// Voxels along a phantom's edge.
     #[serde(default)]
     pub size: Option<usize>,

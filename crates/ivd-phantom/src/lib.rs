@@ -7,7 +7,7 @@
 //!
 //! ```
 //! use ivd_core::{Exec, VoxelType};
-//! use ivd_volume::phantom::{Params, Shape, generate};
+//! use ivd_phantom::{Params, Shape, generate};
 //!
 //! let params = Params { shape: Shape::Sphere, size: 32, voxel_type: VoxelType::U8, ..Params::default() };
 //! let phantom = generate(&params, &Exec::default()).unwrap();
@@ -15,6 +15,8 @@
 //! let ball = 4.0 / 3.0 * std::f64::consts::PI * (0.35 * 32.0_f64).powi(3);
 //! assert!((inside / ball - 1.0).abs() < 0.02);
 //! ```
+
+#![forbid(unsafe_code)]
 
 mod noise;
 mod shapes;
