@@ -9,7 +9,7 @@ use ivd_artefact::{Kind, KindCode, peek};
 use ivd_core::{Exec, Grid, Volume, Voxels};
 use ivd_fuzz::artefacts::{Section, Wanted};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
-use ivd_lattice::formats::{self, Format};
+use ivd_io::mesh::{self, Format};
 
 type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
 
@@ -58,7 +58,7 @@ fn volumes(seeds: &Path) -> Outcome {
     ] {
         for (name, volume) in [("i16", &short), ("f32", &real), ("u8", &bytes)] {
             let file = format!("{name}.{ending}");
-            if ivd_volume::write(&at(&file), volume, &exec).is_ok() {
+            if ivd_io::volume::write(&at(&file), volume, &exec).is_ok() {
                 let written = fs::read(at(&file))?;
                 // The fuzz target keeps its data in x.raw.
                 let text = String::from_utf8_lossy(&written).replace(&format!("{name}.raw"), "x.raw");

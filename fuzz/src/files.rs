@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use ivd_core::Volume;
-use ivd_volume::ReadOptions;
+use ivd_io::volume::ReadOptions;
 use tempfile::TempDir;
 
 use crate::{MEMORY, exec};
@@ -35,14 +35,14 @@ pub fn read(ending: &str, bytes: &[u8]) {
     std::fs::write(&file, bytes).expect("the temporary folder is writable");
     let read = |frame| {
         let options = ReadOptions { frame, ..ReadOptions::default() };
-        ivd_volume::read(&file, &options, exec())
+        ivd_io::volume::read(&file, &options, exec())
     };
     let whole = read(None);
     if whole.is_err() {
         let _ = read(Some(1)).map(|volume| check(&volume));
     }
     let _ = whole.map(|volume| check(&volume));
-    let _ = ivd_volume::sources(&file, &ReadOptions::default());
+    let _ = ivd_io::volume::sources(&file, &ReadOptions::default());
 }
 
 /// Reads the bytes as every one of two slices in a folder.
@@ -52,7 +52,7 @@ pub fn read_slices(ending: &str, bytes: &[u8]) {
     for name in ["a1", "a2"] {
         std::fs::write(slices.join(name).with_extension(ending), bytes).expect("it is writable");
     }
-    let _ = ivd_volume::read(&slices, &ReadOptions::default(), exec()).map(|volume| check(&volume));
+    let _ = ivd_io::volume::read(&slices, &ReadOptions::default(), exec()).map(|volume| check(&volume));
 }
 
 /// What a volume promises.

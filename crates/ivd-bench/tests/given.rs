@@ -1,7 +1,7 @@
 //! The bench on a given volume.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
-#[path = "../../ivd-volume/tests/notes.rs"]
+#[path = "../../ivd-io/tests/notes.rs"]
 mod notes;
 
 use std::sync::Arc;

@@ -50,7 +50,8 @@ fn handles_on_scans_are_mapped_without_a_fold() {
     let exec = Exec::default();
     for scan in SCANS {
         let volume =
-            ivd_volume::read(&folder.join(scan.file), &ivd_volume::ReadOptions::default(), &exec).unwrap();
+            ivd_io::volume::read(&folder.join(scan.file), &ivd_io::volume::ReadOptions::default(), &exec)
+                .unwrap();
         let surface = extract::ExtractParams { iso: extract::Iso::Value(scan.iso) };
         let lattice = extract::extract(&volume, None, &surface, &exec).unwrap().lattice;
         let lattice = refine::collapse(&lattice, &refine::RefineParams::default(), &exec).unwrap().lattice;

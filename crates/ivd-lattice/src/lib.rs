@@ -5,7 +5,6 @@
 //! - [`refine`] keeps a subset of its vertices.
 //! - [`repair`] removes small components and slivers of it.
 //! - [`figures`] counts what can be counted about a mesh: edges, components, Euler characteristic, defects.
-//! - [`formats`] writes it for other programs, and reads their meshes.
 //! - [`foreign`] makes a lattice of another program's mesh.
 #![forbid(unsafe_code)]
 
@@ -13,7 +12,6 @@ mod error;
 pub mod extract;
 pub mod figures;
 pub mod foreign;
-pub mod formats;
 pub mod refine;
 pub mod repair;
 

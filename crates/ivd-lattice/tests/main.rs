@@ -1,5 +1,4 @@
 //! Extraction, refinement and mesh files through the public interface.
 
 mod extract;
-mod meshes;
 mod refine;

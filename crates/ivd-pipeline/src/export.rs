@@ -6,7 +6,7 @@ use std::path::Path;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Displacement, Exec, Fault, Image, Labels, Lattice, Mask, Volume, Voxels};
-use ivd_volume::FieldDirection;
+use ivd_io::volume::FieldDirection;
 use serde_json::{Value, json};
 
 use crate::Error;
@@ -52,7 +52,7 @@ pub fn export_with(
         Artefact::Labels(labels) => write_volume(path, &labels_volume(labels)?, exec),
         Artefact::Mask(mask) => write_volume(path, &mask_volume(mask)?, exec),
         Artefact::Lattice(lattice) => {
-            ivd_lattice::formats::write(path, lattice).map(|w| w.touched).map_err(stage_error!("export"))
+            ivd_io::mesh::write(path, lattice).map(|w| w.touched).map_err(stage_error!("export"))
         }
         Artefact::Displacement(field) => write_field(path, field, options.direction, exec),
         Artefact::Image(image) => write_png(path, image),
@@ -61,7 +61,7 @@ pub fn export_with(
                 let problem = "a motion is written as .json, or as a mesh with the lattice that it moves: add --lattice";
                 return Err(Error::usage("export", problem));
             };
-            ivd_lattice::formats::write_motion(path, lattice, motion)
+            ivd_io::mesh::write_motion(path, lattice, motion)
                 .map(|w| w.touched)
                 .map_err(stage_error!("export"))
         }
@@ -106,7 +106,7 @@ fn write_volume(path: &Path, volume: &Volume, exec: &Exec) -> Result<bool, Error
         let known = VOLUME_ENDINGS.join(", .");
         return Err(Error::usage("export", format!("{}: voxels are written as .{known}", path.display())));
     }
-    ivd_volume::write(path, volume, exec).map(|w| w.touched).map_err(stage_error!("export"))
+    ivd_io::volume::write(path, volume, exec).map(|w| w.touched).map_err(stage_error!("export"))
 }
 
 /// Formats that voxels are written in.
@@ -123,7 +123,9 @@ fn write_field(
         let problem = format!("{}: a displacement field is written as .nrrd, .nii, .nii.gz", path.display());
         return Err(Error::usage("export", problem));
     }
-    ivd_volume::write_field(path, field, direction, exec).map(|w| w.touched).map_err(stage_error!("export"))
+    ivd_io::volume::write_field(path, field, direction, exec)
+        .map(|w| w.touched)
+        .map_err(stage_error!("export"))
 }
 
 fn write_png(path: &Path, image: &Image) -> Result<bool, Error> {

@@ -295,8 +295,8 @@ fn beside<'a, T: ivd_core::Value>(
 fn deformed_lattice(lattice: &Lattice, motion: &Motion, to: &Path) -> Result<bool, Error> {
     let last = motion.frames().last();
     let written = match last {
-        Some(frame) => ivd_lattice::formats::write_deformed(to, lattice, &frame.displacement),
-        None => ivd_lattice::formats::write(to, lattice),
+        Some(frame) => ivd_io::mesh::write_deformed(to, lattice, &frame.displacement),
+        None => ivd_io::mesh::write(to, lattice),
     };
     written.map(|w| w.touched).map_err(stage_error!("export"))
 }
@@ -320,7 +320,7 @@ fn report_source(scene: &Scene, stages: &[StageRecord], budget: &[String]) -> St
 /// Hash of an output: of its one file, or of header and data where a format keeps them apart.
 fn hash_output(path: &Path) -> std::io::Result<String> {
     let detached = matches!(&*ending(path), "mhd" | "nhdr");
-    let files = match ivd_volume::sources(path, &ivd_volume::ReadOptions::default()) {
+    let files = match ivd_io::volume::sources(path, &ivd_io::volume::ReadOptions::default()) {
         Ok(files) if detached => files,
         Err(_) if detached => return Err(std::io::Error::other("its data file can't be found")),
         _ => vec![path.to_owned()],

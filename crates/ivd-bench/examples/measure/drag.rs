@@ -22,7 +22,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
         _ => return Err(USAGE.into()),
     };
     let exec = Exec::default().with_threads(threads);
-    let volume = ivd_volume::read(path.as_ref(), &ivd_volume::ReadOptions::default(), &exec)?;
+    let volume = ivd_io::volume::read(path.as_ref(), &ivd_io::volume::ReadOptions::default(), &exec)?;
     let radius = 25.0 * volume.grid().spacing().iter().product::<f64>().cbrt();
     let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(iso.parse()?) }, &exec)?.lattice;
     let at = HandleAt::Pick(outermost(&lattice));

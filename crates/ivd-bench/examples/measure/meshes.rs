@@ -5,10 +5,10 @@
 use std::time::Instant;
 
 use ivd_core::{Exec, Grid, Volume, Voxels};
+use ivd_io::mesh::{Format, read, write};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures::{measure, quality};
 use ivd_lattice::foreign::{ForeignParams, lattice};
-use ivd_lattice::formats::{Format, read, write};
 
 use crate::Anything;
 

@@ -29,7 +29,7 @@ pub(crate) const USAGE: &str = "VOLUME < REQUESTS";
 pub(crate) fn run(words: &[String]) -> Anything<()> {
     let [path] = words else { return Err(USAGE.into()) };
     let exec = Exec::default();
-    let volume = ivd_volume::read(path.as_ref(), &ivd_volume::ReadOptions::default(), &exec)?;
+    let volume = ivd_io::volume::read(path.as_ref(), &ivd_io::volume::ReadOptions::default(), &exec)?;
     let mut lattice = None;
     let mut prepared: Option<Prepared<'_>> = None;
     for line in std::io::stdin().lock().lines() {

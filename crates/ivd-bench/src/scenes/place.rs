@@ -58,7 +58,7 @@ impl Place {
     ) -> Result<Self, Error> {
         let made = || -> Result<tempfile::TempDir, Problem> {
             let folder = tempfile::tempdir()?;
-            ivd_volume::write(&folder.path().join("head.nrrd"), &volume(size, content, exec)?, exec)?;
+            ivd_io::volume::write(&folder.path().join("head.nrrd"), &volume(size, content, exec)?, exec)?;
             let text = format!("schema = 1\n[input]\nfile = \"head.nrrd\"\n{scene}");
             ivd_pipeline::write_text(&folder.path().join("scene.toml"), &text)?;
             Ok(folder)

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache};
 use ivd_core::{Faulty, VoxelType};
+use ivd_io::volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
 use ivd_pipeline::stages::{Import, ImportLabels, ImportSource};
 use ivd_pipeline::{ExportOptions, Input, Inputs, ending, export as write_as, export_with};
-use ivd_volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
 
 use super::stage::{finish, write_artefact};
 use crate::args::{Direction, Raw};

@@ -18,7 +18,7 @@ pub(crate) fn volume() -> Volume {
 pub(crate) fn files(ending: &str) -> Vec<(String, Vec<u8>)> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(format!("a.{ending}"));
-    ivd_volume::write(&path, &volume(), &Exec::default()).unwrap();
+    ivd_io::volume::write(&path, &volume(), &Exec::default()).unwrap();
     let mut names: Vec<_> = folder.path().read_dir().unwrap().map(|e| e.unwrap().path()).collect();
     names.sort_by_key(|p| *p != path);
     names

@@ -1,12 +1,11 @@
 //! Addresses of vertices: those that a mesh carries, and new ones.
 
-use ivd_core::{ElementKey, Grid};
+use ivd_core::{ElementKey, Grid, Mesh, MeshAddress};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::{place, unfit};
 use crate::Error;
-use crate::formats::{Address, Mesh};
 
 /// Distance from a grid line or plane within which a vertex lies on it (voxels). Three of them together stay below the
 /// 10⁻⁶ that is promised.
@@ -76,7 +75,7 @@ pub(super) fn kept(mesh: &Mesh, grid: &Grid) -> Option<Vec<Addressed>> {
 }
 
 /// The place from an address's own voxel.
-fn own(frame: &Frame, (voxel, element): Address, p: &Vector3<f64>) -> Option<Addressed> {
+fn own(frame: &Frame, (voxel, element): MeshAddress, p: &Vector3<f64>) -> Option<Addressed> {
     let inside = (0..3).all(|a| (-1..=frame.dims[a] as i64).contains(&voxel[a]));
     if !inside || element >= ELEMENTS as u8 {
         return None;

@@ -10,12 +10,12 @@
 //! its own grid it keeps them.
 //!
 //! ```
-//! use ivd_core::{Exec, Grid};
+//! use ivd_core::{Exec, Grid, Mesh};
 //! use ivd_lattice::foreign::{ForeignParams, lattice};
-//! use ivd_lattice::formats::{Format, read_bytes};
 //!
-//! let text = "v 1 1 1\nv 2 1 1\nv 1 2 1\nv 1 1 2\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"; // two of them inside out
-//! let mesh = read_bytes(Format::Obj, text.as_bytes(), u64::MAX)?;
+//! let positions = [[1.0; 3], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 1.0, 2.0]].map(Into::into).to_vec();
+//! let triangles = vec![[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]; // two of them inside out
+//! let mesh = Mesh { positions, triangles, addresses: None };
 //! let grid = Grid::with_spacing([4; 3], [1.0; 3])?;
 //! let foreign = lattice(&mesh, &grid, &ForeignParams::default(), &Exec::default())?;
 //! assert_eq!((foreign.lattice.keys().len(), foreign.flipped), (4, 2));
@@ -28,14 +28,13 @@ mod nesting;
 mod orient;
 mod weld;
 
-use ivd_core::{Exec, Grid, Lattice, ParamError};
+use ivd_core::{Exec, Grid, Lattice, Mesh, ParamError};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
 use crate::figures::link::{Link, LinkCounts};
 use crate::figures::stars::Stars;
-use crate::formats::Mesh;
 
 /// How a mesh is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

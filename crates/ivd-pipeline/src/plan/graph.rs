@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use ivd_core::op::{self, Place, PlaceKind, Want};
-use ivd_volume::{RawLayout, ReadOptions};
+use ivd_io::volume::{RawLayout, ReadOptions};
 
 use crate::list::STAGES;
 use crate::scene::{InputSection, Loaded, Picture, Scene};

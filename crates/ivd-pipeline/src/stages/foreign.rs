@@ -3,9 +3,9 @@ use std::path::PathBuf;
 use ivd_artefact::Kind;
 use ivd_core::op::{Slots as _, object, schema_of};
 use ivd_core::{Exec, Volume, slots};
+use ivd_io::mesh;
 use ivd_lattice::extract::{LatticeFigures, STAGE};
 use ivd_lattice::foreign::{ForeignParams, lattice};
-use ivd_lattice::formats;
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
@@ -56,7 +56,7 @@ impl Stage for ForeignLattice {
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let Given { volume } = inputs.take(self.name())?;
-        let mesh = formats::read(&self.path, exec.memory_limit.unwrap_or(u64::MAX))
+        let mesh = mesh::read(&self.path, exec.memory_limit.unwrap_or(u64::MAX))
             .map_err(stage_error!(STAGE.name))?;
         let foreign = lattice(&mesh, volume.grid(), &self.params, exec).map_err(stage_error!(STAGE.name))?;
         exec.check_cancelled()?;

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use ivd_artefact::Kind;
 use ivd_core::op::{Slots as _, object, schema_of};
 use ivd_core::{Exec, Labels, Volume, slots};
-use ivd_volume::ReadOptions;
+use ivd_io::volume::ReadOptions;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -89,7 +89,7 @@ impl Stage for Import {
     fn sources(&self) -> Result<Vec<PathBuf>, Error> {
         match &self.source {
             ImportSource::File { path, options } => {
-                ivd_volume::sources(path, options).map_err(stage_error!(IMPORT))
+                ivd_io::volume::sources(path, options).map_err(stage_error!(IMPORT))
             }
             ImportSource::Phantom(_) => Ok(Vec::new()),
         }
@@ -98,7 +98,7 @@ impl Stage for Import {
     fn run(&self, _inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
         let volume = match &self.source {
             ImportSource::File { path, options } => {
-                ivd_volume::read(path, options, exec).map_err(stage_error!(IMPORT))?
+                ivd_io::volume::read(path, options, exec).map_err(stage_error!(IMPORT))?
             }
             ImportSource::Phantom(params) => {
                 ivd_phantom::generate(params, exec).map_err(stage_error!(IMPORT))?.volume

@@ -58,7 +58,7 @@ pub struct RawSection {
     /// Byte order: "little" or "big".
     #[serde(default)]
     #[schemars(with = "String")]
-    pub order: ivd_volume::ByteOrder,
+    pub order: ivd_io::volume::ByteOrder,
     /// Bytes before the voxels.
     #[serde(default)]
     pub skip: u64,

@@ -1,0 +1,84 @@
+//! A lattice that moves.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use ivd_core::{Frame, Lattice, Motion};
+
+use super::{Format, Placed, Written, deformed, write_deformed, write_mesh};
+use crate::mesh::Error;
+
+/// Writes a lattice with its motion, in the format of the file's ending.
+///
+/// - `.glb`: the lattice at rest with a morph target for every frame, and an animation that goes from one to the next.
+/// - `.pvd`: ParaView's collection, with a `.vtp` beside it for the lattice at rest and one for every frame, named after it:
+///   `name_0000.vtp`, `name_0001.vtp` and so on. The collection is written last.
+/// - the other mesh formats: the lattice as the last frame has it.
+///
+/// Times are the frames'; where these don't grow from above 0, frames are a second apart.
+///
+/// # Errors
+/// As [`write()`](super::write()); [`ivd_core::Error::Inconsistent`] where the motion is of another lattice.
+pub fn write_motion(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Written, Error> {
+    if !lattice.grid().matches(motion.grid()) || lattice.keys().len() != motion.vertex_count() {
+        return Err(Error::from(ivd_core::Error::Inconsistent {
+            what: "motion of a lattice",
+            problem: format!(
+                "it moves {} vertices on {:?} voxels, the lattice has {} on {:?}",
+                motion.vertex_count(),
+                motion.grid().dims(),
+                lattice.keys().len(),
+                lattice.grid().dims()
+            ),
+        }));
+    }
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pvd")) {
+        return write_series(path, lattice, motion);
+    }
+    match (Format::of(path), motion.frames().last()) {
+        (Some(Format::Glb), _) | (_, None) => {
+            write_mesh(path, &Placed { lattice, positions: lattice.positions(), frames: motion.frames() })
+        }
+        (_, Some(last)) => write_deformed(path, lattice, &last.displacement),
+    }
+}
+
+/// Times of rest and of every frame (s), growing.
+pub(super) fn times(frames: &[Frame]) -> Vec<f64> {
+    let own: Vec<f64> = [0.0].into_iter().chain(frames.iter().map(|frame| frame.time)).collect();
+    // As 32-bit numbers, which glTF has.
+    let grow = own.windows(2).all(|pair| (pair[0] as f32) < pair[1] as f32 && (pair[1] as f32).is_finite());
+    if grow { own } else { (0..own.len()).map(|i| i as f64).collect() }
+}
+
+fn write_series(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Written, Error> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let named = |i: usize| format!("{stem}_{i:04}.vtp");
+    let beside = |i: usize| -> PathBuf { path.with_file_name(named(i)) };
+    let mut written = super::write(&beside(0), lattice)?;
+    for (i, frame) in motion.frames().iter().enumerate() {
+        let positions = deformed(lattice, &frame.displacement)?;
+        let one = write_mesh(&beside(i + 1), &Placed { lattice, positions, frames: &[] })?;
+        written.touched |= one.touched;
+        written.rounding_mm = written.rounding_mm.max(one.rounding_mm);
+    }
+    let mut text = String::from(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">\n  <Collection>\n",
+    );
+    for (i, time) in times(motion.frames()).into_iter().enumerate() {
+        let file = escaped(&named(i));
+        let _ = writeln!(text, "    <DataSet timestep=\"{time}\" part=\"0\" file=\"{file}\"/>");
+    }
+    text.push_str("  </Collection>\n</VTKFile>\n");
+    let failed = |action, source| Error::Io { action, path: path.to_owned(), source };
+    written.touched |= ivd_fs::replace(path, failed, |file| {
+        file.write_all(text.as_bytes()).map_err(|source| failed("write", source))
+    })?;
+    Ok(written)
+}
+
+/// A name as XML has it between quotes.
+fn escaped(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}

@@ -1,0 +1,153 @@
+//! DICOM: one series of a folder, or one file.
+//!
+//! [`read_folder`] goes in four steps, a module each: `element` walks over a file's elements and takes the few that
+//! matter; `header` makes them a slice's description; `series` groups slices and chooses; `geometry` sorts them by
+//! their positions and makes the grid; `pixels` decodes each slice into its place. Spacing along the stack comes
+//! from the positions, never from the thickness. Slope and intercept are kept beside the stored values.
+//!
+//! Patient identifiers are never decoded but for one purpose: to mask their words in a series' description.
+//!
+//! The walk over elements is this crate's own: general parsers allocate the length that an element declares before
+//! they look whether the file holds it, and quote values in their errors, patients' names among them.
+
+mod codec;
+mod element;
+mod geometry;
+mod header;
+mod pixels;
+mod series;
+mod syntax;
+
+use std::path::{Path, PathBuf};
+
+use ivd_core::{Exec, Volume};
+use rayon::prelude::*;
+
+use crate::volume::{Error, bounded};
+use header::Slice;
+
+/// Reads one series of a folder. `series` chooses among several: a SeriesInstanceUID, the unique start of one, or a
+/// SeriesNumber.
+///
+/// Files that aren't DICOM, or hold no image, are passed over with a note.
+///
+/// # Errors
+/// [`Error::Choice`] lists the series where there are several and none, or none that exists, is chosen. Others name
+/// the file and attribute that is malformed, missing or not supported, the gap where a slice is missing, or the
+/// positions that two slices share.
+pub fn read_folder(dir: &Path, series: Option<&str>, exec: &Exec) -> Result<Volume, Error> {
+    exec.run(|| {
+        let found = scan(dir, exec)?;
+        for (what, files) in [("no DICOM", &found.foreign), ("no image", &found.imageless)] {
+            if let [first, rest @ ..] = files.as_slice() {
+                let name = first.file_name().unwrap_or_default().to_string_lossy();
+                let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
+                exec.observer().note(&format!("{}: passed over {name}{more}: {what}", dir.display()));
+            }
+        }
+        let slices = series::choose(dir, found.slices, series)?;
+        volume(dir, slices, exec)
+    })
+}
+
+/// Reads one file.
+///
+/// # Errors
+/// As [`read_folder`].
+pub fn read_file(path: &Path, exec: &Exec) -> Result<Volume, Error> {
+    exec.run(|| {
+        let slice = header::read(path)?.ok_or_else(|| {
+            Error::unsupported(
+                path,
+                "a DICOM file without an image",
+                "give the file or folder of an image series",
+            )
+        })?;
+        volume(path, vec![slice], exec)
+    })
+}
+
+/// The files that make up the volume that [`read_folder`] reads, in the order of their names.
+///
+/// # Errors
+/// As [`read_folder`], for what is known without decoding pixels.
+pub fn sources(dir: &Path, series: Option<&str>) -> Result<Vec<PathBuf>, Error> {
+    let slices = series::choose(dir, scan(dir, &Exec::default())?.slices, series)?;
+    let mut files: Vec<PathBuf> = slices.into_iter().map(|s| s.path).collect();
+    files.sort();
+    Ok(files)
+}
+
+/// Whether a file has DICOM's mark behind its preamble.
+pub fn looks_like_dicom(path: &Path) -> bool {
+    bounded::head(path, 132).is_ok_and(|head| head.get(128..) == Some(b"DICM"))
+}
+
+/// What a folder holds.
+#[derive(Default)]
+struct Found {
+    slices: Vec<Slice>,
+    foreign: Vec<PathBuf>,
+    imageless: Vec<PathBuf>,
+}
+
+fn scan(dir: &Path, exec: &Exec) -> Result<Found, Error> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(dir).map_err(|e| Error::io(dir, "open", e))? {
+        let path = entry.map_err(|e| Error::io(dir, "list", e))?.path();
+        if path.is_file() {
+            files.push(path);
+        }
+    }
+    files.sort();
+    exec.observer().begin("read headers", files.len() as u64);
+    let headers: Vec<Result<Option<Slice>, Error>> = files
+        .par_iter()
+        .map(|path| {
+            exec.check_cancelled()?;
+            exec.observer().advance("read headers", 1);
+            if looks_like_dicom(path) { header::read(path) } else { Ok(None) }
+        })
+        .collect();
+    exec.observer().end("read headers");
+    let mut found = Found::default();
+    for (path, header) in files.into_iter().zip(headers) {
+        match header? {
+            Some(slice) => found.slices.push(slice),
+            None if looks_like_dicom(&path) => found.imageless.push(path),
+            None => found.foreign.push(path),
+        }
+    }
+    Ok(found)
+}
+
+/// One series' slices as a volume.
+fn volume(path: &Path, mut slices: Vec<Slice>, exec: &Exec) -> Result<Volume, Error> {
+    for slice in &slices {
+        slice.check_readable()?;
+    }
+    let grid = geometry::grid(path, &mut slices, exec)?;
+    let first = &slices[0];
+    if first.inverted {
+        exec.observer().note(&format!(
+            "{}: MONOCHROME1: small values are the bright ones; the stored values are kept as they are",
+            path.display()
+        ));
+    }
+    if slices.iter().any(|s| s.syntax.is_lossy()) {
+        exec.observer().note(&format!("{}: the pixels were compressed with loss", path.display()));
+    }
+    let (slope, intercept) = (first.slope, first.intercept);
+    if slices.iter().all(|s| s.slope == slope && s.intercept == intercept) {
+        let voxels = pixels::stored(&slices, exec)?;
+        return Ok(Volume::with_scale(grid, voxels, slope, intercept)?);
+    }
+    exec.observer().note(&format!(
+        "{}: slope and intercept differ from slice to slice: real values are kept as f32",
+        path.display()
+    ));
+    Ok(Volume::new(grid, pixels::real(&slices, exec)?)?)
+}
+
+#[cfg(test)]
+mod tests;

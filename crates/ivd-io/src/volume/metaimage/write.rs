@@ -1,0 +1,58 @@
+use std::path::Path;
+
+use ivd_core::{Exec, Grid, Volume, VoxelType};
+
+use crate::volume::space::flip;
+use crate::volume::write::{Values, put, replace};
+use crate::volume::{Error, Written};
+
+/// Writes `.mha`, or `.mhd` with the voxels in a `.raw` beside it; uncompressed.
+pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
+    let values = Values::without_scale(volume);
+    let header = header(volume.grid(), values.voxel_type(volume));
+    let detached = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mhd"));
+    if !detached {
+        return replace(path, |to| {
+            put(to, path, format!("{header}ElementDataFile = LOCAL\n").as_bytes())?;
+            values.write(to, path, volume, exec)
+        });
+    }
+    let data = path.with_extension("raw");
+    let name = data.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    // The voxels first: a header never names voxels that aren't there.
+    let voxels = replace(&data, |to| values.write(to, &data, volume, exec))?;
+    let head = replace(path, |to| put(to, path, format!("{header}ElementDataFile = {name}\n").as_bytes()))?;
+    Ok(voxels.and(head))
+}
+
+fn header(grid: &Grid, voxel_type: VoxelType) -> String {
+    let rows = grid.direction().map(flip);
+    let [x, y, z] = grid.dims();
+    format!(
+        "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = False\n\
+         TransformMatrix = {}\nOffset = {}\nCenterOfRotation = 0 0 0\nElementSpacing = {}\nDimSize = {x} {y} {z}\n\
+         ElementType = {}\n",
+        numbers(rows.as_flattened()),
+        numbers(&flip(grid.origin())),
+        numbers(&grid.spacing()),
+        type_name(voxel_type),
+    )
+}
+
+/// Numbers in the shortest form that reads back to the same bits.
+fn numbers(values: &[f64]) -> String {
+    values.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(" ")
+}
+
+fn type_name(voxel_type: VoxelType) -> &'static str {
+    match voxel_type {
+        VoxelType::U8 => "MET_UCHAR",
+        VoxelType::I8 => "MET_CHAR",
+        VoxelType::U16 => "MET_USHORT",
+        VoxelType::I16 => "MET_SHORT",
+        VoxelType::U32 => "MET_UINT",
+        VoxelType::I32 => "MET_INT",
+        VoxelType::F32 => "MET_FLOAT",
+        VoxelType::F64 => "MET_DOUBLE",
+    }
+}

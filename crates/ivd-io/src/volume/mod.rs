@@ -1,0 +1,32 @@
+//! Volume files in and out.
+//!
+//! [`read`] takes any volume that scanners, simulations and research tools write and gives a
+//! [`Volume`](ivd_core::Volume): the stored voxels as they are, slope and intercept beside them, and the grid that
+//! places them in the world (millimetres, RAS). [`write()`] is its counterpart, by the file's ending.
+//! [`sources`] lists the files that a volume is made of, for whoever wants to know whether they changed.
+
+mod bounded;
+mod data;
+pub mod dicom;
+mod error;
+mod field;
+mod frames;
+mod metaimage;
+mod nifti;
+mod nrrd;
+mod numbers;
+mod order;
+mod raw;
+mod read;
+mod space;
+pub mod stack;
+mod stored;
+pub mod vti;
+mod write;
+
+pub use error::Error;
+pub use field::{FieldDirection, write_field};
+pub use order::ByteOrder;
+pub use raw::RawLayout;
+pub use read::{ReadOptions, read, sources};
+pub use write::{Written, write};

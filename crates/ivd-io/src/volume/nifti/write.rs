@@ -1,0 +1,175 @@
+use std::io::Write;
+use std::path::Path;
+
+use flate2::{Compression, GzBuilder};
+use ivd_core::{Exec, Grid, Volume, VoxelType};
+use nalgebra::Vector3;
+
+use super::header::{SIZE_1, SIZE_2, code};
+use super::{orient, strip_ending};
+use crate::volume::write::{Values, put, replace};
+use crate::volume::{Error, Written};
+
+/// Most that rounding to `f32` may move a voxel [mm] before NIfTI-2 is written.
+const MOST_MOVED: f64 = 1e-3;
+
+/// Writes NIfTI-1, or NIfTI-2 where NIfTI-1's `f32` would move a corner voxel by more than [`MOST_MOVED`] or change the
+/// scale, or its `i16` sizes are too small. The gzip stream carries no name and no time: same volume, same bytes.
+pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
+    let scale = [volume.slope(), volume.intercept()];
+    let header = header(volume.grid(), volume.voxel_type(), scale, None);
+    with_header(path, &header, |to| Values::Stored.write(to, path, volume, exec))
+}
+
+/// Writes a field of vectors (mm), LPS, as ITK and ANTs have displacement fields: five dimensions, the components one after the
+/// other, intent `VECTOR`. `name`, of at most 15 bytes, says what the field is.
+pub(crate) fn field(
+    path: &Path,
+    grid: &Grid,
+    name: &str,
+    components: impl FnOnce(&mut dyn Write) -> Result<(), Error>,
+) -> Result<Written, Error> {
+    with_header(path, &header(grid, VoxelType::F32, [1.0, 0.0], Some(name)), components)
+}
+
+fn with_header(
+    path: &Path,
+    header: &[u8],
+    values: impl FnOnce(&mut dyn Write) -> Result<(), Error>,
+) -> Result<Written, Error> {
+    replace(path, |to| {
+        if strip_ending(&path.to_string_lossy(), ".gz").is_none() {
+            put(to, path, header)?;
+            return values(to);
+        }
+        let mut gzip = GzBuilder::new().write(to, Compression::fast());
+        put(&mut gzip, path, header)?;
+        values(&mut gzip)?;
+        let to = gzip.finish().map_err(|e| Error::io(path, "write", e))?;
+        to.flush().map_err(|e| Error::io(path, "write", e))
+    })
+}
+
+/// A volume's header, or that of a field of three components with this name.
+fn header(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&str>) -> Vec<u8> {
+    let exact = |v: f64| f64::from(v as f32) == v;
+    let fits = grid.dims().iter().all(|&n| i16::try_from(n).is_ok());
+    if fits && scale.into_iter().all(exact) && moved(grid) <= MOST_MOVED {
+        header_1(grid, voxel_type, scale, field)
+    } else {
+        header_2(grid, voxel_type, scale, field)
+    }
+}
+
+/// How far rounding the affine to `f32` moves a corner voxel at most [mm].
+fn moved(grid: &Grid) -> f64 {
+    let rows = srow(grid);
+    let error = rows.map(|row| row.map(|v| f64::from(v as f32) - v));
+    let n = grid.dims();
+    (0..8_usize)
+        .map(|corner| {
+            let at: [f64; 3] =
+                std::array::from_fn(|a| if corner >> a & 1 == 1 { (n[a] - 1) as f64 } else { 0.0 });
+            Vector3::from(error.map(|e| e[0] * at[0] + e[1] * at[1] + e[2] * at[2] + e[3])).norm()
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Rows of the voxel-to-world affine [mm], RAS.
+fn srow(grid: &Grid) -> [[f64; 4]; 3] {
+    let (m, o) = (grid.linear_part(), grid.origin());
+    std::array::from_fn(|r| [m[(r, 0)], m[(r, 1)], m[(r, 2)], o[r]])
+}
+
+/// Bytes to be filled at the places that the format gives them, little endian.
+struct Bytes(Vec<u8>);
+
+impl Bytes {
+    fn set(&mut self, at: usize, bytes: &[u8]) {
+        self.0[at..at + bytes.len()].copy_from_slice(bytes);
+    }
+    fn f32s(&mut self, at: usize, values: &[f64]) {
+        for (i, &v) in values.iter().enumerate() {
+            self.set(at + 4 * i, &(v as f32).to_le_bytes());
+        }
+    }
+    fn f64s(&mut self, at: usize, values: &[f64]) {
+        for (i, v) in values.iter().enumerate() {
+            self.set(at + 8 * i, &v.to_le_bytes());
+        }
+    }
+}
+
+/// Header and the four zero bytes that say "no extension".
+fn header_1(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&str>) -> Vec<u8> {
+    let mut b = Bytes(vec![0; SIZE_1 + 4]);
+    b.set(0, &348_i32.to_le_bytes());
+    b.set(38, b"r");
+    for (i, n) in rank_and_sizes(grid, field.is_some()).into_iter().enumerate() {
+        b.set(40 + 2 * i, &(n as i16).to_le_bytes());
+    }
+    b.set(70, &code(voxel_type).to_le_bytes());
+    b.set(72, &(8 * voxel_type.bytes() as i16).to_le_bytes());
+    let form = orient::quaternion(grid);
+    b.f32s(76, &pixdim(grid, form.map_or(1.0, |f| f.1)));
+    b.f32s(108, &[(SIZE_1 + 4) as f64, scale[0], scale[1]]);
+    b.set(123, &[MILLIMETRES]);
+    b.set(252, &i16::from(form.is_some()).to_le_bytes());
+    b.set(254, &1_i16.to_le_bytes());
+    b.f32s(256, &form.unwrap_or_default().0);
+    b.f32s(268, &grid.origin());
+    for (r, row) in srow(grid).iter().enumerate() {
+        b.f32s(280 + 16 * r, row);
+    }
+    if let Some(name) = field {
+        b.set(68, &(VECTOR as i16).to_le_bytes());
+        b.set(328, name.as_bytes());
+    }
+    b.set(344, b"n+1\0");
+    b.0
+}
+
+/// As [`header_1`], in the second version of the format.
+fn header_2(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&str>) -> Vec<u8> {
+    let mut b = Bytes(vec![0; SIZE_2 + 4]);
+    b.set(0, &540_i32.to_le_bytes());
+    b.set(4, b"n+2\0\r\n\x1a\n");
+    b.set(12, &code(voxel_type).to_le_bytes());
+    b.set(14, &(8 * voxel_type.bytes() as i16).to_le_bytes());
+    for (i, n) in rank_and_sizes(grid, field.is_some()).into_iter().enumerate() {
+        b.set(16 + 8 * i, &(n as i64).to_le_bytes());
+    }
+    let form = orient::quaternion(grid);
+    b.f64s(104, &pixdim(grid, form.map_or(1.0, |f| f.1)));
+    b.set(168, &((SIZE_2 + 4) as i64).to_le_bytes());
+    b.f64s(176, &scale);
+    b.set(344, &i32::from(form.is_some()).to_le_bytes());
+    b.set(348, &1_i32.to_le_bytes());
+    b.f64s(352, &form.unwrap_or_default().0);
+    b.f64s(376, &grid.origin());
+    for (r, row) in srow(grid).iter().enumerate() {
+        b.f64s(400 + 32 * r, row);
+    }
+    b.set(500, &i32::from(MILLIMETRES).to_le_bytes());
+    if let Some(name) = field {
+        b.set(504, &VECTOR.to_le_bytes());
+        b.set(508, name.as_bytes());
+    }
+    b.0
+}
+
+/// `xyzt_units`: lengths in millimetres, no time.
+const MILLIMETRES: u8 = 2;
+
+/// `intent_code` of a vector at every voxel.
+const VECTOR: i32 = 1007;
+
+fn rank_and_sizes(grid: &Grid, field: bool) -> [usize; 8] {
+    let [x, y, z] = grid.dims();
+    if field { [5, x, y, z, 1, 3, 1, 1] } else { [3, x, y, z, 1, 1, 1, 1] }
+}
+
+fn pixdim(grid: &Grid, qfac: f64) -> [f64; 8] {
+    let [x, y, z] = grid.spacing();
+    [qfac, x, y, z, 1.0, 1.0, 1.0, 1.0]
+}

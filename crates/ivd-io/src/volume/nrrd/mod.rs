@@ -1,0 +1,139 @@
+//! NRRD: `.nrrd` with its data inside, `.nhdr` with the data in a file of its own.
+//!
+//! Raw, gzip and text encodings. Spaces LPS, RAS and LAS; a file without a space, or with one without anatomy
+//! (`3D-right-handed`), is taken as ITK takes it: its coordinates are LPS. `space units` and `old min`/`old max` change
+//! nothing, as in ITK.
+
+mod axes;
+mod header;
+mod write;
+
+use std::path::{Path, PathBuf};
+
+use ivd_core::{Exec, Volume, VoxelType};
+
+use crate::volume::data::{self, DataFile, Encoding, Frames, Start};
+use crate::volume::stored::FileType;
+use crate::volume::{ByteOrder, Error, bounded};
+use axes::Axes;
+use header::Header;
+pub(crate) use write::{field, write};
+
+/// Reads a volume; `frame` chooses one of a file whose slowest axis isn't space.
+pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Volume, Error> {
+    let header = Header::read(path)?;
+    let axes = Axes::of(path, &header)?;
+    let count = bounded::voxel_count(path, "sizes", axes.dims)?;
+    let file_type = file_type(path, &header)?;
+    let encoding = encoding(path, &header)?;
+    let (data_path, offset) = match data_name(path, &header)? {
+        Some(name) => (data::beside(path, &name), 0),
+        None => (path.to_owned(), header.length),
+    };
+    let data = DataFile {
+        path: data_path,
+        offset,
+        start: start(path, &header, encoding)?,
+        encoding,
+        order: order(path, &header, file_type, encoding)?,
+        file_type,
+        count,
+        frames: Frames { field: "sizes", count: axes.frames, chosen: frame },
+    };
+    Ok(Volume::new(axes.grid, data.read(exec)?)?)
+}
+
+/// The files of a volume.
+pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
+    let name = data_name(path, &Header::read(path)?)?;
+    Ok(std::iter::once(path.to_owned()).chain(name.map(|name| data::beside(path, &name))).collect())
+}
+
+/// Name of the data's own file, where the header has one.
+fn data_name(path: &Path, header: &Header) -> Result<Option<String>, Error> {
+    let Some(name) = header.get("data file") else { return Ok(None) };
+    if name.starts_with("LIST") || name.contains('%') {
+        return Err(Error::unsupported(
+            path,
+            format!("`data file: {name}`, several data files,"),
+            "join them into one file",
+        ));
+    }
+    Ok(Some(name.to_owned()))
+}
+
+fn start(path: &Path, header: &Header, encoding: Encoding) -> Result<Start, Error> {
+    let lines = match header.get("line skip") {
+        Some(text) => text
+            .parse()
+            .map_err(|_| Error::field(path, "line skip", format!("`{text}` is no number of lines")))?,
+        None => 0,
+    };
+    let skip = match header.get("byte skip") {
+        Some(text) => text
+            .parse::<i64>()
+            .map_err(|_| Error::field(path, "byte skip", format!("`{text}` is no number of bytes")))?,
+        None => 0,
+    };
+    match (skip, encoding) {
+        (-1, Encoding::Raw) => Ok(Start::AtEnd),
+        (0, _) | (1.., Encoding::Raw | Encoding::Deflated) => Ok(Start::After { lines, bytes: skip as u64 }),
+        _ => Err(Error::field(path, "byte skip", format!("{skip} has no meaning in this encoding"))),
+    }
+}
+
+fn encoding(path: &Path, header: &Header) -> Result<Encoding, Error> {
+    let name = header.need(path, "encoding")?;
+    match name.to_lowercase().as_str() {
+        "raw" => Ok(Encoding::Raw),
+        "gzip" | "gz" => Ok(Encoding::Deflated),
+        "txt" | "text" | "ascii" => Ok(Encoding::Text),
+        "bzip2" | "bz2" | "hex" | "zrl" => Err(Error::unsupported(
+            path,
+            format!("`encoding: {name}`"),
+            "write the file with encoding raw or gzip",
+        )),
+        _ => Err(Error::field(path, "encoding", format!("`{name}` is no encoding of NRRD"))),
+    }
+}
+
+fn order(path: &Path, header: &Header, file_type: FileType, encoding: Encoding) -> Result<ByteOrder, Error> {
+    match header.get("endian").map(str::to_lowercase).as_deref() {
+        Some("little") => Ok(ByteOrder::Little),
+        Some("big") => Ok(ByteOrder::Big),
+        Some(other) => Err(Error::field(path, "endian", format!("`{other}` is neither `little` nor `big`"))),
+        None if file_type.bytes() == 1 || encoding == Encoding::Text => Ok(ByteOrder::NATIVE),
+        None => Err(Error::field(path, "endian", "missing, and a voxel has several bytes")),
+    }
+}
+
+fn file_type(path: &Path, header: &Header) -> Result<FileType, Error> {
+    let name = header.need(path, "type")?;
+    let words = name.split_whitespace().collect::<Vec<_>>().join(" ").to_lowercase();
+    Ok(match words.as_str() {
+        "signed char" | "int8" | "int8_t" => FileType::Plain(VoxelType::I8),
+        "uchar" | "unsigned char" | "uint8" | "uint8_t" => FileType::Plain(VoxelType::U8),
+        "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => {
+            FileType::Plain(VoxelType::I16)
+        }
+        "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => {
+            FileType::Plain(VoxelType::U16)
+        }
+        "int" | "signed int" | "int32" | "int32_t" => FileType::Plain(VoxelType::I32),
+        "uint" | "unsigned int" | "uint32" | "uint32_t" => FileType::Plain(VoxelType::U32),
+        "longlong"
+        | "long long"
+        | "long long int"
+        | "signed long long"
+        | "signed long long int"
+        | "int64"
+        | "int64_t" => FileType::I64,
+        "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => {
+            FileType::U64
+        }
+        "float" => FileType::Plain(VoxelType::F32),
+        "double" => FileType::Plain(VoxelType::F64),
+        "block" => return Err(Error::unsupported(path, "`type: block`", "write numbers")),
+        _ => return Err(Error::field(path, "type", format!("`{name}` is no type of NRRD"))),
+    })
+}

@@ -1,0 +1,81 @@
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::Path;
+
+use ivd_core::{Exec, Grid, Volume, VoxelType};
+
+use crate::volume::space::flip;
+use crate::volume::write::{Values, put, replace};
+use crate::volume::{Error, Written};
+
+/// Writes `.nrrd`, or `.nhdr` with the voxels in a `.raw` beside it.
+///
+/// The encoding is raw: reading and writing then cost what the disk costs, and the voxels can be mapped. Who wants a
+/// small file has `.nii.gz`.
+pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
+    let values = Values::without_scale(volume);
+    let header = header(volume.grid(), values.voxel_type(volume), "");
+    let detached = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("nhdr"));
+    if !detached {
+        return replace(path, |to| {
+            put(to, path, format!("{header}\n").as_bytes())?;
+            values.write(to, path, volume, exec)
+        });
+    }
+    let data = path.with_extension("raw");
+    let name = data.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    // The voxels first: a header never names voxels that aren't there.
+    let voxels = replace(&data, |to| values.write(to, &data, volume, exec))?;
+    let head = replace(path, |to| put(to, path, format!("{header}data file: {name}\n").as_bytes()))?;
+    Ok(voxels.and(head))
+}
+
+/// Writes a field of vectors (mm) in LPS as a displacement field: the vector is the fastest axis. The key `displacement` says
+/// which way it leads.
+pub(crate) fn field(
+    path: &Path,
+    grid: &Grid,
+    direction: &str,
+    vectors: &mut dyn FnMut(&mut dyn Write) -> Result<(), Error>,
+) -> Result<Written, Error> {
+    replace(path, |to| {
+        let header = header(grid, VoxelType::F32, "3 ");
+        put(to, path, format!("{header}displacement:={direction} mm LPS\n\n").as_bytes())?;
+        vectors(to)
+    })
+}
+
+/// The header's lines. `vector` is the size of a fastest axis that isn't space, with a space after it, or empty.
+fn header(grid: &Grid, voxel_type: VoxelType, vector: &str) -> String {
+    let [x, y, z] = grid.dims();
+    let axes: [[f64; 3]; 3] =
+        std::array::from_fn(|a| flip(grid.direction()[a]).map(|d| d * grid.spacing()[a]));
+    let [i, j, k] = axes.map(vector_text);
+    let (none, kind, rank) = if vector.is_empty() { ("", "", 3) } else { ("none ", "vector ", 4) };
+    let mut text = format!("NRRD0004\ntype: {}\ndimension: {rank}\n", type_name(voxel_type));
+    let _ = write!(
+        text,
+        "space: left-posterior-superior\nsizes: {vector}{x} {y} {z}\nspace directions: {none}{i} {j} {k}\n\
+         kinds: {kind}domain domain domain\nendian: little\nencoding: raw\nspace origin: {}\n",
+        vector_text(flip(grid.origin())),
+    );
+    text
+}
+
+/// Numbers in the shortest form that reads back to the same bits.
+fn vector_text([x, y, z]: [f64; 3]) -> String {
+    format!("({x:?},{y:?},{z:?})")
+}
+
+fn type_name(voxel_type: VoxelType) -> &'static str {
+    match voxel_type {
+        VoxelType::U8 => "uint8",
+        VoxelType::I8 => "int8",
+        VoxelType::U16 => "uint16",
+        VoxelType::I16 => "int16",
+        VoxelType::U32 => "uint32",
+        VoxelType::I32 => "int32",
+        VoxelType::F32 => "float",
+        VoxelType::F64 => "double",
+    }
+}

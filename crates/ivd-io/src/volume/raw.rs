@@ -1,0 +1,54 @@
+use std::path::Path;
+
+use ivd_core::{Exec, Volume, VoxelType};
+use serde::{Deserialize, Serialize};
+
+use crate::volume::data::{DataFile, Encoding, Frames, Start};
+use crate::volume::stored::FileType;
+use crate::volume::write::{Values, replace};
+use crate::volume::{ByteOrder, Error, Written, bounded, space};
+
+/// How a file without a header is laid out; x fastest.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawLayout {
+    /// Voxels along x, y, z. For a folder of raw slices z may be 0: the number of files is taken.
+    pub dims: [usize; 3],
+    /// Stored type.
+    pub voxel_type: VoxelType,
+    /// Distance of voxel centres, in mm.
+    #[serde(default = "unit_spacing")]
+    pub spacing: [f64; 3],
+    /// Byte order.
+    #[serde(default)]
+    pub order: ByteOrder,
+    /// Bytes before the first voxel, in each file.
+    #[serde(default)]
+    pub skip: u64,
+}
+
+fn unit_spacing() -> [f64; 3] {
+    [1.0; 3]
+}
+
+/// Reads a file without a header.
+pub(crate) fn read(path: &Path, layout: &RawLayout, exec: &Exec) -> Result<Volume, Error> {
+    let count = bounded::voxel_count(path, "dims", layout.dims)?;
+    let grid = space::plain_grid(path, layout.dims, layout.spacing)?;
+    let data = DataFile {
+        path: path.to_owned(),
+        offset: 0,
+        start: Start::After { lines: 0, bytes: layout.skip },
+        encoding: Encoding::Raw,
+        order: layout.order,
+        file_type: FileType::Plain(layout.voxel_type),
+        count,
+        frames: Frames { field: "dims", count: 1, chosen: None },
+    };
+    Ok(Volume::new(grid, data.read(exec)?)?)
+}
+
+/// Writes the voxels alone, least significant byte first.
+pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
+    replace(path, |to| Values::without_scale(volume).write(to, path, volume, exec))
+}

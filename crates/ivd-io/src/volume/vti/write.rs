@@ -1,0 +1,72 @@
+use std::fmt::Write as _;
+use std::path::Path;
+
+use ivd_core::{Exec, Volume, VoxelType};
+
+use crate::volume::space::flip;
+use crate::volume::write::{Values, put, replace};
+use crate::volume::{Error, Written};
+
+/// Writes a `.vti` file: one piece, appended raw bytes, little endian, LPS.
+///
+/// A volume with slope and intercept is written as real values in `f32`. The file is replaced at once, and left alone
+/// where it holds the same bytes.
+///
+/// # Errors
+/// [`Error::Io`] where the system refuses, or a cancelled [`Error::Core`].
+pub fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
+    let values = Values::without_scale(volume);
+    let voxel_type = values.voxel_type(volume);
+    replace(path, |to| {
+        put(to, path, head(volume, voxel_type).as_bytes())?;
+        let bytes = (volume.grid().len() * voxel_type.bytes()) as u64;
+        put(to, path, &bytes.to_le_bytes())?;
+        values.write(to, path, volume, exec)?;
+        put(to, path, b"\n  </AppendedData>\n</VTKFile>\n")
+    })
+}
+
+fn head(volume: &Volume, voxel_type: VoxelType) -> String {
+    let grid = volume.grid();
+    let extent = grid.dims().map(|n| format!("0 {}", n - 1)).join(" ");
+    let axes = grid.direction().map(flip);
+    let direction: Vec<f64> = (0..3).flat_map(|row| axes.map(|axis| axis[row])).collect();
+    let mut head = String::from("<?xml version=\"1.0\"?>\n");
+    let mut line = |text: String| writeln!(head, "{text}").expect("a String takes all text");
+    line(
+        "<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">"
+            .into(),
+    );
+    line(format!(
+        "  <ImageData WholeExtent=\"{extent}\" Origin=\"{}\" Spacing=\"{}\" Direction=\"{}\">",
+        numbers(&flip(grid.origin())),
+        numbers(&grid.spacing()),
+        numbers(&direction)
+    ));
+    line(format!("    <Piece Extent=\"{extent}\">"));
+    line("      <PointData Scalars=\"volume\">".into());
+    line(format!(
+        "        <DataArray type=\"{}\" Name=\"volume\" format=\"appended\" offset=\"0\"/>",
+        type_name(voxel_type)
+    ));
+    line("      </PointData>\n      <CellData/>\n    </Piece>\n  </ImageData>".into());
+    head + "  <AppendedData encoding=\"raw\">\n   _"
+}
+
+/// Shortest text that reads back as the same numbers.
+fn numbers(values: &[f64]) -> String {
+    values.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
+}
+
+fn type_name(voxel_type: VoxelType) -> &'static str {
+    match voxel_type {
+        VoxelType::U8 => "UInt8",
+        VoxelType::I8 => "Int8",
+        VoxelType::U16 => "UInt16",
+        VoxelType::I16 => "Int16",
+        VoxelType::U32 => "UInt32",
+        VoxelType::I32 => "Int32",
+        VoxelType::F32 => "Float32",
+        VoxelType::F64 => "Float64",
+    }
+}

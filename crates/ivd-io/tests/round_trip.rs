@@ -1,0 +1,251 @@
+//! What is written is read back: every format, every stored type, on grids that are oblique, left-handed or far away.
+#![allow(clippy::unwrap_used, reason = "what builds a test's files may fail it")]
+
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::sync::Arc;
+
+use ivd_core::{Exec, Grid, Scalar, Volume, VoxelCoord, VoxelType, Voxels};
+use ivd_io::volume::{ByteOrder, RawLayout, ReadOptions, read, write};
+
+use crate::notes::Notes;
+
+const DIMS: [usize; 3] = [5, 4, 3];
+
+fn grids() -> Vec<(&'static str, Grid)> {
+    let (s, c) = 0.27_f64.sin_cos();
+    let h = FRAC_1_SQRT_2;
+    let lean = [0.2_f64.sin(), 0.0, 0.2_f64.cos()];
+    vec![
+        ("along the axes", Grid::with_spacing(DIMS, [0.5, 0.898_437, 2.0]).unwrap()),
+        (
+            "oblique",
+            Grid::new(
+                DIMS,
+                [0.43, 0.43, 6.5],
+                [-12.5, 20.25, 3.0],
+                [[-c, -s, 0.0], [s, -c, 0.0], [0.0, 0.0, 1.0]],
+            )
+            .unwrap(),
+        ),
+        (
+            "left-handed",
+            Grid::new(DIMS, [1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [[h, h, 0.0], [h, -h, 0.0], [0.0, 0.0, 1.0]])
+                .unwrap(),
+        ),
+        ("sheared", Grid::new(DIMS, [1.0; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], lean]).unwrap()),
+        (
+            "far away",
+            Grid::new(
+                DIMS,
+                [0.1; 3],
+                [1e6 + 0.03, -1e6, 5.0],
+                [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]],
+            )
+            .unwrap(),
+        ),
+    ]
+}
+
+/// Values that tell every byte of a number apart, the type's limits and, in floats, NaN payloads and infinities.
+fn voxels(voxel_type: VoxelType) -> Voxels {
+    fn make<T: Scalar>() -> Voxels {
+        let width = size_of::<T>();
+        let mut bytes: Vec<u8> = (0..60 * width).map(|i| (i * 37 + i / 7) as u8).collect();
+        bytes[..width].fill(0xff);
+        bytes[width..2 * width].fill(0x7f);
+        bytes[2 * width..3 * width].fill(0);
+        bytes[3 * width..4 * width].fill(0x80);
+        let values: Vec<T> = bytes.chunks_exact(width).map(bytemuck::pod_read_unaligned).collect();
+        T::wrap(values.into())
+    }
+    match voxel_type {
+        VoxelType::U8 => make::<u8>(),
+        VoxelType::I8 => make::<i8>(),
+        VoxelType::U16 => make::<u16>(),
+        VoxelType::I16 => make::<i16>(),
+        VoxelType::U32 => make::<u32>(),
+        VoxelType::I32 => make::<i32>(),
+        VoxelType::F32 => make::<f32>(),
+        VoxelType::F64 => make::<f64>(),
+    }
+}
+
+const TYPES: [VoxelType; 8] = [
+    VoxelType::U8,
+    VoxelType::I8,
+    VoxelType::U16,
+    VoxelType::I16,
+    VoxelType::U32,
+    VoxelType::I32,
+    VoxelType::F32,
+    VoxelType::F64,
+];
+
+/// Largest distance between the corners of two grids [mm].
+fn apart(a: &Grid, b: &Grid) -> f64 {
+    (0..8_usize)
+        .map(|corner| {
+            let at = nalgebra::Vector3::from_fn(|i, _| (corner >> i & 1) as f64 * (DIMS[i] - 1) as f64);
+            (a.world(VoxelCoord(at)).0 - b.world(VoxelCoord(at)).0).norm()
+        })
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn values_come_back_bit_for_bit_and_positions_within_a_micron() {
+    let folder = tempfile::tempdir().unwrap();
+    let exec = Exec::default();
+    for ending in ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd"] {
+        for (name, grid) in grids() {
+            for voxel_type in TYPES {
+                let volume = Volume::new(grid.clone(), voxels(voxel_type)).unwrap();
+                let path = folder.path().join(format!("a.{ending}"));
+                write(&path, &volume, &exec).unwrap();
+                let back = read(&path, &ReadOptions::default(), &exec).unwrap();
+                let case = format!("{ending}, {name}, {}", voxel_type.name());
+                assert_eq!(back.voxel_type(), voxel_type, "{case}");
+                assert_eq!(back.voxels().as_bytes(), volume.voxels().as_bytes(), "{case}");
+                let limit = if ending.starts_with("nii") { 1e-3 } else { 1e-9 };
+                assert!(apart(back.grid(), &grid) <= limit, "{case}: {}", apart(back.grid(), &grid));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tiff_stack_keeps_values_and_spacing_and_a_note_says_what_it_leaves_out() {
+    let folder = tempfile::tempdir().unwrap();
+    for ending in ["tif", "TIFF"] {
+        let path = folder.path().join(format!("a.{ending}"));
+        for (name, grid) in grids() {
+            for voxel_type in TYPES {
+                let notes = Arc::new(Notes::default());
+                let exec = Exec::default().with_observer(notes.clone());
+                let volume = Volume::new(grid.clone(), voxels(voxel_type)).unwrap();
+                write(&path, &volume, &exec).unwrap();
+                let said = std::mem::take(&mut *notes.0.lock().unwrap());
+                assert!(
+                    matches!(&said[..], [one] if one.contains("origin and direction")),
+                    "{name}: {said:?}"
+                );
+                let back = read(&path, &ReadOptions::default(), &exec).unwrap();
+                let case = format!("{ending}, {name}, {}", voxel_type.name());
+                assert_eq!(back.voxel_type(), voxel_type, "{case}");
+                assert_eq!(back.voxels().as_bytes(), volume.voxels().as_bytes(), "{case}");
+                for (found, meant) in back.grid().spacing().iter().zip(grid.spacing()) {
+                    assert!((found / meant - 1.0).abs() < 1e-15, "{case}: {found}, not {meant}");
+                }
+                // What was read lies where a file without a space lies: nothing is left out when it is written.
+                write(&path, &back, &exec).unwrap();
+                assert!(notes.0.lock().unwrap().is_empty(), "{case}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tiff_of_real_values_holds_them_and_one_of_a_spacing_beyond_its_fractions_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let notes = Arc::new(Notes::default());
+    let exec = Exec::default().with_observer(notes.clone());
+    let grid = Grid::with_spacing(DIMS, [1e-12, 1.0, 1.0]).unwrap();
+    let volume = Volume::with_scale(grid, voxels(VoxelType::U8), 0.5, -3.0).unwrap();
+    write(&path, &volume, &exec).unwrap();
+    assert!(notes.0.lock().unwrap()[0].contains("a spacing of this size"));
+    let back = read(&path, &ReadOptions::default(), &exec).unwrap();
+    assert_eq!(back.grid().spacing(), [1.0; 3]);
+    for at in 0..60 {
+        assert_eq!(back.voxels().get(at), 0.5 * volume.voxels().get(at) - 3.0);
+    }
+}
+
+#[test]
+fn slope_and_intercept_stay_in_nifti_and_become_real_values_elsewhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let exec = Exec::default();
+    let (_, grid) = grids().swap_remove(1);
+    for (slope, intercept) in [(2.0, -1024.0), (-0.1, 1.0 / 3.0)] {
+        let volume = Volume::with_scale(grid.clone(), voxels(VoxelType::I16), slope, intercept).unwrap();
+        for ending in ["nii", "nii.gz"] {
+            let path = folder.path().join(format!("a.{ending}"));
+            write(&path, &volume, &exec).unwrap();
+            let back = read(&path, &ReadOptions::default(), &exec).unwrap();
+            assert_eq!(
+                (back.slope(), back.intercept()),
+                (slope, intercept),
+                "exact, in NIfTI-2 where f32 isn't"
+            );
+            assert_eq!(back.voxels(), volume.voxels());
+        }
+        for ending in ["nrrd", "nhdr", "mha", "mhd"] {
+            let path = folder.path().join(format!("a.{ending}"));
+            write(&path, &volume, &exec).unwrap();
+            let back = read(&path, &ReadOptions::default(), &exec).unwrap();
+            assert_eq!(back.voxel_type(), VoxelType::F32);
+            for i in 0..60 {
+                assert_eq!(back.voxels().get(i), f64::from(volume.real(volume.voxels().get(i)) as f32));
+            }
+        }
+    }
+}
+
+#[test]
+fn raw_voxels_are_read_with_a_layout() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.raw");
+    for voxel_type in TYPES {
+        let (_, grid) = grids().swap_remove(0);
+        let volume = Volume::new(grid, voxels(voxel_type)).unwrap();
+        write(&path, &volume, &Exec::default()).unwrap();
+        let layout =
+            RawLayout { dims: DIMS, voxel_type, spacing: [1.0; 3], order: ByteOrder::Little, skip: 0 };
+        let options = ReadOptions { raw: Some(layout), ..ReadOptions::default() };
+        let back = read(&path, &options, &Exec::default()).unwrap();
+        assert_eq!(back.voxels().as_bytes(), volume.voxels().as_bytes());
+    }
+}
+
+#[test]
+fn a_voxel_far_away_is_written_as_nifti_2_and_a_near_one_as_nifti_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.nii");
+    for (name, grid) in grids() {
+        let volume = Volume::new(grid, voxels(VoxelType::U8)).unwrap();
+        write(&path, &volume, &Exec::default()).unwrap();
+        let size = i32::from_le_bytes(std::fs::read(&path).unwrap()[..4].try_into().unwrap());
+        assert_eq!(size, if name == "far away" { 540 } else { 348 }, "{name}");
+    }
+}
+
+#[test]
+fn the_same_volume_gives_the_same_bytes_and_leaves_the_file_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, grid) = grids().swap_remove(1);
+    let volume = Volume::new(grid, voxels(VoxelType::F32)).unwrap();
+    for ending in ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "raw"] {
+        let (a, b) = (
+            folder.path().join(format!("{ending}-a.{ending}")),
+            folder.path().join(format!("{ending}-b.{ending}")),
+        );
+        assert!(write(&a, &volume, &Exec::default()).unwrap().touched);
+        assert!(!write(&a, &volume, &Exec::default()).unwrap().touched, "{ending}");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+        write(&b, &volume, &Exec::default()).unwrap();
+        if !["nhdr", "mhd"].contains(&ending) {
+            assert_eq!(
+                std::fs::read(a).unwrap(),
+                std::fs::read(b).unwrap(),
+                "{ending}: no name, no time inside"
+            );
+        }
+    }
+}
+
+#[test]
+fn an_ending_of_no_format_is_refused_with_those_that_are() {
+    let (_, grid) = grids().swap_remove(0);
+    let volume = Volume::new(grid, voxels(VoxelType::U8)).unwrap();
+    let error = write("a.docx".as_ref(), &volume, &Exec::default()).unwrap_err();
+    assert!(error.to_string().contains(".nrrd"), "{error}");
+}

@@ -1,8 +1,0 @@
-//! Readers and writers of volumes, on sound, hostile and real files.
-
-mod field;
-mod headers;
-mod hostile;
-mod notes;
-mod real_volumes;
-mod round_trip;
