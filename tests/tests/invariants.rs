@@ -30,12 +30,13 @@ fn crate_of(path: &Path) -> String {
 }
 
 /// The stages' crates, and what each needs of ours.
-const STAGES: [(&str, &[&str]); 8] = [
-    ("ivd-volume", &["ivd-core", "ivd-fs"]),
+const STAGES: [(&str, &[&str]); 9] = [
+    ("ivd-io", &["ivd-core", "ivd-fs"]),
+    ("ivd-phantom", &["ivd-core"]),
     ("ivd-segment", &["ivd-core"]),
     ("ivd-atf", &["ivd-core"]),
     ("ivd-boundary", &["ivd-core"]),
-    ("ivd-lattice", &["ivd-core", "ivd-fs"]),
+    ("ivd-lattice", &["ivd-core"]),
     ("ivd-octree", &["ivd-core"]),
     ("ivd-deform", &["ivd-core", "ivd-octree"]),
     ("ivd-render", &["ivd-core"]),
@@ -110,8 +111,40 @@ fn stage_crates_need_exactly_what_the_architecture_says() {
     }
 }
 
+/// What reads, writes, packs or maps files, or writes them in another form.
+const OF_FILES: [&str; 14] = [
+    "quick-xml",
+    "flate2",
+    "zlib-rs",
+    "base64",
+    "tiff",
+    "png",
+    "jpeg-decoder",
+    "jpeg2k",
+    "toml",
+    "memmap2",
+    "tempfile",
+    "bincode",
+    "ivd-fs",
+    "ivd-artefact",
+];
+
 #[test]
-fn only_the_stage_crates_that_hold_formats_touch_files() {
+fn whoever_embeds_a_stage_brings_nothing_that_reads_files() {
+    for (name, _) in STAGES.iter().filter(|(_, needed)| !needed.contains(&"ivd-fs")) {
+        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+        let tree = ["tree", "--offline", "--edges", "normal", "--prefix", "none", "--package", name];
+        let told = std::process::Command::new(cargo).args(tree).current_dir(root()).output().unwrap();
+        let text = String::from_utf8_lossy(&told.stdout).into_owned();
+        assert!(told.status.success() && text.starts_with(name), "{}", String::from_utf8_lossy(&told.stderr));
+        let brought = text.lines().filter_map(|line| line.split(' ').next());
+        let wrong: Vec<&str> = brought.filter(|krate| OF_FILES.contains(krate)).collect();
+        assert!(wrong.is_empty(), "{name} brings {wrong:?}");
+    }
+}
+
+#[test]
+fn only_the_crates_of_files_touch_files() {
     for (path, text) in sources(".rs") {
         let name = crate_of(&path);
         let pure = STAGES.iter().any(|(stage, needed)| *stage == name && !needed.contains(&"ivd-fs"));

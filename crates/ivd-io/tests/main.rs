@@ -1,4 +1,4 @@
-//! Readers and writers of volumes, on sound, hostile and real files.
+//! Readers and writers of volumes and meshes, on sound, hostile and real files.
 
 mod field;
 mod headers;

@@ -1,4 +1,4 @@
-//! Extraction, refinement and mesh files through the public interface.
+//! Extraction and refinement through the public interface.
 
 mod extract;
 mod refine;

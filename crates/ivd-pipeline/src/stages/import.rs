@@ -17,7 +17,7 @@ pub const IMPORT: &str = "import";
 /// Where an imported volume comes from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ImportSource {
-    /// A file or folder of any format that ivd-volume reads.
+    /// A file or folder of any format that ivd-io reads.
     File {
         /// The file or folder.
         path: PathBuf,
