@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use ivd_artefact::{Kind, KindCode, peek};
 use ivd_core::{Exec, Grid, Volume, Voxels};
 use ivd_fuzz::artefacts::{Section, Wanted};
-use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_io::mesh::{self, Format};
+use ivd_lattice::extract::{ExtractParams, Iso, extract};
 
 type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
 

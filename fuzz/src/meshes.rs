@@ -3,9 +3,9 @@
 use std::sync::OnceLock;
 
 use ivd_core::Grid;
+use ivd_io::mesh::{Format, read_bytes};
 use ivd_lattice::figures;
 use ivd_lattice::foreign::{ForeignParams, lattice};
-use ivd_io::mesh::{Format, read_bytes};
 
 use crate::{MEMORY, exec};
 
