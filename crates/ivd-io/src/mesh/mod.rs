@@ -9,7 +9,7 @@
 //! | `.vtp` | f64, world mm, LPS, where VTK and ITK have the volume | each vertex carries its address: `voxel` and `element`; the field `SPACE` says LPS |
 //!
 //! [`read()`] takes files of these formats from any program, in any of their encodings; what a format doesn't say (its unit,
-//! which way its axes run) is taken as `docs/methods/mesh-files.md` tells. A [`Mesh`](ivd_core::Mesh) becomes a lattice by
+//! which way its axes run) is taken as `docs/methods/mesh-files.md` tells. A [`Mesh`] becomes a lattice by
 //! `ivd_lattice::foreign::lattice`.
 //!
 //! [`write_motion`] writes a lattice with its motion: `.glb` as morph targets with an animation, `.pvd` as a series of `.vtp`.
