@@ -6,7 +6,7 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures;
 use ivd_segment::{
     ChainParams, Covariance, CutParams, EmvsParams, Error, HvsParams, KmvsParams, Linkage, MsvsParams,
-    Segmentation, ThresholdParams, cut as cut_tree, emvs, hvs_tree, kmvs, msvs, msvs_kmvs, threshold,
+    Segmentation, ThresholdParams, cut as cut_tree, emvs, region_tree, kmvs, msvs, msvs_kmvs, threshold,
 };
 
 use crate::{Bytes, exec, lattices, stages};
@@ -47,7 +47,7 @@ fn every_way(
     let shift = |params| Ok(msvs(volume, None, &params, exec())?.segmentation);
     let tree = |linkage| {
         let params = HvsParams { linkage, alpha: Some(b).filter(|b| *b > 0.0), ..HvsParams::default() };
-        let tree = hvs_tree(volume, None, &params, exec())?.tree;
+        let tree = region_tree(volume, None, &params, exec())?.tree;
         cut_tree(&tree, &CutParams { k, ..CutParams::default() }, exec())
     };
     let rounds = EmvsParams { k: Some(k), max_iterations: 20, ..EmvsParams::default() };

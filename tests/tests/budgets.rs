@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ivd_artefact::Cache;
-use ivd_core::{Exec, Fault, Faulty, Observer};
+use ivd_core::{Classified, ErrorClass, Exec, Observer};
 use ivd_lattice::refine::{LevelFigures, RefineFigures};
 use ivd_pipeline::{Budget, PipelineOptions, PipelineReport, compare};
 use ivd_render::RenderFigures;
@@ -120,7 +120,7 @@ fn a_knob_that_is_pinned_stays() {
 fn a_time_that_nothing_keeps_ends_with_a_limit_and_leaves_nothing() {
     let bench = Bench::new(HEAD);
     let failed = bench.run_with(&[], &with(time(1e-9)), &Exec::default()).unwrap_err();
-    assert_eq!(failed.fault(), Fault::Limit);
+    assert_eq!(failed.error_class(), ErrorClass::Limit);
     assert!(failed.to_string().contains("--max-time"), "{failed}");
     assert!(files(&bench).is_empty(), "{:?}", files(&bench));
 }
@@ -141,7 +141,7 @@ fn a_deadline_in_the_midst_leaves_whole_files_alone_and_the_caller_free() {
     let bench = Bench::new(HEAD);
     let exec = Exec::default().with_observer(Arc::new(Slow("ring")));
     let failed = bench.run_with(&[], &with(time(3.0)), &exec).unwrap_err();
-    assert_eq!(failed.fault(), Fault::Limit);
+    assert_eq!(failed.error_class(), ErrorClass::Limit);
     assert!(failed.to_string().contains("the time is up"), "{failed}");
     assert!(files(&bench).iter().all(|f| f == "lattice.ply"), "{:?}", files(&bench));
     // The flag of the caller was not raised: the same context goes on.
@@ -154,14 +154,14 @@ fn an_interruption_is_no_deadline() {
     let exec = Exec::default();
     exec.cancel.cancel();
     let failed = Bench::new(HEAD).run_with(&[], &with(time(1e-9)), &exec).unwrap_err();
-    assert_eq!(failed.fault(), Fault::Cancelled);
+    assert_eq!(failed.error_class(), ErrorClass::Cancelled);
 }
 
 #[test]
 fn budgets_that_are_no_positive_numbers_are_wrong_usage() {
     for budget in [time(0.0), time(-1.0), time(f64::NAN), error(0.0), error(f64::NAN), error(f64::INFINITY)] {
         let failed = Bench::new(HEAD).run_with(&[], &with(budget), &Exec::default()).unwrap_err();
-        assert_eq!(failed.fault(), Fault::Usage);
+        assert_eq!(failed.error_class(), ErrorClass::Usage);
     }
 }
 
@@ -216,14 +216,14 @@ fn a_larger_error_gives_a_coarser_lattice() {
 fn an_error_that_nothing_holds_ends_with_a_limit_and_its_figures() {
     let bench = Bench::new(HEAD);
     let failed = bench.run_with(&[], &with(error(1e-12)), &Exec::default()).unwrap_err();
-    assert_eq!(failed.fault(), Fault::Limit);
+    assert_eq!(failed.error_class(), ErrorClass::Limit);
     let told = failed.to_string();
     assert!(told.contains("--max-error") && told.contains("steps_mm") && told.contains("level 0"), "{told}");
     assert!(files(&bench).is_empty(), "{:?}", files(&bench));
     // A pinned level can't be made finer.
     let pinned = Budget { pinned: ["refine.level".to_owned()].into(), ..error(0.1) };
     let failed = bench.run_with(&["refine.level=3"], &with(pinned), &Exec::default()).unwrap_err();
-    assert!(failed.fault() == Fault::Limit && failed.to_string().contains("level 3"), "{failed}");
+    assert!(failed.error_class() == ErrorClass::Limit && failed.to_string().contains("level 3"), "{failed}");
 }
 
 /// Gives every cached result of a stage another name for one of its figures, as a build of the program might that calls it so.
@@ -257,7 +257,7 @@ fn a_figure_that_went_missing_is_an_error_and_never_a_part_of_0() {
         bench.run_with(&[], &with(error(0.5)), &Exec::default()).unwrap();
         rename_figure(&bench, stage, figure);
         let failed = bench.run_with(&[], &with(error(0.5)), &Exec::default()).unwrap_err();
-        assert_eq!(failed.fault(), Fault::Untrusted, "{failed}");
+        assert_eq!(failed.error_class(), ErrorClass::Untrusted, "{failed}");
         let told = failed.to_string();
         assert!(told.starts_with(stage) && told.contains(&format!("`{figure}`")), "{told}");
         // What the message advises.

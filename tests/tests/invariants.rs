@@ -102,12 +102,57 @@ fn stage_crates_need_exactly_what_the_architecture_says() {
             "STAGES doesn't tell what {name} may need"
         );
     }
-    for (name, needed) in STAGES {
+    for (name, told) in STAGES {
         let text = std::fs::read_to_string(root().join("crates").join(name).join("Cargo.toml")).unwrap();
-        let dependencies = text.split("[dependencies]").nth(1).unwrap().split("\n[").next().unwrap();
-        let ours = dependencies.lines().filter(|l| l.starts_with("ivd-"));
-        let used: Vec<&str> = ours.map(|line| line.split(['.', ' ', '=']).next().unwrap()).collect();
-        assert_eq!(used, needed, "{name}");
+        assert_eq!(needed(&text), told, "{name}");
+    }
+}
+
+/// Ours among the crates that a manifest needs, in its order.
+fn needed(manifest: &str) -> Vec<&str> {
+    let dependencies = manifest.split("[dependencies]").nth(1).unwrap_or("").split("\n[").next().unwrap();
+    let ours = dependencies.lines().filter(|line| line.starts_with("ivd-"));
+    ours.map(|line| line.split(['.', ' ', '=']).next().unwrap()).collect()
+}
+
+/// A line for each crate with those of ours that it needs, each below all of them.
+fn arrows() -> String {
+    let manifests = sources("Cargo.toml");
+    let mut left: Vec<(String, Vec<&str>)> =
+        manifests.iter().map(|(path, text)| (crate_of(path), needed(text))).collect();
+    left.sort();
+    let (mut placed, mut lines) = (Vec::new(), Vec::new());
+    while !left.is_empty() {
+        let ready = |needs: &[&str]| needs.iter().all(|krate| placed.iter().any(|done| done == krate));
+        let (next, later): (Vec<_>, Vec<_>) = left.into_iter().partition(|(_, needs)| ready(needs));
+        assert!(!next.is_empty(), "crates need each other in a circle: {later:?}");
+        for (name, needs) in next {
+            lines.push(if needs.is_empty() {
+                name.clone()
+            } else {
+                format!("{name} → {}", needs.join(", "))
+            });
+            placed.push(name);
+        }
+        left = later;
+    }
+    lines.join("\n")
+}
+
+#[test]
+fn the_arrows_of_the_architecture_are_those_of_the_manifests() {
+    let page = root().join("docs/ARCHITECTURE.md");
+    let text = std::fs::read_to_string(&page).unwrap();
+    let (head, rest) = text.split_once("<!-- arrows -->\n").unwrap();
+    let (_, tail) = rest.split_once("<!-- end of arrows -->").unwrap();
+    let now = format!("{head}<!-- arrows -->\n```text\n{}\n```\n<!-- end of arrows -->{tail}", arrows());
+    if std::env::var_os("IVD_SNAPSHOTS").is_some_and(|wish| wish == "write") {
+        std::fs::write(&page, now).unwrap();
+    } else {
+        assert!(
+            text == now,
+            "docs/ARCHITECTURE.md shows other arrows than the manifests; IVD_SNAPSHOTS=write writes them"
+        );
     }
 }
 

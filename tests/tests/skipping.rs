@@ -1,7 +1,7 @@
 //! A scene does what its outputs need, and nothing twice.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
-use ivd_core::{Backend, Exec, Faulty};
+use ivd_core::{Backend, Classified, Exec};
 use ivd_pipeline::{PipelineOptions, State};
 use ivd_tests::{Bench, in_state, record};
 
@@ -97,7 +97,7 @@ fn an_output_that_no_stage_makes_is_refused_by_name() {
         .replace("report = true", "mask = \"mask.nrrd\"");
     let error = Bench::new(&text).run(&[]).unwrap_err();
     assert!(error.to_string().contains("output.mask") && error.to_string().contains("boundary"), "{error}");
-    assert_eq!(error.fault(), ivd_core::Fault::Usage);
+    assert_eq!(error.error_class(), ivd_core::ErrorClass::Usage);
 }
 
 #[test]

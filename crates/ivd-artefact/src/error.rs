@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use ivd_core::{Fault, Faulty};
+use ivd_core::{Classified, ErrorClass};
 
 /// Why an artefact can't be read or written. Every message names the file.
 #[derive(Debug, thiserror::Error)]
@@ -107,13 +107,13 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Io { .. } => Fault::Io,
-            Self::Content { source, .. } => source.fault(),
-            Self::Unwritable { .. } => Fault::Untrusted,
-            _ => Fault::Input,
+            Self::Io { .. } => ErrorClass::Io,
+            Self::Content { source, .. } => source.error_class(),
+            Self::Unwritable { .. } => ErrorClass::Untrusted,
+            _ => ErrorClass::Input,
         }
     }
 }

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use ivd_artefact::{Error, Kind, is_artefact, open, peek, read, write};
-use ivd_core::{Fault, Faulty, noise};
+use ivd_core::{Classified, ErrorClass, noise};
 
 use crate::samples::{provenance, sample};
 
@@ -35,7 +35,7 @@ fn every_flipped_byte_is_found() {
             bad[at] ^= 1 << (at % 8);
             std::fs::write(&path, &bad).unwrap();
             let error = read(&path).expect_err("one flipped bit");
-            assert_eq!(error.fault(), Fault::Input, "byte {at}: {error}");
+            assert_eq!(error.error_class(), ErrorClass::Input, "byte {at}: {error}");
             assert!(error.to_string().contains(path.to_str().unwrap()), "{error}");
         }
     }
@@ -48,7 +48,7 @@ fn every_cut_and_every_addition_is_found() {
     for end in (0..bytes.len()).filter(|end| *end < 800 || end % 5 == 0 || bytes.len() - end < 200) {
         std::fs::write(&path, &bytes[..end]).unwrap();
         let error = read(&path).unwrap_err();
-        assert_eq!(error.fault(), Fault::Input, "cut at {end}: {error}");
+        assert_eq!(error.error_class(), ErrorClass::Input, "cut at {end}: {error}");
         assert!(peek(&path).is_err());
     }
     std::fs::write(&path, &bytes[..bytes.len() - 3]).unwrap();
@@ -96,7 +96,7 @@ fn hostile_lengths_with_a_right_root_are_refused() {
             // Bytes of a name or of the provenance may change and still make an artefact; nothing else may.
             match read(&path) {
                 Ok(_) => assert!(at >= 64),
-                Err(error) => assert_eq!(error.fault(), Fault::Input, "byte {at}: {error}"),
+                Err(error) => assert_eq!(error.error_class(), ErrorClass::Input, "byte {at}: {error}"),
             }
         }
     }
@@ -114,7 +114,7 @@ fn a_section_that_lies_about_its_shape_is_refused() {
         bad[at..at + 24].copy_from_slice(&lie.iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<u8>>());
         seal(&mut bad);
         std::fs::write(&path, &bad).unwrap();
-        assert_eq!(read(&path).unwrap_err().fault(), Fault::Input);
+        assert_eq!(read(&path).unwrap_err().error_class(), ErrorClass::Input);
     }
     let mut bad = bytes.clone();
     let at = find(b"\"width\":3");

@@ -6,7 +6,9 @@ use ivd_artefact::{
     Artefact, CHUNK, Error, Kind, KindCode, content_hash, is_artefact, open, peek, read, write,
     write_with_metrics,
 };
-use ivd_core::{ByteSource as _, Fault, Faulty, Grid, Labels, Mask, Volume, VoxelType, Voxels, with_voxels};
+use ivd_core::{
+    ByteSource as _, Classified, ErrorClass, Grid, Labels, Mask, Volume, VoxelType, Voxels, with_voxels,
+};
 use serde_json::json;
 
 use crate::samples::{provenance, sample};
@@ -41,8 +43,8 @@ fn a_lattice_keeps_its_coarser_levels() {
     let Artefact::Lattice(lattice) = sample(Kind::Lattice) else { unreachable!("a lattice was asked for") };
     let triangles = lattice.triangles()[..1].to_vec().into();
     let coarser = vec![
-        ivd_core::Coarser { triangles, level: 1, max_error_mm: 0.25 },
-        ivd_core::Coarser { triangles: Vec::new().into(), level: 3, max_error_mm: 1.5 },
+        ivd_core::CoarseLevel { triangles, level: 1, max_error_mm: 0.25 },
+        ivd_core::CoarseLevel { triangles: Vec::new().into(), level: 3, max_error_mm: 1.5 },
     ];
     let value = Artefact::Lattice(lattice.with_coarser(coarser).unwrap());
     write(&path, &value, &provenance()).unwrap();
@@ -209,7 +211,7 @@ fn values_that_are_no_numbers_are_refused_when_written() {
     classes[0].mean = f64::NAN;
     let labels = Labels::new(labels.grid().clone(), labels.buffer().clone(), classes).unwrap();
     let error = write(&path, &labels, &provenance()).unwrap_err();
-    assert_eq!(error.fault(), Fault::Untrusted);
+    assert_eq!(error.error_class(), ErrorClass::Untrusted);
     assert!(error.to_string().contains("labels.ivd"));
     assert!(!path.exists());
 }
@@ -218,9 +220,9 @@ fn values_that_are_no_numbers_are_refused_when_written() {
 fn a_folder_that_cannot_be_written_to_is_an_io_error_that_names_it() {
     let folder = tempfile::tempdir().unwrap();
     let error = write(folder.path().join("no/such/a.ivd"), &sample(Kind::Image), &provenance()).unwrap_err();
-    assert_eq!(error.fault(), Fault::Io);
+    assert_eq!(error.error_class(), ErrorClass::Io);
     assert!(error.to_string().contains("no/such"));
-    assert_eq!(read(folder.path().join("gone.ivd")).unwrap_err().fault(), Fault::Io);
+    assert_eq!(read(folder.path().join("gone.ivd")).unwrap_err().error_class(), ErrorClass::Io);
     assert!(!is_artefact(folder.path()));
 }
 

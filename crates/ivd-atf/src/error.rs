@@ -1,4 +1,4 @@
-use ivd_core::{Fault, Faulty, ParamError};
+use ivd_core::{Classified, ErrorClass, ParamError};
 
 /// Why a transfer function could not be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -33,12 +33,12 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(error) => error.fault(),
-            Self::Param(_) => Fault::Usage,
-            Self::TooManyClasses { .. } | Self::TooWide { .. } => Fault::Limit,
+            Self::Core(error) => error.error_class(),
+            Self::Param(_) => ErrorClass::Usage,
+            Self::TooManyClasses { .. } | Self::TooWide { .. } => ErrorClass::Limit,
         }
     }
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The stage as scenes and commands see it.
 pub const STAGE: Stage = Stage {
     name: "atf",
-    about: "An automatic transfer function.",
+    about: "Makes a transfer function from the classes.",
     selector: "",
     methods: METHODS,
     positional: &["volume", "labels"],

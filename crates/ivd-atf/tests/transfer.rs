@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 use ivd_atf::{Error, Params, transfer};
-use ivd_core::{Class, Exec, Fault, Faulty, Grid, Labels, Volume, Voxels};
+use ivd_core::{Class, Classified, ErrorClass, Exec, Grid, Labels, Volume, Voxels};
 
 /// A volume of 24³ voxels with `value` and `label` by voxel index.
 fn scene(value: impl Fn([usize; 3]) -> f32, label: impl Fn([usize; 3]) -> u16) -> (Volume, Labels) {
@@ -142,17 +142,17 @@ fn wrong_inputs_are_refused_by_kind() {
     let (volume, labels) = scene(|_| 1.0, |_| 1);
     let bad = Params { resolution: 0, ..Params::default() };
     let error = transfer(&volume, &labels, &bad, &Exec::default()).unwrap_err();
-    assert_eq!(error.fault(), Fault::Usage);
+    assert_eq!(error.error_class(), ErrorClass::Usage);
     let other = Labels::new(Grid::with_spacing([1; 3], [1.0; 3]).unwrap(), vec![1].into(), vec![]).unwrap();
     assert!(matches!(transfer(&volume, &other, &Params::default(), &Exec::default()), Err(Error::Core(_))));
     let ids: Vec<u16> = (0..24_u16.pow(3)).collect();
     let many = Labels::new(volume.grid().clone(), ids.into(), vec![]).unwrap();
     let error = transfer(&volume, &many, &Params::default(), &Exec::default()).unwrap_err();
-    assert_eq!(error.fault(), Fault::Limit);
+    assert_eq!(error.error_class(), ErrorClass::Limit);
     let cancelled = Exec::default();
     cancelled.cancel.cancel();
     let error = transfer(&volume, &labels, &Params::default(), &cancelled).unwrap_err();
-    assert_eq!(error.fault(), Fault::Cancelled);
+    assert_eq!(error.error_class(), ErrorClass::Cancelled);
 }
 
 #[test]
@@ -163,7 +163,10 @@ fn values_whose_squares_overflow_are_refused_with_the_range() {
         let volume = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
         let (params, exec) = (Params::default(), Exec::default());
         let error = transfer(&volume, &labels, &params, &exec).unwrap_err();
-        assert!(matches!(error, Error::TooWide { .. }) && error.fault() == Fault::Limit, "{error}");
+        assert!(
+            matches!(error, Error::TooWide { .. }) && error.error_class() == ErrorClass::Limit,
+            "{error}"
+        );
         assert!(ivd_atf::from_isovalue(&volume, 1.0, &params, &exec).is_err());
     }
 }

@@ -10,7 +10,7 @@ pub type Problem = Box<dyn std::error::Error + Send + Sync>;
 
 /// What a result is worth. Found outside of the time that is taken.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Judgement {
+pub struct Scored {
     /// Distance from the truth, in the experiment's unit.
     pub error: f64,
     /// Work done: voxels visited, triangles, samples.
@@ -18,10 +18,10 @@ pub struct Judgement {
 }
 
 /// Judges a result.
-pub type Judge = Box<dyn FnOnce() -> Result<Judgement, Problem>>;
+pub type Score = Box<dyn FnOnce() -> Result<Scored, Problem>>;
 
 /// Does a setting's work.
-pub type Work = Box<dyn Fn(&Exec) -> Result<Judge, Problem>>;
+pub type Work = Box<dyn Fn(&Exec) -> Result<Score, Problem>>;
 
 /// A value of every knob.
 pub struct Setting {
@@ -40,7 +40,7 @@ impl Setting {
     pub fn new(
         knobs: impl IntoIterator<Item = (&'static str, String)>,
         default: bool,
-        run: impl Fn(&Exec) -> Result<Judge, Problem> + 'static,
+        run: impl Fn(&Exec) -> Result<Score, Problem> + 'static,
     ) -> Self {
         let knobs = knobs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         Self { knobs, task: String::new(), default, run: Box::new(run) }

@@ -46,7 +46,7 @@ mod table;
 
 pub use compare::{Change, Comparison, compare};
 pub use error::Error;
-pub use experiment::{Experiment, Judge, Judgement, Knobs, Problem, Setting, Work};
+pub use experiment::{Experiment, Knobs, Problem, Score, Scored, Setting, Work};
 pub use front::fronts;
 pub use interactive::{Drag, FrameCost, InteractiveBench, interactive, interactive_page};
 pub use page::page;

@@ -6,7 +6,7 @@ use ivd_core::{Exec, Volume};
 use ivd_pipeline::fronts::{Spread, Work};
 use ivd_pipeline::resource;
 
-use crate::experiment::{Experiment, Judgement, Setting};
+use crate::experiment::{Experiment, Scored, Setting};
 use crate::record::{Bench, Point, StageBench};
 use crate::{Error, NAMES, ON_REQUEST, experiments, given};
 
@@ -103,7 +103,7 @@ struct Taken {
     wall: Vec<f64>,
     cpu: Vec<f64>,
     peak: Option<f64>,
-    judgement: Judgement,
+    judgement: Scored,
 }
 
 /// Sweeps one experiment. Settings take turns: a run of each, then the next run of each.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ivd_bench::{Given, Options, RefinementRow, refinements, refinements_page};
 use ivd_core::Exec;
-use ivd_lattice::refine::StoppedBy;
+use ivd_lattice::refine::StopReason;
 use ivd_phantom::Shape;
 
 #[test]
@@ -43,7 +43,7 @@ fn every_row_has_its_figures_and_its_pictures_and_counts_are_what_was_asked_for(
         let [subdivided, decimated, default] = same else { panic!("three methods a level") };
         assert_eq!((subdivided.method.as_str(), decimated.method.as_str()), ("loop", "decimate"));
         let reached =
-            |r: &RefinementRow| r.stopped_by != StoppedBy::Target || r.vertices == subdivided.vertices;
+            |r: &RefinementRow| r.stopped_by != StopReason::Target || r.vertices == subdivided.vertices;
         assert!(reached(decimated) && reached(default), "{same:?}");
     }
     assert_eq!(lattice.reach.len(), 5);
@@ -67,7 +67,7 @@ fn every_row_has_its_figures_and_its_pictures_and_counts_are_what_was_asked_for(
 /// merging doesn't come out even.
 fn counts(rows: &[RefinementRow], triangles: usize) {
     assert_eq!(rows.len(), 20);
-    for row in rows.iter().filter(|row| row.stopped_by == StoppedBy::Target) {
+    for row in rows.iter().filter(|row| row.stopped_by == StopReason::Target) {
         let share: f64 = row.asked.trim_end_matches(" %").parse().unwrap();
         let asked = (0.01 * share * triangles as f64).round();
         let left = row.triangles as f64;
@@ -79,5 +79,5 @@ fn counts(rows: &[RefinementRow], triangles: usize) {
             row.asked
         );
     }
-    assert!(rows.iter().filter(|row| row.stopped_by == StoppedBy::Target).count() > 12);
+    assert!(rows.iter().filter(|row| row.stopped_by == StopReason::Target).count() > 12);
 }

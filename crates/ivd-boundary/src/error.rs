@@ -1,4 +1,4 @@
-use ivd_core::{Fault, Faulty, ParamError};
+use ivd_core::{Classified, ErrorClass, ParamError};
 
 /// Why no part could be isolated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -48,11 +48,13 @@ impl From<ParamError> for Error {
     }
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(error) => error.fault(),
-            Self::NothingAbove { .. } | Self::SeedOutside { .. } | Self::SeedElsewhere { .. } => Fault::Usage,
+            Self::Core(error) => error.error_class(),
+            Self::NothingAbove { .. } | Self::SeedOutside { .. } | Self::SeedElsewhere { .. } => {
+                ErrorClass::Usage
+            }
         }
     }
 }

@@ -30,7 +30,7 @@ mod params;
 mod runs;
 mod stage;
 
-pub use component::{Isolated, component};
+pub use component::{Component, component};
 pub use error::Error;
 pub use params::ComponentParams;
 pub use stage::{BoundaryFigures, Inputs, STAGE};

@@ -4,8 +4,8 @@
 
 use std::collections::VecDeque;
 
-use ivd_boundary::{ComponentParams, Error, Isolated, component};
-use ivd_core::{Class, ClassChoice, Exec, Fault, Faulty, Grid, Labels, Volume, Voxels, noise};
+use ivd_boundary::{Component, ComponentParams, Error, component};
+use ivd_core::{Class, ClassChoice, Classified, ErrorClass, Exec, Grid, Labels, Volume, Voxels, noise};
 
 fn above(value: f64) -> ComponentParams {
     ComponentParams { above: Some(value), ..ComponentParams::default() }
@@ -15,7 +15,7 @@ fn volume(dims: [usize; 3], voxels: impl Into<Voxels>) -> Volume {
     Volume::new(Grid::with_spacing(dims, [1.0; 3]).unwrap(), voxels.into()).unwrap()
 }
 
-fn isolate(volume: &Volume, params: &ComponentParams) -> Result<Isolated, Error> {
+fn isolate(volume: &Volume, params: &ComponentParams) -> Result<Component, Error> {
     component(volume, None, params, &Exec::default())
 }
 
@@ -204,7 +204,7 @@ fn classes_are_chosen_by_id_density_and_size_and_seeds_pick_the_piece() {
     let Err(Error::SeedOutside { dims, .. }) = run(None, Some([0.0; 3])) else { panic!("far outside") };
     assert_eq!(dims, [7, 3, 3]);
     let error = run(Some(ClassChoice::Id(9)), None).unwrap_err();
-    assert!(error.to_string().contains("2 (mean 20") && error.fault() == Fault::Usage, "{error}");
+    assert!(error.to_string().contains("2 (mean 20") && error.error_class() == ErrorClass::Usage, "{error}");
 }
 
 #[test]
@@ -229,8 +229,8 @@ fn threads_limits_and_cancelling_behave() {
     let with = |threads| component(&v, None, &above(100.0), &Exec::default().with_threads(threads)).unwrap();
     assert_eq!(with(1), with(4));
     let tight = Exec::default().with_memory_limit(Some(10));
-    assert_eq!(component(&v, None, &above(1.0), &tight).unwrap_err().fault(), Fault::Limit);
+    assert_eq!(component(&v, None, &above(1.0), &tight).unwrap_err().error_class(), ErrorClass::Limit);
     let stopped = Exec::default();
     stopped.cancel.cancel();
-    assert_eq!(component(&v, None, &above(1.0), &stopped).unwrap_err().fault(), Fault::Cancelled);
+    assert_eq!(component(&v, None, &above(1.0), &stopped).unwrap_err().error_class(), ErrorClass::Cancelled);
 }

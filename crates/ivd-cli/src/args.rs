@@ -33,34 +33,34 @@ pub(crate) struct Global {
     /// Print exactly one JSON object on stdout.
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// Where kernels run.
+    /// What computes: CPU or GPU.
     #[arg(long, global = true, value_enum, default_value_t = BackendChoice::Auto)]
     pub(crate) backend: BackendChoice,
-    /// Fail with exit code 6 where no GPU does the work; in this build none does.
+    /// Fail with exit code 6 unless a GPU does the work; in this build none can.
     #[arg(long, global = true)]
     pub(crate) require_gpu: bool,
-    /// Look at everything, also at what can't change the result: the same results, slower. Shows what skipping saves.
+    /// Disable all skipping: the same output, slower. For measuring what skipping saves.
     #[arg(long, global = true)]
     pub(crate) no_skip: bool,
-    /// Worker threads; all processors where it isn't given.
+    /// Worker threads. Default: one for each processor.
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
-    /// Use no instructions beyond the least of this kind of processor; the results are the same, and tests show it.
+    /// Use only the processor's baseline instructions (no AVX2); the results are the same, and tests show it.
     #[arg(long, global = true, hide = true)]
     pub(crate) no_simd: bool,
-    /// Most memory that bulk data may take, such as 4GiB.
+    /// Memory limit for bulk data, such as 4GiB.
     #[arg(long, global = true, value_name = "SIZE", value_parser = parse::bytes)]
     pub(crate) memory_limit: Option<u64>,
-    /// Parameters of a stage from a TOML file, with the keys of the scene's section.
+    /// Read a stage's parameters from a TOML file; the keys are those of its section in a scene.
     #[arg(long, global = true, value_name = "FILE.toml")]
     pub(crate) params: Option<PathBuf>,
-    /// Folder of the cache, or `off`. Single stages use a cache only where this is given.
+    /// Cache folder, or `off`. Single stages use a cache only if this is given.
     #[arg(long, global = true, value_name = "DIR|off")]
     pub(crate) cache: Option<PathBuf>,
-    /// Say nothing but errors.
+    /// Print errors only.
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
-    /// Say more; twice for still more.
+    /// Print more; given twice, still more.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub(crate) verbose: u8,
     /// Progress bars on stderr.
@@ -68,21 +68,21 @@ pub(crate) struct Global {
     pub(crate) progress: When,
 }
 
-/// Where kernels run.
+/// What computes: CPU or GPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BackendChoice {
-    /// What serves best: in this build the processor.
+    /// The best available; in this build the CPU.
     Auto,
-    /// The processor.
+    /// The CPU.
     Cpu,
-    /// The GPU; this build has none, says so, and the processor does the work.
+    /// The GPU. This build has no GPU backend: it says so, and the CPU does the work.
     Gpu,
 }
 
 /// When to show progress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum When {
-    /// Where stderr is a terminal.
+    /// If stderr is a terminal.
     Auto,
     /// Always.
     Always,
@@ -93,19 +93,19 @@ pub(crate) enum When {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// The whole pipeline on a generated head; prints where the report is.
+    /// Runs the whole pipeline on a generated head and prints where the report is.
     Demo {
         /// Folder of the outputs.
         #[arg(long, value_name = "DIR", default_value = "out/demo")]
         out: PathBuf,
     },
-    /// What a scene's outputs need, and no more.
+    /// Runs a scene: computes what its outputs need, and no more.
     Pipeline(Pipeline),
-    /// Any volume format into a volume artefact.
+    /// Reads a volume of any known format and writes an artefact.
     Import {
         /// File, or folder of slices.
         source: PathBuf,
-        /// Its values are labels: writes a labels artefact.
+        /// Treat the values as labels and write a labels artefact.
         #[arg(long)]
         labels: bool,
         #[command(flatten)]
@@ -113,14 +113,14 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
-    /// A generated volume with its label truth.
+    /// Generates a volume whose every voxel's class is known.
     Phantom {
         /// head, sphere, torus, gyroid, spheres, shell, bars or neck.
         name: String,
         /// Voxels along its edge.
         #[arg(long, default_value_t = 128)]
         size: usize,
-        /// Where its label truth goes (an artefact, or a volume file by ending).
+        /// File for its true labels (an artefact, or a volume file by its ending).
         #[arg(long, value_name = "FILE")]
         truth: Option<PathBuf>,
         /// Rician noise as a fraction of the value range; head 0.04, others 0.
@@ -135,7 +135,7 @@ pub(crate) enum Command {
         #[command(flatten)]
         output: Output,
     },
-    /// Puts volumes, labels or masks together: union, intersection, difference.
+    /// Combines volumes, labels or masks: union, intersection, difference.
     Combine(Box<CombineArgs>),
     /// Keeps a part of a volume, of labels or of a mask.
     Clip(Box<ClipArgs>),
@@ -157,7 +157,7 @@ pub(crate) enum Command {
         #[arg(long, value_enum)]
         direction: Option<Direction>,
     },
-    /// What a file holds.
+    /// Describes what a file holds.
     Info {
         /// Artefact or volume file.
         file: PathBuf,
@@ -168,26 +168,26 @@ pub(crate) enum Command {
         #[arg(long, value_name = "X,Y,Z", value_parser = parse::voxel, allow_hyphen_values = true)]
         voxel: Vec<[i64; 3]>,
     },
-    /// The error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice.
+    /// Measures the error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice.
     Compare {
         /// First artefact.
         a: PathBuf,
         /// Second artefact.
         b: PathBuf,
     },
-    /// Run time against error, for every stage with an accuracy knob: bench.json, bench.csv and a page.
+    /// Measures run time against error for every stage with an accuracy setting: bench.json, bench.csv and a page.
     Bench(Bench),
-    /// This machine: threads, memory, SIMD, adapter; what is switched off and why.
+    /// Reports on this machine: threads, memory, SIMD, GPU; what is switched off, and why.
     Doctor,
-    /// The scene's JSON Schema.
+    /// Prints the JSON Schema of a scene.
     Schema,
-    /// The cache's size and entries.
+    /// Shows the cache's size and entries, or clears it.
     Cache {
         /// What to do.
         #[command(subcommand)]
         action: Option<CacheAction>,
     },
-    /// A completion script.
+    /// Prints a completion script for a shell.
     Completions {
         /// Shell.
         shell: clap_complete::Shell,
@@ -202,7 +202,7 @@ pub(crate) struct Output {
     pub(crate) path: PathBuf,
 }
 
-/// What a volume format doesn't say.
+/// What the volume's format doesn't say.
 #[allow(clippy::struct_field_names, reason = "the fields are the flags, word for word")]
 #[derive(Debug, Clone, Default, ClapArgs)]
 pub(crate) struct Raw {
@@ -212,7 +212,7 @@ pub(crate) struct Raw {
     /// Stored type.
     #[arg(long, value_name = "TYPE", requires = "raw_dims")]
     pub(crate) raw_type: Option<String>,
-    /// Distance of voxel centres (mm); 1,1,1 where it isn't given.
+    /// Distance between voxel centres (mm). Default: 1,1,1.
     #[arg(long, value_name = "a,b,c", value_parser = triple, allow_hyphen_values = true)]
     pub(crate) raw_spacing: Option<[f64; 3]>,
     /// Byte order: little or big.
@@ -234,13 +234,13 @@ pub(crate) struct Raw {
 pub(crate) struct Pipeline {
     /// Scene file.
     pub(crate) scene: PathBuf,
-    /// A volume in place of the scene's.
+    /// Use this volume instead of the scene's.
     #[arg(long, value_name = "FILE")]
     pub(crate) input: Option<PathBuf>,
-    /// Folder of the outputs; `out/<scene>` where it isn't given.
+    /// Folder for the outputs. Default: `out/<scene>`.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Overrides a key of the scene.
+    /// Override a key of the scene.
     #[arg(long = "set", value_name = "stage.key=value")]
     pub(crate) overrides: Vec<Override>,
     /// Stop after this stage; outputs aren't written.
@@ -252,14 +252,14 @@ pub(crate) struct Pipeline {
     /// Say for every stage whether it ran, came from the cache or wasn't needed, and why.
     #[arg(long)]
     pub(crate) explain: bool,
-    /// Tell what would run, and do nothing.
+    /// Say what would run, and do nothing.
     #[arg(long)]
     pub(crate) dry_run: bool,
-    /// Wall time that the run may take (s): settings are chosen to keep it, and at the deadline the run ends with code 4.
+    /// Time limit for the run (s, wall clock). Coarser settings are chosen if it would be missed; at the deadline the run ends with code 4.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     pub(crate) max_time: Option<f64>,
-    /// Error that the result may have (mm), against the unrefined lattice: settings are chosen, measured and made finer
-    /// until it holds, else the run ends with code 4.
+    /// Error limit for the result (mm), against the unrefined lattice. Settings are chosen, measured and made finer until it
+    /// holds; if none does, the run ends with code 4.
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     pub(crate) max_error: Option<f64>,
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ivd_artefact::{Cache, Loaded};
-use ivd_core::{Exec, Fault, shown};
+use ivd_core::{ErrorClass, Exec, shown};
 use ivd_pipeline::{Done, Input, Runner, Stage};
 use serde::Serialize;
 
@@ -29,7 +29,7 @@ impl Context {
         if global.require_gpu {
             let problem =
                 "--require-gpu: this build has no GPU backend; leave it out and the CPU does the work";
-            return Err(Failure::of(Fault::NoGpu, problem));
+            return Err(Failure::of(ErrorClass::NoGpu, problem));
         }
         let draw = match global.progress {
             When::Always => true,
@@ -135,7 +135,7 @@ impl Context {
     ) -> anyhow::Result<Input> {
         if path.exists() && !ivd_artefact::is_artefact(path) {
             return Err(Failure::of(
-                Fault::Input,
+                ErrorClass::Input,
                 format!("{}: not an artefact (`ivd import` makes one of a volume file)", path.display()),
             ));
         }

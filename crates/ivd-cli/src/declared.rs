@@ -107,7 +107,7 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
         };
         let default = stage.methods.first().map_or("", |method| method.name);
         let words = PossibleValuesParser::new(stage.methods.iter().map(named));
-        let mut about = format!("Method; {default} where it isn't given");
+        let mut about = format!("Method. Default: {default}");
         for Method { name, without, .. } in stage.methods.iter().filter(|method| !method.without.is_empty()) {
             about = format!("{about}, {name} without --{without}");
         }

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use ivd_core::{Fault, Faulty};
+use ivd_core::{Classified, ErrorClass};
 
 use crate::talk;
 
@@ -14,18 +14,18 @@ pub(crate) struct Failure {
     /// What was wrong, where, and what to do.
     pub(crate) message: String,
     /// What kind of failure it is.
-    pub(crate) fault: Fault,
+    pub(crate) class: ErrorClass,
 }
 
 impl Failure {
     /// A failure of a kind.
-    pub(crate) fn of(fault: Fault, message: impl Into<String>) -> anyhow::Error {
-        Self { message: message.into(), fault }.into()
+    pub(crate) fn of(class: ErrorClass, message: impl Into<String>) -> anyhow::Error {
+        Self { message: message.into(), class }.into()
     }
 
     /// Wrong usage.
     pub(crate) fn usage(message: impl Into<String>) -> anyhow::Error {
-        Self::of(Fault::Usage, message)
+        Self::of(ErrorClass::Usage, message)
     }
 }
 
@@ -34,7 +34,7 @@ pub(crate) fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
     if is_broken_pipe(error) {
         return ExitCode::SUCCESS;
     }
-    let code = code(fault(error));
+    let code = code(error_class(error));
     if json {
         let object = serde_json::json!({ "error": { "message": error.to_string(), "exit_code": code } });
         let _ = writeln!(std::io::stdout(), "{object}");
@@ -48,29 +48,28 @@ pub(crate) fn usage(error: &clap::Error, json: bool) -> ExitCode {
     let _ = talk::refused(error).print();
     if json && error.use_stderr() {
         let message = talk::lossless(error);
-        let object =
-            serde_json::json!({ "error": { "message": message.trim(), "exit_code": code(Fault::Usage) } });
+        let object = serde_json::json!({ "error": { "message": message.trim(), "exit_code": code(ErrorClass::Usage) } });
         let _ = writeln!(std::io::stdout(), "{object}");
     }
-    if error.use_stderr() { ExitCode::from(code(Fault::Usage)) } else { ExitCode::SUCCESS }
+    if error.use_stderr() { ExitCode::from(code(ErrorClass::Usage)) } else { ExitCode::SUCCESS }
 }
 
-fn fault(error: &anyhow::Error) -> Fault {
+fn error_class(error: &anyhow::Error) -> ErrorClass {
     for cause in error.chain() {
         if let Some(e) = cause.downcast_ref::<ivd_pipeline::Error>() {
-            return e.fault();
+            return e.error_class();
         }
         if let Some(e) = cause.downcast_ref::<Failure>() {
-            return e.fault;
+            return e.class;
         }
         if let Some(e) = cause.downcast_ref::<ivd_artefact::Error>() {
-            return e.fault();
+            return e.error_class();
         }
         if let Some(e) = cause.downcast_ref::<ivd_core::Error>() {
-            return e.fault();
+            return e.error_class();
         }
     }
-    Fault::Io
+    ErrorClass::Io
 }
 
 /// Whoever read our output has seen enough (`ivd info … | head`).
@@ -80,14 +79,14 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
     })
 }
 
-fn code(fault: Fault) -> u8 {
-    match fault {
-        Fault::Usage => 2,
-        Fault::Input => 3,
-        Fault::Limit => 4,
-        Fault::Untrusted => 5,
-        Fault::NoGpu => 6,
-        Fault::Io => 7,
-        Fault::Cancelled => 130,
+fn code(class: ErrorClass) -> u8 {
+    match class {
+        ErrorClass::Usage => 2,
+        ErrorClass::Input => 3,
+        ErrorClass::Limit => 4,
+        ErrorClass::Untrusted => 5,
+        ErrorClass::NoGpu => 6,
+        ErrorClass::Io => 7,
+        ErrorClass::Cancelled => 130,
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ivd_pipeline::params::from_toml;
-use ivd_pipeline::scene::{MOST, in_short, read_short};
+use ivd_pipeline::scene::{MAX_SCENE_BYTES, read_text_limited, truncate_lines};
 use toml::Table;
 
 use crate::exit::Failure;
@@ -65,12 +65,12 @@ pub(crate) fn bytes(text: &str) -> Result<u64, String> {
 
 /// The table in a file of parameters.
 fn toml_of(file: &Path) -> anyhow::Result<Table> {
-    let bytes = read_short(file)
-        .map_err(|e| Failure::of(ivd_core::Fault::Io, format!("reading {}: {e}", file.display())))?;
+    let bytes = read_text_limited(file)
+        .map_err(|e| Failure::of(ivd_core::ErrorClass::Io, format!("reading {}: {e}", file.display())))?;
     let wrong = |problem: String| Failure::usage(format!("--params {}: {problem}", file.display()));
-    let bytes = bytes.ok_or_else(|| wrong(format!("longer than {MOST} bytes")))?;
+    let bytes = bytes.ok_or_else(|| wrong(format!("longer than {MAX_SCENE_BYTES} bytes")))?;
     let text = String::from_utf8(bytes).map_err(|e| wrong(format!("{e}; write a TOML text file")))?;
-    text.parse::<Table>().map_err(|e| wrong(in_short(&e.to_string())))
+    text.parse::<Table>().map_err(|e| wrong(truncate_lines(&e.to_string())))
 }
 
 /// The keys in a file of parameters, as JSON.

@@ -43,7 +43,7 @@ impl ParamError {
 
 /// What kind of failure an error is; the program maps it to its exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fault {
+pub enum ErrorClass {
     /// Wrong usage, parameters or scene (exit 2).
     Usage,
     /// Input unreadable, inconsistent or hostile (exit 3).
@@ -61,14 +61,14 @@ pub enum Fault {
 }
 
 /// An error that knows what kind of failure it is.
-pub trait Faulty: std::error::Error {
+pub trait Classified: std::error::Error {
     /// What kind of failure it is.
-    fn fault(&self) -> Fault;
+    fn error_class(&self) -> ErrorClass;
 }
 
-impl Faulty for ParamError {
-    fn fault(&self) -> Fault {
-        Fault::Usage
+impl Classified for ParamError {
+    fn error_class(&self) -> ErrorClass {
+        ErrorClass::Usage
     }
 }
 
@@ -141,14 +141,14 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Cancelled => Fault::Cancelled,
-            Self::Spill { .. } => Fault::Io,
-            Self::MemoryLimit { .. } | Self::Deadline => Fault::Limit,
-            Self::Param(_) | Self::GridMismatch { .. } | Self::NoSuchClass { .. } => Fault::Usage,
-            Self::Grid(_) | Self::Inconsistent { .. } => Fault::Input,
+            Self::Cancelled => ErrorClass::Cancelled,
+            Self::Spill { .. } => ErrorClass::Io,
+            Self::MemoryLimit { .. } | Self::Deadline => ErrorClass::Limit,
+            Self::Param(_) | Self::GridMismatch { .. } | Self::NoSuchClass { .. } => ErrorClass::Usage,
+            Self::Grid(_) | Self::Inconsistent { .. } => ErrorClass::Input,
         }
     }
 }

@@ -87,8 +87,8 @@ pub trait Observer: Send + Sync {
 
 /// The observer that ignores everything.
 #[derive(Debug, Default)]
-pub struct Silent;
-impl Observer for Silent {}
+pub struct NoObserver;
+impl Observer for NoObserver {}
 
 /// How work is done: threads, memory, backend, who listens, who may stop it. Never part of a result's identity.
 #[derive(Clone)]
@@ -115,7 +115,7 @@ impl Default for Exec {
     fn default() -> Self {
         Self {
             pool: None,
-            observer: Arc::new(Silent),
+            observer: Arc::new(NoObserver),
             cancel: Cancel::default(),
             memory_limit: None,
             spill: None,

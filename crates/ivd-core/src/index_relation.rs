@@ -73,7 +73,7 @@ impl Lattice {
     }
 
     /// Vertices that have a voxel among those of their element, ascending.
-    pub fn vertices_round_voxel(&self, voxel: [i64; 3]) -> Vec<u32> {
+    pub fn vertices_touching_voxel(&self, voxel: [i64; 3]) -> Vec<u32> {
         let dims = self.grid().dims();
         let from = |corner: usize| std::array::from_fn(|a| voxel[a].saturating_sub((corner >> a & 1) as i64));
         let near = (0..8).rev().flat_map(|corner| self.vertices_of_voxel(from(corner)));

@@ -5,7 +5,7 @@ use crate::{Buffer, Error, Grid, VoxelCoord, World};
 
 /// Least distance of a stored crossing from the ends of its grid edge, as a fraction of the edge (2⁻¹⁰).
 /// It keeps triangles from collapsing where the surface touches a voxel, at the price of ≤ 2⁻¹⁰ voxel of displacement.
-pub const T_MIN: f32 = 1.0 / 1024.0;
+pub const MIN_EDGE_FRACTION: f32 = 1.0 / 1024.0;
 
 /// Address of a lattice vertex: an element of the grid padded by one voxel on every side.
 ///
@@ -86,12 +86,12 @@ pub struct Lattice {
     triangles: Buffer<[u32; 3]>,
     level: u8,
     max_error_mm: f64,
-    coarser: Vec<Coarser>,
+    coarser: Vec<CoarseLevel>,
 }
 
 /// A coarser level of a lattice, in the numbers of its vertices.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Coarser {
+pub struct CoarseLevel {
     /// Vertex indices of each triangle.
     pub triangles: Buffer<[u32; 3]>,
     /// As [`Lattice::level`].
@@ -141,7 +141,7 @@ impl Lattice {
     ///
     /// # Errors
     /// [`Error::Inconsistent`] names the first triangle of a vertex that isn't there.
-    pub fn with_coarser(self, coarser: Vec<Coarser>) -> Result<Self, Error> {
+    pub fn with_coarser(self, coarser: Vec<CoarseLevel>) -> Result<Self, Error> {
         for (k, level) in coarser.iter().enumerate() {
             check_corners(&level.triangles, self.keys.len(), &format!(" of coarser level {k}"))?;
         }
@@ -230,7 +230,7 @@ impl Lattice {
 
     /// Coarser levels on the same vertices, each on a subset of those of the one before: a viewer switches between them.
     /// Empty for most.
-    pub fn coarser(&self) -> &[Coarser] {
+    pub fn coarser(&self) -> &[CoarseLevel] {
         &self.coarser
     }
 
@@ -244,7 +244,7 @@ impl Lattice {
         let Some(at) = level.checked_sub(1) else {
             return Some(Self { coarser: Vec::new(), ..self.clone() });
         };
-        let Coarser { triangles, level: own, max_error_mm } = self.coarser.get(at)?;
+        let CoarseLevel { triangles, level: own, max_error_mm } = self.coarser.get(at)?;
         let part = self.subset(&self.vertices_at_level(level), triangles.to_vec());
         let part = part.expect("the level's vertices ascend, and its triangles name no other");
         Some(part.with_level(*own).with_max_error_mm(*max_error_mm))
@@ -380,7 +380,8 @@ mod tests {
         }
         refused(made(&keys, &places, &[[0, 1, 2], [0, 3, 1]]), "triangle 1 names");
         let whole = made(&keys, &places, &[[0, 1, 2]]).unwrap();
-        let level = |triangles: Vec<_>| Coarser { triangles: triangles.into(), level: 1, max_error_mm: 0.5 };
+        let level =
+            |triangles: Vec<_>| CoarseLevel { triangles: triangles.into(), level: 1, max_error_mm: 0.5 };
         let levels = vec![level(vec![]), level(vec![[0, 0, 7]])];
         refused(whole.clone().with_coarser(levels), "triangle 0 of coarser level 1");
         refused(whole.subset(&[0, 2], vec![[0, 2, 1]]), "triangle 0 names");

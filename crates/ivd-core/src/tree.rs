@@ -29,12 +29,12 @@ impl Linkage {
 /// Means of a tree's leaves, in the smallest type that holds them exactly.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs, reason = "the names say it")]
-pub enum Means {
+pub enum LeafMeans {
     F32(Buffer<f32>),
     F64(Buffer<f64>),
 }
 
-impl Means {
+impl LeafMeans {
     /// Number of means.
     pub fn len(&self) -> usize {
         match self {
@@ -88,7 +88,7 @@ pub struct TreeParts {
     /// Voxels of each leaf, shape `[L]`.
     pub counts: Buffer<u32>,
     /// Mean of each leaf (real units), shape `[L]`.
-    pub means: Means,
+    pub means: LeafMeans,
     /// Sum of squared deviations from the leaf's mean (real units²), shape `[L]`; `None` where every leaf has one value.
     pub squares: Option<Buffer<f64>>,
     /// Merges, at the end, of parts that don't touch.
@@ -147,8 +147,8 @@ impl Tree {
     /// Bytes of its arrays.
     pub fn bytes(&self) -> u64 {
         let means = match &self.means {
-            Means::F32(values) => size_of_val(values.as_slice()),
-            Means::F64(values) => size_of_val(values.as_slice()),
+            LeafMeans::F32(values) => size_of_val(values.as_slice()),
+            LeafMeans::F64(values) => size_of_val(values.as_slice()),
         };
         let rest = self.leaves.as_bytes().len()
             + self.merges.as_bytes().len()
@@ -251,7 +251,7 @@ mod tests {
             heights: vec![1.0, 2.5].into(),
             ends: vec![2, 3].into(),
             counts: vec![2, 1, 1, 1].into(),
-            means: Means::F32(vec![0.0, 1.0, 5.0, 4.0].into()),
+            means: LeafMeans::F32(vec![0.0, 1.0, 5.0, 4.0].into()),
             squares: None,
             bridges: 1,
         }
@@ -294,11 +294,11 @@ mod tests {
         parts.leaves = vec![0; 6].into();
         parts.merges = Vec::new().into();
         (parts.heights, parts.ends, parts.bridges) = (Vec::new().into(), Vec::new().into(), 0);
-        (parts.counts, parts.means) = (Vec::new().into(), Means::F64(Vec::new().into()));
+        (parts.counts, parts.means) = (Vec::new().into(), LeafMeans::F64(Vec::new().into()));
         let tree = Tree::new(parts.clone()).unwrap();
         assert_eq!((tree.height_range(), tree.parents()), (None, vec![]));
         parts.leaves = vec![1; 6].into();
-        (parts.counts, parts.means) = (vec![6].into(), Means::F64(vec![0.1].into()));
+        (parts.counts, parts.means) = (vec![6].into(), LeafMeans::F64(vec![0.1].into()));
         assert_eq!(Tree::new(parts).unwrap().parents(), [0]);
     }
 }

@@ -1,4 +1,4 @@
-use ivd_core::{Fault, Faulty, ParamError};
+use ivd_core::{Classified, ErrorClass, ParamError};
 
 /// What can go wrong in this crate.
 #[derive(Debug, thiserror::Error)]
@@ -49,13 +49,13 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(error) => error.fault(),
-            Self::Octree(error) => error.fault(),
-            Self::Param(_) | Self::Mismatch { .. } => Fault::Usage,
-            Self::Untrusted { .. } | Self::Folded { .. } => Fault::Untrusted,
+            Self::Core(error) => error.error_class(),
+            Self::Octree(error) => error.error_class(),
+            Self::Param(_) | Self::Mismatch { .. } => ErrorClass::Usage,
+            Self::Untrusted { .. } | Self::Folded { .. } => ErrorClass::Untrusted,
         }
     }
 }

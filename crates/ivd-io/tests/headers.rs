@@ -4,7 +4,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use ivd_core::{Exec, Fault, Faulty, Volume, VoxelCoord, VoxelType};
+use ivd_core::{Classified, ErrorClass, Exec, Volume, VoxelCoord, VoxelType};
 use ivd_io::volume::{Error, ReadOptions, read};
 use nalgebra::Vector3;
 
@@ -238,7 +238,7 @@ fn each_hostile_field_of_nifti_is_named() {
         let error = f.load().expect_err(field);
         assert!(error.to_string().contains(field), "{field}: {error}");
         assert!(error.to_string().contains("a.nii"), "{error}");
-        assert!(matches!(error.fault(), Fault::Input | Fault::Limit), "{error}");
+        assert!(matches!(error.error_class(), ErrorClass::Input | ErrorClass::Limit), "{error}");
     }
 }
 
@@ -358,7 +358,10 @@ fn each_hostile_field_of_nrrd_is_named() {
         let header = format!("{}\n", NRRD.replace(from, to));
         let error = load_text("a.nrrd", &header, &[0; 8]).expect_err(to);
         assert!(error.to_string().contains(field), "{to}: {error}");
-        assert!(matches!(error.fault(), Fault::Input | Fault::Limit | Fault::Io), "{error}");
+        assert!(
+            matches!(error.error_class(), ErrorClass::Input | ErrorClass::Limit | ErrorClass::Io),
+            "{error}"
+        );
     }
 }
 
@@ -422,6 +425,6 @@ fn each_hostile_field_of_metaimage_is_named() {
         let header = format!("{META}ElementDataFile = LOCAL\n").replace(from, to);
         let error = load_text("a.mha", &header, &[0, 1, 0, 2, 0, 3, 0, 4]).expect_err(to);
         assert!(error.to_string().contains(field), "{to}: {error}");
-        assert_eq!(error.fault(), Fault::Input, "{error}");
+        assert_eq!(error.error_class(), ErrorClass::Input, "{error}");
     }
 }

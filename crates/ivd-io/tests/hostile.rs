@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use ivd_core::{Exec, Fault, Faulty, Grid, Volume, Voxels};
+use ivd_core::{Classified, ErrorClass, Exec, Grid, Volume, Voxels};
 use ivd_io::volume::{ByteOrder, RawLayout, ReadOptions, read, write};
 
 fn volume() -> Volume {
@@ -58,7 +58,7 @@ fn a_file_cut_short_anywhere_is_refused_by_name() {
 fn check_refused(path: &Path, case: &str) {
     let error = load(path).expect_err(case);
     assert!(error.to_string().contains("cut."), "{case}: {error}");
-    assert_eq!(error.fault(), Fault::Input, "{case}: {error}");
+    assert_eq!(error.error_class(), ErrorClass::Input, "{case}: {error}");
 }
 
 #[test]
@@ -91,7 +91,7 @@ fn a_small_stream_that_declares_a_huge_volume_takes_no_memory() {
     let packed = gzip.finish().unwrap();
     let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 65536 65536 1024\nencoding: gzip\n\n";
     std::fs::write(&path, [header.as_bytes(), &packed].concat()).unwrap();
-    assert_eq!(load(&path).unwrap_err().fault(), Fault::Input);
+    assert_eq!(load(&path).unwrap_err().error_class(), ErrorClass::Input);
 }
 
 #[test]
@@ -105,7 +105,7 @@ fn the_memory_limit_refuses_what_a_good_header_declares() {
             let exec = Exec::default().with_memory_limit(Some(limit));
             read(&path, &ReadOptions::default(), &exec)
         };
-        assert_eq!(with(bytes - 1).unwrap_err().fault(), Fault::Limit, "{ending}");
+        assert_eq!(with(bytes - 1).unwrap_err().error_class(), ErrorClass::Limit, "{ending}");
         assert!(with(bytes).is_ok(), "{ending}");
     }
 }
@@ -117,7 +117,7 @@ fn a_cancelled_read_stops() {
     write(&path, &volume(), &Exec::default()).unwrap();
     let exec = Exec::default();
     exec.cancel.cancel();
-    assert_eq!(read(&path, &ReadOptions::default(), &exec).unwrap_err().fault(), Fault::Cancelled);
+    assert_eq!(read(&path, &ReadOptions::default(), &exec).unwrap_err().error_class(), ErrorClass::Cancelled);
 }
 
 #[test]
@@ -130,9 +130,9 @@ fn files_of_no_format_are_refused_with_a_remedy() {
         std::fs::write(&path, bytes).unwrap();
         let error = load(&path).unwrap_err();
         assert!(error.to_string().contains(name), "{error}");
-        assert_eq!(error.fault(), Fault::Input);
+        assert_eq!(error.error_class(), ErrorClass::Input);
     }
-    assert_eq!(load(&folder.path().join("none.nii")).unwrap_err().fault(), Fault::Io);
+    assert_eq!(load(&folder.path().join("none.nii")).unwrap_err().error_class(), ErrorClass::Io);
 }
 
 #[cfg(unix)]
@@ -144,7 +144,7 @@ fn a_header_that_names_a_device_has_no_sources() {
     std::fs::write(&path, header).unwrap();
     let sources = |path: &Path, options: &ReadOptions| ivd_io::volume::sources(path, options).unwrap_err();
     let error = sources(&path, &ReadOptions::default());
-    assert!(error.fault() == Fault::Io && error.to_string().contains("/dev/zero"), "{error}");
+    assert!(error.error_class() == ErrorClass::Io && error.to_string().contains("/dev/zero"), "{error}");
     let layout = RawLayout {
         dims: [2; 3],
         voxel_type: ivd_core::VoxelType::U8,
@@ -153,5 +153,5 @@ fn a_header_that_names_a_device_has_no_sources() {
         skip: 0,
     };
     let raw = ReadOptions { raw: Some(layout), ..ReadOptions::default() };
-    assert_eq!(sources(Path::new("/dev/zero"), &raw).fault(), Fault::Io);
+    assert_eq!(sources(Path::new("/dev/zero"), &raw).error_class(), ErrorClass::Io);
 }

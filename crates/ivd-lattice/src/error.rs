@@ -1,4 +1,4 @@
-use ivd_core::{Fault, Faulty, ParamError};
+use ivd_core::{Classified, ErrorClass, ParamError};
 
 /// Why a lattice could not be extracted or refined.
 #[derive(Debug, thiserror::Error)]
@@ -48,14 +48,14 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(error) => error.fault(),
-            Self::Param(_) | Self::MissingInput { .. } => Fault::Usage,
-            Self::TooManyVertices { .. } => Fault::Limit,
-            Self::Unreachable { .. } => Fault::Usage,
-            Self::Unfit { .. } => Fault::Input,
+            Self::Core(error) => error.error_class(),
+            Self::Param(_) | Self::MissingInput { .. } => ErrorClass::Usage,
+            Self::TooManyVertices { .. } => ErrorClass::Limit,
+            Self::Unreachable { .. } => ErrorClass::Usage,
+            Self::Unfit { .. } => ErrorClass::Input,
         }
     }
 }

@@ -1,4 +1,4 @@
-use ivd_core::{Fault, Faulty, ParamError};
+use ivd_core::{Classified, ErrorClass, ParamError};
 
 /// Why a lattice has no octree, or an octree doesn't serve.
 #[derive(Debug, thiserror::Error)]
@@ -40,13 +40,13 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(e) => e.fault(),
-            Self::Param(_) | Self::Mismatch { .. } => Fault::Usage,
-            Self::Open { .. } => Fault::Input,
-            Self::TooLarge { .. } => Fault::Limit,
+            Self::Core(e) => e.error_class(),
+            Self::Param(_) | Self::Mismatch { .. } => ErrorClass::Usage,
+            Self::Open { .. } => ErrorClass::Input,
+            Self::TooLarge { .. } => ErrorClass::Limit,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "test values are sound")]
 
-use ivd_core::{Exec, Fault, Faulty, Grid, Lattice, Mask, Volume, VoxelIndex, Voxels, noise};
+use ivd_core::{Classified, ErrorClass, Exec, Grid, Lattice, Mask, Volume, VoxelIndex, Voxels, noise};
 use ivd_octree::{Error, inside};
 use ivd_phantom::Shape;
 
@@ -72,7 +72,7 @@ fn an_open_lattice_is_refused_with_its_row() {
         // A ray that hits the hole tells; an octahedron's corners are hit through one triangle each.
         if let Err(error) = inside(&lattice, &Exec::default()) {
             assert!(matches!(error, Error::Open { row: [3, 1], surplus: 1 | -1 }), "{error}");
-            assert_eq!(error.fault(), Fault::Input);
+            assert_eq!(error.error_class(), ErrorClass::Input);
             refused += 1;
         }
     }

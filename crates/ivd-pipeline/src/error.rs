@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use ivd_core::op::Failure;
-use ivd_core::{Fault, Faulty};
+use ivd_core::{Classified, ErrorClass};
 
 /// Why a pipeline or one of its stages failed.
 #[derive(Debug, thiserror::Error)]
@@ -22,7 +22,7 @@ pub enum Error {
         /// Its own error.
         source: Box<dyn std::error::Error + Send + Sync>,
         /// What kind of failure it is.
-        fault: Fault,
+        class: ErrorClass,
     },
     /// An input of a stage is of another kind than it reads.
     #[error("{stage} reads {expected} as its {slot}, but was given a {found} artefact")]
@@ -71,17 +71,17 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Scene { .. } | Self::WrongKind { .. } => Fault::Usage,
-            Self::Stage { fault, .. } => *fault,
-            Self::Artefact(error) => error.fault(),
-            Self::Core(error) => error.fault(),
-            Self::Damaged(_) => Fault::Input,
-            Self::Budget(_) => Fault::Limit,
-            Self::Figure { .. } => Fault::Untrusted,
-            Self::Io { .. } => Fault::Io,
+            Self::Scene { .. } | Self::WrongKind { .. } => ErrorClass::Usage,
+            Self::Stage { class, .. } => *class,
+            Self::Artefact(error) => error.error_class(),
+            Self::Core(error) => error.error_class(),
+            Self::Damaged(_) => ErrorClass::Input,
+            Self::Budget(_) => ErrorClass::Limit,
+            Self::Figure { .. } => ErrorClass::Untrusted,
+            Self::Io { .. } => ErrorClass::Io,
         }
     }
 }
@@ -98,12 +98,12 @@ impl Error {
 
     /// The failure of a stage.
     pub(crate) fn failed(stage: &'static str, failure: Failure) -> Self {
-        Self::Stage { stage, source: failure.source, fault: failure.fault }
+        Self::Stage { stage, source: failure.source, class: failure.class }
     }
 
     /// A wrong combination of parameters, told in the words of the program and the scene.
     pub(crate) fn usage(stage: &'static str, problem: impl Into<String>) -> Self {
-        Self::Stage { stage, source: problem.into().into(), fault: Fault::Usage }
+        Self::Stage { stage, source: problem.into().into(), class: ErrorClass::Usage }
     }
 }
 
@@ -111,8 +111,8 @@ impl Error {
 macro_rules! stage_error {
     ($stage:expr) => {
         |error| {
-            let fault = ivd_core::Faulty::fault(&error);
-            $crate::Error::Stage { stage: $stage, source: Box::new(error), fault }
+            let class = ivd_core::Classified::error_class(&error);
+            $crate::Error::Stage { stage: $stage, source: Box::new(error), class }
         }
     };
 }

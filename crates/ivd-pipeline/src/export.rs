@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use ivd_artefact::Artefact;
-use ivd_core::{Displacement, Exec, Fault, Image, Labels, Lattice, Mask, Volume, Voxels};
+use ivd_core::{Displacement, ErrorClass, Exec, Image, Labels, Lattice, Mask, Volume, Voxels};
 use ivd_io::volume::FieldDirection;
 use serde_json::{Value, json};
 
@@ -145,7 +145,7 @@ fn write_png(path: &Path, image: &Image) -> Result<bool, Error> {
 pub fn png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
     let failed = |error: png::EncodingError| {
         let (stage, source) = ("export", Box::new(error));
-        Error::Stage { stage, source, fault: Fault::Io }
+        Error::Stage { stage, source, class: ErrorClass::Io }
     };
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, image.width() as u32, image.height() as u32);

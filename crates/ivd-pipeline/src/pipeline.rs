@@ -8,7 +8,7 @@ use ivd_artefact::Cache;
 use ivd_core::Exec;
 use serde::{Deserialize, Serialize};
 
-use crate::budget::{Budget, BudgetReport, Pilot};
+use crate::budget::{Budget, BudgetReport, Controller};
 use crate::outputs::{Manifest, OutputFile, Writer};
 use crate::plan::{NodeId, Plan, PlanNode, stage_names};
 use crate::runner::{Done, Runner, StageRecord, State};
@@ -104,7 +104,7 @@ fn attempt(
         return Ok(PipelineReport { stages, outputs: Vec::new(), wall_s, budget: None });
     }
     let exec = &options.budget.bounded(runner.exec, start);
-    let mut pilot = options.budget.is_set().then(|| Pilot::new(loaded, options, start)).transpose()?;
+    let mut pilot = options.budget.is_set().then(|| Controller::new(loaded, options, start)).transpose()?;
     let mut stages = Vec::new();
     let outputs = match walk(loaded, options, plan, &mut pilot, &mut stages, Runner { exec, ..runner }) {
         Ok(outputs) => outputs,
@@ -125,7 +125,7 @@ fn walk(
     loaded: &Loaded,
     options: &PipelineOptions,
     mut plan: Plan,
-    pilot: &mut Option<Pilot<'_>>,
+    pilot: &mut Option<Controller<'_>>,
     stages: &mut Vec<StageRecord>,
     runner: Runner<'_>,
 ) -> Result<Vec<OutputFile>, Error> {
@@ -160,7 +160,7 @@ fn walk(
     }
     if options.until.is_none() {
         let force = options.force.contains("report");
-        writer.tell(pilot.as_ref().map(Pilot::told).unwrap_or_default());
+        writer.tell(pilot.as_ref().map(Controller::told).unwrap_or_default());
         stages.push(writer.report(loaded, stages, force)?);
     }
     writer.finish(stages)

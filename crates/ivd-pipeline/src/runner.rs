@@ -10,7 +10,7 @@ use ivd_artefact::{
     section_hashes,
 };
 use ivd_core::op::{self, Failure, Values};
-use ivd_core::{Backend, Exec, Fault, Faulty};
+use ivd_core::{Backend, Classified, ErrorClass, Exec};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -339,7 +339,7 @@ impl Runner<'_> {
         match self.cache.put_with_metrics(key, &product.artefact, provenance, &metrics) {
             Ok(Some(written)) => return Ok((written.hash, written.sections)),
             Ok(None) => {}
-            Err(error) if error.fault() == Fault::Io => {
+            Err(error) if error.error_class() == ErrorClass::Io => {
                 self.exec.observer().note(&format!("result not cached: {error}"));
             }
             Err(error) => return Err(error.into()),

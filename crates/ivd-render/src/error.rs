@@ -1,4 +1,4 @@
-use ivd_core::{Fault, Faulty, ParamError};
+use ivd_core::{Classified, ErrorClass, ParamError};
 
 /// Why a picture could not be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -24,11 +24,11 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(error) => error.fault(),
-            Self::Param(_) | Self::NoTransfer | Self::SizeMismatch { .. } => Fault::Usage,
+            Self::Core(error) => error.error_class(),
+            Self::Param(_) | Self::NoTransfer | Self::SizeMismatch { .. } => ErrorClass::Usage,
         }
     }
 }

@@ -80,7 +80,7 @@ pub use stage::{
     Coloured, DifferenceFigures, DifferenceParams, DvrParams, IsoParams, MipParams, Pair, Plain,
     RenderFigures, STAGE,
 };
-pub use surface::{Look, surface};
+pub use surface::{SurfaceStyle, surface};
 
 use ivd_core::{Exec, Image};
 

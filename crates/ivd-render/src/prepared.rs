@@ -5,7 +5,7 @@ use crate::cast::{Cast, Field, first_hit, mip};
 use crate::classify::Classifier;
 use crate::frame::{Radiance, one_by_one, tiles};
 use crate::light::Light;
-use crate::samples::{Fast, Samples, Shape, fast};
+use crate::samples::{KernelVoxels, Samples, Shape, fast};
 use crate::skip::{rows_of_bricks, through_warp};
 use crate::space::Space;
 use crate::warp::Warp;
@@ -17,16 +17,16 @@ use crate::{Error, Mode, RenderParams, Rendered, Scene, View, annotate, outline,
 pub struct Prepared<'a> {
     scene: Scene<'a>,
     params: RenderParams,
-    voxels: Fast<'a>,
+    voxels: KernelVoxels<'a>,
     /// `stored = fast + shift`.
     shift: f64,
     warp: Option<Warp<'a>>,
-    optics: Optics,
+    optics: ModeState,
     space: Space,
 }
 
 /// What a mode needs to know of the values.
-enum Optics {
+enum ModeState {
     Dvr(Classifier),
     /// For each brick a value that no `sign · fast` in it exceeds.
     Mip(Vec<f32>),
@@ -38,10 +38,10 @@ enum Optics {
 macro_rules! with_fast {
     ($fast:expr, $slice:ident => $body:expr) => {
         match $fast {
-            Fast::U8($slice) => $body,
-            Fast::U16($slice) => $body,
-            Fast::I16($slice) => $body,
-            Fast::F32($slice) => $body,
+            KernelVoxels::U8($slice) => $body,
+            KernelVoxels::U16($slice) => $body,
+            KernelVoxels::I16($slice) => $body,
+            KernelVoxels::F32($slice) => $body,
         }
     };
 }
@@ -64,7 +64,7 @@ impl<'a> Prepared<'a> {
                 voxels,
                 shift,
                 warp: moving.map(|d| Warp::new(d, grid.inverse_linear_part())),
-                optics: Optics::Mip(Vec::new()),
+                optics: ModeState::Mip(Vec::new()),
                 space: Space::full(Shape::new(grid.dims())),
             };
             match params.mode {
@@ -72,7 +72,7 @@ impl<'a> Prepared<'a> {
                 Mode::Mip => {
                     let bounds = prepared.ranges().map(|range| prepared.bound(range)).collect();
                     let bounds = prepared.moved(bounds, f32::NEG_INFINITY, f32::max);
-                    prepared.optics = Optics::Mip(bounds);
+                    prepared.optics = ModeState::Mip(bounds);
                 }
                 Mode::Iso { value } => {
                     let iso = (prepared.sign() * (scene.volume.stored(value) - shift)) as f32;
@@ -80,7 +80,7 @@ impl<'a> Prepared<'a> {
                     if prepared.params.skip {
                         prepared.pass_over(empty);
                     }
-                    prepared.optics = Optics::Iso(iso);
+                    prepared.optics = ModeState::Iso(iso);
                 }
             }
             Ok(prepared)
@@ -105,7 +105,7 @@ impl<'a> Prepared<'a> {
             let empty: Vec<bool> = self.ranges().zip(&rows).map(clear).collect();
             self.pass_over(empty);
         }
-        self.optics = Optics::Dvr(classifier);
+        self.optics = ModeState::Dvr(classifier);
         Ok(())
     }
 
@@ -196,7 +196,7 @@ impl<'a> Prepared<'a> {
         };
         let sign = self.sign() as f32;
         Ok(match &self.optics {
-            Optics::Dvr(classifier) => {
+            ModeState::Dvr(classifier) => {
                 // A termination above 1 is never reached.
                 let end = params.termination as f32;
                 let wide = Wide::detected(grid.dims(), exec.simd);
@@ -215,7 +215,7 @@ impl<'a> Prepared<'a> {
                     }
                 }
             }
-            Optics::Mip(bounds) => {
+            ModeState::Mip(bounds) => {
                 let [low, high] = self.scene.volume.range().unwrap_or([0.0; 2]);
                 let cast = |ray: &Ray| {
                     let (greatest, cast) = mip(&field, bounds, sign, params.skip, ray);
@@ -227,7 +227,7 @@ impl<'a> Prepared<'a> {
                 };
                 tiles(&camera, exec, |rays| one_by_one(rays, cast))
             }
-            Optics::Iso(iso) => {
+            ModeState::Iso(iso) => {
                 let colour = params.surface.map(|c| c as f32);
                 let cast = |ray: &Ray| first_hit(&field, *iso, sign, colour, ray);
                 tiles(&camera, exec, |rays| one_by_one(rays, cast))

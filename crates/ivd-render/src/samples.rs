@@ -32,7 +32,7 @@ macro_rules! stored {
 stored!(u8, u16, i16, f32);
 
 /// The voxels as the kernels read them. `stored = fast + shift`.
-pub(crate) enum Fast<'a> {
+pub(crate) enum KernelVoxels<'a> {
     U8(&'a [u8]),
     U16(&'a [u16]),
     I16(&'a [i16]),
@@ -41,12 +41,12 @@ pub(crate) enum Fast<'a> {
 
 /// The voxels of a volume for the kernels, and the shift from fast to stored values. Wide types are taken about the middle of their
 /// range, so that an offset costs no precision.
-pub(crate) fn fast<'a>(volume: &'a Volume, exec: &Exec) -> Result<(Fast<'a>, f64), Error> {
+pub(crate) fn fast<'a>(volume: &'a Volume, exec: &Exec) -> Result<(KernelVoxels<'a>, f64), Error> {
     Ok(match volume.voxels() {
-        Voxels::U8(buffer) => (Fast::U8(buffer), 0.0),
-        Voxels::U16(buffer) => (Fast::U16(buffer), 0.0),
-        Voxels::I16(buffer) => (Fast::I16(buffer), 0.0),
-        Voxels::F32(buffer) => (Fast::F32(Cow::Borrowed(buffer)), 0.0),
+        Voxels::U8(buffer) => (KernelVoxels::U8(buffer), 0.0),
+        Voxels::U16(buffer) => (KernelVoxels::U16(buffer), 0.0),
+        Voxels::I16(buffer) => (KernelVoxels::I16(buffer), 0.0),
+        Voxels::F32(buffer) => (KernelVoxels::F32(Cow::Borrowed(buffer)), 0.0),
         wide => {
             exec.check_memory("voxels converted for rendering", 4 * wide.len() as u64)?;
             let shift = volume.bricks().total().map_or(0.0, |(lo, hi)| 0.5 * (f64::from(lo) + f64::from(hi)));
@@ -59,7 +59,7 @@ pub(crate) fn fast<'a>(volume: &'a Volume, exec: &Exec) -> Result<(Fast<'a>, f64
                 });
                 converted
             });
-            (Fast::F32(Cow::Owned(converted)), shift)
+            (KernelVoxels::F32(Cow::Owned(converted)), shift)
         }
     })
 }

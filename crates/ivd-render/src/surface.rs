@@ -20,7 +20,7 @@ const NONE: u32 = u32::MAX;
 
 /// How a lattice is drawn.
 #[derive(Clone, Copy, Default)]
-pub struct Look<'a> {
+pub struct SurfaceStyle<'a> {
     /// Colour of a place on the surface (mm), linear RGB in 0…1; without it that of [`RenderParams::surface`].
     pub colour: Option<&'a (dyn Fn([f64; 3]) -> [f32; 3] + Sync)>,
     /// Whether the edges of the triangles that are seen are drawn.
@@ -37,7 +37,12 @@ pub struct Look<'a> {
 /// # Errors
 /// [`Error::Param`] names a parameter outside its domain; in [`Error::Core`] a lattice that breaks its own check, memory that
 /// is short, or cancelled work.
-pub fn surface(lattice: &Lattice, look: &Look, params: &RenderParams, exec: &Exec) -> Result<Image, Error> {
+pub fn surface(
+    lattice: &Lattice,
+    look: &SurfaceStyle,
+    params: &RenderParams,
+    exec: &Exec,
+) -> Result<Image, Error> {
     params.check()?;
     let grid = match look.frame.or_else(|| extent(lattice)) {
         Some(frame) => around(frame)?,
@@ -181,7 +186,7 @@ impl<'a> Drawn<'a> {
         &self,
         triangle: u32,
         at: [f64; 2],
-        look: &Look,
+        look: &SurfaceStyle,
         plain: [f32; 3],
         light: Option<&Light>,
     ) -> [f32; 4] {

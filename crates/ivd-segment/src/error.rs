@@ -1,4 +1,4 @@
-use ivd_core::{Fault, Faulty, ParamError};
+use ivd_core::{Classified, ErrorClass, ParamError};
 
 /// Why a volume could not be segmented.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -14,10 +14,10 @@ impl From<ParamError> for Error {
     }
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(error) => error.fault(),
+            Self::Core(error) => error.error_class(),
         }
     }
 }

@@ -8,7 +8,7 @@
 //!   them how many classes there are; [`msvs_kmvs`] lets `kmvs` make that many, or fewer.
 //! - [`emvs`] (expectation-maximisation volume segmentation) fits a mixture of normal densities, on request with coupled
 //!   neighbours, a bias field, or over places too.
-//! - [`hvs_tree`] (hierarchical volume segmentation) grows a tree of merges of neighbouring parts, and [`cut`] makes any number
+//! - [`region_tree`] (hierarchical volume segmentation) grows a tree of merges of neighbouring parts, and [`cut`] makes any number
 //!   of classes of it without growing it again.
 //! - [`threshold`] cuts at given values. [`tidy`] removes specks, whatever found them.
 //!
@@ -57,7 +57,7 @@ pub use figures::{
     AnyFigures, ClassFigures, CommonFigures, CutFigures, Figures, MixtureFigures, MixturePoint, ModesFigures,
     NoFigures, ProposalFigures, SpatialFigures, TreeFigures,
 };
-pub use hvs::{CutParams, Dendrogram, Hvs, HvsParams, Leaf, Ranking, cut, dendrogram, hvs_tree};
+pub use hvs::{CutParams, Dendrogram, Hvs, HvsParams, Leaf, Ranking, cut, dendrogram, region_tree};
 pub use ivd_core::Linkage;
 pub use kmvs::{KmvsParams, SpatialKmvs, kmvs, kmvs_spatial};
 pub use msvs::chain::{Chain, ChainParams, ChainPoint, ChainTimes, msvs_kmvs};

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use crate::{
     ChainParams, CutFigures, CutParams, EmvsParams, Error, Figures, HvsParams, KmvsParams, MixtureFigures,
     ModesFigures, MsvsParams, NoFigures, ProposalFigures, Segmentation, SpatialFigures, ThresholdParams,
-    TidyParams, TreeFigures, cut, emvs, emvs_with_posteriors, hvs_tree, kmvs, kmvs_spatial, msvs, msvs_kmvs,
-    threshold, tidy,
+    TidyParams, TreeFigures, cut, emvs, emvs_with_posteriors, kmvs, kmvs_spatial, msvs, msvs_kmvs,
+    region_tree, threshold, tidy,
 };
 
 /// The stage: its methods, and where it stands in a scene.
@@ -231,7 +231,7 @@ impl Op for HvsParams {
     }
 
     fn run(&self, inputs: Scanned<'_>, exec: &Exec) -> Result<(Tree, TreeFigures), Failure> {
-        let found = hvs_tree(inputs.volume, inputs.mask, self, exec)?;
+        let found = region_tree(inputs.volume, inputs.mask, self, exec)?;
         let figures = TreeFigures::from(&found);
         Ok((found.tree, figures))
     }
@@ -281,7 +281,7 @@ impl Op for Hierarchy {
         let tree = match (inputs.tree, inputs.volume) {
             (Some(tree), _) => tree,
             (None, Some(volume)) => {
-                grown = hvs_tree(volume, inputs.mask, &self.tree, exec)?.tree;
+                grown = region_tree(volume, inputs.mask, &self.tree, exec)?.tree;
                 &grown
             }
             (None, None) => return Err(Failure::usage("hvs cuts a tree or segments a volume; give one")),

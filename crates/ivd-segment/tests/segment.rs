@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use ivd_core::noise::below;
-use ivd_core::{Exec, Fault, Faulty, Grid, Mask, Volume, Voxels, with_voxels};
+use ivd_core::{Classified, ErrorClass, Exec, Grid, Mask, Volume, Voxels, with_voxels};
 use ivd_segment::{KmvsParams, Segmentation, ThresholdParams, kmvs, threshold};
 
 fn line(voxels: impl Into<Voxels>) -> Volume {
@@ -187,7 +187,7 @@ fn outside_the_mask_is_label_0_and_does_not_count() {
     let other = Mask::new(Grid::with_spacing([5, 1, 1], [2.0; 3]).unwrap(), vec![1; 5].into()).unwrap();
     let error =
         kmvs(&line(vec![0_u8; 5]), Some(&other), &KmvsParams::default(), &Exec::default()).unwrap_err();
-    assert_eq!(error.fault(), Fault::Usage);
+    assert_eq!(error.error_class(), ErrorClass::Usage);
 }
 
 #[test]
@@ -243,16 +243,22 @@ fn bad_parameters_name_their_field_and_limits_stop_the_work() {
     let volume = line(vec![1.0_f32; 1000]);
     let error =
         kmvs(&volume, None, &KmvsParams { k: 0, ..KmvsParams::default() }, &Exec::default()).unwrap_err();
-    assert!(error.to_string().contains("`k`") && error.fault() == Fault::Usage);
+    assert!(error.to_string().contains("`k`") && error.error_class() == ErrorClass::Usage);
     for values in [vec![2.0, 1.0], vec![1.0, 1.0], vec![f64::NAN]] {
         let error = threshold(&volume, None, &ThresholdParams { values }, &Exec::default()).unwrap_err();
         assert!(error.to_string().contains("`values`"));
     }
     let tight = Exec::default().with_memory_limit(Some(10));
-    assert_eq!(kmvs(&volume, None, &KmvsParams::default(), &tight).unwrap_err().fault(), Fault::Limit);
+    assert_eq!(
+        kmvs(&volume, None, &KmvsParams::default(), &tight).unwrap_err().error_class(),
+        ErrorClass::Limit
+    );
     let stopped = Exec::default();
     stopped.cancel.cancel();
-    assert_eq!(kmvs(&volume, None, &KmvsParams::default(), &stopped).unwrap_err().fault(), Fault::Cancelled);
+    assert_eq!(
+        kmvs(&volume, None, &KmvsParams::default(), &stopped).unwrap_err().error_class(),
+        ErrorClass::Cancelled
+    );
 }
 
 #[test]

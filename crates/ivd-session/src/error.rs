@@ -1,4 +1,4 @@
-use ivd_core::{Fault, Faulty, ParamError};
+use ivd_core::{Classified, ErrorClass, ParamError};
 
 /// Why an event wasn't followed. The session is then as it was.
 #[derive(Debug, thiserror::Error)]
@@ -30,14 +30,14 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(error) => error.fault(),
-            Self::Lattice(error) => error.fault(),
-            Self::Octree(error) => error.fault(),
-            Self::Deform(error) => error.fault(),
-            Self::Param(_) | Self::Event { .. } => Fault::Usage,
+            Self::Core(error) => error.error_class(),
+            Self::Lattice(error) => error.error_class(),
+            Self::Octree(error) => error.error_class(),
+            Self::Deform(error) => error.error_class(),
+            Self::Param(_) | Self::Event { .. } => ErrorClass::Usage,
         }
     }
 }

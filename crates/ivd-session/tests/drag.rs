@@ -62,7 +62,7 @@ fn pick(direction: [f64; 3]) -> HandleAt {
 }
 
 /// What the stages give that are called once.
-fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::Mapped>, Volume) {
+fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::MapResult>, Volume) {
     let (volume, finest) = ball();
     let lattice = match settings.level {
         0 => finest,

@@ -2,11 +2,12 @@
 
 use super::invariants::motion::Asked;
 use ivd_core::{
-    Displacement, Exec, Fault, Faulty, FieldBricks, Grid, Labels, Lattice, Mask, Motion, Octree, Volume,
+    Classified, Displacement, ErrorClass, Exec, FieldBricks, Grid, Labels, Lattice, Mask, Motion, Octree,
+    Volume,
 };
 use ivd_deform::freeform::{self, Shape, Shaped};
 use ivd_deform::inverse::Inverse;
-use ivd_deform::map::Mapped;
+use ivd_deform::map::MapResult;
 use ivd_deform::mass_spring;
 use ivd_deform::spring::{Fix, Handle, RingParams, Solved};
 use ivd_deform::warp::{WarpParams, Warped};
@@ -22,7 +23,7 @@ use ivd_session::MapChoice;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
     /// Its kind.
-    pub fault: Fault,
+    pub fault: ErrorClass,
     /// What it said.
     pub why: String,
 }
@@ -31,7 +32,7 @@ macro_rules! refusal_of {
     ($($error:ty),*) => {$(
         impl From<$error> for Refusal {
             fn from(error: $error) -> Self {
-                Self { fault: error.fault(), why: error.to_string() }
+                Self { fault: error.error_class(), why: error.to_string() }
             }
         }
     )*};
@@ -73,7 +74,7 @@ pub trait Backend: Sync {
     }
 
     fn hvs(&self, volume: &Volume, params: &HvsParams, cut: &CutParams, exec: &Exec) -> Answer<Segmentation> {
-        let tree = ivd_segment::hvs_tree(volume, None, params, exec)?.tree;
+        let tree = ivd_segment::region_tree(volume, None, params, exec)?.tree;
         Ok(ivd_segment::cut(&tree, cut, exec)?)
     }
 
@@ -97,7 +98,7 @@ pub trait Backend: Sync {
         labels: &Labels,
         params: &ivd_boundary::ComponentParams,
         exec: &Exec,
-    ) -> Answer<ivd_boundary::Isolated> {
+    ) -> Answer<ivd_boundary::Component> {
         Ok(ivd_boundary::component(volume, Some(labels), params, exec)?)
     }
 
@@ -163,7 +164,7 @@ pub trait Backend: Sync {
         motion: &Motion,
         choice: &MapChoice,
         exec: &Exec,
-    ) -> Answer<Mapped> {
+    ) -> Answer<MapResult> {
         Ok(match choice {
             MapChoice::Octree(params) => ivd_deform::map::octree(lattice, octree, motion, 0, params, exec)?,
             MapChoice::Biharmonic(params) => ivd_deform::map::biharmonic(lattice, motion, 0, params, exec)?,

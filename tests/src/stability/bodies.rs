@@ -1,8 +1,8 @@
 //! Awkward masses on springs and free forms, for [`nasty`](super::nasty).
 
-use ivd_core::{Fault, Labels};
+use ivd_core::{ErrorClass, Labels};
 use ivd_deform::freeform::{Kind, Shape};
-use ivd_deform::mass_spring::{Course, Material, Params};
+use ivd_deform::mass_spring::{LoadRamp, Material, Params};
 use ivd_deform::rigid::{Drive, Part, Region, Turn};
 use ivd_deform::spring::{Action, Fix, HandleAt};
 
@@ -10,7 +10,7 @@ use super::case::{Case, Refused, Stage, TURNS};
 use super::nasty::{TOO_MUCH, ball, grip, nudged};
 
 /// What a pull ends with that nothing holds against.
-const NO_HOLD: [Refused; 1] = [(Stage::DeformBalance, Fault::Usage)];
+const NO_HOLD: [Refused; 1] = [(Stage::DeformBalance, ErrorClass::Usage)];
 
 /// Springs, masses, time and solvers at their ends.
 pub(super) fn springs() -> Vec<Case> {
@@ -49,7 +49,7 @@ pub(super) fn springs() -> Vec<Case> {
         of("a step longer than the time", |p| p.springs.dt = Some(1e300)),
         of("at once", |p| p.springs.ramp = Some(0.0)),
         of("slower than the time", |p| p.springs.ramp = Some(1e3)),
-        of("evenly, five frames", |p| (p.springs.course, p.springs.frames) = (Course::Linear, 5)),
+        of("evenly, five frames", |p| (p.springs.course, p.springs.frames) = (LoadRamp::Linear, 5)),
         of("tolerance 1e-14", |p| p.closeness.tolerance = 1e-14),
         of("one iteration", |p| p.closeness.max_iterations = 1),
         of("nothing remembered", |p| p.descent.history = 0),
@@ -143,7 +143,7 @@ pub(super) fn shapes() -> Vec<Case> {
         |kind: Kind| Shape { kind, centre: [5.0, 6.0, 5.5], axis: [0.3, -0.2, 0.9], radius: 6.0, core: 0.5 };
     let of = |name: &str, shapes: Vec<Shape>| {
         let case = nudged(&format!("shape, {name}"), ball(12)).may(&TOO_MUCH);
-        case.may(&[(Stage::DeformShapes, Fault::Untrusted)]).with(|s| {
+        case.may(&[(Stage::DeformShapes, ErrorClass::Untrusted)]).with(|s| {
             s.shapes = shapes;
             s.turn = Some(Stage::DeformShapes as usize % TURNS);
         })

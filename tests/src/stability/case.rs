@@ -1,6 +1,6 @@
 //! A case: a volume, how every stage is asked, and which refusals are right.
 
-use ivd_core::{Fault, Labels, Lattice, Volume};
+use ivd_core::{ErrorClass, Labels, Lattice, Volume};
 use ivd_deform::freeform::Shape;
 use ivd_deform::map::OctreeParams;
 use ivd_deform::mass_spring;
@@ -195,7 +195,7 @@ impl Default for Setup {
 }
 
 /// A refusal that a case allows or asks for.
-pub type Refused = (Stage, Fault);
+pub type Refused = (Stage, ErrorClass);
 
 /// A case.
 #[derive(Debug)]

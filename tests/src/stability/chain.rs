@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use ivd_artefact::{ArtefactRef, ContentHash};
-use ivd_core::{Exec, Fault, Labels, Lattice, Mask, Octree};
+use ivd_core::{ErrorClass, Exec, Labels, Lattice, Mask, Octree};
 use ivd_deform::freeform::Shaped;
 use ivd_deform::inverse::Inverse;
-use ivd_deform::map::Mapped;
+use ivd_deform::map::MapResult;
 use ivd_deform::mass_spring;
 use ivd_deform::spring::{Fix, Handle, HandleAt, Solved};
 use ivd_deform::warp::Warped;
@@ -30,7 +30,7 @@ pub struct Values {
     /// What the other methods found, by name.
     pub clusterings: BTreeMap<&'static str, Segmentation>,
     pub transfer: Option<ivd_atf::Built>,
-    pub part: Option<ivd_boundary::Isolated>,
+    pub part: Option<ivd_boundary::Component>,
     pub lattice: Option<Lattice>,
     /// Lattices of all classes at once.
     pub parts: Vec<Part>,
@@ -44,9 +44,9 @@ pub struct Values {
     /// Motions by masses on springs, by solver.
     pub sprung: BTreeMap<&'static str, mass_spring::Solved>,
     pub shaped: Option<Shaped>,
-    pub mapped: Option<Mapped>,
+    pub mapped: Option<MapResult>,
     /// What the other methods made of the rings' motion, by name.
-    pub maps: BTreeMap<&'static str, Mapped>,
+    pub maps: BTreeMap<&'static str, MapResult>,
     pub inverse: Option<Inverse>,
     pub volume: Option<Warped<ivd_core::Volume>>,
     pub labels: Option<Warped<Labels>>,
@@ -210,7 +210,7 @@ fn walk(
 /// Whether the case allows what a stage did.
 fn allowed(case: &Case, stage: Stage, ran: &Ran) -> Verdict {
     // What is too much for one way to deform or to map may be for another.
-    let listed = |refusals: &[(Stage, Fault)], fault| {
+    let listed = |refusals: &[(Stage, ErrorClass)], fault| {
         refusals.iter().any(|(at, why)| (*at == stage || *at == stage.first_of_its_kind()) && *why == fault)
     };
     match ran {

@@ -1,20 +1,23 @@
 //! The cases that must not break anything, as a table: awkward volumes, surfaces, lattices, materials and handles.
 
-use ivd_core::{ClassChoice, Fault, Grid, Scalar, Volume};
+use ivd_core::{ClassChoice, ErrorClass, Grid, Scalar, Volume};
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt};
 
 use super::case::{Case, Cut, Refused, Stage, TURNS};
 use super::{bodies, meshes};
 
 /// What a motion that is too much ends with.
-pub(super) const TOO_MUCH: [Refused; 3] =
-    [(Stage::Deform, Fault::Untrusted), (Stage::Map, Fault::Untrusted), (Stage::Map, Fault::Limit)];
+pub(super) const TOO_MUCH: [Refused; 3] = [
+    (Stage::Deform, ErrorClass::Untrusted),
+    (Stage::Map, ErrorClass::Untrusted),
+    (Stage::Map, ErrorClass::Limit),
+];
 /// What a volume without data ends with: there is no class to take a part from.
-const NO_PART: [Refused; 1] = [(Stage::Boundary, Fault::Usage)];
+const NO_PART: [Refused; 1] = [(Stage::Boundary, ErrorClass::Usage)];
 /// What values end with whose squares no `f64` holds: they have no spread to make a transfer function from.
-const TOO_WIDE: [Refused; 1] = [(Stage::Atf, Fault::Limit)];
+const TOO_WIDE: [Refused; 1] = [(Stage::Atf, ErrorClass::Limit)];
 /// What a handle that has nothing to hold ends with.
-const NO_GRIP: [Refused; 1] = [(Stage::Deform, Fault::Usage)];
+const NO_GRIP: [Refused; 1] = [(Stage::Deform, ErrorClass::Usage)];
 
 /// A grid of `n`³ voxels of 1 mm.
 fn cube(n: usize) -> Grid {

@@ -1,6 +1,6 @@
 //! Random scenes: a tiny volume of any kind and any questions, from a seed.
 
-use ivd_core::{ClassChoice, Fault, Grid, Scalar, Volume, VoxelCoord, Voxels};
+use ivd_core::{ClassChoice, ErrorClass, Grid, Scalar, Volume, VoxelCoord, Voxels};
 use ivd_deform::freeform::{Kind, Shape};
 use ivd_deform::map::{Band, DepthWeight, OctreeParams, Outside};
 use ivd_deform::mass_spring;
@@ -15,12 +15,12 @@ use super::seeded::Seeded;
 
 /// Refusals that a random scene may end with: a limit or a result that can't be trusted; and a handle that has no vertex
 /// to hold, or two that contradict each other on one.
-pub const ALLOWED: [(Stage, Fault); 5] = [
-    (Stage::DeformShapes, Fault::Untrusted),
-    (Stage::Deform, Fault::Untrusted),
-    (Stage::Deform, Fault::Usage),
-    (Stage::Map, Fault::Untrusted),
-    (Stage::Map, Fault::Limit),
+pub const ALLOWED: [(Stage, ErrorClass); 5] = [
+    (Stage::DeformShapes, ErrorClass::Untrusted),
+    (Stage::Deform, ErrorClass::Untrusted),
+    (Stage::Deform, ErrorClass::Usage),
+    (Stage::Map, ErrorClass::Untrusted),
+    (Stage::Map, ErrorClass::Limit),
 ];
 
 /// The scene of a seed.

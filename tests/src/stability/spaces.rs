@@ -1,6 +1,6 @@
 //! Random steps in space, from a seed.
 
-use ivd_core::{Exec, Fault, Faulty, Grid, Labels, VoxelCoord};
+use ivd_core::{Classified, ErrorClass, Exec, Grid, Labels, VoxelCoord};
 use ivd_deform::freeform::{Kind, Shape};
 use ivd_deform::space::{ChainMail, Curve, Cut, Links, Over, Start, Step, Way, displace};
 use nalgebra::Vector3;
@@ -33,7 +33,7 @@ pub fn check(seed: u64) -> Result<Outcome, String> {
     let exec = Exec::default().with_threads(1);
     let made = match displace(&grid, &steps, &start, &exec) {
         Ok(made) => made,
-        Err(error) if [Fault::Untrusted, Fault::Usage].contains(&error.fault()) => {
+        Err(error) if [ErrorClass::Untrusted, ErrorClass::Usage].contains(&error.error_class()) => {
             return Ok(Outcome::Refused);
         }
         Err(error) => return Err(format!("{steps:?}: {error}")),

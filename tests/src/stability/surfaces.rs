@@ -1,6 +1,6 @@
 //! The other ways to cut and to thin out a surface, as one subject each.
 
-use ivd_core::{Exec, Fault};
+use ivd_core::{ErrorClass, Exec};
 use ivd_lattice::refine::{Method, RefineParams};
 
 use super::backend::{Answer, Backend};
@@ -53,7 +53,9 @@ impl Subject for Thinning {
             }
             // A lattice that was made by hand has no crossings to sample.
             Err(refusal)
-                if self.2 == Method::Sample && case.lattice.is_some() && refusal.fault == Fault::Usage =>
+                if self.2 == Method::Sample
+                    && case.lattice.is_some()
+                    && refusal.fault == ErrorClass::Usage =>
             {
                 Ok(false)
             }

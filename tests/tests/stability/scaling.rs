@@ -6,7 +6,7 @@
 //! are taken. Times 10^±3 inputs are rounded, and results differ by what the stages make of one rounding.
 
 use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
-use ivd_deform::map::{Mapped, OctreeParams};
+use ivd_deform::map::{MapResult, OctreeParams};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, Solved, ring};
 use ivd_deform::warp::WarpParams;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
@@ -21,7 +21,7 @@ struct Results {
     lattice: Lattice,
     refined: Refined,
     solved: Solved,
-    mapped: Mapped,
+    mapped: MapResult,
     warped: Volume,
     picture: Rendered,
 }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use ivd_core::{Exec, Fault};
+use ivd_core::{ErrorClass, Exec};
 use ivd_tests::stability::backend::{BACKENDS, Backend};
 use ivd_tests::stability::case::Stage;
 use ivd_tests::stability::chain::{Ran, examine};
@@ -48,7 +48,7 @@ impl Tally {
                 self.others[usize::from(matches!(ran, Ran::Refused(_)))] += 1;
             }
             if let Ran::Refused(refusal) = ran {
-                let trusted = matches!(refusal.fault, Fault::Limit | Fault::Untrusted);
+                let trusted = matches!(refusal.fault, ErrorClass::Limit | ErrorClass::Untrusted);
                 if first {
                     *(if trusted { &mut self.refused } else { &mut self.unusable }) += 1;
                 }

@@ -160,7 +160,7 @@ fn motion(straight: &Grid, turn: Option<Turn>, lattice: &Lattice) -> Solved {
     ring(lattice, &handles, &[], &RingParams::default(), &Exec::default()).unwrap()
 }
 
-fn mapped(lattice: &Lattice, solved: &Solved, outside: Outside) -> ivd_deform::map::Mapped {
+fn mapped(lattice: &Lattice, solved: &Solved, outside: Outside) -> ivd_deform::map::MapResult {
     let exec = Exec::default();
     let octree = ivd_octree::build(lattice, &ivd_octree::Params::default(), &exec).unwrap();
     let params =

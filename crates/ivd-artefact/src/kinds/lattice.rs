@@ -1,6 +1,6 @@
 //! `lattice`: `keys` (`u64` a vertex), `places` (3 `f32` a vertex), `triangles` (3 `u32` each).
 
-use ivd_core::{Buffer, Coarser, Lattice, LatticeSource};
+use ivd_core::{Buffer, CoarseLevel, Lattice, LatticeSource};
 use serde::{Deserialize, Serialize};
 
 use super::real::{GridContent, Real};
@@ -101,7 +101,7 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Lattice, Problem> {
     let mut coarser = Vec::with_capacity(content.coarser.len());
     for (k, Level { level, max_error_mm }) in content.coarser.into_iter().enumerate() {
         let triangles: Buffer<[u32; 3]> = decoder.take_rows(&coarser_name(k), Element::U32, &[3])?;
-        coarser.push(Coarser { triangles, level, max_error_mm: max_error_mm.0 });
+        coarser.push(CoarseLevel { triangles, level, max_error_mm: max_error_mm.0 });
     }
     Ok(Lattice::new(content.grid.grid()?, keys, places, triangles)?
         .with_source(content.source.into())

@@ -1,6 +1,6 @@
 //! `tree`: leaves of the voxels, merges, heights, and the leaves' figures.
 
-use ivd_core::{Linkage, Means, Tree, TreeParts};
+use ivd_core::{LeafMeans, Linkage, Tree, TreeParts};
 use serde::{Deserialize, Serialize};
 
 use super::real::{GridContent, voxel_shape};
@@ -32,8 +32,8 @@ pub(super) fn encode(tree: &Tree) -> Result<Encoded<'_>, String> {
         SectionBytes::new("ends", Element::U32, list(tree.ends.len()), &tree.ends),
         SectionBytes::new("counts", Element::U32, leaves.clone(), &tree.counts),
         match &tree.means {
-            Means::F32(means) => SectionBytes::new("means", Element::F32, leaves.clone(), means),
-            Means::F64(means) => SectionBytes::new("means", Element::F64, leaves.clone(), means),
+            LeafMeans::F32(means) => SectionBytes::new("means", Element::F32, leaves.clone(), means),
+            LeafMeans::F64(means) => SectionBytes::new("means", Element::F64, leaves.clone(), means),
         },
     ];
     let squares = tree.squares.iter();
@@ -54,9 +54,9 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Tree, Problem> {
         ends: decoder.take_rows("ends", Element::U32, &[])?,
         counts: decoder.take_rows("counts", Element::U32, &[])?,
         means: if decoder.holds("means", Element::F32) {
-            Means::F32(decoder.take_rows("means", Element::F32, &[])?)
+            LeafMeans::F32(decoder.take_rows("means", Element::F32, &[])?)
         } else {
-            Means::F64(decoder.take_rows("means", Element::F64, &[])?)
+            LeafMeans::F64(decoder.take_rows("means", Element::F64, &[])?)
         },
         squares: content.spread.then(|| decoder.take_rows("squares", Element::F64, &[])).transpose()?,
         grid,

@@ -5,8 +5,8 @@
 use ivd_artefact::{Artefact, ContentHash, Kind, Provenance};
 use ivd_core::{
     Ball, Class, Displacement, ElementKey, FieldBricks, Frame, Grid, Image, Labels, Lattice, LatticeSource,
-    Linkage, Mask, Means, Motion, NO_BRICK, Octree, OctreeNode, OctreeParts, TransferEntry, TransferFunction,
-    Tree, TreeParts, Volume, Voxels,
+    LeafMeans, Linkage, Mask, Motion, NO_BRICK, Octree, OctreeNode, OctreeParts, TransferEntry,
+    TransferFunction, Tree, TreeParts, Volume, Voxels,
 };
 
 /// A provenance with nested parameters and two inputs.
@@ -162,7 +162,7 @@ fn tree() -> Tree {
         heights: vec![0.1, 1e300].into(),
         ends: vec![1, 2].into(),
         counts: vec![6, 12, 1].into(),
-        means: Means::F64(vec![-0.1, 7.25, 1e6 + 0.1].into()),
+        means: LeafMeans::F64(vec![-0.1, 7.25, 1e6 + 0.1].into()),
         squares: Some(vec![0.3, 0.0, 1e-300].into()),
         bridges: 1,
     })

@@ -18,7 +18,8 @@ use ivd_core::{Exec, Lattice, Volume};
 use ivd_lattice::extract::{ExtractParams, Extractor, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_segment::{
-    CutParams, HvsParams, KmvsParams, Segmentation, cut, emvs, hvs_tree, kmvs, kmvs_spatial, msvs, msvs_kmvs,
+    CutParams, HvsParams, KmvsParams, Segmentation, cut, emvs, kmvs, kmvs_spatial, msvs, msvs_kmvs,
+    region_tree,
 };
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
@@ -98,7 +99,7 @@ fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>
             let params: HvsParams = serde_json::from_value(value)?;
             let classes = CutParams { k: classes as usize, ..CutParams::default() };
             Box::new(move |exec| {
-                Ok(Found::classes(cut(&hvs_tree(volume, None, &params, exec)?.tree, &classes, exec)?))
+                Ok(Found::classes(cut(&region_tree(volume, None, &params, exec)?.tree, &classes, exec)?))
             })
         }
         "lattice" | "lattice-again" | "lattice-slider" | "lattice-slider-again" => {
@@ -118,7 +119,7 @@ fn method<'a>(name: &str, text: &str, volume: &'a Volume) -> Anything<Method<'a>
                 let mut extractor = extractor.borrow_mut();
                 let lattice = extractor.extract(volume, None, &params, exec)?.lattice;
                 let found = Found::surface(&lattice);
-                extractor.recycle(lattice);
+                extractor.reuse(lattice);
                 Ok(found)
             })
         }

@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use ivd_core::Exec;
-use ivd_deform::mass_spring::{Closeness, Course, Descent, Params, Prepared, Solver, Springs};
+use ivd_deform::mass_spring::{Closeness, Descent, LoadRamp, Params, Prepared, Solver, Springs};
 use ivd_deform::spring::{Action, Handle, HandleAt};
 
 use crate::Anything;
@@ -37,7 +37,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
             duration: f64::from(steps) / 240.0,
             dt: Some(1.0 / 240.0),
             ramp: Some(0.2),
-            course: Course::Linear,
+            course: LoadRamp::Linear,
             ..Springs::default()
         },
         ..Params::default()

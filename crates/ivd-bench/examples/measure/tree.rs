@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use ivd_core::{Exec, Linkage};
-use ivd_segment::{CutParams, HvsParams, Ranking, cut, hvs_tree};
+use ivd_segment::{CutParams, HvsParams, Ranking, cut, region_tree};
 
 use crate::{Anything, raw};
 
@@ -46,7 +46,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
     let exec = Exec::default().with_threads(named("threads").unwrap_or("2").parse()?);
 
     let (start, cpu) = (Instant::now(), ProcessTime::now());
-    let found = hvs_tree(&volume, None, &params, &exec)?;
+    let found = region_tree(&volume, None, &params, &exec)?;
     let (grown, cpu_grown) = (start.elapsed().as_secs_f64(), cpu.elapsed().as_secs_f64());
     let peak = raw::peak_mib();
     let classes = named("classes").unwrap_or("6").parse()?;

@@ -10,7 +10,7 @@ mod page;
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
-use ivd_core::{Exec, Fault, Faulty, FieldBricks, Lattice, Volume, VoxelIndex, VoxelType};
+use ivd_core::{Classified, ErrorClass, Exec, FieldBricks, Lattice, Volume, VoxelIndex, VoxelType};
 use ivd_deform::mass_spring::{self, Solver};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
@@ -231,7 +231,7 @@ fn drag(
         let (wall, cpu) = (wall.elapsed(), cpu.elapsed());
         let (voxels, bricks, followed) = match update {
             Ok(update) => (update.voxels, update.dirty.len(), true),
-            Err(error) if error.fault() == Fault::Untrusted => (0, 0, false),
+            Err(error) if error.error_class() == ErrorClass::Untrusted => (0, 0, false),
             Err(error) => return Err(error.into()),
         };
         refused += usize::from(!followed);

@@ -12,7 +12,7 @@ mod rows;
 use std::time::Instant;
 
 use ivd_core::{Exec, Image, Lattice};
-use ivd_lattice::refine::{Locks, Method, RefineParams, StoppedBy, Target, chain};
+use ivd_lattice::refine::{Locks, Method, RefineParams, StopReason, Target, chain};
 use serde::Serialize;
 
 pub use claims::Claim;
@@ -83,7 +83,7 @@ pub struct Reach {
     /// Fewest vertices, asked for none or for any of the levels.
     pub least: usize,
     /// What stopped it where it was asked for none.
-    pub stopped_by: StoppedBy,
+    pub stopped_by: StopReason,
     /// Whether what is left has as many parts and handles as the lattice.
     pub same_topology: bool,
 }
@@ -166,7 +166,7 @@ fn same_counts(rows: &Rows) -> Result<Vec<RefinementRow>, Problem> {
     let mut reached = Vec::new();
     for level in LEVELS {
         let row = rows.row(Method::Loop, Target::Level(level), format!("level {level}"))?;
-        if row.stopped_by != StoppedBy::Target {
+        if row.stopped_by != StopReason::Target {
             break;
         }
         reached.push(row);
@@ -188,7 +188,7 @@ fn reached(rows: &Rows, method: Method) -> Result<Reach, Problem> {
     let (mut levels, mut fewest) = (Vec::new(), none.lattice);
     for level in LEVELS {
         let found = rows.refined(method, Target::Level(level))?;
-        let there = found.reached.stopped_by == StoppedBy::Target;
+        let there = found.reached.stopped_by == StopReason::Target;
         levels.push(there.then_some(found.lattice.keys().len()));
         // Sampling for no triangles ends at the first rate that leaves nothing; some coarser ones leave something.
         if there && found.lattice.keys().len() < fewest.keys().len() {
@@ -217,7 +217,7 @@ fn levels(rows: &Rows, lattice: &Lattice, exec: &Exec) -> Result<Vec<RefinementR
         // Its lattice's bound adds those of the levels before.
         row.bound_mm = last.lattice.max_error_mm() - lattice.max_error_mm();
         all.push(row);
-        if last.reached.stopped_by != StoppedBy::Target {
+        if last.reached.stopped_by != StopReason::Target {
             break;
         }
     }

@@ -164,7 +164,7 @@ fn table(rows: &[RefinementRow], bench: &LatticeBench) -> String {
 }
 
 /// What ended a refinement, as the program's JSON says it.
-pub(super) fn ended(by: ivd_lattice::refine::StoppedBy) -> String {
+pub(super) fn ended(by: ivd_lattice::refine::StopReason) -> String {
     by.to_string().replace('_', " ")
 }
 

@@ -1,7 +1,7 @@
 //! How refinements look: all from one side, in one scale of colours.
 
 use ivd_core::{Exec, Image, Lattice, srgb};
-use ivd_render::{Look, RenderParams, View, surface};
+use ivd_render::{RenderParams, SurfaceStyle, View, surface};
 use nalgebra::Vector3;
 
 use crate::apart::Search;
@@ -63,11 +63,11 @@ impl Painter {
         };
         let plain = RenderParams { shading: false, surface: PAPER, ..lit.clone() };
         let coloured = |p: [f64; 3]| colour(self.input.distance(p.into()) / self.voxel_mm);
-        let look = Look { frame: Some(self.frame), ..Look::default() };
+        let look = SurfaceStyle { frame: Some(self.frame), ..SurfaceStyle::default() };
         Ok([
             surface(lattice, &look, &lit, exec)?,
-            surface(lattice, &Look { colour: Some(&coloured), ..look }, &plain, exec)?,
-            surface(lattice, &Look { edges: true, ..look }, &plain, exec)?,
+            surface(lattice, &SurfaceStyle { colour: Some(&coloured), ..look }, &plain, exec)?,
+            surface(lattice, &SurfaceStyle { edges: true, ..look }, &plain, exec)?,
         ])
     }
 }

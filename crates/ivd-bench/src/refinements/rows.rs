@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use ivd_core::{Exec, Image, Lattice};
 use ivd_lattice::figures::measure;
-use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, distances, refine};
+use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StopReason, Target, distances, refine};
 use ivd_pipeline::fronts::Spread;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -44,7 +44,7 @@ pub struct RefinementRow {
     /// Counts of its topology.
     pub shape: Shape,
     /// What ended it.
-    pub stopped_by: StoppedBy,
+    pub stopped_by: StopReason,
     /// Wall time (s), the median of all runs; of a level with those before it.
     pub seconds: f64,
     /// Lit; coloured by the distance from the input; as a wire-frame.

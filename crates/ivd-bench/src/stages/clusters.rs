@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ivd_core::{Exec, Labels, Volume, VoxelType};
 use ivd_phantom::{Params, generate};
 use ivd_segment::{
-    CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, cut, emvs, hvs_tree, kmvs_spatial, msvs,
+    CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, cut, emvs, kmvs_spatial, msvs, region_tree,
 };
 
 use super::inputs::judged;
@@ -153,7 +153,7 @@ fn tree(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, 
     let classes =
         CutParams { k: TREE_CLASSES, ranking: ivd_segment::Ranking::Height, ..CutParams::default() };
     let squares = move |volume: &Volume, max_regions: usize, exec: &Exec| -> Result<(f64, f64), Problem> {
-        let found = hvs_tree(volume, None, &params(max_regions), exec)?;
+        let found = region_tree(volume, None, &params(max_regions), exec)?;
         Ok((cut(&found.tree, &classes, exec)?.objective, found.regions as f64))
     };
     let best = squares(volume, REGIONS[REGIONS.len() - 1], exec)?.0;

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use ivd_core::{Displacement, Exec, Fault, Faulty, Lattice, Motion};
+use ivd_core::{Classified, Displacement, ErrorClass, Exec, Lattice, Motion};
 use ivd_deform::freeform::{self, Kind, Shape};
 use ivd_deform::map::{
-    BiharmonicParams, DepthWeight, FemParams, Mapped, OctreeParams, biharmonic, fem, octree,
+    BiharmonicParams, DepthWeight, FemParams, MapResult, OctreeParams, biharmonic, fem, octree,
 };
 use ivd_deform::mass_spring::{self, Solver};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
@@ -14,7 +14,7 @@ use ivd_session::MapChoice;
 
 use super::inputs::{RADIUS_MM, ball, judged};
 use super::map::apart;
-use crate::experiment::{Experiment, Judgement, Problem, Setting};
+use crate::experiment::{Experiment, Problem, Scored, Setting};
 
 /// Largest motion (mm) and radius (mm) of the handle at the ball's top.
 const MOVE_MM: f64 = 5.0;
@@ -214,11 +214,11 @@ fn maps_of_whole(radius: f64) -> Vec<(Vec<(&'static str, String)>, MapChoice)> {
 }
 
 /// Whether a setting gives a map that can be trusted; one that is refused isn't compared.
-fn holds(found: Result<Mapped, Problem>) -> Result<bool, Problem> {
+fn holds(found: Result<MapResult, Problem>) -> Result<bool, Problem> {
     match found {
         Ok(_) => Ok(true),
         Err(problem) => match problem.downcast_ref::<ivd_deform::Error>() {
-            Some(error) if error.fault() == Fault::Untrusted => Ok(false),
+            Some(error) if error.error_class() == ErrorClass::Untrusted => Ok(false),
             _ => Err(problem),
         },
     }
@@ -231,7 +231,7 @@ pub(super) fn deformed(
     solver: Option<Solver>,
     params: &MapChoice,
     exec: &Exec,
-) -> Result<Mapped, Problem> {
+) -> Result<MapResult, Problem> {
     let handles = std::slice::from_ref(handle);
     let motion = match solver {
         None => ring(lattice, handles, &[], &RingParams::default(), exec)?.motion,
@@ -243,7 +243,7 @@ pub(super) fn deformed(
     mapped(lattice, &motion, params, exec)
 }
 
-fn mapped(lattice: &Lattice, motion: &Motion, choice: &MapChoice, exec: &Exec) -> Result<Mapped, Problem> {
+fn mapped(lattice: &Lattice, motion: &Motion, choice: &MapChoice, exec: &Exec) -> Result<MapResult, Problem> {
     let last = motion.frames().len() - 1;
     Ok(match choice {
         MapChoice::Octree(params) => {
@@ -255,7 +255,7 @@ fn mapped(lattice: &Lattice, motion: &Motion, choice: &MapChoice, exec: &Exec) -
     })
 }
 
-fn against(truth: &Displacement, found: &Mapped) -> Judgement {
+fn against(truth: &Displacement, found: &MapResult) -> Scored {
     let (error, most) = apart(&found.displacement, truth);
     let counters = [
         ("max_mm", most),

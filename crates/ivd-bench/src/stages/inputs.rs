@@ -6,7 +6,7 @@ use ivd_core::{Exec, Grid, Lattice, Volume, VoxelCoord, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use nalgebra::Vector3;
 
-use crate::experiment::{Judgement, Problem};
+use crate::experiment::{Problem, Scored};
 
 /// Edge of every generated cube (mm), whatever its number of voxels.
 pub(crate) const EDGE_MM: f64 = 128.0;
@@ -35,9 +35,9 @@ pub(super) fn ball(n: usize, exec: &Exec) -> Result<Lattice, Problem> {
 }
 
 /// A judgement with counters.
-pub(super) fn judged<const N: usize>(error: f64, counters: [(&str, f64); N]) -> Judgement {
+pub(super) fn judged<const N: usize>(error: f64, counters: [(&str, f64); N]) -> Scored {
     let counters: BTreeMap<String, f64> = counters.into_iter().map(|(n, v)| (n.to_owned(), v)).collect();
-    Judgement { error, counters }
+    Scored { error, counters }
 }
 
 /// Root of the mean of squares; 0 for none.

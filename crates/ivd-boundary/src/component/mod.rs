@@ -13,7 +13,7 @@ use choice::{Chosen, Members};
 
 /// A part of a volume, isolated.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Isolated {
+pub struct Component {
     /// 1 in the part, holes filled.
     pub mask: Mask,
     /// Voxels of the mask.
@@ -45,7 +45,7 @@ pub fn component(
     labels: Option<&Labels>,
     params: &ComponentParams,
     exec: &Exec,
-) -> Result<Isolated, Error> {
+) -> Result<Component, Error> {
     params.check()?;
     exec.run(|| {
         exec.check_memory("the mask", volume.grid().len() as u64)?;
@@ -66,7 +66,7 @@ pub fn component(
             0
         };
         let mask = Mask::new(volume.grid().clone(), inside.into())?;
-        Ok(Isolated {
+        Ok(Component {
             voxels: mask.count(),
             mask,
             class: chosen.class,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ivd_artefact::{Artefact, Cache};
 use ivd_bench::{Bench, Comparison, Given, Options, Plant, StageBench};
-use ivd_core::{Fault, Value as _, Volume};
+use ivd_core::{ErrorClass, Value as _, Volume};
 use serde_json::{Value, json};
 
 use super::volume::volume_or_artefact;
@@ -201,7 +201,7 @@ fn interactive(
 
 /// Makes a folder for what was measured.
 fn make(folder: &Path) -> anyhow::Result<()> {
-    let failed = |e| Failure::of(Fault::Io, format!("{}: can't be made: {e}", folder.display()));
+    let failed = |e| Failure::of(ErrorClass::Io, format!("{}: can't be made: {e}", folder.display()));
     std::fs::create_dir_all(folder).map_err(failed)
 }
 
@@ -234,22 +234,22 @@ fn record(bench: &Bench, scene: bool, folder: &Path, context: &Context) -> anyho
 
 /// Reads an older bench.
 fn read(path: &Path) -> anyhow::Result<Bench> {
-    let bytes = ivd_pipeline::scene::read_short(path)
-        .map_err(|e| Failure::of(Fault::Io, format!("--compare {}: {e}", path.display())))?;
+    let bytes = ivd_pipeline::scene::read_text_limited(path)
+        .map_err(|e| Failure::of(ErrorClass::Io, format!("--compare {}: {e}", path.display())))?;
     // Where it is longer than any, nothing of it is one.
     serde_json::from_slice(&bytes.unwrap_or_default()).map_err(|e| {
         let message = format!("--compare {}: not a bench.json of this program: {e}", path.display());
-        Failure::of(Fault::Input, message)
+        Failure::of(ErrorClass::Input, message)
     })
 }
 
 fn failed(error: ivd_bench::Error) -> anyhow::Error {
-    let fault = match &error {
-        ivd_bench::Error::UnknownStage { .. } => Fault::Usage,
-        ivd_bench::Error::Failed { .. } | ivd_bench::Error::NoNumber { .. } => Fault::Untrusted,
+    let class = match &error {
+        ivd_bench::Error::UnknownStage { .. } => ErrorClass::Usage,
+        ivd_bench::Error::Failed { .. } | ivd_bench::Error::NoNumber { .. } => ErrorClass::Untrusted,
         ivd_bench::Error::Core(_) => return error.into(),
     };
-    Failure::of(fault, error.to_string())
+    Failure::of(class, error.to_string())
 }
 
 fn told(bench: &Bench, comparison: Option<&Comparison>, page: &Path) -> String {

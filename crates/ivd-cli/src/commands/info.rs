@@ -61,7 +61,7 @@ fn relation(file: &Path, vertices: &[u32], voxels: &[[i64; 3]], context: &Contex
     };
     let of_voxel = |voxel: &[i64; 3]| {
         let starting: Vec<Value> = lattice.vertices_of_voxel(*voxel).map(described).collect();
-        json!({ "voxel": voxel, "vertices": starting, "vertices_round": lattice.vertices_round_voxel(*voxel) })
+        json!({ "voxel": voxel, "vertices": starting, "vertices_round": lattice.vertices_touching_voxel(*voxel) })
     };
     Ok(json!({
         "path": file,

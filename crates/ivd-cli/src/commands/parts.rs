@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Kind};
-use ivd_core::{Fault, Labels, Value as _, Volume};
-use ivd_lattice::extract::{LatticeFigures, occurring};
+use ivd_core::{ErrorClass, Labels, Value as _, Volume};
+use ivd_lattice::extract::{LatticeFigures, labels_present};
 use ivd_pipeline::stages::part_lattices;
 use ivd_pipeline::{OutputRecord, Runner};
 use serde_json::json;
@@ -45,14 +45,14 @@ pub(super) fn run(
             labels.display()
         )));
     }
-    let occurring = context.exec.run(|| occurring(found));
-    let ids = if parts == "all" { occurring.clone() } else { ids(parts)? };
+    let labels_present = context.exec.run(|| labels_present(found));
+    let ids = if parts == "all" { labels_present.clone() } else { ids(parts)? };
     if ids.is_empty() {
         return Err(Failure::usage(format!("--parts {parts}: {} has no label but 0", labels.display())));
     }
-    if let Some(id) = ids.iter().find(|id| !occurring.contains(id)) {
-        let listed: Vec<String> = occurring.iter().take(20).map(ToString::to_string).collect();
-        let more = if occurring.len() > 20 { ", …" } else { "" };
+    if let Some(id) = ids.iter().find(|id| !labels_present.contains(id)) {
+        let listed: Vec<String> = labels_present.iter().take(20).map(ToString::to_string).collect();
+        let more = if labels_present.len() > 20 { ", …" } else { "" };
         return Err(Failure::usage(format!(
             "--parts {parts}: no voxel of {} has label {id}; there are {}{more}",
             labels.display(),
@@ -107,6 +107,7 @@ fn make_folder(folder: &Path) -> anyhow::Result<()> {
             folder.display()
         )));
     }
-    std::fs::create_dir_all(folder)
-        .map_err(|e| Failure::of(Fault::Io, format!("-o {}: can't make the folder: {e}", folder.display())))
+    std::fs::create_dir_all(folder).map_err(|e| {
+        Failure::of(ErrorClass::Io, format!("-o {}: can't make the folder: {e}", folder.display()))
+    })
 }

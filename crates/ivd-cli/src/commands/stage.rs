@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_again, write_with_metrics};
-use ivd_core::Faulty;
+use ivd_core::Classified;
 use ivd_core::op::{self, Field, alternatives, fields};
 use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
 
@@ -126,7 +126,7 @@ fn placed(error: ivd_artefact::Error, path: &Path) -> anyhow::Error {
         Some(folder) if !folder.as_os_str().is_empty() && !folder.exists() => {
             let problem =
                 format!("{}: the folder {} doesn't exist; make it first", path.display(), folder.display());
-            Failure::of(error.fault(), problem)
+            Failure::of(error.error_class(), problem)
         }
         _ => error.into(),
     }

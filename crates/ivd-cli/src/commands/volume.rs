@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache};
-use ivd_core::{Faulty, VoxelType};
+use ivd_core::{Classified, VoxelType};
 use ivd_io::volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
 use ivd_pipeline::stages::{Import, ImportLabels, ImportSource};
 use ivd_pipeline::{ExportOptions, Input, Inputs, ending, export as write_as, export_with};
@@ -78,7 +78,7 @@ pub(super) fn phantom(
 ) -> anyhow::Result<()> {
     if let Some(truth) = truth {
         let labels = ivd_phantom::generate(&params, &context.exec)
-            .map_err(|e| Failure::of(e.fault(), e.to_string()))?
+            .map_err(|e| Failure::of(e.error_class(), e.to_string()))?
             .truth;
         let artefact = Artefact::Labels(labels);
         if ending(truth) == "ivd" {

@@ -1,4 +1,4 @@
-use ivd_core::{Class, Faulty, FieldBricks, VoxelCoord, VoxelIndex, Voxels};
+use ivd_core::{Class, Classified, FieldBricks, VoxelCoord, VoxelIndex, Voxels};
 use nalgebra::Vector3;
 
 use super::*;
@@ -296,7 +296,7 @@ fn what_makes_no_sense_is_refused_by_name_and_an_empty_part_is_not() {
     let input = random(&grid);
     let refused = |params: &ClipParams, by: &By<'_>| {
         let error = volume(&input, params, by, &exec()).unwrap_err();
-        assert_eq!(error.fault(), ivd_core::Fault::Usage);
+        assert_eq!(error.error_class(), ivd_core::ErrorClass::Usage);
         error.to_string()
     };
     let by = By::default();
@@ -332,11 +332,11 @@ fn what_makes_no_sense_is_refused_by_name_and_an_empty_part_is_not() {
     }
     let tight = exec().with_memory_limit(Some(100));
     let error = volume(&input, &plane([0.0; 3], [1.0; 3]), &by, &tight).unwrap_err();
-    assert_eq!(error.fault(), ivd_core::Fault::Limit);
+    assert_eq!(error.error_class(), ivd_core::ErrorClass::Limit);
     let stopped = exec();
     stopped.cancel.cancel();
     let error = volume(&input, &plane([0.0; 3], [1.0; 3]), &by, &stopped).unwrap_err();
-    assert_eq!(error.fault(), ivd_core::Fault::Cancelled);
+    assert_eq!(error.error_class(), ivd_core::ErrorClass::Cancelled);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-use ivd_core::{Class, Faulty, VoxelCoord, VoxelIndex, Voxels};
+use ivd_core::{Class, Classified, VoxelCoord, VoxelIndex, Voxels};
 use nalgebra::Vector3;
 
 use super::*;
@@ -243,7 +243,7 @@ fn windows_that_tell_nothing_are_refused_by_name() {
     let error = |b: &Volume, windows: &[[f64; 2]]| {
         let got = volumes(&[&a, b].map(Operand::from), &params(Op::Union, windows), &exec());
         let error = got.unwrap_err();
-        assert_eq!(error.fault(), ivd_core::Fault::Usage);
+        assert_eq!(error.error_class(), ivd_core::ErrorClass::Usage);
         error.to_string()
     };
     for window in [[1.0, 1.0], [2.0, 1.0], [f64::NAN, 1.0], [0.0, f64::INFINITY], [-1.7e308, 1.7e308]] {
@@ -491,11 +491,11 @@ fn any_number_of_threads_gives_the_same_bytes_and_limits_hold() {
     }
     let tight = exec().with_memory_limit(Some(100));
     let error = volumes(&operands, &params(Op::Union, &[]), &tight).unwrap_err();
-    assert_eq!(error.fault(), ivd_core::Fault::Limit);
+    assert_eq!(error.error_class(), ivd_core::ErrorClass::Limit);
     let stopped = exec();
     stopped.cancel.cancel();
     let error = volumes(&operands, &params(Op::Union, &[]), &stopped).unwrap_err();
-    assert_eq!(error.fault(), ivd_core::Fault::Cancelled);
+    assert_eq!(error.error_class(), ivd_core::ErrorClass::Cancelled);
     let other = displacement(&sheared_grid([9, 8, 7]), ivd_core::FieldBricks::zero([9, 8, 7]));
     let operands = [Operand::from(a), Operand { value: b, displacement: Some(&other) }];
     assert!(volumes(&operands, &params(Op::Union, &[]), &exec()).is_err());

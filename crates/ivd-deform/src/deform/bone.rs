@@ -9,7 +9,7 @@ use crate::rigid::{Drive, Part, Region, Turn};
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Bone {
-    /// What it is called; its number, from 0, where it isn't given.
+    /// Its name. Default: its number, from 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// Name of the bone that carries it, about whose joint (`pivot`) it turns.
@@ -47,7 +47,7 @@ pub struct Bone {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "mm"))]
     pub pivot: Option<[f64; 3]>,
-    /// Direction of the axis, RAS; z where it isn't given.
+    /// Direction of the axis, RAS. Default: z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "1"))]
     pub axis: Option<[f64; 3]>,

@@ -1,4 +1,4 @@
-use ivd_core::{Faulty, VoxelCoord};
+use ivd_core::{Classified, VoxelCoord};
 
 use super::*;
 use crate::fixtures::{bump, field, middle, sheared_grid, voxels};
@@ -119,7 +119,7 @@ fn cancelled_work_stops() {
     let exec = Exec::default();
     exec.cancel.cancel();
     let error = invert(&bumped(&grid), &grid, &exec).unwrap_err();
-    assert_eq!(error.fault(), ivd_core::Fault::Cancelled);
+    assert_eq!(error.error_class(), ivd_core::ErrorClass::Cancelled);
 }
 
 use nalgebra::Matrix3;

@@ -84,7 +84,7 @@ pub(crate) use free::{invert_within, lies_beyond};
 pub use live::Live;
 pub use octree::{Prepared, frames, octree};
 pub(crate) use outcome::lengths;
-pub use outcome::{Followed, MapFigures, Mapped, Moved, Solved};
+pub use outcome::{MapFigures, MapResult, Moved, Solved, SurfaceFit};
 pub(crate) use params::smooth_fall;
 pub use params::{Band, BiharmonicParams, DepthWeight, Elastic, FemParams, OctreeParams, Outside};
 use region::{Region, largest};
@@ -112,7 +112,7 @@ pub fn nearest<N: Nearest>(
     frame: usize,
     params: &OctreeParams,
     exec: &Exec,
-) -> Result<Mapped, Error> {
+) -> Result<MapResult, Error> {
     params.check()?;
     let frame = frame_of(lattice, motion, frame)?;
     inside.grid().require(lattice.grid(), "inside", "lattice")?;

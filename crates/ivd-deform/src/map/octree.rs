@@ -4,7 +4,7 @@ use ivd_octree::NearestIndex;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::{Found, Hit, Mapped, Nearest, OctreeParams, check_inputs, nearest};
+use super::{Found, Hit, MapResult, Nearest, OctreeParams, check_inputs, nearest};
 use crate::Error;
 
 /// The searches of the triangles that may move and of those that don't. Most places near a handle lie nearest to a triangle
@@ -92,7 +92,7 @@ impl<'a> Prepared<'a> {
     ///
     /// # Errors
     /// As [`octree`].
-    pub fn map(&self, frame: usize, params: &OctreeParams, exec: &Exec) -> Result<Mapped, Error> {
+    pub fn map(&self, frame: usize, params: &OctreeParams, exec: &Exec) -> Result<MapResult, Error> {
         nearest(self.lattice, &self.inside, &self.sides, self.motion, frame, params, exec)
     }
 }
@@ -109,7 +109,7 @@ pub fn octree(
     frame: usize,
     params: &OctreeParams,
     exec: &Exec,
-) -> Result<Mapped, Error> {
+) -> Result<MapResult, Error> {
     params.check()?;
     Prepared::new(lattice, octree, motion, exec)?.map(frame, params, exec)
 }
@@ -124,7 +124,7 @@ pub fn frames(
     motion: &Motion,
     params: &OctreeParams,
     exec: &Exec,
-) -> Result<Vec<Mapped>, Error> {
+) -> Result<Vec<MapResult>, Error> {
     params.check()?;
     let prepared = Prepared::new(lattice, octree, motion, exec)?;
     (0..motion.frames().len()).map(|frame| prepared.map(frame, params, exec)).collect()

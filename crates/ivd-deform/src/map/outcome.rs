@@ -10,7 +10,7 @@ use crate::sampler::Sampler;
 
 /// How well the voxels' motion follows the lattice's, at the vertices.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-pub struct Followed {
+pub struct SurfaceFit {
     /// Largest difference of the map's motion from a vertex's own (mm). Pieces of a lattice that stand still beside a
     /// moving one are dragged along, and count here.
     #[schemars(extend("x-unit" = "mm"))]
@@ -80,7 +80,7 @@ pub struct MapFigures {
     #[schemars(extend("x-unit" = "voxels"))]
     pub voxels_vacated: u64,
     /// How well the map follows the lattice.
-    pub followed: Followed,
+    pub followed: SurfaceFit,
     /// Lengths of the voxels' motion (mm), 0 … the largest.
     pub motion_mm_histogram: Histogram,
     /// det ∇φ at the centres of the cells that move, 0 … 2.
@@ -89,14 +89,14 @@ pub struct MapFigures {
 
 /// What a map made.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Mapped {
+pub struct MapResult {
     /// The displacement, forward and inverse.
     pub displacement: Displacement,
     /// What it comes to.
     pub figures: MapFigures,
 }
 
-/// What a map makes of a lattice that is dragged: [`Mapped`] without what only a report shows.
+/// What a map makes of a lattice that is dragged: [`MapResult`] without what only a report shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moved {
     /// The displacement, forward and inverse.
@@ -105,31 +105,31 @@ pub struct Moved {
     pub relaxations: u32,
     /// `k` where the map is a flow in 2ᵏ steps; 0 for the field as carried.
     pub halvings: u32,
-    /// How far the vertices that move most are left behind: see [`Followed::misfit`].
+    /// How far the vertices that move most are left behind: see [`SurfaceFit::misfit`].
     pub misfit: f64,
 }
 
-impl From<Mapped> for (Displacement, MapFigures) {
-    fn from(mapped: Mapped) -> Self {
+impl From<MapResult> for (Displacement, MapFigures) {
+    fn from(mapped: MapResult) -> Self {
         (mapped.displacement, mapped.figures)
     }
 }
 
-impl From<Mapped> for Moved {
-    fn from(mapped: Mapped) -> Self {
-        let Mapped { displacement, figures } = mapped;
+impl From<MapResult> for Moved {
+    fn from(mapped: MapResult) -> Self {
+        let MapResult { displacement, figures } = mapped;
         let MapFigures { relaxations, halvings, followed, .. } = figures;
         Self { displacement, relaxations, halvings, misfit: followed.misfit }
     }
 }
 
-impl Mapped {
+impl MapResult {
     pub(super) fn new(
         displacement: Displacement,
         certificate: Certificate,
         relaxations: u32,
         halvings: u32,
-        followed: Followed,
+        followed: SurfaceFit,
     ) -> Self {
         let (voxels_moved, motion_mm_histogram) = lengths(displacement.forward());
         let figures = MapFigures {
@@ -164,7 +164,7 @@ pub(crate) fn lengths(field: &FieldBricks) -> (u64, Histogram) {
     (moved, histogram)
 }
 
-impl Followed {
+impl SurfaceFit {
     pub(super) fn measure(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> Self {
         let sampler = Sampler::new(field, lattice.grid());
         let (linear, to_voxel) = (lattice.grid().linear_part(), lattice.grid().inverse_linear_part());
@@ -224,7 +224,7 @@ pub(super) fn check_misfit(misfit: f64, tolerance: f64, most: impl FnOnce() -> f
     })
 }
 
-/// [`Followed::misfit`] alone, from the vertices that it is about.
+/// [`SurfaceFit::misfit`] alone, from the vertices that it is about.
 pub(super) fn misfit(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> f64 {
     let sampler = Sampler::new(field, lattice.grid());
     let (linear, most) = (lattice.grid().linear_part(), super::largest(frame));

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use super::compose::{Composed, halve};
 use super::free::invert_part;
-use super::outcome::{self, Followed, Mapped, Moved};
+use super::outcome::{self, MapResult, Moved, SurfaceFit};
 use super::params::Band;
 use super::region::Region;
 use super::relax::relax;
@@ -33,13 +33,13 @@ impl Settle<'_> {
     }
 
     /// Repairs the field where it folds, certifies and inverts it, and measures what came of it.
-    pub(super) fn settle(&self, field: FieldBricks, exec: &Exec) -> Result<Mapped, Error> {
+    pub(super) fn settle(&self, field: FieldBricks, exec: &Exec) -> Result<MapResult, Error> {
         let proven = self.prove(field, Detail::All, exec)?;
-        let followed = Followed::measure(self.lattice, &proven.field, self.frame);
+        let followed = SurfaceFit::measure(self.lattice, &proven.field, self.frame);
         followed.check(self.band.tolerance)?;
         let (rounds, halvings, certificate) = (proven.rounds, proven.halvings, proven.certificate.clone());
         let displacement = self.invert(proven, exec)?;
-        Ok(Mapped::new(displacement, certificate, rounds, halvings, followed))
+        Ok(MapResult::new(displacement, certificate, rounds, halvings, followed))
     }
 
     /// As [`Settle::settle`], without the figures that only a report shows.
@@ -47,7 +47,7 @@ impl Settle<'_> {
         let proven = self.prove(field, if exec.skip { Detail::Least } else { Detail::All }, exec)?;
         let misfit = outcome::misfit(self.lattice, &proven.field, self.frame);
         outcome::check_misfit(misfit, self.band.tolerance, || {
-            Followed::measure(self.lattice, &proven.field, self.frame).misfit_max_mm
+            SurfaceFit::measure(self.lattice, &proven.field, self.frame).misfit_max_mm
         })?;
         let (relaxations, halvings) = (proven.rounds, proven.halvings);
         let displacement = self.invert(proven, exec)?;

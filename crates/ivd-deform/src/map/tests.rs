@@ -1,4 +1,4 @@
-use ivd_core::{Ball, Faulty, VoxelCoord, VoxelIndex};
+use ivd_core::{Ball, Classified, VoxelCoord, VoxelIndex};
 
 use nalgebra::Vector3;
 
@@ -106,19 +106,19 @@ pub(super) fn with_frames(motion: &Motion, frames: Vec<Frame>) -> Motion {
 }
 
 impl Scene {
-    pub(super) fn map(&self, params: &OctreeParams, exec: &Exec) -> Result<Mapped, Error> {
+    pub(super) fn map(&self, params: &OctreeParams, exec: &Exec) -> Result<MapResult, Error> {
         let tree = ivd_octree::build(&self.lattice, &ivd_octree::Params::default(), exec)?;
         octree(&self.lattice, &tree, &self.motion, 0, params, exec)
     }
 
     /// The plain twin.
-    fn map_brute(&self, params: &OctreeParams, exec: &Exec) -> Result<Mapped, Error> {
+    fn map_brute(&self, params: &OctreeParams, exec: &Exec) -> Result<MapResult, Error> {
         let positions = self.lattice.local_positions();
         let brute = Brute::new(&self.lattice, &positions);
         nearest(&self.lattice, &self.mask, &brute, &self.motion, 0, params, exec)
     }
 
-    fn mapped(&self, params: &OctreeParams) -> Mapped {
+    fn mapped(&self, params: &OctreeParams) -> MapResult {
         self.map(params, &Exec::default()).unwrap()
     }
 }
@@ -269,7 +269,7 @@ fn push_deeper_than_the_part_is_refused_with_the_place_and_a_remedy() {
     let error = scene(&grid, plate, moves, &[(top, 10.0)])
         .map(&OctreeParams::default(), &Exec::default())
         .unwrap_err();
-    assert_eq!(error.fault(), ivd_core::Fault::Untrusted, "{error}");
+    assert_eq!(error.error_class(), ivd_core::ErrorClass::Untrusted, "{error}");
     assert!(error.to_string().contains("larger radius"), "{error}");
 }
 
@@ -406,7 +406,7 @@ fn a_motion_that_no_vector_holds_is_refused_as_untrusted() {
     for far in [1e38, 1e100, 1e200] {
         let part = scene(&grid, ball(centre, 4.0), |_| Vector3::new(far, 0.0, 0.0), &[(centre, 5.0)]);
         let error = part.map(&OctreeParams::default(), &Exec::default()).unwrap_err();
-        assert_eq!(error.fault(), ivd_core::Fault::Untrusted, "{error}");
+        assert_eq!(error.error_class(), ivd_core::ErrorClass::Untrusted, "{error}");
         assert!(error.to_string().contains("move the handle less"), "{error}");
     }
 }

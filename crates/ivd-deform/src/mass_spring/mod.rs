@@ -57,7 +57,7 @@ use body::{Body, Region};
 use drives::{Drives, MILLINEWTON};
 use outcome::{Balance, Outcome};
 
-pub use params::{Closeness, Course, Descent, Material, Params, Solver, Springs};
+pub use params::{Closeness, Descent, LoadRamp, Material, Params, Solver, Springs};
 pub use springs::{Kind, Link, links};
 
 /// A pulled target that goes further than this many radii has left what its radius can follow.

@@ -21,7 +21,7 @@ pub enum Solver {
 /// How handles come to their full motion or force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Course {
+pub enum LoadRamp {
     /// `3τ² − 2τ³`: it starts and ends without a jerk.
     #[default]
     Smooth,
@@ -29,7 +29,7 @@ pub enum Course {
     Linear,
 }
 
-/// What a class is made of; what isn't given is as everywhere else.
+/// What a class is made of. A value that isn't given is that of the whole lattice.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Material {
@@ -96,7 +96,7 @@ pub struct Springs {
     #[schemars(range(min = 0.0, max = 1e6), extend("x-unit" = "s"))]
     pub ramp: Option<f64>,
     /// How handles come to their full motion or force.
-    pub course: Course,
+    pub course: LoadRamp,
     /// Frames of the motion, evenly in time.
     #[schemars(range(min = 1, max = 10_000), extend("x-unit" = "1"))]
     pub frames: usize,
@@ -121,7 +121,7 @@ impl Default for Springs {
             duration: 0.2,
             dt: None,
             ramp: None,
-            course: Course::Smooth,
+            course: LoadRamp::Smooth,
             frames: 1,
         }
     }
@@ -198,8 +198,8 @@ impl Springs {
         let ramp = self.ramp.unwrap_or(self.duration);
         let t = if time >= ramp { 1.0 } else { time / ramp };
         match self.course {
-            Course::Smooth => t * t * (3.0 - 2.0 * t),
-            Course::Linear => t,
+            LoadRamp::Smooth => t * t * (3.0 - 2.0 * t),
+            LoadRamp::Linear => t,
         }
     }
 

@@ -71,8 +71,8 @@ pub struct RingParams {
     /// Fraction of the handle's force below which a vertex passes none on.
     #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
     pub epsilon: f64,
-    /// The thesis to the letter: masses of 1 g, signed cosines, ring sums free to grow, no ground springs, springs that
-    /// push as well as pull. It may well end in an error.
+    /// Reproduce the thesis exactly, including its errors: masses of 1 g, signed cosines, ring sums free to grow, no ground
+    /// springs, springs that push as well as pull. The result may diverge, which is an error.
     pub literal: bool,
 }
 

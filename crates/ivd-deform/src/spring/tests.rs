@@ -1,4 +1,4 @@
-use ivd_core::{ElementKey, Fault, Faulty, Grid, LatticeSource};
+use ivd_core::{Classified, ElementKey, ErrorClass, Grid, LatticeSource};
 
 use super::*;
 
@@ -206,7 +206,7 @@ fn several_handles_each_reach_their_own_move_without_adding_up() {
     assert_eq!((at(&solved, 8, 10).z, at(&solved, 9, 10).z), (2.0, -2.0));
     let twice = [moved(vertex(8, 10), [1.0; 3], 6.0), moved(vertex(8, 10), [2.0; 3], 3.0)];
     let error = solve(&twice, &[], &RingParams::default()).unwrap_err();
-    assert!(error.to_string().contains("vertex 218") && error.fault() == Fault::Usage, "{error}");
+    assert!(error.to_string().contains("vertex 218") && error.error_class() == ErrorClass::Usage, "{error}");
 }
 
 #[test]
@@ -248,13 +248,16 @@ fn extremes_end_in_finite_motion_or_say_why_not() {
             assert!(solved.steps >= 32 && solved.steps <= 20_000);
             match solve(&[pulled(vertex(10, 10), [0.0, 0.0, 10.0], 4.0)], &[], &params) {
                 Ok(_) => {}
-                Err(error) => assert_eq!(error.fault(), Fault::Untrusted, "{error}"),
+                Err(error) => assert_eq!(error.error_class(), ErrorClass::Untrusted, "{error}"),
             }
         }
     }
     let error =
         solve(&[pulled(vertex(10, 10), [0.0, 0.0, 1e30], 4.0)], &[], &RingParams::default()).unwrap_err();
-    assert!(error.fault() == Fault::Untrusted && error.to_string().contains("radius of 4 mm"), "{error}");
+    assert!(
+        error.error_class() == ErrorClass::Untrusted && error.to_string().contains("radius of 4 mm"),
+        "{error}"
+    );
     let huge = solve(&[moved(vertex(10, 10), [1e30, 0.0, 0.0], 4.0)], &[], &RingParams::default()).unwrap();
     assert_eq!(huge.max_displacement_mm, 1e30);
 }
@@ -282,7 +285,10 @@ fn picks_take_the_nearest_vertex_or_say_how_far_it_is() {
     assert_eq!(at(&solved, 10, 10).z, 1.0);
     let far = moved(HandleAt::Pick([10.0, 10.0, 100.5]), [0.0, 0.0, 1.0], 4.0);
     let error = solve(&[far], &[], &RingParams::default()).unwrap_err();
-    assert!(error.to_string().contains("100.000 mm away") && error.fault() == Fault::Usage, "{error}");
+    assert!(
+        error.to_string().contains("100.000 mm away") && error.error_class() == ErrorClass::Usage,
+        "{error}"
+    );
     let beyond = moved(HandleAt::Vertex(1_000_000), [0.0, 0.0, 1.0], 4.0);
     assert!(solve(&[beyond], &[], &RingParams::default()).unwrap_err().to_string().contains("441 vertices"));
 }
@@ -316,5 +322,5 @@ fn threads_do_not_change_a_byte_and_cancel_stops() {
     let stopped = Exec::default();
     stopped.cancel.cancel();
     let error = ring(&sheet([0.0; 3]), &handles, &[], &RingParams::default(), &stopped).unwrap_err();
-    assert_eq!(error.fault(), Fault::Cancelled);
+    assert_eq!(error.error_class(), ErrorClass::Cancelled);
 }

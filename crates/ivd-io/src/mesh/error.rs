@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use ivd_core::{Fault, Faulty};
+use ivd_core::{Classified, ErrorClass};
 
 /// Why a mesh can't be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -48,14 +48,14 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(error) => error.fault(),
-            Self::Format { .. } => Fault::Usage,
-            Self::Unwritable { .. } => Fault::Limit,
-            Self::Unreadable { .. } => Fault::Input,
-            Self::Io { .. } => Fault::Io,
+            Self::Core(error) => error.error_class(),
+            Self::Format { .. } => ErrorClass::Usage,
+            Self::Unwritable { .. } => ErrorClass::Limit,
+            Self::Unreadable { .. } => ErrorClass::Input,
+            Self::Io { .. } => ErrorClass::Io,
         }
     }
 }

@@ -257,7 +257,7 @@ pub(crate) fn verify_end(reader: &mut dyn Read, path: &Path, exec: &Exec) -> Res
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ivd_core::Faulty;
+    use ivd_core::Classified;
 
     fn declared(count: usize, available: u64, packing: Packing) -> Declared {
         Declared { voxel_type: VoxelType::U16, count, order: ByteOrder::Big, packing, available }
@@ -290,7 +290,7 @@ mod tests {
     fn the_memory_limit_holds_for_what_is_declared() {
         let exec = Exec::default().with_memory_limit(Some(100));
         let error = declared(51, 200, Packing::Raw).check(Path::new("x"), 0, &exec).unwrap_err();
-        assert_eq!(error.fault(), ivd_core::Fault::Limit);
+        assert_eq!(error.error_class(), ivd_core::ErrorClass::Limit);
         assert!(declared(50, 200, Packing::Raw).check(Path::new("x"), 100, &exec).is_ok());
     }
 
@@ -308,7 +308,7 @@ mod tests {
         assert!(check(5000, 10_000, Packing::Raw).is_ok());
         assert!(check(5000, 1000, Packing::Deflated).is_ok());
         let bomb = check(5000, 20, Packing::Deflated).unwrap_err();
-        assert_eq!(bomb.fault(), ivd_core::Fault::Limit);
+        assert_eq!(bomb.error_class(), ivd_core::ErrorClass::Limit);
     }
 
     #[test]

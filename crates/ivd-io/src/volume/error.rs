@@ -1,7 +1,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use ivd_core::{Fault, Faulty};
+use ivd_core::{Classified, ErrorClass};
 
 /// Why a volume can't be read or written. Every variant names the file; those about a header name the field.
 #[derive(Debug, thiserror::Error)]
@@ -83,17 +83,17 @@ pub enum Error {
     },
 }
 
-impl Faulty for Error {
-    fn fault(&self) -> Fault {
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(error) => error.fault(),
-            Self::Io { .. } => Fault::Io,
+            Self::Core(error) => error.error_class(),
+            Self::Io { .. } => ErrorClass::Io,
             Self::Unknown { .. }
             | Self::Field { .. }
             | Self::Unsupported { .. }
             | Self::Truncated { .. }
             | Self::Corrupt { .. }
-            | Self::Choice { .. } => Fault::Input,
+            | Self::Choice { .. } => ErrorClass::Input,
         }
     }
 }

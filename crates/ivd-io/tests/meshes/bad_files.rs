@@ -1,6 +1,6 @@
 //! Damaged and hostile files: each gets its error, which names the file, the place, what is wrong and a remedy.
 
-use ivd_core::{Fault, Faulty};
+use ivd_core::{Classified, ErrorClass};
 use ivd_io::mesh::Error;
 use ivd_io::mesh::Format;
 
@@ -14,7 +14,7 @@ fn assert_refused(format: Format, bytes: &[u8], wanted: &[&str]) {
         Ok(mesh) => panic!("{} triangles were read from {shown}", mesh.triangles.len()),
         Err(error) => error,
     };
-    assert_eq!(error.fault(), Fault::Input, "{error}");
+    assert_eq!(error.error_class(), ErrorClass::Input, "{error}");
     let Error::Unreadable { place, problem, remedy, .. } = &error else { panic!("{error}") };
     assert!(!place.is_empty() && !problem.is_empty() && !remedy.is_empty());
     let message = error.to_string();

@@ -1,7 +1,7 @@
 //! Meshes of any origin on a grid: what is mended, what is refused, and what is promised of the result.
 
 use ivd_core::Mesh;
-use ivd_core::{Exec, Fault, Faulty, Grid, Lattice, LatticeSource};
+use ivd_core::{Classified, ErrorClass, Exec, Grid, Lattice, LatticeSource};
 use ivd_lattice::figures::measure;
 use ivd_lattice::foreign::{Foreign, ForeignParams, lattice};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
@@ -20,7 +20,7 @@ fn put(mesh: &Mesh, grid: &Grid) -> Foreign {
 /// The message with which a mesh is refused.
 fn refused(mesh: &Mesh) -> String {
     let error = lattice(mesh, &grid(), &ForeignParams::default(), &Exec::default()).unwrap_err();
-    assert_eq!(error.fault(), Fault::Input);
+    assert_eq!(error.error_class(), ErrorClass::Input);
     error.to_string()
 }
 
@@ -300,7 +300,7 @@ fn hand_made_meshes_that_make_no_sense_are_refused() {
     for weld in [-1.0, f64::NAN, f64::INFINITY] {
         let params = ForeignParams { weld, allow_open: false };
         let error = lattice(&Mesh::default(), &grid(), &params, &Exec::default()).unwrap_err();
-        assert_eq!(error.fault(), Fault::Usage);
+        assert_eq!(error.error_class(), ErrorClass::Usage);
     }
     let empty = put(&Mesh::default(), &grid());
     assert!(empty.lattice.keys().is_empty() && empty.moved_mm == 0.0);
@@ -308,9 +308,9 @@ fn hand_made_meshes_that_make_no_sense_are_refused() {
     exec.cancel.cancel();
     let error =
         lattice(&boxes(&[([1.0; 3], [2.0; 3])]), &grid(), &ForeignParams::default(), &exec).unwrap_err();
-    assert_eq!(error.fault(), Fault::Cancelled);
+    assert_eq!(error.error_class(), ErrorClass::Cancelled);
     let exec = Exec::default().with_memory_limit(Some(100));
     let error =
         lattice(&boxes(&[([1.0; 3], [2.0; 3])]), &grid(), &ForeignParams::default(), &exec).unwrap_err();
-    assert_eq!(error.fault(), Fault::Limit);
+    assert_eq!(error.error_class(), ErrorClass::Limit);
 }

@@ -40,7 +40,7 @@ fn assert_both_ways(lattice: &Lattice) {
         assert!(found.clone().all(|v| lattice.describe(v).voxel == voxel));
         met.extend(found);
         assert_eq!(
-            lattice.vertices_round_voxel(voxel),
+            lattice.vertices_touching_voxel(voxel),
             round.remove(&voxel).unwrap_or_default(),
             "{voxel:?}"
         );
@@ -76,7 +76,7 @@ fn voxels_far_outside_have_no_vertices() {
             let mut voxel = [1; 3];
             voxel[axis] = far;
             assert!(lattice.vertices_of_voxel(voxel).is_empty());
-            assert!(lattice.vertices_round_voxel(voxel).is_empty());
+            assert!(lattice.vertices_touching_voxel(voxel).is_empty());
         }
     }
 }

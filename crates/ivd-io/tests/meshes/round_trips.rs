@@ -1,6 +1,6 @@
 //! What our writers write comes back.
 
-use ivd_core::{Faulty, Lattice};
+use ivd_core::{Classified, Lattice};
 use ivd_core::{Mesh, MeshAddress as Address};
 use ivd_io::mesh::Format;
 use nalgebra::Vector3;
@@ -98,12 +98,12 @@ fn a_file_is_read_by_its_path_and_within_its_limit() {
         let size = std::fs::metadata(&path).unwrap().len();
         for limit in [0, size - 1, size + 100] {
             let error = ivd_io::mesh::read(&path, limit).unwrap_err();
-            assert_eq!(error.fault(), ivd_core::Fault::Limit, "{format:?}: {error}");
+            assert_eq!(error.error_class(), ivd_core::ErrorClass::Limit, "{format:?}: {error}");
         }
     }
-    let fault = |path: &std::path::Path| ivd_io::mesh::read(path, u64::MAX).unwrap_err().fault();
-    assert_eq!(fault(&folder.path().join("mesh.vtk")), ivd_core::Fault::Usage);
-    assert_eq!(fault(&folder.path().join("none.ply")), ivd_core::Fault::Io);
+    let class = |path: &std::path::Path| ivd_io::mesh::read(path, u64::MAX).unwrap_err().error_class();
+    assert_eq!(class(&folder.path().join("mesh.vtk")), ivd_core::ErrorClass::Usage);
+    assert_eq!(class(&folder.path().join("none.ply")), ivd_core::ErrorClass::Io);
     std::fs::create_dir(folder.path().join("folder.ply")).unwrap();
-    assert_eq!(fault(&folder.path().join("folder.ply")), ivd_core::Fault::Io);
+    assert_eq!(class(&folder.path().join("folder.ply")), ivd_core::ErrorClass::Io);
 }

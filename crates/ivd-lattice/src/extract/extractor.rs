@@ -73,7 +73,7 @@ impl Extractor {
     }
 
     /// Takes the memory of a lattice that is no longer needed, for the next cut.
-    pub fn recycle(&mut self, lattice: Lattice) {
+    pub fn reuse(&mut self, lattice: Lattice) {
         let (keys, places, triangles) = lattice.into_parts();
         let (keys, places, triangles) = (keys.into_vec(), places.into_vec(), triangles.into_vec());
         self.spare.surface = Surface { keys, places, triangles };
@@ -196,7 +196,7 @@ mod tests {
                 let cut = extractor.extract(volume, mask, &params, &exec).unwrap();
                 assert!(cut == expected, "cut {n} with {threads} threads");
                 if n % 5 != 4 {
-                    extractor.recycle(cut.lattice);
+                    extractor.reuse(cut.lattice);
                 }
             }
         }
@@ -215,7 +215,7 @@ mod tests {
         };
         let large = cut(9.0, &mut extractor);
         let at = [large.places().as_ptr().addr(), large.triangles().as_ptr().addr()];
-        extractor.recycle(large);
+        extractor.reuse(large);
         let small = cut(5.0, &mut extractor);
         assert_eq!([small.places().as_ptr().addr(), small.triangles().as_ptr().addr()], at);
     }

@@ -15,7 +15,7 @@
 //! - **As the trilinear function goes.** Two loops in a cell bound two sheets, or a tube where that function joins inside
 //!   to inside, or outside to outside, through the cell. So components and holes are those of the function's own surface. A
 //!   saddle on the isovalue is inside, as a voxel is: all is as if the isovalue were less by a hair.
-//! - **Never degenerate.** A crossing stays [`T_MIN`](ivd_core::T_MIN) of an edge away from its ends, so the corners
+//! - **Never degenerate.** A crossing stays [`MIN_EDGE_FRACTION`](ivd_core::MIN_EDGE_FRACTION) of an edge away from its ends, so the corners
 //!   of a triangle are three different places on three different elements.
 //!
 //! After Lorensen and Cline 1987, in the passes of Flying Edges (Schroeder, Maynard and Geveci 2015).
@@ -59,7 +59,7 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 pub use extractor::Extractor;
 pub use normals::normals;
-pub use parts::{Part, extract_parts, occurring};
+pub use parts::{Part, extract_parts, labels_present};
 pub use stage::{IsoChoice, IsoWord, LatticeFigures, LatticeParams, STAGE};
 pub(crate) use table::PARTED;
 

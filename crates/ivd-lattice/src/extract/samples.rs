@@ -1,6 +1,6 @@
 //! What extraction asks of its input: which voxels are inside, how far each is from the surface, where it crosses.
 
-use ivd_core::T_MIN;
+use ivd_core::MIN_EDGE_FRACTION;
 
 use super::bounds::{Bounds, Ordered};
 
@@ -141,7 +141,7 @@ pub(super) fn halfway(mask: &[u8]) -> Field<'_, u8> {
 /// A crossing as it is stored: within `[T_MIN, 1 - T_MIN]`, halfway where there was no telling.
 #[inline]
 fn clamp(fraction: f64) -> f32 {
-    if fraction.is_nan() { 0.5 } else { (fraction as f32).clamp(T_MIN, 1.0 - T_MIN) }
+    if fraction.is_nan() { 0.5 } else { (fraction as f32).clamp(MIN_EDGE_FRACTION, 1.0 - MIN_EDGE_FRACTION) }
 }
 
 /// Packs a test of each value into bits, 64 values at a time so that the compiler can vectorise the test.

@@ -1,4 +1,4 @@
-use ivd_core::{Coarser, Exec, Lattice, ParamError};
+use ivd_core::{CoarseLevel, Exec, Lattice, ParamError};
 
 use super::locks::Locks;
 use super::params::{Method, RefineParams, Target};
@@ -92,7 +92,7 @@ pub fn with_levels(finest: Lattice, levels: &[Refined]) -> Result<Lattice, Error
         let number = |v: u32| finest.vertex_at(lattice.keys()[v as usize]).expect("levels are subsets");
         let triangles: Vec<_> = lattice.triangles().iter().map(|t| t.map(number)).collect();
         let (level, max_error_mm) = (lattice.level(), lattice.max_error_mm());
-        coarser.push(Coarser { triangles: triangles.into(), level, max_error_mm });
+        coarser.push(CoarseLevel { triangles: triangles.into(), level, max_error_mm });
         last = Some(lattice);
     }
     let whole = finest.with_coarser(coarser)?;

@@ -33,7 +33,7 @@ use super::mean::mean_distance;
 use super::mesh::Mesh;
 use super::params::RefineParams;
 use super::patch::Patch;
-use super::report::{Refined, Refusals, Refused, StoppedBy};
+use super::report::{Refined, Refusals, Refused, StopReason};
 use super::star::Fan;
 use crate::Error;
 
@@ -105,7 +105,7 @@ const KEPT: u32 = u32::MAX;
 impl Decimation {
     /// Removes at most `removals` vertices. A vertex that was refused is tried again when something changes round it, and
     /// once more when the queue is empty, at last by fans too: what is refused at the end can't go.
-    fn run(&mut self, removals: usize, exec: &Exec) -> Result<(StoppedBy, Refused, u32), Error> {
+    fn run(&mut self, removals: usize, exec: &Exec) -> Result<(StopReason, Refused, u32), Error> {
         let free = std::mem::take(&mut self.mesh.free);
         self.stamps.fill(KEPT);
         for &v in &free {
@@ -151,7 +151,7 @@ impl Decimation {
             }
         }
         let refused = self.mesh.kept + refusals.count();
-        let stopped_by = if removed >= removals { StoppedBy::Target } else { refused.reason() };
+        let stopped_by = if removed >= removals { StopReason::Target } else { refused.reason() };
         Ok((stopped_by, refused, passes))
     }
 

@@ -21,7 +21,7 @@ use super::measured::Draft;
 use super::params::{RefineParams, Target};
 use super::passes::Run;
 use super::pull::{Rules, pull};
-use super::report::{Refined, Refused, StoppedBy};
+use super::report::{Refined, Refused, StopReason};
 use super::star::Fan;
 use super::surface::Surface;
 use crate::Error;
@@ -75,7 +75,7 @@ pub(super) fn loop_levels(
     exec.run(|| {
         let goal = Goal::new(lattice, params.target.get());
         if lattice.triangles().is_empty() {
-            return Draft::same(lattice, StoppedBy::Target).finished(lattice, f64::INFINITY, exec);
+            return Draft::same(lattice, StopReason::Target).finished(lattice, f64::INFINITY, exec);
         }
         let (exact, levels, error) = taken_back(lattice, &goal, locks, exec)?;
         if goal.is_reached(levels, exact.triangles.len()) {
@@ -94,7 +94,7 @@ fn taken_back(
 ) -> Result<(Draft, usize, f64), Error> {
     let positions = lattice.local_positions();
     let locked = locks.flags(lattice.keys().len());
-    let (mut draft, mut levels, mut error) = (Draft::same(lattice, StoppedBy::Target), 0, 0.0);
+    let (mut draft, mut levels, mut error) = (Draft::same(lattice, StopReason::Target), 0, 0.0);
     while !goal.is_reached(levels, draft.triangles.len()) && draft.triangles.len() / 4 >= goal.keep {
         let Ok(coarse) = inverse::coarser(&draft.triangles, &positions) else { break };
         exec.check_cancelled()?;
@@ -132,7 +132,7 @@ fn pulled(
     let bound = if goal.mm.is_finite() { goal.mm - error } else { f64::INFINITY };
     let turn_cosine = params.max_turn_degrees.to_radians().cos();
     let rules = Rules { limits: Limits { turn_cosine, bound }, shape_weight: params.shape_weight as f32 };
-    let mut run = Run { stopped_by: StoppedBy::Target, refused: Refused::default(), passes: exact.passes };
+    let mut run = Run { stopped_by: StopReason::Target, refused: Refused::default(), passes: exact.passes };
     while !goal.is_reached(level, surface.triangles.len()) {
         let done = one_level(&mut surface, &rules, goal.keep, exec)?;
         run.passes += done.passes;

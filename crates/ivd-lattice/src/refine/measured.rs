@@ -4,7 +4,7 @@ use ivd_core::{Exec, Lattice};
 
 use super::certified::{distances_within, least_distance};
 use super::locks::Locks;
-use super::report::{Outcome, Refined, Refused, StoppedBy};
+use super::report::{Outcome, Refined, Refused, StopReason};
 use crate::Error;
 
 /// What a method made of a lattice, in the input's numbers, before anyone knows how far off it is.
@@ -14,14 +14,14 @@ pub(super) struct Draft {
     pub(super) kept: Vec<u32>,
     /// Triangles between them.
     pub(super) triangles: Vec<[u32; 3]>,
-    pub(super) stopped_by: StoppedBy,
+    pub(super) stopped_by: StopReason,
     pub(super) refused: Refused,
     pub(super) passes: u32,
 }
 
 impl Draft {
     /// The input as it is.
-    pub(super) fn same(input: &Lattice, stopped_by: StoppedBy) -> Self {
+    pub(super) fn same(input: &Lattice, stopped_by: StopReason) -> Self {
         Self {
             kept: (0..input.keys().len() as u32).collect(),
             triangles: input.triangles().to_vec(),
@@ -44,7 +44,7 @@ impl Draft {
             left[v as usize] = true;
         }
         let kept = (0..left.len() as u32).filter(|&v| left[v as usize]).collect();
-        Self { kept, triangles, stopped_by: StoppedBy::Target, refused: Refused::default(), passes }
+        Self { kept, triangles, stopped_by: StopReason::Target, refused: Refused::default(), passes }
     }
 
     /// The refined lattice, as if it were no distance away.

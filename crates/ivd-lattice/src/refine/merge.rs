@@ -23,7 +23,7 @@ use super::params::{RefineParams, Target};
 use super::passes::Run;
 use super::pull::{Rules, pull};
 use super::quadric::{Quadric, plane_root};
-use super::report::{Refined, Refused, StoppedBy};
+use super::report::{Refined, Refused, StopReason};
 use super::surface::Surface;
 use crate::Error;
 use crate::figures::stars::Stars;
@@ -99,7 +99,7 @@ pub(super) fn merge(
     exec.check_memory("the vertices to be clustered", bytes)?;
     exec.run(|| {
         let goal = Goal::new(lattice, params.target.get());
-        let same = Draft::same(lattice, StoppedBy::Target);
+        let same = Draft::same(lattice, StopReason::Target);
         if lattice.triangles().is_empty() || goal.is_met(&same) {
             return same.finished(lattice, f64::INFINITY, exec);
         }
@@ -165,7 +165,7 @@ impl<'a> Clusters<'a> {
             let enough = match goal {
                 _ if too_large => true,
                 Goal::Error(mm) => {
-                    let draft = Draft { stopped_by: StoppedBy::MaxError, ..draft };
+                    let draft = Draft { stopped_by: StopReason::MaxError, ..draft };
                     match draft.measured(self.lattice, f64::INFINITY, mm, exec)? {
                         Some(refined) => {
                             within = Some(refined);
@@ -179,7 +179,7 @@ impl<'a> Clusters<'a> {
                     true
                 }
                 _ => {
-                    short = Some(Draft { stopped_by: StoppedBy::Vanishing, ..draft });
+                    short = Some(Draft { stopped_by: StopReason::Vanishing, ..draft });
                     false
                 }
             };
@@ -189,7 +189,7 @@ impl<'a> Clusters<'a> {
             return Ok(refined);
         }
         let stopped_by =
-            if matches!(goal, Goal::Error(_)) { StoppedBy::MaxError } else { StoppedBy::Vanishing };
+            if matches!(goal, Goal::Error(_)) { StopReason::MaxError } else { StopReason::Vanishing };
         let draft = best.or(short).unwrap_or_else(|| Draft::same(self.lattice, stopped_by));
         draft.finished(self.lattice, f64::INFINITY, exec)
     }
@@ -309,7 +309,7 @@ fn collapsed(
     let largest = 2.0 * (high - low).norm();
     let mut side = mean_side(lattice, &lattice.local_positions());
     let mut left = goal.removals(lattice.keys().len(), lattice.triangles().len());
-    let mut run = Run { stopped_by: StoppedBy::Target, refused: Refused::default(), passes: 0 };
+    let mut run = Run { stopped_by: StopReason::Target, refused: Refused::default(), passes: 0 };
     while left > 0 {
         // A lattice all of whose vertices lie at one place has no size to grow by.
         if !(side > 0.0 && side <= largest) {

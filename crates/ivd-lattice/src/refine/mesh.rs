@@ -5,7 +5,7 @@ use super::Refused;
 use super::features::{Features, Kind};
 use super::locks::Locks;
 use super::mean::Refining;
-use super::report::{Outcome, StoppedBy};
+use super::report::{Outcome, StopReason};
 use super::shared::GONE;
 use super::star::Fan;
 
@@ -163,7 +163,7 @@ impl Mesh {
     pub(super) fn outcome(
         &self,
         mean_error_mm: f64,
-        stopped_by: StoppedBy,
+        stopped_by: StopReason,
         refused: Refused,
         passes: u32,
     ) -> Outcome {

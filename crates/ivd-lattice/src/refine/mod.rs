@@ -68,7 +68,7 @@ pub use chain::{chain, with_levels};
 pub use locks::{Locks, vertices_within};
 pub use params::{Method, RefineParams, Target, TargetKeys};
 use report::Outcome;
-pub use report::{Reached, Refined, Refused, StoppedBy};
+pub use report::{RefineStatus, Refined, Refused, StopReason};
 pub(crate) use slivers::{Slivers, WithoutSlivers};
 pub use stage::{LevelFigures, Lock, RefineFigures, Refinement, STAGE};
 use surface::Surface;
@@ -122,7 +122,7 @@ fn collapse_locked(
     exec.run(|| {
         let mut surface = Surface::new(lattice, locks, params.feature_degrees);
         let mut run = passes::run(&mut surface, params, exec)?;
-        if params.allow_topology && run.stopped_by != StoppedBy::Target {
+        if params.allow_topology && run.stopped_by != StopReason::Target {
             run = topology::run(&mut surface, params, lattice.triangles().len(), run.passes, exec)?;
         }
         exec.check_cancelled()?;

@@ -8,7 +8,7 @@ use super::params::RefineParams;
 use super::queue::Queue;
 use super::star::Fan;
 use super::surface::Surface;
-use super::{Refused, StoppedBy};
+use super::{Refused, StopReason};
 use crate::Error;
 
 /// Share of the vertices that a pass may remove, the cheapest first. Smaller keeps closer to the order of a queue that is
@@ -35,7 +35,7 @@ const TASK: &str = "collapse";
 
 /// How a run of passes ended.
 pub(super) struct Run {
-    pub(super) stopped_by: StoppedBy,
+    pub(super) stopped_by: StopReason,
     pub(super) refused: Refused,
     pub(super) passes: u32,
 }
@@ -111,7 +111,7 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
         };
     }
     exec.observer().end(TASK);
-    let stopped_by = if removed >= goal.removals { StoppedBy::Target } else { refused.reason() };
+    let stopped_by = if removed >= goal.removals { StopReason::Target } else { refused.reason() };
     Ok(Run { stopped_by, refused, passes })
 }
 

@@ -13,7 +13,7 @@ pub struct Refined {
     /// A subset of the input's vertices, with their keys and places, and new triangles between them.
     pub lattice: Lattice,
     /// How far the refinement went, and what ended it.
-    pub reached: Reached,
+    pub reached: RefineStatus,
     /// Bound on the distance between input and result, both ways (mm): the Hausdorff distance is at most this.
     pub max_error_mm: f64,
     /// Mean distance (mm). Of collapse and decimation that of the input's vertices from the result, weighted by the area round
@@ -30,7 +30,7 @@ pub struct Refined {
 
 /// How far a refinement went.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Reached {
+pub struct RefineStatus {
     /// Share of the triangles that is left; 1 for an empty lattice.
     #[schemars(extend("x-unit" = "1"))]
     pub ratio: f64,
@@ -38,7 +38,7 @@ pub struct Reached {
     #[schemars(extend("x-unit" = "1"))]
     pub level: f64,
     /// What ended it.
-    pub stopped_by: StoppedBy,
+    pub stopped_by: StopReason,
     /// Vertices that the last pass wanted to remove and why they are still there.
     pub refused: Refused,
 }
@@ -46,7 +46,7 @@ pub struct Reached {
 /// What ended a refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum StoppedBy {
+pub enum StopReason {
     /// The level or ratio asked for was reached.
     Target,
     /// No vertex can go within the error asked for.
@@ -65,7 +65,7 @@ pub enum StoppedBy {
     Vanishing,
 }
 
-impl fmt::Display for StoppedBy {
+impl fmt::Display for StopReason {
     /// The word that JSON has for it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.serialize(f)
@@ -108,17 +108,17 @@ impl Refused {
     }
 
     /// The most frequent reason; the first of equals.
-    pub(super) fn reason(&self) -> StoppedBy {
+    pub(super) fn reason(&self) -> StopReason {
         let counts = [
-            (self.max_error, StoppedBy::MaxError),
-            (self.specks, StoppedBy::Specks),
-            (self.links, StoppedBy::Links),
-            (self.flips, StoppedBy::Flips),
-            (self.locks, StoppedBy::Locks),
-            (self.features, StoppedBy::Features),
+            (self.max_error, StopReason::MaxError),
+            (self.specks, StopReason::Specks),
+            (self.links, StopReason::Links),
+            (self.flips, StopReason::Flips),
+            (self.locks, StopReason::Locks),
+            (self.features, StopReason::Features),
         ];
         let most = counts.iter().map(|c| c.0).max().unwrap_or(0);
-        counts.iter().find(|c| c.0 == most).map_or(StoppedBy::Locks, |c| c.1)
+        counts.iter().find(|c| c.0 == most).map_or(StopReason::Locks, |c| c.1)
     }
 }
 
@@ -175,7 +175,7 @@ pub(super) struct Outcome {
     pub(super) max_error_mm: f64,
     /// As in [`Refined`].
     pub(super) mean_error_mm: f64,
-    pub(super) stopped_by: StoppedBy,
+    pub(super) stopped_by: StopReason,
     pub(super) refused: Refused,
     pub(super) passes: u32,
 }
@@ -191,7 +191,7 @@ impl Outcome {
         let lattice = lattice.with_level(input.level().saturating_add(level.round() as u8));
         Refined {
             lattice: lattice.with_max_error_mm(input.max_error_mm() + max_error_mm),
-            reached: Reached {
+            reached: RefineStatus {
                 ratio: if input.triangles().is_empty() { 1.0 } else { share },
                 level,
                 stopped_by,

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use super::locks::Locks;
 use super::measured::Draft;
 use super::params::{RefineParams, Target};
-use super::report::{Refined, StoppedBy};
+use super::report::{Refined, StopReason};
 use crate::Error;
 use crate::extract::{PARTED, cell};
 
@@ -78,12 +78,12 @@ fn at_level<'a>(
         let triangles = coarse(1 << lower).triangles(exec)?;
         if !triangles.is_empty() {
             let mut draft = Draft::of(triangles, lattice, Locks::NONE, 1);
-            draft.stopped_by = if lower == level { StoppedBy::Target } else { StoppedBy::Vanishing };
+            draft.stopped_by = if lower == level { StopReason::Target } else { StopReason::Vanishing };
             return Ok(draft);
         }
     }
     let reached = level == 0 || lattice.triangles().is_empty();
-    Ok(Draft::same(lattice, if reached { StoppedBy::Target } else { StoppedBy::Vanishing }))
+    Ok(Draft::same(lattice, if reached { StopReason::Target } else { StopReason::Vanishing }))
 }
 
 fn at_count<'a>(
@@ -93,16 +93,16 @@ fn at_count<'a>(
     exec: &Exec,
 ) -> Result<Draft, Error> {
     if lattice.triangles().len() <= keep {
-        return Ok(Draft::same(lattice, StoppedBy::Target));
+        return Ok(Draft::same(lattice, StopReason::Target));
     }
     let mut step = 1;
     let stopped_by = loop {
         match coarse(step + 1).count(exec)? {
-            0 => break StoppedBy::Vanishing,
+            0 => break StopReason::Vanishing,
             count => {
                 step += 1;
                 if count <= keep {
-                    break StoppedBy::Target;
+                    break StopReason::Target;
                 }
             }
         }
@@ -127,7 +127,7 @@ fn within<'a>(
     let draft = |step: usize| {
         let triangles = coarse(step).triangles(exec)?;
         let draft = (!triangles.is_empty()).then(|| Draft::of(triangles, lattice, Locks::NONE, 1));
-        Ok::<_, Error>(draft.map(|draft| Draft { stopped_by: StoppedBy::MaxError, ..draft }))
+        Ok::<_, Error>(draft.map(|draft| Draft { stopped_by: StopReason::MaxError, ..draft }))
     };
     let may_be = |step: usize| match draft(step)? {
         Some(draft) => Ok::<_, Error>(draft.least(lattice, exec)? <= mm),
@@ -148,7 +148,7 @@ fn within<'a>(
             return Ok(refined);
         }
     }
-    Draft::same(lattice, StoppedBy::MaxError).finished(lattice, f64::INFINITY, exec)
+    Draft::same(lattice, StopReason::MaxError).finished(lattice, f64::INFINITY, exec)
 }
 
 /// Which voxels of the padded grid are inside, a bit each.

@@ -7,7 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Locks, Reached, RefineParams, Refined, StoppedBy, chain, distances, refine, vertices_within, with_levels,
+    Locks, RefineParams, RefineStatus, Refined, StopReason, chain, distances, refine, vertices_within,
+    with_levels,
 };
 use crate::Error;
 use crate::figures::measure;
@@ -118,7 +119,7 @@ pub struct LevelFigures {
     /// Whether every vertex is one of the input's, address and place alike.
     pub subset: bool,
     /// How far it went, and what ended it.
-    pub reached: Reached,
+    pub reached: RefineStatus,
 }
 
 impl Refinement {
@@ -150,7 +151,7 @@ impl Op for Refinement {
     const REVISION: u32 = 6;
     const REMARK: Option<Remark<RefineFigures>> = Some(|figures| {
         let by = figures.last.reached.stopped_by;
-        let is_met = matches!(by, StoppedBy::Target | StoppedBy::MaxError);
+        let is_met = matches!(by, StopReason::Target | StopReason::MaxError);
         (!is_met).then(|| format!("target not reached: stopped by {by}"))
     });
     type Inputs<'a> = Inputs<'a>;

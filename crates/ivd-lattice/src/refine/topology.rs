@@ -26,7 +26,7 @@ use super::features::Kind;
 use super::half_edge::{LEAST_HEIGHT, Limits, Refusal, check_shape};
 use super::params::{RefineParams, Target};
 use super::passes::Run;
-use super::report::{Refusals, Refused, StoppedBy};
+use super::report::{Refusals, Refused, StopReason};
 use super::shared::GONE;
 use super::star::{Fan, HUB};
 use super::surface::Surface;
@@ -79,7 +79,7 @@ pub(super) fn run(
     exec.observer().begin(TASK, left as u64);
     let (refused, passes) = pinching.run(exec)?;
     exec.observer().end(TASK);
-    let stopped_by = if pinching.is_enough() { StoppedBy::Target } else { refused.reason() };
+    let stopped_by = if pinching.is_enough() { StopReason::Target } else { refused.reason() };
     surface.tidy(&[]);
     Ok(Run { stopped_by, refused, passes: passes_before + passes })
 }

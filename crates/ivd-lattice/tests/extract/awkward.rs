@@ -1,6 +1,6 @@
 //! Inputs that break marching cubes elsewhere: ties, borders, gaps, mirrored and far-away grids.
 
-use ivd_core::{Exec, Grid, T_MIN, Volume, Voxels};
+use ivd_core::{Exec, Grid, MIN_EDGE_FRACTION, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 
 use crate::extract::mesh::{area_and_volume, assert_closed_manifold, euler};
@@ -39,7 +39,11 @@ fn a_voxel_on_the_isovalue_is_inside_and_one_ulp_decides() {
     }
     let lattice = cut([3, 1, 1], values, Iso::Value(iso));
     let along: Vec<f32> = lattice.places().iter().map(|p| p[0]).filter(|&t| t != 0.0).collect();
-    assert_eq!(along, [1.0 - T_MIN, T_MIN], "the surface touches the voxel and keeps its distance");
+    assert_eq!(
+        along,
+        [1.0 - MIN_EDGE_FRACTION, MIN_EDGE_FRACTION],
+        "the surface touches the voxel and keeps its distance"
+    );
 }
 
 #[test]

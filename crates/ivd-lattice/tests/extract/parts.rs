@@ -1,6 +1,6 @@
 //! Intervals and masks.
 
-use ivd_core::{Exec, Fault, Faulty, Grid, Mask, T_MIN, Volume, Voxels};
+use ivd_core::{Classified, ErrorClass, Exec, Grid, MIN_EDGE_FRACTION, Mask, Volume, Voxels};
 use ivd_lattice::Error;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 
@@ -76,7 +76,10 @@ fn the_border_of_a_mask_is_halfway_or_where_its_level_is_zero() {
     assert_eq!(crossings(&volume, Some(&levelled), Iso::Mask), [0.75, 2.5]);
     // A level of 0 touches the surface from either side; one of the wrong sign says nothing.
     let zero = mask.clone().with_level(vec![0.0, 1.0, 0.0, -0.5, -9.0].into()).unwrap();
-    assert_eq!(crossings(&volume, Some(&zero), Iso::Mask), [f64::from(T_MIN), 2.0 + f64::from(T_MIN)]);
+    assert_eq!(
+        crossings(&volume, Some(&zero), Iso::Mask),
+        [f64::from(MIN_EDGE_FRACTION), 2.0 + f64::from(MIN_EDGE_FRACTION)]
+    );
     let wrong = mask.with_level(vec![2.0, 1.0, 1.0, 3.0, 0.0].into()).unwrap();
     assert_eq!(crossings(&volume, Some(&wrong), Iso::Mask), [0.5, 2.5]);
 }
@@ -127,5 +130,5 @@ fn wrong_requests_are_named() {
         assert!(matches!(run(None, iso), Error::Param(ref e) if e.field == "iso"), "{iso:?}");
     }
     let elsewhere = Mask::new(Grid::with_spacing([2, 1, 1], [3.0; 3]).unwrap(), vec![0, 1].into()).unwrap();
-    assert_eq!(run(Some(&elsewhere), Iso::Mask).fault(), Fault::Usage);
+    assert_eq!(run(Some(&elsewhere), Iso::Mask).error_class(), ErrorClass::Usage);
 }

@@ -1,8 +1,8 @@
 //! Lattices that break simplification elsewhere, by every method: hundreds of tunnels, ties everywhere, edges of no length, scales.
 
-use ivd_core::{ElementKey, Exec, Fault, Faulty, Grid, Lattice, Volume, Voxels};
+use ivd_core::{Classified, ElementKey, ErrorClass, Exec, Grid, Lattice, Volume, Voxels};
 use ivd_lattice::figures::measure;
-use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
+use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StopReason, Target, refine};
 use ivd_lattice::repair::{RepairParams, repair};
 
 use crate::refine::{assert_bounded, assert_sound, lattices};
@@ -22,7 +22,7 @@ fn a_sponge_of_hundreds_of_tunnels_keeps_them_all() {
     for method in METHODS {
         let out = run(&sponge, method, Target::Ratio(0.0));
         assert_sound(&sponge, &out);
-        assert_ne!(out.reached.stopped_by, StoppedBy::Target, "{method:?}");
+        assert_ne!(out.reached.stopped_by, StopReason::Target, "{method:?}");
         // A closed manifold of genus g has at least (7 + √(1 + 48 g)) / 2 vertices (Heawood).
         assert!(
             out.lattice.keys().len() >= 66 && out.lattice.keys().len() < sponge.keys().len(),
@@ -165,7 +165,7 @@ fn what_every_step_allocates_is_counted_before_it_does() {
         .map(|_| ())
         .expect_err("the queue is counted");
     for (error, what) in [(pinched, "tunnels"), (merged, "clustered"), (repaired, "slivers")] {
-        assert_eq!(error.fault(), Fault::Limit);
+        assert_eq!(error.error_class(), ErrorClass::Limit);
         assert!(error.to_string().contains(what), "{error}");
     }
     // Twice that is enough for each of them.

@@ -3,7 +3,7 @@
 
 use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
 use ivd_lattice::figures::measure;
-use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, distances, refine};
+use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StopReason, Target, distances, refine};
 use nalgebra::Vector3;
 
 use crate::refine::{lattices, sampled};
@@ -52,7 +52,7 @@ fn phantoms_are_closed_manifolds_within_a_tight_bound() {
             let figures = measure(&out.lattice);
             assert!(figures.is_closed_manifold() && figures.volume_mm3 > 0.0, "{figures:?}");
             assert_eq!((figures.unused_vertices, figures.degenerate_triangles), (0, 0));
-            assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+            assert_eq!(out.reached.stopped_by, StopReason::Target);
             assert!((out.reached.level - f64::from(level)).abs() < 0.4, "{}", out.reached.level);
         }
     }
@@ -143,20 +143,20 @@ fn ratio_count_and_error_choose_the_step_that_meets_them() {
         let out = sampled_by(&sphere, Target::Count(keep));
         assert_subset(&sphere, &out);
         assert!(out.lattice.triangles().len() <= keep && out.lattice.triangles().len() * 3 > keep);
-        assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+        assert_eq!(out.reached.stopped_by, StopReason::Target);
         let same = sampled_by(&sphere, Target::Ratio(keep as f64 / triangles as f64));
         assert_eq!(same, out);
     }
     let mut last = usize::MAX;
     for mm in [0.0, 0.2, 0.6, 1.5] {
         let out = sampled_by(&sphere, Target::MaxError(mm));
-        assert!(out.max_error_mm <= mm && out.reached.stopped_by == StoppedBy::MaxError);
+        assert!(out.max_error_mm <= mm && out.reached.stopped_by == StopReason::MaxError);
         assert!(out.lattice.keys().len() < last);
         last = out.lattice.keys().len();
     }
     for target in [Target::Count(0), Target::Level(60), Target::Ratio(0.0)] {
         let out = sampled_by(&sphere, target);
-        assert!(!out.lattice.triangles().is_empty() && out.reached.stopped_by == StoppedBy::Vanishing);
+        assert!(!out.lattice.triangles().is_empty() && out.reached.stopped_by == StopReason::Vanishing);
         assert!(measure(&out.lattice).is_closed_manifold());
     }
     let out = sampled_by(&sphere, Target::Level(0));

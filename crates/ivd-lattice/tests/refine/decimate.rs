@@ -2,7 +2,7 @@
 
 use ivd_core::{Exec, Lattice};
 use ivd_lattice::figures::measure;
-use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
+use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StopReason, Target, refine};
 
 use crate::refine::{assert_levels, assert_phantoms, assert_sound, lattices, sampled};
 
@@ -27,7 +27,7 @@ fn targets_are_met_exactly_where_nothing_is_in_the_way() {
     for method in [Method::Collapse, Method::Decimate] {
         for count in [1000, 200, 60] {
             let out = by(method, &sphere, Target::Count(count));
-            assert_eq!((out.lattice.triangles().len(), out.reached.stopped_by), (count, StoppedBy::Target));
+            assert_eq!((out.lattice.triangles().len(), out.reached.stopped_by), (count, StopReason::Target));
         }
         let all = by(method, &sphere, Target::Count(usize::MAX));
         assert_eq!(all.lattice, sphere);
@@ -40,7 +40,7 @@ fn random_fields_keep_every_speck_and_tunnel_and_the_bound() {
         let lattice = lattices::random(seed);
         let out = decimated(&lattice, Target::Ratio(0.0));
         assert_sound(&lattice, &out);
-        assert_ne!(out.reached.stopped_by, StoppedBy::Target);
+        assert_ne!(out.reached.stopped_by, StopReason::Target);
         let again = decimated(&out.lattice, Target::Ratio(0.0));
         assert_eq!(again.lattice.keys().len(), out.lattice.keys().len(), "it gave up too early");
         if seed < 30 {
@@ -57,7 +57,7 @@ fn an_error_asked_for_is_kept_and_used() {
     for mm in [0.0, 0.05, 0.3] {
         let out = decimated(&torus, Target::MaxError(mm));
         assert_sound(&torus, &out);
-        assert!(out.max_error_mm <= mm && out.reached.stopped_by == StoppedBy::MaxError);
+        assert!(out.max_error_mm <= mm && out.reached.stopped_by == StopReason::MaxError);
         assert!(out.lattice.keys().len() < last || mm == 0.0, "a wider bound removes more");
         last = out.lattice.keys().len();
     }
@@ -120,7 +120,7 @@ fn a_speck_ends_as_a_tetrahedron_and_says_so() {
     let speck = lattices::cut(lattices::cube(5), |p| f64::from(u8::from(p.iter().all(|&c| c == 2.0))));
     let out = decimated(&speck, Target::Level(4));
     assert_sound(&speck, &out);
-    assert_eq!((out.lattice.keys().len(), out.reached.stopped_by), (4, StoppedBy::Specks));
+    assert_eq!((out.lattice.keys().len(), out.reached.stopped_by), (4, StopReason::Specks));
 }
 
 #[test]

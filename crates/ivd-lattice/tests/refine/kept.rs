@@ -4,7 +4,9 @@ use std::collections::HashMap;
 
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
 use ivd_lattice::figures::measure;
-use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine, vertices_within};
+use ivd_lattice::refine::{
+    Locks, Method, RefineParams, Refined, StopReason, Target, refine, vertices_within,
+};
 use nalgebra::Vector3;
 
 use crate::refine::{assert_bounded, assert_sound, lattices};
@@ -29,13 +31,13 @@ fn locked_vertices_stay_and_nothing_else_is_kept_for_them() {
         let out = run(&torus, &params(method, Target::Ratio(0.25)), &locked);
         assert_sound(&torus, &out);
         assert_bounded(&torus, &out);
-        assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+        assert_eq!(out.reached.stopped_by, StopReason::Target);
         assert!(locked.iter().all(|&v| out.lattice.vertex_at(torus.keys()[v as usize]).is_some()));
         let free = run(&torus, &params(method, Target::Ratio(0.25)), &[]);
         assert!(locked.iter().any(|&v| free.lattice.vertex_at(torus.keys()[v as usize]).is_none()));
         let all: Vec<u32> = (0..torus.keys().len() as u32).rev().collect();
         let out = run(&torus, &params(method, Target::Ratio(0.25)), &all);
-        assert_eq!((out.lattice, out.reached.stopped_by), (torus.clone(), StoppedBy::Locks));
+        assert_eq!((out.lattice, out.reached.stopped_by), (torus.clone(), StopReason::Locks));
     }
     let none = torus.keys().len() as u32;
     let error = refine(

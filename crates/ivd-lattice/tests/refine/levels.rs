@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
 use ivd_lattice::figures::measure;
-use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
+use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StopReason, Target, refine};
 use nalgebra::Vector3;
 
 use crate::refine::coarser::{assert_certified, assert_subset, assert_threads_change_nothing, awkward, by};
@@ -115,7 +115,7 @@ fn subdivided_surfaces_come_back_exactly_from_each_of_four_levels() {
             let expected = &lattices[4 - usize::from(level)];
             assert_eq!(by_keys(&out.lattice), by_keys(expected), "level {level}");
             assert_eq!(out.lattice.triangles().len(), expected.triangles().len());
-            assert_eq!((out.reached.stopped_by, out.passes), (StoppedBy::Target, u32::from(level)));
+            assert_eq!((out.reached.stopped_by, out.passes), (StopReason::Target, u32::from(level)));
             if round == 0.0 {
                 assert!(out.max_error_mm < 1e-4, "flat parts stay where they are: {}", out.max_error_mm);
             } else {
@@ -133,7 +133,7 @@ fn a_count_between_two_levels_is_met_by_collapse_from_the_coarser_of_them() {
     let lattice = on_cells(&fine.0, &fine.1);
     let out = levels(&lattice, Target::Count(300));
     assert_sound(&lattice, &out);
-    assert_eq!((out.lattice.triangles().len(), out.reached.stopped_by), (300, StoppedBy::Target));
+    assert_eq!((out.lattice.triangles().len(), out.reached.stopped_by), (300, StopReason::Target));
     let out = levels(&lattice, Target::MaxError(2.0));
     assert_sound(&lattice, &out);
     assert!(
@@ -151,7 +151,7 @@ fn phantoms_keep_about_a_quarter_a_level_and_their_topology() {
             assert_subset(&lattice, &out);
             assert_sound(&lattice, &out);
             assert_certified(&lattice, &out);
-            assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+            assert_eq!(out.reached.stopped_by, StopReason::Target);
             let (asked, got) = (f64::from(level), out.reached.level);
             assert!(got > 0.7 * asked && got < 1.1 * asked, "level {got} of {asked}");
             assert!(measure(&out.lattice).volume_mm3 > 0.0);
@@ -167,13 +167,13 @@ fn ratio_count_and_error_are_met() {
         assert_sound(&torus, &out);
         let wanted = ratio * torus.triangles().len() as f64;
         assert!((out.lattice.triangles().len() as f64 - wanted).abs() < 2.0);
-        assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+        assert_eq!(out.reached.stopped_by, StopReason::Target);
     }
     let mut last = usize::MAX;
     for mm in [0.05, 0.3] {
         let out = levels(&torus, Target::MaxError(mm));
         assert_sound(&torus, &out);
-        assert!(out.max_error_mm <= mm && out.reached.stopped_by != StoppedBy::Target);
+        assert!(out.max_error_mm <= mm && out.reached.stopped_by != StopReason::Target);
         assert!(out.lattice.keys().len() < last);
         last = out.lattice.keys().len();
     }
@@ -188,12 +188,12 @@ fn random_fields_keep_every_speck_and_tunnel_and_say_what_stopped_them() {
         let out = levels(&lattice, Target::Ratio(0.0));
         assert_subset(&lattice, &out);
         assert_sound(&lattice, &out);
-        assert_ne!(out.reached.stopped_by, StoppedBy::Target);
+        assert_ne!(out.reached.stopped_by, StopReason::Target);
     }
     let speck = lattices::cut(lattices::cube(5), |p| f64::from(u8::from(p == Vector3::repeat(2.0))));
     let out = levels(&speck, Target::Level(4));
     assert_sound(&speck, &out);
-    assert_eq!((out.lattice.keys().len(), out.reached.stopped_by), (4, StoppedBy::Specks));
+    assert_eq!((out.lattice.keys().len(), out.reached.stopped_by), (4, StopReason::Specks));
 }
 
 #[test]
@@ -207,7 +207,7 @@ fn locked_vertices_stay_and_all_of_them_stop_it() {
     assert!(some.iter().all(|&v| out.lattice.vertex_at(sphere.keys()[v as usize]).is_some()));
     let all: Vec<u32> = (0..sphere.keys().len() as u32).collect();
     let out = refine(&sphere, &params, Locks { vertices: &all }, &exec).unwrap();
-    assert_eq!((out.lattice.keys().len(), out.reached.stopped_by), (sphere.keys().len(), StoppedBy::Locks));
+    assert_eq!((out.lattice.keys().len(), out.reached.stopped_by), (sphere.keys().len(), StopReason::Locks));
     // A subdivided surface with a locked odd vertex isn't taken back, but collapsed round it.
     let fine = (0..3).fold(octahedron(), |mesh, _| subdivided(&mesh, 0.0));
     let lattice = on_cells(&fine.0, &fine.1);

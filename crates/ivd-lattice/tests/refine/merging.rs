@@ -3,7 +3,7 @@
 
 use ivd_core::{Exec, Lattice, Volume, Voxels};
 use ivd_lattice::figures::measure;
-use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StoppedBy, Target, refine};
+use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StopReason, Target, refine};
 
 use crate::refine::coarser::{assert_certified, assert_subset, assert_threads_change_nothing, awkward, by};
 use crate::refine::{assert_sound, lattices};
@@ -36,7 +36,7 @@ fn legal_merges_meet_their_target_and_keep_the_topology() {
             assert_subset(&lattice, &out);
             assert_sound(&lattice, &out);
             assert_certified(&lattice, &out);
-            assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+            assert_eq!(out.reached.stopped_by, StopReason::Target);
             let wanted = match target {
                 Target::Level(_) => (lattice.keys().len() as f64 / 4.0).round(),
                 Target::Ratio(ratio) => ratio * lattice.triangles().len() as f64,
@@ -56,7 +56,7 @@ fn clustering_meets_its_target_from_below_and_tells_its_error() {
             let out = clustered(&lattice, Target::Count(keep));
             assert_subset(&lattice, &out);
             assert_certified(&lattice, &out);
-            assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+            assert_eq!(out.reached.stopped_by, StopReason::Target);
             let got = out.lattice.triangles().len();
             assert!(got <= keep && got * 3 > keep * 2, "{got} where {keep} were asked for");
             let figures = measure(&out.lattice);
@@ -79,7 +79,7 @@ fn an_error_asked_for_is_kept_either_way() {
         for mm in [0.1, 0.5, 1.5] {
             let out = run(&torus, Target::MaxError(mm));
             assert_subset(&torus, &out);
-            assert!(out.max_error_mm <= mm && out.reached.stopped_by != StoppedBy::Target);
+            assert!(out.max_error_mm <= mm && out.reached.stopped_by != StopReason::Target);
             assert!(out.lattice.keys().len() < last);
             last = out.lattice.keys().len();
         }
@@ -117,10 +117,10 @@ fn random_fields_merge_to_the_least_and_say_what_stopped_them() {
         let out = merged(&lattice, Target::Ratio(0.0));
         assert_subset(&lattice, &out);
         assert_sound(&lattice, &out);
-        assert_ne!(out.reached.stopped_by, StoppedBy::Target);
+        assert_ne!(out.reached.stopped_by, StopReason::Target);
         let out = clustered(&lattice, Target::Ratio(0.0));
         assert_subset(&lattice, &out);
-        assert!(!out.lattice.triangles().is_empty() && out.reached.stopped_by == StoppedBy::Vanishing);
+        assert!(!out.lattice.triangles().is_empty() && out.reached.stopped_by == StopReason::Vanishing);
     }
 }
 

@@ -12,9 +12,9 @@ mod repair;
 mod sampled;
 mod topology;
 
-use ivd_core::{Exec, Faulty, Grid, Lattice};
+use ivd_core::{Classified, Exec, Grid, Lattice};
 use ivd_lattice::figures::measure;
-use ivd_lattice::refine::{RefineParams, Refined, StoppedBy, Target, collapse};
+use ivd_lattice::refine::{RefineParams, Refined, StopReason, Target, collapse};
 
 fn refined(lattice: &Lattice, target: Target) -> Refined {
     let params = RefineParams { target: target.into(), ..RefineParams::default() };
@@ -76,7 +76,7 @@ pub(crate) fn assert_levels(sphere: &Lattice, refined: impl Fn(&Lattice, Target)
     for level in 0..=3_u8 {
         let out = refined(sphere, Target::Level(level));
         assert_eq!(out.lattice.keys().len(), (vertices * 0.25_f64.powi(i32::from(level))).round() as usize);
-        assert_eq!((out.reached.stopped_by, out.lattice.level()), (StoppedBy::Target, level));
+        assert_eq!((out.reached.stopped_by, out.lattice.level()), (StopReason::Target, level));
     }
 }
 
@@ -112,7 +112,7 @@ fn random_fields_refined_to_nothing_keep_every_speck_and_tunnel() {
         let lattice = lattices::random(seed);
         let out = refined(&lattice, Target::Ratio(0.0));
         assert_sound(&lattice, &out);
-        assert_ne!(out.reached.stopped_by, StoppedBy::Target);
+        assert_ne!(out.reached.stopped_by, StopReason::Target);
     }
 }
 
@@ -135,7 +135,7 @@ fn a_speck_ends_as_a_tetrahedron_and_says_so() {
     assert_eq!(speck.keys().len(), 6);
     let out = refined(&speck, Target::Level(4));
     assert_sound(&speck, &out);
-    assert_eq!((out.lattice.keys().len(), out.reached.stopped_by), (4, StoppedBy::Specks));
+    assert_eq!((out.lattice.keys().len(), out.reached.stopped_by), (4, StopReason::Specks));
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn a_ball_among_thousands_of_specks_is_refined_to_the_target() {
         assert_sound(&lattice, &out);
         let (kept, wanted) = (out.lattice.triangles().len() as f64, ratio * lattice.triangles().len() as f64);
         assert!((kept - wanted).abs() < 2.0, "{kept} triangles where {wanted} were asked for");
-        assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+        assert_eq!(out.reached.stopped_by, StopReason::Target);
     }
 }
 
@@ -162,7 +162,7 @@ fn specks_that_are_done_keep_nothing_else_from_going() {
         let out = refined(&first, Target::Ratio(ratio));
         let (kept, wanted) = (out.lattice.triangles().len() as f64, ratio * first.triangles().len() as f64);
         assert!((kept - wanted).abs() < 2.0, "{kept} triangles where {wanted} were asked for");
-        assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+        assert_eq!(out.reached.stopped_by, StopReason::Target);
     }
 }
 
@@ -170,7 +170,7 @@ fn specks_that_are_done_keep_nothing_else_from_going() {
 fn where_refinement_gives_up_no_vertex_can_go() {
     for lattice in lattices::seeds(300).map(lattices::random).chain([lattices::gyroid(48)]) {
         let out = refined(&lattice, Target::Ratio(0.0));
-        assert_ne!(out.reached.stopped_by, StoppedBy::Target);
+        assert_ne!(out.reached.stopped_by, StopReason::Target);
         let again = refined(&out.lattice, Target::Ratio(0.0));
         assert_eq!(again.lattice.keys().len(), out.lattice.keys().len());
     }
@@ -178,7 +178,7 @@ fn where_refinement_gives_up_no_vertex_can_go() {
     let lattice = lattices::ball_and_specks(72);
     let tetrahedra = 4 * measure(&lattice).components as usize;
     let out = refined(&lattice, Target::Ratio(0.99 * tetrahedra as f64 / lattice.triangles().len() as f64));
-    assert_eq!((out.lattice.triangles().len(), out.reached.stopped_by), (tetrahedra, StoppedBy::Specks));
+    assert_eq!((out.lattice.triangles().len(), out.reached.stopped_by), (tetrahedra, StopReason::Specks));
 }
 
 #[test]
@@ -201,7 +201,7 @@ fn ratio_one_and_level_zero_change_nothing() {
         assert_eq!(out.lattice, sphere);
         assert_eq!(
             (out.max_error_mm, out.mean_error_mm, out.reached.stopped_by),
-            (0.0, 0.0, StoppedBy::Target)
+            (0.0, 0.0, StopReason::Target)
         );
     }
 }
@@ -224,7 +224,7 @@ fn an_error_asked_for_is_kept_and_used() {
         let out = refined(&torus, Target::MaxError(mm));
         assert_sound(&torus, &out);
         assert_bounded(&torus, &out);
-        assert!(out.max_error_mm <= mm && out.reached.stopped_by == StoppedBy::MaxError);
+        assert!(out.max_error_mm <= mm && out.reached.stopped_by == StopReason::MaxError);
         assert!(out.lattice.keys().len() < last, "a wider bound removes more");
         last = out.lattice.keys().len();
     }
@@ -330,5 +330,5 @@ fn a_stop_in_the_midst_is_an_error_and_no_half_refined_lattice() {
     exec.cancel = cancel;
     let params = RefineParams { target: Target::Level(3).into(), ..RefineParams::default() };
     let stopped = collapse(&lattices::sphere(48), &params, &exec).expect_err("it was stopped");
-    assert_eq!(stopped.fault(), ivd_core::Fault::Cancelled);
+    assert_eq!(stopped.error_class(), ivd_core::ErrorClass::Cancelled);
 }

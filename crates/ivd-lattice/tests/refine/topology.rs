@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use ivd_core::{Exec, Lattice};
 use ivd_lattice::figures::measure;
-use ivd_lattice::refine::{Locks, RefineParams, Refined, StoppedBy, Target, refine};
+use ivd_lattice::refine::{Locks, RefineParams, Refined, StopReason, Target, refine};
 
 use crate::refine::{assert_sound, lattices, sampled};
 
@@ -58,7 +58,7 @@ fn a_sponge_is_refined_further_than_its_genus_allows() {
         out.max_error_mm
     );
     assert!(out.lattice.triangles().len() <= least / 2, "{}", out.lattice.triangles().len());
-    assert_eq!(out.reached.stopped_by, StoppedBy::Target);
+    assert_eq!(out.reached.stopped_by, StopReason::Target);
     let after = measure(&out.lattice);
     assert_eq!(after.components, 1);
 }

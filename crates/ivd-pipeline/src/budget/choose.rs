@@ -2,7 +2,7 @@
 
 /// A value of a knob, or of knobs that go together.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Rung {
+pub(super) struct KnobValue {
     /// The value, for the caller.
     pub(super) value: f64,
     /// A second value of the same stage, where it has two knobs.
@@ -13,7 +13,7 @@ pub(super) struct Rung {
 
 /// The settings of a stage from its wish to the coarsest.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Ladder(pub(super) Vec<Rung>);
+pub(super) struct KnobValues(pub(super) Vec<KnobValue>);
 
 /// What was chosen.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,7 +43,7 @@ struct Step {
 /// Goes down the ladders until the predicted time is within `available` (s). Where one step is enough, it is the one that
 /// costs the least accuracy; else the one that saves the most time for the logarithm of the error that it adds, so that
 /// nothing is given away that saves little.
-pub(super) fn fit(ladders: &[Ladder], seconds: impl Fn(&[usize]) -> f64, available: f64) -> Fit {
+pub(super) fn fit(ladders: &[KnobValues], seconds: impl Fn(&[usize]) -> f64, available: f64) -> Fit {
     let mut at = vec![0; ladders.len()];
     let mut now = seconds(&at);
     while now > available {
@@ -61,7 +61,7 @@ pub(super) fn fit(ladders: &[Ladder], seconds: impl Fn(&[usize]) -> f64, availab
 }
 
 /// Every step down one of the ladders.
-fn steps(ladders: &[Ladder], at: &[usize], seconds: impl Fn(&[usize]) -> f64) -> Vec<Step> {
+fn steps(ladders: &[KnobValues], at: &[usize], seconds: impl Fn(&[usize]) -> f64) -> Vec<Step> {
     let rungs = ladders.iter().enumerate().flat_map(|(i, l)| (at[i] + 1..l.0.len()).map(move |to| (i, to)));
     let step = |(i, to): (usize, usize)| {
         let mut there = at.to_vec();
@@ -73,7 +73,7 @@ fn steps(ladders: &[Ladder], at: &[usize], seconds: impl Fn(&[usize]) -> f64) ->
 }
 
 /// What a step costs in accuracy: the logarithm of the ratio of errors.
-fn loss(from: &Rung, to: &Rung) -> f64 {
+fn loss(from: &KnobValue, to: &KnobValue) -> f64 {
     let before = from.error.max(LEAST * to.error);
     (to.error / before).ln().max(LEAST)
 }
@@ -82,9 +82,9 @@ fn loss(from: &Rung, to: &Rung) -> f64 {
 mod tests {
     use super::*;
 
-    fn ladder(errors: &[f64]) -> Ladder {
-        let rung = |(i, &error): (usize, &f64)| Rung { value: i as f64, other: 0.0, error };
-        Ladder(errors.iter().enumerate().map(rung).collect())
+    fn ladder(errors: &[f64]) -> KnobValues {
+        let rung = |(i, &error): (usize, &f64)| KnobValue { value: i as f64, other: 0.0, error };
+        KnobValues(errors.iter().enumerate().map(rung).collect())
     }
 
     #[test]

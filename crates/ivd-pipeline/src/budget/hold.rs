@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 
 use ivd_artefact::Artefact;
-use ivd_core::{Exec, Fault, Faulty, Lattice};
+use ivd_core::{Classified, ErrorClass, Exec, Lattice};
 use ivd_deform::map::MapFigures;
 use ivd_lattice::refine::RefineFigures;
 
 use super::error::{fields, motions, surfaces};
 use super::knobs::{Knob, Setting, along, between, level_errors};
 use super::search::{Candidate, Learned, PARTS};
-use super::steer::Pilot;
+use super::steer::Controller;
 use super::{LEVELS, rate_name};
 use crate::Error;
 use crate::pipeline::run_node;
@@ -41,7 +41,7 @@ impl Trial {
     }
 }
 
-impl Pilot<'_> {
+impl Controller<'_> {
     /// Finds the cheapest refinement and time steps whose measured error is at most `most` (mm), and keeps their results.
     pub(super) fn hold_error(
         &mut self,
@@ -62,7 +62,7 @@ impl Pilot<'_> {
             let (trial, ended) = match self.trial(&candidate, most, plan, done, &mut whole, runner) {
                 // A coarse lattice may fold where a finer one doesn't.
                 Err(error)
-                    if error.fault() == Fault::Untrusted
+                    if error.error_class() == ErrorClass::Untrusted
                         && !matches!(error, Error::Figure { .. })
                         && learned.tried.len() + 1 < candidates.len() =>
                 {

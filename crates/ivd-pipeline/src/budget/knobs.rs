@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::choose::{Ladder, Rung};
+use super::choose::{KnobValue, KnobValues};
 use super::{LEVELS, target};
 use crate::Error;
 use crate::fronts::{Front, FrontPoint, recorded};
@@ -71,7 +71,7 @@ impl Setting {
     }
 
     /// With a knob on a rung of its ladder.
-    pub(super) fn with(mut self, knob: Knob, rung: &Rung) -> Self {
+    pub(super) fn with(mut self, knob: Knob, rung: &KnobValue) -> Self {
         match knob {
             Knob::Level => self.level = Some(rung.value),
             Knob::Steps => self.steps = rung.value,
@@ -109,7 +109,7 @@ impl Knob {
     }
 
     /// From the scene's wish to the coarsest on the front: each costs less and errs more than the wish.
-    pub(super) fn ladder(self, wish: &Setting, known: &Known) -> Ladder {
+    pub(super) fn ladder(self, wish: &Setting, known: &Known) -> KnobValues {
         let mut rungs = match self {
             Self::Level => wish.level.map_or_else(Vec::new, |level| levels(level, known)),
             Self::Steps => line(known.deform, "steps", wish.steps),
@@ -117,7 +117,7 @@ impl Knob {
             Self::Picture => pictures(known.render, wish),
         };
         rungs.dedup_by(|a, b| a.value == b.value && a.other == b.other);
-        Ladder(rungs)
+        KnobValues(rungs)
     }
 
     /// Sets the scene's keys.
@@ -255,27 +255,27 @@ pub(super) fn level_errors(known: &Known) -> Vec<(f64, f64, f64)> {
     found
 }
 
-fn levels(wish: f64, known: &Known) -> Vec<Rung> {
+fn levels(wish: f64, known: &Known) -> Vec<KnobValue> {
     let errors = level_errors(known);
     let error = |level: f64| between(errors.iter().map(|e| (e.0, e.1)), level);
     let coarser = LEVELS.into_iter().filter(|&level| level > wish && level <= COARSEST);
     let values = std::iter::once(wish).chain(coarser);
-    values.map(|value| Rung { value, other: 0.0, error: error(value) }).collect()
+    values.map(|value| KnobValue { value, other: 0.0, error: error(value) }).collect()
 }
 
 /// The wish, and the points below it along a knob that costs more the larger it is.
-fn line(front: &Front, knob: &str, wish: f64) -> Vec<Rung> {
+fn line(front: &Front, knob: &str, wish: f64) -> Vec<KnobValue> {
     let points = along(front, knob);
     let error = between(points.iter().map(|(x, p)| (x.ln(), p.error)), wish.ln());
     let coarser = points.iter().rev().filter(|(x, p)| *x < wish && p.error > error);
-    let coarser = coarser.map(|(x, p)| Rung { value: *x, other: 0.0, error: p.error });
-    std::iter::once(Rung { value: wish, other: 0.0, error }).chain(coarser).collect()
+    let coarser = coarser.map(|(x, p)| KnobValue { value: *x, other: 0.0, error: p.error });
+    std::iter::once(KnobValue { value: wish, other: 0.0, error }).chain(coarser).collect()
 }
 
 /// The wish, and the points of the front that take fewer samples and longer steps and end rays no later.
-fn pictures(front: &Front, wish: &Setting) -> Vec<Rung> {
+fn pictures(front: &Front, wish: &Setting) -> Vec<KnobValue> {
     let (work, error) = picture(front, wish.step, wish.termination);
-    let mut rungs = vec![Rung { value: wish.step, other: wish.termination, error }];
+    let mut rungs = vec![KnobValue { value: wish.step, other: wish.termination, error }];
     let knobs = |p: &FrontPoint| Some((p.knob("step")?, p.knob("termination")?));
     let mut points: Vec<&FrontPoint> = front
         .points
@@ -286,7 +286,7 @@ fn pictures(front: &Front, wish: &Setting) -> Vec<Rung> {
     points.sort_by(|a, b| b.cost().total_cmp(&a.cost()));
     rungs.extend(points.iter().filter_map(|p| {
         let (value, other) = knobs(p)?;
-        Some(Rung { value, other, error: p.error })
+        Some(KnobValue { value, other, error: p.error })
     }));
     rungs
 }

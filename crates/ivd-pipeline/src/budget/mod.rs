@@ -21,7 +21,7 @@ use serde_json::Value;
 
 use crate::Error;
 
-pub(crate) use steer::Pilot;
+pub(crate) use steer::Controller;
 pub use work::{Amounts, rate_name};
 
 /// Levels of refinement that budgets choose from, finest first: level L keeps 4⁻ᴸ of the lattice.

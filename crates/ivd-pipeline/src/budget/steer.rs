@@ -5,10 +5,10 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use ivd_artefact::{Artefact, ContentHash, Kind};
-use ivd_core::{Exec, Fault, Faulty};
+use ivd_core::{Classified, ErrorClass, Exec};
 use ivd_deform::deform::RingMethod;
 
-use super::choose::{Fit, Ladder, fit};
+use super::choose::{Fit, KnobValues, fit};
 use super::knobs::{Knob, Setting};
 use super::predict::Model;
 use super::work::Amounts;
@@ -22,7 +22,7 @@ use crate::{Error, PipelineOptions};
 const MARGIN: f64 = 1.1;
 
 /// Chooses settings while a scene runs.
-pub(crate) struct Pilot<'a> {
+pub(crate) struct Controller<'a> {
     pub(super) options: &'a PipelineOptions,
     /// The scene as it was wished.
     pub(super) wish: &'a Loaded,
@@ -54,7 +54,7 @@ impl Budget {
     }
 }
 
-impl<'a> Pilot<'a> {
+impl<'a> Controller<'a> {
     /// # Errors
     /// What is recorded of the stages can't be read.
     pub(crate) fn new(wish: &'a Loaded, options: &'a PipelineOptions, start: Instant) -> Result<Self, Error> {
@@ -138,7 +138,9 @@ impl<'a> Pilot<'a> {
     /// Makes the end of a deadline out of an error that it caused.
     pub(crate) fn explain(&self, error: Error, exec: &Exec, stages: &[StageRecord]) -> Error {
         let late = exec.cancel.is_late() && !exec.cancel.is_asked();
-        let (Some(most), true, Fault::Limit) = (self.options.budget.max_time_s, late, error.fault()) else {
+        let (Some(most), true, ErrorClass::Limit) =
+            (self.options.budget.max_time_s, late, error.error_class())
+        else {
             return error;
         };
         let took = self.start.elapsed().as_secs_f64();
@@ -190,7 +192,8 @@ impl<'a> Pilot<'a> {
             .filter(|knob| !self.settled.contains(knob) && !self.pinned(*knob))
             .filter(|knob| plan.nodes()[at..].iter().filter(waits).any(|n| n.id.stage == knob.stage()))
             .collect();
-        let ladders: Vec<Ladder> = open.iter().map(|knob| knob.ladder(&wish, &self.model.known)).collect();
+        let ladders: Vec<KnobValues> =
+            open.iter().map(|knob| knob.ladder(&wish, &self.model.known)).collect();
         let base = self.setting;
         let setting = |rungs: &[usize]| {
             let moved = open.iter().zip(&ladders).zip(rungs).filter(|(_, rung)| **rung > 0);

@@ -55,8 +55,9 @@ pub struct Loaded {
 /// [`Error::Scene`] with the place and, for an unknown key, the nearest known one; [`Error::Io`] where it can't be read.
 pub fn load(file: &Path, overrides: &[Override]) -> Result<Loaded, Error> {
     let wrong = |problem| Error::Scene { file: file.to_owned(), problem };
-    let bytes = read_short(file).map_err(|e| Error::io("reading", file, e))?;
-    let bytes = bytes.ok_or_else(|| wrong(format!("longer than {MOST} bytes; a scene is a short text")))?;
+    let bytes = read_text_limited(file).map_err(|e| Error::io("reading", file, e))?;
+    let bytes = bytes
+        .ok_or_else(|| wrong(format!("longer than {MAX_SCENE_BYTES} bytes; a scene is a short text")))?;
     let text = String::from_utf8(bytes).map_err(|e| wrong(format!("{e}; a scene is a TOML text file")))?;
     let scene = parse(&text, overrides).map_err(wrong)?;
     let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
@@ -64,16 +65,16 @@ pub fn load(file: &Path, overrides: &[Override]) -> Result<Loaded, Error> {
 }
 
 /// Most bytes of a text that is read; written by hand it has a few thousand.
-pub const MOST: u64 = 16 << 20;
+pub const MAX_SCENE_BYTES: u64 = 16 << 20;
 
-/// The bytes of a text file; `None` where it has more than [`MOST`], or no end, as a device has none.
+/// The bytes of a text file; `None` where it has more than [`MAX_SCENE_BYTES`], or no end, as a device has none.
 ///
 /// # Errors
 /// The system's.
-pub fn read_short(file: &Path) -> std::io::Result<Option<Vec<u8>>> {
+pub fn read_text_limited(file: &Path) -> std::io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
-    File::open(file)?.take(MOST + 1).read_to_end(&mut bytes)?;
-    Ok((bytes.len() as u64 <= MOST).then_some(bytes))
+    File::open(file)?.take(MAX_SCENE_BYTES + 1).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 <= MAX_SCENE_BYTES).then_some(bytes))
 }
 
 /// Reads a scene from its text; see [`load`].
@@ -81,8 +82,8 @@ pub fn read_short(file: &Path) -> std::io::Result<Option<Vec<u8>>> {
 /// # Errors
 /// A sentence that names the place, what is wrong and what to do.
 pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
-    let told = |e: toml::de::Error| with_suggestion(&in_short(&e.to_string()));
-    let table = || text.parse::<Table>().map_err(|e| in_short(&e.to_string()));
+    let told = |e: toml::de::Error| with_suggestion(&truncate_lines(&e.to_string()));
+    let table = || text.parse::<Table>().map_err(|e| truncate_lines(&e.to_string()));
     let (typed, table) = if overrides.is_empty() {
         // Straight from the text, so that errors carry line and column. Of keys that nobody knows nothing else is made.
         let typed = toml::from_str::<Scene>(text).map_err(told);
@@ -132,7 +133,7 @@ pub(super) fn sections(written: &Written) -> Result<Vec<Section>, ParamError> {
 
 /// What is wrong, with the line of the text that it stands in where there is one.
 fn placed(text: &str, problem: &ParamError) -> String {
-    let told = in_short(&problem.told_of(""));
+    let told = truncate_lines(&problem.told_of(""));
     match line_of(text, &problem.field) {
         Some(line) => format!("line {line}: {told}"),
         None => told,
@@ -196,7 +197,7 @@ fn step<'a>(at: &'a mut Value, key: &str) -> Option<&'a mut Value> {
 
 /// A message whose lines fit on a screen: what quotes a line of megabytes would be megabytes itself, and compared with every
 /// known word it would take minutes.
-pub fn in_short(message: &str) -> String {
+pub fn truncate_lines(message: &str) -> String {
     const LONGEST: usize = 600;
     let cut = |line: &str| match line.char_indices().nth(LONGEST) {
         Some((at, _)) => format!("{}…", &line[..at]),

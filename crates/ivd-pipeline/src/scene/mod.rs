@@ -20,7 +20,7 @@ use serde_json::{Map, Value as Json};
 
 use crate::{Error, Section};
 
-pub use load::{Loaded, MOST, Override, in_short, load, parse, read_short};
+pub use load::{Loaded, MAX_SCENE_BYTES, Override, load, parse, read_text_limited, truncate_lines};
 pub use sections::{InputSection, OutputSection, Picture, RawSection};
 pub use written::triple;
 

@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
-use ivd_render::{Look, Projection, RenderParams, View, surface};
+use ivd_render::{Projection, RenderParams, SurfaceStyle, View, surface};
 use nalgebra::Vector3;
 
 const FRAME: [[f64; 3]; 2] = [[-10.0; 3], [10.0; 3]];
@@ -51,7 +51,7 @@ fn an_octahedron_from_the_front_covers_a_square_and_shows_its_front_half() {
         places.lock().unwrap().push(Vector3::from(p));
         [1.0; 3]
     };
-    let look = Look { colour: Some(&note), frame: Some(FRAME), ..Look::default() };
+    let look = SurfaceStyle { colour: Some(&note), frame: Some(FRAME), ..SurfaceStyle::default() };
     let unlit = RenderParams { shading: false, ..params(View::FRONT) };
     for projection in [Projection::Orthographic, Projection::Perspective] {
         places.lock().unwrap().clear();
@@ -82,7 +82,7 @@ fn what_lies_behind_is_hidden_with_its_edges() {
         &[[0, 1, 2], [3, 4, 5], [5, 4, 6]],
         0.0,
     );
-    let look = Look { edges: true, frame: Some(FRAME), ..Look::default() };
+    let look = SurfaceStyle { edges: true, frame: Some(FRAME), ..SurfaceStyle::default() };
     let paper = RenderParams { shading: false, surface: [1.0; 3], ..params(View::FRONT) };
     let drawn = |l: &Lattice| surface(l, &look, &paper, &Exec::default()).unwrap();
     // Inside the quad in front, off its diagonal, where the far triangle has its left side.
@@ -101,7 +101,7 @@ fn what_lies_behind_is_hidden_with_its_edges() {
 #[test]
 fn the_same_bytes_for_any_number_of_threads_far_from_the_origin_and_without_triangles() {
     let view = View { angles: [31.0, 22.0], ..View::FRONT };
-    let look = Look { edges: true, ..Look::default() };
+    let look = SurfaceStyle { edges: true, ..SurfaceStyle::default() };
     let drawn = |lattice: &Lattice, threads: usize| {
         surface(lattice, &look, &params(view), &Exec::default().with_threads(threads)).unwrap()
     };
@@ -117,7 +117,7 @@ fn a_face_is_lit_alike_from_both_sides() {
     let (ccw, cw) = ([[0, 1, 2]], [[0, 2, 1]]);
     let corners = [[-8, 1, -8], [8, -2, -8], [0, 0, 8]];
     let drawn = |triangles: &[[u32; 3]]| {
-        let look = Look { frame: Some(FRAME), ..Look::default() };
+        let look = SurfaceStyle { frame: Some(FRAME), ..SurfaceStyle::default() };
         surface(&lattice(&corners, triangles, 0.0), &look, &params(View::FRONT), &Exec::default()).unwrap()
     };
     let image = drawn(&ccw);

@@ -64,7 +64,7 @@ pub fn dendrogram(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{HvsParams, hvs_tree};
+    use crate::{HvsParams, region_tree};
     use ivd_core::{Grid, Linkage, Volume, Voxels};
 
     #[test]
@@ -73,7 +73,7 @@ mod tests {
         let volume = Volume::new(grid, Voxels::from(vec![1_u8, 1, 5, 5, 20, 20])).unwrap();
         let exec = Exec::default();
         let params = HvsParams { linkage: Linkage::Single, ..HvsParams::default() };
-        let tree = hvs_tree(&volume, None, &params, &exec).unwrap().tree;
+        let tree = region_tree(&volume, None, &params, &exec).unwrap().tree;
         let cut = CutParams { k: 3, ..CutParams::default() };
         let found = dendrogram(&tree, &cut, 10, &exec).unwrap().unwrap();
         assert_eq!(found.merges, [(0, 1, 4.0), (3, 2, 15.0)]);

@@ -1,6 +1,6 @@
 //! Voxels, means and spreads of the leaves.
 
-use ivd_core::{Bulk, Error, Exec, Means, Scalar, Volume, parallel};
+use ivd_core::{Bulk, Error, Exec, LeafMeans, Scalar, Volume, parallel};
 
 use crate::moments::Frame;
 
@@ -10,7 +10,7 @@ const CHUNK: usize = 1 << 16;
 /// Figures of the leaves, real units; leaf `i + 1` is at `i`.
 pub(super) struct Figures {
     pub(super) counts: Bulk<u32>,
-    pub(super) means: Means,
+    pub(super) means: LeafMeans,
     /// `None` where every leaf has one value.
     pub(super) squares: Option<Bulk<f64>>,
 }
@@ -41,14 +41,14 @@ pub(super) fn flat<T: Scalar>(
                 means[leaf] = real(v) as f32;
             }
         })?;
-        Means::F32(means.into_buffer())
+        LeafMeans::F32(means.into_buffer())
     } else {
         let mut means: Bulk<f64> = exec.bulk("the means of the leaves", count)?;
         each(voxels, leaves, exec, |leaf, v| {
             counts[leaf] += 1;
             means[leaf] = real(v);
         })?;
-        Means::F64(means.into_buffer())
+        LeafMeans::F64(means.into_buffer())
     };
     Ok(Figures { counts, means, squares: None })
 }
@@ -82,7 +82,7 @@ pub(super) fn spread<T: Scalar>(
         squares[leaf] = (squares[leaf] + deviation * deviation).min(f64::MAX);
     })?;
     let flat = squares.iter().all(|s| *s == 0.0);
-    Ok(Figures { counts, means: Means::F64(means.into_buffer()), squares: (!flat).then_some(squares) })
+    Ok(Figures { counts, means: LeafMeans::F64(means.into_buffer()), squares: (!flat).then_some(squares) })
 }
 
 /// Calls `look` with the leaf, from 0, and the value of each voxel that has one.

@@ -16,7 +16,7 @@ mod ward;
 
 use ivd_core::op::Op as _;
 use ivd_core::{
-    Error as CoreError, Exec, Linkage, Mask, Means, ParamError, Tree, TreeParts, Volume, with_voxels,
+    Error as CoreError, Exec, LeafMeans, Linkage, Mask, ParamError, Tree, TreeParts, Volume, with_voxels,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -90,7 +90,12 @@ pub struct Hvs {
 /// # Errors
 /// [`Error::Core`]: a bad parameter, a mask on another grid, more than 1.4 · 10⁹ voxels, quasi-flat zones beyond
 /// `max_regions` where `alpha` is given for Ward's criterion, the memory limit, or cancelled.
-pub fn hvs_tree(volume: &Volume, mask: Option<&Mask>, params: &HvsParams, exec: &Exec) -> Result<Hvs, Error> {
+pub fn region_tree(
+    volume: &Volume,
+    mask: Option<&Mask>,
+    params: &HvsParams,
+    exec: &Exec,
+) -> Result<Hvs, Error> {
     params.check()?;
     if volume.grid().len() > MOST_VOXELS {
         let problem = format!(
@@ -190,7 +195,7 @@ fn excess(figures: &Figures) -> f64 {
 }
 
 /// The frame of the leaves' means.
-fn frame(means: &Means) -> Frame {
+fn frame(means: &LeafMeans) -> Frame {
     let all = 0..means.len();
     let range =
         all.map(|i| means.get(i)).fold([f64::INFINITY, f64::NEG_INFINITY], |r, m| [r[0].min(m), r[1].max(m)]);

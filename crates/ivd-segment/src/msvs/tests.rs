@@ -1,6 +1,6 @@
 //! Against mean shift of every datum over every datum, analytic mixtures, and awkward volumes.
 
-use ivd_core::{Exec, Fault, Faulty, Grid, Mask, Volume, Voxels};
+use ivd_core::{Classified, ErrorClass, Exec, Grid, Mask, Volume, Voxels};
 use rayon::prelude::*;
 
 use super::*;
@@ -435,14 +435,17 @@ fn bad_parameters_limits_and_too_many_cells_are_named() {
     let noise = volume([40; 3], [1.0; 3], noise);
     let narrow = MsvsParams { range_bandwidth: 1e-4, spatial_bandwidth: 1.0, ..MsvsParams::default() };
     let error = msvs(&noise, None, &narrow, &Exec::default()).unwrap_err();
-    assert!(error.to_string().contains("bandwidth`") && error.fault() == Fault::Usage, "{error}");
+    assert!(error.to_string().contains("bandwidth`") && error.error_class() == ErrorClass::Usage, "{error}");
     let wide = MsvsParams { range_bandwidth: 0.2, spatial_bandwidth: 3.0, ..MsvsParams::default() };
     let tight = Exec::default().with_memory_limit(Some(1 << 20));
     let error = msvs(&noise, None, &wide, &tight).unwrap_err();
-    assert!(error.to_string().contains("spatial_bandwidth") && error.fault() == Fault::Limit, "{error}");
+    assert!(
+        error.to_string().contains("spatial_bandwidth") && error.error_class() == ErrorClass::Limit,
+        "{error}"
+    );
     let stopped = Exec::default();
     stopped.cancel.cancel();
-    assert_eq!(msvs(&noise, None, &wide, &stopped).unwrap_err().fault(), Fault::Cancelled);
+    assert_eq!(msvs(&noise, None, &wide, &stopped).unwrap_err().error_class(), ErrorClass::Cancelled);
 }
 
 #[test]

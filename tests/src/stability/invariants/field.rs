@@ -1,7 +1,7 @@
 //! Displacements: free of folds, inverted, and still beyond their reach.
 
 use ivd_core::{Displacement, FieldBricks, Grid, Mask, Motion, VoxelCoord, VoxelIndex, World};
-use ivd_deform::map::{Band, Mapped, Outside};
+use ivd_deform::map::{Band, MapResult, Outside};
 use nalgebra::{Matrix3, Vector3};
 
 use super::Verdict;
@@ -18,7 +18,7 @@ const PLACES: usize = 2;
 ///
 /// # Errors
 /// The first thing that doesn't hold.
-pub fn mapped(motion: &Motion, inside: &Mask, band: &Band, found: &Mapped) -> Verdict {
+pub fn mapped(motion: &Motion, inside: &Mask, band: &Band, found: &MapResult) -> Verdict {
     let moved = &found.displacement;
     finite(moved.forward())?;
     finite(moved.inverse())?;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use ivd_boundary::{ComponentParams, Isolated};
+use ivd_boundary::{Component, ComponentParams};
 use ivd_core::{Grid, Labels, NO_DATA, TransferFunction, Volume};
 use ivd_segment::Segmentation;
 
@@ -152,12 +152,12 @@ pub fn thresholds(volume: &Volume, at: &[f64], found: &Segmentation) -> Verdict 
 /// # Errors
 /// The first part that doesn't fit.
 pub fn transfer(labels: &Labels, params: &ivd_atf::Params, transfer: &TransferFunction) -> Verdict {
-    let mut occurring: Vec<u16> = labels.ids().iter().copied().filter(|id| *id != NO_DATA).collect();
-    occurring.sort_unstable();
-    occurring.dedup();
+    let mut labels_present: Vec<u16> = labels.ids().iter().copied().filter(|id| *id != NO_DATA).collect();
+    labels_present.sort_unstable();
+    labels_present.dedup();
     let mut entered: Vec<u16> = transfer.entries().iter().map(|e| e.class).collect();
     entered.sort_unstable();
-    hold!(entered == occurring, "entries for {entered:?}, labels {occurring:?}");
+    hold!(entered == labels_present, "entries for {entered:?}, labels {labels_present:?}");
     for entry in transfer.entries() {
         let finite = entry.lower.is_finite() && entry.upper.is_finite() && entry.softness.is_finite();
         hold!(finite && entry.softness >= 0.0, "entry {entry:?}");
@@ -212,7 +212,7 @@ fn pieces(grid: &Grid, of: &[bool], all: bool) -> (Vec<Option<usize>>, usize) {
 ///
 /// # Errors
 /// The first voxel that differs.
-pub fn part(volume: &Volume, labels: &Labels, params: &ComponentParams, found: &Isolated) -> Verdict {
+pub fn part(volume: &Volume, labels: &Labels, params: &ComponentParams, found: &Component) -> Verdict {
     let grid = volume.grid();
     let values = reals(volume);
     let member = |i: usize| match (params.above, found.class) {

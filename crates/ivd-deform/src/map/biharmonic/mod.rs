@@ -64,7 +64,7 @@ use super::outcome::{Solved, misfit as misfit_of};
 use super::region::{Region, largest};
 use super::relax::relax;
 use super::settle::Settle;
-use super::{BiharmonicParams, Mapped, Moved, Outside, all_bricks, check_size, frame_of, moving_bricks};
+use super::{BiharmonicParams, MapResult, Moved, Outside, all_bricks, check_size, frame_of, moving_bricks};
 use crate::Error;
 use crate::certificate::{Certificate, Detail, certify_bricks, touched};
 use crate::sampler::{Sampler, brick_at, brick_voxels};
@@ -145,7 +145,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         frame: usize,
         params: &BiharmonicParams,
         exec: &Exec,
-    ) -> Result<Mapped, Error> {
+    ) -> Result<MapResult, Error> {
         self.with_frame(motion, frame, params, exec, |settle, made, exec| {
             let mut mapped = settle.settle(made.field, exec)?;
             mapped.figures.relaxations += made.repairs;
@@ -455,7 +455,7 @@ pub fn biharmonic(
     frame: usize,
     params: &BiharmonicParams,
     exec: &Exec,
-) -> Result<Mapped, Error> {
+) -> Result<MapResult, Error> {
     params.check()?;
     Biharmonic::new(lattice, params.band.outside, exec)?.map(motion, frame, params, exec)
 }

@@ -1,6 +1,6 @@
 //! Drawn pushes, held against a check of folds that shares nothing with the library.
 
-use ivd_core::{Exec, Faulty, FieldBricks, Grid};
+use ivd_core::{Classified, Exec, FieldBricks, Grid};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::fixtures::{middle, sheared_grid};
@@ -112,7 +112,7 @@ fn sweep(seeds: std::ops::Range<u64>) -> [usize; 2] {
                 true
             }
             Err(error) => {
-                assert_eq!(error.fault(), ivd_core::Fault::Untrusted, "seed {seed}: {error}");
+                assert_eq!(error.error_class(), ivd_core::ErrorClass::Untrusted, "seed {seed}: {error}");
                 false
             }
         })

@@ -1,4 +1,4 @@
-use ivd_core::{Faulty, Grid, VoxelCoord};
+use ivd_core::{Classified, Grid, VoxelCoord};
 use nalgebra::{DMatrix, Matrix3, Rotation3};
 
 use super::matrix::dot;
@@ -8,7 +8,7 @@ use crate::map::tests::{Scene, ball, dented, scene, with_frames};
 use crate::map::{Band, BiharmonicParams, DepthWeight, OctreeParams};
 
 impl Scene {
-    pub(super) fn smooth(&self, params: &BiharmonicParams, exec: &Exec) -> Result<Mapped, Error> {
+    pub(super) fn smooth(&self, params: &BiharmonicParams, exec: &Exec) -> Result<MapResult, Error> {
         biharmonic(&self.lattice, &self.motion, 0, params, exec)
     }
 
@@ -35,7 +35,7 @@ fn smooth() -> BiharmonicParams {
 /// `within` takes, in voxels.
 fn apart(
     grid: &Grid,
-    mapped: &Mapped,
+    mapped: &MapResult,
     within: impl Fn(Vector3<f64>) -> bool,
     wanted: impl Fn(Vector3<f64>) -> Vector3<f64>,
 ) -> f64 {
@@ -240,7 +240,7 @@ fn radial(p: Vector3<f64>) -> Vector3<f64> {
 }
 
 /// Residuals |φ(ψ(y)) − y| (voxels) at the voxels of the inverse, ascending, without the library's sampler.
-fn residuals(grid: &Grid, mapped: &Mapped) -> Vec<f64> {
+fn residuals(grid: &Grid, mapped: &MapResult) -> Vec<f64> {
     let to_voxel = grid.inverse_linear_part();
     let displacement = &mapped.displacement;
     let mut all: Vec<f64> = voxels(grid)
@@ -465,11 +465,11 @@ fn motions_that_no_vector_holds_and_cancelled_work_end_with_a_reason() {
         let part = scene(&grid, ball(centre, 4.0), moves, &[(centre, 5.0)]);
         match part.smooth(&smooth(), &Exec::default()) {
             Ok(mapped) => assert!(far < 1e37 && mapped.figures.min_det_j > 0.0, "{far}"),
-            Err(error) => assert_eq!(error.fault(), ivd_core::Fault::Untrusted, "{far}: {error}"),
+            Err(error) => assert_eq!(error.error_class(), ivd_core::ErrorClass::Untrusted, "{far}: {error}"),
         }
     }
     let exec = Exec::default();
     exec.cancel.cancel();
     let error = dented(1.0, 3.0).smooth(&smooth(), &exec).unwrap_err();
-    assert_eq!(error.fault(), ivd_core::Fault::Cancelled);
+    assert_eq!(error.error_class(), ivd_core::ErrorClass::Cancelled);
 }

@@ -46,7 +46,7 @@ use super::biharmonic::cut;
 use super::outcome::Solved;
 use super::region::{Region, largest};
 use super::settle::Settle;
-use super::{FemParams, Mapped, Outside, all_bricks, check_size, frame_of, moving_bricks, sampled};
+use super::{FemParams, MapResult, Outside, all_bricks, check_size, frame_of, moving_bricks, sampled};
 use crate::Error;
 use crate::mass_spring::classes;
 use crate::sampler::interpolate;
@@ -82,7 +82,7 @@ pub fn fem(
     frame: usize,
     params: &FemParams,
     exec: &Exec,
-) -> Result<Mapped, Error> {
+) -> Result<MapResult, Error> {
     params.check()?;
     let frame = frame_of(lattice, motion, frame)?;
     labels.map_or(Ok(()), |labels| classes::check(lattice, labels))?;
@@ -121,7 +121,7 @@ fn map_frame(
     frame: &Frame,
     params: &FemParams,
     exec: &Exec,
-) -> Result<Mapped, Error> {
+) -> Result<MapResult, Error> {
     let region = Region::new(motion, frame, &lattice.local_positions(), &params.band, None);
     let bricks = moving_bricks(lattice.grid(), &region, frame, exec)?;
     let alone = (params.band.outside == Outside::Free).then_some(inside);

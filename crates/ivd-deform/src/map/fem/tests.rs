@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use ivd_core::{Cancel, Class, Fault, Faulty, Grid, Labels, Observer, VoxelCoord};
+use ivd_core::{Cancel, Class, Classified, ErrorClass, Grid, Labels, Observer, VoxelCoord};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::*;
@@ -9,7 +9,7 @@ use crate::map::tests::{Scene, ball, scene};
 use crate::map::{Band, Elastic, FemParams};
 
 impl Scene {
-    pub(in crate::map) fn elastic(&self, params: &FemParams, exec: &Exec) -> Result<Mapped, Error> {
+    pub(in crate::map) fn elastic(&self, params: &FemParams, exec: &Exec) -> Result<MapResult, Error> {
         fem(&self.lattice, None, &self.motion, 0, params, exec)
     }
 }
@@ -21,7 +21,7 @@ fn elastic() -> FemParams {
 /// Largest and root mean square difference from `wanted` at the voxels that `within` takes (voxels).
 fn apart(
     grid: &Grid,
-    mapped: &Mapped,
+    mapped: &MapResult,
     within: impl Fn(Vector3<f64>) -> bool,
     wanted: impl Fn(Vector3<f64>) -> Vector3<f64>,
 ) -> (f64, f64) {
@@ -127,7 +127,7 @@ fn made_of(young: f64, poisson: f64) -> FemParams {
 }
 
 /// How far the motion of the voxels `within` is from turning and shifting them (voxels of 1 mm, root mean square).
-fn bent(mapped: &Mapped, grid: &Grid, within: impl Fn(Vector3<f64>) -> bool) -> f64 {
+fn bent(mapped: &MapResult, grid: &Grid, within: impl Fn(Vector3<f64>) -> bool) -> f64 {
     let at = |v| grid.linear_part() * VoxelCoord::from(v).0;
     let moved: Vec<(Vector3<f64>, Vector3<f64>)> = voxels(grid)
         .filter(|v| within(at(*v)))
@@ -234,10 +234,10 @@ fn classes_without_labels_and_labels_of_another_grid_are_refused() {
     let (all, _) = pushed(&grid, 8.0, 1.5);
     let exec = Exec::default();
     let error = all.elastic(&made_of(2.0, 0.3), &exec).unwrap_err();
-    assert!(error.fault() == Fault::Usage && error.to_string().contains("labels"), "{error}");
+    assert!(error.error_class() == ErrorClass::Usage && error.to_string().contains("labels"), "{error}");
     let other = class_three(&Grid::with_spacing([32, 32, 31], [1.0; 3]).unwrap(), |_| true);
     let error = fem(&all.lattice, Some(&other), &all.motion, 0, &elastic(), &exec).unwrap_err();
-    assert!(error.fault() == Fault::Usage && error.to_string().contains("grid"), "{error}");
+    assert!(error.error_class() == ErrorClass::Usage && error.to_string().contains("grid"), "{error}");
 }
 
 #[test]
@@ -246,11 +246,11 @@ fn what_cannot_be_is_refused_in_bounded_steps_and_cancelling_is_heard() {
     let (all, _) = pushed(&grid, 8.0, 60.0);
     let params = FemParams { band: Band { margin: Some(6.0), ..elastic().band }, ..elastic() };
     let error = all.elastic(&params, &Exec::default()).unwrap_err();
-    assert_eq!(error.fault(), Fault::Untrusted, "{error}");
+    assert_eq!(error.error_class(), ErrorClass::Untrusted, "{error}");
     let exec = Exec::default();
     let exec = exec.clone().with_observer(Arc::new(Stop(exec.cancel)));
     let error = all.elastic(&params, &exec).unwrap_err();
-    assert_eq!(error.fault(), Fault::Cancelled, "{error}");
+    assert_eq!(error.error_class(), ErrorClass::Cancelled, "{error}");
 }
 
 #[test]

@@ -97,7 +97,7 @@ fn a_thousand_steps_are_those_of_the_plain_loop() {
         duration: 1.0,
         dt: Some(1e-3),
         ramp: Some(0.2),
-        course: Course::Linear,
+        course: LoadRamp::Linear,
         ..Springs::default()
     });
     let by = [0.3, 0.2, 1.5];

@@ -1,6 +1,6 @@
 //! What holds for every solver, and what must not break one.
 
-use ivd_core::{Fault, Faulty};
+use ivd_core::{Classified, ErrorClass};
 
 use super::*;
 
@@ -115,7 +115,7 @@ fn handles_on_one_vertex_agree_or_are_refused() {
         assert_eq!(last(&once), last(&twice));
         assert_eq!(once.truncation, twice.truncation);
         let error = run(&sheet(9), &[pull, moved(40, [0.0; 3], 3.0)], &[], &params).unwrap_err();
-        assert!(error.fault() == Fault::Usage && error.to_string().contains("vertex 40"));
+        assert!(error.error_class() == ErrorClass::Usage && error.to_string().contains("vertex 40"));
         let both = [moved(39, [0.0, 0.0, 0.3], 3.0), moved(41, [0.0, 0.0, -0.3], 3.0)];
         let solved = run(&sheet(9), &both, &[], &params).unwrap();
         assert_eq!((last(&solved)[39][2], last(&solved)[41][2]), (0.3, -0.3));
@@ -197,7 +197,7 @@ fn extremes_end_in_finite_motion_or_say_why_not() {
                             }
                             Err(error) => {
                                 let text = error.to_string();
-                                assert_eq!(error.fault(), Fault::Untrusted, "{text}");
+                                assert_eq!(error.error_class(), ErrorClass::Untrusted, "{text}");
                             }
                         }
                     }
@@ -246,7 +246,7 @@ fn mixed_stiffness_and_edges_of_no_length_end_well() {
 fn a_handle_outside_and_bad_parameters_are_named() {
     let far = Handle { at: HandleAt::Pick([4.0, 4.0, 99.0]), ..moved(0, [0.0; 3], 3.0) };
     let error = run(&sheet(9), &[far], &[], &Params::default()).unwrap_err();
-    assert!(error.fault() == Fault::Usage && error.to_string().contains("mm away"), "{error}");
+    assert!(error.error_class() == ErrorClass::Usage && error.to_string().contains("mm away"), "{error}");
     assert!(run(&sheet(9), &[], &[], &Params::default()).is_err());
     let field = |params: Params| params.check().unwrap_err().field;
     assert_eq!(field(with_springs(Springs { stiffness: 0.0, ..Springs::default() })), "stiffness");
@@ -298,6 +298,6 @@ fn threads_do_not_change_a_byte_and_cancel_stops() {
         let stopped = Exec::default();
         stopped.cancel.cancel();
         let error = solve(&lattice, None, &handles, &[], &params, &stopped).unwrap_err();
-        assert_eq!(error.fault(), Fault::Cancelled);
+        assert_eq!(error.error_class(), ErrorClass::Cancelled);
     }
 }

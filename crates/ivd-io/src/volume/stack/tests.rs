@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use ivd_core::{Fault, Faulty, VoxelIndex, VoxelType, Voxels};
+use ivd_core::{Classified, ErrorClass, VoxelIndex, VoxelType, Voxels};
 
 use super::*;
 use crate::notes::Notes;
@@ -172,7 +172,7 @@ fn pixels_that_do_not_unpack_are_the_files_fault_and_not_the_systems() {
     let at = bytes.windows(4).rposition(|w| w == [3, 1, 3, 0]).unwrap();
     bytes[at + 8] = 8;
     std::fs::write(&tif, &bytes).unwrap();
-    assert_eq!(read_tiff(&tif, None, &Exec::default()).unwrap_err().fault(), Fault::Input);
+    assert_eq!(read_tiff(&tif, None, &Exec::default()).unwrap_err().error_class(), ErrorClass::Input);
 }
 
 #[test]
@@ -208,7 +208,7 @@ fn raw_slices_are_counted_and_swapped() {
     let error = read_folder(dir.path(), Some(&layout([3, 2, 4])), None, &Exec::default()).unwrap_err();
     assert!(error.to_string().contains("4 slices declared"), "{error}");
     let error = read_folder(dir.path(), Some(&layout([9, 2, 0])), None, &Exec::default()).unwrap_err();
-    assert_eq!(error.fault(), Fault::Input);
+    assert_eq!(error.error_class(), ErrorClass::Input);
     assert!(read_folder(dir.path(), Some(&layout([usize::MAX, 9, 1])), None, &Exec::default()).is_err());
 }
 

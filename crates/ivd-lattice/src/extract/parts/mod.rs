@@ -81,13 +81,13 @@ pub fn extract_parts(labels: &Labels, ids: &[u16], exec: &Exec) -> Result<Vec<Pa
         return bad(format!("{twice} is named twice"));
     }
     exec.run(|| {
-        let ids = if ids.is_empty() { occurring(labels) } else { ids.to_vec() };
+        let ids = if ids.is_empty() { labels_present(labels) } else { ids.to_vec() };
         Sweep::new(labels, &ids).run(labels, &ids, exec)
     })
 }
 
 /// The labels that voxels have, ascending, without [`NO_DATA`], on the calling pool.
-pub fn occurring(labels: &Labels) -> Vec<u16> {
+pub fn labels_present(labels: &Labels) -> Vec<u16> {
     let seen = labels.ids().par_chunks(1 << 16).fold(
         || vec![false; 1 << 16],
         |mut seen, ids| {

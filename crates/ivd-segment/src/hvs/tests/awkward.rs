@@ -6,7 +6,7 @@ use ivd_core::{ByteSource, Space, Spill};
 fn both(volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> [(Hvs, crate::Segmentation); 2] {
     [Linkage::Single, Linkage::Ward].map(|linkage| {
         let params = HvsParams { linkage, max_regions: 300, ..HvsParams::default() };
-        let found = hvs_tree(volume, mask, &params, exec).unwrap();
+        let found = region_tree(volume, mask, &params, exec).unwrap();
         let segments = cut(&found.tree, &classes(5, Ranking::Persistence), exec).unwrap();
         let classes = segments.labels.classes();
         assert!(classes.windows(2).all(|w| w[0].mean <= w[1].mean), "{classes:?}");
@@ -60,7 +60,7 @@ fn volumes_with_nothing_to_tell_apart() {
         assert_eq!((found.regions, segments.k), (0, 0));
     }
     let other = volume([2, 2, 2], vec![1_u8; 8]);
-    assert!(hvs_tree(&other, Some(&empty), &single(), &exec).is_err());
+    assert!(region_tree(&other, Some(&empty), &single(), &exec).is_err());
 }
 
 #[test]
@@ -133,7 +133,7 @@ impl Spill for Elsewhere {
 fn a_volume_beyond_the_memory_limit_gets_the_same_tree() {
     let (volume, _) = head(24, 8.0);
     let limited = Exec::default().with_memory_limit(Some(24_u64.pow(3) / 4));
-    assert!(hvs_tree(&volume, None, &single(), &limited).is_err(), "nowhere to spill");
+    assert!(region_tree(&volume, None, &single(), &limited).is_err(), "nowhere to spill");
     let spilling = limited.with_spill(Arc::new(Elsewhere));
     assert!(both(&volume, None, &spilling) == both(&volume, None, &Exec::default()));
 }
@@ -144,7 +144,7 @@ fn work_stops_when_asked_to() {
     let tree = grow(&volume, &single()).tree;
     let exec = Exec::default();
     exec.cancel.cancel();
-    assert!(hvs_tree(&volume, None, &single(), &exec).is_err());
-    assert!(hvs_tree(&volume, None, &HvsParams::default(), &exec).is_err());
+    assert!(region_tree(&volume, None, &single(), &exec).is_err());
+    assert!(region_tree(&volume, None, &HvsParams::default(), &exec).is_err());
     assert!(cut(&tree, &CutParams::default(), &exec).is_err());
 }

@@ -8,7 +8,7 @@ mod ward;
 use ivd_core::op::Op as _;
 use ivd_core::{Exec, Grid, Linkage, Mask, Tree, Volume, Voxels};
 
-use super::{CutParams, Hvs, HvsParams, Ranking, cut, hvs_tree};
+use super::{CutParams, Hvs, HvsParams, Ranking, cut, region_tree};
 use crate::Within;
 
 /// Numbers that look random, 0…2³² − 1.
@@ -57,7 +57,7 @@ fn single() -> HvsParams {
 }
 
 fn grow(volume: &Volume, params: &HvsParams) -> Hvs {
-    hvs_tree(volume, None, params, &Exec::default()).unwrap()
+    region_tree(volume, None, params, &Exec::default()).unwrap()
 }
 
 fn heights(tree: &Tree) -> Vec<f64> {

@@ -108,12 +108,16 @@ fn a_mask_and_a_range_leave_voxels_out() {
     let inside: Vec<u8> = (0..729).map(|i| u8::from(i % 9 < 7)).collect();
     let mask = Mask::new(volume.grid().clone(), inside.clone().into()).unwrap();
     let exec = Exec::default();
-    let tree = hvs_tree(&volume, Some(&mask), &single(), &exec).unwrap().tree;
+    let tree = region_tree(&volume, Some(&mask), &single(), &exec).unwrap().tree;
     assert_eq!(heights(&tree), plain(&volume, Some(&mask)));
-    let tree =
-        hvs_tree(&volume, Some(&mask), &HvsParams { within: Within::range(20.0, 60.0), ..single() }, &exec)
-            .unwrap()
-            .tree;
+    let tree = region_tree(
+        &volume,
+        Some(&mask),
+        &HvsParams { within: Within::range(20.0, 60.0), ..single() },
+        &exec,
+    )
+    .unwrap()
+    .tree;
     for (i, leaf) in tree.leaves.iter().enumerate() {
         assert_eq!(*leaf > 0, inside[i] == 1 && (20.0..=60.0).contains(&real(&volume, i)));
     }

@@ -125,7 +125,7 @@ fn a_cap_that_no_block_can_meet_leaves_one_leaf_a_block() {
     assert_eq!(capped(&volume, 4, 1).regions, 64);
     assert_eq!(grow(&volume, &HvsParams { max_regions: 1, ..HvsParams::default() }).regions, 1);
     let zones = HvsParams { alpha: Some(0.0), max_regions: 5, ..HvsParams::default() };
-    let error = hvs_tree(&volume, None, &zones, &Exec::default()).unwrap_err().to_string();
+    let error = region_tree(&volume, None, &zones, &Exec::default()).unwrap_err().to_string();
     assert!(error.contains("alpha") && error.contains("max_regions"), "{error}");
 }
 
