@@ -27,8 +27,8 @@
 //! Stages without an accuracy knob aren't here: `boundary` and `octree` are exact, and the octree's leaf size changes no answer.
 #![forbid(unsafe_code)]
 
-mod apart;
 mod compare;
+mod distance;
 mod error;
 mod experiment;
 mod front;

@@ -22,6 +22,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod addressing;
 mod bricks;
 mod buffer;
 mod bulk;
@@ -32,7 +33,6 @@ mod exec;
 pub mod geometry;
 mod grid;
 mod image;
-mod index_relation;
 mod labels;
 mod lattice;
 mod mask;
@@ -50,6 +50,7 @@ mod tree;
 mod value;
 mod volume;
 
+pub use addressing::VertexDescription;
 pub use bricks::{BRICK, BrickIndex, BrickRange};
 pub use buffer::{Buffer, ByteSource};
 pub use bulk::{Bulk, Space, Spill};
@@ -59,7 +60,6 @@ pub use error::{Classified, Error, ErrorClass, ParamError};
 pub use exec::{Backend, Cancel, Exec, Iteration, NoObserver, Observer};
 pub use grid::{Grid, GridError, VoxelCoord, VoxelIndex, World};
 pub use image::Image;
-pub use index_relation::VertexDescription;
 pub use labels::{Class, Labels, NO_DATA};
 pub use lattice::{CoarseLevel, ElementKey, Lattice, LatticeSource, MIN_EDGE_FRACTION};
 pub use mask::Mask;

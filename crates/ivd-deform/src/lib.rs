@@ -8,9 +8,9 @@
 //! 3. [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through it. Only bricks that moved are visited.
 //!
 //! [`space`] displaces voxels without a lattice, or goes on from a displacement: deflectors, spatial transfer functions, chain mail, cuts.
-//! [`cvg`] combines deformed things, or things at rest: union, intersection, difference. [`clip`] throws a part of one away.
+//! [`combine`] combines deformed things, or things at rest: union, intersection, difference. [`clip`] throws a part of one away.
 //!
-//! [`volumes::by_class`] tells what every class gains or loses.
+//! [`class_volume::by_class`] tells what every class gains or loses.
 //!
 //! [`inverse::invert`] and [`certificate::certify`] also serve fields from elsewhere.
 //!
@@ -46,21 +46,21 @@
 #![deny(unsafe_code)]
 
 pub mod certificate;
+pub mod class_volume;
 pub mod clip;
-pub mod cvg;
+pub mod combine;
 pub mod deform;
 mod direction;
 mod error;
 pub mod freeform;
 pub mod inverse;
-mod lanes;
 pub mod map;
 pub mod mass_spring;
 pub mod rigid;
 mod sampler;
+mod simd;
 pub mod space;
 pub mod spring;
-pub mod volumes;
 pub mod warp;
 
 #[cfg(test)]

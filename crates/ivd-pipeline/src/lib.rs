@@ -71,4 +71,4 @@ pub use outputs::OutputFile;
 pub use pipeline::{PipelineOptions, PipelineReport, default_out, run};
 pub use runner::{Done, OutputRecord, Runner, StageRecord, State, backend_name, figures_of};
 pub use section::Section;
-pub use stage::{Input, Inputs, Metrics, Product, Stage};
+pub use stage::{Facts, Input, Inputs, Metrics, Product, Stage};

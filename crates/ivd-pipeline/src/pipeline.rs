@@ -207,7 +207,7 @@ fn idle(node: &PlanNode, state: State) -> StageRecord {
     StageRecord {
         variant: node.id.variant.to_owned(),
         why: node.why.clone(),
-        revision: node.stage.as_ref().map_or(0, |s| s.revision()),
+        revision: node.stage.as_ref().map_or(0, |s| s.facts().revision),
         params: node.stage.as_ref().map_or(serde_json::Value::Null, |s| s.params()),
         ..StageRecord::new(node.id.stage, state)
     }

@@ -252,8 +252,8 @@ impl Runner<'_> {
         let clock = Clock::start();
         let read_before = inputs.bytes_read();
         let (provenance, source_bytes) = self.provenance(stage, inputs.hashes())?;
-        let first = stage.inputs().first().and_then(|slot| inputs.get(slot.name)).map(Artefact::kind);
-        let kind = stage.output().or(first);
+        let first = stage.facts().inputs.first().and_then(|slot| inputs.get(slot.name)).map(Artefact::kind);
+        let kind = stage.facts().output.or(first);
         let kind = kind.ok_or_else(|| Error::usage(stage.name(), "its first input is missing"))?;
         let key = CacheKey::new(kind, &provenance);
         Ok(Begun { clock, read_before, provenance, source_bytes, key })
@@ -288,7 +288,7 @@ impl Runner<'_> {
         first: Kind,
     ) -> Option<ContentHash> {
         let (provenance, _) = self.provenance(stage, inputs).ok()?;
-        self.cache.lookup_hash(&CacheKey::new(stage.output().unwrap_or(first), &provenance))
+        self.cache.lookup_hash(&CacheKey::new(stage.facts().output.unwrap_or(first), &provenance))
     }
 
     /// Where a result comes from, everything that a cache key is made of; and the bytes that were read to know it.
@@ -304,7 +304,7 @@ impl Runner<'_> {
         }
         let provenance = Provenance {
             stage: stage.name().to_owned(),
-            revision: stage.revision(),
+            revision: stage.facts().revision,
             params: stage.identity(),
             inputs: hashes,
             // What did the work, whatever was asked for: every stage's code is the processor's.

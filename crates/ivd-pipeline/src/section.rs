@@ -5,10 +5,10 @@ use std::fmt;
 use std::path::PathBuf;
 
 use ivd_core::op::{
-    self, Failure, Job, Method, Op, PlaceKind, Slot, Stage, Values, Want, check, fields, is_default, rename,
+    self, Failure, Job, Method, Op, PlaceKind, Stage, Values, Want, check, fields, is_default, rename,
     unknown,
 };
-use ivd_core::{Exec, Kind, ParamError};
+use ivd_core::{Exec, ParamError};
 use serde_json::{Map, Value as Json};
 
 use crate::{Error, Inputs, Metrics, Product};
@@ -252,24 +252,14 @@ fn drop_foreign_defaults(
 }
 
 impl crate::Stage for Section {
-    fn name(&self) -> &'static str {
-        self.stage.name
-    }
-
-    fn revision(&self) -> u32 {
-        self.method.revision
-    }
-
-    fn inputs(&self) -> &'static [Slot] {
-        self.method.slots
-    }
-
-    fn output(&self) -> Option<Kind> {
-        self.method.output
-    }
-
-    fn figures(&self) -> &'static Json {
-        (self.method.figures)()
+    fn facts(&self) -> crate::Facts {
+        crate::Facts {
+            name: self.stage.name,
+            revision: self.method.revision,
+            inputs: self.method.slots,
+            output: self.method.output,
+            figures: self.method.figures,
+        }
     }
 
     fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {

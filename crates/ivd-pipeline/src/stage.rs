@@ -118,7 +118,7 @@ impl Inputs {
     /// # Errors
     /// [`Error::WrongKind`], or a usage error that names the missing slot.
     pub fn check(&self, stage: &dyn Stage) -> Result<(), Error> {
-        for slot in stage.inputs() {
+        for slot in stage.facts().inputs {
             match self.0.get(slot.name) {
                 None if slot.optional => {}
                 None => {
@@ -156,22 +156,30 @@ impl Product {
     }
 }
 
+/// What is known of a stage without running it.
+#[derive(Debug, Clone, Copy)]
+pub struct Facts {
+    /// Name, as in `--json` and in scenes.
+    pub name: &'static str,
+    /// Raised whenever the same input and parameters may give another result.
+    pub revision: u32,
+    /// What it reads.
+    pub inputs: &'static [Slot],
+    /// Kind of what it writes; `None` where that is the kind that it read in its first slot.
+    pub output: Option<Kind>,
+    /// JSON Schema of its figures.
+    pub figures: fn() -> &'static Value,
+}
+
 /// One stage with its parameters: a thin adapter over a stage crate's function.
 pub trait Stage: Send + Sync {
-    /// Name, as in `--json` and in scenes.
-    fn name(&self) -> &'static str;
+    /// What is known of it without running it.
+    fn facts(&self) -> Facts;
 
-    /// Raised whenever the same input and parameters may give another result.
-    fn revision(&self) -> u32;
-
-    /// What the stage reads.
-    fn inputs(&self) -> &'static [Slot];
-
-    /// Kind of what it writes; `None` where it writes the kind that it read in its first slot.
-    fn output(&self) -> Option<Kind>;
-
-    /// JSON Schema of its figures.
-    fn figures(&self) -> &'static Value;
+    /// See [`Facts::name`].
+    fn name(&self) -> &'static str {
+        self.facts().name
+    }
 
     /// What a person should know of a result with these figures beside them, where there is something.
     ///

@@ -4,9 +4,9 @@ use std::ops::ControlFlow;
 
 use crate::camera::Ray;
 use crate::classify::Classifier;
+use crate::empty_space::Space;
 use crate::light::Light;
 use crate::samples::{Place, Samples, Stored};
-use crate::space::Space;
 use crate::warp::Warp;
 
 /// Colour of a ray and what it cost.

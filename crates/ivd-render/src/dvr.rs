@@ -1,8 +1,8 @@
 use crate::camera::Ray;
 use crate::cast::{Cast, Field};
 use crate::classify::{Classifier, of_part};
+use crate::empty_space::{Home, NOWHERE};
 use crate::samples::Stored;
-use crate::space::{Home, NOWHERE};
 
 /// Direct volume rendering: the premultiplied over operator from front to back, until `termination` (Engel et al. 2004;
 /// thesis eqs 2.4–2.7 read as accumulated opacity).

@@ -9,7 +9,7 @@
 //! - *Voxels.* [`Lanes::cell`] clamps as [`Shape::place`](crate::samples::Shape::place) does, in lanes whose ray has ended or that hold none as well, so that
 //!   a cell's eight voxels are in the grid. [`serves`] demands two voxels along every axis and fewer than 2³⁰ of them, so that their indices
 //!   are whole numbers of 32 bits.
-//! - *Leaps.* A cell's brick lies in the grid of bricks, and [`Space::leaps`](crate::space::Space::leaps) holds one for each of them (asserted).
+//! - *Leaps.* A cell's brick lies in the grid of bricks, and [`Space::leaps`](crate::empty_space::Space::leaps) holds one for each of them (asserted).
 //! - *Entries* of the transfer function: an index is clamped to a row as [`Classifier::index`] does, and rows lie in the table whole.
 
 #[allow(clippy::wildcard_imports, reason = "some fifty intrinsics")]
@@ -257,7 +257,7 @@ impl<'a, T: Pairs> Lanes<'a, T> {
     }
 
     /// Index of the next sample to be looked at in lanes whose sample `i`, in `cell`, is in a clear brick: beyond the bricks that may be leapt over.
-    /// As [`Space::leap`](crate::space::Space::leap), never further.
+    /// As [`Space::leap`](crate::empty_space::Space::leap), never further.
     #[inline]
     #[target_feature(enable = "avx2")]
     #[allow(clippy::too_many_arguments, reason = "the rays of a packet, in lanes")]

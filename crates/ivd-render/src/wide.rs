@@ -59,9 +59,9 @@ pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
 mod tests {
     use super::*;
     use crate::camera::Camera;
+    use crate::empty_space::Space;
     use crate::light::Light;
     use crate::samples::{Samples, Shape};
-    use crate::space::Space;
     use crate::warp::Warp;
     use crate::{Projection, RenderParams, View};
     use ivd_core::{Displacement, FieldBricks, Grid, NO_BRICK, Scalar, TransferFunction, Volume};

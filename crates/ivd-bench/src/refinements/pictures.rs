@@ -4,7 +4,7 @@ use ivd_core::{Exec, Image, Lattice, srgb};
 use ivd_render::{RenderParams, SurfaceStyle, View, surface};
 use nalgebra::Vector3;
 
-use crate::apart::Search;
+use crate::distance::Search;
 use crate::experiment::Problem;
 
 /// Edge of a picture (pixels).

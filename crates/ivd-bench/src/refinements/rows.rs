@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::inputs::Input;
 use super::pictures::Painter;
-use crate::apart::Search;
+use crate::distance::Search;
 use crate::experiment::Problem;
 
 /// Edges where the surface turns by more than this (degrees between the normals of both triangles) are creases.

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use super::inputs::{judged, root_mean_square};
 use super::{atf, clusters, deform, deformation, map, methods, refine, render, segment, solvers};
-use crate::apart::Truth;
+use crate::distance::Truth;
 use crate::experiment::{Experiment, Problem, Setting};
 use crate::sweep::Given;
 

@@ -8,7 +8,7 @@ use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, Target, distance
 
 use super::inputs::judged;
 use super::refine::Measure;
-use crate::apart::Truth;
+use crate::distance::Truth;
 use crate::experiment::{Experiment, Problem, Setting};
 use crate::plate;
 

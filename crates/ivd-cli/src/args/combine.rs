@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use ivd_deform::clip::{Cuboid, HalfSpace};
-use ivd_deform::cvg::Op;
+use ivd_deform::combine::Op;
 use ivd_pipeline::scene::triple;
 
 use super::Output;

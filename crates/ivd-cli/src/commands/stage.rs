@@ -134,7 +134,8 @@ fn placed(error: ivd_artefact::Error, path: &Path) -> anyhow::Error {
 
 /// The figures that a person wants first.
 fn headline(stage: &dyn Stage, record: &StageRecord) -> anyhow::Result<String> {
-    let mut fields: Vec<Field<'_>> = alternatives(stage.figures()).into_iter().flat_map(fields).collect();
+    let mut fields: Vec<Field<'_>> =
+        alternatives((stage.facts().figures)()).into_iter().flat_map(fields).collect();
     fields.retain(|field| field.headline().is_some());
     fields.sort_by_key(|field| field.headline());
     let figures = &record.metrics.figures;

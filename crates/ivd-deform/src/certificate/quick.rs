@@ -15,10 +15,10 @@
 use ivd_core::{FieldBricks, Grid, NO_BRICK};
 use rayon::prelude::*;
 
-use crate::lanes::Eight;
-#[cfg(target_arch = "x86_64")]
-use crate::lanes::WideEight;
 use crate::sampler::brick_at;
+use crate::simd::Eight;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::WideEight;
 
 /// Rounding of a coordinate (relative to the largest), and of the bound (relative to the permanent): several times what the few
 /// operations on `f32` can lose.
@@ -59,7 +59,7 @@ impl<'a> Quick<'a> {
     /// `native`: whether AVX2 may be used where it is there.
     pub(crate) fn new(field: &'a FieldBricks, grid: &'a Grid, native: bool) -> Self {
         let m = grid.inverse_linear_part();
-        let avx2 = native && crate::lanes::wide();
+        let avx2 = native && crate::simd::wide();
         let sum = |a: usize| (0..3).map(|b| m[(a, b)].abs()).sum::<f64>();
         let row = (0..3).map(sum).fold(0.0, f64::max) as f32;
         let to_voxel = [0, 1, 2].map(|a| [0, 1, 2].map(|b| m[(a, b)] as f32));

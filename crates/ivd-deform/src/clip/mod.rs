@@ -37,7 +37,7 @@ use ivd_core::{
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::cvg::nearest_data;
+use crate::combine::nearest_data;
 use crate::warp::{check_grid, recount};
 pub use params::{ClipParams, Cuboid, HalfSpace};
 use region::{Part, Region};

@@ -12,10 +12,10 @@ use rayon::prelude::*;
 
 use super::solve::{FOUND, FOUND_FAR, Solver};
 use super::{SolvedBrick, Worst};
-use crate::lanes::Four;
-#[cfg(target_arch = "x86_64")]
-use crate::lanes::WideFour;
 use crate::sampler::brick_at;
+use crate::simd::Four;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::WideFour;
 
 /// A vector; its last lane is 0.
 type Padded = [f64; 4];
@@ -39,7 +39,7 @@ pub(super) struct Bulk<'a> {
 impl<'a> Bulk<'a> {
     /// `native`: whether AVX2 may be used where it is there.
     pub(super) fn new(forward: &'a FieldBricks, grid: &Grid, native: bool) -> Self {
-        let avx2 = native && crate::lanes::wide();
+        let avx2 = native && crate::simd::wide();
         let rows = |m: nalgebra::Matrix3<f64>| [0, 1, 2].map(|a| [0, 1, 2].map(|b| m[(a, b)]));
         let to_voxel = rows(grid.inverse_linear_part());
         let ready =

@@ -56,11 +56,10 @@
 //! Sources: the thesis, 6.2–6.3 (the nearest lattice point through the octree; it leaves `w` open) and 7.4.
 
 mod biharmonic;
-mod carry;
 mod compose;
 mod fem;
-mod free;
-mod live;
+mod incremental;
+mod nearest_weight;
 mod octree;
 mod outcome;
 mod params;
@@ -68,6 +67,7 @@ mod region;
 mod relax;
 mod settle;
 mod stage;
+mod vacate;
 
 use ivd_core::op::Op as _;
 use ivd_core::{Exec, FieldBricks, Frame, Grid, Lattice, Mask, Motion, NO_BRICK, VoxelIndex};
@@ -77,11 +77,10 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::sampler::{brick_at, brick_voxels};
 pub use biharmonic::{Biharmonic, biharmonic};
-pub use carry::{Found, Hit, Nearest};
-use carry::{Kept, Part, carry, seek};
 pub use fem::fem;
-pub(crate) use free::{invert_within, lies_beyond};
-pub use live::Live;
+pub use incremental::Live;
+pub use nearest_weight::{Found, Hit, Nearest};
+use nearest_weight::{Kept, Part, carry, seek};
 pub use octree::{Prepared, frames, octree};
 pub(crate) use outcome::lengths;
 pub use outcome::{MapFigures, MapResult, Moved, Solved, SurfaceFit};
@@ -92,6 +91,7 @@ pub(crate) use relax::THIN;
 use settle::Settle;
 pub(crate) use settle::{check_residual, folded};
 pub use stage::STAGE;
+pub(crate) use vacate::{invert_within, lies_beyond};
 
 /// Largest motion that is mapped (mm): sums of a few such vectors still are finite in `f32`.
 pub(crate) const FARTHEST: f64 = 1e37;

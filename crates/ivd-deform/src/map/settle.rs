@@ -4,11 +4,11 @@ use ivd_core::{Displacement, Exec, FieldBricks, Frame, Grid, Lattice, Mask, NO_B
 use nalgebra::Vector3;
 
 use super::compose::{Composed, halve};
-use super::free::invert_part;
 use super::outcome::{self, MapResult, Moved, SurfaceFit};
 use super::params::Band;
 use super::region::Region;
 use super::relax::relax;
+use super::vacate::invert_part;
 use crate::Error;
 use crate::certificate::{Certificate, Detail};
 use crate::inverse::{Inverse, from_bricks, invert};

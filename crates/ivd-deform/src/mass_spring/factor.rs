@@ -113,13 +113,13 @@ impl Factor {
     /// - `simd`: whether to use what not every processor of its kind has, where this one does.
     pub(super) fn solve(&self, b: &Vectors, simd: bool) -> Vec<[f64; 3]> {
         #[cfg(target_arch = "x86_64")]
-        if simd && crate::lanes::wide() {
+        if simd && crate::simd::wide() {
             // SAFETY: AVX2 was found.
             #[allow(unsafe_code, reason = "argued in the module's head")]
             #[cfg_attr(not(test), allow(unused_mut, reason = "a test spoils it"))]
             let mut x = unsafe { self.solve_avx2(b) };
             #[cfg(test)]
-            crate::lanes::planted::spoil(x.as_flattened_mut());
+            crate::simd::planted::spoil(x.as_flattened_mut());
             return x;
         }
         self.solve_any(b)

@@ -103,7 +103,7 @@ impl Springs {
             let blocks = own.chunks(LANES).chain(leading_out.chunks(LANES));
             chunk.blocks = blocks.map(|springs| Block::new(springs, rest, number * CHUNK)).collect();
         }
-        Self { law, vertices, ends: rest.len(), chunks, avx2: crate::lanes::wide() }
+        Self { law, vertices, ends: rest.len(), chunks, avx2: crate::simd::wide() }
     }
 
     /// Whether the work is worth more than one thread.
@@ -113,7 +113,7 @@ impl Springs {
 
     /// With what not every processor of its kind has, where this one does; or the plain loops.
     pub(super) fn use_simd(&mut self, simd: bool) {
-        self.avx2 = simd && crate::lanes::wide();
+        self.avx2 = simd && crate::simd::wide();
     }
 
     /// Whether [`Springs::use_simd`] found something to use.
@@ -133,7 +133,7 @@ impl Springs {
                 self.on_chunk_avx2(chunk, moved, force);
             }
             #[cfg(test)]
-            crate::lanes::planted::spoil(force.as_flattened_mut());
+            crate::simd::planted::spoil(force.as_flattened_mut());
             return;
         }
         self.on_chunk_any(chunk, moved, force);
@@ -194,7 +194,7 @@ impl Springs {
             Block::add_wide::<PUSH, LIMIT, false>(leading_out, limit, moved, force);
         }
         #[cfg(test)]
-        crate::lanes::planted::spoil(force.as_flattened_mut());
+        crate::simd::planted::spoil(force.as_flattened_mut());
         after.go_on(moved, force);
     }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::volume::data::{DataFile, Encoding, Frames, Start};
 use crate::volume::stored::FileType;
 use crate::volume::write::{Values, replace};
-use crate::volume::{ByteOrder, Error, Written, bounded, space};
+use crate::volume::{ByteOrder, Error, Written, bounded, orientation};
 
 /// How a file without a header is laid out; x fastest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -34,7 +34,7 @@ fn unit_spacing() -> [f64; 3] {
 /// Reads a file without a header.
 pub(crate) fn read(path: &Path, layout: &RawLayout, exec: &Exec) -> Result<Volume, Error> {
     let count = bounded::voxel_count(path, "dims", layout.dims)?;
-    let grid = space::plain_grid(path, layout.dims, layout.spacing)?;
+    let grid = orientation::plain_grid(path, layout.dims, layout.spacing)?;
     let data = DataFile {
         path: path.to_owned(),
         offset: 0,

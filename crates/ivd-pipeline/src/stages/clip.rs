@@ -1,4 +1,3 @@
-use ivd_artefact::Kind;
 use ivd_core::op::{Output, Slots as _, Voxelwise, object, schema_of};
 use ivd_core::{Displacement, Exec, slots};
 use ivd_deform::clip::{self, By, ClipParams, Clipped, Tag};
@@ -7,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::stage_error;
-use crate::{Error, Inputs, Product, Slot, Stage};
+use crate::{Error, Facts, Inputs, Product, Stage};
 
 /// Keeps the part of a volume, of labels or of a mask that lies on given sides of planes, in boxes, and in what is tagged.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -48,24 +47,14 @@ fn product<V: Output>(clipped: Clipped<V>) -> Product {
 }
 
 impl Stage for Clip {
-    fn name(&self) -> &'static str {
-        "clip"
-    }
-
-    fn revision(&self) -> u32 {
-        1
-    }
-
-    fn inputs(&self) -> &'static [Slot] {
-        Given::SLOTS
-    }
-
-    fn output(&self) -> Option<Kind> {
-        None
-    }
-
-    fn figures(&self) -> &'static Value {
-        schema_of::<ClipFigures>()
+    fn facts(&self) -> Facts {
+        Facts {
+            name: "clip",
+            revision: 1,
+            inputs: Given::SLOTS,
+            output: None,
+            figures: schema_of::<ClipFigures>,
+        }
     }
 
     fn params(&self) -> Value {

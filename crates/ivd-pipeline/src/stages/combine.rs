@@ -1,13 +1,13 @@
 use ivd_artefact::Kind;
 use ivd_core::op::{Fill as _, Output, Voxelwise, object, schema_of};
 use ivd_core::{Displacement, Exec};
-use ivd_deform::cvg::{self, CombineParams, Combined, Operand};
+use ivd_deform::combine::{self, CombineParams, Combined, Operand};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::stage_error;
-use crate::{Error, Inputs, Product, Slot, Stage};
+use crate::{Error, Facts, Inputs, Product, Slot, Stage};
 
 /// Combines volumes, labels or masks by union, intersection or difference, at rest or through displacements.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -92,24 +92,14 @@ fn product<V: Output>(combined: Combined<V>) -> Product {
 }
 
 impl Stage for Combine {
-    fn name(&self) -> &'static str {
-        "combine"
-    }
-
-    fn revision(&self) -> u32 {
-        1
-    }
-
-    fn inputs(&self) -> &'static [Slot] {
-        const { &Self::SLOTS }
-    }
-
-    fn output(&self) -> Option<Kind> {
-        None
-    }
-
-    fn figures(&self) -> &'static Value {
-        schema_of::<CombineFigures>()
+    fn facts(&self) -> Facts {
+        Facts {
+            name: "combine",
+            revision: 1,
+            inputs: const { &Self::SLOTS },
+            output: None,
+            figures: schema_of::<CombineFigures>,
+        }
     }
 
     fn params(&self) -> Value {
@@ -120,9 +110,9 @@ impl Stage for Combine {
         let [first, _] = Self::OPERANDS[0];
         let first = Voxelwise::fill(&inputs.values(), first);
         match first.map_err(|failure| Error::failed(self.name(), failure))? {
-            Voxelwise::Volume(_) => cvg::volumes(&operands(inputs)?, &self.params, exec).map(product),
-            Voxelwise::Labels(_) => cvg::labels(&operands(inputs)?, &self.params, exec).map(product),
-            Voxelwise::Mask(_) => cvg::masks(&operands(inputs)?, &self.params, exec).map(product),
+            Voxelwise::Volume(_) => combine::volumes(&operands(inputs)?, &self.params, exec).map(product),
+            Voxelwise::Labels(_) => combine::labels(&operands(inputs)?, &self.params, exec).map(product),
+            Voxelwise::Mask(_) => combine::masks(&operands(inputs)?, &self.params, exec).map(product),
         }
         .map_err(stage_error!(self.name()))
     }

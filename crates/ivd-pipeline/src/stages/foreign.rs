@@ -9,7 +9,7 @@ use ivd_lattice::foreign::{ForeignParams, lattice};
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
-use crate::{Error, Inputs, Product, Slot, Stage};
+use crate::{Error, Facts, Inputs, Product, Stage};
 
 /// Takes a mesh of another program for the lattice of a volume.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,24 +26,14 @@ slots! {
 }
 
 impl Stage for ForeignLattice {
-    fn name(&self) -> &'static str {
-        STAGE.name
-    }
-
-    fn revision(&self) -> u32 {
-        2
-    }
-
-    fn inputs(&self) -> &'static [Slot] {
-        Given::SLOTS
-    }
-
-    fn output(&self) -> Option<Kind> {
-        Some(Kind::Lattice)
-    }
-
-    fn figures(&self) -> &'static Value {
-        schema_of::<LatticeFigures>()
+    fn facts(&self) -> Facts {
+        Facts {
+            name: STAGE.name,
+            revision: 2,
+            inputs: Given::SLOTS,
+            output: Some(Kind::Lattice),
+            figures: schema_of::<LatticeFigures>,
+        }
     }
 
     fn params(&self) -> Value {

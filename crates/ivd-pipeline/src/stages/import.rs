@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
-use crate::{Error, Inputs, Product, Slot, Stage};
+use crate::{Error, Facts, Inputs, Product, Stage};
 
 /// Name of the stage.
 pub const IMPORT: &str = "import";
@@ -59,24 +59,14 @@ pub struct ImportFigures {
 }
 
 impl Stage for Import {
-    fn name(&self) -> &'static str {
-        IMPORT
-    }
-
-    fn revision(&self) -> u32 {
-        1
-    }
-
-    fn inputs(&self) -> &'static [Slot] {
-        &[]
-    }
-
-    fn output(&self) -> Option<Kind> {
-        Some(Kind::Volume)
-    }
-
-    fn figures(&self) -> &'static Value {
-        schema_of::<ImportFigures>()
+    fn facts(&self) -> Facts {
+        Facts {
+            name: IMPORT,
+            revision: 1,
+            inputs: &[],
+            output: Some(Kind::Volume),
+            figures: schema_of::<ImportFigures>,
+        }
     }
 
     fn params(&self) -> Value {
@@ -143,24 +133,14 @@ pub struct ImportLabelsFigures {
 }
 
 impl Stage for ImportLabels {
-    fn name(&self) -> &'static str {
-        IMPORT
-    }
-
-    fn revision(&self) -> u32 {
-        1
-    }
-
-    fn inputs(&self) -> &'static [Slot] {
-        Given::SLOTS
-    }
-
-    fn output(&self) -> Option<Kind> {
-        Some(Kind::Labels)
-    }
-
-    fn figures(&self) -> &'static Value {
-        schema_of::<ImportLabelsFigures>()
+    fn facts(&self) -> Facts {
+        Facts {
+            name: IMPORT,
+            revision: 1,
+            inputs: Given::SLOTS,
+            output: Some(Kind::Labels),
+            figures: schema_of::<ImportLabelsFigures>,
+        }
     }
 
     fn params(&self) -> Value {

@@ -4,10 +4,10 @@ mod clip;
 mod combine;
 mod foreign;
 mod import;
-mod parts;
+mod lattice_parts;
 
 pub use clip::{Clip, ClipFigures};
 pub use combine::{Combine, CombineFigures};
 pub use foreign::ForeignLattice;
 pub use import::{IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportSource};
-pub use parts::part_lattices;
+pub use lattice_parts::part_lattices;

@@ -15,12 +15,12 @@
 
 use ivd_core::{Buffer, Bulk, Error as CoreError, Exec, Iteration, Scalar, parallel, with_voxels};
 
+use super::features::Space;
 use super::labels::Scene;
 use super::line::Sums;
 use super::mixture::{Component, INTENSITY};
 use super::quadratic::{self, Quadratic};
 use super::rows::{PIECE, Piece, Values};
-use super::space::Space;
 use super::{Covariance, EmvsParams, external};
 use crate::Error;
 

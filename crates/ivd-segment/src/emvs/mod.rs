@@ -4,6 +4,7 @@ mod bias;
 mod bins;
 mod exponential;
 mod external;
+mod features;
 mod field;
 mod labels;
 mod line;
@@ -11,7 +12,6 @@ mod mixture;
 mod params;
 mod quadratic;
 mod rows;
-mod space;
 mod start;
 mod tables;
 #[cfg(test)]
@@ -20,15 +20,15 @@ mod tests;
 use ivd_core::{Buffer, Exec, Labels, Mask, Volume};
 use serde::Serialize;
 
-use crate::{Error, Segmentation, scope, segmentation};
+use crate::{Error, Segmentation, segmentation, selection};
 pub use bias::BiasField;
 use bins::Bins;
+use features::Space;
 use labels::Scene;
 use line::{Found, Limits};
 pub use mixture::Mixture;
 use mixture::{Component, Frame, INTENSITY};
 pub use params::{Covariance, EmvsParams};
-use space::Space;
 
 /// What EMVS found.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,7 +120,7 @@ fn found(
 ) -> Result<(Emvs, Vec<Buffer<f32>>), Error> {
     params.check()?;
     exec.run(|| {
-        let scope = scope::of(volume, mask, params.within, exec)?;
+        let scope = selection::of(volume, mask, params.within, exec)?;
         let mask = scope.as_deref();
         if params.bias == 0.0 {
             return fit(volume, volume, mask, params, with_posteriors, exec);

@@ -22,7 +22,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::moments::{Frame, Moments};
-use crate::{Error, Within, scope};
+use crate::{Error, Within, selection};
 pub use cut::{CutParams, Ranking, cut};
 pub use dendrogram::{Dendrogram, Leaf, dendrogram};
 use field::{Apart, Field};
@@ -105,7 +105,7 @@ pub fn region_tree(
         return Err(CoreError::Inconsistent { what: "volume", problem }.into());
     }
     exec.run(|| {
-        let scope = scope::of(volume, mask, params.within, exec)?;
+        let scope = selection::of(volume, mask, params.within, exec)?;
         with_voxels!(volume.voxels(), slice => grow(volume, &Field::new(volume, slice, scope.as_deref()), params, exec))
     })
 }

@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::groups::Partition;
-use crate::{Error, Segmentation, Within, histogram, scope, segmentation};
+use crate::{Error, Segmentation, Within, histogram, segmentation, selection};
 
 pub(crate) use integers::{groups_between, partition, partitions};
 pub use spatial::{SpatialKmvs, kmvs_spatial};
@@ -120,7 +120,7 @@ pub fn kmvs(
         return Ok(kmvs_spatial(volume, mask, params, exec)?.segmentation);
     }
     exec.run(|| {
-        let scope = scope::of(volume, mask, params.within, exec)?;
+        let scope = selection::of(volume, mask, params.within, exec)?;
         let mask = scope.as_deref();
         let partition = match histogram::of(volume.voxels(), mask, exec)? {
             Some(histogram) => integers::partition(&histogram, params.k),

@@ -17,7 +17,7 @@ use super::{Msvs, MsvsParams, msvs};
 use crate::groups::Partition;
 use crate::histogram::{self, Histogram};
 use crate::kmvs::partitions;
-use crate::{Error, KmvsParams, Segmentation, kmvs, scope};
+use crate::{Error, KmvsParams, Segmentation, kmvs, selection};
 
 /// Bandwidths that a class is taken to be wider than it is: modes closer than two bandwidths are one mode. With one, the
 /// criterion still falls at 12 classes of a bonsai and of an engine block and keeps whatever is proposed; with two it is least
@@ -149,7 +149,7 @@ fn curve(
     proposed: &Msvs,
     exec: &Exec,
 ) -> Result<Vec<ChainPoint>, Error> {
-    let scope = scope::of(volume, mask, params.msvs.within, exec)?;
+    let scope = selection::of(volume, mask, params.msvs.within, exec)?;
     let mask = scope.as_deref();
     let (histogram, unit) = match histogram::of(volume.voxels(), mask, exec)? {
         Some(histogram) => (histogram, volume.slope().abs()),

@@ -29,7 +29,7 @@ use ivd_core::{Exec, Iteration, Labels, Mask, ParamError, Volume};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Segmentation, Within, classes, scope, segmentation};
+use crate::{Error, Segmentation, Within, classes, segmentation, selection};
 use cells::Cells;
 use modes::Peak;
 
@@ -162,7 +162,7 @@ pub struct Msvs {
 pub fn msvs(volume: &Volume, mask: Option<&Mask>, params: &MsvsParams, exec: &Exec) -> Result<Msvs, Error> {
     params.check()?;
     exec.run(|| {
-        let scope = scope::of(volume, mask, params.within, exec)?;
+        let scope = selection::of(volume, mask, params.within, exec)?;
         let mask = scope.as_deref();
         let Some(bandwidths) = bandwidth::of(volume, mask, params, exec)? else {
             return nothing(volume, mask, params);

@@ -1,7 +1,7 @@
 //! Springs with the processor's wider lanes and without: other code, the same bytes.
 
 use super::*;
-use crate::lanes::{planted, wide};
+use crate::simd::{planted, wide};
 
 /// Every bit of the motion, with the fault planted in what only wide lanes run, or without.
 fn motion(params: &Params, exec: &Exec, faulty: bool) -> Vec<u64> {

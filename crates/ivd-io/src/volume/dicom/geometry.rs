@@ -4,7 +4,7 @@ use ivd_core::{Exec, Grid};
 use nalgebra::Vector3;
 
 use super::header::Slice;
-use crate::volume::{Error, bounded, space};
+use crate::volume::{Error, bounded, orientation};
 
 /// Largest deviation of a gap between slices from the usual one, as a part of it, …
 const GAP_PART: f64 = 0.01;
@@ -42,7 +42,7 @@ pub(super) fn grid(path: &Path, slices: &mut [Slice], exec: &Exec) -> Result<Gri
     };
     let length = step.norm();
     let axes = [row, column, step / length].map(Into::into);
-    space::grid_from_lps_parts(path, dims, [dx, dy, length], origin.into(), axes)
+    orientation::grid_from_lps_parts(path, dims, [dx, dy, length], origin.into(), axes)
 }
 
 /// Unit directions of a row and a column.

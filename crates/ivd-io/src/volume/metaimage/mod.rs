@@ -13,7 +13,7 @@ use ivd_core::{Exec, Grid, Volume, VoxelType};
 
 use crate::volume::data::{self, DataFile, Encoding, Frames, Start};
 use crate::volume::stored::FileType;
-use crate::volume::{ByteOrder, Error, bounded, space};
+use crate::volume::{ByteOrder, Error, bounded, orientation};
 use header::Header;
 pub(crate) use write::write;
 
@@ -100,7 +100,7 @@ fn rank(path: &Path, header: &Header) -> Result<usize, Error> {
 
 fn grid(path: &Path, header: &Header, dims: [usize; 3]) -> Result<Grid, Error> {
     let rank = rank(path, header)?;
-    let (mut spacing, mut origin, mut direction) = ([1.0; 3], [0.0; 3], space::IDENTITY);
+    let (mut spacing, mut origin, mut direction) = ([1.0; 3], [0.0; 3], orientation::IDENTITY);
     if let Some(given) = header.any::<f64>(path, &["ElementSpacing", "ElementSize"], rank)? {
         (0..rank.min(3)).for_each(|a| spacing[a] = given[a]);
     }
@@ -114,7 +114,7 @@ fn grid(path: &Path, header: &Header, dims: [usize; 3]) -> Result<Grid, Error> {
             (0..rank.min(3)).for_each(|w| direction[axis][w] = given[axis * rank + w]);
         }
     }
-    space::grid_from_lps_parts(path, dims, spacing, origin, direction).map_err(|error| match error {
+    orientation::grid_from_lps_parts(path, dims, spacing, origin, direction).map_err(|error| match error {
         Error::Field { problem, .. } => {
             Error::field(path, "ElementSpacing, Offset, TransformMatrix", problem)
         }

@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 
 use super::header::Header;
 use crate::volume::Error;
-use crate::volume::space;
+use crate::volume::orientation;
 
 /// The grid of a header, by the rule of the module's head.
 pub(super) fn grid(path: &Path, header: &Header, dims: [usize; 3]) -> Result<Grid, Error> {
@@ -16,7 +16,7 @@ pub(super) fn grid(path: &Path, header: &Header, dims: [usize; 3]) -> Result<Gri
         let r = header.srow;
         let axes = std::array::from_fn(|a| std::array::from_fn(|w| unit * r[w][a]));
         let origin = std::array::from_fn(|w| unit * r[w][3]);
-        return name(path, "srow_x, srow_y, srow_z", space::grid_from_ras(path, dims, axes, origin));
+        return name(path, "srow_x, srow_y, srow_z", orientation::grid_from_ras(path, dims, axes, origin));
     }
     let mut spacing = [0.0; 3];
     for a in 0..3 {
@@ -32,7 +32,7 @@ pub(super) fn grid(path: &Path, header: &Header, dims: [usize; 3]) -> Result<Gri
         let grid = Grid::new(dims, spacing, origin, columns);
         return name(path, "pixdim, qoffset_x", grid.map_err(|e| Error::field(path, "", e.to_string())));
     }
-    name(path, "pixdim", space::plain_grid(path, dims, spacing))
+    name(path, "pixdim", orientation::plain_grid(path, dims, spacing))
 }
 
 /// Replaces the field of an error about a grid by the names of the format.

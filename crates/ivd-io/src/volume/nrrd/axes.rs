@@ -5,7 +5,7 @@ use std::path::Path;
 use ivd_core::Grid;
 
 use super::header::{Header, vectors};
-use crate::volume::{Error, bounded, space};
+use crate::volume::{Error, bounded, orientation};
 
 /// Sizes and places of the axes.
 pub(super) struct Axes {
@@ -102,7 +102,7 @@ fn grid(
         return spaced_grid(path, header, rank, dims, spatial);
     }
     let to_lps = signs(path, header)?;
-    let mut axes = space::IDENTITY;
+    let mut axes = orientation::IDENTITY;
     for (a, &axis) in spatial.iter().enumerate() {
         let vector = directions[axis].as_ref().expect("an axis in space has a direction");
         axes[a] = padded(path, "space directions", vector)?;
@@ -115,7 +115,7 @@ fn grid(
         }
     }
     let flipped = |v: [f64; 3]| std::array::from_fn(|i| v[i] * to_lps[i]);
-    space::grid_from_lps(path, dims, axes.map(flipped), flipped(origin)).map_err(|error| match error {
+    orientation::grid_from_lps(path, dims, axes.map(flipped), flipped(origin)).map_err(|error| match error {
         Error::Field { problem, .. } => Error::field(path, "space directions", problem),
         other => other,
     })
@@ -152,9 +152,11 @@ fn spaced_grid(
             origin[a] = mins[axis] + half;
         }
     }
-    space::grid_from_lps_parts(path, dims, spacing, origin, space::IDENTITY).map_err(|error| match error {
-        Error::Field { problem, .. } => Error::field(path, "spacings", problem),
-        other => other,
+    orientation::grid_from_lps_parts(path, dims, spacing, origin, orientation::IDENTITY).map_err(|error| {
+        match error {
+            Error::Field { problem, .. } => Error::field(path, "spacings", problem),
+            other => other,
+        }
     })
 }
 

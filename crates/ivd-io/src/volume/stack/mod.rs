@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use ivd_core::{Exec, Volume};
 
-use crate::volume::{Error, RawLayout, bounded, space};
+use crate::volume::{Error, RawLayout, bounded, orientation};
 use names::regular_files;
 use pile::Pile;
 pub use write::write_tiff;
@@ -166,7 +166,7 @@ fn finish(
         ));
         [x, y, 1.0]
     });
-    Ok(Volume::new(space::plain_grid(path, dims, spacing)?, voxels)?)
+    Ok(Volume::new(orientation::plain_grid(path, dims, spacing)?, voxels)?)
 }
 
 fn note_foreign(dir: &Path, foreign: &[PathBuf], exec: &Exec) {

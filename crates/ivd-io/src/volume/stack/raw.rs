@@ -7,7 +7,7 @@ use super::names::regular_files;
 use super::{Slices, note_foreign};
 use crate::volume::bounded::{self, Declared, Packing};
 use crate::volume::order::swap_in_place;
-use crate::volume::{Error, RawLayout, space};
+use crate::volume::{Error, RawLayout, orientation};
 
 /// The files of a folder that have the size of one slice.
 pub(super) fn slices(dir: &Path, layout: &RawLayout) -> Result<Slices<u64>, Error> {
@@ -66,7 +66,7 @@ pub(super) fn read_slices(
         VoxelType::F32 => typed::<f32>(&found, declared, layout, exec),
         VoxelType::F64 => typed::<f64>(&found, declared, layout, exec),
     }?;
-    let grid = space::plain_grid(dir, dims, spacing.unwrap_or(layout.spacing))?;
+    let grid = orientation::plain_grid(dir, dims, spacing.unwrap_or(layout.spacing))?;
     Ok(Volume::new(grid, voxels)?)
 }
 

@@ -9,7 +9,7 @@ use ::tiff::tags::{ResolutionUnit, Tag};
 use ::tiff::{TiffError, TiffResult};
 use ivd_core::{Exec, Grid, Scalar, Volume, with_voxels};
 
-use crate::volume::space;
+use crate::volume::orientation;
 use crate::volume::write::{Values, replace};
 use crate::volume::{Error, Written};
 
@@ -54,7 +54,7 @@ fn file_bytes([nx, ny, nz]: [usize; 3], voxel: usize) -> u64 {
 }
 
 fn say_what_is_left_out(path: &Path, grid: &Grid, exec: &Exec) {
-    let plain = space::plain_grid(path, grid.dims(), grid.spacing());
+    let plain = orientation::plain_grid(path, grid.dims(), grid.spacing());
     let same = plain.is_ok_and(|p| p.origin() == grid.origin() && p.direction() == grid.direction());
     let mut missing = if same { vec![] } else { vec!["origin and direction"] };
     if resolution(grid).is_none() {

@@ -13,7 +13,7 @@ use std::path::Path;
 
 use ivd_core::{Exec, Grid, Volume};
 
-use crate::volume::{Error, bounded, space};
+use crate::volume::{Error, bounded, orientation};
 use header::Header;
 pub use write::write;
 
@@ -40,7 +40,7 @@ fn grid(path: &Path, header: &Header) -> Result<Grid, Error> {
                 .map(|axis| header.axes[axis][row] * (header.spacing[axis] * header.start[axis] as f64))
                 .sum::<f64>()
     });
-    space::grid_from_lps_parts(path, header.dims, header.spacing, first, header.axes)
+    orientation::grid_from_lps_parts(path, header.dims, header.spacing, first, header.axes)
 }
 
 #[cfg(test)]

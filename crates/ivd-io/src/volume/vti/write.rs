@@ -3,7 +3,7 @@ use std::path::Path;
 
 use ivd_core::{Exec, Volume, VoxelType};
 
-use crate::volume::space::flip;
+use crate::volume::orientation::flip;
 use crate::volume::write::{Values, put, replace};
 use crate::volume::{Error, Written};
 

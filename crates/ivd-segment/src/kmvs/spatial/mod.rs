@@ -15,7 +15,7 @@ mod walk;
 use ivd_core::{Exec, Iteration, Labels, Mask, ParamError, Scalar, Volume, with_voxels};
 
 use super::KmvsParams;
-use crate::{Error, Segmentation, scope};
+use crate::{Error, Segmentation, selection};
 use frame::{Centroid, Frame};
 use hierarchy::Hierarchy;
 use sums::Tally;
@@ -66,7 +66,7 @@ pub fn kmvs_spatial(
 ) -> Result<SpatialKmvs, Error> {
     params.check()?;
     exec.run(|| {
-        let scope = scope::of(volume, mask, params.within, exec)?;
+        let scope = selection::of(volume, mask, params.within, exec)?;
         let mask = scope.as_deref();
         with_voxels!(volume.voxels(), slice => cluster(volume, slice, mask, params, exec))
     })

@@ -6,7 +6,7 @@ use ivd_core::op::Op as _;
 use ivd_core::{Exec, Lattice, Mask, Motion, Octree};
 use nalgebra::Vector3;
 
-use super::carry::{Kept, Part};
+use super::nearest_weight::{Kept, Part};
 use super::octree::{Sides, movable};
 use super::region::{Region, largest};
 use super::{Moved, OctreeParams, carried, frame_of, look_ahead, settle_of};

@@ -177,6 +177,17 @@ mod avx2 {
     #[derive(Clone, Copy)]
     pub(crate) struct WideEight(x86::__m256);
 
+    /// Methods of two registers, each by one instruction.
+    macro_rules! of_two {
+        ($($method:ident: $instruction:ident),* $(,)?) => {$(
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                // SAFETY: there is AVX2, as there is a value.
+                Self(unsafe { x86::$instruction(self.0, other.0) })
+            }
+        )*};
+    }
+
     impl Four for WideFour {
         #[inline(always)]
         unsafe fn load(from: &[f64; 4]) -> Self {
@@ -190,16 +201,8 @@ mod avx2 {
             unsafe { x86::_mm256_storeu_pd(out.as_mut_ptr(), self.0) };
             out
         }
-        #[inline(always)]
-        fn plus(self, other: Self) -> Self {
-            // SAFETY: there is AVX2, as there is a value.
-            Self(unsafe { x86::_mm256_add_pd(self.0, other.0) })
-        }
-        #[inline(always)]
-        fn minus(self, other: Self) -> Self {
-            // SAFETY: there is AVX2, as there is a value.
-            Self(unsafe { x86::_mm256_sub_pd(self.0, other.0) })
-        }
+        of_two! { plus: _mm256_add_pd, minus: _mm256_sub_pd }
+
         #[inline(always)]
         fn times(self, factor: f64) -> Self {
             // SAFETY: there is AVX2, as there is a value.
@@ -225,31 +228,10 @@ mod avx2 {
             // SAFETY: there is AVX2, as there is a value.
             Self(unsafe { x86::_mm256_set1_ps(value) })
         }
-        #[inline(always)]
-        fn plus(self, other: Self) -> Self {
-            // SAFETY: there is AVX2, as there is a value.
-            Self(unsafe { x86::_mm256_add_ps(self.0, other.0) })
+        of_two! {
+            plus: _mm256_add_ps, minus: _mm256_sub_ps, times: _mm256_mul_ps, least: _mm256_min_ps, most: _mm256_max_ps,
         }
-        #[inline(always)]
-        fn minus(self, other: Self) -> Self {
-            // SAFETY: there is AVX2, as there is a value.
-            Self(unsafe { x86::_mm256_sub_ps(self.0, other.0) })
-        }
-        #[inline(always)]
-        fn times(self, other: Self) -> Self {
-            // SAFETY: there is AVX2, as there is a value.
-            Self(unsafe { x86::_mm256_mul_ps(self.0, other.0) })
-        }
-        #[inline(always)]
-        fn least(self, other: Self) -> Self {
-            // SAFETY: there is AVX2, as there is a value.
-            Self(unsafe { x86::_mm256_min_ps(self.0, other.0) })
-        }
-        #[inline(always)]
-        fn most(self, other: Self) -> Self {
-            // SAFETY: there is AVX2, as there is a value.
-            Self(unsafe { x86::_mm256_max_ps(self.0, other.0) })
-        }
+
         #[inline(always)]
         fn size(self) -> Self {
             // SAFETY: there is AVX2, as there is a value.

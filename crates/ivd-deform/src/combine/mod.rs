@@ -30,13 +30,13 @@
 //!
 //! ```
 //! use ivd_core::{Exec, Grid, Volume, Voxels};
-//! use ivd_deform::cvg::{self, CombineParams, Op, Operand};
+//! use ivd_deform::combine::{self, CombineParams, Op, Operand};
 //!
 //! let grid = Grid::with_spacing([3, 1, 1], [1.0; 3])?;
 //! let a = Volume::new(grid.clone(), Voxels::from(vec![0_u8, 100, 200]))?;
 //! let b = Volume::new(grid, Voxels::from(vec![1.0_f32, 0.75, 0.0]))?;
 //! let params = CombineParams { op: Op::Difference, windows: vec![[0.0, 200.0], [0.0, 1.0]] };
-//! let rest = cvg::volumes(&[Operand::from(&a), Operand::from(&b)], &params, &Exec::default())?;
+//! let rest = combine::volumes(&[Operand::from(&a), Operand::from(&b)], &params, &Exec::default())?;
 //! assert_eq!(rest.output.to_array().into_raw_vec_and_offset().0, [0.0, 50.0, 200.0]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

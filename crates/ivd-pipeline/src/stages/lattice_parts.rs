@@ -5,7 +5,7 @@ use ivd_lattice::extract::{LatticeFigures, Part, STAGE, extract_parts};
 use serde_json::{Value, json};
 
 use crate::error::stage_error;
-use crate::{Done, Error, Input, Inputs, Product, Runner, Slot, Stage};
+use crate::{Done, Error, Facts, Input, Inputs, Product, Runner, Stage};
 
 /// Labels that a stage's parameters list at most.
 const LISTED: usize = 256;
@@ -65,24 +65,14 @@ fn product(own: Vec<Part>, exec: &Exec) -> Result<Product, Error> {
 }
 
 impl Stage for PartLattice<'_> {
-    fn name(&self) -> &'static str {
-        STAGE.name
-    }
-
-    fn revision(&self) -> u32 {
-        2
-    }
-
-    fn inputs(&self) -> &'static [Slot] {
-        Given::SLOTS
-    }
-
-    fn output(&self) -> Option<Kind> {
-        Some(Kind::Lattice)
-    }
-
-    fn figures(&self) -> &'static Value {
-        schema_of::<LatticeFigures>()
+    fn facts(&self) -> Facts {
+        Facts {
+            name: STAGE.name,
+            revision: 2,
+            inputs: Given::SLOTS,
+            output: Some(Kind::Lattice),
+            figures: schema_of::<LatticeFigures>,
+        }
     }
 
     fn params(&self) -> Value {
