@@ -1,12 +1,13 @@
 //! `ivd bench`.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ivd_artefact::{Artefact, Cache};
 use ivd_bench::{Bench, Comparison, Given, Options, Plant, StageBench};
 use ivd_core::{ErrorClass, Value as _, Volume};
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::volume::volume_or_artefact;
@@ -50,153 +51,141 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     // Before the work: a file that can't be read is no reason to lose it.
     let old = args.compare.as_deref().map(read).transpose()?;
     let all = args.stages.is_empty();
-    let mut object = json!({ "out": args.out });
-    let mut text = String::new();
+    let mut told = Told { object: json!({ "out": args.out }), text: String::new() };
+    let asked = Asked { options: &options, args, context };
     if all || !options.stages.is_empty() {
-        stages(&options, old.as_ref(), args, context, &mut object, &mut text)?;
+        asked.stages(old.as_ref(), &mut told)?;
     }
     if all || named(SCENES) {
-        scenes(&options, args, context, &mut object, &mut text)?;
+        asked.scenes(&mut told)?;
     }
     if named(REFINEMENTS) {
-        refinements(&options, args, context, &mut object, &mut text)?;
+        asked.refinements(&mut told)?;
     }
     if named(INTERACTIVE) {
-        interactive(&options, args, context, &mut object, &mut text)?;
+        asked.interactive(&mut told)?;
     }
-    context.print(&object, || text.trim_end().to_owned())
+    context.print(&told.object, || told.text.trim_end().to_owned())
 }
 
-/// Sweeps the stages.
-fn stages(
-    options: &Options,
-    old: Option<&Bench>,
-    args: &Args,
-    context: &Context,
-    object: &mut Value,
-    text: &mut String,
-) -> anyhow::Result<()> {
-    let bench = ivd_bench::run(options, &context.exec).map_err(failed)?;
-    make(&args.out)?;
-    let file = |name: &str| args.out.join(name);
-    for (name, text) in [
-        ("bench.json", serde_json::to_string_pretty(&bench)? + "\n"),
-        ("bench.csv", ivd_bench::table(&bench)),
-        ("bench.html", ivd_bench::page(&bench)),
-    ] {
-        ivd_pipeline::write_text(&file(name), &text)?;
-    }
-    if let Some(folder) = &args.record {
-        record(&bench, args.stages.is_empty(), folder, context)?;
-    }
-    let comparison = old.map(|old| ivd_bench::compare(old, &bench));
-    let points = |s: &StageBench| json!({ "stage": s.stage, "points": s.points.len() });
-    object["page"] = json!(file("bench.html"));
-    object["stages"] = bench.stages.iter().map(points).collect();
-    object["comparison"] = json!(comparison);
-    *text += &told(&bench, comparison.as_ref(), &file("bench.html"));
-    *text += "\n";
-    Ok(())
+/// What is said of a run, to programs and to people.
+struct Told {
+    object: Value,
+    text: String,
 }
 
-/// Runs whole scenes.
-fn scenes(
-    options: &Options,
-    args: &Args,
-    context: &Context,
-    object: &mut Value,
-    text: &mut String,
-) -> anyhow::Result<()> {
-    let bench = ivd_bench::scenes(options, &context.exec).map_err(failed)?;
-    make(&args.out)?;
-    let page = args.out.join("scenes.html");
-    ivd_pipeline::write_text(&args.out.join("scenes.json"), &(serde_json::to_string_pretty(&bench)? + "\n"))?;
-    ivd_pipeline::write_text(&page, &ivd_bench::scenes_page(&bench))?;
-    for row in &bench.skipping {
-        let different = if row.same { "" } else { "; NOT the same with every skip off" };
-        let _ = writeln!(
-            text,
-            "{:27} {} of {} stages, {:.3e} looked at, {} bytes read{different}",
-            row.scene,
-            row.ran.len(),
-            row.stages,
-            row.visited,
-            row.bytes_read
-        );
-    }
-    for point in &bench.scaling {
-        let _ = writeln!(
-            text,
-            "{:>4}³ {:9.3} s of processor time, {:6.0} MiB; handle moved {:8.3} s, {:.0} ns a moved voxel",
-            point.size,
-            point.whole.cpu_s.median,
-            point.whole.peak_rss_mb.unwrap_or(f64::NAN),
-            point.moved.cpu_s.median,
-            1e9 * point.moved.cpu_s.median / point.voxels_moved
-        );
-    }
-    let _ = writeln!(text, "{}", page.display());
-    object["scenes_page"] = json!(page);
-    Ok(())
+/// What is measured, and where it is written.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    options: &'a Options,
+    args: &'a Args,
+    context: &'a Context,
 }
 
-/// Refines lattices by every method, with pictures.
-fn refinements(
-    options: &Options,
-    args: &Args,
-    context: &Context,
-    object: &mut Value,
-    text: &mut String,
-) -> anyhow::Result<()> {
-    let bench = ivd_bench::refinements(options, args.iso, &context.exec).map_err(failed)?;
-    make(&args.out)?;
-    let file = |ending: &str| args.out.join(format!("{REFINEMENTS}.{ending}"));
-    ivd_pipeline::write_text(&file("json"), &(serde_json::to_string_pretty(&bench)? + "\n"))?;
-    ivd_pipeline::write_text(&file("html"), &ivd_bench::refinements_page(&bench)?)?;
-    ivd_pipeline::export(&Artefact::Image(bench.sheet()), &file("png"), &context.exec)?;
-    for lattice in &bench.lattices {
-        let _ = writeln!(text, "{}", lattice.input);
-        for claim in &lattice.claims {
-            let _ = writeln!(text, "  {} {}: {}", claim.section, claim.says, claim.verdict());
+impl Asked<'_> {
+    /// Writes what was measured, and its page, under a name; gives the page.
+    fn write(self, name: &str, bench: &impl Serialize, page: &str) -> anyhow::Result<PathBuf> {
+        make(&self.args.out)?;
+        let file = |ending: &str| self.args.out.join(format!("{name}.{ending}"));
+        ivd_pipeline::write_text(&file("json"), &(serde_json::to_string_pretty(bench)? + "\n"))?;
+        ivd_pipeline::write_text(&file("html"), page)?;
+        Ok(file("html"))
+    }
+
+    /// Sweeps the stages.
+    fn stages(self, old: Option<&Bench>, Told { object, text }: &mut Told) -> anyhow::Result<()> {
+        let Self { options, args, context } = self;
+        let bench = ivd_bench::run(options, &context.exec).map_err(failed)?;
+        let page = self.write("bench", &bench, &ivd_bench::page(&bench))?;
+        ivd_pipeline::write_text(&args.out.join("bench.csv"), &ivd_bench::table(&bench))?;
+        if let Some(folder) = &args.record {
+            record(&bench, args.stages.is_empty(), folder, context)?;
         }
+        let comparison = old.map(|old| ivd_bench::compare(old, &bench));
+        let points = |s: &StageBench| json!({ "stage": s.stage, "points": s.points.len() });
+        object["page"] = json!(page);
+        object["stages"] = bench.stages.iter().map(points).collect();
+        object["comparison"] = json!(comparison);
+        *text += &summary(&bench, comparison.as_ref(), &page);
+        *text += "\n";
+        Ok(())
     }
-    let _ = writeln!(text, "{}", file("html").display());
-    object["refinements_page"] = json!(file("html"));
-    Ok(())
-}
 
-/// Drags a handle.
-fn interactive(
-    options: &Options,
-    args: &Args,
-    context: &Context,
-    object: &mut Value,
-    text: &mut String,
-) -> anyhow::Result<()> {
-    let bench = ivd_bench::interactive(options, args.iso, &context.exec).map_err(failed)?;
-    make(&args.out)?;
-    let file = |ending: &str| args.out.join(format!("{INTERACTIVE}.{ending}"));
-    ivd_pipeline::write_text(&file("json"), &(serde_json::to_string_pretty(&bench)? + "\n"))?;
-    ivd_pipeline::write_text(&file("html"), &ivd_bench::interactive_page(&bench))?;
-    let _ = writeln!(text, "{}, {:?} voxels", bench.input, bench.dims);
-    for drag in &bench.drags {
-        let [median, most, first] = drag.cpu_ms;
-        let _ = writeln!(
-            text,
-            "  {} at level {}: processor time {median:.1} ms, 99 % {most:.1} ms, first {first:.1} ms; wall {:.1}, 99 % {:.1} ms; \
-             placing {:.0}; {} voxels; {:.3} voxels from level 0",
-            drag.solver,
-            drag.level,
-            drag.wall_ms[0],
-            drag.wall_ms[1],
-            drag.placed_ms[0],
-            drag.voxels,
-            drag.error_voxel[0]
-        );
+    /// Runs whole scenes.
+    fn scenes(self, Told { object, text }: &mut Told) -> anyhow::Result<()> {
+        let Self { options, context, .. } = self;
+        let bench = ivd_bench::scenes(options, &context.exec).map_err(failed)?;
+        let page = self.write(SCENES, &bench, &ivd_bench::scenes_page(&bench))?;
+        for row in &bench.skipping {
+            let different = if row.same { "" } else { "; NOT the same with every skip off" };
+            let _ = writeln!(
+                text,
+                "{:27} {} of {} stages, {:.3e} looked at, {} bytes read{different}",
+                row.scene,
+                row.ran.len(),
+                row.stages,
+                row.visited,
+                row.bytes_read
+            );
+        }
+        for point in &bench.scaling {
+            let _ = writeln!(
+                text,
+                "{:>4}³ {:9.3} s of processor time, {:6.0} MiB; handle moved {:8.3} s, {:.0} ns a moved voxel",
+                point.size,
+                point.whole.cpu_s.median,
+                point.whole.peak_rss_mb.unwrap_or(f64::NAN),
+                point.moved.cpu_s.median,
+                1e9 * point.moved.cpu_s.median / point.voxels_moved
+            );
+        }
+        let _ = writeln!(text, "{}", page.display());
+        object["scenes_page"] = json!(page);
+        Ok(())
     }
-    let _ = writeln!(text, "{}", file("html").display());
-    object["interactive_page"] = json!(file("html"));
-    Ok(())
+
+    /// Refines lattices by every method, with pictures.
+    fn refinements(self, Told { object, text }: &mut Told) -> anyhow::Result<()> {
+        let Self { options, args, context } = self;
+        let bench = ivd_bench::refinements(options, args.iso, &context.exec).map_err(failed)?;
+        let page = self.write(REFINEMENTS, &bench, &ivd_bench::refinements_page(&bench)?)?;
+        ivd_pipeline::export(&Artefact::Image(bench.sheet()), &page.with_extension("png"), &context.exec)?;
+        for lattice in &bench.lattices {
+            let _ = writeln!(text, "{}", lattice.input);
+            for claim in &lattice.claims {
+                let _ = writeln!(text, "  {} {}: {}", claim.section, claim.says, claim.verdict());
+            }
+        }
+        let _ = writeln!(text, "{}", page.display());
+        object["refinements_page"] = json!(page);
+        Ok(())
+    }
+
+    /// Drags a handle.
+    fn interactive(self, Told { object, text }: &mut Told) -> anyhow::Result<()> {
+        let Self { options, args, context } = self;
+        let bench = ivd_bench::interactive(options, args.iso, &context.exec).map_err(failed)?;
+        let page = self.write(INTERACTIVE, &bench, &ivd_bench::interactive_page(&bench))?;
+        let _ = writeln!(text, "{}, {:?} voxels", bench.input, bench.dims);
+        for drag in &bench.drags {
+            let [median, most, first] = drag.cpu_ms;
+            let _ = writeln!(
+                text,
+                "  {} at level {}: processor time {median:.1} ms, 99 % {most:.1} ms, first {first:.1} ms; wall {:.1}, 99 % {:.1} ms; \
+                 placing {:.0}; {} voxels; {:.3} voxels from level 0",
+                drag.solver,
+                drag.level,
+                drag.wall_ms[0],
+                drag.wall_ms[1],
+                drag.placed_ms[0],
+                drag.voxels,
+                drag.error_voxel[0]
+            );
+        }
+        let _ = writeln!(text, "{}", page.display());
+        object["interactive_page"] = json!(page);
+        Ok(())
+    }
 }
 
 /// Makes a folder for what was measured.
@@ -252,7 +241,8 @@ fn failed(error: ivd_bench::Error) -> anyhow::Error {
     Failure::of(class, error.to_string())
 }
 
-fn told(bench: &Bench, comparison: Option<&Comparison>, page: &Path) -> String {
+/// What a person is told of the stages.
+fn summary(bench: &Bench, comparison: Option<&Comparison>, page: &Path) -> String {
     let mut text = String::new();
     for stage in &bench.stages {
         let front = stage.points.iter().filter(|p| p.on_front).count();
