@@ -51,38 +51,38 @@ pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     // Before the work: a file that can't be read is no reason to lose it.
     let old = args.compare.as_deref().map(read).transpose()?;
     let all = args.stages.is_empty();
-    let mut told = Told { object: json!({ "out": args.out }), text: String::new() };
-    let asked = Asked { options: &options, args, context };
+    let mut output = Output { object: json!({ "out": args.out }), text: String::new() };
+    let request = Request { options: &options, args, context };
     if all || !options.stages.is_empty() {
-        asked.stages(old.as_ref(), &mut told)?;
+        request.stages(old.as_ref(), &mut output)?;
     }
     if all || named(SCENES) {
-        asked.scenes(&mut told)?;
+        request.scenes(&mut output)?;
     }
     if named(REFINEMENTS) {
-        asked.refinements(&mut told)?;
+        request.refinements(&mut output)?;
     }
     if named(INTERACTIVE) {
-        asked.interactive(&mut told)?;
+        request.interactive(&mut output)?;
     }
-    context.print(&told.object, || told.text.trim_end().to_owned())
+    context.print(&output.object, || output.text.trim_end().to_owned())
 }
 
 /// What is said of a run, to programs and to people.
-struct Told {
+struct Output {
     object: Value,
     text: String,
 }
 
 /// What is measured, and where it is written.
 #[derive(Clone, Copy)]
-struct Asked<'a> {
+struct Request<'a> {
     options: &'a Options,
     args: &'a Args,
     context: &'a Context,
 }
 
-impl Asked<'_> {
+impl Request<'_> {
     /// Writes what was measured, and its page, under a name; gives the page.
     fn write(self, name: &str, bench: &impl Serialize, page: &str) -> anyhow::Result<PathBuf> {
         make(&self.args.out)?;
@@ -93,7 +93,7 @@ impl Asked<'_> {
     }
 
     /// Sweeps the stages.
-    fn stages(self, old: Option<&Bench>, Told { object, text }: &mut Told) -> anyhow::Result<()> {
+    fn stages(self, old: Option<&Bench>, Output { object, text }: &mut Output) -> anyhow::Result<()> {
         let Self { options, args, context } = self;
         let bench = ivd_bench::run(options, &context.exec).map_err(failed)?;
         let page = self.write("bench", &bench, &ivd_bench::page(&bench))?;
@@ -112,7 +112,7 @@ impl Asked<'_> {
     }
 
     /// Runs whole scenes.
-    fn scenes(self, Told { object, text }: &mut Told) -> anyhow::Result<()> {
+    fn scenes(self, Output { object, text }: &mut Output) -> anyhow::Result<()> {
         let Self { options, context, .. } = self;
         let bench = ivd_bench::scenes(options, &context.exec).map_err(failed)?;
         let page = self.write(SCENES, &bench, &ivd_bench::scenes_page(&bench))?;
@@ -145,7 +145,7 @@ impl Asked<'_> {
     }
 
     /// Refines lattices by every method, with pictures.
-    fn refinements(self, Told { object, text }: &mut Told) -> anyhow::Result<()> {
+    fn refinements(self, Output { object, text }: &mut Output) -> anyhow::Result<()> {
         let Self { options, args, context } = self;
         let bench = ivd_bench::refinements(options, args.iso, &context.exec).map_err(failed)?;
         let page = self.write(REFINEMENTS, &bench, &ivd_bench::refinements_page(&bench)?)?;
@@ -162,7 +162,7 @@ impl Asked<'_> {
     }
 
     /// Drags a handle.
-    fn interactive(self, Told { object, text }: &mut Told) -> anyhow::Result<()> {
+    fn interactive(self, Output { object, text }: &mut Output) -> anyhow::Result<()> {
         let Self { options, args, context } = self;
         let bench = ivd_bench::interactive(options, args.iso, &context.exec).map_err(failed)?;
         let page = self.write(INTERACTIVE, &bench, &ivd_bench::interactive_page(&bench))?;
