@@ -206,7 +206,7 @@ impl Lattice {
     }
 
     /// Offset of each vertex from its key's voxel (voxels), 0 ≤ p < 1. In an extracted lattice, on an edge only its own axis
-    /// is not 0 and lies in `[T_MIN, 1 - T_MIN]`; in a foreign one the element is no more than the nearest free one.
+    /// is not 0 and lies in `[MIN_EDGE_FRACTION, 1 - MIN_EDGE_FRACTION]`; in a foreign one the element is no more than the nearest free one.
     #[inline]
     pub fn places(&self) -> &[[f32; 3]] {
         &self.places

@@ -29,7 +29,7 @@ use crate::Error;
 /// for iso in [50.0, 100.0, 150.0] {
 ///     let cut = extractor.extract(&volume, None, &ExtractParams { iso: Iso::Value(iso) }, &Exec::default())?;
 ///     // Look at it, then:
-///     extractor.recycle(cut.lattice);
+///     extractor.reuse(cut.lattice);
 /// }
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -23,7 +23,7 @@ pub(super) trait Samples: Sync {
     fn joins_ties(&self) -> bool;
 
     /// Where the surface crosses from voxel `a` to its neighbour `b`, one of them inside: fraction of the way, within
-    /// `[T_MIN, 1 - T_MIN]`; halfway where one of them has no level.
+    /// `[MIN_EDGE_FRACTION, 1 - MIN_EDGE_FRACTION]`; halfway where one of them has no level.
     fn crossing(&self, a: usize, b: usize) -> f32;
 }
 
@@ -138,7 +138,7 @@ pub(super) fn halfway(mask: &[u8]) -> Field<'_, u8> {
     Field { voxels: mask, bounds }
 }
 
-/// A crossing as it is stored: within `[T_MIN, 1 - T_MIN]`, halfway where there was no telling.
+/// A crossing as it is stored: within `[MIN_EDGE_FRACTION, 1 - MIN_EDGE_FRACTION]`, halfway where there was no telling.
 #[inline]
 fn clamp(fraction: f64) -> f32 {
     if fraction.is_nan() { 0.5 } else { (fraction as f32).clamp(MIN_EDGE_FRACTION, 1.0 - MIN_EDGE_FRACTION) }

@@ -9,7 +9,7 @@ const ONE: f64 = (1_u64 << FRACTION) as f64;
 /// A vertex in fixed point: multiples of 2⁻³⁴ voxel.
 pub(super) type Fixed = [i64; 3];
 
-/// The vertices in fixed point. An `f32` in `[T_MIN, 1 - T_MIN]` is such a multiple; a vertex within a face or a cell
+/// The vertices in fixed point. An `f32` in `[MIN_EDGE_FRACTION, 1 - MIN_EDGE_FRACTION]` is such a multiple; a vertex within a face or a cell
 /// may move by 2⁻³⁵ voxel.
 pub(super) fn fixed_vertex(lattice: &Lattice, vertex: u32) -> Fixed {
     let voxel = lattice.keys()[vertex as usize].voxel(lattice.grid().dims());
