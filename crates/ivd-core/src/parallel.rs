@@ -151,9 +151,14 @@ pub fn try_map_pieces<R: Send, E: Send>(
     try_map(pieces(len, size), &|i| work(piece(len, size, i)))
 }
 
+/// The pieces of `size` elements of a slice, each for the thread that works on it.
+fn shared_out<T>(out: &mut [T], size: usize) -> Vec<Mutex<&mut [T]>> {
+    out.chunks_mut(size).map(Mutex::new).collect()
+}
+
 /// Hands out every piece of `size` elements of a slice, with its number.
 pub fn for_each_piece_mut<T: Send>(out: &mut [T], size: usize, work: &OnPiece<'_, T, ()>) {
-    let parts: Vec<Mutex<&mut [T]>> = out.chunks_mut(size).map(Mutex::new).collect();
+    let parts = shared_out(out, size);
     for_each(parts.len(), &|i| work(i, &mut locked(&parts[i])));
 }
 
@@ -166,13 +171,13 @@ pub fn try_for_each_piece_mut<T: Send, E: Send>(
     size: usize,
     work: &OnPiece<'_, T, Result<(), E>>,
 ) -> Result<(), E> {
-    let parts: Vec<Mutex<&mut [T]>> = out.chunks_mut(size).map(Mutex::new).collect();
+    let parts = shared_out(out, size);
     try_for_each(parts.len(), &|i| work(i, &mut locked(&parts[i])))
 }
 
 /// As [`for_each_piece_mut`], and what comes of every piece, in their order.
 pub fn map_pieces_mut<T: Send, R: Send>(out: &mut [T], size: usize, work: &OnPiece<'_, T, R>) -> Vec<R> {
-    let parts: Vec<Mutex<&mut [T]>> = out.chunks_mut(size).map(Mutex::new).collect();
+    let parts = shared_out(out, size);
     map(parts.len(), &|i| work(i, &mut locked(&parts[i])))
 }
 
@@ -185,7 +190,7 @@ pub fn try_map_pieces_mut<T: Send, R: Send, E: Send>(
     size: usize,
     work: &OnPiece<'_, T, Result<R, E>>,
 ) -> Result<Vec<R>, E> {
-    let parts: Vec<Mutex<&mut [T]>> = out.chunks_mut(size).map(Mutex::new).collect();
+    let parts = shared_out(out, size);
     try_map(parts.len(), &|i| work(i, &mut locked(&parts[i])))
 }
 

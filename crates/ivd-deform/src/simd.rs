@@ -75,15 +75,19 @@ pub(crate) trait Eight: Copy {
     fn size(self) -> Self;
 }
 
+/// Methods of two plain lanes, each number with its own.
 macro_rules! plainly {
-    ($a:ident, $b:ident => $op:expr) => {{
-        let mut out = $a;
-        for (x, y) in out.iter_mut().zip($b) {
-            let ($a, $b) = (*x, y);
-            *x = $op;
+    ($($method:ident: |$a:ident, $b:ident| $op:expr),* $(,)?) => {$(
+        #[inline(always)]
+        fn $method(self, other: Self) -> Self {
+            let mut out = self;
+            for (x, y) in out.iter_mut().zip(other) {
+                let ($a, $b) = (*x, y);
+                *x = $op;
+            }
+            out
         }
-        out
-    }};
+    )*};
 }
 
 impl Four for [f64; 4] {
@@ -96,20 +100,15 @@ impl Four for [f64; 4] {
     fn store(self) -> [f64; 4] {
         self
     }
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        let (a, b) = (self, other);
-        plainly!(a, b => a + b)
-    }
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        let (a, b) = (self, other);
-        plainly!(a, b => a - b)
-    }
+    plainly! { plus: |a, b| a + b, minus: |a, b| a - b }
+
     #[inline(always)]
     fn times(self, factor: f64) -> Self {
-        let (a, b) = (self, [factor; 4]);
-        plainly!(a, b => a * b)
+        let mut out = self;
+        for x in &mut out {
+            *x *= factor;
+        }
+        out
     }
 }
 
@@ -127,31 +126,14 @@ impl Eight for [f32; 8] {
     fn all(self, value: f32) -> Self {
         [value; 8]
     }
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        let (a, b) = (self, other);
-        plainly!(a, b => a + b)
+    plainly! {
+        plus: |a, b| a + b,
+        minus: |a, b| a - b,
+        times: |a, b| a * b,
+        least: |a, b| if a < b { a } else { b },
+        most: |a, b| if a > b { a } else { b },
     }
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        let (a, b) = (self, other);
-        plainly!(a, b => a - b)
-    }
-    #[inline(always)]
-    fn times(self, other: Self) -> Self {
-        let (a, b) = (self, other);
-        plainly!(a, b => a * b)
-    }
-    #[inline(always)]
-    fn least(self, other: Self) -> Self {
-        let (a, b) = (self, other);
-        plainly!(a, b => if a < b { a } else { b })
-    }
-    #[inline(always)]
-    fn most(self, other: Self) -> Self {
-        let (a, b) = (self, other);
-        plainly!(a, b => if a > b { a } else { b })
-    }
+
     #[inline(always)]
     fn size(self) -> Self {
         let mut out = self;

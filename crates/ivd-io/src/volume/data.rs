@@ -54,8 +54,19 @@ pub(crate) struct Frames {
 }
 
 /// A data file named by a header: relative to the header's folder.
-pub(crate) fn beside(header: &Path, name: &str) -> PathBuf {
+fn beside(header: &Path, name: &str) -> PathBuf {
     header.parent().unwrap_or(Path::new("")).join(name)
+}
+
+/// The file of a header's data, by the name that the header gives, and where they begin in it: behind the header of `length` bytes where
+/// it names none.
+pub(crate) fn place(header: &Path, name: Option<&str>, length: u64) -> (PathBuf, u64) {
+    name.map_or_else(|| (header.to_owned(), length), |name| (beside(header, name), 0))
+}
+
+/// The files of a volume: its header's, and that of its data where the header names one.
+pub(crate) fn files(header: &Path, name: Option<&str>) -> Vec<PathBuf> {
+    std::iter::once(header.to_owned()).chain(name.map(|name| beside(header, name))).collect()
 }
 
 impl DataFile {

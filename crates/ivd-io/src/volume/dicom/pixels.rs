@@ -65,12 +65,12 @@ fn each<T: Send>(
     work: impl Fn(&Slice, &mut [T]) -> Result<(), Error> + Sync,
 ) -> Result<(), Error> {
     exec.observer().begin("read", slices.len() as u64);
-    let results = parallel::try_map_pieces_mut(values, pixels, &|i, out| {
+    let results = parallel::map_pieces_mut(values, pixels, &|i, out| {
         exec.check_cancelled()?;
-        let result = work(&slices[i], out);
+        work(&slices[i], out)?;
         exec.observer().advance("read", 1);
-        Ok::<_, Error>(result)
-    })?;
+        Ok(())
+    });
     exec.observer().end("read");
     results.into_iter().collect()
 }

@@ -33,10 +33,7 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
     let count = bounded::voxel_count(path, "DimSize", dims)?;
     let grid = grid(path, &header, dims)?;
     let encoding = encoding(path, &header)?;
-    let (data_path, offset) = match data_name(path, &header)? {
-        Some(name) => (data::beside(path, &name), 0),
-        None => (path.to_owned(), header.length),
-    };
+    let (data_path, offset) = data::place(path, data_name(path, &header)?.as_deref(), header.length);
     let data = DataFile {
         path: data_path,
         offset,
@@ -52,8 +49,7 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
 
 /// The files of a volume.
 pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
-    let name = data_name(path, &Header::read(path)?)?;
-    Ok(std::iter::once(path.to_owned()).chain(name.map(|name| data::beside(path, &name))).collect())
+    Ok(data::files(path, data_name(path, &Header::read(path)?)?.as_deref()))
 }
 
 /// Name of the data's own file; `None` for data in the header's file.
