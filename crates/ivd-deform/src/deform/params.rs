@@ -1,4 +1,5 @@
 use ivd_core::ParamError;
+use ivd_core::op::shared_schema;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +32,7 @@ pub struct RingMethod {
     pub ring: RingParams,
     /// What moves.
     #[serde(flatten)]
+    #[schemars(schema_with = "shared_schema::<Moves>")]
     pub moves: Moves,
 }
 
@@ -43,6 +45,7 @@ pub struct Body {
     pub springs: Springs,
     /// What moves.
     #[serde(flatten)]
+    #[schemars(schema_with = "shared_schema::<Moves>")]
     pub moves: Moves,
     /// Bones: what moves as one.
     pub rigid: Vec<Bone>,
@@ -54,6 +57,7 @@ pub struct Body {
 pub struct DynamicsMethod {
     /// The body.
     #[serde(flatten)]
+    #[schemars(schema_with = "shared_schema::<Body>")]
     pub body: Body,
 }
 
@@ -63,6 +67,7 @@ pub struct DynamicsMethod {
 pub struct ProjectiveMethod {
     /// The body.
     #[serde(flatten)]
+    #[schemars(schema_with = "shared_schema::<Body>")]
     pub body: Body,
     /// How closely.
     #[serde(flatten)]
@@ -78,6 +83,7 @@ pub struct ProjectiveMethod {
 pub struct XpbdMethod {
     /// The body.
     #[serde(flatten)]
+    #[schemars(schema_with = "shared_schema::<Body>")]
     pub body: Body,
     /// How closely.
     #[serde(flatten)]

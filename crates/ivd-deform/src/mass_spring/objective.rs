@@ -14,6 +14,15 @@ pub(super) struct Inertia {
     pub(super) anchor: Vec<[f64; 3]>,
 }
 
+/// The forces put in, of one gradient after the other.
+#[derive(Debug, Default)]
+pub(super) struct PutIn {
+    /// Their largest length so far (µN).
+    most: f64,
+    /// Those of handles and of inertia on every loose vertex, then those of bones (µN).
+    forces: Vec<[f64; 3]>,
+}
+
 /// The objective of a step, or of statics.
 pub(super) struct Objective<'a> {
     pub(super) body: &'a Body,
@@ -27,13 +36,14 @@ impl Objective<'_> {
     /// Writes the gradient (µN) at `moved`, 0 at moved vertices; gives its length over that of the forces put in, which
     /// are those of handles, of bones and of inertia.
     ///
-    /// - `most`: the largest of the forces put in so far; they count as a millionth of it at least, so that a body that
+    /// - `put_in`: what was put in so far; it counts as a millionth of the largest at least, so that a body that
     ///   handles move as it is, against no force, has an end.
-    pub(super) fn gradient(&self, moved: &Vectors, gradient: &mut Vectors, most: &mut f64) -> f64 {
+    pub(super) fn gradient(&self, moved: &Vectors, gradient: &mut Vectors, put_in: &mut PutIn) -> f64 {
         let body = self.body;
         body.springs.forces(moved, gradient);
-        let mut put_in = vec![[0.0; 3]; 2 * body.loose];
-        let (by_handles, by_inertia) = put_in.split_at_mut(body.loose);
+        let PutIn { most, forces } = put_in;
+        forces.resize(2 * body.loose, [0.0; 3]);
+        let (by_handles, by_inertia) = forces.split_at_mut(body.loose);
         for v in 0..body.loose {
             for a in 0..3 {
                 let inertia =
@@ -41,6 +51,7 @@ impl Objective<'_> {
                 let springs = body.ground[v] * moved[v][a] - gradient[v][a];
                 if self.drives.is_moved[v] {
                     by_handles[v][a] = springs;
+                    by_inertia[v][a] = 0.0;
                     gradient[v][a] = 0.0;
                 } else {
                     let pull = self.drives.force[v][a] * self.reached;
@@ -50,11 +61,11 @@ impl Objective<'_> {
                 }
             }
         }
-        put_in.extend(body.on_bones(moved));
-        let put_in = norm(&put_in);
-        *most = most.max(put_in);
+        forces.extend(body.on_bones(moved));
+        let length = norm(forces);
+        *most = most.max(length);
         let size = norm(gradient);
-        if size == 0.0 { 0.0 } else { size / put_in.max(1e-6 * *most).max(f64::MIN_POSITIVE) }
+        if size == 0.0 { 0.0 } else { size / length.max(1e-6 * *most).max(f64::MIN_POSITIVE) }
     }
 
     /// How much it grows (nJ) from `moved` along `way`, to all digits however short the way is.

@@ -10,7 +10,7 @@ use super::body::Body;
 use super::drives::Drives;
 use super::forces::{Vectors, dot};
 use super::metric::Metric;
-use super::objective::{Inertia, Objective};
+use super::objective::{Inertia, Objective, PutIn};
 use super::outcome::Outcome;
 use super::params::Params;
 use crate::Error;
@@ -49,8 +49,8 @@ pub(super) fn descend(
 ) -> Result<(usize, f64), Error> {
     let loose = objective.body.loose;
     let mut gradient = vec![[0.0; 3]; loose];
-    let mut most = 0.0;
-    let mut relative = objective.gradient(moved, &mut gradient, &mut most);
+    let mut put_in = PutIn::default();
+    let mut relative = objective.gradient(moved, &mut gradient, &mut put_in);
     let mut history: Vec<Secant> = Vec::new();
     let mut iterations = 0;
     while relative > params.closeness.tolerance && iterations < params.closeness.max_iterations {
@@ -80,7 +80,7 @@ pub(super) fn descend(
             *u = std::array::from_fn(|a| u[a] + w[a]);
         }
         let before = gradient.clone();
-        relative = objective.gradient(moved, &mut gradient, &mut most);
+        relative = objective.gradient(moved, &mut gradient, &mut put_in);
         iterations += 1;
         exec.observer().iteration(Iteration {
             method: "projective",

@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use super::body::Body;
 use super::drives::Drives;
 use super::forces::{LIMITED, Spring, Vectors};
+use super::objective::PutIn;
 use super::outcome::Outcome;
 use super::params::Params;
 use super::projective::step_through;
@@ -33,11 +34,11 @@ pub(super) fn run(body: &Body, drives: &Drives, params: &Params, exec: &Exec) ->
         }
         drives.place(moved, objective.reached);
         let mut gradient = vec![[0.0; 3]; body.loose];
-        let (mut sweeps, mut most) = (0, 0.0);
+        let (mut sweeps, mut put_in) = (0, PutIn::default());
         let (mut least, mut idle) = (f64::INFINITY, 0);
         loop {
             exec.check_cancelled()?;
-            let relative = objective.gradient(moved, &mut gradient, &mut most);
+            let relative = objective.gradient(moved, &mut gradient, &mut put_in);
             idle = if relative < 0.99 * least { 0 } else { idle + 1 };
             least = least.min(relative);
             if relative <= params.closeness.tolerance

@@ -114,18 +114,22 @@ impl System<'_> {
     /// 6.5, as a restoring force). Only stretched springs act unless `push`: tissue folds rather than push back, the energy is
     /// convex, and no vertex buckles.
     fn spring_force(&self, v: usize) -> Vector3<f64> {
-        let here = self.rest[v];
-        self.edges.of(v).iter().fold(Vector3::zeros(), |sum, &u| {
-            let at_rest = self.rest[u as usize] - here;
-            let now = at_rest + (self.displacement[u as usize] - self.displacement[v]);
-            let (rest_length, length) = (at_rest.norm(), now.norm());
+        let (here, by) = (self.rest[v], self.displacement[v]);
+        let mut sum = Vector3::zeros();
+        for (u, rest_squared) in self.edges.with_lengths(v) {
+            let now = (self.rest[u] - here) + (self.displacement[u] - by);
+            let squared = now.norm_squared();
+            // Roots keep the order of what they are taken of: most springs are told to be slack without one.
+            if squared <= rest_squared && !self.material.push {
+                continue;
+            }
+            let (rest_length, length) = (rest_squared.sqrt(), squared.sqrt());
             let directed = length > NO_DIRECTION * rest_length;
             if directed && (length > rest_length || self.material.push) {
-                sum + now * (self.material.stiffness * (length - rest_length) / length)
-            } else {
-                sum
+                sum += now * (self.material.stiffness * (length - rest_length) / length);
             }
-        })
+        }
+        sum
     }
 
     /// Energy of springs and motion [g mm²/s² = nJ]: structural springs, ground springs, deviations' kinetic energy.

@@ -83,7 +83,7 @@ pub fn ring(
         let rest = lattice.local_positions();
         let mass = masses(lattice, &rest, params);
         let targets = find_targets(lattice, &rest, handles, true)?;
-        let edges = Edges::new(lattice, |v| {
+        let edges = Edges::new(lattice, &rest, |v| {
             let at = rest[v as usize];
             targets.iter().zip(handles).any(|(&t, h)| v as usize == t || (at - rest[t]).norm() < h.radius)
         });

@@ -8,11 +8,15 @@ use nalgebra::Vector3;
 pub(super) struct Edges {
     first: Vec<u32>,
     other: Vec<u32>,
+    /// Squared length of each at rest (mm²).
+    squared: Vec<f64>,
 }
 
 impl Edges {
     /// The neighbours of the vertices for which `near` is true.
-    pub(super) fn new(lattice: &Lattice, near: impl Fn(u32) -> bool) -> Self {
+    ///
+    /// - `rest`: rest positions of all vertices (mm).
+    pub(super) fn new(lattice: &Lattice, rest: &[Vector3<f64>], near: impl Fn(u32) -> bool) -> Self {
         let near: Vec<bool> = (0..lattice.keys().len() as u32).map(near).collect();
         let reached = lattice.triangles().iter().filter(|t| t.iter().any(|&v| near[v as usize]));
         let corners = reached.flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
@@ -27,11 +31,24 @@ impl Edges {
         for i in 1..first.len() {
             first[i] += first[i - 1];
         }
-        Self { first, other: pairs.into_iter().map(|[_, b]| b).collect() }
+        let squared =
+            pairs.iter().map(|&[a, b]| (rest[b as usize] - rest[a as usize]).norm_squared()).collect();
+        Self { first, other: pairs.into_iter().map(|[_, b]| b).collect(), squared }
     }
 
     pub(super) fn of(&self, vertex: usize) -> &[u32] {
-        &self.other[self.first[vertex] as usize..self.first[vertex + 1] as usize]
+        &self.other[self.range(vertex)]
+    }
+
+    /// The neighbours, each with the squared length of the edge to it at rest (mm²).
+    pub(super) fn with_lengths(&self, vertex: usize) -> impl Iterator<Item = (usize, f64)> {
+        let range = self.range(vertex);
+        let squared = self.squared[range.clone()].iter().copied();
+        self.other[range].iter().map(|&u| u as usize).zip(squared)
+    }
+
+    fn range(&self, vertex: usize) -> std::ops::Range<usize> {
+        self.first[vertex] as usize..self.first[vertex + 1] as usize
     }
 }
 

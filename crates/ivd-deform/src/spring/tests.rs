@@ -75,7 +75,8 @@ fn the_target_moves_exactly_and_beyond_the_radius_nothing_does() {
 #[test]
 fn followers_fall_off_smoothly_and_no_neighbours_are_torn_apart() {
     let solved = solve(&[moved(vertex(10, 10), [0.0, 0.0, 4.0], 9.0)], &[], &RingParams::default()).unwrap();
-    let edges = Edges::new(&sheet([0.0; 3]), |_| true);
+    let lattice = sheet([0.0; 3]);
+    let edges = Edges::new(&lattice, &lattice.local_positions(), |_| true);
     for v in 0..SIDE * SIDE {
         for &u in edges.of(v) {
             let [a, b] = [v, u as usize].map(|i| Vector3::from(displacement(&solved)[i]));
@@ -127,8 +128,9 @@ fn a_ring_never_holds_more_force_than_the_one_before() {
 fn a_pull_along_the_normal_spreads_by_the_angle_to_the_moved_target() {
     // The target's displacement by which angles are taken is F / K: 200 mN at 500 N/m is 0.4 mm.
     let params = RingParams { stiffness: 500.0, ..RingParams::default() };
-    let edges = Edges::new(&sheet([0.0; 3]), |_| true);
-    let rest = sheet([0.0; 3]).local_positions();
+    let lattice = sheet([0.0; 3]);
+    let rest = lattice.local_positions();
+    let edges = Edges::new(&lattice, &rest, |_| true);
     let rings = Rings::new(&edges, &rest, 10 + SIDE * 10, 9.0);
     let (shares, _) = rings.shares(&edges, &rest, Vector3::new(0.0, 0.0, 0.4), params.epsilon, true);
     let beside = shares.iter().find(|(v, _)| *v == 11 + SIDE * 10).unwrap().1;

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 use super::factor::Factor;
 use super::forces::{Law, Spring, dot};
 use super::metric::Metric;
-use super::objective::Objective;
+use super::objective::{Objective, PutIn};
 use super::projective::descend;
 use super::*;
 
@@ -143,7 +143,7 @@ fn newton(body: &Body, drives: &Drives) -> Vec<[f64; 3]> {
     drives.place(&mut moved, 1.0);
     let mut gradient = vec![[0.0; 3]; body.loose];
     for _ in 0..500 {
-        let relative = objective.gradient(&moved, &mut gradient, &mut 0.0);
+        let relative = objective.gradient(&moved, &mut gradient, &mut PutIn::default());
         if relative < 1e-13 {
             return moved;
         }
@@ -197,7 +197,7 @@ fn newton(body: &Body, drives: &Drives) -> Vec<[f64; 3]> {
             *u = std::array::from_fn(|a| u[a] + w[a]);
         }
     }
-    let relative = objective.gradient(&moved, &mut gradient, &mut 0.0);
+    let relative = objective.gradient(&moved, &mut gradient, &mut PutIn::default());
     assert!(relative < 1e-10, "the twin ended at {relative}");
     moved
 }
