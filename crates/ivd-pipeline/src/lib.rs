@@ -46,7 +46,6 @@ mod compare;
 mod error;
 mod export;
 pub mod fronts;
-pub mod html;
 pub mod list;
 mod outputs;
 pub mod params;

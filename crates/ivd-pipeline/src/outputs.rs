@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::error::stage_error;
 use crate::export::{ending, export, whole, write_text};
 use crate::plan::{NodeId, PlanNode};
-use crate::report::{self, Material};
+use crate::report::{self, ReportData};
 use crate::runner::{Done, OutputRecord, StageRecord, State};
 use crate::scene::{Loaded, Picture, Scene};
 use crate::{Error, Metrics};
@@ -96,12 +96,12 @@ pub(crate) struct Writer<'a> {
     manifest: &'a Manifest,
     exec: &'a Exec,
     files: Vec<OutputFile>,
-    material: Material,
+    data: ReportData,
 }
 
 impl<'a> Writer<'a> {
     pub(crate) fn new(scene: &'a Scene, out: &'a Path, manifest: &'a Manifest, exec: &'a Exec) -> Self {
-        Self { scene, out, manifest, exec, files: Vec::new(), material: Material::default() }
+        Self { scene, out, manifest, exec, files: Vec::new(), data: ReportData::default() }
     }
 
     /// Writes what the scene wants of a place's result, and keeps what the report will want.
@@ -138,8 +138,8 @@ impl<'a> Writer<'a> {
     }
 
     /// Lines that the report shows of the budget.
-    pub(crate) fn tell(&mut self, lines: Vec<String>) {
-        self.material.budget = lines;
+    pub(crate) fn set_budget_summary(&mut self, lines: Vec<String>) {
+        self.data.budget = lines;
     }
 
     /// Keeps what the report shows of a result: small things only.
@@ -151,17 +151,17 @@ impl<'a> Writer<'a> {
     ) -> Result<(), Error> {
         match done.artefact.as_ref() {
             Artefact::Image(_) => {
-                self.material.pictures.insert(node.id.variant.to_owned(), done.artefact.clone());
+                self.data.pictures.insert(node.id.variant.to_owned(), done.artefact.clone());
             }
-            Artefact::Transfer(transfer) => self.material.transfer = Some(transfer.clone()),
-            Artefact::Motion(motion) => self.material.displacements = report::motion_lengths(motion),
-            Artefact::Labels(labels) => self.material.class_slices = report::class_slices(labels)?,
+            Artefact::Transfer(transfer) => self.data.transfer = Some(transfer.clone()),
+            Artefact::Motion(motion) => self.data.displacements = report::motion_lengths(motion),
+            Artefact::Labels(labels) => self.data.class_slices = report::class_slices(labels)?,
             Artefact::Volume(_) if node.id == NodeId::IMPORT => {
-                self.material.volume = Some(done.artefact.clone());
+                self.data.volume = Some(done.artefact.clone());
             }
             Artefact::Displacement(displacement) if node.outputs.contains(&"report") => {
                 if let Some((labels, _)) = beside(node, earlier) {
-                    self.material.class_volumes =
+                    self.data.class_volumes =
                         by_class(displacement, labels, self.exec).map_err(stage_error!("report"))?;
                 }
             }
@@ -225,18 +225,18 @@ impl<'a> Writer<'a> {
             return Ok(record);
         }
         let start = Instant::now();
-        let source = report_source(self.scene, stages, &self.material.budget);
+        let source = report_source(self.scene, stages, &self.data.budget);
         let name = Path::new("report.html");
         if force {
             let _ = std::fs::remove_file(self.out.join(name));
         }
-        let material = std::mem::take(&mut self.material);
+        let data = std::mem::take(&mut self.data);
         let before = self.files.len();
         self.file("report", name, &source, |to, exec| {
-            if let Some(Artefact::Volume(volume)) = material.volume.as_deref() {
+            if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
                 exec.run(|| whole(volume))?;
             }
-            write_text(to, &report::html(loaded, stages, &material, exec)?)
+            write_text(to, &report::html(loaded, stages, &data, exec)?)
         })?;
         let file = &self.files[before];
         let again = self.manifest.outputs.iter().any(|o| o.name == "report" && o.source == file.source)

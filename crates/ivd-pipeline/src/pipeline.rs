@@ -160,7 +160,7 @@ fn walk(
     }
     if options.until.is_none() {
         let force = options.force.contains("report");
-        writer.tell(pilot.as_ref().map(Controller::told).unwrap_or_default());
+        writer.set_budget_summary(pilot.as_ref().map(Controller::told).unwrap_or_default());
         stages.push(writer.report(loaded, stages, force)?);
     }
     writer.finish(stages)

@@ -31,6 +31,18 @@ pub enum State {
     Planned,
 }
 
+impl State {
+    /// The state in words, as tables show it.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Ran => "ran",
+            Self::Cached => "cached",
+            Self::NotNeeded => "not needed",
+            Self::Planned => "planned",
+        }
+    }
+}
+
 /// Where a stage's result lies.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OutputRecord {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ivd_pipeline::scene::{self, Loaded};
-use ivd_pipeline::{Budget, PipelineOptions, PipelineReport, State, default_out};
+use ivd_pipeline::{Budget, PipelineOptions, PipelineReport, default_out};
 
 use crate::args::Pipeline;
 use crate::context::Context;
@@ -49,12 +49,7 @@ fn text(report: &PipelineReport, explain: bool) -> String {
         lines.extend(budget.told());
     }
     for record in report.stages.iter().filter(|_| explain) {
-        let state = match record.state {
-            State::Ran => "ran",
-            State::Cached => "cached",
-            State::NotNeeded => "not needed",
-            State::Planned => "planned",
-        };
+        let state = record.state.words();
         let name = format!("{} {}", record.stage, record.variant);
         lines.push(format!("{:18} {state:10} {:8.3} s  {}", name.trim(), record.wall_s, record.why));
     }
