@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use ivd_pipeline::fronts::{Spread, Work};
+use ivd_budget::fronts::{Spread, Work};
 use serde::{Deserialize, Serialize};
 
 use crate::Knobs;

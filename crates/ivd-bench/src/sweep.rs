@@ -2,8 +2,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
+use ivd_budget::fronts::{Spread, Work};
 use ivd_core::{Exec, Volume};
-use ivd_pipeline::fronts::{Spread, Work};
 use ivd_pipeline::resource;
 
 use crate::experiment::{Experiment, Scored, Setting};

@@ -10,11 +10,11 @@ use ivd_deform::class_volume::by_class;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::error::stage_error;
+use crate::control::Decisions;
 use crate::export::{ending, export, whole, write_text};
 use crate::plan::{NodeId, PlanNode};
 use crate::report::{self, ReportData};
-use crate::runner::{Done, OutputRecord, StageRecord, State};
+use crate::runner::{OutputRecord, StageRecord, StageResult, State};
 use crate::scene::{Loaded, Picture, Scene};
 use crate::{Error, Metrics};
 
@@ -108,8 +108,8 @@ impl<'a> Writer<'a> {
     pub(crate) fn stage_done(
         &mut self,
         node: &PlanNode,
-        done: &Done,
-        earlier: &BTreeMap<NodeId, Done>,
+        done: &StageResult,
+        earlier: &BTreeMap<NodeId, StageResult>,
     ) -> Result<(), Error> {
         let scene = self.scene;
         let named = scene.output.files().into_iter().filter(|(key, _)| node.outputs.contains(key));
@@ -137,17 +137,17 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Lines that the report shows of the budget.
-    pub(crate) fn set_budget_summary(&mut self, lines: Vec<String>) {
-        self.data.budget = lines;
+    /// What the report shows of decisions that were taken while the scene ran.
+    pub(crate) fn set_decisions(&mut self, decisions: Decisions) {
+        self.data.decisions = decisions;
     }
 
     /// Keeps what the report shows of a result: small things only.
     fn collect(
         &mut self,
         node: &PlanNode,
-        done: &Done,
-        earlier: &BTreeMap<NodeId, Done>,
+        done: &StageResult,
+        earlier: &BTreeMap<NodeId, StageResult>,
     ) -> Result<(), Error> {
         match done.artefact.as_ref() {
             Artefact::Image(_) => {
@@ -162,7 +162,7 @@ impl<'a> Writer<'a> {
             Artefact::Displacement(displacement) if node.outputs.contains(&"report") => {
                 if let Some((labels, _)) = beside(node, earlier) {
                     self.data.class_volumes =
-                        by_class(displacement, labels, self.exec).map_err(stage_error!("report"))?;
+                        by_class(displacement, labels, self.exec).map_err(Error::in_stage("report"))?;
                 }
             }
             Artefact::Volume(_)
@@ -225,7 +225,7 @@ impl<'a> Writer<'a> {
             return Ok(record);
         }
         let start = Instant::now();
-        let source = report_source(self.scene, stages, &self.data.budget);
+        let source = report_source(self.scene, stages, &self.data.decisions.lines);
         let name = Path::new("report.html");
         if force {
             let _ = std::fs::remove_file(self.out.join(name));
@@ -284,7 +284,7 @@ impl<'a> Writer<'a> {
 /// The value of a type, and its hash, among those that are looked at when a place is done.
 fn beside<'a, T: ivd_core::Value>(
     node: &PlanNode,
-    earlier: &'a BTreeMap<NodeId, Done>,
+    earlier: &'a BTreeMap<NodeId, StageResult>,
 ) -> Option<(&'a T, ContentHash)> {
     node.beside
         .iter()
@@ -298,11 +298,11 @@ fn deformed_lattice(lattice: &Lattice, motion: &Motion, to: &Path) -> Result<boo
         Some(frame) => ivd_io::mesh::write_deformed(to, lattice, &frame.displacement),
         None => ivd_io::mesh::write(to, lattice),
     };
-    written.map(|w| w.touched).map_err(stage_error!("export"))
+    written.map(|w| w.touched).map_err(Error::in_stage("export"))
 }
 
 /// Hash of everything that a report shows but times.
-fn report_source(scene: &Scene, stages: &[StageRecord], budget: &[String]) -> String {
+fn report_source(scene: &Scene, stages: &[StageRecord], decisions: &[String]) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&report::REVISION.to_le_bytes());
     hasher.update(serde_json::json!(scene.written).to_string().as_bytes());
@@ -311,7 +311,7 @@ fn report_source(scene: &Scene, stages: &[StageRecord], budget: &[String]) -> St
         hasher.update(record.params.to_string().as_bytes());
         hasher.update(record.output.as_ref().map_or("", |o| &o.hash).as_bytes());
     }
-    for line in budget {
+    for line in decisions {
         hasher.update(line.as_bytes());
     }
     hasher.finalize().to_hex().to_string()

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
+use ivd_budget::{LEVELS, target};
 use ivd_core::{Exec, Lattice};
 use ivd_lattice::refine::{RefineParams, collapse};
-use ivd_pipeline::budget::{LEVELS, target};
 
 use super::inputs::{ball, each_once, judged};
 use super::lattice::distance;

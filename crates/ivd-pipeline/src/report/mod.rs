@@ -15,6 +15,7 @@ use ivd_deform::class_volume::ClassVolume;
 use nalgebra::Vector3;
 
 use crate::Error;
+use crate::control::Decisions;
 
 pub(crate) use page::html;
 
@@ -32,8 +33,8 @@ pub(crate) struct ReportData {
     pub(crate) volume: Option<Arc<Artefact>>,
     /// Its middle slices, coloured by class.
     pub(crate) class_slices: Vec<Image>,
-    /// What the budget chose, a line each.
-    pub(crate) budget: Vec<String>,
+    /// What was decided while the scene ran.
+    pub(crate) decisions: Decisions,
     /// What each class of voxels gains or loses.
     pub(crate) class_volumes: Vec<ClassVolume>,
     /// Length of each moved vertex's displacement (mm).

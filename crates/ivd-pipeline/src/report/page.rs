@@ -11,6 +11,7 @@ use ivd_segment::{AnyFigures, Figures};
 use super::ReportData;
 use super::deformation::{Moves, bones, class_volumes, deformation};
 use super::segmentation::{class_densities, segmentation};
+use crate::control::Decisions;
 use crate::export::png_bytes;
 use crate::scene::{Loaded, Picture};
 use crate::stages::{IMPORT, ImportFigures};
@@ -50,9 +51,10 @@ pub(crate) fn html(
         let body = moves.map(|moves| deformation(&moves, &data.displacements) + &bones(&moves));
         page.section("Deformation", &(body_or_problem(body) + &class_volumes(&data.class_volumes)));
     }
-    if !data.budget.is_empty() {
-        let lines = data.budget.iter().map(|line| format!("<p>{}</p>", escape(line)));
-        page.section("Budget", &lines.collect::<String>());
+    let Decisions { title, lines } = &data.decisions;
+    if !lines.is_empty() {
+        let lines = lines.iter().map(|line| format!("<p>{}</p>", escape(line)));
+        page.section(title, &lines.collect::<String>());
     }
     page.section("Stages", &stages(records));
     Ok(page.finish())

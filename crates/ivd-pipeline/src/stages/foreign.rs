@@ -8,8 +8,7 @@ use ivd_lattice::extract::{LatticeFigures, STAGE};
 use ivd_lattice::foreign::{ForeignParams, lattice};
 use serde_json::{Value, json};
 
-use crate::error::stage_error;
-use crate::{Error, Facts, Inputs, Product, Stage};
+use crate::{Error, Facts, Inputs, Stage, StageOutput};
 
 /// Takes a mesh of another program for the lattice of a volume.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,14 +43,15 @@ impl Stage for ForeignLattice {
         Ok(vec![self.path.clone()])
     }
 
-    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let Given { volume } = inputs.take(self.name())?;
         let mesh = mesh::read(&self.path, exec.memory_limit.unwrap_or(u64::MAX))
-            .map_err(stage_error!(STAGE.name))?;
-        let foreign = lattice(&mesh, volume.grid(), &self.params, exec).map_err(stage_error!(STAGE.name))?;
+            .map_err(Error::in_stage(STAGE.name))?;
+        let foreign =
+            lattice(&mesh, volume.grid(), &self.params, exec).map_err(Error::in_stage(STAGE.name))?;
         exec.check_cancelled()?;
         let mut figures = exec.run(|| LatticeFigures::of(&foreign.lattice));
         figures.vertices_in = Some(foreign.vertices_in);
-        Ok(Product::new(foreign.lattice, &figures))
+        Ok(StageOutput::new(foreign.lattice, &figures))
     }
 }
