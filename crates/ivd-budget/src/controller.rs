@@ -7,16 +7,15 @@ use std::time::{Duration, Instant};
 use ivd_artefact::{Artefact, ContentHash, Kind};
 use ivd_core::{Classified, ErrorClass, Exec};
 use ivd_deform::deform::RingMethod;
+use ivd_pipeline::plan::{NodeId, Plan, PlanNode};
+use ivd_pipeline::scene::Loaded;
+use ivd_pipeline::{Control, Decisions, Error, PipelineOptions, Runner, StageRecord, StageResult, State};
 
 use crate::choose::{Fit, KnobValues, fit};
 use crate::knobs::{Knob, Setting};
 use crate::predict::Model;
 use crate::work::Amounts;
 use crate::{Budget, BudgetReport, Choice, rate_name};
-use ivd_pipeline::plan::{NodeId, Plan, PlanNode};
-use ivd_pipeline::scene::Loaded;
-use ivd_pipeline::{Control, Decisions, Error, PipelineOptions};
-use ivd_pipeline::{Runner, StageRecord, StageResult, State};
 
 /// Predictions are this much too short now and then: what is there is divided by it.
 const MARGIN: f64 = 1.1;
@@ -142,7 +141,7 @@ impl<'a> Controller<'a> {
         })
     }
 
-    /// What the run is told to have been, at its end.
+    /// What the budget did, at the end of a run that took `wall_s`.
     ///
     /// # Errors
     /// Where it took longer than it may.

@@ -6,16 +6,14 @@ use ivd_artefact::Artefact;
 use ivd_core::{Classified, ErrorClass, Exec, Lattice};
 use ivd_deform::map::MapFigures;
 use ivd_lattice::refine::RefineFigures;
+use ivd_pipeline::plan::{NodeId, Plan};
+use ivd_pipeline::{Error, Runner, StageResult, run_node};
 
 use crate::controller::Controller;
 use crate::knobs::{Knob, Setting, along, between, level_errors};
 use crate::measure::{fields, motions, surfaces};
 use crate::search::{Candidate, Learned, PARTS};
 use crate::{LEVELS, rate_name};
-use ivd_pipeline::Error;
-use ivd_pipeline::plan::{NodeId, Plan};
-use ivd_pipeline::run_node;
-use ivd_pipeline::{Runner, StageResult};
 
 const LATTICE: NodeId = NodeId::of(&ivd_lattice::extract::STAGE);
 const REFINE: NodeId = NodeId::of(&ivd_lattice::refine::STAGE);

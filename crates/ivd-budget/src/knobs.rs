@@ -1,16 +1,16 @@
 //! The knobs of a scene that a budget may move: their wishes, the coarser settings on the recorded fronts, and how they are set.
 
-use serde_json::{Value, json};
-
-use crate::choose::{KnobValue, KnobValues};
-use crate::fronts::{Front, FrontPoint, recorded};
-use crate::{LEVELS, target};
 use ivd_core::op::Stage;
 use ivd_deform::{deform, map};
 use ivd_lattice::refine::{self, Refinement, Target, TargetKeys};
 use ivd_pipeline::Error;
 use ivd_pipeline::scene::Scene;
 use ivd_render::RenderParams;
+use serde_json::{Value, json};
+
+use crate::choose::{KnobValue, KnobValues};
+use crate::fronts::{Front, FrontPoint, recorded};
+use crate::{LEVELS, target};
 
 /// Steps of the ring solver where the scene names none, and the least it makes.
 pub(crate) const STEPS: f64 = 200.0;

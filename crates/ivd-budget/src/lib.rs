@@ -3,7 +3,9 @@
 //! Knobs are chosen by the recorded [`fronts`]. The scene's values are the wish. A time makes them coarser where
 //! the wish is predicted to take too long, and stops the work at the deadline. An error takes the cheapest refinement and time
 //! steps that are predicted to hold it, measures what came of them, and takes finer ones until the measured error holds.
-
+//!
+//! [`run`] runs a scene within a [`Budget`]. It lies above the pipeline, which only asks whatever controls a run
+//! ([`ivd_pipeline::Control`]) before each stage.
 #![forbid(unsafe_code)]
 #![cfg_attr(
     not(test),
@@ -30,10 +32,9 @@ mod work;
 use std::collections::{BTreeMap, BTreeSet};
 
 use ivd_lattice::refine::Target;
+use ivd_pipeline::Error;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-
-use ivd_pipeline::Error;
 
 pub use run::{BudgetedReport, run};
 pub use work::{Amounts, rate_name};

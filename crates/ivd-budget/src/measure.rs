@@ -1,10 +1,9 @@
 //! What is measured of a result: how far it is from the unrefined lattice's, stepped finely.
 
 use ivd_core::{Displacement, Exec, FieldBricks, Lattice, Motion};
+use ivd_pipeline::Error;
 use nalgebra::Vector3;
 use rayon::prelude::*;
-
-use ivd_pipeline::Error;
 
 /// Displacements of the last frame; none for a motion without frames.
 fn last(motion: &Motion) -> &[[f64; 3]] {

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use ivd_core::op::PlaceKind;
 use ivd_deform::{deform, map};
 use ivd_lattice::refine;
+use ivd_pipeline::stages::IMPORT;
+use ivd_pipeline::{Error, list};
 use ivd_render::RenderParams;
 
 use crate::fronts::{Front, Rates, recorded_rates};
 use crate::knobs::{Known, STEPS, Setting, along, between, picture};
 use crate::work::Amounts;
-use ivd_pipeline::stages::IMPORT;
-use ivd_pipeline::{Error, list};
 
 /// Shorter times say nothing of the machine (s).
 const TELLING: f64 = 1e-3;

@@ -3,12 +3,11 @@ use ivd_core::{Grid, Lattice, VoxelCoord, World};
 use ivd_deform::deform::{self, Asked, Figures, Handle};
 use ivd_lattice::extract::{self, LatticeFigures};
 use ivd_lattice::refine::{self, RefineFigures};
-use ivd_render::RenderParams;
-use nalgebra::Vector3;
-
 use ivd_pipeline::scene::Scene;
 use ivd_pipeline::stages::{IMPORT, ImportFigures};
 use ivd_pipeline::{Error, PipelineReport, figures_of, list};
+use ivd_render::RenderParams;
+use nalgebra::Vector3;
 
 /// The name of a rate: a stage with its variant, or `write` with the key of an output.
 pub fn rate_name(stage: &str, variant: &str) -> String {

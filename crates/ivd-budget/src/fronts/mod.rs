@@ -9,9 +9,8 @@ mod rates;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use serde::{Deserialize, Serialize};
-
 use ivd_pipeline::Error;
+use serde::{Deserialize, Serialize};
 
 pub use rates::{Rate, Rates};
 

@@ -1,5 +1,6 @@
-use super::*;
 use ivd_pipeline::list::STAGES;
+
+use super::*;
 
 fn point(knob: &str, seconds: f64, counted: Option<f64>, error: f64) -> FrontPoint {
     let time = Spread { least: 0.9 * seconds, median: seconds, most: 1.1 * seconds };
