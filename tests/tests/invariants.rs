@@ -114,6 +114,13 @@ fn what_draws_a_report_knows_no_stage() {
     assert_eq!(needed(&text), ["ivd-core"]);
 }
 
+#[test]
+fn what_runs_a_scene_knows_no_budget() {
+    for (path, text) in sources(".rs").into_iter().filter(|(path, _)| crate_of(path) == "ivd-pipeline") {
+        assert!(!text.to_lowercase().contains("budget"), "{}", path.display());
+    }
+}
+
 /// Ours among the crates that a manifest needs, in its order.
 fn needed(manifest: &str) -> Vec<&str> {
     let dependencies = manifest.split("[dependencies]").nth(1).unwrap_or("").split("\n[").next().unwrap();

@@ -10,8 +10,8 @@ use ivd_segment::{KmvsParams, kmvs};
 use ivd_session::MapChoice;
 
 use super::deformation::deformed;
-use super::inputs::{judged, root_mean_square};
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::{judged, root_mean_square};
 
 /// How coarse the lattice is that carries the voxels against what the whole one gives: solver and map on each level.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {

@@ -1,13 +1,13 @@
 use std::path::PathBuf;
 
-use ivd_artefact::Kind;
-use ivd_core::op::{Slots as _, object, schema_of};
+use ivd_core::op::{Slots as _, object};
 use ivd_core::{Exec, Volume, slots};
 use ivd_io::mesh;
 use ivd_lattice::extract::{LatticeFigures, STAGE};
 use ivd_lattice::foreign::{ForeignParams, lattice};
 use serde_json::{Value, json};
 
+use super::lattice_facts;
 use crate::{Error, Facts, Inputs, Stage, StageOutput};
 
 /// Takes a mesh of another program for the lattice of a volume.
@@ -26,13 +26,7 @@ slots! {
 
 impl Stage for ForeignLattice {
     fn facts(&self) -> Facts {
-        Facts {
-            name: STAGE.name,
-            revision: 2,
-            inputs: Given::SLOTS,
-            output: Some(Kind::Lattice),
-            figures: schema_of::<LatticeFigures>,
-        }
+        lattice_facts(2, Given::SLOTS)
     }
 
     fn params(&self) -> Value {

@@ -1,9 +1,9 @@
-use ivd_artefact::Kind;
-use ivd_core::op::{Slots as _, schema_of};
+use ivd_core::op::Slots as _;
 use ivd_core::{Exec, Labels, Lattice, slots};
 use ivd_lattice::extract::{LatticeFigures, Part, STAGE, extract_parts};
 use serde_json::{Value, json};
 
+use super::lattice_facts;
 use crate::{Error, Facts, Input, Inputs, Runner, Stage, StageOutput, StageResult};
 
 /// Labels that a stage's parameters list at most.
@@ -65,13 +65,7 @@ fn product(own: Vec<Part>, exec: &Exec) -> Result<StageOutput, Error> {
 
 impl Stage for PartLattice<'_> {
     fn facts(&self) -> Facts {
-        Facts {
-            name: STAGE.name,
-            revision: 2,
-            inputs: Given::SLOTS,
-            output: Some(Kind::Lattice),
-            figures: schema_of::<LatticeFigures>,
-        }
+        lattice_facts(2, Given::SLOTS)
     }
 
     fn params(&self) -> Value {
