@@ -6,8 +6,9 @@ pub mod stability;
 use std::path::{Path, PathBuf};
 
 use ivd_artefact::Cache;
+use ivd_budget::{Budget, BudgetedReport};
 use ivd_core::Exec;
-use ivd_pipeline::{Error, PipelineOptions, PipelineReport, StageRecord, State, run, scene};
+use ivd_pipeline::{Error, PipelineOptions, PipelineReport, StageRecord, State, scene};
 
 /// The project's root folder.
 pub fn root() -> PathBuf {
@@ -60,12 +61,26 @@ impl Bench {
         options: &PipelineOptions,
         exec: &Exec,
     ) -> Result<PipelineReport, Error> {
+        self.run_within(overrides, options, &Budget::default(), exec).map(|report| report.run)
+    }
+
+    /// As [`Bench::run_with`], within a budget.
+    ///
+    /// # Errors
+    /// The pipeline's.
+    pub fn run_within(
+        &self,
+        overrides: &[&str],
+        options: &PipelineOptions,
+        budget: &Budget,
+        exec: &Exec,
+    ) -> Result<BudgetedReport, Error> {
         let overrides: Vec<scene::Override> =
             overrides.iter().map(|o| o.parse().expect("a well-formed override")).collect();
         let loaded = scene::load(&self.folder.path().join("scene.toml"), &overrides)?;
         let options = PipelineOptions { out: self.folder.path().join("out"), ..options.clone() };
         let cache = Cache::open(self.cache()).expect("the temporary folder is writable");
-        run(&loaded, &options, &cache, exec)
+        ivd_budget::run(&loaded, &options, budget, &cache, exec)
     }
 }
 

@@ -6,9 +6,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ivd_artefact::Cache;
+use ivd_budget::{Budget, BudgetReport, BudgetedReport};
 use ivd_core::{Classified, ErrorClass, Exec, Observer};
 use ivd_lattice::refine::{LevelFigures, RefineFigures};
-use ivd_pipeline::{Budget, PipelineOptions, PipelineReport, compare};
+use ivd_pipeline::{Error, PipelineOptions, PipelineReport, compare};
 use ivd_render::RenderFigures;
 use ivd_tests::{Bench, record};
 use serde_json::Value;
@@ -29,8 +30,9 @@ fn slow(each: f64, seconds: f64) -> Budget {
     Budget { times: Some(times.into()), ..time(seconds) }
 }
 
-fn with(budget: Budget) -> PipelineOptions {
-    PipelineOptions { budget, ..PipelineOptions::default() }
+/// Runs a scene with overrides within a budget.
+fn within(bench: &Bench, overrides: &[&str], budget: &Budget) -> Result<BudgetedReport, Error> {
+    bench.run_within(overrides, &PipelineOptions::default(), budget, &Exec::default())
 }
 
 fn hashes(report: &PipelineReport) -> Vec<Option<String>> {
@@ -51,9 +53,9 @@ fn refined(report: &PipelineReport) -> LevelFigures {
 #[test]
 fn a_generous_time_changes_nothing() {
     let (plain, timed) = (Bench::new(HEAD), Bench::new(HEAD));
-    let wish = plain.run(&[]).unwrap();
-    let found = timed.run_with(&[], &with(time(1e6)), &Exec::default()).unwrap();
-    assert_eq!(hashes(&wish), hashes(&found));
+    let wish = within(&plain, &[], &Budget::default()).unwrap();
+    let found = within(&timed, &[], &time(1e6)).unwrap();
+    assert_eq!(hashes(&wish.run), hashes(&found.run));
     assert!(wish.budget.is_none());
     let budget = found.budget.unwrap();
     assert!(budget.choices.is_empty() && budget.kept && budget.predicted_s.unwrap() > 0.0, "{budget:?}");
@@ -66,10 +68,10 @@ fn a_time_that_the_wish_is_predicted_to_miss_makes_settings_coarser_and_says_so(
     let bench = Bench::new(HEAD);
     let wish = bench.run(&[]).unwrap();
     let coarse = Bench::new(&format!("{HEAD}report = true\n"));
-    let found = coarse.run_with(&[], &with(slow.clone()), &Exec::default()).unwrap();
+    let BudgetedReport { run: found, budget } = within(&coarse, &[], &slow).unwrap();
     let page = std::fs::read_to_string(coarse.out("report.html")).unwrap();
     assert!(page.contains("budget: refine.level: 2 → "));
-    let budget = found.budget.as_ref().unwrap();
+    let budget = budget.unwrap();
     let moved: Vec<(&str, &str)> =
         budget.choices.iter().map(|c| (c.stage.as_str(), c.knob.as_str())).collect();
     for knob in [("refine", "level"), ("deform", "steps"), ("render", "step"), ("render", "termination")] {
@@ -82,9 +84,9 @@ fn a_time_that_the_wish_is_predicted_to_miss_makes_settings_coarser_and_says_so(
     };
     assert!(samples(&found) < samples(&wish));
     // What the cache has costs nothing: the wish is taken as it is.
-    let again = bench.run_with(&[], &with(slow), &Exec::default()).unwrap();
+    let again = within(&bench, &[], &slow).unwrap();
     assert!(again.budget.as_ref().unwrap().choices.is_empty(), "{:?}", again.budget);
-    assert_eq!(hashes(&again), hashes(&wish));
+    assert_eq!(hashes(&again.run), hashes(&wish));
 }
 
 #[test]
@@ -92,15 +94,13 @@ fn no_more_is_given_away_than_the_time_asks_for() {
     // One stage with a knob, so that the first prediction is the last.
     let picture = HEAD.replace("[render]", "[render]\nmode = \"mip\"");
     let picture = picture.split("[output]").next().unwrap().to_owned() + "[output]\nimages = [\"before\"]\n";
-    let slow = |seconds| with(slow(1e9, seconds));
-    let run =
-        |options: &PipelineOptions| Bench::new(&picture).run_with(&[], options, &Exec::default()).unwrap();
-    let generous = run(&slow(1e15)).budget.unwrap();
+    let run = |seconds| within(&Bench::new(&picture), &[], &slow(1e9, seconds)).unwrap().budget.unwrap();
+    let generous = run(1e15);
     assert!(generous.choices.is_empty());
     // A little less than the wish needs: one step down the front, not all the way.
-    let less = run(&slow(generous.predicted_s.unwrap())).budget.unwrap();
-    let least = run(&slow(3600.0)).budget.unwrap();
-    let step = |of: &ivd_pipeline::BudgetReport| {
+    let less = run(generous.predicted_s.unwrap());
+    let least = run(3600.0);
+    let step = |of: &BudgetReport| {
         of.choices.iter().find(|c| c.knob == "step").map_or(0.5, |c| c.to.as_f64().unwrap())
     };
     assert!(!less.choices.is_empty() && less.predicted_s.unwrap() < generous.predicted_s.unwrap());
@@ -111,7 +111,7 @@ fn no_more_is_given_away_than_the_time_asks_for() {
 fn a_knob_that_is_pinned_stays() {
     let pinned = ["render.step".to_owned(), "refine.level".to_owned()].into();
     let slow = Budget { pinned, ..slow(1e6, 3600.0) };
-    let found = Bench::new(HEAD).run_with(&[], &with(slow), &Exec::default()).unwrap();
+    let found = within(&Bench::new(HEAD), &[], &slow).unwrap();
     let budget = found.budget.unwrap();
     assert!(!budget.choices.iter().any(|c| c.stage == "refine" || c.knob == "step"), "{budget:?}");
 }
@@ -119,7 +119,7 @@ fn a_knob_that_is_pinned_stays() {
 #[test]
 fn a_time_that_nothing_keeps_ends_with_a_limit_and_leaves_nothing() {
     let bench = Bench::new(HEAD);
-    let failed = bench.run_with(&[], &with(time(1e-9)), &Exec::default()).unwrap_err();
+    let failed = within(&bench, &[], &time(1e-9)).unwrap_err();
     assert_eq!(failed.error_class(), ErrorClass::Limit);
     assert!(failed.to_string().contains("--max-time"), "{failed}");
     assert!(files(&bench).is_empty(), "{:?}", files(&bench));
@@ -140,7 +140,7 @@ impl Observer for Slow {
 fn a_deadline_in_the_midst_leaves_whole_files_alone_and_the_caller_free() {
     let bench = Bench::new(HEAD);
     let exec = Exec::default().with_observer(Arc::new(Slow("ring")));
-    let failed = bench.run_with(&[], &with(time(3.0)), &exec).unwrap_err();
+    let failed = bench.run_within(&[], &PipelineOptions::default(), &time(3.0), &exec).unwrap_err();
     assert_eq!(failed.error_class(), ErrorClass::Limit);
     assert!(failed.to_string().contains("the time is up"), "{failed}");
     assert!(files(&bench).iter().all(|f| f == "lattice.ply"), "{:?}", files(&bench));
@@ -153,14 +153,15 @@ fn a_deadline_in_the_midst_leaves_whole_files_alone_and_the_caller_free() {
 fn an_interruption_is_no_deadline() {
     let exec = Exec::default();
     exec.cancel.cancel();
-    let failed = Bench::new(HEAD).run_with(&[], &with(time(1e-9)), &exec).unwrap_err();
+    let failed =
+        Bench::new(HEAD).run_within(&[], &PipelineOptions::default(), &time(1e-9), &exec).unwrap_err();
     assert_eq!(failed.error_class(), ErrorClass::Cancelled);
 }
 
 #[test]
 fn budgets_that_are_no_positive_numbers_are_wrong_usage() {
     for budget in [time(0.0), time(-1.0), time(f64::NAN), error(0.0), error(f64::NAN), error(f64::INFINITY)] {
-        let failed = Bench::new(HEAD).run_with(&[], &with(budget), &Exec::default()).unwrap_err();
+        let failed = within(&Bench::new(HEAD), &[], &budget).unwrap_err();
         assert_eq!(failed.error_class(), ErrorClass::Usage);
     }
 }
@@ -186,8 +187,8 @@ fn an_error_that_is_allowed_holds_when_someone_else_measures_it() {
     // The truth: nothing refined away, eight times the steps.
     let truth = bench.run(&["refine.level=0", "deform.dt=0.000125"]).unwrap();
     for most in [0.5, 20.0] {
-        let found = bench.run_with(&[], &with(error(most)), &Exec::default()).unwrap();
-        let budget = found.budget.as_ref().unwrap();
+        let BudgetedReport { run: found, budget } = within(&bench, &[], &error(most)).unwrap();
+        let budget = budget.unwrap();
         let (lattice, field) = measured(&found, &truth);
         assert!(lattice + field <= most, "{lattice} + {field} > {most}");
         let told = budget.error_mm.unwrap();
@@ -205,8 +206,8 @@ fn an_error_that_is_allowed_holds_when_someone_else_measures_it() {
 fn a_larger_error_gives_a_coarser_lattice() {
     let bench = Bench::new(HEAD);
     let triangles = |most: f64| {
-        let found = bench.run_with(&[], &with(error(most)), &Exec::default()).unwrap();
-        refined(&found).triangles
+        let found = within(&bench, &[], &error(most)).unwrap();
+        refined(&found.run).triangles
     };
     let (fine, coarse) = (triangles(0.5), triangles(20.0));
     assert!(coarse < fine, "{coarse} {fine}");
@@ -215,14 +216,14 @@ fn a_larger_error_gives_a_coarser_lattice() {
 #[test]
 fn an_error_that_nothing_holds_ends_with_a_limit_and_its_figures() {
     let bench = Bench::new(HEAD);
-    let failed = bench.run_with(&[], &with(error(1e-12)), &Exec::default()).unwrap_err();
+    let failed = within(&bench, &[], &error(1e-12)).unwrap_err();
     assert_eq!(failed.error_class(), ErrorClass::Limit);
     let told = failed.to_string();
     assert!(told.contains("--max-error") && told.contains("steps_mm") && told.contains("level 0"), "{told}");
     assert!(files(&bench).is_empty(), "{:?}", files(&bench));
     // A pinned level can't be made finer.
     let pinned = Budget { pinned: ["refine.level".to_owned()].into(), ..error(0.1) };
-    let failed = bench.run_with(&["refine.level=3"], &with(pinned), &Exec::default()).unwrap_err();
+    let failed = within(&bench, &["refine.level=3"], &pinned).unwrap_err();
     assert!(failed.error_class() == ErrorClass::Limit && failed.to_string().contains("level 3"), "{failed}");
 }
 
@@ -254,22 +255,23 @@ fn a_figure_that_went_missing_is_an_error_and_never_a_part_of_0() {
         [("refine", "max_error_mm"), ("map", "inverse_residual_max_voxel"), ("map", "relaxations")]
     {
         let bench = Bench::new(HEAD);
-        bench.run_with(&[], &with(error(0.5)), &Exec::default()).unwrap();
+        within(&bench, &[], &error(0.5)).unwrap();
         rename_figure(&bench, stage, figure);
-        let failed = bench.run_with(&[], &with(error(0.5)), &Exec::default()).unwrap_err();
+        let failed = within(&bench, &[], &error(0.5)).unwrap_err();
         assert_eq!(failed.error_class(), ErrorClass::Untrusted, "{failed}");
         let told = failed.to_string();
         assert!(told.starts_with(stage) && told.contains(&format!("`{figure}`")), "{told}");
         // What the message advises.
-        let again = PipelineOptions { force: [stage.to_owned()].into(), ..with(error(0.5)) };
-        assert!(bench.run_with(&[], &again, &Exec::default()).unwrap().budget.unwrap().kept);
+        let again = PipelineOptions { force: [stage.to_owned()].into(), ..PipelineOptions::default() };
+        let again = bench.run_within(&[], &again, &error(0.5), &Exec::default()).unwrap();
+        assert!(again.budget.unwrap().kept);
     }
 }
 
 #[test]
 fn with_both_the_error_holds_and_pictures_give_way() {
     let both = Budget { max_error_mm: Some(0.5), ..slow(1e6, 3600.0) };
-    let found = Bench::new(HEAD).run_with(&[], &with(both), &Exec::default()).unwrap();
+    let found = within(&Bench::new(HEAD), &[], &both).unwrap();
     let budget = found.budget.unwrap();
     assert!(budget.error_mm.unwrap() <= 0.5 && budget.kept);
     assert!(budget.choices.iter().any(|c| c.stage == "render"), "{budget:?}");

@@ -108,6 +108,20 @@ fn stage_crates_need_exactly_what_the_architecture_says() {
     }
 }
 
+#[test]
+fn what_draws_a_report_knows_no_stage() {
+    let text = std::fs::read_to_string(root().join("crates/ivd-report/Cargo.toml")).unwrap();
+    assert_eq!(needed(&text), ["ivd-core"]);
+}
+
+#[test]
+fn what_runs_a_scene_knows_no_budget() {
+    for (path, text) in sources(".rs").into_iter().filter(|(path, _)| crate_of(path) == "ivd-pipeline") {
+        let mut code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+        assert!(!code.any(|line| line.to_lowercase().contains("budget")), "{}", path.display());
+    }
+}
+
 /// Ours among the crates that a manifest needs, in its order.
 fn needed(manifest: &str) -> Vec<&str> {
     let dependencies = manifest.split("[dependencies]").nth(1).unwrap_or("").split("\n[").next().unwrap();

@@ -5,7 +5,7 @@ use ivd_octree::NearestIndex;
 use nalgebra::Vector3;
 
 use crate::experiment::Problem;
-use crate::stages::inputs::root_mean_square;
+use crate::inputs::root_mean_square;
 
 /// Points of a surface, about as many, at which distances are taken.
 const POINTS: f64 = 40_000.0;
@@ -95,8 +95,8 @@ fn middles([a, b, c]: [Vector3<f64>; 3], across: u32) -> impl Iterator<Item = Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::inputs::{grid, sampled};
     use crate::plate;
-    use crate::stages::inputs::{grid, sampled};
     use ivd_core::Volume;
     use ivd_lattice::extract::{ExtractParams, Iso, extract};
 

@@ -55,8 +55,15 @@ impl Setting {
 
     /// The knobs in one line.
     pub fn label(&self) -> String {
-        crate::record::label(&self.task, &self.knobs)
+        label(&self.task, &self.knobs)
     }
+}
+
+/// A task and knobs in one line.
+pub(crate) fn label(task: &str, knobs: &Knobs) -> String {
+    let knobs = knobs.iter().map(|(name, value)| format!("{name} {value}"));
+    let task = (!task.is_empty()).then(|| task.to_owned());
+    task.into_iter().chain(knobs).collect::<Vec<_>>().join(", ")
 }
 
 /// The settings of a stage on one input, and what they are held against.

@@ -1,6 +1,6 @@
 //! A bench as records: what the defaults are held to and budgets choose by.
 
-use ivd_pipeline::fronts::{Front, FrontPoint};
+use ivd_budget::fronts::{Front, FrontPoint};
 
 use crate::record::{Bench, Point, StageBench};
 

@@ -32,6 +32,7 @@ mod distance;
 mod error;
 mod experiment;
 mod front;
+mod inputs;
 mod interactive;
 mod page;
 mod plate;
@@ -56,6 +57,6 @@ pub use refinements::{
     Claim, LatticeBench, Reach, RefinementBench, RefinementRow, Shape, refinements, refinements_page,
 };
 pub use scenes::{ScalePoint, SceneBench, SkipRow, scaling, scenes, scenes_page, skipping};
-pub use stages::{NAMES, ON_REQUEST, experiments, given};
-pub use sweep::{Given, Options, Plant, run, sweep};
+pub use stages::{Given, NAMES, ON_REQUEST, experiments, given};
+pub use sweep::{Options, Plant, run, sweep};
 pub use table::table;

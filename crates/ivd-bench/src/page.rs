@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use ivd_pipeline::html::{escape, number};
+use ivd_report::html::{escape, number};
 
 use crate::plot::{AREA, Axis, BOTTOM, LEFT, TOP, axes};
 use crate::record::{Bench, Point, StageBench};

@@ -4,7 +4,7 @@ use ivd_core::Volume;
 use nalgebra::{Rotation3, Vector3};
 
 use crate::experiment::Problem;
-use crate::stages::inputs::{grid, sampled};
+use crate::inputs::{grid, sampled};
 
 /// Half the plate's edges (mm).
 const HALF: [f64; 3] = [46.0, 34.0, 15.0];

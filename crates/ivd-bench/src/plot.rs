@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use ivd_pipeline::html::{escape, number};
+use ivd_report::html::{escape, number};
 
 /// The plotted area and the room for its labels (SVG units).
 pub(crate) const AREA: [f64; 2] = [600.0, 300.0];

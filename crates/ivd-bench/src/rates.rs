@@ -2,9 +2,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use ivd_artefact::Cache;
+use ivd_budget::fronts::{Rate, Rates, Spread, Work};
+use ivd_budget::{Amounts, rate_name};
 use ivd_core::Exec;
-use ivd_pipeline::budget::{Amounts, rate_name};
-use ivd_pipeline::fronts::{Rate, Rates, Spread, Work};
 use ivd_pipeline::scene::{self, Loaded};
 use ivd_pipeline::{PipelineOptions, PipelineReport};
 

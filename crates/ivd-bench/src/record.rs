@@ -1,9 +1,9 @@
 use std::collections::BTreeMap;
 
-use ivd_pipeline::fronts::{Spread, Work};
+use ivd_budget::fronts::{Spread, Work};
 use serde::{Deserialize, Serialize};
 
-use crate::Knobs;
+use crate::experiment::{Knobs, label};
 
 /// A finished bench. Fields without a value on this system are absent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -78,13 +78,6 @@ impl Point {
     pub fn label(&self) -> String {
         label(&self.task, &self.knobs)
     }
-}
-
-/// A task and knobs in one line.
-pub(crate) fn label(task: &str, knobs: &Knobs) -> String {
-    let knobs = knobs.iter().map(|(name, value)| format!("{name} {value}"));
-    let task = (!task.is_empty()).then(|| task.to_owned());
-    task.into_iter().chain(knobs).collect::<Vec<_>>().join(", ")
 }
 
 impl StageBench {

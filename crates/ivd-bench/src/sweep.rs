@@ -1,14 +1,13 @@
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
-use ivd_core::{Exec, Volume};
-use ivd_pipeline::fronts::{Spread, Work};
+use ivd_budget::fronts::{Spread, Work};
+use ivd_core::Exec;
 use ivd_pipeline::resource;
 
 use crate::experiment::{Experiment, Scored, Setting};
 use crate::record::{Bench, Point, StageBench};
-use crate::{Error, NAMES, ON_REQUEST, experiments, given};
+use crate::{Error, Given, NAMES, ON_REQUEST, experiments, given};
 
 /// What is swept.
 #[derive(Debug, Clone)]
@@ -37,15 +36,6 @@ impl Options {
     pub fn quick() -> Self {
         Self { size: 64, repeats: 3, ..Self::default() }
     }
-}
-
-/// A volume to bench on.
-#[derive(Debug, Clone)]
-pub struct Given {
-    /// What it is called.
-    pub name: String,
-    /// The volume.
-    pub volume: Arc<Volume>,
 }
 
 /// A fault put in on purpose.

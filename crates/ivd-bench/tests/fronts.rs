@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
 use ivd_bench::{NAMES, ON_REQUEST, Setting, experiments};
+use ivd_budget::fronts::{FrontPoint, recorded};
 use ivd_core::Exec;
-use ivd_pipeline::fronts::{FrontPoint, recorded};
 
 /// The defaults that the code has today. The size of the input doesn't change what they are.
 fn defaults(stage: &str) -> Vec<Setting> {

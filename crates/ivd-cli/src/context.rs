@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ivd_artefact::{Cache, Loaded};
 use ivd_core::{ErrorClass, Exec, shown};
-use ivd_pipeline::{Done, Input, Runner, Stage};
+use ivd_pipeline::{Input, Runner, Stage, StageResult};
 use serde::Serialize;
 
 use crate::args::{BackendChoice, Global, When};
@@ -84,7 +84,7 @@ impl Context {
         cache: &Cache,
         stage: &dyn Stage,
         inputs: &ivd_pipeline::Inputs,
-    ) -> anyhow::Result<Done> {
+    ) -> anyhow::Result<StageResult> {
         Ok(Runner { exec: &self.exec, cache, lazy: false }.run(stage, inputs, false)?)
     }
 

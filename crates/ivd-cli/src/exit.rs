@@ -43,17 +43,6 @@ pub(crate) fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// clap's own message about what was typed, on the stream it belongs to.
-pub(crate) fn usage(error: &clap::Error, json: bool) -> ExitCode {
-    let _ = talk::refused(error).print();
-    if json && error.use_stderr() {
-        let message = talk::lossless(error);
-        let object = serde_json::json!({ "error": { "message": message.trim(), "exit_code": code(ErrorClass::Usage) } });
-        let _ = writeln!(std::io::stdout(), "{object}");
-    }
-    if error.use_stderr() { ExitCode::from(code(ErrorClass::Usage)) } else { ExitCode::SUCCESS }
-}
-
 fn error_class(error: &anyhow::Error) -> ErrorClass {
     for cause in error.chain() {
         if let Some(e) = cause.downcast_ref::<ivd_pipeline::Error>() {
@@ -79,7 +68,8 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
     })
 }
 
-fn code(class: ErrorClass) -> u8 {
+/// The exit code of a kind of failure.
+pub(crate) fn code(class: ErrorClass) -> u8 {
     match class {
         ErrorClass::Usage => 2,
         ErrorClass::Input => 3,

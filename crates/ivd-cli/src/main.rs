@@ -18,6 +18,7 @@ mod declared;
 mod exit;
 mod parse;
 mod progress;
+mod refusal;
 mod talk;
 
 use std::process::ExitCode;
@@ -33,6 +34,6 @@ fn main() -> ExitCode {
                 Err(error) => exit::failure(&error, json),
             }
         }
-        Ok(Err(error)) | Err(error) => exit::usage(&error, json),
+        Ok(Err(error)) | Err(error) => refusal::usage(&error, json),
     }
 }

@@ -45,9 +45,9 @@ pub enum Error {
     /// A volume that was read in parts isn't what its file's hashes say: what was made from it is thrown away.
     #[error("{0}")]
     Damaged(String),
-    /// A budget of time or error could not be kept.
+    /// A limit that was set to the run could not be kept.
     #[error("{0}")]
-    Budget(String),
+    Limit(String),
     /// A figure that a certificate or a choice rests on isn't in a stage's record. Nothing may be taken in its place.
     #[error(
         "{stage}: {problem}, so that nothing can be said of its result; run it again with --force {stage}, or without the \
@@ -79,7 +79,7 @@ impl Classified for Error {
             Self::Artefact(error) => error.error_class(),
             Self::Core(error) => error.error_class(),
             Self::Damaged(_) => ErrorClass::Input,
-            Self::Budget(_) => ErrorClass::Limit,
+            Self::Limit(_) => ErrorClass::Limit,
             Self::Figure { .. } => ErrorClass::Untrusted,
             Self::Io { .. } => ErrorClass::Io,
         }
@@ -101,19 +101,16 @@ impl Error {
         Self::Stage { stage, source: failure.source, class: failure.class }
     }
 
-    /// A wrong combination of parameters, told in the words of the program and the scene.
-    pub(crate) fn usage(stage: &'static str, problem: impl Into<String>) -> Self {
+    /// Puts a stage's own error under the stage's name.
+    pub fn in_stage<E>(stage: &'static str) -> impl FnOnce(E) -> Self
+    where
+        E: Classified + std::error::Error + Send + Sync + 'static,
+    {
+        move |error| Self::Stage { stage, class: error.error_class(), source: Box::new(error) }
+    }
+
+    /// A wrong combination of parameters, in the words of the program and the scene.
+    pub fn usage(stage: &'static str, problem: impl Into<String>) -> Self {
         Self::Stage { stage, source: problem.into().into(), class: ErrorClass::Usage }
     }
 }
-
-/// Wraps a stage crate's error with its stage's name.
-macro_rules! stage_error {
-    ($stage:expr) => {
-        |error| {
-            let class = ivd_core::Classified::error_class(&error);
-            $crate::Error::Stage { stage: $stage, source: Box::new(error), class }
-        }
-    };
-}
-pub(crate) use stage_error;

@@ -10,7 +10,6 @@ use ivd_io::volume::FieldDirection;
 use serde_json::{Value, json};
 
 use crate::Error;
-use crate::error::stage_error;
 
 /// Writes an artefact in the format of `path`'s ending. A file whose bytes would not change isn't touched.
 ///
@@ -52,7 +51,7 @@ pub fn export_with(
         Artefact::Labels(labels) => write_volume(path, &labels_volume(labels)?, exec),
         Artefact::Mask(mask) => write_volume(path, &mask_volume(mask)?, exec),
         Artefact::Lattice(lattice) => {
-            ivd_io::mesh::write(path, lattice).map(|w| w.touched).map_err(stage_error!("export"))
+            ivd_io::mesh::write(path, lattice).map(|w| w.touched).map_err(Error::in_stage("export"))
         }
         Artefact::Displacement(field) => write_field(path, field, options.direction, exec),
         Artefact::Image(image) => write_png(path, image),
@@ -63,7 +62,7 @@ pub fn export_with(
             };
             ivd_io::mesh::write_motion(path, lattice, motion)
                 .map(|w| w.touched)
-                .map_err(stage_error!("export"))
+                .map_err(Error::in_stage("export"))
         }
         Artefact::Transfer(_) | Artefact::Octree(_) | Artefact::Tree(_) => Err(Error::usage(
             "export",
@@ -106,7 +105,7 @@ fn write_volume(path: &Path, volume: &Volume, exec: &Exec) -> Result<bool, Error
         let known = VOLUME_ENDINGS.join(", .");
         return Err(Error::usage("export", format!("{}: voxels are written as .{known}", path.display())));
     }
-    ivd_io::volume::write(path, volume, exec).map(|w| w.touched).map_err(stage_error!("export"))
+    ivd_io::volume::write(path, volume, exec).map(|w| w.touched).map_err(Error::in_stage("export"))
 }
 
 /// Formats that voxels are written in.
@@ -125,7 +124,7 @@ fn write_field(
     }
     ivd_io::volume::write_field(path, field, direction, exec)
         .map(|w| w.touched)
-        .map_err(stage_error!("export"))
+        .map_err(Error::in_stage("export"))
 }
 
 fn write_png(path: &Path, image: &Image) -> Result<bool, Error> {

@@ -41,12 +41,10 @@
     )
 )]
 
-pub mod budget;
 mod compare;
+mod control;
 mod error;
 mod export;
-pub mod fronts;
-pub mod html;
 pub mod list;
 mod outputs;
 pub mod params;
@@ -60,15 +58,15 @@ mod section;
 mod stage;
 pub mod stages;
 
-pub use budget::{Budget, BudgetReport, Choice};
 pub use compare::compare;
+pub use control::{Control, Decisions};
 pub use error::Error;
 pub use export::{
     ExportOptions, describe, ending, export, export_with, labels_volume, mask_volume, png_bytes, write_text,
 };
 pub use ivd_core::op::Slot;
 pub use outputs::OutputFile;
-pub use pipeline::{PipelineOptions, PipelineReport, default_out, run};
-pub use runner::{Done, OutputRecord, Runner, StageRecord, State, backend_name, figures_of};
+pub use pipeline::{PipelineOptions, PipelineReport, default_out, run, run_controlled, run_node};
+pub use runner::{OutputRecord, Runner, StageRecord, StageResult, State, backend_name, figures_of};
 pub use section::Section;
-pub use stage::{Facts, Input, Inputs, Metrics, Product, Stage};
+pub use stage::{Facts, Input, Inputs, Metrics, Stage, StageOutput};

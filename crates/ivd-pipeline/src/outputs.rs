@@ -10,11 +10,11 @@ use ivd_deform::class_volume::by_class;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::error::stage_error;
+use crate::control::Decisions;
 use crate::export::{ending, export, whole, write_text};
 use crate::plan::{NodeId, PlanNode};
-use crate::report::{self, Material};
-use crate::runner::{Done, OutputRecord, StageRecord, State};
+use crate::report::{self, ReportData};
+use crate::runner::{OutputRecord, StageRecord, StageResult, State};
 use crate::scene::{Loaded, Picture, Scene};
 use crate::{Error, Metrics};
 
@@ -96,20 +96,20 @@ pub(crate) struct Writer<'a> {
     manifest: &'a Manifest,
     exec: &'a Exec,
     files: Vec<OutputFile>,
-    material: Material,
+    data: ReportData,
 }
 
 impl<'a> Writer<'a> {
     pub(crate) fn new(scene: &'a Scene, out: &'a Path, manifest: &'a Manifest, exec: &'a Exec) -> Self {
-        Self { scene, out, manifest, exec, files: Vec::new(), material: Material::default() }
+        Self { scene, out, manifest, exec, files: Vec::new(), data: ReportData::default() }
     }
 
     /// Writes what the scene wants of a place's result, and keeps what the report will want.
     pub(crate) fn stage_done(
         &mut self,
         node: &PlanNode,
-        done: &Done,
-        earlier: &BTreeMap<NodeId, Done>,
+        done: &StageResult,
+        earlier: &BTreeMap<NodeId, StageResult>,
     ) -> Result<(), Error> {
         let scene = self.scene;
         let named = scene.output.files().into_iter().filter(|(key, _)| node.outputs.contains(key));
@@ -137,32 +137,32 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Lines that the report shows of the budget.
-    pub(crate) fn tell(&mut self, lines: Vec<String>) {
-        self.material.budget = lines;
+    /// What the report shows of decisions that were taken while the scene ran.
+    pub(crate) fn set_decisions(&mut self, decisions: Decisions) {
+        self.data.decisions = decisions;
     }
 
     /// Keeps what the report shows of a result: small things only.
     fn collect(
         &mut self,
         node: &PlanNode,
-        done: &Done,
-        earlier: &BTreeMap<NodeId, Done>,
+        done: &StageResult,
+        earlier: &BTreeMap<NodeId, StageResult>,
     ) -> Result<(), Error> {
         match done.artefact.as_ref() {
             Artefact::Image(_) => {
-                self.material.pictures.insert(node.id.variant.to_owned(), done.artefact.clone());
+                self.data.pictures.insert(node.id.variant.to_owned(), done.artefact.clone());
             }
-            Artefact::Transfer(transfer) => self.material.transfer = Some(transfer.clone()),
-            Artefact::Motion(motion) => self.material.displacements = report::motion_lengths(motion),
-            Artefact::Labels(labels) => self.material.class_slices = report::class_slices(labels)?,
+            Artefact::Transfer(transfer) => self.data.transfer = Some(transfer.clone()),
+            Artefact::Motion(motion) => self.data.displacements = report::motion_lengths(motion),
+            Artefact::Labels(labels) => self.data.class_slices = report::class_slices(labels)?,
             Artefact::Volume(_) if node.id == NodeId::IMPORT => {
-                self.material.volume = Some(done.artefact.clone());
+                self.data.volume = Some(done.artefact.clone());
             }
             Artefact::Displacement(displacement) if node.outputs.contains(&"report") => {
                 if let Some((labels, _)) = beside(node, earlier) {
-                    self.material.class_volumes =
-                        by_class(displacement, labels, self.exec).map_err(stage_error!("report"))?;
+                    self.data.class_volumes =
+                        by_class(displacement, labels, self.exec).map_err(Error::in_stage("report"))?;
                 }
             }
             Artefact::Volume(_)
@@ -225,18 +225,18 @@ impl<'a> Writer<'a> {
             return Ok(record);
         }
         let start = Instant::now();
-        let source = report_source(self.scene, stages, &self.material.budget);
+        let source = report_source(self.scene, stages, &self.data.decisions.lines);
         let name = Path::new("report.html");
         if force {
             let _ = std::fs::remove_file(self.out.join(name));
         }
-        let material = std::mem::take(&mut self.material);
+        let data = std::mem::take(&mut self.data);
         let before = self.files.len();
         self.file("report", name, &source, |to, exec| {
-            if let Some(Artefact::Volume(volume)) = material.volume.as_deref() {
+            if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
                 exec.run(|| whole(volume))?;
             }
-            write_text(to, &report::html(loaded, stages, &material, exec)?)
+            write_text(to, &report::html(loaded, stages, &data, exec)?)
         })?;
         let file = &self.files[before];
         let again = self.manifest.outputs.iter().any(|o| o.name == "report" && o.source == file.source)
@@ -284,7 +284,7 @@ impl<'a> Writer<'a> {
 /// The value of a type, and its hash, among those that are looked at when a place is done.
 fn beside<'a, T: ivd_core::Value>(
     node: &PlanNode,
-    earlier: &'a BTreeMap<NodeId, Done>,
+    earlier: &'a BTreeMap<NodeId, StageResult>,
 ) -> Option<(&'a T, ContentHash)> {
     node.beside
         .iter()
@@ -298,11 +298,11 @@ fn deformed_lattice(lattice: &Lattice, motion: &Motion, to: &Path) -> Result<boo
         Some(frame) => ivd_io::mesh::write_deformed(to, lattice, &frame.displacement),
         None => ivd_io::mesh::write(to, lattice),
     };
-    written.map(|w| w.touched).map_err(stage_error!("export"))
+    written.map(|w| w.touched).map_err(Error::in_stage("export"))
 }
 
 /// Hash of everything that a report shows but times.
-fn report_source(scene: &Scene, stages: &[StageRecord], budget: &[String]) -> String {
+fn report_source(scene: &Scene, stages: &[StageRecord], decisions: &[String]) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&report::REVISION.to_le_bytes());
     hasher.update(serde_json::json!(scene.written).to_string().as_bytes());
@@ -311,7 +311,7 @@ fn report_source(scene: &Scene, stages: &[StageRecord], budget: &[String]) -> St
         hasher.update(record.params.to_string().as_bytes());
         hasher.update(record.output.as_ref().map_or("", |o| &o.hash).as_bytes());
     }
-    for line in budget {
+    for line in decisions {
         hasher.update(line.as_bytes());
     }
     hasher.finalize().to_hex().to_string()

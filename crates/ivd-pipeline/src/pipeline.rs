@@ -8,10 +8,10 @@ use ivd_artefact::Cache;
 use ivd_core::Exec;
 use serde::{Deserialize, Serialize};
 
-use crate::budget::{Budget, BudgetReport, Controller};
+use crate::control::{Control, Uncontrolled};
 use crate::outputs::{Manifest, OutputFile, Writer};
 use crate::plan::{NodeId, Plan, PlanNode, stage_names};
-use crate::runner::{Done, Runner, StageRecord, State};
+use crate::runner::{Runner, StageRecord, StageResult, State};
 use crate::scene::Loaded;
 use crate::{Error, Inputs};
 
@@ -28,11 +28,25 @@ pub struct PipelineOptions {
     pub force: BTreeSet<String>,
     /// Tell what would be done, without doing it.
     pub dry_run: bool,
-    /// What the run may take, and how far its result may be off.
-    pub budget: Budget,
 }
 
-/// What a run of a scene did: the object that `ivd pipeline --json` prints.
+impl PipelineOptions {
+    /// Checks what no scene has a say in.
+    ///
+    /// # Errors
+    /// A usage error where `force` names what is no stage.
+    pub fn check(&self) -> Result<(), Error> {
+        for stage in &self.force {
+            if stage != "report" && stage != NodeId::IMPORT.stage && crate::list::stage(stage).is_none() {
+                let known = stage_names();
+                return Err(Error::usage("pipeline", format!("--force {stage}: stages are {known}, report")));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a run of a scene did.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PipelineReport {
     /// Every stage, needed or not.
@@ -41,9 +55,6 @@ pub struct PipelineReport {
     pub outputs: Vec<OutputFile>,
     /// Wall time (s).
     pub wall_s: f64,
-    /// What the budget did, where there is one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub budget: Option<BudgetReport>,
 }
 
 /// Runs a scene.
@@ -58,66 +69,56 @@ pub fn run(
     cache: &Cache,
     exec: &Exec,
 ) -> Result<PipelineReport, Error> {
+    run_controlled(loaded, options, cache, exec, || Ok(Uncontrolled)).map(|(report, _)| report)
+}
+
+/// As [`run`], with what decides about the run while it goes on: made by `control`, anew where the run has to begin again, and given back
+/// at the end.
+///
+/// # Errors
+/// Those of [`run`], and what the control makes of them.
+pub fn run_controlled<C: Control>(
+    loaded: &Loaded,
+    options: &PipelineOptions,
+    cache: &Cache,
+    exec: &Exec,
+    control: impl Fn() -> Result<C, Error>,
+) -> Result<(PipelineReport, C), Error> {
     let start = Instant::now();
-    match attempt(loaded, options, start, Runner { exec, cache, lazy: true }) {
+    match attempt(loaded, options, start, control()?, Runner { exec, cache, lazy: true }) {
         Err(Error::Damaged(problem)) => {
             // Verified whole, the damaged entry shows before anything is made from it, and is made again.
             tracing::warn!(problem, "a cached volume is damaged; the scene is run again");
-            attempt(loaded, options, start, Runner { exec, cache, lazy: false })
+            attempt(loaded, options, start, control()?, Runner { exec, cache, lazy: false })
         }
         answer => answer,
     }
 }
 
-/// Runs a scene within its budget, which began at `start`.
-fn attempt(
+/// Runs a scene, which began at `start`.
+fn attempt<C: Control>(
     loaded: &Loaded,
     options: &PipelineOptions,
     start: Instant,
+    mut control: C,
     runner: Runner<'_>,
-) -> Result<PipelineReport, Error> {
-    for stage in &options.force {
-        if stage != "report" && stage != NodeId::IMPORT.stage && crate::list::stage(stage).is_none() {
-            let known = stage_names();
-            return Err(Error::usage("pipeline", format!("--force {stage}: stages are {known}, report")));
-        }
-    }
-    options.budget.check()?;
-    if options.budget.max_error_mm.is_some()
-        && loaded.scene.section(&ivd_deform::space::STAGE).is_some_and(|space| space.job().idle().is_none())
-    {
-        let problem = "--max-error: what it keeps is the map's error, and a [[space.step]] goes on from there; drop one of them";
-        return Err(Error::usage("pipeline", problem));
-    }
+) -> Result<(PipelineReport, C), Error> {
+    options.check()?;
     let mut plan = Plan::new(loaded, options.input.as_deref(), options.until.as_deref())?;
     if !runner.exec.skip {
         plan.want_everything();
     }
-    if options.dry_run {
-        let stages = plan
-            .nodes()
-            .iter()
-            .filter(|n| n.is_told())
-            .map(|n| idle(n, if n.needed { State::Planned } else { State::NotNeeded }))
-            .collect();
-        let wall_s = start.elapsed().as_secs_f64();
-        return Ok(PipelineReport { stages, outputs: Vec::new(), wall_s, budget: None });
-    }
-    let exec = &options.budget.bounded(runner.exec, start);
-    let mut pilot = options.budget.is_set().then(|| Controller::new(loaded, options, start)).transpose()?;
     let mut stages = Vec::new();
-    let outputs = match walk(loaded, options, plan, &mut pilot, &mut stages, Runner { exec, ..runner }) {
-        Ok(outputs) => outputs,
-        Err(error) => {
-            return Err(match pilot {
-                Some(pilot) => pilot.explain(error, exec, &stages),
-                None => error,
-            });
-        }
+    let outputs = if options.dry_run {
+        let state = |node: &PlanNode| if node.needed { State::Planned } else { State::NotNeeded };
+        stages.extend(plan.nodes().iter().filter(|n| n.is_reported()).map(|n| idle(n, state(n))));
+        Vec::new()
+    } else {
+        walk(loaded, options, plan, &mut control, &mut stages, runner)
+            .map_err(|error| control.explain(error, runner.exec, &stages))?
     };
     let wall_s = start.elapsed().as_secs_f64();
-    let budget = pilot.map(|pilot| pilot.finish(wall_s)).transpose()?;
-    Ok(PipelineReport { stages, outputs, wall_s, budget })
+    Ok((PipelineReport { stages, outputs, wall_s }, control))
 }
 
 /// Does what the plan needs, stage by stage, and writes the outputs; `stages` tells how far it came.
@@ -125,30 +126,25 @@ fn walk(
     loaded: &Loaded,
     options: &PipelineOptions,
     mut plan: Plan,
-    pilot: &mut Option<Controller<'_>>,
+    control: &mut dyn Control,
     stages: &mut Vec<StageRecord>,
     runner: Runner<'_>,
 ) -> Result<Vec<OutputFile>, Error> {
     let manifest = Manifest::load(&options.out);
-    let mut done: BTreeMap<NodeId, Done> = BTreeMap::new();
+    let mut done: BTreeMap<NodeId, StageResult> = BTreeMap::new();
     let mut writer = Writer::new(&loaded.scene, &options.out, &manifest, runner.exec);
     for at in 0..plan.nodes().len() {
         if !plan.nodes()[at].needed {
-            stages.extend(plan.nodes()[at].is_told().then(|| idle(&plan.nodes()[at], State::NotNeeded)));
+            stages.extend(plan.nodes()[at].is_reported().then(|| idle(&plan.nodes()[at], State::NotNeeded)));
             continue;
         }
-        let ready = match pilot {
-            Some(pilot) => pilot.before(at, &mut plan, &done, runner)?,
-            None => None,
-        };
+        let ready = control.before(at, &mut plan, &done, runner)?;
         let node = &plan.nodes()[at];
         let mut result = match ready {
             Some(result) => result,
             None => run_node(node, &done, runner, options)?,
         };
-        if let Some(pilot) = pilot {
-            pilot.after(node.id, &result);
-        }
+        control.after(node.id, &result);
         node.id.variant.clone_into(&mut result.record.variant);
         explain(&mut result.record, node, &manifest);
         if options.until.is_none() {
@@ -160,18 +156,22 @@ fn walk(
     }
     if options.until.is_none() {
         let force = options.force.contains("report");
-        writer.tell(pilot.as_ref().map(Controller::told).unwrap_or_default());
+        writer.set_decisions(control.summary());
         stages.push(writer.report(loaded, stages, force)?);
     }
     writer.finish(stages)
 }
 
-pub(crate) fn run_node(
+/// Runs the stage of a place on what its inputs' places gave, which must all be among `done`.
+///
+/// # Errors
+/// A usage error where the scene gives the place nothing to do, and those of [`Runner::run`].
+pub fn run_node(
     node: &PlanNode,
-    done: &BTreeMap<NodeId, Done>,
+    done: &BTreeMap<NodeId, StageResult>,
     runner: Runner<'_>,
     options: &PipelineOptions,
-) -> Result<Done, Error> {
+) -> Result<StageResult, Error> {
     let stage = node.stage.as_deref();
     let stage = stage.ok_or_else(|| Error::usage(node.id.stage, "it has nothing to do in this scene"))?;
     let mut inputs = Inputs::default();
@@ -195,7 +195,7 @@ fn explain(record: &mut StageRecord, node: &PlanNode, manifest: &Manifest) {
 }
 
 /// Drops values that no later place and no output reads.
-fn release(plan: &Plan, at: usize, done: &mut BTreeMap<NodeId, Done>) {
+fn release(plan: &Plan, at: usize, done: &mut BTreeMap<NodeId, StageResult>) {
     let later = || plan.nodes()[at + 1..].iter().filter(|node| node.needed);
     done.retain(|id, _| {
         later().any(|n| n.beside.contains(id) || n.inputs.iter().any(|(_, from)| from == id))

@@ -15,7 +15,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{Error, Input, Inputs, Metrics, Product, Section, Stage, resource};
+use crate::{Error, Input, Inputs, Metrics, Section, Stage, StageOutput, resource};
 
 /// What became of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -29,6 +29,18 @@ pub enum State {
     NotNeeded,
     /// An output needs it: what a dry run tells of a stage that would run or come from the cache.
     Planned,
+}
+
+impl State {
+    /// The state in words, as tables show it.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Ran => "ran",
+            Self::Cached => "cached",
+            Self::NotNeeded => "not needed",
+            Self::Planned => "planned",
+        }
+    }
 }
 
 /// Where a stage's result lies.
@@ -132,7 +144,7 @@ pub fn figures_of<F: DeserializeOwned>(records: &[StageRecord], stage: &str) -> 
 
 /// A stage's result with its record.
 #[derive(Debug, Clone)]
-pub struct Done {
+pub struct StageResult {
     /// The value.
     pub artefact: Arc<Artefact>,
     /// Its content hash.
@@ -145,7 +157,7 @@ pub struct Done {
     pub record: StageRecord,
 }
 
-impl Done {
+impl StageResult {
     /// The value, as one of a type.
     ///
     /// # Errors
@@ -189,7 +201,7 @@ impl Runner<'_> {
     /// # Errors
     /// The stage's own error, or what the cache's files ran into while writing (an unreadable entry is no error:
     /// the work is done again).
-    pub fn run(&self, stage: &dyn Stage, inputs: &Inputs, force: bool) -> Result<Done, Error> {
+    pub fn run(&self, stage: &dyn Stage, inputs: &Inputs, force: bool) -> Result<StageResult, Error> {
         self.run_with(stage, inputs, force, &mut || stage.run(inputs, self.exec))
     }
 
@@ -199,8 +211,8 @@ impl Runner<'_> {
         stage: &dyn Stage,
         inputs: &Inputs,
         force: bool,
-        work: &mut dyn FnMut() -> Result<Product, Error>,
-    ) -> Result<Done, Error> {
+        work: &mut dyn FnMut() -> Result<StageOutput, Error>,
+    ) -> Result<StageResult, Error> {
         let begun = self.begin(stage, inputs)?;
         let why = if force {
             "forced".to_owned()
@@ -215,7 +227,7 @@ impl Runner<'_> {
                     let record = StageRecord { state: State::Cached, cached: true, ..record };
                     let artefact = Arc::new(entry.artefact);
                     let file = Some(entry.file);
-                    return Ok(Done { artefact, hash: entry.hash, file, sections: None, record });
+                    return Ok(StageResult { artefact, hash: entry.hash, file, sections: None, record });
                 }
                 Lookup::Absent => "nothing cached for these inputs and parameters".to_owned(),
                 Lookup::Unusable(reason) => format!("its cached entry can't be trusted: {reason}"),
@@ -237,7 +249,7 @@ impl Runner<'_> {
         stage: &Section,
         inputs: &Inputs,
         work: impl FnOnce(&Values<'_>) -> Result<(op::Product, T), Failure>,
-    ) -> Result<(Done, T), Error> {
+    ) -> Result<(StageResult, T), Error> {
         let begun = self.begin(stage, inputs)?;
         let worked = stage.run_with(inputs, work);
         inputs.check_damage()?;
@@ -265,14 +277,20 @@ impl Runner<'_> {
         inputs: &Inputs,
         begun: Begun,
         why: String,
-        product: Product,
-    ) -> Result<Done, Error> {
+        product: StageOutput,
+    ) -> Result<StageResult, Error> {
         let Begun { clock, read_before, provenance, source_bytes, key } = begun;
         let (hash, sections) = self.exec.run(|| self.keep(&key, &product, &provenance))?;
         let record = self.record(stage, &provenance, &product.artefact, hash, &key);
         let bytes_read = source_bytes + inputs.bytes_read() - read_before;
         let record = StageRecord { why, bytes_read, metrics: product.metrics, ..clock.stop(record) };
-        Ok(Done { artefact: Arc::new(product.artefact), hash, file: None, sections: Some(sections), record })
+        Ok(StageResult {
+            artefact: Arc::new(product.artefact),
+            hash,
+            file: None,
+            sections: Some(sections),
+            record,
+        })
     }
 
     fn look_up(&self, key: &CacheKey) -> Lookup<Loaded> {
@@ -281,7 +299,7 @@ impl Runner<'_> {
 
     /// Content hash of a stage's result for inputs of these hashes, where the cache has it. Nothing is read but the head of its
     /// entry. `first` is the kind of the first input.
-    pub(crate) fn foresee(
+    pub fn foresee(
         &self,
         stage: &dyn Stage,
         inputs: BTreeMap<String, ContentHash>,
@@ -332,7 +350,7 @@ impl Runner<'_> {
     fn keep(
         &self,
         key: &CacheKey,
-        product: &Product,
+        product: &StageOutput,
         provenance: &Provenance,
     ) -> Result<(ContentHash, SectionHashes), Error> {
         let metrics = Value::Object(product.metrics.figures.clone());

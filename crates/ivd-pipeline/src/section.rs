@@ -11,7 +11,7 @@ use ivd_core::op::{
 use ivd_core::{Exec, ParamError};
 use serde_json::{Map, Value as Json};
 
-use crate::{Error, Inputs, Metrics, Product};
+use crate::{Error, Inputs, Metrics, StageOutput};
 
 /// A stage with the method that was chosen and its parameters.
 pub struct Section {
@@ -141,7 +141,7 @@ impl Section {
         &self,
         inputs: &Inputs,
         work: impl FnOnce(&Values<'_>) -> Result<(op::Product, T), Failure>,
-    ) -> Result<(Product, T), Error> {
+    ) -> Result<(StageOutput, T), Error> {
         let (product, beside) =
             work(&inputs.values()).map_err(|failure| Error::failed(self.stage.name, failure))?;
         let schema = (self.method.figures)();
@@ -151,7 +151,7 @@ impl Section {
                 metrics.times.insert(field.name.to_owned(), time);
             }
         }
-        Ok((Product { artefact: product.artefact, metrics }, beside))
+        Ok((StageOutput { artefact: product.artefact, metrics }, beside))
     }
 
     /// The stage at one of its places; `None` where the scene gives that nothing to do.
@@ -279,7 +279,7 @@ impl crate::Stage for Section {
         self.job.sources().map_err(|failure| Error::failed(self.stage.name, failure))
     }
 
-    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         self.run_with(inputs, |values| Ok((self.job.run(values, exec)?, ()))).map(|(product, ())| product)
     }
 }

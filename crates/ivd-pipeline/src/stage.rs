@@ -141,14 +141,14 @@ impl Inputs {
 
 /// What a stage gives.
 #[derive(Debug)]
-pub struct Product {
+pub struct StageOutput {
     /// The value.
     pub artefact: Artefact,
     /// Figures of the work.
     pub metrics: Metrics,
 }
 
-impl Product {
+impl StageOutput {
     /// A value with its figures.
     pub(crate) fn new(value: impl Output, figures: &impl Serialize) -> Self {
         let op::Product { artefact, figures } = op::Product::new(value, figures);
@@ -211,5 +211,5 @@ pub trait Stage: Send + Sync {
     ///
     /// # Errors
     /// The stage crate's error under the stage's name.
-    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error>;
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error>;
 }

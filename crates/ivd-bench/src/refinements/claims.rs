@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::page::ended;
 use super::{LatticeBench, Reach, RefinementRow};
-use ivd_pipeline::html::number;
+use ivd_report::html::number;
 
 /// A conclusion of the thesis, and whether it holds here.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

@@ -5,7 +5,7 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_phantom::{Shape, signed_distance};
 
 use crate::experiment::Problem;
-use crate::stages::inputs::EDGE_MM;
+use crate::inputs::EDGE_MM;
 use crate::stages::part;
 use crate::{Options, plate};
 

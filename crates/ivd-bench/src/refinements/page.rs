@@ -1,10 +1,8 @@
 use std::fmt::Write as _;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use ivd_core::Image;
-use ivd_pipeline::html::{escape, number};
 use ivd_pipeline::{Error, png_bytes};
+use ivd_report::html::{escape, number, png_url};
 
 use super::pictures::{COLOURS, SCALE};
 use super::rows::CREASE_DEGREES;
@@ -125,8 +123,7 @@ fn cards(rows: &[RefinementRow]) -> Result<String, Error> {
 }
 
 fn picture(image: &Image, words: &str) -> Result<String, Error> {
-    let data = STANDARD.encode(png_bytes(image)?);
-    Ok(format!("<img src='data:image/png;base64,{data}' alt='{words}'>"))
+    Ok(format!("<img src='{}' alt='{words}'>", png_url(&png_bytes(image)?)))
 }
 
 fn table(rows: &[RefinementRow], bench: &LatticeBench) -> String {

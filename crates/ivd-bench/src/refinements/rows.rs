@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use ivd_budget::fronts::Spread;
 use ivd_core::{Exec, Image, Lattice};
 use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, StopReason, Target, distances, refine};
-use ivd_pipeline::fronts::Spread;
 use nalgebra::Vector3;
 use serde::Serialize;
 

@@ -1,6 +1,6 @@
 use std::fmt::Write as _;
 
-use ivd_pipeline::html::{escape, number};
+use ivd_report::html::{escape, number};
 
 use super::{ScalePoint, SceneBench, SkipRow};
 use crate::page::STYLE;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::place::{Content, EDGE_MM, Place, Run, settle};
 use super::skipping::HANDLE;
 use crate::Error;
-use ivd_pipeline::fronts::Spread;
+use ivd_budget::fronts::Spread;
 
 /// A size of the volume and what the scene took on it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -4,8 +4,8 @@ use ivd_atf::{Params, transfer};
 use ivd_core::{Exec, TransferFunction, Volume};
 use ivd_segment::{KmvsParams, kmvs};
 
-use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::judged;
 
 /// Samples of a row.
 const RESOLUTIONS: [usize; 12] = [2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 4096, 16384];

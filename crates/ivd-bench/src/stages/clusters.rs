@@ -8,8 +8,8 @@ use ivd_segment::{
     CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, cut, emvs, kmvs_spatial, msvs, region_tree,
 };
 
-use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::judged;
 
 /// Lloyd iterations of k-means with positions; the last is the default, which goes on until no label changes.
 const ITERATIONS: [u64; 8] = [1, 2, 4, 8, 16, 32, 64, 300];
@@ -159,7 +159,7 @@ fn tree(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, 
     let best = squares(volume, REGIONS[REGIONS.len() - 1], exec)?.0;
     let mut settings = Vec::new();
     let default = HvsParams::default().max_regions;
-    for regions in super::inputs::each_once(REGIONS.into_iter().chain([default])) {
+    for regions in crate::inputs::each_once(REGIONS.into_iter().chain([default])) {
         let volume = volume.clone();
         settings.push(Setting::new(
             [("max_regions", regions.to_string())],

@@ -3,8 +3,8 @@ use std::sync::Arc;
 use ivd_core::{Exec, Lattice};
 use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 
-use super::inputs::{RADIUS_MM, ball, each_once, judged, root_mean_square};
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::{RADIUS_MM, ball, each_once, judged, root_mean_square};
 
 /// Steps over the duration, and shares of the force below which a vertex passes none on.
 const STEPS: [u32; 8] = [32, 50, 100, 200, 400, 800, 1600, 3200];

@@ -12,9 +12,9 @@ use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_session::MapChoice;
 
-use super::inputs::{RADIUS_MM, ball, judged};
 use super::map::apart;
 use crate::experiment::{Experiment, Problem, Scored, Setting};
+use crate::inputs::{RADIUS_MM, ball, judged};
 
 /// Largest motion (mm) and radius (mm) of the handle at the ball's top.
 const MOVE_MM: f64 = 5.0;

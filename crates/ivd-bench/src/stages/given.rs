@@ -8,17 +8,25 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_segment::{KmvsParams, kmvs};
 use nalgebra::Vector3;
 
-use super::inputs::{judged, root_mean_square};
 use super::{atf, clusters, deform, deformation, map, methods, refine, render, segment, solvers};
 use crate::distance::Truth;
 use crate::experiment::{Experiment, Problem, Setting};
-use crate::sweep::Given;
+use crate::inputs::{judged, root_mean_square};
 
 /// Every n-th voxel is kept, finest last.
 const STRIDES: [usize; 6] = [8, 6, 4, 3, 2, 1];
 /// Largest motion and radius of the handle, as parts of the diagonal of the part's box.
 const MOVE: f64 = 0.03;
 const RADIUS: f64 = 0.25;
+
+/// A volume to bench on.
+#[derive(Debug, Clone)]
+pub struct Given {
+    /// What it is called.
+    pub name: String,
+    /// The volume.
+    pub volume: Arc<Volume>,
+}
 
 /// The experiment of a stage on a given volume; `None` where its truth is a formula that no scan has.
 pub(super) fn experiment(stage: &str, given: &Given, exec: &Exec) -> Result<Option<Experiment>, Problem> {

@@ -3,8 +3,8 @@ use std::sync::Arc;
 use ivd_core::Lattice;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 
-use super::inputs::{EDGE_MM, RADIUS_MM, grid, judged, root_mean_square, sampled};
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::{EDGE_MM, RADIUS_MM, grid, judged, root_mean_square, sampled};
 
 /// Fractions of the largest size.
 const PARTS: [f64; 8] = [8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.2, 1.0];

@@ -1,17 +1,17 @@
 use std::sync::Arc;
 
 use ivd_boundary::component;
+use ivd_budget::{LEVELS, target};
 use ivd_core::{ClassChoice, Displacement, Exec, Lattice, Volume};
 use ivd_deform::spring::{Action, Handle, HandleAt};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
-use ivd_pipeline::budget::{LEVELS, target};
 use ivd_segment::{KmvsParams, kmvs};
 use ivd_session::MapChoice;
 
 use super::deformation::deformed;
-use super::inputs::{judged, root_mean_square};
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::{judged, root_mean_square};
 
 /// How coarse the lattice is that carries the voxels against what the whole one gives: solver and map on each level.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {

@@ -6,10 +6,10 @@ use ivd_core::{Exec, Lattice};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{Locks, Method, RefineParams, Refined, Target, distances, refine};
 
-use super::inputs::judged;
 use super::refine::Measure;
 use crate::distance::Truth;
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::judged;
 use crate::plate;
 
 /// What is asked for, and whether knobs are tried there too.

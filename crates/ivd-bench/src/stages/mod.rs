@@ -5,7 +5,6 @@ mod clusters;
 mod deform;
 mod deformation;
 mod given;
-pub(crate) mod inputs;
 mod lattice;
 mod map;
 pub(crate) mod methods;
@@ -15,12 +14,12 @@ mod segment;
 mod solvers;
 mod warp;
 
+pub use given::Given;
 use ivd_core::Exec;
 pub(crate) use map::part;
 
 use crate::Error;
 use crate::experiment::{Experiment, Problem};
-use crate::sweep::Given;
 
 /// The stages that have experiments, in the order of the pipeline.
 pub const NAMES: [&str; 8] = ["segment", "atf", "lattice", "refine", "deform", "map", "warp", "render"];

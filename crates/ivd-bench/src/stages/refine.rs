@@ -1,12 +1,12 @@
 use std::sync::Arc;
 
+use ivd_budget::{LEVELS, target};
 use ivd_core::{Exec, Lattice};
 use ivd_lattice::refine::{RefineParams, collapse};
-use ivd_pipeline::budget::{LEVELS, target};
 
-use super::inputs::{ball, each_once, judged};
 use super::lattice::distance;
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::{ball, each_once, judged};
 
 /// Weights of a collapse's length, and largest turns (degrees), round the defaults.
 const SHAPE_WEIGHTS: [f64; 5] = [0.0, 1e-4, 1e-3, 1e-2, 1e-1];

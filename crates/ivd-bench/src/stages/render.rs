@@ -4,8 +4,8 @@ use ivd_core::{Exec, TransferFunction, Volume};
 use ivd_render::{Radiance, RenderParams, Scene, View, radiance};
 use ivd_segment::{KmvsParams, kmvs};
 
-use super::inputs::{judged, root_mean_square};
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::{judged, root_mean_square};
 
 /// Steps (of the smallest spacing) and opacities at which rays end; above 1 none does.
 const STEPS: [f64; 9] = [0.125, 0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0];

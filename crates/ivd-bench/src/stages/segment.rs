@@ -4,8 +4,8 @@ use ivd_core::{Exec, Volume, VoxelType};
 use ivd_phantom::{Params, generate};
 use ivd_segment::{KmvsParams, kmvs};
 
-use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::judged;
 
 /// Numbers of classes.
 const CLASSES: [usize; 11] = [2, 3, 4, 6, 8, 12, 16, 32, 64, 128, 256];

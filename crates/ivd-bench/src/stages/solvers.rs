@@ -13,8 +13,8 @@ use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
 use ivd_deform::mass_spring::{Closeness, Descent, Params, Prepared, Solved, Solver, Springs};
 use ivd_deform::spring::{Action, Fix, Handle, HandleAt};
 
-use super::inputs::judged;
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::judged;
 
 /// Iterations after which solvers are looked at.
 const ITERATIONS: [usize; 7] = [5, 10, 20, 50, 100, 200, 500];

@@ -4,8 +4,8 @@ use ivd_core::{Displacement, FieldBricks, Grid, Volume, VoxelCoord, VoxelIndex};
 use ivd_deform::warp::{WarpParams, volume};
 use nalgebra::Vector3;
 
-use super::inputs::{EDGE_MM, grid, judged, root_mean_square, sampled};
 use crate::experiment::{Experiment, Problem, Setting};
+use crate::inputs::{EDGE_MM, grid, judged, root_mean_square, sampled};
 
 /// Fractions of the largest size.
 const PARTS: [f64; 8] = [8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.2, 1.0];

@@ -5,13 +5,13 @@ use std::path::Path;
 use clap::{Arg, ArgMatches};
 use ivd_artefact::Cache;
 use ivd_core::op::Stage;
-use ivd_pipeline::{Done, Inputs, Section};
+use ivd_pipeline::{Inputs, Section, StageResult};
 
 use super::{lattice, posteriors, two_classes};
 use crate::context::Context;
 
 /// Does a stage's work and writes something else beside its result, as a flag asks for.
-pub(crate) type Beside = fn(&Section, &Path, &Inputs, &Context) -> anyhow::Result<Done>;
+pub(crate) type Beside = fn(&Section, &Path, &Inputs, &Context) -> anyhow::Result<StageResult>;
 
 /// What a command does beside its stage.
 pub(crate) struct Hooks {

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use ivd_budget::{Budget, BudgetedReport};
 use ivd_pipeline::scene::{self, Loaded};
-use ivd_pipeline::{Budget, PipelineOptions, PipelineReport, State, default_out};
+use ivd_pipeline::{PipelineOptions, default_out};
 
 use crate::args::Pipeline;
 use crate::context::Context;
@@ -31,34 +32,29 @@ pub(super) fn run(args: &Pipeline, context: &Context) -> anyhow::Result<()> {
         until: args.until.clone(),
         force: args.force.iter().cloned().collect(),
         dry_run: args.dry_run,
-        budget: Budget {
-            max_time_s: args.max_time,
-            max_error_mm: args.max_error,
-            pinned: args.overrides.iter().map(|o| o.path.join(".")).collect(),
-            ..Budget::default()
-        },
     };
-    let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)?;
+    let budget = Budget {
+        max_time_s: args.max_time,
+        max_error_mm: args.max_error,
+        pinned: args.overrides.iter().map(|o| o.path.join(".")).collect(),
+        ..Budget::default()
+    };
+    let report = ivd_budget::run(&loaded, &options, &budget, &context.pipeline_cache()?, &context.exec)?;
     context.print(&report, || text(&report, args.explain || args.dry_run))
 }
 
 /// What a person reads: the outputs, and every stage with its reason where that was asked for.
-fn text(report: &PipelineReport, explain: bool) -> String {
+fn text(BudgetedReport { run, budget }: &BudgetedReport, explain: bool) -> String {
     let mut lines = Vec::new();
-    if let Some(budget) = report.budget.as_ref().filter(|_| explain) {
-        lines.extend(budget.told());
+    if let Some(budget) = budget.as_ref().filter(|_| explain) {
+        lines.extend(budget.summary());
     }
-    for record in report.stages.iter().filter(|_| explain) {
-        let state = match record.state {
-            State::Ran => "ran",
-            State::Cached => "cached",
-            State::NotNeeded => "not needed",
-            State::Planned => "planned",
-        };
+    for record in run.stages.iter().filter(|_| explain) {
+        let state = record.state.words();
         let name = format!("{} {}", record.stage, record.variant);
         lines.push(format!("{:18} {state:10} {:8.3} s  {}", name.trim(), record.wall_s, record.why));
     }
-    for output in &report.outputs {
+    for output in &run.outputs {
         let state = if output.written { "" } else { "  (unchanged)" };
         lines.push(format!("{}{state}", output.path.display()));
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Arg;
 use ivd_artefact::{Artefact, Cache};
 use ivd_core::op::{Product, Slots as _};
-use ivd_pipeline::{Done, Inputs, Runner, Section};
+use ivd_pipeline::{Inputs, Runner, Section, StageResult};
 use ivd_segment::{EmvsParams, Scanned, Tidied};
 
 use super::stage::{provenance, write_artefact};
@@ -27,7 +27,7 @@ pub(crate) fn run(
     prefix: &Path,
     inputs: &Inputs,
     context: &Context,
-) -> anyhow::Result<Done> {
+) -> anyhow::Result<StageResult> {
     let Some(params) = section.get::<Tidied<EmvsParams>>() else {
         let problem = format!("--{FLAG}: {} has none; use --method emvs", section.method().name);
         return Err(Failure::usage(problem));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Arg, ArgMatches};
 use ivd_artefact::Cache;
 use ivd_core::op::{Method, Place, PlaceKind, Stage, Want, fields};
-use ivd_pipeline::{Done, Inputs, Section, StageRecord};
+use ivd_pipeline::{Inputs, Section, StageRecord, StageResult};
 
 use super::stage::write_result;
 use crate::context::Context;
@@ -149,7 +149,7 @@ pub(crate) fn run_through(
     inputs: Inputs,
     cache: &Cache,
     context: &Context,
-) -> anyhow::Result<Done> {
+) -> anyhow::Result<StageResult> {
     let stage = section.stage();
     let precursor = of(stage).and_then(|precursor| Some((precursor, section.at(precursor.place)?)));
     let Some((precursor, first)) = precursor else {

@@ -5,7 +5,7 @@ use std::path::Path;
 use ivd_artefact::{Artefact, Cache, Provenance, write_again, write_with_metrics};
 use ivd_core::Classified;
 use ivd_core::op::{self, Field, alternatives, fields};
-use ivd_pipeline::{Done, Inputs, OutputRecord, Stage, StageRecord, ending, export};
+use ivd_pipeline::{Inputs, OutputRecord, Stage, StageRecord, StageResult, ending, export};
 
 use super::volume::volume_or_artefact;
 use crate::context::Context;
@@ -58,7 +58,7 @@ pub(crate) fn unused(
 /// Writes a stage's result and prints its record.
 pub(crate) fn finish(
     stage: &dyn Stage,
-    mut done: Done,
+    mut done: StageResult,
     output: &Path,
     context: &Context,
 ) -> anyhow::Result<()> {
@@ -94,7 +94,7 @@ pub(super) fn provenance(record: &StageRecord) -> anyhow::Result<Provenance> {
 }
 
 /// Writes a stage's result.
-pub(super) fn write_result(done: &Done, output: &Path, context: &Context) -> anyhow::Result<()> {
+pub(super) fn write_result(done: &StageResult, output: &Path, context: &Context) -> anyhow::Result<()> {
     if matches!(*done.artefact, Artefact::Image(_)) && ending(output) != "ivd" {
         export(&done.artefact, output, &context.exec)?;
         return Ok(());

@@ -6,7 +6,6 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::Error;
-use crate::error::stage_error;
 
 /// Largest and mean distance (mm) of vertices and triangle centres from the other surface, and the larger of both
 /// directions (a sampled Hausdorff distance: a lower bound of the true one).
@@ -26,8 +25,8 @@ pub(super) fn lattices(a: &Lattice, b: &Lattice, exec: &Exec) -> Result<Value, E
 
 fn one_way(from: &Lattice, to: &Lattice, exec: &Exec) -> Result<(f64, f64), Error> {
     let octree =
-        ivd_octree::build(to, &ivd_octree::Params::default(), exec).map_err(stage_error!("compare"))?;
-    let index = ivd_octree::prepare(to, &octree).map_err(stage_error!("compare"))?;
+        ivd_octree::build(to, &ivd_octree::Params::default(), exec).map_err(Error::in_stage("compare"))?;
+    let index = ivd_octree::prepare(to, &octree).map_err(Error::in_stage("compare"))?;
     // Into the other lattice's local space: the same where both were cut from one grid.
     let (linear, shift) = (to.grid().linear_part(), to.grid().clone());
     let local = |voxel: Vector3<f64>| {

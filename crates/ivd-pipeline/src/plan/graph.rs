@@ -91,12 +91,12 @@ impl PlanNode {
 
     /// Whether a report of the run names it: a tree that the scene's method doesn't have is no stage of it, nor are steps that it
     /// doesn't have.
-    pub(crate) fn is_told(&self) -> bool {
+    pub(crate) fn is_reported(&self) -> bool {
         self.stage.is_some() || !self.is_quiet
     }
 
     /// Whether it does the stage's own job, with the scene's parameters.
-    pub(crate) fn is_own(&self) -> bool {
+    pub fn is_own(&self) -> bool {
         matches!(self.place.kind, PlaceKind::Own)
     }
 
@@ -135,7 +135,10 @@ impl Plan {
     }
 
     /// Gives every place the stage that another scene of the same outputs has there.
-    pub(crate) fn retune(&mut self, loaded: &Loaded, input: Option<&Path>) -> Result<(), Error> {
+    ///
+    /// # Errors
+    /// Parameters that don't fit together.
+    pub fn retune(&mut self, loaded: &Loaded, input: Option<&Path>) -> Result<(), Error> {
         let fresh = wire(&loaded.scene, import(loaded, input)?);
         for (node, new) in self.nodes.iter_mut().zip(fresh) {
             node.stage = new.stage;

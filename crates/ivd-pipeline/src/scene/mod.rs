@@ -159,7 +159,7 @@ impl Scene {
     }
 
     /// What it asks the lattice to do.
-    pub(crate) fn asked(&self) -> Option<Asked<'_>> {
+    pub fn asked(&self) -> Option<Asked<'_>> {
         Asked::of(self.section(&ivd_deform::deform::STAGE)?.job())
     }
 

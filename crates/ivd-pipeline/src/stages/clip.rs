@@ -5,8 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::error::stage_error;
-use crate::{Error, Facts, Inputs, Product, Stage};
+use crate::{Error, Facts, Inputs, Stage, StageOutput};
 
 /// Keeps the part of a volume, of labels or of a mask that lies on given sides of planes, in boxes, and in what is tagged.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -40,10 +39,10 @@ pub struct ClipFigures {
     pub bricks_total: u64,
 }
 
-fn product<V: Output>(clipped: Clipped<V>) -> Product {
+fn product<V: Output>(clipped: Clipped<V>) -> StageOutput {
     let Clipped { output, voxels_kept, voxels_clipped, voxels_total, bricks_visited, bricks_total } = clipped;
     let figures = ClipFigures { voxels_kept, voxels_clipped, voxels_total, bricks_visited, bricks_total };
-    Product::new(output, &figures)
+    StageOutput::new(output, &figures)
 }
 
 impl Stage for Clip {
@@ -61,7 +60,7 @@ impl Stage for Clip {
         object(&self.params).into()
     }
 
-    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let Given { volume, tag, displacement } = inputs.take(self.name())?;
         let (params, by) = (&self.params, &By { tag, displacement });
         match volume {
@@ -69,6 +68,6 @@ impl Stage for Clip {
             Voxelwise::Labels(labels) => clip::labels(labels, params, by, exec).map(product),
             Voxelwise::Mask(mask) => clip::mask(mask, params, by, exec).map(product),
         }
-        .map_err(stage_error!(self.name()))
+        .map_err(Error::in_stage(self.name()))
     }
 }

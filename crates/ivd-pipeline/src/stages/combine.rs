@@ -6,8 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::error::stage_error;
-use crate::{Error, Facts, Inputs, Product, Slot, Stage};
+use crate::{Error, Facts, Inputs, Slot, Stage, StageOutput};
 
 /// Combines volumes, labels or masks by union, intersection or difference, at rest or through displacements.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -86,9 +85,9 @@ fn operands<V: ivd_core::Value>(inputs: &Inputs) -> Result<Vec<Operand<'_, V>>, 
     Ok(operands)
 }
 
-fn product<V: Output>(combined: Combined<V>) -> Product {
+fn product<V: Output>(combined: Combined<V>) -> StageOutput {
     let Combined { output, voxels_changed, voxels_total, bricks_visited, bricks_total } = combined;
-    Product::new(output, &CombineFigures { voxels_changed, voxels_total, bricks_visited, bricks_total })
+    StageOutput::new(output, &CombineFigures { voxels_changed, voxels_total, bricks_visited, bricks_total })
 }
 
 impl Stage for Combine {
@@ -106,7 +105,7 @@ impl Stage for Combine {
         object(&self.params).into()
     }
 
-    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let [first, _] = Self::OPERANDS[0];
         let first = Voxelwise::fill(&inputs.values(), first);
         match first.map_err(|failure| Error::failed(self.name(), failure))? {
@@ -114,6 +113,6 @@ impl Stage for Combine {
             Voxelwise::Labels(_) => combine::labels(&operands(inputs)?, &self.params, exec).map(product),
             Voxelwise::Mask(_) => combine::masks(&operands(inputs)?, &self.params, exec).map(product),
         }
-        .map_err(stage_error!(self.name()))
+        .map_err(Error::in_stage(self.name()))
     }
 }

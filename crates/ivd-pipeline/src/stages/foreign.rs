@@ -1,15 +1,14 @@
 use std::path::PathBuf;
 
-use ivd_artefact::Kind;
-use ivd_core::op::{Slots as _, object, schema_of};
+use ivd_core::op::{Slots as _, object};
 use ivd_core::{Exec, Volume, slots};
 use ivd_io::mesh;
 use ivd_lattice::extract::{LatticeFigures, STAGE};
 use ivd_lattice::foreign::{ForeignParams, lattice};
 use serde_json::{Value, json};
 
-use crate::error::stage_error;
-use crate::{Error, Facts, Inputs, Product, Stage};
+use super::lattice_facts;
+use crate::{Error, Facts, Inputs, Stage, StageOutput};
 
 /// Takes a mesh of another program for the lattice of a volume.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,13 +26,7 @@ slots! {
 
 impl Stage for ForeignLattice {
     fn facts(&self) -> Facts {
-        Facts {
-            name: STAGE.name,
-            revision: 2,
-            inputs: Given::SLOTS,
-            output: Some(Kind::Lattice),
-            figures: schema_of::<LatticeFigures>,
-        }
+        lattice_facts(2, Given::SLOTS)
     }
 
     fn params(&self) -> Value {
@@ -44,14 +37,15 @@ impl Stage for ForeignLattice {
         Ok(vec![self.path.clone()])
     }
 
-    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let Given { volume } = inputs.take(self.name())?;
         let mesh = mesh::read(&self.path, exec.memory_limit.unwrap_or(u64::MAX))
-            .map_err(stage_error!(STAGE.name))?;
-        let foreign = lattice(&mesh, volume.grid(), &self.params, exec).map_err(stage_error!(STAGE.name))?;
+            .map_err(Error::in_stage(STAGE.name))?;
+        let foreign =
+            lattice(&mesh, volume.grid(), &self.params, exec).map_err(Error::in_stage(STAGE.name))?;
         exec.check_cancelled()?;
         let mut figures = exec.run(|| LatticeFigures::of(&foreign.lattice));
         figures.vertices_in = Some(foreign.vertices_in);
-        Ok(Product::new(foreign.lattice, &figures))
+        Ok(StageOutput::new(foreign.lattice, &figures))
     }
 }

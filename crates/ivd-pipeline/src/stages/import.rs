@@ -8,8 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::error::stage_error;
-use crate::{Error, Facts, Inputs, Product, Stage};
+use crate::{Error, Facts, Inputs, Stage, StageOutput};
 
 /// Name of the stage.
 pub const IMPORT: &str = "import";
@@ -79,19 +78,19 @@ impl Stage for Import {
     fn sources(&self) -> Result<Vec<PathBuf>, Error> {
         match &self.source {
             ImportSource::File { path, options } => {
-                ivd_io::volume::sources(path, options).map_err(stage_error!(IMPORT))
+                ivd_io::volume::sources(path, options).map_err(Error::in_stage(IMPORT))
             }
             ImportSource::Phantom(_) => Ok(Vec::new()),
         }
     }
 
-    fn run(&self, _inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+    fn run(&self, _inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let volume = match &self.source {
             ImportSource::File { path, options } => {
-                ivd_io::volume::read(path, options, exec).map_err(stage_error!(IMPORT))?
+                ivd_io::volume::read(path, options, exec).map_err(Error::in_stage(IMPORT))?
             }
             ImportSource::Phantom(params) => {
-                ivd_phantom::generate(params, exec).map_err(stage_error!(IMPORT))?.volume
+                ivd_phantom::generate(params, exec).map_err(Error::in_stage(IMPORT))?.volume
             }
         };
         let figures = ImportFigures {
@@ -102,7 +101,7 @@ impl Stage for Import {
             missing: exec.run(|| volume.missing()),
             voxels: volume.grid().len(),
         };
-        Ok(Product::new(volume, &figures))
+        Ok(StageOutput::new(volume, &figures))
     }
 }
 
@@ -147,7 +146,7 @@ impl Stage for ImportLabels {
         json!({ "labels": true })
     }
 
-    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let Given { volume } = inputs.take(self.name())?;
         let labels = exec.run(|| Labels::from_volume(volume))?;
         let figures = ImportLabelsFigures {
@@ -156,6 +155,6 @@ impl Stage for ImportLabels {
             k: labels.classes().len(),
             voxels: volume.grid().len(),
         };
-        Ok(Product::new(labels, &figures))
+        Ok(StageOutput::new(labels, &figures))
     }
 }

@@ -1,11 +1,10 @@
-use ivd_artefact::Kind;
-use ivd_core::op::{Slots as _, schema_of};
+use ivd_core::op::Slots as _;
 use ivd_core::{Exec, Labels, Lattice, slots};
 use ivd_lattice::extract::{LatticeFigures, Part, STAGE, extract_parts};
 use serde_json::{Value, json};
 
-use crate::error::stage_error;
-use crate::{Done, Error, Facts, Input, Inputs, Product, Runner, Stage};
+use super::lattice_facts;
+use crate::{Error, Facts, Input, Inputs, Runner, Stage, StageOutput, StageResult};
 
 /// Labels that a stage's parameters list at most.
 const LISTED: usize = 256;
@@ -16,7 +15,7 @@ pub fn part_lattices<'a>(
     runner: Runner<'a>,
     labels: Input,
     ids: &'a [u16],
-) -> impl Iterator<Item = Result<(u16, Done), Error>> + 'a {
+) -> impl Iterator<Item = Result<(u16, StageResult), Error>> + 'a {
     let inputs = Inputs::default().with("labels", labels);
     let mut cut: Option<Vec<Part>> = None;
     ids.iter().map(move |&label| {
@@ -48,12 +47,12 @@ struct PartLattice<'a> {
 impl PartLattice<'_> {
     fn all(&self, inputs: &Inputs, exec: &Exec) -> Result<Vec<Part>, Error> {
         let Given { labels } = inputs.take(STAGE.name)?;
-        extract_parts(labels, self.ids, exec).map_err(stage_error!(STAGE.name))
+        extract_parts(labels, self.ids, exec).map_err(Error::in_stage(STAGE.name))
     }
 }
 
 /// The part of a label, which is among those that were cut, as a product.
-fn product(own: Vec<Part>, exec: &Exec) -> Result<Product, Error> {
+fn product(own: Vec<Part>, exec: &Exec) -> Result<StageOutput, Error> {
     let lattice: Lattice = own
         .into_iter()
         .next()
@@ -61,18 +60,12 @@ fn product(own: Vec<Part>, exec: &Exec) -> Result<Product, Error> {
         .ok_or_else(|| Error::usage(STAGE.name, "no voxel has the label"))?;
     exec.check_cancelled()?;
     let figures = exec.run(|| LatticeFigures::of(&lattice));
-    Ok(Product::new(lattice, &figures))
+    Ok(StageOutput::new(lattice, &figures))
 }
 
 impl Stage for PartLattice<'_> {
     fn facts(&self) -> Facts {
-        Facts {
-            name: STAGE.name,
-            revision: 2,
-            inputs: Given::SLOTS,
-            output: Some(Kind::Lattice),
-            figures: schema_of::<LatticeFigures>,
-        }
+        lattice_facts(2, Given::SLOTS)
     }
 
     fn params(&self) -> Value {
@@ -85,7 +78,7 @@ impl Stage for PartLattice<'_> {
         json!({ "parts": { "count": ids.len(), "hash": blake3::hash(&bytes).to_string() }, "label": label })
     }
 
-    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<Product, Error> {
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let own = self.all(inputs, exec)?.into_iter().filter(|part| part.id == self.label).collect();
         product(own, exec)
     }

@@ -6,8 +6,25 @@ mod foreign;
 mod import;
 mod lattice_parts;
 
+use ivd_artefact::Kind;
+use ivd_core::op::{Slot, schema_of};
+use ivd_lattice::extract::{self, LatticeFigures};
+
+use crate::Facts;
+
 pub use clip::{Clip, ClipFigures};
 pub use combine::{Combine, CombineFigures};
 pub use foreign::ForeignLattice;
 pub use import::{IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportSource};
 pub use lattice_parts::part_lattices;
+
+/// Facts of what gives a lattice in place of the stage that cuts one, with a revision of its own.
+fn lattice_facts(revision: u32, inputs: &'static [Slot]) -> Facts {
+    Facts {
+        name: extract::STAGE.name,
+        revision,
+        inputs,
+        output: Some(Kind::Lattice),
+        figures: schema_of::<LatticeFigures>,
+    }
+}

@@ -1,37 +1,37 @@
 //! The choice of refinement and time steps by an error (mm): predicted, measured, and made finer until it holds.
 
 /// Parts of the error that a choice decides, in this order: the lattice's bound, its motion, the time steps.
-pub(super) const PARTS: usize = 3;
+pub(crate) const PARTS: usize = 3;
 
 /// A refinement with a number of time steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Candidate {
-    pub(super) level: f64,
-    pub(super) steps: f64,
+pub(crate) struct Candidate {
+    pub(crate) level: f64,
+    pub(crate) steps: f64,
     /// Predicted time (s).
-    pub(super) seconds: f64,
+    pub(crate) seconds: f64,
     /// Predicted parts (mm).
-    pub(super) parts: [f64; PARTS],
+    pub(crate) parts: [f64; PARTS],
 }
 
 /// What the trials so far taught.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Learned {
+pub(crate) struct Learned {
     /// Measured over predicted, by part, at least 1.
-    pub(super) factors: [f64; PARTS],
+    pub(crate) factors: [f64; PARTS],
     /// Error that no choice changes (mm).
-    pub(super) fixed: f64,
+    pub(crate) fixed: f64,
     /// Candidates that were tried, by index.
-    pub(super) tried: Vec<usize>,
+    pub(crate) tried: Vec<usize>,
 }
 
 impl Learned {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { factors: [1.0; PARTS], fixed: 0.0, tried: Vec::new() }
     }
 
     /// Remembers a trial; parts that weren't measured are `None`.
-    pub(super) fn trial(
+    pub(crate) fn trial(
         &mut self,
         at: usize,
         candidate: &Candidate,
@@ -54,7 +54,7 @@ impl Learned {
 
     /// The cheapest candidate not tried yet that is predicted to stay within `most` (mm); where there is none, the one that
     /// errs least, unless it was tried: a prediction may be wrong, what was measured isn't.
-    pub(super) fn next(&self, candidates: &[Candidate], most: f64) -> Option<usize> {
+    pub(crate) fn next(&self, candidates: &[Candidate], most: f64) -> Option<usize> {
         let untried = |i: &usize| !self.tried.contains(i);
         let all = 0..candidates.len();
         let good = all.clone().filter(untried).filter(|&i| self.error(&candidates[i]) <= most);

@@ -3,12 +3,11 @@ use ivd_core::{Grid, Lattice, VoxelCoord, World};
 use ivd_deform::deform::{self, Asked, Figures, Handle};
 use ivd_lattice::extract::{self, LatticeFigures};
 use ivd_lattice::refine::{self, RefineFigures};
+use ivd_pipeline::scene::Scene;
+use ivd_pipeline::stages::{IMPORT, ImportFigures};
+use ivd_pipeline::{Error, PipelineReport, figures_of, list};
 use ivd_render::RenderParams;
 use nalgebra::Vector3;
-
-use crate::scene::Scene;
-use crate::stages::{IMPORT, ImportFigures};
-use crate::{Error, PipelineReport, figures_of, list};
 
 /// The name of a rate: a stage with its variant, or `write` with the key of an output.
 pub fn rate_name(stage: &str, variant: &str) -> String {
@@ -75,14 +74,14 @@ impl Amounts {
     }
 
     /// Adds what the lattice as cut tells, all of it kept.
-    pub(super) fn with_lattice(self, asked: Option<Asked<'_>>, lattice: &Lattice) -> Self {
+    pub(crate) fn with_lattice(self, asked: Option<Asked<'_>>, lattice: &Lattice) -> Self {
         let triangles = lattice.triangles().len() as f64;
         let moved = asked.map_or(0, |asked| reached(asked, lattice)) as f64;
         Self { triangles, refined: triangles, moved, ..self }
     }
 
     /// Where refinement keeps a share of the lattice.
-    pub(super) fn refined(&self, share: f64) -> Self {
+    pub(crate) fn refined(&self, share: f64) -> Self {
         Self { refined: share * self.refined, moved: share * self.moved, ..self.clone() }
     }
 

@@ -1,26 +1,26 @@
 //! The knobs of a scene that a budget may move: their wishes, the coarser settings on the recorded fronts, and how they are set.
 
-use serde_json::{Value, json};
-
-use super::choose::{KnobValue, KnobValues};
-use super::{LEVELS, target};
-use crate::Error;
-use crate::fronts::{Front, FrontPoint, recorded};
-use crate::scene::Scene;
 use ivd_core::op::Stage;
 use ivd_deform::{deform, map};
 use ivd_lattice::refine::{self, Refinement, Target, TargetKeys};
+use ivd_pipeline::Error;
+use ivd_pipeline::scene::Scene;
 use ivd_render::RenderParams;
+use serde_json::{Value, json};
+
+use crate::choose::{KnobValue, KnobValues};
+use crate::fronts::{Front, FrontPoint, recorded};
+use crate::{LEVELS, target};
 
 /// Steps of the ring solver where the scene names none, and the least it makes.
-pub(super) const STEPS: f64 = 200.0;
+pub(crate) const STEPS: f64 = 200.0;
 const LEAST_STEPS: f64 = 32.0;
 /// A time makes lattices no coarser than this: the next level loses parts of the surface, and saves little.
 const COARSEST: f64 = 3.0;
 
 /// A knob, or knobs of one stage that go together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Knob {
+pub(crate) enum Knob {
     /// How far the lattice is refined.
     Level,
     /// Time steps of the solver.
@@ -33,18 +33,18 @@ pub(super) enum Knob {
 
 /// The values of all knobs.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Setting {
+pub(crate) struct Setting {
     /// `None` where the scene bounds the refinement's error instead, counts triangles or keeps a chain.
-    pub(super) level: Option<f64>,
-    pub(super) steps: f64,
-    pub(super) resolution: f64,
-    pub(super) step: f64,
-    pub(super) termination: f64,
+    pub(crate) level: Option<f64>,
+    pub(crate) steps: f64,
+    pub(crate) resolution: f64,
+    pub(crate) step: f64,
+    pub(crate) termination: f64,
 }
 
 impl Setting {
     /// What a scene asks for.
-    pub(super) fn of(scene: &Scene) -> Self {
+    pub(crate) fn of(scene: &Scene) -> Self {
         let refine = scene.get::<Refinement>(&refine::STAGE);
         let level = match refine.map(|refine| refine.params.target.get()).unwrap_or_default() {
             _ if refine.is_some_and(|refine| !refine.chain.is_empty()) => None,
@@ -66,12 +66,12 @@ impl Setting {
     }
 
     /// Share of the lattice that is kept.
-    pub(super) fn share(&self) -> f64 {
+    pub(crate) fn share(&self) -> f64 {
         0.25_f64.powf(self.level.unwrap_or(2.0))
     }
 
     /// With a knob on a rung of its ladder.
-    pub(super) fn with(mut self, knob: Knob, rung: &KnobValue) -> Self {
+    pub(crate) fn with(mut self, knob: Knob, rung: &KnobValue) -> Self {
         match knob {
             Knob::Level => self.level = Some(rung.value),
             Knob::Steps => self.steps = rung.value,
@@ -83,10 +83,10 @@ impl Setting {
 }
 
 impl Knob {
-    pub(super) const ALL: [Self; 4] = [Self::Level, Self::Steps, Self::Resolution, Self::Picture];
+    pub(crate) const ALL: [Self; 4] = [Self::Level, Self::Steps, Self::Resolution, Self::Picture];
 
     /// The stage.
-    pub(super) fn stage(self) -> &'static str {
+    pub(crate) fn stage(self) -> &'static str {
         let stage = match self {
             Self::Level => &refine::STAGE,
             Self::Steps => &deform::STAGE,
@@ -97,7 +97,7 @@ impl Knob {
     }
 
     /// Keys of the scene that it moves.
-    pub(super) fn keys(self) -> &'static [&'static str] {
+    pub(crate) fn keys(self) -> &'static [&'static str] {
         match self {
             Self::Level => {
                 &["refine.level", "refine.ratio", "refine.count", "refine.max_error", "refine.chain"]
@@ -109,7 +109,7 @@ impl Knob {
     }
 
     /// From the scene's wish to the coarsest on the front: each costs less and errs more than the wish.
-    pub(super) fn ladder(self, wish: &Setting, known: &Known) -> KnobValues {
+    pub(crate) fn ladder(self, wish: &Setting, known: &Known) -> KnobValues {
         let mut rungs = match self {
             Self::Level => wish.level.map_or_else(Vec::new, |level| levels(level, known)),
             Self::Steps => line(known.deform, "steps", wish.steps),
@@ -125,7 +125,7 @@ impl Knob {
     /// # Errors
     /// A value that the scene doesn't take.
     /// A value that a section doesn't take.
-    pub(super) fn apply(self, scene: &mut Scene, setting: &Setting) -> Result<(), Error> {
+    pub(crate) fn apply(self, scene: &mut Scene, setting: &Setting) -> Result<(), Error> {
         match self {
             Self::Level => {
                 let Some(level) = setting.level else { return Ok(()) };
@@ -162,7 +162,7 @@ impl Knob {
     }
 
     /// Name and value before and after, for each of its knobs that differs.
-    pub(super) fn moved(self, from: &Setting, to: &Setting) -> Vec<(&'static str, Value, Value)> {
+    pub(crate) fn moved(self, from: &Setting, to: &Setting) -> Vec<(&'static str, Value, Value)> {
         let pairs = match self {
             Self::Level => vec![("level", from.level, to.level)],
             Self::Steps => vec![("steps", Some(from.steps), Some(to.steps))],
@@ -187,22 +187,22 @@ fn number(value: Option<f64>) -> Value {
 
 /// What is recorded of the stages that have a knob, or whose time one changes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Known {
-    pub(super) atf: &'static Front,
-    pub(super) deform: &'static Front,
-    pub(super) map: &'static Front,
-    pub(super) refine: &'static Front,
-    pub(super) render: &'static Front,
+pub(crate) struct Known {
+    pub(crate) atf: &'static Front,
+    pub(crate) deform: &'static Front,
+    pub(crate) map: &'static Front,
+    pub(crate) refine: &'static Front,
+    pub(crate) render: &'static Front,
 }
 
 impl Known {
     /// # Errors
     /// A record that isn't there, or can't be read.
-    pub(super) fn recorded() -> Result<Self, Error> {
+    pub(crate) fn recorded() -> Result<Self, Error> {
         let fronts = recorded()?;
         let front = |stage: &Stage| {
             let found = fronts.iter().find(|front| front.stage == stage.name);
-            found.ok_or_else(|| Error::Budget(format!("nothing is recorded of {}", stage.name)))
+            found.ok_or_else(|| Error::Limit(format!("nothing is recorded of {}", stage.name)))
         };
         Ok(Self {
             atf: front(&ivd_atf::STAGE)?,
@@ -215,7 +215,7 @@ impl Known {
 }
 
 /// The front's points along one knob, the others at their defaults; ascending.
-pub(super) fn along<'a>(front: &'a Front, knob: &str) -> Vec<(f64, &'a FrontPoint)> {
+pub(crate) fn along<'a>(front: &'a Front, knob: &str) -> Vec<(f64, &'a FrontPoint)> {
     let default = front.points.iter().find(|p| p.default);
     let same = |p: &&FrontPoint| {
         default.is_none_or(|d| p.knobs.iter().all(|(name, value)| name == knob || d.knobs[name] == *value))
@@ -227,7 +227,7 @@ pub(super) fn along<'a>(front: &'a Front, knob: &str) -> Vec<(f64, &'a FrontPoin
 }
 
 /// A value between recorded ones, straight between neighbours; the end's beyond an end.
-pub(super) fn between(points: impl IntoIterator<Item = (f64, f64)>, x: f64) -> f64 {
+pub(crate) fn between(points: impl IntoIterator<Item = (f64, f64)>, x: f64) -> f64 {
     let mut last: Option<(f64, f64)> = None;
     for (px, py) in points {
         if x <= px {
@@ -242,7 +242,7 @@ pub(super) fn between(points: impl IntoIterator<Item = (f64, f64)>, x: f64) -> f
 }
 
 /// By level: bound on the lattice's distance (voxels), and largest difference of the voxels' motion (part of the push).
-pub(super) fn level_errors(known: &Known) -> Vec<(f64, f64, f64)> {
+pub(crate) fn level_errors(known: &Known) -> Vec<(f64, f64, f64)> {
     let map = known.map;
     let Some(voxel) = map.voxel_mm else { return Vec::new() };
     let of = |p: &FrontPoint| {
@@ -292,7 +292,7 @@ fn pictures(front: &Front, wish: &Setting) -> Vec<KnobValue> {
 }
 
 /// Cost and error of a picture, from the recorded points with the termination next to it.
-pub(super) fn picture(front: &Front, step: f64, termination: f64) -> (f64, f64) {
+pub(crate) fn picture(front: &Front, step: f64, termination: f64) -> (f64, f64) {
     let ends = front.points.iter().filter_map(|p| p.knob("termination"));
     let nearest = ends.min_by(|a, b| (a - termination).abs().total_cmp(&(b - termination).abs()));
     let mut points: Vec<(f64, f64, f64)> = front
@@ -348,7 +348,7 @@ mod tests {
     fn a_setting_that_is_applied_is_read_back() {
         let text = "schema = 1\n[input]\nphantom = \"head\"\n[deform]\nduration = 0.3\n[[deform.handle]]\n\
             vertex = 0\nmove = [0.0, 0.0, 1.0]\nradius = 5.0\n[output]\nreport = true";
-        let scene = crate::scene::parse(text, &[]).unwrap();
+        let scene = ivd_pipeline::scene::parse(text, &[]).unwrap();
         assert_eq!(Setting::of(&scene), wish());
         for level in LEVELS {
             let asked =

@@ -5,40 +5,41 @@ use std::fmt::Write as _;
 use crate::html::{escape, number};
 
 /// Width and height of the plotted area (SVG units).
-pub(super) const AREA: [f64; 2] = [560.0, 160.0];
+pub(crate) const AREA: [f64; 2] = [560.0, 160.0];
 /// Room for the labels of the axes.
-pub(super) const LEFT: f64 = 46.0;
+pub(crate) const LEFT: f64 = 46.0;
 const BOTTOM: f64 = 34.0;
 
-/// A bar's place and colour.
-pub(super) struct Bars<'a> {
+/// Bars over an axis, with what is drawn over them.
+pub struct Bars<'a> {
     /// Values at the left and right end of the axis.
-    pub(super) range: [f64; 2],
+    pub range: [f64; 2],
     /// Height of each bar.
-    pub(super) counts: &'a [u64],
+    pub counts: &'a [u64],
     /// Label of the horizontal axis, with its unit.
-    pub(super) x_label: &'a str,
+    pub x_label: &'a str,
     /// Label of the vertical axis.
-    pub(super) y_label: &'a str,
+    pub y_label: &'a str,
     /// Whether heights are drawn as logarithms.
-    pub(super) logarithmic: bool,
+    pub logarithmic: bool,
     /// Vertical marks with a text.
-    pub(super) marks: Vec<(f64, String)>,
+    pub marks: Vec<(f64, String)>,
     /// Colour of the bar at a value.
-    pub(super) colour: &'a dyn Fn(f64) -> String,
+    pub colour: &'a dyn Fn(f64) -> String,
     /// Lines over the bars.
-    pub(super) lines: Vec<Line>,
+    pub lines: Vec<Line>,
 }
 
 /// A line over bars.
-pub(super) struct Line {
+pub struct Line {
     /// Its height at the middle of equal parts of the axis, in the unit of the bars.
-    pub(super) heights: Vec<f64>,
-    pub(super) colour: String,
+    pub heights: Vec<f64>,
+    /// Its colour, as CSS writes it.
+    pub colour: String,
 }
 
-/// Bars over an axis.
-pub(super) fn bars(chart: &Bars<'_>) -> String {
+/// The bars as SVG.
+pub fn bars(chart: &Bars<'_>) -> String {
     let height = |count: u64| if chart.logarithmic { (1.0 + count as f64).ln() } else { count as f64 };
     let top = chart.counts.iter().map(|&c| height(c)).fold(1e-9, f64::max);
     let width = AREA[0] / chart.counts.len().max(1) as f64;
@@ -91,19 +92,19 @@ pub(super) fn bars(chart: &Bars<'_>) -> String {
     svg
 }
 
-pub(super) fn open() -> String {
+pub(crate) fn open() -> String {
     format!("<svg viewBox='0 0 {} {}' role='img' class='chart'>", LEFT + AREA[0] + 8.0, AREA[1] + BOTTOM)
 }
 
 /// The axes of a plotted area.
-pub(super) struct Axes<'a> {
+pub(crate) struct Axes<'a> {
     /// Values at the left and right end.
-    pub(super) range: [f64; 2],
-    pub(super) x_label: &'a str,
-    pub(super) y_label: &'a str,
+    pub(crate) range: [f64; 2],
+    pub(crate) x_label: &'a str,
+    pub(crate) y_label: &'a str,
 }
 
-pub(super) fn axes(svg: &mut String, found: &Axes<'_>) {
+pub(crate) fn axes(svg: &mut String, found: &Axes<'_>) {
     let _ = write!(
         svg,
         "<line x1='{LEFT}' x2='{}' y1='{1}' y2='{1}' class='axis'/><line x1='{LEFT}' x2='{LEFT}' y1='0' y2='{1}' class='axis'/>",
@@ -135,7 +136,7 @@ pub(super) fn axes(svg: &mut String, found: &Axes<'_>) {
 }
 
 /// Counts of values in equal bins.
-pub(super) fn histogram(values: &[f64], range: [f64; 2], bins: usize) -> Vec<u64> {
+pub fn histogram(values: &[f64], range: [f64; 2], bins: usize) -> Vec<u64> {
     let mut counts = vec![0; bins];
     let span = range[1] - range[0];
     for value in values {

@@ -1,27 +1,42 @@
 //! Budgets: a wall time that a run may take, and an error that its result may have.
 //!
-//! Knobs are chosen by the recorded [`fronts`](crate::fronts). The scene's values are the wish. A time makes them coarser where
+//! Knobs are chosen by the recorded [`fronts`]. The scene's values are the wish. A time makes them coarser where
 //! the wish is predicted to take too long, and stops the work at the deadline. An error takes the cheapest refinement and time
 //! steps that are predicted to hold it, measures what came of them, and takes finer ones until the measured error holds.
+//!
+//! [`run`] runs a scene within a [`Budget`]. It lies above the pipeline, which only asks whatever controls a run
+//! ([`ivd_pipeline::Control`]) before each stage.
+#![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::expect_used,
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::unreachable,
+        clippy::wildcard_enum_match_arm
+    )
+)]
 
 mod choose;
-mod error;
+mod controller;
+pub mod fronts;
 mod hold;
 mod knobs;
+mod measure;
 mod predict;
+mod run;
 mod search;
-mod steer;
 mod work;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use ivd_lattice::refine::Target;
+use ivd_pipeline::Error;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::Error;
-
-pub(crate) use steer::Controller;
+pub use run::{BudgetedReport, run};
 pub use work::{Amounts, rate_name};
 
 /// Levels of refinement that budgets choose from, finest first: level L keeps 4⁻ᴸ of the lattice.
@@ -84,7 +99,7 @@ pub struct Choice {
 
 impl Choice {
     /// The choice in one line.
-    pub fn told(&self) -> String {
+    pub fn summary(&self) -> String {
         format!("{}.{}: {} → {}, {}", self.stage, self.knob, self.from, self.to, self.why)
     }
 }
@@ -112,8 +127,9 @@ pub struct BudgetReport {
 
 impl BudgetReport {
     /// What was chosen and how it ended, a line each.
-    pub fn told(&self) -> Vec<String> {
-        let mut lines: Vec<String> = self.choices.iter().map(|c| format!("budget: {}", c.told())).collect();
+    pub fn summary(&self) -> Vec<String> {
+        let mut lines: Vec<String> =
+            self.choices.iter().map(|c| format!("budget: {}", c.summary())).collect();
         if let Some(most) = self.max_time_s {
             let predicted = self.predicted_s.map_or_else(String::new, |s| format!(", {s:.3} s predicted"));
             lines.push(format!("budget: {:.3} s of {most} s{predicted}", self.wall_s));

@@ -7,31 +7,31 @@ use std::time::{Duration, Instant};
 use ivd_artefact::{Artefact, ContentHash, Kind};
 use ivd_core::{Classified, ErrorClass, Exec};
 use ivd_deform::deform::RingMethod;
+use ivd_pipeline::plan::{NodeId, Plan, PlanNode};
+use ivd_pipeline::scene::Loaded;
+use ivd_pipeline::{Control, Decisions, Error, PipelineOptions, Runner, StageRecord, StageResult, State};
 
-use super::choose::{Fit, KnobValues, fit};
-use super::knobs::{Knob, Setting};
-use super::predict::Model;
-use super::work::Amounts;
-use super::{Budget, BudgetReport, Choice, rate_name};
-use crate::plan::{NodeId, Plan, PlanNode};
-use crate::runner::{Done, Runner, StageRecord, State};
-use crate::scene::Loaded;
-use crate::{Error, PipelineOptions};
+use crate::choose::{Fit, KnobValues, fit};
+use crate::knobs::{Knob, Setting};
+use crate::predict::Model;
+use crate::work::Amounts;
+use crate::{Budget, BudgetReport, Choice, rate_name};
 
 /// Predictions are this much too short now and then: what is there is divided by it.
 const MARGIN: f64 = 1.1;
 
 /// Chooses settings while a scene runs.
 pub(crate) struct Controller<'a> {
-    pub(super) options: &'a PipelineOptions,
+    pub(crate) options: &'a PipelineOptions,
+    budget: &'a Budget,
     /// The scene as it was wished.
-    pub(super) wish: &'a Loaded,
+    pub(crate) wish: &'a Loaded,
     /// The settings taken so far; those still open may change.
-    pub(super) setting: Setting,
-    pub(super) model: Model,
+    pub(crate) setting: Setting,
+    pub(crate) model: Model,
     /// Results that the search for an error made on the way.
-    pub(super) ready: BTreeMap<NodeId, Done>,
-    pub(super) report: BudgetReport,
+    pub(crate) ready: BTreeMap<NodeId, StageResult>,
+    pub(crate) report: BudgetReport,
     start: Instant,
     hashes: BTreeMap<NodeId, ContentHash>,
     /// Knobs that can't change any more.
@@ -54,39 +54,19 @@ impl Budget {
     }
 }
 
-impl<'a> Controller<'a> {
-    /// # Errors
-    /// What is recorded of the stages can't be read.
-    pub(crate) fn new(wish: &'a Loaded, options: &'a PipelineOptions, start: Instant) -> Result<Self, Error> {
-        let Budget { max_time_s, max_error_mm, .. } = options.budget;
-        Ok(Self {
-            options,
-            wish,
-            setting: Setting::of(&wish.scene),
-            model: Model::new(options.budget.times.clone())?,
-            ready: BTreeMap::new(),
-            report: BudgetReport { max_time_s, max_error_mm, ..BudgetReport::default() },
-            start,
-            hashes: BTreeMap::new(),
-            settled: BTreeSet::new(),
-            whys: BTreeMap::new(),
-            running: None,
-            warned: false,
-        })
-    }
-
+impl Control for Controller<'_> {
     /// Before the stage at `at` runs: sets the plan's stages to what the budget allows. Gives the stage's result where the
     /// search for an error has made it already.
-    pub(crate) fn before(
+    fn before(
         &mut self,
         at: usize,
         plan: &mut Plan,
-        done: &BTreeMap<NodeId, Done>,
+        done: &BTreeMap<NodeId, StageResult>,
         runner: Runner<'_>,
-    ) -> Result<Option<Done>, Error> {
+    ) -> Result<Option<StageResult>, Error> {
         let (id, is_own) = (plan.nodes()[at].id, plan.nodes()[at].is_own());
         self.running = Some(id);
-        let budget = &self.options.budget;
+        let budget = self.budget;
         self.measure_work(done);
         if let Some(most) = budget.max_error_mm.filter(|_| id == NodeId::of(&ivd_lattice::refine::STAGE)) {
             self.hold_error(most, plan, done, runner)?;
@@ -101,7 +81,7 @@ impl<'a> Controller<'a> {
     }
 
     /// After a stage: learns from its time.
-    pub(crate) fn after(&mut self, id: NodeId, done: &Done) {
+    fn after(&mut self, id: NodeId, done: &StageResult) {
         self.running = None;
         self.hashes.insert(id, done.hash);
         if done.record.state == State::Ran {
@@ -109,19 +89,66 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// What was chosen so far, and the error that was measured, a line each.
-    pub(crate) fn told(&self) -> Vec<String> {
-        BudgetReport { choices: self.choices(), max_time_s: None, ..self.report.clone() }.told()
+    /// What was chosen so far, and the error that was measured.
+    fn summary(&self) -> Decisions {
+        let so_far = BudgetReport { choices: self.choices(), max_time_s: None, ..self.report.clone() };
+        Decisions { title: "Budget", lines: so_far.summary() }
     }
 
-    /// What the run is told to have been, at its end.
+    /// Makes the end of a deadline out of an error that it caused.
+    fn explain(&self, error: Error, exec: &Exec, stages: &[StageRecord]) -> Error {
+        let late = exec.cancel.is_late() && !exec.cancel.is_asked();
+        let (Some(most), true, ErrorClass::Limit) = (self.budget.max_time_s, late, error.error_class())
+        else {
+            return error;
+        };
+        let took = self.start.elapsed().as_secs_f64();
+        let ended: Vec<&str> =
+            stages.iter().filter(|r| r.state != State::NotNeeded).map(|r| r.stage.as_str()).collect();
+        let ended = if ended.is_empty() { "nothing".to_owned() } else { ended.join(", ") };
+        let running = self.running.map_or("the outputs", |id| id.stage);
+        Error::Limit(format!(
+            "--max-time {most}: the time is up after {took:.3} s, in {running}; done: {ended}; what was written is whole. \
+             Give it more time, a cache (`--cache DIR`, so that the next run goes on from there), or fewer outputs"
+        ))
+    }
+}
+
+impl<'a> Controller<'a> {
+    /// # Errors
+    /// What is recorded of the stages can't be read.
+    pub(crate) fn new(
+        wish: &'a Loaded,
+        options: &'a PipelineOptions,
+        budget: &'a Budget,
+        start: Instant,
+    ) -> Result<Self, Error> {
+        let Budget { max_time_s, max_error_mm, .. } = *budget;
+        Ok(Self {
+            options,
+            budget,
+            wish,
+            setting: Setting::of(&wish.scene),
+            model: Model::new(budget.times.clone())?,
+            ready: BTreeMap::new(),
+            report: BudgetReport { max_time_s, max_error_mm, ..BudgetReport::default() },
+            start,
+            hashes: BTreeMap::new(),
+            settled: BTreeSet::new(),
+            whys: BTreeMap::new(),
+            running: None,
+            warned: false,
+        })
+    }
+
+    /// What the budget did, at the end of a run that took `wall_s`.
     ///
     /// # Errors
     /// Where it took longer than it may.
     pub(crate) fn finish(mut self, wall_s: f64) -> Result<BudgetReport, Error> {
-        let Budget { max_time_s, max_error_mm, .. } = self.options.budget;
+        let Budget { max_time_s, max_error_mm, .. } = *self.budget;
         if let Some(most) = max_time_s.filter(|most| wall_s > *most) {
-            return Err(Error::Budget(format!(
+            return Err(Error::Limit(format!(
                 "--max-time {most}: everything is done and written, but it took {wall_s:.3} s; give it more time, or make \
                  the scene smaller"
             )));
@@ -135,27 +162,8 @@ impl<'a> Controller<'a> {
         Ok(self.report)
     }
 
-    /// Makes the end of a deadline out of an error that it caused.
-    pub(crate) fn explain(&self, error: Error, exec: &Exec, stages: &[StageRecord]) -> Error {
-        let late = exec.cancel.is_late() && !exec.cancel.is_asked();
-        let (Some(most), true, ErrorClass::Limit) =
-            (self.options.budget.max_time_s, late, error.error_class())
-        else {
-            return error;
-        };
-        let took = self.start.elapsed().as_secs_f64();
-        let ended: Vec<&str> =
-            stages.iter().filter(|r| r.state != State::NotNeeded).map(|r| r.stage.as_str()).collect();
-        let ended = if ended.is_empty() { "nothing".to_owned() } else { ended.join(", ") };
-        let running = self.running.map_or("the outputs", |id| id.stage);
-        Error::Budget(format!(
-            "--max-time {most}: the time is up after {took:.3} s, in {running}; done: {ended}; what was written is whole. \
-             Give it more time, a cache (`--cache DIR`, so that the next run goes on from there), or fewer outputs"
-        ))
-    }
-
     /// The scene's work, as far as it is known by now.
-    fn measure_work(&mut self, done: &BTreeMap<NodeId, Done>) {
+    fn measure_work(&mut self, done: &BTreeMap<NodeId, StageResult>) {
         let scene = &self.wish.scene;
         if let Some(Artefact::Volume(volume)) = done.get(&NodeId::IMPORT).map(|d| d.artefact.as_ref())
             && self.model.amounts.voxels == 0.0
@@ -172,11 +180,11 @@ impl<'a> Controller<'a> {
     }
 
     /// Whether the user has fixed a knob.
-    pub(super) fn pinned(&self, knob: Knob) -> bool {
+    pub(crate) fn pinned(&self, knob: Knob) -> bool {
         // What a number of steps costs and errs is on record for the rings only.
         let unknown =
             knob == Knob::Steps && self.wish.scene.get::<RingMethod>(&ivd_deform::deform::STAGE).is_none();
-        unknown || knob.keys().iter().any(|key| self.options.budget.pinned.contains(*key))
+        unknown || knob.keys().iter().any(|key| self.budget.pinned.contains(*key))
     }
 
     /// Takes the settings that are predicted to end in time; those of the scene where they do.
@@ -222,7 +230,7 @@ impl<'a> Controller<'a> {
     }
 
     /// Takes the values of some knobs from `from`, in the settings and in the plan.
-    pub(super) fn take(
+    pub(crate) fn take(
         &mut self,
         plan: &mut Plan,
         which: impl Fn(Knob) -> bool,
@@ -245,7 +253,7 @@ impl<'a> Controller<'a> {
     ///
     /// # Errors
     /// A value that the scene doesn't take.
-    pub(super) fn scene_with(&self, setting: &Setting) -> Result<Loaded, Error> {
+    pub(crate) fn scene_with(&self, setting: &Setting) -> Result<Loaded, Error> {
         let mut loaded = self.wish.clone();
         let wish = Setting::of(&loaded.scene);
         for knob in Knob::ALL.into_iter().filter(|knob| !knob.moved(&wish, setting).is_empty()) {
@@ -258,7 +266,7 @@ impl<'a> Controller<'a> {
     fn settle(&mut self, knob: Knob, exec: &Exec) {
         if self.settled.insert(knob) {
             for choice in self.choices().iter().filter(|c| c.stage == knob.stage()) {
-                exec.observer().note(&format!("budget: {}", choice.told()));
+                exec.observer().note(&format!("budget: {}", choice.summary()));
             }
         }
     }
@@ -280,7 +288,7 @@ impl<'a> Controller<'a> {
     }
 
     /// Says why a knob was moved.
-    pub(super) fn because(&mut self, knob: Knob, why: &str, exec: &Exec) {
+    pub(crate) fn because(&mut self, knob: Knob, why: &str, exec: &Exec) {
         self.whys.insert(knob, why.to_owned());
         self.settle(knob, exec);
     }

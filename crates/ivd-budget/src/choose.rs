@@ -2,28 +2,28 @@
 
 /// A value of a knob, or of knobs that go together.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct KnobValue {
+pub(crate) struct KnobValue {
     /// The value, for the caller.
-    pub(super) value: f64,
+    pub(crate) value: f64,
     /// A second value of the same stage, where it has two knobs.
-    pub(super) other: f64,
+    pub(crate) other: f64,
     /// Its error, in the front's unit; only ratios are looked at.
-    pub(super) error: f64,
+    pub(crate) error: f64,
 }
 
 /// The settings of a stage from its wish to the coarsest.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct KnobValues(pub(super) Vec<KnobValue>);
+pub(crate) struct KnobValues(pub(crate) Vec<KnobValue>);
 
 /// What was chosen.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Fit {
+pub(crate) struct Fit {
     /// The rung of every ladder.
-    pub(super) at: Vec<usize>,
+    pub(crate) at: Vec<usize>,
     /// Predicted time (s).
-    pub(super) seconds: f64,
+    pub(crate) seconds: f64,
     /// Whether that is what there is.
-    pub(super) fits: bool,
+    pub(crate) fits: bool,
 }
 
 /// An error that is 0 has no ratio; it counts as this part of the next.
@@ -43,7 +43,7 @@ struct Step {
 /// Goes down the ladders until the predicted time is within `available` (s). Where one step is enough, it is the one that
 /// costs the least accuracy; else the one that saves the most time for the logarithm of the error that it adds, so that
 /// nothing is given away that saves little.
-pub(super) fn fit(ladders: &[KnobValues], seconds: impl Fn(&[usize]) -> f64, available: f64) -> Fit {
+pub(crate) fn fit(ladders: &[KnobValues], seconds: impl Fn(&[usize]) -> f64, available: f64) -> Fit {
     let mut at = vec![0; ladders.len()];
     let mut now = seconds(&at);
     while now > available {

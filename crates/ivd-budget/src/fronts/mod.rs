@@ -9,9 +9,8 @@ mod rates;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
+use ivd_pipeline::Error;
 use serde::{Deserialize, Serialize};
-
-use crate::Error;
 
 pub use rates::{Rate, Rates};
 
@@ -187,7 +186,7 @@ macro_rules! recorded {
 /// The fronts of this repository, in the order of the pipeline.
 ///
 /// # Errors
-/// [`Error::Budget`] where one can't be read.
+/// [`Error::Limit`] where one can't be read.
 pub fn recorded() -> Result<&'static [Front], Error> {
     static FRONTS: OnceLock<Result<Vec<Front>, String>> = OnceLock::new();
     let found = FRONTS.get_or_init(|| {
@@ -212,17 +211,17 @@ pub fn recorded() -> Result<&'static [Front], Error> {
         .into_iter()
         .collect()
     });
-    found.as_deref().map_err(|problem| Error::Budget(problem.clone()))
+    found.as_deref().map_err(|problem| Error::Limit(problem.clone()))
 }
 
 /// The times of a plain scene's stages of this repository.
 ///
 /// # Errors
-/// [`Error::Budget`] where they can't be read.
+/// [`Error::Limit`] where they can't be read.
 pub fn recorded_rates() -> Result<&'static Rates, Error> {
     static RATES: OnceLock<Result<Rates, String>> = OnceLock::new();
     let found = RATES.get_or_init(|| recorded!("stages"));
-    found.as_ref().map_err(|problem| Error::Budget(problem.clone()))
+    found.as_ref().map_err(|problem| Error::Limit(problem.clone()))
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
+use ivd_pipeline::list::STAGES;
+
 use super::*;
-use crate::list::STAGES;
 
 fn point(knob: &str, seconds: f64, counted: Option<f64>, error: f64) -> FrontPoint {
     let time = Spread { least: 0.9 * seconds, median: seconds, most: 1.1 * seconds };
@@ -97,7 +98,7 @@ fn the_record_is_of_this_layout_and_wide() {
     for (stage, variant) in
         all.chain([("import", "")]).filter(|place| !matches!(place, ("segment", "tree") | ("space", "")))
     {
-        let rate = crate::budget::rate_name(stage, variant);
+        let rate = crate::rate_name(stage, variant);
         assert!(rates.seconds(&rate, 1.0) > 0.0, "{rate}");
     }
 }

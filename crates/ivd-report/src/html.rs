@@ -1,4 +1,7 @@
-//! Text and numbers for a page.
+//! Text, numbers, colours and pictures for a page.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 
 /// Text that is neither markup nor acts on the display.
 pub fn escape(text: &str) -> String {
@@ -22,6 +25,16 @@ pub fn number(value: f64) -> String {
     let places = (2 - size.log10().floor() as i32).clamp(0, 6) as usize;
     let text = format!("{value:.places$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// A colour of sRGB as CSS writes it.
+pub fn css_colour([r, g, b]: [u8; 3]) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+/// The bytes of a PNG file, packed into the address of an image.
+pub fn png_url(png: &[u8]) -> String {
+    format!("data:image/png;base64,{}", STANDARD.encode(png))
 }
 
 #[cfg(test)]

@@ -1,11 +1,9 @@
 //! What is measured of a result: how far it is from the unrefined lattice's, stepped finely.
 
 use ivd_core::{Displacement, Exec, FieldBricks, Lattice, Motion};
+use ivd_pipeline::Error;
 use nalgebra::Vector3;
 use rayon::prelude::*;
-
-use crate::Error;
-use crate::error::stage_error;
 
 /// Displacements of the last frame; none for a motion without frames.
 fn last(motion: &Motion) -> &[[f64; 3]] {
@@ -13,21 +11,21 @@ fn last(motion: &Motion) -> &[[f64; 3]] {
 }
 
 /// Largest difference of two motions of one lattice (mm).
-pub(super) fn motions(a: &Motion, b: &Motion) -> f64 {
+pub(crate) fn motions(a: &Motion, b: &Motion) -> f64 {
     let pairs = last(a).iter().zip(last(b));
     pairs.map(|(p, q)| (Vector3::from(*p) - Vector3::from(*q)).norm()).fold(0.0, f64::max)
 }
 
 /// Largest difference (mm) between the motion of the vertices of `fine` and that of the nearest points of `coarse`, whose
 /// motion is linear on each triangle.
-pub(super) fn surfaces(
+pub(crate) fn surfaces(
     fine: (&Lattice, &Motion),
     coarse: (&Lattice, &Motion),
     exec: &Exec,
 ) -> Result<f64, Error> {
-    let octree =
-        ivd_octree::build(coarse.0, &ivd_octree::Params::default(), exec).map_err(stage_error!("octree"))?;
-    let index = ivd_octree::prepare(coarse.0, &octree).map_err(stage_error!("octree"))?;
+    let octree = ivd_octree::build(coarse.0, &ivd_octree::Params::default(), exec)
+        .map_err(Error::in_stage("octree"))?;
+    let index = ivd_octree::prepare(coarse.0, &octree).map_err(Error::in_stage("octree"))?;
     let moved = last(coarse.1);
     let (positions, wanted) = (fine.0.local_positions(), last(fine.1));
     let difference = |(place, want): (&Vector3<f64>, &[f64; 3])| {
@@ -42,7 +40,7 @@ pub(super) fn surfaces(
 }
 
 /// Largest difference of two displacements on one grid (mm), forward or inverse.
-pub(super) fn fields(a: &Displacement, b: &Displacement, exec: &Exec) -> f64 {
+pub(crate) fn fields(a: &Displacement, b: &Displacement, exec: &Exec) -> f64 {
     exec.run(|| bricks(a.forward(), b.forward()).max(bricks(a.inverse(), b.inverse())))
 }
 

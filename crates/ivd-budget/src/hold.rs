@@ -6,16 +6,14 @@ use ivd_artefact::Artefact;
 use ivd_core::{Classified, ErrorClass, Exec, Lattice};
 use ivd_deform::map::MapFigures;
 use ivd_lattice::refine::RefineFigures;
+use ivd_pipeline::plan::{NodeId, Plan};
+use ivd_pipeline::{Error, Runner, StageResult, run_node};
 
-use super::error::{fields, motions, surfaces};
-use super::knobs::{Knob, Setting, along, between, level_errors};
-use super::search::{Candidate, Learned, PARTS};
-use super::steer::Controller;
-use super::{LEVELS, rate_name};
-use crate::Error;
-use crate::pipeline::run_node;
-use crate::plan::{NodeId, Plan};
-use crate::runner::{Done, Runner};
+use crate::controller::Controller;
+use crate::knobs::{Knob, Setting, along, between, level_errors};
+use crate::measure::{fields, motions, surfaces};
+use crate::search::{Candidate, Learned, PARTS};
+use crate::{LEVELS, rate_name};
 
 const LATTICE: NodeId = NodeId::of(&ivd_lattice::extract::STAGE);
 const REFINE: NodeId = NodeId::of(&ivd_lattice::refine::STAGE);
@@ -27,7 +25,7 @@ const MAP: NodeId = NodeId::of(&ivd_deform::map::STAGE);
 #[derive(Default)]
 struct Trial {
     parts: BTreeMap<&'static str, f64>,
-    done: BTreeMap<NodeId, Done>,
+    done: BTreeMap<NodeId, StageResult>,
 }
 
 impl Trial {
@@ -35,7 +33,7 @@ impl Trial {
         self.parts.values().sum()
     }
 
-    fn told(&self) -> String {
+    fn summary(&self) -> String {
         let parts = self.parts.iter().map(|(name, mm)| format!("{name} {mm:.4}"));
         parts.collect::<Vec<_>>().join(", ")
     }
@@ -43,11 +41,11 @@ impl Trial {
 
 impl Controller<'_> {
     /// Finds the cheapest refinement and time steps whose measured error is at most `most` (mm), and keeps their results.
-    pub(super) fn hold_error(
+    pub(crate) fn hold_error(
         &mut self,
         most: f64,
         plan: &mut Plan,
-        done: &BTreeMap<NodeId, Done>,
+        done: &BTreeMap<NodeId, StageResult>,
         runner: Runner<'_>,
     ) -> Result<(), Error> {
         if !plan.needs(REFINE) {
@@ -55,7 +53,7 @@ impl Controller<'_> {
         }
         let candidates = self.candidates(voxel_mm(done)?);
         let mut learned = Learned::new();
-        let mut whole: Option<(f64, BTreeMap<NodeId, Done>)> = None;
+        let mut whole: Option<(f64, BTreeMap<NodeId, StageResult>)> = None;
         let mut least: Option<(Candidate, Trial)> = None;
         while let Some(at) = learned.next(&candidates, most) {
             let candidate = candidates[at];
@@ -72,7 +70,7 @@ impl Controller<'_> {
                 }
                 found => found?,
             };
-            let (error, told) = (trial.error(), trial.told());
+            let (error, told) = (trial.error(), trial.summary());
             if ended && error <= most {
                 return self.keep(&candidate, trial, most, plan, runner.exec);
             }
@@ -89,13 +87,13 @@ impl Controller<'_> {
             }
         }
         let (candidate, trial) =
-            least.ok_or_else(|| Error::Budget(format!("--max-error {most}: nothing to try")))?;
-        Err(Error::Budget(format!(
+            least.ok_or_else(|| Error::Limit(format!("--max-error {most}: nothing to try")))?;
+        Err(Error::Limit(format!(
             "--max-error {most}: the least error found is {:.4} mm, with {} ({}); allow more, or free the knobs that --set \
              holds",
             trial.error(),
             named(&candidate),
-            trial.told()
+            trial.summary()
         )))
     }
 
@@ -144,8 +142,8 @@ impl Controller<'_> {
         candidate: &Candidate,
         most: f64,
         plan: &mut Plan,
-        done: &BTreeMap<NodeId, Done>,
-        whole: &mut Option<(f64, BTreeMap<NodeId, Done>)>,
+        done: &BTreeMap<NodeId, StageResult>,
+        whole: &mut Option<(f64, BTreeMap<NodeId, StageResult>)>,
         runner: Runner<'_>,
     ) -> Result<(Trial, bool), Error> {
         let mut trial = Trial::default();
@@ -201,8 +199,8 @@ impl Controller<'_> {
         &mut self,
         id: NodeId,
         plan: &Plan,
-        done: &BTreeMap<NodeId, Done>,
-        trial: &mut BTreeMap<NodeId, Done>,
+        done: &BTreeMap<NodeId, StageResult>,
+        trial: &mut BTreeMap<NodeId, StageResult>,
         runner: Runner<'_>,
     ) -> Result<(), Error> {
         if let Some(result) = self.made(id, plan, done, trial, runner)? {
@@ -216,10 +214,10 @@ impl Controller<'_> {
         &self,
         id: NodeId,
         plan: &Plan,
-        done: &BTreeMap<NodeId, Done>,
-        trial: &BTreeMap<NodeId, Done>,
+        done: &BTreeMap<NodeId, StageResult>,
+        trial: &BTreeMap<NodeId, StageResult>,
         runner: Runner<'_>,
-    ) -> Result<Option<Done>, Error> {
+    ) -> Result<Option<StageResult>, Error> {
         let Some(node) = plan.node(id) else { return Ok(None) };
         let inputs = node.inputs.iter().filter_map(|(_, from)| {
             trial.get(from).or_else(|| done.get(from)).map(|value| (*from, value.clone()))
@@ -232,10 +230,10 @@ impl Controller<'_> {
         &mut self,
         setting: &Setting,
         plan: &mut Plan,
-        done: &BTreeMap<NodeId, Done>,
+        done: &BTreeMap<NodeId, StageResult>,
         trial: &Trial,
         runner: Runner<'_>,
-    ) -> Result<Done, Error> {
+    ) -> Result<StageResult, Error> {
         self.tune(plan, &Setting { steps: 2.0 * setting.steps, ..*setting })?;
         let refined = BTreeMap::from([(REFINE, trial.done[&REFINE].clone())]);
         self.made(DEFORM, plan, done, &refined, runner)?.ok_or_else(|| nothing(DEFORM))
@@ -245,7 +243,7 @@ impl Controller<'_> {
     fn carry(
         &mut self,
         plan: &Plan,
-        done: &BTreeMap<NodeId, Done>,
+        done: &BTreeMap<NodeId, StageResult>,
         trial: &mut Trial,
         runner: Runner<'_>,
     ) -> Result<(), Error> {
@@ -270,9 +268,9 @@ impl Controller<'_> {
         &mut self,
         steps: f64,
         plan: &mut Plan,
-        done: &BTreeMap<NodeId, Done>,
+        done: &BTreeMap<NodeId, StageResult>,
         runner: Runner<'_>,
-    ) -> Result<BTreeMap<NodeId, Done>, Error> {
+    ) -> Result<BTreeMap<NodeId, StageResult>, Error> {
         self.tune(plan, &Setting { level: Some(0.0), steps, ..self.setting })?;
         let mut made = BTreeMap::new();
         for id in [REFINE, DEFORM, OCTREE, MAP] {
@@ -314,11 +312,12 @@ impl Controller<'_> {
 /// Largest difference (mm) of a trial's motion from the unrefined lattice's: on the lattice and, where it was carried
 /// there, at the voxels.
 fn difference(
-    whole: &BTreeMap<NodeId, Done>,
-    trial: &BTreeMap<NodeId, Done>,
+    whole: &BTreeMap<NodeId, StageResult>,
+    trial: &BTreeMap<NodeId, StageResult>,
     exec: &Exec,
 ) -> Result<f64, Error> {
-    let artefact = |of: &BTreeMap<NodeId, Done>, id| of.get(&id).map(|d: &Done| d.artefact.clone());
+    let artefact =
+        |of: &BTreeMap<NodeId, StageResult>, id| of.get(&id).map(|d: &StageResult| d.artefact.clone());
     let pair = |id| artefact(whole, id).zip(artefact(trial, id));
     let (lattices, motions) = (pair(REFINE), pair(DEFORM));
     let mut most = 0.0_f64;
@@ -337,7 +336,7 @@ fn difference(
 }
 
 /// Longest edge of the volume's voxels (mm).
-fn voxel_mm(done: &BTreeMap<NodeId, Done>) -> Result<f64, Error> {
+fn voxel_mm(done: &BTreeMap<NodeId, StageResult>) -> Result<f64, Error> {
     let lattice: &Lattice = done.get(&LATTICE).ok_or_else(|| nothing(LATTICE))?.value()?;
     Ok(lattice.grid().longest_edge())
 }

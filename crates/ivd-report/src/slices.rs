@@ -2,12 +2,9 @@
 
 use std::fmt::Write as _;
 
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
-use ivd_core::{Image, Labels, NO_DATA, Volume, VoxelIndex, srgb};
+use ivd_core::{Error, Image, Labels, NO_DATA, Volume, VoxelIndex};
 
-use crate::Error;
-use crate::export::png_bytes;
+use crate::html::png_url;
 
 /// Longer side of a slice on the page (CSS pixels).
 const SIDE: f64 = 330.0;
@@ -19,19 +16,24 @@ const SLICES: [([usize; 3], &str); 3] = [
     ([1, 2, 0], "y to the right, z up"),
 ];
 
-/// The middle slices of a labelling, coloured.
+/// The middle slices of a labelling; `colour` is that of a class by its place in the list of the labels' classes.
 ///
 /// # Errors
 /// Those of a picture's constructor.
-pub(crate) fn class_slices(labels: &Labels) -> Result<Vec<Image>, Error> {
-    SLICES.iter().map(|(axes, _)| coloured(labels, *axes, labels.grid().dims()[axes[2]] / 2)).collect()
+pub fn class_slices(labels: &Labels, colour: impl Fn(usize) -> [u8; 3]) -> Result<Vec<Image>, Error> {
+    let slice = |axes: [usize; 3]| coloured(labels, axes, labels.grid().dims()[axes[2]] / 2, &colour);
+    SLICES.iter().map(|(axes, _)| slice(*axes)).collect()
 }
 
-/// The middle slices of a volume, each beside the same of its labels.
+/// The middle slices of a volume, each beside the same of its labels; `png` makes a PNG file of a picture.
 ///
 /// # Errors
 /// A picture that can't be shown.
-pub(super) fn slices(volume: &Volume, coloured: &[Image]) -> Result<String, Error> {
+pub fn slices<E: From<Error>>(
+    volume: &Volume,
+    coloured: &[Image],
+    png: impl Fn(&Image) -> Result<Vec<u8>, E>,
+) -> Result<String, E> {
     let grid = volume.grid();
     let mut html = String::from("<div class='pictures'>");
     for ((axes, caption), classes) in SLICES.into_iter().zip(coloured) {
@@ -43,26 +45,16 @@ pub(super) fn slices(volume: &Volume, coloured: &[Image]) -> Result<String, Erro
         let [width, height] = extent.map(|e| (e * scale).round().max(8.0));
         html += "<figure>";
         for image in [&grey(volume, axes, at)?, classes] {
-            let data = STANDARD.encode(png_bytes(image)?);
+            let url = png_url(&png(image)?);
             let _ = write!(
                 html,
-                "<img class='slice' width='{width}' height='{height}' src='data:image/png;base64,{data}' alt='slice'> "
+                "<img class='slice' width='{width}' height='{height}' src='{url}' alt='slice'> "
             );
         }
         let name = ["x", "y", "z"][cut];
         let _ = write!(html, "<figcaption>voxel {name} = {at}; {caption}</figcaption></figure>");
     }
     Ok(html + "</div>")
-}
-
-/// Colour of a class as CSS, by its place in the order of the means.
-pub(super) fn class_colour(rank: usize) -> String {
-    let [r, g, b] = rgb(rank);
-    format!("#{r:02x}{g:02x}{b:02x}")
-}
-
-fn rgb(rank: usize) -> [u8; 3] {
-    ivd_atf::class_colour(rank).map(srgb::byte)
 }
 
 /// Pixels of a slice from the top, by the linear index of their voxel.
@@ -80,7 +72,7 @@ fn image(
             rgba.extend(pixel(voxel));
         }
     }
-    Ok(Image::new(dims[right], dims[up], rgba)?)
+    Image::new(dims[right], dims[up], rgba)
 }
 
 fn grey(volume: &Volume, axes: [usize; 3], at: usize) -> Result<Image, Error> {
@@ -94,10 +86,16 @@ fn grey(volume: &Volume, axes: [usize; 3], at: usize) -> Result<Image, Error> {
     })
 }
 
-fn coloured(labels: &Labels, axes: [usize; 3], at: usize) -> Result<Image, Error> {
+fn coloured(
+    labels: &Labels,
+    axes: [usize; 3],
+    at: usize,
+    colour: &impl Fn(usize) -> [u8; 3],
+) -> Result<Image, Error> {
     let rank = |id: u16| labels.classes().iter().position(|c| c.id == id);
-    let colours: Vec<Option<[u8; 3]>> =
-        (0..=labels.classes().iter().map(|c| c.id).max().unwrap_or(0)).map(|id| rank(id).map(rgb)).collect();
+    let colours: Vec<Option<[u8; 3]>> = (0..=labels.classes().iter().map(|c| c.id).max().unwrap_or(0))
+        .map(|id| rank(id).map(colour))
+        .collect();
     image(labels.grid().dims(), axes, at, |voxel| {
         let id = labels.ids()[labels.grid().linear(VoxelIndex(voxel))];
         match colours.get(usize::from(id)).copied().flatten().filter(|_| id != NO_DATA) {
@@ -112,6 +110,10 @@ mod tests {
     use super::*;
     use ivd_core::{Class, Grid, Voxels};
 
+    fn rgb(rank: usize) -> [u8; 3] {
+        [200, 100 * rank as u8, 0]
+    }
+
     #[test]
     fn slices_lie_the_right_way_round() {
         let grid = Grid::with_spacing([2, 2, 2], [1.0; 3]).unwrap();
@@ -124,12 +126,14 @@ mod tests {
             |id| Class { id, name: None, mean: f64::from(id), sd: 0.0, voxels: 4, lower: None, upper: None };
         let ids: Vec<u16> = vec![1, 0, 1, 1, 2, 2, 2, 2];
         let labels = Labels::new(grid, ids.into(), vec![class(1), class(2)]).unwrap();
-        let found = coloured(&labels, [1, 2, 0], 1).unwrap();
+        let found = coloured(&labels, [1, 2, 0], 1, &rgb).unwrap();
         // x = 1: y to the right, z up; the top row is z = 1.
         let pixels: Vec<&[u8]> = found.rgba().chunks(4).collect();
         assert_eq!(pixels[0][..3], rgb(1));
         assert_eq!(pixels[2], [0, 0, 0, 0], "no data is clear");
         assert_eq!(pixels[3][..3], rgb(0));
-        assert!(slices(&volume, &class_slices(&labels).unwrap()).unwrap().matches("<img").count() == 6);
+        let classes = class_slices(&labels, rgb).unwrap();
+        let png = |_: &Image| Ok::<_, Error>(Vec::new());
+        assert!(slices(&volume, &classes, png).unwrap().matches("<img").count() == 6);
     }
 }

@@ -2,23 +2,23 @@
 
 use std::fmt::Write as _;
 
-use super::chart::{AREA, Axes, LEFT, axes, open};
+use crate::chart::{AREA, Axes, LEFT, axes, open};
 use crate::html::number;
 
 /// Points joined by a line.
-pub(super) struct Curve<'a> {
+pub struct Curve<'a> {
     /// Abscissa and ordinate, by abscissa.
-    pub(super) points: &'a [(f64, f64)],
+    pub points: &'a [(f64, f64)],
     /// Label of the horizontal axis, with its unit.
-    pub(super) x_label: &'a str,
+    pub x_label: &'a str,
     /// Label of the vertical axis.
-    pub(super) y_label: &'a str,
+    pub y_label: &'a str,
     /// The abscissa that was chosen.
-    pub(super) chosen: Option<f64>,
+    pub chosen: Option<f64>,
 }
 
 /// The line with its points; nothing where there are fewer than two.
-pub(super) fn curve(found: &Curve<'_>) -> String {
+pub fn curve(found: &Curve<'_>) -> String {
     let finite: Vec<(f64, f64)> =
         found.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
     let [Some(first), Some(last)] = [finite.first(), finite.last()] else { return String::new() };

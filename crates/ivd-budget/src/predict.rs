@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use ivd_core::op::PlaceKind;
 use ivd_deform::{deform, map};
 use ivd_lattice::refine;
+use ivd_pipeline::stages::IMPORT;
+use ivd_pipeline::{Error, list};
 use ivd_render::RenderParams;
 
-use super::knobs::{Known, STEPS, Setting, along, between, picture};
-use super::work::Amounts;
 use crate::fronts::{Front, Rates, recorded_rates};
-use crate::stages::IMPORT;
-use crate::{Error, list};
+use crate::knobs::{Known, STEPS, Setting, along, between, picture};
+use crate::work::Amounts;
 
 /// Shorter times say nothing of the machine (s).
 const TELLING: f64 = 1e-3;
@@ -27,11 +27,11 @@ const DEFAULT_LEVEL_SHARE: f64 = 1.0 / 16.0;
 
 /// Predicts times, and learns from those that were taken.
 #[derive(Debug, Clone)]
-pub(super) struct Model {
+pub(crate) struct Model {
     rates: &'static Rates,
-    pub(super) known: Known,
+    pub(crate) known: Known,
     /// How much there is to do where nothing is refined away.
-    pub(super) amounts: Amounts,
+    pub(crate) amounts: Amounts,
     /// Stages that ran: name, what the record said, what it took (s).
     taken: Vec<(String, f64, f64)>,
     /// Times at the default settings that stand instead of what is recorded and learnt (s).
@@ -41,13 +41,13 @@ pub(super) struct Model {
 impl Model {
     /// # Errors
     /// What is recorded of the stages can't be read.
-    pub(super) fn new(times: Option<BTreeMap<String, f64>>) -> Result<Self, Error> {
+    pub(crate) fn new(times: Option<BTreeMap<String, f64>>) -> Result<Self, Error> {
         let (rates, known) = (recorded_rates()?, Known::recorded()?);
         Ok(Self { rates, known, amounts: Amounts::default(), taken: Vec::new(), times })
     }
 
     /// Wall time (s) of a stage, or of writing an output, with a setting.
-    pub(super) fn seconds(&self, rate: &str, setting: &Setting) -> f64 {
+    pub(crate) fn seconds(&self, rate: &str, setting: &Setting) -> f64 {
         match &self.times {
             Some(times) => times
                 .get(rate)
@@ -70,7 +70,7 @@ impl Model {
     }
 
     /// Remembers what a stage took.
-    pub(super) fn learn(&mut self, rate: &str, setting: &Setting, seconds: f64) {
+    pub(crate) fn learn(&mut self, rate: &str, setting: &Setting, seconds: f64) {
         let recorded = self.recorded(rate, setting);
         // A volume may be read, unpacked or generated: that says nothing of the other stages.
         if recorded > TELLING && rate != IMPORT {

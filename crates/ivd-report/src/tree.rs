@@ -2,23 +2,40 @@
 
 use std::fmt::Write as _;
 
-use ivd_segment::{Dendrogram, Leaf};
-
-use super::chart::{AREA, LEFT, open};
-use super::slices::class_colour;
+use crate::chart::{AREA, LEFT, open};
 use crate::html::number;
 
+/// What was joined with what, and at which height.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dendrogram<'a> {
+    /// The leaves, which are its first nodes.
+    pub leaves: Vec<Leaf>,
+    /// Two nodes and the height at which they join, ascending; merge i is the node after the leaves and the merges before it.
+    pub merges: &'a [(usize, usize, f64)],
+}
+
+/// A leaf of a [`Dendrogram`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Leaf {
+    /// Mean of its values.
+    pub mean: f64,
+    /// Number of its voxels.
+    pub voxels: u64,
+    /// Its colour, as CSS writes it.
+    pub colour: String,
+}
+
 /// Whether each merge is of two nodes that are there before it: a record may be anybody's.
-fn is_sound(tree: &Dendrogram) -> bool {
+fn is_sound(tree: &Dendrogram<'_>) -> bool {
     let known = |(i, m): (usize, &(usize, usize, f64))| m.0.max(m.1) < tree.leaves.len() + i && m.0 != m.1;
     tree.merges.len() < tree.leaves.len() && tree.merges.iter().enumerate().all(known)
 }
 
 /// Leaves from left to right, so that no two branches cross: roots in the order of their nodes.
-fn order(tree: &Dendrogram) -> Vec<usize> {
+fn order(tree: &Dendrogram<'_>) -> Vec<usize> {
     let count = tree.leaves.len();
     let mut child = vec![false; count + tree.merges.len()];
-    for (a, b, _) in &tree.merges {
+    for (a, b, _) in tree.merges {
         (child[*a], child[*b]) = (true, true);
     }
     let mut stack: Vec<usize> = (0..child.len()).rev().filter(|n| !child[*n]).collect();
@@ -32,11 +49,11 @@ fn order(tree: &Dendrogram) -> Vec<usize> {
     order
 }
 
-/// The dendrogram of a record's figures; nothing where they have none.
-pub(super) fn dendrogram(found: Option<&Dendrogram>) -> String {
-    let Some(found) = found.filter(|found| found.leaves.len() > 1 && is_sound(found)) else {
+/// The dendrogram as SVG; nothing where it has no two leaves, or isn't one.
+pub fn dendrogram(found: &Dendrogram<'_>) -> String {
+    if found.leaves.len() < 2 || !is_sound(found) {
         return String::new();
-    };
+    }
     let count = found.leaves.len();
     // Heights span decades: their square roots leave the low ones to be seen.
     let top = found.merges.iter().map(|m| m.2.max(0.0).sqrt()).fold(1e-300, f64::max);
@@ -46,19 +63,18 @@ pub(super) fn dendrogram(found: Option<&Dendrogram>) -> String {
     for (place, leaf) in order(found).into_iter().enumerate() {
         let x = LEFT + (place as f64 + 0.5) / count as f64 * AREA[0];
         places[leaf].0 = x;
-        let Leaf { mean, voxels } = found.leaves[leaf];
+        let Leaf { mean, voxels, colour } = &found.leaves[leaf];
         let _ = write!(
             svg,
-            "<circle cx='{x:.1}' cy='{:.1}' r='4' fill='{}' stroke='#888'><title>mean {}, {voxels} voxels</title></circle>\
+            "<circle cx='{x:.1}' cy='{:.1}' r='4' fill='{colour}' stroke='#888'><title>mean {}, {voxels} voxels</title></circle>\
              <text x='{x:.1}' y='{:.1}' class='small' text-anchor='middle'>{}</text>",
             up(0.0),
-            class_colour(leaf),
-            number(mean),
+            number(*mean),
             AREA[1] + 8.0,
-            number(mean)
+            number(*mean)
         );
     }
-    for (a, b, height) in &found.merges {
+    for (a, b, height) in found.merges {
         let (left, right, y) = (places[*a], places[*b], up(*height));
         let _ = write!(
             svg,
@@ -84,24 +100,24 @@ pub(super) fn dendrogram(found: Option<&Dendrogram>) -> String {
 mod tests {
     use super::*;
 
-    fn tree(count: usize, merges: &[(usize, usize, f64)]) -> Dendrogram {
-        let leaves = (0..count).map(|i| Leaf { mean: i as f64, voxels: 10 }).collect();
-        Dendrogram { leaves, merges: merges.to_vec() }
+    fn tree(count: usize, merges: &[(usize, usize, f64)]) -> Dendrogram<'_> {
+        let leaf = |i| Leaf { mean: i as f64, voxels: 10, colour: "#777".to_owned() };
+        Dendrogram { leaves: (0..count).map(leaf).collect(), merges }
     }
 
     #[test]
     fn branches_do_not_cross() {
         let found = tree(4, &[(0, 3, 1.0), (1, 2, 2.0), (4, 5, 9.0)]);
         assert_eq!(order(&found), [0, 3, 1, 2]);
-        let svg = dendrogram(Some(&found));
+        let svg = dendrogram(&found);
         assert_eq!((svg.matches("<path").count(), svg.matches("<circle").count()), (3, 4));
     }
 
     #[test]
     fn what_is_no_tree_is_not_drawn() {
         for merges in [&[(0, 9, 1.0)][..], &[(0, 0, 1.0)], &[(0, 1, 1.0), (2, 2, 1.0)]] {
-            assert_eq!(dendrogram(Some(&tree(2, merges))), "");
+            assert_eq!(dendrogram(&tree(2, merges)), "");
         }
-        assert_eq!(dendrogram(None), "");
+        assert_eq!(dendrogram(&tree(1, &[])), "");
     }
 }

@@ -11,7 +11,7 @@ use crate::experiment::{Problem, Scored};
 /// Edge of every generated cube (mm), whatever its number of voxels.
 pub(crate) const EDGE_MM: f64 = 128.0;
 /// Radius of the ball (mm).
-pub(super) const RADIUS_MM: f64 = 40.0;
+pub(crate) const RADIUS_MM: f64 = 40.0;
 
 /// A grid of `n` voxels along each edge of the cube, its middle at the origin.
 pub(crate) fn grid(n: usize) -> Result<Grid, Problem> {
@@ -29,13 +29,13 @@ pub(crate) fn sampled(grid: &Grid, value: impl Fn(Vector3<f64>) -> f64) -> Resul
 }
 
 /// The ball's lattice: what is nearer than its radius is inside.
-pub(super) fn ball(n: usize, exec: &Exec) -> Result<Lattice, Problem> {
+pub(crate) fn ball(n: usize, exec: &Exec) -> Result<Lattice, Problem> {
     let volume = sampled(&grid(n)?, |p| RADIUS_MM - p.norm())?;
     Ok(extract(&volume, None, &ExtractParams { iso: Iso::Value(0.0) }, exec)?.lattice)
 }
 
 /// A judgement with counters.
-pub(super) fn judged<const N: usize>(error: f64, counters: [(&str, f64); N]) -> Scored {
+pub(crate) fn judged<const N: usize>(error: f64, counters: [(&str, f64); N]) -> Scored {
     let counters: BTreeMap<String, f64> = counters.into_iter().map(|(n, v)| (n.to_owned(), v)).collect();
     Scored { error, counters }
 }
@@ -47,7 +47,7 @@ pub(crate) fn root_mean_square(squares: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Pairs of knobs in order, each once.
-pub(super) fn each_once<T: PartialOrd>(pairs: impl Iterator<Item = T>) -> Vec<T> {
+pub(crate) fn each_once<T: PartialOrd>(pairs: impl Iterator<Item = T>) -> Vec<T> {
     let mut pairs: Vec<T> = pairs.collect();
     pairs.sort_by(|a, b| a.partial_cmp(b).expect("knobs are numbers"));
     pairs.dedup();

@@ -1,0 +1,68 @@
+//! What decides about a run while it goes on.
+
+use std::collections::BTreeMap;
+
+use ivd_core::Exec;
+
+use crate::Error;
+use crate::plan::{NodeId, Plan};
+use crate::runner::{Runner, StageRecord, StageResult};
+
+/// Is asked before every stage of a run and told after it, and may change the settings of those that are still to come.
+pub trait Control {
+    /// Before the stage at `at` runs: may give the plan's stages other settings ([`Plan::retune`]). Gives the stage's result where it has
+    /// made that already.
+    ///
+    /// # Errors
+    /// Whatever ends the run.
+    fn before(
+        &mut self,
+        at: usize,
+        plan: &mut Plan,
+        done: &BTreeMap<NodeId, StageResult>,
+        runner: Runner<'_>,
+    ) -> Result<Option<StageResult>, Error>;
+
+    /// After a stage.
+    fn after(&mut self, id: NodeId, result: &StageResult);
+
+    /// What a report of the run shows of what was decided: a title, and a line for each decision.
+    fn summary(&self) -> Decisions;
+
+    /// Says what a failure of the run comes from, where that is of its making; `stages` are those that were done by then.
+    fn explain(&self, error: Error, exec: &Exec, stages: &[StageRecord]) -> Error;
+}
+
+/// What was decided in a run, as a section of its report.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Decisions {
+    /// Title of the section.
+    pub title: &'static str,
+    /// A line for each; without any there is no section.
+    pub lines: Vec<String>,
+}
+
+/// Decides nothing: every stage runs as the scene has it.
+pub(crate) struct Uncontrolled;
+
+impl Control for Uncontrolled {
+    fn before(
+        &mut self,
+        _: usize,
+        _: &mut Plan,
+        _: &BTreeMap<NodeId, StageResult>,
+        _: Runner<'_>,
+    ) -> Result<Option<StageResult>, Error> {
+        Ok(None)
+    }
+
+    fn after(&mut self, _: NodeId, _: &StageResult) {}
+
+    fn summary(&self) -> Decisions {
+        Decisions::default()
+    }
+
+    fn explain(&self, error: Error, _: &Exec, _: &[StageRecord]) -> Error {
+        error
+    }
+}

@@ -1,0 +1,73 @@
+//! How the classes were found, and what they are.
+
+use ivd_report::html::number;
+use ivd_report::{
+    Cell, ClassDensity, Curve, Dendrogram, Leaf, curve, dendrogram, pairs, shortened_table, value_colour,
+};
+use ivd_segment::{AnyFigures, ClassFigures, Figures};
+use serde_json::Value;
+
+use super::{ReportData, class_colour};
+use crate::StageRecord;
+
+/// How the classes were found, with the curves that their number was read from, and a table of them.
+pub(super) fn segmentation(segment: &StageRecord, found: &Figures<AnyFigures>, data: &ReportData) -> String {
+    let Figures { common, own } = found;
+    let method =
+        segment.params.get(ivd_segment::STAGE.selector).and_then(Value::as_str).unwrap_or("–").to_owned();
+    let mut rows = vec![("method", method), ("classes", common.k.to_string())];
+    rows.extend(own.proposed().map(|k| ("classes proposed", k.to_string())));
+    rows.push(("iterations", common.iterations.to_string()));
+    rows.push(("objective", number(common.objective)));
+    rows.extend(own.regions().map(|regions| ("regions", regions.to_string())));
+    let points: Vec<(f64, f64)> = own.criterion().into_iter().map(|(k, bic)| (k as f64, bic)).collect();
+    let bic = curve(&Curve {
+        points: &points,
+        x_label: "number of classes",
+        y_label: "Bayesian information criterion",
+        chosen: Some(common.k as f64),
+    });
+    let tree = own.dendrogram().map_or_else(String::new, tree);
+    pairs(&rows) + &bic + &tree + &classes(&common.classes, data)
+}
+
+fn tree(found: &ivd_segment::Dendrogram) -> String {
+    let leaf = |(rank, leaf): (usize, &ivd_segment::Leaf)| Leaf {
+        mean: leaf.mean,
+        voxels: leaf.voxels,
+        colour: class_colour(rank),
+    };
+    dendrogram(&Dendrogram {
+        leaves: found.leaves.iter().enumerate().map(leaf).collect(),
+        merges: &found.merges,
+    })
+}
+
+fn classes(list: &[ClassFigures], data: &ReportData) -> String {
+    let head = ["in slices", "in pictures", "class", "mean", "sd", "voxels", "from", "to"];
+    let row = |(rank, class): (usize, &ClassFigures)| {
+        [
+            Cell::Swatch(class_colour(rank)),
+            Cell::Swatch(value_colour(data.transfer.as_ref(), class.mean)),
+            Cell::plain(class.id),
+            Cell::number(class.mean),
+            Cell::number(class.sd),
+            Cell::plain(class.voxels),
+            Cell::number_or_dash(class.lower),
+            Cell::number_or_dash(class.upper),
+        ]
+    };
+    shortened_table(head, list.iter().enumerate().map(row))
+}
+
+/// The classes as the histogram draws them.
+pub(super) fn class_densities(found: &Figures<AnyFigures>) -> Vec<ClassDensity> {
+    let density = |(rank, class): (usize, &ClassFigures)| ClassDensity {
+        mean: class.mean,
+        sd: class.sd,
+        voxels: class.voxels,
+        upper: class.upper,
+        colour: class_colour(rank),
+    };
+    found.common.classes.iter().enumerate().map(density).collect()
+}
