@@ -85,10 +85,10 @@ impl<'a> Elements<'a> {
         loop {
             match self.step()? {
                 Step::End if self.open.len() < depth => return Ok(text),
-                Step::Text(part) if self.open.len() == depth && text.bytes.is_empty() => {
-                    if !part.trim_ascii().is_empty() {
-                        text.bytes = part;
-                    }
+                Step::Text(part)
+                    if self.open.len() == depth && text.bytes.is_empty() && !part.trim_ascii().is_empty() =>
+                {
+                    text.bytes = part;
                 }
                 Step::Eof => {
                     text.closed = false;

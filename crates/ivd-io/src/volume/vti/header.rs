@@ -31,7 +31,7 @@ struct Array<'a> {
 
 /// The XML's elements as far as they matter.
 #[derive(Default)]
-struct Image<'a> {
+struct Scan<'a> {
     file: Option<Element<'a>>,
     image: Option<Element<'a>>,
     piece: Option<Element<'a>>,
@@ -44,7 +44,7 @@ struct Image<'a> {
 
 impl<'a> Header<'a> {
     pub(super) fn parse(path: &Path, bytes: &'a [u8]) -> Result<Self, Error> {
-        let found = Image::scan(path, bytes)?;
+        let found = Scan::of(path, bytes)?;
         let said = |fault| error(path, fault);
         let missing = |what: &str| Error::field(path, what, "the element is missing");
         let file = found.file.as_ref().ok_or_else(|| missing("VTKFile"))?;
@@ -73,8 +73,8 @@ impl<'a> Header<'a> {
     }
 }
 
-impl<'a> Image<'a> {
-    fn scan(path: &Path, bytes: &'a [u8]) -> Result<Self, Error> {
+impl<'a> Scan<'a> {
+    fn of(path: &Path, bytes: &'a [u8]) -> Result<Self, Error> {
         let said = |fault| error(path, fault);
         let (mut elements, appended) = vtk::open(bytes).map_err(said)?;
         let mut found = Self { appended, ..Self::default() };
