@@ -37,8 +37,10 @@ compile_error!("artefacts are mapped as they are: this crate needs a little-endi
 
 mod cache;
 mod canonical;
+mod element;
 mod error;
 mod hash;
+mod head;
 mod kind;
 mod kinds;
 mod map;
@@ -51,15 +53,16 @@ mod write;
 
 pub use cache::{Cache, CacheKey, Entry, FileHash, Lookup};
 pub use canonical::canonical_json;
+pub use element::Element;
 pub use error::Error;
 pub use hash::{CHUNK, ContentHash};
+pub use head::{Info, SectionInfo};
 pub use ivd_core::{Artefact, ArtefactRef, Kind};
 pub use kind::KindCode;
-pub use kinds::Element;
 pub use map::TemporaryFiles;
-pub use opened::Opened;
+pub use opened::{Loaded, Opened};
 pub use provenance::Provenance;
-pub use read::{Info, Loaded, SectionInfo, is_artefact, open, peek, read, read_lazily};
+pub use read::{is_artefact, open, peek, read, read_lazily};
 pub use write::{
     SectionHashes, Written, content_hash, section_hashes, write, write_again, write_with_metrics,
 };

@@ -7,12 +7,30 @@ use std::sync::{Arc, OnceLock};
 
 use ivd_core::ByteSource;
 use rayon::prelude::*;
+use serde_json::Value;
 
 use crate::hash::{self, CHUNK};
+use crate::head::{Head, Info};
 use crate::kinds::{Decoder, decode};
 use crate::map::Map;
-use crate::read::Head;
-use crate::{Error, Info, Loaded};
+use crate::{Artefact, ContentHash, Error, Provenance};
+
+/// An artefact's value: every byte was verified, but for the voxels of a volume that [`crate::read_lazily`] gave.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// The value; its bulk data view the mapped file.
+    pub artefact: Artefact,
+    /// Where it came from.
+    pub provenance: Provenance,
+    /// Metrics stored beside it; `null` where there are none.
+    pub metrics: Value,
+    /// Content hash.
+    pub hash: ContentHash,
+    /// Version of its kind in the file.
+    pub kind_version: u16,
+    /// The file behind the value.
+    pub file: Arc<Opened>,
+}
 
 /// An artefact whose payload is mapped and not yet read.
 ///

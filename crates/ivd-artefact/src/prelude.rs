@@ -11,7 +11,7 @@ pub(crate) const CONTAINER_VERSION: u16 = 1;
 /// Bytes of the prelude.
 pub(crate) const PRELUDE: usize = 64;
 /// Bytes of the prelude that the root covers: all before the root itself.
-pub(crate) const BEFORE_ROOT: usize = 32;
+const BEFORE_ROOT: usize = 32;
 /// Sections begin at multiples of this, so that they can be mapped.
 pub(crate) const ALIGN: u64 = 4096;
 /// Most bytes of metadata that are read. The hashes of a terabyte of chunks take 8 MiB.
@@ -132,4 +132,12 @@ fn take_u32(rest: &mut &[u8]) -> u32 {
     let (field, after) = rest.split_first_chunk().expect("the prelude has a fixed length");
     *rest = after;
     u32::from_le_bytes(*field)
+}
+
+/// The root: BLAKE3 of the head without the root itself. The metadata hold the hashes of all sections, and all padding
+/// is 0, so that it covers every byte of the file.
+pub(crate) fn root(head: &[u8]) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&head[..BEFORE_ROOT]).update(&head[PRELUDE..]);
+    *hasher.finalize().as_bytes()
 }

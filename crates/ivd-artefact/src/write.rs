@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::kinds::{Encoded, encode};
 use crate::metadata::{Bincode, Metadata, MetadataCodec, Section};
-use crate::prelude::{ALIGN, BEFORE_ROOT, MAX_METADATA, PRELUDE, Prelude, align};
+use crate::prelude::{self, ALIGN, MAX_METADATA, PRELUDE, Prelude, align};
 use crate::{ArtefactRef, ContentHash, Error, Kind, KindCode, Provenance, canonical_json, hash, read};
 
 /// Hashes of the sections of one value, by which it is written again without being hashed again.
@@ -158,17 +158,9 @@ fn head(
     let mut head = prelude.to_bytes().to_vec();
     head.extend(Bincode::encode(&metadata)?);
     head.resize(payload_offset as usize, 0);
-    prelude.root = root(&head);
+    prelude.root = prelude::root(&head);
     head[..PRELUDE].copy_from_slice(&prelude.to_bytes());
     Ok((head, end, hash::content(kind, kind.version(), &metadata)))
-}
-
-/// The root: BLAKE3 of the head without the root itself. The metadata hold the hashes of all sections, and all padding
-/// is 0, so that it covers every byte of the file.
-pub(crate) fn root(head: &[u8]) -> [u8; 32] {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(&head[..BEFORE_ROOT]).update(&head[PRELUDE..]);
-    *hasher.finalize().as_bytes()
 }
 
 fn hash_sections(encoded: &Encoded<'_>) -> SectionHashes {

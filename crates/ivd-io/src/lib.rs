@@ -25,5 +25,7 @@ pub mod mesh;
 #[cfg(test)]
 #[path = "../tests/notes.rs"]
 mod notes;
+mod number;
+mod order;
 pub mod volume;
 mod vtk;

@@ -5,7 +5,8 @@ use ivd_core::{Buffer, Displacement, FieldBricks};
 use serde::{Deserialize, Serialize};
 
 use super::real::{GridContent, Real, voxel_shape};
-use super::{Decoder, Element, Encoded, SectionBytes};
+use super::{Decoder, Encoded, SectionBytes};
+use crate::Element;
 use crate::error::Problem;
 
 #[derive(Serialize, Deserialize)]

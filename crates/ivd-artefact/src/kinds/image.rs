@@ -3,7 +3,8 @@
 use ivd_core::{Buffer, Image};
 use serde::{Deserialize, Serialize};
 
-use super::{Decoder, Element, Encoded, SectionBytes};
+use super::{Decoder, Encoded, SectionBytes};
+use crate::Element;
 use crate::error::Problem;
 
 #[derive(Serialize, Deserialize)]

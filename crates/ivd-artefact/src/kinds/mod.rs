@@ -1,7 +1,6 @@
 //! One codec a kind: which sections it has, and what it keeps beside them as JSON.
 
 mod displacement;
-mod element;
 mod image;
 mod labels;
 mod lattice;
@@ -16,7 +15,6 @@ mod volume;
 
 use serde::Serialize;
 
-pub use element::Element;
 pub(crate) use sections::{Decoder, SectionBytes};
 
 use crate::error::Problem;

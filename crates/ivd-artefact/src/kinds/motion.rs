@@ -5,7 +5,8 @@ use ivd_core::{Ball, Frame, Inner, Motion};
 use serde::{Deserialize, Serialize};
 
 use super::real::GridContent;
-use super::{Decoder, Element, Encoded, SectionBytes};
+use super::{Decoder, Encoded, SectionBytes};
+use crate::Element;
 use crate::error::Problem;
 
 #[derive(Serialize, Deserialize)]

@@ -6,9 +6,8 @@ use ivd_core::{Buffer, ByteSource};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use super::Element;
-use crate::SectionInfo;
 use crate::error::Problem;
+use crate::{Element, SectionInfo};
 
 /// A section on its way to a file, its bytes borrowed from the value.
 pub(crate) struct SectionBytes<'a> {

@@ -4,7 +4,8 @@ use ivd_core::{Buffer, TransferEntry, TransferFunction};
 use serde::{Deserialize, Serialize};
 
 use super::real::Real;
-use super::{Decoder, Element, Encoded, SectionBytes};
+use super::{Decoder, Encoded, SectionBytes};
+use crate::Element;
 use crate::error::Problem;
 
 #[derive(Serialize, Deserialize)]

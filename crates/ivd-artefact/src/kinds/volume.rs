@@ -4,7 +4,8 @@ use ivd_core::{BrickIndex, Buffer, Scalar, Volume, VoxelType, Voxels, with_voxel
 use serde::{Deserialize, Serialize};
 
 use super::real::{GridContent, voxel_shape};
-use super::{Decoder, Element, Encoded, SectionBytes};
+use super::{Decoder, Encoded, SectionBytes};
+use crate::Element;
 use crate::error::Problem;
 
 #[derive(Serialize, Deserialize)]

@@ -1,7 +1,10 @@
 //! What the readers share: memory that is counted before it is taken, words, numbers, and errors with their place.
 
-use crate::mesh::Error;
 use std::path::Path;
+
+use crate::mesh::Error;
+use crate::number::Number;
+use crate::order::ByteOrder;
 
 /// Bytes that any file may take, however small it is.
 const FREE: u64 = 64 << 20;
@@ -136,69 +139,6 @@ impl Budget {
     }
 }
 
-/// A type of number as files name it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Number {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
-
-impl Number {
-    /// Bytes of one.
-    pub(super) fn bytes(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-
-    pub(super) fn is_integer(self) -> bool {
-        !matches!(self, Self::F32 | Self::F64)
-    }
-
-    /// The number in `bytes`, of which there are as many as it takes.
-    #[inline]
-    pub(super) fn real(self, bytes: &[u8], big: bool) -> f64 {
-        match self {
-            Self::F32 => f64::from(f32::from_bits(raw(bytes, big) as u32)),
-            Self::F64 => f64::from_bits(raw(bytes, big)),
-            Self::U64 => raw(bytes, big) as f64,
-            _ => self.integer(bytes, big) as f64,
-        }
-    }
-
-    /// The same as an integer; 64-bit ones beyond `i64` become its largest, which no index is.
-    #[inline]
-    pub(super) fn integer(self, bytes: &[u8], big: bool) -> i64 {
-        let raw = raw(bytes, big);
-        match self {
-            Self::I8 => i64::from(raw as i8),
-            Self::I16 => i64::from(raw as i16),
-            Self::I32 => i64::from(raw as i32),
-            Self::I64 => raw as i64,
-            Self::U64 => i64::try_from(raw).unwrap_or(i64::MAX),
-            Self::U8 | Self::U16 | Self::U32 => raw as i64,
-            Self::F32 | Self::F64 => self.real(bytes, big) as i64,
-        }
-    }
-}
-
-#[inline]
-fn raw(bytes: &[u8], big: bool) -> u64 {
-    let fold = |sum: u64, b: &u8| sum << 8 | u64::from(*b);
-    if big { bytes.iter().fold(0, fold) } else { bytes.iter().rev().fold(0, fold) }
-}
-
 /// Bytes from the front on.
 #[derive(Debug, Clone)]
 pub(super) struct Cursor<'a> {
@@ -236,7 +176,7 @@ impl<'a> Cursor<'a> {
 
     /// The next little-endian 32-bit number.
     pub(super) fn u32(&mut self, what: &str) -> Result<u32, Failure> {
-        self.take(what, 4).map(|b| raw(b, false) as u32)
+        self.take(what, 4).map(|b| Number::U32.integer(b, ByteOrder::Little) as u32)
     }
 }
 

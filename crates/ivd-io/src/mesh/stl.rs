@@ -4,9 +4,11 @@ use std::io::{self, Write};
 
 use nalgebra::Vector3;
 
-use super::parse::{Budget, Cursor, Failure, Number, REPAIR, REWRITE, Space, Words, shown};
+use super::parse::{Budget, Cursor, Failure, REPAIR, REWRITE, Space, Words, shown};
 use super::{Mesh, Placed, f32_rounding, put};
 use crate::mesh::Error;
+use crate::number::Number;
+use crate::order::ByteOrder;
 
 /// Bytes before the first triangle, and of a triangle.
 const HEAD: usize = 84;
@@ -48,7 +50,7 @@ fn normal([a, b, c]: [Vector3<f64>; 3]) -> Vector3<f64> {
 
 /// Binary where the size is that of the number of triangles told, else text: binary files too may begin with `solid`.
 pub(super) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Mesh, Failure> {
-    let told = bytes.get(80..HEAD).map(|count| Number::U32.integer(count, false) as u64);
+    let told = bytes.get(80..HEAD).map(|count| Number::U32.integer(count, ByteOrder::Little) as u64);
     let needed = told.map(|n| HEAD as u64 + n * TRIANGLE as u64);
     if needed == Some(bytes.len() as u64) {
         return binary(bytes, budget);
@@ -77,7 +79,8 @@ fn binary(bytes: &[u8], budget: &mut Budget) -> Result<Mesh, Failure> {
         let data = cursor.take("a triangle", TRIANGLE)?;
         // Its normal comes first; the corners tell it better.
         for corner in data[12..48].chunks_exact(12) {
-            let p: [f64; 3] = std::array::from_fn(|a| Number::F32.real(&corner[4 * a..4 * a + 4], false));
+            let p: [f64; 3] =
+                std::array::from_fn(|a| Number::F32.real(&corner[4 * a..4 * a + 4], ByteOrder::Little));
             finite(p)
                 .map_err(|problem| Failure::byte(at, format!("triangle {triangle} has {problem}"), REPAIR))?;
             mesh.positions.push(space.to_ras(p).into());

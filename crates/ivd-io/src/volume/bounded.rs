@@ -10,7 +10,7 @@ use std::path::Path;
 
 use ivd_core::{Exec, Scalar, VoxelType, Voxels};
 
-use crate::volume::order::swap_in_place;
+use crate::order::swap_in_place;
 use crate::volume::{ByteOrder, Error};
 
 /// Bytes read between two looks at the cancel flag.

@@ -3,7 +3,7 @@ use std::path::Path;
 
 use ivd_core::{Displacement, Exec, Grid, VoxelIndex};
 
-use crate::volume::write::put;
+use crate::volume::replace::put;
 use crate::volume::{Error, Written, nifti, nrrd};
 
 /// Which way a displacement field leads.

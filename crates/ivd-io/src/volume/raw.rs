@@ -4,8 +4,9 @@ use ivd_core::{Exec, Volume, VoxelType};
 use serde::{Deserialize, Serialize};
 
 use crate::volume::data::{DataFile, Encoding, Frames, Start};
+use crate::volume::replace::replace;
 use crate::volume::stored::FileType;
-use crate::volume::write::{Values, replace};
+use crate::volume::values::Values;
 use crate::volume::{ByteOrder, Error, Written, bounded, orientation};
 
 /// How a file without a header is laid out; x fastest.

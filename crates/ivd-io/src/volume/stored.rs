@@ -102,7 +102,7 @@ where
             return Err(Error::truncated(path, "voxels", 8 * declared.count as u64, found as u64));
         }
         if declared.order.is_foreign() {
-            crate::volume::order::swap_in_place(bytes, 8);
+            crate::order::swap_in_place(bytes, 8);
         }
         for (value, wide) in out.iter_mut().zip(bytes.as_chunks::<8>().0) {
             let wide = decode(*wide);

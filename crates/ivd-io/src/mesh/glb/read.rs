@@ -6,7 +6,9 @@ use super::json::{Accessor, Node, Primitive, Root};
 use super::write::TO_GLTF;
 use super::{GENERATOR, ROOT};
 use crate::mesh::Mesh;
-use crate::mesh::parse::{Budget, Cursor, Failure, Number, REPAIR, REWRITE, index, out_of_range};
+use crate::mesh::parse::{Budget, Cursor, Failure, REPAIR, REWRITE, index, out_of_range};
+use crate::number::Number;
+use crate::order::ByteOrder;
 
 /// Longest description that is read (bytes).
 const LONGEST: usize = 4 << 20;
@@ -268,7 +270,7 @@ impl<'a> Scene<'a> {
         self.budget.grow("positions", &mut self.mesh.positions, count)?;
         for v in 0..count {
             let bytes = &data[v * stride..v * stride + 12];
-            let p = Vector3::from_fn(|a, _| Number::F32.real(&bytes[4 * a..4 * a + 4], false));
+            let p = Vector3::from_fn(|a, _| Number::F32.real(&bytes[4 * a..4 * a + 4], ByteOrder::Little));
             // Sums of one term are exact: an unmoved axis keeps its numbers.
             let world = here.linear * p + here.offset;
             if !world.iter().all(|c| c.is_finite()) {
@@ -334,7 +336,7 @@ impl<'a> Scene<'a> {
         };
         let (data, stride) = self.data(i, accessor, number.bytes())?;
         self.assemble(shape, accessor.count as usize, place, |at| {
-            let value = number.integer(&data[at * stride..at * stride + number.bytes()], false);
+            let value = number.integer(&data[at * stride..at * stride + number.bytes()], ByteOrder::Little);
             index(value, shape.vertices).ok_or_else(|| {
                 let problem = format!("entry {at}: {}", out_of_range(value, shape.vertices));
                 Failure::at(format!("accessor {i}"), problem, REPAIR)

@@ -1,6 +1,8 @@
 //! The text at the head of a PLY file.
 
-use crate::mesh::parse::{Failure, Number, REWRITE, Space, parsed, shown};
+use crate::mesh::parse::{Failure, REWRITE, Space, parsed, shown};
+use crate::number::Number;
+use crate::order::ByteOrder;
 
 /// Longest head that is read; ours has some 600 bytes.
 const LONGEST: usize = 1 << 20;
@@ -10,8 +12,7 @@ const MOST: usize = 4096;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
-    Little,
-    Big,
+    Binary(ByteOrder),
 }
 
 #[derive(Debug)]
@@ -95,8 +96,8 @@ fn owned(word: &[u8]) -> String {
 fn encoding_of(name: &[u8]) -> Option<Encoding> {
     match name {
         b"ascii" => Some(Encoding::Ascii),
-        b"binary_little_endian" => Some(Encoding::Little),
-        b"binary_big_endian" => Some(Encoding::Big),
+        b"binary_little_endian" => Some(Encoding::Binary(ByteOrder::Little)),
+        b"binary_big_endian" => Some(Encoding::Binary(ByteOrder::Big)),
         _ => None,
     }
 }

@@ -3,10 +3,10 @@
 use nalgebra::Vector3;
 
 use super::header::{Element, Encoding, Header};
-use crate::mesh::parse::{
-    Budget, Cursor, Failure, Fan, Number, REPAIR, REWRITE, Space, Words, index, out_of_range,
-};
+use crate::mesh::parse::{Budget, Cursor, Failure, Fan, REPAIR, REWRITE, Space, Words, index, out_of_range};
 use crate::mesh::{Mesh, MeshAddress};
+use crate::number::Number;
+use crate::order::ByteOrder;
 
 /// What a property of a vertex is for.
 #[derive(Clone, Copy)]
@@ -21,8 +21,7 @@ pub(in crate::mesh) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Mesh, F
     let header = Header::parse(bytes)?;
     match header.encoding {
         Encoding::Ascii => body(&header, &mut Words::new(bytes, header.body, header.line), budget),
-        Encoding::Little => body(&header, &mut Binary(Cursor::new(bytes, header.body), false), budget),
-        Encoding::Big => body(&header, &mut Binary(Cursor::new(bytes, header.body), true), budget),
+        Encoding::Binary(order) => body(&header, &mut Binary(Cursor::new(bytes, header.body), order), budget),
     }
 }
 
@@ -38,7 +37,7 @@ trait Values {
     fn left(&self) -> u64;
 }
 
-struct Binary<'a>(Cursor<'a>, bool);
+struct Binary<'a>(Cursor<'a>, ByteOrder);
 
 impl Values for Binary<'_> {
     #[inline]

@@ -4,9 +4,10 @@ use std::io::{self, Read};
 
 use flate2::{Decompress, FlushDecompress, Status};
 
-use super::xml::{Array, Coding, Content};
-use crate::mesh::parse::{Budget, Failure, Number, REPAIR, REWRITE, Words};
-use crate::vtk::Base64;
+use super::document::Array;
+use crate::mesh::parse::{Budget, Failure, REPAIR, REWRITE, Words};
+use crate::number::Number;
+use crate::vtk::{Base64, Coding, Content};
 
 /// Bytes of numbers converted at a time; a multiple of every number's size.
 const CHUNK: usize = 1 << 16;
@@ -41,7 +42,7 @@ impl Array<'_> {
             return self.words(text, count, |i, words| take(i, words.integer("an integer")?, budget));
         }
         self.bytes(coding, number, count, budget, |i, bytes, budget| {
-            take(i, number.integer(bytes, coding.big), budget)
+            take(i, number.integer(bytes, coding.order), budget)
         })
     }
 
@@ -66,7 +67,7 @@ impl Array<'_> {
             return self.words(text, count, |i, words| take(i, finite(i, words.real("a number")?)?, budget));
         }
         self.bytes(coding, number, count, budget, |i, bytes, budget| {
-            take(i, finite(i, number.real(bytes, coding.big))?, budget)
+            take(i, finite(i, number.real(bytes, coding.order))?, budget)
         })
     }
 
@@ -149,7 +150,7 @@ impl Array<'_> {
         let mut bytes = [0; 8];
         let bytes = &mut bytes[..coding.word.bytes()];
         self.fill(source, bytes)?;
-        Ok(coding.word.integer(bytes, coding.big) as u64)
+        Ok(coding.word.integer(bytes, coding.order) as u64)
     }
 
     fn fill(&self, source: &mut dyn Read, bytes: &mut [u8]) -> Result<(), Failure> {

@@ -3,9 +3,11 @@
 use nalgebra::Vector3;
 
 use super::array::Count;
-use super::xml::{Array, Coding, Document, Section};
-use crate::mesh::parse::{Budget, Failure, Fan, Number, REPAIR, REWRITE, Space, index, out_of_range};
+use super::document::{Array, Document, Section};
+use crate::mesh::parse::{Budget, Failure, Fan, REPAIR, REWRITE, Space, index, out_of_range};
 use crate::mesh::{Mesh, MeshAddress};
+use crate::number::Number;
+use crate::vtk::Coding;
 
 pub(in crate::mesh) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Mesh, Failure> {
     let document = Document::parse(bytes)?;

@@ -3,7 +3,7 @@ use ivd_core::{Exec, Scalar, Voxels, parallel};
 use super::element;
 use super::header::{Bits, Slice};
 use super::{codec, syntax::Syntax};
-use crate::volume::order::swap_in_place;
+use crate::order::swap_in_place;
 use crate::volume::{ByteOrder, Error, bounded};
 
 /// Compressed pixels that claim to unpack to more than this times their size, beyond [`EXPANSION_FREE`], are refused

@@ -54,7 +54,7 @@ pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
 
 /// Name of the data's own file; `None` for data in the header's file.
 fn data_name(path: &Path, header: &Header) -> Result<Option<String>, Error> {
-    let name = header.need(path, "ElementDataFile")?;
+    let name = header.fields.need(path, "ElementDataFile")?;
     if name.eq_ignore_ascii_case("LOCAL") {
         return Ok(None);
     }
@@ -70,10 +70,12 @@ fn data_name(path: &Path, header: &Header) -> Result<Option<String>, Error> {
 
 fn sizes(path: &Path, header: &Header) -> Result<([usize; 3], usize), Error> {
     let rank = rank(path, header)?;
-    let sizes: Vec<i64> =
-        header.numbers(path, "DimSize", rank)?.ok_or_else(|| Error::field(path, "DimSize", "missing"))?;
+    let sizes: Vec<i64> = header
+        .fields
+        .numbers(path, "DimSize", rank)?
+        .ok_or_else(|| Error::field(path, "DimSize", "missing"))?;
     let sizes = sizes.iter().map(|&n| bounded::size(path, "DimSize", n)).collect::<Result<Vec<_>, _>>()?;
-    if let Some(text) = header.get("ElementNumberOfChannels")
+    if let Some(text) = header.fields.get("ElementNumberOfChannels")
         && text != "1"
     {
         return Err(Error::unsupported(
@@ -87,7 +89,7 @@ fn sizes(path: &Path, header: &Header) -> Result<([usize; 3], usize), Error> {
 }
 
 fn rank(path: &Path, header: &Header) -> Result<usize, Error> {
-    let text = header.need(path, "NDims")?;
+    let text = header.fields.need(path, "NDims")?;
     text.parse()
         .ok()
         .filter(|n| (1..=4).contains(n))
@@ -129,7 +131,7 @@ fn encoding(path: &Path, header: &Header) -> Result<Encoding, Error> {
 }
 
 fn start(path: &Path, header: &Header) -> Result<Start, Error> {
-    let text = header.get("HeaderSize").unwrap_or("0");
+    let text = header.fields.get("HeaderSize").unwrap_or("0");
     match text.parse::<i64>() {
         Ok(-1) => Ok(Start::AtEnd),
         Ok(bytes @ 0..) => Ok(Start::After { lines: 0, bytes: bytes as u64 }),
@@ -146,7 +148,7 @@ fn order(path: &Path, header: &Header) -> Result<ByteOrder, Error> {
 }
 
 fn file_type(path: &Path, header: &Header) -> Result<FileType, Error> {
-    let name = header.need(path, "ElementType")?;
+    let name = header.fields.need(path, "ElementType")?;
     Ok(match name {
         "MET_UCHAR" => FileType::Plain(VoxelType::U8),
         "MET_CHAR" => FileType::Plain(VoxelType::I8),

@@ -7,7 +7,8 @@ use nalgebra::Vector3;
 
 use super::header::{SIZE_1, SIZE_2, code};
 use super::{orient, strip_ending};
-use crate::volume::write::{Values, put, replace};
+use crate::volume::replace::{put, replace};
+use crate::volume::values::Values;
 use crate::volume::{Error, Written};
 
 /// Most that rounding to `f32` may move a voxel [mm] before NIfTI-2 is written.

@@ -16,15 +16,17 @@ pub(super) struct Axes {
 
 impl Axes {
     pub(super) fn of(path: &Path, header: &Header) -> Result<Self, Error> {
-        let rank = header.need(path, "dimension")?;
+        let rank = header.fields.need(path, "dimension")?;
         let rank =
             rank.parse::<usize>().ok().filter(|n| (1..=16).contains(n)).ok_or_else(|| {
                 Error::field(path, "dimension", format!("`{rank}` is not a rank of 1 to 16"))
             })?;
-        let sizes: Vec<i64> =
-            header.numbers(path, "sizes", rank)?.ok_or_else(|| Error::field(path, "sizes", "missing"))?;
+        let sizes: Vec<i64> = header
+            .fields
+            .numbers(path, "sizes", rank)?
+            .ok_or_else(|| Error::field(path, "sizes", "missing"))?;
         let sizes = sizes.iter().map(|&n| bounded::size(path, "sizes", n)).collect::<Result<Vec<_>, _>>()?;
-        let directions = match header.get("space directions") {
+        let directions = match header.fields.get("space directions") {
             Some(text) => vectors(path, "space directions", text)?,
             None => Vec::new(),
         };
@@ -52,7 +54,8 @@ fn spatial(
     directions: &[Option<Vec<f64>>],
 ) -> Result<Vec<usize>, Error> {
     let rank = sizes.len();
-    let kinds: Vec<&str> = header.get("kinds").map(|k| k.split_whitespace().collect()).unwrap_or_default();
+    let kinds: Vec<&str> =
+        header.fields.get("kinds").map(|k| k.split_whitespace().collect()).unwrap_or_default();
     if !kinds.is_empty() && kinds.len() != rank {
         return Err(Error::field(path, "kinds", format!("{} kinds for {rank} axes", kinds.len())));
     }
@@ -108,7 +111,7 @@ fn grid(
         axes[a] = padded(path, "space directions", vector)?;
     }
     let mut origin = [0.0; 3];
-    if let Some(text) = header.get("space origin") {
+    if let Some(text) = header.fields.get("space origin") {
         match &vectors(path, "space origin", text)?[..] {
             [Some(vector)] => origin = padded(path, "space origin", vector)?,
             _ => return Err(Error::field(path, "space origin", format!("`{text}` is not one vector"))),
@@ -129,21 +132,22 @@ fn spaced_grid(
     dims: [usize; 3],
     spatial: &[usize],
 ) -> Result<Grid, Error> {
-    if header.get("space origin").is_some() {
+    if header.fields.get("space origin").is_some() {
         return Err(Error::field(path, "space origin", "given without `space directions`"));
     }
     let mut spacing = [1.0; 3];
     // An axis without a spacing says `nan`.
-    let given = header.numbers::<f64>(path, "spacings", rank)?;
+    let given = header.fields.numbers::<f64>(path, "spacings", rank)?;
     for (a, &axis) in spatial.iter().enumerate() {
         spacing[a] = given.as_ref().map_or(1.0, |s| if s[axis].is_nan() { 1.0 } else { s[axis] });
     }
     let mut origin = [0.0; 3];
-    let mins = header.numbers::<f64>(path, "axis mins", rank)?;
+    let mins = header.fields.numbers::<f64>(path, "axis mins", rank)?;
     if let Some(mins) = mins.filter(|mins| spatial.iter().all(|&axis| mins[axis].is_finite())) {
         let centers: Vec<&str> = header
+            .fields
             .get("centers")
-            .or_else(|| header.get("centerings"))
+            .or_else(|| header.fields.get("centerings"))
             .map(|c| c.split_whitespace().collect())
             .unwrap_or_default();
         for (a, &axis) in spatial.iter().enumerate() {
@@ -162,7 +166,7 @@ fn spaced_grid(
 
 /// Signs that turn the file's space into LPS. A space without anatomy is taken as LPS, as ITK takes it.
 fn signs(path: &Path, header: &Header) -> Result<[f64; 3], Error> {
-    let Some(name) = header.get("space") else { return Ok([1.0; 3]) };
+    let Some(name) = header.fields.get("space") else { return Ok([1.0; 3]) };
     match name.to_lowercase().as_str() {
         "right-anterior-superior" | "ras" => Ok([-1.0, -1.0, 1.0]),
         "left-anterior-superior" | "las" => Ok([1.0, -1.0, 1.0]),

@@ -1,19 +1,13 @@
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use crate::volume::numbers::numbers;
-use crate::volume::{Error, bounded};
+use crate::volume::Error;
+use crate::volume::text_header::{Fields, Lines, MOST};
 
-/// Most bytes that a header may take; real ones take a few hundred.
-const MOST: u64 = 1 << 20;
-
-/// The fields of a header as text, by their names in lower case without spaces (`datafile`, `space directions` and
-/// `spacedirections` are one field to every reader).
+/// The fields of a header. Spaces in a name, upper and lower case are the same to every reader (`datafile` and `data file`, `space
+/// directions` and `spacedirections`).
 #[derive(Debug)]
 pub(super) struct Header {
-    fields: BTreeMap<String, String>,
+    pub(super) fields: Fields,
     /// Bytes of the header, the empty line at its end included.
     pub(super) length: u64,
 }
@@ -21,68 +15,36 @@ pub(super) struct Header {
 impl Header {
     /// Reads the lines up to the empty one, or the end of a detached header.
     pub(super) fn read(path: &Path) -> Result<Self, Error> {
-        let (file, _) = bounded::open(path)?;
-        let mut reader = BufReader::new(file.take(MOST));
-        let magic = line(&mut reader, path)?.unwrap_or_default();
-        if !magic.1.starts_with("NRRD000") {
+        let mut lines = Lines::open(path)?;
+        if !lines.read()?.unwrap_or_default().starts_with("NRRD000") {
             return Err(Error::field(path, "magic", "the first line is not `NRRD000…`"));
         }
-        let mut header = Self { fields: BTreeMap::new(), length: magic.0 };
-        while let Some((bytes, text)) = line(&mut reader, path)? {
-            header.length += bytes;
+        let mut fields = Fields::new(|name| name.split_whitespace().collect::<String>().to_lowercase());
+        while let Some(text) = lines.read()? {
             if text.is_empty() {
-                return Ok(header);
+                return Ok(Self { fields, length: lines.length });
             }
-            header.add(path, &text)?;
+            if let Some((name, value)) = field(path, &text)? {
+                fields.add(path, name, value)?;
+            }
         }
-        if header.length >= MOST {
+        if lines.length >= MOST {
             return Err(Error::field(path, "header", format!("no empty line within {MOST} bytes")));
         }
-        Ok(header)
-    }
-
-    fn add(&mut self, path: &Path, text: &str) -> Result<(), Error> {
-        // `key:=value` pairs are the writer's own; `#` opens a comment.
-        if text.starts_with('#') || text.find(":=").is_some_and(|at| text.find(": ").is_none_or(|f| at < f)) {
-            return Ok(());
-        }
-        let Some((name, value)) = text.split_once(':') else {
-            let shown: String = text.chars().take(40).collect();
-            return Err(Error::field(path, "header", format!("the line `{shown}` is no `field: value`")));
-        };
-        let key: String = name.chars().filter(|c| !c.is_whitespace()).collect::<String>().to_lowercase();
-        if self.fields.insert(key, value.trim().to_owned()).is_some() {
-            return Err(Error::field(path, name, "given twice"));
-        }
-        Ok(())
-    }
-
-    /// A field's text; `name` as the format writes it.
-    pub(super) fn get(&self, name: &str) -> Option<&str> {
-        self.fields.get(&name.replace(' ', "")).map(String::as_str)
-    }
-
-    pub(super) fn need(&self, path: &Path, name: &str) -> Result<&str, Error> {
-        self.get(name).ok_or_else(|| Error::field(path, name, "missing"))
-    }
-
-    /// Numbers separated by white space: exactly `count` of them.
-    pub(super) fn numbers<T: std::str::FromStr>(
-        &self,
-        path: &Path,
-        name: &str,
-        count: usize,
-    ) -> Result<Option<Vec<T>>, Error> {
-        self.get(name).map(|text| numbers(path, name, text, count)).transpose()
+        Ok(Self { fields, length: lines.length })
     }
 }
 
-/// A line without its end, and its length with it. Bytes that aren't UTF-8 are replaced: no field needs them.
-fn line(reader: &mut BufReader<std::io::Take<File>>, path: &Path) -> Result<Option<(u64, String)>, Error> {
-    let mut bytes = Vec::new();
-    let got = reader.read_until(b'\n', &mut bytes).map_err(|e| Error::io(path, "read", e))?;
-    let text = String::from_utf8_lossy(&bytes);
-    Ok((got > 0).then(|| (got as u64, text.trim_end_matches(['\n', '\r']).to_owned())))
+/// Name and value of a line; `None` for a line that isn't the format's.
+fn field<'t>(path: &Path, text: &'t str) -> Result<Option<(&'t str, &'t str)>, Error> {
+    // `key:=value` pairs are the writer's own; `#` opens a comment.
+    if text.starts_with('#') || text.find(":=").is_some_and(|at| text.find(": ").is_none_or(|f| at < f)) {
+        return Ok(None);
+    }
+    text.split_once(':').map(Some).ok_or_else(|| {
+        let shown: String = text.chars().take(40).collect();
+        Error::field(path, "header", format!("the line `{shown}` is no `field: value`"))
+    })
 }
 
 /// A vector `(a,b,c)`, or `none`.

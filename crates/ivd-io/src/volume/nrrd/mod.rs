@@ -47,7 +47,7 @@ pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
 
 /// Name of the data's own file, where the header has one.
 fn data_name(path: &Path, header: &Header) -> Result<Option<String>, Error> {
-    let Some(name) = header.get("data file") else { return Ok(None) };
+    let Some(name) = header.fields.get("data file") else { return Ok(None) };
     if name.starts_with("LIST") || name.contains('%') {
         return Err(Error::unsupported(
             path,
@@ -59,13 +59,13 @@ fn data_name(path: &Path, header: &Header) -> Result<Option<String>, Error> {
 }
 
 fn start(path: &Path, header: &Header, encoding: Encoding) -> Result<Start, Error> {
-    let lines = match header.get("line skip") {
+    let lines = match header.fields.get("line skip") {
         Some(text) => text
             .parse()
             .map_err(|_| Error::field(path, "line skip", format!("`{text}` is no number of lines")))?,
         None => 0,
     };
-    let skip = match header.get("byte skip") {
+    let skip = match header.fields.get("byte skip") {
         Some(text) => text
             .parse::<i64>()
             .map_err(|_| Error::field(path, "byte skip", format!("`{text}` is no number of bytes")))?,
@@ -79,7 +79,7 @@ fn start(path: &Path, header: &Header, encoding: Encoding) -> Result<Start, Erro
 }
 
 fn encoding(path: &Path, header: &Header) -> Result<Encoding, Error> {
-    let name = header.need(path, "encoding")?;
+    let name = header.fields.need(path, "encoding")?;
     match name.to_lowercase().as_str() {
         "raw" => Ok(Encoding::Raw),
         "gzip" | "gz" => Ok(Encoding::Deflated),
@@ -94,7 +94,7 @@ fn encoding(path: &Path, header: &Header) -> Result<Encoding, Error> {
 }
 
 fn order(path: &Path, header: &Header, file_type: FileType, encoding: Encoding) -> Result<ByteOrder, Error> {
-    match header.get("endian").map(str::to_lowercase).as_deref() {
+    match header.fields.get("endian").map(str::to_lowercase).as_deref() {
         Some("little") => Ok(ByteOrder::Little),
         Some("big") => Ok(ByteOrder::Big),
         Some(other) => Err(Error::field(path, "endian", format!("`{other}` is neither `little` nor `big`"))),
@@ -104,7 +104,7 @@ fn order(path: &Path, header: &Header, file_type: FileType, encoding: Encoding) 
 }
 
 fn file_type(path: &Path, header: &Header) -> Result<FileType, Error> {
-    let name = header.need(path, "type")?;
+    let name = header.fields.need(path, "type")?;
     let words = name.split_whitespace().collect::<Vec<_>>().join(" ").to_lowercase();
     Ok(match words.as_str() {
         "signed char" | "int8" | "int8_t" => FileType::Plain(VoxelType::I8),

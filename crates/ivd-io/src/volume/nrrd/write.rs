@@ -5,7 +5,8 @@ use std::path::Path;
 use ivd_core::{Exec, Grid, Volume, VoxelType};
 
 use crate::volume::orientation::flip;
-use crate::volume::write::{Values, put, replace};
+use crate::volume::replace::{put, replace};
+use crate::volume::values::Values;
 use crate::volume::{Error, Written};
 
 /// Writes `.nrrd`, or `.nhdr` with the voxels in a `.raw` beside it.

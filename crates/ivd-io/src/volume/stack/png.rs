@@ -5,8 +5,8 @@ use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Transformations
 use ivd_core::{Exec, VoxelType, Voxels};
 
 use super::pile::Pile;
+use crate::order::swap_in_place;
 use crate::volume::bounded::{self, Declared, Packing};
-use crate::volume::order::swap_in_place;
 use crate::volume::{ByteOrder, Error};
 
 /// Adds a PNG to the pile: 8 or 16 bit grey, no colour, no alpha.

@@ -5,8 +5,8 @@ use ivd_core::{Exec, Scalar, Volume, VoxelType, Voxels};
 
 use super::names::regular_files;
 use super::{Slices, note_foreign};
+use crate::order::swap_in_place;
 use crate::volume::bounded::{self, Declared, Packing};
-use crate::volume::order::swap_in_place;
 use crate::volume::{Error, RawLayout, orientation};
 
 /// The files of a folder that have the size of one slice.

@@ -10,7 +10,8 @@ use ::tiff::{TiffError, TiffResult};
 use ivd_core::{Exec, Grid, Scalar, Volume, with_voxels};
 
 use crate::volume::orientation;
-use crate::volume::write::{Values, replace};
+use crate::volume::replace::replace;
+use crate::volume::values::Values;
 use crate::volume::{Error, Written};
 
 /// Bytes that a page's tags may take in the file, generously, without the tables of its strips.

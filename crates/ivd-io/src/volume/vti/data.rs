@@ -4,20 +4,19 @@ use std::path::Path;
 use flate2::bufread::ZlibDecoder;
 use ivd_core::{Exec, Scalar, VoxelType, Voxels, parallel};
 
-use super::header::{Content, Header};
+use super::header::Header;
+use crate::order::swap_in_place;
 use crate::volume::bounded::{self, Declared, Packing};
-use crate::volume::order::swap_in_place;
 use crate::volume::{ByteOrder, Error};
-use crate::vtk::Base64;
+use crate::vtk::{Base64, Coding, Content};
 
 /// The voxels of the chosen array.
 pub(super) fn read(path: &Path, header: &Header, exec: &Exec) -> Result<Voxels, Error> {
     let count = bounded::voxel_count(path, "Piece Extent", header.dims)?;
-    match &header.content {
+    match header.content {
         Content::Ascii(text) => ascii(path, header.voxel_type, count, text, exec),
-        Content::Inline(text) => binary(path, header, count, &mut Base64::new(text), text.len(), exec),
-        Content::AppendedText(text) => binary(path, header, count, &mut Base64::new(text), text.len(), exec),
-        Content::AppendedRaw(bytes) => binary(path, header, count, &mut &bytes[..], bytes.len(), exec),
+        Content::Base64(text) => binary(path, header, count, &mut Base64::new(text), text.len(), exec),
+        Content::Raw(bytes) => binary(path, header, count, &mut &bytes[..], bytes.len(), exec),
     }
 }
 
@@ -81,13 +80,13 @@ fn binary(
     let declared = Declared {
         voxel_type: header.voxel_type,
         count,
-        order: header.order,
-        packing: if header.zlib { Packing::Deflated } else { Packing::Raw },
+        order: header.coding.order,
+        packing: if header.coding.zlib { Packing::Deflated } else { Packing::Raw },
         available: length as u64,
     };
     let needed = declared.check(path, 0, exec)?;
-    if header.zlib {
-        let blocks = Blocks::read(path, header, reader, length, needed)?;
+    if header.coding.zlib {
+        let blocks = Blocks::read(path, header.coding, reader, length, needed)?;
         return match header.voxel_type {
             VoxelType::U8 => blocks.inflate::<u8>(path, declared, exec),
             VoxelType::I8 => blocks.inflate::<i8>(path, declared, exec),
@@ -99,7 +98,7 @@ fn binary(
             VoxelType::F64 => blocks.inflate::<f64>(path, declared, exec),
         };
     }
-    let bytes = word(path, header, reader)?;
+    let bytes = word(path, header.coding, reader)?;
     if bytes != needed {
         let problem = format!("{bytes} bytes, but the extent needs {needed}");
         return Err(Error::field(path, "DataArray length", problem));
@@ -108,13 +107,14 @@ fn binary(
 }
 
 /// A word of a block header.
-fn word(path: &Path, header: &Header, reader: &mut dyn Read) -> Result<u64, Error> {
+fn word(path: &Path, coding: Coding, reader: &mut dyn Read) -> Result<u64, Error> {
+    let width = coding.word.bytes();
     let mut bytes = [0; 8];
-    let got = bounded::read_up_to(reader, path, &mut bytes[..header.word])?;
-    if got < header.word {
-        return Err(Error::truncated(path, "block header", header.word as u64, got as u64));
+    let got = bounded::read_up_to(reader, path, &mut bytes[..width])?;
+    if got < width {
+        return Err(Error::truncated(path, "block header", width as u64, got as u64));
     }
-    Ok(match (header.order, header.word) {
+    Ok(match (coding.order, width) {
         (ByteOrder::Little, _) => u64::from_le_bytes(bytes),
         (ByteOrder::Big, 4) => u64::from_be_bytes(bytes) >> 32,
         (ByteOrder::Big, _) => u64::from_be_bytes(bytes),
@@ -134,15 +134,15 @@ impl Blocks {
     /// size of each.
     fn read(
         path: &Path,
-        header: &Header,
+        coding: Coding,
         reader: &mut dyn Read,
         length: usize,
         needed: u64,
     ) -> Result<Self, Error> {
-        let blocks = word(path, header, reader)?;
-        let (size, last) = (word(path, header, reader)?, word(path, header, reader)?);
+        let blocks = word(path, coding, reader)?;
+        let (size, last) = (word(path, coding, reader)?, word(path, coding, reader)?);
         // Each block has a word in the header.
-        if blocks > length as u64 / header.word as u64 {
+        if blocks > length as u64 / coding.word.bytes() as u64 {
             return Err(Error::truncated(path, "block header", blocks.saturating_mul(4), length as u64));
         }
         let missing = if last == 0 { Some(0) } else { size.checked_sub(last) };
@@ -155,7 +155,7 @@ impl Blocks {
         let mut ends = Vec::new();
         let mut end = 0_usize;
         for _ in 0..blocks {
-            let packed = word(path, header, reader)?;
+            let packed = word(path, coding, reader)?;
             end = usize::try_from(packed)
                 .ok()
                 .and_then(|n| end.checked_add(n))

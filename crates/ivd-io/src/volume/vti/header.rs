@@ -1,25 +1,12 @@
-use std::borrow::Cow;
+//! What an image is: its extent and place, and the array that holds its voxels.
+
 use std::path::Path;
+use std::str::FromStr;
 
 use ivd_core::VoxelType;
-use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
 
-use crate::volume::{ByteOrder, Error, bounded};
-use crate::vtk::{Appended, Broken, Parts, split};
-
-/// Where an array's bytes are.
-#[derive(Debug, Clone)]
-pub(super) enum Content<'a> {
-    /// Numbers as text.
-    Ascii(Cow<'a, [u8]>),
-    /// Base64 between the tags.
-    Inline(Cow<'a, [u8]>),
-    /// The appended bytes from the array's offset on.
-    AppendedRaw(&'a [u8]),
-    /// The appended base64 from the array's offset on.
-    AppendedText(&'a [u8]),
-}
+use crate::volume::{Error, bounded};
+use crate::vtk::{self, Appended, Broken, Coding, Content, DEEPEST, Element, Fault};
 
 /// What the XML says, and where the chosen array is.
 #[derive(Debug)]
@@ -31,161 +18,155 @@ pub(super) struct Header<'a> {
     pub(super) origin: [f64; 3],
     /// `axes[a]` is the direction of axis `a`.
     pub(super) axes: [[f64; 3]; 3],
-    pub(super) order: ByteOrder,
-    /// Bytes of a word of a block header: 4 or 8.
-    pub(super) word: usize,
-    pub(super) zlib: bool,
+    pub(super) coding: Coding,
     pub(super) voxel_type: VoxelType,
     pub(super) content: Content<'a>,
 }
 
-/// An element's attributes.
-struct Attributes<'p>(&'p Path, String, Vec<(String, String)>);
-
-impl<'p> Attributes<'p> {
-    fn of(path: &'p Path, element: &BytesStart) -> Result<Self, Error> {
-        let name = String::from_utf8_lossy(element.name().as_ref()).into_owned();
-        let mut list = Vec::new();
-        for attribute in element.attributes() {
-            let attribute = attribute.map_err(|e| Error::corrupt(path, format!("element {name}"), e))?;
-            list.push((
-                String::from_utf8_lossy(attribute.key.as_ref()).into_owned(),
-                String::from_utf8_lossy(&attribute.value).into_owned(),
-            ));
-        }
-        Ok(Self(path, name, list))
-    }
-
-    fn get(&self, key: &str) -> Option<&str> {
-        self.2.iter().find(|(k, _)| k == key).map(|(_, v)| v.trim())
-    }
-
-    fn bad(&self, key: &str, problem: impl Into<String>) -> Error {
-        Error::field(self.0, format!("{} {key}", self.1), problem)
-    }
-
-    /// `N` numbers separated by white space; `None` where the attribute is absent.
-    fn numbers<T: std::str::FromStr, const N: usize>(&self, key: &str) -> Result<Option<[T; N]>, Error> {
-        let Some(text) = self.get(key) else { return Ok(None) };
-        let values: Option<Vec<T>> = text.split_whitespace().map(|w| w.parse().ok()).collect();
-        let values: Option<[T; N]> = values.and_then(|v| v.try_into().ok());
-        values.map(Some).ok_or_else(|| self.bad(key, format!("`{text}` isn't {N} numbers")))
-    }
-}
-
 /// A `DataArray` of the point data.
-struct Array<'a, 'p> {
-    attributes: Attributes<'p>,
-    text: Cow<'a, [u8]>,
+struct Array<'a> {
+    element: Element<'a>,
+    text: &'a [u8],
 }
 
 /// The XML's elements as far as they matter.
 #[derive(Default)]
-struct Elements<'a, 'p> {
-    file: Option<Attributes<'p>>,
-    image: Option<Attributes<'p>>,
-    piece: Option<Attributes<'p>>,
+struct Scan<'a> {
+    file: Option<Element<'a>>,
+    image: Option<Element<'a>>,
+    piece: Option<Element<'a>>,
     pieces: usize,
-    points: Option<Attributes<'p>>,
-    arrays: Vec<Array<'a, 'p>>,
+    points: Option<Element<'a>>,
+    arrays: Vec<Array<'a>>,
     cell_arrays: usize,
+    appended: Option<Appended<'a>>,
 }
 
 impl<'a> Header<'a> {
     pub(super) fn parse(path: &Path, bytes: &'a [u8]) -> Result<Self, Error> {
-        let (xml, appended) = parts(path, bytes)?;
-        let elements = scan(path, xml)?;
+        let found = Scan::of(path, bytes)?;
+        let said = |fault| error(path, fault);
         let missing = |what: &str| Error::field(path, what, "the element is missing");
-        let file = elements.file.as_ref().ok_or_else(|| missing("VTKFile"))?;
-        check_kind(path, file)?;
-        let image = elements.image.as_ref().ok_or_else(|| missing("ImageData"))?;
-        let piece = elements.piece.as_ref().ok_or_else(|| missing("Piece"))?;
-        if elements.pieces != 1 {
-            let what = format!("image data in {} pieces", elements.pieces);
+        let file = found.file.as_ref().ok_or_else(|| missing("VTKFile"))?;
+        vtk::check_type(file, "ImageData").map_err(said)?;
+        let image = found.image.as_ref().ok_or_else(|| missing("ImageData"))?;
+        let piece = found.piece.as_ref().ok_or_else(|| missing("Piece"))?;
+        if found.pieces != 1 {
+            let what = format!("image data in {} pieces", found.pieces);
             return Err(Error::unsupported(path, what, "save the image as one piece"));
         }
         let (start, dims) = extent(path, image, piece)?;
         let direction: [f64; 9] =
-            image.numbers("Direction")?.unwrap_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
-        let array = choose(path, &elements)?;
+            numbers(path, image, "Direction")?.unwrap_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        let array = found.scalars(path)?;
         Ok(Self {
             dims,
             start,
-            spacing: image.numbers("Spacing")?.unwrap_or([1.0; 3]),
-            origin: image.numbers("Origin")?.unwrap_or([0.0; 3]),
+            spacing: numbers(path, image, "Spacing")?.unwrap_or([1.0; 3]),
+            origin: numbers(path, image, "Origin")?.unwrap_or([0.0; 3]),
             // Stored row by row; an axis is a column.
             axes: std::array::from_fn(|a| std::array::from_fn(|row| direction[3 * row + a])),
-            order: byte_order(file)?,
-            word: match file.get("header_type") {
-                None | Some("UInt32") => 4,
-                Some("UInt64") => 8,
-                Some(other) => return Err(file.bad("header_type", format!("`{other}` is no known type"))),
-            },
-            zlib: compressed(path, file)?,
-            voxel_type: voxel_type(path, &array.attributes)?,
-            content: content(path, array, appended)?,
+            coding: Coding::of(file).map_err(said)?,
+            voxel_type: voxel_type(path, &array.element)?,
+            content: Content::of(&array.element, found.appended).map_err(said)?.between(array.text),
         })
     }
 }
 
-fn check_kind(path: &Path, file: &Attributes) -> Result<(), Error> {
-    match file.get("type") {
-        Some("ImageData") => Ok(()),
-        Some(other) => {
-            Err(Error::unsupported(path, format!("VTK data of type {other}"), "save it as ImageData"))
+impl<'a> Scan<'a> {
+    fn of(path: &Path, bytes: &'a [u8]) -> Result<Self, Error> {
+        let said = |fault| error(path, fault);
+        let (mut elements, appended) = vtk::open(bytes).map_err(said)?;
+        let mut found = Self { appended, ..Self::default() };
+        while let Some(element) = elements.read().map_err(said)? {
+            element.check().map_err(said)?;
+            match (element.name(), element.parent()) {
+                (b"VTKFile", _) => found.file = Some(element),
+                (b"ImageData", _) => found.image = Some(element),
+                (b"Piece", _) => {
+                    found.pieces += 1;
+                    found.piece = Some(element);
+                }
+                (b"PointData", _) => found.points = Some(element),
+                (b"DataArray", b"CellData") => found.cell_arrays += 1,
+                (b"DataArray", b"PointData") => {
+                    let text = elements.text(&element).map_err(|fault| match fault {
+                        Fault::Xml { problem, .. } => Error::corrupt(path, "DataArray", problem),
+                        other => error(path, other),
+                    })?;
+                    if !text.closed {
+                        return Err(Error::corrupt(path, "DataArray", "the file ends inside it"));
+                    }
+                    found.arrays.push(Array { element, text: text.bytes });
+                }
+                _ => {}
+            }
         }
-        None => Err(file.bad("type", "missing")),
+        Ok(found)
     }
-}
 
-fn byte_order(file: &Attributes) -> Result<ByteOrder, Error> {
-    match file.get("byte_order") {
-        None | Some("LittleEndian") => Ok(ByteOrder::Little),
-        Some("BigEndian") => Ok(ByteOrder::Big),
-        Some(other) => Err(file.bad("byte_order", format!("`{other}` is no byte order"))),
-    }
-}
-
-fn compressed(path: &Path, file: &Attributes) -> Result<bool, Error> {
-    match file.get("compressor") {
-        None | Some("") => Ok(false),
-        Some("vtkZLibDataCompressor") => Ok(true),
-        Some(other) => Err(Error::unsupported(
-            path,
-            format!("compressor {other}"),
-            "save with zlib or without compression",
-        )),
-    }
-}
-
-fn voxel_type(path: &Path, array: &Attributes) -> Result<VoxelType, Error> {
-    Ok(match array.get("type") {
-        Some("UInt8") => VoxelType::U8,
-        Some("Int8") => VoxelType::I8,
-        Some("UInt16") => VoxelType::U16,
-        Some("Int16") => VoxelType::I16,
-        Some("UInt32") => VoxelType::U32,
-        Some("Int32") => VoxelType::I32,
-        Some("Float32") => VoxelType::F32,
-        Some("Float64") => VoxelType::F64,
-        Some(other) => {
-            return Err(Error::unsupported(
+    /// The scalar array: the one that `Scalars` names, else the first.
+    fn scalars(&self, path: &Path) -> Result<&Array<'a>, Error> {
+        let said = |fault| error(path, fault);
+        let mut chosen = self.arrays.first();
+        if let Some(points) = &self.points
+            && let Some(wanted) = points.get("Scalars").map_err(said)?
+        {
+            for array in &self.arrays {
+                if array.element.get("Name").map_err(said)?.as_ref() == Some(&wanted) {
+                    chosen = Some(array);
+                    break;
+                }
+            }
+        }
+        let Some(array) = chosen else {
+            if self.cell_arrays > 0 {
+                let remedy = "convert cell data to point data";
+                return Err(Error::unsupported(path, "image data with CellData alone", remedy));
+            }
+            return Err(Error::field(path, "PointData", "no DataArray"));
+        };
+        match array.element.get("NumberOfComponents").map_err(said)?.as_deref() {
+            None | Some("1") => Ok(array),
+            Some(n) => Err(Error::unsupported(
                 path,
-                format!("DataArray of type {other}"),
-                "save at most 32 bit integers",
-            ));
+                format!("DataArray of {n} components"),
+                "save a single component",
+            )),
         }
-        None => return Err(array.bad("type", "missing")),
+    }
+}
+
+/// `N` numbers separated by white space; `None` where the attribute is absent.
+fn numbers<T: FromStr, const N: usize>(
+    path: &Path,
+    element: &Element,
+    key: &'static str,
+) -> Result<Option<[T; N]>, Error> {
+    let Some(text) = element.get(key).map_err(|fault| error(path, fault))? else { return Ok(None) };
+    let values: Option<Vec<T>> = text.split_whitespace().map(|w| w.parse().ok()).collect();
+    let values: Option<[T; N]> = values.and_then(|v| v.try_into().ok());
+    let name = String::from_utf8_lossy(element.name());
+    let bad = || Error::field(path, format!("{name} {key}"), format!("`{text}` isn't {N} numbers"));
+    values.map(Some).ok_or_else(bad)
+}
+
+fn voxel_type(path: &Path, array: &Element) -> Result<VoxelType, Error> {
+    let name = array.get("type").map_err(|fault| error(path, fault))?;
+    let name = name.ok_or_else(|| Error::field(path, "DataArray type", "missing"))?;
+    vtk::voxel_type(&name).ok_or_else(|| {
+        Error::unsupported(path, format!("DataArray of type {name}"), "save at most 32 bit integers")
     })
 }
 
 /// First index and number of points along each axis.
-fn extent(path: &Path, image: &Attributes, piece: &Attributes) -> Result<([i64; 3], [usize; 3]), Error> {
-    let whole: Option<[i64; 6]> = image.numbers("WholeExtent")?;
-    let own: Option<[i64; 6]> = piece.numbers("Extent")?;
-    let extent = own.or(whole).ok_or_else(|| piece.bad("Extent", "missing"))?;
+fn extent(path: &Path, image: &Element, piece: &Element) -> Result<([i64; 3], [usize; 3]), Error> {
+    let bad = |problem: String| Error::field(path, "Piece Extent", problem);
+    let whole: Option<[i64; 6]> = numbers(path, image, "WholeExtent")?;
+    let own: Option<[i64; 6]> = numbers(path, piece, "Extent")?;
+    let extent = own.or(whole).ok_or_else(|| bad("missing".into()))?;
     if whole.is_some_and(|whole| whole != extent) {
-        return Err(piece.bad("Extent", format!("{extent:?} isn't the whole extent")));
+        return Err(bad(format!("{extent:?} isn't the whole extent")));
     }
     let mut dims = [0; 3];
     for axis in 0..3 {
@@ -197,117 +178,40 @@ fn extent(path: &Path, image: &Attributes, piece: &Attributes) -> Result<([i64; 
     Ok(([extent[0], extent[2], extent[4]], dims))
 }
 
-/// The scalar array: the one that `Scalars` names, else the first.
-fn choose<'e, 'a, 'p>(path: &Path, elements: &'e Elements<'a, 'p>) -> Result<&'e Array<'a, 'p>, Error> {
-    let wanted = elements.points.as_ref().and_then(|p| p.get("Scalars"));
-    let named = wanted.and_then(|w| elements.arrays.iter().find(|a| a.attributes.get("Name") == Some(w)));
-    let Some(array) = named.or(elements.arrays.first()) else {
-        if elements.cell_arrays > 0 {
-            let remedy = "convert cell data to point data";
-            return Err(Error::unsupported(path, "image data with CellData alone", remedy));
+/// What is wrong with the file, as it is said of a volume.
+fn error(path: &Path, fault: Fault) -> Error {
+    let field = |name: &str, problem: String| Error::field(path, name, problem);
+    match fault {
+        Fault::Xml { problem, .. } => Error::corrupt(path, "XML", problem),
+        Fault::Deep { .. } => {
+            Error::corrupt(path, "XML", format!("elements inside each other more than {DEEPEST} deep"))
         }
-        return Err(Error::field(path, "PointData", "no DataArray"));
-    };
-    match array.attributes.get("NumberOfComponents") {
-        None | Some("1") => Ok(array),
-        Some(n) => {
-            Err(Error::unsupported(path, format!("DataArray of {n} components"), "save a single component"))
+        Fault::Attributes { element, problem } => Error::corrupt(path, format!("element {element}"), problem),
+        Fault::Long { element, key, bytes } => {
+            field(&format!("{element} {key}"), format!("{bytes} bytes long"))
         }
-    }
-}
-
-fn content<'a>(
-    path: &Path,
-    array: &Array<'a, '_>,
-    appended: Option<Appended<'a>>,
-) -> Result<Content<'a>, Error> {
-    let attributes = &array.attributes;
-    match attributes.get("format") {
-        Some("ascii") | None => Ok(Content::Ascii(array.text.clone())),
-        Some("binary") => Ok(Content::Inline(array.text.clone())),
-        Some("appended") => {
-            let [offset]: [usize; 1] =
-                attributes.numbers("offset")?.ok_or_else(|| attributes.bad("offset", "missing"))?;
-            let appended =
-                appended.ok_or_else(|| Error::field(path, "AppendedData", "the element is missing"))?;
-            let rest = appended.bytes.get(offset..).ok_or_else(|| {
-                Error::truncated(path, "AppendedData", offset as u64, appended.bytes.len() as u64)
-            })?;
-            Ok(if appended.raw { Content::AppendedRaw(rest) } else { Content::AppendedText(rest) })
+        Fault::Appended { broken: Broken::Tag | Broken::Empty, length, .. } => {
+            Error::truncated(path, "AppendedData", length as u64 + 1, length as u64)
         }
-        Some(other) => Err(attributes.bad("format", format!("`{other}` is no known format"))),
-    }
-}
-
-/// Parts the XML from the appended data.
-fn parts<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>, Error> {
-    split(bytes).map_err(|(_, broken)| match broken {
-        Broken::Tag | Broken::Empty => {
-            Error::truncated(path, "AppendedData", bytes.len() as u64 + 1, bytes.len() as u64)
+        Fault::Appended { broken: Broken::Mark, .. } => {
+            field("AppendedData", "the data doesn't start with `_`".into())
         }
-        Broken::Mark => Error::field(path, "AppendedData", "the data doesn't start with `_`"),
-        Broken::Encoding => Error::field(path, "AppendedData encoding", "neither `raw` nor `base64`"),
-    })
-}
-
-fn scan<'a, 'p>(path: &'p Path, xml: &'a [u8]) -> Result<Elements<'a, 'p>, Error> {
-    let mut reader = Reader::from_reader(xml);
-    let mut found = Elements::default();
-    let mut parents: Vec<Vec<u8>> = Vec::new();
-    loop {
-        let event = reader.read_event().map_err(|e| Error::corrupt(path, "XML", e))?;
-        let (start, empty) = match event {
-            Event::Start(start) => (start, false),
-            Event::Empty(start) => (start, true),
-            Event::End(_) => {
-                parents.pop();
-                continue;
-            }
-            Event::Eof => return Ok(found),
-            _ => continue,
-        };
-        let attributes = Attributes::of(path, &start)?;
-        let parent = parents.last().map_or(&b""[..], Vec::as_slice);
-        match start.name().as_ref() {
-            b"VTKFile" => found.file = Some(attributes),
-            b"ImageData" => found.image = Some(attributes),
-            b"Piece" => {
-                found.pieces += 1;
-                found.piece = Some(attributes);
-            }
-            b"PointData" => found.points = Some(attributes),
-            b"DataArray" if parent == b"CellData" => found.cell_arrays += 1,
-            b"DataArray" if parent == b"PointData" => {
-                let text = if empty { Cow::default() } else { first_text(path, &mut reader)? };
-                found.arrays.push(Array { attributes, text });
-                // Its end has been read.
-                continue;
-            }
-            _ => {}
+        Fault::Appended { broken: Broken::Encoding, .. } => {
+            field("AppendedData encoding", "neither `raw` nor `base64`".into())
         }
-        if !empty {
-            parents.push(start.name().as_ref().to_vec());
+        Fault::Type(None) => field("VTKFile type", "missing".into()),
+        Fault::Type(Some(other)) => {
+            Error::unsupported(path, format!("VTK data of type {other}"), "save it as ImageData")
         }
-    }
-}
-
-/// The text between an element's tags, up to its end; text of elements inside it is left out.
-fn first_text<'a>(path: &Path, reader: &mut Reader<&'a [u8]>) -> Result<Cow<'a, [u8]>, Error> {
-    let mut text = Cow::default();
-    let mut depth = 0_usize;
-    loop {
-        match reader.read_event().map_err(|e| Error::corrupt(path, "DataArray", e))? {
-            Event::Start(_) => depth += 1,
-            Event::End(_) if depth == 0 => return Ok(text),
-            Event::End(_) => depth -= 1,
-            Event::Text(part) if depth == 0 && text.is_empty() => {
-                let part = part.into_inner();
-                if !part.trim_ascii().is_empty() {
-                    text = part;
-                }
-            }
-            Event::Eof => return Err(Error::corrupt(path, "DataArray", "the file ends inside it")),
-            _ => {}
+        Fault::ByteOrder(other) => field("VTKFile byte_order", format!("`{other}` is no byte order")),
+        Fault::HeaderType(other) => field("VTKFile header_type", format!("`{other}` is no known type")),
+        Fault::Compressor(other) => {
+            Error::unsupported(path, format!("compressor {other}"), "save with zlib or without compression")
         }
+        Fault::Format(other) => field("DataArray format", format!("`{other}` is no known format")),
+        Fault::NoOffset => field("DataArray offset", "missing".into()),
+        Fault::Offset(text) => field("DataArray offset", format!("`{text}` isn't 1 numbers")),
+        Fault::NoAppended => field("AppendedData", "the element is missing".into()),
+        Fault::Beyond { offset, length } => Error::truncated(path, "AppendedData", offset, length as u64),
     }
 }

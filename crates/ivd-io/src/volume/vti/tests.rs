@@ -222,6 +222,9 @@ fn what_is_not_read_is_named() {
         (" 22 ", " ", "23 numbers"),
         ("format=\"ascii\">-300", "format=\"appended\" offset=\"0\">", "AppendedData"),
         ("format=\"ascii\">-300", "format=\"appended\">", "offset"),
+        ("Spacing=\"1 1 1\"", &format!("Spacing=\"1 1 1{}\"", " ".repeat(1024)), "1029 bytes"),
+        ("Spacing=\"1 1 1\"", "Spacing=\"1 1 1\" Spacing=\"1 1 1\"", "duplicated attribute"),
+        ("<CellData>", &"<CellData>".repeat(65), "more than 64 deep"),
     ] {
         let message = complaint(&with(from, to));
         assert!(message.contains(said) && message.contains("a.vti"), "{from} → {to}: {message}");

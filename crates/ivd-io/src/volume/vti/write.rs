@@ -4,8 +4,10 @@ use std::path::Path;
 use ivd_core::{Exec, Volume, VoxelType};
 
 use crate::volume::orientation::flip;
-use crate::volume::write::{Values, put, replace};
+use crate::volume::replace::{put, replace};
+use crate::volume::values::Values;
 use crate::volume::{Error, Written};
+use crate::vtk;
 
 /// Writes a `.vti` file: one piece, appended raw bytes, little endian, LPS.
 ///
@@ -47,7 +49,7 @@ fn head(volume: &Volume, voxel_type: VoxelType) -> String {
     line("      <PointData Scalars=\"volume\">".into());
     line(format!(
         "        <DataArray type=\"{}\" Name=\"volume\" format=\"appended\" offset=\"0\"/>",
-        type_name(voxel_type)
+        vtk::type_name(voxel_type)
     ));
     line("      </PointData>\n      <CellData/>\n    </Piece>\n  </ImageData>".into());
     head + "  <AppendedData encoding=\"raw\">\n   _"
@@ -56,17 +58,4 @@ fn head(volume: &Volume, voxel_type: VoxelType) -> String {
 /// Shortest text that reads back as the same numbers.
 fn numbers(values: &[f64]) -> String {
     values.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
-}
-
-fn type_name(voxel_type: VoxelType) -> &'static str {
-    match voxel_type {
-        VoxelType::U8 => "UInt8",
-        VoxelType::I8 => "Int8",
-        VoxelType::U16 => "UInt16",
-        VoxelType::I16 => "Int16",
-        VoxelType::U32 => "UInt32",
-        VoxelType::I32 => "Int32",
-        VoxelType::F32 => "Float32",
-        VoxelType::F64 => "Float64",
-    }
 }

@@ -1,25 +1,8 @@
-mod values;
-
 use std::path::Path;
 
 use ivd_core::{Exec, Volume};
 
-use crate::volume::{Error, metaimage, nifti, nrrd, raw, stack, vti};
-pub(crate) use values::{Values, put};
-
-/// What became of a written file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Written {
-    /// False where the file already held the same bytes and was left alone, modification time included.
-    pub touched: bool,
-}
-
-impl Written {
-    /// What became of two files that are one volume.
-    pub(crate) fn and(self, other: Self) -> Self {
-        Self { touched: self.touched || other.touched }
-    }
-}
+use crate::volume::{Error, Written, metaimage, nifti, nrrd, raw, stack, vti};
 
 /// Writes a volume in the format of the file's ending: `.nii`, `.nii.gz`, `.nrrd`, `.nhdr` (with `.raw` beside it),
 /// `.mha`, `.mhd` (with `.raw`), `.vti`, `.tif` or `.tiff` (a page a slice), `.raw`.
@@ -69,14 +52,4 @@ pub fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error
             })
         }
     })
-}
-
-/// Writes a file through `content` so that a reader sees the old file, the new one, or none. A file that already holds
-/// the same bytes isn't touched.
-pub(crate) fn replace(
-    path: &Path,
-    content: impl FnOnce(&mut ivd_fs::Sink) -> Result<(), Error>,
-) -> Result<Written, Error> {
-    let touched = ivd_fs::replace(path, |action, source| Error::io(path, action, source), content)?;
-    Ok(Written { touched })
 }

@@ -3,7 +3,8 @@ use std::path::Path;
 
 use ivd_core::{Exec, Scalar, Volume, VoxelType, with_voxels};
 
-use crate::volume::order::swap_in_place;
+use crate::order::swap_in_place;
+use crate::volume::replace::put;
 use crate::volume::{ByteOrder, Error};
 
 /// Bytes written between two looks at the cancel flag.
@@ -76,9 +77,4 @@ fn real(to: &mut dyn Write, path: &Path, volume: &Volume, exec: &Exec) -> Result
         }
     });
     Ok(())
-}
-
-/// Writes all bytes.
-pub(crate) fn put(to: &mut dyn Write, path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    to.write_all(bytes).map_err(|e| Error::io(path, "write", e))
 }
