@@ -8,8 +8,8 @@ use crate::Error;
 use crate::fronts::{Front, FrontPoint, recorded};
 use crate::scene::Scene;
 use ivd_core::op::Stage;
-use ivd_deform::{deform, map};
 use ivd_lattice::refine::{self, Refinement, Target, TargetKeys};
+use ivd_motion::deform;
 use ivd_render::RenderParams;
 
 /// Steps of the ring solver where the scene names none, and the least it makes.
@@ -207,7 +207,7 @@ impl Known {
         Ok(Self {
             atf: front(&ivd_atf::STAGE)?,
             deform: front(&deform::STAGE)?,
-            map: front(&map::STAGE)?,
+            map: front(&ivd_map::STAGE)?,
             refine: front(&refine::STAGE)?,
             render: front(&ivd_render::STAGE)?,
         })

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Image, Motion, TransferFunction};
-use ivd_deform::class_volume::ClassVolume;
+use ivd_field::class_volume::ClassVolume;
 use nalgebra::Vector3;
 
 pub(crate) use page::html;

@@ -6,13 +6,15 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use ivd_artefact::Artefact;
 use ivd_core::{Exec, Image, Scalar, TransferFunction, Value as _, Volume, parallel, srgb, with_voxels};
-use ivd_deform::certificate::Histogram;
-use ivd_deform::map::MapFigures;
-use ivd_deform::space::SpaceFigures;
-use ivd_deform::warp::WarpFigures;
-use ivd_deform::{deform, map, space, warp};
+use ivd_field::certificate::Histogram;
+use ivd_field::warp;
+use ivd_field::warp::WarpFigures;
 use ivd_lattice::extract::{self, LatticeFigures};
 use ivd_lattice::refine::{self, RefineFigures};
+use ivd_map::MapFigures;
+use ivd_map::space;
+use ivd_map::space::SpaceFigures;
+use ivd_motion::deform;
 use ivd_segment::{AnyFigures, ClassFigures, Figures};
 use serde_json::Value;
 
@@ -193,7 +195,7 @@ impl Moves {
     /// Those of a run; `None` where nothing is displaced.
     fn of(records: &[StageRecord]) -> Result<Option<Self>, Error> {
         let space: Option<SpaceFigures> = figures_of(records, space::STAGE.name)?;
-        let map: Option<MapFigures> = figures_of(records, map::STAGE.name)?;
+        let map: Option<MapFigures> = figures_of(records, ivd_map::STAGE.name)?;
         let enclosed_mm3 = map.as_ref().map(|map| map.followed.volume_mm3);
         // Steps in space have the last word over the voxels; what the lattice makes of it is the map's.
         let last = space.map(Carried::from).or(map.map(Carried::from));

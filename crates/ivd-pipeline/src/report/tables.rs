@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use ivd_deform::class_volume::ClassVolume;
-use ivd_deform::deform::Figures;
+use ivd_field::class_volume::ClassVolume;
+use ivd_motion::deform::Figures;
 use ivd_segment::ClassFigures;
 use serde::Serialize;
 use serde_json::Value;
