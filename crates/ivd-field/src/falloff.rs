@@ -6,3 +6,9 @@ pub fn smooth_fall(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     1.0 - t * t * (3.0 - 2.0 * t)
 }
+
+/// How much of its work something does at a distance from the middle of a ball: all of it within `core · radius`, none from `radius` on.
+pub fn within_ball(distance: f64, radius: f64, core: f64) -> f64 {
+    let whole = core * radius;
+    if distance >= radius { 0.0 } else { smooth_fall((distance - whole) / (radius - whole)) }
+}

@@ -1,4 +1,5 @@
 //! Grids, fields and lattices that several tests share.
+#![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
 use std::collections::BTreeMap;
 

@@ -25,7 +25,7 @@ use nalgebra::{Rotation3, Unit, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::falloff::smooth_fall;
+use crate::falloff::within_ball;
 use crate::param::{along_z, half, is_direction, is_finite, is_near};
 
 /// What a shape change does, in coordinates about its centre: `s` along its axis, `q` across it (mm).
@@ -172,6 +172,9 @@ impl Shape {
     }
 
     /// What the schema of a single field can't say.
+    ///
+    /// # Errors
+    /// [`ParamError`] names the part that is out of its domain.
     pub fn check_together(&self) -> Result<(), ParamError> {
         is_finite("centre", &self.centre)?;
         is_direction("axis", &self.axis)?;
@@ -200,18 +203,12 @@ impl Shape {
         }
     }
 
-    /// How much of its work it does at a distance from the centre (mm): 1 … 0.
-    fn weight(&self, distance: f64) -> f64 {
-        let core = self.core * self.radius;
-        if distance >= self.radius { 0.0 } else { smooth_fall((distance - core) / (self.radius - core)) }
-    }
-
     /// Where it takes a point (mm, RAS) when it does `amount` of its work, 0 … 1. A point out of its reach comes back bit for
     /// bit.
     pub fn apply(&self, point: Vector3<f64>, amount: f64) -> Vector3<f64> {
         let centre = Vector3::from(self.centre);
         let from_centre = point - centre;
-        let weight = self.weight(from_centre.norm()) * amount;
+        let weight = within_ball(from_centre.norm(), self.radius, self.core) * amount;
         if weight == 0.0 {
             return point;
         }

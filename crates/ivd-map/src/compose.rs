@@ -5,12 +5,11 @@
 //! but its trilinear interpolant need not be.
 
 use ivd_core::{Error, Exec, FieldBricks, Grid, NO_BRICK, VoxelCoord};
-use nalgebra::Vector3;
-use rayon::prelude::*;
-
 use ivd_field::certificate::{Certificate, Detail, THIN, certify_bricks, touched};
 use ivd_field::inverse::from_bricks;
 use ivd_field::sampler::{Sampler, brick_at, brick_voxels};
+use nalgebra::Vector3;
+use rayon::prelude::*;
 
 /// Most halvings.
 pub(super) const HALVINGS: u32 = 6;
@@ -55,7 +54,7 @@ pub(super) fn halve(
 
 fn scaled(field: &FieldBricks, factor: f32) -> Result<FieldBricks, Error> {
     let vectors: Vec<[f32; 3]> = field.vectors().iter().map(|v| v.map(|c| c * factor)).collect();
-    Ok(FieldBricks::new(field.dims(), field.table().to_vec(), vectors.into())?)
+    FieldBricks::new(field.dims(), field.table().to_vec(), vectors.into())
 }
 
 /// `φ∘φ` at the voxels: `u(x) + u(x + u(x))`.

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use ivd_core::{Error, Exec, FieldBricks, Lattice, Mask, VoxelCoord, VoxelIndex};
+use ivd_field::falloff::smooth_fall;
+use ivd_field::sampler::{brick_at, brick_voxels};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::params::{OctreeParams, Outside};
 use super::region::Region;
-use ivd_field::falloff::smooth_fall;
-use ivd_field::sampler::{brick_at, brick_voxels};
 
 /// The lattice point nearest to a place.
 #[derive(Debug, Clone, Copy)]

@@ -1,12 +1,11 @@
 use ivd_core::{Displacement, Error, FieldBricks, Frame, Lattice};
+use ivd_field::certificate::{Certificate, Histogram};
+use ivd_field::sampler::Sampler;
+use ivd_field::vectors::lengths;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use ivd_field::certificate::{Certificate, Histogram};
-use ivd_field::sampler::Sampler;
-use ivd_field::vectors::lengths;
 
 /// How well the voxels' motion follows the lattice's, at the vertices.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]

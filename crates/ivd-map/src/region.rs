@@ -1,8 +1,8 @@
 use ivd_core::{Frame, Grid, Motion, VoxelCoord, World};
+use ivd_field::falloff::smooth_fall;
 use nalgebra::Vector3;
 
 use super::params::Band;
-use ivd_field::falloff::smooth_fall;
 
 /// Ω: where something may move. The union of the handles' balls, each widened by the margin.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,12 +13,12 @@
 //! A constant field is left as it is, and so is every field without bad cells: a translation stays exact.
 
 use ivd_core::{Error, Exec, FieldBricks, Grid, NO_BRICK, VoxelCoord};
+use ivd_field::certificate::{CellBound, Certificate, Detail, Looks, Quick, THIN, certify_bricks, touched};
+use ivd_field::sampler::{brick_at, brick_voxels};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::region::Region;
-use ivd_field::certificate::{CellBound, Certificate, Detail, Looks, Quick, THIN, certify_bricks, touched};
-use ivd_field::sampler::{brick_at, brick_voxels};
 
 /// Rounds of relaxation. On real lattices with a reach of eight times the motion 3 to 12 were enough; what folds after
 /// 32 is a push deeper than what is left to compress.
@@ -192,7 +192,7 @@ impl Patch {
                 vectors[own.at] = *new;
             }
         }
-        Ok(FieldBricks::new(dims, table, vectors.into())?)
+        FieldBricks::new(dims, table, vectors.into())
     }
 
     /// Where the vectors of a voxel's neighbours are, below and above along each axis; [`usize::MAX`] where nothing is stored.

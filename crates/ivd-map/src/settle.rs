@@ -1,6 +1,8 @@
 //! From a field as carried to a map: repair, proof, inverse.
 
 use ivd_core::{Displacement, Exec, FieldBricks, Frame, Lattice, Mask, NO_BRICK};
+use ivd_field::certificate::{Certificate, Detail};
+use ivd_field::inverse::{from_bricks, invert, invert_part};
 
 use super::compose::{Composed, halve};
 use super::outcome::{self, MapResult, Moved, SurfaceFit};
@@ -8,8 +10,6 @@ use super::params::Band;
 use super::region::Region;
 use super::relax::relax;
 use crate::Error;
-use ivd_field::certificate::{Certificate, Detail};
-use ivd_field::inverse::{from_bricks, invert, invert_part};
 
 /// What a field is held against.
 pub(super) struct Settle<'a> {

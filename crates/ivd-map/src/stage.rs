@@ -1,9 +1,10 @@
 //! The stage as scenes and commands see it.
 
-use super::params::check_cell;
-use super::{BiharmonicParams, FemParams, MapFigures, OctreeParams, biharmonic, fem, octree};
 use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, Want, method};
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Octree, ParamError, slots};
+
+use super::params::check_cell;
+use super::{BiharmonicParams, FemParams, MapFigures, OctreeParams, biharmonic, fem, octree};
 
 /// The stage: its methods, and where it stands in a scene.
 pub const STAGE: Stage = Stage {

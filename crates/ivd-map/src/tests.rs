@@ -1,8 +1,8 @@
 use ivd_core::{Ball, Classified, Exec, Frame, Grid, Lattice, Mask, Motion, VoxelCoord, VoxelIndex};
+use ivd_field::fixtures::{lattice, middle, sheared_grid, voxels};
 use nalgebra::Vector3;
 
 use super::*;
-use ivd_field::fixtures::{lattice, middle, sheared_grid, voxels};
 
 /// The plain twin of the octree's query: every triangle (Ericson 2005, 5.1.5).
 struct Brute<'a> {

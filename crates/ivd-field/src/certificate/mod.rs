@@ -195,6 +195,9 @@ fn upper(bricks: [usize; 3], brick: usize) -> impl Iterator<Item = usize> {
 
 /// The certificate of the cells that the given bricks own. Brick `b` owns the cells `8b … 8b + 7`, and the cell −1 where
 /// it is the first.
+///
+/// # Errors
+/// A field of other dims than the grid; cancellation.
 pub fn certify_bricks(
     forward: &FieldBricks,
     grid: &Grid,
@@ -234,6 +237,9 @@ pub struct Looks {
 
 impl Looks {
     /// Looks at bricks, for the first time or anew.
+    ///
+    /// # Errors
+    /// Cancellation.
     pub fn take(&mut self, quick: &Quick<'_>, bricks: &[usize], exec: &Exec) -> Result<(), Error> {
         let look = |room: &mut Room, &brick: &usize| {
             exec.check_cancelled()?;
@@ -250,6 +256,9 @@ impl Looks {
     }
 
     /// The certificate of the bricks that were looked at since they changed last.
+    ///
+    /// # Errors
+    /// Cancellation.
     pub fn certify(
         &self,
         quick: &Quick<'_>,

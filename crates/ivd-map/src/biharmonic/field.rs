@@ -1,14 +1,14 @@
 //! The field between the nodes, and its values at the voxels.
 
 use ivd_core::{Error, Exec, FieldBricks, Grid, VoxelCoord};
+use ivd_field::sampler::Sampler;
+use ivd_field::vectors::sampled;
 use nalgebra::Vector3;
 
 use super::super::region::Region;
 use super::affine::Affine;
 use super::matrix::Triple;
 use super::nodes::{Cells, Near};
-use ivd_field::sampler::Sampler;
-use ivd_field::vectors::sampled;
 
 /// A continuous motion: the affine part in its share, and what the nodes say under the window.
 pub(super) struct Field<'a> {

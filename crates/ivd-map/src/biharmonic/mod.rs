@@ -55,8 +55,11 @@ mod system;
 
 use std::ops::Deref;
 
+use ivd_core::Error as CoreError;
 use ivd_core::op::Op as _;
 use ivd_core::{Exec, FieldBricks, Frame, Inner, Lattice, Mask, Motion};
+use ivd_field::certificate::{Certificate, Detail, certify_bricks, touched};
+use ivd_field::sampler::{Sampler, brick_at, brick_voxels};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -67,9 +70,6 @@ use super::relax::relax;
 use super::settle::Settle;
 use super::{BiharmonicParams, MapResult, Moved, Outside};
 use crate::Error;
-use ivd_core::Error as CoreError;
-use ivd_field::certificate::{Certificate, Detail, certify_bricks, touched};
-use ivd_field::sampler::{Sampler, brick_at, brick_voxels};
 use matrix::Triple;
 use nodes::Cells;
 pub(super) use nodes::steps;

@@ -1,13 +1,13 @@
 //! Nodes of the coarse cells in Ω.
 
 use ivd_core::{Grid, VoxelCoord};
+use ivd_field::sampler::{Corners, interpolate};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::super::region::Region;
 use super::energy::Room;
 use super::matrix::{Matrix, Triple};
-use ivd_field::sampler::{Corners, interpolate};
 
 /// Nodes along the edge of a block of the index.
 const SIDE: usize = 8;

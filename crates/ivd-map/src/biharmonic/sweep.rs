@@ -1,11 +1,11 @@
 //! Drawn pushes, held against a check of folds that shares nothing with the library.
 
 use ivd_core::{Classified, Exec, FieldBricks, Grid};
+use ivd_field::fixtures::{middle, sheared_grid};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::tests::{Scene, scene};
 use crate::{BiharmonicParams, OctreeParams};
-use ivd_field::fixtures::{middle, sheared_grid};
 
 /// A part and a push of it, drawn by a seed: a ball, a slab or a bar with an upright, rotated or long-voxelled grid; height over
 /// width 0.1 … 3, width 1.5 … 6 voxels, along the normal, against it or across.

@@ -1,11 +1,11 @@
 use ivd_core::{Classified, Grid, VoxelCoord};
+use ivd_field::fixtures::{middle, sheared_grid, voxels};
 use nalgebra::{DMatrix, Matrix3, Rotation3};
 
 use super::matrix::dot;
 use super::*;
 use crate::tests::{Scene, ball, dented, scene, with_frames};
 use crate::{Band, BiharmonicParams, DepthWeight, OctreeParams};
-use ivd_field::fixtures::{middle, sheared_grid, voxels};
 
 impl Scene {
     pub(super) fn smooth(&self, params: &BiharmonicParams, exec: &Exec) -> Result<MapResult, Error> {

@@ -1,6 +1,7 @@
 //! The body of a scene: cells round the lattice, what they are made of, and the vertices' pulls.
 
 use ivd_core::{Error, Exec, Grid, Lattice, VoxelCoord, VoxelIndex};
+use ivd_field::sampler::{brick_at, brick_voxels};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -11,7 +12,6 @@ use super::materials::Materials;
 use super::mesh::{Mesh, weights};
 use super::system::{Body, Pull};
 use super::tree::{Cell, Tree};
-use ivd_field::sampler::{brick_at, brick_voxels};
 
 /// Stiffness of a cell's springs together, in units of the stiffest modulus in it, 1 at least, times its edge. Multipliers do
 /// the rest; stiffer ones need fewer of these and more iterations.

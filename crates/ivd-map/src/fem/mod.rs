@@ -37,8 +37,12 @@ mod newton;
 mod system;
 mod tree;
 
+use ivd_core::Error as CoreError;
 use ivd_core::op::Op as _;
+use ivd_core::vertex_class;
 use ivd_core::{Exec, FieldBricks, Frame, Grid, Labels, Lattice, Mask, Motion, NO_DATA, VoxelCoord};
+use ivd_field::sampler::interpolate;
+use ivd_field::vectors::sampled;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -50,10 +54,6 @@ use super::settle::Settle;
 use super::{FemParams, MapResult, Outside};
 use crate::Error;
 use build::{Cells, body};
-use ivd_core::Error as CoreError;
-use ivd_core::vertex_class;
-use ivd_field::sampler::interpolate;
-use ivd_field::vectors::sampled;
 use materials::Materials;
 use system::{Body, Triple};
 

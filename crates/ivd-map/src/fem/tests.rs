@@ -1,12 +1,12 @@
 use std::sync::Arc;
 
 use ivd_core::{Cancel, Class, Classified, ErrorClass, Grid, Labels, Observer, VoxelCoord};
+use ivd_field::fixtures::{middle, sheared_grid, voxels};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::*;
 use crate::tests::{Scene, ball, scene};
 use crate::{Band, Elastic, FemParams};
-use ivd_field::fixtures::{middle, sheared_grid, voxels};
 
 impl Scene {
     pub(crate) fn elastic(&self, params: &FemParams, exec: &Exec) -> Result<MapResult, Error> {

@@ -19,15 +19,14 @@ use std::collections::{BTreeMap, BinaryHeap};
 
 use ivd_core::op::{by_class, check_fields};
 use ivd_core::{Error, Exec, FieldBricks, Grid, Labels, ParamError, VoxelCoord, VoxelIndex};
-use nalgebra::Vector3;
-use rayon::prelude::*;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use ivd_field::inverse::from_bricks;
 use ivd_field::param::{is_finite, is_near};
 use ivd_field::sampler::{brick_at, brick_voxels};
 use ivd_field::vectors::FARTHEST;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// How far links give way. The defaults are soft.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]

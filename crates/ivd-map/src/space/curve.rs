@@ -2,11 +2,11 @@
 
 use ivd_core::ParamError;
 use ivd_core::op::check_fields;
+use ivd_field::falloff::within_ball;
+use ivd_field::param::{along_z, half, is_direction, is_finite, is_near};
 use nalgebra::{Rotation3, Unit, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use ivd_field::param::{along_z, half, is_direction, is_finite, is_near};
 
 /// The coordinate that a curve runs over (mm).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -140,7 +140,7 @@ impl Curve {
     pub fn apply(&self, point: Vector3<f64>, amount: f64) -> Vector3<f64> {
         let centre = Vector3::from(self.centre);
         let local = point - centre;
-        let weight = super::weight(local.norm(), self.radius, self.core) * amount;
+        let weight = within_ball(local.norm(), self.radius, self.core) * amount;
         if weight == 0.0 {
             return point;
         }

@@ -7,14 +7,14 @@
 
 use ivd_core::op::check_fields;
 use ivd_core::{Buffer, Error, Exec, FieldBricks, Grid, NO_BRICK, ParamError, VoxelCoord, VoxelIndex};
+use ivd_field::falloff::within_ball;
+use ivd_field::inverse::{Inverse, from_bricks};
+use ivd_field::param::{half, is_direction, is_finite, is_near};
+use ivd_field::sampler::{brick_at, brick_voxels};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use ivd_field::inverse::{Inverse, from_bricks};
-use ivd_field::param::{half, is_direction, is_finite, is_near};
-use ivd_field::sampler::{brick_at, brick_voxels};
 
 /// A cut through the centre of a ball that opens: what lies above its plane goes up, what lies below goes down, whole within
 /// `core · radius` of the centre and fading out to nothing at `radius`, where the cut ends. The discontinuous deflector of Kurzion
@@ -66,7 +66,7 @@ impl Cut {
     /// Where it takes a point (mm, RAS) that goes with a side, whichever it lies on.
     pub(super) fn apply(&self, point: Vector3<f64>, amount: f64, side: Side) -> Vector3<f64> {
         let distance = (point - Vector3::from(self.centre)).norm();
-        let weight = super::weight(distance, self.radius, self.core) * amount;
+        let weight = within_ball(distance, self.radius, self.core) * amount;
         if weight == 0.0 || self.open == 0.0 {
             return point;
         }

@@ -51,6 +51,11 @@ use ivd_core::{
     Displacement, Error as CoreError, Exec, FieldBricks, Grid, Labels, NO_BRICK, ParamError, VoxelCoord,
     VoxelIndex,
 };
+use ivd_field::certificate::{Certificate, Detail, Histogram, THIN, certify_bricks, touched};
+use ivd_field::inverse::{from_bricks, invert, invert_within, lies_beyond};
+use ivd_field::sampler::{Sampler, brick_at};
+use ivd_field::shape::{Kind, Shape};
+use ivd_field::vectors::{FARTHEST, lengths, sampled};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -60,12 +65,6 @@ pub use chain::{ChainMail, ClassLinks, Links};
 pub use curve::{Curve, Over, Way};
 pub use cut::Cut;
 use cut::{Side, TwoSided, Whole, join};
-use ivd_field::certificate::{Certificate, Detail, Histogram, THIN, certify_bricks, touched};
-use ivd_field::falloff::smooth_fall;
-use ivd_field::inverse::{from_bricks, invert, invert_within, lies_beyond};
-use ivd_field::sampler::{Sampler, brick_at};
-use ivd_field::shape::{Kind, Shape};
-use ivd_field::vectors::{FARTHEST, lengths, sampled};
 pub use stage::{Inputs, STAGE, SpaceParams};
 
 /// Most equal parts that shapes are done in.
@@ -533,12 +532,6 @@ fn go_through(step: &Step, place: Vector3<f64>, parts: u32, side: Side) -> Vecto
 struct Samplers<'a> {
     after: Option<Sampler<'a>>,
     steps: Vec<Option<Sampler<'a>>>,
-}
-
-/// How much of its work a step does at a distance from its centre (mm): 1 … 0.
-fn weight(distance: f64, radius: f64, core: f64) -> f64 {
-    let whole = core * radius;
-    if distance >= radius { 0.0 } else { smooth_fall((distance - whole) / (radius - whole)) }
 }
 
 /// How far a ball goes along each of the grid's axes, from its middle (voxels).

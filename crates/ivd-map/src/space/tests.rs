@@ -1,9 +1,10 @@
 use ivd_core::{FieldBricks, Volume, VoxelIndex};
+use ivd_field::falloff::within_ball;
+use ivd_field::fixtures::{middle, sheared_grid, voxels};
+use ivd_field::warp::{WarpParams, labels as warp_labels, volume as warp_volume};
 use nalgebra::Matrix3;
 
 use super::*;
-use ivd_field::fixtures::{middle, sheared_grid, voxels};
-use ivd_field::warp::{WarpParams, labels as warp_labels, volume as warp_volume};
 
 /// The middle of a grid (mm, RAS).
 fn centre(grid: &Grid) -> [f64; 3] {
@@ -248,7 +249,7 @@ fn a_cut_opens_between_its_sides_and_nowhere_else() {
     let volume: f64 = (0..16_000)
         .map(|i| {
             let r = (f64::from(i) + 0.5) * step;
-            5.0 * weight(r, 16.0, 0.25) * 2.0 * std::f64::consts::PI * r * step
+            5.0 * within_ball(r, 16.0, 0.25) * 2.0 * std::f64::consts::PI * r * step
         })
         .sum();
     assert!((vacated / volume - 1.0).abs() < 0.02, "{vacated} voxels, {volume} mm³");

@@ -1,4 +1,5 @@
 use ivd_core::ParamError;
+use ivd_field::shape::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +7,6 @@ use crate::handles;
 use crate::mass_spring::{self, Closeness, Descent, Solver, Springs};
 use crate::rigid::Part;
 use crate::ring::RingParams;
-use ivd_field::shape::Shape;
 
 use super::bone::Bone;
 use super::handle::{Fix, Handle};

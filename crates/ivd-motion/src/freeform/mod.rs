@@ -11,11 +11,11 @@
 mod tests;
 
 use ivd_core::{Ball, Exec, Frame, Inner, Lattice, Motion};
+use ivd_field::shape::Shape;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::Error;
-use ivd_field::shape::Shape;
 
 /// A lattice's motion by shapes.
 #[derive(Debug, Clone, PartialEq)]

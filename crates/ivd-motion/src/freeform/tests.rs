@@ -1,10 +1,9 @@
 use ivd_core::{Exec, Frame, Grid, Motion};
+use ivd_field::fixtures::{lattice as ball_lattice, middle, sheared_grid};
+use ivd_field::shape::{Kind, Shape};
 use nalgebra::{Matrix3, Vector3};
 
-use ivd_field::shape::{Kind, Shape};
-
 use super::lattice;
-use ivd_field::fixtures::{lattice as ball_lattice, middle, sheared_grid};
 
 const KINDS: [Kind; 8] = [
     Kind::Translate { by: [3.0, -2.0, 1.0] },

@@ -1,5 +1,6 @@
 //! The part of a lattice that handles can move, as masses on springs.
 
+use ivd_core::vertex_class;
 use ivd_core::{Labels, Lattice, sets};
 use nalgebra::Vector3;
 
@@ -8,7 +9,6 @@ use super::forces::{Law, Spring, Springs, Vectors, pull};
 use super::params::{Material, Params};
 use super::springs::{Kind, Link, links};
 use crate::Error;
-use ivd_core::vertex_class;
 
 /// Stiffness of 1 N/m (g/s²).
 const NEWTON_PER_METRE: f64 = 1e3;

@@ -342,7 +342,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
             |(&t, h): (&usize, &Handle)| Ball { centre: self.lattice.world(t).0.into(), radius: h.radius };
         let reach = targets.iter().zip(handles).map(ball).chain(self.skeleton.reach()).collect();
         let motion = Motion::new(self.lattice.grid().clone(), self.rest.len(), frames)?;
-        Ok(motion.with_reach(reach)?.with_inner(inner)?)
+        motion.with_reach(reach)?.with_inner(inner)
     }
 
     /// Refuses what isn't finite and what a force carried out of its handle's reach.

@@ -1,11 +1,11 @@
 //! Which bone holds which vertex.
 
+use ivd_core::vertex_class;
 use ivd_core::{Labels, Lattice};
 use nalgebra::Vector3;
 
 use super::{Part, Region};
 use crate::Error;
-use ivd_core::vertex_class;
 
 /// The bone of each vertex, by its number in the list of parts.
 pub(super) type Holders = Vec<Option<usize>>;

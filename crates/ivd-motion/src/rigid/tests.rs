@@ -1,6 +1,8 @@
 //! Fits, chains, which bone holds what, and bones in a body of springs.
 
 use ivd_core::{Exec, Grid, Labels, Lattice};
+use ivd_field::fixtures::{lattice as cut, sheared_grid};
+use ivd_map::BiharmonicParams;
 use nalgebra::{Rotation3, Unit, UnitQuaternion, Vector3};
 
 use super::fit::{self, Unsure};
@@ -8,8 +10,6 @@ use super::*;
 use crate::Error;
 use crate::handles::{Action, Fix, Handle, HandleAt};
 use crate::mass_spring::{Closeness, Params, Prepared, Solved, Solver, Springs, solve, with_bones};
-use ivd_field::fixtures::{lattice as cut, sheared_grid};
-use ivd_map::BiharmonicParams;
 
 /// Numbers in −1…1 without a pattern.
 fn noise(count: usize, seed: u64) -> Vec<f64> {

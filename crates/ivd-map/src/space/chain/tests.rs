@@ -1,5 +1,6 @@
-use super::*;
 use ivd_field::fixtures::{sheared_grid, voxels};
+
+use super::*;
 
 fn mail() -> ChainMail {
     ChainMail {

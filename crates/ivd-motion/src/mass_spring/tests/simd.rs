@@ -1,8 +1,9 @@
 //! Springs with the processor's wider lanes and without: other code, the same bytes.
 
+use ivd_field::simd::wide;
+
 use super::*;
 use crate::mass_spring::planted;
-use ivd_field::simd::wide;
 
 /// Every bit of the motion, with the fault planted in what only wide lanes run, or without.
 fn motion(params: &Params, exec: &Exec, faulty: bool) -> Vec<u64> {
