@@ -244,8 +244,8 @@ fn use_it(artefact: &Artefact) {
         Artefact::Displacement(displacement) if displacement.grid().len() <= SMALL => {
             let voxels: Vec<u8> = (0..displacement.grid().len()).map(|i| i as u8).collect();
             let Ok(volume) = Volume::new(displacement.grid().clone(), Voxels::from(voxels)) else { return };
-            let params = ivd_deform::warp::WarpParams::default();
-            let _ = ivd_deform::warp::volume(&volume, displacement, &params, exec());
+            let params = ivd_field::warp::WarpParams::default();
+            let _ = ivd_field::warp::volume(&volume, displacement, &params, exec());
             if let Ok(built) = ivd_atf::from_isovalue(&volume, 7.0, &ivd_atf::Params::default(), exec()) {
                 stages::draw(&volume, &built.transfer, None, Some(displacement));
             }

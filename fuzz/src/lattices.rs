@@ -1,7 +1,8 @@
 //! Lattices that no volume would give, and what is done with them.
 
 use ivd_core::{ElementKey, Grid, Lattice, Octree, Volume, Voxels};
-use ivd_deform::spring::{Action, Fix, Handle, HandleAt, RingParams};
+use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::ring::RingParams;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures;
 use ivd_lattice::refine::{RefineParams, Target, collapse};

@@ -136,11 +136,11 @@ pub fn draw(
 pub fn move_lattice(
     lattice: &Lattice,
     octree: &ivd_core::Octree,
-    handles: &[ivd_deform::spring::Handle],
-    fixed: &[ivd_deform::spring::Fix],
-    params: &ivd_deform::spring::RingParams,
+    handles: &[ivd_motion::handles::Handle],
+    fixed: &[ivd_motion::handles::Fix],
+    params: &ivd_motion::ring::RingParams,
 ) {
-    let Ok(solved) = ivd_deform::spring::ring(lattice, handles, fixed, params, exec()) else { return };
+    let Ok(solved) = ivd_motion::ring::solve(lattice, handles, fixed, params, exec()) else { return };
     carry(lattice, octree, &solved.motion);
 }
 
@@ -158,15 +158,15 @@ pub fn octahedron() -> &'static Lattice {
 
 /// Carries a motion to voxels and volume.
 pub fn carry(lattice: &Lattice, octree: &ivd_core::Octree, motion: &Motion) {
-    let params = ivd_deform::map::OctreeParams::default();
-    let Ok(mapped) = ivd_deform::map::octree(lattice, octree, motion, 0, &params, exec()) else { return };
+    let params = ivd_map::OctreeParams::default();
+    let Ok(mapped) = ivd_map::octree(lattice, octree, motion, 0, &params, exec()) else { return };
     finite(&mapped.displacement);
     let voxels: Vec<u8> = (0..lattice.grid().len()).map(|i| i as u8).collect();
     let volume = Volume::new(lattice.grid().clone(), Voxels::from(voxels)).expect("as many as the grid has");
-    let warped = ivd_deform::warp::volume(
+    let warped = ivd_field::warp::volume(
         &volume,
         &mapped.displacement,
-        &ivd_deform::warp::WarpParams::default(),
+        &ivd_field::warp::WarpParams::default(),
         exec(),
     );
     assert!(warped.is_ok(), "a sound displacement warps its own grid");

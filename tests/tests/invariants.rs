@@ -30,7 +30,7 @@ fn crate_of(path: &Path) -> String {
 }
 
 /// The stages' crates, and what each needs of ours.
-const STAGES: [(&str, &[&str]); 9] = [
+const STAGES: [(&str, &[&str]); 11] = [
     ("ivd-io", &["ivd-core", "ivd-fs"]),
     ("ivd-phantom", &["ivd-core"]),
     ("ivd-segment", &["ivd-core"]),
@@ -38,7 +38,9 @@ const STAGES: [(&str, &[&str]); 9] = [
     ("ivd-boundary", &["ivd-core"]),
     ("ivd-lattice", &["ivd-core"]),
     ("ivd-octree", &["ivd-core"]),
-    ("ivd-deform", &["ivd-core", "ivd-octree"]),
+    ("ivd-field", &["ivd-core"]),
+    ("ivd-motion", &["ivd-core", "ivd-field"]),
+    ("ivd-map", &["ivd-core", "ivd-field", "ivd-octree"]),
     ("ivd-render", &["ivd-core"]),
 ];
 

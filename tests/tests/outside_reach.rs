@@ -3,7 +3,7 @@
 
 use ivd_artefact::Artefact;
 use ivd_core::Volume;
-use ivd_deform::map::MapFigures;
+use ivd_map::MapFigures;
 use ivd_pipeline::PipelineReport;
 use ivd_tests::{Bench, record};
 

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use ivd_artefact::{Artefact, ContentHash, Kind};
 use ivd_core::{Classified, ErrorClass, Exec};
-use ivd_deform::deform::RingMethod;
+use ivd_motion::deform::RingMethod;
 use ivd_pipeline::plan::{NodeId, Plan, PlanNode};
 use ivd_pipeline::scene::Loaded;
 use ivd_pipeline::{Control, Decisions, Error, PipelineOptions, Runner, StageRecord, StageResult, State};
@@ -183,7 +183,7 @@ impl<'a> Controller<'a> {
     pub(crate) fn pinned(&self, knob: Knob) -> bool {
         // What a number of steps costs and errs is on record for the rings only.
         let unknown =
-            knob == Knob::Steps && self.wish.scene.get::<RingMethod>(&ivd_deform::deform::STAGE).is_none();
+            knob == Knob::Steps && self.wish.scene.get::<RingMethod>(&ivd_motion::deform::STAGE).is_none();
         unknown || knob.keys().iter().any(|key| self.budget.pinned.contains(*key))
     }
 

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Classified, ErrorClass, Exec, Lattice};
-use ivd_deform::map::MapFigures;
 use ivd_lattice::refine::RefineFigures;
+use ivd_map::MapFigures;
 use ivd_pipeline::plan::{NodeId, Plan};
 use ivd_pipeline::{Error, Runner, StageResult, run_node};
 
@@ -18,8 +18,8 @@ use crate::{LEVELS, rate_name};
 const LATTICE: NodeId = NodeId::of(&ivd_lattice::extract::STAGE);
 const REFINE: NodeId = NodeId::of(&ivd_lattice::refine::STAGE);
 const OCTREE: NodeId = NodeId::of(&ivd_octree::STAGE);
-const DEFORM: NodeId = NodeId::of(&ivd_deform::deform::STAGE);
-const MAP: NodeId = NodeId::of(&ivd_deform::map::STAGE);
+const DEFORM: NodeId = NodeId::of(&ivd_motion::deform::STAGE);
+const MAP: NodeId = NodeId::of(&ivd_map::STAGE);
 
 /// What a trial measured (mm), and its results.
 #[derive(Default)]

@@ -1,8 +1,8 @@
 //! The knobs of a scene that a budget may move: their wishes, the coarser settings on the recorded fronts, and how they are set.
 
 use ivd_core::op::Stage;
-use ivd_deform::{deform, map};
 use ivd_lattice::refine::{self, Refinement, Target, TargetKeys};
+use ivd_motion::deform;
 use ivd_pipeline::Error;
 use ivd_pipeline::scene::Scene;
 use ivd_render::RenderParams;
@@ -207,7 +207,7 @@ impl Known {
         Ok(Self {
             atf: front(&ivd_atf::STAGE)?,
             deform: front(&deform::STAGE)?,
-            map: front(&map::STAGE)?,
+            map: front(&ivd_map::STAGE)?,
             refine: front(&refine::STAGE)?,
             render: front(&ivd_render::STAGE)?,
         })

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use ivd_core::op::PlaceKind;
-use ivd_deform::{deform, map};
 use ivd_lattice::refine;
+use ivd_motion::deform;
 use ivd_pipeline::stages::IMPORT;
 use ivd_pipeline::{Error, list};
 use ivd_render::RenderParams;
@@ -104,7 +104,7 @@ const RATIOS: [(&str, Ratio); 6] = [
         over(&points, setting.level.unwrap_or(DEFAULT_LEVEL), DEFAULT_LEVEL)
     }),
     (ivd_octree::STAGE.name, by_level),
-    (map::STAGE.name, by_level),
+    (ivd_map::STAGE.name, by_level),
     (ivd_atf::STAGE.name, |known, setting| {
         let default = ivd_atf::Params::default().resolution as f64;
         over(&times(known.atf, "resolution"), setting.resolution, default)

@@ -37,7 +37,7 @@ pub fn run(
     options.check()?;
     budget.check()?;
     if budget.max_error_mm.is_some()
-        && loaded.scene.section(&ivd_deform::space::STAGE).is_some_and(|space| space.job().idle().is_none())
+        && loaded.scene.section(&ivd_map::space::STAGE).is_some_and(|space| space.job().idle().is_none())
     {
         let problem = "--max-error: what it keeps is the map's error, and a [[space.step]] goes on from there; drop one of them";
         return Err(Error::usage("pipeline", problem));

@@ -1,8 +1,8 @@
 use ivd_core::op::Amount;
 use ivd_core::{Grid, Lattice, VoxelCoord, World};
-use ivd_deform::deform::{self, Asked, Figures, Handle};
 use ivd_lattice::extract::{self, LatticeFigures};
 use ivd_lattice::refine::{self, RefineFigures};
+use ivd_motion::deform::{self, Asked, Figures, Handle};
 use ivd_pipeline::scene::Scene;
 use ivd_pipeline::stages::{IMPORT, ImportFigures};
 use ivd_pipeline::{Error, PipelineReport, figures_of, list};

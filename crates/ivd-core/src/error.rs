@@ -139,6 +139,26 @@ pub enum Error {
         /// What doesn't fit.
         problem: String,
     },
+    /// Two inputs that don't belong together, such as a motion of another lattice.
+    #[error("{what}: {problem}; {remedy}")]
+    Mismatch {
+        /// The input.
+        what: &'static str,
+        /// What doesn't fit, with the numbers.
+        problem: String,
+        /// What to do instead.
+        remedy: &'static str,
+    },
+    /// A result that can't be trusted: diverged, not finite.
+    #[error("{what} can't be trusted: {problem}; {remedy}")]
+    Untrusted {
+        /// The result.
+        what: &'static str,
+        /// The number that shows it, and where.
+        problem: String,
+        /// What to do instead.
+        remedy: &'static str,
+    },
 }
 
 impl Classified for Error {
@@ -147,7 +167,10 @@ impl Classified for Error {
             Self::Cancelled => ErrorClass::Cancelled,
             Self::Spill { .. } => ErrorClass::Io,
             Self::MemoryLimit { .. } | Self::Deadline => ErrorClass::Limit,
-            Self::Param(_) | Self::GridMismatch { .. } | Self::NoSuchClass { .. } => ErrorClass::Usage,
+            Self::Param(_) | Self::GridMismatch { .. } | Self::Mismatch { .. } | Self::NoSuchClass { .. } => {
+                ErrorClass::Usage
+            }
+            Self::Untrusted { .. } => ErrorClass::Untrusted,
             Self::Grid(_) | Self::Inconsistent { .. } => ErrorClass::Input,
         }
     }

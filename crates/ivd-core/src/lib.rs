@@ -48,6 +48,7 @@ pub mod srgb;
 mod transfer;
 mod tree;
 mod value;
+pub mod vertex_class;
 mod volume;
 
 pub use addressing::VertexDescription;

@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Buffer, Error, Grid, World};
+use crate::{Buffer, Error, Grid, Lattice, World};
 
 /// A ball in rest space.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -123,6 +123,36 @@ impl Motion {
     /// Vertices of the lattice that moves: a check that the two belong together.
     pub fn vertex_count(&self) -> usize {
         self.vertex_count
+    }
+
+    /// Refuses the motion of another lattice.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] where the grids or the numbers of vertices differ.
+    pub fn require_of(&self, lattice: &Lattice) -> Result<(), Error> {
+        if !lattice.grid().matches(&self.grid) {
+            return Err(Error::Mismatch {
+                what: "motion",
+                problem: format!(
+                    "it moves a lattice on {:?}, not on {:?}",
+                    self.grid.dims(),
+                    lattice.grid().dims()
+                ),
+                remedy: "map the motion onto the lattice that it was computed for",
+            });
+        }
+        if lattice.keys().len() != self.vertex_count {
+            return Err(Error::Mismatch {
+                what: "motion",
+                problem: format!(
+                    "it moves {} vertices, the lattice has {}",
+                    self.vertex_count,
+                    lattice.keys().len()
+                ),
+                remedy: "map the motion onto the lattice that it was computed for (the same level of refinement)",
+            });
+        }
+        Ok(())
     }
 
     /// Frames in the order of time.

@@ -3,7 +3,7 @@ use ivd_core::{Classified, ErrorClass, ParamError};
 /// Why a lattice has no octree, or an octree doesn't serve.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A failure that any stage can meet.
+    /// A failure that any stage can meet, such as the octree of another lattice.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
     /// A parameter is outside its domain.
@@ -32,19 +32,13 @@ pub enum Error {
         /// How much fits.
         limit: u64,
     },
-    /// An octree that was built over another lattice.
-    #[error("octree and lattice don't belong together: {problem}; build the octree of this lattice")]
-    Mismatch {
-        /// What differs.
-        problem: String,
-    },
 }
 
 impl Classified for Error {
     fn error_class(&self) -> ErrorClass {
         match self {
             Self::Core(e) => e.error_class(),
-            Self::Param(_) | Self::Mismatch { .. } => ErrorClass::Usage,
+            Self::Param(_) => ErrorClass::Usage,
             Self::Open { .. } => ErrorClass::Input,
             Self::TooLarge { .. } => ErrorClass::Limit,
         }

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "test values are sound")]
 
-use ivd_core::{Exec, Lattice, noise};
+use ivd_core::{Error as CoreError, Exec, Lattice, noise};
 use ivd_octree::{Error, Nearest, NearestIndex, Params, build, prepare};
 use ivd_phantom::Shape;
 use nalgebra::{Matrix2, Vector2, Vector3};
@@ -133,7 +133,7 @@ fn far_points_empty_lattices_and_bad_numbers_have_an_answer() {
 fn an_octree_of_another_lattice_is_refused() {
     let all = samples();
     let octree = build(&all[0], &Params::default(), &Exec::default()).unwrap();
-    assert!(matches!(prepare(&all[1], &octree), Err(Error::Mismatch { .. })));
+    assert!(matches!(prepare(&all[1], &octree), Err(Error::Core(CoreError::Mismatch { .. }))));
     let fewer = all[0].clone().with_triangles(all[0].triangles()[1..].to_vec().into()).unwrap();
-    assert!(matches!(prepare(&fewer, &octree), Err(Error::Mismatch { .. })));
+    assert!(matches!(prepare(&fewer, &octree), Err(Error::Core(CoreError::Mismatch { .. }))));
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use ivd_artefact::{Artefact, ContentHash};
 use ivd_core::{Exec, Lattice, Motion, Value as _};
-use ivd_deform::class_volume::by_class;
+use ivd_field::class_volume::by_class;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

@@ -3,7 +3,7 @@ use ivd_core::{Classified, ErrorClass, ParamError};
 /// Why an event wasn't followed. The session is then as it was.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Inputs that don't fit, cancellation, a limit.
+    /// Inputs that don't fit, a motion that isn't to be trusted, cancellation, a limit.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
     /// A parameter outside its domain.
@@ -15,9 +15,9 @@ pub enum Error {
     /// The octree of a level can't be built.
     #[error(transparent)]
     Octree(#[from] ivd_octree::Error),
-    /// The deformation isn't possible, or not to be trusted.
+    /// There is no map to the voxels, or none to be trusted.
     #[error(transparent)]
-    Deform(#[from] ivd_deform::Error),
+    Map(#[from] ivd_map::Error),
     /// An event that names what isn't there, or doesn't go with the settings.
     #[error("{event}: {problem}; {remedy}")]
     Event {
@@ -36,7 +36,7 @@ impl Classified for Error {
             Self::Core(error) => error.error_class(),
             Self::Lattice(error) => error.error_class(),
             Self::Octree(error) => error.error_class(),
-            Self::Deform(error) => error.error_class(),
+            Self::Map(error) => error.error_class(),
             Self::Param(_) | Self::Event { .. } => ErrorClass::Usage,
         }
     }

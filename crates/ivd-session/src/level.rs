@@ -4,11 +4,12 @@ use std::fmt;
 use std::sync::Arc;
 
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion};
-use ivd_deform::freeform;
-use ivd_deform::map::{Biharmonic, Live, Moved, Outside, fem};
-use ivd_deform::mass_spring;
-use ivd_deform::spring::{self, HandleAt};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_map::{Biharmonic, Live, Moved, Outside, fem};
+use ivd_motion::freeform;
+use ivd_motion::handles::{Fix, HandleAt};
+use ivd_motion::mass_spring;
+use ivd_motion::ring;
 
 use crate::{Error, MapChoice, Physics, Settings};
 
@@ -31,7 +32,7 @@ impl fmt::Debug for Level {
 struct Held {
     params: mass_spring::Params,
     handles: Vec<(HandleAt, f64)>,
-    fixed: Vec<spring::Fix>,
+    fixed: Vec<Fix>,
 }
 
 impl Level {
@@ -61,7 +62,7 @@ impl Level {
         let handled = match &settings.physics {
             _ if settings.handles.is_empty() => None,
             Physics::Ring(params) => {
-                Some(spring::ring(&self.lattice, &settings.handles, &settings.fixed, params, exec)?.motion)
+                Some(ring::solve(&self.lattice, &settings.handles, &settings.fixed, params, exec)?.motion)
             }
             Physics::Springs(params) => Some(self.springs(settings, params, labels, exec)?),
         };

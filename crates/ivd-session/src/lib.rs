@@ -6,12 +6,13 @@
 //! handle moves is found once: the lattice of a level, its octree, the springs and their factor, every voxel's nearest point.
 //!
 //! **The state follows from the settings alone.** Solvers and maps start at rest for every event, so that no result depends on the way
-//! to it: what a session shows is to the bit what [`ivd_deform`]'s functions give, undoing gives the bytes back, and a log of
+//! to it: what a session shows is to the bit what the functions of [`ivd_motion`], [`ivd_map`] and
+//! [`ivd_field`] give, undoing gives the bytes back, and a log of
 //! events replayed on another machine of the same kind gives the same volume.
 //!
 //! ```
 //! use ivd_core::{Exec, Grid, Volume, VoxelCoord, VoxelIndex, Voxels};
-//! use ivd_deform::spring::{Action, Handle, HandleAt};
+//! use ivd_motion::handles::{Action, Handle, HandleAt};
 //! use ivd_lattice::extract::{ExtractParams, Iso, extract};
 //! use ivd_session::{Event, Session, Settings};
 //!

@@ -2,8 +2,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Volume};
-use ivd_deform::map::Moved;
-use ivd_deform::warp::Deformed;
+use ivd_field::warp::Deformed;
+use ivd_map::Moved;
 
 use crate::level::{Level, still};
 use crate::{Error, Event, Settings};

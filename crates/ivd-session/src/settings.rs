@@ -2,11 +2,12 @@
 
 use ivd_core::ParamError;
 use ivd_core::op::Op as _;
-use ivd_deform::freeform::Shape;
-use ivd_deform::map::{BiharmonicParams, FemParams, OctreeParams};
-use ivd_deform::mass_spring::{self, Material};
-use ivd_deform::spring::{Action, Fix, Handle, HandleAt, RingParams};
-use ivd_deform::warp::WarpParams;
+use ivd_field::shape::Shape;
+use ivd_field::warp::WarpParams;
+use ivd_map::{BiharmonicParams, FemParams, OctreeParams};
+use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::mass_spring::{self, Material};
+use ivd_motion::ring::RingParams;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;

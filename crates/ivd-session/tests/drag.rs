@@ -4,14 +4,15 @@
 use std::collections::BTreeMap;
 
 use ivd_core::{Class, Exec, Labels, Lattice, Volume, VoxelIndex, Voxels, World};
-use ivd_deform::freeform;
-use ivd_deform::freeform::{Kind, Shape};
-use ivd_deform::map::{self, Band, BiharmonicParams, FemParams, OctreeParams, Outside};
-use ivd_deform::mass_spring::{self, Material, Solver};
-use ivd_deform::spring::{self, Action, Fix, Handle, HandleAt, RingParams};
-use ivd_deform::warp::{self, Order, WarpParams};
+use ivd_field::shape::{Kind, Shape};
+use ivd_field::warp::{self, Order, WarpParams};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_map::{Band, BiharmonicParams, FemParams, OctreeParams, Outside};
+use ivd_motion::freeform;
+use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::mass_spring::{self, Material, Solver};
+use ivd_motion::ring::{self, RingParams};
 use ivd_session::{Event, MapChoice, Physics, Session, Settings};
 
 const SIDE: usize = 40;
@@ -62,7 +63,7 @@ fn pick(direction: [f64; 3]) -> HandleAt {
 }
 
 /// What the stages give that are called once.
-fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::MapResult>, Volume) {
+fn at_once(settings: &Settings, exec: &Exec) -> (Option<ivd_map::MapResult>, Volume) {
     let (volume, finest) = ball();
     let lattice = match settings.level {
         0 => finest,
@@ -76,7 +77,7 @@ fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::MapResult>, Volume)
     if !settings.handles.is_empty() {
         motion = Some(match &settings.physics {
             Physics::Ring(params) => {
-                spring::ring(&lattice, &settings.handles, &settings.fixed, params, exec).unwrap().motion
+                ring::solve(&lattice, &settings.handles, &settings.fixed, params, exec).unwrap().motion
             }
             Physics::Springs(params) => {
                 let labels = Some(&labels).filter(|_| !params.springs.material.is_empty());
@@ -93,10 +94,10 @@ fn at_once(settings: &Settings, exec: &Exec) -> (Option<map::MapResult>, Volume)
     let mapped = match &settings.map {
         MapChoice::Octree(params) => {
             let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), exec).unwrap();
-            map::octree(&lattice, &octree, &motion, last, params, exec).unwrap()
+            ivd_map::octree(&lattice, &octree, &motion, last, params, exec).unwrap()
         }
-        MapChoice::Biharmonic(params) => map::biharmonic(&lattice, &motion, last, params, exec).unwrap(),
-        MapChoice::Fem(params) => map::fem(&lattice, None, &motion, last, params, exec).unwrap(),
+        MapChoice::Biharmonic(params) => ivd_map::biharmonic(&lattice, &motion, last, params, exec).unwrap(),
+        MapChoice::Fem(params) => ivd_map::fem(&lattice, None, &motion, last, params, exec).unwrap(),
     };
     let warped = warp::volume(&volume, &mapped.displacement, &settings.warp, exec).unwrap();
     (Some(mapped), warped.output)

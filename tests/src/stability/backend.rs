@@ -5,14 +5,16 @@ use ivd_core::{
     Classified, Displacement, ErrorClass, Exec, FieldBricks, Grid, Labels, Lattice, Mask, Motion, Octree,
     Volume,
 };
-use ivd_deform::freeform::{self, Shape, Shaped};
-use ivd_deform::inverse::Inverse;
-use ivd_deform::map::MapResult;
-use ivd_deform::mass_spring;
-use ivd_deform::spring::{Fix, Handle, RingParams, Solved};
-use ivd_deform::warp::{WarpParams, Warped};
+use ivd_field::inverse::Inverse;
+use ivd_field::shape::Shape;
+use ivd_field::warp::{WarpParams, Warped};
 use ivd_lattice::extract::{ExtractParams, Extracted, Part};
 use ivd_lattice::refine::{Locks, RefineParams, Refined};
+use ivd_map::MapResult;
+use ivd_motion::freeform::{self, Shaped};
+use ivd_motion::handles::{Fix, Handle};
+use ivd_motion::mass_spring;
+use ivd_motion::ring::{RingParams, Solved};
 use ivd_render::{Radiance, RenderParams, Rendered, Scene};
 use ivd_segment::{
     ChainParams, CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, Segmentation, ThresholdParams,
@@ -43,7 +45,8 @@ refusal_of!(
     ivd_boundary::Error,
     ivd_lattice::Error,
     ivd_octree::Error,
-    ivd_deform::Error,
+    ivd_core::Error,
+    ivd_map::Error,
     ivd_render::Error
 );
 
@@ -140,7 +143,7 @@ pub trait Backend: Sync {
         params: &RingParams,
         exec: &Exec,
     ) -> Answer<Solved> {
-        Ok(ivd_deform::spring::ring(lattice, handles, fixed, params, exec)?)
+        Ok(ivd_motion::ring::solve(lattice, handles, fixed, params, exec)?)
     }
 
     fn springs(
@@ -166,14 +169,14 @@ pub trait Backend: Sync {
         exec: &Exec,
     ) -> Answer<MapResult> {
         Ok(match choice {
-            MapChoice::Octree(params) => ivd_deform::map::octree(lattice, octree, motion, 0, params, exec)?,
-            MapChoice::Biharmonic(params) => ivd_deform::map::biharmonic(lattice, motion, 0, params, exec)?,
-            MapChoice::Fem(params) => ivd_deform::map::fem(lattice, None, motion, 0, params, exec)?,
+            MapChoice::Octree(params) => ivd_map::octree(lattice, octree, motion, 0, params, exec)?,
+            MapChoice::Biharmonic(params) => ivd_map::biharmonic(lattice, motion, 0, params, exec)?,
+            MapChoice::Fem(params) => ivd_map::fem(lattice, None, motion, 0, params, exec)?,
         })
     }
 
     fn invert(&self, forward: &FieldBricks, grid: &Grid, exec: &Exec) -> Answer<Inverse> {
-        Ok(ivd_deform::inverse::invert(forward, grid, exec)?)
+        Ok(ivd_field::inverse::invert(forward, grid, exec)?)
     }
 
     fn warp_volume(
@@ -183,7 +186,7 @@ pub trait Backend: Sync {
         params: &WarpParams,
         exec: &Exec,
     ) -> Answer<Warped<Volume>> {
-        Ok(ivd_deform::warp::volume(volume, displacement, params, exec)?)
+        Ok(ivd_field::warp::volume(volume, displacement, params, exec)?)
     }
 
     fn warp_labels(
@@ -192,11 +195,11 @@ pub trait Backend: Sync {
         displacement: &Displacement,
         exec: &Exec,
     ) -> Answer<Warped<Labels>> {
-        Ok(ivd_deform::warp::labels(labels, displacement, &WarpParams::default(), exec)?)
+        Ok(ivd_field::warp::labels(labels, displacement, &WarpParams::default(), exec)?)
     }
 
     fn warp_mask(&self, mask: &Mask, displacement: &Displacement, exec: &Exec) -> Answer<Warped<Mask>> {
-        Ok(ivd_deform::warp::mask(mask, displacement, exec)?)
+        Ok(ivd_field::warp::mask(mask, displacement, exec)?)
     }
 
     fn radiance(&self, scene: &Scene<'_>, params: &RenderParams, exec: &Exec) -> Answer<Radiance> {

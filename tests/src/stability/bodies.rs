@@ -1,10 +1,10 @@
 //! Awkward masses on springs and free forms, for [`nasty`](super::nasty).
 
 use ivd_core::{ErrorClass, Labels};
-use ivd_deform::freeform::{Kind, Shape};
-use ivd_deform::mass_spring::{LoadRamp, Material, Params};
-use ivd_deform::rigid::{Drive, Part, Region, Turn};
-use ivd_deform::spring::{Action, Fix, HandleAt};
+use ivd_field::shape::{Kind, Shape};
+use ivd_motion::handles::{Action, Fix, HandleAt};
+use ivd_motion::mass_spring::{LoadRamp, Material, Params};
+use ivd_motion::rigid::{Drive, Part, Region, Turn};
 
 use super::case::{Case, Refused, Stage, TURNS};
 use super::nasty::{TOO_MUCH, ball, grip, nudged};

@@ -1,13 +1,14 @@
 //! A case: a volume, how every stage is asked, and which refusals are right.
 
 use ivd_core::{ErrorClass, Labels, Lattice, Volume};
-use ivd_deform::freeform::Shape;
-use ivd_deform::map::OctreeParams;
-use ivd_deform::mass_spring;
-use ivd_deform::rigid;
-use ivd_deform::spring::{Fix, Handle, RingParams};
-use ivd_deform::warp::WarpParams;
+use ivd_field::shape::Shape;
+use ivd_field::warp::WarpParams;
 use ivd_lattice::refine::RefineParams;
+use ivd_map::OctreeParams;
+use ivd_motion::handles::{Fix, Handle};
+use ivd_motion::mass_spring;
+use ivd_motion::rigid;
+use ivd_motion::ring::RingParams;
 use ivd_render::{RenderParams, View};
 
 /// A stage of the pipeline, in the order in which they run.

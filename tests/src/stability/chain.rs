@@ -5,14 +5,15 @@ use std::fmt;
 
 use ivd_artefact::{ArtefactRef, ContentHash};
 use ivd_core::{ErrorClass, Exec, Labels, Lattice, Mask, Octree};
-use ivd_deform::freeform::Shaped;
-use ivd_deform::inverse::Inverse;
-use ivd_deform::map::MapResult;
-use ivd_deform::mass_spring;
-use ivd_deform::spring::{Fix, Handle, HandleAt, Solved};
-use ivd_deform::warp::Warped;
+use ivd_field::inverse::Inverse;
+use ivd_field::warp::Warped;
 use ivd_lattice::extract::Part;
 use ivd_lattice::refine::Refined;
+use ivd_map::MapResult;
+use ivd_motion::freeform::Shaped;
+use ivd_motion::handles::{Fix, Handle, HandleAt};
+use ivd_motion::mass_spring;
+use ivd_motion::ring::Solved;
 use ivd_render::{Radiance, Rendered};
 use ivd_segment::Segmentation;
 

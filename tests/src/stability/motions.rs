@@ -1,9 +1,9 @@
 //! The other ways to deform a lattice and to carry its motion to the voxels, as one subject each.
 
 use ivd_core::{Exec, Lattice};
-use ivd_deform::map::{Band, BiharmonicParams, FemParams};
-use ivd_deform::mass_spring::{Descent, Params, Solver};
-use ivd_deform::spring::{Fix, Handle};
+use ivd_map::{Band, BiharmonicParams, FemParams};
+use ivd_motion::handles::{Fix, Handle};
+use ivd_motion::mass_spring::{Descent, Params, Solver};
 use ivd_session::MapChoice;
 
 use super::backend::{Answer, Backend};

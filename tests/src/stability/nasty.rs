@@ -1,7 +1,7 @@
 //! The cases that must not break anything, as a table: awkward volumes, surfaces, lattices, materials and handles.
 
 use ivd_core::{ClassChoice, ErrorClass, Grid, Scalar, Volume};
-use ivd_deform::spring::{Action, Fix, Handle, HandleAt};
+use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
 
 use super::case::{Case, Cut, Refused, Stage, TURNS};
 use super::{bodies, meshes};

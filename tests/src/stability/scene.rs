@@ -1,12 +1,13 @@
 //! Random scenes: a tiny volume of any kind and any questions, from a seed.
 
 use ivd_core::{ClassChoice, ErrorClass, Grid, Scalar, Volume, VoxelCoord, Voxels};
-use ivd_deform::freeform::{Kind, Shape};
-use ivd_deform::map::{Band, DepthWeight, OctreeParams, Outside};
-use ivd_deform::mass_spring;
-use ivd_deform::spring::{Action, Fix, Handle, HandleAt, RingParams};
-use ivd_deform::warp::{Order, WarpParams};
+use ivd_field::shape::{Kind, Shape};
+use ivd_field::warp::{Order, WarpParams};
 use ivd_lattice::refine::{RefineParams, Target};
+use ivd_map::{Band, DepthWeight, OctreeParams, Outside};
+use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::mass_spring;
+use ivd_motion::ring::RingParams;
 use ivd_render::{Mode, Projection, RenderParams, View};
 use nalgebra::{Rotation3, Vector3};
 

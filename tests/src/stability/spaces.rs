@@ -1,8 +1,8 @@
 //! Random steps in space, from a seed.
 
 use ivd_core::{Classified, ErrorClass, Exec, Grid, Labels, VoxelCoord};
-use ivd_deform::freeform::{Kind, Shape};
-use ivd_deform::space::{ChainMail, Curve, Cut, Links, Over, Start, Step, Way, displace};
+use ivd_field::shape::{Kind, Shape};
+use ivd_map::space::{ChainMail, Curve, Cut, Links, Over, Start, Step, Way, displace};
 use nalgebra::Vector3;
 
 use super::invariants::field::displaced;

@@ -263,7 +263,7 @@ impl Subject for Invert {
         Ok(true)
     }
     fn check(&self, _: &dyn Backend, case: &Case, values: &Values, _: &Exec) -> Verdict {
-        if case.setup.map.band.outside == ivd_deform::map::Outside::Free {
+        if case.setup.map.band.outside == ivd_map::Outside::Free {
             // A part that moves alone has an inverse of its own kind.
             return Ok(());
         }

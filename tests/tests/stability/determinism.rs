@@ -1,7 +1,7 @@
 //! The same bytes for 1, 2, 3 and 8 threads, again and again (20 times in the long form), with the processor's own instructions and without.
 
 use ivd_core::{Grid, Volume, Voxels};
-use ivd_deform::spring::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Handle, HandleAt};
 use ivd_tests::stability::backend::BACKENDS;
 use ivd_tests::stability::case::Case;
 use ivd_tests::stability::determinism::same_bytes;

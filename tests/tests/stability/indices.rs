@@ -1,8 +1,8 @@
 //! More than 2³² voxels in the arithmetic of indices, without the memory that they would take.
 
 use ivd_core::{BrickIndex, ElementKey, Exec, FieldBricks, Grid, Lattice, NO_BRICK, VoxelIndex};
-use ivd_deform::certificate::certify;
-use ivd_deform::inverse::invert;
+use ivd_field::certificate::certify;
+use ivd_field::inverse::invert;
 use ivd_tests::stability::meshes;
 use nalgebra::Vector3;
 

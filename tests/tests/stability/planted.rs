@@ -7,12 +7,13 @@ use std::time::Duration;
 use ivd_core::{
     Displacement, Exec, FieldBricks, Grid, Labels, Lattice, Mask, Motion, Octree, Volume, Voxels,
 };
-use ivd_deform::inverse::Inverse;
-use ivd_deform::mass_spring;
-use ivd_deform::spring::{Action, Fix, Handle, HandleAt, RingParams, Solved};
-use ivd_deform::warp::{WarpParams, Warped};
+use ivd_field::inverse::Inverse;
+use ivd_field::warp::{WarpParams, Warped};
 use ivd_lattice::extract::{ExtractParams, Extracted};
 use ivd_lattice::refine::{RefineParams, Refined};
+use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::mass_spring;
+use ivd_motion::ring::{RingParams, Solved};
 use ivd_render::{Radiance, RenderParams, Scene};
 use ivd_segment::{KmvsParams, Segmentation};
 use ivd_tests::stability::backend::{Answer, Backend, Cpu};
@@ -27,7 +28,7 @@ fn with_last(motion: &Motion, change: impl FnOnce(&mut [[f64; 3]])) -> Answer<Mo
     change(frames.last_mut().unwrap().displacement.make_mut());
     let moved = Motion::new(motion.grid().clone(), motion.vertex_count(), frames)
         .and_then(|moved| moved.with_reach(motion.reach().to_vec())?.with_inner(motion.inner().clone()));
-    Ok(moved.map_err(ivd_deform::Error::from)?)
+    Ok(moved?)
 }
 
 /// A ball in single precision with a handle.

@@ -1,7 +1,7 @@
 //! How errors of single precision grow with an offset of the values, against double precision.
 
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, Volume, VoxelIndex, Voxels};
-use ivd_deform::warp::WarpParams;
+use ivd_field::warp::WarpParams;
 use ivd_segment::{KmvsParams, ThresholdParams};
 use ivd_tests::stability::seeded::Seeded;
 
@@ -83,7 +83,7 @@ fn errors_of_single_precision_grow_with_the_offset_as_its_rounding_does() {
 
         // Interpolation: the double-precision value rounded once to single precision.
         let by = [0.375_f32, 0.25, 0.625];
-        let warped = ivd_deform::warp::volume(&volume, &shifted(&grid, by), &WarpParams::default(), &exec)
+        let warped = ivd_field::warp::volume(&volume, &shifted(&grid, by), &WarpParams::default(), &exec)
             .unwrap()
             .output;
         let mut warp = 0.0_f64;
@@ -103,7 +103,8 @@ fn errors_of_single_precision_grow_with_the_offset_as_its_rounding_does() {
 
 #[test]
 fn a_vertex_that_is_pulled_alone_never_has_more_energy_than_the_pull_can_give() {
-    use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
+    use ivd_motion::handles::{Action, Handle, HandleAt};
+    use ivd_motion::ring::{self, RingParams};
     use ivd_tests::stability::meshes;
     use std::sync::{Arc, Mutex};
 
@@ -132,7 +133,7 @@ fn a_vertex_that_is_pulled_alone_never_has_more_energy_than_the_pull_can_give() 
                 };
                 let params =
                     RingParams { stiffness, duration, dt: Some(dt), damping, ..RingParams::default() };
-                let solved = ring(&lattice, &[handle], &[], &params, &exec).unwrap();
+                let solved = ring::solve(&lattice, &[handle], &[], &params, &exec).unwrap();
                 // With H = ½ k u² + springs + ½ m v² − F·u ≤ 0 from rest, |u| ≤ 2 |F| / k and the energy is F·u at most.
                 let pull = 1e3 * stiffness * force * 1.5;
                 let ground = 1e3 * stiffness;

@@ -6,11 +6,12 @@
 //! are taken. Times 10^±3 inputs are rounded, and results differ by what the stages make of one rounding.
 
 use ivd_core::{Exec, Grid, Lattice, Volume, Voxels};
-use ivd_deform::map::{MapResult, OctreeParams};
-use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, Solved, ring};
-use ivd_deform::warp::WarpParams;
+use ivd_field::warp::WarpParams;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Refined, collapse};
+use ivd_map::{MapResult, OctreeParams};
+use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::ring::{self, RingParams, Solved};
 use ivd_render::{RenderParams, Rendered, Scene, View};
 use ivd_segment::{KmvsParams, Segmentation};
 
@@ -64,13 +65,12 @@ fn scene(scale: f64, shift: f64) -> Results {
         },
     ];
     let ring_params = RingParams { density: 1e-3 / (scale * scale), ..RingParams::default() };
-    let solved = ring(&lattice, &handles, &[], &ring_params, &exec).unwrap();
+    let solved = ring::solve(&lattice, &handles, &[], &ring_params, &exec).unwrap();
     let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec).unwrap();
     let map = OctreeParams::default();
-    let mapped = ivd_deform::map::octree(&lattice, &octree, &solved.motion, 0, &map, &exec).unwrap();
-    let warped = ivd_deform::warp::volume(&volume, &mapped.displacement, &WarpParams::default(), &exec)
-        .unwrap()
-        .output;
+    let mapped = ivd_map::octree(&lattice, &octree, &solved.motion, 0, &map, &exec).unwrap();
+    let warped =
+        ivd_field::warp::volume(&volume, &mapped.displacement, &WarpParams::default(), &exec).unwrap().output;
     let params =
         RenderParams { size: [40, 32], view: View::FRONT, annotate: false, ..RenderParams::default() };
     let drawn =

@@ -3,12 +3,13 @@
 //! The scene has no ties: smooth values in single precision on which no two voxels agree.
 
 use ivd_core::{ClassChoice, Displacement, Exec, Grid, Lattice, Volume, VoxelIndex, Voxels, World};
-use ivd_deform::map::{Band, OctreeParams, Outside};
-use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, Solved, ring};
-use ivd_deform::warp::WarpParams;
+use ivd_field::warp::WarpParams;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_map::{Band, OctreeParams, Outside};
+use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::ring::{self, RingParams, Solved};
 use ivd_render::{RenderParams, Scene, View};
 use ivd_segment::{KmvsParams, Segmentation, ThresholdParams};
 use ivd_tests::stability::symmetry::{TURNS, Turn};
@@ -157,15 +158,15 @@ fn motion(straight: &Grid, turn: Option<Turn>, lattice: &Lattice) -> Solved {
         Handle { at: HandleAt::Pick(at(place)), action: Action::Move(along(way)), radius: 6.3 },
         Handle { at: HandleAt::Pick(at(other)), action: Action::Force(along(pull)), radius: 5.2 },
     ];
-    ring(lattice, &handles, &[], &RingParams::default(), &Exec::default()).unwrap()
+    ring::solve(lattice, &handles, &[], &RingParams::default(), &Exec::default()).unwrap()
 }
 
-fn mapped(lattice: &Lattice, solved: &Solved, outside: Outside) -> ivd_deform::map::MapResult {
+fn mapped(lattice: &Lattice, solved: &Solved, outside: Outside) -> ivd_map::MapResult {
     let exec = Exec::default();
     let octree = ivd_octree::build(lattice, &ivd_octree::Params::default(), &exec).unwrap();
     let params =
         OctreeParams { band: Band { outside, tolerance: 1.0, ..Band::default() }, ..OctreeParams::default() };
-    ivd_deform::map::octree(lattice, &octree, &solved.motion, 0, &params, &exec).unwrap()
+    ivd_map::octree(lattice, &octree, &solved.motion, 0, &params, &exec).unwrap()
 }
 
 #[test]
@@ -217,13 +218,13 @@ fn inverses_warps_and_pictures_turn_with_the_field() {
     let straight = lattice(&volume);
     let map = mapped(&straight, &motion(grid, None, &straight), Outside::Band);
     let warp = |volume: &Volume, moved: &Displacement| {
-        ivd_deform::warp::volume(volume, moved, &WarpParams::default(), &exec).unwrap().output
+        ivd_field::warp::volume(volume, moved, &WarpParams::default(), &exec).unwrap().output
     };
     let warped = warp(&volume, &map.displacement);
     for turn in TURNS {
         let other = turned(turn, &volume);
         let forward = turn.field(map.displacement.forward());
-        let inverse = ivd_deform::inverse::invert(&forward, other.grid(), &exec).unwrap();
+        let inverse = ivd_field::inverse::invert(&forward, other.grid(), &exec).unwrap();
         let expected = turn.field(map.displacement.inverse());
         for i in 0..other.grid().len() {
             let v = other.grid().index(i);

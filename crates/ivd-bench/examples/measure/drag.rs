@@ -5,8 +5,8 @@
 use std::time::Instant;
 
 use ivd_core::{Exec, Lattice};
-use ivd_deform::spring::{Action, Handle, HandleAt};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use ivd_motion::handles::{Action, Handle, HandleAt};
 use ivd_session::{Event, Session, Settings};
 
 use crate::Anything;

@@ -11,8 +11,8 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use ivd_core::Exec;
-use ivd_deform::mass_spring::{Closeness, Descent, LoadRamp, Params, Prepared, Solver, Springs};
-use ivd_deform::spring::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::mass_spring::{Closeness, Descent, LoadRamp, Params, Prepared, Solver, Springs};
 
 use crate::Anything;
 use crate::kernels::springs::sheet;

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, NO_BRICK, Volume, Voxels};
-use ivd_deform::warp::{Deformed, WarpParams, volume};
+use ivd_field::warp::{Deformed, WarpParams, volume};
 
 use crate::{Anything, raw};
 

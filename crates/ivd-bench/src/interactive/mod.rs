@@ -11,10 +11,11 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use ivd_core::{Classified, ErrorClass, Exec, FieldBricks, Lattice, Volume, VoxelIndex, VoxelType};
-use ivd_deform::mass_spring::{self, Solver};
-use ivd_deform::spring::{Action, Handle, HandleAt, RingParams};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::mass_spring::{self, Solver};
+use ivd_motion::ring::RingParams;
 use ivd_session::{Event, Physics, Session, Settings};
 use nalgebra::Vector3;
 use serde::Serialize;

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use cpu_time::ProcessTime;
 use ivd_artefact::Cache;
 use ivd_core::{Exec, Grid, Volume};
-use ivd_deform::map::{self, MapFigures};
-use ivd_deform::warp::{self, WarpFigures};
+use ivd_field::warp::{self, WarpFigures};
 use ivd_lattice::extract::{self, LatticeFigures};
+use ivd_map::MapFigures;
 use ivd_pipeline::scene::{self, Loaded, Override};
 use ivd_pipeline::stages::{IMPORT, ImportFigures};
 use ivd_pipeline::{PipelineOptions, PipelineReport, StageRecord, State, figures_of};
@@ -173,7 +173,7 @@ const LOOKED: [(&str, Looked); 8] = [
         let isolated = record.inputs.contains_key("mask");
         Ok([if isolated { all } else { in_bricks(found.bricks_active, all).max(least) }, least])
     }),
-    (map::STAGE.name, |record, all| {
+    (ivd_map::STAGE.name, |record, all| {
         let found: MapFigures = record.figures()?;
         Ok([in_bricks(found.bricks_touched, all), found.voxels_moved as f64])
     }),

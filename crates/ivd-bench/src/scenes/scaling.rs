@@ -1,5 +1,5 @@
 use ivd_core::Exec;
-use ivd_deform::map::{self, MapFigures};
+use ivd_map::MapFigures;
 use serde::{Deserialize, Serialize};
 
 use super::place::{Content, EDGE_MM, Place, Run, settle};
@@ -82,7 +82,7 @@ pub fn scaling(size: usize, repeats: usize, exec: &Exec) -> Result<ScalePoint, E
     Ok(ScalePoint {
         size,
         voxel_mm: EDGE_MM / size as f64,
-        voxels_moved: last.figures::<MapFigures>(map::STAGE.name)?.voxels_moved as f64,
+        voxels_moved: last.figures::<MapFigures>(ivd_map::STAGE.name)?.voxels_moved as f64,
         volume_bytes_read: source + asked_for.sum::<u64>(),
         whole: Cost::of(&whole)?,
         moved: Cost::of(&moved)?,

@@ -1,7 +1,8 @@
 use std::sync::Arc;
 
 use ivd_core::{Exec, Lattice};
-use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
+use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::ring::{self, RingParams};
 
 use crate::experiment::{Experiment, Problem, Setting};
 use crate::inputs::{RADIUS_MM, ball, each_once, judged, root_mean_square};
@@ -30,7 +31,7 @@ pub(super) fn on(
 ) -> Result<Experiment, Problem> {
     let handles = Arc::new([handle]);
     let defaults = RingParams::default();
-    let default_steps = ring(lattice, &*handles, &[], &defaults, exec)?.steps as u32;
+    let default_steps = ring::solve(lattice, &*handles, &[], &defaults, exec)?.steps as u32;
     let params = move |steps: f64, epsilon: f64| {
         let defaults = RingParams::default();
         RingParams { dt: Some(defaults.duration / steps), epsilon, ..defaults }
@@ -80,7 +81,7 @@ fn displacements(
     params: &RingParams,
     exec: &Exec,
 ) -> Result<(Vec<[f64; 3]>, usize), Problem> {
-    let solved = ring(lattice, handles, &[], params, exec)?;
+    let solved = ring::solve(lattice, handles, &[], params, exec)?;
     let frame = solved.motion.frames().last().ok_or("a motion without frames")?;
     Ok((frame.displacement.to_vec(), solved.vertices_moved))
 }

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use ivd_core::{Classified, Displacement, ErrorClass, Exec, Lattice, Motion};
-use ivd_deform::freeform::{self, Kind, Shape};
-use ivd_deform::map::{
-    BiharmonicParams, DepthWeight, FemParams, MapResult, OctreeParams, biharmonic, fem, octree,
-};
-use ivd_deform::mass_spring::{self, Solver};
-use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
+use ivd_field::shape::{Kind, Shape};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_map::{BiharmonicParams, DepthWeight, FemParams, MapResult, OctreeParams, biharmonic, fem, octree};
+use ivd_motion::freeform;
+use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::mass_spring::{self, Solver};
+use ivd_motion::ring::{self, RingParams};
 use ivd_session::MapChoice;
 
 use super::map::apart;
@@ -36,7 +36,7 @@ pub(super) fn maps(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let pushed = |by: f64| -> Result<Motion, Problem> {
         let handle =
             Handle { at: HandleAt::Pick(top), action: Action::Move([0.0, 0.0, by]), radius: REACH_MM };
-        Ok(ring(&lattice, &[handle], &[], &RingParams::default(), exec)?.motion)
+        Ok(ring::solve(&lattice, &[handle], &[], &RingParams::default(), exec)?.motion)
     };
     let twist = Shape {
         kind: Kind::Rotate { angle: TWIST },
@@ -215,13 +215,10 @@ fn maps_of_whole(radius: f64) -> Vec<(Vec<(&'static str, String)>, MapChoice)> {
 
 /// Whether a setting gives a map that can be trusted; one that is refused isn't compared.
 fn holds(found: Result<MapResult, Problem>) -> Result<bool, Problem> {
-    match found {
-        Ok(_) => Ok(true),
-        Err(problem) => match problem.downcast_ref::<ivd_deform::Error>() {
-            Some(error) if error.error_class() == ErrorClass::Untrusted => Ok(false),
-            _ => Err(problem),
-        },
-    }
+    let Err(problem) = found else { return Ok(true) };
+    let of_solver = problem.downcast_ref::<ivd_core::Error>().map(Classified::error_class);
+    let of_map = problem.downcast_ref::<ivd_map::Error>().map(Classified::error_class);
+    if of_solver.or(of_map) == Some(ErrorClass::Untrusted) { Ok(false) } else { Err(problem) }
 }
 
 /// Solver and map in one go, as a user waits for them; the ring without a solver.
@@ -234,7 +231,7 @@ pub(super) fn deformed(
 ) -> Result<MapResult, Problem> {
     let handles = std::slice::from_ref(handle);
     let motion = match solver {
-        None => ring(lattice, handles, &[], &RingParams::default(), exec)?.motion,
+        None => ring::solve(lattice, handles, &[], &RingParams::default(), exec)?.motion,
         Some(solver) => {
             let springs = mass_spring::Params { solver, ..mass_spring::Params::default() };
             mass_spring::solve(lattice, None, handles, &[], &springs, exec)?.motion

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use ivd_core::{Exec, Grid, Lattice, Volume, VoxelCoord, VoxelIndex, Voxels};
-use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
+use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::ring::{self, RingParams};
 use ivd_segment::{KmvsParams, kmvs};
 use nalgebra::Vector3;
 
@@ -74,7 +75,7 @@ pub(super) fn experiment(stage: &str, given: &Given, exec: &Exec) -> Result<Opti
         }
         "map-methods" => {
             let (whole, handle) = pushed(volume, exec)?;
-            let motion = ring(&whole, &[handle], &[], &RingParams::default(), exec)?.motion;
+            let motion = ring::solve(&whole, &[handle], &[], &RingParams::default(), exec)?.motion;
             let tasks = vec![("push".to_owned(), motion)];
             deformation::on_maps(&whole, tasks, handle.radius, of("the densest part"), exec)?
         }

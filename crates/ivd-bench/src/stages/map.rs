@@ -3,9 +3,9 @@ use std::sync::Arc;
 use ivd_boundary::component;
 use ivd_budget::{LEVELS, target};
 use ivd_core::{ClassChoice, Displacement, Exec, Lattice, Volume};
-use ivd_deform::spring::{Action, Handle, HandleAt};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
+use ivd_motion::handles::{Action, Handle, HandleAt};
 use ivd_segment::{KmvsParams, kmvs};
 use ivd_session::MapChoice;
 

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
-use ivd_deform::mass_spring::{Closeness, Descent, Params, Prepared, Solved, Solver, Springs};
-use ivd_deform::spring::{Action, Fix, Handle, HandleAt};
+use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::mass_spring::{Closeness, Descent, Params, Prepared, Solved, Solver, Springs};
 
 use crate::experiment::{Experiment, Problem, Setting};
 use crate::inputs::judged;

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use ivd_core::{Displacement, FieldBricks, Grid, Volume, VoxelCoord, VoxelIndex};
-use ivd_deform::warp::{WarpParams, volume};
+use ivd_field::warp::{WarpParams, volume};
 use nalgebra::Vector3;
 
 use crate::experiment::{Experiment, Problem, Setting};

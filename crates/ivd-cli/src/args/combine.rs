@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use ivd_deform::clip::{Cuboid, HalfSpace};
-use ivd_deform::combine::Op;
+use ivd_field::clip::{Cuboid, HalfSpace};
+use ivd_field::combine::Op;
 use ivd_pipeline::scene::triple;
 
 use super::Output;

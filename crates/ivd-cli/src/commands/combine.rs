@@ -1,7 +1,7 @@
 //! `ivd combine` and `ivd clip`.
 
-use ivd_deform::clip::ClipParams;
-use ivd_deform::combine::CombineParams;
+use ivd_field::clip::ClipParams;
+use ivd_field::combine::CombineParams;
 use ivd_pipeline::Inputs;
 use ivd_pipeline::stages::{Clip, Combine};
 

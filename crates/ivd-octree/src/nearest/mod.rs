@@ -50,11 +50,16 @@ impl std::fmt::Debug for NearestIndex {
 /// Prepares the search of a lattice through its octree.
 ///
 /// # Errors
-/// [`Error::Mismatch`] where the octree was built over another lattice; in [`Error::Core`] a lattice or an octree that
-/// breaks its own check.
+/// In [`Error::Core`] an octree that was built over another lattice.
 pub fn prepare(lattice: &Lattice, octree: &Octree) -> Result<NearestIndex, Error> {
     let [index] = prepare_parts(lattice, octree, |_| 0)?;
     Ok(index)
+}
+
+/// The octree of another lattice.
+fn of_another(problem: String) -> Error {
+    let what = "octree and lattice don't belong together";
+    ivd_core::Error::Mismatch { what, problem, remedy: "build the octree of this lattice" }.into()
 }
 
 /// As [`prepare`], one search for each part of the triangles; `part` tells which of the `N` a triangle belongs to.
@@ -71,12 +76,10 @@ pub fn prepare_parts<const N: usize>(
         ("vertices", octree.vertex_count() as usize, lattice.keys().len()),
     ];
     if let Some((what, tree, mesh)) = counts.into_iter().find(|c| c.1 != c.2) {
-        return Err(Error::Mismatch {
-            problem: format!("{tree} {what} in the octree, {mesh} in the lattice"),
-        });
+        return Err(of_another(format!("{tree} {what} in the octree, {mesh} in the lattice")));
     }
     if !octree.grid().matches(lattice.grid()) {
-        return Err(Error::Mismatch { problem: "their grids differ".to_owned() });
+        return Err(of_another("their grids differ".to_owned()));
     }
     // linear = q · r with q a rotation and r upper triangular (diagonal for a grid without shear): in the frame turned
     // by qᵀ cells are boxes and lengths are unchanged.

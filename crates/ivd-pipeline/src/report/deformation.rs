@@ -1,11 +1,13 @@
 //! What moved, by how much, and what that did to the space around.
 
-use ivd_deform::certificate::Histogram;
-use ivd_deform::class_volume::ClassVolume;
-use ivd_deform::map::MapFigures;
-use ivd_deform::space::SpaceFigures;
-use ivd_deform::warp::WarpFigures;
-use ivd_deform::{deform, map, space, warp};
+use ivd_field::certificate::Histogram;
+use ivd_field::class_volume::ClassVolume;
+use ivd_field::warp;
+use ivd_field::warp::WarpFigures;
+use ivd_map::MapFigures;
+use ivd_map::space;
+use ivd_map::space::SpaceFigures;
+use ivd_motion::deform;
 use ivd_report::html::number;
 use ivd_report::{Bars, Cell, MOST_ROWS, bars, histogram, pairs, shortened_table, shown, table};
 
@@ -33,7 +35,7 @@ impl Moves {
     /// Those of a run; `None` where nothing is displaced.
     pub(super) fn of(records: &[StageRecord]) -> Result<Option<Self>, Error> {
         let space: Option<SpaceFigures> = figures_of(records, space::STAGE.name)?;
-        let map: Option<MapFigures> = figures_of(records, map::STAGE.name)?;
+        let map: Option<MapFigures> = figures_of(records, ivd_map::STAGE.name)?;
         let enclosed_mm3 = map.as_ref().map(|map| map.followed.volume_mm3);
         // Steps in space have the last word over the voxels; what the lattice makes of it is the map's.
         let last = space.map(Carried::from).or(map.map(Carried::from));

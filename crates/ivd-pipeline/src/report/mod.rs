@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Image, Labels, Motion, TransferFunction, srgb};
-use ivd_deform::class_volume::ClassVolume;
+use ivd_field::class_volume::ClassVolume;
 use nalgebra::Vector3;
 
 use crate::Error;

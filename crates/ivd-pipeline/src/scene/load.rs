@@ -245,7 +245,7 @@ mod tests {
             set("segment.k=6"),
         ];
         let scene = parse(SCENE, &overrides).unwrap();
-        let deform: &ivd_deform::deform::RingMethod = scene.get(&ivd_deform::deform::STAGE).unwrap();
+        let deform: &ivd_motion::deform::RingMethod = scene.get(&ivd_motion::deform::STAGE).unwrap();
         assert_eq!((deform.ring.stiffness, deform.moves.handle[0].radius), (80.0, 7.5));
         assert_eq!(scene.section(&ivd_render::STAGE).unwrap().method().name, "mip");
         let k = scene.param(&ivd_segment::STAGE, "k");

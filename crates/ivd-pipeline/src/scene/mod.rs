@@ -12,8 +12,8 @@ mod written;
 use std::collections::BTreeMap;
 
 use ivd_core::op::{Op, Stage};
-use ivd_deform::deform::Asked;
-use ivd_deform::space::SpaceParams;
+use ivd_map::space::SpaceParams;
+use ivd_motion::deform::Asked;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
@@ -147,7 +147,7 @@ impl Scene {
             }
         }
         let steps = self.steps();
-        ivd_deform::space::check(steps, !still).map_err(|e| format!("space: {e}"))?;
+        ivd_map::space::check(steps, !still).map_err(|e| format!("space: {e}"))?;
         if !steps.is_empty() && !still && self.map_is_free() {
             return Err(
                 "map.outside = \"free\": a part that moved alone leaves a gap, and no [[space.step]] goes on across that; drop \
@@ -160,18 +160,18 @@ impl Scene {
 
     /// What it asks the lattice to do.
     pub fn asked(&self) -> Option<Asked<'_>> {
-        Asked::of(self.section(&ivd_deform::deform::STAGE)?.job())
+        Asked::of(self.section(&ivd_motion::deform::STAGE)?.job())
     }
 
     /// Its steps in space.
-    fn steps(&self) -> &[ivd_deform::space::Step] {
-        let params: Option<&SpaceParams> = self.get(&ivd_deform::space::STAGE);
+    fn steps(&self) -> &[ivd_map::space::Step] {
+        let params: Option<&SpaceParams> = self.get(&ivd_map::space::STAGE);
         params.map_or(&[], |params| &params.step)
     }
 
     /// Whether the map leaves what is outside the part where it is.
     fn map_is_free(&self) -> bool {
-        let params = self.section(&ivd_deform::map::STAGE).map(|section| section.job().params());
+        let params = self.section(&ivd_map::STAGE).map(|section| section.job().params());
         params.is_some_and(|params| params.get("outside").is_some_and(|outside| outside == "free"))
     }
 

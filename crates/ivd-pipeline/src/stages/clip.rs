@@ -1,6 +1,6 @@
 use ivd_core::op::{Output, Slots as _, Voxelwise, object, schema_of};
 use ivd_core::{Displacement, Exec, slots};
-use ivd_deform::clip::{self, By, ClipParams, Clipped, Tag};
+use ivd_field::clip::{self, By, ClipParams, Clipped, Tag};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

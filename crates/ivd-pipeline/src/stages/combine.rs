@@ -1,7 +1,7 @@
 use ivd_artefact::Kind;
 use ivd_core::op::{Fill as _, Output, Voxelwise, object, schema_of};
 use ivd_core::{Displacement, Exec};
-use ivd_deform::combine::{self, CombineParams, Combined, Operand};
+use ivd_field::combine::{self, CombineParams, Combined, Operand};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

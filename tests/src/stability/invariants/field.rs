@@ -1,7 +1,7 @@
 //! Displacements: free of folds, inverted, and still beyond their reach.
 
 use ivd_core::{Displacement, FieldBricks, Grid, Mask, Motion, VoxelCoord, VoxelIndex, World};
-use ivd_deform::map::{Band, MapResult, Outside};
+use ivd_map::{Band, MapResult, Outside};
 use nalgebra::{Matrix3, Vector3};
 
 use super::Verdict;
@@ -196,7 +196,7 @@ fn reach(motion: &Motion, band: &Band, moved: &Displacement) -> Verdict {
 ///
 /// # Errors
 /// The first thing that doesn't hold.
-pub fn displaced(made: &ivd_deform::space::Made) -> Verdict {
+pub fn displaced(made: &ivd_map::space::Made) -> Verdict {
     let moved = &made.displacement;
     finite(moved.forward())?;
     finite(moved.inverse())?;
@@ -253,7 +253,7 @@ pub fn displaced(made: &ivd_deform::space::Made) -> Verdict {
 ///
 /// # Errors
 /// The first thing that doesn't hold.
-pub fn inverted(found: &ivd_deform::inverse::Inverse, moved: &Displacement) -> Verdict {
+pub fn inverted(found: &ivd_field::inverse::Inverse, moved: &Displacement) -> Verdict {
     finite(&found.field)?;
     hold!(found.residual_max_voxels.is_finite(), "residual {}", found.residual_max_voxels);
     hold!(found.field == *moved.inverse(), "another inverse than the map's");

@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 
 use ivd_core::{Labels, Lattice, Motion, VoxelIndex};
-use ivd_deform::freeform::{Kind as Form, Shape, Shaped};
-use ivd_deform::mass_spring::{self, Kind, Params, Solver};
-use ivd_deform::rigid::{Drive, Part};
-use ivd_deform::spring::{Action, Fix, Handle, HandleAt, Solved};
+use ivd_field::shape::{Kind as Form, Shape};
+use ivd_motion::freeform::Shaped;
+use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::mass_spring::{self, Kind, Params, Solver};
+use ivd_motion::rigid::{Drive, Part};
+use ivd_motion::ring::Solved;
 use nalgebra::{Rotation3, Unit, Vector3};
 
 use super::{EPS, Verdict};

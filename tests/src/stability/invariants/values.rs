@@ -1,7 +1,7 @@
 //! Warped volumes, labels and masks.
 
 use ivd_core::{Displacement, Labels, Mask, Scalar, Volume, VoxelCoord, VoxelIndex, VoxelType, with_voxels};
-use ivd_deform::warp::{Order, WarpParams, Warped};
+use ivd_field::warp::{Order, WarpParams, Warped};
 use nalgebra::Vector3;
 
 use super::segments::stored;

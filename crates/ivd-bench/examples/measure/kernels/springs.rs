@@ -1,8 +1,8 @@
 //! Speed of masses on springs: explicit steps by size, a drag to its balance, implicit steps.
 
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
-use ivd_deform::mass_spring::{Closeness, Descent, Params, Prepared, Solver, Springs};
-use ivd_deform::spring::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::mass_spring::{Closeness, Descent, Params, Prepared, Solver, Springs};
 
 use super::Kernels;
 use crate::Anything;

@@ -2,12 +2,13 @@
 //! ball in 128³, alone and as a frame of a drag.
 
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, Volume, VoxelCoord, VoxelIndex, Voxels};
-use ivd_deform::inverse::invert;
-use ivd_deform::map::{Band, Biharmonic, BiharmonicParams, OctreeParams, Outside, biharmonic, octree};
-use ivd_deform::spring::{Action, Handle, HandleAt, RingParams, ring};
-use ivd_deform::warp::{Order, WarpParams, volume};
+use ivd_field::inverse::invert;
+use ivd_field::warp::{Order, WarpParams, volume};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
+use ivd_map::{Band, Biharmonic, BiharmonicParams, OctreeParams, Outside, biharmonic, octree};
+use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::ring::{self, RingParams};
 use nalgebra::Vector3;
 
 use super::Kernels;
@@ -66,7 +67,7 @@ fn maps(kernels: &Kernels<'_>) -> Anything<()> {
     let motion = |up: f64| {
         let at = HandleAt::Pick([63.5, 63.5, 103.5]);
         let handle = Handle { at, action: Action::Move([0.0, 0.0, up]), radius: 25.0 };
-        ring(&lattice, &[handle], &[], &RingParams::default(), &exec).map(|found| found.motion)
+        ring::solve(&lattice, &[handle], &[], &RingParams::default(), &exec).map(|found| found.motion)
     };
     let frames: Vec<_> = (0..20).map(|i| motion(2.0 + 0.1 * f64::from(i))).collect::<Result<_, _>>()?;
     let tree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec)?;

@@ -1,0 +1,61 @@
+//! Which class a vertex is made of.
+
+use nalgebra::Vector3;
+
+use crate::{Error, Labels, Lattice, VoxelIndex};
+
+/// Labels must lie on the lattice's grid.
+///
+/// # Errors
+/// [`Error::Mismatch`].
+pub fn check(lattice: &Lattice, labels: &Labels) -> Result<(), Error> {
+    if labels.grid() == lattice.grid() {
+        return Ok(());
+    }
+    Err(Error::Mismatch {
+        what: "labels",
+        problem: format!(
+            "their grid of {:?} voxels isn't the lattice's of {:?}, or lies elsewhere",
+            labels.grid().dims(),
+            lattice.grid().dims()
+        ),
+        remedy: "give the labels of the volume that the lattice was cut from",
+    })
+}
+
+/// The label of the voxel just inside the surface at a vertex: of the voxels round it, the one that lies furthest against
+/// the surface's normal `outward` (mm, any length), the first of several. 0 where there is none, or no normal.
+pub fn inside(lattice: &Lattice, labels: &Labels, vertex: usize, outward: Vector3<f64>) -> u16 {
+    let at = lattice.voxel(vertex).0;
+    let linear = lattice.grid().linear_part();
+    let mut best = (0.0, 0);
+    for (voxel, label) in round(lattice, labels, vertex) {
+        let depth = -(linear * (voxel - at)).dot(&outward);
+        if depth > best.0 && label != 0 {
+            best = (depth, label);
+        }
+    }
+    best.1
+}
+
+/// Whether a vertex lies beside a voxel of a class: at an end of its grid edge, a corner of its face or cell.
+pub fn beside(lattice: &Lattice, labels: &Labels, vertex: usize, class: u16) -> bool {
+    round(lattice, labels, vertex).any(|(_, label)| label == class)
+}
+
+/// The voxels round a vertex, less than one away along every axis, with their labels.
+fn round<'a>(
+    lattice: &'a Lattice,
+    labels: &'a Labels,
+    vertex: usize,
+) -> impl Iterator<Item = (Vector3<f64>, u16)> + 'a {
+    let dims = lattice.grid().dims();
+    let at = lattice.voxel(vertex).0;
+    (0..8_usize).filter_map(move |corner| {
+        let voxel = Vector3::from_fn(|a, _| at[a].floor() + f64::from(u8::from(corner >> a & 1 == 1)));
+        let beside = (0..3).all(|a| (voxel[a] - at[a]).abs() < 1.0);
+        let within = (0..3).all(|a| voxel[a] >= 0.0 && voxel[a] < dims[a] as f64);
+        let index = || VoxelIndex([voxel.x as usize, voxel.y as usize, voxel.z as usize]);
+        (beside && within).then(|| (voxel, labels.ids()[lattice.grid().linear(index())]))
+    })
+}

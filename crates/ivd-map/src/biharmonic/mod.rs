@@ -1,0 +1,469 @@
+//! Biharmonic mapping: the smoothest motion of space that follows the lattice.
+//!
+//! # The field
+//!
+//! ```text
+//! u(x) = A_ω(x) + ω(x) · r(x)
+//! r minimises  ∫ ‖∇²r‖² + Σ_v ‖A_ω(x_v) + ω(x_v) r(x_v) − U_v‖² / σ²
+//! ```
+//!
+//! - Ω and its window `ω` are those of [the page above](super): 1 in the handles' balls, 0 with its slope on ∂Ω.
+//! - `r` is trilinear on cells of 4³ voxels ([`BiharmonicParams::cell`]), fewer along axes of long voxels and in a small Ω. The
+//!   integral is the discrete one of [`energy`], in world space; the sum is over the vertices, at their places between the
+//!   nodes. Nodes on ∂Ω and beyond it are held at 0, and the second differences that reach them count, so that `r` falls to 0
+//!   with its slope, over the whole way from the surface to ∂Ω. Nothing is asked at the lattice but that the field follows
+//!   it: inside and outside take part alike. Beyond the grid the cells end one further, naturally.
+//! - `ω` takes away the last of `r`, in cells that ∂Ω cuts: beyond Ω nothing moves, bit for bit, though cells are coarse.
+//! - `A` is the affine motion of the whole lattice (polar for a rigid one), where it explains the motion to a quarter
+//!   (root mean square); else 0. In the balls `ω = 1` and `A_ω = A`: an affine motion of a lattice in them is exact there,
+//!   at every voxel and not only on the lattice, and `r` is 0. On the way to ∂Ω it fades as `R^ω (I + ω (S − I))`, a part of the turn
+//!   and a part of the stretch, which doesn't shrink space as a mean of places would. `Motion::reach` alone decides where:
+//!   a lattice that leaves its balls is followed there as far as the window lets it.
+//!
+//! Inner points of rigid parts ([`Motion::inner`]) count as vertices do: a bone's voxels go with its surface.
+//!
+//! # No folds
+//!
+//! Least second derivatives are no guard against folds: a wide push folds where its height is about twice its width. Where
+//! the certificate finds folds, the field is relaxed there, as all methods are. Where that leaves the lattice behind by more
+//! than a twentieth of its motion, the motion is made in increments: a part of the way, the vertices where they have come to, a
+//! new field for the rest, composed with what there was, resampled at the voxels and certified. A part that folds is halved,
+//! down to a 16th; one that still folds is relaxed, and the next one starts from what that has left. Of the two fields the one
+//! that follows more closely is taken.
+//!
+//! # A part that moves alone
+//!
+//! With [`Outside::Free`] the same field is kept at the part's voxels and in a layer of two voxels round them, for the
+//! corners of the cells at its surface; the rest stays.
+//!
+//! # Cost
+//!
+//! Everything goes by the nodes and bricks of Ω. The equations are the same for all frames of a drag whose balls and margin
+//! stay; [`Biharmonic`] keeps them, and starts from the last frame's nodes.
+//!
+//! Sources: thin-plate splines (Duchon 1977), their discrete energy on grids and its natural border (Stein, Grinspun,
+//! Wardetzky & Jacobson 2018); biharmonic deformation (Botsch & Kobbelt 2004).
+
+mod affine;
+mod energy;
+mod field;
+mod matrix;
+mod multigrid;
+mod nodes;
+mod step;
+mod system;
+
+use std::ops::Deref;
+
+use ivd_core::Error as CoreError;
+use ivd_core::op::Op as _;
+use ivd_core::{Exec, FieldBricks, Frame, Inner, Lattice, Mask, Motion};
+use ivd_field::certificate::{Certificate, Detail, certify_bricks, touched};
+use ivd_field::sampler::{Sampler, brick_at, brick_voxels};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::frame::{all_bricks, check_size, frame_of, moving_bricks};
+use super::outcome::{Solved, misfit as misfit_of};
+use super::region::{Region, largest};
+use super::relax::relax;
+use super::settle::Settle;
+use super::{BiharmonicParams, MapResult, Moved, Outside};
+use crate::Error;
+use matrix::Triple;
+use nodes::Cells;
+pub(super) use nodes::steps;
+use step::Step;
+use system::{Places, System};
+
+/// Residual of the equations, relative to their right-hand side: the field is within some 10⁻⁶ of the minimiser.
+const TOLERANCE: f64 = 1e-8;
+/// The same of an increment: the next one takes up what it leaves.
+const LOOSE: f64 = 1e-5;
+/// Misfit up to which a repaired field is kept as it is: increments cost a hundred times as much on a scan's lattice, where
+/// specks stand still beside a surface that moves and a few cells fold whatever is done.
+const CLOSE: f64 = 0.05;
+/// Smallest part of the way that is gone at once.
+const SMALLEST: f64 = 1.0 / 16.0;
+/// Layer round a part that moves alone in which its motion continues (voxels): one for the corners of the cells at its
+/// surface, one so that repair doesn't reach the layer's end.
+const LAYER: usize = 2;
+
+/// A lattice, ready to be mapped frame by frame; keeps the last frame's equations and nodes.
+pub struct Biharmonic<L> {
+    lattice: L,
+    /// Vertices, then inner points of rigid parts (voxels), and relative to the grid's origin (mm).
+    voxels: Vec<Vector3<f64>>,
+    positions: Vec<Vector3<f64>>,
+    inside: Option<Mask>,
+    last: Option<Last>,
+}
+
+/// The equations of a region and their last solution.
+struct Last {
+    region: Region,
+    edge: Option<u8>,
+    system: System,
+    nodes: Vec<Triple>,
+}
+
+/// A frame to be mapped.
+struct Job<'a> {
+    region: &'a Region,
+    frame: &'a Frame,
+    /// Of vertices and inner points (mm).
+    motions: Vec<Vector3<f64>>,
+    bricks: &'a [usize],
+    settle: &'a Settle<'a>,
+    edge: Option<u8>,
+}
+
+/// A field that was made, the rounds of repair that it took, and how its equations were solved.
+struct Made {
+    field: FieldBricks,
+    repairs: u32,
+    solved: Option<Solved>,
+}
+
+impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
+    /// Prepares a lattice.
+    ///
+    /// # Errors
+    /// A lattice that isn't closed, where the part moves alone; cancellation.
+    pub fn new(lattice: L, outside: Outside, exec: &Exec) -> Result<Self, Error> {
+        let inside = (outside == Outside::Free).then(|| ivd_octree::inside(&lattice, exec)).transpose()?;
+        let voxels = (0..lattice.keys().len()).map(|i| lattice.voxel(i).0).collect();
+        let positions = lattice.local_positions();
+        Ok(Self { lattice, voxels, positions, inside, last: None })
+    }
+
+    /// Maps frame `frame` of a motion of the lattice.
+    ///
+    /// # Errors
+    /// As [`biharmonic`]; parameters that ask for another outside than was prepared.
+    pub fn map(
+        &mut self,
+        motion: &Motion,
+        frame: usize,
+        params: &BiharmonicParams,
+        exec: &Exec,
+    ) -> Result<MapResult, Error> {
+        self.with_frame(motion, frame, params, exec, |settle, made, exec| {
+            let mut mapped = settle.settle(made.field, exec)?;
+            mapped.figures.relaxations += made.repairs;
+            mapped.figures.solved = made.solved;
+            Ok(mapped)
+        })
+    }
+
+    /// As [`Biharmonic::map`], without the figures that only a report shows, and from the nodes at rest: what it gives doesn't
+    /// depend on what was mapped before.
+    ///
+    /// # Errors
+    /// As [`Biharmonic::map`].
+    pub fn drag(
+        &mut self,
+        motion: &Motion,
+        frame: usize,
+        params: &BiharmonicParams,
+        exec: &Exec,
+    ) -> Result<Moved, Error> {
+        if let Some(last) = &mut self.last {
+            last.nodes.fill(Triple::default());
+        }
+        self.with_frame(motion, frame, params, exec, |settle, made, exec| {
+            let mut moved = settle.moved(made.field, exec)?;
+            moved.relaxations += made.repairs;
+            Ok(moved)
+        })
+    }
+
+    /// The field of a frame, before it is settled as `settled` does.
+    fn with_frame<T: Send>(
+        &mut self,
+        motion: &Motion,
+        frame: usize,
+        params: &BiharmonicParams,
+        exec: &Exec,
+        settled: impl FnOnce(&Settle<'_>, Made, &Exec) -> Result<T, Error> + Send,
+    ) -> Result<T, Error> {
+        params.check()?;
+        let number = frame;
+        let frame = frame_of(&self.lattice, motion, frame)?;
+        check_size(frame)?;
+        if (params.band.outside == Outside::Free) != self.inside.is_some() {
+            return Err(CoreError::Mismatch {
+                what: "parameters",
+                problem: "they ask for another outside than the lattice was prepared for".into(),
+                remedy: "prepare the lattice again",
+            }
+            .into());
+        }
+        exec.run(|| {
+            self.take_inner(motion.inner());
+            let grid = self.lattice.grid();
+            let region = Region::new(motion, frame, &self.positions, &params.band, None);
+            let bricks = moving_bricks(grid, &region, frame, exec)?;
+            if largest(frame) == 0.0 {
+                let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
+                let still = Made { field: all_bricks(grid, &bricks, zeros)?, repairs: 0, solved: None };
+                let settle = Settle {
+                    lattice: &self.lattice,
+                    alone: None,
+                    region: &region,
+                    frame,
+                    band: &params.band,
+                };
+                return settled(&settle, still, exec);
+            }
+            let last = self.equations(&region, params.cell, exec)?;
+            let inside = self.inside.take();
+            let alone = inside.as_ref();
+            let settle = Settle { lattice: &self.lattice, alone, region: &region, frame, band: &params.band };
+            let inner = motion.inner().frames.get(number).into_iter().flat_map(|frame| &frame[..]);
+            let motions = frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
+            let (settle, edge) = (&settle, params.cell);
+            let job = Job { region: &region, frame, motions, bricks: &bricks, settle, edge };
+            let followed = self.follow(&job, last, exec);
+            let outcome = followed.and_then(|(made, last)| Ok((settled(settle, made, exec)?, last)));
+            let outcome = outcome.map(|(outcome, last)| {
+                self.last = Some(last);
+                outcome
+            });
+            self.inside = inside;
+            outcome
+        })
+    }
+
+    /// Takes in the inner points of a motion; where they are others than the last one's, the equations are others, too.
+    fn take_inner(&mut self, inner: &Inner) {
+        let known = self.lattice.keys().len();
+        let same = inner.places.len() == self.voxels.len() - known
+            && inner.places.iter().zip(&self.voxels[known..]).all(|(a, b)| *a == <[f64; 3]>::from(*b));
+        if same {
+            return;
+        }
+        let linear = self.lattice.grid().linear_part();
+        self.voxels.truncate(known);
+        self.positions.truncate(known);
+        self.voxels.extend(inner.places.iter().map(|at| Vector3::from(*at)));
+        self.positions.extend(inner.places.iter().map(|at| linear * Vector3::from(*at)));
+        self.last = None;
+    }
+
+    /// The equations of a region: the last ones where they are the same, else new ones that start from the last nodes.
+    fn equations(&mut self, region: &Region, edge: Option<u8>, exec: &Exec) -> Result<Last, Error> {
+        match self.last.take() {
+            Some(last) if last.region == *region && last.edge == edge => Ok(last),
+            last => {
+                let cells = Cells::new(self.lattice.grid(), region, edge);
+                // Rows of the matrix and its levels, mostly of 60 entries.
+                exec.check_memory("the equations of the map", 3 * 60 * 12 * cells.nodes.free.len() as u64)?;
+                let nodes = cells.nodes.free.all().iter().map(|node| {
+                    let last = last.as_ref().filter(|last| last.system.cells.step == cells.step)?;
+                    Some(last.nodes[last.system.cells.nodes.free.find(*node)?])
+                });
+                let nodes = nodes.map(Option::unwrap_or_default).collect();
+                let places = Places::new(&cells, self.lattice.grid(), region, &self.voxels);
+                let system = System::new(cells, self.lattice.grid(), places);
+                Ok(Last { region: region.clone(), edge, system, nodes })
+            }
+        }
+    }
+
+    /// The field of a frame, and the equations with its nodes.
+    fn follow(&self, job: &Job<'_>, mut last: Last, exec: &Exec) -> Result<(Made, Last), Error> {
+        let grid = self.lattice.grid();
+        let motions = &job.motions;
+        let start = std::mem::take(&mut last.nodes);
+        let whole = Step::solve(&last.system, job.region, &self.positions, motions, Some(start), TOLERANCE);
+        let bricks = whole.field(grid, &last.system, job.region).sample(None, job.bricks, exec)?;
+        let field = cut(all_bricks(grid, job.bricks, bricks)?, job.settle.alone)?;
+        let mut solved =
+            Solved { nodes: last.system.cells.nodes.free.len() as u64, increments: 1, ..Solved::default() };
+        whole.count(&mut solved);
+        let certificate = certified(&field, job, exec)?;
+        let path = |t: f64| -> Vec<Vector3<f64>> { (0..motions.len()).map(|v| whole.path(v, t)).collect() };
+        let (field, repairs) = if certificate.holds() {
+            (field, 0)
+        } else {
+            self.unfolded(job, field, &path, &mut solved, exec)?
+        };
+        last.nodes = whole.nodes;
+        last.nodes.resize(last.system.cells.nodes.free.len(), [0.0; 3]);
+        Ok((Made { field, repairs, solved: Some(solved) }, last))
+    }
+
+    /// The way gone in parts, each from where the vertices have come to, and the rounds of repair that it took; `None` where
+    /// a part folds for good.
+    ///
+    /// `path(t)`: motions of the vertices (mm) after the part `t` of the way.
+    fn in_increments(
+        &self,
+        job: &Job<'_>,
+        path: &impl Fn(f64) -> Vec<Vector3<f64>>,
+        solved: &mut Solved,
+        exec: &Exec,
+    ) -> Result<Option<(FieldBricks, u32)>, Error> {
+        let still = vec![[0.0; 3]; FieldBricks::VOXELS * job.bricks.len()];
+        let mut field = all_bricks(self.lattice.grid(), job.bricks, still)?;
+        let (mut gone, mut part, mut increments, mut repairs) = (0.0, 0.5, 0, 0);
+        let mut system = None;
+        while gone < 1.0 {
+            exec.check_cancelled()?;
+            let (at, equations) = self.come_to(job, &field, &mut system);
+            let next = self.onwards(job, (&field, &at, equations), &path(gone + part), solved, exec)?;
+            if certified(&next, job, exec)?.holds() {
+                field = next;
+            } else if part > SMALLEST {
+                part /= 2.0;
+                continue;
+            } else {
+                let relaxed = relax(
+                    next,
+                    self.lattice.grid(),
+                    job.region,
+                    &job.settle.counts(),
+                    Detail::least(exec),
+                    exec,
+                )?;
+                if !relaxed.certificate.holds() {
+                    return Ok(None);
+                }
+                field = relaxed.field;
+                repairs += relaxed.rounds;
+            }
+            (gone, increments, system) = (gone + part, increments + 1, None);
+        }
+        if repairs > 0 {
+            // What repair has left behind is fetched once more, where that can be done.
+            let (at, equations) = self.come_to(job, &field, &mut system);
+            let next = self.onwards(job, (&field, &at, equations), &path(1.0), solved, exec)?;
+            if certified(&next, job, exec)?.holds() {
+                (field, increments) = (next, increments + 1);
+            }
+        }
+        solved.increments = increments;
+        Ok(Some((field, repairs)))
+    }
+
+    /// The field in one step, relaxed, where that follows closely; else the one made in increments, where that follows more
+    /// closely. With the rounds of repair.
+    fn unfolded(
+        &self,
+        job: &Job<'_>,
+        whole: FieldBricks,
+        path: &impl Fn(f64) -> Vec<Vector3<f64>>,
+        solved: &mut Solved,
+        exec: &Exec,
+    ) -> Result<(FieldBricks, u32), Error> {
+        let misfit = |field| misfit_of(&self.lattice, field, job.frame);
+        let relaxed =
+            relax(whole, self.lattice.grid(), job.region, &job.settle.counts(), Detail::least(exec), exec)?;
+        let left = if relaxed.certificate.holds() { misfit(&relaxed.field) } else { f64::INFINITY };
+        if left > CLOSE
+            && let Some((made, repairs)) = self.in_increments(job, path, solved, exec)?
+            && misfit(&made) < left
+        {
+            return Ok((made, repairs));
+        }
+        solved.increments = 1;
+        Ok((relaxed.field, relaxed.rounds))
+    }
+
+    /// Where a field has taken the vertices (mm), and the equations there.
+    fn come_to<'s>(
+        &self,
+        job: &Job<'_>,
+        field: &FieldBricks,
+        system: &'s mut Option<System>,
+    ) -> (Vec<Vector3<f64>>, &'s System) {
+        let grid = self.lattice.grid();
+        let sampler = Sampler::new(field, grid);
+        let come: Vec<Vector3<f64>> = self.voxels.par_iter().map(|v| v + sampler.at(*v)).collect();
+        let linear = grid.linear_part();
+        let at = come.iter().map(|v| linear * v).collect();
+        let equations = system.get_or_insert_with(|| {
+            let cells = Cells::new(grid, job.region, job.edge);
+            let places = Places::new(&cells, grid, job.region, &come);
+            System::new(cells, grid, places)
+        });
+        (at, equations)
+    }
+
+    /// A field, and after it the one that takes the vertices from where they have come to, to `wanted` (mm) from where they
+    /// began.
+    fn onwards(
+        &self,
+        job: &Job<'_>,
+        (field, at, equations): (&FieldBricks, &[Vector3<f64>], &System),
+        wanted: &[Vector3<f64>],
+        solved: &mut Solved,
+        exec: &Exec,
+    ) -> Result<FieldBricks, Error> {
+        let grid = self.lattice.grid();
+        let motions: Vec<Vector3<f64>> =
+            wanted.iter().zip(&self.positions).zip(at).map(|((u, p), at)| p + u - at).collect();
+        let step = Step::solve(equations, job.region, at, &motions, None, LOOSE);
+        step.count(solved);
+        let bricks = step.field(grid, equations, job.region).sample(Some(field), job.bricks, exec)?;
+        cut(all_bricks(grid, job.bricks, bricks)?, job.settle.alone)
+    }
+}
+
+/// The certificate of a field, as far as it decides whether a way can be gone.
+fn certified(field: &FieldBricks, job: &Job<'_>, exec: &Exec) -> Result<Certificate, Error> {
+    let (grid, counts) = (job.settle.lattice.grid(), job.settle.counts());
+    Ok(certify_bricks(field, grid, 0.0, &counts, &touched(field), Detail::least(exec), exec)?)
+}
+
+/// The field of a part that moves alone: 0 beyond a layer round it.
+pub(super) fn cut(field: FieldBricks, alone: Option<&Mask>) -> Result<FieldBricks, Error> {
+    let Some(inside) = alone else { return Ok(field) };
+    let dims = field.dims();
+    let near = |voxel: [usize; 3]| {
+        let range = |a: usize| voxel[a].saturating_sub(LAYER)..(voxel[a] + LAYER + 1).min(dims[a]);
+        range(2).any(|z| {
+            range(1).any(|y| {
+                let row = dims[0] * (y + dims[1] * z);
+                inside.inside()[row + range(0).start..row + range(0).end].iter().any(|i| *i != 0)
+            })
+        })
+    };
+    let stored: Vec<usize> = (0..field.table().len()).filter(|&b| field.brick(b).is_some()).collect();
+    let bricks: Vec<Box<[[f32; 3]]>> = stored
+        .par_iter()
+        .map(|&brick| {
+            let mut out: Box<[[f32; 3]]> = field.brick(brick).expect("the brick is stored").into();
+            for (slot, voxel) in brick_voxels(dims, brick_at(field.brick_dims(), brick)) {
+                if out[slot] != [0.0; 3] && !near(voxel.0) {
+                    out[slot] = [0.0; 3];
+                }
+            }
+            out
+        })
+        .collect();
+    Ok(FieldBricks::new(dims, field.table().to_vec(), bricks.concat().into())?)
+}
+
+/// Maps frame `frame` of a motion by the smoothest motion that follows the lattice.
+///
+/// # Errors
+/// Inputs that don't belong together; parameters out of their domain; a lattice that isn't closed, where the part moves
+/// alone; [`Error::Folded`] or [`ivd_core::Error::Untrusted`] where no map free of folds follows the motion; the memory limit;
+/// cancellation.
+pub fn biharmonic(
+    lattice: &Lattice,
+    motion: &Motion,
+    frame: usize,
+    params: &BiharmonicParams,
+    exec: &Exec,
+) -> Result<MapResult, Error> {
+    params.check()?;
+    Biharmonic::new(lattice, params.band.outside, exec)?.map(motion, frame, params, exec)
+}
+
+#[cfg(test)]
+mod sweep;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,57 @@
+use ivd_core::{Classified, ErrorClass, Grid, ParamError, VoxelCoord};
+use ivd_field::certificate::Certificate;
+use nalgebra::Vector3;
+
+/// Why there is no map.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Inputs that don't fit, a result that can't be trusted, cancellation, a limit.
+    #[error(transparent)]
+    Core(#[from] ivd_core::Error),
+    /// A parameter outside its range.
+    #[error(transparent)]
+    Param(#[from] ParamError),
+    /// The octree can't be used.
+    #[error(transparent)]
+    Octree(#[from] ivd_octree::Error),
+    /// A map that folds space, after everything that may be done against it.
+    #[error(
+        "the map folds: det ∇φ is only proven above {lower:.3} in the cell at voxel {voxel:?} ({world:.1?} mm), and in \
+         {cells} cells in all; move less, or within a larger radius or margin"
+    )]
+    Folded {
+        /// Lowest corner of the worst cell (voxel).
+        voxel: [i64; 3],
+        /// Its middle (mm, RAS).
+        world: [f64; 3],
+        /// Proven lower bound of det ∇φ there, ≤ 0.
+        lower: f64,
+        /// Number of cells that fold.
+        cells: usize,
+    },
+}
+
+impl Error {
+    /// The worst cell of a map whose certificate doesn't hold, and how many there are.
+    pub(crate) fn folded(certificate: &Certificate, grid: &Grid) -> Self {
+        let worst = certificate.worst.expect("a field that folds has a worst cell");
+        let middle = Vector3::from(worst.cell).map(|c| c as f64 + 0.5);
+        Self::Folded {
+            voxel: worst.cell,
+            world: grid.world(VoxelCoord(middle)).0.into(),
+            lower: worst.lower,
+            cells: certificate.folded.len(),
+        }
+    }
+}
+
+impl Classified for Error {
+    fn error_class(&self) -> ErrorClass {
+        match self {
+            Self::Core(error) => error.error_class(),
+            Self::Octree(error) => error.error_class(),
+            Self::Param(_) => ErrorClass::Usage,
+            Self::Folded { .. } => ErrorClass::Untrusted,
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Newton's method on the energy, with a line search that keeps J > 0.
+
+use ivd_core::{Error, Exec};
+
+use super::blocks::{add, dot};
+use super::system::{Body, Triple};
+
+/// Part of the promised decrease that a step has to make (Armijo).
+const DECREASE: f64 = 1e-4;
+/// Halvings of a step before it is given up.
+const HALVINGS: u32 = 30;
+/// Iterations of the equations of one step.
+const ITERATIONS: u32 = 2000;
+
+/// How near to equilibrium a body came.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Balance {
+    /// Iterations of conjugate gradients.
+    pub(super) iterations: u32,
+    /// Steps of Newton's method.
+    pub(super) steps: u32,
+    /// What is left of the forces, relative to what they cancel.
+    pub(super) residual: f64,
+    /// Whether that is what was asked for.
+    pub(super) reached: bool,
+}
+
+impl Body {
+    /// Moves the free nodes until the forces that are left are `tolerance` of those that cancel, in at most `limit` steps.
+    ///
+    /// The field given has J > 0 at every Gauss point, and so has what becomes of it.
+    pub(super) fn balance(
+        &self,
+        u: &mut Vec<Triple>,
+        tolerance: f64,
+        limit: u32,
+        exec: &Exec,
+    ) -> Result<Balance, Error> {
+        let mut balance = Balance::default();
+        let Some(mut now) = self.energy(u) else { return Ok(balance) };
+        let mut before = f64::INFINITY;
+        loop {
+            let (gradient, sizes) = self.gradient(u);
+            let left = dot(&gradient, &gradient).sqrt();
+            let cancelled = sizes.iter().map(|s| s * s).sum::<f64>().sqrt();
+            balance.residual = if cancelled > 0.0 { left / cancelled } else { 0.0 };
+            balance.reached = balance.residual <= tolerance;
+            if balance.reached || balance.steps == limit {
+                return Ok(balance);
+            }
+            let downhill: Vec<Triple> = gradient.iter().map(|g| g.map(|c| -c)).collect();
+            // Loose while far away, so that the last steps still gain digits as Newton's do (Eisenstat & Walker 1996).
+            let forcing = (left / before).powi(2).clamp(1e-4, 0.1).max(0.5 * tolerance / balance.residual);
+            let matrix = self.matrix(u, exec)?;
+            let found = matrix.solve(&downhill, forcing.min(0.1), ITERATIONS, exec)?;
+            balance.iterations += found.iterations;
+            balance.steps += 1;
+            before = left;
+            let slope = dot(&gradient, &found.values);
+            let Some((next, energy)) = self.search(u, &found.values, slope, now) else { return Ok(balance) };
+            (*u, now) = (next, energy);
+        }
+    }
+
+    /// The longest of halved steps that has J > 0 and makes the energy less, up to rounding.
+    fn search(
+        &self,
+        u: &[Triple],
+        way: &[Triple],
+        slope: f64,
+        (energy, size): (f64, f64),
+    ) -> Option<(Vec<Triple>, (f64, f64))> {
+        let mut step = 1.0;
+        for _ in 0..HALVINGS {
+            let mut next = u.to_vec();
+            add(&mut next, way, step);
+            if let Some(found) = self.energy(&next)
+                && found.0 <= energy + DECREASE * step * slope + 1e-14 * size
+            {
+                return Some((next, found));
+            }
+            step /= 2.0;
+        }
+        None
+    }
+}

@@ -1,0 +1,57 @@
+//! The frame of a motion that is mapped, and the bricks that it may move.
+
+use ivd_core::{Error, Exec, FieldBricks, Frame, Grid, Lattice, Motion, NO_BRICK};
+use ivd_field::vectors::FARTHEST;
+
+use crate::region::{Region, largest};
+
+/// The bricks in which something may move; all of them where nothing is to be skipped.
+pub(super) fn moving_bricks(
+    grid: &Grid,
+    region: &Region,
+    frame: &Frame,
+    exec: &Exec,
+) -> Result<Vec<usize>, Error> {
+    let bricks = match (largest(frame) == 0.0, exec.skip) {
+        (_, false) => (0..grid.dims().iter().map(|n| n.div_ceil(8)).product()).collect(),
+        (true, true) => Vec::new(),
+        (false, true) => region.bricks(grid),
+    };
+    exec.check_memory("the displacement", 2 * 12 * 512 * bricks.len() as u64)?;
+    Ok(bricks)
+}
+
+/// Refuses what a field's vectors can't hold.
+pub(super) fn check_size(frame: &Frame) -> Result<(), Error> {
+    if largest(frame) <= FARTHEST {
+        return Ok(());
+    }
+    Err(Error::Untrusted {
+        what: "the map",
+        problem: format!("a motion of {:e} mm is more than its vectors hold", largest(frame)),
+        remedy: "move the handle less",
+    })
+}
+
+/// Frame `frame` of a motion of the lattice.
+pub(super) fn frame_of<'a>(lattice: &Lattice, motion: &'a Motion, frame: usize) -> Result<&'a Frame, Error> {
+    motion.require_of(lattice)?;
+    motion.frames().get(frame).ok_or_else(|| Error::Mismatch {
+        what: "frame",
+        problem: format!("frame {frame} of {}", motion.frames().len()),
+        remedy: "name a frame of the motion, counted from 0",
+    })
+}
+
+/// A field that stores every brick of Ω, zero or not, so that it can be worked on.
+pub(super) fn all_bricks(
+    grid: &Grid,
+    bricks: &[usize],
+    vectors: Vec<[f32; 3]>,
+) -> Result<FieldBricks, Error> {
+    let mut table = vec![NO_BRICK; grid.dims().iter().map(|n| n.div_ceil(8)).product()];
+    for (slot, &brick) in bricks.iter().enumerate() {
+        table[brick] = slot as u32;
+    }
+    FieldBricks::new(grid.dims(), table, vectors.into())
+}

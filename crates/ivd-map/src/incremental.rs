@@ -1,0 +1,94 @@
+//! A lattice that is dragged: what its motion doesn't change is found once.
+
+use std::ops::Deref;
+
+use ivd_core::op::Op as _;
+use ivd_core::{Exec, Lattice, Mask, Motion, Octree};
+use nalgebra::Vector3;
+
+use super::frame::frame_of;
+use super::nearest::{carried, look_ahead, settle_of};
+use super::nearest_weight::{Kept, Part};
+use super::octree::{Sides, movable};
+use super::region::{Region, largest};
+use super::{Moved, OctreeParams};
+use crate::Error;
+
+/// A lattice, ready to be mapped by [`octree`](super::octree()) again and again while its handles move: keeps the inside, and
+/// for every voxel that was in reach the nearest lattice point, for as long as the same vertices may move. A motion of nothing, with
+/// which a drag begins, makes it look them up in what the handles will reach.
+///
+/// What it gives is, to the bit, what [`octree`](super::octree()) gives of the same motion, whatever was mapped before.
+#[derive(Debug)]
+pub struct Live<L> {
+    lattice: L,
+    octree: Octree,
+    /// Vertices relative to the grid's origin (mm).
+    positions: Vec<Vector3<f64>>,
+    inside: Mask,
+    searched: Option<Searched>,
+}
+
+/// The search for a set of vertices that may move, and what it found.
+#[derive(Debug)]
+struct Searched {
+    movable: Vec<bool>,
+    sides: Sides,
+    kept: Kept,
+}
+
+impl<L: Deref<Target = Lattice> + Send + Sync> Live<L> {
+    /// Prepares a lattice with its octree.
+    ///
+    /// # Errors
+    /// An octree of another lattice, a lattice that isn't closed; the memory limit; cancellation.
+    pub fn new(lattice: L, octree: Octree, exec: &Exec) -> Result<Self, Error> {
+        let inside = ivd_octree::inside(&lattice, exec)?;
+        let positions = lattice.local_positions();
+        let live = Self { lattice, octree, positions, inside, searched: None };
+        // An octree of another lattice is refused now.
+        Sides::new(&live.lattice, &live.octree, &vec![false; live.positions.len()], exec)?;
+        Ok(live)
+    }
+
+    /// The voxels inside the lattice.
+    pub fn inside(&self) -> &Mask {
+        &self.inside
+    }
+
+    /// Maps frame `frame` of a motion of the lattice.
+    ///
+    /// # Errors
+    /// As [`octree`](super::octree()).
+    pub fn map(
+        &mut self,
+        motion: &Motion,
+        frame: usize,
+        params: &OctreeParams,
+        exec: &Exec,
+    ) -> Result<Moved, Error> {
+        params.check()?;
+        let frame = frame_of(&self.lattice, motion, frame)?;
+        exec.run(|| {
+            let movable = movable(motion, &self.positions);
+            if self.searched.as_ref().is_none_or(|searched| searched.movable != movable) {
+                let sides = Sides::new(&self.lattice, &self.octree, &movable, exec)?;
+                self.searched = Some(Searched { movable, sides, kept: Kept::default() });
+            }
+            let Searched { sides, kept, .. } = self.searched.as_mut().expect("made above");
+            let (lattice, positions) = (&*self.lattice, &self.positions);
+            let part = Part { lattice, positions, inside: &self.inside, nearest: sides };
+            let region = Region::new(motion, frame, positions, &params.band, params.depth);
+            if largest(frame) == 0.0 && exec.skip && !kept.sought() {
+                look_ahead(&part, &region.ahead(&params.band), params, kept, exec)?;
+            }
+            let field = carried(&part, frame, &region, params, Some(kept), exec)?;
+            settle_of(&part, frame, &region, &params.band).moved(field, exec)
+        })
+    }
+
+    /// Forgets the nearest points that it keeps.
+    pub fn forget(&mut self) {
+        self.searched = None;
+    }
+}

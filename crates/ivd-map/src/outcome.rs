@@ -1,0 +1,254 @@
+use ivd_core::{Displacement, Error, FieldBricks, Frame, Lattice};
+use ivd_field::certificate::{Certificate, Histogram};
+use ivd_field::sampler::Sampler;
+use ivd_field::vectors::lengths;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How well the voxels' motion follows the lattice's, at the vertices.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+pub struct SurfaceFit {
+    /// Largest difference of the map's motion from a vertex's own (mm). Pieces of a lattice that stand still beside a
+    /// moving one are dragged along, and count here.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub misfit_max_mm: f64,
+    /// The same along the grid's axes, in voxels.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub misfit_max_voxel: f64,
+    /// Root mean square of the difference over all vertices that move (voxels).
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub misfit_rms_voxel: f64,
+    /// Root mean square of the difference over the vertices that move at least half as far as the farthest, as a
+    /// fraction of their motion (no unit).
+    #[schemars(extend("x-unit" = "1"))]
+    pub misfit: f64,
+    /// Volume enclosed by the lattice, at rest and deformed by the map (mm³).
+    #[schemars(extend("x-unit" = "mm³"))]
+    pub volume_mm3: [f64; 2],
+}
+
+/// How the equations of a map's nodes were solved.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+pub struct Solved {
+    /// Nodes that are free to move.
+    #[schemars(extend("x-unit" = "1"))]
+    pub nodes: u64,
+    /// Iterations, of all increments.
+    #[schemars(extend("x-unit" = "1"))]
+    pub iterations: u32,
+    /// Largest residual of an increment, relative to its right-hand side.
+    #[schemars(extend("x-unit" = "1"))]
+    pub residual: f64,
+    /// Increments that the motion was made in; 1 where one step doesn't fold.
+    #[schemars(extend("x-unit" = "1"))]
+    pub increments: u32,
+}
+
+/// What a map comes to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MapFigures {
+    /// Voxels that move.
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
+    pub voxels_moved: u64,
+    /// Bricks (8³ voxels) with a voxel that moves.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_touched: u64,
+    /// Bricks of the grid.
+    #[schemars(extend("x-unit" = "1"))]
+    pub bricks_total: u64,
+    /// Smallest proven lower bound of det ∇φ, at most 1.
+    #[schemars(extend("x-unit" = "1"))]
+    pub min_det_j: f64,
+    /// Cells that fold: 0, or there would be no map.
+    #[schemars(extend("x-unit" = "1"))]
+    pub folds: u64,
+    /// Rounds of local relaxation that were needed.
+    #[schemars(extend("x-unit" = "1"))]
+    pub relaxations: u32,
+    /// `k` where the map is a flow in 2ᵏ steps; 0 for the field as carried.
+    #[schemars(extend("x-unit" = "1"))]
+    pub halvings: u32,
+    /// How its equations were solved, where the method has some.
+    pub solved: Option<Solved>,
+    /// Largest `|φ(ψ(y)) − y|`.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub inverse_residual_max_voxel: f64,
+    /// Voxels that a part moving alone left behind.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxels_vacated: u64,
+    /// How well the map follows the lattice.
+    pub followed: SurfaceFit,
+    /// Lengths of the voxels' motion (mm), 0 … the largest.
+    pub motion_mm_histogram: Histogram,
+    /// det ∇φ at the centres of the cells that move, 0 … 2.
+    pub det_j_histogram: Histogram,
+}
+
+/// What a map made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapResult {
+    /// The displacement, forward and inverse.
+    pub displacement: Displacement,
+    /// What it comes to.
+    pub figures: MapFigures,
+}
+
+/// What a map makes of a lattice that is dragged: [`MapResult`] without what only a report shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moved {
+    /// The displacement, forward and inverse.
+    pub displacement: Displacement,
+    /// Rounds of local relaxation that were needed.
+    pub relaxations: u32,
+    /// `k` where the map is a flow in 2ᵏ steps; 0 for the field as carried.
+    pub halvings: u32,
+    /// How far the vertices that move most are left behind: see [`SurfaceFit::misfit`].
+    pub misfit: f64,
+}
+
+impl From<MapResult> for (Displacement, MapFigures) {
+    fn from(mapped: MapResult) -> Self {
+        (mapped.displacement, mapped.figures)
+    }
+}
+
+impl From<MapResult> for Moved {
+    fn from(mapped: MapResult) -> Self {
+        let MapResult { displacement, figures } = mapped;
+        let MapFigures { relaxations, halvings, followed, .. } = figures;
+        Self { displacement, relaxations, halvings, misfit: followed.misfit }
+    }
+}
+
+impl MapResult {
+    pub(super) fn new(
+        displacement: Displacement,
+        certificate: Certificate,
+        relaxations: u32,
+        halvings: u32,
+        followed: SurfaceFit,
+    ) -> Self {
+        let (voxels_moved, motion_mm_histogram) = lengths(displacement.forward());
+        let figures = MapFigures {
+            voxels_moved,
+            bricks_touched: displacement.forward().stored() as u64,
+            bricks_total: displacement.forward().table().len() as u64,
+            min_det_j: certificate.min_det,
+            folds: certificate.folded.len() as u64,
+            relaxations,
+            halvings,
+            solved: None,
+            inverse_residual_max_voxel: displacement.inverse_residual_max(),
+            det_j_histogram: certificate.histogram,
+            motion_mm_histogram,
+            voxels_vacated: displacement.vacated().iter().map(|&v| u64::from(v)).sum(),
+            followed,
+        };
+        Self { displacement, figures }
+    }
+}
+
+impl SurfaceFit {
+    pub(super) fn measure(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> Self {
+        let sampler = Sampler::new(field, lattice.grid());
+        let (linear, to_voxel) = (lattice.grid().linear_part(), lattice.grid().inverse_linear_part());
+        let places: Vec<Vector3<f64>> = lattice.local_positions();
+        let moved: Vec<Vector3<f64>> =
+            (0..places.len()).into_par_iter().map(|i| linear * sampler.at(lattice.voxel(i).0)).collect();
+        let most = super::region::largest(frame);
+        let (mut worst, mut missed, mut asked) = (0.0_f64, 0.0, 0.0);
+        let (mut worst_voxel, mut squares, mut moving) = (0.0_f64, 0.0, 0_u64);
+        for (got, want) in moved.iter().zip(&frame.displacement[..]) {
+            let want = Vector3::from(*want);
+            let difference = (got - want).norm();
+            worst = worst.max(difference);
+            let in_voxels = (to_voxel * (got - want)).norm();
+            worst_voxel = worst_voxel.max(in_voxels);
+            if want != Vector3::zeros() {
+                squares += in_voxels * in_voxels;
+                moving += 1;
+            }
+            if most > 0.0 && want.norm() >= 0.5 * most {
+                missed += (difference / most).powi(2);
+                asked += (want.norm() / most).powi(2);
+            }
+        }
+        let misfit = if asked > 0.0 { f64::sqrt(missed / asked) } else { 0.0 };
+        let rest = volume(lattice.triangles(), |i| places[i]);
+        let deformed = volume(lattice.triangles(), |i| places[i] + moved[i]);
+        Self {
+            misfit_max_mm: worst,
+            misfit_max_voxel: worst_voxel,
+            misfit_rms_voxel: if moving > 0 { f64::sqrt(squares / moving as f64) } else { 0.0 },
+            misfit,
+            volume_mm3: [rest, deformed],
+        }
+    }
+
+    pub(super) fn check(&self, tolerance: f64) -> Result<(), Error> {
+        check_misfit(self.misfit, tolerance, || self.misfit_max_mm)
+    }
+}
+
+/// Refuses a map that leaves the lattice behind; `most`: by how much at most (mm).
+pub(super) fn check_misfit(misfit: f64, tolerance: f64, most: impl FnOnce() -> f64) -> Result<(), Error> {
+    if misfit <= tolerance {
+        return Ok(());
+    }
+    Err(Error::Untrusted {
+        what: "the map",
+        problem: format!(
+            "kept free of folds it leaves the lattice behind by {:.0} % of its motion ({:.3} mm at most), more than the \
+             tolerance of {:.0} %",
+            100.0 * misfit,
+            most(),
+            100.0 * tolerance
+        ),
+        remedy: "move the handle less, give it a larger radius, or raise the tolerance",
+    })
+}
+
+/// [`SurfaceFit::misfit`] alone, from the vertices that it is about.
+pub(super) fn misfit(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> f64 {
+    let sampler = Sampler::new(field, lattice.grid());
+    let (linear, most) = (lattice.grid().linear_part(), super::region::largest(frame));
+    let counts = |want: Vector3<f64>| most > 0.0 && want.norm() >= 0.5 * most;
+    let shares: Vec<[f64; 2]> = frame
+        .displacement
+        .par_iter()
+        .enumerate()
+        .map(|(v, want)| (v, Vector3::from(*want)))
+        .filter(|(_, want)| counts(*want))
+        .map(|(v, want)| {
+            let difference = (linear * sampler.at(lattice.voxel(v).0) - want).norm();
+            [(difference / most).powi(2), (want.norm() / most).powi(2)]
+        })
+        .collect();
+    let (mut missed, mut asked) = (0.0, 0.0);
+    for [m, a] in shares {
+        missed += m;
+        asked += a;
+    }
+    if asked > 0.0 { f64::sqrt(missed / asked) } else { 0.0 }
+}
+
+/// Volume enclosed by a closed mesh (mm³): a sixth of the triangles' determinants, summed in the order of triangles.
+fn volume(triangles: &[[u32; 3]], position: impl Fn(usize) -> Vector3<f64> + Sync) -> f64 {
+    let Some(first) = triangles.first() else { return 0.0 };
+    let base = position(first[0] as usize);
+    let parts: Vec<f64> = triangles
+        .par_chunks(1 << 14)
+        .map(|chunk| {
+            chunk
+                .iter()
+                .map(|t| {
+                    let [a, b, c] = t.map(|v| position(v as usize) - base);
+                    a.dot(&b.cross(&c)) / 6.0
+                })
+                .sum()
+        })
+        .collect();
+    parts.iter().sum()
+}

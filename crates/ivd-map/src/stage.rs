@@ -1,0 +1,89 @@
+//! The stage as scenes and commands see it.
+
+use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Octree, ParamError, slots};
+
+use super::params::check_cell;
+use super::{BiharmonicParams, FemParams, MapFigures, OctreeParams, biharmonic, fem, octree};
+
+/// The stage: its methods, and where it stands in a scene.
+pub const STAGE: Stage = Stage {
+    name: "map",
+    about: "Carries a lattice's motion to the voxels.",
+    selector: "method",
+    methods: METHODS,
+    positional: &["lattice", "octree", "motion"],
+    places: &[Place { amount: Amount::VoxelsInReach, ..Place::only("displacement") }],
+    quiet: false,
+};
+const METHODS: &[Method] =
+    &[method::<OctreeParams>("octree"), method::<BiharmonicParams>("biharmonic"), method::<FemParams>("fem")];
+
+slots! {
+    /// What is read where nearest lattice points are looked for.
+    pub struct Indexed<'a> { lattice: &'a Lattice, octree: &'a Octree, motion: &'a Motion }
+}
+slots! {
+    /// What is read where they aren't.
+    pub struct Moving<'a> { lattice: &'a Lattice, motion: &'a Motion }
+}
+slots! {
+    /// What is read where classes may have an elasticity of their own.
+    pub struct Labelled<'a> { lattice: &'a Lattice, motion: &'a Motion, labels: Option<&'a Labels> }
+}
+
+/// The frame that is mapped: a motion's last.
+fn last(motion: &Motion) -> usize {
+    motion.frames().len().saturating_sub(1)
+}
+
+/// Raised for all methods together: what they share is most of them.
+const REVISION: u32 = 6;
+
+impl Op for OctreeParams {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = Indexed<'a>;
+    type Output = Displacement;
+    type Figures = MapFigures;
+
+    fn run(&self, inputs: Indexed<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
+        let Indexed { lattice, octree: tree, motion } = inputs;
+        Ok(octree(lattice, tree, motion, last(motion), self, exec)?.into())
+    }
+}
+
+impl Op for BiharmonicParams {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = Moving<'a>;
+    type Output = Displacement;
+    type Figures = MapFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        check_cell(self.cell)
+    }
+
+    fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
+        let Moving { lattice, motion } = inputs;
+        Ok(biharmonic(lattice, motion, last(motion), self, exec)?.into())
+    }
+}
+
+impl Op for FemParams {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = Labelled<'a>;
+    type Output = Displacement;
+    type Figures = MapFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        check_cell(self.cell)
+    }
+
+    fn wants(&self, _: &str) -> Want {
+        if self.material.is_empty() { Want::No } else { Want::Yes }
+    }
+
+    fn run(&self, inputs: Labelled<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
+        let Labelled { lattice, motion, labels } = inputs;
+        Ok(fem(lattice, labels, motion, last(motion), self, exec)?.into())
+    }
+}

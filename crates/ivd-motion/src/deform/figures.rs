@@ -1,0 +1,153 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::freeform::Shaped;
+use crate::mass_spring;
+use crate::rigid::Moved;
+use crate::ring;
+
+/// What a deformation comes to.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+pub struct Figures {
+    /// Vertices whose displacement isn't 0 in the last frame.
+    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
+    pub vertices_moved: usize,
+    /// Time steps made; frames, where time doesn't pass; 0 where there are shapes only.
+    #[schemars(extend("x-unit" = "1"))]
+    pub steps: usize,
+    /// How far from balance it ends: unbalanced force over the force put in, or the worst relative gradient of an implicit solver.
+    #[schemars(extend("x-unit" = "1"))]
+    pub residual: f64,
+    /// Energy after the first step.
+    #[schemars(extend("x-unit" = "nJ"))]
+    pub energy_first: f64,
+    /// Energy after the last step.
+    #[schemars(extend("x-unit" = "nJ"))]
+    pub energy_last: f64,
+    /// Largest displacement of any frame.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub max_displacement_mm: f64,
+    /// Of masses on springs.
+    #[serde(flatten)]
+    pub springs: Option<SpringFigures>,
+}
+
+/// What is told of masses on springs beside the rest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SpringFigures {
+    /// Vertices that may move.
+    #[schemars(extend("x-unit" = "1"))]
+    pub vertices_loose: usize,
+    /// Springs with such an end.
+    #[schemars(extend("x-unit" = "1"))]
+    pub springs: usize,
+    /// Length of a step.
+    #[schemars(extend("x-unit" = "s"))]
+    pub dt_s: f64,
+    /// Iterations of an implicit solver, of all steps.
+    #[schemars(extend("x-unit" = "1"))]
+    pub iterations: usize,
+    /// Force of each handle at the end: what it pulls with, or what it takes to hold its vertices where they are. 0 of one on a bone.
+    #[schemars(extend("x-unit" = "mN"))]
+    pub handle_forces_mn: Vec<[f64; 3]>,
+    /// Sum of the sizes of the forces by which vertices outside the reach hold the others.
+    #[schemars(extend("x-unit" = "mN"))]
+    pub truncation_mn: f64,
+    /// The same over the sum of the sizes of the handles' and the bones' forces; far below 1 where the reach is large enough.
+    #[schemars(extend("x-unit" = "1"))]
+    pub truncation: f64,
+    /// What bones have done, as they were declared.
+    pub bones: Vec<BoneFigures>,
+}
+
+/// What a bone's motion is as a whole.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BoneFigures {
+    /// What it is called.
+    pub name: String,
+    /// Vertices that it holds.
+    #[schemars(extend("x-unit" = "1"))]
+    pub vertices: usize,
+    /// Direction of its turn's axis against rest, its parents' included; z where it doesn't turn.
+    #[schemars(extend("x-unit" = "1"))]
+    pub axis: [f64; 3],
+    /// Angle of that turn, 0 … 180.
+    #[schemars(extend("x-unit" = "degrees"))]
+    pub angle_deg: f64,
+    /// Where the middle of its vertices' box is at rest, RAS.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub centre_mm: [f64; 3],
+    /// How far that goes.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub shift_mm: [f64; 3],
+    /// Root mean square of what the fit leaves at its handles; null where the motion is given.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub left_mm: Option<f64>,
+    /// Largest relative change of a distance between two of its vertices, of those looked at: rounding.
+    #[schemars(extend("x-unit" = "1"))]
+    pub strain: f64,
+    /// Force that holds it against the tissue at the end.
+    #[schemars(extend("x-unit" = "mN"))]
+    pub force_mn: [f64; 3],
+}
+
+impl From<&ring::Solved> for Figures {
+    fn from(solved: &ring::Solved) -> Self {
+        Self {
+            vertices_moved: solved.vertices_moved,
+            steps: solved.steps,
+            residual: solved.residual,
+            energy_first: solved.energy_first,
+            energy_last: solved.energy_last,
+            max_displacement_mm: solved.max_displacement_mm,
+            springs: None,
+        }
+    }
+}
+
+impl From<&mass_spring::Solved> for Figures {
+    fn from(solved: &mass_spring::Solved) -> Self {
+        Self {
+            vertices_moved: solved.vertices_moved,
+            steps: solved.steps,
+            residual: solved.residual,
+            energy_first: solved.energy_first,
+            energy_last: solved.energy_last,
+            max_displacement_mm: solved.max_displacement_mm,
+            springs: Some(SpringFigures {
+                vertices_loose: solved.vertices_loose,
+                springs: solved.springs,
+                dt_s: solved.dt,
+                iterations: solved.iterations,
+                handle_forces_mn: solved.handle_forces_mn.clone(),
+                truncation_mn: solved.truncation_mn,
+                truncation: solved.truncation,
+                bones: solved.bones.iter().map(BoneFigures::from).collect(),
+            }),
+        }
+    }
+}
+
+impl From<&Moved> for BoneFigures {
+    fn from(bone: &Moved) -> Self {
+        Self {
+            name: bone.name.clone(),
+            vertices: bone.vertices,
+            axis: bone.axis,
+            angle_deg: bone.angle,
+            centre_mm: bone.centre,
+            shift_mm: bone.shift,
+            left_mm: bone.left_mm,
+            strain: bone.strain,
+            force_mn: bone.force_mn,
+        }
+    }
+}
+
+impl Figures {
+    /// After shapes have gone on from there.
+    pub(super) fn after(self, shaped: &Shaped) -> Self {
+        let (vertices_moved, max_displacement_mm) = (shaped.vertices_moved, shaped.max_displacement_mm);
+        Self { vertices_moved, max_displacement_mm, ..self }
+    }
+}

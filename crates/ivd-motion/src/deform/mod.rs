@@ -1,0 +1,18 @@
+//! What moves a lattice, as one method of several: solvers for its handles and bones, then changes of shape.
+//!
+//! [`RingMethod`], [`DynamicsMethod`], [`ProjectiveMethod`] and [`XpbdMethod`] hold all that scenes and commands can say of the work;
+//! [`crate::ring`], [`crate::mass_spring`], [`crate::rigid`] and [`crate::freeform`] do it.
+
+mod asked;
+mod bone;
+mod figures;
+mod handle;
+mod params;
+mod stage;
+
+pub use asked::Asked;
+pub use bone::Bone;
+pub use figures::{BoneFigures, Figures, SpringFigures};
+pub use handle::{Fix, Handle};
+pub use params::{Body, DynamicsMethod, Moves, ProjectiveMethod, RingMethod, XpbdMethod};
+pub use stage::{Inputs, RingInputs, STAGE};

@@ -1,0 +1,147 @@
+//! The stage as scenes and commands see it.
+
+use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::{Exec, Labels, Lattice, Motion, ParamError, slots};
+
+use super::{Body, DynamicsMethod, Figures, Moves, ProjectiveMethod, RingMethod, XpbdMethod};
+use crate::{freeform, mass_spring, ring};
+
+/// The stage: its methods, and where it stands in a scene.
+pub const STAGE: Stage = Stage {
+    name: "deform",
+    about: "Moves a lattice.",
+    selector: "solver",
+    methods: METHODS,
+    positional: &["lattice"],
+    places: &[Place { amount: Amount::VerticesInReach, ..Place::only("motion") }],
+    quiet: false,
+};
+const METHODS: &[Method] = &[
+    method::<RingMethod>("ring"),
+    method::<DynamicsMethod>("dynamics"),
+    method::<ProjectiveMethod>("projective"),
+    method::<XpbdMethod>("xpbd"),
+];
+
+slots! {
+    /// What is read where matter is the same everywhere.
+    pub struct RingInputs<'a> { lattice: &'a Lattice }
+}
+slots! {
+    /// What is read where classes may have a material, or bones, of their own.
+    pub struct Inputs<'a> { lattice: &'a Lattice, labels: Option<&'a Labels> }
+}
+
+/// Raised for all methods together: shapes go on from what any of them gives.
+const REVISION: u32 = 4;
+
+/// Why there is nothing to do.
+const STILL: &str = "the scene has no handle, no bone and no shape";
+
+/// Takes a solver's motion, or the lattice at rest, through the shapes.
+fn shaped(
+    lattice: &Lattice,
+    solved: Option<(Motion, Figures)>,
+    moves: &Moves,
+    exec: &Exec,
+) -> Result<(Motion, Figures), Failure> {
+    match solved {
+        Some(solved) if moves.shape.is_empty() => Ok(solved),
+        solved => {
+            let (motion, figures) = solved.unzip();
+            let shaped = freeform::lattice(lattice, motion.as_ref(), &moves.shape, exec)?;
+            let figures = figures.unwrap_or_default().after(&shaped);
+            Ok((shaped.motion, figures))
+        }
+    }
+}
+
+impl Op for RingMethod {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = RingInputs<'a>;
+    type Output = Motion;
+    type Figures = Figures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        self.moves.check_together()
+    }
+
+    fn idle(&self) -> Option<&'static str> {
+        (self.moves.handle.is_empty() && self.moves.shape.is_empty()).then_some(STILL)
+    }
+
+    fn run(&self, inputs: RingInputs<'_>, exec: &Exec) -> Result<(Motion, Figures), Failure> {
+        let (lattice, handles) = (inputs.lattice, self.moves.handles()?);
+        let only_shapes = handles.is_empty() && !self.moves.shape.is_empty();
+        let solved = if only_shapes {
+            None
+        } else {
+            let solved = ring::solve(lattice, &handles, &self.moves.fixed(), &self.ring, exec)?;
+            let figures = Figures::from(&solved);
+            Some((solved.motion, figures))
+        };
+        shaped(lattice, solved, &self.moves, exec)
+    }
+}
+
+impl Body {
+    fn idle(&self) -> Option<&'static str> {
+        let Moves { handle, shape, .. } = &self.moves;
+        (handle.is_empty() && self.rigid.is_empty() && shape.is_empty()).then_some(STILL)
+    }
+
+    fn wants(&self, slot: &str) -> Want {
+        if slot == "labels" && !self.knows_classes() { Want::No } else { Want::Yes }
+    }
+
+    fn run(
+        &self,
+        params: &mass_spring::Params,
+        inputs: Inputs<'_>,
+        exec: &Exec,
+    ) -> Result<(Motion, Figures), Failure> {
+        let (lattice, handles, bones) = (inputs.lattice, self.moves.handles()?, self.bones()?);
+        if handles.is_empty() && bones.is_empty() && !self.moves.shape.is_empty() {
+            return shaped(lattice, None, &self.moves, exec);
+        }
+        let labels = inputs.labels.filter(|_| self.knows_classes());
+        if labels.is_none() && self.knows_classes() {
+            return Err(Failure::usage(
+                "material, rigid: there are no labels to know classes by; give --labels",
+            ));
+        }
+        let fixed = self.moves.fixed();
+        let solved = mass_spring::with_bones(lattice, labels, &handles, &fixed, &bones, params, exec)?;
+        let figures = Figures::from(&solved);
+        shaped(lattice, Some((solved.motion, figures)), &self.moves, exec)
+    }
+}
+
+/// What the methods of masses on springs have in common.
+macro_rules! on_springs {
+    ($($method:ty),* $(,)?) => {$(
+        impl Op for $method {
+            const REVISION: u32 = REVISION;
+            type Inputs<'a> = Inputs<'a>;
+            type Output = Motion;
+            type Figures = Figures;
+
+            fn check_together(&self) -> Result<(), ParamError> {
+                self.body.check_together()
+            }
+
+            fn wants(&self, slot: &str) -> Want {
+                self.body.wants(slot)
+            }
+
+            fn idle(&self) -> Option<&'static str> {
+                self.body.idle()
+            }
+
+            fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Motion, Figures), Failure> {
+                self.body.run(&self.params(), inputs, exec)
+            }
+        }
+    )*};
+}
+on_springs!(DynamicsMethod, ProjectiveMethod, XpbdMethod);

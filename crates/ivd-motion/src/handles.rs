@@ -1,0 +1,163 @@
+//! Handles: which vertices of a lattice are told to move, are pulled or stay, as every solver takes them.
+
+use ivd_core::{Error, Lattice, ParamError};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// A pick takes a vertex at most this many voxel diagonals away.
+const PICK_DIAGONALS: f64 = 10.0;
+
+/// Which vertex is meant.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HandleAt {
+    /// The vertex nearest to a point [mm, world RAS], at most ten voxel diagonals away.
+    Pick([f64; 3]),
+    /// The vertex of this number.
+    Vertex(u32),
+}
+
+/// What a handle does to its vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Action {
+    /// Moves it by a vector [mm, RAS], exactly.
+    Move([f64; 3]),
+    /// Pulls it with a force [mN, RAS]; how far it goes is physics.
+    Force([f64; 3]),
+}
+
+/// A vertex that is moved or pulled, and how far round it the lattice follows.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Handle {
+    /// The target vertex.
+    pub at: HandleAt,
+    /// What happens to it.
+    pub action: Action,
+    /// Radius [mm, rest space], > 0: beyond it nothing moves.
+    pub radius: f64,
+}
+
+/// Vertices that stay where they are.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Fix {
+    /// The vertex in the middle.
+    pub at: HandleAt,
+    /// Radius [mm, rest space], ≥ 0, of the vertices that stay; 0: this vertex alone.
+    pub radius: f64,
+}
+
+impl Handle {
+    /// # Errors
+    /// [`ParamError`] names the part that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        check_at(&self.at)?;
+        let (field, vector) = match &self.action {
+            Action::Move(vector) => ("move", vector),
+            Action::Force(vector) => ("force", vector),
+        };
+        if !vector.iter().all(|c| c.is_finite() && c.abs() <= 1e100) {
+            return Err(ParamError::new(field, format!("{vector:?}"), "give three finite numbers"));
+        }
+        if !(self.radius > 0.0 && self.radius <= 1e100) {
+            return Err(ParamError::new("radius", format!("{} mm", self.radius), "use a positive length"));
+        }
+        Ok(())
+    }
+}
+
+impl Fix {
+    /// # Errors
+    /// [`ParamError`] names the part that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        check_at(&self.at)?;
+        if !(0.0..=1e100).contains(&self.radius) {
+            return Err(ParamError::new(
+                "radius",
+                format!("{} mm", self.radius),
+                "use a length of at least 0",
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn check_at(at: &HandleAt) -> Result<(), ParamError> {
+    match at {
+        HandleAt::Pick(point) if !point.iter().all(|c| c.is_finite()) => {
+            Err(ParamError::new("pick", format!("{point:?}"), "give three finite numbers in mm"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The vertex that is meant.
+pub(crate) fn resolve(
+    what: &'static str,
+    at: &HandleAt,
+    lattice: &Lattice,
+    rest: &[Vector3<f64>],
+) -> Result<usize, Error> {
+    let point = match *at {
+        HandleAt::Vertex(v) if (v as usize) < rest.len() => return Ok(v as usize),
+        HandleAt::Vertex(v) => {
+            let problem = format!("{v} where the lattice has {} vertices", rest.len());
+            return Err(
+                ParamError::new("vertex", problem, "count from 0 in the lattice that is deformed").into()
+            );
+        }
+        HandleAt::Pick(point) => Vector3::from(point) - Vector3::from(lattice.grid().origin()),
+    };
+    let nearest = (0..rest.len())
+        .into_par_iter()
+        .map(|v| ((rest[v] - point).norm(), v))
+        .reduce(|| (f64::INFINITY, usize::MAX), |a, b| if (b.0, b.1) < (a.0, a.1) { b } else { a });
+    let limit = PICK_DIAGONALS * lattice.grid().voxel_diagonal();
+    if nearest.0 <= limit {
+        return Ok(nearest.1);
+    }
+    let problem = if rest.is_empty() {
+        "the lattice has no vertex".into()
+    } else {
+        let world: [f64; 3] = lattice.world(nearest.1).0.into();
+        format!(
+            "the nearest vertex, {} at {world:.3?} mm, is {:.3} mm away, further than {limit:.3} mm",
+            nearest.1, nearest.0
+        )
+    };
+    Err(Error::Mismatch { what, problem, remedy: "pick a point nearer to the lattice" })
+}
+
+/// Handles and fixed vertices by themselves.
+pub(crate) fn check_pull(handles: &[Handle], fixed: &[Fix]) -> Result<(), Error> {
+    handles.iter().try_for_each(Handle::check)?;
+    fixed.iter().try_for_each(Fix::check)?;
+    Ok(())
+}
+
+/// The target vertex of each handle; two on one vertex must agree. `needed`: there must be a handle.
+pub(crate) fn find_targets(
+    lattice: &Lattice,
+    rest: &[Vector3<f64>],
+    handles: &[Handle],
+    needed: bool,
+) -> Result<Vec<usize>, Error> {
+    if needed && handles.is_empty() {
+        return Err(ParamError::new("handle", "there is none", "give at least one handle").into());
+    }
+    let targets = handles.iter().map(|handle| resolve("handle", &handle.at, lattice, rest));
+    let targets: Vec<usize> = targets.collect::<Result<_, _>>()?;
+    for (i, target) in targets.iter().enumerate() {
+        if let Some(j) = targets[..i].iter().position(|other| other == target)
+            && handles[i].action != handles[j].action
+        {
+            return Err(Error::Mismatch {
+                what: "handles",
+                problem: format!("handles {j} and {i} act differently on vertex {target}"),
+                remedy: "make them one, or pick points further apart",
+            });
+        }
+    }
+    Ok(targets)
+}

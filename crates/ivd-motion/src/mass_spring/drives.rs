@@ -1,0 +1,134 @@
+//! What handles do to the vertices of a body.
+
+use nalgebra::Vector3;
+
+use super::body::Body;
+use super::params::Params;
+use crate::Error;
+use crate::handles::{Action, Handle};
+use crate::rigid::{Rig, Skeleton};
+
+/// Force of 1 mN (µN).
+pub(super) const MILLINEWTON: f64 = 1e3;
+
+/// Prescribed motions and forces.
+#[derive(Debug, Clone)]
+pub(super) struct Drives {
+    /// Moved vertices, ascending, with where they go in the end (mm) and by which handle.
+    pub(super) moved: Vec<(usize, [f64; 3], usize)>,
+    /// For every loose vertex, whether it is one of them.
+    pub(super) is_moved: Vec<bool>,
+    /// Force in the end on each loose vertex that isn't moved (µN).
+    pub(super) force: Vec<[f64; 3]>,
+    /// What bones carry.
+    pub(super) bones: Carried,
+}
+
+/// The vertices of the body that bones carry.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Carried {
+    rig: Rig,
+    /// Vertex, its bone, and where it is at rest (mm).
+    vertices: Vec<(usize, usize, Vector3<f64>)>,
+}
+
+impl Carried {
+    fn new(body: &Body, skeleton: &Skeleton) -> Self {
+        let bone = |v: usize| skeleton.holder(body.vertices[v] as usize).expect("a bone carries it");
+        let vertices = body.carried.iter().map(|&v| (v, bone(v), body.rest[v].into())).collect();
+        Self { rig: skeleton.rig(), vertices }
+    }
+
+    /// Where they are when handles have reached a fraction of their motion: displacements (mm).
+    pub(super) fn at(&self, reached: f64) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
+        let poses = (!self.vertices.is_empty()).then(|| self.rig.poses(reached));
+        self.vertices.iter().filter_map(move |&(v, bone, rest)| {
+            Some((v, poses.as_ref()?.displacement(bone, rest).map(|c| c + 0.0).into()))
+        })
+    }
+}
+
+impl Drives {
+    /// - `targets`: the lattice's vertex of each handle. Those on a bone have done their work in its fit.
+    pub(super) fn new(
+        body: &Body,
+        handles: &[Handle],
+        targets: &[usize],
+        fixed: &[bool],
+        skeleton: &Skeleton,
+        params: &Params,
+    ) -> Result<Self, Error> {
+        let own = targets.iter().zip(handles).map(|(&t, handle)| match body.loose_vertex(t) {
+            None if !fixed[t] => Err(Error::Mismatch {
+                what: "handle",
+                problem: format!(
+                    "vertex {t} lies outside the reach that was prepared ({} mm)",
+                    handle.radius
+                ),
+                remedy: "prepare again with this handle",
+            }),
+            at => Ok(at),
+        });
+        let own: Vec<Option<usize>> = own.collect::<Result<_, Error>>()?;
+        let at = |v: usize| Vector3::from(body.rest[v]);
+        // The vertices that a handle grips, with how firmly.
+        let gripped = |target: usize| -> Vec<(usize, f64)> {
+            let hold = |v: usize| {
+                let t = if v == target { 0.0 } else { (at(v) - at(target)).norm() / params.springs.grip };
+                (v, if t < 1.0 { (1.0 - t * t).powi(2) } else { 0.0 })
+            };
+            if params.springs.grip == 0.0 {
+                return vec![(target, 1.0)];
+            }
+            (0..body.loose).map(hold).filter(|(_, hold)| *hold > 0.0).collect()
+        };
+        let mut mover: Vec<Option<(f64, usize)>> = vec![None; body.loose];
+        let mut force = vec![[0.0; 3]; body.loose];
+        for (h, (handle, target)) in handles.iter().zip(&own).enumerate() {
+            let Some(target) = *target else { continue };
+            // Two handles on a vertex do the same, once.
+            if own[..h].contains(&Some(target)) {
+                continue;
+            }
+            let grip = gripped(target);
+            match handle.action {
+                Action::Move(_) => {
+                    for (v, hold) in grip {
+                        if mover[v].is_none_or(|(other, _)| hold > other) {
+                            mover[v] = Some((hold, h));
+                        }
+                    }
+                }
+                Action::Force(pull) => {
+                    let total: f64 = grip.iter().map(|(_, hold)| hold).sum();
+                    for (v, hold) in grip {
+                        for a in 0..3 {
+                            force[v][a] += pull[a] * MILLINEWTON * (hold / total);
+                        }
+                    }
+                }
+            }
+        }
+        let moved = mover.iter().enumerate().filter_map(|(v, mover)| {
+            let (_, h) = (*mover)?;
+            let Action::Move(by) = handles[h].action else { unreachable!("a force moves nothing by itself") };
+            Some((v, by, h))
+        });
+        let moved: Vec<_> = moved.collect();
+        for &(v, ..) in &moved {
+            force[v] = [0.0; 3];
+        }
+        let bones = Carried::new(body, skeleton);
+        Ok(Self { is_moved: mover.iter().map(Option::is_some).collect(), moved, force, bones })
+    }
+
+    /// Takes the moved and the carried vertices to where they are when handles have reached a fraction of their motion.
+    pub(super) fn place<const W: usize>(&self, displacement: &mut [[f64; W]], reached: f64) {
+        for &(v, by, _) in &self.moved {
+            displacement[v][..3].copy_from_slice(&by.map(|c| c * reached));
+        }
+        for (v, by) in self.bones.at(reached) {
+            displacement[v][..3].copy_from_slice(&by);
+        }
+    }
+}
