@@ -54,7 +54,7 @@ pub fn ball() -> Volume {
 
 /// Runs a stage on what it wants of what there is; its result must be sound.
 fn run(section: &Section, made: &Made) -> Option<Artefact> {
-    let wanted = section.inputs().iter().filter(|slot| section.wants(slot.name) != op::Want::No);
+    let wanted = section.method().slots.iter().filter(|slot| section.wants(slot.name) != op::Want::No);
     let filled = wanted.filter_map(|slot| Some((slot.name, made.get(slot.name)?)));
     let inputs = filled.fold(Inputs::default(), |inputs, (slot, artefact)| {
         inputs.with(slot, Input { artefact: Arc::clone(artefact), hash: ContentHash([0; 32]), file: None })

@@ -58,7 +58,7 @@ struct Candidate {
 /// where classes all without border (a constant volume) have `g = 1`. **Reference length**: the cube root of the volume's size in mm³, over 128.
 ///
 /// # Errors
-/// [`Error::Core`] where volume and labels lie on different grids or the work was cancelled; [`Error::Param`];
+/// [`Error::Core`] where volume and labels lie on different grids or the work was cancelled; [`ivd_core::Error::Param`];
 /// [`Error::TooManyClasses`] above 1,024; [`Error::TooWide`] for values beyond ±10¹⁴⁰.
 pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) -> Result<Built, Error> {
     params.check()?;

@@ -1,4 +1,4 @@
-use ivd_core::{Classified, ErrorClass, ParamError};
+use ivd_core::{Classified, ErrorClass};
 
 /// Why a transfer function could not be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -6,9 +6,6 @@ pub enum Error {
     /// A failure that any stage can meet.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
-    /// A parameter outside its domain.
-    #[error(transparent)]
-    Param(#[from] ParamError),
     /// More classes than a table of rows can hold.
     #[error(
         "the labels hold {classes} classes, a transfer function takes at most {most}; segment with fewer classes"
@@ -33,11 +30,12 @@ pub enum Error {
     },
 }
 
+ivd_core::from_param_error!(Error);
+
 impl Classified for Error {
     fn error_class(&self) -> ErrorClass {
         match self {
             Self::Core(error) => error.error_class(),
-            Self::Param(_) => ErrorClass::Usage,
             Self::TooManyClasses { .. } | Self::TooWide { .. } => ErrorClass::Limit,
         }
     }

@@ -13,7 +13,7 @@ const RISE: f64 = 1.0 / 64.0;
 /// Opacity rises linearly over 1/64 of the volume's range, centred on `iso` (a real value).
 ///
 /// # Errors
-/// [`Error::Param`]; [`Error::Core`] for an isovalue that isn't finite; [`Error::TooWide`] for values beyond ±10¹⁴⁰.
+/// [`ivd_core::Error::Param`]; [`Error::Core`] for an isovalue that isn't finite; [`Error::TooWide`] for values beyond ±10¹⁴⁰.
 pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) -> Result<Built, Error> {
     params.check()?;
     if !iso.is_finite() {

@@ -13,6 +13,16 @@ pub(crate) const EDGE_MM: f64 = 128.0;
 /// Radius of the ball (mm).
 pub(crate) const RADIUS_MM: f64 = 40.0;
 
+/// Fractions of the largest size.
+const PARTS: [f64; 8] = [8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.2, 1.0];
+
+/// Voxels along an edge, from few to `size`, for what is as accurate as its grid is fine.
+pub(crate) fn sizes_up_to(size: usize) -> impl Iterator<Item = usize> {
+    let mut sizes = PARTS.map(|part| ((size as f64 / part) as usize).max(4)).to_vec();
+    sizes.dedup();
+    sizes.into_iter()
+}
+
 /// A grid of `n` voxels along each edge of the cube, its middle at the origin.
 pub(crate) fn grid(n: usize) -> Result<Grid, Problem> {
     let spacing = EDGE_MM / n as f64;

@@ -1,4 +1,4 @@
-use ivd_core::{Classified, ErrorClass, ParamError};
+use ivd_core::{Classified, ErrorClass};
 
 /// Why no part could be isolated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -42,11 +42,7 @@ pub enum Error {
     },
 }
 
-impl From<ParamError> for Error {
-    fn from(error: ParamError) -> Self {
-        Self::Core(error.into())
-    }
-}
+ivd_core::from_param_error!(Error);
 
 impl Classified for Error {
     fn error_class(&self) -> ErrorClass {

@@ -7,16 +7,8 @@
 //! [`run`] runs a scene within a [`Budget`]. It lies above the pipeline, which only asks whatever controls a run
 //! ([`ivd_pipeline::Control`]) before each stage.
 #![forbid(unsafe_code)]
-#![cfg_attr(
-    not(test),
-    deny(
-        clippy::expect_used,
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::unreachable,
-        clippy::wildcard_enum_match_arm
-    )
-)]
+#![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
+#![cfg_attr(not(test), deny(clippy::unreachable, clippy::wildcard_enum_match_arm))]
 
 mod choose;
 mod controller;

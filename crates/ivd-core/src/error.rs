@@ -175,3 +175,15 @@ impl Classified for Error {
         }
     }
 }
+
+/// Lets a crate's own error, which has [`Error`] in its `Core`, take a [`ParamError`] too.
+#[macro_export]
+macro_rules! from_param_error {
+    ($error:ty) => {
+        impl From<$crate::ParamError> for $error {
+            fn from(error: $crate::ParamError) -> Self {
+                Self::Core(error.into())
+            }
+        }
+    };
+}

@@ -1,4 +1,4 @@
-use ivd_core::{Classified, ErrorClass, ParamError};
+use ivd_core::{Classified, ErrorClass};
 
 /// Why a lattice could not be extracted or refined.
 #[derive(Debug, thiserror::Error)]
@@ -6,9 +6,6 @@ pub enum Error {
     /// A failure that any stage can meet: cancelled, memory limit, grids that differ.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
-    /// A parameter is outside its domain.
-    #[error(transparent)]
-    Param(#[from] ParamError),
     /// An input that the parameters ask for was not given.
     #[error("{asked} needs {needed}; {remedy}")]
     MissingInput {
@@ -48,11 +45,13 @@ pub enum Error {
     },
 }
 
+ivd_core::from_param_error!(Error);
+
 impl Classified for Error {
     fn error_class(&self) -> ErrorClass {
         match self {
             Self::Core(error) => error.error_class(),
-            Self::Param(_) | Self::MissingInput { .. } => ErrorClass::Usage,
+            Self::MissingInput { .. } => ErrorClass::Usage,
             Self::TooManyVertices { .. } => ErrorClass::Limit,
             Self::Unreachable { .. } => ErrorClass::Usage,
             Self::Unfit { .. } => ErrorClass::Input,

@@ -115,7 +115,7 @@ pub struct RepairFigures {
 /// The same result for any number of threads. Vertices that no triangle names stay.
 ///
 /// # Errors
-/// [`Error::Param`] for parameters outside their domain, [`ivd_core::Error::Inconsistent`] for a lattice whose parts
+/// [`ivd_core::Error::Param`] for parameters outside their domain, [`ivd_core::Error::Inconsistent`] for a lattice whose parts
 /// don't fit, [`ivd_core::Error::MemoryLimit`], [`ivd_core::Error::Cancelled`].
 pub fn repair(lattice: &Lattice, params: &RepairParams, exec: &Exec) -> Result<Repaired, Error> {
     params.check()?;

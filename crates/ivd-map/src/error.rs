@@ -1,4 +1,4 @@
-use ivd_core::{Classified, ErrorClass, Grid, ParamError, VoxelCoord};
+use ivd_core::{Classified, ErrorClass, Grid, VoxelCoord};
 use ivd_field::certificate::Certificate;
 use nalgebra::Vector3;
 
@@ -8,9 +8,6 @@ pub enum Error {
     /// Inputs that don't fit, a result that can't be trusted, cancellation, a limit.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
-    /// A parameter outside its range.
-    #[error(transparent)]
-    Param(#[from] ParamError),
     /// The octree can't be used.
     #[error(transparent)]
     Octree(#[from] ivd_octree::Error),
@@ -45,12 +42,13 @@ impl Error {
     }
 }
 
+ivd_core::from_param_error!(Error);
+
 impl Classified for Error {
     fn error_class(&self) -> ErrorClass {
         match self {
             Self::Core(error) => error.error_class(),
             Self::Octree(error) => error.error_class(),
-            Self::Param(_) => ErrorClass::Usage,
             Self::Folded { .. } => ErrorClass::Untrusted,
         }
     }

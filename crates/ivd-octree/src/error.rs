@@ -1,4 +1,4 @@
-use ivd_core::{Classified, ErrorClass, ParamError};
+use ivd_core::{Classified, ErrorClass};
 
 /// Why a lattice has no octree, or an octree doesn't serve.
 #[derive(Debug, thiserror::Error)]
@@ -6,9 +6,6 @@ pub enum Error {
     /// A failure that any stage can meet, such as the octree of another lattice.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
-    /// A parameter is outside its domain.
-    #[error(transparent)]
-    Param(#[from] ParamError),
     /// A line of voxels enters the lattice more often than it leaves it, or the other way round.
     #[error(
         "the lattice is open: along x at voxel row y = {}, z = {} it is entered {surplus} more times than left; \
@@ -34,11 +31,12 @@ pub enum Error {
     },
 }
 
+ivd_core::from_param_error!(Error);
+
 impl Classified for Error {
     fn error_class(&self) -> ErrorClass {
         match self {
             Self::Core(e) => e.error_class(),
-            Self::Param(_) => ErrorClass::Usage,
             Self::Open { .. } => ErrorClass::Input,
             Self::TooLarge { .. } => ErrorClass::Limit,
         }

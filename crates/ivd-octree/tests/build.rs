@@ -142,7 +142,10 @@ fn threads_do_not_change_the_tree() {
 fn bad_leaf_sizes_long_axes_and_cancelling_are_told() {
     let lattice = &samples()[0];
     for leaf_size in [0, 3, 128] {
-        assert!(matches!(build(lattice, &Params { leaf_size }, &Exec::default()), Err(Error::Param(_))));
+        assert!(matches!(
+            build(lattice, &Params { leaf_size }, &Exec::default()),
+            Err(Error::Core(ivd_core::Error::Param(_)))
+        ));
     }
     let grid = Grid::with_spacing([1 << 21, 1, 1], [1.0; 3]).unwrap();
     let long = Lattice::new(grid, Vec::new().into(), Vec::new().into(), Vec::new().into()).unwrap();

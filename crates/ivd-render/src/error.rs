@@ -1,4 +1,4 @@
-use ivd_core::{Classified, ErrorClass, ParamError};
+use ivd_core::{Classified, ErrorClass};
 
 /// Why a picture could not be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -6,9 +6,6 @@ pub enum Error {
     /// A failure that any stage can meet.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
-    /// A parameter outside its domain.
-    #[error(transparent)]
-    Param(#[from] ParamError),
     /// Direct volume rendering without a transfer function.
     #[error(
         "direct volume rendering of this scene needs a transfer function; give one, or use mode mip or iso"
@@ -24,11 +21,13 @@ pub enum Error {
     },
 }
 
+ivd_core::from_param_error!(Error);
+
 impl Classified for Error {
     fn error_class(&self) -> ErrorClass {
         match self {
             Self::Core(error) => error.error_class(),
-            Self::Param(_) | Self::NoTransfer | Self::SizeMismatch { .. } => ErrorClass::Usage,
+            Self::NoTransfer | Self::SizeMismatch { .. } => ErrorClass::Usage,
         }
     }
 }

@@ -103,7 +103,7 @@ pub struct Rendered {
 /// Renders a picture of a scene.
 ///
 /// # Errors
-/// [`Error::Param`] names a parameter outside its domain; [`Error::NoTransfer`] for mode `dvr` without a transfer function; [`Error::Core`] where
+/// [`ivd_core::Error::Param`] names a parameter outside its domain; [`Error::NoTransfer`] for mode `dvr` without a transfer function; [`Error::Core`] where
 /// the scene's parts lie on different grids, memory is short or the work was cancelled.
 pub fn render(scene: &Scene, params: &RenderParams, exec: &Exec) -> Result<Rendered, Error> {
     Prepared::new(scene, params, exec)?.render(params.view, exec)

@@ -35,7 +35,7 @@ pub struct SurfaceStyle<'a> {
 /// are. Nine samples a pixel; the same bytes for any number of threads. A lattice without triangles gives the background.
 ///
 /// # Errors
-/// [`Error::Param`] names a parameter outside its domain; in [`Error::Core`] a lattice that breaks its own check, memory that
+/// [`ivd_core::Error::Param`] names a parameter outside its domain; in [`Error::Core`] a lattice that breaks its own check, memory that
 /// is short, or cancelled work.
 pub fn surface(
     lattice: &Lattice,

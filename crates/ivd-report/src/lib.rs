@@ -11,16 +11,8 @@
 //! assert!(page.finish().contains("<td>[64,64,64]</td>"));
 //! ```
 #![forbid(unsafe_code)]
-#![cfg_attr(
-    not(test),
-    deny(
-        clippy::expect_used,
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::unreachable,
-        clippy::wildcard_enum_match_arm
-    )
-)]
+#![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
+#![cfg_attr(not(test), deny(clippy::unreachable, clippy::wildcard_enum_match_arm))]
 
 mod chart;
 mod curve;

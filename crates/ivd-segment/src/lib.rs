@@ -35,7 +35,6 @@
 
 mod classes;
 mod emvs;
-mod error;
 mod figures;
 mod groups;
 mod histogram;
@@ -52,12 +51,12 @@ mod tidy;
 mod wide;
 
 pub use emvs::{BiasField, BicPoint, Covariance, Emvs, EmvsParams, Mixture, emvs, emvs_with_posteriors};
-pub use error::Error;
 pub use figures::{
     AnyFigures, ClassFigures, CommonFigures, CutFigures, Figures, MixtureFigures, MixturePoint, ModesFigures,
     NoFigures, ProposalFigures, SpatialFigures, TreeFigures,
 };
 pub use hvs::{CutParams, Dendrogram, Hvs, HvsParams, Leaf, Ranking, cut, dendrogram, region_tree};
+pub use ivd_core::Error;
 pub use ivd_core::Linkage;
 pub use kmvs::{KmvsParams, SpatialKmvs, kmvs, kmvs_spatial};
 pub use msvs::chain::{Chain, ChainParams, ChainPoint, ChainTimes, msvs_kmvs};

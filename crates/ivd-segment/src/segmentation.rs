@@ -27,7 +27,7 @@ pub struct Segmentation {
 /// # Errors
 /// [`ivd_core::Error::GridMismatch`] where the mask lies on another grid.
 pub(crate) fn check_mask(volume: &Volume, mask: Option<&Mask>) -> Result<(), Error> {
-    mask.map_or(Ok(()), |mask| Ok(volume.grid().require(mask.grid(), "volume", "mask")?))
+    mask.map_or(Ok(()), |mask| volume.grid().require(mask.grid(), "volume", "mask"))
 }
 
 /// Labels the voxels by an optimal partition of their stored values. The crossings are the midpoints of the class means; where

@@ -2,11 +2,9 @@
 
 use std::borrow::Cow;
 
-use ivd_core::{Error as CoreError, Exec, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
+use ivd_core::{Error, Exec, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use crate::Error;
 
 /// Voxels that one task looks at.
 const CHUNK: usize = 1 << 16;
@@ -41,7 +39,7 @@ impl Within {
 /// The voxels inside the mask whose real value lies within a range (both ends belong to it). `None` stands for all voxels.
 ///
 /// # Errors
-/// [`CoreError::GridMismatch`] where the mask lies on another grid, or the memory limit.
+/// [`Error::GridMismatch`] where the mask lies on another grid, or the memory limit.
 pub(crate) fn of<'a>(
     volume: &Volume,
     mask: Option<&'a Mask>,
@@ -60,7 +58,7 @@ pub(crate) fn of<'a>(
                 let value = volume.real(v.to_f64());
                 *inside = u8::from((low..=high).contains(&value) && mask.is_none_or(|m| m[j] != 0));
             }
-            Ok::<_, CoreError>(())
+            Ok::<_, Error>(())
         })
     })?;
     Ok(Some(Cow::Owned(Mask::new(volume.grid().clone(), inside.into_buffer())?)))

@@ -3,11 +3,11 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use ivd_core::{Bulk, Class, Error as CoreError, Exec, Labels, NO_DATA, Volume, parallel, sets};
+use ivd_core::{Bulk, Class, Error, Exec, Labels, NO_DATA, Volume, parallel, sets};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Segmentation, classes};
+use crate::{Segmentation, classes};
 
 /// Voxels that one task looks at.
 const CHUNK: usize = 1 << 16;
@@ -46,7 +46,7 @@ impl TidyParams {
 /// of the new labels, and classes without voxels are gone. The objective stays that of the labels as they were found.
 ///
 /// # Errors
-/// [`Error::Core`]: labels on another grid than the volume, too many voxels, the memory limit, or cancelled.
+/// [`Error`]: labels on another grid than the volume, too many voxels, the memory limit, or cancelled.
 pub fn tidy(
     volume: &Volume,
     found: Segmentation,
@@ -89,7 +89,7 @@ fn by_size(labels: &Labels, exec: &Exec) -> Result<Labels, Error> {
             .for_each(|(id, old)| *id = names.get(usize::from(*old)).copied().unwrap_or(*old));
     });
     let classes = labels.classes().iter().map(|c| Class { id: names[usize::from(c.id)], ..c.clone() });
-    Ok(Labels::new(labels.grid().clone(), ids.into_buffer(), classes.collect())?)
+    Labels::new(labels.grid().clone(), ids.into_buffer(), classes.collect())
 }
 
 /// Connected parts of one label.
@@ -156,7 +156,7 @@ fn each_face(
 fn absorb(ids: &mut Bulk<u16>, dims: [usize; 3], smallest: u64, exec: &Exec) -> Result<(), Error> {
     if ids.len() > u32::MAX as usize {
         let problem = format!("{} voxels; parts are counted for up to {}", ids.len(), u32::MAX);
-        return Err(CoreError::Inconsistent { what: "labels", problem }.into());
+        return Err(Error::Inconsistent { what: "labels", problem });
     }
     let parts = parts(ids, dims, exec)?;
     let small = |part: u32| {

@@ -1,4 +1,4 @@
-use ivd_core::{Classified, ErrorClass, ParamError};
+use ivd_core::{Classified, ErrorClass};
 
 /// Why an event wasn't followed. The session is then as it was.
 #[derive(Debug, thiserror::Error)]
@@ -6,9 +6,6 @@ pub enum Error {
     /// Inputs that don't fit, a motion that isn't to be trusted, cancellation, a limit.
     #[error(transparent)]
     Core(#[from] ivd_core::Error),
-    /// A parameter outside its domain.
-    #[error(transparent)]
-    Param(#[from] ParamError),
     /// The lattice can't be refined to a level.
     #[error(transparent)]
     Lattice(#[from] ivd_lattice::Error),
@@ -30,6 +27,8 @@ pub enum Error {
     },
 }
 
+ivd_core::from_param_error!(Error);
+
 impl Classified for Error {
     fn error_class(&self) -> ErrorClass {
         match self {
@@ -37,7 +36,7 @@ impl Classified for Error {
             Self::Lattice(error) => error.error_class(),
             Self::Octree(error) => error.error_class(),
             Self::Map(error) => error.error_class(),
-            Self::Param(_) | Self::Event { .. } => ErrorClass::Usage,
+            Self::Event { .. } => ErrorClass::Usage,
         }
     }
 }

@@ -40,7 +40,6 @@ macro_rules! refusal_of {
     )*};
 }
 refusal_of!(
-    ivd_segment::Error,
     ivd_atf::Error,
     ivd_boundary::Error,
     ivd_lattice::Error,

@@ -4,17 +4,11 @@ use ivd_core::Lattice;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 
 use crate::experiment::{Experiment, Problem, Setting};
-use crate::inputs::{EDGE_MM, RADIUS_MM, grid, judged, root_mean_square, sampled};
-
-/// Fractions of the largest size.
-const PARTS: [f64; 8] = [8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.2, 1.0];
+use crate::inputs::{EDGE_MM, RADIUS_MM, grid, judged, root_mean_square, sampled, sizes_up_to};
 
 /// The voxel's size against the surface's distance from the ball. Marching cubes has no knob of its own: its accuracy is the grid's.
 pub(super) fn experiment(size: usize) -> Result<Experiment, Problem> {
-    let mut sizes = PARTS.map(|part| ((size as f64 / part) as usize).max(4)).to_vec();
-    sizes.dedup();
-    let settings: Result<Vec<Setting>, Problem> = sizes
-        .into_iter()
+    let settings: Result<Vec<Setting>, Problem> = sizes_up_to(size)
         .map(|n| {
             let volume = Arc::new(sampled(&grid(n)?, |p| RADIUS_MM - p.norm())?);
             let voxel = format!("{:.3} mm", EDGE_MM / n as f64);

@@ -46,6 +46,14 @@ macro_rules! nothing_in {
     )*};
 }
 
+macro_rules! variants {
+    ($($method:ident),*) => {$(
+        fn $method(self, _: &'static str, _: u32, _: &'static str, _: usize) -> Result<Self, NotFinite> {
+            Ok(self)
+        }
+    )*};
+}
+
 impl Serializer for Finite {
     type Ok = ();
     type Error = NotFinite;
@@ -117,31 +125,13 @@ impl Serializer for Finite {
         Ok(self)
     }
 
-    fn serialize_tuple_variant(
-        self,
-        _: &'static str,
-        _: u32,
-        _: &'static str,
-        _: usize,
-    ) -> Result<Self, NotFinite> {
-        Ok(self)
-    }
+    variants!(serialize_tuple_variant, serialize_struct_variant);
 
     fn serialize_map(self, _: Option<usize>) -> Result<Self, NotFinite> {
         Ok(self)
     }
 
     fn serialize_struct(self, _: &'static str, _: usize) -> Result<Self, NotFinite> {
-        Ok(self)
-    }
-
-    fn serialize_struct_variant(
-        self,
-        _: &'static str,
-        _: u32,
-        _: &'static str,
-        _: usize,
-    ) -> Result<Self, NotFinite> {
         Ok(self)
     }
 }

@@ -156,7 +156,7 @@ struct Surface {
 /// for any number of threads.
 ///
 /// # Errors
-/// [`Error::Param`] for a bad isovalue, [`Error::MissingInput`] for [`Iso::Mask`] without a mask,
+/// [`ivd_core::Error::Param`] for a bad isovalue, [`Error::MissingInput`] for [`Iso::Mask`] without a mask,
 /// [`Error::TooManyVertices`] beyond 32-bit indices, and in [`Error::Core`] a mask on another grid, the memory limit
 /// and cancelling.
 pub fn extract(

@@ -116,7 +116,7 @@ pub struct Foreign {
 /// this grid; such a mesh isn't welded.
 ///
 /// # Errors
-/// [`Error::Param`] for a bad tolerance, [`Error::Unfit`] for indices out of range, positions that aren't finite or lie outside
+/// [`ivd_core::Error::Param`] for a bad tolerance, [`Error::Unfit`] for indices out of range, positions that aren't finite or lie outside
 /// the padded grid, a mesh that isn't closed, and a voxel with more than 8 vertices; [`ivd_core::Error::MemoryLimit`],
 /// [`ivd_core::Error::Cancelled`].
 pub fn lattice(mesh: &Mesh, grid: &Grid, params: &ForeignParams, exec: &Exec) -> Result<Foreign, Error> {

@@ -18,7 +18,7 @@ use crate::Error;
 /// - `locks`: vertices of the input that stay in all levels.
 ///
 /// # Errors
-/// [`Error::Param`] for levels that don't ascend, for [`Method::Sample`], whose levels aren't nested, and for locks where
+/// [`ivd_core::Error::Param`] for levels that don't ascend, for [`Method::Sample`], whose levels aren't nested, and for locks where
 /// clustering may leave them alone; otherwise as [`refine`].
 pub fn chain(
     lattice: &Lattice,

@@ -81,7 +81,7 @@ use surface::Surface;
 /// - `locks`: vertices that stay, whatever the method.
 ///
 /// # Errors
-/// [`Error::Param`] for parameters outside their domain or a lock that names no vertex,
+/// [`ivd_core::Error::Param`] for parameters outside their domain or a lock that names no vertex,
 /// [`ivd_core::Error::Inconsistent`] for a lattice whose parts don't fit, [`ivd_core::Error::MemoryLimit`],
 /// [`ivd_core::Error::Cancelled`].
 pub fn refine(

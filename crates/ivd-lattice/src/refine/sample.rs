@@ -27,7 +27,7 @@ use crate::extract::{PARTED, cell};
 /// step would leave nothing, the last that leaves something is taken.
 ///
 /// # Errors
-/// [`Error::Unreachable`] for a lattice that isn't as extracted, [`Error::Param`] for locks, which this method can't keep;
+/// [`Error::Unreachable`] for a lattice that isn't as extracted, [`ivd_core::Error::Param`] for locks, which this method can't keep;
 /// [`ivd_core::Error::MemoryLimit`], [`ivd_core::Error::Cancelled`].
 pub(super) fn sample(
     lattice: &Lattice,

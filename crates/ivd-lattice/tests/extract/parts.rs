@@ -127,7 +127,10 @@ fn wrong_requests_are_named() {
         Iso::Interval { lower: Some(2.0), upper: Some(2.0) },
         Iso::Interval { lower: Some(f64::INFINITY), upper: None },
     ] {
-        assert!(matches!(run(None, iso), Error::Param(ref e) if e.field == "iso"), "{iso:?}");
+        assert!(
+            matches!(run(None, iso), Error::Core(ivd_core::Error::Param(ref e)) if e.field == "iso"),
+            "{iso:?}"
+        );
     }
     let elsewhere = Mask::new(Grid::with_spacing([2, 1, 1], [3.0; 3]).unwrap(), vec![0, 1].into()).unwrap();
     assert_eq!(run(Some(&elsewhere), Iso::Mask).error_class(), ErrorClass::Usage);

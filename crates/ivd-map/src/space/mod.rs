@@ -351,7 +351,8 @@ impl<'a> Space<'a> {
 
     fn made(&self, bricks: &[usize], parts: u32, exec: &Exec) -> Result<Tried, Error> {
         let samplers = self.samplers();
-        let (above, certificate, vacated) = match self.whole(&samplers, bricks, parts, Side::Above, exec)? {
+        let field = |side| self.field(&samplers, bricks, parts, side, exec);
+        let (above, certificate, vacated) = match self.whole(field(Side::Above)?, exec)? {
             Ok(found) => found,
             Err(certificate) => return Ok(Tried::Folded(certificate)),
         };
@@ -365,7 +366,7 @@ impl<'a> Space<'a> {
             };
             return self.tell(joined, residual, parts, &certificate);
         };
-        let (below, mut other, _) = match self.whole(&samplers, bricks, parts, Side::Below, exec)? {
+        let (below, mut other, _) = match self.whole(field(Side::Below)?, exec)? {
             Ok(found) => found,
             Err(certificate) => return Ok(Tried::Folded(certificate)),
         };
@@ -381,17 +382,13 @@ impl<'a> Space<'a> {
         self.tell(joined, residual, parts, &other)
     }
 
-    /// The map of one side, all over space, with its certificate and what is vacated; or the certificate that it hasn't.
+    /// The map of one side, all over space, whose field this is, with its certificate and what is vacated; or the certificate that it hasn't.
     #[allow(clippy::type_complexity, reason = "a map, or why there is none")]
     fn whole(
         &self,
-        samplers: &Samplers<'_>,
-        bricks: &[usize],
-        parts: u32,
-        side: Side,
+        field: FieldBricks,
         exec: &Exec,
     ) -> Result<Result<(Whole, Certificate, Vec<u8>), Box<Certificate>>, Error> {
-        let field = self.field(samplers, bricks, parts, side, exec)?;
         let dims = self.grid.dims();
         let proof = |counts: &(dyn Fn([i64; 3]) -> bool + Sync)| {
             let all = touched(&field);

@@ -93,15 +93,10 @@ pub struct BoneFigures {
 
 impl From<&ring::Solved> for Figures {
     fn from(solved: &ring::Solved) -> Self {
-        Self {
-            vertices_moved: solved.vertices_moved,
-            steps: solved.steps,
-            residual: solved.residual,
-            energy_first: solved.energy_first,
-            energy_last: solved.energy_last,
-            max_displacement_mm: solved.max_displacement_mm,
-            springs: None,
-        }
+        let ring::Solved { vertices_moved, steps, residual, .. } = *solved;
+        let ring::Solved { energy_first, energy_last, max_displacement_mm, .. } = *solved;
+        let springs = None;
+        Self { vertices_moved, steps, residual, energy_first, energy_last, max_displacement_mm, springs }
     }
 }
 

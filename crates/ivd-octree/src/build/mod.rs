@@ -21,7 +21,7 @@ const MAX_NODES: u64 = 1 << 30;
 /// threads.
 ///
 /// # Errors
-/// [`Error::Param`] for a bad leaf size, [`Error::Open`] for a lattice that isn't closed, [`Error::TooLarge`] beyond 2³⁰
+/// [`ivd_core::Error::Param`] for a bad leaf size, [`Error::Open`] for a lattice that isn't closed, [`Error::TooLarge`] beyond 2³⁰
 /// nodes, 2³² listed triangles or 2²¹ − 2 voxels along an axis; in [`Error::Core`] a lattice that breaks its own check,
 /// and cancelling.
 pub fn build(lattice: &Lattice, params: &Params, exec: &Exec) -> Result<Octree, Error> {

@@ -47,25 +47,17 @@ impl Moves {
 
 impl From<MapFigures> for Carried {
     fn from(found: MapFigures) -> Self {
-        Self {
-            voxels_moved: found.voxels_moved,
-            min_det_j: found.min_det_j,
-            folds: found.folds,
-            residual_voxel: found.inverse_residual_max_voxel,
-            det_j: found.det_j_histogram,
-        }
+        let MapFigures { voxels_moved, min_det_j, folds, inverse_residual_max_voxel, .. } = found;
+        let (residual_voxel, det_j) = (inverse_residual_max_voxel, found.det_j_histogram);
+        Self { voxels_moved, min_det_j, folds, residual_voxel, det_j }
     }
 }
 
 impl From<SpaceFigures> for Carried {
     fn from(found: SpaceFigures) -> Self {
-        Self {
-            voxels_moved: found.voxels_moved,
-            min_det_j: found.min_det_j,
-            folds: found.folds,
-            residual_voxel: found.inverse_residual_max_voxel,
-            det_j: found.det_j_histogram,
-        }
+        let SpaceFigures { voxels_moved, min_det_j, folds, inverse_residual_max_voxel, .. } = found;
+        let (residual_voxel, det_j) = (inverse_residual_max_voxel, found.det_j_histogram);
+        Self { voxels_moved, min_det_j, folds, residual_voxel, det_j }
     }
 }
 

@@ -8,16 +8,13 @@
 //! the letter: no likelihood is promised to rise. The gains' weighted mean is 1; without that they and the means would be
 //! known up to a factor only.
 
-use ivd_core::{
-    Error as CoreError, Exec, Iteration, Mask, Scalar as _, Volume, Voxels, parallel, with_voxels,
-};
+use ivd_core::{Error, Exec, Iteration, Mask, Scalar as _, Volume, Voxels, parallel, with_voxels};
 use serde::Serialize;
 
 use super::bins::{self, Bins};
 use super::line::Density;
 use super::mixture::{Component, Frame, INTENSITY};
 use super::{Covariance, EmvsParams, Search};
-use crate::Error;
 
 /// Rounds of mixture and gains.
 const ROUNDS: u64 = 30;
@@ -102,16 +99,16 @@ impl BiasField {
                     let real = if v.is_data() { real.clamp(f64::MIN, f64::MAX) } else { real };
                     *out = (real / unit / self.blend(y, z, *x)) as f32;
                 }
-                Ok::<_, CoreError>(())
+                Ok::<_, Error>(())
             })
         })?;
         let voxels = Voxels::F32(corrected.into_buffer());
-        Ok(Volume::with_scale(volume.grid().clone(), voxels, slope, 0.0)?)
+        Volume::with_scale(volume.grid().clone(), voxels, slope, 0.0)
     }
 }
 
 /// The unit in which corrected values fit into `f32`: 1, where the largest lie well inside it.
-fn unit(volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Result<f64, CoreError> {
+fn unit(volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Result<f64, Error> {
     let extremes = with_voxels!(volume.voxels(), slice => bins::extremes(slice, mask, exec))?;
     let largest = extremes.map_or(0.0, |ends| {
         ends.map(|end| volume.real(end).abs().min(f64::MAX)).into_iter().fold(0.0, f64::max)
@@ -233,7 +230,7 @@ fn gather(
     pulls: &[Fit],
     field: &BiasField,
     exec: &Exec,
-) -> Result<Vec<Fit>, CoreError> {
+) -> Result<Vec<Fit>, Error> {
     let nearest = |a: usize, n: usize| -> Vec<usize> {
         (0..n).map(|i| ((i as f64 / field.step[a]).round() as usize).min(field.dims[a] - 1)).collect()
     };
@@ -254,7 +251,7 @@ fn gather(
                 }
             }
         }
-        Ok::<_, CoreError>(())
+        Ok::<_, Error>(())
     })?;
     Ok(fits)
 }

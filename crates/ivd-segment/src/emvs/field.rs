@@ -13,7 +13,7 @@
 //! distribution where the rounded new one isn't better, so that rounding can't make the energy rise. The colours are stored
 //! apart: whoever writes one only reads the other.
 
-use ivd_core::{Buffer, Bulk, Error as CoreError, Exec, Iteration, Scalar, parallel, with_voxels};
+use ivd_core::{Buffer, Bulk, Error, Exec, Iteration, Scalar, parallel, with_voxels};
 
 use super::features::Space;
 use super::labels::Scene;
@@ -22,7 +22,6 @@ use super::mixture::{Component, INTENSITY};
 use super::quadratic::{self, Quadratic};
 use super::rows::{PIECE, Piece, Values};
 use super::{Covariance, EmvsParams, external};
-use crate::Error;
 
 /// The whole of a distribution.
 const WHOLE: f64 = 255.0;
@@ -200,7 +199,7 @@ impl Field {
         colour: usize,
         couplings: Option<[f64; 3]>,
         exec: &Exec,
-    ) -> Result<Tally, CoreError> {
+    ) -> Result<Tally, Error> {
         let of = if scene.shape == Covariance::Intensity { Quadratic::on_intensity } else { Quadratic::of };
         let densities: Vec<Quadratic> = components.iter().map(of).collect();
         let means: Vec<f64> = components.iter().map(|c| c.mean[INTENSITY]).collect();
@@ -222,7 +221,7 @@ impl Field {
         let parts: Vec<Tally> = with_voxels!(scene.volume.voxels(), slice => {
             parallel::try_map_pieces_mut(own, rows * row, &|i, own: &mut [u8]| {
                 exec.check_cancelled()?;
-                Ok::<_, CoreError>(renewal.rows(slice, i * rows, own))
+                Ok::<_, Error>(renewal.rows(slice, i * rows, own))
             })
         })?;
         let mut total = Tally::new(self.k);
@@ -278,7 +277,7 @@ impl Field {
         out: &mut [O],
         exec: &Exec,
         write: impl Fn(&mut dyn Iterator<Item = u8>, &mut O) + Sync,
-    ) -> Result<(), CoreError> {
+    ) -> Result<(), Error> {
         let ([nx, ny, _], half, k) = (self.dims, self.half, self.k);
         let rows = (TASK / nx).max(1);
         parallel::try_for_each_piece_mut(out, nx * rows, &|i, out| {

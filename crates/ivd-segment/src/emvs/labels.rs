@@ -1,8 +1,6 @@
 //! Labels and posterior maps: every voxel to its likeliest component.
 
-use ivd_core::{
-    Buffer, Bulk, Class, Error as CoreError, Exec, Labels, Mask, NO_DATA, Volume, parallel, with_voxels,
-};
+use ivd_core::{Buffer, Bulk, Class, Error, Exec, Labels, Mask, NO_DATA, Volume, parallel, with_voxels};
 
 use super::Covariance;
 use super::bins::Bins;
@@ -11,7 +9,7 @@ use super::mixture::{Component, Frame};
 use super::quadratic::{self, Quadratic};
 use super::rows::{self, PIECE, Piece, Values, pieces};
 use crate::moments::{Frame as MomentsFrame, Moments};
-use crate::{Error, classes, labelling};
+use crate::{classes, labelling};
 
 /// Halvings of the stretch between two values that are labelled differently.
 const HALVINGS: usize = 200;
@@ -61,7 +59,7 @@ impl Scene<'_> {
     /// Labels with their classes, of the components' numbers (from 1).
     pub(super) fn described(&self, ids: Bulk<u16>, exec: &Exec) -> Result<Labels, Error> {
         let found = classes::by_mean(self.original, ids, self.components.len(), exec)?;
-        Ok(Labels::new(self.volume.grid().clone(), found.ids, found.classes)?)
+        Labels::new(self.volume.grid().clone(), found.ids, found.classes)
     }
 
     /// Calls `write` for every piece, with the densities' logarithms there and its part of `out`.
@@ -71,7 +69,7 @@ impl Scene<'_> {
         out: &mut [O],
         exec: &Exec,
         write: impl Fn(&Piece, usize, &mut [[f64; PIECE]], &Values, &mut [O]) + Sync,
-    ) -> Result<(), CoreError> {
+    ) -> Result<(), Error> {
         let (x, dims) = (quadratic::places(self.frame), self.frame.dims);
         let chunk = rows::chunk(dims);
         with_voxels!(self.volume.voxels(), slice => {
@@ -125,7 +123,7 @@ impl Scene<'_> {
             *id = renamed[usize::from(*id) - 1];
         }
         let labels = labelling::of(self.volume.voxels(), self.mask, &cuts, &ids, exec)?;
-        Ok(Labels::new(self.volume.grid().clone(), labels.into_buffer(), described)?)
+        Labels::new(self.volume.grid().clone(), labels.into_buffer(), described)
     }
 
     /// The stored values at which the likeliest component changes, ascending, and the components (from 1) before, between and
@@ -193,5 +191,5 @@ fn describe(volume: &Volume, moments: &[Moments], frame: &MomentsFrame) -> (Vec<
 /// Labels of a volume without data.
 pub(super) fn none(volume: &Volume, exec: &Exec) -> Result<Labels, Error> {
     let ids = exec.bulk::<u16>("the labels", volume.grid().len())?;
-    Ok(Labels::new(volume.grid().clone(), ids.into_buffer(), Vec::new())?)
+    Labels::new(volume.grid().clone(), ids.into_buffer(), Vec::new())
 }

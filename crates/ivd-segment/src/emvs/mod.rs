@@ -92,7 +92,7 @@ pub struct BicPoint {
 /// its last digit decides about nothing but, in theory, the iteration in which the search ends.
 ///
 /// # Errors
-/// [`Error::Core`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
+/// [`Error`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
 pub fn emvs(volume: &Volume, mask: Option<&Mask>, params: &EmvsParams, exec: &Exec) -> Result<Emvs, Error> {
     Ok(found(volume, mask, params, false, exec)?.0)
 }
@@ -326,7 +326,7 @@ impl<'a> Search<'a> {
         let classes = self.classes(k);
         if self.params.covariance == Covariance::Intensity {
             let coarse = self.coarse.as_ref();
-            return Ok(line::search_from_coarse(self.bins, coarse, classes, &self.space.limits, exec)?);
+            return line::search_from_coarse(self.bins, coarse, classes, &self.space.limits, exec);
         }
         let placed = self.space.placed(&classes, exec)?;
         self.from(placed, exec)

@@ -4,15 +4,13 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use ivd_core::op::check_fields;
-use ivd_core::{
-    Bulk, Class, Error as CoreError, Exec, Labels, Linkage, NO_DATA, ParamError, Tree, parallel, sets,
-};
+use ivd_core::{Bulk, Class, Error, Exec, Labels, Linkage, NO_DATA, ParamError, Tree, parallel, sets};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::frame;
 use crate::moments::Moments;
-use crate::{Error, Segmentation, classes};
+use crate::{Segmentation, classes};
 
 /// Most classes: a label has 16 bits, and 0 is no data.
 const MOST_CLASSES: usize = u16::MAX as usize;
@@ -112,7 +110,7 @@ impl CutParams {
 /// [`Segmentation::objective`] is the classes' inertia, and [`Segmentation::gap`] is 0: a cut promises no optimum.
 ///
 /// # Errors
-/// [`Error::Core`]: a bad parameter, a height that leaves more than 65535 classes, an inconsistent tree, the memory limit, or
+/// [`Error`]: a bad parameter, a height that leaves more than 65535 classes, an inconsistent tree, the memory limit, or
 /// cancelled.
 pub fn cut(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Segmentation, Error> {
     exec.run(|| {
@@ -160,7 +158,7 @@ pub(super) fn classes_of(tree: &Tree, params: &CutParams, exec: &Exec) -> Result
 }
 
 /// The merges that are undone, ascending.
-fn undone(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Vec<u32>, CoreError> {
+fn undone(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Vec<u32>, Error> {
     let merges = tree.merges.len();
     let by_height = match params.ranking {
         Ranking::Height => true,
@@ -212,7 +210,7 @@ impl Top {
 }
 
 /// Tells each merge with its height and the voxels of its smaller part.
-fn ranked(tree: &Tree, exec: &Exec, mut tell: impl FnMut(usize, f64, u32)) -> Result<(), CoreError> {
+fn ranked(tree: &Tree, exec: &Exec, mut tell: impl FnMut(usize, f64, u32)) -> Result<(), Error> {
     let mut parts: Bulk<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
     let mut sizes: Bulk<u32> = exec.bulk("the sizes of the parts", tree.leaf_count())?;
     sets::reset(&mut parts);
@@ -233,7 +231,7 @@ fn ranked(tree: &Tree, exec: &Exec, mut tell: impl FnMut(usize, f64, u32)) -> Re
 }
 
 /// The group of each leaf, 1…, joined by all merges but the undone; and the number of groups.
-fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(Bulk<u16>, usize), CoreError> {
+fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(Bulk<u16>, usize), Error> {
     let mut parts: Bulk<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
     sets::reset(&mut parts);
     let mut from = 0;
@@ -308,14 +306,14 @@ fn describe(
     Ok(Classes { undone, groups, list: found, inertia: inertia.min(f64::MAX) })
 }
 
-fn voxel_labels(tree: &Tree, classes: &[u16], exec: &Exec) -> Result<Bulk<u16>, CoreError> {
+fn voxel_labels(tree: &Tree, classes: &[u16], exec: &Exec) -> Result<Bulk<u16>, Error> {
     let mut labels: Bulk<u16> = exec.bulk("the labels", tree.leaves.len())?;
     parallel::try_for_each_piece_mut(&mut labels, CHUNK, &|i, labels| {
         exec.check_cancelled()?;
         for (label, leaf) in labels.iter_mut().zip(&tree.leaves[i * CHUNK..]) {
             *label = if *leaf == 0 { NO_DATA } else { classes[*leaf as usize - 1] };
         }
-        Ok::<_, CoreError>(())
+        Ok::<_, Error>(())
     })?;
     Ok(labels)
 }

@@ -15,14 +15,12 @@ mod tests;
 mod ward;
 
 use ivd_core::op::Op as _;
-use ivd_core::{
-    Error as CoreError, Exec, LeafMeans, Linkage, Mask, ParamError, Tree, TreeParts, Volume, with_voxels,
-};
+use ivd_core::{Error, Exec, LeafMeans, Linkage, Mask, ParamError, Tree, TreeParts, Volume, with_voxels};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::moments::{Frame, Moments};
-use crate::{Error, Within, selection};
+use crate::{Within, selection};
 pub use cut::{CutParams, Ranking, cut};
 pub use dendrogram::{Dendrogram, Leaf, dendrogram};
 use field::{Apart, Field};
@@ -88,7 +86,7 @@ pub struct Hvs {
 /// merged last, as if the next in the order of their means touched.
 ///
 /// # Errors
-/// [`Error::Core`]: a bad parameter, a mask on another grid, more than 1.4 · 10⁹ voxels, quasi-flat zones beyond
+/// [`Error`]: a bad parameter, a mask on another grid, more than 1.4 · 10⁹ voxels, quasi-flat zones beyond
 /// `max_regions` where `alpha` is given for Ward's criterion, the memory limit, or cancelled.
 pub fn region_tree(
     volume: &Volume,
@@ -102,7 +100,7 @@ pub fn region_tree(
             "{} voxels, a tree takes at most {MOST_VOXELS}; crop or resample it",
             volume.grid().len()
         );
-        return Err(CoreError::Inconsistent { what: "volume", problem }.into());
+        return Err(Error::Inconsistent { what: "volume", problem });
     }
     exec.run(|| {
         let scope = selection::of(volume, mask, params.within, exec)?;
@@ -152,7 +150,7 @@ fn grow<T: Apart>(
 
 fn ward(volume: &Volume, leaves: &[u32], figures: &Figures, exec: &Exec) -> Result<Merges, Error> {
     let graph = graph::graph(leaves, figures.counts.len(), volume.grid().dims(), exec)?;
-    Ok(ward::merges(volume, &graph, figures, exec)?)
+    ward::merges(volume, &graph, figures, exec)
 }
 
 fn finish(

@@ -108,7 +108,7 @@ impl KmvsParams {
 /// With a [`KmvsParams::spatial_weight`] above 0 places count as well, and the result is [`kmvs_spatial`]'s: a local optimum.
 ///
 /// # Errors
-/// [`Error::Core`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
+/// [`Error`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
 pub fn kmvs(
     volume: &Volume,
     mask: Option<&Mask>,
@@ -144,5 +144,5 @@ fn sample<T: Scalar>(voxels: &[T], mask: Option<&Mask>, k: usize, exec: &Exec) -
     let mut values = parts.concat();
     exec.check_cancelled()?;
     values.par_sort_unstable_by(|a, b| a.partial_cmp(b).expect("missing data were left out"));
-    Ok(reals::partition(&values, k, exec)?)
+    reals::partition(&values, k, exec)
 }

@@ -1,11 +1,10 @@
 //! The grid of cells over space and value, and how many voxels each of them holds.
 
-use ivd_core::{Error as CoreError, Exec, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
+use ivd_core::{Error, Exec, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
 
 use super::bandwidth::{Bandwidths, real};
 use super::range_axis::RangeAxis;
 use super::{Kernel, MsvsParams};
-use crate::Error;
 use crate::histogram::{Tabled, with_tabled};
 
 /// Most cells of a grid: 1.6 GB while it is worked on. A constant, and no matter of the memory there is, because the number
@@ -79,7 +78,7 @@ impl Cells {
         bandwidths: &Bandwidths,
         per_bandwidth: f64,
         exec: &Exec,
-    ) -> Result<Self, CoreError> {
+    ) -> Result<Self, Error> {
         let voxels = volume.grid().dims();
         let spatial = bandwidths.spatial > 0.0;
         let (mut edge, mut dims, mut sigma) = (voxels, [1; 4], [0.0; 4]);
@@ -122,12 +121,7 @@ impl Cells {
     }
 
     /// Number of voxels in each cell.
-    pub(super) fn count(
-        &self,
-        volume: &Volume,
-        mask: Option<&Mask>,
-        exec: &Exec,
-    ) -> Result<Vec<u32>, CoreError> {
+    pub(super) fn count(&self, volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Result<Vec<u32>, Error> {
         with_tabled!(volume.voxels(), slice => {
             let table = self.table(volume, slice);
             self.count_by(slice, mask, exec, |v| table[v.slot()])
@@ -163,7 +157,7 @@ impl Cells {
         mask: Option<&Mask>,
         exec: &Exec,
         place: impl Fn(T) -> u32 + Sync,
-    ) -> Result<Vec<u32>, CoreError> {
+    ) -> Result<Vec<u32>, Error> {
         let mut counts = vec![0_u32; self.len()];
         let [nx, ny, ..] = self.dims;
         if nx * ny * self.dims[2] == 1 {
@@ -180,7 +174,7 @@ impl Cells {
                     self.count_row(&voxels[start..][..self.voxels[0]], inside, counts, &place);
                 }
             }
-            Ok::<_, CoreError>(())
+            Ok::<_, Error>(())
         })?;
         Ok(counts)
     }
@@ -212,7 +206,7 @@ impl Cells {
         mask: Option<&Mask>,
         exec: &Exec,
         place: impl Fn(T) -> u32 + Sync,
-    ) -> Result<Vec<u32>, CoreError> {
+    ) -> Result<Vec<u32>, Error> {
         let chunk = (1 << 20).max(16 * self.dims[3]);
         let empty = || vec![0_u32; self.dims[3]];
         let pieces = parallel::pieces(voxels.len(), chunk);
@@ -224,7 +218,7 @@ impl Cells {
                     counts[cell] += 1;
                 }
             }
-            Ok::<_, CoreError>(())
+            Ok::<_, Error>(())
         })?;
         let mut counts = empty();
         for part in &tables {

@@ -115,7 +115,7 @@ pub struct Chain {
 /// the bandwidth (with the default `cells_per_bandwidth`), and only the partition that is kept is exact.
 ///
 /// # Errors
-/// [`Error::Core`]: as [`msvs`] and [`kmvs`].
+/// [`Error`]: as [`msvs`] and [`kmvs`].
 pub fn msvs_kmvs(
     volume: &Volume,
     mask: Option<&Mask>,

@@ -157,7 +157,7 @@ pub struct Msvs {
 /// platforms than Linux on x86 may differ there.
 ///
 /// # Errors
-/// [`Error::Core`]: a bad parameter, bandwidths so small that the cells are too many, a mask on another grid, the memory
+/// [`Error`]: a bad parameter, bandwidths so small that the cells are too many, a mask on another grid, the memory
 /// limit, or cancelled.
 pub fn msvs(volume: &Volume, mask: Option<&Mask>, params: &MsvsParams, exec: &Exec) -> Result<Msvs, Error> {
     params.check()?;

@@ -1,12 +1,11 @@
 //! Labels of the voxels, from the basins of their cells.
 
-use ivd_core::{Bulk, Error as CoreError, Exec, Mask, NO_DATA, Scalar, Volume, parallel, with_voxels};
+use ivd_core::{Bulk, Error, Exec, Mask, NO_DATA, Scalar, Volume, parallel, with_voxels};
 use rayon::prelude::*;
 
 use super::ascent::{Basins, NO_BASIN};
 use super::cells::Cells;
 use super::modes::Peaks;
-use crate::Error;
 use crate::classes::{self, Described};
 use crate::histogram::{Tabled, with_tabled};
 use crate::labelling;
@@ -38,7 +37,7 @@ pub(super) fn voxels(
     }, else with_voxels!(volume.voxels(), slice => {
         rows(volume, slice, mask, cells, &modes, &mut ids, exec, |v| cells.place(volume, v))
     }))?;
-    Ok(classes::by_mean(volume, ids, peaks.kept.len(), exec)?)
+    classes::by_mean(volume, ids, peaks.kept.len(), exec)
 }
 
 #[expect(clippy::too_many_arguments, reason = "one loop over what the method has found")]
@@ -51,7 +50,7 @@ fn rows<T: Scalar>(
     ids: &mut Bulk<u16>,
     exec: &Exec,
     place: impl Fn(T) -> u32 + Sync,
-) -> Result<(), CoreError> {
+) -> Result<(), Error> {
     let [nx, ny, _] = volume.grid().dims();
     let range = cells.dims[3];
     let chunk = ROWS * nx;
@@ -74,7 +73,7 @@ fn rows<T: Scalar>(
                 ids.iter_mut().zip(inside).for_each(|(id, inside)| *id *= u16::from(*inside));
             }
         }
-        Ok::<_, CoreError>(())
+        Ok::<_, Error>(())
     })
 }
 

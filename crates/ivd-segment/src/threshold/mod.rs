@@ -46,7 +46,7 @@ impl ThresholdParams {
 /// that of Otsu 1979.
 ///
 /// # Errors
-/// [`Error::Core`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
+/// [`Error`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
 pub fn threshold(
     volume: &Volume,
     mask: Option<&Mask>,

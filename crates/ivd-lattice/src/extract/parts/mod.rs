@@ -67,7 +67,7 @@ pub struct Part {
 /// same place) and the same triangles, turned over. Same input, same lattices, for any number of threads.
 ///
 /// # Errors
-/// [`Error::Param`] where a label is named twice or is 0, [`Error::TooManyVertices`], and in [`Error::Core`] the memory limit
+/// [`ivd_core::Error::Param`] where a label is named twice or is 0, [`Error::TooManyVertices`], and in [`Error::Core`] the memory limit
 /// and cancelling.
 pub fn extract_parts(labels: &Labels, ids: &[u16], exec: &Exec) -> Result<Vec<Part>, Error> {
     let bad = |problem: String| {

@@ -57,7 +57,7 @@ pub struct SpatialKmvs {
 /// itself. [`Segmentation::visited_fraction`] is [`SpatialKmvs::visited`] per voxel and pass.
 ///
 /// # Errors
-/// [`Error::Core`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
+/// [`Error`]: a bad parameter, a mask on another grid, the memory limit, or cancelled.
 pub fn kmvs_spatial(
     volume: &Volume,
     mask: Option<&Mask>,
