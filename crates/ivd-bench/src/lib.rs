@@ -5,7 +5,7 @@
 //! processor time (median and spread), peak memory, counters and error of every point, and which points no other beats in both processor
 //! time and error (the front).
 //!
-//! [`fronts`] and [`rates`] write down what a bench found, for the checks of the defaults and for budgets. [`compare`] holds a bench against an older one of the same machine; [`page`] and [`table`] write it down.
+//! [`fronts`] and [`rates`] record what a bench found, for the checks of the defaults and for budgets. [`compare`] holds a bench against an older one of the same machine; [`page`] and [`table`] show it.
 //!
 //! ```
 //! use ivd_bench::{Options, run};

@@ -1,7 +1,7 @@
 //! Budgets: a wall time that a run may take, and an error that its result may have.
 //!
-//! Knobs are chosen by the recorded [`fronts`]. The scene's values are the wish. A time makes them coarser where
-//! the wish is predicted to take too long, and stops the work at the deadline. An error takes the cheapest refinement and time
+//! Knobs are chosen by the recorded [`fronts`]. The scene's values are those asked for. A time budget takes coarser ones where
+//! these are predicted to take too long, and stops the work at the deadline. An error budget takes the cheapest refinement and time
 //! steps that are predicted to hold it, measures what came of them, and takes finer ones until the measured error holds.
 //!
 //! [`run`] runs a scene within a [`Budget`]. It lies above the pipeline, which only asks whatever controls a run

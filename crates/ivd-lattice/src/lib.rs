@@ -5,7 +5,7 @@
 //! - [`refine`] keeps a subset of its vertices.
 //! - [`repair`] removes small components and slivers of it.
 //! - [`figures`] counts what can be counted about a mesh: edges, components, Euler characteristic, defects.
-//! - [`foreign`] makes a lattice of another program's mesh.
+//! - [`foreign`] turns another program's mesh into a lattice.
 #![forbid(unsafe_code)]
 
 mod error;

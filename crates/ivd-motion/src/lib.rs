@@ -1,6 +1,6 @@
 //! Lattices that move: by springs, as rigid parts, or by shapes.
 //!
-//! - [`handles`] says which vertices are told to move, are pulled or stay.
+//! - [`handles`] says which vertices are moved, pulled or held.
 //! - [`ring::solve`] moves a lattice by them and gives a [`Motion`](ivd_core::Motion); so does [`mass_spring::solve`], as masses on
 //!   springs.
 //! - [`rigid`] keeps parts of a lattice rigid, bones among soft tissue.
