@@ -1,7 +1,7 @@
 //! Lattices that no volume would give, and what is done with them.
 
 use ivd_core::{ElementKey, Grid, Lattice, Octree, Volume, Voxels};
-use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::handles::{Action, Pin, Handle, Anchor};
 use ivd_motion::ring::RingParams;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures;
@@ -15,8 +15,8 @@ pub fn check(bytes: &[u8]) {
     let mut bytes = Bytes::new(bytes);
     let Some(grid) = grid(&mut bytes) else { return };
     let handles: Vec<Handle> = (0..bytes.below(4)).map(|_| handle(&mut bytes)).collect();
-    let fixed: Vec<Fix> =
-        (0..bytes.below(3)).map(|_| Fix { at: at(&mut bytes), radius: bytes.f64() }).collect();
+    let fixed: Vec<Pin> =
+        (0..bytes.below(3)).map(|_| Pin { at: at(&mut bytes), radius: bytes.f64() }).collect();
     let target = match bytes.u8() % 3 {
         0 => Target::Level(bytes.u8()),
         1 => Target::Ratio(bytes.f64()),
@@ -28,7 +28,7 @@ pub fn check(bytes: &[u8]) {
 }
 
 /// Refines, indexes, moves and maps a lattice.
-pub fn take_through(lattice: &Lattice, handles: &[Handle], fixed: &[Fix], target: Target) {
+pub fn take_through(lattice: &Lattice, handles: &[Handle], fixed: &[Pin], target: Target) {
     let closed = figures::measure(lattice).is_closed_manifold();
     let params = RefineParams { target: target.into(), ..RefineParams::default() };
     let refined = collapse(lattice, &params, exec()).map(|refined| refined.lattice);
@@ -77,11 +77,11 @@ pub fn grid(bytes: &mut Bytes) -> Option<Grid> {
     }
 }
 
-fn at(bytes: &mut Bytes) -> HandleAt {
+fn at(bytes: &mut Bytes) -> Anchor {
     if bytes.u8() % 2 == 0 {
-        HandleAt::Pick(bytes.triple())
+        Anchor::NearestTo(bytes.triple())
     } else {
-        HandleAt::Vertex(bytes.below(64) as u32)
+        Anchor::Vertex(bytes.below(64) as u32)
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use ivd_core::Grid;
 use ivd_io::mesh::{Format, read_bytes};
 use ivd_lattice::figures;
-use ivd_lattice::foreign::{ForeignParams, lattice};
+use ivd_lattice::foreign::{ImportParams, lattice};
 
 use crate::{MEMORY, exec};
 
@@ -27,7 +27,7 @@ pub fn check(bytes: &[u8]) {
     if mesh.triangles.len() > MOST {
         return;
     }
-    let params = ForeignParams { weld: f64::from(choice / 100) * 1e-3, allow_open: choice & 64 != 0 };
+    let params = ImportParams { weld: f64::from(choice / 100) * 1e-3, allow_open: choice & 64 != 0 };
     let Ok(foreign) = lattice(&mesh, grid, &params, exec()) else { return };
     let figures = figures::measure(&foreign.lattice);
     assert!(params.allow_open || figures.boundary_edges + figures.non_manifold_edges == 0, "an open lattice");

@@ -137,7 +137,7 @@ pub fn move_lattice(
     lattice: &Lattice,
     octree: &ivd_core::Octree,
     handles: &[ivd_motion::handles::Handle],
-    fixed: &[ivd_motion::handles::Fix],
+    fixed: &[ivd_motion::handles::Pin],
     params: &ivd_motion::ring::RingParams,
 ) {
     let Ok(solved) = ivd_motion::ring::solve(lattice, handles, fixed, params, exec()) else { return };

@@ -58,7 +58,7 @@ fn a_motion_keeps_the_inner_points_of_its_rigid_parts() {
     let Artefact::Motion(motion) = sample(Kind::Motion) else { unreachable!("a motion was asked for") };
     let places = vec![[0.5, 1.0, 2.0], [3.0, 0.0, -1.0]].into();
     let frames = vec![vec![[0.1, -0.0, 1e-300]; 2].into(); motion.frames().len()];
-    let value = Artefact::Motion(motion.with_inner(ivd_core::Inner { places, frames }).unwrap());
+    let value = Artefact::Motion(motion.with_inner(ivd_core::InteriorPoints { places, frames }).unwrap());
     write(&path, &value, &provenance()).unwrap();
     assert!(same(&read(&path).unwrap().artefact, &value));
 }

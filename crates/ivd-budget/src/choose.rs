@@ -1,4 +1,4 @@
-//! The chooser: how far each knob goes from its wish so that a time is kept.
+//! The chooser: how far each knob goes from the requested one so that a time is kept.
 
 /// A value of a knob, or of knobs that go together.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,14 +11,14 @@ pub(crate) struct KnobValue {
     pub(crate) error: f64,
 }
 
-/// The settings of a stage from its wish to the coarsest.
+/// The settings of a stage from the requested one to the coarsest.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct KnobValues(pub(crate) Vec<KnobValue>);
 
 /// What was chosen.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Fit {
-    /// The rung of every ladder.
+    /// The place in every list of settings.
     pub(crate) at: Vec<usize>,
     /// Predicted time (s).
     pub(crate) seconds: f64,
@@ -32,7 +32,7 @@ const LEAST: f64 = 1e-3;
 /// A step that saves a smaller part of the time and isn't enough isn't worth any error: the record's noise is as large.
 const WORTH: f64 = 0.02;
 
-/// A step down one ladder.
+/// A step to coarser settings of one knob.
 struct Step {
     at: Vec<usize>,
     /// Predicted time then (s).
@@ -40,14 +40,14 @@ struct Step {
     loss: f64,
 }
 
-/// Goes down the ladders until the predicted time is within `available` (s). Where one step is enough, it is the one that
+/// Takes coarser settings until the predicted time is within `available` (s). Where one step is enough, it is the one that
 /// costs the least accuracy; else the one that saves the most time for the logarithm of the error that it adds, so that
 /// nothing is given away that saves little.
-pub(crate) fn fit(ladders: &[KnobValues], seconds: impl Fn(&[usize]) -> f64, available: f64) -> Fit {
-    let mut at = vec![0; ladders.len()];
+pub(crate) fn fit(settings: &[KnobValues], seconds: impl Fn(&[usize]) -> f64, available: f64) -> Fit {
+    let mut at = vec![0; settings.len()];
     let mut now = seconds(&at);
     while now > available {
-        let steps = steps(ladders, &at, &seconds);
+        let steps = steps(settings, &at, &seconds);
         let enough = steps.iter().filter(|s| s.seconds <= available);
         let worth = |s: &&Step| now - s.seconds > WORTH * now;
         let rate = |s: &Step| (now - s.seconds) / s.loss;
@@ -60,16 +60,16 @@ pub(crate) fn fit(ladders: &[KnobValues], seconds: impl Fn(&[usize]) -> f64, ava
     Fit { at, seconds: now, fits: true }
 }
 
-/// Every step down one of the ladders.
-fn steps(ladders: &[KnobValues], at: &[usize], seconds: impl Fn(&[usize]) -> f64) -> Vec<Step> {
-    let rungs = ladders.iter().enumerate().flat_map(|(i, l)| (at[i] + 1..l.0.len()).map(move |to| (i, to)));
+/// Every step to coarser settings of one knob.
+fn steps(settings: &[KnobValues], at: &[usize], seconds: impl Fn(&[usize]) -> f64) -> Vec<Step> {
+    let places = settings.iter().enumerate().flat_map(|(i, l)| (at[i] + 1..l.0.len()).map(move |to| (i, to)));
     let step = |(i, to): (usize, usize)| {
         let mut there = at.to_vec();
         there[i] = to;
-        let loss = loss(&ladders[i].0[at[i]], &ladders[i].0[to]);
+        let loss = loss(&settings[i].0[at[i]], &settings[i].0[to]);
         Step { seconds: seconds(&there), at: there, loss }
     };
-    rungs.map(step).collect()
+    places.map(step).collect()
 }
 
 /// What a step costs in accuracy: the logarithm of the ratio of errors.
@@ -82,14 +82,14 @@ fn loss(from: &KnobValue, to: &KnobValue) -> f64 {
 mod tests {
     use super::*;
 
-    fn ladder(errors: &[f64]) -> KnobValues {
-        let rung = |(i, &error): (usize, &f64)| KnobValue { value: i as f64, other: 0.0, error };
-        KnobValues(errors.iter().enumerate().map(rung).collect())
+    fn settings(errors: &[f64]) -> KnobValues {
+        let place = |(i, &error): (usize, &f64)| KnobValue { value: i as f64, other: 0.0, error };
+        KnobValues(errors.iter().enumerate().map(place).collect())
     }
 
     #[test]
-    fn what_fits_stays_as_it_was_wished() {
-        let found = fit(&[ladder(&[1.0, 2.0])], |_| 3.0, 3.0);
+    fn what_fits_stays_as_it_was_requested() {
+        let found = fit(&[settings(&[1.0, 2.0])], |_| 3.0, 3.0);
         assert_eq!(found, Fit { at: vec![0], seconds: 3.0, fits: true });
         assert!(fit(&[], |_| 3.0, 3.0).fits);
     }
@@ -97,35 +97,35 @@ mod tests {
     #[test]
     fn the_step_that_saves_most_for_its_error_goes_first() {
         // The first knob saves 1 s for twice the error, the second 4 s for twice the error.
-        let ladders = [ladder(&[1.0, 2.0]), ladder(&[1.0, 2.0, 4.0])];
+        let settings = [settings(&[1.0, 2.0]), settings(&[1.0, 2.0, 4.0])];
         let seconds = |at: &[usize]| 10.0 - at[0] as f64 - [0.0, 4.0, 4.5][at[1]];
-        assert_eq!(fit(&ladders, seconds, 7.0).at, [0, 1]);
-        assert_eq!(fit(&ladders, seconds, 5.2).at, [1, 1]);
-        assert_eq!(fit(&ladders, seconds, 4.5), Fit { at: vec![1, 2], seconds: 4.5, fits: true });
+        assert_eq!(fit(&settings, seconds, 7.0).at, [0, 1]);
+        assert_eq!(fit(&settings, seconds, 5.2).at, [1, 1]);
+        assert_eq!(fit(&settings, seconds, 4.5), Fit { at: vec![1, 2], seconds: 4.5, fits: true });
     }
 
     #[test]
     fn the_last_step_goes_no_further_than_it_must() {
         // For its error the far step saves more, but the near one is enough.
-        let ladders = [ladder(&[1.0, 2.0, 3.0])];
+        let settings = [settings(&[1.0, 2.0, 3.0])];
         let seconds = |at: &[usize]| [10.0, 8.0, 1.0][at[0]];
-        assert_eq!(fit(&ladders, seconds, 9.0).at, [1]);
-        assert_eq!(fit(&ladders, seconds, 7.0).at, [2]);
+        assert_eq!(fit(&settings, seconds, 9.0).at, [1]);
+        assert_eq!(fit(&settings, seconds, 7.0).at, [2]);
     }
 
     #[test]
     fn a_time_that_nothing_keeps_ends_at_the_cheapest_and_says_so() {
         let seconds = |at: &[usize]| 5.0 - at[0] as f64;
-        let found = fit(&[ladder(&[0.0, 1.0, 2.0])], seconds, 1.0);
+        let found = fit(&[settings(&[0.0, 1.0, 2.0])], seconds, 1.0);
         assert_eq!(found, Fit { at: vec![2], seconds: 3.0, fits: false });
     }
 
     #[test]
     fn a_step_that_saves_nothing_is_passed_over() {
-        assert_eq!(fit(&[ladder(&[1.0, 2.0])], |at| 5.0 - 0.01 * at[0] as f64, 4.0).at, [0]);
+        assert_eq!(fit(&[settings(&[1.0, 2.0])], |at| 5.0 - 0.01 * at[0] as f64, 4.0).at, [0]);
         // The next level costs more, the one after it less.
         let seconds = |at: &[usize]| [5.0, 6.0, 2.0][at[0]];
-        assert_eq!(fit(&[ladder(&[1.0, 2.0, 3.0])], seconds, 4.0).at, [2]);
-        assert_eq!(fit(&[ladder(&[1.0, 2.0])], seconds, 4.0).at, [0]);
+        assert_eq!(fit(&[settings(&[1.0, 2.0, 3.0])], seconds, 4.0).at, [2]);
+        assert_eq!(fit(&[settings(&[1.0, 2.0])], seconds, 4.0).at, [0]);
     }
 }

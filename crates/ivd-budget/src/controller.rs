@@ -24,8 +24,8 @@ const MARGIN: f64 = 1.1;
 pub(crate) struct Controller<'a> {
     pub(crate) options: &'a PipelineOptions,
     budget: &'a Budget,
-    /// The scene as it was wished.
-    pub(crate) wish: &'a Loaded,
+    /// The scene as it was requested.
+    pub(crate) requested: &'a Loaded,
     /// The settings taken so far; those still open may change.
     pub(crate) setting: Setting,
     pub(crate) model: Model,
@@ -118,7 +118,7 @@ impl<'a> Controller<'a> {
     /// # Errors
     /// What is recorded of the stages can't be read.
     pub(crate) fn new(
-        wish: &'a Loaded,
+        requested: &'a Loaded,
         options: &'a PipelineOptions,
         budget: &'a Budget,
         start: Instant,
@@ -127,8 +127,8 @@ impl<'a> Controller<'a> {
         Ok(Self {
             options,
             budget,
-            wish,
-            setting: Setting::of(&wish.scene),
+            requested,
+            setting: Setting::of(&requested.scene),
             model: Model::new(budget.times.clone())?,
             ready: BTreeMap::new(),
             report: BudgetReport { max_time_s, max_error_mm, ..BudgetReport::default() },
@@ -164,7 +164,7 @@ impl<'a> Controller<'a> {
 
     /// The scene's work, as far as it is known by now.
     fn measure_work(&mut self, done: &BTreeMap<NodeId, StageResult>) {
-        let scene = &self.wish.scene;
+        let scene = &self.requested.scene;
         if let Some(Artefact::Volume(volume)) = done.get(&NodeId::IMPORT).map(|d| d.artefact.as_ref())
             && self.model.amounts.voxels == 0.0
         {
@@ -182,16 +182,16 @@ impl<'a> Controller<'a> {
     /// Whether the user has fixed a knob.
     pub(crate) fn pinned(&self, knob: Knob) -> bool {
         // What a number of steps costs and errs is on record for the rings only.
-        let unknown =
-            knob == Knob::Steps && self.wish.scene.get::<RingMethod>(&ivd_motion::deform::STAGE).is_none();
+        let unknown = knob == Knob::Steps
+            && self.requested.scene.get::<RingMethod>(&ivd_motion::deform::STAGE).is_none();
         unknown || knob.keys().iter().any(|key| self.budget.pinned.contains(*key))
     }
 
     /// Takes the settings that are predicted to end in time; those of the scene where they do.
     fn fit_time(&mut self, most: f64, at: usize, plan: &mut Plan, runner: Runner<'_>) -> Result<(), Error> {
-        let wish = Setting::of(&self.wish.scene);
+        let requested = Setting::of(&self.requested.scene);
         let settled = self.settled.clone();
-        self.take(plan, |knob| !settled.contains(&knob), &wish)?;
+        self.take(plan, |knob| !settled.contains(&knob), &requested)?;
         let cached = self.foreseen(at, plan, runner);
         let waits = |n: &&PlanNode| n.needed && !cached.contains(&n.id) && !self.ready.contains_key(&n.id);
         let rates = self.rates(at, plan, &cached);
@@ -200,23 +200,23 @@ impl<'a> Controller<'a> {
             .filter(|knob| !self.settled.contains(knob) && !self.pinned(*knob))
             .filter(|knob| plan.nodes()[at..].iter().filter(waits).any(|n| n.id.stage == knob.stage()))
             .collect();
-        let ladders: Vec<KnobValues> =
-            open.iter().map(|knob| knob.ladder(&wish, &self.model.known)).collect();
+        let settings: Vec<KnobValues> =
+            open.iter().map(|knob| knob.settings(&requested, &self.model.known)).collect();
         let base = self.setting;
-        let setting = |rungs: &[usize]| {
-            let moved = open.iter().zip(&ladders).zip(rungs).filter(|(_, rung)| **rung > 0);
-            moved.fold(base, |s, ((knob, ladder), rung)| s.with(*knob, &ladder.0[*rung]))
+        let setting = |places: &[usize]| {
+            let moved = open.iter().zip(&settings).zip(places).filter(|(_, place)| **place > 0);
+            moved.fold(base, |s, ((knob, settings), place)| s.with(*knob, &settings.0[*place]))
         };
-        let seconds = |rungs: &[usize]| {
-            let setting = setting(rungs);
+        let seconds = |places: &[usize]| {
+            let setting = setting(places);
             rates.iter().map(|rate| self.model.seconds(rate, &setting)).sum::<f64>()
         };
         let elapsed = self.start.elapsed().as_secs_f64();
-        let wished = elapsed + seconds(&vec![0; open.len()]);
-        let Fit { at: rungs, seconds, fits } = fit(&ladders, seconds, (most - elapsed) / MARGIN);
-        let found = setting(&rungs);
-        let why = format!("as the scene's value is predicted to end after {wished:.2} s of {most} s");
-        for (knob, _) in open.iter().zip(&rungs).filter(|(_, rung)| **rung > 0) {
+        let predicted = elapsed + seconds(&vec![0; open.len()]);
+        let Fit { at: places, seconds, fits } = fit(&settings, seconds, (most - elapsed) / MARGIN);
+        let found = setting(&places);
+        let why = format!("as the scene's value is predicted to end after {predicted:.2} s of {most} s");
+        for (knob, _) in open.iter().zip(&places).filter(|(_, place)| **place > 0) {
             self.whys.insert(*knob, why.clone());
         }
         self.report.predicted_s = Some(elapsed + seconds);
@@ -249,14 +249,14 @@ impl<'a> Controller<'a> {
         plan.retune(&self.scene_with(&setting)?, self.options.input.as_deref())
     }
 
-    /// The scene with the knobs that differ from its wish.
+    /// The scene with the knobs that differ from what it requests.
     ///
     /// # Errors
     /// A value that the scene doesn't take.
     pub(crate) fn scene_with(&self, setting: &Setting) -> Result<Loaded, Error> {
-        let mut loaded = self.wish.clone();
-        let wish = Setting::of(&loaded.scene);
-        for knob in Knob::ALL.into_iter().filter(|knob| !knob.moved(&wish, setting).is_empty()) {
+        let mut loaded = self.requested.clone();
+        let requested = Setting::of(&loaded.scene);
+        for knob in Knob::ALL.into_iter().filter(|knob| !knob.moved(&requested, setting).is_empty()) {
             knob.apply(&mut loaded.scene, setting)?;
         }
         Ok(loaded)
@@ -271,12 +271,12 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// The knobs that differ from the scene's wish.
+    /// The knobs that differ from what the scene requests.
     fn choices(&self) -> Vec<Choice> {
-        let wish = Setting::of(&self.wish.scene);
+        let requested = Setting::of(&self.requested.scene);
         let of = |knob: Knob| {
             let why = self.whys.get(&knob).cloned().unwrap_or_default();
-            knob.moved(&wish, &self.setting).into_iter().map(move |(name, from, to)| Choice {
+            knob.moved(&requested, &self.setting).into_iter().map(move |(name, from, to)| Choice {
                 stage: knob.stage().to_owned(),
                 knob: name.to_owned(),
                 from,
@@ -318,7 +318,7 @@ impl<'a> Controller<'a> {
         let made = |id: &NodeId| cached.contains(id) || self.ready.contains_key(id);
         let stages = ahead.iter().filter(|n| !made(&n.id)).map(|n| rate_name(n.id.stage, n.id.variant));
         let there = |path: &Path| self.options.out.join(path).exists();
-        let output = &self.wish.scene.output;
+        let output = &self.requested.scene.output;
         let from =
             |key: &str| ahead.iter().find(|n| n.outputs.contains(&key)).map(|n| cached.contains(&n.id));
         let files = output.files().into_iter().filter_map(|(key, path)| {

@@ -100,16 +100,16 @@ impl Controller<'_> {
     /// Every refinement with every number of steps that may be chosen, with what the record predicts; `voxel` is the
     /// longest edge of a voxel (mm).
     fn candidates(&self, voxel: f64) -> Vec<Candidate> {
-        let wish = Setting::of(&self.wish.scene);
+        let requested = Setting::of(&self.requested.scene);
         let free = |knob: Knob| !self.pinned(knob);
-        let levels = if free(Knob::Level) { LEVELS.to_vec() } else { vec![wish.level.unwrap_or(2.0)] };
-        let deform = self.wish.scene.asked().filter(|asked| !asked.is_still());
+        let levels = if free(Knob::Level) { LEVELS.to_vec() } else { vec![requested.level.unwrap_or(2.0)] };
+        let deform = self.requested.scene.asked().filter(|asked| !asked.is_still());
         let solver = along(self.model.known.deform, "steps");
         let steps = match deform {
             Some(deform) if free(Knob::Steps) && !deform.moves.handle.is_empty() => {
                 solver.iter().map(|(steps, _)| *steps).collect()
             }
-            _ => vec![wish.steps],
+            _ => vec![requested.steps],
         };
         let push = deform.map_or(0.0, |asked| asked.balls().map(|(_, _, motion)| motion).fold(0.0, f64::max));
         let errors = level_errors(&self.model.known);
@@ -123,7 +123,7 @@ impl Controller<'_> {
             ]
         };
         let candidate = |level: f64, steps: f64| {
-            let setting = Setting { level: Some(level), steps, ..wish };
+            let setting = Setting { level: Some(level), steps, ..requested };
             let seconds =
                 ["refine", "octree", "deform", "map"].map(|rate| self.model.seconds(rate, &setting));
             Candidate { level, steps, seconds: seconds.iter().sum(), parts: error(level, steps) }

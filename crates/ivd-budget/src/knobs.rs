@@ -1,4 +1,4 @@
-//! The knobs of a scene that a budget may move: their wishes, the coarser settings on the recorded fronts, and how they are set.
+//! The knobs of a scene that a budget may move: what was requested, the coarser settings on the recorded fronts, and how they are set.
 
 use ivd_core::op::Stage;
 use ivd_lattice::refine::{self, Refinement, Target, TargetKeys};
@@ -70,13 +70,13 @@ impl Setting {
         0.25_f64.powf(self.level.unwrap_or(2.0))
     }
 
-    /// With a knob on a rung of its ladder.
-    pub(crate) fn with(mut self, knob: Knob, rung: &KnobValue) -> Self {
+    /// With a knob at one of its settings.
+    pub(crate) fn with(mut self, knob: Knob, place: &KnobValue) -> Self {
         match knob {
-            Knob::Level => self.level = Some(rung.value),
-            Knob::Steps => self.steps = rung.value,
-            Knob::Resolution => self.resolution = rung.value,
-            Knob::Picture => (self.step, self.termination) = (rung.value, rung.other),
+            Knob::Level => self.level = Some(place.value),
+            Knob::Steps => self.steps = place.value,
+            Knob::Resolution => self.resolution = place.value,
+            Knob::Picture => (self.step, self.termination) = (place.value, place.other),
         }
         self
     }
@@ -108,16 +108,16 @@ impl Knob {
         }
     }
 
-    /// From the scene's wish to the coarsest on the front: each costs less and errs more than the wish.
-    pub(crate) fn ladder(self, wish: &Setting, known: &Known) -> KnobValues {
-        let mut rungs = match self {
-            Self::Level => wish.level.map_or_else(Vec::new, |level| levels(level, known)),
-            Self::Steps => line(known.deform, "steps", wish.steps),
-            Self::Resolution => line(known.atf, "resolution", wish.resolution),
-            Self::Picture => pictures(known.render, wish),
+    /// From what the scene requests to the coarsest on the front: each costs less and errs more than what was requested.
+    pub(crate) fn settings(self, requested: &Setting, known: &Known) -> KnobValues {
+        let mut places = match self {
+            Self::Level => requested.level.map_or_else(Vec::new, |level| levels(level, known)),
+            Self::Steps => line(known.deform, "steps", requested.steps),
+            Self::Resolution => line(known.atf, "resolution", requested.resolution),
+            Self::Picture => pictures(known.render, requested),
         };
-        rungs.dedup_by(|a, b| a.value == b.value && a.other == b.other);
-        KnobValues(rungs)
+        places.dedup_by(|a, b| a.value == b.value && a.other == b.other);
+        KnobValues(places)
     }
 
     /// Sets the scene's keys.
@@ -255,40 +255,42 @@ pub(crate) fn level_errors(known: &Known) -> Vec<(f64, f64, f64)> {
     found
 }
 
-fn levels(wish: f64, known: &Known) -> Vec<KnobValue> {
+fn levels(requested: f64, known: &Known) -> Vec<KnobValue> {
     let errors = level_errors(known);
     let error = |level: f64| between(errors.iter().map(|e| (e.0, e.1)), level);
-    let coarser = LEVELS.into_iter().filter(|&level| level > wish && level <= COARSEST);
-    let values = std::iter::once(wish).chain(coarser);
+    let coarser = LEVELS.into_iter().filter(|&level| level > requested && level <= COARSEST);
+    let values = std::iter::once(requested).chain(coarser);
     values.map(|value| KnobValue { value, other: 0.0, error: error(value) }).collect()
 }
 
-/// The wish, and the points below it along a knob that costs more the larger it is.
-fn line(front: &Front, knob: &str, wish: f64) -> Vec<KnobValue> {
+/// What was requested, and the points below it along a knob that costs more the larger it is.
+fn line(front: &Front, knob: &str, requested: f64) -> Vec<KnobValue> {
     let points = along(front, knob);
-    let error = between(points.iter().map(|(x, p)| (x.ln(), p.error)), wish.ln());
-    let coarser = points.iter().rev().filter(|(x, p)| *x < wish && p.error > error);
+    let error = between(points.iter().map(|(x, p)| (x.ln(), p.error)), requested.ln());
+    let coarser = points.iter().rev().filter(|(x, p)| *x < requested && p.error > error);
     let coarser = coarser.map(|(x, p)| KnobValue { value: *x, other: 0.0, error: p.error });
-    std::iter::once(KnobValue { value: wish, other: 0.0, error }).chain(coarser).collect()
+    std::iter::once(KnobValue { value: requested, other: 0.0, error }).chain(coarser).collect()
 }
 
-/// The wish, and the points of the front that take fewer samples and longer steps and end rays no later.
-fn pictures(front: &Front, wish: &Setting) -> Vec<KnobValue> {
-    let (work, error) = picture(front, wish.step, wish.termination);
-    let mut rungs = vec![KnobValue { value: wish.step, other: wish.termination, error }];
+/// What was requested, and the points of the front that take fewer samples and longer steps and end rays no later.
+fn pictures(front: &Front, requested: &Setting) -> Vec<KnobValue> {
+    let (work, error) = picture(front, requested.step, requested.termination);
+    let mut places = vec![KnobValue { value: requested.step, other: requested.termination, error }];
     let knobs = |p: &FrontPoint| Some((p.knob("step")?, p.knob("termination")?));
     let mut points: Vec<&FrontPoint> = front
         .points
         .iter()
         .filter(|p| front.beaten(p).is_none() && p.cost() < work && p.error > error)
-        .filter(|p| knobs(p).is_some_and(|(step, end)| step >= wish.step && end <= wish.termination))
+        .filter(|p| {
+            knobs(p).is_some_and(|(step, end)| step >= requested.step && end <= requested.termination)
+        })
         .collect();
     points.sort_by(|a, b| b.cost().total_cmp(&a.cost()));
-    rungs.extend(points.iter().filter_map(|p| {
+    places.extend(points.iter().filter_map(|p| {
         let (value, other) = knobs(p)?;
         Some(KnobValue { value, other, error: p.error })
     }));
-    rungs
+    places
 }
 
 /// Cost and error of a picture, from the recorded points with the termination next to it.
@@ -310,7 +312,7 @@ pub(crate) fn picture(front: &Front, step: f64, termination: f64) -> (f64, f64) 
 mod tests {
     use super::*;
 
-    fn wish() -> Setting {
+    fn requested() -> Setting {
         Setting { level: Some(2.0), steps: 200.0, resolution: 1024.0, step: 0.5, termination: 0.99 }
     }
 
@@ -324,20 +326,30 @@ mod tests {
     }
 
     #[test]
-    fn every_ladder_starts_at_the_wish_and_never_gets_finer() {
+    fn settings_start_at_what_was_requested_and_never_get_finer() {
         for knob in Knob::ALL {
-            let rungs = knob.ladder(&wish(), &Known::recorded().unwrap()).0;
-            assert!(rungs.len() >= 2, "{knob:?}: {rungs:?}");
-            assert_eq!(wish().with(knob, &rungs[0]), wish(), "{knob:?}");
-            assert!(rungs[1..].iter().all(|r| r.error > rungs[0].error), "{knob:?}: {rungs:?}");
+            let places = knob.settings(&requested(), &Known::recorded().unwrap()).0;
+            assert!(places.len() >= 2, "{knob:?}: {places:?}");
+            assert_eq!(requested().with(knob, &places[0]), requested(), "{knob:?}");
+            assert!(places[1..].iter().all(|r| r.error > places[0].error), "{knob:?}: {places:?}");
         }
-        let levels: Vec<f64> =
-            Knob::Level.ladder(&wish(), &Known::recorded().unwrap()).0.iter().map(|r| r.value).collect();
+        let levels: Vec<f64> = Knob::Level
+            .settings(&requested(), &Known::recorded().unwrap())
+            .0
+            .iter()
+            .map(|r| r.value)
+            .collect();
         assert_eq!(levels, [2.0, 3.0]);
-        assert!(Knob::Steps.ladder(&wish(), &Known::recorded().unwrap()).0.iter().all(|r| r.value <= 200.0));
+        assert!(
+            Knob::Steps
+                .settings(&requested(), &Known::recorded().unwrap())
+                .0
+                .iter()
+                .all(|r| r.value <= 200.0)
+        );
         assert!(
             Knob::Picture
-                .ladder(&wish(), &Known::recorded().unwrap())
+                .settings(&requested(), &Known::recorded().unwrap())
                 .0
                 .iter()
                 .all(|r| r.value >= 0.5 && r.other <= 0.99)
@@ -349,7 +361,7 @@ mod tests {
         let text = "schema = 1\n[input]\nphantom = \"head\"\n[deform]\nduration = 0.3\n[[deform.handle]]\n\
             vertex = 0\nmove = [0.0, 0.0, 1.0]\nradius = 5.0\n[output]\nreport = true";
         let scene = ivd_pipeline::scene::parse(text, &[]).unwrap();
-        assert_eq!(Setting::of(&scene), wish());
+        assert_eq!(Setting::of(&scene), requested());
         for level in LEVELS {
             let asked =
                 Setting { level: Some(level), steps: 50.0, resolution: 64.0, step: 1.5, termination: 0.8 };

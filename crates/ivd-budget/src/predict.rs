@@ -143,7 +143,7 @@ fn ratio(rate: &str, setting: &Setting, known: &Known) -> f64 {
 mod tests {
     use super::*;
 
-    fn wish() -> Setting {
+    fn requested() -> Setting {
         Setting { level: Some(2.0), steps: 200.0, resolution: 1024.0, step: 0.5, termination: 0.99 }
     }
 
@@ -163,15 +163,15 @@ mod tests {
 
     #[test]
     fn time_grows_with_the_work_and_falls_with_coarser_settings() {
-        let (mut model, wish) = (model(), wish());
-        let once = model.seconds("segment", &wish);
+        let (mut model, requested) = (model(), requested());
+        let once = model.seconds("segment", &requested);
         model.amounts.voxels *= 3.0;
-        assert!((model.seconds("segment", &wish) - 3.0 * once).abs() < 1e-9 * once && once > 0.0);
-        let coarse = Setting { step: 2.0, ..wish };
-        assert!(model.seconds("render before", &coarse) < 0.6 * model.seconds("render before", &wish));
-        let few = Setting { steps: 50.0, ..wish };
-        assert!((model.seconds("deform", &few) * 4.0 - model.seconds("deform", &wish)).abs() < 1e-12);
-        assert_eq!(model.seconds("no such stage", &wish), 0.0);
+        assert!((model.seconds("segment", &requested) - 3.0 * once).abs() < 1e-9 * once && once > 0.0);
+        let coarse = Setting { step: 2.0, ..requested };
+        assert!(model.seconds("render before", &coarse) < 0.6 * model.seconds("render before", &requested));
+        let few = Setting { steps: 50.0, ..requested };
+        assert!((model.seconds("deform", &few) * 4.0 - model.seconds("deform", &requested)).abs() < 1e-12);
+        assert_eq!(model.seconds("no such stage", &requested), 0.0);
     }
 
     /// Seconds by the record, whatever it is.
@@ -198,13 +198,13 @@ mod tests {
 
     #[test]
     fn stages_that_tell_nothing_of_the_machine_are_not_learnt_from() {
-        let (mut model, wish) = (model(), wish());
+        let (mut model, requested) = (model(), requested());
         model.amounts.voxels = 1e9;
-        model.learn("import", &wish, 9.0 * model.seconds("import", &wish));
+        model.learn("import", &requested, 9.0 * model.seconds("import", &requested));
         assert!(model.taken.is_empty(), "a volume may come from anywhere");
-        model.learn("no such stage", &wish, 9.0);
+        model.learn("no such stage", &requested, 9.0);
         assert!(model.taken.is_empty(), "what takes no time by the record has no ratio");
-        model.learn("segment", &wish, 2.0 * model.seconds("segment", &wish));
+        model.learn("segment", &requested, 2.0 * model.seconds("segment", &requested));
         assert_eq!(model.factor("segment"), 2.0);
     }
 }

@@ -28,7 +28,7 @@ pub trait Space: Send + Sync {
 }
 
 /// Values that a stage writes; a slice to whoever fills it.
-pub struct Bulk<T>(Room<T>);
+pub struct SpillVec<T>(Room<T>);
 
 enum Room<T> {
     Memory(Vec<T>),
@@ -40,15 +40,15 @@ impl Exec {
     ///
     /// # Errors
     /// [`Error::MemoryLimit`] where they don't fit and there is nowhere to put them, [`Error::Spill`] where that fails.
-    pub fn bulk<T: Pod>(&self, what: &'static str, len: usize) -> Result<Bulk<T>, Error> {
+    pub fn bulk<T: Pod>(&self, what: &'static str, len: usize) -> Result<SpillVec<T>, Error> {
         let bytes = len.saturating_mul(size_of::<T>());
         match (self.check_memory(what, bytes as u64), &self.spill) {
             (Ok(()), _) => match bytemuck::allocation::try_zeroed_vec(len) {
-                Ok(values) => Ok(Bulk(Room::Memory(values))),
+                Ok(values) => Ok(SpillVec(Room::Memory(values))),
                 Err(()) => Err(Error::MemoryLimit { what: what.to_owned(), needed: bytes as u64, limit: 0 }),
             },
             (Err(_), Some(spill)) if bytes < usize::MAX => match spill.space(bytes) {
-                Ok(space) => Ok(Bulk(Room::Spilled(space, bytes))),
+                Ok(space) => Ok(SpillVec(Room::Spilled(space, bytes))),
                 Err(problem) => Err(Error::Spill { what, problem: problem.to_string() }),
             },
             (Err(error), _) => Err(error),
@@ -56,7 +56,7 @@ impl Exec {
     }
 }
 
-impl<T: Pod> Bulk<T> {
+impl<T: Pod> SpillVec<T> {
     /// Ends the writing.
     ///
     /// # Panics
@@ -70,13 +70,13 @@ impl<T: Pod> Bulk<T> {
     }
 }
 
-impl<T: Pod> From<Bulk<T>> for Buffer<T> {
-    fn from(bulk: Bulk<T>) -> Self {
+impl<T: Pod> From<SpillVec<T>> for Buffer<T> {
+    fn from(bulk: SpillVec<T>) -> Self {
         bulk.into_buffer()
     }
 }
 
-impl<T: Pod> Deref for Bulk<T> {
+impl<T: Pod> Deref for SpillVec<T> {
     type Target = [T];
     fn deref(&self) -> &[T] {
         match &self.0 {
@@ -86,7 +86,7 @@ impl<T: Pod> Deref for Bulk<T> {
     }
 }
 
-impl<T: Pod> DerefMut for Bulk<T> {
+impl<T: Pod> DerefMut for SpillVec<T> {
     fn deref_mut(&mut self) -> &mut [T] {
         match &mut self.0 {
             Room::Memory(values) => values,
@@ -95,13 +95,13 @@ impl<T: Pod> DerefMut for Bulk<T> {
     }
 }
 
-impl<T> fmt::Debug for Bulk<T> {
+impl<T> fmt::Debug for SpillVec<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let place = match &self.0 {
             Room::Memory(_) => "memory",
             Room::Spilled(..) => "spilled",
         };
-        write!(f, "Bulk<{}> in {place}", std::any::type_name::<T>())
+        write!(f, "SpillVec<{}> in {place}", std::any::type_name::<T>())
     }
 }
 

@@ -318,12 +318,12 @@ impl Displacement {
     }
 
     /// Whether a cut goes through it: see [`Displacement::sides`].
-    pub fn is_two_sided(&self) -> bool {
+    pub fn has_cut(&self) -> bool {
         !self.sides.is_empty()
     }
 
     /// Whether a cut goes through the cell of eight voxels with this lowest corner; beyond the border the border voxels count.
-    pub fn is_torn(&self, cell: [i64; 3]) -> bool {
+    pub fn cell_is_cut(&self, cell: [i64; 3]) -> bool {
         if self.sides.is_empty() {
             return false;
         }
@@ -400,7 +400,7 @@ mod tests {
         }
         let cut =
             moved.with_vacated(Vec::new().into()).unwrap().with_sides(vec![1, 2 | (2 << 2)].into()).unwrap();
-        assert!(cut.is_torn([0; 3]) && cut.is_two_sided() && cut.vacated().is_empty());
+        assert!(cut.cell_is_cut([0; 3]) && cut.has_cut() && cut.vacated().is_empty());
     }
 
     #[test]

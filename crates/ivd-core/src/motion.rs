@@ -30,14 +30,14 @@ pub struct Frame {
 
 /// Points inside rigid parts of a lattice, which go with them and tell a map what the surface alone doesn't.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Inner {
+pub struct InteriorPoints {
     /// Places at rest (voxel coordinates), shape `[n, 3]`.
     pub places: Buffer<[f64; 3]>,
     /// Displacement of each (mm), RAS, a list for every frame of the motion; none where there are no places.
     pub frames: Vec<Buffer<[f64; 3]>>,
 }
 
-impl Default for Inner {
+impl Default for InteriorPoints {
     fn default() -> Self {
         Self { places: Vec::new().into(), frames: Vec::new() }
     }
@@ -50,7 +50,7 @@ pub struct Motion {
     vertex_count: usize,
     frames: Vec<Frame>,
     reach: Vec<Ball>,
-    inner: Inner,
+    inner: InteriorPoints,
 }
 
 /// A motion that doesn't fit.
@@ -81,7 +81,7 @@ impl Motion {
                 return Err(bad(format!("frame {f}, vertex {v}: displacement is not finite")));
             }
         }
-        Ok(Self { grid, vertex_count, frames, reach: Vec::new(), inner: Inner::default() })
+        Ok(Self { grid, vertex_count, frames, reach: Vec::new(), inner: InteriorPoints::default() })
     }
 
     /// With a bound: see [`Motion::reach`].
@@ -102,8 +102,8 @@ impl Motion {
     ///
     /// # Errors
     /// [`Error::Inconsistent`] where they aren't somewhere and go somewhere in every frame.
-    pub fn with_inner(self, inner: Inner) -> Result<Self, Error> {
-        let Inner { places, frames } = &inner;
+    pub fn with_inner(self, inner: InteriorPoints) -> Result<Self, Error> {
+        let InteriorPoints { places, frames } = &inner;
         let expected = if places.is_empty() { 0 } else { self.frames.len() };
         let fits = frames.len() == expected && frames.iter().all(|frame| frame.len() == places.len());
         if fits && frames.iter().chain([places]).all(|vectors| not_finite(vectors).is_none()) {
@@ -166,7 +166,7 @@ impl Motion {
     }
 
     /// Points inside rigid parts; none for most.
-    pub fn inner(&self) -> &Inner {
+    pub fn inner(&self) -> &InteriorPoints {
         &self.inner
     }
 
@@ -204,7 +204,7 @@ mod tests {
         for bad in [ball(f64::NAN, 1.0), ball(0.0, -1.0), ball(0.0, f64::INFINITY), ball(0.0, f64::NAN)] {
             refused(motion.clone().with_reach(vec![ball(0.0, 0.0), bad]), "ball 1");
         }
-        let inner = |places: &[[f64; 3]], frames: &[&[[f64; 3]]]| Inner {
+        let inner = |places: &[[f64; 3]], frames: &[&[[f64; 3]]]| InteriorPoints {
             places: places.to_vec().into(),
             frames: frames.iter().map(|frame| frame.to_vec().into()).collect(),
         };

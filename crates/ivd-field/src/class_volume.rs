@@ -103,7 +103,7 @@ fn change_in(displacement: &Displacement, labels: &Labels, brick: [usize; 3]) ->
         for y in range(1) {
             for x in range(0) {
                 let corners = sampler.corners([x, y, z]);
-                if corners.iter().all(|u| *u == Vector3::zeros()) || displacement.is_torn([x, y, z]) {
+                if corners.iter().all(|u| *u == Vector3::zeros()) || displacement.cell_is_cut([x, y, z]) {
                     continue;
                 }
                 for point in 0..8_usize {

@@ -6,7 +6,7 @@ use ivd_core::{Exec, Grid, Volume, VoxelCoord, Voxels};
 use ivd_field::warp::{self, WarpParams};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_map::OctreeParams;
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::ring::{self, RingParams};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Its lattice, and a handle that pulls the top of it up by 4 mm.
     let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(100.0) }, &exec)?.lattice;
     let top = [31.5, 31.5, 49.5];
-    let handle = Handle { at: HandleAt::Pick(top), action: Action::Move([0.0, 0.0, 4.0]), radius: 32.0 };
+    let handle = Handle { at: Anchor::NearestTo(top), action: Action::Move([0.0, 0.0, 4.0]), radius: 32.0 };
     let solved = ring::solve(&lattice, &[handle], &[], &RingParams::default(), &exec)?;
 
     // The motion of the voxels, proven free of folds.

@@ -11,7 +11,7 @@ use super::nearest::{carried, look_ahead, settle_of};
 use super::nearest_weight::{Kept, Part};
 use super::octree::{Sides, movable};
 use super::region::{Region, largest};
-use super::{Moved, OctreeParams};
+use super::{MapUpdate, OctreeParams};
 use crate::Error;
 
 /// A lattice, ready to be mapped by [`octree`](super::octree()) again and again while its handles move: keeps the inside, and
@@ -20,7 +20,7 @@ use crate::Error;
 ///
 /// What it gives is, to the bit, what [`octree`](super::octree()) gives of the same motion, whatever was mapped before.
 #[derive(Debug)]
-pub struct Live<L> {
+pub struct IncrementalMap<L> {
     lattice: L,
     octree: Octree,
     /// Vertices relative to the grid's origin (mm).
@@ -37,7 +37,7 @@ struct Searched {
     kept: Kept,
 }
 
-impl<L: Deref<Target = Lattice> + Send + Sync> Live<L> {
+impl<L: Deref<Target = Lattice> + Send + Sync> IncrementalMap<L> {
     /// Prepares a lattice with its octree.
     ///
     /// # Errors
@@ -66,7 +66,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Live<L> {
         frame: usize,
         params: &OctreeParams,
         exec: &Exec,
-    ) -> Result<Moved, Error> {
+    ) -> Result<MapUpdate, Error> {
         params.check()?;
         let frame = frame_of(&self.lattice, motion, frame)?;
         exec.run(|| {

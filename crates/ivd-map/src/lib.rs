@@ -2,7 +2,7 @@
 //!
 //! - [`octree()`], [`biharmonic()`] and [`fem()`] find the field, inside the lattice and round it, each in its own way. What follows is
 //!   the same for all: a [`Displacement`](ivd_core::Displacement), forward and inverse.
-//! - [`Live`] and [`Biharmonic`] do so again and again while a lattice is dragged.
+//! - [`IncrementalMap`] and [`Biharmonic`] do so again and again while a lattice is dragged.
 //! - [`space`] displaces voxels without a lattice, or goes on from a displacement: deflectors, spatial transfer functions, chain mail,
 //!   cuts.
 //!
@@ -113,10 +113,10 @@ mod tests;
 pub use biharmonic::{Biharmonic, biharmonic};
 pub use error::Error;
 pub use fem::fem;
-pub use incremental::Live;
+pub use incremental::IncrementalMap;
 pub use nearest::nearest;
 pub use nearest_weight::{Found, Hit, Nearest};
 pub use octree::{Prepared, frames, octree};
-pub use outcome::{MapFigures, MapResult, Moved, Solved, SurfaceFit};
+pub use outcome::{MapFigures, MapResult, MapUpdate, Solved, SurfaceFit};
 pub use params::{Band, BiharmonicParams, DepthWeight, Elastic, FemParams, OctreeParams, Outside};
 pub use stage::STAGE;

@@ -97,7 +97,7 @@ pub struct MapResult {
 
 /// What a map makes of a lattice that is dragged: [`MapResult`] without what only a report shows.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Moved {
+pub struct MapUpdate {
     /// The displacement, forward and inverse.
     pub displacement: Displacement,
     /// Rounds of local relaxation that were needed.
@@ -114,7 +114,7 @@ impl From<MapResult> for (Displacement, MapFigures) {
     }
 }
 
-impl From<MapResult> for Moved {
+impl From<MapResult> for MapUpdate {
     fn from(mapped: MapResult) -> Self {
         let MapResult { displacement, figures } = mapped;
         let MapFigures { relaxations, halvings, followed, .. } = figures;

@@ -5,7 +5,7 @@ use ivd_field::certificate::{Certificate, Detail};
 use ivd_field::inverse::{from_bricks, invert, invert_part};
 
 use super::compose::{Composed, halve};
-use super::outcome::{self, MapResult, Moved, SurfaceFit};
+use super::outcome::{self, MapResult, MapUpdate, SurfaceFit};
 use super::params::Band;
 use super::region::Region;
 use super::relax::relax;
@@ -38,7 +38,7 @@ impl Settle<'_> {
     }
 
     /// As [`Settle::settle`], without the figures that only a report shows.
-    pub(super) fn moved(&self, field: FieldBricks, exec: &Exec) -> Result<Moved, Error> {
+    pub(super) fn moved(&self, field: FieldBricks, exec: &Exec) -> Result<MapUpdate, Error> {
         let proven = self.prove(field, if exec.skip { Detail::Least } else { Detail::All }, exec)?;
         let misfit = outcome::misfit(self.lattice, &proven.field, self.frame);
         outcome::check_misfit(misfit, self.band.tolerance, || {
@@ -46,7 +46,7 @@ impl Settle<'_> {
         })?;
         let (relaxations, halvings) = (proven.rounds, proven.halvings);
         let displacement = self.invert(proven, exec)?;
-        Ok(Moved { displacement, relaxations, halvings, misfit })
+        Ok(MapUpdate { displacement, relaxations, halvings, misfit })
     }
 
     /// Repairs the field where it folds, and certifies it.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use ivd_core::{Exec, FieldBricks, Scalar, Volume, with_voxels};
 use ivd_field::warp;
 use ivd_lattice::{extract, refine};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::ring::{self, RingParams};
 
 /// A scan, an isovalue of its surface, and a handle on it: place, motion (mm).
@@ -58,7 +58,7 @@ fn handles_on_scans_are_mapped_without_a_fold() {
         let lattice = refine::collapse(&lattice, &refine::RefineParams::default(), &exec).unwrap().lattice;
         let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec).unwrap();
         let radius = 8.0 * scan.motion.iter().map(|c| c * c).sum::<f64>().sqrt();
-        let handle = Handle { at: HandleAt::Pick(scan.pick), action: Action::Move(scan.motion), radius };
+        let handle = Handle { at: Anchor::NearestTo(scan.pick), action: Action::Move(scan.motion), radius };
         let solved = ring::solve(&lattice, &[handle], &[], &RingParams::default(), &exec).unwrap();
         for method in ["octree", "biharmonic"] {
             let begin = std::time::Instant::now();

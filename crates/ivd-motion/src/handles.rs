@@ -11,9 +11,9 @@ const PICK_DIAGONALS: f64 = 10.0;
 /// Which vertex is meant.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum HandleAt {
+pub enum Anchor {
     /// The vertex nearest to a point [mm, world RAS], at most ten voxel diagonals away.
-    Pick([f64; 3]),
+    NearestTo([f64; 3]),
     /// The vertex of this number.
     Vertex(u32),
 }
@@ -32,7 +32,7 @@ pub enum Action {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Handle {
     /// The target vertex.
-    pub at: HandleAt,
+    pub at: Anchor,
     /// What happens to it.
     pub action: Action,
     /// Radius [mm, rest space], > 0: beyond it nothing moves.
@@ -41,9 +41,9 @@ pub struct Handle {
 
 /// Vertices that stay where they are.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Fix {
+pub struct Pin {
     /// The vertex in the middle.
-    pub at: HandleAt,
+    pub at: Anchor,
     /// Radius [mm, rest space], ≥ 0, of the vertices that stay; 0: this vertex alone.
     pub radius: f64,
 }
@@ -67,7 +67,7 @@ impl Handle {
     }
 }
 
-impl Fix {
+impl Pin {
     /// # Errors
     /// [`ParamError`] names the part that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
@@ -83,9 +83,9 @@ impl Fix {
     }
 }
 
-fn check_at(at: &HandleAt) -> Result<(), ParamError> {
+fn check_at(at: &Anchor) -> Result<(), ParamError> {
     match at {
-        HandleAt::Pick(point) if !point.iter().all(|c| c.is_finite()) => {
+        Anchor::NearestTo(point) if !point.iter().all(|c| c.is_finite()) => {
             Err(ParamError::new("pick", format!("{point:?}"), "give three finite numbers in mm"))
         }
         _ => Ok(()),
@@ -95,19 +95,19 @@ fn check_at(at: &HandleAt) -> Result<(), ParamError> {
 /// The vertex that is meant.
 pub(crate) fn resolve(
     what: &'static str,
-    at: &HandleAt,
+    at: &Anchor,
     lattice: &Lattice,
     rest: &[Vector3<f64>],
 ) -> Result<usize, Error> {
     let point = match *at {
-        HandleAt::Vertex(v) if (v as usize) < rest.len() => return Ok(v as usize),
-        HandleAt::Vertex(v) => {
+        Anchor::Vertex(v) if (v as usize) < rest.len() => return Ok(v as usize),
+        Anchor::Vertex(v) => {
             let problem = format!("{v} where the lattice has {} vertices", rest.len());
             return Err(
                 ParamError::new("vertex", problem, "count from 0 in the lattice that is deformed").into()
             );
         }
-        HandleAt::Pick(point) => Vector3::from(point) - Vector3::from(lattice.grid().origin()),
+        Anchor::NearestTo(point) => Vector3::from(point) - Vector3::from(lattice.grid().origin()),
     };
     let nearest = (0..rest.len())
         .into_par_iter()
@@ -130,9 +130,9 @@ pub(crate) fn resolve(
 }
 
 /// Handles and fixed vertices by themselves.
-pub(crate) fn check_pull(handles: &[Handle], fixed: &[Fix]) -> Result<(), Error> {
+pub(crate) fn check_pull(handles: &[Handle], fixed: &[Pin]) -> Result<(), Error> {
     handles.iter().try_for_each(Handle::check)?;
-    fixed.iter().try_for_each(Fix::check)?;
+    fixed.iter().try_for_each(Pin::check)?;
     Ok(())
 }
 

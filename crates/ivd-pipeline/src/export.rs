@@ -203,7 +203,7 @@ pub fn describe(artefact: &Artefact) -> Value {
         Artefact::Displacement(d) => json!({
             "kind": "displacement", "grid": grid(d.grid()), "time": d.time(), "forward_bricks": d.forward().stored(),
             "inverse_bricks": d.inverse().stored(), "inverse_residual_max_voxel": d.inverse_residual_max(),
-            "min_det_j": d.min_det_j(), "two_sided": d.is_two_sided(),
+            "min_det_j": d.min_det_j(), "two_sided": d.has_cut(),
         }),
         Artefact::Image(i) => json!({ "kind": "image", "width": i.width(), "height": i.height() }),
         Artefact::Tree(t) => json!({

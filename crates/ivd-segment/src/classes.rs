@@ -1,6 +1,6 @@
 //! Classes of a labelling that isn't one of intervals: their figures, and ids in the order of their means.
 
-use ivd_core::{Buffer, Bulk, Class, Error, Exec, NO_DATA, Scalar, Volume, parallel, with_voxels};
+use ivd_core::{Buffer, Class, Error, Exec, NO_DATA, Scalar, SpillVec, Volume, parallel, with_voxels};
 
 use crate::moments::{Frame, Moments};
 
@@ -19,7 +19,7 @@ pub(crate) struct Described {
 /// Cancelled.
 pub(crate) fn by_mean(
     volume: &Volume,
-    mut ids: Bulk<u16>,
+    mut ids: SpillVec<u16>,
     groups: usize,
     exec: &Exec,
 ) -> Result<Described, Error> {
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
     use ivd_core::{Grid, Voxels};
 
-    fn bulk(values: &[u16]) -> Bulk<u16> {
+    fn bulk(values: &[u16]) -> SpillVec<u16> {
         let mut bulk = Exec::default().bulk("labels", values.len()).unwrap();
         bulk.copy_from_slice(values);
         bulk

@@ -1,6 +1,6 @@
 //! The pass that gives each voxel its label.
 
-use ivd_core::{Bulk, Error, Exec, Mask, NO_DATA, Scalar, Voxels, parallel, with_voxels};
+use ivd_core::{Error, Exec, Mask, NO_DATA, Scalar, SpillVec, Voxels, parallel, with_voxels};
 
 use crate::histogram::{Tabled, with_tabled};
 
@@ -18,7 +18,7 @@ pub(crate) fn of(
     cuts: &[f64],
     ids: &[u16],
     exec: &Exec,
-) -> Result<Bulk<u16>, Error> {
+) -> Result<SpillVec<u16>, Error> {
     exec.check_cancelled()?;
     let mut labels = exec.bulk("the labels", voxels.len())?;
     with_tabled!(voxels, slice => by_table(slice, mask, cuts, ids, &mut labels), else {

@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use ivd_core::{Bulk, Class, Error, Exec, Labels, NO_DATA, Volume, parallel, sets};
+use ivd_core::{Class, Error, Exec, Labels, NO_DATA, SpillVec, Volume, parallel, sets};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -95,7 +95,7 @@ fn by_size(labels: &Labels, exec: &Exec) -> Result<Labels, Error> {
 /// Connected parts of one label.
 struct Parts {
     /// Part of each voxel, by its first voxel's rank.
-    of: Bulk<u32>,
+    of: SpillVec<u32>,
     sizes: Vec<u32>,
     labels: Vec<u16>,
 }
@@ -153,7 +153,7 @@ fn each_face(
 
 /// Gives parts of fewer than `smallest` voxels to the part that they share most faces with, the smallest first, until there is
 /// none: among equals to the larger part, then to the one that comes first.
-fn absorb(ids: &mut Bulk<u16>, dims: [usize; 3], smallest: u64, exec: &Exec) -> Result<(), Error> {
+fn absorb(ids: &mut SpillVec<u16>, dims: [usize; 3], smallest: u64, exec: &Exec) -> Result<(), Error> {
     if ids.len() > u32::MAX as usize {
         let problem = format!("{} voxels; parts are counted for up to {}", ids.len(), u32::MAX);
         return Err(Error::Inconsistent { what: "labels", problem });

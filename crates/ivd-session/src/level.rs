@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
-use ivd_map::{Biharmonic, Live, Moved, Outside, fem};
+use ivd_map::{Biharmonic, IncrementalMap, MapUpdate, Outside, fem};
 use ivd_motion::freeform;
-use ivd_motion::handles::{Fix, HandleAt};
+use ivd_motion::handles::{Anchor, Pin};
 use ivd_motion::mass_spring;
 use ivd_motion::ring;
 
@@ -16,7 +16,7 @@ use crate::{Error, MapChoice, Physics, Settings};
 /// A lattice, and what was prepared of it. Nothing that is kept changes a result.
 pub(crate) struct Level {
     pub(crate) lattice: Arc<Lattice>,
-    nearest: Option<Live<Arc<Lattice>>>,
+    nearest: Option<IncrementalMap<Arc<Lattice>>>,
     smoothest: Option<(Outside, Biharmonic<Arc<Lattice>>)>,
     springs: Option<(Held, mass_spring::Prepared<Arc<Lattice>>)>,
 }
@@ -31,8 +31,8 @@ impl fmt::Debug for Level {
 #[derive(Debug, PartialEq)]
 struct Held {
     params: mass_spring::Params,
-    handles: Vec<(HandleAt, f64)>,
-    fixed: Vec<Fix>,
+    handles: Vec<(Anchor, f64)>,
+    fixed: Vec<Pin>,
 }
 
 impl Level {
@@ -118,7 +118,7 @@ impl Level {
         labels: Option<&Labels>,
         choice: &MapChoice,
         exec: &Exec,
-    ) -> Result<Moved, Error> {
+    ) -> Result<MapUpdate, Error> {
         let Some(motion) = motion else { return Ok(still(&self.lattice)) };
         let frame = motion.frames().len() - 1;
         match choice {
@@ -127,7 +127,7 @@ impl Level {
                     nearest
                 } else {
                     let octree = ivd_octree::build(&self.lattice, &ivd_octree::Params::default(), exec)?;
-                    Live::new(self.lattice.clone(), octree, exec)?
+                    IncrementalMap::new(self.lattice.clone(), octree, exec)?
                 };
                 let moved = nearest.map(motion, frame, params, exec);
                 self.nearest = Some(nearest);
@@ -155,7 +155,7 @@ impl Level {
 }
 
 /// A displacement of nothing.
-pub(crate) fn still(lattice: &Lattice) -> Moved {
+pub(crate) fn still(lattice: &Lattice) -> MapUpdate {
     let displacement = Displacement::identity(lattice.grid().clone());
-    Moved { displacement, relaxations: 0, halvings: 0, misfit: 0.0 }
+    MapUpdate { displacement, relaxations: 0, halvings: 0, misfit: 0.0 }
 }

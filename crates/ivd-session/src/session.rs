@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Volume};
 use ivd_field::warp::Deformed;
-use ivd_map::Moved;
+use ivd_map::MapUpdate;
 
 use crate::level::{Level, still};
 use crate::{Error, Event, Settings};
@@ -36,7 +36,7 @@ pub struct Session {
     levels: BTreeMap<u8, Level>,
     settings: Settings,
     motion: Option<Motion>,
-    moved: Moved,
+    moved: MapUpdate,
     deformed: Deformed,
     /// Events that were followed, with the settings before them.
     past: Vec<(Event, Settings)>,
@@ -193,7 +193,7 @@ impl Session {
     }
 
     /// Makes the deformed volume as it is under a displacement; the present one where that stays.
-    fn show(&mut self, moved: Option<&Moved>, next: &Settings, exec: &Exec) -> Result<Update, Error> {
+    fn show(&mut self, moved: Option<&MapUpdate>, next: &Settings, exec: &Exec) -> Result<Update, Error> {
         let before = &self.moved.displacement;
         let after = moved.unwrap_or(&self.moved);
         let mut update = Update {

@@ -5,7 +5,7 @@ use ivd_core::op::Op as _;
 use ivd_field::shape::Shape;
 use ivd_field::warp::WarpParams;
 use ivd_map::{BiharmonicParams, FemParams, OctreeParams};
-use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring::{self, Material};
 use ivd_motion::ring::RingParams;
 use serde::{Deserialize, Serialize};
@@ -70,7 +70,7 @@ pub struct Settings {
     /// What moves.
     pub handles: Vec<Handle>,
     /// What stays.
-    pub fixed: Vec<Fix>,
+    pub fixed: Vec<Pin>,
     /// How the lattice follows.
     pub physics: Physics,
     /// Changes of shape, after that.
@@ -111,7 +111,7 @@ pub enum Event {
         /// Number of the handle, from 0.
         handle: usize,
         /// The vertex.
-        at: HandleAt,
+        at: Anchor,
     },
     /// A handle reaches further, or less far.
     Radius {
@@ -121,7 +121,7 @@ pub enum Event {
         radius: f64,
     },
     /// Vertices stay.
-    Fix(Fix),
+    Pin(Pin),
     /// What stayed by fix `fix` may move again; those behind it move up.
     Release {
         /// Number of the fix, from 0.
@@ -215,7 +215,7 @@ impl Settings {
             Event::Radius { handle, radius } => {
                 at("radius", "handle", &mut next.handles, *handle)?.radius = *radius;
             }
-            Event::Fix(fix) => next.fixed.push(*fix),
+            Event::Pin(fix) => next.fixed.push(*fix),
             Event::Release { fix } => {
                 at("release", "fix", &mut next.fixed, *fix)?;
                 next.fixed.remove(*fix);

@@ -10,7 +10,7 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_map::{Band, BiharmonicParams, FemParams, OctreeParams, Outside};
 use ivd_motion::freeform;
-use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring::{self, Material, Solver};
 use ivd_motion::ring::{self, RingParams};
 use ivd_session::{Event, MapChoice, Physics, Session, Settings};
@@ -56,10 +56,10 @@ fn session(settings: Settings, exec: &Exec) -> Session {
     Session::new(volume, lattice, Some(labels), settings, exec).unwrap()
 }
 
-fn pick(direction: [f64; 3]) -> HandleAt {
+fn pick(direction: [f64; 3]) -> Anchor {
     let length = direction.iter().map(|c| c * c).sum::<f64>().sqrt();
     let [x, y, z] = direction.map(|c| 12.5 * c / length);
-    HandleAt::Pick([19.3 + x, 19.6 + y, 24.2 + z])
+    Anchor::NearestTo([19.3 + x, 19.6 + y, 24.2 + z])
 }
 
 /// What the stages give that are called once.
@@ -193,7 +193,7 @@ impl Draw {
         [0; 3].map(|_| most * (2.0 * self.unit() - 1.0))
     }
 
-    fn place(&mut self) -> HandleAt {
+    fn place(&mut self) -> Anchor {
         let direction = self.vector(1.0);
         pick([direction[0], direction[1], direction[2] + 0.01])
     }
@@ -211,7 +211,7 @@ impl Draw {
             2 => Event::Pull { handle: number(self), with: self.vector(30.0) },
             3 => Event::Place { handle: number(self), at: self.place() },
             4 => Event::Radius { handle: number(self), radius: 10.0 * self.unit() - 0.5 },
-            5 => Event::Fix(Fix { at: self.place(), radius: 2.0 * self.unit() }),
+            5 => Event::Pin(Pin { at: self.place(), radius: 2.0 * self.unit() }),
             6 => Event::Release { fix: number(self) },
             7 => Event::Shape(Shape {
                 kind: Kind::Twist { rate: 2.0 * self.unit(), length: None },
@@ -353,11 +353,11 @@ fn bad_events_are_named() {
     assert!(refused(Event::Move { handle: 2, by: [0.0; 3] }).contains("handle 2 where there are 0"));
     assert!(refused(Event::Level(40)).contains("level"));
     assert!(refused(Event::Material { class: 1, material: Material::default() }).contains("springs first"));
-    let far = Handle { at: HandleAt::Pick([500.0; 3]), action: Action::Move([1.0; 3]), radius: 5.0 };
+    let far = Handle { at: Anchor::NearestTo([500.0; 3]), action: Action::Move([1.0; 3]), radius: 5.0 };
     assert!(refused(Event::Add(far)).contains("pick a point nearer"));
     let world: World = ball().1.world(0);
     let deep =
-        Handle { at: HandleAt::Pick(world.0.into()), action: Action::Move([0.0, 0.0, 60.0]), radius: 5.0 };
+        Handle { at: Anchor::NearestTo(world.0.into()), action: Action::Move([0.0, 0.0, 60.0]), radius: 5.0 };
     refused(Event::Add(deep));
     assert_eq!(session.events().count(), 0);
     let (volume, lattice) = ball();

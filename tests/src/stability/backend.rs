@@ -12,7 +12,7 @@ use ivd_lattice::extract::{ExtractParams, Extracted, Part};
 use ivd_lattice::refine::{Locks, RefineParams, Refined};
 use ivd_map::MapResult;
 use ivd_motion::freeform::{self, Shaped};
-use ivd_motion::handles::{Fix, Handle};
+use ivd_motion::handles::{Handle, Pin};
 use ivd_motion::mass_spring;
 use ivd_motion::ring::{RingParams, Solved};
 use ivd_render::{Radiance, RenderParams, Rendered, Scene};
@@ -138,7 +138,7 @@ pub trait Backend: Sync {
         &self,
         lattice: &Lattice,
         handles: &[Handle],
-        fixed: &[Fix],
+        fixed: &[Pin],
         params: &RingParams,
         exec: &Exec,
     ) -> Answer<Solved> {

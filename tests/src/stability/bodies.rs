@@ -2,9 +2,9 @@
 
 use ivd_core::{ErrorClass, Labels};
 use ivd_field::shape::{Kind, Shape};
-use ivd_motion::handles::{Action, Fix, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Pin};
 use ivd_motion::mass_spring::{LoadRamp, Material, Params};
-use ivd_motion::rigid::{Drive, Part, Region, Turn};
+use ivd_motion::rigid::{Drive, Part, Region, RigidTransform};
 
 use super::case::{Case, Refused, Stage, TURNS};
 use super::nasty::{TOO_MUCH, ball, grip, nudged};
@@ -56,8 +56,8 @@ pub(super) fn springs() -> Vec<Case> {
         of("a hundred steps remembered", |p| p.descent.history = 100),
         of("a push through everything", |p| p.springs.duration = 1e-9)
             .with(|s| s.handles = vec![grip(3, Action::Move([0.0, 0.0, 40.0]), 6.0)]),
-        of("everything fixed", |_| ()).with(|s| s.fixed = vec![Fix { at: HandleAt::Vertex(0), radius: 1e3 }]),
-        of("the handle fixed", |_| ()).with(|s| s.fixed = vec![Fix { at: HandleAt::Vertex(3), radius: 0.0 }]),
+        of("everything fixed", |_| ()).with(|s| s.fixed = vec![Pin { at: Anchor::Vertex(0), radius: 1e3 }]),
+        of("the handle fixed", |_| ()).with(|s| s.fixed = vec![Pin { at: Anchor::Vertex(3), radius: 0.0 }]),
         pulled("a pull", |_| ()),
         pulled("a pull, tight", |p| (p.closeness.tolerance, p.closeness.max_iterations) = (1e-12, 2000)),
         pulled("a pull on what doesn't push", |p| p.springs.push = false),
@@ -102,8 +102,13 @@ pub(super) fn bones() -> Vec<Case> {
         drive,
         reach: 5.0,
     };
-    let turn = |angle: f64, by: [f64; 3]| Turn { pivot: [5.5, 5.5, 3.0], axis: [1.0, 0.2, 0.0], angle, by };
-    let (given, fitted) = (|turn: Turn| Drive::Given(turn), Drive::Fitted { pivot: None });
+    let turn = |angle: f64, by: [f64; 3]| RigidTransform {
+        pivot: [5.5, 5.5, 3.0],
+        axis: [1.0, 0.2, 0.0],
+        angle,
+        by,
+    };
+    let (given, fitted) = (|turn: RigidTransform| Drive::Prescribed(turn), Drive::Fitted { pivot: None });
     let of = |name: &str, bones: Vec<Part>| {
         nudged(&format!("bone, {name}"), ball(12)).may(&TOO_MUCH).with(|s| s.bones = bones)
     };
@@ -125,7 +130,7 @@ pub(super) fn bones() -> Vec<Case> {
         ("whole turns", turn(3600.0, [0.0; 3])),
         ("a way of 1e-30 mm", turn(0.0, [1e-30, 0.0, 0.0])),
         ("a way of 1e9 mm", turn(0.0, [0.0, 0.0, -1e9])),
-        ("a turn about what is far", Turn { pivot: [1e6, 0.0, 0.0], ..turn(1e-5, [0.0; 3]) }),
+        ("a turn about what is far", RigidTransform { pivot: [1e6, 0.0, 0.0], ..turn(1e-5, [0.0; 3]) }),
     ];
     let without = |case: Case| case.with(|s| s.handles.clear());
     all.extend(alone.map(|(name, turn)| without(of(name, vec![bone(low, given(turn))]))));

@@ -5,7 +5,7 @@ use ivd_field::shape::Shape;
 use ivd_field::warp::WarpParams;
 use ivd_lattice::refine::RefineParams;
 use ivd_map::OctreeParams;
-use ivd_motion::handles::{Fix, Handle};
+use ivd_motion::handles::{Handle, Pin};
 use ivd_motion::mass_spring;
 use ivd_motion::rigid;
 use ivd_motion::ring::RingParams;
@@ -135,7 +135,7 @@ pub struct Setup {
     /// Handles; the number of a vertex is taken modulo the number of vertices.
     pub handles: Vec<Handle>,
     /// Vertices that stay, numbered in the same way.
-    pub fixed: Vec<Fix>,
+    pub fixed: Vec<Pin>,
     /// Rings.
     pub ring: RingParams,
     /// Masses on springs; their solver is every one in turn.

@@ -11,7 +11,7 @@ use ivd_lattice::extract::Part;
 use ivd_lattice::refine::Refined;
 use ivd_map::MapResult;
 use ivd_motion::freeform::Shaped;
-use ivd_motion::handles::{Fix, Handle, HandleAt};
+use ivd_motion::handles::{Anchor, Handle, Pin};
 use ivd_motion::mass_spring;
 use ivd_motion::ring::Solved;
 use ivd_render::{Radiance, Rendered};
@@ -63,14 +63,14 @@ impl Values {
     }
 
     /// The fixed vertices of a case.
-    pub fn fixed(&self, case: &Case) -> Vec<Fix> {
-        case.setup.fixed.iter().map(|f| Fix { at: self.vertex(f.at), ..*f }).collect()
+    pub fn fixed(&self, case: &Case) -> Vec<Pin> {
+        case.setup.fixed.iter().map(|f| Pin { at: self.vertex(f.at), ..*f }).collect()
     }
 
-    fn vertex(&self, at: HandleAt) -> HandleAt {
+    fn vertex(&self, at: Anchor) -> Anchor {
         let count = self.refined.as_ref().map_or(0, |r| r.lattice.keys().len() as u32);
         match at {
-            HandleAt::Vertex(v) if count > 0 => HandleAt::Vertex(v % count),
+            Anchor::Vertex(v) if count > 0 => Anchor::Vertex(v % count),
             other => other,
         }
     }

@@ -2,7 +2,7 @@
 
 use ivd_core::{Exec, Lattice};
 use ivd_map::{Band, BiharmonicParams, FemParams};
-use ivd_motion::handles::{Fix, Handle};
+use ivd_motion::handles::{Handle, Pin};
 use ivd_motion::mass_spring::{Descent, Params, Solver};
 use ivd_session::MapChoice;
 
@@ -36,7 +36,7 @@ impl Springs {
     }
 }
 
-fn asked<'a>(case: &'a Case, lattice: &'a Lattice, handles: &'a [Handle], fixed: &'a [Fix]) -> Asked<'a> {
+fn asked<'a>(case: &'a Case, lattice: &'a Lattice, handles: &'a [Handle], fixed: &'a [Pin]) -> Asked<'a> {
     Asked { lattice, handles, fixed, labels: case.setup.materials.as_ref(), bones: &case.setup.bones }
 }
 

@@ -1,7 +1,7 @@
 //! The cases that must not break anything, as a table: awkward volumes, surfaces, lattices, materials and handles.
 
 use ivd_core::{ClassChoice, ErrorClass, Grid, Scalar, Volume};
-use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 
 use super::case::{Case, Cut, Refused, Stage, TURNS};
 use super::{bodies, meshes};
@@ -50,7 +50,7 @@ pub(super) fn ball(n: usize) -> Volume {
 }
 
 pub(super) fn grip(vertex: u32, action: Action, radius: f64) -> Handle {
-    Handle { at: HandleAt::Vertex(vertex), action, radius }
+    Handle { at: Anchor::Vertex(vertex), action, radius }
 }
 
 /// A case whose first vertex is moved a little.
@@ -308,7 +308,7 @@ fn lattices() -> Vec<Case> {
     vec![
         on("islands", meshes::islands(&grid, &[[3.2, 3.3, 3.4], [8.3, 8.2, 8.6]], 2.0)),
         on("isolated vertices", meshes::loose(&grid, middle, 3.0)),
-        isolated.with(|s| s.handles[0].at = HandleAt::Vertex(0)),
+        isolated.with(|s| s.handles[0].at = Anchor::Vertex(0)),
         on("an edge of no length", meshes::zero_length(&grid, middle, 3.0)),
         on("a triangle twice", meshes::doubled(&grid, middle, 3.0)),
         on("bow tie", meshes::joined(&grid, middle, 3.0, 1)),
@@ -359,8 +359,11 @@ fn materials() -> Vec<Case> {
 /// Handles that contradict, miss, or ask for what can't be had.
 fn handles() -> Vec<Case> {
     let hold = |name: &str, handles: Vec<Handle>| nudged(name, ball(14)).with(|s| s.handles = handles);
-    let pick =
-        |at: [f64; 3], by: [f64; 3]| Handle { at: HandleAt::Pick(at), action: Action::Move(by), radius: 6.0 };
+    let pick = |at: [f64; 3], by: [f64; 3]| Handle {
+        at: Anchor::NearestTo(at),
+        action: Action::Move(by),
+        radius: 6.0,
+    };
     let shift = Action::Move([1.0, 0.0, 0.0]);
     let back = Action::Move([-1.0, 0.0, 0.0]);
     let far = |d: f64| Action::Move([d, 0.0, 0.0]);
@@ -385,9 +388,9 @@ fn handles() -> Vec<Case> {
         hold("a radius of 1e-9 mm", vec![grip(4, far(0.1), 1e-9)]).may(&TOO_MUCH),
         hold("a radius of 1e90 mm", vec![grip(4, far(0.5), 1e90)]).may(&TOO_MUCH),
         hold("everything fixed", vec![grip(4, shift, 6.0)])
-            .with(|s| s.fixed = vec![Fix { at: HandleAt::Vertex(0), radius: 1e3 }]),
+            .with(|s| s.fixed = vec![Pin { at: Anchor::Vertex(0), radius: 1e3 }]),
         hold("the handle fixed", vec![grip(4, shift, 6.0)])
-            .with(|s| s.fixed = vec![Fix { at: HandleAt::Vertex(4), radius: 0.0 }]),
+            .with(|s| s.fixed = vec![Pin { at: Anchor::Vertex(4), radius: 0.0 }]),
         nudged("opposing flaps", flaps)
             .with(|s| {
                 s.refine.target = ivd_lattice::refine::Target::Level(0).into();
@@ -413,7 +416,7 @@ fn beam() -> Volume {
 fn twisted() -> Vec<Handle> {
     let corners = [[3.6, 3.6], [9.4, 3.6], [3.6, 9.4], [9.4, 9.4]];
     let handle = |[x, y]: [f64; 2]| Handle {
-        at: HandleAt::Pick([x, y, 21.5]),
+        at: Anchor::NearestTo([x, y, 21.5]),
         action: Action::Move([13.0 - 2.0 * x, 13.0 - 2.0 * y, 0.0]),
         radius: 14.0,
     };

@@ -5,7 +5,7 @@ use ivd_field::shape::{Kind, Shape};
 use ivd_field::warp::{Order, WarpParams};
 use ivd_lattice::refine::{RefineParams, Target};
 use ivd_map::{Band, DepthWeight, OctreeParams, Outside};
-use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring;
 use ivd_motion::ring::RingParams;
 use ivd_render::{Mode, Projection, RenderParams, View};
@@ -253,8 +253,8 @@ fn shapes(random: &mut Seeded, grid: &Grid) -> Vec<Shape> {
     (0..count).map(shape).collect()
 }
 
-fn fix(random: &mut Seeded, length: f64) -> Fix {
-    Fix { at: HandleAt::Vertex(random.bits() as u32), radius: random.pick(&[0.0, 1.0, 3.0]) * length }
+fn fix(random: &mut Seeded, length: f64) -> Pin {
+    Pin { at: Anchor::Vertex(random.bits() as u32), radius: random.pick(&[0.0, 1.0, 3.0]) * length }
 }
 
 /// A handle whose motion is mostly one that its radius can follow, now and then anything.
@@ -270,7 +270,7 @@ fn grip(random: &mut Seeded, length: f64, stiffness: f64) -> Handle {
     // 1 N/m moves a vertex 1 mm for 1 mN; wild stiffnesses make wild forces.
     let pull = way.map(|c| (c * stiffness).clamp(-1e30, 1e30));
     let action = if random.one_in(3) { Action::Force(pull) } else { Action::Move(way) };
-    Handle { at: HandleAt::Vertex(random.bits() as u32), action, radius }
+    Handle { at: Anchor::Vertex(random.bits() as u32), action, radius }
 }
 
 fn map(random: &mut Seeded, length: f64) -> OctreeParams {

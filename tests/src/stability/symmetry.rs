@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Another order of the axes, some of them reversed: axis `b` of the result is axis `axes[b]` of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Turn {
+pub struct RigidTransform {
     /// Input axis of each axis of the result.
     pub axes: [usize; 3],
     /// Axes of the result that run the other way.
@@ -15,16 +15,16 @@ pub struct Turn {
 }
 
 /// A mirror image in each axis, and quarter turns about each.
-pub const TURNS: [Turn; 6] = [
-    Turn { axes: [0, 1, 2], flip: [true, false, false] },
-    Turn { axes: [0, 1, 2], flip: [false, true, false] },
-    Turn { axes: [0, 1, 2], flip: [false, false, true] },
-    Turn { axes: [1, 0, 2], flip: [true, false, false] },
-    Turn { axes: [2, 1, 0], flip: [false, false, true] },
-    Turn { axes: [1, 2, 0], flip: [false, true, true] },
+pub const TURNS: [RigidTransform; 6] = [
+    RigidTransform { axes: [0, 1, 2], flip: [true, false, false] },
+    RigidTransform { axes: [0, 1, 2], flip: [false, true, false] },
+    RigidTransform { axes: [0, 1, 2], flip: [false, false, true] },
+    RigidTransform { axes: [1, 0, 2], flip: [true, false, false] },
+    RigidTransform { axes: [2, 1, 0], flip: [false, false, true] },
+    RigidTransform { axes: [1, 2, 0], flip: [false, true, true] },
 ];
 
-impl Turn {
+impl RigidTransform {
     /// The place of a voxel coordinate of the input in the result.
     pub fn voxel(&self, dims: [usize; 3], at: Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|b, _| {
@@ -95,12 +95,12 @@ impl Turn {
         Volume::with_scale(grid.clone(), voxels, volume.slope(), volume.intercept()).expect("a value a voxel")
     }
 
-    /// A world place or displacement of an axis-aligned scene that was turned with [`Turn::grid`].
+    /// A world place or displacement of an axis-aligned scene that was turned with [`RigidTransform::grid`].
     pub fn world(&self, grid: &Grid, at: Vector3<f64>) -> Vector3<f64> {
         self.grid(grid).world(VoxelCoord(self.voxel(grid.dims(), grid.voxel(World(at)).0))).0
     }
 
-    /// A lattice turned with [`Turn::grid`], and the number that each of its vertices has in the result. Triangles keep
+    /// A lattice turned with [`RigidTransform::grid`], and the number that each of its vertices has in the result. Triangles keep
     /// their order; they are turned over where the turn is a mirror.
     pub fn lattice(&self, lattice: &Lattice) -> (Lattice, Vec<u32>) {
         let (dims, grid) = (lattice.grid().dims(), self.grid(lattice.grid()));
@@ -159,7 +159,7 @@ impl Turn {
         (ElementKey::new(self.axes.map(|a| dims[a]), at, turned as u8), new)
     }
 
-    /// A field of millimetres turned with [`Turn::grid`], for axis-aligned grids.
+    /// A field of millimetres turned with [`RigidTransform::grid`], for axis-aligned grids.
     ///
     /// # Panics
     /// Never: the vectors are the input's.

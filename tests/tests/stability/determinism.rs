@@ -1,7 +1,7 @@
 //! The same bytes for 1, 2, 3 and 8 threads, again and again (20 times in the long form), with the processor's own instructions and without.
 
 use ivd_core::{Grid, Volume, Voxels};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_tests::stability::backend::BACKENDS;
 use ivd_tests::stability::case::Case;
 use ivd_tests::stability::determinism::same_bytes;
@@ -27,7 +27,7 @@ fn large(side: usize) -> Case {
         Case::new(format!("noisy ball of {side}"), Volume::new(grid, Voxels::from(values)).unwrap());
     case.setup.k = 3;
     let action = Action::Move([1.5, -1.0, 2.0]);
-    case.setup.handles = vec![Handle { at: HandleAt::Vertex(40), action, radius: 0.4 * side as f64 }];
+    case.setup.handles = vec![Handle { at: Anchor::Vertex(40), action, radius: 0.4 * side as f64 }];
     case.setup.render.size = [40, 30];
     case
 }

@@ -11,7 +11,7 @@ use ivd_field::inverse::Inverse;
 use ivd_field::warp::{WarpParams, Warped};
 use ivd_lattice::extract::{ExtractParams, Extracted};
 use ivd_lattice::refine::{RefineParams, Refined};
-use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring;
 use ivd_motion::ring::{RingParams, Solved};
 use ivd_render::{Radiance, RenderParams, Scene};
@@ -44,7 +44,7 @@ fn case() -> Case {
     case.setup.octree.leaf_size = 1;
     case.setup.boundary.class = Some(ivd_core::ClassChoice::Densest);
     case.setup.handles =
-        vec![Handle { at: HandleAt::Vertex(7), action: Action::Move([0.8, 0.2, -0.3]), radius: 7.0 }];
+        vec![Handle { at: Anchor::Vertex(7), action: Action::Move([0.8, 0.2, -0.3]), radius: 7.0 }];
     case
 }
 
@@ -139,7 +139,7 @@ impl Backend for Spoiled {
         &self,
         lattice: &Lattice,
         handles: &[Handle],
-        fixed: &[Fix],
+        fixed: &[Pin],
         params: &RingParams,
         exec: &Exec,
     ) -> Answer<Solved> {

@@ -103,7 +103,7 @@ fn errors_of_single_precision_grow_with_the_offset_as_its_rounding_does() {
 
 #[test]
 fn a_vertex_that_is_pulled_alone_never_has_more_energy_than_the_pull_can_give() {
-    use ivd_motion::handles::{Action, Handle, HandleAt};
+    use ivd_motion::handles::{Action, Anchor, Handle};
     use ivd_motion::ring::{self, RingParams};
     use ivd_tests::stability::meshes;
     use std::sync::{Arc, Mutex};
@@ -127,7 +127,7 @@ fn a_vertex_that_is_pulled_alone_never_has_more_energy_than_the_pull_can_give() 
                 let exec = Exec::default().with_observer(energies.clone());
                 // Within the radius lies the target alone: a mass on a spring to the ground, and springs to what is still.
                 let handle = Handle {
-                    at: HandleAt::Vertex(0),
+                    at: Anchor::Vertex(0),
                     action: Action::Force([force * stiffness, 0.5 * force * stiffness, -force * stiffness]),
                     radius: 1.0,
                 };

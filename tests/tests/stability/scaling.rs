@@ -10,7 +10,7 @@ use ivd_field::warp::WarpParams;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Refined, collapse};
 use ivd_map::{MapResult, OctreeParams};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::ring::{self, RingParams, Solved};
 use ivd_render::{RenderParams, Rendered, Scene, View};
 use ivd_segment::{KmvsParams, Segmentation};
@@ -51,7 +51,7 @@ fn scene(scale: f64, shift: f64) -> Results {
     let params =
         RefineParams { target: ivd_lattice::refine::Target::Level(1).into(), ..RefineParams::default() };
     let refined = collapse(&lattice, &params, &exec).unwrap();
-    let at = |p: [f64; 3]| HandleAt::Pick(std::array::from_fn(|a| origin[a] + p[a] * scale));
+    let at = |p: [f64; 3]| Anchor::NearestTo(std::array::from_fn(|a| origin[a] + p[a] * scale));
     let handles = [
         Handle {
             at: at([5.5, 6.0, 11.25]),

@@ -8,11 +8,11 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_map::{Band, OctreeParams, Outside};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::ring::{self, RingParams, Solved};
 use ivd_render::{RenderParams, Scene, View};
 use ivd_segment::{KmvsParams, Segmentation, ThresholdParams};
-use ivd_tests::stability::symmetry::{TURNS, Turn};
+use ivd_tests::stability::symmetry::{RigidTransform, TURNS};
 use nalgebra::Vector3;
 
 const DIMS: [usize; 3] = [15, 13, 17];
@@ -33,7 +33,7 @@ fn blob() -> Volume {
     Volume::new(grid, Voxels::from(values)).unwrap()
 }
 
-fn turned(turn: Turn, volume: &Volume) -> Volume {
+fn turned(turn: RigidTransform, volume: &Volume) -> Volume {
     turn.volume(volume, &turn.grid(volume.grid()))
 }
 
@@ -149,14 +149,14 @@ fn a_refined_lattice_stays_within_its_bound_whichever_way_it_is_turned() {
 }
 
 /// The motion of a lattice by a handle that moves and one that pulls, given in the straight scene.
-fn motion(straight: &Grid, turn: Option<Turn>, lattice: &Lattice) -> Solved {
+fn motion(straight: &Grid, turn: Option<RigidTransform>, lattice: &Lattice) -> Solved {
     let (place, way) = (Vector3::new(5.4, 6.0, 14.9), Vector3::new(0.5, -0.4, 0.9));
     let (other, pull) = (Vector3::new(10.5, 6.4, 9.7), Vector3::new(30.0, 14.0, -11.0));
     let at = |p: Vector3<f64>| turn.map_or(p, |t| t.world(straight, p)).into();
     let along = |v: Vector3<f64>| turn.map_or(v, |t| t.direction(v)).into();
     let handles = [
-        Handle { at: HandleAt::Pick(at(place)), action: Action::Move(along(way)), radius: 6.3 },
-        Handle { at: HandleAt::Pick(at(other)), action: Action::Force(along(pull)), radius: 5.2 },
+        Handle { at: Anchor::NearestTo(at(place)), action: Action::Move(along(way)), radius: 6.3 },
+        Handle { at: Anchor::NearestTo(at(other)), action: Action::Force(along(pull)), radius: 5.2 },
     ];
     ring::solve(lattice, &handles, &[], &RingParams::default(), &Exec::default()).unwrap()
 }
@@ -287,7 +287,7 @@ fn a_mirrored_volume_gives_a_mirrored_picture() {
     let straight = light(&volume, 0.0);
     assert!(straight.rgba.iter().any(|p| p[3] > 0.5) && straight.rgba.iter().any(|p| p[3] == 0.0));
     let flipped = |axis: usize| {
-        let mut turn = Turn { axes: [0, 1, 2], flip: [false; 3] };
+        let mut turn = RigidTransform { axes: [0, 1, 2], flip: [false; 3] };
         turn.flip[axis] = true;
         turned(turn, &volume)
     };
@@ -300,7 +300,7 @@ fn a_mirrored_volume_gives_a_mirrored_picture() {
     assert!(apart(&straight, &light(&flipped(0), 0.0), |x, y| [x, y]) > 0.01);
     assert!(apart(&straight, &straight, |x, y| [(x + 1).min(w - 1), y]) > 0.01);
     // A quarter turn of the scene about the body axis, seen a quarter turn further on.
-    let quarter = Turn { axes: [1, 0, 2], flip: [true, false, false] };
+    let quarter = RigidTransform { axes: [1, 0, 2], flip: [true, false, false] };
     let around = light(&turned(quarter, &volume), 90.0);
     let back = light(&turned(quarter, &volume), -90.0);
     let best = apart(&straight, &around, |x, y| [x, y]).min(apart(&straight, &back, |x, y| [x, y]));

@@ -31,7 +31,7 @@ pub(super) fn encode(displacement: &Displacement) -> Result<Encoded<'_>, String>
         inverse_residual_max: Real(displacement.inverse_residual_max()),
         min_det_j: Real(displacement.min_det_j()),
         vacated: !displacement.vacated().is_empty(),
-        sides: displacement.is_two_sided(),
+        sides: displacement.has_cut(),
     };
     let mut sections = Vec::new();
     sections.extend(field("forward_table", "forward_vectors", displacement.forward()));

@@ -1,7 +1,7 @@
 //! `motion`: a section `displacement/00000`, … of shape `[vertices, 3]` a frame; times and reach as JSON. Where there are inner points:
 //! a section `inner` of their places, and one `inner/00000`, … a frame, of shape `[inner, 3]`.
 
-use ivd_core::{Ball, Frame, Inner, Motion};
+use ivd_core::{Ball, Frame, InteriorPoints, Motion};
 use serde::{Deserialize, Serialize};
 
 use super::real::GridContent;
@@ -76,7 +76,7 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Motion, Problem> {
         let displacement = decoder.take(&frame_name(i), Element::F64, &shape)?;
         frames.push(Frame { time, displacement });
     }
-    let mut inner = Inner::default();
+    let mut inner = InteriorPoints::default();
     if content.inner > 0 {
         let shape = [content.inner as u64, 3];
         inner.places = decoder.take("inner", Element::F64, &shape)?;

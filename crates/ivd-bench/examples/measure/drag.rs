@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use ivd_core::{Exec, Lattice};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_session::{Event, Session, Settings};
 
 use crate::Anything;
@@ -25,7 +25,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
     let volume = ivd_io::volume::read(path.as_ref(), &ivd_io::volume::ReadOptions::default(), &exec)?;
     let radius = 25.0 * volume.grid().spacing().iter().product::<f64>().cbrt();
     let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(iso.parse()?) }, &exec)?.lattice;
-    let at = HandleAt::Pick(outermost(&lattice));
+    let at = Anchor::NearestTo(outermost(&lattice));
     let settings = Settings { level: level.parse()?, ..Settings::default() };
     let mut session = Session::new(volume, lattice, None, settings, &exec)?;
     session.apply(Event::Add(Handle { at, action: Action::Move([0.0; 3]), radius }), &exec)?;

@@ -8,7 +8,7 @@ use ivd_core::{Exec, Grid, Volume, Voxels};
 use ivd_io::mesh::{Format, read, write};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures::{measure, quality};
-use ivd_lattice::foreign::{ForeignParams, lattice};
+use ivd_lattice::foreign::{ImportParams, lattice};
 
 use crate::Anything;
 
@@ -37,7 +37,7 @@ pub(crate) fn run(_: &[String]) -> Anything<()> {
         std::fs::remove_file(&path)?;
         let mesh = mesh?;
         let start = Instant::now();
-        let put = lattice(&mesh, &grid, &ForeignParams::default(), &exec);
+        let put = lattice(&mesh, &grid, &ImportParams::default(), &exec);
         print!(
             "{:4}: {:6.1} MB, read in {seconds:.2} s, on the grid in {:.2} s",
             format.ending(),

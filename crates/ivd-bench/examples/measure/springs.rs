@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use ivd_core::Exec;
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::mass_spring::{Closeness, Descent, LoadRamp, Params, Prepared, Solver, Springs};
 
 use crate::Anything;
@@ -43,7 +43,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
         ..Params::default()
     };
     let lattice = sheet(side)?;
-    let middle = HandleAt::Vertex((side / 2 * (side + 1)) as u32);
+    let middle = Anchor::Vertex((side / 2 * (side + 1)) as u32);
     let handles = [Handle { at: middle, action: Action::Move([0.0, 0.0, 5.0]), radius: 1e5 }];
     let exec = Exec::default().with_threads(threads);
     let mut prepared = Prepared::new(&lattice, None, &handles, &[], &params, &exec)?;

@@ -13,7 +13,7 @@ use cpu_time::ProcessTime;
 use ivd_core::{Classified, ErrorClass, Exec, FieldBricks, Lattice, Volume, VoxelIndex, VoxelType};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::mass_spring::{self, Solver};
 use ivd_motion::ring::RingParams;
 use ivd_session::{Event, Physics, Session, Settings};
@@ -191,7 +191,7 @@ fn input(options: &Options, iso: Option<f64>, exec: &Exec) -> Result<(String, Vo
 }
 
 /// The vertex furthest along y of those within a tenth of the surface's size of its middle in x and z.
-fn outermost(lattice: &Lattice) -> Result<HandleAt, Problem> {
+fn outermost(lattice: &Lattice) -> Result<Anchor, Problem> {
     let places: Vec<Vector3<f64>> = (0..lattice.keys().len()).map(|v| lattice.world(v).0).collect();
     let low = places.iter().copied().reduce(|a, b| a.inf(&b)).ok_or("the surface has no vertex")?;
     let high = places.iter().copied().reduce(|a, b| a.sup(&b)).ok_or("the surface has no vertex")?;
@@ -199,7 +199,7 @@ fn outermost(lattice: &Lattice) -> Result<HandleAt, Problem> {
     let central = |p: &&Vector3<f64>| (p.x - middle.x).abs().max((p.z - middle.z).abs()) <= near;
     let by_y = |a: &&Vector3<f64>, b: &&Vector3<f64>| a.y.total_cmp(&b.y);
     let top = places.iter().filter(central).max_by(by_y).or(places.iter().max_by(by_y));
-    Ok(HandleAt::Pick((*top.expect("there is a vertex")).into()))
+    Ok(Anchor::NearestTo((*top.expect("there is a vertex")).into()))
 }
 
 /// Where the handle is in every frame (mm, from rest): a closed loop, farthest out at a quarter of it.

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use ivd_core::{Exec, Lattice};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::ring::{self, RingParams};
 
 use crate::experiment::{Experiment, Problem, Setting};
@@ -96,6 +96,6 @@ fn springs(lattice: &Lattice, displacement: &[[f64; 3]]) -> usize {
 
 /// A force on the ball's top, which rings pass on.
 fn pulled() -> Handle {
-    let at = HandleAt::Pick([0.0, 0.0, RADIUS_MM]);
+    let at = Anchor::NearestTo([0.0, 0.0, RADIUS_MM]);
     Handle { at, action: Action::Force([0.0, 0.0, FORCE_MN]), radius: 50.0 }
 }

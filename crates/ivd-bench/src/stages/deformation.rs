@@ -7,7 +7,7 @@ use ivd_field::shape::{Kind, Shape};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_map::{BiharmonicParams, DepthWeight, FemParams, MapResult, OctreeParams, biharmonic, fem, octree};
 use ivd_motion::freeform;
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::mass_spring::{self, Solver};
 use ivd_motion::ring::{self, RingParams};
 use ivd_session::MapChoice;
@@ -35,7 +35,7 @@ pub(super) fn maps(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let top = [0.0, 0.0, RADIUS_MM];
     let pushed = |by: f64| -> Result<Motion, Problem> {
         let handle =
-            Handle { at: HandleAt::Pick(top), action: Action::Move([0.0, 0.0, by]), radius: REACH_MM };
+            Handle { at: Anchor::NearestTo(top), action: Action::Move([0.0, 0.0, by]), radius: REACH_MM };
         Ok(ring::solve(&lattice, &[handle], &[], &RingParams::default(), exec)?.motion)
     };
     let twist = Shape {
@@ -137,7 +137,7 @@ pub(super) fn whole(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let lattice = ball(size / 2, exec)?;
     let input =
         format!("a ball of 40 mm in {}³ voxels of {:.1} mm, pushed", size / 2, lattice.grid().longest_edge());
-    let at = HandleAt::Pick([0.0, 0.0, RADIUS_MM]);
+    let at = Anchor::NearestTo([0.0, 0.0, RADIUS_MM]);
     let handle = Handle { at, action: Action::Move([0.0, 0.0, -MOVE_MM]), radius: REACH_MM };
     on_whole(&lattice, &handle, input, exec)
 }

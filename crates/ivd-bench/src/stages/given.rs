@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ivd_core::{Exec, Grid, Lattice, Volume, VoxelCoord, VoxelIndex, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::ring::{self, RingParams};
 use ivd_segment::{KmvsParams, kmvs};
 use nalgebra::Vector3;
@@ -99,13 +99,13 @@ fn pushed(volume: &Volume, exec: &Exec) -> Result<(Arc<Lattice>, Handle), Proble
 }
 
 /// The vertex furthest to the front, the way out from the middle there, and the diagonal of the lattice's box (mm).
-fn front_of(lattice: &Lattice) -> Result<(HandleAt, Vector3<f64>, f64), Problem> {
+fn front_of(lattice: &Lattice) -> Result<(Anchor, Vector3<f64>, f64), Problem> {
     let positions = lattice.positions();
     let first = positions.first().ok_or("the densest class has no surface")?;
     let (low, high) = positions.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
     let front = positions.iter().copied().fold(*first, |a, b| if b.y > a.y { b } else { a });
     let way = (front - (low + high) * 0.5).try_normalize(0.0).ok_or("the densest class is a point")?;
-    Ok((HandleAt::Pick(front.into()), way, (high - low).norm()))
+    Ok((Anchor::NearestTo(front.into()), way, (high - low).norm()))
 }
 
 /// Distance of a lattice's triangles' middles from another lattice (mm), root mean square.

@@ -5,7 +5,7 @@ use ivd_budget::{LEVELS, target};
 use ivd_core::{ClassChoice, Displacement, Exec, Lattice, Volume};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_segment::{KmvsParams, kmvs};
 use ivd_session::MapChoice;
 
@@ -95,7 +95,7 @@ pub(crate) fn part(volume: &Volume, exec: &Exec) -> Result<Lattice, Problem> {
 /// A push at the part's front.
 fn push(size: usize) -> Handle {
     let edge = size as f64;
-    let at = HandleAt::Pick([0.5 * edge, 0.78 * edge, 0.5 * edge]);
+    let at = Anchor::NearestTo([0.5 * edge, 0.78 * edge, 0.5 * edge]);
     Handle { at, action: Action::Move([0.0, PUSH * edge, 0.0]), radius: 0.25 * edge }
 }
 

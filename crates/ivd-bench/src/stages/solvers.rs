@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
-use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring::{Closeness, Descent, Params, Prepared, Solved, Solver, Springs};
 
 use crate::experiment::{Experiment, Problem, Setting};
@@ -61,9 +61,9 @@ const SOLVERS: [(&str, Solver, usize); 3] = [
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
     let side = (size * 100 / 128).max(8);
     let lattice = Arc::new(sheet(side)?);
-    let corner = |v: usize| Fix { at: HandleAt::Vertex(v as u32), radius: 0.0 };
+    let corner = |v: usize| Pin { at: Anchor::Vertex(v as u32), radius: 0.0 };
     let fixed = [0, side - 1, side * (side - 1), side * side - 1].map(corner);
-    let middle = HandleAt::Vertex((side / 2 * (side + 1)) as u32);
+    let middle = Anchor::Vertex((side / 2 * (side + 1)) as u32);
     let handle = Handle { at: middle, action: Action::Move([0.0, 0.0, MOVE_MM]), radius: 2.0 * side as f64 };
     let input = format!("a sheet of {side}² vertices held at its corners, its middle lifted by {MOVE_MM} mm");
     on(&lattice, &handle, &fixed, GRIP_MM, input, exec)
@@ -73,7 +73,7 @@ pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem
 pub(super) fn on(
     lattice: &Arc<Lattice>,
     handle: &Handle,
-    fixed: &[Fix],
+    fixed: &[Pin],
     grip: f64,
     input: String,
     exec: &Exec,

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Arg, ArgAction, ArgMatches};
-use ivd_lattice::foreign::ForeignParams;
-use ivd_pipeline::stages::ForeignLattice;
+use ivd_lattice::foreign::ImportParams;
+use ivd_pipeline::stages::ImportedLattice;
 
 use super::parts;
 use super::stage::{filled, finish};
@@ -50,11 +50,11 @@ pub(crate) fn run(matches: &ArgMatches, context: &Context) -> anyhow::Result<boo
         return Ok(true);
     }
     let Some(mesh) = path("mesh") else { return Ok(false) };
-    let weld = matches.get_one::<f64>("weld").copied().unwrap_or(ForeignParams::default().weld);
-    let params = ForeignParams { weld, allow_open: matches.get_flag("allow_open") };
+    let weld = matches.get_one::<f64>("weld").copied().unwrap_or(ImportParams::default().weld);
+    let params = ImportParams { weld, allow_open: matches.get_flag("allow_open") };
     let cache = context.stage_cache()?;
     let inputs = filled(&[("volume", Some(volume))], &cache, context)?;
-    let stage = ForeignLattice { path: mesh.clone(), params };
+    let stage = ImportedLattice { path: mesh.clone(), params };
     let done = context.run(&cache, &stage, &inputs)?;
     finish(&stage, done, output, context)?;
     Ok(true)

@@ -26,7 +26,7 @@ const KEPT: f64 = 3.725_290_298_461_914e-9;
 const STEPS: usize = 8;
 
 /// A field that is inverted brick by brick.
-pub(super) struct Bulk<'a> {
+pub(super) struct SpillVec<'a> {
     forward: &'a FieldBricks,
     solver: Solver<'a>,
     /// All stored vectors, in voxels.
@@ -36,7 +36,7 @@ pub(super) struct Bulk<'a> {
     avx2: bool,
 }
 
-impl<'a> Bulk<'a> {
+impl<'a> SpillVec<'a> {
     /// `native`: whether AVX2 may be used where it is there.
     pub(super) fn new(forward: &'a FieldBricks, grid: &Grid, native: bool) -> Self {
         let avx2 = native && crate::simd::wide();

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::sampler::Sampler;
-use bulk::Bulk;
+use bulk::SpillVec;
 pub use pieces::{invert_part, invert_within, lies_beyond};
 use solve::Solver;
 
@@ -98,7 +98,7 @@ pub fn invert(forward: &FieldBricks, grid: &Grid, exec: &Exec) -> Result<Inverse
     exec.run(|| {
         let observer = exec.observer();
         observer.begin("inverse", forward.stored() as u64);
-        let bulk = Bulk::new(forward, grid, exec.simd);
+        let bulk = SpillVec::new(forward, grid, exec.simd);
         let stored: Vec<usize> =
             (0..forward.table().len()).filter(|&b| forward.table()[b] != NO_BRICK).collect();
         let solved = stored

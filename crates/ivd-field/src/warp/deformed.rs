@@ -82,7 +82,7 @@ impl Deformed {
     ) -> Result<u64, Error> {
         check_grid(volume.grid(), displacement, "volume")?;
         check_grid(self.output.grid(), displacement, "deformed volume")?;
-        if displacement.is_two_sided() {
+        if displacement.has_cut() {
             return Err(Error::Mismatch {
                 what: "displacement",
                 problem: "it has a cut, and what is kept knows no sides".into(),

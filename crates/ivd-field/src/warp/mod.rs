@@ -34,7 +34,7 @@ pub use params::{Order, WarpParams};
 use row::{LANES, Rows};
 pub(crate) use sample::Source;
 pub(crate) use slabs::Slabs;
-pub use stage::{Moved, STAGE, WarpFigures};
+pub use stage::{STAGE, WarpFigures, WarpInputs};
 
 /// A warped value and how much of it was computed.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,7 +126,7 @@ fn resample<T: Scalar>(
         Some(x) => sided::sample(&source, displacement, voxel, x, order).map_or(background, T::from_f64),
         None => background,
     };
-    let (mut out, count) = if order == Order::Linear && !displacement.is_two_sided() {
+    let (mut out, count) = if order == Order::Linear && !displacement.has_cut() {
         linear_by_bricks(&Rows::new(&source, grid, exec.simd), displacement, exec, value)?
     } else {
         let mut out = voxels.to_vec();

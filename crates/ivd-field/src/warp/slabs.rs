@@ -30,7 +30,7 @@ impl<T: Scalar> Slabs<'_, T> {
         let first = FieldBricks::SIDE * bz;
         let slices = first..(first + FieldBricks::SIDE).min(nz);
         let mut out = self.voxels[nx * ny * slices.start..nx * ny * slices.end].to_vec();
-        if self.order == Order::Linear && !self.displacement.is_two_sided() {
+        if self.order == Order::Linear && !self.displacement.has_cut() {
             let voxels = &self.voxels[nx * ny * slices.start..nx * ny * slices.end];
             let rows = Rows::new(&source, grid, self.simd);
             linear_slab(&rows, self.displacement, bz, voxels, &mut out, &value);

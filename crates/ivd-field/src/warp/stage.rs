@@ -21,7 +21,7 @@ const METHODS: &[Method] = &[method::<WarpParams>("")];
 
 slots! {
     /// What is resampled, and through what.
-    pub struct Moved<'a> { volume: Voxelwise<'a>, displacement: &'a Displacement }
+    pub struct WarpInputs<'a> { volume: Voxelwise<'a>, displacement: &'a Displacement }
 }
 
 /// What a warp comes to.
@@ -43,12 +43,12 @@ fn told<V: Value>(warped: Warped<V>) -> (Artefact, WarpFigures) {
 
 impl Op for WarpParams {
     const REVISION: u32 = 2;
-    type Inputs<'a> = Moved<'a>;
+    type Inputs<'a> = WarpInputs<'a>;
     type Output = Artefact;
     type Figures = WarpFigures;
 
-    fn run(&self, inputs: Moved<'_>, exec: &Exec) -> Result<(Artefact, WarpFigures), Failure> {
-        let Moved { volume: input, displacement } = inputs;
+    fn run(&self, inputs: WarpInputs<'_>, exec: &Exec) -> Result<(Artefact, WarpFigures), Failure> {
+        let WarpInputs { volume: input, displacement } = inputs;
         Ok(match input {
             Voxelwise::Volume(input) => told(volume(input, displacement, self, exec)?),
             Voxelwise::Labels(input) => told(labels(input, displacement, self, exec)?),

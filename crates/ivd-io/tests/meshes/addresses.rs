@@ -4,12 +4,12 @@ use ivd_core::Mesh;
 use ivd_core::{Exec, Grid, Labels, Lattice};
 use ivd_io::mesh::{Format, write_deformed};
 use ivd_lattice::extract::extract_parts;
-use ivd_lattice::foreign::{Addresses, Foreign, ForeignParams, lattice};
+use ivd_lattice::foreign::{Addresses, Foreign, ImportParams, lattice};
 
 use crate::meshes::{file, grids, read, solids};
 
 fn put(mesh: &Mesh, grid: &Grid) -> Foreign {
-    lattice(mesh, grid, &ForeignParams::default(), &Exec::default()).unwrap()
+    lattice(mesh, grid, &ImportParams::default(), &Exec::default()).unwrap()
 }
 
 /// The largest distance between positions, in voxels of the grid.

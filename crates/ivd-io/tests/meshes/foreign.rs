@@ -3,7 +3,7 @@
 use ivd_core::Mesh;
 use ivd_core::{Classified, ErrorClass, Exec, Grid, Lattice, LatticeSource};
 use ivd_lattice::figures::measure;
-use ivd_lattice::foreign::{Foreign, ForeignParams, lattice};
+use ivd_lattice::foreign::{Foreign, ImportParams, lattice};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use nalgebra::Vector3;
 
@@ -14,12 +14,12 @@ fn grid() -> Grid {
 }
 
 fn put(mesh: &Mesh, grid: &Grid) -> Foreign {
-    lattice(mesh, grid, &ForeignParams::default(), &Exec::default()).unwrap()
+    lattice(mesh, grid, &ImportParams::default(), &Exec::default()).unwrap()
 }
 
 /// The message with which a mesh is refused.
 fn refused(mesh: &Mesh) -> String {
-    let error = lattice(mesh, &grid(), &ForeignParams::default(), &Exec::default()).unwrap_err();
+    let error = lattice(mesh, &grid(), &ImportParams::default(), &Exec::default()).unwrap_err();
     assert_eq!(error.error_class(), ErrorClass::Input);
     error.to_string()
 }
@@ -158,7 +158,7 @@ fn the_result_is_the_same_for_any_number_of_threads() {
     let cut = solids::nested();
     let run = |threads| {
         let exec = Exec::default().with_threads(threads);
-        lattice(&solids::mesh(&cut), cut.grid(), &ForeignParams { weld: 1e-4, allow_open: false }, &exec)
+        lattice(&solids::mesh(&cut), cut.grid(), &ImportParams { weld: 1e-4, allow_open: false }, &exec)
             .unwrap()
     };
     assert!(run(1) == run(7));
@@ -188,7 +188,7 @@ fn corners_that_differ_a_little_are_welded_with_a_tolerance_alone() {
         *p += Vector3::from_fn(|a, _| (hash((3 * i + a) as u64) % 100) as f64 * 1e-7);
     }
     assert!(refused(&mesh).contains("open borders"));
-    let params = ForeignParams { weld: 1e-4, allow_open: false };
+    let params = ImportParams { weld: 1e-4, allow_open: false };
     let foreign = lattice(&mesh, &grid(), &params, &Exec::default()).unwrap();
     assert_eq!((foreign.lattice.keys().len(), measure(&foreign.lattice).genus), (6 * 25 + 2, Some(0)));
 }
@@ -203,7 +203,7 @@ fn open_borders_touching_parts_and_one_sided_strips_are_refused_with_their_place
         "{message}"
     );
     assert!(message.contains("allow open"), "{message}");
-    let allowed = ForeignParams { allow_open: true, ..ForeignParams::default() };
+    let allowed = ImportParams { allow_open: true, ..ImportParams::default() };
     let foreign = lattice(&open, &grid(), &allowed, &Exec::default()).unwrap();
     assert_eq!((foreign.boundary_edges, foreign.lattice.triangles().len()), (3, 23));
 
@@ -298,7 +298,7 @@ fn hand_made_meshes_that_make_no_sense_are_refused() {
     mesh.positions[5].y = 1e300;
     assert!(refused(&mesh).contains("vertex 5"));
     for weld in [-1.0, f64::NAN, f64::INFINITY] {
-        let params = ForeignParams { weld, allow_open: false };
+        let params = ImportParams { weld, allow_open: false };
         let error = lattice(&Mesh::default(), &grid(), &params, &Exec::default()).unwrap_err();
         assert_eq!(error.error_class(), ErrorClass::Usage);
     }
@@ -307,10 +307,10 @@ fn hand_made_meshes_that_make_no_sense_are_refused() {
     let exec = Exec::default();
     exec.cancel.cancel();
     let error =
-        lattice(&boxes(&[([1.0; 3], [2.0; 3])]), &grid(), &ForeignParams::default(), &exec).unwrap_err();
+        lattice(&boxes(&[([1.0; 3], [2.0; 3])]), &grid(), &ImportParams::default(), &exec).unwrap_err();
     assert_eq!(error.error_class(), ErrorClass::Cancelled);
     let exec = Exec::default().with_memory_limit(Some(100));
     let error =
-        lattice(&boxes(&[([1.0; 3], [2.0; 3])]), &grid(), &ForeignParams::default(), &exec).unwrap_err();
+        lattice(&boxes(&[([1.0; 3], [2.0; 3])]), &grid(), &ImportParams::default(), &exec).unwrap_err();
     assert_eq!(error.error_class(), ErrorClass::Limit);
 }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use ivd_core::Exec;
 use ivd_io::mesh::Format;
-use ivd_lattice::foreign::{ForeignParams, lattice};
+use ivd_lattice::foreign::{ImportParams, lattice};
 
 use crate::meshes::solids::hash;
 use crate::meshes::{file, grids, read, solids};
@@ -63,7 +63,7 @@ fn thousands_of_damaged_files_give_a_mesh_or_an_error() {
     let mut good: Vec<(Format, Vec<u8>)> = Format::ALL.map(|format| (format, file(format, &cut).0)).into();
     good.extend([(Format::Stl, ascii.to_vec()), (Format::Ply, ply.to_vec()), (Format::Vtp, vtp.to_vec())]);
     let exec = Exec::default().with_threads(1);
-    let params = ForeignParams { allow_open: true, ..ForeignParams::default() };
+    let params = ImportParams { allow_open: true, ..ImportParams::default() };
     let (mut dice, mut whole, mut refused) = (Dice(7), 0, 0);
     for (format, bytes) in &good {
         assert!(read(*format, bytes).is_ok());

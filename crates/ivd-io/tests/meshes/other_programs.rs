@@ -8,7 +8,7 @@ use ivd_core::Mesh;
 use ivd_core::{Exec, Grid};
 use ivd_io::mesh::Format;
 use ivd_lattice::figures::measure;
-use ivd_lattice::foreign::{Foreign, ForeignParams, lattice};
+use ivd_lattice::foreign::{Foreign, ImportParams, lattice};
 
 use crate::meshes::read;
 
@@ -39,7 +39,7 @@ fn lines<T>(items: &[T], line: impl Fn(&T) -> String) -> String {
 /// A cube of 8 mm³ on a grid of 1 mm, closed and outward.
 fn assert_cube(mesh: &Mesh) -> Foreign {
     let grid = Grid::with_spacing([6; 3], [1.0; 3]).unwrap();
-    let foreign = lattice(mesh, &grid, &ForeignParams::default(), &Exec::default()).unwrap();
+    let foreign = lattice(mesh, &grid, &ImportParams::default(), &Exec::default()).unwrap();
     let figures = measure(&foreign.lattice);
     assert!(figures.is_closed_manifold());
     assert_eq!((figures.vertices, figures.triangles, figures.genus), (8, 12, Some(0)));
@@ -326,7 +326,7 @@ fn glb_in_metres_under_nodes_with_strips_and_small_indices() {
     let low = mesh.positions.iter().fold(mesh.positions[0], |low, p| low.inf(p));
     assert!((low - nalgebra::Vector3::repeat(1.0)).norm() < 1e-6, "{low}");
     let grid = Grid::with_spacing([6; 3], [1.0; 3]).unwrap();
-    let foreign = lattice(&mesh, &grid, &ForeignParams::default(), &Exec::default()).unwrap();
+    let foreign = lattice(&mesh, &grid, &ImportParams::default(), &Exec::default()).unwrap();
     let figures = measure(&foreign.lattice);
     assert!(figures.is_closed_manifold() && (figures.volume_mm3 - 8.0).abs() < 1e-5);
     assert_eq!((foreign.flipped, figures.triangles), (0, 12));

@@ -2,7 +2,7 @@
 
 use ivd_core::{Exec, Grid};
 use ivd_lattice::figures::{ASPECT_BINS, measure, quality};
-use ivd_lattice::foreign::{ForeignParams, lattice};
+use ivd_lattice::foreign::{ImportParams, lattice};
 
 use crate::meshes::{grids, solids};
 
@@ -20,7 +20,7 @@ fn an_octahedron_is_equilateral_and_a_tetrahedron_has_its_right_angles() {
     ];
     let faces = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
     let mesh = solids::of(&corners, &faces);
-    let cut = lattice(&mesh, &grid, &ForeignParams::default(), &Exec::default()).unwrap().lattice;
+    let cut = lattice(&mesh, &grid, &ImportParams::default(), &Exec::default()).unwrap().lattice;
     let q = quality(&cut);
     let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6, "{a} instead of {b}");
     for value in [q.aspect.min, q.aspect.mean, q.aspect.max] {
@@ -40,7 +40,7 @@ fn an_octahedron_is_equilateral_and_a_tetrahedron_has_its_right_angles() {
         &[[1.0, 1.0, 1.0], [4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]],
         &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
     );
-    let cut = lattice(&mesh, &grid, &ForeignParams::default(), &Exec::default()).unwrap().lattice;
+    let cut = lattice(&mesh, &grid, &ImportParams::default(), &Exec::default()).unwrap().lattice;
     let q = quality(&cut);
     // A right triangle with equal legs a: inradius a (2 − √2) / 2.
     near(q.aspect.max, 2.0_f64.sqrt() / (3.0_f64.sqrt() * (2.0 - 2.0_f64.sqrt())));

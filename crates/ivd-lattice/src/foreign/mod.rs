@@ -39,7 +39,7 @@ use crate::figures::stars::Stars;
 /// How a mesh is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct ForeignParams {
+pub struct ImportParams {
     /// Vertices no further apart than this are one (mm); at 0 those at exactly one place. Files without shared vertices
     /// (STL) need no more if their writer rounded all corners alike.
     pub weld: f64,
@@ -48,7 +48,7 @@ pub struct ForeignParams {
     pub allow_open: bool,
 }
 
-impl ForeignParams {
+impl ImportParams {
     /// Checks that the tolerance is a length.
     ///
     /// # Errors
@@ -76,8 +76,8 @@ pub enum Addresses {
 
 /// A lattice made of a mesh, and what had to be done to it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Foreign {
-    /// The lattice, of the source [`ivd_core::LatticeSource::Foreign`].
+pub struct ImportedMesh {
+    /// The lattice, of the source [`ivd_core::LatticeSource::ImportedMesh`].
     pub lattice: Lattice,
     /// Whether the mesh's own addresses were taken.
     pub addresses: Addresses,
@@ -119,7 +119,7 @@ pub struct Foreign {
 /// [`ivd_core::Error::Param`] for a bad tolerance, [`Error::Unfit`] for indices out of range, positions that aren't finite or lie outside
 /// the padded grid, a mesh that isn't closed, and a voxel with more than 8 vertices; [`ivd_core::Error::MemoryLimit`],
 /// [`ivd_core::Error::Cancelled`].
-pub fn lattice(mesh: &Mesh, grid: &Grid, params: &ForeignParams, exec: &Exec) -> Result<Foreign, Error> {
+pub fn lattice(mesh: &Mesh, grid: &Grid, params: &ImportParams, exec: &Exec) -> Result<ImportedMesh, Error> {
     params.check()?;
     check(mesh)?;
     let bytes = 128 * mesh.positions.len() as u64 + 128 * mesh.triangles.len() as u64;
@@ -159,7 +159,7 @@ fn check(mesh: &Mesh) -> Result<(), Error> {
     Ok(())
 }
 
-fn build(mesh: &Mesh, grid: &Grid, params: &ForeignParams, exec: &Exec) -> Result<Foreign, Error> {
+fn build(mesh: &Mesh, grid: &Grid, params: &ImportParams, exec: &Exec) -> Result<ImportedMesh, Error> {
     address::check_inside(mesh, grid)?;
     let own = address::kept(mesh, grid);
     let addresses = match (&mesh.addresses, &own) {
@@ -193,7 +193,7 @@ fn build(mesh: &Mesh, grid: &Grid, params: &ForeignParams, exec: &Exec) -> Resul
     };
     let unused = mesh.positions.len() as u64 - welded - kept.len() as u64;
     let (lattice, moved_mm) = assemble(mesh, grid, &kept, &addressed, &cleaned.triangles)?;
-    Ok(Foreign {
+    Ok(ImportedMesh {
         lattice,
         addresses,
         vertices_in: mesh.positions.len() as u64,

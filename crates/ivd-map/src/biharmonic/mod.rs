@@ -20,7 +20,7 @@
 //!   and a part of the stretch, which doesn't shrink space as a mean of places would. `Motion::reach` alone decides where:
 //!   a lattice that leaves its balls is followed there as far as the window lets it.
 //!
-//! Inner points of rigid parts ([`Motion::inner`]) count as vertices do: a bone's voxels go with its surface.
+//! InteriorPoints points of rigid parts ([`Motion::inner`]) count as vertices do: a bone's voxels go with its surface.
 //!
 //! # No folds
 //!
@@ -57,7 +57,7 @@ use std::ops::Deref;
 
 use ivd_core::Error as CoreError;
 use ivd_core::op::Op as _;
-use ivd_core::{Exec, FieldBricks, Frame, Inner, Lattice, Mask, Motion};
+use ivd_core::{Exec, FieldBricks, Frame, InteriorPoints, Lattice, Mask, Motion};
 use ivd_field::certificate::{Certificate, Detail, certify_bricks, touched};
 use ivd_field::sampler::{Sampler, brick_at, brick_voxels};
 use nalgebra::Vector3;
@@ -68,7 +68,7 @@ use super::outcome::{Solved, misfit as misfit_of};
 use super::region::{Region, largest};
 use super::relax::relax;
 use super::settle::Settle;
-use super::{BiharmonicParams, MapResult, Moved, Outside};
+use super::{BiharmonicParams, MapResult, MapUpdate, Outside};
 use crate::Error;
 use matrix::Triple;
 use nodes::Cells;
@@ -167,7 +167,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         frame: usize,
         params: &BiharmonicParams,
         exec: &Exec,
-    ) -> Result<Moved, Error> {
+    ) -> Result<MapUpdate, Error> {
         if let Some(last) = &mut self.last {
             last.nodes.fill(Triple::default());
         }
@@ -236,7 +236,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     }
 
     /// Takes in the inner points of a motion; where they are others than the last one's, the equations are others, too.
-    fn take_inner(&mut self, inner: &Inner) {
+    fn take_inner(&mut self, inner: &InteriorPoints) {
         let known = self.lattice.keys().len();
         let same = inner.places.len() == self.voxels.len() - known
             && inner.places.iter().zip(&self.voxels[known..]).all(|(a, b)| *a == <[f64; 3]>::from(*b));

@@ -258,7 +258,7 @@ fn check_start(grid: &Grid, steps: &[Step], start: &Start<'_>) -> Result<(), Cor
                 "start from one on the volume's grid",
             );
         }
-        if after.is_two_sided() || !after.vacated().is_empty() {
+        if after.has_cut() || !after.vacated().is_empty() {
             let problem =
                 "it has a cut, or a part that moved alone, and nothing goes on across that".to_owned();
             let remedy = "let the cut be the last displacement, or warp first";

@@ -221,7 +221,7 @@ fn a_cut_opens_between_its_sides_and_nowhere_else() {
     let cut = Cut { normal: [1.0, 2.0, 3.0], ..cut(&grid) };
     let made = made(&grid, &[Step::Cut(cut)]);
     let d = &made.displacement;
-    assert!(d.is_two_sided() && made.figures.min_det_j > 0.0, "{made:?}");
+    assert!(d.has_cut() && made.figures.min_det_j > 0.0, "{made:?}");
     let normal = Vector3::from(cut.normal).normalize();
     let side = |p: Vector3<f64>| if cut.height(p) >= -1e-3 { Side::Above } else { Side::Below };
     let mut vacated = 0.0;

@@ -2,7 +2,7 @@ use ivd_core::ParamError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::rigid::{Drive, Part, Region, Turn};
+use crate::rigid::{Drive, Part, Region, RigidTransform};
 
 /// A bone, which moves as one. It holds the vertices within a region (a ball, a capsule or a box), those beside voxels of a class,
 /// or those of both.
@@ -123,9 +123,9 @@ impl Bone {
             let problem = "pivot = [x, y, z] (mm) is missing";
             return Err(ParamError::new("angle", problem, "give the point that it turns about"));
         }
-        Ok(Drive::Given(Turn {
-            pivot: self.pivot.unwrap_or(Turn::NONE.pivot),
-            axis: self.axis.unwrap_or(Turn::NONE.axis),
+        Ok(Drive::Prescribed(RigidTransform {
+            pivot: self.pivot.unwrap_or(RigidTransform::NONE.pivot),
+            axis: self.axis.unwrap_or(RigidTransform::NONE.axis),
             angle: self.angle.unwrap_or(0.0),
             by: self.by.unwrap_or([0.0; 3]),
         }))
@@ -168,7 +168,10 @@ mod tests {
         let ball = part(&json!({ "centre": [1, 2, 3], "radius": 4, "move": [0, 0, 1] })).unwrap();
         assert_eq!((ball.name.as_str(), ball.reach), ("2", 9.0));
         assert_eq!(ball.region, Some(Region::Ball { centre: [1.0, 2.0, 3.0], radius: 4.0 }));
-        assert_eq!(ball.drive, Drive::Given(Turn { by: [0.0, 0.0, 1.0], ..Turn::NONE }));
+        assert_eq!(
+            ball.drive,
+            Drive::Prescribed(RigidTransform { by: [0.0, 0.0, 1.0], ..RigidTransform::NONE })
+        );
         let capsule = part(&json!({
             "name": "a", "parent": "b", "from": [0, 0, 0], "to": [0, 0, 5], "radius": 2, "class": 4,
             "pivot": [0, 0, 0], "axis": [1, 0, 0], "angle": 400,
@@ -180,7 +183,11 @@ mod tests {
         let fitted =
             part(&json!({ "low": [0, 0, 0], "high": [1, 1, 1], "fit": true, "pivot": [0, 0, 1] })).unwrap();
         assert_eq!(fitted.drive, Drive::Fitted { pivot: Some([0.0, 0.0, 1.0]) });
-        assert_eq!(part(&json!({ "class": 3 })).unwrap().drive, Drive::Given(Turn::NONE), "it stays");
+        assert_eq!(
+            part(&json!({ "class": 3 })).unwrap().drive,
+            Drive::Prescribed(RigidTransform::NONE),
+            "it stays"
+        );
     }
 
     #[test]

@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::freeform::Shaped;
 use crate::mass_spring;
-use crate::rigid::Moved;
+use crate::rigid::BoneMotion;
 use crate::ring;
 
 /// What a deformation comes to.
@@ -123,8 +123,8 @@ impl From<&mass_spring::Solved> for Figures {
     }
 }
 
-impl From<&Moved> for BoneFigures {
-    fn from(bone: &Moved) -> Self {
+impl From<&BoneMotion> for BoneFigures {
+    fn from(bone: &BoneMotion) -> Self {
         Self {
             name: bone.name.clone(),
             vertices: bone.vertices,

@@ -2,7 +2,7 @@ use ivd_core::ParamError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::handles::{self, Action, HandleAt};
+use crate::handles::{self, Action, Anchor};
 
 /// A vertex that is moved or pulled: `pick` or `vertex`, `move` or `force`, and how far round it the lattice follows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,7 +32,7 @@ pub struct Handle {
 /// Vertices within a ball that stay where they are.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Fix {
+pub struct Pin {
     /// Centre, RAS; the nearest vertex is taken.
     #[schemars(extend("x-unit" = "mm"))]
     pub pick: [f64; 3],
@@ -53,8 +53,8 @@ impl Handle {
             ParamError::at_itself(problem, "give one of them")
         };
         let at = match (self.pick, self.vertex) {
-            (Some(point), None) => HandleAt::Pick(point),
-            (None, Some(vertex)) => HandleAt::Vertex(vertex),
+            (Some(point), None) => Anchor::NearestTo(point),
+            (None, Some(vertex)) => Anchor::Vertex(vertex),
             (pick, _) => return Err(one("pick = [x, y, z] (mm) and vertex = N", pick.is_some())),
         };
         let action = match (self.by, self.force) {
@@ -68,9 +68,9 @@ impl Handle {
     }
 }
 
-impl Fix {
+impl Pin {
     /// The fixed place as solvers take it.
-    pub fn read(&self) -> handles::Fix {
-        handles::Fix { at: HandleAt::Pick(self.pick), radius: self.radius }
+    pub fn read(&self) -> handles::Pin {
+        handles::Pin { at: Anchor::NearestTo(self.pick), radius: self.radius }
     }
 }

@@ -13,6 +13,6 @@ mod stage;
 pub use asked::Asked;
 pub use bone::Bone;
 pub use figures::{BoneFigures, Figures, SpringFigures};
-pub use handle::{Fix, Handle};
+pub use handle::{Handle, Pin};
 pub use params::{Body, DynamicsMethod, Moves, ProjectiveMethod, RingMethod, XpbdMethod};
 pub use stage::{Inputs, RingInputs, STAGE};

@@ -10,7 +10,7 @@ use crate::rigid::Part;
 use crate::ring::RingParams;
 
 use super::bone::Bone;
-use super::handle::{Fix, Handle};
+use super::handle::{Handle, Pin};
 
 /// What moves a lattice and what holds it, whichever way it follows.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -19,7 +19,7 @@ pub struct Moves {
     /// Vertices that are moved or pulled, and how far round them the lattice follows.
     pub handle: Vec<Handle>,
     /// Vertices that stay where they are.
-    pub fix: Vec<Fix>,
+    pub fix: Vec<Pin>,
     /// Changes of shape, each after what the solver does with the handles and the shapes before it.
     pub shape: Vec<Shape>,
 }
@@ -135,8 +135,8 @@ impl Moves {
     }
 
     /// The fixed places as solvers take them.
-    pub fn fixed(&self) -> Vec<handles::Fix> {
-        self.fix.iter().map(Fix::read).collect()
+    pub fn fixed(&self) -> Vec<handles::Pin> {
+        self.fix.iter().map(Pin::read).collect()
     }
 
     /// What the schema of a single field can't say.

@@ -10,7 +10,7 @@
 #[cfg(test)]
 mod tests;
 
-use ivd_core::{Ball, Exec, Frame, Inner, Lattice, Motion};
+use ivd_core::{Ball, Exec, Frame, InteriorPoints, Lattice, Motion};
 use ivd_field::shape::Shape;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -66,7 +66,8 @@ pub fn lattice(
         }
         let balls = shapes.iter().map(|shape| Ball { centre: shape.centre, radius: shape.radius });
         let reach = start.map_or(&[][..], |start| start.reach()).iter().copied().chain(balls).collect();
-        let inner = start.map_or_else(Inner::default, |start| inner(lattice, start.inner(), origin, shapes));
+        let inner =
+            start.map_or_else(InteriorPoints::default, |start| inner(lattice, start.inner(), origin, shapes));
         let motion = Motion::new(lattice.grid().clone(), rest.len(), shaped)
             .and_then(|motion| motion.with_reach(reach)?.with_inner(inner))
             .map_err(|beyond| Error::Untrusted {
@@ -83,8 +84,13 @@ pub fn lattice(
     })
 }
 
-/// Inner points go where the vertices round them go.
-fn inner(lattice: &Lattice, start: &Inner, origin: Vector3<f64>, shapes: &[Shape]) -> Inner {
+/// InteriorPoints points go where the vertices round them go.
+fn inner(
+    lattice: &Lattice,
+    start: &InteriorPoints,
+    origin: Vector3<f64>,
+    shapes: &[Shape],
+) -> InteriorPoints {
     let linear = lattice.grid().linear_part();
     let frames = start.frames.iter().enumerate().map(|(i, frame)| {
         let amount = (i + 1) as f64 / start.frames.len() as f64;
@@ -93,7 +99,7 @@ fn inner(lattice: &Lattice, start: &Inner, origin: Vector3<f64>, shapes: &[Shape
         };
         start.places.iter().zip(&frame[..]).map(of).collect()
     });
-    Inner { places: start.places.clone(), frames: frames.collect() }
+    InteriorPoints { places: start.places.clone(), frames: frames.collect() }
 }
 
 /// The displacement of a point that was displaced before, after all shapes (mm). What no shape reaches keeps it bit for bit.

@@ -48,12 +48,12 @@ mod xpbd;
 
 use std::ops::Deref;
 
-use ivd_core::{Ball, Exec, Frame, Inner, Labels, Lattice, Motion};
+use ivd_core::{Ball, Exec, Frame, InteriorPoints, Labels, Lattice, Motion};
 use nalgebra::Vector3;
 
 use crate::Error;
-use crate::handles::{Action, Fix, Handle, check_pull, find_targets, resolve};
-use crate::rigid::{Moved, Part, Skeleton};
+use crate::handles::{Action, Handle, Pin, check_pull, find_targets, resolve};
+use crate::rigid::{BoneMotion, Part, Skeleton};
 use body::{Body, Region};
 use drives::{Drives, MILLINEWTON};
 use outcome::{Balance, Outcome};
@@ -75,7 +75,7 @@ pub struct Solved {
     /// Vertices that may move.
     pub vertices_loose: usize,
     /// What bones have done, as they were declared.
-    pub bones: Vec<Moved>,
+    pub bones: Vec<BoneMotion>,
     /// Springs with such an end.
     pub springs: usize,
     /// Time steps made; frames, where time doesn't pass.
@@ -117,7 +117,7 @@ pub fn solve(
     lattice: &Lattice,
     labels: Option<&Labels>,
     handles: &[Handle],
-    fixed: &[Fix],
+    fixed: &[Pin],
     params: &Params,
     exec: &Exec,
 ) -> Result<Solved, Error> {
@@ -135,7 +135,7 @@ pub fn with_bones(
     lattice: &Lattice,
     labels: Option<&Labels>,
     handles: &[Handle],
-    fixed: &[Fix],
+    fixed: &[Pin],
     bones: &[Part],
     params: &Params,
     exec: &Exec,
@@ -165,7 +165,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         lattice: L,
         labels: Option<&Labels>,
         handles: &[Handle],
-        fixed: &[Fix],
+        fixed: &[Pin],
         params: &Params,
         exec: &Exec,
     ) -> Result<Self, Error> {
@@ -180,7 +180,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         lattice: L,
         labels: Option<&Labels>,
         handles: &[Handle],
-        fixed: &[Fix],
+        fixed: &[Pin],
         bones: &[Part],
         params: &Params,
         exec: &Exec,
@@ -306,7 +306,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
     }
 
     /// What the bones have done, with the force that holds each.
-    fn bones(&self, displacement: &[[f64; 3]], reached: f64, balance: &Balance) -> Vec<Moved> {
+    fn bones(&self, displacement: &[[f64; 3]], reached: f64, balance: &Balance) -> Vec<BoneMotion> {
         let mut bones = self.skeleton.moved(&self.rest, reached, displacement);
         for (&v, force) in self.body.carried.iter().zip(&balance.bones) {
             let vertex = self.body.vertices[v] as usize;
@@ -337,7 +337,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         let reached = |frame: &Frame| self.params.springs.reached(frame.time);
         let told = frames.iter().filter(|_| !places.is_empty());
         let inner = told.map(|frame| self.skeleton.inner_displacement(&linear, reached(frame)).into());
-        let inner = Inner { frames: inner.collect(), places: places.into() };
+        let inner = InteriorPoints { frames: inner.collect(), places: places.into() };
         let ball =
             |(&t, h): (&usize, &Handle)| Ball { centre: self.lattice.world(t).0.into(), radius: h.radius };
         let reach = targets.iter().zip(handles).map(ball).chain(self.skeleton.reach()).collect();
@@ -384,7 +384,7 @@ fn aimed(handles: &[Handle], targets: &[usize]) -> Vec<(Handle, usize)> {
 }
 
 /// For every vertex, whether it is fixed.
-fn still(lattice: &Lattice, rest: &[Vector3<f64>], fixed: &[Fix]) -> Result<Vec<bool>, Error> {
+fn still(lattice: &Lattice, rest: &[Vector3<f64>], fixed: &[Pin]) -> Result<Vec<bool>, Error> {
     let mut still = vec![false; rest.len()];
     for fix in fixed {
         let middle = resolve("fixed vertex", &fix.at, lattice, rest)?;

@@ -1,7 +1,7 @@
 //! Rigid parts: bones in soft tissue (thesis, 6.4).
 //!
 //! A [`Part`] holds vertices of a lattice, by their place ([`Region`]), by the class of the voxels beside them, or both, and
-//! moves them by one rigid motion. The motion is given ([`Turn`]) or fitted to the handles that lie on the bone. A bone with a
+//! moves them by one rigid motion. The motion is given ([`RigidTransform`]) or fitted to the handles that lie on the bone. A bone with a
 //! parent goes with it and turns about their joint: the motions of both agree there, exactly. [`Skeleton`] says which bone
 //! holds which vertex and where each bone is at any part of the way.
 //!
@@ -19,7 +19,7 @@
 //!     parent: None,
 //!     region: Some(Region::Box { low: [0.0, 0.0, 40.0], high: [64.0, 64.0, 48.0] }),
 //!     class: Some(4),
-//!     drive: Drive::Given(Turn { pivot: [32.0, 28.0, 38.0], axis: [1.0, 0.0, 0.0], angle: -6.0, by: [0.0; 3] }),
+//!     drive: Drive::Prescribed(Turn { pivot: [32.0, 28.0, 38.0], axis: [1.0, 0.0, 0.0], angle: -6.0, by: [0.0; 3] }),
 //!     reach: 30.0,
 //! };
 //! vertebra.check()?;
@@ -37,5 +37,5 @@ mod turn;
 
 pub use part::{Drive, Part, Region};
 pub(crate) use skeleton::Rig;
-pub use skeleton::{Bone, Moved, Skeleton};
-pub use turn::Turn;
+pub use skeleton::{Bone, BoneMotion, Skeleton};
+pub use turn::RigidTransform;

@@ -2,7 +2,7 @@ use ivd_core::ParamError;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::Turn;
+use super::RigidTransform;
 
 /// A part of space, its border included.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -85,7 +85,7 @@ impl Region {
 #[serde(rename_all = "snake_case")]
 pub enum Drive {
     /// A motion that is given: after its parent's, where it has one.
-    Given(Turn),
+    Prescribed(RigidTransform),
     /// The motion that brings the handles on the bone nearest to where they go.
     Fitted {
         /// Point (mm, RAS) that the bone turns about; of a bone with a parent their joint. Without it the bone is free, and
@@ -125,7 +125,7 @@ impl Part {
             return Err(ParamError::new("reach", problem, "use a length of at least 0"));
         }
         match &self.drive {
-            Drive::Given(turn) => {
+            Drive::Prescribed(turn) => {
                 turn.check()?;
                 if self.parent.is_some() && turn.by != [0.0; 3] {
                     let problem = format!("{:?} mm takes bone {} off its joint", turn.by, self.name);

@@ -7,7 +7,7 @@ use super::fit::{self, Unsure};
 use super::holders::{Holders, holders};
 use super::inner;
 use super::turn::Pose;
-use super::{Drive, Part, Turn};
+use super::{Drive, Part, RigidTransform};
 use crate::Error;
 use crate::handles::{Action, Handle};
 
@@ -21,7 +21,7 @@ pub struct Bone {
     /// Vertices that it holds, ascending.
     pub vertices: Vec<u32>,
     /// Its motion after its parent's; pivot relative to the grid's origin.
-    turn: Turn,
+    turn: RigidTransform,
     /// Whether it can move at all.
     moves: bool,
     /// Voxels within it that a map is told of (voxel coordinates).
@@ -34,7 +34,7 @@ pub struct Bone {
 
 /// What a bone's motion is as a whole.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Moved {
+pub struct BoneMotion {
     /// Its name.
     pub name: String,
     /// Vertices that it holds.
@@ -69,7 +69,7 @@ pub struct Skeleton {
 /// The bones' motions, without what they hold.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Rig {
-    turns: Vec<Turn>,
+    turns: Vec<RigidTransform>,
     parents: Vec<Option<usize>>,
 }
 
@@ -171,7 +171,7 @@ impl Skeleton {
                 name: part.name.clone(),
                 parent: parents[b],
                 vertices,
-                turn: Turn::NONE,
+                turn: RigidTransform::NONE,
                 moves: false,
                 inner: inner::voxels(lattice, labels, part),
                 ball: (centre, radius + part.reach),
@@ -290,12 +290,12 @@ impl Skeleton {
     /// What the bones have done after a part of the way.
     ///
     /// - `displacement`: of every vertex then (mm), for the strain that is left in it.
-    pub(crate) fn moved(&self, rest: &[Vector3<f64>], s: f64, displacement: &[[f64; 3]]) -> Vec<Moved> {
+    pub(crate) fn moved(&self, rest: &[Vector3<f64>], s: f64, displacement: &[[f64; 3]]) -> Vec<BoneMotion> {
         let poses = self.poses(s);
         let of = |(b, bone): (usize, &Bone)| {
             let turn = UnitQuaternion::from_rotation_matrix(&poses.rotation(b));
             let (centre, _) = ball(bone.vertices.iter().map(|&v| rest[v as usize]));
-            Moved {
+            BoneMotion {
                 name: bone.name.clone(),
                 vertices: bone.vertices.len(),
                 axis: turn.axis().map_or([0.0, 0.0, 1.0], |axis| axis.into_inner().into()),
@@ -313,10 +313,14 @@ impl Skeleton {
     /// The turn of a bone, and what a fit leaves (mm).
     ///
     /// - `own`: its handles, where they are and where they go (mm).
-    fn turn_of(&self, b: usize, own: &[(Vector3<f64>, Vector3<f64>)]) -> Result<(Turn, Option<f64>), Error> {
+    fn turn_of(
+        &self,
+        b: usize,
+        own: &[(Vector3<f64>, Vector3<f64>)],
+    ) -> Result<(RigidTransform, Option<f64>), Error> {
         let part = &self.parts[b];
         let pivot = match part.drive {
-            Drive::Given(turn) => return Ok((turn.relative_to(self.origin), None)),
+            Drive::Prescribed(turn) => return Ok((turn.relative_to(self.origin), None)),
             Drive::Fitted { pivot } => pivot.map(|pivot| Vector3::from(pivot) - self.origin),
         };
         if own.is_empty() {
@@ -340,8 +344,9 @@ impl Skeleton {
         let arms: Vec<_> = before.iter().map(|(x, y)| (x - from, y - to)).collect();
         let turn = fit::turn(&arms).map_err(|unsure| open(unsure, &part.name))?;
         let angle = turn.norm();
-        let axis = if angle > 0.0 { (turn / angle).into() } else { Turn::NONE.axis };
-        let turn = Turn { pivot: from.into(), axis, angle: angle.to_degrees(), by: (to - from).into() };
+        let axis = if angle > 0.0 { (turn / angle).into() } else { RigidTransform::NONE.axis };
+        let turn =
+            RigidTransform { pivot: from.into(), axis, angle: angle.to_degrees(), by: (to - from).into() };
         let pose = turn.after(1.0);
         let left = before.iter().map(|(x, y)| (x + pose.displacement(*x) - y).norm_squared()).sum::<f64>();
         Ok((turn, Some((left / n).sqrt())))
@@ -434,7 +439,7 @@ fn targets(
                 let problem = format!("handle {h} pulls bone {name}, which no force moves");
                 return mismatch(problem, "move it there, or pick soft tissue");
             }
-            (Action::Move(_), Drive::Given(_)) => {
+            (Action::Move(_), Drive::Prescribed(_)) => {
                 let problem = format!("handle {h} moves bone {name}, whose motion is given");
                 return mismatch(problem, "let the bone be fitted (fit = true), or pick soft tissue");
             }

@@ -8,7 +8,7 @@ use nalgebra::{Rotation3, Unit, UnitQuaternion, Vector3};
 use super::fit::{self, Unsure};
 use super::*;
 use crate::Error;
-use crate::handles::{Action, Fix, Handle, HandleAt};
+use crate::handles::{Action, Anchor, Handle, Pin};
 use crate::mass_spring::{Closeness, Params, Prepared, Solved, Solver, Springs, solve, with_bones};
 
 /// Numbers in −1…1 without a pattern.
@@ -103,7 +103,7 @@ fn left_over(arms: &[(Vector3<f64>, Vector3<f64>)]) -> f64 {
 fn every_part_of_a_turn_is_a_true_rotation_and_whole_turns_leave_nothing() {
     let axis = Unit::new_normalize(Vector3::new(0.2, -0.5, 0.7));
     for angle in [-360.0, 3.0, 90.0, 180.0, 270.0, 720.0, 1e4] {
-        let turn = Turn {
+        let turn = RigidTransform {
             pivot: [4.0, 5.0, 6.0],
             axis: (axis.into_inner() * 3.0).into(),
             angle,
@@ -121,7 +121,8 @@ fn every_part_of_a_turn_is_a_true_rotation_and_whole_turns_leave_nothing() {
             assert_eq!(pose.displacement(turn.pivot.into()), Vector3::from(turn.by) * part, "the pivot");
         }
     }
-    let whole = Turn { pivot: [0.1, 0.2, 0.3], axis: [1.0, 2.0, 3.0], angle: 720.0, by: [0.0; 3] }.after(1.0);
+    let whole = RigidTransform { pivot: [0.1, 0.2, 0.3], axis: [1.0, 2.0, 3.0], angle: 720.0, by: [0.0; 3] }
+        .after(1.0);
     assert!(vectors(9, 1).iter().all(|p| whole.displacement(*p) == Vector3::zeros()));
 }
 
@@ -155,7 +156,7 @@ fn bone(name: &str, region: Region, drive: Drive) -> Part {
 fn turned(lattice: &Lattice, pivot: [f64; 3], angle: f64) -> Drive {
     let origin = Vector3::from(lattice.grid().origin());
     let pivot = (origin + Vector3::from(pivot)).into();
-    Drive::Given(Turn { pivot, axis: [1.0, 0.3, 0.0], angle, by: [0.0; 3] })
+    Drive::Prescribed(RigidTransform { pivot, axis: [1.0, 0.3, 0.0], angle, by: [0.0; 3] })
 }
 
 fn run(lattice: &Lattice, handles: &[Handle], bones: &[Part], params: &Params) -> Result<Solved, Error> {
@@ -195,7 +196,7 @@ fn chain(lattice: &Lattice, angles: [f64; 2]) -> Vec<Part> {
     };
     let joint = |z: f64| if up > 0.0 { [7.5, 7.5, z] } else { [6.5, 10.0, -z] };
     let mut bones = vec![
-        bone("low", at(0.0, 8.0), Drive::Given(Turn::NONE)),
+        bone("low", at(0.0, 8.0), Drive::Prescribed(RigidTransform::NONE)),
         bone("middle", at(12.0, 18.0), turned(lattice, joint(10.0), angles[0])),
         bone("high", at(22.0, 30.0), turned(lattice, joint(20.0), angles[1])),
     ];
@@ -244,7 +245,7 @@ fn bones_stay_rigid_in_every_frame_of_every_solver_and_joints_stay_together() {
         }
         // The joint's image under both motions, to the bit, at any part of the way.
         for (child, joint) in [(1, bones[1].clone()), (2, bones[2].clone())] {
-            let Drive::Given(turn) = joint.drive else { unreachable!() };
+            let Drive::Prescribed(turn) = joint.drive else { unreachable!() };
             for s in [0.0, 0.1, 0.5, 0.77, 1.0] {
                 let pivot = Vector3::from(turn.pivot);
                 let [of_child, of_parent] = [child, child - 1].map(|b| skeleton.displacement(b, pivot, s));
@@ -257,7 +258,7 @@ fn bones_stay_rigid_in_every_frame_of_every_solver_and_joints_stay_together() {
 #[test]
 fn soft_tissue_between_bones_follows_and_balances_and_action_is_reaction() {
     let lattice = rod(false);
-    let push = |by| Drive::Given(Turn { by, ..Turn::NONE });
+    let push = |by| Drive::Prescribed(RigidTransform { by, ..RigidTransform::NONE });
     let bones = [
         bone("low", slab(&lattice, 0.0, 8.0), push([0.0; 3])),
         bone("high", slab(&lattice, 22.0, 32.0), push([0.0, 0.0, 2.0])),
@@ -330,15 +331,15 @@ fn no_motion_is_no_motion_to_the_bit_and_a_still_bone_is_a_fixed_one() {
         assert_eq!((solved.vertices_moved, solved.residual, solved.motion.reach().len()), (0, 0.0, 0));
         // A handle between a bone that stays and one.
         let handle = Handle {
-            at: HandleAt::Pick([11.5, 7.5, 20.0]),
+            at: Anchor::NearestTo([11.5, 7.5, 20.0]),
             action: Action::Move([1.0, 0.5, 0.0]),
             radius: 30.0,
         };
         let one = &still[..1];
         let with_bone = run(&lattice, &[handle], one, &params).unwrap();
         let held = Skeleton::new(&lattice, None, one, &[], &vec![false; lattice.keys().len()]).unwrap();
-        let fixed: Vec<Fix> =
-            held.bones()[0].vertices.iter().map(|&v| Fix { at: HandleAt::Vertex(v), radius: 0.0 }).collect();
+        let fixed: Vec<Pin> =
+            held.bones()[0].vertices.iter().map(|&v| Pin { at: Anchor::Vertex(v), radius: 0.0 }).collect();
         let with_fix = solve(&lattice, None, &[handle], &fixed, &params, &Exec::default()).unwrap();
         assert_eq!(with_bone.motion, with_fix.motion, "{solver:?}");
         assert_eq!(with_bone.residual, with_fix.residual);
@@ -349,7 +350,7 @@ fn no_motion_is_no_motion_to_the_bit_and_a_still_bone_is_a_fixed_one() {
 fn handles(lattice: &Lattice, vertices: &[u32], to: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vec<Handle> {
     let handle = |&v: &u32| {
         let at = lattice.world(v as usize).0;
-        Handle { at: HandleAt::Vertex(v), action: Action::Move((to(at) - at).into()), radius: 5.0 }
+        Handle { at: Anchor::Vertex(v), action: Action::Move((to(at) - at).into()), radius: 5.0 }
     };
     vertices.iter().map(handle).collect()
 }
@@ -410,7 +411,7 @@ fn fitted_bones_go_where_their_handles_go_and_a_fitted_child_keeps_its_joint() {
 fn bones_that_contradict_are_refused_by_name() {
     let lattice = rod(false);
     let good = chain(&lattice, [5.0, 5.0]);
-    let refused = |handles: &[Handle], fixed: &[Fix], bones: &[Part], words: &[&str]| {
+    let refused = |handles: &[Handle], fixed: &[Pin], bones: &[Part], words: &[&str]| {
         let all = with_bones(&lattice, None, handles, fixed, bones, &statics(), &Exec::default());
         let error = all.unwrap_err().to_string();
         for word in words {
@@ -432,7 +433,7 @@ fn bones_that_contradict_are_refused_by_name() {
     refused(&[], &[], &with(0, &|p| p.parent = Some("high".into())), &["carried by itself"]);
     refused(&[], &[], &with(1, &|p| p.class = Some(3)), &["no labels", "class 3", "middle"]);
     refused(&[], &[], &with(1, &|p| p.region = None), &["middle", "region"]);
-    let off_joint = Drive::Given(Turn { by: [1.0, 0.0, 0.0], ..Turn::NONE });
+    let off_joint = Drive::Prescribed(RigidTransform { by: [1.0, 0.0, 0.0], ..RigidTransform::NONE });
     refused(&[], &[], &with(1, &|p| p.drive = off_joint), &["joint"]);
     let fitted = with(2, &|p| p.drive = Drive::Fitted { pivot: Some([7.5, 7.5, 20.0]) });
     refused(&[], &[], &fitted, &["high", "no handle lies on it"]);
@@ -443,10 +444,10 @@ fn bones_that_contradict_are_refused_by_name() {
     refused(&push, &[], &good, &["high", "given"]);
     let pull = [Handle { action: Action::Force([1.0, 0.0, 0.0]), ..push[0] }];
     refused(&pull, &[], &fitted, &["high", "force"]);
-    let pin = [Fix { at: HandleAt::Vertex(mine[0]), radius: 0.0 }];
+    let pin = [Pin { at: Anchor::Vertex(mine[0]), radius: 0.0 }];
     refused(&[], &pin, &good, &["fixed", "high"]);
     // What stays may be fixed as well.
-    let low = [Fix { at: HandleAt::Vertex(held.bones()[0].vertices[0]), radius: 0.0 }];
+    let low = [Pin { at: Anchor::Vertex(held.bones()[0].vertices[0]), radius: 0.0 }];
     with_bones(&lattice, None, &[], &low, &good, &statics(), &Exec::default()).unwrap();
     // Two handles turned round their line.
     let far = |p: Vector3<f64>| Vector3::new(7.5, 7.5, 26.0) * 2.0 - p;
@@ -469,7 +470,7 @@ fn a_class_holds_the_vertices_beside_its_voxels_and_a_region_narrows_it() {
     let labels = Labels::new(grid.clone(), ids.into(), Vec::new()).unwrap();
     let rest = lattice.local_positions();
     let of = |region: Option<Region>| {
-        let mut part = bone("b", slab(&lattice, 0.0, 1.0), Drive::Given(Turn::NONE));
+        let mut part = bone("b", slab(&lattice, 0.0, 1.0), Drive::Prescribed(RigidTransform::NONE));
         (part.region, part.class) = (region, Some(4));
         Skeleton::at_rest(&lattice, Some(&labels), &rest, &[part])
     };
@@ -485,7 +486,7 @@ fn a_class_holds_the_vertices_beside_its_voxels_and_a_region_narrows_it() {
     let between = of(Some(slab(&lattice, 13.0, 18.0))).unwrap_err().to_string();
     assert!(between.contains("class 4") && between.contains("within its region"), "{between}");
     let other = Labels::new(Grid::with_spacing([2; 3], [1.0; 3]).unwrap(), vec![4; 8].into(), Vec::new());
-    let mut part = bone("b", slab(&lattice, 0.0, 1.0), Drive::Given(Turn::NONE));
+    let mut part = bone("b", slab(&lattice, 0.0, 1.0), Drive::Prescribed(RigidTransform::NONE));
     part.class = Some(4);
     assert!(Skeleton::at_rest(&lattice, Some(&other.unwrap()), &rest, &[part]).is_err());
 }

@@ -15,7 +15,7 @@ use super::part::finite;
 ///
 /// Any part of it is a rigid motion too, half a turn and many turns among them: nothing is interpolated between places.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Turn {
+pub struct RigidTransform {
     /// Point that it turns about (mm), RAS.
     pub pivot: [f64; 3],
     /// Direction of its axis, RAS; any length but 0.
@@ -26,7 +26,7 @@ pub struct Turn {
     pub by: [f64; 3],
 }
 
-impl Turn {
+impl RigidTransform {
     /// No motion.
     pub const NONE: Self = Self { pivot: [0.0; 3], axis: [0.0, 0.0, 1.0], angle: 0.0, by: [0.0; 3] };
 

@@ -25,7 +25,7 @@ use ivd_core::{Ball, Exec, Frame, Iteration, Lattice, Motion};
 use nalgebra::Vector3;
 
 use crate::Error;
-use crate::handles::{Action, Fix, Handle, check_pull, find_targets, resolve};
+use crate::handles::{Action, Handle, Pin, check_pull, find_targets, resolve};
 use dynamics::{Drive, Material, System};
 use rings::{Edges, Rings};
 
@@ -71,7 +71,7 @@ pub struct Solved {
 pub fn solve(
     lattice: &Lattice,
     handles: &[Handle],
-    fixed: &[Fix],
+    fixed: &[Pin],
     params: &RingParams,
     exec: &Exec,
 ) -> Result<Solved, Error> {
@@ -141,7 +141,7 @@ struct Still {
 
 impl Still {
     fn new(
-        fixed: &[Fix],
+        fixed: &[Pin],
         lattice: &Lattice,
         rest: &[Vector3<f64>],
         targets: &[usize],

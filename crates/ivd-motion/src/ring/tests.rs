@@ -1,7 +1,7 @@
 use ivd_core::{Classified, ElementKey, ErrorClass, Grid, LatticeSource};
 
 use super::*;
-use crate::handles::HandleAt;
+use crate::handles::Anchor;
 
 const SIDE: usize = 21;
 
@@ -30,19 +30,19 @@ fn on(grid: &Grid) -> Lattice {
         .with_source(LatticeSource::Mask)
 }
 
-fn vertex(x: usize, y: usize) -> HandleAt {
-    HandleAt::Vertex((x + SIDE * y) as u32)
+fn vertex(x: usize, y: usize) -> Anchor {
+    Anchor::Vertex((x + SIDE * y) as u32)
 }
 
-fn moved(at: HandleAt, by: [f64; 3], radius: f64) -> Handle {
+fn moved(at: Anchor, by: [f64; 3], radius: f64) -> Handle {
     Handle { at, action: Action::Move(by), radius }
 }
 
-fn pulled(at: HandleAt, force: [f64; 3], radius: f64) -> Handle {
+fn pulled(at: Anchor, force: [f64; 3], radius: f64) -> Handle {
     Handle { at, action: Action::Force(force), radius }
 }
 
-fn solve(handles: &[Handle], fixed: &[Fix], params: &RingParams) -> Result<Solved, Error> {
+fn solve(handles: &[Handle], fixed: &[Pin], params: &RingParams) -> Result<Solved, Error> {
     super::solve(&sheet([0.0; 3]), handles, fixed, params, &Exec::default())
 }
 
@@ -176,7 +176,7 @@ fn a_far_origin_costs_no_digit() {
     let near =
         super::solve(&sheet([0.0; 3]), &[moved(vertex(7, 8), by, 6.0)], &[], &params, &Exec::default())
             .unwrap();
-    let pick = HandleAt::Pick([1e6 + 7.1, -1e6 + 7.9, 3e5 + 0.6]);
+    let pick = Anchor::NearestTo([1e6 + 7.1, -1e6 + 7.9, 3e5 + 0.6]);
     let far = super::solve(&sheet([1e6, -1e6, 3e5]), &[moved(pick, by, 6.0)], &[], &params, &Exec::default())
         .unwrap();
     assert_eq!(displacement(&near), displacement(&far));
@@ -184,7 +184,7 @@ fn a_far_origin_costs_no_digit() {
 
 #[test]
 fn fixed_vertices_stay_and_the_sheet_leads_up_to_them() {
-    let fixed = [Fix { at: vertex(14, 10), radius: 1.5 }];
+    let fixed = [Pin { at: vertex(14, 10), radius: 1.5 }];
     let solved =
         solve(&[moved(vertex(10, 10), [0.0, 0.0, 3.0], 9.0)], &fixed, &RingParams::default()).unwrap();
     for (i, u) in displacement(&solved).iter().enumerate() {
@@ -193,7 +193,7 @@ fn fixed_vertices_stay_and_the_sheet_leads_up_to_them() {
     assert_eq!(at(&solved, 10, 10).z, 3.0);
     let profile: Vec<f64> = (10..14).map(|x| at(&solved, x, 10).z).collect();
     assert!(profile.windows(2).all(|w| w[0] > w[1]), "{profile:?}");
-    let everything = [Fix { at: vertex(10, 10), radius: 100.0 }];
+    let everything = [Pin { at: vertex(10, 10), radius: 100.0 }];
     for handle in [moved(vertex(10, 10), [1.0; 3], 9.0), pulled(vertex(3, 3), [9.0; 3], 9.0)] {
         assert_eq!(solve(&[handle], &everything, &RingParams::default()).unwrap().vertices_moved, 0);
     }
@@ -284,16 +284,16 @@ fn lengths_scale_together() {
 
 #[test]
 fn picks_take_the_nearest_vertex_or_say_how_far_it_is() {
-    let near = moved(HandleAt::Pick([10.3, 9.8, 2.0]), [0.0, 0.0, 1.0], 4.0);
+    let near = moved(Anchor::NearestTo([10.3, 9.8, 2.0]), [0.0, 0.0, 1.0], 4.0);
     let solved = solve(&[near], &[], &RingParams::default()).unwrap();
     assert_eq!(at(&solved, 10, 10).z, 1.0);
-    let far = moved(HandleAt::Pick([10.0, 10.0, 100.5]), [0.0, 0.0, 1.0], 4.0);
+    let far = moved(Anchor::NearestTo([10.0, 10.0, 100.5]), [0.0, 0.0, 1.0], 4.0);
     let error = solve(&[far], &[], &RingParams::default()).unwrap_err();
     assert!(
         error.to_string().contains("100.000 mm away") && error.error_class() == ErrorClass::Usage,
         "{error}"
     );
-    let beyond = moved(HandleAt::Vertex(1_000_000), [0.0, 0.0, 1.0], 4.0);
+    let beyond = moved(Anchor::Vertex(1_000_000), [0.0, 0.0, 1.0], 4.0);
     assert!(solve(&[beyond], &[], &RingParams::default()).unwrap_err().to_string().contains("441 vertices"));
 }
 
@@ -308,7 +308,7 @@ fn bad_parameters_name_their_field() {
         (moved(vertex(1, 1), [f64::NAN, 0.0, 0.0], 1.0), "move"),
         (pulled(vertex(1, 1), [f64::INFINITY, 0.0, 0.0], 1.0), "force"),
         (moved(vertex(1, 1), [0.0; 3], 0.0), "radius"),
-        (moved(HandleAt::Pick([f64::NAN; 3]), [0.0; 3], 1.0), "pick"),
+        (moved(Anchor::NearestTo([f64::NAN; 3]), [0.0; 3], 1.0), "pick"),
     ] {
         assert_eq!(handle.check().unwrap_err().field, name);
     }

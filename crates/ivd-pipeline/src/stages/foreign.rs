@@ -4,7 +4,7 @@ use ivd_core::op::{Slots as _, object};
 use ivd_core::{Exec, Volume, slots};
 use ivd_io::mesh;
 use ivd_lattice::extract::{LatticeFigures, STAGE};
-use ivd_lattice::foreign::{ForeignParams, lattice};
+use ivd_lattice::foreign::{ImportParams, lattice};
 use serde_json::{Value, json};
 
 use super::lattice_facts;
@@ -12,11 +12,11 @@ use crate::{Error, Facts, Inputs, Stage, StageOutput};
 
 /// Takes a mesh of another program for the lattice of a volume.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ForeignLattice {
+pub struct ImportedLattice {
     /// The mesh file.
     pub path: PathBuf,
     /// How it is taken.
-    pub params: ForeignParams,
+    pub params: ImportParams,
 }
 
 slots! {
@@ -24,7 +24,7 @@ slots! {
     struct Given<'a> { volume: &'a Volume }
 }
 
-impl Stage for ForeignLattice {
+impl Stage for ImportedLattice {
     fn facts(&self) -> Facts {
         lattice_facts(2, Given::SLOTS)
     }

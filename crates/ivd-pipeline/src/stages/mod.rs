@@ -14,7 +14,7 @@ use crate::Facts;
 
 pub use clip::{Clip, ClipFigures};
 pub use combine::{Combine, CombineFigures};
-pub use foreign::ForeignLattice;
+pub use foreign::ImportedLattice;
 pub use import::{IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportSource};
 pub use lattice_parts::part_lattices;
 

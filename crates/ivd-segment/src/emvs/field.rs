@@ -13,7 +13,7 @@
 //! distribution where the rounded new one isn't better, so that rounding can't make the energy rise. The colours are stored
 //! apart: whoever writes one only reads the other.
 
-use ivd_core::{Buffer, Bulk, Error, Exec, Iteration, Scalar, parallel, with_voxels};
+use ivd_core::{Buffer, Error, Exec, Iteration, Scalar, SpillVec, parallel, with_voxels};
 
 use super::features::Space;
 use super::labels::Scene;
@@ -56,7 +56,7 @@ pub(super) struct Field {
     /// Voxels of one colour in a row.
     half: usize,
     /// By colour: rows, in each the components' shares one after the other.
-    shares: [Bulk<u8>; 2],
+    shares: [SpillVec<u8>; 2],
     /// The components in the order of their means.
     order: Vec<usize>,
 }
@@ -295,7 +295,7 @@ impl Field {
     }
 
     /// The component (from 1, in their order) of the greatest share; of equal ones the first.
-    pub(super) fn labels(&self, exec: &Exec) -> Result<Bulk<u16>, Error> {
+    pub(super) fn labels(&self, exec: &Exec) -> Result<SpillVec<u16>, Error> {
         let mut place = vec![0; self.k];
         self.order.iter().zip(1..).for_each(|(k, id)| place[*k] = id);
         let mut ids = exec.bulk::<u16>("the labels", self.dims.iter().product())?;

@@ -1,6 +1,6 @@
 //! Labels and posterior maps: every voxel to its likeliest component.
 
-use ivd_core::{Buffer, Bulk, Class, Error, Exec, Labels, Mask, NO_DATA, Volume, parallel, with_voxels};
+use ivd_core::{Buffer, Class, Error, Exec, Labels, Mask, NO_DATA, SpillVec, Volume, parallel, with_voxels};
 
 use super::Covariance;
 use super::bins::Bins;
@@ -57,7 +57,7 @@ impl Scene<'_> {
     }
 
     /// Labels with their classes, of the components' numbers (from 1).
-    pub(super) fn described(&self, ids: Bulk<u16>, exec: &Exec) -> Result<Labels, Error> {
+    pub(super) fn described(&self, ids: SpillVec<u16>, exec: &Exec) -> Result<Labels, Error> {
         let found = classes::by_mean(self.original, ids, self.components.len(), exec)?;
         Labels::new(self.volume.grid().clone(), found.ids, found.classes)
     }

@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use ivd_core::op::check_fields;
-use ivd_core::{Bulk, Class, Error, Exec, Labels, Linkage, NO_DATA, ParamError, Tree, parallel, sets};
+use ivd_core::{Class, Error, Exec, Labels, Linkage, NO_DATA, ParamError, SpillVec, Tree, parallel, sets};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -137,7 +137,7 @@ pub(super) struct Classes {
     /// The merges that are undone, ascending.
     pub(super) undone: Vec<u32>,
     /// The class of each leaf, 1….
-    pub(super) groups: Bulk<u16>,
+    pub(super) groups: SpillVec<u16>,
     pub(super) list: Vec<Class>,
     inertia: f64,
 }
@@ -211,8 +211,8 @@ impl Top {
 
 /// Tells each merge with its height and the voxels of its smaller part.
 fn ranked(tree: &Tree, exec: &Exec, mut tell: impl FnMut(usize, f64, u32)) -> Result<(), Error> {
-    let mut parts: Bulk<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
-    let mut sizes: Bulk<u32> = exec.bulk("the sizes of the parts", tree.leaf_count())?;
+    let mut parts: SpillVec<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
+    let mut sizes: SpillVec<u32> = exec.bulk("the sizes of the parts", tree.leaf_count())?;
     sets::reset(&mut parts);
     sizes.copy_from_slice(&tree.counts);
     let mut step = 0;
@@ -231,8 +231,8 @@ fn ranked(tree: &Tree, exec: &Exec, mut tell: impl FnMut(usize, f64, u32)) -> Re
 }
 
 /// The group of each leaf, 1…, joined by all merges but the undone; and the number of groups.
-fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(Bulk<u16>, usize), Error> {
-    let mut parts: Bulk<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
+fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(SpillVec<u16>, usize), Error> {
+    let mut parts: SpillVec<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
     sets::reset(&mut parts);
     let mut from = 0;
     for end in undone.iter().map(|merge| *merge as usize).chain([tree.merges.len()]) {
@@ -244,7 +244,7 @@ fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(Bulk<u16>, usize)
         }
         from = (end + 1).min(tree.merges.len());
     }
-    let mut groups: Bulk<u16> = exec.bulk("the groups of the leaves", tree.leaf_count())?;
+    let mut groups: SpillVec<u16> = exec.bulk("the groups of the leaves", tree.leaf_count())?;
     let mut count = 0_usize;
     for leaf in 0..parts.len() {
         if leaf % CHUNK == 0 {
@@ -265,7 +265,7 @@ fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(Bulk<u16>, usize)
 fn describe(
     tree: &Tree,
     undone: Vec<u32>,
-    mut groups: Bulk<u16>,
+    mut groups: SpillVec<u16>,
     count: usize,
     exec: &Exec,
 ) -> Result<Classes, Error> {
@@ -306,8 +306,8 @@ fn describe(
     Ok(Classes { undone, groups, list: found, inertia: inertia.min(f64::MAX) })
 }
 
-fn voxel_labels(tree: &Tree, classes: &[u16], exec: &Exec) -> Result<Bulk<u16>, Error> {
-    let mut labels: Bulk<u16> = exec.bulk("the labels", tree.leaves.len())?;
+fn voxel_labels(tree: &Tree, classes: &[u16], exec: &Exec) -> Result<SpillVec<u16>, Error> {
+    let mut labels: SpillVec<u16> = exec.bulk("the labels", tree.leaves.len())?;
     parallel::try_for_each_piece_mut(&mut labels, CHUNK, &|i, labels| {
         exec.check_cancelled()?;
         for (label, leaf) in labels.iter_mut().zip(&tree.leaves[i * CHUNK..]) {

@@ -1,6 +1,6 @@
 //! Voxels, means and spreads of the leaves.
 
-use ivd_core::{Bulk, Error, Exec, LeafMeans, Scalar, Volume, parallel};
+use ivd_core::{Error, Exec, LeafMeans, Scalar, SpillVec, Volume, parallel};
 
 use crate::moments::Frame;
 
@@ -9,10 +9,10 @@ const CHUNK: usize = 1 << 16;
 
 /// Figures of the leaves, real units; leaf `i + 1` is at `i`.
 pub(super) struct Figures {
-    pub(super) counts: Bulk<u32>,
+    pub(super) counts: SpillVec<u32>,
     pub(super) means: LeafMeans,
     /// `None` where every leaf has one value.
-    pub(super) squares: Option<Bulk<f64>>,
+    pub(super) squares: Option<SpillVec<f64>>,
 }
 
 /// Figures of leaves of one value each.
@@ -32,9 +32,9 @@ pub(super) fn flat<T: Scalar>(
         if fits { Ok(()) } else { Err(()) }
     });
     let short = short.is_ok();
-    let mut counts: Bulk<u32> = exec.bulk("the sizes of the leaves", count)?;
+    let mut counts: SpillVec<u32> = exec.bulk("the sizes of the leaves", count)?;
     let means = if short {
-        let mut means: Bulk<f32> = exec.bulk("the means of the leaves", count)?;
+        let mut means: SpillVec<f32> = exec.bulk("the means of the leaves", count)?;
         each(voxels, leaves, exec, |leaf, v| {
             counts[leaf] += 1;
             if counts[leaf] == 1 {
@@ -43,7 +43,7 @@ pub(super) fn flat<T: Scalar>(
         })?;
         LeafMeans::F32(means.into_buffer())
     } else {
-        let mut means: Bulk<f64> = exec.bulk("the means of the leaves", count)?;
+        let mut means: SpillVec<f64> = exec.bulk("the means of the leaves", count)?;
         each(voxels, leaves, exec, |leaf, v| {
             counts[leaf] += 1;
             means[leaf] = real(v);
@@ -61,11 +61,11 @@ pub(super) fn spread<T: Scalar>(
     count: usize,
     exec: &Exec,
 ) -> Result<Figures, Error> {
-    let mut counts: Bulk<u32> = exec.bulk("the sizes of the leaves", count)?;
+    let mut counts: SpillVec<u32> = exec.bulk("the sizes of the leaves", count)?;
     each(voxels, leaves, exec, |leaf, _| counts[leaf] += 1)?;
-    let mut means: Bulk<f64> = exec.bulk("the means of the leaves", count)?;
+    let mut means: SpillVec<f64> = exec.bulk("the means of the leaves", count)?;
     // Stored values are summed from one of their leaf on: whole numbers stay exact, and offsets don't cost digits.
-    let mut first: Bulk<f64> = exec.bulk("a value of each leaf", count)?;
+    let mut first: SpillVec<f64> = exec.bulk("a value of each leaf", count)?;
     each(voxels, leaves, exec, |leaf, v| first[leaf] = v.to_f64())?;
     let scale = Frame::of(volume).scale();
     each(voxels, leaves, exec, |leaf, v| {
@@ -76,7 +76,7 @@ pub(super) fn spread<T: Scalar>(
         means[leaf] = volume.real(first[leaf] + beyond).clamp(f64::MIN, f64::MAX);
     }
     drop(first);
-    let mut squares: Bulk<f64> = exec.bulk("the spreads of the leaves", count)?;
+    let mut squares: SpillVec<f64> = exec.bulk("the spreads of the leaves", count)?;
     each(voxels, leaves, exec, |leaf, v| {
         let deviation = volume.real(v.to_f64()) - means[leaf];
         squares[leaf] = (squares[leaf] + deviation * deviation).min(f64::MAX);

@@ -4,7 +4,7 @@
 //! volume can do without (as in the distributed algorithms after Borůvka; filter-Kruskal, Osipov, Sanders & Singler 2009).
 //! Each block is small enough to stay close to the processor, and blocks don't wait for one another.
 
-use ivd_core::{Bulk, Error, Exec, parallel, sets};
+use ivd_core::{Error, Exec, SpillVec, parallel, sets};
 
 use super::field::{Apart, Block, Field, blocks};
 
@@ -20,7 +20,7 @@ const CHUNK: usize = 1 << 18;
 
 /// Edges of a minimum spanning forest and few others, ascending in their difference; of equal ones, in the order of blocks.
 pub(super) struct Edges {
-    ids: Bulk<u32>,
+    ids: SpillVec<u32>,
     len: usize,
 }
 
@@ -89,9 +89,9 @@ fn sort_buckets<T: Apart>(
 }
 
 /// The edges that the blocks keep, block after block, their number and the largest key.
-fn gather<T: Apart>(field: &Field<'_, T>, exec: &Exec) -> Result<(Bulk<u32>, usize, u32), Error> {
+fn gather<T: Apart>(field: &Field<'_, T>, exec: &Exec) -> Result<(SpillVec<u32>, usize, u32), Error> {
     let blocks = blocks(field.dims, BLOCK);
-    let mut found: Bulk<u32> = exec.bulk("the edges of the voxels", most(field.dims, &blocks))?;
+    let mut found: SpillVec<u32> = exec.bulk("the edges of the voxels", most(field.dims, &blocks))?;
     let (mut len, mut largest) = (0, 0);
     for batch in blocks.chunks(BATCH) {
         exec.check_cancelled()?;
@@ -265,9 +265,9 @@ pub(super) fn zones<T: Apart>(
     edges: &[u32],
     alpha: f64,
     exec: &Exec,
-) -> Result<(Bulk<u32>, usize, usize), Error> {
+) -> Result<(SpillVec<u32>, usize, usize), Error> {
     let flat = edges.partition_point(|e| field.height(*e) <= alpha);
-    let mut leaves: Bulk<u32> = exec.bulk("the leaves of the voxels", field.voxels.len())?;
+    let mut leaves: SpillVec<u32> = exec.bulk("the leaves of the voxels", field.voxels.len())?;
     sets::reset(&mut leaves);
     for part in edges[..flat].chunks(CHUNK) {
         exec.check_cancelled()?;

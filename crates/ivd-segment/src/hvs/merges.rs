@@ -1,10 +1,10 @@
 //! The merges of a tree, while they are found.
 
-use ivd_core::{Bulk, Error, Exec, Iteration};
+use ivd_core::{Error, Exec, Iteration, SpillVec};
 
 /// Merges in order; heights that fall are lifted to the highest so far.
 pub(super) struct Merges {
-    pairs: Bulk<[u32; 2]>,
+    pairs: SpillVec<[u32; 2]>,
     len: usize,
     heights: Vec<f64>,
     ends: Vec<u32>,

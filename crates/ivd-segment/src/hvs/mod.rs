@@ -156,7 +156,7 @@ fn ward(volume: &Volume, leaves: &[u32], figures: &Figures, exec: &Exec) -> Resu
 fn finish(
     volume: &Volume,
     linkage: Linkage,
-    leaves: ivd_core::Bulk<u32>,
+    leaves: ivd_core::SpillVec<u32>,
     figures: Figures,
     merges: Merges,
 ) -> Result<Hvs, Error> {
@@ -172,7 +172,7 @@ fn finish(
         ends: parts.ends,
         counts: figures.counts.into_buffer(),
         means: figures.means,
-        squares: figures.squares.map(ivd_core::Bulk::into_buffer),
+        squares: figures.squares.map(ivd_core::SpillVec::into_buffer),
         bridges,
     })?;
     Ok(Hvs { regions: tree.leaf_count(), tree, excess, inversions })

@@ -1,6 +1,6 @@
 //! Single linkage: the merges are the edges of a minimum spanning forest, in order (Kruskal 1956).
 
-use ivd_core::{Bulk, Error, Exec, sets};
+use ivd_core::{Error, Exec, SpillVec, sets};
 
 use super::field::{Apart, Field};
 use super::figures::Figures;
@@ -18,7 +18,7 @@ pub(super) fn merges<T: Apart>(
     exec: &Exec,
 ) -> Result<Merges, Error> {
     let mut merges = Merges::of(figures.counts.len(), exec)?;
-    let mut sets: Bulk<u32> = exec.bulk("the parts of the leaves", figures.counts.len())?;
+    let mut sets: SpillVec<u32> = exec.bulk("the parts of the leaves", figures.counts.len())?;
     sets::reset(&mut sets);
     for part in edges.chunks(CHUNK) {
         exec.check_cancelled()?;

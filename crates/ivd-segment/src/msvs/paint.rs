@@ -1,6 +1,6 @@
 //! Labels of the voxels, from the basins of their cells.
 
-use ivd_core::{Bulk, Error, Exec, Mask, NO_DATA, Scalar, Volume, parallel, with_voxels};
+use ivd_core::{Error, Exec, Mask, NO_DATA, Scalar, SpillVec, Volume, parallel, with_voxels};
 use rayon::prelude::*;
 
 use super::ascent::{Basins, NO_BASIN};
@@ -47,7 +47,7 @@ fn rows<T: Scalar>(
     mask: Option<&Mask>,
     cells: &Cells,
     modes: &[u16],
-    ids: &mut Bulk<u16>,
+    ids: &mut SpillVec<u16>,
     exec: &Exec,
     place: impl Fn(T) -> u32 + Sync,
 ) -> Result<(), Error> {

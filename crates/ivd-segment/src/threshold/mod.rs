@@ -1,7 +1,7 @@
 //! Classes between given values.
 
 use ivd_core::op::check_fields;
-use ivd_core::{Bulk, Class, Exec, Labels, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
+use ivd_core::{Class, Exec, Labels, Mask, ParamError, Scalar, SpillVec, Volume, parallel, with_voxels};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -88,7 +88,7 @@ impl Tally {
     }
 }
 
-type Labelled = (Bulk<u16>, Vec<Tally>);
+type Labelled = (SpillVec<u16>, Vec<Tally>);
 
 /// Interval of a real value.
 #[inline]
@@ -155,7 +155,7 @@ fn describe(
     volume: &Volume,
     mask: Option<&Mask>,
     values: &[f64],
-    ids: Bulk<u16>,
+    ids: SpillVec<u16>,
     tallies: &[Tally],
 ) -> Result<Segmentation, Error> {
     let occupied = tallies.iter().enumerate().filter(|(_, t)| t.count > 0);

@@ -218,10 +218,10 @@ pub fn displaced(made: &ivd_map::space::Made) -> Verdict {
     );
     let grid = moved.grid();
     let n = grid.dims().map(|n| n as i64);
-    let left = !moved.vacated().is_empty() && !moved.is_two_sided();
+    let left = !moved.vacated().is_empty() && !moved.has_cut();
     let beyond = |cell: [i64; 3]| (0..3).any(|a| cell[a] < 0 || cell[a] + 1 >= n[a]);
     determinants(moved.forward(), grid, made.figures.min_det_j, |cell| {
-        !(moved.is_torn(cell) || left && beyond(cell))
+        !(moved.cell_is_cut(cell) || left && beyond(cell))
     })?;
     hold!(moved.inverse_residual_max() <= RESIDUAL, "residual {}", moved.inverse_residual_max());
     let to_voxel = grid.inverse_linear_part();
@@ -236,7 +236,7 @@ pub fn displaced(made: &ivd_map::space::Made) -> Verdict {
         let x = y + to_voxel * Vector3::from(back).map(f64::from);
         let cell: [i64; 3] = std::array::from_fn(|a| (x[a].floor() as i64).clamp(-1, n[a] - 1));
         // Beyond the grid each side of a cut goes on in its own way, of which the field has one only.
-        if moved.is_torn(cell) || (left || moved.is_two_sided()) && beyond(cell) {
+        if moved.cell_is_cut(cell) || (left || moved.has_cut()) && beyond(cell) {
             continue;
         }
         leads_back(moved, voxel, x)?;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ivd_core::{Labels, Lattice, Motion, VoxelIndex};
 use ivd_field::shape::{Kind as Form, Shape};
 use ivd_motion::freeform::Shaped;
-use ivd_motion::handles::{Action, Fix, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring::{self, Kind, Params, Solver};
 use ivd_motion::rigid::{Drive, Part};
 use ivd_motion::ring::Solved;
@@ -15,8 +15,8 @@ use super::{EPS, Verdict};
 use crate::hold;
 
 /// The vertex of a handle that names one.
-fn vertex(at: &HandleAt) -> Option<usize> {
-    if let HandleAt::Vertex(v) = at { Some(*v as usize) } else { None }
+fn vertex(at: &Anchor) -> Option<usize> {
+    if let Anchor::Vertex(v) = at { Some(*v as usize) } else { None }
 }
 
 /// What a solver is asked.
@@ -27,7 +27,7 @@ pub struct Asked<'a> {
     /// Handles.
     pub handles: &'a [Handle],
     /// What stays.
-    pub fixed: &'a [Fix],
+    pub fixed: &'a [Pin],
     /// What springs are made of.
     pub labels: Option<&'a Labels>,
     /// Bones.
@@ -154,7 +154,7 @@ fn rigid(asked: &Asked<'_>, motion: &Motion) -> Verdict {
     for (v, rest) in rest.iter().enumerate() {
         let Some(bone) = asked.bone(v) else { continue };
         let expected = match (bone.drive, asked.handles) {
-            (Drive::Given(turn), _) if bone.parent.is_none() => {
+            (Drive::Prescribed(turn), _) if bone.parent.is_none() => {
                 let (axis, at) = (Vector3::from(turn.axis), rest + origin - Vector3::from(turn.pivot));
                 let angle = (turn.angle % 360.0).to_radians();
                 let turned = Rotation3::from_axis_angle(&Unit::new_normalize(axis), angle) * at;

@@ -1,7 +1,7 @@
 //! Speed of masses on springs: explicit steps by size, a drag to its balance, implicit steps.
 
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::mass_spring::{Closeness, Descent, Params, Prepared, Solver, Springs};
 
 use super::Kernels;
@@ -30,7 +30,7 @@ pub(crate) fn sheet(side: usize) -> Result<Lattice, ivd_core::Error> {
 
 /// The middle vertex, pulled up by `z` (mm).
 fn lift(side: usize, z: f64, radius: f64) -> [Handle; 1] {
-    let at = HandleAt::Vertex((side / 2 * (side + 1)) as u32);
+    let at = Anchor::Vertex((side / 2 * (side + 1)) as u32);
     [Handle { at, action: Action::Move([0.0, 0.0, z]), radius }]
 }
 

@@ -7,7 +7,7 @@ use ivd_field::warp::{Order, WarpParams, volume};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_map::{Band, Biharmonic, BiharmonicParams, OctreeParams, Outside, biharmonic, octree};
-use ivd_motion::handles::{Action, Handle, HandleAt};
+use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::ring::{self, RingParams};
 use nalgebra::Vector3;
 
@@ -65,7 +65,7 @@ fn maps(kernels: &Kernels<'_>) -> Anything<()> {
     let lattice = extract(&ball, None, &cut, &exec)?.lattice;
     let lattice = collapse(&lattice, &RefineParams::default(), &exec)?.lattice;
     let motion = |up: f64| {
-        let at = HandleAt::Pick([63.5, 63.5, 103.5]);
+        let at = Anchor::NearestTo([63.5, 63.5, 103.5]);
         let handle = Handle { at, action: Action::Move([0.0, 0.0, up]), radius: 25.0 };
         ring::solve(&lattice, &[handle], &[], &RingParams::default(), &exec).map(|found| found.motion)
     };

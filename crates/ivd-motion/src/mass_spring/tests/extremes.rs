@@ -89,12 +89,12 @@ fn fixed_vertices_stay_islands_stay_and_isolated_vertices_go_alone() {
         let apart = |t: &[u32; 3]| t.iter().all(|v| v % 11 < 5) || t.iter().all(|v| v % 11 > 5);
         let triangles = whole.triangles().iter().copied().filter(apart).chain([[3, 3, 4]]);
         let lattice = whole.clone().with_triangles(triangles.collect()).unwrap();
-        let all = Fix { at: HandleAt::Vertex(60), radius: 100.0 };
+        let all = Pin { at: Anchor::Vertex(60), radius: 100.0 };
         for handle in [moved(58, [0.5; 3], 20.0), pulled(58, [1.0; 3], 20.0)] {
             let solved = run(&lattice, &[handle], &[all], &params).unwrap();
             assert_eq!((solved.vertices_moved, solved.vertices_loose), (0, 0));
         }
-        let fix = Fix { at: HandleAt::Vertex(55), radius: 1.5 };
+        let fix = Pin { at: Anchor::Vertex(55), radius: 1.5 };
         let solved = run(&lattice, &[moved(59, [0.0, 0.0, 0.5], 20.0)], &[fix], &params).unwrap();
         for v in [55, 56, 44, 66, 45, 67] {
             assert_eq!(last(&solved)[v], [0.0; 3], "vertex {v}");
@@ -244,7 +244,7 @@ fn mixed_stiffness_and_edges_of_no_length_end_well() {
 
 #[test]
 fn a_handle_outside_and_bad_parameters_are_named() {
-    let far = Handle { at: HandleAt::Pick([4.0, 4.0, 99.0]), ..moved(0, [0.0; 3], 3.0) };
+    let far = Handle { at: Anchor::NearestTo([4.0, 4.0, 99.0]), ..moved(0, [0.0; 3], 3.0) };
     let error = run(&sheet(9), &[far], &[], &Params::default()).unwrap_err();
     assert!(error.error_class() == ErrorClass::Usage && error.to_string().contains("mm away"), "{error}");
     assert!(run(&sheet(9), &[], &[], &Params::default()).is_err());

@@ -26,8 +26,8 @@ fn drives(body: &Body, handles: &[Handle], params: &Params) -> Drives {
     let targets: Vec<usize> = handles
         .iter()
         .map(|handle| match handle.at {
-            HandleAt::Vertex(v) => v as usize,
-            HandleAt::Pick(_) => unreachable!("tests name vertices"),
+            Anchor::Vertex(v) => v as usize,
+            Anchor::NearestTo(_) => unreachable!("tests name vertices"),
         })
         .collect();
     Drives::new(body, handles, &targets, &vec![false; 10_000], &Skeleton::default(), params).unwrap()

@@ -2,7 +2,7 @@ use ivd_core::{ElementKey, Grid, LatticeSource};
 
 use super::forces::Vectors;
 use super::*;
-use crate::handles::HandleAt;
+use crate::handles::Anchor;
 
 mod body_of;
 mod explicit;
@@ -54,18 +54,18 @@ fn sheet(side: usize) -> Lattice {
 }
 
 fn moved(vertex: usize, by: [f64; 3], radius: f64) -> Handle {
-    Handle { at: HandleAt::Vertex(vertex as u32), action: Action::Move(by), radius }
+    Handle { at: Anchor::Vertex(vertex as u32), action: Action::Move(by), radius }
 }
 
 fn pulled(vertex: usize, force: [f64; 3], radius: f64) -> Handle {
-    Handle { at: HandleAt::Vertex(vertex as u32), action: Action::Force(force), radius }
+    Handle { at: Anchor::Vertex(vertex as u32), action: Action::Force(force), radius }
 }
 
-fn pin(vertex: usize) -> Fix {
-    Fix { at: HandleAt::Vertex(vertex as u32), radius: 0.0 }
+fn pin(vertex: usize) -> Pin {
+    Pin { at: Anchor::Vertex(vertex as u32), radius: 0.0 }
 }
 
-fn run(lattice: &Lattice, handles: &[Handle], fixed: &[Fix], params: &Params) -> Result<Solved, Error> {
+fn run(lattice: &Lattice, handles: &[Handle], fixed: &[Pin], params: &Params) -> Result<Solved, Error> {
     solve(lattice, None, handles, fixed, params, &Exec::default())
 }
 
@@ -74,7 +74,7 @@ fn last(solved: &Solved) -> &Vectors {
 }
 
 /// The body that handles reach.
-fn body(lattice: &Lattice, handles: &[Handle], fixed: &[Fix], params: &Params) -> Body {
+fn body(lattice: &Lattice, handles: &[Handle], fixed: &[Pin], params: &Params) -> Body {
     Prepared::new(lattice, None, handles, fixed, params, &Exec::default()).unwrap().body
 }
 

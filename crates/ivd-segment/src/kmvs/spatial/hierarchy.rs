@@ -5,7 +5,7 @@
 //! the order of values alone. In noise, neighbours differ in value far more than in place: a group of like values from anywhere in
 //! the brick is smaller in feature space than a cube of neighbours, so that fewer groups straddle two centroids.
 
-use ivd_core::{Bulk, Exec, Mask, Scalar, Volume, parallel};
+use ivd_core::{Exec, Mask, Scalar, SpillVec, Volume, parallel};
 
 use super::build::{Room, Scratch, build};
 use super::frame::Frame;
@@ -54,12 +54,12 @@ pub(super) struct Hierarchy<T> {
     pub(super) layout: Layout,
     pub(super) bricks: Vec<Brick>,
     /// Place inside the brick and stored value of every member, brick after brick.
-    pub(super) places: Bulk<u16>,
-    pub(super) values: Bulk<T>,
+    pub(super) places: SpillVec<u16>,
+    pub(super) values: SpillVec<T>,
     /// Of every group: its places, the range of its values from the frame's centre, their sum in fixed point.
-    pub(super) group_places: Bulk<Places>,
-    pub(super) group_values: Bulk<[f64; 2]>,
-    pub(super) group_sums: Bulk<i64>,
+    pub(super) group_places: SpillVec<Places>,
+    pub(super) group_values: SpillVec<[f64; 2]>,
+    pub(super) group_sums: SpillVec<i64>,
     /// Over all members: sums of squared indices and of squared values in fixed point.
     pub(super) squares: [i128; 4],
     pub(super) count: u64,

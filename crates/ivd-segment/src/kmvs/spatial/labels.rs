@@ -1,6 +1,6 @@
 //! The last pass: labels, and the figures of the classes.
 
-use ivd_core::{Bulk, Class, Exec, Scalar, parallel};
+use ivd_core::{Class, Exec, Scalar, SpillVec, parallel};
 
 use super::build::squares_of;
 use super::frame::{Centroid, Frame, wide};
@@ -12,7 +12,7 @@ use crate::classes::set_crossings;
 
 /// What the last pass found.
 pub(super) struct Labelled {
-    pub(super) ids: Bulk<u16>,
+    pub(super) ids: SpillVec<u16>,
     pub(super) classes: Vec<Class>,
     /// The centroid of each class.
     pub(super) order: Vec<usize>,
