@@ -1,5 +1,6 @@
 //! The commands of the stages of the list: made from what their methods declare, as the scene's sections are.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
@@ -18,6 +19,7 @@ use crate::commands::precursor;
 use crate::commands::stage::{filled, finish, unused};
 use crate::context::Context;
 use crate::exit::Failure;
+use crate::offer::{Offer, named};
 use crate::parse::table_of;
 
 /// Commands in the order in which help lists them: as data flows, then what looks at results, then the program's own.
@@ -43,26 +45,36 @@ fn commands() -> impl Iterator<Item = Command> {
         // What a stage declares is looked up when its own command is asked for.
         let about = stage.about.trim_end_matches('.');
         Command::new(stage.name).about(about).defer(|command| match list::stage(command.get_name()) {
-            Some(stage) => with_arguments(command, stage),
+            Some(stage) => with_arguments(command, &Offer::whole(stage)),
             None => command,
         })
     })
 }
 
+/// What is asked for by the words of a command line.
+pub(crate) fn parse(words: Vec<OsString>) -> Result<(Global, Asked), clap::Error> {
+    if let Some(offer) = Offer::chosen(&words) {
+        let command = with_arguments(Command::new(offer.stage.name), &offer);
+        let words = with_truths(words.clone(), Some(&offer));
+        let found = Args::command().subcommand(command).try_get_matches_from(words);
+        // What is wrong is told by the whole program, which knows the flags of other methods too.
+        if let Ok(found) = found
+            && let Some((name, own)) = found.subcommand()
+            && name == offer.stage.name
+        {
+            return Ok((Global::from_arg_matches(&found)?, Asked::Stage(offer, own.clone())));
+        }
+    }
+    program().try_get_matches_from(with_truths(words, None)).and_then(|found| read(&found))
+}
+
 /// What was typed: the flags of every command, and the command.
 pub(crate) fn read(matches: &ArgMatches) -> Result<(Global, Asked), clap::Error> {
     if let Some((stage, own)) = matches.subcommand().and_then(|(name, own)| Some((list::stage(name)?, own))) {
-        return Ok((Global::from_arg_matches(matches)?, Asked::Stage(stage, own.clone())));
+        return Ok((Global::from_arg_matches(matches)?, Asked::Stage(Offer::whole(stage), own.clone())));
     }
     let args = Args::from_arg_matches(matches)?;
     Ok((args.global, Asked::Command(args.command)))
-}
-
-/// The keys of a stage, in the order of their names.
-fn flags(stage: &'static Stage) -> Vec<&'static Key> {
-    let mut all: Vec<&Key> = list::keys(stage).iter().collect();
-    all.sort_by_key(|key| &key.name);
-    all
 }
 
 /// Slots that some method has, each once.
@@ -81,7 +93,8 @@ fn is_optional(stage: &Stage, slot: &str) -> bool {
     stage.methods.iter().flat_map(|method| method.slots).all(|own| own.name != slot || own.optional)
 }
 
-fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
+fn with_arguments(mut command: Command, offer: &Offer) -> Command {
+    let stage = offer.stage;
     let precursor = precursor::of(stage);
     for slot in slots(stage) {
         let file = Arg::new(slot).value_parser(clap::value_parser!(PathBuf)).help(slot_help(stage, slot));
@@ -119,7 +132,7 @@ fn with_arguments(mut command: Command, stage: &'static Stage) -> Command {
                 .help(about),
         );
     }
-    for found in flags(stage) {
+    for found in &offer.keys {
         command = command.args(arguments(stage, found));
     }
     let is_picture = stage.methods.iter().any(|method| method.output == Some(Kind::Image));
@@ -309,13 +322,14 @@ pub(crate) fn flag(key: &str) -> String {
 }
 
 /// Runs a stage as its command asks for it.
-pub(crate) fn run(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<()> {
+pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> anyhow::Result<()> {
+    let stage = offer.stage;
     let hooks = hooks(stage);
     if (hooks.instead)(matches, context)? {
         return Ok(());
     }
     let given = precursor::Given::of(stage, matches);
-    let keys = Typed::read(stage, matches, context)?;
+    let keys = Typed::read(offer, matches, context)?;
     let section = match given.taken() {
         Some(precursor) => precursor.cut(keys)?,
         None => keys.section()?,
@@ -371,10 +385,11 @@ pub(crate) struct Typed {
 }
 
 impl Typed {
-    fn read(stage: &'static Stage, matches: &ArgMatches, context: &Context) -> anyhow::Result<Self> {
+    fn read(offer: &Offer, matches: &ArgMatches, context: &Context) -> anyhow::Result<Self> {
+        let stage = offer.stage;
         let file = context.global.params.clone();
         let mut keys = file.as_deref().map(table_of).transpose()?.unwrap_or_default();
-        let typed = typed(stage, matches)?;
+        let typed = typed(offer, matches)?;
         for (key, value) in typed.clone() {
             add(&mut keys, key, value);
         }
@@ -425,19 +440,22 @@ fn told(problem: &ParamError) -> String {
 }
 
 /// The keys that flags were given for.
-fn typed(stage: &'static Stage, matches: &ArgMatches) -> anyhow::Result<Map<String, Json>> {
-    let mut keys = Map::new();
+fn typed(offer: &Offer, matches: &ArgMatches) -> anyhow::Result<Map<String, Json>> {
+    let (stage, mut keys) = (offer.stage, Map::new());
     if !stage.selector.is_empty()
         && let Some(word) = matches.get_one::<String>(stage.selector)
     {
         keys.insert(stage.selector.to_owned(), Json::String(word.clone()));
     }
-    for found in flags(stage) {
+    for found in &offer.keys {
         let field = found.field();
         for name in std::iter::once(field.name).chain(field.aliases()) {
             let mut value = None;
             for text in matches.get_many::<String>(name).into_iter().flatten() {
-                let read = read_entry(value, field, text)
+                // What another method would take is read, and then refused by what this one takes.
+                let of_any = || list::keys(stage).iter().find(|key| key.name == found.name).map(Key::field);
+                let read = read_entry(value.clone(), field, text)
+                    .or_else(|e| of_any().map_or(Err(e), |field| read_entry(value, field, text)))
                     .map_err(|e| Failure::usage(told(&e.under(name.trim_start_matches('!')))))?;
                 value = Some(read);
             }
@@ -463,11 +481,13 @@ fn add(keys: &mut Map<String, Json>, key: String, value: Json) {
     }
 }
 
-/// The words of a command line, with `true` written behind flags that are given without a value.
-pub(crate) fn with_truths(words: impl Iterator<Item = std::ffi::OsString>) -> Vec<std::ffi::OsString> {
-    let words: Vec<_> = words.collect();
-    let Some(stage) = words.iter().skip(1).find_map(|word| list::stage(word.to_str()?)) else { return words };
-    let truths: Vec<String> = flags(stage)
+/// The words of a command line, with `true` written behind flags that are given without a value: those of an offer, or of the stage that
+/// is named.
+pub(crate) fn with_truths(words: Vec<OsString>, offer: Option<&Offer>) -> Vec<OsString> {
+    let whole = if offer.is_none() { named(&words).map(Offer::whole) } else { None };
+    let Some(offer) = offer.or(whole.as_ref()) else { return words };
+    let truths: Vec<String> = offer
+        .keys
         .iter()
         .filter(|found| alternatives(&found.schema).iter().all(|one| kind(one) == "boolean"))
         .flat_map(|found| {
@@ -505,8 +525,9 @@ mod tests {
     #[test]
     fn every_flag_is_a_key_an_input_the_output_or_on_the_list() {
         for stage in list::STAGES {
-            let command = with_arguments(Command::new(stage.name), stage);
-            let keys = flags(stage);
+            let offer = Offer::whole(stage);
+            let command = with_arguments(Command::new(stage.name), &offer);
+            let keys = &offer.keys;
             for arg in command.get_arguments() {
                 let id = arg.get_id().as_str();
                 let is_key =

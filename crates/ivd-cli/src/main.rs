@@ -8,6 +8,7 @@ mod commands;
 mod context;
 mod declared;
 mod exit;
+mod offer;
 mod parse;
 mod progress;
 mod refusal;
@@ -16,16 +17,15 @@ mod talk;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let words = declared::with_truths(std::env::args_os());
-    let json = words.iter().any(|word| word == "--json");
-    match declared::program().try_get_matches_from(words).map(|found| declared::read(&found)) {
-        Ok(Ok((global, asked))) => {
+    let json = std::env::args_os().any(|word| word == "--json");
+    match declared::parse(std::env::args_os().collect()) {
+        Ok((global, asked)) => {
             let json = global.json;
             match context::Context::new(&global).and_then(|context| commands::run(asked, &context)) {
                 Ok(()) => ExitCode::SUCCESS,
                 Err(error) => exit::failure(&error, json),
             }
         }
-        Ok(Err(error)) | Err(error) => refusal::usage(&error, json),
+        Err(error) => refusal::usage(&error, json),
     }
 }

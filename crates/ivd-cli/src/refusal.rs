@@ -37,8 +37,7 @@ fn lossless(error: &clap::Error) -> String {
 
 /// The error of a command about words, of the same kind as one that was found before.
 fn again(mut command: clap::Command, words: Vec<OsString>, before: &clap::Error) -> clap::Error {
-    let parsed =
-        command.try_get_matches_from_mut(with_truths(words.into_iter())).and_then(|found| read(&found));
+    let parsed = command.try_get_matches_from_mut(with_truths(words, None)).and_then(|found| read(&found));
     match parsed {
         Err(error) => error.format(&mut command),
         // Escaped, the words would be taken: then what is wrong with them is that they aren't escaped.

@@ -16,16 +16,15 @@ pub(crate) mod stage;
 mod two_classes;
 mod volume;
 
-use ivd_core::op::Stage;
-
 use crate::args::Command;
 use crate::context::Context;
 use crate::exit::Failure;
+use crate::offer::Offer;
 
 /// What was asked for.
 pub(crate) enum Asked {
     /// A stage of the list, with what was typed for it.
-    Stage(&'static Stage, clap::ArgMatches),
+    Stage(Offer, clap::ArgMatches),
     /// Another command.
     Command(Command),
 }
@@ -33,7 +32,7 @@ pub(crate) enum Asked {
 /// Does what was asked for.
 pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
     let command = match asked {
-        Asked::Stage(stage, matches) => return crate::declared::run(stage, &matches, context),
+        Asked::Stage(offer, matches) => return crate::declared::run(&offer, &matches, context),
         Asked::Command(command) => command,
     };
     if let Some(file) = context.global.params.as_deref() {

@@ -4,11 +4,11 @@ use ivd_core::Mesh;
 use ivd_core::{Exec, Grid, Labels, Lattice};
 use ivd_io::mesh::{Format, write_deformed};
 use ivd_lattice::extract::extract_parts;
-use ivd_lattice::foreign::{Addresses, Foreign, ImportParams, lattice};
+use ivd_lattice::foreign::{Addresses, ImportParams, ImportedMesh, lattice};
 
 use crate::meshes::{file, grids, read, solids};
 
-fn put(mesh: &Mesh, grid: &Grid) -> Foreign {
+fn put(mesh: &Mesh, grid: &Grid) -> ImportedMesh {
     lattice(mesh, grid, &ImportParams::default(), &Exec::default()).unwrap()
 }
 

@@ -3,7 +3,7 @@
 use ivd_core::Mesh;
 use ivd_core::{Classified, ErrorClass, Exec, Grid, Lattice, LatticeSource};
 use ivd_lattice::figures::measure;
-use ivd_lattice::foreign::{Foreign, ImportParams, lattice};
+use ivd_lattice::foreign::{ImportParams, ImportedMesh, lattice};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use nalgebra::Vector3;
 
@@ -13,7 +13,7 @@ fn grid() -> Grid {
     Grid::with_spacing([12; 3], [1.0; 3]).unwrap()
 }
 
-fn put(mesh: &Mesh, grid: &Grid) -> Foreign {
+fn put(mesh: &Mesh, grid: &Grid) -> ImportedMesh {
     lattice(mesh, grid, &ImportParams::default(), &Exec::default()).unwrap()
 }
 

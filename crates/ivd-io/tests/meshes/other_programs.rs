@@ -8,7 +8,7 @@ use ivd_core::Mesh;
 use ivd_core::{Exec, Grid};
 use ivd_io::mesh::Format;
 use ivd_lattice::figures::measure;
-use ivd_lattice::foreign::{Foreign, ImportParams, lattice};
+use ivd_lattice::foreign::{ImportParams, ImportedMesh, lattice};
 
 use crate::meshes::read;
 
@@ -37,7 +37,7 @@ fn lines<T>(items: &[T], line: impl Fn(&T) -> String) -> String {
 }
 
 /// A cube of 8 mm³ on a grid of 1 mm, closed and outward.
-fn assert_cube(mesh: &Mesh) -> Foreign {
+fn assert_cube(mesh: &Mesh) -> ImportedMesh {
     let grid = Grid::with_spacing([6; 3], [1.0; 3]).unwrap();
     let foreign = lattice(mesh, &grid, &ImportParams::default(), &Exec::default()).unwrap();
     let figures = measure(&foreign.lattice);

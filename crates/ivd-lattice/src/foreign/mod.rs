@@ -77,7 +77,7 @@ pub enum Addresses {
 /// A lattice made of a mesh, and what had to be done to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportedMesh {
-    /// The lattice, of the source [`ivd_core::LatticeSource::ImportedMesh`].
+    /// The lattice, of the source [`ivd_core::LatticeSource::Foreign`].
     pub lattice: Lattice,
     /// Whether the mesh's own addresses were taken.
     pub addresses: Addresses,

@@ -43,7 +43,7 @@ pub(super) fn sample(
         )
         .into());
     }
-    if *lattice.source() == LatticeSource::ImportedMesh {
+    if *lattice.source() == LatticeSource::Foreign {
         return Err(Error::Unreachable {
             asked: "a coarser rate".into(),
             problem: "the lattice is a mesh of another program, whose vertices aren't crossings".into(),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-use ivd_core::op::{Field, Stage, alternatives, fields, kind};
+use ivd_core::op::{Field, Method, Stage, alternatives, fields, kind};
 use serde_json::{Map, Value as Json, json};
 
 /// A key of a stage's section.
@@ -47,12 +47,17 @@ pub fn keys(stage: &'static Stage) -> &'static [Key] {
     let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
     // No name: a test's own stage may have that of one of the list.
     made.entry(std::ptr::from_ref(stage).addr())
-        .or_insert_with(|| Box::leak(together(stage).into_boxed_slice()))
+        .or_insert_with(|| Box::leak(together(stage.methods).into_boxed_slice()))
 }
 
-fn together(stage: &Stage) -> Vec<Key> {
+/// The keys of one method alone, in the order in which it declares them: a schema is made of no other.
+pub fn keys_of(method: &Method) -> Vec<Key> {
+    together(std::slice::from_ref(method))
+}
+
+fn together(methods: &[Method]) -> Vec<Key> {
     let mut all: Vec<Key> = Vec::new();
-    for method in stage.methods {
+    for method in methods {
         for field in fields((method.schema)()) {
             let (about, default) = (field.about(), field.default());
             let said =

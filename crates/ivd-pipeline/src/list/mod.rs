@@ -5,7 +5,7 @@ mod keys;
 
 use ivd_core::op::{Place, Stage};
 
-pub use keys::{Key, Said, keys};
+pub use keys::{Key, Said, keys, keys_of};
 
 /// The stages, in the order in which a scene runs them.
 pub const STAGES: &[&Stage] = &[
