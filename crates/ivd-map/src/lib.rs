@@ -11,7 +11,7 @@
 //! use ivd_field::warp;
 //! use ivd_lattice::extract::{ExtractParams, Iso, extract};
 //! use ivd_map::OctreeParams;
-//! use ivd_motion::handles::{Action, Handle, HandleAt};
+//! use ivd_motion::handles::{Action, Handle, Anchor};
 //! use ivd_motion::ring::{self, RingParams};
 //!
 //! // A ball of 10 mm, 100 inside and 0 outside.
@@ -23,7 +23,7 @@
 //! let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(50.0) }, &exec)?.lattice;
 //!
 //! // Its top is pulled up by 3 mm; the surface within 24 mm follows.
-//! let top = HandleAt::Pick([15.5, 15.5, 25.5]);
+//! let top = Anchor::NearestTo([15.5, 15.5, 25.5]);
 //! let handle = Handle { at: top, action: Action::Move([0.0, 0.0, 3.0]), radius: 24.0 };
 //! let solved = ring::solve(&lattice, &[handle], &[], &RingParams::default(), &exec)?;
 //! let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec)?;

@@ -10,7 +10,7 @@
 //! ```
 //! use ivd_core::{Exec, Grid, Volume, VoxelCoord, Voxels};
 //! use ivd_lattice::extract::{ExtractParams, Iso, extract};
-//! use ivd_motion::handles::{Action, Handle, HandleAt};
+//! use ivd_motion::handles::{Action, Handle, Anchor};
 //! use ivd_motion::ring::{self, RingParams};
 //!
 //! // A ball of 10 mm, 100 inside and 0 outside.
@@ -22,7 +22,7 @@
 //! let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(50.0) }, &exec)?.lattice;
 //!
 //! // Its top is pulled up by 3 mm; the surface within 8 mm follows, and nothing beyond.
-//! let top = HandleAt::Pick([15.5, 15.5, 25.5]);
+//! let top = Anchor::NearestTo([15.5, 15.5, 25.5]);
 //! let handle = Handle { at: top, action: Action::Move([0.0, 0.0, 3.0]), radius: 8.0 };
 //! let solved = ring::solve(&lattice, &[handle], &[], &RingParams::default(), &exec)?;
 //! assert_eq!(solved.max_displacement_mm, 3.0);

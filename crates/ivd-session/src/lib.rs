@@ -12,7 +12,7 @@
 //!
 //! ```
 //! use ivd_core::{Exec, Grid, Volume, VoxelCoord, VoxelIndex, Voxels};
-//! use ivd_motion::handles::{Action, Handle, HandleAt};
+//! use ivd_motion::handles::{Action, Handle, Anchor};
 //! use ivd_lattice::extract::{ExtractParams, Iso, extract};
 //! use ivd_session::{Event, Session, Settings};
 //!
@@ -25,7 +25,7 @@
 //! let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(50.0) }, &exec)?.lattice;
 //!
 //! let mut session = Session::new(volume, lattice, None, Settings::default(), &exec)?;
-//! let top = HandleAt::Pick([15.5, 15.5, 25.5]);
+//! let top = Anchor::NearestTo([15.5, 15.5, 25.5]);
 //! session.apply(Event::Add(Handle { at: top, action: Action::Move([0.0; 3]), radius: 24.0 }), &exec)?;
 //! let update = session.apply(Event::Move { handle: 0, by: [0.0, 0.0, 3.0] }, &exec)?;
 //! assert!(update.min_det_j > 0.0 && !update.dirty.is_empty());

@@ -11,13 +11,13 @@
 //!
 //! ```
 //! use ivd_core::{Exec, Grid, Mesh};
-//! use ivd_lattice::foreign::{ForeignParams, lattice};
+//! use ivd_lattice::foreign::{ImportParams, lattice};
 //!
 //! let positions = [[1.0; 3], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 1.0, 2.0]].map(Into::into).to_vec();
 //! let triangles = vec![[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]; // two of them inside out
 //! let mesh = Mesh { positions, triangles, addresses: None };
 //! let grid = Grid::with_spacing([4; 3], [1.0; 3])?;
-//! let foreign = lattice(&mesh, &grid, &ForeignParams::default(), &Exec::default())?;
+//! let foreign = lattice(&mesh, &grid, &ImportParams::default(), &Exec::default())?;
 //! assert_eq!((foreign.lattice.keys().len(), foreign.flipped), (4, 2));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

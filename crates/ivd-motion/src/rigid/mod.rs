@@ -12,14 +12,14 @@
 //! Every frame is a rigid motion by itself: a part of the angle is a true rotation, and no place is interpolated.
 //!
 //! ```
-//! use ivd_motion::rigid::{Drive, Part, Region, Turn};
+//! use ivd_motion::rigid::{Drive, Part, Region, RigidTransform};
 //!
 //! let vertebra = Part {
 //!     name: "C5".into(),
 //!     parent: None,
 //!     region: Some(Region::Box { low: [0.0, 0.0, 40.0], high: [64.0, 64.0, 48.0] }),
 //!     class: Some(4),
-//!     drive: Drive::Prescribed(Turn { pivot: [32.0, 28.0, 38.0], axis: [1.0, 0.0, 0.0], angle: -6.0, by: [0.0; 3] }),
+//!     drive: Drive::Prescribed(RigidTransform { pivot: [32.0, 28.0, 38.0], axis: [1.0, 0.0, 0.0], angle: -6.0, by: [0.0; 3] }),
 //!     reach: 30.0,
 //! };
 //! vertebra.check()?;
