@@ -114,6 +114,9 @@ fn with_arguments(mut command: Command, offer: &Offer) -> Command {
     }
     if !stage.selector.is_empty() {
         let named = |method: &Method| {
+            if !offer.is_whole {
+                return PossibleValue::new(method.name);
+            }
             let schema = (method.schema)();
             let about = schema.get("description").and_then(Json::as_str).unwrap_or("").to_owned();
             PossibleValue::new(method.name).help(first_sentence(&about).to_owned())

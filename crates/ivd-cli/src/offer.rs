@@ -17,23 +17,25 @@ pub(crate) struct Offer {
     pub(crate) stage: &'static Stage,
     /// In the order of their names.
     pub(crate) keys: Vec<Key>,
+    /// Whether they are those of all methods, as help needs them.
+    pub(crate) is_whole: bool,
 }
 
 impl Offer {
     /// The keys of all methods.
     pub(crate) fn whole(stage: &'static Stage) -> Self {
-        Self::of(stage, list::keys(stage).to_vec())
+        Self::of(stage, list::keys(stage).to_vec(), true)
     }
 
     /// The keys of the method that a command line of a stage chooses; `None` where it takes more than its words to know.
     pub(crate) fn chosen(words: &[OsString]) -> Option<Self> {
         let stage = named(words)?;
-        Some(Self::of(stage, list::keys_of(method(stage, words)?)))
+        Some(Self::of(stage, list::keys_of(method(stage, words)?), false))
     }
 
-    fn of(stage: &'static Stage, mut keys: Vec<Key>) -> Self {
+    fn of(stage: &'static Stage, mut keys: Vec<Key>, is_whole: bool) -> Self {
         keys.sort_by(|a, b| a.name.cmp(&b.name));
-        Self { stage, keys }
+        Self { stage, keys, is_whole }
     }
 }
 
