@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use ivd_core::op::{
-    self, Failure, Job, Method, Op, PlaceKind, Stage, Values, Want, check, fields, is_default, rename,
+    self, Failure, Field, Job, Method, Op, PlaceKind, Stage, Values, Want, check, fields, is_default, rename,
     unknown,
 };
 use ivd_core::{Exec, ParamError};
@@ -50,33 +50,7 @@ impl Section {
     /// # Errors
     /// The first key that is unknown, belongs to another method or has a value that doesn't fit, with its place in the section.
     pub fn parse(stage: &'static Stage, written: Option<Map<String, Json>>) -> Result<Self, ParamError> {
-        Self::parse_over(stage, written, Map::new())
-    }
-
-    /// As [`Section::parse`], with values that hold where the section says nothing.
-    ///
-    /// # Errors
-    /// As [`Section::parse`].
-    pub fn parse_over(
-        stage: &'static Stage,
-        written: Option<Map<String, Json>>,
-        adopted: Map<String, Json>,
-    ) -> Result<Self, ParamError> {
-        let mut keys = written.clone().unwrap_or_default();
-        let method = choose(stage, &mut keys)?;
-        let schema = (method.schema)();
-        rename(&mut keys, schema)?;
-        drop_foreign_defaults(stage, method, schema, &mut keys)?;
-        for (key, value) in
-            adopted.into_iter().filter(|(key, _)| fields(schema).any(|field| field.name == *key))
-        {
-            keys.entry(key).or_insert(value);
-        }
-        let mut keys = Json::Object(keys);
-        check(&mut keys, schema).map_err(|problem| with_takers(stage, method, &keys, problem))?;
-        let job = (method.parse)(keys).map_err(|e| ParamError::at_itself(e, "give what the schema says"))?;
-        job.check()?;
-        Ok(Self { stage, method, variant: "", written, job })
+        Self::parse_with(stage, written, |_| Map::new())
     }
 
     /// As [`Section::parse`], in a scene, of which `given` tells what is written under a section's key: fields that take the value
@@ -89,21 +63,34 @@ impl Section {
         written: Option<Map<String, Json>>,
         given: impl Fn(&str, &str) -> Option<&'a Json>,
     ) -> Result<Self, ParamError> {
-        let mut adopted = Map::new();
-        for method in stage.methods {
-            let schema = (method.schema)();
-            for field in fields(schema) {
-                let Some((section, key)) = field.from() else { continue };
-                let kept_from_it = field.unless().is_some_and(|(section, key)| given(section, key).is_some());
-                let value = given(section, key).filter(|_| !kept_from_it).cloned();
-                if let Some(mut value) = value
-                    && check(&mut value, field.schema).is_ok()
-                {
-                    adopted.insert(field.name.to_owned(), value);
-                }
-            }
+        let adopted = |field: Field<'_>| {
+            let (section, key) = field.from()?;
+            let kept_from_it = field.unless().is_some_and(|(section, key)| given(section, key).is_some());
+            let mut value = given(section, key).filter(|_| !kept_from_it).cloned()?;
+            check(&mut value, field.schema).is_ok().then(|| (field.name.to_owned(), value))
+        };
+        Self::parse_with(stage, written, |schema| fields(schema).filter_map(adopted).collect())
+    }
+
+    /// Reads the keys of a section, with those that `otherwise` gives for the chosen method's schema where the section says nothing.
+    fn parse_with(
+        stage: &'static Stage,
+        written: Option<Map<String, Json>>,
+        otherwise: impl FnOnce(&Json) -> Map<String, Json>,
+    ) -> Result<Self, ParamError> {
+        let mut keys = written.clone().unwrap_or_default();
+        let method = choose(stage, &mut keys)?;
+        let schema = (method.schema)();
+        rename(&mut keys, schema)?;
+        drop_foreign_defaults(stage, method, schema, &mut keys)?;
+        for (key, value) in otherwise(schema) {
+            keys.entry(key).or_insert(value);
         }
-        Self::parse_over(stage, written, adopted)
+        let mut keys = Json::Object(keys);
+        check(&mut keys, schema).map_err(|problem| with_takers(stage, method, &keys, problem))?;
+        let job = (method.parse)(keys).map_err(|e| ParamError::at_itself(e, "give what the schema says"))?;
+        job.check()?;
+        Ok(Self { stage, method, variant: "", written, job })
     }
 
     /// The stage.
