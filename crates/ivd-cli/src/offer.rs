@@ -45,22 +45,23 @@ pub(crate) fn named(words: &[OsString]) -> Option<&'static Stage> {
 }
 
 fn method(stage: &'static Stage, words: &[OsString]) -> Option<&'static Method> {
+    if let [only] = stage.methods {
+        return Some(only);
+    }
     let selector = format!("--{}", flag(stage.selector));
     let mut chosen = words.iter().enumerate().filter_map(|(i, word)| {
         let rest = word.to_str()?.strip_prefix(&selector)?;
         if rest.is_empty() { words.get(i + 1)?.to_str() } else { rest.strip_prefix('=') }
     });
     match (chosen.next(), chosen.next()) {
-        (Some(name), None) if !stage.selector.is_empty() => {
-            stage.methods.iter().find(|method| method.name == name)
-        }
+        (Some(name), None) => stage.method(Some(name)),
+        (Some(_), Some(_)) => None,
         (None, _) => {
             let by_file = words.iter().any(|word| word.to_string_lossy().starts_with("--params"));
             let by_slots = stage.methods.iter().any(|method| !method.without.is_empty());
             let is_open = by_file || by_slots || precursor::of(stage).is_some();
-            stage.methods.first().filter(|_| !is_open || stage.methods.len() == 1)
+            if is_open { None } else { stage.method(None) }
         }
-        _ => None,
     }
 }
 

@@ -2,8 +2,8 @@ use std::any::TypeId;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
+use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
-use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde_json::Value as Json;
 
 use super::{Job, Op, Output, Slot, Slots};
@@ -67,20 +67,6 @@ pub fn schema_of<T: JsonSchema + 'static>() -> &'static Json {
     static MADE: Mutex<BTreeMap<TypeId, &'static Json>> = Mutex::new(BTreeMap::new());
     let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
     made.entry(TypeId::of::<T>()).or_insert_with(|| Box::leak(Box::new(generated::<T>())))
-}
-
-/// Schema of what several methods have in common, for `schemars(schema_with)`: it is made for the first of them and copied for the
-/// others.
-pub fn shared_schema<T: JsonSchema + 'static>(generator: &mut SchemaGenerator) -> Schema {
-    static MADE: Mutex<BTreeMap<TypeId, Schema>> = Mutex::new(BTreeMap::new());
-    let known = |made: &BTreeMap<_, Schema>| made.get(&TypeId::of::<T>()).cloned();
-    if let Some(schema) = known(&MADE.lock().unwrap_or_else(PoisonError::into_inner)) {
-        return schema;
-    }
-    // Not under the lock: what it is made of may be shared too.
-    let schema = T::json_schema(generator);
-    MADE.lock().unwrap_or_else(PoisonError::into_inner).insert(TypeId::of::<T>(), schema.clone());
-    schema
 }
 
 fn generated<T: JsonSchema>() -> Json {

@@ -39,7 +39,7 @@ mod slots;
 
 pub use by_class::by_class;
 pub use check::{check, check_fields, is_default, rename, unknown};
-pub use declare::{Amount, Method, Place, PlaceKind, Stage, method, schema_of, shared_schema};
+pub use declare::{Amount, Method, Place, PlaceKind, Stage, method, schema_of};
 pub use failure::Failure;
 pub use field::{Field, alternatives, domain, fields, is_nullable, is_vector, kind, map_values, words};
 pub use job::{Job, Op, Output, Product, Remark, Want, object};

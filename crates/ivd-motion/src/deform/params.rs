@@ -1,5 +1,4 @@
 use ivd_core::ParamError;
-use ivd_core::op::shared_schema;
 use ivd_field::shape::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -33,7 +32,6 @@ pub struct RingMethod {
     pub ring: RingParams,
     /// What moves.
     #[serde(flatten)]
-    #[schemars(schema_with = "shared_schema::<Moves>")]
     pub moves: Moves,
 }
 
@@ -46,7 +44,6 @@ pub struct Body {
     pub springs: Springs,
     /// What moves.
     #[serde(flatten)]
-    #[schemars(schema_with = "shared_schema::<Moves>")]
     pub moves: Moves,
     /// Bones: what moves as one.
     pub rigid: Vec<Bone>,
@@ -58,7 +55,6 @@ pub struct Body {
 pub struct DynamicsMethod {
     /// The body.
     #[serde(flatten)]
-    #[schemars(schema_with = "shared_schema::<Body>")]
     pub body: Body,
 }
 
@@ -68,7 +64,6 @@ pub struct DynamicsMethod {
 pub struct ProjectiveMethod {
     /// The body.
     #[serde(flatten)]
-    #[schemars(schema_with = "shared_schema::<Body>")]
     pub body: Body,
     /// How closely.
     #[serde(flatten)]
@@ -84,7 +79,6 @@ pub struct ProjectiveMethod {
 pub struct XpbdMethod {
     /// The body.
     #[serde(flatten)]
-    #[schemars(schema_with = "shared_schema::<Body>")]
     pub body: Body,
     /// How closely.
     #[serde(flatten)]

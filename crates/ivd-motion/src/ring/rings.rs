@@ -41,6 +41,7 @@ impl Edges {
     }
 
     /// The neighbours, each with the squared length of the edge to it at rest (mm²).
+    #[inline]
     pub(super) fn with_lengths(&self, vertex: usize) -> impl Iterator<Item = (usize, f64)> {
         let range = self.range(vertex);
         let squared = self.squared[range.clone()].iter().copied();
