@@ -2,30 +2,10 @@
 
 use std::fmt;
 use std::ops::{Deref, DerefMut};
-use std::sync::Arc;
 
 use bytemuck::Pod;
 
-use crate::{Buffer, ByteSource, Error, Exec};
-
-/// Gives room for bulk data beyond the memory limit, such as mapped temporary files.
-pub trait Spill: Send + Sync {
-    /// Room for `bytes` bytes, all 0, aligned for every number.
-    ///
-    /// # Errors
-    /// Why there is none.
-    fn space(&self, bytes: usize) -> std::io::Result<Box<dyn Space>>;
-}
-
-/// Room for bulk data that is being written.
-pub trait Space: Send + Sync {
-    /// What was written so far.
-    fn bytes(&self) -> &[u8];
-    /// The bytes, to be written.
-    fn bytes_mut(&mut self) -> &mut [u8];
-    /// Ends the writing.
-    fn seal(self: Box<Self>) -> Arc<dyn ByteSource>;
-}
+use crate::{Buffer, Error, Exec, Space};
 
 /// Values that a stage writes; a slice to whoever fills it.
 pub struct SpillVec<T>(Room<T>);
@@ -60,7 +40,7 @@ impl<T: Pod> SpillVec<T> {
     /// Ends the writing.
     ///
     /// # Panics
-    /// Where a [`Spill`] gave less room than it was asked for, or room that isn't aligned.
+    /// Where a [`Spill`](crate::Spill) gave less room than it was asked for, or room that isn't aligned.
     pub fn into_buffer(self) -> Buffer<T> {
         match self.0 {
             Room::Memory(values) => values.into(),
@@ -107,7 +87,10 @@ impl<T> fmt::Debug for SpillVec<T> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::{ByteSource, Spill};
 
     struct Elsewhere;
     struct Words(Vec<u64>, usize);

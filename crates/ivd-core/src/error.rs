@@ -1,5 +1,3 @@
-use crate::GridError;
-
 /// A parameter outside its domain. Every stage's `Params::check` returns this.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("parameter `{field}`: {problem}; {remedy}")]
@@ -70,6 +68,25 @@ impl Classified for ParamError {
     fn error_class(&self) -> ErrorClass {
         ErrorClass::Usage
     }
+}
+
+/// Why a grid can't exist.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum GridError {
+    /// A dimension is zero, or their product overflows.
+    #[error(
+        "grid of {0:?} voxels: every dimension must be at least 1 and the product must fit in memory addresses"
+    )]
+    Dims([usize; 3]),
+    /// A spacing is not a positive number of a size that can be multiplied.
+    #[error("spacing {0:?} mm: every spacing must be positive, from 1e-12 to 1e12 mm")]
+    Spacing([f64; 3]),
+    /// The direction matrix can't be inverted or has columns that aren't unit vectors.
+    #[error("direction {0:?} (columns of the voxel axes): must be invertible with unit columns")]
+    Direction([[f64; 3]; 3]),
+    /// The origin is not finite, or so far off that voxels beside each other would be at one place.
+    #[error("origin {0:?} mm: must be finite, at most 1e15 mm from 0")]
+    Origin([f64; 3]),
 }
 
 /// Failures that any stage can meet. Stage crates wrap it in their own `Error` with `#[from]`.

@@ -3,7 +3,7 @@ use std::ops::RangeInclusive;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
+use crate::{Error, GridError};
 
 /// Integer index of a voxel, `[x, y, z]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -22,25 +22,6 @@ impl From<VoxelIndex> for VoxelCoord {
         let [x, y, z] = index.0;
         Self(Vector3::new(x as f64, y as f64, z as f64))
     }
-}
-
-/// Why a grid can't exist.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum GridError {
-    /// A dimension is zero, or their product overflows.
-    #[error(
-        "grid of {0:?} voxels: every dimension must be at least 1 and the product must fit in memory addresses"
-    )]
-    Dims([usize; 3]),
-    /// A spacing is not a positive number of a size that can be multiplied.
-    #[error("spacing {0:?} mm: every spacing must be positive, from 1e-12 to 1e12 mm")]
-    Spacing([f64; 3]),
-    /// The direction matrix can't be inverted or has columns that aren't unit vectors.
-    #[error("direction {0:?} (columns of the voxel axes): must be invertible with unit columns")]
-    Direction([[f64; 3]; 3]),
-    /// The origin is not finite, or so far off that voxels beside each other would be at one place.
-    #[error("origin {0:?} mm: must be finite, at most 1e15 mm from 0")]
-    Origin([f64; 3]),
 }
 
 /// A regular grid of voxels in world space.

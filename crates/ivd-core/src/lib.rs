@@ -44,22 +44,24 @@ pub mod op;
 pub mod parallel;
 pub mod sets;
 mod shown;
+mod spill;
 pub mod srgb;
 mod transfer;
 mod tree;
 mod value;
 pub mod vertex_class;
 mod volume;
+mod voxels;
 
 pub use addressing::VertexDescription;
 pub use bricks::{BRICK, BrickIndex, BrickRange};
 pub use buffer::{Buffer, ByteSource};
-pub use bulk::{Space, Spill, SpillVec};
+pub use bulk::SpillVec;
 pub use class_choice::ClassChoice;
 pub use displacement::{Displacement, FieldBricks, NO_BRICK};
-pub use error::{Classified, Error, ErrorClass, ParamError};
+pub use error::{Classified, Error, ErrorClass, GridError, ParamError};
 pub use exec::{Backend, Cancel, Exec, Iteration, NoObserver, Observer};
-pub use grid::{Grid, GridError, VoxelCoord, VoxelIndex, World};
+pub use grid::{Grid, VoxelCoord, VoxelIndex, World};
 pub use image::Image;
 pub use labels::{Class, Labels, NO_DATA};
 pub use lattice::{CoarseLevel, ElementKey, Lattice, LatticeSource, MIN_EDGE_FRACTION};
@@ -68,55 +70,9 @@ pub use mesh::{Mesh, MeshAddress};
 pub use motion::{Ball, Frame, InteriorPoints, Motion};
 pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode, OctreeParts};
 pub use shown::shown;
+pub use spill::{Space, Spill};
 pub use transfer::{TransferEntry, TransferFunction};
 pub use tree::{LeafMeans, Linkage, Tree, TreeParts};
 pub use value::{Artefact, ArtefactRef, Kind, Value};
-pub use volume::{Scalar, Volume, VoxelType, Voxels};
-
-/// Dispatches on the stored type of a [`Voxels`]: binds the typed slice and runs the same code for each type.
-///
-/// ```
-/// use ivd_core::{Voxels, with_voxels};
-/// let voxels = Voxels::from(vec![1_u16, 2, 3]);
-/// let sum: f64 = with_voxels!(&voxels, slice => slice.iter().map(|&v| f64::from(v)).sum());
-/// assert_eq!(sum, 6.0);
-/// ```
-#[macro_export]
-macro_rules! with_voxels {
-    ($voxels:expr, $slice:ident => $body:expr) => {
-        match $voxels {
-            $crate::Voxels::U8(buffer) => {
-                let $slice = buffer.as_slice();
-                $body
-            }
-            $crate::Voxels::I8(buffer) => {
-                let $slice = buffer.as_slice();
-                $body
-            }
-            $crate::Voxels::U16(buffer) => {
-                let $slice = buffer.as_slice();
-                $body
-            }
-            $crate::Voxels::I16(buffer) => {
-                let $slice = buffer.as_slice();
-                $body
-            }
-            $crate::Voxels::U32(buffer) => {
-                let $slice = buffer.as_slice();
-                $body
-            }
-            $crate::Voxels::I32(buffer) => {
-                let $slice = buffer.as_slice();
-                $body
-            }
-            $crate::Voxels::F32(buffer) => {
-                let $slice = buffer.as_slice();
-                $body
-            }
-            $crate::Voxels::F64(buffer) => {
-                let $slice = buffer.as_slice();
-                $body
-            }
-        }
-    };
-}
+pub use volume::Volume;
+pub use voxels::{Scalar, VoxelType, Voxels};

@@ -46,9 +46,11 @@ mod error;
 mod inside;
 mod nearest;
 mod params;
+mod stage;
 
 pub use build::build;
 pub use error::Error;
 pub use inside::inside;
 pub use nearest::{Nearest, NearestIndex, prepare, prepare_parts};
-pub use params::{Figures, Inputs, Params, STAGE};
+pub use params::Params;
+pub use stage::{Figures, Inputs, STAGE};

@@ -6,9 +6,9 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value as Json};
 
-use super::declare::schema_of;
 use super::field::{Field, alternatives, domain, fields, figure, is_nullable, kind, map_values, words};
 use super::finite::not_finite;
+use super::schema::schema_of;
 use crate::ParamError;
 
 /// Holds parameters against the schema of their type: ranges, words, numbers that are finite.

@@ -1,0 +1,22 @@
+use std::sync::Arc;
+
+use crate::ByteSource;
+
+/// Gives room for bulk data beyond the memory limit, such as mapped temporary files.
+pub trait Spill: Send + Sync {
+    /// Room for `bytes` bytes, all 0, aligned for every number.
+    ///
+    /// # Errors
+    /// Why there is none.
+    fn space(&self, bytes: usize) -> std::io::Result<Box<dyn Space>>;
+}
+
+/// Room for bulk data that is being written.
+pub trait Space: Send + Sync {
+    /// What was written so far.
+    fn bytes(&self) -> &[u8];
+    /// The bytes, to be written.
+    fn bytes_mut(&mut self) -> &mut [u8];
+    /// Ends the writing.
+    fn seal(self: Box<Self>) -> Arc<dyn ByteSource>;
+}
