@@ -1,6 +1,7 @@
 //! What can be typed.
 
 mod combine;
+mod output;
 
 use std::path::PathBuf;
 
@@ -11,6 +12,7 @@ use ivd_pipeline::scene::{Override, triple};
 use crate::parse;
 
 pub(crate) use combine::{ClipArgs, CombineArgs};
+pub(crate) use output::Output;
 
 /// Interactive deformation of scanned volumes: from a CT, MRI or micro-CT volume to a deformed one.
 ///
@@ -192,14 +194,6 @@ pub(crate) enum Command {
         /// Shell.
         shell: clap_complete::Shell,
     },
-}
-
-/// Where a stage's artefact goes.
-#[derive(Debug, Clone, ClapArgs)]
-pub(crate) struct Output {
-    /// Artefact file.
-    #[arg(short = 'o', long = "output", value_name = "FILE.ivd")]
-    pub(crate) path: PathBuf,
 }
 
 /// What the volume's format doesn't say.

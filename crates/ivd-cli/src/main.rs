@@ -6,19 +6,19 @@
 mod args;
 mod commands;
 mod context;
-mod declared;
 mod exit;
-mod offer;
+mod files;
 mod parse;
 mod progress;
 mod refusal;
+mod stages;
 mod talk;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let json = std::env::args_os().any(|word| word == "--json");
-    match declared::parse(std::env::args_os().collect()) {
+    match stages::parse(std::env::args_os().collect()) {
         Ok((global, asked)) => {
             let json = global.json;
             match context::Context::new(&global).and_then(|context| commands::run(asked, &context)) {

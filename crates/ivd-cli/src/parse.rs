@@ -1,4 +1,4 @@
-//! Values of arguments: pairs, sizes, parameters. Those that a scene knows too are read where the scene is.
+//! Names of flags, and values of arguments: pairs, sizes, parameters. Those that a scene knows too are read where the scene is.
 
 use std::path::Path;
 
@@ -7,6 +7,11 @@ use ivd_pipeline::scene::{MAX_SCENE_BYTES, read_text_limited, truncate_lines};
 use toml::Table;
 
 use crate::exit::Failure;
+
+/// The flag of a key.
+pub(crate) fn flag(key: &str) -> String {
+    key.replace('_', "-")
+}
 
 /// `az,el` in degrees.
 pub(crate) fn pair(text: &str) -> Result<[f64; 2], String> {

@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use clap::builder::Styles;
 use ivd_core::{ErrorClass, shown};
 
-use crate::declared::{program, read, with_truths};
 use crate::exit::code;
+use crate::stages::{program, read, with_truths};
 
 /// clap's own message about what was typed, on the stream it belongs to.
 pub(crate) fn usage(error: &clap::Error, json: bool) -> ExitCode {

@@ -7,7 +7,7 @@ use ivd_field::clip::{Cuboid, HalfSpace};
 use ivd_field::combine::Op;
 use ivd_pipeline::scene::triple;
 
-use super::Output;
+use super::output::Output;
 use crate::parse;
 
 /// Arguments of `ivd combine`.

@@ -10,10 +10,10 @@ use ivd_core::{ErrorClass, Value as _, Volume};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::volume::volume_or_artefact;
 use crate::args::{Bench as Args, Planted};
 use crate::context::Context;
 use crate::exit::Failure;
+use crate::files::volume_or_artefact;
 
 /// The name under which whole scenes are asked for.
 const SCENES: &str = "scenes";

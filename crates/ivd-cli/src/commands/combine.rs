@@ -5,11 +5,10 @@ use ivd_field::combine::CombineParams;
 use ivd_pipeline::Inputs;
 use ivd_pipeline::stages::{Clip, Combine};
 
-use super::stage::{filled, finish};
-use super::volume::volume_or_artefact;
 use crate::args::{ClipArgs, CombineArgs};
 use crate::context::Context;
 use crate::exit::Failure;
+use crate::files::{filled, finish, volume_or_artefact};
 
 /// `ivd combine`.
 pub(super) fn combine(args: &CombineArgs, context: &Context) -> anyhow::Result<()> {

@@ -5,8 +5,8 @@ use std::path::Path;
 use ivd_artefact::Cache;
 use serde_json::json;
 
-use super::volume::volume_or_artefact;
 use crate::context::Context;
+use crate::files::volume_or_artefact;
 
 /// Tells the error between two artefacts (or volume files) of one kind.
 pub(super) fn run(a: &Path, b: &Path, context: &Context) -> anyhow::Result<()> {

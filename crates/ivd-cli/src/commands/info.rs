@@ -6,9 +6,9 @@ use ivd_artefact::{Artefact, Cache};
 use ivd_pipeline::describe;
 use serde_json::{Value, json};
 
-use super::volume::volume_or_artefact;
 use crate::context::Context;
 use crate::exit::Failure;
+use crate::files::volume_or_artefact;
 
 /// Tells what a file holds, or of a lattice where vertices and voxels belong.
 pub(super) fn run(

@@ -1,38 +1,23 @@
-//! One function for each command.
+//! One function for each command that isn't of a stage of the list.
 
 mod bench;
 mod cache;
 mod combine;
 mod compare;
 mod doctor;
-pub(crate) mod hooks;
 mod info;
-mod lattice;
-mod parts;
 mod pipeline;
-mod posteriors;
-pub(crate) mod precursor;
-pub(crate) mod stage;
-mod two_classes;
 mod volume;
 
 use crate::args::Command;
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::offer::Offer;
-
-/// What was asked for.
-pub(crate) enum Asked {
-    /// A stage of the list, with what was typed for it.
-    Stage(Offer, clap::ArgMatches),
-    /// Another command.
-    Command(Command),
-}
+use crate::stages::{self, Asked};
 
 /// Does what was asked for.
 pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
     let command = match asked {
-        Asked::Stage(offer, matches) => return crate::declared::run(&offer, &matches, context),
+        Asked::Stage(offer, matches) => return stages::run(&offer, &matches, context),
         Asked::Command(command) => command,
     };
     if let Some(file) = context.global.params.as_deref() {
@@ -66,7 +51,7 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         Command::Cache { action } => cache::run(action, context),
         Command::Completions { shell } => {
             let mut script = Vec::new();
-            let mut program = crate::declared::program();
+            let mut program = stages::program();
             clap_complete::generate(shell, &mut program, "ivd", &mut script);
             let script = String::from_utf8(script)?;
             context.print_verbatim(&serde_json::json!({ "script": script }), || script.clone())

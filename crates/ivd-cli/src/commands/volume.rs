@@ -2,16 +2,16 @@
 
 use std::path::Path;
 
-use ivd_artefact::{Artefact, Cache};
+use ivd_artefact::Artefact;
 use ivd_core::{Classified, VoxelType};
 use ivd_io::volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
 use ivd_pipeline::stages::{Import, ImportLabels, ImportSource};
-use ivd_pipeline::{ExportOptions, Input, Inputs, ending, export as write_as, export_with};
+use ivd_pipeline::{ExportOptions, Inputs, ending, export as write_as, export_with};
 
-use super::stage::{finish, write_artefact};
 use crate::args::{Direction, Raw};
 use crate::context::Context;
 use crate::exit::Failure;
+use crate::files::{finish, volume_or_artefact, write_artefact};
 
 /// `ivd import`.
 pub(super) fn import(
@@ -146,14 +146,4 @@ pub(super) fn export(
     });
     context.say(&format!("{}{}", output.display(), if written { "" } else { ": unchanged" }));
     context.print(&object, String::new)
-}
-
-/// A file's value, verified whole: an artefact's, or any volume file's through an import.
-pub(super) fn volume_or_artefact(path: &Path, cache: &Cache, context: &Context) -> anyhow::Result<Input> {
-    if path.is_file() && ivd_artefact::is_artefact(path) {
-        return context.artefact(path);
-    }
-    let source = ImportSource::File { path: path.to_owned(), options: ReadOptions::default() };
-    let done = context.run(cache, &Import { source }, &Inputs::default())?;
-    Ok(done.input())
 }

@@ -9,10 +9,9 @@ use ivd_pipeline::stages::part_lattices;
 use ivd_pipeline::{OutputRecord, Runner};
 use serde_json::json;
 
-use super::stage::write_result;
-use super::volume::volume_or_artefact;
 use crate::context::Context;
 use crate::exit::Failure;
+use crate::files::{volume_or_artefact, write_result};
 
 /// Cuts them and writes `label-ID.ivd` for each.
 pub(super) fn run(

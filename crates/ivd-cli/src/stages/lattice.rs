@@ -7,8 +7,8 @@ use ivd_lattice::foreign::ImportParams;
 use ivd_pipeline::stages::ImportedLattice;
 
 use super::parts;
-use super::stage::{filled, finish};
 use crate::context::Context;
+use crate::files::{filled, finish};
 
 /// Its flags that are no keys.
 pub(crate) fn flags() -> [Arg; 4] {

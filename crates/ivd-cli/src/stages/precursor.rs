@@ -7,21 +7,21 @@ use ivd_artefact::Cache;
 use ivd_core::op::{Method, Place, PlaceKind, Stage, Want, fields};
 use ivd_pipeline::{Inputs, Section, StageRecord, StageResult};
 
-use super::stage::write_result;
 use crate::context::Context;
-use crate::declared::{Typed, flag};
 use crate::exit::Failure;
+use crate::files::write_result;
+use crate::parse::flag;
 
 /// The precursor of a stage, by its place.
 #[derive(Clone, Copy)]
-pub(crate) struct Precursor {
+pub(super) struct Precursor {
     stage: &'static Stage,
-    place: &'static Place,
-    method: &'static Method,
+    pub(super) place: &'static Place,
+    pub(super) method: &'static Method,
 }
 
 /// The precursor that some method of a stage has.
-pub(crate) fn of(stage: &Stage) -> Option<Precursor> {
+pub(super) fn of(stage: &Stage) -> Option<Precursor> {
     let stage = ivd_pipeline::list::stage(stage.name)?;
     stage.places.iter().find_map(|place| match place.kind {
         PlaceKind::Precursor { method } => Some(Precursor { stage, place, method }),
@@ -31,7 +31,7 @@ pub(crate) fn of(stage: &Stage) -> Option<Precursor> {
 
 impl Precursor {
     /// The argument of a slot: that of the precursor's result takes the place of all others.
-    pub(crate) fn argument(self, file: Arg, slot: &str, is_positional: bool) -> Arg {
+    pub(super) fn argument(self, file: Arg, slot: &str, is_positional: bool) -> Arg {
         let Place { gives, variant, .. } = *self.place;
         if slot == gives {
             let about = format!("Go on from this {variant} (artefact)");
@@ -42,7 +42,7 @@ impl Precursor {
     }
 
     /// The flag that keeps the precursor's result.
-    pub(crate) fn keeper(self) -> Arg {
+    pub(super) fn keeper(self) -> Arg {
         let Place { gives, variant, .. } = *self.place;
         Arg::new(self.keeper_name())
             .long(self.keeper_name())
@@ -52,53 +52,18 @@ impl Precursor {
             .help(format!("{}: keep the {variant} (artefact)", self.names().join(", ")))
     }
 
-    fn keeper_name(self) -> String {
+    pub(super) fn keeper_name(self) -> String {
         format!("{}-out", self.place.variant)
     }
 
     /// The methods that go on from its result.
-    fn names(self) -> Vec<&'static str> {
+    pub(super) fn names(self) -> Vec<&'static str> {
         let reads = |method: &&Method| method.slots.iter().any(|slot| slot.name == self.place.gives);
         self.stage.methods.iter().filter(reads).map(|method| method.name).collect()
     }
 
-    /// The parameters of going on from a result that is there. Keys that shape it would say nothing, even where they are the default:
-    /// it may be another.
-    pub(crate) fn cut(self, mut keys: Typed) -> anyhow::Result<Section> {
-        let Self { stage, place, method } = self;
-        let names = self.names();
-        let chosen = keys.get(stage.selector).filter(|chosen| !names.iter().any(|name| *chosen == name));
-        if let Some(chosen) = chosen {
-            return Err(Failure::usage(format!(
-                "{}: {chosen}, but --from-{} goes on from that of {}; leave it out, or start anew",
-                keys.place(stage.selector),
-                place.variant,
-                names.join(", "),
-            )));
-        }
-        let schema = (method.schema)();
-        if let Some(field) = fields(schema).find(|field| keys.get(field.name).is_some()) {
-            return Err(Failure::usage(format!(
-                "{}: it shapes a {variant}, and that of --from-{variant} is built; leave it out, or build another {variant} with \
-                 `ivd {} … --{} {} --{} … --{} {}`",
-                keys.place(field.name),
-                stage.name,
-                flag(stage.selector),
-                names.join(" or "),
-                flag(field.name),
-                self.keeper_name(),
-                place.gives.to_uppercase(),
-                variant = place.variant,
-            )));
-        }
-        if let Some(name) = names.first() {
-            keys.or_insert(stage.selector, name);
-        }
-        keys.section()
-    }
-
     /// Takes out of a record what would shape a result that was there already.
-    pub(crate) fn leave_out(self, record: &mut StageRecord) {
+    pub(super) fn leave_out(self, record: &mut StageRecord) {
         if let Some(params) = record.params.as_object_mut() {
             let schema = (self.method.schema)();
             params.retain(|key, _| fields(schema).all(|field| field.name != key));
@@ -107,14 +72,14 @@ impl Precursor {
 }
 
 /// What the command line says of a precursor.
-pub(crate) struct Given<'a> {
+pub(super) struct Given<'a> {
     precursor: Option<Precursor>,
     is_taken: bool,
     kept: Option<&'a Path>,
 }
 
 impl<'a> Given<'a> {
-    pub(crate) fn of(stage: &Stage, matches: &'a ArgMatches) -> Self {
+    pub(super) fn of(stage: &Stage, matches: &'a ArgMatches) -> Self {
         let precursor = of(stage);
         let file = |name: &str| matches.get_one::<PathBuf>(name).map(PathBuf::as_path);
         Self {
@@ -125,17 +90,17 @@ impl<'a> Given<'a> {
     }
 
     /// The precursor, where its result is given.
-    pub(crate) fn taken(&self) -> Option<Precursor> {
+    pub(super) fn taken(&self) -> Option<Precursor> {
         self.precursor.filter(|_| self.is_taken)
     }
 
     /// Where its result goes.
-    pub(crate) fn kept(&self) -> Option<&'a Path> {
+    pub(super) fn kept(&self) -> Option<&'a Path> {
         self.kept
     }
 
     /// Whether it has to be done, and reads a slot.
-    pub(crate) fn is_needed(&self, section: &Section, slot: &str) -> bool {
+    pub(super) fn is_needed(&self, section: &Section, slot: &str) -> bool {
         let Some(precursor) = self.precursor.filter(|_| !self.is_taken) else { return false };
         let own = section.at(precursor.place);
         own.is_some_and(|own| own.wants(slot) != Want::No)
@@ -143,7 +108,7 @@ impl<'a> Given<'a> {
 }
 
 /// Does the precursor, keeps its result, and goes on from that.
-pub(crate) fn run_through(
+pub(super) fn run_through(
     section: &Section,
     file: &Path,
     inputs: Inputs,

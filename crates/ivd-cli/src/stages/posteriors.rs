@@ -8,9 +8,9 @@ use ivd_core::op::{Product, Slots as _};
 use ivd_pipeline::{Inputs, Runner, Section, StageResult};
 use ivd_segment::{EmvsParams, Scanned, Tidied};
 
-use super::stage::{provenance, write_artefact};
 use crate::context::Context;
 use crate::exit::Failure;
+use crate::files::{provenance, write_artefact};
 
 /// The flag.
 pub(crate) const FLAG: &str = "posteriors-out";

@@ -1,13 +1,14 @@
-//! Single stages: artefacts in, one artefact out.
+//! Files that a command reads for its inputs, and writes its results to.
 
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_again, write_with_metrics};
 use ivd_core::Classified;
 use ivd_core::op::{self, Field, alternatives, fields};
-use ivd_pipeline::{Inputs, OutputRecord, Stage, StageRecord, StageResult, ending, export};
+use ivd_io::volume::ReadOptions;
+use ivd_pipeline::stages::{Import, ImportSource};
+use ivd_pipeline::{Input, Inputs, OutputRecord, Stage, StageRecord, StageResult, ending, export};
 
-use super::volume::volume_or_artefact;
 use crate::context::Context;
 use crate::exit::Failure;
 
@@ -30,6 +31,16 @@ pub(crate) fn filled(
         }
     }
     Ok(inputs)
+}
+
+/// A file's value, verified whole: an artefact's, or any volume file's through an import.
+pub(crate) fn volume_or_artefact(path: &Path, cache: &Cache, context: &Context) -> anyhow::Result<Input> {
+    if path.is_file() && ivd_artefact::is_artefact(path) {
+        return context.artefact(path);
+    }
+    let source = ImportSource::File { path: path.to_owned(), options: ReadOptions::default() };
+    let done = context.run(cache, &Import { source }, &Inputs::default())?;
+    Ok(done.input())
 }
 
 /// A file for a slot that the method in use doesn't look at: its kind is checked, and that it has no effect is said where it isn't
@@ -80,7 +91,7 @@ pub(crate) fn finish(
 }
 
 /// Where the result of a record comes from.
-pub(super) fn provenance(record: &StageRecord) -> anyhow::Result<Provenance> {
+pub(crate) fn provenance(record: &StageRecord) -> anyhow::Result<Provenance> {
     let hashes = record.inputs.iter();
     let inputs =
         hashes.map(|(slot, hash)| Ok((slot.clone(), hash.parse().map_err(|e| anyhow::anyhow!("{e}"))?)));
@@ -94,7 +105,7 @@ pub(super) fn provenance(record: &StageRecord) -> anyhow::Result<Provenance> {
 }
 
 /// Writes a stage's result.
-pub(super) fn write_result(done: &StageResult, output: &Path, context: &Context) -> anyhow::Result<()> {
+pub(crate) fn write_result(done: &StageResult, output: &Path, context: &Context) -> anyhow::Result<()> {
     if matches!(*done.artefact, Artefact::Image(_)) && ending(output) != "ivd" {
         export(&done.artefact, output, &context.exec)?;
         return Ok(());
@@ -110,7 +121,7 @@ pub(super) fn write_result(done: &StageResult, output: &Path, context: &Context)
 }
 
 /// Writes an artefact that no stage made.
-pub(super) fn write_artefact(
+pub(crate) fn write_artefact(
     path: &Path,
     artefact: &Artefact,
     provenance: &Provenance,

@@ -5,8 +5,8 @@ use std::ffi::OsString;
 use ivd_core::op::{Method, Stage};
 use ivd_pipeline::list::{self, Key};
 
-use crate::commands::precursor;
-use crate::declared::flag;
+use super::precursor;
+use crate::parse::flag;
 
 /// The keys of a stage's section that a command has flags for: those of all methods, or of the one that the words choose.
 ///

@@ -1,0 +1,162 @@
+//! What was written for a stage.
+
+use std::path::PathBuf;
+
+use clap::ArgMatches;
+use ivd_core::ParamError;
+use ivd_core::op::{Method, Stage, fields};
+use ivd_pipeline::Section;
+use ivd_pipeline::list::{self, Key};
+use ivd_pipeline::params::read_entry;
+use serde_json::{Map, Value as Json};
+
+use super::offer::Offer;
+use super::precursor::Precursor;
+use crate::context::Context;
+use crate::exit::Failure;
+use crate::parse::{flag, table_of};
+
+/// What was written for a stage: in the file of `--params`, and on the command line.
+pub(super) struct Typed {
+    stage: &'static Stage,
+    file: Option<PathBuf>,
+    line: Map<String, Json>,
+    keys: Map<String, Json>,
+}
+
+impl Typed {
+    pub(super) fn read(offer: &Offer, matches: &ArgMatches, context: &Context) -> anyhow::Result<Self> {
+        let stage = offer.stage;
+        let file = context.global.params.clone();
+        let mut keys = file.as_deref().map(table_of).transpose()?.unwrap_or_default();
+        let typed = typed(offer, matches)?;
+        for (key, value) in typed.clone() {
+            add(&mut keys, key, value);
+        }
+        let lacks = |method: &&Method| !method.without.is_empty() && !is_filled(matches, method.without);
+        if let Some(method) = stage.methods.iter().find(lacks) {
+            keys.entry(stage.selector).or_insert_with(|| Json::from(method.name));
+        }
+        Ok(Self { stage, file, line: typed, keys })
+    }
+
+    /// What is given for a key.
+    fn get(&self, key: &str) -> Option<&Json> {
+        self.keys.get(key)
+    }
+
+    /// Gives a key where it isn't given.
+    fn or_insert(&mut self, key: &str, value: &str) {
+        self.keys.entry(key).or_insert_with(|| Json::String(value.to_owned()));
+    }
+
+    /// Where a key was given, for a message.
+    fn place(&self, key: &str) -> String {
+        match &self.file {
+            Some(file) if !self.line.contains_key(key) => format!("--params {}: {key}", file.display()),
+            _ => format!("--{}", flag(key)),
+        }
+    }
+
+    /// The parameters.
+    pub(super) fn section(self) -> anyhow::Result<Section> {
+        Section::parse(self.stage, Some(self.keys)).map_err(|problem| {
+            let first = problem.field.split('.').next().unwrap_or("");
+            Failure::usage(match &self.file {
+                _ if self.line.contains_key(first) => told(&problem),
+                Some(file) => format!("--params {}: {}", file.display(), problem.told_of(self.stage.name)),
+                None => problem.told_of(self.stage.name),
+            })
+        })
+    }
+
+    /// The parameters of going on from a result that is there. Keys that shape it would say nothing, even where they are the default:
+    /// it may be another.
+    pub(super) fn section_from(mut self, precursor: Precursor) -> anyhow::Result<Section> {
+        let (stage, place) = (self.stage, precursor.place);
+        let names = precursor.names();
+        let chosen = self.get(stage.selector).filter(|chosen| !names.iter().any(|name| *chosen == name));
+        if let Some(chosen) = chosen {
+            return Err(Failure::usage(format!(
+                "{}: {chosen}, but --from-{} goes on from that of {}; leave it out, or start anew",
+                self.place(stage.selector),
+                place.variant,
+                names.join(", "),
+            )));
+        }
+        let schema = (precursor.method.schema)();
+        if let Some(field) = fields(schema).find(|field| self.get(field.name).is_some()) {
+            return Err(Failure::usage(format!(
+                "{}: it shapes a {variant}, and that of --from-{variant} is built; leave it out, or build another {variant} with \
+                 `ivd {} … --{} {} --{} … --{} {}`",
+                self.place(field.name),
+                stage.name,
+                flag(stage.selector),
+                names.join(" or "),
+                flag(field.name),
+                precursor.keeper_name(),
+                place.gives.to_uppercase(),
+                variant = place.variant,
+            )));
+        }
+        if let Some(name) = names.first() {
+            self.or_insert(stage.selector, name);
+        }
+        self.section()
+    }
+}
+
+/// A problem of a flag.
+fn told(problem: &ParamError) -> String {
+    let (first, rest) = problem.field.split_once('.').unwrap_or((&problem.field, ""));
+    let inner = ParamError { field: rest.to_owned(), ..problem.clone() };
+    let flag = format!("--{}", flag(first));
+    if rest.is_empty() { inner.told_of(&flag) } else { format!("{flag}: {}", inner.told_of("")) }
+}
+
+/// The keys that flags were given for.
+fn typed(offer: &Offer, matches: &ArgMatches) -> anyhow::Result<Map<String, Json>> {
+    let (stage, mut keys) = (offer.stage, Map::new());
+    if !stage.selector.is_empty()
+        && let Some(word) = matches.get_one::<String>(stage.selector)
+    {
+        keys.insert(stage.selector.to_owned(), Json::String(word.clone()));
+    }
+    for found in &offer.keys {
+        let field = found.field();
+        for name in std::iter::once(field.name).chain(field.aliases()) {
+            let mut value = None;
+            for text in matches.get_many::<String>(name).into_iter().flatten() {
+                // What another method would take is read, and then refused by what this one takes.
+                let of_any = || list::keys(stage).iter().find(|key| key.name == found.name).map(Key::field);
+                let read = read_entry(value.clone(), field, text)
+                    .or_else(|e| of_any().map_or(Err(e), |field| read_entry(value, field, text)))
+                    .map_err(|e| Failure::usage(told(&e.under(name.trim_start_matches('!')))))?;
+                value = Some(read);
+            }
+            if let Some(value) = value {
+                keys.insert(name.trim_start_matches('!').to_owned(), value);
+            }
+        }
+    }
+    Ok(keys)
+}
+
+/// Puts a flag's value over that of the file: things and classes are added to those that the file has.
+fn add(keys: &mut Map<String, Json>, key: String, value: Json) {
+    let is_things = |list: &[Json]| list.iter().all(Json::is_object);
+    match (keys.get_mut(&key), value) {
+        (Some(Json::Array(list)), Json::Array(more)) if is_things(&more) && is_things(list) => {
+            list.extend(more);
+        }
+        (Some(Json::Object(map)), Json::Object(more)) => map.extend(more),
+        (_, value) => {
+            keys.insert(key, value);
+        }
+    }
+}
+
+/// Whether a file was given for a slot.
+fn is_filled(matches: &ArgMatches, slot: &str) -> bool {
+    matches.get_one::<PathBuf>(slot).is_some()
+}
