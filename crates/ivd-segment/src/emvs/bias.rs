@@ -12,9 +12,11 @@ use ivd_core::{Error, Exec, Iteration, Mask, Scalar as _, Volume, Voxels, parall
 use serde::Serialize;
 
 use super::bins::{self, Bins};
+use super::covariance::Covariance;
 use super::line::Density;
 use super::mixture::{Component, Frame, INTENSITY};
-use super::{Covariance, EmvsParams, Search};
+use super::params::EmvsParams;
+use super::search::Search;
 
 /// Rounds of mixture and gains.
 const ROUNDS: u64 = 30;

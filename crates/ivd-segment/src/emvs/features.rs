@@ -3,31 +3,14 @@
 use ivd_core::{Error, Exec, Iteration, Mask, Volume, parallel, with_voxels};
 
 use super::bins::Bins;
+use super::covariance::Covariance;
+use super::factorisation::{factor, product};
 use super::line::{Found, Limits};
 use super::mixture::{AXES, Component, Frame};
 use super::quadratic::{self, Quadratic};
+use super::rows;
+use super::sums::Sums;
 use super::tables::Tables;
-use super::{Covariance, rows};
-
-/// Share of its floor below which a variance counts as none. Ten times less, and products with the inverse lose the digits that
-/// a likelihood needs; ten times more, and voxels one in ten thousand are overlooked.
-const VANISHING: f64 = 1e-6;
-
-/// Sums of a component: responsibility, and with it the deviations from the present mean and their products (upper triangle).
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sums {
-    pub(super) n: f64,
-    pub(super) d: [f64; AXES],
-    pub(super) dd: [[f64; AXES]; AXES],
-}
-
-impl Sums {
-    fn join(&mut self, other: &Self) {
-        self.n += other.n;
-        self.d.iter_mut().zip(other.d).for_each(|(sum, v)| *sum += v);
-        self.dd.iter_mut().flatten().zip(other.dd.as_flattened()).for_each(|(sum, v)| *sum += v);
-    }
-}
 
 /// What the search looks at.
 pub(super) struct Space<'a> {
@@ -156,45 +139,4 @@ fn only_variances(mut c: Component) -> Component {
         }
     }
     c
-}
-
-/// `L` and `d` of `L diag(d) Lᵀ`, `L` a lower triangle of ones; no `d` below its floor.
-pub(super) fn factor(
-    matrix: &[[f64; AXES]; AXES],
-    floor: &[f64; AXES],
-) -> ([[f64; AXES]; AXES], [f64; AXES]) {
-    let mut lower = [[0.0; AXES]; AXES];
-    let mut pivots = [0.0; AXES];
-    // The pivots before their floors: what lies below them is regressed on what was seen, not on what was lifted.
-    let mut seen = [0.0; AXES];
-    for j in 0..AXES {
-        lower[j][j] = 1.0;
-        let mut rest = matrix[j][j];
-        for i in 0..j {
-            rest -= lower[j][i] * lower[j][i] * seen[i];
-        }
-        // Next to nothing is left of the axis once those before it are known: it explains nothing of those after. Without
-        // this a pivot of rounding would be divided by.
-        let vanishes = rest <= (1e-13 * matrix[j][j].abs()).max(VANISHING * floor[j]);
-        seen[j] = if vanishes { 0.0 } else { rest };
-        pivots[j] = seen[j].max(floor[j]).max(f64::MIN_POSITIVE);
-        for row in j + 1..AXES {
-            let mut rest = matrix[row][j];
-            for i in 0..j {
-                rest -= lower[row][i] * lower[j][i] * seen[i];
-            }
-            lower[row][j] = if vanishes { 0.0 } else { rest / seen[j] };
-        }
-    }
-    (lower, pivots)
-}
-
-fn product(lower: &[[f64; AXES]; AXES], pivots: &[f64; AXES]) -> [[f64; AXES]; AXES] {
-    let mut matrix = [[0.0; AXES]; AXES];
-    for a in 0..AXES {
-        for b in 0..AXES {
-            matrix[a][b] = (0..=a.min(b)).map(|i| lower[a][i] * lower[b][i] * pivots[i]).sum();
-        }
-    }
-    matrix
 }

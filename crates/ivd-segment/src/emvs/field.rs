@@ -6,29 +6,23 @@
 //! best for a voxel is known in closed form, and no two voxels of one colour of a checkerboard are neighbours: so all red
 //! ones are renewed at once, then all black ones, and the variational free energy falls with each.
 //!
-//! Beside the couplings acts an external field, see [`super::external`]. It is found anew before each sweep until it stands
-//! still, or half of the sweeps are done; from then on the energy falls.
-//!
 //! The distributions are stored in steps of 1/255, so that K maps of a large volume fit into memory; a voxel keeps its old
 //! distribution where the rounded new one isn't better, so that rounding can't make the energy rise. The colours are stored
 //! apart: whoever writes one only reads the other.
 
-use ivd_core::{Buffer, Error, Exec, Iteration, Scalar, SpillVec, parallel, with_voxels};
+use ivd_core::{Buffer, Error, Exec, Scalar, SpillVec, parallel, with_voxels};
 
-use super::features::Space;
+use super::covariance::Covariance;
 use super::labels::Scene;
 use super::line::Sums;
 use super::mixture::{Component, INTENSITY};
 use super::quadratic::{self, Quadratic};
 use super::rows::{PIECE, Piece, Values};
-use super::{Covariance, EmvsParams, external};
 
 /// The whole of a distribution.
 const WHOLE: f64 = 255.0;
 /// Beyond this share all others round to nothing.
 const CERTAIN: f64 = 1.0 - 0.5 / WHOLE;
-/// The external field stands where no logarithm changes by more.
-const STANDS: f64 = 1e-3;
 /// Voxels of a task, about.
 const TASK: usize = 1 << 14;
 
@@ -58,25 +52,15 @@ pub(super) struct Field {
     /// By colour: rows, in each the components' shares one after the other.
     shares: [SpillVec<u8>; 2],
     /// The components in the order of their means.
-    order: Vec<usize>,
-}
-
-/// What became of the mixture.
-pub(super) struct Smoothed {
-    pub(super) field: Field,
-    pub(super) components: Vec<Component>,
-    /// Free energy after each sweep since the external field stands, a voxel.
-    pub(super) energies: Vec<f64>,
-    pub(super) sweeps: u64,
-    pub(super) converged: bool,
+    pub(super) order: Vec<usize>,
 }
 
 /// Sums of a colour.
-struct Tally {
+pub(super) struct Tally {
     /// Free energy with the neighbours' part, and without.
-    coupled: f64,
-    alone: f64,
-    sums: Vec<Sums>,
+    pub(super) coupled: f64,
+    pub(super) alone: f64,
+    pub(super) sums: Vec<Sums>,
 }
 
 impl Tally {
@@ -84,7 +68,7 @@ impl Tally {
         Self { coupled: 0.0, alone: 0.0, sums: vec![Sums::default(); k] }
     }
 
-    fn join(&mut self, other: &Self) {
+    pub(super) fn join(&mut self, other: &Self) {
         self.coupled += other.coupled;
         self.alone += other.alone;
         for (sum, other) in self.sums.iter_mut().zip(&other.sums) {
@@ -93,69 +77,6 @@ impl Tally {
             sum.dd += other.dd;
         }
     }
-}
-
-/// Sweeps until the energy stands still. On intensity alone the weights make way for an external field, means and variances are
-/// renewed after each sweep, and the weights are the voxels' shares in the end; components over space stay as they are.
-pub(super) fn smooth(
-    scene: &Scene,
-    space: &Space,
-    params: &EmvsParams,
-    exec: &Exec,
-) -> Result<Smoothed, Error> {
-    let mut components = scene.components.to_vec();
-    let mut field = Field::new(scene, exec)?;
-    let spacing = scene.volume.grid().spacing();
-    let least = spacing.iter().copied().fold(f64::INFINITY, f64::min);
-    let couplings = spacing.map(|s| params.smoothing * least / s);
-    let mut energies: Vec<f64> = Vec::new();
-    let (mut sweeps, mut converged) = (0, false);
-    for colour in 0..2 {
-        field.renew(scene, &components, colour, None, exec)?;
-    }
-    let on_intensity = scene.shape == Covariance::Intensity;
-    let mut shares: Vec<f64> = components.iter().map(|c| c.weight).collect();
-    let mut stands = !on_intensity;
-    while !converged && sweeps < params.smoothing_iterations {
-        sweeps += 1;
-        if !stands {
-            let weights: Vec<f64> = components.iter().map(|c| c.weight).collect();
-            let external = external::field(&weights, &field, couplings, exec)?;
-            let change = |(new, old): (&f64, &f64)| (new / old).ln().abs();
-            let moved = external.iter().zip(&weights).filter(|(_, old)| **old > 0.0).map(change);
-            stands = moved.fold(0.0, f64::max) <= STANDS || 2 * sweeps > params.smoothing_iterations;
-            components.iter_mut().zip(external).for_each(|(c, weight)| c.weight = weight);
-            energies.clear();
-        }
-        let mut red = field.renew(scene, &components, 0, Some(couplings), exec)?;
-        let black = field.renew(scene, &components, 1, Some(couplings), exec)?;
-        // A pair of neighbours counts once: with its black voxel.
-        let energy = (red.alone + black.coupled) / scene.bins.total;
-        exec.observer().iteration(Iteration { method: "emvs smoothing", index: sweeps, value: energy });
-        let last = energies.last().copied();
-        energies.push(energy);
-        converged = stands && last.is_some_and(|last| last - energy < params.tolerance);
-        red.join(&black);
-        if on_intensity {
-            // Above 0, so that the mixture can be begun with again.
-            let share = |sums: &Sums| (sums.n / scene.bins.total).max(f64::MIN_POSITIVE);
-            shares.iter_mut().zip(&red.sums).for_each(|(own, sums)| *own = share(sums));
-            if !converged && sweeps < params.smoothing_iterations {
-                maximise(&mut components, &red.sums, space);
-            }
-        }
-    }
-    components.iter_mut().zip(shares).for_each(|(c, share)| c.weight = share);
-    field.order = scene.frame.order(&components);
-    let components = field.order.iter().map(|k| components[*k]).collect();
-    Ok(Smoothed { field, components, energies, sweeps, converged })
-}
-
-/// Means and variances of greatest expected likelihood, the weights as they are.
-fn maximise(components: &mut [Component], sums: &[Sums], space: &Space) {
-    let weights: Vec<f64> = components.iter().map(|c| c.weight).collect();
-    super::line::maximise(components, sums, space.bins.total, &space.limits);
-    components.iter_mut().zip(weights).for_each(|(c, weight)| c.weight = weight);
 }
 
 /// What a task renews shares with.
@@ -183,7 +104,7 @@ struct Work {
 }
 
 impl Field {
-    fn new(scene: &Scene, exec: &Exec) -> Result<Self, Error> {
+    pub(super) fn new(scene: &Scene, exec: &Exec) -> Result<Self, Error> {
         let dims = scene.frame.dims;
         let (k, half) = (scene.components.len(), dims[0].div_ceil(2));
         let len = half * k * dims[1] * dims[2];
@@ -192,7 +113,7 @@ impl Field {
     }
 
     /// Renews the distributions of one colour, given the other's; without couplings from nothing.
-    fn renew(
+    pub(super) fn renew(
         &mut self,
         scene: &Scene,
         components: &[Component],

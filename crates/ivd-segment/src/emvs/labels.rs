@@ -2,8 +2,8 @@
 
 use ivd_core::{Buffer, Class, Error, Exec, Labels, Mask, NO_DATA, SpillVec, Volume, parallel, with_voxels};
 
-use super::Covariance;
 use super::bins::Bins;
+use super::covariance::Covariance;
 use super::line::{Density, likeliest};
 use super::mixture::{Component, Frame};
 use super::quadratic::{self, Quadratic};

@@ -6,7 +6,8 @@ use ivd_core::Volume;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Covariance, bins::Bins};
+use super::bins::Bins;
+use super::covariance::Covariance;
 
 /// Dimensions of the frame: x, y, z, intensity. A mixture on intensity alone uses the last.
 pub(super) const AXES: usize = 4;

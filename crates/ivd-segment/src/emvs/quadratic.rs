@@ -5,10 +5,11 @@
 use ivd_core::{Mask, Scalar};
 
 use super::exponential::exp;
-use super::features::{Sums, factor};
+use super::factorisation::factor;
 use super::line::log_weight;
 use super::mixture::{AXES, Component, Frame, INTENSITY};
 use super::rows::{PIECE, Piece, Values, pieces};
+use super::sums::Sums;
 
 /// Sums that are added side by side.
 const LANES: usize = 4;

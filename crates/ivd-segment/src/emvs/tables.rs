@@ -5,10 +5,10 @@ use ivd_core::{Mask, Scalar};
 
 use super::bins::Bins;
 use super::exponential::exp;
-use super::features::Sums;
 use super::line::{Density, likeliest, log_weight};
 use super::mixture::{AXES, Component, Frame, INTENSITY};
 use super::rows::{PIECE, Piece, pieces};
+use super::sums::Sums;
 
 const LANES: usize = 4;
 /// Voxels whose sums of densities are multiplied before the logarithm is taken.

@@ -8,9 +8,9 @@
 use ivd_core::{Error, Exec};
 use rayon::prelude::*;
 
-use super::Kernel;
 use super::cells::Cells;
 use super::density::Heights;
+use super::params::Kernel;
 
 /// Basin of a cell that no kernel reaches, or that isn't known yet.
 pub(super) const NO_BASIN: u32 = u32::MAX;

@@ -3,7 +3,7 @@
 use ivd_core::{Error, Exec, Mask, Scalar, Volume, parallel, with_voxels};
 use rayon::prelude::*;
 
-use super::MsvsParams;
+use super::params::MsvsParams;
 
 /// Voxels that one task looks at.
 const CHUNK: usize = 1 << 18;

@@ -3,8 +3,8 @@
 use ivd_core::{Error, Exec, Mask, ParamError, Scalar, Volume, parallel, with_voxels};
 
 use super::bandwidth::{Bandwidths, real};
+use super::params::{Kernel, MsvsParams};
 use super::range_axis::RangeAxis;
-use super::{Kernel, MsvsParams};
 use crate::histogram::{Tabled, with_tabled};
 
 /// Most cells of a grid: 1.6 GB while it is worked on. A constant, and no matter of the memory there is, because the number

@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 
 use super::bandwidth::{self, Bandwidths};
 use super::cells::Cells;
-use super::{Msvs, MsvsParams, msvs};
+use super::params::MsvsParams;
+use super::{Msvs, msvs};
 use crate::groups::Partition;
 use crate::histogram::{self, Histogram};
 use crate::kmvs::partitions;

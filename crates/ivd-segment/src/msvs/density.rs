@@ -5,8 +5,8 @@ use std::ops::Range;
 use ivd_core::{Error, Exec, parallel};
 use rayon::prelude::*;
 
-use super::Kernel;
 use super::cells::{Cells, REACH};
+use super::params::Kernel;
 
 /// What cells climb: of the Gaussian the logarithm of the density, whose gradient is the mean shift itself; of the flat
 /// kernel the density of its shadow. A density is a sum of kernel weights, so 1 for a lonely voxel.

@@ -9,10 +9,10 @@ use std::collections::HashMap;
 use ivd_core::{Error, Exec, parallel, sets};
 use rayon::prelude::*;
 
-use super::MsvsParams;
 use super::ascent::{Axis, Basins, NO_BASIN, axes};
 use super::cells::Cells;
 use super::density::Heights;
+use super::params::MsvsParams;
 
 /// Cells that one task looks at.
 const CHUNK: usize = 1 << 16;

@@ -4,6 +4,7 @@ use ivd_core::{Classified, ErrorClass, Exec, Grid, Mask, Volume, Voxels};
 use rayon::prelude::*;
 
 use super::*;
+use crate::Within;
 
 /// Uniform in 0…1.
 fn uniform(i: u64) -> f64 {

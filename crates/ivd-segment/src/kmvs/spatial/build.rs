@@ -2,8 +2,8 @@
 
 use ivd_core::{Mask, Scalar};
 
+use super::brick::{Brick, GROUP, Places};
 use super::frame::{Frame, is_short};
-use super::hierarchy::{Brick, GROUP, Places};
 use super::layout::Layout;
 
 /// Bits of the keys that voxels are ordered by.

@@ -2,8 +2,9 @@
 
 use ivd_core::{Exec, Scalar};
 
+use super::brick::GROUP;
 use super::frame::{Centroid, Frame, Point, distance};
-use super::hierarchy::{GROUP, Hierarchy};
+use super::hierarchy::Hierarchy;
 use super::walk::Cell;
 use crate::Error;
 

@@ -2,9 +2,10 @@
 
 use ivd_core::{Class, Exec, Scalar, SpillVec, parallel};
 
+use super::brick::Brick;
 use super::build::squares_of;
 use super::frame::{Centroid, Frame, wide};
-use super::hierarchy::{Brick, Hierarchy};
+use super::hierarchy::Hierarchy;
 use super::sums::{Sums, Tally};
 use super::walk::{Candidate, Looked, Sink, Walk, candidates};
 use crate::Error;

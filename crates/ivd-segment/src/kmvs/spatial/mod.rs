@@ -1,5 +1,6 @@
 //! k-means on place and value: Lloyd's algorithm, exactly, over a hierarchy of bricks and groups of like voxels.
 
+mod brick;
 mod build;
 mod farthest;
 mod frame;
@@ -12,9 +13,9 @@ mod sums;
 mod tests;
 mod walk;
 
-use ivd_core::{Exec, Iteration, Labels, Mask, ParamError, Scalar, Volume, with_voxels};
+use ivd_core::{Exec, Iteration, Labels, Mask, Scalar, Volume, with_voxels};
 
-use super::KmvsParams;
+use super::params::KmvsParams;
 use crate::{Error, Segmentation, selection};
 use frame::{Centroid, Frame};
 use hierarchy::Hierarchy;
@@ -71,21 +72,6 @@ pub fn kmvs_spatial(
         with_voxels!(volume.voxels(), slice => cluster(volume, slice, mask, params, exec))
     })
 }
-
-/// Whether a start is `k` finite centroids of a size whose square is a number.
-pub(super) fn check_start(start: Option<&[[f64; 4]]>, k: usize) -> Result<(), ParamError> {
-    let Some(start) = start else { return Ok(()) };
-    if start.len() != k {
-        return Err(ParamError::new("start", format!("{} centroids", start.len()), format!("give k = {k}")));
-    }
-    match start.iter().flatten().find(|v| v.is_nan() || v.abs() > LARGEST) {
-        Some(v) => Err(ParamError::new("start", format!("{v}"), format!("use -{LARGEST}…{LARGEST}"))),
-        None => Ok(()),
-    }
-}
-
-/// Largest coordinate of a start, as of the spatial weight.
-const LARGEST: f64 = 1e100;
 
 fn cluster<T: Scalar>(
     volume: &Volume,

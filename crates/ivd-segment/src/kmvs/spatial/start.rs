@@ -2,9 +2,10 @@
 
 use ivd_core::{Exec, Scalar, parallel};
 
+use super::brick::{Brick, GROUP};
 use super::farthest::farthest;
 use super::frame::{Centroid, Frame, distance};
-use super::hierarchy::{Brick, GROUP, Hierarchy};
+use super::hierarchy::Hierarchy;
 use crate::Error;
 
 /// Up to `k` centroids, each the mean of a group drawn with a chance of its voxels times the squared distance from the

@@ -2,8 +2,9 @@
 
 use ivd_core::{Exec, Scalar, parallel};
 
+use super::brick::Brick;
 use super::frame::{Centroid, Frame, wide};
-use super::hierarchy::{Brick, Hierarchy};
+use super::hierarchy::Hierarchy;
 use super::walk::{Candidate, Looked, Sink, Walk, candidates};
 use crate::Error;
 

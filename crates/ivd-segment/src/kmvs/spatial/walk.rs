@@ -6,8 +6,9 @@
 
 use ivd_core::Scalar;
 
+use super::brick::{Brick, GROUP};
 use super::frame::{Centroid, Frame, Point, distance};
-use super::hierarchy::{Brick, GROUP, Hierarchy};
+use super::hierarchy::Hierarchy;
 
 /// A centroid is left out where every point of a box is nearer to another one by this, relative to the distances: a
 /// thousandfold of what rounding can do, and more than counts as a tie.
