@@ -1,39 +1,9 @@
 //! What the thesis concludes from its tables, held against what was measured.
 
-use serde::Serialize;
-
-use super::page::ended;
-use super::{LatticeBench, Reach, RefinementRow};
 use ivd_report::html::number;
 
-/// A conclusion of the thesis, and whether it holds here.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Claim {
-    /// Where it stands.
-    pub section: String,
-    /// What it says.
-    pub says: String,
-    /// How many comparisons bear it out, and of how many.
-    pub holds: [usize; 2],
-    /// The numbers.
-    pub found: String,
-}
-
-impl Claim {
-    fn new(section: &str, says: &str, holds: [usize; 2], found: String) -> Self {
-        Self { section: section.to_owned(), says: says.to_owned(), holds, found }
-    }
-
-    /// Whether it holds, in words.
-    pub fn verdict(&self) -> String {
-        match self.holds {
-            [_, 0] => "nothing to compare".to_owned(),
-            [0, _] => "doesn't hold here".to_owned(),
-            [a, b] if a == b => "holds".to_owned(),
-            [a, b] => format!("holds in {a} of {b}"),
-        }
-    }
-}
+use super::results::{Claim, LatticeBench, Reach};
+use super::rows::{RefinementRow, ended};
 
 /// All of them, for one lattice.
 pub(super) fn claims(bench: &LatticeBench) -> Vec<Claim> {

@@ -7,16 +7,16 @@ mod claims;
 mod inputs;
 mod page;
 mod pictures;
+mod results;
 mod rows;
 
 use std::time::Instant;
 
 use ivd_core::{Exec, Image, Lattice};
 use ivd_lattice::refine::{Locks, Method, RefineParams, StopReason, Target, chain};
-use serde::Serialize;
 
-pub use claims::Claim;
 pub use page::refinements_page;
+pub use results::{Claim, LatticeBench, Reach, RefinementBench};
 pub use rows::{RefinementRow, Shape};
 
 use crate::experiment::Problem;
@@ -33,60 +33,6 @@ const SHEET: f64 = 0.01;
 const LEVELS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 /// How many of the coarsest levels of the inverse subdivision are held against other methods.
 const COMPARED: usize = 3;
-
-/// Refinements of lattices by every method.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RefinementBench {
-    /// Version of this layout: 1.
-    pub schema: u32,
-    /// Version of the program.
-    pub version: String,
-    /// Worker threads.
-    pub threads: usize,
-    /// Times that every refinement was run.
-    pub repeats: usize,
-    /// One for each lattice.
-    pub lattices: Vec<LatticeBench>,
-}
-
-/// Refinements of one lattice.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct LatticeBench {
-    /// The lattice, in words.
-    pub input: String,
-    /// Edge of its voxels (mm).
-    pub voxel_mm: f64,
-    /// Vertices beside an edge where the surface turns by more than 40°.
-    pub crease_vertices: usize,
-    /// The lattice's own counts.
-    pub shape: Shape,
-    /// Every method at every share, share by share.
-    pub shares: Vec<RefinementRow>,
-    /// Inverse subdivision, decimation and the program's default at the counts of the inverse subdivision's levels: three
-    /// rows a level (table 5.1).
-    pub same_counts: Vec<RefinementRow>,
-    /// How far methods go (table 5.2).
-    pub reach: Vec<Reach>,
-    /// Levels of the program's default method, the lattice itself first (figure 5.10).
-    pub levels: Vec<RefinementRow>,
-    /// What the thesis concludes, and what was found here.
-    pub claims: Vec<Claim>,
-}
-
-/// How far a method goes.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Reach {
-    /// The method.
-    pub method: String,
-    /// Vertices at levels 1, 2, …; none where the level can't be reached.
-    pub levels: Vec<Option<usize>>,
-    /// Fewest vertices, asked for none or for any of the levels.
-    pub least: usize,
-    /// What stopped it where it was asked for none.
-    pub stopped_by: StopReason,
-    /// Whether what is left has as many parts and handles as the lattice.
-    pub same_topology: bool,
-}
 
 /// Refines lattices by every method, on generated inputs or on the volume of `options`.
 ///

@@ -4,9 +4,10 @@ use ivd_core::Image;
 use ivd_pipeline::{Error, png_bytes};
 use ivd_report::html::{escape, number, png_url};
 
+use super::LEVELS;
 use super::pictures::{COLOURS, SCALE};
-use super::rows::CREASE_DEGREES;
-use super::{Claim, LEVELS, LatticeBench, Reach, RefinementBench, RefinementRow, Shape};
+use super::results::{Claim, LatticeBench, Reach, RefinementBench};
+use super::rows::{CREASE_DEGREES, RefinementRow, Shape, ended};
 use crate::page::STYLE;
 
 const OWN_STYLE: &str = "
@@ -158,11 +159,6 @@ fn table(rows: &[RefinementRow], bench: &LatticeBench) -> String {
         );
     }
     html + "</table></div>"
-}
-
-/// What ended a refinement, as the program's JSON says it.
-pub(super) fn ended(by: ivd_lattice::refine::StopReason) -> String {
-    by.to_string().replace('_', " ")
 }
 
 fn reach(all: &[Reach]) -> String {

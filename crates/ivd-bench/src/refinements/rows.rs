@@ -185,3 +185,8 @@ fn creases(lattice: &Lattice) -> Vec<Vector3<f64>> {
     ends.dedup();
     ends.into_iter().map(|v| positions[v as usize]).collect()
 }
+
+/// What ended a refinement, as the program's JSON says it.
+pub(super) fn ended(by: StopReason) -> String {
+    by.to_string().replace('_', " ")
+}

@@ -12,9 +12,8 @@ use ivd_motion::mass_spring::{self, Solver};
 use ivd_motion::ring::{self, RingParams};
 use ivd_session::MapChoice;
 
-use super::map::apart;
 use crate::experiment::{Experiment, Problem, Scored, Setting};
-use crate::inputs::{RADIUS_MM, ball, judged};
+use crate::inputs::{RADIUS_MM, ball, judged, root_mean_square};
 
 /// Largest motion (mm) and radius (mm) of the handle at the ball's top.
 const MOVE_MM: f64 = 5.0;
@@ -261,4 +260,16 @@ fn against(truth: &Displacement, found: &MapResult) -> Scored {
         ("misfit", found.figures.followed.misfit),
     ];
     judged(error, counters)
+}
+
+/// Root mean square and largest difference of two displacements (mm), where either moves.
+pub(super) fn apart(a: &Displacement, b: &Displacement) -> (f64, f64) {
+    let places = (0..a.grid().len()).map(|i| a.grid().index(i));
+    let squares = places
+        .map(|at| (a.forward().at(at), b.forward().at(at)))
+        .filter(|(a, b)| a.iter().chain(b).any(|&c| c != 0.0))
+        .map(|(a, b)| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>());
+    let squares: Vec<f64> = squares.collect();
+    let most = squares.iter().copied().fold(0.0, f64::max).sqrt();
+    (root_mean_square(squares.into_iter()), most)
 }

@@ -2,16 +2,16 @@ use std::sync::Arc;
 
 use ivd_boundary::component;
 use ivd_budget::{LEVELS, target};
-use ivd_core::{ClassChoice, Displacement, Exec, Lattice, Volume};
+use ivd_core::{ClassChoice, Exec, Lattice, Volume};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_segment::{KmvsParams, kmvs};
 use ivd_session::MapChoice;
 
-use super::deformation::deformed;
+use super::deformation::{apart, deformed};
 use crate::experiment::{Experiment, Problem, Setting};
-use crate::inputs::{judged, root_mean_square};
+use crate::inputs::judged;
 
 /// How coarse the lattice is that carries the voxels against what the whole one gives: solver and map on each level.
 pub(super) fn experiment(size: usize, exec: &Exec) -> Result<Experiment, Problem> {
@@ -97,16 +97,4 @@ fn push(size: usize) -> Handle {
     let edge = size as f64;
     let at = Anchor::NearestTo([0.5 * edge, 0.78 * edge, 0.5 * edge]);
     Handle { at, action: Action::Move([0.0, PUSH * edge, 0.0]), radius: 0.25 * edge }
-}
-
-/// Root mean square and largest difference of two displacements (mm), where either moves.
-pub(super) fn apart(a: &Displacement, b: &Displacement) -> (f64, f64) {
-    let places = (0..a.grid().len()).map(|i| a.grid().index(i));
-    let squares = places
-        .map(|at| (a.forward().at(at), b.forward().at(at)))
-        .filter(|(a, b)| a.iter().chain(b).any(|&c| c != 0.0))
-        .map(|(a, b)| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>());
-    let squares: Vec<f64> = squares.collect();
-    let most = squares.iter().copied().fold(0.0, f64::max).sqrt();
-    (root_mean_square(squares.into_iter()), most)
 }

@@ -4,6 +4,7 @@
 //! of work, so that times can be told for another scene. Both are data of this repository (`fixtures/fronts`): the defaults
 //! are held to them by a test, and budgets choose by them.
 
+mod amounts;
 mod rates;
 
 use std::collections::BTreeMap;
@@ -12,41 +13,11 @@ use std::sync::OnceLock;
 use ivd_pipeline::Error;
 use serde::{Deserialize, Serialize};
 
+pub use amounts::{Spread, Work};
 pub use rates::{Rate, Rates};
 
 /// Errors are sums in floating point: closer ones are equal.
 const ROUNDING: f64 = 1.001;
-
-/// Times of several runs (s).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Spread {
-    /// The shortest.
-    pub least: f64,
-    /// The one in the middle.
-    pub median: f64,
-    /// The longest.
-    pub most: f64,
-}
-
-impl Spread {
-    /// Of at least one time.
-    pub fn of(times: &[f64]) -> Self {
-        let mut sorted = times.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        Self { least: sorted[0], median: sorted[sorted.len() / 2], most: sorted[sorted.len() - 1] }
-    }
-}
-
-/// An amount of work of an input, so that a cost scales to another.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Work {
-    /// What is counted: "voxels", "triangles", "springs".
-    pub what: String,
-    /// How many.
-    pub amount: f64,
-}
 
 /// The recorded sweep of a stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

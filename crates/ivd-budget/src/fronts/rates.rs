@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Spread, Work};
+use super::amounts::{Spread, Work};
 
 /// Wall times of the stages of a plain scene, and of writing its outputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -15,8 +15,8 @@ use std::collections::BTreeMap;
 
 use ivd_core::sets;
 
-use super::agreement::Confusion;
 use super::assignment::Weights;
+use super::confusion::Confusion;
 
 /// One, in the fixed-point numbers of Dice: 2¹⁶ of them can be added up in 63 bits, whatever the sign.
 const ONE: u128 = 1 << 40;

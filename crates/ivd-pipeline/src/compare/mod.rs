@@ -2,6 +2,7 @@
 
 mod agreement;
 mod assignment;
+mod confusion;
 mod distance;
 mod matching;
 

@@ -8,7 +8,7 @@ use ivd_report::html::escape;
 use ivd_report::{Cell, Page, Pictures, body_or_problem, pairs, shown, slices, table, value_histogram};
 use ivd_segment::{AnyFigures, Figures};
 
-use super::ReportData;
+use super::data::ReportData;
 use super::deformation::{Moves, bones, class_volumes, deformation};
 use super::segmentation::{class_densities, segmentation};
 use crate::control::Decisions;

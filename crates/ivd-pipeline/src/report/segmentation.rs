@@ -7,7 +7,8 @@ use ivd_report::{
 use ivd_segment::{AnyFigures, ClassFigures, Figures};
 use serde_json::Value;
 
-use super::{ReportData, class_colour};
+use super::colours::class_colour;
+use super::data::ReportData;
 use crate::StageRecord;
 
 /// How the classes were found, with the curves that their number was read from, and a table of them.

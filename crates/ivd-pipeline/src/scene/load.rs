@@ -3,15 +3,13 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use ivd_core::ParamError;
-use ivd_core::op::Stage;
-use serde_json::Value as Json;
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
-use super::{Scene, Written};
-use crate::list::STAGES;
+use super::Scene;
+use super::stage_sections::{Written, stage_sections};
+use crate::Error;
 use crate::params::from_toml;
-use crate::{Error, Section};
 
 /// One `--set stage.key=value`.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,7 +97,7 @@ pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
         (table.clone().try_into().map_err(told), table)
     };
     let written = as_json(table).map_err(|problem| placed(text, &problem))?;
-    let sections = sections(&written).map_err(|problem| placed(text, &problem))?;
+    let sections = stage_sections(&written).map_err(|problem| placed(text, &problem))?;
     let mut scene = typed?;
     (scene.written, scene.sections) = (written, sections);
     scene.check()?;
@@ -113,22 +111,6 @@ fn as_json(table: Table) -> Result<Written, ParamError> {
         Ok((name, section))
     };
     table.into_iter().map(section).collect()
-}
-
-/// The stages of the list, from the sections of a scene.
-pub(super) fn sections(written: &Written) -> Result<Vec<Section>, ParamError> {
-    let given = |section: &str, key: &str| written.get(section)?.get(key);
-    let section = |stage: &&'static Stage| {
-        let own = match written.get(stage.name) {
-            None => None,
-            Some(Json::Object(keys)) => Some(keys.clone()),
-            Some(_) => {
-                return Err(ParamError::new(stage.name, "not a table", "write it as a section of keys"));
-            }
-        };
-        Section::parse_adopting(stage, own, given).map_err(|problem| problem.under(stage.name))
-    };
-    STAGES.iter().map(section).collect()
 }
 
 /// What is wrong, with the line of the text that it stands in where there is one.

@@ -7,9 +7,8 @@ mod load;
 mod read;
 mod schema;
 mod sections;
+mod stage_sections;
 mod written;
-
-use std::collections::BTreeMap;
 
 use ivd_core::op::{Op, Stage};
 use ivd_map::space::SpaceParams;
@@ -22,10 +21,9 @@ use crate::{Error, Section};
 
 pub use load::{Loaded, MAX_SCENE_BYTES, Override, load, parse, read_text_limited, truncate_lines};
 pub use sections::{InputSection, OutputSection, Picture, RawSection};
+pub(crate) use stage_sections::Written;
+use stage_sections::stage_sections;
 pub use written::triple;
-
-/// Sections by their names.
-pub(crate) type Written = BTreeMap<String, Json>;
 
 /// The name of a stage of the list.
 fn stage_name(stage: &Stage) -> &'static str {
@@ -95,7 +93,7 @@ impl Scene {
                 };
             }
         }
-        self.sections = load::sections(&self.written)
+        self.sections = stage_sections(&self.written)
             .map_err(|problem| Error::usage(stage_name(stage), problem.told_of("")))?;
         Ok(())
     }

@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 
 use super::Scene;
+use super::stage_sections::Written;
 use crate::list::STAGES;
 
 const OWN: [&str; 3] = ["schema", "input", "output"];
@@ -62,7 +63,7 @@ impl<'de> Deserialize<'de> for Scene {
                     schema: schema.ok_or_else(|| missing("schema"))?,
                     input: input.ok_or_else(|| missing("input"))?,
                     output: output.ok_or_else(|| missing("output"))?,
-                    written: super::Written::new(),
+                    written: Written::new(),
                     sections: Vec::new(),
                 })
             }

@@ -1,0 +1,27 @@
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ivd_artefact::Artefact;
+use ivd_core::{Image, TransferFunction};
+use ivd_field::class_volume::ClassVolume;
+
+use crate::control::Decisions;
+
+/// What the report shows beyond the stages' records.
+#[derive(Debug, Default)]
+pub(crate) struct ReportData {
+    /// Pictures by name; packed once the page is made.
+    pub(crate) pictures: BTreeMap<String, Arc<Artefact>>,
+    /// The transfer function, for the histogram.
+    pub(crate) transfer: Option<TransferFunction>,
+    /// The volume at rest, for the histogram.
+    pub(crate) volume: Option<Arc<Artefact>>,
+    /// Its middle slices, coloured by class.
+    pub(crate) class_slices: Vec<Image>,
+    /// What was decided while the scene ran.
+    pub(crate) decisions: Decisions,
+    /// What each class of voxels gains or loses.
+    pub(crate) class_volumes: Vec<ClassVolume>,
+    /// Length of each moved vertex's displacement (mm).
+    pub(crate) displacements: Vec<f64>,
+}
