@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::Shape;
+use super::params::Shape;
 use super::truth::{HEAD, NECK};
 
 /// Offset of a phantom's centre from the middle of its grid (voxels).

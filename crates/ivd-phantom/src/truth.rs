@@ -2,7 +2,7 @@
 
 use ivd_core::Class;
 
-use super::Shape;
+use super::params::Shape;
 
 /// Class names, means of the noise-free head in the order of its labels.
 pub(super) const HEAD: [(&str, f64); 6] =

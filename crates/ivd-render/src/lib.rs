@@ -60,6 +60,7 @@ mod packet;
 mod params;
 mod picture;
 mod prepared;
+mod rendered;
 #[allow(unsafe_code, reason = "unchecked gathers, argued in the module's head")]
 mod samples;
 mod scene;
@@ -75,6 +76,7 @@ pub use error::Error;
 pub use frame::Radiance;
 pub use params::{Mode, Projection, RenderParams, View};
 pub use prepared::Prepared;
+pub use rendered::Rendered;
 pub use scene::Scene;
 pub use stage::{
     Coloured, DifferenceFigures, DifferenceParams, DvrParams, IsoParams, MipParams, Pair, Plain,
@@ -82,23 +84,7 @@ pub use stage::{
 };
 pub use surface::{SurfaceStyle, surface};
 
-use ivd_core::{Exec, Image};
-
-/// A picture and what it cost.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Rendered {
-    /// The picture.
-    pub image: Image,
-    /// Pictures made: 1.
-    pub frames: u32,
-    /// Samples taken.
-    pub samples: u64,
-    /// Samples taken for each pixel of the picture, on average.
-    pub samples_per_pixel: f64,
-    /// Share of the samples on the rays' way that were passed over because their brick is empty; what lies behind the end of a ray counts
-    /// in neither.
-    pub skipped_fraction: f64,
-}
+use ivd_core::Exec;
 
 /// Renders a picture of a scene.
 ///

@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Cache, entries};
+use super::{Cache, used};
 use crate::map::Map;
 use crate::{ContentHash, Error};
 
@@ -96,7 +96,7 @@ impl Cache {
         if let (Some(stamp), Some(note)) = (&stamp, &note)
             && let Some(hash) = remembered(note, stamp)
         {
-            entries::mark_used(note);
+            used::mark_used(note);
             return Ok(FileHash { hash, bytes_read: 0 });
         }
         let hash = hash_of(&file, &stat).map_err(Error::io(path, "read"))?;

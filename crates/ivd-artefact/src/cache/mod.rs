@@ -3,6 +3,7 @@
 mod entries;
 mod files;
 mod key;
+mod used;
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -183,7 +184,7 @@ impl Cache {
             }
             Ok((info, value)) if CacheKey::new(info.kind, &info.provenance) == *key => {
                 self.hits.fetch_add(1, Ordering::Relaxed);
-                entries::mark_used(&path);
+                used::mark_used(&path);
                 return Lookup::Hit(value);
             }
             Ok(_) => format!("{}: the entry was made from something else", path.display()),

@@ -4,8 +4,9 @@
 use ivd_core::{Buffer, Displacement, FieldBricks};
 use serde::{Deserialize, Serialize};
 
+use super::encoded::Encoded;
 use super::real::{GridContent, Real, voxel_shape};
-use super::{Decoder, Encoded, SectionBytes};
+use super::sections::{Decoder, SectionBytes};
 use crate::Element;
 use crate::error::Problem;
 

@@ -3,7 +3,8 @@
 use ivd_core::{Buffer, Image};
 use serde::{Deserialize, Serialize};
 
-use super::{Decoder, Encoded, SectionBytes};
+use super::encoded::Encoded;
+use super::sections::{Decoder, SectionBytes};
 use crate::Element;
 use crate::error::Problem;
 

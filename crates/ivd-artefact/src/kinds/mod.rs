@@ -1,6 +1,7 @@
 //! One codec a kind: which sections it has, and what it keeps beside them as JSON.
 
 mod displacement;
+mod encoded;
 mod image;
 mod labels;
 mod lattice;
@@ -13,26 +14,11 @@ mod transfer;
 mod tree;
 mod volume;
 
-use serde::Serialize;
-
+pub(crate) use encoded::Encoded;
 pub(crate) use sections::{Decoder, SectionBytes};
 
 use crate::error::Problem;
-use crate::{Artefact, ArtefactRef, Kind, canonical_json};
-
-/// A value, ready to be hashed and written.
-pub(crate) struct Encoded<'a> {
-    /// Canonical JSON of what stands beside the sections.
-    pub(crate) content: String,
-    pub(crate) sections: Vec<SectionBytes<'a>>,
-}
-
-impl<'a> Encoded<'a> {
-    fn new(content: &impl Serialize, sections: Vec<SectionBytes<'a>>) -> Result<Self, String> {
-        let content = serde_json::to_value(content).map_err(|e| e.to_string())?;
-        Ok(Self { content: canonical_json(&content), sections })
-    }
-}
+use crate::{Artefact, ArtefactRef, Kind};
 
 /// Encodes a value. What can't be written (not a number, parts that don't fit) is told in words.
 pub(crate) fn encode(artefact: ArtefactRef<'_>) -> Result<Encoded<'_>, String> {

@@ -4,8 +4,9 @@
 use ivd_core::{Ball, Frame, InteriorPoints, Motion};
 use serde::{Deserialize, Serialize};
 
+use super::encoded::Encoded;
 use super::real::GridContent;
-use super::{Decoder, Encoded, SectionBytes};
+use super::sections::{Decoder, SectionBytes};
 use crate::Element;
 use crate::error::Problem;
 

@@ -3,8 +3,9 @@
 use ivd_core::{Buffer, TransferEntry, TransferFunction};
 use serde::{Deserialize, Serialize};
 
+use super::encoded::Encoded;
 use super::real::Real;
-use super::{Decoder, Encoded, SectionBytes};
+use super::sections::{Decoder, SectionBytes};
 use crate::Element;
 use crate::error::Problem;
 

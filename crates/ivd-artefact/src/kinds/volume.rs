@@ -3,8 +3,9 @@
 use ivd_core::{BrickIndex, Buffer, Scalar, Volume, VoxelType, Voxels, with_voxels};
 use serde::{Deserialize, Serialize};
 
+use super::encoded::Encoded;
 use super::real::{GridContent, voxel_shape};
-use super::{Decoder, Encoded, SectionBytes};
+use super::sections::{Decoder, SectionBytes};
 use crate::Element;
 use crate::error::Problem;
 

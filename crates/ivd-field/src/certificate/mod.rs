@@ -23,7 +23,7 @@ use crate::Error;
 use crate::sampler::{Corners, Sampler, brick_at};
 use bernstein::{CORNERS, Coefficients, determinant, subdivide};
 pub use quick::Quick;
-use quick::Room;
+use quick::{Room, upper};
 
 /// Determinant up to which a cell of a map is thin. At 0.05 a cell is squeezed to a twentieth of its size; less would pass as
 /// fold-free but leaves the inverse with gradients that no interpolation follows.
@@ -182,15 +182,6 @@ pub fn touched(forward: &FieldBricks) -> Vec<usize> {
         }
     }
     (0..owner.len()).filter(|&b| owner[b]).collect()
-}
-
-/// A brick and its upper neighbours: those that hold corners of its cells.
-fn upper(bricks: [usize; 3], brick: usize) -> impl Iterator<Item = usize> {
-    let at = brick_at(bricks, brick);
-    (0..8_usize).map(move |corner| {
-        let near: [usize; 3] = std::array::from_fn(|a| (at[a] + (corner >> a & 1)).min(bricks[a] - 1));
-        near[0] + bricks[0] * (near[1] + bricks[1] * near[2])
-    })
 }
 
 /// The certificate of the cells that the given bricks own. Brick `b` owns the cells `8b … 8b + 7`, and the cell −1 where

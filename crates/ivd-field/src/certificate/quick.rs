@@ -165,7 +165,7 @@ impl<'a> Quick<'a> {
         let [nx, ny, nz] = room.size;
         let (table, vectors) = (self.field.table(), self.field.vectors());
         let moves = |brick: usize| table[brick] != NO_BRICK && self.moves[table[brick] as usize];
-        if !super::upper(bricks, brick).any(moves) {
+        if !upper(bricks, brick).any(moves) {
             return 0.0;
         }
         let mut most = 0.0_f32;
@@ -278,4 +278,13 @@ fn permanent<E: Eight>(m: &[[E; 3]; 3]) -> E {
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
+}
+
+/// A brick and its upper neighbours: those that hold corners of its cells.
+pub(super) fn upper(bricks: [usize; 3], brick: usize) -> impl Iterator<Item = usize> {
+    let at = brick_at(bricks, brick);
+    (0..8_usize).map(move |corner| {
+        let near: [usize; 3] = std::array::from_fn(|a| (at[a] + (corner >> a & 1)).min(bricks[a] - 1));
+        near[0] + bricks[0] * (near[1] + bricks[1] * near[2])
+    })
 }

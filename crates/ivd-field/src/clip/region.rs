@@ -3,8 +3,8 @@
 use ivd_core::{Displacement, Grid, NO_BRICK, VoxelCoord, VoxelIndex};
 use nalgebra::{Matrix3, Vector3};
 
+use super::by::{By, Tag};
 use super::params::{ClipParams, HalfSpace};
-use super::{By, Tag};
 
 /// Share of the smallest spacing within which a centre lies on a plane.
 const ON_PLANE: f64 = 1e-6;

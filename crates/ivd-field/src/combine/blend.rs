@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use ivd_core::{Exec, Scalar, VoxelType, parallel};
 
+use super::counts::Counts;
+use super::params::Op;
 use super::read::{Read, Row, SIDE};
-use super::{Counts, Op};
 use crate::Error;
 
 /// The combined voxels; `a`: the first operand's.

@@ -42,41 +42,22 @@
 //! ```
 
 mod blend;
+mod counts;
+mod operand;
 mod params;
 mod pick;
 mod read;
 
-use ivd_core::{Displacement, Exec, Grid, Labels, Mask, Scalar, Volume, with_voxels};
+use ivd_core::{Exec, Grid, Labels, Mask, Scalar, Volume, with_voxels};
 
 use crate::Error;
 use crate::warp::{self, WarpParams, label_background};
+use counts::Counts;
+pub use operand::Operand;
 pub use params::{CombineParams, Op};
 use read::{Place, Read};
 
 pub(crate) use blend::nearest_data;
-
-/// One of the things that are combined.
-#[derive(Debug)]
-pub struct Operand<'a, V> {
-    /// The value.
-    pub value: &'a V,
-    /// What it is read through, where it is still at rest; on the value's grid.
-    pub displacement: Option<&'a Displacement>,
-}
-
-impl<V> Clone for Operand<'_, V> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<V> Copy for Operand<'_, V> {}
-
-impl<'a, V> From<&'a V> for Operand<'a, V> {
-    fn from(value: &'a V) -> Self {
-        Self { value, displacement: None }
-    }
-}
 
 /// A combination and how much of it was looked at.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,22 +72,6 @@ pub struct Combined<V> {
     pub bricks_visited: u64,
     /// Bricks of the grid.
     pub bricks_total: u64,
-}
-
-/// What a kernel counts.
-#[derive(Debug, Clone, Copy, Default)]
-struct Counts {
-    changed: u64,
-    bricks: u64,
-}
-
-impl std::iter::Sum for Counts {
-    fn sum<I: Iterator<Item = Self>>(counts: I) -> Self {
-        counts.fold(Self::default(), |a, b| Self {
-            changed: a.changed + b.changed,
-            bricks: a.bricks + b.bricks,
-        })
-    }
 }
 
 impl<V> Combined<V> {

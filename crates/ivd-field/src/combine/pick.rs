@@ -6,8 +6,10 @@ use ivd_core::{Class, Exec, Grid, Labels, Scalar, parallel};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::counts::Counts;
+use super::operand::Operand;
+use super::params::Op;
 use super::read::{Place, SIDE};
-use super::{Counts, Op, Operand};
 use crate::Error;
 use crate::warp::{Order, Source};
 

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use ivd_core::{Displacement, Exec, Grid, NO_BRICK, Scalar, Volume, parallel, with_voxels};
 use nalgebra::{Matrix3, Vector3};
 
-use super::Operand;
+use super::operand::Operand;
 use super::params::Window;
 use crate::Error;
 use crate::warp::{self, Order, Slabs, Source, WarpParams, check_grid, stored_background};

@@ -1,4 +1,4 @@
-use ivd_core::{Class, Classified, VoxelCoord, VoxelIndex, Voxels};
+use ivd_core::{Class, Classified, Displacement, VoxelCoord, VoxelIndex, Voxels};
 use nalgebra::Vector3;
 
 use super::*;

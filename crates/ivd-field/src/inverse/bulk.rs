@@ -10,8 +10,8 @@ use ivd_core::{FieldBricks, Grid, NO_BRICK, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::residual::{SolvedBrick, Worst};
 use super::solve::{FOUND, FOUND_FAR, Solver};
-use super::{SolvedBrick, Worst};
 use crate::sampler::brick_at;
 use crate::simd::Four;
 #[cfg(target_arch = "x86_64")]
@@ -26,7 +26,7 @@ const KEPT: f64 = 3.725_290_298_461_914e-9;
 const STEPS: usize = 8;
 
 /// A field that is inverted brick by brick.
-pub(super) struct SpillVec<'a> {
+pub(super) struct BrickSolver<'a> {
     forward: &'a FieldBricks,
     solver: Solver<'a>,
     /// All stored vectors, in voxels.
@@ -36,7 +36,7 @@ pub(super) struct SpillVec<'a> {
     avx2: bool,
 }
 
-impl<'a> SpillVec<'a> {
+impl<'a> BrickSolver<'a> {
     /// `native`: whether AVX2 may be used where it is there.
     pub(super) fn new(forward: &'a FieldBricks, grid: &Grid, native: bool) -> Self {
         let avx2 = native && crate::simd::wide();

@@ -9,6 +9,7 @@
 
 mod bulk;
 mod pieces;
+mod residual;
 mod solve;
 
 use ivd_core::{Exec, FieldBricks, Grid, NO_BRICK, VoxelIndex};
@@ -17,15 +18,13 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::sampler::Sampler;
-use bulk::SpillVec;
+use bulk::BrickSolver;
 pub use pieces::{invert_part, invert_within, lies_beyond};
+use residual::{SolvedBrick, Worst};
 use solve::Solver;
 
 /// Residual above which an inverse is refused (voxels): a hundredth of what could be seen.
 const RESIDUAL: f64 = 1e-2;
-
-/// Most vectors of a brick, and the worst residual in it.
-pub(crate) type SolvedBrick = (Box<[[f32; 3]]>, Worst);
 
 /// An inverse field.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,27 +52,6 @@ impl Inverse {
     }
 }
 
-/// The largest residual so far; of equals the first voxel in memory order wins.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Worst {
-    pub(crate) residual: f64,
-    pub(crate) voxel: Option<VoxelIndex>,
-}
-
-impl Worst {
-    pub(crate) fn take(&mut self, residual: f64, voxel: VoxelIndex) {
-        if self.voxel.is_none() || residual > self.residual {
-            *self = Self { residual, voxel: Some(voxel) };
-        }
-    }
-
-    pub(crate) fn merge(&mut self, other: Self) {
-        if let Some(voxel) = other.voxel {
-            self.take(other.residual, voxel);
-        }
-    }
-}
-
 /// Inverts a forward field (mm) on its grid.
 ///
 /// The field should be one-to-one: where it folds, one of the preimages is found and the residual still tells whether
@@ -98,7 +76,7 @@ pub fn invert(forward: &FieldBricks, grid: &Grid, exec: &Exec) -> Result<Inverse
     exec.run(|| {
         let observer = exec.observer();
         observer.begin("inverse", forward.stored() as u64);
-        let bulk = SpillVec::new(forward, grid, exec.simd);
+        let bulk = BrickSolver::new(forward, grid, exec.simd);
         let stored: Vec<usize> =
             (0..forward.table().len()).filter(|&b| forward.table()[b] != NO_BRICK).collect();
         let solved = stored

@@ -8,7 +8,8 @@ use ivd_core::{Exec, FieldBricks, Grid, Mask, NO_BRICK, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::{Inverse, SolvedBrick, Solver, Worst, assemble, store};
+use super::residual::{SolvedBrick, Worst};
+use super::{Inverse, Solver, assemble, store};
 use crate::Error;
 use crate::sampler::{brick_at, brick_voxels};
 

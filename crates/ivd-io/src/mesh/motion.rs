@@ -4,9 +4,11 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use ivd_core::{Frame, Lattice, Motion};
+use ivd_core::{Lattice, Motion};
 
-use super::{Format, Placed, Written, deformed, write_deformed, write_mesh};
+use super::format::Format;
+use super::placed::{Placed, times};
+use super::{Written, deformed, write_deformed, write_mesh};
 use crate::mesh::Error;
 
 /// Writes a lattice with its motion, in the format of the file's ending.
@@ -42,14 +44,6 @@ pub fn write_motion(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<W
         }
         (_, Some(last)) => write_deformed(path, lattice, &last.displacement),
     }
-}
-
-/// Times of rest and of every frame (s), growing.
-pub(super) fn times(frames: &[Frame]) -> Vec<f64> {
-    let own: Vec<f64> = [0.0].into_iter().chain(frames.iter().map(|frame| frame.time)).collect();
-    // As 32-bit numbers, which glTF has.
-    let grow = own.windows(2).all(|pair| (pair[0] as f32) < pair[1] as f32 && (pair[1] as f32).is_finite());
-    if grow { own } else { (0..own.len()).map(|i| i as f64).collect() }
 }
 
 fn write_series(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Written, Error> {

@@ -4,10 +4,11 @@ use std::io::{self, Write};
 
 use nalgebra::Vector3;
 
+use super::Mesh;
 use super::parse::{
     Budget, Failure, Fan, REPAIR, REWRITE, Space, Words, index, no_number, out_of_range, parsed, shown,
 };
-use super::{Mesh, Placed};
+use super::placed::Placed;
 
 /// Text; each coordinate with the fewest digits that give the same f64 back. Indices count from 1.
 pub(super) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use ivd_core::Mesh;
 
+use super::format::{Format, format_of};
 use super::parse::{Budget, Failure};
-use super::{Format, format_of, glb, obj, ply, stl, vtp};
+use super::{glb, obj, ply, stl, vtp};
 use crate::mesh::Error;
 
 /// Reads a mesh file in the format of its ending.

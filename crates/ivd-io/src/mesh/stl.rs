@@ -4,8 +4,9 @@ use std::io::{self, Write};
 
 use nalgebra::Vector3;
 
+use super::Mesh;
 use super::parse::{Budget, Cursor, Failure, REPAIR, REWRITE, Space, Words, shown};
-use super::{Mesh, Placed, f32_rounding, put};
+use super::placed::{Placed, f32_rounding, put};
 use crate::mesh::Error;
 use crate::number::Number;
 use crate::order::ByteOrder;

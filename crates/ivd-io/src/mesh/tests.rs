@@ -1,5 +1,5 @@
 use super::*;
-use ivd_core::{ElementKey, Grid, LatticeSource};
+use ivd_core::{ElementKey, Frame, Grid, LatticeSource};
 
 const FAR: f64 = 1_234_567.0;
 
@@ -272,7 +272,7 @@ fn other_formats_have_the_last_frame_and_a_motion_of_another_lattice_is_refused(
     // Times that don't grow are a second apart.
     let mut frames = motion.frames().to_vec();
     frames[0].time = 0.0;
-    assert_eq!(super::motion::times(&frames), [0.0, 1.0, 2.0]);
+    assert_eq!(super::placed::times(&frames), [0.0, 1.0, 2.0]);
     let frame = Frame { time: 0.0, displacement: vec![[0.0; 3]; 5].into() };
     let other = ivd_core::Motion::new(lattice.grid().clone(), 5, vec![frame]).unwrap();
     let error = write_motion(&path, &lattice, &other).unwrap_err().to_string();

@@ -5,8 +5,7 @@ use serde_json::{Value, json};
 
 use super::{GENERATOR, ROOT};
 use crate::mesh::Error;
-use crate::mesh::motion::times;
-use crate::mesh::{Placed, f32_rounding, put};
+use crate::mesh::placed::{Placed, f32_rounding, put, times};
 
 const HEAD: u64 = 12;
 const CHUNK_HEAD: u64 = 8;

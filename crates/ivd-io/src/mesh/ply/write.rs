@@ -1,11 +1,11 @@
 use std::io::{self, Write};
 
 use crate::mesh::Error;
-use crate::mesh::{Placed, put};
+use crate::mesh::placed::{Placed, put, voxels_fit};
 
 /// PLY names a voxel by 32-bit numbers.
 pub(in crate::mesh) fn check(mesh: &Placed) -> Result<f64, Error> {
-    crate::mesh::voxels_fit(mesh, "PLY")
+    voxels_fit(mesh, "PLY")
 }
 
 /// Binary little endian: f64 positions, the address of each vertex, triangles as lists of three.

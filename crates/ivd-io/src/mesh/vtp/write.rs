@@ -1,14 +1,14 @@
 use std::io::{self, Write};
 
 use crate::mesh::Error;
-use crate::mesh::{Placed, put};
+use crate::mesh::placed::{Placed, put, voxels_fit};
 
 /// Bytes of the count before each array.
 const COUNT: u64 = 8;
 
 /// The addresses are 32-bit numbers.
 pub(in crate::mesh) fn check(mesh: &Placed) -> Result<f64, Error> {
-    crate::mesh::voxels_fit(mesh, "VTP")
+    voxels_fit(mesh, "VTP")
 }
 
 /// One piece, appended raw bytes, little endian: f64 positions, the address of each vertex, triangles.

@@ -7,6 +7,7 @@
 //! The header codec is written here: the `nifti` crate (0.18) reads NIfTI-1 alone and takes memory for whatever the
 //! header declares.
 
+mod ending;
 mod header;
 mod orient;
 mod write;
@@ -21,6 +22,7 @@ use ivd_core::{Exec, Volume};
 use crate::volume::bounded::{self, Packing};
 use crate::volume::stored::{self, Layout};
 use crate::volume::{Error, frames};
+use ending::strip_ending;
 use header::Header;
 pub(crate) use write::{field, write};
 
@@ -108,11 +110,6 @@ fn parts(path: &Path) -> [PathBuf; 2] {
         }
     }
     [path.to_owned(), path.to_owned()]
-}
-
-fn strip_ending<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
-    let cut = name.len().checked_sub(ending.len())?;
-    name.get(cut..)?.eq_ignore_ascii_case(ending).then(|| &name[..cut])
 }
 
 /// A file's bytes, unpacked where they are a gzip stream.

@@ -5,8 +5,9 @@ use flate2::{Compression, GzBuilder};
 use ivd_core::{Exec, Grid, Volume, VoxelType};
 use nalgebra::Vector3;
 
+use super::ending::strip_ending;
 use super::header::{SIZE_1, SIZE_2, code};
-use super::{orient, strip_ending};
+use super::orient;
 use crate::volume::replace::{put, replace};
 use crate::volume::values::Values;
 use crate::volume::{Error, Written};

@@ -9,6 +9,7 @@ mod names;
 mod pile;
 mod png;
 mod raw;
+mod slices;
 mod tiff;
 mod write;
 
@@ -19,6 +20,8 @@ use ivd_core::{Exec, Volume};
 use crate::volume::{Error, RawLayout, bounded, orientation};
 use names::regular_files;
 use pile::Pile;
+use slices::{Slices, note_foreign};
+use tiff::PixelSize;
 pub use write::write_tiff;
 
 /// Reads a TIFF stack: every page is a slice, the first page is z = 0.
@@ -70,22 +73,6 @@ pub fn sources(dir: &Path, raw: Option<&RawLayout>) -> Result<Vec<PathBuf>, Erro
 enum Kind {
     Png,
     Tiff,
-}
-
-/// What a picture tells of its spacing (mm).
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct PixelSize {
-    xy: [f64; 2],
-    /// Distance of the pages.
-    z: Option<f64>,
-}
-
-/// The slices of a folder in their order, and the files that are none.
-#[derive(Debug)]
-struct Slices<K> {
-    kind: K,
-    files: Vec<PathBuf>,
-    foreign: Vec<PathBuf>,
 }
 
 fn kind_of(path: &Path) -> Result<Option<Kind>, Error> {
@@ -167,14 +154,6 @@ fn finish(
         [x, y, 1.0]
     });
     Ok(Volume::new(orientation::plain_grid(path, dims, spacing)?, voxels)?)
-}
-
-fn note_foreign(dir: &Path, foreign: &[PathBuf], exec: &Exec) {
-    if let [first, rest @ ..] = foreign {
-        let name = first.file_name().unwrap_or_default().to_string_lossy();
-        let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
-        exec.observer().note(&format!("{}: passed over {name}{more}: no slice", dir.display()));
-    }
 }
 
 #[cfg(test)]

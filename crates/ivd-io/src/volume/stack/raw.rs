@@ -4,7 +4,7 @@ use std::path::Path;
 use ivd_core::{Exec, Scalar, Volume, VoxelType, Voxels};
 
 use super::names::regular_files;
-use super::{Slices, note_foreign};
+use super::slices::{Slices, note_foreign};
 use crate::order::swap_in_place;
 use crate::volume::bounded::{self, Declared, Packing};
 use crate::volume::{Error, RawLayout, orientation};

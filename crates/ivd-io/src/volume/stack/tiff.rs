@@ -8,12 +8,20 @@ use ::tiff::tags::Tag;
 use ::tiff::{ColorType, TiffError};
 use ivd_core::{Exec, Voxels};
 
+use super::directory;
 use super::pile::Pile;
-use super::{PixelSize, directory};
 use crate::volume::{Error, bounded};
 
 /// No codec of TIFF expands its input by more than this factor (LZW's longest code, 12 bits for 4 kB, comes first).
 const MOST_EXPANSION: u64 = 4096;
+
+/// What a picture tells of its spacing (mm).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PixelSize {
+    pub(super) xy: [f64; 2],
+    /// Distance of the pages.
+    pub(super) z: Option<f64>,
+}
 
 /// Adds the pages of a TIFF to the pile; `most` pages are allowed. Gives the spacing where the first page has a
 /// resolution with a unit.
