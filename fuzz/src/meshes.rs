@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use ivd_core::Grid;
 use ivd_io::mesh::{Format, read_bytes};
 use ivd_lattice::figures;
-use ivd_lattice::foreign::{ImportParams, lattice};
+use ivd_lattice::import::{ImportParams, lattice};
 
 use crate::{MEMORY, exec};
 
@@ -28,9 +28,9 @@ pub fn check(bytes: &[u8]) {
         return;
     }
     let params = ImportParams { weld: f64::from(choice / 100) * 1e-3, allow_open: choice & 64 != 0 };
-    let Ok(foreign) = lattice(&mesh, grid, &params, exec()) else { return };
-    let figures = figures::measure(&foreign.lattice);
+    let Ok(imported) = lattice(&mesh, grid, &params, exec()) else { return };
+    let figures = figures::measure(&imported.lattice);
     assert!(params.allow_open || figures.boundary_edges + figures.non_manifold_edges == 0, "an open lattice");
-    assert!(params.weld > 0.0 || foreign.moved_mm <= 1e-6 * grid.voxel_diagonal(), "a vertex moved");
-    let _ = figures::quality(&foreign.lattice);
+    assert!(params.weld > 0.0 || imported.moved_mm <= 1e-6 * grid.voxel_diagonal(), "a vertex moved");
+    let _ = figures::quality(&imported.lattice);
 }

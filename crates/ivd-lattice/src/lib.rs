@@ -5,14 +5,14 @@
 //! - [`refine`] keeps a subset of its vertices.
 //! - [`repair`] removes small components and slivers of it.
 //! - [`figures`] counts what can be counted about a mesh: edges, components, Euler characteristic, defects.
-//! - [`foreign`] turns another program's mesh into a lattice.
+//! - [`import`] turns another program's mesh into a lattice.
 #![forbid(unsafe_code)]
 
 mod error;
 pub mod extract;
 pub mod figures;
-pub mod foreign;
+pub mod import;
 pub mod refine;
-pub mod repair;
 
 pub use error::Error;
+pub use refine::repair;

@@ -8,7 +8,7 @@ use ivd_core::{Exec, Grid, Volume, Voxels};
 use ivd_io::mesh::{Format, read, write};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures::{measure, quality};
-use ivd_lattice::foreign::{ImportParams, lattice};
+use ivd_lattice::import::{ImportParams, lattice};
 
 use crate::Anything;
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Arg, ArgAction, ArgMatches};
-use ivd_lattice::foreign::ImportParams;
+use ivd_lattice::import::ImportParams;
 use ivd_pipeline::stages::ImportedLattice;
 
 use super::parts;

@@ -4,7 +4,7 @@ use ivd_core::Mesh;
 use ivd_core::{Exec, Grid, Labels, Lattice};
 use ivd_io::mesh::{Format, write_deformed};
 use ivd_lattice::extract::extract_parts;
-use ivd_lattice::foreign::{Addresses, ImportParams, ImportedMesh, lattice};
+use ivd_lattice::import::{Addresses, ImportParams, ImportedMesh, lattice};
 
 use crate::meshes::{file, grids, read, solids};
 
@@ -28,13 +28,13 @@ fn keys_and_places_come_back_bit_for_bit_from_ply_and_vtp() {
             let cut = solids::random(grid, 100 * i as u64 + seed);
             cell_vertices += cut.keys().iter().filter(|key| key.element() >= 6).count();
             for format in [Format::Ply, Format::Vtp] {
-                let foreign = put(&read(format, &file(format, &cut).0).unwrap(), grid);
-                assert_eq!(foreign.addresses, Addresses::Kept);
-                assert_eq!(foreign.lattice.keys(), cut.keys());
+                let imported = put(&read(format, &file(format, &cut).0).unwrap(), grid);
+                assert_eq!(imported.addresses, Addresses::Kept);
+                assert_eq!(imported.lattice.keys(), cut.keys());
                 let bits = |l: &Lattice| l.places().iter().map(|p| p.map(f32::to_bits)).collect::<Vec<_>>();
-                assert!(bits(&foreign.lattice) == bits(&cut), "places of seed {seed} on grid {i}");
-                assert_eq!(foreign.lattice.triangles(), cut.triangles());
-                assert_eq!((foreign.flipped, foreign.welded, foreign.moved_mm), (0, 0, 0.0));
+                assert!(bits(&imported.lattice) == bits(&cut), "places of seed {seed} on grid {i}");
+                assert_eq!(imported.lattice.triangles(), cut.triangles());
+                assert_eq!((imported.flipped, imported.welded, imported.moved_mm), (0, 0, 0.0));
             }
         }
     }
@@ -55,9 +55,9 @@ fn lattices_of_several_labels_keep_addresses_that_stand_for_a_third_vertex_of_a_
                 thirds += 1;
                 assert_eq!(further.voxels.len(), 8);
             }
-            let foreign = put(&read(Format::Ply, &file(Format::Ply, &cut).0).unwrap(), &grid);
-            assert_eq!((foreign.addresses, foreign.lattice.keys()), (Addresses::Kept, cut.keys()));
-            assert_eq!(foreign.lattice.places(), cut.places());
+            let imported = put(&read(Format::Ply, &file(Format::Ply, &cut).0).unwrap(), &grid);
+            assert_eq!((imported.addresses, imported.lattice.keys()), (Addresses::Kept, cut.keys()));
+            assert_eq!(imported.lattice.places(), cut.places());
         }
     }
     assert!(thirds > 0, "none of these orders has a third vertex in a cell");
@@ -75,15 +75,15 @@ fn a_million_millimetres_away_keys_come_back_and_places_as_far_as_the_file_has_t
             for format in [Format::Ply, Format::Vtp] {
                 let (bytes, _) = file(format, &cut);
                 let mesh = read(format, &bytes).unwrap();
-                let foreign = put(&mesh, grid);
-                assert_eq!(foreign.addresses, Addresses::Kept);
+                let imported = put(&mesh, grid);
+                assert_eq!(imported.addresses, Addresses::Kept);
                 assert_eq!(
-                    (foreign.lattice.keys(), foreign.lattice.triangles()),
+                    (imported.lattice.keys(), imported.lattice.triangles()),
                     (cut.keys(), cut.triangles())
                 );
-                assert!(apart(&foreign.lattice, &mesh, |i| i) < 1e-8);
-                assert!(file(format, &foreign.lattice).0 == bytes, "the same file is written again");
-                same += foreign.lattice.places().iter().zip(cut.places()).filter(|(a, b)| a == b).count();
+                assert!(apart(&imported.lattice, &mesh, |i| i) < 1e-8);
+                assert!(file(format, &imported.lattice).0 == bytes, "the same file is written again");
+                same += imported.lattice.places().iter().zip(cut.places()).filter(|(a, b)| a == b).count();
                 all += cut.places().len();
             }
         }
@@ -105,17 +105,17 @@ fn keys_come_back_from_obj_without_addresses_and_positions_from_every_format() {
                 // So far away f32 can't tell the corners of small triangles apart.
                 continue;
             }
-            let foreign = put(&mesh, &grid);
-            assert_eq!(foreign.addresses, Addresses::Absent);
+            let imported = put(&mesh, &grid);
+            assert_eq!(imported.addresses, Addresses::Absent);
             let bound = 1e-6 * grid.voxel_diagonal();
-            assert!(foreign.moved_mm <= bound, "{} mm in {format:?}", foreign.moved_mm);
-            assert_eq!(foreign.lattice.triangles().len(), cut.triangles().len());
+            assert!(imported.moved_mm <= bound, "{} mm in {format:?}", imported.moved_mm);
+            assert_eq!(imported.lattice.triangles().len(), cut.triangles().len());
             if format == Format::Obj {
                 assert_eq!(
-                    (foreign.lattice.keys(), foreign.lattice.triangles()),
+                    (imported.lattice.keys(), imported.lattice.triangles()),
                     (cut.keys(), cut.triangles())
                 );
-                assert!(apart(&foreign.lattice, &mesh, |i| i) < 1e-6);
+                assert!(apart(&imported.lattice, &mesh, |i| i) < 1e-6);
             }
         }
     }
@@ -127,9 +127,9 @@ fn addresses_that_do_not_fit_are_replaced() {
     let cut = solids::random(grid, 8);
     let mesh = read(Format::Ply, &file(Format::Ply, &cut).0).unwrap();
     let other = Grid::with_spacing([9, 9, 9], [0.9; 3]).unwrap();
-    let foreign = put(&mesh, &other);
-    assert_eq!(foreign.addresses, Addresses::Replaced);
-    assert!(foreign.moved_mm < 1e-6);
+    let imported = put(&mesh, &other);
+    assert_eq!(imported.addresses, Addresses::Replaced);
+    assert!(imported.moved_mm < 1e-6);
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("moved.ply");

@@ -3,7 +3,7 @@
 
 mod addresses;
 mod bad_files;
-mod foreign;
+mod imported;
 mod index_relation;
 mod mutations;
 mod other_programs;

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use ivd_core::Exec;
 use ivd_io::mesh::Format;
-use ivd_lattice::foreign::{ImportParams, lattice};
+use ivd_lattice::import::{ImportParams, lattice};
 
 use crate::meshes::solids::hash;
 use crate::meshes::{file, grids, read, solids};

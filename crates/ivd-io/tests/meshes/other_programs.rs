@@ -8,7 +8,7 @@ use ivd_core::Mesh;
 use ivd_core::{Exec, Grid};
 use ivd_io::mesh::Format;
 use ivd_lattice::figures::measure;
-use ivd_lattice::foreign::{ImportParams, ImportedMesh, lattice};
+use ivd_lattice::import::{ImportParams, ImportedMesh, lattice};
 
 use crate::meshes::read;
 
@@ -39,12 +39,12 @@ fn lines<T>(items: &[T], line: impl Fn(&T) -> String) -> String {
 /// A cube of 8 mm³ on a grid of 1 mm, closed and outward.
 fn assert_cube(mesh: &Mesh) -> ImportedMesh {
     let grid = Grid::with_spacing([6; 3], [1.0; 3]).unwrap();
-    let foreign = lattice(mesh, &grid, &ImportParams::default(), &Exec::default()).unwrap();
-    let figures = measure(&foreign.lattice);
+    let imported = lattice(mesh, &grid, &ImportParams::default(), &Exec::default()).unwrap();
+    let figures = measure(&imported.lattice);
     assert!(figures.is_closed_manifold());
     assert_eq!((figures.vertices, figures.triangles, figures.genus), (8, 12, Some(0)));
     assert_eq!((figures.volume_mm3, figures.area_mm2), (8.0, 24.0));
-    foreign
+    imported
 }
 
 #[test]
@@ -54,8 +54,8 @@ fn ascii_ply_of_quads_with_colours_and_edges() {
     let file = format!(
         "ply\r\nformat ascii 1.0\r\ncomment by hand\r\nelement vertex 8\r\nproperty uchar red\r\nproperty float x\r\nproperty float y\r\nproperty float z\r\nproperty float quality\r\nelement edge 1\r\nproperty int vertex1\r\nproperty int vertex2\r\nelement face 6\r\nproperty uchar flags\r\nproperty list uchar int vertex_index\r\nend_header\r\n{vertices}0 1\n{faces}"
     );
-    let foreign = assert_cube(&read(Format::Ply, file.as_bytes()).unwrap());
-    assert_eq!((foreign.flipped, foreign.welded), (0, 0));
+    let imported = assert_cube(&read(Format::Ply, file.as_bytes()).unwrap());
+    assert_eq!((imported.flipped, imported.welded), (0, 0));
 }
 
 #[test]
@@ -120,8 +120,8 @@ fn ascii_stl(name: &str, sign: f64) -> String {
 
 #[test]
 fn ascii_stl_is_welded() {
-    let foreign = assert_cube(&read(Format::Stl, ascii_stl("cube of mine", 1.0).as_bytes()).unwrap());
-    assert_eq!((foreign.vertices_in, foreign.welded), (36, 28));
+    let imported = assert_cube(&read(Format::Stl, ascii_stl("cube of mine", 1.0).as_bytes()).unwrap());
+    assert_eq!((imported.vertices_in, imported.welded), (36, 28));
 }
 
 #[test]
@@ -260,8 +260,8 @@ fn vtp_in_two_pieces_of_strips_and_polygons_says_its_space() {
         array("Int32", "connectivity", 1, &[0.0, 3.0, 2.0, 1.0, 4.0, 5.0, 6.0, 7.0]),
         array("UInt8", "offsets", 1, &[4.0, 8.0]),
     );
-    let foreign = assert_cube(&read(Format::Vtp, file.as_bytes()).unwrap());
-    assert_eq!((foreign.welded, foreign.flipped), (8, 0));
+    let imported = assert_cube(&read(Format::Vtp, file.as_bytes()).unwrap());
+    assert_eq!((imported.welded, imported.flipped), (8, 0));
     let marked = format!("\u{feff}{file}");
     assert_cube(&read(Format::Vtp, marked.as_bytes()).unwrap());
 }
@@ -326,8 +326,8 @@ fn glb_in_metres_under_nodes_with_strips_and_small_indices() {
     let low = mesh.positions.iter().fold(mesh.positions[0], |low, p| low.inf(p));
     assert!((low - nalgebra::Vector3::repeat(1.0)).norm() < 1e-6, "{low}");
     let grid = Grid::with_spacing([6; 3], [1.0; 3]).unwrap();
-    let foreign = lattice(&mesh, &grid, &ImportParams::default(), &Exec::default()).unwrap();
-    let figures = measure(&foreign.lattice);
+    let imported = lattice(&mesh, &grid, &ImportParams::default(), &Exec::default()).unwrap();
+    let figures = measure(&imported.lattice);
     assert!(figures.is_closed_manifold() && (figures.volume_mm3 - 8.0).abs() < 1e-5);
-    assert_eq!((foreign.flipped, figures.triangles), (0, 12));
+    assert_eq!((imported.flipped, figures.triangles), (0, 12));
 }

@@ -2,7 +2,7 @@
 
 use ivd_core::{Exec, Grid};
 use ivd_lattice::figures::{ASPECT_BINS, measure, quality};
-use ivd_lattice::foreign::{ImportParams, lattice};
+use ivd_lattice::import::{ImportParams, lattice};
 
 use crate::meshes::{grids, solids};
 

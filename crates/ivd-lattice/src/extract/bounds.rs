@@ -6,7 +6,7 @@
 
 use ivd_core::{Scalar, Volume};
 
-use super::Iso;
+use super::params::Iso;
 
 /// A stored type whose finite values can be numbered in ascending order.
 pub(super) trait Ordered: Scalar {

@@ -4,11 +4,24 @@ use ivd_core::{BRICK, BrickIndex, Exec, Grid, Lattice, LatticeSource, Mask, Volu
 use rayon::prelude::*;
 
 use super::bounds::{Bounds, Ordered};
+use super::params::{ExtractParams, Iso};
 use super::samples::{self, Field, Masked, Samples};
 use super::signs::{self, BrickState, Signs};
+use super::surface::Surface;
 use super::sweep::{self, Spare};
-use super::{ExtractParams, Extracted, Iso, Surface};
 use crate::Error;
+
+/// A lattice and how much of the volume it took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Extracted {
+    /// The lattice.
+    pub lattice: Lattice,
+    /// Bricks of 8³ cells that hold voxels inside and outside, as far as their range of values tells; without a mask
+    /// no other brick is read.
+    pub bricks_active: u64,
+    /// Bricks of the volume.
+    pub bricks_total: u64,
+}
 
 /// Cuts surfaces one after another, as a slider of isovalues asks for: [`extract`](super::extract) with memory that is used
 /// again.

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use ivd_core::ElementKey;
 
-use super::Surface;
 use super::cell::{self, CENTRE, CENTRES, EDGES};
 use super::place::Cell;
 use super::samples::Samples;
+use super::surface::Surface;
 use super::table::CASES;
 
 /// The surface of `samples` on a grid of `dims` voxels. `flip` turns every triangle over (left-handed grids).

@@ -10,7 +10,8 @@ use ivd_core::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ExtractParams, Iso, extract};
+use super::extract;
+use super::params::{ExtractParams, Iso};
 use crate::Error;
 use crate::figures::measure;
 

@@ -9,11 +9,11 @@ use std::sync::{Mutex, PoisonError};
 
 use ivd_core::{Exec, parallel};
 
-use super::Surface;
 use super::place::Cell;
 use super::rows::CellRow;
 use super::samples::Samples;
 use super::signs::Signs;
+use super::surface::Surface;
 use super::table::{CASES, CrossingId, Simple};
 use super::vertices::{Centre, Layer, Voxel, VoxelRow};
 use crate::Error;

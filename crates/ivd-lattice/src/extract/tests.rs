@@ -5,7 +5,8 @@ use ivd_core::{Exec, Grid, Volume, Voxels};
 use super::bounds::{Bounds, Ordered};
 use super::samples::{Field, Masked, Samples, halfway, levelled};
 use super::signs::{BrickState, Signs, brick_states};
-use super::{Iso, Surface, plain, sweep};
+use super::surface::Surface;
+use super::{Iso, plain, sweep};
 
 /// Integers that look random.
 fn noise(seed: u64, len: usize, values: u64) -> Vec<u8> {

@@ -27,13 +27,14 @@ use ivd_core::{Exec, Iteration, Lattice};
 use nalgebra::Vector3;
 
 use super::features::Kind;
-use super::half_edge::{LEAST_HEIGHT, Refusal};
+use super::half_edge::LEAST_HEIGHT;
 use super::locks::Locks;
 use super::mean::mean_distance;
 use super::mesh::Mesh;
 use super::params::RefineParams;
 use super::patch::Patch;
-use super::report::{Refined, Refusals, Refused, StopReason};
+use super::refusal::{Refusal, Refusals, Refused, StopReason};
+use super::report::Refined;
 use super::star::Fan;
 use crate::Error;
 

@@ -3,8 +3,7 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::shared::Word;
-use super::surface::NONE;
+use super::shared::{NONE, Word};
 
 /// Stands in both words of a corner.
 const CORNER: u32 = NONE - 1;

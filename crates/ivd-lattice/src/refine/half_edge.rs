@@ -4,26 +4,13 @@ use nalgebra::Vector3;
 
 use super::deviation::Deviation;
 use super::features::Kind;
+use super::refusal::Refusal;
+use super::shared::NONE;
 use super::star::Fan;
-use super::surface::{NONE, Surface};
+use super::surface::Surface;
 
 /// Least height of a new triangle as a share of its longest side.
 pub(super) const LEAST_HEIGHT: f64 = 1e-4;
-
-/// Why a collapse is refused.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Refusal {
-    /// It would pinch the surface: the two ends have more neighbours in common than their two triangles.
-    Link,
-    /// It would turn a triangle too far or leave one without area.
-    Flip,
-    /// It would double a feature edge.
-    Feature,
-    /// It would make a component vanish: a tetrahedron is the least.
-    Speck,
-    /// The bound (mm), which this would be, would exceed the limit.
-    Bound(f32),
-}
 
 /// Limits of a single collapse.
 pub(super) struct Limits {

@@ -21,9 +21,10 @@ use super::measured::Draft;
 use super::params::{RefineParams, Target};
 use super::passes::Run;
 use super::pull::{Rules, pull};
-use super::report::{Refined, Refused, StopReason};
+use super::refusal::{Refused, StopReason};
+use super::report::Refined;
 use super::star::Fan;
-use super::surface::Surface;
+use super::surface::{self, Surface};
 use crate::Error;
 
 /// Levels at most where no level is asked for.
@@ -71,7 +72,7 @@ pub(super) fn loop_levels(
     locks: Locks<'_>,
     exec: &Exec,
 ) -> Result<Refined, Error> {
-    exec.check_memory("the surface to be refined", super::bytes_for(lattice))?;
+    exec.check_memory("the surface to be refined", surface::bytes_for(lattice))?;
     exec.run(|| {
         let goal = Goal::new(lattice, params.target.get());
         if lattice.triangles().is_empty() {
@@ -143,7 +144,7 @@ fn pulled(
             break;
         }
     }
-    let outcome = super::outcome(&surface, &run, 0.0);
+    let outcome = run.outcome(&surface, 0.0);
     let input = |v: u32| exact.kept[v as usize];
     let draft = Draft {
         kept: outcome.kept.into_iter().map(input).collect(),

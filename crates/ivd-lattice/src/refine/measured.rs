@@ -4,7 +4,8 @@ use ivd_core::{Exec, Lattice};
 
 use super::certified::{distances_within, least_distance};
 use super::locks::Locks;
-use super::report::{Outcome, Refined, Refused, StopReason};
+use super::refusal::{Refused, StopReason};
+use super::report::{Outcome, Refined};
 use crate::Error;
 
 /// What a method made of a lattice, in the input's numbers, before anyone knows how far off it is.

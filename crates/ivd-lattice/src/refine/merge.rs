@@ -23,8 +23,9 @@ use super::params::{RefineParams, Target};
 use super::passes::Run;
 use super::pull::{Rules, pull};
 use super::quadric::{Quadric, plane_root};
-use super::report::{Refined, Refused, StopReason};
-use super::surface::Surface;
+use super::refusal::{Refused, StopReason};
+use super::report::Refined;
+use super::surface::{self, Surface};
 use crate::Error;
 use crate::figures::stars::Stars;
 
@@ -95,7 +96,7 @@ pub(super) fn merge(
     locks: Locks<'_>,
     exec: &Exec,
 ) -> Result<Refined, Error> {
-    let bytes = if params.allow_topology { Clusters::bytes(lattice) } else { super::bytes_for(lattice) };
+    let bytes = if params.allow_topology { Clusters::bytes(lattice) } else { surface::bytes_for(lattice) };
     exec.check_memory("the vertices to be clustered", bytes)?;
     exec.run(|| {
         let goal = Goal::new(lattice, params.target.get());
@@ -320,7 +321,7 @@ fn collapsed(
         run.refused = refused + surface.kept;
         side *= GROWTH;
     }
-    let outcome = super::outcome(&surface, &run, 0.0);
+    let outcome = run.outcome(&surface, 0.0);
     let (stopped_by, refused, passes) = (outcome.stopped_by, outcome.refused, outcome.passes);
     let draft = Draft { kept: outcome.kept, triangles: outcome.triangles, stopped_by, refused, passes };
     draft.finished(lattice, outcome.max_error_mm, exec)

@@ -5,7 +5,8 @@ use super::Refused;
 use super::features::{Features, Kind};
 use super::locks::Locks;
 use super::mean::Refining;
-use super::report::{Outcome, StopReason};
+use super::refusal::StopReason;
+use super::report::Outcome;
 use super::shared::GONE;
 use super::star::Fan;
 

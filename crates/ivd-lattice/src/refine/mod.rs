@@ -50,6 +50,8 @@ mod patch;
 mod pull;
 mod quadric;
 mod queue;
+mod refusal;
+pub mod repair;
 mod report;
 mod sample;
 mod shared;
@@ -67,11 +69,10 @@ pub use certified::{Distances, distances};
 pub use chain::{chain, with_levels};
 pub use locks::{Locks, vertices_within};
 pub use params::{Method, RefineParams, Target, TargetKeys};
-use report::Outcome;
-pub use report::{RefineStatus, Refined, Refused, StopReason};
-pub(crate) use slivers::{Slivers, WithoutSlivers};
+pub use refusal::{Refused, StopReason};
+pub use report::{RefineStatus, Refined};
 pub use stage::{LevelFigures, Lock, RefineFigures, Refinement, STAGE};
-use surface::Surface;
+use surface::{Surface, bytes_for};
 
 /// Refines a lattice by the method that the parameters name.
 ///
@@ -128,34 +129,6 @@ fn collapse_locked(
         exec.check_cancelled()?;
         let mean_error_mm = mean::mean_distance(&surface);
         exec.check_cancelled()?;
-        Ok(outcome(&surface, &run, mean_error_mm).report(lattice))
+        Ok(run.outcome(&surface, mean_error_mm).report(lattice))
     })
-}
-
-/// Bytes of a surface with its quadrics, stars and bounds.
-fn bytes_for(lattice: &Lattice) -> u64 {
-    surface_bytes(lattice.keys().len(), lattice.triangles().len())
-}
-
-fn surface_bytes(vertices: usize, triangles: usize) -> u64 {
-    140 * vertices as u64 + 44 * triangles as u64
-}
-
-/// What came of a run, in the input's order of vertices and triangles.
-fn outcome(surface: &Surface, run: &passes::Run, mean_error_mm: f64) -> Outcome {
-    let mut kept: Vec<u32> =
-        surface.numbers.iter().enumerate().filter(|v| surface.is_left(v.0)).map(|v| *v.1).collect();
-    kept.sort_unstable();
-    let mut order: Vec<u32> = (0..surface.triangles.len() as u32).collect();
-    order.sort_unstable_by_key(|&t| surface.triangles.number(t));
-    let corners = |t: &u32| surface.triangles.corners(*t).map(|v| surface.numbers[v as usize]);
-    Outcome {
-        kept,
-        triangles: order.iter().map(corners).collect(),
-        max_error_mm: surface.max_bound(),
-        mean_error_mm,
-        stopped_by: run.stopped_by,
-        refused: run.refused,
-        passes: run.passes,
-    }
 }

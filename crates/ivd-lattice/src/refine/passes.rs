@@ -3,12 +3,13 @@ use rayon::prelude::*;
 
 use super::blocks::Blocks;
 use super::deviation::Deviation;
-use super::half_edge::{Limits, Refusal, collapse};
+use super::half_edge::{Limits, collapse};
 use super::params::RefineParams;
 use super::queue::Queue;
+use super::refusal::{Refusal, Refused, StopReason};
+use super::report::Outcome;
 use super::star::Fan;
 use super::surface::Surface;
-use super::{Refused, StopReason};
 use crate::Error;
 
 /// Share of the vertices that a pass may remove, the cheapest first. Smaller keeps closer to the order of a queue that is
@@ -38,6 +39,27 @@ pub(super) struct Run {
     pub(super) stopped_by: StopReason,
     pub(super) refused: Refused,
     pub(super) passes: u32,
+}
+
+impl Run {
+    /// What came of it, in the input's order of vertices and triangles.
+    pub(super) fn outcome(&self, surface: &Surface, mean_error_mm: f64) -> Outcome {
+        let mut kept: Vec<u32> =
+            surface.numbers.iter().enumerate().filter(|v| surface.is_left(v.0)).map(|v| *v.1).collect();
+        kept.sort_unstable();
+        let mut order: Vec<u32> = (0..surface.triangles.len() as u32).collect();
+        order.sort_unstable_by_key(|&t| surface.triangles.number(t));
+        let corners = |t: &u32| surface.triangles.corners(*t).map(|v| surface.numbers[v as usize]);
+        Outcome {
+            kept,
+            triangles: order.iter().map(corners).collect(),
+            max_error_mm: surface.max_bound(),
+            mean_error_mm,
+            stopped_by: self.stopped_by,
+            refused: self.refused,
+            passes: self.passes,
+        }
+    }
 }
 
 /// What a target means for a surface.

@@ -7,7 +7,7 @@ use super::blocks::Blocks;
 use super::deviation::Deviation;
 use super::half_edge::{Limits, collapse};
 use super::passes::Done;
-use super::report::Refused;
+use super::refusal::Refused;
 use super::star::Fan;
 use super::surface::Surface;
 use crate::Error;

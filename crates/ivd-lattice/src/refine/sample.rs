@@ -16,7 +16,8 @@ use rayon::prelude::*;
 use super::locks::Locks;
 use super::measured::Draft;
 use super::params::{RefineParams, Target};
-use super::report::{Refined, StopReason};
+use super::refusal::StopReason;
+use super::report::Refined;
 use crate::Error;
 use crate::extract::{PARTED, cell};
 

@@ -5,6 +5,9 @@
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
+/// No vertex.
+pub(super) const NONE: u32 = u32::MAX;
+
 /// A number that one of many threads may write.
 #[derive(Debug)]
 #[repr(transparent)]

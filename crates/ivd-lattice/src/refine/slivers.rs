@@ -18,33 +18,33 @@ use crate::Error;
 const LOOKS: usize = 256;
 
 /// What a sliver is and how it may be removed.
-pub(crate) struct Slivers {
+pub(super) struct Slivers {
     /// Largest longest side over least height; infinite for no limit.
-    pub(crate) max_aspect: f64,
+    pub(super) max_aspect: f64,
     /// Least height (mm).
-    pub(crate) min_height_mm: f64,
+    pub(super) min_height_mm: f64,
     /// Largest distance from the input allowed, both ways (mm).
-    pub(crate) max_error_mm: f64,
+    pub(super) max_error_mm: f64,
     /// Least cosine between a triangle's normals before and after.
-    pub(crate) turn_cosine: f64,
+    pub(super) turn_cosine: f64,
 }
 
 /// What came of it.
-pub(crate) struct WithoutSlivers {
+pub(super) struct WithoutSlivers {
     /// Vertices left, ascending.
-    pub(crate) kept: Vec<u32>,
+    pub(super) kept: Vec<u32>,
     /// Triangles left, in the input's numbers.
-    pub(crate) triangles: Vec<[u32; 3]>,
-    pub(crate) found: u64,
-    pub(crate) left: u64,
+    pub(super) triangles: Vec<[u32; 3]>,
+    pub(super) found: u64,
+    pub(super) left: u64,
     /// Bound on the distance from the input, both ways (mm).
-    pub(crate) max_error_mm: f64,
+    pub(super) max_error_mm: f64,
 }
 
 impl Slivers {
     /// Removes slivers, the worst first, ties by index; each by the shortest collapse of one of its corners that is legal,
     /// leaves the worst triangle round the vertex better than it was, and stays within the error.
-    pub(crate) fn remove(&self, lattice: &Lattice, exec: &Exec) -> Result<WithoutSlivers, Error> {
+    pub(super) fn remove(&self, lattice: &Lattice, exec: &Exec) -> Result<WithoutSlivers, Error> {
         let triangles = lattice.triangles().len();
         let queue = QUEUE_BYTES * most_queued(triangles) as u64 + lattice.keys().len() as u64;
         exec.check_memory("the surface to be repaired and its slivers", Mesh::bytes_for(lattice) + queue)?;

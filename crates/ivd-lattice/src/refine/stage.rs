@@ -6,13 +6,13 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::repair::{RepairParams, repair};
 use super::{
     Locks, RefineParams, RefineStatus, Refined, StopReason, chain, distances, refine, vertices_within,
     with_levels,
 };
 use crate::Error;
 use crate::figures::measure;
-use crate::repair::{RepairParams, repair};
 
 /// The stage as scenes and commands see it.
 pub const STAGE: Stage = Stage {

@@ -2,18 +2,15 @@ use ivd_core::Lattice;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::Refused;
 use super::features::{Features, Kind};
 use super::locks::Locks;
 use super::mean::Refining;
 use super::numbering::Numbering;
 use super::quadric::{Quadric, plane_root};
-use super::shared::{Triangles, Word};
+use super::refusal::Refused;
+use super::shared::{NONE, Triangles, Word};
 use super::star::Fan;
 use crate::figures::stars::Stars;
-
-/// No vertex.
-pub(super) const NONE: u32 = u32::MAX;
 
 /// A surface while it is being refined. Vertices are numbered by place and keep that number; triangles are moved together
 /// after each pass.
@@ -240,4 +237,14 @@ pub(super) fn centre(positions: &mut [Vector3<f64>]) {
     for p in positions {
         *p -= middle;
     }
+}
+
+/// Bytes of a surface with its quadrics, stars and bounds.
+pub(super) fn bytes_for(lattice: &Lattice) -> u64 {
+    surface_bytes(lattice.keys().len(), lattice.triangles().len())
+}
+
+/// The same of so many vertices and triangles.
+pub(super) fn surface_bytes(vertices: usize, triangles: usize) -> u64 {
+    140 * vertices as u64 + 44 * triangles as u64
 }

@@ -23,13 +23,13 @@ use nalgebra::Vector3;
 
 use super::deviation::{Deviation, above};
 use super::features::Kind;
-use super::half_edge::{LEAST_HEIGHT, Limits, Refusal, check_shape};
+use super::half_edge::{LEAST_HEIGHT, Limits, check_shape};
 use super::params::{RefineParams, Target};
 use super::passes::Run;
-use super::report::{Refusals, Refused, StopReason};
+use super::refusal::{Refusal, Refusals, Refused, StopReason};
 use super::shared::GONE;
 use super::star::{Fan, HUB};
-use super::surface::Surface;
+use super::surface::{Surface, surface_bytes};
 use crate::Error;
 
 /// Vertices between two looks at whether to stop.
@@ -60,7 +60,7 @@ pub(super) fn run(
     let bound = if let Target::MaxError(mm) = params.target.get() { mm } else { f64::INFINITY };
     exec.check_memory(
         "the surface whose tunnels are closed",
-        super::surface_bytes(vertices, triangles_in) + bytes_for(vertices, surface.triangles.len()),
+        surface_bytes(vertices, triangles_in) + bytes_for(vertices, surface.triangles.len()),
     )?;
     let stars: Vec<Vec<u32>> = (0..vertices).map(|v| surface.stars.of(v).to_vec()).collect();
     let mut pinching = Pinching {

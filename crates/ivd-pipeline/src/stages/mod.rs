@@ -2,8 +2,8 @@
 
 mod clip;
 mod combine;
-mod foreign;
 mod import;
+mod imported_lattice;
 mod lattice_parts;
 
 use ivd_artefact::Kind;
@@ -14,8 +14,8 @@ use crate::Facts;
 
 pub use clip::{Clip, ClipFigures};
 pub use combine::{Combine, CombineFigures};
-pub use foreign::ImportedLattice;
 pub use import::{IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportSource};
+pub use imported_lattice::ImportedLattice;
 pub use lattice_parts::part_lattices;
 
 /// Facts of what gives a lattice in place of the stage that cuts one, with a revision of its own.

@@ -6,9 +6,9 @@
 use ivd_core::{Exec, Lattice, ParamError};
 use serde::{Deserialize, Serialize};
 
+use super::slivers::{Slivers, WithoutSlivers};
 use crate::Error;
 use crate::figures::component_roots;
-use crate::refine::{Slivers, WithoutSlivers};
 
 /// What to remove. By default nothing is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -11,14 +11,14 @@
 //!
 //! ```
 //! use ivd_core::{Exec, Grid, Mesh};
-//! use ivd_lattice::foreign::{ImportParams, lattice};
+//! use ivd_lattice::import::{ImportParams, lattice};
 //!
 //! let positions = [[1.0; 3], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 1.0, 2.0]].map(Into::into).to_vec();
 //! let triangles = vec![[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]; // two of them inside out
 //! let mesh = Mesh { positions, triangles, addresses: None };
 //! let grid = Grid::with_spacing([4; 3], [1.0; 3])?;
-//! let foreign = lattice(&mesh, &grid, &ImportParams::default(), &Exec::default())?;
-//! assert_eq!((foreign.lattice.keys().len(), foreign.flipped), (4, 2));
+//! let imported = lattice(&mesh, &grid, &ImportParams::default(), &Exec::default())?;
+//! assert_eq!((imported.lattice.keys().len(), imported.flipped), (4, 2));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -26,15 +26,17 @@ mod address;
 mod boxes;
 mod nesting;
 mod orient;
+mod part;
+mod refusal;
 mod weld;
 
 use ivd_core::{Exec, Grid, Lattice, Mesh, ParamError};
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
 use crate::figures::link::{Link, LinkCounts};
 use crate::figures::stars::Stars;
+use refusal::{place, unfit};
 
 /// How a mesh is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -125,15 +127,6 @@ pub fn lattice(mesh: &Mesh, grid: &Grid, params: &ImportParams, exec: &Exec) -> 
     let bytes = 128 * mesh.positions.len() as u64 + 128 * mesh.triangles.len() as u64;
     exec.check_memory("the lattice of a mesh", bytes)?;
     exec.run(|| build(mesh, grid, params, exec))
-}
-
-fn unfit(problem: String, remedy: &str) -> Error {
-    Error::Unfit { problem, remedy: remedy.to_owned() }
-}
-
-/// A place in a message (mm).
-fn place(p: &Vector3<f64>) -> String {
-    format!("({:.3}, {:.3}, {:.3}) mm", p.x, p.y, p.z)
 }
 
 fn check(mesh: &Mesh) -> Result<(), Error> {

@@ -8,7 +8,7 @@ use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
 
 use super::boxes::{Box, Boxes};
-use super::orient::Part;
+use super::part::Part;
 use crate::Error;
 
 /// For each part the number of other closed parts in which it lies; 0 for open parts.

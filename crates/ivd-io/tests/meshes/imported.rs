@@ -3,7 +3,7 @@
 use ivd_core::Mesh;
 use ivd_core::{Classified, ErrorClass, Exec, Grid, Lattice, LatticeSource};
 use ivd_lattice::figures::measure;
-use ivd_lattice::foreign::{ImportParams, ImportedMesh, lattice};
+use ivd_lattice::import::{ImportParams, ImportedMesh, lattice};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use nalgebra::Vector3;
 
@@ -78,35 +78,35 @@ fn a_soup_of_triangles_becomes_a_closed_manifold_within_a_millionth_of_a_voxel()
                 *p = grid.world(ivd_core::VoxelCoord(*p)).0;
             }
             let handed = if grid.linear_part().determinant() < 0.0 { mesh.triangles.len() as u64 } else { 0 };
-            let foreign = put(&mesh, &grid);
-            let figures = measure(&foreign.lattice);
+            let imported = put(&mesh, &grid);
+            let figures = measure(&imported.lattice);
             assert!(figures.is_closed_manifold() && figures.volume_mm3 > 0.0);
-            assert_eq!((figures.genus, figures.components, foreign.flipped), (Some(0), 1, handed));
-            assert_eq!((foreign.vertices_in - foreign.welded, figures.vertices), (6 * 36 + 2, 6 * 36 + 2));
-            assert_eq!(*foreign.lattice.source(), LatticeSource::Foreign);
+            assert_eq!((figures.genus, figures.components, imported.flipped), (Some(0), 1, handed));
+            assert_eq!((imported.vertices_in - imported.welded, figures.vertices), (6 * 36 + 2, 6 * 36 + 2));
+            assert_eq!(*imported.lattice.source(), LatticeSource::Foreign);
             let inverse = grid.inverse_linear_part();
-            let corners = mesh.triangles.iter().zip(foreign.lattice.triangles());
+            let corners = mesh.triangles.iter().zip(imported.lattice.triangles());
             for (t, [a, b, c]) in corners {
                 let [b, c] = if handed > 0 { [c, b] } else { [b, c] };
                 for (v, w) in t.iter().zip([a, b, c]) {
-                    let off = foreign.lattice.world(*w as usize).0 - mesh.positions[*v as usize];
+                    let off = imported.lattice.world(*w as usize).0 - mesh.positions[*v as usize];
                     assert!((inverse * off).norm() < 1e-6);
                 }
             }
-            assert!(foreign.lattice.places().as_flattened().iter().all(|p| (0.0..1.0).contains(p)));
+            assert!(imported.lattice.places().as_flattened().iter().all(|p| (0.0..1.0).contains(p)));
         }
     }
 }
 
 #[test]
 fn what_comes_from_outside_can_be_refined_and_keeps_its_keys() {
-    let foreign = put(&bumpy(8, 1.0, 10.0, 4), &grid());
+    let imported = put(&bumpy(8, 1.0, 10.0, 4), &grid());
     let params = RefineParams { target: Target::Ratio(0.4).into(), ..RefineParams::default() };
-    let refined = collapse(&foreign.lattice, &params, &Exec::default()).unwrap().lattice;
+    let refined = collapse(&imported.lattice, &params, &Exec::default()).unwrap().lattice;
     assert!(measure(&refined).is_closed_manifold());
     for (key, place) in refined.keys().iter().zip(refined.places()) {
-        let old = foreign.lattice.vertex_at(*key).unwrap();
-        assert_eq!(foreign.lattice.places()[old as usize], *place);
+        let old = imported.lattice.vertex_at(*key).unwrap();
+        assert_eq!(imported.lattice.places()[old as usize], *place);
     }
 }
 
@@ -125,10 +125,10 @@ fn triangles_turned_at_random_are_turned_back_through_three_levels_of_nesting() 
                 turned_over += 1;
             }
         }
-        let foreign = put(&mesh, cut.grid());
-        assert_eq!(foreign.flipped, turned_over);
+        let imported = put(&mesh, cut.grid());
+        assert_eq!(imported.flipped, turned_over);
         let wanted: Vec<_> = cut.triangles().iter().map(|t| turned(*t)).collect();
-        let found: Vec<_> = foreign.lattice.triangles().iter().map(|t| turned(*t)).collect();
+        let found: Vec<_> = imported.lattice.triangles().iter().map(|t| turned(*t)).collect();
         assert!(found == wanted);
     }
 }
@@ -145,9 +145,9 @@ fn parts_that_pass_through_each_other_all_stay_outward_and_a_box_in_a_box_become
     for t in &mut mesh.triangles[12..24] {
         t.swap(0, 2);
     }
-    let foreign = put(&mesh, &grid());
-    assert_eq!(foreign.flipped, 12);
-    assert!((measure(&foreign.lattice).volume_mm3 - (125.0 + 15.0 + 27.0)).abs() < 1e-9);
+    let imported = put(&mesh, &grid());
+    assert_eq!(imported.flipped, 12);
+    assert!((measure(&imported.lattice).volume_mm3 - (125.0 + 15.0 + 27.0)).abs() < 1e-9);
     let nested = put(&boxes(&[([1.0; 3], [8.0; 3]), ([2.0; 3], [4.0; 3]), ([5.0; 3], [7.0; 3])]), &grid());
     assert_eq!(nested.flipped, 24);
     assert!((measure(&nested.lattice).volume_mm3 - (343.0 - 16.0)).abs() < 1e-9);
@@ -174,9 +174,9 @@ fn repeated_degenerate_and_unused_parts_are_dropped_and_counted() {
     mesh.positions.push(Vector3::new(9.0, 9.0, 9.0));
     mesh.positions.push(Vector3::new(1.0, 1.0, 1.0));
     mesh.triangles.push([0, 9, 1]);
-    let foreign = put(&mesh, &grid());
-    assert_eq!((foreign.duplicate, foreign.degenerate, foreign.unused, foreign.welded), (2, 2, 1, 1));
-    let figures = measure(&foreign.lattice);
+    let imported = put(&mesh, &grid());
+    assert_eq!((imported.duplicate, imported.degenerate, imported.unused, imported.welded), (2, 2, 1, 1));
+    let figures = measure(&imported.lattice);
     assert!(figures.is_closed_manifold());
     assert_eq!((figures.vertices, figures.triangles, figures.volume_mm3), (8, 12, 6.0));
 }
@@ -189,8 +189,8 @@ fn corners_that_differ_a_little_are_welded_with_a_tolerance_alone() {
     }
     assert!(refused(&mesh).contains("open borders"));
     let params = ImportParams { weld: 1e-4, allow_open: false };
-    let foreign = lattice(&mesh, &grid(), &params, &Exec::default()).unwrap();
-    assert_eq!((foreign.lattice.keys().len(), measure(&foreign.lattice).genus), (6 * 25 + 2, Some(0)));
+    let imported = lattice(&mesh, &grid(), &params, &Exec::default()).unwrap();
+    assert_eq!((imported.lattice.keys().len(), measure(&imported.lattice).genus), (6 * 25 + 2, Some(0)));
 }
 
 #[test]
@@ -204,8 +204,8 @@ fn open_borders_touching_parts_and_one_sided_strips_are_refused_with_their_place
     );
     assert!(message.contains("allow open"), "{message}");
     let allowed = ImportParams { allow_open: true, ..ImportParams::default() };
-    let foreign = lattice(&open, &grid(), &allowed, &Exec::default()).unwrap();
-    assert_eq!((foreign.boundary_edges, foreign.lattice.triangles().len()), (3, 23));
+    let imported = lattice(&open, &grid(), &allowed, &Exec::default()).unwrap();
+    assert_eq!((imported.boundary_edges, imported.lattice.triangles().len()), (3, 23));
 
     let edge = boxes(&[([1.0; 3], [2.0; 3]), ([2.0, 2.0, 1.0], [3.0, 3.0, 2.0])]);
     let message = refused(&edge);
@@ -235,8 +235,8 @@ fn open_borders_touching_parts_and_one_sided_strips_are_refused_with_their_place
         [[a, b, d], [a, d, c]]
     });
     let strip = solids::of(&strip, &sides.collect::<Vec<_>>());
-    let foreign = lattice(&strip, &grid(), &allowed, &Exec::default()).unwrap();
-    assert_eq!((foreign.one_sided_edges, foreign.boundary_edges), (1, 20));
+    let imported = lattice(&strip, &grid(), &allowed, &Exec::default()).unwrap();
+    assert_eq!((imported.one_sided_edges, imported.boundary_edges), (1, 20));
 }
 
 #[test]

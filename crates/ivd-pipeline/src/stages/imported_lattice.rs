@@ -4,7 +4,7 @@ use ivd_core::op::{Slots as _, object};
 use ivd_core::{Exec, Volume, slots};
 use ivd_io::mesh;
 use ivd_lattice::extract::{LatticeFigures, STAGE};
-use ivd_lattice::foreign::{ImportParams, lattice};
+use ivd_lattice::import::{ImportParams, lattice};
 use serde_json::{Value, json};
 
 use super::lattice_facts;
@@ -41,11 +41,11 @@ impl Stage for ImportedLattice {
         let Given { volume } = inputs.take(self.name())?;
         let mesh = mesh::read(&self.path, exec.memory_limit.unwrap_or(u64::MAX))
             .map_err(Error::in_stage(STAGE.name))?;
-        let foreign =
+        let imported =
             lattice(&mesh, volume.grid(), &self.params, exec).map_err(Error::in_stage(STAGE.name))?;
         exec.check_cancelled()?;
-        let mut figures = exec.run(|| LatticeFigures::of(&foreign.lattice));
-        figures.vertices_in = Some(foreign.vertices_in);
-        Ok(StageOutput::new(foreign.lattice, &figures))
+        let mut figures = exec.run(|| LatticeFigures::of(&imported.lattice));
+        figures.vertices_in = Some(imported.vertices_in);
+        Ok(StageOutput::new(imported.lattice, &figures))
     }
 }

@@ -4,7 +4,7 @@ use ivd_core::{ElementKey, Grid, Mesh, MeshAddress};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::{place, unfit};
+use super::refusal::{place, unfit};
 use crate::Error;
 
 /// Distance from a grid line or plane within which a vertex lies on it (voxels). Three of them together stay below the

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::nesting;
+use super::part::Part;
 use crate::Error;
 
 const NONE: u32 = u32::MAX;
@@ -17,13 +18,6 @@ pub(super) struct Turned {
     pub(super) one_sided_edges: u64,
     /// A vertex of the first of them.
     pub(super) first_one_sided: u32,
-}
-
-/// A part that edges of two triangles hold together.
-#[derive(Debug)]
-pub(super) struct Part {
-    pub(super) triangles: Vec<u32>,
-    pub(super) closed: bool,
 }
 
 /// Turns triangles in place.
