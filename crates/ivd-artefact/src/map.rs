@@ -8,7 +8,7 @@
 use std::fs::File;
 use std::sync::Arc;
 
-use ivd_core::{ByteSource, Space, Spill};
+use ivd_core::{ByteSource, Spill, SpillSpace};
 
 /// A whole file, mapped for reading.
 pub(crate) struct Map(memmap2::Mmap);
@@ -33,7 +33,7 @@ pub struct TemporaryFiles;
 
 impl Spill for TemporaryFiles {
     #[allow(unsafe_code)]
-    fn space(&self, bytes: usize) -> std::io::Result<Box<dyn Space>> {
+    fn space(&self, bytes: usize) -> std::io::Result<Box<dyn SpillSpace>> {
         let file = tempfile::tempfile()?;
         reserve(&file, bytes as u64)?;
         // SAFETY: the file has no name, so that no other program can write into it or cut it.
@@ -58,7 +58,7 @@ fn reserve(file: &File, bytes: u64) -> std::io::Result<()> {
 
 struct Temporary(memmap2::MmapMut);
 
-impl Space for Temporary {
+impl SpillSpace for Temporary {
     fn bytes(&self) -> &[u8] {
         &self.0
     }

@@ -5,14 +5,14 @@ use std::ops::{Deref, DerefMut};
 
 use bytemuck::Pod;
 
-use crate::{Buffer, Error, Exec, Space};
+use crate::{Buffer, Error, Exec, SpillSpace};
 
 /// Values that a stage writes; a slice to whoever fills it.
 pub struct SpillVec<T>(Room<T>);
 
 enum Room<T> {
     Memory(Vec<T>),
-    Spilled(Box<dyn Space>, usize),
+    Spilled(Box<dyn SpillSpace>, usize),
 }
 
 impl Exec {
@@ -96,7 +96,7 @@ mod tests {
     struct Words(Vec<u64>, usize);
 
     impl Spill for Elsewhere {
-        fn space(&self, bytes: usize) -> std::io::Result<Box<dyn Space>> {
+        fn space(&self, bytes: usize) -> std::io::Result<Box<dyn SpillSpace>> {
             if bytes > 1000 {
                 return Err(std::io::Error::other("the disk is full"));
             }
@@ -110,7 +110,7 @@ mod tests {
         }
     }
 
-    impl Space for Words {
+    impl SpillSpace for Words {
         fn bytes(&self) -> &[u8] {
             ByteSource::bytes(self)
         }

@@ -8,11 +8,11 @@ pub trait Spill: Send + Sync {
     ///
     /// # Errors
     /// Why there is none.
-    fn space(&self, bytes: usize) -> std::io::Result<Box<dyn Space>>;
+    fn space(&self, bytes: usize) -> std::io::Result<Box<dyn SpillSpace>>;
 }
 
 /// Room for bulk data that is being written.
-pub trait Space: Send + Sync {
+pub trait SpillSpace: Send + Sync {
     /// What was written so far.
     fn bytes(&self) -> &[u8];
     /// The bytes, to be written.

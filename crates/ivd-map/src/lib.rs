@@ -117,6 +117,6 @@ pub use incremental::IncrementalMap;
 pub use nearest::nearest;
 pub use nearest_weight::{Found, Hit, Nearest};
 pub use octree::{Prepared, frames, octree};
-pub use outcome::{MapFigures, MapResult, MapUpdate, Solved, SurfaceFit};
+pub use outcome::{MapFigures, MapResult, MapUpdate, SolveFigures, SurfaceFit};
 pub use params::{Band, BiharmonicParams, DepthWeight, Elastic, FemParams, OctreeParams, Outside};
 pub use stage::STAGE;

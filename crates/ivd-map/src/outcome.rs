@@ -31,7 +31,7 @@ pub struct SurfaceFit {
 
 /// How the equations of a map's nodes were solved.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-pub struct Solved {
+pub struct SolveFigures {
     /// Nodes that are free to move.
     #[schemars(extend("x-unit" = "1"))]
     pub nodes: u64,
@@ -71,7 +71,7 @@ pub struct MapFigures {
     #[schemars(extend("x-unit" = "1"))]
     pub halvings: u32,
     /// How its equations were solved, where the method has some.
-    pub solved: Option<Solved>,
+    pub solved: Option<SolveFigures>,
     /// Largest `|φ(ψ(y)) − y|`.
     #[schemars(extend("x-unit" = "voxels"))]
     pub inverse_residual_max_voxel: f64,

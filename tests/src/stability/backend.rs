@@ -14,7 +14,7 @@ use ivd_map::MapResult;
 use ivd_motion::freeform::{self, Shaped};
 use ivd_motion::handles::{Handle, Pin};
 use ivd_motion::mass_spring;
-use ivd_motion::ring::{RingParams, Solved};
+use ivd_motion::ring::{RingParams, RingResult};
 use ivd_render::{Radiance, RenderParams, Rendered, Scene};
 use ivd_segment::{
     ChainParams, CutParams, EmvsParams, HvsParams, KmvsParams, MsvsParams, Segmentation, ThresholdParams,
@@ -141,7 +141,7 @@ pub trait Backend: Sync {
         fixed: &[Pin],
         params: &RingParams,
         exec: &Exec,
-    ) -> Answer<Solved> {
+    ) -> Answer<RingResult> {
         Ok(ivd_motion::ring::solve(lattice, handles, fixed, params, exec)?)
     }
 
@@ -150,7 +150,7 @@ pub trait Backend: Sync {
         asked: &Asked<'_>,
         params: &mass_spring::Params,
         exec: &Exec,
-    ) -> Answer<mass_spring::Solved> {
+    ) -> Answer<mass_spring::MassSpringResult> {
         let Asked { lattice, handles, fixed, labels, bones } = *asked;
         Ok(mass_spring::with_bones(lattice, labels, handles, fixed, bones, params, exec)?)
     }

@@ -4,7 +4,7 @@ use ivd_core::{ErrorClass, Labels};
 use ivd_field::shape::{Kind, Shape};
 use ivd_motion::handles::{Action, Anchor, Pin};
 use ivd_motion::mass_spring::{LoadRamp, Material, Params};
-use ivd_motion::rigid::{Drive, Part, Region, RigidTransform};
+use ivd_motion::rigid::{BoneSpec, Drive, Region, RigidTransform};
 
 use super::case::{Case, Refused, Stage, TURNS};
 use super::nasty::{TOO_MUCH, ball, grip, nudged};
@@ -94,7 +94,7 @@ fn mixed(case: Case, soft: f64, stiff: f64) -> Case {
 pub(super) fn bones() -> Vec<Case> {
     // The end of the ball that the handle is on, and the other.
     let end = |z: f64, radius: f64| Region::Ball { centre: [5.5, 5.5, z], radius };
-    let bone = |region: Region, drive: Drive| Part {
+    let bone = |region: Region, drive: Drive| BoneSpec {
         name: "one".to_owned(),
         parent: None,
         region: Some(region),
@@ -109,7 +109,7 @@ pub(super) fn bones() -> Vec<Case> {
         by,
     };
     let (given, fitted) = (|turn: RigidTransform| Drive::Prescribed(turn), Drive::Fitted { pivot: None });
-    let of = |name: &str, bones: Vec<Part>| {
+    let of = |name: &str, bones: Vec<BoneSpec>| {
         nudged(&format!("bone, {name}"), ball(12)).may(&TOO_MUCH).with(|s| s.bones = bones)
     };
     let low = end(2.0, 2.5);
@@ -120,7 +120,7 @@ pub(super) fn bones() -> Vec<Case> {
             vec![bone(low, Drive::Fitted { pivot: Some([5.5, 5.5, 5.0]) })],
         ),
         of("of everything", vec![bone(end(5.5, 1e3), fitted)]),
-        of("of everything that is followed by nothing", vec![Part { reach: 0.0, ..bone(low, fitted) }]),
+        of("of everything that is followed by nothing", vec![BoneSpec { reach: 0.0, ..bone(low, fitted) }]),
         of("a handle beside it", vec![bone(end(10.0, 2.5), given(turn(10.0, [0.0; 3])))]),
     ];
     let alone = [
@@ -134,8 +134,8 @@ pub(super) fn bones() -> Vec<Case> {
     ];
     let without = |case: Case| case.with(|s| s.handles.clear());
     all.extend(alone.map(|(name, turn)| without(of(name, vec![bone(low, given(turn))]))));
-    let upper = Part { name: "other".to_owned(), ..bone(end(9.0, 2.5), given(turn(-30.0, [0.0; 3]))) };
-    let carried = Part { parent: Some("one".to_owned()), ..upper.clone() };
+    let upper = BoneSpec { name: "other".to_owned(), ..bone(end(9.0, 2.5), given(turn(-30.0, [0.0; 3]))) };
+    let carried = BoneSpec { parent: Some("one".to_owned()), ..upper.clone() };
     let first = bone(low, given(turn(20.0, [0.0; 3])));
     all.push(without(of("two against each other", vec![first.clone(), upper])));
     all.push(without(of("one on another", vec![first, carried])));

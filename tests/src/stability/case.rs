@@ -143,7 +143,7 @@ pub struct Setup {
     /// Labels that say what springs are made of.
     pub materials: Option<Labels>,
     /// Bones in what springs hold.
-    pub bones: Vec<rigid::Part>,
+    pub bones: Vec<rigid::BoneSpec>,
     /// Free forms.
     pub shapes: Vec<Shape>,
     /// Map.

@@ -13,7 +13,7 @@ use ivd_map::MapResult;
 use ivd_motion::freeform::Shaped;
 use ivd_motion::handles::{Anchor, Handle, Pin};
 use ivd_motion::mass_spring;
-use ivd_motion::ring::Solved;
+use ivd_motion::ring::RingResult;
 use ivd_render::{Radiance, Rendered};
 use ivd_segment::Segmentation;
 
@@ -41,9 +41,9 @@ pub struct Values {
     pub octree: Option<Octree>,
     /// Voxels inside the refined lattice.
     pub inside: Option<Mask>,
-    pub solved: Option<Solved>,
+    pub solved: Option<RingResult>,
     /// Motions by masses on springs, by solver.
-    pub sprung: BTreeMap<&'static str, mass_spring::Solved>,
+    pub sprung: BTreeMap<&'static str, mass_spring::MassSpringResult>,
     pub shaped: Option<Shaped>,
     pub mapped: Option<MapResult>,
     /// What the other methods made of the rings' motion, by name.

@@ -13,7 +13,7 @@ use ivd_lattice::extract::{ExtractParams, Extracted};
 use ivd_lattice::refine::{RefineParams, Refined};
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring;
-use ivd_motion::ring::{RingParams, Solved};
+use ivd_motion::ring::{RingParams, RingResult};
 use ivd_render::{Radiance, RenderParams, Scene};
 use ivd_segment::{KmvsParams, Segmentation};
 use ivd_tests::stability::backend::{Answer, Backend, Cpu};
@@ -142,7 +142,7 @@ impl Backend for Spoiled {
         fixed: &[Pin],
         params: &RingParams,
         exec: &Exec,
-    ) -> Answer<Solved> {
+    ) -> Answer<RingResult> {
         let mut solved = Cpu.ring(lattice, handles, fixed, params, exec)?;
         if self.is(Spoil::HandleOff) {
             solved.motion = with_last(&solved.motion, |moved| moved[7][2] = moved[7][2].next_up())?;
@@ -272,7 +272,7 @@ impl Backend for WideErrs {
         asked: &Asked<'_>,
         params: &mass_spring::Params,
         exec: &Exec,
-    ) -> Answer<mass_spring::Solved> {
+    ) -> Answer<mass_spring::MassSpringResult> {
         let mut solved = Cpu.springs(asked, params, exec)?;
         if exec.simd {
             solved.motion = with_last(&solved.motion, |moved| {

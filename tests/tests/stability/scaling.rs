@@ -11,7 +11,7 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Refined, collapse};
 use ivd_map::{MapResult, OctreeParams};
 use ivd_motion::handles::{Action, Anchor, Handle};
-use ivd_motion::ring::{self, RingParams, Solved};
+use ivd_motion::ring::{self, RingParams, RingResult};
 use ivd_render::{RenderParams, Rendered, Scene, View};
 use ivd_segment::{KmvsParams, Segmentation};
 
@@ -21,7 +21,7 @@ struct Results {
     transfer: ivd_core::TransferFunction,
     lattice: Lattice,
     refined: Refined,
-    solved: Solved,
+    solved: RingResult,
     mapped: MapResult,
     warped: Volume,
     picture: Rendered,

@@ -9,7 +9,7 @@ use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_map::{Band, OctreeParams, Outside};
 use ivd_motion::handles::{Action, Anchor, Handle};
-use ivd_motion::ring::{self, RingParams, Solved};
+use ivd_motion::ring::{self, RingParams, RingResult};
 use ivd_render::{RenderParams, Scene, View};
 use ivd_segment::{KmvsParams, Segmentation, ThresholdParams};
 use ivd_tests::stability::symmetry::{RigidTransform, TURNS};
@@ -149,7 +149,7 @@ fn a_refined_lattice_stays_within_its_bound_whichever_way_it_is_turned() {
 }
 
 /// The motion of a lattice by a handle that moves and one that pulls, given in the straight scene.
-fn motion(straight: &Grid, turn: Option<RigidTransform>, lattice: &Lattice) -> Solved {
+fn motion(straight: &Grid, turn: Option<RigidTransform>, lattice: &Lattice) -> RingResult {
     let (place, way) = (Vector3::new(5.4, 6.0, 14.9), Vector3::new(0.5, -0.4, 0.9));
     let (other, pull) = (Vector3::new(10.5, 6.4, 9.7), Vector3::new(30.0, 14.0, -11.0));
     let at = |p: Vector3<f64>| turn.map_or(p, |t| t.world(straight, p)).into();
@@ -161,7 +161,7 @@ fn motion(straight: &Grid, turn: Option<RigidTransform>, lattice: &Lattice) -> S
     ring::solve(lattice, &handles, &[], &RingParams::default(), &Exec::default()).unwrap()
 }
 
-fn mapped(lattice: &Lattice, solved: &Solved, outside: Outside) -> ivd_map::MapResult {
+fn mapped(lattice: &Lattice, solved: &RingResult, outside: Outside) -> ivd_map::MapResult {
     let exec = Exec::default();
     let octree = ivd_octree::build(lattice, &ivd_octree::Params::default(), &exec).unwrap();
     let params =

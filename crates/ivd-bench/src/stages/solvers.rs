@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
-use ivd_motion::mass_spring::{Closeness, Descent, Params, Prepared, Solved, Solver, Springs};
+use ivd_motion::mass_spring::{Closeness, Descent, MassSpringResult, Params, Prepared, Solver, Springs};
 
 use crate::experiment::{Experiment, Problem, Setting};
 use crate::inputs::judged;
@@ -138,7 +138,7 @@ pub(super) fn on(
 }
 
 /// Solves from rest, with what was factored before.
-fn solved(ready: &Ready, handle: &Handle, exec: &Exec) -> Result<Solved, Problem> {
+fn solved(ready: &Ready, handle: &Handle, exec: &Exec) -> Result<MassSpringResult, Problem> {
     let mut ready = ready.borrow_mut();
     ready.forget();
     Ok(ready.update(&[*handle], exec)?)

@@ -298,7 +298,7 @@ mod tests {
     fn what_a_file_really_holds_may_be_put_aside_and_a_bomb_may_not() {
         struct Nowhere;
         impl ivd_core::Spill for Nowhere {
-            fn space(&self, _: usize) -> io::Result<Box<dyn ivd_core::Space>> {
+            fn space(&self, _: usize) -> io::Result<Box<dyn ivd_core::SpillSpace>> {
                 Err(io::Error::other("nowhere"))
             }
         }

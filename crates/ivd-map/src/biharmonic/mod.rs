@@ -64,7 +64,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::frame::{all_bricks, check_size, frame_of, moving_bricks};
-use super::outcome::{Solved, misfit as misfit_of};
+use super::outcome::{SolveFigures, misfit as misfit_of};
 use super::region::{Region, largest};
 use super::relax::relax;
 use super::settle::Settle;
@@ -122,7 +122,7 @@ struct Job<'a> {
 struct Made {
     field: FieldBricks,
     repairs: u32,
-    solved: Option<Solved>,
+    solved: Option<SolveFigures>,
 }
 
 impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
@@ -279,8 +279,11 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let whole = Step::solve(&last.system, job.region, &self.positions, motions, Some(start), TOLERANCE);
         let bricks = whole.field(grid, &last.system, job.region).sample(None, job.bricks, exec)?;
         let field = cut(all_bricks(grid, job.bricks, bricks)?, job.settle.alone)?;
-        let mut solved =
-            Solved { nodes: last.system.cells.nodes.free.len() as u64, increments: 1, ..Solved::default() };
+        let mut solved = SolveFigures {
+            nodes: last.system.cells.nodes.free.len() as u64,
+            increments: 1,
+            ..SolveFigures::default()
+        };
         whole.count(&mut solved);
         let certificate = certified(&field, job, exec)?;
         let path = |t: f64| -> Vec<Vector3<f64>> { (0..motions.len()).map(|v| whole.path(v, t)).collect() };
@@ -302,7 +305,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         &self,
         job: &Job<'_>,
         path: &impl Fn(f64) -> Vec<Vector3<f64>>,
-        solved: &mut Solved,
+        solved: &mut SolveFigures,
         exec: &Exec,
     ) -> Result<Option<(FieldBricks, u32)>, Error> {
         let still = vec![[0.0; 3]; FieldBricks::VOXELS * job.bricks.len()];
@@ -354,7 +357,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         job: &Job<'_>,
         whole: FieldBricks,
         path: &impl Fn(f64) -> Vec<Vector3<f64>>,
-        solved: &mut Solved,
+        solved: &mut SolveFigures,
         exec: &Exec,
     ) -> Result<(FieldBricks, u32), Error> {
         let misfit = |field| misfit_of(&self.lattice, field, job.frame);
@@ -398,7 +401,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         job: &Job<'_>,
         (field, at, equations): (&FieldBricks, &[Vector3<f64>], &System),
         wanted: &[Vector3<f64>],
-        solved: &mut Solved,
+        solved: &mut SolveFigures,
         exec: &Exec,
     ) -> Result<FieldBricks, Error> {
         let grid = self.lattice.grid();

@@ -4,7 +4,7 @@ use ivd_core::Grid;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::super::outcome::Solved;
+use super::super::outcome::SolveFigures;
 use super::super::region::Region;
 use super::affine::Affine;
 use super::field::Field;
@@ -72,7 +72,7 @@ impl Step {
         Field { grid, region, cells: &system.cells, affine: self.affine.as_ref(), nodes: &self.nodes }
     }
 
-    pub(super) fn count(&self, solved: &mut Solved) {
+    pub(super) fn count(&self, solved: &mut SolveFigures) {
         solved.iterations += self.iterations;
         solved.residual = solved.residual.max(self.residual);
     }

@@ -4,7 +4,8 @@ use ivd_core::{Error, Exec};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::system::Triple;
+/// A value for each axis of space.
+pub(super) type Triple = [f64; 3];
 
 /// Rows, or cells, that one task does: enough to be worth its start, and the unit of sums whose order is fixed.
 pub(super) const ROWS: usize = 256;

@@ -3,9 +3,10 @@
 use ivd_core::Exec;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
+use super::blocks::Triple;
 use super::material::{Hexahedron, Lame, gauss};
 use super::mesh::{Mesh, weights};
-use super::system::{Body, Pull, Triple};
+use super::system::{Body, Pull};
 use super::tree::Tree;
 
 /// A block of `roots` cells of `edge`³ finest ones, cut to finest at `fine`; `held` says which nodes are.

@@ -48,14 +48,15 @@ use rayon::prelude::*;
 
 use super::biharmonic::cut;
 use super::frame::{all_bricks, check_size, frame_of, moving_bricks};
-use super::outcome::Solved;
+use super::outcome::SolveFigures;
 use super::region::{Region, largest};
 use super::settle::Settle;
 use super::{FemParams, MapResult, Outside};
 use crate::Error;
+use blocks::Triple;
 use build::{Cells, body};
 use materials::Materials;
-use system::{Body, Triple};
+use system::Body;
 
 /// Most parts that the motion grows in.
 const INCREMENTS: u32 = 8;
@@ -151,10 +152,10 @@ fn equilibrium(
     frame: &Frame,
     length: f64,
     exec: &Exec,
-) -> Result<(Vec<Triple>, Solved), Error> {
+) -> Result<(Vec<Triple>, SolveFigures), Error> {
     let nodes = body.mesh.held.iter().filter(|h| !**h).count() as u64;
     let increments = ((largest(frame) / (2.0 * length)).ceil() as u32).clamp(1, INCREMENTS);
-    let mut solved = Solved { nodes, increments, ..Solved::default() };
+    let mut solved = SolveFigures { nodes, increments, ..SolveFigures::default() };
     let mut u = vec![[0.0; 3]; body.mesh.nodes.len()];
     let observer = exec.observer();
     observer.begin("equilibrium", u64::from(increments));
@@ -193,7 +194,7 @@ fn relieve(
     body: &mut Body,
     u: &mut Vec<Triple>,
     grid: &Grid,
-    solved: &mut Solved,
+    solved: &mut SolveFigures,
     exec: &Exec,
 ) -> Result<(), Error> {
     let to_voxel = grid.inverse_linear_part();

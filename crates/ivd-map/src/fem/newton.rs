@@ -2,8 +2,8 @@
 
 use ivd_core::{Error, Exec};
 
-use super::blocks::{add, dot};
-use super::system::{Body, Triple};
+use super::blocks::{Triple, add, dot};
+use super::system::Body;
 
 /// Part of the promised decrease that a step has to make (Armijo).
 const DECREASE: f64 = 1e-4;

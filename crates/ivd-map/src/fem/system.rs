@@ -4,12 +4,9 @@ use ivd_core::{Error, Exec};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::blocks::{Blocks, ROWS};
+use super::blocks::{Blocks, ROWS, Triple};
 use super::material::{Corners, Hexahedron, Matter, Stiffness};
 use super::mesh::Mesh;
-
-/// A value for each axis of space.
-pub(super) type Triple = [f64; 3];
 
 /// A place that is to move by `goal`, by a spring and by the force that the spring has been relieved of.
 #[derive(Debug, Clone)]

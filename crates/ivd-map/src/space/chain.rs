@@ -28,6 +28,8 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::reach::{half_extent, too_far};
+
 /// How far links give way. The defaults are soft.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
@@ -136,7 +138,7 @@ impl ChainMail {
     ) -> Result<FieldBricks, Error> {
         let by = grid.inverse_linear_part() * Vector3::from(self.by);
         if Vector3::from(self.by).norm() > FARTHEST {
-            return Err(super::too_far());
+            return Err(too_far());
         }
         self.check_classes(labels)?;
         let gripped = self.gripped(grid, exec)?;
@@ -208,7 +210,7 @@ impl ChainMail {
         }
         let nearest: [usize; 3] =
             std::array::from_fn(|a| (middle[a].round().max(0.0) as usize).min(dims[a] - 1));
-        let reach = super::half_extent(grid, self.grip);
+        let reach = half_extent(grid, self.grip);
         let range = |a: usize| {
             let lo = (middle[a] - reach[a]).ceil().max(0.0) as usize;
             lo..((middle[a] + reach[a]).floor().min(dims[a] as f64 - 1.0) + 1.0).max(0.0) as usize

@@ -2,7 +2,7 @@ use ivd_core::ParamError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::rigid::{Drive, Part, Region, RigidTransform};
+use crate::rigid::{BoneSpec, Drive, Region, RigidTransform};
 
 /// A bone, which moves as one. It holds the vertices within a region (a ball, a capsule or a box), those beside voxels of a class,
 /// or those of both.
@@ -72,8 +72,8 @@ impl Bone {
     ///
     /// # Errors
     /// The key that is missing, not read or out of its domain.
-    pub fn read(&self, number: usize) -> Result<Part, ParamError> {
-        let part = Part {
+    pub fn read(&self, number: usize) -> Result<BoneSpec, ParamError> {
+        let part = BoneSpec {
             name: self.name.clone().unwrap_or_else(|| number.to_string()),
             parent: self.parent.clone(),
             region: self.region()?,
@@ -156,7 +156,7 @@ mod tests {
 
     use super::*;
 
-    fn part(keys: &Value) -> Result<Part, String> {
+    fn part(keys: &Value) -> Result<BoneSpec, String> {
         let mut all = json!({ "reach": 9 });
         all.as_object_mut().unwrap().extend(keys.as_object().unwrap().clone());
         let bone: Bone = serde_json::from_value(all).map_err(|e| e.to_string())?;

@@ -91,17 +91,17 @@ pub struct BoneFigures {
     pub force_mn: [f64; 3],
 }
 
-impl From<&ring::Solved> for Figures {
-    fn from(solved: &ring::Solved) -> Self {
-        let ring::Solved { vertices_moved, steps, residual, .. } = *solved;
-        let ring::Solved { energy_first, energy_last, max_displacement_mm, .. } = *solved;
+impl From<&ring::RingResult> for Figures {
+    fn from(solved: &ring::RingResult) -> Self {
+        let ring::RingResult { vertices_moved, steps, residual, .. } = *solved;
+        let ring::RingResult { energy_first, energy_last, max_displacement_mm, .. } = *solved;
         let springs = None;
         Self { vertices_moved, steps, residual, energy_first, energy_last, max_displacement_mm, springs }
     }
 }
 
-impl From<&mass_spring::Solved> for Figures {
-    fn from(solved: &mass_spring::Solved) -> Self {
+impl From<&mass_spring::MassSpringResult> for Figures {
+    fn from(solved: &mass_spring::MassSpringResult) -> Self {
         Self {
             vertices_moved: solved.vertices_moved,
             steps: solved.steps,

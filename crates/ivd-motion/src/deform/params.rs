@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::handles;
 use crate::mass_spring::{self, Closeness, Descent, Solver, Springs};
-use crate::rigid::Part;
+use crate::rigid::BoneSpec;
 use crate::ring::RingParams;
 
 use super::bone::Bone;
@@ -147,7 +147,7 @@ impl Body {
     ///
     /// # Errors
     /// One whose keys don't go together.
-    pub fn bones(&self) -> Result<Vec<Part>, ParamError> {
+    pub fn bones(&self) -> Result<Vec<BoneSpec>, ParamError> {
         each(&self.rigid, "rigid", |i, bone| bone.read(i))
     }
 

@@ -7,10 +7,8 @@
 //! the processor; and pointers lie within their lists, since the ends of a block's springs are less than the bounds that it was
 //! made for, and the lists are at least as long.
 
-use super::forces::{LIMITED, Spring, Vectors};
+use super::spring::{LIMITED, NO_DIRECTION, Spring, Vectors};
 
-/// A spring shorter than this fraction of its rest length has no direction and exerts nothing.
-pub(super) const NO_DIRECTION: f64 = 1e-6;
 /// Springs of a block.
 pub(super) const LANES: usize = 8;
 

@@ -4,10 +4,10 @@ use ivd_core::vertex_class;
 use ivd_core::{Labels, Lattice, sets};
 use nalgebra::Vector3;
 
-use super::drives::Drives;
-use super::forces::{Law, Spring, Springs, Vectors, pull};
+use super::forces::{Springs, pull};
+use super::links::{Kind, Link, links};
 use super::params::{Material, Params};
-use super::springs::{Kind, Link, links};
+use super::spring::{LIMITED, Law, Spring, Vectors};
 use crate::Error;
 
 /// Stiffness of 1 N/m (g/s²).
@@ -142,7 +142,7 @@ impl Body {
 
     /// Bound on the stiffness at each loose vertex (g/s²): Gershgorin's, for the sum of all springs at any strain.
     pub(super) fn stiffness_bound(&self) -> Vec<f64> {
-        let limited = if self.law.limit.is_some() { 1.0 + super::forces::LIMITED } else { 1.0 };
+        let limited = if self.law.limit.is_some() { 1.0 + LIMITED } else { 1.0 };
         let mut bound = self.ground.clone();
         for spring in &self.list {
             for v in spring.ends.map(|v| v as usize).into_iter().filter(|v| *v < self.loose) {
@@ -169,7 +169,7 @@ impl Body {
     }
 
     /// The lowest vertex that springs connect each loose vertex to, over loose ones.
-    fn parts(&self) -> Vec<u32> {
+    pub(super) fn parts(&self) -> Vec<u32> {
         let mut parts = sets::singles(self.loose);
         for [a, b] in self.list.iter().map(|spring| spring.ends) {
             if (a.max(b) as usize) < self.loose {
@@ -178,22 +178,6 @@ impl Body {
         }
         sets::flatten(&mut parts);
         parts
-    }
-
-    /// A pull needs something to pull against.
-    pub(super) fn check_held(&self, drives: &Drives) -> Result<(), Error> {
-        let (part, mut held) = (self.parts(), self.held());
-        for &(moved, ..) in &drives.moved {
-            held[part[moved] as usize] = true;
-        }
-        let loose = |v: &usize| drives.force[*v] != [0.0; 3] && !held[*v] && !held[part[*v] as usize];
-        (0..self.loose).find(loose).map_or(Ok(()), |v| {
-            Err(Error::Mismatch {
-                what: "handle",
-                problem: format!("nothing holds the part that it pulls at vertex {}", self.vertices[v]),
-                remedy: "fix vertices, add ground springs, make the radius smaller, or let time pass",
-            })
-        })
     }
 
     /// Energy of springs and ground springs (nJ).

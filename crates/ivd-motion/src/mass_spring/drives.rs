@@ -122,6 +122,22 @@ impl Drives {
         Ok(Self { is_moved: mover.iter().map(Option::is_some).collect(), moved, force, bones })
     }
 
+    /// A pull needs something to pull against.
+    pub(super) fn check_held(&self, body: &Body) -> Result<(), Error> {
+        let (part, mut held) = (body.parts(), body.held());
+        for &(moved, ..) in &self.moved {
+            held[part[moved] as usize] = true;
+        }
+        let loose = |v: &usize| self.force[*v] != [0.0; 3] && !held[*v] && !held[part[*v] as usize];
+        (0..body.loose).find(loose).map_or(Ok(()), |v| {
+            Err(Error::Mismatch {
+                what: "handle",
+                problem: format!("nothing holds the part that it pulls at vertex {}", body.vertices[v]),
+                remedy: "fix vertices, add ground springs, make the radius smaller, or let time pass",
+            })
+        })
+    }
+
     /// Takes the moved and the carried vertices to where they are when handles have reached a fraction of their motion.
     pub(super) fn place<const W: usize>(&self, displacement: &mut [[f64; W]], reached: f64) {
         for &(v, by, _) in &self.moved {

@@ -6,7 +6,7 @@
 //! The argument for the `unsafe` block: what needs AVX2 is called only where it was found. It does the plain loops' operations in
 //! their order, and gives the same bytes.
 
-use super::forces::{Spring, Vectors};
+use super::spring::{Spring, Vectors};
 
 /// Parts of so few vertices aren't cut further.
 const LEAF: usize = 32;

@@ -8,7 +8,8 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::blocks::{Block, LANES, NO_DIRECTION, Padded};
+use super::blocks::{Block, LANES, Padded};
+use super::spring::{LIMITED, Law, NO_DIRECTION, Spring, Vectors};
 
 /// Vertices of a chunk: its positions, displacements and forces stay in the nearest caches. Sums run chunk by chunk, so
 /// that the number of threads changes no bit.
@@ -17,29 +18,6 @@ pub(super) const CHUNK: usize = 2048;
 const ALONE: usize = 3 * CHUNK;
 /// Fewer vectors than these are multiplied faster on one thread.
 const ALONE_IN_PRODUCTS: usize = 32 * CHUNK;
-/// Stiffness that comes on top beyond the strain limit, in stiffnesses below it.
-pub(super) const LIMITED: f64 = 100.0;
-
-/// What a spring makes of its length.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Law {
-    /// Whether it pushes when it is shorter than at rest.
-    pub(super) push: bool,
-    /// Strain beyond which it is stiffer.
-    pub(super) limit: Option<f64>,
-}
-
-/// A spring between two vertices.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Spring {
-    /// Vertices of the body.
-    pub(super) ends: [u32; 2],
-    /// Length at rest (mm).
-    pub(super) length: f64,
-    /// Stiffness (g/s²).
-    pub(super) stiffness: f64,
-}
-
 /// The springs of a run of vertices: first those with both ends in it, then those that lead out of it, own end first.
 #[derive(Debug, Clone, PartialEq)]
 struct Chunk {
@@ -65,8 +43,6 @@ pub(super) struct Springs {
     chunks: Vec<Chunk>,
     avx2: bool,
 }
-
-pub(super) type Vectors = [[f64; 3]];
 
 impl Springs {
     /// Springs that act on the first `vertices` vertices; those beyond hold them.

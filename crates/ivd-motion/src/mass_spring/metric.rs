@@ -7,7 +7,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use super::body::Body;
 use super::drives::Drives;
 use super::factor::Factor;
-use super::forces::Vectors;
+use super::spring::Vectors;
 
 /// Added to the diagonal, as a fraction of it, where nothing holds a part of the body but a handle: the handles' update takes
 /// it out again, to some digits.

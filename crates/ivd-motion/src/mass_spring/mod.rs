@@ -18,7 +18,7 @@
 //! tie vertices to their places. Momentum is kept where there is neither, and nothing is held.
 //!
 //! **Reach.** Only vertices that springs connect to a handle's target, or a bone that moves, inside some ball of theirs are loose. The others stay,
-//! exactly, and hold them: [`Solved::truncation`] says with how much force.
+//! exactly, and hold them: [`MassSpringResult::truncation`] says with how much force.
 //!
 //! **Solvers.** [`Solver::Dynamics`] steps through time. What it gives after the duration need not rest; `residual` says how
 //! far from balance it is. [`Solver::Projective`] finds the balance of forces at each frame, or with `inertia` steps through
@@ -36,6 +36,7 @@ mod drives;
 mod dynamics;
 mod factor;
 mod forces;
+mod links;
 mod metric;
 mod objective;
 mod outcome;
@@ -43,7 +44,7 @@ mod params;
 #[cfg(test)]
 mod planted;
 mod projective;
-mod springs;
+mod spring;
 mod xpbd;
 
 use std::ops::Deref;
@@ -53,20 +54,20 @@ use nalgebra::Vector3;
 
 use crate::Error;
 use crate::handles::{Action, Handle, Pin, check_pull, find_targets, resolve};
-use crate::rigid::{BoneMotion, Part, Skeleton};
+use crate::rigid::{BoneMotion, BoneSpec, Skeleton};
 use body::{Body, Region};
 use drives::{Drives, MILLINEWTON};
 use outcome::{Balance, Outcome};
 
+pub use links::{Kind, Link, links};
 pub use params::{Closeness, Descent, LoadRamp, Material, Params, Solver, Springs};
-pub use springs::{Kind, Link, links};
 
 /// A pulled target that goes further than this many radii has left what its radius can follow.
 const FAR: f64 = 10.0;
 
 /// A solved deformation.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Solved {
+pub struct MassSpringResult {
     /// As many frames as asked for, the last at the end of the duration; one ball of reach for every handle and for every
     /// bone that moves.
     pub motion: Motion,
@@ -120,7 +121,7 @@ pub fn solve(
     fixed: &[Pin],
     params: &Params,
     exec: &Exec,
-) -> Result<Solved, Error> {
+) -> Result<MassSpringResult, Error> {
     with_bones(lattice, labels, handles, fixed, &[], params, exec)
 }
 
@@ -136,10 +137,10 @@ pub fn with_bones(
     labels: Option<&Labels>,
     handles: &[Handle],
     fixed: &[Pin],
-    bones: &[Part],
+    bones: &[BoneSpec],
     params: &Params,
     exec: &Exec,
-) -> Result<Solved, Error> {
+) -> Result<MassSpringResult, Error> {
     Prepared::with_bones(lattice, labels, handles, fixed, bones, params, exec)?.update(handles, exec)
 }
 
@@ -181,7 +182,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         labels: Option<&Labels>,
         handles: &[Handle],
         fixed: &[Pin],
-        bones: &[Part],
+        bones: &[BoneSpec],
         params: &Params,
         exec: &Exec,
     ) -> Result<Self, Error> {
@@ -229,7 +230,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
     ///
     /// # Errors
     /// As [`solve`]; [`Error::Mismatch`] for a target outside the reach.
-    pub fn update(&mut self, handles: &[Handle], exec: &Exec) -> Result<Solved, Error> {
+    pub fn update(&mut self, handles: &[Handle], exec: &Exec) -> Result<MassSpringResult, Error> {
         handles.iter().try_for_each(Handle::check)?;
         self.body.springs.use_simd(exec.simd);
         exec.run(|| {
@@ -261,7 +262,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         targets: &[usize],
         drives: &Drives,
         outcome: &Outcome,
-    ) -> Result<Solved, Error> {
+    ) -> Result<MassSpringResult, Error> {
         let body = &self.body;
         let last = outcome.frames.last().expect("a solver gives at least one frame");
         self.trust(handles, targets, last, outcome)?;
@@ -286,7 +287,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         let sizes = |forces: &[[f64; 3]]| forces.iter().map(|f| Vector3::from(*f).norm()).sum::<f64>();
         let forces: Vec<[f64; 3]> = bones.iter().map(|bone| bone.force_mn).collect();
         let put_in = sizes(&balance.handles) + MILLINEWTON * sizes(&forces);
-        Ok(Solved {
+        Ok(MassSpringResult {
             vertices_moved: displacement.iter().filter(|u| **u != [0.0; 3]).count(),
             vertices_loose: body.loose,
             bones,

@@ -2,7 +2,8 @@
 
 use super::body::Body;
 use super::drives::Drives;
-use super::forces::{Vectors, dot, norm};
+use super::forces::{dot, norm};
+use super::spring::Vectors;
 
 /// Inertia of an implicit Euler step with drag `γ`: `½ a |u − anchor|²`, `a = m (1 + γh) / h²`,
 /// `anchor = u₀ + h v₀ / (1 + γh)`.

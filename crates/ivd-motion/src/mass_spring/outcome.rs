@@ -2,7 +2,8 @@
 
 use super::body::Body;
 use super::drives::Drives;
-use super::forces::{Vectors, norm};
+use super::forces::norm;
+use super::spring::Vectors;
 
 /// What a solver gives.
 #[derive(Debug, Clone, Default)]

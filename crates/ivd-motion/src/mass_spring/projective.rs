@@ -8,11 +8,12 @@ use ivd_core::{Exec, Iteration};
 
 use super::body::Body;
 use super::drives::Drives;
-use super::forces::{Vectors, dot};
+use super::forces::dot;
 use super::metric::Metric;
 use super::objective::{Inertia, Objective, PutIn};
 use super::outcome::Outcome;
 use super::params::Params;
+use super::spring::Vectors;
 use crate::Error;
 
 /// Share of the slope by which a step must lower the objective (Armijo).
@@ -221,7 +222,7 @@ pub(super) fn run(
     if params.descent.inertia {
         return stepped(body, drives, params, kept, exec);
     }
-    body.check_held(drives)?;
+    drives.check_held(body)?;
     // Many frames start from rest.
     let last = kept.last.take().filter(|_| params.springs.frames == 1);
     let mut moved = last.unwrap_or_else(|| vec![[0.0; 3]; body.vertices.len()]);

@@ -9,11 +9,11 @@ use nalgebra::Vector3;
 
 use super::body::Body;
 use super::drives::Drives;
-use super::forces::{LIMITED, Spring, Vectors};
 use super::objective::PutIn;
 use super::outcome::Outcome;
 use super::params::Params;
 use super::projective::step_through;
+use super::spring::{LIMITED, Spring, Vectors};
 use crate::Error;
 
 /// Sweeps between two looks at the gradient, which costs as much as one.

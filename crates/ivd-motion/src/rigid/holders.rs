@@ -4,7 +4,7 @@ use ivd_core::vertex_class;
 use ivd_core::{Labels, Lattice};
 use nalgebra::Vector3;
 
-use super::{Part, Region};
+use super::{BoneSpec, Region};
 use crate::Error;
 
 /// The bone of each vertex, by its number in the list of parts.
@@ -20,7 +20,7 @@ pub(super) fn holders(
     lattice: &Lattice,
     labels: Option<&Labels>,
     rest: &[Vector3<f64>],
-    parts: &[Part],
+    parts: &[BoneSpec],
 ) -> Result<Holders, Error> {
     let origin = Vector3::from(lattice.grid().origin());
     let mut holder: Holders = vec![None; rest.len()];

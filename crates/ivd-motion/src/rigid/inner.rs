@@ -3,14 +3,14 @@
 use ivd_core::{Labels, Lattice, VoxelCoord};
 use nalgebra::Vector3;
 
-use super::Part;
+use super::BoneSpec;
 
 /// Points of a bone that are told at most: beyond it every second voxel is, in the order of memory, or every third, …
 const MOST: usize = 20_000;
 
 /// The voxels (voxel coordinates) that belong to a bone: of its class, in its region. None where it has no class, which alone
 /// tells bone from what is beside it.
-pub(super) fn voxels(lattice: &Lattice, labels: Option<&Labels>, part: &Part) -> Vec<Vector3<f64>> {
+pub(super) fn voxels(lattice: &Lattice, labels: Option<&Labels>, part: &BoneSpec) -> Vec<Vector3<f64>> {
     let (Some(class), Some(labels)) = (part.class, labels) else { return Vec::new() };
     let grid = lattice.grid();
     let origin = Vector3::from(grid.origin());

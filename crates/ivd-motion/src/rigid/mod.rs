@@ -1,6 +1,6 @@
 //! Rigid parts: bones in soft tissue (thesis, 6.4).
 //!
-//! A [`Part`] holds vertices of a lattice, by their place ([`Region`]), by the class of the voxels beside them, or both, and
+//! A [`BoneSpec`] holds vertices of a lattice, by their place ([`Region`]), by the class of the voxels beside them, or both, and
 //! moves them by one rigid motion. The motion is given ([`RigidTransform`]) or fitted to the handles that lie on the bone. A bone with a
 //! parent goes with it and turns about their joint: the motions of both agree there, exactly. [`Skeleton`] says which bone
 //! holds which vertex and where each bone is at any part of the way.
@@ -12,9 +12,9 @@
 //! Every frame is a rigid motion by itself: a part of the angle is a true rotation, and no place is interpolated.
 //!
 //! ```
-//! use ivd_motion::rigid::{Drive, Part, Region, RigidTransform};
+//! use ivd_motion::rigid::{Drive, BoneSpec, Region, RigidTransform};
 //!
-//! let vertebra = Part {
+//! let vertebra = BoneSpec {
 //!     name: "C5".into(),
 //!     parent: None,
 //!     region: Some(Region::Box { low: [0.0, 0.0, 40.0], high: [64.0, 64.0, 48.0] }),
@@ -26,16 +26,16 @@
 //! # Ok::<(), ivd_core::ParamError>(())
 //! ```
 
+mod bone_spec;
 mod fit;
 mod holders;
 mod inner;
-mod part;
 mod skeleton;
 #[cfg(test)]
 mod tests;
 mod turn;
 
-pub use part::{Drive, Part, Region};
+pub use bone_spec::{BoneSpec, Drive, Region};
 pub(crate) use skeleton::Rig;
 pub use skeleton::{Bone, BoneMotion, Skeleton};
 pub use turn::RigidTransform;

@@ -7,7 +7,7 @@ use super::fit::{self, Unsure};
 use super::holders::{Holders, holders};
 use super::inner;
 use super::turn::Pose;
-use super::{Drive, Part, RigidTransform};
+use super::{BoneSpec, Drive, RigidTransform};
 use crate::Error;
 use crate::handles::{Action, Handle};
 
@@ -58,7 +58,7 @@ pub struct BoneMotion {
 /// All bones of a lattice; none by default.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Skeleton {
-    parts: Vec<Part>,
+    parts: Vec<BoneSpec>,
     bones: Vec<Bone>,
     /// The bones, each after its parent.
     order: Vec<usize>,
@@ -141,7 +141,7 @@ impl Skeleton {
     pub fn new(
         lattice: &Lattice,
         labels: Option<&Labels>,
-        parts: &[Part],
+        parts: &[BoneSpec],
         handles: &[(Handle, usize)],
         fixed: &[bool],
     ) -> Result<Self, Error> {
@@ -157,13 +157,13 @@ impl Skeleton {
         lattice: &Lattice,
         labels: Option<&Labels>,
         rest: &[Vector3<f64>],
-        parts: &[Part],
+        parts: &[BoneSpec],
     ) -> Result<Self, Error> {
-        parts.iter().try_for_each(Part::check)?;
+        parts.iter().try_for_each(BoneSpec::check)?;
         let parents = parents(parts)?;
         let order = order(parts, &parents)?;
         let holder = holders(lattice, labels, rest, parts)?;
-        let bone = |(b, part): (usize, &Part)| {
+        let bone = |(b, part): (usize, &BoneSpec)| {
             let held = |v: &usize| holder[*v] == Some(b);
             let vertices: Vec<u32> = (0..rest.len()).filter(held).map(|v| v as u32).collect();
             let (centre, radius) = ball(vertices.iter().map(|&v| rest[v as usize]));
@@ -378,7 +378,7 @@ fn open(unsure: Unsure, name: &str) -> Error {
 }
 
 /// The parent of each part.
-fn parents(parts: &[Part]) -> Result<Vec<Option<usize>>, Error> {
+fn parents(parts: &[BoneSpec]) -> Result<Vec<Option<usize>>, Error> {
     let find = |name: &str| parts.iter().position(|part| part.name == name);
     let mismatch = |problem: String, remedy| Err(Error::Mismatch { what: "rigid", problem, remedy });
     parts
@@ -399,7 +399,7 @@ fn parents(parts: &[Part]) -> Result<Vec<Option<usize>>, Error> {
 }
 
 /// The bones, each after its parent.
-fn order(parts: &[Part], parents: &[Option<usize>]) -> Result<Vec<usize>, Error> {
+fn order(parts: &[BoneSpec], parents: &[Option<usize>]) -> Result<Vec<usize>, Error> {
     let mut order = Vec::with_capacity(parts.len());
     let mut done = vec![false; parts.len()];
     while order.len() < parts.len() {
@@ -422,7 +422,7 @@ fn order(parts: &[Part], parents: &[Option<usize>]) -> Result<Vec<usize>, Error>
 fn targets(
     holder: &Holders,
     b: usize,
-    parts: &[Part],
+    parts: &[BoneSpec],
     handles: &[(Handle, usize)],
 ) -> Result<Vec<(usize, Vector3<f64>)>, Error> {
     let mut own: Vec<(usize, Vector3<f64>)> = Vec::new();

@@ -9,7 +9,7 @@ use super::fit::{self, Unsure};
 use super::*;
 use crate::Error;
 use crate::handles::{Action, Anchor, Handle, Pin};
-use crate::mass_spring::{Closeness, Params, Prepared, Solved, Solver, Springs, solve, with_bones};
+use crate::mass_spring::{Closeness, MassSpringResult, Params, Prepared, Solver, Springs, solve, with_bones};
 
 /// Numbers in −1…1 without a pattern.
 fn noise(count: usize, seed: u64) -> Vec<f64> {
@@ -149,8 +149,8 @@ fn slab(lattice: &Lattice, from: f64, to: f64) -> Region {
     Region::Box { low: corner(-500.0, from), high: corner(500.0, to) }
 }
 
-fn bone(name: &str, region: Region, drive: Drive) -> Part {
-    Part { name: name.into(), parent: None, region: Some(region), class: None, drive, reach: 60.0 }
+fn bone(name: &str, region: Region, drive: Drive) -> BoneSpec {
+    BoneSpec { name: name.into(), parent: None, region: Some(region), class: None, drive, reach: 60.0 }
 }
 
 fn turned(lattice: &Lattice, pivot: [f64; 3], angle: f64) -> Drive {
@@ -159,7 +159,12 @@ fn turned(lattice: &Lattice, pivot: [f64; 3], angle: f64) -> Drive {
     Drive::Prescribed(RigidTransform { pivot, axis: [1.0, 0.3, 0.0], angle, by: [0.0; 3] })
 }
 
-fn run(lattice: &Lattice, handles: &[Handle], bones: &[Part], params: &Params) -> Result<Solved, Error> {
+fn run(
+    lattice: &Lattice,
+    handles: &[Handle],
+    bones: &[BoneSpec],
+    params: &Params,
+) -> Result<MassSpringResult, Error> {
     with_bones(lattice, None, handles, &[], bones, params, &Exec::default())
 }
 
@@ -188,7 +193,7 @@ fn strain(lattice: &Lattice, vertices: &[u32], displacement: &[[f64; 3]]) -> f64
 }
 
 /// A chain of three bones up the rod: the lowest stays.
-fn chain(lattice: &Lattice, angles: [f64; 2]) -> Vec<Part> {
+fn chain(lattice: &Lattice, angles: [f64; 2]) -> Vec<BoneSpec> {
     let up = if lattice.grid().spacing()[2] > 1.0 { -1.0 } else { 1.0 };
     let at = |a: f64, b: f64| {
         let (a, b) = if up > 0.0 { (a, b) } else { (-b - 1.0, -a - 1.0) };
@@ -276,8 +281,8 @@ fn soft_tissue_between_bones_follows_and_balances_and_action_is_reaction() {
     assert_eq!(solved.bones[0].force_mn, [0.0; 3], "what stays is no bone to the solver");
     // Where both move there is no outside: what one is held with the other is held against.
     let apart = [
-        Part { drive: push([0.0, 0.0, -1.0]), ..bones[0].clone() },
-        Part { drive: push([0.0, 0.0, 1.0]), ..bones[1].clone() },
+        BoneSpec { drive: push([0.0, 0.0, -1.0]), ..bones[0].clone() },
+        BoneSpec { drive: push([0.0, 0.0, 1.0]), ..bones[1].clone() },
     ];
     let solved = run(&lattice, &[], &apart, &statics()).unwrap();
     let [low, high] = [0, 1].map(|b| Vector3::from(solved.bones[b].force_mn));
@@ -411,14 +416,14 @@ fn fitted_bones_go_where_their_handles_go_and_a_fitted_child_keeps_its_joint() {
 fn bones_that_contradict_are_refused_by_name() {
     let lattice = rod(false);
     let good = chain(&lattice, [5.0, 5.0]);
-    let refused = |handles: &[Handle], fixed: &[Pin], bones: &[Part], words: &[&str]| {
+    let refused = |handles: &[Handle], fixed: &[Pin], bones: &[BoneSpec], words: &[&str]| {
         let all = with_bones(&lattice, None, handles, fixed, bones, &statics(), &Exec::default());
         let error = all.unwrap_err().to_string();
         for word in words {
             assert!(error.contains(word), "{word}: {error}");
         }
     };
-    let with = |b: usize, change: &dyn Fn(&mut Part)| {
+    let with = |b: usize, change: &dyn Fn(&mut BoneSpec)| {
         let mut bones = good.clone();
         change(&mut bones[b]);
         bones
@@ -531,7 +536,7 @@ fn threads_do_not_change_a_byte() {
 }
 
 /// The distance (mm) of the voxels inside a lattice from where the bone that holds them takes them: largest, root mean square.
-fn off(lattice: &Lattice, skeleton: &Skeleton, motion: &ivd_core::Motion, bones: &[Part]) -> (f64, f64) {
+fn off(lattice: &Lattice, skeleton: &Skeleton, motion: &ivd_core::Motion, bones: &[BoneSpec]) -> (f64, f64) {
     let params = BiharmonicParams::default();
     let mapped = ivd_map::biharmonic(lattice, motion, 0, &params, &Exec::default()).unwrap();
     assert!(mapped.figures.folds == 0 && mapped.figures.min_det_j > 0.05, "{}", mapped.figures.min_det_j);

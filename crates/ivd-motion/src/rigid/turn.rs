@@ -2,8 +2,6 @@ use ivd_core::ParamError;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::part::finite;
-
 /// A motion that keeps every distance: a turn about a pivot, while the pivot goes straight on.
 ///
 /// After the part `s` of it, with the axis `â` (of length 1) and `θ = s · angle`,
@@ -100,4 +98,13 @@ impl Pose {
         let arm = point - self.by - self.pivot;
         self.pivot + arm + undone.turned(arm)
     }
+}
+
+/// # Errors
+/// [`ParamError`] names the field of a vector whose numbers aren't finite.
+pub(super) fn finite(field: &'static str, vector: &[f64; 3]) -> Result<(), ParamError> {
+    if vector.iter().all(|c| c.abs() <= 1e100) {
+        return Ok(());
+    }
+    Err(ParamError::new(field, format!("{vector:?}"), "give three finite numbers"))
 }

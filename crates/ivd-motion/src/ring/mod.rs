@@ -38,7 +38,7 @@ const REPORTS: usize = 16;
 
 /// A solved deformation.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Solved {
+pub struct RingResult {
     /// One frame, at the end of the duration; one ball of reach for every handle.
     pub motion: Motion,
     /// Vertices whose displacement isn't 0.
@@ -74,7 +74,7 @@ pub fn solve(
     fixed: &[Pin],
     params: &RingParams,
     exec: &Exec,
-) -> Result<Solved, Error> {
+) -> Result<RingResult, Error> {
     params.check()?;
     check_pull(handles, fixed)?;
     exec.run(|| {
@@ -101,7 +101,7 @@ pub fn solve(
         let vertices_moved = displacement.iter().filter(|u| **u != [0.0; 3]).count();
         let frame = Frame { time: params.duration, displacement: displacement.into() };
         let motion = Motion::new(lattice.grid().clone(), rest.len(), vec![frame])?.with_reach(reach)?;
-        Ok(Solved {
+        Ok(RingResult {
             max_displacement_mm: motion.max_displacement(),
             motion,
             vertices_moved,

@@ -42,15 +42,15 @@ fn pulled(at: Anchor, force: [f64; 3], radius: f64) -> Handle {
     Handle { at, action: Action::Force(force), radius }
 }
 
-fn solve(handles: &[Handle], fixed: &[Pin], params: &RingParams) -> Result<Solved, Error> {
+fn solve(handles: &[Handle], fixed: &[Pin], params: &RingParams) -> Result<RingResult, Error> {
     super::solve(&sheet([0.0; 3]), handles, fixed, params, &Exec::default())
 }
 
-fn displacement(solved: &Solved) -> &[[f64; 3]] {
+fn displacement(solved: &RingResult) -> &[[f64; 3]] {
     &solved.motion.frames()[0].displacement
 }
 
-fn at(solved: &Solved, x: usize, y: usize) -> Vector3<f64> {
+fn at(solved: &RingResult, x: usize, y: usize) -> Vector3<f64> {
     displacement(solved)[x + SIDE * y].into()
 }
 

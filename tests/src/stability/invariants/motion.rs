@@ -7,8 +7,8 @@ use ivd_field::shape::{Kind as Form, Shape};
 use ivd_motion::freeform::Shaped;
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring::{self, Kind, Params, Solver};
-use ivd_motion::rigid::{Drive, Part};
-use ivd_motion::ring::Solved;
+use ivd_motion::rigid::{BoneSpec, Drive};
+use ivd_motion::ring::RingResult;
 use nalgebra::{Rotation3, Unit, Vector3};
 
 use super::{EPS, Verdict};
@@ -31,12 +31,12 @@ pub struct Asked<'a> {
     /// What springs are made of.
     pub labels: Option<&'a Labels>,
     /// Bones.
-    pub bones: &'a [Part],
+    pub bones: &'a [BoneSpec],
 }
 
 impl Asked<'_> {
     /// The bone that holds a vertex, by its region alone.
-    fn bone(&self, v: usize) -> Option<&Part> {
+    fn bone(&self, v: usize) -> Option<&BoneSpec> {
         let rest = self.lattice.local_positions()[v];
         let origin = Vector3::from(self.lattice.grid().origin());
         self.bones.iter().find(|bone| bone.region.is_some_and(|region| region.holds(rest, origin)))
@@ -56,7 +56,7 @@ impl Asked<'_> {
 ///
 /// # Errors
 /// The first thing that doesn't hold.
-pub fn solved(asked: &Asked<'_>, found: &Solved) -> Verdict {
+pub fn solved(asked: &Asked<'_>, found: &RingResult) -> Verdict {
     let numbers =
         [found.residual, found.energy_first, found.energy_last, found.max_displacement_mm, found.dt];
     hold!(numbers.iter().all(|n| n.is_finite() && *n >= 0.0), "figures {numbers:?}");
@@ -116,7 +116,7 @@ fn out_of_reach(lattice: &Lattice, motion: &Motion) -> Verdict {
 ///
 /// # Errors
 /// The first thing that doesn't hold.
-pub fn sprung(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved) -> Verdict {
+pub fn sprung(asked: &Asked<'_>, params: &Params, found: &mass_spring::MassSpringResult) -> Verdict {
     let mut numbers = vec![found.residual, found.energy_first, found.energy_last, found.max_displacement_mm];
     numbers.extend([found.dt, found.truncation, found.truncation_mn]);
     hold!(numbers.iter().all(|n| n.is_finite() && *n >= 0.0), "figures {numbers:?}");
@@ -170,7 +170,12 @@ fn rigid(asked: &Asked<'_>, motion: &Motion) -> Verdict {
 }
 
 /// What holds of forces in balance.
-fn balanced(asked: &Asked<'_>, params: &Params, found: &mass_spring::Solved, plain: &Plain) -> Verdict {
+fn balanced(
+    asked: &Asked<'_>,
+    params: &Params,
+    found: &mass_spring::MassSpringResult,
+    plain: &Plain,
+) -> Verdict {
     let u = &found.motion.frames()[params.springs.frames - 1].displacement;
     let whole = params.springs.ramp.is_none_or(|ramp| ramp <= params.springs.duration);
     // A bone that moves does work of its own.
@@ -298,7 +303,7 @@ impl Plain {
     }
 
     /// Length of the list of forces that nothing stands against, and of those that handles put in (mN).
-    fn relative(&self, asked: &Asked<'_>, found: &mass_spring::Solved) -> (f64, f64) {
+    fn relative(&self, asked: &Asked<'_>, found: &mass_spring::MassSpringResult) -> (f64, f64) {
         let u = &found.motion.frames()[0].displacement;
         let targets: BTreeMap<usize, Action> =
             asked.handles.iter().filter_map(|h| Some((vertex(&h.at)?, h.action))).collect();

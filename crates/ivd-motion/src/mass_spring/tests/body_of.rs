@@ -120,7 +120,7 @@ fn a_smaller_reach_has_the_same_springs_within() {
     let whole = body(&lattice, &[moved(220, [0.0; 3], 100.0)], &[], &params);
     let part = body(&lattice, &[moved(220, [0.0; 3], 5.0)], &[], &params);
     assert!(part.loose < whole.loose && !part.leading_out.is_empty() && whole.leading_out.is_empty());
-    let named = |body: &Body, s: &forces::Spring| {
+    let named = |body: &Body, s: &spring::Spring| {
         let mut ends = s.ends.map(|v| body.vertices[v as usize]);
         ends.sort_unstable();
         (ends, s.stiffness.to_bits(), s.length.to_bits())

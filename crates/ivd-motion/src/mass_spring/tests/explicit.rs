@@ -5,7 +5,7 @@ use super::dynamics::{Motion, longest_step};
 use super::*;
 
 /// A mass of 1 g on a spring of 1 N/m beside a fixed one.
-fn oscillator(dt: f64, duration: f64, frames: usize) -> Solved {
+fn oscillator(dt: f64, duration: f64, frames: usize) -> MassSpringResult {
     let params = with_springs(Springs {
         stiffness: 1.0,
         vertex_mass: Some(1.0),

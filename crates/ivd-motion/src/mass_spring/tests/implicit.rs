@@ -3,10 +3,11 @@
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::factor::Factor;
-use super::forces::{Law, Spring, dot};
+use super::forces::dot;
 use super::metric::Metric;
 use super::objective::{Objective, PutIn};
 use super::projective::descend;
+use super::spring::{Law, Spring};
 use super::*;
 
 fn statics() -> Params {

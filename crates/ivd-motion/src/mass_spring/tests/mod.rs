@@ -1,6 +1,6 @@
 use ivd_core::{ElementKey, Grid, LatticeSource};
 
-use super::forces::Vectors;
+use super::spring::Vectors;
 use super::*;
 use crate::handles::Anchor;
 
@@ -65,11 +65,16 @@ fn pin(vertex: usize) -> Pin {
     Pin { at: Anchor::Vertex(vertex as u32), radius: 0.0 }
 }
 
-fn run(lattice: &Lattice, handles: &[Handle], fixed: &[Pin], params: &Params) -> Result<Solved, Error> {
+fn run(
+    lattice: &Lattice,
+    handles: &[Handle],
+    fixed: &[Pin],
+    params: &Params,
+) -> Result<MassSpringResult, Error> {
     solve(lattice, None, handles, fixed, params, &Exec::default())
 }
 
-fn last(solved: &Solved) -> &Vectors {
+fn last(solved: &MassSpringResult) -> &Vectors {
     &solved.motion.frames().last().unwrap().displacement
 }
 

@@ -1,7 +1,8 @@
 //! The springs' forces against one spring at a time, energies against forces.
 
 use super::blocks::{Padded, padded, unpadded};
-use super::forces::{After, CHUNK, Law, Spring, Springs, dot, norm, pull};
+use super::forces::{After, CHUNK, Springs, dot, norm, pull};
+use super::spring::{Law, Spring};
 use super::*;
 
 type Positions = Vec<[f64; 3]>;

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
-use ivd_core::{ByteSource, Space, Spill};
+use ivd_core::{ByteSource, Spill, SpillSpace};
 
 fn both(volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> [(Hvs, crate::Segmentation); 2] {
     [Linkage::Single, Linkage::Ward].map(|linkage| {
@@ -109,7 +109,7 @@ impl ByteSource for Heap {
     }
 }
 
-impl Space for Heap {
+impl SpillSpace for Heap {
     fn bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.0)
     }
@@ -124,7 +124,7 @@ impl Space for Heap {
 struct Elsewhere;
 
 impl Spill for Elsewhere {
-    fn space(&self, bytes: usize) -> std::io::Result<Box<dyn Space>> {
+    fn space(&self, bytes: usize) -> std::io::Result<Box<dyn SpillSpace>> {
         Ok(Box::new(Heap(vec![0; bytes.div_ceil(8)])))
     }
 }

@@ -2,7 +2,7 @@ use ivd_core::ParamError;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::RigidTransform;
+use super::turn::{RigidTransform, finite};
 
 /// A part of space, its border included.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -94,9 +94,9 @@ pub enum Drive {
     },
 }
 
-/// A part of a lattice that moves as one.
+/// A bone as it is asked for: a part of a lattice that moves as one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Part {
+pub struct BoneSpec {
     /// What errors, children and reports call it.
     pub name: String,
     /// The bone that carries it.
@@ -111,7 +111,7 @@ pub struct Part {
     pub reach: f64,
 }
 
-impl Part {
+impl BoneSpec {
     /// # Errors
     /// [`ParamError`] names the part that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
@@ -145,11 +145,4 @@ impl Part {
             Drive::Fitted { pivot: None } => Ok(()),
         }
     }
-}
-
-pub(super) fn finite(field: &'static str, vector: &[f64; 3]) -> Result<(), ParamError> {
-    if vector.iter().all(|c| c.abs() <= 1e100) {
-        return Ok(());
-    }
-    Err(ParamError::new(field, format!("{vector:?}"), "give three finite numbers"))
 }
