@@ -7,7 +7,7 @@ use ivd_motion::mass_spring::{LoadRamp, Material, Params};
 use ivd_motion::rigid::{BoneSpec, Drive, Region, RigidTransform};
 
 use super::case::{Case, Refused, Stage, TURNS};
-use super::nasty::{TOO_MUCH, ball, grip, nudged};
+use super::inputs::{TOO_MUCH, ball, grip, nudged};
 
 /// What a pull ends with that nothing holds against.
 const NO_HOLD: [Refused; 1] = [(Stage::DeformBalance, ErrorClass::Usage)];

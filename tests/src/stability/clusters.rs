@@ -7,8 +7,8 @@ use ivd_segment::{
 
 use super::backend::{Answer, Backend};
 use super::case::{Case, Stage, TURNS};
-use super::chain::{Subject, Values};
 use super::invariants::{Verdict, clusters};
+use super::subject::{Subject, Values};
 
 /// Most components of a mixture.
 const MOST: usize = 256;

@@ -8,9 +8,9 @@ use ivd_session::MapChoice;
 
 use super::backend::{Answer, Backend};
 use super::case::{Case, Stage};
-use super::chain::{Subject, Values};
 use super::invariants::motion::{self, Asked};
 use super::invariants::{Verdict, field};
+use super::subject::{Subject, Values};
 use super::surfaces::has_turn;
 
 const RAN: &str = "checked after it ran";

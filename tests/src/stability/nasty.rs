@@ -1,67 +1,18 @@
 //! The cases that must not break anything, as a table: awkward volumes, surfaces, lattices, materials and handles.
 
-use ivd_core::{ClassChoice, ErrorClass, Grid, Scalar, Volume};
+use ivd_core::{ErrorClass, Grid, Volume};
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 
 use super::case::{Case, Cut, Refused, Stage, TURNS};
+use super::inputs::{TOO_MUCH, ball, cube, from_ball, grip, nudged, soft, volume};
 use super::{bodies, meshes};
 
-/// What a motion that is too much ends with.
-pub(super) const TOO_MUCH: [Refused; 3] = [
-    (Stage::Deform, ErrorClass::Untrusted),
-    (Stage::Map, ErrorClass::Untrusted),
-    (Stage::Map, ErrorClass::Limit),
-];
 /// What a volume without data ends with: there is no class to take a part from.
 const NO_PART: [Refused; 1] = [(Stage::Boundary, ErrorClass::Usage)];
 /// What values end with whose squares no `f64` holds: they have no spread to make a transfer function from.
 const TOO_WIDE: [Refused; 1] = [(Stage::Atf, ErrorClass::Limit)];
 /// What a handle that has nothing to hold ends with.
 const NO_GRIP: [Refused; 1] = [(Stage::Deform, ErrorClass::Usage)];
-
-/// A grid of `n`³ voxels of 1 mm.
-fn cube(n: usize) -> Grid {
-    Grid::with_spacing([n; 3], [1.0; 3]).expect("a sound grid")
-}
-
-/// A volume of a function of the voxel's index.
-fn volume<T: Scalar>(grid: &Grid, value: impl Fn([usize; 3]) -> f64) -> Volume {
-    let values: Vec<T> = (0..grid.len()).map(|i| T::from_f64(value(grid.index(i).0))).collect();
-    Volume::new(grid.clone(), T::wrap(values.into())).expect("a value a voxel")
-}
-
-/// Distance (voxels) outwards from a ball in the middle of a grid.
-fn from_ball(grid: &Grid, radius: f64) -> impl Fn([usize; 3]) -> f64 {
-    let centre = grid.dims().map(|n| 0.5 * (n as f64 - 1.0) + 0.12);
-    move |at| (0..3).map(|a| (at[a] as f64 - centre[a]).powi(2)).sum::<f64>().sqrt() - radius
-}
-
-/// A ball whose values fall over eight voxels, 1 inside and 0 outside.
-fn soft(grid: &Grid, radius: f64) -> impl Fn([usize; 3]) -> f64 {
-    let distance = from_ball(grid, radius);
-    move |at| (0.5 - distance(at) / 8.0).clamp(0.0, 1.0)
-}
-
-/// A ball of bytes.
-pub(super) fn ball(n: usize) -> Volume {
-    let grid = cube(n);
-    let value = soft(&grid, 0.3 * n as f64);
-    volume::<u8>(&grid, |at| 200.0 * value(at))
-}
-
-pub(super) fn grip(vertex: u32, action: Action, radius: f64) -> Handle {
-    Handle { at: Anchor::Vertex(vertex), action, radius }
-}
-
-/// A case whose first vertex is moved a little.
-pub(super) fn nudged(name: &str, volume: Volume) -> Case {
-    let length = volume.grid().voxel_diagonal();
-    Case::new(name, volume).with(|s| {
-        s.k = 2;
-        s.boundary.class = Some(ClassChoice::Densest);
-        s.handles = vec![grip(3, Action::Move([0.2 * length, 0.1 * length, -0.15 * length]), 4.0 * length)];
-    })
-}
 
 /// All cases, those of a kind together.
 pub fn groups() -> Vec<Vec<Case>> {

@@ -8,10 +8,10 @@ use ivd_session::MapChoice;
 
 use super::backend::{Answer, Backend};
 use super::case::{Case, Cut, Stage};
-use super::chain::{Subject, Values};
 use super::clusters;
 use super::invariants::motion::{self, Asked};
 use super::invariants::{Verdict, field, mesh, picture, segments, values as voxels};
+use super::subject::{Subject, Values};
 use super::{motions, surfaces};
 
 /// Every stage, in the order in which they run. A new stage is a line here.

@@ -5,8 +5,8 @@ use ivd_lattice::refine::{Method, RefineParams};
 
 use super::backend::{Answer, Backend};
 use super::case::{Case, Stage, TURNS};
-use super::chain::{Subject, Values};
 use super::invariants::{Verdict, mesh};
+use super::subject::{Subject, Values};
 
 /// The lattices of all classes at once.
 pub(super) struct Parts;

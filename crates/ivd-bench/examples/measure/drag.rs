@@ -9,7 +9,7 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_session::{Event, Session, Settings};
 
-use crate::Anything;
+use crate::anything::Anything;
 
 pub(crate) const USAGE: &str = "VOLUME ISO LEVEL [THREADS]";
 

@@ -10,7 +10,8 @@ use cpu_time::ProcessTime;
 use ivd_core::Exec;
 use ivd_segment::{KmvsParams, kmvs_spatial};
 
-use crate::{Anything, raw};
+use crate::anything::Anything;
+use crate::raw;
 
 #[path = "../../../ivd-segment/tests/plain/kmvs_spatial.rs"]
 mod plain;

@@ -3,6 +3,7 @@
 //! `cargo run --release -p ivd-bench --example measure -- PROGRAM …`; without a program it lists them, and the head of each one's source
 //! says what it takes. What they print is for scripts (`tests/peers`, `tests/interop`) or for one who looks.
 
+mod anything;
 mod drag;
 mod kernels;
 mod kmvs_spatial;
@@ -17,7 +18,7 @@ mod stages;
 mod tree;
 mod warp;
 
-type Anything<T> = Result<T, Box<dyn std::error::Error>>;
+use anything::Anything;
 
 /// What is run with the words after the name.
 type Program = fn(&[String]) -> Anything<()>;

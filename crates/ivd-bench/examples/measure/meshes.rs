@@ -10,7 +10,7 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures::{measure, quality};
 use ivd_lattice::import::{ImportParams, lattice};
 
-use crate::Anything;
+use crate::anything::Anything;
 
 pub(crate) const USAGE: &str = "";
 

@@ -24,7 +24,8 @@ use ivd_segment::{
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-use crate::{Anything, raw};
+use crate::anything::Anything;
+use crate::raw;
 
 pub(crate) const USAGE: &str = "METHOD FILE TYPE NX,NY,NZ PARAMS [REPEATS [LABELS]]";
 

@@ -9,7 +9,8 @@ use cpu_time::ProcessTime;
 use ivd_core::Exec;
 use ivd_segment::{EmvsParams, emvs};
 
-use crate::{Anything, raw};
+use crate::anything::Anything;
+use crate::raw;
 
 pub(crate) const USAGE: &str = "FILE TYPE NX,NY,NZ SX,SY,SZ PARAMS [THREADS [REPEATS [LABELS]]]";
 

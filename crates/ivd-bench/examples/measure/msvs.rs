@@ -6,7 +6,8 @@ use std::time::Instant;
 use ivd_core::Exec;
 use ivd_segment::{Kernel, MsvsParams, msvs};
 
-use crate::{Anything, raw};
+use crate::anything::Anything;
+use crate::raw;
 
 pub(crate) const USAGE: &str = "FILE NX NY NZ TYPE [name=value …]";
 

@@ -3,7 +3,8 @@
 use ivd_core::Exec;
 use ivd_segment::{ChainParams, msvs_kmvs};
 
-use crate::{Anything, raw};
+use crate::anything::Anything;
+use crate::raw;
 
 pub(crate) const USAGE: &str = "FILE NX NY NZ";
 

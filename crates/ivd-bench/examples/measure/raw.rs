@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ivd_core::{Grid, Volume, Voxels};
 
-use crate::Anything;
+use crate::anything::Anything;
 
 /// Little-endian voxels of a type, x fastest.
 pub(crate) fn voxels(path: impl AsRef<Path>, kind: &str) -> Anything<Voxels> {

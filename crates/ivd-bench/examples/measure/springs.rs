@@ -14,7 +14,7 @@ use ivd_core::Exec;
 use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::mass_spring::{Closeness, Descent, LoadRamp, Params, Prepared, Solver, Springs};
 
-use crate::Anything;
+use crate::anything::Anything;
 use crate::kernels::springs::sheet;
 
 pub(crate) const USAGE: &str = "SIDE STEPS THREADS [STIFFNESS]";

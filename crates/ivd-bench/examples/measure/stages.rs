@@ -22,7 +22,7 @@ use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_render::{Prepared, RenderParams, Rendered, Scene, View, render};
 use serde_json::json;
 
-use crate::Anything;
+use crate::anything::Anything;
 
 pub(crate) const USAGE: &str = "VOLUME < REQUESTS";
 

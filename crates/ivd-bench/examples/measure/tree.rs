@@ -13,7 +13,8 @@ use cpu_time::ProcessTime;
 use ivd_core::{Exec, Linkage};
 use ivd_segment::{CutParams, HvsParams, Ranking, cut, region_tree};
 
-use crate::{Anything, raw};
+use crate::anything::Anything;
+use crate::raw;
 
 pub(crate) const USAGE: &str = "FILE TYPE NX NY NZ [--linkage …] [--alpha …] [--regions …] [--threads …] [--classes …] [--order …] [--smallest …] [--heights …] [--labels …]";
 

@@ -12,7 +12,8 @@ use cpu_time::ProcessTime;
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, NO_BRICK, Volume, Voxels};
 use ivd_field::warp::{Deformed, WarpParams, volume};
 
-use crate::{Anything, raw};
+use crate::anything::Anything;
+use crate::raw;
 
 pub(crate) const USAGE: &str = "FOLDER SIDE THREADS";
 

@@ -3,8 +3,8 @@
 use ivd_core::{Exec, Grid, TransferFunction, Volume, Voxels};
 use ivd_render::{Mode, RenderParams, Scene, View, radiance};
 
-use super::Kernels;
-use crate::Anything;
+use super::timing::Kernels;
+use crate::anything::Anything;
 
 /// A ball with a shell, and noise from an integer hash.
 fn volume(n: usize) -> Anything<Volume> {

@@ -3,8 +3,8 @@
 use ivd_core::{Exec, Grid, Volume, Voxels};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 
-use super::Kernels;
-use crate::Anything;
+use super::timing::Kernels;
+use crate::anything::Anything;
 
 const N: usize = 128;
 

@@ -3,8 +3,8 @@
 use ivd_core::{Exec, Grid, Volume, Voxels};
 use ivd_segment::{KmvsParams, kmvs};
 
-use super::Kernels;
-use crate::Anything;
+use super::timing::Kernels;
+use crate::anything::Anything;
 
 const SIDE: u64 = 128;
 

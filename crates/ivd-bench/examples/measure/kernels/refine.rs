@@ -5,8 +5,8 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures::measure;
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 
-use super::Kernels;
-use crate::Anything;
+use super::timing::Kernels;
+use crate::anything::Anything;
 
 /// A torus in a cube of `n` voxels.
 fn torus(n: usize) -> Anything<Lattice> {

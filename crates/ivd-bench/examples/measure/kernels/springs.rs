@@ -4,8 +4,8 @@ use ivd_core::{ElementKey, Exec, Grid, Lattice, LatticeSource};
 use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::mass_spring::{Closeness, Descent, Params, Prepared, Solver, Springs};
 
-use super::Kernels;
-use crate::Anything;
+use super::timing::Kernels;
+use crate::anything::Anything;
 
 const STEPS: u32 = 200;
 

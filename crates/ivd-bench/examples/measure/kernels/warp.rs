@@ -11,8 +11,8 @@ use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::ring::{self, RingParams};
 use nalgebra::Vector3;
 
-use super::Kernels;
-use crate::Anything;
+use super::timing::Kernels;
+use crate::anything::Anything;
 
 const SIDE: usize = 192;
 
