@@ -6,9 +6,9 @@
 //! on another grid are read at the nearest voxel, by world position; nothing is tagged outside them. With `invert` the rest is
 //! kept and the part thrown away, exactly what would be kept otherwise.
 //!
-//! Data that were deformed already can be clipped by a part of rest space: with a [`Displacement`] voxel `y` is kept where its
-//! place at rest, `ψ(y)` as [`crate::warp`] reads it, belongs to the part. Voxels that a part of the body left behind (`vacated`)
-//! have no place at rest and are left as they are: background of the warp, with or without `invert`. Clipping the deformed data
+//! Data that were deformed already can be clipped by a part of rest space: with a [`Displacement`](ivd_core::Displacement) voxel `y`
+//! is kept where its place at rest, `ψ(y)` as [`crate::warp`] reads it, belongs to the part. Voxels that a part of the body left
+//! behind (`vacated`) have no place at rest and are left as they are: background of the warp, with or without `invert`. Clipping the deformed data
 //! so is deforming the clipped data, but for what interpolation mixes within a voxel of the border.
 //!
 //! A part that holds no voxel, such as a box beside the volume, is no error: all becomes background.

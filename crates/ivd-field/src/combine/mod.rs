@@ -22,8 +22,8 @@
 //! to right, on opacities, without rounding between; in a difference each of the others is taken from A.
 //!
 //! Operands on another grid than A's are read at A's voxel centres: volumes linearly (as [`crate::warp`] does), labels and masks
-//! at the nearest voxel. On a matching grid voxels are read as they are. Each operand may come with a [`Displacement`], and is
-//! then read as [`crate::warp`] with its default parameters would have it, to the last bit, without a deformed copy of it.
+//! at the nearest voxel. On a matching grid voxels are read as they are. Each operand may come with a
+//! [`Displacement`](ivd_core::Displacement), and is then read as [`crate::warp`] with its default parameters would have it, to the last bit, without a deformed copy of it.
 //!
 //! After Chen & Tucker 2000 (Constructive Volume Geometry, Computer Graphics Forum 19(4)); the difference as in Wang & Kaufman
 //! 1994 (Volume-sampled 3D modeling, IEEE CG&A 14(5)).
