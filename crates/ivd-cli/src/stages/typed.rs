@@ -40,16 +40,6 @@ impl Typed {
         Ok(Self { stage, file, line: typed, keys })
     }
 
-    /// What is given for a key.
-    fn get(&self, key: &str) -> Option<&Json> {
-        self.keys.get(key)
-    }
-
-    /// Gives a key where it isn't given.
-    fn or_insert(&mut self, key: &str, value: &str) {
-        self.keys.entry(key).or_insert_with(|| Json::String(value.to_owned()));
-    }
-
     /// Where a key was given, for a message.
     fn place(&self, key: &str) -> String {
         match &self.file {
@@ -75,7 +65,7 @@ impl Typed {
     pub(super) fn section_from(mut self, precursor: Precursor) -> anyhow::Result<Section> {
         let (stage, place) = (self.stage, precursor.place);
         let names = precursor.names();
-        let chosen = self.get(stage.selector).filter(|chosen| !names.iter().any(|name| *chosen == name));
+        let chosen = self.keys.get(stage.selector).filter(|chosen| !names.iter().any(|name| *chosen == name));
         if let Some(chosen) = chosen {
             return Err(Failure::usage(format!(
                 "{}: {chosen}, but --from-{} goes on from that of {}; leave it out, or start anew",
@@ -85,7 +75,7 @@ impl Typed {
             )));
         }
         let schema = (precursor.method.schema)();
-        if let Some(field) = fields(schema).find(|field| self.get(field.name).is_some()) {
+        if let Some(field) = fields(schema).find(|field| self.keys.contains_key(field.name)) {
             return Err(Failure::usage(format!(
                 "{}: it shapes a {variant}, and that of --from-{variant} is built; leave it out, or build another {variant} with \
                  `ivd {} … --{} {} --{} … --{} {}`",
@@ -100,7 +90,7 @@ impl Typed {
             )));
         }
         if let Some(name) = names.first() {
-            self.or_insert(stage.selector, name);
+            self.keys.entry(stage.selector).or_insert_with(|| Json::from(*name));
         }
         self.section()
     }

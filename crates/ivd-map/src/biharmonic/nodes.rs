@@ -5,7 +5,7 @@ use ivd_field::sampler::{Corners, interpolate};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::super::region::Region;
+use super::super::region::{Region, half_extent};
 use super::energy::Room;
 use super::matrix::{Matrix, Triple};
 
@@ -177,13 +177,13 @@ impl Cells {
         let mut hit = Vec::new();
         for (centre, radius) in region.balls() {
             let at = to_voxel * centre;
+            let extent = half_extent(grid, radius);
             let range: [std::ops::Range<usize>; 3] = std::array::from_fn(|a| {
-                let extent = to_voxel.row(a).norm() * radius;
                 let block =
                     |x: f64| ((x / self.step[a] as f64 - f64::from(self.nodes.low[a])) / SIDE as f64).floor();
                 let top = many[a] as f64;
-                block(at[a] - extent).clamp(0.0, top) as usize
-                    ..(block(at[a] + extent) + 1.0).clamp(0.0, top) as usize
+                block(at[a] - extent[a]).clamp(0.0, top) as usize
+                    ..(block(at[a] + extent[a]) + 1.0).clamp(0.0, top) as usize
             });
             for z in range[2].clone() {
                 for y in range[1].clone() {

@@ -28,7 +28,8 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::reach::{half_extent, too_far};
+use super::reach::too_far;
+use crate::region::half_extent;
 
 /// How far links give way. The defaults are soft.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]

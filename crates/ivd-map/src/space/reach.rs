@@ -4,11 +4,7 @@ use ivd_core::{Error as CoreError, Grid, VoxelCoord, VoxelIndex};
 use ivd_field::vectors::FARTHEST;
 use nalgebra::Vector3;
 
-/// How far a ball goes along each of the grid's axes, from its middle (voxels).
-pub(super) fn half_extent(grid: &Grid, radius: f64) -> [f64; 3] {
-    let to_voxel = grid.inverse_linear_part();
-    std::array::from_fn(|a| radius * to_voxel.row(a).norm())
-}
+use crate::region::half_extent;
 
 /// Whether a voxel lies in a ball, its centre counted from the grid's origin (mm). Of a ball with many voxels in its box one does.
 pub(super) fn reaches(grid: &Grid, centre: Vector3<f64>, radius: f64) -> bool {
