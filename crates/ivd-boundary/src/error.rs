@@ -40,6 +40,12 @@ pub enum Error {
         /// Distance of the nearest wanted voxel's centre (mm).
         distance_mm: f64,
     },
+    /// A surface that tells nothing from nothing.
+    #[error("no boundary is found: {problem}; start elsewhere, or with another radius or data term")]
+    NoBoundary {
+        /// What it came to.
+        problem: String,
+    },
 }
 
 ivd_core::from_param_error!(Error);
@@ -51,6 +57,7 @@ impl Classified for Error {
             Self::NothingAbove { .. } | Self::SeedOutside { .. } | Self::SeedElsewhere { .. } => {
                 ErrorClass::Usage
             }
+            Self::NoBoundary { .. } => ErrorClass::Untrusted,
         }
     }
 }

@@ -3,9 +3,9 @@
 //! [`component`] takes the voxels of a class (or those at or above a value), keeps one connected piece of them, the largest
 //! or the one at a seed, closes its inner holes, and gives it as a [`Mask`](ivd_core::Mask): what the lattice is cut from.
 //!
-//! Connectivity: the part is connected through voxel faces (6 neighbours) and the background through faces, edges and
-//! corners (26 neighbours). The two go together: a surface between them is closed, and a hole that leaks to the outside
-//! only through a corner is no hole.
+//! Connectivity: the part and its outside are connected through voxel faces (6 neighbours). A pocket that leaks to the outside only
+//! through an edge or a corner is a hole: the lattice closes its surface there, and a part of one piece without holes gives a lattice of
+//! one.
 //!
 //! ```
 //! use ivd_boundary::{ComponentParams, component};
@@ -29,8 +29,10 @@ mod error;
 mod params;
 mod runs;
 mod stage;
+mod surface;
 
 pub use component::{Component, component};
 pub use error::Error;
 pub use params::ComponentParams;
-pub use stage::{BoundaryFigures, Inputs, STAGE};
+pub use stage::{BoundaryFigures, Inputs, STAGE, SurfaceInputs};
+pub use surface::{DataTerm, Distribution, StartShape, Surface, SurfaceParams, active_surface};

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::params::check_together;
-use crate::{ComponentParams, component};
+use crate::{ComponentParams, SurfaceParams, active_surface, component};
 
 /// The stage: its methods, and where it stands in a scene.
 pub const STAGE: Stage = Stage {
@@ -22,7 +22,7 @@ pub const STAGE: Stage = Stage {
     }],
     quiet: false,
 };
-const METHODS: &[Method] = &[method::<ComponentParams>("component")];
+const METHODS: &[Method] = &[method::<ComponentParams>("component"), method::<SurfaceParams>("surface")];
 
 slots! {
     /// What a part is found in: by its classes, unless a value is given.
@@ -65,7 +65,7 @@ pub struct BoundaryFigures {
 }
 
 impl Op for ComponentParams {
-    const REVISION: u32 = 1;
+    const REVISION: u32 = 2;
     type Inputs<'a> = Inputs<'a>;
     type Output = Mask;
     type Figures = BoundaryFigures;
@@ -94,5 +94,43 @@ impl Op for ComponentParams {
             upper: part.upper,
         };
         Ok((part.mask, figures))
+    }
+}
+
+slots! {
+    /// What a surface moves in, and what it starts from where that is drawn.
+    pub struct SurfaceInputs<'a> { volume: &'a Volume, labels: Option<&'a Labels>, start: Option<&'a Mask> }
+}
+
+impl Op for SurfaceParams {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = SurfaceInputs<'a>;
+    type Output = Mask;
+    type Figures = BoundaryFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        Self::check_together(self)
+    }
+
+    fn wants(&self, slot: &str) -> Want {
+        if slot == "labels" && self.class.is_none() { Want::No } else { Want::Yes }
+    }
+
+    fn run(&self, inputs: SurfaceInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+        let SurfaceInputs { volume, labels, start } = inputs;
+        let found = active_surface(volume, labels, start, self, exec)?;
+        let figures = BoundaryFigures {
+            voxels: found.voxels,
+            iterations: found.sweeps,
+            energy_first: found.energies.first().copied(),
+            energy_last: found.energies.last().copied(),
+            active_fraction: found.active_fraction,
+            class: None,
+            components: found.components,
+            filled: found.filled,
+            lower: None,
+            upper: None,
+        };
+        Ok((found.mask, figures))
     }
 }

@@ -52,7 +52,7 @@ pub(super) fn choose(
 }
 
 /// The voxel that holds a point.
-pub(super) fn seed_voxel(volume: &Volume, seed: [f64; 3]) -> Result<[usize; 3], Error> {
+pub(crate) fn seed_voxel(volume: &Volume, seed: [f64; 3]) -> Result<[usize; 3], Error> {
     let grid = volume.grid();
     let at = grid.voxel(World(Vector3::from(seed))).0;
     let nearest = at.map(f64::round);

@@ -7,9 +7,11 @@ use ivd_core::op::Op as _;
 use ivd_core::{Exec, Labels, Mask, Volume};
 use rayon::prelude::*;
 
-use crate::runs::{Connectivity, Runs};
+use crate::runs::Runs;
 use crate::{ComponentParams, Error};
+pub(crate) use choice::seed_voxel;
 use choice::{Chosen, Members};
+pub(crate) use holes::fill as fill_holes;
 
 /// A part of a volume, isolated.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,8 +36,7 @@ pub struct Component {
 ///
 /// - `labels`: classes on the volume's grid; needed unless [`ComponentParams::above`] is given, and then not looked at.
 /// - Of two largest pieces the one whose first voxel comes first is taken.
-/// - With [`ComponentParams::fill_holes`], background that doesn't reach the volume's border through faces, edges or corners is
-///   filled. Voxels without data (NaN, infinite) are never part of it.
+/// - With [`ComponentParams::fill_holes`], background that doesn't reach the volume's border through faces is filled. Voxels without data (NaN, infinite) are never part of it.
 ///
 /// # Errors
 /// [`Error`]: an unknown or empty class, a seed outside the volume or in another class, labels on another grid, the memory
@@ -54,7 +55,7 @@ pub fn component(
         let dims = volume.grid().dims();
         let runs = Runs::find(dims, |y, z, found| members.row_runs(y, z, found));
         exec.check_cancelled()?;
-        let components = runs.components(Connectivity::Faces)?;
+        let components = runs.components()?;
         exec.check_cancelled()?;
         let kept = kept_component(volume, labels, params, &chosen, &members, &runs, &components)?;
         let mut inside = vec![0_u8; volume.grid().len()];
@@ -107,8 +108,16 @@ fn kept_component(
     Ok(largest.expect("there is a run"))
 }
 
+/// Runs of the ones of a mask.
+pub(crate) fn ones(mask: &[u8], dims: [usize; 3]) -> Runs {
+    Runs::find(dims, |y, z, found| {
+        let first = dims[0] * (y + dims[1] * z);
+        choice::runs_where(&mask[first..first + dims[0]], |&v| v != 0, found);
+    })
+}
+
 /// Writes a component's runs into the mask.
-fn draw(runs: &Runs, components: &[u32], kept: u32, dims: [usize; 3], inside: &mut [u8]) {
+pub(crate) fn draw(runs: &Runs, components: &[u32], kept: u32, dims: [usize; 3], inside: &mut [u8]) {
     inside.par_chunks_mut(dims[0] * dims[1]).enumerate().for_each(|(z, slice)| {
         for (y, row) in slice.chunks_mut(dims[0]).enumerate() {
             for run in runs.row(y, z).filter(|&run| components[run] == kept) {

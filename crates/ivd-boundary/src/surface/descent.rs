@@ -1,0 +1,277 @@
+//! The descent at one resolution: sweeps, and every ten of them a look at what the set is by now.
+
+use ivd_core::{BRICK, Exec, Iteration};
+
+use super::band::{Band, place};
+use super::level::{CUBE, Level};
+use super::look::{Bits, Look, Tally, look_at_all, tally, tally_of};
+use super::model::{Force, Model};
+use super::params::{DataTerm, Distribution, SurfaceParams};
+use super::sweep::Steps;
+use crate::Error;
+
+/// Sweeps between two looks.
+const BETWEEN: u32 = 10;
+/// Looks without a lower energy after which the descent ends.
+const PATIENCE: usize = 2;
+/// Share of the border's energy by which a step must lower the whole to count.
+const GAIN: f64 = 1e-3;
+
+/// What a descent goes by, the same at all resolutions.
+pub(super) struct Settings<'a> {
+    pub(super) params: &'a SurfaceParams,
+    pub(super) exec: &'a Exec,
+}
+
+impl Settings<'_> {
+    fn binned(&self) -> bool {
+        self.params.data == DataTerm::Likelihood && self.params.distribution != Distribution::Gaussian
+    }
+}
+
+/// Where a descent stands.
+pub(super) struct Descent {
+    pub(super) band: Band,
+    /// Set of the lowest energy, by slot.
+    pub(super) best: Vec<Bits>,
+    /// Energies of the pairs of set and statistics that were accepted, falling (values of the range squared, or nats; voxels).
+    pub(super) energies: Vec<f64>,
+    pub(super) sweeps: u32,
+    /// Voxels whose share was worked out, over all sweeps.
+    pub(super) updates: u64,
+    /// Weight of the area that was used (shortest edges of this resolution).
+    pub(super) mu: f64,
+    /// Mean values inside and outside, of the best set.
+    pub(super) means: [f64; 2],
+    /// Half the difference of what a voxel costs on either side.
+    pub(super) contrast: f64,
+    /// Noise over contrast.
+    pub(super) noise: f64,
+    /// Area of the best set's border (shortest edges).
+    pub(super) area: f64,
+}
+
+/// Values inside and outside of the set that is looked at.
+struct Sides {
+    inside: Tally,
+    outside: Tally,
+    area: f64,
+}
+
+fn sides(looks: &[Look], inner: &Tally, total: &Tally) -> Sides {
+    let mut inside = inner.clone();
+    looks.iter().for_each(|look| inside.plus(1.0, &look.inside));
+    let mut outside = total.clone();
+    outside.plus(-1.0, &inside);
+    Sides { inside, outside, area: looks.iter().map(|look| look.area).sum() }
+}
+
+/// Lowers the energy at one resolution, from the shares that the band holds.
+///
+/// # Errors
+/// [`Error::Untrusted`] where one side is empty or the two are alike; memory, cancelled.
+pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Result<Descent, Error> {
+    let (params, exec) = (settings.params, settings.exec);
+    let bins = settings.binned();
+    let whole = band.len() == band.all();
+    let mut inner = tally(level, Some(&band.inner()), bins, exec)?;
+    let total = tally(level, None, bins, exec)?;
+    let slope = Steps::new(1.0, level.edges).slope;
+    let mut looks = look_at_all(&band, slope, bins, exec)?;
+    let (mut best, mut energies, mut sweeps, mut updates) = (Vec::new(), Vec::<f64>::new(), 0, 0);
+    let (mut steps, mut weight) = (None::<Steps>, None::<Weight>);
+    let mut best_sides = None;
+    let mut stalled = 0;
+    loop {
+        let sides = sides(&looks, &inner, &total);
+        let model = Model::fit(&sides.inside, &sides.outside, params.data, params.distribution);
+        let force = model.force();
+        band.act(&force);
+        let moved = weight.is_none() || (whole && sweeps <= 3 * BETWEEN);
+        if moved {
+            let now = Weight::of(&band, &force, &sides, level, params)?;
+            if weight.is_none_or(|before| (now.mu / before.mu - 1.0).abs() > 0.05) {
+                steps = Some(Steps::new(now.mu, level.edges));
+                weight = Some(now);
+                energies.clear();
+            }
+        }
+        let (Some(steps), Some(weight)) = (&steps, &weight) else { unreachable!("both are set above") };
+        let energy = model.cost(&sides.inside, &sides.outside) + weight.mu * sides.area;
+        let gain = GAIN * weight.mu * sides.area;
+        let before = energies.last().copied().unwrap_or(f64::INFINITY);
+        stalled = if energy < before - gain { 0 } else { stalled + 1 };
+        if energy < before {
+            energies.push(energy);
+            best = looks.iter().map(|look| look.bits).collect();
+            best_sides = Some(sides);
+        }
+        exec.observer().iteration(Iteration { method: "surface", index: u64::from(sweeps), value: energy });
+        if stalled >= PATIENCE || sweeps >= params.sweeps {
+            break;
+        }
+        for _ in 0..BETWEEN.min(params.sweeps - sweeps) {
+            band.sweep(steps, exec)?;
+            sweeps += 1;
+            updates += (band.len() * CUBE) as u64;
+        }
+        looks = look_at_all(&band, slope, bins, exec)?;
+        if !whole && grow(level, &mut band, &looks, &mut inner, bins, exec)? {
+            looks = look_at_all(&band, slope, bins, exec)?;
+        }
+    }
+    // Bricks that came into work after the best set was found were all on one side then.
+    for slot in best.len()..band.len() {
+        best.push([if band.primal[slot].u[0] > 0.5 { u64::MAX } else { 0 }; BRICK]);
+    }
+    let sides = best_sides.expect("the first pair is accepted");
+    let weight = weight.expect("it is set before the first pair");
+    Ok(Descent {
+        band,
+        best,
+        energies,
+        sweeps,
+        updates,
+        mu: weight.mu,
+        means: [sides.inside.mean(), sides.outside.mean()],
+        contrast: weight.contrast,
+        noise: weight.noise,
+        area: sides.area,
+    })
+}
+
+/// Takes into work what the front has come near to; tells whether that was anything.
+fn grow(
+    level: &Level,
+    band: &mut Band,
+    looks: &[Look],
+    inner: &mut Tally,
+    bins: bool,
+    exec: &Exec,
+) -> Result<bool, Error> {
+    let mut wanted = Vec::new();
+    for (slot, look) in looks.iter().enumerate() {
+        if let Some(front) = look.front {
+            wanted.extend(band.around(band.place(slot), front));
+        }
+    }
+    let start = |_: [usize; 3], inside: bool, u: &mut [f32; CUBE]| {
+        if inside {
+            u.fill(1.0);
+        }
+    };
+    let new = band.take(level, wanted, &start, exec)?;
+    for slot in new.clone() {
+        if band.primal[slot].u[0] > 0.5 {
+            inner.plus(-1.0, &tally_of(&band.values[slot], bins));
+        }
+    }
+    Ok(!new.is_empty())
+}
+
+/// The weight of the border's area, and what it follows from.
+#[derive(Debug, Clone, Copy)]
+struct Weight {
+    /// Shortest edges.
+    mu: f64,
+    contrast: f64,
+    noise: f64,
+}
+
+/// Area's weight over contrast, a mean voxel's edge, for noise of this many contrasts. Fitted on balls, tori, gyroids and bars with noise of
+/// 0.1 … 1.5 of the contrast.
+fn smoothness(noise: f64) -> f64 {
+    (2.75 * noise).clamp(0.1, 8.0)
+}
+
+/// Least contrast, in what a voxel costs: a tenth of a step of 16 bits.
+const LEAST_CONTRAST: f64 = 1e-12;
+
+impl Weight {
+    fn of(
+        band: &Band,
+        force: &Force,
+        sides: &Sides,
+        level: &Level,
+        params: &SurfaceParams,
+    ) -> Result<Self, Error> {
+        for (side, name) in [(&sides.inside, "inside"), (&sides.outside, "outside")] {
+            if side.count < 0.5 {
+                return Err(untrusted(format!("nothing lies {name} of the surface")));
+            }
+        }
+        let contrast = 0.5 * (force.mean(&sides.outside) - force.mean(&sides.inside));
+        if contrast.is_nan() || contrast <= LEAST_CONTRAST {
+            return Err(untrusted("values inside and outside of the start are alike".into()));
+        }
+        let noise = band.noise() / (2.0 * contrast);
+        let share = params.phi.map_or_else(|| smoothness(noise), |phi| phi / (1.0 - phi));
+        let finest: f64 = level.edges.iter().copied().fold(f64::INFINITY, f64::min);
+        // An edge of a mean voxel: of this resolution where the weight follows from its own noise, else of the volume's.
+        let mean: f64 = (0..3)
+            .map(|a| if params.phi.is_some() { level.edges[a] / level.factor[a] as f64 } else { level.edges[a] })
+            .product::<f64>()
+            .cbrt();
+        Ok(Self { mu: share * contrast * mean / finest, contrast, noise })
+    }
+}
+
+fn untrusted(problem: String) -> Error {
+    Error::NoBoundary { problem }
+}
+
+impl Band {
+    /// Sets the force of every voxel in work.
+    fn act(&mut self, force: &Force) {
+        let values = &self.values;
+        ivd_core::parallel::for_each_piece_mut(&mut self.force, 16, &|piece, forces| {
+            for (slot, out) in (16 * piece..).zip(forces) {
+                force.of(&values[slot], out);
+            }
+        });
+    }
+
+    /// Spread of the force from voxel to voxel along x: second differences, of which a slope leaves nothing, by their median.
+    fn noise(&self) -> f64 {
+        let mut found: Vec<f32> = Vec::with_capacity(self.len() * 64);
+        for (values, force) in self.values.iter().zip(&self.force) {
+            for (values, force) in values.chunks(BRICK).zip(force.chunks(BRICK)) {
+                for at in [1, 4] {
+                    if values[at - 1..at + 2].iter().all(|v| !v.is_nan()) {
+                        found.push((force[at - 1] - 2.0 * force[at] + force[at + 1]).abs());
+                    }
+                }
+            }
+        }
+        if found.is_empty() {
+            return 0.0;
+        }
+        let middle = found.len() / 2;
+        let (_, median, _) = found.select_nth_unstable_by(middle, f32::total_cmp);
+        f64::from(*median) / (0.674_49 * 6.0_f64.sqrt())
+    }
+
+    /// All bricks of a level in work, with shares of 0 or 1.
+    ///
+    /// # Errors
+    /// Memory, cancelled.
+    pub(super) fn whole(
+        level: &Level,
+        inside: &(dyn Fn([usize; 3]) -> bool + Sync),
+        exec: &Exec,
+    ) -> Result<Self, ivd_core::Error> {
+        let mut band = Self::new(level, &|_| false);
+        let bricks = level.bricks();
+        let all: Vec<_> = (0..bricks.iter().product()).map(|i| place(bricks, i)).collect();
+        let dims = level.dims;
+        let start = |brick: [usize; 3], _: bool, u: &mut [f32; CUBE]| {
+            for (i, u) in u.iter_mut().enumerate() {
+                let local = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+                let voxel: [usize; 3] = std::array::from_fn(|a| brick[a] * BRICK + local[a]);
+                *u = f32::from(u8::from((0..3).all(|a| voxel[a] < dims[a]) && inside(voxel)));
+            }
+        };
+        band.take(level, all, &start, exec)?;
+        Ok(band)
+    }
+}

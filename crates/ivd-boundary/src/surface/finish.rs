@@ -1,0 +1,215 @@
+//! From the set that a surface encloses to one part: the piece of the start, cut at narrow bridges, without holes.
+
+use ivd_core::{Exec, Grid, Volume, VoxelCoord, World};
+use nalgebra::Vector3;
+
+use super::distance::squared_distances;
+use super::params::SurfaceParams;
+use super::start::Start;
+use crate::Error;
+use crate::component::{draw, fill_holes, ones};
+use crate::runs::Runs;
+
+/// One part.
+pub(super) struct Part {
+    pub(super) inside: Vec<u8>,
+    /// Pieces that there were.
+    pub(super) components: usize,
+    pub(super) filled: u64,
+}
+
+/// The piece that holds most of the start.
+///
+/// # Errors
+/// [`Error::NoBoundary`] where no piece holds any of it, or the opening leaves nothing.
+pub(super) fn part(
+    mut inside: Vec<u8>,
+    volume: &Volume,
+    start: &Start,
+    params: &SurfaceParams,
+    exec: &Exec,
+) -> Result<Part, Error> {
+    let grid = volume.grid();
+    let dims = grid.dims();
+    let chosen = start_voxels(start, grid);
+    let components = keep_piece(&mut inside, dims, &chosen)?;
+    exec.check_cancelled()?;
+    if params.open > 0.0 {
+        open(&mut inside, grid, params.open, &chosen)?;
+        exec.check_cancelled()?;
+    }
+    let filled = if params.fill_holes {
+        let runs = ones(&inside, dims);
+        let pieces = runs.components()?;
+        let kept = pieces.first().copied().unwrap_or(0);
+        fill_holes(&mut inside, dims, &runs, &pieces, kept, volume)?
+    } else {
+        0
+    };
+    Ok(Part { inside, components, filled })
+}
+
+/// Linear indices of the start's voxels.
+fn start_voxels(start: &Start, grid: &Grid) -> Vec<usize> {
+    let dims = grid.dims();
+    let holds = start.voxels(grid, [1; 3]);
+    let [low, high] = start.bounds(grid);
+    let mut found = Vec::new();
+    for z in low[2]..high[2] {
+        for y in low[1]..high[1] {
+            found.extend(
+                (low[0]..high[0])
+                    .filter(|&x| holds([x, y, z]))
+                    .map(|x| x + dims[0] * (y + dims[1] * z)),
+            );
+        }
+    }
+    found
+}
+
+/// Keeps the piece that holds most of the chosen voxels; gives the number of pieces.
+fn keep_piece(inside: &mut [u8], dims: [usize; 3], chosen: &[usize]) -> Result<usize, Error> {
+    let runs = ones(inside, dims);
+    let pieces = runs.components()?;
+    let mut counts = std::collections::BTreeMap::<u32, u64>::new();
+    for &voxel in chosen.iter().filter(|&&voxel| inside[voxel] != 0) {
+        if let Some(run) = run_at(&runs, dims, voxel) {
+            *counts.entry(pieces[run]).or_default() += 1;
+        }
+    }
+    let kept = counts.iter().max_by_key(|(piece, count)| (**count, std::cmp::Reverse(**piece)));
+    let Some((&kept, _)) = kept else {
+        let problem = "the part has left the start: no voxel of that belongs to it";
+        return Err(Error::NoBoundary { problem: problem.into() });
+    };
+    inside.fill(0);
+    draw(&runs, &pieces, kept, dims, inside);
+    Ok(pieces.iter().enumerate().filter(|(run, first)| *run == **first as usize).count())
+}
+
+fn run_at(runs: &Runs, [nx, ny, _]: [usize; 3], voxel: usize) -> Option<usize> {
+    let (x, y, z) = (voxel % nx, voxel / nx % ny, voxel / nx / ny);
+    let row = runs.row(y, z);
+    let after = row.start + runs.spans_before(row.clone(), x);
+    after.checked_sub(1).filter(|run| row.contains(run) && runs.span(*run).contains(&x))
+}
+
+/// Morphological opening by a ball, of which only the piece of the start is kept.
+fn open(inside: &mut [u8], grid: &Grid, radius: f64, chosen: &[usize]) -> Result<(), Error> {
+    let dims = grid.dims();
+    let axes = grid.linear_part();
+    let edges: [f64; 3] = std::array::from_fn(|a| axes.column(a).norm());
+    let [low, high] = bounds(inside, dims);
+    // The box of the part and a voxel round it, which is outside.
+    let size: [usize; 3] = std::array::from_fn(|a| high[a] - low[a] + 2);
+    let inner = |i: usize| -> Option<usize> {
+        let at = [i % size[0], i / size[0] % size[1], i / size[0] / size[1]];
+        let mut voxel = [0; 3];
+        for a in 0..3 {
+            voxel[a] = (low[a] + at[a]).checked_sub(1).filter(|v| *v < dims[a])?;
+        }
+        Some(voxel[0] + dims[0] * (voxel[1] + dims[1] * voxel[2]))
+    };
+    let limit = (radius * radius) as f32;
+    let depth = squared_distances(size, edges, &|i| inner(i).is_none_or(|voxel| inside[voxel] == 0));
+    let mut core: Vec<u8> = depth.iter().map(|&d| u8::from(d > limit)).collect();
+    if !core.contains(&1) {
+        return Err(Error::NoBoundary {
+            problem: format!("the part is nowhere wider than {} mm, which the leak guard opens", 2.0 * radius),
+        });
+    }
+    let own: std::collections::HashSet<usize> = chosen.iter().copied().collect();
+    let near: Vec<usize> =
+        (0..core.len()).filter(|&i| core[i] != 0 && inner(i).is_some_and(|v| own.contains(&v))).collect();
+    let near = if near.is_empty() { nearest(&core, size, edges, &inner, chosen, dims) } else { near };
+    keep_piece(&mut core, size, &near)?;
+    let away = squared_distances(size, edges, &|i| core[i] != 0);
+    for (i, &away) in away.iter().enumerate() {
+        if let Some(voxel) = inner(i) {
+            inside[voxel] = u8::from(inside[voxel] != 0 && away <= limit);
+        }
+    }
+    // Dilation may reach across a thin wall into what hung on a bridge: the piece of the core alone stays.
+    let core: Vec<usize> = (0..core.len()).filter(|&i| core[i] != 0).filter_map(inner).collect();
+    keep_piece(inside, dims, &core)?;
+    Ok(())
+}
+
+/// The voxel of a core that is nearest to the start's middle.
+fn nearest(
+    core: &[u8],
+    size: [usize; 3],
+    edges: [f64; 3],
+    inner: &dyn Fn(usize) -> Option<usize>,
+    chosen: &[usize],
+    dims: [usize; 3],
+) -> Vec<usize> {
+    let place = |v: usize| [v % dims[0], v / dims[0] % dims[1], v / dims[0] / dims[1]];
+    let mut middle = [0.0; 3];
+    for &voxel in chosen {
+        let at = place(voxel);
+        (0..3).for_each(|a| middle[a] += at[a] as f64 / chosen.len() as f64);
+    }
+    let far = |i: usize| -> f64 {
+        inner(i).map_or(f64::INFINITY, |voxel| {
+            let at = place(voxel);
+            (0..3).map(|a| ((at[a] as f64 - middle[a]) * edges[a]).powi(2)).sum()
+        })
+    };
+    debug_assert_eq!(core.len(), size.iter().product::<usize>(), "a box of the core");
+    (0..core.len()).filter(|&i| core[i] != 0).min_by(|&a, &b| far(a).total_cmp(&far(b))).into_iter().collect()
+}
+
+/// Lowest and one past the highest voxel of a mask.
+fn bounds(inside: &[u8], dims: [usize; 3]) -> [[usize; 3]; 2] {
+    let (mut low, mut high) = (dims, [0; 3]);
+    for (row, voxels) in inside.chunks(dims[0]).enumerate() {
+        let Some(first) = voxels.iter().position(|&v| v != 0) else { continue };
+        let last = voxels.iter().rposition(|&v| v != 0).unwrap_or(first);
+        let (y, z) = (row % dims[1], row / dims[1]);
+        for (a, [from, to]) in [[first, last], [y, y], [z, z]].into_iter().enumerate() {
+            low[a] = low[a].min(from);
+            high[a] = high[a].max(to + 1);
+        }
+    }
+    [low, high]
+}
+
+impl Start {
+    /// Lowest and one past the highest voxel that it can hold.
+    fn bounds(&self, grid: &Grid) -> [[usize; 3]; 2] {
+        let dims = grid.dims();
+        let corners: Vec<[f64; 3]> = match self {
+            Self::Drawn(mask) => return bounds(mask.inside(), dims),
+            Self::Ball(centre, radius) => around(*centre, [*radius; 3]),
+            Self::Cube(centre, half) => around(*centre, [half * 3.0_f64.sqrt(); 3]),
+            Self::Box(low, high) => {
+                let half: [f64; 3] = std::array::from_fn(|a| (high[a] - low[a]) / 2.0);
+                around(std::array::from_fn(|a| (low[a] + high[a]) / 2.0), half)
+            }
+        };
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for corner in corners {
+            let VoxelCoord(at) = grid.voxel(World(Vector3::from(corner)));
+            for a in 0..3 {
+                low[a] = low[a].min(at[a]);
+                high[a] = high[a].max(at[a]);
+            }
+        }
+        let clamped = |v: f64, a: usize| v.clamp(0.0, dims[a] as f64) as usize;
+        // One voxel more: the one at the start's middle belongs to it even where its own middle doesn't.
+        [
+            std::array::from_fn(|a| clamped(low[a].floor() - 1.0, a)),
+            std::array::from_fn(|a| clamped(high[a].ceil() + 2.0, a)),
+        ]
+    }
+}
+
+/// Corners of a box about a point.
+fn around(centre: [f64; 3], half: [f64; 3]) -> Vec<[f64; 3]> {
+    (0..8)
+        .map(|corner| {
+            std::array::from_fn(|a| centre[a] + if corner >> a & 1 == 1 { half[a] } else { -half[a] })
+        })
+        .collect()
+}

@@ -1,0 +1,197 @@
+//! One resolution of a volume, read a row or a brick at a time, and the next coarser one.
+
+use ivd_core::{BRICK, Error, Exec, Grid, Scalar, Volume, parallel, with_voxels};
+
+/// Voxels of a brick.
+pub(super) const CUBE: usize = BRICK * BRICK * BRICK;
+
+/// From real values to those that are worked on: about 0 … 1 over what there is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Unit {
+    /// Real value that becomes 0.
+    pub(super) zero: f64,
+    /// Real units that become 1.
+    pub(super) one: f64,
+    /// Values beyond are taken as these.
+    pub(super) window: Option<[f64; 2]>,
+}
+
+impl Unit {
+    /// Of a volume's values, or of the window that they are seen through. `None` without data, or where all are equal.
+    pub(super) fn of(volume: &Volume, window: Option<[f64; 2]>) -> Option<Self> {
+        let [mut low, mut high] = volume.range()?;
+        if let Some([from, to]) = window {
+            low = low.clamp(from, to);
+            high = high.clamp(from, to);
+        }
+        let one = high - low;
+        (one > 0.0 && one.is_finite()).then_some(Self { zero: low, one, window })
+    }
+
+    /// A real value, in these units.
+    pub(super) fn of_real(&self, real: f64) -> f64 {
+        let real = self.window.map_or(real, |[low, high]| real.clamp(low, high));
+        (real - self.zero) / self.one
+    }
+
+    /// The real value of one in these units.
+    pub(super) fn real(&self, value: f64) -> f64 {
+        self.zero + value * self.one
+    }
+}
+
+/// Values on a grid of some resolution; voxels without data are NaN.
+pub(super) struct Level<'a> {
+    pub(super) dims: [usize; 3],
+    /// Voxels of the finest level along each axis of a voxel here.
+    pub(super) factor: [usize; 3],
+    /// Edges of a voxel (mm).
+    pub(super) edges: [f64; 3],
+    values: Values<'a>,
+}
+
+enum Values<'a> {
+    Stored(&'a Volume, Unit),
+    Means(Vec<f32>),
+}
+
+impl<'a> Level<'a> {
+    /// The volume itself.
+    pub(super) fn finest(volume: &'a Volume, unit: Unit) -> Self {
+        let grid = volume.grid();
+        Self {
+            dims: grid.dims(),
+            factor: [1; 3],
+            edges: edges(grid),
+            values: Values::Stored(volume, unit),
+        }
+    }
+
+    /// Number of voxels.
+    pub(super) fn len(&self) -> usize {
+        self.dims.iter().product()
+    }
+
+    /// Number of bricks by axis.
+    pub(super) fn bricks(&self) -> [usize; 3] {
+        self.dims.map(|n| n.div_ceil(BRICK))
+    }
+
+    /// The values from a voxel on.
+    pub(super) fn row(&self, first: usize, out: &mut [f32]) {
+        match &self.values {
+            Values::Means(means) => out.copy_from_slice(&means[first..first + out.len()]),
+            Values::Stored(volume, unit) => {
+                let [low, high] = unit.window.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+                let scale = 1.0 / unit.one;
+                with_voxels!(volume.voxels(), voxels => {
+                    for (out, stored) in out.iter_mut().zip(&voxels[first..]) {
+                        let real = volume.real(stored.to_f64()).clamp(low, high);
+                        *out = if stored.is_data() { ((real - unit.zero) * scale) as f32 } else { f32::NAN };
+                    }
+                });
+            }
+        }
+    }
+
+    /// The values of a brick; NaN beyond the volume too.
+    pub(super) fn brick(&self, brick: [usize; 3], out: &mut [f32; CUBE]) {
+        let [nx, ny, nz] = self.dims;
+        let [x, y, z] = brick.map(|b| b * BRICK);
+        let width = BRICK.min(nx - x);
+        let whole = brick.iter().zip(self.dims).all(|(b, n)| (b + 1) * BRICK <= n);
+        if !whole {
+            out.fill(f32::NAN);
+        }
+        for dz in 0..BRICK.min(nz - z) {
+            for dy in 0..BRICK.min(ny - y) {
+                let to = BRICK * (dy + BRICK * dz);
+                self.row(x + nx * (y + dy + ny * (z + dz)), &mut out[to..to + width]);
+            }
+        }
+    }
+
+    /// The next coarser level: means over two voxels along every axis that is no coarser than 1.5 × the finest one.
+    ///
+    /// # Errors
+    /// Memory, cancelled.
+    pub(super) fn coarser(&self, exec: &Exec) -> Result<Level<'static>, Error> {
+        let finest = self.edges.iter().copied().fold(f64::INFINITY, f64::min);
+        let step: [usize; 3] =
+            std::array::from_fn(|a| if self.dims[a] > 1 && self.edges[a] <= 1.5 * finest { 2 } else { 1 });
+        let dims: [usize; 3] = std::array::from_fn(|a| self.dims[a].div_ceil(step[a]));
+        let [nx, ny, nz] = self.dims;
+        let layer = dims[0] * dims[1];
+        exec.check_memory("a coarser level of the volume", (layer * dims[2] * 4) as u64)?;
+        let mut means = vec![0.0_f32; layer * dims[2]];
+        parallel::try_for_each_piece_mut(&mut means, layer, &|z, out| {
+            exec.check_cancelled()?;
+            let mut row = vec![0.0_f32; nx + 1];
+            let mut sums = vec![[0.0_f32; 2]; dims[0]];
+            for (y, out) in out.chunks_mut(dims[0]).enumerate() {
+                sums.fill([0.0; 2]);
+                for z in z * step[2]..((z + 1) * step[2]).min(nz) {
+                    for y in y * step[1]..((y + 1) * step[1]).min(ny) {
+                        self.row(nx * (y + ny * z), &mut row[..nx]);
+                        row[nx] = f32::NAN;
+                        add(&row, step[0], &mut sums);
+                    }
+                }
+                for (out, [sum, count]) in out.iter_mut().zip(&sums) {
+                    *out = if *count > 0.0 { sum / count } else { f32::NAN };
+                }
+            }
+            Ok::<_, Error>(())
+        })?;
+        Ok(Level {
+            dims,
+            factor: std::array::from_fn(|a| self.factor[a] * step[a]),
+            edges: std::array::from_fn(|a| self.edges[a] * step[a] as f64),
+            values: Values::Means(means),
+        })
+    }
+}
+
+/// Adds a row, with a voxel without data at its end, to sums and counts of one or two voxels.
+fn add(row: &[f32], step: usize, sums: &mut [[f32; 2]]) {
+    let of = |i: usize, [sum, count]: &mut [f32; 2]| {
+        let value = row[i];
+        if !value.is_nan() {
+            *sum += value;
+            *count += 1.0;
+        }
+    };
+    for (x, into) in sums.iter_mut().enumerate() {
+        of(step * x, into);
+        if step == 2 {
+            of(2 * x + 1, into);
+        }
+    }
+}
+
+/// Lengths of a voxel's edges (mm).
+fn edges(grid: &Grid) -> [f64; 3] {
+    let m = grid.linear_part();
+    std::array::from_fn(|a| m.column(a).norm())
+}
+
+/// The levels that are worked on, the coarsest first: that has at most `whole` voxels, or can't be halved.
+///
+/// # Errors
+/// Memory, cancelled.
+pub(super) fn levels<'a>(finest: Level<'a>, whole: usize, exec: &Exec) -> Result<Vec<Level<'a>>, Error> {
+    let mut levels = vec![finest];
+    loop {
+        let last = levels.last().expect("there is the finest");
+        if last.len() <= whole {
+            break;
+        }
+        let coarser = last.coarser(exec)?;
+        if coarser.len() == last.len() {
+            break;
+        }
+        levels.push(coarser);
+    }
+    levels.reverse();
+    Ok(levels)
+}

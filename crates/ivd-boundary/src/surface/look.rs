@@ -1,0 +1,176 @@
+//! What a set of voxels is: its values, the area of its border and where that runs.
+
+use ivd_core::{BRICK, Error, Exec, parallel};
+
+use super::band::{Band, Brick, place};
+use super::level::{CUBE, Level};
+use super::sweep::Faces;
+
+/// Bins of a histogram over 0 … 1.
+pub(super) const BINS: usize = 256;
+
+/// The bin of a value.
+#[inline]
+pub(super) fn bin(value: f32) -> usize {
+    ((value * BINS as f32) as usize).min(BINS - 1)
+}
+
+/// Values of a set, summed up.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Tally {
+    pub(super) count: f64,
+    pub(super) sum: f64,
+    pub(super) squares: f64,
+    /// Counts by bin; empty where the model needs none.
+    pub(super) bins: Vec<f64>,
+}
+
+impl Tally {
+    pub(super) fn new(bins: bool) -> Self {
+        Self { bins: vec![0.0; if bins { BINS } else { 0 }], ..Self::default() }
+    }
+
+    #[inline]
+    fn add(&mut self, value: f32) {
+        let v = f64::from(value);
+        self.count += 1.0;
+        self.sum += v;
+        self.squares += v * v;
+        if !self.bins.is_empty() {
+            self.bins[bin(value)] += 1.0;
+        }
+    }
+
+    /// With `sign` times another.
+    pub(super) fn plus(&mut self, sign: f64, other: &Self) {
+        self.count += sign * other.count;
+        self.sum += sign * other.sum;
+        self.squares += sign * other.squares;
+        for (own, other) in self.bins.iter_mut().zip(&other.bins) {
+            *own += sign * other;
+        }
+    }
+
+    pub(super) fn mean(&self) -> f64 {
+        if self.count > 0.0 { self.sum / self.count } else { 0.0 }
+    }
+
+    /// Variance, 0 at least.
+    pub(super) fn variance(&self) -> f64 {
+        if self.count > 0.0 { (self.squares / self.count - self.mean().powi(2)).max(0.0) } else { 0.0 }
+    }
+
+    /// Of a brick's values, where there are any.
+    fn of(values: &Brick, bins: bool) -> Self {
+        let mut tally = Self::new(bins);
+        values.iter().filter(|v| !v.is_nan()).for_each(|&v| tally.add(v));
+        tally
+    }
+}
+
+/// A bit for every voxel of a brick: whether it is inside.
+pub(super) type Bits = [u64; BRICK];
+
+/// Whether a voxel of a brick is inside.
+#[inline]
+pub(super) fn is_inside(bits: &Bits, voxel: usize) -> bool {
+    bits[voxel / 64] >> (voxel % 64) & 1 == 1
+}
+
+/// What is seen in a brick.
+pub(super) struct Look {
+    /// Values inside.
+    pub(super) inside: Tally,
+    /// Area of the border (shortest edges squared times the other edges: in voxels of the functional).
+    pub(super) area: f64,
+    /// The lowest and the highest voxel with the border at it.
+    pub(super) front: Option<[[usize; 3]; 2]>,
+    pub(super) bits: Bits,
+}
+
+/// Looks at the set of shares above a half in a brick.
+fn look(band: &Band, slot: usize, weights: &[f64; 8], bins: bool) -> Look {
+    let brick = band.place(slot);
+    let faces = Faces { above: band.above(brick), extent: band.extent(brick) };
+    let (u, values) = (&band.primal[slot].u, &band.values[slot]);
+    let mut found =
+        Look { inside: Tally::new(bins), area: 0.0, front: None, bits: [0; BRICK] };
+    let mut kinds = [0_u32; 8];
+    for z in 0..faces.extent[2] {
+        for y in 0..faces.extent[1] {
+            let first = BRICK * (y + BRICK * z);
+            let next = faces.next(u, y, z);
+            for x in 0..faces.extent[0] {
+                let here = u[first + x] > 0.5;
+                let kind = (0..3).map(|a| usize::from((next[a][x] > 0.5) != here) << a).sum::<usize>();
+                if here {
+                    found.bits[z] |= 1 << (x + BRICK * y);
+                    let value = values[first + x];
+                    if !value.is_nan() {
+                        found.inside.add(value);
+                    }
+                }
+                if kind != 0 {
+                    kinds[kind] += 1;
+                    let at = [x, y, z];
+                    let [low, high] = found.front.get_or_insert([at, at]);
+                    for a in 0..3 {
+                        low[a] = low[a].min(at[a]);
+                        high[a] = high[a].max((at[a] + (kind >> a & 1)).min(BRICK - 1));
+                    }
+                }
+            }
+        }
+    }
+    found.area = kinds.iter().zip(weights).map(|(&n, w)| f64::from(n) * w).sum();
+    found
+}
+
+/// Length of the gradient of a set's indicator, by which of its three differences there are.
+fn weights(slope: [f32; 3]) -> [f64; 8] {
+    std::array::from_fn(|kind| {
+        (0..3).filter(|a| kind >> a & 1 == 1).map(|a| f64::from(slope[a]).powi(2)).sum::<f64>().sqrt()
+    })
+}
+
+/// Looks at every brick in work.
+pub(super) fn look_at_all(band: &Band, slope: [f32; 3], bins: bool, exec: &Exec) -> Result<Vec<Look>, Error> {
+    let weights = weights(slope);
+    parallel::try_map_pieces(band.len(), 16, &|slots| {
+        exec.check_cancelled()?;
+        Ok(slots.map(|slot| look(band, slot, &weights, bins)).collect::<Vec<_>>())
+    })
+    .map(|pieces: Vec<Vec<Look>>| pieces.into_iter().flatten().collect())
+}
+
+/// Sums over a whole level, or over some of its bricks.
+///
+/// # Errors
+/// Cancelled.
+pub(super) fn tally(
+    level: &Level,
+    bricks: Option<&[[usize; 3]]>,
+    bins: bool,
+    exec: &Exec,
+) -> Result<Tally, Error> {
+    let sides = level.bricks();
+    let count = bricks.map_or(sides.iter().product(), <[_]>::len);
+    let parts = parallel::try_map_pieces(count, 64, &|range| {
+        exec.check_cancelled()?;
+        let mut sum = Tally::new(bins);
+        let mut values = [0.0; CUBE];
+        for i in range {
+            level.brick(bricks.map_or_else(|| place(sides, i), |bricks| bricks[i]), &mut values);
+            sum.plus(1.0, &Tally::of(&values, bins));
+        }
+        Ok::<_, Error>(sum)
+    })?;
+    let mut all = Tally::new(bins);
+    parts.iter().for_each(|part| all.plus(1.0, part));
+    Ok(all)
+}
+
+/// Of values that a brick holds.
+pub(super) fn tally_of(values: &Brick, bins: bool) -> Tally {
+    Tally::of(values, bins)
+}

@@ -1,0 +1,312 @@
+//! An active surface: from a start to the boundary of the part that it lies in.
+//!
+//! For fixed statistics of either side the set of least energy is that of a convex problem (Chan, Esedoglu & Nikolova 2006), which
+//! Chambolle and Pock's iteration solves in sweeps over the voxels; every ten sweeps the statistics follow the set. A coarse resolution
+//! is worked through whole; finer ones only in bricks round the front.
+//!
+//! - `level`: resolutions of a volume. `band`: the bricks in work. `sweep`: the iteration on one brick.
+//! - `look`: what a set is: values, area, front. `model`: what values cost on either side. `descent`: the whole at one resolution.
+//! - `start`: what it begins with. `finish`: from the set to one part. `smooth`: the level function of a part.
+
+mod band;
+mod descent;
+mod distance;
+mod finish;
+mod level;
+mod look;
+mod model;
+mod params;
+mod smooth;
+mod start;
+mod sweep;
+#[cfg(test)]
+mod tests;
+
+use ivd_core::op::Op as _;
+use ivd_core::{BRICK, Exec, Labels, Mask, Volume};
+
+use band::Band;
+use descent::{Descent, Settings, descend};
+use level::{CUBE, Level, Unit, levels};
+use look::{Bits, is_inside};
+pub use params::{DataTerm, Distribution, StartShape, SurfaceParams};
+use start::Start;
+
+use crate::Error;
+
+/// Most voxels of the resolution that is worked through whole.
+const WHOLE: usize = 64 * 64 * 64;
+
+/// A part that a surface has found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Surface {
+    /// The part, with a level function that places its border between voxels.
+    pub mask: Mask,
+    /// Voxels of the mask.
+    pub voxels: u64,
+    /// Connected pieces of the side that the start lies in; the part is one of them.
+    pub components: usize,
+    /// Voxels that were enclosed.
+    pub filled: u64,
+    /// Energies of the pairs of set and statistics that were accepted at the finest resolution, falling: what values cost, and μ times the
+    /// area \[value² mm³, or nats mm³ of a likelihood\].
+    pub energies: Vec<f64>,
+    /// Sweeps over all resolutions.
+    pub sweeps: u32,
+    /// Voxels worked on, over all sweeps.
+    pub updates: u64,
+    /// Share of the finest resolution's voxels that were worked on.
+    pub active_fraction: f64,
+    /// Weight of the border's area \[value² mm, or nats mm of a likelihood\].
+    pub mu: f64,
+    /// Mean values inside and outside of the set (real units).
+    pub means: [f64; 2],
+    /// Noise from voxel to voxel over the contrast.
+    pub noise: f64,
+}
+
+/// Finds the boundary of the part that a start lies in.
+///
+/// - `labels`: needed where the start is a class, else not looked at.
+/// - `start`: a drawn start on the volume's grid, instead of the one that the parameters tell.
+/// - Foreground is the side of which the start covers the larger share.
+/// - Voxels without data (NaN, infinite) belong to neither side.
+///
+/// # Errors
+/// [`Error::NoBoundary`] where the start is empty, the sides are alike, or nothing is left of the part; a start outside the volume; inputs
+/// on different grids; the memory limit, cancelled.
+pub fn active_surface(
+    volume: &Volume,
+    labels: Option<&Labels>,
+    start: Option<&Mask>,
+    params: &SurfaceParams,
+    exec: &Exec,
+) -> Result<Surface, Error> {
+    params.check()?;
+    exec.run(|| {
+        let grid = volume.grid();
+        let start = Start::of(volume, labels, start, params, exec)?;
+        let unit = Unit::of(volume, params.window).ok_or_else(|| Error::NoBoundary {
+            problem: "all values of the volume are alike".into(),
+        })?;
+        let levels = levels(Level::finest(volume, unit), WHOLE, exec)?;
+        let settings = Settings { params, exec };
+        let mut found = first(&levels[0], &start, volume, &settings)?;
+        let (mut sweeps, mut updates) = (found.sweeps, found.updates);
+        for pair in levels.windows(2) {
+            found = descend(&pair[1], refined(&pair[0], &found, &pair[1], exec)?, &settings)?;
+            sweeps += found.sweeps;
+            updates += found.updates;
+        }
+        let finest = levels.last().expect("there is the finest");
+        let inside = draw(finest, &found, exec)?;
+        let part = finish::part(inside, volume, &start, params, exec)?;
+        let level = smooth::level(&part.inside, grid.dims(), exec)?;
+        let mask = Mask::new(grid.clone(), part.inside.into())?.with_level(level.into())?;
+        let edge = finest.edges.iter().copied().fold(f64::INFINITY, f64::min);
+        // The energy is in units of the range squared; a likelihood's is in nats.
+        let value = if params.data == DataTerm::Means { unit.one * unit.one } else { 1.0 };
+        Ok(Surface {
+            voxels: mask.count(),
+            mask,
+            components: part.components,
+            filled: part.filled,
+            energies: found.energies.iter().map(|e| e * value * grid.voxel_volume()).collect(),
+            sweeps,
+            updates,
+            active_fraction: found.band.len() as f64 / found.band.all() as f64,
+            mu: found.mu * value * edge,
+            means: found.means.map(|m| unit.real(m)),
+            noise: found.noise,
+        })
+    })
+}
+
+/// The coarsest resolution, worked through whole; the side that the start lies in becomes the inside.
+fn first(level: &Level, start: &Start, volume: &Volume, settings: &Settings) -> Result<Descent, Error> {
+    let exec = settings.exec;
+    let begins = start.voxels(volume.grid(), level.factor);
+    let mut band = Band::whole(level, &begins, exec)?;
+    let started: Vec<Bits> = band.primal.iter().map(|state| bits(&state.u)).collect();
+    if !split_if_whole(level, &mut band, &started) {
+        return Err(Error::NoBoundary { problem: "the start holds no voxel".into() });
+    }
+    let mut found = descend(level, band, settings)?;
+    let [inside, outside] = shares(level, &found, &started);
+    let turned = if inside[0] * outside[1] == outside[0] * inside[1] {
+        if inside[2] == outside[2] {
+            let problem = "the start lies in neither side more than in the other";
+            return Err(Error::NoBoundary { problem: problem.into() });
+        }
+        inside[2] > outside[2]
+    } else {
+        inside[0] * outside[1] < outside[0] * inside[1]
+    };
+    if turned {
+        found.turn(level);
+    }
+    Ok(found)
+}
+
+/// A start that holds every voxel tells nothing: the brighter half is taken in its place. False where the start is empty.
+fn split_if_whole(level: &Level, band: &mut Band, started: &[Bits]) -> bool {
+    let count: u64 = started.iter().flatten().map(|b| u64::from(b.count_ones())).sum();
+    if count as usize == level.len() {
+        let (mut sum, mut n) = (0.0, 0.0);
+        for &v in band.values.iter().flatten().filter(|v| !v.is_nan()) {
+            sum += f64::from(v);
+            n += 1.0;
+        }
+        let mean = (sum / f64::max(n, 1.0)) as f32;
+        for (state, values) in band.primal.iter_mut().zip(&band.values) {
+            for (u, v) in state.u.iter_mut().zip(values) {
+                *u = f32::from(u8::from(*v > mean));
+            }
+            state.ahead = state.u;
+        }
+    }
+    count > 0
+}
+
+/// Of either side: voxels of the start, voxels, and voxels on the volume's border.
+fn shares(level: &Level, found: &Descent, started: &[Bits]) -> [[u64; 3]; 2] {
+    let mut sides = [[0_u64; 3]; 2];
+    for (slot, (bits, started)) in found.best.iter().zip(started).enumerate() {
+        let brick = found.band.place(slot);
+        for i in 0..CUBE {
+            let local = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+            let voxel: [usize; 3] = std::array::from_fn(|a| brick[a] * BRICK + local[a]);
+            if found.band.values[slot][i].is_nan() {
+                continue;
+            }
+            let side = &mut sides[usize::from(!is_inside(bits, i))];
+            side[0] += u64::from(is_inside(started, i));
+            side[1] += 1;
+            side[2] += u64::from((0..3).any(|a| voxel[a] == 0 || voxel[a] + 1 == level.dims[a]));
+        }
+    }
+    sides
+}
+
+impl Descent {
+    /// Makes the outside the inside.
+    fn turn(&mut self, level: &Level) {
+        for (slot, bits) in self.best.iter_mut().enumerate() {
+            let extent = self.band.extent(self.band.place(slot));
+            let state = &mut self.band.primal[slot];
+            for i in 0..CUBE {
+                let local = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+                if (0..3).all(|a| local[a] < extent[a]) {
+                    bits[i / 64] ^= 1 << (i % 64);
+                    state.u[i] = 1.0 - state.u[i];
+                    state.ahead[i] = state.u[i];
+                }
+            }
+        }
+        self.means.reverse();
+        debug_assert_eq!(level.bricks().iter().product::<usize>(), self.best.len(), "a whole level is turned");
+    }
+}
+
+fn bits(u: &band::Brick) -> Bits {
+    let mut bits = [0; BRICK];
+    u.iter().enumerate().filter(|(_, u)| **u > 0.5).for_each(|(i, _)| bits[i / 64] |= 1 << (i % 64));
+    bits
+}
+
+/// The next finer resolution's bricks round the front, with the shares of the coarser one.
+fn refined(coarse: &Level, found: &Descent, fine: &Level, exec: &Exec) -> Result<Band, Error> {
+    let step: [usize; 3] = std::array::from_fn(|a| coarse.factor[a] / fine.factor[a]);
+    let share = |voxel: [usize; 3]| -> f32 {
+        let brick = voxel.map(|v| v / BRICK);
+        match found.band.slot(brick) {
+            Some(slot) => {
+                let local = voxel.map(|v| v % BRICK);
+                found.band.primal[slot].u[local[0] + BRICK * (local[1] + BRICK * local[2])]
+            }
+            None => f32::from(u8::from(found.band.side(brick) == Some(true))),
+        }
+    };
+    let middle = |brick: [usize; 3]| {
+        std::array::from_fn(|a| ((brick[a] * BRICK + BRICK / 2) / step[a]).min(coarse.dims[a] - 1))
+    };
+    let mut band = Band::new(fine, &|brick| share(middle(brick)) > 0.5);
+    let mut wanted = Vec::new();
+    for slot in 0..found.band.len() {
+        let brick = found.band.place(slot);
+        let extent = found.band.extent(brick);
+        let u = &found.band.primal[slot].u;
+        let faces = sweep::Faces { above: found.band.above(brick), extent };
+        for z in 0..extent[2] {
+            for y in 0..extent[1] {
+                let next = faces.next(u, y, z);
+                for x in 0..extent[0] {
+                    let here = u[x + BRICK * (y + BRICK * z)];
+                    let sure = |v: f32| !(0.1..=0.9).contains(&v);
+                    let crosses = (0..3).any(|a| (next[a][x] > 0.5) != (here > 0.5));
+                    if crosses || !sure(here) {
+                        let at: [usize; 3] = [x, y, z];
+                        let low: [usize; 3] = std::array::from_fn(|a| (brick[a] * BRICK + at[a]) * step[a]);
+                        let fine_brick = low.map(|v| v / BRICK);
+                        let within: [usize; 3] = std::array::from_fn(|a| low[a] % BRICK);
+                        let high: [usize; 3] = std::array::from_fn(|a| within[a] + 2 * step[a] - 1);
+                        if (0..3).all(|a| fine_brick[a] < fine.bricks()[a]) {
+                            wanted.extend(band.around(fine_brick, [within, high]));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    let fill = |brick: [usize; 3], _: bool, u: &mut [f32; CUBE]| {
+        for (i, u) in u.iter_mut().enumerate() {
+            let local = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+            let voxel: [usize; 3] = std::array::from_fn(|a| brick[a] * BRICK + local[a]);
+            if (0..3).all(|a| voxel[a] < fine.dims[a]) {
+                *u = share(std::array::from_fn(|a| voxel[a] / step[a]));
+            }
+        }
+    };
+    band.take(fine, wanted, &fill, exec)?;
+    Ok(band)
+}
+
+/// The best set of the finest resolution as a mask; voxels without data stay out.
+fn draw(level: &Level, found: &Descent, exec: &Exec) -> Result<Vec<u8>, Error> {
+    let [nx, ny, _] = level.dims;
+    exec.check_memory("the mask", level.len() as u64)?;
+    let mut mask = vec![0_u8; level.len()];
+    let band = &found.band;
+    ivd_core::parallel::try_for_each_piece_mut(&mut mask, nx * ny, &|z, layer| {
+        exec.check_cancelled()?;
+        let mut values = vec![0.0_f32; nx];
+        for (y, row) in layer.chunks_mut(nx).enumerate() {
+            let mut asked = false;
+            for (bx, out) in row.chunks_mut(BRICK).enumerate() {
+                let brick = [bx, y / BRICK, z / BRICK];
+                match band.slot(brick) {
+                    Some(slot) => {
+                        let from = BRICK * (y % BRICK) + 64 * (z % BRICK);
+                        for (x, out) in out.iter_mut().enumerate() {
+                            *out = u8::from(
+                                is_inside(&found.best[slot], from + x) && !band.values[slot][from + x].is_nan(),
+                            );
+                        }
+                    }
+                    None if band.side(brick) == Some(true) => {
+                        if !asked {
+                            level.row(nx * (y + ny * z), &mut values);
+                            asked = true;
+                        }
+                        for (out, v) in out.iter_mut().zip(&values[bx * BRICK..]) {
+                            *out = u8::from(!v.is_nan());
+                        }
+                    }
+                    None => {}
+                }
+            }
+        }
+        Ok::<_, Error>(())
+    })?;
+    Ok(mask)
+}

@@ -1,0 +1,237 @@
+//! What values inside and outside are expected to be, and what a voxel costs on either side.
+
+use super::look::{BINS, Tally};
+use super::params::{DataTerm, Distribution};
+
+/// How values are expected, by side.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Model {
+    inside: Side,
+    outside: Side,
+}
+
+/// What a value costs on one side.
+#[derive(Debug, Clone, PartialEq)]
+enum Side {
+    /// `weight · (value − mean)² + offset`.
+    Quadratic { mean: f64, weight: f64, offset: f64 },
+    /// By bin, at the bins' middles.
+    Table(Vec<f64>),
+}
+
+/// Least spread of a Gaussian, in units of the range: half a step of 8 bits.
+const LEAST_SPREAD: f64 = 1.0 / 512.0;
+/// Least probability of a bin: what nobody has seen is improbable, not impossible.
+const LEAST_PROBABILITY: f64 = 1e-4;
+
+impl Side {
+    fn fit(tally: &Tally, data: DataTerm, distribution: Distribution) -> Self {
+        if data == DataTerm::Means {
+            return Self::Quadratic { mean: tally.mean(), weight: 1.0, offset: 0.0 };
+        }
+        match distribution {
+            Distribution::Histogram => Self::Table(smoothed(&tally.bins)),
+            Distribution::Gaussian => {
+                let variance = tally.variance().max(LEAST_SPREAD * LEAST_SPREAD);
+                Self::Quadratic { mean: tally.mean(), weight: 0.5 / variance, offset: 0.5 * variance.ln() }
+            }
+            Distribution::Rician => Self::Table(rician(tally)),
+        }
+    }
+
+    fn cost(&self, value: f64) -> f64 {
+        match self {
+            Self::Quadratic { mean, weight, offset } => weight * (value - mean).powi(2) + offset,
+            Self::Table(costs) => {
+                let at = (value * BINS as f64 - 0.5).clamp(0.0, (BINS - 1) as f64);
+                let low = (at as usize).min(BINS - 2);
+                let t = at - low as f64;
+                costs[low] * (1.0 - t) + costs[low + 1] * t
+            }
+        }
+    }
+
+    /// Of all values of a set.
+    fn total(&self, tally: &Tally) -> f64 {
+        match self {
+            Self::Quadratic { mean, weight, offset } => {
+                weight * (tally.squares - 2.0 * mean * tally.sum + mean * mean * tally.count)
+                    + offset * tally.count
+            }
+            Self::Table(costs) => costs.iter().zip(&tally.bins).map(|(cost, n)| cost * n).sum(),
+        }
+    }
+}
+
+impl Model {
+    pub(super) fn fit(inside: &Tally, outside: &Tally, data: DataTerm, distribution: Distribution) -> Self {
+        Self {
+            inside: Side::fit(inside, data, distribution),
+            outside: Side::fit(outside, data, distribution),
+        }
+    }
+
+    /// What a voxel of a value costs inside, less what it costs outside.
+    pub(super) fn force(&self) -> Force {
+        if let (
+            Side::Quadratic { mean: a, weight: p, offset: s },
+            Side::Quadratic { mean: b, weight: q, offset: t },
+        ) = (&self.inside, &self.outside)
+        {
+            return Force::Quadratic(
+                [p * a * a - q * b * b + s - t, 2.0 * (q * b - p * a), p - q].map(|v| v as f32),
+            );
+        }
+        let at = |i: usize| (i as f64 + 0.5) / BINS as f64;
+        Force::Table(
+            (0..BINS).map(|i| (self.inside.cost(at(i)) - self.outside.cost(at(i))) as f32).collect(),
+        )
+    }
+
+    /// What the values of two sets cost.
+    pub(super) fn cost(&self, inside: &Tally, outside: &Tally) -> f64 {
+        self.inside.total(inside) + self.outside.total(outside)
+    }
+}
+
+/// Cost of a voxel inside, less that outside, by value.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Force {
+    /// Coefficients of 1, the value and its square.
+    Quadratic([f32; 3]),
+    /// At the bins' middles.
+    Table(Vec<f32>),
+}
+
+impl Force {
+    /// Mean over the values of a set.
+    pub(super) fn mean(&self, tally: &Tally) -> f64 {
+        let sum = match self {
+            Self::Quadratic([a, b, c]) => {
+                f64::from(*a) * tally.count + f64::from(*b) * tally.sum + f64::from(*c) * tally.squares
+            }
+            Self::Table(table) => table.iter().zip(&tally.bins).map(|(f, n)| f64::from(*f) * n).sum(),
+        };
+        sum / tally.count
+    }
+
+    /// At every value; 0 where there is none.
+    pub(super) fn of(&self, values: &[f32], out: &mut [f32]) {
+        match self {
+            Self::Quadratic([a, b, c]) => {
+                for (out, &v) in out.iter_mut().zip(values) {
+                    *out = if v.is_nan() { 0.0 } else { a + v * (b + v * c) };
+                }
+            }
+            Self::Table(table) => {
+                for (out, &v) in out.iter_mut().zip(values) {
+                    let at = (v * BINS as f32 - 0.5).clamp(0.0, (BINS - 1) as f32);
+                    let low = (at as usize).min(BINS - 2);
+                    let t = at - low as f32;
+                    *out = if v.is_nan() { 0.0 } else { table[low] * (1.0 - t) + table[low + 1] * t };
+                }
+            }
+        }
+    }
+}
+
+/// −ln of a histogram, smoothed by a Gaussian of the width that its count suggests (Silverman's rule).
+fn smoothed(bins: &[f64]) -> Vec<f64> {
+    let count: f64 = bins.iter().sum();
+    if count <= 0.0 {
+        return vec![0.0; BINS];
+    }
+    let mean = bins.iter().enumerate().map(|(i, n)| i as f64 * n).sum::<f64>() / count;
+    let variance = bins.iter().enumerate().map(|(i, n)| (i as f64 - mean).powi(2) * n).sum::<f64>() / count;
+    let width = (1.06 * variance.sqrt() * count.powf(-0.2)).clamp(1.0, BINS as f64 / 16.0);
+    let reach = (3.0 * width).ceil() as i64;
+    let weights: Vec<f64> = (-reach..=reach).map(|d| (-0.5 * (d as f64 / width).powi(2)).exp()).collect();
+    let total: f64 = weights.iter().sum();
+    (0..BINS as i64)
+        .map(|i| {
+            let mut sum = 0.0;
+            for (d, weight) in (-reach..=reach).zip(&weights) {
+                sum += weight * bins[(i + d).clamp(0, BINS as i64 - 1) as usize];
+            }
+            -(sum / (total * count)).max(LEAST_PROBABILITY).ln()
+        })
+        .collect()
+}
+
+/// −ln of the Rician density with a set's first two moments (Koay & Basser 2006: the signal and the noise that give them), at the bins'
+/// middles. A set is read as magnitudes from the range's lower end on.
+fn rician(tally: &Tally) -> Vec<f64> {
+    let mean = tally.mean().max(1e-6);
+    let variance = tally.variance().max(LEAST_SPREAD * LEAST_SPREAD);
+    // E[m²] = ν² + 2σ²: with σ² from the moments where the signal is strong, and never so large that ν² < 0.
+    let second = variance + mean * mean;
+    let mut noise = variance;
+    for _ in 0..50 {
+        let signal = (second - 2.0 * noise).max(0.0);
+        // Variance of the Rician of this signal and noise, over the noise's.
+        let share = 2.0 + signal / noise - (mean_over_noise(signal / noise)).powi(2);
+        noise = (variance / share.clamp(0.4, 1.0)).min(0.5 * second);
+    }
+    let signal = (second - 2.0 * noise).max(0.0).sqrt();
+    (0..BINS)
+        .map(|i| {
+            let m = (i as f64 + 0.5) / BINS as f64;
+            let log =
+                (m / noise).ln() - (m - signal).powi(2) / (2.0 * noise) + ln_scaled_bessel(m * signal / noise);
+            -(log - (BINS as f64).ln()).max(LEAST_PROBABILITY.ln())
+        })
+        .collect()
+}
+
+/// Mean of a Rician of noise 1 and squared signal `t`.
+fn mean_over_noise(t: f64) -> f64 {
+    // √(π/2) e^(−x) ((1 + 2x) I₀(x) + 2x I₁(x)) with x = t/4.
+    let x = t / 4.0;
+    let i0 = ln_scaled_bessel(x).exp();
+    let i1 = scaled_bessel_1(x);
+    (std::f64::consts::PI / 2.0).sqrt() * ((1.0 + 2.0 * x) * i0 + 2.0 * x * i1)
+}
+
+/// ln(I₀(x) e^(−x)), within 2e-7 (Abramowitz & Stegun 9.8.1, 9.8.2).
+fn ln_scaled_bessel(x: f64) -> f64 {
+    if x < 3.75 {
+        let t = (x / 3.75).powi(2);
+        let i0 = [0.004_581_3, 0.036_076_8, 0.265_973_2, 1.206_749_2, 3.089_942_4, 3.515_622_9, 1.0];
+        return i0.iter().fold(0.0, |sum, c| sum * t + c).ln() - x;
+    }
+    let t = 3.75 / x;
+    let series = [
+        0.003_923_77,
+        -0.016_476_33,
+        0.026_355_37,
+        -0.020_577_06,
+        0.009_162_81,
+        -0.001_575_65,
+        0.002_253_19,
+        0.013_285_92,
+        0.398_942_28,
+    ];
+    (series.iter().fold(0.0, |sum, c| sum * t + c) / x.sqrt()).ln()
+}
+
+/// I₁(x) e^(−x) (Abramowitz & Stegun 9.8.3, 9.8.4).
+fn scaled_bessel_1(x: f64) -> f64 {
+    if x < 3.75 {
+        let t = (x / 3.75).powi(2);
+        let i1 = [0.000_324_11, 0.003_015_32, 0.026_587_33, 0.150_849_34, 0.514_988_69, 0.878_905_94, 0.5];
+        return x * i1.iter().fold(0.0, |sum, c| sum * t + c) * (-x).exp();
+    }
+    let t = 3.75 / x;
+    let series = [
+        -0.004_200_59,
+        0.017_876_54,
+        -0.028_953_12,
+        0.022_829_67,
+        -0.010_315_55,
+        0.001_638_01,
+        -0.003_620_18,
+        -0.039_880_24,
+        0.398_942_28,
+    ];
+    series.iter().fold(0.0, |sum, c| sum * t + c) / x.sqrt()
+}

@@ -1,0 +1,133 @@
+use ivd_core::{ClassChoice, ParamError};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What tells inside from outside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DataTerm {
+    /// Distance from the mean of either side (Chan & Vese 2001).
+    #[default]
+    Means,
+    /// How likely the value is on either side, by the distribution of its values.
+    Likelihood,
+}
+
+/// How a side's values are spread, for the likelihood.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Distribution {
+    /// As they are: a smoothed histogram.
+    #[default]
+    Histogram,
+    /// A normal distribution.
+    Gaussian,
+    /// That of magnitudes with noise, as in MR.
+    Rician,
+}
+
+/// The shape of a start about a seed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum StartShape {
+    /// A ball.
+    #[default]
+    Ball,
+    /// A cube along the volume's axes (thesis, Figure 4.9).
+    Cube,
+}
+
+/// A surface that finds the boundary of what it starts in: between two regions as unlike each other, and of as little area, as can be.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct SurfaceParams {
+    /// A point (RAS) inside the part: the start is a ball or cube about it. Without it, and without class, box and start, the middle of the
+    /// volume.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub seed: Option<[f64; 3]>,
+    /// Radius of the ball, half the edge of the cube; without it 3 voxels about a seed, and a fifth of the volume's shortest side about its
+    /// middle.
+    #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
+    pub radius: Option<f64>,
+    /// Shape of the start about the seed.
+    pub shape: StartShape,
+    /// One corner (RAS) of a box to start from, along the axes of space, instead of a seed.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub box_from: Option<[f64; 3]>,
+    /// The corner opposite to `box_from`.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub box_to: Option<[f64; 3]>,
+    /// A class to start from: an id, densest or largest; with a seed its piece there. Needs labels.
+    #[schemars(extend("x-unit" = "1"))]
+    pub class: Option<ClassChoice>,
+    /// What tells inside from outside.
+    pub data: DataTerm,
+    /// How values are spread, for the likelihood.
+    pub distribution: Distribution,
+    /// Least and greatest value that count: others are taken as these, such as metal in a CT.
+    #[schemars(extend("x-unit" = "value"))]
+    pub window: Option<[f64; 2]>,
+    /// Weight φ of smoothness against fit (thesis, equation 4.12); without it chosen by noise and contrast. The border's area weighs
+    /// φ / (1 − φ) × half the difference of what a voxel costs on its right and on its wrong side, a mean voxel's edge.
+    #[schemars(extend("x-unit" = "1", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0))]
+    pub phi: Option<f64>,
+    /// Leak guard: where the part is narrower than twice this it is cut, and what hangs on such a bridge stays out.
+    #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
+    pub open: f64,
+    /// Whether holes inside the part become part of it. Voxels without data stay out.
+    #[schemars(extend("x-alias" = ["!keep_holes"]))]
+    pub fill_holes: bool,
+    /// Most sweeps at each resolution.
+    #[schemars(range(min = 1, max = 100_000), extend("x-unit" = "1", "x-knob" = "accuracy"))]
+    pub sweeps: u32,
+}
+
+impl Default for SurfaceParams {
+    fn default() -> Self {
+        Self {
+            seed: None,
+            radius: None,
+            shape: StartShape::Ball,
+            box_from: None,
+            box_to: None,
+            class: None,
+            data: DataTerm::Means,
+            distribution: Distribution::Histogram,
+            window: None,
+            phi: None,
+            open: 0.0,
+            fill_holes: true,
+            sweeps: 400,
+        }
+    }
+}
+
+impl SurfaceParams {
+    /// Conditions on several fields.
+    ///
+    /// # Errors
+    /// Names the field.
+    pub(crate) fn check_together(&self) -> Result<(), ParamError> {
+        let refused = |field: &str, problem: &str, remedy: &str| Err(ParamError::new(field, problem, remedy));
+        if self.box_from.is_some() != self.box_to.is_some() {
+            let missing = if self.box_from.is_some() { "box_to" } else { "box_from" };
+            return refused(missing, "a box needs both of its corners", "give box_from and box_to");
+        }
+        if self.box_from.is_some() && (self.seed.is_some() || self.class.is_some()) {
+            return refused("box_from", "given together with another start", "give one of them");
+        }
+        if let Some([low, high]) = self.window
+            && low >= high
+        {
+            return Err(ParamError::new(
+                "window",
+                format!("{low} … {high} holds no values"),
+                "give the lower value first",
+            ));
+        }
+        if self.radius.is_some() && (self.class.is_some() || self.box_from.is_some()) {
+            return refused("radius", "given with a start that has no radius", "leave it out");
+        }
+        Ok(())
+    }
+}

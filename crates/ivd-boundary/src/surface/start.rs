@@ -1,0 +1,130 @@
+//! What a surface starts from.
+
+use ivd_core::{Exec, Grid, Labels, Mask, Volume, VoxelCoord, World};
+use nalgebra::Vector3;
+
+use super::params::{StartShape, SurfaceParams};
+use crate::{ComponentParams, Error, component};
+
+/// A set of points.
+pub(super) enum Start {
+    /// Within a radius of a point (mm).
+    Ball([f64; 3], f64),
+    /// Within a distance along each of the volume's axes (mm) of a point.
+    Cube([f64; 3], f64),
+    /// Between two corners, along the axes of space (mm).
+    Box([f64; 3], [f64; 3]),
+    /// The voxels of a mask on the volume's grid.
+    Drawn(Mask),
+}
+
+/// Voxels (edges of a cube of their size) about a seed.
+const ABOUT_SEED: f64 = 3.0;
+/// Shortest sides of the volume about its middle.
+const ABOUT_MIDDLE: f64 = 0.2;
+
+impl Start {
+    /// What is asked for.
+    ///
+    /// # Errors
+    /// A seed outside the volume, a class that isn't there, a mask on another grid.
+    pub(super) fn of(
+        volume: &Volume,
+        labels: Option<&Labels>,
+        drawn: Option<&Mask>,
+        params: &SurfaceParams,
+        exec: &Exec,
+    ) -> Result<Self, Error> {
+        let grid = volume.grid();
+        if let Some(mask) = drawn {
+            grid.require(mask.grid(), "volume", "start")?;
+            return Ok(Self::Drawn(mask.clone()));
+        }
+        if let (Some(from), Some(to)) = (params.box_from, params.box_to) {
+            let [low, high] = [f64::min, f64::max].map(|f| std::array::from_fn(|a| f(from[a], to[a])));
+            return Ok(Self::Box(low, high));
+        }
+        if let Some(class) = params.class {
+            let chosen =
+                ComponentParams { class: Some(class), seed: params.seed, ..ComponentParams::default() };
+            return Ok(Self::Drawn(component(volume, labels, &chosen, exec)?.mask));
+        }
+        let middle = grid.world(VoxelCoord(Vector3::from(grid.dims().map(|n| (n as f64 - 1.0) / 2.0)))).0;
+        let radius = params.radius.unwrap_or_else(|| match params.seed {
+            Some(_) => ABOUT_SEED * grid.voxel_volume().cbrt(),
+            None => ABOUT_MIDDLE * shortest_side(grid),
+        });
+        let centre = match params.seed {
+            Some(seed) => {
+                crate::component::seed_voxel(volume, seed)?;
+                seed
+            }
+            None => middle.into(),
+        };
+        Ok(match params.shape {
+            StartShape::Ball => Self::Ball(centre, radius),
+            StartShape::Cube => Self::Cube(centre, radius),
+        })
+    }
+
+    /// Tells which voxels of the grid lie in it, at a resolution: by the middle of each coarse voxel. A start that misses all of them has
+    /// the one at its own middle.
+    pub(super) fn voxels<'a>(
+        &'a self,
+        grid: &'a Grid,
+        factor: [usize; 3],
+    ) -> impl Fn([usize; 3]) -> bool + Sync + 'a {
+        let middle = move |voxel: [usize; 3]| -> [f64; 3] {
+            std::array::from_fn(|a| ((voxel[a] * factor[a]) as f64) + (factor[a] as f64 - 1.0) / 2.0)
+        };
+        let single = self.centre().map(|centre| {
+            let at = grid.voxel(World(Vector3::from(centre))).0;
+            std::array::from_fn(|a| {
+                (at[a].round().clamp(0.0, grid.dims()[a] as f64 - 1.0) as usize) / factor[a]
+            })
+        });
+        let dims = grid.dims();
+        let axes = grid.linear_part();
+        move |voxel: [usize; 3]| {
+            if single == Some(voxel) {
+                return true;
+            }
+            let at = middle(voxel);
+            match self {
+                Self::Drawn(mask) => {
+                    let near: [usize; 3] = std::array::from_fn(|a| (at[a].round() as usize).min(dims[a] - 1));
+                    mask.inside()[near[0] + dims[0] * (near[1] + dims[1] * near[2])] != 0
+                }
+                Self::Ball(centre, radius) => {
+                    let world = grid.world(VoxelCoord(Vector3::from(at))).0;
+                    (world - Vector3::from(*centre)).norm() <= *radius
+                }
+                Self::Cube(centre, half) => {
+                    let world = grid.world(VoxelCoord(Vector3::from(at))).0 - Vector3::from(*centre);
+                    (0..3).all(|a| {
+                        let axis = axes.column(a);
+                        world.dot(&axis).abs() <= half * axis.norm()
+                    })
+                }
+                Self::Box(low, high) => {
+                    let world = grid.world(VoxelCoord(Vector3::from(at))).0;
+                    (0..3).all(|a| low[a] <= world[a] && world[a] <= high[a])
+                }
+            }
+        }
+    }
+
+    /// The point that a start stands about, which it holds.
+    fn centre(&self) -> Option<[f64; 3]> {
+        match self {
+            Self::Ball(centre, _) | Self::Cube(centre, _) => Some(*centre),
+            Self::Box(..) | Self::Drawn(_) => None,
+        }
+    }
+}
+
+/// Shortest side of the volume (mm).
+fn shortest_side(grid: &Grid) -> f64 {
+    let axes = grid.linear_part();
+    (0..3).map(|a| axes.column(a).norm() * grid.dims()[a] as f64).fold(f64::INFINITY, f64::min)
+}
