@@ -22,7 +22,7 @@
 //! let part = component(&volume, None, &params, &Exec::default()).unwrap();
 //! assert_eq!((part.voxels, part.filled, part.components), (27, 1, 2));
 //! ```
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod component;
 mod error;

@@ -8,7 +8,7 @@ use super::sweep::{Faces, Steps, dual, primal};
 /// A number at every voxel of a brick, x fastest.
 pub(super) type Brick = [f32; CUBE];
 /// Voxels around the front that must be worked on.
-pub(super) const MARGIN: usize = 3;
+pub(super) const MARGIN: usize = 2;
 
 /// A brick that isn't worked on and lies outside; inside.
 const OUT: u32 = u32::MAX;
@@ -37,7 +37,7 @@ pub(super) struct Band {
     pub(super) values: Vec<Brick>,
     pub(super) primal: Vec<Primal>,
     /// Flow through the upper faces along x, y and z.
-    flow: Vec<[Brick; 3]>,
+    pub(super) flow: Vec<[Brick; 3]>,
     /// What a voxel costs inside, less what it costs outside; 0 without data.
     pub(super) force: Vec<Brick>,
 }

@@ -13,7 +13,7 @@ use crate::Error;
 /// Sweeps between two looks.
 const BETWEEN: u32 = 10;
 /// Looks without a lower energy after which the descent ends.
-const PATIENCE: usize = 2;
+const PATIENCE: usize = 1;
 /// Share of the border's energy by which a step must lower the whole to count.
 const GAIN: f64 = 1e-3;
 
@@ -76,7 +76,7 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
     let whole = band.len() == band.all();
     let mut inner = tally(level, Some(&band.inner()), bins, exec)?;
     let total = tally(level, None, bins, exec)?;
-    let slope = Steps::new(1.0, level.edges).slope;
+    let slope = Steps::new(1.0, level.edges, false).slope;
     let mut looks = look_at_all(&band, slope, bins, exec)?;
     let (mut best, mut energies, mut sweeps, mut updates) = (Vec::new(), Vec::<f64>::new(), 0, 0);
     let (mut steps, mut weight) = (None::<Steps>, None::<Weight>);
@@ -91,7 +91,9 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
         if moved {
             let now = Weight::of(&band, &force, &sides, level, params)?;
             if weight.is_none_or(|before| (now.mu / before.mu - 1.0).abs() > 0.05) {
-                steps = Some(Steps::new(now.mu, level.edges));
+                let scale = (now.mu / weight.map_or(1.0, |before| before.mu)) as f32;
+                band.flow.iter_mut().flatten().flatten().for_each(|flow| *flow *= scale);
+                steps = Some(Steps::new(now.mu, level.edges, exec.simd));
                 weight = Some(now);
                 energies.clear();
             }

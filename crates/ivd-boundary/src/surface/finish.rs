@@ -177,7 +177,7 @@ fn bounds(inside: &[u8], dims: [usize; 3]) -> [[usize; 3]; 2] {
 
 impl Start {
     /// Lowest and one past the highest voxel that it can hold.
-    fn bounds(&self, grid: &Grid) -> [[usize; 3]; 2] {
+    pub(super) fn bounds(&self, grid: &Grid) -> [[usize; 3]; 2] {
         let dims = grid.dims();
         let corners: Vec<[f64; 3]> = match self {
             Self::Drawn(mask) => return bounds(mask.inside(), dims),

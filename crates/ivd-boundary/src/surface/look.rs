@@ -4,7 +4,7 @@ use ivd_core::{BRICK, Error, Exec, parallel};
 
 use super::band::{Band, Brick, place};
 use super::level::{CUBE, Level};
-use super::sweep::Faces;
+use super::sweep::{Faces, row};
 
 /// Bins of a histogram over 0 … 1.
 pub(super) const BINS: usize = 256;
@@ -88,37 +88,50 @@ pub(super) struct Look {
     pub(super) bits: Bits,
 }
 
+/// A bit for each of eight shares that is above a half.
+#[inline(always)]
+fn above_half(row: &[f32; BRICK]) -> u8 {
+    row.iter().enumerate().fold(0, |bits, (i, u)| bits | u8::from(*u > 0.5) << i)
+}
+
 /// Looks at the set of shares above a half in a brick.
 fn look(band: &Band, slot: usize, weights: &[f64; 8], bins: bool) -> Look {
     let brick = band.place(slot);
     let faces = Faces { above: band.above(brick), extent: band.extent(brick) };
     let (u, values) = (&band.primal[slot].u, &band.values[slot]);
-    let mut found =
-        Look { inside: Tally::new(bins), area: 0.0, front: None, bits: [0; BRICK] };
+    let mut found = Look { inside: Tally::new(bins), area: 0.0, front: None, bits: [0; BRICK] };
     let mut kinds = [0_u32; 8];
+    let next_x = faces.next_x(u);
     for z in 0..faces.extent[2] {
         for y in 0..faces.extent[1] {
             let first = BRICK * (y + BRICK * z);
-            let next = faces.next(u, y, z);
-            for x in 0..faces.extent[0] {
-                let here = u[first + x] > 0.5;
-                let kind = (0..3).map(|a| usize::from((next[a][x] > 0.5) != here) << a).sum::<usize>();
-                if here {
-                    found.bits[z] |= 1 << (x + BRICK * y);
-                    let value = values[first + x];
-                    if !value.is_nan() {
+            let here = above_half(row(u, first));
+            let next = [row(&next_x, first), faces.next_y(u, y, z), faces.next_z(u, y, z)];
+            let changes = next.map(|next| above_half(next) ^ here);
+            found.bits[z] |= u64::from(here) << (BRICK * y);
+            if here != 0 {
+                for (x, &value) in values[first..first + BRICK].iter().enumerate() {
+                    if here >> x & 1 == 1 && !value.is_nan() {
                         found.inside.add(value);
                     }
                 }
-                if kind != 0 {
-                    kinds[kind] += 1;
-                    let at = [x, y, z];
-                    let [low, high] = found.front.get_or_insert([at, at]);
-                    for a in 0..3 {
-                        low[a] = low[a].min(at[a]);
-                        high[a] = high[a].max((at[a] + (kind >> a & 1)).min(BRICK - 1));
-                    }
-                }
+            }
+            let any = changes[0] | changes[1] | changes[2];
+            if any == 0 {
+                continue;
+            }
+            for (kind, count) in kinds.iter_mut().enumerate().skip(1) {
+                let of = (0..3).fold(u8::MAX, |bits, a| {
+                    bits & if kind >> a & 1 == 1 { changes[a] } else { !changes[a] }
+                });
+                *count += of.count_ones();
+            }
+            let at = [any.trailing_zeros() as usize, y, z];
+            let end = [7 - any.leading_zeros() as usize, y, z];
+            let [low, high] = found.front.get_or_insert([at, end]);
+            for a in 0..3 {
+                low[a] = low[a].min(at[a]);
+                high[a] = high[a].max((end[a] + usize::from(changes[a] != 0)).min(BRICK - 1));
             }
         }
     }

@@ -126,7 +126,11 @@ pub fn active_surface(
 fn first(level: &Level, start: &Start, volume: &Volume, settings: &Settings) -> Result<Descent, Error> {
     let exec = settings.exec;
     let begins = start.voxels(volume.grid(), level.factor);
-    let mut band = Band::whole(level, &begins, exec)?;
+    let [low, high] = start.bounds(volume.grid());
+    let near = |voxel: [usize; 3]| {
+        (0..3).all(|a| low[a] / level.factor[a] <= voxel[a] && voxel[a] * level.factor[a] < high[a])
+    };
+    let mut band = Band::whole(level, &|voxel| near(voxel) && begins(voxel), exec)?;
     let started: Vec<Bits> = band.primal.iter().map(|state| bits(&state.u)).collect();
     if !split_if_whole(level, &mut band, &started) {
         return Err(Error::NoBoundary { problem: "the start holds no voxel".into() });
@@ -237,22 +241,23 @@ fn refined(coarse: &Level, found: &Descent, fine: &Level, exec: &Exec) -> Result
         let extent = found.band.extent(brick);
         let u = &found.band.primal[slot].u;
         let faces = sweep::Faces { above: found.band.above(brick), extent };
+        let next_x = faces.next_x(u);
         for z in 0..extent[2] {
             for y in 0..extent[1] {
-                let next = faces.next(u, y, z);
+                let next =
+                    [sweep::row(&next_x, BRICK * (y + BRICK * z)), faces.next_y(u, y, z), faces.next_z(u, y, z)];
                 for x in 0..extent[0] {
                     let here = u[x + BRICK * (y + BRICK * z)];
-                    let sure = |v: f32| !(0.1..=0.9).contains(&v);
-                    let crosses = (0..3).any(|a| (next[a][x] > 0.5) != (here > 0.5));
-                    if crosses || !sure(here) {
-                        let at: [usize; 3] = [x, y, z];
-                        let low: [usize; 3] = std::array::from_fn(|a| (brick[a] * BRICK + at[a]) * step[a]);
-                        let fine_brick = low.map(|v| v / BRICK);
-                        let within: [usize; 3] = std::array::from_fn(|a| low[a] % BRICK);
-                        let high: [usize; 3] = std::array::from_fn(|a| within[a] + 2 * step[a] - 1);
-                        if (0..3).all(|a| fine_brick[a] < fine.bricks()[a]) {
-                            wanted.extend(band.around(fine_brick, [within, high]));
-                        }
+                    for a in (0..3).filter(|&a| (next[a][x] > 0.5) != (here > 0.5)) {
+                        // The border lies between the middles of two coarse voxels.
+                        let mut low: [usize; 3] =
+                            std::array::from_fn(|b| (brick[b] * BRICK + [x, y, z][b]) * step[b]);
+                        let mut wide = step.map(|s| s - 1);
+                        low[a] += step[a] / 2;
+                        wide[a] = step[a];
+                        let within: [usize; 3] = low.map(|v| v % BRICK);
+                        let high = std::array::from_fn(|b| within[b] + wide[b]);
+                        wanted.extend(band.around(low.map(|v| v / BRICK), [within, high]));
                     }
                 }
             }
@@ -268,7 +273,43 @@ fn refined(coarse: &Level, found: &Descent, fine: &Level, exec: &Exec) -> Result
         }
     };
     band.take(fine, wanted, &fill, exec)?;
+    carry_flow(&mut band, found, fine.dims, step);
     Ok(band)
+}
+
+/// Takes the flow over from the coarser resolution, in shares of the area's weight there; the descent scales it to its own.
+fn carry_flow(band: &mut Band, found: &Descent, dims: [usize; 3], step: [usize; 3]) {
+    let mut flow = std::mem::take(&mut band.flow);
+    let scale = (1.0 / found.mu) as f32;
+    ivd_core::parallel::for_each_piece_mut(&mut flow, 4, &|piece, flows| {
+        for (slot, flow) in (4 * piece..).zip(flows) {
+            let brick = band.place(slot);
+            for i in 0..CUBE {
+                let local = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+                let voxel: [usize; 3] = std::array::from_fn(|a| brick[a] * BRICK + local[a]);
+                if (0..3).any(|a| voxel[a] >= dims[a]) {
+                    continue;
+                }
+                let coarse: [usize; 3] = std::array::from_fn(|a| voxel[a] / step[a]);
+                if let Some(from) = found.band.slot(coarse.map(|v| v / BRICK)) {
+                    let [x, y, z] = coarse.map(|v| v % BRICK);
+                    for (flow, from) in flow.iter_mut().zip(&found.band.flow[from]) {
+                        flow[i] = from[x + BRICK * (y + BRICK * z)] * scale;
+                    }
+                }
+            }
+            // Nothing flows out of the volume.
+            let extent = band.extent(brick);
+            for a in (0..3).filter(|&a| brick[a] * BRICK + extent[a] == dims[a]) {
+                for i in 0..CUBE {
+                    if [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)][a] + 1 == extent[a] {
+                        flow[a][i] = 0.0;
+                    }
+                }
+            }
+        }
+    });
+    band.flow = flow;
 }
 
 /// The best set of the finest resolution as a mask; voxels without data stay out.

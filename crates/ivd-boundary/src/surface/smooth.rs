@@ -108,23 +108,29 @@ impl Room {
             }
         }
         for (row, out) in self.padded.chunks(PADDED).zip(self.along_x.chunks_mut(BRICK)) {
-            for (x, out) in out.iter_mut().enumerate() {
-                *out = weights.iter().zip(&row[x..]).map(|(w, v)| w * v).sum();
-            }
+            weigh(out, weights, |i| &row[i..]);
         }
-        for z in 0..PADDED {
-            for y in 0..BRICK {
-                for x in 0..BRICK {
-                    self.along_y[x + BRICK * (y + BRICK * z)] = (0..weights.len())
-                        .map(|i| weights[i] * self.along_x[x + BRICK * (y + i + PADDED * z)])
-                        .sum();
-                }
+        for (z, layer) in self.along_y.chunks_mut(BRICK * BRICK).enumerate() {
+            for (y, out) in layer.chunks_mut(BRICK).enumerate() {
+                weigh(out, weights, |i| &self.along_x[BRICK * (y + i + PADDED * z)..]);
             }
         }
         let mut out = [0.0; BRICK * BRICK * BRICK];
-        for (at, out) in out.iter_mut().enumerate() {
-            *out = (0..weights.len()).map(|i| weights[i] * self.along_y[at + BRICK * BRICK * i]).sum();
+        for (row, out) in out.chunks_mut(BRICK).enumerate() {
+            weigh(out, weights, |i| &self.along_y[BRICK * row + BRICK * BRICK * i..]);
         }
         out
     }
+}
+
+/// A row of weighted sums of rows.
+#[inline(always)]
+fn weigh<'a>(out: &mut [f32], weights: &[f32; 2 * REACH + 1], row: impl Fn(usize) -> &'a [f32]) {
+    let mut sums = [0.0_f32; BRICK];
+    for (i, weight) in weights.iter().enumerate() {
+        for (sum, value) in sums.iter_mut().zip(&row(i)[..BRICK]) {
+            *sum += weight * value;
+        }
+    }
+    out.copy_from_slice(&sums);
 }
