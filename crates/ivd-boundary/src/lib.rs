@@ -35,4 +35,4 @@ pub use component::{Component, component};
 pub use error::Error;
 pub use params::ComponentParams;
 pub use stage::{BoundaryFigures, Inputs, STAGE, SurfaceInputs};
-pub use surface::{DataTerm, Distribution, StartShape, Surface, SurfaceParams, active_surface};
+pub use surface::{AreaMeasure, DataTerm, Distribution, StartShape, Surface, SurfaceParams, active_surface};

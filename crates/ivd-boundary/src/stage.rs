@@ -50,6 +50,18 @@ pub struct BoundaryFigures {
     /// The class it was taken from, where no value was given instead.
     #[schemars(extend("x-unit" = "1"))]
     pub class: Option<u16>,
+    /// How far the energy of a surface's set can be above the lowest for its statistics, over μ times its area; of cuts, and with certify.
+    #[schemars(extend("x-unit" = "1"))]
+    pub gap: Option<f64>,
+    /// The same of shares of voxels, which are lower than any set; with certify where the area is smooth.
+    #[schemars(extend("x-unit" = "1"))]
+    pub relaxed_gap: Option<f64>,
+    /// Weight of a surface's area.
+    #[schemars(extend("x-unit" = "value² mm"))]
+    pub mu: Option<f64>,
+    /// Mean values inside and outside of a surface.
+    #[schemars(extend("x-unit" = "value"))]
+    pub means: Option<[f64; 2]>,
     /// Connected pieces of the class; the part is one of them.
     #[schemars(extend("x-unit" = "1"))]
     pub components: usize,
@@ -87,6 +99,10 @@ impl Op for ComponentParams {
             energy_first: None,
             energy_last: None,
             active_fraction: part.voxels as f64 / volume.grid().len() as f64,
+            gap: None,
+            relaxed_gap: None,
+            mu: None,
+            means: None,
             class: part.class,
             components: part.components,
             filled: part.filled,
@@ -125,6 +141,10 @@ impl Op for SurfaceParams {
             energy_first: found.energies.first().copied(),
             energy_last: found.energies.last().copied(),
             active_fraction: found.active_fraction,
+            gap: found.gap,
+            relaxed_gap: found.relaxed_gap,
+            mu: Some(found.mu),
+            means: Some(found.means),
             class: None,
             components: found.components,
             filled: found.filled,

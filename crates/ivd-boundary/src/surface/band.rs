@@ -182,18 +182,22 @@ impl Band {
         parallel::for_each_piece_mut(&mut primal_of, 4, &|piece, states| {
             for (slot, state) in (4 * piece..).zip(states) {
                 let brick = self.places[slot];
-                let below = [0, 1, 2].map(|a| match self.neighbour(brick, a, false) {
-                    Some(other) => self.slot(other).map_or(&ZEROS, |s| &self.flow[s][a]),
-                    None => &ZEROS,
-                });
-                primal(state, &self.flow[slot], below, &self.force[slot], steps);
+                primal(state, &self.flow[slot], self.below(brick), &self.force[slot], steps);
             }
         });
         self.primal = primal_of;
         Ok(())
     }
 
-    /// Whether each voxel of a brick is inside, as bits, and those of its upper neighbours; beyond the volume as the brick's own last.
+    /// Flows through the upper faces of the bricks below one along x, y and z.
+    pub(super) fn below(&self, brick: [usize; 3]) -> [&Brick; 3] {
+        [0, 1, 2].map(|a| match self.neighbour(brick, a, false).and_then(|other| self.slot(other)) {
+            Some(slot) => &self.flow[slot][a],
+            None => &ZEROS,
+        })
+    }
+
+    /// Shares of the bricks above one along x, y and z; `None` beyond the volume.
     pub(super) fn above(&self, brick: [usize; 3]) -> [Option<&Brick>; 3] {
         [0, 1, 2].map(|a| self.beside(brick, a, true, |s| &self.primal[s].u))
     }

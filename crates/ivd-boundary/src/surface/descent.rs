@@ -43,12 +43,10 @@ pub(super) struct Descent {
     pub(super) mu: f64,
     /// Mean values inside and outside, of the best set.
     pub(super) means: [f64; 2],
-    /// Half the difference of what a voxel costs on either side.
-    pub(super) contrast: f64,
     /// Noise over contrast.
     pub(super) noise: f64,
-    /// Area of the best set's border (shortest edges).
-    pub(super) area: f64,
+    /// What the best set's statistics make of values.
+    pub(super) force: Force,
 }
 
 /// Values inside and outside of the set that is looked at.
@@ -80,7 +78,7 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
     let mut looks = look_at_all(&band, slope, bins, exec)?;
     let (mut best, mut energies, mut sweeps, mut updates) = (Vec::new(), Vec::<f64>::new(), 0, 0);
     let (mut steps, mut weight) = (None::<Steps>, None::<Weight>);
-    let mut best_sides = None;
+    let mut kept = None;
     let mut stalled = 0;
     loop {
         let sides = sides(&looks, &inner, &total);
@@ -106,7 +104,7 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
         if energy < before {
             energies.push(energy);
             best = looks.iter().map(|look| look.bits).collect();
-            best_sides = Some(sides);
+            kept = Some((sides, force));
         }
         exec.observer().iteration(Iteration { method: "surface", index: u64::from(sweeps), value: energy });
         if stalled >= PATIENCE || sweeps >= params.sweeps {
@@ -126,7 +124,7 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
     for slot in best.len()..band.len() {
         best.push([if band.primal[slot].u[0] > 0.5 { u64::MAX } else { 0 }; BRICK]);
     }
-    let sides = best_sides.expect("the first pair is accepted");
+    let (sides, force) = kept.expect("the first pair is accepted");
     let weight = weight.expect("it is set before the first pair");
     Ok(Descent {
         band,
@@ -136,9 +134,8 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
         updates,
         mu: weight.mu,
         means: [sides.inside.mean(), sides.outside.mean()],
-        contrast: weight.contrast,
         noise: weight.noise,
-        area: sides.area,
+        force,
     })
 }
 
@@ -176,7 +173,6 @@ fn grow(
 struct Weight {
     /// Shortest edges.
     mu: f64,
-    contrast: f64,
     noise: f64,
 }
 
@@ -214,7 +210,7 @@ impl Weight {
             .map(|a| if params.phi.is_some() { level.edges[a] / level.factor[a] as f64 } else { level.edges[a] })
             .product::<f64>()
             .cbrt();
-        Ok(Self { mu: share * contrast * mean / finest, contrast, noise })
+        Ok(Self { mu: share * contrast * mean / finest, noise })
     }
 }
 
@@ -224,7 +220,7 @@ fn untrusted(problem: String) -> Error {
 
 impl Band {
     /// Sets the force of every voxel in work.
-    fn act(&mut self, force: &Force) {
+    pub(super) fn act(&mut self, force: &Force) {
         let values = &self.values;
         ivd_core::parallel::for_each_piece_mut(&mut self.force, 16, &|piece, forces| {
             for (slot, out) in (16 * piece..).zip(forces) {

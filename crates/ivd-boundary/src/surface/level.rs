@@ -28,12 +28,6 @@ impl Unit {
         (one > 0.0 && one.is_finite()).then_some(Self { zero: low, one, window })
     }
 
-    /// A real value, in these units.
-    pub(super) fn of_real(&self, real: f64) -> f64 {
-        let real = self.window.map_or(real, |[low, high]| real.clamp(low, high));
-        (real - self.zero) / self.one
-    }
-
     /// The real value of one in these units.
     pub(super) fn real(&self, value: f64) -> f64 {
         self.zero + value * self.one

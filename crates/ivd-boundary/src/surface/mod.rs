@@ -6,12 +6,15 @@
 //!
 //! - `level`: resolutions of a volume. `band`: the bricks in work. `sweep`: the iteration on one brick.
 //! - `look`: what a set is: values, area, front. `model`: what values cost on either side. `descent`: the whole at one resolution.
+//! - `certify`: how far from the lowest energy a set can be; `graph`: the lowest set where area is counted by cut edges.
 //! - `start`: what it begins with. `finish`: from the set to one part. `smooth`: the level function of a part.
 
 mod band;
+mod certify;
 mod descent;
 mod distance;
 mod finish;
+mod graph;
 mod level;
 mod look;
 mod model;
@@ -29,7 +32,7 @@ use band::Band;
 use descent::{Descent, Settings, descend};
 use level::{CUBE, Level, Unit, levels};
 use look::{Bits, is_inside};
-pub use params::{DataTerm, Distribution, StartShape, SurfaceParams};
+pub use params::{AreaMeasure, DataTerm, Distribution, StartShape, SurfaceParams};
 use start::Start;
 
 use crate::Error;
@@ -63,6 +66,10 @@ pub struct Surface {
     pub means: [f64; 2],
     /// Noise from voxel to voxel over the contrast.
     pub noise: f64,
+    /// How far the energy of the set can be above the lowest for its statistics, over μ times its area; `None` where that wasn't asked.
+    pub gap: Option<f64>,
+    /// The same of shares of voxels, where the area is that of forward differences: no set has as low an energy as shares have.
+    pub relaxed_gap: Option<f64>,
 }
 
 /// Finds the boundary of the part that a start lies in.
@@ -99,11 +106,21 @@ pub fn active_surface(
             updates += found.updates;
         }
         let finest = levels.last().expect("there is the finest");
-        let inside = draw(finest, &found, exec)?;
+        let mut inside = draw(finest, &found, exec)?;
+        let edge = finest.edges.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut certificate = None;
+        if params.certify || params.area != AreaMeasure::Smooth {
+            let mut shown =
+                certify::certify(finest, &inside, &found.force, found.mu * edge, params.area, exec)?;
+            if let Some(lower) = shown.inside.take() {
+                inside = lower;
+            }
+            sweeps += shown.sweeps;
+            certificate = Some(shown);
+        }
         let part = finish::part(inside, volume, &start, params, exec)?;
         let level = smooth::level(&part.inside, grid.dims(), exec)?;
         let mask = Mask::new(grid.clone(), part.inside.into())?.with_level(level.into())?;
-        let edge = finest.edges.iter().copied().fold(f64::INFINITY, f64::min);
         // The energy is in units of the range squared; a likelihood's is in nats.
         let value = if params.data == DataTerm::Means { unit.one * unit.one } else { 1.0 };
         Ok(Surface {
@@ -118,6 +135,8 @@ pub fn active_surface(
             mu: found.mu * value * edge,
             means: found.means.map(|m| unit.real(m)),
             noise: found.noise,
+            gap: certificate.as_ref().map(|shown| shown.gap),
+            relaxed_gap: certificate.as_ref().and_then(|shown| shown.relaxed_gap),
         })
     })
 }
@@ -208,6 +227,7 @@ impl Descent {
             }
         }
         self.means.reverse();
+        self.force = self.force.negated();
         debug_assert_eq!(level.bricks().iter().product::<usize>(), self.best.len(), "a whole level is turned");
     }
 }

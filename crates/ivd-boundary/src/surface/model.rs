@@ -104,6 +104,14 @@ pub(super) enum Force {
 }
 
 impl Force {
+    /// With the sides the other way round.
+    pub(super) fn negated(&self) -> Self {
+        match self {
+            Self::Quadratic(coefficients) => Self::Quadratic(coefficients.map(|c| -c)),
+            Self::Table(table) => Self::Table(table.iter().map(|force| -force).collect()),
+        }
+    }
+
     /// Mean over the values of a set.
     pub(super) fn mean(&self, tally: &Tally) -> f64 {
         let sum = match self {

@@ -26,6 +26,19 @@ pub enum Distribution {
     Rician,
 }
 
+/// How the border's area is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum AreaMeasure {
+    /// The length of the gradient by forward differences: fast, the same in all directions but for the voxels' steps.
+    #[default]
+    Smooth,
+    /// Cut edges between voxels that share a face: a minimum cut.
+    Faces,
+    /// Cut edges between all 26 neighbours: a minimum cut whose area is that of space within a few hundredths.
+    Corners,
+}
+
 /// The shape of a start about a seed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -71,6 +84,11 @@ pub struct SurfaceParams {
     /// φ / (1 − φ) × half the difference of what a voxel costs on its right and on its wrong side, a mean voxel's edge.
     #[schemars(extend("x-unit" = "1", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0))]
     pub phi: Option<f64>,
+    /// How the border's area is measured at the end. Cuts are worked on until nothing can be lower, over the whole volume: minutes at
+    /// 256³.
+    pub area: AreaMeasure,
+    /// Shows how far from the lowest energy for its statistics the set can be; over the whole volume, as cuts are.
+    pub certify: bool,
     /// Leak guard: where the part is narrower than twice this it is cut, and what hangs on such a bridge stays out.
     #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
     pub open: f64,
@@ -95,6 +113,8 @@ impl Default for SurfaceParams {
             distribution: Distribution::Histogram,
             window: None,
             phi: None,
+            area: AreaMeasure::Smooth,
+            certify: false,
             open: 0.0,
             fill_holes: true,
             sweeps: 400,

@@ -171,7 +171,7 @@ impl Op for LatticeParams {
 
 impl LatticeParams {
     /// Where the surface is: at the value, or at the crossings of the class that is meant, the one named, else the one that the mask was
-    /// cut from, else the largest. Where no crossings are known, it is the mask's own surface.
+    /// cut from, else the largest. Where no crossings are known, and for a mask with a level function, it is the mask's own surface.
     ///
     /// # Errors
     /// Neither labels nor a mask where a class is meant; labels or a mask on another grid; an unknown class.
@@ -181,6 +181,10 @@ impl LatticeParams {
         let class = match (self.iso, labels, mask) {
             (IsoChoice::Value(value), ..) => return Ok(Iso::Value(value)),
             (IsoChoice::Word(_), None, Some(_)) => return Ok(Iso::Mask),
+            // A border that was found between the voxels is the part's, whatever classes there are.
+            (IsoChoice::Word(_), Some(_), Some(mask)) if mask.level().is_some() && self.class.is_none() => {
+                return Ok(Iso::Mask);
+            }
             (IsoChoice::Word(_), None, None) => {
                 return Err(Error::MissingInput {
                     asked: "iso = boundary",
