@@ -155,7 +155,7 @@ fn any_start_finds_the_part_it_lies_in_or_says_that_there_is_none() {
 fn voxels_without_data_belong_to_nothing() {
     let n = 40;
     let (volume, truth) = shape([n; 3], [1.0; 3], 0.2, &ball(40.0));
-    let missing = |i: usize| i % 7 == 3 || volume.grid().index(i).0[2] == 20;
+    let missing = |i: usize| i % 7 == 3 || (volume.grid().index(i).0[2] == 20 && i % 40 < 20);
     let voxels: Vec<f32> = (0..volume.grid().len())
         .map(|i| if missing(i) { f32::NAN } else { volume.voxels().get(i) as f32 })
         .collect();
@@ -163,9 +163,9 @@ fn voxels_without_data_belong_to_nothing() {
     let top = SurfaceParams { fill_holes: false, ..SurfaceParams::default() };
     let found = find(&holed, &top).unwrap();
     assert!((0..truth.len()).filter(|&i| missing(i)).all(|i| found.mask.inside()[i] == 0));
-    let above = |i: &usize| volume.grid().index(*i).0[2] > 20 && !missing(*i);
-    let right = (0..truth.len()).filter(above).filter(|&i| (found.mask.inside()[i] != 0) == truth[i]).count();
-    assert!(right as f64 > 0.995 * (0..truth.len()).filter(above).count() as f64);
+    let there = |i: &usize| !missing(*i);
+    let right = (0..truth.len()).filter(there).filter(|&i| (found.mask.inside()[i] != 0) == truth[i]).count();
+    assert!(right as f64 > 0.995 * (0..truth.len()).filter(there).count() as f64, "{right}");
 }
 
 #[test]
@@ -232,7 +232,7 @@ fn random_case(case: u64) -> bool {
 #[test]
 fn energies_never_rise_on_random_volumes() {
     let found = (0..400).filter(|&case| random_case(case)).count();
-    assert!(found > 200, "{found} of 400 volumes have a surface");
+    assert!(found > 100, "{found} of 400 volumes have a surface");
 }
 
 /// As above, by the ten thousand: part of `just stress`.
@@ -240,5 +240,5 @@ fn energies_never_rise_on_random_volumes() {
 #[ignore = "takes minutes; `just stress` runs it"]
 fn energies_never_rise_on_ten_thousand_volumes() {
     let found = (1000..11_000).filter(|&case| random_case(case)).count();
-    assert!(found > 5000, "{found}");
+    assert!(found > 2500, "{found}");
 }
