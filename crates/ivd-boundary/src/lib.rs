@@ -24,15 +24,18 @@
 //! ```
 #![deny(unsafe_code)]
 
+mod compete;
 mod component;
 mod error;
 mod params;
+mod part;
 mod runs;
 mod stage;
 mod surface;
 
+pub use compete::{CompeteParams, Shared, Stroke, Won, compete, part_of_strokes};
 pub use component::{Component, component};
 pub use error::Error;
 pub use params::ComponentParams;
-pub use stage::{BoundaryFigures, Inputs, STAGE, SurfaceInputs};
+pub use stage::{BoundaryFigures, Inputs, STAGE, StrokeInputs, SurfaceInputs};
 pub use surface::{AreaMeasure, DataTerm, Distribution, StartShape, Surface, SurfaceParams, active_surface};

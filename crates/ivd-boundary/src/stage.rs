@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::params::check_together;
-use crate::{ComponentParams, SurfaceParams, active_surface, component};
+use crate::{CompeteParams, ComponentParams, SurfaceParams, active_surface, component, part_of_strokes};
 
 /// The stage: its methods, and where it stands in a scene.
 pub const STAGE: Stage = Stage {
@@ -22,7 +22,11 @@ pub const STAGE: Stage = Stage {
     }],
     quiet: false,
 };
-const METHODS: &[Method] = &[method::<ComponentParams>("component"), method::<SurfaceParams>("surface")];
+const METHODS: &[Method] = &[
+    method::<ComponentParams>("component"),
+    method::<SurfaceParams>("surface"),
+    method::<CompeteParams>("compete"),
+];
 
 slots! {
     /// What a part is found in: by its classes, unless a value is given.
@@ -30,7 +34,7 @@ slots! {
 }
 
 /// What an isolated part comes to.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct BoundaryFigures {
     /// Voxels of the part.
     #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
@@ -95,19 +99,13 @@ impl Op for ComponentParams {
         let part = component(volume, labels, self, exec)?;
         let figures = BoundaryFigures {
             voxels: part.voxels,
-            iterations: 0,
-            energy_first: None,
-            energy_last: None,
             active_fraction: part.voxels as f64 / volume.grid().len() as f64,
-            gap: None,
-            relaxed_gap: None,
-            mu: None,
-            means: None,
             class: part.class,
             components: part.components,
             filled: part.filled,
             lower: part.lower,
             upper: part.upper,
+            ..BoundaryFigures::default()
         };
         Ok((part.mask, figures))
     }
@@ -145,12 +143,42 @@ impl Op for SurfaceParams {
             relaxed_gap: found.relaxed_gap,
             mu: Some(found.mu),
             means: Some(found.means),
-            class: None,
             components: found.components,
             filled: found.filled,
-            lower: None,
-            upper: None,
+            ..BoundaryFigures::default()
         };
         Ok((found.mask, figures))
+    }
+}
+
+slots! {
+    /// What strokes compete for, those that are drawn, a mask in the part, and what nobody gets.
+    pub struct StrokeInputs<'a> {
+        volume: &'a Volume, strokes: Option<&'a Labels>, start: Option<&'a Mask>, blocked: Option<&'a Mask>
+    }
+}
+
+impl Op for CompeteParams {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = StrokeInputs<'a>;
+    type Output = Mask;
+    type Figures = BoundaryFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        Self::check_together(self)
+    }
+
+    fn run(&self, inputs: StrokeInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+        let StrokeInputs { volume, strokes, start, blocked } = inputs;
+        let won = part_of_strokes(volume, strokes, start, blocked, self, exec)?;
+        let share = won.voxels as f64 / volume.grid().len() as f64;
+        let figures = BoundaryFigures {
+            voxels: won.voxels,
+            active_fraction: share,
+            components: won.components,
+            filled: won.filled,
+            ..BoundaryFigures::default()
+        };
+        Ok((won.mask, figures))
     }
 }

@@ -1,4 +1,5 @@
 //! The one test program of this crate.
 
+mod compete;
 mod component;
 mod surface;

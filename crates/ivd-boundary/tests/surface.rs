@@ -11,7 +11,12 @@ fn gauss(seed: u64, i: u64) -> f64 {
 }
 
 /// A volume of a shape, told by its signed distance (mm) from the volume's middle, whose edge is a step from 0 to 1.
-fn shape(dims: [usize; 3], spacing: [f64; 3], sigma: f64, distance: &dyn Fn([f64; 3]) -> f64) -> (Volume, Vec<bool>) {
+fn shape(
+    dims: [usize; 3],
+    spacing: [f64; 3],
+    sigma: f64,
+    distance: &dyn Fn([f64; 3]) -> f64,
+) -> (Volume, Vec<bool>) {
     let grid = Grid::with_spacing(dims, spacing).unwrap();
     let shift = [0.13, -0.21, 0.37];
     let inside: Vec<bool> = (0..grid.len())
@@ -85,7 +90,10 @@ fn balls_and_tori_are_found_in_noise() {
             let (volume, truth) = shape([n; 3], [1.0; 3], sigma, &of);
             let found = find(&volume, &SurfaceParams::default()).unwrap();
             let (dice, far) = (dice(&found.mask, &truth), distance(&found.mask, &of));
-            assert!(dice >= least && far <= greatest, "{name} in noise of {sigma}: Dice {dice:.4}, {far:.3} voxels");
+            assert!(
+                dice >= least && far <= greatest,
+                "{name} in noise of {sigma}: Dice {dice:.4}, {far:.3} voxels"
+            );
             assert!(found.energies.windows(2).all(|e| e[1] < e[0]), "{name}: {:?}", found.energies);
             assert_eq!(found.voxels, found.mask.count());
         }
@@ -121,7 +129,9 @@ fn any_start_finds_the_part_it_lies_in_or_says_that_there_is_none() {
     let n = 40;
     let (volume, truth) = shape([n; 3], [1.0; 3], 0.2, &ball(40.0));
     let outside: Vec<bool> = truth.iter().map(|t| !t).collect();
-    let from = |start: &Mask| active_surface(&volume, None, Some(start), &SurfaceParams::default(), &Exec::default());
+    let from = |start: &Mask| {
+        active_surface(&volume, None, Some(start), &SurfaceParams::default(), &Exec::default())
+    };
     let sees = |start: &Mask, truth: &[bool]| {
         let found = from(start).unwrap();
         let dice = dice(&found.mask, truth);
@@ -209,7 +219,11 @@ fn random_case(case: u64) -> bool {
     let volume = Volume::new(grid, voxels.into()).unwrap();
     let params = SurfaceParams {
         phi: (noise::below(case, 10, 2) == 0).then(|| 0.01 + 0.9 * noise::unit(case, 11)),
-        data: if noise::below(case, 12, 2) == 0 { Default::default() } else { ivd_boundary::DataTerm::Likelihood },
+        data: if noise::below(case, 12, 2) == 0 {
+            Default::default()
+        } else {
+            ivd_boundary::DataTerm::Likelihood
+        },
         open: [0.0, 0.0, 1.0][noise::below(case, 13, 3) as usize],
         ..SurfaceParams::default()
     };
@@ -219,7 +233,10 @@ fn random_case(case: u64) -> bool {
             assert!(found.energies.windows(2).all(|e| e[1] <= e[0]), "case {case}: {:?}", found.energies);
             assert!(found.voxels > 0, "case {case}");
             let inside = found.mask.inside();
-            assert!((0..inside.len()).all(|i| inside[i] == 0 || !volume.voxels().get(i).is_nan()), "case {case}");
+            assert!(
+                (0..inside.len()).all(|i| inside[i] == 0 || !volume.voxels().get(i).is_nan()),
+                "case {case}"
+            );
             true
         }
         Err(error) => {

@@ -46,9 +46,8 @@ impl Band {
     /// No brick is worked on; `inside` tells on which side each one is.
     pub(super) fn new(level: &Level, inside: &dyn Fn([usize; 3]) -> bool) -> Self {
         let bricks = level.bricks();
-        let slots = (0..bricks.iter().product())
-            .map(|i| if inside(place(bricks, i)) { IN } else { OUT })
-            .collect();
+        let slots =
+            (0..bricks.iter().product()).map(|i| if inside(place(bricks, i)) { IN } else { OUT }).collect();
         Self {
             dims: level.dims,
             bricks,

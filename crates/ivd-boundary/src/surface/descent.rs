@@ -206,10 +206,17 @@ impl Weight {
         let share = params.phi.map_or_else(|| smoothness(noise), |phi| phi / (1.0 - phi));
         let finest: f64 = level.edges.iter().copied().fold(f64::INFINITY, f64::min);
         // An edge of a mean voxel: of this resolution where the weight follows from its own noise, else of the volume's.
-        let mean: f64 = (0..3)
-            .map(|a| if params.phi.is_some() { level.edges[a] / level.factor[a] as f64 } else { level.edges[a] })
-            .product::<f64>()
-            .cbrt();
+        let mean: f64 =
+            (0..3)
+                .map(|a| {
+                    if params.phi.is_some() {
+                        level.edges[a] / level.factor[a] as f64
+                    } else {
+                        level.edges[a]
+                    }
+                })
+                .product::<f64>()
+                .cbrt();
         Ok(Self { mu: share * contrast * mean / finest, noise })
     }
 }

@@ -42,9 +42,7 @@ pub(super) fn edges(neighbours: u8, lengths: [f64; 3]) -> Vec<Edge> {
         let turn = i as f64 * PI * (3.0 - 5.0_f64.sqrt());
         let r = (1.0 - z * z).sqrt();
         let direction = [r * turn.cos(), r * turn.sin(), z];
-        let along = |k: usize| {
-            (0..3).map(|a| vectors[k][a] * direction[a]).sum::<f64>().abs() / norms[k]
-        };
+        let along = |k: usize| (0..3).map(|a| vectors[k][a] * direction[a]).sum::<f64>().abs() / norms[k];
         let best = (0..steps.len()).max_by(|&a, &b| along(a).total_cmp(&along(b)));
         nearest[best.expect("there are edges")] += 1;
     }
@@ -324,8 +322,11 @@ mod tests {
             .map(|set| {
                 let inside = |i: usize| set >> i & 1 == 1;
                 let fit: f64 = (0..force.len()).filter(|&i| inside(i)).map(|i| force[i]).sum();
-                let cut: f64 =
-                    pairs.iter().filter(|(i, j, _)| inside(*i) != inside(*j)).map(|(.., weight)| weight).sum();
+                let cut: f64 = pairs
+                    .iter()
+                    .filter(|(i, j, _)| inside(*i) != inside(*j))
+                    .map(|(.., weight)| weight)
+                    .sum();
                 fit + cut
             })
             .fold(f64::INFINITY, f64::min)
@@ -342,7 +343,8 @@ mod tests {
             let force = Force::Quadratic([-1.0, 2.0, 0.0]);
             let neighbours = if case % 2 == 0 { 26 } else { 6 };
             let mu = 0.02 + 0.4 * noise::unit(99, case as u64);
-            let found = cut(&level, &[0; 12], &force, mu, neighbours, [1e-5, 20_000.0], &Exec::default()).unwrap();
+            let found =
+                cut(&level, &[0; 12], &force, mu, neighbours, [1e-5, 20_000.0], &Exec::default()).unwrap();
             let mut values = [0.0; 12];
             level.row(0, &mut values);
             let costs: Vec<f64> = values.iter().map(|v| 2.0 * f64::from(*v) - 1.0).collect();
@@ -350,7 +352,11 @@ mod tests {
                 edges(neighbours, level.edges).into_iter().map(|e| (e, mu * e.weight)).collect();
             let lowest = lowest(&costs, dims, &weights);
             assert!((found.energy - lowest).abs() < 1e-5, "case {case}: {} {lowest}", found.energy);
-            assert!(found.bound <= lowest + 1e-5 && found.bound >= lowest - 1e-3, "case {case}: {}", found.bound);
+            assert!(
+                found.bound <= lowest + 1e-5 && found.bound >= lowest - 1e-3,
+                "case {case}: {}",
+                found.bound
+            );
         }
     }
 }

@@ -53,12 +53,7 @@ impl<'a> Level<'a> {
     /// The volume itself.
     pub(super) fn finest(volume: &'a Volume, unit: Unit) -> Self {
         let grid = volume.grid();
-        Self {
-            dims: grid.dims(),
-            factor: [1; 3],
-            edges: edges(grid),
-            values: Values::Stored(volume, unit),
-        }
+        Self { dims: grid.dims(), factor: [1; 3], edges: edges(grid), values: Values::Stored(volume, unit) }
     }
 
     /// Number of voxels.

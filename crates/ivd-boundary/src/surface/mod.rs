@@ -7,19 +7,16 @@
 //! - `level`: resolutions of a volume. `band`: the bricks in work. `sweep`: the iteration on one brick.
 //! - `look`: what a set is: values, area, front. `model`: what values cost on either side. `descent`: the whole at one resolution.
 //! - `certify`: how far from the lowest energy a set can be; `graph`: the lowest set where area is counted by cut edges.
-//! - `start`: what it begins with. `finish`: from the set to one part. `smooth`: the level function of a part.
+//! - `start`: what it begins with.
 
 mod band;
 mod certify;
 mod descent;
-mod distance;
-mod finish;
 mod graph;
 mod level;
 mod look;
 mod model;
 mod params;
-mod smooth;
 mod start;
 mod sweep;
 #[cfg(test)]
@@ -35,7 +32,7 @@ use look::{Bits, is_inside};
 pub use params::{AreaMeasure, DataTerm, Distribution, StartShape, SurfaceParams};
 use start::Start;
 
-use crate::Error;
+use crate::{Error, part};
 
 /// Most voxels of the resolution that is worked through whole.
 const WHOLE: usize = 64 * 64 * 64;
@@ -93,9 +90,8 @@ pub fn active_surface(
     exec.run(|| {
         let grid = volume.grid();
         let start = Start::of(volume, labels, start, params, exec)?;
-        let unit = Unit::of(volume, params.window).ok_or_else(|| Error::NoBoundary {
-            problem: "all values of the volume are alike".into(),
-        })?;
+        let unit = Unit::of(volume, params.window)
+            .ok_or_else(|| Error::NoBoundary { problem: "all values of the volume are alike".into() })?;
         let levels = levels(Level::finest(volume, unit), WHOLE, exec)?;
         let settings = Settings { params, exec };
         let mut found = first(&levels[0], &start, volume, &settings)?;
@@ -118,8 +114,9 @@ pub fn active_surface(
             sweeps += shown.sweeps;
             certificate = Some(shown);
         }
-        let part = finish::part(inside, volume, &start, params, exec)?;
-        let level = smooth::level(&part.inside, grid.dims(), exec)?;
+        let chosen = start.indices(grid);
+        let part = part::part(inside, volume, &chosen, params.open, params.fill_holes, exec)?;
+        let level = part::level(&part.inside, grid.dims(), exec)?;
         let mask = Mask::new(grid.clone(), part.inside.into())?.with_level(level.into())?;
         // The energy is in units of the range squared; a likelihood's is in nats.
         let value = if params.data == DataTerm::Means { unit.one * unit.one } else { 1.0 };
@@ -228,7 +225,11 @@ impl Descent {
         }
         self.means.reverse();
         self.force = self.force.negated();
-        debug_assert_eq!(level.bricks().iter().product::<usize>(), self.best.len(), "a whole level is turned");
+        debug_assert_eq!(
+            level.bricks().iter().product::<usize>(),
+            self.best.len(),
+            "a whole level is turned"
+        );
     }
 }
 
@@ -264,8 +265,11 @@ fn refined(coarse: &Level, found: &Descent, fine: &Level, exec: &Exec) -> Result
         let next_x = faces.next_x(u);
         for z in 0..extent[2] {
             for y in 0..extent[1] {
-                let next =
-                    [sweep::row(&next_x, BRICK * (y + BRICK * z)), faces.next_y(u, y, z), faces.next_z(u, y, z)];
+                let next = [
+                    sweep::row(&next_x, BRICK * (y + BRICK * z)),
+                    faces.next_y(u, y, z),
+                    faces.next_z(u, y, z),
+                ];
                 for x in 0..extent[0] {
                     let here = u[x + BRICK * (y + BRICK * z)];
                     for a in (0..3).filter(|&a| (next[a][x] > 0.5) != (here > 0.5)) {
@@ -350,7 +354,8 @@ fn draw(level: &Level, found: &Descent, exec: &Exec) -> Result<Vec<u8>, Error> {
                         let from = BRICK * (y % BRICK) + 64 * (z % BRICK);
                         for (x, out) in out.iter_mut().enumerate() {
                             *out = u8::from(
-                                is_inside(&found.best[slot], from + x) && !band.values[slot][from + x].is_nan(),
+                                is_inside(&found.best[slot], from + x)
+                                    && !band.values[slot][from + x].is_nan(),
                             );
                         }
                     }

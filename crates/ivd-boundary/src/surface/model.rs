@@ -83,9 +83,7 @@ impl Model {
             );
         }
         let at = |i: usize| (i as f64 + 0.5) / BINS as f64;
-        Force::Table(
-            (0..BINS).map(|i| (self.inside.cost(at(i)) - self.outside.cost(at(i))) as f32).collect(),
-        )
+        Force::Table((0..BINS).map(|i| (self.inside.cost(at(i)) - self.outside.cost(at(i))) as f32).collect())
     }
 
     /// What the values of two sets cost.
@@ -184,8 +182,8 @@ fn rician(tally: &Tally) -> Vec<f64> {
     (0..BINS)
         .map(|i| {
             let m = (i as f64 + 0.5) / BINS as f64;
-            let log =
-                (m / noise).ln() - (m - signal).powi(2) / (2.0 * noise) + ln_scaled_bessel(m * signal / noise);
+            let log = (m / noise).ln() - (m - signal).powi(2) / (2.0 * noise)
+                + ln_scaled_bessel(m * signal / noise);
             -(log - (BINS as f64).ln()).max(LEAST_PROBABILITY.ln())
         })
         .collect()

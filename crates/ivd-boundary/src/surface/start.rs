@@ -4,6 +4,7 @@ use ivd_core::{Exec, Grid, Labels, Mask, Volume, VoxelCoord, World};
 use nalgebra::Vector3;
 
 use super::params::{StartShape, SurfaceParams};
+use crate::part::bounds;
 use crate::{ComponentParams, Error, component};
 
 /// A set of points.
@@ -114,6 +115,50 @@ impl Start {
         }
     }
 
+    /// Lowest and one past the highest voxel that it can hold.
+    pub(super) fn bounds(&self, grid: &Grid) -> [[usize; 3]; 2] {
+        let dims = grid.dims();
+        let corners: Vec<[f64; 3]> = match self {
+            Self::Drawn(mask) => return bounds(mask.inside(), dims),
+            Self::Ball(centre, radius) => around(*centre, [*radius; 3]),
+            Self::Cube(centre, half) => around(*centre, [half * 3.0_f64.sqrt(); 3]),
+            Self::Box(low, high) => {
+                let half: [f64; 3] = std::array::from_fn(|a| (high[a] - low[a]) / 2.0);
+                around(std::array::from_fn(|a| (low[a] + high[a]) / 2.0), half)
+            }
+        };
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for corner in corners {
+            let VoxelCoord(at) = grid.voxel(World(Vector3::from(corner)));
+            for a in 0..3 {
+                low[a] = low[a].min(at[a]);
+                high[a] = high[a].max(at[a]);
+            }
+        }
+        let clamped = |v: f64, a: usize| v.clamp(0.0, dims[a] as f64) as usize;
+        // One voxel more: the one at the start's middle belongs to it even where its own middle doesn't.
+        [
+            std::array::from_fn(|a| clamped(low[a].floor() - 1.0, a)),
+            std::array::from_fn(|a| clamped(high[a].ceil() + 2.0, a)),
+        ]
+    }
+
+    /// Linear indices of its voxels.
+    pub(super) fn indices(&self, grid: &Grid) -> Vec<usize> {
+        let dims = grid.dims();
+        let holds = self.voxels(grid, [1; 3]);
+        let [low, high] = self.bounds(grid);
+        let mut found = Vec::new();
+        for z in low[2]..high[2] {
+            for y in low[1]..high[1] {
+                found.extend(
+                    (low[0]..high[0]).filter(|&x| holds([x, y, z])).map(|x| x + dims[0] * (y + dims[1] * z)),
+                );
+            }
+        }
+        found
+    }
+
     /// The point that a start stands about, which it holds.
     fn centre(&self) -> Option<[f64; 3]> {
         match self {
@@ -127,4 +172,13 @@ impl Start {
 fn shortest_side(grid: &Grid) -> f64 {
     let axes = grid.linear_part();
     (0..3).map(|a| axes.column(a).norm() * grid.dims()[a] as f64).fold(f64::INFINITY, f64::min)
+}
+
+/// Corners of a box about a point.
+fn around(centre: [f64; 3], half: [f64; 3]) -> Vec<[f64; 3]> {
+    (0..8)
+        .map(|corner| {
+            std::array::from_fn(|a| centre[a] + if corner >> a & 1 == 1 { half[a] } else { -half[a] })
+        })
+        .collect()
 }

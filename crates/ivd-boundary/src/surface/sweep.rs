@@ -201,15 +201,20 @@ fn primal_any(state: &mut Primal, flow: &[Brick; 3], below: [&Brick; 3], force: 
             let first = BRICK * (y + BRICK * z);
             let [x_row, y_row, z_row] = [0, 1, 2].map(|a| row(&flow[a], first));
             let x_before = row(&before_x, first);
-            let y_before = if y > 0 { row(&flow[1], first - BRICK) } else { row(below[1], LAYER * z + LAYER - BRICK) };
-            let z_before =
-                if z > 0 { row(&flow[2], first - LAYER) } else { row(below[2], LAYER * (BRICK - 1) + BRICK * y) };
+            let y_before =
+                if y > 0 { row(&flow[1], first - BRICK) } else { row(below[1], LAYER * z + LAYER - BRICK) };
+            let z_before = if z > 0 {
+                row(&flow[2], first - LAYER)
+            } else {
+                row(below[2], LAYER * (BRICK - 1) + BRICK * y)
+            };
             let force = row(force, first);
             let range = first..first + BRICK;
             let (u, ahead) = (&mut state.u[range.clone()], &mut state.ahead[range]);
             for i in 0..BRICK {
-                let div =
-                    gx * (x_row[i] - x_before[i]) + gy * (y_row[i] - y_before[i]) + gz * (z_row[i] - z_before[i]);
+                let div = gx * (x_row[i] - x_before[i])
+                    + gy * (y_row[i] - y_before[i])
+                    + gz * (z_row[i] - z_before[i]);
                 let before = u[i];
                 let now = (before + tau * (div - force[i])).clamp(0.0, 1.0);
                 u[i] = now;

@@ -1,44 +1,46 @@
-//! From the set that a surface encloses to one part: the piece of the start, cut at narrow bridges, without holes.
+//! From a set of voxels to one part: the piece that holds what was asked for, cut at narrow bridges, without holes, with a level function
+//! between its voxels.
 
-use ivd_core::{Exec, Grid, Volume, VoxelCoord, World};
-use nalgebra::Vector3;
+mod distance;
+mod smooth;
 
-use super::distance::squared_distances;
-use super::params::SurfaceParams;
-use super::start::Start;
+use ivd_core::{Exec, Grid, Volume};
+
 use crate::Error;
 use crate::component::{draw, fill_holes, ones};
 use crate::runs::Runs;
+use distance::squared_distances;
+pub(crate) use smooth::level;
 
 /// One part.
-pub(super) struct Part {
-    pub(super) inside: Vec<u8>,
+pub(crate) struct Part {
+    pub(crate) inside: Vec<u8>,
     /// Pieces that there were.
-    pub(super) components: usize,
-    pub(super) filled: u64,
+    pub(crate) components: usize,
+    pub(crate) filled: u64,
 }
 
-/// The piece that holds most of the start.
+/// The piece that holds most of the chosen voxels (linear indices), cut where it is narrower than twice `opening` (mm), and filled.
 ///
 /// # Errors
-/// [`Error::NoBoundary`] where no piece holds any of it, or the opening leaves nothing.
-pub(super) fn part(
+/// [`Error::NoBoundary`] where no piece holds any of them, or the opening leaves nothing.
+pub(crate) fn part(
     mut inside: Vec<u8>,
     volume: &Volume,
-    start: &Start,
-    params: &SurfaceParams,
+    chosen: &[usize],
+    opening: f64,
+    fill: bool,
     exec: &Exec,
 ) -> Result<Part, Error> {
     let grid = volume.grid();
     let dims = grid.dims();
-    let chosen = start_voxels(start, grid);
-    let components = keep_piece(&mut inside, dims, &chosen)?;
+    let components = keep_piece(&mut inside, dims, chosen)?;
     exec.check_cancelled()?;
-    if params.open > 0.0 {
-        open(&mut inside, grid, params.open, &chosen)?;
+    if opening > 0.0 {
+        open(&mut inside, grid, opening, chosen)?;
         exec.check_cancelled()?;
     }
-    let filled = if params.fill_holes {
+    let filled = if fill {
         let runs = ones(&inside, dims);
         let pieces = runs.components()?;
         let kept = pieces.first().copied().unwrap_or(0);
@@ -47,24 +49,6 @@ pub(super) fn part(
         0
     };
     Ok(Part { inside, components, filled })
-}
-
-/// Linear indices of the start's voxels.
-fn start_voxels(start: &Start, grid: &Grid) -> Vec<usize> {
-    let dims = grid.dims();
-    let holds = start.voxels(grid, [1; 3]);
-    let [low, high] = start.bounds(grid);
-    let mut found = Vec::new();
-    for z in low[2]..high[2] {
-        for y in low[1]..high[1] {
-            found.extend(
-                (low[0]..high[0])
-                    .filter(|&x| holds([x, y, z]))
-                    .map(|x| x + dims[0] * (y + dims[1] * z)),
-            );
-        }
-    }
-    found
 }
 
 /// Keeps the piece that holds most of the chosen voxels; gives the number of pieces.
@@ -115,7 +99,10 @@ fn open(inside: &mut [u8], grid: &Grid, radius: f64, chosen: &[usize]) -> Result
     let mut core: Vec<u8> = depth.iter().map(|&d| u8::from(d > limit)).collect();
     if !core.contains(&1) {
         return Err(Error::NoBoundary {
-            problem: format!("the part is nowhere wider than {} mm, which the leak guard opens", 2.0 * radius),
+            problem: format!(
+                "the part is nowhere wider than {} mm, which the leak guard opens",
+                2.0 * radius
+            ),
         });
     }
     let own: std::collections::HashSet<usize> = chosen.iter().copied().collect();
@@ -161,7 +148,7 @@ fn nearest(
 }
 
 /// Lowest and one past the highest voxel of a mask.
-fn bounds(inside: &[u8], dims: [usize; 3]) -> [[usize; 3]; 2] {
+pub(crate) fn bounds(inside: &[u8], dims: [usize; 3]) -> [[usize; 3]; 2] {
     let (mut low, mut high) = (dims, [0; 3]);
     for (row, voxels) in inside.chunks(dims[0]).enumerate() {
         let Some(first) = voxels.iter().position(|&v| v != 0) else { continue };
@@ -173,43 +160,4 @@ fn bounds(inside: &[u8], dims: [usize; 3]) -> [[usize; 3]; 2] {
         }
     }
     [low, high]
-}
-
-impl Start {
-    /// Lowest and one past the highest voxel that it can hold.
-    pub(super) fn bounds(&self, grid: &Grid) -> [[usize; 3]; 2] {
-        let dims = grid.dims();
-        let corners: Vec<[f64; 3]> = match self {
-            Self::Drawn(mask) => return bounds(mask.inside(), dims),
-            Self::Ball(centre, radius) => around(*centre, [*radius; 3]),
-            Self::Cube(centre, half) => around(*centre, [half * 3.0_f64.sqrt(); 3]),
-            Self::Box(low, high) => {
-                let half: [f64; 3] = std::array::from_fn(|a| (high[a] - low[a]) / 2.0);
-                around(std::array::from_fn(|a| (low[a] + high[a]) / 2.0), half)
-            }
-        };
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for corner in corners {
-            let VoxelCoord(at) = grid.voxel(World(Vector3::from(corner)));
-            for a in 0..3 {
-                low[a] = low[a].min(at[a]);
-                high[a] = high[a].max(at[a]);
-            }
-        }
-        let clamped = |v: f64, a: usize| v.clamp(0.0, dims[a] as f64) as usize;
-        // One voxel more: the one at the start's middle belongs to it even where its own middle doesn't.
-        [
-            std::array::from_fn(|a| clamped(low[a].floor() - 1.0, a)),
-            std::array::from_fn(|a| clamped(high[a].ceil() + 2.0, a)),
-        ]
-    }
-}
-
-/// Corners of a box about a point.
-fn around(centre: [f64; 3], half: [f64; 3]) -> Vec<[f64; 3]> {
-    (0..8)
-        .map(|corner| {
-            std::array::from_fn(|a| centre[a] + if corner >> a & 1 == 1 { half[a] } else { -half[a] })
-        })
-        .collect()
 }

@@ -21,7 +21,7 @@ fn weights() -> [f32; 2 * REACH + 1] {
 ///
 /// # Errors
 /// Memory, cancelled.
-pub(super) fn level(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<f32>, Error> {
+pub(crate) fn level(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<f32>, Error> {
     exec.check_memory("the level function", 4 * inside.len() as u64)?;
     let [nx, ny, nz] = dims;
     let layer = nx * ny;
@@ -35,9 +35,8 @@ pub(super) fn level(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<
             for bx in 0..nx.div_ceil(BRICK) {
                 let low = [bx * BRICK, by * BRICK, bz * BRICK];
                 let size = [BRICK.min(nx - low[0]), BRICK.min(ny - low[1]), layers];
-                let near = |a: usize, n: usize| {
-                    low[a].saturating_sub(REACH)..(low[a] + size[a] + REACH).min(n)
-                };
+                let near =
+                    |a: usize, n: usize| low[a].saturating_sub(REACH)..(low[a] + size[a] + REACH).min(n);
                 let (xs, ys, zs) = (near(0, nx), near(1, ny), near(2, nz));
                 let first = inside[xs.start + nx * (ys.start + ny * zs.start)];
                 let alike = zs.clone().all(|z| {

@@ -116,7 +116,10 @@ mod tests {
                         (0..3).map(|a| ((at(i)[a] as f64 - at(j)[a] as f64) * edges[a]).powi(2)).sum::<f64>()
                     })
                     .fold(f64::INFINITY, f64::min) as f32;
-                assert!((found - plain).abs() <= 1e-4 * plain || *found == plain, "case {case}: {found} {plain}");
+                assert!(
+                    (found - plain).abs() <= 1e-4 * plain || *found == plain,
+                    "case {case}: {found} {plain}"
+                );
             }
         }
     }
