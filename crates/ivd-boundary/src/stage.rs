@@ -6,7 +6,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::params::check_together;
-use crate::{CompeteParams, ComponentParams, SurfaceParams, active_surface, component, part_of_strokes};
+use crate::{
+    CompeteParams, ComponentParams, ContourParams, SurfaceParams, active_contour, active_surface, component,
+    part_of_strokes,
+};
 
 /// The stage: its methods, and where it stands in a scene.
 pub const STAGE: Stage = Stage {
@@ -45,6 +48,9 @@ pub struct BoundaryFigures {
     /// Energy at the start, of a method that lowers one.
     #[schemars(extend("x-unit" = "1"))]
     pub energy_first: Option<f64>,
+    /// Energies that were accepted, of a method that lowers one: each lower than the one before.
+    #[schemars(extend("x-unit" = "1"))]
+    pub energies: Vec<f64>,
     /// Energy at the end.
     #[schemars(extend("x-unit" = "1"))]
     pub energy_last: Option<f64>,
@@ -138,6 +144,7 @@ impl Op for SurfaceParams {
             iterations: found.sweeps,
             energy_first: found.energies.first().copied(),
             energy_last: found.energies.last().copied(),
+            energies: found.energies,
             active_fraction: found.active_fraction,
             gap: found.gap,
             relaxed_gap: found.relaxed_gap,
@@ -180,5 +187,36 @@ impl Op for CompeteParams {
             ..BoundaryFigures::default()
         };
         Ok((won.mask, figures))
+    }
+}
+
+slots! {
+    /// What a slice is taken of.
+    pub struct ContourInputs<'a> { volume: &'a Volume }
+}
+
+impl Op for ContourParams {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = ContourInputs<'a>;
+    type Output = Mask;
+    type Figures = BoundaryFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        Self::check_together(self)
+    }
+
+    fn run(&self, inputs: ContourInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+        let found = active_contour(inputs.volume, self, exec)?;
+        let figures = BoundaryFigures {
+            voxels: found.voxels,
+            iterations: found.iterations,
+            energy_first: found.energies.first().copied(),
+            energy_last: found.energies.last().copied(),
+            energies: found.energies,
+            active_fraction: found.voxels as f64 / inputs.volume.grid().len() as f64,
+            components: 1,
+            ..BoundaryFigures::default()
+        };
+        Ok((found.mask, figures))
     }
 }

@@ -2,4 +2,5 @@
 
 mod compete;
 mod component;
+mod contour;
 mod surface;

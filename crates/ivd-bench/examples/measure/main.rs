@@ -15,6 +15,7 @@ mod msvs_kmvs;
 mod raw;
 mod springs;
 mod stages;
+mod surface;
 mod tree;
 mod warp;
 
@@ -24,7 +25,7 @@ use anything::Anything;
 type Program = fn(&[String]) -> Anything<()>;
 
 /// Name, how it is called, and what runs.
-const PROGRAMS: [(&str, &str, Program); 12] = [
+const PROGRAMS: [(&str, &str, Program); 13] = [
     ("drag", drag::USAGE, drag::run),
     ("kernels", kernels::USAGE, kernels::run),
     ("kmvs-spatial", kmvs_spatial::USAGE, kmvs_spatial::run),
@@ -35,6 +36,7 @@ const PROGRAMS: [(&str, &str, Program); 12] = [
     ("msvs-kmvs", msvs_kmvs::USAGE, msvs_kmvs::run),
     ("springs", springs::USAGE, springs::run),
     ("stages", stages::USAGE, stages::run),
+    ("surface", surface::USAGE, surface::run),
     ("tree", tree::USAGE, tree::run),
     ("warp", warp::USAGE, warp::run),
 ];

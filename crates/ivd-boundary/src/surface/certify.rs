@@ -12,6 +12,8 @@ use crate::Error;
 
 /// What is known of a set's energy.
 pub(super) struct Certificate {
+    /// Its energy, less that of the outside alone (voxels of the functional).
+    pub(super) energy: f64,
     /// Its energy less what no set is below, over μ times its area.
     pub(super) gap: f64,
     /// The same of the shares 0 … 1, where area is that of forward differences: those have no set as their optimum.
@@ -49,7 +51,13 @@ pub(super) fn certify(
     };
     let limits = [CLOSED, f64::from(MOST)];
     let cut = graph::cut(level, inside, force, mu, neighbours, limits, exec)?;
-    Ok(Certificate { gap: cut.gap(), relaxed_gap: None, sweeps: cut.sweeps, inside: Some(cut.inside) })
+    Ok(Certificate {
+        energy: cut.energy,
+        gap: cut.gap(),
+        relaxed_gap: None,
+        sweeps: cut.sweeps,
+        inside: Some(cut.inside),
+    })
 }
 
 fn smooth(level: &Level, inside: &[u8], force: &Force, mu: f64, exec: &Exec) -> Result<Certificate, Error> {
@@ -74,7 +82,7 @@ fn smooth(level: &Level, inside: &[u8], force: &Force, mu: f64, exec: &Exec) -> 
         sweeps += BETWEEN;
     };
     let gap = (own - lowest).max(0.0) / own_border.max(f64::MIN_POSITIVE);
-    Ok(Certificate { gap, relaxed_gap: Some(relaxed), sweeps, inside: None })
+    Ok(Certificate { energy: own, gap, relaxed_gap: Some(relaxed), sweeps, inside: None })
 }
 
 /// Energy of shares, and the border's part of it (voxels of the functional).

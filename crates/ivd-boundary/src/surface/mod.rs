@@ -63,6 +63,8 @@ pub struct Surface {
     pub means: [f64; 2],
     /// Noise from voxel to voxel over the contrast.
     pub noise: f64,
+    /// Energy of a cut, less that of the outside alone \[value² mm³, or nats mm³\]; `None` where no certificate was asked.
+    pub energy: Option<f64>,
     /// How far the energy of the set can be above the lowest for its statistics, over μ times its area; `None` where that wasn't asked.
     pub gap: Option<f64>,
     /// The same of shares of voxels, where the area is that of forward differences: no set has as low an energy as shares have.
@@ -132,6 +134,7 @@ pub fn active_surface(
             mu: found.mu * value * edge,
             means: found.means.map(|m| unit.real(m)),
             noise: found.noise,
+            energy: certificate.as_ref().map(|shown| shown.energy * value * grid.voxel_volume()),
             gap: certificate.as_ref().map(|shown| shown.gap),
             relaxed_gap: certificate.as_ref().and_then(|shown| shown.relaxed_gap),
         })
