@@ -27,6 +27,7 @@
 mod compete;
 mod component;
 mod contour;
+mod edit;
 mod error;
 mod params;
 mod part;
@@ -37,7 +38,8 @@ mod surface;
 pub use compete::{CompeteParams, Shared, Stroke, Won, compete, part_of_strokes};
 pub use component::{Component, component};
 pub use contour::{Contour, ContourEnergy, ContourParams, SliceAxis, active_contour};
+pub use edit::{EditParams, Edited, SetOperation, edit};
 pub use error::Error;
 pub use params::ComponentParams;
-pub use stage::{BoundaryFigures, ContourInputs, Inputs, STAGE, StrokeInputs, SurfaceInputs};
+pub use stage::{BoundaryFigures, ContourInputs, EditInputs, Inputs, STAGE, StrokeInputs, SurfaceInputs};
 pub use surface::{AreaMeasure, DataTerm, Distribution, StartShape, Surface, SurfaceParams, active_surface};

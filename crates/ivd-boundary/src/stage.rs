@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::params::check_together;
 use crate::{
-    CompeteParams, ComponentParams, ContourParams, SurfaceParams, active_contour, active_surface, component,
-    part_of_strokes,
+    CompeteParams, ComponentParams, ContourParams, EditParams, SurfaceParams, active_contour, active_surface,
+    component, edit, part_of_strokes,
 };
 
 /// The stage: its methods, and where it stands in a scene.
@@ -218,5 +218,30 @@ impl Op for ContourParams {
             ..BoundaryFigures::default()
         };
         Ok((found.mask, figures))
+    }
+}
+
+slots! {
+    /// What parts are of, the part, and a second one.
+    pub struct EditInputs<'a> { volume: &'a Volume, part: &'a Mask, other: Option<&'a Mask> }
+}
+
+impl Op for EditParams {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = EditInputs<'a>;
+    type Output = Mask;
+    type Figures = BoundaryFigures;
+
+    fn run(&self, inputs: EditInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+        let EditInputs { volume, part, other } = inputs;
+        let edited = edit(volume, part, other, self, exec)?;
+        let figures = BoundaryFigures {
+            voxels: edited.voxels,
+            active_fraction: edited.voxels as f64 / volume.grid().len() as f64,
+            components: edited.components,
+            filled: edited.filled,
+            ..BoundaryFigures::default()
+        };
+        Ok((edited.mask, figures))
     }
 }

@@ -3,4 +3,5 @@
 mod compete;
 mod component;
 mod contour;
+mod edit;
 mod surface;

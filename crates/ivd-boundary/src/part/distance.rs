@@ -3,7 +3,7 @@
 use ivd_core::parallel;
 
 /// Squared distance (mm²) of every voxel of a box to the nearest one that `holds`; infinite where none does.
-pub(super) fn squared_distances(
+pub(crate) fn squared_distances(
     size: [usize; 3],
     edges: [f64; 3],
     holds: &(dyn Fn(usize) -> bool + Sync),

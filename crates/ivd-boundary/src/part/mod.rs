@@ -9,7 +9,7 @@ use ivd_core::{Exec, Grid, Volume};
 use crate::Error;
 use crate::component::{draw, fill_holes, ones};
 use crate::runs::Runs;
-use distance::squared_distances;
+pub(crate) use distance::squared_distances;
 pub(crate) use smooth::level;
 
 /// One part.
