@@ -95,7 +95,7 @@ pub fn part_of_strokes(
         ids.iter_mut().zip(start.inside()).filter(|(_, inside)| **inside != 0).for_each(|(id, _)| *id = own);
     }
     // A number that nobody drew.
-    let others = ids.iter().copied().max().unwrap_or(0).max(own).checked_add(1).unwrap_or(u16::MAX);
+    let others = ids.iter().copied().max().unwrap_or(0).max(own).saturating_add(1);
     if params.border {
         draw_border(&mut ids, grid.dims(), others);
     }

@@ -46,9 +46,10 @@ pub(super) fn follow(slice: &Slice, params: &ContourParams, exec: &Exec) -> Resu
     while iterations < params.iterations {
         exec.check_cancelled()?;
         iterations += 1;
-        let factor = match solved.take().filter(|(of, _)| *of == step) {
-            Some((_, factor)) => factor,
-            None => {
+        let factor = if let Some((_, factor)) = solved.take().filter(|(of, _)| *of == step) {
+            factor
+        } else {
+            {
                 let matrix = DMatrix::identity(count, count) + &stiffness * (2.0 * step / (apart * apart));
                 matrix.cholesky().expect("one more than a sum of squares")
             }
@@ -127,7 +128,9 @@ impl Steepness {
             }
         }
         let greatest = values.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-        values.iter_mut().for_each(|v| *v /= greatest);
+        for value in &mut values {
+            *value /= greatest;
+        }
         Self { size: [w, h], edges: slice.edges, values }
     }
 

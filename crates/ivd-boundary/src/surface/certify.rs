@@ -109,7 +109,7 @@ pub(super) fn energy(band: &Band, steps: &Steps) -> [f64; 2] {
         }
         sums
     };
-    let [fit, border] = summed(parallel::map(band.len(), &of));
+    let [fit, border] = summed(&parallel::map(band.len(), &of));
     [fit + border, border]
 }
 
@@ -136,9 +136,9 @@ fn bound(band: &Band, steps: &Steps) -> f64 {
         }
         [sum, 0.0]
     };
-    summed(parallel::map(band.len(), &of))[0]
+    summed(&parallel::map(band.len(), &of))[0]
 }
 
-fn summed(parts: Vec<[f64; 2]>) -> [f64; 2] {
+fn summed(parts: &[[f64; 2]]) -> [f64; 2] {
     parts.iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]])
 }

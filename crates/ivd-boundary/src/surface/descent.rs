@@ -58,7 +58,9 @@ struct Sides {
 
 fn sides(looks: &[Look], inner: &Tally, total: &Tally) -> Sides {
     let mut inside = inner.clone();
-    looks.iter().for_each(|look| inside.plus(1.0, &look.inside));
+    for look in looks {
+        inside.plus(1.0, &look.inside);
+    }
     let mut outside = total.clone();
     outside.plus(-1.0, &inside);
     Sides { inside, outside, area: looks.iter().map(|look| look.area).sum() }

@@ -25,6 +25,9 @@ pub(super) struct Edge {
     pub(super) weight: f64,
 }
 
+/// Directions by which solid angles are counted.
+const POINTS: usize = 40_000;
+
 /// Half of the 6 or 26 neighbours of a voxel with edges of these lengths (mm), with their weights.
 pub(super) fn edges(neighbours: u8, lengths: [f64; 3]) -> Vec<Edge> {
     let steps: Vec<[isize; 3]> = (14_isize..27)
@@ -35,7 +38,6 @@ pub(super) fn edges(neighbours: u8, lengths: [f64; 3]) -> Vec<Edge> {
         steps.iter().map(|step| std::array::from_fn(|a| step[a] as f64 * lengths[a])).collect();
     let norms: Vec<f64> = vectors.iter().map(|v| v.iter().map(|c| c * c).sum::<f64>().sqrt()).collect();
     // Directions to which an edge is the nearest, on a spiral over the half sphere (even in area).
-    const POINTS: usize = 40_000;
     let mut nearest = vec![0_usize; steps.len()];
     for i in 0..POINTS {
         let z = (i as f64 + 0.5) / POINTS as f64;
@@ -267,7 +269,11 @@ impl State {
             Ok::<_, Error>([force + border, border, bound])
         })?;
         let mut sums = [0.0; 3];
-        parts.iter().for_each(|part| (0..3).for_each(|a| sums[a] += part[a]));
+        for part in &parts {
+            for (sum, own) in sums.iter_mut().zip(part) {
+                *sum += own;
+            }
+        }
         Ok(sums)
     }
 }

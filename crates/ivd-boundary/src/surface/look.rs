@@ -179,7 +179,9 @@ pub(super) fn tally(
         Ok::<_, Error>(sum)
     })?;
     let mut all = Tally::new(bins);
-    parts.iter().for_each(|part| all.plus(1.0, part));
+    for part in &parts {
+        all.plus(1.0, part);
+    }
     Ok(all)
 }
 

@@ -124,7 +124,7 @@ impl Start {
             Self::Cube(centre, half) => around(*centre, [half * 3.0_f64.sqrt(); 3]),
             Self::Box(low, high) => {
                 let half: [f64; 3] = std::array::from_fn(|a| (high[a] - low[a]) / 2.0);
-                around(std::array::from_fn(|a| (low[a] + high[a]) / 2.0), half)
+                around(std::array::from_fn(|a| f64::midpoint(low[a], high[a])), half)
             }
         };
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
