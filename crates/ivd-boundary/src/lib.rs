@@ -3,13 +3,12 @@
 //! [`component`] takes the voxels of a class (or those at or above a value), keeps one connected piece of them, the largest
 //! or the one at a seed, closes its inner holes, and gives it as a [`Mask`](ivd_core::Mask): what the lattice is cut from.
 //!
-//! Connectivity: the part is connected through voxel faces (6 neighbours) and the background through faces, edges and
-//! corners (26 neighbours). The two go together: a surface between them is closed, and a hole that leaks to the outside
-//! only through a corner is no hole.
+//! Connectivity: the part and its outside are connected through voxel faces (6 neighbours). A pocket that leaks to the outside only
+//! through an edge or a corner is a hole: the lattice closes its surface there, and a part of one piece without holes gives a lattice of
+//! one.
 //!
 //! [`active_surface`] finds the boundary of what it starts in, [`part_of_strokes`] what strokes reach before others do,
-//! [`active_contour`] a contour on a slice, and [`edit`] makes parts of parts. The stage has no methods of these yet: scenes and commands
-//! offer [`component`] alone.
+//! [`active_contour`] a contour on a slice, and [`edit`] makes parts of parts.
 //!
 //! ```
 //! use ivd_boundary::{ComponentParams, component};
@@ -33,7 +32,6 @@ mod component;
 mod contour;
 mod edit;
 mod error;
-mod methods;
 mod params;
 mod part;
 mod runs;
@@ -45,7 +43,6 @@ pub use component::{Component, component};
 pub use contour::{Contour, ContourEnergy, ContourParams, SliceAxis, active_contour};
 pub use edit::{EditParams, Edited, SetOperation, edit};
 pub use error::Error;
-pub use methods::{ContourInputs, EditInputs, PartFigures, StrokeInputs, SurfaceInputs};
 pub use params::ComponentParams;
-pub use stage::{BoundaryFigures, Inputs, STAGE};
+pub use stage::{BoundaryFigures, ContourInputs, EditInputs, Inputs, STAGE, StrokeInputs, SurfaceInputs};
 pub use surface::{AreaMeasure, DataTerm, Distribution, StartShape, Surface, SurfaceParams, active_surface};

@@ -4,15 +4,6 @@ use std::ops::Range;
 
 use ivd_core::{Error, parallel, sets};
 
-/// Which voxels touch.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Connectivity {
-    /// Those that share a face.
-    Faces,
-    /// Those that share a face, an edge or a corner.
-    Corners,
-}
-
 /// Runs (start, and one past the end) of chosen voxels along x in every row of a box, rows by y, then z.
 pub(crate) struct Runs {
     size: [usize; 3],
@@ -69,11 +60,11 @@ impl Runs {
         self.spans[row].partition_point(|[start, _]| *start as usize <= x)
     }
 
-    /// The component of every run, named by its first run.
+    /// The component of every run, named by its first run: runs that touch through faces are joined.
     ///
     /// # Errors
     /// [`Error::Inconsistent`]: more runs than have a number.
-    pub(crate) fn components(&self, connectivity: Connectivity) -> Result<Vec<u32>, Error> {
+    pub(crate) fn components(&self) -> Result<Vec<u32>, Error> {
         if self.len() > u32::MAX as usize {
             let problem =
                 format!("{} runs of voxels along x, at most {} are joined; crop it", self.len(), u32::MAX);
@@ -86,21 +77,11 @@ impl Runs {
                 if row.is_empty() {
                     continue;
                 }
-                let mut join =
-                    |y: usize, z: usize| self.join(&row, &self.row(y, z), connectivity, &mut parts);
                 if y > 0 {
-                    join(y - 1, z);
+                    self.join(&row, &self.row(y - 1, z), &mut parts);
                 }
                 if z > 0 {
-                    join(y, z - 1);
-                    if connectivity == Connectivity::Corners {
-                        if y > 0 {
-                            join(y - 1, z - 1);
-                        }
-                        if y + 1 < self.size[1] {
-                            join(y + 1, z - 1);
-                        }
-                    }
+                    self.join(&row, &self.row(y, z - 1), &mut parts);
                 }
             }
         }
@@ -109,12 +90,11 @@ impl Runs {
     }
 
     /// Joins the touching runs of two neighbouring rows.
-    fn join(&self, a: &Range<usize>, b: &Range<usize>, connectivity: Connectivity, parts: &mut [u32]) {
-        let slack = u32::from(connectivity == Connectivity::Corners);
+    fn join(&self, a: &Range<usize>, b: &Range<usize>, parts: &mut [u32]) {
         let (mut i, mut j) = (a.start, b.start);
         while i < a.end && j < b.end {
             let ([start, end], [other_start, other_end]) = (self.spans[i], self.spans[j]);
-            if start < other_end + slack && other_start < end + slack {
+            if start < other_end && other_start < end {
                 sets::join(parts, i as u32, j as u32);
             }
             if end < other_end {

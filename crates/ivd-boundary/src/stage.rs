@@ -6,7 +6,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::params::check_together;
-use crate::{ComponentParams, component};
+use crate::{
+    CompeteParams, ComponentParams, ContourParams, EditParams, SurfaceParams, active_contour, active_surface,
+    component, edit, part_of_strokes,
+};
 
 /// The stage: its methods, and where it stands in a scene.
 pub const STAGE: Stage = Stage {
@@ -22,7 +25,13 @@ pub const STAGE: Stage = Stage {
     }],
     quiet: false,
 };
-const METHODS: &[Method] = &[method::<ComponentParams>("component")];
+const METHODS: &[Method] = &[
+    method::<ComponentParams>("component"),
+    method::<SurfaceParams>("surface"),
+    method::<CompeteParams>("compete"),
+    method::<ContourParams>("contour"),
+    method::<EditParams>("edit"),
+];
 
 slots! {
     /// What a part is found in: by its classes, unless a value is given.
@@ -30,7 +39,7 @@ slots! {
 }
 
 /// What an isolated part comes to.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct BoundaryFigures {
     /// Voxels of the part.
     #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
@@ -41,6 +50,9 @@ pub struct BoundaryFigures {
     /// Energy at the start, of a method that lowers one.
     #[schemars(extend("x-unit" = "1"))]
     pub energy_first: Option<f64>,
+    /// Energies that were accepted, of a method that lowers one: each lower than the one before.
+    #[schemars(extend("x-unit" = "1"))]
+    pub energies: Vec<f64>,
     /// Energy at the end.
     #[schemars(extend("x-unit" = "1"))]
     pub energy_last: Option<f64>,
@@ -50,6 +62,18 @@ pub struct BoundaryFigures {
     /// The class it was taken from, where no value was given instead.
     #[schemars(extend("x-unit" = "1"))]
     pub class: Option<u16>,
+    /// How far the energy of a surface's set can be above the lowest for its statistics, over μ times its area; of cuts, and with certify.
+    #[schemars(extend("x-unit" = "1"))]
+    pub gap: Option<f64>,
+    /// The same of shares of voxels, which are lower than any set; with certify where the area is smooth.
+    #[schemars(extend("x-unit" = "1"))]
+    pub relaxed_gap: Option<f64>,
+    /// Weight of a surface's area.
+    #[schemars(extend("x-unit" = "value² mm"))]
+    pub mu: Option<f64>,
+    /// Mean values inside and outside of a surface.
+    #[schemars(extend("x-unit" = "value"))]
+    pub means: Option<[f64; 2]>,
     /// Connected pieces of the class; the part is one of them.
     #[schemars(extend("x-unit" = "1"))]
     pub components: usize,
@@ -65,7 +89,7 @@ pub struct BoundaryFigures {
 }
 
 impl Op for ComponentParams {
-    const REVISION: u32 = 1;
+    const REVISION: u32 = 2;
     type Inputs<'a> = Inputs<'a>;
     type Output = Mask;
     type Figures = BoundaryFigures;
@@ -83,16 +107,143 @@ impl Op for ComponentParams {
         let part = component(volume, labels, self, exec)?;
         let figures = BoundaryFigures {
             voxels: part.voxels,
-            iterations: 0,
-            energy_first: None,
-            energy_last: None,
             active_fraction: part.voxels as f64 / volume.grid().len() as f64,
             class: part.class,
             components: part.components,
             filled: part.filled,
             lower: part.lower,
             upper: part.upper,
+            ..BoundaryFigures::default()
         };
         Ok((part.mask, figures))
+    }
+}
+
+slots! {
+    /// What a surface moves in, and what it starts from where that is drawn.
+    pub struct SurfaceInputs<'a> { volume: &'a Volume, labels: Option<&'a Labels>, start: Option<&'a Mask> }
+}
+
+impl Op for SurfaceParams {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = SurfaceInputs<'a>;
+    type Output = Mask;
+    type Figures = BoundaryFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        Self::check_together(self)
+    }
+
+    fn wants(&self, slot: &str) -> Want {
+        if slot == "labels" && self.class.is_none() { Want::No } else { Want::Yes }
+    }
+
+    fn run(&self, inputs: SurfaceInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+        let SurfaceInputs { volume, labels, start } = inputs;
+        let found = active_surface(volume, labels, start, self, exec)?;
+        let figures = BoundaryFigures {
+            voxels: found.voxels,
+            iterations: found.sweeps,
+            energy_first: found.energies.first().copied(),
+            energy_last: found.energies.last().copied(),
+            energies: found.energies,
+            active_fraction: found.active_fraction,
+            gap: found.gap,
+            relaxed_gap: found.relaxed_gap,
+            mu: Some(found.mu),
+            means: Some(found.means),
+            components: found.components,
+            filled: found.filled,
+            ..BoundaryFigures::default()
+        };
+        Ok((found.mask, figures))
+    }
+}
+
+slots! {
+    /// What strokes compete for, those that are drawn, a mask in the part, and what nobody gets.
+    pub struct StrokeInputs<'a> {
+        volume: &'a Volume, strokes: Option<&'a Labels>, start: Option<&'a Mask>, blocked: Option<&'a Mask>
+    }
+}
+
+impl Op for CompeteParams {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = StrokeInputs<'a>;
+    type Output = Mask;
+    type Figures = BoundaryFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        Self::check_together(self)
+    }
+
+    fn run(&self, inputs: StrokeInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+        let StrokeInputs { volume, strokes, start, blocked } = inputs;
+        let won = part_of_strokes(volume, strokes, start, blocked, self, exec)?;
+        let share = won.voxels as f64 / volume.grid().len() as f64;
+        let figures = BoundaryFigures {
+            voxels: won.voxels,
+            active_fraction: share,
+            components: won.components,
+            filled: won.filled,
+            ..BoundaryFigures::default()
+        };
+        Ok((won.mask, figures))
+    }
+}
+
+slots! {
+    /// What a slice is taken of.
+    pub struct ContourInputs<'a> { volume: &'a Volume }
+}
+
+impl Op for ContourParams {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = ContourInputs<'a>;
+    type Output = Mask;
+    type Figures = BoundaryFigures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        Self::check_together(self)
+    }
+
+    fn run(&self, inputs: ContourInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+        let found = active_contour(inputs.volume, self, exec)?;
+        let figures = BoundaryFigures {
+            voxels: found.voxels,
+            iterations: found.iterations,
+            energy_first: found.energies.first().copied(),
+            energy_last: found.energies.last().copied(),
+            energies: found.energies,
+            active_fraction: found.voxels as f64 / inputs.volume.grid().len() as f64,
+            components: 1,
+            ..BoundaryFigures::default()
+        };
+        Ok((found.mask, figures))
+    }
+}
+
+slots! {
+    /// What parts are of, the part, and a second one.
+    pub struct EditInputs<'a> { volume: &'a Volume, part: &'a Mask, other: Option<&'a Mask> }
+}
+
+impl Op for EditParams {
+    const REVISION: u32 = 1;
+    type Inputs<'a> = EditInputs<'a>;
+    type Output = Mask;
+    type Figures = BoundaryFigures;
+
+    fn run(&self, inputs: EditInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+        let EditInputs { volume, part, other } = inputs;
+        let edited = edit(volume, part, other, self, exec)?;
+        let figures = BoundaryFigures {
+            voxels: edited.voxels,
+            active_fraction: edited.voxels as f64 / volume.grid().len() as f64,
+            components: edited.components,
+            filled: edited.filled,
+            ..BoundaryFigures::default()
+        };
+        Ok((edited.mask, figures))
     }
 }

@@ -2,7 +2,7 @@
 // The helpers of these tests may unwrap as the tests do.
 #![allow(clippy::unwrap_used)]
 
-use ivd_boundary::{Error, Surface, SurfaceParams, active_surface};
+use ivd_boundary::{DataTerm, Error, Surface, SurfaceParams, active_surface};
 use ivd_core::{Classified, ErrorClass, Exec, Grid, Mask, Volume, noise};
 
 fn gauss(seed: u64, i: u64) -> f64 {
@@ -219,11 +219,7 @@ fn random_case(case: u64) -> bool {
     let volume = Volume::new(grid, voxels.into()).unwrap();
     let params = SurfaceParams {
         phi: (noise::below(case, 10, 2) == 0).then(|| 0.01 + 0.9 * noise::unit(case, 11)),
-        data: if noise::below(case, 12, 2) == 0 {
-            Default::default()
-        } else {
-            ivd_boundary::DataTerm::Likelihood
-        },
+        data: if noise::below(case, 12, 2) == 0 { DataTerm::default() } else { DataTerm::Likelihood },
         open: [0.0, 0.0, 1.0][noise::below(case, 13, 3) as usize],
         ..SurfaceParams::default()
     };

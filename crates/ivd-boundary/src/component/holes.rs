@@ -1,9 +1,13 @@
-//! Background that a piece encloses.
+//! Background that a piece encloses: what can't reach the outside through faces.
+//!
+//! A lattice decides every face that is cut in two ways by itself, so that the outside it sees is joined through faces at least and through
+//! corners never. Where piece and outside are both one through faces, the surface between them is one: closed surfaces and the regions
+//! that they separate make a tree, of which these two regions are all there is.
 
 use ivd_core::{Error, Volume, with_voxels};
 use rayon::prelude::*;
 
-use crate::runs::{Connectivity, Runs};
+use crate::runs::Runs;
 
 /// Fills the holes of a component and returns how many voxels that were. Only the component's box is looked at: whatever
 /// reaches its faces reaches the outside.
@@ -22,7 +26,7 @@ pub(crate) fn fill(
         let inside = &*inside;
         Runs::find(size, |y, z, found| gaps(&inside[row_start(y, z)..][..size[0]], found))
     };
-    let pieces = background.components(Connectivity::Corners)?;
+    let pieces = background.components()?;
     let mut outer = vec![false; pieces.len()];
     for z in 0..size[2] {
         for y in 0..size[1] {

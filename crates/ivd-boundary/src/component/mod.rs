@@ -7,7 +7,7 @@ use ivd_core::op::Op as _;
 use ivd_core::{Exec, Labels, Mask, Volume};
 use rayon::prelude::*;
 
-use crate::runs::{Connectivity, Runs};
+use crate::runs::Runs;
 use crate::{ComponentParams, Error};
 pub(crate) use choice::seed_voxel;
 use choice::{Chosen, Members};
@@ -36,8 +36,8 @@ pub struct Component {
 ///
 /// - `labels`: classes on the volume's grid; needed unless [`ComponentParams::above`] is given, and then not looked at.
 /// - Of two largest pieces the one whose first voxel comes first is taken.
-/// - With [`ComponentParams::fill_holes`], background that doesn't reach the volume's border through faces, edges or corners is
-///   filled. Voxels without data (NaN, infinite) are never part of it.
+/// - With [`ComponentParams::fill_holes`], background that doesn't reach the volume's border through faces is filled.
+///   Voxels without data (NaN, infinite) are never part of it.
 ///
 /// # Errors
 /// [`Error`]: an unknown or empty class, a seed outside the volume or in another class, labels on another grid, the memory
@@ -56,7 +56,7 @@ pub fn component(
         let dims = volume.grid().dims();
         let runs = Runs::find(dims, |y, z, found| members.row_runs(y, z, found));
         exec.check_cancelled()?;
-        let components = runs.components(Connectivity::Faces)?;
+        let components = runs.components()?;
         exec.check_cancelled()?;
         let kept = kept_component(volume, labels, params, &chosen, &members, &runs, &components)?;
         let mut inside = vec![0_u8; volume.grid().len()];

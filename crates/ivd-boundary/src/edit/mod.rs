@@ -9,7 +9,6 @@ pub use params::{EditParams, SetOperation};
 
 use crate::component::{draw, fill_holes, ones};
 use crate::part::squared_distances;
-use crate::runs::Connectivity;
 use crate::{Error, part};
 
 /// A part after an edit.
@@ -139,7 +138,7 @@ fn within(inside: &[u8], grid: &Grid, radius: f64, beyond: bool) -> Vec<u8> {
 /// Drops the pieces of fewer voxels than `least`; gives how many stay and how many go.
 fn without_islands(inside: &mut [u8], dims: [usize; 3], least: f64) -> Result<(usize, usize), Error> {
     let runs = ones(inside, dims);
-    let pieces = runs.components(Connectivity::Faces)?;
+    let pieces = runs.components()?;
     let mut sizes = std::collections::BTreeMap::<u32, u64>::new();
     for (run, &piece) in pieces.iter().enumerate() {
         *sizes.entry(piece).or_default() += runs.span(run).len() as u64;

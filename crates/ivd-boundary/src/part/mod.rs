@@ -8,7 +8,7 @@ use ivd_core::{Exec, Grid, Volume};
 
 use crate::Error;
 use crate::component::{draw, fill_holes, ones};
-use crate::runs::{Connectivity, Runs};
+use crate::runs::Runs;
 pub(crate) use distance::squared_distances;
 pub(crate) use smooth::level;
 
@@ -42,7 +42,7 @@ pub(crate) fn part(
     }
     let filled = if fill {
         let runs = ones(&inside, dims);
-        let pieces = runs.components(Connectivity::Faces)?;
+        let pieces = runs.components()?;
         let kept = pieces.first().copied().unwrap_or(0);
         fill_holes(&mut inside, dims, &runs, &pieces, kept, volume)?
     } else {
@@ -54,7 +54,7 @@ pub(crate) fn part(
 /// Keeps the piece that holds most of the chosen voxels; gives the number of pieces.
 fn keep_piece(inside: &mut [u8], dims: [usize; 3], chosen: &[usize]) -> Result<usize, Error> {
     let runs = ones(inside, dims);
-    let pieces = runs.components(Connectivity::Faces)?;
+    let pieces = runs.components()?;
     let mut counts = std::collections::BTreeMap::<u32, u64>::new();
     for &voxel in chosen.iter().filter(|&&voxel| inside[voxel] != 0) {
         if let Some(run) = run_at(&runs, dims, voxel) {
