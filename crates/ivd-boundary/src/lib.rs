@@ -7,7 +7,7 @@
 //! through an edge or a corner is a hole: the lattice closes its surface there, and a part of one piece without holes gives a lattice of
 //! one.
 //!
-//! [`active_surface`] finds the boundary of what it starts in, [`part_of_strokes`] what strokes reach before others do,
+//! [`active_surface`] finds the boundary of what it starts in, [`compete`](compete()) and [`part_of_seeds`] what seeds reach before others do,
 //! [`active_contour`] a contour on a slice, and [`edit`] makes parts of parts.
 //!
 //! ```
@@ -38,11 +38,11 @@ mod runs;
 mod stage;
 mod surface;
 
-pub use compete::{CompeteParams, Shared, Stroke, Won, compete, part_of_strokes};
+pub use compete::{CompeteParams, Seed, Won, compete, part_of_seeds};
 pub use component::{Component, component};
 pub use contour::{Contour, ContourEnergy, ContourParams, SliceAxis, active_contour};
 pub use edit::{EditParams, Edited, SetOperation, edit};
 pub use error::Error;
 pub use params::ComponentParams;
-pub use stage::{BoundaryFigures, ContourInputs, EditInputs, Inputs, STAGE, StrokeInputs, SurfaceInputs};
+pub use stage::{BoundaryFigures, ContourInputs, EditInputs, Inputs, STAGE, SeedInputs, SurfaceInputs};
 pub use surface::{AreaMeasure, DataTerm, Distribution, StartShape, Surface, SurfaceParams, active_surface};

@@ -1,14 +1,14 @@
 //! The stage as scenes and commands see it.
 
 use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
-use ivd_core::{Exec, Labels, Mask, ParamError, Volume, slots};
+use ivd_core::{Artefact, Exec, Kind, Labels, Mask, ParamError, Value as _, Volume, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::params::check_together;
 use crate::{
     CompeteParams, ComponentParams, ContourParams, EditParams, SurfaceParams, active_contour, active_surface,
-    component, edit, part_of_strokes,
+    compete, component, edit, part_of_seeds,
 };
 
 /// The stage: its methods, and where it stands in a scene.
@@ -28,7 +28,7 @@ pub const STAGE: Stage = Stage {
 const METHODS: &[Method] = &[
     method::<ComponentParams>("component"),
     method::<SurfaceParams>("surface"),
-    method::<CompeteParams>("compete"),
+    method::<CompeteParams>("compete").with("seeds"),
     method::<ContourParams>("contour"),
     method::<EditParams>("edit"),
 ];
@@ -74,7 +74,7 @@ pub struct BoundaryFigures {
     /// Mean values inside and outside of a surface.
     #[schemars(extend("x-unit" = "value"))]
     pub means: Option<[f64; 2]>,
-    /// Connected pieces of the class; the part is one of them.
+    /// Connected pieces of the class; the part is one of them. Of seeds of several labels, labels.
     #[schemars(extend("x-unit" = "1"))]
     pub components: usize,
     /// Voxels that weren't of the class and were enclosed.
@@ -161,34 +161,46 @@ impl Op for SurfaceParams {
 }
 
 slots! {
-    /// What strokes compete for, those that are drawn, a mask in the part, and what nobody gets.
-    pub struct StrokeInputs<'a> {
-        volume: &'a Volume, strokes: Option<&'a Labels>, start: Option<&'a Mask>, blocked: Option<&'a Mask>
+    /// What seeds compete for, those that are drawn, a mask in the part, and what nobody gets.
+    pub struct SeedInputs<'a> {
+        volume: &'a Volume, seeds: Option<&'a Labels>, start: Option<&'a Mask>, blocked: Option<&'a Mask>
     }
 }
 
 impl Op for CompeteParams {
     const REVISION: u32 = 1;
-    type Inputs<'a> = StrokeInputs<'a>;
-    type Output = Mask;
+    type Inputs<'a> = SeedInputs<'a>;
+    type Output = Artefact;
     type Figures = BoundaryFigures;
 
     fn check_together(&self) -> Result<(), ParamError> {
         Self::check_together(self)
     }
 
-    fn run(&self, inputs: StrokeInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
-        let StrokeInputs { volume, strokes, start, blocked } = inputs;
-        let won = part_of_strokes(volume, strokes, start, blocked, self, exec)?;
-        let share = won.voxels as f64 / volume.grid().len() as f64;
+    fn output(&self) -> Option<Kind> {
+        Some(if self.label.is_some() { Kind::Mask } else { Kind::Labels })
+    }
+
+    fn run(&self, inputs: SeedInputs<'_>, exec: &Exec) -> Result<(Artefact, BoundaryFigures), Failure> {
+        let SeedInputs { volume, seeds, start, blocked } = inputs;
+        let share = |voxels: u64| voxels as f64 / volume.grid().len() as f64;
+        if self.label.is_none() {
+            let labels = compete(volume, seeds, start, blocked, self, exec)?;
+            let voxels = labels.classes().iter().map(|class| class.voxels).sum();
+            let components = labels.classes().len();
+            let figures =
+                BoundaryFigures { voxels, active_fraction: share(voxels), components, ..Default::default() };
+            return Ok((labels.into_artefact(), figures));
+        }
+        let won = part_of_seeds(volume, seeds, start, blocked, self, exec)?;
         let figures = BoundaryFigures {
             voxels: won.voxels,
-            active_fraction: share,
+            active_fraction: share(won.voxels),
             components: won.components,
             filled: won.filled,
             ..BoundaryFigures::default()
         };
-        Ok((won.mask, figures))
+        Ok((won.mask.into_artefact(), figures))
     }
 }
 

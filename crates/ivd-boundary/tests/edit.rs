@@ -73,7 +73,7 @@ fn islands_go_and_holes_are_filled() {
         })
         .collect();
     let own = Mask::new(grid(), inside.into()).unwrap();
-    let params = EditParams { islands: 2.0, fill_holes: true, ..EditParams::default() };
+    let params = EditParams { islands: 2.0, fill: true, ..EditParams::default() };
     let found = edit(&volume(), &own, None, &params, &Exec::default()).unwrap();
     assert_eq!((found.voxels, found.components, found.islands, found.filled), (343, 1, 1, 125));
 }

@@ -3,34 +3,49 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_again, write_with_metrics};
-use ivd_core::Classified;
 use ivd_core::op::{self, Field, alternatives, fields};
+use ivd_core::{Classified, Kind};
 use ivd_io::volume::ReadOptions;
-use ivd_pipeline::stages::{Import, ImportSource};
+use ivd_pipeline::stages::{Import, ImportLabels, ImportMask, ImportSource};
 use ivd_pipeline::{Input, Inputs, OutputRecord, Stage, StageRecord, StageResult, ending, export};
 
 use crate::context::Context;
 use crate::exit::Failure;
 
-/// Slots filled from files, where there are any.
+/// Slots filled from files, where there are any. `kinds` tells what may fill a slot.
 pub(crate) fn filled(
     files: &[(&'static str, Option<&Path>)],
+    kinds: impl Fn(&str) -> &'static [Kind],
     cache: &Cache,
     context: &Context,
 ) -> anyhow::Result<Inputs> {
     let mut inputs = Inputs::default();
     for (slot, file) in files {
         if let Some(file) = file {
-            let foreign = *slot == "volume" && !ivd_artefact::is_artefact(file);
-            let input = if foreign {
-                volume_or_artefact(file, cache, context)?
-            } else {
-                context.stage_input(file)?
-            };
-            inputs = inputs.with(slot, input);
+            inputs = inputs.with(slot, file_for(file, kinds(slot), cache, context)?);
         }
     }
     Ok(inputs)
+}
+
+/// Kinds that fill a slot of some method of a stage.
+pub(crate) fn kinds_of(stage: &op::Stage, slot: &str) -> &'static [Kind] {
+    let known = stage.methods.iter().flat_map(|method| method.slots).find(|known| known.name == slot);
+    known.map_or(&[], |known| known.kinds)
+}
+
+/// A file's value: an artefact's, or what a volume file of any format is taken for where one of the kinds can be read from one.
+fn file_for(file: &Path, kinds: &[Kind], cache: &Cache, context: &Context) -> anyhow::Result<Input> {
+    let read = |kind: &&Kind| matches!(kind, Kind::Volume | Kind::Labels | Kind::Mask);
+    let Some(kind) = kinds.iter().find(read).filter(|_| !ivd_artefact::is_artefact(file)) else {
+        return context.stage_input(file);
+    };
+    let volume = volume_or_artefact(file, cache, context)?;
+    if *kind == Kind::Volume {
+        return Ok(volume);
+    }
+    let taken: &dyn Stage = if *kind == Kind::Labels { &ImportLabels } else { &ImportMask };
+    Ok(context.run(cache, taken, &Inputs::default().with("volume", volume))?.input())
 }
 
 /// A file's value, verified whole: an artefact's, or any volume file's through an import.
@@ -52,9 +67,8 @@ pub(crate) fn unused(
     context: &Context,
 ) -> anyhow::Result<()> {
     let Some(path) = file else { return Ok(()) };
-    let known = stage.methods.iter().flat_map(|method| method.slots).find(|known| known.name == slot);
-    let kinds = known.map_or(&[][..], |known| known.kinds);
-    let kind = context.artefact(path)?.artefact.kind();
+    let kinds = kinds_of(stage, slot);
+    let kind = file_for(path, kinds, &context.stage_cache()?, context)?.artefact.kind();
     if !kinds.contains(&kind) {
         let wanted: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
         let problem = format!("{}: a {} artefact, not {}", path.display(), kind.name(), wanted.join(" or "));

@@ -1,4 +1,4 @@
-use crate::{Buffer, Error, Grid};
+use crate::{Buffer, Error, Grid, Volume};
 
 /// A part of a volume: 1 inside, 0 outside, and optionally a level function that places its border between voxels.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +27,22 @@ impl Mask {
             });
         }
         Ok(Self { grid, inside, level: None })
+    }
+
+    /// The mask that a volume holds, such as a part that another program drew: what isn't 0 is inside, NaN apart.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where nothing is inside.
+    pub fn from_volume(volume: &Volume) -> Result<Self, Error> {
+        let is_inside = |i: usize| {
+            let value = volume.real(volume.voxels().get(i));
+            u8::from(value != 0.0 && !value.is_nan())
+        };
+        let inside: Vec<u8> = (0..volume.grid().len()).map(is_inside).collect();
+        if inside.iter().all(|v| *v == 0) {
+            return Err(Error::Inconsistent { what: "mask volume", problem: "every voxel is 0".to_owned() });
+        }
+        Self::new(volume.grid().clone(), inside.into())
     }
 
     /// Adds a level function (voxels), positive inside; its sign must agree with the mask where it isn't 0.
@@ -80,6 +96,18 @@ impl Mask {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Voxels;
+
+    #[test]
+    fn what_is_not_0_is_inside_of_a_volume_taken_for_a_mask() {
+        let volume = |voxels: Vec<f32>| {
+            let grid = Grid::with_spacing([2, 2, 1], [1.0; 3]).unwrap();
+            Volume::new(grid, Voxels::from(voxels)).unwrap()
+        };
+        let mask = Mask::from_volume(&volume(vec![0.0, 3.0, -1.0, f32::NAN])).unwrap();
+        assert_eq!(mask.inside(), [0, 1, 1, 0]);
+        assert!(Mask::from_volume(&volume(vec![0.0; 4])).unwrap_err().to_string().contains("every voxel"));
+    }
 
     #[test]
     fn masks_hold_0_and_1_and_levels_are_numbers() {

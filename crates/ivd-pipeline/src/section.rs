@@ -174,7 +174,7 @@ fn choose(stage: &'static Stage, keys: &mut Map<String, Json>) -> Result<&'stati
     let chosen = if stage.selector.is_empty() { None } else { keys.remove(stage.selector) };
     let known = || stage.methods.iter().map(|method| method.name);
     let found = match &chosen {
-        None => stage.method(None),
+        None => stage.methods.iter().find(|method| keys.contains_key(method.with)).or(stage.method(None)),
         Some(Json::String(name)) => stage.method(Some(name)),
         Some(_) => None,
     };
@@ -244,7 +244,7 @@ impl crate::Stage for Section {
             name: self.stage.name,
             revision: self.method.revision,
             inputs: self.method.slots,
-            output: self.method.output,
+            output: self.job.output(),
             figures: self.method.figures,
         }
     }

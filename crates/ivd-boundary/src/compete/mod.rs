@@ -3,22 +3,15 @@
 mod flood;
 mod params;
 
+use std::collections::BTreeMap;
+
 use ivd_core::op::Op as _;
-use ivd_core::{Exec, Grid, Labels, Mask, NO_DATA, Volume, VoxelCoord, World};
+use ivd_core::{Class, Exec, Grid, Labels, Mask, NO_DATA, Volume, VoxelCoord, World, parallel};
 use nalgebra::Vector3;
 
-pub use params::{CompeteParams, Stroke};
+pub use params::{CompeteParams, Seed};
 
 use crate::{Error, component, part};
-
-/// What seeds have shared out.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Shared {
-    /// The seed that has each voxel, by its number; 0 where none came to.
-    pub ids: Vec<u16>,
-    /// Numbers of the seeds, ascending, and how many voxels each has.
-    pub counts: Vec<(u16, u64)>,
-}
 
 /// A part that was competed for.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,48 +24,40 @@ pub struct Won {
     pub components: usize,
     /// Voxels that were enclosed.
     pub filled: u64,
-    /// Who has what.
-    pub shared: Shared,
 }
 
-/// Shares a volume out among seeds, all numbers at once: each voxel goes to the seed that comes to it over the lowest pass of the gradient's
-/// magnitude (Meyer's flooding), of ways that are alike the one that comes first.
+/// Shares a volume out among seeds, all labels at once: each voxel goes to the seed that comes to it over the lowest pass of the gradient's
+/// magnitude (Meyer's flooding), of ways that are alike the one that comes first. Voxels without data, those that are blocked and those that
+/// no seed comes to have label 0.
 ///
-/// - `seeds`: a number above 0 at voxels that are taken from the start, 0 elsewhere; linear, x fastest.
+/// - `drawn`: labels above 0 at voxels of seeds, beside those of the parameters, which lie over them.
+/// - `start`: more seeds of [`CompeteParams::label`], else of 1, such as an earlier result to go on from.
 /// - `blocked`: voxels that nobody gets.
-/// - `window`: least and greatest value that count.
 ///
 /// # Errors
-/// Seeds or blocked voxels of another grid; memory, cancelled.
+/// [`Error::NoBoundary`] with seeds of fewer than two labels; seeds outside the volume; other grids; memory, cancelled.
 pub fn compete(
     volume: &Volume,
-    seeds: &Labels,
+    drawn: Option<&Labels>,
+    start: Option<&Mask>,
     blocked: Option<&Mask>,
-    window: Option<[f64; 2]>,
+    params: &CompeteParams,
     exec: &Exec,
-) -> Result<Shared, Error> {
-    volume.grid().require(seeds.grid(), "volume", "strokes")?;
-    if let Some(blocked) = blocked {
-        volume.grid().require(blocked.grid(), "volume", "blocked")?;
-    }
+) -> Result<Labels, Error> {
+    params.check()?;
+    let seeds = seeds(volume, drawn, start, params)?;
     exec.run(|| {
-        let ids = flood::flood(volume, seeds.ids(), blocked.map(Mask::inside), window, exec)?;
-        let mut counts = std::collections::BTreeMap::<u16, u64>::new();
-        ids.iter().filter(|id| **id != NO_DATA).for_each(|id| *counts.entry(*id).or_default() += 1);
-        Ok(Shared { ids, counts: counts.into_iter().collect() })
+        let ids = shared_out(volume, &seeds, blocked, params, exec)?;
+        let classes = classes(volume, &ids);
+        Ok(Labels::new(volume.grid().clone(), ids.into(), classes)?)
     })
 }
 
-/// The part of one's own strokes against others.
-///
-/// - `drawn`: numbers above 0 at voxels of strokes, each number a seed; [`CompeteParams::label`] is the part's.
-/// - `start`: a mask in the part, such as an earlier result to go on from.
-/// - `blocked`: voxels that nobody gets.
+/// The part of one label, which [`CompeteParams::label`] tells, against those of the others: see [`compete()`].
 ///
 /// # Errors
-/// [`Error::NoBoundary`] without a stroke of one's own and one of others, or where nothing is left of the part; strokes outside the volume;
-/// other grids; memory, cancelled.
-pub fn part_of_strokes(
+/// As [`compete()`]; [`Error::NoBoundary`] too where nothing is left of the part.
+pub fn part_of_seeds(
     volume: &Volume,
     drawn: Option<&Labels>,
     start: Option<&Mask>,
@@ -83,47 +68,107 @@ pub fn part_of_strokes(
     params.check()?;
     let grid = volume.grid();
     let own = params.label.unwrap_or(1);
+    let seeds = seeds(volume, drawn, start, params)?;
+    let chosen: Vec<usize> = (0..seeds.len()).filter(|&i| seeds[i] == own).collect();
+    if chosen.is_empty() {
+        return Err(Error::NoBoundary { problem: format!("no seed has the part's label, {own}") });
+    }
+    exec.run(|| {
+        let ids = shared_out(volume, &seeds, blocked, params, exec)?;
+        let inside = ids.iter().map(|id| u8::from(*id == own)).collect();
+        let part = part::part(inside, volume, &chosen, params.open, params.fill_holes, exec)?;
+        let level = part::level(&part.inside, grid.dims(), exec)?;
+        let mask = Mask::new(grid.clone(), part.inside.into())?.with_level(level.into())?;
+        Ok(Won { voxels: mask.count(), mask, components: part.components, filled: part.filled })
+    })
+}
+
+/// The label of every voxel that is a seed.
+fn seeds(
+    volume: &Volume,
+    drawn: Option<&Labels>,
+    start: Option<&Mask>,
+    params: &CompeteParams,
+) -> Result<Vec<u16>, Error> {
+    let grid = volume.grid();
     let mut ids = match drawn {
         Some(drawn) => {
-            grid.require(drawn.grid(), "volume", "strokes")?;
+            grid.require(drawn.grid(), "volume", "seeds")?;
             drawn.ids().to_vec()
         }
         None => vec![0; grid.len()],
     };
     if let Some(start) = start {
         grid.require(start.grid(), "volume", "start")?;
+        let own = params.label.unwrap_or(1);
         ids.iter_mut().zip(start.inside()).filter(|(_, inside)| **inside != 0).for_each(|(id, _)| *id = own);
     }
-    // A number that nobody drew.
-    let others = ids.iter().copied().max().unwrap_or(0).max(own).saturating_add(1);
     if params.border {
+        // A label that nobody has.
+        let given = params.seeds.iter().map(|seed| seed.label.unwrap_or(1)).chain(params.label);
+        let others = ids.iter().copied().chain(given).max().unwrap_or(0).saturating_add(1);
         draw_border(&mut ids, grid.dims(), others);
     }
-    for stroke in &params.other {
-        draw_stroke(&mut ids, volume, stroke, others)?;
+    for seed in &params.seeds {
+        draw_seed(&mut ids, volume, seed)?;
     }
-    for stroke in &params.own {
-        draw_stroke(&mut ids, volume, stroke, own)?;
-    }
-    let chosen: Vec<usize> = (0..ids.len()).filter(|&i| ids[i] == own).collect();
-    if chosen.is_empty() {
-        return Err(Error::NoBoundary { problem: "no stroke lies in the part".into() });
-    }
-    if ids.iter().all(|id| *id == 0 || *id == own) {
-        return Err(Error::NoBoundary { problem: "no stroke competes with the part's".into() });
-    }
-    let seeds = Labels::new(grid.clone(), ids.into(), Vec::new())?;
-    let shared = compete(volume, &seeds, blocked, params.window, exec)?;
-    exec.run(|| {
-        let inside = shared.ids.iter().map(|id| u8::from(*id == own)).collect();
-        let part = part::part(inside, volume, &chosen, params.open, !params.keep_holes, exec)?;
-        let level = part::level(&part.inside, grid.dims(), exec)?;
-        let mask = Mask::new(grid.clone(), part.inside.into())?.with_level(level.into())?;
-        Ok(Won { voxels: mask.count(), mask, components: part.components, filled: part.filled, shared })
-    })
+    Ok(ids)
 }
 
-/// Gives the volume's outermost voxels a number, where they have none.
+/// The label that gets each voxel.
+fn shared_out(
+    volume: &Volume,
+    seeds: &[u16],
+    blocked: Option<&Mask>,
+    params: &CompeteParams,
+    exec: &Exec,
+) -> Result<Vec<u16>, Error> {
+    if let Some(blocked) = blocked {
+        volume.grid().require(blocked.grid(), "volume", "blocked")?;
+    }
+    let first = seeds.iter().find(|id| **id != 0);
+    if first.is_none_or(|first| seeds.iter().all(|id| *id == 0 || id == first)) {
+        let problem = match first {
+            None => "there are no seeds".to_owned(),
+            Some(label) => format!("all seeds have label {label}: none competes with it"),
+        };
+        return Err(Error::NoBoundary { problem });
+    }
+    flood::flood(volume, seeds, blocked.map(Mask::inside), params.window, exec)
+}
+
+/// What the voxels of each label are like.
+fn classes(volume: &Volume, ids: &[u16]) -> Vec<Class> {
+    let [nx, ny, nz] = volume.grid().dims();
+    let slices = parallel::map(nz, &|z| {
+        let mut sums = BTreeMap::<u16, [f64; 3]>::new();
+        for i in nx * ny * z..nx * ny * (z + 1) {
+            let value = volume.real(volume.voxels().get(i));
+            if ids[i] != NO_DATA {
+                let own = sums.entry(ids[i]).or_default();
+                *own = [own[0] + 1.0, own[1] + value, own[2] + value * value];
+            }
+        }
+        sums
+    });
+    let mut sums = BTreeMap::<u16, [f64; 3]>::new();
+    for (id, part) in slices.into_iter().flatten() {
+        let own = sums.entry(id).or_default();
+        *own = std::array::from_fn(|i| own[i] + part[i]);
+    }
+    let mut classes: Vec<Class> = sums
+        .into_iter()
+        .map(|(id, [count, sum, squares])| {
+            let mean = sum / count;
+            let sd = (squares / count - mean * mean).max(0.0).sqrt();
+            Class { id, name: None, mean, sd, voxels: count as u64, lower: None, upper: None }
+        })
+        .collect();
+    classes.sort_by(|a, b| a.mean.total_cmp(&b.mean));
+    classes
+}
+
+/// Gives the volume's outermost voxels a label, where they have none.
 fn draw_border(ids: &mut [u16], dims: [usize; 3], number: u16) {
     let [nx, ny, _] = dims;
     for (i, id) in ids.iter_mut().enumerate() {
@@ -134,12 +179,13 @@ fn draw_border(ids: &mut [u16], dims: [usize; 3], number: u16) {
     }
 }
 
-/// Gives the voxels of a stroke a number.
-fn draw_stroke(ids: &mut [u16], volume: &Volume, stroke: &Stroke, number: u16) -> Result<(), Error> {
+/// Gives the voxels of a seed its label.
+fn draw_seed(ids: &mut [u16], volume: &Volume, seed: &Seed) -> Result<(), Error> {
+    let number = seed.label.unwrap_or(1);
     let grid = volume.grid();
     let dims = grid.dims();
-    let from = Vector3::from(stroke.at);
-    let to = Vector3::from(stroke.to.unwrap_or(stroke.at));
+    let from = Vector3::from(seed.at);
+    let to = Vector3::from(seed.to.unwrap_or(seed.at));
     // The voxels that it goes through: those of points half a voxel apart.
     let steps = ((to - from).norm() / (0.5 * grid.shortest_edge())).ceil().max(1.0) as usize;
     for i in 0..=steps {
@@ -147,7 +193,7 @@ fn draw_stroke(ids: &mut [u16], volume: &Volume, stroke: &Stroke, number: u16) -
         let voxel = component::seed_voxel(volume, point.into())?;
         ids[grid.linear(ivd_core::VoxelIndex(voxel))] = number;
     }
-    let Some(radius) = stroke.radius.filter(|radius| *radius > 0.0) else { return Ok(()) };
+    let Some(radius) = seed.radius.filter(|radius| *radius > 0.0) else { return Ok(()) };
     let [low, high] = near(grid, [from, to], radius);
     for z in low[2]..high[2] {
         for y in low[1]..high[1] {

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 /// A point, or a line between two, with what is near.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Stroke {
+#[schemars(extend("x-short" = ["at", "label"]))]
+pub struct Seed {
     /// A point (RAS).
     #[schemars(extend("x-unit" = "mm"))]
     pub at: [f64; 3],
@@ -17,20 +18,24 @@ pub struct Stroke {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
     pub radius: Option<f64>,
+    /// Label of what it competes for; without it 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1), extend("x-unit" = "1"))]
+    pub label: Option<u16>,
 }
 
 /// Seeds that compete: each takes what it reaches before the others do, along ways that avoid steep places (a watershed of the gradient).
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+///
+/// It gives labels, and with `label` the part of one of them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct CompeteParams {
-    /// Strokes in the part.
-    pub own: Vec<Stroke>,
-    /// Strokes in what isn't the part.
-    pub other: Vec<Stroke>,
-    /// Number of the part in the drawn strokes, of which each number above 0 competes; without it 1.
+    /// Points and lines, each with the label that it is of.
+    pub seeds: Vec<Seed>,
+    /// The label whose part is isolated, as a mask; without it all labels are given.
     #[schemars(range(min = 1), extend("x-unit" = "1"))]
     pub label: Option<u16>,
-    /// Whether the volume's border is a seed of what isn't the part.
+    /// Whether the volume's border is a seed too, of a label above all others.
     pub border: bool,
     /// Least and greatest value that count: steps beyond are none.
     #[schemars(extend("x-unit" = "value"))]
@@ -38,8 +43,15 @@ pub struct CompeteParams {
     /// Leak guard: where the part is narrower than twice this it is cut, and what hangs on such a bridge stays out.
     #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
     pub open: f64,
-    /// Whether the part's holes stay. Voxels without data stay out.
-    pub keep_holes: bool,
+    /// Whether holes inside the part become part of it. Voxels without data stay out.
+    #[schemars(extend("x-alias" = ["!keep_holes"]))]
+    pub fill_holes: bool,
+}
+
+impl Default for CompeteParams {
+    fn default() -> Self {
+        Self { seeds: Vec::new(), label: None, border: false, window: None, open: 0.0, fill_holes: true }
+    }
 }
 
 impl CompeteParams {
@@ -53,6 +65,10 @@ impl CompeteParams {
         {
             let problem = format!("{low} … {high} holds no values");
             return Err(ParamError::new("window", problem, "give the lower value first"));
+        }
+        if self.label.is_none() && self.open > 0.0 {
+            let problem = "a leak guard of a part, where all labels are given";
+            return Err(ParamError::new("open", problem, "give the part's label, or leave it out"));
         }
         Ok(())
     }

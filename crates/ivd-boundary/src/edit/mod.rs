@@ -81,7 +81,7 @@ pub fn edit(
         if components == 0 {
             return Err(Error::NoBoundary { problem: "the edit leaves nothing of the part".into() });
         }
-        let filled = if params.fill_holes {
+        let filled = if params.fill {
             let runs = ones(&inside, grid.dims());
             fill_holes(&mut inside, grid.dims(), &runs, &vec![0; runs.len()], 0, volume)?
         } else {

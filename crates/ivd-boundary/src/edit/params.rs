@@ -29,12 +29,11 @@ pub struct EditParams {
     #[schemars(range(min = 0.0), extend("x-unit" = "mm³"))]
     pub islands: f64,
     /// Whether holes become part of it. Voxels without data stay out.
-    #[schemars(extend("x-alias" = ["!keep_holes"]))]
-    pub fill_holes: bool,
+    pub fill: bool,
 }
 
 impl Default for EditParams {
     fn default() -> Self {
-        Self { operation: None, close: 0.0, open: 0.0, islands: 0.0, fill_holes: false }
+        Self { operation: None, close: 0.0, open: 0.0, islands: 0.0, fill: false }
     }
 }

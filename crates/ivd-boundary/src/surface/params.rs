@@ -39,38 +39,43 @@ pub enum AreaMeasure {
     Corners,
 }
 
-/// The shape of a start about a seed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+/// What a surface starts from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum StartShape {
-    /// A ball.
-    #[default]
+    /// A ball about the seed, or about the middle of the volume.
     Ball,
-    /// A cube along the volume's axes (thesis, Figure 4.9).
+    /// A cube along the volume's axes about the seed, or about the middle (thesis, Figure 4.9).
     Cube,
+    /// A box between two corners: `box_from` and `box_to`.
+    Box,
+    /// A class: `class`.
+    Class,
+    /// A ball about the seed, which must be given: `seed`.
+    Seed,
 }
 
 /// A surface that finds the boundary of what it starts in: between two regions as unlike each other, and of as little area, as can be.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct SurfaceParams {
-    /// A point (RAS) inside the part: the start is a ball or cube about it. Without it, and without class, box and start, the middle of the
-    /// volume.
+    /// What it starts from; a mask that is drawn stands in its place. Without it the box, class or seed that is given, else a ball about the
+    /// middle of the volume.
+    pub start: Option<StartShape>,
+    /// A point (RAS) inside the part: the start is a ball or cube about it, or the class's piece there.
     #[schemars(extend("x-unit" = "mm"))]
     pub seed: Option<[f64; 3]>,
     /// Radius of the ball, half the edge of the cube; without it 3 voxels about a seed, and a fifth of the volume's shortest side about its
     /// middle.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub radius: Option<f64>,
-    /// Shape of the start about the seed.
-    pub shape: StartShape,
-    /// One corner (RAS) of a box to start from, along the axes of space, instead of a seed.
+    /// One corner (RAS) of a box to start from, along the axes of space.
     #[schemars(extend("x-unit" = "mm"))]
     pub box_from: Option<[f64; 3]>,
     /// The corner opposite to `box_from`.
     #[schemars(extend("x-unit" = "mm"))]
     pub box_to: Option<[f64; 3]>,
-    /// A class to start from: an id, densest or largest; with a seed its piece there. Needs labels.
+    /// A class to start from: an id, densest or largest. Needs labels.
     #[schemars(extend("x-unit" = "1"))]
     pub class: Option<ClassChoice>,
     /// What tells inside from outside.
@@ -103,9 +108,9 @@ pub struct SurfaceParams {
 impl Default for SurfaceParams {
     fn default() -> Self {
         Self {
+            start: None,
             seed: None,
             radius: None,
-            shape: StartShape::Ball,
             box_from: None,
             box_to: None,
             class: None,
@@ -135,6 +140,25 @@ impl SurfaceParams {
         }
         if self.box_from.is_some() && (self.seed.is_some() || self.class.is_some()) {
             return refused("box_from", "given together with another start", "give one of them");
+        }
+        let is_other = |own: bool, field: &str| {
+            own.then(|| ParamError::new(field, "given with another start", "leave it out, or change start"))
+        };
+        let (boxed, class) = (self.box_from.is_some(), self.class.is_some());
+        match self.start {
+            Some(StartShape::Box) if !boxed => {
+                return refused("start", "a box without corners", "give box_from and box_to");
+            }
+            Some(StartShape::Class) if !class => {
+                return refused("start", "no class is given to start from", "give class");
+            }
+            Some(StartShape::Seed) if self.seed.is_none() => {
+                return refused("start", "no seed is given to start from", "give seed");
+            }
+            Some(StartShape::Ball | StartShape::Cube | StartShape::Seed) => {
+                is_other(boxed, "box_from").or(is_other(class, "class")).map_or(Ok(()), Err)?;
+            }
+            Some(StartShape::Box | StartShape::Class) | None => {}
         }
         if let Some([low, high]) = self.window
             && low >= high

@@ -62,9 +62,9 @@ impl Start {
             }
             None => middle.into(),
         };
-        Ok(match params.shape {
-            StartShape::Ball => Self::Ball(centre, radius),
-            StartShape::Cube => Self::Cube(centre, radius),
+        Ok(match params.start {
+            Some(StartShape::Cube) => Self::Cube(centre, radius),
+            _ => Self::Ball(centre, radius),
         })
     }
 

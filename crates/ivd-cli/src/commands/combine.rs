@@ -59,8 +59,11 @@ pub(super) fn clip(args: &ClipArgs, context: &Context) -> anyhow::Result<()> {
         ("tag", args.tag.as_deref()),
         ("displacement", args.displacement.as_deref()),
     ];
-    let inputs = filled(&files, &cache, context)?;
     let stage = Clip { params };
+    let slots = ivd_pipeline::Stage::facts(&stage).inputs;
+    let kinds =
+        |slot: &str| slots.iter().find(|known| known.name == slot).map_or(&[][..], |known| known.kinds);
+    let inputs = filled(&files, kinds, &cache, context)?;
     let done = context.run(&cache, &stage, &inputs)?;
     finish(&stage, done, &args.output.path, context)
 }

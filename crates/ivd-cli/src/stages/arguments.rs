@@ -12,6 +12,7 @@ use serde_json::Value as Json;
 use super::hooks::hooks;
 use super::offer::Offer;
 use super::precursor;
+use crate::files::kinds_of;
 use crate::parse::flag;
 
 /// Slots that some method has, each once.
@@ -34,7 +35,9 @@ fn is_optional(stage: &Stage, slot: &str) -> bool {
 pub(super) fn with_arguments(mut command: Command, offer: &Offer) -> Command {
     let stage = offer.stage;
     let precursor = precursor::of(stage);
-    for slot in slots(stage) {
+    // What is a key too is a flag of both.
+    let is_key = |slot: &&str| offer.keys.iter().any(|key| key.name == *slot);
+    for slot in slots(stage).into_iter().filter(|slot| !is_key(slot)) {
         let file = Arg::new(slot).value_parser(clap::value_parser!(PathBuf)).help(slot_help(stage, slot));
         let is_positional = stage.positional.contains(&slot);
         let file = if is_positional {
@@ -94,11 +97,17 @@ pub(super) fn with_arguments(mut command: Command, offer: &Offer) -> Command {
     )
 }
 
-/// What a file for a slot may hold; a volume may lie in a file of any format.
+/// What a file for a slot may hold; a volume may lie in a file of any format, and so may labels and masks that another program drew.
 fn slot_help(stage: &Stage, slot: &str) -> String {
-    let known = stage.methods.iter().flat_map(|method| method.slots).find(|known| known.name == slot);
-    let kinds = known.map_or(&[][..], |known| known.kinds).iter().map(|kind| {
-        let file = if *kind == Kind::Volume { " or file" } else { "" };
+    let kinds = kinds_of(stage, slot).iter().map(|kind| {
+        let is_drawn = [Kind::Labels, Kind::Mask].contains(kind);
+        let file = if *kind == Kind::Volume {
+            " or file"
+        } else if is_drawn {
+            " or volume file"
+        } else {
+            ""
+        };
         format!("{} artefact{file}", kind.name())
     });
     let kinds: Vec<String> = kinds.collect();
@@ -125,6 +134,10 @@ fn arguments(stage: &Stage, found: &Key) -> Vec<Arg> {
     let is = |wanted: &str| whole.iter().all(|one| kind(one) == wanted);
     if is("boolean") {
         arg = arg.num_args(0..=1).default_missing_value("true").value_name("true|false");
+    } else if slots(stage).contains(&field.name) {
+        let own = words(field.schema).into_iter().map(|(word, _)| word).collect::<Vec<_>>().join("|");
+        let own = if own.is_empty() { form(field) } else { own };
+        arg = arg.value_name(format!("{own}|FILE")).allow_hyphen_values(words(field.schema).is_empty());
     } else if is("string") && !words(field.schema).is_empty() {
         let known = words(field.schema)
             .into_iter()
@@ -216,7 +229,12 @@ fn help(stage: &Stage, found: &Key) -> String {
     let text = said.collect::<Vec<_>>().join("; ");
     let domain = field.domain();
     let domain = if words_alone(field) || domain.is_empty() { String::new() } else { format!(" [{domain}]") };
-    format!("{text}{}{domain}{}", keys(field), default(field.default()))
+    let file = if slots(stage).contains(&field.name) {
+        format!(". FILE: {}", slot_help(stage, field.name).to_lowercase())
+    } else {
+        String::new()
+    };
+    format!("{text}{}{domain}{}{file}", keys(field), default(field.default()))
 }
 
 /// Whether a flag takes words and nothing else: help lists them by themselves.

@@ -53,7 +53,8 @@ pub(crate) fn run(matches: &ArgMatches, context: &Context) -> anyhow::Result<boo
     let weld = matches.get_one::<f64>("weld").copied().unwrap_or(ImportParams::default().weld);
     let params = ImportParams { weld, allow_open: matches.get_flag("allow_open") };
     let cache = context.stage_cache()?;
-    let inputs = filled(&[("volume", Some(volume))], &cache, context)?;
+    let inputs =
+        filled(&[("volume", Some(volume.as_path()))], |_| &[ivd_core::Kind::Volume], &cache, context)?;
     let stage = ImportedLattice { path: mesh.clone(), params };
     let done = context.run(&cache, &stage, &inputs)?;
     finish(&stage, done, output, context)?;

@@ -11,7 +11,7 @@ mod two_classes;
 mod typed;
 
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::{ArgMatches, Command, CommandFactory as _, FromArgMatches as _};
 use ivd_core::op::{Want, alternatives, kind};
@@ -20,13 +20,13 @@ use ivd_pipeline::list;
 use crate::args::{self, Args, Global};
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::files::{filled, finish, unused};
+use crate::files::{filled, finish, kinds_of, unused};
 use crate::parse::flag;
 use arguments::{slots, with_arguments};
 use hooks::hooks;
 pub(crate) use offer::Offer;
 use offer::named;
-use typed::Typed;
+use typed::{Typed, check_shared, file_of};
 
 /// What was asked for.
 pub(crate) enum Asked {
@@ -104,7 +104,7 @@ pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> any
         Some(precursor) => keys.section_from(precursor)?,
         None => keys.section()?,
     };
-    let path = |name: &str| matches.get_one::<PathBuf>(name).map(PathBuf::as_path);
+    let path = |name: &str| file_of(offer, matches, name);
     let reads = |slot: &str| {
         let own =
             section.method().slots.iter().any(|own| own.name == slot) && section.wants(slot) != Want::No;
@@ -112,6 +112,7 @@ pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> any
     };
     let (mut files, mut unread): (Vec<(&'static str, Option<&Path>)>, Vec<_>) = (Vec::new(), Vec::new());
     for slot in slots(stage) {
+        check_shared(offer, matches, slot)?;
         if reads(slot) { files.push((slot, path(slot))) } else { unread.push((slot, path(slot))) }
     }
     for (slot, file) in unread {
@@ -122,7 +123,7 @@ pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> any
         return Err(Failure::usage(problem));
     }
     let cache = context.stage_cache()?;
-    let inputs = filled(&files, &cache, context)?;
+    let inputs = filled(&files, |slot| kinds_of(stage, slot), &cache, context)?;
     let inputs = (hooks.completed)(inputs, &section, &cache, context)?;
     let beside = hooks.beside.and_then(|(flag, run)| Some((flag, run, path(flag)?)));
     let mut done = match (beside, given.kept()) {

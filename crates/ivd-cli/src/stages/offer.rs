@@ -59,7 +59,12 @@ fn method(stage: &'static Stage, words: &[OsString]) -> Option<&'static Method> 
         (None, _) => {
             let by_file = words.iter().any(|word| word.to_string_lossy().starts_with("--params"));
             let by_slots = stage.methods.iter().any(|method| !method.without.is_empty());
-            let is_open = by_file || by_slots || precursor::of(stage).is_some();
+            let with = |word: &OsString| {
+                let given = word.to_string_lossy();
+                let methods = stage.methods.iter().filter(|method| !method.with.is_empty());
+                methods.into_iter().any(|method| given.starts_with(&format!("--{}", flag(method.with))))
+            };
+            let is_open = words.iter().any(with) || by_file || by_slots || precursor::of(stage).is_some();
             if is_open { None } else { stage.method(None) }
         }
     }

@@ -1,15 +1,16 @@
 //! What was written for a stage.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ArgMatches;
 use ivd_core::ParamError;
-use ivd_core::op::{Method, Stage, fields};
+use ivd_core::op::{Field, Method, Stage, fields, words};
 use ivd_pipeline::Section;
 use ivd_pipeline::list::{self, Key};
 use ivd_pipeline::params::read_entry;
 use serde_json::{Map, Value as Json};
 
+use super::arguments::slots;
 use super::offer::Offer;
 use super::precursor::Precursor;
 use crate::context::Context;
@@ -33,7 +34,12 @@ impl Typed {
         for (key, value) in typed.clone() {
             add(&mut keys, key, value);
         }
-        let lacks = |method: &&Method| !method.without.is_empty() && !is_filled(matches, method.without);
+        let has = |slot: &str| file_of(offer, matches, slot).is_some();
+        let with = |method: &&Method| !method.with.is_empty() && has(method.with);
+        if let Some(method) = stage.methods.iter().find(with) {
+            keys.entry(stage.selector).or_insert_with(|| Json::from(method.name));
+        }
+        let lacks = |method: &&Method| !method.without.is_empty() && !has(method.without);
         if let Some(method) = stage.methods.iter().find(lacks) {
             keys.entry(stage.selector).or_insert_with(|| Json::from(method.name));
         }
@@ -116,7 +122,9 @@ fn typed(offer: &Offer, matches: &ArgMatches) -> anyhow::Result<Map<String, Json
         let field = found.field();
         for name in std::iter::once(field.name).chain(field.aliases()) {
             let mut value = None;
-            for text in matches.get_many::<String>(name).into_iter().flatten() {
+            let is_slot = slots(stage).contains(&name);
+            let all = matches.get_many::<String>(name).into_iter().flatten();
+            for text in all.filter(|text| !is_slot || !is_file(field, text)) {
                 // What another method would take is read, and then refused by what this one takes.
                 let of_any = || list::keys(stage).iter().find(|key| key.name == found.name).map(Key::field);
                 let read = read_entry(value.clone(), field, text)
@@ -146,7 +154,41 @@ fn add(keys: &mut Map<String, Json>, key: String, value: Json) {
     }
 }
 
-/// Whether a file was given for a slot.
-fn is_filled(matches: &ArgMatches, slot: &str) -> bool {
-    matches.get_one::<PathBuf>(slot).is_some()
+/// Whether what was written for a key that has a slot's name is a file for the slot.
+fn is_file(field: Field<'_>, text: &str) -> bool {
+    let words = words(field.schema);
+    if words.is_empty() { !text.contains('=') } else { words.iter().all(|(word, _)| *word != text) }
+}
+
+/// What was written for a key that a slot has the name of; nothing of a flag that is one or the other.
+fn shared<'a>(
+    offer: &'a Offer,
+    matches: &'a ArgMatches,
+    name: &str,
+) -> Option<impl Iterator<Item = &'a Path>> {
+    let found = offer.keys.iter().find(|key| key.name == name)?;
+    let field = found.field();
+    let all = matches.get_many::<String>(name).into_iter().flatten();
+    Some(all.filter(move |text| is_file(field, text)).map(Path::new))
+}
+
+/// The file that was given for a slot, or for another argument that takes one.
+pub(super) fn file_of<'a>(offer: &'a Offer, matches: &'a ArgMatches, name: &str) -> Option<&'a Path> {
+    match shared(offer, matches, name) {
+        Some(mut files) => files.next(),
+        None => matches.get_one::<PathBuf>(name).map(PathBuf::as_path),
+    }
+}
+
+/// Refuses what is neither a value of a key nor a file for the slot of its name, and a second file.
+pub(super) fn check_shared(offer: &Offer, matches: &ArgMatches, slot: &str) -> anyhow::Result<()> {
+    let Some(mut files) = shared(offer, matches, slot) else { return Ok(()) };
+    let problem = match (files.next(), files.next()) {
+        (Some(file), _) if !file.exists() => {
+            format!("`{}` is no value of it (see --help), and no such file is there", file.display())
+        }
+        (_, Some(second)) => format!("a second file, {}; give one", second.display()),
+        _ => return Ok(()),
+    };
+    Err(Failure::usage(format!("--{}: {problem}", flag(slot))))
 }

@@ -14,7 +14,9 @@ pub struct Method {
     pub slots: &'static [Slot],
     /// The slot of other methods without which a command takes this one, where none is chosen; empty for none.
     pub without: &'static str,
-    /// Kind of what it gives; `None` where it is that of the first input.
+    /// The slot or key with which this one is taken, where none is chosen; empty for none.
+    pub with: &'static str,
+    /// Kind of what it gives; `None` where the first input or a parameter decides that.
     pub output: Option<Kind>,
     /// JSON Schema of its parameters, without references.
     pub schema: fn() -> &'static Json,
@@ -33,6 +35,7 @@ pub const fn method<O: Op>(name: &'static str) -> Method {
         revision: O::REVISION,
         slots: <O::Inputs<'static> as Slots<'static>>::SLOTS,
         without: "",
+        with: "",
         output: <O::Output as Output>::KIND,
         schema: schema_of::<O>,
         figures: schema_of::<O::Figures>,
@@ -53,6 +56,12 @@ impl Method {
     #[must_use]
     pub const fn without(self, slot: &'static str) -> Self {
         Self { without: slot, ..self }
+    }
+
+    /// The method that is taken with a slot or key that no other has, where none is chosen.
+    #[must_use]
+    pub const fn with(self, name: &'static str) -> Self {
+        Self { with: name, ..self }
     }
 }
 

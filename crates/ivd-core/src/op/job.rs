@@ -69,6 +69,11 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
         None
     }
 
+    /// Kind of what it gives, where its parameters decide that; `None` where it is that of the first input.
+    fn output(&self) -> Option<Kind> {
+        Self::Output::KIND
+    }
+
     /// Files that it reads and that are no artefacts; their content and endings are part of what the result is made from, where they
     /// lie isn't.
     ///
@@ -85,9 +90,9 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
     fn run(&self, inputs: Self::Inputs<'_>, exec: &Exec) -> Result<(Self::Output, Self::Figures), Failure>;
 }
 
-/// What a method can give: a value of one kind, or an [`Artefact`] of the kind of its first input.
+/// What a method can give: a value of one kind, or an [`Artefact`] of the kind that [`Op::output`] tells.
 pub trait Output {
-    /// Its kind; `None` where it is that of the first input.
+    /// Its kind; `None` of an artefact.
     const KIND: Option<Kind>;
 
     /// The artefact that holds it.
@@ -141,6 +146,8 @@ pub trait Job: Send + Sync + 'static {
     fn idle(&self) -> Option<&'static str>;
     /// As [`Op::precursor`].
     fn precursor(&self) -> Option<Box<dyn Job>>;
+    /// As [`Op::output`].
+    fn output(&self) -> Option<Kind>;
     /// As [`Op::sources`].
     ///
     /// # Errors
@@ -189,6 +196,10 @@ impl<O: Op> Job for O {
 
     fn precursor(&self) -> Option<Box<dyn Job>> {
         Op::precursor(self)
+    }
+
+    fn output(&self) -> Option<Kind> {
+        Op::output(self)
     }
 
     fn sources(&self) -> Result<Vec<PathBuf>, Failure> {

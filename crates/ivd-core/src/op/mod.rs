@@ -22,6 +22,9 @@
 //! [`Op::check_together`] asks for. A new field changes the parameters that a cache key is made of: what is kept of the method is made
 //! again, so that `REVISION` need not be raised for it.
 //!
+//! Of the things of a list, `extend("x-short" = ["at", "label"])` at their struct names two keys whose values may be written on a command
+//! line without them: `x,y,z=2`. A key may have the name of a slot: on a command line what isn't a value of the key is a file for the slot.
+//!
 //! A figure has `extend("x-headline" = 1)` where it is the first that a person wants, `2` the second, and `"x-time" = true` where it is a
 //! time or a rate of one run.
 //!

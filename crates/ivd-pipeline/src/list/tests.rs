@@ -6,7 +6,7 @@ use ivd_core::op::{
 use serde_json::{Map, Value as Json, json};
 
 use super::STAGES;
-use crate::stages::{ClipFigures, CombineFigures, ImportFigures, ImportLabelsFigures};
+use crate::stages::{ClipFigures, CombineFigures, ImportFigures, ImportLabelsFigures, ImportMaskFigures};
 use crate::{Section, Stage as _};
 
 fn methods() -> impl Iterator<Item = (&'static Stage, &'static Method)> {
@@ -39,6 +39,7 @@ fn all_fields(visit: &mut impl FnMut(&str, Field<'_>)) {
     let others = [
         schema_of::<ImportFigures>(),
         schema_of::<ImportLabelsFigures>(),
+        schema_of::<ImportMaskFigures>(),
         schema_of::<ClipFigures>(),
         schema_of::<CombineFigures>(),
     ];

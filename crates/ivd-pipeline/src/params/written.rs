@@ -124,10 +124,22 @@ fn read_list(schema: &Json, text: &str) -> Result<Json, ParamError> {
     }
 }
 
-/// `key=value;key=value` of an object, or of one of several that a key tells apart; `key.CLASS=a:b,c:d` for a map inside it.
+/// `key=value;key=value` of an object, or of one of several that a key tells apart; `key.CLASS=a:b,c:d` for a map inside it. Where the
+/// schema names two keys for it (`x-short`), `A=B` and `A` alone are their values.
 fn read_keys(all: &[&Json], text: &str) -> Result<Json, ParamError> {
     let mut object = Map::new();
     let mut pairs = Vec::new();
+    if let [schema] = all
+        && let Some([first, second]) = short(schema)
+        && fields(schema).all(|field| text.split('=').next().is_none_or(|key| key.trim() != field.name))
+    {
+        let (value, other) = text.split_once('=').map_or((text, None), |(value, other)| (value, Some(other)));
+        let whole = match other {
+            Some(other) => format!("{first}={value};{second}={other}"),
+            None => format!("{first}={value}"),
+        };
+        return read_keys(all, &whole);
+    }
     for part in text.split(';').filter(|part| !part.trim().is_empty()) {
         let pair = part
             .split_once('=')
@@ -170,6 +182,15 @@ fn read_keys(all: &[&Json], text: &str) -> Result<Json, ParamError> {
         }
     }
     Ok(Json::Object(object))
+}
+
+/// The two keys whose values alone may be written for an object.
+fn short(schema: &Json) -> Option<[&str; 2]> {
+    let keys = schema.get("x-short")?.as_array()?;
+    match &keys[..] {
+        [first, second] => Some([first.as_str()?, second.as_str()?]),
+        _ => None,
+    }
 }
 
 /// `key:value,key:value`.

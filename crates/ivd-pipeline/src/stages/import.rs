@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use ivd_artefact::Kind;
 use ivd_core::op::{Slots as _, object, schema_of};
-use ivd_core::{Exec, Labels, Volume, slots};
+use ivd_core::{Exec, Labels, Mask, Volume, slots};
 use ivd_io::volume::ReadOptions;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -156,5 +156,40 @@ impl Stage for ImportLabels {
             voxels: volume.grid().len(),
         };
         Ok(StageOutput::new(labels, &figures))
+    }
+}
+
+/// Takes a volume for a mask: what isn't 0 is inside. A part that another program drew.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ImportMask;
+
+/// What an imported mask comes to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ImportMaskFigures {
+    /// Voxels inside.
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
+    pub voxels: u64,
+}
+
+impl Stage for ImportMask {
+    fn facts(&self) -> Facts {
+        Facts {
+            name: IMPORT,
+            revision: 1,
+            inputs: Given::SLOTS,
+            output: Some(Kind::Mask),
+            figures: schema_of::<ImportMaskFigures>,
+        }
+    }
+
+    fn params(&self) -> Value {
+        json!({ "mask": true })
+    }
+
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
+        let Given { volume } = inputs.take(self.name())?;
+        let mask = exec.run(|| Mask::from_volume(volume))?;
+        let figures = ImportMaskFigures { voxels: mask.count() };
+        Ok(StageOutput::new(mask, &figures))
     }
 }

@@ -14,7 +14,10 @@ use crate::Facts;
 
 pub use clip::{Clip, ClipFigures};
 pub use combine::{Combine, CombineFigures};
-pub use import::{IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportSource};
+pub use import::{
+    IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportMask, ImportMaskFigures,
+    ImportSource,
+};
 pub use imported_lattice::ImportedLattice;
 pub use lattice_parts::part_lattices;
 
