@@ -1,4 +1,4 @@
-"""Parts of real scans against those that people (or a model) drew: python parts.py PATH/TO/ivd PATH/TO/DATA
+"""Parts of real scans against those that people (or a model) drew: python parts.py PATH/TO/ivd PATH/TO/DATA [--surface WORDS]
 
 One setting for all scans, printed with the tables. Clicks are put where a user would, by the truth: the middle of the part's largest inscribed
 ball; that makes the figures optimistic. Of a scan with many organs each is found from one click alone (an active surface), and all are at once
@@ -16,7 +16,6 @@ import nrrd
 import numpy as np
 from scipy import ndimage
 
-SURFACE = ["--method", "surface", "--open", "4"]
 COMPETE = ["--method", "compete"]
 BRUSH = 8.0  # Greatest radius of a click (mm).
 
@@ -55,8 +54,8 @@ def seed(image, voxel, label=None, radius=0.0):
 
 
 class Program:
-    def __init__(self, path, folder):
-        self.path, self.folder = path, Path(folder)
+    def __init__(self, path, folder, surface):
+        self.path, self.folder, self.surface = path, Path(folder), surface
 
     def run(self, scan, words):
         """The part or labels that `ivd boundary` gives; nothing where it says that there is none."""
@@ -70,10 +69,10 @@ class Program:
         return np.asarray(nibabel.load(self.folder / "part.nii").dataobj)
 
 
-def one(program, scan, image, truth, spacing, options=()):
+def one(program, scan, image, truth, spacing):
     at, depth = inner(truth, spacing)
-    words = ["--seed", seed(image, at), "--radius", f"{min(BRUSH, depth):.3f}", *options]
-    found = program.run(scan, SURFACE + words)
+    words = ["--method", "surface", "--seed", seed(image, at), "--radius", f"{min(BRUSH, depth):.3f}", *program.surface]
+    found = program.run(scan, words)
     return 0.0 if found is None else dice(found > 0, truth)
 
 
@@ -91,7 +90,6 @@ def abdomen(program, data):
         seeds += ["--seeds", seed(image, at, organ, min(BRUSH, 0.7 * depth))]
     for at in spread(body & (drawn == 0), image, 16, world(image, (0, 0, 0))):
         seeds += ["--seeds", seed(image, at, rest, 0.0)]
-    at, _ = inner(values < -700, spacing)
     air = np.unravel_index(np.argmin(ndimage.gaussian_filter(values.astype(float), 2)[:, 0, :]), (values.shape[0], values.shape[2]))
     seeds += ["--seeds", seed(image, (air[0], 0, air[1]), rest + 1, 0.0)]
     shared = program.run(scan, COMPETE + seeds)
@@ -146,10 +144,11 @@ def main():
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("program")
     asked.add_argument("data", type=Path)
+    asked.add_argument("--surface", default="--open 4", help="how parts are found from one click")
     words = asked.parse_args()
-    print(f"surface: {' '.join(SURFACE)}; competing: {' '.join(COMPETE)}; brush of at most {BRUSH} mm")
+    print(f"one click: {words.surface}; competing: {' '.join(COMPETE)}; brush of at most {BRUSH} mm")
     with tempfile.TemporaryDirectory() as folder:
-        program = Program(words.program, folder)
+        program = Program(words.program, folder, words.surface.split())
         head(program, words.data)
         abdomen(program, words.data)
         hippocampi(program, words.data)

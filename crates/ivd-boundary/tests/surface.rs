@@ -161,6 +161,58 @@ fn any_start_finds_the_part_it_lies_in_or_says_that_there_is_none() {
     assert!(matches!(find(&volume, &seed), Err(Error::SeedOutside { .. })));
 }
 
+/// A volume of other values where a shape lies.
+fn valued(volume: &Volume, truth: &[bool], sigma: f64, value: &dyn Fn([usize; 3], bool) -> f64) -> Volume {
+    let voxel = |i: usize| value(volume.grid().index(i).0, truth[i]) + sigma * gauss(3, i as u64);
+    let voxels: Vec<f32> = (0..truth.len()).map(|i| voxel(i) as f32).collect();
+    Volume::new(volume.grid().clone(), voxels.into()).unwrap()
+}
+
+#[test]
+fn a_start_tells_an_organ_from_body_and_air() {
+    let n = 48;
+    let (volume, organ) = shape([n; 3], [1.0; 3], 0.0, &|q| length(&q) - 8.0);
+    let body = |at: [usize; 3]| at.iter().all(|&c| (6..42).contains(&c));
+    let scan = valued(&volume, &organ, 8.0, &|at, is_organ| match (is_organ, body(at)) {
+        (true, _) => 100.0,
+        (false, true) => 60.0,
+        (false, false) => -1000.0,
+    });
+    let of = |data: DataTerm| {
+        let middle = scan.grid().world(ivd_core::VoxelCoord(nalgebra::Vector3::repeat(23.5))).0.into();
+        let params = SurfaceParams { seed: Some(middle), data, ..SurfaceParams::default() };
+        dice(&find(&scan, &params).unwrap().mask, &organ)
+    };
+    let [means, start] = [of(DataTerm::Means), of(DataTerm::Start)];
+    assert!(means < 0.2, "two means tell the body from the air: {means}");
+    assert!(start > 0.97, "{start}");
+}
+
+#[test]
+fn local_means_follow_brightness_that_changes_across_a_part() {
+    let n = 48;
+    let (volume, truth) = shape([n; 3], [1.0; 3], 0.0, &ball(48.0));
+    let scan = valued(&volume, &truth, 0.1, &|at, inside| {
+        f64::from(u8::from(inside)) + 1.5 * at[0] as f64 / n as f64
+    });
+    let means = find(&scan, &SurfaceParams::default()).map_or(0.0, |found| dice(&found.mask, &truth));
+    let near = SurfaceParams { data: DataTerm::Local, radius: Some(14.0), ..SurfaceParams::default() };
+    let local = find(&scan, &near).unwrap();
+    assert!(means < 0.95, "{means}");
+    assert!(dice(&local.mask, &truth) > 0.985, "{}", dice(&local.mask, &truth));
+    assert!(local.energies.windows(2).all(|e| e[1] < e[0]), "{:?}", local.energies);
+}
+
+#[test]
+fn area_that_weighs_less_in_steep_places_is_the_same_where_nothing_is_steep() {
+    let n = 40;
+    let (volume, truth) = shape([n; 3], [1.0, 0.8, 1.3], 0.3, &|q| length(&q) - 11.0);
+    let of = |edge: Option<f64>| find(&volume, &SurfaceParams { edge, ..SurfaceParams::default() }).unwrap();
+    let (alike, flat, steep) = (of(None), of(Some(1e12)), of(Some(0.4)));
+    assert_eq!(alike.mask, flat.mask);
+    assert!(dice(&steep.mask, &truth) > 0.97 && steep.mask != alike.mask, "{}", dice(&steep.mask, &truth));
+}
+
 #[test]
 fn voxels_without_data_belong_to_nothing() {
     let n = 40;

@@ -40,6 +40,8 @@ pub(super) struct Band {
     pub(super) flow: Vec<[Brick; 3]>,
     /// What a voxel costs inside, less what it costs outside; 0 without data.
     pub(super) force: Vec<Brick>,
+    /// Share of its weight that area has at each voxel; empty where that is all of it everywhere.
+    pub(super) softness: Vec<Brick>,
 }
 
 impl Band {
@@ -57,6 +59,7 @@ impl Band {
             primal: Vec::new(),
             flow: Vec::new(),
             force: Vec::new(),
+            softness: Vec::new(),
         }
     }
 
@@ -126,6 +129,9 @@ impl Band {
             start(places[i], sides[i], &mut u);
             Ok::<_, Error>((values, u))
         })?;
+        if let Some(edge) = level.edge {
+            self.softness.extend(parallel::map(places.len(), &|i| level.softness(places[i], edge)));
+        }
         for (values, u) in made {
             self.values.push(values);
             self.primal.push(Primal { u, ahead: u });
@@ -173,7 +179,8 @@ impl Band {
             for (slot, flow) in (4 * piece..).zip(flows) {
                 let brick = self.places[slot];
                 let above = [0, 1, 2].map(|a| self.beside(brick, a, true, |s| &self.primal[s].ahead));
-                dual(flow, &self.primal[slot].ahead, &Faces { above, extent: self.extent(brick) }, steps);
+                let faces = Faces { above, extent: self.extent(brick) };
+                dual(flow, &self.primal[slot].ahead, &faces, self.softness.get(slot), steps);
             }
         });
         self.flow = flow;

@@ -20,12 +20,15 @@ const GAIN: f64 = 1e-3;
 /// What a descent goes by, the same at all resolutions.
 pub(super) struct Settings<'a> {
     pub(super) params: &'a SurfaceParams,
+    /// What values are expected to be, where that doesn't follow the set.
+    pub(super) held: Option<Model>,
     pub(super) exec: &'a Exec,
 }
 
 impl Settings<'_> {
     fn binned(&self) -> bool {
-        self.params.data == DataTerm::Likelihood && self.params.distribution != Distribution::Gaussian
+        let likelihood = self.params.data == DataTerm::Likelihood;
+        self.held.is_some() || likelihood && self.params.distribution != Distribution::Gaussian
     }
 }
 
@@ -84,7 +87,8 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
     let mut stalled = 0;
     loop {
         let sides = sides(&looks, &inner, &total);
-        let model = Model::fit(&sides.inside, &sides.outside, params.data, params.distribution);
+        let fit = || Model::fit(&sides.inside, &sides.outside, params.data, params.distribution);
+        let model = settings.held.clone().unwrap_or_else(fit);
         let force = model.force();
         band.act(&force);
         let moved = weight.is_none() || (whole && sweeps <= 3 * BETWEEN);
@@ -142,7 +146,7 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
 }
 
 /// Takes into work what the front has come near to; tells whether that was anything.
-fn grow(
+pub(super) fn grow(
     level: &Level,
     band: &mut Band,
     looks: &[Look],

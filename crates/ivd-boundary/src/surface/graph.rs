@@ -345,7 +345,7 @@ mod tests {
             let grid = Grid::with_spacing(dims, [1.0, 0.8, 1.6]).unwrap();
             let voxels: Vec<f32> = (0..12).map(|i| noise::unit(case as u64, i) as f32).collect();
             let volume = Volume::new(grid, voxels.into()).unwrap();
-            let level = Level::finest(&volume, Unit::of(&volume, None).unwrap());
+            let level = Level::finest(&volume, Unit::of(&volume, None).unwrap(), None);
             let force = Force::Quadratic([-1.0, 2.0, 0.0]);
             let neighbours = if case % 2 == 0 { 26 } else { 6 };
             let mu = 0.02 + 0.4 * noise::unit(99, case as u64);

@@ -41,6 +41,8 @@ pub(super) struct Level<'a> {
     pub(super) factor: [usize; 3],
     /// Edges of a voxel (mm).
     pub(super) edges: [f64; 3],
+    /// Steepness (values per mm) at which area weighs half, where it weighs less in steep places.
+    pub(super) edge: Option<f64>,
     values: Values<'a>,
 }
 
@@ -51,9 +53,11 @@ enum Values<'a> {
 
 impl<'a> Level<'a> {
     /// The volume itself.
-    pub(super) fn finest(volume: &'a Volume, unit: Unit) -> Self {
+    pub(super) fn finest(volume: &'a Volume, unit: Unit, edge: Option<f64>) -> Self {
         let grid = volume.grid();
-        Self { dims: grid.dims(), factor: [1; 3], edges: edges(grid), values: Values::Stored(volume, unit) }
+        let edge = edge.map(|edge| edge / unit.one);
+        let values = Values::Stored(volume, unit);
+        Self { dims: grid.dims(), factor: [1; 3], edges: edges(grid), edge, values }
     }
 
     /// Number of voxels.
@@ -100,6 +104,37 @@ impl<'a> Level<'a> {
         }
     }
 
+    /// Share of its weight that area has at each voxel of a brick: 1 / (1 + (steepness / edge)²), by differences of neighbours; beside the
+    /// volume's border and voxels without data of the voxel itself.
+    pub(super) fn softness(&self, brick: [usize; 3], edge: f64) -> [f32; CUBE] {
+        const WIDE: usize = BRICK + 2;
+        let dims = self.dims;
+        let mut values = vec![f32::NAN; WIDE * WIDE * WIDE];
+        let low = brick.map(|b| b * BRICK);
+        let rows = |a: usize| low[a].saturating_sub(1)..(low[a] + BRICK + 1).min(dims[a]);
+        let xs = rows(0);
+        for z in rows(2) {
+            for y in rows(1) {
+                let to = (xs.start + 1 - low[0]) + WIDE * ((y + 1 - low[1]) + WIDE * (z + 1 - low[2]));
+                self.row(xs.start + dims[0] * (y + dims[1] * z), &mut values[to..to + xs.len()]);
+            }
+        }
+        std::array::from_fn(|i| {
+            let at = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)].map(|v| v + 1);
+            let own = at[0] + WIDE * (at[1] + WIDE * at[2]);
+            let square: f64 = (0..3)
+                .map(|a| {
+                    let stride = WIDE.pow(a as u32);
+                    let near = [values[own - stride], values[own + stride]];
+                    let [before, after] = near.map(|v| if v.is_nan() { values[own] } else { v });
+                    let steps = near.iter().filter(|v| !v.is_nan()).count().max(1);
+                    (f64::from(after - before) / (steps as f64 * self.edges[a])).powi(2)
+                })
+                .sum();
+            if square.is_nan() { 1.0 } else { (1.0 / (1.0 + square / (edge * edge))) as f32 }
+        })
+    }
+
     /// The next coarser level: means over two voxels along every axis that is no coarser than 1.5 × the finest one.
     ///
     /// # Errors
@@ -136,6 +171,7 @@ impl<'a> Level<'a> {
             dims,
             factor: std::array::from_fn(|a| self.factor[a] * step[a]),
             edges: std::array::from_fn(|a| self.edges[a] * step[a] as f64),
+            edge: self.edge,
             values: Values::Means(means),
         })
     }

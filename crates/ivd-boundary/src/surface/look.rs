@@ -60,6 +60,13 @@ impl Tally {
         if self.count > 0.0 { (self.squares / self.count - self.mean().powi(2)).max(0.0) } else { 0.0 }
     }
 
+    /// With one value more, where it is one.
+    pub(super) fn count_in(&mut self, value: f32) {
+        if !value.is_nan() {
+            self.add(value);
+        }
+    }
+
     /// Of a brick's values, where there are any.
     fn of(values: &Brick, bins: bool) -> Self {
         let mut tally = Self::new(bins);
@@ -101,6 +108,7 @@ fn look(band: &Band, slot: usize, weights: &[f64; 8], bins: bool) -> Look {
     let (u, values) = (&band.primal[slot].u, &band.values[slot]);
     let mut found = Look { inside: Tally::new(bins), area: 0.0, front: None, bits: [0; BRICK] };
     let mut kinds = [0_u32; 8];
+    let softened = band.softness.get(slot);
     let next_x = faces.next_x(u);
     for z in 0..faces.extent[2] {
         for y in 0..faces.extent[1] {
@@ -120,6 +128,12 @@ fn look(band: &Band, slot: usize, weights: &[f64; 8], bins: bool) -> Look {
             if any == 0 {
                 continue;
             }
+            if let Some(soft) = softened {
+                for x in (0..BRICK).filter(|x| any >> x & 1 == 1) {
+                    let kind = (0..3).fold(0, |kind, a| kind | usize::from(changes[a] >> x & 1) << a);
+                    found.area += weights[kind] * f64::from(soft[first + x]);
+                }
+            }
             for (kind, count) in kinds.iter_mut().enumerate().skip(1) {
                 let of = (0..3).fold(u8::MAX, |bits, a| {
                     bits & if kind >> a & 1 == 1 { changes[a] } else { !changes[a] }
@@ -135,7 +149,9 @@ fn look(band: &Band, slot: usize, weights: &[f64; 8], bins: bool) -> Look {
             }
         }
     }
-    found.area = kinds.iter().zip(weights).map(|(&n, w)| f64::from(n) * w).sum();
+    if softened.is_none() {
+        found.area = kinds.iter().zip(weights).map(|(&n, w)| f64::from(n) * w).sum();
+    }
     found
 }
 

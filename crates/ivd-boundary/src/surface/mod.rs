@@ -6,6 +6,7 @@
 //!
 //! - `level`: resolutions of a volume. `band`: the bricks in work. `sweep`: the iteration on one brick.
 //! - `look`: what a set is: values, area, front. `model`: what values cost on either side. `descent`: the whole at one resolution.
+//! - `local`: statistics of what is nearby, at the finest resolution.
 //! - `certify`: how far from the lowest energy a set can be; `graph`: the lowest set where area is counted by cut edges.
 //! - `start`: what it begins with.
 
@@ -14,6 +15,7 @@ mod certify;
 mod descent;
 mod graph;
 mod level;
+mod local;
 mod look;
 mod model;
 mod params;
@@ -28,7 +30,8 @@ use ivd_core::{BRICK, Exec, Labels, Mask, Volume};
 use band::Band;
 use descent::{Descent, Settings, descend};
 use level::{CUBE, Level, Unit, levels};
-use look::{Bits, is_inside};
+use look::{Bits, Tally, is_inside};
+use model::Model;
 pub use params::{AreaMeasure, DataTerm, Distribution, StartShape, SurfaceParams};
 use start::Start;
 
@@ -94,16 +97,18 @@ pub fn active_surface(
         let start = Start::of(volume, labels, start, params, exec)?;
         let unit = Unit::of(volume, params.window)
             .ok_or_else(|| Error::NoBoundary { problem: "all values of the volume are alike".into() })?;
-        let levels = levels(Level::finest(volume, unit), WHOLE, exec)?;
-        let settings = Settings { params, exec };
+        let levels = levels(Level::finest(volume, unit, params.edge), WHOLE, exec)?;
+        let finest = levels.last().expect("there is the finest");
+        let chosen = start.indices(grid);
+        let held = (params.data == DataTerm::Start).then(|| held(finest, &chosen, exec)).transpose()?;
+        let settings = Settings { params, held, exec };
         let mut found = first(&levels[0], &start, volume, &settings)?;
         let (mut sweeps, mut updates) = (found.sweeps, found.updates);
         for pair in levels.windows(2) {
-            found = descend(&pair[1], refined(&pair[0], &found, &pair[1], exec)?, &settings)?;
+            found = at_level(&pair[1], refined(&pair[0], &found, &pair[1], exec)?, &settings)?;
             sweeps += found.sweeps;
             updates += found.updates;
         }
-        let finest = levels.last().expect("there is the finest");
         let mut inside = draw(finest, &found, exec)?;
         let edge = finest.edges.iter().copied().fold(f64::INFINITY, f64::min);
         let mut certificate = None;
@@ -116,12 +121,12 @@ pub fn active_surface(
             sweeps += shown.sweeps;
             certificate = Some(shown);
         }
-        let chosen = start.indices(grid);
         let part = part::part(inside, volume, &chosen, params.open, params.fill_holes, exec)?;
         let level = part::level(&part.inside, grid.dims(), exec)?;
         let mask = Mask::new(grid.clone(), part.inside.into())?.with_level(level.into())?;
         // The energy is in units of the range squared; a likelihood's is in nats.
-        let value = if params.data == DataTerm::Means { unit.one * unit.one } else { 1.0 };
+        let value =
+            if matches!(params.data, DataTerm::Means | DataTerm::Local) { unit.one * unit.one } else { 1.0 };
         Ok(Surface {
             voxels: mask.count(),
             mask,
@@ -141,6 +146,23 @@ pub fn active_surface(
     })
 }
 
+/// What values are expected to be, by those of the start and by all others.
+fn held(finest: &Level, chosen: &[usize], exec: &Exec) -> Result<Model, Error> {
+    let mut inside = Tally::new(true);
+    let mut value = [0.0];
+    for &voxel in chosen {
+        finest.row(voxel, &mut value);
+        inside.count_in(value[0]);
+    }
+    let mut others = look::tally(finest, None, true, exec)?;
+    others.plus(-1.0, &inside);
+    if inside.count < 2.0 || others.count < 1.0 {
+        let problem = "the start has too few values, or all there are, to tell what is like it";
+        return Err(Error::NoBoundary { problem: problem.into() });
+    }
+    Ok(Model::held(&inside, &others))
+}
+
 /// The coarsest resolution, worked through whole; the side that the start lies in becomes the inside.
 fn first(level: &Level, start: &Start, volume: &Volume, settings: &Settings) -> Result<Descent, Error> {
     let exec = settings.exec;
@@ -154,7 +176,10 @@ fn first(level: &Level, start: &Start, volume: &Volume, settings: &Settings) -> 
     if !split_if_whole(level, &mut band, &started) {
         return Err(Error::NoBoundary { problem: "the start holds no voxel".into() });
     }
-    let mut found = descend(level, band, settings)?;
+    let mut found = at_level(level, band, settings)?;
+    if settings.held.is_some() || settings.params.data == DataTerm::Local {
+        return Ok(found);
+    }
     let [inside, outside] = shares(level, &found, &started);
     let turned = if inside[0] * outside[1] == outside[0] * inside[1] {
         if inside[2] == outside[2] {
@@ -169,6 +194,17 @@ fn first(level: &Level, start: &Start, volume: &Volume, settings: &Settings) -> 
         found.turn(level);
     }
     Ok(found)
+}
+
+/// Lowers the energy at one resolution, by the statistics that are asked for.
+fn at_level(level: &Level, band: Band, settings: &Settings) -> Result<Descent, Error> {
+    if settings.params.data != DataTerm::Local {
+        return descend(level, band, settings);
+    }
+    // What those of the whole say of contrast and noise; they move nothing.
+    let still = SurfaceParams { sweeps: 0, ..settings.params.clone() };
+    let found = descend(level, band, &Settings { params: &still, held: None, exec: settings.exec })?;
+    local::descend_nearby(level, found, settings)
 }
 
 /// A start that holds every voxel tells nothing: the brighter half is taken in its place. False where the start is empty.

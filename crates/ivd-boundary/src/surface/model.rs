@@ -26,7 +26,7 @@ const LEAST_PROBABILITY: f64 = 1e-4;
 
 impl Side {
     fn fit(tally: &Tally, data: DataTerm, distribution: Distribution) -> Self {
-        if data == DataTerm::Means {
+        if matches!(data, DataTerm::Means | DataTerm::Local) {
             return Self::Quadratic { mean: tally.mean(), weight: 1.0, offset: 0.0 };
         }
         match distribution {
@@ -64,6 +64,14 @@ impl Side {
 }
 
 impl Model {
+    /// Of values that stay: those inside are spread normally, all others as they are.
+    pub(super) fn held(inside: &Tally, others: &Tally) -> Self {
+        Self {
+            inside: Side::Table(normal(inside)),
+            outside: Side::fit(others, DataTerm::Likelihood, Distribution::Histogram),
+        }
+    }
+
     pub(super) fn fit(inside: &Tally, outside: &Tally, data: DataTerm, distribution: Distribution) -> Self {
         Self {
             inside: Side::fit(inside, data, distribution),
@@ -139,6 +147,18 @@ impl Force {
             }
         }
     }
+}
+
+/// −ln of the share of a normal distribution with a set's moments in every bin, as far as anything is improbable.
+fn normal(tally: &Tally) -> Vec<f64> {
+    let variance = tally.variance().max(LEAST_SPREAD * LEAST_SPREAD);
+    let all = 0.5 * (std::f64::consts::TAU * variance).ln() + (BINS as f64).ln();
+    (0..BINS)
+        .map(|i| {
+            let value = (i as f64 + 0.5) / BINS as f64;
+            (0.5 * (value - tally.mean()).powi(2) / variance + all).min(-LEAST_PROBABILITY.ln())
+        })
+        .collect()
 }
 
 /// −ln of a histogram, smoothed by a Gaussian of the width that its count suggests (Silverman's rule).

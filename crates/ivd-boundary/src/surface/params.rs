@@ -11,6 +11,12 @@ pub enum DataTerm {
     Means,
     /// How likely the value is on either side, by the distribution of its values.
     Likelihood,
+    /// How likely the value is among those of the start (a normal distribution), or among all others (their histogram). Both stay as they
+    /// are: for a part that is a small share of the scan, from a start that lies within it.
+    Start,
+    /// Distance from the means of either side nearby, within `reach` (Lankton & Tannenbaum 2008): where a part's brightness changes across
+    /// it. It moves the front that is there, and finds what this starts within reach of.
+    Local,
 }
 
 /// How a side's values are spread, for the likelihood.
@@ -82,6 +88,13 @@ pub struct SurfaceParams {
     pub data: DataTerm,
     /// How values are spread, for the likelihood.
     pub distribution: Distribution,
+    /// How far nearby is, for `local`; without it four mean edges of a voxel.
+    #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
+    pub reach: Option<f64>,
+    /// Steepness (values per mm) at which the border's area weighs half: it then rather runs along steep places, as in geodesic active
+    /// contours (Caselles et al. 1997). Without it area weighs the same everywhere.
+    #[schemars(extend("x-unit" = "value/mm", "exclusiveMinimum" = 0.0))]
+    pub edge: Option<f64>,
     /// Least and greatest value that count: others are taken as these, such as metal in a CT.
     #[schemars(extend("x-unit" = "value"))]
     pub window: Option<[f64; 2]>,
@@ -116,6 +129,8 @@ impl Default for SurfaceParams {
             class: None,
             data: DataTerm::Means,
             distribution: Distribution::Histogram,
+            reach: None,
+            edge: None,
             window: None,
             phi: None,
             area: AreaMeasure::Smooth,
@@ -168,6 +183,24 @@ impl SurfaceParams {
                 format!("{low} … {high} holds no values"),
                 "give the lower value first",
             ));
+        }
+        if self.reach.is_some() && self.data != DataTerm::Local {
+            return refused(
+                "reach",
+                "given for data that aren't local",
+                "leave it out, or give data = local",
+            );
+        }
+        let is_cut = self.area != AreaMeasure::Smooth;
+        if self.edge.is_some() && (is_cut || self.certify) {
+            return refused(
+                "edge",
+                "given for a certificate, whose area weighs alike everywhere",
+                "leave one out",
+            );
+        }
+        if self.data == DataTerm::Local && (is_cut || self.certify) {
+            return refused("data", "local statistics have no certificate", "leave certify and area out");
         }
         if self.radius.is_some() && (self.class.is_some() || self.box_from.is_some()) {
             return refused("radius", "given with a start that has no radius", "leave it out");

@@ -124,26 +124,55 @@ fn inverse_root(x: f32) -> f32 {
 }
 
 /// The step of the flow.
-pub(super) fn dual(flow: &mut [Brick; 3], ahead: &Brick, faces: &Faces, steps: &Steps) {
+///
+/// `softness`: share of its weight that area has at each voxel, where that isn't all of it everywhere.
+pub(super) fn dual(
+    flow: &mut [Brick; 3],
+    ahead: &Brick,
+    faces: &Faces,
+    softness: Option<&Brick>,
+    steps: &Steps,
+) {
+    if let Some(softness) = softness {
+        return dual_any(flow, ahead, faces, &softness.map(|share| share * steps.mu), steps);
+    }
     #[cfg(target_arch = "x86_64")]
     if steps.wide {
         // SAFETY: AVX2 was found.
         #[allow(unsafe_code, reason = "argued in the module's head")]
         return unsafe { dual_avx2(flow, ahead, faces, steps) };
     }
-    dual_any(flow, ahead, faces, steps);
+    dual_any(flow, ahead, faces, &steps.mu, steps);
+}
+
+/// The length that a flow may have at each voxel.
+trait Length {
+    fn at(&self, voxel: usize) -> f32;
+}
+
+impl Length for f32 {
+    #[inline(always)]
+    fn at(&self, _: usize) -> f32 {
+        *self
+    }
+}
+
+impl Length for Brick {
+    #[inline(always)]
+    fn at(&self, voxel: usize) -> f32 {
+        self[voxel]
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn dual_avx2(flow: &mut [Brick; 3], ahead: &Brick, faces: &Faces, steps: &Steps) {
-    dual_any(flow, ahead, faces, steps);
+    dual_any(flow, ahead, faces, &steps.mu, steps);
 }
 
 #[inline(always)]
-fn dual_any(flow: &mut [Brick; 3], ahead: &Brick, faces: &Faces, steps: &Steps) {
+fn dual_any(flow: &mut [Brick; 3], ahead: &Brick, faces: &Faces, longest: &impl Length, steps: &Steps) {
     let [sx, sy, sz] = steps.slope.map(|g| g * steps.sigma);
-    let mu = steps.mu;
     let [fx, fy, fz] = flow;
     let next_x = faces.next_x(ahead);
     for z in 0..faces.extent[2] {
@@ -157,7 +186,7 @@ fn dual_any(flow: &mut [Brick; 3], ahead: &Brick, faces: &Faces, steps: &Steps) 
                 let x = fx[i] + sx * (nx[i] - own[i]);
                 let y = fy[i] + sy * (ny[i] - own[i]);
                 let z = fz[i] + sz * (nz[i] - own[i]);
-                let scale = (mu * inverse_root(x * x + y * y + z * z)).min(1.0);
+                let scale = (longest.at(first + i) * inverse_root(x * x + y * y + z * z)).min(1.0);
                 fx[i] = x * scale;
                 fy[i] = y * scale;
                 fz[i] = z * scale;

@@ -15,7 +15,7 @@ fn volume(dims: [usize; 3], spacing: [f64; 3], of: impl Fn([usize; 3]) -> f32) -
 }
 
 fn finest(volume: &Volume) -> Level<'_> {
-    Level::finest(volume, Unit::of(volume, None).unwrap())
+    Level::finest(volume, Unit::of(volume, None).unwrap(), None)
 }
 
 /// The iteration as it is written, over the whole volume.
@@ -115,9 +115,9 @@ fn bricks_round_the_front_give_the_set_of_the_whole_volume() {
     let (volume, params, exec) = (ball(72, 0.4, 1), SurfaceParams::default(), Exec::default());
     let unit = Unit::of(&volume, None).unwrap();
     let start = Start::of(&volume, None, None, &params, &exec).unwrap();
-    let settings = Settings { params: &params, exec: &exec };
+    let settings = Settings { params: &params, held: None, exec: &exec };
     let of = |whole: usize| {
-        let levels = levels(Level::finest(&volume, unit), whole, &exec).unwrap();
+        let levels = levels(Level::finest(&volume, unit, None), whole, &exec).unwrap();
         let mut found = first(&levels[0], &start, &volume, &settings).unwrap();
         for pair in levels.windows(2) {
             let band = refined(&pair[0], &found, &pair[1], &exec).unwrap();
@@ -141,7 +141,7 @@ fn the_energy_lies_within_a_hundredth_of_the_lowest_for_its_statistics() {
         let (volume, params, exec) = (ball(40, 0.5, seed), SurfaceParams::default(), Exec::default());
         let level = finest(&volume);
         let start = Start::of(&volume, None, None, &params, &exec).unwrap();
-        let settings = Settings { params: &params, exec: &exec };
+        let settings = Settings { params: &params, held: None, exec: &exec };
         let found = first(&level, &start, &volume, &settings).unwrap();
         // The same problem, its statistics fixed, worked on until nothing moves.
         let mut band = found.band;
@@ -162,5 +162,41 @@ fn the_energy_lies_within_a_hundredth_of_the_lowest_for_its_statistics() {
         assert!(relaxed <= lowest && relaxed <= reached, "seed {seed}: {relaxed} {lowest} {reached}");
         let all = found.energies.last().unwrap();
         assert!(reached - lowest <= 0.01 * all, "seed {seed}: {reached} above {lowest} of {all}");
+    }
+}
+
+#[test]
+fn sums_nearby_are_those_of_a_box_about_every_voxel() {
+    let exec = Exec::default();
+    let volume =
+        volume([21, 11, 9], [1.0; 3], |[x, y, z]| noise::unit(5, (x + 40 * (y + 40 * z)) as u64) as f32);
+    let level = finest(&volume);
+    let inside = |voxel: [usize; 3]| (voxel[0] + 2 * voxel[1] + voxel[2]) % 5 < 2;
+    let band = Band::whole(&level, &inside, &exec).unwrap();
+    let reach = [2, 3, 1];
+    for brick in [[0, 0, 0], [1, 1, 0], [2, 0, 1]] {
+        let found = local::near(&level, &band, brick, reach);
+        for (i, sums) in found.iter().enumerate() {
+            let at: [usize; 3] = std::array::from_fn(|a| {
+                brick[a] * BRICK + [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)][a]
+            });
+            if (0..3).any(|a| at[a] >= level.dims[a]) {
+                continue;
+            }
+            let range = |a: usize| at[a].saturating_sub(reach[a])..(at[a] + reach[a] + 1).min(level.dims[a]);
+            let mut plain = [0.0_f32; 4];
+            for z in range(2) {
+                for y in range(1) {
+                    for x in range(0) {
+                        let mut value = [0.0];
+                        level.row(x + level.dims[0] * (y + level.dims[1] * z), &mut value);
+                        let own = f32::from(u8::from(inside([x, y, z])));
+                        let cell = [own, own * value[0], 1.0, value[0]];
+                        plain.iter_mut().zip(cell).for_each(|(sum, cell)| *sum += cell);
+                    }
+                }
+            }
+            assert!(plain.iter().zip(sums).all(|(a, b)| (a - b).abs() < 1e-4 * (1.0 + a.abs())), "{at:?}");
+        }
     }
 }

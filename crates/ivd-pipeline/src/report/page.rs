@@ -1,11 +1,14 @@
 //! What the page shows, in its order.
 
 use ivd_artefact::Artefact;
+use ivd_boundary::BoundaryFigures;
 use ivd_core::{Exec, Image, Value as _};
 use ivd_lattice::extract::{self, LatticeFigures};
 use ivd_lattice::refine::{self, RefineFigures};
 use ivd_report::html::escape;
-use ivd_report::{Cell, Page, Pictures, body_or_problem, pairs, shown, slices, table, value_histogram};
+use ivd_report::{
+    Cell, Curve, Page, Pictures, body_or_problem, curve, pairs, shown, slices, table, value_histogram,
+};
 use ivd_segment::{AnyFigures, Figures};
 
 use super::data::ReportData;
@@ -46,6 +49,9 @@ pub(crate) fn html(
         }
         page.section("Classes", &body);
     }
+    if let Some(part) = part(records).transpose() {
+        page.section("Part", &body_or_problem(part));
+    }
     page.section("Lattice", &body_or_problem(lattice_table(records)));
     if let Some(moves) = Moves::of(records).transpose() {
         let body = moves.map(|moves| deformation(&moves, &data.displacements) + &bones(&moves));
@@ -79,6 +85,29 @@ fn volume_table(records: &[StageRecord]) -> Result<String, Error> {
         ("range", shown(import.map(|found| found.range))),
         ("voxels without data", shown(import.map(|found| found.missing))),
     ]))
+}
+
+/// What the isolated part comes to, with the energies that its method went through.
+fn part(records: &[StageRecord]) -> Result<Option<String>, Error> {
+    let Some(found) = figures_of::<BoundaryFigures>(records, ivd_boundary::STAGE.name)? else {
+        return Ok(None);
+    };
+    let rows = pairs(&[
+        ("voxels", found.voxels.to_string()),
+        ("pieces that there were", found.components.to_string()),
+        ("voxels of holes", found.filled.to_string()),
+        ("weight of the area", shown(found.mu)),
+        ("mean inside, outside", shown(found.means)),
+        ("gap to the lowest energy, of the area's", shown(found.gap)),
+    ]);
+    let points: Vec<(f64, f64)> = (0..).map(f64::from).zip(found.energies).collect();
+    let energies = curve(&Curve {
+        points: &points,
+        x_label: "energies that were accepted",
+        y_label: "energy",
+        chosen: None,
+    });
+    Ok(Some(rows + &energies))
 }
 
 fn lattice_table(records: &[StageRecord]) -> Result<String, Error> {
