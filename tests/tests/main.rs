@@ -2,6 +2,7 @@
 
 mod budgets;
 mod invariants;
+mod one_part;
 mod outside_reach;
 mod reading;
 mod skipping;

@@ -78,7 +78,7 @@ fn run_at(runs: &Runs, [nx, ny, _]: [usize; 3], voxel: usize) -> Option<usize> {
     after.checked_sub(1).filter(|run| row.contains(run) && runs.span(*run).contains(&x))
 }
 
-/// Morphological opening by a ball, of which only the piece of the start is kept.
+/// Erosion by a ball, the piece of the start, and what of the set lies as near to it again, and a voxel more.
 fn open(inside: &mut [u8], grid: &Grid, radius: f64, chosen: &[usize]) -> Result<(), Error> {
     let dims = grid.dims();
     let axes = grid.linear_part();
@@ -111,6 +111,8 @@ fn open(inside: &mut [u8], grid: &Grid, radius: f64, chosen: &[usize]) -> Result
     let near = if near.is_empty() { nearest(&core, size, edges, &inner, chosen, dims) } else { near };
     keep_piece(&mut core, size, &near)?;
     let away = squared_distances(size, edges, &|i| core[i] != 0);
+    // A voxel further than was taken off: the border's steps come back whole.
+    let limit = (radius + grid.voxel_volume().cbrt()).powi(2) as f32;
     for (i, &away) in away.iter().enumerate() {
         if let Some(voxel) = inner(i) {
             inside[voxel] = u8::from(inside[voxel] != 0 && away <= limit);

@@ -168,19 +168,12 @@ pub fn transfer(labels: &Labels, params: &ivd_atf::Params, transfer: &TransferFu
     Ok(())
 }
 
-/// The offsets of a voxel's neighbours: 6 through faces, or all 26.
-fn neighbours(all: bool) -> Vec<[i64; 3]> {
-    let each = (-1..=1).flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| [x, y, z])));
-    each.filter(|d: &[i64; 3]| {
-        let far = d.iter().map(|c| c.abs()).sum::<i64>();
-        far == 1 || all && far > 0
-    })
-    .collect()
-}
+/// The offsets of the neighbours of a voxel through its faces.
+const NEIGHBOURS: [[i64; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
 
 /// Number of the connected piece of every voxel of a set, pieces in the order of their first voxel; `None` outside.
-fn pieces(grid: &Grid, of: &[bool], all: bool) -> (Vec<Option<usize>>, usize) {
-    let (offsets, dims) = (neighbours(all), grid.dims());
+fn pieces(grid: &Grid, of: &[bool]) -> (Vec<Option<usize>>, usize) {
+    let dims = grid.dims();
     let mut piece = vec![None; of.len()];
     let mut count = 0;
     for seed in 0..of.len() {
@@ -191,7 +184,7 @@ fn pieces(grid: &Grid, of: &[bool], all: bool) -> (Vec<Option<usize>>, usize) {
         let mut queue = VecDeque::from([seed]);
         while let Some(i) = queue.pop_front() {
             let at = grid.index(i).0.map(|c| c as i64);
-            for d in &offsets {
+            for d in NEIGHBOURS {
                 let to: [i64; 3] = std::array::from_fn(|a| at[a] + d[a]);
                 if (0..3).all(|a| to[a] >= 0 && to[a] < dims[a] as i64) {
                     let j = grid.linear(ivd_core::VoxelIndex(to.map(|c| c as usize)));
@@ -220,14 +213,14 @@ pub fn part(volume: &Volume, labels: &Labels, params: &ComponentParams, found: &
         (None, class) => Some(labels.ids()[i]) == class && values[i].is_some(),
     };
     let members: Vec<bool> = (0..grid.len()).map(member).collect();
-    let (piece, count) = pieces(grid, &members, false);
+    let (piece, count) = pieces(grid, &members);
     hold!(found.components == count, "{} components, plainly {count}", found.components);
     let mut sizes = vec![0_u64; count];
     piece.iter().flatten().for_each(|&p| sizes[p] += 1);
     let largest = (0..count).max_by_key(|&p| (sizes[p], std::cmp::Reverse(p)));
     let kept: Vec<bool> = piece.iter().map(|p| p.is_some() && *p == largest).collect();
     let background: Vec<bool> = kept.iter().map(|k| !k).collect();
-    let (hole, holes) = pieces(grid, &background, true);
+    let (hole, holes) = pieces(grid, &background);
     let mut open = vec![false; holes];
     for (i, p) in hole.iter().enumerate() {
         let at = grid.index(i).0;
