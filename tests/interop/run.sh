@@ -17,7 +17,7 @@ echo "-- golden"
 "$venv/bin/python" "$here/../golden.py" "$ivd" --check "$here/../../fixtures/golden.tsv" || status=1
 echo "-- read_artefact"
 "$venv/bin/python" "$here/read_artefact.py" "$here"/../../fixtures/artefacts/*.ivd >/dev/null || status=1
-for script in volumes lattices motions pipeline; do
+for script in volumes lattices motions pipeline transfer_functions; do
     echo "-- $script"
     "$venv/bin/python" "$here/$script.py" "$ivd" || status=1
 done

@@ -103,13 +103,16 @@ pub(crate) enum Command {
     },
     /// Runs a scene: computes what its outputs need, and no more.
     Pipeline(Pipeline),
-    /// Reads a volume of any known format and writes an artefact.
+    /// Reads a volume of any known format, or a transfer function, and writes an artefact.
     Import {
-        /// File, or folder of slices.
+        /// File, or folder of slices; of a transfer function its .json (3D Slicer, `ParaView`, ours).
         source: PathBuf,
         /// Treat the values as labels and write a labels artefact.
-        #[arg(long)]
+        #[arg(long, conflicts_with = "mask")]
         labels: bool,
+        /// Treat what isn't 0 as inside and write a mask artefact.
+        #[arg(long)]
+        mask: bool,
         #[command(flatten)]
         raw: Raw,
         #[command(flatten)]
@@ -145,7 +148,7 @@ pub(crate) enum Command {
     Export {
         /// Artefact.
         artefact: PathBuf,
-        /// nii, nii.gz, nrrd, mha, mhd, vti, tif, raw; ply, obj, stl, glb, vtp, with --lattice pvd; png; json.
+        /// nii, nii.gz, nrrd, mha, mhd, vti, tif, raw; ply, obj, stl, glb, vtp, with --lattice pvd; png; vp.json, paraview.json; json.
         #[arg(short, long)]
         output: PathBuf,
         /// Of a lattice with coarser levels beside it: which, 0 the lattice itself.

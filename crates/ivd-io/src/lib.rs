@@ -3,6 +3,7 @@
 //! - [`volume`] reads the volumes of scanners, simulations and research tools (NIfTI, NRRD, MetaImage, DICOM folders, VTI, TIFF, PNG
 //!   slices, raw) and writes them, and displacement fields, for other programs.
 //! - [`mesh`] reads meshes (PLY, OBJ, STL, GLB, VTP) and writes lattices and their motions.
+//! - [`transfer`] reads and writes transfer functions (3D Slicer, ParaView).
 //!
 //! The format follows from the file's first bytes or its ending. Nothing in a file is trusted: sizes are checked against the file's own
 //! before memory is taken, and an error names the file and the place in it. A file is replaced at once or not at all.
@@ -27,5 +28,6 @@ pub mod mesh;
 mod notes;
 mod number;
 mod order;
+pub mod transfer;
 pub mod volume;
 mod vtk;

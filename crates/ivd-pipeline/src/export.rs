@@ -6,6 +6,7 @@ use std::path::Path;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Displacement, ErrorClass, Exec, Image, Labels, Lattice, Mask, Volume, Voxels};
+use ivd_io::transfer::Format;
 use ivd_io::volume::FieldDirection;
 use serde_json::{Value, json};
 
@@ -14,8 +15,8 @@ use crate::Error;
 /// Writes an artefact in the format of `path`'s ending. A file whose bytes would not change isn't touched.
 ///
 /// Volumes, labels and masks: nii, nii.gz, nrrd, mha, mhd, vti, tif, tiff, raw. Lattices: ply, obj, stl, glb, vtp.
-/// Displacements: nrrd, nii, nii.gz (deformed → rest, LPS mm, as ITK reads it). Images: png. Transfer functions, motions, octrees, and
-/// the figures of anything else: json. What else may be chosen: [`export_with`].
+/// Displacements: nrrd, nii, nii.gz (deformed → rest, LPS mm, as ITK reads it). Images: png. Transfer functions: vp.json (3D
+/// Slicer), paraview.json, json. Motions, octrees, and the figures of anything else: json. What else may be chosen: [`export_with`].
 ///
 /// # Errors
 /// A usage error where the kind has no such format, and whatever writing runs into.
@@ -43,6 +44,9 @@ pub fn export_with(
     options: &ExportOptions<'_>,
     exec: &Exec,
 ) -> Result<bool, Error> {
+    if let (Artefact::Transfer(transfer), Some(format)) = (artefact, Format::of(path)) {
+        return ivd_io::transfer::write(path, transfer, format).map_err(Error::in_stage("export"));
+    }
     if ending(path) == "json" {
         return write_text(path, &format!("{:#}\n", describe(artefact)));
     }
@@ -181,10 +185,7 @@ pub fn describe(artefact: &Artefact) -> Value {
         Artefact::Mask(m) => json!({
             "kind": "mask", "grid": grid(m.grid()), "voxels": m.count(), "level": m.level().is_some(),
         }),
-        Artefact::Transfer(t) => json!({
-            "kind": "transfer", "range": t.range(), "resolution": t.resolution(), "reference_mm": t.reference_mm(),
-            "classes": t.classes(), "entries": t.entries(), "table": t.table(),
-        }),
+        Artefact::Transfer(t) => ivd_io::transfer::to_json(t, Format::Own),
         Artefact::Lattice(l) => json!({
             "kind": "lattice", "grid": grid(l.grid()), "vertices": l.keys().len(), "triangles": l.triangles().len(),
             "source": l.source(), "level": l.level(), "max_error_mm": l.max_error_mm(),

@@ -30,8 +30,13 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
     match command {
         Command::Demo { out } => pipeline::demo(&out, context),
         Command::Pipeline(args) => pipeline::run(&args, context),
-        Command::Import { source, labels, raw, output } => {
-            volume::import(&source, labels, &raw, &output.path, context)
+        Command::Import { source, labels, mask, raw, output } => {
+            let taken = match (labels, mask) {
+                (true, _) => volume::Taken::Labels,
+                (false, true) => volume::Taken::Mask,
+                (false, false) => volume::Taken::Volume,
+            };
+            volume::import(&source, taken, &raw, &output.path, context)
         }
         Command::Phantom { name, size, truth, noise, voxel_type, seed, output } => {
             let params = volume::phantom_params(&name, size, noise, &voxel_type, seed)?;

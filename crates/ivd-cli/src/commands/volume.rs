@@ -5,31 +5,49 @@ use std::path::Path;
 use ivd_artefact::Artefact;
 use ivd_core::{Classified, VoxelType};
 use ivd_io::volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
-use ivd_pipeline::stages::{Import, ImportLabels, ImportSource};
-use ivd_pipeline::{ExportOptions, Inputs, ending, export as write_as, export_with};
+use ivd_pipeline::stages::{Import, ImportLabels, ImportMask, ImportSource, ImportTransfer};
+use ivd_pipeline::{ExportOptions, Inputs, Stage, ending, export as write_as, export_with};
 
 use crate::args::{Direction, Raw};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::files::{finish, volume_or_artefact, write_artefact};
 
+/// What a volume's values are taken for.
+#[derive(Clone, Copy)]
+pub(super) enum Taken {
+    /// What they are.
+    Volume,
+    /// Labels.
+    Labels,
+    /// Inside where they aren't 0.
+    Mask,
+}
+
 /// `ivd import`.
 pub(super) fn import(
     source: &Path,
-    labels: bool,
+    taken: Taken,
     raw: &Raw,
     output: &Path,
     context: &Context,
 ) -> anyhow::Result<()> {
+    if ending(source) == "json" {
+        let stage = ImportTransfer { path: source.to_owned() };
+        let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
+        return finish(&stage, done, output, context);
+    }
     let stage = Import { source: ImportSource::File { path: source.to_owned(), options: options(raw)? } };
     let cache = context.stage_cache()?;
     let done = context.run(&cache, &stage, &Inputs::default())?;
-    if !labels {
-        return finish(&stage, done, output, context);
-    }
+    let taken: &dyn Stage = match taken {
+        Taken::Volume => return finish(&stage, done, output, context),
+        Taken::Labels => &ImportLabels,
+        Taken::Mask => &ImportMask,
+    };
     let inputs = Inputs::default().with("volume", done.input());
-    let done = context.run(&cache, &ImportLabels, &inputs)?;
-    finish(&ImportLabels, done, output, context)
+    let done = context.run(&cache, taken, &inputs)?;
+    finish(taken, done, output, context)
 }
 
 /// What the flags say about a file.

@@ -6,7 +6,9 @@ use ivd_core::op::{
 use serde_json::{Map, Value as Json, json};
 
 use super::STAGES;
-use crate::stages::{ClipFigures, CombineFigures, ImportFigures, ImportLabelsFigures, ImportMaskFigures};
+use crate::stages::{
+    ClipFigures, CombineFigures, ImportFigures, ImportLabelsFigures, ImportMaskFigures, ImportTransferFigures,
+};
 use crate::{Section, Stage as _};
 
 fn methods() -> impl Iterator<Item = (&'static Stage, &'static Method)> {
@@ -40,6 +42,7 @@ fn all_fields(visit: &mut impl FnMut(&str, Field<'_>)) {
         schema_of::<ImportFigures>(),
         schema_of::<ImportLabelsFigures>(),
         schema_of::<ImportMaskFigures>(),
+        schema_of::<ImportTransferFigures>(),
         schema_of::<ClipFigures>(),
         schema_of::<CombineFigures>(),
     ];

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use ivd_artefact::Kind;
 use ivd_core::op::{Slots as _, object, schema_of};
-use ivd_core::{Exec, Labels, Mask, Volume, slots};
+use ivd_core::{Exec, Labels, Mask, TransferFunction, Volume, slots};
 use ivd_io::volume::ReadOptions;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -191,5 +191,57 @@ impl Stage for ImportMask {
         let mask = exec.run(|| Mask::from_volume(volume))?;
         let figures = ImportMaskFigures { voxels: mask.count() };
         Ok(StageOutput::new(mask, &figures))
+    }
+}
+
+/// Reads a transfer function of ours or of another program.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ImportTransfer {
+    /// The file.
+    pub path: PathBuf,
+}
+
+/// What an imported transfer function comes to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ImportTransferFigures {
+    /// Rows of the table: that for every label, and those for labels of their own.
+    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
+    pub rows: usize,
+    /// Samples of a row.
+    #[schemars(extend("x-unit" = "1"))]
+    pub resolution: usize,
+    /// Values of the first and the last sample.
+    #[schemars(extend("x-unit" = "value"))]
+    pub range: [f64; 2],
+}
+
+impl Stage for ImportTransfer {
+    fn facts(&self) -> Facts {
+        Facts {
+            name: IMPORT,
+            revision: 1,
+            inputs: &[],
+            output: Some(Kind::Transfer),
+            figures: schema_of::<ImportTransferFigures>,
+        }
+    }
+
+    fn params(&self) -> Value {
+        json!({ "transfer": true })
+    }
+
+    fn sources(&self) -> Result<Vec<PathBuf>, Error> {
+        Ok(vec![self.path.clone()])
+    }
+
+    fn run(&self, _inputs: &Inputs, _exec: &Exec) -> Result<StageOutput, Error> {
+        let transfer: TransferFunction =
+            ivd_io::transfer::read(&self.path).map_err(Error::in_stage(IMPORT))?;
+        let figures = ImportTransferFigures {
+            rows: transfer.classes().len(),
+            resolution: transfer.resolution(),
+            range: transfer.range(),
+        };
+        Ok(StageOutput::new(transfer, &figures))
     }
 }

@@ -16,7 +16,7 @@ pub use clip::{Clip, ClipFigures};
 pub use combine::{Combine, CombineFigures};
 pub use import::{
     IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportMask, ImportMaskFigures,
-    ImportSource,
+    ImportSource, ImportTransfer, ImportTransferFigures,
 };
 pub use imported_lattice::ImportedLattice;
 pub use lattice_parts::part_lattices;

@@ -1,0 +1,61 @@
+use ivd_core::{Classified, ErrorClass};
+
+use super::*;
+
+fn transfer() -> TransferFunction {
+    let row =
+        |shift: f32| (0..64).map(move |i| [i as f32 / 63.0, shift, 0.5, if i > 40 { 0.8 } else { 0.0 }]);
+    let table = row(0.1).chain(row(0.9)).collect();
+    TransferFunction::new([-100.0, 300.0], 64, 2.5, vec![0, 3], table, Vec::new()).unwrap()
+}
+
+#[test]
+fn what_is_written_is_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["t.json", "t.vp.json", "t.paraview.json"] {
+        let path = folder.path().join(name);
+        let format = Format::of(&path).unwrap();
+        assert!(write(&path, &transfer(), format).unwrap() && !write(&path, &transfer(), format).unwrap());
+        let back = read(&path).unwrap();
+        assert_eq!((back.range(), back.reference_mm()), ([-100.0, 300.0], 2.5), "{name}");
+        if format == Format::Own {
+            assert_eq!(back, transfer());
+        }
+        for i in 0..500 {
+            let value = -120.0 + f64::from(i);
+            let (a, b) = (back.sample(0, value), transfer().sample(0, value));
+            // Beside a step of the opacity a sample of the other table lies to one side of it.
+            let is_step = (155.0..165.0).contains(&value);
+            assert!(
+                a.iter().zip(b).all(|(a, b)| is_step || (a - b).abs() < 4e-3),
+                "{name} {value}: {a:?} {b:?}"
+            );
+        }
+    }
+    assert_eq!(Format::of(Path::new("t.png")), None);
+}
+
+#[test]
+fn files_that_hold_none_are_refused_with_the_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |text: &str, place: &str| {
+        let path = folder.path().join("t.json");
+        std::fs::write(&path, text).unwrap();
+        let error = read(&path).unwrap_err();
+        assert_eq!(error.error_class(), ErrorClass::Input, "{error}");
+        assert!(error.to_string().contains(place), "{error}");
+    };
+    refused("{", "line 1");
+    refused("{}", "the file");
+    refused(r#"{"volumeProperties": []}"#, "volumeProperties");
+    let component = r#"{"volumeProperties": [{"components": [{"rgbTransferFunction": {"points": [{"x": 1, "color": [0, 1]}]},
+        "scalarOpacity": {"points": []}}]}]}"#;
+    refused(component, "rgbTransferFunction.points[0]");
+    refused(r#"[{"RGBPoints": [0, 0, 0]}]"#, "RGBPoints");
+    refused(r#"[{"RGBPoints": [0, 0, 0, 1], "ColorSpace": "Lab"}]"#, "ColorSpace");
+    refused(
+        r#"{"table": [[0, 0, 0, 2]], "classes": [0], "entries": [], "range": [0, 1], "resolution": 1, "reference_mm": 1}"#,
+        "the table",
+    );
+    assert_eq!(read(Path::new("nowhere.json")).unwrap_err().error_class(), ErrorClass::Io);
+}
