@@ -8,8 +8,8 @@ use super::Problem;
 const TOLERANCE: f64 = 0.25 / 255.0;
 /// Places between two samples of the table where that is looked at.
 const BETWEEN: usize = 32;
-/// Samples of a table that is made of points.
-const SAMPLES: usize = 4096;
+/// Steps between the samples of a table that is made of points, at least and at most.
+const STEPS: [usize; 2] = [4095, 65_535];
 
 /// A point: the value there, and how it goes on to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,15 +64,43 @@ impl Points {
     /// The transfer function of them.
     pub(super) fn transfer(&self) -> Result<TransferFunction, Problem> {
         let [low, high] = self.range;
-        let value = |i: usize| low + (high - low) * i as f64 / (SAMPLES - 1) as f64;
-        let table = (0..SAMPLES)
+        let steps = self.steps();
+        let value = |i: usize| low + (high - low) * i as f64 / steps as f64;
+        let table = (0..=steps)
             .map(|i| {
                 let [r, g, b] = at(&self.colour, value(i)).map(|c| srgb::linear(c.clamp(0.0, 1.0)) as f32);
                 [r, g, b, at(&self.opacity, value(i))[0].clamp(0.0, 1.0) as f32]
             })
             .collect();
-        TransferFunction::new(self.range, SAMPLES, self.reference_mm, vec![0], table, Vec::new())
+        TransferFunction::new(self.range, steps + 1, self.reference_mm, vec![0], table, Vec::new())
             .map_err(|error| Problem::new("the points", error.to_string()))
+    }
+}
+
+impl Points {
+    /// So many steps that every point is a sample where they lie on a grid that is fine enough, as those of a table do; else as many as
+    /// can be.
+    fn steps(&self) -> usize {
+        let [low, high] = self.range;
+        let mut places: Vec<f64> =
+            self.colour.iter().map(|p| p.x).chain(self.opacity.iter().map(|p| p.x)).collect();
+        places.sort_by(f64::total_cmp);
+        let gaps = places.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 1e-9 * (high - low));
+        let count = ((high - low) / gaps.fold(f64::INFINITY, f64::min)).round().max(1.0);
+        // The smallest gap may be several of the grid's.
+        let on_grid = |count: f64| {
+            places.iter().all(|x| {
+                let at = (x - low) / (high - low) * count;
+                (at - at.round()).abs() < 1e-3
+            })
+        };
+        let found = (1..=64).map(|by| f64::from(by) * count).find(|count| on_grid(*count));
+        match found.filter(|count| *count <= STEPS[1] as f64) {
+            Some(count) => {
+                count as usize * (STEPS[0].div_ceil(count as usize)).min(STEPS[1] / count as usize)
+            }
+            None => STEPS[1],
+        }
     }
 }
 
