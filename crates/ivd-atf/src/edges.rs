@@ -8,6 +8,8 @@ pub(crate) struct Hill {
     pub(crate) voxels: f64,
     pub(crate) lower: Option<f64>,
     pub(crate) upper: Option<f64>,
+    /// Whether it is only the way from one class to another.
+    pub(crate) is_transition: bool,
 }
 
 /// One side of a class's window: where it lies and the half width over which it fades. `None`: open.
@@ -38,26 +40,44 @@ impl Window {
     }
 }
 
+/// Whether values tell two classes apart: their means are further apart than half the mean of their spreads.
+pub(crate) fn are_separate(a: &Hill, b: &Hill) -> bool {
+    (b.mean - a.mean).abs() > 0.25 * (a.sd + b.sd)
+}
+
 /// Windows of `hills`, which are in the order of their means. `softness`: half width of an edge in standard deviations.
 ///
-/// Classes whose means are nearer than half the mean of their spreads aren't separable by value: neither bounds the
-/// other, their windows overlap, and the label decides.
+/// Classes that values can't tell apart don't bound each other: their windows overlap, and the label decides. Nor do transitions bound other
+/// classes: the edge between the classes on either side fades over all of the transition.
 pub(crate) fn windows(hills: &[Hill], softness: f64) -> Vec<Window> {
-    let separate = |a: &Hill, b: &Hill| b.mean - a.mean > 0.25 * (a.sd + b.sd);
-    let edge = |a: &Hill, b: &Hill| {
-        let at = crossing(a, b);
-        let half = (softness * a.sd.min(b.sd)).min(0.5 * (b.mean - a.mean));
-        // An edge never fades beyond a mean by more than it must.
-        (at, half.min((at - a.mean).abs().max(0.1 * half)).min((b.mean - at).abs().max(0.1 * half)))
-    };
+    let edge = |a: usize, b: usize| edge(&hills[a], &hills[a + 1..b], &hills[b], softness);
     (0..hills.len())
         .map(|i| {
-            let here = &hills[i];
-            let below = hills[..i].iter().rev().find(|h| separate(h, here));
-            let above = hills[i + 1..].iter().find(|h| separate(here, h));
-            Window { lower: below.map(|h| edge(h, here)), upper: above.map(|h| edge(here, h)) }
+            let bounds = |j: &usize| {
+                (hills[i].is_transition || !hills[*j].is_transition) && are_separate(&hills[i], &hills[*j])
+            };
+            let below = (0..i).rev().find(bounds);
+            let above = (i + 1..hills.len()).find(bounds);
+            Window { lower: below.map(|j| edge(j, i)), upper: above.map(|j| edge(i, j)) }
         })
         .collect()
+}
+
+/// Where `a` gives way to `b`, with the half width over which it does; `between`: the classes between them.
+fn edge(a: &Hill, between: &[Hill], b: &Hill, softness: f64) -> (f64, f64) {
+    let mut transitions = between.iter().filter(|hill| hill.is_transition);
+    if !a.is_transition
+        && !b.is_transition
+        && let Some(first) = transitions.next()
+    {
+        let last = transitions.next_back().unwrap_or(first);
+        let (from, to) = (crossing(a, first), crossing(last, b));
+        return (0.5 * (from + to), 0.5 * (to - from).max(0.0));
+    }
+    let at = crossing(a, b);
+    let half = (softness * a.sd.min(b.sd)).min(0.5 * (b.mean - a.mean));
+    // An edge never fades beyond a mean by more than it must.
+    (at, half.min((at - a.mean).abs().max(0.1 * half)).min((b.mean - at).abs().max(0.1 * half)))
 }
 
 /// Where the posteriors of `a` and `b` (`a.mean < b.mean`) are equal, if that is between the means; else the crossing
@@ -92,7 +112,7 @@ mod tests {
     use super::*;
 
     fn hill(mean: f64, sd: f64, voxels: f64) -> Hill {
-        Hill { mean, sd, voxels, lower: None, upper: None }
+        Hill { mean, sd, voxels, lower: None, upper: None, is_transition: false }
     }
 
     #[test]
@@ -130,5 +150,22 @@ mod tests {
         assert_eq!(windows[1].weight(30.0), 1.0);
         assert_eq!(windows[2].weight(30.0), 1.0);
         assert_eq!(windows[2].weight(0.0), 0.0);
+    }
+
+    #[test]
+    fn an_edge_fades_over_the_whole_of_a_transition() {
+        let mut between = hill(50.0, 5.0, 10.0);
+        between.is_transition = true;
+        let found = windows(&[hill(0.0, 5.0, 10.0), between, hill(100.0, 5.0, 10.0)], 1.0);
+        assert_eq!(found[0].upper, Some((50.0, 25.0)));
+        assert_eq!(found[0].upper, found[2].lower);
+        assert_eq!(
+            found[1].lower.map(|(at, _)| at),
+            Some(25.0),
+            "where the transition itself lies is still told"
+        );
+        for value in [0.0, 30.0, 50.0, 60.0, 100.0] {
+            assert!((found[0].weight(value) + found[2].weight(value) - 1.0).abs() < 1e-12);
+        }
     }
 }

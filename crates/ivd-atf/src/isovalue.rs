@@ -1,8 +1,9 @@
 use ivd_core::op::Op as _;
 use ivd_core::{Error as CoreError, Exec, NO_DATA, TransferEntry, TransferFunction, Volume};
 
-use crate::build::{range_of, reference_mm};
-use crate::{Built, Error, Params, palette};
+use crate::built::{range_of, reference_mm};
+use crate::colour::class_colour;
+use crate::{Built, Error, Figures, Params};
 
 /// Share of the value range over which opacity rises at the isovalue.
 const RISE: f64 = 1.0 / 64.0;
@@ -31,7 +32,7 @@ pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) ->
             f64::from(u8::from(v >= iso))
         }
     };
-    let ([r, g, b], most) = (palette::colour(0), params.max_opacity as f32);
+    let ([r, g, b], most) = (class_colour(0), params.max_opacity as f32);
     let table = (0..params.resolution).map(|i| [r, g, b, most * weight(value(i)) as f32]).collect();
     let entry = TransferEntry {
         class: NO_DATA,
@@ -49,7 +50,8 @@ pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) ->
         table,
         vec![entry],
     )?;
-    Ok(Built { transfer, entries: 1, opacity_range: [most; 2] })
+    let figures = Figures::of_entries(&transfer);
+    Ok(Built { transfer, figures })
 }
 
 #[cfg(test)]

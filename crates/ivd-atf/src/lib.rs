@@ -3,18 +3,24 @@
 //! A volume picture needs to know which values are seen, in which colour and how densely. [`transfer`] reads that from
 //! the classes of a segmentation (thesis 4.2.2): each class gives one entry, whose
 //!
-//! - **hue** follows the order of the class means through a palette that colour-blind readers can tell apart,
+//! - **role** is background, which is clear, material, or the transition between two materials, which has nothing of its own,
+//! - **colour** looks like tissue, is one of eight that any eye tells apart, or goes by value,
 //! - **edges** lie where its Gaussian posterior meets that of its neighbours in intensity, softened by the spread; as the
 //!   posterior weighs a class by its voxel count, a class of many voxels is *wider*,
-//! - **opacity** grows with the strength of its border (mean gradient at the border voxels) and falls with its size,
-//! - and the class that is air is clear.
+//! - **opacity** makes every material visible in proportion to what it would cover alone.
 //!
 //! A table over the value alone can't split two classes of equal value, so that the result has the class label as its
-//! second axis: one row for each class, and row 0, the union of all, for pictures without labels.
+//! second axis: one row for each class, and row 0, the union of all, for pictures without labels. Where values tell all classes apart the
+//! rows are the same.
 //!
 //! - `statistics`: one pass over labels and values: count, mean, spread, border strength, contact with the volume's sides.
-//! - `edges`: posterior crossings and the soft windows between them.
-//! - `palette`: colours.
+//! - `reduced`, `structure`, `joined`: the volume in levels, on at most 256 voxels an axis; faces between classes, slopes, noise; what is
+//!   joined to the outside.
+//! - `roles`: background, materials, transitions.
+//! - `edges`, `mix`: posterior crossings, the soft windows between them, and what is seen at a value in a row.
+//! - `empty`, `rays`, `visibility`: what rays meet, and the opacities that follow.
+//! - `colour`: palettes, and how different colours look.
+//! - `build`: all of it together.
 //!
 //! A volume of which only an isovalue is known gets its transfer function from [`from_isovalue`].
 //!
@@ -33,7 +39,7 @@
 //! let labels = Labels::new(grid, ids.into(), vec![])?;
 //!
 //! let built = ivd_atf::transfer(&volume, &labels, &ivd_atf::Params::default(), &Exec::default()).unwrap();
-//! assert_eq!(built.entries, 2);
+//! assert_eq!(built.figures.entries, 2);
 //! let ball = built.transfer.row(2);
 //! assert!(built.transfer.sample(ball, 200.0)[3] > 0.1, "the ball is seen");
 //! assert_eq!(built.transfer.sample(0, 10.0)[3], 0.0, "air is clear");
@@ -42,15 +48,27 @@
 #![forbid(unsafe_code)]
 
 mod build;
+mod built;
+mod colour;
 mod edges;
+mod empty;
 mod error;
 mod isovalue;
-mod palette;
+mod joined;
+mod mix;
 mod params;
+mod rays;
+mod reduced;
+mod roles;
+mod stage;
 mod statistics;
+mod structure;
+mod visibility;
 
-pub use build::{Built, transfer};
+pub use build::transfer;
+pub use built::Built;
+pub use colour::class_colour;
 pub use error::Error;
 pub use isovalue::from_isovalue;
-pub use palette::colour as class_colour;
-pub use params::{Figures, Inputs, Params, STAGE};
+pub use params::{ClosePair, Figures, Inputs, MaterialVisibility, OpacityRule, Palette, Params, ValueScale};
+pub use stage::STAGE;

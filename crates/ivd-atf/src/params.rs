@@ -1,23 +1,45 @@
-use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
-use ivd_core::{Exec, Labels, ParamError, TransferFunction, Volume, slots};
+use ivd_core::{Labels, Volume, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The stage as scenes and commands see it.
-pub const STAGE: Stage = Stage {
-    name: "atf",
-    about: "Makes a transfer function from the classes.",
-    selector: "",
-    methods: METHODS,
-    positional: &["volume", "labels"],
-    places: &[Place {
-        for_readers: true,
-        unread: "the rendering mode has no transfer function",
-        ..Place::only("transfer")
-    }],
-    quiet: false,
-};
-const METHODS: &[Method] = &[method::<Params>("")];
+/// What opacities go by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum OpacityRule {
+    /// Every material is seen in proportion to what it would cover alone.
+    #[default]
+    Visibility,
+    /// The strength of a class's border, and the inverse of its size.
+    Border,
+}
+
+/// Which colours classes get.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Palette {
+    /// `tissue` for values in Hounsfield units, else `safe`.
+    #[default]
+    Auto,
+    /// Bone ivory, muscle red-brown, fat yellow, by Hounsfield value; other scans from dark red over flesh to ivory by value.
+    Tissue,
+    /// Eight colours that people with any colour vision tell apart.
+    Safe,
+    /// Yellow, green, blue by value, as in the thesis's figures.
+    Thesis,
+}
+
+/// What values mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ValueScale {
+    /// Hounsfield units if they reach from at most -900 to at least 100, else plain.
+    #[default]
+    Auto,
+    /// Hounsfield units of computed tomography: classes of which more than half is gas are clear.
+    Hounsfield,
+    /// Of no known meaning: the border of the volume tells what is background.
+    Plain,
+}
 
 /// What the transfer function is to be.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -26,14 +48,23 @@ pub struct Params {
     /// Samples of each row of the table, over the volume's range.
     #[schemars(range(min = 2, max = 65536), extend("x-unit" = "samples", "x-knob" = "accuracy"))]
     pub resolution: usize,
-    /// Opacity of the most prominent class over the reference length.
+    /// What opacities go by.
+    pub opacity: OpacityRule,
+    /// Which colours classes get.
+    pub palette: Palette,
+    /// What values mean.
+    pub values: ValueScale,
+    /// Directions that visibility is looked at from: the six sides of the grid, then its eight corners.
+    #[schemars(range(min = 1, max = 14), extend("x-unit" = "1"))]
+    pub views: usize,
+    /// Greatest opacity over the reference length; by border strength, that of the most prominent class.
     #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
     pub max_opacity: f64,
-    /// Opacity below which no class but air falls, at most `max_opacity`: a class that hardly stands out stays visible.
+    /// Opacity below which no material falls, at most `max_opacity`: a class that hardly stands out stays visible.
     #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
     pub min_opacity: f64,
-    /// Power of "inverse size": a class of share `n` of the voxels is weighed by `n` to the minus this. At 1/3 it is an inverse length, so
-    /// that rays gather about as much in a large class as in a small one.
+    /// With opacities by border strength, the power of "inverse size": a class of share `n` of the voxels is weighed by `n` to the minus this.
+    /// At 1/3 it is an inverse length, so that rays gather about as much in a large class as in a small one.
     #[schemars(range(min = 0.0), extend("x-unit" = "1"))]
     pub size_exponent: f64,
     /// Half width of an edge in standard deviations of the narrower class; 0 for hard edges.
@@ -48,8 +79,12 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             resolution: 1024,
-            max_opacity: 0.6,
-            min_opacity: 0.01,
+            opacity: OpacityRule::Visibility,
+            palette: Palette::Auto,
+            values: ValueScale::Auto,
+            views: 6,
+            max_opacity: 0.9,
+            min_opacity: 0.001,
             size_exponent: 1.0 / 3.0,
             softness: 1.0,
             iso: None,
@@ -62,8 +97,30 @@ slots! {
     pub struct Inputs<'a> { volume: &'a Volume, labels: Option<&'a Labels> }
 }
 
-/// What a transfer function comes to.
+/// How a material is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MaterialVisibility {
+    /// The class.
+    pub class: u16,
+    /// Its share of all that is seen, over all views.
+    pub visibility: f64,
+    /// The share that was aimed at.
+    pub target: f64,
+    /// Mean opacity that it would have alone at the greatest opacity, on rays that meet matter.
+    pub alone: f64,
+}
+
+/// Two materials that touch and whose colours look alike to somebody.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ClosePair {
+    /// The classes.
+    pub classes: [u16; 2],
+    /// Least ΔE₀₀ over normal vision, protanopia, deuteranopia and tritanopia.
+    pub difference: f64,
+}
+
+/// What a transfer function comes to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
     /// Classes that have an entry: those that occur.
     #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
@@ -71,53 +128,35 @@ pub struct Figures {
     /// Least and greatest opacity of the entries over the reference length; zeros without entries.
     #[schemars(extend("x-unit" = "1"))]
     pub opacity_range: [f32; 2],
-}
-
-impl Op for Params {
-    const REVISION: u32 = 2;
-    type Inputs<'a> = Inputs<'a>;
-    type Output = TransferFunction;
-    type Figures = Figures;
-
-    fn check_together(&self) -> Result<(), ParamError> {
-        if self.min_opacity <= self.max_opacity {
-            return Ok(());
-        }
-        Err(ParamError::new(
-            "min_opacity",
-            format!("{}", self.min_opacity),
-            format!("give 0 … {}, which is max_opacity", self.max_opacity),
-        ))
-    }
-
-    fn wants(&self, _: &str) -> Want {
-        if self.iso.is_none() { Want::Yes } else { Want::No }
-    }
-
-    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(TransferFunction, Figures), Failure> {
-        let built = match (self.iso, inputs.labels) {
-            (Some(iso), _) => crate::from_isovalue(inputs.volume, iso, self, exec)?,
-            (None, Some(labels)) => crate::transfer(inputs.volume, labels, self, exec)?,
-            (None, None) => {
-                return Err(Failure::usage("needs labels, or iso, a value to split the volume at"));
-            }
-        };
-        Ok((built.transfer, Figures { entries: built.entries, opacity_range: built.opacity_range }))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_field_out_of_its_domain_is_named() {
-        assert!(Params::default().check().is_ok());
-        let bad = |params: Params| params.check().unwrap_err().field;
-        assert_eq!(bad(Params { resolution: 1, ..Params::default() }), "resolution");
-        assert_eq!(bad(Params { max_opacity: f64::NAN, ..Params::default() }), "max_opacity");
-        assert_eq!(bad(Params { min_opacity: 0.9, ..Params::default() }), "min_opacity");
-        assert_eq!(bad(Params { size_exponent: -1.0, ..Params::default() }), "size_exponent");
-        assert_eq!(bad(Params { softness: f64::INFINITY, ..Params::default() }), "softness");
-    }
+    /// Whether values were taken as Hounsfield units.
+    pub hounsfield: bool,
+    /// The palette that served.
+    pub palette: Palette,
+    /// Classes that are clear: what lies round the matter, or gas.
+    #[schemars(extend("x-unit" = "1"))]
+    pub background: Vec<u16>,
+    /// Classes that are only the way from one class to another: they have no opacity and colour of their own.
+    #[schemars(extend("x-unit" = "1"))]
+    pub transitions: Vec<u16>,
+    /// How each material is seen; empty where opacities don't go by visibility.
+    #[schemars(extend("x-unit" = "1"))]
+    pub visibility: Vec<MaterialVisibility>,
+    /// Kullback–Leibler divergence of what is seen from what was aimed at.
+    #[schemars(extend("x-unit" = "1"))]
+    pub divergence: f64,
+    /// Rounds in which opacities were changed.
+    #[schemars(extend("x-unit" = "1"))]
+    pub rounds: u32,
+    /// Directions that were looked from.
+    #[schemars(extend("x-unit" = "1"))]
+    pub views: u32,
+    /// Mean opacity of rays that meet background only.
+    #[schemars(extend("x-unit" = "1"))]
+    pub background_opacity: f64,
+    /// Rays that meet matter and are less than half opaque, or the reverse, per ray that meets matter.
+    #[schemars(extend("x-unit" = "1"))]
+    pub silhouette_difference: f64,
+    /// Materials that touch and whose colours differ by a ΔE₀₀ of less than 20 to somebody, nearest first; at most 64.
+    #[schemars(extend("x-unit" = "1"))]
+    pub close_pairs: Vec<ClosePair>,
 }

@@ -1,7 +1,7 @@
 //! The transfer function of small volumes whose answer is known.
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
-use ivd_atf::{Error, Params, transfer};
+use ivd_atf::{Error, OpacityRule, Palette, Params, ValueScale, transfer};
 use ivd_core::{Class, Classified, ErrorClass, Exec, Grid, Labels, Volume, Voxels};
 
 /// A volume of 24³ voxels with `value` and `label` by voxel index.
@@ -28,12 +28,16 @@ fn two_classes_give_clear_air_and_a_visible_ball() {
         scene(|at| if inside(at) { 150.0 } else { 20.0 } + ripple(at), |at| if inside(at) { 2 } else { 1 });
     let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
     let tf = &built.transfer;
-    assert_eq!((built.entries, tf.classes()), (2, &[0, 1, 2][..]));
-    assert_eq!(built.opacity_range, [0.0, 0.6]);
+    assert_eq!((built.figures.entries, tf.classes()), (2, &[0, 1, 2][..]));
+    let figures = &built.figures;
+    assert_eq!((&figures.background[..], figures.transitions.len()), (&[1][..], 0));
+    assert!(figures.opacity_range[0] == 0.0 && figures.opacity_range[1] > 0.2);
+    assert!(figures.visibility[0].class == 2 && figures.visibility[0].visibility > 0.999);
+    assert!(figures.background_opacity < 0.02 && figures.silhouette_difference < 0.05, "{figures:?}");
     assert_eq!(tf.sample(0, 20.0)[3], 0.0, "air");
-    assert!(tf.table()[1024..2048].iter().all(|c| c[3] == 0.0), "air in its own row");
-    assert!((tf.sample(0, 150.0)[3] - 0.6).abs() < 1e-6, "the ball without labels");
-    assert!((tf.sample(tf.row(2), 150.0)[3] - 0.6).abs() < 1e-6, "the ball with labels");
+    assert_eq!(tf.sample(0, 150.0)[3], figures.opacity_range[1], "the ball without labels");
+    // Values tell the two apart, so that a label has nothing to say.
+    assert!((1..3).all(|row| tf.table()[1024 * row..][..1024] == tf.table()[..1024]));
     // Equal spreads, air is larger: the crossing leans towards the ball.
     assert!(tf.entries()[0].upper > 85.0 && tf.entries()[0].upper < 90.0);
     assert_eq!(tf.entries()[0].upper, tf.entries()[1].lower);
@@ -54,30 +58,36 @@ fn classes_of_equal_mean_keep_rows_of_their_own() {
         }
     };
     let (volume, labels) = scene(|at| if label(at) == 1 { 0.0 } else { 100.0 }, label);
-    let tf = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().transfer;
+    let border = Params { opacity: OpacityRule::Border, max_opacity: 0.6, ..Params::default() };
+    let tf = transfer(&volume, &labels, &border, &Exec::default()).unwrap().transfer;
     let (small, large) = (tf.sample(tf.row(7), 100.0), tf.sample(tf.row(3), 100.0));
     assert_ne!(small[..3], large[..3], "different hues");
     assert!(small[3] > large[3] && large[3] > 0.0, "the smaller one is denser: {small:?} {large:?}");
     let union = tf.sample(0, 100.0);
     assert!(union[3] > large[3].min(small[3]) * 0.99 && union[3] < small[3], "the union lies between");
+    let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
+    let seen: Vec<_> = built.figures.visibility.iter().map(|seen| (seen.class, seen.visibility)).collect();
+    assert!(matches!(seen[..], [(3, _), (7, _)]) && seen.iter().all(|(_, share)| *share > 0.1), "{seen:?}");
+    assert!(built.figures.divergence < 0.01, "{:?}", built.figures);
 }
 
 #[test]
 fn a_constant_volume_of_one_class_is_seen() {
     let (volume, labels) = scene(|_| 42.0, |_| 1);
     let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
-    assert_eq!(built.entries, 1);
+    assert_eq!(built.figures.entries, 1);
     assert_eq!(built.transfer.range(), [42.0, 42.0]);
     for row in 0..2 {
-        assert!((built.transfer.sample(row, 42.0)[3] - 0.6).abs() < 1e-6);
+        assert!(built.transfer.sample(row, 42.0)[3] > 0.05, "{:?}", built.figures);
     }
+    assert!(built.figures.background.is_empty(), "something is always to be seen");
 }
 
 #[test]
 fn volumes_without_any_data_give_a_clear_table() {
     let (volume, labels) = scene(|_| f32::NAN, |_| 0);
     let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
-    assert_eq!((built.entries, built.opacity_range), (0, [0.0, 0.0]));
+    assert_eq!((built.figures.entries, built.figures.opacity_range), (0, [0.0, 0.0]));
     assert_eq!(built.transfer.sample(0, 0.0)[3], 0.0);
 }
 
@@ -89,8 +99,8 @@ fn foreign_labels_over_a_background_need_no_classes_and_leave_the_background_cle
         scene(|at| if organ(at) { 60.0 } else { 40.0 } + 0.2 * ripple(at), |at| u16::from(organ(at)) * 117);
     let tf = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().transfer;
     assert_eq!(tf.classes(), [0, 117]);
-    assert!(tf.sample(tf.row(117), 60.0)[3] > 0.5);
-    assert!(tf.sample(0, 60.0)[3] > 0.5);
+    assert!(tf.sample(tf.row(117), 60.0)[3] > 0.1);
+    assert!(tf.sample(0, 60.0)[3] > 0.1);
     assert_eq!(tf.sample(0, 40.0)[3], 0.0);
 }
 
@@ -119,13 +129,83 @@ fn opacities_stay_in_0_to_1_whatever_the_parameters() {
                 size_exponent,
                 softness: 3.0,
                 resolution: 17,
-                iso: None,
+                ..Params::default()
             };
             let built = transfer(&volume, &labels, &params, &Exec::default()).unwrap();
             let table = built.transfer.table();
             assert!(table.iter().all(|c| (0.0..=max_opacity as f32 + 1e-6).contains(&c[3])));
-            assert!(built.opacity_range[0] >= 0.0 && built.opacity_range[1] <= max_opacity as f32);
+            assert!(
+                built.figures.opacity_range[0] >= 0.0 && built.figures.opacity_range[1] <= max_opacity as f32
+            );
         }
+    }
+}
+
+#[test]
+fn gas_is_clear_in_hounsfield_units_though_the_body_fills_the_volume() {
+    // Tissue of 40 at every side, a lung of -850 and a bone of 900 inside.
+    let value = |at: [usize; 3]| {
+        if ball(at, 8.0, 5.0) {
+            -950.0
+        } else if ball(at, 17.0, 4.0) {
+            900.0
+        } else {
+            40.0
+        }
+    };
+    let label = |at| [950.0, 40.0, 900.0].iter().position(|v| f32::abs(value(at)) == *v).unwrap() as u16 + 1;
+    let (volume, labels) = scene(|at| value(at) + ripple(at), label);
+    let of = |params| transfer(&volume, &labels, &params, &Exec::default()).unwrap();
+    let built = of(Params::default());
+    assert!(built.figures.hounsfield && built.figures.palette == Palette::Tissue);
+    assert_eq!(built.figures.background, [1]);
+    let tf = &built.transfer;
+    assert_eq!(tf.sample(0, -950.0)[3], 0.0);
+    assert!(tf.sample(0, 40.0)[3] > 0.0 && tf.sample(0, 900.0)[3] > tf.sample(0, 40.0)[3]);
+    let [r, g, b, _] = tf.sample(0, 40.0);
+    assert!(r > 2.0 * g && r > 2.0 * b, "muscle is red");
+    let plain = of(Params { values: ValueScale::Plain, ..Params::default() });
+    assert!(!plain.figures.hounsfield && plain.figures.palette == Palette::Safe);
+    assert!(plain.figures.background.contains(&2), "without a meaning, what lies outside is background");
+}
+
+#[test]
+fn a_shell_of_partial_volume_has_no_opacity_and_colour_of_its_own() {
+    // A ball whose edge passes through the middle of a layer of voxels.
+    let far = |at: [usize; 3]| at.map(|c| (c as f64 - 12.0).powi(2)).iter().sum::<f64>().sqrt();
+    let value = |at| {
+        if far(at) < 7.0 {
+            200.0
+        } else if far(at) < 8.0 {
+            100.0
+        } else {
+            0.0
+        }
+    };
+    let (volume, labels) = scene(|at| value(at) + 0.3 * ripple(at), |at| (value(at) / 100.0) as u16 + 1);
+    let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
+    assert_eq!((&built.figures.background[..], &built.figures.transitions[..]), (&[1][..], &[2][..]));
+    let (ball, shell) = (built.transfer.sample(0, 200.0), built.transfer.sample(0, 100.0));
+    assert_eq!(ball[..3], shell[..3], "the shell has the ball's colour");
+    assert!((shell[3] / ball[3] - 0.5).abs() < 0.05, "half way: {shell:?} {ball:?}");
+    assert_eq!(built.figures.visibility.len(), 1);
+}
+
+#[test]
+fn a_class_keeps_its_colour_when_another_is_split() {
+    let part = |at: [usize; 3]| at[2] / 6;
+    let value = |at| [0.0, 100.0, 180.0, 220.0][part(at)];
+    let colours = |of: &dyn Fn([usize; 3]) -> u16, palette| {
+        let (volume, labels) = scene(|at| value(at) + ripple(at), of);
+        let params = Params { palette, ..Params::default() };
+        transfer(&volume, &labels, &params, &Exec::default()).unwrap().transfer.entries().to_vec()
+    };
+    let three = |at| [1, 2, 3, 3][part(at)];
+    let four = |at| part(at) as u16 + 1;
+    for palette in [Palette::Safe, Palette::Tissue, Palette::Thesis] {
+        let (few, more) = (colours(&three, palette), colours(&four, palette));
+        assert_eq!(few[1].rgb, more[1].rgb, "{palette:?}");
+        assert_ne!(more[2].rgb, more[3].rgb);
     }
 }
 

@@ -1,0 +1,70 @@
+use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::{Exec, ParamError, TransferFunction};
+
+use crate::params::{Figures, Inputs, Params};
+
+/// The stage as scenes and commands see it.
+pub const STAGE: Stage = Stage {
+    name: "atf",
+    about: "Makes a transfer function from the classes.",
+    selector: "",
+    methods: METHODS,
+    positional: &["volume", "labels"],
+    places: &[Place {
+        for_readers: true,
+        unread: "the rendering mode has no transfer function",
+        ..Place::only("transfer")
+    }],
+    quiet: false,
+};
+const METHODS: &[Method] = &[method::<Params>("")];
+
+impl Op for Params {
+    const REVISION: u32 = 3;
+    type Inputs<'a> = Inputs<'a>;
+    type Output = TransferFunction;
+    type Figures = Figures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        if self.min_opacity <= self.max_opacity {
+            return Ok(());
+        }
+        Err(ParamError::new(
+            "min_opacity",
+            format!("{}", self.min_opacity),
+            format!("give 0 … {}, which is max_opacity", self.max_opacity),
+        ))
+    }
+
+    fn wants(&self, _: &str) -> Want {
+        if self.iso.is_none() { Want::Yes } else { Want::No }
+    }
+
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(TransferFunction, Figures), Failure> {
+        let built = match (self.iso, inputs.labels) {
+            (Some(iso), _) => crate::from_isovalue(inputs.volume, iso, self, exec)?,
+            (None, Some(labels)) => crate::transfer(inputs.volume, labels, self, exec)?,
+            (None, None) => {
+                return Err(Failure::usage("needs labels, or iso, a value to split the volume at"));
+            }
+        };
+        Ok((built.transfer, built.figures))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_field_out_of_its_domain_is_named() {
+        assert!(Params::default().check().is_ok());
+        let bad = |params: Params| params.check().unwrap_err().field;
+        assert_eq!(bad(Params { resolution: 1, ..Params::default() }), "resolution");
+        assert_eq!(bad(Params { max_opacity: f64::NAN, ..Params::default() }), "max_opacity");
+        assert_eq!(bad(Params { views: 15, ..Params::default() }), "views");
+        assert_eq!(bad(Params { min_opacity: 0.95, ..Params::default() }), "min_opacity");
+        assert_eq!(bad(Params { size_exponent: -1.0, ..Params::default() }), "size_exponent");
+        assert_eq!(bad(Params { softness: f64::INFINITY, ..Params::default() }), "softness");
+    }
+}

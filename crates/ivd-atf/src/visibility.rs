@@ -1,0 +1,295 @@
+//! Opacities by which every material is seen as much as it is to be (Ruiz et al. 2011; Correa & Ma 2011).
+
+use ivd_core::{Exec, Iteration, parallel};
+
+use crate::Error;
+use crate::rays::{Bundle, Rays, Symbols};
+
+/// Opacity that materials start with.
+const START: f64 = 0.3;
+/// Share of the light on the way through the matter that is let through on average.
+const LET_THROUGH: f64 = 0.02;
+/// What is small is to be seen as this share of all that is seen at least, …
+const LEAST_SEEN: f64 = 0.065;
+/// … or as this part of what it would cover alone, if that is less.
+const OF_ALONE: f64 = 0.65;
+/// Most rounds.
+const MOST_ROUNDS: u32 = 40;
+/// The divergence has stopped falling when it hasn't fallen by this much …
+const SETTLED: f64 = 1e-4;
+/// … for so many rounds: on their way opacities may pass a worse place.
+const PATIENCE: u32 = 4;
+/// Transmittance at which a ray is at its end.
+const OPAQUE: f32 = 1e-3;
+/// Visibility is summed in whole numbers of this part, so that the order of rays doesn't matter.
+const PARTS: f32 = (1_u64 << 32) as f32;
+
+/// What is between which bounds.
+pub(crate) struct Bounds {
+    pub(crate) least: f64,
+    pub(crate) most: f64,
+    /// Length over which opacities hold [mm].
+    pub(crate) reference_mm: f64,
+}
+
+/// Opacities, and how materials are seen by them. All lists are by class; zeros for those that are no material.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Balance {
+    /// Opacity over the reference length.
+    pub(crate) opacity: Vec<f64>,
+    /// Share of all that is seen.
+    pub(crate) seen: Vec<f64>,
+    /// Share of all that is to be seen.
+    pub(crate) target: Vec<f64>,
+    /// Mean opacity that a material has alone, at the greatest opacity, on rays that meet matter.
+    pub(crate) alone: Vec<f64>,
+    /// Kullback–Leibler divergence of what is seen from the target.
+    pub(crate) divergence: f64,
+    pub(crate) rounds: u32,
+    /// Mean opacity of rays that meet no matter; 0 where there are none.
+    pub(crate) background_opacity: f64,
+    /// Rays that meet matter and are less than half opaque, or the reverse, per ray that meets matter.
+    pub(crate) silhouette_difference: f64,
+}
+
+/// Sums of one thread over its rays.
+struct Sums {
+    /// Visibility of each symbol.
+    seen: Vec<u64>,
+    /// Rays that meet matter, those of them that are less than half opaque, the opposite, and rays past all matter.
+    rays: [u64; 4],
+    background: u64,
+}
+
+/// Finds opacities of `materials` (class numbers below `classes`).
+///
+/// Targets are in proportion to what each material would cover alone, but for a least share of what is small. In every
+/// round an opacity is multiplied by the root of target over visibility, until their divergence stops falling.
+pub(crate) fn balance(
+    bundle: &Bundle,
+    symbols: &Symbols,
+    classes: usize,
+    materials: &[usize],
+    bounds: &Bounds,
+    exec: &Exec,
+) -> Result<Balance, Error> {
+    let exponent = bundle.step_mm / bounds.reference_mm;
+    let of_step = |opacity: f64| 1.0 - (1.0 - opacity).powf(exponent);
+    let alone = alone(bundle, symbols, classes, of_step(bounds.most), exec)?;
+    let target = targets(&alone, materials);
+    let mut opacity = vec![0.0; classes];
+    for &k in materials {
+        opacity[k] = START.clamp(bounds.least, bounds.most);
+    }
+    let mut best: Option<(f64, Balance)> = None;
+    let (mut standing, mut rounds) = (0, 0);
+    for round in 1..=MOST_ROUNDS {
+        let mut found = look(bundle, symbols, &opacity, &of_step, exec)?;
+        found.target.clone_from(&target);
+        found.alone.clone_from(&alone);
+        let all: f64 = found.seen.iter().sum();
+        let through = [LET_THROUGH, (1.0 - all).max(0.0)];
+        let score = divergence(&target, &found.seen, through);
+        exec.observer().iteration(Iteration { method: "atf", index: u64::from(round), value: score });
+        for &k in materials {
+            let wanted = target[k] * (1.0 - LET_THROUGH);
+            let factor = if found.seen[k] > 0.0 { (wanted / found.seen[k]).sqrt() } else { 4.0 };
+            if wanted > 0.0 {
+                opacity[k] = (opacity[k] * factor.clamp(0.25, 4.0)).clamp(bounds.least, bounds.most);
+            }
+        }
+        let total = all.max(f64::MIN_POSITIVE);
+        found.seen.iter_mut().for_each(|seen| *seen /= total);
+        found.divergence = divergence(&target, &found.seen, [0.0; 2]);
+        let least = best.as_ref().map_or(f64::INFINITY, |(least, _)| *least);
+        standing = if score < least - SETTLED { 0 } else { standing + 1 };
+        rounds = round;
+        if score < least {
+            best = Some((score, found));
+        }
+        if standing == PATIENCE {
+            break;
+        }
+    }
+    let best = best.expect("there is a first round").1;
+    Ok(Balance { rounds, ..best })
+}
+
+/// `Σ t ln (t / v)`, with what is let through (its target and itself) as one more share.
+fn divergence(target: &[f64], seen: &[f64], through: [f64; 2]) -> f64 {
+    let rest = 1.0 - through[0];
+    let pairs = target.iter().map(|t| t * rest).zip(seen.iter().copied()).chain([(through[0], through[1])]);
+    pairs.filter(|(t, _)| *t > 0.0).map(|(t, v)| t * (t / v.max(1e-9)).ln()).sum::<f64>().max(0.0)
+}
+
+/// Shares in proportion to what materials cover alone, none below its least; what that takes comes from the others.
+fn targets(alone: &[f64], materials: &[usize]) -> Vec<f64> {
+    let mut target = vec![0.0; alone.len()];
+    let mut open: Vec<usize> = materials.iter().copied().filter(|&k| alone[k] > 0.0).collect();
+    let mut left = 1.0;
+    loop {
+        let all: f64 = open.iter().map(|&k| alone[k]).sum();
+        let least = |k: usize| LEAST_SEEN.min(OF_ALONE * alone[k]);
+        let is_small = |k: usize| left * alone[k] / all < least(k);
+        let small: Vec<usize> = open.iter().copied().filter(|&k| is_small(k)).collect();
+        // Where all are small their sum may be anything.
+        if small.is_empty() || small.len() == open.len() {
+            for &k in &open {
+                target[k] = left.max(0.0) * alone[k] / all;
+            }
+            break;
+        }
+        for &k in &small {
+            target[k] = least(k);
+        }
+        left -= small.iter().map(|&k| least(k)).sum::<f64>();
+        open.retain(|k| !small.contains(k));
+    }
+    let all: f64 = target.iter().sum();
+    if all > 0.0 {
+        for share in &mut target {
+            *share /= all;
+        }
+    }
+    target
+}
+
+/// One walk along all rays.
+fn look(
+    bundle: &Bundle,
+    symbols: &Symbols,
+    opacity: &[f64],
+    of_step: &dyn Fn(f64) -> f64,
+    exec: &Exec,
+) -> Result<Balance, Error> {
+    let reference: Vec<f64> = (0..symbols.len())
+        .map(|s| symbols.parts(s).iter().map(|&(k, share)| f64::from(share) * opacity[usize::from(k)]).sum())
+        .collect();
+    let step: Vec<f32> = reference.iter().map(|&opacity| of_step(opacity.min(1.0)) as f32).collect();
+    let empty = || Sums { seen: vec![0; symbols.len()], rays: [0; 4], background: 0 };
+    let gathered = parallel::try_gather(bundle.rows.len(), &empty, &|sums, i| {
+        exec.check_cancelled()?;
+        walk(&bundle.rows[i], &step, sums);
+        Ok::<_, Error>(())
+    })?;
+    let mut all = empty();
+    for sums in gathered {
+        all.seen.iter_mut().zip(&sums.seen).for_each(|(sum, part)| *sum += part);
+        all.rays.iter_mut().zip(&sums.rays).for_each(|(sum, part)| *sum += part);
+        all.background += sums.background;
+    }
+    let [matter, faint, opaque, past] = all.rays.map(|n| n as f64);
+    let mut seen = vec![0.0; opacity.len()];
+    for (s, &sum) in all.seen.iter().enumerate().filter(|(_, sum)| **sum > 0) {
+        for &(k, share) in symbols.parts(s) {
+            let part = f64::from(share) * opacity[usize::from(k)] / reference[s];
+            seen[usize::from(k)] += sum as f64 / f64::from(PARTS) * part;
+        }
+    }
+    // Rays that are opaque beside the matter see it too.
+    let rays = (matter + opaque).max(1.0);
+    for seen in &mut seen {
+        *seen /= rays;
+    }
+    Ok(Balance {
+        opacity: opacity.to_vec(),
+        seen,
+        target: Vec::new(),
+        alone: Vec::new(),
+        divergence: 0.0,
+        rounds: 0,
+        background_opacity: all.background as f64 / f64::from(PARTS) / past.max(1.0),
+        silhouette_difference: (faint + opaque) / matter.max(1.0),
+    })
+}
+
+fn walk(rays: &Rays, step: &[f32], sums: &mut Sums) {
+    let mut start = 0;
+    for &(end, meets_matter) in &rays.ends {
+        let mut through = 1.0_f32;
+        for &symbol in &rays.symbols[start..end as usize] {
+            let taken = through * step[symbol as usize];
+            sums.seen[symbol as usize] += (taken * PARTS) as u64;
+            through -= taken;
+            if through < OPAQUE {
+                break;
+            }
+        }
+        start = end as usize;
+        let is_opaque = through < 0.5;
+        sums.rays[0] += u64::from(meets_matter);
+        sums.rays[1] += u64::from(meets_matter && !is_opaque);
+        sums.rays[2] += u64::from(!meets_matter && is_opaque);
+        if !meets_matter {
+            sums.rays[3] += 1;
+            sums.background += ((1.0 - through) * PARTS) as u64;
+        }
+    }
+}
+
+/// Mean opacity of every class on the rays that meet matter, if it were alone with an opacity of `step` a step.
+fn alone(
+    bundle: &Bundle,
+    symbols: &Symbols,
+    classes: usize,
+    step: f64,
+    exec: &Exec,
+) -> Result<Vec<f64>, Error> {
+    // Optical depth of a step.
+    let depth = -(1.0 - step).max(1e-6).ln();
+    let empty = || (vec![0_u64; classes], 0_u64, vec![0.0_f64; classes], Vec::<u16>::new());
+    let gathered = parallel::try_gather(bundle.rows.len(), &empty, &|(covered, rays, depths, met), i| {
+        exec.check_cancelled()?;
+        let mut start = 0;
+        for &(end, meets_matter) in &bundle.rows[i].ends {
+            for &symbol in &bundle.rows[i].symbols[start..end as usize] {
+                for &(k, share) in symbols.parts(symbol as usize) {
+                    let sum = &mut depths[usize::from(k)];
+                    if *sum == 0.0 {
+                        met.push(k);
+                    }
+                    *sum += f64::from(share) * depth;
+                }
+            }
+            start = end as usize;
+            *rays += u64::from(meets_matter);
+            for k in met.drain(..) {
+                let sum = std::mem::take(&mut depths[usize::from(k)]);
+                if meets_matter {
+                    covered[usize::from(k)] += ((1.0 - (-sum).exp()) * f64::from(PARTS)) as u64;
+                }
+            }
+        }
+        Ok::<_, Error>(())
+    })?;
+    let rays: u64 = gathered.iter().map(|(_, rays, ..)| rays).sum();
+    let of = |k: usize| gathered.iter().map(|(covered, ..)| covered[k]).sum::<u64>() as f64;
+    Ok((0..classes).map(|k| of(k) / f64::from(PARTS) / rays.max(1) as f64).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn targets_go_by_what_is_covered_alone_but_for_what_is_small() {
+        let close = |found: &[f64], expected: &[f64]| {
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        };
+        close(&targets(&[0.0, 1.0, 0.6], &[1, 2]), &[0.0, 0.625, 0.375]);
+        // 0.65 of 0.02 for the smallest; the others share the rest.
+        let rest = 1.0 - 0.013;
+        close(&targets(&[0.02, 1.0, 0.9, 0.1], &[0, 1, 2]), &[0.013, rest / 1.9, rest * 0.9 / 1.9, 0.0]);
+        close(&targets(&[0.0], &[0]), &[0.0]);
+        close(&targets(&[0.01, 0.03], &[0, 1]), &[0.25, 0.75]);
+        let many = vec![1.0; 100];
+        close(&targets(&many, &(0..100).collect::<Vec<_>>()), &vec![0.01; 100]);
+    }
+
+    #[test]
+    fn the_divergence_is_none_where_all_is_as_wanted() {
+        assert!(divergence(&[0.25, 0.75], &[0.25, 0.75], [0.0; 2]).abs() < 1e-12);
+        let far = divergence(&[0.5, 0.5], &[0.25, 0.75], [0.0; 2]);
+        assert!((far - (0.5 * 2.0_f64.ln() + 0.5 * (2.0_f64 / 3.0).ln())).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,243 @@
+"""transfer.py IVD DATA [--k 3,4,…] [--only NAME,…] [--palette WORD] [--pictures DIR]: is a transfer function's picture readable?
+
+Segments real volumes by k-means for each K and makes a transfer function of each, with one set of parameters for all. What rays see is
+computed here, from the table in the artefact and the voxels alone, on six views that the program's own rounds don't use: volumes turned in
+space, sampled once a voxel, interpolated, 160 samples along a side. A linear ramp over the range (black to white, opacity from 0 to the
+greatest) stands beside each.
+
+Columns: classes that are clear, and that are transitions; mean opacity of rays that meet background voxels only; rays that are more than
+half opaque and meet no matter, or the reverse, per ray that meets matter (voxels of materials, and those of transitions that lie beyond the
+middle between the means of the background and of the nearest material); for the material that is seen least: its visibility over what
+is asked (the smaller of 5 % and half of what it would cover alone); Kullback-Leibler divergence from the target that the program states;
+least CIEDE2000 between colours of materials that touch, over normal vision and three colour blindnesses, and in normal vision; seconds of the
+stage. Needs nibabel, numpy
+and scipy.
+"""
+import argparse, pathlib, sys, tempfile
+
+import nibabel
+import numpy as np
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "interop"))
+from read_artefact import read
+from surfaces import ivd
+
+RAW = ["--raw-dims", "256,256,113", "--raw-type", "u16", "--raw-spacing", "1,1,2", "--raw-order", "big"]
+SCANS = {
+    "tooth": ("tooth/tooth.nhdr", []),
+    "engine": ("engine/engine.nii.gz", []),
+    "bonsai": ("bonsai/bonsai.nii.gz", []),
+    "mni152": ("mni152/mni_icbm152_t1_tal_nlin_sym_09a_converted.nii.gz", []),
+    "ct_head": ("ct_head_unc", RAW),
+    "mri_head": ("mri_head_seg3d/MR.nii.gz", []),
+    "vase": ("vase/vase_1comp.vti", []),
+    "abdomen": ("ct_abdomen_ts/example_ct.nii.gz", []),
+    "crop": ("ct_abdomen_ts/example_ct.nii.gz", []),
+}
+# Inside the body at every side: voxels of example_ct.
+CROP = (slice(34, 88), slice(34, 76), slice(40, 112))
+VIEWS = [Rotation.from_euler("zyx", angles, degrees=True) for angles in
+         [(20, 10, 0), (110, 15, 5), (200, -10, 10), (290, 20, -10), (35, 70, 0), (40, -65, 15)]]
+ALONG = 160
+
+
+def number(value):
+    return np.array(value, dtype=float)
+
+
+def load(program, folder, data, name):
+    file, words = SCANS[name]
+    volume = folder / f"{name}.ivd"
+    if not volume.exists():
+        ivd(program, "import", data / file, *words, "-o", volume)
+        if name == "crop":
+            whole = nibabel.load(data / file)
+            crop = whole.slicer[CROP]
+            nibabel.save(crop, folder / "crop.nii")
+            ivd(program, "import", folder / "crop.nii", "-o", volume)
+    return volume
+
+
+def arrays(program, folder, artefact):
+    """Real values or labels with axes x, y, z, and the spacing."""
+    ivd(program, "export", artefact, "-o", folder / "voxels.nii")
+    image = nibabel.load(folder / "voxels.nii")
+    return np.asarray(image.dataobj), number(image.header.get_zooms()[:3])
+
+
+def turned(values, spacing, rotation, order, outside):
+    """A volume on a cube of ALONG voxels whose last axis is the way of the rays."""
+    extent = np.array(values.shape) * spacing
+    step = np.linalg.norm(extent) / ALONG
+    matrix = np.diag(1 / spacing) @ rotation.as_matrix() * step
+    offset = (np.array(values.shape) - 1) / 2 - matrix @ np.full(3, (ALONG - 1) / 2)
+    return ndimage.affine_transform(values, matrix, offset, (ALONG,) * 3, order=order, cval=outside), step
+
+
+def seen(alpha):
+    """Visibility of every sample along the last axis, and the opacity of each ray."""
+    through = np.cumprod(1 - alpha, axis=2)
+    before = np.concatenate([np.ones_like(through[..., :1]), through[..., :-1]], axis=2)
+    return before * alpha, 1 - through[..., -1]
+
+
+def of_step(opacity, exponent):
+    return 1 - (1 - np.clip(opacity, 0, 1)) ** exponent
+
+
+def lab(rgb):
+    xyz = np.array([[.4124564, .3575761, .1804375], [.2126729, .7151522, .0721750], [.0193339, .1191920, .9503041]]) @ np.clip(rgb, 0, 1)
+    f = [t ** (1 / 3) if t > 216 / 24389 else (24389 / 27 * t + 16) / 116 for t in xyz / [.95047, 1, 1.08883]]
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def ciede2000(x, y):
+    (l1, a1, b1), (l2, a2, b2) = x, y
+    weight = lambda c: np.sqrt(c ** 7 / (c ** 7 + 25 ** 7))
+    g = .5 * (1 - weight((np.hypot(a1, b1) + np.hypot(a2, b2)) / 2))
+    a1, a2 = a1 * (1 + g), a2 * (1 + g)
+    c1, c2 = np.hypot(a1, b1), np.hypot(a2, b2)
+    h1, h2 = np.degrees(np.arctan2([b1, b2], [a1, a2])) % 360
+    turn = (h2 - h1 + 180) % 360 - 180 if c1 * c2 else 0
+    h = (h1 + turn / 2) % 360 if c1 * c2 else h1 + h2
+    l, c = (l1 + l2) / 2, (c1 + c2) / 2
+    cos = lambda d: np.cos(np.radians(d))
+    t = 1 - .17 * cos(h - 30) + .24 * cos(2 * h) + .32 * cos(3 * h + 6) - .2 * cos(4 * h - 63)
+    dl = (l2 - l1) / (1 + .015 * (l - 50) ** 2 / np.sqrt(20 + (l - 50) ** 2))
+    dc = (c2 - c1) / (1 + .045 * c)
+    dh = 2 * np.sqrt(c1 * c2) * np.sin(np.radians(turn / 2)) / (1 + .015 * c * t)
+    rotation = -np.sin(np.radians(60 * np.exp(-((h - 275) / 25) ** 2))) * 2 * weight(c)
+    return np.sqrt(max(dl * dl + dc * dc + dh * dh + rotation * dc * dh, 0))
+
+
+VISIONS = number([[[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+                  [[.152286, 1.052583, -.204868], [.114503, .786281, .099216], [-.003882, -.048116, 1.051998]],
+                  [[.367322, .860646, -.227968], [.280085, .672501, .047413], [-.011820, .042940, .968881]],
+                  [[1.255528, -.076749, -.178779], [-.078411, .930809, .147602], [.004733, .691367, .303900]]])
+
+
+def touching(labels, materials):
+    """Pairs of materials with at least one in a hundred of the foreign faces of one of them between them."""
+    n = int(labels.max()) + 1
+    faces = np.zeros((n, n), dtype=np.int64)
+    for axis in range(3):
+        a, b = np.moveaxis(labels, axis, 0)[:-1], np.moveaxis(labels, axis, 0)[1:]
+        faces += np.bincount((a.astype(np.int64) * n + b).ravel(), minlength=n * n).reshape(n, n)
+    faces += faces.T
+    foreign = faces.sum(1) - faces.diagonal()
+    return [(a, b) for i, a in enumerate(materials) for b in materials[i + 1:] if faces[a, b] > .01 * min(foreign[a], foreign[b])]
+
+
+class Looked:
+    """Sums over views of what rays see."""
+
+    def __init__(self, count):
+        self.by_class, self.alone, self.rays = np.zeros(count), np.zeros(count), 0
+        self.background, self.past, self.differ = 0.0, 0, 0
+
+
+def look(values, matter_of, spacing, alpha_of, class_of, materials, most, reference):
+    """Looks at a volume from all views; `class_of`: index of a material by value, or -1."""
+    found = Looked(len(materials))
+    for rotation in VIEWS:
+        value, step = turned(values, spacing, rotation, 1, np.nan)
+        voxel, _ = turned(matter_of, spacing, rotation, 0, 0)
+        inside = np.isfinite(value)
+        exponent = step / reference
+        owner = np.where(inside, class_of(np.nan_to_num(value)), -1)
+        visible, opacity = seen(np.where(inside, of_step(alpha_of(np.nan_to_num(value)), exponent), 0))
+        matter = (voxel > 0).any(axis=2)
+        found.rays += matter.sum()
+        for i in range(len(materials)):
+            mine = owner == i
+            found.by_class[i] += visible[mine].sum()
+            found.alone[i] += (1 - np.prod(1 - mine * of_step(most, exponent), axis=2))[matter].sum()
+        past = ~matter & inside.any(axis=2)
+        found.background += opacity[past].sum()
+        found.past += past.sum()
+        found.differ += ((opacity > .5) != matter).sum()
+    return found
+
+
+def judge(values, labels, spacing, transfer, record):
+    """The figures of a table and of a ramp beside it."""
+    content, table = transfer["content"], np.asarray(transfer["arrays"]["table"]).reshape(-1, transfer["content"]["resolution"], 4)
+    figures = record["metrics"]
+    hidden = set(figures["background"]) | set(figures["transitions"])
+    entries = sorted((e for e in content["entries"] if e["class"] not in hidden), key=lambda e: e["lower"])
+    materials = [e["class"] for e in entries]
+    low, high = content["range"]
+    axis = np.linspace(low, high, content["resolution"])
+    middles = np.array([(a["upper"] + b["lower"]) / 2 for a, b in zip(entries, entries[1:])])
+    alpha_of = lambda v: np.interp(v, axis, table[0, :, 3])
+    owner = lambda v: np.where(alpha_of(v) > 0, np.searchsorted(middles, v), -1)
+    most = record["params"]["max_opacity"]
+    mean = {c: float(values[labels == c].mean()) for c in np.unique(labels)}
+    outside = [mean[c] for c in figures["background"]]
+    matter = np.isin(labels, materials)
+    if outside and materials:
+        below = all(v < mean[materials[0]] for v in outside)
+        edge = (max(outside) + mean[materials[0]]) / 2 if below else (min(outside) + mean[materials[-1]]) / 2
+        beyond = values > edge if below else values < edge
+        matter |= np.isin(labels, figures["transitions"]) & beyond
+    matter = matter.astype(np.uint8)
+    found = look(values, matter, spacing, alpha_of, owner, materials, most, content["reference_mm"])
+    share = found.by_class / max(found.by_class.sum(), 1e-9)
+    alone = found.alone / max(found.rays, 1)
+    asked = np.minimum(.05, .5 * alone)
+    target = number([m["target"] for c in materials for m in figures["visibility"] if m["class"] == c])
+    divergence = sum(t * np.log(t / max(s, 1e-9)) for t, s in zip(target, share) if t > 0)
+    colour = {e["class"]: number(e["rgb"]) for e in entries}
+    pairs = touching(labels, materials)
+    apart = lambda visions: min((ciede2000(lab(m @ colour[a]), lab(m @ colour[b])) for a, b in pairs for m in visions), default=np.inf)
+    ramp = look(values, matter, spacing, lambda v: most * (v - low) / max(high - low, 1e-9), owner, materials, most, content["reference_mm"])
+    ramp_share = ramp.by_class / max(ramp.by_class.sum(), 1e-9)
+    least = lambda s: min((a / b for a, b in zip(s, asked) if b > 1e-4), default=np.inf)
+    return dict(
+        clear=figures["background"], transitions=figures["transitions"], background=found.background / max(found.past, 1),
+        silhouette=found.differ / max(found.rays, 1), least=least(share), divergence=divergence,
+        blind=apart(VISIONS), normal=apart(VISIONS[:1]), seconds=record["wall_s"],
+        ramp=(ramp.background / max(ramp.past, 1), ramp.differ / max(ramp.rays, 1), least(ramp_share)), colours=colour, share=share)
+
+
+def main():
+    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    words.add_argument("program")
+    words.add_argument("data", type=pathlib.Path)
+    words.add_argument("--k", default="3,4,5,6,7,8")
+    words.add_argument("--only", default=",".join(SCANS))
+    words.add_argument("--palette", default="auto")
+    words.add_argument("--pictures", type=pathlib.Path)
+    words.add_argument("--view", default="25,15")
+    given = words.parse_args()
+    print("| scan | K | clear | transitions | background | silhouette | least / asked | divergence | ΔE₀₀, any vision | normal | s | ramp: background, silhouette, least |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
+    params = None
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        for name in given.only.split(","):
+            volume = load(given.program, folder, given.data, name)
+            values, spacing = arrays(given.program, folder, volume)
+            values = values.astype(np.float32)
+            for k in map(int, given.k.split(",")):
+                label_file, file = folder / "labels.ivd", folder / "transfer.ivd"
+                ivd(given.program, "segment", volume, "--method", "kmvs", "--k", k, "-o", label_file)
+                record = ivd(given.program, "atf", volume, label_file, "--palette", given.palette, "-o", file, "--cache", "off", "--threads", 2)
+                params = record["params"]
+                labels, _ = arrays(given.program, folder, label_file)
+                row = judge(values, labels, spacing, read(file), record)
+                show = lambda list: " ".join(map(str, list)) or "–"
+                ramp = ", ".join(f"{x:.2f}" for x in row["ramp"])
+                print(f"| {name} | {k} | {show(row['clear'])} | {show(row['transitions'])} | {row['background']:.3f} | {100 * row['silhouette']:.1f} % | {row['least']:.2f} | {row['divergence']:.3f} | {row['blind']:.1f} | {row['normal']:.1f} | {row['seconds']:.2f} | {ramp} |", flush=True)
+                if given.pictures:
+                    given.pictures.mkdir(parents=True, exist_ok=True)
+                    picture = given.pictures / f"{name}-{k}.png"
+                    ivd(given.program, "render", volume, "--transfer", file, "--size", "400x400", f"--view={given.view}", "-o", picture)
+    print("\nParameters of all:", params)
+
+
+if __name__ == "__main__":
+    main()
