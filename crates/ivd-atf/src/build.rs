@@ -198,7 +198,7 @@ fn by_visibility(
     exec: &Exec,
 ) -> Result<Balance, Error> {
     let symbols = Symbols::new(mix, reduced);
-    let bundle = rays::cast(reduced, mix, &symbols, volume.grid().spacing(), params.views, exec)?;
+    let bundle = rays::cast(reduced, mix, &symbols, volume.grid(), params.views, exec)?;
     let materials: Vec<usize> = (0..mix.classes.len()).filter(|&c| mix.roles[c] == Role::Material).collect();
     let bounds = Bounds {
         least: params.min_opacity,

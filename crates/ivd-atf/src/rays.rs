@@ -1,9 +1,10 @@
 //! What rays through a volume meet: gathered once, looked at again for every choice of opacities.
 
-use ivd_core::{Exec, parallel};
+use ivd_core::{Exec, Grid, parallel};
 use nalgebra::Vector3;
 
 use crate::Error;
+use crate::built::reference_mm;
 use crate::empty::Empty;
 use crate::mix::Mix;
 use crate::reduced::{MISSING, Reduced, TOP};
@@ -28,6 +29,8 @@ const DIRECTIONS: [[f32; 3]; 14] = [
     [1.0, -1.0, -1.0],
     [-1.0, 1.0, 1.0],
 ];
+/// Distance of samples, in reference lengths at least.
+const STEP: f64 = 0.75;
 /// Most values that are told apart, in all rows together.
 const MOST_SYMBOLS: usize = 1 << 16;
 /// Most values that are told apart in a row.
@@ -40,6 +43,8 @@ pub(crate) struct Symbols {
     /// Where the parts of each symbol begin, and the end.
     starts: Vec<u32>,
     in_row: usize,
+    /// Bins a level.
+    per_level: f32,
 }
 
 impl Symbols {
@@ -56,7 +61,7 @@ impl Symbols {
                 starts.push(parts.len() as u32);
             }
         }
-        Self { parts, starts, in_row }
+        Self { parts, starts, in_row, per_level: in_row as f32 / f32::from(TOP) }
     }
 
     /// Number of symbols.
@@ -75,7 +80,7 @@ impl Symbols {
     /// The bin of a level, which may lie between two.
     #[inline]
     fn bin(&self, level: f32) -> usize {
-        ((level * (self.in_row as f32 / f32::from(TOP))) as usize).min(self.in_row - 1)
+        ((level * self.per_level) as usize).min(self.in_row - 1)
     }
 
     /// Whether at least half of what is at a level, by its value alone, is material.
@@ -107,17 +112,17 @@ pub(crate) struct Bundle {
     pub(crate) step_mm: f64,
 }
 
-/// Casts rays along the first `views` directions, a sample every voxel, values interpolated between voxels and labels those of the nearest.
+/// Casts rays along the first `views` directions, a sample every voxel or so, values interpolated between voxels and labels those of the nearest.
 pub(crate) fn cast(
     reduced: &Reduced<'_>,
     mix: &Mix<'_>,
     symbols: &Symbols,
-    spacing: [f64; 3],
+    grid: &Grid,
     views: usize,
     exec: &Exec,
 ) -> Result<Bundle, Error> {
-    let spacing: [f64; 3] = std::array::from_fn(|a| spacing[a] * reduced.stride[a] as f64);
-    let step_mm = spacing.iter().product::<f64>().cbrt();
+    let spacing: [f64; 3] = std::array::from_fn(|a| grid.spacing()[a] * reduced.stride[a] as f64);
+    let step_mm = spacing.iter().product::<f64>().cbrt().max(STEP * reference_mm(grid));
     let across = reduced.dims.into_iter().max().unwrap_or(1).clamp(8, MOST_ACROSS);
     let is_matter: Vec<bool> = mix.roles.iter().map(|role| *role != Role::Background).collect();
     let bin = |level: u16| symbols.bin(f32::from(level));
@@ -287,13 +292,23 @@ impl Caster<'_> {
             if i[1] + 1 < ny { nx } else { 0 },
             if i[2] + 1 < nz { nx * ny } else { 0 },
         ];
-        let levels = &self.reduced.levels;
-        let corner = |j: usize| levels[base + j];
-        let corners = [0, dx, dy, dx + dy, dz, dx + dz, dy + dz, dx + dy + dz].map(corner);
-        if corners.contains(&MISSING) {
+        // A slice of one length: one test instead of eight.
+        let levels = &self.reduced.levels[base..=base + dx + dy + dz];
+        let c = [
+            levels[0],
+            levels[dx],
+            levels[dy],
+            levels[dx + dy],
+            levels[dz],
+            levels[dx + dz],
+            levels[dy + dz],
+            levels[dx + dy + dz],
+        ];
+        let highest = c[0].max(c[1]).max(c[2]).max(c[3]).max(c[4]).max(c[5]).max(c[6]).max(c[7]);
+        if highest == MISSING {
             return None;
         }
-        let c = corners.map(f32::from);
+        let c = c.map(f32::from);
         let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
         let x = [mix(c[0], c[1], f[0]), mix(c[2], c[3], f[0]), mix(c[4], c[5], f[0]), mix(c[6], c[7], f[0])];
         Some(mix(mix(x[0], x[1], f[1]), mix(x[2], x[3], f[1]), f[2]))

@@ -102,6 +102,12 @@ impl TransferFunction {
         self.classes.iter().position(|&c| c == label).unwrap_or(0)
     }
 
+    /// Whether a label changes anything: false where all rows are the same.
+    pub fn depends_on_label(&self) -> bool {
+        let (first, others) = self.table.split_at(self.resolution);
+        others.chunks_exact(self.resolution).any(|row| row != first)
+    }
+
     /// Straight RGBA at a real value, linear between samples, clamped at the ends. A value that is no data is clear.
     #[inline]
     pub fn sample(&self, row: usize, value: f64) -> [f32; 4] {
@@ -119,5 +125,20 @@ impl TransferFunction {
         let f = (at - i as f64) as f32;
         let (a, b) = (self.table[row * self.resolution + i], self.table[row * self.resolution + i + 1]);
         std::array::from_fn(|c| a[c] + (b[c] - a[c]) * f)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_label_matters_where_its_row_differs() {
+        let of = |table: Vec<[f32; 4]>| {
+            TransferFunction::new([0.0, 1.0], 2, 1.0, vec![0, 5], table, vec![]).unwrap()
+        };
+        let (clear, seen) = ([0.0; 4], [1.0; 4]);
+        assert!(!of(vec![clear, seen, clear, seen]).depends_on_label());
+        assert!(of(vec![clear, seen, clear, clear]).depends_on_label());
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use ivd_artefact::{Artefact, ContentHash};
-use ivd_core::{Exec, Lattice, Motion, Value as _};
+use ivd_core::{Exec, Labels, Lattice, Motion, Value as _};
 use ivd_field::class_volume::by_class;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -153,9 +153,15 @@ impl<'a> Writer<'a> {
             Artefact::Image(_) => {
                 self.data.pictures.insert(node.id.variant.to_owned(), done.artefact.clone());
             }
-            Artefact::Transfer(transfer) => self.data.transfer = Some(transfer.clone()),
+            Artefact::Transfer(transfer) => {
+                let labels = earlier.values().find_map(|done| Labels::of(&done.artefact));
+                if let Some(labels) = labels {
+                    self.data.class_slices = report::class_slices(labels, Some(transfer))?;
+                }
+                self.data.transfer = Some(transfer.clone());
+            }
             Artefact::Motion(motion) => self.data.displacements = report::motion_lengths(motion),
-            Artefact::Labels(labels) => self.data.class_slices = report::class_slices(labels)?,
+            Artefact::Labels(labels) => self.data.class_slices = report::class_slices(labels, None)?,
             Artefact::Volume(_) if node.id == NodeId::IMPORT => {
                 self.data.volume = Some(done.artefact.clone());
             }

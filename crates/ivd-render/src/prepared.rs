@@ -1,4 +1,4 @@
-use ivd_core::{BrickRange, Exec, Labels, srgb};
+use ivd_core::{BrickRange, Exec, Labels, TransferFunction, srgb};
 
 use crate::camera::{Camera, Ray};
 use crate::cast::{Cast, Field, first_hit, mip};
@@ -58,8 +58,10 @@ impl<'a> Prepared<'a> {
             let grid = scene.volume.grid();
             let (voxels, shift) = fast(scene.volume, exec)?;
             let moving = scene.displacement.filter(|d| !is_still(d));
+            // Labels that change nothing cost nothing.
+            let has_rows = scene.transfer.is_some_and(TransferFunction::depends_on_label);
             let mut prepared = Self {
-                scene: *scene,
+                scene: Scene { labels: scene.labels.filter(|_| has_rows), ..*scene },
                 params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },
                 voxels,
                 shift,

@@ -8,7 +8,7 @@ mod deformation;
 mod page;
 mod segmentation;
 
-use ivd_core::{Image, Labels, Motion};
+use ivd_core::{Image, Labels, Motion, TransferFunction};
 use nalgebra::Vector3;
 
 use crate::Error;
@@ -18,7 +18,7 @@ pub(crate) use data::ReportData;
 pub(crate) use page::html;
 
 /// Raised whenever the same data gives another page.
-pub(crate) const REVISION: u32 = 6;
+pub(crate) const REVISION: u32 = 7;
 
 /// Displacement (mm) of the vertices that move, in the last frame.
 pub(crate) fn motion_lengths(motion: &Motion) -> Vec<f64> {
@@ -27,10 +27,14 @@ pub(crate) fn motion_lengths(motion: &Motion) -> Vec<f64> {
     lengths.filter(|length| *length > 0.0).collect()
 }
 
-/// The middle slices of a labelling, coloured.
+/// The middle slices of a labelling, coloured as in pictures by a transfer function.
 ///
 /// # Errors
 /// Those of a picture's constructor.
-pub(crate) fn class_slices(labels: &Labels) -> Result<Vec<Image>, Error> {
-    Ok(ivd_report::class_slices(labels, class_rgb)?)
+pub(crate) fn class_slices(
+    labels: &Labels,
+    transfer: Option<&TransferFunction>,
+) -> Result<Vec<Image>, Error> {
+    let colour = |rank: usize| class_rgb(rank, labels.classes()[rank].id, transfer);
+    Ok(ivd_report::class_slices(labels, colour)?)
 }

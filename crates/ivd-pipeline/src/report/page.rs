@@ -38,7 +38,7 @@ pub(crate) fn html(
     let found = segment.map(StageRecord::figures::<Figures<AnyFigures>>);
     if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
         let readable = found.as_ref().and_then(|found| found.as_ref().ok());
-        let classes = readable.map(class_densities).unwrap_or_default();
+        let classes = readable.map(|found| class_densities(found, data)).unwrap_or_default();
         let chart = exec.run(|| value_histogram(volume, data.transfer.as_ref(), &classes));
         page.section("Histogram, classes and transfer function", &chart);
     }

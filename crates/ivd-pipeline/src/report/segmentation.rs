@@ -36,7 +36,7 @@ fn tree(found: &ivd_segment::Dendrogram) -> String {
     let leaf = |(rank, leaf): (usize, &ivd_segment::Leaf)| Leaf {
         mean: leaf.mean,
         voxels: leaf.voxels,
-        colour: class_colour(rank),
+        colour: class_colour(rank, 0, None),
     };
     dendrogram(&Dendrogram {
         leaves: found.leaves.iter().enumerate().map(leaf).collect(),
@@ -48,7 +48,7 @@ fn classes(list: &[ClassFigures], data: &ReportData) -> String {
     let head = ["in slices", "in pictures", "class", "mean", "sd", "voxels", "from", "to"];
     let row = |(rank, class): (usize, &ClassFigures)| {
         [
-            Cell::Swatch(class_colour(rank)),
+            Cell::Swatch(class_colour(rank, class.id, data.transfer.as_ref())),
             Cell::Swatch(value_colour(data.transfer.as_ref(), class.mean)),
             Cell::plain(class.id),
             Cell::number(class.mean),
@@ -62,13 +62,13 @@ fn classes(list: &[ClassFigures], data: &ReportData) -> String {
 }
 
 /// The classes as the histogram draws them.
-pub(super) fn class_densities(found: &Figures<AnyFigures>) -> Vec<ClassDensity> {
+pub(super) fn class_densities(found: &Figures<AnyFigures>, data: &ReportData) -> Vec<ClassDensity> {
     let density = |(rank, class): (usize, &ClassFigures)| ClassDensity {
         mean: class.mean,
         sd: class.sd,
         voxels: class.voxels,
         upper: class.upper,
-        colour: class_colour(rank),
+        colour: class_colour(rank, class.id, data.transfer.as_ref()),
     };
     found.common.classes.iter().enumerate().map(density).collect()
 }
