@@ -63,7 +63,7 @@ mod tests {
         assert_eq!(bad(Params { resolution: 1, ..Params::default() }), "resolution");
         assert_eq!(bad(Params { max_opacity: f64::NAN, ..Params::default() }), "max_opacity");
         assert_eq!(bad(Params { views: 15, ..Params::default() }), "views");
-        assert_eq!(bad(Params { min_opacity: 0.95, ..Params::default() }), "min_opacity");
+        assert_eq!(bad(Params { min_opacity: 0.9, ..Params::default() }), "min_opacity");
         assert_eq!(bad(Params { size_exponent: -1.0, ..Params::default() }), "size_exponent");
         assert_eq!(bad(Params { softness: f64::INFINITY, ..Params::default() }), "softness");
     }
