@@ -1,11 +1,13 @@
 //! What of a class is joined to the outside.
 
 use crate::reduced::{MISSING, Reduced};
+use crate::statistics::is_outermost;
 
 /// Most voxels along an axis that the outside is followed through.
 const MOST_ALONG: usize = 128;
 
-/// Share of a class's voxels that are joined to the volume's outermost layer through faces of voxels of the class. Missing voxels belong
+/// Share of a class's voxels that are joined to the volume's outermost layer (across axes of more than two voxels) through faces of
+/// voxels of the class. Missing voxels belong
 /// to no class. Volumes of more than 128 voxels along an axis are followed on every second, or fewer, of them.
 pub(crate) fn joined_share(reduced: &Reduced<'_>, class: u16) -> f64 {
     let step = reduced.dims.map(|n| n.div_ceil(MOST_ALONG));
@@ -25,7 +27,7 @@ pub(crate) fn joined_share(reduced: &Reduced<'_>, class: u16) -> f64 {
                 }
                 voxels += 1;
                 open[index([x, y, z])] = true;
-                if [x, y, z].iter().zip(dims).any(|(&c, n)| c == 0 || c + 1 == n) {
+                if [x, y, z].into_iter().zip(dims).any(|(c, n)| is_outermost(c, n)) {
                     reached.push([x, y, z]);
                 }
             }

@@ -19,7 +19,7 @@ pub(crate) struct ClassStatistics {
     pub(crate) sd: f64,
     /// Mean gradient magnitude over the border voxels (real units per mm); 0 for a class without border.
     pub(crate) border_strength: f64,
-    /// Voxels in the outermost layer of the volume.
+    /// Voxels in the outermost layer of the volume, across axes of more than two voxels.
     pub(crate) on_sides: u64,
 }
 
@@ -89,6 +89,13 @@ fn finish(volume: &Volume, id: u16, total: &Sums, middle: f64) -> ClassStatistic
     }
 }
 
+/// Whether a voxel is the first or the last along an axis of `n`. Along an axis of one or two voxels every voxel would be, and none of
+/// them says what lies round the matter.
+#[inline]
+pub(crate) fn is_outermost(at: usize, n: usize) -> bool {
+    n > 2 && (at == 0 || at + 1 == n)
+}
+
 /// Labels that occur, ascending.
 fn present_labels(ids: &[u16]) -> Vec<u16> {
     let seen = ids
@@ -129,7 +136,7 @@ impl<'a, T: Scalar> Scan<'a, T> {
     fn layer(&self, z: usize, sums: &mut [Sums]) {
         let [nx, ny, nz] = self.dims;
         for y in 0..ny {
-            let sides = y == 0 || y + 1 == ny || z == 0 || z + 1 == nz;
+            let sides = is_outermost(y, ny) || is_outermost(z, nz);
             let row = nx * (y + ny * z);
             for x in 0..nx {
                 let value = self.stored[row + x];
@@ -141,7 +148,7 @@ impl<'a, T: Scalar> Scan<'a, T> {
                 sum.voxels += 1;
                 sum.first += value;
                 sum.second += value * value;
-                sum.on_sides += u64::from(sides || x == 0 || x + 1 == nx);
+                sum.on_sides += u64::from(sides || is_outermost(x, nx));
                 if self.is_border([x, y, z]) {
                     sum.border += 1;
                     sum.gradient += self.gradient([x, y, z]).norm();

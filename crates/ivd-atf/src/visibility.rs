@@ -13,6 +13,8 @@ const LET_THROUGH: f64 = 0.02;
 const LEAST_SEEN: f64 = 0.065;
 /// … or as this part of what it would cover alone, if that is less.
 const OF_ALONE: f64 = 0.65;
+/// … where these shares come to no more than this together; else all of them are scaled down to it.
+const MOST_GUARANTEED: f64 = 0.5;
 /// Most rounds.
 const MOST_ROUNDS: u32 = 40;
 /// The divergence has stopped falling when it hasn't fallen by this much …
@@ -123,33 +125,33 @@ fn divergence(target: &[f64], seen: &[f64], through: [f64; 2]) -> f64 {
 }
 
 /// Shares in proportion to what materials cover alone, none below its least; what that takes comes from the others.
+///
+/// The least shares come to at most [`MOST_GUARANTEED`] together: of many materials each is promised less, so that the larger ones always
+/// keep more than the smaller ones.
 fn targets(alone: &[f64], materials: &[usize]) -> Vec<f64> {
     let mut target = vec![0.0; alone.len()];
     let mut open: Vec<usize> = materials.iter().copied().filter(|&k| alone[k] > 0.0).collect();
+    let asked = |k: usize| LEAST_SEEN.min(OF_ALONE * alone[k]);
+    let all_asked: f64 = open.iter().map(|&k| asked(k)).sum();
+    let scale = (MOST_GUARANTEED / all_asked).min(1.0);
+    let least = |k: usize| scale * asked(k);
     let mut left = 1.0;
-    loop {
+    // What is left exceeds the least shares of the open ones, so that never all of them are small.
+    while !open.is_empty() {
         let all: f64 = open.iter().map(|&k| alone[k]).sum();
-        let least = |k: usize| LEAST_SEEN.min(OF_ALONE * alone[k]);
-        let is_small = |k: usize| left * alone[k] / all < least(k);
-        let small: Vec<usize> = open.iter().copied().filter(|&k| is_small(k)).collect();
-        // Where all are small their sum may be anything.
-        if small.is_empty() || small.len() == open.len() {
+        let (small, large): (Vec<usize>, Vec<usize>) =
+            open.iter().partition(|&&k| left * alone[k] / all < least(k));
+        if small.is_empty() {
             for &k in &open {
-                target[k] = left.max(0.0) * alone[k] / all;
+                target[k] = left * alone[k] / all;
             }
             break;
         }
         for &k in &small {
             target[k] = least(k);
+            left -= least(k);
         }
-        left -= small.iter().map(|&k| least(k)).sum::<f64>();
-        open.retain(|k| !small.contains(k));
-    }
-    let all: f64 = target.iter().sum();
-    if all > 0.0 {
-        for share in &mut target {
-            *share /= all;
-        }
+        open = large;
     }
     target
 }
@@ -284,6 +286,26 @@ mod tests {
         close(&targets(&[0.01, 0.03], &[0, 1]), &[0.25, 0.75]);
         let many = vec![1.0; 100];
         close(&targets(&many, &(0..100).collect::<Vec<_>>()), &vec![0.01; 100]);
+    }
+
+    #[test]
+    fn of_many_materials_the_largest_keeps_the_largest_target() {
+        for small in [0.001, 0.05, 0.3, 0.9] {
+            for count in [2, 15, 16, 20, 300] {
+                let mut alone = vec![small; count];
+                (alone[0], alone[1]) = (1.0, 0.5 * (1.0 + small));
+                let found = targets(&alone, &(0..count).collect::<Vec<_>>());
+                assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{count} of {small}: {found:?}");
+                assert!(
+                    found[0] >= found[1] && found[1] >= found[count - 1],
+                    "{count} of {small}: {found:?}"
+                );
+                assert!(found.iter().all(|share| *share > 0.0));
+            }
+        }
+        let mut alone = vec![0.3; 20];
+        alone[0] = 1.0;
+        assert!((targets(&alone, &(0..20).collect::<Vec<_>>())[0] - 1.0 / 6.7).abs() < 1e-12);
     }
 
     #[test]

@@ -250,3 +250,31 @@ fn values_whose_squares_overflow_are_refused_with_the_range() {
         assert!(ivd_atf::from_isovalue(&volume, 1.0, &params, &exec).is_err());
     }
 }
+
+/// Values and labels on a grid of `dims`, whose label is 2 where `inside` says and 1 elsewhere.
+fn slab(dims: [usize; 3], inside: impl Fn([usize; 3]) -> bool) -> (Volume, Labels) {
+    let grid = Grid::with_spacing(dims, [1.0; 3]).unwrap();
+    let is_inside = |i: usize| inside(grid.index(i).0);
+    let values: Vec<f32> = (0..grid.len()).map(|i| if is_inside(i) { 100.0 } else { 0.0 }).collect();
+    let ids: Vec<u16> = (0..grid.len()).map(|i| if is_inside(i) { 2 } else { 1 }).collect();
+    (Volume::new(grid.clone(), Voxels::from(values)).unwrap(), Labels::new(grid, ids.into(), vec![]).unwrap())
+}
+
+#[test]
+fn in_thin_volumes_the_frame_is_the_outside_and_not_every_voxel() {
+    // An object that fills most of one slice, or of two, within a frame.
+    for layers in [1, 2] {
+        let inside = |[x, y, _]: [usize; 3]| (1..31).contains(&x) && (1..31).contains(&y);
+        let (volume, labels) = slab([32, 32, layers], inside);
+        let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
+        assert_eq!(built.figures.background, [1], "{layers} layers");
+        assert!(built.transfer.sample(0, 100.0)[3] > 0.1, "{:?}", built.figures);
+    }
+    // Nothing is outside along axes of one or two voxels.
+    for dims in [[1, 1, 1], [2, 2, 2], [1, 2, 1], [1, 1, 40]] {
+        let (volume, labels) = slab(dims, |[x, _, z]| x == 0 && z == 0);
+        let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
+        assert!(built.transfer.sample(0, 100.0)[3] > 0.1, "{dims:?}: {:?}", built.figures);
+        assert!(!built.figures.background.contains(&2), "{dims:?}");
+    }
+}
