@@ -154,14 +154,20 @@ impl<'a> Writer<'a> {
                 self.data.pictures.insert(node.id.variant.to_owned(), done.artefact.clone());
             }
             Artefact::Transfer(transfer) => {
-                let labels = earlier.values().find_map(|done| Labels::of(&done.artefact));
+                let mut inputs = node.inputs.iter().filter_map(|(_, id)| earlier.get(id));
+                let labels = inputs.find_map(|done| Labels::of(&done.artefact));
                 if let Some(labels) = labels {
                     self.data.class_slices = report::class_slices(labels, Some(transfer))?;
                 }
                 self.data.transfer = Some(transfer.clone());
             }
             Artefact::Motion(motion) => self.data.displacements = report::motion_lengths(motion),
-            Artefact::Labels(labels) => self.data.class_slices = report::class_slices(labels, None)?,
+            Artefact::Labels(labels) => {
+                // Slices of the labels that a transfer function was made of stay, in its colours.
+                if self.data.transfer.is_none() || self.data.class_slices.is_empty() {
+                    self.data.class_slices = report::class_slices(labels, None)?;
+                }
+            }
             Artefact::Volume(_) if node.id == NodeId::IMPORT => {
                 self.data.volume = Some(done.artefact.clone());
             }
