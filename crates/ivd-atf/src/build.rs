@@ -1,33 +1,39 @@
-use ivd_core::op::Op as _;
-use ivd_core::{Exec, Labels, NO_DATA, TransferEntry, TransferFunction, Volume, parallel};
+use ivd_core::{Exec, Labels, Volume};
 
-use crate::built::{range_of, reference_mm};
-use crate::colour::{self, close_pairs};
-use crate::edges::Hill;
+use crate::bins::SampleBins;
+use crate::built::{Built, reference_mm};
+use crate::colour::{self, Coloured};
+use crate::edges::WeightedGaussian;
+use crate::error::Error;
+use crate::figures::{ClosePair, Figures, MaterialVisibility};
 use crate::mix::Mix;
-use crate::params::{ClosePair, Figures, MaterialVisibility, OpacityRule, ValueScale};
-use crate::rays::{self, Symbols};
+use crate::params::{OpacityRule, Params};
+use crate::range::{range_of, table_range};
+use crate::rays;
 use crate::reduced::Reduced;
-use crate::roles::{Role, looks_like_hounsfield, roles};
+use crate::roles::{HALF_GAS, Role, are_hounsfield, roles};
 use crate::statistics::{ClassStatistics, measure};
 use crate::structure;
-use crate::visibility::{Balance, Bounds, balance};
-use crate::{Built, Error, Params};
+use crate::table::{Looks, tabulate};
+use crate::visibility::{Bounds, Fit, fit};
 
-/// Most pairs of close colours that are told of.
+/// Most samples along an axis that a volume is looked at in.
+const MOST_ALONG: usize = 256;
+/// Most pairs of close colours that are reported.
 const MOST_PAIRS: usize = 64;
 
 /// The automatic transfer function of a segmented volume (thesis 4.2.2).
 ///
 /// Every label above 0 that occurs gives an entry, in the order of means (ties by label); statistics are measured, so
-/// that labels from elsewhere, without classes, do as well. Label 0 on voxels with data is a background: it gives no entry
-/// but competes for the value axis in row 0, as a clear class.
+/// that labels from elsewhere, without classes, do as well. Label 0 on voxels with data is background: it gives no entry
+/// but competes for the value axis in row 0, as a clear class. Where it has 1 % of the voxels or more, every other label is a material, but for gas.
 ///
 /// **Roles.** In Hounsfield units classes with a mean of at most −500 are background. Else it is the class with the largest share of the
 /// outermost layer, if 9/10 of it is joined to that layer, with every class beyond it. A class that noise split off the background belongs
 /// to it; a thin steep class between two others is a transition.
 ///
-/// **Opacity** over `reference_mm`, by visibility: what rays see is shared out in proportion to what each material would cover alone. By border strength `g` (real units per mm) and share `n` of the voxels:
+/// **Opacity** over `reference_mm`, by visibility: the visibility of materials is in proportion to what each would cover alone. By border
+/// strength `g` (real units per mm) and share `n` of the voxels:
 ///
 /// ```text
 /// opacity = clamp(max_opacity · s / max s, min_opacity, max_opacity),   s = g · n^(-size_exponent)
@@ -39,104 +45,90 @@ const MOST_PAIRS: usize = 64;
 /// [`Error::Core`] where volume and labels lie on different grids, memory is short or the work was cancelled; [`ivd_core::Error::Param`];
 /// [`Error::TooManyClasses`] above 1,024; [`Error::TooWide`] for values beyond ±10¹⁴⁰.
 pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) -> Result<Built, Error> {
-    params.check()?;
+    params.require_valid()?;
     volume.grid().require(labels.grid(), "volume", "labels")?;
     exec.run(|| {
-        let range = range_of(volume)?;
+        let whole = range_of(volume)?;
         let mut classes = measure(volume, labels, exec)?;
         classes.sort_by(|a, b| a.mean.total_cmp(&b.mean).then(a.id.cmp(&b.id)));
         let mut rank = vec![0; 1 << 16];
         for (i, class) in classes.iter().enumerate() {
             rank[usize::from(class.id)] = i as u16;
         }
-        let reduced = Reduced::new(volume, labels, rank, range, exec)?;
+        let range = table_range(volume, &classes, whole);
+        let reduced = Reduced::new(volume, labels, rank, range, MOST_ALONG, exec)?;
         let structure = structure::measure(&reduced, classes.len(), least_noise(volume, &reduced), exec)?;
-        let hounsfield = match params.values {
-            ValueScale::Auto => looks_like_hounsfield(range),
-            ValueScale::Hounsfield => true,
-            ValueScale::Plain => false,
-        };
+        let hounsfield = are_hounsfield(params.values, whole);
         let roles = roles(&classes, &structure, &reduced, hounsfield);
-        let hills = hills(&classes, &roles, labels, range, params);
-        let clear_air = hounsfield && classes.iter().all(|class| class.id != NO_DATA);
-        let mix = Mix::new(&classes, &roles, &hills, params.softness, clear_air);
-        let (opacity, balance) = match params.opacity {
+        let gaussians = gaussians(&classes, &roles, labels, range, params);
+        let mix = Mix::new(
+            &classes,
+            &roles,
+            &gaussians,
+            params.softness,
+            hounsfield && has_matter(&classes, &roles),
+        );
+        let (opacity, fit) = match params.opacity {
             OpacityRule::Border => (by_border(&mix, params), None),
             OpacityRule::Visibility => {
-                let found = by_visibility(volume, &reduced, &mix, params, exec)?;
-                (found.opacity.clone(), Some(found))
+                let fit = by_visibility(volume, &reduced, &mix, params, exec)?;
+                (fit.opacity.clone(), Some(fit))
             }
         };
         let palette = colour::chosen(params.palette, hounsfield);
-        let rgb = colour::colours(&classes, &roles, &structure, &reduced, palette, hounsfield);
-        let transfer = tabulate(volume, &mix, &opacity, &rgb, range, params.resolution)?;
+        let touching = colour::touching(&roles, &structure);
+        let rgb = colour::colours(&Coloured {
+            classes: &classes,
+            roles: &roles,
+            structure: &structure,
+            reduced: &reduced,
+            touching: &touching,
+            palette,
+            hounsfield,
+            by_value: mix.rows() == 1,
+        });
+        let looks = Looks { mix: &mix, opacity: &opacity, rgb: &rgb, range, resolution: params.resolution };
+        let transfer = tabulate(volume, &looks, exec)?;
         let of =
             |role: Role| (0..classes.len()).filter(|&c| roles[c] == role).map(|c| classes[c].id).collect();
-        let pairs = close_pairs(&roles, &structure, &rgb);
+        let pairs = colour::close_pairs(&touching, &rgb);
+        let entries = Figures::of_entries(&transfer, palette, hounsfield);
         let figures = Figures {
-            hounsfield,
-            palette,
             background: of(Role::Background),
             transitions: of(Role::Transition),
             close_pairs: pairs.iter().take(MOST_PAIRS).map(|pair| close_pair(pair, &classes)).collect(),
-            ..figures(&transfer, &mix, balance.as_ref(), params)
+            ..fit.map_or(entries.clone(), |fit| with_visibility(entries, &mix, &fit, params))
         };
         Ok(Built { transfer, figures })
     })
+}
+
+/// Whether there is any material that isn't gas: only then is air clear, so that something is seen of air alone too.
+fn has_matter(classes: &[ClassStatistics], roles: &[Role]) -> bool {
+    classes.iter().zip(roles).any(|(class, role)| *role == Role::Material && class.mean > HALF_GAS)
 }
 
 fn close_pair(pair: &colour::Pair, classes: &[ClassStatistics]) -> ClosePair {
     ClosePair { classes: pair.classes.map(|class| classes[class].id), difference: pair.difference }
 }
 
-/// Figures of a table, without what only the classes know.
-fn figures(
-    transfer: &TransferFunction,
-    mix: &Mix<'_>,
-    balance: Option<&Balance>,
-    params: &Params,
-) -> Figures {
+/// Figures with those of a fit.
+fn with_visibility(figures: Figures, mix: &Mix<'_>, fit: &Fit, params: &Params) -> Figures {
     let materials = (0..mix.classes.len()).filter(|&class| mix.roles[class] == Role::Material);
-    let visibility = balance.into_iter().flat_map(|found| {
-        materials.clone().map(|class| MaterialVisibility {
-            class: mix.classes[class].id,
-            visibility: found.seen[class],
-            target: found.target[class],
-            alone: found.alone[class],
-        })
+    let visibility = materials.map(|class| MaterialVisibility {
+        class: mix.classes[class].id,
+        visibility: fit.visibility[class],
+        target: fit.target[class],
+        coverage: fit.coverage[class],
     });
     Figures {
         visibility: visibility.collect(),
-        divergence: balance.map_or(0.0, |found| found.divergence),
-        rounds: balance.map_or(0, |found| found.rounds),
-        views: if balance.is_some() { params.views as u32 } else { 0 },
-        background_opacity: balance.map_or(0.0, |found| found.background_opacity),
-        silhouette_difference: balance.map_or(0.0, |found| found.silhouette_difference),
-        ..Figures::of_entries(transfer)
-    }
-}
-
-impl Figures {
-    /// Figures of the entries alone.
-    pub(crate) fn of_entries(transfer: &TransferFunction) -> Self {
-        let opacities = || transfer.entries().iter().map(|entry| entry.opacity);
-        let least = opacities().fold(f32::INFINITY, f32::min);
-        let entries = transfer.entries().len();
-        Self {
-            entries,
-            opacity_range: if entries == 0 { [0.0; 2] } else { [least, opacities().fold(0.0, f32::max)] },
-            hounsfield: false,
-            palette: crate::Palette::Safe,
-            background: Vec::new(),
-            transitions: Vec::new(),
-            visibility: Vec::new(),
-            divergence: 0.0,
-            rounds: 0,
-            views: 0,
-            background_opacity: 0.0,
-            silhouette_difference: 0.0,
-            close_pairs: Vec::new(),
-        }
+        divergence: Some(fit.divergence),
+        rounds: fit.rounds,
+        views: params.views as u32,
+        background_opacity: fit.background_opacity,
+        silhouette_difference: fit.silhouette_difference,
+        ..figures
     }
 }
 
@@ -146,19 +138,19 @@ fn least_noise(volume: &Volume, reduced: &Reduced<'_>) -> f64 {
     if reduced.step() > 0.0 { whole / 12.0_f64.sqrt() / reduced.step() } else { 0.0 }
 }
 
-/// The classes as their edges see them.
-fn hills(
+/// The classes as weighted Gaussians.
+fn gaussians(
     classes: &[ClassStatistics],
     roles: &[Role],
     labels: &Labels,
     range: [f64; 2],
     params: &Params,
-) -> Vec<Hill> {
+) -> Vec<WeightedGaussian> {
     // A spread below half a table step can't be seen, and 0 has no posterior.
     let floor = (0.5 * (range[1] - range[0]) / (params.resolution - 1) as f64).max(f64::MIN_POSITIVE);
-    let hill = |(s, role): (&ClassStatistics, &Role)| {
+    let gaussian = |(s, role): (&ClassStatistics, &Role)| {
         let class = labels.class(s.id);
-        Hill {
+        WeightedGaussian {
             mean: s.mean,
             sd: s.sd.max(floor),
             voxels: s.voxels as f64,
@@ -167,7 +159,7 @@ fn hills(
             is_transition: *role == Role::Transition,
         }
     };
-    classes.iter().zip(roles).map(hill).collect()
+    classes.iter().zip(roles).map(gaussian).collect()
 }
 
 /// Opacities by the strength of borders and the inverse of sizes; zeros for what is no material.
@@ -196,83 +188,14 @@ fn by_visibility(
     mix: &Mix<'_>,
     params: &Params,
     exec: &Exec,
-) -> Result<Balance, Error> {
-    let symbols = Symbols::new(mix, reduced);
-    let bundle = rays::cast(reduced, mix, &symbols, volume.grid(), params.views, exec)?;
+) -> Result<Fit, Error> {
+    let bins = SampleBins::new(mix, reduced, exec)?;
+    let bundle = rays::cast(reduced, mix, &bins, params.views, exec)?;
     let materials: Vec<usize> = (0..mix.classes.len()).filter(|&c| mix.roles[c] == Role::Material).collect();
     let bounds = Bounds {
         least: params.min_opacity,
         most: params.max_opacity,
         reference_mm: reference_mm(volume.grid()),
     };
-    balance(&bundle, &symbols, mix.classes.len(), &materials, &bounds, exec)
-}
-
-/// The table: the union of all classes, and a row for each of them but label 0.
-fn tabulate(
-    volume: &Volume,
-    mix: &Mix<'_>,
-    opacity: &[f64],
-    rgb: &[[f32; 3]],
-    range: [f64; 2],
-    resolution: usize,
-) -> Result<TransferFunction, ivd_core::Error> {
-    let value = |i: usize| range[0] + (range[1] - range[0]) * (i as f64 / (resolution - 1) as f64);
-    let rows = mix.rows();
-    let columns = parallel::map(resolution, &|i| {
-        let at = mix.at(value(i));
-        let mut shares = Vec::new();
-        let sample = |row| {
-            mix.shares(row, value(i), &at, &mut shares);
-            straight(&shares, opacity, rgb)
-        };
-        (0..rows).map(sample).collect::<Vec<_>>()
-    });
-    let of_entries: Vec<usize> = (0..mix.classes.len()).filter(|&c| mix.classes[c].id != NO_DATA).collect();
-    let mut table = Vec::with_capacity((of_entries.len() + 1) * resolution);
-    for row in std::iter::once(0).chain(of_entries.iter().map(|&class| mix.row(class))) {
-        table.extend(columns.iter().map(|column| column[row]));
-    }
-    let entry = |&class: &usize| entry(mix, class, opacity, rgb, range);
-    let entries: Vec<TransferEntry> = of_entries.iter().map(entry).collect();
-    let classes = std::iter::once(NO_DATA).chain(entries.iter().map(|e| e.class)).collect();
-    TransferFunction::new(range, resolution, reference_mm(volume.grid()), classes, table, entries)
-}
-
-/// What a class contributes. A transition is told of as it looks at its mean.
-fn entry(mix: &Mix<'_>, class: usize, opacity: &[f64], rgb: &[[f32; 3]], range: [f64; 2]) -> TransferEntry {
-    let (window, mean) = (&mix.windows[class], mix.classes[class].mean);
-    let (mut colour, mut most) = (rgb[class], opacity[class] as f32);
-    if mix.roles[class] == Role::Transition {
-        let mut shares = Vec::new();
-        mix.shares(0, mean, &mix.at(mean), &mut shares);
-        let [r, g, b, alpha] = straight(&shares, opacity, rgb);
-        (colour, most) = ([r, g, b], alpha);
-    }
-    let half = |edge: Option<(f64, f64)>| edge.map_or(0.0, |(_, half)| half);
-    TransferEntry {
-        class: mix.classes[class].id,
-        rgb: colour,
-        opacity: most,
-        lower: window.lower.map_or(range[0], |(at, _)| at),
-        upper: window.upper.map_or(range[1], |(at, _)| at),
-        softness: half(window.lower).max(half(window.upper)),
-    }
-}
-
-/// Straight RGBA of materials with their shares: opacities add up, colours are weighed by them.
-fn straight(shares: &[(usize, f64)], opacity: &[f64], rgb: &[[f32; 3]]) -> [f32; 4] {
-    let (mut sum, mut alpha) = ([0.0_f64; 3], 0.0);
-    for &(class, share) in shares {
-        let a = share * opacity[class];
-        alpha += a;
-        for (sum, c) in sum.iter_mut().zip(rgb[class]) {
-            *sum += a * f64::from(c);
-        }
-    }
-    if alpha <= 0.0 {
-        return [0.0; 4];
-    }
-    let [r, g, b] = sum.map(|c| ((c / alpha) as f32).clamp(0.0, 1.0));
-    [r, g, b, (alpha as f32).clamp(0.0, 1.0)]
+    fit(&bundle, &bins, mix.classes.len(), &materials, &bounds, exec)
 }

@@ -1,6 +1,6 @@
 /// A class as its edges see it: a weighted Gaussian in real values, with the crossings its segmentation gave.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Hill {
+pub(crate) struct WeightedGaussian {
     pub(crate) mean: f64,
     /// Standard deviation, > 0 (the caller sets a floor).
     pub(crate) sd: f64,
@@ -41,31 +41,37 @@ impl Window {
 }
 
 /// Whether values tell two classes apart: their means are further apart than half the mean of their spreads.
-pub(crate) fn are_separate(a: &Hill, b: &Hill) -> bool {
+pub(crate) fn are_separate(a: &WeightedGaussian, b: &WeightedGaussian) -> bool {
     (b.mean - a.mean).abs() > 0.25 * (a.sd + b.sd)
 }
 
-/// Windows of `hills`, which are in the order of their means. `softness`: half width of an edge in standard deviations.
+/// Windows of `gaussians`, which are in the order of their means. `softness`: half width of an edge in standard deviations.
 ///
 /// Classes that values can't tell apart don't bound each other: their windows overlap, and the label decides. Nor do transitions bound other
 /// classes: the edge between the classes on either side fades over all of the transition.
-pub(crate) fn windows(hills: &[Hill], softness: f64) -> Vec<Window> {
-    let edge = |a: usize, b: usize| edge(&hills[a], &hills[a + 1..b], &hills[b], softness);
-    (0..hills.len())
+pub(crate) fn windows(gaussians: &[WeightedGaussian], softness: f64) -> Vec<Window> {
+    let edge = |a: usize, b: usize| edge(&gaussians[a], &gaussians[a + 1..b], &gaussians[b], softness);
+    (0..gaussians.len())
         .map(|i| {
             let bounds = |j: &usize| {
-                (hills[i].is_transition || !hills[*j].is_transition) && are_separate(&hills[i], &hills[*j])
+                (gaussians[i].is_transition || !gaussians[*j].is_transition)
+                    && are_separate(&gaussians[i], &gaussians[*j])
             };
             let below = (0..i).rev().find(bounds);
-            let above = (i + 1..hills.len()).find(bounds);
+            let above = (i + 1..gaussians.len()).find(bounds);
             Window { lower: below.map(|j| edge(j, i)), upper: above.map(|j| edge(i, j)) }
         })
         .collect()
 }
 
 /// Where `a` gives way to `b`, with the half width over which it does; `between`: the classes between them.
-fn edge(a: &Hill, between: &[Hill], b: &Hill, softness: f64) -> (f64, f64) {
-    let mut transitions = between.iter().filter(|hill| hill.is_transition);
+fn edge(
+    a: &WeightedGaussian,
+    between: &[WeightedGaussian],
+    b: &WeightedGaussian,
+    softness: f64,
+) -> (f64, f64) {
+    let mut transitions = between.iter().filter(|gaussian| gaussian.is_transition);
     if !a.is_transition
         && !b.is_transition
         && let Some(first) = transitions.next()
@@ -82,7 +88,7 @@ fn edge(a: &Hill, between: &[Hill], b: &Hill, softness: f64) -> (f64, f64) {
 
 /// Where the posteriors of `a` and `b` (`a.mean < b.mean`) are equal, if that is between the means; else the crossing
 /// that the segmentation gave, if that is; else half way.
-fn crossing(a: &Hill, b: &Hill) -> f64 {
+fn crossing(a: &WeightedGaussian, b: &WeightedGaussian) -> f64 {
     let between = |x: &f64| *x > a.mean && *x < b.mean;
     let given = match (a.upper, b.lower) {
         (Some(x), Some(y)) if x == y => Some(x),
@@ -93,8 +99,8 @@ fn crossing(a: &Hill, b: &Hill) -> f64 {
 
 /// Root between the means of `ln(n_a N(x; a)) = ln(n_b N(x; b))`: the difference falls from `a` to `b` strictly, so that
 /// bisection finds the one root, if the ends differ in sign.
-fn gaussian_crossing(a: &Hill, b: &Hill) -> Option<f64> {
-    let log = |h: &Hill, x: f64| (h.voxels / h.sd).ln() - 0.5 * ((x - h.mean) / h.sd).powi(2);
+fn gaussian_crossing(a: &WeightedGaussian, b: &WeightedGaussian) -> Option<f64> {
+    let log = |h: &WeightedGaussian, x: f64| (h.voxels / h.sd).ln() - 0.5 * ((x - h.mean) / h.sd).powi(2);
     let ahead = |x: f64| log(a, x) - log(b, x);
     let (mut lo, mut hi) = (a.mean, b.mean);
     if !(ahead(lo) > 0.0 && ahead(hi) < 0.0) {
@@ -111,22 +117,22 @@ fn gaussian_crossing(a: &Hill, b: &Hill) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn hill(mean: f64, sd: f64, voxels: f64) -> Hill {
-        Hill { mean, sd, voxels, lower: None, upper: None, is_transition: false }
+    fn gaussian(mean: f64, sd: f64, voxels: f64) -> WeightedGaussian {
+        WeightedGaussian { mean, sd, voxels, lower: None, upper: None, is_transition: false }
     }
 
     #[test]
     fn equal_gaussians_cross_half_way_and_the_larger_class_is_wider() {
-        assert!((crossing(&hill(10.0, 2.0, 5.0), &hill(20.0, 2.0, 5.0)) - 15.0).abs() < 1e-9);
+        assert!((crossing(&gaussian(10.0, 2.0, 5.0), &gaussian(20.0, 2.0, 5.0)) - 15.0).abs() < 1e-9);
         // ln(100) · σ² / Δ further towards the small class.
-        let at = crossing(&hill(10.0, 2.0, 500.0), &hill(20.0, 2.0, 5.0));
+        let at = crossing(&gaussian(10.0, 2.0, 500.0), &gaussian(20.0, 2.0, 5.0));
         assert!((at - (15.0 + 100.0_f64.ln() * 4.0 / 10.0)).abs() < 1e-9);
     }
 
     #[test]
     fn a_root_outside_the_means_falls_back_to_the_given_crossing() {
-        let mut a = hill(10.0, 4.0, 1e9);
-        let mut b = hill(12.0, 4.0, 1.0);
+        let mut a = gaussian(10.0, 4.0, 1e9);
+        let mut b = gaussian(12.0, 4.0, 1.0);
         assert_eq!(crossing(&a, &b), 11.0);
         (a.upper, b.lower) = (Some(11.5), Some(11.5));
         assert_eq!(crossing(&a, &b), 11.5);
@@ -134,7 +140,8 @@ mod tests {
 
     #[test]
     fn neighbouring_windows_share_the_edge_and_sum_to_one() {
-        let windows = windows(&[hill(0.0, 3.0, 10.0), hill(30.0, 5.0, 20.0), hill(80.0, 1.0, 5.0)], 1.0);
+        let windows =
+            windows(&[gaussian(0.0, 3.0, 10.0), gaussian(30.0, 5.0, 20.0), gaussian(80.0, 1.0, 5.0)], 1.0);
         for i in 0..=100 {
             let v = f64::from(i);
             let sum: f64 = windows.iter().map(|w| w.weight(v)).sum();
@@ -146,7 +153,8 @@ mod tests {
 
     #[test]
     fn classes_of_equal_mean_do_not_squeeze_each_other() {
-        let windows = windows(&[hill(0.0, 3.0, 10.0), hill(30.0, 3.0, 9.0), hill(30.0, 3.0, 1.0)], 1.0);
+        let windows =
+            windows(&[gaussian(0.0, 3.0, 10.0), gaussian(30.0, 3.0, 9.0), gaussian(30.0, 3.0, 1.0)], 1.0);
         assert_eq!(windows[1].weight(30.0), 1.0);
         assert_eq!(windows[2].weight(30.0), 1.0);
         assert_eq!(windows[2].weight(0.0), 0.0);
@@ -154,9 +162,9 @@ mod tests {
 
     #[test]
     fn an_edge_fades_over_the_whole_of_a_transition() {
-        let mut between = hill(50.0, 5.0, 10.0);
+        let mut between = gaussian(50.0, 5.0, 10.0);
         between.is_transition = true;
-        let found = windows(&[hill(0.0, 5.0, 10.0), between, hill(100.0, 5.0, 10.0)], 1.0);
+        let found = windows(&[gaussian(0.0, 5.0, 10.0), between, gaussian(100.0, 5.0, 10.0)], 1.0);
         assert_eq!(found[0].upper, Some((50.0, 25.0)));
         assert_eq!(found[0].upper, found[2].lower);
         assert_eq!(

@@ -8,18 +8,18 @@ use crate::reduced::{MISSING, Reduced};
 const SIDE: usize = 8;
 
 /// Bricks of 8³ voxels, each marked if it holds nothing to see.
-pub(crate) struct Empty {
+pub(crate) struct EmptyBricks {
     dims: [usize; 3],
     is_empty: Vec<bool>,
 }
 
-impl Empty {
-    /// - `seen_below`: how many of the bins of the value axis, before each, aren't clear in some row; one longer than there are bins.
+impl EmptyBricks {
+    /// - `visible_below`: how many of the bins of the value axis, before each, aren't clear in some row; one longer than there are bins.
     /// - `bin`: the bin of a level.
     /// - `is_matter`: whether a class, by its place in the order of means, counts as matter.
     pub(crate) fn new(
         reduced: &Reduced<'_>,
-        seen_below: &[usize],
+        visible_below: &[usize],
         bin: &(dyn Fn(u16) -> usize + Sync),
         is_matter: &[bool],
     ) -> Self {
@@ -27,14 +27,12 @@ impl Empty {
         let layers = parallel::map(dims[2], &|bz| {
             let mut ranges = vec![(MISSING, 0_u16); dims[0] * dims[1]];
             let mut matter = vec![false; dims[0] * dims[1]];
-            let mut ranks = vec![0; reduced.dims[0]];
             // A voxel more on every side: what lies between voxels of two bricks belongs to both.
             let z = bz * SIDE..((bz + 1) * SIDE + 1).min(reduced.dims[2]);
             for z in z.start.saturating_sub(1)..z.end {
                 for y in 0..reduced.dims[1] {
                     let row = reduced.row(y, z);
-                    reduced.ranks(y, z, &mut ranks);
-                    for (x, (&level, &rank)) in row.iter().zip(&ranks).enumerate() {
+                    for (x, (&level, &rank)) in row.iter().zip(reduced.ranks(y, z)).enumerate() {
                         if level == MISSING {
                             continue;
                         }
@@ -60,8 +58,9 @@ impl Empty {
                             (low, high, matter) = (low.min(l), high.max(h), matter || m);
                         }
                     }
-                    is_empty
-                        .push(!matter && (low > high || seen_below[bin(high) + 1] == seen_below[bin(low)]));
+                    is_empty.push(
+                        !matter && (low > high || visible_below[bin(high) + 1] == visible_below[bin(low)]),
+                    );
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! What of a class is joined to the outside.
 
-use crate::reduced::{MISSING, Reduced};
+use crate::reduced::{MISSING, Reduced, evenly};
 use crate::statistics::is_outermost;
 
 /// Most voxels along an axis that the outside is followed through.
@@ -8,10 +8,9 @@ const MOST_ALONG: usize = 128;
 
 /// Share of a class's voxels that are joined to the volume's outermost layer (across axes of more than two voxels) through faces of
 /// voxels of the class. Missing voxels belong
-/// to no class. Volumes of more than 128 voxels along an axis are followed on every second, or fewer, of them.
+/// to no class. Finer volumes are followed on 128 samples along an axis, evenly from the first layer to the last.
 pub(crate) fn joined_share(reduced: &Reduced<'_>, class: u16) -> f64 {
-    let step = reduced.dims.map(|n| n.div_ceil(MOST_ALONG));
-    let dims: [usize; 3] = std::array::from_fn(|a| reduced.dims[a].div_ceil(step[a]));
+    let dims = reduced.dims.map(|n| n.min(MOST_ALONG));
     let [nx, ny, nz] = dims;
     let index = |[x, y, z]: [usize; 3]| x + nx * (y + ny * z);
     let mut open = vec![false; nx * ny * nz];
@@ -20,7 +19,8 @@ pub(crate) fn joined_share(reduced: &Reduced<'_>, class: u16) -> f64 {
     for z in 0..nz {
         for y in 0..ny {
             for x in 0..nx {
-                let at = [x * step[0], y * step[1], z * step[2]];
+                let place = [x, y, z];
+                let at: [usize; 3] = std::array::from_fn(|a| evenly(place[a], dims[a], reduced.dims[a]));
                 let level = reduced.row(at[1], at[2])[at[0]];
                 if level == MISSING || reduced.rank(at) != class {
                     continue;
@@ -67,7 +67,7 @@ mod tests {
         let volume = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
         let labels = Labels::new(grid, ids.into(), vec![]).unwrap();
         let rank = (0..=u16::MAX).collect();
-        let reduced = Reduced::new(&volume, &labels, rank, [0.0, 1.0], &Exec::default()).unwrap();
+        let reduced = Reduced::new(&volume, &labels, rank, [0.0, 1.0], 9, &Exec::default()).unwrap();
         let all = 729.0 - 125.0 + 27.0;
         assert!((joined_share(&reduced, 0) - (all - 27.0) / all).abs() < 1e-12);
         assert_eq!(joined_share(&reduced, 1), 0.0);

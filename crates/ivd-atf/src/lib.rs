@@ -14,13 +14,15 @@
 //! rows are the same.
 //!
 //! - `statistics`: one pass over labels and values: count, mean, spread, border strength, contact with the volume's sides.
-//! - `reduced`, `structure`, `joined`: the volume in levels, on at most 256 voxels an axis; faces between classes, slopes, noise; what is
+//! - `range`: the values that the table is spread over.
+//! - `reduced`, `structure`, `joined`: the volume in levels, in at most 256 samples an axis; faces between classes, slopes, noise; what is
 //!   joined to the outside.
 //! - `roles`: background, materials, transitions.
 //! - `edges`, `mix`: posterior crossings, the soft windows between them, and what is seen at a value in a row.
-//! - `empty`, `rays`, `visibility`: what rays meet, and the opacities that follow.
+//! - `bins`, `empty`, `rays`, `visibility`: kinds of samples, what rays meet, and the opacities that follow.
 //! - `colour`: palettes, and how different colours look.
-//! - `build`: all of it together.
+//! - `table`, `build`: the table and its entries; all of it together.
+//! - `params`, `figures`, `stage`: what is asked, what is reported, and the stage that scenes and commands see.
 //!
 //! A volume of which only an isovalue is known gets its transfer function from [`from_isovalue`].
 //!
@@ -47,28 +49,33 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod bins;
 mod build;
 mod built;
 mod colour;
 mod edges;
 mod empty;
 mod error;
+mod figures;
 mod isovalue;
 mod joined;
 mod mix;
 mod params;
+mod range;
 mod rays;
 mod reduced;
 mod roles;
 mod stage;
 mod statistics;
 mod structure;
+mod table;
 mod visibility;
 
 pub use build::transfer;
 pub use built::Built;
 pub use colour::class_colour;
 pub use error::Error;
+pub use figures::{ClosePair, Figures, MaterialVisibility};
 pub use isovalue::from_isovalue;
-pub use params::{ClosePair, Figures, Inputs, MaterialVisibility, OpacityRule, Palette, Params, ValueScale};
+pub use params::{Inputs, OpacityRule, Palette, Params, ValueScale};
 pub use stage::STAGE;

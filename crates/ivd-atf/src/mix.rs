@@ -2,7 +2,7 @@
 
 use ivd_core::NO_DATA;
 
-use crate::edges::{Hill, Window, are_separate, windows};
+use crate::edges::{WeightedGaussian, Window, are_separate, windows};
 use crate::roles::{AIR, Role};
 use crate::statistics::ClassStatistics;
 
@@ -11,8 +11,8 @@ const AIR_FADES: f64 = 100.0;
 
 /// Which classes a value belongs to, and how much: one answer for each row of the table. Classes are numbered in the order of their means.
 ///
-/// In the row of a label the value decides as in all others, but for the classes that values can't tell from the label's own: of them it is
-/// its own alone. Where values tell all classes apart, all rows are the same.
+/// The row of a label shows what its values say, without the other classes that values can't tell from the label's own. Where values tell all
+/// classes apart, all rows are the same.
 pub(crate) struct Mix<'a> {
     pub(crate) classes: &'a [ClassStatistics],
     pub(crate) roles: &'a [Role],
@@ -23,23 +23,27 @@ pub(crate) struct Mix<'a> {
 }
 
 impl<'a> Mix<'a> {
-    /// `hills`: the classes as their edges see them; `clear_air`: whether Hounsfield values of air are clear.
+    /// `gaussians`: the classes as their edges see them; `clear_air`: whether Hounsfield values of air are clear, up to −900 wholly
+    /// and less and less up to −800.
     pub(crate) fn new(
         classes: &'a [ClassStatistics],
         roles: &'a [Role],
-        hills: &[Hill],
+        gaussians: &[WeightedGaussian],
         softness: f64,
         clear_air: bool,
     ) -> Self {
         let is_apart = |a: usize, b: usize| {
-            a == b || hills[a].is_transition || hills[b].is_transition || are_separate(&hills[a], &hills[b])
+            a == b
+                || gaussians[a].is_transition
+                || gaussians[b].is_transition
+                || are_separate(&gaussians[a], &gaussians[b])
         };
-        let n = hills.len();
+        let n = gaussians.len();
         let mut apart: Vec<bool> = (0..n * n).map(|i| is_apart(i / n, i % n)).collect();
         if apart.iter().all(|&is| is) {
             apart.clear();
         }
-        Self { classes, roles, windows: windows(hills, softness), apart, clear_air }
+        Self { classes, roles, windows: windows(gaussians, softness), apart, clear_air }
     }
 
     /// Number of different rows: the union's, and one for each class where they aren't all the same.

@@ -1,4 +1,5 @@
-use ivd_core::{Labels, Volume, slots};
+use ivd_core::op::check_fields;
+use ivd_core::{Labels, ParamError, Volume, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OpacityRule {
-    /// Every material is seen in proportion to what it would cover alone.
+    /// Every material's visibility is in proportion to what it would cover alone.
     #[default]
     Visibility,
     /// The strength of a class's border, and the inverse of its size.
@@ -35,7 +36,7 @@ pub enum ValueScale {
     /// Hounsfield units if they reach from at most -900 to at least 100, else plain.
     #[default]
     Auto,
-    /// Hounsfield units of computed tomography: classes of which more than half is gas are clear.
+    /// Hounsfield units of computed tomography: classes of which more than half is gas are clear, unless there is nothing else.
     Hounsfield,
     /// Of no known meaning: the border of the volume tells what is background.
     Plain,
@@ -45,7 +46,7 @@ pub enum ValueScale {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Params {
-    /// Samples of each row of the table, over the volume's range.
+    /// Samples of each row of the table, over the volume's range or, where a few voxels stretch that, over the bulk of the values.
     #[schemars(range(min = 2, max = 65536), extend("x-unit" = "samples", "x-knob" = "accuracy"))]
     pub resolution: usize,
     /// What opacities go by.
@@ -54,13 +55,14 @@ pub struct Params {
     pub palette: Palette,
     /// What values mean.
     pub values: ValueScale,
-    /// Directions that visibility is looked at from: the six sides of the grid, then its eight corners.
+    /// Directions that visibility is looked at from: along the grid's axes both ways, then along its eight diagonals.
     #[schemars(range(min = 1, max = 14), extend("x-unit" = "1"))]
     pub views: usize,
     /// Greatest opacity over the reference length; by border strength, that of the most prominent class.
     #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
     pub max_opacity: f64,
-    /// Opacity below which no material falls, at most `max_opacity`: a class that hardly stands out stays visible.
+    /// Opacity below which no material falls, at most `max_opacity`: a class that hardly stands out stays visible. A material that no ray meets
+    /// has `max_opacity`: it hides nothing.
     #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
     pub min_opacity: f64,
     /// With opacities by border strength, the power of "inverse size": a class of share `n` of the voxels is weighed by `n` to the minus this.
@@ -70,7 +72,8 @@ pub struct Params {
     /// Half width of an edge in standard deviations of the narrower class; 0 for hard edges.
     #[schemars(range(min = 0.0), extend("x-unit" = "1"))]
     pub softness: f64,
-    /// Isovalue that splits the volume, where it isn't coloured by its classes.
+    /// Isovalue that splits the volume, where it isn't coloured by its classes. What lies above is then the only material, and has the greatest
+    /// opacity by either rule; its colour is that of `palette` at this value.
     #[schemars(extend("x-unit" = "that of the values", "x-from" = "lattice.iso", "x-unless" = "boundary.class"))]
     pub iso: Option<f64>,
 }
@@ -92,71 +95,26 @@ impl Default for Params {
     }
 }
 
+impl Params {
+    /// Checks every field, and that the bounds of opacity are in order.
+    pub(crate) fn require_valid(&self) -> Result<(), ParamError> {
+        check_fields(self)?;
+        self.require_bounds_in_order()
+    }
+
+    pub(crate) fn require_bounds_in_order(&self) -> Result<(), ParamError> {
+        if self.min_opacity <= self.max_opacity {
+            return Ok(());
+        }
+        Err(ParamError::new(
+            "min_opacity",
+            format!("{}", self.min_opacity),
+            format!("give 0 … {}, which is max_opacity", self.max_opacity),
+        ))
+    }
+}
+
 slots! {
     /// What is coloured, and by which classes.
     pub struct Inputs<'a> { volume: &'a Volume, labels: Option<&'a Labels> }
-}
-
-/// How a material is seen.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct MaterialVisibility {
-    /// The class.
-    pub class: u16,
-    /// Its share of all that is seen, over all views.
-    pub visibility: f64,
-    /// The share that was aimed at.
-    pub target: f64,
-    /// Mean opacity that it would have alone at the greatest opacity, on rays that meet matter.
-    pub alone: f64,
-}
-
-/// Two materials that touch and whose colours look alike to somebody.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct ClosePair {
-    /// The classes.
-    pub classes: [u16; 2],
-    /// Least ΔE₀₀ over normal vision, protanopia, deuteranopia and tritanopia.
-    pub difference: f64,
-}
-
-/// What a transfer function comes to.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Figures {
-    /// Classes that have an entry: those that occur.
-    #[schemars(extend("x-unit" = "1", "x-headline" = 1))]
-    pub entries: usize,
-    /// Least and greatest opacity of the entries over the reference length; zeros without entries.
-    #[schemars(extend("x-unit" = "1"))]
-    pub opacity_range: [f32; 2],
-    /// Whether values were taken as Hounsfield units.
-    pub hounsfield: bool,
-    /// The palette that served.
-    pub palette: Palette,
-    /// Classes that are clear: what lies round the matter, or gas.
-    #[schemars(extend("x-unit" = "1"))]
-    pub background: Vec<u16>,
-    /// Classes that are only the way from one class to another: they have no opacity and colour of their own.
-    #[schemars(extend("x-unit" = "1"))]
-    pub transitions: Vec<u16>,
-    /// How each material is seen; empty where opacities don't go by visibility.
-    #[schemars(extend("x-unit" = "1"))]
-    pub visibility: Vec<MaterialVisibility>,
-    /// Kullback–Leibler divergence of what is seen from what was aimed at.
-    #[schemars(extend("x-unit" = "1"))]
-    pub divergence: f64,
-    /// Rounds in which opacities were changed.
-    #[schemars(extend("x-unit" = "1"))]
-    pub rounds: u32,
-    /// Directions that were looked from.
-    #[schemars(extend("x-unit" = "1"))]
-    pub views: u32,
-    /// Mean opacity of rays that meet background only.
-    #[schemars(extend("x-unit" = "1"))]
-    pub background_opacity: f64,
-    /// Rays that meet matter and are less than half opaque, or the reverse, per ray that meets matter.
-    #[schemars(extend("x-unit" = "1"))]
-    pub silhouette_difference: f64,
-    /// Materials that touch and whose colours differ by a ΔE₀₀ of less than 20 to somebody, nearest first; at most 64.
-    #[schemars(extend("x-unit" = "1"))]
-    pub close_pairs: Vec<ClosePair>,
 }

@@ -1,19 +1,19 @@
 //! What rays through a volume meet: gathered once, looked at again for every choice of opacities.
 
-use ivd_core::{Exec, Grid, parallel};
+use ivd_core::{Exec, parallel};
 use nalgebra::Vector3;
 
 use crate::Error;
-use crate::built::reference_mm;
-use crate::empty::Empty;
+use crate::bins::SampleBins;
+use crate::empty::EmptyBricks;
 use crate::mix::Mix;
-use crate::reduced::{MISSING, Reduced, TOP};
+use crate::reduced::{MISSING, Reduced};
 use crate::roles::Role;
 
 /// Most rays along a side of a view.
 const MOST_ACROSS: usize = 128;
-/// Directions of views along the grid: its six sides, then its eight corners.
-const DIRECTIONS: [[f32; 3]; 14] = [
+/// Directions of views along the grid: along its axes both ways, then along its diagonals.
+const DIRECTIONS: [[f64; 3]; 14] = [
     [1.0, 0.0, 0.0],
     [-1.0, 0.0, 0.0],
     [0.0, 1.0, 0.0],
@@ -29,162 +29,128 @@ const DIRECTIONS: [[f32; 3]; 14] = [
     [1.0, -1.0, -1.0],
     [-1.0, 1.0, 1.0],
 ];
-/// Distance of samples, in reference lengths at least.
-const STEP: f64 = 0.75;
-/// Most values that are told apart, in all rows together.
-const MOST_SYMBOLS: usize = 1 << 16;
-/// Most values that are told apart in a row.
-const MOST_IN_ROW: usize = 2048;
+/// Steps are a 171st of the samples' mean number along an axis, but no shorter than one distance of samples and no longer than this.
+const LONGEST_STEP: f64 = 1.5;
+/// Mean number of samples along an axis at which a step is one distance of samples.
+const ALONG: f64 = 512.0 / 3.0;
 
-/// What a sample may be: a value of one of a number of bins, in a row.
-pub(crate) struct Symbols {
-    /// Materials of every symbol with their shares, one after the other.
-    parts: Vec<(u16, f32)>,
-    /// Where the parts of each symbol begin, and the end.
-    starts: Vec<u32>,
-    in_row: usize,
-    /// Bins a level.
-    per_level: f32,
-}
-
-impl Symbols {
-    pub(crate) fn new(mix: &Mix<'_>, reduced: &Reduced<'_>) -> Self {
-        let rows = mix.rows();
-        let in_row = (MOST_SYMBOLS / rows.next_power_of_two()).clamp(16, MOST_IN_ROW);
-        let value = |bin: usize| reduced.real((bin as f64 + 0.5) * f64::from(TOP) / in_row as f64);
-        let at: Vec<Vec<(usize, f64)>> = (0..in_row).map(|bin| mix.at(value(bin))).collect();
-        let (mut parts, mut starts, mut shares) = (Vec::new(), vec![0], Vec::new());
-        for row in 0..rows {
-            for (bin, at) in at.iter().enumerate() {
-                mix.shares(row, value(bin), at, &mut shares);
-                parts.extend(shares.iter().map(|&(class, share)| (class as u16, share as f32)));
-                starts.push(parts.len() as u32);
-            }
-        }
-        Self { parts, starts, in_row, per_level: in_row as f32 / f32::from(TOP) }
-    }
-
-    /// Number of symbols.
-    pub(crate) fn len(&self) -> usize {
-        self.starts.len() - 1
-    }
-
-    /// How many bins before each hold something to see in some row.
-    fn seen_below(&self) -> Vec<usize> {
-        let is_seen = |bin: usize| (bin..self.len()).step_by(self.in_row).any(|s| !self.parts(s).is_empty());
-        let mut below = vec![0];
-        (0..self.in_row).for_each(|bin| below.push(below[bin] + usize::from(is_seen(bin))));
-        below
-    }
-
-    /// The bin of a level, which may lie between two.
-    #[inline]
-    fn bin(&self, level: f32) -> usize {
-        ((level * self.per_level) as usize).min(self.in_row - 1)
-    }
-
-    /// Whether at least half of what is at a level, by its value alone, is material.
-    fn is_matter(&self) -> Vec<bool> {
-        (0..self.in_row)
-            .map(|bin| self.parts(bin).iter().map(|(_, share)| share).sum::<f32>() >= 0.5)
-            .collect()
-    }
-
-    /// Materials of a symbol with their shares.
-    pub(crate) fn parts(&self, symbol: usize) -> &[(u16, f32)] {
-        &self.parts[self.starts[symbol] as usize..self.starts[symbol + 1] as usize]
-    }
+/// A ray, by where what it meets ends.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ray {
+    /// End of its samples among those of its row of rays.
+    pub(crate) end: u32,
+    /// Whether it meets matter: a voxel of a material, or one of a transition whose value lies on the materials' side.
+    pub(crate) meets_matter: bool,
+    /// Whether it meets any voxel with data.
+    pub(crate) meets_data: bool,
 }
 
 /// Samples of a row of rays.
 #[derive(Default)]
-pub(crate) struct Rays {
-    /// What isn't clear whatever the opacities, ray after ray, front to back.
-    pub(crate) symbols: Vec<u32>,
-    /// Of each ray: the end of its symbols, and whether it meets matter: a voxel of a material, or one of a transition whose value lies on the
-    /// materials' side.
-    pub(crate) ends: Vec<(u32, bool)>,
+pub(crate) struct RayRow {
+    /// Kinds of the samples that aren't clear whatever the opacities, ray after ray, front to back.
+    pub(crate) kinds: Vec<u32>,
+    pub(crate) rays: Vec<Ray>,
+    /// Which of [`Bundle::step_mm`] is the distance of the samples.
+    pub(crate) step: usize,
 }
 
-/// All rays, and the length of a step [mm].
+impl RayRow {
+    /// The rays with the kinds of their samples.
+    pub(crate) fn each(&self) -> impl Iterator<Item = (Ray, &[u32])> {
+        let starts = std::iter::once(0).chain(self.rays.iter().map(|ray| ray.end as usize));
+        starts.zip(&self.rays).map(|(start, &ray)| (ray, &self.kinds[start..ray.end as usize]))
+    }
+}
+
+/// All rays, and the different distances of their samples [mm].
 pub(crate) struct Bundle {
-    pub(crate) rows: Vec<Rays>,
-    pub(crate) step_mm: f64,
+    pub(crate) rows: Vec<RayRow>,
+    pub(crate) step_mm: Vec<f64>,
 }
 
 /// Casts rays along the first `views` directions, a sample every voxel or so, values interpolated between voxels and labels those of the nearest.
 pub(crate) fn cast(
     reduced: &Reduced<'_>,
     mix: &Mix<'_>,
-    symbols: &Symbols,
-    grid: &Grid,
+    bins: &SampleBins,
     views: usize,
     exec: &Exec,
 ) -> Result<Bundle, Error> {
-    let spacing: [f64; 3] = std::array::from_fn(|a| grid.spacing()[a] * reduced.stride[a] as f64);
-    let step_mm = spacing.iter().product::<f64>().cbrt().max(STEP * reference_mm(grid));
     let across = reduced.dims.into_iter().max().unwrap_or(1).clamp(8, MOST_ACROSS);
+    let views: Vec<View> = DIRECTIONS[..views].iter().map(|d| View::new(*d, reduced)).collect();
+    let samples: usize = views.iter().map(|view| view.samples * across * across).sum();
+    exec.check_memory("samples on rays", 4 * samples as u64)?;
+    let mut step_mm: Vec<f64> = views.iter().map(|view| view.step_mm).collect();
+    step_mm.sort_by(f64::total_cmp);
+    step_mm.dedup();
     let is_matter: Vec<bool> = mix.roles.iter().map(|role| *role != Role::Background).collect();
-    let bin = |level: u16| symbols.bin(f32::from(level));
     let caster = Caster {
         reduced,
-        symbols,
-        empty: Empty::new(reduced, &symbols.seen_below(), &bin, &is_matter),
+        bins,
+        empty: EmptyBricks::new(reduced, &bins.visible_below(), &|level| bins.bin(level), &is_matter),
         roles: mix.roles,
-        row_of: (0..mix.classes.len()).map(|class| mix.row(class) * symbols.in_row).collect(),
+        row_of: (0..mix.classes.len()).map(|class| mix.row(class)).collect(),
         rows_differ: mix.rows() > 1,
-        is_matter: symbols.is_matter(),
-        is_seen: (0..symbols.len()).map(|symbol| !symbols.parts(symbol).is_empty()).collect(),
+        is_matter: bins.is_matter(),
+        is_visible: (0..bins.len()).map(|kind| !bins.parts(kind).is_empty()).collect(),
     };
-    let planes: Vec<Plane> =
-        DIRECTIONS[..views].iter().map(|d| Plane::new(*d, reduced, spacing, step_mm)).collect();
-    let rows = parallel::try_map(views * across, &|i| {
+    let rows = parallel::try_map(views.len() * across, &|i| {
         exec.check_cancelled()?;
-        let (plane, v) = (&planes[i / across], i % across);
-        let mut rays = Rays::default();
+        let (view, v) = (&views[i / across], i % across);
+        let step = step_mm.iter().position(|&mm| mm == view.step_mm).expect("each view's step is listed");
+        let mut row = RayRow { step, ..RayRow::default() };
         for u in 0..across {
             let place = |i: usize| (i as f32 + 0.5) / across as f32;
-            caster.ray(plane.start(place(u), place(v)), plane.step, &mut rays);
+            caster.ray(view, view.start(place(u), place(v)), &mut row);
         }
-        Ok::<_, Error>(rays)
+        Ok::<_, Error>(row)
     })?;
     Ok(Bundle { rows, step_mm })
 }
 
-/// Where the rays of a view start, in voxels.
-struct Plane {
+/// Where the rays of a view start, and the way between their samples, in samples of the volume.
+struct View {
     corner: Vector3<f32>,
     along: [Vector3<f32>; 2],
     step: Vector3<f32>,
+    step_mm: f64,
+    /// Samples of its longest ray.
+    samples: usize,
 }
 
-impl Plane {
-    fn new(direction: [f32; 3], reduced: &Reduced<'_>, spacing: [f64; 3], step_mm: f64) -> Self {
-        let spacing = Vector3::from(spacing.map(|s| s as f32));
+impl View {
+    /// The longest way through the volume is a whole number of steps, so that a thin one is looked through at its own thickness. In no
+    /// direction is a step much longer than the distance of samples there, nor much shorter, whatever their spacing.
+    fn new(direction: [f64; 3], reduced: &Reduced<'_>) -> Self {
+        let spacing = Vector3::from(reduced.spacing);
+        let dims = Vector3::from(reduced.dims.map(|n| n as f64));
         let forward = Vector3::from(direction).normalize();
         let first = if forward.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() };
         let right = forward.cross(&first).normalize();
         let basis = [right, right.cross(&forward), forward];
         // Corners of the volume [mm] from the first voxel's centre.
         let corners = (0..8).map(|i| {
-            Vector3::from_fn(|a, _| {
-                let voxels = if i >> a & 1 == 1 { reduced.dims[a] as f32 } else { 0.0 };
-                (voxels - 0.5) * spacing[a]
-            })
+            Vector3::from_fn(|a, _| (if i >> a & 1 == 1 { dims[a] - 0.5 } else { -0.5 }) * spacing[a])
         });
-        let reach: Vec<[f32; 2]> = basis
-            .iter()
-            .map(|axis| {
-                let along = corners.clone().map(|corner| corner.dot(axis));
-                along.fold([f32::MAX, f32::MIN], |[low, high], at| [low.min(at), high.max(at)])
-            })
-            .collect();
-        let in_voxels = |mm: Vector3<f32>| mm.component_div(&spacing);
-        let corner: Vector3<f32> = basis.iter().zip(&reach).map(|(axis, [low, _])| axis * *low).sum();
+        let reach = basis.map(|axis| {
+            let along = corners.clone().map(|corner| corner.dot(&axis));
+            along.fold([f64::MAX, f64::MIN], |[low, high], at| [low.min(at), high.max(at)])
+        });
+        let mean = dims.iter().product::<f64>().cbrt();
+        let wanted = (mean / ALONG).clamp(1.0, LONGEST_STEP) / forward.component_div(&spacing).norm();
+        let across = (0..3).filter(|&a| forward[a].abs() > 1e-9);
+        let longest = across.map(|a| dims[a] * spacing[a] / forward[a].abs()).fold(f64::INFINITY, f64::min);
+        let samples = (longest / wanted).ceil().max(1.0);
+        let step_mm = longest / samples;
+        let in_voxels = |mm: Vector3<f64>| mm.component_div(&spacing).map(|c| c as f32);
+        let corner: Vector3<f64> = basis.iter().zip(&reach).map(|(axis, [low, _])| axis * *low).sum();
         Self {
             corner: in_voxels(corner),
             along: [0, 1].map(|i| in_voxels(basis[i] * (reach[i][1] - reach[i][0]))),
-            step: in_voxels(forward * step_mm as f32),
+            step: in_voxels(forward * step_mm),
+            step_mm,
+            samples: samples as usize,
         }
     }
 
@@ -196,26 +162,20 @@ impl Plane {
 struct Caster<'a> {
     reduced: &'a Reduced<'a>,
     roles: &'a [Role],
-    /// First symbol of each class's row.
+    /// Each class's row.
     row_of: Vec<usize>,
     rows_differ: bool,
-    symbols: &'a Symbols,
-    empty: Empty,
+    bins: &'a SampleBins,
+    empty: EmptyBricks,
+    /// Of each bin.
     is_matter: Vec<bool>,
-    is_seen: Vec<bool>,
-}
-
-/// What there was at a place.
-enum Sampled {
-    /// Nothing in all of its brick.
-    Empty,
-    /// Something, or at least a look at it.
-    Met,
+    /// Of each kind.
+    is_visible: Vec<bool>,
 }
 
 impl Caster<'_> {
-    fn ray(&self, start: Vector3<f32>, step: Vector3<f32>, rays: &mut Rays) {
-        let dims = self.reduced.dims.map(|n| n as f32);
+    fn ray(&self, view: &View, start: Vector3<f32>, rays: &mut RayRow) {
+        let (dims, step) = (self.reduced.dims.map(|n| n as f32), view.step);
         // Steps at which the ray enters and leaves the volume.
         let [mut enter, mut leave] = [0.0_f32, f32::MAX];
         for a in 0..3 {
@@ -227,23 +187,25 @@ impl Caster<'_> {
                 leave = -1.0;
             }
         }
-        let mut meets_matter = false;
-        if leave > enter {
-            let samples = (leave - enter).round().max(1.0);
-            let length = (leave - enter) / samples;
-            let first = start + step * (enter + 0.5 * length);
-            let step = step * length;
-            let mut i = 0;
-            while i < samples as usize {
-                // In the middle of each step, so that no sample lies on a side of the volume.
-                let at = first + step * i as f32;
-                i += 1 + match self.sample(at, &mut meets_matter, &mut rays.symbols) {
-                    Sampled::Empty => Empty::steps_inside(self.inside(at), at.into(), step.into()),
-                    Sampled::Met => 0,
-                };
+        let mut ray = Ray { end: 0, meets_matter: false, meets_data: false };
+        // A ray that cuts off less than half a step of a corner has no sample.
+        let samples = ((leave - enter).max(0.0).round() as usize).min(view.samples);
+        // In the middle of each step, so that no sample lies on a side of the volume.
+        let first = start + step * (enter + 0.5 * (leave - enter - samples as f32) + 0.5);
+        let mut i = 0;
+        while i < samples {
+            let at = first + step * i as f32;
+            let p = self.inside(at);
+            if self.empty.at(p) {
+                ray.meets_data = ray.meets_data || self.level(p).is_some();
+                i += EmptyBricks::steps_inside(p, at.into(), step.into());
+            } else {
+                self.sample(p, &mut ray, &mut rays.kinds);
             }
+            i += 1;
         }
-        rays.ends.push((rays.symbols.len() as u32, meets_matter));
+        ray.end = rays.kinds.len() as u32;
+        rays.rays.push(ray);
     }
 
     /// A place within half a voxel of the outermost voxels, moved to between voxels.
@@ -253,31 +215,27 @@ impl Caster<'_> {
     }
 
     #[inline]
-    fn sample(&self, at: Vector3<f32>, meets_matter: &mut bool, symbols: &mut Vec<u32>) -> Sampled {
-        let p = self.inside(at);
-        if self.empty.at(p) {
-            return Sampled::Empty;
-        }
-        let Some(level) = self.level(p) else { return Sampled::Met };
+    fn sample(&self, p: [f32; 3], ray: &mut Ray, kinds: &mut Vec<u32>) {
+        let Some(level) = self.level(p) else { return };
+        ray.meets_data = true;
         let mut row = 0;
-        if self.rows_differ || !*meets_matter {
+        if self.rows_differ || !ray.meets_matter {
             let nearest = p.map(|c| (c + 0.5) as usize);
             let class = usize::from(self.reduced.rank(nearest));
             row = self.row_of[class];
-            *meets_matter |= match self.roles[class] {
+            ray.meets_matter |= match self.roles[class] {
                 Role::Background => false,
                 Role::Material => true,
                 Role::Transition => {
                     let [x, y, z] = nearest;
-                    self.is_matter[self.symbols.bin(f32::from(self.reduced.row(y, z)[x]))]
+                    self.is_matter[self.bins.bin(self.reduced.row(y, z)[x])]
                 }
             };
         }
-        let symbol = row + self.symbols.bin(level);
-        if self.is_seen[symbol] {
-            symbols.push(symbol as u32);
+        let kind = self.bins.kind(row, (level + 0.5) as u16);
+        if self.is_visible[kind as usize] {
+            kinds.push(kind);
         }
-        Sampled::Met
     }
 
     /// Level between voxels; `None` beside missing data.

@@ -2,60 +2,119 @@ use ivd_core::{Exec, Labels, Scalar, Volume, parallel, with_voxels};
 
 use crate::Error;
 
-/// Most voxels along an axis that are looked at: finer volumes are looked at by every second voxel, every third, and so on.
-const MOST_ALONG: usize = 256;
-/// Level of the greatest value.
-pub(crate) const TOP: u16 = 65_534;
+/// Level of the greatest value of the table's range.
+pub(crate) const MAX_LEVEL: u16 = 65_534;
 /// Level of a voxel without data.
 pub(crate) const MISSING: u16 = u16::MAX;
 
-/// A volume's values in 65,535 levels of its range, on every `stride`-th voxel: what is asked of a scan's structure doesn't hang on the
-/// type of its voxels, and takes no longer on finer ones.
+/// The index that stands for sample `i` of `samples` along an axis of `n` indices: the first for the first, the last for the last, evenly
+/// between. As many samples as indices give each its own.
+#[inline]
+pub(crate) fn evenly(i: usize, samples: usize, n: usize) -> usize {
+    if samples < 2 { 0 } else { (2 * i * (n - 1) + samples - 1) / (2 * (samples - 1)) }
+}
+
+/// A volume's values in 65,535 levels of the table's range, and its classes: at every voxel, and held in memory for an even choice of at most
+/// so many along each axis. What is asked of a scan's structure doesn't depend on the type of its voxels.
 pub(crate) struct Reduced<'a> {
+    /// Samples along each axis.
     pub(crate) dims: [usize; 3],
-    pub(crate) stride: [usize; 3],
-    /// Level of every voxel that is looked at, x fastest.
+    /// Voxels along each axis of the volume.
+    pub(crate) full: [usize; 3],
+    /// Distance of samples [mm].
+    pub(crate) spacing: [f64; 3],
+    /// Distance of voxels [mm].
+    pub(crate) voxel_spacing: [f64; 3],
+    /// Level of every sample, x fastest.
     pub(crate) levels: Vec<u16>,
-    /// Range of the real values: level 0 and [`TOP`].
+    /// Place of each sample's class in the order of means.
+    ranks: Vec<u16>,
+    /// Range of the real values: level 0 and [`MAX_LEVEL`].
     pub(crate) range: [f64; 2],
+    volume: &'a Volume,
     ids: &'a [u16],
-    full: [usize; 3],
-    /// Place of each label in the order of means.
-    rank: Vec<u16>,
+    rank_of_label: Vec<u16>,
 }
 
 impl<'a> Reduced<'a> {
-    /// `rank`: place of each label in the order of means, 65,536 of them.
+    /// - `rank_of_label`: place of each label in the order of means, 65,536 of them.
+    /// - `most`: samples along an axis at most.
     pub(crate) fn new(
-        volume: &Volume,
+        volume: &'a Volume,
         labels: &'a Labels,
-        rank: Vec<u16>,
+        rank_of_label: Vec<u16>,
         range: [f64; 2],
+        most: usize,
         exec: &Exec,
     ) -> Result<Self, Error> {
         let full = volume.grid().dims();
-        let stride = full.map(|n| n.div_ceil(MOST_ALONG));
-        let dims: [usize; 3] = std::array::from_fn(|a| full[a].div_ceil(stride[a]));
-        exec.check_memory("levels of the values", 2 * dims.iter().product::<usize>() as u64)?;
-        let mut levels = vec![MISSING; dims.iter().product()];
-        let scale = if range[1] > range[0] { f64::from(TOP) / (range[1] - range[0]) } else { 0.0 };
-        let (slope, shift) = (volume.slope() * scale, (volume.intercept() - range[0]) * scale);
-        with_voxels!(volume.voxels(), stored => {
-            parallel::try_for_each_piece_mut(&mut levels, dims[0] * dims[1], &|z, layer: &mut [u16]| {
-                exec.check_cancelled()?;
-                for (y, row) in layer.chunks_exact_mut(dims[0]).enumerate() {
-                    let start = full[0] * (y * stride[1] + full[1] * z * stride[2]);
-                    for (x, level) in row.iter_mut().enumerate() {
-                        let value = stored[start + x * stride[0]];
-                        if value.is_data() {
-                            *level = (value.to_f64() * slope + shift + 0.5).clamp(0.0, f64::from(TOP)) as u16;
-                        }
-                    }
+        let dims = full.map(|n| n.min(most));
+        let voxel_spacing = volume.grid().spacing();
+        let spacing = std::array::from_fn(|a| voxel_spacing[a] * full[a] as f64 / dims[a] as f64);
+        let samples = dims.iter().product::<usize>();
+        exec.check_memory("levels and classes of the voxels", 4 * samples as u64)?;
+        let ids = labels.ids();
+        let mut reduced = Self {
+            dims,
+            full,
+            spacing,
+            voxel_spacing,
+            levels: Vec::new(),
+            ranks: Vec::new(),
+            range,
+            volume,
+            ids,
+            rank_of_label,
+        };
+        let (mut levels, mut ranks) = (vec![MISSING; samples], vec![0; samples]);
+        let layer = dims[0] * dims[1];
+        parallel::try_for_each_piece_mut(&mut levels, layer, &|z, layer: &mut [u16]| {
+            exec.check_cancelled()?;
+            for (y, row) in layer.chunks_exact_mut(dims[0]).enumerate() {
+                reduced.read_levels([y, z], row);
+            }
+            Ok::<_, Error>(())
+        })?;
+        parallel::try_for_each_piece_mut(&mut ranks, layer, &|z, layer: &mut [u16]| {
+            exec.check_cancelled()?;
+            for (y, row) in layer.chunks_exact_mut(dims[0]).enumerate() {
+                let start = reduced.row_start([y, z]);
+                for (x, rank) in row.iter_mut().enumerate() {
+                    *rank = reduced.rank_at(start + evenly(x, dims[0], full[0]));
                 }
-                Ok::<_, Error>(())
-            })?;
+            }
+            Ok::<_, Error>(())
+        })?;
+        (reduced.levels, reduced.ranks) = (levels, ranks);
+        Ok(reduced)
+    }
+
+    /// First voxel of the volume's row that a row of samples lies in.
+    fn row_start(&self, [y, z]: [usize; 2]) -> usize {
+        let [y, z] = [(y, 1), (z, 2)].map(|(i, a)| evenly(i, self.dims[a], self.full[a]));
+        self.full[0] * (y + self.full[1] * z)
+    }
+
+    fn read_levels(&self, at: [usize; 2], out: &mut [u16]) {
+        let start = self.row_start(at);
+        self.fill(out, |x| start + evenly(x, self.dims[0], self.full[0]));
+    }
+
+    /// Levels of the voxels that `voxel` names.
+    fn fill(&self, out: &mut [u16], voxel: impl Fn(usize) -> usize) {
+        let step = self.step();
+        let scale = if step > 0.0 { 1.0 / step } else { 0.0 };
+        let (slope, shift) = (self.volume.slope() * scale, (self.volume.intercept() - self.range[0]) * scale);
+        with_voxels!(self.volume.voxels(), stored => {
+            for (x, level) in out.iter_mut().enumerate() {
+                let value = stored[voxel(x)];
+                *level = if value.is_data() {
+                    (value.to_f64() * slope + shift + 0.5).clamp(0.0, f64::from(MAX_LEVEL)) as u16
+                } else {
+                    MISSING
+                };
+            }
         });
-        Ok(Self { dims, stride, levels, range, ids: labels.ids(), full, rank })
     }
 
     /// Real value of a level.
@@ -65,26 +124,64 @@ impl<'a> Reduced<'a> {
 
     /// Real values between two levels.
     pub(crate) fn step(&self) -> f64 {
-        (self.range[1] - self.range[0]) / f64::from(TOP)
+        (self.range[1] - self.range[0]) / f64::from(MAX_LEVEL)
     }
 
-    /// Place of the class of a voxel in the order of means.
+    /// Place of the class of a sample in the order of means.
     #[inline]
     pub(crate) fn rank(&self, [x, y, z]: [usize; 3]) -> u16 {
-        let [sx, sy, sz] = self.stride;
-        let i = x * sx + self.full[0] * (y * sy + self.full[1] * z * sz);
-        self.rank[usize::from(self.ids[i])]
+        self.ranks[x + self.dims[0] * (y + self.dims[1] * z)]
     }
 
-    /// The same of a row along x.
-    pub(crate) fn ranks(&self, y: usize, z: usize, out: &mut [u16]) {
-        for (x, rank) in out.iter_mut().enumerate() {
-            *rank = self.rank([x, y, z]);
-        }
+    /// The same of a row of samples along x.
+    pub(crate) fn ranks(&self, y: usize, z: usize) -> &[u16] {
+        &self.ranks[self.dims[0] * (y + self.dims[1] * z)..][..self.dims[0]]
     }
 
-    /// Levels of a row along x.
+    /// Levels of a row of samples along x.
     pub(crate) fn row(&self, y: usize, z: usize) -> &[u16] {
         &self.levels[self.dims[0] * (y + self.dims[1] * z)..][..self.dims[0]]
+    }
+
+    fn rank_at(&self, voxel: usize) -> u16 {
+        self.rank_of_label[usize::from(self.ids[voxel])]
+    }
+
+    /// Levels of a row of voxels along x, whether they are held or not; `space` is where they are put if not.
+    pub(crate) fn voxel_levels<'b>(&'b self, y: usize, z: usize, space: &'b mut Vec<u16>) -> &'b [u16] {
+        if self.dims == self.full {
+            return self.row(y, z);
+        }
+        let start = self.full[0] * (y + self.full[1] * z);
+        space.resize(self.full[0], MISSING);
+        self.fill(space, |x| start + x);
+        space
+    }
+
+    /// Places of the classes of a row of voxels along x, likewise.
+    pub(crate) fn voxel_ranks<'b>(&'b self, y: usize, z: usize, space: &'b mut Vec<u16>) -> &'b [u16] {
+        if self.dims == self.full {
+            return self.ranks(y, z);
+        }
+        let start = self.full[0] * (y + self.full[1] * z);
+        space.clear();
+        space.extend((start..start + self.full[0]).map(|voxel| self.rank_at(voxel)));
+        space
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_even_and_reach_from_the_first_to_the_last() {
+        let along = |samples, n| (0..samples).map(|i| evenly(i, samples, n)).collect::<Vec<_>>();
+        assert_eq!(along(5, 5), [0, 1, 2, 3, 4]);
+        assert_eq!(along(4, 5), [0, 1, 3, 4]);
+        assert_eq!(along(3, 9), [0, 4, 8]);
+        assert_eq!(along(1, 7), [0]);
+        let one_more = along(256, 257);
+        assert!(one_more.windows(2).all(|w| w[1] - w[0] == 1 || w[1] - w[0] == 2) && one_more[255] == 256);
     }
 }

@@ -1,6 +1,7 @@
 //! Which classes are background, which are materials, and which are only the transition between two materials.
 
 use crate::joined::joined_share;
+use crate::params::ValueScale;
 use crate::reduced::Reduced;
 use crate::statistics::ClassStatistics;
 use crate::structure::Structure;
@@ -20,6 +21,9 @@ pub(crate) enum Role {
 /// Share of the background's voxels, at least, that are joined to the volume's outermost layer.
 const JOINED: f64 = 0.9;
 
+/// Share of the voxels with data, at least, that have label 0 where somebody chose the parts. Fewer are strays of a segmentation.
+const CHOSEN: f64 = 0.01;
+
 /// Hounsfield value at which half of a voxel is gas: the scale is linear in density, with air at −1000 and water at 0.
 pub(crate) const HALF_GAS: f64 = -500.0;
 /// Hounsfield value up to which there is air alone, whatever a class says.
@@ -28,15 +32,15 @@ pub(crate) const AIR: f64 = -900.0;
 /// A class whose mean step to the background is at most so many deviations of the noise may be a split of the background …
 const NOISE_STEP: f64 = 3.0;
 /// … if at least this share of its faces lies on the background. Measured: a split of a tooth's air 0.52 at 2.1 deviations; what must not
-/// merge: haze round a tree 0.28 at 3.3, liquor of a brain 0.10 at 2.4.
+/// merge: haze round a tree 0.28 at 3.3, cerebrospinal fluid 0.10 at 2.4.
 const NOISE_FACES: f64 = 0.4;
-/// … and at most this share on anything but itself and the background. That split: 0.06; liquor and bone of the noisy head phantom, which are
+/// … and at most this share on anything but itself and the background. That split: 0.06; cerebrospinal fluid and bone of the noisy head phantom, which are
 /// one class at K = 4, lie on brain and skin too.
 const MATTER_FACES: f64 = 0.1;
 
 /// A transition has fewer than this share of its faces on itself, …
 const OWN_FACES: f64 = 0.5;
-/// … a median slope [deviations of the noise a voxel] of at least this, …
+/// … a median slope [deviations of the noise over a voxel's length] of at least this, …
 const STEEP: f64 = 8.0;
 /// … and at least this share of its faces on lower and on higher classes each. A face between two voxels of a class counts once. The last leaves thin classes at an end of the value axis,
 /// such as bone in a coarse scan.
@@ -44,34 +48,47 @@ const EACH_SIDE: f64 = 0.15;
 
 /// Whether values look like Hounsfield units: they reach from air, at most −900, to beyond water, at least 100, and lie within what
 /// scanners write. Magnetic resonance has no negative values.
-pub(crate) fn looks_like_hounsfield([low, high]: [f64; 2]) -> bool {
+fn looks_like_hounsfield([low, high]: [f64; 2]) -> bool {
     (-5000.0..=AIR).contains(&low) && (100.0..=70_000.0).contains(&high)
+}
+
+/// Whether values are taken as Hounsfield units.
+pub(crate) fn are_hounsfield(values: ValueScale, range: [f64; 2]) -> bool {
+    match values {
+        ValueScale::Auto => looks_like_hounsfield(range),
+        ValueScale::Hounsfield => true,
+        ValueScale::Plain => false,
+    }
 }
 
 /// The roles of `classes`, which are in the order of their means.
 ///
-/// Where label 0 lies on voxels with data, the labels are somebody's choice of parts: label 0 is the background and each of the others a
-/// material.
+/// Label 0 on voxels with data is background. Where it has at least [`CHOSEN`] of the voxels, the labels are somebody's choice of parts: each of
+/// the others is a material, but for gas by its Hounsfield value.
 pub(crate) fn roles(
     classes: &[ClassStatistics],
     structure: &Structure,
     reduced: &Reduced<'_>,
     hounsfield: bool,
 ) -> Vec<Role> {
-    if classes.iter().any(|class| class.id == NO_DATA) {
-        let role = |class: &ClassStatistics| {
-            if class.id == NO_DATA { Role::Background } else { Role::Material }
-        };
-        return classes.iter().map(role).collect();
-    }
-    let mut background = if hounsfield {
+    let all: u64 = classes.iter().map(|class| class.voxels).sum();
+    let unlabelled: u64 = classes.iter().filter(|class| class.id == NO_DATA).map(|class| class.voxels).sum();
+    let is_chosen = unlabelled > 0 && unlabelled as f64 >= CHOSEN * all as f64;
+    let mut background: Vec<bool> = if hounsfield {
         classes.iter().map(|class| class.mean <= HALF_GAS).collect()
+    } else if is_chosen {
+        vec![false; classes.len()]
     } else {
         by_border(classes, |class| joined_share(reduced, class as u16) >= JOINED)
     };
-    keep_one(&mut background);
-    merge_noise(&mut background, structure);
-    let transition = transitions(&background, structure);
+    keep_one(&mut background, |class| classes[class].id != NO_DATA);
+    if !is_chosen {
+        merge_noise(&mut background, structure);
+    }
+    for (is, class) in background.iter_mut().zip(classes) {
+        *is |= class.id == NO_DATA;
+    }
+    let transition = if is_chosen { vec![false; classes.len()] } else { transitions(&background, structure) };
     let role = |(background, transition)| match (background, transition) {
         (true, _) => Role::Background,
         (_, true) => Role::Transition,
@@ -80,9 +97,9 @@ pub(crate) fn roles(
     background.into_iter().zip(transition).map(role).collect()
 }
 
-/// Something is always to be seen: where everything would be background, nothing is.
-fn keep_one(background: &mut [bool]) {
-    if background.iter().all(|&is| is) {
+/// Some class is always a material: where all that have a label would be background, none is.
+fn keep_one(background: &mut [bool], has_label: impl Fn(usize) -> bool) {
+    if (0..background.len()).all(|class| background[class] || !has_label(class)) {
         background.fill(false);
     }
 }
@@ -162,8 +179,11 @@ mod tests {
         assert_eq!(by_border(&inverted, |_| true), [false, true, true]);
         assert_eq!(by_border(&tooth[1..2], |_| true), [false], "one class alone is seen");
         let mut all = vec![true, true];
-        keep_one(&mut all);
+        keep_one(&mut all, |_| true);
         assert_eq!(all, [false, false]);
+        let mut rest = vec![true, false];
+        keep_one(&mut rest, |class| class == 0);
+        assert_eq!(rest, [false, false], "what has no label isn't to be seen");
     }
 
     #[test]
@@ -209,6 +229,51 @@ mod tests {
         assert!(looks_like_hounsfield([-1024.0, 3071.0]) && looks_like_hounsfield([-3024.0, 1500.0]));
         for plain in [[0.0, 4095.0], [-1024.0, 20.0], [-32_768.0, 32_767.0], [-800.0, 1000.0]] {
             assert!(!looks_like_hounsfield(plain), "{plain:?}");
+        }
+    }
+
+    /// Roles of a phantom of `n` voxels along each axis over the same extent: a ball with a core, in noisy air, edges over a voxel's length; looked at
+    /// in at most `most` samples along an axis.
+    fn phantom(n: usize, most: usize) -> Vec<Role> {
+        use ivd_core::{Exec, Grid, Labels, Volume, Voxels};
+        let grid = Grid::with_spacing([n; 3], [64.0 / n as f64; 3]).unwrap();
+        let mut state = 1_u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / (1 << 24) as f64 - 0.5
+        };
+        let step = |at: f64| at.clamp(0.0, 1.0);
+        let values: Vec<f64> = (0..grid.len())
+            .map(|i| {
+                let centre = n as f64 / 2.0;
+                let far =
+                    grid.index(i).0.map(|c| (c as f64 + 0.5 - centre).powi(2)).iter().sum::<f64>().sqrt();
+                let (ball, core) = (0.36 * n as f64, 0.18 * n as f64);
+                100.0 * step(ball - far + 0.5) + 100.0 * step(core - far + 0.5) + 6.0 * noise()
+            })
+            .collect();
+        let label =
+            |&value: &f64| [25.0, 75.0, 125.0, 175.0].iter().filter(|&&edge| value > edge).count() as u16 + 1;
+        let ids: Vec<u16> = values.iter().map(label).collect();
+        let volume = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
+        let labels = Labels::new(grid, ids.into(), vec![]).unwrap();
+        let exec = Exec::default();
+        let classes = crate::statistics::measure(&volume, &labels, &exec).unwrap();
+        let mut rank = vec![0; 1 << 16];
+        (0..classes.len()).for_each(|i| rank[usize::from(classes[i].id)] = i as u16);
+        let range = volume.range().unwrap();
+        let reduced = Reduced::new(&volume, &labels, rank, range, most, &exec).unwrap();
+        let structure = crate::structure::measure(&reduced, classes.len(), 0.0, &exec).unwrap();
+        roles(&classes, &structure, &reduced, false)
+    }
+
+    #[test]
+    fn a_voxel_more_than_are_looked_at_changes_no_role() {
+        use Role::{Background, Material, Transition};
+        let whole = phantom(64, 64);
+        assert_eq!(whole, [Background, Transition, Material, Transition, Material]);
+        for (n, most) in [(65, 64), (66, 64), (64, 32), (64, 63), (64, 33)] {
+            assert_eq!(phantom(n, most), whole, "{n} voxels in {most} samples");
         }
     }
 }

@@ -1,7 +1,8 @@
 use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
 use ivd_core::{Exec, ParamError, TransferFunction};
 
-use crate::params::{Figures, Inputs, Params};
+use crate::figures::Figures;
+use crate::params::{Inputs, Params};
 
 /// The stage as scenes and commands see it.
 pub const STAGE: Stage = Stage {
@@ -20,20 +21,13 @@ pub const STAGE: Stage = Stage {
 const METHODS: &[Method] = &[method::<Params>("")];
 
 impl Op for Params {
-    const REVISION: u32 = 3;
+    const REVISION: u32 = 4;
     type Inputs<'a> = Inputs<'a>;
     type Output = TransferFunction;
     type Figures = Figures;
 
     fn check_together(&self) -> Result<(), ParamError> {
-        if self.min_opacity <= self.max_opacity {
-            return Ok(());
-        }
-        Err(ParamError::new(
-            "min_opacity",
-            format!("{}", self.min_opacity),
-            format!("give 0 … {}, which is max_opacity", self.max_opacity),
-        ))
+        self.require_bounds_in_order()
     }
 
     fn wants(&self, _: &str) -> Want {

@@ -1,9 +1,12 @@
 //! How classes lie beside each other: faces between their voxels, steps across them, how steep values are inside, and noise.
+//!
+//! All of it is asked of voxels and their own neighbours, never of samples further apart: of a volume that is looked at in samples the rows of the
+//! samples are, whole, so that a volume of a voxel more gives what the smaller one gives.
 
 use ivd_core::{Exec, parallel};
 
 use crate::Error;
-use crate::reduced::{MISSING, Reduced, TOP};
+use crate::reduced::{MAX_LEVEL, MISSING, Reduced, evenly};
 
 /// Bins of a histogram of squared slopes: an eighth of an octave each, from the bits of a single-precision number.
 const SLOPE_BINS: usize = 2048;
@@ -26,7 +29,7 @@ pub(crate) struct Structure {
     faces: Vec<u64>,
     /// Steps across them, summed, in levels.
     steps: Vec<u64>,
-    /// Median magnitude of the slope in each class [levels / voxel].
+    /// Median magnitude of the slope in each class [levels / voxel], where a voxel's length is the cube root of its volume.
     pub(crate) slope: Vec<f64>,
     /// Standard deviation of the noise [levels].
     pub(crate) noise: f64,
@@ -70,9 +73,10 @@ struct Counts {
     flat: u64,
     histogram: Vec<u64>,
     ranks: [Vec<u16>; 3],
+    levels: [Vec<u16>; 5],
 }
 
-/// Looks at every voxel and its six neighbours. All sums are of whole numbers: the same for any number of threads.
+/// Looks at voxels and their six neighbours. All sums are of whole numbers: the same for any number of threads.
 ///
 /// `least_noise`: below which no noise is taken to be [levels], such as that of rounding to whole numbers.
 pub(crate) fn measure(
@@ -81,7 +85,12 @@ pub(crate) fn measure(
     least_noise: f64,
     exec: &Exec,
 ) -> Result<Structure, Error> {
-    let [nx, ny, nz] = reduced.dims;
+    let [_, ny, nz] = reduced.full;
+    let rows = [reduced.dims[1], reduced.dims[2]];
+    let of_thread = 16 * classes * classes + 4 * classes * SLOPE_BINS + 8 * (2 * usize::from(MISSING) + 1);
+    exec.check_memory("faces between the classes", ((rayon::current_num_threads() + 1) * of_thread) as u64)?;
+    let length = reduced.voxel_spacing.iter().product::<f64>().cbrt();
+    let per_length = reduced.voxel_spacing.map(|spacing| (length / spacing) as f32);
     let empty = || Counts {
         faces: vec![0; classes * classes],
         steps: vec![0; classes * classes],
@@ -89,12 +98,14 @@ pub(crate) fn measure(
         seconds: vec![0; 2 * usize::from(MISSING) + 1],
         flat: 0,
         histogram: vec![0; VALUE_BINS],
-        ranks: [vec![0; nx], vec![0; nx], vec![0; nx]],
+        ranks: Default::default(),
+        levels: Default::default(),
     };
-    let gathered = parallel::try_gather(nz, &empty, &|counts, z| {
+    let gathered = parallel::try_gather(rows[1], &empty, &|counts, z| {
         exec.check_cancelled()?;
-        for y in 0..ny {
-            count_row(reduced, classes, [y, z], counts);
+        let z = evenly(z, rows[1], nz);
+        for y in 0..rows[0] {
+            count_row(reduced, classes, [evenly(y, rows[0], ny), z], per_length, counts);
         }
         Ok::<_, Error>(())
     })?;
@@ -142,24 +153,31 @@ fn median(counts: impl Iterator<Item = u64> + Clone) -> Option<usize> {
     if all == 0 { None } else { counts.map(half).position(|reached| reached) }
 }
 
-fn count_row(reduced: &Reduced<'_>, classes: usize, [y, z]: [usize; 2], counts: &mut Counts) {
-    let [nx, ny, nz] = reduced.dims;
-    let row = reduced.row(y, z);
-    let [here, next_y, next_z] = &mut counts.ranks;
-    reduced.ranks(y, z, here);
-    let mut neighbours: [Option<(&[u16], &[u16])>; 2] = [None, None];
-    if y + 1 < ny {
-        reduced.ranks(y + 1, z, next_y);
-        neighbours[0] = Some((reduced.row(y + 1, z), next_y));
-    }
-    if z + 1 < nz {
-        reduced.ranks(y, z + 1, next_z);
-        neighbours[1] = Some((reduced.row(y, z + 1), next_z));
-    }
-    let inner = y > 0 && y + 1 < ny && z > 0 && z + 1 < nz;
-    let sides = inner.then(|| {
-        [reduced.row(y - 1, z), reduced.row(y + 1, z), reduced.row(y, z - 1), reduced.row(y, z + 1)]
-    });
+/// `per_length`: what turns a difference along each axis into one over a voxel's length.
+fn count_row(
+    reduced: &Reduced<'_>,
+    classes: usize,
+    [y, z]: [usize; 2],
+    per_length: [f32; 3],
+    counts: &mut Counts,
+) {
+    let [nx, ny, nz] = reduced.full;
+    let [own_ranks, next_y_ranks, next_z_ranks] = &mut counts.ranks;
+    let [own, before_y, after_y, before_z, after_z] = &mut counts.levels;
+    let row = reduced.voxel_levels(y, z, own);
+    let here = reduced.voxel_ranks(y, z, own_ranks);
+    let before_y = (y > 0).then(|| reduced.voxel_levels(y - 1, z, before_y));
+    let before_z = (z > 0).then(|| reduced.voxel_levels(y, z - 1, before_z));
+    let after_y = (y + 1 < ny).then(|| reduced.voxel_levels(y + 1, z, after_y));
+    let after_z = (z + 1 < nz).then(|| reduced.voxel_levels(y, z + 1, after_z));
+    let neighbours = [
+        after_y.map(|levels| (levels, reduced.voxel_ranks(y + 1, z, next_y_ranks))),
+        after_z.map(|levels| (levels, reduced.voxel_ranks(y, z + 1, next_z_ranks))),
+    ];
+    let sides = match (before_y, after_y, before_z, after_z) {
+        (Some(a), Some(b), Some(c), Some(d)) => Some([a, b, c, d]),
+        _ => None,
+    };
     let (faces, steps) = (&mut counts.faces, &mut counts.steps);
     let mut face = |a: u16, b: u16, from: u16, to: u16| {
         if to == MISSING {
@@ -179,7 +197,7 @@ fn count_row(reduced: &Reduced<'_>, classes: usize, [y, z]: [usize; 2], counts: 
         if level == MISSING {
             continue;
         }
-        counts.histogram[usize::from(level) * VALUE_BINS / (usize::from(TOP) + 1)] += 1;
+        counts.histogram[usize::from(level) * VALUE_BINS / (usize::from(MAX_LEVEL) + 1)] += 1;
         if x + 1 < nx {
             face(rank, here[x + 1], level, row[x + 1]);
         }
@@ -203,7 +221,11 @@ fn count_row(reduced: &Reduced<'_>, classes: usize, [y, z]: [usize; 2], counts: 
         }
         if let Some(sides) = sides.map(|rows| rows.map(|row| row[x])).filter(|s| !s.contains(&MISSING)) {
             let twice = [[before, after], [sides[0], sides[1]], [sides[2], sides[3]]];
-            let squared: f32 = twice.map(|[a, b]| (f32::from(b) - f32::from(a)).powi(2)).iter().sum();
+            let squared: f32 = twice
+                .iter()
+                .zip(per_length)
+                .map(|([a, b], per_length)| ((f32::from(*b) - f32::from(*a)) * per_length).powi(2))
+                .sum();
             counts.slopes[usize::from(rank) * SLOPE_BINS + (squared.to_bits() >> 20) as usize] += 1;
         }
     }
@@ -225,12 +247,12 @@ mod tests {
         let mut rank = vec![0; 1 << 16];
         rank[8] = 1;
         let exec = Exec::default();
-        let reduced = Reduced::new(&volume, &labels, rank, [0.0, 100.0], &exec).unwrap();
+        let reduced = Reduced::new(&volume, &labels, rank, [0.0, 100.0], 80, &exec).unwrap();
         let found = measure(&reduced, 2, 0.0, &exec).unwrap();
         assert_eq!((found.faces(0, 1), found.faces(1, 0)), (36, 36));
         // Along x 39 faces a row; 6 · 5 + 5 · 6 faces along y and z in each of 40 layers.
         assert_eq!(found.faces(0, 0), 39 * 36 + 40 * 60);
-        assert!((found.step(0, |b| b == 1) - f64::from(TOP)).abs() < 1e-9);
+        assert!((found.step(0, |b| b == 1) - f64::from(MAX_LEVEL)).abs() < 1e-9);
         assert_eq!(found.step(0, |_| false), f64::INFINITY);
         assert_eq!(found.slope, [0.0, 0.0], "most of each half is flat");
         assert_eq!(found.noise, 0.0, "a single step is no noise");
@@ -251,7 +273,7 @@ mod tests {
         let labels = Labels::new(grid.clone(), vec![1; grid.len()].into(), vec![]).unwrap();
         let volume = Volume::new(grid, Voxels::from(values)).unwrap();
         let (range, exec) = (volume.range().unwrap(), Exec::default());
-        let reduced = Reduced::new(&volume, &labels, vec![0; 1 << 16], range, &exec).unwrap();
+        let reduced = Reduced::new(&volume, &labels, vec![0; 1 << 16], range, 64, &exec).unwrap();
         let found = measure(&reduced, 1, 0.0, &exec).unwrap().noise * reduced.step();
         assert!((found - 1.0).abs() < 0.02, "{found}");
     }

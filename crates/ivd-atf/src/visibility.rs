@@ -3,7 +3,8 @@
 use ivd_core::{Exec, Iteration, parallel};
 
 use crate::Error;
-use crate::rays::{Bundle, Rays, Symbols};
+use crate::bins::SampleBins;
+use crate::rays::{Bundle, RayRow};
 
 /// Opacity that materials start with.
 const START: f64 = 0.3;
@@ -26,83 +27,85 @@ const OPAQUE: f32 = 1e-3;
 /// Visibility is summed in whole numbers of this part, so that the order of rays doesn't matter.
 const PARTS: f32 = (1_u64 << 32) as f32;
 
-/// What is between which bounds.
+/// What opacities are held between, and the length that they hold over.
 pub(crate) struct Bounds {
     pub(crate) least: f64,
     pub(crate) most: f64,
-    /// Length over which opacities hold [mm].
+    /// [mm]
     pub(crate) reference_mm: f64,
 }
 
-/// Opacities, and how materials are seen by them. All lists are by class; zeros for those that are no material.
+/// Opacities, and the visibility of materials by them. All lists are by class; zeros for those that are no material.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Balance {
+pub(crate) struct Fit {
     /// Opacity over the reference length.
     pub(crate) opacity: Vec<f64>,
-    /// Share of all that is seen.
-    pub(crate) seen: Vec<f64>,
-    /// Share of all that is to be seen.
+    /// Share of all visibility.
+    pub(crate) visibility: Vec<f64>,
+    /// Share of all visibility that is aimed at.
     pub(crate) target: Vec<f64>,
     /// Mean opacity that a material has alone, at the greatest opacity, on rays that meet matter.
-    pub(crate) alone: Vec<f64>,
-    /// Kullback–Leibler divergence of what is seen from the target.
+    pub(crate) coverage: Vec<f64>,
+    /// Kullback–Leibler divergence of the visibility from the target.
     pub(crate) divergence: f64,
     pub(crate) rounds: u32,
-    /// Mean opacity of rays that meet no matter; 0 where there are none.
-    pub(crate) background_opacity: f64,
-    /// Rays that meet matter and are less than half opaque, or the reverse, per ray that meets matter.
-    pub(crate) silhouette_difference: f64,
+    /// Mean opacity of rays that meet data but no matter, where there are any.
+    pub(crate) background_opacity: Option<f64>,
+    /// RayRow that meet matter and are less than half opaque, or the reverse, per ray that meets matter, where there are any.
+    pub(crate) silhouette_difference: Option<f64>,
 }
 
 /// Sums of one thread over its rays.
 struct Sums {
-    /// Visibility of each symbol.
-    seen: Vec<u64>,
-    /// Rays that meet matter, those of them that are less than half opaque, the opposite, and rays past all matter.
+    /// Visibility of each kind of sample.
+    visibility: Vec<u64>,
+    /// RayRow that meet matter, those of them that are less than half opaque, the opposite, and rays that meet data but no matter.
     rays: [u64; 4],
     background: u64,
 }
 
 /// Finds opacities of `materials` (class numbers below `classes`).
 ///
-/// Targets are in proportion to what each material would cover alone, but for a least share of what is small. In every
-/// round an opacity is multiplied by the root of target over visibility, until their divergence stops falling.
-pub(crate) fn balance(
+/// Targets are in proportion to coverage, but for a least share of what is small. In every round an opacity is multiplied by the root of
+/// target over visibility, until their divergence stops falling. A material that no ray meets hides nothing, and has the greatest opacity.
+pub(crate) fn fit(
     bundle: &Bundle,
-    symbols: &Symbols,
+    bins: &SampleBins,
     classes: usize,
     materials: &[usize],
     bounds: &Bounds,
     exec: &Exec,
-) -> Result<Balance, Error> {
-    let exponent = bundle.step_mm / bounds.reference_mm;
-    let of_step = |opacity: f64| 1.0 - (1.0 - opacity).powf(exponent);
-    let alone = alone(bundle, symbols, classes, of_step(bounds.most), exec)?;
-    let target = targets(&alone, materials);
+) -> Result<Fit, Error> {
+    let steps: Vec<f64> = bundle.step_mm.iter().map(|mm| mm / bounds.reference_mm).collect();
+    let (threads, kinds) = (rayon::current_num_threads() + 1, bins.len());
+    exec.check_memory("visibility of samples", (8 * threads * kinds + 4 * steps.len() * kinds) as u64)?;
+    let coverage = coverage(bundle, bins, classes, &steps, bounds.most, exec)?;
+    let target = targets(&coverage, materials);
     let mut opacity = vec![0.0; classes];
     for &k in materials {
-        opacity[k] = START.clamp(bounds.least, bounds.most);
+        opacity[k] = if coverage[k] > 0.0 { START.clamp(bounds.least, bounds.most) } else { bounds.most };
     }
-    let mut best: Option<(f64, Balance)> = None;
+    let mut best: Option<(f64, Fit)> = None;
     let (mut standing, mut rounds) = (0, 0);
     for round in 1..=MOST_ROUNDS {
-        let mut found = look(bundle, symbols, &opacity, &of_step, exec)?;
+        let mut found = visibility(bundle, bins, &opacity, &steps, exec)?;
         found.target.clone_from(&target);
-        found.alone.clone_from(&alone);
-        let all: f64 = found.seen.iter().sum();
+        found.coverage.clone_from(&coverage);
+        let all: f64 = found.visibility.iter().sum();
         let through = [LET_THROUGH, (1.0 - all).max(0.0)];
-        let score = divergence(&target, &found.seen, through);
+        let score = divergence(&target, &found.visibility, through);
         exec.observer().iteration(Iteration { method: "atf", index: u64::from(round), value: score });
         for &k in materials {
             let wanted = target[k] * (1.0 - LET_THROUGH);
-            let factor = if found.seen[k] > 0.0 { (wanted / found.seen[k]).sqrt() } else { 4.0 };
+            let now = found.visibility[k];
+            let factor = if now > 0.0 { (wanted / now).sqrt() } else { 4.0 };
             if wanted > 0.0 {
                 opacity[k] = (opacity[k] * factor.clamp(0.25, 4.0)).clamp(bounds.least, bounds.most);
             }
         }
         let total = all.max(f64::MIN_POSITIVE);
-        found.seen.iter_mut().for_each(|seen| *seen /= total);
-        found.divergence = divergence(&target, &found.seen, [0.0; 2]);
+        found.visibility.iter_mut().for_each(|share| *share /= total);
+        found.divergence = divergence(&target, &found.visibility, [0.0; 2]);
         let least = best.as_ref().map_or(f64::INFINITY, |(least, _)| *least);
         standing = if score < least - SETTLED { 0 } else { standing + 1 };
         rounds = round;
@@ -114,36 +117,42 @@ pub(crate) fn balance(
         }
     }
     let best = best.expect("there is a first round").1;
-    Ok(Balance { rounds, ..best })
+    Ok(Fit { rounds, ..best })
+}
+
+/// Opacity over `length` reference lengths.
+fn over(opacity: f64, length: f64) -> f64 {
+    -(length * (-opacity.min(1.0)).ln_1p()).exp_m1()
 }
 
 /// `Σ t ln (t / v)`, with what is let through (its target and itself) as one more share.
-fn divergence(target: &[f64], seen: &[f64], through: [f64; 2]) -> f64 {
+fn divergence(target: &[f64], visibility: &[f64], through: [f64; 2]) -> f64 {
     let rest = 1.0 - through[0];
-    let pairs = target.iter().map(|t| t * rest).zip(seen.iter().copied()).chain([(through[0], through[1])]);
+    let pairs =
+        target.iter().map(|t| t * rest).zip(visibility.iter().copied()).chain([(through[0], through[1])]);
     pairs.filter(|(t, _)| *t > 0.0).map(|(t, v)| t * (t / v.max(1e-9)).ln()).sum::<f64>().max(0.0)
 }
 
-/// Shares in proportion to what materials cover alone, none below its least; what that takes comes from the others.
+/// Shares in proportion to coverage, none below its least; what that takes comes from the others.
 ///
 /// The least shares come to at most [`MOST_GUARANTEED`] together: of many materials each is promised less, so that the larger ones always
 /// keep more than the smaller ones.
-fn targets(alone: &[f64], materials: &[usize]) -> Vec<f64> {
-    let mut target = vec![0.0; alone.len()];
-    let mut open: Vec<usize> = materials.iter().copied().filter(|&k| alone[k] > 0.0).collect();
-    let asked = |k: usize| LEAST_SEEN.min(OF_ALONE * alone[k]);
+fn targets(coverage: &[f64], materials: &[usize]) -> Vec<f64> {
+    let mut target = vec![0.0; coverage.len()];
+    let mut open: Vec<usize> = materials.iter().copied().filter(|&k| coverage[k] > 0.0).collect();
+    let asked = |k: usize| LEAST_SEEN.min(OF_ALONE * coverage[k]);
     let all_asked: f64 = open.iter().map(|&k| asked(k)).sum();
     let scale = (MOST_GUARANTEED / all_asked).min(1.0);
     let least = |k: usize| scale * asked(k);
     let mut left = 1.0;
     // What is left exceeds the least shares of the open ones, so that never all of them are small.
     while !open.is_empty() {
-        let all: f64 = open.iter().map(|&k| alone[k]).sum();
+        let all: f64 = open.iter().map(|&k| coverage[k]).sum();
         let (small, large): (Vec<usize>, Vec<usize>) =
-            open.iter().partition(|&&k| left * alone[k] / all < least(k));
+            open.iter().partition(|&&k| left * coverage[k] / all < least(k));
         if small.is_empty() {
             for &k in &open {
-                target[k] = left * alone[k] / all;
+                target[k] = left * coverage[k] / all;
             }
             break;
         }
@@ -156,110 +165,111 @@ fn targets(alone: &[f64], materials: &[usize]) -> Vec<f64> {
     target
 }
 
-/// One walk along all rays.
-fn look(
+/// Composites all rays once; `steps`: lengths of a step, in reference lengths.
+fn visibility(
     bundle: &Bundle,
-    symbols: &Symbols,
+    bins: &SampleBins,
     opacity: &[f64],
-    of_step: &dyn Fn(f64) -> f64,
+    steps: &[f64],
     exec: &Exec,
-) -> Result<Balance, Error> {
-    let reference: Vec<f64> = (0..symbols.len())
-        .map(|s| symbols.parts(s).iter().map(|&(k, share)| f64::from(share) * opacity[usize::from(k)]).sum())
+) -> Result<Fit, Error> {
+    let of_kind = |kind: usize| {
+        bins.parts(kind).iter().map(|&(k, share)| f64::from(share) * opacity[usize::from(k)]).sum()
+    };
+    let reference: Vec<f64> = (0..bins.len()).map(of_kind).collect();
+    let of_steps: Vec<Vec<f32>> = steps
+        .iter()
+        .map(|&step| reference.iter().map(|&opacity| over(opacity, step) as f32).collect())
         .collect();
-    let step: Vec<f32> = reference.iter().map(|&opacity| of_step(opacity.min(1.0)) as f32).collect();
-    let empty = || Sums { seen: vec![0; symbols.len()], rays: [0; 4], background: 0 };
+    let empty = || Sums { visibility: vec![0; bins.len()], rays: [0; 4], background: 0 };
     let gathered = parallel::try_gather(bundle.rows.len(), &empty, &|sums, i| {
         exec.check_cancelled()?;
-        walk(&bundle.rows[i], &step, sums);
+        let rays = &bundle.rows[i];
+        composite(rays, &of_steps[rays.step], sums);
         Ok::<_, Error>(())
     })?;
     let mut all = empty();
     for sums in gathered {
-        all.seen.iter_mut().zip(&sums.seen).for_each(|(sum, part)| *sum += part);
+        all.visibility.iter_mut().zip(&sums.visibility).for_each(|(sum, part)| *sum += part);
         all.rays.iter_mut().zip(&sums.rays).for_each(|(sum, part)| *sum += part);
         all.background += sums.background;
     }
     let [matter, faint, opaque, past] = all.rays.map(|n| n as f64);
-    let mut seen = vec![0.0; opacity.len()];
-    for (s, &sum) in all.seen.iter().enumerate().filter(|(_, sum)| **sum > 0) {
-        for &(k, share) in symbols.parts(s) {
-            let part = f64::from(share) * opacity[usize::from(k)] / reference[s];
-            seen[usize::from(k)] += sum as f64 / f64::from(PARTS) * part;
+    let mut visibility = vec![0.0; opacity.len()];
+    for (kind, &sum) in all.visibility.iter().enumerate().filter(|(_, sum)| **sum > 0) {
+        for &(k, share) in bins.parts(kind) {
+            let part = f64::from(share) * opacity[usize::from(k)] / reference[kind];
+            visibility[usize::from(k)] += sum as f64 / f64::from(PARTS) * part;
         }
     }
-    // Rays that are opaque beside the matter see it too.
+    // RayRow that are opaque beside the matter see it too.
     let rays = (matter + opaque).max(1.0);
-    for seen in &mut seen {
-        *seen /= rays;
+    for visibility in &mut visibility {
+        *visibility /= rays;
     }
-    Ok(Balance {
+    Ok(Fit {
         opacity: opacity.to_vec(),
-        seen,
+        visibility,
         target: Vec::new(),
-        alone: Vec::new(),
+        coverage: Vec::new(),
         divergence: 0.0,
         rounds: 0,
-        background_opacity: all.background as f64 / f64::from(PARTS) / past.max(1.0),
-        silhouette_difference: (faint + opaque) / matter.max(1.0),
+        background_opacity: (past > 0.0).then(|| all.background as f64 / f64::from(PARTS) / past),
+        silhouette_difference: (matter > 0.0).then(|| (faint + opaque) / matter),
     })
 }
 
-fn walk(rays: &Rays, step: &[f32], sums: &mut Sums) {
-    let mut start = 0;
-    for &(end, meets_matter) in &rays.ends {
+/// `step`: opacity of each kind of sample over a step.
+fn composite(rays: &RayRow, step: &[f32], sums: &mut Sums) {
+    for (ray, kinds) in rays.each() {
         let mut through = 1.0_f32;
-        for &symbol in &rays.symbols[start..end as usize] {
-            let taken = through * step[symbol as usize];
-            sums.seen[symbol as usize] += (taken * PARTS) as u64;
+        for &kind in kinds {
+            let taken = through * step[kind as usize];
+            sums.visibility[kind as usize] += (taken * PARTS) as u64;
             through -= taken;
             if through < OPAQUE {
                 break;
             }
         }
-        start = end as usize;
         let is_opaque = through < 0.5;
-        sums.rays[0] += u64::from(meets_matter);
-        sums.rays[1] += u64::from(meets_matter && !is_opaque);
-        sums.rays[2] += u64::from(!meets_matter && is_opaque);
-        if !meets_matter {
+        sums.rays[0] += u64::from(ray.meets_matter);
+        sums.rays[1] += u64::from(ray.meets_matter && !is_opaque);
+        sums.rays[2] += u64::from(!ray.meets_matter && is_opaque);
+        if ray.meets_data && !ray.meets_matter {
             sums.rays[3] += 1;
             sums.background += ((1.0 - through) * PARTS) as u64;
         }
     }
 }
 
-/// Mean opacity of every class on the rays that meet matter, if it were alone with an opacity of `step` a step.
-fn alone(
+/// Mean opacity of every class on the rays that meet matter, if it were alone with opacity `most`; `steps`: lengths of a step, in reference
+/// lengths.
+fn coverage(
     bundle: &Bundle,
-    symbols: &Symbols,
+    bins: &SampleBins,
     classes: usize,
-    step: f64,
+    steps: &[f64],
+    most: f64,
     exec: &Exec,
 ) -> Result<Vec<f64>, Error> {
-    // Optical depth of a step.
-    let depth = -(1.0 - step).max(1e-6).ln();
+    // Optical depth of a reference length.
+    let depth = -(1.0 - most).max(1e-6).ln();
     let empty = || (vec![0_u64; classes], 0_u64, vec![0.0_f64; classes], Vec::<u16>::new());
     let gathered = parallel::try_gather(bundle.rows.len(), &empty, &|(covered, rays, depths, met), i| {
         exec.check_cancelled()?;
-        let mut start = 0;
-        for &(end, meets_matter) in &bundle.rows[i].ends {
-            for &symbol in &bundle.rows[i].symbols[start..end as usize] {
-                for &(k, share) in symbols.parts(symbol as usize) {
-                    let sum = &mut depths[usize::from(k)];
-                    if *sum == 0.0 {
-                        met.push(k);
-                    }
-                    *sum += f64::from(share) * depth;
+        let depth = depth * steps[bundle.rows[i].step];
+        for (ray, kinds) in bundle.rows[i].each().filter(|(ray, _)| ray.meets_matter) {
+            for &(k, share) in kinds.iter().flat_map(|&kind| bins.parts(kind as usize)) {
+                let sum = &mut depths[usize::from(k)];
+                if *sum == 0.0 {
+                    met.push(k);
                 }
+                *sum += f64::from(share) * depth;
             }
-            start = end as usize;
-            *rays += u64::from(meets_matter);
+            *rays += u64::from(ray.meets_matter);
             for k in met.drain(..) {
                 let sum = std::mem::take(&mut depths[usize::from(k)]);
-                if meets_matter {
-                    covered[usize::from(k)] += ((1.0 - (-sum).exp()) * f64::from(PARTS)) as u64;
-                }
+                covered[usize::from(k)] += ((1.0 - (-sum).exp()) * f64::from(PARTS)) as u64;
             }
         }
         Ok::<_, Error>(())

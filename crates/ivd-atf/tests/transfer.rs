@@ -33,7 +33,8 @@ fn two_classes_give_clear_air_and_a_visible_ball() {
     assert_eq!((&figures.background[..], figures.transitions.len()), (&[1][..], 0));
     assert!(figures.opacity_range[0] == 0.0 && figures.opacity_range[1] > 0.2);
     assert!(figures.visibility[0].class == 2 && figures.visibility[0].visibility > 0.999);
-    assert!(figures.background_opacity < 0.02 && figures.silhouette_difference < 0.05, "{figures:?}");
+    assert!(figures.background_opacity.unwrap() < 0.02, "{figures:?}");
+    assert!(figures.silhouette_difference.unwrap() < 0.05, "{figures:?}");
     assert_eq!(tf.sample(0, 20.0)[3], 0.0, "air");
     assert_eq!(tf.sample(0, 150.0)[3], figures.opacity_range[1], "the ball without labels");
     // Values tell the two apart, so that a label has nothing to say.
@@ -68,7 +69,7 @@ fn classes_of_equal_mean_keep_rows_of_their_own() {
     let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
     let seen: Vec<_> = built.figures.visibility.iter().map(|seen| (seen.class, seen.visibility)).collect();
     assert!(matches!(seen[..], [(3, _), (7, _)]) && seen.iter().all(|(_, share)| *share > 0.1), "{seen:?}");
-    assert!(built.figures.divergence < 0.01, "{:?}", built.figures);
+    assert!(built.figures.divergence.unwrap() < 0.01, "{:?}", built.figures);
 }
 
 #[test]
@@ -277,4 +278,141 @@ fn in_thin_volumes_the_frame_is_the_outside_and_not_every_voxel() {
         assert!(built.transfer.sample(0, 100.0)[3] > 0.1, "{dims:?}: {:?}", built.figures);
         assert!(!built.figures.background.contains(&2), "{dims:?}");
     }
+}
+
+#[test]
+fn a_few_stray_voxels_without_label_change_no_rule() {
+    // A ball with a shell of partial volume in air; one voxel of the air has lost its label.
+    let far = |at: [usize; 3]| at.map(|c| (c as f64 - 12.0).powi(2)).iter().sum::<f64>().sqrt();
+    let value = |at| [200.0, 100.0, 0.0][usize::from(far(at) >= 7.0) + usize::from(far(at) >= 8.0)];
+    let label = |at: [usize; 3]| if at == [1, 1, 1] { 0 } else { (value(at) / 100.0) as u16 + 1 };
+    let (volume, labels) = scene(|at| value(at) + 0.3 * ripple(at), label);
+    let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
+    assert_eq!((&built.figures.background[..], &built.figures.transitions[..]), (&[0, 1][..], &[2][..]));
+}
+
+#[test]
+fn under_a_mask_the_parts_are_materials_and_gas_is_clear_all_the_same() {
+    // Outside the mask muscle; inside it a lung and a bone.
+    let label = |at| if ball(at, 8.0, 5.0) { 3 } else { u16::from(ball(at, 17.0, 4.0)) * 9 };
+    let value = |at| match label(at) {
+        3 => -950.0,
+        9 => 900.0,
+        _ => 40.0,
+    };
+    let (volume, labels) = scene(|at| value(at) + ripple(at), label);
+    let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
+    assert_eq!(built.figures.background, [3, 0]);
+    assert_eq!((built.transfer.sample(0, -950.0)[3], built.transfer.sample(0, 40.0)[3]), (0.0, 0.0));
+    assert!(built.transfer.sample(0, 900.0)[3] > 0.1);
+    // Without Hounsfield units the lung is a part like any other.
+    let plain = Params { values: ValueScale::Plain, ..Params::default() };
+    let built = transfer(&volume, &labels, &plain, &Exec::default()).unwrap();
+    assert_eq!(built.figures.background, [0]);
+    assert!(built.transfer.sample(built.transfer.row(3), -950.0)[3] > 0.1);
+}
+
+#[test]
+fn air_alone_is_seen_where_there_is_nothing_else() {
+    let inside = |at| ball(at, 12.0, 6.0);
+    let (volume, labels) = scene(
+        |at| if inside(at) { -920.0 } else { -990.0 } + ripple(at),
+        |at| if inside(at) { 2 } else { 1 },
+    );
+    let params = Params { values: ValueScale::Hounsfield, ..Params::default() };
+    let built = transfer(&volume, &labels, &params, &Exec::default()).unwrap();
+    assert!(built.figures.background.is_empty() && built.figures.hounsfield);
+    assert!(built.transfer.sample(0, -920.0)[3] > 0.0 && built.transfer.sample(0, -990.0)[3] > 0.0);
+}
+
+#[test]
+fn a_hot_voxel_leaves_the_table_to_the_rest() {
+    let inside = |at| ball(at, 12.0, 6.0);
+    let value = |at: [usize; 3]| match at {
+        [3, 3, 3] => 1e6,
+        _ => (if inside(at) { 1.0 } else { 0.1 }) + 0.01 * ripple(at),
+    };
+    let label = |at: [usize; 3]| if at == [3, 3, 3] { 3 } else { u16::from(inside(at)) + 1 };
+    let (volume, labels) = scene(value, label);
+    let built = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap();
+    let tf = &built.transfer;
+    assert!(tf.range()[0] > -1.0 && tf.range()[1] < 3.0, "{:?}", tf.range());
+    assert_eq!(tf.sample(0, 0.1)[3], 0.0);
+    assert!(tf.sample(0, 1.0)[3] > 0.1 && tf.sample(0, 1e6)[3] > 0.1);
+    assert!(built.figures.visibility[0].visibility > 0.99, "{:?}", built.figures);
+}
+
+#[test]
+fn a_needle_of_voxels_takes_no_more_rays_than_a_cube_of_them() {
+    // One voxel is 10⁴ times as long as wide; and a thin slab of wide voxels, looked through at its own thickness.
+    for spacing in [[1.0, 1.0, 1e4], [1e4, 1.0, 1.0], [1.0, 1e-4, 1.0], [5.0, 5.0, 0.1]] {
+        let grid = Grid::with_spacing([24, 24, 24], spacing).unwrap();
+        let is_inside = |i: usize| ball(grid.index(i).0, 12.0, 6.0);
+        let values: Vec<f32> = (0..grid.len()).map(|i| f32::from(u8::from(is_inside(i)))).collect();
+        let ids: Vec<u16> = (0..grid.len()).map(|i| u16::from(is_inside(i)) + 1).collect();
+        let volume = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
+        let labels = Labels::new(grid.clone(), ids.into(), vec![]).unwrap();
+        // Fourteen views of 24² rays of at most 42 samples.
+        let exec = Exec::default().with_memory_limit(Some(4 << 20));
+        let params = Params { views: 14, ..Params::default() };
+        let built = transfer(&volume, &labels, &params, &exec).unwrap();
+        assert!(built.figures.divergence.unwrap() < 0.01, "{spacing:?}: {:?}", built.figures);
+        assert!(built.figures.visibility[0].coverage > 0.1, "{spacing:?}: {:?}", built.figures);
+    }
+}
+
+#[test]
+fn a_thin_slab_is_looked_through_at_its_own_thickness() {
+    // Looked at from its broad side alone, a slab of half a reference length: what is seen there is what its thickness lets through.
+    let (volume, labels) = slab([64, 64, 3], |[x, y, _]| (8..56).contains(&x) && (8..56).contains(&y));
+    let params = Params { max_opacity: 0.5, min_opacity: 0.5, ..Params::default() };
+    let built = transfer(&volume, &labels, &params, &Exec::default()).unwrap();
+    let through = |mm: f64| 1.0 - 0.5_f64.powf(mm / built.transfer.reference_mm());
+    // Rays that meet matter: from four sides through 48 mm, from two through 3 mm; each side has 64² rays over its larger extent.
+    let (wide, narrow) = (through(48.0), through(3.0));
+    let rays = [4.0 * 64.0 * 48.0, 2.0 * 48.0 * 48.0];
+    let expected = (rays[0] * wide + rays[1] * narrow) / (rays[0] + rays[1]);
+    let found = built.figures.visibility[0].coverage;
+    assert!((found - expected).abs() < 0.01, "{found} for {expected}");
+}
+
+#[test]
+fn many_narrow_classes_with_rows_of_their_own_are_all_met() {
+    // 300 classes of a spread far below the distance of even bins, two by two of one value.
+    let label = |at: [usize; 3]| {
+        let of_row = (at[1] * 24 + at[2]) as u16;
+        if of_row < 300 { of_row + 1 } else { 301 }
+    };
+    let value = |at: [usize; 3]| if label(at) == 301 { 0.0 } else { 10.0 + f32::from(label(at) / 2) };
+    let (volume, labels) = scene(value, label);
+    let params = Params { values: ValueScale::Plain, ..Params::default() };
+    let built = transfer(&volume, &labels, &params, &Exec::default()).unwrap();
+    let unmet: Vec<_> = built.figures.visibility.iter().filter(|seen| seen.coverage <= 0.0).collect();
+    assert!(unmet.is_empty(), "{} of {}", unmet.len(), built.figures.visibility.len());
+}
+
+#[test]
+fn the_older_rule_has_no_figures_of_visibility() {
+    let inside = |at| ball(at, 12.0, 6.0);
+    let (volume, labels) =
+        scene(|at| if inside(at) { 150.0 } else { 20.0 }, |at| if inside(at) { 2 } else { 1 });
+    let border = Params { opacity: OpacityRule::Border, ..Params::default() };
+    let figures = transfer(&volume, &labels, &border, &Exec::default()).unwrap().figures;
+    assert_eq!(
+        (figures.divergence, figures.background_opacity, figures.silhouette_difference),
+        (None, None, None)
+    );
+    // Where there is no background no ray meets it alone.
+    let (volume, labels) = scene(|_| 42.0, |_| 1);
+    let figures = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().figures;
+    assert_eq!(figures.background_opacity, None);
+}
+
+#[test]
+fn a_table_beyond_the_memory_limit_is_refused() {
+    let (volume, labels) = scene(|at| at[0] as f32, |at| at[0] as u16 + 1);
+    let exec = Exec::default().with_memory_limit(Some(8 << 20));
+    let params = Params { resolution: 65_536, ..Params::default() };
+    let error = transfer(&volume, &labels, &params, &exec).unwrap_err();
+    assert!(matches!(error, Error::Core(ivd_core::Error::MemoryLimit { .. })), "{error}");
 }

@@ -22,10 +22,14 @@ pub(super) const VISIONS: [[[f64; 3]; 3]; 4] = [
     ],
 ];
 
-/// Least ΔE₀₀ of two colours (linear RGB) over the visions.
-pub(super) fn least_difference(a: [f32; 3], b: [f32; 3]) -> f64 {
-    let seen = |vision, c: [f32; 3]| lab(apply(vision, c.map(f64::from)).map(|c| c.clamp(0.0, 1.0)));
-    VISIONS.iter().map(|vision| ciede2000(seen(vision, a), seen(vision, b))).fold(f64::INFINITY, f64::min)
+/// A colour (linear RGB) to each of the visions, in L*, a*, b*.
+pub(super) fn seen(rgb: [f32; 3]) -> [[f64; 3]; 4] {
+    VISIONS.each_ref().map(|vision| lab(apply(vision, rgb.map(f64::from)).map(|c| c.clamp(0.0, 1.0))))
+}
+
+/// Least ΔE₀₀ over the visions of two colours that [`seen`] gave.
+pub(super) fn least_difference(a: &[[f64; 3]; 4], b: &[[f64; 3]; 4]) -> f64 {
+    a.iter().zip(b).map(|(&a, &b)| ciede2000(a, b)).fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]
@@ -42,6 +46,6 @@ mod tests {
         assert_eq!(apply(&VISIONS[1], [1.0, 0.0, 0.0]), [0.152_286, 0.114_503, -0.003_882]);
         let (red, green) = ([0.5, 0.1, 0.05], [0.13, 0.2, 0.05]);
         let wide = ciede2000(lab(red), lab(green));
-        assert!(least_difference(red.map(|c| c as f32), green.map(|c| c as f32)) < 0.5 * wide);
+        assert!(least_difference(&seen(red.map(|c| c as f32)), &seen(green.map(|c| c as f32))) < 0.5 * wide);
     }
 }

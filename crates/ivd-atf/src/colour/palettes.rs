@@ -2,9 +2,12 @@ use ivd_core::srgb;
 
 use super::difference::{from_lab, lab};
 
+/// Colours that any eye tells apart.
+pub(super) const DISTINCT: usize = 8;
+
 /// Eight colours of which any two differ by a ΔE₀₀ of at least 21, in normal vision and to people who lack one kind of cone; found by
 /// random search for that, with L* of 33 … 97 and a chroma of at most 80. sRGB, 8 bit.
-const SAFE: [[u8; 3]; 8] = [
+const SAFE: [[u8; 3]; DISTINCT] = [
     [183, 148, 155], // dusty rose
     [45, 148, 255],  // blue
     [245, 240, 138], // pale yellow
@@ -18,8 +21,8 @@ const SAFE: [[u8; 3]; 8] = [
 /// Colour of a place in the palette for any colour vision, linear RGB in 0…1. From the ninth place on the palette repeats, each time at 0.7 of
 /// the brightness: colours that differ, but no longer by as much.
 pub(crate) fn safe(place: usize) -> [f32; 3] {
-    let dim = 0.7_f32.powi((place / SAFE.len()).min(8) as i32);
-    SAFE[place % SAFE.len()].map(|c| srgb::linear_of_byte(c) * dim)
+    let dim = 0.7_f32.powi((place / DISTINCT).min(8) as i32);
+    SAFE[place % DISTINCT].map(|c| srgb::linear_of_byte(c) * dim)
 }
 
 /// Hounsfield values, and the colours that tissue of these has to the eye.
@@ -89,14 +92,14 @@ pub(super) fn linear(colour: [f64; 3]) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::colour::blindness::least_difference;
+    use crate::colour::blindness::{least_difference, seen};
 
     #[test]
     fn any_two_of_the_safe_colours_are_told_apart_by_everybody() {
         for i in 0..SAFE.len() {
             for j in 0..i {
-                let apart = least_difference(safe(i), safe(j));
-                assert!(apart >= 20.5, "{i} and {j}: {apart}");
+                let apart = least_difference(&seen(safe(i)), &seen(safe(j)));
+                assert!(apart >= 21.0, "{i} and {j}: {apart}");
             }
         }
     }

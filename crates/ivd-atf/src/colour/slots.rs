@@ -1,16 +1,18 @@
-//! Which place in a palette a class has: one that it keeps when there is a class more.
+//! Which slot in a palette a class of values has: one that it mostly keeps when there is a class more, if classes are intervals of values.
 
-/// Most classes whose places follow from the values; more than these have theirs by rank.
+/// Most classes whose slots follow from the values; more than these have theirs by rank.
 const MOST: usize = 16;
 
-/// Places of `classes` classes in the order of their means, each a number below `classes` of its own.
+/// Slots of `classes` classes in the order of their means, each a number below `classes` of its own.
 ///
 /// The best division of the values into k intervals (least squares, by dynamic programming over `histogram`) is found for every k up to
-/// `classes`. From k − 1 to k each interval keeps the place of the one that it shares most voxels with, and what is left over gets the
-/// next free place. So the places of k classes don't hang on how many more there will be.
+/// `classes`. From k − 1 to k each interval keeps the slot of the one that it shares most voxels with, and what is left over gets the
+/// next free one. So the slots of k classes don't depend on how many more there will be. Classes that are no intervals of values, or that
+/// lie elsewhere than the best intervals, have slots of their own too, which they keep less well: where another interval is split first,
+/// slots change.
 pub(super) fn slots(histogram: &[u64], classes: usize) -> Vec<usize> {
     let by_rank = (0..classes).collect();
-    if classes > MOST {
+    if !(2..=MOST).contains(&classes) {
         return by_rank;
     }
     let divisions = divisions(histogram, classes);
