@@ -2,16 +2,15 @@
 
 Segments real volumes by k-means for each K and makes a transfer function of each, with one set of parameters for all. What rays see is
 computed here, from the table in the artefact and the voxels alone, on six views that the program's own rounds don't use: volumes turned in
-space, sampled once a voxel, interpolated, 160 samples along a side. A linear ramp over the range (black to white, opacity from 0 to the
-greatest) stands beside each.
+space and interpolated at 160³ places of a cube about them; a step is the volume's diagonal over 160. A linear ramp over the range (black to
+white, opacity from 0 to the greatest) stands beside each.
 
 Columns: classes that are clear, and that are transitions; mean opacity of rays that meet background voxels only; rays that are more than
 half opaque and meet no matter, or the reverse, per ray that meets matter (voxels of materials, and those of transitions that lie beyond the
-middle between the means of the background and of the nearest material); for the material that is seen least: its visibility over what
-is asked (the smaller of 5 % and half of what it would cover alone); Kullback-Leibler divergence from the target that the program states;
-least CIEDE2000 between colours of materials that touch, over normal vision and three colour blindnesses, and in normal vision; seconds of the
-stage. Needs nibabel, numpy
-and scipy.
+middle between the means of the background and of the nearest material); visibility over what is asked (the smaller of 5 % and half of what a
+material would cover alone), of the material where that is least; Kullback-Leibler divergence from the target that the program states;
+least CIEDE2000 between colours of materials that touch, over normal vision and three colour blindnesses, and in normal vision; seconds of
+the stage. Needs nibabel, numpy and scipy.
 """
 import argparse, pathlib, sys, tempfile
 

@@ -17,7 +17,7 @@ use crate::structure;
 use crate::table::{Looks, tabulate};
 use crate::visibility::{Bounds, Fit, fit};
 
-/// Most samples along an axis that a volume is looked at in.
+/// Most samples along an axis that a volume is held in.
 const MOST_ALONG: usize = 256;
 /// Most pairs of close colours that are reported.
 const MOST_PAIRS: usize = 64;
@@ -103,7 +103,7 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
     })
 }
 
-/// Whether there is any material that isn't gas: only then is air clear, so that something is seen of air alone too.
+/// Whether there is any material that isn't gas: only then is air clear, so that a volume of nothing but gas isn't all clear.
 fn has_matter(classes: &[ClassStatistics], roles: &[Role]) -> bool {
     classes.iter().zip(roles).any(|(class, role)| *role == Role::Material && class.mean > HALF_GAS)
 }
@@ -146,7 +146,7 @@ fn gaussians(
     range: [f64; 2],
     params: &Params,
 ) -> Vec<WeightedGaussian> {
-    // A spread below half a table step can't be seen, and 0 has no posterior.
+    // A spread below half a table step makes no difference, and 0 has no posterior.
     let floor = (0.5 * (range[1] - range[0]) / (params.resolution - 1) as f64).max(f64::MIN_POSITIVE);
     let gaussian = |(s, role): (&ClassStatistics, &Role)| {
         let class = labels.class(s.id);

@@ -1,4 +1,4 @@
-/// A class as its edges see it: a weighted Gaussian in real values, with the crossings its segmentation gave.
+/// A class as a weighted Gaussian in real values, with the crossings that its segmentation gave.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct WeightedGaussian {
     pub(crate) mean: f64,
@@ -15,7 +15,7 @@ pub(crate) struct WeightedGaussian {
 /// One side of a class's window: where it lies and the half width over which it fades. `None`: open.
 pub(crate) type Edge = Option<(f64, f64)>;
 
-/// The part of the value axis that a class is seen in.
+/// The part of the value axis in which a class shows.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Window {
     pub(crate) lower: Edge,
@@ -170,7 +170,7 @@ mod tests {
         assert_eq!(
             found[1].lower.map(|(at, _)| at),
             Some(25.0),
-            "where the transition itself lies is still told"
+            "the transition's own place is still reported"
         );
         for value in [0.0, 30.0, 50.0, 60.0, 100.0] {
             assert!((found[0].weight(value) + found[2].weight(value) - 1.0).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! Which parts of a volume rays have nothing to look at in.
+//! Parts of a volume in which rays meet nothing visible.
 
 use ivd_core::parallel;
 

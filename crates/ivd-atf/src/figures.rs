@@ -13,7 +13,7 @@ pub struct MaterialVisibility {
     pub visibility: f64,
     /// The share that was aimed at.
     pub target: f64,
-    /// Mean opacity that it would have alone at the greatest opacity, on rays that meet matter.
+    /// Mean opacity that it would have as the only one, at the greatest opacity, on rays that meet matter.
     pub coverage: f64,
 }
 
@@ -54,7 +54,7 @@ pub struct Figures {
     /// Rounds in which opacities were changed; 0 where they don't go by visibility.
     #[schemars(extend("x-unit" = "1"))]
     pub rounds: u32,
-    /// Directions that were looked from; 0 likewise.
+    /// Directions from which visibility was measured; 0 likewise.
     #[schemars(extend("x-unit" = "1"))]
     pub views: u32,
     /// Mean opacity of rays that meet background only, where opacities go by visibility and such rays are met.

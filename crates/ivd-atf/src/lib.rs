@@ -1,6 +1,6 @@
 //! A transfer function made from a segmentation, with nothing to tune by hand.
 //!
-//! A volume picture needs to know which values are seen, in which colour and how densely. [`transfer`] reads that from
+//! A volume picture needs to know which values are visible, in which colour and how opaque. [`transfer`] reads that from
 //! the classes of a segmentation (thesis 4.2.2): each class gives one entry, whose
 //!
 //! - **role** is background, which is clear, material, or the transition between two materials, which has nothing of its own,
@@ -18,7 +18,7 @@
 //! - `reduced`, `structure`, `joined`: the volume in levels, in at most 256 samples an axis; faces between classes, slopes, noise; what is
 //!   joined to the outside.
 //! - `roles`: background, materials, transitions.
-//! - `edges`, `mix`: posterior crossings, the soft windows between them, and what is seen at a value in a row.
+//! - `edges`, `mix`: posterior crossings, the soft windows between them, and which materials show at a value in a row.
 //! - `bins`, `empty`, `rays`, `visibility`: kinds of samples, what rays meet, and the opacities that follow.
 //! - `colour`: palettes, and how different colours look.
 //! - `table`, `build`: the table and its entries; all of it together.

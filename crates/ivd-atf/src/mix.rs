@@ -1,4 +1,4 @@
-//! What is seen at a value, by the label that it lies at.
+//! Which materials show at a value, by the label of the voxel.
 
 use ivd_core::NO_DATA;
 
@@ -6,7 +6,7 @@ use crate::edges::{WeightedGaussian, Window, are_separate, windows};
 use crate::roles::{AIR, Role};
 use crate::statistics::ClassStatistics;
 
-/// Hounsfield values over which what is seen sets in above air.
+/// Hounsfield values above [`AIR`] over which opacity rises from nothing to its whole.
 const AIR_FADES: f64 = 100.0;
 
 /// Which classes a value belongs to, and how much: one answer for each row of the table. Classes are numbered in the order of their means.
@@ -17,14 +17,13 @@ pub(crate) struct Mix<'a> {
     pub(crate) classes: &'a [ClassStatistics],
     pub(crate) roles: &'a [Role],
     pub(crate) windows: Vec<Window>,
-    /// Whether a class is looked at in a class's row, at `row * classes + class`; empty where all rows are the same.
+    /// Whether a class shows in a class's row, at `row * classes + class`; empty where all rows are the same.
     apart: Vec<bool>,
     clear_air: bool,
 }
 
 impl<'a> Mix<'a> {
-    /// `gaussians`: the classes as their edges see them; `clear_air`: whether Hounsfield values of air are clear, up to −900 wholly
-    /// and less and less up to −800.
+    /// `clear_air`: whether Hounsfield values up to −900 are clear, and those up to −800 in part.
     pub(crate) fn new(
         classes: &'a [ClassStatistics],
         roles: &'a [Role],
@@ -67,11 +66,11 @@ impl<'a> Mix<'a> {
     pub(crate) fn shares(&self, row: usize, value: f64, at: &[(usize, f64)], out: &mut Vec<(usize, f64)>) {
         out.clear();
         let n = self.classes.len();
-        let seen = |class: usize| row == 0 || self.apart[(row - 1) * n + class];
-        let all: f64 = at.iter().filter(|(class, _)| seen(*class)).map(|(_, weight)| weight).sum();
+        let shows = |class: usize| row == 0 || self.apart[(row - 1) * n + class];
+        let all: f64 = at.iter().filter(|(class, _)| shows(*class)).map(|(_, weight)| weight).sum();
         let share = self.above_air(value) / all.max(1.0);
         for &(class, weight) in at {
-            if seen(class) && self.roles[class] == Role::Material && share > 0.0 {
+            if shows(class) && self.roles[class] == Role::Material && share > 0.0 {
                 out.push((class, weight * share));
             }
         }

@@ -55,7 +55,7 @@ pub struct Params {
     pub palette: Palette,
     /// What values mean.
     pub values: ValueScale,
-    /// Directions that visibility is looked at from: along the grid's axes both ways, then along its eight diagonals.
+    /// Directions from which visibility is measured: along the grid's axes both ways, then along its eight diagonals.
     #[schemars(range(min = 1, max = 14), extend("x-unit" = "1"))]
     pub views: usize,
     /// Greatest opacity over the reference length; by border strength, that of the most prominent class.

@@ -1,4 +1,4 @@
-//! What rays through a volume meet: gathered once, looked at again for every choice of opacities.
+//! What rays through a volume meet: gathered once, composited again for every choice of opacities.
 
 use ivd_core::{Exec, parallel};
 use nalgebra::Vector3;
@@ -29,7 +29,7 @@ const DIRECTIONS: [[f64; 3]; 14] = [
     [1.0, -1.0, -1.0],
     [-1.0, 1.0, 1.0],
 ];
-/// Steps are a 171st of the samples' mean number along an axis, but no shorter than one distance of samples and no longer than this.
+/// A step, in distances of samples, is their mean number along an axis over [`ALONG`], but no shorter than one and no longer than this.
 const LONGEST_STEP: f64 = 1.5;
 /// Mean number of samples along an axis at which a step is one distance of samples.
 const ALONG: f64 = 512.0 / 3.0;

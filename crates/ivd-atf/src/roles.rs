@@ -12,7 +12,7 @@ use ivd_core::NO_DATA;
 pub(crate) enum Role {
     /// Round the matter, or gas in it: clear.
     Background,
-    /// Something to be seen.
+    /// Matter: visible.
     Material,
     /// Voxels that lie partly in one material and partly in another: no matter of their own.
     Transition,
@@ -21,7 +21,7 @@ pub(crate) enum Role {
 /// Share of the background's voxels, at least, that are joined to the volume's outermost layer.
 const JOINED: f64 = 0.9;
 
-/// Share of the voxels with data, at least, that have label 0 where somebody chose the parts. Fewer are strays of a segmentation.
+/// Share of the voxels with data, at least, that have label 0 where a person chose the parts. Fewer are strays of a segmentation.
 const CHOSEN: f64 = 0.01;
 
 /// Hounsfield value at which half of a voxel is gas: the scale is linear in density, with air at −1000 and water at 0.
@@ -34,16 +34,16 @@ const NOISE_STEP: f64 = 3.0;
 /// … if at least this share of its faces lies on the background. Measured: a split of a tooth's air 0.52 at 2.1 deviations; what must not
 /// merge: haze round a tree 0.28 at 3.3, cerebrospinal fluid 0.10 at 2.4.
 const NOISE_FACES: f64 = 0.4;
-/// … and at most this share on anything but itself and the background. That split: 0.06; cerebrospinal fluid and bone of the noisy head phantom, which are
-/// one class at K = 4, lie on brain and skin too.
+/// … and at most this share on anything but itself and the background. That split: 0.06; cerebrospinal fluid and bone of the noisy head phantom,
+/// which are one class at K = 4, lie on brain and skin too.
 const MATTER_FACES: f64 = 0.1;
 
 /// A transition has fewer than this share of its faces on itself, …
 const OWN_FACES: f64 = 0.5;
 /// … a median slope [deviations of the noise over a voxel's length] of at least this, …
 const STEEP: f64 = 8.0;
-/// … and at least this share of its faces on lower and on higher classes each. A face between two voxels of a class counts once. The last leaves thin classes at an end of the value axis,
-/// such as bone in a coarse scan.
+/// … and at least this share of its faces on lower and on higher classes each. A face between two voxels of a class counts once. The last
+/// leaves thin classes at an end of the value axis, such as bone in a coarse scan.
 const EACH_SIDE: f64 = 0.15;
 
 /// Whether values look like Hounsfield units: they reach from air, at most −900, to beyond water, at least 100, and lie within what
@@ -63,8 +63,8 @@ pub(crate) fn are_hounsfield(values: ValueScale, range: [f64; 2]) -> bool {
 
 /// The roles of `classes`, which are in the order of their means.
 ///
-/// Label 0 on voxels with data is background. Where it has at least [`CHOSEN`] of the voxels, the labels are somebody's choice of parts: each of
-/// the others is a material, but for gas by its Hounsfield value.
+/// Label 0 on voxels with data is background. Where it has at least [`CHOSEN`] of the voxels, the labels are a person's choice of parts: each of the
+/// others is a material, but for gas by its Hounsfield value.
 pub(crate) fn roles(
     classes: &[ClassStatistics],
     structure: &Structure,
@@ -183,7 +183,7 @@ mod tests {
         assert_eq!(all, [false, false]);
         let mut rest = vec![true, false];
         keep_one(&mut rest, |class| class == 0);
-        assert_eq!(rest, [false, false], "what has no label isn't to be seen");
+        assert_eq!(rest, [false, false], "without a label it can't be the material");
     }
 
     #[test]
@@ -232,7 +232,7 @@ mod tests {
         }
     }
 
-    /// Roles of a phantom of `n` voxels along each axis over the same extent: a ball with a core, in noisy air, edges over a voxel's length; looked at
+    /// Roles of a phantom of `n` voxels along each axis over the same extent: a ball with a core, in noisy air, edges over a voxel's length; held
     /// in at most `most` samples along an axis.
     fn phantom(n: usize, most: usize) -> Vec<Role> {
         use ivd_core::{Exec, Grid, Labels, Volume, Voxels};

@@ -1,7 +1,7 @@
 //! How classes lie beside each other: faces between their voxels, steps across them, how steep values are inside, and noise.
 //!
-//! All of it is asked of voxels and their own neighbours, never of samples further apart: of a volume that is looked at in samples the rows of the
-//! samples are, whole, so that a volume of a voxel more gives what the smaller one gives.
+//! All of it is measured between voxels that are neighbours, never between samples further apart. Of a volume that is held in samples the rows
+//! of voxels that have samples are measured, so that a volume of a voxel more gives what the smaller one gives.
 
 use ivd_core::{Exec, parallel};
 
@@ -21,7 +21,7 @@ const NOISY: f64 = 0.05;
 /// Median of the magnitude of a normal deviate.
 const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
 
-/// What neighbouring voxels tell of the classes, which are numbered in the order of their means.
+/// Measures of neighbouring voxels by class; classes are numbered in the order of their means.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Structure {
     classes: usize,

@@ -1,4 +1,4 @@
-//! Opacities by which every material is seen as much as it is to be (Ruiz et al. 2011; Correa & Ma 2011).
+//! Opacities by which every material has the visibility that is aimed at (Ruiz et al. 2011; Correa & Ma 2011).
 
 use ivd_core::{Exec, Iteration, parallel};
 
@@ -10,11 +10,11 @@ use crate::rays::{Bundle, RayRow};
 const START: f64 = 0.3;
 /// Share of the light on the way through the matter that is let through on average.
 const LET_THROUGH: f64 = 0.02;
-/// What is small is to be seen as this share of all that is seen at least, …
-const LEAST_SEEN: f64 = 0.065;
-/// … or as this part of what it would cover alone, if that is less.
-const OF_ALONE: f64 = 0.65;
-/// … where these shares come to no more than this together; else all of them are scaled down to it.
+/// The target of a small material is at least this share of all visibility, …
+const LEAST_TARGET: f64 = 0.065;
+/// … or this part of its coverage, if that is less, …
+const OF_COVERAGE: f64 = 0.65;
+/// … as long as these come to no more than this together; else all of them are scaled down to it.
 const MOST_GUARANTEED: f64 = 0.5;
 /// Most rounds.
 const MOST_ROUNDS: u32 = 40;
@@ -44,7 +44,7 @@ pub(crate) struct Fit {
     pub(crate) visibility: Vec<f64>,
     /// Share of all visibility that is aimed at.
     pub(crate) target: Vec<f64>,
-    /// Mean opacity that a material has alone, at the greatest opacity, on rays that meet matter.
+    /// Mean opacity that a material would have as the only one, at the greatest opacity, on rays that meet matter.
     pub(crate) coverage: Vec<f64>,
     /// Kullback–Leibler divergence of the visibility from the target.
     pub(crate) divergence: f64,
@@ -140,7 +140,7 @@ fn divergence(target: &[f64], visibility: &[f64], through: [f64; 2]) -> f64 {
 fn targets(coverage: &[f64], materials: &[usize]) -> Vec<f64> {
     let mut target = vec![0.0; coverage.len()];
     let mut open: Vec<usize> = materials.iter().copied().filter(|&k| coverage[k] > 0.0).collect();
-    let asked = |k: usize| LEAST_SEEN.min(OF_ALONE * coverage[k]);
+    let asked = |k: usize| LEAST_TARGET.min(OF_COVERAGE * coverage[k]);
     let all_asked: f64 = open.iter().map(|&k| asked(k)).sum();
     let scale = (MOST_GUARANTEED / all_asked).min(1.0);
     let least = |k: usize| scale * asked(k);
@@ -242,8 +242,8 @@ fn composite(rays: &RayRow, step: &[f32], sums: &mut Sums) {
     }
 }
 
-/// Mean opacity of every class on the rays that meet matter, if it were alone with opacity `most`; `steps`: lengths of a step, in reference
-/// lengths.
+/// Coverage: mean opacity of every class on the rays that meet matter, if it were the only one, with opacity `most`;
+/// `steps`: lengths of a step, in reference lengths.
 fn coverage(
     bundle: &Bundle,
     bins: &SampleBins,
@@ -284,7 +284,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn targets_go_by_what_is_covered_alone_but_for_what_is_small() {
+    fn targets_go_by_coverage_but_for_what_is_small() {
         let close = |found: &[f64], expected: &[f64]| {
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
         };
@@ -302,9 +302,9 @@ mod tests {
     fn of_many_materials_the_largest_keeps_the_largest_target() {
         for small in [0.001, 0.05, 0.3, 0.9] {
             for count in [2, 15, 16, 20, 300] {
-                let mut alone = vec![small; count];
-                (alone[0], alone[1]) = (1.0, 0.5 * (1.0 + small));
-                let found = targets(&alone, &(0..count).collect::<Vec<_>>());
+                let mut coverage = vec![small; count];
+                (coverage[0], coverage[1]) = (1.0, 0.5 * (1.0 + small));
+                let found = targets(&coverage, &(0..count).collect::<Vec<_>>());
                 assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{count} of {small}: {found:?}");
                 assert!(
                     found[0] >= found[1] && found[1] >= found[count - 1],
@@ -313,9 +313,9 @@ mod tests {
                 assert!(found.iter().all(|share| *share > 0.0));
             }
         }
-        let mut alone = vec![0.3; 20];
-        alone[0] = 1.0;
-        assert!((targets(&alone, &(0..20).collect::<Vec<_>>())[0] - 1.0 / 6.7).abs() < 1e-12);
+        let mut coverage = vec![0.3; 20];
+        coverage[0] = 1.0;
+        assert!((targets(&coverage, &(0..20).collect::<Vec<_>>())[0] - 1.0 / 6.7).abs() < 1e-12);
     }
 
     #[test]
