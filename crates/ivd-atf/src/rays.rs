@@ -10,8 +10,11 @@ use crate::mix::Mix;
 use crate::reduced::{MISSING, Reduced};
 use crate::roles::Role;
 
-/// Most rays along a side of a view.
+/// Most rays along the longest side of the volume; as far from each other along all other sides, in all views: a view of twice the area counts
+/// twice.
 const MOST_ACROSS: usize = 128;
+/// Least rays along a side of a view, however narrow.
+const LEAST_ACROSS: usize = 8;
 /// Directions of views along the grid: along its axes both ways, then along its diagonals.
 const DIRECTIONS: [[f64; 3]; 14] = [
     [1.0, 0.0, 0.0],
@@ -77,10 +80,14 @@ pub(crate) fn cast(
     views: usize,
     exec: &Exec,
 ) -> Result<Bundle, Error> {
-    let across = reduced.dims.into_iter().max().unwrap_or(1).clamp(8, MOST_ACROSS);
-    let views: Vec<View> = DIRECTIONS[..views].iter().map(|d| View::new(*d, reduced)).collect();
-    let samples: usize = views.iter().map(|view| view.samples * across * across).sum();
+    let across = reduced.dims.into_iter().max().unwrap_or(1).clamp(LEAST_ACROSS, MOST_ACROSS);
+    let extents = (0..3).map(|a| reduced.dims[a] as f64 * reduced.spacing[a]);
+    let apart = extents.fold(0.0, f64::max) / across as f64;
+    let views: Vec<View> = DIRECTIONS[..views].iter().map(|d| View::new(*d, reduced, apart)).collect();
+    let samples: usize = views.iter().map(|view| view.samples * view.rays[0] * view.rays[1]).sum();
     exec.check_memory("samples on rays", 4 * samples as u64)?;
+    let rows: Vec<(&View, usize)> =
+        views.iter().flat_map(|view| (0..view.rays[1]).map(move |v| (view, v))).collect();
     let mut step_mm: Vec<f64> = views.iter().map(|view| view.step_mm).collect();
     step_mm.sort_by(f64::total_cmp);
     step_mm.dedup();
@@ -95,15 +102,12 @@ pub(crate) fn cast(
         is_matter: bins.is_matter(),
         is_visible: (0..bins.len()).map(|kind| !bins.parts(kind).is_empty()).collect(),
     };
-    let rows = parallel::try_map(views.len() * across, &|i| {
+    let rows = parallel::try_map(rows.len(), &|i| {
         exec.check_cancelled()?;
-        let (view, v) = (&views[i / across], i % across);
+        let (view, v) = rows[i];
         let step = step_mm.iter().position(|&mm| mm == view.step_mm).expect("each view's step is listed");
         let mut row = RayRow { step, ..RayRow::default() };
-        for u in 0..across {
-            let place = |i: usize| (i as f32 + 0.5) / across as f32;
-            caster.ray(view, view.start(place(u), place(v)), &mut row);
-        }
+        (0..view.rays[0]).for_each(|u| caster.ray(view, view.start([u, v]), &mut row));
         Ok::<_, Error>(row)
     })?;
     Ok(Bundle { rows, step_mm })
@@ -113,6 +117,8 @@ pub(crate) fn cast(
 struct View {
     corner: Vector3<f32>,
     along: [Vector3<f32>; 2],
+    /// Rays along each of `along`.
+    rays: [usize; 2],
     step: Vector3<f32>,
     step_mm: f64,
     /// Samples of its longest ray.
@@ -122,7 +128,9 @@ struct View {
 impl View {
     /// The longest way through the volume is a whole number of steps, so that a thin one is looked through at its own thickness. In no
     /// direction is a step much longer than the distance of samples there, nor much shorter, whatever their spacing.
-    fn new(direction: [f64; 3], reduced: &Reduced<'_>) -> Self {
+    ///
+    /// `apart`: distance of rays [mm].
+    fn new(direction: [f64; 3], reduced: &Reduced<'_>, apart: f64) -> Self {
         let spacing = Vector3::from(reduced.spacing);
         let dims = Vector3::from(reduced.dims.map(|n| n as f64));
         let forward = Vector3::from(direction).normalize();
@@ -137,6 +145,7 @@ impl View {
             let along = corners.clone().map(|corner| corner.dot(&axis));
             along.fold([f64::MAX, f64::MIN], |[low, high], at| [low.min(at), high.max(at)])
         });
+        let width = |i: usize| reach[i][1] - reach[i][0];
         let mean = dims.iter().product::<f64>().cbrt();
         let wanted = (mean / ALONG).clamp(1.0, LONGEST_STEP) / forward.component_div(&spacing).norm();
         let across = (0..3).filter(|&a| forward[a].abs() > 1e-9);
@@ -147,15 +156,18 @@ impl View {
         let corner: Vector3<f64> = basis.iter().zip(&reach).map(|(axis, [low, _])| axis * *low).sum();
         Self {
             corner: in_voxels(corner),
-            along: [0, 1].map(|i| in_voxels(basis[i] * (reach[i][1] - reach[i][0]))),
+            along: [0, 1].map(|i| in_voxels(basis[i] * width(i))),
+            // A little less: a whole number of distances stays one.
+            rays: [0, 1].map(|i| ((width(i) / apart - 1e-6).ceil() as usize).max(LEAST_ACROSS)),
             step: in_voxels(forward * step_mm),
             step_mm,
             samples: samples as usize,
         }
     }
 
-    fn start(&self, u: f32, v: f32) -> Vector3<f32> {
-        self.corner + self.along[0] * u + self.along[1] * v
+    fn start(&self, ray: [usize; 2]) -> Vector3<f32> {
+        let place = |i: usize| (ray[i] as f32 + 0.5) / self.rays[i] as f32;
+        self.corner + self.along[0] * place(0) + self.along[1] * place(1)
     }
 }
 
