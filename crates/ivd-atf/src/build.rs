@@ -32,7 +32,7 @@ const MOST_PAIRS: usize = 64;
 /// outermost layer, if 9/10 of it is joined to that layer, with every class beyond it. A class that noise split off the background belongs
 /// to it; a thin steep class between two others is a transition.
 ///
-/// **Opacity** over `reference_mm`, by visibility: the visibility of materials is in proportion to what each would cover alone. By border
+/// **Opacity** over `reference_mm`, by visibility: that of each material goes by what it would cover alone and by how much of it lies in front. By border
 /// strength `g` (real units per mm) and share `n` of the voxels:
 ///
 /// ```text

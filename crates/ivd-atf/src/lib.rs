@@ -7,7 +7,7 @@
 //! - **colour** looks like tissue, is one of eight that any eye tells apart, or goes by value,
 //! - **edges** lie where its Gaussian posterior meets that of its neighbours in intensity, softened by the spread; as the
 //!   posterior weighs a class by its voxel count, a class of many voxels is *wider*,
-//! - **opacity** makes every material visible in proportion to what it would cover alone.
+//! - **opacity** makes every material visible by what it would cover alone and how much of it lies in front.
 //!
 //! A table over the value alone can't split two classes of equal value, so that the result has the class label as its
 //! second axis: one row for each class, and row 0, the union of all, for pictures without labels. Where values tell all classes apart the

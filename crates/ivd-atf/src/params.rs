@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OpacityRule {
-    /// Every material's visibility is in proportion to what it would cover alone.
+    /// Every material is visible by what it would cover alone and by how much of it lies in front.
     #[default]
     Visibility,
     /// The strength of a class's border, and the inverse of its size.
