@@ -152,7 +152,9 @@ fn proportions(
     exec: &Exec,
 ) -> Result<Vec<f64>, Error> {
     let mut opacity = vec![0.0; coverage.len()];
-    materials.iter().for_each(|&k| opacity[k] = bounds.most);
+    for &k in materials {
+        opacity[k] = bounds.most;
+    }
     let in_front = visibility(bundle, bins, &opacity, steps, exec)?.visibility;
     let [all_in_front, all] =
         [&in_front[..], coverage].map(|of| of.iter().sum::<f64>().max(f64::MIN_POSITIVE));
