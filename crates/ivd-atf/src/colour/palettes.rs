@@ -6,13 +6,14 @@ use super::difference::{from_lab, lab};
 pub(super) const DISTINCT: usize = 8;
 
 /// Eight colours of which any two differ by a ΔE₀₀ of at least 21, in normal vision and to people who lack one kind of cone; found by
-/// random search for that, with L* of 33 … 97 and a chroma of at most 80. sRGB, 8 bit.
+/// random search for that, with L* of 33 … 97 and a chroma of at most 80. The quiet ones come first: the first two are those of most of what a
+/// scan shows. sRGB, 8 bit.
 const SAFE: [[u8; 3]; DISTINCT] = [
+    [217, 231, 255], // ice
     [183, 148, 155], // dusty rose
-    [45, 148, 255],  // blue
     [245, 240, 138], // pale yellow
     [241, 92, 63],   // vermilion
-    [217, 231, 255], // ice
+    [45, 148, 255],  // blue
     [102, 55, 146],  // purple
     [79, 93, 90],    // slate
     [154, 31, 0],    // dark red
