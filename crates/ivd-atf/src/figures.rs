@@ -21,8 +21,10 @@ pub struct MaterialVisibility {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ClosePair {
     /// The classes.
+    #[schemars(extend("x-unit" = "1"))]
     pub classes: [u16; 2],
     /// Least ΔE₀₀ over normal vision, protanopia, deuteranopia and tritanopia.
+    #[schemars(extend("x-unit" = "1"))]
     pub difference: f64,
 }
 
