@@ -8,12 +8,16 @@ use crate::params::Palette;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MaterialVisibility {
     /// The class.
+    #[schemars(extend("x-unit" = "1"))]
     pub class: u16,
     /// Its share of all visibility, over all views.
+    #[schemars(extend("x-unit" = "1"))]
     pub visibility: f64,
     /// The share that was aimed at.
+    #[schemars(extend("x-unit" = "1"))]
     pub target: f64,
     /// Mean opacity that it would have as the only one, at the greatest opacity, on rays that meet matter.
+    #[schemars(extend("x-unit" = "1"))]
     pub coverage: f64,
 }
 
