@@ -59,3 +59,18 @@ fn files_that_hold_none_are_refused_with_the_place() {
     );
     assert_eq!(read(Path::new("nowhere.json")).unwrap_err().error_class(), ErrorClass::Io);
 }
+
+#[test]
+fn presets_are_read() {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/transfer"));
+    let mut count = 0;
+    for file in std::fs::read_dir(folder).unwrap() {
+        let path = file.unwrap().path();
+        let preset = read(&path).unwrap();
+        assert_eq!(preset.range()[0], -1000.0, "{}", path.display());
+        assert_eq!(preset.sample(0, -1000.0)[3], 0.0, "{}: air is clear", path.display());
+        assert!(preset.sample(0, 1500.0)[3] > 0.5, "{}: bone is seen", path.display());
+        count += 1;
+    }
+    assert!(count >= 4);
+}
