@@ -25,6 +25,8 @@ pub(super) struct Certificate {
 
 /// Gap at which the work ends.
 const CLOSED: f64 = 1e-4;
+/// The same of cuts, whose gap closes.
+const CUT_CLOSED: f64 = 5e-7;
 /// Most sweeps.
 const MOST: u32 = 4000;
 /// Sweeps between two looks.
@@ -49,7 +51,7 @@ pub(super) fn certify(
         AreaMeasure::Faces => 6,
         AreaMeasure::Corners => 26,
     };
-    let limits = [CLOSED, f64::from(MOST)];
+    let limits = [CUT_CLOSED, f64::from(MOST)];
     let cut = graph::cut(level, inside, force, mu, neighbours, limits, exec)?;
     Ok(Certificate {
         energy: cut.energy,
