@@ -36,6 +36,14 @@ impl<'p> Lines<'p> {
     }
 }
 
+/// A header that was read.
+#[derive(Debug)]
+pub(crate) struct Header {
+    pub(crate) fields: Fields,
+    /// Bytes of the header: up to the data that may follow.
+    pub(crate) length: u64,
+}
+
 /// The fields of a header as text, by their names.
 #[derive(Debug)]
 pub(crate) struct Fields {

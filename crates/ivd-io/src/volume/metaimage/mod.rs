@@ -13,8 +13,8 @@ use ivd_core::{Exec, Grid, Volume, VoxelType};
 
 use crate::volume::data::{self, DataFile, Encoding, Frames, Start};
 use crate::volume::stored::FileType;
+use crate::volume::text_header::Header;
 use crate::volume::{ByteOrder, Error, bounded, orientation};
-use header::Header;
 pub(crate) use write::write;
 
 /// Whether bytes open a MetaImage header: it has no magic, but starts with one of its first fields.
@@ -28,7 +28,7 @@ pub(crate) fn is_metaimage(bytes: &[u8]) -> bool {
 
 /// Reads a volume; `frame` chooses one of a 4-D file.
 pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Volume, Error> {
-    let header = Header::read(path)?;
+    let header = header::read(path)?;
     let (dims, frames) = sizes(path, &header)?;
     let count = bounded::voxel_count(path, "DimSize", dims)?;
     let grid = grid(path, &header, dims)?;
@@ -49,7 +49,7 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
 
 /// The files of a volume.
 pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
-    Ok(data::files(path, data_name(path, &Header::read(path)?)?.as_deref()))
+    Ok(data::files(path, data_name(path, &header::read(path)?)?.as_deref()))
 }
 
 /// Name of the data's own file; `None` for data in the header's file.
@@ -99,14 +99,14 @@ fn rank(path: &Path, header: &Header) -> Result<usize, Error> {
 fn grid(path: &Path, header: &Header, dims: [usize; 3]) -> Result<Grid, Error> {
     let rank = rank(path, header)?;
     let (mut spacing, mut origin, mut direction) = ([1.0; 3], [0.0; 3], orientation::IDENTITY);
-    if let Some(given) = header.any::<f64>(path, &["ElementSpacing", "ElementSize"], rank)? {
+    if let Some(given) = header::any::<f64>(header, path, &["ElementSpacing", "ElementSize"], rank)? {
         (0..rank.min(3)).for_each(|a| spacing[a] = given[a]);
     }
-    if let Some(given) = header.any::<f64>(path, &["Offset", "Position", "Origin"], rank)? {
+    if let Some(given) = header::any::<f64>(header, path, &["Offset", "Position", "Origin"], rank)? {
         (0..rank.min(3)).for_each(|a| origin[a] = given[a]);
     }
     if let Some(given) =
-        header.any::<f64>(path, &["TransformMatrix", "Rotation", "Orientation"], rank * rank)?
+        header::any::<f64>(header, path, &["TransformMatrix", "Rotation", "Orientation"], rank * rank)?
     {
         for axis in 0..rank.min(3) {
             (0..rank.min(3)).for_each(|w| direction[axis][w] = given[axis * rank + w]);
@@ -121,8 +121,8 @@ fn grid(path: &Path, header: &Header, dims: [usize; 3]) -> Result<Grid, Error> {
 }
 
 fn encoding(path: &Path, header: &Header) -> Result<Encoding, Error> {
-    let text = !header.flag(path, "BinaryData")?.unwrap_or(true);
-    match (text, header.flag(path, "CompressedData")?.unwrap_or(false)) {
+    let text = !header::flag(header, path, "BinaryData")?.unwrap_or(true);
+    match (text, header::flag(header, path, "CompressedData")?.unwrap_or(false)) {
         (false, false) => Ok(Encoding::Raw),
         (false, true) => Ok(Encoding::Deflated),
         (true, false) => Ok(Encoding::Text),
@@ -140,9 +140,9 @@ fn start(path: &Path, header: &Header) -> Result<Start, Error> {
 }
 
 fn order(path: &Path, header: &Header) -> Result<ByteOrder, Error> {
-    let most_first = match header.flag(path, "BinaryDataByteOrderMSB")? {
+    let most_first = match header::flag(header, path, "BinaryDataByteOrderMSB")? {
         Some(flag) => Some(flag),
-        None => header.flag(path, "ElementByteOrderMSB")?,
+        None => header::flag(header, path, "ElementByteOrderMSB")?,
     };
     Ok(if most_first.unwrap_or(false) { ByteOrder::Big } else { ByteOrder::Little })
 }

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use ivd_core::Grid;
 
-use super::header::{Header, vectors};
+use super::header::vectors;
+use crate::volume::text_header::Header;
 use crate::volume::{Error, bounded, orientation};
 
 /// Sizes and places of the axes.

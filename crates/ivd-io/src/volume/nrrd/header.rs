@@ -1,38 +1,28 @@
 use std::path::Path;
 
 use crate::volume::Error;
-use crate::volume::text_header::{Fields, Lines, MOST};
+use crate::volume::text_header::{Fields, Header, Lines, MOST};
 
-/// The fields of a header. Spaces in a name, upper and lower case are the same to every reader (`datafile` and `data file`, `space
-/// directions` and `spacedirections`).
-#[derive(Debug)]
-pub(super) struct Header {
-    pub(super) fields: Fields,
-    /// Bytes of the header, the empty line at its end included.
-    pub(super) length: u64,
-}
-
-impl Header {
-    /// Reads the lines up to the empty one, or the end of a detached header.
-    pub(super) fn read(path: &Path) -> Result<Self, Error> {
-        let mut lines = Lines::open(path)?;
-        if !lines.read()?.unwrap_or_default().starts_with("NRRD000") {
-            return Err(Error::field(path, "magic", "the first line is not `NRRD000…`"));
-        }
-        let mut fields = Fields::new(|name| name.split_whitespace().collect::<String>().to_lowercase());
-        while let Some(text) = lines.read()? {
-            if text.is_empty() {
-                return Ok(Self { fields, length: lines.length });
-            }
-            if let Some((name, value)) = field(path, &text)? {
-                fields.add(path, name, value)?;
-            }
-        }
-        if lines.length >= MOST {
-            return Err(Error::field(path, "header", format!("no empty line within {MOST} bytes")));
-        }
-        Ok(Self { fields, length: lines.length })
+/// Reads the lines up to the empty one, which belongs to the header, or the end of a detached one. Spaces in a name, upper and lower case are
+/// the same to every reader (`datafile` and `data file`, `space directions` and `spacedirections`).
+pub(super) fn read(path: &Path) -> Result<Header, Error> {
+    let mut lines = Lines::open(path)?;
+    if !lines.read()?.unwrap_or_default().starts_with("NRRD000") {
+        return Err(Error::field(path, "magic", "the first line is not `NRRD000…`"));
     }
+    let mut fields = Fields::new(|name| name.split_whitespace().collect::<String>().to_lowercase());
+    while let Some(text) = lines.read()? {
+        if text.is_empty() {
+            return Ok(Header { fields, length: lines.length });
+        }
+        if let Some((name, value)) = field(path, &text)? {
+            fields.add(path, name, value)?;
+        }
+    }
+    if lines.length >= MOST {
+        return Err(Error::field(path, "header", format!("no empty line within {MOST} bytes")));
+    }
+    Ok(Header { fields, length: lines.length })
 }
 
 /// Name and value of a line; `None` for a line that isn't the format's.

@@ -14,14 +14,14 @@ use ivd_core::{Exec, Volume, VoxelType};
 
 use crate::volume::data::{self, DataFile, Encoding, Frames, Start};
 use crate::volume::stored::FileType;
+use crate::volume::text_header::Header;
 use crate::volume::{ByteOrder, Error, bounded};
 use axes::Axes;
-use header::Header;
 pub(crate) use write::{field, write};
 
 /// Reads a volume; `frame` chooses one of a file whose slowest axis isn't space.
 pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Volume, Error> {
-    let header = Header::read(path)?;
+    let header = header::read(path)?;
     let axes = Axes::of(path, &header)?;
     let count = bounded::voxel_count(path, "sizes", axes.dims)?;
     let file_type = file_type(path, &header)?;
@@ -42,7 +42,7 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
 
 /// The files of a volume.
 pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
-    Ok(data::files(path, data_name(path, &Header::read(path)?)?.as_deref()))
+    Ok(data::files(path, data_name(path, &header::read(path)?)?.as_deref()))
 }
 
 /// Name of the data's own file, where the header has one.
