@@ -17,11 +17,14 @@ pub fn linear_of_byte(byte: u8) -> f32 {
     linear(f64::from(byte) / 255.0) as f32
 }
 
+/// sRGB component of linear light.
+pub fn encoded(light: f64) -> f64 {
+    if light <= 0.003_130_8 { light * 12.92 } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
+}
+
 /// Byte of an sRGB component of linear light; light below 0 or above 1 is taken as 0 or 1.
 pub fn byte(linear: f32) -> u8 {
-    let light = f64::from(linear).clamp(0.0, 1.0);
-    let encoded = if light <= 0.003_130_8 { light * 12.92 } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 };
-    (encoded * 255.0).round() as u8
+    (encoded(f64::from(linear).clamp(0.0, 1.0)) * 255.0).round() as u8
 }
 
 #[cfg(test)]

@@ -28,6 +28,9 @@ pub mod mesh;
 mod notes;
 mod number;
 mod order;
+mod refusal;
 pub mod transfer;
 pub mod volume;
 mod vtk;
+
+pub use refusal::FileError;

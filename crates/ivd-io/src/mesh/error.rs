@@ -2,6 +2,8 @@ use std::path::PathBuf;
 
 use ivd_core::{Classified, ErrorClass};
 
+use crate::FileError;
+
 /// Why a mesh can't be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -24,28 +26,9 @@ pub enum Error {
         /// What it can't hold, with the number that shows it.
         problem: String,
     },
-    /// A mesh file that isn't what its format asks for, or holds what can't be used.
-    #[error("{}: {place}: {problem}; {remedy}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// The line, byte or part that is wrong.
-        place: String,
-        /// What is wrong with it.
-        problem: String,
-        /// What to do instead.
-        remedy: String,
-    },
-    /// Reading or writing failed.
-    #[error("{}: can't {action}: {source}", path.display())]
-    Io {
-        /// What was tried, such as `write`.
-        action: &'static str,
-        /// The file.
-        path: PathBuf,
-        /// The system's reason.
-        source: std::io::Error,
-    },
+    /// A mesh file that can't be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
 }
 
 impl Classified for Error {
@@ -54,8 +37,7 @@ impl Classified for Error {
             Self::Core(error) => error.error_class(),
             Self::Format { .. } => ErrorClass::Usage,
             Self::Unwritable { .. } => ErrorClass::Limit,
-            Self::Unreadable { .. } => ErrorClass::Input,
-            Self::Io { .. } => ErrorClass::Io,
+            Self::File(error) => error.error_class(),
         }
     }
 }

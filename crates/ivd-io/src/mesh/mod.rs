@@ -42,6 +42,8 @@ use nalgebra::Vector3;
 use format::format_of;
 use placed::Placed;
 
+use crate::FileError;
+
 /// What became of a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Written {
@@ -55,7 +57,7 @@ pub struct Written {
 ///
 /// # Errors
 /// [`Error::Format`] for an ending that isn't known, [`Error::Unwritable`] where the format can't hold the lattice,
-/// [`Error::Io`] where writing failed. The target is then as it was.
+/// [`FileError::Io`] where writing failed. The target is then as it was.
 pub fn write(path: &Path, lattice: &Lattice) -> Result<Written, Error> {
     write_mesh(path, &Placed { lattice, positions: lattice.positions(), frames: &[] })
 }
@@ -94,7 +96,7 @@ fn write_mesh(path: &Path, mesh: &Placed) -> Result<Written, Error> {
         Format::Glb => glb::check(mesh)?,
         Format::Vtp => vtp::check(mesh)?,
     };
-    let failed = |action, source| Error::Io { action, path: path.to_owned(), source };
+    let failed = |action, source| Error::from(FileError::io(action, path, source));
     let touched = ivd_fs::replace(path, failed, |file| {
         match format {
             Format::Ply => ply::write(file, mesh),

@@ -9,6 +9,7 @@ use ivd_core::{Lattice, Motion};
 use super::format::Format;
 use super::placed::{Placed, times};
 use super::{Written, deformed, write_deformed, write_mesh};
+use crate::FileError;
 use crate::mesh::Error;
 
 /// Writes a lattice with its motion, in the format of the file's ending.
@@ -65,7 +66,7 @@ fn write_series(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Writt
         let _ = writeln!(text, "    <DataSet timestep=\"{time}\" part=\"0\" file=\"{file}\"/>");
     }
     text.push_str("  </Collection>\n</VTKFile>\n");
-    let failed = |action, source| Error::Io { action, path: path.to_owned(), source };
+    let failed = |action, source| Error::from(FileError::io(action, path, source));
     written.touched |= ivd_fs::replace(path, failed, |file| {
         file.write_all(text.as_bytes()).map_err(|source| failed("write", source))
     })?;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::FileError;
 use crate::mesh::Error;
 use crate::number::Number;
 use crate::order::ByteOrder;
@@ -40,7 +41,7 @@ impl Failure {
     pub(super) fn of(self, path: &Path) -> Error {
         match self {
             Self::Bad { place, problem, remedy } => {
-                Error::Unreadable { path: path.to_owned(), place, problem, remedy: remedy.to_owned() }
+                FileError::Unreadable { path: path.to_owned(), place, problem, remedy }.into()
             }
             Self::Core(error) => error.into(),
         }

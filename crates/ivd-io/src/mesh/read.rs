@@ -8,6 +8,7 @@ use ivd_core::Mesh;
 use super::format::{Format, format_of};
 use super::parse::{Budget, Failure};
 use super::{glb, obj, ply, stl, vtp};
+use crate::FileError;
 use crate::mesh::Error;
 
 /// Reads a mesh file in the format of its ending.
@@ -18,11 +19,11 @@ use crate::mesh::Error;
 /// - `limit_bytes`: most bytes that the file and its mesh may take together; `u64::MAX` for no limit.
 ///
 /// # Errors
-/// [`Error::Format`] for an ending that isn't known, [`Error::Io`] where reading failed, [`Error::Unreadable`] with the
+/// [`Error::Format`] for an ending that isn't known, [`FileError::Io`] where reading failed, [`FileError::Unreadable`] with the
 /// line, byte or part where the file is wrong, [`ivd_core::Error::MemoryLimit`] beyond `limit_bytes`.
 pub fn read(path: &Path, limit_bytes: u64) -> Result<Mesh, Error> {
     let format = format_of(path)?;
-    let failed = |source| Error::Io { action: "read", path: path.to_owned(), source };
+    let failed = |source| Error::from(FileError::io("read", path, source));
     let meta = std::fs::metadata(path).map_err(failed)?;
     if !meta.is_file() {
         return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file")));
@@ -38,7 +39,7 @@ pub fn read(path: &Path, limit_bytes: u64) -> Result<Mesh, Error> {
 /// Reads a mesh from the bytes of a file; errors call it `bytes.ply` and so on.
 ///
 /// # Errors
-/// As [`read()`], without [`Error::Format`] and [`Error::Io`].
+/// As [`read()`], without [`Error::Format`] and [`FileError::Io`].
 pub fn read_bytes(format: Format, bytes: &[u8], limit_bytes: u64) -> Result<Mesh, Error> {
     parse(format, bytes, limit_bytes)
         .map_err(|failure| failure.of(&PathBuf::from(format!("bytes.{}", format.ending()))))

@@ -181,7 +181,7 @@ fn what_cannot_be_written_is_named() {
         assert!(matches!(write(&folder.path().join(name), &lattice), Err(Error::Format { .. })));
     }
     let nowhere = folder.path().join("missing/mesh.ply");
-    assert!(matches!(write(&nowhere, &lattice), Err(Error::Io { .. })));
+    assert!(matches!(write(&nowhere, &lattice), Err(Error::File(FileError::Io { .. }))));
     let path = folder.path().join("mesh.ply");
     assert!(write_deformed(&path, &lattice, &[[0.0; 3]; 3]).is_err());
     assert!(write_deformed(&path, &lattice, &[[f64::NAN; 3]; 4]).is_err());

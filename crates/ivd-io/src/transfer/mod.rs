@@ -11,7 +11,6 @@
 //!
 //! [`read()`] tells the formats by what a file holds.
 
-mod error;
 mod json;
 mod paraview;
 mod points;
@@ -25,8 +24,9 @@ use std::path::Path;
 use ivd_core::TransferFunction;
 use serde_json::Value;
 
-pub use error::Error;
 use points::Points;
+
+use crate::FileError;
 
 /// Most bytes of a file that is read.
 const MAX_BYTES: u64 = 256 << 20;
@@ -69,20 +69,20 @@ pub fn to_json(transfer: &TransferFunction, format: Format) -> Value {
 /// Writes a transfer function; a file whose bytes would not change isn't touched. Returns whether it was.
 ///
 /// # Errors
-/// [`Error::Io`].
-pub fn write(path: &Path, transfer: &TransferFunction, format: Format) -> Result<bool, Error> {
+/// [`FileError::Io`].
+pub fn write(path: &Path, transfer: &TransferFunction, format: Format) -> Result<bool, FileError> {
     let text = format!("{:#}\n", to_json(transfer, format));
-    let failed = |source| Error::Io { action: "write", path: path.to_owned(), source };
+    let failed = |source| FileError::io("write", path, source);
     ivd_fs::replace(path, |_, source| failed(source), |to| to.write_all(text.as_bytes()).map_err(failed))
 }
 
 /// Reads a transfer function of any of the formats.
 ///
 /// # Errors
-/// [`Error::Unreadable`] names the place in the file; [`Error::Io`].
-pub fn read(path: &Path) -> Result<TransferFunction, Error> {
-    let failed = |source| Error::Io { action: "read", path: path.to_owned(), source };
-    let bad = |place: String, problem: String, remedy| Error::Unreadable {
+/// [`FileError::Unreadable`] names the place in the file; [`FileError::Io`].
+pub fn read(path: &Path) -> Result<TransferFunction, FileError> {
+    let failed = |source| FileError::io("read", path, source);
+    let bad = |place: String, problem: String, remedy| FileError::Unreadable {
         path: path.to_owned(),
         place,
         problem,

@@ -48,7 +48,7 @@ impl Points {
         let samples: Vec<[f64; 4]> = (0..count)
             .map(|i| {
                 let [r, g, b, a] = transfer.sample(0, value(i)).map(f64::from);
-                [encoded(r), encoded(g), encoded(b), a]
+                [srgb::encoded(r), srgb::encoded(g), srgb::encoded(b), a]
             })
             .collect();
         let colours: Vec<[f64; 3]> = samples.iter().map(|s| [s[0], s[1], s[2]]).collect();
@@ -102,11 +102,6 @@ impl Points {
             None => STEPS[1],
         }
     }
-}
-
-/// An sRGB component of linear light.
-fn encoded(light: f64) -> f64 {
-    if light <= 0.003_130_8 { light * 12.92 } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// Indices of samples that, joined by lines, come near to all of them: of each stretch as long a one as can be.
@@ -208,7 +203,12 @@ mod tests {
             let value = -1000.0 + 3000.0 * f64::from(i) / 1023.0;
             let [r, g, b, a] = transfer.sample(0, value).map(f64::from);
             let [x, y, z] = at(&points.colour, value);
-            let off = [encoded(r) - x, encoded(g) - y, encoded(b) - z, a - at(&points.opacity, value)[0]];
+            let off = [
+                srgb::encoded(r) - x,
+                srgb::encoded(g) - y,
+                srgb::encoded(b) - z,
+                a - at(&points.opacity, value)[0],
+            ];
             // Twice as much where a value lies between the places that were looked at.
             assert!(off.iter().all(|d| d.abs() < 2.0 * TOLERANCE), "{value}: {off:?}");
         }

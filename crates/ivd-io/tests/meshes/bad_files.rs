@@ -1,6 +1,7 @@
 //! Damaged and hostile files: each gets its error, which names the file, the place, what is wrong and a remedy.
 
 use ivd_core::{Classified, ErrorClass};
+use ivd_io::FileError;
 use ivd_io::mesh::Error;
 use ivd_io::mesh::Format;
 
@@ -15,7 +16,7 @@ fn assert_refused(format: Format, bytes: &[u8], wanted: &[&str]) {
         Err(error) => error,
     };
     assert_eq!(error.error_class(), ErrorClass::Input, "{error}");
-    let Error::Unreadable { place, problem, remedy, .. } = &error else { panic!("{error}") };
+    let Error::File(FileError::Unreadable { place, problem, remedy, .. }) = &error else { panic!("{error}") };
     assert!(!place.is_empty() && !problem.is_empty() && !remedy.is_empty());
     let message = error.to_string();
     assert!(message.starts_with(&format!("bytes.{}: ", format.ending())), "{message}");

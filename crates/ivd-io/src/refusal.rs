@@ -1,19 +1,18 @@
-use std::path::PathBuf;
+//! What reading and writing small files comes to, whatever the files hold.
+
+use std::path::{Path, PathBuf};
 
 use ivd_core::{Classified, ErrorClass};
 
-/// Why a transfer function can't be read or written.
+/// Why a file can't be read or written.
 #[derive(Debug, thiserror::Error)]
-pub enum Error {
-    /// A failure that any stage can meet.
-    #[error(transparent)]
-    Core(#[from] ivd_core::Error),
+pub enum FileError {
     /// A file that isn't what its format asks for, or holds what can't be used.
     #[error("{}: {place}: {problem}; {remedy}", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// The part that is wrong.
+        /// The line, byte or part that is wrong.
         place: String,
         /// What is wrong with it.
         problem: String,
@@ -32,10 +31,15 @@ pub enum Error {
     },
 }
 
-impl Classified for Error {
+impl FileError {
+    pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
+        Self::Io { action, path: path.to_owned(), source }
+    }
+}
+
+impl Classified for FileError {
     fn error_class(&self) -> ErrorClass {
         match self {
-            Self::Core(error) => error.error_class(),
             Self::Unreadable { .. } => ErrorClass::Input,
             Self::Io { .. } => ErrorClass::Io,
         }
