@@ -15,23 +15,10 @@ use crate::roles::Role;
 const MOST_ACROSS: usize = 128;
 /// Least rays along a side of a view, however narrow.
 const LEAST_ACROSS: usize = 8;
-/// Directions of views along the grid: along its axes both ways, then along its diagonals.
-const DIRECTIONS: [[f64; 3]; 14] = [
-    [1.0, 0.0, 0.0],
-    [-1.0, 0.0, 0.0],
-    [0.0, 1.0, 0.0],
-    [0.0, -1.0, 0.0],
-    [0.0, 0.0, 1.0],
-    [0.0, 0.0, -1.0],
-    [1.0, 1.0, 1.0],
-    [-1.0, -1.0, -1.0],
-    [1.0, -1.0, 1.0],
-    [-1.0, 1.0, -1.0],
-    [1.0, 1.0, -1.0],
-    [-1.0, -1.0, 1.0],
-    [1.0, -1.0, -1.0],
-    [-1.0, 1.0, 1.0],
-];
+/// Directions of views along the grid, each of them both ways: along its axes, …
+const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// … and then along its diagonals.
+const DIAGONALS: [[f64; 3]; 4] = [[1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, -1.0]];
 /// A step, in distances of samples, is their mean number along an axis over [`ALONG`], but no shorter than one and no longer than this.
 const LONGEST_STEP: f64 = 1.5;
 /// Mean number of samples along an axis at which a step is one distance of samples.
@@ -83,7 +70,8 @@ pub(crate) fn cast(
     let across = reduced.dims.into_iter().max().unwrap_or(1).clamp(LEAST_ACROSS, MOST_ACROSS);
     let extents = (0..3).map(|a| reduced.dims[a] as f64 * reduced.spacing[a]);
     let apart = extents.fold(0.0, f64::max) / across as f64;
-    let views: Vec<View> = DIRECTIONS[..views].iter().map(|d| View::new(*d, reduced, apart)).collect();
+    let directions = AXES.into_iter().chain(DIAGONALS).flat_map(|d| [d, d.map(|c| -c)]);
+    let views: Vec<View> = directions.take(views).map(|d| View::new(d, reduced, apart)).collect();
     let samples: usize = views.iter().map(|view| view.samples * view.rays[0] * view.rays[1]).sum();
     exec.check_memory("samples on rays", 4 * samples as u64)?;
     let rows: Vec<(&View, usize)> =

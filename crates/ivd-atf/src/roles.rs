@@ -29,23 +29,6 @@ pub(crate) const HALF_GAS: f64 = -500.0;
 /// Hounsfield value up to which there is air alone, whatever a class says.
 pub(crate) const AIR: f64 = -900.0;
 
-/// A class whose mean step to the background is at most so many deviations of the noise may be a split of the background …
-const NOISE_STEP: f64 = 3.0;
-/// … if at least this share of its faces lies on the background. Measured: a split of a tooth's air 0.52 at 2.1 deviations; what must not
-/// merge: haze round a tree 0.28 at 3.3, cerebrospinal fluid 0.10 at 2.4.
-const NOISE_FACES: f64 = 0.4;
-/// … and at most this share on anything but itself and the background. That split: 0.06; cerebrospinal fluid and bone of the noisy head phantom,
-/// which are one class at K = 4, lie on brain and skin too.
-const MATTER_FACES: f64 = 0.1;
-
-/// A transition has fewer than this share of its faces on itself, …
-const OWN_FACES: f64 = 0.5;
-/// … a median slope [deviations of the noise over a voxel's length] of at least this, …
-const STEEP: f64 = 8.0;
-/// … and at least this share of its faces on lower and on higher classes each. A face between two voxels of a class counts once. The last
-/// leaves thin classes at an end of the value axis, such as bone in a coarse scan.
-const EACH_SIDE: f64 = 0.15;
-
 /// Whether values look like Hounsfield units: they reach from air, at most −900, to beyond water, at least 100, and lie within what
 /// scanners write. Magnetic resonance has no negative values.
 fn looks_like_hounsfield([low, high]: [f64; 2]) -> bool {
@@ -119,6 +102,15 @@ fn by_border(classes: &[ClassStatistics], is_joined: impl Fn(usize) -> bool) -> 
     (0..classes.len()).map(|i| if is_above { i <= outside } else { i >= outside }).collect()
 }
 
+/// A class whose mean step to the background is at most so many deviations of the noise may be a split of the background …
+const NOISE_STEP: f64 = 3.0;
+/// … if at least this share of its faces lies on the background. Measured: a split of a tooth's air 0.52 at 2.1 deviations; what must not
+/// merge: haze round a tree 0.28 at 3.3, cerebrospinal fluid 0.10 at 2.4.
+const NOISE_FACES: f64 = 0.4;
+/// … and at most this share on anything but itself and the background. That split: 0.06; cerebrospinal fluid and bone of the noisy head phantom,
+/// which are one class at K = 4, lie on brain and skin too.
+const MATTER_FACES: f64 = 0.1;
+
 /// Adds classes that noise split off the background.
 fn merge_noise(background: &mut [bool], structure: &Structure) {
     let is_split = |background: &[bool], class: usize| {
@@ -138,6 +130,14 @@ fn merge_noise(background: &mut [bool], structure: &Structure) {
         background[class] = true;
     }
 }
+
+/// A transition has fewer than this share of its faces on itself, …
+const OWN_FACES: f64 = 0.5;
+/// … a median slope [deviations of the noise over a voxel's length] of at least this, …
+const STEEP: f64 = 8.0;
+/// … and at least this share of its faces on lower and on higher classes each. A face between two voxels of a class counts once. The last
+/// leaves thin classes at an end of the value axis, such as bone in a coarse scan.
+const EACH_SIDE: f64 = 0.15;
 
 /// Classes that are the way from one class to another.
 fn transitions(background: &[bool], structure: &Structure) -> Vec<bool> {

@@ -10,12 +10,6 @@ use crate::rays::{Bundle, RayRow};
 const START: f64 = 0.3;
 /// Share of the light on the way through the matter that is let through on average.
 const LET_THROUGH: f64 = 0.02;
-/// The target of a small material is at least this share of all visibility, …
-const LEAST_TARGET: f64 = 0.065;
-/// … or this part of its coverage, if that is less, …
-const OF_COVERAGE: f64 = 0.65;
-/// … as long as these come to no more than this together; else all of them are scaled down to it.
-const MOST_GUARANTEED: f64 = 0.5;
 /// Power of target over visibility that an opacity is multiplied by in a round. At ½ a crop of an abdomen in CT still improves after 40 rounds.
 const GAIN: f64 = 0.9;
 /// Most rounds.
@@ -24,8 +18,6 @@ const MOST_ROUNDS: u32 = 40;
 const SETTLED: f64 = 1e-4;
 /// … for so many rounds: on their way opacities may pass a worse place.
 const PATIENCE: u32 = 4;
-/// Transmittance at which a ray is at its end.
-const OPAQUE: f32 = 1e-3;
 /// Visibility is summed in whole numbers of this part, so that the order of rays doesn't matter.
 const PARTS: f32 = (1_u64 << 32) as f32;
 
@@ -161,6 +153,13 @@ fn proportions(
     Ok(in_front.iter().zip(coverage).map(|(front, own)| 0.5 * (front / all_in_front + own / all)).collect())
 }
 
+/// The target of a small material is at least this share of all visibility, …
+const LEAST_TARGET: f64 = 0.065;
+/// … or this part of its coverage, if that is less, …
+const OF_COVERAGE: f64 = 0.65;
+/// … as long as these come to no more than this together; else all of them are scaled down to it.
+const MOST_GUARANTEED: f64 = 0.5;
+
 /// Shares in proportion to `proportions`, none below its least; what that takes comes from the others.
 ///
 /// The least shares come to at most [`MOST_GUARANTEED`] together: of many materials each is promised less, so that the larger ones always
@@ -246,6 +245,9 @@ fn visibility(
         silhouette_difference: (matter > 0.0).then(|| (faint + opaque) / matter),
     })
 }
+
+/// Transmittance at which a ray is at its end.
+const OPAQUE: f32 = 1e-3;
 
 /// `step`: opacity of each kind of sample over a step.
 fn composite(rays: &RayRow, step: &[f32], sums: &mut Sums) {

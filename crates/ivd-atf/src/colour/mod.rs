@@ -16,21 +16,6 @@ use ivd_core::NO_DATA;
 
 pub(crate) use palettes::safe;
 
-/// Least ΔE₀₀ that colours by value are moved apart to, where their materials touch and lightness has room for it.
-const APART: f64 = 8.0;
-/// Most steps of lightness by which they are moved.
-const MOST_STEPS: usize = 60;
-/// Most touching pairs that are moved apart: where there are more, their colours can't all differ.
-const MOST_MOVED: usize = 2048;
-/// ΔE₀₀ below which a pair is worth reporting.
-const CLOSE: f64 = 20.0;
-/// Two classes touch if at least this share of the faces that one of them has on others lies between them.
-const TOUCHES: f64 = 0.01;
-/// Most lower and most higher materials that touch each other through a transition: those with most faces on it.
-const MOST_THROUGH: usize = 8;
-/// Share of the voxels below and above the range that colours by value are spread over.
-const TAIL: f64 = 0.002;
-
 /// Colour of the class of rank `rank` in the order of means, where no transfer function tells: linear RGB in 0…1.
 pub fn class_colour(rank: usize) -> [f32; 3] {
     safe(rank)
@@ -127,6 +112,9 @@ fn places(slots: &[usize], roles: &[Role]) -> Vec<usize> {
     places
 }
 
+/// Share of the voxels below and above the range that colours by value are spread over.
+const TAIL: f64 = 0.002;
+
 /// Values between which nearly all voxels lie.
 fn spread(structure: &Structure, reduced: &Reduced<'_>) -> [f64; 2] {
     let all: u64 = structure.histogram.iter().sum();
@@ -144,6 +132,11 @@ fn spread(structure: &Structure, reduced: &Reduced<'_>) -> [f64; 2] {
     };
     [tail(false), tail(true)]
 }
+
+/// Two classes touch if at least this share of the faces that one of them has on others lies between them.
+const TOUCHES: f64 = 0.01;
+/// Most lower and most higher materials that touch each other through a transition: those with most faces on it.
+const MOST_THROUGH: usize = 8;
 
 /// Pairs of materials that touch, through a transition too, the lower first.
 pub(crate) fn touching(roles: &[Role], structure: &Structure) -> Vec<[usize; 2]> {
@@ -181,6 +174,13 @@ pub(crate) fn touching(roles: &[Role], structure: &Structure) -> Vec<[usize; 2]>
     pairs
 }
 
+/// Least ΔE₀₀ that colours by value are moved apart to, where their materials touch and lightness has room for it.
+const APART: f64 = 8.0;
+/// Most steps of lightness by which they are moved.
+const MOST_STEPS: usize = 60;
+/// Most touching pairs that are moved apart: where there are more, their colours can't all differ.
+const MOST_MOVED: usize = 2048;
+
 /// Makes the darker of two materials that look alike darker and the lighter one lighter, step by step, [`MOST_STEPS`] at most: where lightness
 /// ends before that, and where one class has to differ from many, some stay nearer.
 fn move_apart(lab: &mut [[f64; 3]], pairs: &[[usize; 2]]) {
@@ -203,6 +203,9 @@ fn move_apart(lab: &mut [[f64; 3]], pairs: &[[usize; 2]]) {
         }
     }
 }
+
+/// ΔE₀₀ below which a pair is worth reporting.
+const CLOSE: f64 = 20.0;
 
 /// Pairs of touching materials whose colours are near, nearest first.
 pub(crate) fn close_pairs(touching: &[[usize; 2]], rgb: &[[f32; 3]]) -> Vec<Pair> {
