@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use ivd_boundary::{ComponentParams, EditParams, component, edit};
+use ivd_boundary::{ComponentParams, EditInputs, EditParams, component, edit};
 use ivd_core::{ElementKey, Exec, Grid, Lattice, Mask, Volume, noise};
 use ivd_lattice::extract::{ExtractParams, IsoChoice, IsoWord, LatticeFigures, LatticeParams, extract};
 
@@ -36,7 +36,10 @@ fn a_part_of_one_piece_of_a_random_field_gives_one_lattice() {
         let params = ComponentParams { above: Some(above), ..ComponentParams::default() };
         let part = component(&volume, None, &params, &Exec::default()).unwrap().mask;
         let smooth = EditParams { fill: true, ..EditParams::default() };
-        let smooth = edit(&volume, &part, None, &smooth, &Exec::default()).unwrap().mask;
+        let smooth =
+            edit(&EditInputs { volume: &volume, part: &part, other: None }, &smooth, &Exec::default())
+                .unwrap()
+                .mask;
         assert!(smooth.level().is_some() && smooth.inside() == part.inside(), "case {case}");
         let cut = |mask: &Mask, iso| lattice(&volume, Some(mask), iso).1;
         assert_eq!(cut(&part, IsoChoice::Value(above)), 1, "case {case}, by value");

@@ -38,11 +38,11 @@ mod runs;
 mod stage;
 mod surface;
 
-pub use compete::{CompeteParams, Seed, Won, compete, part_of_seeds};
+pub use compete::{CompeteParams, Seed, SeedInputs, Won, compete, part_of_seeds};
 pub use component::{Component, component};
 pub use contour::{Contour, ContourEnergy, ContourParams, SliceAxis, active_contour};
-pub use edit::{EditParams, Edited, SetOperation, edit};
+pub use edit::{EditInputs, EditParams, Edited, SetOperation, edit};
 pub use error::Error;
 pub use params::ComponentParams;
-pub use stage::{BoundaryFigures, ContourInputs, EditInputs, Inputs, STAGE, SeedInputs, SurfaceInputs};
+pub use stage::{BoundaryFigures, ContourInputs, Inputs, STAGE, SurfaceInputs};
 pub use surface::{AreaMeasure, DataTerm, Distribution, StartShape, Surface, SurfaceParams, active_surface};

@@ -12,6 +12,11 @@ pub(crate) struct Runs {
     rows: Vec<usize>,
 }
 
+/// Number of components, of which each is named by its first run.
+pub(crate) fn piece_count(components: &[u32]) -> usize {
+    components.iter().enumerate().filter(|(run, first)| *run == **first as usize).count()
+}
+
 impl Runs {
     /// Finds the runs in a box of `size` voxels; `row(y, z, found)` appends the ascending runs of one row.
     pub(crate) fn find(size: [usize; 3], row: impl Fn(usize, usize, &mut Vec<[u32; 2]>) + Sync) -> Self {

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::params::check_together;
 use crate::{
-    CompeteParams, ComponentParams, ContourParams, EditParams, SurfaceParams, active_contour, active_surface,
-    compete, component, edit, part_of_seeds,
+    CompeteParams, ComponentParams, ContourParams, EditInputs, EditParams, SeedInputs, SurfaceParams,
+    active_contour, active_surface, compete, component, edit, part_of_seeds,
 };
 
 /// The stage: its methods, and where it stands in a scene.
@@ -88,6 +88,24 @@ pub struct BoundaryFigures {
     pub upper: Option<f64>,
 }
 
+impl BoundaryFigures {
+    /// Those of any part.
+    fn of(voxels: u64, components: usize, filled: u64, volume: &Volume) -> Self {
+        let active_fraction = voxels as f64 / volume.grid().len() as f64;
+        Self { voxels, active_fraction, components, filled, ..Self::default() }
+    }
+
+    /// With those of a method that lowers an energy.
+    fn with_energies(self, energies: Vec<f64>) -> Self {
+        Self {
+            energy_first: energies.first().copied(),
+            energy_last: energies.last().copied(),
+            energies,
+            ..self
+        }
+    }
+}
+
 impl Op for ComponentParams {
     const REVISION: u32 = 2;
     type Inputs<'a> = Inputs<'a>;
@@ -106,14 +124,10 @@ impl Op for ComponentParams {
         let Inputs { volume, labels } = inputs;
         let part = component(volume, labels, self, exec)?;
         let figures = BoundaryFigures {
-            voxels: part.voxels,
-            active_fraction: part.voxels as f64 / volume.grid().len() as f64,
             class: part.class,
-            components: part.components,
-            filled: part.filled,
             lower: part.lower,
             upper: part.upper,
-            ..BoundaryFigures::default()
+            ..BoundaryFigures::of(part.voxels, part.components, part.filled, volume)
         };
         Ok((part.mask, figures))
     }
@@ -142,28 +156,16 @@ impl Op for SurfaceParams {
         let SurfaceInputs { volume, labels, start } = inputs;
         let found = active_surface(volume, labels, start, self, exec)?;
         let figures = BoundaryFigures {
-            voxels: found.voxels,
             iterations: found.sweeps,
-            energy_first: found.energies.first().copied(),
-            energy_last: found.energies.last().copied(),
-            energies: found.energies,
             active_fraction: found.active_fraction,
             gap: found.gap,
             relaxed_gap: found.relaxed_gap,
             mu: Some(found.mu),
             means: Some(found.means),
-            components: found.components,
-            filled: found.filled,
-            ..BoundaryFigures::default()
+            ..BoundaryFigures::of(found.voxels, found.components, found.filled, volume)
+                .with_energies(found.energies)
         };
         Ok((found.mask, figures))
-    }
-}
-
-slots! {
-    /// What seeds compete for, those that are drawn, a mask in the part, and what nobody gets.
-    pub struct SeedInputs<'a> {
-        volume: &'a Volume, seeds: Option<&'a Labels>, start: Option<&'a Mask>, blocked: Option<&'a Mask>
     }
 }
 
@@ -182,24 +184,14 @@ impl Op for CompeteParams {
     }
 
     fn run(&self, inputs: SeedInputs<'_>, exec: &Exec) -> Result<(Artefact, BoundaryFigures), Failure> {
-        let SeedInputs { volume, seeds, start, blocked } = inputs;
-        let share = |voxels: u64| voxels as f64 / volume.grid().len() as f64;
         if self.label.is_none() {
-            let labels = compete(volume, seeds, start, blocked, self, exec)?;
+            let labels = compete(&inputs, self, exec)?;
             let voxels = labels.classes().iter().map(|class| class.voxels).sum();
-            let components = labels.classes().len();
-            let figures =
-                BoundaryFigures { voxels, active_fraction: share(voxels), components, ..Default::default() };
+            let figures = BoundaryFigures::of(voxels, labels.classes().len(), 0, inputs.volume);
             return Ok((labels.into_artefact(), figures));
         }
-        let won = part_of_seeds(volume, seeds, start, blocked, self, exec)?;
-        let figures = BoundaryFigures {
-            voxels: won.voxels,
-            active_fraction: share(won.voxels),
-            components: won.components,
-            filled: won.filled,
-            ..BoundaryFigures::default()
-        };
+        let won = part_of_seeds(&inputs, self, exec)?;
+        let figures = BoundaryFigures::of(won.voxels, won.components, won.filled, inputs.volume);
         Ok((won.mask.into_artefact(), figures))
     }
 }
@@ -222,22 +214,11 @@ impl Op for ContourParams {
     fn run(&self, inputs: ContourInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
         let found = active_contour(inputs.volume, self, exec)?;
         let figures = BoundaryFigures {
-            voxels: found.voxels,
             iterations: found.iterations,
-            energy_first: found.energies.first().copied(),
-            energy_last: found.energies.last().copied(),
-            energies: found.energies,
-            active_fraction: found.voxels as f64 / inputs.volume.grid().len() as f64,
-            components: 1,
-            ..BoundaryFigures::default()
+            ..BoundaryFigures::of(found.voxels, 1, 0, inputs.volume).with_energies(found.energies)
         };
         Ok((found.mask, figures))
     }
-}
-
-slots! {
-    /// What parts are of, the part, and a second one.
-    pub struct EditInputs<'a> { volume: &'a Volume, part: &'a Mask, other: Option<&'a Mask> }
 }
 
 impl Op for EditParams {
@@ -247,15 +228,8 @@ impl Op for EditParams {
     type Figures = BoundaryFigures;
 
     fn run(&self, inputs: EditInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
-        let EditInputs { volume, part, other } = inputs;
-        let edited = edit(volume, part, other, self, exec)?;
-        let figures = BoundaryFigures {
-            voxels: edited.voxels,
-            active_fraction: edited.voxels as f64 / volume.grid().len() as f64,
-            components: edited.components,
-            filled: edited.filled,
-            ..BoundaryFigures::default()
-        };
+        let edited = edit(&inputs, self, exec)?;
+        let figures = BoundaryFigures::of(edited.voxels, edited.components, edited.filled, inputs.volume);
         Ok((edited.mask, figures))
     }
 }

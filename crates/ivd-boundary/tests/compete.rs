@@ -1,7 +1,7 @@
 //! Seeds that compete.
 #![allow(clippy::unwrap_used)]
 
-use ivd_boundary::{CompeteParams, Error, Seed, compete, part_of_seeds};
+use ivd_boundary::{CompeteParams, Error, Seed, SeedInputs, compete, part_of_seeds};
 use ivd_core::{Classified, ErrorClass, Exec, Grid, Mask, Volume, noise};
 
 /// Two blocks of nearly one value, a thin darker wall between them with a gap, in darkness.
@@ -25,6 +25,10 @@ fn rooms() -> Volume {
     Volume::new(grid, voxels.into()).unwrap()
 }
 
+fn inputs<'a>(volume: &'a Volume, start: Option<&'a Mask>, blocked: Option<&'a Mask>) -> SeedInputs<'a> {
+    SeedInputs { volume, seeds: None, start, blocked }
+}
+
 fn point(volume: &Volume, voxel: [f64; 3], label: u16) -> Seed {
     let at = volume.grid().world(ivd_core::VoxelCoord(nalgebra::Vector3::from(voxel))).0.into();
     Seed { at, to: None, radius: None, label: Some(label) }
@@ -42,19 +46,19 @@ fn seeds_on_either_side_of_a_wall_with_a_gap_share_what_one_alone_floods() {
         border: true,
         ..CompeteParams::default()
     };
-    let won = part_of_seeds(&volume, None, None, None, &against, &exec).unwrap();
+    let won = part_of_seeds(&inputs(&volume, None, None), &against, &exec).unwrap();
     assert!((won.voxels as f64 / f64::from(room) - 1.0).abs() < 0.12, "{} of {room}", won.voxels);
     let alone = CompeteParams { seeds: vec![own], ..against.clone() };
-    let all = part_of_seeds(&volume, None, None, None, &alone, &exec).unwrap();
+    let all = part_of_seeds(&inputs(&volume, None, None), &alone, &exec).unwrap();
     assert!(all.voxels > 2 * room as u64, "{}", all.voxels);
     // What is blocked is nobody's, and an earlier result goes on as a seed.
     let blocked: Vec<u8> = (0..volume.grid().len()).map(|i| u8::from(i % 40 < 8)).collect();
     let blocked = Mask::new(volume.grid().clone(), blocked.into()).unwrap();
-    let less = part_of_seeds(&volume, None, Some(&won.mask), Some(&blocked), &against, &exec).unwrap();
+    let less = part_of_seeds(&inputs(&volume, Some(&won.mask), Some(&blocked)), &against, &exec).unwrap();
     assert!((0..volume.grid().len()).all(|i| i % 40 >= 8 || less.mask.inside()[i] == 0));
     assert!(less.voxels < won.voxels && less.voxels > won.voxels / 2, "{} {}", less.voxels, won.voxels);
     let one = exec.clone().with_threads(1);
-    assert_eq!(won, part_of_seeds(&volume, None, None, None, &against, &one).unwrap());
+    assert_eq!(won, part_of_seeds(&inputs(&volume, None, None), &against, &one).unwrap());
 }
 
 #[test]
@@ -62,7 +66,7 @@ fn all_labels_are_shared_out_at_once_with_what_their_voxels_are_like() {
     let volume = rooms();
     let seeds = vec![point(&volume, [10.0, 9.5, 9.5], 5), point(&volume, [30.0, 9.5, 9.5], 3)];
     let all = CompeteParams { seeds: seeds.clone(), border: true, ..CompeteParams::default() };
-    let labels = compete(&volume, None, None, None, &all, &Exec::default()).unwrap();
+    let labels = compete(&inputs(&volume, None, None), &all, &Exec::default()).unwrap();
     assert!(labels.ids().iter().all(|id| [3, 5, 6].contains(id)));
     let ids: Vec<u16> = labels.classes().iter().map(|class| class.id).collect();
     assert_eq!(ids[0], 6, "the border's is the darkest");
@@ -70,7 +74,7 @@ fn all_labels_are_shared_out_at_once_with_what_their_voxels_are_like() {
     let room = labels.class(5).unwrap();
     assert!((room.mean - 102.0).abs() < 8.0, "{room:?}");
     let part = CompeteParams { label: Some(5), fill_holes: false, ..all };
-    let part = part_of_seeds(&volume, None, None, None, &part, &Exec::default()).unwrap();
+    let part = part_of_seeds(&inputs(&volume, None, None), &part, &Exec::default()).unwrap();
     assert!(labels.ids().iter().zip(part.mask.inside()).all(|(id, inside)| *inside == 0 || *id == 5));
     assert_eq!((part.voxels, part.components), (room.voxels, 1));
 }
@@ -80,7 +84,7 @@ fn a_part_without_rivals_or_seeds_is_refused() {
     let volume = rooms();
     let of = |seeds: Vec<Seed>| {
         let params = CompeteParams { seeds, label: Some(1), ..CompeteParams::default() };
-        part_of_seeds(&volume, None, None, None, &params, &Exec::default()).unwrap_err()
+        part_of_seeds(&inputs(&volume, None, None), &params, &Exec::default()).unwrap_err()
     };
     let no_rival = of(vec![point(&volume, [10.0, 9.5, 9.5], 1)]);
     assert_eq!(no_rival.error_class(), ErrorClass::Untrusted, "{no_rival}");
@@ -89,5 +93,5 @@ fn a_part_without_rivals_or_seeds_is_refused() {
     let outside = vec![Seed { at: [1e4, 0.0, 0.0], to: None, radius: None, label: None }];
     assert!(matches!(of(outside), Error::SeedOutside { .. }));
     let guard = CompeteParams { open: 2.0, ..CompeteParams::default() };
-    assert!(compete(&volume, None, None, None, &guard, &Exec::default()).is_err());
+    assert!(compete(&inputs(&volume, None, None), &guard, &Exec::default()).is_err());
 }

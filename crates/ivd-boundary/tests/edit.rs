@@ -1,7 +1,7 @@
 //! Edits of parts against what they are by definition.
 #![allow(clippy::unwrap_used)]
 
-use ivd_boundary::{EditParams, SetOperation, edit};
+use ivd_boundary::{EditInputs, EditParams, Edited, Error, SetOperation};
 use ivd_core::{Classified, ErrorClass, Exec, Grid, Mask, Volume, noise};
 
 const DIMS: [usize; 3] = [17, 13, 11];
@@ -13,6 +13,10 @@ fn grid() -> Grid {
 
 fn volume() -> Volume {
     Volume::new(grid(), vec![1_u8; grid().len()].into()).unwrap()
+}
+
+fn edit(part: &Mask, other: Option<&Mask>, params: &EditParams, exec: &Exec) -> Result<Edited, Error> {
+    ivd_boundary::edit(&EditInputs { volume: &volume(), part, other }, params, exec)
 }
 
 fn random(seed: u64, share: u64) -> Mask {
@@ -42,24 +46,22 @@ fn operations_closings_and_openings_are_what_they_are_by_definition() {
             (SetOperation::Difference, |a, b| a & (1 - b)),
         ] {
             let params = EditParams { operation: Some(operation), ..EditParams::default() };
-            let found = edit(&volume(), &a, Some(&b), &params, &exec).unwrap();
+            let found = edit(&a, Some(&b), &params, &exec).unwrap();
             let wanted: Vec<u8> = a.inside().iter().zip(b.inside()).map(|(a, b)| of(*a, *b)).collect();
             assert_eq!(found.mask.inside(), &wanted[..]);
         }
         let own = random(seed, 12);
         let radius = 1.5;
-        let closed =
-            edit(&volume(), &own, None, &EditParams { close: radius, ..EditParams::default() }, &exec)
-                .unwrap();
+        let closed = edit(&own, None, &EditParams { close: radius, ..EditParams::default() }, &exec).unwrap();
         let wide: Vec<bool> = (0..grid().len()).map(|i| near(i, radius, &|j| own.inside()[j] != 0)).collect();
         let wanted: Vec<u8> = (0..grid().len()).map(|i| u8::from(!near(i, radius, &|j| !wide[j]))).collect();
         assert_eq!(closed.mask.inside(), &wanted[..]);
         // Closing adds, opening takes; done again, neither changes anything.
         assert!(own.inside().iter().zip(closed.mask.inside()).all(|(a, b)| a <= b));
         let open = EditParams { open: 1.2, ..EditParams::default() };
-        let opened = edit(&volume(), &random(seed, 93), None, &open, &exec).unwrap();
+        let opened = edit(&random(seed, 93), None, &open, &exec).unwrap();
         assert!(random(seed, 93).inside().iter().zip(opened.mask.inside()).all(|(a, b)| a >= b));
-        assert_eq!(edit(&volume(), &opened.mask, None, &open, &exec).unwrap().mask, opened.mask);
+        assert_eq!(edit(&opened.mask, None, &open, &exec).unwrap().mask, opened.mask);
     }
 }
 
@@ -74,7 +76,7 @@ fn islands_go_and_holes_are_filled() {
         .collect();
     let own = Mask::new(grid(), inside.into()).unwrap();
     let params = EditParams { islands: 2.0, fill: true, ..EditParams::default() };
-    let found = edit(&volume(), &own, None, &params, &Exec::default()).unwrap();
+    let found = edit(&own, None, &params, &Exec::default()).unwrap();
     assert_eq!((found.voxels, found.components, found.islands, found.filled), (343, 1, 1, 125));
 }
 
@@ -82,11 +84,8 @@ fn islands_go_and_holes_are_filled() {
 fn an_operation_without_a_second_part_and_an_empty_result_are_refused() {
     let exec = Exec::default();
     let alone = EditParams { operation: Some(SetOperation::Union), ..EditParams::default() };
-    assert_eq!(
-        edit(&volume(), &random(1, 30), None, &alone, &exec).unwrap_err().error_class(),
-        ErrorClass::Usage
-    );
+    assert_eq!(edit(&random(1, 30), None, &alone, &exec).unwrap_err().error_class(), ErrorClass::Usage);
     let gone = EditParams { open: 20.0, ..EditParams::default() };
-    let error = edit(&volume(), &random(1, 30), None, &gone, &exec).unwrap_err();
+    let error = edit(&random(1, 30), None, &gone, &exec).unwrap_err();
     assert_eq!(error.error_class(), ErrorClass::Untrusted, "{error}");
 }

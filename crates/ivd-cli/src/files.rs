@@ -35,7 +35,12 @@ pub(crate) fn kinds_of(stage: &op::Stage, slot: &str) -> &'static [Kind] {
 }
 
 /// A file's value: an artefact's, or what a volume file of any format is taken for where one of the kinds can be read from one.
-fn file_for(file: &Path, kinds: &[Kind], cache: &Cache, context: &Context) -> anyhow::Result<Input> {
+pub(crate) fn file_for(
+    file: &Path,
+    kinds: &[Kind],
+    cache: &Cache,
+    context: &Context,
+) -> anyhow::Result<Input> {
     let read = |kind: &&Kind| matches!(kind, Kind::Volume | Kind::Labels | Kind::Mask);
     let Some(kind) = kinds.iter().find(read).filter(|_| !ivd_artefact::is_artefact(file)) else {
         return context.stage_input(file);

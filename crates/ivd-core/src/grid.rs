@@ -176,6 +176,15 @@ impl Grid {
         self.linear_part().try_inverse().expect("checked in Grid::new: the direction is invertible")
     }
 
+    /// How far a ball goes along each of the voxel axes, from its middle (voxels): it is the image of the unit ball, so that its extent
+    /// along an axis is the norm of the matrix's row.
+    ///
+    /// - `radius`: (mm).
+    pub fn ball_extent(&self, radius: f64) -> [f64; 3] {
+        let to_voxel = self.inverse_linear_part();
+        std::array::from_fn(|a| radius * to_voxel.row(a).norm())
+    }
+
     /// World position (mm) of a voxel coordinate.
     pub fn world(&self, voxel: VoxelCoord) -> World {
         World(Vector3::from(self.origin) + self.linear_part() * voxel.0)

@@ -99,17 +99,10 @@ impl Region {
     }
 }
 
-/// How far a ball goes along each of the grid's axes, from its middle (voxels): it is the image of the unit ball, so that its extent along
-/// an axis is the norm of the matrix's row.
-pub(super) fn half_extent(grid: &Grid, radius: f64) -> [f64; 3] {
-    let to_voxel = grid.inverse_linear_part();
-    std::array::from_fn(|a| radius * to_voxel.row(a).norm())
-}
-
 /// Bricks that the box round a ball spans, half open.
 fn brick_range(grid: &Grid, centre: Vector3<f64>, radius: f64) -> ([usize; 3], [usize; 3]) {
     let at = grid.inverse_linear_part() * centre;
-    let extent = half_extent(grid, radius);
+    let extent = grid.ball_extent(radius);
     let mut lo = [0; 3];
     let mut hi = [0; 3];
     for a in 0..3 {

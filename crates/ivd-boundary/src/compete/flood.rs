@@ -87,8 +87,7 @@ fn heights(volume: &Volume, window: Option<[f64; 2]>, exec: &Exec) -> Result<Vec
     let grid = volume.grid();
     let [nx, ny, nz] = grid.dims();
     let layer = nx * ny;
-    let axes = grid.linear_part();
-    let edges: [f64; 3] = std::array::from_fn(|a| axes.column(a).norm());
+    let edges = grid.spacing();
     let [low, high] = window.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
     let magnitudes: Vec<Vec<f32>> = parallel::try_map(nz, &|z| {
         exec.check_cancelled()?;

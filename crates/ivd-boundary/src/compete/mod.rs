@@ -6,12 +6,23 @@ mod params;
 use std::collections::BTreeMap;
 
 use ivd_core::op::Op as _;
-use ivd_core::{Class, Exec, Grid, Labels, Mask, NO_DATA, Volume, VoxelCoord, World, parallel};
+use ivd_core::{Class, Exec, Grid, Labels, Mask, NO_DATA, Volume, VoxelCoord, World, parallel, slots};
 use nalgebra::Vector3;
 
 pub use params::{CompeteParams, Seed};
 
 use crate::{Error, component, part};
+
+slots! {
+    /// What seeds compete for.
+    ///
+    /// - `seeds`: labels above 0 at voxels of seeds, beside those of the parameters, which lie over them.
+    /// - `start`: more seeds of [`CompeteParams::label`], else of 1, such as an earlier result to go on from.
+    /// - `blocked`: voxels that nobody gets.
+    pub struct SeedInputs<'a> {
+        volume: &'a Volume, seeds: Option<&'a Labels>, start: Option<&'a Mask>, blocked: Option<&'a Mask>
+    }
+}
 
 /// A part that was competed for.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,26 +41,15 @@ pub struct Won {
 /// magnitude (Meyer's flooding), of ways that are alike the one that comes first. Voxels without data, those that are blocked and those that
 /// no seed comes to have label 0.
 ///
-/// - `drawn`: labels above 0 at voxels of seeds, beside those of the parameters, which lie over them.
-/// - `start`: more seeds of [`CompeteParams::label`], else of 1, such as an earlier result to go on from.
-/// - `blocked`: voxels that nobody gets.
-///
 /// # Errors
 /// [`Error::NoBoundary`] with seeds of fewer than two labels; seeds outside the volume; other grids; memory, cancelled.
-pub fn compete(
-    volume: &Volume,
-    drawn: Option<&Labels>,
-    start: Option<&Mask>,
-    blocked: Option<&Mask>,
-    params: &CompeteParams,
-    exec: &Exec,
-) -> Result<Labels, Error> {
+pub fn compete(inputs: &SeedInputs<'_>, params: &CompeteParams, exec: &Exec) -> Result<Labels, Error> {
     params.check()?;
-    let seeds = seeds(volume, drawn, start, params)?;
+    let seeds = seeds(inputs, params)?;
     exec.run(|| {
-        let ids = shared_out(volume, &seeds, blocked, params, exec)?;
-        let classes = classes(volume, &ids);
-        Ok(Labels::new(volume.grid().clone(), ids.into(), classes)?)
+        let ids = shared_out(inputs, &seeds, params, exec)?;
+        let classes = classes(inputs.volume, &ids);
+        Ok(Labels::new(inputs.volume.grid().clone(), ids.into(), classes)?)
     })
 }
 
@@ -57,48 +57,34 @@ pub fn compete(
 ///
 /// # Errors
 /// As [`compete()`]; [`Error::NoBoundary`] too where nothing is left of the part.
-pub fn part_of_seeds(
-    volume: &Volume,
-    drawn: Option<&Labels>,
-    start: Option<&Mask>,
-    blocked: Option<&Mask>,
-    params: &CompeteParams,
-    exec: &Exec,
-) -> Result<Won, Error> {
+pub fn part_of_seeds(inputs: &SeedInputs<'_>, params: &CompeteParams, exec: &Exec) -> Result<Won, Error> {
     params.check()?;
-    let grid = volume.grid();
     let own = params.label.unwrap_or(1);
-    let seeds = seeds(volume, drawn, start, params)?;
+    let seeds = seeds(inputs, params)?;
     let chosen: Vec<usize> = (0..seeds.len()).filter(|&i| seeds[i] == own).collect();
     if chosen.is_empty() {
         return Err(Error::NoBoundary { problem: format!("no seed has the part's label, {own}") });
     }
     exec.run(|| {
-        let ids = shared_out(volume, &seeds, blocked, params, exec)?;
+        let ids = shared_out(inputs, &seeds, params, exec)?;
         let inside = ids.iter().map(|id| u8::from(*id == own)).collect();
-        let part = part::part(inside, volume, &chosen, params.open, params.fill_holes, exec)?;
-        let level = part::level(&part.inside, grid.dims(), exec)?;
-        let mask = Mask::new(grid.clone(), part.inside.into())?.with_level(level.into())?;
+        let part = part::part(inside, inputs.volume, &chosen, params.open, params.fill_holes, exec)?;
+        let mask = part::levelled(part.inside, inputs.volume.grid(), exec)?;
         Ok(Won { voxels: mask.count(), mask, components: part.components, filled: part.filled })
     })
 }
 
 /// The label of every voxel that is a seed.
-fn seeds(
-    volume: &Volume,
-    drawn: Option<&Labels>,
-    start: Option<&Mask>,
-    params: &CompeteParams,
-) -> Result<Vec<u16>, Error> {
-    let grid = volume.grid();
-    let mut ids = match drawn {
+fn seeds(inputs: &SeedInputs<'_>, params: &CompeteParams) -> Result<Vec<u16>, Error> {
+    let grid = inputs.volume.grid();
+    let mut ids = match inputs.seeds {
         Some(drawn) => {
             grid.require(drawn.grid(), "volume", "seeds")?;
             drawn.ids().to_vec()
         }
         None => vec![0; grid.len()],
     };
-    if let Some(start) = start {
+    if let Some(start) = inputs.start {
         grid.require(start.grid(), "volume", "start")?;
         let own = params.label.unwrap_or(1);
         ids.iter_mut().zip(start.inside()).filter(|(_, inside)| **inside != 0).for_each(|(id, _)| *id = own);
@@ -110,19 +96,19 @@ fn seeds(
         draw_border(&mut ids, grid.dims(), others);
     }
     for seed in &params.seeds {
-        draw_seed(&mut ids, volume, seed)?;
+        draw_seed(&mut ids, inputs.volume, seed)?;
     }
     Ok(ids)
 }
 
 /// The label that gets each voxel.
 fn shared_out(
-    volume: &Volume,
+    inputs: &SeedInputs<'_>,
     seeds: &[u16],
-    blocked: Option<&Mask>,
     params: &CompeteParams,
     exec: &Exec,
 ) -> Result<Vec<u16>, Error> {
+    let SeedInputs { volume, blocked, .. } = *inputs;
     if let Some(blocked) = blocked {
         volume.grid().require(blocked.grid(), "volume", "blocked")?;
     }
@@ -212,12 +198,11 @@ fn draw_seed(ids: &mut [u16], volume: &Volume, seed: &Seed) -> Result<(), Error>
 
 /// Lowest and one past the highest voxel within a radius (mm) of the points between two.
 fn near(grid: &Grid, ends: [Vector3<f64>; 2], radius: f64) -> [[usize; 3]; 2] {
-    let inverse = grid.inverse_linear_part();
+    let reach = grid.ball_extent(radius);
     let ends = ends.map(|end| grid.voxel(World(end)).0);
     let limit = |a: usize, v: f64| v.clamp(0.0, grid.dims()[a] as f64) as usize;
-    let reach = |a: usize| radius * inverse.row(a).norm();
     [
-        std::array::from_fn(|a| limit(a, (ends[0][a].min(ends[1][a]) - reach(a)).floor())),
-        std::array::from_fn(|a| limit(a, (ends[0][a].max(ends[1][a]) + reach(a)).ceil() + 1.0)),
+        std::array::from_fn(|a| limit(a, (ends[0][a].min(ends[1][a]) - reach[a]).floor())),
+        std::array::from_fn(|a| limit(a, (ends[0][a].max(ends[1][a]) + reach[a]).ceil() + 1.0)),
     ]
 }

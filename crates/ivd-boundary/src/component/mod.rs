@@ -7,7 +7,7 @@ use ivd_core::op::Op as _;
 use ivd_core::{Exec, Labels, Mask, Volume};
 use rayon::prelude::*;
 
-use crate::runs::Runs;
+use crate::runs::{Runs, piece_count};
 use crate::{ComponentParams, Error};
 pub(crate) use choice::seed_voxel;
 use choice::{Chosen, Members};
@@ -72,7 +72,7 @@ pub fn component(
             voxels: mask.count(),
             mask,
             class: chosen.class,
-            components: components.iter().enumerate().filter(|(run, first)| *run == **first as usize).count(),
+            components: piece_count(&components),
             filled,
             lower: chosen.lower,
             upper: chosen.upper,

@@ -44,8 +44,7 @@ impl Slice {
             }
             None => seed.map_or(dims[axis] / 2, |seed| seed[axis]),
         };
-        let axes = grid.linear_part();
-        let edges = [a, b].map(|axis| axes.column(axis).norm());
+        let edges = [a, b].map(|axis| grid.spacing()[axis]);
         let size = [dims[a], dims[b]];
         let stride = [1, dims[0], dims[0] * dims[1]];
         let values: Vec<f64> = (0..size[0] * size[1])

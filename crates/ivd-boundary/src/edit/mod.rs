@@ -3,7 +3,7 @@
 mod params;
 
 use ivd_core::op::Op as _;
-use ivd_core::{Exec, Grid, Mask, Volume};
+use ivd_core::{Exec, Grid, Mask, Volume, slots};
 
 pub use params::{EditParams, SetOperation};
 
@@ -26,21 +26,22 @@ pub struct Edited {
     pub filled: u64,
 }
 
+slots! {
+    /// What is edited.
+    ///
+    /// - `volume`: where voxels without data are, which stay out.
+    /// - `part`: the part.
+    /// - `other`: the second part of a union, an intersection or a difference.
+    pub struct EditInputs<'a> { volume: &'a Volume, part: &'a Mask, other: Option<&'a Mask> }
+}
+
 /// Edits a part: with another one, then closed, opened, without islands, without holes, in this order.
-///
-/// - `volume`: where voxels without data are, which stay out.
-/// - `other`: the second part of a union, an intersection or a difference.
 ///
 /// # Errors
 /// [`Error::NoBoundary`] where nothing is left; parts of another grid, an operation without a second part; memory, cancelled.
-pub fn edit(
-    volume: &Volume,
-    own: &Mask,
-    other: Option<&Mask>,
-    params: &EditParams,
-    exec: &Exec,
-) -> Result<Edited, Error> {
+pub fn edit(inputs: &EditInputs<'_>, params: &EditParams, exec: &Exec) -> Result<Edited, Error> {
     params.check()?;
+    let EditInputs { volume, part: own, other } = *inputs;
     let grid = volume.grid();
     grid.require(own.grid(), "volume", "part")?;
     let mut inside = own.inside().to_vec();
@@ -87,8 +88,7 @@ pub fn edit(
         } else {
             0
         };
-        let level = part::level(&inside, grid.dims(), exec)?;
-        let mask = Mask::new(grid.clone(), inside.into())?.with_level(level.into())?;
+        let mask = part::levelled(inside, grid, exec)?;
         Ok(Edited { voxels: mask.count(), mask, components, islands, filled })
     })
 }
@@ -103,32 +103,25 @@ impl SetOperation {
     }
 }
 
-fn edges(grid: &Grid) -> [f64; 3] {
-    let axes = grid.linear_part();
-    std::array::from_fn(|a| axes.column(a).norm())
-}
-
 /// What is within a distance (mm) of a set.
 fn dilated(inside: &[u8], grid: &Grid, radius: f64) -> Vec<u8> {
     let limit = (radius * radius) as f32;
-    let away = squared_distances(grid.dims(), edges(grid), &|i| inside[i] != 0);
+    let away = squared_distances(grid.dims(), grid.spacing(), &|i| inside[i] != 0);
     away.iter().map(|&d| u8::from(d <= limit)).collect()
 }
 
 /// What is further than a distance (mm) from all outside; what lies beyond the volume is as `beyond`.
 fn within(inside: &[u8], grid: &Grid, radius: f64, beyond: bool) -> Vec<u8> {
     let limit = (radius * radius) as f32;
-    let dims = grid.dims();
-    let depth = squared_distances(dims, edges(grid), &|i| inside[i] == 0);
-    let edges = edges(grid);
-    let axes = grid.dims();
+    let (dims, edges) = (grid.dims(), grid.spacing());
+    let depth = squared_distances(dims, edges, &|i| inside[i] == 0);
     depth
         .iter()
         .enumerate()
         .map(|(i, &depth)| {
             let at = [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];
             let border = (0..3)
-                .map(|a| (at[a] + 1).min(axes[a] - at[a]) as f64 * edges[a])
+                .map(|a| (at[a] + 1).min(dims[a] - at[a]) as f64 * edges[a])
                 .fold(f64::INFINITY, f64::min);
             u8::from(depth > limit && (beyond || (border * border) as f32 > limit))
         })

@@ -4,13 +4,13 @@
 mod distance;
 mod smooth;
 
-use ivd_core::{Exec, Grid, Volume};
+use ivd_core::{Exec, Grid, Mask, Volume};
 
 use crate::Error;
 use crate::component::{draw, fill_holes, ones};
-use crate::runs::Runs;
+use crate::runs::{Runs, piece_count};
 pub(crate) use distance::squared_distances;
-pub(crate) use smooth::level;
+use smooth::level;
 
 /// One part.
 pub(crate) struct Part {
@@ -51,6 +51,15 @@ pub(crate) fn part(
     Ok(Part { inside, components, filled })
 }
 
+/// A set as a mask with a level function that places its border between voxels.
+///
+/// # Errors
+/// Memory, cancelled.
+pub(crate) fn levelled(inside: Vec<u8>, grid: &Grid, exec: &Exec) -> Result<Mask, Error> {
+    let level = level(&inside, grid.dims(), exec)?;
+    Ok(Mask::new(grid.clone(), inside.into())?.with_level(level.into())?)
+}
+
 /// Keeps the piece that holds most of the chosen voxels; gives the number of pieces.
 fn keep_piece(inside: &mut [u8], dims: [usize; 3], chosen: &[usize]) -> Result<usize, Error> {
     let runs = ones(inside, dims);
@@ -68,7 +77,7 @@ fn keep_piece(inside: &mut [u8], dims: [usize; 3], chosen: &[usize]) -> Result<u
     };
     inside.fill(0);
     draw(&runs, &pieces, kept, dims, inside);
-    Ok(pieces.iter().enumerate().filter(|(run, first)| *run == **first as usize).count())
+    Ok(piece_count(&pieces))
 }
 
 fn run_at(runs: &Runs, [nx, ny, _]: [usize; 3], voxel: usize) -> Option<usize> {
@@ -81,8 +90,7 @@ fn run_at(runs: &Runs, [nx, ny, _]: [usize; 3], voxel: usize) -> Option<usize> {
 /// Erosion by a ball, the piece of the start, and what of the set lies as near to it again, and a voxel more.
 fn open(inside: &mut [u8], grid: &Grid, radius: f64, chosen: &[usize]) -> Result<(), Error> {
     let dims = grid.dims();
-    let axes = grid.linear_part();
-    let edges: [f64; 3] = std::array::from_fn(|a| axes.column(a).norm());
+    let edges = grid.spacing();
     let [low, high] = bounds(inside, dims);
     // The box of the part and a voxel round it, which is outside.
     let size: [usize; 3] = std::array::from_fn(|a| high[a] - low[a] + 2);

@@ -67,6 +67,18 @@ impl Band {
         self.places.len()
     }
 
+    /// Share of the part in a voxel; 0 or 1 where its brick isn't worked on.
+    pub(super) fn share(&self, voxel: [usize; 3]) -> f32 {
+        let brick = voxel.map(|v| v / BRICK);
+        match self.slot(brick) {
+            Some(slot) => {
+                let [x, y, z] = voxel.map(|v| v % BRICK);
+                self.primal[slot].u[x + BRICK * (y + BRICK * z)]
+            }
+            None => f32::from(u8::from(self.side(brick) == Some(true))),
+        }
+    }
+
     /// Bricks of the level.
     pub(super) fn all(&self) -> usize {
         self.slots.len()

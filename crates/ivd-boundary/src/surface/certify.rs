@@ -4,7 +4,7 @@ use ivd_core::{BRICK, Exec, parallel};
 
 use super::band::Band;
 use super::graph;
-use super::level::{CUBE, Level};
+use super::level::{CUBE, Level, within_brick};
 use super::model::Force;
 use super::params::AreaMeasure;
 use super::sweep::{Faces, Steps, row};
@@ -66,8 +66,7 @@ fn smooth(level: &Level, inside: &[u8], force: &Force, mu: f64, exec: &Exec) -> 
     let [nx, ny, _] = level.dims;
     let mut band = Band::whole(level, &|[x, y, z]| inside[x + nx * (y + ny * z)] != 0, exec)?;
     band.act(force);
-    let finest = level.edges.iter().copied().fold(f64::INFINITY, f64::min);
-    let steps = Steps::new(mu / finest, level.edges, exec.simd);
+    let steps = Steps::new(mu / level.finest_edge(), level.edges, exec.simd);
     let [own, own_border] = energy(&band, &steps);
     let mut lowest = f64::NEG_INFINITY;
     let mut sweeps = 0;
@@ -122,7 +121,7 @@ fn bound(band: &Band, steps: &Steps) -> f64 {
         let (below, flow, extent) = (band.below(brick), &band.flow[slot], band.extent(brick));
         let mut sum = 0.0;
         for i in 0..CUBE {
-            let at = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+            let at = within_brick(i);
             if (0..3).any(|a| at[a] >= extent[a]) {
                 continue;
             }

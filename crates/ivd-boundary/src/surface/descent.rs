@@ -3,7 +3,7 @@
 use ivd_core::{BRICK, Exec, Iteration};
 
 use super::band::{Band, place};
-use super::level::{CUBE, Level};
+use super::level::{CUBE, Level, within_brick};
 use super::look::{Bits, Look, Tally, look_at_all, tally, tally_of};
 use super::model::{Force, Model};
 use super::params::{DataTerm, Distribution, SurfaceParams};
@@ -126,10 +126,7 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
             looks = look_at_all(&band, slope, bins, exec)?;
         }
     }
-    // Bricks that came into work after the best set was found were all on one side then.
-    for slot in best.len()..band.len() {
-        best.push([if band.primal[slot].u[0] > 0.5 { u64::MAX } else { 0 }; BRICK]);
-    }
+    complete(&mut best, &band);
     let (sides, force) = kept.expect("the first pair is accepted");
     let weight = weight.expect("it is set before the first pair");
     Ok(Descent {
@@ -143,6 +140,13 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
         noise: weight.noise,
         force,
     })
+}
+
+/// Adds to a set that was found earlier the bricks that came into work since: each was all on one side then.
+pub(super) fn complete(best: &mut Vec<Bits>, band: &Band) {
+    for slot in best.len()..band.len() {
+        best.push([if band.primal[slot].u[0] > 0.5 { u64::MAX } else { 0 }; BRICK]);
+    }
 }
 
 /// Takes into work what the front has come near to; tells whether that was anything.
@@ -210,7 +214,7 @@ impl Weight {
         }
         let noise = band.noise() / (2.0 * contrast);
         let share = params.phi.map_or_else(|| smoothness(noise), |phi| phi / (1.0 - phi));
-        let finest: f64 = level.edges.iter().copied().fold(f64::INFINITY, f64::min);
+        let finest = level.finest_edge();
         // An edge of a mean voxel: of this resolution where the weight follows from its own noise, else of the volume's.
         let mean: f64 =
             (0..3)
@@ -277,7 +281,7 @@ impl Band {
         let dims = level.dims;
         let start = |brick: [usize; 3], _: bool, u: &mut [f32; CUBE]| {
             for (i, u) in u.iter_mut().enumerate() {
-                let local = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+                let local = within_brick(i);
                 let voxel: [usize; 3] = std::array::from_fn(|a| brick[a] * BRICK + local[a]);
                 *u = f32::from(u8::from((0..3).all(|a| voxel[a] < dims[a]) && inside(voxel)));
             }

@@ -1,9 +1,15 @@
 //! One resolution of a volume, read a row or a brick at a time, and the next coarser one.
 
-use ivd_core::{BRICK, Error, Exec, Grid, Scalar, Volume, parallel, with_voxels};
+use ivd_core::{BRICK, Error, Exec, Scalar, Volume, parallel, with_voxels};
 
 /// Voxels of a brick.
 pub(super) const CUBE: usize = BRICK * BRICK * BRICK;
+
+/// Where a voxel lies within its brick.
+#[inline]
+pub(super) fn within_brick(i: usize) -> [usize; 3] {
+    [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)]
+}
 
 /// From real values to those that are worked on: about 0 … 1 over what there is.
 #[derive(Debug, Clone, Copy)]
@@ -57,7 +63,12 @@ impl<'a> Level<'a> {
         let grid = volume.grid();
         let edge = edge.map(|edge| edge / unit.one);
         let values = Values::Stored(volume, unit);
-        Self { dims: grid.dims(), factor: [1; 3], edges: edges(grid), edge, values }
+        Self { dims: grid.dims(), factor: [1; 3], edges: grid.spacing(), edge, values }
+    }
+
+    /// Shortest edge of a voxel (mm).
+    pub(super) fn finest_edge(&self) -> f64 {
+        self.edges.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     /// Number of voxels.
@@ -120,7 +131,7 @@ impl<'a> Level<'a> {
             }
         }
         std::array::from_fn(|i| {
-            let at = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)].map(|v| v + 1);
+            let at = within_brick(i).map(|v| v + 1);
             let own = at[0] + WIDE * (at[1] + WIDE * at[2]);
             let square: f64 = (0..3)
                 .map(|a| {
@@ -140,7 +151,7 @@ impl<'a> Level<'a> {
     /// # Errors
     /// Memory, cancelled.
     pub(super) fn coarser(&self, exec: &Exec) -> Result<Level<'static>, Error> {
-        let finest = self.edges.iter().copied().fold(f64::INFINITY, f64::min);
+        let finest = self.finest_edge();
         let step: [usize; 3] =
             std::array::from_fn(|a| if self.dims[a] > 1 && self.edges[a] <= 1.5 * finest { 2 } else { 1 });
         let dims: [usize; 3] = std::array::from_fn(|a| self.dims[a].div_ceil(step[a]));
@@ -192,12 +203,6 @@ fn add(row: &[f32], step: usize, sums: &mut [[f32; 2]]) {
             of(2 * x + 1, into);
         }
     }
-}
-
-/// Lengths of a voxel's edges (mm).
-fn edges(grid: &Grid) -> [f64; 3] {
-    let m = grid.linear_part();
-    std::array::from_fn(|a| m.column(a).norm())
 }
 
 /// The levels that are worked on, the coarsest first: that has at most `whole` voxels, or can't be halved.

@@ -4,7 +4,7 @@
 use ivd_core::{BRICK, Iteration, parallel};
 
 use super::band::Band;
-use super::descent::{Descent, Settings, grow};
+use super::descent::{Descent, Settings, complete, grow};
 use super::level::{CUBE, Level};
 use super::look::{look_at_all, tally};
 use super::sweep::Steps;
@@ -64,9 +64,7 @@ pub(super) fn descend_nearby(level: &Level, found: Descent, settings: &Settings)
             own.energies.clear();
         }
     }
-    for slot in own.best.len()..own.band.len() {
-        own.best.push([if own.band.primal[slot].u[0] > 0.5 { u64::MAX } else { 0 }; BRICK]);
-    }
+    complete(&mut own.best, &own.band);
     Ok(own)
 }
 
@@ -119,7 +117,8 @@ pub(super) fn near(level: &Level, band: &Band, brick: [usize; 3], reach: [usize;
         for y in 0..size[1] {
             level.row(low[0] + dims[0] * (low[1] + y + dims[1] * (low[2] + z)), &mut row);
             for (x, &value) in row.iter().enumerate().filter(|(_, value)| !value.is_nan()) {
-                let inside = f32::from(u8::from(is_inside(band, [low[0] + x, low[1] + y, low[2] + z])));
+                let share = band.share([low[0] + x, low[1] + y, low[2] + z]);
+                let inside = f32::from(u8::from(share > 0.5));
                 cells[x + size[0] * (y + size[1] * z)] = [inside, inside * value, 1.0, value];
             }
         }
@@ -158,16 +157,4 @@ fn summed(
     }
     size[axis] = BRICK;
     out
-}
-
-/// Whether a voxel's share is above a half.
-fn is_inside(band: &Band, voxel: [usize; 3]) -> bool {
-    let brick = voxel.map(|v| v / BRICK);
-    match band.slot(brick) {
-        Some(slot) => {
-            let [x, y, z] = voxel.map(|v| v % BRICK);
-            band.primal[slot].u[x + BRICK * (y + BRICK * z)] > 0.5
-        }
-        None => band.side(brick) == Some(true),
-    }
 }

@@ -29,7 +29,7 @@ use ivd_core::{BRICK, Exec, Labels, Mask, Volume};
 
 use band::Band;
 use descent::{Descent, Settings, descend};
-use level::{CUBE, Level, Unit, levels};
+use level::{CUBE, Level, Unit, levels, within_brick};
 use look::{Bits, Tally, is_inside};
 use model::Model;
 pub use params::{AreaMeasure, DataTerm, Distribution, StartShape, SurfaceParams};
@@ -110,7 +110,7 @@ pub fn active_surface(
             updates += found.updates;
         }
         let mut inside = draw(finest, &found, exec)?;
-        let edge = finest.edges.iter().copied().fold(f64::INFINITY, f64::min);
+        let edge = finest.finest_edge();
         let mut certificate = None;
         if params.certify || params.area != AreaMeasure::Smooth {
             let mut shown =
@@ -122,8 +122,7 @@ pub fn active_surface(
             certificate = Some(shown);
         }
         let part = part::part(inside, volume, &chosen, params.open, params.fill_holes, exec)?;
-        let level = part::level(&part.inside, grid.dims(), exec)?;
-        let mask = Mask::new(grid.clone(), part.inside.into())?.with_level(level.into())?;
+        let mask = part::levelled(part.inside, grid, exec)?;
         // The energy is in units of the range squared; a likelihood's is in nats.
         let value =
             if matches!(params.data, DataTerm::Means | DataTerm::Local) { unit.one * unit.one } else { 1.0 };
@@ -233,7 +232,7 @@ fn shares(level: &Level, found: &Descent, started: &[Bits]) -> [[u64; 3]; 2] {
     for (slot, (bits, started)) in found.best.iter().zip(started).enumerate() {
         let brick = found.band.place(slot);
         for i in 0..CUBE {
-            let local = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+            let local = within_brick(i);
             let voxel: [usize; 3] = std::array::from_fn(|a| brick[a] * BRICK + local[a]);
             if found.band.values[slot][i].is_nan() {
                 continue;
@@ -254,7 +253,7 @@ impl Descent {
             let extent = self.band.extent(self.band.place(slot));
             let state = &mut self.band.primal[slot];
             for i in 0..CUBE {
-                let local = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+                let local = within_brick(i);
                 if (0..3).all(|a| local[a] < extent[a]) {
                     bits[i / 64] ^= 1 << (i % 64);
                     state.u[i] = 1.0 - state.u[i];
@@ -281,16 +280,7 @@ fn bits(u: &band::Brick) -> Bits {
 /// The next finer resolution's bricks round the front, with the shares of the coarser one.
 fn refined(coarse: &Level, found: &Descent, fine: &Level, exec: &Exec) -> Result<Band, Error> {
     let step: [usize; 3] = std::array::from_fn(|a| coarse.factor[a] / fine.factor[a]);
-    let share = |voxel: [usize; 3]| -> f32 {
-        let brick = voxel.map(|v| v / BRICK);
-        match found.band.slot(brick) {
-            Some(slot) => {
-                let local = voxel.map(|v| v % BRICK);
-                found.band.primal[slot].u[local[0] + BRICK * (local[1] + BRICK * local[2])]
-            }
-            None => f32::from(u8::from(found.band.side(brick) == Some(true))),
-        }
-    };
+    let share = |voxel: [usize; 3]| found.band.share(voxel);
     let middle = |brick: [usize; 3]| {
         std::array::from_fn(|a| ((brick[a] * BRICK + BRICK / 2) / step[a]).min(coarse.dims[a] - 1))
     };
@@ -328,7 +318,7 @@ fn refined(coarse: &Level, found: &Descent, fine: &Level, exec: &Exec) -> Result
     }
     let fill = |brick: [usize; 3], _: bool, u: &mut [f32; CUBE]| {
         for (i, u) in u.iter_mut().enumerate() {
-            let local = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+            let local = within_brick(i);
             let voxel: [usize; 3] = std::array::from_fn(|a| brick[a] * BRICK + local[a]);
             if (0..3).all(|a| voxel[a] < fine.dims[a]) {
                 *u = share(std::array::from_fn(|a| voxel[a] / step[a]));
@@ -348,7 +338,7 @@ fn carry_flow(band: &mut Band, found: &Descent, dims: [usize; 3], step: [usize; 
         for (slot, flow) in (4 * piece..).zip(flows) {
             let brick = band.place(slot);
             for i in 0..CUBE {
-                let local = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+                let local = within_brick(i);
                 let voxel: [usize; 3] = std::array::from_fn(|a| brick[a] * BRICK + local[a]);
                 if (0..3).any(|a| voxel[a] >= dims[a]) {
                     continue;
@@ -365,7 +355,7 @@ fn carry_flow(band: &mut Band, found: &Descent, dims: [usize; 3], step: [usize; 
             let extent = band.extent(brick);
             for a in (0..3).filter(|&a| brick[a] * BRICK + extent[a] == dims[a]) {
                 for i in 0..CUBE {
-                    if [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)][a] + 1 == extent[a] {
+                    if within_brick(i)[a] + 1 == extent[a] {
                         flow[a][i] = 0.0;
                     }
                 }

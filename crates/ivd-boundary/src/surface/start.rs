@@ -170,8 +170,8 @@ impl Start {
 
 /// Shortest side of the volume (mm).
 fn shortest_side(grid: &Grid) -> f64 {
-    let axes = grid.linear_part();
-    (0..3).map(|a| axes.column(a).norm() * grid.dims()[a] as f64).fold(f64::INFINITY, f64::min)
+    let (edges, dims) = (grid.spacing(), grid.dims());
+    (0..3).map(|a| edges[a] * dims[a] as f64).fold(f64::INFINITY, f64::min)
 }
 
 /// Corners of a box about a point.

@@ -177,9 +177,7 @@ fn sums_nearby_are_those_of_a_box_about_every_voxel() {
     for brick in [[0, 0, 0], [1, 1, 0], [2, 0, 1]] {
         let found = local::near(&level, &band, brick, reach);
         for (i, sums) in found.iter().enumerate() {
-            let at: [usize; 3] = std::array::from_fn(|a| {
-                brick[a] * BRICK + [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)][a]
-            });
+            let at: [usize; 3] = std::array::from_fn(|a| brick[a] * BRICK + within_brick(i)[a]);
             if (0..3).any(|a| at[a] >= level.dims[a]) {
                 continue;
             }

@@ -1,5 +1,6 @@
 //! `ivd combine` and `ivd clip`.
 
+use ivd_core::Kind;
 use ivd_field::clip::ClipParams;
 use ivd_field::combine::CombineParams;
 use ivd_pipeline::Inputs;
@@ -8,7 +9,7 @@ use ivd_pipeline::stages::{Clip, Combine};
 use crate::args::{ClipArgs, CombineArgs};
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::files::{filled, finish, volume_or_artefact};
+use crate::files::{file_for, filled, finish};
 
 /// `ivd combine`.
 pub(super) fn combine(args: &CombineArgs, context: &Context) -> anyhow::Result<()> {
@@ -18,12 +19,7 @@ pub(super) fn combine(args: &CombineArgs, context: &Context) -> anyhow::Result<(
     let cache = context.stage_cache()?;
     let mut inputs = Inputs::default();
     for (file, [slot, _]) in args.operands.iter().zip(Combine::OPERANDS) {
-        let input = if ivd_artefact::is_artefact(file) {
-            context.stage_input(file)?
-        } else {
-            volume_or_artefact(file, &cache, context)?
-        };
-        inputs = inputs.with(slot, input);
+        inputs = inputs.with(slot, file_for(file, &[Kind::Volume], &cache, context)?);
     }
     for (i, (number, file)) in args.displacement.iter().enumerate() {
         let wrong = |problem: String| {

@@ -5,7 +5,7 @@ use ivd_field::sampler::{Corners, interpolate};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::super::region::{Region, half_extent};
+use super::super::region::Region;
 use super::energy::Room;
 use super::matrix::{Matrix, Triple};
 
@@ -177,7 +177,7 @@ impl Cells {
         let mut hit = Vec::new();
         for (centre, radius) in region.balls() {
             let at = to_voxel * centre;
-            let extent = half_extent(grid, radius);
+            let extent = grid.ball_extent(radius);
             let range: [std::ops::Range<usize>; 3] = std::array::from_fn(|a| {
                 let block =
                     |x: f64| ((x / self.step[a] as f64 - f64::from(self.nodes.low[a])) / SIDE as f64).floor();

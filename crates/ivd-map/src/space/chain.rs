@@ -29,7 +29,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::reach::too_far;
-use crate::region::half_extent;
 
 /// How far links give way. The defaults are soft.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -211,7 +210,7 @@ impl ChainMail {
         }
         let nearest: [usize; 3] =
             std::array::from_fn(|a| (middle[a].round().max(0.0) as usize).min(dims[a] - 1));
-        let reach = half_extent(grid, self.grip);
+        let reach = grid.ball_extent(self.grip);
         let range = |a: usize| {
             let lo = (middle[a] - reach[a]).ceil().max(0.0) as usize;
             lo..((middle[a] + reach[a]).floor().min(dims[a] as f64 - 1.0) + 1.0).max(0.0) as usize

@@ -4,8 +4,6 @@ use ivd_core::{Error as CoreError, Grid, VoxelCoord, VoxelIndex};
 use ivd_field::vectors::FARTHEST;
 use nalgebra::Vector3;
 
-use crate::region::half_extent;
-
 /// Whether a voxel lies in a ball, its centre counted from the grid's origin (mm). Of a ball with many voxels in its box one does.
 pub(super) fn reaches(grid: &Grid, centre: Vector3<f64>, radius: f64) -> bool {
     const FEW: usize = 1 << 12;
@@ -23,7 +21,7 @@ pub(super) fn reaches(grid: &Grid, centre: Vector3<f64>, radius: f64) -> bool {
 /// is none.
 pub(super) fn bounds(grid: &Grid, centre: Vector3<f64>, radius: f64) -> Option<[[usize; 2]; 3]> {
     let middle = grid.inverse_linear_part() * centre;
-    let extent = half_extent(grid, radius);
+    let extent = grid.ball_extent(radius);
     let mut out = [[0; 2]; 3];
     for a in 0..3 {
         let last = grid.dims()[a] as f64 - 1.0;
