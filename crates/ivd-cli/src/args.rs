@@ -105,7 +105,7 @@ pub(crate) enum Command {
     Pipeline(Pipeline),
     /// Reads a volume of any known format, or a transfer function, and writes an artefact.
     Import {
-        /// File, or folder of slices; of a transfer function its .json (3D Slicer, `ParaView`, ours).
+        /// File, or folder of slices; for a transfer function a .json file, ours or that of another program.
         source: PathBuf,
         /// Treat the values as labels and write a labels artefact.
         #[arg(long, conflicts_with = "mask")]

@@ -25,19 +25,17 @@ pub struct Seed {
 }
 
 /// Seeds that compete: each takes what it reaches before the others do, along ways that avoid steep places (a watershed of the gradient).
-///
-/// It gives labels, and with `label` the part of one of them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct CompeteParams {
-    /// Points and lines, each with the label that it is of.
+    /// Points and lines, each with its label.
     pub seeds: Vec<Seed>,
     /// The label whose part is isolated, as a mask; without it all labels are given.
     #[schemars(range(min = 1), extend("x-unit" = "1"))]
     pub label: Option<u16>,
     /// Whether the volume's border is a seed too, of a label above all others.
     pub border: bool,
-    /// Least and greatest value that count: steps beyond are none.
+    /// Least and greatest value that count; values beyond are taken for these.
     #[schemars(extend("x-unit" = "value"))]
     pub window: Option<[f64; 2]>,
     /// Leak guard: where the part is narrower than twice this it is cut, and what hangs on such a bridge stays out.

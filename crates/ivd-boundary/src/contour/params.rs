@@ -22,11 +22,10 @@ pub enum ContourEnergy {
     /// Distances from the means inside and outside, and the length: the surface's energy on a slice.
     #[default]
     Region,
-    /// Stretch and bend of the curve, and steepness under it (Kass, Witkin & Terzopoulos 1988; thesis, equation 4.11): it finds edges that it
-    /// starts near to.
+    /// Stretch and bend of the curve, and steepness under it (Kass, Witkin & Terzopoulos 1988; thesis, equation 4.11): it finds edges near
+    /// which it starts.
     Edge,
-    /// The thesis's equations 4.12 to 4.14 as they stand: they have no least value at a boundary, and the contour collapses. To be seen, not to
-    /// be used.
+    /// The thesis's equations 4.12 to 4.14 as they stand: they have no minimum at a boundary, and the contour collapses. For demonstration.
     Literal,
 }
 
@@ -34,7 +33,7 @@ pub enum ContourEnergy {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct ContourParams {
-    /// The axis that the slice is across.
+    /// The axis that the slice is perpendicular to.
     pub axis: SliceAxis,
     /// Number of the slice, from 0; without it that of the seed, else the middle one.
     #[schemars(extend("x-unit" = "voxels"))]
@@ -50,13 +49,13 @@ pub struct ContourParams {
     /// Weight φ of smoothness against fit, as of a surface; without it chosen by noise and contrast, and one half for literal.
     #[schemars(extend("x-unit" = "1", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0))]
     pub phi: Option<f64>,
-    /// Weight of stretch, of a curve that follows edges.
+    /// Weight of stretching, for the energy `edge`.
     #[schemars(range(min = 0.0), extend("x-unit" = "1"))]
     pub stretch: f64,
-    /// Weight of bend, of a curve that follows edges.
+    /// Weight of bending, for the energy `edge`.
     #[schemars(range(min = 0.0), extend("x-unit" = "1"))]
     pub bend: f64,
-    /// Spread of the Gaussian under which edges are sought.
+    /// Standard deviation of the Gaussian that smooths the slice, for the energy `edge`.
     #[schemars(range(min = 0.5, max = 50.0), extend("x-unit" = "voxels"))]
     pub scale: f64,
     /// Most iterations.

@@ -58,7 +58,7 @@ pub fn edit(inputs: &EditInputs<'_>, params: &EditParams, exec: &Exec) -> Result
             return Err(ivd_core::ParamError::new("operation", problem, "give the other one as other").into());
         }
         (None, Some(_)) => {
-            let problem = "nothing is said of the other part";
+            let problem = "there is another part, but nothing to do with it";
             let remedy = "give union, intersection or difference";
             return Err(ivd_core::ParamError::new("operation", problem, remedy).into());
         }

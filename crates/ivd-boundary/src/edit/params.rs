@@ -13,19 +13,19 @@ pub enum SetOperation {
     Difference,
 }
 
-/// A part made of one or two others: joined, closed, opened, without islands and holes, in this order.
+/// A part edited: combined with another, closed, opened, freed of islands and of holes, in this order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct EditParams {
-    /// What the part and the other one make.
+    /// How the part and the other one are combined.
     pub operation: Option<SetOperation>,
     /// Gaps narrower than twice this are closed (a ball's closing).
     #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
     pub close: f64,
-    /// What is narrower than twice this goes (a ball's opening).
+    /// What is narrower than twice this is removed (a ball's opening).
     #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
     pub open: f64,
-    /// Pieces smaller than this go.
+    /// Pieces smaller than this are dropped.
     #[schemars(range(min = 0.0), extend("x-unit" = "mm³"))]
     pub islands: f64,
     /// Whether holes become part of it. Voxels without data stay out.

@@ -20,15 +20,15 @@ const GAIN: f64 = 1e-3;
 /// What a descent goes by, the same at all resolutions.
 pub(super) struct Settings<'a> {
     pub(super) params: &'a SurfaceParams,
-    /// What values are expected to be, where that doesn't follow the set.
-    pub(super) held: Option<Model>,
+    /// What values are expected to be, where that stays as it is.
+    pub(super) frozen: Option<Model>,
     pub(super) exec: &'a Exec,
 }
 
 impl Settings<'_> {
     fn binned(&self) -> bool {
         let likelihood = self.params.data == DataTerm::Likelihood;
-        self.held.is_some() || likelihood && self.params.distribution != Distribution::Gaussian
+        self.frozen.is_some() || likelihood && self.params.distribution != Distribution::Gaussian
     }
 }
 
@@ -88,7 +88,7 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
     loop {
         let sides = sides(&looks, &inner, &total);
         let fit = || Model::fit(&sides.inside, &sides.outside, params.data, params.distribution);
-        let model = settings.held.clone().unwrap_or_else(fit);
+        let model = settings.frozen.clone().unwrap_or_else(fit);
         let force = model.force();
         band.act(&force);
         let moved = weight.is_none() || (whole && sweeps <= 3 * BETWEEN);

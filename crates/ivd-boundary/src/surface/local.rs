@@ -78,7 +78,7 @@ fn act(
 ) -> Result<f64, Error> {
     let of = |slot: usize| {
         exec.check_cancelled()?;
-        let sums = near(level, band, band.place(slot), reach);
+        let sums = box_sums(level, band, band.place(slot), reach);
         let mut force = [0.0; CUBE];
         let mut fit = 0.0;
         for (i, (force, [within, inside, all, total])) in force.iter_mut().zip(&sums).enumerate() {
@@ -106,7 +106,7 @@ fn act(
 }
 
 /// About every voxel of a brick, in a box of `reach` voxels to either side: how many lie inside, the sum of their values, and both of all.
-pub(super) fn near(level: &Level, band: &Band, brick: [usize; 3], reach: [usize; 3]) -> Vec<[f32; 4]> {
+pub(super) fn box_sums(level: &Level, band: &Band, brick: [usize; 3], reach: [usize; 3]) -> Vec<[f32; 4]> {
     let dims = level.dims;
     let low: [usize; 3] = std::array::from_fn(|a| (brick[a] * BRICK).saturating_sub(reach[a]));
     let high: [usize; 3] = std::array::from_fn(|a| (brick[a] * BRICK + BRICK + reach[a]).min(dims[a]));

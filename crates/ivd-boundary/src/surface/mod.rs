@@ -100,8 +100,9 @@ pub fn active_surface(
         let levels = levels(Level::finest(volume, unit, params.edge), WHOLE, exec)?;
         let finest = levels.last().expect("there is the finest");
         let chosen = start.indices(grid);
-        let held = (params.data == DataTerm::Start).then(|| held(finest, &chosen, exec)).transpose()?;
-        let settings = Settings { params, held, exec };
+        let frozen =
+            (params.data == DataTerm::Start).then(|| frozen_model(finest, &chosen, exec)).transpose()?;
+        let settings = Settings { params, frozen, exec };
         let mut found = first(&levels[0], &start, volume, &settings)?;
         let (mut sweeps, mut updates) = (found.sweeps, found.updates);
         for pair in levels.windows(2) {
@@ -146,7 +147,7 @@ pub fn active_surface(
 }
 
 /// What values are expected to be, by those of the start and by all others.
-fn held(finest: &Level, chosen: &[usize], exec: &Exec) -> Result<Model, Error> {
+fn frozen_model(finest: &Level, chosen: &[usize], exec: &Exec) -> Result<Model, Error> {
     let mut inside = Tally::new(true);
     let mut value = [0.0];
     for &voxel in chosen {
@@ -159,7 +160,7 @@ fn held(finest: &Level, chosen: &[usize], exec: &Exec) -> Result<Model, Error> {
         let problem = "the start has too few values, or all there are, to tell what is like it";
         return Err(Error::NoBoundary { problem: problem.into() });
     }
-    Ok(Model::held(&inside, &others))
+    Ok(Model::frozen(&inside, &others))
 }
 
 /// The coarsest resolution, worked through whole; the side that the start lies in becomes the inside.
@@ -176,11 +177,11 @@ fn first(level: &Level, start: &Start, volume: &Volume, settings: &Settings) -> 
         return Err(Error::NoBoundary { problem: "the start holds no voxel".into() });
     }
     let mut found = at_level(level, band, settings)?;
-    if settings.held.is_some() || settings.params.data == DataTerm::Local {
+    if settings.frozen.is_some() || settings.params.data == DataTerm::Local {
         return Ok(found);
     }
     let [inside, outside] = shares(level, &found, &started);
-    let turned = if inside[0] * outside[1] == outside[0] * inside[1] {
+    let is_swapped = if inside[0] * outside[1] == outside[0] * inside[1] {
         if inside[2] == outside[2] {
             let problem = "the start lies in neither side more than in the other";
             return Err(Error::NoBoundary { problem: problem.into() });
@@ -189,8 +190,8 @@ fn first(level: &Level, start: &Start, volume: &Volume, settings: &Settings) -> 
     } else {
         inside[0] * outside[1] < outside[0] * inside[1]
     };
-    if turned {
-        found.turn(level);
+    if is_swapped {
+        found.swap_sides(level);
     }
     Ok(found)
 }
@@ -202,7 +203,7 @@ fn at_level(level: &Level, band: Band, settings: &Settings) -> Result<Descent, E
     }
     // What those of the whole say of contrast and noise; they move nothing.
     let still = SurfaceParams { sweeps: 0, ..settings.params.clone() };
-    let found = descend(level, band, &Settings { params: &still, held: None, exec: settings.exec })?;
+    let found = descend(level, band, &Settings { params: &still, frozen: None, exec: settings.exec })?;
     local::descend_nearby(level, found, settings)
 }
 
@@ -248,7 +249,7 @@ fn shares(level: &Level, found: &Descent, started: &[Bits]) -> [[u64; 3]; 2] {
 
 impl Descent {
     /// Makes the outside the inside.
-    fn turn(&mut self, level: &Level) {
+    fn swap_sides(&mut self, level: &Level) {
         for (slot, bits) in self.best.iter_mut().enumerate() {
             let extent = self.band.extent(self.band.place(slot));
             let state = &mut self.band.primal[slot];
@@ -266,7 +267,7 @@ impl Descent {
         debug_assert_eq!(
             level.bricks().iter().product::<usize>(),
             self.best.len(),
-            "a whole level is turned"
+            "a whole level's sides are swapped"
         );
     }
 }

@@ -65,7 +65,7 @@ impl Side {
 
 impl Model {
     /// Of values that stay: those inside are spread normally, all others as they are.
-    pub(super) fn held(inside: &Tally, others: &Tally) -> Self {
+    pub(super) fn frozen(inside: &Tally, others: &Tally) -> Self {
         Self {
             inside: Side::Table(normal(inside)),
             outside: Side::fit(others, DataTerm::Likelihood, Distribution::Histogram),

@@ -14,8 +14,8 @@ pub enum DataTerm {
     /// How likely the value is among those of the start (a normal distribution), or among all others (their histogram). Both stay as they
     /// are: for a part that is a small share of the scan, from a start that lies within it.
     Start,
-    /// Distance from the means of either side nearby, within `reach` (Lankton & Tannenbaum 2008): where a part's brightness changes across
-    /// it. It moves the front that is there, and finds what this starts within reach of.
+    /// Distance from the mean of either side within `reach` (Lankton & Tannenbaum 2008): for a part whose brightness changes across it. The
+    /// front moves from where it starts, which must lie within reach of the boundary.
     Local,
 }
 
@@ -28,7 +28,7 @@ pub enum Distribution {
     Histogram,
     /// A normal distribution.
     Gaussian,
-    /// That of magnitudes with noise, as in MR.
+    /// Rice's distribution: magnitudes with noise, as in MR.
     Rician,
 }
 
@@ -36,12 +36,12 @@ pub enum Distribution {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum AreaMeasure {
-    /// The length of the gradient by forward differences: fast, the same in all directions but for the voxels' steps.
+    /// The length of the gradient by forward differences: fast, and nearly the same in all directions.
     #[default]
     Smooth,
     /// Cut edges between voxels that share a face: a minimum cut.
     Faces,
-    /// Cut edges between all 26 neighbours: a minimum cut whose area is that of space within a few hundredths.
+    /// Cut edges between all 26 neighbours: a minimum cut, whose area is within a few per cent of the true one.
     Corners,
 }
 
@@ -61,11 +61,12 @@ pub enum StartShape {
     Seed,
 }
 
-/// A surface that finds the boundary of what it starts in: between two regions as unlike each other, and of as little area, as can be.
+/// A surface that finds the boundary of the part that it starts in: between two regions that differ as much as possible, with as little area
+/// as possible.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct SurfaceParams {
-    /// What it starts from; a mask that is drawn stands in its place. Without it the box, class or seed that is given, else a ball about the
+    /// What it starts from; a mask of your own takes its place. Without either, the box, class or seed that is given, else a ball about the
     /// middle of the volume.
     pub start: Option<StartShape>,
     /// A point (RAS) inside the part: the start is a ball or cube about it, or the class's piece there.
@@ -88,24 +89,24 @@ pub struct SurfaceParams {
     pub data: DataTerm,
     /// How values are spread, for the likelihood.
     pub distribution: Distribution,
-    /// How far nearby is, for `local`; without it four mean edges of a voxel.
+    /// How far `local` looks; without it four mean edges of a voxel.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub reach: Option<f64>,
-    /// Steepness (values per mm) at which the border's area weighs half: it then rather runs along steep places, as in geodesic active
-    /// contours (Caselles et al. 1997). Without it area weighs the same everywhere.
+    /// Steepness (values per mm) at which the border's area counts half, so that it prefers steep places, as geodesic active contours do
+    /// (Caselles et al. 1997). Without it area counts the same everywhere.
     #[schemars(extend("x-unit" = "value/mm", "exclusiveMinimum" = 0.0))]
     pub edge: Option<f64>,
-    /// Least and greatest value that count: others are taken as these, such as metal in a CT.
+    /// Least and greatest value that count; values beyond, such as metal in a CT, are taken for these.
     #[schemars(extend("x-unit" = "value"))]
     pub window: Option<[f64; 2]>,
     /// Weight φ of smoothness against fit (thesis, equation 4.12); without it chosen by noise and contrast. The border's area weighs
     /// φ / (1 − φ) × half the difference of what a voxel costs on its right and on its wrong side, a mean voxel's edge.
     #[schemars(extend("x-unit" = "1", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0))]
     pub phi: Option<f64>,
-    /// How the border's area is measured at the end. Cuts are worked on until nothing can be lower, over the whole volume: minutes at
+    /// How the border's area is measured at the end. Cuts are solved over the whole volume until no lower energy is possible: minutes at
     /// 256³.
     pub area: AreaMeasure,
-    /// Shows how far from the lowest energy for its statistics the set can be; over the whole volume, as cuts are.
+    /// Whether to show how far the set's energy can be above the lowest for its statistics; over the whole volume, as with cuts.
     pub certify: bool,
     /// Leak guard: where the part is narrower than twice this it is cut, and what hangs on such a bridge stays out.
     #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]

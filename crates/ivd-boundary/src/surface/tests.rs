@@ -115,7 +115,7 @@ fn bricks_round_the_front_give_the_set_of_the_whole_volume() {
     let (volume, params, exec) = (ball(72, 0.4, 1), SurfaceParams::default(), Exec::default());
     let unit = Unit::of(&volume, None).unwrap();
     let start = Start::of(&volume, None, None, &params, &exec).unwrap();
-    let settings = Settings { params: &params, held: None, exec: &exec };
+    let settings = Settings { params: &params, frozen: None, exec: &exec };
     let of = |whole: usize| {
         let levels = levels(Level::finest(&volume, unit, None), whole, &exec).unwrap();
         let mut found = first(&levels[0], &start, &volume, &settings).unwrap();
@@ -141,7 +141,7 @@ fn the_energy_lies_within_a_hundredth_of_the_lowest_for_its_statistics() {
         let (volume, params, exec) = (ball(40, 0.5, seed), SurfaceParams::default(), Exec::default());
         let level = finest(&volume);
         let start = Start::of(&volume, None, None, &params, &exec).unwrap();
-        let settings = Settings { params: &params, held: None, exec: &exec };
+        let settings = Settings { params: &params, frozen: None, exec: &exec };
         let found = first(&level, &start, &volume, &settings).unwrap();
         // The same problem, its statistics fixed, worked on until nothing moves.
         let mut band = found.band;
@@ -175,7 +175,7 @@ fn sums_nearby_are_those_of_a_box_about_every_voxel() {
     let band = Band::whole(&level, &inside, &exec).unwrap();
     let reach = [2, 3, 1];
     for brick in [[0, 0, 0], [1, 1, 0], [2, 0, 1]] {
-        let found = local::near(&level, &band, brick, reach);
+        let found = local::box_sums(&level, &band, brick, reach);
         for (i, sums) in found.iter().enumerate() {
             let at: [usize; 3] = std::array::from_fn(|a| brick[a] * BRICK + within_brick(i)[a]);
             if (0..3).any(|a| at[a] >= level.dims[a]) {

@@ -7,6 +7,7 @@ use clap::{Arg, ArgAction, Command};
 use ivd_core::Kind;
 use ivd_core::op::{Field, Method, Stage, alternatives, fields, is_vector, kind, map_values, words};
 use ivd_pipeline::list::Key;
+use ivd_pipeline::params::short;
 use serde_json::Value as Json;
 
 use super::hooks::hooks;
@@ -97,22 +98,32 @@ pub(super) fn with_arguments(mut command: Command, offer: &Offer) -> Command {
     )
 }
 
-/// What a file for a slot may hold; a volume may lie in a file of any format, and so may labels and masks that another program drew.
+/// What a file for a slot may hold.
 fn slot_help(stage: &Stage, slot: &str) -> String {
-    let kinds = kinds_of(stage, slot).iter().map(|kind| {
-        let is_drawn = [Kind::Labels, Kind::Mask].contains(kind);
-        let file = if *kind == Kind::Volume {
-            " or file"
-        } else if is_drawn {
-            " or volume file"
-        } else {
-            ""
-        };
-        format!("{} artefact{file}", kind.name())
-    });
-    let kinds: Vec<String> = kinds.collect();
-    let kinds = kinds.join(", ");
+    let kinds = slot_kinds(stage, slot);
     if kinds.starts_with(slot) { upper(&kinds) } else { format!("{}: {kinds}", upper(slot)) }
+}
+
+/// Kinds that fill a slot. A volume may lie in a file of any format, and so may labels or a mask that another program drew, where a volume
+/// isn't what such a file is read as.
+fn slot_kinds(stage: &Stage, slot: &str) -> String {
+    let kinds = kinds_of(stage, slot);
+    let foreign = |kind: Kind| match kind {
+        Kind::Volume => " or file",
+        Kind::Labels | Kind::Mask if !kinds.contains(&Kind::Volume) => " or volume file",
+        Kind::Labels
+        | Kind::Mask
+        | Kind::Transfer
+        | Kind::Lattice
+        | Kind::Octree
+        | Kind::Motion
+        | Kind::Displacement
+        | Kind::Image
+        | Kind::Tree => "",
+    };
+    let kinds: Vec<String> =
+        kinds.iter().map(|kind| format!("{} artefact{}", kind.name(), foreign(*kind))).collect();
+    kinds.join(", ")
 }
 
 /// The flags of a command that are neither keys nor inputs of its stage: the command, the flag, and why it is none of them.
@@ -185,7 +196,7 @@ fn form(field: Field<'_>) -> String {
                 2 => "a,b".to_owned(),
                 3 => "x,y,z".to_owned(),
                 4 => "r,g,b,a".to_owned(),
-                _ if object => "key=value;…".to_owned(),
+                _ if object => short_form(schema) + "key=value;…",
                 _ => "N,N…".to_owned(),
             }
         }
@@ -204,6 +215,15 @@ fn form(field: Field<'_>) -> String {
             Some(unit) => unit.to_owned(),
         },
     }
+}
+
+/// What may be written for the things of a list without their keys, where that is so.
+fn short_form(list: &Json) -> String {
+    let things = list.get("items").map_or_else(Vec::new, alternatives);
+    let [thing] = things[..] else { return String::new() };
+    let Some([first, second]) = short(thing) else { return String::new() };
+    let of = fields(thing).find(|field| field.name == first).map_or_else(String::new, form);
+    format!("{of}={second}|")
 }
 
 /// What a flag's help says: the field's own doc, what it may be, what it is where it isn't given.
@@ -230,7 +250,7 @@ fn help(stage: &Stage, found: &Key) -> String {
     let domain = field.domain();
     let domain = if words_alone(field) || domain.is_empty() { String::new() } else { format!(" [{domain}]") };
     let file = if slots(stage).contains(&field.name) {
-        format!(". FILE: {}", slot_help(stage, field.name).to_lowercase())
+        format!(". FILE: {}", slot_kinds(stage, field.name))
     } else {
         String::new()
     };

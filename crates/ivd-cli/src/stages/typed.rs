@@ -185,9 +185,9 @@ pub(super) fn check_shared(offer: &Offer, matches: &ArgMatches, slot: &str) -> a
     let Some(mut files) = shared(offer, matches, slot) else { return Ok(()) };
     let problem = match (files.next(), files.next()) {
         (Some(file), _) if !file.exists() => {
-            format!("`{}` is no value of it (see --help), and no such file is there", file.display())
+            format!("`{}` is neither a value of it (see --help) nor a file", file.display())
         }
-        (_, Some(second)) => format!("a second file, {}; give one", second.display()),
+        (_, Some(second)) => format!("it takes one file; got a second, {}", second.display()),
         _ => return Ok(()),
     };
     Err(Failure::usage(format!("--{}: {problem}", flag(slot))))

@@ -4,4 +4,4 @@ mod table;
 mod written;
 
 pub use table::from_toml;
-pub use written::{read, read_entry};
+pub use written::{read, read_entry, short};

@@ -185,7 +185,7 @@ fn read_keys(all: &[&Json], text: &str) -> Result<Json, ParamError> {
 }
 
 /// The two keys whose values alone may be written for an object.
-fn short(schema: &Json) -> Option<[&str; 2]> {
+pub fn short(schema: &Json) -> Option<[&str; 2]> {
     let keys = schema.get("x-short")?.as_array()?;
     match &keys[..] {
         [first, second] => Some([first.as_str()?, second.as_str()?]),
