@@ -67,7 +67,7 @@ pub use labels::{Class, Labels, NO_DATA};
 pub use lattice::{CoarseLevel, ElementKey, Lattice, LatticeSource, MIN_EDGE_FRACTION};
 pub use mask::Mask;
 pub use mesh::{Mesh, MeshAddress};
-pub use motion::{Ball, Frame, InteriorPoints, Motion};
+pub use motion::{Ball, Frame, InteriorPoints, Motion, Role};
 pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode, OctreeParts};
 pub use shown::shown;
 pub use spill::{Spill, SpillSpace};

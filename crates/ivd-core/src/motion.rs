@@ -43,6 +43,30 @@ impl Default for InteriorPoints {
     }
 }
 
+/// What a vertex's motion says to a map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Role {
+    /// A solver moved it: space is to follow.
+    Driven = 0,
+    /// It was told to stay: space stays there.
+    Held = 1,
+    /// Nothing reached it: it goes along with what surrounds it, and its motion says nothing.
+    Carried = 2,
+}
+
+impl Role {
+    /// The role of a number, where it is one's.
+    pub fn from_number(number: u8) -> Option<Self> {
+        [Self::Driven, Self::Held, Self::Carried].get(usize::from(number)).copied()
+    }
+
+    /// Whether space is to be where the vertex is.
+    pub fn constrains(self) -> bool {
+        self != Self::Carried
+    }
+}
+
 /// How a lattice moves: one or many frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
@@ -51,6 +75,8 @@ pub struct Motion {
     frames: Vec<Frame>,
     reach: Vec<Ball>,
     inner: InteriorPoints,
+    /// Of each vertex; empty where all are driven.
+    roles: Buffer<u8>,
 }
 
 /// A motion that doesn't fit.
@@ -81,7 +107,23 @@ impl Motion {
                 return Err(bad(format!("frame {f}, vertex {v}: displacement is not finite")));
             }
         }
-        Ok(Self { grid, vertex_count, frames, reach: Vec::new(), inner: InteriorPoints::default() })
+        Ok(Self { grid, vertex_count, frames, reach: Vec::new(), inner: InteriorPoints::default(), roles: Vec::new().into() })
+    }
+
+    /// With what each vertex's motion says, as numbers of [`Role`]; without any all are driven.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where there are roles for another number of vertices, or a number that is no role's.
+    pub fn with_roles(self, roles: Buffer<u8>) -> Result<Self, Error> {
+        if !roles.is_empty() && roles.len() != self.vertex_count {
+            return Err(bad(format!("{} vertices of {} have a role", roles.len(), self.vertex_count)));
+        }
+        if let Some(v) = roles.iter().position(|role| Role::from_number(*role).is_none()) {
+            return Err(bad(format!("vertex {v}: {} is no role", roles[v])));
+        }
+        // What holds of all is said once.
+        let plain = roles.iter().all(|role| *role == Role::Driven as u8);
+        Ok(Self { roles: if plain { Vec::new().into() } else { roles }, ..self })
     }
 
     /// With a bound: see [`Motion::reach`].
@@ -170,6 +212,16 @@ impl Motion {
         &self.inner
     }
 
+    /// What the vertices' motion says, as numbers of [`Role`]; empty where all are driven.
+    pub fn roles(&self) -> &Buffer<u8> {
+        &self.roles
+    }
+
+    /// What a vertex's motion says.
+    pub fn role(&self, vertex: usize) -> Role {
+        self.roles.get(vertex).and_then(|role| Role::from_number(*role)).unwrap_or(Role::Driven)
+    }
+
     /// Largest displacement of any frame (mm).
     pub fn max_displacement(&self) -> f64 {
         self.frames
@@ -225,5 +277,18 @@ mod tests {
             (whole.max_displacement(), whole.reach().len(), whole.inner().places.len()),
             (5.0_f64.sqrt(), 1, 1)
         );
+    }
+
+    #[test]
+    fn roles_fit_the_vertices_and_are_said_once_where_all_are_driven() {
+        let grid = Grid::with_spacing([3; 3], [1.0; 3]).unwrap();
+        let motion = Motion::new(grid, 2, vec![]).unwrap();
+        let with = |roles: &[u8]| motion.clone().with_roles(roles.to_vec().into());
+        assert!(with(&[0]).unwrap_err().to_string().contains("1 vertices of 2"));
+        assert!(with(&[0, 3]).unwrap_err().to_string().contains("vertex 1: 3 is no role"));
+        assert_eq!(with(&[0, 0]).unwrap(), motion);
+        let some = with(&[1, 2]).unwrap();
+        assert_eq!([some.role(0), some.role(1)], [Role::Held, Role::Carried]);
+        assert_eq!(motion.role(1), Role::Driven);
     }
 }

@@ -9,13 +9,13 @@ use nalgebra::Vector3;
 use super::frame::frame_of;
 use super::nearest::{carried, look_ahead, settle_of};
 use super::nearest_weight::{Kept, Part};
-use super::octree::{Sides, movable};
+use super::octree::{Sides, State, states};
 use super::region::{Region, largest};
 use super::{MapUpdate, OctreeParams};
 use crate::Error;
 
 /// A lattice, ready to be mapped by [`octree`](super::octree()) again and again while its handles move: keeps the inside, and
-/// for every voxel that was in reach the nearest lattice point, for as long as the same vertices may move. A motion of nothing, with
+/// for every voxel that was in reach the nearest lattice point, for as long as the same vertices may move and the same are carried. A motion of nothing, with
 /// which a drag begins, makes it look them up in what the handles will reach.
 ///
 /// What it gives is, to the bit, what [`octree`](super::octree()) gives of the same motion, whatever was mapped before.
@@ -29,10 +29,10 @@ pub struct IncrementalMap<L> {
     searched: Option<Searched>,
 }
 
-/// The search for a set of vertices that may move, and what it found.
+/// The search for what vertices do, and what it found.
 #[derive(Debug)]
 struct Searched {
-    movable: Vec<bool>,
+    states: Vec<State>,
     sides: Sides,
     kept: Kept,
 }
@@ -47,7 +47,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> IncrementalMap<L> {
         let positions = lattice.local_positions();
         let live = Self { lattice, octree, positions, inside, searched: None };
         // An octree of another lattice is refused now.
-        Sides::new(&live.lattice, &live.octree, &vec![false; live.positions.len()], exec)?;
+        Sides::new(&live.lattice, &live.octree, &vec![State::Still; live.positions.len()], exec)?;
         Ok(live)
     }
 
@@ -70,10 +70,10 @@ impl<L: Deref<Target = Lattice> + Send + Sync> IncrementalMap<L> {
         params.check()?;
         let frame = frame_of(&self.lattice, motion, frame)?;
         exec.run(|| {
-            let movable = movable(motion, &self.positions);
-            if self.searched.as_ref().is_none_or(|searched| searched.movable != movable) {
-                let sides = Sides::new(&self.lattice, &self.octree, &movable, exec)?;
-                self.searched = Some(Searched { movable, sides, kept: Kept::default() });
+            let states = states(motion, &self.positions);
+            if self.searched.as_ref().is_none_or(|searched| searched.states != states) {
+                let sides = Sides::new(&self.lattice, &self.octree, &states, exec)?;
+                self.searched = Some(Searched { states, sides, kept: Kept::default() });
             }
             let Searched { sides, kept, .. } = self.searched.as_mut().expect("made above");
             let (lattice, positions) = (&*self.lattice, &self.positions);
@@ -83,7 +83,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> IncrementalMap<L> {
                 look_ahead(&part, &region.ahead(&params.band), params, kept, exec)?;
             }
             let field = carried(&part, frame, &region, params, Some(kept), exec)?;
-            settle_of(&part, frame, &region, &params.band).moved(field, exec)
+            settle_of(&part, motion, frame, &region, &params.band).moved(field, exec)
         })
     }
 

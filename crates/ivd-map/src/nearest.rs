@@ -36,7 +36,7 @@ pub fn nearest<N: Nearest>(
         let part = Part { lattice, positions: &positions, inside, nearest };
         let region = Region::new(motion, frame, &positions, &params.band, params.depth);
         let field = carried(&part, frame, &region, params, None, exec)?;
-        settle_of(&part, frame, &region, &params.band).settle(field, exec)
+        settle_of(&part, motion, frame, &region, &params.band).settle(field, exec)
     })
 }
 
@@ -82,10 +82,11 @@ pub(super) fn look_ahead<N: Nearest>(
 
 pub(super) fn settle_of<'a, N>(
     part: &Part<'a, N>,
+    motion: &'a Motion,
     frame: &'a Frame,
     region: &'a Region,
     band: &'a Band,
 ) -> Settle<'a> {
     let alone = (band.outside == Outside::Free).then_some(part.inside);
-    Settle { lattice: part.lattice, alone, region, frame, band }
+    Settle { lattice: part.lattice, alone, region, motion, frame, band }
 }

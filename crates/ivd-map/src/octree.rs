@@ -1,5 +1,5 @@
 use ivd_core::op::Op as _;
-use ivd_core::{Exec, Lattice, Mask, Motion, Octree};
+use ivd_core::{Exec, Lattice, Mask, Motion, Octree, Role};
 use ivd_octree::NearestIndex;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -16,29 +16,48 @@ pub(super) struct Sides {
 }
 
 impl Sides {
-    /// Two searches of a lattice, by which vertices may move.
+    /// Two searches of a lattice, by what its vertices do. A triangle with a vertex that is carried is in neither.
     pub(super) fn new(
         lattice: &Lattice,
         octree: &Octree,
-        movable: &[bool],
+        states: &[State],
         exec: &Exec,
     ) -> Result<Self, Error> {
-        let side =
-            |t: u32| usize::from(!lattice.triangles()[t as usize].iter().any(|v| movable[*v as usize]));
+        let side = |t: u32| {
+            let states = lattice.triangles()[t as usize].map(|v| states[v as usize]);
+            let seen = !states.contains(&State::Carried);
+            seen.then(|| usize::from(!states.contains(&State::Movable)))
+        };
         let [moving, still] = exec.run(|| ivd_octree::prepare_parts(lattice, octree, side))?;
         Ok(Self { moving, still })
     }
 }
 
-/// Which vertices may move: those in the balls of the motion's reach, and any that does.
+/// What a vertex does to the space round it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum State {
+    /// It moves space, or may.
+    Movable,
+    /// It holds space.
+    Still,
+    /// Space takes it along.
+    Carried,
+}
+
+/// What vertices do. Those in the balls of the motion's reach may move, and any that does.
 ///
 /// - `positions`: the vertices relative to the grid's origin (mm).
-pub(super) fn movable(motion: &Motion, positions: &[Vector3<f64>]) -> Vec<bool> {
+pub(super) fn states(motion: &Motion, positions: &[Vector3<f64>]) -> Vec<State> {
     let origin = Vector3::from(motion.grid().origin());
     let balls: Vec<_> = motion.reach().iter().map(|b| (Vector3::from(b.centre) - origin, b.radius)).collect();
     let reached = |at: &Vector3<f64>| balls.iter().any(|(centre, radius)| (at - centre).norm() < *radius);
     let moves = |v: usize| motion.frames().iter().any(|f| f.displacement[v] != [0.0; 3]);
-    positions.par_iter().enumerate().map(|(v, at)| reached(at) || moves(v)).collect()
+    let state = |(v, at)| match motion.role(v) {
+        Role::Carried => State::Carried,
+        _ if reached(at) || moves(v) => State::Movable,
+        _ => State::Still,
+    };
+    positions.par_iter().enumerate().map(state).collect()
 }
 
 impl Nearest for Sides {
@@ -78,8 +97,8 @@ impl<'a> Prepared<'a> {
     ) -> Result<Self, Error> {
         motion.require_of(lattice)?;
         let inside = ivd_octree::inside(lattice, exec)?;
-        let movable = movable(motion, &lattice.local_positions());
-        let sides = Sides::new(lattice, octree, &movable, exec)?;
+        let states = states(motion, &lattice.local_positions());
+        let sides = Sides::new(lattice, octree, &states, exec)?;
         Ok(Self { lattice, motion, inside, sides })
     }
 

@@ -1,4 +1,4 @@
-use ivd_core::{Displacement, Error, FieldBricks, Frame, Lattice};
+use ivd_core::{Displacement, Error, FieldBricks, Frame, Lattice, Motion, Role};
 use ivd_field::certificate::{Certificate, Histogram};
 use ivd_field::sampler::Sampler;
 use ivd_field::vectors::lengths;
@@ -7,16 +7,41 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How well the voxels' motion follows the lattice's, at the vertices.
+use crate::region::Region;
+
+/// How well the voxels' motion follows the lattice's, at the vertices that are driven or held. Those in a conflict count apart.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct SurfaceFit {
-    /// Largest difference of the map's motion from a vertex's own (mm). Pieces of a lattice that stand still beside a
-    /// moving one are dragged along, and count here.
+    /// Vertices in reach that a solver moved.
+    #[schemars(extend("x-unit" = "1"))]
+    pub vertices_driven: u64,
+    /// Vertices in reach that were told to stay.
+    #[schemars(extend("x-unit" = "1"))]
+    pub vertices_held: u64,
+    /// Vertices in reach that nothing moved or held: they go along with what surrounds them.
+    #[schemars(extend("x-unit" = "1"))]
+    pub vertices_carried: u64,
+    /// Vertices in a conflict: within two voxels another one's motion differs by more than how far it is away.
+    #[schemars(extend("x-unit" = "1"))]
+    pub conflicts: u64,
+    /// Largest difference of the map's motion from a vertex's own (mm).
     #[schemars(extend("x-unit" = "mm"))]
     pub misfit_max_mm: f64,
     /// The same along the grid's axes, in voxels.
     #[schemars(extend("x-unit" = "voxels"))]
     pub misfit_max_voxel: f64,
+    /// Where that is, RAS; null where nothing moves.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub misfit_max_at_mm: Option<[f64; 3]>,
+    /// Mean of the difference over the vertices in reach (edges of a cube of a voxel's volume).
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub misfit_mean_voxel: f64,
+    /// Difference that 95 % of them don't exceed.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub misfit_p95_voxel: f64,
+    /// Difference that 99.9 % of them don't exceed.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub misfit_p999_voxel: f64,
     /// Root mean square of the difference over all vertices that move (voxels).
     #[schemars(extend("x-unit" = "voxels"))]
     pub misfit_rms_voxel: f64,
@@ -151,21 +176,49 @@ impl MapResult {
 }
 
 impl SurfaceFit {
-    pub(super) fn measure(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> Self {
-        let sampler = Sampler::new(field, lattice.grid());
-        let (linear, to_voxel) = (lattice.grid().linear_part(), lattice.grid().inverse_linear_part());
+    pub(super) fn measure(
+        lattice: &Lattice,
+        motion: &Motion,
+        field: &FieldBricks,
+        frame: &Frame,
+        region: &Region,
+    ) -> Self {
+        let grid = lattice.grid();
+        let sampler = Sampler::new(field, grid);
+        let (linear, to_voxel) = (grid.linear_part(), grid.inverse_linear_part());
         let places: Vec<Vector3<f64>> = lattice.local_positions();
         let moved: Vec<Vector3<f64>> =
             (0..places.len()).into_par_iter().map(|i| linear * sampler.at(lattice.voxel(i).0)).collect();
+        let in_reach: Vec<bool> =
+            places.par_iter().zip(&frame.displacement[..]).map(|(at, u)| *u != [0.0; 3] || region.holds(*at)).collect();
+        let count = |role| (0..places.len()).filter(|&v| in_reach[v] && motion.role(v) == role).count() as u64;
+        let followed: Vec<usize> =
+            (0..places.len()).filter(|&v| in_reach[v] && motion.role(v).constrains()).collect();
+        let in_conflict = conflicts(&followed, &places, &frame.displacement, 2.0 * grid.longest_edge());
         let most = super::region::largest(frame);
-        let (mut worst, mut missed, mut asked) = (0.0_f64, 0.0, 0.0);
-        let (mut worst_voxel, mut squares, mut moving) = (0.0_f64, 0.0, 0_u64);
-        for (got, want) in moved.iter().zip(&frame.displacement[..]) {
-            let want = Vector3::from(*want);
-            let difference = (got - want).norm();
-            worst = worst.max(difference);
-            let in_voxels = (to_voxel * (got - want)).norm();
-            worst_voxel = worst_voxel.max(in_voxels);
+        let edge = grid.voxel_volume().cbrt();
+        let mut fit = Self {
+            vertices_driven: count(Role::Driven),
+            vertices_held: count(Role::Held),
+            vertices_carried: count(Role::Carried),
+            conflicts: in_conflict.iter().filter(|c| **c).count() as u64,
+            volume_mm3: [
+                volume(lattice.triangles(), |i| places[i]),
+                volume(lattice.triangles(), |i| places[i] + moved[i]),
+            ],
+            ..Self::default()
+        };
+        let (mut missed, mut asked, mut squares, mut moving) = (0.0, 0.0, 0.0, 0_u64);
+        let mut apart = Vec::with_capacity(followed.len());
+        for (&v, _) in followed.iter().zip(&in_conflict).filter(|(_, conflict)| !**conflict) {
+            let want = Vector3::from(frame.displacement[v]);
+            let difference = (moved[v] - want).norm();
+            if difference > fit.misfit_max_mm || fit.misfit_max_at_mm.is_none() {
+                (fit.misfit_max_mm, fit.misfit_max_at_mm) = (difference, Some(lattice.world(v).0.into()));
+            }
+            let in_voxels = (to_voxel * (moved[v] - want)).norm();
+            fit.misfit_max_voxel = fit.misfit_max_voxel.max(in_voxels);
+            apart.push(difference / edge);
             if want != Vector3::zeros() {
                 squares += in_voxels * in_voxels;
                 moving += 1;
@@ -175,43 +228,76 @@ impl SurfaceFit {
                 asked += (want.norm() / most).powi(2);
             }
         }
-        let misfit = if asked > 0.0 { f64::sqrt(missed / asked) } else { 0.0 };
-        let rest = volume(lattice.triangles(), |i| places[i]);
-        let deformed = volume(lattice.triangles(), |i| places[i] + moved[i]);
-        Self {
-            misfit_max_mm: worst,
-            misfit_max_voxel: worst_voxel,
-            misfit_rms_voxel: if moving > 0 { f64::sqrt(squares / moving as f64) } else { 0.0 },
-            misfit,
-            volume_mm3: [rest, deformed],
-        }
+        apart.sort_unstable_by(f64::total_cmp);
+        let share = |share: f64| -> f64 {
+            let at = (share * apart.len() as f64).ceil() as usize;
+            apart.get(at.saturating_sub(1)).copied().unwrap_or(0.0)
+        };
+        (fit.misfit_p95_voxel, fit.misfit_p999_voxel) = (share(0.95), share(0.999));
+        fit.misfit_mean_voxel = apart.iter().sum::<f64>() / apart.len().max(1) as f64;
+        fit.misfit = if asked > 0.0 { f64::sqrt(missed / asked) } else { 0.0 };
+        fit.misfit_rms_voxel = if moving > 0 { f64::sqrt(squares / moving as f64) } else { 0.0 };
+        fit
     }
 
     pub(super) fn check(&self, tolerance: f64) -> Result<(), Error> {
-        check_misfit(self.misfit, tolerance, || self.misfit_max_mm)
+        check_misfit(self.misfit, tolerance, || self.clone())
     }
 }
 
-/// Refuses a map that leaves the lattice behind; `most`: by how much at most (mm).
-pub(super) fn check_misfit(misfit: f64, tolerance: f64, most: impl FnOnce() -> f64) -> Result<(), Error> {
+/// Which of the vertices have another within a distance (mm) whose motion differs by more than how far it is away.
+fn conflicts(
+    vertices: &[usize],
+    places: &[Vector3<f64>],
+    motions: &[[f64; 3]],
+    within: f64,
+) -> Vec<bool> {
+    let cell = |v: usize| -> [i64; 3] { places[v].map(|c| (c / within).floor() as i64).into() };
+    let mut cells: Vec<([i64; 3], usize)> = vertices.iter().map(|&v| (cell(v), v)).collect();
+    cells.par_sort_unstable();
+    let first = |key: [i64; 3]| cells.partition_point(|(other, _)| *other < key);
+    let of = |v: usize| {
+        let at = cell(v);
+        (0..9_i64).any(|side| {
+            // Three cells along z are one run.
+            let key = [at[0] + side % 3 - 1, at[1] + side / 3 - 1, at[2] - 1];
+            let end = [key[0], key[1], at[2] + 1];
+            cells[first(key)..].iter().take_while(|(other, _)| *other <= end).any(|&(_, u)| {
+                let away = (places[u] - places[v]).norm();
+                let apart = (Vector3::from(motions[u]) - Vector3::from(motions[v])).norm();
+                away <= within && apart > away
+            })
+        })
+    };
+    vertices.par_iter().map(|&v| of(v)).collect()
+}
+
+/// Refuses a map that leaves the lattice behind; `fit`: how it follows.
+pub(super) fn check_misfit(
+    misfit: f64,
+    tolerance: f64,
+    fit: impl FnOnce() -> SurfaceFit,
+) -> Result<(), Error> {
     if misfit <= tolerance {
         return Ok(());
     }
+    let fit = fit();
     Err(Error::Untrusted {
         what: "the map",
         problem: format!(
-            "kept free of folds it leaves the lattice behind by {:.0} % of its motion ({:.3} mm at most), more than the \
-             tolerance of {:.0} %",
+            "kept free of folds it leaves the lattice behind by {:.0} % of its motion ({:.3} mm at most, at {:.1?} mm), more \
+             than the tolerance of {:.0} %",
             100.0 * misfit,
-            most(),
+            fit.misfit_max_mm,
+            fit.misfit_max_at_mm.unwrap_or_default(),
             100.0 * tolerance
         ),
         remedy: "move the handle less, give it a larger radius, or raise the tolerance",
     })
 }
 
-/// [`SurfaceFit::misfit`] alone, from the vertices that it is about.
-pub(super) fn misfit(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> f64 {
+/// [`SurfaceFit::misfit`] alone, from the vertices that it is about, conflicts included.
+pub(super) fn misfit(lattice: &Lattice, motion: &Motion, field: &FieldBricks, frame: &Frame) -> f64 {
     let sampler = Sampler::new(field, lattice.grid());
     let (linear, most) = (lattice.grid().linear_part(), super::region::largest(frame));
     let counts = |want: Vector3<f64>| most > 0.0 && want.norm() >= 0.5 * most;
@@ -220,7 +306,7 @@ pub(super) fn misfit(lattice: &Lattice, field: &FieldBricks, frame: &Frame) -> f
         .par_iter()
         .enumerate()
         .map(|(v, want)| (v, Vector3::from(*want)))
-        .filter(|(_, want)| counts(*want))
+        .filter(|(v, want)| motion.role(*v).constrains() && counts(*want))
         .map(|(v, want)| {
             let difference = (linear * sampler.at(lattice.voxel(v).0) - want).norm();
             [(difference / most).powi(2), (want.norm() / most).powi(2)]

@@ -69,6 +69,11 @@ impl Region {
         1.0 - still
     }
 
+    /// Whether a point lies in one of the balls.
+    pub(super) fn holds(&self, point: Vector3<f64>) -> bool {
+        self.balls.iter().any(|(centre, radius)| (point - centre).norm_squared() <= radius * radius)
+    }
+
     /// Centres of the balls, relative to the grid's origin, and their radii with the margin (mm).
     pub(super) fn balls(&self) -> impl Iterator<Item = (Vector3<f64>, f64)> + '_ {
         self.balls.iter().map(|(centre, radius)| (*centre, radius + self.margin))

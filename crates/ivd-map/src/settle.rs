@@ -1,6 +1,6 @@
 //! From a field as carried to a map: repair, proof, inverse.
 
-use ivd_core::{Displacement, Exec, FieldBricks, Frame, Lattice, Mask, NO_BRICK};
+use ivd_core::{Displacement, Exec, FieldBricks, Frame, Lattice, Mask, Motion, NO_BRICK};
 use ivd_field::certificate::{Certificate, Detail};
 use ivd_field::inverse::{from_bricks, invert, invert_part};
 
@@ -17,6 +17,8 @@ pub(super) struct Settle<'a> {
     /// The inside of a part that moves alone.
     pub(super) alone: Option<&'a Mask>,
     pub(super) region: &'a Region,
+    /// The motion that the frame is of.
+    pub(super) motion: &'a Motion,
     pub(super) frame: &'a Frame,
     pub(super) band: &'a Band,
 }
@@ -30,7 +32,7 @@ impl Settle<'_> {
     /// Repairs the field where it folds, certifies and inverts it, and measures what came of it.
     pub(super) fn settle(&self, field: FieldBricks, exec: &Exec) -> Result<MapResult, Error> {
         let proven = self.prove(field, Detail::All, exec)?;
-        let followed = SurfaceFit::measure(self.lattice, &proven.field, self.frame);
+        let followed = self.fit(&proven.field);
         followed.check(self.band.tolerance)?;
         let (rounds, halvings, certificate) = (proven.rounds, proven.halvings, proven.certificate.clone());
         let displacement = self.invert(proven, exec)?;
@@ -40,13 +42,16 @@ impl Settle<'_> {
     /// As [`Settle::settle`], without the figures that only a report shows.
     pub(super) fn moved(&self, field: FieldBricks, exec: &Exec) -> Result<MapUpdate, Error> {
         let proven = self.prove(field, if exec.skip { Detail::Least } else { Detail::All }, exec)?;
-        let misfit = outcome::misfit(self.lattice, &proven.field, self.frame);
-        outcome::check_misfit(misfit, self.band.tolerance, || {
-            SurfaceFit::measure(self.lattice, &proven.field, self.frame).misfit_max_mm
-        })?;
+        let misfit = outcome::misfit(self.lattice, self.motion, &proven.field, self.frame);
+        outcome::check_misfit(misfit, self.band.tolerance, || self.fit(&proven.field))?;
         let (relaxations, halvings) = (proven.rounds, proven.halvings);
         let displacement = self.invert(proven, exec)?;
         Ok(MapUpdate { displacement, relaxations, halvings, misfit })
+    }
+
+    /// How well a field follows the lattice.
+    fn fit(&self, field: &FieldBricks) -> SurfaceFit {
+        SurfaceFit::measure(self.lattice, self.motion, field, self.frame, self.region)
     }
 
     /// Repairs the field where it folds, and certifies it.

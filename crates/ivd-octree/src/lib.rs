@@ -50,7 +50,7 @@ mod stage;
 
 pub use build::build;
 pub use error::Error;
-pub use inside::inside;
+pub use inside::{inside, inside_box};
 pub use nearest::{Nearest, NearestIndex, prepare, prepare_parts};
 pub use params::Params;
 pub use stage::{Figures, Inputs, STAGE};

@@ -19,7 +19,12 @@ pub(crate) struct Level {
     nearest: Option<IncrementalMap<Arc<Lattice>>>,
     smoothest: Option<(Outside, Biharmonic<Arc<Lattice>>)>,
     springs: Option<(Held, mass_spring::Prepared<Arc<Lattice>>)>,
+    /// What rings' handles take along.
+    coupling: Option<(Coupled, ring::Coupling)>,
 }
+
+/// What a coupling depends on.
+type Coupled = (Vec<(Anchor, f64)>, ring::Couple, bool);
 
 impl fmt::Debug for Level {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -44,12 +49,12 @@ impl Level {
             let params = RefineParams { target: Target::Level(level).into(), ..RefineParams::default() };
             Arc::new(collapse(finest, &params, exec)?.lattice)
         };
-        Ok(Self { lattice, nearest: None, smoothest: None, springs: None })
+        Ok(Self { lattice, nearest: None, smoothest: None, springs: None, coupling: None })
     }
 
     /// Lets go everything but the lattice.
     pub(crate) fn forget(&mut self) {
-        (self.nearest, self.smoothest, self.springs) = (None, None, None);
+        (self.nearest, self.smoothest, self.springs, self.coupling) = (None, None, None, None);
     }
 
     /// The lattice's motion; `None` where nothing could move it.
@@ -61,9 +66,7 @@ impl Level {
     ) -> Result<Option<Motion>, Error> {
         let handled = match &settings.physics {
             _ if settings.handles.is_empty() => None,
-            Physics::Ring(params) => {
-                Some(ring::solve(&self.lattice, &settings.handles, &settings.fixed, params, exec)?.motion)
-            }
+            Physics::Ring(params) => Some(self.rings(settings, params, exec)?),
             Physics::Springs(params) => Some(self.springs(settings, params, labels, exec)?),
         };
         if settings.shapes.is_empty() {
@@ -71,6 +74,25 @@ impl Level {
         }
         let shaped = freeform::lattice(&self.lattice, handled.as_ref(), &settings.shapes, exec)?;
         Ok(Some(shaped.motion))
+    }
+
+    fn rings(
+        &mut self,
+        settings: &Settings,
+        params: &ring::RingParams,
+        exec: &Exec,
+    ) -> Result<Motion, Error> {
+        let Settings { handles, fixed, .. } = settings;
+        let of: Coupled =
+            (handles.iter().map(|h| (h.at, h.radius)).collect(), params.couple, params.literal);
+        let kept = self.coupling.take().filter(|(other, _)| *other == of).map(|(_, coupling)| coupling);
+        let coupling = match kept {
+            Some(coupling) => coupling,
+            None => ring::Coupling::new(&self.lattice, handles, params, exec)?,
+        };
+        let solved = ring::solve_coupled(&self.lattice, &coupling, handles, fixed, params, exec);
+        self.coupling = Some((of, coupling));
+        Ok(solved?.motion)
     }
 
     fn springs(

@@ -1,5 +1,6 @@
 //! `motion`: a section `displacement/00000`, … of shape `[vertices, 3]` a frame; times and reach as JSON. Where there are inner points:
-//! a section `inner` of their places, and one `inner/00000`, … a frame, of shape `[inner, 3]`.
+//! a section `inner` of their places, and one `inner/00000`, … a frame, of shape `[inner, 3]`. Where not all vertices are driven: a section
+//! `roles` of shape `[vertices]`.
 
 use ivd_core::{Ball, Frame, InteriorPoints, Motion};
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,14 @@ struct Content {
     /// Number of inner points; left out where there is none.
     #[serde(default, skip_serializing_if = "is_none")]
     inner: usize,
+    /// Whether there are roles; left out where all vertices are driven.
+    #[serde(default, skip_serializing_if = "is_not")]
+    roles: bool,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_not(there: &bool) -> bool {
+    !*there
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
@@ -53,6 +62,7 @@ pub(super) fn encode(motion: &Motion) -> Result<Encoded<'_>, String> {
         times: motion.frames().iter().map(|f| f.time).collect(),
         reach: motion.reach().iter().map(ball).collect(),
         inner: motion.inner().places.len(),
+        roles: !motion.roles().is_empty(),
     };
     let shape = vec![motion.vertex_count() as u64, 3];
     let frames = motion.frames().iter().enumerate();
@@ -65,6 +75,9 @@ pub(super) fn encode(motion: &Motion) -> Result<Encoded<'_>, String> {
         for (i, frame) in motion.inner().frames.iter().enumerate() {
             sections.push(SectionBytes::new(inner_name(i), Element::F64, shape.clone(), frame));
         }
+    }
+    if content.roles {
+        sections.push(SectionBytes::new("roles", Element::U8, vec![motion.vertex_count() as u64], motion.roles()));
     }
     Encoded::new(&content, sections)
 }
@@ -85,7 +98,12 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Motion, Problem> {
             inner.frames.push(decoder.take(&inner_name(i), Element::F64, &shape)?);
         }
     }
+    let roles = if content.roles {
+        decoder.take("roles", Element::U8, &[content.vertex_count as u64])?
+    } else {
+        Vec::new().into()
+    };
     let reach = content.reach.into_iter().map(|b| Ball { centre: b.centre, radius: b.radius }).collect();
     let motion = Motion::new(content.grid.grid()?, content.vertex_count, frames)?;
-    Ok(motion.with_reach(reach)?.with_inner(inner)?)
+    Ok(motion.with_reach(reach)?.with_inner(inner)?.with_roles(roles)?)
 }

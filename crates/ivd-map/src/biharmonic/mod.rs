@@ -96,6 +96,8 @@ pub struct Biharmonic<L> {
     voxels: Vec<Vector3<f64>>,
     positions: Vec<Vector3<f64>>,
     inside: Option<Mask>,
+    /// Whether each of them is to be followed.
+    constrains: Vec<bool>,
     last: Option<Last>,
 }
 
@@ -134,7 +136,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let inside = (outside == Outside::Free).then(|| ivd_octree::inside(&lattice, exec)).transpose()?;
         let voxels = (0..lattice.keys().len()).map(|i| lattice.voxel(i).0).collect();
         let positions = lattice.local_positions();
-        Ok(Self { lattice, voxels, positions, inside, last: None })
+        Ok(Self { lattice, voxels, positions, inside, constrains: Vec::new(), last: None })
     }
 
     /// Maps frame `frame` of a motion of the lattice.
@@ -201,6 +203,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         }
         exec.run(|| {
             self.take_inner(motion.inner());
+            self.take_roles(motion);
             let grid = self.lattice.grid();
             let region = Region::new(motion, frame, &self.positions, &params.band, None);
             let bricks = moving_bricks(grid, &region, frame, exec)?;
@@ -211,6 +214,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                     lattice: &self.lattice,
                     alone: None,
                     region: &region,
+                    motion,
                     frame,
                     band: &params.band,
                 };
@@ -219,7 +223,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let last = self.equations(&region, params.cell, exec)?;
             let inside = self.inside.take();
             let alone = inside.as_ref();
-            let settle = Settle { lattice: &self.lattice, alone, region: &region, frame, band: &params.band };
+            let (lattice, band) = (&*self.lattice, &params.band);
+            let settle = Settle { lattice, alone, region: &region, motion, frame, band };
             let inner = motion.inner().frames.get(number).into_iter().flat_map(|frame| &frame[..]);
             let motions = frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
             let (settle, edge) = (&settle, params.cell);
@@ -251,6 +256,15 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         self.last = None;
     }
 
+    /// Takes in which vertices are to be followed; where they are others than the last ones, the equations are others, too.
+    fn take_roles(&mut self, motion: &Motion) {
+        let constrains: Vec<bool> = (0..self.voxels.len()).map(|v| motion.role(v).constrains()).collect();
+        if constrains != self.constrains {
+            self.constrains = constrains;
+            self.last = None;
+        }
+    }
+
     /// The equations of a region: the last ones where they are the same, else new ones that start from the last nodes.
     fn equations(&mut self, region: &Region, edge: Option<u8>, exec: &Exec) -> Result<Last, Error> {
         match self.last.take() {
@@ -264,7 +278,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                     Some(last.nodes[last.system.cells.nodes.free.find(*node)?])
                 });
                 let nodes = nodes.map(Option::unwrap_or_default).collect();
-                let places = Places::new(&cells, self.lattice.grid(), region, &self.voxels);
+                let places =
+                    Places::new(&cells, self.lattice.grid(), region, &self.voxels, &self.constrains);
                 let system = System::new(cells, self.lattice.grid(), places);
                 Ok(Last { region: region.clone(), edge, system, nodes })
             }
@@ -360,7 +375,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         solved: &mut SolveFigures,
         exec: &Exec,
     ) -> Result<(FieldBricks, u32), Error> {
-        let misfit = |field| misfit_of(&self.lattice, field, job.frame);
+        let misfit = |field| misfit_of(&self.lattice, job.settle.motion, field, job.frame);
         let relaxed =
             relax(whole, self.lattice.grid(), job.region, &job.settle.counts(), Detail::least(exec), exec)?;
         let left = if relaxed.certificate.holds() { misfit(&relaxed.field) } else { f64::INFINITY };
@@ -388,7 +403,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let at = come.iter().map(|v| linear * v).collect();
         let equations = system.get_or_insert_with(|| {
             let cells = Cells::new(grid, job.region, job.edge);
-            let places = Places::new(&cells, grid, job.region, &come);
+            let places = Places::new(&cells, grid, job.region, &come, &self.constrains);
             System::new(cells, grid, places)
         });
         (at, equations)

@@ -35,12 +35,20 @@ struct Pull {
 }
 
 impl Places {
-    /// `voxels`: voxel coordinates of the vertices.
-    pub(super) fn new(cells: &Cells, grid: &Grid, region: &Region, voxels: &[Vector3<f64>]) -> Self {
+    /// - `voxels`: voxel coordinates of the vertices.
+    /// - `constrains`: whether each is to be followed.
+    pub(super) fn new(
+        cells: &Cells,
+        grid: &Grid,
+        region: &Region,
+        voxels: &[Vector3<f64>],
+        constrains: &[bool],
+    ) -> Self {
         let linear = grid.linear_part();
         let mut pulls: Vec<Pull> = voxels
             .par_iter()
             .enumerate()
+            .filter(|(vertex, _)| constrains[*vertex])
             .filter_map(|(vertex, voxel)| {
                 let cut = region.weight(linear * voxel);
                 let (cell, place) = cells.locate(*voxel);

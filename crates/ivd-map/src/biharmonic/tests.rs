@@ -18,7 +18,7 @@ impl Scene {
         let region = Region::new(&self.motion, &self.motion.frames()[0], &positions, &params.band, None);
         let voxels: Vec<Vector3<f64>> = (0..positions.len()).map(|i| self.lattice.voxel(i).0).collect();
         let cells = Cells::new(grid, &region, params.cell);
-        let places = Places::new(&cells, grid, &region, &voxels);
+        let places = Places::new(&cells, grid, &region, &voxels, &vec![true; voxels.len()]);
         (region, System::new(cells, grid, places))
     }
 

@@ -128,11 +128,14 @@ impl Cells {
 const CELL: u64 = 2048;
 
 /// The body of a scene; the pulls' goals are 0 yet.
+///
+/// `constrains`: whether a vertex pulls.
 pub(super) fn body(
     cells: &Cells,
     lattice: &Lattice,
     materials: &Materials<'_>,
     region: &Region,
+    constrains: &(dyn Fn(usize) -> bool + Sync),
     exec: &Exec,
 ) -> Result<Body, Error> {
     let grid = lattice.grid();
@@ -161,6 +164,7 @@ pub(super) fn body(
     let mut pulls: Vec<Pull> = places
         .iter()
         .enumerate()
+        .filter(|(vertex, _)| constrains(*vertex))
         .filter_map(|(vertex, place)| {
             let (cell, inner) = mesh.locate(*place)?;
             Some(Pull {

@@ -130,13 +130,14 @@ fn map_frame(
     let region = Region::new(motion, frame, &lattice.local_positions(), &params.band, None);
     let bricks = moving_bricks(lattice.grid(), &region, frame, exec)?;
     let alone = (params.band.outside == Outside::Free).then_some(inside);
-    let settle = Settle { lattice, alone, region: &region, frame, band: &params.band };
+    let settle = Settle { lattice, alone, region: &region, motion, frame, band: &params.band };
     if largest(frame) == 0.0 {
         let still = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
         return settle.settle(all_bricks(lattice.grid(), &bricks, still)?, exec);
     }
     let cells = Cells::new(lattice.grid(), &region, params.cell);
-    let mut body = body(&cells, lattice, &Materials::new(inside, labels, params), &region, exec)?;
+    let materials = Materials::new(inside, labels, params);
+    let mut body = body(&cells, lattice, &materials, &region, &|v| motion.role(v).constrains(), exec)?;
     exec.check_memory("the equations of the map", body.bytes())?;
     let (field, solved) = equilibrium(&mut body, lattice, frame, cells.length(lattice.grid()), exec)?;
     let sampled = sample(&body, &cells, lattice.grid(), &field, &bricks, exec)?;

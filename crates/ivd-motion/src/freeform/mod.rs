@@ -10,7 +10,7 @@
 #[cfg(test)]
 mod tests;
 
-use ivd_core::{Ball, Exec, Frame, InteriorPoints, Lattice, Motion};
+use ivd_core::{Ball, Exec, Frame, InteriorPoints, Lattice, Motion, Role};
 use ivd_field::shape::Shape;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -68,8 +68,9 @@ pub fn lattice(
         let reach = start.map_or(&[][..], |start| start.reach()).iter().copied().chain(balls).collect();
         let inner =
             start.map_or_else(InteriorPoints::default, |start| inner(lattice, start.inner(), origin, shapes));
+        let roles = start.map_or_else(Vec::new, |start| roles(start, &shaped));
         let motion = Motion::new(lattice.grid().clone(), rest.len(), shaped)
-            .and_then(|motion| motion.with_reach(reach)?.with_inner(inner))
+            .and_then(|motion| motion.with_reach(reach)?.with_inner(inner)?.with_roles(roles.into()))
             .map_err(|beyond| Error::Untrusted {
                 what: "the shapes",
                 problem: beyond.to_string(),
@@ -82,6 +83,15 @@ pub fn lattice(
             motion,
         })
     })
+}
+
+/// What the vertices' motion says after shapes have gone on: those that they moved are driven.
+fn roles(start: &Motion, shaped: &[Frame]) -> Vec<u8> {
+    let went_on = |v: usize| {
+        shaped.iter().zip(start.frames()).any(|(now, then)| now.displacement[v] != then.displacement[v])
+    };
+    let of = |v: usize| if went_on(v) { Role::Driven } else { start.role(v) };
+    (0..start.vertex_count()).map(|v| of(v) as u8).collect()
 }
 
 /// InteriorPoints points go where the vertices round them go.

@@ -49,7 +49,7 @@ mod xpbd;
 
 use std::ops::Deref;
 
-use ivd_core::{Ball, Exec, Frame, InteriorPoints, Labels, Lattice, Motion};
+use ivd_core::{Ball, Exec, Frame, InteriorPoints, Labels, Lattice, Motion, Role};
 use nalgebra::Vector3;
 
 use crate::Error;
@@ -342,8 +342,21 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         let ball =
             |(&t, h): (&usize, &Handle)| Ball { centre: self.lattice.world(t).0.into(), radius: h.radius };
         let reach = targets.iter().zip(handles).map(ball).chain(self.skeleton.reach()).collect();
+        let roles = self.roles(&frames);
         let motion = Motion::new(self.lattice.grid().clone(), self.rest.len(), frames)?;
-        motion.with_reach(reach)?.with_inner(inner)
+        motion.with_reach(reach)?.with_inner(inner)?.with_roles(roles.into())
+    }
+
+    /// What the motion of each vertex says, as a map reads it: what springs and bones move is driven, and so are the next ones beyond the
+    /// reach, which hold them; what is fixed, and what a bone holds that doesn't move, is held.
+    fn roles(&self, frames: &[Frame]) -> Vec<u8> {
+        let mut roles = vec![Role::Carried; self.rest.len()];
+        self.body.vertices.iter().for_each(|&v| roles[v as usize] = Role::Driven);
+        for (v, role) in roles.iter_mut().enumerate().filter(|(v, _)| self.fixed[*v]) {
+            let moves = frames.iter().any(|frame| frame.displacement[v] != [0.0; 3]);
+            *role = if moves { Role::Driven } else { Role::Held };
+        }
+        roles.into_iter().map(|role| role as u8).collect()
     }
 
     /// Refuses what isn't finite and what a force carried out of its handle's reach.

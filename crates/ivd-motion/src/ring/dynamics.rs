@@ -35,7 +35,7 @@ pub(super) struct Material {
 
 /// The moving vertices, their springs, and where they are.
 pub(super) struct System<'a> {
-    pub(super) edges: &'a Edges,
+    pub(super) edges: Edges,
     /// Rest positions (mm), relative to the grid's origin.
     pub(super) rest: &'a [Vector3<f64>],
     /// Mass of each vertex (g).

@@ -1,8 +1,10 @@
 //! The ring solver: a handle moves or pulls one vertex, and rings of neighbours round it follow.
 //!
 //! It is the thesis's solver, soundly read (section 6.1):
-//! - **Rings.** The vertices that a handle reaches are found breadth first, through edges, within the handle's radius. So
-//!   another sheet that passes through the ball isn't touched, and beyond the radius nothing moves, exactly.
+//! - **Followers.** The vertices within a handle's radius to which a way through the part leads that isn't much longer than the straight
+//!   line ([`Couple`]). So a wall moves with both its sides, the other lip isn't touched, and beyond the radius nothing moves, exactly. Vertices that
+//!   nothing reaches are [carried](ivd_core::Role::Carried): a map moves them with what surrounds them.
+//! - **Rings** of neighbours, breadth first, through edges, within the radius: over them a force spreads.
 //! - **A moved handle** takes its vertex exactly where it is told, along a smooth ramp in time. A vertex at distance `d`
 //!   follows by `(1 - d²/r²)²` of it, which ends at the radius without a step or a kink.
 //! - **A pulled handle** spreads its force over the rings by the angle of equations 6.2 and 6.3; no ring holds more force
@@ -20,16 +22,17 @@
 mod dynamics;
 mod params;
 mod rings;
+mod way;
 
-use ivd_core::{Ball, Exec, Frame, Iteration, Lattice, Motion};
+use ivd_core::{Ball, Exec, Frame, Iteration, Lattice, Motion, Role};
 use nalgebra::Vector3;
 
 use crate::Error;
 use crate::handles::{Action, Handle, Pin, check_pull, find_targets, resolve};
 use dynamics::{Drive, Material, System};
-use rings::{Edges, Rings};
+use rings::{Edges, Rings, taper};
 
-pub use params::RingParams;
+pub use params::{Couple, RingParams};
 
 /// A pulled target that goes further than this many radii has left what its radius can follow.
 const FAR: f64 = 10.0;
@@ -59,6 +62,62 @@ pub struct RingResult {
     pub ring_sums: Vec<Vec<f64>>,
 }
 
+/// What handles take along, which doesn't depend on where they go.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coupling {
+    couple: Couple,
+    /// Target, radius (mm), and the vertices that follow, of each handle.
+    followers: Vec<(usize, f64, Vec<u32>)>,
+}
+
+impl Coupling {
+    /// Finds what handles take along.
+    ///
+    /// # Errors
+    /// As [`solve`].
+    pub fn new(
+        lattice: &Lattice,
+        handles: &[Handle],
+        params: &RingParams,
+        exec: &Exec,
+    ) -> Result<Self, Error> {
+        params.check()?;
+        check_pull(handles, &[])?;
+        exec.run(|| {
+            let rest = lattice.local_positions();
+            let targets = find_targets(lattice, &rest, handles, true)?;
+            let edges = Edges::new(lattice, &rest, |v| is_near(&rest, &targets, handles, v as usize));
+            let couple = if params.literal { Couple::Edges } else { params.couple };
+            let of = |(&target, handle): (&usize, &Handle)| {
+                let followers = match couple {
+                    Couple::Edges => Rings::new(&edges, &rest, target, handle.radius).reached(),
+                    Couple::Straight => (0..rest.len() as u32)
+                        .filter(|&v| is_near(&rest, &[target], &[*handle], v as usize))
+                        .collect(),
+                    Couple::Inside => {
+                        way::followers(lattice, &edges, &rest, target, handle.radius, exec)?
+                    }
+                };
+                Ok((target, handle.radius, followers))
+            };
+            let followers = targets.iter().zip(handles).map(of).collect::<Result<_, Error>>()?;
+            Ok(Self { couple, followers })
+        })
+    }
+
+    /// Whether it is that of handles on these vertices.
+    fn fits(&self, targets: &[usize], handles: &[Handle], params: &RingParams) -> bool {
+        let couple = if params.literal { Couple::Edges } else { params.couple };
+        let now = targets.iter().zip(handles).map(|(target, handle)| (*target, handle.radius));
+        self.couple == couple && now.eq(self.followers.iter().map(|(target, radius, _)| (*target, *radius)))
+    }
+}
+
+/// Whether a vertex lies in a handle's ball, or is its target.
+fn is_near(rest: &[Vector3<f64>], targets: &[usize], handles: &[Handle], v: usize) -> bool {
+    targets.iter().zip(handles).any(|(&t, h)| v == t || (rest[v] - rest[t]).norm() < h.radius)
+}
+
 /// Deforms a lattice by handles; see the module's page for the model.
 ///
 /// - `handles`: at least one; two on one vertex must do the same.
@@ -75,19 +134,42 @@ pub fn solve(
     params: &RingParams,
     exec: &Exec,
 ) -> Result<RingResult, Error> {
+    check_pull(handles, fixed)?;
+    let coupling = Coupling::new(lattice, handles, params, exec)?;
+    solve_coupled(lattice, &coupling, handles, fixed, params, exec)
+}
+
+/// As [`solve`], of handles of which it is known what they take along.
+///
+/// # Errors
+/// As [`solve`]; [`Error::Mismatch`] where that is known of handles elsewhere.
+pub fn solve_coupled(
+    lattice: &Lattice,
+    coupling: &Coupling,
+    handles: &[Handle],
+    fixed: &[Pin],
+    params: &RingParams,
+    exec: &Exec,
+) -> Result<RingResult, Error> {
     params.check()?;
     check_pull(handles, fixed)?;
     exec.run(|| {
         let rest = lattice.local_positions();
         let mass = masses(lattice, &rest, params);
         let targets = find_targets(lattice, &rest, handles, true)?;
-        let edges = Edges::new(lattice, &rest, |v| {
-            let at = rest[v as usize];
-            targets.iter().zip(handles).any(|(&t, h)| v as usize == t || (at - rest[t]).norm() < h.radius)
-        });
+        if !coupling.fits(&targets, handles, params) {
+            return Err(Error::Mismatch {
+                what: "coupling",
+                problem: "it is of other handles, or of another way to follow".into(),
+                remedy: "find again what these handles take along",
+            });
+        }
+        let edges = Edges::new(lattice, &rest, |v| is_near(&rest, &targets, handles, v as usize));
         let still = Still::new(fixed, lattice, &rest, &targets)?;
         exec.check_cancelled()?;
-        let (mut system, ring_sums) = assemble(&edges, &rest, &mass, handles, &targets, &still, params);
+        let given = Given { rest: &rest, mass: &mass, handles, targets: &targets, still: &still, params };
+        let (mut system, ring_sums) = assemble(edges, &given, coupling);
+        let roles = roles(lattice, &system, &given);
         let (steps, dt) = params.clock();
         let energies = integrate(&mut system, steps, dt, exec)?;
         trust(&system, handles, &targets)?;
@@ -100,7 +182,7 @@ pub fn solve(
             .collect();
         let vertices_moved = displacement.iter().filter(|u| **u != [0.0; 3]).count();
         let frame = Frame { time: params.duration, displacement: displacement.into() };
-        let motion = Motion::new(lattice.grid().clone(), rest.len(), vec![frame])?.with_reach(reach)?;
+        let motion = Motion::new(lattice.grid().clone(), rest.len(), vec![frame])?.with_reach(reach)?.with_roles(roles.into())?;
         Ok(RingResult {
             max_displacement_mm: motion.max_displacement(),
             motion,
@@ -169,25 +251,51 @@ impl Still {
     }
 }
 
-/// Who may move, and what drives whom.
-fn assemble<'a>(
-    edges: &'a Edges,
+/// What is solved for.
+struct Given<'a> {
     rest: &'a [Vector3<f64>],
     mass: &'a [f64],
-    handles: &[Handle],
-    targets: &[usize],
-    still: &Still,
-    params: &RingParams,
-) -> (System<'a>, Vec<Vec<f64>>) {
+    handles: &'a [Handle],
+    targets: &'a [usize],
+    still: &'a Still,
+    params: &'a RingParams,
+}
+
+/// What the motion of each vertex says, as a map reads it.
+fn roles(lattice: &Lattice, system: &System, given: &Given) -> Vec<u8> {
+    let mut is_active = vec![false; given.rest.len()];
+    system.active.iter().for_each(|&v| is_active[v] = true);
+    let of = |active: &bool| if *active { Role::Driven as u8 } else { Role::Carried as u8 };
+    let mut roles: Vec<u8> = is_active.iter().map(of).collect();
+    // Beyond the balls the next vertices stay: there the following has fallen to 0.
+    for triangle in lattice.triangles().iter().filter(|t| t.iter().any(|v| is_active[*v as usize])) {
+        for v in triangle.map(|v| v as usize) {
+            if !is_near(given.rest, given.targets, given.handles, v) {
+                roles[v] = Role::Driven as u8;
+            }
+        }
+    }
+    for (role, at) in roles.iter_mut().zip(given.rest) {
+        if given.still.freedom(*at) == 0.0 {
+            *role = Role::Held as u8;
+        }
+    }
+    roles
+}
+
+/// Who may move, and what drives whom.
+fn assemble<'a>(edges: Edges, given: &Given<'a>, coupling: &Coupling) -> (System<'a>, Vec<Vec<f64>>) {
+    let Given { rest, mass, handles, targets, still, params } = *given;
     let stiffness = params.stiffness * 1e3;
     let mut weights: Vec<Vec<(usize, f64)>> = vec![Vec::new(); rest.len()];
     let mut force = vec![Vector3::zeros(); rest.len()];
     let mut ring_sums = Vec::new();
     let mut reached = vec![false; rest.len()];
-    for (h, (handle, &target)) in handles.iter().zip(targets).enumerate() {
-        let rings = Rings::new(edges, rest, target, handle.radius);
-        for (v, w) in rings.follow(rest) {
+    for (h, (handle, (target, _, followers))) in handles.iter().zip(&coupling.followers).enumerate() {
+        let target = *target;
+        for v in followers.iter().map(|v| *v as usize) {
             reached[v] = true;
+            let w = taper((rest[v] - rest[target]).norm() / handle.radius);
             if !params.literal || matches!(handle.action, Action::Move(_)) {
                 weights[v].push((target, w * still.freedom(rest[v])));
             }
@@ -196,15 +304,18 @@ fn assemble<'a>(
             ring_sums.push(Vec::new());
             continue;
         };
+        let rings = Rings::new(&edges, rest, target, handle.radius);
         // A force of 1 mN is 1e3 µN.
         let pull = Vector3::from(pull) * 1e3;
-        let (shares, sums) = rings.shares(edges, rest, pull / stiffness, params.epsilon, params.literal);
+        let (shares, sums) = rings.shares(&edges, rest, pull / stiffness, params.epsilon, params.literal);
         ring_sums.push(sums);
         let again = targets[..h].contains(&target);
-        for (v, share) in shares.into_iter().filter(|_| !again) {
+        for (v, share) in shares.into_iter().filter(|(v, _)| !again && reached[*v]) {
             force[v] += pull * share * still.freedom(rest[v]);
         }
     }
+    // What is carried pulls nobody.
+    let edges = edges.between(|v| reached[v] || !is_near(rest, targets, handles, v));
     let active: Vec<usize> = (0..rest.len()).filter(|&v| reached[v]).collect();
     let drive = |&v: &usize| {
         if still.freedom(rest[v]) == 0.0 {

@@ -3,10 +3,26 @@ use ivd_core::op::check_fields;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Which vertices within a handle's radius follow it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Couple {
+    /// Those to which a way through the part leads that is at most one and a half times the straight line: the far side of a wall follows, the
+    /// other lip doesn't.
+    #[default]
+    Inside,
+    /// All of them.
+    Straight,
+    /// Those that edges lead to (the thesis's rings).
+    Edges,
+}
+
 /// The material and the clock of the ring solver.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct RingParams {
+    /// Which vertices within a handle's radius follow it. Those that don't are carried along by what surrounds them.
+    pub couple: Couple,
     /// Stiffness of every structural spring.
     #[schemars(range(min = 1e-9, max = 1e15), extend("x-unit" = "N/m"))]
     pub stiffness: f64,
@@ -32,13 +48,14 @@ pub struct RingParams {
     #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
     pub epsilon: f64,
     /// Reproduce the thesis exactly, including its errors: masses of 1 g, signed cosines, ring sums free to grow, no ground
-    /// springs, springs that push as well as pull. The result may diverge, which is an error.
+    /// springs, springs that push as well as pull, followers along edges alone. The result may diverge, which is an error.
     pub literal: bool,
 }
 
 impl Default for RingParams {
     fn default() -> Self {
         Self {
+            couple: Couple::Inside,
             stiffness: 50.0,
             duration: 0.2,
             dt: None,

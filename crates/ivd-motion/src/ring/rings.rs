@@ -36,6 +36,27 @@ impl Edges {
         Self { first, other: pairs.into_iter().map(|[_, b]| b).collect(), squared }
     }
 
+    /// Those between vertices of which both are `wanted`.
+    pub(super) fn between(mut self, wanted: impl Fn(usize) -> bool) -> Self {
+        let mut kept = 0;
+        let mut start = 0;
+        for v in 0..self.first.len() - 1 {
+            let end = self.first[v + 1] as usize;
+            let known = start < end && wanted(v);
+            for i in start..end {
+                if known && wanted(self.other[i] as usize) {
+                    (self.other[kept], self.squared[kept]) = (self.other[i], self.squared[i]);
+                    kept += 1;
+                }
+            }
+            start = end;
+            self.first[v + 1] = kept as u32;
+        }
+        self.other.truncate(kept);
+        self.squared.truncate(kept);
+        self
+    }
+
     pub(super) fn of(&self, vertex: usize) -> &[u32] {
         &self.other[self.range(vertex)]
     }
@@ -91,12 +112,11 @@ impl Rings {
         }
     }
 
-    /// Vertices and how much of the target's motion they follow, 0…1.
-    pub(super) fn follow<'a>(&'a self, rest: &'a [Vector3<f64>]) -> impl Iterator<Item = (usize, f64)> + 'a {
-        self.vertices.iter().flatten().map(|&v| {
-            let distance = (rest[v as usize] - rest[self.target]).norm();
-            (v as usize, taper(distance / self.radius))
-        })
+    /// The vertices of all rings, ascending.
+    pub(super) fn reached(&self) -> Vec<u32> {
+        let mut all = self.vertices.concat();
+        all.sort_unstable();
+        all
     }
 
     /// Component forces by vertex, as fractions of the target's force, and their sum by ring.

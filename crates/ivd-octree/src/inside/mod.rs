@@ -12,6 +12,8 @@
 mod crossings;
 mod triangle;
 
+use std::ops::Range;
+
 use ivd_core::{Exec, Lattice, Mask};
 use rayon::prelude::*;
 
@@ -30,17 +32,49 @@ pub fn inside(lattice: &Lattice, exec: &Exec) -> Result<Mask, Error> {
         let crossings = Crossings::find(lattice, exec)?;
         let [nx, ny, _] = lattice.grid().dims();
         let mut inside = vec![0_u8; lattice.grid().len()];
-        inside.par_chunks_mut(nx).enumerate().for_each(|(row, voxels)| {
-            let mut winding = 0;
-            let mut runs = crossings.row(row % ny, row / ny).peekable();
-            while let Some((from, sign)) = runs.next() {
-                winding += sign;
-                let to = runs.peek().map_or(nx, |next| next.0);
-                if winding != 0 {
-                    voxels[from..to].fill(1);
-                }
-            }
-        });
+        inside
+            .par_chunks_mut(nx)
+            .enumerate()
+            .for_each(|(row, voxels)| fill(&crossings, [row % ny, row / ny], 0, voxels));
         Ok(Mask::new(lattice.grid().clone(), inside.into())?)
     })
+}
+
+/// As [`inside()`], of the voxels of a box alone: 1 inside, x fastest.
+///
+/// # Errors
+/// As [`inside()`].
+///
+/// # Panics
+/// Where the box isn't within the lattice's grid.
+pub fn inside_box(lattice: &Lattice, ranges: [Range<usize>; 3], exec: &Exec) -> Result<Vec<u8>, Error> {
+    let dims = lattice.grid().dims();
+    let within = ranges.iter().zip(dims).all(|(range, n)| range.start <= range.end && range.end <= n);
+    assert!(within, "{ranges:?} isn't within {dims:?}");
+    exec.run(|| {
+        let [xs, ys, zs] = ranges;
+        exec.check_memory("the inside of a lattice", (xs.len() * ys.len() * zs.len()) as u64)?;
+        let crossings = Crossings::of_rows(lattice, [ys.clone(), zs.clone()], exec)?;
+        let mut inside = vec![0_u8; xs.len() * ys.len() * zs.len()];
+        inside.par_chunks_mut(xs.len().max(1)).enumerate().for_each(|(row, voxels)| {
+            let at = [ys.start + row % ys.len(), zs.start + row / ys.len()];
+            fill(&crossings, at, xs.start, voxels);
+        });
+        Ok(inside)
+    })
+}
+
+/// Sets the voxels of a row, from `first` on, that lie inside.
+fn fill(crossings: &Crossings, [y, z]: [usize; 2], first: usize, voxels: &mut [u8]) {
+    let end = first + voxels.len();
+    let mut winding = 0;
+    let mut runs = crossings.row(y, z).peekable();
+    while let Some((from, sign)) = runs.next() {
+        winding += sign;
+        let to = runs.peek().map_or(end, |next| next.0);
+        if winding != 0 {
+            let within = |x: usize| x.clamp(first, end) - first;
+            voxels[within(from)..within(to)].fill(1);
+        }
+    }
 }

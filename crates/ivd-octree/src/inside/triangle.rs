@@ -1,5 +1,7 @@
 //! One triangle against the rows of voxels that pass through its shadow.
 
+use std::ops::Range;
+
 use ivd_core::Lattice;
 
 /// Bits after the point of a fixed-point coordinate (voxels).
@@ -18,16 +20,17 @@ pub(super) fn fixed_vertex(lattice: &Lattice, vertex: u32) -> Fixed {
 }
 
 /// Calls `hit(y, z, x, sign)` for each row of voxel centres that crosses the triangle: `x` is the first voxel not
-/// before the crossing, within `0 ..= dims[0]`; `sign` tells the side from which the ray comes.
+/// before the crossing, within `0 ..= dims[0]`; `sign` tells the side from which the ray comes. `wanted`: ranges of y and z.
 pub(super) fn crossings(
     corners: [Fixed; 3],
     dims: [usize; 3],
+    wanted: &[Range<usize>; 2],
     mut hit: impl FnMut(usize, usize, usize, i64),
 ) {
     let rows = |axis: usize| {
         let [a, b, c] = corners.map(|corner| corner[axis]);
-        let first = ceil(a.min(b).min(c)).max(0);
-        let last = floor(a.max(b).max(c)).min(dims[axis] as i64 - 1);
+        let first = ceil(a.min(b).min(c)).max(wanted[axis - 1].start as i64);
+        let last = floor(a.max(b).max(c)).min(dims[axis].min(wanted[axis - 1].end) as i64 - 1);
         first..=last
     };
     for z in rows(2) {

@@ -18,7 +18,7 @@ pub(super) fn trees<const N: usize>(
     positions: &[Vector3<f64>],
     frame: Matrix3<f64>,
     cell_axes: Matrix3<f64>,
-    part: impl Fn(u32) -> usize,
+    part: impl Fn(u32) -> Option<usize>,
 ) -> Result<[Tree; N], Error> {
     let listed = octree.leaf_triangles().len() as u64;
     if listed > Lane::LIMIT {
@@ -51,12 +51,12 @@ struct Builder<'a, F, const N: usize> {
     /// Columns: a voxel's edges in that frame (mm).
     cell_axes: Matrix3<f64>,
     slack: f64,
-    /// Which part a triangle belongs to.
+    /// Which part a triangle belongs to; none of those that aren't looked for.
     part: F,
     blocks: [Vec<Block>; N],
 }
 
-impl<F: Fn(u32) -> usize, const N: usize> Builder<'_, F, N> {
+impl<F: Fn(u32) -> Option<usize>, const N: usize> Builder<'_, F, N> {
     /// Box and lane of each part in a node of 2^`bits` voxels a side whose first padded voxel is `at`.
     fn node(&mut self, index: u32, at: [u64; 3], bits: u8) -> [Item; N] {
         let mut items: [Vec<Item>; N] = std::array::from_fn(|_| Vec::new());
@@ -81,10 +81,11 @@ impl<F: Fn(u32) -> usize, const N: usize> Builder<'_, F, N> {
     fn leaf(&self, slot: u32, at: [u64; 3], bits: u8, items: &mut [Vec<Item>; N]) {
         let cell = self.cell(at, bits);
         for &triangle in self.octree.leaf(slot) {
+            let Some(part) = (self.part)(triangle) else { continue };
             let corners = self.lattice.triangles()[triangle as usize].map(|v| self.framed[v as usize]);
             let lo = corners[0].inf(&corners[1]).inf(&corners[2]).sup(&cell.0);
             let hi = corners[0].sup(&corners[1]).sup(&corners[2]).inf(&cell.1);
-            items[(self.part)(triangle)].push((self.outward(lo, hi), Lane::triangle(triangle)));
+            items[part].push((self.outward(lo, hi), Lane::triangle(triangle)));
         }
     }
 

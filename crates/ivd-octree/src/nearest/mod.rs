@@ -52,7 +52,7 @@ impl std::fmt::Debug for NearestIndex {
 /// # Errors
 /// In [`Error::Core`] an octree that was built over another lattice.
 pub fn prepare(lattice: &Lattice, octree: &Octree) -> Result<NearestIndex, Error> {
-    let [index] = prepare_parts(lattice, octree, |_| 0)?;
+    let [index] = prepare_parts(lattice, octree, |_| Some(0))?;
     Ok(index)
 }
 
@@ -62,14 +62,15 @@ fn of_another(problem: String) -> Error {
     ivd_core::Error::Mismatch { what, problem, remedy: "build the octree of this lattice" }.into()
 }
 
-/// As [`prepare`], one search for each part of the triangles; `part` tells which of the `N` a triangle belongs to.
+/// As [`prepare`], one search for each part of the triangles; `part` tells which of the `N` a triangle belongs to; one that belongs to
+/// none is never found.
 ///
 /// # Errors
 /// As [`prepare`].
 pub fn prepare_parts<const N: usize>(
     lattice: &Lattice,
     octree: &Octree,
-    part: impl Fn(u32) -> usize,
+    part: impl Fn(u32) -> Option<usize>,
 ) -> Result<[NearestIndex; N], Error> {
     let counts = [
         ("triangles", octree.triangle_count() as usize, lattice.triangles().len()),
