@@ -189,9 +189,13 @@ impl SurfaceFit {
         let places: Vec<Vector3<f64>> = lattice.local_positions();
         let moved: Vec<Vector3<f64>> =
             (0..places.len()).into_par_iter().map(|i| linear * sampler.at(lattice.voxel(i).0)).collect();
-        let in_reach: Vec<bool> =
-            places.par_iter().zip(&frame.displacement[..]).map(|(at, u)| *u != [0.0; 3] || region.holds(*at)).collect();
-        let count = |role| (0..places.len()).filter(|&v| in_reach[v] && motion.role(v) == role).count() as u64;
+        let in_reach: Vec<bool> = places
+            .par_iter()
+            .zip(&frame.displacement[..])
+            .map(|(at, u)| *u != [0.0; 3] || region.holds(*at))
+            .collect();
+        let count =
+            |role| (0..places.len()).filter(|&v| in_reach[v] && motion.role(v) == role).count() as u64;
         let followed: Vec<usize> =
             (0..places.len()).filter(|&v| in_reach[v] && motion.role(v).constrains()).collect();
         let in_conflict = conflicts(&followed, &places, &frame.displacement, 2.0 * grid.longest_edge());
@@ -246,12 +250,7 @@ impl SurfaceFit {
 }
 
 /// Which of the vertices have another within a distance (mm) whose motion differs by more than how far it is away.
-fn conflicts(
-    vertices: &[usize],
-    places: &[Vector3<f64>],
-    motions: &[[f64; 3]],
-    within: f64,
-) -> Vec<bool> {
+fn conflicts(vertices: &[usize], places: &[Vector3<f64>], motions: &[[f64; 3]], within: f64) -> Vec<bool> {
     let cell = |v: usize| -> [i64; 3] { places[v].map(|c| (c / within).floor() as i64).into() };
     let mut cells: Vec<([i64; 3], usize)> = vertices.iter().map(|&v| (cell(v), v)).collect();
     cells.par_sort_unstable();

@@ -36,7 +36,7 @@ const SCANS: [Scan; 5] = [
     Scan { file: "tooth/tooth.nhdr", iso: 1000.0, pick: [-64.0, -9.0, 128.0], motion: [0.0, 4.0, 0.0] },
 ];
 
-fn data() -> Option<PathBuf> {
+pub(crate) fn data() -> Option<PathBuf> {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data"));
     if folder.is_dir() {
         return Some(folder.to_owned());

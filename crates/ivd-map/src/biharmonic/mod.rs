@@ -278,8 +278,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                     Some(last.nodes[last.system.cells.nodes.free.find(*node)?])
                 });
                 let nodes = nodes.map(Option::unwrap_or_default).collect();
-                let places =
-                    Places::new(&cells, self.lattice.grid(), region, &self.voxels, &self.constrains);
+                let places = Places::new(&cells, self.lattice.grid(), region, &self.voxels, &self.constrains);
                 let system = System::new(cells, self.lattice.grid(), places);
                 Ok(Last { region: region.clone(), edge, system, nodes })
             }
