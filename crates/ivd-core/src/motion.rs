@@ -107,7 +107,14 @@ impl Motion {
                 return Err(bad(format!("frame {f}, vertex {v}: displacement is not finite")));
             }
         }
-        Ok(Self { grid, vertex_count, frames, reach: Vec::new(), inner: InteriorPoints::default(), roles: Vec::new().into() })
+        Ok(Self {
+            grid,
+            vertex_count,
+            frames,
+            reach: Vec::new(),
+            inner: InteriorPoints::default(),
+            roles: Vec::new().into(),
+        })
     }
 
     /// With what each vertex's motion says, as numbers of [`Role`]; without any all are driven.
@@ -155,6 +162,20 @@ impl Motion {
         Err(bad(format!(
             "its {points} inner points don't have a finite place and displacement in every frame"
         )))
+    }
+
+    /// The same motion gone in part: displacements times a share of 0 … 1.
+    #[must_use]
+    pub fn part(&self, share: f64) -> Self {
+        let of = |vectors: &Buffer<[f64; 3]>| -> Buffer<[f64; 3]> {
+            vectors.iter().map(|u| u.map(|c| c * share + 0.0)).collect()
+        };
+        let frames = self.frames.iter().map(|f| Frame { time: f.time, displacement: of(&f.displacement) });
+        let inner = InteriorPoints {
+            places: self.inner.places.clone(),
+            frames: self.inner.frames.iter().map(of).collect(),
+        };
+        Self { frames: frames.collect(), inner, ..self.clone() }
     }
 
     /// The grid of the lattice that moves.

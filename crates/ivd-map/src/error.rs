@@ -11,6 +11,14 @@ pub enum Error {
     /// The octree can't be used.
     #[error(transparent)]
     Octree(#[from] ivd_octree::Error),
+    /// The whole way can't be mapped; a part of it can.
+    #[error("{problem}. {:.0} % of the way can be mapped: limit = \"stop\" goes that far", 100.0 * share)]
+    Beyond {
+        /// Why the whole way can't.
+        problem: Box<Error>,
+        /// The share that was found to hold, to a 32nd.
+        share: f64,
+    },
     /// A map that folds space, after everything that may be done against it.
     #[error(
         "the map folds: det ∇φ is only proven above {lower:.3} in the cell at voxel {voxel:?} ({world:.1?} mm), and in \
@@ -49,7 +57,7 @@ impl Classified for Error {
         match self {
             Self::Core(error) => error.error_class(),
             Self::Octree(error) => error.error_class(),
-            Self::Folded { .. } => ErrorClass::Untrusted,
+            Self::Folded { .. } | Self::Beyond { .. } => ErrorClass::Untrusted,
         }
     }
 }

@@ -4,6 +4,7 @@ use ivd_octree::NearestIndex;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::limit::as_far;
 use super::{Found, Hit, MapResult, Nearest, OctreeParams, nearest};
 use crate::Error;
 
@@ -130,7 +131,9 @@ pub fn octree(
     exec: &Exec,
 ) -> Result<MapResult, Error> {
     params.check()?;
-    Prepared::new(lattice, octree, motion, exec)?.map(frame, params, exec)
+    as_far(motion, params.band.limit, |motion| {
+        Prepared::new(lattice, octree, motion, exec)?.map(frame, params, exec)
+    })
 }
 
 /// Maps every frame of a motion; as [`octree`], with the lattice prepared once.

@@ -1,6 +1,6 @@
-use ivd_core::{Displacement, Error, FieldBricks, Frame, Lattice, Motion, Role};
+use ivd_core::{Displacement, Error, FieldBricks, Frame, Lattice, Motion, Role, VoxelCoord, VoxelIndex};
 use ivd_field::certificate::{Certificate, Histogram};
-use ivd_field::sampler::Sampler;
+use ivd_field::sampler::{Sampler, brick_at};
 use ivd_field::vectors::lengths;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -103,6 +103,15 @@ pub struct MapFigures {
     /// Voxels that a part moving alone left behind.
     #[schemars(extend("x-unit" = "voxels"))]
     pub voxels_vacated: u64,
+    /// Share of the way that is gone: 1, or what can be mapped where it ends there.
+    #[schemars(extend("x-unit" = "1"))]
+    pub share: f64,
+    /// Largest motion of a voxel.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub largest_mm: f64,
+    /// Where that is at rest, RAS; null where nothing moves.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub largest_at_mm: Option<[f64; 3]>,
     /// How well the map follows the lattice.
     pub followed: SurfaceFit,
     /// Lengths of the voxels' motion (mm), 0 … the largest.
@@ -156,7 +165,11 @@ impl MapResult {
         followed: SurfaceFit,
     ) -> Self {
         let (voxels_moved, motion_mm_histogram) = lengths(displacement.forward());
+        let (largest_mm, largest_at_mm) = largest(&displacement);
         let figures = MapFigures {
+            share: 1.0,
+            largest_mm,
+            largest_at_mm,
             voxels_moved,
             bricks_touched: displacement.forward().stored() as u64,
             bricks_total: displacement.forward().table().len() as u64,
@@ -244,9 +257,46 @@ impl SurfaceFit {
         fit
     }
 
-    pub(super) fn check(&self, tolerance: f64) -> Result<(), Error> {
-        check_misfit(self.misfit, tolerance, || self.clone())
+    /// - `most`: largest motion of a vertex (mm); `edge`: of a cube of a voxel's volume (mm).
+    pub(super) fn check(&self, tolerance: f64, most: f64, edge: f64) -> Result<(), Error> {
+        check_misfit(self.misfit, tolerance, || self.clone())?;
+        let left = self.misfit_p999_voxel * edge;
+        if left <= (tolerance * most).max(edge) {
+            return Ok(());
+        }
+        Err(Error::Untrusted {
+            what: "the map",
+            problem: format!(
+                "kept free of folds it leaves a thousandth of the lattice behind by more than {left:.3} mm ({:.3} mm at most, at \
+                 {:.1?} mm), more than the tolerance of {:.0} % of the largest motion",
+                self.misfit_max_mm,
+                self.misfit_max_at_mm.unwrap_or_default(),
+                100.0 * tolerance
+            ),
+            remedy: "move the handle less, give it a larger radius, or raise the tolerance",
+        })
     }
+}
+
+/// Largest motion of a voxel (mm), and where it is.
+fn largest(displacement: &Displacement) -> (f64, Option<[f64; 3]>) {
+    let (grid, field) = (displacement.grid(), displacement.forward());
+    let bricks = (0..field.table().len()).filter_map(|brick| Some((brick, field.brick(brick)?)));
+    let mut most = (0.0, None);
+    for (brick, vectors) in bricks {
+        for (slot, u) in vectors.iter().enumerate() {
+            let length = Vector3::from(u.map(f64::from)).norm();
+            if length > most.0 {
+                most = (length, Some((brick, slot)));
+            }
+        }
+    }
+    let place = |(brick, slot): (usize, usize)| {
+        let first = brick_at(field.brick_dims(), brick).map(|b| 8 * b);
+        let voxel = VoxelIndex([first[0] + slot % 8, first[1] + slot / 8 % 8, first[2] + slot / 64]);
+        grid.world(VoxelCoord::from(voxel)).0.into()
+    };
+    (most.0, most.1.map(place))
 }
 
 /// Which of the vertices have another within a distance (mm) whose motion differs by more than how far it is away.

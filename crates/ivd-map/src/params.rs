@@ -52,6 +52,17 @@ pub enum Outside {
     Free,
 }
 
+/// What is done where the whole motion can't be mapped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Limit {
+    /// The map is refused, with the share of the way that can be.
+    #[default]
+    Refuse,
+    /// As much of the way is gone as can be mapped; figures tell how much.
+    Stop,
+}
+
 /// What a class is made of; what isn't given is as where it lies: inside the lattice, or outside.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -74,15 +85,17 @@ pub struct Band {
     pub margin: Option<f64>,
     /// What happens outside the lattice.
     pub outside: Outside,
-    /// How far the lattice points that move most may be left behind to keep the map free of folds, as a fraction of their motion
-    /// (root mean square). Beyond it the map isn't what was asked for, and is refused.
+    /// How far lattice points may be left behind to keep the map free of folds, as a fraction of the largest motion: the root mean square of
+    /// those that move most, and the 99.9th percentile of all that are driven or held. Beyond it the map isn't what was asked for.
     #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub tolerance: f64,
+    /// What is done where the whole motion can't be mapped.
+    pub limit: Limit,
 }
 
 impl Default for Band {
     fn default() -> Self {
-        Self { margin: None, outside: Outside::default(), tolerance: 0.5 }
+        Self { margin: None, outside: Outside::default(), tolerance: 0.5, limit: Limit::default() }
     }
 }
 

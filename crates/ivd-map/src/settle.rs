@@ -7,7 +7,7 @@ use ivd_field::inverse::{from_bricks, invert, invert_part};
 use super::compose::{Composed, halve};
 use super::outcome::{self, MapResult, MapUpdate, SurfaceFit};
 use super::params::Band;
-use super::region::Region;
+use super::region::{Region, largest};
 use super::relax::relax;
 use crate::Error;
 
@@ -33,7 +33,8 @@ impl Settle<'_> {
     pub(super) fn settle(&self, field: FieldBricks, exec: &Exec) -> Result<MapResult, Error> {
         let proven = self.prove(field, Detail::All, exec)?;
         let followed = self.fit(&proven.field);
-        followed.check(self.band.tolerance)?;
+        let edge = self.lattice.grid().voxel_volume().cbrt();
+        followed.check(self.band.tolerance, largest(self.frame), edge)?;
         let (rounds, halvings, certificate) = (proven.rounds, proven.halvings, proven.certificate.clone());
         let displacement = self.invert(proven, exec)?;
         Ok(MapResult::new(displacement, certificate, rounds, halvings, followed))

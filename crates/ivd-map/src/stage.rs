@@ -38,7 +38,7 @@ fn last(motion: &Motion) -> usize {
 }
 
 /// Raised for all methods together: what they share is most of them.
-const REVISION: u32 = 6;
+const REVISION: u32 = 7;
 
 impl Op for OctreeParams {
     const REVISION: u32 = REVISION;

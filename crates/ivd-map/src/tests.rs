@@ -1,4 +1,4 @@
-use ivd_core::{Ball, Classified, Exec, Frame, Grid, Lattice, Mask, Motion, VoxelCoord, VoxelIndex};
+use ivd_core::{Ball, Classified, Exec, Frame, Grid, Lattice, Mask, Motion, Role, VoxelCoord, VoxelIndex};
 use ivd_field::fixtures::{lattice, middle, sheared_grid, voxels};
 use nalgebra::Vector3;
 
@@ -273,6 +273,60 @@ fn push_deeper_than_the_part_is_refused_with_the_place_and_a_remedy() {
 }
 
 #[test]
+fn a_way_that_ends_is_told_and_gone_as_far_as_it_leads() {
+    // A ball pressed flat on its far half, which stays.
+    let grid = Grid::with_spacing([40; 3], [1.0; 3]).unwrap();
+    let centre = middle(&grid);
+    let top = centre + Vector3::new(0.0, 0.0, 8.0);
+    let push = pushed(top, 14.0, Vector3::new(0.0, 0.0, -24.0));
+    let pressed = scene(&grid, ball(centre, 8.0), &push, &[(top, 14.0)]);
+    let limit = |limit| OctreeParams { band: Band { limit, ..Band::default() }, ..OctreeParams::default() };
+    let error = pressed.map(&limit(Limit::Refuse), &Exec::default()).unwrap_err();
+    let Error::Beyond { share, .. } = &error else { panic!("{error}") };
+    assert!(*share > 0.0 && *share < 1.0 && error.to_string().contains("% of the way"), "{error}");
+    let stopped = pressed.map(&limit(Limit::Stop), &Exec::default()).unwrap();
+    assert_eq!(stopped.figures.share, *share);
+    let part = scene(&grid, ball(centre, 8.0), move |p| push(p) * *share, &[(top, 14.0)]);
+    let part = part.mapped(&OctreeParams::default());
+    assert_eq!((part.figures.share, part.displacement), (1.0, stopped.displacement));
+}
+
+#[test]
+fn what_nothing_reaches_goes_along_and_what_is_held_stays() {
+    // A speck over a ball that is pulled up; without a role it would stand in the way.
+    let grid = Grid::with_spacing([48; 3], [1.0; 3]).unwrap();
+    let centre = middle(&grid);
+    let speck = centre + Vector3::new(0.0, 0.0, 16.0);
+    let both = move |p: Vector3<f64>| (8.0 - (p - centre).norm()).max(4.0 - (p - speck).norm());
+    let top = centre + Vector3::new(0.0, 0.0, 8.0);
+    let push = pushed(top, 22.0, Vector3::new(0.0, 0.0, 1.5));
+    let is_speck = move |p: Vector3<f64>| (p - speck).norm() < 5.0;
+    let moves = move |p: Vector3<f64>| if is_speck(p) { Vector3::zeros() } else { push(p) };
+    let mut scene = scene(&grid, both, moves, &[(top, 22.0)]);
+    for (role, least, most) in [(Role::Carried, 0.2, 1.5), (Role::Held, -0.4, 0.4)] {
+        let roles: Vec<u8> = scene
+            .lattice
+            .local_positions()
+            .iter()
+            .map(|p| if is_speck(*p) { role as u8 } else { Role::Driven as u8 })
+            .collect();
+        scene.motion = scene.motion.clone().with_roles(roles.clone().into()).unwrap();
+        let specks = roles.iter().filter(|r| **r != 0).count() as u64;
+        let biharmonic =
+            || biharmonic(&scene.lattice, &scene.motion, 0, &Default::default(), &Exec::default());
+        let fem = || fem(&scene.lattice, None, &scene.motion, 0, &FemParams::default(), &Exec::default());
+        for mapped in [scene.mapped(&OctreeParams::default()), biharmonic().unwrap(), fem().unwrap()] {
+            let fit = &mapped.figures.followed;
+            let counted = if role == Role::Carried { fit.vertices_carried } else { fit.vertices_held };
+            assert_eq!(counted, specks);
+            let voxel = VoxelIndex(speck.map(|c| c.round() as usize).into());
+            let up = f64::from(mapped.displacement.forward().at(voxel)[2]);
+            assert!(least <= up && up <= most, "{role:?}: {up}");
+        }
+    }
+}
+
+#[test]
 fn scale_of_the_scene_changes_lengths_and_nothing_else() {
     let one = dented(1.0, -3.0).mapped(&OctreeParams::default());
     for scale in [1.0 / 1024.0, 1024.0, 1e-3, 1e3] {
@@ -385,7 +439,7 @@ fn voxels_that_a_free_part_leaves_in_place_are_their_own_origin_exactly() {
     let (reach, margin, push) = (1.8, 1.2, Vector3::new(0.2, 0.15, -0.1));
     let part = scene(&grid, ball(centre, 5.0), pushed(side, reach, push), &[(side, reach)]);
     let params = OctreeParams {
-        band: Band { outside: Outside::Free, margin: Some(margin), tolerance: 1.0 },
+        band: Band { outside: Outside::Free, margin: Some(margin), tolerance: 1.0, ..Band::default() },
         ..OctreeParams::default()
     };
     let moved = part.mapped(&params).displacement;

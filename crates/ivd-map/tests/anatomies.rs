@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use ivd_core::{Exec, Lattice, Mask, Motion, Octree, Volume, VoxelCoord};
 use ivd_field::shape::{Kind, Shape};
+use ivd_field::warp;
 use ivd_io::volume::{ByteOrder, RawLayout, ReadOptions, read};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
@@ -242,6 +243,53 @@ fn anatomies_follow_and_nothing_stays_behind() {
         }
     }
     assert_eq!(failed, 0, "cases beyond the limits");
+}
+
+/// Thinnest wall of a shell along the columns (y) near its top, where it has been pushed (voxels).
+fn thinnest(shell: &Volume, radius: f64) -> f64 {
+    let [nx, ny, nz] = shell.grid().dims();
+    let middle = (nx as f64 - 1.0) / 2.0;
+    let mut thinnest = f64::INFINITY;
+    for (x, z) in (0..nz).flat_map(|z| (0..nx).map(move |x| (x, z))) {
+        if (x as f64 - middle).hypot(z as f64 - middle) > 0.5 * radius {
+            continue;
+        }
+        let value = |y: usize| shell.value(ivd_core::VoxelIndex([x, y, z])) - 80.0;
+        // From the top down: into the wall, and out of it.
+        let mut crossings = (ny / 2..ny - 1).rev().filter(|&y| (value(y) >= 0.0) != (value(y + 1) >= 0.0));
+        let mut next = || {
+            let y = crossings.next().expect("the wall is there, and its inside");
+            y as f64 + value(y) / (value(y) - value(y + 1))
+        };
+        let top = next();
+        thinnest = f64::min(thinnest, top - next());
+    }
+    thinnest
+}
+
+#[test]
+fn a_wall_that_is_pushed_keeps_its_thickness() {
+    let exec = Exec::default();
+    let params =
+        ivd_phantom::Params { shape: ivd_phantom::Shape::Shell, size: 96, ..ivd_phantom::Params::default() };
+    let volume = ivd_phantom::generate(&params, &exec).unwrap().volume;
+    let shell = made("shell", Path::new(""));
+    let rest = thinnest(&volume, 30.0);
+    let action = Action::Move([0.0, -8.0, 0.0]);
+    let handle = Handle { at: Anchor::NearestTo(shell.pick), action, radius: 30.0 };
+    let solved = ring::solve(&shell.lattice, &[handle], &[], &RingParams::default(), &exec).unwrap().motion;
+    let octree = ivd_map::octree(&shell.lattice, &shell.octree, &solved, 0, &OctreeParams::default(), &exec);
+    let biharmonic = ivd_map::biharmonic(&shell.lattice, &solved, 0, &BiharmonicParams::default(), &exec);
+    for (method, mapped) in [("octree", octree), ("biharmonic", biharmonic)] {
+        let mapped = mapped.unwrap();
+        let warped =
+            warp::volume(&volume, &mapped.displacement, &warp::WarpParams::default(), &exec).unwrap();
+        let wall = thinnest(&warped.output, 30.0);
+        eprintln!("{method}: {rest:.2} voxels at rest, {wall:.2} pushed");
+        assert!((4.0..=6.0).contains(&wall), "{method}: {wall} voxels of {rest}");
+        assert!(mapped.figures.largest_mm <= 1.02 * 8.0, "{method}: {}", mapped.figures.largest_mm);
+        assert_eq!(mapped.figures.followed.conflicts, 0);
+    }
 }
 
 /// Method, motion (of radii, or degrees), whether it is a turn, and which radius.

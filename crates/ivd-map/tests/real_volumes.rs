@@ -90,6 +90,10 @@ fn handles_on_scans_are_mapped_without_a_fold() {
             assert!(mapped.figures.min_det_j > 0.0 && mapped.figures.folds == 0, "{}", scan.file);
             assert!(mapped.figures.inverse_residual_max_voxel < 1e-4, "{}, {method}", scan.file);
             assert!(followed.misfit < 0.1, "{}, {method}: {followed:?}", scan.file);
+            let asked = solved.motion.max_displacement();
+            let most = mapped.figures.largest_mm;
+            assert!(most <= 1.02 * asked, "{}, {method}: {most} mm for {asked}", scan.file);
+            assert!(followed.misfit_p95_voxel <= 0.25 && followed.misfit_p999_voxel <= 1.0, "{followed:?}");
             assert!(warped.voxels_resampled > 10_000);
             // The band that moves along is narrower than the reach, which the smooth field fills.
             let most = if method == "octree" { 4 } else { 1 };

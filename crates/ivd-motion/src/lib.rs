@@ -31,6 +31,7 @@
 //! ```
 #![deny(unsafe_code)]
 
+mod carried;
 pub mod deform;
 pub mod freeform;
 pub mod handles;

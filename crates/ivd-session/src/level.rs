@@ -83,8 +83,7 @@ impl Level {
         exec: &Exec,
     ) -> Result<Motion, Error> {
         let Settings { handles, fixed, .. } = settings;
-        let of: Coupled =
-            (handles.iter().map(|h| (h.at, h.radius)).collect(), params.couple, params.literal);
+        let of: Coupled = (handles.iter().map(|h| (h.at, h.radius)).collect(), params.couple, params.literal);
         let kept = self.coupling.take().filter(|(other, _)| *other == of).map(|(_, coupling)| coupling);
         let coupling = match kept {
             Some(coupling) => coupling,

@@ -77,7 +77,12 @@ pub(super) fn encode(motion: &Motion) -> Result<Encoded<'_>, String> {
         }
     }
     if content.roles {
-        sections.push(SectionBytes::new("roles", Element::U8, vec![motion.vertex_count() as u64], motion.roles()));
+        sections.push(SectionBytes::new(
+            "roles",
+            Element::U8,
+            vec![motion.vertex_count() as u64],
+            motion.roles(),
+        ));
     }
     Encoded::new(&content, sections)
 }

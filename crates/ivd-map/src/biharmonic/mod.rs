@@ -64,6 +64,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::frame::{all_bricks, check_size, frame_of, moving_bricks};
+use super::limit::as_far;
 use super::outcome::{SolveFigures, misfit as misfit_of};
 use super::region::{Region, largest};
 use super::relax::relax;
@@ -477,7 +478,8 @@ pub fn biharmonic(
     exec: &Exec,
 ) -> Result<MapResult, Error> {
     params.check()?;
-    Biharmonic::new(lattice, params.band.outside, exec)?.map(motion, frame, params, exec)
+    let mut prepared = Biharmonic::new(lattice, params.band.outside, exec)?;
+    as_far(motion, params.band.limit, |motion| prepared.map(motion, frame, params, exec))
 }
 
 #[cfg(test)]

@@ -48,6 +48,7 @@ use rayon::prelude::*;
 
 use super::biharmonic::cut;
 use super::frame::{all_bricks, check_size, frame_of, moving_bricks};
+use super::limit::as_far;
 use super::outcome::SolveFigures;
 use super::region::{Region, largest};
 use super::settle::Settle;
@@ -88,7 +89,7 @@ pub fn fem(
     exec: &Exec,
 ) -> Result<MapResult, Error> {
     params.check()?;
-    let frame = frame_of(lattice, motion, frame)?;
+    check_size(frame_of(lattice, motion, frame)?)?;
     labels.map_or(Ok(()), |labels| vertex_class::check(lattice, labels))?;
     let labels = labels.filter(|_| !params.material.is_empty());
     if labels.is_none() && !params.material.is_empty() {
@@ -100,9 +101,13 @@ pub fn fem(
         .into());
     }
     labels.map_or(Ok(()), |labels| known(labels, params))?;
-    check_size(frame)?;
     let inside = ivd_octree::inside(lattice, exec)?;
-    exec.run(|| map_frame(lattice, labels, &inside, motion, frame, params, exec))
+    exec.run(|| {
+        as_far(motion, params.band.limit, |motion| {
+            let frame = frame_of(lattice, motion, frame)?;
+            map_frame(lattice, labels, &inside, motion, frame, params, exec)
+        })
+    })
 }
 
 /// A material for a class that there isn't is a mistake; 0 is no data, which any labels may have.

@@ -53,6 +53,7 @@ use ivd_core::{Ball, Exec, Frame, InteriorPoints, Labels, Lattice, Motion, Role}
 use nalgebra::Vector3;
 
 use crate::Error;
+use crate::carried::Companions;
 use crate::handles::{Action, Handle, Pin, check_pull, find_targets, resolve};
 use crate::rigid::{BoneMotion, BoneSpec, Skeleton};
 use body::{Body, Region};
@@ -153,6 +154,8 @@ pub struct Prepared<L> {
     fixed: Vec<bool>,
     skeleton: Skeleton,
     body: Body,
+    /// Of the vertices in reach that no spring reaches.
+    companions: Companions,
     params: Params,
     kept: projective::Kept,
 }
@@ -216,13 +219,18 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
             exec.check_cancelled()?;
             let region = Region { near, fixed, carried, targets: &targets };
             let body = Body::new(&lattice, labels, &rest, &region, params)?;
-            let fixed = region.fixed;
+            let Region { near, fixed, .. } = region;
             // Kept by the solver, and as the motion of all vertices.
             let vectors = rest.len() + body.loose + skeleton.inner().len();
             let frames = 24 * params.springs.frames as u64 * vectors as u64;
             exec.check_memory("the frames of the motion", frames)?;
             let kept = projective::Kept::default();
-            Ok(Self { lattice, rest, fixed, skeleton, body, params: params.clone(), kept })
+            let mut solved = fixed.clone();
+            body.vertices.iter().for_each(|&v| solved[v as usize] = true);
+            let carried: Vec<u32> =
+                (0..rest.len() as u32).filter(|&v| near[v as usize] && !solved[v as usize]).collect();
+            let companions = Companions::new(&rest, &carried, &body.vertices[..body.loose]);
+            Ok(Self { lattice, rest, fixed, skeleton, body, companions, params: params.clone(), kept })
         })
     }
 
@@ -330,6 +338,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
             }
             let time = self.params.springs.duration * (f64::from(k) / count);
             self.skeleton.place(&self.rest, self.params.springs.reached(time), &mut displacement);
+            self.companions.go_along(&mut displacement);
             Frame { time, displacement: displacement.into() }
         });
         let frames: Vec<Frame> = frames.collect();

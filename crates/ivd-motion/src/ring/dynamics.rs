@@ -41,8 +41,9 @@ pub(super) struct System<'a> {
     /// Mass of each vertex (g).
     pub(super) mass: &'a [f64],
     pub(super) material: Material,
-    /// The vertices that may move, ascending.
+    /// The vertices that may move, ascending; and, of all, which of these are carried.
     pub(super) active: Vec<usize>,
+    pub(super) carried: Vec<bool>,
     /// What drives each of them.
     pub(super) drives: Vec<Drive>,
     /// Displacement of every vertex of the lattice (mm).

@@ -3,7 +3,8 @@
 //! It is the thesis's solver, soundly read (section 6.1):
 //! - **Followers.** The vertices within a handle's radius to which a way through the part leads that isn't much longer than the straight
 //!   line ([`Couple`]). So a wall moves with both its sides, the other lip isn't touched, and beyond the radius nothing moves, exactly. Vertices that
-//!   nothing reaches are [carried](ivd_core::Role::Carried): a map moves them with what surrounds them.
+//!   nothing reaches are [carried](ivd_core::Role::Carried): they go along by the same taper, without springs, and a map takes them with what
+//!   surrounds them.
 //! - **Rings** of neighbours, breadth first, through edges, within the radius: over them a force spreads.
 //! - **A moved handle** takes its vertex exactly where it is told, along a smooth ramp in time. A vertex at distance `d`
 //!   follows by `(1 - d²/r²)²` of it, which ends at the radius without a step or a kink.
@@ -94,9 +95,7 @@ impl Coupling {
                     Couple::Straight => (0..rest.len() as u32)
                         .filter(|&v| is_near(&rest, &[target], &[*handle], v as usize))
                         .collect(),
-                    Couple::Inside => {
-                        way::followers(lattice, &edges, &rest, target, handle.radius, exec)?
-                    }
+                    Couple::Inside => way::followers(lattice, &edges, &rest, target, handle.radius, exec)?,
                 };
                 Ok((target, handle.radius, followers))
             };
@@ -182,7 +181,9 @@ pub fn solve_coupled(
             .collect();
         let vertices_moved = displacement.iter().filter(|u| **u != [0.0; 3]).count();
         let frame = Frame { time: params.duration, displacement: displacement.into() };
-        let motion = Motion::new(lattice.grid().clone(), rest.len(), vec![frame])?.with_reach(reach)?.with_roles(roles.into())?;
+        let motion = Motion::new(lattice.grid().clone(), rest.len(), vec![frame])?
+            .with_reach(reach)?
+            .with_roles(roles.into())?;
         Ok(RingResult {
             max_displacement_mm: motion.max_displacement(),
             motion,
@@ -263,12 +264,12 @@ struct Given<'a> {
 
 /// What the motion of each vertex says, as a map reads it.
 fn roles(lattice: &Lattice, system: &System, given: &Given) -> Vec<u8> {
-    let mut is_active = vec![false; given.rest.len()];
-    system.active.iter().for_each(|&v| is_active[v] = true);
-    let of = |active: &bool| if *active { Role::Driven as u8 } else { Role::Carried as u8 };
-    let mut roles: Vec<u8> = is_active.iter().map(of).collect();
+    let mut follows = vec![false; given.rest.len()];
+    system.active.iter().filter(|v| !system.carried[**v]).for_each(|&v| follows[v] = true);
+    let of = |follows: &bool| if *follows { Role::Driven as u8 } else { Role::Carried as u8 };
+    let mut roles: Vec<u8> = follows.iter().map(of).collect();
     // Beyond the balls the next vertices stay: there the following has fallen to 0.
-    for triangle in lattice.triangles().iter().filter(|t| t.iter().any(|v| is_active[*v as usize])) {
+    for triangle in lattice.triangles().iter().filter(|t| t.iter().any(|v| follows[*v as usize])) {
         for v in triangle.map(|v| v as usize) {
             if !is_near(given.rest, given.targets, given.handles, v) {
                 roles[v] = Role::Driven as u8;
@@ -316,7 +317,20 @@ fn assemble<'a>(edges: Edges, given: &Given<'a>, coupling: &Coupling) -> (System
     }
     // What is carried pulls nobody.
     let edges = edges.between(|v| reached[v] || !is_near(rest, targets, handles, v));
-    let active: Vec<usize> = (0..rest.len()).filter(|&v| reached[v]).collect();
+    // It goes along as what follows as near to the handles does.
+    let mut carried = vec![false; rest.len()];
+    if !params.literal {
+        for (handle, &target) in handles.iter().zip(targets) {
+            for v in (0..rest.len()).filter(|&v| !reached[v]) {
+                let w = taper((rest[v] - rest[target]).norm() / handle.radius) * still.freedom(rest[v]);
+                if w > 0.0 {
+                    carried[v] = true;
+                    weights[v].push((target, w));
+                }
+            }
+        }
+    }
+    let active: Vec<usize> = (0..rest.len()).filter(|&v| reached[v] || carried[v]).collect();
     let drive = |&v: &usize| {
         if still.freedom(rest[v]) == 0.0 {
             return Drive::Fixed;
@@ -335,6 +349,7 @@ fn assemble<'a>(edges: Edges, given: &Given<'a>, coupling: &Coupling) -> (System
         mass,
         material: Material { stiffness, ground, damping: params.damping, push: params.literal },
         deviation: vec![[Vector3::zeros(); 2]; active.len()],
+        carried,
         active,
         drives,
         displacement: vec![Vector3::zeros(); rest.len()],

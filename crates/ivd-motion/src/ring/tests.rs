@@ -214,7 +214,7 @@ fn several_handles_each_reach_their_own_move_without_adding_up() {
 }
 
 #[test]
-fn islands_and_isolated_vertices_and_coincident_ones_are_left_alone() {
+fn islands_are_carried_and_isolated_vertices_and_coincident_ones_do_no_harm() {
     let whole = sheet([0.0; 3]);
     let cut = |t: &[u32; 3]| {
         t.iter().all(|v| *v as usize % SIDE < 10) || t.iter().all(|v| *v as usize % SIDE >= 12)
@@ -223,11 +223,23 @@ fn islands_and_isolated_vertices_and_coincident_ones_are_left_alone() {
     let lattice = whole.clone().with_triangles(triangles.collect()).unwrap();
     let alone = |h| super::solve(&lattice, &[h], &[], &RingParams::default(), &Exec::default()).unwrap();
     let solved = alone(moved(vertex(9, 10), [0.0, 0.0, 2.0], 8.0));
-    assert!((0..SIDE).all(|y| (10..SIDE).all(|x| at(&solved, x, y).norm() == 0.0)), "the island stays");
+    // The island goes along as far as the taper says, and constrains nothing.
+    for (x, y) in (0..SIDE).flat_map(|y| (10..SIDE).map(move |x| (x, y))) {
+        let v = x + SIDE * y;
+        let expected = 2.0 * super::rings::taper(distance(v, 9.0, 10.0) / 8.0);
+        assert!((at(&solved, x, y).z - expected).abs() < 1e-12, "{x} {y}");
+        assert_eq!(solved.motion.role(v), ivd_core::Role::Carried);
+    }
+    assert_eq!(solved.motion.role(8 + SIDE * 10), ivd_core::Role::Driven);
+    let literal = RingParams { literal: true, ..RingParams::default() };
+    let handle = moved(vertex(9, 10), [0.0, 0.0, 2.0], 8.0);
+    let thesis = super::solve(&lattice, &[handle], &[], &literal, &Exec::default()).unwrap();
+    assert!((0..SIDE).all(|y| (10..SIDE).all(|x| at(&thesis, x, y).norm() == 0.0)), "the island stays");
     assert!(at(&solved, 8, 10).z > 1.0);
     for handle in [moved(vertex(10, 5), [1.0; 3], 8.0), pulled(vertex(10, 5), [1.0; 3], 8.0)] {
         let solved = alone(handle);
-        assert_eq!(solved.vertices_moved, 1, "an isolated vertex moves alone");
+        let driven = (0..SIDE * SIDE).filter(|v| solved.motion.role(*v) == ivd_core::Role::Driven);
+        assert_eq!(driven.count(), 1, "an isolated vertex drives alone");
     }
     // Every vertex in one place: edges of no length.
     let point = on(&Grid::with_spacing([SIDE, SIDE, 2], [1e-12; 3]).unwrap());

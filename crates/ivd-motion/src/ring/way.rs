@@ -156,11 +156,7 @@ impl Voxels {
         let linear = grid.linear_part();
         let mut inside = Vec::new();
         for (i, _) in within.iter().enumerate().filter(|(_, within)| **within != 0) {
-            let place = [
-                i % box_size[0],
-                i / box_size[0] % box_size[1],
-                i / box_size[0] / box_size[1],
-            ];
+            let place = [i % box_size[0], i / box_size[0] % box_size[1], i / box_size[0] / box_size[1]];
             let voxel = Vector3::from_fn(|a, _| (low[a] + place[a]) as f64);
             if (linear * voxel - middle).norm() < radius {
                 inside.push((place[0] + 1 + size[0] * (place[1] + 1 + size[1] * (place[2] + 1))) as u32);
@@ -180,9 +176,8 @@ impl Voxels {
     /// The voxels of the part round a vertex, and how far they are (mm).
     fn beside(&self, lattice: &Lattice, vertex: usize) -> Vec<(usize, f64)> {
         let at = lattice.voxel(vertex).0;
-        let corners = (0..8_usize).map(|c| {
-            Vector3::from_fn(|a, _| if c >> a & 1 == 1 { at[a].ceil() } else { at[a].floor() })
-        });
+        let corners = (0..8_usize)
+            .map(|c| Vector3::from_fn(|a, _| if c >> a & 1 == 1 { at[a].ceil() } else { at[a].floor() }));
         let mut found: Vec<(usize, f64)> = Vec::new();
         for corner in corners {
             let place: [f64; 3] = std::array::from_fn(|a| corner[a] - self.low[a] as f64 + 1.0);
@@ -298,7 +293,10 @@ mod tests {
             // Blobs with holes and caves.
             let value = |i: usize| {
                 let at = grid.index(i).0.map(|c| c as f64);
-                let waves = (0..3).map(|a| (at[a] * (0.7 + noise::unit(case, a as u64)) + 7.0 * noise::unit(case, 10 + a as u64)).sin());
+                let waves = (0..3).map(|a| {
+                    (at[a] * (0.7 + noise::unit(case, a as u64)) + 7.0 * noise::unit(case, 10 + a as u64))
+                        .sin()
+                });
                 (100.0 + 60.0 * waves.sum::<f64>()) as f32
             };
             let voxels: Vec<f32> = (0..grid.len()).map(value).collect();

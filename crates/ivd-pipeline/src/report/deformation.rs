@@ -4,9 +4,9 @@ use ivd_field::certificate::Histogram;
 use ivd_field::class_volume::ClassVolume;
 use ivd_field::warp;
 use ivd_field::warp::WarpFigures;
-use ivd_map::MapFigures;
 use ivd_map::space;
 use ivd_map::space::SpaceFigures;
+use ivd_map::{MapFigures, SurfaceFit};
 use ivd_motion::deform;
 use ivd_report::html::number;
 use ivd_report::{Bars, Cell, MOST_ROWS, bars, histogram, pairs, shortened_table, shown, table};
@@ -16,10 +16,18 @@ use crate::{Error, StageRecord, figures_of};
 /// The figures of a deformation.
 pub(super) struct Moves {
     deform: Option<deform::Figures>,
-    /// What the lattice encloses at rest and deformed, as the map tells it.
-    enclosed_mm3: Option<[f64; 2]>,
+    /// What the map tells of the lattice.
+    map: Option<OfLattice>,
     last: Carried,
     warp: Option<WarpFigures>,
+}
+
+/// How the map follows the lattice.
+struct OfLattice {
+    followed: SurfaceFit,
+    share: f64,
+    largest_mm: f64,
+    largest_at_mm: Option<[f64; 3]>,
 }
 
 /// Figures of the displacement that is carried out.
@@ -36,12 +44,17 @@ impl Moves {
     pub(super) fn of(records: &[StageRecord]) -> Result<Option<Self>, Error> {
         let space: Option<SpaceFigures> = figures_of(records, space::STAGE.name)?;
         let map: Option<MapFigures> = figures_of(records, ivd_map::STAGE.name)?;
-        let enclosed_mm3 = map.as_ref().map(|map| map.followed.volume_mm3);
+        let lattice = map.as_ref().map(|map| OfLattice {
+            followed: map.followed.clone(),
+            share: map.share,
+            largest_mm: map.largest_mm,
+            largest_at_mm: map.largest_at_mm,
+        });
         // Steps in space have the last word over the voxels; what the lattice makes of it is the map's.
         let last = space.map(Carried::from).or(map.map(Carried::from));
         let Some(last) = last else { return Ok(None) };
         let deform = figures_of(records, deform::STAGE.name)?;
-        Ok(Some(Self { deform, enclosed_mm3, last, warp: figures_of(records, warp::STAGE.name)? }))
+        Ok(Some(Self { deform, map: lattice, last, warp: figures_of(records, warp::STAGE.name)? }))
     }
 }
 
@@ -63,18 +76,22 @@ impl From<SpaceFigures> for Carried {
 
 /// Figures and charts of a deformation; `lengths` are those of the displacements (mm).
 pub(super) fn deformation(moves: &Moves, lengths: &[f64]) -> String {
-    let Moves { deform, enclosed_mm3, last, warp } = moves;
+    let Moves { deform, map, last, warp } = moves;
     let deform = deform.as_ref();
     let mut html = pairs(&[
         ("vertices moved", shown(deform.map(|found| found.vertices_moved))),
         ("largest displacement [mm]", shown(deform.map(|found| found.max_displacement_mm))),
         ("voxels moved", shown(last.voxels_moved)),
         ("voxels resampled", shown(warp.map(|found| found.voxels_resampled))),
-        ("volume inside the lattice, rest → deformed (mm³)", enclosed(*enclosed_mm3)),
+        (
+            "volume inside the lattice, rest → deformed (mm³)",
+            enclosed(map.as_ref().map(|map| map.followed.volume_mm3)),
+        ),
         ("smallest det J, certified", shown(last.min_det_j)),
         ("folds", shown(last.folds)),
         ("inverse, largest residual [voxels]", shown(last.residual_voxel)),
     ]);
+    html += &map.as_ref().map_or_else(String::new, followed);
     let plain = |_: f64| "#5b7a99".to_owned();
     if !lengths.is_empty() {
         let top = lengths.iter().copied().fold(0.0, f64::max);
@@ -101,6 +118,26 @@ pub(super) fn deformation(moves: &Moves, lengths: &[f64]) -> String {
         lines: Vec::new(),
     });
     html
+}
+
+/// What drives the map, and how closely it follows.
+fn followed(map: &OfLattice) -> String {
+    let OfLattice { followed: fit, share, largest_mm, largest_at_mm } = map;
+    let place = |at: Option<[f64; 3]>| at.map_or_else(|| "–".to_owned(), |at| at.map(number).join(", "));
+    pairs(&[
+        ("vertices in reach: driven", shown(fit.vertices_driven)),
+        ("held", shown(fit.vertices_held)),
+        ("carried along", shown(fit.vertices_carried)),
+        ("in a conflict", shown(fit.conflicts)),
+        ("left behind, mean [voxels]", shown(fit.misfit_mean_voxel)),
+        ("of 95 % at most [voxels]", shown(fit.misfit_p95_voxel)),
+        ("of 99.9 % at most [voxels]", shown(fit.misfit_p999_voxel)),
+        ("at most [mm]", shown(fit.misfit_max_mm)),
+        ("there [mm, RAS]", place(fit.misfit_max_at_mm)),
+        ("largest motion of a voxel [mm]", shown(*largest_mm)),
+        ("there [mm, RAS]", place(*largest_at_mm)),
+        ("share of the way [%]", shown(100.0 * share)),
+    ])
 }
 
 /// The volume inside the lattice before and after, with the change.
