@@ -47,7 +47,7 @@ pub struct ContourParams {
     /// What the energy is made of.
     pub energy: ContourEnergy,
     /// Weight φ of smoothness against fit, as of a surface; without it chosen by noise and contrast, and one half for literal.
-    #[schemars(extend("x-unit" = "1", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0))]
+    #[schemars(range(min = 1e-6, max = 0.999_999), extend("x-unit" = "1"))]
     pub phi: Option<f64>,
     /// Weight of stretching, for the energy `edge`.
     #[schemars(range(min = 0.0), extend("x-unit" = "1"))]

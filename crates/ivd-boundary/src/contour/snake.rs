@@ -7,7 +7,7 @@
 //! with steepness the squared gradient of the smoothed slice, over its greatest. Steps are implicit in the curve and explicit in the slice; one
 //! that doesn't lower the energy is halved.
 
-use ivd_core::{Exec, Iteration};
+use ivd_core::{Exec, Iteration, ParamError};
 use nalgebra::{Cholesky, DMatrix, Dyn, Matrix2xX};
 
 use super::params::ContourParams;
@@ -27,6 +27,7 @@ const STILL: f64 = 1e-7;
 pub(super) fn follow(slice: &Slice, params: &ContourParams, exec: &Exec) -> Result<Followed, Error> {
     let steep = Steepness::of(slice, params.scale);
     let shortest = slice.edges[0].min(slice.edges[1]);
+    check_radius(slice, shortest)?;
     let count = ((std::f64::consts::TAU * slice.radius / shortest) as usize).clamp(16, 1024);
     let mut curve = Matrix2xX::from_fn(count, |a, i| {
         let turn = std::f64::consts::TAU * i as f64 / count as f64;
@@ -51,7 +52,7 @@ pub(super) fn follow(slice: &Slice, params: &ContourParams, exec: &Exec) -> Resu
         } else {
             {
                 let matrix = DMatrix::identity(count, count) + &stiffness * (2.0 * step / (apart * apart));
-                matrix.cholesky().expect("one more than a sum of squares")
+                matrix.cholesky().ok_or_else(|| too_stiff(params, apart))?
             }
         };
         let pulled = Matrix2xX::from_fn(count, |a, i| {
@@ -81,9 +82,28 @@ pub(super) fn follow(slice: &Slice, params: &ContourParams, exec: &Exec) -> Resu
     }
     let inside = within(&curve, slice);
     if !inside.contains(&1) {
-        return Err(Error::NoBoundary { problem: "the contour has closed up".into() });
+        let remedy = "start nearer to the edge, or with less stretch";
+        return Err(Error::no_boundary("the contour has closed up", remedy));
     }
     Ok((inside, energies, iterations))
+}
+
+/// A circle of at least half a voxel that fits on the slice.
+fn check_radius(slice: &Slice, shortest: f64) -> Result<(), Error> {
+    let across = (0..2).map(|a| (slice.size[a] as f64 * slice.edges[a]).powi(2)).sum::<f64>().sqrt();
+    if (0.5 * shortest..=across).contains(&slice.radius) {
+        return Ok(());
+    }
+    let problem = format!("a circle of {} mm is none on this slice", slice.radius);
+    Err(ParamError::new("radius", problem, format!("give {} … {across:.1}", 0.5 * shortest)).into())
+}
+
+/// A curve that is too stiff to be solved for: one more than a sum of squares has a root, but for the rounding of numbers.
+fn too_stiff(params: &ContourParams, apart: f64) -> Error {
+    let (field, weight) =
+        if params.bend > params.stretch { ("bend", params.bend) } else { ("stretch", params.stretch) };
+    let problem = format!("{weight} makes a curve of points {apart:.2e} mm apart too stiff to move");
+    ParamError::new(field, problem, "give less").into()
 }
 
 /// Stretch and bend of a closed curve as a matrix.
