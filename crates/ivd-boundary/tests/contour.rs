@@ -81,10 +81,25 @@ fn extreme_curves_are_refused_by_name() {
     for (field, params) in [
         ("radius", ContourParams { radius: Some(1e-200), ..plain.clone() }),
         ("radius", ContourParams { radius: Some(1e200), ..plain.clone() }),
-        ("stretch", ContourParams { stretch: 1e308, ..plain.clone() }),
-        ("bend", ContourParams { bend: 1e308, ..plain }),
+        ("stretch", ContourParams { stretch: Some(1e308), ..plain.clone() }),
+        ("bend", ContourParams { bend: Some(1e308), ..plain }),
     ] {
         let error = active_contour(&cylinder(), &params, &Exec::default()).unwrap_err();
+        assert_eq!(error.error_class(), ErrorClass::Usage, "{error}");
+        assert!(error.to_string().contains(field), "{error}");
+    }
+}
+
+#[test]
+fn what_an_energy_does_not_read_is_refused_by_name() {
+    let of = |params: &ContourParams| active_contour(&cylinder(), params, &Exec::default()).unwrap_err();
+    let plain = ContourParams::default();
+    for (field, params) in [
+        ("stretch", ContourParams { stretch: Some(0.02), ..plain.clone() }),
+        ("bend", ContourParams { bend: Some(0.05), energy: ContourEnergy::Literal, ..plain.clone() }),
+        ("scale", ContourParams { scale: Some(2.0), ..plain }),
+    ] {
+        let error = of(&params);
         assert_eq!(error.error_class(), ErrorClass::Usage, "{error}");
         assert!(error.to_string().contains(field), "{error}");
     }

@@ -2,7 +2,9 @@
 // The helpers of these tests may unwrap as the tests do.
 #![allow(clippy::unwrap_used)]
 
-use ivd_boundary::{AreaMeasure, DataTerm, Error, Surface, SurfaceParams, active_surface};
+use ivd_boundary::{
+    AreaMeasure, DataTerm, Distribution, Error, StartShape, Surface, SurfaceParams, active_surface,
+};
 use ivd_core::{Classified, ErrorClass, Exec, Grid, Mask, Volume, noise};
 
 fn gauss(seed: u64, i: u64) -> f64 {
@@ -428,4 +430,25 @@ fn extreme_parameters_are_right_or_refused() {
             Err(error) => assert_eq!(error.error_class(), ErrorClass::Untrusted, "{error}"),
         }
     }
+}
+
+#[test]
+fn what_a_surface_does_not_read_is_refused_by_name() {
+    let (volume, _) = shape([16; 3], [1.0; 3], 0.1, &|q| length(&q) - 5.0);
+    let drawn = start(16, |at| at == [8, 8, 8]);
+    let plain = SurfaceParams::default();
+    for (field, params) in [
+        ("seed", SurfaceParams { seed: Some([0.0; 3]), ..plain.clone() }),
+        ("radius", SurfaceParams { radius: Some(2.0), ..plain.clone() }),
+        ("start", SurfaceParams { start: Some(StartShape::Ball), ..plain.clone() }),
+        ("distribution", SurfaceParams { distribution: Some(Distribution::Histogram), ..plain.clone() }),
+    ] {
+        let error = active_surface(&volume, None, Some(&drawn), &params, &Exec::default()).unwrap_err();
+        assert_eq!(error.error_class(), ErrorClass::Usage, "{error}");
+        assert!(error.to_string().contains(field), "{error}");
+    }
+    assert!(active_surface(&volume, None, Some(&drawn), &plain, &Exec::default()).is_ok());
+    let densest = SurfaceParams { class: Some(ivd_core::ClassChoice::Densest), ..plain };
+    let error = find(&volume, &densest).unwrap_err();
+    assert!(error.to_string().contains("class") && !error.to_string().contains("above"), "{error}");
 }

@@ -17,6 +17,11 @@ use crate::Error;
 /// Set, energies, iterations.
 type Followed = (Vec<u8>, Vec<f64>, u32);
 
+/// Weights of stretch and bend, and the Gaussian (voxels), where nothing is said.
+const STRETCH: f64 = 0.02;
+const BEND: f64 = 0.05;
+const SCALE: f64 = 2.0;
+
 /// Share of the energy below which steps end.
 const STILL: f64 = 1e-7;
 
@@ -25,7 +30,8 @@ const STILL: f64 = 1e-7;
 /// # Errors
 /// Nothing is left within; cancelled.
 pub(super) fn follow(slice: &Slice, params: &ContourParams, exec: &Exec) -> Result<Followed, Error> {
-    let steep = Steepness::of(slice, params.scale);
+    let steep = Steepness::of(slice, params.scale.unwrap_or(SCALE));
+    let (stretch, bend) = (params.stretch.unwrap_or(STRETCH), params.bend.unwrap_or(BEND));
     let shortest = slice.edges[0].min(slice.edges[1]);
     check_radius(slice, shortest)?;
     let count = ((std::f64::consts::TAU * slice.radius / shortest) as usize).clamp(16, 1024);
@@ -34,7 +40,7 @@ pub(super) fn follow(slice: &Slice, params: &ContourParams, exec: &Exec) -> Resu
         slice.middle[a] * slice.edges[a] + slice.radius * if a == 0 { turn.cos() } else { turn.sin() }
     });
     let apart = std::f64::consts::TAU * slice.radius / count as f64;
-    let stiffness = stiffness(count, params.stretch, params.bend);
+    let stiffness = stiffness(count, stretch, bend);
     let energy = |curve: &Matrix2xX<f64>| -> f64 {
         let inner = (curve * &stiffness).component_mul(curve).sum() / (apart * apart);
         let outer: f64 = curve.column_iter().map(|v| steep.at([v[0], v[1]])[0]).sum();
@@ -52,7 +58,7 @@ pub(super) fn follow(slice: &Slice, params: &ContourParams, exec: &Exec) -> Resu
         } else {
             {
                 let matrix = DMatrix::identity(count, count) + &stiffness * (2.0 * step / (apart * apart));
-                matrix.cholesky().ok_or_else(|| too_stiff(params, apart))?
+                matrix.cholesky().ok_or_else(|| too_stiff([stretch, bend], apart))?
             }
         };
         let pulled = Matrix2xX::from_fn(count, |a, i| {
@@ -99,9 +105,8 @@ fn check_radius(slice: &Slice, shortest: f64) -> Result<(), Error> {
 }
 
 /// A curve that is too stiff to be solved for: one more than a sum of squares has a root, but for the rounding of numbers.
-fn too_stiff(params: &ContourParams, apart: f64) -> Error {
-    let (field, weight) =
-        if params.bend > params.stretch { ("bend", params.bend) } else { ("stretch", params.stretch) };
+fn too_stiff([stretch, bend]: [f64; 2], apart: f64) -> Error {
+    let (field, weight) = if bend > stretch { ("bend", bend) } else { ("stretch", stretch) };
     let problem = format!("{weight} makes a curve of points {apart:.2e} mm apart too stiff to move");
     ParamError::new(field, problem, "give less").into()
 }

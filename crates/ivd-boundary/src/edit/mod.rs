@@ -79,7 +79,7 @@ pub fn edit(inputs: &EditInputs<'_>, params: &EditParams, exec: &Exec) -> Result
             let remedy = "open less, drop smaller islands, or give parts that overlap";
             return Err(Error::no_boundary("the edit leaves nothing of the part", remedy));
         }
-        let filled = if params.fill {
+        let filled = if params.fill_holes {
             let runs = ones(&inside, grid.dims());
             fill_holes(&mut inside, grid.dims(), &runs, &vec![0; runs.len()], 0, volume, &|_| true)?
         } else {

@@ -28,7 +28,7 @@ fn weights() -> [f32; 2 * REACH + 1] {
 /// # Errors
 /// Memory, cancelled.
 pub(crate) fn level(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<f32>, Error> {
-    exec.check_memory("the level function", 4 * inside.len() as u64)?;
+    exec.check_memory("the level function", 5 * inside.len() as u64)?;
     let [nx, ny, nz] = dims;
     let layer = nx * ny;
     let weights = weights();
@@ -78,22 +78,25 @@ pub(crate) fn level(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<
 /// Gives the voxels of thin places, and those that touch them, the level of the mask itself.
 fn step_where_thin(level: &mut [f32], dims: [usize; 3], exec: &Exec) -> Result<(), Error> {
     let layer = dims[0] * dims[1];
-    let thin: Vec<Vec<usize>> = parallel::try_map(dims[2], &|z| {
+    let mut thin = vec![false; level.len()];
+    parallel::try_for_each_piece_mut(&mut thin, layer, &|z, thin| {
         exec.check_cancelled()?;
-        let own = layer * z..layer * (z + 1);
         let is_thick = |i: usize, sign: f32| level[i] * sign >= THICK;
-        let of = |i: &usize| {
-            let sign = level[*i].signum();
-            !is_thick(*i, sign) && !touching(*i, dims).any(|j| is_thick(j, sign))
-        };
-        Ok::<_, Error>(own.filter(of).collect())
-    })?;
-    for i in thin.into_iter().flatten() {
-        for j in touching(i, dims) {
-            level[j] = FAR.copysign(level[j]);
+        for (i, thin) in (layer * z..).zip(thin) {
+            let sign = level[i].signum();
+            *thin = !is_thick(i, sign) && !touching(i, dims).any(|j| is_thick(j, sign));
         }
-    }
-    Ok(())
+        Ok::<_, Error>(())
+    })?;
+    parallel::try_for_each_piece_mut(level, layer, &|z, level| {
+        exec.check_cancelled()?;
+        for (i, level) in (layer * z..).zip(level) {
+            if level.abs() < FAR && touching(i, dims).any(|j| thin[j]) {
+                *level = FAR.copysign(*level);
+            }
+        }
+        Ok::<_, Error>(())
+    })
 }
 
 /// The voxels that share a face, an edge or a corner with one, and itself.

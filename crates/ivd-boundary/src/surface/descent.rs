@@ -29,7 +29,7 @@ pub(super) struct Settings<'a> {
 impl Settings<'_> {
     fn binned(&self) -> bool {
         let likelihood = self.params.data == DataTerm::Likelihood;
-        self.frozen.is_some() || likelihood && self.params.distribution != Distribution::Gaussian
+        self.frozen.is_some() || likelihood && self.params.distribution != Some(Distribution::Gaussian)
     }
 }
 
@@ -99,7 +99,9 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
     let mut stalled = 0;
     loop {
         let sides = sides(&looks, &inner, &total);
-        let fit = || Model::fit(&sides.inside, &sides.outside, params.data, params.distribution);
+        let fit = || {
+            Model::fit(&sides.inside, &sides.outside, params.data, params.distribution.unwrap_or_default())
+        };
         let model = settings.frozen.clone().unwrap_or_else(fit);
         let force = model.force();
         band.act(&force);

@@ -39,7 +39,9 @@ impl Start {
     ) -> Result<Self, Error> {
         let grid = volume.grid();
         if let Some(mask) = drawn {
+            params.check_beside_drawn()?;
             grid.require(mask.grid(), "volume", "start")?;
+            exec.check_memory("the start", grid.len() as u64)?;
             return Ok(Self::Drawn(mask.clone()));
         }
         if let (Some(from), Some(to)) = (params.box_from, params.box_to) {
