@@ -41,11 +41,19 @@ pub enum Error {
         distance_mm: f64,
     },
     /// A surface that tells nothing from nothing.
-    #[error("no boundary is found: {problem}; start elsewhere, or with another radius or data term")]
+    #[error("no boundary is found: {problem}; {remedy}")]
     NoBoundary {
         /// What it came to.
         problem: String,
+        /// What to do about it.
+        remedy: String,
     },
+}
+
+impl Error {
+    pub(crate) fn no_boundary(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::NoBoundary { problem: problem.into(), remedy: remedy.into() }
+    }
 }
 
 ivd_core::from_param_error!(Error);

@@ -27,6 +27,7 @@
 //! ```
 #![deny(unsafe_code)]
 
+mod axes;
 mod compete;
 mod component;
 mod contour;

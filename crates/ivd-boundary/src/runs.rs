@@ -54,15 +54,16 @@ impl Runs {
         self.spans[run][0] as usize..self.spans[run][1] as usize
     }
 
+    /// Linear index, in a volume of the box's size, of the first voxel.
+    pub(crate) fn first_voxel(&self) -> Option<usize> {
+        let row = self.rows.iter().rposition(|before| *before == 0)?;
+        self.spans.first().map(|span| self.size[0] * row + span[0] as usize)
+    }
+
     /// Indices of the runs of a row.
     pub(crate) fn row(&self, y: usize, z: usize) -> Range<usize> {
         let row = y + self.size[1] * z;
         self.rows[row]..self.rows[row + 1]
-    }
-
-    /// Number of a row's runs that begin at or before a voxel along x.
-    pub(crate) fn spans_before(&self, row: Range<usize>, x: usize) -> usize {
-        self.spans[row].partition_point(|[start, _]| *start as usize <= x)
     }
 
     /// The component of every run, named by its first run: runs that touch through faces are joined.

@@ -47,16 +47,17 @@ pub struct BoundaryFigures {
     /// Iterations; 0 of a method that has none.
     #[schemars(extend("x-unit" = "1"))]
     pub iterations: u32,
-    /// Energy at the start, of a method that lowers one.
+    /// The first of the energies: of a surface that at which its finest resolution begins, of a curve that of the circle.
     #[schemars(extend("x-unit" = "1"))]
     pub energy_first: Option<f64>,
-    /// Energies that were accepted, of a method that lowers one: each lower than the one before.
+    /// Energies that were accepted, of a method that lowers one: each lower than the one before. Of a surface, at its finest resolution.
     #[schemars(extend("x-unit" = "1"))]
     pub energies: Vec<f64>,
-    /// Energy at the end.
+    /// The last of the energies.
     #[schemars(extend("x-unit" = "1"))]
     pub energy_last: Option<f64>,
-    /// Share of the voxels that the part has.
+    /// Of a surface, share of the voxels of its finest resolution that were worked on (in bricks of 8³). Of other methods, share of the
+    /// voxels that the part has, or that have a label.
     #[schemars(extend("x-unit" = "1"))]
     pub active_fraction: f64,
     /// The class it was taken from, where no value was given instead.

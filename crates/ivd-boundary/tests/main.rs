@@ -4,4 +4,5 @@ mod compete;
 mod component;
 mod contour;
 mod edit;
+mod starts;
 mod surface;

@@ -2,7 +2,9 @@
 // The helpers of these tests may unwrap as the tests do.
 #![allow(clippy::unwrap_used)]
 
-use ivd_boundary::{DataTerm, Error, Surface, SurfaceParams, active_surface};
+use ivd_boundary::{
+    AreaMeasure, DataTerm, Distribution, Error, StartShape, Surface, SurfaceParams, active_surface,
+};
 use ivd_core::{Classified, ErrorClass, Exec, Grid, Mask, Volume, noise};
 
 fn gauss(seed: u64, i: u64) -> f64 {
@@ -306,4 +308,147 @@ fn energies_never_rise_on_random_volumes() {
 fn energies_never_rise_on_ten_thousand_volumes() {
     let found = (1000..11_000).filter(|&case| random_case(case)).count();
     assert!(found > 2500, "{found}");
+}
+
+#[test]
+fn noise_has_no_boundary() {
+    for (case, n) in [16, 24, 40, 72].into_iter().enumerate() {
+        for phi in [None, Some(0.05), Some(0.3), Some(0.6), Some(0.9)] {
+            let grid = Grid::with_spacing([n; 3], [[1.0; 3], [1.0, 1.0, 3.0]][case % 2]).unwrap();
+            let noise = |i: u64| match case % 3 {
+                0 => gauss(n as u64, i) as f32,
+                1 => noise::unit(n as u64, i) as f32,
+                _ => noise::below(n as u64, i, 2) as f32,
+            };
+            let volume =
+                Volume::new(grid.clone(), (0..grid.len() as u64).map(noise).collect::<Vec<_>>().into());
+            let volume = volume.unwrap();
+            for data in [DataTerm::Means, DataTerm::Local] {
+                if data == DataTerm::Local && n > 24 {
+                    continue;
+                }
+                let error = find(&volume, &SurfaceParams { phi, data, ..SurfaceParams::default() });
+                assert!(matches!(error, Err(Error::NoBoundary { .. })), "{n} {phi:?} {data:?}: {error:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn parts_of_little_volume_are_told_from_noise() {
+    type Shape = fn([f64; 3]) -> f64;
+    let shapes: [(Shape, f64, f64); 5] = [
+        (|q| length(&q) - 14.0, 1.0, 0.95),
+        (|q| length(&[length(&q[..2]) - 11.0, q[2]]) - 4.8, 1.0, 0.85),
+        (|q| length(&q) - 6.0, 0.5, 0.9),
+        (|q| q[0].abs() - 1.5, 0.5, 0.98),
+        (|q| length(&q[..2]) - 3.0, 0.5, 0.95),
+    ];
+    for (i, (of, sigma, least)) in shapes.into_iter().enumerate() {
+        let (volume, truth) = shape([40; 3], [1.0; 3], sigma, &of);
+        let found = find(&volume, &SurfaceParams::default()).unwrap_or_else(|e| panic!("shape {i}: {e}"));
+        assert!(dice(&found.mask, &truth) > least, "shape {i}: {}", dice(&found.mask, &truth));
+    }
+}
+
+#[test]
+fn cuts_hold_no_voxels_without_data() {
+    let (volume, _) = shape([24; 3], [1.0; 3], 0.2, &|q| length(&q) - 7.0);
+    let missing = |i: usize| i % 7 == 3;
+    let voxels: Vec<f32> = (0..volume.grid().len())
+        .map(|i| if missing(i) { f32::NAN } else { volume.voxels().get(i) as f32 })
+        .collect();
+    let holed = Volume::new(volume.grid().clone(), voxels.into()).unwrap();
+    for area in [AreaMeasure::Faces, AreaMeasure::Corners] {
+        let found = find(&holed, &SurfaceParams { area, ..SurfaceParams::default() }).unwrap();
+        assert!(found.voxels > 800, "{area:?}: {}", found.voxels);
+        assert!((0..volume.grid().len()).all(|i| !missing(i) || found.mask.inside()[i] == 0), "{area:?}");
+    }
+}
+
+/// A disc of radius 14 in noise, on a slice across an axis.
+fn disc(across: usize, edge: f64) -> (Volume, Vec<bool>) {
+    let (mut dims, mut spacing) = ([48; 3], [1.0; 3]);
+    (dims[across], spacing[across]) = (1, edge);
+    let [a, b] = [[1, 2], [0, 2], [0, 1]][across];
+    shape(dims, spacing, 0.5, &|q| q[a].hypot(q[b]) - 14.0)
+}
+
+#[test]
+fn slices_are_planes() {
+    // The third edge counts for nothing, whichever axis it is.
+    for across in 0..3 {
+        for edge in [0.2, 1.0, 30.0] {
+            for open in [0.0, 4.0] {
+                let (volume, truth) = disc(across, edge);
+                let found = find(&volume, &SurfaceParams { open, ..SurfaceParams::default() }).unwrap();
+                let dice = dice(&found.mask, &truth);
+                assert!(dice > 0.97, "across {across}, {edge} mm thick, open {open}: {dice}");
+                assert!((found.noise - 0.5).abs() < 0.1, "{}", found.noise);
+            }
+        }
+    }
+    let of = |edge: f64| find(&disc(2, edge).0, &SurfaceParams::default()).unwrap();
+    assert_eq!(of(0.2).mask.inside(), of(30.0).mask.inside());
+    let (thin, thick) = (of(0.2), of(30.0));
+    assert!((thin.mu / thick.mu - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn thin_starts_are_kept_at_coarse_resolutions() {
+    // At 80³ the coarsest resolution halves every axis: sheets between and at the middles of its voxels.
+    let n = 80;
+    let (volume, truth) = shape([n; 3], [1.0; 3], 0.2, &ball(80.0));
+    for layer in [40, 41] {
+        let sheet = start(n, |[x, y, z]| z == layer && x.abs_diff(40) < 10 && y.abs_diff(40) < 10);
+        let params = SurfaceParams::default();
+        let found = active_surface(&volume, None, Some(&sheet), &params, &Exec::default());
+        let found = found.unwrap_or_else(|e| panic!("layer {layer}: {e}"));
+        assert!(dice(&found.mask, &truth) > 0.99, "layer {layer}");
+    }
+}
+
+#[test]
+fn extreme_parameters_are_right_or_refused() {
+    let (volume, truth) = shape([24; 3], [1.0; 3], 0.1, &|q| length(&q) - 7.0);
+    let plain = SurfaceParams::default();
+    let far = SurfaceParams { data: DataTerm::Local, reach: Some(1e30), ..plain.clone() };
+    assert!(dice(&find(&volume, &far).unwrap().mask, &truth) > 0.97);
+    let all_steep = SurfaceParams { edge: Some(1e-200), ..plain.clone() };
+    match find(&volume, &all_steep) {
+        Ok(found) => assert!(found.mu.is_finite() && found.voxels > 0),
+        Err(error) => assert_eq!(error.error_class(), ErrorClass::Untrusted, "{error}"),
+    }
+    for phi in [1e-40, 1e-7, 1.0 - 1e-12] {
+        let error = find(&volume, &SurfaceParams { phi: Some(phi), ..plain.clone() }).unwrap_err();
+        assert_eq!(error.error_class(), ErrorClass::Usage, "{error}");
+        assert!(error.to_string().contains("phi"), "{error}");
+    }
+    for phi in [1e-6, 0.999_999] {
+        match find(&volume, &SurfaceParams { phi: Some(phi), ..plain.clone() }) {
+            Ok(found) => assert!(found.energies.iter().all(|e| e.is_finite())),
+            Err(error) => assert_eq!(error.error_class(), ErrorClass::Untrusted, "{error}"),
+        }
+    }
+}
+
+#[test]
+fn what_a_surface_does_not_read_is_refused_by_name() {
+    let (volume, _) = shape([16; 3], [1.0; 3], 0.1, &|q| length(&q) - 5.0);
+    let drawn = start(16, |at| at == [8, 8, 8]);
+    let plain = SurfaceParams::default();
+    for (field, params) in [
+        ("seed", SurfaceParams { seed: Some([0.0; 3]), ..plain.clone() }),
+        ("radius", SurfaceParams { radius: Some(2.0), ..plain.clone() }),
+        ("start", SurfaceParams { start: Some(StartShape::Ball), ..plain.clone() }),
+        ("distribution", SurfaceParams { distribution: Some(Distribution::Histogram), ..plain.clone() }),
+    ] {
+        let error = active_surface(&volume, None, Some(&drawn), &params, &Exec::default()).unwrap_err();
+        assert_eq!(error.error_class(), ErrorClass::Usage, "{error}");
+        assert!(error.to_string().contains(field), "{error}");
+    }
+    assert!(active_surface(&volume, None, Some(&drawn), &plain, &Exec::default()).is_ok());
+    let densest = SurfaceParams { class: Some(ivd_core::ClassChoice::Densest), ..plain };
+    let error = find(&volume, &densest).unwrap_err();
+    assert!(error.to_string().contains("class") && !error.to_string().contains("above"), "{error}");
 }

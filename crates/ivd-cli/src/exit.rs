@@ -43,7 +43,8 @@ pub(crate) fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
     ExitCode::from(code)
 }
 
-fn error_class(error: &anyhow::Error) -> ErrorClass {
+/// The kind of a failure, by the first of its causes that has one.
+pub(crate) fn error_class(error: &anyhow::Error) -> ErrorClass {
     for cause in error.chain() {
         if let Some(e) = cause.downcast_ref::<ivd_pipeline::Error>() {
             return e.error_class();

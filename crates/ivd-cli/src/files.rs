@@ -10,7 +10,7 @@ use ivd_pipeline::stages::{Import, ImportLabels, ImportMask, ImportSource};
 use ivd_pipeline::{Input, Inputs, OutputRecord, Stage, StageRecord, StageResult, ending, export};
 
 use crate::context::Context;
-use crate::exit::Failure;
+use crate::exit::{Failure, error_class};
 
 /// Slots filled from files, where there are any. `kinds` tells what may fill a slot.
 pub(crate) fn filled(
@@ -50,7 +50,8 @@ pub(crate) fn file_for(
         return Ok(volume);
     }
     let taken: &dyn Stage = if *kind == Kind::Labels { &ImportLabels } else { &ImportMask };
-    Ok(context.run(cache, taken, &Inputs::default().with("volume", volume))?.input())
+    let done = context.run(cache, taken, &Inputs::default().with("volume", volume));
+    Ok(done.map_err(|e| Failure::of(error_class(&e), format!("{}: {e}", file.display())))?.input())
 }
 
 /// A file's value, verified whole: an artefact's, or any volume file's through an import.

@@ -11,6 +11,7 @@ mod hostile;
 mod killed;
 mod lattice;
 mod neck;
+mod parts;
 mod program;
 mod segment;
 mod snapshots;

@@ -6,7 +6,7 @@ use crate::Error;
 
 /// Heights of the land: magnitudes are told apart in this many steps.
 const HEIGHTS: usize = 1 << 12;
-/// Share of the voxels whose gradients are less than the greatest height.
+/// Share of the voxels that aren't flat whose gradients are less than the greatest height.
 const SEEN: f64 = 0.998;
 
 /// The seed of each voxel.
@@ -101,6 +101,10 @@ fn heights(volume: &Volume, window: Option<[f64; 2]>, exec: &Exec) -> Result<Vec
                 for x in 0..nx {
                     let i = x + nx * (y + ny * z);
                     let own = value(i);
+                    if own.is_nan() {
+                        out.push(f32::NAN);
+                        continue;
+                    }
                     let mut square = 0.0;
                     for (a, (c, n, stride)) in [(x, nx, 1), (y, ny, nx), (z, nz, layer)].into_iter().enumerate() {
                         let before = if c > 0 { value(i - stride) } else { own };
@@ -115,18 +119,20 @@ fn heights(volume: &Volume, window: Option<[f64; 2]>, exec: &Exec) -> Result<Vec
             out
         }))
     })?;
-    // The steepest few are alike: a step of metal must not make all else flat.
+    // The steepest few are alike: a step of metal must not make all else flat. Flat places don't count: a part may be a small share.
     let mut some: Vec<f32> =
-        magnitudes.iter().flatten().step_by(7).copied().filter(|m| m.is_finite()).collect();
+        magnitudes.iter().flatten().copied().filter(|m| *m > 0.0 && m.is_finite()).step_by(7).collect();
     let top = if some.is_empty() {
         1.0
     } else {
         let at = ((some.len() - 1) as f64 * SEEN) as usize;
         let (_, top, _) = some.select_nth_unstable_by(at, f32::total_cmp);
-        top.max(f32::MIN_POSITIVE)
+        *top
     };
-    let scale = (HEIGHTS - 1) as f32 / top;
-    let height = |m: &f32| if m.is_nan() { CLOSED } else { (m * scale).min((HEIGHTS - 1) as f32) as u16 };
+    let highest = (HEIGHTS - 1) as f64;
+    let height = |m: &f32| {
+        if m.is_nan() { CLOSED } else { (f64::from(*m) / f64::from(top) * highest).min(highest) as u16 }
+    };
     Ok(magnitudes.iter().flatten().map(height).collect())
 }
 

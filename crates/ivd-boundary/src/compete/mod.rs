@@ -6,7 +6,9 @@ mod params;
 use std::collections::BTreeMap;
 
 use ivd_core::op::Op as _;
-use ivd_core::{Class, Exec, Grid, Labels, Mask, NO_DATA, Volume, VoxelCoord, World, parallel, slots};
+use ivd_core::{
+    Class, Exec, Grid, Labels, Mask, NO_DATA, ParamError, Volume, VoxelCoord, World, parallel, slots,
+};
 use nalgebra::Vector3;
 
 pub use params::{CompeteParams, Seed};
@@ -42,10 +44,11 @@ pub struct Won {
 /// no seed comes to have label 0.
 ///
 /// # Errors
-/// [`Error::NoBoundary`] with seeds of fewer than two labels; seeds outside the volume; other grids; memory, cancelled.
+/// A parameter's, with seeds of fewer than two labels, and where all seeds of a label are blocked; seeds outside the volume; other
+/// grids; memory, cancelled.
 pub fn compete(inputs: &SeedInputs<'_>, params: &CompeteParams, exec: &Exec) -> Result<Labels, Error> {
     params.check()?;
-    let seeds = seeds(inputs, params)?;
+    let seeds = seeds(inputs, params, exec)?;
     exec.run(|| {
         let ids = shared_out(inputs, &seeds, params, exec)?;
         let classes = classes(inputs.volume, &ids);
@@ -56,27 +59,34 @@ pub fn compete(inputs: &SeedInputs<'_>, params: &CompeteParams, exec: &Exec) -> 
 /// The part of one label, which [`CompeteParams::label`] tells, against those of the others: see [`compete()`].
 ///
 /// # Errors
-/// As [`compete()`]; [`Error::NoBoundary`] too where nothing is left of the part.
+/// As [`compete()`], and where no seed has the part's label; [`Error::NoBoundary`] where nothing is left of the part.
 pub fn part_of_seeds(inputs: &SeedInputs<'_>, params: &CompeteParams, exec: &Exec) -> Result<Won, Error> {
     params.check()?;
     let own = params.label.unwrap_or(1);
-    let seeds = seeds(inputs, params)?;
-    let chosen: Vec<usize> = (0..seeds.len()).filter(|&i| seeds[i] == own).collect();
-    if chosen.is_empty() {
-        return Err(Error::NoBoundary { problem: format!("no seed has the part's label, {own}") });
+    let seeds = seeds(inputs, params, exec)?;
+    if !seeds.contains(&own) {
+        let problem = format!("no seed has the part's label, {own}");
+        return Err(ParamError::new("label", problem, "give the label of a seed").into());
     }
     exec.run(|| {
         let ids = shared_out(inputs, &seeds, params, exec)?;
-        let inside = ids.iter().map(|id| u8::from(*id == own)).collect();
-        let part = part::part(inside, inputs.volume, &chosen, params.open, params.fill_holes, exec)?;
+        exec.check_memory("the mask", ids.len() as u64)?;
+        let inside: Vec<u8> = ids.iter().map(|id| u8::from(*id == own)).collect();
+        let chosen = |i: usize| seeds[i] == own;
+        let blocked = inputs.blocked.map(Mask::inside);
+        // Enclosed voxels of other labels stay theirs, and what is blocked is nobody's.
+        let free = |i: usize| [0, own].contains(&ids[i]) && blocked.is_none_or(|blocked| blocked[i] == 0);
+        let fill: Option<&part::Chosen> = if params.fill_holes { Some(&free) } else { None };
+        let part = part::part(inside, inputs.volume, &chosen, params.open, fill, exec)?;
         let mask = part::levelled(part.inside, inputs.volume.grid(), exec)?;
         Ok(Won { voxels: mask.count(), mask, components: part.components, filled: part.filled })
     })
 }
 
 /// The label of every voxel that is a seed.
-fn seeds(inputs: &SeedInputs<'_>, params: &CompeteParams) -> Result<Vec<u16>, Error> {
+fn seeds(inputs: &SeedInputs<'_>, params: &CompeteParams, exec: &Exec) -> Result<Vec<u16>, Error> {
     let grid = inputs.volume.grid();
+    exec.check_memory("the seeds", 2 * grid.len() as u64)?;
     let mut ids = match inputs.seeds {
         Some(drawn) => {
             grid.require(drawn.grid(), "volume", "seeds")?;
@@ -90,15 +100,27 @@ fn seeds(inputs: &SeedInputs<'_>, params: &CompeteParams) -> Result<Vec<u16>, Er
         ids.iter_mut().zip(start.inside()).filter(|(_, inside)| **inside != 0).for_each(|(id, _)| *id = own);
     }
     if params.border {
-        // A label that nobody has.
         let given = params.seeds.iter().map(|seed| seed.label.unwrap_or(1)).chain(params.label);
-        let others = ids.iter().copied().chain(given).max().unwrap_or(0).saturating_add(1);
+        let others = label_of_nobody(ids.iter().copied().chain(given))?;
         draw_border(&mut ids, grid.dims(), others);
     }
     for seed in &params.seeds {
         draw_seed(&mut ids, inputs.volume, seed)?;
     }
     Ok(ids)
+}
+
+/// The label above all of these; where that is none, the lowest that isn't among them.
+fn label_of_nobody(labels: impl Iterator<Item = u16>) -> Result<u16, Error> {
+    let mut is_taken = vec![false; usize::from(u16::MAX) + 1];
+    is_taken[usize::from(NO_DATA)] = true;
+    labels.for_each(|label| is_taken[usize::from(label)] = true);
+    let last = is_taken.iter().rposition(|taken| *taken).and_then(|last| u16::try_from(last + 1).ok());
+    let free = || is_taken.iter().position(|taken| !taken).and_then(|free| u16::try_from(free).ok());
+    last.or_else(free).ok_or_else(|| {
+        let problem = "every label has seeds already, and the border needs one of its own";
+        ParamError::new("border", problem, "leave it out, or give fewer labels").into()
+    })
 }
 
 /// The label that gets each voxel.
@@ -113,14 +135,31 @@ fn shared_out(
         volume.grid().require(blocked.grid(), "volume", "blocked")?;
     }
     let first = seeds.iter().find(|id| **id != 0);
-    if first.is_none_or(|first| seeds.iter().all(|id| *id == 0 || id == first)) {
-        let problem = match first {
-            None => "there are no seeds".to_owned(),
-            Some(label) => format!("all seeds have label {label}: none competes with it"),
-        };
-        return Err(Error::NoBoundary { problem });
+    let Some(first) = first else {
+        return Err(ParamError::new("seeds", "there are none", "give seeds of two labels or more").into());
+    };
+    if seeds.iter().all(|id| *id == 0 || id == first) {
+        let problem = format!("all have label {first}: none competes with it");
+        return Err(ParamError::new("seeds", problem, "give seeds of another label too, or border").into());
     }
-    flood::flood(volume, seeds, blocked.map(Mask::inside), params.window, exec)
+    let blocked = blocked.map(Mask::inside);
+    check_free(volume, seeds, blocked)?;
+    flood::flood(volume, seeds, blocked, params.window, exec)
+}
+
+/// Every label has a seed that floods: one that isn't blocked and has data.
+fn check_free(volume: &Volume, seeds: &[u16], blocked: Option<&[u8]>) -> Result<(), Error> {
+    let labels = usize::from(u16::MAX) + 1;
+    let (mut is_there, mut is_free) = (vec![false; labels], vec![false; labels]);
+    for (i, &label) in seeds.iter().enumerate().filter(|(_, label)| **label != NO_DATA) {
+        is_there[usize::from(label)] = true;
+        is_free[usize::from(label)] |=
+            blocked.is_none_or(|blocked| blocked[i] == 0) && volume.voxels().get(i).is_finite();
+    }
+    (0..labels).find(|&label| is_there[label] && !is_free[label]).map_or(Ok(()), |label| {
+        let problem = format!("all of label {label} are blocked or lie where there are no data");
+        Err(ParamError::new("seeds", problem, "move them, or block less").into())
+    })
 }
 
 /// What the voxels of each label are like.

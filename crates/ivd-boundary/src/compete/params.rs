@@ -33,7 +33,7 @@ pub struct CompeteParams {
     /// The label whose part is isolated, as a mask; without it all labels are given.
     #[schemars(range(min = 1), extend("x-unit" = "1"))]
     pub label: Option<u16>,
-    /// Whether the volume's border is a seed too, of a label above all others.
+    /// Whether the volume's border is a seed too, of a label above all others (where 65535 has seeds, of the lowest that has none).
     pub border: bool,
     /// Least and greatest value that count; values beyond are taken for these.
     #[schemars(extend("x-unit" = "value"))]

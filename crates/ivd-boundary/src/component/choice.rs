@@ -34,6 +34,10 @@ pub(super) fn choose(
         return Ok(Chosen { class: None, lower: Some(above), upper: None });
     }
     let Some(labels) = labels else {
+        if params.class.is_some() {
+            let problem = "there are no labels that a class could be of";
+            return Err(ParamError::new("class", problem, "give labels, or leave it out").into());
+        }
         let problem = "there are neither labels nor a value to isolate";
         return Err(ParamError::new("above", problem, "give labels, or the least value of the part").into());
     };

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use crate::runs::Runs;
 
-/// Fills the holes of a component and returns how many voxels that were. Only the component's box is looked at: whatever
-/// reaches its faces reaches the outside.
+/// Fills the holes of a component with voxels that hold data and are `fillable` (by their linear index), and returns how many that were.
+/// Only the component's box is looked at: whatever reaches its faces reaches the outside.
 pub(crate) fn fill(
     inside: &mut [u8],
     dims: [usize; 3],
@@ -18,6 +18,7 @@ pub(crate) fn fill(
     components: &[u32],
     kept: u32,
     volume: &Volume,
+    fillable: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<u64, Error> {
     let [low, high] = bounds(part, components, kept, dims);
     let size: [usize; 3] = std::array::from_fn(|a| high[a] - low[a]);
@@ -51,8 +52,8 @@ pub(crate) fn fill(
                 for run in background.row(y, z - low[2]).filter(|&run| !outer[pieces[run] as usize]) {
                     let span = background.span(run);
                     let range = start + span.start..start + span.end;
-                    filled +=
-                        fill_data(&mut slice[range.clone()], volume, z * dims[0] * dims[1] + range.start);
+                    let first = z * dims[0] * dims[1] + range.start;
+                    filled += fill_data(&mut slice[range], volume, first, fillable);
                 }
             }
             filled
@@ -61,12 +62,17 @@ pub(crate) fn fill(
     Ok(filled)
 }
 
-/// Sets the voxels that hold data; `first` is the linear index of the first.
-fn fill_data(target: &mut [u8], volume: &Volume, first: usize) -> u64 {
+/// Sets the voxels that hold data and are `fillable`; `first` is the linear index of the first.
+fn fill_data(
+    target: &mut [u8],
+    volume: &Volume,
+    first: usize,
+    fillable: &(dyn Fn(usize) -> bool + Sync),
+) -> u64 {
     use ivd_core::Scalar;
     with_voxels!(volume.voxels(), voxels => {
-        let voxels = &voxels[first..first + target.len()];
-        target.iter_mut().zip(voxels).filter(|(_, v)| v.is_data()).map(|(t, _)| *t = 1).count() as u64
+        let found = (first..).zip(target).zip(&voxels[first..]);
+        found.filter(|((i, _), v)| v.is_data() && fillable(*i)).map(|((_, t), _)| *t = 1).count() as u64
     })
 }
 

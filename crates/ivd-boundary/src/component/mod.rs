@@ -63,7 +63,7 @@ pub fn component(
         draw(&runs, &components, kept, dims, &mut inside);
         exec.check_cancelled()?;
         let filled = if params.fill_holes {
-            holes::fill(&mut inside, dims, &runs, &components, kept, volume)?
+            holes::fill(&mut inside, dims, &runs, &components, kept, volume, &|_| true)?
         } else {
             0
         };

@@ -48,8 +48,8 @@ pub fn active_contour(volume: &Volume, params: &ContourParams, exec: &Exec) -> R
 /// The surface's energy, on a volume of one slice.
 fn region(slice: &Slice, params: &ContourParams, exec: &Exec) -> Result<(Vec<u8>, Vec<f64>, u32), Error> {
     let [w, h] = slice.size;
-    let grid = Grid::with_spacing([w, h, 1], [slice.edges[0], slice.edges[1], 1.0])
-        .map_err(ivd_core::Error::from)?;
+    let [a, b] = slice.edges;
+    let grid = Grid::with_spacing([w, h, 1], [a, b, (a * b).sqrt()]).map_err(ivd_core::Error::from)?;
     let voxels: Vec<f64> = slice.values.clone();
     let flat = Volume::new(grid.clone(), Voxels::from(voxels))?;
     let start =

@@ -47,17 +47,17 @@ pub struct ContourParams {
     /// What the energy is made of.
     pub energy: ContourEnergy,
     /// Weight φ of smoothness against fit, as of a surface; without it chosen by noise and contrast, and one half for literal.
-    #[schemars(extend("x-unit" = "1", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0))]
+    #[schemars(range(min = 1e-6, max = 0.999_999), extend("x-unit" = "1"))]
     pub phi: Option<f64>,
-    /// Weight of stretching, for the energy `edge`.
-    #[schemars(range(min = 0.0), extend("x-unit" = "1"))]
-    pub stretch: f64,
-    /// Weight of bending, for the energy `edge`.
-    #[schemars(range(min = 0.0), extend("x-unit" = "1"))]
-    pub bend: f64,
-    /// Standard deviation of the Gaussian that smooths the slice, for the energy `edge`.
+    /// Weight of stretching, for the energy `edge`; without it 0.02.
+    #[schemars(range(min = 0.0, max = 1e6), extend("x-unit" = "1"))]
+    pub stretch: Option<f64>,
+    /// Weight of bending, for the energy `edge`; without it 0.05.
+    #[schemars(range(min = 0.0, max = 1e6), extend("x-unit" = "1"))]
+    pub bend: Option<f64>,
+    /// Standard deviation of the Gaussian that smooths the slice, for the energy `edge`; without it 2.
     #[schemars(range(min = 0.5, max = 50.0), extend("x-unit" = "voxels"))]
-    pub scale: f64,
+    pub scale: Option<f64>,
     /// Most iterations.
     #[schemars(range(min = 1, max = 100_000), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub iterations: u32,
@@ -72,9 +72,9 @@ impl Default for ContourParams {
             radius: None,
             energy: ContourEnergy::Region,
             phi: None,
-            stretch: 0.02,
-            bend: 0.05,
-            scale: 2.0,
+            stretch: None,
+            bend: None,
+            scale: None,
             iterations: 500,
         }
     }
@@ -89,6 +89,13 @@ impl ContourParams {
         if self.phi.is_some() && self.energy == ContourEnergy::Edge {
             let problem = "given for an energy that weighs stretch and bend";
             return Err(ParamError::new("phi", problem, "leave it out, or give stretch and bend"));
+        }
+        let of_edge = [("stretch", self.stretch), ("bend", self.bend), ("scale", self.scale)];
+        if self.energy != ContourEnergy::Edge
+            && let Some((field, _)) = of_edge.into_iter().find(|(_, value)| value.is_some())
+        {
+            let problem = "given for an energy that has no curve";
+            return Err(ParamError::new(field, problem, "leave it out, or give energy = edge"));
         }
         Ok(())
     }

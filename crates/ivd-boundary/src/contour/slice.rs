@@ -59,7 +59,8 @@ impl Slice {
             .filter(|v| !v.is_nan())
             .fold([f64::INFINITY, f64::NEG_INFINITY], |ends, v| [ends[0].min(*v), ends[1].max(*v)]);
         if ends[0] >= ends[1] {
-            return Err(Error::NoBoundary { problem: format!("slice {number} has one value only") });
+            let problem = format!("slice {number} has one value only");
+            return Err(Error::no_boundary(problem, "choose another slice"));
         }
         let shorter = (size[0] as f64 * edges[0]).min(size[1] as f64 * edges[1]);
         Ok(Self {

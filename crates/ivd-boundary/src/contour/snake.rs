@@ -7,7 +7,7 @@
 //! with steepness the squared gradient of the smoothed slice, over its greatest. Steps are implicit in the curve and explicit in the slice; one
 //! that doesn't lower the energy is halved.
 
-use ivd_core::{Exec, Iteration};
+use ivd_core::{Exec, Iteration, ParamError};
 use nalgebra::{Cholesky, DMatrix, Dyn, Matrix2xX};
 
 use super::params::ContourParams;
@@ -17,6 +17,11 @@ use crate::Error;
 /// Set, energies, iterations.
 type Followed = (Vec<u8>, Vec<f64>, u32);
 
+/// Weights of stretch and bend, and the Gaussian (voxels), where nothing is said.
+const STRETCH: f64 = 0.02;
+const BEND: f64 = 0.05;
+const SCALE: f64 = 2.0;
+
 /// Share of the energy below which steps end.
 const STILL: f64 = 1e-7;
 
@@ -25,15 +30,17 @@ const STILL: f64 = 1e-7;
 /// # Errors
 /// Nothing is left within; cancelled.
 pub(super) fn follow(slice: &Slice, params: &ContourParams, exec: &Exec) -> Result<Followed, Error> {
-    let steep = Steepness::of(slice, params.scale);
+    let steep = Steepness::of(slice, params.scale.unwrap_or(SCALE));
+    let (stretch, bend) = (params.stretch.unwrap_or(STRETCH), params.bend.unwrap_or(BEND));
     let shortest = slice.edges[0].min(slice.edges[1]);
+    check_radius(slice, shortest)?;
     let count = ((std::f64::consts::TAU * slice.radius / shortest) as usize).clamp(16, 1024);
     let mut curve = Matrix2xX::from_fn(count, |a, i| {
         let turn = std::f64::consts::TAU * i as f64 / count as f64;
         slice.middle[a] * slice.edges[a] + slice.radius * if a == 0 { turn.cos() } else { turn.sin() }
     });
     let apart = std::f64::consts::TAU * slice.radius / count as f64;
-    let stiffness = stiffness(count, params.stretch, params.bend);
+    let stiffness = stiffness(count, stretch, bend);
     let energy = |curve: &Matrix2xX<f64>| -> f64 {
         let inner = (curve * &stiffness).component_mul(curve).sum() / (apart * apart);
         let outer: f64 = curve.column_iter().map(|v| steep.at([v[0], v[1]])[0]).sum();
@@ -51,7 +58,7 @@ pub(super) fn follow(slice: &Slice, params: &ContourParams, exec: &Exec) -> Resu
         } else {
             {
                 let matrix = DMatrix::identity(count, count) + &stiffness * (2.0 * step / (apart * apart));
-                matrix.cholesky().expect("one more than a sum of squares")
+                matrix.cholesky().ok_or_else(|| too_stiff([stretch, bend], apart))?
             }
         };
         let pulled = Matrix2xX::from_fn(count, |a, i| {
@@ -81,9 +88,27 @@ pub(super) fn follow(slice: &Slice, params: &ContourParams, exec: &Exec) -> Resu
     }
     let inside = within(&curve, slice);
     if !inside.contains(&1) {
-        return Err(Error::NoBoundary { problem: "the contour has closed up".into() });
+        let remedy = "start nearer to the edge, or with less stretch";
+        return Err(Error::no_boundary("the contour has closed up", remedy));
     }
     Ok((inside, energies, iterations))
+}
+
+/// A circle of at least half a voxel that fits on the slice.
+fn check_radius(slice: &Slice, shortest: f64) -> Result<(), Error> {
+    let across = (0..2).map(|a| (slice.size[a] as f64 * slice.edges[a]).powi(2)).sum::<f64>().sqrt();
+    if (0.5 * shortest..=across).contains(&slice.radius) {
+        return Ok(());
+    }
+    let problem = format!("a circle of {} mm is none on this slice", slice.radius);
+    Err(ParamError::new("radius", problem, format!("give {} … {across:.1}", 0.5 * shortest)).into())
+}
+
+/// A curve that is too stiff to be solved for: one more than a sum of squares has a root, but for the rounding of numbers.
+fn too_stiff([stretch, bend]: [f64; 2], apart: f64) -> Error {
+    let (field, weight) = if bend > stretch { ("bend", bend) } else { ("stretch", stretch) };
+    let problem = format!("{weight} makes a curve of points {apart:.2e} mm apart too stiff to move");
+    ParamError::new(field, problem, "give less").into()
 }
 
 /// Stretch and bend of a closed curve as a matrix.

@@ -8,7 +8,7 @@ use ivd_core::{Exec, Grid, Mask, Volume, slots};
 pub use params::{EditParams, SetOperation};
 
 use crate::component::{draw, fill_holes, ones};
-use crate::part::squared_distances;
+use crate::part::{Frame, limit, squared_distances};
 use crate::{Error, part};
 
 /// A part after an edit.
@@ -64,15 +64,11 @@ pub fn edit(inputs: &EditInputs<'_>, params: &EditParams, exec: &Exec) -> Result
         }
     }
     exec.run(|| {
-        exec.check_memory("distances to a part", 8 * grid.len() as u64)?;
         if params.close > 0.0 {
-            inside = within(&dilated(&inside, grid, params.close), grid, params.close, true);
-            exec.check_cancelled()?;
+            close(&mut inside, grid, params.close, exec)?;
         }
         if params.open > 0.0 {
-            let core = within(&inside, grid, params.open, false);
-            inside = dilated(&core, grid, params.open);
-            exec.check_cancelled()?;
+            open(&mut inside, grid, params.open, exec)?;
         }
         for (i, inside) in inside.iter_mut().enumerate() {
             *inside *= u8::from(volume.voxels().get(i).is_finite());
@@ -80,11 +76,12 @@ pub fn edit(inputs: &EditInputs<'_>, params: &EditParams, exec: &Exec) -> Result
         let least = params.islands / grid.voxel_volume();
         let (components, islands) = without_islands(&mut inside, grid.dims(), least)?;
         if components == 0 {
-            return Err(Error::NoBoundary { problem: "the edit leaves nothing of the part".into() });
+            let remedy = "open less, drop smaller islands, or give parts that overlap";
+            return Err(Error::no_boundary("the edit leaves nothing of the part", remedy));
         }
-        let filled = if params.fill {
+        let filled = if params.fill_holes {
             let runs = ones(&inside, grid.dims());
-            fill_holes(&mut inside, grid.dims(), &runs, &vec![0; runs.len()], 0, volume)?
+            fill_holes(&mut inside, grid.dims(), &runs, &vec![0; runs.len()], 0, volume, &|_| true)?
         } else {
             0
         };
@@ -103,29 +100,41 @@ impl SetOperation {
     }
 }
 
-/// What is within a distance (mm) of a set.
-fn dilated(inside: &[u8], grid: &Grid, radius: f64) -> Vec<u8> {
-    let limit = (radius * radius) as f32;
-    let away = squared_distances(grid.dims(), grid.spacing(), &|i| inside[i] != 0);
-    away.iter().map(|&d| u8::from(d <= limit)).collect()
+/// A ball's closing: what every ball of the radius (mm) that holds it shares a voxel with the set. The space that balls lie in goes on
+/// beyond the volume, where nothing of the set is.
+fn close(inside: &mut [u8], grid: &Grid, radius: f64, exec: &Exec) -> Result<(), Error> {
+    let (dims, edges) = (grid.dims(), grid.spacing());
+    let extent = (0..3).map(|a| (dims[a] as f64 * edges[a]).powi(2)).sum::<f64>().sqrt();
+    if radius > extent {
+        let problem = format!("{radius} mm is more than the volume's diagonal");
+        return Err(ivd_core::ParamError::new("close", problem, format!("give at most {extent:.1}")).into());
+    }
+    // All that a ball about a voxel of the set reaches, and a voxel more, which is outside.
+    let frame = Frame::about(inside, dims, edges.map(|edge| (radius / edge) as usize + 2));
+    let holds = |i: usize| frame.voxel(i).is_some_and(|voxel| inside[voxel] != 0);
+    let away = squared_distances(frame.size, edges, &holds, exec)?;
+    let depth = squared_distances(frame.size, edges, &|i| away[i] > limit(radius), exec)?;
+    for (i, &depth) in depth.iter().enumerate() {
+        if let Some(voxel) = frame.voxel(i) {
+            inside[voxel] = u8::from(depth > limit(radius));
+        }
+    }
+    Ok(())
 }
 
-/// What is further than a distance (mm) from all outside; what lies beyond the volume is as `beyond`.
-fn within(inside: &[u8], grid: &Grid, radius: f64, beyond: bool) -> Vec<u8> {
-    let limit = (radius * radius) as f32;
-    let (dims, edges) = (grid.dims(), grid.spacing());
-    let depth = squared_distances(dims, edges, &|i| inside[i] == 0);
-    depth
-        .iter()
-        .enumerate()
-        .map(|(i, &depth)| {
-            let at = [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];
-            let border = (0..3)
-                .map(|a| (at[a] + 1).min(dims[a] - at[a]) as f64 * edges[a])
-                .fold(f64::INFINITY, f64::min);
-            u8::from(depth > limit && (beyond || (border * border) as f32 > limit))
-        })
-        .collect()
+/// A ball's opening: all balls of the radius (mm) that lie within the set. Beyond the volume nothing of the set is.
+fn open(inside: &mut [u8], grid: &Grid, radius: f64, exec: &Exec) -> Result<(), Error> {
+    let edges = grid.spacing();
+    let frame = Frame::about(inside, grid.dims(), [1; 3]);
+    let outside = |i: usize| frame.voxel(i).is_none_or(|voxel| inside[voxel] == 0);
+    let depth = squared_distances(frame.size, edges, &outside, exec)?;
+    let away = squared_distances(frame.size, edges, &|i| depth[i] > limit(radius), exec)?;
+    for (i, &away) in away.iter().enumerate() {
+        if let Some(voxel) = frame.voxel(i) {
+            inside[voxel] = u8::from(away <= limit(radius));
+        }
+    }
+    Ok(())
 }
 
 /// Drops the pieces of fewer voxels than `least`; gives how many stay and how many go.

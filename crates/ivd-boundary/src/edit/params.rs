@@ -28,12 +28,13 @@ pub struct EditParams {
     /// Pieces smaller than this are dropped.
     #[schemars(range(min = 0.0), extend("x-unit" = "mm³"))]
     pub islands: f64,
-    /// Whether holes become part of it. Voxels without data stay out.
-    pub fill: bool,
+    /// Whether holes inside the part become part of it. Voxels without data stay out.
+    #[schemars(extend("x-alias" = ["fill"]))]
+    pub fill_holes: bool,
 }
 
 impl Default for EditParams {
     fn default() -> Self {
-        Self { operation: None, close: 0.0, open: 0.0, islands: 0.0, fill: false }
+        Self { operation: None, close: 0.0, open: 0.0, islands: 0.0, fill_holes: false }
     }
 }

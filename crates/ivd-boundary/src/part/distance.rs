@@ -1,17 +1,28 @@
 //! Distances to a set, exact, along one axis after the other (Felzenszwalb & Huttenlocher 2012).
 
-use ivd_core::parallel;
+use ivd_core::{Error, Exec, parallel};
+
+/// Greatest squared distance (mm²) that is within a radius: the same steps along the axes may be rounded in another order.
+pub(crate) fn limit(radius: f64) -> f32 {
+    (radius * radius * (1.0 + 1e-6)) as f32
+}
 
 /// Squared distance (mm²) of every voxel of a box to the nearest one that `holds`; infinite where none does.
+///
+/// # Errors
+/// Memory, cancelled.
 pub(crate) fn squared_distances(
     size: [usize; 3],
     edges: [f64; 3],
     holds: &(dyn Fn(usize) -> bool + Sync),
-) -> Vec<f32> {
+    exec: &Exec,
+) -> Result<Vec<f32>, Error> {
     let [nx, ny, nz] = size;
     let layer = nx * ny;
+    exec.check_memory("distances to a part", 8 * (layer * nz) as u64)?;
     let mut out = vec![0.0_f32; layer * nz];
-    parallel::for_each_piece_mut(&mut out, layer, &|z, out| {
+    parallel::try_for_each_piece_mut(&mut out, layer, &|z, out| {
+        exec.check_cancelled()?;
         for (i, out) in out.iter_mut().enumerate() {
             *out = if holds(i + layer * z) { 0.0 } else { f32::INFINITY };
         }
@@ -25,9 +36,11 @@ pub(crate) fn squared_distances(
             work.of(&mut column, edges[1]);
             (0..ny).for_each(|y| out[x + nx * y] = column[y]);
         }
-    });
+        Ok::<_, Error>(())
+    })?;
     // Along z: rows of x at a time, each thread its own.
-    let columns = parallel::map(ny, &|y| {
+    let columns = parallel::try_map(ny, &|y| {
+        exec.check_cancelled()?;
         let mut work = Envelope::default();
         let mut block = vec![0.0_f32; nx * nz];
         let mut column = vec![0.0; nz];
@@ -36,14 +49,14 @@ pub(crate) fn squared_distances(
             work.of(&mut column, edges[2]);
             (0..nz).for_each(|z| block[x + nx * z] = column[z]);
         }
-        block
-    });
+        Ok::<_, Error>(block)
+    })?;
     parallel::for_each_piece_mut(&mut out, layer, &|z, out| {
         for (y, row) in out.chunks_mut(nx).enumerate() {
             row.copy_from_slice(&columns[y][nx * z..nx * (z + 1)]);
         }
     });
-    out
+    Ok(out)
 }
 
 /// Lower envelope of parabolas.
@@ -107,7 +120,7 @@ mod tests {
             let edges = [1.0, 0.5 + noise::unit(case, 5), 3.0 * noise::unit(case, 6) + 0.1];
             let n: usize = size.iter().product();
             let set: Vec<bool> = (0..n as u64).map(|i| noise::below(case, 10 + i, 12) == 0).collect();
-            let found = squared_distances(size, edges, &|i| set[i]);
+            let found = squared_distances(size, edges, &|i| set[i], &Exec::default()).unwrap();
             let at = |i: usize| [i % size[0], i / size[0] % size[1], i / size[0] / size[1]];
             for (i, found) in found.iter().enumerate() {
                 let plain = (0..n)

@@ -2,17 +2,26 @@
 //! between its voxels.
 
 mod distance;
+mod frame;
+mod open;
 mod smooth;
+
+use std::cmp::Reverse;
 
 use ivd_core::{Exec, Grid, Mask, Volume};
 
 use crate::Error;
 use crate::component::{draw, fill_holes, ones};
-use crate::runs::{Runs, piece_count};
-pub(crate) use distance::squared_distances;
+use crate::runs::piece_count;
+pub(crate) use distance::{limit, squared_distances};
+pub(crate) use frame::Frame;
 use smooth::level;
 
+/// Tells of a voxel, by its linear index, whether it is one of a set.
+pub(crate) type Chosen<'a> = dyn Fn(usize) -> bool + Sync + 'a;
+
 /// One part.
+#[derive(Debug)]
 pub(crate) struct Part {
     pub(crate) inside: Vec<u8>,
     /// Pieces that there were.
@@ -20,16 +29,17 @@ pub(crate) struct Part {
     pub(crate) filled: u64,
 }
 
-/// The piece that holds most of the chosen voxels (linear indices), cut where it is narrower than twice `opening` (mm), and filled.
+/// The piece that holds most of the chosen voxels, cut where it is narrower than twice `opening` (mm), and filled: of its holes with the
+/// voxels that `fill` tells, where there are any.
 ///
 /// # Errors
-/// [`Error::NoBoundary`] where no piece holds any of them, or the opening leaves nothing.
+/// [`Error::NoBoundary`] where no piece holds any of them, or the opening leaves nothing near them; memory, cancelled.
 pub(crate) fn part(
     mut inside: Vec<u8>,
     volume: &Volume,
-    chosen: &[usize],
+    chosen: &Chosen,
     opening: f64,
-    fill: bool,
+    fill: Option<&Chosen>,
     exec: &Exec,
 ) -> Result<Part, Error> {
     let grid = volume.grid();
@@ -37,18 +47,28 @@ pub(crate) fn part(
     let components = keep_piece(&mut inside, dims, chosen)?;
     exec.check_cancelled()?;
     if opening > 0.0 {
-        open(&mut inside, grid, opening, chosen)?;
+        open::open(&mut inside, grid, opening, chosen, exec)?;
         exec.check_cancelled()?;
     }
-    let filled = if fill {
-        let runs = ones(&inside, dims);
-        let pieces = runs.components()?;
-        let kept = pieces.first().copied().unwrap_or(0);
-        fill_holes(&mut inside, dims, &runs, &pieces, kept, volume)?
-    } else {
-        0
-    };
+    let filled = fill.map_or(Ok(0), |fillable| fill_piece(&mut inside, volume, fillable))?;
     Ok(Part { inside, components, filled })
+}
+
+/// Fills the holes of a set of one piece, as far as they are `fillable` and touch it; gives how many voxels that were.
+fn fill_piece(inside: &mut [u8], volume: &Volume, fillable: &Chosen) -> Result<u64, Error> {
+    let dims = volume.grid().dims();
+    let runs = ones(inside, dims);
+    let pieces = runs.components()?;
+    let Some(&kept) = pieces.first() else { return Ok(0) };
+    let filled = fill_holes(inside, dims, &runs, &pieces, kept, volume, fillable)?;
+    if filled == 0 {
+        return Ok(0);
+    }
+    // What lies within what may not be filled is another piece.
+    let before: usize = (0..runs.len()).map(|run| runs.span(run).len()).sum();
+    let first = runs.first_voxel();
+    keep_piece(inside, dims, &|voxel| Some(voxel) == first)?;
+    Ok((inside.iter().filter(|&&v| v != 0).count() - before) as u64)
 }
 
 /// A set as a mask with a level function that places its border between voxels.
@@ -61,100 +81,26 @@ pub(crate) fn levelled(inside: Vec<u8>, grid: &Grid, exec: &Exec) -> Result<Mask
 }
 
 /// Keeps the piece that holds most of the chosen voxels; gives the number of pieces.
-fn keep_piece(inside: &mut [u8], dims: [usize; 3], chosen: &[usize]) -> Result<usize, Error> {
+fn keep_piece(inside: &mut [u8], dims: [usize; 3], chosen: &Chosen) -> Result<usize, Error> {
     let runs = ones(inside, dims);
     let pieces = runs.components()?;
-    let mut counts = std::collections::BTreeMap::<u32, u64>::new();
-    for &voxel in chosen.iter().filter(|&&voxel| inside[voxel] != 0) {
-        if let Some(run) = run_at(&runs, dims, voxel) {
-            *counts.entry(pieces[run]).or_default() += 1;
+    let mut counts = vec![0_u64; pieces.len()];
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            let row = dims[0] * (y + dims[1] * z);
+            for run in runs.row(y, z) {
+                counts[pieces[run] as usize] += runs.span(run).filter(|x| chosen(row + x)).count() as u64;
+            }
         }
     }
-    let kept = counts.iter().max_by_key(|(piece, count)| (**count, std::cmp::Reverse(**piece)));
-    let Some((&kept, _)) = kept else {
+    let kept = (0..counts.len()).max_by_key(|&piece| (counts[piece], Reverse(piece)));
+    let Some(kept) = kept.filter(|&piece| counts[piece] > 0) else {
         let problem = "the part has left the start: no voxel of that belongs to it";
-        return Err(Error::NoBoundary { problem: problem.into() });
+        return Err(Error::no_boundary(problem, "start elsewhere in the part, or with another radius"));
     };
     inside.fill(0);
-    draw(&runs, &pieces, kept, dims, inside);
+    draw(&runs, &pieces, kept as u32, dims, inside);
     Ok(piece_count(&pieces))
-}
-
-fn run_at(runs: &Runs, [nx, ny, _]: [usize; 3], voxel: usize) -> Option<usize> {
-    let (x, y, z) = (voxel % nx, voxel / nx % ny, voxel / nx / ny);
-    let row = runs.row(y, z);
-    let after = row.start + runs.spans_before(row.clone(), x);
-    after.checked_sub(1).filter(|run| row.contains(run) && runs.span(*run).contains(&x))
-}
-
-/// Erosion by a ball, the piece of the start, and what of the set lies as near to it again, and a voxel more.
-fn open(inside: &mut [u8], grid: &Grid, radius: f64, chosen: &[usize]) -> Result<(), Error> {
-    let dims = grid.dims();
-    let edges = grid.spacing();
-    let [low, high] = bounds(inside, dims);
-    // The box of the part and a voxel round it, which is outside.
-    let size: [usize; 3] = std::array::from_fn(|a| high[a] - low[a] + 2);
-    let inner = |i: usize| -> Option<usize> {
-        let at = [i % size[0], i / size[0] % size[1], i / size[0] / size[1]];
-        let mut voxel = [0; 3];
-        for a in 0..3 {
-            voxel[a] = (low[a] + at[a]).checked_sub(1).filter(|v| *v < dims[a])?;
-        }
-        Some(voxel[0] + dims[0] * (voxel[1] + dims[1] * voxel[2]))
-    };
-    let limit = (radius * radius) as f32;
-    let depth = squared_distances(size, edges, &|i| inner(i).is_none_or(|voxel| inside[voxel] == 0));
-    let mut core: Vec<u8> = depth.iter().map(|&d| u8::from(d > limit)).collect();
-    if !core.contains(&1) {
-        return Err(Error::NoBoundary {
-            problem: format!(
-                "the part is nowhere wider than {} mm, which the leak guard opens",
-                2.0 * radius
-            ),
-        });
-    }
-    let own: std::collections::HashSet<usize> = chosen.iter().copied().collect();
-    let near: Vec<usize> =
-        (0..core.len()).filter(|&i| core[i] != 0 && inner(i).is_some_and(|v| own.contains(&v))).collect();
-    let near = if near.is_empty() { nearest(&core, size, edges, &inner, chosen, dims) } else { near };
-    keep_piece(&mut core, size, &near)?;
-    let away = squared_distances(size, edges, &|i| core[i] != 0);
-    // A voxel further than was taken off: the border's steps come back whole.
-    let limit = (radius + grid.voxel_volume().cbrt()).powi(2) as f32;
-    for (i, &away) in away.iter().enumerate() {
-        if let Some(voxel) = inner(i) {
-            inside[voxel] = u8::from(inside[voxel] != 0 && away <= limit);
-        }
-    }
-    // Dilation may reach across a thin wall into what hung on a bridge: the piece of the core alone stays.
-    let core: Vec<usize> = (0..core.len()).filter(|&i| core[i] != 0).filter_map(inner).collect();
-    keep_piece(inside, dims, &core)?;
-    Ok(())
-}
-
-/// The voxel of a core that is nearest to the start's middle.
-fn nearest(
-    core: &[u8],
-    size: [usize; 3],
-    edges: [f64; 3],
-    inner: &dyn Fn(usize) -> Option<usize>,
-    chosen: &[usize],
-    dims: [usize; 3],
-) -> Vec<usize> {
-    let place = |v: usize| [v % dims[0], v / dims[0] % dims[1], v / dims[0] / dims[1]];
-    let mut middle = [0.0; 3];
-    for &voxel in chosen {
-        let at = place(voxel);
-        (0..3).for_each(|a| middle[a] += at[a] as f64 / chosen.len() as f64);
-    }
-    let far = |i: usize| -> f64 {
-        inner(i).map_or(f64::INFINITY, |voxel| {
-            let at = place(voxel);
-            (0..3).map(|a| ((at[a] as f64 - middle[a]) * edges[a]).powi(2)).sum()
-        })
-    };
-    debug_assert_eq!(core.len(), size.iter().product::<usize>(), "a box of the core");
-    (0..core.len()).filter(|&i| core[i] != 0).min_by(|&a, &b| far(a).total_cmp(&far(b))).into_iter().collect()
 }
 
 /// Lowest and one past the highest voxel of a mask.
@@ -170,4 +116,50 @@ pub(crate) fn bounds(inside: &[u8], dims: [usize; 3]) -> [[usize; 3]; 2] {
         }
     }
     [low, high]
+}
+
+#[cfg(test)]
+mod tests {
+    use ivd_core::{Classified, ErrorClass};
+
+    use super::*;
+
+    const DIMS: [usize; 3] = [36, 36, 24];
+
+    fn volume() -> Volume {
+        let grid = Grid::with_spacing(DIMS, [1.0; 3]).unwrap();
+        let voxels = vec![1_u8; grid.len()];
+        Volume::new(grid, voxels.into()).unwrap()
+    }
+
+    /// A block with a thin arm, and another block beside the arm that hangs on the first by a thin bridge.
+    fn blocks([x, y, z]: [usize; 3]) -> bool {
+        let first = (20..32).contains(&x) && (5..22).contains(&y) && (5..17).contains(&z);
+        let second = (2..15).contains(&x) && (13..25).contains(&y) && (5..17).contains(&z);
+        let arm = (2..20).contains(&x) && [y, z] == [10, 10];
+        let bridge = (15..20).contains(&x) && [y, z] == [19, 10];
+        first || second || arm || bridge
+    }
+
+    fn guarded(opening: f64, chosen: &dyn Fn([usize; 3]) -> bool) -> Result<Part, Error> {
+        let volume = volume();
+        let grid = volume.grid();
+        let inside = (0..grid.len()).map(|i| u8::from(blocks(grid.index(i).0))).collect();
+        let held: Vec<bool> = (0..grid.len()).map(|i| chosen(grid.index(i).0)).collect();
+        part(inside, &volume, &|i| held[i], opening, None, &Exec::default())
+    }
+
+    #[test]
+    fn a_leak_guard_goes_on_with_the_core_that_the_start_leads_to() {
+        // The second block is nearer to the arm's middle, and further along the part.
+        let on_arm = |x: usize| move |at: [usize; 3]| at[0] < x && at[1..] == [10, 10];
+        let found = guarded(2.5, &on_arm(19)).unwrap();
+        let volume = volume();
+        let x = |i: usize| volume.grid().index(i).0[0];
+        assert!((0..found.inside.len()).all(|i| found.inside[i] == 0 || x(i) > 16));
+        assert!(found.inside.iter().filter(|&&v| v != 0).count() >= 12 * 17 * 12);
+        let far = guarded(2.5, &on_arm(10)).unwrap_err();
+        assert_eq!(far.error_class(), ErrorClass::Untrusted);
+        assert!(far.to_string().contains("leak guard") && far.to_string().contains("smaller open"), "{far}");
+    }
 }

@@ -1,5 +1,8 @@
 //! The level function of a mask: a Gaussian of one voxel over it, less a half. Its zero passes through the steps of the voxels, where a
 //! smooth border that these came from lies.
+//!
+//! What is thin, a sheet of two voxels or a rod of three, would lose volume to the Gaussian, or all of it: there, and round it, the level is
+//! that of the mask itself, a half to either side, whose zero lies midway between voxels. So it is of thin gaps.
 
 use ivd_core::{BRICK, Error, Exec, parallel};
 
@@ -10,6 +13,9 @@ const REACH: usize = 3;
 const FAR: f32 = 0.5;
 /// Least distance from 0 on a voxel's own side.
 const LEAST: f32 = 1e-3;
+/// Least level, with its side's sign, that a voxel or one that touches it has where its side isn't thin. In the middle of a sheet of two
+/// voxels it is 0.14, of a rod of three voxels' width 0.18 and of three layers 0.38; a voxel below the surface of a ball of radius 5, 0.3.
+const THICK: f32 = 0.25;
 
 fn weights() -> [f32; 2 * REACH + 1] {
     let of = |i: usize| (-0.5 * (i as f64 - REACH as f64).powi(2)).exp();
@@ -22,7 +28,7 @@ fn weights() -> [f32; 2 * REACH + 1] {
 /// # Errors
 /// Memory, cancelled.
 pub(crate) fn level(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<f32>, Error> {
-    exec.check_memory("the level function", 4 * inside.len() as u64)?;
+    exec.check_memory("the level function", 5 * inside.len() as u64)?;
     let [nx, ny, nz] = dims;
     let layer = nx * ny;
     let weights = weights();
@@ -65,7 +71,42 @@ pub(crate) fn level(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<
         }
         Ok::<_, Error>(())
     })?;
+    step_where_thin(&mut out, dims, exec)?;
     Ok(out)
+}
+
+/// Gives the voxels of thin places, and those that touch them, the level of the mask itself.
+fn step_where_thin(level: &mut [f32], dims: [usize; 3], exec: &Exec) -> Result<(), Error> {
+    let layer = dims[0] * dims[1];
+    let mut thin = vec![false; level.len()];
+    parallel::try_for_each_piece_mut(&mut thin, layer, &|z, thin| {
+        exec.check_cancelled()?;
+        let is_thick = |i: usize, sign: f32| level[i] * sign >= THICK;
+        for (i, thin) in (layer * z..).zip(thin) {
+            let sign = level[i].signum();
+            *thin = !is_thick(i, sign) && !touching(i, dims).any(|j| is_thick(j, sign));
+        }
+        Ok::<_, Error>(())
+    })?;
+    parallel::try_for_each_piece_mut(level, layer, &|z, level| {
+        exec.check_cancelled()?;
+        for (i, level) in (layer * z..).zip(level) {
+            if level.abs() < FAR && touching(i, dims).any(|j| thin[j]) {
+                *level = FAR.copysign(*level);
+            }
+        }
+        Ok::<_, Error>(())
+    })
+}
+
+/// The voxels that share a face, an edge or a corner with one, and itself.
+fn touching(i: usize, [nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = usize> {
+    let near = |v: usize, n: usize| v.saturating_sub(1)..(v + 2).min(n);
+    let (xs, ys, zs) = (near(i % nx, nx), near(i / nx % ny, ny), near(i / nx / ny, nz));
+    zs.flat_map(move |z| {
+        let xs = xs.clone();
+        ys.clone().flat_map(move |y| xs.clone().map(move |x| x + nx * (y + ny * z)))
+    })
 }
 
 const PADDED: usize = BRICK + 2 * REACH;
@@ -132,4 +173,51 @@ fn weigh<'a>(out: &mut [f32], weights: &[f32; 2 * REACH + 1], row: impl Fn(usize
         }
     }
     out.copy_from_slice(&sums);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Voxels between the zeros of a level along x, in the row through the middle: what the part is wide.
+    fn width(holds: &dyn Fn([usize; 3]) -> bool) -> f64 {
+        let n = 24;
+        let at = |i: usize| [i % n, i / n % n, i / n / n];
+        let inside: Vec<u8> = (0..n * n * n).map(|i| u8::from(holds(at(i)))).collect();
+        let level = level(&inside, [n; 3], &Exec::default()).unwrap();
+        assert!(level.iter().zip(&inside).all(|(level, inside)| (*level > 0.0) == (*inside != 0)));
+        let row = &level[n * (n / 2 + n * (n / 2))..][..n];
+        let mut zeros = row
+            .windows(2)
+            .enumerate()
+            .filter(|(_, pair)| pair[0] * pair[1] < 0.0)
+            .map(|(x, pair)| x as f64 + f64::from(pair[0] / (pair[0] - pair[1])));
+        let [from, to] = [zeros.next().unwrap(), zeros.next().unwrap()];
+        assert_eq!(zeros.next(), None);
+        to - from
+    }
+
+    #[test]
+    fn thin_parts_and_thin_gaps_are_as_wide_as_their_voxels() {
+        for thick in 1..5 {
+            let within = |v: usize| (12..12 + thick).contains(&v);
+            let wide = thick as f64;
+            let sheet = width(&|[x, ..]| within(x));
+            assert!((sheet / wide - 1.0).abs() < 0.1, "a sheet of {thick}: {sheet}");
+            let gap = width(&|[x, ..]| !within(x));
+            assert!((gap / wide - 1.0).abs() < 0.1, "a gap of {thick}: {gap}");
+            let rod = width(&|[x, y, _]| within(x) && (12 - (thick - 1) / 2..=12 + thick / 2).contains(&y));
+            assert!((rod / wide - 1.0).abs() < 0.1 || thick > 2, "a rod of {thick}: {rod}");
+        }
+        // A fin of one voxel on a block is cut nowhere.
+        let fin = width(&|[x, y, _]| x == 12 || (y < 6 && (6..18).contains(&x)));
+        assert!((fin - 1.0).abs() < 0.1, "{fin}");
+    }
+
+    #[test]
+    fn a_slice_is_a_sheet_that_goes_on() {
+        let inside: Vec<u8> = (0..400).map(|i| u8::from((5..15).contains(&(i % 20)))).collect();
+        let level = level(&inside, [20, 20, 1], &Exec::default()).unwrap();
+        assert!((level[100 + 10] - 0.5).abs() < 1e-3 && (level[100 + 5] - 0.195).abs() < 0.01);
+    }
 }

@@ -66,7 +66,7 @@ fn smooth(level: &Level, inside: &[u8], force: &Force, mu: f64, exec: &Exec) -> 
     let [nx, ny, _] = level.dims;
     let mut band = Band::whole(level, &|[x, y, z]| inside[x + nx * (y + ny * z)] != 0, exec)?;
     band.act(force);
-    let steps = Steps::new(mu / level.finest_edge(), level.edges, exec.simd);
+    let steps = Steps::new(mu / level.finest_edge(), level.edges_of_axes(), exec.simd);
     let [own, own_border] = energy(&band, &steps);
     let mut lowest = f64::NEG_INFINITY;
     let mut sweeps = 0;

@@ -3,6 +3,7 @@
 use ivd_core::{BRICK, Exec, Iteration};
 
 use super::band::{Band, place};
+use super::evidence::evidence;
 use super::level::{CUBE, Level, within_brick};
 use super::look::{Bits, Look, Tally, look_at_all, tally, tally_of};
 use super::model::{Force, Model};
@@ -28,7 +29,7 @@ pub(super) struct Settings<'a> {
 impl Settings<'_> {
     fn binned(&self) -> bool {
         let likelihood = self.params.data == DataTerm::Likelihood;
-        self.frozen.is_some() || likelihood && self.params.distribution != Distribution::Gaussian
+        self.frozen.is_some() || likelihood && self.params.distribution != Some(Distribution::Gaussian)
     }
 }
 
@@ -46,8 +47,10 @@ pub(super) struct Descent {
     pub(super) mu: f64,
     /// Mean values inside and outside, of the best set.
     pub(super) means: [f64; 2],
-    /// Noise over contrast.
+    /// Noise over contrast, of the best set.
     pub(super) noise: f64,
+    /// How much more the best set is than one of noise: see [`evidence()`].
+    pub(super) evidence: f64,
     /// What the best set's statistics make of values.
     pub(super) force: Force,
 }
@@ -57,6 +60,14 @@ struct Sides {
     inside: Tally,
     outside: Tally,
     area: f64,
+    faces: u64,
+}
+
+impl Sides {
+    /// Half the difference of what a voxel costs on its wrong and on its right side.
+    fn contrast(&self, force: &Force) -> f64 {
+        0.5 * (force.mean(&self.outside) - force.mean(&self.inside))
+    }
 }
 
 fn sides(looks: &[Look], inner: &Tally, total: &Tally) -> Sides {
@@ -66,45 +77,48 @@ fn sides(looks: &[Look], inner: &Tally, total: &Tally) -> Sides {
     }
     let mut outside = total.clone();
     outside.plus(-1.0, &inside);
-    Sides { inside, outside, area: looks.iter().map(|look| look.area).sum() }
+    let area = looks.iter().map(|look| look.area).sum();
+    Sides { inside, outside, area, faces: looks.iter().map(|look| look.faces).sum() }
 }
 
 /// Lowers the energy at one resolution, from the shares that the band holds.
 ///
 /// # Errors
-/// [`Error::Untrusted`] where one side is empty or the two are alike; memory, cancelled.
+/// [`Error::NoBoundary`] where one side is empty or the two are alike; memory, cancelled.
 pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Result<Descent, Error> {
     let (params, exec) = (settings.params, settings.exec);
     let bins = settings.binned();
     let whole = band.len() == band.all();
     let mut inner = tally(level, Some(&band.inner()), bins, exec)?;
     let total = tally(level, None, bins, exec)?;
-    let slope = Steps::new(1.0, level.edges, false).slope;
+    let slope = Steps::new(1.0, level.edges_of_axes(), false).slope;
     let mut looks = look_at_all(&band, slope, bins, exec)?;
     let (mut best, mut energies, mut sweeps, mut updates) = (Vec::new(), Vec::<f64>::new(), 0, 0);
-    let (mut steps, mut weight) = (None::<Steps>, None::<Weight>);
+    let (mut steps, mut weight) = (None::<Steps>, None::<f64>);
     let mut kept = None;
     let mut stalled = 0;
     loop {
         let sides = sides(&looks, &inner, &total);
-        let fit = || Model::fit(&sides.inside, &sides.outside, params.data, params.distribution);
+        let fit = || {
+            Model::fit(&sides.inside, &sides.outside, params.data, params.distribution.unwrap_or_default())
+        };
         let model = settings.frozen.clone().unwrap_or_else(fit);
         let force = model.force();
         band.act(&force);
         let moved = weight.is_none() || (whole && sweeps <= 3 * BETWEEN);
         if moved {
-            let now = Weight::of(&band, &force, &sides, level, params)?;
-            if weight.is_none_or(|before| (now.mu / before.mu - 1.0).abs() > 0.05) {
-                let scale = (now.mu / weight.map_or(1.0, |before| before.mu)) as f32;
+            let now = weight_of(&band, &force, &sides, level, params)?;
+            if weight.is_none_or(|before| (now / before - 1.0).abs() > 0.05) {
+                let scale = (now / weight.unwrap_or(1.0)) as f32;
                 band.flow.iter_mut().flatten().flatten().for_each(|flow| *flow *= scale);
-                steps = Some(Steps::new(now.mu, level.edges, exec.simd));
+                steps = Some(Steps::new(now, level.edges_of_axes(), exec.simd));
                 weight = Some(now);
                 energies.clear();
             }
         }
-        let (Some(steps), Some(weight)) = (&steps, &weight) else { unreachable!("both are set above") };
-        let energy = model.cost(&sides.inside, &sides.outside) + weight.mu * sides.area;
-        let gain = GAIN * weight.mu * sides.area;
+        let (Some(steps), Some(mu)) = (&steps, weight) else { unreachable!("both are set above") };
+        let energy = model.cost(&sides.inside, &sides.outside) + mu * sides.area;
+        let gain = GAIN * mu * sides.area;
         let before = energies.last().copied().unwrap_or(f64::INFINITY);
         stalled = if energy < before - gain { 0 } else { stalled + 1 };
         if energy < before {
@@ -128,16 +142,21 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
     }
     complete(&mut best, &band);
     let (sides, force) = kept.expect("the first pair is accepted");
-    let weight = weight.expect("it is set before the first pair");
+    let mu = weight.expect("it is set before the first pair");
+    band.act(&force);
+    let noise = band.noise(level.edges) / (2.0 * sides.contrast(&force).max(LEAST_CONTRAST));
+    let counts = [sides.inside.count, sides.outside.count];
+    let evidence = evidence(level, &band, &best, counts, sides.faces);
     Ok(Descent {
         band,
         best,
         energies,
         sweeps,
         updates,
-        mu: weight.mu,
+        mu,
         means: [sides.inside.mean(), sides.outside.mean()],
-        noise: weight.noise,
+        noise,
+        evidence,
         force,
     })
 }
@@ -178,14 +197,6 @@ pub(super) fn grow(
     Ok(!new.is_empty())
 }
 
-/// The weight of the border's area, and what it follows from.
-#[derive(Debug, Clone, Copy)]
-struct Weight {
-    /// Shortest edges.
-    mu: f64,
-    noise: f64,
-}
-
 /// Area's weight over contrast, a mean voxel's edge, for noise of this many contrasts. Fitted on balls, tori, gyroids and bars with noise of
 /// 0.1 … 1.5 of the contrast.
 fn smoothness(noise: f64) -> f64 {
@@ -195,44 +206,34 @@ fn smoothness(noise: f64) -> f64 {
 /// Least contrast, in what a voxel costs: a tenth of a step of 16 bits.
 const LEAST_CONTRAST: f64 = 1e-12;
 
-impl Weight {
-    fn of(
-        band: &Band,
-        force: &Force,
-        sides: &Sides,
-        level: &Level,
-        params: &SurfaceParams,
-    ) -> Result<Self, Error> {
-        for (side, name) in [(&sides.inside, "inside"), (&sides.outside, "outside")] {
-            if side.count < 0.5 {
-                return Err(untrusted(format!("nothing lies {name} of the surface")));
-            }
+/// The weight of the border's area (shortest edges).
+///
+/// # Errors
+/// [`Error::NoBoundary`] where one side is empty or the two are alike.
+fn weight_of(
+    band: &Band,
+    force: &Force,
+    sides: &Sides,
+    level: &Level,
+    params: &SurfaceParams,
+) -> Result<f64, Error> {
+    for (side, name) in [(&sides.inside, "inside"), (&sides.outside, "outside")] {
+        if side.count < 0.5 {
+            let problem = format!("nothing lies {name} of the surface");
+            return Err(Error::no_boundary(problem, "give a smaller phi, or another start"));
         }
-        let contrast = 0.5 * (force.mean(&sides.outside) - force.mean(&sides.inside));
-        if contrast.is_nan() || contrast <= LEAST_CONTRAST {
-            return Err(untrusted("values inside and outside of the start are alike".into()));
-        }
-        let noise = band.noise() / (2.0 * contrast);
-        let share = params.phi.map_or_else(|| smoothness(noise), |phi| phi / (1.0 - phi));
-        let finest = level.finest_edge();
-        // An edge of a mean voxel: of this resolution where the weight follows from its own noise, else of the volume's.
-        let mean: f64 =
-            (0..3)
-                .map(|a| {
-                    if params.phi.is_some() {
-                        level.edges[a] / level.factor[a] as f64
-                    } else {
-                        level.edges[a]
-                    }
-                })
-                .product::<f64>()
-                .cbrt();
-        Ok(Self { mu: share * contrast * mean / finest, noise })
     }
-}
-
-fn untrusted(problem: String) -> Error {
-    Error::NoBoundary { problem }
+    let contrast = sides.contrast(force);
+    if contrast.is_nan() || contrast <= LEAST_CONTRAST {
+        let problem = "values inside and outside of the start are alike";
+        return Err(Error::no_boundary(problem, "start elsewhere, or with another radius or data term"));
+    }
+    // An edge of a mean voxel: of this resolution where the weight follows from its own noise, else of the volume's.
+    let (share, mean) = match params.phi {
+        Some(phi) => (phi / (1.0 - phi), level.mean_edge_of_finest()),
+        None => (smoothness(band.noise(level.edges) / (2.0 * contrast)), level.mean_edge()),
+    };
+    Ok(share * contrast * mean / level.finest_edge())
 }
 
 impl Band {
@@ -246,24 +247,29 @@ impl Band {
         });
     }
 
-    /// Spread of the force from voxel to voxel along x: second differences, of which a slope leaves nothing, by their median.
-    fn noise(&self) -> f64 {
-        let mut found: Vec<f32> = Vec::with_capacity(self.len() * 64);
-        for (values, force) in self.values.iter().zip(&self.force) {
-            for (values, force) in values.chunks(BRICK).zip(force.chunks(BRICK)) {
-                for at in [1, 4] {
-                    if values[at - 1..at + 2].iter().all(|v| !v.is_nan()) {
-                        found.push((force[at - 1] - 2.0 * force[at] + force[at + 1]).abs());
-                    }
-                }
-            }
-        }
-        if found.is_empty() {
-            return 0.0;
-        }
+    /// Spread of the force from voxel to voxel: second differences, of which a slope leaves nothing, by their median. Along the axis of the
+    /// shortest edge, of those along which there are any.
+    fn noise(&self, edges: [f64; 3]) -> f64 {
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|&a, &b| edges[a].total_cmp(&edges[b]));
+        let of = |axis: usize| Some(self.second_differences(axis)).filter(|found| !found.is_empty());
+        let Some(mut found) = axes.into_iter().find_map(of) else { return 0.0 };
         let middle = found.len() / 2;
         let (_, median, _) = found.select_nth_unstable_by(middle, f32::total_cmp);
         f64::from(*median) / (0.674_49 * 6.0_f64.sqrt())
+    }
+
+    /// Second differences of the force along an axis, without sign, at two voxels of each row of a brick.
+    fn second_differences(&self, axis: usize) -> Vec<f32> {
+        let stride = BRICK.pow(axis as u32);
+        let mut found: Vec<f32> = Vec::with_capacity(self.len() * 64);
+        for (values, force) in self.values.iter().zip(&self.force) {
+            let own = (0..CUBE).filter(|&i| [1, 4].contains(&within_brick(i)[axis]));
+            for i in own.filter(|i| [i - stride, *i, i + stride].iter().all(|&j| !values[j].is_nan())) {
+                found.push((force[i - stride] - 2.0 * force[i] + force[i + stride]).abs());
+            }
+        }
+        found
     }
 
     /// All bricks of a level in work, with shares of 0 or 1.

@@ -2,6 +2,8 @@
 
 use ivd_core::{BRICK, Error, Exec, Scalar, Volume, parallel, with_voxels};
 
+use crate::axes::{edges_along_axes, mean_edge};
+
 /// Voxels of a brick.
 pub(super) const CUBE: usize = BRICK * BRICK * BRICK;
 
@@ -66,9 +68,36 @@ impl<'a> Level<'a> {
         Self { dims: grid.dims(), factor: [1; 3], edges: grid.spacing(), edge, values }
     }
 
-    /// Shortest edge of a voxel (mm).
+    /// Voxels of the finest level by axis, but for those that make up the last voxel here.
+    fn finest_dims(&self) -> [usize; 3] {
+        std::array::from_fn(|a| self.dims[a] * self.factor[a])
+    }
+
+    /// Shortest edge of a voxel (mm), of the volume's axes of more than one voxel.
     pub(super) fn finest_edge(&self) -> f64 {
-        self.edges.iter().copied().fold(f64::INFINITY, f64::min)
+        edges_along_axes(self.finest_dims(), self.edges).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Edges of a voxel (mm), with the shortest in place of that along an axis of one voxel, where there is no step.
+    pub(super) fn edges_of_axes(&self) -> [f64; 3] {
+        let (dims, finest) = (self.finest_dims(), self.finest_edge());
+        std::array::from_fn(|a| if dims[a] > 1 { self.edges[a] } else { finest })
+    }
+
+    /// The volume's axes of more than one voxel; three where there is no such axis.
+    pub(super) fn axes(&self) -> usize {
+        edges_along_axes(self.finest_dims(), self.edges).count()
+    }
+
+    /// Mean edge of a voxel (mm), of the volume's axes of more than one voxel.
+    pub(super) fn mean_edge(&self) -> f64 {
+        mean_edge(self.finest_dims(), self.edges)
+    }
+
+    /// The same of the finest level.
+    pub(super) fn mean_edge_of_finest(&self) -> f64 {
+        let edges = std::array::from_fn(|a| self.edges[a] / self.factor[a] as f64);
+        mean_edge(self.finest_dims(), edges)
     }
 
     /// Number of voxels.
@@ -142,7 +171,8 @@ impl<'a> Level<'a> {
                     (f64::from(after - before) / (steps as f64 * self.edges[a])).powi(2)
                 })
                 .sum();
-            if square.is_nan() { 1.0 } else { (1.0 / (1.0 + square / (edge * edge))) as f32 }
+            let half = (edge * edge).max(f64::MIN_POSITIVE);
+            if square.is_nan() { 1.0 } else { (1.0 / (1.0 + square / half)) as f32 }
         })
     }
 

@@ -5,8 +5,9 @@ use ivd_core::{BRICK, Iteration, parallel};
 
 use super::band::Band;
 use super::descent::{Descent, Settings, complete, grow};
+use super::evidence::evidence;
 use super::level::{CUBE, Level};
-use super::look::{look_at_all, tally};
+use super::look::{Look, Tally, look_at_all, tally};
 use super::sweep::Steps;
 use crate::Error;
 
@@ -23,14 +24,17 @@ const NEAR: f64 = 4.0;
 /// Memory, cancelled.
 pub(super) fn descend_nearby(level: &Level, found: Descent, settings: &Settings) -> Result<Descent, Error> {
     let (params, exec) = (settings.params, settings.exec);
-    let reach = params.reach.unwrap_or(NEAR * level.edges.iter().product::<f64>().cbrt());
-    let reach = level.edges.map(|edge| (reach / edge).round().max(1.0) as usize);
+    let reach = params.reach.unwrap_or(NEAR * level.mean_edge());
+    // Further than the volume there is nothing.
+    let voxels = |a: usize| (reach / level.edges[a]).round().clamp(1.0, level.dims[a] as f64) as usize;
+    let reach: [usize; 3] = std::array::from_fn(voxels);
     let whole = found.band.len() == found.band.all();
-    let slope = Steps::new(1.0, level.edges, false).slope;
-    let steps = Steps::new(found.mu, level.edges, exec.simd);
+    let slope = Steps::new(1.0, level.edges_of_axes(), false).slope;
+    let steps = Steps::new(found.mu, level.edges_of_axes(), exec.simd);
     let contrast = (found.means[0] - found.means[1]).powi(2);
     let mut own = Descent { energies: Vec::new(), ..found };
     let mut inner = tally(level, Some(&own.band.inner()), false, exec)?;
+    let total = tally(level, None, false, exec)?;
     let mut looks = look_at_all(&own.band, slope, false, exec)?;
     let (mut stalled, mut sweeps) = (0, 0);
     loop {
@@ -39,6 +43,7 @@ pub(super) fn descend_nearby(level: &Level, found: Descent, settings: &Settings)
         if energy < own.energies.last().copied().unwrap_or(f64::INFINITY) {
             own.energies.push(energy);
             own.best = looks.iter().map(|look| look.bits).collect();
+            own.evidence = evidence_of(level, &own, &looks, &inner, total.count);
             stalled = 0;
         } else {
             stalled += 1;
@@ -66,6 +71,13 @@ pub(super) fn descend_nearby(level: &Level, found: Descent, settings: &Settings)
     }
     complete(&mut own.best, &own.band);
     Ok(own)
+}
+
+/// Evidence of the set that is looked at.
+fn evidence_of(level: &Level, own: &Descent, looks: &[Look], inner: &Tally, total: f64) -> f64 {
+    let inside = inner.count + looks.iter().map(|look| look.inside.count).sum::<f64>();
+    let faces = looks.iter().map(|look| look.faces).sum();
+    evidence(level, &own.band, &own.best, [inside, total - inside], faces)
 }
 
 /// Sets the force of every voxel in work by the means nearby; gives what the values cost on the sides that they are on.

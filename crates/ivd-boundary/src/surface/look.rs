@@ -90,6 +90,8 @@ pub(super) struct Look {
     pub(super) inside: Tally,
     /// Area of the border (shortest edges squared times the other edges: in voxels of the functional).
     pub(super) area: f64,
+    /// Faces between voxels of the border.
+    pub(super) faces: u64,
     /// The lowest and the highest voxel with the border at it.
     pub(super) front: Option<[[usize; 3]; 2]>,
     pub(super) bits: Bits,
@@ -106,7 +108,7 @@ fn look(band: &Band, slot: usize, weights: &[f64; 8], bins: bool) -> Look {
     let brick = band.place(slot);
     let faces = Faces { above: band.above(brick), extent: band.extent(brick) };
     let (u, values) = (&band.primal[slot].u, &band.values[slot]);
-    let mut found = Look { inside: Tally::new(bins), area: 0.0, front: None, bits: [0; BRICK] };
+    let mut found = Look { inside: Tally::new(bins), area: 0.0, faces: 0, front: None, bits: [0; BRICK] };
     let mut kinds = [0_u32; 8];
     let softened = band.softness.get(slot);
     let next_x = faces.next_x(u);
@@ -128,6 +130,7 @@ fn look(band: &Band, slot: usize, weights: &[f64; 8], bins: bool) -> Look {
             if any == 0 {
                 continue;
             }
+            found.faces += changes.iter().map(|changes| u64::from(changes.count_ones())).sum::<u64>();
             if let Some(soft) = softened {
                 for x in (0..BRICK).filter(|x| any >> x & 1 == 1) {
                     let kind = (0..3).fold(0, |kind, a| kind | usize::from(changes[a] >> x & 1) << a);

@@ -6,6 +6,7 @@
 //!
 //! - `level`: resolutions of a volume. `band`: the bricks in work. `sweep`: the iteration on one brick.
 //! - `look`: what a set is: values, area, front. `model`: what values cost on either side. `descent`: the whole at one resolution.
+//! - `evidence`: whether a set is more than noise gives.
 //! - `local`: statistics of what is nearby, at the finest resolution.
 //! - `certify`: how far from the lowest energy a set can be; `graph`: the lowest set where area is counted by cut edges.
 //! - `start`: what it begins with.
@@ -13,6 +14,7 @@
 mod band;
 mod certify;
 mod descent;
+mod evidence;
 mod graph;
 mod level;
 mod local;
@@ -25,7 +27,7 @@ mod sweep;
 mod tests;
 
 use ivd_core::op::Op as _;
-use ivd_core::{BRICK, Exec, Labels, Mask, Volume};
+use ivd_core::{BRICK, Exec, Grid, Labels, Mask, Volume, VoxelIndex};
 
 use band::Band;
 use descent::{Descent, Settings, descend};
@@ -82,7 +84,7 @@ pub struct Surface {
 /// - Voxels without data (NaN, infinite) belong to neither side.
 ///
 /// # Errors
-/// [`Error::NoBoundary`] where the start is empty, the sides are alike, or nothing is left of the part; a start outside the volume; inputs
+/// [`Error::NoBoundary`] where the start is empty, the sides are alike or differ no more than those of noise, or nothing is left of the part; a start outside the volume; inputs
 /// on different grids; the memory limit, cancelled.
 pub fn active_surface(
     volume: &Volume,
@@ -96,19 +98,24 @@ pub fn active_surface(
         let grid = volume.grid();
         let start = Start::of(volume, labels, start, params, exec)?;
         let unit = Unit::of(volume, params.window)
-            .ok_or_else(|| Error::NoBoundary { problem: "all values of the volume are alike".into() })?;
+            .ok_or_else(|| Error::no_boundary("all values are alike", "give another volume or window"))?;
         let levels = levels(Level::finest(volume, unit, params.edge), WHOLE, exec)?;
         let finest = levels.last().expect("there is the finest");
-        let chosen = start.indices(grid);
         let frozen =
-            (params.data == DataTerm::Start).then(|| frozen_model(finest, &chosen, exec)).transpose()?;
+            (params.data == DataTerm::Start).then(|| frozen_model(finest, &start, grid, exec)).transpose()?;
         let settings = Settings { params, frozen, exec };
         let mut found = first(&levels[0], &start, volume, &settings)?;
+        let mut evidence = found.evidence;
         let (mut sweeps, mut updates) = (found.sweeps, found.updates);
         for pair in levels.windows(2) {
             found = at_level(&pair[1], refined(&pair[0], &found, &pair[1], exec)?, &settings)?;
             sweeps += found.sweeps;
             updates += found.updates;
+            evidence = evidence.max(found.evidence);
+        }
+        if evidence < evidence::LEAST {
+            let problem = "what differs is no more than noise would give";
+            return Err(Error::no_boundary(problem, "start elsewhere, or with another radius or data term"));
         }
         let mut inside = draw(finest, &found, exec)?;
         let edge = finest.finest_edge();
@@ -117,12 +124,15 @@ pub fn active_surface(
             let mut shown =
                 certify::certify(finest, &inside, &found.force, found.mu * edge, params.area, exec)?;
             if let Some(lower) = shown.inside.take() {
-                inside = lower;
+                inside = with_data(lower, finest);
             }
             sweeps += shown.sweeps;
             certificate = Some(shown);
         }
-        let part = part::part(inside, volume, &chosen, params.open, params.fill_holes, exec)?;
+        let holds = start.at_resolution(grid, grid.dims(), [1; 3]);
+        let chosen = |i: usize| holds(grid.index(i).0);
+        let fill: Option<&part::Chosen> = if params.fill_holes { Some(&|_| true) } else { None };
+        let part = part::part(inside, volume, &chosen, params.open, fill, exec)?;
         let mask = part::levelled(part.inside, grid, exec)?;
         // The energy is in units of the range squared; a likelihood's is in nats.
         let value =
@@ -147,18 +157,21 @@ pub fn active_surface(
 }
 
 /// What values are expected to be, by those of the start and by all others.
-fn frozen_model(finest: &Level, chosen: &[usize], exec: &Exec) -> Result<Model, Error> {
+fn frozen_model(finest: &Level, start: &Start, grid: &Grid, exec: &Exec) -> Result<Model, Error> {
     let mut inside = Tally::new(true);
     let mut value = [0.0];
-    for &voxel in chosen {
-        finest.row(voxel, &mut value);
+    start.each(grid, |voxel| {
+        finest.row(grid.linear(VoxelIndex(voxel)), &mut value);
         inside.count_in(value[0]);
-    }
+    });
     let mut others = look::tally(finest, None, true, exec)?;
     others.plus(-1.0, &inside);
     if inside.count < 2.0 || others.count < 1.0 {
         let problem = "the start has too few values, or all there are, to tell what is like it";
-        return Err(Error::NoBoundary { problem: problem.into() });
+        return Err(Error::no_boundary(
+            problem,
+            "start with a larger radius, or leave some of the volume out",
+        ));
     }
     Ok(Model::frozen(&inside, &others))
 }
@@ -166,15 +179,11 @@ fn frozen_model(finest: &Level, chosen: &[usize], exec: &Exec) -> Result<Model, 
 /// The coarsest resolution, worked through whole; the side that the start lies in becomes the inside.
 fn first(level: &Level, start: &Start, volume: &Volume, settings: &Settings) -> Result<Descent, Error> {
     let exec = settings.exec;
-    let begins = start.voxels(volume.grid(), level.factor);
-    let [low, high] = start.bounds(volume.grid());
-    let near = |voxel: [usize; 3]| {
-        (0..3).all(|a| low[a] / level.factor[a] <= voxel[a] && voxel[a] * level.factor[a] < high[a])
-    };
-    let mut band = Band::whole(level, &|voxel| near(voxel) && begins(voxel), exec)?;
+    let begins = start.at_resolution(volume.grid(), level.dims, level.factor);
+    let mut band = Band::whole(level, &begins, exec)?;
     let started: Vec<Bits> = band.primal.iter().map(|state| bits(&state.u)).collect();
     if !split_if_whole(level, &mut band, &started) {
-        return Err(Error::NoBoundary { problem: "the start holds no voxel".into() });
+        return Err(Error::no_boundary("the start holds no voxel", "draw or place it within the volume"));
     }
     let mut found = at_level(level, band, settings)?;
     if settings.frozen.is_some() || settings.params.data == DataTerm::Local {
@@ -184,7 +193,7 @@ fn first(level: &Level, start: &Start, volume: &Volume, settings: &Settings) -> 
     let is_swapped = if inside[0] * outside[1] == outside[0] * inside[1] {
         if inside[2] == outside[2] {
             let problem = "the start lies in neither side more than in the other";
-            return Err(Error::NoBoundary { problem: problem.into() });
+            return Err(Error::no_boundary(problem, "start elsewhere, or with another radius"));
         }
         inside[2] > outside[2]
     } else {
@@ -364,6 +373,17 @@ fn carry_flow(band: &mut Band, found: &Descent, dims: [usize; 3], step: [usize; 
         }
     });
     band.flow = flow;
+}
+
+/// A set without the voxels that have no data.
+fn with_data(mut inside: Vec<u8>, level: &Level) -> Vec<u8> {
+    let width = level.dims[0];
+    ivd_core::parallel::for_each_piece_mut(&mut inside, width, &|row, inside| {
+        let mut values = vec![0.0_f32; width];
+        level.row(width * row, &mut values);
+        inside.iter_mut().zip(&values).filter(|(_, v)| v.is_nan()).for_each(|(inside, _)| *inside = 0);
+    });
+    inside
 }
 
 /// The best set of the finest resolution as a mask; voxels without data stay out.

@@ -87,8 +87,8 @@ pub struct SurfaceParams {
     pub class: Option<ClassChoice>,
     /// What tells inside from outside.
     pub data: DataTerm,
-    /// How values are spread, for the likelihood.
-    pub distribution: Distribution,
+    /// How values are spread, for the likelihood; without it as they are, a smoothed histogram.
+    pub distribution: Option<Distribution>,
     /// How far `local` looks; without it four mean edges of a voxel.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub reach: Option<f64>,
@@ -101,7 +101,7 @@ pub struct SurfaceParams {
     pub window: Option<[f64; 2]>,
     /// Weight φ of smoothness against fit (thesis, equation 4.12); without it chosen by noise and contrast. The border's area weighs
     /// φ / (1 − φ) × half the difference of what a voxel costs on its right and on its wrong side, a mean voxel's edge.
-    #[schemars(extend("x-unit" = "1", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0))]
+    #[schemars(range(min = 1e-6, max = 0.999_999), extend("x-unit" = "1"))]
     pub phi: Option<f64>,
     /// How the border's area is measured at the end. Cuts are solved over the whole volume until no lower energy is possible: minutes at
     /// 256³.
@@ -129,7 +129,7 @@ impl Default for SurfaceParams {
             box_to: None,
             class: None,
             data: DataTerm::Means,
-            distribution: Distribution::Histogram,
+            distribution: None,
             reach: None,
             edge: None,
             window: None,
@@ -144,6 +144,23 @@ impl Default for SurfaceParams {
 }
 
 impl SurfaceParams {
+    /// Whether nothing tells of a start beside one that is drawn.
+    ///
+    /// # Errors
+    /// Names the field.
+    pub(super) fn check_beside_drawn(&self) -> Result<(), ParamError> {
+        let given = [
+            ("start", self.start.is_some()),
+            ("seed", self.seed.is_some()),
+            ("radius", self.radius.is_some()),
+            ("box_from", self.box_from.is_some()),
+            ("class", self.class.is_some()),
+        ];
+        given.into_iter().find(|(_, is_given)| *is_given).map_or(Ok(()), |(field, _)| {
+            Err(ParamError::new(field, "given beside a start that is drawn", "leave one of them out"))
+        })
+    }
+
     /// Conditions on several fields.
     ///
     /// # Errors
@@ -190,6 +207,13 @@ impl SurfaceParams {
                 "reach",
                 "given for data that aren't local",
                 "leave it out, or give data = local",
+            );
+        }
+        if self.distribution.is_some() && self.data != DataTerm::Likelihood {
+            return refused(
+                "distribution",
+                "given for data that aren't a likelihood",
+                "leave it out, or give data = likelihood",
             );
         }
         let is_cut = self.area != AreaMeasure::Smooth;

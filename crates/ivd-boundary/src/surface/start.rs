@@ -4,6 +4,7 @@ use ivd_core::{Exec, Grid, Labels, Mask, Volume, VoxelCoord, World};
 use nalgebra::Vector3;
 
 use super::params::{StartShape, SurfaceParams};
+use crate::axes::{edges_along_axes, mean_edge};
 use crate::part::bounds;
 use crate::{ComponentParams, Error, component};
 
@@ -38,7 +39,9 @@ impl Start {
     ) -> Result<Self, Error> {
         let grid = volume.grid();
         if let Some(mask) = drawn {
+            params.check_beside_drawn()?;
             grid.require(mask.grid(), "volume", "start")?;
+            exec.check_memory("the start", grid.len() as u64)?;
             return Ok(Self::Drawn(mask.clone()));
         }
         if let (Some(from), Some(to)) = (params.box_from, params.box_to) {
@@ -52,7 +55,7 @@ impl Start {
         }
         let middle = grid.world(VoxelCoord(Vector3::from(grid.dims().map(|n| (n as f64 - 1.0) / 2.0)))).0;
         let radius = params.radius.unwrap_or_else(|| match params.seed {
-            Some(_) => ABOUT_SEED * grid.voxel_volume().cbrt(),
+            Some(_) => ABOUT_SEED * mean_edge(grid.dims(), grid.spacing()),
             None => ABOUT_MIDDLE * shortest_side(grid),
         });
         let centre = match params.seed {
@@ -143,20 +146,52 @@ impl Start {
         ]
     }
 
-    /// Linear indices of its voxels.
-    pub(super) fn indices(&self, grid: &Grid) -> Vec<usize> {
-        let dims = grid.dims();
+    /// Tells which voxels of the grid lie in it, at a resolution. Where the middles of coarse voxels miss more than half of it, such as of a
+    /// start of one voxel's thickness, all that touch it.
+    pub(super) fn at_resolution<'a>(
+        &'a self,
+        grid: &'a Grid,
+        level_dims: [usize; 3],
+        factor: [usize; 3],
+    ) -> Box<dyn Fn([usize; 3]) -> bool + Sync + 'a> {
+        let [low, high] = self.bounds(grid);
+        let is_near = move |voxel: [usize; 3]| {
+            (0..3).all(|a| low[a] / factor[a] <= voxel[a] && voxel[a] * factor[a] < high[a])
+        };
+        let by_middle = self.voxels(grid, factor);
+        if factor == [1; 3] {
+            return Box::new(move |voxel| is_near(voxel) && by_middle(voxel));
+        }
+        let coarse = |voxel: [usize; 3]| -> [usize; 3] { std::array::from_fn(|a| voxel[a] / factor[a]) };
+        let linear = move |[x, y, z]: [usize; 3]| x + level_dims[0] * (y + level_dims[1] * z);
+        let mut touched = vec![false; level_dims.iter().product()];
+        let mut count = 0_usize;
+        self.each(grid, |voxel| {
+            touched[linear(coarse(voxel))] = true;
+            count += 1;
+        });
+        let each = factor.iter().product::<usize>();
+        let held = (0..touched.len())
+            .filter(|&i| {
+                let [nx, ny, _] = level_dims;
+                touched[i] && by_middle([i % nx, i / nx % ny, i / nx / ny])
+            })
+            .count();
+        if 2 * held * each < count {
+            return Box::new(move |voxel| touched[linear(voxel)]);
+        }
+        Box::new(move |voxel| is_near(voxel) && by_middle(voxel))
+    }
+
+    /// Hands on its voxels.
+    pub(super) fn each(&self, grid: &Grid, mut of: impl FnMut([usize; 3])) {
         let holds = self.voxels(grid, [1; 3]);
         let [low, high] = self.bounds(grid);
-        let mut found = Vec::new();
         for z in low[2]..high[2] {
             for y in low[1]..high[1] {
-                found.extend(
-                    (low[0]..high[0]).filter(|&x| holds([x, y, z])).map(|x| x + dims[0] * (y + dims[1] * z)),
-                );
+                (low[0]..high[0]).map(|x| [x, y, z]).filter(|&voxel| holds(voxel)).for_each(&mut of);
             }
         }
-        found
     }
 
     /// The point that a start stands about, which it holds.
@@ -168,10 +203,10 @@ impl Start {
     }
 }
 
-/// Shortest side of the volume (mm).
+/// Shortest side of the volume (mm), of the axes of more than one voxel.
 fn shortest_side(grid: &Grid) -> f64 {
     let (edges, dims) = (grid.spacing(), grid.dims());
-    (0..3).map(|a| edges[a] * dims[a] as f64).fold(f64::INFINITY, f64::min)
+    edges_along_axes(dims, std::array::from_fn(|a| edges[a] * dims[a] as f64)).fold(f64::INFINITY, f64::min)
 }
 
 /// Corners of a box about a point.

@@ -26,7 +26,7 @@ use arguments::{slots, with_arguments};
 use hooks::hooks;
 pub(crate) use offer::Offer;
 use offer::named;
-use typed::{Typed, check_shared, file_of};
+use typed::{Typed, check_shared, check_unread, file_of};
 
 /// What was asked for.
 pub(crate) enum Asked {
@@ -100,6 +100,7 @@ pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> any
     }
     let given = precursor::Given::of(stage, matches);
     let keys = Typed::read(offer, matches, context)?;
+    let is_method_chosen = keys.is_method_chosen() || given.taken().is_some();
     let section = match given.taken() {
         Some(precursor) => keys.section_from(precursor)?,
         None => keys.section()?,
@@ -116,6 +117,7 @@ pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> any
         if reads(slot) { files.push((slot, path(slot))) } else { unread.push((slot, path(slot))) }
     }
     for (slot, file) in unread {
+        check_unread(stage, section.method(), slot, file, is_method_chosen)?;
         unused(stage, slot, file, context)?;
     }
     if let Some(nothing) = section.job().idle() {

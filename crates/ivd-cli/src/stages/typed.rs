@@ -46,6 +46,11 @@ impl Typed {
         Ok(Self { stage, file, line: typed, keys })
     }
 
+    /// Whether a method was chosen, by its name or by what it alone reads.
+    pub(super) fn is_method_chosen(&self) -> bool {
+        self.keys.contains_key(self.stage.selector)
+    }
+
     /// Where a key was given, for a message.
     fn place(&self, key: &str) -> String {
         match &self.file {
@@ -178,6 +183,31 @@ pub(super) fn file_of<'a>(offer: &'a Offer, matches: &'a ArgMatches, name: &str)
         Some(mut files) => files.next(),
         None => matches.get_one::<PathBuf>(name).map(PathBuf::as_path),
     }
+}
+
+/// Refuses what was written for a slot with the name of a key, where the method doesn't have that slot: a value of another method's key,
+/// and a file where no method was chosen.
+pub(super) fn check_unread(
+    stage: &'static Stage,
+    method: &Method,
+    slot: &str,
+    file: Option<&Path>,
+    is_method_chosen: bool,
+) -> anyhow::Result<()> {
+    let has = |method: &Method| method.slots.iter().any(|own| own.name == slot);
+    let is_key = list::keys(stage).iter().any(|key| key.name == slot);
+    let refused = |file: &Path| is_key && !has(method) && !(is_method_chosen && file.exists());
+    if !file.is_some_and(refused) {
+        return Ok(());
+    }
+    let readers: Vec<&str> = stage.methods.iter().filter(|method| has(method)).map(|own| own.name).collect();
+    Err(Failure::usage(format!(
+        "--{}: {} doesn't read it; leave it out, or choose --{} {}",
+        flag(slot),
+        method.name,
+        flag(stage.selector),
+        readers.join(" or ")
+    )))
 }
 
 /// Refuses what is neither a value of a key nor a file for the slot of its name, and a second file.

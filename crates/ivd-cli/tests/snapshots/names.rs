@@ -10,6 +10,9 @@ use crate::snapshots::{help, ivd, snapshots, words, writing};
 /// Flags that no help page shows, by command.
 const HIDDEN: [(&str, &str); 3] = [("", "--no-simd"), ("bench", "--plant"), ("boundary", "--keep-holes")];
 
+/// Keys that methods which came later have too, with another default: who names no method has the old one.
+const NEWER_DEFAULTS: [&str; 1] = ["/scene/boundary.fill_holes/default"];
+
 /// Names as they are now.
 ///
 /// - `scene`: by path (`deform.handle[].pick`, `map.material.*.poisson`): `types` as JSON has them, `values` where it is a word
@@ -190,7 +193,7 @@ fn missing(path: &str, old: &Value, now: &Value, found: &mut Vec<String>) {
                     None if key == "default" && value.is_null() => {}
                     Some(other) => missing(&path, value, other, found),
                     // Nor is there one where methods differ in it: each one's is told with what it means.
-                    None if key == "default" && value.is_null() => {}
+                    None if NEWER_DEFAULTS.contains(&&*path) => {}
                     None => found.push(path),
                 }
             }
