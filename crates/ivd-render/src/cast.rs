@@ -39,7 +39,7 @@ impl<T: Stored> Field<'_, T> {
 
     /// Where a sample is taken: its coordinate before the deformation.
     #[inline(always)]
-    fn before(&self, at: [f32; 3], moves: bool) -> Option<[f32; 3]> {
+    pub(crate) fn before(&self, at: [f32; 3], moves: bool) -> Option<[f32; 3]> {
         match (self.warp, moves) {
             (Some(warp), true) => warp.before(at),
             _ => Some(at),
@@ -48,7 +48,7 @@ impl<T: Stored> Field<'_, T> {
 
     /// Value at a place, `None` where there is no data.
     #[inline(always)]
-    fn value(&self, place: &Place) -> Option<f32> {
+    pub(crate) fn value(&self, place: &Place) -> Option<f32> {
         let value = self.samples.value(place);
         (T::TYPE.is_integer() || value.is_finite()).then_some(value)
     }
@@ -61,6 +61,13 @@ impl<T: Stored> Field<'_, T> {
             gradient = warp.pull_back(at, gradient);
         }
         self.light.normal(gradient)
+    }
+
+    /// A colour under the lamp, at a place that may have moved.
+    #[inline(never)]
+    pub(crate) fn lit_before(&self, entry: [f32; 4], at: [f32; 3], moves: bool) -> [f32; 4] {
+        let before = self.before(at, moves);
+        self.light.lit(entry, before.and_then(|before| self.normal(at, before, moves)))
     }
 
     /// A colour under the lamp, at a place that nothing moved.
