@@ -65,7 +65,7 @@ pub(crate) fn windows(gaussians: &[WeightedGaussian], softness: f64) -> Vec<Wind
 }
 
 /// Where `a` gives way to `b`, with the half width over which it does; `between`: the classes between them.
-fn edge(
+pub(crate) fn edge(
     a: &WeightedGaussian,
     between: &[WeightedGaussian],
     b: &WeightedGaussian,

@@ -14,6 +14,17 @@ pub enum OpacityRule {
     Border,
 }
 
+/// What colours and opacities are looked up by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Axes {
+    /// The value (and the label, where values don't tell classes apart).
+    #[default]
+    Value,
+    /// The value and the magnitude of the gradient: where a boundary passes through the values of a third material, it isn't drawn as that.
+    ValueGradient,
+}
+
 /// Which colours classes get.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -49,6 +60,8 @@ pub struct Params {
     /// Samples of each row of the table, over the volume's range or, where a few voxels stretch that, over the bulk of the values.
     #[schemars(range(min = 2, max = 65536), extend("x-unit" = "samples", "x-knob" = "accuracy"))]
     pub resolution: usize,
+    /// What colours and opacities are looked up by.
+    pub axes: Axes,
     /// What opacities go by.
     pub opacity: OpacityRule,
     /// Which colours classes get.
@@ -82,6 +95,7 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             resolution: 1024,
+            axes: Axes::Value,
             opacity: OpacityRule::Visibility,
             palette: Palette::Auto,
             values: ValueScale::Auto,

@@ -71,7 +71,7 @@ pub use motion::{Ball, Frame, InteriorPoints, Motion};
 pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode, OctreeParts};
 pub use shown::shown;
 pub use spill::{Spill, SpillSpace};
-pub use transfer::{TransferEntry, TransferFunction};
+pub use transfer::{GradientTable, TransferEntry, TransferFunction};
 pub use tree::{LeafMeans, Linkage, Tree, TreeParts};
 pub use value::{Artefact, ArtefactRef, Kind, Value};
 pub use volume::Volume;

@@ -61,7 +61,7 @@ impl<'a> Prepared<'a> {
             let (voxels, shift) = fast(scene.volume, exec)?;
             let moving = scene.displacement.filter(|d| !is_still(d));
             // Labels that change nothing cost nothing.
-            let has_rows = scene.transfer.is_some_and(TransferFunction::depends_on_label);
+            let has_rows = scene.transfer.is_some_and(|t| t.gradient().is_none() && t.depends_on_label());
             let mut prepared = Self {
                 scene: Scene { labels: scene.labels.filter(|_| has_rows), ..*scene },
                 params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },
@@ -124,7 +124,7 @@ impl<'a> Prepared<'a> {
         step: f64,
         exec: &Exec,
     ) -> Result<(), Error> {
-        if self.scene.labels.is_some() {
+        if self.scene.labels.is_some() || transfer.gradient().is_some() {
             return Err(Error::NotByValue);
         }
         let real = |fast: f64| self.scene.volume.real(fast + self.shift);
@@ -225,7 +225,7 @@ impl<'a> Prepared<'a> {
             ids: self.scene.labels.map_or(&[], Labels::ids),
             warp: self.warp.as_ref(),
             space: &self.space,
-            light: Light::new(&camera, grid.inverse_linear_part(), self.sign()),
+            light: Light::new(&camera, grid.inverse_linear_part(), self.scene.volume.slope()),
         };
         let sign = self.sign() as f32;
         Ok(match &self.optics {

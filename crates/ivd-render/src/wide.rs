@@ -85,7 +85,9 @@ mod tests {
     use crate::samples::{Samples, Shape};
     use crate::warp::Warp;
     use crate::{Projection, RenderParams, View};
-    use ivd_core::{Displacement, Exec, FieldBricks, Grid, NO_BRICK, Scalar, TransferFunction, Volume};
+    use ivd_core::{
+        Displacement, Exec, FieldBricks, GradientTable, Grid, NO_BRICK, Scalar, TransferFunction, Volume,
+    };
 
     const DIMS: [usize; 3] = [33, 29, 41];
 
@@ -130,6 +132,11 @@ mod tests {
         let table = row(20).chain(row(25)).collect();
         let transfer = TransferFunction::new([0.0, scale], 64, 1.0, vec![0, 2], table, vec![]).unwrap();
         let classifier = Classifier::new(&transfer, [0.0, scale as f32], |v| v, 0.5, LABELLED);
+        // What is seen at a value is seen at some gradients.
+        let by = (0..64 * 16).map(|i| transfer.table()[i % 64].map(|c| c * ((i / 64) % 3) as f32 / 2.0));
+        let by = GradientTable::new(0.2 * scale, [64, 16], by.collect()).unwrap();
+        let steep = transfer.clone().with_gradient(by);
+        let steep = Classifier::new(&steep, [0.0, scale as f32], |v| v, 0.5, false);
         let table = Preintegrated::new(&transfer, [0.0, scale as f32], |v| v, 0.5, &Exec::default()).unwrap();
         let volume = Volume::new(grid.clone(), T::wrap(voxels.clone().into())).unwrap();
         let index = volume.bricks();
@@ -152,6 +159,9 @@ mod tests {
             };
             for end in [0.4, 0.99, 2.0] {
                 same(&camera, |wide, rays| dvr::<T, LABELLED, SHADED>(wide, &field, &classifier, end, rays));
+            }
+            for end in [0.4, 2.0].into_iter().filter(|_| !LABELLED) {
+                same(&camera, |wide, rays| dvr::<T, false, SHADED>(wide, &field, &steep, end, rays));
             }
             if empty.iter().any(|&is| is) {
                 continue;

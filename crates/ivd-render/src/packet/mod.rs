@@ -466,14 +466,15 @@ impl<T: Pairs, const LABELLED: bool, const SHADED: bool> Lanes<'_, T, AtMiddle<'
         let entry = self.entries(index);
         let mut entry = each(|c| _mm256_and_ps(entry[c], _mm256_castsi256_ps(seen)));
         let alone = self.field.warp.is_some()
-            || SHADED && any(_mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps())));
+            || (SHADED || self.looks.0.steep().is_some())
+                && any(_mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps())));
         if alone {
             entry = self.one_by_one(at, self.brick(cell), look, entry);
         }
         entry
     }
 
-    /// What lanes can't do together: light, and samples that come from elsewhere.
+    /// What lanes can't do together: light, gradients, and samples that come from elsewhere.
     #[inline(never)]
     #[target_feature(enable = "avx2")]
     fn one_by_one(&self, at: [__m256; 3], brick: __m256i, look: __m256i, entry: [__m256; 4]) -> [__m256; 4] {
@@ -481,8 +482,10 @@ impl<T: Pairs, const LABELLED: bool, const SHADED: bool> Lanes<'_, T, AtMiddle<'
         let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
         for lane in set(look) {
             let at = each(|a| at[a][lane]);
-            if self.field.moves(bricks[lane] as usize) {
-                entries[lane] = self.field.classified_before::<LABELLED, SHADED>(self.looks.0, at, true);
+            let moves = self.field.moves(bricks[lane] as usize);
+            let is_steep = self.looks.0.steep().is_some() && entries[lane][3] > 0.0;
+            if moves || is_steep {
+                entries[lane] = self.field.classified_before::<LABELLED, SHADED>(self.looks.0, at, moves);
             } else if SHADED && entries[lane][3] > 0.0 {
                 entries[lane] = self.field.lit(entries[lane], at);
             }
