@@ -167,6 +167,7 @@ fn gaussians(
             lower: class.and_then(|c| c.lower),
             upper: class.and_then(|c| c.upper),
             is_transition: *role == Role::Transition,
+            is_background: *role == Role::Background,
         }
     };
     classes.iter().zip(roles).map(gaussian).collect()

@@ -94,7 +94,9 @@ fn the_rim_of_one_material_is_not_drawn_as_another_whose_value_it_passes() {
         if balls.outside[i][1].abs() < 3.0 * BLUR && (80.0..120.0).contains(&value) {
             rim += 1;
             by_value += u32::from(near(seen[0], first));
-            by_both += u32::from(near(seen[1], second) && seen[1][3] > 0.0);
+            // Outside of half way there is air.
+            let is_air = value < 0.5 * VALUES[2] && seen[1][3] < 0.01;
+            by_both += u32::from(is_air || near(seen[1], second));
         } else if balls.outside[i][0] < -3.0 * BLUR {
             inside += 1;
             kept += u32::from(near(seen[1], first) && (seen[1][3] / seen[0][3] - 1.0).abs() < 0.1);

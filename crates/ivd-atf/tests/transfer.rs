@@ -362,6 +362,31 @@ fn a_needle_of_voxels_takes_no_more_rays_than_a_cube_of_them() {
 }
 
 #[test]
+fn thin_parts_of_the_outside_are_seen_as_far_as_the_inside_lets_them() {
+    // A core in six voxels of rind, which has a brim two voxels thin.
+    let within = |at: [usize; 3], from: usize, to: usize| at.iter().all(|c| (from..to).contains(c));
+    let in_brim = |[x, y, z]: [usize; 3]| within([x, y, x], 1, 63) && (31..33).contains(&z);
+    let label = |at: [usize; 3]| {
+        if within(at, 14, 50) {
+            3
+        } else if within(at, 8, 56) || in_brim(at) {
+            2
+        } else {
+            1
+        }
+    };
+    let grid = Grid::with_spacing([64; 3], [1.0; 3]).unwrap();
+    let ids: Vec<u16> = (0..grid.len()).map(|i| label(grid.index(i).0)).collect();
+    let values: Vec<f32> = ids.iter().map(|&id| 100.0 * f32::from(id)).collect();
+    let volume = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
+    let labels = Labels::new(grid, ids.into(), vec![]).unwrap();
+    let figures = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().figures;
+    assert!(figures.silhouette_difference.unwrap() < 0.03, "{figures:?}");
+    let core = figures.visibility.iter().find(|seen| seen.class == 3).unwrap();
+    assert!(core.visibility > 0.05 && figures.divergence.unwrap() < 0.01, "{figures:?}");
+}
+
+#[test]
 fn a_thin_slab_is_looked_through_at_its_own_thickness() {
     // Looked at from its broad side alone, a slab of half a reference length: what is seen there is what its thickness lets through.
     let (volume, labels) = slab([64, 64, 3], |[x, y, _]| (8..56).contains(&x) && (8..56).contains(&y));
