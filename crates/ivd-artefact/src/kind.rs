@@ -2,7 +2,7 @@ use ivd_core::Kind;
 
 /// Code in the prelude, and newest version that this crate writes and reads, of each kind. Codes are never reused.
 const TABLE: [(Kind, u16, u16); 10] = [
-    (Kind::Volume, 1, 1),
+    (Kind::Volume, 1, 2),
     (Kind::Labels, 2, 1),
     (Kind::Mask, 3, 1),
     (Kind::Transfer, 4, 2),

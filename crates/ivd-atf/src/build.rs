@@ -59,7 +59,7 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
         let range = table_range(volume, &classes, whole);
         let reduced = Reduced::new(volume, labels, rank.clone(), range, MOST_ALONG, exec)?;
         let structure = structure::measure(&reduced, classes.len(), least_noise(volume, &reduced), exec)?;
-        let hounsfield = are_hounsfield(params.values, whole);
+        let hounsfield = are_hounsfield(params.values, volume.modality(), whole);
         let roles = roles(&classes, &structure, &reduced, hounsfield);
         let gaussians = gaussians(&classes, &roles, labels, range, params);
         let mix = Mix::new(
@@ -76,7 +76,7 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
                 (fit.opacity.clone(), Some(fit))
             }
         };
-        let palette = colour::chosen(params.palette, hounsfield);
+        let palette = colour::chosen(params.palette, hounsfield, volume.modality());
         let touching = colour::touching(&roles, &structure);
         let rgb = colour::colours(&Coloured {
             classes: &classes,

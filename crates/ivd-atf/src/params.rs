@@ -29,7 +29,7 @@ pub enum Axes {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Palette {
-    /// `tissue` for values in Hounsfield units, else `safe`.
+    /// `tissue` for values in Hounsfield units and for volumes whose file says that they are magnetic resonance, else `safe`.
     #[default]
     Auto,
     /// Bone ivory, muscle red-brown, fat yellow, by Hounsfield value; other scans from dark red over flesh to ivory by value.
@@ -44,7 +44,7 @@ pub enum Palette {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ValueScale {
-    /// Hounsfield units if they reach from at most -900 to at least 100, else plain.
+    /// Hounsfield units if they reach from at most -900 to at least 100 and the file doesn't say that they are magnetic resonance, else plain.
     #[default]
     Auto,
     /// Hounsfield units of computed tomography: classes of which more than half is gas are clear, unless there is nothing else.

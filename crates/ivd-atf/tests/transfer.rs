@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 use ivd_atf::{Error, OpacityRule, Palette, Params, ValueScale, transfer};
-use ivd_core::{Class, Classified, ErrorClass, Exec, Grid, Labels, Volume, Voxels};
+use ivd_core::{Class, Classified, ErrorClass, Exec, Grid, Labels, Modality, Volume, Voxels};
 
 /// A volume of 24³ voxels with `value` and `label` by voxel index.
 fn scene(value: impl Fn([usize; 3]) -> f32, label: impl Fn([usize; 3]) -> u16) -> (Volume, Labels) {
@@ -168,6 +168,28 @@ fn gas_is_clear_in_hounsfield_units_though_the_body_fills_the_volume() {
     let plain = of(Params { values: ValueScale::Plain, ..Params::default() });
     assert!(!plain.figures.hounsfield && plain.figures.palette == Palette::Safe);
     assert!(plain.figures.background.contains(&2), "without a meaning, what lies outside is background");
+}
+
+#[test]
+fn magnetic_resonance_looks_like_tissue_where_its_file_says_so() {
+    let inside = |at| ball(at, 12.0, 6.0);
+    // Values as some scanners write them, which reach as far as Hounsfield's.
+    let (volume, labels) =
+        scene(|at| if inside(at) { 700.0 } else { -950.0 } + ripple(at), |at| if inside(at) { 2 } else { 1 });
+    let of = |modality| {
+        let volume = volume.clone().with_modality(modality);
+        transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().figures
+    };
+    let figures = of(Some(Modality::MagneticResonance));
+    assert_eq!((figures.palette, figures.hounsfield), (Palette::Tissue, false));
+    assert!(of(None).hounsfield && of(Some(Modality::ComputedTomography)).hounsfield);
+    let (volume, labels) = scene(|at| ripple(at) + 6.0, |at| 1 + u16::from(inside(at)));
+    let of = |modality| {
+        let volume = volume.clone().with_modality(modality);
+        transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().figures.palette
+    };
+    assert_eq!(of(Some(Modality::MagneticResonance)), Palette::Tissue);
+    assert_eq!([of(None), of(Some(Modality::ComputedTomography))], [Palette::Safe; 2]);
 }
 
 #[test]

@@ -74,5 +74,5 @@ pub use spill::{Spill, SpillSpace};
 pub use transfer::{GradientTable, TransferEntry, TransferFunction};
 pub use tree::{LeafMeans, Linkage, Tree, TreeParts};
 pub use value::{Artefact, ArtefactRef, Kind, Value};
-pub use volume::Volume;
+pub use volume::{Modality, Volume};
 pub use voxels::{Scalar, VoxelType, Voxels};

@@ -5,7 +5,7 @@
 use ivd_artefact::{Artefact, ContentHash, Kind, Provenance};
 use ivd_core::{
     Ball, Class, Displacement, ElementKey, FieldBricks, Frame, GradientTable, Grid, Image, Labels, Lattice,
-    LatticeSource, LeafMeans, Linkage, Mask, Motion, NO_BRICK, Octree, OctreeNode, OctreeParts,
+    LatticeSource, LeafMeans, Linkage, Mask, Modality, Motion, NO_BRICK, Octree, OctreeNode, OctreeParts,
     TransferEntry, TransferFunction, Tree, TreeParts, Volume, Voxels,
 };
 
@@ -41,7 +41,9 @@ pub(crate) fn sample(kind: Kind) -> Artefact {
 
 fn volume() -> Volume {
     let values: Vec<f32> = (0..180).map(|i| if i == 17 { f32::NAN } else { i as f32 * 0.25 - 3.0 }).collect();
-    Volume::with_scale(grid([10, 9, 2]), Voxels::from(values), -0.5, 1024.0).unwrap()
+    Volume::with_scale(grid([10, 9, 2]), Voxels::from(values), -0.5, 1024.0)
+        .unwrap()
+        .with_modality(Some(Modality::MagneticResonance))
 }
 
 fn labels() -> Labels {
