@@ -2,10 +2,10 @@ use ivd_core::Kind;
 
 /// Code in the prelude, and newest version that this crate writes and reads, of each kind. Codes are never reused.
 const TABLE: [(Kind, u16, u16); 10] = [
-    (Kind::Volume, 1, 1),
+    (Kind::Volume, 1, 2),
     (Kind::Labels, 2, 1),
     (Kind::Mask, 3, 1),
-    (Kind::Transfer, 4, 1),
+    (Kind::Transfer, 4, 2),
     (Kind::Lattice, 5, 1),
     (Kind::Octree, 6, 1),
     (Kind::Motion, 7, 1),
@@ -18,7 +18,7 @@ const TABLE: [(Kind, u16, u16); 10] = [
 pub trait KindCode: Sized {
     /// Code in the prelude.
     fn code(self) -> u16;
-    /// Version of its sections and metadata that this crate writes.
+    /// Newest version of its sections and metadata that this crate writes. A value that an older one holds is written as that.
     fn version(self) -> u16;
     /// The kind of a code.
     fn from_code(code: u16) -> Option<Self>;

@@ -146,9 +146,10 @@ fn head(
     let length = length.ok_or("its metadata are too long")?;
     let payload_offset = align(PRELUDE as u64 + u64::from(length)).expect("metadata are short");
     let end = place(&mut metadata.sections, payload_offset).ok_or("it is too long for a file")?;
+    let version = encoded.version.unwrap_or(kind.version());
     let mut prelude = Prelude {
         kind,
-        kind_version: kind.version(),
+        kind_version: version,
         sections: u16::try_from(metadata.sections.len()).map_err(|_| "it has more than 65535 sections")?,
         metadata: length,
         payload_offset: payload_offset as u32,
@@ -160,7 +161,7 @@ fn head(
     head.resize(payload_offset as usize, 0);
     prelude.root = prelude::root(&head);
     head[..PRELUDE].copy_from_slice(&prelude.to_bytes());
-    Ok((head, end, hash::content(kind, kind.version(), &metadata)))
+    Ok((head, end, hash::content(kind, version, &metadata)))
 }
 
 fn hash_sections(encoded: &Encoded<'_>) -> SectionHashes {

@@ -35,3 +35,20 @@ fn golden_files_are_read_and_written_again_byte_for_byte() {
         assert!(stored == std::fs::read(&path).unwrap(), "{kind}: reading and writing changes it");
     }
 }
+
+#[test]
+fn files_of_older_versions_are_read_and_written_as_what_they_were() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("again.ivd");
+    let fixtures = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/artefacts"));
+    let mut older = 0;
+    for file in std::fs::read_dir(fixtures).unwrap().map(|entry| entry.unwrap().path()) {
+        let loaded = read(&file).unwrap();
+        let kind = loaded.artefact.kind();
+        write_with_metrics(&path, &loaded.artefact, &loaded.provenance, &loaded.metrics).unwrap();
+        let is_same = std::fs::read(&file).unwrap() == std::fs::read(&path).unwrap();
+        assert!(is_same, "{}: reading and writing changes it", file.display());
+        older += u32::from(!file.ends_with(format!("{kind}.v{}.ivd", kind.version())));
+    }
+    assert!(older >= 1, "transfer functions without gradients");
+}

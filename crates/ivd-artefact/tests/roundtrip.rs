@@ -20,6 +20,7 @@ fn same(a: &Artefact, b: &Artefact) -> bool {
             a.voxels().as_bytes() == b.voxels().as_bytes()
                 && a.grid() == b.grid()
                 && (a.slope(), a.intercept()) == (b.slope(), b.intercept())
+                && a.modality() == b.modality()
                 && a.bricks() == b.bricks()
         }
         _ => a == b,

@@ -6,8 +6,9 @@ use crate::colour::{self, Coloured};
 use crate::edges::WeightedGaussian;
 use crate::error::Error;
 use crate::figures::{ClosePair, Figures, MaterialVisibility};
+use crate::gradient::{ByGradient, by_gradient};
 use crate::mix::Mix;
-use crate::params::{OpacityRule, Params};
+use crate::params::{Axes, OpacityRule, Params};
 use crate::range::{range_of, table_range};
 use crate::rays;
 use crate::reduced::Reduced;
@@ -56,9 +57,9 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
             rank[usize::from(class.id)] = i as u16;
         }
         let range = table_range(volume, &classes, whole);
-        let reduced = Reduced::new(volume, labels, rank, range, MOST_ALONG, exec)?;
+        let reduced = Reduced::new(volume, labels, rank.clone(), range, MOST_ALONG, exec)?;
         let structure = structure::measure(&reduced, classes.len(), least_noise(volume, &reduced), exec)?;
-        let hounsfield = are_hounsfield(params.values, whole);
+        let hounsfield = are_hounsfield(params.values, volume.modality(), whole);
         let roles = roles(&classes, &structure, &reduced, hounsfield);
         let gaussians = gaussians(&classes, &roles, labels, range, params);
         let mix = Mix::new(
@@ -75,7 +76,7 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
                 (fit.opacity.clone(), Some(fit))
             }
         };
-        let palette = colour::chosen(params.palette, hounsfield);
+        let palette = colour::chosen(params.palette, hounsfield, volume.modality());
         let touching = colour::touching(&roles, &structure);
         let rgb = colour::colours(&Coloured {
             classes: &classes,
@@ -88,7 +89,15 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
             by_value: mix.rows() == 1,
         });
         let looks = Looks { mix: &mix, opacity: &opacity, rgb: &rgb, range, resolution: params.resolution };
-        let transfer = tabulate(volume, &looks, exec)?;
+        let mut transfer = tabulate(volume, &looks, exec)?;
+        let mut boundaries = Vec::new();
+        if params.axes == Axes::ValueGradient {
+            let noise = structure.noise * reduced.step();
+            let (looks, gaussians, softness) = (&looks, &gaussians[..], params.softness);
+            let of = ByGradient { volume, labels, looks, gaussians, rank: &rank, noise, softness };
+            let (table, found) = by_gradient(&of, exec)?;
+            (transfer, boundaries) = (transfer.with_gradient(table), found);
+        }
         let of =
             |role: Role| (0..classes.len()).filter(|&c| roles[c] == role).map(|c| classes[c].id).collect();
         let pairs = colour::close_pairs(&touching, &rgb);
@@ -96,6 +105,7 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
         let figures = Figures {
             background: of(Role::Background),
             transitions: of(Role::Transition),
+            boundaries,
             close_pairs: pairs.iter().take(MOST_PAIRS).map(|pair| close_pair(pair, &classes)).collect(),
             ..fit.map_or(entries.clone(), |fit| with_visibility(entries, &mix, &fit, params))
         };
@@ -157,6 +167,7 @@ fn gaussians(
             lower: class.and_then(|c| c.lower),
             upper: class.and_then(|c| c.upper),
             is_transition: *role == Role::Transition,
+            is_background: *role == Role::Background,
         }
     };
     classes.iter().zip(roles).map(gaussian).collect()

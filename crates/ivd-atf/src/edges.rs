@@ -10,6 +10,8 @@ pub(crate) struct WeightedGaussian {
     pub(crate) upper: Option<f64>,
     /// Whether it is only the way from one class to another.
     pub(crate) is_transition: bool,
+    /// Whether it is what lies round the matter.
+    pub(crate) is_background: bool,
 }
 
 /// One side of a class's window: where it lies and the half width over which it fades. `None`: open.
@@ -65,7 +67,7 @@ pub(crate) fn windows(gaussians: &[WeightedGaussian], softness: f64) -> Vec<Wind
 }
 
 /// Where `a` gives way to `b`, with the half width over which it does; `between`: the classes between them.
-fn edge(
+pub(crate) fn edge(
     a: &WeightedGaussian,
     between: &[WeightedGaussian],
     b: &WeightedGaussian,
@@ -78,12 +80,24 @@ fn edge(
     {
         let last = transitions.next_back().unwrap_or(first);
         let (from, to) = (crossing(a, first), crossing(last, b));
-        return (0.5 * (from + to), 0.5 * (to - from).max(0.0));
+        let at = off_background(a, b, 0.5 * (from + to));
+        return (at, (0.5 * (to - from)).min(at - a.mean).min(b.mean - at).max(0.0));
     }
-    let at = crossing(a, b);
+    let at = off_background(a, b, crossing(a, b));
     let half = (softness * a.sd.min(b.sd)).min(0.5 * (b.mean - a.mean));
     // An edge never fades beyond a mean by more than it must.
     (at, half.min((at - a.mean).abs().max(0.1 * half)).min((b.mean - at).abs().max(0.1 * half)))
+}
+
+/// An edge between background and matter, no nearer to the background than half way: a voxel that is half matter has the value half way, whereas the
+/// posterior of a background of little spread ends where its noise does, so that the outermost voxels and haze would be drawn as matter.
+fn off_background(a: &WeightedGaussian, b: &WeightedGaussian, at: f64) -> f64 {
+    let half_way = 0.5 * (a.mean + b.mean);
+    match (a.is_background, b.is_background) {
+        (true, false) => at.max(half_way),
+        (false, true) => at.min(half_way),
+        _ => at,
+    }
 }
 
 /// Where the posteriors of `a` and `b` (`a.mean < b.mean`) are equal, if that is between the means; else the crossing
@@ -118,7 +132,15 @@ mod tests {
     use super::*;
 
     fn gaussian(mean: f64, sd: f64, voxels: f64) -> WeightedGaussian {
-        WeightedGaussian { mean, sd, voxels, lower: None, upper: None, is_transition: false }
+        WeightedGaussian {
+            mean,
+            sd,
+            voxels,
+            lower: None,
+            upper: None,
+            is_transition: false,
+            is_background: false,
+        }
     }
 
     #[test]
@@ -127,6 +149,29 @@ mod tests {
         // ln(100) · σ² / Δ further towards the small class.
         let at = crossing(&gaussian(10.0, 2.0, 500.0), &gaussian(20.0, 2.0, 5.0));
         assert!((at - (15.0 + 100.0_f64.ln() * 4.0 / 10.0)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn against_the_background_an_edge_lies_half_way_or_nearer_to_the_matter() {
+        let mut air = gaussian(0.0, 2.0, 1000.0);
+        let matter = gaussian(100.0, 25.0, 500.0);
+        assert!(crossing(&air, &matter) < 20.0, "where the noise of the air ends");
+        assert_eq!(edge(&air, &[], &matter, 1.0), (crossing(&air, &matter), 2.0));
+        air.is_background = true;
+        assert_eq!(edge(&air, &[], &matter, 1.0), (50.0, 2.0));
+        // Turned round: bright background.
+        let mut bright = gaussian(200.0, 2.0, 1000.0);
+        bright.is_background = true;
+        assert_eq!(edge(&matter, &[], &bright, 1.0).0, 150.0);
+        // What the background's noise reaches beyond half way stays its own.
+        let mut noisy = gaussian(0.0, 15.0, 100_000.0);
+        noisy.is_background = true;
+        assert!(edge(&noisy, &[], &gaussian(100.0, 15.0, 100.0), 1.0).0 > 60.0);
+        // A transition fades about half way too.
+        let mut between = gaussian(30.0, 5.0, 50.0);
+        between.is_transition = true;
+        let (at, half) = edge(&air, &[between], &matter, 1.0);
+        assert!((50.0..60.0).contains(&at) && half > 5.0 && at + half <= 100.0, "{at} {half}");
     }
 
     #[test]

@@ -16,6 +16,11 @@ pub enum Error {
         /// Most that are taken.
         most: usize,
     },
+    /// A table by value and gradient where a label has to tell classes apart.
+    #[error(
+        "values don't tell all classes apart, so that a table by value and gradient can't show them; give axes value, whose rows go by label"
+    )]
+    RowsDiffer,
     /// Values whose squares can't be summed, so that no class has a spread.
     #[error(
         "the volume's values reach from {low:e} to {high:e}, beyond ±{most:e}; rescale the volume to smaller numbers"
@@ -36,6 +41,7 @@ impl Classified for Error {
     fn error_class(&self) -> ErrorClass {
         match self {
             Self::Core(error) => error.error_class(),
+            Self::RowsDiffer => ErrorClass::Usage,
             Self::TooManyClasses { .. } | Self::TooWide { .. } => ErrorClass::Limit,
         }
     }

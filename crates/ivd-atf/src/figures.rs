@@ -32,6 +32,20 @@ pub struct ClosePair {
     pub difference: f64,
 }
 
+/// A boundary between two classes, as an arc over values and gradients.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Boundary {
+    /// The classes, the one of the lower mean first.
+    #[schemars(extend("x-unit" = "1"))]
+    pub classes: [u16; 2],
+    /// Voxels of it.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxels: u64,
+    /// Deviation of the Gaussian that blurs the step between the classes' means.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub blur_mm: f64,
+}
+
 /// What a transfer function comes to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
@@ -73,6 +87,10 @@ pub struct Figures {
     /// Materials that touch and whose colours differ by a ΔE₀₀ of less than 20 to some viewers, nearest first; at most 64.
     #[schemars(extend("x-unit" = "1"))]
     pub close_pairs: Vec<ClosePair>,
+    /// Boundaries between classes that were found, where colours go by gradient too.
+    #[serde(default)]
+    #[schemars(extend("x-unit" = "1"))]
+    pub boundaries: Vec<Boundary>,
 }
 
 impl Figures {
@@ -95,6 +113,7 @@ impl Figures {
             background_opacity: None,
             silhouette_difference: None,
             close_pairs: Vec::new(),
+            boundaries: Vec::new(),
         }
     }
 }

@@ -36,8 +36,8 @@ pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) ->
             f64::from(u8::from(v >= iso))
         }
     };
-    let hounsfield = are_hounsfield(params.values, range);
-    let palette = colour::chosen(params.palette, hounsfield);
+    let hounsfield = are_hounsfield(params.values, volume.modality(), range);
+    let palette = colour::chosen(params.palette, hounsfield, volume.modality());
     let [r, g, b] = colour::of_isovalue(palette, hounsfield, iso, range);
     let most = params.max_opacity as f32;
     let table = (0..params.resolution).map(|i| [r, g, b, most * weight(value(i)) as f32]).collect();

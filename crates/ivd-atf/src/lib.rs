@@ -22,6 +22,7 @@
 //! - `bins`, `empty`, `rays`, `visibility`: kinds of samples, what rays meet, and the opacities that follow.
 //! - `colour`: palettes, and how different colours look.
 //! - `table`, `build`: the table and its entries; all of it together.
+//! - `slopes`, `gradient`: a table by value and gradient, with the arcs of the boundaries found from the data.
 //! - `params`, `figures`, `stage`: what is asked, what is reported, and the stage that scenes and commands see.
 //!
 //! A volume of which only an isovalue is known gets its transfer function from [`from_isovalue`].
@@ -57,6 +58,7 @@ mod edges;
 mod empty;
 mod error;
 mod figures;
+mod gradient;
 mod isovalue;
 mod joined;
 mod mix;
@@ -65,6 +67,7 @@ mod range;
 mod rays;
 mod reduced;
 mod roles;
+mod slopes;
 mod stage;
 mod statistics;
 mod structure;
@@ -75,7 +78,7 @@ pub use build::transfer;
 pub use built::Built;
 pub use colour::class_colour;
 pub use error::Error;
-pub use figures::{ClosePair, Figures, MaterialVisibility};
+pub use figures::{Boundary, ClosePair, Figures, MaterialVisibility};
 pub use isovalue::from_isovalue;
-pub use params::{Inputs, OpacityRule, Palette, Params, ValueScale};
+pub use params::{Axes, Inputs, OpacityRule, Palette, Params, ValueScale};
 pub use stage::STAGE;

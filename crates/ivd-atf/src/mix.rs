@@ -76,7 +76,8 @@ impl<'a> Mix<'a> {
         }
     }
 
-    fn above_air(&self, value: f64) -> f64 {
+    /// What air leaves of the opacity at a value.
+    pub(crate) fn above_air(&self, value: f64) -> f64 {
         if !self.clear_air {
             return 1.0;
         }

@@ -14,11 +14,22 @@ pub enum OpacityRule {
     Border,
 }
 
+/// What colours and opacities are looked up by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Axes {
+    /// The value (and the label, where values don't tell classes apart).
+    #[default]
+    Value,
+    /// The value and the magnitude of the gradient: where a boundary passes through the values of a third material, it isn't drawn as that.
+    ValueGradient,
+}
+
 /// Which colours classes get.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Palette {
-    /// `tissue` for values in Hounsfield units, else `safe`.
+    /// `tissue` for values in Hounsfield units and for volumes whose file says that they are magnetic resonance, else `safe`.
     #[default]
     Auto,
     /// Bone ivory, muscle red-brown, fat yellow, by Hounsfield value; other scans from dark red over flesh to ivory by value.
@@ -33,7 +44,7 @@ pub enum Palette {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ValueScale {
-    /// Hounsfield units if they reach from at most -900 to at least 100, else plain.
+    /// Hounsfield units if they reach from at most -900 to at least 100 and the file doesn't say that they are magnetic resonance, else plain.
     #[default]
     Auto,
     /// Hounsfield units of computed tomography: classes of which more than half is gas are clear, unless there is nothing else.
@@ -49,6 +60,8 @@ pub struct Params {
     /// Samples of each row of the table, over the volume's range or, where a few voxels stretch that, over the bulk of the values.
     #[schemars(range(min = 2, max = 65536), extend("x-unit" = "samples", "x-knob" = "accuracy"))]
     pub resolution: usize,
+    /// What colours and opacities are looked up by.
+    pub axes: Axes,
     /// What opacities go by.
     pub opacity: OpacityRule,
     /// Which colours classes get.
@@ -82,6 +95,7 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             resolution: 1024,
+            axes: Axes::Value,
             opacity: OpacityRule::Visibility,
             palette: Palette::Auto,
             values: ValueScale::Auto,

@@ -5,7 +5,7 @@ use crate::params::ValueScale;
 use crate::reduced::Reduced;
 use crate::statistics::ClassStatistics;
 use crate::structure::Structure;
-use ivd_core::NO_DATA;
+use ivd_core::{Modality, NO_DATA};
 
 /// What a class is to a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,9 +36,9 @@ fn looks_like_hounsfield([low, high]: [f64; 2]) -> bool {
 }
 
 /// Whether values are taken as Hounsfield units.
-pub(crate) fn are_hounsfield(values: ValueScale, range: [f64; 2]) -> bool {
+pub(crate) fn are_hounsfield(values: ValueScale, modality: Option<Modality>, range: [f64; 2]) -> bool {
     match values {
-        ValueScale::Auto => looks_like_hounsfield(range),
+        ValueScale::Auto => modality != Some(Modality::MagneticResonance) && looks_like_hounsfield(range),
         ValueScale::Hounsfield => true,
         ValueScale::Plain => false,
     }

@@ -2,7 +2,7 @@ use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
 use ivd_core::{Exec, ParamError, TransferFunction};
 
 use crate::figures::Figures;
-use crate::params::{Inputs, Params};
+use crate::params::{Axes, Inputs, Params};
 
 /// The stage as scenes and commands see it.
 pub const STAGE: Stage = Stage {
@@ -36,6 +36,11 @@ impl Op for Params {
 
     fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(TransferFunction, Figures), Failure> {
         let built = match (self.iso, inputs.labels) {
+            (Some(_), _) if self.axes != Axes::Value => {
+                return Err(Failure::usage(
+                    "a table by value and gradient shows classes, and an isovalue has none: give labels without iso, or axes value",
+                ));
+            }
             (Some(iso), _) => crate::from_isovalue(inputs.volume, iso, self, exec)?,
             (None, Some(labels)) => crate::transfer(inputs.volume, labels, self, exec)?,
             (None, None) => {

@@ -1,8 +1,8 @@
 use ivd_core::{Exec, Labels, NO_DATA, Scalar, Volume, parallel, with_voxels};
-use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use crate::Error;
+use crate::slopes::Slopes;
 
 /// Most classes that get a row of their own.
 pub(crate) const MAX_CLASSES: usize = 1024;
@@ -119,22 +119,18 @@ fn present_labels(ids: &[u16]) -> Vec<u16> {
 struct Scan<'a, T> {
     stored: &'a [T],
     ids: &'a [u16],
-    dims: [usize; 3],
-    /// Turns a gradient per voxel into one per mm.
-    to_world: Matrix3<f64>,
+    slopes: Slopes<'a, T>,
     slot: &'a [u16],
     middle: f64,
 }
 
 impl<'a, T: Scalar> Scan<'a, T> {
     fn new(volume: &Volume, labels: &'a Labels, stored: &'a [T], slot: &'a [u16], middle: f64) -> Self {
-        let grid = volume.grid();
-        let to_world = grid.inverse_linear_part().transpose();
-        Self { stored, ids: labels.ids(), dims: grid.dims(), to_world, slot, middle }
+        Self { stored, ids: labels.ids(), slopes: Slopes::new(volume.grid(), stored), slot, middle }
     }
 
     fn layer(&self, z: usize, sums: &mut [Sums]) {
-        let [nx, ny, nz] = self.dims;
+        let [nx, ny, nz] = self.slopes.dims;
         for y in 0..ny {
             let sides = is_outermost(y, ny) || is_outermost(z, nz);
             let row = nx * (y + ny * z);
@@ -151,7 +147,7 @@ impl<'a, T: Scalar> Scan<'a, T> {
                 sum.on_sides += u64::from(sides || is_outermost(x, nx));
                 if self.is_border([x, y, z]) {
                     sum.border += 1;
-                    sum.gradient += self.gradient([x, y, z]).norm();
+                    sum.gradient += self.slopes.gradient([x, y, z]).norm();
                 }
             }
         }
@@ -160,38 +156,14 @@ impl<'a, T: Scalar> Scan<'a, T> {
     /// Whether one of the six neighbours has another label. The volume's sides are no border, nor is missing data.
     #[inline]
     fn is_border(&self, at: [usize; 3]) -> bool {
-        let (i, strides) = self.place(at);
+        let (i, strides) = self.slopes.place(at);
         let id = self.ids[i];
         (0..3).any(|a| {
             let differs =
                 |j: usize| self.ids[j] != id && (self.ids[j] != NO_DATA || self.stored[j].is_data());
-            (at[a] > 0 && differs(i - strides[a])) || (at[a] + 1 < self.dims[a] && differs(i + strides[a]))
+            (at[a] > 0 && differs(i - strides[a]))
+                || (at[a] + 1 < self.slopes.dims[a] && differs(i + strides[a]))
         })
-    }
-
-    /// Gradient in world space [stored values / mm]: central differences, one-sided beside sides and missing data.
-    fn gradient(&self, at: [usize; 3]) -> Vector3<f64> {
-        let (i, strides) = self.place(at);
-        let here = self.stored[i].to_f64();
-        let per_voxel = Vector3::from_fn(|a, _| {
-            let neighbour = |inside: bool, j: usize| {
-                (inside && self.stored[j].is_data()).then(|| self.stored[j].to_f64())
-            };
-            let below = neighbour(at[a] > 0, i.wrapping_sub(strides[a]));
-            let above = neighbour(at[a] + 1 < self.dims[a], i + strides[a]);
-            match (below, above) {
-                (Some(below), Some(above)) => 0.5 * (above - below),
-                (Some(below), None) => here - below,
-                (None, Some(above)) => above - here,
-                (None, None) => 0.0,
-            }
-        });
-        self.to_world * per_voxel
-    }
-
-    fn place(&self, [x, y, z]: [usize; 3]) -> (usize, [usize; 3]) {
-        let [nx, ny, _] = self.dims;
-        (x + nx * (y + ny * z), [1, nx, nx * ny])
     }
 }
 

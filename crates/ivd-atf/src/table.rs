@@ -75,7 +75,7 @@ fn entry(looks: &Looks<'_>, class: usize) -> TransferEntry {
 }
 
 /// Straight RGBA of materials with their shares: opacities add up, colours are weighed by them.
-fn straight(shares: &[(usize, f64)], opacity: &[f64], rgb: &[[f32; 3]]) -> [f32; 4] {
+pub(crate) fn straight(shares: &[(usize, f64)], opacity: &[f64], rgb: &[[f32; 3]]) -> [f32; 4] {
     let (mut sum, mut alpha) = ([0.0_f64; 3], 0.0);
     for &(class, share) in shares {
         let a = share * opacity[class];

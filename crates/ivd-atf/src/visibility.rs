@@ -36,6 +36,8 @@ pub(crate) struct Fit {
     pub(crate) opacity: Vec<f64>,
     /// Share of all visibility.
     pub(crate) visibility: Vec<f64>,
+    /// All visibility, as a share of the light on the rays that meet matter.
+    visible: f64,
     /// Share of all visibility that is aimed at.
     pub(crate) target: Vec<f64>,
     /// Mean opacity that a material would have as the only one, at the greatest opacity, on rays that meet matter.
@@ -58,10 +60,21 @@ struct Sums {
     background: u64,
 }
 
+/// Share of the rays that meet matter that may be less than half opaque, or the reverse, before the outside is made more visible. Less than the 3 % that
+/// are asked for: other views than those of the rounds, along the grid's axes, see up to twice as much.
+const SILHOUETTE: f64 = 0.015;
+/// Shares of what lies in front in the targets: the first, and those that are tried where the silhouette needs it.
+const OF_FRONT: f64 = 0.5;
+const MORE_OF_FRONT: [f64; 2] = [1.0, 0.75];
+/// Visibility that no material is to lose for the silhouette: this, or this part of its coverage, if that is less.
+const ASKED: f64 = 0.05;
+const ASKED_OF_COVERAGE: f64 = 0.5;
+
 /// Finds opacities of `materials` (class numbers below `classes`).
 ///
-/// Targets go by coverage and by what lies in front, but for a least share of what is small. In every round an opacity is multiplied by a power
-/// of target over visibility, until their divergence stops falling. A material that no ray meets hides nothing, and has the greatest opacity.
+/// Targets go by coverage and by what lies in front, but for a least share of what is small. Where more than [`SILHOUETTE`] of the rays differ from the
+/// matter's silhouette, targets that go more by what lies in front are tried, and taken if they bring it nearer and no material loses the visibility that
+/// is asked for: of those that bring it within the bound the one that goes least by what lies in front, else the nearest.
 pub(crate) fn fit(
     bundle: &Bundle,
     bins: &SampleBins,
@@ -74,48 +87,92 @@ pub(crate) fn fit(
     let (threads, kinds) = (rayon::current_num_threads() + 1, bins.len());
     exec.check_memory("visibility of samples", (8 * threads * kinds + 4 * steps.len() * kinds) as u64)?;
     let coverage = coverage(bundle, bins, classes, &steps, bounds.most, exec)?;
-    let target = targets(
-        &coverage,
-        &proportions(bundle, bins, &coverage, &steps, materials, bounds, exec)?,
-        materials,
-    );
+    let in_front = in_front(bundle, bins, &coverage, &steps, materials, bounds, exec)?;
+    let start =
+        |k: usize| if coverage[k] > 0.0 { START.clamp(bounds.least, bounds.most) } else { bounds.most };
     let mut opacity = vec![0.0; classes];
     for &k in materials {
-        opacity[k] = if coverage[k] > 0.0 { START.clamp(bounds.least, bounds.most) } else { bounds.most };
+        opacity[k] = start(k);
     }
-    let mut best: Option<(f64, Fit)> = None;
-    let (mut standing, mut rounds) = (0, 0);
-    for round in 1..=MOST_ROUNDS {
-        let mut found = visibility(bundle, bins, &opacity, &steps, exec)?;
-        found.target.clone_from(&target);
-        found.coverage.clone_from(&coverage);
-        let all: f64 = found.visibility.iter().sum();
-        let through = [LET_THROUGH, (1.0 - all).max(0.0)];
-        let score = divergence(&target, &found.visibility, through);
-        exec.observer().iteration(Iteration { method: "atf", index: u64::from(round), value: score });
-        for &k in materials {
-            let wanted = target[k] * (1.0 - LET_THROUGH);
-            let now = found.visibility[k];
-            let factor = if now > 0.0 { (wanted / now).powf(GAIN) } else { 4.0 };
-            if wanted > 0.0 {
-                opacity[k] = (opacity[k] * factor.clamp(0.25, 4.0)).clamp(bounds.least, bounds.most);
-            }
-        }
-        let total = all.max(f64::MIN_POSITIVE);
-        found.visibility.iter_mut().for_each(|share| *share /= total);
-        found.divergence = divergence(&target, &found.visibility, [0.0; 2]);
-        let least = best.as_ref().map_or(f64::INFINITY, |(least, _)| *least);
-        standing = if score < least - SETTLED { 0 } else { standing + 1 };
-        rounds = round;
-        if score < least {
-            best = Some((score, found));
-        }
-        if standing == PATIENCE {
+    let seen = Seen { bundle, bins, steps: &steps, materials, bounds };
+    let solve = |of_front: f64, opacity: Vec<f64>, before: u32| {
+        let wanted = proportions(&in_front, &coverage, of_front);
+        let found = seen.settle(&targets(&coverage, &wanted, materials), opacity, before, exec)?;
+        Ok::<_, Error>(Fit { coverage: coverage.clone(), ..found })
+    };
+    let mut best = solve(OF_FRONT, opacity, 0)?;
+    let asked = |k: usize| ASKED.min(ASKED_OF_COVERAGE * coverage[k]).min(best.visibility[k]);
+    let asked: Vec<f64> = (0..classes).map(asked).collect();
+    for of_front in MORE_OF_FRONT {
+        let off = best.silhouette_difference.unwrap_or(0.0);
+        if materials.len() < 2 || of_front == MORE_OF_FRONT[0] && off <= SILHOUETTE {
             break;
         }
+        let found = solve(of_front, best.opacity.clone(), best.rounds)?;
+        let is_kept = materials.iter().all(|&k| found.visibility[k] >= asked[k]);
+        let found_off = found.silhouette_difference.unwrap_or(0.0);
+        if is_kept && (found_off <= SILHOUETTE || found_off < off) {
+            best = found;
+        } else {
+            best.rounds = found.rounds;
+        }
     }
-    let best = best.expect("there is a first round").1;
-    Ok(Fit { rounds, ..best })
+    Ok(best)
+}
+
+/// What opacities are settled by.
+struct Seen<'a> {
+    bundle: &'a Bundle,
+    bins: &'a SampleBins,
+    steps: &'a [f64],
+    materials: &'a [usize],
+    bounds: &'a Bounds,
+}
+
+impl Seen<'_> {
+    /// In every round an opacity is multiplied by a power of target over visibility, until their divergence stops falling. `before`: rounds that were
+    /// needed already.
+    fn settle(&self, target: &[f64], mut opacity: Vec<f64>, before: u32, exec: &Exec) -> Result<Fit, Error> {
+        let Self { materials, bounds, .. } = *self;
+        let mut best: Option<(f64, Fit)> = None;
+        let (mut standing, mut rounds) = (0, before);
+        for round in before + 1..=before + MOST_ROUNDS {
+            let (score, found) = self.score(target, &opacity, round, exec)?;
+            let all = found.visible * (1.0 - LET_THROUGH).recip();
+            for &k in materials {
+                let (wanted, now) = (target[k], found.visibility[k] * all);
+                let factor = if now > 0.0 { (wanted / now).powf(GAIN) } else { 4.0 };
+                if wanted > 0.0 {
+                    opacity[k] = (opacity[k] * factor.clamp(0.25, 4.0)).clamp(bounds.least, bounds.most);
+                }
+            }
+            let least = best.as_ref().map_or(f64::INFINITY, |(least, _)| *least);
+            standing = if score < least - SETTLED { 0 } else { standing + 1 };
+            rounds = round;
+            if score < least {
+                best = Some((score, found));
+            }
+            if standing == PATIENCE {
+                break;
+            }
+        }
+        let best = best.expect("there is a first round").1;
+        Ok(Fit { rounds, ..best })
+    }
+
+    /// How far visibility is from its target with some opacities, with what is let through as one more share.
+    fn score(&self, target: &[f64], opacity: &[f64], round: u32, exec: &Exec) -> Result<(f64, Fit), Error> {
+        let mut found = visibility(self.bundle, self.bins, opacity, self.steps, exec)?;
+        found.target = target.to_vec();
+        found.visible = found.visibility.iter().sum();
+        let through = [LET_THROUGH, (1.0 - found.visible).max(0.0)];
+        let score = divergence(target, &found.visibility, through);
+        exec.observer().iteration(Iteration { method: "atf", index: u64::from(round), value: score });
+        let total = found.visible.max(f64::MIN_POSITIVE);
+        found.visibility.iter_mut().for_each(|share| *share /= total);
+        found.divergence = divergence(target, &found.visibility, [0.0; 2]);
+        Ok((score, found))
+    }
 }
 
 /// Opacity over `length` reference lengths.
@@ -131,10 +188,8 @@ fn divergence(target: &[f64], visibility: &[f64], through: [f64; 2]) -> f64 {
     pairs.filter(|(t, _)| *t > 0.0).map(|(t, v)| t * (t / v.max(1e-9)).ln()).sum::<f64>().max(0.0)
 }
 
-/// What targets are in proportion to: half way between the materials' shares of coverage and their shares of the visibility when each has the
-/// greatest opacity. By coverage alone what lies inside would have to be as visible as if nothing lay before it: no opacities do that, and those
-/// that come nearest leave the outside too faint to be seen.
-fn proportions(
+/// Shares of the visibility when each material has the greatest opacity.
+fn in_front(
     bundle: &Bundle,
     bins: &SampleBins,
     coverage: &[f64],
@@ -147,10 +202,16 @@ fn proportions(
     for &k in materials {
         opacity[k] = bounds.most;
     }
-    let in_front = visibility(bundle, bins, &opacity, steps, exec)?.visibility;
-    let [all_in_front, all] =
-        [&in_front[..], coverage].map(|of| of.iter().sum::<f64>().max(f64::MIN_POSITIVE));
-    Ok(in_front.iter().zip(coverage).map(|(front, own)| 0.5 * (front / all_in_front + own / all)).collect())
+    Ok(visibility(bundle, bins, &opacity, steps, exec)?.visibility)
+}
+
+/// What targets are in proportion to: between the materials' shares of coverage and, to the part `of_front`, of what lies in front. By coverage alone
+/// what lies inside would have to be as visible as if nothing lay before it: no opacities do that, and those that come nearest leave the outside too faint
+/// to be seen.
+fn proportions(in_front: &[f64], coverage: &[f64], of_front: f64) -> Vec<f64> {
+    let [all_in_front, all] = [in_front, coverage].map(|of| of.iter().sum::<f64>().max(f64::MIN_POSITIVE));
+    let mixed = in_front.iter().zip(coverage);
+    mixed.map(|(front, own)| of_front * front / all_in_front + (1.0 - of_front) * own / all).collect()
 }
 
 /// The target of a small material is at least this share of all visibility, …
@@ -237,6 +298,7 @@ fn visibility(
     Ok(Fit {
         opacity: opacity.to_vec(),
         visibility,
+        visible: 0.0,
         target: Vec::new(),
         coverage: Vec::new(),
         divergence: 0.0,

@@ -1,3 +1,4 @@
 //! The one test program of this crate.
 
+mod gradient;
 mod transfer;

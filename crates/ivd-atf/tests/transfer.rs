@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 use ivd_atf::{Error, OpacityRule, Palette, Params, ValueScale, transfer};
-use ivd_core::{Class, Classified, ErrorClass, Exec, Grid, Labels, Volume, Voxels};
+use ivd_core::{Class, Classified, ErrorClass, Exec, Grid, Labels, Modality, Volume, Voxels};
 
 /// A volume of 24³ voxels with `value` and `label` by voxel index.
 fn scene(value: impl Fn([usize; 3]) -> f32, label: impl Fn([usize; 3]) -> u16) -> (Volume, Labels) {
@@ -168,6 +168,28 @@ fn gas_is_clear_in_hounsfield_units_though_the_body_fills_the_volume() {
     let plain = of(Params { values: ValueScale::Plain, ..Params::default() });
     assert!(!plain.figures.hounsfield && plain.figures.palette == Palette::Safe);
     assert!(plain.figures.background.contains(&2), "without a meaning, what lies outside is background");
+}
+
+#[test]
+fn magnetic_resonance_looks_like_tissue_where_its_file_says_so() {
+    let inside = |at| ball(at, 12.0, 6.0);
+    // Values as some scanners write them, which reach as far as Hounsfield's.
+    let (volume, labels) =
+        scene(|at| if inside(at) { 700.0 } else { -950.0 } + ripple(at), |at| if inside(at) { 2 } else { 1 });
+    let of = |modality| {
+        let volume = volume.clone().with_modality(modality);
+        transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().figures
+    };
+    let figures = of(Some(Modality::MagneticResonance));
+    assert_eq!((figures.palette, figures.hounsfield), (Palette::Tissue, false));
+    assert!(of(None).hounsfield && of(Some(Modality::ComputedTomography)).hounsfield);
+    let (volume, labels) = scene(|at| ripple(at) + 6.0, |at| 1 + u16::from(inside(at)));
+    let of = |modality| {
+        let volume = volume.clone().with_modality(modality);
+        transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().figures.palette
+    };
+    assert_eq!(of(Some(Modality::MagneticResonance)), Palette::Tissue);
+    assert_eq!([of(None), of(Some(Modality::ComputedTomography))], [Palette::Safe; 2]);
 }
 
 #[test]
@@ -359,6 +381,31 @@ fn a_needle_of_voxels_takes_no_more_rays_than_a_cube_of_them() {
         assert!(built.figures.divergence.unwrap() < 0.01, "{spacing:?}: {:?}", built.figures);
         assert!(built.figures.visibility[0].coverage > 0.1, "{spacing:?}: {:?}", built.figures);
     }
+}
+
+#[test]
+fn thin_parts_of_the_outside_are_seen_as_far_as_the_inside_lets_them() {
+    // A core in six voxels of rind, which has a brim two voxels thin.
+    let within = |at: [usize; 3], from: usize, to: usize| at.iter().all(|c| (from..to).contains(c));
+    let in_brim = |[x, y, z]: [usize; 3]| within([x, y, x], 1, 63) && (31..33).contains(&z);
+    let label = |at: [usize; 3]| {
+        if within(at, 14, 50) {
+            3
+        } else if within(at, 8, 56) || in_brim(at) {
+            2
+        } else {
+            1
+        }
+    };
+    let grid = Grid::with_spacing([64; 3], [1.0; 3]).unwrap();
+    let ids: Vec<u16> = (0..grid.len()).map(|i| label(grid.index(i).0)).collect();
+    let values: Vec<f32> = ids.iter().map(|&id| 100.0 * f32::from(id)).collect();
+    let volume = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
+    let labels = Labels::new(grid, ids.into(), vec![]).unwrap();
+    let figures = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().figures;
+    assert!(figures.silhouette_difference.unwrap() < 0.03, "{figures:?}");
+    let core = figures.visibility.iter().find(|seen| seen.class == 3).unwrap();
+    assert!(core.visibility > 0.05 && figures.divergence.unwrap() < 0.01, "{figures:?}");
 }
 
 #[test]

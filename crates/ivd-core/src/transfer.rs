@@ -19,6 +19,82 @@ pub struct TransferEntry {
     pub softness: f64,
 }
 
+/// Colour and opacity by value and magnitude of the gradient (Kindlmann & Durkin 1998; Kniss, Kindlmann & Hansen 2002): values that two
+/// materials share with the boundary of others are told apart by how steep they are.
+///
+/// Values are spread over the range of the transfer function that holds it; gradients from 0 to `top` [real units / mm], central differences over two
+/// voxels of the undeformed volume. Steeper ones look like those of `top`. Samples are as those of the transfer function's own table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GradientTable {
+    top: f64,
+    dims: [usize; 2],
+    table: Vec<[f32; 4]>,
+}
+
+impl GradientTable {
+    /// - `dims`: samples along the values, and along the gradients; at least two each.
+    /// - `table`: shape `[dims[1], dims[0]]`, values fastest, RGBA in 0…1.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] names the part that doesn't fit.
+    pub fn new(top: f64, dims: [usize; 2], table: Vec<[f32; 4]>) -> Result<Self, Error> {
+        let bad = |problem: String| Error::Inconsistent { what: "table by value and gradient", problem };
+        if !(top.is_finite() && top > 0.0) {
+            return Err(bad(format!("its greatest gradient {top} is not positive")));
+        }
+        if dims[0] < 2 || dims[1] < 2 || dims[0].checked_mul(dims[1]) != Some(table.len()) {
+            let [values, gradients] = dims;
+            return Err(bad(format!(
+                "{} samples for {values} values and {gradients} gradients",
+                table.len()
+            )));
+        }
+        require_in_0_to_1(&table).map_err(bad)?;
+        Ok(Self { top, dims, table })
+    }
+
+    /// Gradient of the last samples [real units / mm].
+    pub fn top(&self) -> f64 {
+        self.top
+    }
+
+    /// Samples along the values, and along the gradients.
+    pub fn dims(&self) -> [usize; 2] {
+        self.dims
+    }
+
+    /// All samples, shape `[dims[1], dims[0]]`.
+    pub fn table(&self) -> &[[f32; 4]] {
+        &self.table
+    }
+
+    /// Straight RGBA at shares of the range of values and of that of gradients, linear between samples.
+    fn sample(&self, shares: [f64; 2]) -> [f32; 4] {
+        let place = |a: usize| {
+            let at = shares[a].clamp(0.0, 1.0) * (self.dims[a] - 1) as f64;
+            let i = (at as usize).min(self.dims[a] - 2);
+            (i, (at - i as f64) as f32)
+        };
+        let ((i, f), (j, g)) = (place(0), place(1));
+        let mix = |a: [f32; 4], b: [f32; 4], t: f32| -> [f32; 4] {
+            std::array::from_fn(|c| a[c] + (b[c] - a[c]) * t)
+        };
+        let row = |j: usize| {
+            let at = j * self.dims[0] + i;
+            mix(self.table[at], self.table[at + 1], f)
+        };
+        mix(row(j), row(j + 1), g)
+    }
+}
+
+/// Says which sample of a table isn't RGBA in 0…1.
+fn require_in_0_to_1(table: &[[f32; 4]]) -> Result<(), String> {
+    match table.iter().position(|c| !c.iter().all(|v| (0.0..=1.0).contains(v))) {
+        Some(at) => Err(format!("sample {at} leaves 0…1")),
+        None => Ok(()),
+    }
+}
+
 /// A transfer function over real values with the class label as second axis.
 ///
 /// `table` has one row for each of `classes`, each of `resolution` samples over `range`, straight (not
@@ -32,6 +108,7 @@ pub struct TransferFunction {
     classes: Vec<u16>,
     table: Vec<[f32; 4]>,
     entries: Vec<TransferEntry>,
+    gradient: Option<GradientTable>,
 }
 
 impl TransferFunction {
@@ -61,10 +138,30 @@ impl TransferFunction {
         if !(reference_mm.is_finite() && reference_mm > 0.0) {
             return Err(bad(format!("reference length {reference_mm} mm is not positive")));
         }
-        if let Some(bad_at) = table.iter().position(|c| !c.iter().all(|v| (0.0..=1.0).contains(v))) {
-            return Err(bad(format!("sample {bad_at} leaves 0…1")));
+        require_in_0_to_1(&table).map_err(bad)?;
+        Ok(Self { range, resolution, reference_mm, classes, table, entries, gradient: None })
+    }
+
+    /// The same with a table by value and gradient, which pictures go by.
+    #[must_use]
+    pub fn with_gradient(self, gradient: GradientTable) -> Self {
+        Self { gradient: Some(gradient), ..self }
+    }
+
+    /// The table by value and gradient, where there is one. What knows nothing of gradients goes by the value alone.
+    pub fn gradient(&self) -> Option<&GradientTable> {
+        self.gradient.as_ref()
+    }
+
+    /// Straight RGBA at a real value and a gradient [real units / mm] by the table of both; without one that of row 0 at the value.
+    pub fn sample_steep(&self, value: f64, gradient: f64) -> [f32; 4] {
+        let Some(table) = &self.gradient else { return self.sample(0, value) };
+        if !value.is_finite() {
+            return [0.0; 4];
         }
-        Ok(Self { range, resolution, reference_mm, classes, table, entries })
+        let width = self.range[1] - self.range[0];
+        let share = if width > 0.0 { (value - self.range[0]) / width } else { 0.0 };
+        table.sample([share, if gradient.is_nan() { 0.0 } else { gradient / table.top }])
     }
 
     /// Real values of the first and last sample.
@@ -140,5 +237,25 @@ mod tests {
         let (clear, seen) = ([0.0; 4], [1.0; 4]);
         assert!(!of(vec![clear, seen, clear, seen]).depends_on_label());
         assert!(of(vec![clear, seen, clear, clear]).depends_on_label());
+    }
+
+    #[test]
+    fn a_table_of_gradients_is_linear_between_samples_and_held_at_its_ends() {
+        let transfer =
+            TransferFunction::new([0.0, 10.0], 2, 1.0, vec![0], vec![[0.5; 4], [0.25; 4]], vec![]).unwrap();
+        assert_eq!(transfer.sample_steep(5.0, 9.0), transfer.sample(0, 5.0), "by the value alone");
+        let at = |a: f32| [a, 0.0, 0.0, 1.0];
+        let table = GradientTable::new(4.0, [2, 2], vec![at(0.0), at(0.2), at(0.4), at(1.0)]).unwrap();
+        let transfer = transfer.with_gradient(table);
+        for (value, gradient, wanted) in
+            [(0.0, 0.0, 0.0), (10.0, 0.0, 0.2), (5.0, 2.0, 0.4), (-3.0, 99.0, 0.4), (99.0, 4.0, 1.0)]
+        {
+            let found = transfer.sample_steep(value, gradient)[0];
+            assert!((found - wanted).abs() < 1e-6, "{found} at {value}, {gradient}");
+        }
+        assert_eq!(transfer.sample_steep(f64::NAN, 0.0), [0.0; 4]);
+        assert!(GradientTable::new(0.0, [2, 2], vec![[0.0; 4]; 4]).is_err());
+        assert!(GradientTable::new(1.0, [2, 3], vec![[0.0; 4]; 4]).is_err());
+        assert!(GradientTable::new(1.0, [2, 2], vec![[2.0; 4]; 4]).is_err());
     }
 }

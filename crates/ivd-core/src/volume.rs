@@ -1,7 +1,19 @@
 use std::ops::Range;
 use std::sync::OnceLock;
 
+use serde::{Deserialize, Serialize};
+
 use crate::{BrickIndex, Error, Grid, Scalar, VoxelIndex, VoxelType, Voxels, parallel, with_voxels};
+
+/// What a scan was made with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Modality {
+    /// Computed tomography.
+    ComputedTomography,
+    /// Magnetic resonance.
+    MagneticResonance,
+}
 
 /// A scalar volume: stored voxels, the slope and intercept that make them real, and the grid that places them.
 ///
@@ -13,6 +25,7 @@ pub struct Volume {
     voxels: Voxels,
     slope: f64,
     intercept: f64,
+    modality: Option<Modality>,
     bricks: OnceLock<BrickIndex>,
     /// Set once every voxel was touched.
     touched: OnceLock<()>,
@@ -25,6 +38,7 @@ impl Clone for Volume {
             voxels: self.voxels.clone(),
             slope: self.slope,
             intercept: self.intercept,
+            modality: self.modality,
             bricks: self.bricks.clone(),
             touched: self.touched.clone(),
         }
@@ -57,7 +71,19 @@ impl Volume {
                 problem: format!("slope {slope}, intercept {intercept}: both finite, slope not 0"),
             });
         }
-        Ok(Self { grid, voxels, slope, intercept, bricks: OnceLock::new(), touched: OnceLock::new() })
+        let (bricks, touched) = (OnceLock::new(), OnceLock::new());
+        Ok(Self { grid, voxels, slope, intercept, modality: None, bricks, touched })
+    }
+
+    /// The same with what it was made with.
+    #[must_use]
+    pub fn with_modality(self, modality: Option<Modality>) -> Self {
+        Self { modality, ..self }
+    }
+
+    /// What it was made with, where its file says so. What is made of a volume says nothing of it.
+    pub fn modality(&self) -> Option<Modality> {
+        self.modality
     }
 
     /// Where the voxels lie.

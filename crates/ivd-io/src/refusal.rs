@@ -19,6 +19,18 @@ pub enum FileError {
         /// What to do instead.
         remedy: &'static str,
     },
+    /// A value that a format can't hold.
+    #[error("{}: {format} can't hold {what}; {remedy}", path.display())]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// The format.
+        format: &'static str,
+        /// What it can't hold.
+        what: &'static str,
+        /// What to do instead.
+        remedy: &'static str,
+    },
     /// Reading or writing failed.
     #[error("{}: can't {action}: {source}", path.display())]
     Io {
@@ -41,6 +53,7 @@ impl Classified for FileError {
     fn error_class(&self) -> ErrorClass {
         match self {
             Self::Unreadable { .. } => ErrorClass::Input,
+            Self::Unwritable { .. } => ErrorClass::Usage,
             Self::Io { .. } => ErrorClass::Io,
         }
     }

@@ -369,6 +369,25 @@ const META: &str = "ObjectType = Image\nNDims = 3\nDimSize = 2 2 1\nElementType 
     TransformMatrix = 0 1 0 -1 0 0 0 0 1\nOffset = 10 20 30\nElementSpacing = 2 3 4\n";
 
 #[test]
+fn metaimage_says_what_it_was_made_with() {
+    use ivd_core::Modality::{ComputedTomography, MagneticResonance};
+    let data = [0, 1, 0, 2, 0, 3, 0, 4];
+    let words = [
+        ("MET_MOD_MR", Some(MagneticResonance)),
+        ("MET_MOD_CT", Some(ComputedTomography)),
+        ("MET_MOD_US", None),
+    ];
+    for (word, wanted) in words {
+        let header = format!("{META}Modality = {word}\nElementDataFile = LOCAL\n");
+        assert_eq!(load_text("a.mha", &header, &data).unwrap().modality(), wanted, "{word}");
+    }
+    assert_eq!(
+        load_text("a.mha", &format!("{META}ElementDataFile = LOCAL\n"), &data).unwrap().modality(),
+        None
+    );
+}
+
+#[test]
 fn metaimage_rows_are_the_directions_of_the_axes_in_lps() {
     let header = format!("{META}ElementDataFile = LOCAL\n");
     let volume = load_text("a.mha", &header, &[0, 1, 0, 2, 0, 3, 0xff, 0xff]).unwrap();

@@ -185,7 +185,7 @@ pub fn describe(artefact: &Artefact) -> Value {
         Artefact::Mask(m) => json!({
             "kind": "mask", "grid": grid(m.grid()), "voxels": m.count(), "level": m.level().is_some(),
         }),
-        Artefact::Transfer(t) => ivd_io::transfer::to_json(t, Format::Own),
+        Artefact::Transfer(t) => ivd_io::transfer::to_json(t),
         Artefact::Lattice(l) => json!({
             "kind": "lattice", "grid": grid(l.grid()), "vertices": l.keys().len(), "triangles": l.triangles().len(),
             "source": l.source(), "level": l.level(), "max_error_mm": l.max_error_mm(),

@@ -51,6 +51,13 @@ impl Ray {
         let t = i as f32;
         std::array::from_fn(|a| self.start[a] + t * self.delta[a])
     }
+
+    /// Where step `i` begins and the one before it ends.
+    #[inline(always)]
+    pub(crate) fn end(&self, i: usize) -> [f32; 3] {
+        let t = i as f32 - 0.5;
+        std::array::from_fn(|a| self.start[a] + t * self.delta[a])
+    }
 }
 
 impl Camera {

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use crate::camera::Ray;
-use crate::classify::Classifier;
+use crate::classify::{Classifier, Steep};
 use crate::empty_space::Space;
 use crate::light::Light;
 use crate::samples::{Place, Samples, Stored};
@@ -39,7 +39,7 @@ impl<T: Stored> Field<'_, T> {
 
     /// Where a sample is taken: its coordinate before the deformation.
     #[inline(always)]
-    fn before(&self, at: [f32; 3], moves: bool) -> Option<[f32; 3]> {
+    pub(crate) fn before(&self, at: [f32; 3], moves: bool) -> Option<[f32; 3]> {
         match (self.warp, moves) {
             (Some(warp), true) => warp.before(at),
             _ => Some(at),
@@ -48,7 +48,7 @@ impl<T: Stored> Field<'_, T> {
 
     /// Value at a place, `None` where there is no data.
     #[inline(always)]
-    fn value(&self, place: &Place) -> Option<f32> {
+    pub(crate) fn value(&self, place: &Place) -> Option<f32> {
         let value = self.samples.value(place);
         (T::TYPE.is_integer() || value.is_finite()).then_some(value)
     }
@@ -61,6 +61,13 @@ impl<T: Stored> Field<'_, T> {
             gradient = warp.pull_back(at, gradient);
         }
         self.light.normal(gradient)
+    }
+
+    /// A colour under the lamp, at a place that may have moved.
+    #[inline(never)]
+    pub(crate) fn lit_before(&self, entry: [f32; 4], at: [f32; 3], moves: bool) -> [f32; 4] {
+        let before = self.before(at, moves);
+        self.light.lit(entry, before.and_then(|before| self.normal(at, before, moves)))
     }
 
     /// A colour under the lamp, at a place that nothing moved.
@@ -85,7 +92,34 @@ impl<T: Stored> Field<'_, T> {
         } else {
             classifier.of(value)
         };
+        if let Some(steep) = classifier.steep()
+            && entry[3] > 0.0
+        {
+            return self.classified_steep::<SHADED>(steep, value, at, before, moves);
+        }
         if SHADED && entry[3] > 0.0 { self.light.lit(entry, self.normal(at, before, moves)) } else { entry }
+    }
+
+    /// The same by value and gradient. How steep a place is doesn't change as it is deformed: a tissue looks like itself.
+    #[inline(never)]
+    fn classified_steep<const SHADED: bool>(
+        &self,
+        steep: &Steep,
+        value: f32,
+        at: [f32; 3],
+        before: [f32; 3],
+        moves: bool,
+    ) -> [f32; 4] {
+        let gradient = self.samples.gradient(before);
+        let entry = steep.of(value, self.light.magnitude(gradient));
+        if !SHADED || entry[3] <= 0.0 {
+            return entry;
+        }
+        let gradient = match (self.warp, moves) {
+            (Some(warp), true) => warp.pull_back(at, gradient),
+            _ => gradient,
+        };
+        self.light.lit(entry, self.light.normal(gradient))
     }
 
     /// The same at a place that may have moved.

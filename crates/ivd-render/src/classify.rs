@@ -1,4 +1,4 @@
-use ivd_core::{BrickRange, TransferFunction};
+use ivd_core::{BrickRange, GradientTable, TransferFunction};
 
 use crate::samples::Top;
 
@@ -20,6 +20,8 @@ pub(crate) struct Classifier {
     occupied: Vec<u32>,
     /// The last index of row 0 that is clear with all before it; −1 where the first isn't.
     clear_up_to: i32,
+    /// What samples look like by gradient too; the table then only tells which values are clear at every gradient.
+    steep: Option<Steep>,
 }
 
 impl Classifier {
@@ -36,6 +38,7 @@ impl Classifier {
         let width = f64::from(range[1]) - f64::from(range[0]);
         let scale = if width > 0.0 { ((samples - 1) as f64 / width) as f32 } else { 0.0 };
         let rows = if labelled { transfer.classes().len() } else { 1 };
+        let steep = transfer.gradient().map(|by| Steep::new(transfer, by, range, &real, step));
         let mut table = Vec::with_capacity(rows * samples);
         let mut occupied = Vec::with_capacity(rows * (samples + 1));
         for row in 0..rows {
@@ -43,7 +46,10 @@ impl Classifier {
             occupied.push(0);
             for i in 0..samples {
                 let value = f64::from(range[0]) + width * (i as f64 / (samples - 1) as f64);
-                let entry = of_step(transfer.sample(row, real(value)), step);
+                let entry = match &steep {
+                    Some(steep) => steep.greatest(value),
+                    None => of_step(transfer.sample(row, real(value)), step),
+                };
                 count += u32::from(entry[3] > 0.0);
                 occupied.push(count);
                 table.push(entry);
@@ -62,6 +68,7 @@ impl Classifier {
         Self {
             table,
             clear_up_to,
+            steep,
             samples,
             low: range[0],
             top: Top::new((samples - 1) as f32),
@@ -69,6 +76,12 @@ impl Classifier {
             row_start,
             occupied,
         }
+    }
+
+    /// What samples look like by value and gradient, where the transfer function says so.
+    #[inline(always)]
+    pub(crate) fn steep(&self) -> Option<&Steep> {
+        self.steep.as_ref()
     }
 
     /// The table: premultiplied entries, row after row.
@@ -127,6 +140,62 @@ impl Classifier {
             let counts = &self.occupied[row * (self.samples + 1)..][..=self.samples];
             counts[to] == counts[from]
         })
+    }
+}
+
+/// Values that a table by value and gradient is spread over, and gradients.
+const STEEP: [usize; 2] = [1024, 256];
+
+/// A table by value and gradient made ready for one step length.
+pub(crate) struct Steep {
+    /// Premultiplied, shape `[STEEP[1], STEEP[0]]`, values fastest.
+    table: Vec<[f32; 4]>,
+    low: f32,
+    scale: f32,
+    /// What turns a gradient [real units / mm] into an index.
+    per_gradient: f32,
+    tops: [Top; 2],
+}
+
+impl Steep {
+    fn new(
+        transfer: &TransferFunction,
+        by: &GradientTable,
+        range: [f32; 2],
+        real: &impl Fn(f64) -> f64,
+        step: f64,
+    ) -> Self {
+        let [values, gradients] = STEEP;
+        let width = f64::from(range[1]) - f64::from(range[0]);
+        let scale = if width > 0.0 { (values - 1) as f64 / width } else { 0.0 };
+        let entry = |i: usize| {
+            let value = f64::from(range[0]) + width * ((i % values) as f64 / (values - 1) as f64);
+            let gradient = by.top() * ((i / values) as f64 / (gradients - 1) as f64);
+            of_step(transfer.sample_steep(real(value), gradient), step)
+        };
+        Self {
+            table: (0..values * gradients).map(entry).collect(),
+            low: range[0],
+            scale: scale as f32,
+            per_gradient: ((gradients - 1) as f64 / by.top()) as f32,
+            tops: STEEP.map(|n| Top::new((n - 1) as f32)),
+        }
+    }
+
+    /// Entry for a finite fast value and a gradient [real units / mm]; beside missing data, where there is no gradient, that of a flat place.
+    #[inline(always)]
+    pub(crate) fn of(&self, value: f32, gradient: f32) -> [f32; 4] {
+        let i = self.tops[0].whole((value - self.low) * self.scale + 0.5);
+        let j = self.tops[1].whole(gradient * self.per_gradient + 0.5);
+        self.table[j * STEEP[0] + i]
+    }
+
+    /// The greatest opacity that a fast value has at any gradient, looked up among the nearest values; without colour.
+    fn greatest(&self, value: f64) -> [f32; 4] {
+        let i = self.tops[0].whole((value as f32 - self.low) * self.scale + 0.5);
+        let near = i.saturating_sub(1)..(i + 2).min(STEEP[0]);
+        let opacities = near.flat_map(|i| (0..STEEP[1]).map(move |j| self.table[j * STEEP[0] + i][3]));
+        [0.0, 0.0, 0.0, opacities.fold(0.0, f32::max)]
     }
 }
 

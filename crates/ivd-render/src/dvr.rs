@@ -57,7 +57,7 @@ pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
 }
 
 #[inline(always)]
-fn over(rgba: &mut [f32; 4], entry: [f32; 4]) {
+pub(crate) fn over(rgba: &mut [f32; 4], entry: [f32; 4]) {
     let through = 1.0 - rgba[3];
     for (sum, c) in rgba.iter_mut().zip(entry) {
         *sum += through * c;

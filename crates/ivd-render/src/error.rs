@@ -11,6 +11,11 @@ pub enum Error {
         "direct volume rendering of this scene needs a transfer function; give one, or use mode mip or iso"
     )]
     NoTransfer,
+    /// Pre-integration with colours by label or gradient.
+    #[error(
+        "pre-integrated pictures need a transfer function of the value alone, and this one goes by label or gradient; render without labels, by a table of values, or with classification post"
+    )]
+    NotByValue,
     /// Pictures of different size can't be compared.
     #[error("pictures of {a:?} and {b:?} pixels can't be compared; render both at one size")]
     SizeMismatch {
@@ -27,7 +32,7 @@ impl Classified for Error {
     fn error_class(&self) -> ErrorClass {
         match self {
             Self::Core(error) => error.error_class(),
-            Self::NoTransfer | Self::SizeMismatch { .. } => ErrorClass::Usage,
+            Self::NoTransfer | Self::NotByValue | Self::SizeMismatch { .. } => ErrorClass::Usage,
         }
     }
 }

@@ -3,7 +3,8 @@
 //! [`render`] takes a [`Scene`] (a volume and what to show of it) and [`RenderParams`] (size, mode, view, step) and gives a [`Rendered`]
 //! picture. It is the reference that every faster renderer is held against, so that its decisions are few and written down:
 //!
-//! - **Optics.** Emission and absorption with the premultiplied over operator, front to back, post-classified; the opacity of a transfer function
+//! - **Optics.** Emission and absorption with the premultiplied over operator, front to back, post-classified, or pre-integrated between the ends of
+//!   steps; the opacity of a transfer function
 //!   holds over its reference length and is corrected for the step: `1 - (1 - α)^(step / reference)`. The last, shorter step of a
 //!   ray counts by its length, so that a homogeneous slab is exact at any step.
 //! - **Space.** World millimetres: spacing, oblique and left-handed grids are honoured. A voxel reaches half a voxel round its centre; between
@@ -59,6 +60,7 @@ mod outline;
 mod packet;
 mod params;
 mod picture;
+mod preintegrated;
 mod prepared;
 mod rendered;
 #[allow(unsafe_code, reason = "unchecked gathers, argued in the module's head")]
@@ -74,7 +76,7 @@ mod wide;
 pub use difference::{Difference, difference};
 pub use error::Error;
 pub use frame::Radiance;
-pub use params::{Mode, Projection, RenderParams, View};
+pub use params::{Classification, Mode, Projection, RenderParams, View};
 pub use prepared::Prepared;
 pub use rendered::Rendered;
 pub use scene::Scene;

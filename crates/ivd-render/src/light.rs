@@ -16,31 +16,44 @@ pub(crate) struct Light {
     halfway: [f32; 3],
     /// Turns a gradient per voxel into one per mm, times the sign of the slope.
     to_world: [[f32; 3]; 3],
+    /// Real units in one of the fast values.
+    unit: f32,
 }
 
 impl Light {
     /// - `to_voxel`: the grid's world-to-voxel matrix.
-    /// - `sign`: −1 where the real value falls as the stored one rises, else 1.
-    pub(crate) fn new(camera: &Camera, to_voxel: Matrix3<f64>, sign: f64) -> Self {
+    /// - `slope`: real units in one of the fast values; negative where the real value falls as the stored one rises.
+    pub(crate) fn new(camera: &Camera, to_voxel: Matrix3<f64>, slope: f64) -> Self {
         let lamp = (camera.towards_eye + 0.45 * camera.up - 0.35 * camera.right).normalize();
         let halfway = (lamp + camera.towards_eye).normalize();
         let single = |v: Vector3<f64>| -> [f32; 3] { std::array::from_fn(|a| v[a] as f32) };
-        let transposed = to_voxel.transpose() * sign;
+        let transposed = to_voxel.transpose() * slope.signum();
         Self {
             lamp: single(lamp),
             halfway: single(halfway),
             to_world: std::array::from_fn(|r| std::array::from_fn(|c| transposed[(r, c)] as f32)),
+            unit: slope.abs() as f32,
         }
+    }
+
+    /// Magnitude [real units / mm] of a gradient per voxel; no number beside missing data.
+    #[inline(always)]
+    pub(crate) fn magnitude(&self, gradient: [f32; 3]) -> f32 {
+        self.unit * squared(self.world(gradient)).sqrt()
+    }
+
+    #[inline(always)]
+    fn world(&self, gradient: [f32; 3]) -> [f32; 3] {
+        let m = &self.to_world;
+        std::array::from_fn(|r| m[r][0] * gradient[0] + m[r][1] * gradient[1] + m[r][2] * gradient[2])
     }
 
     /// Unit world normal from a gradient per voxel: against the gradient, out of what is dense. `None` where there is no
     /// direction: a flat place, or one beside missing data.
     #[inline(always)]
     pub(crate) fn normal(&self, gradient: [f32; 3]) -> Option<[f32; 3]> {
-        let m = &self.to_world;
-        let world: [f32; 3] =
-            std::array::from_fn(|r| m[r][0] * gradient[0] + m[r][1] * gradient[1] + m[r][2] * gradient[2]);
-        let square = world[0] * world[0] + world[1] * world[1] + world[2] * world[2];
+        let world = self.world(gradient);
+        let square = squared(world);
         if !(square > f32::MIN_POSITIVE && square < f32::MAX) {
             return None;
         }
@@ -63,4 +76,9 @@ impl Light {
         let [r, g, b] = [r, g, b].map(|c| (c * matt + highlight).min(alpha));
         [r, g, b, alpha]
     }
+}
+
+#[inline(always)]
+fn squared([x, y, z]: [f32; 3]) -> f32 {
+    x * x + y * y + z * z
 }

@@ -17,6 +17,18 @@ pub enum Mode {
     },
 }
 
+/// What colour and opacity a step of a ray gets from a transfer function.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Classification {
+    /// Those of the value at its middle.
+    #[default]
+    Post,
+    /// Those of all values from that at its one end to that at its other: thin layers aren't stepped over, so that a step of a voxel shows
+    /// what takes a quarter of one otherwise. Not with a transfer function whose colours go by label or gradient.
+    PreIntegrated,
+}
+
 /// How the scene is projected onto the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -73,6 +85,8 @@ pub struct RenderParams {
     /// Distance of samples along a ray, as a fraction of the smallest spacing.
     #[schemars(range(min = 0.01, max = 10.0), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub step: f64,
+    /// What colour and opacity a step gets from the transfer function.
+    pub classification: Classification,
     /// Opacity at which a ray ends; above 1 no ray ends early.
     #[schemars(extend("x-unit" = "1", "exclusiveMinimum" = 0.0, "x-knob" = "accuracy"))]
     pub termination: f64,
@@ -98,6 +112,7 @@ impl Default for RenderParams {
             size: [512; 2],
             view: View::default(),
             step: 0.5,
+            classification: Classification::Post,
             termination: 0.99,
             shading: true,
             skip: true,

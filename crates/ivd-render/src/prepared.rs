@@ -6,11 +6,12 @@ use crate::classify::Classifier;
 use crate::empty_space::Space;
 use crate::frame::{Radiance, one_by_one, tiles};
 use crate::light::Light;
+use crate::preintegrated::Preintegrated;
 use crate::samples::{KernelVoxels, Samples, Shape, fast};
-use crate::skip::{rows_of_bricks, through_warp};
+use crate::skip::{NOTHING, join, joined_about, rows_of_bricks, through_warp};
 use crate::warp::Warp;
-use crate::wide::{Pairs, Wide, dvr};
-use crate::{Error, Mode, RenderParams, Rendered, Scene, View, annotate, outline, picture};
+use crate::wide::{Pairs, Wide, by_ends, dvr};
+use crate::{Classification, Error, Mode, RenderParams, Rendered, Scene, View, annotate, outline, picture};
 
 /// A scene made ready for many views: its classified values, what of it is empty, and its deformation. Views of it are the same, byte for byte, as those
 /// of [`crate::render`].
@@ -28,6 +29,7 @@ pub struct Prepared<'a> {
 /// What a mode needs to know of the values.
 enum ModeState {
     Dvr(Classifier),
+    PreIntegrated(Preintegrated),
     /// For each brick a value that no `sign · fast` in it exceeds.
     Mip(Vec<f32>),
     /// `sign · fast` of the surface.
@@ -59,7 +61,7 @@ impl<'a> Prepared<'a> {
             let (voxels, shift) = fast(scene.volume, exec)?;
             let moving = scene.displacement.filter(|d| !is_still(d));
             // Labels that change nothing cost nothing.
-            let has_rows = scene.transfer.is_some_and(TransferFunction::depends_on_label);
+            let has_rows = scene.transfer.is_some_and(|t| t.gradient().is_none() && t.depends_on_label());
             let mut prepared = Self {
                 scene: Scene { labels: scene.labels.filter(|_| has_rows), ..*scene },
                 params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },
@@ -97,6 +99,9 @@ impl<'a> Prepared<'a> {
         let step = Camera::new(self.scene.volume.grid(), &self.params).step_mm() / transfer.reference_mm();
         let ids = self.scene.labels.map_or(&[][..], Labels::ids);
         let real = |fast: f64| self.scene.volume.real(fast + self.shift);
+        if self.params.classification == Classification::PreIntegrated {
+            return self.pre_integrate(transfer, range, step, exec);
+        }
         let classifier = Classifier::new(transfer, range, real, step, !ids.is_empty());
         if self.params.skip {
             exec.check_cancelled()?;
@@ -108,6 +113,32 @@ impl<'a> Prepared<'a> {
             self.pass_over(empty);
         }
         self.optics = ModeState::Dvr(classifier);
+        Ok(())
+    }
+
+    /// The same for steps between values.
+    fn pre_integrate(
+        &mut self,
+        transfer: &TransferFunction,
+        range: [f32; 2],
+        step: f64,
+        exec: &Exec,
+    ) -> Result<(), Error> {
+        if self.scene.labels.is_some() || transfer.gradient().is_some() {
+            return Err(Error::NotByValue);
+        }
+        let real = |fast: f64| self.scene.volume.real(fast + self.shift);
+        let table = Preintegrated::new(transfer, range, real, step, exec)?;
+        if self.params.skip {
+            // A step whose middle lies in a brick ends in it or in one beside it: at most five voxels on.
+            let index = self.scene.volume.bricks();
+            let ranges: Vec<BrickRange> = self.ranges().collect();
+            let ranges = self.moved(ranges, NOTHING, join);
+            let about = joined_about(index.dims(), &ranges);
+            let empty: Vec<bool> = about.into_iter().map(|range| table.is_clear(range, self.shift)).collect();
+            self.space = Space::new(Shape::new(self.scene.volume.grid().dims()), &empty);
+        }
+        self.optics = ModeState::PreIntegrated(table);
         Ok(())
     }
 
@@ -194,7 +225,7 @@ impl<'a> Prepared<'a> {
             ids: self.scene.labels.map_or(&[], Labels::ids),
             warp: self.warp.as_ref(),
             space: &self.space,
-            light: Light::new(&camera, grid.inverse_linear_part(), self.sign()),
+            light: Light::new(&camera, grid.inverse_linear_part(), self.scene.volume.slope()),
         };
         let sign = self.sign() as f32;
         Ok(match &self.optics {
@@ -215,6 +246,15 @@ impl<'a> Prepared<'a> {
                     (false, true) => {
                         tiles(&camera, exec, |rays| dvr::<T, true, true>(wide, &field, classifier, end, rays))
                     }
+                }
+            }
+            ModeState::PreIntegrated(table) => {
+                let end = params.termination as f32;
+                let wide = Wide::detected(grid.dims(), exec.simd);
+                if params.shading {
+                    tiles(&camera, exec, |rays| by_ends::<T, true>(wide, &field, table, end, rays))
+                } else {
+                    tiles(&camera, exec, |rays| by_ends::<T, false>(wide, &field, table, end, rays))
                 }
             }
             ModeState::Mip(bounds) => {

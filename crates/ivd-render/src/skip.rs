@@ -1,4 +1,4 @@
-use ivd_core::{BRICK, BrickIndex};
+use ivd_core::{BRICK, BrickIndex, BrickRange};
 use rayon::prelude::*;
 
 use crate::classify::Classifier;
@@ -28,6 +28,35 @@ pub(crate) fn rows_of_bricks(dims: [usize; 3], ids: &[u16], classifier: &Classif
             rows
         })
         .collect()
+}
+
+/// The range of a brick without data.
+pub(crate) const NOTHING: BrickRange =
+    BrickRange { min: f32::INFINITY, max: f32::NEG_INFINITY, missing: false };
+
+/// The range of two bricks together.
+pub(crate) fn join(a: BrickRange, b: BrickRange) -> BrickRange {
+    BrickRange { min: a.min.min(b.min), max: a.max.max(b.max), missing: a.missing || b.missing }
+}
+
+/// The range of every brick and those about it together.
+pub(crate) fn joined_about(bricks: [usize; 3], ranges: &[BrickRange]) -> Vec<BrickRange> {
+    let mut joined = ranges.to_vec();
+    let mut stride = 1;
+    for count in bricks {
+        let before = joined.clone();
+        for (i, range) in joined.iter_mut().enumerate() {
+            let at = i / stride % count;
+            if at > 0 {
+                *range = join(*range, before[i - stride]);
+            }
+            if at + 1 < count {
+                *range = join(*range, before[i + stride]);
+            }
+        }
+        stride *= count;
+    }
+    joined
 }
 
 /// Reduces a value of the undeformed bricks over the sources of each brick of the deformed volume; `outside` is the value beyond it.

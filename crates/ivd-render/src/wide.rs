@@ -1,6 +1,6 @@
 //! Direct volume rendering as fast as the processor allows: eight rays at a time where there is AVX2, else one by one.
 //!
-//! The argument for the one `unsafe` block: packets need AVX2, which not every processor has, and [`Wide`] is only true where it was
+//! The argument for the `unsafe` blocks: packets need AVX2, which not every processor has, and [`Wide`] is only true where it was
 //! found at run time.
 
 use crate::cast::{Cast, Field};
@@ -9,6 +9,7 @@ use crate::dvr;
 use crate::frame::{LANES, Packet, one_by_one};
 #[cfg(target_arch = "x86_64")]
 use crate::packet;
+use crate::preintegrated::{self, Preintegrated};
 #[cfg(not(target_arch = "x86_64"))]
 use crate::samples::Stored as Pairs;
 #[cfg(target_arch = "x86_64")]
@@ -49,10 +50,30 @@ pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
     #[cfg(target_arch = "x86_64")]
     if wide.0 && packet::serves_rays(rays) {
         // SAFETY: AVX2 was found.
-        return unsafe { packet::dvr::<T, LABELLED, SHADED>(field, classifier, termination, rays) };
+        return unsafe {
+            packet::dvr(field, &packet::AtMiddle::<LABELLED, SHADED>(classifier), termination, rays)
+        };
     }
     let _ = wide;
     one_by_one(rays, |ray| dvr::dvr::<T, LABELLED, SHADED>(field, classifier, termination, ray))
+}
+
+/// [`preintegrated::cast()`] of each ray of a packet.
+#[inline(always)]
+pub(crate) fn by_ends<T: Pairs, const SHADED: bool>(
+    wide: Wide,
+    field: &Field<'_, T>,
+    table: &Preintegrated,
+    termination: f32,
+    rays: &Packet,
+) -> [Cast; LANES] {
+    #[cfg(target_arch = "x86_64")]
+    if wide.0 && packet::serves_rays(rays) {
+        // SAFETY: AVX2 was found.
+        return unsafe { packet::dvr(field, &preintegrated::AtEnds::<SHADED>(table), termination, rays) };
+    }
+    let _ = wide;
+    one_by_one(rays, |ray| preintegrated::cast::<T, SHADED>(field, table, termination, ray))
 }
 
 #[cfg(test)]
@@ -64,7 +85,9 @@ mod tests {
     use crate::samples::{Samples, Shape};
     use crate::warp::Warp;
     use crate::{Projection, RenderParams, View};
-    use ivd_core::{Displacement, FieldBricks, Grid, NO_BRICK, Scalar, TransferFunction, Volume};
+    use ivd_core::{
+        Displacement, Exec, FieldBricks, GradientTable, Grid, NO_BRICK, Scalar, TransferFunction, Volume,
+    };
 
     const DIMS: [usize; 3] = [33, 29, 41];
 
@@ -109,6 +132,12 @@ mod tests {
         let table = row(20).chain(row(25)).collect();
         let transfer = TransferFunction::new([0.0, scale], 64, 1.0, vec![0, 2], table, vec![]).unwrap();
         let classifier = Classifier::new(&transfer, [0.0, scale as f32], |v| v, 0.5, LABELLED);
+        // What is seen at a value is seen at some gradients.
+        let by = (0..64 * 16).map(|i| transfer.table()[i % 64].map(|c| c * ((i / 64) % 3) as f32 / 2.0));
+        let by = GradientTable::new(0.2 * scale, [64, 16], by.collect()).unwrap();
+        let steep = transfer.clone().with_gradient(by);
+        let steep = Classifier::new(&steep, [0.0, scale as f32], |v| v, 0.5, false);
+        let table = Preintegrated::new(&transfer, [0.0, scale as f32], |v| v, 0.5, &Exec::default()).unwrap();
         let volume = Volume::new(grid.clone(), T::wrap(voxels.clone().into())).unwrap();
         let index = volume.bricks();
         let rows =
@@ -130,6 +159,15 @@ mod tests {
             };
             for end in [0.4, 0.99, 2.0] {
                 same(&camera, |wide, rays| dvr::<T, LABELLED, SHADED>(wide, &field, &classifier, end, rays));
+            }
+            for end in [0.4, 2.0].into_iter().filter(|_| !LABELLED) {
+                same(&camera, |wide, rays| dvr::<T, false, SHADED>(wide, &field, &steep, end, rays));
+            }
+            if empty.iter().any(|&is| is) {
+                continue;
+            }
+            for end in [0.4, 2.0] {
+                same(&camera, |wide, rays| by_ends::<T, SHADED>(wide, &field, &table, end, rays));
             }
         }
     }

@@ -1,6 +1,7 @@
-//! `transfer`: `table`, RGBA of shape `[classes, resolution, 4]`; classes and entries as JSON.
+//! `transfer`: `table`, RGBA of shape `[classes, resolution, 4]`; classes and entries as JSON. From version 2 on there may be `gradient`, RGBA by value
+//! and gradient, of shape `[gradients, values, 4]`; what has none is written as version 1.
 
-use ivd_core::{Buffer, TransferEntry, TransferFunction};
+use ivd_core::{Buffer, GradientTable, TransferEntry, TransferFunction};
 use serde::{Deserialize, Serialize};
 
 use super::encoded::Encoded;
@@ -17,6 +18,15 @@ struct Content {
     reference_mm: f64,
     classes: Vec<u16>,
     entries: Vec<EntryContent>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    gradient: Option<GradientContent>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GradientContent {
+    top: f64,
+    dims: [usize; 2],
 }
 
 #[derive(Serialize, Deserialize)]
@@ -61,6 +71,13 @@ fn shape(classes: usize, resolution: usize) -> Vec<u64> {
     vec![classes as u64, resolution as u64, 4]
 }
 
+fn gradient_shape([values, gradients]: [usize; 2]) -> Vec<u64> {
+    vec![gradients as u64, values as u64, 4]
+}
+
+/// The version before gradients.
+const WITHOUT_GRADIENT: u16 = 1;
+
 pub(super) fn encode(transfer: &TransferFunction) -> Result<Encoded<'_>, String> {
     let content = Content {
         range: transfer.range(),
@@ -68,10 +85,20 @@ pub(super) fn encode(transfer: &TransferFunction) -> Result<Encoded<'_>, String>
         reference_mm: transfer.reference_mm(),
         classes: transfer.classes().to_vec(),
         entries: transfer.entries().iter().map(EntryContent::from).collect(),
+        gradient: transfer.gradient().map(|table| GradientContent { top: table.top(), dims: table.dims() }),
     };
     let shape = shape(content.classes.len(), content.resolution);
-    let table = SectionBytes::new("table", Element::F32, shape, transfer.table());
-    Encoded::new(&content, vec![table])
+    let mut sections = vec![SectionBytes::new("table", Element::F32, shape, transfer.table())];
+    if let Some(table) = transfer.gradient() {
+        sections.push(SectionBytes::new(
+            "gradient",
+            Element::F32,
+            gradient_shape(table.dims()),
+            table.table(),
+        ));
+    }
+    let version = transfer.gradient().is_none().then_some(WITHOUT_GRADIENT);
+    Ok(Encoded { version, ..Encoded::new(&content, sections)? })
 }
 
 pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<TransferFunction, Problem> {
@@ -80,12 +107,15 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<TransferFunction, Prob
     let table: Buffer<[f32; 4]> = decoder.take("table", Element::F32, &shape)?;
     let entries = content.entries.into_iter().map(TransferEntry::from).collect();
     let (range, resolution) = (content.range, content.resolution);
-    Ok(TransferFunction::new(
+    let transfer = TransferFunction::new(
         range,
         resolution,
         content.reference_mm,
         content.classes,
         table.into_vec(),
         entries,
-    )?)
+    )?;
+    let Some(GradientContent { top, dims }) = content.gradient else { return Ok(transfer) };
+    let table: Buffer<[f32; 4]> = decoder.take("gradient", Element::F32, &gradient_shape(dims))?;
+    Ok(transfer.with_gradient(GradientTable::new(top, dims, table.into_vec())?))
 }

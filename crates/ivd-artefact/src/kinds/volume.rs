@@ -1,6 +1,7 @@
-//! `volume`: `voxels` as stored, and the brick min–max index as `brick_min`, `brick_max`, `brick_missing`.
+//! `volume`: `voxels` as stored, and the brick min–max index as `brick_min`, `brick_max`, `brick_missing`. From version 2 on it may say what it was made
+//! with; one that doesn't is written as version 1.
 
-use ivd_core::{BrickIndex, Buffer, Scalar, Volume, VoxelType, Voxels, with_voxels};
+use ivd_core::{BrickIndex, Buffer, Modality, Scalar, Volume, VoxelType, Voxels, with_voxels};
 use serde::{Deserialize, Serialize};
 
 use super::encoded::Encoded;
@@ -16,7 +17,12 @@ struct Content {
     voxel_type: VoxelType,
     slope: f64,
     intercept: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    modality: Option<Modality>,
 }
+
+/// The version before modalities.
+const WITHOUT_MODALITY: u16 = 1;
 
 pub(super) fn encode(volume: &Volume) -> Result<Encoded<'_>, String> {
     let voxel_type = volume.voxel_type();
@@ -25,6 +31,7 @@ pub(super) fn encode(volume: &Volume) -> Result<Encoded<'_>, String> {
         voxel_type,
         slope: volume.slope(),
         intercept: volume.intercept(),
+        modality: volume.modality(),
     };
     let shape = voxel_shape(volume.grid().dims());
     let voxels =
@@ -38,7 +45,8 @@ pub(super) fn encode(volume: &Volume) -> Result<Encoded<'_>, String> {
         SectionBytes::new("brick_max", Element::F32, shape.clone(), max.as_slice()),
         SectionBytes::new("brick_missing", Element::U8, shape, missing.as_slice()),
     ];
-    Encoded::new(&content, sections)
+    let version = content.modality.is_none().then_some(WITHOUT_MODALITY);
+    Ok(Encoded { version, ..Encoded::new(&content, sections)? })
 }
 
 pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Volume, Problem> {
@@ -65,7 +73,8 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Volume, Problem> {
     if !min.iter().zip(max.iter()).all(sound) || missing.iter().any(|&m| m > 1) {
         return Err("a brick's range is not ordered, or its flag neither 0 nor 1".to_owned().into());
     }
-    let volume = Volume::with_scale(grid, voxels, content.slope, content.intercept)?;
+    let volume =
+        Volume::with_scale(grid, voxels, content.slope, content.intercept)?.with_modality(content.modality);
     let bricks = BrickIndex::from_parts(dims, min, max, missing);
     volume.attach_bricks(bricks.ok_or_else(|| "brick sections differ in length".to_owned())?)?;
     Ok(volume)

@@ -4,9 +4,9 @@
 
 use ivd_artefact::{Artefact, ContentHash, Kind, Provenance};
 use ivd_core::{
-    Ball, Class, Displacement, ElementKey, FieldBricks, Frame, Grid, Image, Labels, Lattice, LatticeSource,
-    LeafMeans, Linkage, Mask, Motion, NO_BRICK, Octree, OctreeNode, OctreeParts, TransferEntry,
-    TransferFunction, Tree, TreeParts, Volume, Voxels,
+    Ball, Class, Displacement, ElementKey, FieldBricks, Frame, GradientTable, Grid, Image, Labels, Lattice,
+    LatticeSource, LeafMeans, Linkage, Mask, Modality, Motion, NO_BRICK, Octree, OctreeNode, OctreeParts,
+    TransferEntry, TransferFunction, Tree, TreeParts, Volume, Voxels,
 };
 
 /// A provenance with nested parameters and two inputs.
@@ -41,7 +41,9 @@ pub(crate) fn sample(kind: Kind) -> Artefact {
 
 fn volume() -> Volume {
     let values: Vec<f32> = (0..180).map(|i| if i == 17 { f32::NAN } else { i as f32 * 0.25 - 3.0 }).collect();
-    Volume::with_scale(grid([10, 9, 2]), Voxels::from(values), -0.5, 1024.0).unwrap()
+    Volume::with_scale(grid([10, 9, 2]), Voxels::from(values), -0.5, 1024.0)
+        .unwrap()
+        .with_modality(Some(Modality::MagneticResonance))
 }
 
 fn labels() -> Labels {
@@ -75,7 +77,10 @@ fn transfer() -> TransferFunction {
         softness: 0.0,
     };
     let table = (0..6).map(|i| [i as f32 / 6.0, 0.1, 1.0, 0.0]).collect();
-    TransferFunction::new([-1000.0, 3071.5], 3, 1.25, vec![0, 2], table, vec![entry]).unwrap()
+    let by_gradient = (0..4).map(|i| [0.5, i as f32 / 4.0, 0.0, 1.0]).collect();
+    TransferFunction::new([-1000.0, 3071.5], 3, 1.25, vec![0, 2], table, vec![entry])
+        .unwrap()
+        .with_gradient(GradientTable::new(0.125, [2, 2], by_gradient).unwrap())
 }
 
 /// An octahedron round voxel (1, 1, 1) of a 3 × 3 × 3 grid.

@@ -12,7 +12,7 @@ use crate::reduced::Reduced;
 use crate::roles::Role;
 use crate::statistics::ClassStatistics;
 use crate::structure::Structure;
-use ivd_core::NO_DATA;
+use ivd_core::{Modality, NO_DATA};
 
 pub(crate) use palettes::safe;
 
@@ -30,9 +30,10 @@ pub(crate) struct Pair {
 }
 
 /// The palette that `wanted` means.
-pub(crate) fn chosen(wanted: Palette, hounsfield: bool) -> Palette {
+pub(crate) fn chosen(wanted: Palette, hounsfield: bool, modality: Option<Modality>) -> Palette {
     match wanted {
-        Palette::Auto if hounsfield => Palette::Tissue,
+        // Magnetic resonance is made of bodies, tomography with other numbers than Hounsfield's of anything.
+        Palette::Auto if hounsfield || modality == Some(Modality::MagneticResonance) => Palette::Tissue,
         Palette::Auto => Palette::Safe,
         other => other,
     }
@@ -264,9 +265,12 @@ mod tests {
     }
 
     #[test]
-    fn values_choose_the_palette() {
-        assert_eq!(chosen(Palette::Auto, true), Palette::Tissue);
-        assert_eq!(chosen(Palette::Auto, false), Palette::Safe);
-        assert_eq!(chosen(Palette::Thesis, true), Palette::Thesis);
+    fn values_and_modality_choose_the_palette() {
+        let [ct, mr] = [Modality::ComputedTomography, Modality::MagneticResonance].map(Some);
+        assert_eq!(chosen(Palette::Auto, true, None), Palette::Tissue);
+        assert_eq!(chosen(Palette::Auto, false, None), Palette::Safe);
+        assert_eq!(chosen(Palette::Auto, false, mr), Palette::Tissue);
+        assert_eq!(chosen(Palette::Auto, false, ct), Palette::Safe);
+        assert_eq!(chosen(Palette::Thesis, true, mr), Palette::Thesis);
     }
 }

@@ -4,9 +4,10 @@
 //! |---|---|---|
 //! | `.vp.json` | 3D Slicer (volume-property-schema-v1.0.0): points of colour and opacity | `scalarOpacityUnitDistance` |
 //! | `.paraview.json` | a preset of ParaView: `RGBPoints`, `Points` | `ScalarOpacityUnitDistance`, which ParaView leaves to the representation |
-//! | `.json` | every row of the table, its classes, what each contributes | `reference_mm` |
+//! | `.json` | every row of the table, its classes, what each contributes, the table by value and gradient | `reference_mm` |
 //!
-//! Both programs know one function for all labels: the row of label 0 is written. Their colours are what the screen shows (sRGB) and are mixed as
+//! Both programs know one function for all labels: the row of label 0 is written. Neither knows a table over values and gradients together (3D Slicer
+//! multiplies an opacity by value with one by gradient): a transfer function that has one is refused. Their colours are what the screen shows (sRGB) and are mixed as
 //! that, ours are linear light: points are set so that no colour and no opacity differs by more than half of 1/255.
 //!
 //! [`read()`] tells the formats by what a file holds.
@@ -57,21 +58,31 @@ impl Format {
     }
 }
 
-/// A transfer function in a format, as JSON.
-pub fn to_json(transfer: &TransferFunction, format: Format) -> Value {
-    match format {
-        Format::Slicer => slicer::write(&Points::of(transfer)),
-        Format::ParaView => paraview::write(&Points::of(transfer)),
-        Format::Own => json::write(transfer),
-    }
+/// All that a transfer function holds, as JSON.
+pub fn to_json(transfer: &TransferFunction) -> Value {
+    json::write(transfer)
 }
 
 /// Writes a transfer function; a file whose bytes would not change isn't touched. Returns whether it was.
 ///
 /// # Errors
-/// [`FileError::Io`].
+/// [`FileError::Unwritable`] for a table by value and gradient in a format of another program; [`FileError::Io`].
 pub fn write(path: &Path, transfer: &TransferFunction, format: Format) -> Result<bool, FileError> {
-    let text = format!("{:#}\n", to_json(transfer, format));
+    let by_value = |program: &'static str| match transfer.gradient() {
+        None => Ok(Points::of(transfer)),
+        Some(_) => Err(FileError::Unwritable {
+            path: path.to_owned(),
+            format: program,
+            what: "colours and opacities by value and gradient",
+            remedy: "export it as .json, which holds all of it, or make a transfer function with axes value",
+        }),
+    };
+    let value = match format {
+        Format::Slicer => slicer::write(&by_value("3D Slicer's volume property")?),
+        Format::ParaView => paraview::write(&by_value("a preset of ParaView")?),
+        Format::Own => to_json(transfer),
+    };
+    let text = format!("{value:#}\n");
     let failed = |source| FileError::io("write", path, source);
     ivd_fs::replace(path, |_, source| failed(source), |to| to.write_all(text.as_bytes()).map_err(failed))
 }

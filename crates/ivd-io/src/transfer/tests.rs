@@ -36,6 +36,24 @@ fn what_is_written_is_read_back() {
 }
 
 #[test]
+fn a_table_by_gradient_is_kept_by_our_own_format_and_refused_by_others() {
+    let table = (0..12).map(|i| [0.1 * i as f32 / 2.0, 0.5, 0.25, 0.5]).collect();
+    let steep = transfer().with_gradient(ivd_core::GradientTable::new(7.5, [4, 3], table).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let own = folder.path().join("t.json");
+    write(&own, &steep, Format::Own).unwrap();
+    assert_eq!(read(&own).unwrap(), steep);
+    for name in ["t.vp.json", "t.paraview.json"] {
+        let path = folder.path().join(name);
+        let error = write(&path, &steep, Format::of(&path).unwrap()).unwrap_err();
+        assert_eq!(error.error_class(), ErrorClass::Usage);
+        let told = error.to_string();
+        assert!(told.contains(name) && told.contains("gradient") && told.contains("axes value"), "{told}");
+        assert!(!path.exists());
+    }
+}
+
+#[test]
 fn files_that_hold_none_are_refused_with_the_place() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |text: &str, place: &str| {

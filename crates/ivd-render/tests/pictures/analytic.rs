@@ -1,6 +1,6 @@
 //! The ray caster against pictures whose light is known in closed form.
 
-use ivd_core::{Exec, Grid, TransferFunction, Volume, Voxels};
+use ivd_core::{Exec, GradientTable, Grid, TransferFunction, Volume, Voxels};
 use ivd_render::{Mode, Projection, RenderParams, Scene, View, radiance};
 use nalgebra::Vector3;
 
@@ -131,6 +131,29 @@ fn halving_the_step_brings_the_picture_nearer_to_the_fine_one() {
         assert!(pair[1] < 0.5 * pair[0], "{errors:?}");
     }
     assert!(errors[0] < 1e-3, "{errors:?}");
+}
+
+#[test]
+fn a_ramp_is_seen_where_the_table_has_its_gradient() {
+    // 12 real units a millimetre: 3 stored ones a voxel of half a millimetre, each of them 2 real ones.
+    let grid = Grid::with_spacing([20; 3], [0.5; 3]).unwrap();
+    let values: Vec<i16> = (0..grid.len()).map(|i| 3 * grid.index(i).0[0] as i16).collect();
+    let volume = Volume::with_scale(grid, Voxels::from(values), -2.0, 60.0).unwrap();
+    let flat = TransferFunction::new([-60.0, 60.0], 2, 1.0, vec![0], vec![[0.0; 4]; 2], vec![]).unwrap();
+    let opacity = 0.3;
+    let seen_at = |steep: f64, shading: bool| {
+        // Of 33 samples one and its neighbours hold the gradient that is to be seen.
+        let row = |j: usize| (16.0 * (j as f64 / 32.0) - steep).abs() < 0.75;
+        let table = (0..66).map(|i| if row(i / 2) { [1.0, 1.0, 1.0, opacity] } else { [0.0; 4] }).collect();
+        let transfer = flat.clone().with_gradient(GradientTable::new(16.0, [2, 33], table).unwrap());
+        let scene = Scene { transfer: Some(&transfer), ..Scene::new(&volume) };
+        radiance(&scene, &RenderParams { shading, ..measuring() }, &exec()).unwrap().rgba[16 + 33 * 16][3]
+    };
+    // Along y the value and the gradient are the same all through ten millimetres.
+    let truth = 1.0 - (1.0 - f64::from(opacity)).powi(10);
+    assert!((f64::from(seen_at(12.0, false)) - truth).abs() < 1e-4);
+    assert_eq!(seen_at(12.0, true), seen_at(12.0, false), "light changes no opacity");
+    assert_eq!((seen_at(9.0, false), seen_at(15.0, false), seen_at(0.0, false)), (0.0, 0.0, 0.0));
 }
 
 #[test]

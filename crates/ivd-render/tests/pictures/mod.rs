@@ -6,4 +6,5 @@ mod common;
 mod comparator;
 mod deformed;
 mod identical;
+mod preintegrated;
 mod surface;

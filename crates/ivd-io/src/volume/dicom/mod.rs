@@ -20,7 +20,7 @@ mod syntax;
 
 use std::path::{Path, PathBuf};
 
-use ivd_core::{Exec, Volume};
+use ivd_core::{Exec, Modality, Volume};
 use rayon::prelude::*;
 
 use crate::volume::{Error, bounded};
@@ -137,16 +137,21 @@ fn volume(path: &Path, mut slices: Vec<Slice>, exec: &Exec) -> Result<Volume, Er
     if slices.iter().any(|s| s.syntax.is_lossy()) {
         exec.observer().note(&format!("{}: the pixels were compressed with loss", path.display()));
     }
+    let modality = match first.modality.as_str() {
+        "CT" => Some(Modality::ComputedTomography),
+        "MR" => Some(Modality::MagneticResonance),
+        _ => None,
+    };
     let (slope, intercept) = (first.slope, first.intercept);
     if slices.iter().all(|s| s.slope == slope && s.intercept == intercept) {
         let voxels = pixels::stored(&slices, exec)?;
-        return Ok(Volume::with_scale(grid, voxels, slope, intercept)?);
+        return Ok(Volume::with_scale(grid, voxels, slope, intercept)?.with_modality(modality));
     }
     exec.observer().note(&format!(
         "{}: slope and intercept differ from slice to slice: real values are kept as f32",
         path.display()
     ));
-    Ok(Volume::new(grid, pixels::real(&slices, exec)?)?)
+    Ok(Volume::new(grid, pixels::real(&slices, exec)?)?.with_modality(modality))
 }
 
 #[cfg(test)]

@@ -335,3 +335,18 @@ fn a_compressed_slice_with_damage_never_panics() {
         let _ = read_file(&path, &exec);
     }
 }
+
+#[test]
+fn what_a_series_was_made_with_is_kept() {
+    use ivd_core::Modality::{ComputedTomography, MagneticResonance};
+    for (text, wanted) in [("MR", Some(MagneticResonance)), ("CT", Some(ComputedTomography)), ("US", None)] {
+        let dir = folder();
+        for (name, z) in [("a", 0.0), ("b", 1.0)] {
+            Made::new("1.2", [0.0, 0.0, z])
+                .text(tags::MODALITY, text)
+                .pixels(&[1, 2, 3, 4, 5, 6])
+                .save(&dir, name);
+        }
+        assert_eq!(open(&dir).unwrap().modality(), wanted, "{text}");
+    }
+}

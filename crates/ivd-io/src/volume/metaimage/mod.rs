@@ -9,7 +9,7 @@ mod write;
 
 use std::path::{Path, PathBuf};
 
-use ivd_core::{Exec, Grid, Volume, VoxelType};
+use ivd_core::{Exec, Grid, Modality, Volume, VoxelType};
 
 use crate::volume::data::{self, DataFile, Encoding, Frames, Start};
 use crate::volume::stored::FileType;
@@ -44,7 +44,12 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
         count,
         frames: Frames { field: "DimSize", count: frames, chosen: frame },
     };
-    Ok(Volume::new(grid, data.read(exec)?)?)
+    let modality = match header.fields.get("Modality").map(str::to_uppercase).as_deref() {
+        Some("MET_MOD_CT") => Some(Modality::ComputedTomography),
+        Some("MET_MOD_MR") => Some(Modality::MagneticResonance),
+        _ => None,
+    };
+    Ok(Volume::new(grid, data.read(exec)?)?.with_modality(modality))
 }
 
 /// The files of a volume.

@@ -12,6 +12,8 @@
 //! - *Leaps.* A cell's brick lies in the grid of bricks, and [`Space::leaps`](crate::empty_space::Space::leaps) holds one for each of them (asserted).
 //! - *Entries* of the transfer function: an index is clamped to a row as [`Classifier::index`] does, and rows lie in the table whole.
 
+pub(crate) mod vectors;
+
 #[allow(clippy::wildcard_imports, reason = "some fifty intrinsics")]
 use std::arch::x86_64::*;
 
@@ -22,6 +24,10 @@ use crate::cast::{Cast, Field};
 use crate::classify::{Classifier, of_part};
 use crate::frame::{LANES, Packet};
 use crate::samples::Stored;
+
+use vectors::{
+    any, clamped, each, floats, gathered, indices, mix, over, set, spread, transposed, whole, wholes,
+};
 
 /// Steps beyond which a packet doesn't serve a ray: up to here their numbers are exact in `f32`.
 const MOST_STEPS: usize = 1 << 24;
@@ -112,29 +118,86 @@ impl Pairs for f32 {
 /// Samples that lanes take between looking for clear bricks.
 const RUN: usize = 4;
 
+/// What a step looks like, in lanes.
+pub(crate) trait Looks<T: Pairs>: Sized {
+    /// What turns a fast value into a place in a table, `(value - low) · scale + 0.5` in `0 ..= top`: low, scale, top.
+    fn axis(&self) -> [f32; 3];
+
+    /// The last place that is clear with all below it; −1 where the first isn't.
+    fn clear_up_to(&self) -> i32;
+
+    /// What is known at an end of a step, which the next one begins with.
+    ///
+    /// # Safety
+    /// AVX2 must be there.
+    unsafe fn end(lanes: &Lanes<'_, T, Self>, at: [__m256; 3]) -> __m256i;
+
+    /// Premultiplied colour and opacity of steps with their middles at `at`, in the lanes that `look`; zero in the others. `ends`: what [`Self::end`]
+    /// gave at the front and the back.
+    ///
+    /// # Safety
+    /// AVX2 must be there.
+    unsafe fn look(
+        lanes: &Lanes<'_, T, Self>,
+        ends: [__m256i; 2],
+        at: [__m256; 3],
+        look: __m256i,
+    ) -> [__m256; 4];
+}
+
+/// A step looks like the value at its middle.
+pub(crate) struct AtMiddle<'a, const LABELLED: bool, const SHADED: bool>(pub(crate) &'a Classifier);
+
+impl<T: Pairs, const LABELLED: bool, const SHADED: bool> Looks<T> for AtMiddle<'_, LABELLED, SHADED> {
+    fn axis(&self) -> [f32; 3] {
+        self.0.axis()
+    }
+
+    fn clear_up_to(&self) -> i32 {
+        self.0.clear_up_to()
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    unsafe fn end(_: &Lanes<'_, T, Self>, _: [__m256; 3]) -> __m256i {
+        _mm256_setzero_si256()
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    unsafe fn look(
+        lanes: &Lanes<'_, T, Self>,
+        _: [__m256i; 2],
+        at: [__m256; 3],
+        look: __m256i,
+    ) -> [__m256; 4] {
+        lanes.classified(at, look)
+    }
+}
+
 /// What all packets of a picture share, in every lane.
-struct Lanes<'a, T> {
-    field: &'a Field<'a, T>,
-    classifier: &'a Classifier,
+pub(crate) struct Lanes<'a, T, L> {
+    pub(crate) field: &'a Field<'a, T>,
+    pub(crate) looks: &'a L,
     top: [__m256; 3],
     end: [__m256; 3],
     /// Distances of voxels, and of bricks, along y and z.
     voxels: [__m256i; 2],
     bricks: [__m256i; 2],
     axis: [__m256; 3],
-    /// The indices up to this one are clear in row 0.
-    clear: __m256i,
+    /// The places up to this one are clear in row 0.
+    pub(crate) clear: __m256i,
 }
 
 /// Casts the rays of a packet.
 #[target_feature(enable = "avx2")]
-pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
+pub(crate) fn dvr<T: Pairs, L: Looks<T>>(
     field: &Field<'_, T>,
-    classifier: &Classifier,
+    looks: &L,
     termination: f32,
     rays: &Packet,
 ) -> [Cast; LANES] {
-    let lanes = Lanes::new(field, classifier);
+    let lanes = Lanes::new(field, looks);
     let of = |value: fn(&Ray) -> f32| spread(|lane| rays[lane].as_ref().map_or(0.0, value));
     let start = [of(|ray| ray.start[0]), of(|ray| ray.start[1]), of(|ray| ray.start[2])];
     let delta = [of(|ray| ray.delta[0]), of(|ray| ray.delta[1]), of(|ray| ray.delta[2])];
@@ -142,6 +205,10 @@ pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
     let steps = whole(|lane| rays[lane].as_ref().map_or(0, |ray| ray.steps as i32));
     let at = |i: __m256i| -> [__m256; 3] {
         let t = _mm256_cvtepi32_ps(i);
+        each(|a| _mm256_add_ps(start[a], _mm256_mul_ps(t, delta[a])))
+    };
+    let end_at = |i: __m256i| -> [__m256; 3] {
+        let t = _mm256_sub_ps(_mm256_cvtepi32_ps(i), _mm256_set1_ps(0.5));
         each(|a| _mm256_add_ps(start[a], _mm256_mul_ps(t, delta[a])))
     };
 
@@ -170,13 +237,20 @@ pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
             }
             open = _mm256_and_si256(open, _mm256_cmpgt_epi32(steps, i));
         }
+        // SAFETY: this function has AVX2.
+        let mut front = unsafe { L::end(&lanes, end_at(i)) };
         for _ in 0..RUN {
-            let entry = lanes.classified::<LABELLED, SHADED>(at(i), open);
+            let after = _mm256_add_epi32(i, _mm256_set1_epi32(1));
+            // SAFETY: as above.
+            let back = unsafe { L::end(&lanes, end_at(after)) };
+            // SAFETY: as above.
+            let entry = unsafe { L::look(&lanes, [front, back], at(i), open) };
+            front = back;
             over(&mut rgba, entry);
             let full = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_GE_OQ>(rgba[3], end));
             ended = _mm256_or_si256(ended, full);
             taken = _mm256_sub_epi32(taken, open);
-            i = _mm256_add_epi32(i, _mm256_set1_epi32(1));
+            i = after;
             open = _mm256_andnot_si256(ended, _mm256_cmpgt_epi32(steps, i));
         }
     }
@@ -187,7 +261,13 @@ pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
     let left = _mm256_andnot_si256(ended, left);
     if any(left) {
         let here = [of(|ray| ray.rest_at[0]), of(|ray| ray.rest_at[1]), of(|ray| ray.rest_at[2])];
-        let mut entry = lanes.classified::<LABELLED, SHADED>(here, left);
+        let ends = [-0.5, 0.5].map(|side| {
+            let t = _mm256_mul_ps(_mm256_set1_ps(side), rest);
+            // SAFETY: this function has AVX2.
+            unsafe { L::end(&lanes, each(|a| _mm256_add_ps(here[a], _mm256_mul_ps(t, delta[a])))) }
+        });
+        // SAFETY: this function has AVX2.
+        let mut entry = unsafe { L::look(&lanes, ends, here, left) };
         if any(_mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps()))) {
             let parts = transposed(entry);
             let rests = floats(rest);
@@ -206,10 +286,10 @@ pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
     })
 }
 
-impl<'a, T: Pairs> Lanes<'a, T> {
+impl<'a, T: Pairs, L: Looks<T>> Lanes<'a, T, L> {
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn new(field: &'a Field<'a, T>, classifier: &'a Classifier) -> Self {
+    fn new(field: &'a Field<'a, T>, looks: &'a L) -> Self {
         let shape = &field.samples.shape;
         let [nx, ny, _] = shape.dims;
         assert!(serves(shape.dims));
@@ -220,27 +300,27 @@ impl<'a, T: Pairs> Lanes<'a, T> {
         let [top, end] = shape.ends();
         Self {
             field,
-            classifier,
+            looks,
             top: each(|a| _mm256_set1_ps(top[a])),
             end: each(|a| _mm256_set1_ps(end[a])),
             voxels: [of(nx), of(nx * ny)],
             bricks: [of(bricks[0]), of(bricks[0] * bricks[1])],
-            clear: _mm256_set1_epi32(classifier.clear_up_to()),
-            axis: each(|c| _mm256_set1_ps(classifier.axis()[c])),
+            clear: _mm256_set1_epi32(looks.clear_up_to()),
+            axis: each(|c| _mm256_set1_ps(looks.axis()[c])),
         }
     }
 
     /// The cells of places, as [`Shape::place`](crate::samples::Shape::place) finds them.
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn cell(&self, at: [__m256; 3]) -> [__m256i; 3] {
+    pub(crate) fn cell(&self, at: [__m256; 3]) -> [__m256i; 3] {
         each(|a| _mm256_cvttps_epi32(clamped(at[a], self.top[a])))
     }
 
     /// Linear index of each cell's brick.
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn brick(&self, cell: [__m256i; 3]) -> __m256i {
+    pub(crate) fn brick(&self, cell: [__m256i; 3]) -> __m256i {
         let [x, y, z]: [__m256i; 3] = each(|a| _mm256_srli_epi32::<{ BRICK.ilog2() as i32 }>(cell[a]));
         let [by, bz] = self.bricks;
         _mm256_add_epi32(x, _mm256_add_epi32(_mm256_mullo_epi32(by, y), _mm256_mullo_epi32(bz, z)))
@@ -312,14 +392,10 @@ impl<'a, T: Pairs> Lanes<'a, T> {
         _mm256_blendv_epi8(next, _mm256_add_epi32(last, one), inside)
     }
 
-    /// [`Field::classified`] in the lanes that `look`; zero in the others.
+    /// Value at places, and its place in a table. The first also tells the first voxels of the places' cells, and where in the cells they are.
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn classified<const LABELLED: bool, const SHADED: bool>(
-        &self,
-        at: [__m256; 3],
-        look: __m256i,
-    ) -> [__m256; 4] {
+    pub(crate) fn sample(&self, at: [__m256; 3]) -> Sample {
         let cell = self.cell(at);
         let [cx, cy, cz] = cell;
         let within = each(|a| _mm256_sub_ps(clamped(at[a], self.end[a]), _mm256_cvtepi32_ps(cell[a])));
@@ -329,53 +405,18 @@ impl<'a, T: Pairs> Lanes<'a, T> {
         let value = self.value(base, within);
         let [low, scale, top] = self.axis;
         let index = _mm256_add_ps(_mm256_mul_ps(_mm256_sub_ps(value, low), scale), _mm256_set1_ps(0.5));
-        let mut index = _mm256_cvttps_epi32(clamped(index, top));
-        if !LABELLED {
-            let visible = _mm256_cmpgt_epi32(index, self.clear);
-            if !any(_mm256_and_si256(visible, look)) && self.field.warp.is_none() {
-                return [_mm256_setzero_ps(); 4];
-            }
-        }
-        if LABELLED {
-            index = _mm256_add_epi32(index, self.rows(base, within));
-        }
-        let mut seen = look;
-        if !T::TYPE.is_integer() {
-            let size = _mm256_andnot_ps(_mm256_set1_ps(-0.0), value);
-            let finite = _mm256_cmp_ps::<_CMP_LT_OQ>(size, _mm256_set1_ps(f32::INFINITY));
-            seen = _mm256_and_si256(seen, _mm256_castps_si256(finite));
-        }
-        let entry = self.entries(index);
-        let mut entry = each(|c| _mm256_and_ps(entry[c], _mm256_castsi256_ps(seen)));
-        let alone = self.field.warp.is_some()
-            || SHADED && any(_mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps())));
-        if alone {
-            entry = self.one_by_one::<LABELLED, SHADED>(at, self.brick(cell), look, entry);
-        }
-        entry
+        Sample { cell, base, within, value, index: _mm256_cvttps_epi32(clamped(index, top)) }
     }
 
-    /// What lanes can't do together: light, and samples that come from elsewhere.
-    #[inline(never)]
+    /// The lanes whose value is a number.
+    #[inline]
     #[target_feature(enable = "avx2")]
-    fn one_by_one<const LABELLED: bool, const SHADED: bool>(
-        &self,
-        at: [__m256; 3],
-        brick: __m256i,
-        look: __m256i,
-        entry: [__m256; 4],
-    ) -> [__m256; 4] {
-        let (bricks, mut entries) = (wholes(brick), transposed(entry));
-        let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
-        for lane in set(look) {
-            let at = each(|a| at[a][lane]);
-            if self.field.moves(bricks[lane] as usize) {
-                entries[lane] = self.field.classified_before::<LABELLED, SHADED>(self.classifier, at, true);
-            } else if SHADED && entries[lane][3] > 0.0 {
-                entries[lane] = self.field.lit(entries[lane], at);
-            }
+    pub(crate) fn finite(value: __m256) -> __m256i {
+        if T::TYPE.is_integer() {
+            return _mm256_set1_epi32(-1);
         }
-        each(|c| spread(|lane| entries[lane][c]))
+        let size = _mm256_andnot_ps(_mm256_set1_ps(-0.0), value);
+        _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LT_OQ>(size, _mm256_set1_ps(f32::INFINITY)))
     }
 
     /// [`Samples::value`](crate::samples::Samples::value) in the cells that begin at `base`.
@@ -392,6 +433,65 @@ impl<'a, T: Pairs> Lanes<'a, T> {
         };
         mix(mix(along(0), along(dy), fy), mix(along(dz), along(dz + dy), fy), fz)
     }
+}
+
+/// A value in lanes, and where it lies.
+pub(crate) struct Sample {
+    pub(crate) cell: [__m256i; 3],
+    /// First voxels of the cells.
+    base: __m256i,
+    /// Where in the cells.
+    within: [__m256; 3],
+    pub(crate) value: __m256,
+    /// Place in a table; that of no value means nothing.
+    pub(crate) index: __m256i,
+}
+
+impl<T: Pairs, const LABELLED: bool, const SHADED: bool> Lanes<'_, T, AtMiddle<'_, LABELLED, SHADED>> {
+    /// [`Field::classified`] in the lanes that `look`; zero in the others.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn classified(&self, at: [__m256; 3], look: __m256i) -> [__m256; 4] {
+        let Sample { cell, base, within, value, mut index } = self.sample(at);
+        if !LABELLED {
+            let visible = _mm256_cmpgt_epi32(index, self.clear);
+            if !any(_mm256_and_si256(visible, look)) && self.field.warp.is_none() {
+                return [_mm256_setzero_ps(); 4];
+            }
+        }
+        if LABELLED {
+            index = _mm256_add_epi32(index, self.rows(base, within));
+        }
+        let seen = _mm256_and_si256(look, Self::finite(value));
+        let entry = self.entries(index);
+        let mut entry = each(|c| _mm256_and_ps(entry[c], _mm256_castsi256_ps(seen)));
+        let alone = self.field.warp.is_some()
+            || (SHADED || self.looks.0.steep().is_some())
+                && any(_mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps())));
+        if alone {
+            entry = self.one_by_one(at, self.brick(cell), look, entry);
+        }
+        entry
+    }
+
+    /// What lanes can't do together: light, gradients, and samples that come from elsewhere.
+    #[inline(never)]
+    #[target_feature(enable = "avx2")]
+    fn one_by_one(&self, at: [__m256; 3], brick: __m256i, look: __m256i, entry: [__m256; 4]) -> [__m256; 4] {
+        let (bricks, mut entries) = (wholes(brick), transposed(entry));
+        let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
+        for lane in set(look) {
+            let at = each(|a| at[a][lane]);
+            let moves = self.field.moves(bricks[lane] as usize);
+            let is_steep = self.looks.0.steep().is_some() && entries[lane][3] > 0.0;
+            if moves || is_steep {
+                entries[lane] = self.field.classified_before::<LABELLED, SHADED>(self.looks.0, at, moves);
+            } else if SHADED && entries[lane][3] > 0.0 {
+                entries[lane] = self.field.lit(entries[lane], at);
+            }
+        }
+        each(|c| spread(|lane| entries[lane][c]))
+    }
 
     /// First entries of the rows of the voxels nearest to places.
     #[inline]
@@ -406,119 +506,16 @@ impl<'a, T: Pairs> Lanes<'a, T> {
             nearest = _mm256_add_epi32(nearest, up);
         }
         let nearest = wholes(nearest);
-        whole(|lane| self.classifier.row_start(self.field.ids[nearest[lane] as usize]) as i32)
+        whole(|lane| self.looks.0.row_start(self.field.ids[nearest[lane] as usize]) as i32)
     }
 
     /// Entries of the transfer function, a component a vector.
     #[inline]
     #[target_feature(enable = "avx2")]
     fn entries(&self, index: __m256i) -> [__m256; 4] {
-        let table = self.classifier.table().as_ptr();
+        let table = self.looks.0.table().as_ptr();
         let index = indices(index);
-        // SAFETY: an index clamped to a row, after the first entry of a row; entries are four floats.
-        let entry = |lane: usize| unsafe { _mm_loadu_ps(table.add(index[lane] as usize).cast()) };
-        let both = |lane: usize| _mm256_set_m128(entry(lane + 4), entry(lane));
-        let [a, b, c, d] = [both(0), both(1), both(2), both(3)];
-        let (ab_low, ab_high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
-        let (cd_low, cd_high) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
-        [
-            _mm256_shuffle_ps::<0b01_00_01_00>(ab_low, cd_low),
-            _mm256_shuffle_ps::<0b11_10_11_10>(ab_low, cd_low),
-            _mm256_shuffle_ps::<0b01_00_01_00>(ab_high, cd_high),
-            _mm256_shuffle_ps::<0b11_10_11_10>(ab_high, cd_high),
-        ]
+        // SAFETY: an index clamped to a row, after the first entry of a row.
+        unsafe { gathered(|lane| table.add(index[lane] as usize)) }
     }
-}
-
-/// The over operator.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn over(rgba: &mut [__m256; 4], entry: [__m256; 4]) {
-    let through = _mm256_sub_ps(_mm256_set1_ps(1.0), rgba[3]);
-    for (sum, c) in rgba.iter_mut().zip(entry) {
-        *sum = _mm256_add_ps(*sum, _mm256_mul_ps(through, c));
-    }
-}
-
-/// The numbers in `0 ..= top` nearest to `x`; 0 for NaN. Of two operands of which one is no number, `max` and `min` give the second.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn clamped(x: __m256, top: __m256) -> __m256 {
-    _mm256_min_ps(_mm256_max_ps(x, _mm256_setzero_ps()), top)
-}
-
-#[inline]
-#[target_feature(enable = "avx2")]
-fn mix(a: __m256, b: __m256, f: __m256) -> __m256 {
-    _mm256_add_ps(a, _mm256_mul_ps(_mm256_sub_ps(b, a), f))
-}
-
-/// Whether the highest bit of some lane is set.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn any(mask: __m256i) -> bool {
-    _mm256_movemask_ps(_mm256_castsi256_ps(mask)) != 0
-}
-
-/// The lanes whose highest bit is set.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn set(mask: __m256i) -> impl Iterator<Item = usize> {
-    let bits = _mm256_movemask_ps(_mm256_castsi256_ps(mask));
-    (0..LANES).filter(move |lane| bits >> lane & 1 == 1)
-}
-
-#[inline]
-#[target_feature(enable = "avx2")]
-fn each<V: Copy, const N: usize>(value: impl Fn(usize) -> V) -> [V; N] {
-    std::array::from_fn(value)
-}
-
-#[inline]
-#[target_feature(enable = "avx2")]
-fn spread(value: impl Fn(usize) -> f32) -> __m256 {
-    let lanes: [f32; LANES] = std::array::from_fn(value);
-    // SAFETY: eight floats.
-    unsafe { _mm256_loadu_ps(lanes.as_ptr()) }
-}
-
-#[inline]
-#[target_feature(enable = "avx2")]
-fn whole(value: impl Fn(usize) -> i32) -> __m256i {
-    let lanes: [i32; LANES] = std::array::from_fn(value);
-    // SAFETY: eight numbers of 32 bits.
-    unsafe { _mm256_loadu_si256(lanes.as_ptr().cast()) }
-}
-
-#[inline]
-#[target_feature(enable = "avx2")]
-fn floats(vector: __m256) -> [f32; LANES] {
-    let mut lanes = [0.0; LANES];
-    // SAFETY: eight floats.
-    unsafe { _mm256_storeu_ps(lanes.as_mut_ptr(), vector) };
-    lanes
-}
-
-#[inline]
-#[target_feature(enable = "avx2")]
-fn wholes(vector: __m256i) -> [i32; LANES] {
-    let mut lanes = [0; LANES];
-    // SAFETY: eight numbers of 32 bits.
-    unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), vector) };
-    lanes
-}
-
-/// Indices, which are not negative.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn indices(vector: __m256i) -> [u32; LANES] {
-    wholes(vector).map(|i| i as u32)
-}
-
-/// Four components in lanes, lane by lane.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn transposed(components: [__m256; 4]) -> [[f32; 4]; LANES] {
-    let components: [[f32; LANES]; 4] = each(|c| floats(components[c]));
-    std::array::from_fn(|lane| std::array::from_fn(|c| components[c][lane]))
 }

@@ -1,0 +1,101 @@
+//! Steps by the values at their ends, eight rays at a time with AVX2: what [`Field::end`] and [`Field::stretch`] do, with the same operations in the
+//! same order, for the same bytes.
+//!
+//! The argument for the `unsafe` blocks: a place in the table is a value's, clamped to the table's side as [`Preintegrated::index`] does, or 0 in a
+//! lane without one; a table holds every pair of places.
+
+#[allow(clippy::wildcard_imports, reason = "some ten intrinsics")]
+use std::arch::x86_64::*;
+
+use crate::cast::Field;
+use crate::frame::LANES;
+use crate::packet::vectors::{any, each, floats, gathered, set, spread, transposed, whole, wholes};
+use crate::packet::{Lanes, Looks, Pairs};
+
+use super::Preintegrated;
+
+/// A step looks like the values at its ends.
+pub(crate) struct AtEnds<'a, const SHADED: bool>(pub(crate) &'a Preintegrated);
+
+impl<T: Pairs, const SHADED: bool> Looks<T> for AtEnds<'_, SHADED> {
+    fn axis(&self) -> [f32; 3] {
+        self.0.axis()
+    }
+
+    fn clear_up_to(&self) -> i32 {
+        self.0.clear_up_to()
+    }
+
+    /// Places in the table; −1 where there is no data.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    unsafe fn end(lanes: &Lanes<'_, T, Self>, at: [__m256; 3]) -> __m256i {
+        let sample = lanes.sample(at);
+        let missing = _mm256_set1_epi32(-1);
+        let place = _mm256_blendv_epi8(missing, sample.index, Lanes::<T, Self>::finite(sample.value));
+        if lanes.field.warp.is_none() {
+            return place;
+        }
+        let (bricks, places) = (wholes(lanes.brick(sample.cell)), wholes(place));
+        let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
+        whole(|lane| {
+            if lanes.field.moves(bricks[lane] as usize) {
+                let end = lanes.field.end(lanes.looks.0, each(|a| at[a][lane]));
+                end.map_or(-1, |place| place as i32)
+            } else {
+                places[lane]
+            }
+        })
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    unsafe fn look(
+        lanes: &Lanes<'_, T, Self>,
+        [front, back]: [__m256i; 2],
+        at: [__m256; 3],
+        look: __m256i,
+    ) -> [__m256; 4] {
+        let higher = _mm256_max_epi32(front, back);
+        if !any(_mm256_and_si256(_mm256_cmpgt_epi32(higher, lanes.clear), look)) {
+            return [_mm256_setzero_ps(); 4];
+        }
+        let known = _mm256_andnot_si256(_mm256_or_si256(front, back), look);
+        let table = lanes.looks.0;
+        let zero = _mm256_setzero_si256();
+        let (fronts, backs) = (wholes(_mm256_max_epi32(front, zero)), wholes(_mm256_max_epi32(back, zero)));
+        // SAFETY: places in the table.
+        let entry = unsafe { gathered(|lane| table.entry(fronts[lane] as u32, backs[lane] as u32)) };
+        // The highest bit of a lane tells whether it is known.
+        let known = _mm256_srai_epi32::<31>(known);
+        let mut entry = each(|c| _mm256_and_ps(entry[c], _mm256_castsi256_ps(known)));
+        let half_known = any(_mm256_andnot_si256(known, look));
+        let seen = any(_mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps())));
+        if half_known || SHADED && seen {
+            entry = one_by_one::<T, SHADED>(lanes, [front, back], at, look, entry);
+        }
+        entry
+    }
+}
+
+/// What lanes can't do together: light, and steps of which an end has no data.
+#[inline(never)]
+#[target_feature(enable = "avx2")]
+fn one_by_one<T: Pairs, const SHADED: bool>(
+    lanes: &Lanes<'_, T, AtEnds<'_, SHADED>>,
+    ends: [__m256i; 2],
+    at: [__m256; 3],
+    look: __m256i,
+    entry: [__m256; 4],
+) -> [__m256; 4] {
+    let field: &Field<'_, T> = lanes.field;
+    let bricks = wholes(lanes.brick(lanes.cell(at)));
+    let (ends, mut entries) = (ends.map(|end| wholes(end)), transposed(entry));
+    let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
+    for lane in set(look) {
+        let ends = ends.map(|end| u32::try_from(end[lane]).ok());
+        let moves = field.moves(bricks[lane] as usize);
+        entries[lane] = field.stretch::<SHADED>(lanes.looks.0, ends, each(|a| at[a][lane]), moves);
+    }
+    each(|c| spread(|lane| entries[lane][c]))
+}
