@@ -56,3 +56,38 @@ fn holes_are_filled_by_both_names() {
     let [plain, new, old] = [edit(&[]), edit(&["--fill-holes"]), edit(&["--fill"])];
     assert!(plain < new && new == old, "{plain} {new} {old}");
 }
+
+#[test]
+fn a_scene_starts_a_surface_from_a_drawn_part() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "spheres", "--size", "32", "-o", "v.ivd"]);
+    assert!(ivd(at, &["export", "v.ivd", "-o", "v.nii"]).status.success());
+    json(at, &["boundary", "v.ivd", "--above", "100", "-o", "drawn.ivd"]);
+    assert!(ivd(at, &["export", "drawn.ivd", "-o", "drawn.nii"]).status.success());
+    let surface = ["boundary", "v.nii", "--method", "surface", "--start", "drawn.ivd", "-o", "part.ivd"];
+    let alone = json(at, &surface)["metrics"]["voxels"].as_u64().unwrap();
+    let scene = |start: &str, method: &str| {
+        let text = format!(
+            "schema = 1\n[input]\nfile = \"v.nii\"\nstart = \"{start}\"\n[boundary]\nmethod = \"{method}\"\n\
+             [output]\nmask = \"part.nrrd\"\n"
+        );
+        std::fs::write(at.join("scene.toml"), text).unwrap();
+    };
+    for start in ["drawn.ivd", "drawn.nii"] {
+        scene(start, "surface");
+        let run = json(at, &["pipeline", "scene.toml", "--out", "out", "--cache", "off"]);
+        let stages = run["stages"].as_array().unwrap();
+        let part = stages.iter().find(|stage| stage["stage"] == "boundary").unwrap();
+        assert_eq!(part["metrics"]["voxels"].as_u64().unwrap(), alone, "{start}");
+    }
+    scene("gone.nii", "surface");
+    let (code, text) = refused(at, &["pipeline", "scene.toml", "--out", "out"]);
+    assert!(code == 7 && text.contains("gone.nii"), "{code} {text}");
+    scene("v.ivd", "surface");
+    let (code, text) = refused(at, &["pipeline", "scene.toml", "--out", "out"]);
+    assert!(code == 3 && text.contains("v.ivd") && text.contains("mask"), "{code} {text}");
+    scene("drawn.ivd", "component");
+    let (code, text) = refused(at, &["pipeline", "scene.toml", "--out", "out"]);
+    assert!(code == 2 && text.contains("input.start") && text.contains("surface"), "{code} {text}");
+}

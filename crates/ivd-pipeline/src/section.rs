@@ -203,7 +203,7 @@ fn with_takers(stage: &Stage, method: &Method, keys: &Json, mut problem: ParamEr
 }
 
 /// A key that the method doesn't read is a mistake, whoever wrote it expects something of it; but for one that says what it would say
-/// anyway.
+/// anyway: the default of every method that reads it.
 fn drop_foreign_defaults(
     stage: &'static Stage,
     method: &'static Method,
@@ -213,12 +213,12 @@ fn drop_foreign_defaults(
     let foreign: Vec<String> =
         keys.keys().filter(|key| fields(schema).all(|field| field.name != *key)).cloned().collect();
     for key in foreign {
-        let (mut readers, mut says_nothing) = (Vec::new(), false);
+        let (mut readers, mut says_nothing) = (Vec::new(), true);
         for other in stage.methods {
             let schema = (other.schema)();
             if let Some(field) = fields(schema).find(|field| field.name == key) {
                 readers.push(other.name);
-                says_nothing |= keys.get(&key).is_some_and(|value| is_default(value, field));
+                says_nothing &= keys.get(&key).is_some_and(|value| is_default(value, field));
             }
         }
         if readers.is_empty() {

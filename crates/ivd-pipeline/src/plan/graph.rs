@@ -5,7 +5,7 @@ use ivd_io::volume::{RawLayout, ReadOptions};
 
 use crate::list::STAGES;
 use crate::scene::{InputSection, Loaded, Picture, Scene};
-use crate::stages::{IMPORT, Import, ImportSource};
+use crate::stages::{IMPORT, Import, ImportDrawn, ImportSource};
 use crate::{Error, Stage};
 
 /// A place of a pipeline: a stage and which of its uses it is.
@@ -21,6 +21,9 @@ impl NodeId {
     /// The volume's.
     pub const IMPORT: Self = Self { stage: IMPORT, variant: "" };
 
+    /// That of a drawn start.
+    pub const START: Self = Self { stage: IMPORT, variant: "start" };
+
     /// The place that a stage of the list is named by.
     pub const fn of(stage: &op::Stage) -> Self {
         Self { stage: stage.name, variant: "" }
@@ -34,6 +37,8 @@ impl NodeId {
 
 /// What the import gives.
 const VOLUME: Place = Place::only("volume");
+/// What the import of a drawn start gives.
+const DRAWN: Place = Place::only(NodeId::START.variant);
 /// Nobody asks for what a place gives.
 const UNASKED: &str = VOLUME.unread;
 /// Output files that are named otherwise than the value that they hold.
@@ -118,7 +123,7 @@ impl Plan {
     /// Parameters that don't fit together.
     pub fn new(loaded: &Loaded, input: Option<&Path>, until: Option<&str>) -> Result<Self, Error> {
         let scene = &loaded.scene;
-        let mut plan = Self { nodes: wire(scene, import(loaded, input)?) };
+        let mut plan = Self { nodes: wire(scene, import(loaded, input)?, drawn(loaded)) };
         match until {
             Some(stage) => plan.want_stage(stage)?,
             None => plan.want_outputs(scene)?,
@@ -139,7 +144,7 @@ impl Plan {
     /// # Errors
     /// Parameters that don't fit together.
     pub fn retune(&mut self, loaded: &Loaded, input: Option<&Path>) -> Result<(), Error> {
-        let fresh = wire(&loaded.scene, import(loaded, input)?);
+        let fresh = wire(&loaded.scene, import(loaded, input)?, drawn(loaded));
         for (node, new) in self.nodes.iter_mut().zip(fresh) {
             node.stage = new.stage;
         }
@@ -300,6 +305,11 @@ fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Error> {
     Ok(Import { source })
 }
 
+/// The start that a scene has drawn.
+fn drawn(loaded: &Loaded) -> Option<ImportDrawn> {
+    loaded.scene.input.start.as_ref().map(|file| ImportDrawn { path: loaded.folder.join(file) })
+}
+
 fn read_options(section: &InputSection) -> ReadOptions {
     ReadOptions {
         raw: section.raw.as_ref().map(|r| RawLayout {
@@ -317,9 +327,12 @@ fn read_options(section: &InputSection) -> ReadOptions {
 
 /// Every place with its stage and the places that fill its slots: each slot is filled with the value of its name that is made last
 /// before it.
-fn wire(scene: &Scene, import: Import) -> Vec<PlanNode> {
+fn wire(scene: &Scene, import: Import, drawn: Option<ImportDrawn>) -> Vec<PlanNode> {
     let mut nodes =
         vec![PlanNode { stage: Some(Box::new(import)), ..PlanNode::new(NodeId::IMPORT, &VOLUME) }];
+    nodes.extend(
+        drawn.map(|drawn| PlanNode { stage: Some(Box::new(drawn)), ..PlanNode::new(NodeId::START, &DRAWN) }),
+    );
     for stage in STAGES {
         for place in stage.places {
             let node = placed(scene, stage, place, &nodes);

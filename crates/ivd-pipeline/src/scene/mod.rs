@@ -10,7 +10,7 @@ mod sections;
 mod stage_sections;
 mod written;
 
-use ivd_core::op::{Op, Stage};
+use ivd_core::op::{Op, Stage, Want};
 use ivd_map::space::SpaceParams;
 use ivd_motion::deform::Asked;
 use schemars::JsonSchema;
@@ -114,6 +114,7 @@ impl Scene {
         if self.input.file.as_ref().is_some_and(|f| f.is_absolute()) {
             return Err("input.file: absolute paths tie a scene to one machine; make it relative to the scene's folder, or use --input".into());
         }
+        self.check_start()?;
         let moved = [
             ("output.volume", self.output.volume.is_some()),
             ("output.displacement", self.output.displacement.is_some()),
@@ -154,6 +155,29 @@ impl Scene {
             );
         }
         Ok(())
+    }
+
+    /// A drawn start lies beside the scene, and something reads it.
+    fn check_start(&self) -> Result<(), String> {
+        let Some(start) = &self.input.start else { return Ok(()) };
+        if start.is_absolute() {
+            return Err("input.start: absolute paths tie a scene to one machine; make it relative to the scene's folder".into());
+        }
+        let reads = |section: &Section| {
+            section.method().slots.iter().any(|slot| slot.name == "start")
+                && section.wants("start") != Want::No
+        };
+        if self.sections.iter().any(reads) {
+            return Ok(());
+        }
+        let readers: Vec<&str> = ivd_boundary::STAGE
+            .methods
+            .iter()
+            .filter(|method| method.slots.iter().any(|slot| slot.name == "start"))
+            .map(|method| method.name)
+            .collect();
+        let readers = readers.join(" or ");
+        Err(format!("input.start: nothing reads it; leave it out, or choose boundary.method = {readers}"))
     }
 
     /// What it asks the lattice to do.

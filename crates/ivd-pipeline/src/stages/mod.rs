@@ -2,6 +2,7 @@
 
 mod clip;
 mod combine;
+mod drawn;
 mod import;
 mod imported_lattice;
 mod lattice_parts;
@@ -14,6 +15,7 @@ use crate::Facts;
 
 pub use clip::{Clip, ClipFigures};
 pub use combine::{Combine, CombineFigures};
+pub use drawn::ImportDrawn;
 pub use import::{
     IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportMask, ImportMaskFigures,
     ImportSource, ImportTransfer, ImportTransferFigures,

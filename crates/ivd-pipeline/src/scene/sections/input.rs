@@ -14,6 +14,10 @@ pub struct InputSection {
     /// Layout of a raw file or of raw slices.
     #[serde(default)]
     pub raw: Option<RawSection>,
+    /// A drawn part that a surface starts from, or that seeds go on from: a mask, or what isn't 0 in a volume file, on the volume's grid.
+    /// Relative to the scene's folder.
+    #[serde(default)]
+    pub start: Option<PathBuf>,
     /// Frame of a 4-D file, from 0.
     #[serde(default)]
     pub frame: Option<usize>,
