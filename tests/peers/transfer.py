@@ -1,4 +1,4 @@
-"""transfer.py IVD DATA [--k 3,4,…] [--only NAME,…] [--palette WORD] [--pictures DIR]: is a transfer function's picture readable?
+"""transfer.py IVD DATA [--k 3,4,…] [--only NAME,…] [--palette WORD] [--pictures DIR] [--noise]: is a transfer function's picture readable?
 
 Segments real volumes by k-means for each K and makes a transfer function of each, with one set of parameters for all. What rays see is
 computed here, from the table in the artefact and the voxels alone, on six views that the program's own rounds don't use: volumes turned in
@@ -9,8 +9,9 @@ Columns: classes that are clear, and that are transitions; mean opacity of rays 
 half opaque and meet no matter, or the reverse, per ray that meets matter (voxels of materials, and those of transitions that lie beyond the
 middle between the means of the background and of the nearest material); visibility over what is asked (the smaller of 5 % and half of what a
 material would cover alone), of the material where that is least; Kullback-Leibler divergence from the target that the program states;
-least CIEDE2000 between colours of materials that touch, over normal vision and three colour blindnesses, and in normal vision; seconds of
-the stage. Needs nibabel, numpy and scipy.
+least CIEDE2000 between colours of materials that touch, over normal vision and three colour blindnesses, and in normal vision; with
+`--noise` the greatest CIEDE2000 between the colours of materials and those of the same (the nearest in mean) under noise of 5 % of the range;
+seconds of the stage. Needs nibabel, numpy and scipy.
 """
 import argparse, pathlib, sys, tempfile
 
@@ -87,21 +88,26 @@ def of_step(opacity, exponent):
     return 1 - (1 - np.clip(opacity, 0, 1)) ** exponent
 
 
+TO_XYZ = number([[.4124564, .3575761, .1804375], [.2126729, .7151522, .0721750], [.0193339, .1191920, .9503041]])
+
+
 def lab(rgb):
-    xyz = np.array([[.4124564, .3575761, .1804375], [.2126729, .7151522, .0721750], [.0193339, .1191920, .9503041]]) @ np.clip(rgb, 0, 1)
-    f = [t ** (1 / 3) if t > 216 / 24389 else (24389 / 27 * t + 16) / 116 for t in xyz / [.95047, 1, 1.08883]]
-    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+    """L*, a*, b* of linear RGB, along the last axis."""
+    xyz = np.clip(rgb, 0, 1) @ TO_XYZ.T / [.95047, 1, 1.08883]
+    f = np.where(xyz > 216 / 24389, np.cbrt(xyz), (24389 / 27 * xyz + 16) / 116)
+    return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
 
 
 def ciede2000(x, y):
-    (l1, a1, b1), (l2, a2, b2) = x, y
+    (l1, a1, b1), (l2, a2, b2) = np.moveaxis(x, -1, 0), np.moveaxis(y, -1, 0)
     weight = lambda c: np.sqrt(c ** 7 / (c ** 7 + 25 ** 7))
     g = .5 * (1 - weight((np.hypot(a1, b1) + np.hypot(a2, b2)) / 2))
     a1, a2 = a1 * (1 + g), a2 * (1 + g)
     c1, c2 = np.hypot(a1, b1), np.hypot(a2, b2)
-    h1, h2 = np.degrees(np.arctan2([b1, b2], [a1, a2])) % 360
-    turn = (h2 - h1 + 180) % 360 - 180 if c1 * c2 else 0
-    h = (h1 + turn / 2) % 360 if c1 * c2 else h1 + h2
+    h1, h2 = np.degrees(np.arctan2(b1, a1)) % 360, np.degrees(np.arctan2(b2, a2)) % 360
+    grey = c1 * c2 == 0
+    turn = np.where(grey, 0, (h2 - h1 + 180) % 360 - 180)
+    h = np.where(grey, h1 + h2, (h1 + turn / 2) % 360)
     l, c = (l1 + l2) / 2, (c1 + c2) / 2
     cos = lambda d: np.cos(np.radians(d))
     t = 1 - .17 * cos(h - 30) + .24 * cos(2 * h) + .32 * cos(3 * h + 6) - .2 * cos(4 * h - 63)
@@ -109,7 +115,7 @@ def ciede2000(x, y):
     dc = (c2 - c1) / (1 + .045 * c)
     dh = 2 * np.sqrt(c1 * c2) * np.sin(np.radians(turn / 2)) / (1 + .015 * c * t)
     rotation = -np.sin(np.radians(60 * np.exp(-((h - 275) / 25) ** 2))) * 2 * weight(c)
-    return np.sqrt(max(dl * dl + dc * dc + dh * dh + rotation * dc * dh, 0))
+    return np.sqrt(np.maximum(dl * dl + dc * dc + dh * dh + rotation * dc * dh, 0))
 
 
 VISIONS = number([[[1, 0, 0], [0, 1, 0], [0, 0, 1]],
@@ -202,6 +208,23 @@ def judge(values, labels, spacing, transfer, record):
         ramp=(ramp.background / max(ramp.past, 1), ramp.differ / max(ramp.rays, 1), least(ramp_share)), colours=colour, share=share)
 
 
+def under_noise(program, folder, values, spacing, k, palette, plain, plain_labels):
+    """Greatest difference between colours of materials and those of the nearest in mean under noise."""
+    noise = np.random.default_rng(1).normal(0, .05 * (values.max() - values.min()), values.shape)
+    # Noise of a scan's own type, so that what its range says stays: values are clipped to it.
+    noisy = np.clip(values + noise, values.min(), values.max()).astype(np.float32)
+    nibabel.save(nibabel.Nifti1Image(noisy, np.diag([*spacing, 1])), folder / "noisy.nii")
+    ivd(program, "import", folder / "noisy.nii", "-o", folder / "noisy.ivd")
+    ivd(program, "segment", folder / "noisy.ivd", "--method", "kmvs", "--k", k, "-o", folder / "noisy-labels.ivd")
+    ivd(program, "atf", folder / "noisy.ivd", folder / "noisy-labels.ivd", "--palette", palette, "-o", folder / "noisy-t.ivd", "--cache", "off")
+    labels, _ = arrays(program, folder, folder / "noisy-labels.ivd")
+    seen = lambda transfer, values, labels: [
+        (float(values[labels == e["class"]].mean()), number(e["rgb"])) for e in transfer["content"]["entries"] if e["opacity"] > 0]
+    there = seen(read(folder / "noisy-t.ivd"), noisy, labels)
+    nearest = lambda at: min(there, key=lambda other: abs(other[0] - at))[1]
+    return max((float(ciede2000(lab(rgb), lab(nearest(at)))) for at, rgb in seen(plain, values, plain_labels)), default=np.nan)
+
+
 def main():
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("program")
@@ -211,9 +234,10 @@ def main():
     words.add_argument("--palette", default="auto")
     words.add_argument("--pictures", type=pathlib.Path)
     words.add_argument("--view", default="25,15")
+    words.add_argument("--noise", action="store_true")
     given = words.parse_args()
-    print("| scan | K | clear | transitions | background | silhouette | least / asked | divergence | ΔE₀₀, any vision | normal | s | ramp: background, silhouette, least |")
-    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
+    print("| scan | K | clear | transitions | background | silhouette | least / asked | divergence | ΔE₀₀, any vision | normal | ΔE₀₀ under noise | s | ramp: background, silhouette, least |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|")
     params = None
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
@@ -228,9 +252,10 @@ def main():
                 params = record["params"]
                 labels, _ = arrays(given.program, folder, label_file)
                 row = judge(values, labels, spacing, read(file), record)
+                noisy = under_noise(given.program, folder, values, spacing, k, given.palette, read(file), labels) if given.noise else np.nan
                 show = lambda list: " ".join(map(str, list)) or "–"
                 ramp = ", ".join(f"{x:.2f}" for x in row["ramp"])
-                print(f"| {name} | {k} | {show(row['clear'])} | {show(row['transitions'])} | {row['background']:.3f} | {100 * row['silhouette']:.1f} % | {row['least']:.2f} | {row['divergence']:.3f} | {row['blind']:.1f} | {row['normal']:.1f} | {row['seconds']:.2f} | {ramp} |", flush=True)
+                print(f"| {name} | {k} | {show(row['clear'])} | {show(row['transitions'])} | {row['background']:.3f} | {100 * row['silhouette']:.1f} % | {row['least']:.2f} | {row['divergence']:.3f} | {row['blind']:.1f} | {row['normal']:.1f} | {noisy:.1f} | {row['seconds']:.2f} | {ramp} |", flush=True)
                 if given.pictures:
                     given.pictures.mkdir(parents=True, exist_ok=True)
                     picture = given.pictures / f"{name}-{k}.png"
