@@ -35,7 +35,7 @@ fn a_part_of_one_piece_of_a_random_field_gives_one_lattice() {
         let above = 0.42 + 0.1 * noise::unit(case, u64::MAX);
         let params = ComponentParams { above: Some(above), ..ComponentParams::default() };
         let part = component(&volume, None, &params, &Exec::default()).unwrap().mask;
-        let smooth = EditParams { fill: true, ..EditParams::default() };
+        let smooth = EditParams { fill_holes: true, ..EditParams::default() };
         let smooth =
             edit(&EditInputs { volume: &volume, part: &part, other: None }, &smooth, &Exec::default())
                 .unwrap()

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::region::Region;
 
-/// How well the voxels' motion follows the lattice's, at the vertices that are driven or held. Those in a conflict count apart.
+/// How well the voxels' motion follows the lattice's, at the vertices that are driven or held. Those in a conflict count apart, but in
+/// [`SurfaceFit::misfit`].
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct SurfaceFit {
     /// Vertices in reach that a solver moved.
@@ -227,9 +228,16 @@ impl SurfaceFit {
         };
         let (mut missed, mut asked, mut squares, mut moving) = (0.0, 0.0, 0.0, 0_u64);
         let mut apart = Vec::with_capacity(followed.len());
-        for (&v, _) in followed.iter().zip(&in_conflict).filter(|(_, conflict)| !**conflict) {
+        for (&v, &conflict) in followed.iter().zip(&in_conflict) {
             let want = Vector3::from(frame.displacement[v]);
             let difference = (moved[v] - want).norm();
+            if most > 0.0 && want.norm() >= 0.5 * most {
+                missed += (difference / most).powi(2);
+                asked += (want.norm() / most).powi(2);
+            }
+            if conflict {
+                continue;
+            }
             if difference > fit.misfit_max_mm || fit.misfit_max_at_mm.is_none() {
                 (fit.misfit_max_mm, fit.misfit_max_at_mm) = (difference, Some(lattice.world(v).0.into()));
             }
@@ -239,10 +247,6 @@ impl SurfaceFit {
             if want != Vector3::zeros() {
                 squares += in_voxels * in_voxels;
                 moving += 1;
-            }
-            if most > 0.0 && want.norm() >= 0.5 * most {
-                missed += (difference / most).powi(2);
-                asked += (want.norm() / most).powi(2);
             }
         }
         apart.sort_unstable_by(f64::total_cmp);
@@ -345,7 +349,7 @@ pub(super) fn check_misfit(
     })
 }
 
-/// [`SurfaceFit::misfit`] alone, from the vertices that it is about, conflicts included.
+/// [`SurfaceFit::misfit`] alone, from the vertices that it is about.
 pub(super) fn misfit(lattice: &Lattice, motion: &Motion, field: &FieldBricks, frame: &Frame) -> f64 {
     let sampler = Sampler::new(field, lattice.grid());
     let (linear, most) = (lattice.grid().linear_part(), super::region::largest(frame));

@@ -313,7 +313,7 @@ fn what_nothing_reaches_goes_along_and_what_is_held_stays() {
         scene.motion = scene.motion.clone().with_roles(roles.clone().into()).unwrap();
         let specks = roles.iter().filter(|r| **r != 0).count() as u64;
         let biharmonic =
-            || biharmonic(&scene.lattice, &scene.motion, 0, &Default::default(), &Exec::default());
+            || biharmonic(&scene.lattice, &scene.motion, 0, &BiharmonicParams::default(), &Exec::default());
         let fem = || fem(&scene.lattice, None, &scene.motion, 0, &FemParams::default(), &Exec::default());
         for mapped in [scene.mapped(&OctreeParams::default()), biharmonic().unwrap(), fem().unwrap()] {
             let fit = &mapped.figures.followed;

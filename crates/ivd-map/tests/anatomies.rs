@@ -29,11 +29,11 @@ struct Part {
     radii: [f64; 2],
 }
 
-fn part(lattice: Lattice, pick: [f64; 3], radii: [f64; 2], level: u8) -> Part {
+fn part(lattice: &Lattice, pick: [f64; 3], radii: [f64; 2], level: u8) -> Part {
     let exec = Exec::default();
     let params =
         RefineParams { target: ivd_lattice::refine::Target::Level(level).into(), ..RefineParams::default() };
-    let lattice = collapse(&lattice, &params, &exec).unwrap().lattice;
+    let lattice = collapse(lattice, &params, &exec).unwrap().lattice;
     let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), &exec).unwrap();
     let inside = ivd_octree::inside(&lattice, &exec).unwrap();
     Part { lattice, octree, inside, pick, radii }
@@ -71,14 +71,14 @@ fn made(name: &'static str, folder: &Path) -> Part {
                 ..ivd_phantom::Params::default()
             };
             let volume = ivd_phantom::generate(&params, &exec).unwrap().volume;
-            part(surface(&volume, 80.0), [47.5, 82.0, 47.5], [30.0, 30.0], 1)
+            part(&surface(&volume, 80.0), [47.5, 82.0, 47.5], [30.0, 30.0], 1)
         }
         "mri_head" => {
-            part(surface(&scan("mri_head_seg3d/MR.nii.gz"), 60.0), [-306.0, 122.0, 478.0], radii, 2)
+            part(&surface(&scan("mri_head_seg3d/MR.nii.gz"), 60.0), [-306.0, 122.0, 478.0], radii, 2)
         }
         "mni152" => {
             let volume = scan("mni152/mni_icbm152_t1_tal_nlin_sym_09a_converted.nii.gz");
-            part(surface(&volume, 150.0), [68.0, -36.0, -5.0], radii, 2)
+            part(&surface(&volume, 150.0), [68.0, -36.0, -5.0], radii, 2)
         }
         "ct_head" => {
             let raw = RawLayout {
@@ -90,18 +90,18 @@ fn made(name: &'static str, folder: &Path) -> Part {
             };
             let options = ReadOptions { raw: Some(raw), ..ReadOptions::default() };
             let volume = read(&folder.join("ct_head_unc"), &options, &exec).unwrap();
-            part(surface(&volume, 500.0), [-106.0, -8.0, 114.0], radii, 2)
+            part(&surface(&volume, 500.0), [-106.0, -8.0, 114.0], radii, 2)
         }
-        "mri_brain" => part(surface(&scan("mri_brain_dicom"), 900.0), [3.6, 178.8, -44.2], radii, 2),
+        "mri_brain" => part(&surface(&scan("mri_brain_dicom"), 900.0), [3.6, 178.8, -44.2], radii, 2),
         "abdomen" => {
             // The liver.
             let (lattice, pick) = labelled(&scan("ct_abdomen_ts/example_seg.nii.gz"), |v| v == 5.0, 1);
-            part(lattice, pick, radii, 0)
+            part(&lattice, pick, radii, 0)
         }
         "hippocampus" => {
             let (lattice, pick) =
                 labelled(&scan("hippocampus_msd/labels/hippocampus_001.nii.gz"), |v| v > 0.0, 0);
-            part(lattice, pick, [8.0, 16.0], 0)
+            part(&lattice, pick, [8.0, 16.0], 0)
         }
         _ => unreachable!("a name of the list"),
     }

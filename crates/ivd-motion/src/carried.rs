@@ -21,7 +21,7 @@ impl Companions {
             let start = by_x.partition_point(|u| rest[*u as usize].x < at.x);
             let mut best: Option<(f64, u32)> = None;
             // From its place on both sides, as far as x alone doesn't rule them out.
-            let (up, down) = (by_x[start..].iter(), by_x[..start].iter().rev());
+            let (mut up, mut down) = (by_x[start..].iter(), by_x[..start].iter().rev());
             let mut look = |u: u32| {
                 let place = rest[u as usize];
                 let far = (place - at).norm_squared();
@@ -30,8 +30,8 @@ impl Companions {
                 }
                 best.is_some_and(|best| (place.x - at.x).powi(2) <= best.0)
             };
-            let _ = up.map(|u| look(*u)).all(|goes_on| goes_on);
-            let _ = down.map(|u| look(*u)).all(|goes_on| goes_on);
+            let _ = up.all(|u| look(*u));
+            let _ = down.all(|u| look(*u));
             best.map(|best| (v, best.1))
         };
         Self { pairs: carried.par_iter().filter_map(nearest).collect() }

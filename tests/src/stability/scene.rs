@@ -4,10 +4,10 @@ use ivd_core::{ClassChoice, ErrorClass, Grid, Scalar, Volume, VoxelCoord, Voxels
 use ivd_field::shape::{Kind, Shape};
 use ivd_field::warp::{Order, WarpParams};
 use ivd_lattice::refine::{RefineParams, Target};
-use ivd_map::{Band, DepthWeight, OctreeParams, Outside};
+use ivd_map::{Band, DepthWeight, Limit, OctreeParams, Outside};
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring;
-use ivd_motion::ring::RingParams;
+use ivd_motion::ring::{Couple, RingParams};
 use ivd_render::{Mode, Projection, RenderParams, View};
 use nalgebra::{Rotation3, Vector3};
 
@@ -186,6 +186,7 @@ fn ring(random: &mut Seeded) -> RingParams {
         dt: Some(duration / 36.0),
         ground: random.pick(&[1.0, 1.0, 1e-2, 100.0]),
         damping: random.pick(&[1.0, 1.0, 0.1, 30.0]),
+        couple: random.pick(&[Couple::Inside, Couple::Inside, Couple::Straight, Couple::Edges]),
         literal: random.one_in(40),
         ..RingParams::default()
     }
@@ -282,6 +283,7 @@ fn map(random: &mut Seeded, length: f64) -> OctreeParams {
             outside: random.pick(&[Outside::Band, Outside::Band, Outside::Free]),
             margin: random.pick(&[None, None, Some(margin)]),
             tolerance: random.pick(&[0.5, 0.5, 1.0]),
+            limit: random.pick(&[Limit::Refuse, Limit::Refuse, Limit::Stop]),
         },
         ..OctreeParams::default()
     }

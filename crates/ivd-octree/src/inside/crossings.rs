@@ -23,11 +23,11 @@ impl Crossings {
     /// Finds the crossings and checks that each row leaves the lattice as often as it enters.
     pub(crate) fn find(lattice: &Lattice, exec: &Exec) -> Result<Self, Error> {
         let [_, ny, nz] = lattice.grid().dims();
-        Self::of_rows(lattice, [0..ny, 0..nz], exec)
+        Self::of_rows(lattice, &[0..ny, 0..nz], exec)
     }
 
     /// As [`Crossings::find`], of the rows within ranges of y and z alone.
-    pub(crate) fn of_rows(lattice: &Lattice, rows: [Range<usize>; 2], exec: &Exec) -> Result<Self, Error> {
+    pub(crate) fn of_rows(lattice: &Lattice, rows: &[Range<usize>; 2], exec: &Exec) -> Result<Self, Error> {
         let dims = lattice.grid().dims();
         let limit = (1_u64 << OCTREE_MAX_DEPTH) - 2;
         if let Some(&n) = dims.iter().find(|&&n| n as u64 > limit) {
@@ -40,7 +40,7 @@ impl Crossings {
                 let mut found = Vec::new();
                 for triangle in triangles {
                     let corners = triangle.map(|v| fixed_vertex(lattice, v));
-                    crossings(corners, dims, &rows, |y, z, x, sign| found.push(pack(y, z, x, sign)));
+                    crossings(corners, dims, rows, |y, z, x, sign| found.push(pack(y, z, x, sign)));
                 }
                 found
             })

@@ -54,7 +54,7 @@ pub fn inside_box(lattice: &Lattice, ranges: [Range<usize>; 3], exec: &Exec) -> 
     exec.run(|| {
         let [xs, ys, zs] = ranges;
         exec.check_memory("the inside of a lattice", (xs.len() * ys.len() * zs.len()) as u64)?;
-        let crossings = Crossings::of_rows(lattice, [ys.clone(), zs.clone()], exec)?;
+        let crossings = Crossings::of_rows(lattice, &[ys.clone(), zs.clone()], exec)?;
         let mut inside = vec![0_u8; xs.len() * ys.len() * zs.len()];
         inside.par_chunks_mut(xs.len().max(1)).enumerate().for_each(|(row, voxels)| {
             let at = [ys.start + row % ys.len(), zs.start + row / ys.len()];
