@@ -221,8 +221,10 @@ fn every_byte_region_of_an_entry_is_watched() {
     let lattice =
         |out: &str| told(ivd(at, &["lattice", "v.ivd", "--iso", "127.5", "-o", out]).spawn().unwrap());
     told(ivd(at, &["phantom", "sphere", "--size", "8", "-o", "v.ivd"]).spawn().unwrap());
+    // The lattice's entry, which comes after that of the phantom.
+    let before = entries(at);
     let right = lattice("right.ivd");
-    let entry = entries(at).into_iter().next().unwrap();
+    let entry = entries(at).into_iter().find(|entry| !before.contains(entry)).unwrap();
     let sound = std::fs::read(&entry).unwrap();
     for part in 0..48 {
         change(&entry, |bytes| {

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::region::Region;
 
-/// How well the voxels' motion follows the lattice's, at the vertices that are driven or held. Those in a conflict count apart, but in
-/// [`SurfaceFit::misfit`].
+/// How well the voxels' motion follows the lattice's, at the vertices that are driven or held. Those in a conflict don't count in the mean, the
+/// percentiles and the root mean square over all.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct SurfaceFit {
     /// Vertices in reach that a solver moved.
@@ -235,14 +235,14 @@ impl SurfaceFit {
                 missed += (difference / most).powi(2);
                 asked += (want.norm() / most).powi(2);
             }
-            if conflict {
-                continue;
-            }
             if difference > fit.misfit_max_mm || fit.misfit_max_at_mm.is_none() {
                 (fit.misfit_max_mm, fit.misfit_max_at_mm) = (difference, Some(lattice.world(v).0.into()));
             }
             let in_voxels = (to_voxel * (moved[v] - want)).norm();
             fit.misfit_max_voxel = fit.misfit_max_voxel.max(in_voxels);
+            if conflict {
+                continue;
+            }
             apart.push(difference / edge);
             if want != Vector3::zeros() {
                 squares += in_voxels * in_voxels;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ivd_core::{Labels, Lattice, Motion, VoxelIndex};
+use ivd_core::{Labels, Lattice, Motion, Role, VoxelIndex};
 use ivd_field::shape::{Kind as Form, Shape};
 use ivd_motion::freeform::Shaped;
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
@@ -227,7 +227,10 @@ struct Plain {
 impl Plain {
     fn new(asked: &Asked<'_>, params: &Params, motion: &Motion) -> Self {
         let rest = asked.lattice.local_positions();
-        let u = &motion.frames()[motion.frames().len() - 1].displacement;
+        // What is carried has no springs.
+        let last = &motion.frames()[motion.frames().len() - 1].displacement;
+        let of = |(v, u): (usize, &[f64; 3])| if motion.role(v) == Role::Carried { [0.0; 3] } else { *u };
+        let u: Vec<[f64; 3]> = last.iter().enumerate().map(of).collect();
         let made: Vec<f64> = (0..rest.len()).map(|v| asked.stiffness(v, params)).collect();
         let share = |kind: Kind| match kind {
             Kind::Structural => 1.0,
