@@ -131,9 +131,9 @@ pub fn octree(
     exec: &Exec,
 ) -> Result<MapResult, Error> {
     params.check()?;
-    as_far(motion, params.band.limit, |motion| {
-        Prepared::new(lattice, octree, motion, exec)?.map(frame, params, exec)
-    })
+    // A part of the way moves the same vertices.
+    let Prepared { inside, sides, .. } = Prepared::new(lattice, octree, motion, exec)?;
+    as_far(motion, params.band.limit, |motion| nearest(lattice, &inside, &sides, motion, frame, params, exec))
 }
 
 /// Maps every frame of a motion; as [`octree`], with the lattice prepared once.

@@ -24,7 +24,7 @@ pub(crate) struct Level {
 }
 
 /// What a coupling depends on.
-type Coupled = (Vec<(Anchor, f64)>, ring::Couple, bool);
+type Coupled = (Vec<(Anchor, f64)>, ring::Couple);
 
 impl fmt::Debug for Level {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -83,7 +83,7 @@ impl Level {
         exec: &Exec,
     ) -> Result<Motion, Error> {
         let Settings { handles, fixed, .. } = settings;
-        let of: Coupled = (handles.iter().map(|h| (h.at, h.radius)).collect(), params.couple, params.literal);
+        let of: Coupled = (handles.iter().map(|h| (h.at, h.radius)).collect(), params.followers_by());
         let kept = self.coupling.take().filter(|(other, _)| *other == of).map(|(_, coupling)| coupling);
         let coupling = match kept {
             Some(coupling) => coupling,

@@ -22,13 +22,8 @@ struct Content {
     #[serde(default, skip_serializing_if = "is_none")]
     inner: usize,
     /// Whether there are roles; left out where all vertices are driven.
-    #[serde(default, skip_serializing_if = "is_not")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     roles: bool,
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
-fn is_not(there: &bool) -> bool {
-    !*there
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]

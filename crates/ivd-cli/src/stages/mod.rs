@@ -107,8 +107,7 @@ pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> any
     };
     let path = |name: &str| file_of(offer, matches, name);
     let reads = |slot: &str| {
-        let own =
-            section.method().slots.iter().any(|own| own.name == slot) && section.wants(slot) != Want::No;
+        let own = section.method().has_slot(slot) && section.wants(slot) != Want::No;
         own || given.is_needed(&section, slot)
     };
     let (mut files, mut unread): (Vec<(&'static str, Option<&Path>)>, Vec<_>) = (Vec::new(), Vec::new());

@@ -58,7 +58,7 @@ impl Precursor {
 
     /// The methods that go on from its result.
     pub(super) fn names(self) -> Vec<&'static str> {
-        let reads = |method: &&Method| method.slots.iter().any(|slot| slot.name == self.place.gives);
+        let reads = |method: &&Method| method.has_slot(self.place.gives);
         self.stage.methods.iter().filter(reads).map(|method| method.name).collect()
     }
 

@@ -194,13 +194,13 @@ pub(super) fn check_unread(
     file: Option<&Path>,
     is_method_chosen: bool,
 ) -> anyhow::Result<()> {
-    let has = |method: &Method| method.slots.iter().any(|own| own.name == slot);
     let is_key = list::keys(stage).iter().any(|key| key.name == slot);
-    let refused = |file: &Path| is_key && !has(method) && !(is_method_chosen && file.exists());
+    let refused = |file: &Path| is_key && !method.has_slot(slot) && !(is_method_chosen && file.exists());
     if !file.is_some_and(refused) {
         return Ok(());
     }
-    let readers: Vec<&str> = stage.methods.iter().filter(|method| has(method)).map(|own| own.name).collect();
+    let readers: Vec<&str> =
+        stage.methods.iter().filter(|method| method.has_slot(slot)).map(|own| own.name).collect();
     Err(Failure::usage(format!(
         "--{}: {} doesn't read it; leave it out, or choose --{} {}",
         flag(slot),

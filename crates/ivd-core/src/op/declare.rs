@@ -63,6 +63,12 @@ impl Method {
     pub const fn with(self, name: &'static str) -> Self {
         Self { with: name, ..self }
     }
+
+    /// Whether it has a slot of this name.
+    #[must_use]
+    pub fn has_slot(&self, name: &str) -> bool {
+        self.slots.iter().any(|slot| slot.name == name)
+    }
 }
 
 /// A use of a stage in a scene. Its slots are filled with the values of their names that are made last before it.

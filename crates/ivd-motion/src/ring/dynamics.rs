@@ -35,15 +35,14 @@ pub(super) struct Material {
 
 /// The moving vertices, their springs, and where they are.
 pub(super) struct System<'a> {
-    pub(super) edges: Edges,
+    pub(super) edges: &'a Edges,
     /// Rest positions (mm), relative to the grid's origin.
     pub(super) rest: &'a [Vector3<f64>],
     /// Mass of each vertex (g).
     pub(super) mass: &'a [f64],
     pub(super) material: Material,
-    /// The vertices that may move, ascending; and, of all, which of these are carried.
+    /// The vertices that may move, ascending.
     pub(super) active: Vec<usize>,
-    pub(super) carried: Vec<bool>,
     /// What drives each of them.
     pub(super) drives: Vec<Drive>,
     /// Displacement of every vertex of the lattice (mm).

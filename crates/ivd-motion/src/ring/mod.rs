@@ -64,11 +64,17 @@ pub struct RingResult {
 }
 
 /// What handles take along, which doesn't depend on where they go.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Coupling {
     couple: Couple,
     /// Target, radius (mm), and the vertices that follow, of each handle.
     followers: Vec<(usize, f64, Vec<u32>)>,
+    /// Whether a vertex follows one of them.
+    reached: Vec<bool>,
+    /// Edges in the handles' balls.
+    edges: Edges,
+    /// Those that pull: what is carried pulls nobody.
+    tied: Edges,
 }
 
 impl Coupling {
@@ -88,7 +94,7 @@ impl Coupling {
             let rest = lattice.local_positions();
             let targets = find_targets(lattice, &rest, handles, true)?;
             let edges = Edges::new(lattice, &rest, |v| is_near(&rest, &targets, handles, v as usize));
-            let couple = if params.literal { Couple::Edges } else { params.couple };
+            let couple = params.followers_by();
             let of = |(&target, handle): (&usize, &Handle)| {
                 let followers = match couple {
                     Couple::Edges => Rings::new(&edges, &rest, target, handle.radius).reached(),
@@ -99,16 +105,22 @@ impl Coupling {
                 };
                 Ok((target, handle.radius, followers))
             };
-            let followers = targets.iter().zip(handles).map(of).collect::<Result<_, Error>>()?;
-            Ok(Self { couple, followers })
+            let followers: Vec<(usize, f64, Vec<u32>)> =
+                targets.iter().zip(handles).map(of).collect::<Result<_, Error>>()?;
+            let mut reached = vec![false; rest.len()];
+            for &v in followers.iter().flat_map(|(_, _, followers)| followers) {
+                reached[v as usize] = true;
+            }
+            let tied = edges.clone().between(|v| reached[v] || !is_near(&rest, &targets, handles, v));
+            Ok(Self { couple, followers, reached, edges, tied })
         })
     }
 
     /// Whether it is that of handles on these vertices.
     fn fits(&self, targets: &[usize], handles: &[Handle], params: &RingParams) -> bool {
-        let couple = if params.literal { Couple::Edges } else { params.couple };
         let now = targets.iter().zip(handles).map(|(target, handle)| (*target, handle.radius));
-        self.couple == couple && now.eq(self.followers.iter().map(|(target, radius, _)| (*target, *radius)))
+        self.couple == params.followers_by()
+            && now.eq(self.followers.iter().map(|(target, radius, _)| (*target, *radius)))
     }
 }
 
@@ -163,12 +175,11 @@ pub fn solve_coupled(
                 remedy: "find again what these handles take along",
             });
         }
-        let edges = Edges::new(lattice, &rest, |v| is_near(&rest, &targets, handles, v as usize));
         let still = Still::new(fixed, lattice, &rest, &targets)?;
         exec.check_cancelled()?;
         let given = Given { rest: &rest, mass: &mass, handles, targets: &targets, still: &still, params };
-        let (mut system, ring_sums) = assemble(edges, &given, coupling);
-        let roles = roles(lattice, &system, &given);
+        let (mut system, ring_sums) = assemble(&given, coupling);
+        let roles = roles(lattice, coupling, &given);
         let (steps, dt) = params.clock();
         let energies = integrate(&mut system, steps, dt, exec)?;
         trust(&system, handles, &targets)?;
@@ -263,13 +274,12 @@ struct Given<'a> {
 }
 
 /// What the motion of each vertex says, as a map reads it.
-fn roles(lattice: &Lattice, system: &System, given: &Given) -> Vec<u8> {
-    let mut follows = vec![false; given.rest.len()];
-    system.active.iter().filter(|v| !system.carried[**v]).for_each(|&v| follows[v] = true);
-    let of = |follows: &bool| if *follows { Role::Driven as u8 } else { Role::Carried as u8 };
-    let mut roles: Vec<u8> = follows.iter().map(of).collect();
+fn roles(lattice: &Lattice, coupling: &Coupling, given: &Given) -> Vec<u8> {
+    let reached = &coupling.reached;
+    let of = |reached: &bool| if *reached { Role::Driven as u8 } else { Role::Carried as u8 };
+    let mut roles: Vec<u8> = reached.iter().map(of).collect();
     // Beyond the balls the next vertices stay: there the following has fallen to 0.
-    for triangle in lattice.triangles().iter().filter(|t| t.iter().any(|v| follows[*v as usize])) {
+    for triangle in lattice.triangles().iter().filter(|t| t.iter().any(|v| reached[*v as usize])) {
         for v in triangle.map(|v| v as usize) {
             if !is_near(given.rest, given.targets, given.handles, v) {
                 roles[v] = Role::Driven as u8;
@@ -285,17 +295,16 @@ fn roles(lattice: &Lattice, system: &System, given: &Given) -> Vec<u8> {
 }
 
 /// Who may move, and what drives whom.
-fn assemble<'a>(edges: Edges, given: &Given<'a>, coupling: &Coupling) -> (System<'a>, Vec<Vec<f64>>) {
+fn assemble<'a>(given: &Given<'a>, coupling: &'a Coupling) -> (System<'a>, Vec<Vec<f64>>) {
     let Given { rest, mass, handles, targets, still, params } = *given;
+    let Coupling { reached, edges, .. } = coupling;
     let stiffness = params.stiffness * 1e3;
     let mut weights: Vec<Vec<(usize, f64)>> = vec![Vec::new(); rest.len()];
     let mut force = vec![Vector3::zeros(); rest.len()];
     let mut ring_sums = Vec::new();
-    let mut reached = vec![false; rest.len()];
     for (h, (handle, (target, _, followers))) in handles.iter().zip(&coupling.followers).enumerate() {
         let target = *target;
         for v in followers.iter().map(|v| *v as usize) {
-            reached[v] = true;
             let w = taper((rest[v] - rest[target]).norm() / handle.radius);
             if !params.literal || matches!(handle.action, Action::Move(_)) {
                 weights[v].push((target, w * still.freedom(rest[v])));
@@ -305,19 +314,17 @@ fn assemble<'a>(edges: Edges, given: &Given<'a>, coupling: &Coupling) -> (System
             ring_sums.push(Vec::new());
             continue;
         };
-        let rings = Rings::new(&edges, rest, target, handle.radius);
+        let rings = Rings::new(edges, rest, target, handle.radius);
         // A force of 1 mN is 1e3 µN.
         let pull = Vector3::from(pull) * 1e3;
-        let (shares, sums) = rings.shares(&edges, rest, pull / stiffness, params.epsilon, params.literal);
+        let (shares, sums) = rings.shares(edges, rest, pull / stiffness, params.epsilon, params.literal);
         ring_sums.push(sums);
         let again = targets[..h].contains(&target);
         for (v, share) in shares.into_iter().filter(|(v, _)| !again && reached[*v]) {
             force[v] += pull * share * still.freedom(rest[v]);
         }
     }
-    // What is carried pulls nobody.
-    let edges = edges.between(|v| reached[v] || !is_near(rest, targets, handles, v));
-    // It goes along as what follows as near to the handles does.
+    // What is carried goes along as what follows as near to the handles does.
     let mut carried = vec![false; rest.len()];
     if !params.literal {
         for (handle, &target) in handles.iter().zip(targets) {
@@ -344,12 +351,11 @@ fn assemble<'a>(edges: Edges, given: &Given<'a>, coupling: &Coupling) -> (System
     let drives: Vec<Drive> = active.iter().map(drive).collect();
     let ground = if params.literal { 0.0 } else { params.ground * stiffness };
     let system = System {
-        edges,
+        edges: &coupling.tied,
         rest,
         mass,
         material: Material { stiffness, ground, damping: params.damping, push: params.literal },
         deviation: vec![[Vector3::zeros(); 2]; active.len()],
-        carried,
         active,
         drives,
         displacement: vec![Vector3::zeros(); rest.len()],

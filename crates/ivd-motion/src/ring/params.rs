@@ -76,6 +76,11 @@ impl RingParams {
         check_fields(self)
     }
 
+    /// How followers are found: along edges where the thesis is reproduced.
+    pub fn followers_by(&self) -> Couple {
+        if self.literal { Couple::Edges } else { self.couple }
+    }
+
     /// Number of steps, and their length (s).
     pub(super) fn clock(&self) -> (usize, f64) {
         let wanted = (self.duration / self.dt.unwrap_or(self.duration / 200.0)).ceil();

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 
 /// Neighbours of the vertices that may be reached along the triangles' edges, ascending, each once; those of the others
 /// are not all known.
+#[derive(Debug, Clone)]
 pub(super) struct Edges {
     first: Vec<u32>,
     other: Vec<u32>,

@@ -17,8 +17,6 @@ const DETOUR: f64 = 1.5;
 /// A step from voxel to voxel goes to one of 26 neighbours: ways are up to an eighth too long. A lattice that isn't closed has no voxels inside: ways
 /// go along its edges.
 ///
-/// - `near`: whether a vertex lies in the ball.
-///
 /// # Errors
 /// Memory, cancelled.
 pub(super) fn followers(

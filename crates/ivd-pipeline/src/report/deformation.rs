@@ -4,9 +4,9 @@ use ivd_field::certificate::Histogram;
 use ivd_field::class_volume::ClassVolume;
 use ivd_field::warp;
 use ivd_field::warp::WarpFigures;
+use ivd_map::MapFigures;
 use ivd_map::space;
 use ivd_map::space::SpaceFigures;
-use ivd_map::{MapFigures, SurfaceFit};
 use ivd_motion::deform;
 use ivd_report::html::number;
 use ivd_report::{Bars, Cell, MOST_ROWS, bars, histogram, pairs, shortened_table, shown, table};
@@ -16,18 +16,9 @@ use crate::{Error, StageRecord, figures_of};
 /// The figures of a deformation.
 pub(super) struct Moves {
     deform: Option<deform::Figures>,
-    /// What the map tells of the lattice.
-    map: Option<OfLattice>,
+    map: Option<MapFigures>,
     last: Carried,
     warp: Option<WarpFigures>,
-}
-
-/// How the map follows the lattice.
-struct OfLattice {
-    followed: SurfaceFit,
-    share: f64,
-    largest_mm: f64,
-    largest_at_mm: Option<[f64; 3]>,
 }
 
 /// Figures of the displacement that is carried out.
@@ -44,17 +35,11 @@ impl Moves {
     pub(super) fn of(records: &[StageRecord]) -> Result<Option<Self>, Error> {
         let space: Option<SpaceFigures> = figures_of(records, space::STAGE.name)?;
         let map: Option<MapFigures> = figures_of(records, ivd_map::STAGE.name)?;
-        let lattice = map.as_ref().map(|map| OfLattice {
-            followed: map.followed.clone(),
-            share: map.share,
-            largest_mm: map.largest_mm,
-            largest_at_mm: map.largest_at_mm,
-        });
         // Steps in space have the last word over the voxels; what the lattice makes of it is the map's.
-        let last = space.map(Carried::from).or(map.map(Carried::from));
+        let last = space.map(Carried::from).or(map.clone().map(Carried::from));
         let Some(last) = last else { return Ok(None) };
         let deform = figures_of(records, deform::STAGE.name)?;
-        Ok(Some(Self { deform, map: lattice, last, warp: figures_of(records, warp::STAGE.name)? }))
+        Ok(Some(Self { deform, map, last, warp: figures_of(records, warp::STAGE.name)? }))
     }
 }
 
@@ -121,8 +106,8 @@ pub(super) fn deformation(moves: &Moves, lengths: &[f64]) -> String {
 }
 
 /// What drives the map, and how closely it follows.
-fn followed(map: &OfLattice) -> String {
-    let OfLattice { followed: fit, share, largest_mm, largest_at_mm } = map;
+fn followed(map: &MapFigures) -> String {
+    let MapFigures { followed: fit, share, largest_mm, largest_at_mm, .. } = map;
     let place = |at: Option<[f64; 3]>| at.map_or_else(|| "–".to_owned(), |at| at.map(number).join(", "));
     pairs(&[
         ("vertices in reach: driven", shown(fit.vertices_driven)),

@@ -163,17 +163,15 @@ impl Scene {
         if start.is_absolute() {
             return Err("input.start: absolute paths tie a scene to one machine; make it relative to the scene's folder".into());
         }
-        let reads = |section: &Section| {
-            section.method().slots.iter().any(|slot| slot.name == "start")
-                && section.wants("start") != Want::No
-        };
+        let reads =
+            |section: &Section| section.method().has_slot("start") && section.wants("start") != Want::No;
         if self.sections.iter().any(reads) {
             return Ok(());
         }
         let readers: Vec<&str> = ivd_boundary::STAGE
             .methods
             .iter()
-            .filter(|method| method.slots.iter().any(|slot| slot.name == "start"))
+            .filter(|method| method.has_slot("start"))
             .map(|method| method.name)
             .collect();
         let readers = readers.join(" or ");
