@@ -113,7 +113,10 @@ impl<'a> Prepared<'a> {
     /// # Errors
     /// As [`octree`].
     pub fn map(&self, frame: usize, params: &OctreeParams, exec: &Exec) -> Result<MapResult, Error> {
-        nearest(self.lattice, &self.inside, &self.sides, self.motion, frame, params, exec)
+        // A part of the way moves the same vertices.
+        as_far(self.motion, params.band.limit, |motion| {
+            nearest(self.lattice, &self.inside, &self.sides, motion, frame, params, exec)
+        })
     }
 }
 
@@ -131,9 +134,7 @@ pub fn octree(
     exec: &Exec,
 ) -> Result<MapResult, Error> {
     params.check()?;
-    // A part of the way moves the same vertices.
-    let Prepared { inside, sides, .. } = Prepared::new(lattice, octree, motion, exec)?;
-    as_far(motion, params.band.limit, |motion| nearest(lattice, &inside, &sides, motion, frame, params, exec))
+    Prepared::new(lattice, octree, motion, exec)?.map(frame, params, exec)
 }
 
 /// Maps every frame of a motion; as [`octree`], with the lattice prepared once.
