@@ -54,6 +54,21 @@ impl FieldBricks {
         Ok(Self { dims, table, vectors })
     }
 
+    /// A field that stores these bricks, ascending, whether anything moves in them or not.
+    ///
+    /// # Errors
+    /// As [`FieldBricks::new`].
+    ///
+    /// # Panics
+    /// Where there are fewer bricks.
+    pub fn of_bricks(dims: [usize; 3], bricks: &[usize], vectors: Buffer<[f32; 3]>) -> Result<Self, Error> {
+        let mut table = vec![NO_BRICK; dims.iter().map(|n| n.div_ceil(Self::SIDE)).product()];
+        for (slot, &brick) in bricks.iter().enumerate() {
+            table[brick] = slot as u32;
+        }
+        Self::new(dims, table, vectors)
+    }
+
     /// A field that is 0 everywhere.
     pub fn zero(dims: [usize; 3]) -> Self {
         let bricks: usize = dims.iter().map(|n| n.div_ceil(Self::SIDE)).product();
@@ -84,6 +99,13 @@ impl FieldBricks {
     /// The buffer behind [`FieldBricks::vectors`].
     pub fn buffer(&self) -> &Buffer<[f32; 3]> {
         &self.vectors
+    }
+
+    /// The same field with every vector times a factor.
+    #[must_use]
+    pub fn times(&self, factor: f32) -> Self {
+        let vectors = self.vectors.iter().map(|v| v.map(|c| c * factor + 0.0)).collect();
+        Self { vectors, ..self.clone() }
     }
 
     /// Number of stored bricks.

@@ -185,6 +185,43 @@ impl Grid {
         std::array::from_fn(|a| radius * to_voxel.row(a).norm())
     }
 
+    /// The bricks of 8³ voxels that balls may meet, ascending.
+    ///
+    /// - `balls`: centres, relative to the grid's origin, and radii (mm).
+    pub fn bricks_of_balls(&self, balls: impl Iterator<Item = (Vector3<f64>, f64)>) -> Vec<usize> {
+        let bricks = self.dims().map(|n| n.div_ceil(8));
+        let mut hit = vec![false; bricks.iter().product()];
+        let half = 3.5 * self.voxel_diagonal();
+        for (centre, radius) in balls {
+            let (lo, hi) = self.brick_range(centre, radius);
+            for bz in lo[2]..hi[2] {
+                for by in lo[1]..hi[1] {
+                    for bx in lo[0]..hi[0] {
+                        let middle =
+                            Vector3::new(bx as f64, by as f64, bz as f64) * 8.0 + Vector3::repeat(3.5);
+                        if (self.linear_part() * middle - centre).norm() <= radius + half {
+                            hit[bx + bricks[0] * (by + bricks[1] * bz)] = true;
+                        }
+                    }
+                }
+            }
+        }
+        (0..hit.len()).filter(|&b| hit[b]).collect()
+    }
+
+    /// Bricks that the box round a ball spans, half open.
+    fn brick_range(&self, centre: Vector3<f64>, radius: f64) -> ([usize; 3], [usize; 3]) {
+        let at = self.inverse_linear_part() * centre;
+        let extent = self.ball_extent(radius);
+        let (mut lo, mut hi) = ([0; 3], [0; 3]);
+        for a in 0..3 {
+            let top = self.dims()[a].div_ceil(8) as f64;
+            lo[a] = ((at[a] - extent[a]) / 8.0).floor().clamp(0.0, top) as usize;
+            hi[a] = (((at[a] + extent[a]) / 8.0).floor() + 1.0).clamp(0.0, top) as usize;
+        }
+        (lo, hi)
+    }
+
     /// World position (mm) of a voxel coordinate.
     pub fn world(&self, voxel: VoxelCoord) -> World {
         World(Vector3::from(self.origin) + self.linear_part() * voxel.0)
@@ -193,6 +230,18 @@ impl Grid {
     /// Voxel coordinate of a world position (mm).
     pub fn voxel(&self, world: World) -> VoxelCoord {
         VoxelCoord(self.inverse_linear_part() * (world.0 - Vector3::from(self.origin)))
+    }
+
+    /// Voxels along a cell's edges: at most four, powers of two, about as long (mm) along every axis.
+    ///
+    /// - `edge`: along the shortest voxels; without it four, and fewer where a ball of radius `least` (mm) would have less than a dozen cells
+    ///   across.
+    pub fn cell_steps(&self, edge: Option<u8>, least: f64) -> [usize; 3] {
+        let spacing = self.spacing();
+        let shortest = self.shortest_edge();
+        let length =
+            edge.map_or_else(|| (4.0 * shortest).min(least / 6.0), |edge| f64::from(edge) * shortest);
+        spacing.map(|h| [4, 2].into_iter().find(|s| *s as f64 * h <= 1.001 * length).unwrap_or(1))
     }
 
     /// Length of a voxel's diagonal (mm) (the longest one, where the grid is sheared).

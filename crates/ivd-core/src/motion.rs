@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Buffer, Error, Grid, Lattice, World};
+use crate::{Buffer, Error, FieldBricks, Grid, Lattice, World};
 
 /// A ball in rest space.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -77,6 +77,8 @@ pub struct Motion {
     inner: InteriorPoints,
     /// Of each vertex; empty where all are driven.
     roles: Buffer<u8>,
+    /// Of space, a field for every frame; none where the lattice alone was moved.
+    space: Vec<FieldBricks>,
 }
 
 /// A motion that doesn't fit.
@@ -114,6 +116,7 @@ impl Motion {
             reach: Vec::new(),
             inner: InteriorPoints::default(),
             roles: Vec::new().into(),
+            space: Vec::new(),
         })
     }
 
@@ -164,6 +167,27 @@ impl Motion {
         )))
     }
 
+    /// With the motion of space: see [`Motion::space`].
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] where there isn't a field on the grid for every frame.
+    pub fn with_space(self, space: Vec<FieldBricks>) -> Result<Self, Error> {
+        if !space.is_empty() && space.len() != self.frames.len() {
+            return Err(bad(format!("{} fields of space for {} frames", space.len(), self.frames.len())));
+        }
+        for (f, field) in space.iter().enumerate() {
+            if field.dims() != self.grid.dims() {
+                let problem = format!(
+                    "frame {f} moves space of {:?} voxels, not of {:?}",
+                    field.dims(),
+                    self.grid.dims()
+                );
+                return Err(bad(problem));
+            }
+        }
+        Ok(Self { space, ..self })
+    }
+
     /// The same motion gone in part: displacements times a share of 0 … 1.
     #[must_use]
     pub fn part(&self, share: f64) -> Self {
@@ -175,7 +199,8 @@ impl Motion {
             places: self.inner.places.clone(),
             frames: self.inner.frames.iter().map(of).collect(),
         };
-        Self { frames: frames.collect(), inner, ..self.clone() }
+        let space = self.space.iter().map(|field| field.times(share as f32));
+        Self { frames: frames.collect(), inner, space: space.collect(), ..self.clone() }
     }
 
     /// The grid of the lattice that moves.
@@ -231,6 +256,11 @@ impl Motion {
     /// Points inside rigid parts; none for most.
     pub fn inner(&self) -> &InteriorPoints {
         &self.inner
+    }
+
+    /// The voxels' motion (mm), a field for every frame, where what moved the lattice moved space with it; else none. It is 0 beyond the reach.
+    pub fn space(&self) -> &[FieldBricks] {
+        &self.space
     }
 
     /// What the vertices' motion says, as numbers of [`Role`]; empty where all are driven.
@@ -298,6 +328,25 @@ mod tests {
             (whole.max_displacement(), whole.reach().len(), whole.inner().places.len()),
             (5.0_f64.sqrt(), 1, 1)
         );
+    }
+
+    #[test]
+    fn fields_of_space_fit_the_frames_and_the_grid_and_shrink_with_the_way() {
+        let grid = Grid::with_spacing([3; 3], [1.0; 3]).unwrap();
+        let frame = Frame { time: 0.0, displacement: vec![[2.0, 0.0, 0.0]].into() };
+        let motion = Motion::new(grid, 1, vec![frame]).unwrap();
+        let field =
+            |x: f32| FieldBricks::new([3; 3], vec![0], vec![[x, 0.0, 0.0]; FieldBricks::VOXELS].into());
+        let refused = |space: Vec<FieldBricks>, part: &str| {
+            let error = motion.clone().with_space(space).unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+        };
+        refused(vec![field(1.0).unwrap(); 2], "2 fields of space for 1 frames");
+        refused(vec![FieldBricks::zero([4; 3])], "[4, 4, 4] voxels");
+        let moved = motion.with_space(vec![field(3.0).unwrap()]).unwrap();
+        let half = moved.part(0.5);
+        assert_eq!(half.space()[0].at(crate::VoxelIndex([1; 3])), [1.5, 0.0, 0.0]);
+        assert_eq!(half.frames()[0].displacement[0], [1.0, 0.0, 0.0]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The frame of a motion that is mapped, and the bricks that it may move.
 
-use ivd_core::{Error, Exec, FieldBricks, Frame, Grid, Lattice, Motion, NO_BRICK};
+use ivd_core::{Error, Exec, Frame, Grid, Lattice, Motion};
 use ivd_field::vectors::FARTHEST;
 
 use crate::region::{Region, largest};
@@ -41,17 +41,4 @@ pub(super) fn frame_of<'a>(lattice: &Lattice, motion: &'a Motion, frame: usize) 
         problem: format!("frame {frame} of {}", motion.frames().len()),
         remedy: "name a frame of the motion, counted from 0",
     })
-}
-
-/// A field that stores every brick of Ω, zero or not, so that it can be worked on.
-pub(super) fn all_bricks(
-    grid: &Grid,
-    bricks: &[usize],
-    vectors: Vec<[f32; 3]>,
-) -> Result<FieldBricks, Error> {
-    let mut table = vec![NO_BRICK; grid.dims().iter().map(|n| n.div_ceil(8)).product()];
-    for (slot, &brick) in bricks.iter().enumerate() {
-        table[brick] = slot as u32;
-    }
-    FieldBricks::new(grid.dims(), table, vectors.into())
 }

@@ -72,6 +72,10 @@
 //! In the same `Ω` the equilibrium of neo-Hookean matter, softer outside the lattice ([`FemParams::filler`]), whose vertices move as
 //! they are told to; on hexahedra that are finest round the lattice. See its page.
 //!
+//! # The field of `body`
+//!
+//! What `ivd_motion::elastic` found for the voxels as it moved the lattice: nothing is found anew.
+//!
 //! # No folds
 //!
 //! 1. The nearest point jumps across the medial axis, and neighbouring pieces of a lattice may move differently. Where
@@ -92,6 +96,7 @@
 #![forbid(unsafe_code)]
 
 mod biharmonic;
+mod body;
 mod compose;
 mod error;
 mod fem;
@@ -112,6 +117,7 @@ mod stage;
 mod tests;
 
 pub use biharmonic::{Biharmonic, biharmonic};
+pub use body::body;
 pub use error::Error;
 pub use fem::fem;
 pub use incremental::IncrementalMap;
@@ -119,5 +125,7 @@ pub use nearest::nearest;
 pub use nearest_weight::{Found, Hit, Nearest};
 pub use octree::{Prepared, frames, octree};
 pub use outcome::{MapFigures, MapResult, MapUpdate, SolveFigures, SurfaceFit};
-pub use params::{Band, BiharmonicParams, DepthWeight, Elastic, FemParams, Limit, OctreeParams, Outside};
+pub use params::{
+    Band, BiharmonicParams, BodyParams, DepthWeight, Elastic, FemParams, Limit, OctreeParams, Outside,
+};
 pub use stage::STAGE;

@@ -4,7 +4,7 @@ use ivd_core::op::Op as _;
 use ivd_core::{Error as CoreError, Exec, FieldBricks, Frame, Lattice, Mask, Motion};
 
 use crate::Error;
-use crate::frame::{all_bricks, check_size, frame_of, moving_bricks};
+use crate::frame::{check_size, frame_of, moving_bricks};
 use crate::nearest_weight::{Kept, Nearest, Part, carry, seek};
 use crate::outcome::MapResult;
 use crate::params::{Band, OctreeParams, Outside};
@@ -60,7 +60,7 @@ pub(super) fn carried<N: Nearest>(
     }
     let kept = kept.filter(|_| room(bricks.len(), exec));
     let carried = carry(part, &frame.displacement, region, params, &bricks, kept, exec)?;
-    all_bricks(grid, &bricks, carried)
+    FieldBricks::of_bricks(grid.dims(), &bricks, carried.into())
 }
 
 /// Whether nearest points of so many bricks may be kept.

@@ -153,6 +153,15 @@ impl Default for FemParams {
     }
 }
 
+/// The motion of space that the lattice's came with, from `solver = "body"`: nothing is found anew.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct BodyParams {
+    /// Beyond the lattice.
+    #[serde(flatten)]
+    pub band: Band,
+}
+
 /// A cell's edge divides a brick's.
 pub(super) fn check_cell(cell: Option<u8>) -> Result<(), ParamError> {
     match cell {

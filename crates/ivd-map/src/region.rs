@@ -1,4 +1,4 @@
-use ivd_core::{Frame, Grid, Motion, VoxelCoord, World};
+use ivd_core::{Frame, Grid, Motion, World};
 use ivd_field::falloff::smooth_fall;
 use nalgebra::Vector3;
 
@@ -81,41 +81,8 @@ impl Region {
 
     /// The bricks that Ω may meet, ascending.
     pub(super) fn bricks(&self, grid: &Grid) -> Vec<usize> {
-        let dims = grid.dims();
-        let bricks = dims.map(|n| n.div_ceil(8));
-        let mut hit = vec![false; bricks.iter().product()];
-        let half = 3.5 * grid.voxel_diagonal();
-        for (centre, radius) in &self.balls {
-            let (lo, hi) = brick_range(grid, *centre, radius + self.margin);
-            for bz in lo[2]..hi[2] {
-                for by in lo[1]..hi[1] {
-                    for bx in lo[0]..hi[0] {
-                        let middle =
-                            Vector3::new(bx as f64, by as f64, bz as f64) * 8.0 + Vector3::repeat(3.5);
-                        let middle = grid.linear_part() * VoxelCoord(middle).0;
-                        if (middle - centre).norm() <= radius + self.margin + half {
-                            hit[bx + bricks[0] * (by + bricks[1] * bz)] = true;
-                        }
-                    }
-                }
-            }
-        }
-        (0..hit.len()).filter(|&b| hit[b]).collect()
+        grid.bricks_of_balls(self.balls())
     }
-}
-
-/// Bricks that the box round a ball spans, half open.
-fn brick_range(grid: &Grid, centre: Vector3<f64>, radius: f64) -> ([usize; 3], [usize; 3]) {
-    let at = grid.inverse_linear_part() * centre;
-    let extent = grid.ball_extent(radius);
-    let mut lo = [0; 3];
-    let mut hi = [0; 3];
-    for a in 0..3 {
-        let top = grid.dims()[a].div_ceil(8) as f64;
-        lo[a] = ((at[a] - extent[a]) / 8.0).floor().clamp(0.0, top) as usize;
-        hi[a] = (((at[a] + extent[a]) / 8.0).floor() + 1.0).clamp(0.0, top) as usize;
-    }
-    (lo, hi)
 }
 
 /// Largest motion of a vertex (mm).
@@ -135,7 +102,7 @@ fn ball_of_moved(frame: &Frame, positions: &[Vector3<f64>]) -> Option<(Vector3<f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ivd_core::Ball;
+    use ivd_core::{Ball, VoxelCoord};
     use ivd_field::fixtures::{sheared_grid, voxels};
 
     #[test]

@@ -4,7 +4,9 @@ use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, Want, method};
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Octree, ParamError, slots};
 
 use super::params::check_cell;
-use super::{BiharmonicParams, FemParams, MapFigures, OctreeParams, biharmonic, fem, octree};
+use super::{
+    BiharmonicParams, BodyParams, FemParams, MapFigures, OctreeParams, biharmonic, body, fem, octree,
+};
 
 /// The stage: its methods, and where it stands in a scene.
 pub const STAGE: Stage = Stage {
@@ -16,8 +18,12 @@ pub const STAGE: Stage = Stage {
     places: &[Place { amount: Amount::VoxelsInReach, ..Place::only("displacement") }],
     quiet: false,
 };
-const METHODS: &[Method] =
-    &[method::<OctreeParams>("octree"), method::<BiharmonicParams>("biharmonic"), method::<FemParams>("fem")];
+const METHODS: &[Method] = &[
+    method::<OctreeParams>("octree"),
+    method::<BiharmonicParams>("biharmonic"),
+    method::<FemParams>("fem"),
+    method::<BodyParams>("body"),
+];
 
 slots! {
     /// What is read where nearest lattice points are looked for.
@@ -65,6 +71,18 @@ impl Op for BiharmonicParams {
     fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
         let Moving { lattice, motion } = inputs;
         Ok(biharmonic(lattice, motion, last(motion), self, exec)?.into())
+    }
+}
+
+impl Op for BodyParams {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = Moving<'a>;
+    type Output = Displacement;
+    type Figures = MapFigures;
+
+    fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
+        let Moving { lattice, motion } = inputs;
+        Ok(body(lattice, motion, last(motion), self, exec)?.into())
     }
 }
 

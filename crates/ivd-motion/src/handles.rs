@@ -65,6 +65,14 @@ impl Handle {
         }
         Ok(())
     }
+
+    /// How far it moves its vertex [mm, RAS]; 0 where it pulls.
+    pub(crate) fn way(&self) -> [f64; 3] {
+        match self.action {
+            Action::Move(by) => by,
+            Action::Force(_) => [0.0; 3],
+        }
+    }
 }
 
 impl Pin {
@@ -134,6 +142,18 @@ pub(crate) fn check_pull(handles: &[Handle], fixed: &[Pin]) -> Result<(), Error>
     handles.iter().try_for_each(Handle::check)?;
     fixed.iter().try_for_each(Pin::check)?;
     Ok(())
+}
+
+/// For every vertex, whether a pin holds it.
+pub(crate) fn pinned(lattice: &Lattice, rest: &[Vector3<f64>], fixed: &[Pin]) -> Result<Vec<bool>, Error> {
+    let mut pinned = vec![false; rest.len()];
+    for pin in fixed {
+        let middle = resolve("fixed vertex", &pin.at, lattice, rest)?;
+        pinned[middle] = true;
+        let inside = |at: &Vector3<f64>| (at - rest[middle]).norm() <= pin.radius;
+        pinned.iter_mut().zip(rest).for_each(|(pinned, at)| *pinned |= inside(at));
+    }
+    Ok(pinned)
 }
 
 /// The target vertex of each handle; two on one vertex must agree. `needed`: there must be a handle.

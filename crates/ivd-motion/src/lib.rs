@@ -3,6 +3,7 @@
 //! - [`handles`] says which vertices are moved, pulled or held.
 //! - [`ring::solve`] moves a lattice by them and gives a [`Motion`](ivd_core::Motion); so does [`mass_spring::solve`], as masses on
 //!   springs.
+//! - [`elastic::solve`] moves the space round a lattice with it, as elastic matter.
 //! - [`rigid`] keeps parts of a lattice rigid, bones among soft tissue.
 //! - [`freeform::lattice`] moves one without physics, or goes on from where a solver took it.
 //! - [`deform`] is the stage that scenes and commands know.
@@ -33,6 +34,7 @@
 
 mod carried;
 pub mod deform;
+pub mod elastic;
 pub mod freeform;
 pub mod handles;
 pub mod mass_spring;

@@ -1,6 +1,8 @@
 //! `displacement`: `forward_table`, `forward_vectors`, `inverse_table`, `inverse_vectors`, `vacated` where something
 //! was left behind, and `sides` where something is cut.
 
+use std::borrow::Cow;
+
 use ivd_core::{Buffer, Displacement, FieldBricks};
 use serde::{Deserialize, Serialize};
 
@@ -46,7 +48,12 @@ pub(super) fn encode(displacement: &Displacement) -> Result<Encoded<'_>, String>
     Encoded::new(&content, sections)
 }
 
-fn field<'a>(table: &'static str, vectors: &'static str, field: &'a FieldBricks) -> [SectionBytes<'a>; 2] {
+/// The sections of a field.
+pub(super) fn field<'a>(
+    table: impl Into<Cow<'static, str>>,
+    vectors: impl Into<Cow<'static, str>>,
+    field: &'a FieldBricks,
+) -> [SectionBytes<'a>; 2] {
     let mut shape = vec![field.stored() as u64];
     shape.extend(BRICK_SHAPE);
     [
@@ -72,7 +79,7 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Displacement, Problem>
         .with_sides(sides)?)
 }
 
-fn take_field(
+pub(super) fn take_field(
     decoder: &mut Decoder<'_>,
     table: &str,
     vectors: &str,

@@ -1,10 +1,12 @@
 //! `motion`: a section `displacement/00000`, … of shape `[vertices, 3]` a frame; times and reach as JSON. Where there are inner points:
 //! a section `inner` of their places, and one `inner/00000`, … a frame, of shape `[inner, 3]`. Where not all vertices are driven: a section
-//! `roles` of shape `[vertices]`.
+//! `roles` of shape `[vertices]`. From version 2 on space may move too: sections `space/00000/table` and `space/00000/vectors`, … a frame, as a
+//! displacement's; what has none is written as version 1.
 
 use ivd_core::{Ball, Frame, InteriorPoints, Motion};
 use serde::{Deserialize, Serialize};
 
+use super::displacement::{field, take_field};
 use super::encoded::Encoded;
 use super::real::GridContent;
 use super::sections::{Decoder, SectionBytes};
@@ -24,7 +26,13 @@ struct Content {
     /// Whether there are roles; left out where all vertices are driven.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     roles: bool,
+    /// Whether space moves too; left out where the lattice alone does.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    space: bool,
 }
+
+/// The version before motions of space.
+const WITHOUT_SPACE: u16 = 1;
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
 fn is_none(count: &usize) -> bool {
@@ -46,6 +54,10 @@ fn inner_name(frame: usize) -> String {
     format!("inner/{frame:05}")
 }
 
+fn space_names(frame: usize) -> [String; 2] {
+    ["table", "vectors"].map(|part| format!("space/{frame:05}/{part}"))
+}
+
 pub(super) fn encode(motion: &Motion) -> Result<Encoded<'_>, String> {
     if !motion.frames().iter().all(|f| f.time.is_finite()) {
         return Err("a frame's time is not finite".to_owned());
@@ -58,6 +70,7 @@ pub(super) fn encode(motion: &Motion) -> Result<Encoded<'_>, String> {
         reach: motion.reach().iter().map(ball).collect(),
         inner: motion.inner().places.len(),
         roles: !motion.roles().is_empty(),
+        space: !motion.space().is_empty(),
     };
     let shape = vec![motion.vertex_count() as u64, 3];
     let frames = motion.frames().iter().enumerate();
@@ -79,7 +92,12 @@ pub(super) fn encode(motion: &Motion) -> Result<Encoded<'_>, String> {
             motion.roles(),
         ));
     }
-    Encoded::new(&content, sections)
+    for (i, space) in motion.space().iter().enumerate() {
+        let [table, vectors] = space_names(i);
+        sections.extend(field(table, vectors, space));
+    }
+    let version = (!content.space).then_some(WITHOUT_SPACE);
+    Ok(Encoded { version, ..Encoded::new(&content, sections)? })
 }
 
 pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Motion, Problem> {
@@ -103,7 +121,13 @@ pub(super) fn decode(decoder: &mut Decoder<'_>) -> Result<Motion, Problem> {
     } else {
         Vec::new().into()
     };
+    let grid = content.grid.grid()?;
+    let mut space = Vec::new();
+    for i in 0..if content.space { content.times.len() } else { 0 } {
+        let [table, vectors] = space_names(i);
+        space.push(take_field(decoder, &table, &vectors, grid.dims())?);
+    }
     let reach = content.reach.into_iter().map(|b| Ball { centre: b.centre, radius: b.radius }).collect();
-    let motion = Motion::new(content.grid.grid()?, content.vertex_count, frames)?;
-    Ok(motion.with_reach(reach)?.with_inner(inner)?.with_roles(roles)?)
+    let motion = Motion::new(grid, content.vertex_count, frames)?;
+    Ok(motion.with_reach(reach)?.with_inner(inner)?.with_roles(roles)?.with_space(space)?)
 }

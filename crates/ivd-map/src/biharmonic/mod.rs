@@ -63,7 +63,7 @@ use ivd_field::sampler::{Sampler, brick_at, brick_voxels};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::frame::{all_bricks, check_size, frame_of, moving_bricks};
+use super::frame::{check_size, frame_of, moving_bricks};
 use super::limit::as_far;
 use super::outcome::{SolveFigures, misfit as misfit_of};
 use super::region::{Region, largest};
@@ -73,7 +73,6 @@ use super::{BiharmonicParams, MapResult, MapUpdate, Outside};
 use crate::Error;
 use matrix::Triple;
 use nodes::Cells;
-pub(super) use nodes::steps;
 use step::Step;
 use system::{Places, System};
 
@@ -210,7 +209,11 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let bricks = moving_bricks(grid, &region, frame, exec)?;
             if largest(frame) == 0.0 {
                 let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
-                let still = Made { field: all_bricks(grid, &bricks, zeros)?, repairs: 0, solved: None };
+                let still = Made {
+                    field: FieldBricks::of_bricks(grid.dims(), &bricks, zeros.into())?,
+                    repairs: 0,
+                    solved: None,
+                };
                 let settle = Settle {
                     lattice: &self.lattice,
                     alone: None,
@@ -293,7 +296,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let start = std::mem::take(&mut last.nodes);
         let whole = Step::solve(&last.system, job.region, &self.positions, motions, Some(start), TOLERANCE);
         let bricks = whole.field(grid, &last.system, job.region).sample(None, job.bricks, exec)?;
-        let field = cut(all_bricks(grid, job.bricks, bricks)?, job.settle.alone)?;
+        let field = cut(FieldBricks::of_bricks(grid.dims(), job.bricks, bricks.into())?, job.settle.alone)?;
         let mut solved = SolveFigures {
             nodes: last.system.cells.nodes.free.len() as u64,
             increments: 1,
@@ -324,7 +327,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         exec: &Exec,
     ) -> Result<Option<(FieldBricks, u32)>, Error> {
         let still = vec![[0.0; 3]; FieldBricks::VOXELS * job.bricks.len()];
-        let mut field = all_bricks(self.lattice.grid(), job.bricks, still)?;
+        let mut field = FieldBricks::of_bricks(self.lattice.grid().dims(), job.bricks, still.into())?;
         let (mut gone, mut part, mut increments, mut repairs) = (0.0, 0.5, 0, 0);
         let mut system = None;
         while gone < 1.0 {
@@ -425,7 +428,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let step = Step::solve(equations, job.region, at, &motions, None, LOOSE);
         step.count(solved);
         let bricks = step.field(grid, equations, job.region).sample(Some(field), job.bricks, exec)?;
-        cut(all_bricks(grid, job.bricks, bricks)?, job.settle.alone)
+        cut(FieldBricks::of_bricks(grid.dims(), job.bricks, bricks.into())?, job.settle.alone)
     }
 }
 

@@ -144,7 +144,7 @@ pub(super) struct Cells {
 impl Cells {
     /// The cells of a region. `edge`: voxels along the longest edge of a cell, a power of two.
     pub(super) fn new(grid: &Grid, region: &Region, edge: Option<u8>) -> Self {
-        let step = steps(grid, region, edge);
+        let step = grid.cell_steps(edge, region.balls().map(|b| b.1).fold(f64::INFINITY, f64::min));
         // Vertices lie up to a voxel beyond the grid.
         let low = [-2; 3];
         let high = std::array::from_fn(|a| ((grid.dims()[a] + 1).div_ceil(step[a]) + 1) as i32);
@@ -250,14 +250,4 @@ pub(super) fn weights(place: [f64; 3]) -> [f64; 8] {
     std::array::from_fn(|corner| {
         (0..3).map(|a| if corner >> a & 1 == 1 { place[a] } else { 1.0 - place[a] }).product()
     })
-}
-
-/// Voxels along a cell's edges: at most four, powers of two, about as long (mm) along every axis, and with a dozen cells
-/// across the smallest ball and its margin.
-pub(crate) fn steps(grid: &Grid, region: &Region, edge: Option<u8>) -> [usize; 3] {
-    let spacing = grid.spacing();
-    let least = spacing.iter().copied().fold(f64::INFINITY, f64::min);
-    let radius = region.balls().map(|b| b.1).fold(f64::INFINITY, f64::min);
-    let length = edge.map_or_else(|| (4.0 * least).min(radius / 6.0), |edge| f64::from(edge) * least);
-    spacing.map(|h| [4, 2].into_iter().find(|s| *s as f64 * h <= 1.001 * length).unwrap_or(1))
 }

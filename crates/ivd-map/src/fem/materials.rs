@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use ivd_core::{Labels, Mask, VoxelIndex};
+use ivd_elastic::{Lame, Medium};
 use nalgebra::Vector3;
 
 use super::super::{FemParams, Outside};
-use super::material::Lame;
 
 /// Modulus round a part that moves alone, relative to it.
 const FREE: f64 = 1e-3;
@@ -43,8 +43,15 @@ impl<'a> Materials<'a> {
         }
     }
 
+    /// Shear modulus relative to the inside's.
+    pub(super) fn modulus(&self, lame: &Lame) -> f64 {
+        lame.mu / self.own.mu
+    }
+}
+
+impl Medium for Materials<'_> {
     /// What the voxel nearest to a voxel coordinate is made of; beyond the grid the filler.
-    pub(super) fn at(&self, voxel: Vector3<f64>) -> Lame {
+    fn at(&self, voxel: Vector3<f64>) -> Lame {
         let dims = self.inside.grid().dims();
         let nearest = voxel.map(|c| c.round() as i64);
         if !(0..3).all(|a| (0..dims[a] as i64).contains(&nearest[a])) {
@@ -59,19 +66,14 @@ impl<'a> Materials<'a> {
     }
 
     /// Whether any class has been given a material.
-    pub(super) fn differ(&self) -> bool {
+    fn has_kinds(&self) -> bool {
         !self.classes.is_empty()
     }
 
     /// The class of a voxel, if that has been given a material.
-    pub(super) fn class(&self, voxel: VoxelIndex) -> Option<u16> {
+    fn kind(&self, voxel: VoxelIndex) -> Option<u16> {
         let labels = self.labels?;
         let id = labels.ids()[labels.grid().linear(voxel)];
         self.classes.contains_key(&id).then_some(id)
-    }
-
-    /// Shear modulus relative to the inside's.
-    pub(super) fn modulus(&self, lame: &Lame) -> f64 {
-        lame.mu / self.own.mu
     }
 }

@@ -6,7 +6,7 @@
 //! u minimises  ∫ E(x) W(I + ∇u)   where  u(x_v) = U_v at the vertices  and  u = 0 on ∂Ω
 //! ```
 //!
-//! - `W` is the compressible neo-Hookean energy of [`material`], so that turns cost nothing. `E` is 1 inside the lattice and
+//! - `W` is the compressible neo-Hookean energy of [`ivd_elastic`], so that turns cost nothing. `E` is 1 inside the lattice and
 //!   [`FemParams::filler`] outside, or what [`FemParams::material`] say of a voxel's class; only ratios matter.
 //! - Elements are hexahedra on the cells of a 2:1 balanced octree, finest ([`FemParams::cell`] voxels) round the vertices and at
 //!   borders between materials, at most a quarter of the margin long elsewhere; with eight Gauss points, Lamé's constants at each
@@ -28,36 +28,29 @@
 //! Sources: Bonet & Wood 2008 (the law); Hestenes 1969, Powell 1969 (multipliers); Nocedal & Wright 2006 (Newton's method with
 //! conjugate gradients).
 
-mod blocks;
 mod build;
-mod material;
 mod materials;
-mod mesh;
-mod newton;
-mod system;
-mod tree;
 
 use ivd_core::Error as CoreError;
 use ivd_core::op::Op as _;
 use ivd_core::vertex_class;
 use ivd_core::{Exec, FieldBricks, Frame, Grid, Labels, Lattice, Mask, Motion, NO_DATA, VoxelCoord};
+use ivd_elastic::{Body, Cells, Triple};
 use ivd_field::sampler::interpolate;
 use ivd_field::vectors::sampled;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::biharmonic::cut;
-use super::frame::{all_bricks, check_size, frame_of, moving_bricks};
+use super::frame::{check_size, frame_of, moving_bricks};
 use super::limit::as_far;
 use super::outcome::SolveFigures;
 use super::region::{Region, largest};
 use super::settle::Settle;
 use super::{FemParams, MapResult, Outside};
 use crate::Error;
-use blocks::Triple;
-use build::{Cells, body};
+use build::{body, cells};
 use materials::Materials;
-use system::Body;
 
 /// Most parts that the motion grows in.
 const INCREMENTS: u32 = 8;
@@ -138,15 +131,16 @@ fn map_frame(
     let settle = Settle { lattice, alone, region: &region, motion, frame, band: &params.band };
     if largest(frame) == 0.0 {
         let still = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
-        return settle.settle(all_bricks(lattice.grid(), &bricks, still)?, exec);
+        return settle.settle(FieldBricks::of_bricks(lattice.grid().dims(), &bricks, still.into())?, exec);
     }
-    let cells = Cells::new(lattice.grid(), &region, params.cell);
+    let cells = cells(lattice, &region, params.cell);
     let materials = Materials::new(inside, labels, params);
-    let mut body = body(&cells, lattice, &materials, &region, &|v| motion.role(v).constrains(), exec)?;
+    let mut body = body(&cells, lattice, &materials, &|v| motion.role(v).constrains(), exec)?;
     exec.check_memory("the equations of the map", body.bytes())?;
-    let (field, solved) = equilibrium(&mut body, lattice, frame, cells.length(lattice.grid()), exec)?;
+    let (field, solved) = equilibrium(&mut body, lattice, frame, cells.length(), exec)?;
     let sampled = sample(&body, &cells, lattice.grid(), &field, &bricks, exec)?;
-    let mut mapped = settle.settle(cut(all_bricks(lattice.grid(), &bricks, sampled)?, alone)?, exec)?;
+    let mut mapped = settle
+        .settle(cut(FieldBricks::of_bricks(lattice.grid().dims(), &bricks, sampled.into())?, alone)?, exec)?;
     mapped.figures.solved = Some(solved);
     Ok(mapped)
 }
@@ -262,7 +256,5 @@ fn sample(
     })
 }
 
-#[cfg(test)]
-mod elastic;
 #[cfg(test)]
 mod tests;

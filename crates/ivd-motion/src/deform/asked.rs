@@ -1,7 +1,7 @@
 use ivd_core::op::Job;
 use nalgebra::Vector3;
 
-use super::{Body, Bone, DynamicsMethod, Moves, ProjectiveMethod, RingMethod, XpbdMethod};
+use super::{Body, Bone, DynamicsMethod, ElasticMethod, Moves, ProjectiveMethod, RingMethod, XpbdMethod};
 
 /// What is asked to move, whichever method does it.
 #[derive(Debug, Clone, Copy)]
@@ -25,6 +25,10 @@ impl<'a> Asked<'a> {
         .or_else(|| job.downcast_ref().map(|method: &DynamicsMethod| body(&method.body)))
         .or_else(|| job.downcast_ref().map(|method: &ProjectiveMethod| body(&method.body)))
         .or_else(|| job.downcast_ref().map(|method: &XpbdMethod| body(&method.body)))
+        .or_else(|| {
+            let asked = |method: &'a ElasticMethod| Asked { moves: &method.moves, bones: &method.rigid };
+            job.downcast_ref().map(asked)
+        })
     }
 
     /// Whether nothing moves.

@@ -1,6 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::elastic::ElasticResult;
 use crate::freeform::Shaped;
 use crate::mass_spring;
 use crate::rigid::BoneMotion;
@@ -30,6 +31,31 @@ pub struct Figures {
     /// Of masses on springs.
     #[serde(flatten)]
     pub springs: Option<SpringFigures>,
+    /// Of elastic matter.
+    #[serde(flatten)]
+    pub elastic: Option<ElasticFigures>,
+}
+
+/// What is told of elastic matter beside the rest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ElasticFigures {
+    /// Cells of matter.
+    #[schemars(extend("x-unit" = "1"))]
+    pub cells: usize,
+    /// Nodes that are free to move.
+    #[schemars(extend("x-unit" = "1"))]
+    pub nodes_free: usize,
+    /// Iterations of the equations, of all steps.
+    #[schemars(extend("x-unit" = "1"))]
+    pub iterations: usize,
+    /// Force of each handle at the end: what it pulls with, or what it takes to hold its grip. 0 of one on a bone.
+    #[schemars(extend("x-unit" = "mN"))]
+    pub handle_forces_mn: Vec<[f64; 3]>,
+    /// Sum of the sizes of the forces by which the border of what may move holds the rest.
+    #[schemars(extend("x-unit" = "mN"))]
+    pub border_mn: f64,
+    /// What bones have done, as they were declared.
+    pub bones: Vec<BoneFigures>,
 }
 
 /// What is told of masses on springs beside the rest.
@@ -95,8 +121,15 @@ impl From<&ring::RingResult> for Figures {
     fn from(solved: &ring::RingResult) -> Self {
         let ring::RingResult { vertices_moved, steps, residual, .. } = *solved;
         let ring::RingResult { energy_first, energy_last, max_displacement_mm, .. } = *solved;
-        let springs = None;
-        Self { vertices_moved, steps, residual, energy_first, energy_last, max_displacement_mm, springs }
+        Self {
+            vertices_moved,
+            steps,
+            residual,
+            energy_first,
+            energy_last,
+            max_displacement_mm,
+            ..Self::default()
+        }
     }
 }
 
@@ -117,6 +150,29 @@ impl From<&mass_spring::MassSpringResult> for Figures {
                 handle_forces_mn: solved.handle_forces_mn.clone(),
                 truncation_mn: solved.truncation_mn,
                 truncation: solved.truncation,
+                bones: solved.bones.iter().map(BoneFigures::from).collect(),
+            }),
+            elastic: None,
+        }
+    }
+}
+
+impl From<&ElasticResult> for Figures {
+    fn from(solved: &ElasticResult) -> Self {
+        Self {
+            vertices_moved: solved.vertices_moved,
+            steps: solved.parts,
+            residual: solved.residual,
+            energy_first: solved.energies[0],
+            energy_last: solved.energies[1],
+            max_displacement_mm: solved.max_displacement_mm,
+            springs: None,
+            elastic: Some(ElasticFigures {
+                cells: solved.cells,
+                nodes_free: solved.nodes,
+                iterations: solved.iterations,
+                handle_forces_mn: solved.handle_forces_mn.clone(),
+                border_mn: solved.border_mn,
                 bones: solved.bones.iter().map(BoneFigures::from).collect(),
             }),
         }

@@ -1,7 +1,7 @@
 //! What moves a lattice, as one method of several: solvers for its handles and bones, then changes of shape.
 //!
-//! [`RingMethod`], [`DynamicsMethod`], [`ProjectiveMethod`] and [`XpbdMethod`] hold all that scenes and commands can say of the work;
-//! [`crate::ring`], [`crate::mass_spring`], [`crate::rigid`] and [`crate::freeform`] do it.
+//! [`RingMethod`], [`DynamicsMethod`], [`ProjectiveMethod`], [`XpbdMethod`] and [`ElasticMethod`] hold all that scenes and commands can say of the work;
+//! [`crate::ring`], [`crate::mass_spring`], [`crate::elastic`], [`crate::rigid`] and [`crate::freeform`] do it.
 
 mod asked;
 mod bone;
@@ -12,7 +12,7 @@ mod stage;
 
 pub use asked::Asked;
 pub use bone::Bone;
-pub use figures::{BoneFigures, Figures, SpringFigures};
+pub use figures::{BoneFigures, ElasticFigures, Figures, SpringFigures};
 pub use handle::{Handle, Pin};
-pub use params::{Body, DynamicsMethod, Moves, ProjectiveMethod, RingMethod, XpbdMethod};
+pub use params::{Body, DynamicsMethod, ElasticMethod, Moves, ProjectiveMethod, RingMethod, XpbdMethod};
 pub use stage::{Inputs, RingInputs, STAGE};

@@ -3,6 +3,7 @@ use ivd_field::shape::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::elastic::ElasticParams;
 use crate::handles;
 use crate::mass_spring::{self, Closeness, Descent, Solver, Springs};
 use crate::rigid::BoneSpec;
@@ -83,6 +84,35 @@ pub struct XpbdMethod {
     /// How closely.
     #[serde(flatten)]
     pub closeness: Closeness,
+}
+
+/// The body that the lattice lies in, as elastic matter: it moves with the lattice (`map.method = "body"`).
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct ElasticMethod {
+    /// The matter.
+    #[serde(flatten)]
+    pub elastic: ElasticParams,
+    /// What moves.
+    #[serde(flatten)]
+    pub moves: Moves,
+    /// Bones: what moves as one.
+    pub rigid: Vec<Bone>,
+}
+
+impl ElasticMethod {
+    /// The bones as solvers take them.
+    ///
+    /// # Errors
+    /// One whose keys don't go together.
+    pub fn bones(&self) -> Result<Vec<BoneSpec>, ParamError> {
+        each(&self.rigid, "rigid", |i, bone| bone.read(i))
+    }
+
+    /// Whether classes are looked at.
+    pub(super) fn knows_classes(&self) -> bool {
+        self.elastic.knows_classes() || self.rigid.iter().any(|bone| bone.class.is_some())
+    }
 }
 
 impl DynamicsMethod {

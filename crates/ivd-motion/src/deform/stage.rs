@@ -3,8 +3,10 @@
 use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, Want, method};
 use ivd_core::{Exec, Labels, Lattice, Motion, ParamError, slots};
 
-use super::{Body, DynamicsMethod, Figures, Moves, ProjectiveMethod, RingMethod, XpbdMethod};
-use crate::{freeform, mass_spring, ring};
+use super::{
+    Body, Bone, DynamicsMethod, ElasticMethod, Figures, Moves, ProjectiveMethod, RingMethod, XpbdMethod,
+};
+use crate::{elastic, freeform, mass_spring, ring};
 
 /// The stage: its methods, and where it stands in a scene.
 pub const STAGE: Stage = Stage {
@@ -21,6 +23,7 @@ const METHODS: &[Method] = &[
     method::<DynamicsMethod>("dynamics"),
     method::<ProjectiveMethod>("projective"),
     method::<XpbdMethod>("xpbd"),
+    method::<ElasticMethod>("body"),
 ];
 
 slots! {
@@ -84,10 +87,14 @@ impl Op for RingMethod {
     }
 }
 
+/// Why there is nothing to do, where there isn't.
+fn idle(moves: &Moves, bones: &[Bone]) -> Option<&'static str> {
+    (moves.handle.is_empty() && bones.is_empty() && moves.shape.is_empty()).then_some(STILL)
+}
+
 impl Body {
     fn idle(&self) -> Option<&'static str> {
-        let Moves { handle, shape, .. } = &self.moves;
-        (handle.is_empty() && self.rigid.is_empty() && shape.is_empty()).then_some(STILL)
+        idle(&self.moves, &self.rigid)
     }
 
     fn wants(&self, slot: &str) -> Want {
@@ -112,6 +119,37 @@ impl Body {
         }
         let fixed = self.moves.fixed();
         let solved = mass_spring::with_bones(lattice, labels, &handles, &fixed, &bones, params, exec)?;
+        let figures = Figures::from(&solved);
+        shaped(lattice, Some((solved.motion, figures)), &self.moves, exec)
+    }
+}
+
+impl Op for ElasticMethod {
+    const REVISION: u32 = REVISION;
+    type Inputs<'a> = Inputs<'a>;
+    type Output = Motion;
+    type Figures = Figures;
+
+    fn check_together(&self) -> Result<(), ParamError> {
+        self.moves.check_together()?;
+        self.bones().map(|_| ())
+    }
+
+    fn wants(&self, slot: &str) -> Want {
+        if slot == "labels" && !self.knows_classes() { Want::No } else { Want::Yes }
+    }
+
+    fn idle(&self) -> Option<&'static str> {
+        idle(&self.moves, &self.rigid)
+    }
+
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Motion, Figures), Failure> {
+        let (lattice, handles, bones) = (inputs.lattice, self.moves.handles()?, self.bones()?);
+        if handles.is_empty() && bones.is_empty() && !self.moves.shape.is_empty() {
+            return shaped(lattice, None, &self.moves, exec);
+        }
+        let fixed = self.moves.fixed();
+        let solved = elastic::solve(lattice, inputs.labels, &handles, &fixed, &bones, &self.elastic, exec)?;
         let figures = Figures::from(&solved);
         shaped(lattice, Some((solved.motion, figures)), &self.moves, exec)
     }

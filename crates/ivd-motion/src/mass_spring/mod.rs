@@ -54,7 +54,7 @@ use nalgebra::Vector3;
 
 use crate::Error;
 use crate::carried::Companions;
-use crate::handles::{Action, Handle, Pin, check_pull, find_targets, resolve};
+use crate::handles::{Action, Handle, Pin, check_pull, find_targets, pinned};
 use crate::rigid::{BoneMotion, BoneSpec, Skeleton};
 use body::{Body, Region};
 use drives::{Drives, MILLINEWTON};
@@ -194,7 +194,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         exec.run(|| {
             let rest = lattice.local_positions();
             let targets = find_targets(&lattice, &rest, handles, bones.is_empty())?;
-            let mut fixed = still(&lattice, &rest, fixed)?;
+            let mut fixed = pinned(&lattice, &rest, fixed)?;
             let mut skeleton = Skeleton::at_rest(&lattice, labels, &rest, bones)?;
             skeleton.drive(&rest, &aimed(handles, &targets))?;
             skeleton.check_free(&fixed)?;
@@ -404,18 +404,6 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
 /// Handles with their vertices.
 fn aimed(handles: &[Handle], targets: &[usize]) -> Vec<(Handle, usize)> {
     handles.iter().copied().zip(targets.iter().copied()).collect()
-}
-
-/// For every vertex, whether it is fixed.
-fn still(lattice: &Lattice, rest: &[Vector3<f64>], fixed: &[Pin]) -> Result<Vec<bool>, Error> {
-    let mut still = vec![false; rest.len()];
-    for fix in fixed {
-        let middle = resolve("fixed vertex", &fix.at, lattice, rest)?;
-        still[middle] = true;
-        let inside = |at: &Vector3<f64>| (at - rest[middle]).norm() <= fix.radius;
-        still.iter_mut().zip(rest).for_each(|(still, at)| *still |= inside(at));
-    }
-    Ok(still)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::tree::{At, Cell, Tree};
+use crate::tree::{At, Cell, Tree};
 
 const NONE: u32 = u32::MAX;
 
@@ -11,16 +11,16 @@ const NONE: u32 = u32::MAX;
 /// A node that isn't a corner of every leaf it touches hangs: its value is the trilinear one of the coarser leaf, so that the
 /// field is continuous, exactly.
 #[derive(Debug, Clone)]
-pub(super) struct Mesh {
+pub struct Mesh {
     tree: Tree,
     /// Cells that take part.
-    pub(super) cells: Vec<Cell>,
+    pub cells: Vec<Cell>,
     /// By number in the tree the cell, or `NONE`.
     numbers: Vec<u32>,
     /// Nodes that hang on nothing, in finest cells, ascending in z, y, x.
-    pub(super) nodes: Vec<[i32; 3]>,
+    pub nodes: Vec<[i32; 3]>,
     /// Whether a node is held.
-    pub(super) held: Vec<bool>,
+    pub held: Vec<bool>,
     /// Nodes and weights of corner `c` of cell `e`: `terms[starts[8 e + c]..starts[8 e + c + 1]]`.
     starts: Vec<u32>,
     terms: Vec<(u32, f64)>,
@@ -28,7 +28,7 @@ pub(super) struct Mesh {
 
 impl Mesh {
     /// The leaves of a balanced tree that `takes_part` takes. Nodes at other leaves are held.
-    pub(super) fn new(tree: Tree, takes_part: impl Fn(&Cell) -> bool) -> Self {
+    pub(crate) fn new(tree: Tree, takes_part: impl Fn(&Cell) -> bool) -> Self {
         let leaves = tree.leaves();
         let mut numbers = vec![NONE; tree.len()];
         let mut cells = Vec::new();
@@ -75,13 +75,13 @@ impl Mesh {
     }
 
     /// Nodes and weights of a cell's corner.
-    pub(super) fn corner(&self, cell: usize, corner: usize) -> &[(u32, f64)] {
+    pub fn corner(&self, cell: usize, corner: usize) -> &[(u32, f64)] {
         let at = 8 * cell + corner;
         &self.terms[self.starts[at] as usize..self.starts[at + 1] as usize]
     }
 
     /// The values at a cell's corners.
-    pub(super) fn gather(&self, cell: usize, values: &[[f64; 3]]) -> [[f64; 3]; 8] {
+    pub fn gather(&self, cell: usize, values: &[[f64; 3]]) -> [[f64; 3]; 8] {
         std::array::from_fn(|corner| {
             let mut sum = [0.0; 3];
             for (node, weight) in self.corner(cell, corner) {
@@ -93,7 +93,7 @@ impl Mesh {
     }
 
     /// The cell that takes part at a place (finest cells), and the place in it, 0…1.
-    pub(super) fn locate(&self, place: [f64; 3]) -> Option<(usize, [f64; 3])> {
+    pub fn locate(&self, place: [f64; 3]) -> Option<(usize, [f64; 3])> {
         let At::Leaf(number, cell) = self.tree.at(place.map(|c| c.floor() as i32)) else { return None };
         let found = self.numbers[number as usize];
         let inner = std::array::from_fn(|a| (place[a] - f64::from(cell.low[a])) / f64::from(cell.size));
@@ -131,7 +131,7 @@ fn expand(tree: &Tree, node: [i32; 3]) -> BTreeMap<[i32; 3], f64> {
 }
 
 /// Trilinear weights of a cell's corners.
-pub(super) fn weights(place: [f64; 3]) -> [f64; 8] {
+pub fn weights(place: [f64; 3]) -> [f64; 8] {
     std::array::from_fn(|corner| {
         (0..3).map(|a| if corner >> a & 1 == 1 { place[a] } else { 1.0 - place[a] }).product()
     })

@@ -7,21 +7,23 @@ const LEAF: u32 = u32::MAX - 1;
 
 /// A cell: its lowest corner and its edge, in finest cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Cell {
-    pub(super) low: [i32; 3],
-    pub(super) size: i32,
+pub struct Cell {
+    /// Lowest corner.
+    pub low: [i32; 3],
+    /// Edge.
+    pub size: i32,
 }
 
 impl Cell {
     /// Its corner, x in bit 0, y in bit 1, z in bit 2.
-    pub(super) fn corner(&self, corner: usize) -> [i32; 3] {
+    pub fn corner(&self, corner: usize) -> [i32; 3] {
         std::array::from_fn(|a| self.low[a] + self.size * (corner >> a & 1) as i32)
     }
 }
 
 /// What lies at a finest cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum At {
+pub(crate) enum At {
     /// Beyond all roots: a natural end.
     Beyond,
     /// A root that was left out: held.
@@ -32,7 +34,7 @@ pub(super) enum At {
 
 /// An octree over a box of roots.
 #[derive(Debug, Clone)]
-pub(super) struct Tree {
+pub(crate) struct Tree {
     roots: [i32; 3],
     /// Finest cells along a root's edge: a power of two.
     edge: i32,
@@ -42,7 +44,7 @@ pub(super) struct Tree {
 
 impl Tree {
     /// Uncut roots, those that `there` takes. `edge`: finest cells along a root's edge, a power of two.
-    pub(super) fn new(roots: [i32; 3], edge: i32, there: impl Fn(&Cell) -> bool) -> Self {
+    pub(crate) fn new(roots: [i32; 3], edge: i32, there: impl Fn(&Cell) -> bool) -> Self {
         let mut tree = Self { roots, edge, children: Vec::new() };
         for z in 0..roots[2] {
             for y in 0..roots[1] {
@@ -56,12 +58,12 @@ impl Tree {
     }
 
     /// Cells and roots, also those that are cut.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.children.len()
     }
 
     /// The leaf at a finest cell.
-    pub(super) fn at(&self, finest: [i32; 3]) -> At {
+    pub(crate) fn at(&self, finest: [i32; 3]) -> At {
         if (0..3).any(|a| finest[a] < 0 || finest[a] >= self.roots[a] * self.edge) {
             return At::Beyond;
         }
@@ -89,7 +91,7 @@ impl Tree {
     }
 
     /// Cuts the leaf at a finest cell until its edge is at most `size`.
-    pub(super) fn refine(&mut self, finest: [i32; 3], size: i32) {
+    pub(crate) fn refine(&mut self, finest: [i32; 3], size: i32) {
         while let At::Leaf(number, cell) = self.at(finest)
             && cell.size > size
         {
@@ -98,7 +100,7 @@ impl Tree {
     }
 
     /// Cuts leaves until none is more than twice as long as one that it touches, if only at a corner.
-    pub(super) fn balance(&mut self) {
+    pub(crate) fn balance(&mut self) {
         let mut work: Vec<Cell> = self.leaves().into_iter().map(|(_, cell)| cell).collect();
         while let Some(cell) = work.pop() {
             for side in 0..27 {
@@ -116,7 +118,7 @@ impl Tree {
     }
 
     /// The leaves with their numbers, in the order of roots and children.
-    pub(super) fn leaves(&self) -> Vec<(u32, Cell)> {
+    pub(crate) fn leaves(&self) -> Vec<(u32, Cell)> {
         let (mut out, mut work) = (Vec::new(), Vec::new());
         for root in 0..self.roots.iter().product::<i32>() {
             let low = [

@@ -20,18 +20,20 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::mesh::weights;
+use crate::mesh::weights;
 
 /// Lamé's constants (Pa, or in units of a modulus).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Lame {
-    pub(super) mu: f64,
-    pub(super) lambda: f64,
+pub struct Lame {
+    /// Shear modulus.
+    pub mu: f64,
+    /// λ.
+    pub lambda: f64,
 }
 
 impl Lame {
     /// From Young's modulus and Poisson's ratio, −1 < ν < 1/2.
-    pub(super) fn new(young: f64, poisson: f64) -> Self {
+    pub fn new(young: f64, poisson: f64) -> Self {
         Self {
             mu: young / (2.0 * (1.0 + poisson)),
             lambda: young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
@@ -39,7 +41,7 @@ impl Lame {
     }
 
     /// The mean of what parts of a whole are made of; 0 of none.
-    pub(super) fn mean(parts: impl ExactSizeIterator<Item = Self>) -> Self {
+    pub fn mean(parts: impl ExactSizeIterator<Item = Self>) -> Self {
         let many = parts.len().max(1) as f64;
         let sum = parts.fold(Self { mu: 0.0, lambda: 0.0 }, |sum, part| Self {
             mu: sum.mu + part.mu,
@@ -49,7 +51,7 @@ impl Lame {
     }
 
     /// `W` of a displacement's gradient, and the size of the terms that its rounding comes from; `None` where J ≤ 0.
-    pub(super) fn energy(&self, g: &Matrix3<f64>) -> Option<(f64, f64)> {
+    pub(crate) fn energy(&self, g: &Matrix3<f64>) -> Option<(f64, f64)> {
         let (bent, cubic) = (minors(g), g.determinant());
         let growth = g.trace() + bent + cubic;
         (growth > -1.0).then(|| {
@@ -62,7 +64,7 @@ impl Lame {
 
 /// A hexahedron that is an affine image of the unit cube, with 2×2×2 Gauss points.
 #[derive(Debug, Clone)]
-pub(super) struct Hexahedron {
+pub struct Hexahedron {
     /// `gradients[point][corner]`: of the trilinear functions (1/mm), of a cell of size 1.
     gradients: [[Vector3<f64>; 8]; 8],
     /// Volume that a Gauss point stands for (mm³), of a cell of size 1.
@@ -70,21 +72,21 @@ pub(super) struct Hexahedron {
 }
 
 /// What a cell is made of at its Gauss points.
-pub(super) type Matter = [Lame; 8];
+pub type Matter = [Lame; 8];
 /// Forces or places at the corners.
-pub(super) type Corners = [[f64; 3]; 8];
+pub type Corners = [[f64; 3]; 8];
 /// A cell's matrix: 3×3 blocks by corner and corner.
-pub(super) type Stiffness = [[Matrix3<f64>; 8]; 8];
+pub(crate) type Stiffness = [[Matrix3<f64>; 8]; 8];
 
 /// Places of the Gauss points in the unit cube.
-pub(super) fn gauss(point: usize) -> [f64; 3] {
+pub(crate) fn gauss(point: usize) -> [f64; 3] {
     let off = 0.5 / 3.0_f64.sqrt();
     std::array::from_fn(|a| if point >> a & 1 == 1 { 0.5 + off } else { 0.5 - off })
 }
 
 impl Hexahedron {
     /// `edges`: the edges of a cell of size 1 (mm), as columns.
-    pub(super) fn new(edges: &Matrix3<f64>) -> Self {
+    pub fn new(edges: &Matrix3<f64>) -> Self {
         let inverse = edges.try_inverse().expect("a grid's axes are independent").transpose();
         let gradients = std::array::from_fn(|point| {
             let place = gauss(point);
@@ -111,12 +113,12 @@ impl Hexahedron {
     }
 
     /// Volume of a Gauss point of a cell (mm³).
-    pub(super) fn volume(&self, size: f64) -> f64 {
+    pub(crate) fn volume(&self, size: f64) -> f64 {
         self.volume * size.powi(3)
     }
 
     /// Energy of a cell, and the size of its terms; `None` where J ≤ 0 at a Gauss point.
-    pub(super) fn energy(&self, matter: &Matter, size: f64, u: &Corners) -> Option<(f64, f64)> {
+    pub(crate) fn energy(&self, matter: &Matter, size: f64, u: &Corners) -> Option<(f64, f64)> {
         let mut sum = (0.0, 0.0);
         for (point, lame) in matter.iter().enumerate() {
             let (own, terms) = lame.energy(&self.gradient(point, size, u))?;
@@ -127,7 +129,7 @@ impl Hexahedron {
     }
 
     /// Derivative of the energy by the corners. J > 0 is asked for.
-    pub(super) fn forces(&self, matter: &Matter, size: f64, u: &Corners) -> Corners {
+    pub(crate) fn forces(&self, matter: &Matter, size: f64, u: &Corners) -> Corners {
         let mut out = [[0.0; 3]; 8];
         let weight = self.volume(size) / size;
         for (point, lame) in matter.iter().enumerate() {
@@ -143,7 +145,7 @@ impl Hexahedron {
     }
 
     /// Second derivative of the energy by the corners.
-    pub(super) fn stiffness(&self, matter: &Matter, size: f64, u: &Corners) -> Stiffness {
+    pub(crate) fn stiffness(&self, matter: &Matter, size: f64, u: &Corners) -> Stiffness {
         let mut out = [[Matrix3::zeros(); 8]; 8];
         let weight = self.volume(size) / (size * size);
         for (point, lame) in matter.iter().enumerate() {

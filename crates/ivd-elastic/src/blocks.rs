@@ -5,13 +5,13 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 /// A value for each axis of space.
-pub(super) type Triple = [f64; 3];
+pub type Triple = [f64; 3];
 
 /// Rows, or cells, that one task does: enough to be worth its start, and the unit of sums whose order is fixed.
-pub(super) const ROWS: usize = 256;
+pub(crate) const ROWS: usize = 256;
 
 /// A sparse matrix by rows.
-pub(super) struct Blocks {
+pub(crate) struct Blocks {
     starts: Vec<usize>,
     columns: Vec<u32>,
     values: Vec<Matrix3<f64>>,
@@ -20,14 +20,14 @@ pub(super) struct Blocks {
 }
 
 /// An approximate solution.
-pub(super) struct Found {
-    pub(super) values: Vec<Triple>,
-    pub(super) iterations: u32,
+pub(crate) struct Found {
+    pub(crate) values: Vec<Triple>,
+    pub(crate) iterations: u32,
 }
 
 impl Blocks {
     /// A square matrix; `row` calls back with columns and blocks, which are added up in its order.
-    pub(super) fn new(height: usize, row: impl Fn(usize, &mut dyn FnMut(u32, Matrix3<f64>)) + Sync) -> Self {
+    pub(crate) fn new(height: usize, row: impl Fn(usize, &mut dyn FnMut(u32, Matrix3<f64>)) + Sync) -> Self {
         type Part = (Vec<usize>, Vec<u32>, Vec<Matrix3<f64>>, Vec<Matrix3<f64>>);
         let parts: Vec<Part> = (0..height.div_ceil(ROWS))
             .into_par_iter()
@@ -61,7 +61,7 @@ impl Blocks {
         out
     }
 
-    pub(super) fn times(&self, x: &[Triple]) -> Vec<Triple> {
+    pub(crate) fn times(&self, x: &[Triple]) -> Vec<Triple> {
         (0..self.diagonal.len())
             .into_par_iter()
             .with_min_len(ROWS)
@@ -79,9 +79,9 @@ impl Blocks {
         self.diagonal.iter().zip(r).map(|(m, r)| (m * Vector3::from(*r)).into()).collect()
     }
 
-    /// Conjugate gradients for `A x = b` until the residual is `tolerance` of `b`. Where a direction of negative curvature is
+    /// Conjugate gradients for `A x = b` until the residual is `tolerance` of `b`, both preconditioned: lengths, so that soft matter counts. Where a direction of negative curvature is
     /// met, the solution so far is given, which goes downhill (Nocedal & Wright 2006, algorithm 7.1).
-    pub(super) fn solve(
+    pub(crate) fn solve(
         &self,
         b: &[Triple],
         tolerance: f64,
@@ -90,12 +90,12 @@ impl Blocks {
     ) -> Result<Found, Error> {
         let mut x = vec![[0.0; 3]; b.len()];
         let mut r = b.to_vec();
-        let end = tolerance * tolerance * dot(b, b);
         let mut z = self.precondition(&r);
+        let end = tolerance * tolerance * dot(&z, &z);
         let mut p = z.clone();
         let mut rz = dot(&r, &z);
         let mut iterations = 0;
-        while iterations < limit && dot(&r, &r) > end {
+        while iterations < limit && dot(&z, &z) > end {
             if iterations % 32 == 0 {
                 exec.check_cancelled()?;
             }
@@ -132,14 +132,14 @@ fn inverse(block: Matrix3<f64>) -> Matrix3<f64> {
 }
 
 /// `x ← x + s y`.
-pub(super) fn add(x: &mut [Triple], y: &[Triple], s: f64) {
+pub(crate) fn add(x: &mut [Triple], y: &[Triple], s: f64) {
     x.iter_mut().zip(y).for_each(|(x, y)| {
         *x = [x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2]];
     });
 }
 
 /// Sum of products in a fixed order.
-pub(super) fn dot(a: &[Triple], b: &[Triple]) -> f64 {
+pub(crate) fn dot(a: &[Triple], b: &[Triple]) -> f64 {
     let part = |(a, b): (&[Triple], &[Triple])| {
         a.iter().zip(b).map(|(a, b)| a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).sum::<f64>()
     };

@@ -1,9 +1,10 @@
 //! Newton's method on the energy, with a line search that keeps J > 0.
 
 use ivd_core::{Error, Exec};
+use nalgebra::Vector3;
 
-use super::blocks::{Triple, add, dot};
-use super::system::Body;
+use crate::blocks::{Triple, add, dot};
+use crate::system::Body;
 
 /// Part of the promised decrease that a step has to make (Armijo).
 const DECREASE: f64 = 1e-4;
@@ -14,22 +15,25 @@ const ITERATIONS: u32 = 2000;
 
 /// How near to equilibrium a body came.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Balance {
+pub struct Balance {
     /// Iterations of conjugate gradients.
-    pub(super) iterations: u32,
+    pub iterations: u32,
     /// Steps of Newton's method.
-    pub(super) steps: u32,
-    /// What is left of the forces, relative to what they cancel.
-    pub(super) residual: f64,
+    pub steps: u32,
+    /// What is left of the forces, relative to what they cancel, each weighed by how far it would move its node.
+    pub residual: f64,
     /// Whether that is what was asked for.
-    pub(super) reached: bool,
+    pub reached: bool,
 }
 
 impl Body {
     /// Moves the free nodes until the forces that are left are `tolerance` of those that cancel, in at most `limit` steps.
     ///
-    /// The field given has J > 0 at every Gauss point, and so has what becomes of it.
-    pub(super) fn balance(
+    /// The field given has J > 0 at every Gauss point, and so has what becomes of it; where it hasn't, nothing is done.
+    ///
+    /// # Errors
+    /// Cancelled.
+    pub fn balance(
         &self,
         u: &mut Vec<Triple>,
         tolerance: f64,
@@ -41,8 +45,8 @@ impl Body {
         let mut before = f64::INFINITY;
         loop {
             let (gradient, sizes) = self.gradient(u);
-            let left = dot(&gradient, &gradient).sqrt();
-            let cancelled = sizes.iter().map(|s| s * s).sum::<f64>().sqrt();
+            let left = self.as_lengths(gradient.iter().map(|g| Vector3::from(*g).norm()));
+            let cancelled = self.as_lengths(sizes.iter().copied());
             balance.residual = if cancelled > 0.0 { left / cancelled } else { 0.0 };
             balance.reached = balance.residual <= tolerance;
             if balance.reached || balance.steps == limit {

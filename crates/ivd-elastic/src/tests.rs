@@ -3,11 +3,12 @@
 use ivd_core::Exec;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::blocks::Triple;
-use super::material::{Hexahedron, Lame, gauss};
-use super::mesh::{Mesh, weights};
-use super::system::{Body, Pull};
-use super::tree::Tree;
+use crate::blocks::Triple;
+use crate::course::Course;
+use crate::material::{Hexahedron, Lame, gauss};
+use crate::mesh::{Mesh, weights};
+use crate::system::{Body, Pull};
+use crate::tree::Tree;
 
 /// A block of `roots` cells of `edge`³ finest ones, cut to finest at `fine`; `held` says which nodes are.
 fn block(
@@ -330,4 +331,73 @@ fn a_square_shaft_twists_as_saint_venant_says() {
     let rate = (turn(n * long * 5 / 8) - turn(n * long * 3 / 8)) / (f64::from(long) / 4.0);
     let wanted = lame.mu * 0.140_577 * rate;
     assert!((torque / wanted - 1.0).abs() < 0.03, "{} of it", torque / wanted);
+}
+
+/// Nodes on the border of a block that go where a map takes them.
+fn told(body: &Body, size: [i32; 3]) -> Vec<u32> {
+    (0..body.mesh.nodes.len() as u32).filter(|n| border(body.mesh.nodes[*n as usize], size)).collect()
+}
+
+#[test]
+fn an_affine_motion_of_the_border_is_that_of_the_inside_also_where_nodes_hang() {
+    let edges = sheared();
+    let size = [8, 8, 4];
+    let mut body =
+        block(([2, 2, 1], 4), &[[0, 0, 0], [5, 5, 2]], &edges, Lame::new(2.0, 0.45), |n| border(n, size));
+    let places = places(&body, &edges);
+    let nodes = told(&body, size);
+    let turn = *Rotation3::new(Vector3::new(0.3, -0.4, 0.5)).matrix();
+    let map = turn * Matrix3::new(1.2, 0.1, 0.0, 0.0, 0.9, 0.2, 0.1, 0.0, 1.1) - Matrix3::identity();
+    let goals = |share: f64| nodes.iter().map(|n| (map * places[*n as usize] * share).into()).collect();
+    let loads = vec![[0.0; 3]; places.len()];
+    let course = Course { nodes: &nodes, goals: &goals, loads: &loads, tolerance: 1e-12 };
+    let mut u = loads.clone();
+    let arrival = body.go(&mut u, &course, &Exec::default()).unwrap();
+    assert!(arrival.share == 1.0 && arrival.balance.reached, "{arrival:?}");
+    let wanted: Vec<Triple> = places.iter().map(|x| (map * x).into()).collect();
+    assert!(relative(&u, &wanted) < 1e-10, "{}", relative(&u, &wanted));
+    // The border holds itself: what pulls on one side pushes on the other.
+    let sum: Vector3<f64> = body.reactions(&u).into_iter().map(Vector3::from).sum();
+    assert!(sum.norm() < 1e-9, "{sum}");
+}
+
+#[test]
+fn a_way_that_ends_tells_where() {
+    // A plate that is to go through the floor, as far as three times the height.
+    let size = [4, 4, 4];
+    let plates = |n: [i32; 3]| n[2] == 0 || n[2] == 4;
+    let mut body = block(([4; 3], 1), &[], &Matrix3::identity(), Lame::new(1.0, 0.3), plates);
+    let nodes: Vec<u32> = (0..125).filter(|n| body.mesh.nodes[*n as usize][2] == 4).collect();
+    let goals = |share: f64| vec![[0.0, 0.0, -12.0 * share]; nodes.len()];
+    let loads = vec![[0.0; 3]; 125];
+    let course = Course { nodes: &nodes, goals: &goals, loads: &loads, tolerance: 1e-3 };
+    let mut u = loads.clone();
+    let arrival = body.go(&mut u, &course, &Exec::default()).unwrap();
+    assert!(size[2] == 4 && (0.2..0.334).contains(&arrival.share), "{arrival:?}");
+    assert!(body.energy(&u).is_some(), "nothing is turned inside out");
+    let top = u[nodes[12] as usize][2];
+    assert!((top + 12.0 * arrival.share).abs() < 1e-12, "the plate is where the share says: {top}");
+}
+
+#[test]
+fn a_force_moves_matter_as_far_as_moving_it_takes_that_force() {
+    let fixed = |n: [i32; 3]| n[2] == 0;
+    let mut body = block(([3; 3], 2), &[[2, 2, 5]], &Matrix3::identity(), Lame::new(3.0, 0.4), fixed);
+    let at = body.mesh.nodes.iter().position(|n| *n == [2, 2, 6]).unwrap();
+    let mut loads = vec![[0.0; 3]; body.mesh.nodes.len()];
+    loads[at] = [0.4, -0.1, 1.5];
+    let nothing = |_: f64| Vec::new();
+    let course = Course { nodes: &[], goals: &nothing, loads: &loads, tolerance: 1e-11 };
+    let mut pulled = vec![[0.0; 3]; loads.len()];
+    assert_eq!(body.go(&mut pulled, &course, &Exec::default()).unwrap().share, 1.0);
+    body.mesh.held[at] = true;
+    let nodes = [at as u32];
+    let goals = |share: f64| vec![pulled[at].map(|c| c * share)];
+    let none = vec![[0.0; 3]; loads.len()];
+    let course = Course { nodes: &nodes, goals: &goals, loads: &none, tolerance: 1e-11 };
+    let mut moved = none.clone();
+    assert_eq!(body.go(&mut moved, &course, &Exec::default()).unwrap().share, 1.0);
+    assert!(relative(&moved, &pulled) < 1e-8, "{}", relative(&moved, &pulled));
+    let force = Vector3::from(body.reactions(&moved)[at]);
+    assert!((force - Vector3::from(loads[at])).norm() < 1e-8, "{force}");
 }

@@ -1,0 +1,141 @@
+//! From rest to what is prescribed, in as many steps as that takes.
+
+use ivd_core::{Error, Exec};
+
+use crate::blocks::{Triple, add};
+use crate::newton::Balance;
+use crate::system::Body;
+
+/// What is left of the forces on the way, relative to those that cancel.
+const LOOSE: f64 = 1e-2;
+/// Newton's steps for a part of the way, and in the end.
+const FEW: u32 = 12;
+const STEPS: u32 = 60;
+/// Tolerance and iterations of the equations of a start.
+const START: f64 = 1e-2;
+const ITERATIONS: u32 = 2000;
+/// Times that a start is halved.
+const HALVINGS: u32 = 5;
+/// The shortest part of the way.
+const LEAST: f64 = 1.0 / 64.0;
+
+/// What nodes are told to do.
+pub struct Course<'a> {
+    /// Nodes that go where they are told; held ones.
+    pub nodes: &'a [u32],
+    /// Their motions (mm) after a share of the way (0…1).
+    pub goals: &'a (dyn Fn(f64) -> Vec<Triple> + Sync),
+    /// Forces at all nodes at the end of the way (modulus · mm²).
+    pub loads: &'a [Triple],
+    /// What is left of the forces at the end, relative to those that cancel.
+    pub tolerance: f64,
+}
+
+/// How far a body came.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Arrival {
+    /// The share of the way for which the forces cancel: 1 where nothing stops it.
+    pub share: f64,
+    /// Parts that it was gone in.
+    pub parts: u32,
+    /// Energy after the first part, and at the end (modulus · mm³).
+    pub energies: [f64; 2],
+    /// What is left at the end; steps and iterations of all.
+    pub balance: Balance,
+}
+
+impl Body {
+    /// Takes the nodes where they are told to go, and finds for all others where the forces cancel.
+    ///
+    /// Each part of the way starts along the tangent: what all nodes would do if matter were linear there, as far as that keeps `J > 0`. A part
+    /// that finds no balance is halved, down to a 64th of the way.
+    ///
+    /// - `u`: the nodes' motion (mm), at rest at first.
+    ///
+    /// # Errors
+    /// The memory limit, cancelled.
+    pub fn go(&mut self, u: &mut Vec<Triple>, course: &Course<'_>, exec: &Exec) -> Result<Arrival, Error> {
+        let mut arrival = Arrival::default();
+        let mut step = 1.0;
+        let observer = exec.observer();
+        observer.begin("equilibrium", 64);
+        let gone = loop {
+            if arrival.share >= 1.0 || step < LEAST {
+                break Ok(());
+            }
+            let to = (arrival.share + step).min(1.0);
+            let Some((mut next, share)) = (match self.start(u, course, arrival.share, to, exec) {
+                Ok(start) => start,
+                Err(error) => break Err(error),
+            }) else {
+                step /= 2.0;
+                continue;
+            };
+            let (tolerance, limit) = if share < 1.0 { (LOOSE, FEW) } else { (course.tolerance, STEPS) };
+            self.load(course, share);
+            let balance = match self.balance(&mut next, tolerance, limit, exec) {
+                Ok(balance) => balance,
+                Err(error) => break Err(error),
+            };
+            let before = arrival.balance;
+            let (steps, iterations) = (before.steps + balance.steps, before.iterations + balance.iterations);
+            if !balance.reached {
+                arrival.balance = Balance { steps, iterations, ..before };
+                step = (share - arrival.share) / 2.0;
+                continue;
+            }
+            step = 2.0 * (share - arrival.share);
+            observer.advance("equilibrium", (64.0 * share) as u64 - (64.0 * arrival.share) as u64);
+            let energy = self.energy(&next).map_or(0.0, |energy| energy.0);
+            arrival.parts += 1;
+            arrival.energies = [if arrival.parts == 1 { energy } else { arrival.energies[0] }, energy];
+            arrival.share = share;
+            arrival.balance = Balance { steps, iterations, ..balance };
+            *u = next;
+        };
+        observer.end("equilibrium");
+        gone?;
+        self.load(course, arrival.share);
+        Ok(arrival)
+    }
+
+    fn load(&mut self, course: &Course<'_>, share: f64) {
+        self.loads.clear();
+        self.loads.extend(course.loads.iter().map(|force| force.map(|c| c * share)));
+    }
+
+    /// Where a part of the way starts from, and the share at which that is; `None` where every step along the tangent folds.
+    fn start(
+        &mut self,
+        u: &[Triple],
+        course: &Course<'_>,
+        from: f64,
+        to: f64,
+        exec: &Exec,
+    ) -> Result<Option<(Vec<Triple>, f64)>, Error> {
+        self.load(course, to);
+        let mut told = vec![[0.0; 3]; u.len()];
+        for (&node, goal) in course.nodes.iter().zip((course.goals)(to)) {
+            let now = u[node as usize];
+            told[node as usize] = std::array::from_fn(|a| goal[a] - now[a]);
+        }
+        let mut left = self.gradient(u).0;
+        add(&mut left, &self.change(u, &told), 1.0);
+        left.iter_mut().for_each(|f| *f = f.map(|c| -c));
+        let follow = self.matrix(u, exec)?.solve(&left, START, ITERATIONS, exec)?;
+        let mut part = 1.0;
+        for _ in 0..=HALVINGS {
+            let share = if part == 1.0 { to } else { from + part * (to - from) };
+            let mut next = u.to_vec();
+            add(&mut next, &follow.values, part);
+            for (&node, goal) in course.nodes.iter().zip((course.goals)(share)) {
+                next[node as usize] = goal;
+            }
+            if self.energy(&next).is_some() {
+                return Ok(Some((next, share)));
+            }
+            part /= 2.0;
+        }
+        Ok(None)
+    }
+}

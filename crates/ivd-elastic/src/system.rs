@@ -1,0 +1,251 @@
+//! Energy, forces and matrix of a body: its cells, what pulls at it, and what loads it.
+
+use ivd_core::{Error, Exec};
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use crate::blocks::{Blocks, ROWS, Triple};
+use crate::material::{Corners, Hexahedron, Matter, Stiffness};
+use crate::mesh::Mesh;
+
+/// A place that is to move by `goal`, by a spring and by the force that the spring has been relieved of.
+#[derive(Debug, Clone)]
+pub struct Pull {
+    /// The cell that holds it.
+    pub cell: u32,
+    /// The vertex of a lattice that it is.
+    pub vertex: u32,
+    /// Of the cell's corners at the place.
+    pub weights: [f64; 8],
+    /// Stiffness (N/m in units of the modulus: mm).
+    pub spring: f64,
+    /// Motion (mm) that is asked for.
+    pub goal: Vector3<f64>,
+    /// Force on the body, of the augmented Lagrangian (Hestenes 1969; Powell 1969).
+    pub multiplier: Vector3<f64>,
+}
+
+impl Pull {
+    /// How far the place is from its goal (mm).
+    pub fn left(&self, corners: &Corners) -> Vector3<f64> {
+        let mut sum = -self.goal;
+        for (w, u) in self.weights.iter().zip(corners) {
+            sum += Vector3::from(*u) * *w;
+        }
+        sum
+    }
+}
+
+/// A body in equilibrium, or on the way to it.
+pub struct Body {
+    /// Its cells and nodes.
+    pub mesh: Mesh,
+    /// The shape of a finest cell.
+    pub element: Hexahedron,
+    /// What every cell is made of.
+    pub matter: Vec<Matter>,
+    /// By cell.
+    pulls: Vec<Pull>,
+    ranges: Vec<std::ops::Range<usize>>,
+    /// Forces at the nodes.
+    pub loads: Vec<Triple>,
+    /// Cells, corners and weights by node.
+    touches: Vec<Vec<(u32, u8, f64)>>,
+    /// About how far a unit of force moves each node against what touches it.
+    yields: Vec<f64>,
+}
+
+impl Body {
+    /// A body without loads.
+    pub fn new(mesh: Mesh, element: Hexahedron, matter: Vec<Matter>, mut pulls: Vec<Pull>) -> Self {
+        pulls.sort_by_key(|p| (p.cell, p.vertex));
+        let mut ranges = vec![0..0; mesh.cells.len()];
+        let mut start = 0;
+        for run in pulls.chunk_by(|p, q| p.cell == q.cell) {
+            ranges[run[0].cell as usize] = start..start + run.len();
+            start += run.len();
+        }
+        let mut touches = vec![Vec::new(); mesh.nodes.len()];
+        for cell in 0..mesh.cells.len() {
+            for corner in 0..8 {
+                for (node, weight) in mesh.corner(cell, corner) {
+                    touches[*node as usize].push((cell as u32, corner as u8, *weight));
+                }
+            }
+        }
+        let loads = vec![[0.0; 3]; mesh.nodes.len()];
+        let edge = element.volume(8.0).cbrt();
+        let stiffness = |&(cell, _, weight): &(u32, u8, f64)| {
+            let mu: f64 = matter[cell as usize].iter().map(|lame| lame.mu).sum::<f64>() / 8.0;
+            mu * edge * f64::from(mesh.cells[cell as usize].size) * weight * weight
+        };
+        let yields = touches.iter().map(|t| 1.0 / t.iter().map(stiffness).sum::<f64>()).collect();
+        Self { mesh, element, matter, pulls, ranges, loads, touches, yields }
+    }
+
+    /// What pulls at it, by cell.
+    pub fn pulls(&self) -> &[Pull] {
+        &self.pulls
+    }
+
+    /// The same, to be changed; not the cells.
+    pub fn pulls_mut(&mut self) -> &mut [Pull] {
+        &mut self.pulls
+    }
+
+    /// Bytes that its cells' matrices and its own take.
+    pub fn bytes(&self) -> u64 {
+        let cells = self.mesh.cells.len() * size_of::<Stiffness>();
+        // Rows have some thirty blocks, and stand twice while they are put together.
+        (cells + 2 * 30 * 76 * self.mesh.nodes.len()) as u64
+    }
+
+    /// The energy, and the size of the terms that its rounding comes from; `None` where J ≤ 0 at a Gauss point.
+    pub fn energy(&self, u: &[Triple]) -> Option<(f64, f64)> {
+        let part = |cells: &[usize]| {
+            let (mut sum, mut size) = (0.0, 0.0);
+            for &cell in cells {
+                let corners = self.mesh.gather(cell, u);
+                let edge = f64::from(self.mesh.cells[cell].size);
+                let (matter, terms) = self.element.energy(&self.matter[cell], edge, &corners)?;
+                (sum, size) = (sum + matter, size + terms);
+                let mut add = |term: f64| (sum, size) = (sum + term, size + term.abs());
+                for pull in &self.pulls[self.ranges[cell].clone()] {
+                    let left = pull.left(&corners);
+                    add(0.5 * pull.spring * left.norm_squared());
+                    add(pull.multiplier.dot(&left));
+                }
+            }
+            Some((sum, size))
+        };
+        let all: Vec<usize> = (0..self.mesh.cells.len()).collect();
+        let parts: Vec<Option<(f64, f64)>> = all.par_chunks(ROWS).map(part).collect();
+        let mut total = (0.0, 0.0);
+        for part in parts {
+            let (sum, size) = part?;
+            total = (total.0 + sum, total.1 + size);
+        }
+        for (f, u) in self.loads.iter().zip(u) {
+            let term = f[0] * u[0] + f[1] * u[1] + f[2] * u[2];
+            total = (total.0 - term, total.1 + term.abs());
+        }
+        Some(total)
+    }
+
+    /// Derivative of the energy by the nodes, 0 at held ones, and the absolute values of its terms by node.
+    pub fn gradient(&self, u: &[Triple]) -> (Vec<Triple>, Vec<f64>) {
+        let forces = self.cell_forces(u);
+        (0..self.mesh.nodes.len())
+            .into_par_iter()
+            .map(|node| {
+                if self.mesh.held[node] {
+                    return ([0.0; 3], 0.0);
+                }
+                let load = -Vector3::from(self.loads[node]);
+                let (sum, size) = self.sum(node, &forces, load);
+                (sum.into(), size)
+            })
+            .unzip()
+    }
+
+    /// Forces as lengths (mm): what each would move its node by. Where matter is soft small forces count too.
+    pub(crate) fn as_lengths(&self, forces: impl Iterator<Item = f64>) -> f64 {
+        forces.zip(&self.yields).map(|(force, yields)| (force * yields).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Forces that hold the nodes where they are against the matter (modulus · mm²).
+    pub fn reactions(&self, u: &[Triple]) -> Vec<Triple> {
+        let forces = self.cell_forces(u);
+        let of = |node| self.sum(node, &forces, Vector3::zeros()).0.into();
+        (0..self.mesh.nodes.len()).into_par_iter().map(of).collect()
+    }
+
+    /// What the forces of [`Body::gradient`] change by, to first order, as the nodes move on from `u` by `by`.
+    pub(crate) fn change(&self, u: &[Triple], by: &[Triple]) -> Vec<Triple> {
+        let forces: Vec<Corners> = (0..self.mesh.cells.len())
+            .into_par_iter()
+            .map(|cell| {
+                let by = self.mesh.gather(cell, by);
+                if by == [[0.0; 3]; 8] {
+                    return by;
+                }
+                let stiffness = self.cell_stiffness(cell, u);
+                std::array::from_fn(|p| {
+                    let sum: Vector3<f64> = (0..8).map(|q| stiffness[p][q] * Vector3::from(by[q])).sum();
+                    sum.into()
+                })
+            })
+            .collect();
+        let of = |node: usize| {
+            if self.mesh.held[node] { [0.0; 3] } else { self.sum(node, &forces, Vector3::zeros()).0.into() }
+        };
+        (0..self.mesh.nodes.len()).into_par_iter().map(of).collect()
+    }
+
+    /// Forces at the corners of every cell.
+    fn cell_forces(&self, u: &[Triple]) -> Vec<Corners> {
+        (0..self.mesh.cells.len())
+            .into_par_iter()
+            .map(|cell| {
+                let corners = self.mesh.gather(cell, u);
+                let edge = f64::from(self.mesh.cells[cell].size);
+                let mut out = self.element.forces(&self.matter[cell], edge, &corners);
+                for pull in &self.pulls[self.ranges[cell].clone()] {
+                    let force = pull.left(&corners) * pull.spring + pull.multiplier;
+                    for (out, w) in out.iter_mut().zip(pull.weights) {
+                        *out = [out[0] + w * force[0], out[1] + w * force[1], out[2] + w * force[2]];
+                    }
+                }
+                out
+            })
+            .collect()
+    }
+
+    /// The sum of forces at a node, and of their sizes, with one that acts there.
+    fn sum(&self, node: usize, forces: &[Corners], own: Vector3<f64>) -> (Vector3<f64>, f64) {
+        let (mut sum, mut size) = (own, own.norm());
+        for (cell, corner, weight) in &self.touches[node] {
+            let force = Vector3::from(forces[*cell as usize][*corner as usize]) * *weight;
+            size += force.norm();
+            sum += force;
+        }
+        (sum, size)
+    }
+
+    fn cell_stiffness(&self, cell: usize, u: &[Triple]) -> Stiffness {
+        let corners = self.mesh.gather(cell, u);
+        let edge = f64::from(self.mesh.cells[cell].size);
+        let mut out = self.element.stiffness(&self.matter[cell], edge, &corners);
+        for pull in &self.pulls[self.ranges[cell].clone()] {
+            for p in 0..8 {
+                for q in 0..8 {
+                    let spring = pull.spring * pull.weights[p] * pull.weights[q];
+                    out[p][q] += Matrix3::from_diagonal_element(spring);
+                }
+            }
+        }
+        out
+    }
+
+    /// Second derivative of the energy by the free nodes.
+    pub(crate) fn matrix(&self, u: &[Triple], exec: &Exec) -> Result<Blocks, Error> {
+        exec.check_cancelled()?;
+        let parts: Vec<Stiffness> =
+            (0..self.mesh.cells.len()).into_par_iter().map(|cell| self.cell_stiffness(cell, u)).collect();
+        Ok(Blocks::new(self.mesh.nodes.len(), |row, out| {
+            if self.mesh.held[row] {
+                return;
+            }
+            for (cell, corner, weight) in &self.touches[row] {
+                let blocks = &parts[*cell as usize][*corner as usize];
+                for (other, block) in blocks.iter().enumerate() {
+                    for (node, w) in self.mesh.corner(*cell as usize, other) {
+                        if !self.mesh.held[*node as usize] {
+                            out(*node, block * (weight * w));
+                        }
+                    }
+                }
+            }
+        }))
+    }
+}

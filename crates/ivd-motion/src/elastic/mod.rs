@@ -1,0 +1,376 @@
+//! A lattice moved by the body that it lies in: elastic matter in its inside and round it, which handles take hold of.
+//!
+//! Springs on a surface have no inside: they can't press a brain through a scalp. Here space is matter, soft or stiff by class, and the lattice
+//! goes along with it. So do the voxels: their motion is found with the lattice's, and [`Motion::space`] has it.
+//!
+//! - Matter is neo-Hookean on hexahedra ([`ivd_elastic`]); by class, or the same inside the lattice and next to nothing outside.
+//! - Ω is the union of the handles' balls and those of the bones that move. Its border is held: nothing moves beyond a radius.
+//! - A handle has a *grip*: the matter of the part in a small ball round its vertex goes where the handle does, as one, or shares its force. A
+//!   point has no hold on matter: the finer the cells, the less would follow it.
+//! - Bones, and classes that are rigid, go where their motion takes them or stay, to the bit; soft matter that touches them goes with
+//!   them.
+//! - The way is gone in as many parts as it takes. Where no balance is found the motion is refused, with the share that was reached.
+//!
+//! Sources: the thesis, 6.5 and 3.2.2 (masses and springs in voxels; there without a law of matter); Bonet & Wood 2008.
+
+mod holds;
+mod params;
+mod tissues;
+
+use ivd_core::{
+    Ball, Exec, FieldBricks, Frame, Labels, Lattice, Motion, ParamError, Role, VoxelCoord, op::check_fields,
+    vertex_class,
+};
+use ivd_elastic::{Body, Cells, Course, Hexahedron, Triple};
+use ivd_field::sampler::interpolate;
+use ivd_field::vectors::sampled;
+use nalgebra::Vector3;
+
+use crate::Error;
+use crate::handles::{Action, Handle, Pin, check_pull, find_targets, pinned};
+use crate::rigid::{BoneMotion, BoneSpec, Skeleton};
+
+use holds::{Asks, Hold, Holds};
+pub use params::{ElasticParams, Tissue};
+use tissues::{Matter, Tissues};
+
+/// Part of a handle's radius that it grips, and the least number of cells.
+const GRIP: f64 = 0.2;
+const GRIP_CELLS: f64 = 3.0;
+/// Longest cell (voxels), and cells across the smallest ball's radius.
+const LONGEST: f64 = 16.0;
+const ACROSS: f64 = 4.0;
+/// nJ in a kPa mm³.
+const NANOJOULE: f64 = 1e3;
+
+/// What moves, and what of it is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ElasticResult {
+    /// One frame, with the motion of space.
+    pub motion: Motion,
+    /// Vertices whose displacement isn't 0.
+    pub vertices_moved: usize,
+    /// Largest displacement of a vertex (mm).
+    pub max_displacement_mm: f64,
+    /// Parts that the way was gone in.
+    pub parts: usize,
+    /// Forces left, relative to those that cancel.
+    pub residual: f64,
+    /// Energy (nJ) after the first part and at the end.
+    pub energies: [f64; 2],
+    /// Nodes that are free to move, and cells.
+    pub nodes: usize,
+    /// Cells.
+    pub cells: usize,
+    /// Iterations of the equations, of all steps.
+    pub iterations: usize,
+    /// Force of each handle at the end (mN): what it pulls with, or what it takes to hold its grip. 0 of one on a bone.
+    pub handle_forces_mn: Vec<[f64; 3]>,
+    /// Sum of the sizes of the forces (mN) by which the border of Ω holds the matter.
+    pub border_mn: f64,
+    /// What bones have done.
+    pub bones: Vec<BoneMotion>,
+}
+
+/// Moves a lattice, and the space round it, by handles and bones.
+///
+/// - `labels`: on the lattice's grid, for classes' materials and bones.
+/// - `fixed`: vertices that stay, with the matter round them.
+/// - `bones`: as [`crate::mass_spring::with_bones`] has them.
+///
+/// # Errors
+/// [`Error::Param`]: a parameter, handle or vertex number outside its domain. [`Error::Mismatch`]: a pick with no vertex near, contradicting
+/// handles, a class that isn't there, materials without labels, a lattice that isn't closed. [`Error::Untrusted`]: no balance is found;
+/// it tells the share of the way for which there is one. The memory limit, cancelled.
+pub fn solve(
+    lattice: &Lattice,
+    labels: Option<&Labels>,
+    handles: &[Handle],
+    fixed: &[Pin],
+    bones: &[BoneSpec],
+    params: &ElasticParams,
+    exec: &Exec,
+) -> Result<ElasticResult, Error> {
+    params.check()?;
+    check_pull(handles, fixed)?;
+    let labels = known(lattice, labels, bones, params)?;
+    exec.run(|| Scene::new(lattice, labels, handles, fixed, bones, params)?.solve(exec))
+}
+
+impl ElasticParams {
+    /// # Errors
+    /// [`ParamError`] names the field that is out of its domain.
+    pub fn check(&self) -> Result<(), ParamError> {
+        check_fields(self)
+    }
+
+    /// Whether classes are looked at.
+    pub(crate) fn knows_classes(&self) -> bool {
+        !self.material.is_empty()
+    }
+}
+
+/// The labels, where classes matter; all that are named are there.
+fn known<'a>(
+    lattice: &Lattice,
+    labels: Option<&'a Labels>,
+    bones: &[BoneSpec],
+    params: &ElasticParams,
+) -> Result<Option<&'a Labels>, Error> {
+    if !params.knows_classes() && bones.iter().all(|bone| bone.class.is_none()) {
+        return Ok(None);
+    }
+    let mismatch = |problem: String, remedy| Err(Error::Mismatch { what: "material", problem, remedy });
+    let Some(labels) = labels else {
+        return mismatch(
+            "there are no labels to know classes by".into(),
+            "give labels (--labels), or no material or bone by class",
+        );
+    };
+    vertex_class::check(lattice, labels)?;
+    let there = |id: u16| id == ivd_core::NO_DATA || labels.classes().iter().any(|class| class.id == id);
+    match params.material.keys().find(|id| !there(**id)) {
+        None => Ok(Some(labels)),
+        Some(id) => mismatch(
+            format!("there is no class {id} among the labels"),
+            "name a class that the labels have; `ivd info` lists them",
+        ),
+    }
+}
+
+/// What is asked of a lattice.
+struct Scene<'a> {
+    lattice: &'a Lattice,
+    labels: Option<&'a Labels>,
+    handles: &'a [Handle],
+    targets: Vec<usize>,
+    fixed: Vec<bool>,
+    bones: &'a [BoneSpec],
+    skeleton: Skeleton,
+    /// Places of the vertices (mm), relative to the grid's origin.
+    rest: Vec<Vector3<f64>>,
+    params: &'a ElasticParams,
+}
+
+impl<'a> Scene<'a> {
+    fn new(
+        lattice: &'a Lattice,
+        labels: Option<&'a Labels>,
+        handles: &'a [Handle],
+        fixed: &[Pin],
+        bones: &'a [BoneSpec],
+        params: &'a ElasticParams,
+    ) -> Result<Self, Error> {
+        let rest = lattice.local_positions();
+        let targets = find_targets(lattice, &rest, handles, bones.is_empty())?;
+        let fixed = pinned(lattice, &rest, fixed)?;
+        let aimed: Vec<(Handle, usize)> = handles.iter().copied().zip(targets.iter().copied()).collect();
+        let skeleton = Skeleton::new(lattice, labels, bones, &aimed, &fixed)?;
+        Ok(Self { lattice, labels, handles, targets, fixed, bones, skeleton, rest, params })
+    }
+
+    /// Centres and radii (mm) of the balls that Ω is the union of.
+    fn balls(&self) -> Vec<(Vector3<f64>, f64)> {
+        let of = |(&target, handle): (&usize, &Handle)| (self.rest[target], handle.radius);
+        self.targets.iter().zip(self.handles).map(of).chain(self.skeleton.balls()).collect()
+    }
+
+    fn solve(&self, exec: &Exec) -> Result<ElasticResult, Error> {
+        let grid = self.lattice.grid();
+        let inside = match ivd_octree::inside(self.lattice, exec) {
+            Ok(inside) => inside,
+            Err(ivd_octree::Error::Core(error)) => return Err(error),
+            Err(error) => {
+                return Err(Error::Mismatch {
+                    what: "lattice",
+                    problem: error.to_string(),
+                    remedy: "a body has an inside: give a closed lattice, or use solver = \"ring\"",
+                });
+            }
+        };
+        let tissues = Tissues::new(&inside, self.labels, self.bones, self.params);
+        let balls = self.balls();
+        let least = balls.iter().map(|ball| ball.1).fold(f64::INFINITY, f64::min);
+        let longest = (LONGEST * grid.shortest_edge()).min(least / ACROSS);
+        // Half as long as a map's: cells are to bend round the grip.
+        let edge = self.params.cell.or_else(|| {
+            let most = (0..3).map(|a| grid.cell_steps(None, least / 2.0)[a]).max();
+            most.map(|edge| edge as u8)
+        });
+        let cells = Cells::new(grid, balls, edge, longest);
+        let fine: Vec<Vector3<f64>> = (0..self.rest.len()).map(|v| self.lattice.voxel(v).0).collect();
+        let mesh = cells.mesh(&fine, &tissues, exec)?;
+        let matter = cells.matter(&mesh, &tissues);
+        let asked: Vec<(usize, Handle, usize, f64)> = (0..self.handles.len())
+            .filter(|&h| self.skeleton.holder(self.targets[h]).is_none())
+            .map(|h| {
+                let handle = self.handles[h];
+                let grip = (GRIP * handle.radius).max(GRIP_CELLS * cells.length());
+                (h, handle, self.targets[h], self.params.grip.unwrap_or(grip).min(handle.radius))
+            })
+            .collect();
+        let asks = Asks { lattice: self.lattice, rest: &self.rest, handles: &asked, fixed: &self.fixed };
+        let holds = Holds::new(&asks, &mesh, &cells, &tissues);
+        let mut body = Body::new(mesh, Hexahedron::new(&cells.edges()), matter, Vec::new());
+        exec.check_memory("the equations of the body", body.bytes())?;
+        let border: Vec<bool> = body.mesh.held.clone();
+        let nodes: Vec<u32> = holds.told.keys().copied().collect();
+        let places: Vec<Vector3<f64>> =
+            nodes.iter().map(|n| cells.local(body.mesh.nodes[*n as usize].map(f64::from))).collect();
+        nodes.iter().for_each(|node| body.mesh.held[*node as usize] = true);
+        let goals = |share: f64| -> Vec<Triple> {
+            let poses = self.skeleton.rig().poses(share);
+            let of = |(hold, place): (&Hold, &Vector3<f64>)| match *hold {
+                Hold::Still => [0.0; 3],
+                Hold::Bone(bone) => poses.displacement(bone, *place).into(),
+                Hold::Handle(h) => self.handles[h].way().map(|c| c * share),
+            };
+            holds.told.values().zip(&places).map(of).collect()
+        };
+        let loads = holds.loads(self.handles, body.mesh.nodes.len());
+        let mut u = vec![[0.0; 3]; body.mesh.nodes.len()];
+        let course = Course { nodes: &nodes, goals: &goals, loads: &loads, tolerance: self.params.tolerance };
+        let arrival = body.go(&mut u, &course, exec)?;
+        if arrival.share < 1.0 {
+            return Err(Error::Untrusted {
+                what: "the deformed body",
+                problem: format!(
+                    "no balance of forces is found beyond {:.0} % of the way: what lies before the handle can't be pressed any further",
+                    100.0 * arrival.share
+                ),
+                remedy: "move the handle less, give it a larger radius, or lower poisson and the contrast of classes",
+            });
+        }
+        let frame = self.frame(&body, &cells, &u, &tissues);
+        let space = self.space(&body, &cells, &u, &tissues, exec)?;
+        let forces = body.reactions(&u);
+        let free = body.mesh.held.iter().filter(|held| !**held).count();
+        let border_mn =
+            (0..forces.len()).filter(|&n| border[n]).map(|n| Vector3::from(forces[n]).norm()).sum();
+        let displacement = frame.displacement.clone();
+        let max = displacement.iter().map(|d| Vector3::from(*d).norm()).fold(0.0, f64::max);
+        Ok(ElasticResult {
+            vertices_moved: displacement.iter().filter(|d| **d != [0.0; 3]).count(),
+            max_displacement_mm: max,
+            parts: arrival.parts as usize,
+            residual: arrival.balance.residual,
+            energies: arrival.energies.map(|energy| energy * NANOJOULE),
+            nodes: free,
+            cells: body.mesh.cells.len(),
+            iterations: arrival.balance.iterations as usize,
+            handle_forces_mn: self.handle_forces(&holds, &forces),
+            border_mn,
+            bones: self.skeleton.moved(&self.rest, 1.0, &displacement),
+            motion: self.motion(frame, space, &cells, &tissues)?,
+        })
+    }
+
+    /// The vertices' motion.
+    fn frame(&self, body: &Body, cells: &Cells, u: &[Triple], tissues: &Tissues<'_>) -> Frame {
+        let mut displacement: Vec<[f64; 3]> = (0..self.rest.len())
+            .map(|v| {
+                let Some((cell, place)) = body.mesh.locate(cells.place(self.lattice.voxel(v).0)) else {
+                    return [0.0; 3];
+                };
+                let corners = body.mesh.gather(cell, u).map(Vector3::from);
+                // No negative zeros.
+                interpolate(&corners, place.into()).map(|c| c + 0.0).into()
+            })
+            .collect();
+        for v in 0..displacement.len() {
+            if self.fixed[v] || self.is_rigid(v, tissues) {
+                displacement[v] = [0.0; 3];
+            }
+        }
+        self.skeleton.place(&self.rest, 1.0, &mut displacement);
+        for (handle, &target) in self.handles.iter().zip(&self.targets) {
+            if let (Action::Move(by), None) = (handle.action, self.skeleton.holder(target))
+                && !self.fixed[target]
+            {
+                displacement[target] = by.map(|c| c + 0.0);
+            }
+        }
+        Frame { time: 0.0, displacement: displacement.into() }
+    }
+
+    /// Whether a vertex lies on a bone, or at a class that stays.
+    fn is_rigid(&self, vertex: usize, tissues: &Tissues<'_>) -> bool {
+        self.skeleton.holder(vertex).is_some()
+            || self.labels.is_some_and(|labels| {
+                tissues.rigid().iter().any(|class| vertex_class::beside(self.lattice, labels, vertex, *class))
+            })
+    }
+
+    /// The voxels' motion.
+    fn space(
+        &self,
+        body: &Body,
+        cells: &Cells,
+        u: &[Triple],
+        tissues: &Tissues<'_>,
+        exec: &Exec,
+    ) -> Result<FieldBricks, Error> {
+        let grid = self.lattice.grid();
+        let bricks = cells.bricks();
+        exec.check_memory("the motion of space", 12 * FieldBricks::VOXELS as u64 * bricks.len() as u64)?;
+        let poses = self.skeleton.rig().poses(1.0);
+        let linear = grid.linear_part();
+        let vectors = sampled("deform", grid.dims(), &bricks, exec, |voxel, (): &mut ()| {
+            let at = VoxelCoord::from(voxel).0;
+            match tissues.matter(voxel, grid.linear(voxel)) {
+                Matter::Bone(bone) => return poses.displacement(bone, linear * at),
+                Matter::Still => return Vector3::zeros(),
+                Matter::Soft => {}
+            }
+            let Some((cell, place)) = body.mesh.locate(cells.place(at)) else { return Vector3::zeros() };
+            interpolate(&body.mesh.gather(cell, u).map(Vector3::from), place.into())
+        })?;
+        FieldBricks::of_bricks(grid.dims(), &bricks, vectors.into())
+    }
+
+    /// What each handle pulls with, or what it takes to hold its grip (mN).
+    fn handle_forces(&self, holds: &Holds, forces: &[Triple]) -> Vec<[f64; 3]> {
+        let mut out = vec![[0.0; 3]; self.handles.len()];
+        for (node, hold) in &holds.told {
+            if let Hold::Handle(h) = hold {
+                out[*h] = std::array::from_fn(|a| out[*h][a] + forces[*node as usize][a]);
+            }
+        }
+        for (h, nodes) in &holds.pulled {
+            if let (Action::Force(force), false) = (self.handles[*h].action, nodes.is_empty()) {
+                out[*h] = force;
+            }
+        }
+        out
+    }
+
+    fn motion(
+        &self,
+        frame: Frame,
+        space: FieldBricks,
+        cells: &Cells,
+        tissues: &Tissues<'_>,
+    ) -> Result<Motion, Error> {
+        let grid = self.lattice.grid();
+        let origin = Vector3::from(grid.origin());
+        let balls = self.balls().into_iter();
+        let reach = balls.map(|(centre, radius)| Ball { centre: (centre + origin).into(), radius }).collect();
+        let role = |v: usize| {
+            let moves = frame.displacement[v] != [0.0; 3];
+            match (moves, cells.holds(self.rest[v])) {
+                (true, _) => Role::Driven,
+                (false, true) if self.fixed[v] || self.is_rigid(v, tissues) => Role::Held,
+                (false, true) => Role::Driven,
+                (false, false) => Role::Carried,
+            }
+        };
+        let roles: Vec<u8> = (0..self.rest.len()).map(|v| role(v) as u8).collect();
+        Motion::new(grid.clone(), self.rest.len(), vec![frame])?
+            .with_reach(reach)?
+            .with_roles(roles.into())?
+            .with_space(vec![space])
+    }
+}
+
+#[cfg(test)]
+mod tests;

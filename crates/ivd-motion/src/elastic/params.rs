@@ -1,0 +1,61 @@
+use std::collections::BTreeMap;
+
+use ivd_core::op::by_class;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What a class is made of; what isn't given is as where it lies: inside the lattice, or outside.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Tissue {
+    /// Young's modulus.
+    #[schemars(range(min = 1e-6, max = 1e9), extend("x-unit" = "kPa"))]
+    pub kpa: Option<f64>,
+    /// Poisson's ratio ν.
+    #[schemars(range(min = 0.0, max = 0.45), extend("x-unit" = "1"))]
+    pub poisson: Option<f64>,
+    /// Whether it stays as it is, as bone does; where no bone of the scene moves it, it stays where it is.
+    pub rigid: bool,
+}
+
+/// What the body is made of, and how closely its balance is found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct ElasticParams {
+    /// Edge of the finest cells: 1, 2 or 4 voxels. Without it four, and fewer where the smallest ball is less than 48 voxels in radius.
+    #[schemars(range(min = 1, max = 4), extend("x-unit" = "voxels", "x-knob" = "accuracy"))]
+    pub cell: Option<u8>,
+    /// Young's modulus of what lies inside the lattice and has no class of its own.
+    #[schemars(range(min = 1e-6, max = 1e9), extend("x-unit" = "kPa"))]
+    pub kpa: f64,
+    /// Poisson's ratio ν of it: how much it keeps its volume. Beyond 0.45 the cells would be far too stiff.
+    #[schemars(range(min = 0.0, max = 0.45), extend("x-unit" = "1"))]
+    pub poisson: f64,
+    /// Young's modulus of what lies outside the lattice and has no class of its own, relative to `kpa`: air by default. Its ν is 0.
+    #[schemars(range(min = 0.0001, max = 1.0), extend("x-unit" = "1"))]
+    pub filler: f64,
+    /// What classes are made of, where labels are given, inside the lattice and outside.
+    #[serde(deserialize_with = "by_class")]
+    pub material: BTreeMap<u16, Tissue>,
+    /// Radius of the ball of matter round a handle's vertex that goes with it as one. Without it a fifth of the handle's radius, at least
+    /// three cells.
+    #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
+    pub grip: Option<f64>,
+    /// Forces that may be left at the end, relative to those that cancel.
+    #[schemars(range(min = 1e-12, max = 0.1), extend("x-unit" = "1", "x-knob" = "accuracy"))]
+    pub tolerance: f64,
+}
+
+impl Default for ElasticParams {
+    fn default() -> Self {
+        Self {
+            cell: None,
+            kpa: 10.0,
+            poisson: 0.45,
+            filler: 0.001,
+            material: BTreeMap::new(),
+            grip: None,
+            tolerance: 1e-3,
+        }
+    }
+}

@@ -1,0 +1,216 @@
+use ivd_core::{Classified as _, ErrorClass, Grid, Volume, VoxelIndex, Voxels};
+use ivd_lattice::extract::{ExtractParams, Iso, extract};
+
+use super::*;
+use crate::handles::Anchor;
+use crate::rigid::{Drive, Region, RigidTransform};
+
+/// The lattice of what lies where a function of a place (mm, from the middle of the grid) is positive, and the volume's labels: 1 there, 2 where
+/// it lies within another.
+fn part(n: usize, of: impl Fn(Vector3<f64>) -> f64, core: impl Fn(Vector3<f64>) -> f64) -> (Lattice, Labels) {
+    let grid = Grid::with_spacing([n; 3], [1.0; 3]).unwrap();
+    let middle = Vector3::repeat((n as f64 - 1.0) / 2.0);
+    let at = |i: usize| VoxelCoord::from(grid.index(i)).0 - middle;
+    let voxels: Vec<f32> = (0..grid.len()).map(|i| of(at(i)) as f32).collect();
+    let ids: Vec<u16> =
+        (0..grid.len()).map(|i| if core(at(i)) > 0.0 { 2 } else { u16::from(of(at(i)) > 0.0) }).collect();
+    let class = |id: u16| ivd_core::Class {
+        id,
+        name: None,
+        mean: 0.0,
+        sd: 0.0,
+        voxels: ids.iter().filter(|own| **own == id).count() as u64,
+        lower: None,
+        upper: None,
+    };
+    let classes = vec![class(1), class(2)];
+    let labels = Labels::new(grid.clone(), ids.into(), classes).unwrap();
+    let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
+    let params = ExtractParams { iso: Iso::Value(0.0) };
+    (extract(&volume, None, &params, &Exec::default()).unwrap().lattice, labels)
+}
+
+fn ball(radius: f64) -> impl Fn(Vector3<f64>) -> f64 {
+    move |at| radius - at.norm()
+}
+
+fn nowhere(_: Vector3<f64>) -> f64 {
+    -1.0
+}
+
+fn handle(at: [f64; 3], by: [f64; 3], radius: f64) -> Handle {
+    Handle { at: Anchor::NearestTo(at), action: Action::Move(by), radius }
+}
+
+fn run(
+    (lattice, labels): &(Lattice, Labels),
+    handles: &[Handle],
+    bones: &[BoneSpec],
+    params: &ElasticParams,
+) -> Result<ElasticResult, Error> {
+    solve(lattice, Some(labels), handles, &[], bones, params, &Exec::default())
+}
+
+#[test]
+fn the_grip_goes_where_the_handle_does_and_nothing_beyond_the_radius_moves() {
+    let scene = part(41, ball(14.0), nowhere);
+    let solved =
+        run(&scene, &[handle([20.0, 20.0, 34.0], [0.5, 0.0, 2.0], 12.0)], &[], &ElasticParams::default())
+            .unwrap();
+    let lattice = &scene.0;
+    let top = (0..lattice.keys().len()).min_by(|a, b| {
+        let far = |v: &usize| (lattice.world(*v).0 - Vector3::new(20.0, 20.0, 34.0)).norm();
+        far(a).total_cmp(&far(b))
+    });
+    let target = top.unwrap();
+    let displacement = &solved.motion.frames()[0].displacement;
+    assert_eq!(displacement[target], [0.5, 0.0, 2.0]);
+    let centre = lattice.world(target).0;
+    let far = |v: usize| (lattice.world(v).0 - centre).norm();
+    for v in 0..lattice.keys().len() {
+        if far(v) >= 12.0 {
+            assert_eq!(displacement[v], [0.0; 3]);
+        }
+        // Within the grip matter goes as one, and falls off from there.
+        if far(v) < 2.0 {
+            assert!(
+                (Vector3::from(displacement[v]) - Vector3::new(0.5, 0.0, 2.0)).norm() < 1e-12,
+                "{}",
+                far(v)
+            );
+        }
+    }
+    let field = &solved.motion.space()[0];
+    let grid = lattice.grid();
+    for i in 0..grid.len() {
+        let away = (grid.world(VoxelCoord::from(grid.index(i))).0 - centre).norm();
+        assert!(away < 12.0 || field.at(grid.index(i)) == [0.0; 3]);
+    }
+    // The lattice goes where the voxels do.
+    let sampler = ivd_field::sampler::Sampler::new(field, grid);
+    for v in 0..lattice.keys().len() {
+        let space = grid.linear_part() * sampler.at(lattice.voxel(v).0);
+        assert!((space - Vector3::from(displacement[v])).norm() < 1e-5);
+    }
+    assert!(solved.residual <= 1e-3 && solved.vertices_moved > 100, "{solved:?}");
+    let force = Vector3::from(solved.handle_forces_mn[0]);
+    assert!(force.z > 0.0 && force.x > 0.0, "{force}");
+}
+
+#[test]
+fn a_rigid_class_stays_and_a_bone_goes_as_one_and_soft_matter_follows() {
+    let scene = part(41, ball(15.0), ball(6.0));
+    let rigid = Tissue { rigid: true, ..Tissue::default() };
+    let params = ElasticParams { material: [(2, rigid)].into(), ..ElasticParams::default() };
+    let push = [handle([20.0, 20.0, 35.0], [0.0, 0.0, -2.0], 30.0)];
+    let solved = run(&scene, &push, &[], &params).unwrap();
+    let field = &solved.motion.space()[0];
+    let grid = scene.0.grid();
+    let core: Vec<VoxelIndex> =
+        (0..grid.len()).filter(|i| scene.1.ids()[*i] == 2).map(|i| grid.index(i)).collect();
+    assert!(core.len() > 800 && core.iter().all(|v| field.at(*v) == [0.0; 3]));
+    // What lies between is pressed, what lies behind hardly moves.
+    let above = field.at(VoxelIndex([20, 20, 30]));
+    assert!(above[2] < -0.4 && above[2] > -2.1, "{above:?}");
+    assert!(field.at(VoxelIndex([20, 20, 8]))[2].abs() < 0.2);
+
+    // The core turned: no handle.
+    let turn = RigidTransform { pivot: [20.0; 3], axis: [0.0, 0.0, 1.0], angle: 20.0, by: [0.0, 0.5, 1.0] };
+    let bone = BoneSpec {
+        name: "core".into(),
+        parent: None,
+        region: Some(Region::Ball { centre: [20.0; 3], radius: 7.0 }),
+        class: None,
+        drive: Drive::Prescribed(turn),
+        reach: 12.0,
+    };
+    let scene = part(41, |at| (10.0 - at.norm()).min(0.5 + 1e-3 * at.norm()), nowhere);
+    let solved = run(&scene, &[], std::slice::from_ref(&bone), &ElasticParams::default());
+    // A bone that holds no vertex is refused by name.
+    assert!(solved.unwrap_err().to_string().contains("core"));
+    let bone = BoneSpec { region: Some(Region::Ball { centre: [20.0; 3], radius: 11.0 }), ..bone };
+    let solved = run(&scene, &[], std::slice::from_ref(&bone), &ElasticParams::default()).unwrap();
+    let displacement = &solved.motion.frames()[0].displacement;
+    let expected = |at: Vector3<f64>| {
+        let arm = at - Vector3::repeat(20.0);
+        nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), 20_f64.to_radians()) * arm - arm
+            + Vector3::new(0.0, 0.5, 1.0)
+    };
+    for v in 0..scene.0.keys().len() {
+        let wanted = expected(scene.0.world(v).0);
+        assert!((Vector3::from(displacement[v]) - wanted).norm() < 1e-9);
+    }
+    let field = &solved.motion.space()[0];
+    let inner = field.at(VoxelIndex([23, 20, 20]));
+    assert!((Vector3::from(inner).map(f64::from) - expected(Vector3::new(23.0, 20.0, 20.0))).norm() < 1e-6);
+}
+
+#[test]
+fn matter_that_is_pressed_keeps_its_volume_and_air_gives_way() {
+    let scene = part(41, ball(14.0), nowhere);
+    let push = [handle([20.0, 20.0, 34.0], [0.0, 0.0, -3.0], 20.0)];
+    let volume = |poisson: f64| {
+        let params = ElasticParams { poisson, ..ElasticParams::default() };
+        let solved = run(&scene, &push, &[], &params).unwrap();
+        let at = |v: u32| scene.0.world(v as usize).0;
+        let moved = |v: u32| at(v) + Vector3::from(solved.motion.frames()[0].displacement[v as usize]);
+        let of = |place: &dyn Fn(u32) -> Vector3<f64>| -> f64 {
+            let six = |t: &[u32; 3]| place(t[0]).dot(&place(t[1]).cross(&place(t[2])));
+            scene.0.triangles().iter().map(six).sum::<f64>() / 6.0
+        };
+        of(&moved) / of(&at)
+    };
+    let (stiff, soft) = (volume(0.45), volume(0.0));
+    assert!((stiff - 1.0).abs() < 0.01 && soft < stiff - 0.002, "{stiff} {soft}");
+}
+
+#[test]
+fn a_push_into_bone_is_refused_with_the_share_that_holds() {
+    // Six millimetres of tissue on bone, pushed by eight.
+    let slab = |at: Vector3<f64>| 12.0 - at.z.abs().max(at.x.abs()).max(at.y.abs());
+    let scene = part(41, slab, move |at| 6.0 - at.z.max(at.x.abs() - 6.0).max(at.y.abs() - 6.0));
+    let rigid = Tissue { rigid: true, ..Tissue::default() };
+    let params = ElasticParams { material: [(2, rigid)].into(), ..ElasticParams::default() };
+    let push = |by: f64| run(&scene, &[handle([20.0, 20.0, 32.0], [0.0, 0.0, -by], 14.0)], &[], &params);
+    let error = push(8.0).unwrap_err();
+    assert_eq!(error.error_class(), ErrorClass::Untrusted, "{error}");
+    assert!(error.to_string().contains("% of the way"), "{error}");
+    push(1.0).unwrap();
+}
+
+#[test]
+fn the_other_lip_hardly_moves() {
+    // Two blocks, two voxels apart.
+    let lips = |at: Vector3<f64>| {
+        let block = 9.0 - at.x.abs().max(at.y.abs() - 3.0);
+        block.min(at.z.abs() - 1.0).min(12.0 - at.z.abs())
+    };
+    let scene = part(42, lips, nowhere);
+    let pull = [handle([20.5, 20.5, 32.5], [0.0, 0.0, 2.0], 18.0)];
+    let solved =
+        run(&scene, &pull, &[], &ElasticParams { cell: Some(1), ..ElasticParams::default() }).unwrap();
+    let below = (0..scene.0.keys().len()).filter(|v| scene.0.world(*v).0.z < 20.5);
+    let most =
+        below.map(|v| Vector3::from(solved.motion.frames()[0].displacement[v]).norm()).fold(0.0, f64::max);
+    assert!(most < 0.05 * 2.0, "{most} mm of 2");
+}
+
+#[test]
+fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
+    let scene = part(33, ball(11.0), nowhere);
+    let push = [handle([16.0, 16.0, 27.0], [0.0, 1.0, -2.0], 14.0)];
+    let on = |threads: usize| {
+        let exec = Exec::default().with_threads(threads);
+        solve(&scene.0, None, &push, &[], &[], &ElasticParams::default(), &exec).unwrap()
+    };
+    assert_eq!(on(1), on(3));
+    let soft = ElasticParams { material: [(7, Tissue::default())].into(), ..ElasticParams::default() };
+    assert!(run(&scene, &push, &[], &soft).unwrap_err().to_string().contains("class 7"));
+    let error = solve(&scene.0, None, &push, &[], &[], &soft, &Exec::default()).unwrap_err();
+    assert!(error.to_string().contains("--labels"), "{error}");
+    let bad = ElasticParams { poisson: 0.5, ..ElasticParams::default() };
+    assert!(run(&scene, &push, &[], &bad).unwrap_err().to_string().contains("poisson"));
+    let cancelled = Exec::default();
+    cancelled.cancel.cancel();
+    assert!(solve(&scene.0, None, &push, &[], &[], &ElasticParams::default(), &cancelled).is_err());
+}

@@ -1,0 +1,122 @@
+//! What space is made of, and which of it is rigid.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use ivd_core::{Grid, Labels, Mask, VoxelIndex};
+use ivd_elastic::{Lame, Medium};
+use nalgebra::Vector3;
+
+use super::ElasticParams;
+use crate::rigid::BoneSpec;
+
+/// What a voxel does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Matter {
+    /// It yields.
+    Soft,
+    /// It goes with a bone of that number.
+    Bone(usize),
+    /// It stays.
+    Still,
+}
+
+/// Lamé's constants by voxel (kPa): a class's own where it has been given any; else those of the inside, or of the filler.
+pub(super) struct Tissues<'a> {
+    inside: &'a Mask,
+    labels: Option<&'a Labels>,
+    /// Inside the lattice, and outside.
+    classes: BTreeMap<u16, [Lame; 2]>,
+    rigid: BTreeSet<u16>,
+    bones: &'a [BoneSpec],
+    own: Lame,
+    filler: Lame,
+}
+
+impl<'a> Tissues<'a> {
+    /// Checked parameters; `labels` on the grid of `inside`.
+    pub(super) fn new(
+        inside: &'a Mask,
+        labels: Option<&'a Labels>,
+        bones: &'a [BoneSpec],
+        params: &ElasticParams,
+    ) -> Self {
+        let own = Lame::new(params.kpa, params.poisson);
+        let filler = Lame::new(params.kpa * params.filler, 0.0);
+        let classes = params.material.iter().map(|(class, tissue)| {
+            let of = |kpa: f64, poisson: f64| {
+                Lame::new(tissue.kpa.unwrap_or(kpa), tissue.poisson.unwrap_or(poisson))
+            };
+            // The share of a cell that is rigid counts for nothing in what the rest yields by.
+            let outside = if tissue.kpa.is_some() { params.poisson } else { 0.0 };
+            (*class, [of(params.kpa, params.poisson), of(params.kpa * params.filler, outside)])
+        });
+        let rigid = params.material.iter().filter(|(_, tissue)| tissue.rigid).map(|(class, _)| *class);
+        Self { inside, labels, classes: classes.collect(), rigid: rigid.collect(), bones, own, filler }
+    }
+
+    fn grid(&self) -> &Grid {
+        self.inside.grid()
+    }
+
+    /// The voxel nearest to a voxel coordinate, and its number; `None` beyond the grid.
+    pub(super) fn nearest(&self, voxel: Vector3<f64>) -> Option<(VoxelIndex, usize)> {
+        let dims = self.grid().dims();
+        let nearest = voxel.map(|c| c.round() as i64);
+        (0..3).all(|a| (0..dims[a] as i64).contains(&nearest[a])).then(|| {
+            let index = VoxelIndex(std::array::from_fn(|a| nearest[a] as usize));
+            (index, self.grid().linear(index))
+        })
+    }
+
+    /// Whether a voxel lies inside the lattice.
+    pub(super) fn is_inside(&self, number: usize) -> bool {
+        self.inside.inside()[number] != 0
+    }
+
+    /// What a voxel does. A bone without a class is what lies in its region and in the lattice.
+    pub(super) fn matter(&self, voxel: VoxelIndex, number: usize) -> Matter {
+        if self.bones.is_empty() && self.rigid.is_empty() {
+            return Matter::Soft;
+        }
+        let class = self.labels.map(|labels| labels.ids()[number]);
+        let grid = self.grid();
+        let point = grid.linear_part() * ivd_core::VoxelCoord::from(voxel).0;
+        let origin = Vector3::from(grid.origin());
+        let holds = |bone: &BoneSpec| {
+            let of_class = match bone.class {
+                Some(own) => class == Some(own),
+                None => self.is_inside(number),
+            };
+            of_class && bone.region.is_none_or(|region| region.holds(point, origin))
+        };
+        if let Some(bone) = self.bones.iter().position(holds) {
+            return Matter::Bone(bone);
+        }
+        if class.is_some_and(|class| self.rigid.contains(&class)) { Matter::Still } else { Matter::Soft }
+    }
+
+    /// Classes that stay where no bone moves them.
+    pub(super) fn rigid(&self) -> &BTreeSet<u16> {
+        &self.rigid
+    }
+}
+
+impl Medium for Tissues<'_> {
+    fn at(&self, voxel: Vector3<f64>) -> Lame {
+        let Some((_, number)) = self.nearest(voxel) else { return self.filler };
+        let class = self.labels.and_then(|labels| self.classes.get(&labels.ids()[number]));
+        let [inner, outer] = class.copied().unwrap_or([self.own, self.filler]);
+        if self.is_inside(number) { inner } else { outer }
+    }
+
+    fn kind(&self, voxel: VoxelIndex) -> Option<u16> {
+        let id = self.labels?.ids()[self.grid().linear(voxel)];
+        let known = self.classes.contains_key(&id) || self.bones.iter().any(|bone| bone.class == Some(id));
+        known.then_some(id)
+    }
+
+    fn has_kinds(&self) -> bool {
+        self.labels.is_some()
+            && (!self.classes.is_empty() || self.bones.iter().any(|bone| bone.class.is_some()))
+    }
+}
