@@ -50,6 +50,11 @@ impl Lame {
         Self { mu: sum.mu / many, lambda: sum.lambda / many }
     }
 
+    /// What matter pressed to the utmost resists with.
+    fn bulk(&self) -> f64 {
+        self.lambda + self.mu
+    }
+
     /// `W` of a displacement's gradient, and the size of the terms that its rounding comes from; `None` where J ≤ 0.
     pub(crate) fn energy(&self, g: &Matrix3<f64>) -> Option<(f64, f64)> {
         let (bent, cubic) = (minors(g), g.determinant());
@@ -69,6 +74,21 @@ pub struct Hexahedron {
     gradients: [[Vector3<f64>; 8]; 8],
     /// Volume that a Gauss point stands for (mm³), of a cell of size 1.
     volume: f64,
+    guard: Option<Guard>,
+}
+
+/// What keeps a cell from folding between its Gauss points: matter pressed below a share `J₀` of its volume at a corner resists,
+///
+/// ```text
+/// (λ + μ)/2 (ln (J / J₀))²   of an eighth of the cell,   where J < J₀
+/// ```
+#[derive(Debug, Clone)]
+struct Guard {
+    least: f64,
+    /// As those of the Gauss points.
+    gradients: [[Vector3<f64>; 8]; 8],
+    /// Corners that differ by less than this (mm), of a cell of size 1, leave `J` above `J₀`.
+    still: f64,
 }
 
 /// What a cell is made of at its Gauss points.
@@ -87,29 +107,56 @@ pub(crate) fn gauss(point: usize) -> [f64; 3] {
 impl Hexahedron {
     /// `edges`: the edges of a cell of size 1 (mm), as columns.
     pub fn new(edges: &Matrix3<f64>) -> Self {
-        let inverse = edges.try_inverse().expect("a grid's axes are independent").transpose();
-        let gradients = std::array::from_fn(|point| {
-            let place = gauss(point);
-            std::array::from_fn(|corner| {
-                let slope = Vector3::from_fn(|axis, _| {
-                    let mut flat = place;
-                    flat[axis] = if corner >> axis & 1 == 1 { 1.0 } else { 0.0 };
-                    let sign = if corner >> axis & 1 == 1 { 1.0 } else { -1.0 };
-                    sign * weights(flat)[corner]
-                });
-                inverse * slope
-            })
-        });
-        Self { gradients, volume: edges.determinant().abs() / 8.0 }
+        let gradients = std::array::from_fn(|point| slopes(edges, gauss(point)));
+        Self { gradients, volume: edges.determinant().abs() / 8.0, guard: None }
     }
 
-    /// `G` at a Gauss point.
-    fn gradient(&self, point: usize, size: f64, u: &Corners) -> Matrix3<f64> {
+    /// With cells that resist being pressed below a share of their volume, 0.1…0.3, at their corners, so that they don't fold there.
+    #[must_use]
+    pub fn guarded(self, edges: &Matrix3<f64>, least: f64) -> Self {
+        let place = |corner: usize| std::array::from_fn(|a| f64::from(u8::from(corner >> a & 1 == 1)));
+        let gradients: [[Vector3<f64>; 8]; 8] = std::array::from_fn(|corner| slopes(edges, place(corner)));
+        // Each of the three edges at a corner changes by 2 √3 times the difference at most: ‖G‖ by 6 times it over the shortest.
+        let shortest = edges.svd(false, false).singular_values.min();
+        let still = (1.0 - least.cbrt()) * shortest / 6.0;
+        Self { guard: Some(Guard { least, gradients, still }), ..self }
+    }
+
+    /// `G` where the trilinear functions have these gradients.
+    fn gradient(gradients: &[Vector3<f64>; 8], size: f64, u: &Corners) -> Matrix3<f64> {
         let mut sum = Matrix3::zeros();
-        for (g, u) in self.gradients[point].iter().zip(u) {
+        for (g, u) in gradients.iter().zip(u) {
             sum += Vector3::from(*u) * g.transpose() / size;
         }
         sum
+    }
+
+    /// The corners of a cell at which matter resists, with what `F⁻ᵀ` and `ln (J / J₀)` are there; `None` where one is turned inside out.
+    #[allow(clippy::type_complexity, reason = "a corner, its matrix and its number")]
+    fn pressed(&self, size: f64, u: &Corners) -> Option<Vec<(usize, Matrix3<f64>, f64)>> {
+        let mut found = Vec::new();
+        let Some(guard) = &self.guard else { return Some(found) };
+        let apart = |a: usize| {
+            let (low, high) =
+                u.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |m, u| (m.0.min(u[a]), m.1.max(u[a])));
+            high - low
+        };
+        if (0..3).map(apart).fold(0.0, f64::max) < guard.still * size {
+            return Some(found);
+        }
+        for corner in 0..8 {
+            let f = Matrix3::identity() + Self::gradient(&guard.gradients[corner], size, u);
+            let growth = f.determinant();
+            if growth <= 0.0 {
+                return None;
+            }
+            if growth < guard.least
+                && let Some(inverse) = f.try_inverse()
+            {
+                found.push((corner, inverse.transpose(), (growth / guard.least).ln()));
+            }
+        }
+        Some(found)
     }
 
     /// Volume of a Gauss point of a cell (mm³).
@@ -117,12 +164,16 @@ impl Hexahedron {
         self.volume * size.powi(3)
     }
 
-    /// Energy of a cell, and the size of its terms; `None` where J ≤ 0 at a Gauss point.
+    /// Energy of a cell, and the size of its terms; `None` where J ≤ 0 at a Gauss point, or at a guarded corner.
     pub(crate) fn energy(&self, matter: &Matter, size: f64, u: &Corners) -> Option<(f64, f64)> {
         let mut sum = (0.0, 0.0);
         for (point, lame) in matter.iter().enumerate() {
-            let (own, terms) = lame.energy(&self.gradient(point, size, u))?;
+            let (own, terms) = lame.energy(&Self::gradient(&self.gradients[point], size, u))?;
             sum = (sum.0 + own, sum.1 + terms);
+        }
+        for (corner, _, log) in self.pressed(size, u)? {
+            let own = 0.5 * matter[corner].bulk() * log * log;
+            sum = (sum.0 + own, sum.1 + own);
         }
         let volume = self.volume(size);
         Some((sum.0 * volume, sum.1 * volume))
@@ -133,7 +184,7 @@ impl Hexahedron {
         let mut out = [[0.0; 3]; 8];
         let weight = self.volume(size) / size;
         for (point, lame) in matter.iter().enumerate() {
-            let g = self.gradient(point, size, u);
+            let g = Self::gradient(&self.gradients[point], size, u);
             let (inverse, log) = inverse_transposed(&g);
             let stress = (g + inverse * g.transpose()) * lame.mu + inverse * (lame.lambda * log);
             for (out, g) in out.iter_mut().zip(&self.gradients[point]) {
@@ -141,7 +192,18 @@ impl Hexahedron {
                 *out = [out[0] + force[0], out[1] + force[1], out[2] + force[2]];
             }
         }
+        for (corner, inverse, log) in self.pressed(size, u).unwrap_or_default() {
+            let stress = inverse * (matter[corner].bulk() * log * weight);
+            for (out, g) in out.iter_mut().zip(self.corner_gradients(corner)) {
+                let force = stress * g;
+                *out = [out[0] + force[0], out[1] + force[1], out[2] + force[2]];
+            }
+        }
         out
+    }
+
+    fn corner_gradients(&self, corner: usize) -> &[Vector3<f64>] {
+        self.guard.as_ref().map_or(&[], |guard| &guard.gradients[corner])
     }
 
     /// Second derivative of the energy by the corners.
@@ -149,7 +211,7 @@ impl Hexahedron {
         let mut out = [[Matrix3::zeros(); 8]; 8];
         let weight = self.volume(size) / (size * size);
         for (point, lame) in matter.iter().enumerate() {
-            let (inverse, log) = inverse_transposed(&self.gradient(point, size, u));
+            let (inverse, log) = inverse_transposed(&Self::gradient(&self.gradients[point], size, u));
             let g = &self.gradients[point];
             let h: [Vector3<f64>; 8] = std::array::from_fn(|c| inverse * g[c]);
             let (straight, crossed) = (weight * lame.lambda, weight * (lame.mu - lame.lambda * log));
@@ -164,8 +226,31 @@ impl Hexahedron {
                 }
             }
         }
+        for (corner, inverse, log) in self.pressed(size, u).unwrap_or_default() {
+            let h: Vec<Vector3<f64>> = self.corner_gradients(corner).iter().map(|g| inverse * g).collect();
+            let (straight, crossed) = (weight * matter[corner].bulk(), -weight * matter[corner].bulk() * log);
+            for p in 0..8 {
+                for q in 0..8 {
+                    out[p][q] += h[p] * h[q].transpose() * straight + h[q] * h[p].transpose() * crossed;
+                }
+            }
+        }
         out
     }
+}
+
+/// Gradients of the trilinear functions at a place in the unit cube, in a cell with such edges.
+fn slopes(edges: &Matrix3<f64>, place: [f64; 3]) -> [Vector3<f64>; 8] {
+    let inverse = edges.try_inverse().expect("a grid's axes are independent").transpose();
+    std::array::from_fn(|corner| {
+        let slope = Vector3::from_fn(|axis, _| {
+            let mut flat = place;
+            flat[axis] = if corner >> axis & 1 == 1 { 1.0 } else { 0.0 };
+            let sign = if corner >> axis & 1 == 1 { 1.0 } else { -1.0 };
+            sign * weights(flat)[corner]
+        });
+        inverse * slope
+    })
 }
 
 /// `F⁻ᵀ` and `ln J` of a displacement's gradient.

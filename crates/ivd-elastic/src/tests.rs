@@ -66,7 +66,9 @@ fn forces_and_matrix_are_the_differences_of_the_energy_also_where_nodes_hang() {
         goal: Vector3::new(0.3, -0.2, 0.1),
         multiplier: Vector3::new(0.5, 0.25, -1.0),
     };
-    let mut with = Body::new(body.mesh.clone(), body.element.clone(), body.matter.clone(), vec![pull]);
+    // A guard that every corner meets.
+    let element = body.element.clone().guarded(&sheared(), 1.2);
+    let mut with = Body::new(body.mesh.clone(), element, body.matter.clone(), vec![pull]);
     for (i, load) in with.loads.iter_mut().enumerate() {
         *load = [scatter(i), 0.1, scatter(i + 50)];
     }

@@ -34,12 +34,17 @@ use holds::{Asks, Hold, Holds};
 pub use params::{ElasticParams, Tissue};
 use tissues::{Matter, Tissues};
 
-/// Part of a handle's radius that it grips, and the least number of cells.
+/// What a handle grips: a part of its radius, a number of cells and a multiple of its way at least, and a part of its radius at most. Round a ball
+/// that goes as one motion falls off as the ball's radius over the distance: one smaller than its way would fold what it leaves.
 const GRIP: f64 = 0.2;
 const GRIP_CELLS: f64 = 3.0;
+const GRIP_WAY: f64 = 1.5;
+const GRIP_MOST: f64 = 0.5;
 /// Longest cell (voxels), and cells across the smallest ball's radius.
 const LONGEST: f64 = 16.0;
 const ACROSS: f64 = 4.0;
+/// Share of its volume below which matter resists being pressed at the corners of cells.
+const PRESSED: f64 = 0.25;
 /// nJ in a kPa mm³.
 const NANOJOULE: f64 = 1e3;
 
@@ -205,13 +210,16 @@ impl<'a> Scene<'a> {
             .filter(|&h| self.skeleton.holder(self.targets[h]).is_none())
             .map(|h| {
                 let handle = self.handles[h];
-                let grip = (GRIP * handle.radius).max(GRIP_CELLS * cells.length());
+                let way = Vector3::from(handle.way()).norm();
+                let least = (GRIP * handle.radius).max(GRIP_CELLS * cells.length());
+                let grip = least.max((GRIP_WAY * way).min(GRIP_MOST * handle.radius));
                 (h, handle, self.targets[h], self.params.grip.unwrap_or(grip).min(handle.radius))
             })
             .collect();
         let asks = Asks { lattice: self.lattice, rest: &self.rest, handles: &asked, fixed: &self.fixed };
         let holds = Holds::new(&asks, &mesh, &cells, &tissues);
-        let mut body = Body::new(mesh, Hexahedron::new(&cells.edges()), matter, Vec::new());
+        let element = Hexahedron::new(&cells.edges()).guarded(&cells.edges(), PRESSED);
+        let mut body = Body::new(mesh, element, matter, Vec::new());
         exec.check_memory("the equations of the body", body.bytes())?;
         let border: Vec<bool> = body.mesh.held.clone();
         let nodes: Vec<u32> = holds.told.keys().copied().collect();

@@ -38,7 +38,7 @@ pub struct ElasticParams {
     #[serde(deserialize_with = "by_class")]
     pub material: BTreeMap<u16, Tissue>,
     /// Radius of the ball of matter round a handle's vertex that goes with it as one. Without it a fifth of the handle's radius, at least
-    /// three cells.
+    /// three cells, and one and a half times how far it goes, as far as that is half of the radius.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub grip: Option<f64>,
     /// Forces that may be left at the end, relative to those that cancel.

@@ -9,6 +9,9 @@ use nalgebra::Vector3;
 use super::ElasticParams;
 use crate::rigid::BoneSpec;
 
+/// Poisson's ratio of what fills the outside: air is pressed evenly, lest a few cells of it fold while the rest hardly yields.
+const AIR: f64 = 0.4;
+
 /// What a voxel does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Matter {
@@ -41,13 +44,13 @@ impl<'a> Tissues<'a> {
         params: &ElasticParams,
     ) -> Self {
         let own = Lame::new(params.kpa, params.poisson);
-        let filler = Lame::new(params.kpa * params.filler, 0.0);
+        let filler = Lame::new(params.kpa * params.filler, AIR);
         let classes = params.material.iter().map(|(class, tissue)| {
             let of = |kpa: f64, poisson: f64| {
                 Lame::new(tissue.kpa.unwrap_or(kpa), tissue.poisson.unwrap_or(poisson))
             };
             // The share of a cell that is rigid counts for nothing in what the rest yields by.
-            let outside = if tissue.kpa.is_some() { params.poisson } else { 0.0 };
+            let outside = if tissue.kpa.is_some() { params.poisson } else { AIR };
             (*class, [of(params.kpa, params.poisson), of(params.kpa * params.filler, outside)])
         });
         let rigid = params.material.iter().filter(|(_, tissue)| tissue.rigid).map(|(class, _)| *class);
