@@ -23,6 +23,8 @@ pub(crate) struct Blocks {
 pub(crate) struct Found {
     pub(crate) values: Vec<Triple>,
     pub(crate) iterations: u32,
+    /// Whether a direction of negative curvature ended it.
+    pub(crate) indefinite: bool,
 }
 
 impl Blocks {
@@ -94,7 +96,7 @@ impl Blocks {
         let end = tolerance * tolerance * dot(&z, &z);
         let mut p = z.clone();
         let mut rz = dot(&r, &z);
-        let mut iterations = 0;
+        let (mut iterations, mut indefinite) = (0, false);
         while iterations < limit && dot(&z, &z) > end {
             if iterations % 32 == 0 {
                 exec.check_cancelled()?;
@@ -102,6 +104,7 @@ impl Blocks {
             let q = self.times(&p);
             let curvature = dot(&p, &q);
             if curvature <= 0.0 {
+                indefinite = true;
                 if iterations == 0 {
                     x = z;
                 }
@@ -119,7 +122,7 @@ impl Blocks {
             });
             iterations += 1;
         }
-        Ok(Found { values: x, iterations })
+        Ok(Found { values: x, iterations, indefinite })
     }
 }
 

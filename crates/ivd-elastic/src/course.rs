@@ -9,11 +9,13 @@ use crate::system::Body;
 /// What is left of the forces on the way, relative to those that cancel.
 const LOOSE: f64 = 1e-2;
 /// Newton's steps for a part of the way, and in the end.
-const FEW: u32 = 12;
+const FEW: u32 = 6;
 const STEPS: u32 = 60;
+/// What may be left on the way where these steps don't suffice.
+const ASTRAY: f64 = 0.3;
 /// Tolerance and iterations of the equations of a start.
 const START: f64 = 1e-2;
-const ITERATIONS: u32 = 2000;
+const ITERATIONS: u32 = 300;
 /// Times that a start is halved.
 const HALVINGS: u32 = 5;
 /// The shortest part of the way.
@@ -79,7 +81,8 @@ impl Body {
             };
             let before = arrival.balance;
             let (steps, iterations) = (before.steps + balance.steps, before.iterations + balance.iterations);
-            if !balance.reached {
+            // On the way it is enough to be near; what is left is made up for by the next part.
+            if !balance.reached && (share >= 1.0 || balance.residual > ASTRAY) {
                 arrival.balance = Balance { steps, iterations, ..before };
                 step = (share - arrival.share) / 2.0;
                 continue;
@@ -122,7 +125,7 @@ impl Body {
         let mut left = self.gradient(u).0;
         add(&mut left, &self.change(u, &told), 1.0);
         left.iter_mut().for_each(|f| *f = f.map(|c| -c));
-        let follow = self.matrix(u, exec)?.solve(&left, START, ITERATIONS, exec)?;
+        let follow = self.matrix(u, true, exec)?.solve(&left, START, ITERATIONS, exec)?;
         let mut part = 1.0;
         for _ in 0..=HALVINGS {
             let share = if part == 1.0 { to } else { from + part * (to - from) };

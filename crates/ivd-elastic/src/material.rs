@@ -50,8 +50,8 @@ impl Lame {
         Self { mu: sum.mu / many, lambda: sum.lambda / many }
     }
 
-    /// What matter pressed to the utmost resists with.
-    fn bulk(&self) -> f64 {
+    /// What matter that is pressed to the utmost resists with.
+    pub fn bulk(&self) -> f64 {
         self.lambda + self.mu
     }
 
@@ -80,11 +80,12 @@ pub struct Hexahedron {
 /// What keeps a cell from folding between its Gauss points: matter pressed below a share `J₀` of its volume at a corner resists,
 ///
 /// ```text
-/// (λ + μ)/2 (ln (J / J₀))²   of an eighth of the cell,   where J < J₀
+/// κ/2 (ln (J / J₀))²   of an eighth of the cell,   where J < J₀,   κ = λ + μ of the matter, at least a bound: soft matter doesn't vanish
 /// ```
 #[derive(Debug, Clone)]
 struct Guard {
     least: f64,
+    modulus: f64,
     /// As those of the Gauss points.
     gradients: [[Vector3<f64>; 8]; 8],
     /// Corners that differ by less than this (mm), of a cell of size 1, leave `J` above `J₀`.
@@ -111,15 +112,20 @@ impl Hexahedron {
         Self { gradients, volume: edges.determinant().abs() / 8.0, guard: None }
     }
 
-    /// With cells that resist being pressed below a share of their volume, 0.1…0.3, at their corners, so that they don't fold there.
+    /// With cells that resist being pressed below a share of their volume at their corners, with at least a modulus, so that they don't
+    /// fold there.
     #[must_use]
-    pub fn guarded(self, edges: &Matrix3<f64>, least: f64) -> Self {
+    pub fn guarded(self, edges: &Matrix3<f64>, least: f64, modulus: f64) -> Self {
         let place = |corner: usize| std::array::from_fn(|a| f64::from(u8::from(corner >> a & 1 == 1)));
         let gradients: [[Vector3<f64>; 8]; 8] = std::array::from_fn(|corner| slopes(edges, place(corner)));
         // Each of the three edges at a corner changes by 2 √3 times the difference at most: ‖G‖ by 6 times it over the shortest.
         let shortest = edges.svd(false, false).singular_values.min();
         let still = (1.0 - least.cbrt()) * shortest / 6.0;
-        Self { guard: Some(Guard { least, gradients, still }), ..self }
+        Self { guard: Some(Guard { least, modulus, gradients, still }), ..self }
+    }
+
+    pub(crate) fn is_guarded(&self) -> bool {
+        self.guard.is_some()
     }
 
     /// `G` where the trilinear functions have these gradients.
@@ -172,7 +178,7 @@ impl Hexahedron {
             sum = (sum.0 + own, sum.1 + terms);
         }
         for (corner, _, log) in self.pressed(size, u)? {
-            let own = 0.5 * matter[corner].bulk() * log * log;
+            let own = 0.5 * self.resistance(&matter[corner]) * log * log;
             sum = (sum.0 + own, sum.1 + own);
         }
         let volume = self.volume(size);
@@ -193,7 +199,7 @@ impl Hexahedron {
             }
         }
         for (corner, inverse, log) in self.pressed(size, u).unwrap_or_default() {
-            let stress = inverse * (matter[corner].bulk() * log * weight);
+            let stress = inverse * (self.resistance(&matter[corner]) * log * weight);
             for (out, g) in out.iter_mut().zip(self.corner_gradients(corner)) {
                 let force = stress * g;
                 *out = [out[0] + force[0], out[1] + force[1], out[2] + force[2]];
@@ -202,41 +208,105 @@ impl Hexahedron {
         out
     }
 
+    /// κ of matter that is pressed.
+    fn resistance(&self, lame: &Lame) -> f64 {
+        lame.bulk().max(self.guard.as_ref().map_or(0.0, |guard| guard.modulus))
+    }
+
     fn corner_gradients(&self, corner: usize) -> &[Vector3<f64>] {
         self.guard.as_ref().map_or(&[], |guard| &guard.gradients[corner])
     }
 
-    /// Second derivative of the energy by the corners.
-    pub(crate) fn stiffness(&self, matter: &Matter, size: f64, u: &Corners) -> Stiffness {
+    /// Second derivative of the energy by the corners; `bounded`: what it is at most, in no direction less than nothing.
+    pub(crate) fn stiffness(&self, matter: &Matter, size: f64, u: &Corners, bounded: bool) -> Stiffness {
         let mut out = [[Matrix3::zeros(); 8]; 8];
         let weight = self.volume(size) / (size * size);
         for (point, lame) in matter.iter().enumerate() {
-            let (inverse, log) = inverse_transposed(&Self::gradient(&self.gradients[point], size, u));
-            let g = &self.gradients[point];
-            let h: [Vector3<f64>; 8] = std::array::from_fn(|c| inverse * g[c]);
-            let (straight, crossed) = (weight * lame.lambda, weight * (lame.mu - lame.lambda * log));
-            for p in 0..8 {
-                for q in 0..8 {
-                    let block = &mut out[p][q];
-                    let dot = weight * lame.mu * g[p].dot(&g[q]);
-                    *block += h[p] * h[q].transpose() * straight + h[q] * h[p].transpose() * crossed;
-                    for a in 0..3 {
-                        block[(a, a)] += dot;
-                    }
-                }
-            }
+            let displaced = Self::gradient(&self.gradients[point], size, u);
+            let (inverse, log) = inverse_transposed(&displaced);
+            let crossed = lame.mu - lame.lambda * log;
+            let bend = if bounded {
+                Bend::bounded(crossed, lame.mu * least_stretch(&displaced))
+            } else {
+                Bend::exact(crossed)
+            };
+            let law = [weight * lame.mu, weight * lame.lambda];
+            add_stiffness(&mut out, &self.gradients[point], &inverse, law, bend.times(weight));
         }
         for (corner, inverse, log) in self.pressed(size, u).unwrap_or_default() {
-            let h: Vec<Vector3<f64>> = self.corner_gradients(corner).iter().map(|g| inverse * g).collect();
-            let (straight, crossed) = (weight * matter[corner].bulk(), -weight * matter[corner].bulk() * log);
-            for p in 0..8 {
-                for q in 0..8 {
-                    out[p][q] += h[p] * h[q].transpose() * straight + h[q] * h[p].transpose() * crossed;
-                }
+            let resists = weight * self.resistance(&matter[corner]);
+            let bend = if bounded { Bend::bounded(-resists * log, 0.0) } else { Bend::exact(-resists * log) };
+            if let Some(guard) = &self.guard {
+                add_stiffness(&mut out, &guard.gradients[corner], &inverse, [0.0, resists], bend);
             }
         }
         out
     }
+}
+
+/// `a |sym A|² − b |skew A|²` of `A = F⁻¹ δF`, which `c tr(A A)` is for `a = b = c`.
+#[derive(Debug, Clone, Copy)]
+struct Bend {
+    stretch: f64,
+    turn: f64,
+}
+
+impl Bend {
+    fn exact(crossed: f64) -> Self {
+        Self { stretch: crossed, turn: crossed }
+    }
+
+    /// What of it a term of at least `most · |A|²` outweighs.
+    fn bounded(crossed: f64, most: f64) -> Self {
+        Self { stretch: crossed.max(-most), turn: crossed.min(most) }
+    }
+
+    fn times(self, weight: f64) -> Self {
+        Self { stretch: self.stretch * weight, turn: self.turn * weight }
+    }
+}
+
+/// Adds the second derivative of `μ/2 |δF|² + λ/2 (tr A)²` and of half of what bends.
+///
+/// - `g`: gradients of the corners' functions; `inverse`: `F⁻ᵀ`; `law`: μ and λ.
+fn add_stiffness(
+    out: &mut Stiffness,
+    g: &[Vector3<f64>; 8],
+    inverse: &Matrix3<f64>,
+    law: [f64; 2],
+    bend: Bend,
+) {
+    let h: [Vector3<f64>; 8] = std::array::from_fn(|c| inverse * g[c]);
+    let all = 0.5 * (bend.stretch - bend.turn);
+    let square = (all != 0.0).then(|| inverse * inverse.transpose() * all);
+    let crossed = 0.5 * (bend.stretch + bend.turn);
+    for p in 0..8 {
+        for q in 0..8 {
+            let block = &mut out[p][q];
+            let along = g[p].dot(&g[q]);
+            *block += h[p] * h[q].transpose() * law[1] + h[q] * h[p].transpose() * crossed;
+            for a in 0..3 {
+                block[(a, a)] += law[0] * along;
+            }
+            if let Some(square) = &square {
+                *block += square * along;
+            }
+        }
+    }
+}
+
+/// The square of the least stretch of `F = I + G`: the least eigenvalue of `FᵀF` (Smith 1961).
+pub(crate) fn least_stretch(g: &Matrix3<f64>) -> f64 {
+    let f = Matrix3::identity() + g;
+    let c = f.transpose() * f;
+    let mean = c.trace() / 3.0;
+    let off = c - Matrix3::from_diagonal_element(mean);
+    let spread = (off.norm_squared() / 6.0).sqrt();
+    if spread <= 1e-12 * mean {
+        return mean;
+    }
+    let angle = (off.determinant() / (2.0 * spread.powi(3))).clamp(-1.0, 1.0).acos() / 3.0;
+    (mean + 2.0 * spread * (angle + 2.0 * std::f64::consts::FRAC_PI_3).cos()).max(0.0)
 }
 
 /// Gradients of the trilinear functions at a place in the unit cube, in a cell with such edges.

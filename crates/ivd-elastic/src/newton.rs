@@ -10,8 +10,10 @@ use crate::system::Body;
 const DECREASE: f64 = 1e-4;
 /// Halvings of a step before it is given up.
 const HALVINGS: u32 = 30;
+/// Steps by the bounded matrix after one that met a direction in which the energy bends down.
+const WARY: u32 = 3;
 /// Iterations of the equations of one step.
-const ITERATIONS: u32 = 2000;
+const ITERATIONS: u32 = 1000;
 
 /// How near to equilibrium a body came.
 #[derive(Debug, Clone, Copy, Default)]
@@ -42,7 +44,7 @@ impl Body {
     ) -> Result<Balance, Error> {
         let mut balance = Balance::default();
         let Some(mut now) = self.energy(u) else { return Ok(balance) };
-        let mut before = f64::INFINITY;
+        let (mut before, mut wary) = (f64::INFINITY, 0);
         loop {
             let (gradient, sizes) = self.gradient(u);
             let left = self.as_lengths(gradient.iter().map(|g| Vector3::from(*g).norm()));
@@ -55,9 +57,28 @@ impl Body {
             let downhill: Vec<Triple> = gradient.iter().map(|g| g.map(|c| -c)).collect();
             // Loose while far away, so that the last steps still gain digits as Newton's do (Eisenstat & Walker 1996).
             let forcing = (left / before).powi(2).clamp(1e-4, 0.1).max(0.5 * tolerance / balance.residual);
-            let matrix = self.matrix(u, exec)?;
-            let found = matrix.solve(&downhill, forcing.min(0.1), ITERATIONS, exec)?;
-            balance.iterations += found.iterations;
+            let mut found = None;
+            if wary == 0 {
+                let exact =
+                    self.matrix(u, false, exec)?.solve(&downhill, forcing.min(0.1), ITERATIONS, exec)?;
+                balance.iterations += exact.iterations;
+                // Where the energy bends down, what it bends up at most leads on sooner than what was found by then.
+                if exact.indefinite && self.element.is_guarded() {
+                    wary = WARY;
+                } else {
+                    found = Some(exact);
+                }
+            }
+            let found = match found {
+                Some(found) => found,
+                None => {
+                    wary -= 1;
+                    let found =
+                        self.matrix(u, true, exec)?.solve(&downhill, forcing.min(0.1), ITERATIONS, exec)?;
+                    balance.iterations += found.iterations;
+                    found
+                }
+            };
             balance.steps += 1;
             before = left;
             let slope = dot(&gradient, &found.values);

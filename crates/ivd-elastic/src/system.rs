@@ -169,7 +169,7 @@ impl Body {
                 if by == [[0.0; 3]; 8] {
                     return by;
                 }
-                let stiffness = self.cell_stiffness(cell, u);
+                let stiffness = self.cell_stiffness(cell, u, false);
                 std::array::from_fn(|p| {
                     let sum: Vector3<f64> = (0..8).map(|q| stiffness[p][q] * Vector3::from(by[q])).sum();
                     sum.into()
@@ -212,10 +212,10 @@ impl Body {
         (sum, size)
     }
 
-    fn cell_stiffness(&self, cell: usize, u: &[Triple]) -> Stiffness {
+    fn cell_stiffness(&self, cell: usize, u: &[Triple], bounded: bool) -> Stiffness {
         let corners = self.mesh.gather(cell, u);
         let edge = f64::from(self.mesh.cells[cell].size);
-        let mut out = self.element.stiffness(&self.matter[cell], edge, &corners);
+        let mut out = self.element.stiffness(&self.matter[cell], edge, &corners, bounded);
         for pull in &self.pulls[self.ranges[cell].clone()] {
             for p in 0..8 {
                 for q in 0..8 {
@@ -227,11 +227,13 @@ impl Body {
         out
     }
 
-    /// Second derivative of the energy by the free nodes.
-    pub(crate) fn matrix(&self, u: &[Triple], exec: &Exec) -> Result<Blocks, Error> {
+    /// Second derivative of the energy by the free nodes; `bounded`: what it is at most, in no direction less than nothing.
+    pub(crate) fn matrix(&self, u: &[Triple], bounded: bool, exec: &Exec) -> Result<Blocks, Error> {
         exec.check_cancelled()?;
-        let parts: Vec<Stiffness> =
-            (0..self.mesh.cells.len()).into_par_iter().map(|cell| self.cell_stiffness(cell, u)).collect();
+        let parts: Vec<Stiffness> = (0..self.mesh.cells.len())
+            .into_par_iter()
+            .map(|cell| self.cell_stiffness(cell, u, bounded))
+            .collect();
         Ok(Blocks::new(self.mesh.nodes.len(), |row, out| {
             if self.mesh.held[row] {
                 return;

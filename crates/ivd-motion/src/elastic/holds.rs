@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ivd_core::{Lattice, VoxelIndex};
+use ivd_core::Lattice;
 use ivd_elastic::{Cells, Mesh, Triple};
 use nalgebra::Vector3;
 
@@ -31,8 +31,8 @@ pub(super) struct Asks<'a> {
     pub(super) lattice: &'a Lattice,
     /// Places of the vertices (mm).
     pub(super) rest: &'a [Vector3<f64>],
-    /// Handles with their vertices, and the radius of their grip (mm); those on bones left out.
-    pub(super) handles: &'a [(usize, Handle, usize, f64)],
+    /// Handles with their numbers and vertices, in the order of the grips; those on bones left out.
+    pub(super) handles: &'a [(usize, Handle, usize)],
     /// For every vertex, whether it stays.
     pub(super) fixed: &'a [bool],
 }
@@ -57,12 +57,11 @@ impl Holds {
         }
         // Of several handles the nearest has a node.
         let mut gripped: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
-        for (i, &(_, _, target, grip)) in asks.handles.iter().enumerate() {
-            let middle = asks.rest[target];
-            let part = part_within(asks.lattice, tissues, target, middle, grip);
+        for (i, &(_, _, target)) in asks.handles.iter().enumerate() {
+            let (middle, grip) = (asks.rest[target], &tissues.grips()[i]);
             // The surface goes with its inside, so that what holds it outside does too; but not another part.
-            let near = |v: &usize| (asks.rest[*v] - middle).norm() <= grip;
-            let on_part = |v: &usize| *v == target || around(asks.lattice, *v).any(|at| part.contains(&at));
+            let near = |v: &usize| (asks.rest[*v] - middle).norm() <= grip.core();
+            let on_part = |v: &usize| *v == target || grip.touches(asks.lattice, *v);
             let skin: BTreeSet<u32> =
                 (0..asks.rest.len()).filter(near).filter(on_part).flat_map(of_vertex).collect();
             for node in 0..mesh.nodes.len() as u32 {
@@ -71,15 +70,15 @@ impl Holds {
                 }
                 let far = (cells.local(mesh.nodes[node as usize].map(f64::from)) - middle).norm();
                 let at = tissues.nearest(voxel(node));
-                let of_part = at.is_some_and(|(index, _)| part.contains(&index.0));
+                let of_part = at.is_some_and(|(index, _)| grip.holds(index));
                 let outside = at.is_none_or(|(_, number)| !tissues.is_inside(number));
-                let holds = (far <= grip && of_part) || (skin.contains(&node) && (of_part || outside));
+                let holds = (far <= grip.core() && of_part) || (skin.contains(&node) && (of_part || outside));
                 if holds && gripped.get(&node).is_none_or(|(other, _)| far < *other) {
                     gripped.insert(node, (far, i));
                 }
             }
         }
-        for (i, (number, handle, _, _)) in asks.handles.iter().enumerate() {
+        for (i, (number, handle, _)) in asks.handles.iter().enumerate() {
             let own = gripped.iter().filter(|(_, (_, handle))| *handle == i).map(|(node, _)| *node);
             match handle.action {
                 Action::Move(_) => holds.told.extend(own.map(|node| (node, Hold::Handle(*number)))),
@@ -108,45 +107,4 @@ impl Holds {
 fn corners(mesh: &Mesh, cells: &Cells, voxel: Vector3<f64>) -> BTreeSet<u32> {
     let Some((cell, _)) = mesh.locate(cells.place(voxel)) else { return BTreeSet::new() };
     (0..8).flat_map(|corner| mesh.corner(cell, corner).iter().map(|(node, _)| *node)).collect()
-}
-
-/// The voxels round a vertex, on the grid.
-fn around(lattice: &Lattice, vertex: usize) -> impl Iterator<Item = [usize; 3]> {
-    let (at, dims) = (lattice.voxel(vertex).0, lattice.grid().dims());
-    (0..8_usize).filter_map(move |c| {
-        let corner: [f64; 3] =
-            std::array::from_fn(|a| if c >> a & 1 == 1 { at[a].ceil() } else { at[a].floor() });
-        (0..3).all(|a| corner[a] >= 0.0 && corner[a] < dims[a] as f64).then(|| corner.map(|c| c as usize))
-    })
-}
-
-/// The voxels of the lattice's inside in a ball round a vertex that are joined to it through faces, in the ball.
-fn part_within(
-    lattice: &Lattice,
-    tissues: &Tissues<'_>,
-    vertex: usize,
-    middle: Vector3<f64>,
-    radius: f64,
-) -> BTreeSet<[usize; 3]> {
-    let linear = lattice.grid().linear_part();
-    let mut found = BTreeSet::new();
-    let takes = |voxel: Vector3<f64>| -> Option<VoxelIndex> {
-        let (index, number) = tissues.nearest(voxel)?;
-        (tissues.is_inside(number) && (linear * voxel - middle).norm() <= radius).then_some(index)
-    };
-    let mut work: Vec<[usize; 3]> = around(lattice, vertex)
-        .filter_map(|at| takes(Vector3::from(at).map(|c| c as f64)))
-        .map(|index| index.0)
-        .collect();
-    while let Some(voxel) = work.pop() {
-        if !found.insert(voxel) {
-            continue;
-        }
-        for side in 0..6_usize {
-            let mut next = Vector3::from(voxel).map(|c| c as f64);
-            next[side / 2] += if side % 2 == 0 { -1.0 } else { 1.0 };
-            work.extend(takes(next).map(|index| index.0).filter(|index| !found.contains(index)));
-        }
-    }
-    found
 }

@@ -5,14 +5,15 @@
 //!
 //! - Matter is neo-Hookean on hexahedra ([`ivd_elastic`]); by class, or the same inside the lattice and next to nothing outside.
 //! - Ω is the union of the handles' balls and those of the bones that move. Its border is held: nothing moves beyond a radius.
-//! - A handle has a *grip*: the matter of the part in a small ball round its vertex goes where the handle does, as one, or shares its force. A
-//!   point has no hold on matter: the finer the cells, the less would follow it.
+//! - A handle has a *grip*: the matter of the part in a small ball round its vertex. The inner half goes where the handle does, as one, or shares
+//!   its force; the rest is the softer the farther it is. A point has no hold on matter: the finer the cells, the less would follow it.
 //! - Bones, and classes that are rigid, go where their motion takes them or stay, to the bit; soft matter that touches them goes with
 //!   them.
 //! - The way is gone in as many parts as it takes. Where no balance is found the motion is refused, with the share that was reached.
 //!
 //! Sources: the thesis, 6.5 and 3.2.2 (masses and springs in voxels; there without a law of matter); Bonet & Wood 2008.
 
+mod grip;
 mod holds;
 mod params;
 mod tissues;
@@ -21,7 +22,7 @@ use ivd_core::{
     Ball, Exec, FieldBricks, Frame, Labels, Lattice, Motion, ParamError, Role, VoxelCoord, op::check_fields,
     vertex_class,
 };
-use ivd_elastic::{Body, Cells, Course, Hexahedron, Triple};
+use ivd_elastic::{Body, Cells, Course, Hexahedron, Lame, Triple};
 use ivd_field::sampler::interpolate;
 use ivd_field::vectors::sampled;
 use nalgebra::Vector3;
@@ -30,6 +31,7 @@ use crate::Error;
 use crate::handles::{Action, Handle, Pin, check_pull, find_targets, pinned};
 use crate::rigid::{BoneMotion, BoneSpec, Skeleton};
 
+use grip::Grip;
 use holds::{Asks, Hold, Holds};
 pub use params::{ElasticParams, Tissue};
 use tissues::{Matter, Tissues};
@@ -38,13 +40,15 @@ use tissues::{Matter, Tissues};
 /// that goes as one motion falls off as the ball's radius over the distance: one smaller than its way would fold what it leaves.
 const GRIP: f64 = 0.2;
 const GRIP_CELLS: f64 = 3.0;
-const GRIP_WAY: f64 = 1.5;
+const GRIP_WAY: f64 = 2.0;
 const GRIP_MOST: f64 = 0.5;
 /// Longest cell (voxels), and cells across the smallest ball's radius.
 const LONGEST: f64 = 16.0;
 const ACROSS: f64 = 4.0;
 /// Share of its volume below which matter resists being pressed at the corners of cells.
-const PRESSED: f64 = 0.25;
+const PRESSED: f64 = 0.3;
+/// What matter resists with there at least, relative to the inside of the lattice: air that is pressed between tissue becomes a cushion.
+const RESISTS: f64 = 0.02;
 /// nJ in a kPa mm³.
 const NANOJOULE: f64 = 1e3;
 
@@ -180,6 +184,14 @@ impl<'a> Scene<'a> {
         self.targets.iter().zip(self.handles).map(of).chain(self.skeleton.balls()).collect()
     }
 
+    /// Radius of a handle's grip (mm), where a cell is `length` long.
+    fn grip(&self, handle: &Handle, length: f64) -> f64 {
+        let way = Vector3::from(handle.way()).norm();
+        let least = (GRIP * handle.radius).max(GRIP_CELLS * length);
+        let radius = least.max((GRIP_WAY * way).min(GRIP_MOST * handle.radius));
+        self.params.grip.unwrap_or(radius).min(handle.radius)
+    }
+
     fn solve(&self, exec: &Exec) -> Result<ElasticResult, Error> {
         let grid = self.lattice.grid();
         let inside = match ivd_octree::inside(self.lattice, exec) {
@@ -193,7 +205,6 @@ impl<'a> Scene<'a> {
                 });
             }
         };
-        let tissues = Tissues::new(&inside, self.labels, self.bones, self.params);
         let balls = self.balls();
         let least = balls.iter().map(|ball| ball.1).fold(f64::INFINITY, f64::min);
         let longest = (LONGEST * grid.shortest_edge()).min(least / ACROSS);
@@ -203,22 +214,23 @@ impl<'a> Scene<'a> {
             most.map(|edge| edge as u8)
         });
         let cells = Cells::new(grid, balls, edge, longest);
+        let asked: Vec<(usize, Handle, usize)> = (0..self.handles.len())
+            .filter(|&h| self.skeleton.holder(self.targets[h]).is_none())
+            .map(|h| (h, self.handles[h], self.targets[h]))
+            .collect();
+        let grip = |(_, handle, target): &(usize, Handle, usize)| {
+            let radius = self.grip(handle, cells.length());
+            Grip::new(self.lattice, &inside, *target, self.rest[*target], radius)
+        };
+        let grips = asked.iter().map(grip).collect();
+        let tissues = Tissues::new(&inside, self.labels, self.bones, self.params, grips);
         let fine: Vec<Vector3<f64>> = (0..self.rest.len()).map(|v| self.lattice.voxel(v).0).collect();
         let mesh = cells.mesh(&fine, &tissues, exec)?;
         let matter = cells.matter(&mesh, &tissues);
-        let asked: Vec<(usize, Handle, usize, f64)> = (0..self.handles.len())
-            .filter(|&h| self.skeleton.holder(self.targets[h]).is_none())
-            .map(|h| {
-                let handle = self.handles[h];
-                let way = Vector3::from(handle.way()).norm();
-                let least = (GRIP * handle.radius).max(GRIP_CELLS * cells.length());
-                let grip = least.max((GRIP_WAY * way).min(GRIP_MOST * handle.radius));
-                (h, handle, self.targets[h], self.params.grip.unwrap_or(grip).min(handle.radius))
-            })
-            .collect();
         let asks = Asks { lattice: self.lattice, rest: &self.rest, handles: &asked, fixed: &self.fixed };
         let holds = Holds::new(&asks, &mesh, &cells, &tissues);
-        let element = Hexahedron::new(&cells.edges()).guarded(&cells.edges(), PRESSED);
+        let resists = RESISTS * Lame::new(self.params.kpa, self.params.poisson).bulk();
+        let element = Hexahedron::new(&cells.edges()).guarded(&cells.edges(), PRESSED, resists);
         let mut body = Body::new(mesh, element, matter, Vec::new());
         exec.check_memory("the equations of the body", body.bytes())?;
         let border: Vec<bool> = body.mesh.held.clone();

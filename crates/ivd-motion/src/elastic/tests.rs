@@ -72,7 +72,7 @@ fn the_grip_goes_where_the_handle_does_and_nothing_beyond_the_radius_moves() {
             assert_eq!(displacement[v], [0.0; 3]);
         }
         // Within the grip matter goes as one, and falls off from there.
-        if far(v) < 2.0 {
+        if far(v) < 1.0 {
             assert!(
                 (Vector3::from(displacement[v]) - Vector3::new(0.5, 0.0, 2.0)).norm() < 1e-12,
                 "{}",

@@ -7,6 +7,7 @@ use ivd_elastic::{Lame, Medium};
 use nalgebra::Vector3;
 
 use super::ElasticParams;
+use super::grip::Grip;
 use crate::rigid::BoneSpec;
 
 /// Poisson's ratio of what fills the outside: air is pressed evenly, lest a few cells of it fold while the rest hardly yields.
@@ -33,6 +34,7 @@ pub(super) struct Tissues<'a> {
     bones: &'a [BoneSpec],
     own: Lame,
     filler: Lame,
+    grips: Vec<Grip>,
 }
 
 impl<'a> Tissues<'a> {
@@ -42,6 +44,7 @@ impl<'a> Tissues<'a> {
         labels: Option<&'a Labels>,
         bones: &'a [BoneSpec],
         params: &ElasticParams,
+        grips: Vec<Grip>,
     ) -> Self {
         let own = Lame::new(params.kpa, params.poisson);
         let filler = Lame::new(params.kpa * params.filler, AIR);
@@ -54,7 +57,8 @@ impl<'a> Tissues<'a> {
             (*class, [of(params.kpa, params.poisson), of(params.kpa * params.filler, outside)])
         });
         let rigid = params.material.iter().filter(|(_, tissue)| tissue.rigid).map(|(class, _)| *class);
-        Self { inside, labels, classes: classes.collect(), rigid: rigid.collect(), bones, own, filler }
+        let (classes, rigid) = (classes.collect(), rigid.collect());
+        Self { inside, labels, classes, rigid, bones, own, filler, grips }
     }
 
     fn grid(&self) -> &Grid {
@@ -98,6 +102,11 @@ impl<'a> Tissues<'a> {
         if class.is_some_and(|class| self.rigid.contains(&class)) { Matter::Still } else { Matter::Soft }
     }
 
+    /// What the handles have hold of.
+    pub(super) fn grips(&self) -> &[Grip] {
+        &self.grips
+    }
+
     /// Classes that stay where no bone moves them.
     pub(super) fn rigid(&self) -> &BTreeSet<u16> {
         &self.rigid
@@ -106,10 +115,14 @@ impl<'a> Tissues<'a> {
 
 impl Medium for Tissues<'_> {
     fn at(&self, voxel: Vector3<f64>) -> Lame {
-        let Some((_, number)) = self.nearest(voxel) else { return self.filler };
+        let Some((index, number)) = self.nearest(voxel) else { return self.filler };
         let class = self.labels.and_then(|labels| self.classes.get(&labels.ids()[number]));
         let [inner, outer] = class.copied().unwrap_or([self.own, self.filler]);
-        if self.is_inside(number) { inner } else { outer }
+        if !self.is_inside(number) {
+            return outer;
+        }
+        let factor = self.grips.iter().map(|grip| grip.factor(self.grid(), index)).fold(1.0, f64::max);
+        Lame { mu: inner.mu * factor, lambda: inner.lambda * factor }
     }
 
     fn kind(&self, voxel: VoxelIndex) -> Option<u16> {

@@ -1,0 +1,96 @@
+//! What a handle has hold of.
+//!
+//! A point has no hold on matter. A ball that goes as one has, but cuts into what is round it along its rim, where the strain has no bound. So the inner
+//! half of a grip goes as one, and matter gets softer from there: it is `(ρ / r)³` times as stiff as beyond the grip's border `ρ`. The strain
+//! that a force in the middle brings about, which would go as `1 / r²`, then grows from the core to the border, and falls off from there.
+
+use std::collections::BTreeSet;
+
+use ivd_core::{Grid, Lattice, Mask, VoxelCoord, VoxelIndex};
+use nalgebra::Vector3;
+
+/// Part of a grip's radius in which matter goes as one.
+const CORE: f64 = 0.5;
+
+/// Matter that a handle has hold of: the voxels of the part in a ball round its vertex that are joined to it through faces, in the ball.
+pub(super) struct Grip {
+    middle: Vector3<f64>,
+    radius: f64,
+    voxels: BTreeSet<[usize; 3]>,
+}
+
+impl Grip {
+    /// - `middle`: place of the vertex (mm); `radius`: (mm).
+    pub(super) fn new(
+        lattice: &Lattice,
+        inside: &Mask,
+        vertex: usize,
+        middle: Vector3<f64>,
+        radius: f64,
+    ) -> Self {
+        let grid = lattice.grid();
+        let mut voxels = BTreeSet::new();
+        let takes = |at: &[i64; 3]| {
+            let Some(voxel) = on_grid(grid, *at) else { return false };
+            let near = (local(grid, voxel) - middle).norm() <= radius;
+            near && inside.inside()[grid.linear(voxel)] != 0
+        };
+        let mut work: Vec<[i64; 3]> = corners(lattice, vertex).filter(takes).collect();
+        while let Some(at) = work.pop() {
+            if !voxels.insert(at.map(|c| c as usize)) {
+                continue;
+            }
+            for side in 0..6_usize {
+                let mut next = at;
+                next[side / 2] += if side % 2 == 0 { -1 } else { 1 };
+                if takes(&next) && !voxels.contains(&next.map(|c| c as usize)) {
+                    work.push(next);
+                }
+            }
+        }
+        Self { middle, radius, voxels }
+    }
+
+    /// How far from its vertex matter goes as one (mm).
+    pub(super) fn core(&self) -> f64 {
+        CORE * self.radius
+    }
+
+    /// Whether a voxel is of the matter that it holds.
+    pub(super) fn holds(&self, voxel: VoxelIndex) -> bool {
+        self.voxels.contains(&voxel.0)
+    }
+
+    /// Whether a vertex lies on that matter.
+    pub(super) fn touches(&self, lattice: &Lattice, vertex: usize) -> bool {
+        corners(lattice, vertex).filter_map(|at| on_grid(lattice.grid(), at)).any(|voxel| self.holds(voxel))
+    }
+
+    /// How many times stiffer a voxel's matter is.
+    pub(super) fn factor(&self, grid: &Grid, voxel: VoxelIndex) -> f64 {
+        let far = (local(grid, voxel) - self.middle).norm();
+        if far < self.radius && self.holds(voxel) {
+            (self.radius / far.max(self.core())).powi(3)
+        } else {
+            1.0
+        }
+    }
+}
+
+/// The voxel at a place, unless that is beyond the grid.
+fn on_grid(grid: &Grid, at: [i64; 3]) -> Option<VoxelIndex> {
+    let there = (0..3).all(|a| (0..grid.dims()[a] as i64).contains(&at[a]));
+    there.then(|| VoxelIndex(at.map(|c| c as usize)))
+}
+
+/// Where a voxel is (mm), relative to the grid's origin.
+fn local(grid: &Grid, voxel: VoxelIndex) -> Vector3<f64> {
+    grid.linear_part() * VoxelCoord::from(voxel).0
+}
+
+/// The voxels round a vertex.
+fn corners(lattice: &Lattice, vertex: usize) -> impl Iterator<Item = [i64; 3]> {
+    let at = lattice.voxel(vertex).0;
+    let along = move |c: usize, a: usize| if c >> a & 1 == 1 { at[a].ceil() } else { at[a].floor() };
+    (0..8).map(move |c| std::array::from_fn(|a| along(c, a) as i64))
+}
