@@ -39,8 +39,9 @@ const STAGES: [(&str, &[&str]); 11] = [
     ("ivd-lattice", &["ivd-core"]),
     ("ivd-octree", &["ivd-core"]),
     ("ivd-field", &["ivd-core"]),
-    ("ivd-motion", &["ivd-core", "ivd-field", "ivd-octree"]),
-    ("ivd-map", &["ivd-core", "ivd-field", "ivd-octree"]),
+    ("ivd-elastic", &["ivd-core"]),
+    ("ivd-motion", &["ivd-core", "ivd-elastic", "ivd-field", "ivd-octree"]),
+    ("ivd-map", &["ivd-core", "ivd-elastic", "ivd-field", "ivd-octree"]),
     ("ivd-render", &["ivd-core"]),
 ];
 

@@ -37,7 +37,7 @@ pub struct ElasticParams {
     /// What classes are made of, where labels are given, inside the lattice and outside.
     #[serde(deserialize_with = "by_class")]
     pub material: BTreeMap<u16, Tissue>,
-    /// Radius of the ball of matter round a handle's vertex that a handle has hold of: its inner half goes with it as one. Without
+    /// Radius of the ball of matter round a handle's vertex that it has hold of: the inner half goes with it as one. Without
     /// it a fifth of the handle's radius, at least three cells, and twice as far as it goes, as long as that is at most half of the radius.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub grip: Option<f64>,
