@@ -1,5 +1,6 @@
 use ivd_core::{BrickRange, GradientTable, TransferFunction};
 
+use crate::axis::ValueAxis;
 use crate::samples::Top;
 
 /// Least samples of a row. The value axis is finer than the transfer function's own, so that the nearest entry serves.
@@ -10,16 +11,13 @@ const OWN_BITS: usize = 63;
 /// A transfer function made ready for one step length: premultiplied RGB and the opacity of one step, by fast value and row.
 pub(crate) struct Classifier {
     table: Vec<[f32; 4]>,
+    /// Of a row.
+    axis: ValueAxis,
     samples: usize,
-    low: f32,
-    top: Top,
-    scale: f32,
     /// First entry of each label's row; empty where there are no labels.
     row_start: Vec<u32>,
     /// For each row, how many entries before each index aren't clear.
     occupied: Vec<u32>,
-    /// The last index of row 0 that is clear with all before it; −1 where the first isn't.
-    clear_up_to: i32,
     /// What samples look like by gradient too; the table then only tells which values are clear at every gradient.
     steep: Option<Steep>,
 }
@@ -36,7 +34,6 @@ impl Classifier {
     ) -> Self {
         let samples = (4 * transfer.resolution()).clamp(LEAST_SAMPLES, 1 << 16);
         let width = f64::from(range[1]) - f64::from(range[0]);
-        let scale = if width > 0.0 { ((samples - 1) as f64 / width) as f32 } else { 0.0 };
         let rows = if labelled { transfer.classes().len() } else { 1 };
         let steep = transfer.gradient().map(|by| Steep::new(transfer, by, range, &real, step));
         let mut table = Vec::with_capacity(rows * samples);
@@ -64,18 +61,8 @@ impl Classifier {
         } else {
             Vec::new()
         };
-        let clear_up_to = occupied[1..=samples].partition_point(|&count| count == 0) as i32 - 1;
-        Self {
-            table,
-            clear_up_to,
-            steep,
-            samples,
-            low: range[0],
-            top: Top::new((samples - 1) as f32),
-            scale,
-            row_start,
-            occupied,
-        }
+        let axis = ValueAxis::new(range, samples).with_clear(&occupied[..=samples]);
+        Self { table, axis, steep, samples, row_start, occupied }
     }
 
     /// What samples look like by value and gradient, where the transfer function says so.
@@ -89,14 +76,10 @@ impl Classifier {
         &self.table
     }
 
-    /// What turns a fast value into an index within a row, `(value - low) · scale + 0.5` in `0 ..= top`: low, scale, top.
-    pub(crate) fn axis(&self) -> [f32; 3] {
-        [self.low, self.scale, self.top.number()]
-    }
-
-    /// The last index of row 0 that is clear with all before it; −1 where the first isn't.
-    pub(crate) fn clear_up_to(&self) -> i32 {
-        self.clear_up_to
+    /// Where values lie in a row; what is clear is told of row 0.
+    #[inline(always)]
+    pub(crate) fn axis(&self) -> &ValueAxis {
+        &self.axis
     }
 
     /// First entry of a label's row.
@@ -107,18 +90,13 @@ impl Classifier {
     /// Entry of row 0 for a finite fast value.
     #[inline(always)]
     pub(crate) fn of(&self, value: f32) -> [f32; 4] {
-        self.table[self.index(value)]
+        self.table[self.axis.index(value)]
     }
 
     /// Entry of a label's row for a finite fast value.
     #[inline(always)]
     pub(crate) fn of_labelled(&self, value: f32, label: u16) -> [f32; 4] {
-        self.table[self.row_start(label) as usize + self.index(value)]
-    }
-
-    #[inline(always)]
-    pub(crate) fn index(&self, value: f32) -> usize {
-        self.top.whole((value - self.low) * self.scale + 0.5)
+        self.table[self.row_start(label) as usize + self.axis.index(value)]
     }
 
     /// The bit of a label's row in a set of rows.
@@ -126,15 +104,9 @@ impl Classifier {
         1 << (self.row_start[usize::from(label)] as usize / self.samples).min(OWN_BITS)
     }
 
-    /// Whether every value of a range is clear in every row of a set. The range is widened by an entry on both sides, more
-    /// than the rounding of an interpolated value can leave it.
+    /// Whether every value of a brick is clear in every row of a set.
     pub(crate) fn is_clear(&self, range: BrickRange, shift: f64, rows: u64) -> bool {
-        if range.min > range.max {
-            return true;
-        }
-        let fast = |stored: f32| (f64::from(stored) - shift) as f32;
-        let from = self.index(fast(range.min)).saturating_sub(1);
-        let to = (self.index(fast(range.max)) + 2).min(self.samples);
+        let Some([from, to]) = self.axis.places(range, shift) else { return true };
         let all_rows = self.table.len() / self.samples;
         (0..all_rows).filter(|&row| rows >> row.min(OWN_BITS) & 1 == 1).all(|row| {
             let counts = &self.occupied[row * (self.samples + 1)..][..=self.samples];
@@ -150,11 +122,10 @@ const STEEP: [usize; 2] = [1024, 256];
 pub(crate) struct Steep {
     /// Premultiplied, shape `[STEEP[1], STEEP[0]]`, values fastest.
     table: Vec<[f32; 4]>,
-    low: f32,
-    scale: f32,
-    /// What turns a gradient [real units / mm] into an index.
+    axis: ValueAxis,
+    /// What turns a gradient [real units / mm] into an index, and the last one.
     per_gradient: f32,
-    tops: [Top; 2],
+    top: Top,
 }
 
 impl Steep {
@@ -167,7 +138,6 @@ impl Steep {
     ) -> Self {
         let [values, gradients] = STEEP;
         let width = f64::from(range[1]) - f64::from(range[0]);
-        let scale = if width > 0.0 { (values - 1) as f64 / width } else { 0.0 };
         let entry = |i: usize| {
             let value = f64::from(range[0]) + width * ((i % values) as f64 / (values - 1) as f64);
             let gradient = by.top() * ((i / values) as f64 / (gradients - 1) as f64);
@@ -175,24 +145,22 @@ impl Steep {
         };
         Self {
             table: (0..values * gradients).map(entry).collect(),
-            low: range[0],
-            scale: scale as f32,
+            axis: ValueAxis::new(range, values),
             per_gradient: ((gradients - 1) as f64 / by.top()) as f32,
-            tops: STEEP.map(|n| Top::new((n - 1) as f32)),
+            top: Top::new((gradients - 1) as f32),
         }
     }
 
     /// Entry for a finite fast value and a gradient [real units / mm]; beside missing data, where there is no gradient, that of a flat place.
     #[inline(always)]
     pub(crate) fn of(&self, value: f32, gradient: f32) -> [f32; 4] {
-        let i = self.tops[0].whole((value - self.low) * self.scale + 0.5);
-        let j = self.tops[1].whole(gradient * self.per_gradient + 0.5);
-        self.table[j * STEEP[0] + i]
+        let j = self.top.whole(gradient * self.per_gradient + 0.5);
+        self.table[j * STEEP[0] + self.axis.index(value)]
     }
 
     /// The greatest opacity that a fast value has at any gradient, looked up among the nearest values; without colour.
     fn greatest(&self, value: f64) -> [f32; 4] {
-        let i = self.tops[0].whole((value as f32 - self.low) * self.scale + 0.5);
+        let i = self.axis.index(value as f32);
         let near = i.saturating_sub(1)..(i + 2).min(STEEP[0]);
         let opacities = near.flat_map(|i| (0..STEEP[1]).map(move |j| self.table[j * STEEP[0] + i][3]));
         [0.0, 0.0, 0.0, opacities.fold(0.0, f32::max)]

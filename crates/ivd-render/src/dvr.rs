@@ -2,17 +2,45 @@ use crate::camera::Ray;
 use crate::cast::{Cast, Field};
 use crate::classify::{Classifier, of_part};
 use crate::empty_space::{Home, NOWHERE};
-use crate::samples::Stored;
+use crate::samples::{Place, Stored};
+
+/// What the steps of a ray look like, one ray at a time.
+pub(crate) trait Optics<T: Stored> {
+    /// What is known where a step ends, which the next one begins with.
+    type End;
+
+    /// Premultiplied colour and opacity of a step, and its end. `front`: the end of the step before, unless that was leapt over.
+    fn step(
+        &self,
+        field: &Field<'_, T>,
+        ray: &Ray,
+        step: &Step,
+        front: Option<Self::End>,
+    ) -> ([f32; 4], Self::End);
+
+    /// The shorter step at a ray's end.
+    fn rest(&self, field: &Field<'_, T>, ray: &Ray) -> [f32; 4];
+}
+
+/// A step of a ray.
+pub(crate) struct Step {
+    pub(crate) number: usize,
+    /// Its middle.
+    pub(crate) at: [f32; 3],
+    pub(crate) place: Place,
+    /// The brick that holds the middle.
+    pub(crate) brick: usize,
+}
 
 /// Direct volume rendering: the premultiplied over operator from front to back, until `termination` (Engel et al. 2004;
 /// thesis eqs 2.4–2.7 read as accumulated opacity).
 ///
-/// The plain twin of [`crate::packet`], which casts eight rays at a time. One loop over the samples: a sample in another brick than the one
+/// The plain twin of [`crate::packet`], which casts eight rays at a time. One loop over the steps: one in another brick than the one
 /// before first asks whether that brick may be leapt over.
 #[inline(always)]
-pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
+pub(crate) fn dvr<T: Stored, O: Optics<T>>(
     field: &Field<'_, T>,
-    classifier: &Classifier,
+    optics: &O,
     termination: f32,
     ray: &Ray,
 ) -> Cast {
@@ -20,46 +48,65 @@ pub(crate) fn dvr<T: Stored, const LABELLED: bool, const SHADED: bool>(
     let mut rgba = [0.0_f32; 4];
     let (mut taken, mut skipped) = (0, 0);
     let (mut home, mut brick) = (NOWHERE, 0);
-    let mut i = 0;
-    while i < ray.steps {
-        let at = ray.at(i);
+    let mut front = None;
+    let mut number = 0;
+    while number < ray.steps {
+        let at = ray.at(number);
         let place = field.samples.shape.place(at);
         if !home.holds(place.cell()) {
             let reach;
             (brick, reach) = space.enter(place.cell());
             if let Some(reach) = reach {
-                let end = space.leap(ray, i, place.cell(), reach);
-                skipped += end - i;
-                i = end;
+                let end = space.leap(ray, number, place.cell(), reach);
+                skipped += end - number;
+                (number, front) = (end, None);
                 continue;
             }
             home = Home::of(place.cell());
         }
-        i += 1;
         taken += 1;
-        let entry = if field.moves(brick) {
-            field.classified_before::<LABELLED, SHADED>(classifier, at, true)
-        } else {
-            field.classified::<LABELLED, SHADED>(classifier, at, at, &place, false)
-        };
+        let (entry, end) = optics.step(field, ray, &Step { number, at, place, brick }, front);
         over(&mut rgba, entry);
+        (number, front) = (number + 1, Some(end));
         if rgba[3] >= termination {
             return Cast { rgba, taken, skipped };
         }
     }
     if ray.rest > 0.0 {
         taken += 1;
-        let moves = field.moves(space.brick(ray.rest_at));
-        let entry = field.classified_before::<LABELLED, SHADED>(classifier, ray.rest_at, moves);
-        over(&mut rgba, of_part(entry, ray.rest));
+        over(&mut rgba, optics.rest(field, ray));
     }
     Cast { rgba, taken, skipped }
 }
 
 #[inline(always)]
-pub(crate) fn over(rgba: &mut [f32; 4], entry: [f32; 4]) {
+fn over(rgba: &mut [f32; 4], entry: [f32; 4]) {
     let through = 1.0 - rgba[3];
     for (sum, c) in rgba.iter_mut().zip(entry) {
         *sum += through * c;
+    }
+}
+
+/// A step looks like the value at its middle.
+pub(crate) struct AtMiddle<'a, const LABELLED: bool, const SHADED: bool>(pub(crate) &'a Classifier);
+
+impl<T: Stored, const LABELLED: bool, const SHADED: bool> Optics<T> for AtMiddle<'_, LABELLED, SHADED> {
+    type End = ();
+
+    #[inline(always)]
+    fn step(&self, field: &Field<'_, T>, _: &Ray, step: &Step, _: Option<()>) -> ([f32; 4], ()) {
+        let Step { at, place, brick, .. } = step;
+        let entry = if field.moves(*brick) {
+            field.classified_before::<LABELLED, SHADED>(self.0, *at, true)
+        } else {
+            field.classified::<LABELLED, SHADED>(self.0, *at, *at, place, false)
+        };
+        (entry, ())
+    }
+
+    #[inline(always)]
+    fn rest(&self, field: &Field<'_, T>, ray: &Ray) -> [f32; 4] {
+        let moves = field.moves(field.space.brick(ray.rest_at));
+        of_part(field.classified_before::<LABELLED, SHADED>(self.0, ray.rest_at, moves), ray.rest)
     }
 }

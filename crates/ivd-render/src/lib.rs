@@ -44,6 +44,7 @@
 #![deny(unsafe_code)]
 
 mod annotate;
+mod axis;
 mod camera;
 mod cast;
 mod classify;

@@ -3,14 +3,15 @@ use ivd_core::{BrickRange, Exec, Labels, TransferFunction, srgb};
 use crate::camera::{Camera, Ray};
 use crate::cast::{Cast, Field, first_hit, mip};
 use crate::classify::Classifier;
+use crate::dvr::AtMiddle;
 use crate::empty_space::Space;
 use crate::frame::{Radiance, one_by_one, tiles};
 use crate::light::Light;
-use crate::preintegrated::Preintegrated;
+use crate::preintegrated::{AtEnds, Preintegrated};
 use crate::samples::{KernelVoxels, Samples, Shape, fast};
 use crate::skip::{NOTHING, join, joined_about, rows_of_bricks, through_warp};
 use crate::warp::Warp;
-use crate::wide::{Pairs, Wide, by_ends, dvr};
+use crate::wide::{Pairs, Wide, dvr};
 use crate::{Classification, Error, Mode, RenderParams, Rendered, Scene, View, annotate, outline, picture};
 
 /// A scene made ready for many views: its classified values, what of it is empty, and its deformation. Views of it are the same, byte for byte, as those
@@ -235,26 +236,26 @@ impl<'a> Prepared<'a> {
                 let wide = Wide::detected(grid.dims(), exec.simd);
                 match (field.ids.is_empty(), params.shading) {
                     (true, false) => tiles(&camera, exec, |rays| {
-                        dvr::<T, false, false>(wide, &field, classifier, end, rays)
+                        dvr(wide, &field, &AtMiddle::<false, false>(classifier), end, rays)
                     }),
                     (true, true) => tiles(&camera, exec, |rays| {
-                        dvr::<T, false, true>(wide, &field, classifier, end, rays)
+                        dvr(wide, &field, &AtMiddle::<false, true>(classifier), end, rays)
                     }),
                     (false, false) => tiles(&camera, exec, |rays| {
-                        dvr::<T, true, false>(wide, &field, classifier, end, rays)
+                        dvr(wide, &field, &AtMiddle::<true, false>(classifier), end, rays)
                     }),
-                    (false, true) => {
-                        tiles(&camera, exec, |rays| dvr::<T, true, true>(wide, &field, classifier, end, rays))
-                    }
+                    (false, true) => tiles(&camera, exec, |rays| {
+                        dvr(wide, &field, &AtMiddle::<true, true>(classifier), end, rays)
+                    }),
                 }
             }
             ModeState::PreIntegrated(table) => {
                 let end = params.termination as f32;
                 let wide = Wide::detected(grid.dims(), exec.simd);
                 if params.shading {
-                    tiles(&camera, exec, |rays| by_ends::<T, true>(wide, &field, table, end, rays))
+                    tiles(&camera, exec, |rays| dvr(wide, &field, &AtEnds::<true>(table), end, rays))
                 } else {
-                    tiles(&camera, exec, |rays| by_ends::<T, false>(wide, &field, table, end, rays))
+                    tiles(&camera, exec, |rays| dvr(wide, &field, &AtEnds::<false>(table), end, rays))
                 }
             }
             ModeState::Mip(bounds) => {

@@ -4,16 +4,16 @@
 //! found at run time.
 
 use crate::cast::{Cast, Field};
-use crate::classify::Classifier;
 use crate::dvr;
+#[cfg(not(target_arch = "x86_64"))]
+use crate::dvr::Optics as Looks;
 use crate::frame::{LANES, Packet, one_by_one};
 #[cfg(target_arch = "x86_64")]
 use crate::packet;
-use crate::preintegrated::{self, Preintegrated};
 #[cfg(not(target_arch = "x86_64"))]
 use crate::samples::Stored as Pairs;
 #[cfg(target_arch = "x86_64")]
-pub(crate) use packet::Pairs;
+pub(crate) use packet::{Looks, Pairs};
 
 /// Whether packets serve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,48 +40,31 @@ impl Wide {
 
 /// [`dvr::dvr`] of each ray of a packet.
 #[inline(always)]
-pub(crate) fn dvr<T: Pairs, const LABELLED: bool, const SHADED: bool>(
+pub(crate) fn dvr<T: Pairs, L: Looks<T>>(
     wide: Wide,
     field: &Field<'_, T>,
-    classifier: &Classifier,
+    looks: &L,
     termination: f32,
     rays: &Packet,
 ) -> [Cast; LANES] {
     #[cfg(target_arch = "x86_64")]
     if wide.0 && packet::serves_rays(rays) {
         // SAFETY: AVX2 was found.
-        return unsafe {
-            packet::dvr(field, &packet::AtMiddle::<LABELLED, SHADED>(classifier), termination, rays)
-        };
+        return unsafe { packet::dvr(field, looks, termination, rays) };
     }
     let _ = wide;
-    one_by_one(rays, |ray| dvr::dvr::<T, LABELLED, SHADED>(field, classifier, termination, ray))
-}
-
-/// [`preintegrated::cast()`] of each ray of a packet.
-#[inline(always)]
-pub(crate) fn by_ends<T: Pairs, const SHADED: bool>(
-    wide: Wide,
-    field: &Field<'_, T>,
-    table: &Preintegrated,
-    termination: f32,
-    rays: &Packet,
-) -> [Cast; LANES] {
-    #[cfg(target_arch = "x86_64")]
-    if wide.0 && packet::serves_rays(rays) {
-        // SAFETY: AVX2 was found.
-        return unsafe { packet::dvr(field, &preintegrated::AtEnds::<SHADED>(table), termination, rays) };
-    }
-    let _ = wide;
-    one_by_one(rays, |ray| preintegrated::cast::<T, SHADED>(field, table, termination, ray))
+    one_by_one(rays, |ray| dvr::dvr(field, looks, termination, ray))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::camera::Camera;
+    use crate::classify::Classifier;
+    use crate::dvr::AtMiddle;
     use crate::empty_space::Space;
     use crate::light::Light;
+    use crate::preintegrated::{AtEnds, Preintegrated};
     use crate::samples::{Samples, Shape};
     use crate::warp::Warp;
     use crate::{Projection, RenderParams, View};
@@ -158,16 +141,18 @@ mod tests {
                 light: Light::new(&camera, grid.inverse_linear_part(), 1.0),
             };
             for end in [0.4, 0.99, 2.0] {
-                same(&camera, |wide, rays| dvr::<T, LABELLED, SHADED>(wide, &field, &classifier, end, rays));
+                same(&camera, |wide, rays| {
+                    dvr(wide, &field, &AtMiddle::<LABELLED, SHADED>(&classifier), end, rays)
+                });
             }
             for end in [0.4, 2.0].into_iter().filter(|_| !LABELLED) {
-                same(&camera, |wide, rays| dvr::<T, false, SHADED>(wide, &field, &steep, end, rays));
+                same(&camera, |wide, rays| dvr(wide, &field, &AtMiddle::<false, SHADED>(&steep), end, rays));
             }
             if empty.iter().any(|&is| is) {
                 continue;
             }
             for end in [0.4, 2.0] {
-                same(&camera, |wide, rays| by_ends::<T, SHADED>(wide, &field, &table, end, rays));
+                same(&camera, |wide, rays| dvr(wide, &field, &AtEnds::<SHADED>(&table), end, rays));
             }
         }
     }

@@ -10,7 +10,7 @@
 //!   a cell's eight voxels are in the grid. [`serves`] demands two voxels along every axis and fewer than 2³⁰ of them, so that their indices
 //!   are whole numbers of 32 bits.
 //! - *Leaps.* A cell's brick lies in the grid of bricks, and [`Space::leaps`](crate::empty_space::Space::leaps) holds one for each of them (asserted).
-//! - *Entries* of the transfer function: an index is clamped to a row as [`Classifier::index`] does, and rows lie in the table whole.
+//! - *Entries* of the transfer function: an index is clamped to a row as [`ValueAxis::index`] does, and rows lie in the table whole.
 
 pub(crate) mod vectors;
 
@@ -19,9 +19,11 @@ use std::arch::x86_64::*;
 
 use ivd_core::BRICK;
 
+use crate::axis::ValueAxis;
 use crate::camera::Ray;
 use crate::cast::{Cast, Field};
-use crate::classify::{Classifier, of_part};
+use crate::classify::of_part;
+use crate::dvr::{AtMiddle, Optics};
 use crate::frame::{LANES, Packet};
 use crate::samples::Stored;
 
@@ -119,12 +121,9 @@ impl Pairs for f32 {
 const RUN: usize = 4;
 
 /// What a step looks like, in lanes.
-pub(crate) trait Looks<T: Pairs>: Sized {
-    /// What turns a fast value into a place in a table, `(value - low) · scale + 0.5` in `0 ..= top`: low, scale, top.
-    fn axis(&self) -> [f32; 3];
-
-    /// The last place that is clear with all below it; −1 where the first isn't.
-    fn clear_up_to(&self) -> i32;
+pub(crate) trait Looks<T: Pairs>: Optics<T> + Sized {
+    /// Where values lie in a table.
+    fn axis(&self) -> &ValueAxis;
 
     /// What is known at an end of a step, which the next one begins with.
     ///
@@ -145,16 +144,9 @@ pub(crate) trait Looks<T: Pairs>: Sized {
     ) -> [__m256; 4];
 }
 
-/// A step looks like the value at its middle.
-pub(crate) struct AtMiddle<'a, const LABELLED: bool, const SHADED: bool>(pub(crate) &'a Classifier);
-
 impl<T: Pairs, const LABELLED: bool, const SHADED: bool> Looks<T> for AtMiddle<'_, LABELLED, SHADED> {
-    fn axis(&self) -> [f32; 3] {
+    fn axis(&self) -> &ValueAxis {
         self.0.axis()
-    }
-
-    fn clear_up_to(&self) -> i32 {
-        self.0.clear_up_to()
     }
 
     #[inline]
@@ -305,8 +297,8 @@ impl<'a, T: Pairs, L: Looks<T>> Lanes<'a, T, L> {
             end: each(|a| _mm256_set1_ps(end[a])),
             voxels: [of(nx), of(nx * ny)],
             bricks: [of(bricks[0]), of(bricks[0] * bricks[1])],
-            clear: _mm256_set1_epi32(looks.clear_up_to()),
-            axis: each(|c| _mm256_set1_ps(looks.axis()[c])),
+            clear: _mm256_set1_epi32(looks.axis().clear_up_to()),
+            axis: each(|c| _mm256_set1_ps(looks.axis().numbers()[c])),
         }
     }
 

@@ -1,57 +1,42 @@
 use crate::camera::Ray;
-use crate::cast::{Cast, Field};
+use crate::cast::Field;
 use crate::classify::of_part;
-use crate::dvr::over;
-use crate::empty_space::{Home, NOWHERE};
+use crate::dvr::{Optics, Step};
 use crate::samples::Stored;
 
 use super::Preintegrated;
 
-/// Emission and absorption from front to back, until `termination`: step `i` lies between the values at its two ends, and is lit at its middle.
+/// A step looks like all values between those at its two ends, and is lit at its middle.
 ///
 /// A brick may be leapt over only if the values of all bricks about it are clear too: a step whose middle it holds may end in them.
-#[inline(always)]
-pub(crate) fn cast<T: Stored, const SHADED: bool>(
-    field: &Field<'_, T>,
-    table: &Preintegrated,
-    termination: f32,
-    ray: &Ray,
-) -> Cast {
-    let space = field.space;
-    let mut rgba = [0.0_f32; 4];
-    let (mut taken, mut skipped) = (0, 0);
-    let (mut home, mut brick) = (NOWHERE, 0);
-    // The place in the table of the value where the step before ended.
-    let mut front = None;
-    let mut i = 0;
-    while i < ray.steps {
-        let at = ray.at(i);
-        let cell = field.samples.shape.place(at).cell();
-        if !home.holds(cell) {
-            let reach;
-            (brick, reach) = space.enter(cell);
-            if let Some(reach) = reach {
-                let end = space.leap(ray, i, cell, reach);
-                skipped += end - i;
-                (i, front) = (end, None);
-                continue;
-            }
-            home = Home::of(cell);
-        }
-        taken += 1;
-        let from = front.unwrap_or_else(|| field.end(table, ray.end(i)));
-        let to = field.end(table, ray.end(i + 1));
-        over(&mut rgba, field.stretch::<SHADED>(table, [from, to], at, field.moves(brick)));
-        (i, front) = (i + 1, Some(to));
-        if rgba[3] >= termination {
-            return Cast { rgba, taken, skipped };
-        }
+pub(crate) struct AtEnds<'a, const SHADED: bool>(pub(crate) &'a Preintegrated);
+
+impl<T: Stored, const SHADED: bool> Optics<T> for AtEnds<'_, SHADED> {
+    /// Place in the table of the value there.
+    type End = Option<u32>;
+
+    #[inline(always)]
+    fn step(
+        &self,
+        field: &Field<'_, T>,
+        ray: &Ray,
+        step: &Step,
+        front: Option<Option<u32>>,
+    ) -> ([f32; 4], Option<u32>) {
+        let from = front.unwrap_or_else(|| field.end(self.0, ray.end(step.number)));
+        let to = field.end(self.0, ray.end(step.number + 1));
+        (field.stretch::<SHADED>(self.0, [from, to], step.at, field.moves(step.brick)), to)
     }
-    if ray.rest > 0.0 {
-        taken += 1;
-        over(&mut rgba, field.rest::<SHADED>(table, ray));
+
+    #[inline(never)]
+    fn rest(&self, field: &Field<'_, T>, ray: &Ray) -> [f32; 4] {
+        let ends = [-0.5, 0.5].map(|side| {
+            let t = side * ray.rest;
+            field.end(self.0, std::array::from_fn(|a| ray.rest_at[a] + t * ray.delta[a]))
+        });
+        let moves = field.moves(field.space.brick(ray.rest_at));
+        of_part(field.stretch::<SHADED>(self.0, ends, ray.rest_at, moves), ray.rest)
     }
-    Cast { rgba, taken, skipped }
 }
 
 impl<T: Stored> Field<'_, T> {
@@ -78,16 +63,5 @@ impl<T: Stored> Field<'_, T> {
             [None, None] => [0.0; 4],
         };
         if SHADED && entry[3] > 0.0 { self.lit_before(entry, at, moves) } else { entry }
-    }
-
-    /// The shorter step at a ray's end.
-    #[inline(never)]
-    pub(super) fn rest<const SHADED: bool>(&self, table: &Preintegrated, ray: &Ray) -> [f32; 4] {
-        let ends = [-0.5, 0.5].map(|side| {
-            let t = side * ray.rest;
-            self.end(table, std::array::from_fn(|a| ray.rest_at[a] + t * ray.delta[a]))
-        });
-        let moves = self.moves(self.space.brick(ray.rest_at));
-        of_part(self.stretch::<SHADED>(table, ends, ray.rest_at, moves), ray.rest)
     }
 }

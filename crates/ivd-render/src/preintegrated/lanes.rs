@@ -1,29 +1,23 @@
 //! Steps by the values at their ends, eight rays at a time with AVX2: what [`Field::end`] and [`Field::stretch`] do, with the same operations in the
 //! same order, for the same bytes.
 //!
-//! The argument for the `unsafe` blocks: a place in the table is a value's, clamped to the table's side as [`Preintegrated::index`] does, or 0 in a
+//! The argument for the `unsafe` blocks: a place in the table is a value's, clamped to the table's side as [`Preintegrated::index`](super::Preintegrated::index) does, or 0 in a
 //! lane without one; a table holds every pair of places.
 
 #[allow(clippy::wildcard_imports, reason = "some ten intrinsics")]
 use std::arch::x86_64::*;
 
+use crate::axis::ValueAxis;
 use crate::cast::Field;
 use crate::frame::LANES;
 use crate::packet::vectors::{any, each, floats, gathered, set, spread, transposed, whole, wholes};
 use crate::packet::{Lanes, Looks, Pairs};
 
-use super::Preintegrated;
-
-/// A step looks like the values at its ends.
-pub(crate) struct AtEnds<'a, const SHADED: bool>(pub(crate) &'a Preintegrated);
+use super::AtEnds;
 
 impl<T: Pairs, const SHADED: bool> Looks<T> for AtEnds<'_, SHADED> {
-    fn axis(&self) -> [f32; 3] {
+    fn axis(&self) -> &ValueAxis {
         self.0.axis()
-    }
-
-    fn clear_up_to(&self) -> i32 {
-        self.0.clear_up_to()
     }
 
     /// Places in the table; −1 where there is no data.

@@ -2,8 +2,8 @@
 //! that at its other, so that a thin layer of visible values isn't stepped over.
 //!
 //! - `table`: light and opacity by the values at both ends.
-//! - `cast`: a ray; the plain twin of
-//! - `lanes`, which casts eight at a time.
+//! - `cast`: what the steps of a ray look like; the plain twin of
+//! - `lanes`, for eight at a time.
 
 mod cast;
 #[cfg(target_arch = "x86_64")]
@@ -11,7 +11,5 @@ mod cast;
 mod lanes;
 mod table;
 
-pub(crate) use cast::cast;
-#[cfg(target_arch = "x86_64")]
-pub(crate) use lanes::AtEnds;
+pub(crate) use cast::AtEnds;
 pub(crate) use table::Preintegrated;

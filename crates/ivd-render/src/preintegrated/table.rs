@@ -2,7 +2,7 @@
 
 use ivd_core::{BrickRange, Error, Exec, TransferFunction, parallel};
 
-use crate::samples::Top;
+use crate::axis::ValueAxis;
 
 /// Values along each side of the table.
 const SIDE: usize = 1024;
@@ -21,13 +21,9 @@ const MOST_BETWEEN: usize = 64;
 pub(crate) struct Preintegrated {
     /// Premultiplied, shape `[SIDE, SIDE]`: the value at the front, and at the back.
     table: Vec<[f32; 4]>,
-    low: f32,
-    scale: f32,
-    top: Top,
+    axis: ValueAxis,
     /// How many entries of equal ends, and intervals after them, before each value aren't clear.
     occupied: Vec<u32>,
-    /// The last value that is clear with all below it; −1 where the first isn't.
-    clear_up_to: i32,
 }
 
 /// What light meets between two neighbouring values, or at one value.
@@ -90,16 +86,14 @@ impl Preintegrated {
             let seen = is_seen(&at_value[i]) + after.get(i).map_or(0, is_seen);
             occupied.push(occupied[i] + seen);
         }
-        let clear_up_to = occupied[1..].partition_point(|&count| count == 0) as i32 - 1;
-        let scale = if width > 0.0 { ((SIDE - 1) as f64 / width) as f32 } else { 0.0 };
-        let top = Top::new((SIDE - 1) as f32);
-        Ok(Self { table, low: range[0], scale, top, occupied, clear_up_to })
+        let axis = ValueAxis::new(range, SIDE).with_clear(&occupied);
+        Ok(Self { table, axis, occupied })
     }
 
     /// Place of a finite fast value.
     #[inline(always)]
     pub(crate) fn index(&self, value: f32) -> u32 {
-        self.top.whole((value - self.low) * self.scale + 0.5) as u32
+        self.axis.index(value) as u32
     }
 
     /// Entry of a step between two places.
@@ -114,28 +108,15 @@ impl Preintegrated {
         &raw const self.table[front as usize * SIDE + back as usize]
     }
 
-    /// What turns a fast value into a place, `(value - low) · scale + 0.5` in `0 ..= top`: low, scale, top.
+    /// Where values lie along each side.
     #[cfg(target_arch = "x86_64")]
-    pub(crate) fn axis(&self) -> [f32; 3] {
-        [self.low, self.scale, self.top.number()]
+    pub(crate) fn axis(&self) -> &ValueAxis {
+        &self.axis
     }
 
-    /// The last place that is clear with all below it; −1 where the first isn't.
-    #[cfg(target_arch = "x86_64")]
-    pub(crate) fn clear_up_to(&self) -> i32 {
-        self.clear_up_to
-    }
-
-    /// Whether every step between values of a range is clear. The range is widened by a place on both sides, more than the rounding of an
-    /// interpolated value can leave it.
+    /// Whether every step between values of a brick is clear.
     pub(crate) fn is_clear(&self, range: BrickRange, shift: f64) -> bool {
-        if range.min > range.max {
-            return true;
-        }
-        let fast = |stored: f32| (f64::from(stored) - shift) as f32;
-        let from = (self.index(fast(range.min)) as usize).saturating_sub(1);
-        let to = (self.index(fast(range.max)) as usize + 2).min(SIDE);
-        self.occupied[to] == self.occupied[from]
+        self.axis.places(range, shift).is_none_or(|[from, to]| self.occupied[to] == self.occupied[from])
     }
 }
 

@@ -24,7 +24,7 @@ use crate::{Within, selection};
 pub use cut::{CutParams, Ranking, cut};
 pub use dendrogram::{Dendrogram, Leaf, dendrogram};
 use field::{Apart, Field};
-use figures::Figures;
+use figures::{Figures, Leaves};
 use merges::Merges;
 
 /// Most voxels: an edge of the grid has a number of 32 bits.
@@ -117,18 +117,16 @@ fn grow<T: Apart>(
     if params.linkage == Linkage::Ward && params.alpha.is_none() {
         let frame = Frame::of(volume);
         let (leaves, count) = cells::cells(field, &frame, cells::BLOCK, params.max_regions, exec)?;
-        let figures = figures::spread(volume, field.voxels, &leaves, count, exec)?;
+        let of = Leaves { volume, voxels: field.voxels, leaves: &leaves, count };
+        let figures = figures::spread(&of, exec)?;
         let merges = ward(volume, &leaves, &figures, exec)?;
         return finish(volume, params.linkage, leaves, figures, merges);
     }
     let edges = forest::edges(field, exec)?;
     let alpha = params.alpha.unwrap_or(0.0);
     let (leaves, count, flat) = forest::zones(field, edges.ids(), alpha, exec)?;
-    let figures = if alpha == 0.0 {
-        figures::flat(volume, field.voxels, &leaves, count, exec)?
-    } else {
-        figures::spread(volume, field.voxels, &leaves, count, exec)?
-    };
+    let of = Leaves { volume, voxels: field.voxels, leaves: &leaves, count };
+    let figures = if alpha == 0.0 { figures::flat(&of, exec)? } else { figures::spread(&of, exec)? };
     let merges = match params.linkage {
         Linkage::Single => {
             let merges = single::merges(field, &edges.ids()[flat..], &leaves, &figures, exec)?;

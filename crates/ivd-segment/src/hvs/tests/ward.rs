@@ -1,6 +1,7 @@
 use std::collections::BTreeSet;
 
-use super::super::{cells, figures, finish, ward as ward_merges};
+use super::super::figures::{self, Leaves};
+use super::super::{cells, finish, ward as ward_merges};
 use super::*;
 use crate::hvs::field::Field;
 use crate::moments::Frame;
@@ -41,7 +42,8 @@ fn capped(volume: &Volume, block: usize, most: usize) -> Hvs {
     let Voxels::U8(voxels) = volume.voxels() else { panic!("bytes") };
     let (exec, field) = (Exec::default(), Field::new(volume, &voxels[..], None));
     let (leaves, count) = cells::cells(&field, &Frame::of(volume), block, most, &exec).unwrap();
-    let figures = figures::spread(volume, &voxels[..], &leaves, count, &exec).unwrap();
+    let figures =
+        figures::spread(&Leaves { volume, voxels: &voxels[..], leaves: &leaves, count }, &exec).unwrap();
     let graph = crate::hvs::graph::graph(&leaves, count, volume.grid().dims(), &exec).unwrap();
     let merges = ward_merges::merges(volume, &graph, &figures, &exec).unwrap();
     finish(volume, Linkage::Ward, leaves, figures, merges).unwrap()

@@ -7,7 +7,7 @@ use super::build::squares_of;
 use super::frame::{Centroid, Frame, wide};
 use super::hierarchy::Hierarchy;
 use super::sums::{Sums, Tally};
-use super::walk::{Candidate, Looked, Sink, Walk, candidates};
+use super::walk::{Candidate, Group, Sink, Walk, candidates};
 use crate::Error;
 use crate::classes::set_crossings;
 
@@ -168,15 +168,9 @@ impl<T: Scalar> Sink<T> for Writing<'_> {
         }
     }
 
-    fn voxels(
-        &mut self,
-        hierarchy: &Hierarchy<T>,
-        brick: &Brick,
-        group: usize,
-        near: &[Candidate],
-        looked: &Looked,
-    ) {
-        let members = brick.members(group);
+    fn voxels(&mut self, hierarchy: &Hierarchy<T>, group: &Group<'_>) {
+        let Group { brick, near, looked, .. } = *group;
+        let members = group.members.clone();
         self.found.ties += looked.ties(near, members.len());
         for (i, member) in members.enumerate() {
             let id = near[looked.which[i] as usize].id;

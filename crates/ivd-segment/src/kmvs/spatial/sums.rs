@@ -5,7 +5,7 @@ use ivd_core::{Exec, Scalar, parallel};
 use super::brick::Brick;
 use super::frame::{Centroid, Frame, wide};
 use super::hierarchy::Hierarchy;
-use super::walk::{Candidate, Looked, Sink, Walk, candidates};
+use super::walk::{Group, Sink, Walk, candidates};
 use crate::Error;
 
 /// Bricks that one task takes.
@@ -123,20 +123,13 @@ impl<T: Scalar> Sink<T> for Adding<'_> {
         self.sums[usize::from(id)].add(brick, count, places, values);
     }
 
-    fn voxels(
-        &mut self,
-        hierarchy: &Hierarchy<T>,
-        brick: &Brick,
-        group: usize,
-        near: &[Candidate],
-        looked: &Looked,
-    ) {
+    fn voxels(&mut self, hierarchy: &Hierarchy<T>, group: &Group<'_>) {
+        let Group { brick, near, looked, .. } = *group;
         let part = &mut self.part.0;
         part.clear();
         part.resize(near.len(), Few::default());
-        let members = brick.members(group);
-        let places = &hierarchy.places[members.clone()];
-        for (i, (place, value)) in places.iter().zip(&hierarchy.values[members]).enumerate() {
+        let places = &hierarchy.places[group.members.clone()];
+        for (i, (place, value)) in places.iter().zip(&hierarchy.values[group.members.clone()]).enumerate() {
             let few = &mut part[looked.which[i] as usize];
             let at = hierarchy.layout.unpack(*place);
             few.count += 1;

@@ -4,6 +4,8 @@
 //! group belongs to it; else its parts are looked at with the centroids that are left. Only decisions beyond all doubt of
 //! rounding are made for boxes; the rest is left to [`distance`] voxel by voxel, so that no label depends on the boxes.
 
+use std::ops::Range;
+
 use ivd_core::Scalar;
 
 use super::brick::{Brick, GROUP};
@@ -37,14 +39,17 @@ pub(super) trait Sink<T> {
     /// All voxels of a group are.
     fn group(&mut self, hierarchy: &Hierarchy<T>, brick: &Brick, group: usize, id: u16);
     /// The voxels of a group, each with the number of its candidate.
-    fn voxels(
-        &mut self,
-        hierarchy: &Hierarchy<T>,
-        brick: &Brick,
-        group: usize,
-        near: &[Candidate],
-        looked: &Looked,
-    );
+    fn voxels(&mut self, hierarchy: &Hierarchy<T>, group: &Group<'_>);
+}
+
+/// A group whose voxels were looked at one by one.
+pub(super) struct Group<'a> {
+    pub(super) brick: &'a Brick,
+    /// Its voxels in the hierarchy.
+    pub(super) members: Range<usize>,
+    /// The centroids that they were compared with.
+    pub(super) near: &'a [Candidate],
+    pub(super) looked: &'a Looked,
 }
 
 /// Voxels looked at one by one: features, distance to the nearest candidate and its number.
@@ -115,9 +120,9 @@ impl Walk {
         let members = brick.members(group);
         let len = members.len();
         self.visited += len as u64;
-        self.looked.set_features(hierarchy, frame, brick, members);
+        self.looked.set_features(hierarchy, frame, brick, members.clone());
         self.looked.choose(near, len);
-        sink.voxels(hierarchy, brick, group, near, &self.looked);
+        sink.voxels(hierarchy, &Group { brick, members, near, looked: &self.looked });
     }
 }
 
@@ -127,7 +132,7 @@ impl Looked {
         hierarchy: &Hierarchy<T>,
         frame: &Frame,
         brick: &Brick,
-        members: std::ops::Range<usize>,
+        members: Range<usize>,
     ) {
         let axes: [&[f64]; 3] = std::array::from_fn(|a| &frame.axes[a][brick.origin[a]..]);
         let members = hierarchy.places[members.clone()].iter().zip(&hierarchy.values[members]);
