@@ -83,7 +83,7 @@ impl Body {
             let (steps, iterations) = (before.steps + balance.steps, before.iterations + balance.iterations);
             // On the way it is enough to be near; what is left is made up for by the next part.
             if !balance.reached && (share >= 1.0 || balance.residual > ASTRAY) {
-                arrival.balance = Balance { steps, iterations, ..before };
+                arrival.balance = Balance { iterations, steps, ..before };
                 step = (share - arrival.share) / 2.0;
                 continue;
             }
@@ -93,7 +93,7 @@ impl Body {
             arrival.parts += 1;
             arrival.energies = [if arrival.parts == 1 { energy } else { arrival.energies[0] }, energy];
             arrival.share = share;
-            arrival.balance = Balance { steps, iterations, ..balance };
+            arrival.balance = Balance { iterations, steps, ..balance };
             *u = next;
         };
         observer.end("equilibrium");
@@ -124,7 +124,9 @@ impl Body {
         }
         let mut left = self.gradient(u).0;
         add(&mut left, &self.change(u, &told), 1.0);
-        left.iter_mut().for_each(|f| *f = f.map(|c| -c));
+        for force in &mut left {
+            *force = force.map(|c| -c);
+        }
         let follow = self.matrix(u, true, exec)?.solve(&left, START, ITERATIONS, exec)?;
         let mut part = 1.0;
         for _ in 0..=HALVINGS {

@@ -57,28 +57,18 @@ impl Body {
             let downhill: Vec<Triple> = gradient.iter().map(|g| g.map(|c| -c)).collect();
             // Loose while far away, so that the last steps still gain digits as Newton's do (Eisenstat & Walker 1996).
             let forcing = (left / before).powi(2).clamp(1e-4, 0.1).max(0.5 * tolerance / balance.residual);
-            let mut found = None;
-            if wary == 0 {
-                let exact =
-                    self.matrix(u, false, exec)?.solve(&downhill, forcing.min(0.1), ITERATIONS, exec)?;
-                balance.iterations += exact.iterations;
-                // Where the energy bends down, what it bends up at most leads on sooner than what was found by then.
-                if exact.indefinite && self.element.is_guarded() {
-                    wary = WARY;
-                } else {
-                    found = Some(exact);
-                }
-            }
-            let found = match found {
-                Some(found) => found,
-                None => {
-                    wary -= 1;
-                    let found =
-                        self.matrix(u, true, exec)?.solve(&downhill, forcing.min(0.1), ITERATIONS, exec)?;
-                    balance.iterations += found.iterations;
-                    found
-                }
+            let solve = |bounded: bool| {
+                self.matrix(u, bounded, exec)?.solve(&downhill, forcing.min(0.1), ITERATIONS, exec)
             };
+            let mut found = solve(wary > 0)?;
+            balance.iterations += found.iterations;
+            wary = u32::saturating_sub(wary, 1);
+            if found.indefinite && self.element.is_guarded() {
+                // Where the energy bends down, what it bends up at most leads on sooner than what was found by then.
+                found = solve(true)?;
+                balance.iterations += found.iterations;
+                wary = WARY;
+            }
             balance.steps += 1;
             before = left;
             let slope = dot(&gradient, &found.values);

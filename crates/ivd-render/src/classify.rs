@@ -62,7 +62,7 @@ impl Classifier {
             Vec::new()
         };
         let axis = ValueAxis::new(range, samples).with_clear(&occupied[..=samples]);
-        Self { table, axis, steep, samples, row_start, occupied }
+        Self { table, axis, samples, row_start, occupied, steep }
     }
 
     /// What samples look like by value and gradient, where the transfer function says so.

@@ -49,11 +49,11 @@ pub(super) fn encode(displacement: &Displacement) -> Result<Encoded<'_>, String>
 }
 
 /// The sections of a field.
-pub(super) fn field<'a>(
+pub(super) fn field(
     table: impl Into<Cow<'static, str>>,
     vectors: impl Into<Cow<'static, str>>,
-    field: &'a FieldBricks,
-) -> [SectionBytes<'a>; 2] {
+    field: &FieldBricks,
+) -> [SectionBytes<'_>; 2] {
     let mut shape = vec![field.stored() as u64];
     shape.extend(BRICK_SHAPE);
     [

@@ -237,7 +237,9 @@ impl<'a> Scene<'a> {
         let nodes: Vec<u32> = holds.told.keys().copied().collect();
         let places: Vec<Vector3<f64>> =
             nodes.iter().map(|n| cells.local(body.mesh.nodes[*n as usize].map(f64::from))).collect();
-        nodes.iter().for_each(|node| body.mesh.held[*node as usize] = true);
+        for node in &nodes {
+            body.mesh.held[*node as usize] = true;
+        }
         let goals = |share: f64| -> Vec<Triple> {
             let poses = self.skeleton.rig().poses(share);
             let of = |(hold, place): (&Hold, &Vector3<f64>)| match *hold {

@@ -19,13 +19,13 @@ pub(super) struct Figures {
 pub(super) struct Leaves<'a, T> {
     pub(super) volume: &'a Volume,
     pub(super) voxels: &'a [T],
-    pub(super) leaves: &'a [u32],
+    pub(super) ids: &'a [u32],
     pub(super) count: usize,
 }
 
 /// Figures of leaves of one value each.
 pub(super) fn flat<T: Scalar>(of: &Leaves<'_, T>, exec: &Exec) -> Result<Figures, Error> {
-    let Leaves { volume, voxels, leaves, count } = *of;
+    let Leaves { volume, voxels, ids: leaves, count } = *of;
     let real = |v: T| volume.real(v.to_f64()).clamp(f64::MIN, f64::MAX);
     let pieces = parallel::pieces(voxels.len(), CHUNK);
     let short = parallel::try_for_each(pieces, &|i| {
@@ -58,7 +58,7 @@ pub(super) fn flat<T: Scalar>(of: &Leaves<'_, T>, exec: &Exec) -> Result<Figures
 
 /// Figures of leaves of any values: the means first, then the deviations from them, in the order of the voxels.
 pub(super) fn spread<T: Scalar>(of: &Leaves<'_, T>, exec: &Exec) -> Result<Figures, Error> {
-    let Leaves { volume, voxels, leaves, count } = *of;
+    let Leaves { volume, voxels, ids: leaves, count } = *of;
     let mut counts: SpillVec<u32> = exec.bulk("the sizes of the leaves", count)?;
     each(voxels, leaves, exec, |leaf, _| counts[leaf] += 1)?;
     let mut means: SpillVec<f64> = exec.bulk("the means of the leaves", count)?;

@@ -117,7 +117,7 @@ fn grow<T: Apart>(
     if params.linkage == Linkage::Ward && params.alpha.is_none() {
         let frame = Frame::of(volume);
         let (leaves, count) = cells::cells(field, &frame, cells::BLOCK, params.max_regions, exec)?;
-        let of = Leaves { volume, voxels: field.voxels, leaves: &leaves, count };
+        let of = Leaves { volume, voxels: field.voxels, ids: &leaves, count };
         let figures = figures::spread(&of, exec)?;
         let merges = ward(volume, &leaves, &figures, exec)?;
         return finish(volume, params.linkage, leaves, figures, merges);
@@ -125,7 +125,7 @@ fn grow<T: Apart>(
     let edges = forest::edges(field, exec)?;
     let alpha = params.alpha.unwrap_or(0.0);
     let (leaves, count, flat) = forest::zones(field, edges.ids(), alpha, exec)?;
-    let of = Leaves { volume, voxels: field.voxels, leaves: &leaves, count };
+    let of = Leaves { volume, voxels: field.voxels, ids: &leaves, count };
     let figures = if alpha == 0.0 { figures::flat(&of, exec)? } else { figures::spread(&of, exec)? };
     let merges = match params.linkage {
         Linkage::Single => {

@@ -43,7 +43,7 @@ fn capped(volume: &Volume, block: usize, most: usize) -> Hvs {
     let (exec, field) = (Exec::default(), Field::new(volume, &voxels[..], None));
     let (leaves, count) = cells::cells(&field, &Frame::of(volume), block, most, &exec).unwrap();
     let figures =
-        figures::spread(&Leaves { volume, voxels: &voxels[..], leaves: &leaves, count }, &exec).unwrap();
+        figures::spread(&Leaves { volume, voxels: &voxels[..], ids: &leaves, count }, &exec).unwrap();
     let graph = crate::hvs::graph::graph(&leaves, count, volume.grid().dims(), &exec).unwrap();
     let merges = ward_merges::merges(volume, &graph, &figures, &exec).unwrap();
     finish(volume, Linkage::Ward, leaves, figures, merges).unwrap()
