@@ -30,7 +30,7 @@ fn crate_of(path: &Path) -> String {
 }
 
 /// The stages' crates, and what each needs of ours.
-const STAGES: [(&str, &[&str]); 11] = [
+const STAGES: [(&str, &[&str]); 12] = [
     ("ivd-io", &["ivd-core", "ivd-fs"]),
     ("ivd-phantom", &["ivd-core"]),
     ("ivd-segment", &["ivd-core"]),
