@@ -65,18 +65,6 @@ fn a_motion_keeps_the_inner_points_of_its_rigid_parts() {
 }
 
 #[test]
-fn a_motion_keeps_that_of_space() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("motion");
-    let Artefact::Motion(motion) = sample(Kind::Motion) else { unreachable!("a motion was asked for") };
-    let field =
-        |x: f32| ivd_core::FieldBricks::new([4, 3, 2], vec![0], vec![[x, -0.0, 1e-30]; 512].into()).unwrap();
-    let value = Artefact::Motion(motion.with_space(vec![field(1.5), field(-2.0)]).unwrap());
-    write(&path, &value, &provenance()).unwrap();
-    assert!(same(&read(&path).unwrap().artefact, &value));
-}
-
-#[test]
 fn every_kind_comes_back_bit_for_bit_with_its_provenance() {
     let folder = tempfile::tempdir().unwrap();
     for kind in Kind::ALL {

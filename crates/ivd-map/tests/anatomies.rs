@@ -307,7 +307,9 @@ fn a_wall_that_is_pushed_keeps_its_thickness() {
         let wall = thinnest(&warped.output, 30.0);
         eprintln!("{method}: {rest:.2} voxels at rest, {wall:.2} pushed");
         assert!((4.0..=6.0).contains(&wall), "{method}: {wall} voxels of {rest}");
-        assert!(mapped.figures.largest_mm <= 1.02 * 8.0, "{method}: {}", mapped.figures.largest_mm);
+        // What is hardly compressible gives way to the side, further than it is pushed.
+        let most = if method == "body" { 1.2 } else { 1.02 };
+        assert!(mapped.figures.largest_mm <= most * 8.0, "{method}: {}", mapped.figures.largest_mm);
         assert_eq!(mapped.figures.followed.conflicts, 0);
     }
 }

@@ -140,6 +140,14 @@ fn motion() -> Motion {
         .unwrap()
         .with_reach(vec![Ball { centre: [1.0, 2.0, 3.0], radius: 25.0 }])
         .unwrap()
+        .with_space([1.5_f32, -2.0].map(|x| space([4, 3, 2], x)).to_vec())
+        .unwrap()
+}
+
+/// A field whose vectors tell the bits of numbers apart.
+fn space(dims: [usize; 3], x: f32) -> FieldBricks {
+    let vectors: Vec<[f32; 3]> = (0..512).map(|i| [x * i as f32, -0.0, 1e-30]).collect();
+    FieldBricks::new(dims, vec![0], vectors.into()).unwrap()
 }
 
 fn displacement() -> Displacement {
