@@ -244,7 +244,8 @@ fn help(stage: &Stage, found: &Key) -> String {
             String::new()
         };
         let own = if field.default().is_none() { default(said.default.as_ref()) } else { String::new() };
-        format!("{whose}{}{own}", said.about.trim_end_matches('.').replace('\n', " "))
+        let about = said.about.trim_end_matches('.').replace('\n', " ");
+        format!("{whose}{about}{}{own}", keys(&said.schema))
     });
     let text = said.collect::<Vec<_>>().join("; ");
     let domain = field.domain();
@@ -254,7 +255,7 @@ fn help(stage: &Stage, found: &Key) -> String {
     } else {
         String::new()
     };
-    format!("{text}{}{domain}{}{file}", keys(field), default(field.default()))
+    format!("{text}{domain}{}{file}", default(field.default()))
 }
 
 /// Whether a flag takes words and nothing else: help lists them by themselves.
@@ -264,8 +265,8 @@ fn words_alone(field: Field<'_>) -> bool {
 
 /// The keys of the things that a flag lists, or of what it says of a class; where a word tells several kinds apart, those that all
 /// have, and then those of each.
-fn keys(field: Field<'_>) -> String {
-    let things = field.schema.get("items").or_else(|| map_values(field.schema));
+fn keys(schema: &Json) -> String {
+    let things = schema.get("items").or_else(|| map_values(schema));
     let all = things.map_or_else(Vec::new, alternatives);
     if all.is_empty() || !all.iter().all(|one| kind(one) == "object") {
         return String::new();

@@ -6,8 +6,10 @@
 
 use std::collections::BTreeSet;
 
-use ivd_core::{Grid, Lattice, Mask, VoxelCoord, VoxelIndex};
+use ivd_core::{Grid, Lattice, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
+
+use super::tissues::{Matter, Tissues};
 
 /// Part of a grip's radius in which matter goes as one.
 const CORE: f64 = 0.5;
@@ -20,20 +22,21 @@ pub(super) struct Grip {
 }
 
 impl Grip {
-    /// - `middle`: place of the vertex (mm); `radius`: (mm).
+    /// - `middle`: place of the vertex (mm); `radius`: (mm), less where something rigid is nearer: what has hold of a thin layer on bone is thinner.
     pub(super) fn new(
         lattice: &Lattice,
-        inside: &Mask,
+        tissues: &Tissues<'_>,
         vertex: usize,
         middle: Vector3<f64>,
         radius: f64,
     ) -> Self {
         let grid = lattice.grid();
+        let radius = nearest_rigid(tissues, middle, radius);
         let mut voxels = BTreeSet::new();
         let takes = |at: &[i64; 3]| {
             let Some(voxel) = on_grid(grid, *at) else { return false };
             let near = (local(grid, voxel) - middle).norm() <= radius;
-            near && inside.inside()[grid.linear(voxel)] != 0
+            near && tissues.is_inside(grid.linear(voxel))
         };
         let mut work: Vec<[i64; 3]> = corners(lattice, vertex).filter(takes).collect();
         while let Some(at) = work.pop() {
@@ -75,6 +78,26 @@ impl Grip {
             1.0
         }
     }
+}
+
+/// How far the nearest rigid voxel is from a place, or a radius, if that is less (mm).
+fn nearest_rigid(tissues: &Tissues<'_>, middle: Vector3<f64>, radius: f64) -> f64 {
+    let grid = tissues.grid();
+    let (at, extent) = (grid.inverse_linear_part() * middle, grid.ball_extent(radius));
+    let along = |a: usize| (at[a] - extent[a]).floor() as i64..=(at[a] + extent[a]).ceil() as i64;
+    let mut least = radius;
+    for z in along(2) {
+        for y in along(1) {
+            for x in along(0) {
+                let Some(voxel) = on_grid(grid, [x, y, z]) else { continue };
+                let far = (local(grid, voxel) - middle).norm();
+                if far < least && tissues.matter(voxel, grid.linear(voxel)) != Matter::Soft {
+                    least = far;
+                }
+            }
+        }
+    }
+    least
 }
 
 /// The voxel at a place, unless that is beyond the grid.

@@ -214,16 +214,17 @@ impl<'a> Scene<'a> {
             most.map(|edge| edge as u8)
         });
         let cells = Cells::new(grid, balls, edge, longest);
+        let tissues = Tissues::new(&inside, self.labels, self.bones, self.params);
         let asked: Vec<(usize, Handle, usize)> = (0..self.handles.len())
             .filter(|&h| self.skeleton.holder(self.targets[h]).is_none())
             .map(|h| (h, self.handles[h], self.targets[h]))
             .collect();
         let grip = |(_, handle, target): &(usize, Handle, usize)| {
             let radius = self.grip(handle, cells.length());
-            Grip::new(self.lattice, &inside, *target, self.rest[*target], radius)
+            Grip::new(self.lattice, &tissues, *target, self.rest[*target], radius)
         };
         let grips = asked.iter().map(grip).collect();
-        let tissues = Tissues::new(&inside, self.labels, self.bones, self.params, grips);
+        let tissues = tissues.gripped(grips);
         let fine: Vec<Vector3<f64>> = (0..self.rest.len()).map(|v| self.lattice.voxel(v).0).collect();
         let mesh = cells.mesh(&fine, &tissues, exec)?;
         let matter = cells.matter(&mesh, &tissues);

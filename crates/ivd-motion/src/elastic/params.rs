@@ -31,14 +31,15 @@ pub struct ElasticParams {
     /// Poisson's ratio ν of it: how much it keeps its volume. Beyond 0.45 the cells would be far too stiff.
     #[schemars(range(min = 0.0, max = 0.45), extend("x-unit" = "1"))]
     pub poisson: f64,
-    /// Young's modulus of what lies outside the lattice and has no class of its own, relative to `kpa`: air by default. Its ν is 0.
+    /// Young's modulus of what lies outside the lattice and has no class of its own, relative to `kpa`: air by default. Its ν is 0.4.
     #[schemars(range(min = 0.0001, max = 1.0), extend("x-unit" = "1"))]
     pub filler: f64,
     /// What classes are made of, where labels are given, inside the lattice and outside.
     #[serde(deserialize_with = "by_class")]
     pub material: BTreeMap<u16, Tissue>,
     /// Radius of the ball of matter round a handle's vertex that it has hold of: the inner half goes with it as one. Without
-    /// it a fifth of the handle's radius, at least three cells, and twice as far as it goes, as long as that is at most half of the radius.
+    /// it a fifth of the handle's radius, at least three cells, and twice as far as it goes, as long as that is at most half of the radius. It
+    /// ends at what is rigid.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub grip: Option<f64>,
     /// Forces that may be left at the end, relative to those that cancel.

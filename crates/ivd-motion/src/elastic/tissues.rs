@@ -44,7 +44,6 @@ impl<'a> Tissues<'a> {
         labels: Option<&'a Labels>,
         bones: &'a [BoneSpec],
         params: &ElasticParams,
-        grips: Vec<Grip>,
     ) -> Self {
         let own = Lame::new(params.kpa, params.poisson);
         let filler = Lame::new(params.kpa * params.filler, AIR);
@@ -58,10 +57,15 @@ impl<'a> Tissues<'a> {
         });
         let rigid = params.material.iter().filter(|(_, tissue)| tissue.rigid).map(|(class, _)| *class);
         let (classes, rigid) = (classes.collect(), rigid.collect());
-        Self { inside, labels, classes, rigid, bones, own, filler, grips }
+        Self { inside, labels, classes, rigid, bones, own, filler, grips: Vec::new() }
     }
 
-    fn grid(&self) -> &Grid {
+    /// With what the handles have hold of.
+    pub(super) fn gripped(self, grips: Vec<Grip>) -> Self {
+        Self { grips, ..self }
+    }
+
+    pub(super) fn grid(&self) -> &Grid {
         self.inside.grid()
     }
 

@@ -26,6 +26,8 @@ pub struct Said {
     pub about: String,
     /// What it is where it isn't given.
     pub default: Option<Json>,
+    /// What it may be.
+    pub schema: Json,
 }
 
 impl Key {
@@ -60,8 +62,12 @@ fn together(methods: &[Method]) -> Vec<Key> {
     for method in methods {
         for field in fields((method.schema)()) {
             let (about, default) = (field.about(), field.default());
-            let said =
-                || Said { methods: vec![method.name], about: about.to_owned(), default: default.cloned() };
+            let said = || Said {
+                methods: vec![method.name],
+                about: about.to_owned(),
+                default: default.cloned(),
+                schema: field.schema.clone(),
+            };
             let Some(key) = all.iter_mut().find(|key| key.name == field.name) else {
                 all.push(Key {
                     name: field.name.to_owned(),
