@@ -43,7 +43,7 @@ pub struct ElasticParams {
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub grip: Option<f64>,
     /// Forces that may be left at the end, relative to those that cancel.
-    #[schemars(range(min = 1e-12, max = 0.1), extend("x-unit" = "1", "x-knob" = "accuracy"))]
+    #[schemars(range(min = 1e-12, max = 1.0), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub tolerance: f64,
 }
 
