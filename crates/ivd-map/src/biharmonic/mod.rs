@@ -85,6 +85,12 @@ const LOOSE: f64 = 1e-5;
 const CLOSE: f64 = 0.05;
 /// Smallest part of the way that is gone at once.
 const SMALLEST: f64 = 1.0 / 16.0;
+/// The sum of motions over that of their lengths from which on they go one way.
+const ONE_WAY: f64 = 0.95;
+/// How far a voxel may move, relative to the largest motion of what is followed.
+const OVERSHOOT: f64 = 1.02;
+/// Weights of a membrane's energy beside the bending, in units of their diagonals.
+const TENSIONS: [f64; 4] = [0.03, 0.3, 3.0, 30.0];
 /// Layer round a part that moves alone in which its motion continues (voxels): one for the corners of the cells at its
 /// surface, one so that repair doesn't reach the layer's end.
 const LAYER: usize = 2;
@@ -118,6 +124,8 @@ struct Job<'a> {
     bricks: &'a [usize],
     settle: &'a Settle<'a>,
     edge: Option<u8>,
+    /// Weight of a membrane's energy beside the bending.
+    tension: f64,
 }
 
 /// A field that was made, the rounds of repair that it took, and how its equations were solved.
@@ -232,7 +240,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let inner = motion.inner().frames.get(number).into_iter().flat_map(|frame| &frame[..]);
             let motions = frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
             let (settle, edge) = (&settle, params.cell);
-            let job = Job { region: &region, frame, motions, bricks: &bricks, settle, edge };
+            let job = Job { region: &region, frame, motions, bricks: &bricks, settle, edge, tension: 0.0 };
             let followed = self.follow(&job, last, exec);
             let outcome = followed.and_then(|(made, last)| Ok((settled(settle, made, exec)?, last)));
             let outcome = outcome.map(|(outcome, last)| {
@@ -283,22 +291,65 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                 });
                 let nodes = nodes.map(Option::unwrap_or_default).collect();
                 let places = Places::new(&cells, self.lattice.grid(), region, &self.voxels, &self.constrains);
-                let system = System::new(cells, self.lattice.grid(), places);
+                let system = System::new(cells, self.lattice.grid(), places, 0.0);
                 Ok(Last { region: region.clone(), edge, system, nodes })
             }
         }
     }
 
-    /// The field of a frame, and the equations with its nodes.
+    /// The field of a frame, and the equations with its nodes. Where vertices go one way and a voxel goes further than any of them, as bent plates do beside
+    /// a bump, a membrane is put beside the bending, tighter until it doesn't.
     fn follow(&self, job: &Job<'_>, mut last: Last, exec: &Exec) -> Result<(Made, Last), Error> {
+        let start = std::mem::take(&mut last.nodes);
+        let (mut made, whole) = self.tense(job, &last.system, Some(start), exec)?;
+        let most = OVERSHOOT * self.farthest(&job.motions);
+        for tension in TENSIONS {
+            if whole.is_affine() || !self.goes_one_way(&job.motions) || longest(&made.field) <= most {
+                break;
+            }
+            exec.check_cancelled()?;
+            let grid = self.lattice.grid();
+            let cells = Cells::new(grid, job.region, job.edge);
+            let places = Places::new(&cells, grid, job.region, &self.voxels, &self.constrains);
+            let tenser = Job { tension, motions: job.motions.clone(), ..*job };
+            let system = System::new(cells, grid, places, tension);
+            made = self.tense(&tenser, &system, None, exec)?.0;
+        }
+        last.nodes = whole.nodes;
+        last.nodes.resize(last.system.cells.nodes.free.len(), [0.0; 3]);
+        Ok((made, last))
+    }
+
+    /// Whether what is to be followed goes one way, so that nothing has a reason to go further; beyond a part that turns space turns further.
+    fn goes_one_way(&self, motions: &[Vector3<f64>]) -> bool {
+        let followed = motions.iter().zip(&self.constrains).filter(|(_, constrains)| **constrains);
+        let (sum, lengths) = followed.fold((Vector3::zeros(), 0.0), |(sum, lengths), (motion, _)| {
+            (sum + motion, lengths + motion.norm())
+        });
+        sum.norm() >= ONE_WAY * lengths
+    }
+
+    /// Largest motion (mm) of what is to be followed.
+    fn farthest(&self, motions: &[Vector3<f64>]) -> f64 {
+        let followed = motions.iter().zip(&self.constrains).filter(|(_, constrains)| **constrains);
+        followed.map(|(motion, _)| motion.norm()).fold(0.0, f64::max)
+    }
+
+    /// The field of a frame under the tension of a job, and the step that found it at once.
+    fn tense(
+        &self,
+        job: &Job<'_>,
+        system: &System,
+        start: Option<Vec<Triple>>,
+        exec: &Exec,
+    ) -> Result<(Made, Step), Error> {
         let grid = self.lattice.grid();
         let motions = &job.motions;
-        let start = std::mem::take(&mut last.nodes);
-        let whole = Step::solve(&last.system, job.region, &self.positions, motions, Some(start), TOLERANCE);
-        let bricks = whole.field(grid, &last.system, job.region).sample(None, job.bricks, exec)?;
+        let whole = Step::solve(system, job.region, &self.positions, motions, start, TOLERANCE);
+        let bricks = whole.field(grid, system, job.region).sample(None, job.bricks, exec)?;
         let field = cut(FieldBricks::of_bricks(grid.dims(), job.bricks, bricks.into())?, job.settle.alone)?;
         let mut solved = SolveFigures {
-            nodes: last.system.cells.nodes.free.len() as u64,
+            nodes: system.cells.nodes.free.len() as u64,
             increments: 1,
             ..SolveFigures::default()
         };
@@ -310,9 +361,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         } else {
             self.unfolded(job, field, &path, &mut solved, exec)?
         };
-        last.nodes = whole.nodes;
-        last.nodes.resize(last.system.cells.nodes.free.len(), [0.0; 3]);
-        Ok((Made { field, repairs, solved: Some(solved) }, last))
+        Ok((Made { field, repairs, solved: Some(solved) }, whole))
     }
 
     /// The way gone in parts, each from where the vertices have come to, and the rounds of repair that it took; `None` where
@@ -407,7 +456,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let equations = system.get_or_insert_with(|| {
             let cells = Cells::new(grid, job.region, job.edge);
             let places = Places::new(&cells, grid, job.region, &come, &self.constrains);
-            System::new(cells, grid, places)
+            System::new(cells, grid, places, job.tension)
         });
         (at, equations)
     }
@@ -433,6 +482,12 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
 }
 
 /// The certificate of a field, as far as it decides whether a way can be gone.
+/// Length of a field's longest vector (mm).
+fn longest(field: &FieldBricks) -> f64 {
+    let square = |v: &[f32; 3]| Vector3::from(*v).map(f64::from).norm_squared();
+    field.vectors().par_iter().map(square).reduce(|| 0.0, f64::max).sqrt()
+}
+
 fn certified(field: &FieldBricks, job: &Job<'_>, exec: &Exec) -> Result<Certificate, Error> {
     let (grid, counts) = (job.settle.lattice.grid(), job.settle.counts());
     Ok(certify_bricks(field, grid, 0.0, &counts, &touched(field), Detail::least(exec), exec)?)

@@ -72,6 +72,11 @@ impl Step {
         Field { grid, region, cells: &system.cells, affine: self.affine.as_ref(), nodes: &self.nodes }
     }
 
+    /// Whether an affine motion explains most of it, which may move voxels further than it moves vertices.
+    pub(super) fn is_affine(&self) -> bool {
+        self.affine.is_some()
+    }
+
     pub(super) fn count(&self, solved: &mut SolveFigures) {
         solved.iterations += self.iterations;
         solved.residual = solved.residual.max(self.residual);

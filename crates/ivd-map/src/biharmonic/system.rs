@@ -78,9 +78,10 @@ pub(super) struct System {
 }
 
 impl System {
-    pub(super) fn new(cells: Cells, grid: &Grid, places: Places) -> Self {
+    /// `tension`: see [`Rows::new`].
+    pub(super) fn new(cells: Cells, grid: &Grid, places: Places, tension: f64) -> Self {
         let step = Vector3::from(cells.step).map(|s| s as f64);
-        let rows = Rows::new(grid.linear_part() * Matrix3::from_diagonal(&step));
+        let rows = Rows::new(grid.linear_part() * Matrix3::from_diagonal(&step), tension);
         let spacing = std::array::from_fn(|a| grid.spacing()[a] * step[a]);
         let hierarchy = Hierarchy::new(assemble(&cells, &places, &rows), &cells.nodes, spacing);
         Self { cells, places, hierarchy }

@@ -19,7 +19,7 @@ impl Scene {
         let voxels: Vec<Vector3<f64>> = (0..positions.len()).map(|i| self.lattice.voxel(i).0).collect();
         let cells = Cells::new(grid, &region, params.cell);
         let places = Places::new(&cells, grid, &region, &voxels, &vec![true; voxels.len()]);
-        (region, System::new(cells, grid, places))
+        (region, System::new(cells, grid, places, 0.0))
     }
 
     fn motions(&self) -> Vec<Vector3<f64>> {
