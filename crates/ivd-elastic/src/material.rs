@@ -88,6 +88,8 @@ struct Guard {
     modulus: f64,
     /// As those of the Gauss points.
     gradients: [[Vector3<f64>; 8]; 8],
+    /// From mm to a cell of size 1.
+    to_cell: Matrix3<f64>,
     /// Corners that differ by less than this (mm), of a cell of size 1, leave `J` above `J₀`.
     still: f64,
 }
@@ -121,7 +123,8 @@ impl Hexahedron {
         // Each of the three edges at a corner changes by 2 √3 times the difference at most: ‖G‖ by 6 times it over the shortest.
         let shortest = edges.svd(false, false).singular_values.min();
         let still = (1.0 - least.cbrt()) * shortest / 6.0;
-        Self { guard: Some(Guard { least, modulus, gradients, still }), ..self }
+        let to_cell = edges.try_inverse().expect("a grid's axes are independent");
+        Self { guard: Some(Guard { least, modulus, gradients, to_cell, still }), ..self }
     }
 
     pub(crate) fn is_guarded(&self) -> bool {
@@ -151,7 +154,14 @@ impl Hexahedron {
             return Some(found);
         }
         for corner in 0..8 {
-            let f = Matrix3::identity() + Self::gradient(&guard.gradients[corner], size, u);
+            // Only the three edges at a corner count there.
+            let at = Vector3::from(u[corner]);
+            let along = |a: usize| {
+                let way = Vector3::from(u[corner ^ (1 << a)]) - at;
+                if corner >> a & 1 == 1 { -way } else { way }
+            };
+            let edges = Matrix3::from_columns(&[along(0), along(1), along(2)]);
+            let f = Matrix3::identity() + edges * guard.to_cell / size;
             let growth = f.determinant();
             if growth <= 0.0 {
                 return None;
@@ -240,6 +250,9 @@ impl Hexahedron {
                 add_stiffness(&mut out, &guard.gradients[corner], &inverse, [0.0, resists], bend);
             }
         }
+        for (p, q) in (0..8).flat_map(|p| (0..p).map(move |q| (p, q))) {
+            out[p][q] = out[q][p].transpose();
+        }
         out
     }
 }
@@ -266,7 +279,7 @@ impl Bend {
     }
 }
 
-/// Adds the second derivative of `μ/2 |δF|² + λ/2 (tr A)²` and of half of what bends.
+/// Adds the second derivative of `μ/2 |δF|² + λ/2 (tr A)²` and of half of what bends, of corners `p ≤ q` alone: the rest is their mirror image.
 ///
 /// - `g`: gradients of the corners' functions; `inverse`: `F⁻ᵀ`; `law`: μ and λ.
 fn add_stiffness(
@@ -281,7 +294,7 @@ fn add_stiffness(
     let square = (all != 0.0).then(|| inverse * inverse.transpose() * all);
     let crossed = 0.5 * (bend.stretch + bend.turn);
     for p in 0..8 {
-        for q in 0..8 {
+        for q in p..8 {
             let block = &mut out[p][q];
             let along = g[p].dot(&g[q]);
             *block += h[p] * h[q].transpose() * law[1] + h[q] * h[p].transpose() * crossed;

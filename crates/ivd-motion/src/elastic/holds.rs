@@ -7,6 +7,7 @@ use ivd_elastic::{Cells, Mesh, Triple};
 use nalgebra::Vector3;
 
 use super::tissues::{Matter, Tissues};
+use crate::Error;
 use crate::handles::{Action, Handle};
 
 /// What tells a node where to go, or pulls it.
@@ -38,7 +39,14 @@ pub(super) struct Asks<'a> {
 }
 
 impl Holds {
-    pub(super) fn new(asks: &Asks<'_>, mesh: &Mesh, cells: &Cells, tissues: &Tissues<'_>) -> Self {
+    /// # Errors
+    /// [`Error::Mismatch`]: a handle that has hold of nothing.
+    pub(super) fn new(
+        asks: &Asks<'_>,
+        mesh: &Mesh,
+        cells: &Cells,
+        tissues: &Tissues<'_>,
+    ) -> Result<Self, Error> {
         let mut holds = Self::default();
         let voxel = |node: u32| cells.voxel(mesh.nodes[node as usize].map(f64::from));
         for node in 0..mesh.nodes.len() as u32 {
@@ -78,14 +86,26 @@ impl Holds {
                 }
             }
         }
-        for (i, (number, handle, _)) in asks.handles.iter().enumerate() {
-            let own = gripped.iter().filter(|(_, (_, handle))| *handle == i).map(|(node, _)| *node);
+        for (i, (number, handle, target)) in asks.handles.iter().enumerate() {
+            let own: Vec<u32> =
+                gripped.iter().filter(|(_, (_, handle))| *handle == i).map(|(node, _)| *node).collect();
+            // What another handle has hold of already, at the same vertex, goes the same way.
+            let shared = asks.handles[..i].iter().any(|(_, _, other)| other == target);
+            if own.is_empty() && !shared && !asks.fixed[*target] {
+                return Err(Error::Mismatch {
+                    what: "handle",
+                    problem: format!("handle {number} has hold of nothing that can move"),
+                    remedy: "give it a larger radius or smaller cells (cell = 1), or pick soft matter",
+                });
+            }
             match handle.action {
-                Action::Move(_) => holds.told.extend(own.map(|node| (node, Hold::Handle(*number)))),
-                Action::Force(_) => holds.pulled.push((*number, own.collect())),
+                Action::Move(_) => {
+                    holds.told.extend(own.into_iter().map(|node| (node, Hold::Handle(*number))))
+                }
+                Action::Force(_) => holds.pulled.push((*number, own)),
             }
         }
-        holds
+        Ok(holds)
     }
 
     /// Forces of the handles at the nodes (mN).

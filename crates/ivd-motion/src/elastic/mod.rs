@@ -219,6 +219,13 @@ impl<'a> Scene<'a> {
             .filter(|&h| self.skeleton.holder(self.targets[h]).is_none())
             .map(|h| (h, self.handles[h], self.targets[h]))
             .collect();
+        if let Some((number, ..)) = asked.iter().find(|(_, _, target)| self.is_rigid(*target, &tissues)) {
+            return Err(Error::Mismatch {
+                what: "handle",
+                problem: format!("handle {number} lies on what is rigid and stays"),
+                remedy: "pick soft matter, or move the bone (rigid)",
+            });
+        }
         let grip = |(_, handle, target): &(usize, Handle, usize)| {
             let radius = self.grip(handle, cells.length());
             Grip::new(self.lattice, &tissues, *target, self.rest[*target], radius)
@@ -229,7 +236,7 @@ impl<'a> Scene<'a> {
         let mesh = cells.mesh(&fine, &tissues, exec)?;
         let matter = cells.matter(&mesh, &tissues);
         let asks = Asks { lattice: self.lattice, rest: &self.rest, handles: &asked, fixed: &self.fixed };
-        let holds = Holds::new(&asks, &mesh, &cells, &tissues);
+        let holds = Holds::new(&asks, &mesh, &cells, &tissues)?;
         let resists = RESISTS * Lame::new(self.params.kpa, self.params.poisson).bulk();
         let element = Hexahedron::new(&cells.edges()).guarded(&cells.edges(), PRESSED, resists);
         let mut body = Body::new(mesh, element, matter, Vec::new());

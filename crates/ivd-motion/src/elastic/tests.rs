@@ -13,7 +13,7 @@ fn part(n: usize, of: impl Fn(Vector3<f64>) -> f64, core: impl Fn(Vector3<f64>) 
     let at = |i: usize| VoxelCoord::from(grid.index(i)).0 - middle;
     let voxels: Vec<f32> = (0..grid.len()).map(|i| of(at(i)) as f32).collect();
     let ids: Vec<u16> =
-        (0..grid.len()).map(|i| if core(at(i)) > 0.0 { 2 } else { u16::from(of(at(i)) > 0.0) }).collect();
+        (0..grid.len()).map(|i| if core(at(i)) >= 0.0 { 2 } else { u16::from(of(at(i)) >= 0.0) }).collect();
     let class = |id: u16| ivd_core::Class {
         id,
         name: None,
@@ -208,6 +208,14 @@ fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     assert!(run(&scene, &push, &[], &soft).unwrap_err().to_string().contains("class 7"));
     let error = solve(&scene.0, None, &push, &[], &[], &soft, &Exec::default()).unwrap_err();
     assert!(error.to_string().contains("--labels"), "{error}");
+    // Too small for a cell; on what stays.
+    let tiny = [handle([16.0, 16.0, 27.0], [0.0, 0.1, 0.0], 0.5)];
+    let error = run(&scene, &tiny, &[], &ElasticParams::default()).unwrap_err();
+    assert!(error.to_string().contains("hold of nothing"), "{error}");
+    let rigid = Tissue { rigid: true, ..Tissue::default() };
+    let stone = ElasticParams { material: [(1, rigid)].into(), ..ElasticParams::default() };
+    let error = run(&scene, &push, &[], &stone).unwrap_err();
+    assert!(error.to_string().contains("rigid and stays"), "{error}");
     let bad = ElasticParams { poisson: 0.5, ..ElasticParams::default() };
     assert!(run(&scene, &push, &[], &bad).unwrap_err().to_string().contains("poisson"));
     let cancelled = Exec::default();
