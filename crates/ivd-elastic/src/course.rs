@@ -87,7 +87,7 @@ impl Body {
                 step = (share - arrival.share) / 2.0;
                 continue;
             }
-            step = 2.0 * (share - arrival.share);
+            step = (2.0 * (share - arrival.share)).max(LEAST);
             observer.advance("equilibrium", (64.0 * share) as u64 - (64.0 * arrival.share) as u64);
             let energy = self.energy(&next).map_or(0.0, |energy| energy.0);
             arrival.parts += 1;

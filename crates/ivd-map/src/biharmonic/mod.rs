@@ -313,7 +313,13 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let places = Places::new(&cells, grid, job.region, &self.voxels, &self.constrains);
             let tenser = Job { tension, motions: job.motions.clone(), ..*job };
             let system = System::new(cells, grid, places, tension);
-            made = self.tense(&tenser, &system, None, exec)?.0;
+            let tenser = self.tense(&tenser, &system, None, exec)?.0;
+            let misfit = |made: &Made| misfit_of(&self.lattice, job.settle.motion, &made.field, job.frame);
+            // Not at the price of leaving the lattice behind.
+            if misfit(&tenser) > CLOSE.max(2.0 * misfit(&made)) {
+                break;
+            }
+            made = tenser;
         }
         last.nodes = whole.nodes;
         last.nodes.resize(last.system.cells.nodes.free.len(), [0.0; 3]);

@@ -131,6 +131,7 @@ impl Op for ElasticMethod {
     type Figures = Figures;
 
     fn check_together(&self) -> Result<(), ParamError> {
+        self.elastic.check()?;
         self.moves.check_together()?;
         self.bones().map(|_| ())
     }

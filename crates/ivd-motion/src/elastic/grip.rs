@@ -5,12 +5,16 @@
 //! that a force in the middle brings about, which would go as `1 / r²`, then grows from the core to the border, and falls off from there.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
-use ivd_core::{Grid, Lattice, VoxelCoord, VoxelIndex};
+use ivd_core::{Exec, Grid, Lattice, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
 
 use super::tissues::{Matter, Tissues};
+use crate::Error;
 
+/// Bytes of a voxel that is held.
+const BYTES: u64 = 40;
 /// Part of a grip's radius in which matter goes as one.
 const CORE: f64 = 0.5;
 
@@ -29,9 +33,13 @@ impl Grip {
         vertex: usize,
         middle: Vector3<f64>,
         radius: f64,
-    ) -> Self {
+        exec: &Exec,
+    ) -> Result<Self, Error> {
         let grid = lattice.grid();
         let radius = nearest_rigid(tissues, middle, radius);
+        let voxels = boxed(grid, middle, radius).map(|range| range.count() as u64).iter().product::<u64>();
+        exec.check_memory("what a handle has hold of", BYTES * voxels)?;
+        exec.check_cancelled()?;
         let mut voxels = BTreeSet::new();
         let takes = |at: &[i64; 3]| {
             let Some(voxel) = on_grid(grid, *at) else { return false };
@@ -51,7 +59,7 @@ impl Grip {
                 }
             }
         }
-        Self { middle, radius, voxels }
+        Ok(Self { middle, radius, voxels })
     }
 
     /// How far from its vertex matter goes as one (mm).
@@ -82,14 +90,16 @@ impl Grip {
 
 /// How far the nearest rigid voxel is from a place, or a radius, if that is less (mm).
 fn nearest_rigid(tissues: &Tissues<'_>, middle: Vector3<f64>, radius: f64) -> f64 {
-    let grid = tissues.grid();
-    let (at, extent) = (grid.inverse_linear_part() * middle, grid.ball_extent(radius));
-    let along = |a: usize| (at[a] - extent[a]).floor() as i64..=(at[a] + extent[a]).ceil() as i64;
     let mut least = radius;
-    for z in along(2) {
-        for y in along(1) {
-            for x in along(0) {
-                let Some(voxel) = on_grid(grid, [x, y, z]) else { continue };
+    if !tissues.has_rigid() {
+        return least;
+    }
+    let grid = tissues.grid();
+    let [xs, ys, zs] = boxed(grid, middle, radius);
+    for z in zs {
+        for y in ys.clone() {
+            for x in xs.clone() {
+                let voxel = VoxelIndex([x, y, z]);
                 let far = (local(grid, voxel) - middle).norm();
                 if far < least && tissues.matter(voxel, grid.linear(voxel)) != Matter::Soft {
                     least = far;
@@ -98,6 +108,15 @@ fn nearest_rigid(tissues: &Tissues<'_>, middle: Vector3<f64>, radius: f64) -> f6
         }
     }
     least
+}
+
+/// The voxels of the box round a ball, on the grid.
+fn boxed(grid: &Grid, middle: Vector3<f64>, radius: f64) -> [Range<usize>; 3] {
+    let (at, extent) = (grid.inverse_linear_part() * middle, grid.ball_extent(radius));
+    std::array::from_fn(|a| {
+        let top = |v: f64| v.clamp(0.0, grid.dims()[a] as f64) as usize;
+        top((at[a] - extent[a]).floor())..top((at[a] + extent[a]).ceil() + 1.0)
+    })
 }
 
 /// The voxel at a place, unless that is beyond the grid.

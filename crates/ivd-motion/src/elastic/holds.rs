@@ -51,12 +51,11 @@ impl Holds {
         let voxel = |node: u32| cells.voxel(mesh.nodes[node as usize].map(f64::from));
         for node in 0..mesh.nodes.len() as u32 {
             let Some((index, number)) = tissues.nearest(voxel(node)) else { continue };
-            match tissues.matter(index, number) {
-                Matter::Soft => {}
-                Matter::Bone(bone) => _ = holds.told.insert(node, Hold::Bone(bone)),
-                Matter::Still => _ = holds.told.insert(node, Hold::Still),
+            if let Some(hold) = rigid(tissues.matter(index, number)) {
+                holds.told.insert(node, hold);
             }
         }
+        holds.tell_thin_parts(mesh, cells, tissues);
         let of_vertex = |vertex: usize| corners(mesh, cells, asks.lattice.voxel(vertex).0);
         for vertex in (0..asks.fixed.len()).filter(|&v| asks.fixed[v] && cells.holds(asks.rest[v])) {
             for node in of_vertex(vertex) {
@@ -65,6 +64,7 @@ impl Holds {
         }
         // Of several handles the nearest has a node.
         let mut gripped: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
+        let mut has_matter = vec![false; asks.handles.len()];
         for (i, &(_, _, target)) in asks.handles.iter().enumerate() {
             let (middle, grip) = (asks.rest[target], &tissues.grips()[i]);
             // The surface goes with its inside, so that what holds it outside does too; but not another part.
@@ -83,6 +83,7 @@ impl Holds {
                 let holds = (far <= grip.core() && of_part) || (skin.contains(&node) && (of_part || outside));
                 if holds && gripped.get(&node).is_none_or(|(other, _)| far < *other) {
                     gripped.insert(node, (far, i));
+                    has_matter[i] |= of_part;
                 }
             }
         }
@@ -91,21 +92,45 @@ impl Holds {
                 gripped.iter().filter(|(_, (_, handle))| *handle == i).map(|(node, _)| *node).collect();
             // What another handle has hold of already, at the same vertex, goes the same way.
             let shared = asks.handles[..i].iter().any(|(_, _, other)| other == target);
-            if own.is_empty() && !shared && !asks.fixed[*target] {
+            if !has_matter[i] && !shared {
                 return Err(Error::Mismatch {
                     what: "handle",
                     problem: format!("handle {number} has hold of nothing that can move"),
-                    remedy: "give it a larger radius or smaller cells (cell = 1), or pick soft matter",
+                    remedy: "give it a larger radius or grip, or smaller cells (cell = 1), or pick soft matter",
                 });
             }
             match handle.action {
                 Action::Move(_) => {
-                    holds.told.extend(own.into_iter().map(|node| (node, Hold::Handle(*number))))
+                    holds.told.extend(own.into_iter().map(|node| (node, Hold::Handle(*number))));
                 }
                 Action::Force(_) => holds.pulled.push((*number, own)),
             }
         }
         Ok(holds)
+    }
+
+    /// What is rigid and lies in a finest cell between its corners holds these: a plate that is thinner than a cell isn't walked through.
+    fn tell_thin_parts(&mut self, mesh: &Mesh, cells: &Cells, tissues: &Tissues<'_>) {
+        if !tissues.has_rigid() {
+            return;
+        }
+        for (number, cell) in mesh.cells.iter().enumerate().filter(|(_, cell)| cell.size == 1) {
+            let corners = || (0..8).flat_map(|c| mesh.corner(number, c)).map(|(node, _)| *node);
+            if corners().any(|node| self.told.contains_key(&node)) {
+                continue;
+            }
+            let low = cells.voxel(cell.low.map(f64::from));
+            let high = cells.voxel(cell.corner(7).map(f64::from));
+            let many: [usize; 3] = std::array::from_fn(|a| (high[a] - low[a]).round() as usize + 1);
+            let inner = (0..many.iter().product::<usize>()).find_map(|i| {
+                let step = [i % many[0], i / many[0] % many[1], i / many[0] / many[1]];
+                let (index, number) = tissues.nearest(low + Vector3::from(step).map(|c| c as f64))?;
+                rigid(tissues.matter(index, number))
+            });
+            if let Some(hold) = inner {
+                self.told.extend(corners().map(|node| (node, hold)));
+            }
+        }
     }
 
     /// Forces of the handles at the nodes (mN).
@@ -120,6 +145,15 @@ impl Holds {
             }
         }
         loads
+    }
+}
+
+/// What tells matter where to go.
+fn rigid(matter: Matter) -> Option<Hold> {
+    match matter {
+        Matter::Soft => None,
+        Matter::Bone(bone) => Some(Hold::Bone(bone)),
+        Matter::Still => Some(Hold::Still),
     }
 }
 

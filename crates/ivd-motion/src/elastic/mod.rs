@@ -26,6 +26,7 @@ use ivd_elastic::{Body, Cells, Course, Hexahedron, Lame, Triple};
 use ivd_field::sampler::interpolate;
 use ivd_field::vectors::sampled;
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use crate::Error;
 use crate::handles::{Action, Handle, Pin, check_pull, find_targets, pinned};
@@ -110,7 +111,13 @@ impl ElasticParams {
     /// # Errors
     /// [`ParamError`] names the field that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
-        check_fields(self)
+        check_fields(self)?;
+        match self.cell {
+            Some(cell) if !cell.is_power_of_two() => {
+                Err(ParamError::new("cell", format!("{cell} voxels"), "give 1, 2 or 4, or leave it out"))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Whether classes are looked at.
@@ -226,11 +233,19 @@ impl<'a> Scene<'a> {
                 remedy: "pick soft matter, or move the bone (rigid)",
             });
         }
+        if let Some((number, ..)) = asked.iter().find(|(_, _, target)| self.fixed[*target]) {
+            return Err(Error::Mismatch {
+                what: "handle",
+                problem: format!("handle {number} lies on a vertex that is fixed"),
+                remedy: "fix less, or pick another vertex",
+            });
+        }
         let grip = |(_, handle, target): &(usize, Handle, usize)| {
             let radius = self.grip(handle, cells.length());
-            Grip::new(self.lattice, &tissues, *target, self.rest[*target], radius)
+            Grip::new(self.lattice, &tissues, *target, self.rest[*target], radius, exec)
         };
-        let grips = asked.iter().map(grip).collect();
+        let grips = asked.iter().map(grip).collect::<Result<_, _>>()?;
+        self.check_bones(&cells, &tissues)?;
         let tissues = tissues.gripped(grips);
         let fine: Vec<Vector3<f64>> = (0..self.rest.len()).map(|v| self.lattice.voxel(v).0).collect();
         let mesh = cells.mesh(&fine, &tissues, exec)?;
@@ -260,12 +275,19 @@ impl<'a> Scene<'a> {
         let loads = holds.loads(self.handles, body.mesh.nodes.len());
         let mut u = vec![[0.0; 3]; body.mesh.nodes.len()];
         let course = Course { nodes: &nodes, goals: &goals, loads: &loads, tolerance: self.params.tolerance };
+        if nodes.is_empty() && !body.mesh.held.contains(&true) {
+            return Err(Error::Mismatch {
+                what: "handle",
+                problem: "nothing holds the body against the force: its radius reaches beyond the volume on all sides".into(),
+                remedy: "fix something, or give the handle a smaller radius",
+            });
+        }
         let arrival = body.go(&mut u, &course, exec)?;
         if arrival.share < 1.0 {
             return Err(Error::Untrusted {
                 what: "the deformed body",
                 problem: format!(
-                    "no balance of forces is found beyond {:.0} % of the way: what lies before the handle can't be pressed any further",
+                    "no balance of forces is found beyond {:.0} % of the way: matter can't be pressed, pulled or turned any further",
                     100.0 * arrival.share
                 ),
                 remedy: "move the handle less, give it a larger radius, or lower poisson and the contrast of classes",
@@ -290,7 +312,7 @@ impl<'a> Scene<'a> {
             iterations: arrival.balance.iterations as usize,
             handle_forces_mn: self.handle_forces(&holds, &forces),
             border_mn,
-            bones: self.skeleton.moved(&self.rest, 1.0, &displacement),
+            bones: self.bones_moved(&holds, &forces, &displacement),
             motion: self.motion(frame, space, &cells, &tissues)?,
         })
     }
@@ -356,6 +378,40 @@ impl<'a> Scene<'a> {
             interpolate(&body.mesh.gather(cell, u).map(Vector3::from), place.into())
         })?;
         FieldBricks::of_bricks(grid.dims(), &bricks, vectors.into())
+    }
+
+    /// A bone that moves lies where something may: else it would be torn.
+    fn check_bones(&self, cells: &Cells, tissues: &Tissues<'_>) -> Result<(), Error> {
+        let grid = self.lattice.grid();
+        if self.skeleton.balls().next().is_none() {
+            return Ok(());
+        }
+        let out = (0..grid.len()).into_par_iter().find_map_any(|i| {
+            let voxel = grid.index(i);
+            let Matter::Bone(bone) = tissues.matter(voxel, i) else { return None };
+            let beyond = !cells.holds(grid.linear_part() * VoxelCoord::from(voxel).0);
+            (beyond && self.skeleton.moves(bone)).then_some(bone)
+        });
+        match out {
+            None => Ok(()),
+            Some(bone) => Err(Error::Mismatch {
+                what: "rigid",
+                problem: format!("bone {} moves and goes on beyond its reach", self.bones[bone].name),
+                remedy: "give it a larger reach, or a region",
+            }),
+        }
+    }
+
+    /// What bones have done, and what holds them against the tissue.
+    fn bones_moved(&self, holds: &Holds, forces: &[Triple], displacement: &[[f64; 3]]) -> Vec<BoneMotion> {
+        let mut bones = self.skeleton.moved(&self.rest, 1.0, displacement);
+        for (node, hold) in &holds.told {
+            if let Hold::Bone(bone) = hold {
+                let sum = &mut bones[*bone].force_mn;
+                *sum = std::array::from_fn(|a| sum[a] + forces[*node as usize][a]);
+            }
+        }
+        bones
     }
 
     /// What each handle pulls with, or what it takes to hold its grip (mN).

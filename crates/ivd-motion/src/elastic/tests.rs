@@ -179,6 +179,24 @@ fn a_push_into_bone_is_refused_with_the_share_that_holds() {
 }
 
 #[test]
+fn a_plate_that_is_thinner_than_a_cell_is_not_walked_through() {
+    // One voxel thick, between the nodes of cells of two.
+    let at = |z: f64| move |p: Vector3<f64>| 0.4 - (p.z - z).abs();
+    for z in [5.0, 6.0] {
+        let scene = part(41, ball(16.0), at(z));
+        let rigid = Tissue { rigid: true, ..Tissue::default() };
+        let params =
+            ElasticParams { cell: Some(2), material: [(2, rigid)].into(), ..ElasticParams::default() };
+        let solved =
+            run(&scene, &[handle([20.0, 20.0, 36.0], [0.0, 0.0, -2.0], 30.0)], &[], &params).unwrap();
+        let field = &solved.motion.space()[0];
+        let below = field.at(VoxelIndex([20, 20, 22]))[2];
+        let above = field.at(VoxelIndex([20, 20, 31]))[2];
+        assert!(below.abs() < 0.02 && above < -0.3, "{below} {above}");
+    }
+}
+
+#[test]
 fn the_other_lip_hardly_moves() {
     // Two blocks, two voxels apart.
     let lips = |at: Vector3<f64>| {
@@ -216,6 +234,16 @@ fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     let stone = ElasticParams { material: [(1, rigid)].into(), ..ElasticParams::default() };
     let error = run(&scene, &push, &[], &stone).unwrap_err();
     assert!(error.to_string().contains("rigid and stays"), "{error}");
+    let three = ElasticParams { cell: Some(3), ..ElasticParams::default() };
+    assert!(run(&scene, &push, &[], &three).unwrap_err().to_string().contains("1, 2 or 4"));
+    let pin = Pin { at: push[0].at, radius: 0.0 };
+    let error =
+        solve(&scene.0, None, &push, &[pin], &[], &ElasticParams::default(), &Exec::default()).unwrap_err();
+    assert!(error.to_string().contains("is fixed"), "{error}");
+    // A force that nothing stands against, however far it reaches.
+    let pull = Handle { action: Action::Force([0.0, 0.0, 5.0]), radius: 1e6, ..push[0] };
+    let error = run(&scene, &[pull], &[], &ElasticParams::default()).unwrap_err();
+    assert!(error.to_string().contains("nothing holds the body"), "{error}");
     let bad = ElasticParams { poisson: 0.5, ..ElasticParams::default() };
     assert!(run(&scene, &push, &[], &bad).unwrap_err().to_string().contains("poisson"));
     let cancelled = Exec::default();

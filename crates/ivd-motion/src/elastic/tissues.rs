@@ -79,6 +79,11 @@ impl<'a> Tissues<'a> {
         })
     }
 
+    /// Whether anything may be rigid.
+    pub(super) fn has_rigid(&self) -> bool {
+        !(self.bones.is_empty() && self.rigid.is_empty())
+    }
+
     /// Whether a voxel lies inside the lattice.
     pub(super) fn is_inside(&self, number: usize) -> bool {
         self.inside.inside()[number] != 0
@@ -86,7 +91,7 @@ impl<'a> Tissues<'a> {
 
     /// What a voxel does. A bone without a class is what lies in its region and in the lattice.
     pub(super) fn matter(&self, voxel: VoxelIndex, number: usize) -> Matter {
-        if self.bones.is_empty() && self.rigid.is_empty() {
+        if !self.has_rigid() {
             return Matter::Soft;
         }
         let class = self.labels.map(|labels| labels.ids()[number]);
