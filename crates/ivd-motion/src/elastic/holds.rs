@@ -64,7 +64,6 @@ impl Holds {
         }
         // Of several handles the nearest has a node.
         let mut gripped: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
-        let mut has_matter = vec![false; asks.handles.len()];
         for (i, &(_, _, target)) in asks.handles.iter().enumerate() {
             let (middle, grip) = (asks.rest[target], &tissues.grips()[i]);
             // The surface goes with its inside, so that what holds it outside does too; but not another part.
@@ -83,7 +82,6 @@ impl Holds {
                 let holds = (far <= grip.core() && of_part) || (skin.contains(&node) && (of_part || outside));
                 if holds && gripped.get(&node).is_none_or(|(other, _)| far < *other) {
                     gripped.insert(node, (far, i));
-                    has_matter[i] |= of_part;
                 }
             }
         }
@@ -92,7 +90,8 @@ impl Holds {
                 gripped.iter().filter(|(_, (_, handle))| *handle == i).map(|(node, _)| *node).collect();
             // What another handle has hold of already, at the same vertex, goes the same way.
             let shared = asks.handles[..i].iter().any(|(_, _, other)| other == target);
-            if !has_matter[i] && !shared {
+            let has_matter = !own.is_empty() && tissues.grips()[i].touches(asks.lattice, *target);
+            if !has_matter && !shared {
                 return Err(Error::Mismatch {
                     what: "handle",
                     problem: format!("handle {number} has hold of nothing that can move"),
