@@ -1,4 +1,4 @@
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -183,6 +183,29 @@ impl Grid {
     pub fn ball_extent(&self, radius: f64) -> [f64; 3] {
         let to_voxel = self.inverse_linear_part();
         std::array::from_fn(|a| radius * to_voxel.row(a).norm())
+    }
+
+    /// The voxel at a place, unless that is beyond the grid.
+    pub fn voxel_at(&self, at: [i64; 3]) -> Option<VoxelIndex> {
+        let there = (0..3).all(|a| (0..self.dims()[a] as i64).contains(&at[a]));
+        there.then(|| VoxelIndex(at.map(|c| c as usize)))
+    }
+
+    /// The voxel nearest to a voxel coordinate, unless that is beyond the grid.
+    pub fn nearest_voxel(&self, voxel: Vector3<f64>) -> Option<VoxelIndex> {
+        self.voxel_at(voxel.map(|c| c.round() as i64).into())
+    }
+
+    /// The voxels of the box round a ball.
+    ///
+    /// - `centre`: relative to the grid's origin; `radius`: (mm).
+    pub fn voxels_of_ball(&self, centre: Vector3<f64>, radius: f64) -> [Range<usize>; 3] {
+        let (at, extent) = (self.inverse_linear_part() * centre, self.ball_extent(radius));
+        std::array::from_fn(|a| {
+            let top = |v: f64| v.clamp(0.0, self.dims()[a] as f64) as usize;
+            let low = top((at[a] - extent[a]).floor());
+            low..top((at[a] + extent[a]).ceil() + 1.0).max(low)
+        })
     }
 
     /// The bricks of 8³ voxels that balls may meet, ascending.

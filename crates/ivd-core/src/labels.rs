@@ -56,6 +56,26 @@ impl Labels {
         Ok(Self { grid, ids, classes })
     }
 
+    /// Refuses what is said of a class that there isn't; [`NO_DATA`] any labels may have.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] names the first.
+    pub fn require_classes(
+        &self,
+        mut ids: impl Iterator<Item = u16>,
+        what: &'static str,
+    ) -> Result<(), Error> {
+        let there = |id: u16| id == NO_DATA || self.classes.iter().any(|class| class.id == id);
+        match ids.find(|id| !there(*id)) {
+            None => Ok(()),
+            Some(id) => Err(Error::Mismatch {
+                what,
+                problem: format!("there is no class {id} among the labels"),
+                remedy: "name a class that the labels have; `ivd info` lists them",
+            }),
+        }
+    }
+
     /// The labels that a volume holds as its real values, such as a segmentation that another program wrote. Its classes are the
     /// labels that occur, but 0; their means are the labels themselves.
     ///

@@ -60,10 +60,11 @@ impl Body {
             let solve = |bounded: bool| {
                 self.matrix(u, bounded, exec)?.solve(&downhill, forcing.min(0.1), ITERATIONS, exec)
             };
-            let mut found = solve(wary > 0)?;
+            let exact = wary == 0;
+            let mut found = solve(!exact)?;
             balance.iterations += found.iterations;
             wary = u32::saturating_sub(wary, 1);
-            if found.indefinite && self.element.is_guarded() {
+            if exact && found.indefinite && self.element.is_guarded() {
                 // Where the energy bends down, what it bends up at most leads on sooner than what was found by then.
                 found = solve(true)?;
                 balance.iterations += found.iterations;

@@ -49,3 +49,16 @@ pub fn is_near(field: &'static str, length: f64) -> Result<(), ParamError> {
     }
     Err(ParamError::new(field, format!("{length} mm"), "give a length that something may have"))
 }
+
+/// Whether an edge of cells (voxels) divides a brick's.
+///
+/// # Errors
+/// Names the field.
+pub fn is_cell(field: &'static str, edge: Option<u8>) -> Result<(), ParamError> {
+    match edge {
+        Some(edge) if !edge.is_power_of_two() => {
+            Err(ParamError::new(field, format!("{edge} voxels"), "give 1, 2 or 4, or leave it out"))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,6 +1,5 @@
 use std::collections::BTreeMap;
 
-use ivd_core::ParamError;
 use ivd_field::falloff::smooth_fall;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -160,16 +159,6 @@ pub struct BodyParams {
     /// Beyond the lattice.
     #[serde(flatten)]
     pub band: Band,
-}
-
-/// A cell's edge divides a brick's.
-pub(super) fn check_cell(cell: Option<u8>) -> Result<(), ParamError> {
-    match cell {
-        Some(cell) if !cell.is_power_of_two() => {
-            Err(ParamError::new("cell", format!("{cell} voxels"), "give 1, 2 or 4, or leave it out"))
-        }
-        _ => Ok(()),
-    }
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, Want, method};
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Octree, ParamError, slots};
+use ivd_field::param::is_cell;
 
-use super::params::check_cell;
 use super::{
     BiharmonicParams, BodyParams, FemParams, MapFigures, OctreeParams, biharmonic, body, fem, octree,
 };
@@ -65,7 +65,7 @@ impl Op for BiharmonicParams {
     type Figures = MapFigures;
 
     fn check_together(&self) -> Result<(), ParamError> {
-        check_cell(self.cell)
+        is_cell("cell", self.cell)
     }
 
     fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
@@ -93,7 +93,7 @@ impl Op for FemParams {
     type Figures = MapFigures;
 
     fn check_together(&self) -> Result<(), ParamError> {
-        check_cell(self.cell)
+        is_cell("cell", self.cell)
     }
 
     fn wants(&self, _: &str) -> Want {

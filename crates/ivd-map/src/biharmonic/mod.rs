@@ -290,8 +290,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                     Some(last.nodes[last.system.cells.nodes.free.find(*node)?])
                 });
                 let nodes = nodes.map(Option::unwrap_or_default).collect();
-                let places = Places::new(&cells, self.lattice.grid(), region, &self.voxels, &self.constrains);
-                let system = System::new(cells, self.lattice.grid(), places, 0.0);
+                let system = self.system(cells, region, &self.voxels, 0.0);
                 Ok(Last { region: region.clone(), edge, system, nodes })
             }
         }
@@ -302,17 +301,16 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     fn follow(&self, job: &Job<'_>, mut last: Last, exec: &Exec) -> Result<(Made, Last), Error> {
         let start = std::mem::take(&mut last.nodes);
         let (mut made, whole) = self.tense(job, &last.system, Some(start), exec)?;
-        let most = OVERSHOOT * self.farthest(&job.motions);
+        let bound = (!whole.is_affine() && self.goes_one_way(&job.motions))
+            .then(|| OVERSHOOT * self.farthest(&job.motions));
         for tension in TENSIONS {
-            if whole.is_affine() || !self.goes_one_way(&job.motions) || longest(&made.field) <= most {
+            if bound.is_none_or(|most| longest(&made.field) <= most) {
                 break;
             }
             exec.check_cancelled()?;
-            let grid = self.lattice.grid();
-            let cells = Cells::new(grid, job.region, job.edge);
-            let places = Places::new(&cells, grid, job.region, &self.voxels, &self.constrains);
             let tenser = Job { tension, motions: job.motions.clone(), ..*job };
-            let system = System::new(cells, grid, places, tension);
+            let cells = Cells::new(self.lattice.grid(), job.region, job.edge);
+            let system = self.system(cells, job.region, &self.voxels, tension);
             let tenser = self.tense(&tenser, &system, None, exec)?.0;
             let misfit = |made: &Made| misfit_of(&self.lattice, job.settle.motion, &made.field, job.frame);
             // Not at the price of leaving the lattice behind.
@@ -324,6 +322,13 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         last.nodes = whole.nodes;
         last.nodes.resize(last.system.cells.nodes.free.len(), [0.0; 3]);
         Ok((made, last))
+    }
+
+    /// The equations in which what lies at `voxels` is followed; `tension`: a membrane's weight beside the bending.
+    fn system(&self, cells: Cells, region: &Region, voxels: &[Vector3<f64>], tension: f64) -> System {
+        let grid = self.lattice.grid();
+        let places = Places::new(&cells, grid, region, voxels, &self.constrains);
+        System::new(cells, grid, places, tension)
     }
 
     /// Whether what is to be followed goes one way, so that nothing has a reason to go further; beyond a part that turns space turns further.
@@ -460,9 +465,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let linear = grid.linear_part();
         let at = come.iter().map(|v| linear * v).collect();
         let equations = system.get_or_insert_with(|| {
-            let cells = Cells::new(grid, job.region, job.edge);
-            let places = Places::new(&cells, grid, job.region, &come, &self.constrains);
-            System::new(cells, grid, places, job.tension)
+            self.system(Cells::new(grid, job.region, job.edge), job.region, &come, job.tension)
         });
         (at, equations)
     }

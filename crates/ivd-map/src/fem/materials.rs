@@ -52,13 +52,9 @@ impl<'a> Materials<'a> {
 impl Medium for Materials<'_> {
     /// What the voxel nearest to a voxel coordinate is made of; beyond the grid the filler.
     fn at(&self, voxel: Vector3<f64>) -> Lame {
-        let dims = self.inside.grid().dims();
-        let nearest = voxel.map(|c| c.round() as i64);
-        if !(0..3).all(|a| (0..dims[a] as i64).contains(&nearest[a])) {
-            return self.filler;
-        }
-        let v = nearest.map(|c| c as usize);
-        let index = v[0] + dims[0] * (v[1] + dims[1] * v[2]);
+        let grid = self.inside.grid();
+        let Some(nearest) = grid.nearest_voxel(voxel) else { return self.filler };
+        let index = grid.linear(nearest);
         let here = self.inside.inside()[index] != 0;
         let class = self.labels.and_then(|labels| self.classes.get(&labels.ids()[index]));
         let [inner, outer] = class.copied().unwrap_or([self.own, self.filler]);

@@ -34,7 +34,7 @@ mod materials;
 use ivd_core::Error as CoreError;
 use ivd_core::op::Op as _;
 use ivd_core::vertex_class;
-use ivd_core::{Exec, FieldBricks, Frame, Grid, Labels, Lattice, Mask, Motion, NO_DATA, VoxelCoord};
+use ivd_core::{Exec, FieldBricks, Frame, Grid, Labels, Lattice, Mask, Motion, VoxelCoord};
 use ivd_elastic::{Body, Cells, Triple};
 use ivd_field::sampler::interpolate;
 use ivd_field::vectors::sampled;
@@ -93,7 +93,7 @@ pub fn fem(
         }
         .into());
     }
-    labels.map_or(Ok(()), |labels| known(labels, params))?;
+    labels.map_or(Ok(()), |labels| labels.require_classes(params.material.keys().copied(), "material"))?;
     let inside = ivd_octree::inside(lattice, exec)?;
     exec.run(|| {
         as_far(motion, params.band.limit, |motion| {
@@ -101,19 +101,6 @@ pub fn fem(
             map_frame(lattice, labels, &inside, motion, frame, params, exec)
         })
     })
-}
-
-/// A material for a class that there isn't is a mistake; 0 is no data, which any labels may have.
-fn known(labels: &Labels, params: &FemParams) -> Result<(), CoreError> {
-    let there = |id: u16| id == NO_DATA || labels.classes().iter().any(|class| class.id == id);
-    match params.material.keys().find(|id| !there(**id)) {
-        None => Ok(()),
-        Some(id) => Err(CoreError::Mismatch {
-            what: "material",
-            problem: format!("there is no class {id} among the labels"),
-            remedy: "name a class that the labels have; `ivd info` lists them",
-        }),
-    }
 }
 
 fn map_frame(

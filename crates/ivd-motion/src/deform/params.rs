@@ -106,7 +106,7 @@ impl ElasticMethod {
     /// # Errors
     /// One whose keys don't go together.
     pub fn bones(&self) -> Result<Vec<BoneSpec>, ParamError> {
-        each(&self.rigid, "rigid", |i, bone| bone.read(i))
+        read_bones(&self.rigid)
     }
 
     /// Whether classes are looked at.
@@ -149,6 +149,11 @@ fn each<T, U>(
     list.iter().enumerate().map(one).collect()
 }
 
+/// Bones as solvers take them.
+fn read_bones(bones: &[Bone]) -> Result<Vec<BoneSpec>, ParamError> {
+    each(bones, "rigid", |i, bone| bone.read(i))
+}
+
 impl Moves {
     /// The handles as solvers take them.
     ///
@@ -178,7 +183,7 @@ impl Body {
     /// # Errors
     /// One whose keys don't go together.
     pub fn bones(&self) -> Result<Vec<BoneSpec>, ParamError> {
-        each(&self.rigid, "rigid", |i, bone| bone.read(i))
+        read_bones(&self.rigid)
     }
 
     /// What the schema of a single field can't say.

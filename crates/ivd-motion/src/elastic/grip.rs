@@ -5,7 +5,6 @@
 //! that a force in the middle brings about, which would go as `1 / r²`, then grows from the core to the border, and falls off from there.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 
 use ivd_core::{Exec, Grid, Lattice, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
@@ -37,12 +36,13 @@ impl Grip {
     ) -> Result<Self, Error> {
         let grid = lattice.grid();
         let radius = nearest_rigid(tissues, middle, radius);
-        let voxels = boxed(grid, middle, radius).map(|range| range.count() as u64).iter().product::<u64>();
+        let voxels =
+            grid.voxels_of_ball(middle, radius).map(|range| range.len() as u64).iter().product::<u64>();
         exec.check_memory("what a handle has hold of", BYTES * voxels)?;
         exec.check_cancelled()?;
         let mut voxels = BTreeSet::new();
         let takes = |at: &[i64; 3]| {
-            let Some(voxel) = on_grid(grid, *at) else { return false };
+            let Some(voxel) = grid.voxel_at(*at) else { return false };
             let near = (local(grid, voxel) - middle).norm() <= radius;
             near && tissues.is_inside(grid.linear(voxel))
         };
@@ -74,7 +74,7 @@ impl Grip {
 
     /// Whether a vertex lies on that matter.
     pub(super) fn touches(&self, lattice: &Lattice, vertex: usize) -> bool {
-        corners(lattice, vertex).filter_map(|at| on_grid(lattice.grid(), at)).any(|voxel| self.holds(voxel))
+        corners(lattice, vertex).filter_map(|at| lattice.grid().voxel_at(at)).any(|voxel| self.holds(voxel))
     }
 
     /// How many times stiffer a voxel's matter is.
@@ -95,7 +95,7 @@ fn nearest_rigid(tissues: &Tissues<'_>, middle: Vector3<f64>, radius: f64) -> f6
         return least;
     }
     let grid = tissues.grid();
-    let [xs, ys, zs] = boxed(grid, middle, radius);
+    let [xs, ys, zs] = grid.voxels_of_ball(middle, radius);
     for z in zs {
         for y in ys.clone() {
             for x in xs.clone() {
@@ -108,21 +108,6 @@ fn nearest_rigid(tissues: &Tissues<'_>, middle: Vector3<f64>, radius: f64) -> f6
         }
     }
     least
-}
-
-/// The voxels of the box round a ball, on the grid.
-fn boxed(grid: &Grid, middle: Vector3<f64>, radius: f64) -> [Range<usize>; 3] {
-    let (at, extent) = (grid.inverse_linear_part() * middle, grid.ball_extent(radius));
-    std::array::from_fn(|a| {
-        let top = |v: f64| v.clamp(0.0, grid.dims()[a] as f64) as usize;
-        top((at[a] - extent[a]).floor())..top((at[a] + extent[a]).ceil() + 1.0)
-    })
-}
-
-/// The voxel at a place, unless that is beyond the grid.
-fn on_grid(grid: &Grid, at: [i64; 3]) -> Option<VoxelIndex> {
-    let there = (0..3).all(|a| (0..grid.dims()[a] as i64).contains(&at[a]));
-    there.then(|| VoxelIndex(at.map(|c| c as usize)))
 }
 
 /// Where a voxel is (mm), relative to the grid's origin.

@@ -23,6 +23,7 @@ use ivd_core::{
     vertex_class,
 };
 use ivd_elastic::{Body, Cells, Course, Hexahedron, Lame, Triple};
+use ivd_field::param::is_cell;
 use ivd_field::sampler::interpolate;
 use ivd_field::vectors::sampled;
 use nalgebra::Vector3;
@@ -112,12 +113,7 @@ impl ElasticParams {
     /// [`ParamError`] names the field that is out of its domain.
     pub fn check(&self) -> Result<(), ParamError> {
         check_fields(self)?;
-        match self.cell {
-            Some(cell) if !cell.is_power_of_two() => {
-                Err(ParamError::new("cell", format!("{cell} voxels"), "give 1, 2 or 4, or leave it out"))
-            }
-            _ => Ok(()),
-        }
+        is_cell("cell", self.cell)
     }
 
     /// Whether classes are looked at.
@@ -136,22 +132,16 @@ fn known<'a>(
     if !params.knows_classes() && bones.iter().all(|bone| bone.class.is_none()) {
         return Ok(None);
     }
-    let mismatch = |problem: String, remedy| Err(Error::Mismatch { what: "material", problem, remedy });
     let Some(labels) = labels else {
-        return mismatch(
-            "there are no labels to know classes by".into(),
-            "give labels (--labels), or no material or bone by class",
-        );
+        return Err(Error::Mismatch {
+            what: "material",
+            problem: "there are no labels to know classes by".into(),
+            remedy: "give labels (--labels), or no material or bone by class",
+        });
     };
     vertex_class::check(lattice, labels)?;
-    let there = |id: u16| id == ivd_core::NO_DATA || labels.classes().iter().any(|class| class.id == id);
-    match params.material.keys().find(|id| !there(**id)) {
-        None => Ok(Some(labels)),
-        Some(id) => mismatch(
-            format!("there is no class {id} among the labels"),
-            "name a class that the labels have; `ivd info` lists them",
-        ),
-    }
+    labels.require_classes(params.material.keys().copied(), "material")?;
+    Ok(Some(labels))
 }
 
 /// What is asked of a lattice.
@@ -293,17 +283,19 @@ impl<'a> Scene<'a> {
                 remedy: "move the handle less, give it a larger radius, or lower poisson and the contrast of classes",
             });
         }
-        let frame = self.frame(&body, &cells, &u, &tissues);
+        let still: Vec<bool> =
+            (0..self.rest.len()).map(|v| self.fixed[v] || self.is_rigid(v, &tissues)).collect();
+        let frame = self.frame(&body, &cells, &u, &still);
         let space = self.space(&body, &cells, &u, &tissues, exec)?;
         let forces = body.reactions(&u);
         let free = body.mesh.held.iter().filter(|held| !**held).count();
         let border_mn =
             (0..forces.len()).filter(|&n| border[n]).map(|n| Vector3::from(forces[n]).norm()).sum();
-        let displacement = frame.displacement.clone();
-        let max = displacement.iter().map(|d| Vector3::from(*d).norm()).fold(0.0, f64::max);
+        let motion = self.motion(frame, space, &cells, &still)?;
+        let displacement = &motion.frames()[0].displacement;
         Ok(ElasticResult {
             vertices_moved: displacement.iter().filter(|d| **d != [0.0; 3]).count(),
-            max_displacement_mm: max,
+            max_displacement_mm: motion.max_displacement(),
             parts: arrival.parts as usize,
             residual: arrival.balance.residual,
             energies: arrival.energies.map(|energy| energy * NANOJOULE),
@@ -312,13 +304,15 @@ impl<'a> Scene<'a> {
             iterations: arrival.balance.iterations as usize,
             handle_forces_mn: self.handle_forces(&holds, &forces),
             border_mn,
-            bones: self.bones_moved(&holds, &forces, &displacement),
-            motion: self.motion(frame, space, &cells, &tissues)?,
+            bones: self.bones_moved(&holds, &forces, displacement),
+            motion,
         })
     }
 
     /// The vertices' motion.
-    fn frame(&self, body: &Body, cells: &Cells, u: &[Triple], tissues: &Tissues<'_>) -> Frame {
+    ///
+    /// - `still`: vertices that are fixed or rigid; bones' go where these do.
+    fn frame(&self, body: &Body, cells: &Cells, u: &[Triple], still: &[bool]) -> Frame {
         let mut displacement: Vec<[f64; 3]> = (0..self.rest.len())
             .map(|v| {
                 let Some((cell, place)) = body.mesh.locate(cells.place(self.lattice.voxel(v).0)) else {
@@ -329,16 +323,12 @@ impl<'a> Scene<'a> {
                 interpolate(&corners, place.into()).map(|c| c + 0.0).into()
             })
             .collect();
-        for v in 0..displacement.len() {
-            if self.fixed[v] || self.is_rigid(v, tissues) {
-                displacement[v] = [0.0; 3];
-            }
+        for (u, _) in displacement.iter_mut().zip(still).filter(|(_, still)| **still) {
+            *u = [0.0; 3];
         }
         self.skeleton.place(&self.rest, 1.0, &mut displacement);
         for (handle, &target) in self.handles.iter().zip(&self.targets) {
-            if let (Action::Move(by), None) = (handle.action, self.skeleton.holder(target))
-                && !self.fixed[target]
-            {
+            if let (Action::Move(by), None) = (handle.action, self.skeleton.holder(target)) {
                 displacement[target] = by.map(|c| c + 0.0);
             }
         }
@@ -435,7 +425,7 @@ impl<'a> Scene<'a> {
         frame: Frame,
         space: FieldBricks,
         cells: &Cells,
-        tissues: &Tissues<'_>,
+        still: &[bool],
     ) -> Result<Motion, Error> {
         let grid = self.lattice.grid();
         let origin = Vector3::from(grid.origin());
@@ -445,7 +435,7 @@ impl<'a> Scene<'a> {
             let moves = frame.displacement[v] != [0.0; 3];
             match (moves, cells.holds(self.rest[v])) {
                 (true, _) => Role::Driven,
-                (false, true) if self.fixed[v] || self.is_rigid(v, tissues) => Role::Held,
+                (false, true) if still[v] => Role::Held,
                 (false, true) => Role::Driven,
                 (false, false) => Role::Carried,
             }

@@ -71,12 +71,7 @@ impl<'a> Tissues<'a> {
 
     /// The voxel nearest to a voxel coordinate, and its number; `None` beyond the grid.
     pub(super) fn nearest(&self, voxel: Vector3<f64>) -> Option<(VoxelIndex, usize)> {
-        let dims = self.grid().dims();
-        let nearest = voxel.map(|c| c.round() as i64);
-        (0..3).all(|a| (0..dims[a] as i64).contains(&nearest[a])).then(|| {
-            let index = VoxelIndex(std::array::from_fn(|a| nearest[a] as usize));
-            (index, self.grid().linear(index))
-        })
+        self.grid().nearest_voxel(voxel).map(|index| (index, self.grid().linear(index)))
     }
 
     /// Whether anything may be rigid.

@@ -136,14 +136,12 @@ impl Voxels {
         exec: &Exec,
     ) -> Result<Self, Error> {
         let grid = lattice.grid();
-        let (at, extent) = (grid.inverse_linear_part() * middle, grid.ball_extent(radius));
-        let top = |a: usize, v: f64| v.clamp(0.0, grid.dims()[a] as f64) as usize;
-        let low: [usize; 3] = std::array::from_fn(|a| top(a, (at[a] - extent[a]).floor()));
-        let high: [usize; 3] = std::array::from_fn(|a| top(a, (at[a] + extent[a]).ceil() + 1.0).max(low[a]));
-        let box_size: [usize; 3] = std::array::from_fn(|a| high[a] - low[a]);
+        let ranges = grid.voxels_of_ball(middle, radius);
+        let low = ranges.clone().map(|range| range.start);
+        let box_size = ranges.clone().map(|range| range.len());
         let size = box_size.map(|n| n + 2);
         exec.check_memory("the voxels within a handle's reach", 9 * size.iter().product::<usize>() as u64)?;
-        let within = match ivd_octree::inside_box(lattice, std::array::from_fn(|a| low[a]..high[a]), exec) {
+        let within = match ivd_octree::inside_box(lattice, ranges, exec) {
             Ok(within) => within,
             Err(ivd_octree::Error::Open { .. }) => Vec::new(),
             Err(ivd_octree::Error::Core(error)) => return Err(error),
