@@ -2,9 +2,10 @@
 
 use ivd_core::{Error, Exec};
 
-use crate::blocks::{Triple, add};
+use crate::conjugate::{self, Triple, add};
 use crate::newton::Balance;
 use crate::system::Body;
+use crate::tangent::Tangent;
 
 /// What is left of the forces on the way, relative to those that cancel.
 const LOOSE: f64 = 1e-2;
@@ -123,11 +124,11 @@ impl Body {
             told[node as usize] = std::array::from_fn(|a| goal[a] - now[a]);
         }
         let mut left = self.gradient(u).0;
-        add(&mut left, &self.change(u, &told), 1.0);
+        add(&mut left, &Tangent::new(self, u, false, exec)?.times(&told), 1.0);
         for force in &mut left {
             *force = force.map(|c| -c);
         }
-        let follow = self.matrix(u, true, exec)?.solve(&left, START, ITERATIONS, exec)?;
+        let follow = conjugate::solve(&Tangent::new(self, u, true, exec)?, &left, START, ITERATIONS, exec)?;
         let mut part = 1.0;
         for _ in 0..=HALVINGS {
             let share = if part == 1.0 { to } else { from + part * (to - from) };

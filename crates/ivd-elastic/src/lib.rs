@@ -51,19 +51,21 @@
 
 #![forbid(unsafe_code)]
 
-mod blocks;
 mod cells;
+mod conjugate;
 mod course;
 mod material;
 mod mesh;
 mod newton;
+mod slopes;
 mod system;
+mod tangent;
 #[cfg(test)]
 mod tests;
 mod tree;
 
-pub use blocks::Triple;
 pub use cells::{Cells, Medium};
+pub use conjugate::Triple;
 pub use course::{Arrival, Course};
 pub use material::{Corners, Hexahedron, Lame, Matter};
 pub use mesh::{Mesh, weights};

@@ -18,9 +18,9 @@
 //!
 //! Source: Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis (2008), 6.4.3.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
-use crate::mesh::weights;
+use crate::slopes::{CORNERS, GAUSS, Places, Slopes};
 
 /// Lamé's constants (Pa, or in units of a modulus).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,8 +70,8 @@ impl Lame {
 /// A hexahedron that is an affine image of the unit cube, with 2×2×2 Gauss points.
 #[derive(Debug, Clone)]
 pub struct Hexahedron {
-    /// `gradients[point][corner]`: of the trilinear functions (1/mm), of a cell of size 1.
-    gradients: [[Vector3<f64>; 8]; 8],
+    /// From derivatives along the edges of a cell of size 1 to those by place (1/mm).
+    to_place: Matrix3<f64>,
     /// Volume that a Gauss point stands for (mm³), of a cell of size 1.
     volume: f64,
     guard: Option<Guard>,
@@ -86,22 +86,26 @@ pub struct Hexahedron {
 struct Guard {
     least: f64,
     modulus: f64,
-    /// As those of the Gauss points.
-    gradients: [[Vector3<f64>; 8]; 8],
-    /// From mm to a cell of size 1.
-    to_cell: Matrix3<f64>,
-    /// Corners that differ by less than this (mm), of a cell of size 1, leave `J` above `J₀`.
-    still: f64,
 }
 
 /// What a cell is made of at its Gauss points.
 pub type Matter = [Lame; 8];
 /// Forces or places at the corners.
 pub type Corners = [[f64; 3]; 8];
-/// A cell's matrix: 3×3 blocks by corner and corner.
-pub(crate) type Stiffness = [[Matrix3<f64>; 8]; 8];
+
+/// A corner of a cell at which matter is pressed and resists.
+pub(crate) struct Pressed {
+    pub(crate) corner: usize,
+    /// `F⁻ᵀ`.
+    pub(crate) inverse: Matrix3<f64>,
+    /// `ln (J / J₀)`.
+    pub(crate) log: f64,
+    /// κ.
+    pub(crate) resists: f64,
+}
 
 /// Places of the Gauss points in the unit cube.
+#[cfg(test)]
 pub(crate) fn gauss(point: usize) -> [f64; 3] {
     let off = 0.5 / 3.0_f64.sqrt();
     std::array::from_fn(|a| if point >> a & 1 == 1 { 0.5 + off } else { 0.5 - off })
@@ -110,58 +114,39 @@ pub(crate) fn gauss(point: usize) -> [f64; 3] {
 impl Hexahedron {
     /// `edges`: the edges of a cell of size 1 (mm), as columns.
     pub fn new(edges: &Matrix3<f64>) -> Self {
-        let gradients = std::array::from_fn(|point| slopes(edges, gauss(point)));
-        Self { gradients, volume: edges.determinant().abs() / 8.0, guard: None }
+        let to_place = edges.try_inverse().expect("a grid's axes are independent");
+        Self { to_place, volume: edges.determinant().abs() / 8.0, guard: None }
     }
 
     /// With cells that resist being pressed below a share of their volume at their corners, with at least a modulus, so that they don't
     /// fold there.
     #[must_use]
-    pub fn guarded(self, edges: &Matrix3<f64>, least: f64, modulus: f64) -> Self {
-        let place = |corner: usize| std::array::from_fn(|a| f64::from(u8::from(corner >> a & 1 == 1)));
-        let gradients: [[Vector3<f64>; 8]; 8] = std::array::from_fn(|corner| slopes(edges, place(corner)));
-        // Each of the three edges at a corner changes by 2 √3 times the difference at most: ‖G‖ by 6 times it over the shortest.
-        let shortest = edges.svd(false, false).singular_values.min();
-        let still = (1.0 - least.cbrt()) * shortest / 6.0;
-        let to_cell = edges.try_inverse().expect("a grid's axes are independent");
-        Self { guard: Some(Guard { least, modulus, gradients, to_cell, still }), ..self }
+    pub fn guarded(self, least: f64, modulus: f64) -> Self {
+        Self { guard: Some(Guard { least, modulus }), ..self }
     }
 
     pub(crate) fn is_guarded(&self) -> bool {
         self.guard.is_some()
     }
 
-    /// `G` where the trilinear functions have these gradients.
-    fn gradient(gradients: &[Vector3<f64>; 8], size: f64, u: &Corners) -> Matrix3<f64> {
-        let mut sum = Matrix3::zeros();
-        for (g, u) in gradients.iter().zip(u) {
-            sum += Vector3::from(*u) * g.transpose() / size;
-        }
-        sum
+    /// From derivatives along the edges of a cell of size 1 to those by place (1/mm).
+    pub(crate) fn to_place(&self) -> &Matrix3<f64> {
+        &self.to_place
     }
 
-    /// The corners of a cell at which matter resists, with what `F⁻ᵀ` and `ln (J / J₀)` are there; `None` where one is turned inside out.
-    #[allow(clippy::type_complexity, reason = "a corner, its matrix and its number")]
-    fn pressed(&self, size: f64, u: &Corners) -> Option<Vec<(usize, Matrix3<f64>, f64)>> {
+    /// The gradients of a motion at eight places of a cell.
+    pub(crate) fn gradients(&self, places: Places, size: f64, u: &Corners) -> [Matrix3<f64>; 8] {
+        let slopes = places.slopes(u);
+        let to_place = self.to_place / size;
+        std::array::from_fn(|l| Matrix3::from_fn(|a, edge| slopes[a][edge][l]) * to_place)
+    }
+
+    /// The corners of a cell at which matter resists; `None` where one is turned inside out.
+    pub(crate) fn pressed(&self, matter: &Matter, size: f64, u: &Corners) -> Option<Vec<Pressed>> {
         let mut found = Vec::new();
         let Some(guard) = &self.guard else { return Some(found) };
-        let apart = |a: usize| {
-            let (low, high) =
-                u.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |m, u| (m.0.min(u[a]), m.1.max(u[a])));
-            high - low
-        };
-        if (0..3).map(apart).fold(0.0, f64::max) < guard.still * size {
-            return Some(found);
-        }
-        for corner in 0..8 {
-            // Only the three edges at a corner count there.
-            let at = Vector3::from(u[corner]);
-            let along = |a: usize| {
-                let way = Vector3::from(u[corner ^ (1 << a)]) - at;
-                if corner >> a & 1 == 1 { -way } else { way }
-            };
-            let edges = Matrix3::from_columns(&[along(0), along(1), along(2)]);
-            let f = Matrix3::identity() + edges * guard.to_cell / size;
+        for (corner, g) in self.gradients(CORNERS, size, u).into_iter().enumerate() {
+            let f = Matrix3::identity() + g;
             let growth = f.determinant();
             if growth <= 0.0 {
                 return None;
@@ -169,7 +154,9 @@ impl Hexahedron {
             if growth < guard.least
                 && let Some(inverse) = f.try_inverse()
             {
-                found.push((corner, inverse.transpose(), (growth / guard.least).ln()));
+                let resists = matter[corner].bulk().max(guard.modulus);
+                let log = (growth / guard.least).ln();
+                found.push(Pressed { corner, inverse: inverse.transpose(), log, resists });
             }
         }
         Some(found)
@@ -183,12 +170,12 @@ impl Hexahedron {
     /// Energy of a cell, and the size of its terms; `None` where J ≤ 0 at a Gauss point, or at a guarded corner.
     pub(crate) fn energy(&self, matter: &Matter, size: f64, u: &Corners) -> Option<(f64, f64)> {
         let mut sum = (0.0, 0.0);
-        for (point, lame) in matter.iter().enumerate() {
-            let (own, terms) = lame.energy(&Self::gradient(&self.gradients[point], size, u))?;
+        for (lame, g) in matter.iter().zip(self.gradients(GAUSS, size, u)) {
+            let (own, terms) = lame.energy(&g)?;
             sum = (sum.0 + own, sum.1 + terms);
         }
-        for (corner, _, log) in self.pressed(size, u)? {
-            let own = 0.5 * self.resistance(&matter[corner]) * log * log;
+        for pressed in self.pressed(matter, size, u)? {
+            let own = 0.5 * pressed.resists * pressed.log * pressed.log;
             sum = (sum.0 + own, sum.1 + own);
         }
         let volume = self.volume(size);
@@ -197,113 +184,34 @@ impl Hexahedron {
 
     /// Derivative of the energy by the corners. J > 0 is asked for.
     pub(crate) fn forces(&self, matter: &Matter, size: f64, u: &Corners) -> Corners {
-        let mut out = [[0.0; 3]; 8];
-        let weight = self.volume(size) / size;
-        for (point, lame) in matter.iter().enumerate() {
-            let g = Self::gradient(&self.gradients[point], size, u);
+        // P of every place, by the derivatives along the edges.
+        let (to_slope, weight) = (self.to_place.transpose(), self.volume(size) / size);
+        let mut stresses = [[[0.0; 8]; 3]; 3];
+        for (l, (lame, g)) in matter.iter().zip(self.gradients(GAUSS, size, u)).enumerate() {
             let (inverse, log) = inverse_transposed(&g);
             let stress = (g + inverse * g.transpose()) * lame.mu + inverse * (lame.lambda * log);
-            for (out, g) in out.iter_mut().zip(&self.gradients[point]) {
-                let force = stress * g * weight;
-                *out = [out[0] + force[0], out[1] + force[1], out[2] + force[2]];
+            set(&mut stresses, l, &(stress * to_slope * weight));
+        }
+        let mut out = GAUSS.gather(&stresses);
+        let pressed = self.pressed(matter, size, u).unwrap_or_default();
+        if !pressed.is_empty() {
+            let mut stresses = [[[0.0; 8]; 3]; 3];
+            for at in pressed {
+                set(&mut stresses, at.corner, &(at.inverse * to_slope * (at.resists * at.log * weight)));
             }
-        }
-        for (corner, inverse, log) in self.pressed(size, u).unwrap_or_default() {
-            let stress = inverse * (self.resistance(&matter[corner]) * log * weight);
-            for (out, g) in out.iter_mut().zip(self.corner_gradients(corner)) {
-                let force = stress * g;
-                *out = [out[0] + force[0], out[1] + force[1], out[2] + force[2]];
+            for (out, own) in out.iter_mut().zip(CORNERS.gather(&stresses)) {
+                *out = [out[0] + own[0], out[1] + own[1], out[2] + own[2]];
             }
-        }
-        out
-    }
-
-    /// κ of matter that is pressed.
-    fn resistance(&self, lame: &Lame) -> f64 {
-        lame.bulk().max(self.guard.as_ref().map_or(0.0, |guard| guard.modulus))
-    }
-
-    fn corner_gradients(&self, corner: usize) -> &[Vector3<f64>] {
-        self.guard.as_ref().map_or(&[], |guard| &guard.gradients[corner])
-    }
-
-    /// Second derivative of the energy by the corners; `bounded`: what it is at most, in no direction less than nothing.
-    pub(crate) fn stiffness(&self, matter: &Matter, size: f64, u: &Corners, bounded: bool) -> Stiffness {
-        let mut out = [[Matrix3::zeros(); 8]; 8];
-        let weight = self.volume(size) / (size * size);
-        for (point, lame) in matter.iter().enumerate() {
-            let displaced = Self::gradient(&self.gradients[point], size, u);
-            let (inverse, log) = inverse_transposed(&displaced);
-            let crossed = lame.mu - lame.lambda * log;
-            let bend = if bounded {
-                Bend::bounded(crossed, lame.mu * least_stretch(&displaced))
-            } else {
-                Bend::exact(crossed)
-            };
-            let law = [weight * lame.mu, weight * lame.lambda];
-            add_stiffness(&mut out, &self.gradients[point], &inverse, law, bend.times(weight));
-        }
-        for (corner, inverse, log) in self.pressed(size, u).unwrap_or_default() {
-            let resists = weight * self.resistance(&matter[corner]);
-            let bend = if bounded { Bend::bounded(-resists * log, 0.0) } else { Bend::exact(-resists * log) };
-            if let Some(guard) = &self.guard {
-                add_stiffness(&mut out, &guard.gradients[corner], &inverse, [0.0, resists], bend);
-            }
-        }
-        for (p, q) in (0..8).flat_map(|p| (0..p).map(move |q| (p, q))) {
-            out[p][q] = out[q][p].transpose();
         }
         out
     }
 }
 
-/// `a |sym A|² − b |skew A|²` of `A = F⁻¹ δF`, which `c tr(A A)` is for `a = b = c`.
-#[derive(Debug, Clone, Copy)]
-struct Bend {
-    stretch: f64,
-    turn: f64,
-}
-
-impl Bend {
-    fn exact(crossed: f64) -> Self {
-        Self { stretch: crossed, turn: crossed }
-    }
-
-    /// What of it a term of at least `most · |A|²` outweighs.
-    fn bounded(crossed: f64, most: f64) -> Self {
-        Self { stretch: crossed.max(-most), turn: crossed.min(most) }
-    }
-
-    fn times(self, weight: f64) -> Self {
-        Self { stretch: self.stretch * weight, turn: self.turn * weight }
-    }
-}
-
-/// Adds the second derivative of `μ/2 |δF|² + λ/2 (tr A)²` and of half of what bends, of corners `p ≤ q` alone: the rest is their mirror image.
-///
-/// - `g`: gradients of the corners' functions; `inverse`: `F⁻ᵀ`; `law`: μ and λ.
-fn add_stiffness(
-    out: &mut Stiffness,
-    g: &[Vector3<f64>; 8],
-    inverse: &Matrix3<f64>,
-    law: [f64; 2],
-    bend: Bend,
-) {
-    let h: [Vector3<f64>; 8] = std::array::from_fn(|c| inverse * g[c]);
-    let all = 0.5 * (bend.stretch - bend.turn);
-    let square = (all != 0.0).then(|| inverse * inverse.transpose() * all);
-    let crossed = 0.5 * (bend.stretch + bend.turn);
-    for p in 0..8 {
-        for q in p..8 {
-            let block = &mut out[p][q];
-            let along = g[p].dot(&g[q]);
-            *block += h[p] * h[q].transpose() * law[1] + h[q] * h[p].transpose() * crossed;
-            for a in 0..3 {
-                block[(a, a)] += law[0] * along;
-            }
-            if let Some(square) = &square {
-                *block += square * along;
-            }
+/// Puts a matrix at one of the eight places.
+pub(crate) fn set(slopes: &mut Slopes, lane: usize, matrix: &Matrix3<f64>) {
+    for a in 0..3 {
+        for edge in 0..3 {
+            slopes[a][edge][lane] = matrix[(a, edge)];
         }
     }
 }
@@ -322,22 +230,8 @@ pub(crate) fn least_stretch(g: &Matrix3<f64>) -> f64 {
     (mean + 2.0 * spread * (angle + 2.0 * std::f64::consts::FRAC_PI_3).cos()).max(0.0)
 }
 
-/// Gradients of the trilinear functions at a place in the unit cube, in a cell with such edges.
-fn slopes(edges: &Matrix3<f64>, place: [f64; 3]) -> [Vector3<f64>; 8] {
-    let inverse = edges.try_inverse().expect("a grid's axes are independent").transpose();
-    std::array::from_fn(|corner| {
-        let slope = Vector3::from_fn(|axis, _| {
-            let mut flat = place;
-            flat[axis] = if corner >> axis & 1 == 1 { 1.0 } else { 0.0 };
-            let sign = if corner >> axis & 1 == 1 { 1.0 } else { -1.0 };
-            sign * weights(flat)[corner]
-        });
-        inverse * slope
-    })
-}
-
 /// `F⁻ᵀ` and `ln J` of a displacement's gradient.
-fn inverse_transposed(g: &Matrix3<f64>) -> (Matrix3<f64>, f64) {
+pub(crate) fn inverse_transposed(g: &Matrix3<f64>) -> (Matrix3<f64>, f64) {
     let inverse = (Matrix3::identity() + g).try_inverse().expect("J > 0 is kept by the line search");
     (inverse.transpose(), (g.trace() + minors(g) + g.determinant()).ln_1p())
 }

@@ -3,8 +3,9 @@
 use ivd_core::{Error, Exec};
 use nalgebra::Vector3;
 
-use crate::blocks::{Triple, add, dot};
+use crate::conjugate::{self, Triple, add, dot};
 use crate::system::Body;
+use crate::tangent::Tangent;
 
 /// Part of the promised decrease that a step has to make (Armijo).
 const DECREASE: f64 = 1e-4;
@@ -58,7 +59,8 @@ impl Body {
             // Loose while far away, so that the last steps still gain digits as Newton's do (Eisenstat & Walker 1996).
             let forcing = (left / before).powi(2).clamp(1e-4, 0.1).max(0.5 * tolerance / balance.residual);
             let solve = |bounded: bool| {
-                self.matrix(u, bounded, exec)?.solve(&downhill, forcing.min(0.1), ITERATIONS, exec)
+                let tangent = Tangent::new(self, u, bounded, exec)?;
+                conjugate::solve(&tangent, &downhill, forcing.min(0.1), ITERATIONS, exec)
             };
             let exact = wary == 0;
             let mut found = solve(!exact)?;

@@ -1,12 +1,12 @@
 //! Energy, forces and matrix of a body: its cells, what pulls at it, and what loads it.
 
-use ivd_core::{Error, Exec};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use crate::blocks::{Blocks, ROWS, Triple};
-use crate::material::{Corners, Hexahedron, Matter, Stiffness};
+use crate::conjugate::{ROWS, Triple};
+use crate::material::{Corners, Hexahedron, Matter};
 use crate::mesh::Mesh;
+use crate::tangent::Tangent;
 
 /// A place that is to move by `goal`, by a spring and by the force that the spring has been relieved of.
 #[derive(Debug, Clone)]
@@ -93,11 +93,14 @@ impl Body {
         &mut self.pulls
     }
 
-    /// Bytes that its cells' matrices and its own take.
+    pub(crate) fn pulls_of(&self, cell: usize) -> &[Pull] {
+        &self.pulls[self.ranges[cell].clone()]
+    }
+
+    /// Bytes that it takes to find its balance.
     pub fn bytes(&self) -> u64 {
-        let cells = self.mesh.cells.len() * size_of::<Stiffness>();
-        // Rows have some thirty blocks, and stand twice while they are put together.
-        (cells + 2 * 30 * 76 * self.mesh.nodes.len()) as u64
+        // Some dozen vectors of the nodes' values.
+        (self.mesh.cells.len() * Tangent::bytes() + 12 * size_of::<Triple>() * self.mesh.nodes.len()) as u64
     }
 
     /// The energy, and the size of the terms that its rounding comes from; `None` where J ≤ 0 at a Gauss point.
@@ -110,7 +113,7 @@ impl Body {
                 let (matter, terms) = self.element.energy(&self.matter[cell], edge, &corners)?;
                 (sum, size) = (sum + matter, size + terms);
                 let mut add = |term: f64| (sum, size) = (sum + term, size + term.abs());
-                for pull in &self.pulls[self.ranges[cell].clone()] {
+                for pull in self.pulls_of(cell) {
                     let left = pull.left(&corners);
                     add(0.5 * pull.spring * left.norm_squared());
                     add(pull.multiplier.dot(&left));
@@ -160,24 +163,31 @@ impl Body {
         (0..self.mesh.nodes.len()).into_par_iter().map(of).collect()
     }
 
-    /// What the forces of [`Body::gradient`] change by, to first order, as the nodes move on from `u` by `by`.
-    pub(crate) fn change(&self, u: &[Triple], by: &[Triple]) -> Vec<Triple> {
-        let forces: Vec<Corners> = (0..self.mesh.cells.len())
-            .into_par_iter()
-            .map(|cell| {
-                let by = self.mesh.gather(cell, by);
-                if by == [[0.0; 3]; 8] {
-                    return by;
-                }
-                let stiffness = self.cell_stiffness(cell, u, false);
-                std::array::from_fn(|p| {
-                    let sum: Vector3<f64> = (0..8).map(|q| stiffness[p][q] * Vector3::from(by[q])).sum();
-                    sum.into()
-                })
-            })
-            .collect();
+    /// What the cells' corners are pushed by, at the nodes; 0 at held ones.
+    pub(crate) fn at_free_nodes(&self, forces: &[Corners]) -> Vec<Triple> {
         let of = |node: usize| {
-            if self.mesh.held[node] { [0.0; 3] } else { self.sum(node, &forces, Vector3::zeros()).0.into() }
+            let mut sum = [0.0; 3];
+            if !self.mesh.held[node] {
+                for (cell, corner, weight) in &self.touches[node] {
+                    let force = &forces[*cell as usize][*corner as usize];
+                    sum = std::array::from_fn(|a| sum[a] + weight * force[a]);
+                }
+            }
+            sum
+        };
+        (0..self.mesh.nodes.len()).into_par_iter().with_min_len(ROWS).map(of).collect()
+    }
+
+    /// Blocks of the cells' corners, summed at the nodes; 0 at held ones.
+    pub(crate) fn sum_blocks(&self, blocks: &[[Matrix3<f64>; 8]]) -> Vec<Matrix3<f64>> {
+        let of = |node: usize| {
+            if self.mesh.held[node] {
+                return Matrix3::zeros();
+            }
+            let own = |(cell, corner, weight): &(u32, u8, f64)| {
+                blocks[*cell as usize][*corner as usize] * (weight * weight)
+            };
+            self.touches[node].iter().map(own).sum()
         };
         (0..self.mesh.nodes.len()).into_par_iter().map(of).collect()
     }
@@ -190,7 +200,7 @@ impl Body {
                 let corners = self.mesh.gather(cell, u);
                 let edge = f64::from(self.mesh.cells[cell].size);
                 let mut out = self.element.forces(&self.matter[cell], edge, &corners);
-                for pull in &self.pulls[self.ranges[cell].clone()] {
+                for pull in self.pulls_of(cell) {
                     let force = pull.left(&corners) * pull.spring + pull.multiplier;
                     for (out, w) in out.iter_mut().zip(pull.weights) {
                         *out = [out[0] + w * force[0], out[1] + w * force[1], out[2] + w * force[2]];
@@ -210,44 +220,5 @@ impl Body {
             sum += force;
         }
         (sum, size)
-    }
-
-    fn cell_stiffness(&self, cell: usize, u: &[Triple], bounded: bool) -> Stiffness {
-        let corners = self.mesh.gather(cell, u);
-        let edge = f64::from(self.mesh.cells[cell].size);
-        let mut out = self.element.stiffness(&self.matter[cell], edge, &corners, bounded);
-        for pull in &self.pulls[self.ranges[cell].clone()] {
-            for p in 0..8 {
-                for q in 0..8 {
-                    let spring = pull.spring * pull.weights[p] * pull.weights[q];
-                    out[p][q] += Matrix3::from_diagonal_element(spring);
-                }
-            }
-        }
-        out
-    }
-
-    /// Second derivative of the energy by the free nodes; `bounded`: what it is at most, in no direction less than nothing.
-    pub(crate) fn matrix(&self, u: &[Triple], bounded: bool, exec: &Exec) -> Result<Blocks, Error> {
-        exec.check_cancelled()?;
-        let parts: Vec<Stiffness> = (0..self.mesh.cells.len())
-            .into_par_iter()
-            .map(|cell| self.cell_stiffness(cell, u, bounded))
-            .collect();
-        Ok(Blocks::new(self.mesh.nodes.len(), |row, out| {
-            if self.mesh.held[row] {
-                return;
-            }
-            for (cell, corner, weight) in &self.touches[row] {
-                let blocks = &parts[*cell as usize][*corner as usize];
-                for (other, block) in blocks.iter().enumerate() {
-                    for (node, w) in self.mesh.corner(*cell as usize, other) {
-                        if !self.mesh.held[*node as usize] {
-                            out(*node, block * (weight * w));
-                        }
-                    }
-                }
-            }
-        }))
     }
 }

@@ -3,11 +3,12 @@
 use ivd_core::Exec;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use crate::blocks::Triple;
+use crate::conjugate::Triple;
 use crate::course::Course;
 use crate::material::{Hexahedron, Lame, gauss};
 use crate::mesh::{Mesh, weights};
 use crate::system::{Body, Pull};
+use crate::tangent::Tangent;
 use crate::tree::Tree;
 
 /// A block of `roots` cells of `edge`³ finest ones, cut to finest at `fine`; `held` says which nodes are.
@@ -67,9 +68,9 @@ fn forces_and_matrix_are_the_differences_of_the_energy_also_where_nodes_hang() {
         multiplier: Vector3::new(0.5, 0.25, -1.0),
     };
     // A guard that every corner meets.
-    let guarded = plain.element.clone().guarded(&sheared(), 1.2, 2.0);
-    for (element, exact) in [(plain.element.clone(), true), (guarded, false)] {
-        let mut body = Body::new(plain.mesh.clone(), element, plain.matter.clone(), vec![pull.clone()]);
+    let guarded = plain.element.clone().guarded(1.2, 2.0);
+    for (element, exact) in [(&plain.element, true), (&guarded, true), (&guarded, false)] {
+        let mut body = Body::new(plain.mesh.clone(), element.clone(), plain.matter.clone(), vec![pull.clone()]);
         for (i, load) in body.loads.iter_mut().enumerate() {
             *load = [scatter(i), 0.1, scatter(i + 50)];
         }
@@ -91,7 +92,7 @@ fn forces_and_matrix_are_the_differences_of_the_energy_also_where_nodes_hang() {
             let slope = dot(&body.gradient(&u).0, &way);
             let steep = (body.energy(&moved(h)).unwrap().0 - body.energy(&moved(-h)).unwrap().0) / (2.0 * h);
             assert!((slope - steep).abs() <= 1e-7 * slope.abs().max(1.0), "{slope} {steep}");
-            let product = body.matrix(&u, !exact, &Exec::default()).unwrap().times(&way);
+            let product = Tangent::new(&body, &u, !exact, &Exec::default()).unwrap().times(&way);
             let (up, down) = (body.gradient(&moved(h)).0, body.gradient(&moved(-h)).0);
             let bend: Vec<Triple> = up
                 .iter()
@@ -104,6 +105,35 @@ fn forces_and_matrix_are_the_differences_of_the_energy_also_where_nodes_hang() {
                 // As much as there is, or more, and never less than none.
                 let (found, there) = (dot(&product, &way), dot(&bend, &way));
                 assert!(found >= there - 1e-6 * found && found > 0.0, "{found} {there}");
+            }
+        }
+    }
+}
+
+#[test]
+fn diagonal_blocks_are_what_nodes_are_pushed_by_as_they_move_alone() {
+    let plain = block(([2, 2, 2], 1), &[], &sheared(), Lame::new(1.0, 0.4), |n| n == [0; 3]);
+    let pull = Pull {
+        cell: 3,
+        vertex: 0,
+        weights: weights([0.2, 0.7, 0.4]),
+        spring: 3.0,
+        goal: Vector3::zeros(),
+        multiplier: Vector3::zeros(),
+    };
+    let element = plain.element.clone().guarded(1.1, 2.0);
+    let body = Body::new(plain.mesh, element, plain.matter, vec![pull]);
+    let n = body.mesh.nodes.len();
+    let u: Vec<Triple> = (0..n).map(|i| std::array::from_fn(|a| 0.08 * scatter(3 * i + a))).collect();
+    for bounded in [false, true] {
+        let tangent = Tangent::new(&body, &u, bounded, &Exec::default()).unwrap();
+        for (node, block) in tangent.diagonal().iter().enumerate() {
+            for axis in 0..3 {
+                let mut way = vec![[0.0; 3]; n];
+                way[node][axis] = 1.0;
+                let pushed = Vector3::from(tangent.times(&way)[node]);
+                let held = body.mesh.held[node];
+                assert!((pushed - block.column(axis)).norm() < 1e-12 && held == (block.norm() == 0.0));
             }
         }
     }

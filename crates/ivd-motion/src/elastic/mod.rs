@@ -243,7 +243,7 @@ impl<'a> Scene<'a> {
         let asks = Asks { lattice: self.lattice, rest: &self.rest, handles: &asked, fixed: &self.fixed };
         let holds = Holds::new(&asks, &mesh, &cells, &tissues)?;
         let resists = RESISTS * Lame::new(self.params.kpa, self.params.poisson).bulk();
-        let element = Hexahedron::new(&cells.edges()).guarded(&cells.edges(), PRESSED, resists);
+        let element = Hexahedron::new(&cells.edges()).guarded(PRESSED, resists);
         let mut body = Body::new(mesh, element, matter, Vec::new());
         exec.check_memory("the equations of the body", body.bytes())?;
         let border: Vec<bool> = body.mesh.held.clone();
