@@ -29,7 +29,8 @@ pub fn inside(lattice: &Lattice, labels: &Labels, vertex: usize, outward: Vector
     let at = lattice.voxel(vertex).0;
     let linear = lattice.grid().linear_part();
     let mut best = (0.0, 0);
-    for (voxel, label) in round(lattice, labels, vertex) {
+    for (voxel, index) in round(lattice, vertex) {
+        let label = labels.ids()[lattice.grid().linear(index)];
         let depth = -(linear * (voxel - at)).dot(&outward);
         if depth > best.0 && label != 0 {
             best = (depth, label);
@@ -40,15 +41,11 @@ pub fn inside(lattice: &Lattice, labels: &Labels, vertex: usize, outward: Vector
 
 /// Whether a vertex lies beside a voxel of a class: at an end of its grid edge, a corner of its face or cell.
 pub fn beside(lattice: &Lattice, labels: &Labels, vertex: usize, class: u16) -> bool {
-    round(lattice, labels, vertex).any(|(_, label)| label == class)
+    round(lattice, vertex).any(|(_, index)| labels.ids()[lattice.grid().linear(index)] == class)
 }
 
-/// The voxels round a vertex, less than one away along every axis, with their labels.
-fn round<'a>(
-    lattice: &'a Lattice,
-    labels: &'a Labels,
-    vertex: usize,
-) -> impl Iterator<Item = (Vector3<f64>, u16)> + 'a {
+/// The voxels round a vertex, less than one away along every axis: its grid edge's ends, its face's or cell's corners.
+pub fn round(lattice: &Lattice, vertex: usize) -> impl Iterator<Item = (Vector3<f64>, VoxelIndex)> {
     let dims = lattice.grid().dims();
     let at = lattice.voxel(vertex).0;
     (0..8_usize).filter_map(move |corner| {
@@ -56,6 +53,6 @@ fn round<'a>(
         let beside = (0..3).all(|a| (voxel[a] - at[a]).abs() < 1.0);
         let within = (0..3).all(|a| voxel[a] >= 0.0 && voxel[a] < dims[a] as f64);
         let index = || VoxelIndex([voxel.x as usize, voxel.y as usize, voxel.z as usize]);
-        (beside && within).then(|| (voxel, labels.ids()[lattice.grid().linear(index())]))
+        (beside && within).then(|| (voxel, index()))
     })
 }

@@ -62,6 +62,7 @@ mod system;
 mod tangent;
 #[cfg(test)]
 mod tests;
+mod tissue;
 mod tree;
 
 pub use cells::{Cells, Medium};
@@ -71,4 +72,5 @@ pub use material::{Corners, Hexahedron, Lame, Matter};
 pub use mesh::{Mesh, weights};
 pub use newton::Balance;
 pub use system::{Body, Pull};
+pub use tissue::{FLESH, Tissue};
 pub use tree::Cell;

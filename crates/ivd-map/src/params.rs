@@ -1,5 +1,6 @@
 use std::collections::BTreeMap;
 
+use ivd_elastic::{FLESH, Tissue};
 use ivd_field::falloff::smooth_fall;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -62,16 +63,32 @@ pub enum Limit {
     Stop,
 }
 
-/// What a class is made of; what isn't given is as where it lies: inside the lattice, or outside.
+/// Young's modulus of bone, relative to flesh's: the most that classes may be given.
+const STIFFEST: f64 = 1000.0;
+
+/// What a class is made of; what neither it nor its tissue says is as where it lies: inside the lattice, or outside.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Elastic {
+    /// What it is: gives what of the others isn't given, relative to flesh of 10 kPa.
+    pub tissue: Option<Tissue>,
     /// Young's modulus relative to that of matter without a class of its own inside the lattice.
     #[schemars(range(min = 0.001, max = 1000.0), extend("x-unit" = "1"))]
     pub young: Option<f64>,
     /// Poisson's ratio ν.
     #[schemars(range(min = 0.0, max = 0.45), extend("x-unit" = "1"))]
     pub poisson: Option<f64>,
+}
+
+impl Elastic {
+    /// Young's modulus relative to the inside's, and Poisson's ratio, as far as they are given.
+    pub(crate) fn moduli(&self) -> (Option<f64>, Option<f64>) {
+        let named = self.tissue.map(|tissue| match tissue.moduli() {
+            Some((kpa, poisson)) => (kpa / FLESH, Some(poisson)),
+            None => (STIFFEST, None),
+        });
+        (self.young.or(named.map(|n| n.0)), self.poisson.or(named.and_then(|n| n.1)))
+    }
 }
 
 /// What every map does beyond the lattice, whichever way it is found.

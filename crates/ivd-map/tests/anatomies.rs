@@ -13,7 +13,7 @@ use ivd_io::volume::{ByteOrder, RawLayout, ReadOptions, read};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, collapse};
 use ivd_map::{BiharmonicParams, BodyParams, MapResult, OctreeParams};
-use ivd_motion::elastic::{self, ElasticParams};
+use ivd_motion::elastic::{self, ElasticInputs, ElasticParams};
 use ivd_motion::freeform;
 use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::ring::{self, RingParams};
@@ -138,7 +138,7 @@ fn moved(part: &Part, motion: f64, turn: bool, radius: f64, body: bool) -> Resul
     let handle = Handle { at: Anchor::Vertex(target as u32), action, radius };
     if body {
         let params = ElasticParams::default();
-        let solved = elastic::solve(&part.lattice, None, &[handle], &[], &[], &params, &exec)
+        let solved = elastic::solve(ElasticInputs { lattice: &part.lattice, labels: None, volume: None }, &[handle], &[], &[], &params, &exec)
             .map_err(|e| e.to_string())?;
         eprint!("{} cells, {} iterations, {} parts: ", solved.cells, solved.iterations, solved.parts);
         return Ok(solved.motion);
@@ -298,7 +298,7 @@ fn a_wall_that_is_pushed_keeps_its_thickness() {
     let octree = ivd_map::octree(&shell.lattice, &shell.octree, &solved, 0, &OctreeParams::default(), &exec);
     let biharmonic = ivd_map::biharmonic(&shell.lattice, &solved, 0, &BiharmonicParams::default(), &exec);
     let matter =
-        elastic::solve(&shell.lattice, None, &[handle], &[], &[], &ElasticParams::default(), &exec).unwrap();
+        elastic::solve(ElasticInputs { lattice: &shell.lattice, labels: None, volume: None }, &[handle], &[], &[], &ElasticParams::default(), &exec).unwrap();
     let body = ivd_map::body(&shell.lattice, &matter.motion, 0, &BodyParams::default(), &exec);
     for (method, mapped) in [("octree", octree), ("biharmonic", biharmonic), ("body", body)] {
         let mapped = mapped.unwrap();

@@ -137,6 +137,15 @@ pub(crate) fn resolve(
     Err(Error::Mismatch { what, problem, remedy: "pick a point nearer to the lattice" })
 }
 
+/// What is told of a handle on something that can't be moved.
+pub(crate) fn lies_on_rigid(handle: usize) -> Error {
+    Error::Mismatch {
+        what: "handle",
+        problem: format!("handle {handle} lies on what is rigid and stays"),
+        remedy: "pick soft matter, or move the bone (rigid)",
+    }
+}
+
 /// Handles and fixed vertices by themselves.
 pub(crate) fn check_pull(handles: &[Handle], fixed: &[Pin]) -> Result<(), Error> {
     handles.iter().try_for_each(Handle::check)?;

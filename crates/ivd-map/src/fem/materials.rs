@@ -30,8 +30,8 @@ impl<'a> Materials<'a> {
         let filler = if alone { params.filler.min(FREE) } else { params.filler };
         let outside = Lame::new(filler, params.poisson);
         let classes = params.material.iter().map(|(class, own)| {
-            let poisson = own.poisson.unwrap_or(params.poisson);
-            let of = |plain| Lame::new(own.young.unwrap_or(plain), poisson);
+            let (young, poisson) = own.moduli();
+            let of = |plain| Lame::new(young.unwrap_or(plain), poisson.unwrap_or(params.poisson));
             (*class, [of(1.0), if alone { outside } else { of(filler) }])
         });
         Self {

@@ -122,7 +122,7 @@ fn class_three(grid: &Grid, within: impl Fn(Vector3<f64>) -> bool) -> Labels {
 }
 
 fn made_of(young: f64, poisson: f64) -> FemParams {
-    let own = Elastic { young: Some(young), poisson: Some(poisson) };
+    let own = Elastic { young: Some(young), poisson: Some(poisson), ..Elastic::default() };
     FemParams { cell: Some(2), material: [(3, own)].into(), ..elastic() }
 }
 
@@ -215,7 +215,7 @@ fn a_class_without_a_modulus_has_that_of_its_place_and_round_a_free_part_there_i
         fem(&all.lattice, Some(&labels), &all.motion, 0, params, &Exec::default()).unwrap().displacement
     };
     let air = |young, outside| {
-        let own = Elastic { young, poisson: Some(0.4) };
+        let own = Elastic { young, poisson: Some(0.4), ..Elastic::default() };
         FemParams {
             cell: Some(2),
             material: [(3, own)].into(),

@@ -6,6 +6,7 @@ use ivd_core::{Exec, Labels, Lattice, Motion, ParamError, slots};
 use super::{
     Body, Bone, DynamicsMethod, ElasticMethod, Figures, Moves, ProjectiveMethod, RingMethod, XpbdMethod,
 };
+use crate::elastic::ElasticInputs;
 use crate::{elastic, freeform, mass_spring, ring};
 
 /// The stage: its methods, and where it stands in a scene.
@@ -126,7 +127,7 @@ impl Body {
 
 impl Op for ElasticMethod {
     const REVISION: u32 = REVISION;
-    type Inputs<'a> = Inputs<'a>;
+    type Inputs<'a> = ElasticInputs<'a>;
     type Output = Motion;
     type Figures = Figures;
 
@@ -137,20 +138,24 @@ impl Op for ElasticMethod {
     }
 
     fn wants(&self, slot: &str) -> Want {
-        if slot == "labels" && !self.knows_classes() { Want::No } else { Want::Yes }
+        match slot {
+            "labels" if !self.knows_classes() => Want::No,
+            "volume" if !self.elastic.hounsfield => Want::No,
+            _ => Want::Yes,
+        }
     }
 
     fn idle(&self) -> Option<&'static str> {
         idle(&self.moves, &self.rigid)
     }
 
-    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Motion, Figures), Failure> {
+    fn run(&self, inputs: ElasticInputs<'_>, exec: &Exec) -> Result<(Motion, Figures), Failure> {
         let (lattice, handles, bones) = (inputs.lattice, self.moves.handles()?, self.bones()?);
         if handles.is_empty() && bones.is_empty() && !self.moves.shape.is_empty() {
             return shaped(lattice, None, &self.moves, exec);
         }
         let fixed = self.moves.fixed();
-        let solved = elastic::solve(lattice, inputs.labels, &handles, &fixed, &bones, &self.elastic, exec)?;
+        let solved = elastic::solve(inputs, &handles, &fixed, &bones, &self.elastic, exec)?;
         let figures = Figures::from(&solved);
         shaped(lattice, Some((solved.motion, figures)), &self.moves, exec)
     }

@@ -19,8 +19,8 @@ mod params;
 mod tissues;
 
 use ivd_core::{
-    Ball, Exec, FieldBricks, Frame, Labels, Lattice, Motion, ParamError, Role, VoxelCoord, op::check_fields,
-    vertex_class,
+    Ball, Exec, FieldBricks, Frame, Labels, Lattice, Motion, ParamError, Role, Volume, VoxelCoord,
+    op::check_fields, slots, vertex_class,
 };
 use ivd_elastic::{Body, Cells, Course, Hexahedron, Lame, Triple};
 use ivd_field::param::is_cell;
@@ -30,12 +30,12 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::handles::{Action, Handle, Pin, check_pull, find_targets, pinned};
+use crate::handles::{Action, Handle, Pin, check_pull, find_targets, lies_on_rigid, pinned};
 use crate::rigid::{BoneMotion, BoneSpec, Skeleton};
 
 use grip::Grip;
 use holds::{Asks, Hold, Holds};
-pub use params::{ElasticParams, Tissue};
+pub use params::{ElasticParams, Material};
 use tissues::{Matter, Tissues};
 
 /// What a handle grips: a part of its radius, a number of cells and a multiple of its way at least, and a part of its radius at most. Round a ball
@@ -83,9 +83,14 @@ pub struct ElasticResult {
     pub bones: Vec<BoneMotion>,
 }
 
+slots! {
+    /// What is read: the lattice; labels, where classes have a material or are bones; the volume, where its values say what matter is.
+    pub struct ElasticInputs<'a> { lattice: &'a Lattice, labels: Option<&'a Labels>, volume: Option<&'a Volume> }
+}
+
 /// Moves a lattice, and the space round it, by handles and bones.
 ///
-/// - `labels`: on the lattice's grid, for classes' materials and bones.
+/// - `inputs`: all on the lattice's grid.
 /// - `fixed`: vertices that stay, with the matter round them.
 /// - `bones`: as [`crate::mass_spring::with_bones`] has them.
 ///
@@ -94,8 +99,7 @@ pub struct ElasticResult {
 /// handles, a class that isn't there, materials without labels, a lattice that isn't closed. [`Error::Untrusted`]: no balance is found;
 /// it tells the share of the way for which there is one. The memory limit, cancelled.
 pub fn solve(
-    lattice: &Lattice,
-    labels: Option<&Labels>,
+    inputs: ElasticInputs<'_>,
     handles: &[Handle],
     fixed: &[Pin],
     bones: &[BoneSpec],
@@ -104,8 +108,17 @@ pub fn solve(
 ) -> Result<ElasticResult, Error> {
     params.check()?;
     check_pull(handles, fixed)?;
-    let labels = known(lattice, labels, bones, params)?;
-    exec.run(|| Scene::new(lattice, labels, handles, fixed, bones, params)?.solve(exec))
+    let labels = known(inputs.lattice, inputs.labels, bones, params)?;
+    let volume = inputs.volume.filter(|_| params.hounsfield);
+    if params.hounsfield && volume.is_none_or(|volume| volume.grid() != inputs.lattice.grid()) {
+        return Err(Error::Mismatch {
+            what: "hounsfield",
+            problem: "there is no volume on the lattice's grid to read values from".into(),
+            remedy: "give the volume that the lattice was cut from (--volume)",
+        });
+    }
+    let inputs = ElasticInputs { labels, volume, ..inputs };
+    exec.run(|| Scene::new(inputs, handles, fixed, bones, params)?.solve(exec))
 }
 
 impl ElasticParams {
@@ -148,6 +161,7 @@ fn known<'a>(
 struct Scene<'a> {
     lattice: &'a Lattice,
     labels: Option<&'a Labels>,
+    volume: Option<&'a Volume>,
     handles: &'a [Handle],
     targets: Vec<usize>,
     fixed: Vec<bool>,
@@ -160,8 +174,7 @@ struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     fn new(
-        lattice: &'a Lattice,
-        labels: Option<&'a Labels>,
+        ElasticInputs { lattice, labels, volume }: ElasticInputs<'a>,
         handles: &'a [Handle],
         fixed: &[Pin],
         bones: &'a [BoneSpec],
@@ -172,7 +185,7 @@ impl<'a> Scene<'a> {
         let fixed = pinned(lattice, &rest, fixed)?;
         let aimed: Vec<(Handle, usize)> = handles.iter().copied().zip(targets.iter().copied()).collect();
         let skeleton = Skeleton::new(lattice, labels, bones, &aimed, &fixed)?;
-        Ok(Self { lattice, labels, handles, targets, fixed, bones, skeleton, rest, params })
+        Ok(Self { lattice, labels, volume, handles, targets, fixed, bones, skeleton, rest, params })
     }
 
     /// Centres and radii (mm) of the balls that Ω is the union of.
@@ -211,17 +224,13 @@ impl<'a> Scene<'a> {
             most.map(|edge| edge as u8)
         });
         let cells = Cells::new(grid, balls, edge, longest);
-        let tissues = Tissues::new(&inside, self.labels, self.bones, self.params);
+        let tissues = Tissues::new(&inside, (self.labels, self.volume), self.bones, self.params);
         let asked: Vec<(usize, Handle, usize)> = (0..self.handles.len())
             .filter(|&h| self.skeleton.holder(self.targets[h]).is_none())
             .map(|h| (h, self.handles[h], self.targets[h]))
             .collect();
         if let Some((number, ..)) = asked.iter().find(|(_, _, target)| self.is_rigid(*target, &tissues)) {
-            return Err(Error::Mismatch {
-                what: "handle",
-                problem: format!("handle {number} lies on what is rigid and stays"),
-                remedy: "pick soft matter, or move the bone (rigid)",
-            });
+            return Err(lies_on_rigid(*number));
         }
         if let Some((number, ..)) = asked.iter().find(|(_, _, target)| self.fixed[*target]) {
             return Err(Error::Mismatch {
@@ -337,10 +346,9 @@ impl<'a> Scene<'a> {
 
     /// Whether a vertex lies on a bone, or at a class that stays.
     fn is_rigid(&self, vertex: usize, tissues: &Tissues<'_>) -> bool {
+        let stays = |index| tissues.matter(index, self.lattice.grid().linear(index)) == Matter::Still;
         self.skeleton.holder(vertex).is_some()
-            || self.labels.is_some_and(|labels| {
-                tissues.rigid().iter().any(|class| vertex_class::beside(self.lattice, labels, vertex, *class))
-            })
+            || (tissues.has_rigid() && vertex_class::round(self.lattice, vertex).any(|(_, index)| stays(index)))
     }
 
     /// The voxels' motion.

@@ -1,13 +1,16 @@
 use std::collections::BTreeMap;
 
 use ivd_core::op::by_class;
+use ivd_elastic::{FLESH, Tissue};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What a class is made of; what isn't given is as where it lies: inside the lattice, or outside.
+/// What a class is made of; what neither it nor its tissue says is as where it lies: inside the lattice, or outside.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Tissue {
+pub struct Material {
+    /// What it is: gives what of the others isn't given.
+    pub tissue: Option<Tissue>,
     /// Young's modulus.
     #[schemars(range(min = 1e-6, max = 1e9), extend("x-unit" = "kPa"))]
     pub kpa: Option<f64>,
@@ -16,6 +19,19 @@ pub struct Tissue {
     pub poisson: Option<f64>,
     /// Whether it stays as it is, as bone does; where no bone of the scene moves it, it stays where it is.
     pub rigid: bool,
+}
+
+impl Material {
+    /// Young's modulus (kPa) and Poisson's ratio, as far as they are given.
+    pub(super) fn moduli(&self) -> (Option<f64>, Option<f64>) {
+        let named = self.tissue.and_then(Tissue::moduli);
+        (self.kpa.or(named.map(|n| n.0)), self.poisson.or(named.map(|n| n.1)))
+    }
+
+    /// Bone that has been given a modulus yields.
+    pub(super) fn is_rigid(&self) -> bool {
+        self.rigid || (self.tissue == Some(Tissue::Bone) && self.kpa.is_none())
+    }
 }
 
 /// What the body is made of, and how closely its balance is found.
@@ -36,7 +52,10 @@ pub struct ElasticParams {
     pub filler: f64,
     /// What classes are made of, where labels are given, inside the lattice and outside.
     #[serde(deserialize_with = "by_class")]
-    pub material: BTreeMap<u16, Tissue>,
+    pub material: BTreeMap<u16, Material>,
+    /// Whether the values of the volume are Hounsfield's and say what has no class of its own: air, lung, fat, bone, which stays, and else
+    /// what `kpa` and `poisson` say; outside the lattice as inside.
+    pub hounsfield: bool,
     /// Radius of the ball of matter round a handle's vertex that it has hold of: the inner half goes with it as one. Without
     /// it a fifth of the handle's radius, at least three cells, and twice as far as it goes, as long as that is at most half of the radius. It
     /// ends at what is rigid.
@@ -51,10 +70,11 @@ impl Default for ElasticParams {
     fn default() -> Self {
         Self {
             cell: None,
-            kpa: 10.0,
+            kpa: FLESH,
             poisson: 0.45,
             filler: 0.001,
             material: BTreeMap::new(),
+            hounsfield: false,
             grip: None,
             tolerance: 1e-3,
         }

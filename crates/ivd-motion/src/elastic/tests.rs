@@ -48,7 +48,8 @@ fn run(
     bones: &[BoneSpec],
     params: &ElasticParams,
 ) -> Result<ElasticResult, Error> {
-    solve(lattice, Some(labels), handles, &[], bones, params, &Exec::default())
+    let inputs = ElasticInputs { lattice, labels: Some(labels), volume: None };
+    solve(inputs, handles, &[], bones, params, &Exec::default())
 }
 
 #[test]
@@ -100,7 +101,7 @@ fn the_grip_goes_where_the_handle_does_and_nothing_beyond_the_radius_moves() {
 #[test]
 fn a_rigid_class_stays_and_a_bone_goes_as_one_and_soft_matter_follows() {
     let scene = part(41, ball(15.0), ball(6.0));
-    let rigid = Tissue { rigid: true, ..Tissue::default() };
+    let rigid = Material { rigid: true, ..Material::default() };
     let params = ElasticParams { material: [(2, rigid)].into(), ..ElasticParams::default() };
     let push = [handle([20.0, 20.0, 35.0], [0.0, 0.0, -2.0], 30.0)];
     let solved = run(&scene, &push, &[], &params).unwrap();
@@ -169,7 +170,7 @@ fn a_push_into_bone_is_refused_with_the_share_that_holds() {
     // Six millimetres of tissue on bone, pushed by eight.
     let slab = |at: Vector3<f64>| 12.0 - at.z.abs().max(at.x.abs()).max(at.y.abs());
     let scene = part(41, slab, move |at| 6.0 - at.z.max(at.x.abs() - 6.0).max(at.y.abs() - 6.0));
-    let rigid = Tissue { rigid: true, ..Tissue::default() };
+    let rigid = Material { rigid: true, ..Material::default() };
     let params = ElasticParams { material: [(2, rigid)].into(), ..ElasticParams::default() };
     let push = |by: f64| run(&scene, &[handle([20.0, 20.0, 32.0], [0.0, 0.0, -by], 14.0)], &[], &params);
     let error = push(8.0).unwrap_err();
@@ -184,7 +185,7 @@ fn a_plate_that_is_thinner_than_a_cell_is_not_walked_through() {
     let at = |z: f64| move |p: Vector3<f64>| 0.4 - (p.z - z).abs();
     for z in [5.0, 6.0] {
         let scene = part(41, ball(16.0), at(z));
-        let rigid = Tissue { rigid: true, ..Tissue::default() };
+        let rigid = Material { rigid: true, ..Material::default() };
         let params =
             ElasticParams { cell: Some(2), material: [(2, rigid)].into(), ..ElasticParams::default() };
         let solved =
@@ -219,18 +220,18 @@ fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     let push = [handle([16.0, 16.0, 27.0], [0.0, 1.0, -2.0], 14.0)];
     let on = |threads: usize| {
         let exec = Exec::default().with_threads(threads);
-        solve(&scene.0, None, &push, &[], &[], &ElasticParams::default(), &exec).unwrap()
+        solve(ElasticInputs { lattice: &scene.0, labels: None, volume: None }, &push, &[], &[], &ElasticParams::default(), &exec).unwrap()
     };
     assert_eq!(on(1), on(3));
-    let soft = ElasticParams { material: [(7, Tissue::default())].into(), ..ElasticParams::default() };
+    let soft = ElasticParams { material: [(7, Material::default())].into(), ..ElasticParams::default() };
     assert!(run(&scene, &push, &[], &soft).unwrap_err().to_string().contains("class 7"));
-    let error = solve(&scene.0, None, &push, &[], &[], &soft, &Exec::default()).unwrap_err();
+    let error = solve(ElasticInputs { lattice: &scene.0, labels: None, volume: None }, &push, &[], &[], &soft, &Exec::default()).unwrap_err();
     assert!(error.to_string().contains("--labels"), "{error}");
     // Too small for a cell; on what stays.
     let tiny = [handle([16.0, 16.0, 27.0], [0.0, 0.1, 0.0], 0.5)];
     let error = run(&scene, &tiny, &[], &ElasticParams::default()).unwrap_err();
     assert!(error.to_string().contains("hold of nothing"), "{error}");
-    let rigid = Tissue { rigid: true, ..Tissue::default() };
+    let rigid = Material { rigid: true, ..Material::default() };
     let stone = ElasticParams { material: [(1, rigid)].into(), ..ElasticParams::default() };
     let error = run(&scene, &push, &[], &stone).unwrap_err();
     assert!(error.to_string().contains("rigid and stays"), "{error}");
@@ -238,7 +239,7 @@ fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     assert!(run(&scene, &push, &[], &three).unwrap_err().to_string().contains("1, 2 or 4"));
     let pin = Pin { at: push[0].at, radius: 0.0 };
     let error =
-        solve(&scene.0, None, &push, &[pin], &[], &ElasticParams::default(), &Exec::default()).unwrap_err();
+        solve(ElasticInputs { lattice: &scene.0, labels: None, volume: None }, &push, &[pin], &[], &ElasticParams::default(), &Exec::default()).unwrap_err();
     assert!(error.to_string().contains("is fixed"), "{error}");
     // A force that nothing stands against, however far it reaches.
     let pull = Handle { action: Action::Force([0.0, 0.0, 5.0]), radius: 1e6, ..push[0] };
@@ -248,5 +249,5 @@ fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     assert!(run(&scene, &push, &[], &bad).unwrap_err().to_string().contains("poisson"));
     let cancelled = Exec::default();
     cancelled.cancel.cancel();
-    assert!(solve(&scene.0, None, &push, &[], &[], &ElasticParams::default(), &cancelled).is_err());
+    assert!(solve(ElasticInputs { lattice: &scene.0, labels: None, volume: None }, &push, &[], &[], &ElasticParams::default(), &cancelled).is_err());
 }

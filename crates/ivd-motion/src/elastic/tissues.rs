@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ivd_core::{Grid, Labels, Mask, VoxelIndex};
-use ivd_elastic::{Lame, Medium};
+use ivd_core::{Grid, Labels, Mask, Volume, VoxelIndex};
+use ivd_elastic::{Lame, Medium, Tissue};
 use nalgebra::Vector3;
 
 use super::ElasticParams;
@@ -12,6 +12,10 @@ use crate::rigid::BoneSpec;
 
 /// Poisson's ratio of what fills the outside: air is pressed evenly, lest a few cells of it fold while the rest hardly yields.
 const AIR: f64 = 0.4;
+
+/// Kinds of matter by value; classes that are told have other numbers, or almost always.
+const BONE: u16 = u16::MAX;
+const GAS: u16 = u16::MAX - 1;
 
 /// What a voxel does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,6 +32,8 @@ pub(super) enum Matter {
 pub(super) struct Tissues<'a> {
     inside: &'a Mask,
     labels: Option<&'a Labels>,
+    /// Whose Hounsfield values say what has no class of its own.
+    values: Option<&'a Volume>,
     /// Inside the lattice, and outside.
     classes: BTreeMap<u16, [Lame; 2]>,
     rigid: BTreeSet<u16>,
@@ -38,26 +44,26 @@ pub(super) struct Tissues<'a> {
 }
 
 impl<'a> Tissues<'a> {
-    /// Checked parameters; `labels` on the grid of `inside`.
+    /// Checked parameters; labels, and values where these are to be read, on the grid of `inside`.
     pub(super) fn new(
         inside: &'a Mask,
-        labels: Option<&'a Labels>,
+        (labels, values): (Option<&'a Labels>, Option<&'a Volume>),
         bones: &'a [BoneSpec],
         params: &ElasticParams,
     ) -> Self {
         let own = Lame::new(params.kpa, params.poisson);
         let filler = Lame::new(params.kpa * params.filler, AIR);
-        let classes = params.material.iter().map(|(class, tissue)| {
-            let of = |kpa: f64, poisson: f64| {
-                Lame::new(tissue.kpa.unwrap_or(kpa), tissue.poisson.unwrap_or(poisson))
-            };
+        let classes = params.material.iter().map(|(class, material)| {
+            let (own_kpa, own_poisson) = material.moduli();
+            let of =
+                |kpa: f64, poisson: f64| Lame::new(own_kpa.unwrap_or(kpa), own_poisson.unwrap_or(poisson));
             // The share of a cell that is rigid counts for nothing in what the rest yields by.
-            let outside = if tissue.kpa.is_some() { params.poisson } else { AIR };
+            let outside = if own_kpa.is_some() { params.poisson } else { AIR };
             (*class, [of(params.kpa, params.poisson), of(params.kpa * params.filler, outside)])
         });
-        let rigid = params.material.iter().filter(|(_, tissue)| tissue.rigid).map(|(class, _)| *class);
+        let rigid = params.material.iter().filter(|(_, own)| own.is_rigid()).map(|(class, _)| *class);
         let (classes, rigid) = (classes.collect(), rigid.collect());
-        Self { inside, labels, classes, rigid, bones, own, filler, grips: Vec::new() }
+        Self { inside, labels, values, classes, rigid, bones, own, filler, grips: Vec::new() }
     }
 
     /// With what the handles have hold of.
@@ -76,7 +82,7 @@ impl<'a> Tissues<'a> {
 
     /// Whether anything may be rigid.
     pub(super) fn has_rigid(&self) -> bool {
-        !(self.bones.is_empty() && self.rigid.is_empty())
+        !(self.bones.is_empty() && self.rigid.is_empty() && self.values.is_none())
     }
 
     /// Whether a voxel lies inside the lattice.
@@ -103,17 +109,24 @@ impl<'a> Tissues<'a> {
         if let Some(bone) = self.bones.iter().position(holds) {
             return Matter::Bone(bone);
         }
-        if class.is_some_and(|class| self.rigid.contains(&class)) { Matter::Still } else { Matter::Soft }
+        let by_value = || self.by_value(voxel, number).flatten() == Some(Tissue::Bone);
+        if class.is_some_and(|class| self.rigid.contains(&class)) || by_value() {
+            Matter::Still
+        } else {
+            Matter::Soft
+        }
+    }
+
+    /// What a voxel is by its value; `None` where that doesn't count.
+    fn by_value(&self, voxel: VoxelIndex, number: usize) -> Option<Option<Tissue>> {
+        let values = self.values?;
+        let own = self.labels.is_some_and(|labels| self.classes.contains_key(&labels.ids()[number]));
+        (!own).then(|| Tissue::of_hounsfield(values.value(voxel)))
     }
 
     /// What the handles have hold of.
     pub(super) fn grips(&self) -> &[Grip] {
         &self.grips
-    }
-
-    /// Classes that stay where no bone moves them.
-    pub(super) fn rigid(&self) -> &BTreeSet<u16> {
-        &self.rigid
     }
 }
 
@@ -121,7 +134,14 @@ impl Medium for Tissues<'_> {
     fn at(&self, voxel: Vector3<f64>) -> Lame {
         let Some((index, number)) = self.nearest(voxel) else { return self.filler };
         let class = self.labels.and_then(|labels| self.classes.get(&labels.ids()[number]));
-        let [inner, outer] = class.copied().unwrap_or([self.own, self.filler]);
+        let [inner, outer] = class.copied().unwrap_or_else(|| match self.by_value(index, number) {
+            None => [self.own, self.filler],
+            Some(None | Some(Tissue::Bone)) => [self.own; 2],
+            Some(Some(Tissue::Air)) => [self.filler; 2],
+            Some(Some(tissue)) => {
+                [tissue.moduli().map_or(self.own, |(kpa, poisson)| Lame::new(kpa, poisson)); 2]
+            }
+        });
         if !self.is_inside(number) {
             return outer;
         }
@@ -130,13 +150,20 @@ impl Medium for Tissues<'_> {
     }
 
     fn kind(&self, voxel: VoxelIndex) -> Option<u16> {
-        let id = self.labels?.ids()[self.grid().linear(voxel)];
+        let number = self.grid().linear(voxel);
+        match self.by_value(voxel, number) {
+            Some(Some(Tissue::Bone)) => return Some(BONE),
+            Some(Some(Tissue::Air | Tissue::Lung)) => return Some(GAS),
+            _ => {}
+        }
+        let id = self.labels?.ids()[number];
         let known = self.classes.contains_key(&id) || self.bones.iter().any(|bone| bone.class == Some(id));
         known.then_some(id)
     }
 
     fn has_kinds(&self) -> bool {
-        self.labels.is_some()
+        self.values.is_some()
+            || self.labels.is_some()
             && (!self.classes.is_empty() || self.bones.iter().any(|bone| bone.class.is_some()))
     }
 }

@@ -272,6 +272,20 @@ fn shares(lattice: &Lattice, rest: &[Vector3<f64>], close: &[bool]) -> (Vec<f64>
     (area, outward)
 }
 
+/// The vertices beside classes that stay.
+pub(super) fn rigid_vertices(
+    lattice: &Lattice,
+    labels: Option<&Labels>,
+    params: &Params,
+) -> Result<Vec<usize>, Error> {
+    let rigid = params.springs.material.iter().filter(|(_, own)| own.is_rigid());
+    let rigid: Vec<u16> = rigid.map(|(class, _)| *class).collect();
+    let Some(labels) = labels.filter(|_| !rigid.is_empty()) else { return Ok(Vec::new()) };
+    vertex_class::check(lattice, labels)?;
+    let stays = |v: &usize| rigid.iter().any(|class| vertex_class::beside(lattice, labels, *v, *class));
+    Ok((0..lattice.keys().len()).filter(stays).collect())
+}
+
 /// Mass of each vertex (g), never less than for a tenth of the mean area.
 fn masses(areas: impl Iterator<Item = f64> + Clone, material: &[Resolved], params: &Params) -> Vec<f64> {
     let count = areas.clone().count().max(1);
@@ -293,11 +307,11 @@ struct Resolved {
 impl Resolved {
     fn of(params: &Params, class: Option<u16>) -> Self {
         let own = class.and_then(|class| params.springs.material.get(&class).copied()).unwrap_or_default();
-        let Material { stiffness, youngs_kpa, density } = own;
+        let Material { stiffness, density, .. } = own;
         Self {
             stiffness: stiffness.unwrap_or(params.springs.stiffness),
             // A stiffness that a class is given is meant instead of everybody's Young's modulus.
-            youngs_kpa: youngs_kpa.or(params.springs.youngs_kpa.filter(|_| stiffness.is_none())),
+            youngs_kpa: own.young().or(params.springs.youngs_kpa.filter(|_| stiffness.is_none())),
             density: density.unwrap_or(params.springs.density),
         }
     }

@@ -54,7 +54,7 @@ use nalgebra::Vector3;
 
 use crate::Error;
 use crate::carried::Companions;
-use crate::handles::{Action, Handle, Pin, check_pull, find_targets, pinned};
+use crate::handles::{Action, Handle, Pin, check_pull, find_targets, lies_on_rigid, pinned};
 use crate::rigid::{BoneMotion, BoneSpec, Skeleton};
 use body::{Body, Region};
 use drives::{Drives, MILLINEWTON};
@@ -198,6 +198,12 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
             let mut skeleton = Skeleton::at_rest(&lattice, labels, &rest, bones)?;
             skeleton.drive(&rest, &aimed(handles, &targets))?;
             skeleton.check_free(&fixed)?;
+            for v in body::rigid_vertices(&lattice, labels, params)? {
+                if skeleton.holder(v).is_none() {
+                    targets.iter().position(|&t| t == v).map_or(Ok(()), |h| Err(lies_on_rigid(h)))?;
+                    fixed[v] = true;
+                }
+            }
             let balls: Vec<(Vector3<f64>, f64)> = targets
                 .iter()
                 .zip(handles)

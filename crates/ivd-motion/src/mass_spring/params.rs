@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 
 use ivd_core::ParamError;
 use ivd_core::op::{by_class, check_fields};
+use ivd_elastic::Tissue;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,9 @@ pub enum LoadRamp {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Material {
+    /// What it is: gives its Young's modulus where neither that nor a stiffness is given. Bone's vertices stay where they are, unless
+    /// a bone of the scene moves them.
+    pub tissue: Option<Tissue>,
     /// Stiffness of a structural spring.
     #[schemars(range(min = 1e-9, max = 1e15), extend("x-unit" = "N/m"))]
     pub stiffness: Option<f64>,
@@ -42,6 +46,19 @@ pub struct Material {
     /// Mass of the surface.
     #[schemars(range(min = 1e-12, max = 1e6), extend("x-unit" = "g/mm²"))]
     pub density: Option<f64>,
+}
+
+impl Material {
+    /// Whether its vertices stay: of bone that has been given neither modulus nor stiffness.
+    pub(super) fn is_rigid(&self) -> bool {
+        self.tissue == Some(Tissue::Bone) && self.youngs_kpa.is_none() && self.stiffness.is_none()
+    }
+
+    /// Young's modulus (kPa), as far as it is given.
+    pub(super) fn young(&self) -> Option<f64> {
+        let named = self.tissue.filter(|_| self.stiffness.is_none()).and_then(Tissue::moduli);
+        self.youngs_kpa.or(named.map(|n| n.0))
+    }
 }
 
 /// What the springs are, and how the body moves, whichever way that is found.

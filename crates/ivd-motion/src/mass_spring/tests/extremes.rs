@@ -261,7 +261,7 @@ fn a_handle_outside_and_bad_parameters_are_named() {
         field(with_springs(Springs { strain_limit: Some(-0.1), ..Springs::default() })),
         "strain_limit"
     );
-    let both = Material { stiffness: Some(1.0), youngs_kpa: Some(1.0), density: None };
+    let both = Material { stiffness: Some(1.0), youngs_kpa: Some(1.0), ..Material::default() };
     assert_eq!(
         field(with_springs(Springs { material: [(3, both)].into(), ..Springs::default() })),
         "material.3.stiffness"
