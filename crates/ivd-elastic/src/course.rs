@@ -103,6 +103,21 @@ impl Body {
         Ok(arrival)
     }
 
+    /// Lets a body that came to a share of the way find its balance there as closely as at the end.
+    ///
+    /// # Errors
+    /// Cancelled.
+    pub fn settle(
+        &mut self,
+        u: &mut Vec<Triple>,
+        course: &Course<'_>,
+        share: f64,
+        exec: &Exec,
+    ) -> Result<Balance, Error> {
+        self.load(course, share);
+        self.balance(u, course.tolerance, STEPS, exec)
+    }
+
     fn load(&mut self, course: &Course<'_>, share: f64) {
         self.loads.clear();
         self.loads.extend(course.loads.iter().map(|force| force.map(|c| c * share)));

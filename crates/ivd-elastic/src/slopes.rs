@@ -15,8 +15,7 @@ pub(crate) struct Places {
 }
 
 /// The Gauss points of the second order: `1/2 ± √3/6`.
-pub(crate) const GAUSS: Places =
-    Places { near: 0.788_675_134_594_812_9, far: 0.211_324_865_405_187_1 };
+pub(crate) const GAUSS: Places = Places { near: 0.788_675_134_594_812_9, far: 0.211_324_865_405_187_1 };
 /// The corners.
 pub(crate) const CORNERS: Places = Places { near: 1.0, far: 0.0 };
 
@@ -132,13 +131,8 @@ mod tests {
             let product = |x: &Slopes, y: &Slopes| -> f64 {
                 x.iter().flatten().flatten().zip(y.iter().flatten().flatten()).map(|(x, y)| x * y).sum()
             };
-            let back: f64 = places
-                .gather(&other)
-                .iter()
-                .flatten()
-                .zip(values.iter().flatten())
-                .map(|(f, v)| f * v)
-                .sum();
+            let back: f64 =
+                places.gather(&other).iter().flatten().zip(values.iter().flatten()).map(|(f, v)| f * v).sum();
             assert!((back - product(&found, &other)).abs() < 1e-11);
         }
     }

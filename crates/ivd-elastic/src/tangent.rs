@@ -85,8 +85,7 @@ impl CellTangent {
         let mut stretch: Option<Box<Slopes>> = None;
         for (l, (lame, g)) in matter.iter().zip(element.gradients(GAUSS, size, u)).enumerate() {
             let (inverse, log) = inverse_transposed(&g);
-            let bend =
-                Bend::new(lame.mu - lame.lambda * log, bounded, || lame.mu * least_stretch(&g));
+            let bend = Bend::new(lame.mu - lame.lambda * log, bounded, || lame.mu * least_stretch(&g));
             set(&mut gauss.inverse, l, &(inverse * to_slope));
             (gauss.mu[l], gauss.lambda[l]) = (weight * lame.mu, weight * lame.lambda);
             gauss.crossed[l] = weight * bend.crossed();
@@ -173,7 +172,8 @@ impl Coefficients {
         let crossed: Slopes = std::array::from_fn(|b| {
             std::array::from_fn(|e| {
                 std::array::from_fn(|l| {
-                    self.crossed[l] * (x[0][b][l] * h[0][e][l] + x[1][b][l] * h[1][e][l] + x[2][b][l] * h[2][e][l])
+                    self.crossed[l]
+                        * (x[0][b][l] * h[0][e][l] + x[1][b][l] * h[1][e][l] + x[2][b][l] * h[2][e][l])
                 })
             })
         });
@@ -182,7 +182,9 @@ impl Coefficients {
                 std::array::from_fn(|l| {
                     self.mu[l] * plain[a][e][l]
                         + trace[l] * h[a][e][l]
-                        + (h[a][0][l] * crossed[0][e][l] + h[a][1][l] * crossed[1][e][l] + h[a][2][l] * crossed[2][e][l])
+                        + (h[a][0][l] * crossed[0][e][l]
+                            + h[a][1][l] * crossed[1][e][l]
+                            + h[a][2][l] * crossed[2][e][l])
                 })
             })
         });
@@ -190,8 +192,9 @@ impl Coefficients {
             for a in 0..3 {
                 for e in 0..3 {
                     for l in 0..8 {
-                        out[a][e][l] +=
-                            s[a][0][l] * plain[0][e][l] + s[a][1][l] * plain[1][e][l] + s[a][2][l] * plain[2][e][l];
+                        out[a][e][l] += s[a][0][l] * plain[0][e][l]
+                            + s[a][1][l] * plain[1][e][l]
+                            + s[a][2][l] * plain[2][e][l];
                     }
                 }
             }

@@ -70,7 +70,8 @@ fn forces_and_matrix_are_the_differences_of_the_energy_also_where_nodes_hang() {
     // A guard that every corner meets.
     let guarded = plain.element.clone().guarded(1.2, 2.0);
     for (element, exact) in [(&plain.element, true), (&guarded, true), (&guarded, false)] {
-        let mut body = Body::new(plain.mesh.clone(), element.clone(), plain.matter.clone(), vec![pull.clone()]);
+        let mut body =
+            Body::new(plain.mesh.clone(), element.clone(), plain.matter.clone(), vec![pull.clone()]);
         for (i, load) in body.loads.iter_mut().enumerate() {
             *load = [scatter(i), 0.1, scatter(i + 50)];
         }

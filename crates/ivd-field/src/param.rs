@@ -2,6 +2,8 @@
 
 use ivd_core::ParamError;
 use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// A size that no coordinate may have.
 const LARGEST: f64 = 1e100;
@@ -61,4 +63,15 @@ pub fn is_cell(field: &'static str, edge: Option<u8>) -> Result<(), ParamError> 
         }
         _ => Ok(()),
     }
+}
+
+/// What is done where a motion can't go the whole way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Limit {
+    /// It is refused, with the share of the way that can be gone.
+    #[default]
+    Refuse,
+    /// As much of the way is gone as can be; figures tell how much.
+    Stop,
 }

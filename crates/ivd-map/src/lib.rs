@@ -121,11 +121,12 @@ pub use body::body;
 pub use error::Error;
 pub use fem::fem;
 pub use incremental::IncrementalMap;
+pub use ivd_field::param::Limit;
 pub use nearest::nearest;
 pub use nearest_weight::{Found, Hit, Nearest};
 pub use octree::{Prepared, frames, octree};
 pub use outcome::{MapFigures, MapResult, MapUpdate, SolveFigures, SurfaceFit};
 pub use params::{
-    Band, BiharmonicParams, BodyParams, DepthWeight, Elastic, FemParams, Limit, OctreeParams, Outside,
+    Band, BiharmonicParams, BodyParams, DepthWeight, Elastic, FemParams, OctreeParams, Outside,
 };
 pub use stage::STAGE;

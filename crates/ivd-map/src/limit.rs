@@ -1,8 +1,8 @@
 //! How far a motion can be mapped, where the whole of it can't.
 
 use ivd_core::{Classified as _, ErrorClass, Motion};
+use ivd_field::param::Limit;
 
-use crate::params::Limit;
 use crate::{Error, MapResult};
 
 /// Times that the way is halved to find where it ends.

@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 
 use ivd_elastic::{FLESH, Tissue};
 use ivd_field::falloff::smooth_fall;
+use ivd_field::param::Limit;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -50,17 +51,6 @@ pub enum Outside {
     Band,
     /// The part moves alone; what it leaves becomes background.
     Free,
-}
-
-/// What is done where the whole motion can't be mapped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Limit {
-    /// The map is refused, with the share of the way that can be.
-    #[default]
-    Refuse,
-    /// As much of the way is gone as can be mapped; figures tell how much.
-    Stop,
 }
 
 /// Young's modulus of bone, relative to flesh's: the most that classes may be given.

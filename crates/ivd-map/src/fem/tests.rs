@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use ivd_core::{Cancel, Class, Classified, ErrorClass, Grid, Labels, Observer, VoxelCoord};
+use ivd_elastic::Tissue;
 use ivd_field::fixtures::{middle, sheared_grid, voxels};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -124,6 +125,16 @@ fn class_three(grid: &Grid, within: impl Fn(Vector3<f64>) -> bool) -> Labels {
 fn made_of(young: f64, poisson: f64) -> FemParams {
     let own = Elastic { young: Some(young), poisson: Some(poisson), ..Elastic::default() };
     FemParams { cell: Some(2), material: [(3, own)].into(), ..elastic() }
+}
+
+#[test]
+fn a_tissue_is_as_stiff_as_it_is_beside_flesh() {
+    let of = |own: Elastic| own.moduli();
+    let named = |tissue| Elastic { tissue: Some(tissue), ..Elastic::default() };
+    assert_eq!(of(named(Tissue::Lung)), (Some(0.074), Some(0.3)));
+    assert_eq!(of(named(Tissue::Bone)), (Some(1000.0), None));
+    assert_eq!(of(Elastic { young: Some(2.0), ..named(Tissue::Fat) }), (Some(2.0), Some(0.45)));
+    assert_eq!(of(Elastic::default()), (None, None));
 }
 
 /// How far the motion of the voxels `within` is from turning and shifting them (voxels of 1 mm, root mean square).

@@ -48,6 +48,9 @@ pub struct ElasticFigures {
     /// Iterations of the equations, of all steps.
     #[schemars(extend("x-unit" = "1"))]
     pub iterations: usize,
+    /// Share of the way that was gone; less than 1 only with `limit = "stop"`.
+    #[schemars(extend("x-unit" = "1"))]
+    pub share: f64,
     /// Force of each handle at the end: what it pulls with, or what it takes to hold its grip. 0 of one on a bone.
     #[schemars(extend("x-unit" = "mN"))]
     pub handle_forces_mn: Vec<[f64; 3]>,
@@ -171,6 +174,7 @@ impl From<&ElasticResult> for Figures {
                 cells: solved.cells,
                 nodes_free: solved.nodes,
                 iterations: solved.iterations,
+                share: solved.share,
                 handle_forces_mn: solved.handle_forces_mn.clone(),
                 border_mn: solved.border_mn,
                 bones: solved.bones.iter().map(BoneFigures::from).collect(),

@@ -9,7 +9,7 @@
 //!   its force; the rest is the softer the farther it is. A point has no hold on matter: the finer the cells, the less would follow it.
 //! - Bones, and classes that are rigid, go where their motion takes them or stay, to the bit; soft matter that touches them goes with
 //!   them.
-//! - The way is gone in as many parts as it takes. Where no balance is found the motion is refused, with the share that was reached.
+//! - The way is gone in as many parts as it takes. Where no balance is found the motion is refused, with the share that was reached, or stops there.
 //!
 //! Sources: the thesis, 6.5 and 3.2.2 (masses and springs in voxels; there without a law of matter); Bonet & Wood 2008.
 
@@ -22,8 +22,8 @@ use ivd_core::{
     Ball, Exec, FieldBricks, Frame, Labels, Lattice, Motion, ParamError, Role, Volume, VoxelCoord,
     op::check_fields, slots, vertex_class,
 };
-use ivd_elastic::{Body, Cells, Course, Hexahedron, Lame, Triple};
-use ivd_field::param::is_cell;
+use ivd_elastic::{Balance, Body, Cells, Course, Hexahedron, Lame, Triple};
+use ivd_field::param::{Limit, is_cell};
 use ivd_field::sampler::interpolate;
 use ivd_field::vectors::sampled;
 use nalgebra::Vector3;
@@ -65,6 +65,8 @@ pub struct ElasticResult {
     pub max_displacement_mm: f64,
     /// Parts that the way was gone in.
     pub parts: usize,
+    /// The share of the way that was gone: less than 1 only where it may stop.
+    pub share: f64,
     /// Forces left, relative to those that cancel.
     pub residual: f64,
     /// Energy (nJ) after the first part and at the end.
@@ -97,7 +99,7 @@ slots! {
 /// # Errors
 /// [`Error::Param`]: a parameter, handle or vertex number outside its domain. [`Error::Mismatch`]: a pick with no vertex near, contradicting
 /// handles, a class that isn't there, materials without labels, a lattice that isn't closed. [`Error::Untrusted`]: no balance is found;
-/// it tells the share of the way for which there is one. The memory limit, cancelled.
+/// it tells the share of the way for which there is one; none at all, where it may stop. The memory limit, cancelled.
 pub fn solve(
     inputs: ElasticInputs<'_>,
     handles: &[Handle],
@@ -281,21 +283,26 @@ impl<'a> Scene<'a> {
                 remedy: "fix something, or give the handle a smaller radius",
             });
         }
-        let arrival = body.go(&mut u, &course, exec)?;
-        if arrival.share < 1.0 {
+        let mut arrival = body.go(&mut u, &course, exec)?;
+        let share = arrival.share;
+        if share < 1.0 && share > 0.0 && self.params.limit == Limit::Stop {
+            let (way, end) = (arrival.balance, body.settle(&mut u, &course, share, exec)?);
+            let (steps, iterations) = (way.steps + end.steps, way.iterations + end.iterations);
+            arrival.balance = Balance { steps, iterations, ..end };
+        } else if share < 1.0 {
             return Err(Error::Untrusted {
                 what: "the deformed body",
                 problem: format!(
                     "no balance of forces is found beyond {:.0} % of the way: matter can't be pressed, pulled or turned any further",
-                    100.0 * arrival.share
+                    100.0 * share
                 ),
-                remedy: "move the handle less, give it a larger radius, or lower poisson and the contrast of classes",
+                remedy: "move the handle less, give it a larger radius, lower poisson and the contrast of classes, or take what holds (limit = stop)",
             });
         }
         let still: Vec<bool> =
             (0..self.rest.len()).map(|v| self.fixed[v] || self.is_rigid(v, &tissues)).collect();
-        let frame = self.frame(&body, &cells, &u, &still);
-        let space = self.space(&body, &cells, &u, &tissues, exec)?;
+        let frame = self.frame(&body, &cells, &u, &still, share);
+        let space = self.space(&body, &cells, &u, &tissues, share, exec)?;
         let forces = body.reactions(&u);
         let free = body.mesh.held.iter().filter(|held| !**held).count();
         let border_mn =
@@ -306,22 +313,23 @@ impl<'a> Scene<'a> {
             vertices_moved: displacement.iter().filter(|d| **d != [0.0; 3]).count(),
             max_displacement_mm: motion.max_displacement(),
             parts: arrival.parts as usize,
+            share,
             residual: arrival.balance.residual,
             energies: arrival.energies.map(|energy| energy * NANOJOULE),
             nodes: free,
             cells: body.mesh.cells.len(),
             iterations: arrival.balance.iterations as usize,
-            handle_forces_mn: self.handle_forces(&holds, &forces),
+            handle_forces_mn: self.handle_forces(&holds, &forces, share),
             border_mn,
-            bones: self.bones_moved(&holds, &forces, displacement),
+            bones: self.bones_moved(&holds, &forces, displacement, share),
             motion,
         })
     }
 
     /// The vertices' motion.
     ///
-    /// - `still`: vertices that are fixed or rigid; bones' go where these do.
-    fn frame(&self, body: &Body, cells: &Cells, u: &[Triple], still: &[bool]) -> Frame {
+    /// - `still`: vertices that are fixed or rigid; bones' go where these do; `share`: of the way.
+    fn frame(&self, body: &Body, cells: &Cells, u: &[Triple], still: &[bool], share: f64) -> Frame {
         let mut displacement: Vec<[f64; 3]> = (0..self.rest.len())
             .map(|v| {
                 let Some((cell, place)) = body.mesh.locate(cells.place(self.lattice.voxel(v).0)) else {
@@ -335,10 +343,10 @@ impl<'a> Scene<'a> {
         for (u, _) in displacement.iter_mut().zip(still).filter(|(_, still)| **still) {
             *u = [0.0; 3];
         }
-        self.skeleton.place(&self.rest, 1.0, &mut displacement);
+        self.skeleton.place(&self.rest, share, &mut displacement);
         for (handle, &target) in self.handles.iter().zip(&self.targets) {
             if let (Action::Move(by), None) = (handle.action, self.skeleton.holder(target)) {
-                displacement[target] = by.map(|c| c + 0.0);
+                displacement[target] = by.map(|c| c * share + 0.0);
             }
         }
         Frame { time: 0.0, displacement: displacement.into() }
@@ -348,7 +356,8 @@ impl<'a> Scene<'a> {
     fn is_rigid(&self, vertex: usize, tissues: &Tissues<'_>) -> bool {
         let stays = |index| tissues.matter(index, self.lattice.grid().linear(index)) == Matter::Still;
         self.skeleton.holder(vertex).is_some()
-            || (tissues.has_rigid() && vertex_class::round(self.lattice, vertex).any(|(_, index)| stays(index)))
+            || (tissues.has_rigid()
+                && vertex_class::round(self.lattice, vertex).any(|(_, index)| stays(index)))
     }
 
     /// The voxels' motion.
@@ -358,12 +367,13 @@ impl<'a> Scene<'a> {
         cells: &Cells,
         u: &[Triple],
         tissues: &Tissues<'_>,
+        share: f64,
         exec: &Exec,
     ) -> Result<FieldBricks, Error> {
         let grid = self.lattice.grid();
         let bricks = cells.bricks();
         exec.check_memory("the motion of space", 12 * FieldBricks::VOXELS as u64 * bricks.len() as u64)?;
-        let poses = self.skeleton.rig().poses(1.0);
+        let poses = self.skeleton.rig().poses(share);
         let linear = grid.linear_part();
         let vectors = sampled("deform", grid.dims(), &bricks, exec, |voxel, (): &mut ()| {
             let at = VoxelCoord::from(voxel).0;
@@ -401,8 +411,14 @@ impl<'a> Scene<'a> {
     }
 
     /// What bones have done, and what holds them against the tissue.
-    fn bones_moved(&self, holds: &Holds, forces: &[Triple], displacement: &[[f64; 3]]) -> Vec<BoneMotion> {
-        let mut bones = self.skeleton.moved(&self.rest, 1.0, displacement);
+    fn bones_moved(
+        &self,
+        holds: &Holds,
+        forces: &[Triple],
+        displacement: &[[f64; 3]],
+        share: f64,
+    ) -> Vec<BoneMotion> {
+        let mut bones = self.skeleton.moved(&self.rest, share, displacement);
         for (node, hold) in &holds.told {
             if let Hold::Bone(bone) = hold {
                 let sum = &mut bones[*bone].force_mn;
@@ -413,7 +429,7 @@ impl<'a> Scene<'a> {
     }
 
     /// What each handle pulls with, or what it takes to hold its grip (mN).
-    fn handle_forces(&self, holds: &Holds, forces: &[Triple]) -> Vec<[f64; 3]> {
+    fn handle_forces(&self, holds: &Holds, forces: &[Triple], share: f64) -> Vec<[f64; 3]> {
         let mut out = vec![[0.0; 3]; self.handles.len()];
         for (node, hold) in &holds.told {
             if let Hold::Handle(h) = hold {
@@ -422,7 +438,7 @@ impl<'a> Scene<'a> {
         }
         for (h, nodes) in &holds.pulled {
             if let (Action::Force(force), false) = (self.handles[*h].action, nodes.is_empty()) {
-                out[*h] = force;
+                out[*h] = force.map(|c| c * share);
             }
         }
         out

@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 
 use ivd_core::op::by_class;
 use ivd_elastic::{FLESH, Tissue};
+use ivd_field::param::Limit;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -61,6 +62,8 @@ pub struct ElasticParams {
     /// ends at what is rigid.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub grip: Option<f64>,
+    /// What is done where matter can't go the whole way.
+    pub limit: Limit,
     /// Forces that may be left at the end, relative to those that cancel.
     #[schemars(range(min = 1e-12, max = 1.0), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub tolerance: f64,
@@ -76,6 +79,7 @@ impl Default for ElasticParams {
             material: BTreeMap::new(),
             hounsfield: false,
             grip: None,
+            limit: Limit::default(),
             tolerance: 1e-3,
         }
     }

@@ -1,4 +1,5 @@
-use ivd_core::{Classified as _, ErrorClass, Grid, Volume, VoxelIndex, Voxels};
+use ivd_core::{Classified as _, ErrorClass, Grid, VoxelIndex, Voxels};
+use ivd_elastic::Tissue;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 
 use super::*;
@@ -147,6 +148,46 @@ fn a_rigid_class_stays_and_a_bone_goes_as_one_and_soft_matter_follows() {
 }
 
 #[test]
+fn tissues_and_hounsfield_values_say_what_moduli_do() {
+    let scene = part(41, ball(15.0), ball(6.0));
+    let (lattice, labels) = (&scene.0, &scene.1);
+    let push = [handle([20.0, 20.0, 35.0], [0.0, 0.0, -1.5], 30.0)];
+    let with = |own: Material| ElasticParams { material: [(2, own)].into(), ..ElasticParams::default() };
+    let named = |tissue| Material { tissue: Some(tissue), ..Material::default() };
+    let moved = |own: Material| run(&scene, &push, &[], &with(own)).unwrap().motion;
+    let rigid = Material { rigid: true, ..Material::default() };
+    assert_eq!(moved(named(Tissue::Bone)), moved(rigid));
+    let lung = Material { kpa: Some(0.74), poisson: Some(0.3), ..Material::default() };
+    assert_eq!(moved(named(Tissue::Lung)), moved(lung));
+    // What is given goes before what the tissue says: bone of 100 kPa yields.
+    let given = |tissue| Material { tissue, kpa: Some(100.0), poisson: Some(0.3), ..Material::default() };
+    assert_eq!(moved(given(Some(Tissue::Bone))), moved(given(None)));
+
+    // The same core by its values: 700 HU in flesh of 50, nothing beyond the ball.
+    let value = |id: &u16| [-1000.0, 50.0, 700.0][usize::from(*id)];
+    let mut values: Vec<f32> = labels.ids().iter().map(value).collect();
+    // What has no value is flesh.
+    values[labels.grid().linear(VoxelIndex([20, 20, 31]))] = f32::NAN;
+    let volume = Volume::new(labels.grid().clone(), Voxels::from(values)).unwrap();
+    let by_value = ElasticParams { hounsfield: true, ..ElasticParams::default() };
+    let solve_with = |volume, handles: &[Handle], params: &ElasticParams| {
+        let inputs = ElasticInputs { lattice, labels: None, volume };
+        solve(inputs, handles, &[], &[], params, &Exec::default())
+    };
+    assert_eq!(solve_with(Some(&volume), &push, &by_value).unwrap().motion, moved(rigid));
+    let error = solve_with(None, &push, &by_value).unwrap_err().to_string();
+    assert!(error.contains("hounsfield") && error.contains("--volume"), "{error}");
+    // Without the key the volume isn't looked at.
+    let plain = ElasticParams::default();
+    assert_eq!(solve_with(Some(&volume), &push, &plain).unwrap(), solve_with(None, &push, &plain).unwrap());
+    // A part of bone can't be pushed at.
+    let bone: Vec<f32> = labels.ids().iter().map(|id| if *id == 0 { -1000.0 } else { 700.0 }).collect();
+    let bone = Volume::new(labels.grid().clone(), Voxels::from(bone)).unwrap();
+    let error = solve_with(Some(&bone), &push, &by_value).unwrap_err().to_string();
+    assert!(error.contains("lies on what is rigid"), "{error}");
+}
+
+#[test]
 fn matter_that_is_pressed_keeps_its_volume_and_air_gives_way() {
     let scene = part(41, ball(14.0), nowhere);
     let push = [handle([20.0, 20.0, 34.0], [0.0, 0.0, -3.0], 20.0)];
@@ -176,7 +217,23 @@ fn a_push_into_bone_is_refused_with_the_share_that_holds() {
     let error = push(8.0).unwrap_err();
     assert_eq!(error.error_class(), ErrorClass::Untrusted, "{error}");
     assert!(error.to_string().contains("% of the way"), "{error}");
-    push(1.0).unwrap();
+    let whole = push(1.0).unwrap();
+    assert_eq!(whole.share, 1.0);
+
+    // Or it stops there: in balance, with the handle where the share says.
+    let stopping = ElasticParams { limit: Limit::Stop, ..params.clone() };
+    let far = [handle([20.0, 20.0, 32.0], [0.0, 0.0, -8.0], 14.0)];
+    let stopped = run(&scene, &far, &[], &stopping).unwrap();
+    assert!(stopped.share > 0.2 && stopped.share < 1.0 && stopped.residual <= 1e-3, "{stopped:?}");
+    let most = stopped.max_displacement_mm / (8.0 * stopped.share);
+    assert!((1.0..1.2).contains(&most), "{most}");
+    // As far as it goes it goes as one that was to go there.
+    let there = push(8.0 * stopped.share).unwrap();
+    for (own, other) in
+        stopped.motion.frames()[0].displacement.iter().zip(there.motion.frames()[0].displacement.iter())
+    {
+        assert!((Vector3::from(*own) - Vector3::from(*other)).norm() < 0.05, "{own:?} {other:?}");
+    }
 }
 
 #[test]
@@ -220,12 +277,28 @@ fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     let push = [handle([16.0, 16.0, 27.0], [0.0, 1.0, -2.0], 14.0)];
     let on = |threads: usize| {
         let exec = Exec::default().with_threads(threads);
-        solve(ElasticInputs { lattice: &scene.0, labels: None, volume: None }, &push, &[], &[], &ElasticParams::default(), &exec).unwrap()
+        solve(
+            ElasticInputs { lattice: &scene.0, labels: None, volume: None },
+            &push,
+            &[],
+            &[],
+            &ElasticParams::default(),
+            &exec,
+        )
+        .unwrap()
     };
     assert_eq!(on(1), on(3));
     let soft = ElasticParams { material: [(7, Material::default())].into(), ..ElasticParams::default() };
     assert!(run(&scene, &push, &[], &soft).unwrap_err().to_string().contains("class 7"));
-    let error = solve(ElasticInputs { lattice: &scene.0, labels: None, volume: None }, &push, &[], &[], &soft, &Exec::default()).unwrap_err();
+    let error = solve(
+        ElasticInputs { lattice: &scene.0, labels: None, volume: None },
+        &push,
+        &[],
+        &[],
+        &soft,
+        &Exec::default(),
+    )
+    .unwrap_err();
     assert!(error.to_string().contains("--labels"), "{error}");
     // Too small for a cell; on what stays.
     let tiny = [handle([16.0, 16.0, 27.0], [0.0, 0.1, 0.0], 0.5)];
@@ -238,8 +311,15 @@ fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     let three = ElasticParams { cell: Some(3), ..ElasticParams::default() };
     assert!(run(&scene, &push, &[], &three).unwrap_err().to_string().contains("1, 2 or 4"));
     let pin = Pin { at: push[0].at, radius: 0.0 };
-    let error =
-        solve(ElasticInputs { lattice: &scene.0, labels: None, volume: None }, &push, &[pin], &[], &ElasticParams::default(), &Exec::default()).unwrap_err();
+    let error = solve(
+        ElasticInputs { lattice: &scene.0, labels: None, volume: None },
+        &push,
+        &[pin],
+        &[],
+        &ElasticParams::default(),
+        &Exec::default(),
+    )
+    .unwrap_err();
     assert!(error.to_string().contains("is fixed"), "{error}");
     // A force that nothing stands against, however far it reaches.
     let pull = Handle { action: Action::Force([0.0, 0.0, 5.0]), radius: 1e6, ..push[0] };
@@ -249,5 +329,15 @@ fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     assert!(run(&scene, &push, &[], &bad).unwrap_err().to_string().contains("poisson"));
     let cancelled = Exec::default();
     cancelled.cancel.cancel();
-    assert!(solve(ElasticInputs { lattice: &scene.0, labels: None, volume: None }, &push, &[], &[], &ElasticParams::default(), &cancelled).is_err());
+    assert!(
+        solve(
+            ElasticInputs { lattice: &scene.0, labels: None, volume: None },
+            &push,
+            &[],
+            &[],
+            &ElasticParams::default(),
+            &cancelled
+        )
+        .is_err()
+    );
 }

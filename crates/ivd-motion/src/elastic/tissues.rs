@@ -164,6 +164,6 @@ impl Medium for Tissues<'_> {
     fn has_kinds(&self) -> bool {
         self.values.is_some()
             || self.labels.is_some()
-            && (!self.classes.is_empty() || self.bones.iter().any(|bone| bone.class.is_some()))
+                && (!self.classes.is_empty() || self.bones.iter().any(|bone| bone.class.is_some()))
     }
 }

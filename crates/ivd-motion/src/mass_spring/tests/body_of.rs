@@ -1,6 +1,7 @@
 //! Which springs there are, and what they are made of.
 
 use ivd_core::{Labels, VoxelIndex};
+use ivd_elastic::Tissue;
 
 use super::*;
 
@@ -107,6 +108,26 @@ fn a_vertex_takes_the_material_of_the_voxel_inside() {
     let prepared = Prepared::new(&lattice, Some(&labels), &handle, &[], &soft, &Exec::default()).unwrap();
     let modulus = prepared.body.list.iter().find(|s| s.ends == [14, 15]).unwrap().stiffness;
     assert!((modulus - 7e3).abs() < 1e-9);
+    let of = |tissue| {
+        let own = Material { tissue: Some(tissue), ..Material::default() };
+        with_springs(Springs { material: [(2, own)].into(), ..Springs::default() })
+    };
+    let fat =
+        Prepared::new(&lattice, Some(&labels), &handle, &[], &of(Tissue::Fat), &Exec::default()).unwrap();
+    let modulus = fat.body.list.iter().find(|s| s.ends == [14, 15]).unwrap().stiffness;
+    assert!((modulus - 2.3e3).abs() < 1e-9, "{modulus}");
+    // Bone stays, and can't be pushed.
+    let on_bone = |x: usize| moved(9 * 4 + x, [0.0, 0.0, 0.5], 100.0);
+    let bone = of(Tissue::Bone);
+    let solved = solve(&lattice, Some(&labels), &[on_bone(0)], &[], &bone, &Exec::default()).unwrap();
+    let at = |v: usize| solved.motion.frames()[0].displacement[v];
+    for v in 0..lattice.keys().len() {
+        let is_bone = lattice.voxel(v).0.x > 3.0;
+        assert!(!is_bone || (at(v) == [0.0; 3] && solved.motion.role(v) == ivd_core::Role::Held), "{v}");
+    }
+    assert!(at(9 * 4 + 2) != [0.0; 3]);
+    let error = solve(&lattice, Some(&labels), &[on_bone(7)], &[], &bone, &Exec::default()).unwrap_err();
+    assert!(error.to_string().contains("lies on what is rigid"), "{error}");
     let elsewhere =
         Labels::new(Grid::with_spacing([9, 9, 2], [2.0; 3]).unwrap(), vec![0; 162].into(), Vec::new());
     let error = Prepared::new(&lattice, Some(&elsewhere.unwrap()), &handle, &[], &soft, &Exec::default());
