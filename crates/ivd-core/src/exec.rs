@@ -224,6 +224,14 @@ impl Exec {
     }
 }
 
+/// Whether this processor has the wide registers that kernels use (AVX2).
+pub fn has_avx2() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return std::arch::is_x86_feature_detected!("avx2");
+    #[cfg(not(target_arch = "x86_64"))]
+    false
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -60,7 +60,7 @@ pub use bulk::SpillVec;
 pub use class_choice::ClassChoice;
 pub use displacement::{Displacement, FieldBricks, NO_BRICK};
 pub use error::{Classified, Error, ErrorClass, GridError, ParamError};
-pub use exec::{Backend, Cancel, Exec, Iteration, NoObserver, Observer};
+pub use exec::{Backend, Cancel, Exec, Iteration, NoObserver, Observer, has_avx2};
 pub use grid::{Grid, VoxelCoord, VoxelIndex, World};
 pub use image::Image;
 pub use labels::{Class, Labels, NO_DATA};

@@ -49,7 +49,7 @@
 //! # Ok::<(), ivd_core::Error>(())
 //! ```
 
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod cells;
 mod conjugate;

@@ -7,9 +7,12 @@
 //! μ X C + λ tr(Hᵀ X) H + c H Xᵀ H + s F⁻ᵀ F⁻¹ X C
 //! ```
 //!
-//! with `c = μ − λ ln J` and `s = 0`, or with a `c` and `s` by which it bends down nowhere. It is found for the eight Gauss points of a cell at once.
+//! with `c = μ − λ ln J` and `s = 0`, or with a `c` and `s` by which it bends down nowhere. It is found for the eight Gauss points of a cell at once, by
+//! loops that the compiler makes vectors of: compiled twice, they give the same bytes, as every operation is rounded by itself.
+//!
+//! The argument for the `unsafe` block: what needs AVX2 is called only where it was found.
 
-use ivd_core::{Error, Exec};
+use ivd_core::{Error, Exec, has_avx2};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -24,6 +27,7 @@ pub(crate) struct Tangent<'a> {
     cells: Vec<CellTangent>,
     /// `C` of a cell of size 1 (1/mm²).
     metric: [[f64; 3]; 3],
+    avx2: bool,
 }
 
 /// Coefficients at eight places of a cell, times the volume that these stand for.
@@ -111,6 +115,22 @@ impl CellTangent {
     }
 
     /// What the corners are pushed by as they move.
+    fn pushed(&self, by: &Corners, metric: &[[f64; 3]; 3], avx2: bool) -> Corners {
+        #[cfg(target_arch = "x86_64")]
+        if avx2 {
+            // SAFETY: AVX2 was found.
+            #[allow(unsafe_code, reason = "argued in the module's head")]
+            return unsafe { self.times_avx2(by, metric) };
+        }
+        self.times(by, metric)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn times_avx2(&self, by: &Corners, metric: &[[f64; 3]; 3]) -> Corners {
+        self.times(by, metric)
+    }
+
     #[inline(always)]
     fn times(&self, by: &Corners, metric: &[[f64; 3]; 3]) -> Corners {
         let slopes = GAUSS.slopes(by);
@@ -239,7 +259,7 @@ impl<'a> Tangent<'a> {
         let cells = (0..body.mesh.cells.len()).into_par_iter().map(of).collect();
         let metric = body.element.to_place() * body.element.to_place().transpose();
         let metric = std::array::from_fn(|r| std::array::from_fn(|c| metric[(r, c)]));
-        Ok(Self { body, cells, metric })
+        Ok(Self { body, cells, metric, avx2: exec.simd && has_avx2() })
     }
 
     /// Bytes that a cell takes, pressed or bent or not.
@@ -252,7 +272,7 @@ impl<'a> Tangent<'a> {
         let mesh = &self.body.mesh;
         let of = |(cell, own): (usize, &CellTangent)| {
             let by = mesh.gather(cell, by);
-            let mut out = own.times(&by, &self.metric);
+            let mut out = own.pushed(&by, &self.metric, self.avx2);
             for pull in self.body.pulls_of(cell) {
                 let mut moved = Vector3::zeros();
                 for (by, w) in by.iter().zip(pull.weights) {

@@ -94,6 +94,9 @@ fn forces_and_matrix_are_the_differences_of_the_energy_also_where_nodes_hang() {
             let steep = (body.energy(&moved(h)).unwrap().0 - body.energy(&moved(-h)).unwrap().0) / (2.0 * h);
             assert!((slope - steep).abs() <= 1e-7 * slope.abs().max(1.0), "{slope} {steep}");
             let product = Tangent::new(&body, &u, !exact, &Exec::default()).unwrap().times(&way);
+            // The plain loops give the same bytes.
+            let plain = Exec::default().with_simd(false);
+            assert_eq!(product, Tangent::new(&body, &u, !exact, &plain).unwrap().times(&way));
             let (up, down) = (body.gradient(&moved(h)).0, body.gradient(&moved(-h)).0);
             let bend: Vec<Triple> = up
                 .iter()

@@ -5,13 +5,7 @@
 //! The argument for the `unsafe` blocks: a value of a wide type exists only where the processor has AVX2, as whoever makes the first of
 //! them promises; every other is made of one.
 
-/// Whether this processor has the wide registers that lanes use (AVX2).
-pub fn wide() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    return std::arch::is_x86_feature_detected!("avx2");
-    #[cfg(not(target_arch = "x86_64"))]
-    false
-}
+pub use ivd_core::has_avx2 as wide;
 
 /// Four `f64`.
 pub(crate) trait Four: Copy {

@@ -15,7 +15,7 @@
 //! The argument for the `unsafe` blocks: they call functions that are safe but for the processor that they need, and only where that
 //! processor is there.
 
-use ivd_core::BRICK;
+use ivd_core::{BRICK, has_avx2};
 
 use super::band::{Brick, Primal};
 use super::level::CUBE;
@@ -33,14 +33,6 @@ pub(super) struct Steps {
     wide: bool,
 }
 
-/// Whether this processor has AVX2.
-fn wide() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    return std::arch::is_x86_feature_detected!("avx2");
-    #[cfg(not(target_arch = "x86_64"))]
-    false
-}
-
 impl Steps {
     /// Steps that converge, τ σ ‖∇‖² = 1, in the proportion that does so quickly: a share is worth 1, a flow μ.
     /// `native`: whether the processor's widest registers may be used.
@@ -54,7 +46,7 @@ impl Steps {
             slope: slope.map(|g| g as f32),
             tau: (ratio / norm) as f32,
             sigma: (1.0 / (ratio * norm)) as f32,
-            wide: native && wide(),
+            wide: native && has_avx2(),
         }
     }
 }
