@@ -26,13 +26,13 @@ pub(crate) struct Found {
 /// # Errors
 /// Cancelled.
 pub(crate) fn solve(
-    matrix: &Tangent<'_>,
+    tangent: &Tangent<'_>,
     b: &[Triple],
     tolerance: f64,
     limit: u32,
     exec: &Exec,
 ) -> Result<Found, Error> {
-    let diagonal: Vec<Matrix3<f64>> = matrix.diagonal().into_iter().map(inverse).collect();
+    let diagonal: Vec<Matrix3<f64>> = tangent.diagonal().into_iter().map(inverse).collect();
     let precondition = |r: &[Triple]| -> Vec<Triple> {
         let one = |(m, r): (&Matrix3<f64>, &Triple)| (m * Vector3::from(*r)).into();
         diagonal.par_iter().zip(r).with_min_len(ROWS).map(one).collect()
@@ -48,7 +48,7 @@ pub(crate) fn solve(
         if iterations % 32 == 0 {
             exec.check_cancelled()?;
         }
-        let q = matrix.times(&p);
+        let q = tangent.times(&p);
         let curvature = dot(&p, &q);
         if curvature <= 0.0 {
             indefinite = true;

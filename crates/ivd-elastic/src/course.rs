@@ -1,5 +1,7 @@
 //! From rest to what is prescribed, in as many steps as that takes.
 
+use std::collections::VecDeque;
+
 use ivd_core::{Error, Exec};
 
 use crate::conjugate::{self, Triple, add};
@@ -21,6 +23,8 @@ const ITERATIONS: u32 = 300;
 const HALVINGS: u32 = 5;
 /// The shortest part of the way.
 const LEAST: f64 = 1.0 / 64.0;
+/// States gone through that a stop may go back to.
+const KEPT: usize = 8;
 
 /// What nodes are told to do.
 pub struct Course<'a> {
@@ -32,12 +36,15 @@ pub struct Course<'a> {
     pub loads: &'a [Triple],
     /// What is left of the forces at the end, relative to those that cancel.
     pub tolerance: f64,
+    /// Whether it ends in balance as far as it comes, where that isn't the whole way.
+    pub stops: bool,
 }
 
 /// How far a body came.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Arrival {
-    /// The share of the way for which the forces cancel: 1 where nothing stops it.
+    /// The share of the way that was gone: 1 where nothing stops it. Less, the forces cancel there as closely as at the end only if the course
+    /// stops; else it is what was come near to.
     pub share: f64,
     /// Parts that it was gone in.
     pub parts: u32,
@@ -60,6 +67,7 @@ impl Body {
     pub fn go(&mut self, u: &mut Vec<Triple>, course: &Course<'_>, exec: &Exec) -> Result<Arrival, Error> {
         let mut arrival = Arrival::default();
         let mut step = 1.0;
+        let mut passed: VecDeque<(f64, Vec<Triple>)> = VecDeque::new();
         let observer = exec.observer();
         observer.begin("equilibrium", 64);
         let gone = loop {
@@ -96,26 +104,45 @@ impl Body {
             arrival.share = share;
             arrival.balance = Balance { iterations, steps, ..balance };
             *u = next;
+            if course.stops {
+                passed.push_front((share, u.clone()));
+                passed.truncate(KEPT);
+            }
         };
         observer.end("equilibrium");
         gone?;
+        if arrival.share < 1.0 && course.stops {
+            self.stop(u, course, passed, &mut arrival, exec)?;
+        }
         self.load(course, arrival.share);
         Ok(arrival)
     }
 
-    /// Lets a body that came to a share of the way find its balance there as closely as at the end.
-    ///
-    /// # Errors
-    /// Cancelled.
-    pub fn settle(
+    /// Goes back to the last state from which the forces cancel as closely as they are to at the end; to rest where there is none.
+    fn stop(
         &mut self,
         u: &mut Vec<Triple>,
         course: &Course<'_>,
-        share: f64,
+        passed: VecDeque<(f64, Vec<Triple>)>,
+        arrival: &mut Arrival,
         exec: &Exec,
-    ) -> Result<Balance, Error> {
-        self.load(course, share);
-        self.balance(u, course.tolerance, STEPS, exec)
+    ) -> Result<(), Error> {
+        arrival.share = 0.0;
+        for (share, mut state) in passed {
+            self.load(course, share);
+            let found = self.balance(&mut state, course.tolerance, STEPS, exec)?;
+            let Balance { steps, iterations, .. } = arrival.balance;
+            arrival.balance =
+                Balance { steps: steps + found.steps, iterations: iterations + found.iterations, ..found };
+            if found.reached {
+                arrival.share = share;
+                arrival.energies[1] = self.energy(&state).map_or(0.0, |energy| energy.0);
+                *u = state;
+                return Ok(());
+            }
+        }
+        u.fill([0.0; 3]);
+        Ok(())
     }
 
     fn load(&mut self, course: &Course<'_>, share: f64) {

@@ -11,7 +11,7 @@ use crate::tangent::Tangent;
 const DECREASE: f64 = 1e-4;
 /// Halvings of a step before it is given up.
 const HALVINGS: u32 = 30;
-/// Steps by the bounded matrix after one that met a direction in which the energy bends down.
+/// Steps by the bounded derivative after one that met a direction in which the energy bends down.
 const WARY: u32 = 3;
 /// Iterations of the equations of one step.
 const ITERATIONS: u32 = 1000;

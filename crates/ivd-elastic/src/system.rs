@@ -1,4 +1,4 @@
-//! Energy, forces and matrix of a body: its cells, what pulls at it, and what loads it.
+//! Energy and forces of a body: its cells, what pulls at it, and what loads it.
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;

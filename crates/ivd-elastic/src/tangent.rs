@@ -122,6 +122,8 @@ impl CellTangent {
             #[allow(unsafe_code, reason = "argued in the module's head")]
             return unsafe { self.times_avx2(by, metric) };
         }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = avx2;
         self.times(by, metric)
     }
 
@@ -131,6 +133,7 @@ impl CellTangent {
         self.times(by, metric)
     }
 
+    /// What does the work of [`CellTangent::pushed`].
     #[inline(always)]
     fn times(&self, by: &Corners, metric: &[[f64; 3]; 3]) -> Corners {
         let slopes = GAUSS.slopes(by);

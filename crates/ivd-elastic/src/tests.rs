@@ -144,6 +144,49 @@ fn diagonal_blocks_are_what_nodes_are_pushed_by_as_they_move_alone() {
 }
 
 #[test]
+fn the_bounded_derivative_bends_down_nowhere_however_matter_is_strained() {
+    let edges = sheared();
+    let plain = block(([2, 2, 1], 2), &[[0, 0, 0]], &edges, Lame::new(1.0, 0.45), |n| n == [0; 3]);
+    let element = plain.element.clone().guarded(0.3, 0.5);
+    let body = Body::new(plain.mesh, element, plain.matter, vec![]);
+    let places = places(&body, &edges);
+    for case in 0..60 {
+        // Pressed, pulled and sheared, with a turn: stretches from 0.15 to 3.
+        let much = |a: usize| (1.2 * scatter(40 * case + a)).exp() - 0.05;
+        let stretch = Matrix3::from_diagonal(&Vector3::new(much(0), much(1), much(2)));
+        let turn = |a: usize| {
+            let by = |b: usize| 2.0 * scatter(40 * case + 10 * a + b + 3);
+            *Rotation3::new(Vector3::new(by(0), by(1), by(2))).matrix()
+        };
+        let map = turn(0) * stretch * turn(1) - Matrix3::identity();
+        let u: Vec<Triple> = (0..places.len())
+            .map(|i| {
+                let off = map * places[i];
+                std::array::from_fn(|a| off[a] + 0.02 * scatter(3 * i + a + case))
+            })
+            .collect();
+        if body.energy(&u).is_none() {
+            continue;
+        }
+        let tangent = Tangent::new(&body, &u, true, &Exec::default()).unwrap();
+        for seed in 0..40 {
+            let way: Vec<Triple> = (0..u.len())
+                .map(|i| {
+                    let of = |a: usize| if body.mesh.held[i] { 0.0 } else { scatter(97 * seed + 3 * i + a) };
+                    std::array::from_fn(of)
+                })
+                .collect();
+            let pushed = tangent.times(&way);
+            let (mut sum, mut size) = (0.0, 0.0);
+            for (p, w) in pushed.iter().flatten().zip(way.iter().flatten()) {
+                (sum, size) = (sum + p * w, size + (p * w).abs());
+            }
+            assert!(sum > -1e-12 * size, "case {case}: {sum} of {size}");
+        }
+    }
+}
+
+#[test]
 fn the_least_stretch_is_that_of_the_singular_values() {
     for case in 0..100 {
         let g = Matrix3::from_fn(|r, c| 1.5 * scatter(9 * case + 3 * r + c));
@@ -408,7 +451,7 @@ fn an_affine_motion_of_the_border_is_that_of_the_inside_also_where_nodes_hang() 
     let map = turn * Matrix3::new(1.2, 0.1, 0.0, 0.0, 0.9, 0.2, 0.1, 0.0, 1.1) - Matrix3::identity();
     let goals = |share: f64| nodes.iter().map(|n| (map * places[*n as usize] * share).into()).collect();
     let loads = vec![[0.0; 3]; places.len()];
-    let course = Course { nodes: &nodes, goals: &goals, loads: &loads, tolerance: 1e-12 };
+    let course = Course { nodes: &nodes, goals: &goals, loads: &loads, tolerance: 1e-12, stops: false };
     let mut u = loads.clone();
     let arrival = body.go(&mut u, &course, &Exec::default()).unwrap();
     assert!(arrival.share == 1.0 && arrival.balance.reached, "{arrival:?}");
@@ -428,13 +471,24 @@ fn a_way_that_ends_tells_where() {
     let nodes: Vec<u32> = (0..125).filter(|n| body.mesh.nodes[*n as usize][2] == 4).collect();
     let goals = |share: f64| vec![[0.0, 0.0, -12.0 * share]; nodes.len()];
     let loads = vec![[0.0; 3]; 125];
-    let course = Course { nodes: &nodes, goals: &goals, loads: &loads, tolerance: 1e-3 };
+    let course = Course { nodes: &nodes, goals: &goals, loads: &loads, tolerance: 1e-3, stops: false };
     let mut u = loads.clone();
     let arrival = body.go(&mut u, &course, &Exec::default()).unwrap();
     assert!(size[2] == 4 && (0.2..0.334).contains(&arrival.share), "{arrival:?}");
     assert!(body.energy(&u).is_some(), "nothing is turned inside out");
     let top = u[nodes[12] as usize][2];
     assert!((top + 12.0 * arrival.share).abs() < 1e-12, "the plate is where the share says: {top}");
+
+    // Where it may stop it does so in balance, as near as it came.
+    let course = Course { stops: true, ..course };
+    u.fill([0.0; 3]);
+    let stopped = body.go(&mut u, &course, &Exec::default()).unwrap();
+    assert!(stopped.balance.reached && stopped.share > arrival.share - 0.05, "{stopped:?} {arrival:?}");
+    assert!((stopped.energies[1] - body.energy(&u).unwrap().0).abs() <= 1e-12 * stopped.energies[1]);
+    // What nothing can reach ends at rest.
+    let course = Course { tolerance: 1e-30, ..course };
+    let stopped = body.go(&mut u, &course, &Exec::default()).unwrap();
+    assert!(stopped.share == 0.0 && u.iter().all(|u| *u == [0.0; 3]), "{stopped:?}");
 }
 
 #[test]
@@ -445,14 +499,14 @@ fn a_force_moves_matter_as_far_as_moving_it_takes_that_force() {
     let mut loads = vec![[0.0; 3]; body.mesh.nodes.len()];
     loads[at] = [0.4, -0.1, 1.5];
     let nothing = |_: f64| Vec::new();
-    let course = Course { nodes: &[], goals: &nothing, loads: &loads, tolerance: 1e-11 };
+    let course = Course { nodes: &[], goals: &nothing, loads: &loads, tolerance: 1e-11, stops: false };
     let mut pulled = vec![[0.0; 3]; loads.len()];
     assert_eq!(body.go(&mut pulled, &course, &Exec::default()).unwrap().share, 1.0);
     body.mesh.held[at] = true;
     let nodes = [at as u32];
     let goals = |share: f64| vec![pulled[at].map(|c| c * share)];
     let none = vec![[0.0; 3]; loads.len()];
-    let course = Course { nodes: &nodes, goals: &goals, loads: &none, tolerance: 1e-11 };
+    let course = Course { nodes: &nodes, goals: &goals, loads: &none, tolerance: 1e-11, stops: false };
     let mut moved = none.clone();
     assert_eq!(body.go(&mut moved, &course, &Exec::default()).unwrap().share, 1.0);
     assert!(relative(&moved, &pulled) < 1e-8, "{}", relative(&moved, &pulled));

@@ -1,12 +1,14 @@
+//! What tissues resist with, by name and by Hounsfield value.
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Young's modulus (kPa) of flesh of which nothing is known.
-pub const FLESH: f64 = 10.0;
+/// Young's modulus (kPa) of flesh of which nothing is known: between those of muscle and liver.
+pub const FLESH: f64 = 4.0;
 
-/// A tissue by name, for whoever has no moduli at hand: what it resists slow, small strains with, as measured.
+/// A tissue by name, for anyone who has no moduli at hand: Young's moduli that were measured at small strains.
 ///
-/// Measurements differ by several times with the person, the strain and the method; what counts for a shape is how stiff tissues are to one another.
+/// Measurements differ by several times with the person, the strain and the method; a shape depends only on how stiff tissues are relative to one another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Tissue {

@@ -60,7 +60,7 @@ const STIFFEST: f64 = 1000.0;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Elastic {
-    /// What it is: gives what of the others isn't given, relative to flesh of 10 kPa.
+    /// What it is: gives what of the others isn't given, relative to flesh of 4 kPa; bone is a thousand times as stiff.
     pub tissue: Option<Tissue>,
     /// Young's modulus relative to that of matter without a class of its own inside the lattice.
     #[schemars(range(min = 0.001, max = 1000.0), extend("x-unit" = "1"))]

@@ -44,7 +44,7 @@ fn last(motion: &Motion) -> usize {
 }
 
 /// Raised for all methods together: what they share is most of them.
-const REVISION: u32 = 8;
+const REVISION: u32 = 9;
 
 impl Op for OctreeParams {
     const REVISION: u32 = REVISION;

@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::op::{Amount, Failure, Method, Op, Place, Remark, Stage, Want, method};
 use ivd_core::{Exec, Labels, Lattice, Motion, ParamError, slots};
 
 use super::{
@@ -127,6 +127,11 @@ impl Body {
 
 impl Op for ElasticMethod {
     const REVISION: u32 = REVISION;
+    const REMARK: Option<Remark<Figures>> = Some(|figures| {
+        let share = figures.elastic.as_ref().map_or(1.0, |elastic| elastic.share);
+        (share < 1.0)
+            .then(|| format!("it stopped after {:.0} % of the way, where matter can't go on", 100.0 * share))
+    });
     type Inputs<'a> = ElasticInputs<'a>;
     type Output = Motion;
     type Figures = Figures;

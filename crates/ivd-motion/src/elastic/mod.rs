@@ -22,7 +22,7 @@ use ivd_core::{
     Ball, Exec, FieldBricks, Frame, Labels, Lattice, Motion, ParamError, Role, Volume, VoxelCoord,
     op::check_fields, slots, vertex_class,
 };
-use ivd_elastic::{Balance, Body, Cells, Course, Hexahedron, Lame, Triple};
+use ivd_elastic::{Body, Cells, Course, Hexahedron, Lame, Triple};
 use ivd_field::param::{Limit, is_cell};
 use ivd_field::sampler::interpolate;
 use ivd_field::vectors::sampled;
@@ -99,7 +99,7 @@ slots! {
 /// # Errors
 /// [`Error::Param`]: a parameter, handle or vertex number outside its domain. [`Error::Mismatch`]: a pick with no vertex near, contradicting
 /// handles, a class that isn't there, materials without labels, a lattice that isn't closed. [`Error::Untrusted`]: no balance is found;
-/// it tells the share of the way for which there is one; none at all, where it may stop. The memory limit, cancelled.
+/// it tells the share of the way for which there is one. The memory limit, cancelled.
 pub fn solve(
     inputs: ElasticInputs<'_>,
     handles: &[Handle],
@@ -112,10 +112,18 @@ pub fn solve(
     check_pull(handles, fixed)?;
     let labels = known(inputs.lattice, inputs.labels, bones, params)?;
     let volume = inputs.volume.filter(|_| params.hounsfield);
-    if params.hounsfield && volume.is_none_or(|volume| volume.grid() != inputs.lattice.grid()) {
+    let off_grid = volume.filter(|volume| volume.grid() != inputs.lattice.grid());
+    if params.hounsfield && (volume.is_none() || off_grid.is_some()) {
+        let lies = |volume: &Volume| {
+            let dims = [volume.grid().dims(), inputs.lattice.grid().dims()];
+            format!(
+                "the volume's grid of {:?} voxels isn't the lattice's of {:?}, or lies elsewhere",
+                dims[0], dims[1]
+            )
+        };
         return Err(Error::Mismatch {
             what: "hounsfield",
-            problem: "there is no volume on the lattice's grid to read values from".into(),
+            problem: off_grid.map_or_else(|| "there is no volume to read values from".into(), lies),
             remedy: "give the volume that the lattice was cut from (--volume)",
         });
     }
@@ -275,7 +283,8 @@ impl<'a> Scene<'a> {
         };
         let loads = holds.loads(self.handles, body.mesh.nodes.len());
         let mut u = vec![[0.0; 3]; body.mesh.nodes.len()];
-        let course = Course { nodes: &nodes, goals: &goals, loads: &loads, tolerance: self.params.tolerance };
+        let (tolerance, stops) = (self.params.tolerance, self.params.limit == Limit::Stop);
+        let course = Course { nodes: &nodes, goals: &goals, loads: &loads, tolerance, stops };
         if nodes.is_empty() && !body.mesh.held.contains(&true) {
             return Err(Error::Mismatch {
                 what: "handle",
@@ -283,20 +292,20 @@ impl<'a> Scene<'a> {
                 remedy: "fix something, or give the handle a smaller radius",
             });
         }
-        let mut arrival = body.go(&mut u, &course, exec)?;
+        let arrival = body.go(&mut u, &course, exec)?;
         let share = arrival.share;
-        if share < 1.0 && share > 0.0 && self.params.limit == Limit::Stop {
-            let (way, end) = (arrival.balance, body.settle(&mut u, &course, share, exec)?);
-            let (steps, iterations) = (way.steps + end.steps, way.iterations + end.iterations);
-            arrival.balance = Balance { steps, iterations, ..end };
-        } else if share < 1.0 {
+        if share < 1.0 && !(stops && share > 0.0) {
             return Err(Error::Untrusted {
                 what: "the deformed body",
                 problem: format!(
                     "no balance of forces is found beyond {:.0} % of the way: matter can't be pressed, pulled or turned any further",
                     100.0 * share
                 ),
-                remedy: "move the handle less, give it a larger radius, lower poisson and the contrast of classes, or take what holds (limit = stop)",
+                remedy: if stops {
+                    "give it a larger radius, lower poisson and the contrast of classes, or raise tolerance"
+                } else {
+                    "move the handle less, give it a larger radius, lower poisson and the contrast of classes, or go as far as can be gone (limit = stop)"
+                },
             });
         }
         let still: Vec<bool> =

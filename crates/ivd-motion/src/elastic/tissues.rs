@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use ivd_core::{Grid, Labels, Mask, Volume, VoxelIndex};
-use ivd_elastic::{Lame, Medium, Tissue};
+use ivd_elastic::{FLESH, Lame, Medium, Tissue};
 use nalgebra::Vector3;
 
 use super::ElasticParams;
@@ -13,9 +13,12 @@ use crate::rigid::BoneSpec;
 /// Poisson's ratio of what fills the outside: air is pressed evenly, lest a few cells of it fold while the rest hardly yields.
 const AIR: f64 = 0.4;
 
-/// Kinds of matter by value; classes that are told have other numbers, or almost always.
+/// Mean value (HU) of a voxel and its six neighbours from which one of bone's value is bone, and no speck of noise.
+const SOLID: f64 = 150.0;
+/// Kinds of matter by value: numbers that classes hardly have. Where one has, cells on its border with such matter are coarser.
 const BONE: u16 = u16::MAX;
-const GAS: u16 = u16::MAX - 1;
+const LUNG: u16 = u16::MAX - 1;
+const GAS: u16 = u16::MAX - 2;
 
 /// What a voxel does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,6 +43,8 @@ pub(super) struct Tissues<'a> {
     bones: &'a [BoneSpec],
     own: Lame,
     filler: Lame,
+    /// Young's modulus of flesh over what tissues' are relative to, where they are known by value.
+    flesh: f64,
     grips: Vec<Grip>,
 }
 
@@ -63,7 +68,18 @@ impl<'a> Tissues<'a> {
         });
         let rigid = params.material.iter().filter(|(_, own)| own.is_rigid()).map(|(class, _)| *class);
         let (classes, rigid) = (classes.collect(), rigid.collect());
-        Self { inside, labels, values, classes, rigid, bones, own, filler, grips: Vec::new() }
+        Self {
+            inside,
+            labels,
+            values,
+            classes,
+            rigid,
+            bones,
+            own,
+            filler,
+            flesh: params.kpa / FLESH,
+            grips: Vec::new(),
+        }
     }
 
     /// With what the handles have hold of.
@@ -102,15 +118,14 @@ impl<'a> Tissues<'a> {
         let holds = |bone: &BoneSpec| {
             let of_class = match bone.class {
                 Some(own) => class == Some(own),
-                None => self.is_inside(number),
+                None => self.is_inside(number) || self.is_bone_by_value(voxel, number),
             };
             of_class && bone.region.is_none_or(|region| region.holds(point, origin))
         };
         if let Some(bone) = self.bones.iter().position(holds) {
             return Matter::Bone(bone);
         }
-        let by_value = || self.by_value(voxel, number).flatten() == Some(Tissue::Bone);
-        if class.is_some_and(|class| self.rigid.contains(&class)) || by_value() {
+        if class.is_some_and(|class| self.rigid.contains(&class)) || self.is_bone_by_value(voxel, number) {
             Matter::Still
         } else {
             Matter::Soft
@@ -121,7 +136,29 @@ impl<'a> Tissues<'a> {
     fn by_value(&self, voxel: VoxelIndex, number: usize) -> Option<Option<Tissue>> {
         let values = self.values?;
         let own = self.labels.is_some_and(|labels| self.classes.contains_key(&labels.ids()[number]));
-        (!own).then(|| Tissue::of_hounsfield(values.value(voxel)))
+        (!own).then(|| match Tissue::of_hounsfield(values.value(voxel)) {
+            Some(Tissue::Bone) if !self.is_solid(values, voxel) => None,
+            tissue => tissue,
+        })
+    }
+
+    fn is_bone_by_value(&self, voxel: VoxelIndex, number: usize) -> bool {
+        self.by_value(voxel, number).flatten() == Some(Tissue::Bone)
+    }
+
+    /// Whether a voxel of bone's value has enough of it beside it.
+    fn is_solid(&self, values: &Volume, voxel: VoxelIndex) -> bool {
+        let at = voxel.0.map(|c| c as i64);
+        let (mut sum, mut many) = (values.value(voxel), 1.0);
+        for side in 0..6_usize {
+            let mut next = at;
+            next[side / 2] += if side % 2 == 0 { -1 } else { 1 };
+            let value = self.grid().voxel_at(next).map(|next| values.value(next));
+            if let Some(value) = value.filter(|value| value.is_finite()) {
+                (sum, many) = (sum + value, many + 1.0);
+            }
+        }
+        sum >= SOLID * many
     }
 
     /// What the handles have hold of.
@@ -139,7 +176,7 @@ impl Medium for Tissues<'_> {
             Some(None | Some(Tissue::Bone)) => [self.own; 2],
             Some(Some(Tissue::Air)) => [self.filler; 2],
             Some(Some(tissue)) => {
-                [tissue.moduli().map_or(self.own, |(kpa, poisson)| Lame::new(kpa, poisson)); 2]
+                [tissue.moduli().map_or(self.own, |(kpa, poisson)| Lame::new(kpa * self.flesh, poisson)); 2]
             }
         });
         if !self.is_inside(number) {
@@ -151,14 +188,15 @@ impl Medium for Tissues<'_> {
 
     fn kind(&self, voxel: VoxelIndex) -> Option<u16> {
         let number = self.grid().linear(voxel);
-        match self.by_value(voxel, number) {
-            Some(Some(Tissue::Bone)) => return Some(BONE),
-            Some(Some(Tissue::Air | Tissue::Lung)) => return Some(GAS),
-            _ => {}
-        }
-        let id = self.labels?.ids()[number];
-        let known = self.classes.contains_key(&id) || self.bones.iter().any(|bone| bone.class == Some(id));
-        known.then_some(id)
+        let told = self.labels.map(|labels| labels.ids()[number]).filter(|id| {
+            self.classes.contains_key(id) || self.bones.iter().any(|bone| bone.class == Some(*id))
+        });
+        told.or_else(|| match self.by_value(voxel, number)?? {
+            Tissue::Bone => Some(BONE),
+            Tissue::Lung => Some(LUNG),
+            Tissue::Air => Some(GAS),
+            _ => None,
+        })
     }
 
     fn has_kinds(&self) -> bool {

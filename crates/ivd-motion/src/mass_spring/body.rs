@@ -9,6 +9,7 @@ use super::links::{Kind, Link, links};
 use super::params::{Material, Params};
 use super::spring::{LIMITED, Law, Spring, Vectors};
 use crate::Error;
+use crate::rigid::Skeleton;
 
 /// Stiffness of 1 N/m (g/s²).
 const NEWTON_PER_METRE: f64 = 1e3;
@@ -272,17 +273,19 @@ fn shares(lattice: &Lattice, rest: &[Vector3<f64>], close: &[bool]) -> (Vec<f64>
     (area, outward)
 }
 
-/// The vertices beside classes that stay.
+/// The vertices beside classes that stay, but for those that a bone of the scene holds.
 pub(super) fn rigid_vertices(
     lattice: &Lattice,
     labels: Option<&Labels>,
     params: &Params,
+    skeleton: &Skeleton,
 ) -> Result<Vec<usize>, Error> {
     let rigid = params.springs.material.iter().filter(|(_, own)| own.is_rigid());
     let rigid: Vec<u16> = rigid.map(|(class, _)| *class).collect();
     let Some(labels) = labels.filter(|_| !rigid.is_empty()) else { return Ok(Vec::new()) };
     vertex_class::check(lattice, labels)?;
-    let stays = |v: &usize| rigid.iter().any(|class| vertex_class::beside(lattice, labels, *v, *class));
+    let beside = |v: usize| rigid.iter().any(|class| vertex_class::beside(lattice, labels, v, *class));
+    let stays = |v: &usize| skeleton.holder(*v).is_none() && beside(*v);
     Ok((0..lattice.keys().len()).filter(stays).collect())
 }
 

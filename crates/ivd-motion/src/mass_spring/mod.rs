@@ -152,6 +152,8 @@ pub struct Prepared<L> {
     /// Rest positions (mm), relative to the grid's origin.
     rest: Vec<Vector3<f64>>,
     fixed: Vec<bool>,
+    /// Vertices beside a class that is rigid, ascending; fixed ones.
+    rigid: Vec<usize>,
     skeleton: Skeleton,
     body: Body,
     /// Of the vertices in reach that no spring reaches.
@@ -198,11 +200,9 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
             let mut skeleton = Skeleton::at_rest(&lattice, labels, &rest, bones)?;
             skeleton.drive(&rest, &aimed(handles, &targets))?;
             skeleton.check_free(&fixed)?;
-            for v in body::rigid_vertices(&lattice, labels, params)? {
-                if skeleton.holder(v).is_none() {
-                    targets.iter().position(|&t| t == v).map_or(Ok(()), |h| Err(lies_on_rigid(h)))?;
-                    fixed[v] = true;
-                }
+            let rigid = body::rigid_vertices(&lattice, labels, params, &skeleton)?;
+            for &v in &rigid {
+                fixed[v] = true;
             }
             let balls: Vec<(Vector3<f64>, f64)> = targets
                 .iter()
@@ -236,7 +236,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
             let carried: Vec<u32> =
                 (0..rest.len() as u32).filter(|&v| near[v as usize] && !solved[v as usize]).collect();
             let companions = Companions::new(&rest, &carried, &body.vertices[..body.loose]);
-            Ok(Self { lattice, rest, fixed, skeleton, body, companions, params: params.clone(), kept })
+            Ok(Self { lattice, rest, fixed, rigid, skeleton, body, companions, params: params.clone(), kept })
         })
     }
 
@@ -250,6 +250,9 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
         exec.run(|| {
             let boneless = self.skeleton.bones().is_empty();
             let targets = find_targets(&self.lattice, &self.rest, handles, boneless)?;
+            if let Some(handle) = targets.iter().position(|t| self.rigid.binary_search(t).is_ok()) {
+                return Err(lies_on_rigid(handle));
+            }
             self.skeleton.drive(&self.rest, &aimed(handles, &targets))?;
             let drives =
                 Drives::new(&self.body, handles, &targets, &self.fixed, &self.skeleton, &self.params)?;

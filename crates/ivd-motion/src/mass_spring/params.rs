@@ -34,7 +34,7 @@ pub enum LoadRamp {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Material {
-    /// What it is: gives its Young's modulus where neither that nor a stiffness is given. Bone's vertices stay where they are, unless
+    /// What it is: gives its Young's modulus where neither that nor a stiffness is given. Vertices beside bone stay where they are, unless
     /// a bone of the scene moves them.
     pub tissue: Option<Tissue>,
     /// Stiffness of a structural spring.
