@@ -10,14 +10,14 @@ use crate::system::Body;
 use crate::tangent::Tangent;
 
 /// What is left of the forces on the way, relative to those that cancel.
-const LOOSE: f64 = 1e-2;
+const LOOSE: f64 = 0.3;
 /// Newton's steps for a part of the way, and in the end.
 const FEW: u32 = 6;
 const STEPS: u32 = 60;
 /// What may be left on the way where these steps don't suffice.
-const ASTRAY: f64 = 0.3;
+const ASTRAY: f64 = 0.5;
 /// Tolerance and iterations of the equations of a start.
-const START: f64 = 1e-2;
+const START: f64 = 0.03;
 const ITERATIONS: u32 = 300;
 /// Times that a start is halved.
 const HALVINGS: u32 = 5;
@@ -54,6 +54,13 @@ pub struct Arrival {
     pub balance: Balance,
 }
 
+/// Where a part of the way starts from.
+struct Start {
+    /// The nodes' motion (mm), and the share at which that is; `None` where every step along the tangent folds.
+    found: Option<(Vec<Triple>, f64)>,
+    iterations: u32,
+}
+
 impl Body {
     /// Takes the nodes where they are told to go, and finds for all others where the forces cancel.
     ///
@@ -75,10 +82,12 @@ impl Body {
                 break Ok(());
             }
             let to = (arrival.share + step).min(1.0);
-            let Some((mut next, share)) = (match self.start(u, course, arrival.share, to, exec) {
+            let start = match self.start(u, course, arrival.share, to, exec) {
                 Ok(start) => start,
                 Err(error) => break Err(error),
-            }) else {
+            };
+            arrival.balance.iterations += start.iterations;
+            let Some((mut next, share)) = start.found else {
                 step /= 2.0;
                 continue;
             };
@@ -88,11 +97,11 @@ impl Body {
                 Ok(balance) => balance,
                 Err(error) => break Err(error),
             };
-            let before = arrival.balance;
-            let (steps, iterations) = (before.steps + balance.steps, before.iterations + balance.iterations);
+            let so_far = arrival.balance;
+            let (steps, iterations) = (so_far.steps + balance.steps, so_far.iterations + balance.iterations);
             // On the way it is enough to be near; what is left is made up for by the next part.
             if !balance.reached && (share >= 1.0 || balance.residual > ASTRAY) {
-                arrival.balance = Balance { iterations, steps, ..before };
+                arrival.balance = Balance { iterations, steps, ..so_far };
                 step = (share - arrival.share) / 2.0;
                 continue;
             }
@@ -150,7 +159,7 @@ impl Body {
         self.loads.extend(course.loads.iter().map(|force| force.map(|c| c * share)));
     }
 
-    /// Where a part of the way starts from, and the share at which that is; `None` where every step along the tangent folds.
+    /// Where a part of the way starts from.
     fn start(
         &mut self,
         u: &[Triple],
@@ -158,14 +167,14 @@ impl Body {
         from: f64,
         to: f64,
         exec: &Exec,
-    ) -> Result<Option<(Vec<Triple>, f64)>, Error> {
+    ) -> Result<Start, Error> {
         self.load(course, to);
         let mut told = vec![[0.0; 3]; u.len()];
         for (&node, goal) in course.nodes.iter().zip((course.goals)(to)) {
             let now = u[node as usize];
             told[node as usize] = std::array::from_fn(|a| goal[a] - now[a]);
         }
-        let mut left = self.gradient(u).0;
+        let mut left = self.forces(u).left;
         add(&mut left, &Tangent::new(self, u, false, exec)?.times(&told), 1.0);
         for force in &mut left {
             *force = force.map(|c| -c);
@@ -180,10 +189,10 @@ impl Body {
                 next[node as usize] = goal;
             }
             if self.energy(&next).is_some() {
-                return Ok(Some((next, share)));
+                return Ok(Start { found: Some((next, share)), iterations: follow.iterations });
             }
             part /= 2.0;
         }
-        Ok(None)
+        Ok(Start { found: None, iterations: follow.iterations })
     }
 }

@@ -20,15 +20,18 @@
 
 use nalgebra::Matrix3;
 
-use crate::slopes::{CORNERS, GAUSS, Places, Slopes};
+use crate::slopes::{CORNERS, GAUSS, Places, Slopes, ZERO};
 
-/// Lamé's constants (Pa, or in units of a modulus).
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Lamé's constants (Pa, or in units of a modulus), and what a filling resists with.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Lame {
     /// Shear modulus.
     pub mu: f64,
     /// λ.
     pub lambda: f64,
+    /// `φ/2 |G|²` more: of what only carries motion on, such as air. It never buckles, as matter of next to no stiffness does at
+    /// the slightest pressure, and is pressed evenly.
+    pub filling: f64,
 }
 
 impl Lame {
@@ -37,17 +40,30 @@ impl Lame {
         Self {
             mu: young / (2.0 * (1.0 + poisson)),
             lambda: young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
+            filling: 0.0,
         }
+    }
+
+    /// What isn't matter, but fills the space beside it: `φ`.
+    pub fn filling(filling: f64) -> Self {
+        Self { filling, ..Self::default() }
+    }
+
+    /// Times a factor.
+    #[must_use]
+    pub fn times(self, factor: f64) -> Self {
+        Self { mu: self.mu * factor, lambda: self.lambda * factor, filling: self.filling * factor }
     }
 
     /// The mean of what parts of a whole are made of; 0 of none.
     pub fn mean(parts: impl ExactSizeIterator<Item = Self>) -> Self {
         let many = parts.len().max(1) as f64;
-        let sum = parts.fold(Self { mu: 0.0, lambda: 0.0 }, |sum, part| Self {
+        let sum = parts.fold(Self::default(), |sum, part| Self {
             mu: sum.mu + part.mu,
             lambda: sum.lambda + part.lambda,
+            filling: sum.filling + part.filling,
         });
-        Self { mu: sum.mu / many, lambda: sum.lambda / many }
+        Self { mu: sum.mu / many, lambda: sum.lambda / many, filling: sum.filling / many }
     }
 
     /// What matter that is pressed to the utmost resists with.
@@ -61,8 +77,9 @@ impl Lame {
         let growth = g.trace() + bent + cubic;
         (growth > -1.0).then(|| {
             let (log, lost) = (growth.ln_1p(), without_log(growth) - bent - cubic);
-            let (shear, bulk) = (0.5 * self.mu * g.norm_squared(), 0.5 * self.lambda * log * log);
-            (shear + self.mu * lost + bulk, 4.0 * shear + bulk.abs())
+            let (square, bulk) = (0.5 * g.norm_squared(), 0.5 * self.lambda * log * log);
+            let (shear, filling) = (self.mu * square, self.filling * square);
+            (shear + self.mu * lost + bulk + filling, 4.0 * shear + bulk.abs() + filling)
         })
     }
 }
@@ -186,16 +203,17 @@ impl Hexahedron {
     pub(crate) fn forces(&self, matter: &Matter, size: f64, u: &Corners) -> Corners {
         // P of every place, by the derivatives along the edges.
         let (to_slope, weight) = (self.to_place.transpose(), self.volume(size) / size);
-        let mut stresses = [[[0.0; 8]; 3]; 3];
+        let mut stresses = ZERO;
         for (l, (lame, g)) in matter.iter().zip(self.gradients(GAUSS, size, u)).enumerate() {
             let (inverse, log) = inverse_transposed(&g);
-            let stress = (g + inverse * g.transpose()) * lame.mu + inverse * (lame.lambda * log);
+            let stress =
+                (g + inverse * g.transpose()) * lame.mu + inverse * (lame.lambda * log) + g * lame.filling;
             set(&mut stresses, l, &(stress * to_slope * weight));
         }
         let mut out = GAUSS.gather(&stresses);
         let pressed = self.pressed(matter, size, u).unwrap_or_default();
         if !pressed.is_empty() {
-            let mut stresses = [[[0.0; 8]; 3]; 3];
+            let mut stresses = ZERO;
             for at in pressed {
                 set(&mut stresses, at.corner, &(at.inverse * to_slope * (at.resists * at.log * weight)));
             }

@@ -82,14 +82,23 @@ impl Mesh {
 
     /// The values at a cell's corners.
     pub fn gather(&self, cell: usize, values: &[[f64; 3]]) -> [[f64; 3]; 8] {
-        std::array::from_fn(|corner| {
-            let mut sum = [0.0; 3];
+        let starts = &self.starts[8 * cell..=8 * cell + 8];
+        let mut out = [[0.0; 3]; 8];
+        let terms = &self.terms[starts[0] as usize..starts[8] as usize];
+        if let Ok(own) = <&[(u32, f64); 8]>::try_from(terms) {
+            // Where nothing hangs every corner is a node.
+            for (out, (node, _)) in out.iter_mut().zip(own) {
+                *out = values[*node as usize];
+            }
+            return out;
+        }
+        for (corner, out) in out.iter_mut().enumerate() {
             for (node, weight) in self.corner(cell, corner) {
                 let v = &values[*node as usize];
-                sum = [sum[0] + weight * v[0], sum[1] + weight * v[1], sum[2] + weight * v[2]];
+                *out = [out[0] + weight * v[0], out[1] + weight * v[1], out[2] + weight * v[2]];
             }
-            sum
-        })
+        }
+        out
     }
 
     /// The cell that takes part at a place (finest cells), and the place in it, 0…1.

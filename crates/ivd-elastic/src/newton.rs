@@ -1,10 +1,9 @@
 //! Newton's method on the energy, with a line search that keeps J > 0.
 
 use ivd_core::{Error, Exec};
-use nalgebra::Vector3;
 
 use crate::conjugate::{self, Triple, add, dot};
-use crate::system::Body;
+use crate::system::{Body, Forces};
 use crate::tangent::Tangent;
 
 /// Part of the promised decrease that a step has to make (Armijo).
@@ -13,6 +12,8 @@ const DECREASE: f64 = 1e-4;
 const HALVINGS: u32 = 30;
 /// Steps by the bounded derivative after one that met a direction in which the energy bends down.
 const WARY: u32 = 3;
+/// What is left of the forces where the second derivative itself is tried: farther off it mostly bends down somewhere.
+const NEAR: f64 = 0.1;
 /// Iterations of the equations of one step.
 const ITERATIONS: u32 = 1000;
 
@@ -45,24 +46,22 @@ impl Body {
     ) -> Result<Balance, Error> {
         let mut balance = Balance::default();
         let Some(mut now) = self.energy(u) else { return Ok(balance) };
-        let (mut before, mut wary) = (f64::INFINITY, 0);
+        let (mut before, mut wary) = (0.0, 0);
         loop {
-            let (gradient, sizes) = self.gradient(u);
-            let left = self.as_lengths(gradient.iter().map(|g| Vector3::from(*g).norm()));
-            let cancelled = self.as_lengths(sizes.iter().copied());
-            balance.residual = if cancelled > 0.0 { left / cancelled } else { 0.0 };
+            let Forces { left: gradient, left_mm, cancelled_mm } = self.forces(u);
+            balance.residual = if cancelled_mm > 0.0 { left_mm / cancelled_mm } else { 0.0 };
             balance.reached = balance.residual <= tolerance;
             if balance.reached || balance.steps == limit {
                 return Ok(balance);
             }
             let downhill: Vec<Triple> = gradient.iter().map(|g| g.map(|c| -c)).collect();
             // Loose while far away, so that the last steps still gain digits as Newton's do (Eisenstat & Walker 1996).
-            let forcing = (left / before).powi(2).clamp(1e-4, 0.1).max(0.5 * tolerance / balance.residual);
+            let forcing = (left_mm / before).powi(2).clamp(1e-4, 0.1).max(0.5 * tolerance / balance.residual);
             let solve = |bounded: bool| {
                 let tangent = Tangent::new(self, u, bounded, exec)?;
                 conjugate::solve(&tangent, &downhill, forcing.min(0.1), ITERATIONS, exec)
             };
-            let exact = wary == 0;
+            let exact = !self.element.is_guarded() || (wary == 0 && balance.residual < NEAR);
             let mut found = solve(!exact)?;
             balance.iterations += found.iterations;
             wary = u32::saturating_sub(wary, 1);
@@ -73,7 +72,7 @@ impl Body {
                 wary = WARY;
             }
             balance.steps += 1;
-            before = left;
+            before = left_mm;
             let slope = dot(&gradient, &found.values);
             let Some((next, energy)) = self.search(u, &found.values, slope, now) else { return Ok(balance) };
             (*u, now) = (next, energy);

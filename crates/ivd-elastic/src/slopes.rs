@@ -1,4 +1,6 @@
 //! Derivatives of trilinear functions at eight places of a cell at once: its Gauss points, or its corners.
+//!
+//! Plain loops, without closures: only these become as wide as the code that they are inlined in.
 
 use crate::material::Corners;
 
@@ -6,6 +8,8 @@ use crate::material::Corners;
 pub(crate) type Lanes = [f64; 8];
 /// `[component][edge]`: derivatives of a motion along the edges of a cell of size 1.
 pub(crate) type Slopes = [[Lanes; 3]; 3];
+
+pub(crate) const ZERO: Slopes = [[[0.0; 8]; 3]; 3];
 
 /// Where the eight places are, as the weights of the nearer and the farther corner along each edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,10 +27,15 @@ impl Places {
     /// The derivatives of what has these values at the corners.
     #[inline(always)]
     pub(crate) fn slopes(self, values: &Corners) -> Slopes {
-        std::array::from_fn(|a| {
-            let v: Lanes = std::array::from_fn(|corner| values[corner][a]);
-            [self.along::<1, 2, 4>(&v), self.along::<2, 4, 1>(&v), self.along::<4, 1, 2>(&v)]
-        })
+        let mut out = ZERO;
+        for (a, out) in out.iter_mut().enumerate() {
+            let mut v = [0.0; 8];
+            for (v, value) in v.iter_mut().zip(values) {
+                *v = value[a];
+            }
+            *out = [self.along::<1, 2, 4>(&v), self.along::<2, 4, 1>(&v), self.along::<4, 1, 2>(&v)];
+        }
+        out
     }
 
     /// What the corners get of something at the places, as `slopes` turned over does it.
@@ -92,11 +101,15 @@ impl Places {
 /// `x m`: derivatives along other directions.
 #[inline(always)]
 pub(crate) fn turned(x: &Slopes, m: &[[f64; 3]; 3]) -> Slopes {
-    std::array::from_fn(|a| {
-        std::array::from_fn(|b| {
-            std::array::from_fn(|l| x[a][0][l] * m[0][b] + x[a][1][l] * m[1][b] + x[a][2][l] * m[2][b])
-        })
-    })
+    let mut out = ZERO;
+    for (x, out) in x.iter().zip(&mut out) {
+        for (b, out) in out.iter_mut().enumerate() {
+            for l in 0..8 {
+                out[l] = x[0][l] * m[0][b] + x[1][l] * m[1][b] + x[2][l] * m[2][b];
+            }
+        }
+    }
+    out
 }
 
 #[cfg(test)]

@@ -51,8 +51,21 @@ pub struct Body {
     pub loads: Vec<Triple>,
     /// Cells, corners and weights by node.
     touches: Vec<Vec<(u32, u8, f64)>>,
-    /// About how far a unit of force moves each node against what touches it.
-    yields: Vec<f64>,
+    /// About what each node resists being moved with (modulus · mm), by the matter that touches it.
+    stiffness: Vec<f64>,
+    /// Of a finest cell, about (mm).
+    edge: f64,
+}
+
+/// What acts on the nodes.
+pub(crate) struct Forces {
+    /// Derivative of the energy; 0 at held nodes.
+    pub(crate) left: Vec<Triple>,
+    /// How far (mm) it would move the nodes against what touches them, matter that is pressed at a corner included: the root of the sum of squares. Where
+    /// matter is soft small forces count too.
+    pub(crate) left_mm: f64,
+    /// The same of the sizes of the forces that cancel.
+    pub(crate) cancelled_mm: f64,
 }
 
 impl Body {
@@ -76,11 +89,11 @@ impl Body {
         let loads = vec![[0.0; 3]; mesh.nodes.len()];
         let edge = element.volume(8.0).cbrt();
         let stiffness = |&(cell, _, weight): &(u32, u8, f64)| {
-            let mu: f64 = matter[cell as usize].iter().map(|lame| lame.mu).sum::<f64>() / 8.0;
+            let mu: f64 = matter[cell as usize].iter().map(|lame| lame.mu + lame.filling).sum::<f64>() / 8.0;
             mu * edge * f64::from(mesh.cells[cell as usize].size) * weight * weight
         };
-        let yields = touches.iter().map(|t| 1.0 / t.iter().map(stiffness).sum::<f64>()).collect();
-        Self { mesh, element, matter, pulls, ranges, loads, touches, yields }
+        let stiffness = touches.iter().map(|t| t.iter().map(stiffness).sum::<f64>()).collect();
+        Self { mesh, element, matter, pulls, ranges, loads, touches, stiffness, edge }
     }
 
     /// What pulls at it, by cell.
@@ -135,25 +148,37 @@ impl Body {
         Some(total)
     }
 
-    /// Derivative of the energy by the nodes, 0 at held ones, and the absolute values of its terms by node.
-    pub fn gradient(&self, u: &[Triple]) -> (Vec<Triple>, Vec<f64>) {
-        let forces = self.cell_forces(u);
-        (0..self.mesh.nodes.len())
-            .into_par_iter()
-            .map(|node| {
-                if self.mesh.held[node] {
-                    return ([0.0; 3], 0.0);
-                }
-                let load = -Vector3::from(self.loads[node]);
-                let (sum, size) = self.sum(node, &forces, load);
-                (sum.into(), size)
-            })
-            .unzip()
-    }
-
-    /// Forces as lengths (mm): what each would move its node by. Where matter is soft small forces count too.
-    pub(crate) fn as_lengths(&self, forces: impl Iterator<Item = f64>) -> f64 {
-        forces.zip(&self.yields).map(|(force, yields)| (force * yields).powi(2)).sum::<f64>().sqrt()
+    /// Derivative of the energy by the nodes.
+    pub(crate) fn forces(&self, u: &[Triple]) -> Forces {
+        let cells = self.cell_forces(u);
+        let resists = |cell: usize| {
+            let size = f64::from(self.mesh.cells[cell].size);
+            let pressed = self.element.pressed(&self.matter[cell], size, &self.mesh.gather(cell, u));
+            pressed.unwrap_or_default().iter().map(|corner| corner.resists).fold(0.0, f64::max)
+                * self.edge
+                * size
+        };
+        let resists: Vec<f64> = if self.element.is_guarded() {
+            (0..self.mesh.cells.len()).into_par_iter().map(resists).collect()
+        } else {
+            Vec::new()
+        };
+        let of = |node: usize| {
+            if self.mesh.held[node] {
+                return ([0.0; 3], (0.0, 0.0));
+            }
+            let load = -Vector3::from(self.loads[node]);
+            let (sum, size) = self.sum(node, &cells, load);
+            let pressed = |(cell, _, weight): &(u32, u8, f64)| {
+                resists.get(*cell as usize).map_or(0.0, |own| own * weight * weight)
+            };
+            let stiffness = self.stiffness[node] + self.touches[node].iter().map(pressed).sum::<f64>();
+            (sum.into(), (sum.norm() / stiffness, size / stiffness))
+        };
+        let (left, lengths): (Vec<Triple>, Vec<(f64, f64)>) =
+            (0..self.mesh.nodes.len()).into_par_iter().map(of).unzip();
+        let norm = |of: fn(&(f64, f64)) -> f64| lengths.iter().map(|l| of(l).powi(2)).sum::<f64>().sqrt();
+        Forces { left, left_mm: norm(|l| l.0), cancelled_mm: norm(|l| l.1) }
     }
 
     /// Forces that hold the nodes where they are against the matter (modulus · mm²).

@@ -4,7 +4,7 @@
 //! what [`crate::material`] writes is
 //!
 //! ```text
-//! μ X C + λ tr(Hᵀ X) H + c H Xᵀ H + s F⁻ᵀ F⁻¹ X C
+//! (μ + φ) X C + λ tr(Hᵀ X) H + c H Xᵀ H + s F⁻ᵀ F⁻¹ X C
 //! ```
 //!
 //! with `c = μ − λ ln J` and `s = 0`, or with a `c` and `s` by which it bends down nowhere. It is found for the eight Gauss points of a cell at once, by
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::conjugate::{ROWS, Triple};
 use crate::material::{Corners, Hexahedron, Matter, inverse_transposed, least_stretch, set};
-use crate::slopes::{CORNERS, GAUSS, Lanes, Places, Slopes, turned};
+use crate::slopes::{CORNERS, GAUSS, Lanes, Places, Slopes, ZERO, turned};
 use crate::system::Body;
 
 /// What the second derivative of a body's energy at a motion does.
@@ -78,7 +78,7 @@ impl Bend {
 
 impl Coefficients {
     fn zeros() -> Self {
-        Self { inverse: [[[0.0; 8]; 3]; 3], mu: [0.0; 8], lambda: [0.0; 8], crossed: [0.0; 8] }
+        Self { inverse: ZERO, mu: [0.0; 8], lambda: [0.0; 8], crossed: [0.0; 8] }
     }
 }
 
@@ -89,18 +89,19 @@ impl CellTangent {
         let mut stretch: Option<Box<Slopes>> = None;
         for (l, (lame, g)) in matter.iter().zip(element.gradients(GAUSS, size, u)).enumerate() {
             let (inverse, log) = inverse_transposed(&g);
-            let bend = Bend::new(lame.mu - lame.lambda * log, bounded, || lame.mu * least_stretch(&g));
+            let shear = lame.mu + lame.filling;
+            let bend = Bend::new(lame.mu - lame.lambda * log, bounded, || shear * least_stretch(&g));
             set(&mut gauss.inverse, l, &(inverse * to_slope));
-            (gauss.mu[l], gauss.lambda[l]) = (weight * lame.mu, weight * lame.lambda);
+            (gauss.mu[l], gauss.lambda[l]) = (weight * shear, weight * lame.lambda);
             gauss.crossed[l] = weight * bend.crossed();
             if bend.all() != 0.0 {
-                let at = stretch.get_or_insert_with(|| Box::new([[[0.0; 8]; 3]; 3]));
+                let at = stretch.get_or_insert_with(|| Box::new(ZERO));
                 set(at, l, &(inverse * inverse.transpose() * (weight * bend.all())));
             }
         }
         let corners = element.pressed(matter, size, u).unwrap_or_default();
         let pressed = (!corners.is_empty()).then(|| {
-            let mut own = Box::new((Coefficients::zeros(), [[[0.0; 8]; 3]; 3]));
+            let mut own = Box::new((Coefficients::zeros(), ZERO));
             for at in corners {
                 let l = at.corner;
                 let bend = Bend::new(-at.resists * at.log, bounded, || 0.0);
@@ -142,7 +143,9 @@ impl CellTangent {
             let slopes = CORNERS.slopes(by);
             let more = CORNERS.gather(&own.0.times(&slopes, metric, Some(&own.1)));
             for (out, more) in out.iter_mut().zip(more) {
-                *out = std::array::from_fn(|a| out[a] + more[a]);
+                for a in 0..3 {
+                    out[a] += more[a];
+                }
             }
         }
         out
@@ -192,25 +195,26 @@ impl Coefficients {
             trace[l] *= self.lambda[l];
         }
         // c Xᵀ H.
-        let crossed: Slopes = std::array::from_fn(|b| {
-            std::array::from_fn(|e| {
-                std::array::from_fn(|l| {
-                    self.crossed[l]
-                        * (x[0][b][l] * h[0][e][l] + x[1][b][l] * h[1][e][l] + x[2][b][l] * h[2][e][l])
-                })
-            })
-        });
-        let mut out: Slopes = std::array::from_fn(|a| {
-            std::array::from_fn(|e| {
-                std::array::from_fn(|l| {
-                    self.mu[l] * plain[a][e][l]
-                        + trace[l] * h[a][e][l]
-                        + (h[a][0][l] * crossed[0][e][l]
-                            + h[a][1][l] * crossed[1][e][l]
-                            + h[a][2][l] * crossed[2][e][l])
-                })
-            })
-        });
+        let mut crossed = ZERO;
+        for (b, crossed) in crossed.iter_mut().enumerate() {
+            for (e, crossed) in crossed.iter_mut().enumerate() {
+                for l in 0..8 {
+                    let sum = x[0][b][l] * h[0][e][l] + x[1][b][l] * h[1][e][l] + x[2][b][l] * h[2][e][l];
+                    crossed[l] = self.crossed[l] * sum;
+                }
+            }
+        }
+        let mut out = ZERO;
+        for a in 0..3 {
+            for e in 0..3 {
+                for l in 0..8 {
+                    let turned = h[a][0][l] * crossed[0][e][l]
+                        + h[a][1][l] * crossed[1][e][l]
+                        + h[a][2][l] * crossed[2][e][l];
+                    out[a][e][l] = self.mu[l] * plain[a][e][l] + trace[l] * h[a][e][l] + turned;
+                }
+            }
+        }
         if let Some(s) = stretch {
             for a in 0..3 {
                 for e in 0..3 {

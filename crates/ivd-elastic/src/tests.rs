@@ -90,14 +90,14 @@ fn forces_and_matrix_are_the_differences_of_the_energy_also_where_nodes_hang() {
             let moved = |s: f64| -> Vec<Triple> {
                 u.iter().zip(&way).map(|(u, w)| std::array::from_fn(|a| u[a] + s * w[a])).collect()
             };
-            let slope = dot(&body.gradient(&u).0, &way);
+            let slope = dot(&body.forces(&u).left, &way);
             let steep = (body.energy(&moved(h)).unwrap().0 - body.energy(&moved(-h)).unwrap().0) / (2.0 * h);
             assert!((slope - steep).abs() <= 1e-7 * slope.abs().max(1.0), "{slope} {steep}");
             let product = Tangent::new(&body, &u, !exact, &Exec::default()).unwrap().times(&way);
             // The plain loops give the same bytes.
             let plain = Exec::default().with_simd(false);
             assert_eq!(product, Tangent::new(&body, &u, !exact, &plain).unwrap().times(&way));
-            let (up, down) = (body.gradient(&moved(h)).0, body.gradient(&moved(-h)).0);
+            let (up, down) = (body.forces(&moved(h)).left, body.forces(&moved(-h)).left);
             let bend: Vec<Triple> = up
                 .iter()
                 .zip(&down)
@@ -205,15 +205,15 @@ fn turns_cost_nothing_and_turn_the_forces() {
     let turn = *Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2).matrix()
         * *Rotation3::new(Vector3::new(0.4, 2.0, 0.1)).matrix();
     let rigid: Vec<Triple> = places.iter().map(|x| (turn * x - x).into()).collect();
-    let worst = body.gradient(&rigid).0.iter().flatten().fold(0.0, |m: f64, f| m.max(f.abs()));
+    let worst = body.forces(&rigid).left.iter().flatten().fold(0.0, |m: f64, f| m.max(f.abs()));
     assert!(worst < 1e-12, "{worst}");
     let bent: Vec<Triple> =
         (0..places.len()).map(|i| std::array::from_fn(|a| 0.05 * scatter(3 * i + a))).collect();
     let turned: Vec<Triple> =
         places.iter().zip(&bent).map(|(x, u)| (turn * (x + Vector3::from(*u)) - x).into()).collect();
     let expected: Vec<Triple> =
-        body.gradient(&bent).0.iter().map(|f| (turn * Vector3::from(*f)).into()).collect();
-    assert!(relative(&body.gradient(&turned).0, &expected) < 1e-11);
+        body.forces(&bent).left.iter().map(|f| (turn * Vector3::from(*f)).into()).collect();
+    assert!(relative(&body.forces(&turned).left, &expected) < 1e-11);
     let (a, b) = (body.energy(&bent).unwrap().0, body.energy(&turned).unwrap().0);
     assert!((a - b).abs() < 1e-11 * a, "{a} {b}");
 }
@@ -419,7 +419,7 @@ fn a_square_shaft_twists_as_saint_venant_says() {
     assert!(body.balance(&mut u, 1e-7, 20, &Exec::default()).unwrap().reached);
     // The reaction at the far end, and the turn between sections away from both.
     let held = std::mem::replace(&mut body.mesh.held, vec![false; places.len()]);
-    let (forces, _) = body.gradient(&u);
+    let forces = body.forces(&u).left;
     let torque: f64 = (0..places.len())
         .filter(|i| held[*i] && places[*i].z > 0.0)
         .map(|i| arm(&places[i]).dot(&Vector3::from(forces[i])))

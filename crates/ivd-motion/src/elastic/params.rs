@@ -29,6 +29,11 @@ impl Material {
         (self.kpa.or(named.map(|n| n.0)), self.poisson.or(named.map(|n| n.1)))
     }
 
+    /// Air that has been given a modulus is matter.
+    pub(super) fn is_air(&self) -> bool {
+        self.tissue == Some(Tissue::Air) && self.kpa.is_none() && !self.rigid
+    }
+
     /// Bone that has been given a modulus yields.
     pub(super) fn is_rigid(&self) -> bool {
         self.rigid || (self.tissue == Some(Tissue::Bone) && self.kpa.is_none())
@@ -48,7 +53,8 @@ pub struct ElasticParams {
     /// Poisson's ratio ν of it: how much it keeps its volume. Beyond 0.45 the cells would be far too stiff.
     #[schemars(range(min = 0.0, max = 0.45), extend("x-unit" = "1"))]
     pub poisson: f64,
-    /// Young's modulus of what lies outside the lattice and has no class of its own, relative to `kpa`: air by default. Its ν is 0.4.
+    /// Modulus of what lies outside the lattice and has no class of its own, relative to `kpa`: air by default. It resists stretching, pressing and
+    /// turning alike.
     #[schemars(range(min = 0.0001, max = 1.0), extend("x-unit" = "1"))]
     pub filler: f64,
     /// What classes are made of, where labels are given, inside the lattice and outside.

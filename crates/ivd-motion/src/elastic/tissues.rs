@@ -10,9 +10,6 @@ use super::ElasticParams;
 use super::grip::Grip;
 use crate::rigid::BoneSpec;
 
-/// Poisson's ratio of what fills the outside: air is pressed evenly, lest a few cells of it fold while the rest hardly yields.
-const AIR: f64 = 0.4;
-
 /// Mean value (HU) of a voxel and its six neighbours from which one of bone's value is bone, and no speck of noise.
 const SOLID: f64 = 150.0;
 /// Kinds of matter by value: numbers that classes hardly have. Where one has, cells on its border with such matter are coarser.
@@ -57,14 +54,15 @@ impl<'a> Tissues<'a> {
         params: &ElasticParams,
     ) -> Self {
         let own = Lame::new(params.kpa, params.poisson);
-        let filler = Lame::new(params.kpa * params.filler, AIR);
+        let filler = Lame::filling(params.kpa * params.filler);
         let classes = params.material.iter().map(|(class, material)| {
-            let (own_kpa, own_poisson) = material.moduli();
-            let of =
-                |kpa: f64, poisson: f64| Lame::new(own_kpa.unwrap_or(kpa), own_poisson.unwrap_or(poisson));
+            if material.is_air() {
+                return (*class, [filler; 2]);
+            }
+            let (kpa, poisson) = material.moduli();
+            let of = |kpa: f64| Lame::new(kpa, poisson.unwrap_or(params.poisson));
             // The share of a cell that is rigid counts for nothing in what the rest yields by.
-            let outside = if own_kpa.is_some() { params.poisson } else { AIR };
-            (*class, [of(params.kpa, params.poisson), of(params.kpa * params.filler, outside)])
+            (*class, [of(kpa.unwrap_or(params.kpa)), kpa.map_or(filler, of)])
         });
         let rigid = params.material.iter().filter(|(_, own)| own.is_rigid()).map(|(class, _)| *class);
         let (classes, rigid) = (classes.collect(), rigid.collect());
@@ -183,7 +181,7 @@ impl Medium for Tissues<'_> {
             return outer;
         }
         let factor = self.grips.iter().map(|grip| grip.factor(self.grid(), index)).fold(1.0, f64::max);
-        Lame { mu: inner.mu * factor, lambda: inner.lambda * factor }
+        inner.times(factor)
     }
 
     fn kind(&self, voxel: VoxelIndex) -> Option<u16> {
