@@ -1,7 +1,5 @@
 //! From rest to what is prescribed, in as many steps as that takes.
 
-use std::collections::VecDeque;
-
 use ivd_core::{Error, Exec};
 
 use crate::conjugate::{self, Triple, add};
@@ -23,8 +21,9 @@ const ITERATIONS: u32 = 300;
 const HALVINGS: u32 = 5;
 /// The shortest part of the way.
 const LEAST: f64 = 1.0 / 64.0;
-/// States gone through that a stop may go back to.
-const KEPT: usize = 8;
+/// States gone through that a stop may go back to; beyond these every other is forgotten. And Newton's steps from each.
+const KEPT: usize = 16;
+const SETTLING: u32 = 20;
 
 /// What nodes are told to do.
 pub struct Course<'a> {
@@ -74,7 +73,7 @@ impl Body {
     pub fn go(&mut self, u: &mut Vec<Triple>, course: &Course<'_>, exec: &Exec) -> Result<Arrival, Error> {
         let mut arrival = Arrival::default();
         let mut step = 1.0;
-        let mut passed: VecDeque<(f64, Vec<Triple>)> = VecDeque::new();
+        let mut passed: Vec<(f64, Vec<Triple>)> = Vec::new();
         let observer = exec.observer();
         observer.begin("equilibrium", 64);
         let gone = loop {
@@ -114,8 +113,12 @@ impl Body {
             arrival.balance = Balance { iterations, steps, ..balance };
             *u = next;
             if course.stops {
-                passed.push_front((share, u.clone()));
-                passed.truncate(KEPT);
+                passed.push((share, u.clone()));
+                if passed.len() > KEPT {
+                    // The first and the last stay.
+                    let every_other = passed.into_iter().step_by(2);
+                    passed = every_other.collect();
+                }
             }
         };
         observer.end("equilibrium");
@@ -132,14 +135,14 @@ impl Body {
         &mut self,
         u: &mut Vec<Triple>,
         course: &Course<'_>,
-        passed: VecDeque<(f64, Vec<Triple>)>,
+        passed: Vec<(f64, Vec<Triple>)>,
         arrival: &mut Arrival,
         exec: &Exec,
     ) -> Result<(), Error> {
         arrival.share = 0.0;
-        for (share, mut state) in passed {
+        for (share, mut state) in passed.into_iter().rev() {
             self.load(course, share);
-            let found = self.balance(&mut state, course.tolerance, STEPS, exec)?;
+            let found = self.balance(&mut state, course.tolerance, SETTLING, exec)?;
             let Balance { steps, iterations, .. } = arrival.balance;
             arrival.balance =
                 Balance { steps: steps + found.steps, iterations: iterations + found.iterations, ..found };

@@ -196,7 +196,8 @@ pub(super) fn check_unread(
 ) -> anyhow::Result<()> {
     // The keys of all methods last: putting them together takes longer than some stages do.
     let is_key = || list::keys(stage).iter().any(|key| key.name == slot);
-    let refused = |file: &Path| !method.has_slot(slot) && !(is_method_chosen && file.exists()) && is_key();
+    let is_read = |file: &Path| method.has_slot(slot) || (is_method_chosen && file.exists());
+    let refused = |file: &Path| !is_read(file) && is_key();
     if !file.is_some_and(refused) {
         return Ok(());
     }

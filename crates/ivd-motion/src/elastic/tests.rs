@@ -234,14 +234,16 @@ fn a_push_into_bone_is_refused_with_the_share_that_holds() {
     assert_eq!(whole.share, 1.0);
 
     // Or it stops there: in balance, with the handle where the share says.
-    let stopping = ElasticParams { limit: Limit::Stop, ..params.clone() };
+    let stopping = ElasticParams { limit: Limit::Stop, grip: Some(5.0), ..params.clone() };
     let far = [handle([20.0, 20.0, 32.0], [0.0, 0.0, -8.0], 14.0)];
     let stopped = run(&scene, &far, &[], &stopping).unwrap();
     assert!(stopped.share > 0.2 && stopped.share < 1.0 && stopped.residual <= 1e-3, "{stopped:?}");
     let most = stopped.max_displacement_mm / (8.0 * stopped.share);
     assert!((1.0..1.2).contains(&most), "{most}");
     // As far as it goes it goes as one that was to go there.
-    let there = push(8.0 * stopped.share).unwrap();
+    let by = [0.0, 0.0, -8.0 * stopped.share];
+    let there = run(&scene, &[handle([20.0, 20.0, 32.0], by, 14.0)], &[], &stopping).unwrap();
+    assert_eq!(there.share, 1.0);
     for (own, other) in
         stopped.motion.frames()[0].displacement.iter().zip(there.motion.frames()[0].displacement.iter())
     {

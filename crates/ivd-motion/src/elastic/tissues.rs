@@ -10,12 +10,21 @@ use super::ElasticParams;
 use super::grip::Grip;
 use crate::rigid::BoneSpec;
 
-/// Mean value (HU) of a voxel and its six neighbours from which one of bone's value is bone, and no speck of noise.
+/// Mean value (HU) of a voxel and its six neighbours from which one of bone's value is bone, and no speck of noise. Less than 0 counts as 0: bone may lie
+/// beside air.
 const SOLID: f64 = 150.0;
 /// Kinds of matter by value: numbers that classes hardly have. Where one has, cells on its border with such matter are coarser.
 const BONE: u16 = u16::MAX;
 const LUNG: u16 = u16::MAX - 1;
 const GAS: u16 = u16::MAX - 2;
+
+/// What a voxel's value says that it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum ByValue {
+    /// Nothing in particular.
+    Flesh,
+    Tissue(Tissue),
+}
 
 /// What a voxel does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,17 +140,18 @@ impl<'a> Tissues<'a> {
     }
 
     /// What a voxel is by its value; `None` where that doesn't count.
-    fn by_value(&self, voxel: VoxelIndex, number: usize) -> Option<Option<Tissue>> {
+    fn by_value(&self, voxel: VoxelIndex, number: usize) -> Option<ByValue> {
         let values = self.values?;
         let own = self.labels.is_some_and(|labels| self.classes.contains_key(&labels.ids()[number]));
         (!own).then(|| match Tissue::of_hounsfield(values.value(voxel)) {
-            Some(Tissue::Bone) if !self.is_solid(values, voxel) => None,
-            tissue => tissue,
+            None => ByValue::Flesh,
+            Some(Tissue::Bone) if !self.is_solid(values, voxel) => ByValue::Flesh,
+            Some(tissue) => ByValue::Tissue(tissue),
         })
     }
 
     fn is_bone_by_value(&self, voxel: VoxelIndex, number: usize) -> bool {
-        self.by_value(voxel, number).flatten() == Some(Tissue::Bone)
+        self.by_value(voxel, number) == Some(ByValue::Tissue(Tissue::Bone))
     }
 
     /// Whether a voxel of bone's value has enough of it beside it.
@@ -153,7 +163,7 @@ impl<'a> Tissues<'a> {
             next[side / 2] += if side % 2 == 0 { -1 } else { 1 };
             let value = self.grid().voxel_at(next).map(|next| values.value(next));
             if let Some(value) = value.filter(|value| value.is_finite()) {
-                (sum, many) = (sum + value, many + 1.0);
+                (sum, many) = (sum + value.max(0.0), many + 1.0);
             }
         }
         sum >= SOLID * many
@@ -171,9 +181,9 @@ impl Medium for Tissues<'_> {
         let class = self.labels.and_then(|labels| self.classes.get(&labels.ids()[number]));
         let [inner, outer] = class.copied().unwrap_or_else(|| match self.by_value(index, number) {
             None => [self.own, self.filler],
-            Some(None | Some(Tissue::Bone)) => [self.own; 2],
-            Some(Some(Tissue::Air)) => [self.filler; 2],
-            Some(Some(tissue)) => {
+            Some(ByValue::Flesh | ByValue::Tissue(Tissue::Bone)) => [self.own; 2],
+            Some(ByValue::Tissue(Tissue::Air)) => [self.filler; 2],
+            Some(ByValue::Tissue(tissue)) => {
                 [tissue.moduli().map_or(self.own, |(kpa, poisson)| Lame::new(kpa * self.flesh, poisson)); 2]
             }
         });
@@ -189,10 +199,10 @@ impl Medium for Tissues<'_> {
         let told = self.labels.map(|labels| labels.ids()[number]).filter(|id| {
             self.classes.contains_key(id) || self.bones.iter().any(|bone| bone.class == Some(*id))
         });
-        told.or_else(|| match self.by_value(voxel, number)?? {
-            Tissue::Bone => Some(BONE),
-            Tissue::Lung => Some(LUNG),
-            Tissue::Air => Some(GAS),
+        told.or_else(|| match self.by_value(voxel, number)? {
+            ByValue::Tissue(Tissue::Bone) => Some(BONE),
+            ByValue::Tissue(Tissue::Lung) => Some(LUNG),
+            ByValue::Tissue(Tissue::Air) => Some(GAS),
             _ => None,
         })
     }
