@@ -184,7 +184,9 @@ fn tissues_and_hounsfield_values_say_what_moduli_do() {
     let mut noisy: Vec<f32> = labels.ids().iter().map(|id| if *id == 0 { -1000.0 } else { 50.0 }).collect();
     let specks = (0..noisy.len()).filter(|i| i % 37 == 0 && labels.ids()[*i] != 0).collect::<Vec<_>>();
     let plain = Volume::new(labels.grid().clone(), Voxels::from(noisy.clone())).unwrap();
-    specks.iter().for_each(|i| noisy[*i] = 400.0);
+    for i in &specks {
+        noisy[*i] = 400.0;
+    }
     let noisy = Volume::new(labels.grid().clone(), Voxels::from(noisy)).unwrap();
     let [with, without] = [&noisy, &plain].map(|of| solve_with(Some(of), &push, &by_value).unwrap().motion);
     assert!(specks.len() > 100 && with == without);
