@@ -9,6 +9,8 @@ use crate::tangent::Tangent;
 
 /// What is left of the forces on the way, relative to those that cancel.
 const LOOSE: f64 = 0.3;
+/// The same once a part of the way found no balance: what is carried along too far from one leads astray.
+const CLOSE: f64 = 1e-2;
 /// Newton's steps for a part of the way, and in the end.
 const FEW: u32 = 6;
 const STEPS: u32 = 60;
@@ -72,7 +74,7 @@ impl Body {
     /// The memory limit, cancelled.
     pub fn go(&mut self, u: &mut Vec<Triple>, course: &Course<'_>, exec: &Exec) -> Result<Arrival, Error> {
         let mut arrival = Arrival::default();
-        let mut step = 1.0;
+        let (mut step, mut loose) = (1.0, LOOSE);
         let mut passed: Vec<(f64, Vec<Triple>)> = Vec::new();
         let observer = exec.observer();
         observer.begin("equilibrium", 64);
@@ -90,7 +92,7 @@ impl Body {
                 step /= 2.0;
                 continue;
             };
-            let (tolerance, limit) = if share < 1.0 { (LOOSE, FEW) } else { (course.tolerance, STEPS) };
+            let (tolerance, limit) = if share < 1.0 { (loose, FEW) } else { (course.tolerance, STEPS) };
             self.load(course, share);
             let balance = match self.balance(&mut next, tolerance, limit, exec) {
                 Ok(balance) => balance,
@@ -101,7 +103,7 @@ impl Body {
             // On the way it is enough to be near; what is left is made up for by the next part.
             if !balance.reached && (share >= 1.0 || balance.residual > ASTRAY) {
                 arrival.balance = Balance { iterations, steps, ..so_far };
-                step = (share - arrival.share) / 2.0;
+                (step, loose) = ((share - arrival.share) / 2.0, CLOSE);
                 continue;
             }
             step = (2.0 * (share - arrival.share)).max(LEAST);
