@@ -22,16 +22,13 @@ use nalgebra::Matrix3;
 
 use crate::slopes::{CORNERS, GAUSS, Places, Slopes, ZERO};
 
-/// Lamé's constants (Pa, or in units of a modulus), and what a filling resists with.
+/// Lamé's constants (Pa, or in units of a modulus).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Lame {
     /// Shear modulus.
     pub mu: f64,
     /// λ.
     pub lambda: f64,
-    /// `φ/2 |G|²` more: of what only carries motion on, such as air. It never buckles, as matter of next to no stiffness does at
-    /// the slightest pressure, and is pressed evenly.
-    pub filling: f64,
 }
 
 impl Lame {
@@ -40,19 +37,13 @@ impl Lame {
         Self {
             mu: young / (2.0 * (1.0 + poisson)),
             lambda: young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
-            filling: 0.0,
         }
-    }
-
-    /// What isn't matter, but fills the space beside it: `φ`.
-    pub fn filling(filling: f64) -> Self {
-        Self { filling, ..Self::default() }
     }
 
     /// Times a factor.
     #[must_use]
     pub fn times(self, factor: f64) -> Self {
-        Self { mu: self.mu * factor, lambda: self.lambda * factor, filling: self.filling * factor }
+        Self { mu: self.mu * factor, lambda: self.lambda * factor }
     }
 
     /// The mean of what parts of a whole are made of; 0 of none.
@@ -61,9 +52,8 @@ impl Lame {
         let sum = parts.fold(Self::default(), |sum, part| Self {
             mu: sum.mu + part.mu,
             lambda: sum.lambda + part.lambda,
-            filling: sum.filling + part.filling,
         });
-        Self { mu: sum.mu / many, lambda: sum.lambda / many, filling: sum.filling / many }
+        Self { mu: sum.mu / many, lambda: sum.lambda / many }
     }
 
     /// What matter that is pressed to the utmost resists with.
@@ -77,9 +67,8 @@ impl Lame {
         let growth = g.trace() + bent + cubic;
         (growth > -1.0).then(|| {
             let (log, lost) = (growth.ln_1p(), without_log(growth) - bent - cubic);
-            let (square, bulk) = (0.5 * g.norm_squared(), 0.5 * self.lambda * log * log);
-            let (shear, filling) = (self.mu * square, self.filling * square);
-            (shear + self.mu * lost + bulk + filling, 4.0 * shear + bulk.abs() + filling)
+            let (shear, bulk) = (0.5 * self.mu * g.norm_squared(), 0.5 * self.lambda * log * log);
+            (shear + self.mu * lost + bulk, 4.0 * shear + bulk.abs())
         })
     }
 }
@@ -206,8 +195,7 @@ impl Hexahedron {
         let mut stresses = ZERO;
         for (l, (lame, g)) in matter.iter().zip(self.gradients(GAUSS, size, u)).enumerate() {
             let (inverse, log) = inverse_transposed(&g);
-            let stress =
-                (g + inverse * g.transpose()) * lame.mu + inverse * (lame.lambda * log) + g * lame.filling;
+            let stress = (g + inverse * g.transpose()) * lame.mu + inverse * (lame.lambda * log);
             set(&mut stresses, l, &(stress * to_slope * weight));
         }
         let mut out = GAUSS.gather(&stresses);

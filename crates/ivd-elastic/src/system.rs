@@ -89,7 +89,7 @@ impl Body {
         let loads = vec![[0.0; 3]; mesh.nodes.len()];
         let edge = element.volume(8.0).cbrt();
         let stiffness = |&(cell, _, weight): &(u32, u8, f64)| {
-            let mu: f64 = matter[cell as usize].iter().map(|lame| lame.mu + lame.filling).sum::<f64>() / 8.0;
+            let mu: f64 = matter[cell as usize].iter().map(|lame| lame.mu).sum::<f64>() / 8.0;
             mu * edge * f64::from(mesh.cells[cell as usize].size) * weight * weight
         };
         let stiffness = touches.iter().map(|t| t.iter().map(stiffness).sum::<f64>()).collect();

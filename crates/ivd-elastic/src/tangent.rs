@@ -4,7 +4,7 @@
 //! what [`crate::material`] writes is
 //!
 //! ```text
-//! (μ + φ) X C + λ tr(Hᵀ X) H + c H Xᵀ H + s F⁻ᵀ F⁻¹ X C
+//! μ X C + λ tr(Hᵀ X) H + c H Xᵀ H + s F⁻ᵀ F⁻¹ X C
 //! ```
 //!
 //! with `c = μ − λ ln J` and `s = 0`, or with a `c` and `s` by which it bends down nowhere. It is found for the eight Gauss points of a cell at once, by
@@ -89,10 +89,9 @@ impl CellTangent {
         let mut stretch: Option<Box<Slopes>> = None;
         for (l, (lame, g)) in matter.iter().zip(element.gradients(GAUSS, size, u)).enumerate() {
             let (inverse, log) = inverse_transposed(&g);
-            let shear = lame.mu + lame.filling;
-            let bend = Bend::new(lame.mu - lame.lambda * log, bounded, || shear * least_stretch(&g));
+            let bend = Bend::new(lame.mu - lame.lambda * log, bounded, || lame.mu * least_stretch(&g));
             set(&mut gauss.inverse, l, &(inverse * to_slope));
-            (gauss.mu[l], gauss.lambda[l]) = (weight * shear, weight * lame.lambda);
+            (gauss.mu[l], gauss.lambda[l]) = (weight * lame.mu, weight * lame.lambda);
             gauss.crossed[l] = weight * bend.crossed();
             if bend.all() != 0.0 {
                 let at = stretch.get_or_insert_with(|| Box::new(ZERO));

@@ -53,8 +53,7 @@ pub struct ElasticParams {
     /// Poisson's ratio ν of it: how much it keeps its volume. Beyond 0.45 the cells would be far too stiff.
     #[schemars(range(min = 0.0, max = 0.45), extend("x-unit" = "1"))]
     pub poisson: f64,
-    /// Modulus of what lies outside the lattice and has no class of its own, relative to `kpa`: air by default. It resists stretching, pressing and
-    /// turning alike.
+    /// Young's modulus of what lies outside the lattice and has no class of its own, relative to `kpa`: air by default. Its ν is 0.4.
     #[schemars(range(min = 0.0001, max = 1.0), extend("x-unit" = "1"))]
     pub filler: f64,
     /// What classes are made of, where labels are given, inside the lattice and outside.

@@ -10,6 +10,8 @@ use super::ElasticParams;
 use super::grip::Grip;
 use crate::rigid::BoneSpec;
 
+/// Poisson's ratio of what fills the outside: air is pressed evenly, lest a few cells of it fold while the rest hardly yields.
+const AIR: f64 = 0.4;
 /// Mean value (HU) of a voxel and its six neighbours from which one of bone's value is bone, and no speck of noise. Less than 0 counts as 0: bone may lie
 /// beside air.
 const SOLID: f64 = 150.0;
@@ -63,7 +65,7 @@ impl<'a> Tissues<'a> {
         params: &ElasticParams,
     ) -> Self {
         let own = Lame::new(params.kpa, params.poisson);
-        let filler = Lame::filling(params.kpa * params.filler);
+        let filler = Lame::new(params.kpa * params.filler, AIR);
         let classes = params.material.iter().map(|(class, material)| {
             if material.is_air() {
                 return (*class, [filler; 2]);
