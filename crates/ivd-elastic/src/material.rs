@@ -188,8 +188,8 @@ impl Hexahedron {
         Some((sum.0 * volume, sum.1 * volume))
     }
 
-    /// Derivative of the energy by the corners. J > 0 is asked for.
-    pub(crate) fn forces(&self, matter: &Matter, size: f64, u: &Corners) -> Corners {
+    /// Derivative of the energy by the corners, and the most that a pressed corner resists with (κ). J > 0 is asked for.
+    pub(crate) fn forces(&self, matter: &Matter, size: f64, u: &Corners) -> (Corners, f64) {
         // P of every place, by the derivatives along the edges.
         let (to_slope, weight) = (self.to_place.transpose(), self.volume(size) / size);
         let mut stresses = ZERO;
@@ -200,6 +200,7 @@ impl Hexahedron {
         }
         let mut out = GAUSS.gather(&stresses);
         let pressed = self.pressed(matter, size, u).unwrap_or_default();
+        let resists = pressed.iter().map(|at| at.resists).fold(0.0, f64::max);
         if !pressed.is_empty() {
             let mut stresses = ZERO;
             for at in pressed {
@@ -209,7 +210,7 @@ impl Hexahedron {
                 *out = [out[0] + own[0], out[1] + own[1], out[2] + own[2]];
             }
         }
-        out
+        (out, resists)
     }
 }
 

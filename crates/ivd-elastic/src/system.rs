@@ -150,27 +150,16 @@ impl Body {
 
     /// Derivative of the energy by the nodes.
     pub(crate) fn forces(&self, u: &[Triple]) -> Forces {
-        let cells = self.cell_forces(u);
-        let resists = |cell: usize| {
-            let size = f64::from(self.mesh.cells[cell].size);
-            let pressed = self.element.pressed(&self.matter[cell], size, &self.mesh.gather(cell, u));
-            pressed.unwrap_or_default().iter().map(|corner| corner.resists).fold(0.0, f64::max)
-                * self.edge
-                * size
-        };
-        let resists: Vec<f64> = if self.element.is_guarded() {
-            (0..self.mesh.cells.len()).into_par_iter().map(resists).collect()
-        } else {
-            Vec::new()
-        };
+        let (forces, resists) = self.cell_forces(u);
         let of = |node: usize| {
             if self.mesh.held[node] {
                 return ([0.0; 3], (0.0, 0.0));
             }
             let load = -Vector3::from(self.loads[node]);
-            let (sum, size) = self.sum(node, &cells, load);
+            let (sum, size) = self.sum(node, &forces, load);
             let pressed = |(cell, _, weight): &(u32, u8, f64)| {
-                resists.get(*cell as usize).map_or(0.0, |own| own * weight * weight)
+                let size = f64::from(self.mesh.cells[*cell as usize].size);
+                resists[*cell as usize] * self.edge * size * weight * weight
             };
             let stiffness = self.stiffness[node] + self.touches[node].iter().map(pressed).sum::<f64>();
             (sum.into(), (sum.norm() / stiffness, size / stiffness))
@@ -183,7 +172,7 @@ impl Body {
 
     /// Forces that hold the nodes where they are against the matter (modulus · mm²).
     pub fn reactions(&self, u: &[Triple]) -> Vec<Triple> {
-        let forces = self.cell_forces(u);
+        let (forces, _) = self.cell_forces(u);
         let of = |node| self.sum(node, &forces, Vector3::zeros()).0.into();
         (0..self.mesh.nodes.len()).into_par_iter().map(of).collect()
     }
@@ -217,23 +206,23 @@ impl Body {
         (0..self.mesh.nodes.len()).into_par_iter().map(of).collect()
     }
 
-    /// Forces at the corners of every cell.
-    fn cell_forces(&self, u: &[Triple]) -> Vec<Corners> {
+    /// Forces at the corners of every cell, and the most that one of these resists being pressed with.
+    fn cell_forces(&self, u: &[Triple]) -> (Vec<Corners>, Vec<f64>) {
         (0..self.mesh.cells.len())
             .into_par_iter()
             .map(|cell| {
                 let corners = self.mesh.gather(cell, u);
                 let edge = f64::from(self.mesh.cells[cell].size);
-                let mut out = self.element.forces(&self.matter[cell], edge, &corners);
+                let (mut out, resists) = self.element.forces(&self.matter[cell], edge, &corners);
                 for pull in self.pulls_of(cell) {
                     let force = pull.left(&corners) * pull.spring + pull.multiplier;
                     for (out, w) in out.iter_mut().zip(pull.weights) {
                         *out = [out[0] + w * force[0], out[1] + w * force[1], out[2] + w * force[2]];
                     }
                 }
-                out
+                (out, resists)
             })
-            .collect()
+            .unzip()
     }
 
     /// The sum of forces at a node, and of their sizes, with one that acts there.
