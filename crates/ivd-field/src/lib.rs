@@ -6,7 +6,7 @@
 //! - [`combine`] combines deformed things, or things at rest: union, intersection, difference. [`clip`] throws a part of one away.
 //! - [`class_volume::by_class`] tells what every class gains or loses.
 //! - [`shape`] has the changes of space within a ball that move lattices and voxels alike.
-//! - [`sampler`], [`vectors`], [`falloff`], [`param`] and [`simd`] are what makers of fields work with.
+//! - [`sampler`], [`vectors`], [`falloff`] and [`param`] are what makers of fields work with.
 //!
 //! ```
 //! use ivd_core::{Displacement, Exec, FieldBricks, Grid, Volume, VoxelIndex, Voxels};
@@ -42,7 +42,7 @@ pub mod inverse;
 pub mod param;
 pub mod sampler;
 pub mod shape;
-pub mod simd;
+mod simd;
 pub mod vectors;
 pub mod warp;
 

@@ -5,8 +5,6 @@
 //! The argument for the `unsafe` blocks: a value of a wide type exists only where the processor has AVX2, as whoever makes the first of
 //! them promises; every other is made of one.
 
-pub use ivd_core::has_avx2 as wide;
-
 /// Four `f64`.
 pub(crate) trait Four: Copy {
     /// # Safety
@@ -218,7 +216,7 @@ mod tests {
 
     #[test]
     fn wide_lanes_do_what_plain_ones_do_also_with_what_is_no_number() {
-        if !wide() {
+        if !ivd_core::has_avx2() {
             return;
         }
         let a = [0.1, -0.0, f32::NAN, 3.5, -2.0, 1e38, -1e-40, f32::INFINITY];

@@ -59,7 +59,7 @@ impl<'a> Quick<'a> {
     /// `native`: whether AVX2 may be used where it is there.
     pub fn new(field: &'a FieldBricks, grid: &'a Grid, native: bool) -> Self {
         let m = grid.inverse_linear_part();
-        let avx2 = native && crate::simd::wide();
+        let avx2 = native && ivd_core::has_avx2();
         let sum = |a: usize| (0..3).map(|b| m[(a, b)].abs()).sum::<f64>();
         let row = (0..3).map(sum).fold(0.0, f64::max) as f32;
         let to_voxel = [0, 1, 2].map(|a| [0, 1, 2].map(|b| m[(a, b)] as f32));

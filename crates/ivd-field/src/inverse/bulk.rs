@@ -39,7 +39,7 @@ pub(super) struct BrickSolver<'a> {
 impl<'a> BrickSolver<'a> {
     /// `native`: whether AVX2 may be used where it is there.
     pub(super) fn new(forward: &'a FieldBricks, grid: &Grid, native: bool) -> Self {
-        let avx2 = native && crate::simd::wide();
+        let avx2 = native && ivd_core::has_avx2();
         let rows = |m: nalgebra::Matrix3<f64>| [0, 1, 2].map(|a| [0, 1, 2].map(|b| m[(a, b)]));
         let to_voxel = rows(grid.inverse_linear_part());
         let ready =

@@ -31,7 +31,7 @@ impl<'a, T: Scalar> Rows<'a, T> {
     /// Rows of `source`, on `grid`. `native`: whether AVX2 may be used where it is there.
     pub(super) fn new(source: &'a Source<'a, T>, grid: &Grid, native: bool) -> Self {
         let to_voxel = grid.inverse_linear_part();
-        let avx2 = native && crate::simd::wide();
+        let avx2 = native && ivd_core::has_avx2();
         Self {
             most: source.dims.map(|n| n as f64 - (1.0 + 2.0 * SNAP)),
             to_voxel: [0, 1, 2].map(|a| [0, 1, 2].map(|b| to_voxel[(a, b)])),

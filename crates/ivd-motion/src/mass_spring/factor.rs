@@ -113,7 +113,7 @@ impl Factor {
     /// - `simd`: whether to use what not every processor of its kind has, where this one does.
     pub(super) fn solve(&self, b: &Vectors, simd: bool) -> Vec<[f64; 3]> {
         #[cfg(target_arch = "x86_64")]
-        if simd && ivd_field::simd::wide() {
+        if simd && ivd_core::has_avx2() {
             // SAFETY: AVX2 was found.
             #[allow(unsafe_code, reason = "argued in the module's head")]
             #[cfg_attr(not(test), allow(unused_mut, reason = "a test spoils it"))]

@@ -79,7 +79,7 @@ impl Springs {
             let blocks = own.chunks(LANES).chain(leading_out.chunks(LANES));
             chunk.blocks = blocks.map(|springs| Block::new(springs, rest, number * CHUNK)).collect();
         }
-        Self { law, vertices, ends: rest.len(), chunks, avx2: ivd_field::simd::wide() }
+        Self { law, vertices, ends: rest.len(), chunks, avx2: ivd_core::has_avx2() }
     }
 
     /// Whether the work is worth more than one thread.
@@ -89,7 +89,7 @@ impl Springs {
 
     /// With what not every processor of its kind has, where this one does; or the plain loops.
     pub(super) fn use_simd(&mut self, simd: bool) {
-        self.avx2 = simd && ivd_field::simd::wide();
+        self.avx2 = simd && ivd_core::has_avx2();
     }
 
     /// Whether [`Springs::use_simd`] found something to use.

@@ -1,6 +1,6 @@
 //! Springs with the processor's wider lanes and without: other code, the same bytes.
 
-use ivd_field::simd::wide;
+use ivd_core::has_avx2;
 
 use super::*;
 use crate::mass_spring::planted;
@@ -31,7 +31,7 @@ fn settings() -> [Params; 4] {
 
 #[test]
 fn a_fault_in_the_wide_lanes_alone_is_seen_beside_the_plain_loops() {
-    if !wide() {
+    if !has_avx2() {
         eprintln!("this processor has no wide lanes: there is nothing to compare");
         return;
     }
@@ -48,7 +48,7 @@ fn a_fault_in_the_wide_lanes_alone_is_seen_beside_the_plain_loops() {
 
 #[test]
 fn a_body_obeys_the_context_of_each_update_and_not_the_one_it_was_made_in() {
-    if !wide() {
+    if !has_avx2() {
         eprintln!("this processor has no wide lanes: there is nothing to compare");
         return;
     }
