@@ -10,8 +10,6 @@ truth changes by more than 2 %. Needs numpy, scipy, nibabel, pynrrd, trimesh, fe
 """
 
 import argparse
-import json
-import subprocess
 import sys
 import tempfile
 import time
@@ -24,20 +22,12 @@ import numpy as np
 import pypardiso
 import scipy.ndimage
 import trimesh
+from program import ivd, vectors
 
 KPA, POISSON, FILLER, AIR = 4.0, 0.45, 1e-3, 0.4
 MAPS = ["octree", "biharmonic", "fem"]
 # Relative L2, and the difference of 95 % as a share of the largest motion, by push over radius.
 LIMITS = [(0.2, 0.05, 0.15), (0.3, 0.10, 0.25)]
-
-
-def ivd(program, *arguments):
-    words = [program, *map(str, arguments), "--progress", "never", "--cache", "off", "--json"]
-    start = time.perf_counter()
-    done = subprocess.run(words, capture_output=True, text=True)
-    if done.returncode != 0:
-        raise RuntimeError(f"ivd {' '.join(map(str, arguments))}: exit {done.returncode}: {done.stderr.strip()}")
-    return json.loads(done.stdout), time.perf_counter() - start
 
 
 class Scan:
@@ -200,12 +190,6 @@ class Truth:
         return out
 
 
-def field(path, scan):
-    """The forward motion of an NRRD file as the program writes it, along the grid's axes (mm)."""
-    data, head = nrrd.read(str(path))
-    return np.moveaxis(data, 0, -1).astype(float) * [-1.0, -1.0, 1.0] @ scan.turn
-
-
 def compare(found, truth, chosen):
     most = np.linalg.norm(truth[chosen], axis=-1).max()
     off = np.linalg.norm((found - truth)[chosen], axis=-1)
@@ -292,7 +276,9 @@ def run(name, options, folder):
         rho = options.grip * radius
         what = f"{name} r {radius:g} mm, grip {rho:g} mm, {push:+g} r"
         try:
-            _, seconds = ivd(program, "deform", lattice, "--solver", "body", "--cell", cell, "--grip", rho, "--handle", handle, *extra, "-o", folder / "motion.ivd")
+            start = time.perf_counter()
+            ivd(program, "deform", lattice, "--solver", "body", "--cell", cell, "--grip", rho, "--handle", handle, *extra, "-o", folder / "motion.ivd")
+            seconds = time.perf_counter() - start
         except RuntimeError as error:
             print(f"| {what} | {str(error).split('exit ')[1][:160]} |", flush=True)
             failed = True
@@ -308,7 +294,7 @@ def run(name, options, folder):
                 continue
             taken = time.perf_counter() - start
             ivd(program, "export", folder / "field.ivd", "--direction", "forward", "-o", folder / "field.nrrd")
-            found[method] = (field(folder / "field.nrrd", scan), taken + (seconds if method == "body" else 0.0))
+            found[method] = (vectors(folder / "field.nrrd") @ scan.turn, taken + (seconds if method == "body" else 0.0))
         grip = Grip(scan, vertex, rho)
         truths = []
         try:

@@ -10,7 +10,6 @@ code is 1 where `fem` with cells of the same edge is further off than --most of 
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -18,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
+from program import ivd, vectors
 from skfem import Basis, BilinearForm, ElementHex1, ElementVector, LinearForm, MeshHex
 from skfem.helpers import ddot, det, grad, identity, inv, mul, trace, transpose
 
@@ -39,22 +39,6 @@ MAPS = {
 # Force on a vertex (in units of the ball's modulus times a cell's edge) for each mm that it is off: stiff enough to be a rule.
 SPRING = 10.0
 INCREMENTS, STEPS, TOLERANCE = 2, 40, 1e-6
-
-
-def ivd(program, *arguments):
-    words = [program, *map(str, arguments), "--progress", "never", "--cache", "off", "--json"]
-    done = subprocess.run(words, capture_output=True, text=True)
-    if done.returncode != 0:
-        raise RuntimeError(f"ivd {' '.join(map(str, arguments))}: exit {done.returncode}: {done.stderr.strip()}")
-    return json.loads(done.stdout)
-
-
-def vectors(path):
-    """The vectors of an NRRD file as the program writes it (mm, RAS), by x, y and z."""
-    head, _, raw = path.read_bytes().partition(b"\n\n")
-    sizes = next(line for line in head.decode().splitlines() if line.startswith("sizes:")).split()[2:]
-    field = np.frombuffer(raw, "<f4").reshape([*map(int, sizes[::-1]), 3])
-    return field.transpose(2, 1, 0, 3).astype(float) * [-1.0, -1.0, 1.0]
 
 
 @BilinearForm

@@ -291,31 +291,16 @@ fn the_other_lip_hardly_moves() {
 #[test]
 fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     let scene = part(33, ball(11.0), nowhere);
+    let bare = ElasticInputs { lattice: &scene.0, labels: None, volume: None };
     let push = [handle([16.0, 16.0, 27.0], [0.0, 1.0, -2.0], 14.0)];
     let on = |threads: usize| {
         let exec = Exec::default().with_threads(threads);
-        solve(
-            ElasticInputs { lattice: &scene.0, labels: None, volume: None },
-            &push,
-            &[],
-            &[],
-            &ElasticParams::default(),
-            &exec,
-        )
-        .unwrap()
+        solve(bare, &push, &[], &[], &ElasticParams::default(), &exec).unwrap()
     };
     assert_eq!(on(1), on(3));
     let soft = ElasticParams { material: [(7, Material::default())].into(), ..ElasticParams::default() };
     assert!(run(&scene, &push, &[], &soft).unwrap_err().to_string().contains("class 7"));
-    let error = solve(
-        ElasticInputs { lattice: &scene.0, labels: None, volume: None },
-        &push,
-        &[],
-        &[],
-        &soft,
-        &Exec::default(),
-    )
-    .unwrap_err();
+    let error = solve(bare, &push, &[], &[], &soft, &Exec::default()).unwrap_err();
     assert!(error.to_string().contains("--labels"), "{error}");
     // Too small for a cell; on what stays.
     let tiny = [handle([16.0, 16.0, 27.0], [0.0, 0.1, 0.0], 0.5)];
@@ -328,15 +313,7 @@ fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     let three = ElasticParams { cell: Some(3), ..ElasticParams::default() };
     assert!(run(&scene, &push, &[], &three).unwrap_err().to_string().contains("1, 2 or 4"));
     let pin = Pin { at: push[0].at, radius: 0.0 };
-    let error = solve(
-        ElasticInputs { lattice: &scene.0, labels: None, volume: None },
-        &push,
-        &[pin],
-        &[],
-        &ElasticParams::default(),
-        &Exec::default(),
-    )
-    .unwrap_err();
+    let error = solve(bare, &push, &[pin], &[], &ElasticParams::default(), &Exec::default()).unwrap_err();
     assert!(error.to_string().contains("is fixed"), "{error}");
     // A force that nothing stands against, however far it reaches.
     let pull = Handle { action: Action::Force([0.0, 0.0, 5.0]), radius: 1e6, ..push[0] };
@@ -346,15 +323,5 @@ fn bytes_do_not_depend_on_threads_and_what_is_missing_is_named() {
     assert!(run(&scene, &push, &[], &bad).unwrap_err().to_string().contains("poisson"));
     let cancelled = Exec::default();
     cancelled.cancel.cancel();
-    assert!(
-        solve(
-            ElasticInputs { lattice: &scene.0, labels: None, volume: None },
-            &push,
-            &[],
-            &[],
-            &ElasticParams::default(),
-            &cancelled
-        )
-        .is_err()
-    );
+    assert!(solve(bare, &push, &[], &[], &ElasticParams::default(), &cancelled).is_err());
 }
