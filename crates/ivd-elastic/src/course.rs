@@ -1,6 +1,10 @@
 //! From rest to what is prescribed, in as many steps as that takes.
 
+use std::collections::BTreeSet;
+
 use ivd_core::{Error, Exec};
+use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use crate::conjugate::{self, Triple, add};
 use crate::newton::Balance;
@@ -8,7 +12,7 @@ use crate::system::Body;
 use crate::tangent::Tangent;
 
 /// What is left of the forces on the way, relative to those that cancel.
-const LOOSE: f64 = 0.3;
+const LOOSE: f64 = 0.2;
 /// The same once a part of the way found no balance: what is carried along too far from one leads astray.
 const CLOSE: f64 = 1e-2;
 /// Newton's steps for a part of the way, and in the end.
@@ -17,15 +21,19 @@ const STEPS: u32 = 60;
 /// What may be left on the way where these steps don't suffice.
 const ASTRAY: f64 = 0.5;
 /// Tolerance and iterations of the equations of a start.
-const START: f64 = 0.03;
+const START: f64 = 0.1;
 const ITERATIONS: u32 = 300;
-/// Times that a start is halved.
+/// Times that a start is halved, each time it is to be unfolded, and cells beyond which that isn't tried.
 const HALVINGS: u32 = 5;
+const UNFOLDINGS: u32 = 6;
+const FOLDED: usize = 200;
 /// The shortest part of the way.
 const LEAST: f64 = 1.0 / 64.0;
 /// States gone through that a stop may go back to; beyond these every other is forgotten. And Newton's steps from each.
 const KEPT: usize = 16;
 const SETTLING: u32 = 20;
+/// Times that the place of a stop is halved between the last balance and the first without.
+const CLOSER: u32 = 4;
 
 /// What nodes are told to do.
 pub struct Course<'a> {
@@ -57,7 +65,7 @@ pub struct Arrival {
 
 /// Where a part of the way starts from.
 struct Start {
-    /// The nodes' motion (mm), and the share at which that is; `None` where every step along the tangent folds.
+    /// The nodes' motion (mm), and the share at which that is; `None` where every step along the tangent folds too much.
     found: Option<(Vec<Triple>, f64)>,
     iterations: u32,
 }
@@ -65,8 +73,8 @@ struct Start {
 impl Body {
     /// Takes the nodes where they are told to go, and finds for all others where the forces cancel.
     ///
-    /// Each part of the way starts along the tangent: what all nodes would do if matter were linear there, as far as that keeps `J > 0`. A part
-    /// that finds no balance is halved, down to a 64th of the way.
+    /// Each part of the way starts along the tangent: what all nodes would do if matter were linear there, as far as that keeps `J > 0` or can be
+    /// unfolded. A part that finds no balance is halved, down to a 64th of the way.
     ///
     /// - `u`: the nodes' motion (mm), at rest at first.
     ///
@@ -132,7 +140,8 @@ impl Body {
         Ok(arrival)
     }
 
-    /// Goes back to the last state from which the forces cancel as closely as they are to at the end; to rest where there is none.
+    /// Goes back to the last state from which the forces cancel as closely as they are to at the end, and from there forth as far as they do; to rest
+    /// where there is none.
     fn stop(
         &mut self,
         u: &mut Vec<Triple>,
@@ -141,22 +150,49 @@ impl Body {
         arrival: &mut Arrival,
         exec: &Exec,
     ) -> Result<(), Error> {
+        let mut beyond = arrival.share;
         arrival.share = 0.0;
         for (share, mut state) in passed.into_iter().rev() {
-            self.load(course, share);
-            let found = self.balance(&mut state, course.tolerance, SETTLING, exec)?;
-            let Balance { steps, iterations, .. } = arrival.balance;
-            arrival.balance =
-                Balance { steps: steps + found.steps, iterations: iterations + found.iterations, ..found };
-            if found.reached {
-                arrival.share = share;
-                arrival.energies[1] = self.energy(&state).map_or(0.0, |energy| energy.0);
+            if self.settle(&mut state, course, share, arrival, exec)? {
                 *u = state;
+                for _ in 0..CLOSER {
+                    let start = self.start(u, course, arrival.share, 0.5 * (arrival.share + beyond), exec)?;
+                    arrival.balance.iterations += start.iterations;
+                    let Some((mut next, share)) = start.found else { break };
+                    if self.settle(&mut next, course, share, arrival, exec)? {
+                        *u = next;
+                    } else {
+                        beyond = share;
+                    }
+                }
                 return Ok(());
             }
+            beyond = share;
         }
         u.fill([0.0; 3]);
         Ok(())
+    }
+
+    /// Balances a state at a share of the way as closely as at the end. If that is reached the body has arrived there.
+    fn settle(
+        &mut self,
+        state: &mut Vec<Triple>,
+        course: &Course<'_>,
+        share: f64,
+        arrival: &mut Arrival,
+        exec: &Exec,
+    ) -> Result<bool, Error> {
+        self.load(course, share);
+        let found = self.balance(state, course.tolerance, SETTLING, exec)?;
+        let Balance { steps, iterations, .. } = arrival.balance;
+        let all = Balance { steps: steps + found.steps, iterations: iterations + found.iterations, ..found };
+        if !found.reached {
+            arrival.balance = Balance { steps: all.steps, iterations: all.iterations, ..arrival.balance };
+            return Ok(false);
+        }
+        (arrival.share, arrival.balance) = (share, all);
+        arrival.energies[1] = self.energy(state).map_or(0.0, |energy| energy.0);
+        Ok(true)
     }
 
     fn load(&mut self, course: &Course<'_>, share: f64) {
@@ -193,11 +229,47 @@ impl Body {
             for (&node, goal) in course.nodes.iter().zip((course.goals)(share)) {
                 next[node as usize] = goal;
             }
-            if self.energy(&next).is_some() {
+            if self.unfold(&mut next) {
                 return Ok(Start { found: Some((next, share)), iterations: follow.iterations });
             }
             part /= 2.0;
         }
         Ok(Start { found: None, iterations: follow.iterations })
+    }
+
+    /// Moves free nodes of folded cells to the middle of what is round them, a few times, if these cells are few; whether none is left folded.
+    pub(crate) fn unfold(&self, u: &mut [Triple]) -> bool {
+        let mesh = &self.mesh;
+        let is_folded =
+            |cell: &usize, u: &[Triple]| self.cell_energy(*cell, &mesh.gather(*cell, u)).is_none();
+        let mut folded: Vec<usize> =
+            (0..mesh.cells.len()).into_par_iter().filter(|cell| is_folded(cell, u)).collect();
+        for _ in 0..UNFOLDINGS {
+            if folded.is_empty() || folded.len() > FOLDED {
+                break;
+            }
+            let corners = folded.iter().flat_map(|&cell| (0..8).map(move |corner| (cell, corner)));
+            let nodes: BTreeSet<usize> = corners
+                .flat_map(|(cell, corner)| mesh.corner(cell, corner))
+                .map(|(node, _)| *node as usize)
+                .filter(|node| !mesh.held[*node])
+                .collect();
+            for &node in &nodes {
+                let round = self.touched(node).iter().flat_map(|&(cell, own, _)| {
+                    let corners = mesh.gather(cell as usize, u);
+                    (0..8)
+                        .filter(move |corner| *corner != usize::from(own))
+                        .map(move |corner| corners[corner])
+                });
+                let (sum, many) = round.fold((Vector3::zeros(), 0.0), |(sum, many), corner| {
+                    (sum + Vector3::from(corner), many + 1.0)
+                });
+                u[node] = (sum / many).into();
+            }
+            let touched = nodes.iter().flat_map(|&node| self.touched(node)).map(|(cell, ..)| *cell as usize);
+            let cells: BTreeSet<usize> = touched.chain(folded).collect();
+            folded = cells.into_iter().filter(|cell| is_folded(cell, u)).collect();
+        }
+        folded.is_empty()
     }
 }

@@ -57,6 +57,7 @@ mod course;
 mod material;
 mod mesh;
 mod newton;
+mod relax;
 mod slopes;
 mod system;
 mod tangent;

@@ -3,7 +3,7 @@
 use ivd_core::{Error, Exec};
 
 use crate::conjugate::{self, Triple, add, dot};
-use crate::system::{Body, Forces};
+use crate::system::Body;
 use crate::tangent::Tangent;
 
 /// Part of the promised decrease that a step has to make (Armijo).
@@ -33,6 +33,8 @@ pub struct Balance {
 impl Body {
     /// Moves the free nodes until the forces that are left are `tolerance` of those that cancel, in at most `limit` steps.
     ///
+    /// Before each step of all nodes those whose forces stand out are moved by themselves.
+    ///
     /// The field given has J > 0 at every Gauss point, and so has what becomes of it; where it hasn't, nothing is done.
     ///
     /// # Errors
@@ -48,7 +50,13 @@ impl Body {
         let Some(mut now) = self.energy(u) else { return Ok(balance) };
         let (mut before, mut wary) = (0.0, 0);
         loop {
-            let Forces { left: gradient, left_mm, cancelled_mm } = self.forces(u);
+            let mut forces = self.forces(u);
+            if self.element.is_guarded() {
+                self.relax_worst(u, &mut forces, tolerance);
+                now = self.energy(u).expect("single nodes keep J > 0");
+            }
+            let (left_mm, cancelled_mm) = (forces.left_mm(), forces.cancelled_mm);
+            let gradient = forces.left;
             balance.residual = if cancelled_mm > 0.0 { left_mm / cancelled_mm } else { 0.0 };
             balance.reached = balance.residual <= tolerance;
             if balance.reached || balance.steps == limit {
@@ -85,14 +93,14 @@ impl Body {
         u: &[Triple],
         way: &[Triple],
         slope: f64,
-        (energy, size): (f64, f64),
+        now: (f64, f64),
     ) -> Option<(Vec<Triple>, (f64, f64))> {
         let mut step = 1.0;
         for _ in 0..HALVINGS {
             let mut next = u.to_vec();
             add(&mut next, way, step);
             if let Some(found) = self.energy(&next)
-                && found.0 <= energy + DECREASE * step * slope + 1e-14 * size
+                && is_less(found.0, now, step * slope)
             {
                 return Some((next, found));
             }
@@ -100,4 +108,9 @@ impl Body {
         }
         None
     }
+}
+
+/// Whether an energy is less than another, whose terms have a size, by enough of what the slope promised; up to rounding.
+pub(crate) fn is_less(next: f64, (now, size): (f64, f64), promised: f64) -> bool {
+    next <= now + DECREASE * promised + 1e-14 * size
 }

@@ -61,11 +61,18 @@ pub struct Body {
 pub(crate) struct Forces {
     /// Derivative of the energy; 0 at held nodes.
     pub(crate) left: Vec<Triple>,
-    /// How far (mm) it would move the nodes against what touches them, matter that is pressed at a corner included: the root of the sum of squares. Where
-    /// matter is soft small forces count too.
-    pub(crate) left_mm: f64,
-    /// The same of the sizes of the forces that cancel.
+    /// How far (mm) it would move each node against what touches it, matter that is pressed at a corner included: where matter is soft small
+    /// forces count too.
+    pub(crate) left_by_node: Vec<f64>,
+    /// The same of the sizes of the forces that cancel, of all nodes: the root of the sum of squares.
     pub(crate) cancelled_mm: f64,
+}
+
+impl Forces {
+    /// How far (mm) what is left would move the nodes: the root of the sum of squares.
+    pub(crate) fn left_mm(&self) -> f64 {
+        self.left_by_node.iter().map(|l| l * l).sum::<f64>().sqrt()
+    }
 }
 
 impl Body {
@@ -121,16 +128,8 @@ impl Body {
         let part = |cells: &[usize]| {
             let (mut sum, mut size) = (0.0, 0.0);
             for &cell in cells {
-                let corners = self.mesh.gather(cell, u);
-                let edge = f64::from(self.mesh.cells[cell].size);
-                let (matter, terms) = self.element.energy(&self.matter[cell], edge, &corners)?;
-                (sum, size) = (sum + matter, size + terms);
-                let mut add = |term: f64| (sum, size) = (sum + term, size + term.abs());
-                for pull in self.pulls_of(cell) {
-                    let left = pull.left(&corners);
-                    add(0.5 * pull.spring * left.norm_squared());
-                    add(pull.multiplier.dot(&left));
-                }
+                let own = self.cell_energy(cell, &self.mesh.gather(cell, u))?;
+                (sum, size) = (sum + own.0, size + own.1);
             }
             Some((sum, size))
         };
@@ -146,6 +145,19 @@ impl Body {
             total = (total.0 - term, total.1 + term.abs());
         }
         Some(total)
+    }
+
+    /// The energy of a cell and of what pulls at it, and the size of the terms.
+    pub(crate) fn cell_energy(&self, cell: usize, corners: &Corners) -> Option<(f64, f64)> {
+        let edge = f64::from(self.mesh.cells[cell].size);
+        let (mut sum, mut size) = self.element.energy(&self.matter[cell], edge, corners)?;
+        let mut add = |term: f64| (sum, size) = (sum + term, size + term.abs());
+        for pull in self.pulls_of(cell) {
+            let left = pull.left(corners);
+            add(0.5 * pull.spring * left.norm_squared());
+            add(pull.multiplier.dot(&left));
+        }
+        Some((sum, size))
     }
 
     /// Derivative of the energy by the nodes.
@@ -166,8 +178,8 @@ impl Body {
         };
         let (left, lengths): (Vec<Triple>, Vec<(f64, f64)>) =
             (0..self.mesh.nodes.len()).into_par_iter().map(of).unzip();
-        let norm = |of: fn(&(f64, f64)) -> f64| lengths.iter().map(|l| of(l).powi(2)).sum::<f64>().sqrt();
-        Forces { left, left_mm: norm(|l| l.0), cancelled_mm: norm(|l| l.1) }
+        let (left_by_node, cancelled): (Vec<f64>, Vec<f64>) = lengths.into_iter().unzip();
+        Forces { left, left_by_node, cancelled_mm: cancelled.iter().map(|l| l * l).sum::<f64>().sqrt() }
     }
 
     /// Forces that hold the nodes where they are against the matter (modulus · mm²).
@@ -210,19 +222,26 @@ impl Body {
     fn cell_forces(&self, u: &[Triple]) -> (Vec<Corners>, Vec<f64>) {
         (0..self.mesh.cells.len())
             .into_par_iter()
-            .map(|cell| {
-                let corners = self.mesh.gather(cell, u);
-                let edge = f64::from(self.mesh.cells[cell].size);
-                let (mut out, resists) = self.element.forces(&self.matter[cell], edge, &corners);
-                for pull in self.pulls_of(cell) {
-                    let force = pull.left(&corners) * pull.spring + pull.multiplier;
-                    for (out, w) in out.iter_mut().zip(pull.weights) {
-                        *out = [out[0] + w * force[0], out[1] + w * force[1], out[2] + w * force[2]];
-                    }
-                }
-                (out, resists)
-            })
+            .map(|cell| self.cell_force(cell, &self.mesh.gather(cell, u)))
             .unzip()
+    }
+
+    /// Forces at the corners of a cell, and the most that one of these resists being pressed with.
+    pub(crate) fn cell_force(&self, cell: usize, corners: &Corners) -> (Corners, f64) {
+        let edge = f64::from(self.mesh.cells[cell].size);
+        let (mut out, resists) = self.element.forces(&self.matter[cell], edge, corners);
+        for pull in self.pulls_of(cell) {
+            let force = pull.left(corners) * pull.spring + pull.multiplier;
+            for (out, w) in out.iter_mut().zip(pull.weights) {
+                *out = [out[0] + w * force[0], out[1] + w * force[1], out[2] + w * force[2]];
+            }
+        }
+        (out, resists)
+    }
+
+    /// Cells, corners and weights that a node is part of.
+    pub(crate) fn touched(&self, node: usize) -> &[(u32, u8, f64)] {
+        &self.touches[node]
     }
 
     /// The sum of forces at a node, and of their sizes, with one that acts there.

@@ -150,12 +150,15 @@ impl CellTangent {
         out
     }
 
+    /// What a corner is pushed by as it moves alone.
+    fn corner_block(&self, corner: usize, gauss: &[Unit; 8], corners: &[Unit; 8]) -> Matrix3<f64> {
+        let own = self.gauss.block(&gauss[corner], self.stretch.as_deref());
+        self.pressed.as_ref().map_or(own, |p| own + p.0.block(&corners[corner], Some(&p.1)))
+    }
+
     /// What each corner is pushed by as it moves alone.
     fn blocks(&self, gauss: &[Unit; 8], corners: &[Unit; 8]) -> [Matrix3<f64>; 8] {
-        std::array::from_fn(|corner| {
-            let own = self.gauss.block(&gauss[corner], self.stretch.as_deref());
-            self.pressed.as_ref().map_or(own, |p| own + p.0.block(&corners[corner], Some(&p.1)))
-        })
+        std::array::from_fn(|corner| self.corner_block(corner, gauss, corners))
     }
 }
 
@@ -251,6 +254,38 @@ impl Coefficients {
     }
 }
 
+/// Second derivatives by single nodes.
+pub(crate) struct Blocks<'a> {
+    body: &'a Body,
+    gauss: [Unit; 8],
+    corners: [Unit; 8],
+}
+
+impl<'a> Blocks<'a> {
+    pub(crate) fn new(body: &'a Body) -> Self {
+        let metric = metric(&body.element);
+        Self { body, gauss: Unit::all(GAUSS, &metric), corners: Unit::all(CORNERS, &metric) }
+    }
+
+    /// What a corner of a cell is pushed by at most as it moves alone.
+    pub(crate) fn of(&self, cell: usize, corner: usize, u: &Corners) -> Matrix3<f64> {
+        let (body, size) = (self.body, f64::from(self.body.mesh.cells[cell].size));
+        let own = CellTangent::new(&body.element, &body.matter[cell], size, u, true);
+        let mut block = own.corner_block(corner, &self.gauss, &self.corners);
+        for pull in body.pulls_of(cell) {
+            block +=
+                Matrix3::from_diagonal_element(pull.spring * pull.weights[corner] * pull.weights[corner]);
+        }
+        block
+    }
+}
+
+/// `C` of a cell of size 1.
+fn metric(element: &Hexahedron) -> [[f64; 3]; 3] {
+    let metric = element.to_place() * element.to_place().transpose();
+    std::array::from_fn(|r| std::array::from_fn(|c| metric[(r, c)]))
+}
+
 impl<'a> Tangent<'a> {
     /// `bounded`: what the second derivative is at most, in no direction less than nothing.
     ///
@@ -263,9 +298,7 @@ impl<'a> Tangent<'a> {
             CellTangent::new(&body.element, &body.matter[cell], size, &body.mesh.gather(cell, u), bounded)
         };
         let cells = (0..body.mesh.cells.len()).into_par_iter().map(of).collect();
-        let metric = body.element.to_place() * body.element.to_place().transpose();
-        let metric = std::array::from_fn(|r| std::array::from_fn(|c| metric[(r, c)]));
-        Ok(Self { body, cells, metric, avx2: exec.simd && has_avx2() })
+        Ok(Self { body, cells, metric: metric(&body.element), avx2: exec.simd && has_avx2() })
     }
 
     /// Bytes that a cell takes, pressed or bent or not.

@@ -11,6 +11,8 @@ use crate::system::{Body, Pull};
 use crate::tangent::Tangent;
 use crate::tree::Tree;
 
+mod pressed;
+
 /// A block of `roots` cells of `edge`³ finest ones, cut to finest at `fine`; `held` says which nodes are.
 fn block(
     (roots, edge): ([i32; 3], i32),
