@@ -31,7 +31,7 @@ const FOLDED: usize = 200;
 const LEAST: f64 = 1.0 / 64.0;
 /// States gone through that a stop may go back to; beyond these every other is forgotten. And Newton's steps from each.
 const KEPT: usize = 16;
-const SETTLING: u32 = 20;
+const SETTLING: u32 = 12;
 /// Times that the place of a stop is halved between the last balance and the first without.
 const CLOSER: u32 = 4;
 
@@ -146,30 +146,36 @@ impl Body {
         &mut self,
         u: &mut Vec<Triple>,
         course: &Course<'_>,
-        passed: Vec<(f64, Vec<Triple>)>,
+        mut passed: Vec<(f64, Vec<Triple>)>,
         arrival: &mut Arrival,
         exec: &Exec,
     ) -> Result<(), Error> {
+        // Of the states before `good` the forces cancel, of those from `bad` on they don't: farther and farther back, then by halves.
+        let (mut good, mut bad, mut back) = (0, passed.len(), 1);
         let mut beyond = arrival.share;
         arrival.share = 0.0;
-        for (share, mut state) in passed.into_iter().rev() {
+        while good < bad {
+            let tried = if good == 0 { bad.saturating_sub(back) } else { good + (bad - good) / 2 };
+            let (share, mut state) = (passed[tried].0, std::mem::take(&mut passed[tried].1));
             if self.settle(&mut state, course, share, arrival, exec)? {
-                *u = state;
-                for _ in 0..CLOSER {
-                    let start = self.start(u, course, arrival.share, 0.5 * (arrival.share + beyond), exec)?;
-                    arrival.balance.iterations += start.iterations;
-                    let Some((mut next, share)) = start.found else { break };
-                    if self.settle(&mut next, course, share, arrival, exec)? {
-                        *u = next;
-                    } else {
-                        beyond = share;
-                    }
-                }
-                return Ok(());
+                (*u, good) = (state, tried + 1);
+            } else {
+                (beyond, bad, back) = (share, tried, 2 * back);
             }
-            beyond = share;
         }
-        u.fill([0.0; 3]);
+        for _ in 0..if good > 0 { CLOSER } else { 0 } {
+            let start = self.start(u, course, arrival.share, 0.5 * (arrival.share + beyond), exec)?;
+            arrival.balance.iterations += start.iterations;
+            let Some((mut next, share)) = start.found else { break };
+            if self.settle(&mut next, course, share, arrival, exec)? {
+                *u = next;
+            } else {
+                beyond = share;
+            }
+        }
+        if good == 0 {
+            u.fill([0.0; 3]);
+        }
         Ok(())
     }
 
