@@ -22,7 +22,7 @@ const SHARE: f64 = 0.5;
 /// Nodes beyond which it isn't worth going through one by one.
 const MANY: usize = 400;
 /// What may be left after a round at most, of what was, for another one to be worth its while.
-const GAIN: f64 = 0.7;
+const GAIN: f64 = 0.9;
 /// Times that they are chosen anew, times that all of them are gone through, and Newton's steps of each.
 const ROUNDS: u32 = 4;
 const SWEEPS: u32 = 4;
