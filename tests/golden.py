@@ -1,4 +1,4 @@
-"""golden.py PROGRAM [SCENE ...] [--check TABLE | --write TABLE]: what the scenes of fixtures/scenes come to.
+"""golden.py PROGRAM [SCENE ...] [--check TABLE | --write TABLE] [--keep FOLDER]: what the scenes of fixtures/scenes come to.
 
 Runs every scene whose input is there (or those named) and prints a line, tab-separated, for
 - every artefact: scene, stage, variant, kind, content hash;
@@ -8,9 +8,9 @@ Runs every scene whose input is there (or those named) and prints a line, tab-se
 A file's bytes don't count, so another compression or order of metadata moves nothing.
 
 --check compares with a table instead and fails on any line that differs, is missing or is new; --write makes the table anew
-and keeps its lines of scenes that weren't run. Needs the packages of tests/interop/requirements.txt.
+and keeps its lines of scenes that weren't run. --keep leaves the outputs in a folder for each scene. Needs the packages of tests/interop/requirements.txt.
 """
-import argparse, base64, hashlib, html.parser, json, pathlib, subprocess, sys, tempfile, tomllib
+import argparse, base64, contextlib, hashlib, html.parser, json, pathlib, subprocess, sys, tempfile, tomllib
 
 import nibabel as nib
 import nrrd
@@ -125,10 +125,10 @@ def report(file):
 READERS = {".nii": nifti, ".nii.gz": nifti, ".nrrd": nrrd_field, ".ply": mesh, ".png": lambda f: digest(pixels(f))}
 
 
-def lines_of(program, scene):
+def lines_of(program, scene, keep):
     """Every line of a scene: what it is of, and the hash."""
     lines = {}
-    with tempfile.TemporaryDirectory() as out:
+    with contextlib.nullcontext(keep / scene.stem) if keep else tempfile.TemporaryDirectory() as out:
         words = [program, "--json", "--quiet", "--cache", "off", "pipeline", scene, "--out", out]
         done = subprocess.run(words, capture_output=True, text=True)
         if done.returncode != 0:
@@ -161,6 +161,7 @@ def main():
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument("--check", type=pathlib.Path, metavar="TABLE")
     mode.add_argument("--write", type=pathlib.Path, metavar="TABLE")
+    parser.add_argument("--keep", type=pathlib.Path, metavar="FOLDER")
     args = parser.parse_args()
 
     now, ran = {}, set()
@@ -170,7 +171,7 @@ def main():
             print(f"{scene.stem}: passed over, {file} isn't there", file=sys.stderr)
             continue
         ran.add(scene.stem)
-        now |= lines_of(args.program.resolve(), scene)
+        now |= lines_of(args.program.resolve(), scene, args.keep)
 
     if args.check:
         table = {of: value for of, value in read_table(args.check).items() if of[0] in ran}

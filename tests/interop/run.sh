@@ -12,12 +12,16 @@ if [ ! -x "$venv/bin/python" ]; then python3 -m venv "$venv"; fi
 if ! "$venv/bin/python" -c 'import numpy, nibabel, SimpleITK, nrrd, vtk, tifffile, trimesh, scipy, networkx, blake3, sklearn' 2>/dev/null; then
     "$venv/bin/pip" install -q --disable-pip-version-check -r "$here/requirements.txt"
 fi
+made=$(mktemp -d)
+trap 'rm -rf "$made"' EXIT
 status=0
 echo "-- golden"
-"$venv/bin/python" "$here/../golden.py" "$ivd" --check "$here/../../fixtures/golden.tsv" || status=1
+"$venv/bin/python" "$here/../golden.py" "$ivd" --check "$here/../../fixtures/golden.tsv" --keep "$made" || status=1
+echo "-- pipeline"
+"$venv/bin/python" "$here/pipeline.py" "$ivd" --made "$made" || status=1
 echo "-- read_artefact"
 "$venv/bin/python" "$here/read_artefact.py" "$here"/../../fixtures/artefacts/*.ivd >/dev/null || status=1
-for script in volumes lattices motions pipeline transfer_functions; do
+for script in volumes lattices motions transfer_functions; do
     echo "-- $script"
     "$venv/bin/python" "$here/$script.py" "$ivd" || status=1
 done
