@@ -128,7 +128,8 @@ READERS = {".nii": nifti, ".nii.gz": nifti, ".nrrd": nrrd_field, ".ply": mesh, "
 def lines_of(program, scene, keep):
     """Every line of a scene: what it is of, and the hash."""
     lines = {}
-    with contextlib.nullcontext(keep / scene.stem) if keep else tempfile.TemporaryDirectory() as out:
+    kept = keep and keep / f"{scene.stem}.part"
+    with contextlib.nullcontext(kept) if keep else tempfile.TemporaryDirectory() as out:
         words = [program, "--json", "--quiet", "--cache", "off", "pipeline", scene, "--out", out]
         done = subprocess.run(words, capture_output=True, text=True)
         if done.returncode != 0:
@@ -146,6 +147,9 @@ def lines_of(program, scene, keep):
             else:
                 found = {output["name"]: READERS["".join(file.suffixes)](file)}
             lines |= {(scene.stem, "output", name, file.name): value for name, value in found.items()}
+    if keep:
+        # Only of a scene that went well.
+        kept.rename(keep / scene.stem)
     return lines
 
 

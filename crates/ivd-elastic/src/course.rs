@@ -84,6 +84,7 @@ impl Body {
         let mut arrival = Arrival::default();
         let (mut step, mut loose) = (1.0, LOOSE);
         let mut passed: Vec<(f64, Vec<Triple>)> = Vec::new();
+        let mut beyond = 1.0;
         let observer = exec.observer();
         observer.begin("equilibrium", 64);
         let gone = loop {
@@ -97,7 +98,7 @@ impl Body {
             };
             arrival.balance.iterations += start.iterations;
             let Some((mut next, share)) = start.found else {
-                step /= 2.0;
+                (step, beyond) = (step / 2.0, to);
                 continue;
             };
             let (tolerance, limit) = if share < 1.0 { (loose, FEW) } else { (course.tolerance, STEPS) };
@@ -111,7 +112,7 @@ impl Body {
             // On the way it is enough to be near; what is left is made up for by the next part.
             if !balance.reached && (share >= 1.0 || balance.residual > ASTRAY) {
                 arrival.balance = Balance { iterations, steps, ..so_far };
-                (step, loose) = ((share - arrival.share) / 2.0, CLOSE);
+                (step, loose, beyond) = ((share - arrival.share) / 2.0, CLOSE, share);
                 continue;
             }
             step = (2.0 * (share - arrival.share)).max(LEAST);
@@ -134,25 +135,27 @@ impl Body {
         observer.end("equilibrium");
         gone?;
         if arrival.share < 1.0 && course.stops {
-            self.stop(u, course, passed, &mut arrival, exec)?;
+            self.stop(u, course, passed, beyond, &mut arrival, exec)?;
         }
         self.load(course, arrival.share);
         Ok(arrival)
     }
 
-    /// Goes back to the last state from which the forces cancel as closely as they are to at the end, and from there forth as far as they do; to rest
-    /// where there is none.
+    /// Goes back to the last state from which the forces cancel as closely as they are to at the end, and from there a few times halfway to the first
+    /// share at which they don't; to rest where there is none.
+    ///
+    /// - `beyond`: a share from which no way was found on.
     fn stop(
         &mut self,
         u: &mut Vec<Triple>,
         course: &Course<'_>,
         mut passed: Vec<(f64, Vec<Triple>)>,
+        mut beyond: f64,
         arrival: &mut Arrival,
         exec: &Exec,
     ) -> Result<(), Error> {
         // Of the states before `good` the forces cancel, of those from `bad` on they don't: farther and farther back, then by halves.
         let (mut good, mut bad, mut back) = (0, passed.len(), 1);
-        let mut beyond = arrival.share;
         arrival.share = 0.0;
         while good < bad {
             let tried = if good == 0 { bad.saturating_sub(back) } else { good + (bad - good) / 2 };
@@ -163,18 +166,25 @@ impl Body {
                 (beyond, bad, back) = (share, tried, 2 * back);
             }
         }
-        for _ in 0..if good > 0 { CLOSER } else { 0 } {
-            let start = self.start(u, course, arrival.share, 0.5 * (arrival.share + beyond), exec)?;
+        if good == 0 {
+            u.fill([0.0; 3]);
+            arrival.energies[1] = 0.0;
+            (arrival.balance.residual, arrival.balance.reached) = (0.0, false);
+            return Ok(());
+        }
+        for _ in 0..CLOSER {
+            let middle = 0.5 * (arrival.share + beyond);
+            let start = self.start(u, course, arrival.share, middle, exec)?;
             arrival.balance.iterations += start.iterations;
-            let Some((mut next, share)) = start.found else { break };
+            let Some((mut next, share)) = start.found else {
+                beyond = middle;
+                continue;
+            };
             if self.settle(&mut next, course, share, arrival, exec)? {
                 *u = next;
             } else {
                 beyond = share;
             }
-        }
-        if good == 0 {
-            u.fill([0.0; 3]);
         }
         Ok(())
     }
@@ -261,16 +271,16 @@ impl Body {
                 .filter(|node| !mesh.held[*node])
                 .collect();
             for &node in &nodes {
-                let round = self.touched(node).iter().flat_map(|&(cell, own, _)| {
-                    let corners = mesh.gather(cell as usize, u);
-                    (0..8)
-                        .filter(move |corner| *corner != usize::from(own))
-                        .map(move |corner| corners[corner])
-                });
-                let (sum, many) = round.fold((Vector3::zeros(), 0.0), |(sum, many), corner| {
-                    (sum + Vector3::from(corner), many + 1.0)
-                });
-                u[node] = (sum / many).into();
+                let corners =
+                    self.touched(node).iter().flat_map(|touched| (0..8).map(|corner| (touched.0, corner)));
+                let others = corners
+                    .flat_map(|(cell, corner)| mesh.corner(cell as usize, corner))
+                    .filter(|(other, _)| *other as usize != node);
+                let (sum, weights) =
+                    others.fold((Vector3::zeros(), 0.0), |(sum, weights), (other, weight)| {
+                        (sum + Vector3::from(u[*other as usize]) * *weight, weights + weight)
+                    });
+                u[node] = (sum / weights).into();
             }
             let touched = nodes.iter().flat_map(|&node| self.touched(node)).map(|(cell, ..)| *cell as usize);
             let cells: BTreeSet<usize> = touched.chain(folded).collect();

@@ -82,19 +82,25 @@ impl Mesh {
 
     /// The values at a cell's corners.
     pub fn gather(&self, cell: usize, values: &[[f64; 3]]) -> [[f64; 3]; 8] {
+        self.gather_of(cell, |node| &values[node as usize])
+    }
+
+    /// The same of nodes' values by number.
+    #[inline]
+    pub(crate) fn gather_of<'a>(&self, cell: usize, value: impl Fn(u32) -> &'a [f64; 3]) -> [[f64; 3]; 8] {
         let starts = &self.starts[8 * cell..=8 * cell + 8];
         let mut out = [[0.0; 3]; 8];
         let terms = &self.terms[starts[0] as usize..starts[8] as usize];
         if let Ok(own) = <&[(u32, f64); 8]>::try_from(terms) {
             // Where nothing hangs every corner is a node.
             for (out, (node, _)) in out.iter_mut().zip(own) {
-                *out = values[*node as usize];
+                *out = *value(*node);
             }
             return out;
         }
         for (corner, out) in out.iter_mut().enumerate() {
             for (node, weight) in self.corner(cell, corner) {
-                let v = &values[*node as usize];
+                let v = value(*node);
                 *out = [out[0] + weight * v[0], out[1] + weight * v[1], out[2] + weight * v[2]];
             }
         }

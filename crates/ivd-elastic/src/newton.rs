@@ -33,7 +33,7 @@ pub struct Balance {
 impl Body {
     /// Moves the free nodes until the forces that are left are `tolerance` of those that cancel, in at most `limit` steps.
     ///
-    /// Before each step of all nodes those whose forces stand out are moved by themselves.
+    /// Before each step of all nodes of a guarded body those whose forces stand out are moved by themselves.
     ///
     /// The field given has J > 0 at every Gauss point, and so has what becomes of it; where it hasn't, nothing is done.
     ///
@@ -51,8 +51,7 @@ impl Body {
         let (mut before, mut wary) = (0.0, 0);
         loop {
             let mut forces = self.forces(u);
-            if self.element.is_guarded() {
-                self.relax_worst(u, &mut forces, tolerance);
+            if self.element.is_guarded() && self.relax_worst(u, &mut forces, tolerance, exec)? {
                 now = self.energy(u).expect("single nodes keep J > 0");
             }
             let (left_mm, cancelled_mm) = (forces.left_mm(), forces.cancelled_mm);

@@ -7,6 +7,7 @@
 
 use std::collections::HashSet;
 
+use ivd_core::{Error, Exec};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -16,11 +17,9 @@ use crate::newton::is_less;
 use crate::system::{Body, Forces};
 use crate::tangent::Blocks;
 
-/// A node stands out by this share of what is left of the forces; those that do are moved if they have half of it (of the squares).
+/// A node stands out by this share of what is left of the forces; those that do, fewer than 400, are moved if they have half of it (of the squares).
 const STANDS_OUT: f64 = 0.05;
 const SHARE: f64 = 0.5;
-/// Nodes beyond which it isn't worth going through one by one.
-const MANY: usize = 400;
 /// What may be left after a round at most, of what was, for another one to be worth its while.
 const GAIN: f64 = 0.9;
 /// Times that they are chosen anew, times that all of them are gone through, and Newton's steps of each.
@@ -33,19 +32,29 @@ const RESTS: f64 = 0.1;
 const HALVINGS: i32 = 20;
 
 impl Body {
-    /// Moves single nodes, one after the other, until no forces stand out, or what is left of them is `tolerance` of those that cancel; a few rounds
-    /// at most. The energy never rises, and J stays above 0.
+    /// Moves single nodes, one after the other, while forces stand out, more than `tolerance` of those that cancel is left, and that gets less by a
+    /// tenth or more with each round; a few rounds at most. The energy doesn't rise, but for rounding, and J stays above 0; what is left of the
+    /// forces may. Says whether any was moved.
     ///
     /// - `forces`: those at `u`, before and after.
-    pub(crate) fn relax_worst(&self, u: &mut [Triple], forces: &mut Forces, tolerance: f64) {
-        for _ in 0..ROUNDS {
+    ///
+    /// # Errors
+    /// Cancelled.
+    pub(crate) fn relax_worst(
+        &self,
+        u: &mut [Triple],
+        forces: &mut Forces,
+        tolerance: f64,
+        exec: &Exec,
+    ) -> Result<bool, Error> {
+        for round in 0..ROUNDS {
             let left_mm = forces.left_mm();
             let stands_out = |node: &usize| forces.left_by_node[*node] > STANDS_OUT * left_mm;
             let worst: Vec<usize> = (0..u.len()).filter(stands_out).collect();
             let theirs: f64 = worst.iter().map(|&node| forces.left_by_node[node].powi(2)).sum();
-            let spread = theirs < SHARE * left_mm * left_mm || worst.len() > MANY;
+            let spread = theirs < SHARE * left_mm * left_mm;
             if left_mm <= tolerance * forces.cancelled_mm || spread {
-                return;
+                return Ok(round > 0);
             }
             let blocks = Blocks::new(self);
             let still = |node: usize| {
@@ -55,6 +64,7 @@ impl Body {
             };
             let apart = self.apart(&worst);
             for _ in 0..SWEEPS {
+                exec.check_cancelled()?;
                 for nodes in &apart {
                     let moved = |&node: &usize| (node, self.relaxed(node, u, still(node), &blocks));
                     let moved: Vec<(usize, Triple)> = nodes.par_iter().map(moved).collect();
@@ -65,9 +75,10 @@ impl Body {
             }
             *forces = self.forces(u);
             if forces.left_mm() > GAIN * left_mm {
-                return;
+                break;
             }
         }
+        Ok(true)
     }
 
     /// Nodes in groups, in each of which no two are of one cell.
@@ -122,13 +133,8 @@ impl Body {
 
     /// The values at a cell's corners, with a node's own.
     fn gather_with(&self, cell: usize, u: &[Triple], node: usize, own: &Vector3<f64>) -> Corners {
-        let mut corners = self.mesh.gather(cell, u);
-        let by = own - Vector3::from(u[node]);
-        for &(_, corner, weight) in self.touched(node).iter().filter(|touched| touched.0 as usize == cell) {
-            let corner = &mut corners[usize::from(corner)];
-            *corner = (Vector3::from(*corner) + by * weight).into();
-        }
-        corners
+        self.mesh
+            .gather_of(cell, |other| if other as usize == node { own.as_ref() } else { &u[other as usize] })
     }
 
     /// The energy that depends on a node, and the size of its terms; `None` where J ≤ 0.

@@ -262,12 +262,13 @@ pub(crate) struct Blocks<'a> {
 }
 
 impl<'a> Blocks<'a> {
+    /// Of a body.
     pub(crate) fn new(body: &'a Body) -> Self {
         let metric = metric(&body.element);
         Self { body, gauss: Unit::all(GAUSS, &metric), corners: Unit::all(CORNERS, &metric) }
     }
 
-    /// What a corner of a cell is pushed by at most as it moves alone.
+    /// What a corner of a cell is pushed by as it moves alone, of the derivative that bends down nowhere.
     pub(crate) fn of(&self, cell: usize, corner: usize, u: &Corners) -> Matrix3<f64> {
         let (body, size) = (self.body, f64::from(self.body.mesh.cells[cell].size));
         let own = CellTangent::new(&body.element, &body.matter[cell], size, u, true);

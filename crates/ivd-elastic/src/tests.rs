@@ -486,11 +486,14 @@ fn a_way_that_ends_tells_where() {
     u.fill([0.0; 3]);
     let stopped = body.go(&mut u, &course, &Exec::default()).unwrap();
     assert!(stopped.balance.reached && stopped.share > arrival.share - 0.05, "{stopped:?} {arrival:?}");
+    let top = u[nodes[12] as usize][2];
+    assert!((top + 12.0 * stopped.share).abs() < 1e-12, "the plate is where the share says: {top}");
     assert!((stopped.energies[1] - body.energy(&u).unwrap().0).abs() <= 1e-12 * stopped.energies[1]);
     // What nothing can reach ends at rest.
     let course = Course { tolerance: 1e-30, ..course };
     let stopped = body.go(&mut u, &course, &Exec::default()).unwrap();
     assert!(stopped.share == 0.0 && u.iter().all(|u| *u == [0.0; 3]), "{stopped:?}");
+    assert!(!stopped.balance.reached && stopped.energies[1] == 0.0, "{stopped:?}");
 }
 
 #[test]

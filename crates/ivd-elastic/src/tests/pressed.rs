@@ -1,6 +1,7 @@
 //! Matter that is pressed to nearly nothing.
 
 use super::*;
+use crate::tangent::Blocks;
 
 /// A guarded block with hanging nodes, of which the corner at the origin is held.
 fn guarded() -> Body {
@@ -36,7 +37,7 @@ fn nodes_that_stand_out_come_to_rest_by_themselves() {
         u[worst] = at(near);
         let (before, mut forces) = (body.energy(&u).unwrap(), body.forces(&u));
         let (start, left) = (u.clone(), forces.left_mm());
-        body.relax_worst(&mut u, &mut forces, 0.0);
+        assert!(body.relax_worst(&mut u, &mut forces, 0.0, &Exec::default()).unwrap());
         let after = body.energy(&u).unwrap();
         assert!(after.0 < 0.1 * before.0, "{} of {}", after.0, before.0);
         assert!(forces.left_mm() < 0.02 * left, "{} of {left}", forces.left_mm());
@@ -45,7 +46,9 @@ fn nodes_that_stand_out_come_to_rest_by_themselves() {
         // Threads take nothing from one another.
         let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let mut again = start.clone();
-        alone.install(|| body.relax_worst(&mut again, &mut body.forces(&start), 0.0));
+        alone
+            .install(|| body.relax_worst(&mut again, &mut body.forces(&start), 0.0, &Exec::default()))
+            .unwrap();
         assert_eq!(again, u);
     }
 }
@@ -72,24 +75,48 @@ fn nodes_of_a_group_have_no_cell_in_common() {
     }
 }
 
+/// Also one on which others hang.
 #[test]
-fn a_node_at_rest_alone_is_where_its_forces_vanish() {
+fn a_node_at_rest_alone_has_the_least_energy() {
     let body = guarded();
-    // All others are held, so that one Newton's method finds the same.
-    let mut held = Body::new(body.mesh.clone(), body.element.clone(), body.matter.clone(), vec![]);
-    let node = find(&body, [5, 5, 5]);
-    held.mesh.held = (0..body.mesh.nodes.len()).map(|i| i != node).collect();
-    let mut u = vec![[0.0; 3]; body.mesh.nodes.len()];
-    for (i, place) in body.mesh.nodes.iter().enumerate() {
-        let near = (0..3).all(|a| (place[a] - [5, 5, 5][a]).abs() <= 1);
-        u[i] = if near { std::array::from_fn(|a| 0.25 * scatter(3 * i + a)) } else { [0.0; 3] };
+    for place in [[5, 5, 5], [4, 4, 4]] {
+        let mut held = Body::new(body.mesh.clone(), body.element.clone(), body.matter.clone(), vec![]);
+        let node = find(&body, place);
+        held.mesh.held = (0..body.mesh.nodes.len()).map(|i| i != node).collect();
+        let mut u = vec![[0.0; 3]; body.mesh.nodes.len()];
+        for (i, at) in body.mesh.nodes.iter().enumerate() {
+            if (0..3).all(|a| (at[a] - place[a]).abs() <= 1) {
+                u[i] = std::array::from_fn(|a| 0.25 * scatter(3 * i + a));
+            }
+        }
+        let mut forces = held.forces(&u);
+        let before = forces.left_mm();
+        held.relax_worst(&mut u, &mut forces, 1e-9, &Exec::default()).unwrap();
+        assert!(forces.left_mm() < 1e-6 * before, "{} of {before}", forces.left_mm());
+        let least = held.energy(&u).unwrap().0;
+        for (axis, by) in (0..3).flat_map(|axis| [(axis, 1e-4), (axis, -1e-4)]) {
+            let mut other = u.clone();
+            other[node][axis] += by;
+            assert!(held.energy(&other).unwrap().0 > least, "{place:?}: {axis} {by}");
+        }
     }
-    let mut other = u.clone();
-    let mut forces = held.forces(&u);
-    held.relax_worst(&mut u, &mut forces, 1e-9);
-    assert!(forces.left_mm() < 1e-6 * held.forces(&other).left_mm(), "{}", forces.left_mm());
-    assert!(held.balance(&mut other, 1e-12, 40, &Exec::default()).unwrap().reached);
-    assert!((Vector3::from(u[node]) - Vector3::from(other[node])).norm() < 1e-6);
+}
+
+#[test]
+fn blocks_of_single_corners_sum_up_to_the_diagonal_also_where_nodes_hang() {
+    let body = guarded();
+    let n = body.mesh.nodes.len();
+    let u: Vec<Triple> = (0..n).map(|i| std::array::from_fn(|a| 0.2 * scatter(3 * i + a))).collect();
+    let diagonal = Tangent::new(&body, &u, true, &Exec::default()).unwrap().diagonal();
+    let blocks = Blocks::new(&body);
+    for node in (0..n).filter(|&node| !body.mesh.held[node]) {
+        let of = |&(cell, corner, weight): &(u32, u8, f64)| {
+            let corners = body.mesh.gather(cell as usize, &u);
+            blocks.of(cell as usize, usize::from(corner), &corners) * (weight * weight)
+        };
+        let sum: Matrix3<f64> = body.touched(node).iter().map(of).sum();
+        assert!((sum - diagonal[node]).norm() < 1e-12 * sum.norm());
+    }
 }
 
 #[test]
@@ -117,7 +144,7 @@ fn a_few_folded_cells_are_unfolded_and_held_nodes_stay() {
     assert!(!body.unfold(&mut u));
 }
 
-/// Two soft blocks and two voxels of next to nothing between them: the upper is pushed by thrice that, and takes the lower along.
+/// Two soft blocks and two voxels of next to nothing between them: the upper is pushed by more than twice that, and takes the lower along.
 #[test]
 fn a_gap_that_is_pressed_shut_carries_the_push_on() {
     let size = [8, 8, 16];
