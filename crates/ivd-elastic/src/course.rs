@@ -200,13 +200,14 @@ impl Body {
     ) -> Result<bool, Error> {
         self.load(course, share);
         let found = self.balance(state, course.tolerance, SETTLING, exec)?;
-        let Balance { steps, iterations, .. } = arrival.balance;
-        let all = Balance { steps: steps + found.steps, iterations: iterations + found.iterations, ..found };
+        let so_far = arrival.balance;
+        let (steps, iterations) = (so_far.steps + found.steps, so_far.iterations + found.iterations);
+        let nearest = if found.reached { found } else { so_far };
+        arrival.balance = Balance { iterations, steps, ..nearest };
         if !found.reached {
-            arrival.balance = Balance { steps: all.steps, iterations: all.iterations, ..arrival.balance };
             return Ok(false);
         }
-        (arrival.share, arrival.balance) = (share, all);
+        arrival.share = share;
         arrival.energies[1] = self.energy(state).map_or(0.0, |energy| energy.0);
         Ok(true)
     }

@@ -120,12 +120,12 @@ impl Body {
             let way = -factor.solve(&force);
             let Some(now) = self.energy_round(node, u, &own) else { break };
             let slope = force.dot(&way);
-            let steps = (0..HALVINGS).map(|halving| 0.5_f64.powi(halving));
+            let mut steps = (0..HALVINGS).map(|halving| 0.5_f64.powi(halving));
             let goes = |step: &f64| {
                 let next = self.energy_round(node, u, &(own + way * *step));
                 next.is_some_and(|next| is_less(next.0, now, step * slope))
             };
-            let Some(step) = steps.into_iter().find(goes) else { break };
+            let Some(step) = steps.find(goes) else { break };
             own += way * step;
         }
         own.into()

@@ -149,17 +149,6 @@ impl CellTangent {
         }
         out
     }
-
-    /// What a corner is pushed by as it moves alone.
-    fn corner_block(&self, corner: usize, gauss: &[Unit; 8], corners: &[Unit; 8]) -> Matrix3<f64> {
-        let own = self.gauss.block(&gauss[corner], self.stretch.as_deref());
-        self.pressed.as_ref().map_or(own, |p| own + p.0.block(&corners[corner], Some(&p.1)))
-    }
-
-    /// What each corner is pushed by as it moves alone.
-    fn blocks(&self, gauss: &[Unit; 8], corners: &[Unit; 8]) -> [Matrix3<f64>; 8] {
-        std::array::from_fn(|corner| self.corner_block(corner, gauss, corners))
-    }
 }
 
 /// The function that is 1 at one corner and 0 at the others: its derivatives `g` along the edges, and `g · C g`.
@@ -272,8 +261,16 @@ impl<'a> Blocks<'a> {
     pub(crate) fn of(&self, cell: usize, corner: usize, u: &Corners) -> Matrix3<f64> {
         let (body, size) = (self.body, f64::from(self.body.mesh.cells[cell].size));
         let own = CellTangent::new(&body.element, &body.matter[cell], size, u, true);
-        let mut block = own.corner_block(corner, &self.gauss, &self.corners);
-        for pull in body.pulls_of(cell) {
+        self.block(cell, corner, &own)
+    }
+
+    /// The same of what a cell's second derivative is.
+    fn block(&self, cell: usize, corner: usize, own: &CellTangent) -> Matrix3<f64> {
+        let mut block = own.gauss.block(&self.gauss[corner], own.stretch.as_deref());
+        if let Some(pressed) = &own.pressed {
+            block += pressed.0.block(&self.corners[corner], Some(&pressed.1));
+        }
+        for pull in self.body.pulls_of(cell) {
             block +=
                 Matrix3::from_diagonal_element(pull.spring * pull.weights[corner] * pull.weights[corner]);
         }
@@ -330,15 +327,9 @@ impl<'a> Tangent<'a> {
 
     /// The diagonal blocks, 0 at held nodes; what the corners of one cell that hang on the same node do to one another left out.
     pub(crate) fn diagonal(&self) -> Vec<Matrix3<f64>> {
-        let (gauss, corners) = (Unit::all(GAUSS, &self.metric), Unit::all(CORNERS, &self.metric));
+        let blocks = Blocks::new(self.body);
         let of = |(cell, own): (usize, &CellTangent)| {
-            let mut blocks = own.blocks(&gauss, &corners);
-            for pull in self.body.pulls_of(cell) {
-                for (block, w) in blocks.iter_mut().zip(pull.weights) {
-                    *block += Matrix3::from_diagonal_element(pull.spring * w * w);
-                }
-            }
-            blocks
+            std::array::from_fn(|corner| blocks.block(cell, corner, own))
         };
         let blocks: Vec<[Matrix3<f64>; 8]> = self.cells.par_iter().enumerate().map(of).collect();
         self.body.sum_blocks(&blocks)
