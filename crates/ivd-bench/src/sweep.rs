@@ -3,7 +3,7 @@ use std::time::{Duration, Instant};
 use cpu_time::ProcessTime;
 use ivd_budget::fronts::{Spread, Work};
 use ivd_core::Exec;
-use ivd_pipeline::resource;
+use ivd_pipeline::resource::MemoryWatch;
 
 use crate::experiment::{Experiment, Scored, Setting};
 use crate::record::{Bench, Point, StageBench};
@@ -152,7 +152,7 @@ fn once(
         let (stage, knobs) = name();
         Error::Failed { stage, knobs, problem: problem.to_string() }
     };
-    resource::reset_peak();
+    let memory = first.then(MemoryWatch::start);
     let (wall, cpu) = (Instant::now(), ProcessTime::now());
     let judge = (setting.run)(exec).map_err(failed)?;
     if plant == Some(Plant::Slow) {
@@ -164,7 +164,7 @@ fn once(
         taken.cpu.push(seconds(cpu));
         return Ok(());
     }
-    taken.peak = resource::peak_rss_mb();
+    taken.peak = memory.and_then(MemoryWatch::stop);
     let mut judgement = judge().map_err(failed)?;
     if plant == Some(Plant::Inexact) {
         judgement.error *= 1.5;

@@ -129,12 +129,53 @@ pub(crate) fn resolve(
         "the lattice has no vertex".into()
     } else {
         let world: [f64; 3] = lattice.world(nearest.1).0.into();
+        let point: [f64; 3] = (point + Vector3::from(lattice.grid().origin())).into();
         format!(
-            "the nearest vertex, {} at {world:.3?} mm, is {:.3} mm away, further than {limit:.3} mm",
+            "the vertex nearest to {point:.3?} mm, {} at {world:.3?} mm, is {:.3} mm away, further than {limit:.3} mm \
+             (ten voxel diagonals)",
             nearest.1, nearest.0
         )
     };
-    Err(Error::Mismatch { what, problem, remedy: "pick a point nearer to the lattice" })
+    Err(Error::Mismatch { what, problem, remedy: "pick a point nearer to the lattice; `ivd info` tells where that is" })
+}
+
+/// The vertex that a place was found at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pick {
+    /// Point that was asked for [mm, world RAS]; `None` where the vertex was named by its number.
+    pub asked: Option<[f64; 3]>,
+    /// The vertex.
+    pub vertex: usize,
+    /// Where that is at rest [mm, world RAS].
+    pub at: [f64; 3],
+}
+
+impl Pick {
+    /// How far the vertex is from what was asked for [mm].
+    pub fn away(&self) -> f64 {
+        self.asked.map_or(0.0, |asked| (Vector3::from(asked) - Vector3::from(self.at)).norm())
+    }
+}
+
+/// The vertices at which places are found, in their order.
+///
+/// # Errors
+/// A vertex that the lattice doesn't have; a point further than ten voxel diagonals from any.
+pub fn find_picks<'a>(
+    lattice: &Lattice,
+    what: &'static str,
+    places: impl IntoIterator<Item = &'a Anchor>,
+) -> Result<Vec<Pick>, Error> {
+    let rest = lattice.local_positions();
+    let found = |at: &Anchor| {
+        let vertex = resolve(what, at, lattice, &rest)?;
+        let asked = match at {
+            Anchor::NearestTo(point) => Some(*point),
+            Anchor::Vertex(_) => None,
+        };
+        Ok(Pick { asked, vertex, at: lattice.world(vertex).0.into() })
+    };
+    places.into_iter().map(found).collect()
 }
 
 /// What is told of a handle on something that can't be moved.

@@ -14,7 +14,8 @@ use crate::control::Decisions;
 use crate::export::{ending, export, whole, write_text};
 use crate::plan::{NodeId, PlanNode};
 use crate::report::{self, ReportData};
-use crate::runner::{OutputRecord, StageRecord, StageResult, State};
+use crate::resource::MemoryWatch;
+use crate::runner::{Clock, OutputRecord, StageRecord, StageResult, State};
 use crate::scene::{Loaded, Picture, Scene};
 use crate::{Error, Metrics};
 
@@ -38,9 +39,12 @@ pub struct OutputFile {
     /// Whether this run wrote it; false where it already was as it should be.
     #[serde(skip_deserializing)]
     pub written: bool,
-    /// Wall time (s) of writing it, or of finding it as it should be; told in no file.
-    #[serde(skip)]
+    /// Wall time (s) of writing it, or of finding it as it should be.
+    #[serde(default)]
     pub wall_s: f64,
+    /// Peak resident memory (MiB) meanwhile, where the system tells.
+    #[serde(default)]
+    pub peak_rss_mb: Option<f64>,
 }
 
 /// What the last run into a folder did.
@@ -195,7 +199,7 @@ impl<'a> Writer<'a> {
         source: &str,
         write: impl FnOnce(&Path, &Exec) -> Result<bool, Error>,
     ) -> Result<(), Error> {
-        let start = Instant::now();
+        let (start, memory) = (Instant::now(), MemoryWatch::start());
         let full = self.out.join(path);
         let source = format!("{EXPORT_REVISION} {source}");
         let old =
@@ -217,6 +221,7 @@ impl<'a> Writer<'a> {
             blake3,
             written,
             wall_s: start.elapsed().as_secs_f64(),
+            peak_rss_mb: memory.stop(),
         });
         Ok(())
     }
@@ -236,19 +241,19 @@ impl<'a> Writer<'a> {
         if !self.scene.output.report {
             return Ok(record);
         }
-        let start = Instant::now();
+        let clock = Clock::start();
         let source = report_source(self.scene, stages, &self.data.decisions.lines);
         let name = Path::new("report.html");
         if force {
             let _ = std::fs::remove_file(self.out.join(name));
         }
         let data = std::mem::take(&mut self.data);
-        let before = self.files.len();
+        let (before, written) = (self.files.len(), self.files.clone());
         self.file("report", name, &source, |to, exec| {
             if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
                 exec.run(|| whole(volume))?;
             }
-            write_text(to, &report::html(loaded, stages, &data, exec)?)
+            write_text(to, &report::html(loaded, stages, &written, &data, exec)?)
         })?;
         let file = &self.files[before];
         let again = self.manifest.outputs.iter().any(|o| o.name == "report" && o.source == file.source)
@@ -263,8 +268,7 @@ impl<'a> Writer<'a> {
             hash: file.blake3.clone(),
         });
         record.inputs.insert("everything".to_owned(), source);
-        record.wall_s = start.elapsed().as_secs_f64();
-        Ok(record)
+        Ok(clock.stop(record))
     }
 
     /// Remembers the run beside its outputs.
@@ -285,7 +289,9 @@ impl<'a> Writer<'a> {
                 ..r.clone()
             })
             .collect();
-        let manifest = Manifest { stages, outputs: self.files.clone() };
+        let outputs = self.files.iter();
+        let outputs = outputs.map(|o| OutputFile { wall_s: 0.0, peak_rss_mb: None, ..o.clone() }).collect();
+        let manifest = Manifest { stages, outputs };
         let file = self.out.join(MANIFEST);
         let text = serde_json::to_string(&manifest).map_err(|e| Error::io("writing", &file, e.into()))?;
         write_text(&file, &text)?;

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::control::{Control, Uncontrolled};
 use crate::outputs::{Manifest, OutputFile, Writer};
 use crate::plan::{NodeId, Plan, PlanNode, stage_names};
+use crate::resource::peak_rss_mb;
 use crate::runner::{Runner, StageRecord, StageResult, State};
 use crate::scene::Loaded;
 use crate::{Error, Inputs};
@@ -55,6 +56,9 @@ pub struct PipelineReport {
     pub outputs: Vec<OutputFile>,
     /// Wall time (s).
     pub wall_s: f64,
+    /// Peak resident memory (MiB) of the process so far, where the system tells.
+    #[serde(default)]
+    pub peak_rss_mb: Option<f64>,
 }
 
 /// Runs a scene.
@@ -118,7 +122,7 @@ fn attempt<C: Control>(
             .map_err(|error| control.explain(error, runner.exec, &stages))?
     };
     let wall_s = start.elapsed().as_secs_f64();
-    Ok((PipelineReport { stages, outputs, wall_s }, control))
+    Ok((PipelineReport { stages, outputs, wall_s, peak_rss_mb: peak_rss_mb() }, control))
 }
 
 /// Does what the plan needs, stage by stage, and writes the outputs; `stages` tells how far it came.
@@ -145,6 +149,12 @@ fn walk(
             None => run_node(node, &done, runner, options)?,
         };
         control.after(node.id, &result);
+        for (heir, slot) in plan.heirs(at) {
+            heir.stage.as_deref().map_or(Ok(()), |stage| stage.look_ahead(slot, &result.artefact))?;
+        }
+        if let Some(remark) = remark(node, &result)? {
+            runner.exec.observer().note(&remark);
+        }
         node.id.variant.clone_into(&mut result.record.variant);
         explain(&mut result.record, node, &manifest);
         if options.until.is_none() {
@@ -179,6 +189,12 @@ pub fn run_node(
         inputs = inputs.with(slot, done[from].input());
     }
     runner.run(stage, &inputs, options.force.contains(stage.name()))
+}
+
+/// What a person should know of a result beside its figures, under the stage's name.
+fn remark(node: &PlanNode, result: &StageResult) -> Result<Option<String>, Error> {
+    let Some(stage) = &node.stage else { return Ok(None) };
+    Ok(stage.remark(&result.record.metrics)?.map(|remark| format!("{}: {remark}", stage.name())))
 }
 
 /// Says what changed since the last run into the same folder, where something did.

@@ -1,16 +1,76 @@
-//! Peak memory and processor time of this process. The only module that knows an operating system's way to tell them.
+//! Memory and processor time of this process. The only module that knows an operating system's way to tell them.
 
-/// Peak resident memory (MiB) since [`reset_peak`]; `None` where the system doesn't tell.
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Time between two looks at the memory.
+const BETWEEN: Duration = Duration::from_millis(5);
+
+/// Peak resident memory (MiB) of the whole process so far; `None` where the system doesn't tell.
 pub fn peak_rss_mb() -> Option<f64> {
+    status("VmHWM:")
+}
+
+/// Resident memory (MiB) at this moment.
+fn rss_mb() -> Option<f64> {
+    status("VmRSS:")
+}
+
+fn status(line: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    let kib: f64 = line.split_whitespace().next()?.parse().ok()?;
+    let kib: f64 = status.lines().find_map(|l| l.strip_prefix(line))?.split_whitespace().next()?.parse().ok()?;
     Some(kib / 1024.0)
 }
 
-/// Starts the peak anew, where the system lets a process do that; else the peak stays that of the whole run.
-pub fn reset_peak() {
-    let _ = std::fs::write("/proc/self/clear_refs", "5");
+/// Watches the memory during a piece of work.
+///
+/// The system keeps one peak for the whole run, which outside tools read too, so it is left alone: where the work raises it, it is the
+/// work's. Where an earlier one's was higher, the largest of looks 5 ms apart is told, which can miss what is shorter.
+#[derive(Debug)]
+pub struct MemoryWatch {
+    peak_before: Option<f64>,
+    over: Arc<AtomicBool>,
+    looks: Option<JoinHandle<f64>>,
+}
+
+impl MemoryWatch {
+    /// From here on.
+    pub fn start() -> Self {
+        let (peak_before, over) = (peak_rss_mb(), Arc::new(AtomicBool::new(false)));
+        let told = over.clone();
+        let look = move || {
+            let mut largest = rss_mb().unwrap_or_default();
+            while !told.load(Ordering::Acquire) {
+                std::thread::park_timeout(BETWEEN);
+                largest = largest.max(rss_mb().unwrap_or_default());
+            }
+            largest
+        };
+        let looks = peak_before.and_then(|_| std::thread::Builder::new().name("memory".into()).spawn(look).ok());
+        Self { peak_before, over, looks }
+    }
+
+    /// Peak resident memory (MiB) of the work; `None` where the system doesn't tell.
+    pub fn stop(mut self) -> Option<f64> {
+        let seen = self.end();
+        let (peak, before) = (peak_rss_mb()?, self.peak_before?);
+        if peak > before { Some(peak) } else { seen.or(Some(peak)) }
+    }
+
+    fn end(&mut self) -> Option<f64> {
+        self.over.store(true, Ordering::Release);
+        let looks = self.looks.take()?;
+        looks.thread().unpark();
+        looks.join().ok()
+    }
+}
+
+impl Drop for MemoryWatch {
+    fn drop(&mut self) {
+        self.end();
+    }
 }
 
 /// User and system time of all threads so far (s); `None` where the system doesn't tell.
@@ -20,4 +80,31 @@ pub fn cpu_seconds() -> Option<f64> {
     let mut fields = stat.rsplit(')').next()?.split_whitespace().skip(11);
     let ticks = fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?;
     Some(ticks / 100.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Touches memory of this size (MiB).
+    fn touch(mib: usize) {
+        let mut held = vec![0_u8; mib << 20];
+        held.iter_mut().step_by(4096).for_each(|b| *b = 1);
+        std::hint::black_box(&held);
+        std::thread::sleep(10 * BETWEEN);
+    }
+
+    #[test]
+    fn work_after_larger_work_is_told_by_itself() {
+        let Some(before) = rss_mb() else { return };
+        let watch = MemoryWatch::start();
+        touch(200);
+        let large = watch.stop().expect("the system told before");
+        let watch = MemoryWatch::start();
+        touch(50);
+        let small = watch.stop().expect("the system told before");
+        assert!(large >= before + 190.0, "{large} after {before}");
+        assert!(small >= before + 40.0 && small < large - 100.0, "{small} beside {large} after {before}");
+        assert!(peak_rss_mb().expect("as before") >= large, "the process's own peak stays");
+    }
 }

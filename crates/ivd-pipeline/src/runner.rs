@@ -15,7 +15,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{Error, Input, Inputs, Metrics, Section, Stage, StageOutput, resource};
+use crate::resource::{self, MemoryWatch};
+use crate::{Error, Input, Inputs, Metrics, Section, Stage, StageOutput};
 
 /// What became of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -398,25 +399,25 @@ pub fn backend_name(backend: Backend) -> &'static str {
 }
 
 /// Time and memory of one stage.
-struct Clock {
+pub(crate) struct Clock {
     wall: Instant,
     cpu: Option<f64>,
+    memory: MemoryWatch,
 }
 
 impl Clock {
-    fn start() -> Self {
-        resource::reset_peak();
-        Self { wall: Instant::now(), cpu: resource::cpu_seconds() }
+    pub(crate) fn start() -> Self {
+        Self { wall: Instant::now(), cpu: resource::cpu_seconds(), memory: MemoryWatch::start() }
     }
 
-    fn stop(self, record: StageRecord) -> StageRecord {
+    pub(crate) fn stop(self, record: StageRecord) -> StageRecord {
         StageRecord {
             wall_s: self.wall.elapsed().as_secs_f64(),
             // Ticks of 1/100 s: more digits would be noise of the subtraction.
             cpu_s: resource::cpu_seconds()
                 .zip(self.cpu)
                 .map(|(now, then)| ((now - then) * 100.0).round() / 100.0),
-            peak_rss_mb: resource::peak_rss_mb(),
+            peak_rss_mb: self.memory.stop(),
             ..record
         }
     }

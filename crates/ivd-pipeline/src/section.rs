@@ -8,7 +8,7 @@ use ivd_core::op::{
     self, Failure, Field, Job, Method, Op, PlaceKind, Stage, Values, Want, check, fields, is_default, rename,
     unknown,
 };
-use ivd_core::{Exec, ParamError};
+use ivd_core::{Artefact, Exec, ParamError};
 use serde_json::{Map, Value as Json};
 
 use crate::{Error, Inputs, Metrics, StageOutput};
@@ -252,6 +252,10 @@ impl crate::Stage for Section {
     fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
         (self.method.remark)(Json::Object(figures.figures.clone()))
             .map_err(|problem| Error::figures(self.stage.name, problem))
+    }
+
+    fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Error> {
+        self.job.look_ahead(slot, value).map_err(|failure| Error::failed(self.stage.name, failure))
     }
 
     fn params(&self) -> Json {

@@ -190,6 +190,15 @@ pub trait Stage: Send + Sync {
         Ok(None)
     }
 
+    /// Checks what can be checked against a value that the one in a slot is still to be made from, before work goes into that.
+    ///
+    /// # Errors
+    /// What would be an error with the value in the slot as well.
+    fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Error> {
+        let _ = (slot, value);
+        Ok(())
+    }
+
     /// Its parameters, by the names that a scene gives them.
     fn params(&self) -> Value;
 

@@ -64,6 +64,15 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
         None
     }
 
+    /// Checks what can be checked against a value that the one in a slot is still to be made from, before work goes into that.
+    ///
+    /// # Errors
+    /// What would be an error with the value in the slot as well.
+    fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure> {
+        let _ = (slot, value);
+        Ok(())
+    }
+
     /// A job whose result this one goes on from, where there is one that is worth keeping.
     fn precursor(&self) -> Option<Box<dyn Job>> {
         None
@@ -144,6 +153,11 @@ pub trait Job: Send + Sync + 'static {
     fn wants(&self, slot: &str) -> Want;
     /// As [`Op::idle`].
     fn idle(&self) -> Option<&'static str>;
+    /// As [`Op::look_ahead`].
+    ///
+    /// # Errors
+    /// What would be an error with the value in the slot as well.
+    fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure>;
     /// As [`Op::precursor`].
     fn precursor(&self) -> Option<Box<dyn Job>>;
     /// As [`Op::output`].
@@ -192,6 +206,10 @@ impl<O: Op> Job for O {
 
     fn idle(&self) -> Option<&'static str> {
         Op::idle(self)
+    }
+
+    fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure> {
+        Op::look_ahead(self, slot, value)
     }
 
     fn precursor(&self) -> Option<Box<dyn Job>> {

@@ -1,8 +1,12 @@
+use ivd_core::Lattice;
+use ivd_core::op::Failure;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Moves;
 use crate::elastic::ElasticResult;
 use crate::freeform::Shaped;
+use crate::handles::Pick;
 use crate::mass_spring;
 use crate::rigid::BoneMotion;
 use crate::ring;
@@ -28,12 +32,44 @@ pub struct Figures {
     /// Largest displacement of any frame.
     #[schemars(extend("x-unit" = "mm"))]
     pub max_displacement_mm: f64,
+    /// Vertices that the handles took, in their order.
+    pub handles: Vec<PickFigures>,
+    /// Vertices in the middle of the fixed places, in their order.
+    pub fixed: Vec<PickFigures>,
     /// Of masses on springs.
     #[serde(flatten)]
     pub springs: Option<SpringFigures>,
     /// Of elastic matter.
     #[serde(flatten)]
     pub elastic: Option<ElasticFigures>,
+}
+
+/// Where a place was found on the lattice.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PickFigures {
+    /// Point that was asked for, RAS; null where the vertex was named by its number.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub asked_mm: Option<[f64; 3]>,
+    /// The vertex that was taken.
+    #[schemars(extend("x-unit" = "1"))]
+    pub vertex: usize,
+    /// Where it is at rest, RAS.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub at_mm: [f64; 3],
+    /// How far that is from what was asked for.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub away_mm: f64,
+    /// The same in diagonals of a voxel.
+    #[schemars(extend("x-unit" = "1"))]
+    pub away_diagonals: f64,
+}
+
+impl PickFigures {
+    fn new(pick: &Pick, lattice: &Lattice) -> Self {
+        let away_mm = pick.away();
+        let away_diagonals = away_mm / lattice.grid().voxel_diagonal();
+        Self { asked_mm: pick.asked, vertex: pick.vertex, at_mm: pick.at, away_mm, away_diagonals }
+    }
 }
 
 /// What is told of elastic matter beside the rest.
@@ -155,7 +191,7 @@ impl From<&mass_spring::MassSpringResult> for Figures {
                 truncation: solved.truncation,
                 bones: solved.bones.iter().map(BoneFigures::from).collect(),
             }),
-            elastic: None,
+            ..Self::default()
         }
     }
 }
@@ -169,7 +205,6 @@ impl From<&ElasticResult> for Figures {
             energy_first: solved.energies[0],
             energy_last: solved.energies[1],
             max_displacement_mm: solved.max_displacement_mm,
-            springs: None,
             elastic: Some(ElasticFigures {
                 cells: solved.cells,
                 nodes_free: solved.nodes,
@@ -179,6 +214,7 @@ impl From<&ElasticResult> for Figures {
                 border_mn: solved.border_mn,
                 bones: solved.bones.iter().map(BoneFigures::from).collect(),
             }),
+            ..Self::default()
         }
     }
 }
@@ -199,7 +235,42 @@ impl From<&BoneMotion> for BoneFigures {
     }
 }
 
+/// Beyond this many voxel diagonals a pick is most likely not what was meant.
+const FAR_DIAGONALS: f64 = 2.0;
+
 impl Figures {
+    /// With the vertices that places were found at.
+    ///
+    /// # Errors
+    /// Those of [`find_picks`].
+    pub(super) fn with_picks(self, lattice: &Lattice, moves: &Moves) -> Result<Self, Failure> {
+        let [handles, fixed] = moves.picks(lattice)?;
+        let told = |picks: Vec<Pick>| picks.iter().map(|pick| PickFigures::new(pick, lattice)).collect();
+        Ok(Self { handles: told(handles), fixed: told(fixed), ..self })
+    }
+
+    /// What a person should know of them: places that were found far from where they were asked for, and a way that wasn't gone whole.
+    pub(super) fn remark(&self) -> Option<String> {
+        let far = |name: &'static str, picks: &[PickFigures]| -> Vec<String> {
+            let far = picks.iter().enumerate().filter(|(_, pick)| pick.away_diagonals > FAR_DIAGONALS);
+            far.map(|(i, pick)| {
+                let PickFigures { vertex, at_mm, away_mm, away_diagonals, .. } = pick;
+                format!(
+                    "{name}.{i} took vertex {vertex} at {at_mm:.2?} mm, {away_mm:.2} mm ({away_diagonals:.1} voxel diagonals) \
+                     from what was asked for"
+                )
+            })
+            .collect()
+        };
+        let share = self.elastic.as_ref().map_or(1.0, |elastic| elastic.share);
+        let stopped = (share < 1.0).then(|| {
+            format!("it stopped after {:.0} % of the way, where matter can't go on", 100.0 * share)
+        });
+        let told: Vec<String> =
+            far("handle", &self.handles).into_iter().chain(far("fix", &self.fixed)).chain(stopped).collect();
+        (!told.is_empty()).then(|| told.join("; "))
+    }
+
     /// After shapes have gone on from there.
     pub(super) fn after(self, shaped: &Shaped) -> Self {
         let (vertices_moved, max_displacement_mm) = (shaped.vertices_moved, shaped.max_displacement_mm);

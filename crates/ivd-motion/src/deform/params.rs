@@ -1,10 +1,11 @@
-use ivd_core::ParamError;
+use ivd_core::op::Failure;
+use ivd_core::{Artefact, Lattice, ParamError, Value as _};
 use ivd_field::shape::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::elastic::ElasticParams;
-use crate::handles;
+use crate::handles::{self, Anchor, Pick};
 use crate::mass_spring::{self, Closeness, Descent, Solver, Springs};
 use crate::rigid::BoneSpec;
 use crate::ring::RingParams;
@@ -166,6 +167,33 @@ impl Moves {
     /// The fixed places as solvers take them.
     pub fn fixed(&self) -> Vec<handles::Pin> {
         self.fix.iter().map(Pin::read).collect()
+    }
+
+    /// The vertices that the handles take, and those in the middle of the fixed places.
+    ///
+    /// # Errors
+    /// Those of [`handles::find_picks`].
+    pub(super) fn picks(&self, lattice: &Lattice) -> Result<[Vec<Pick>; 2], Failure> {
+        let (handles, fixed) = (self.handles()?, self.fixed());
+        Ok([
+            handles::find_picks(lattice, "handle", handles.iter().map(|handle| &handle.at))?,
+            handles::find_picks(lattice, "fixed vertex", fixed.iter().map(|pin| &pin.at))?,
+        ])
+    }
+
+    /// Whether points lie near enough to a lattice that the one which will move is made from. Numbers count in that one: they can't be
+    /// looked at before.
+    ///
+    /// # Errors
+    /// Those of [`handles::find_picks`].
+    pub(super) fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure> {
+        let Some(lattice) = Lattice::of(value).filter(|_| slot == "lattice") else { return Ok(()) };
+        let points = |of: Vec<Anchor>| of.into_iter().filter(|at| matches!(at, Anchor::NearestTo(_))).collect::<Vec<_>>();
+        let handles = points(self.handles()?.iter().map(|handle| handle.at).collect());
+        let fixed = points(self.fixed().iter().map(|pin| pin.at).collect());
+        handles::find_picks(lattice, "handle", &handles)?;
+        handles::find_picks(lattice, "fixed vertex", &fixed)?;
+        Ok(())
     }
 
     /// What the schema of a single field can't say.

@@ -1,7 +1,7 @@
 //! The stage as scenes and commands see it.
 
 use ivd_core::op::{Amount, Failure, Method, Op, Place, Remark, Stage, Want, method};
-use ivd_core::{Exec, Labels, Lattice, Motion, ParamError, slots};
+use ivd_core::{Artefact, Exec, Labels, Lattice, Motion, ParamError, slots};
 
 use super::{
     Body, Bone, DynamicsMethod, ElasticMethod, Figures, Moves, ProjectiveMethod, RingMethod, XpbdMethod,
@@ -37,7 +37,7 @@ slots! {
 }
 
 /// Raised for all methods together: shapes go on from what any of them gives.
-const REVISION: u32 = 6;
+const REVISION: u32 = 7;
 
 /// Why there is nothing to do.
 const STILL: &str = "the scene has no handle, no bone and no shape";
@@ -49,25 +49,34 @@ fn shaped(
     moves: &Moves,
     exec: &Exec,
 ) -> Result<(Motion, Figures), Failure> {
-    match solved {
-        Some(solved) if moves.shape.is_empty() => Ok(solved),
+    let (motion, figures) = match solved {
+        Some(solved) if moves.shape.is_empty() => solved,
         solved => {
             let (motion, figures) = solved.unzip();
             let shaped = freeform::lattice(lattice, motion.as_ref(), &moves.shape, exec)?;
             let figures = figures.unwrap_or_default().after(&shaped);
-            Ok((shaped.motion, figures))
+            (shaped.motion, figures)
         }
-    }
+    };
+    Ok((motion, figures.with_picks(lattice, moves)?))
 }
+
+/// What is worth saying of any method's figures.
+const REMARK: Option<Remark<Figures>> = Some(Figures::remark);
 
 impl Op for RingMethod {
     const REVISION: u32 = REVISION;
+    const REMARK: Option<Remark<Figures>> = REMARK;
     type Inputs<'a> = RingInputs<'a>;
     type Output = Motion;
     type Figures = Figures;
 
     fn check_together(&self) -> Result<(), ParamError> {
         self.moves.check_together()
+    }
+
+    fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure> {
+        self.moves.look_ahead(slot, value)
     }
 
     fn idle(&self) -> Option<&'static str> {
@@ -127,11 +136,7 @@ impl Body {
 
 impl Op for ElasticMethod {
     const REVISION: u32 = REVISION;
-    const REMARK: Option<Remark<Figures>> = Some(|figures| {
-        let share = figures.elastic.as_ref().map_or(1.0, |elastic| elastic.share);
-        (share < 1.0)
-            .then(|| format!("it stopped after {:.0} % of the way, where matter can't go on", 100.0 * share))
-    });
+    const REMARK: Option<Remark<Figures>> = REMARK;
     type Inputs<'a> = ElasticInputs<'a>;
     type Output = Motion;
     type Figures = Figures;
@@ -148,6 +153,10 @@ impl Op for ElasticMethod {
             "volume" if !self.elastic.hounsfield => Want::No,
             _ => Want::Yes,
         }
+    }
+
+    fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure> {
+        self.moves.look_ahead(slot, value)
     }
 
     fn idle(&self) -> Option<&'static str> {
@@ -171,6 +180,7 @@ macro_rules! on_springs {
     ($($method:ty),* $(,)?) => {$(
         impl Op for $method {
             const REVISION: u32 = REVISION;
+            const REMARK: Option<Remark<Figures>> = REMARK;
             type Inputs<'a> = Inputs<'a>;
             type Output = Motion;
             type Figures = Figures;
@@ -181,6 +191,10 @@ macro_rules! on_springs {
 
             fn wants(&self, slot: &str) -> Want {
                 self.body.wants(slot)
+            }
+
+            fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure> {
+                self.body.moves.look_ahead(slot, value)
             }
 
             fn idle(&self) -> Option<&'static str> {

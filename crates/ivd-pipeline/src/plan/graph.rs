@@ -161,6 +161,20 @@ impl Plan {
         self.nodes.iter().find(|node| node.id == id)
     }
 
+    /// The needed places, with a slot, whose value is still to be made from that of a place: through others that give a value of the same
+    /// name.
+    pub(crate) fn heirs(&self, at: usize) -> impl Iterator<Item = (&PlanNode, &'static str)> {
+        let (from, mut line) = (&self.nodes[at], vec![self.nodes[at].id]);
+        self.nodes[at + 1..].iter().filter(|node| node.needed).flat_map(move |node| {
+            let heir = node.inputs.iter().find(|(_, id)| line[1..].contains(id)).map(|(slot, _)| (node, *slot));
+            let carries_on = node.place.gives == from.place.gives && node.inputs.iter().any(|(_, id)| line.contains(id));
+            if carries_on {
+                line.push(node.id);
+            }
+            heir
+        })
+    }
+
     /// Marks every place that has a stage, whoever needs it.
     pub(crate) fn want_everything(&mut self) {
         for at in (0..self.nodes.len()).filter(|&at| self.nodes[at].stage.is_some()).collect::<Vec<_>>() {

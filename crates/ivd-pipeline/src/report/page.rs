@@ -18,7 +18,7 @@ use crate::control::Decisions;
 use crate::export::png_bytes;
 use crate::scene::{Loaded, Picture};
 use crate::stages::{IMPORT, ImportFigures};
-use crate::{Error, StageRecord, State, figures_of};
+use crate::{Error, OutputFile, StageRecord, State, figures_of};
 
 /// The report of a run, self-contained.
 ///
@@ -27,6 +27,7 @@ use crate::{Error, StageRecord, State, figures_of};
 pub(crate) fn html(
     loaded: &Loaded,
     records: &[StageRecord],
+    written: &[OutputFile],
     data: &ReportData,
     exec: &Exec,
 ) -> Result<String, Error> {
@@ -62,7 +63,7 @@ pub(crate) fn html(
         let lines = lines.iter().map(|line| format!("<p>{}</p>", escape(line)));
         page.section(title, &lines.collect::<String>());
     }
-    page.section("Stages", &stages(records));
+    page.section("Stages", &(stages(records) + &outputs(written)));
     Ok(page.finish())
 }
 
@@ -149,4 +150,20 @@ fn stages(records: &[StageRecord]) -> String {
         ]
     };
     table(head, records.iter().map(row))
+}
+
+/// The other files of the output folder, and what writing them took.
+fn outputs(written: &[OutputFile]) -> String {
+    let head = ["file", "made for", "state", "wall [s]", "peak memory [MiB]"];
+    let row = |file: &OutputFile| {
+        let name = file.path.file_name().unwrap_or_default().to_string_lossy();
+        [
+            Cell::plain(&name),
+            Cell::plain(&file.name),
+            Cell::plain(if file.written { "written" } else { "as it was" }),
+            Cell::plain(format_args!("{:.3}", file.wall_s)),
+            Cell::Text(file.peak_rss_mb.map_or_else(|| "–".to_owned(), |peak| format!("{peak:.0}"))),
+        ]
+    };
+    if written.is_empty() { String::new() } else { table(head, written.iter().map(row)) }
 }
