@@ -65,7 +65,7 @@ pub(crate) struct Global {
     /// Print more; given twice, still more.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub(crate) verbose: u8,
-    /// Progress bars on stderr.
+    /// Signs of life on stderr.
     #[arg(long, global = true, value_enum, default_value_t = When::Auto)]
     pub(crate) progress: When,
 }
@@ -84,9 +84,9 @@ pub(crate) enum BackendChoice {
 /// When to show progress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum When {
-    /// If stderr is a terminal.
+    /// Bars on a terminal, else a line every 30 s; nothing with --quiet.
     Auto,
-    /// Always.
+    /// With --quiet too.
     Always,
     /// Never.
     Never,
@@ -172,6 +172,12 @@ pub(crate) enum Command {
         /// Of a lattice: the vertices that this voxel has.
         #[arg(long, value_name = "X,Y,Z", value_parser = parse::voxel, allow_hyphen_values = true)]
         voxel: Vec<[i64; 3]>,
+        /// Of a volume, labels or a mask: the voxel at this place (mm, RAS), its value or class.
+        #[arg(long, value_name = "X,Y,Z", value_parser = parse::place, allow_hyphen_values = true, conflicts_with_all = ["vertex", "voxel"])]
+        at: Vec<[f64; 3]>,
+        /// With --at: labels on the same grid, whose class there is told too.
+        #[arg(long, value_name = "FILE", requires = "at")]
+        labels: Option<PathBuf>,
     },
     /// Measures the error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice.
     Compare {

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::args::{BackendChoice, Global, When};
 use crate::exit::Failure;
-use crate::progress::Bars;
+use crate::progress::{Progress, Style};
 use crate::talk;
 
 /// The context of one command.
@@ -31,13 +31,14 @@ impl Context {
                 "--require-gpu: this build has no GPU backend; leave it out and the CPU does the work";
             return Err(Failure::of(ErrorClass::NoGpu, problem));
         }
-        let draw = match global.progress {
-            When::Always => true,
-            When::Never => false,
-            When::Auto => std::io::stderr().is_terminal() && !global.quiet,
+        let style = match (global.progress, std::io::stderr().is_terminal()) {
+            (When::Never, _) => Style::Silent,
+            (When::Auto, _) if global.quiet => Style::Silent,
+            (_, true) => Style::Bars,
+            (_, false) => Style::Lines,
         };
-        let bars = Arc::new(Bars::new(draw, !global.quiet));
-        let mut exec = Exec::default().with_observer(bars).with_memory_limit(global.memory_limit);
+        let progress = Arc::new(Progress::new(style, !global.quiet));
+        let mut exec = Exec::default().with_observer(progress).with_memory_limit(global.memory_limit);
         exec = exec.with_spill(Arc::new(ivd_artefact::TemporaryFiles));
         exec.skip = !global.no_skip;
         exec = exec.with_simd(!global.no_simd);

@@ -1,13 +1,16 @@
 //! Files that a command reads for its inputs, and writes its results to.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_again, write_with_metrics};
 use ivd_core::op::{self, Field, alternatives, fields};
 use ivd_core::{Classified, Kind};
 use ivd_io::volume::ReadOptions;
 use ivd_pipeline::stages::{Import, ImportLabels, ImportMask, ImportSource};
-use ivd_pipeline::{Input, Inputs, OutputRecord, Stage, StageRecord, StageResult, ending, export};
+use ivd_pipeline::{
+    Input, Inputs, OutputRecord, Stage, StageRecord, StageResult, ending, export, labels_volume, mask_volume,
+};
 
 use crate::context::Context;
 use crate::exit::{Failure, error_class};
@@ -20,12 +23,36 @@ pub(crate) fn filled(
     context: &Context,
 ) -> anyhow::Result<Inputs> {
     let mut inputs = Inputs::default();
+    let mut parts: Option<Input> = None;
     for (slot, file) in files {
-        if let Some(file) = file {
-            inputs = inputs.with(slot, file_for(file, kinds(slot), cache, context)?);
+        let Some(file) = file else { continue };
+        let input = file_for(file, kinds(slot), cache, context)?;
+        if kinds(slot).contains(&Kind::Volume) && !kinds(slot).contains(&input.artefact.kind()) {
+            let volume = as_volume(&input)?;
+            parts = parts.or_else(|| volume.is_some().then(|| input.clone()));
+            inputs = inputs.with(slot, volume.unwrap_or(input));
+        } else {
+            inputs = inputs.with(slot, input);
         }
     }
+    // Labels or a mask in place of the volume stand for themselves too, where nothing else does.
+    let empty = |kind: Kind| files.iter().find(|(slot, file)| file.is_none() && kinds(slot).contains(&kind));
+    if let Some(input) = parts
+        && let Some((slot, _)) = empty(input.artefact.kind())
+    {
+        inputs = inputs.with(slot, input);
+    }
     Ok(inputs)
+}
+
+/// Labels or a mask as a volume of their numbers; `None` of anything else.
+fn as_volume(input: &Input) -> anyhow::Result<Option<Input>> {
+    let volume = match &*input.artefact {
+        Artefact::Labels(labels) => labels_volume(labels)?,
+        Artefact::Mask(mask) => mask_volume(mask)?,
+        _ => return Ok(None),
+    };
+    Ok(Some(Input { artefact: Arc::new(Artefact::Volume(volume)), ..input.clone() }))
 }
 
 /// Kinds that fill a slot of some method of a stage.

@@ -38,6 +38,21 @@ pub(crate) fn dims(text: &str) -> Result<[usize; 3], String> {
     parts.try_into().map_err(|_| format!("`{text}`: write three counts, X,Y,Z"))
 }
 
+/// `X,Y,Z`, a place (mm).
+pub(crate) fn place(text: &str) -> Result<[f64; 3], String> {
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|p| {
+            p.trim()
+                .parse::<f64>()
+                .ok()
+                .filter(|c| c.is_finite())
+                .ok_or_else(|| format!("`{text}`: `{p}` is no number; write X,Y,Z in mm"))
+        })
+        .collect::<Result<_, _>>()?;
+    parts.try_into().map_err(|_| format!("`{text}`: write three numbers, X,Y,Z in mm"))
+}
+
 /// `X,Y,Z`, a voxel; −1 and n are the border layer.
 pub(crate) fn voxel(text: &str) -> Result<[i64; 3], String> {
     let parts: Vec<i64> = text

@@ -136,7 +136,11 @@ pub(crate) fn resolve(
             nearest.1, nearest.0
         )
     };
-    Err(Error::Mismatch { what, problem, remedy: "pick a point nearer to the lattice; `ivd info` tells where that is" })
+    Err(Error::Mismatch {
+        what,
+        problem,
+        remedy: "pick a point nearer to the lattice; `ivd info` tells where that is",
+    })
 }
 
 /// The vertex that a place was found at.

@@ -8,9 +8,8 @@ use ivd_artefact::Artefact;
 use ivd_core::{Displacement, ErrorClass, Exec, Image, Labels, Lattice, Mask, Volume, Voxels};
 use ivd_io::transfer::Format;
 use ivd_io::volume::FieldDirection;
-use serde_json::{Value, json};
 
-use crate::Error;
+use crate::{Error, describe};
 
 /// Writes an artefact in the format of `path`'s ending. A file whose bytes would not change isn't touched.
 ///
@@ -171,47 +170,6 @@ pub fn write_text(path: &Path, text: &str) -> Result<bool, Error> {
 fn write_bytes(path: &Path, bytes: &[u8]) -> Result<bool, Error> {
     let failed = |source| Error::io("writing", path, source);
     ivd_fs::replace(path, |_, source| failed(source), |to| to.write_all(bytes).map_err(failed))
-}
-
-/// What an artefact holds, as JSON: dims, ranges, classes, counts; for motions every displacement.
-pub fn describe(artefact: &Artefact) -> Value {
-    let grid = |g: &ivd_core::Grid| json!({ "dims": g.dims(), "spacing": g.spacing(), "origin": g.origin(), "direction": g.direction() });
-    match artefact {
-        Artefact::Volume(v) => json!({
-            "kind": "volume", "grid": grid(v.grid()), "type": v.voxel_type().name(), "slope": v.slope(),
-            "intercept": v.intercept(), "range": v.range(), "missing": v.missing(),
-        }),
-        Artefact::Labels(l) => json!({ "kind": "labels", "grid": grid(l.grid()), "classes": l.classes() }),
-        Artefact::Mask(m) => json!({
-            "kind": "mask", "grid": grid(m.grid()), "voxels": m.count(), "level": m.level().is_some(),
-        }),
-        Artefact::Transfer(t) => ivd_io::transfer::to_json(t),
-        Artefact::Lattice(l) => json!({
-            "kind": "lattice", "grid": grid(l.grid()), "vertices": l.keys().len(), "triangles": l.triangles().len(),
-            "source": l.source(), "level": l.level(), "max_error_mm": l.max_error_mm(),
-            "coarser": l.coarser().iter().map(|c| json!({
-                "level": c.level, "triangles": c.triangles.len(), "max_error_mm": c.max_error_mm,
-            })).collect::<Vec<_>>(),
-        }),
-        Artefact::Octree(o) => json!({
-            "kind": "octree", "grid": grid(o.grid()), "depth": o.depth(), "nodes": o.nodes().len(), "leaves": o.leaves(),
-            "triangles": o.triangle_count(), "vertices": o.vertex_count(),
-        }),
-        Artefact::Motion(m) => json!({
-            "kind": "motion", "vertices": m.vertex_count(), "reach": m.reach(),
-            "frames": m.frames().iter().map(|f| json!({ "time": f.time, "displacement_mm": f.displacement[..] })).collect::<Vec<_>>(),
-        }),
-        Artefact::Displacement(d) => json!({
-            "kind": "displacement", "grid": grid(d.grid()), "time": d.time(), "forward_bricks": d.forward().stored(),
-            "inverse_bricks": d.inverse().stored(), "inverse_residual_max_voxel": d.inverse_residual_max(),
-            "min_det_j": d.min_det_j(), "two_sided": d.has_cut(),
-        }),
-        Artefact::Image(i) => json!({ "kind": "image", "width": i.width(), "height": i.height() }),
-        Artefact::Tree(t) => json!({
-            "kind": "tree", "grid": grid(&t.grid), "linkage": t.linkage.name(), "nodes": t.nodes(), "leaves": t.leaf_count(),
-            "heights": t.height_range(), "bridges": t.bridges,
-        }),
-    }
 }
 
 /// The ending that decides the format, lower case, without a dot (`nii.gz` is one ending).

@@ -35,6 +35,7 @@
 
 mod compare;
 mod control;
+mod describe;
 mod error;
 mod export;
 pub mod list;
@@ -52,9 +53,10 @@ pub mod stages;
 
 pub use compare::compare;
 pub use control::{Control, Decisions};
+pub use describe::describe;
 pub use error::Error;
 pub use export::{
-    ExportOptions, describe, ending, export, export_with, labels_volume, mask_volume, png_bytes, write_text,
+    ExportOptions, ending, export, export_with, labels_volume, mask_volume, png_bytes, write_text,
 };
 pub use ivd_core::op::Slot;
 pub use outputs::OutputFile;

@@ -20,7 +20,8 @@ fn rss_mb() -> Option<f64> {
 
 fn status(line: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let kib: f64 = status.lines().find_map(|l| l.strip_prefix(line))?.split_whitespace().next()?.parse().ok()?;
+    let kib: f64 =
+        status.lines().find_map(|l| l.strip_prefix(line))?.split_whitespace().next()?.parse().ok()?;
     Some(kib / 1024.0)
 }
 
@@ -48,7 +49,8 @@ impl MemoryWatch {
             }
             largest
         };
-        let looks = peak_before.and_then(|_| std::thread::Builder::new().name("memory".into()).spawn(look).ok());
+        let looks =
+            peak_before.and_then(|_| std::thread::Builder::new().name("memory".into()).spawn(look).ok());
         Self { peak_before, over, looks }
     }
 

@@ -6,17 +6,30 @@ use ivd_artefact::{Artefact, Cache};
 use ivd_pipeline::describe;
 use serde_json::{Value, json};
 
+use super::at;
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::files::volume_or_artefact;
 
-/// Tells what a file holds, or of a lattice where vertices and voxels belong.
-pub(super) fn run(
-    file: &Path,
-    vertices: &[u32],
-    voxels: &[[i64; 3]],
-    context: &Context,
-) -> anyhow::Result<()> {
+/// What is asked of a file beside what it holds.
+pub(super) struct Asked<'a> {
+    /// Vertices of a lattice.
+    pub(super) vertices: &'a [u32],
+    /// Voxels of a lattice's grid.
+    pub(super) voxels: &'a [[i64; 3]],
+    /// Places (mm, RAS) of a volume.
+    pub(super) places: &'a [[f64; 3]],
+    /// Labels whose class at the places is told.
+    pub(super) labels: Option<&'a Path>,
+}
+
+/// Tells what a file holds, what lies at places of it, or of a lattice where vertices and voxels belong.
+pub(super) fn run(file: &Path, asked: &Asked<'_>, context: &Context) -> anyhow::Result<()> {
+    let Asked { vertices, voxels, places, labels } = *asked;
+    if !places.is_empty() {
+        let object = at::places(file, places, labels, context)?;
+        return context.print(&object, || lines("", &object).join("\n"));
+    }
     if !(vertices.is_empty() && voxels.is_empty()) {
         let object = relation(file, vertices, voxels, context)?;
         return context.print(&object, || lines("", &object).join("\n"));

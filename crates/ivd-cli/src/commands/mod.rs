@@ -1,5 +1,6 @@
 //! One function for each command that isn't of a stage of the list.
 
+mod at;
 mod bench;
 mod cache;
 mod combine;
@@ -45,7 +46,11 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         Command::Export { artefact, output, level, lattice, direction } => {
             volume::export(&artefact, &output, level, lattice.as_deref(), direction, context)
         }
-        Command::Info { file, vertex, voxel } => info::run(&file, &vertex, &voxel, context),
+        Command::Info { file, vertex, voxel, at, labels } => {
+            let asked =
+                info::Asked { vertices: &vertex, voxels: &voxel, places: &at, labels: labels.as_deref() };
+            info::run(&file, &asked, context)
+        }
         Command::Compare { a, b } => compare::run(&a, &b, context),
         Command::Bench(args) => bench::run(&args, context),
         Command::Doctor => doctor::run(context),

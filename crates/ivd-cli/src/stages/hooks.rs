@@ -7,7 +7,7 @@ use ivd_artefact::Cache;
 use ivd_core::op::Stage;
 use ivd_pipeline::{Inputs, Section, StageResult};
 
-use super::{lattice, posteriors, two_classes};
+use super::{lattice, own_labels, posteriors};
 use crate::context::Context;
 
 /// Does a stage's work and writes something else beside its result, as a flag asks for.
@@ -42,10 +42,15 @@ const ALL: [(&str, Hooks); 3] = [
             ..PLAIN
         },
     ),
-    (ivd_boundary::STAGE.name, Hooks { completed: two_classes::completed, ..PLAIN }),
+    (ivd_boundary::STAGE.name, Hooks { completed: own_labels::completed, ..PLAIN }),
     (
         ivd_lattice::extract::STAGE.name,
-        Hooks { flags: || lattice::flags().into(), instead: lattice::run, ..PLAIN },
+        Hooks {
+            flags: || lattice::flags().into(),
+            instead: lattice::run,
+            completed: own_labels::for_lattice,
+            ..PLAIN
+        },
     ),
 ];
 

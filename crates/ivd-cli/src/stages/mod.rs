@@ -4,10 +4,10 @@ mod arguments;
 mod hooks;
 mod lattice;
 mod offer;
+mod own_labels;
 mod parts;
 mod posteriors;
 mod precursor;
-mod two_classes;
 mod typed;
 
 use std::ffi::OsString;

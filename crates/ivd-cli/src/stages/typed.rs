@@ -7,7 +7,7 @@ use ivd_core::ParamError;
 use ivd_core::op::{Field, Method, Stage, fields, words};
 use ivd_pipeline::Section;
 use ivd_pipeline::list::{self, Key};
-use ivd_pipeline::params::read_entry;
+use ivd_pipeline::params::{read_entry, with_landmarks};
 use serde_json::{Map, Value as Json};
 
 use super::arguments::slots;
@@ -129,7 +129,9 @@ fn typed(offer: &Offer, matches: &ArgMatches) -> anyhow::Result<Map<String, Json
             let mut value = None;
             let is_slot = slots(stage).contains(&name);
             let all = matches.get_many::<String>(name).into_iter().flatten();
-            for text in all.filter(|text| !is_slot || !is_file(field, text)) {
+            let own = all.filter(|text| !is_slot || !is_file(field, text));
+            let placed = own.map(|text| with_landmarks(text, Path::new("")));
+            for text in placed.collect::<Result<Vec<_>, _>>()?.iter().flatten() {
                 // What another method would take is read, and then refused by what this one takes.
                 let of_any = || list::keys(stage).iter().find(|key| key.name == found.name).map(Key::field);
                 let read = read_entry(value.clone(), field, text)

@@ -7,6 +7,7 @@ use ivd_core::{
     BRICK, BrickIndex, Class, ClassChoice, ElementKey, Exec, Grid, Labels, Lattice, Mask, ParamError, Volume,
     slots,
 };
+use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -161,6 +162,12 @@ impl Op for LatticeParams {
     fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Lattice, LatticeFigures), Failure> {
         let Inputs { volume, labels, mask } = inputs;
         let params = ExtractParams { iso: self.crossings(volume.grid(), labels, mask)? };
+        // A class without crossings is what has its label.
+        let own = match (params.iso, labels, mask) {
+            (Iso::Mask, Some(labels), None) => Some(exec.run(|| mask_of(labels, self.class_of(labels)?.id))?),
+            _ => None,
+        };
+        let mask = mask.or(own.as_ref());
         let extracted = extract(volume, mask, &params, exec)?;
         exec.check_cancelled()?;
         let (active, total) = (extracted.bricks_active, extracted.bricks_total);
@@ -170,6 +177,16 @@ impl Op for LatticeParams {
 }
 
 impl LatticeParams {
+    /// Whether a class is named by which the surface is cut.
+    pub fn needs_class(&self) -> bool {
+        self.class.is_some() && matches!(self.iso, IsoChoice::Word(_))
+    }
+
+    /// The class that is meant where nothing else tells.
+    fn class_of<'a>(&self, labels: &'a Labels) -> Result<&'a Class, Error> {
+        Ok(labels.choose(self.class.unwrap_or(ClassChoice::Largest))?)
+    }
+
     /// Where the surface is: at the value, or at the crossings of the class that is meant, the one named, else the one that the mask was
     /// cut from, else the largest. Where no crossings are known, and for a mask with a level function, it is the mask's own surface.
     ///
@@ -195,7 +212,7 @@ impl LatticeParams {
             (IsoChoice::Word(_), Some(labels), mask) => match (self.class, mask) {
                 (Some(choice), _) => labels.choose(choice)?,
                 (None, Some(mask)) => majority(labels, mask)?,
-                (None, None) => labels.choose(ClassChoice::Largest)?,
+                (None, None) => self.class_of(labels)?,
             },
         };
         Ok(match (class.lower, class.upper) {
@@ -203,6 +220,12 @@ impl LatticeParams {
             (lower, upper) => Iso::Interval { lower, upper },
         })
     }
+}
+
+/// The voxels of a class.
+fn mask_of(labels: &Labels, id: u16) -> Result<Mask, Error> {
+    let inside: Vec<u8> = labels.ids().par_iter().map(|own| u8::from(*own == id)).collect();
+    Ok(Mask::new(labels.grid().clone(), inside.into())?)
 }
 
 /// The class that most voxels of a mask belong to (a filled hole belongs to others).

@@ -263,9 +263,8 @@ impl Figures {
             .collect()
         };
         let share = self.elastic.as_ref().map_or(1.0, |elastic| elastic.share);
-        let stopped = (share < 1.0).then(|| {
-            format!("it stopped after {:.0} % of the way, where matter can't go on", 100.0 * share)
-        });
+        let stopped = (share < 1.0)
+            .then(|| format!("it stopped after {:.0} % of the way, where matter can't go on", 100.0 * share));
         let told: Vec<String> =
             far("handle", &self.handles).into_iter().chain(far("fix", &self.fixed)).chain(stopped).collect();
         (!told.is_empty()).then(|| told.join("; "))

@@ -8,7 +8,8 @@ use crate::handles::{self, Action, Anchor};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Handle {
-    /// A point, RAS; the nearest vertex is taken, at most ten voxel diagonals away.
+    /// A point, RAS; the nearest vertex is taken, at most ten voxel diagonals away. Instead of numbers, landmarks of 3D Slicer:
+    /// `FILE.mrk.json#LABEL`, or a file of one point.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "mm"))]
     pub pick: Option<[f64; 3]>,
@@ -33,7 +34,8 @@ pub struct Handle {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Pin {
-    /// Centre, RAS; the nearest vertex is taken.
+    /// Centre, RAS; the nearest vertex is taken. Instead of numbers, landmarks of 3D Slicer: `FILE.mrk.json#LABEL`, or all points of
+    /// FILE.mrk.json.
     #[schemars(extend("x-unit" = "mm"))]
     pub pick: [f64; 3],
     /// Radius in rest space.

@@ -188,7 +188,9 @@ impl Moves {
     /// Those of [`handles::find_picks`].
     pub(super) fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure> {
         let Some(lattice) = Lattice::of(value).filter(|_| slot == "lattice") else { return Ok(()) };
-        let points = |of: Vec<Anchor>| of.into_iter().filter(|at| matches!(at, Anchor::NearestTo(_))).collect::<Vec<_>>();
+        let points = |of: Vec<Anchor>| {
+            of.into_iter().filter(|at| matches!(at, Anchor::NearestTo(_))).collect::<Vec<_>>()
+        };
         let handles = points(self.handles()?.iter().map(|handle| handle.at).collect());
         let fixed = points(self.fixed().iter().map(|pin| pin.at).collect());
         handles::find_picks(lattice, "handle", &handles)?;

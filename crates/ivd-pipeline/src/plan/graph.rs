@@ -166,8 +166,10 @@ impl Plan {
     pub(crate) fn heirs(&self, at: usize) -> impl Iterator<Item = (&PlanNode, &'static str)> {
         let (from, mut line) = (&self.nodes[at], vec![self.nodes[at].id]);
         self.nodes[at + 1..].iter().filter(|node| node.needed).flat_map(move |node| {
-            let heir = node.inputs.iter().find(|(_, id)| line[1..].contains(id)).map(|(slot, _)| (node, *slot));
-            let carries_on = node.place.gives == from.place.gives && node.inputs.iter().any(|(_, id)| line.contains(id));
+            let heir =
+                node.inputs.iter().find(|(_, id)| line[1..].contains(id)).map(|(slot, _)| (node, *slot));
+            let carries_on =
+                node.place.gives == from.place.gives && node.inputs.iter().any(|(_, id)| line.contains(id));
             if carries_on {
                 line.push(node.id);
             }

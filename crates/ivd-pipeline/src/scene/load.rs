@@ -9,7 +9,7 @@ use toml::{Table, Value};
 use super::Scene;
 use super::stage_sections::{Written, stage_sections};
 use crate::Error;
-use crate::params::from_toml;
+use crate::params::{from_toml, place_landmarks};
 
 /// One `--set stage.key=value`.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,8 +57,11 @@ pub fn load(file: &Path, overrides: &[Override]) -> Result<Loaded, Error> {
     let bytes = bytes
         .ok_or_else(|| wrong(format!("longer than {MAX_SCENE_BYTES} bytes; a scene is a short text")))?;
     let text = String::from_utf8(bytes).map_err(|e| wrong(format!("{e}; a scene is a TOML text file")))?;
-    let scene = parse(&text, overrides).map_err(wrong)?;
     let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
+    let scene = parse_in(&text, overrides, Some(&folder)).map_err(|problem| match problem {
+        Problem::Scene(problem) => wrong(problem),
+        Problem::File(error) => error,
+    })?;
     Ok(Loaded { scene, folder, file: file.to_owned() })
 }
 
@@ -75,18 +78,38 @@ pub fn read_text_limited(file: &Path) -> std::io::Result<Option<Vec<u8>>> {
     Ok((bytes.len() as u64 <= MAX_SCENE_BYTES).then_some(bytes))
 }
 
-/// Reads a scene from its text; see [`load`].
+/// Reads a scene from its text; see [`load`]. Files of landmarks have no folder here to lie in: points are given as numbers.
 ///
 /// # Errors
 /// A sentence that names the place, what is wrong and what to do.
 pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
+    parse_in(text, overrides, None).map_err(|problem| match problem {
+        Problem::Scene(problem) => problem,
+        Problem::File(error) => error.to_string(),
+    })
+}
+
+/// What is wrong: with the scene's text, or with a file that it names.
+enum Problem {
+    Scene(String),
+    File(Error),
+}
+
+impl From<String> for Problem {
+    fn from(problem: String) -> Self {
+        Self::Scene(problem)
+    }
+}
+
+/// Reads a scene whose files lie in a folder.
+fn parse_in(text: &str, overrides: &[Override], folder: Option<&Path>) -> Result<Scene, Problem> {
     let told = |e: toml::de::Error| with_suggestion(&truncate_lines(&e.to_string()));
     let table = || text.parse::<Table>().map_err(|e| truncate_lines(&e.to_string()));
     let (typed, table) = if overrides.is_empty() {
         // Straight from the text, so that errors carry line and column. Of keys that nobody knows nothing else is made.
         let typed = toml::from_str::<Scene>(text).map_err(told);
         if typed.as_ref().is_err_and(|problem| problem.contains("unknown field")) {
-            return typed;
+            return Ok(typed?);
         }
         (typed, table()?)
     } else {
@@ -96,7 +119,10 @@ pub fn parse(text: &str, overrides: &[Override]) -> Result<Scene, String> {
         }
         (table.clone().try_into().map_err(told), table)
     };
-    let written = as_json(table).map_err(|problem| placed(text, &problem))?;
+    let mut written = as_json(table).map_err(|problem| placed(text, &problem))?;
+    if let Some(folder) = folder {
+        place_landmarks(&mut written.values_mut(), folder).map_err(Problem::File)?;
+    }
     let sections = stage_sections(&written).map_err(|problem| placed(text, &problem))?;
     let mut scene = typed?;
     (scene.written, scene.sections) = (written, sections);
@@ -156,10 +182,14 @@ fn set(table: &mut Table, o: &Override) -> Result<(), String> {
         return Ok(());
     };
     let mut at = table.entry(first.clone()).or_insert_with(|| Value::Table(Table::new()));
-    for key in parents {
+    for (i, key) in parents.iter().enumerate() {
+        if let Value::Array(list) = at {
+            no_element(&whole, &o.path[..=i], &o.path[i + 1..], list.len())?;
+        }
         at = step(at, key).ok_or_else(|| format!("--set {whole}: `{key}` is not a section or list there"))?;
     }
     if let Value::Array(list) = at {
+        no_element(&whole, &o.path[..o.path.len() - 1], &o.path[o.path.len() - 1..], list.len())?;
         let slot = last.parse().ok().and_then(|i: usize| list.get_mut(i));
         *slot.ok_or_else(|| format!("--set {whole}: no element `{last}`"))? = o.value.clone();
     } else if let Value::Table(table) = at {
@@ -168,6 +198,22 @@ fn set(table: &mut Table, o: &Override) -> Result<(), String> {
         return Err(format!("--set {whole}: `{last}` would lie inside a plain value"));
     }
     Ok(())
+}
+
+/// # Errors
+/// Where the next key of a path isn't the number of an element of the list that the keys before lead to.
+fn no_element(whole: &str, list: &[String], rest: &[String], len: usize) -> Result<(), String> {
+    let (list, next) = (list.join("."), rest.join("."));
+    match rest.first().map(|key| key.parse::<usize>()) {
+        Some(Ok(i)) if i < len => Ok(()),
+        Some(Ok(_)) => Err(format!("--set {whole}: {list} has {len} elements, numbered from 0")),
+        _ if len == 0 => {
+            Err(format!("--set {whole}: {list} is an empty list; write the element into the scene"))
+        }
+        _ => Err(format!(
+            "--set {whole}: {list} is a list of {len}, numbered from 0; write {list}.0.{next} for the first"
+        )),
+    }
 }
 
 fn step<'a>(at: &'a mut Value, key: &str) -> Option<&'a mut Value> {
@@ -233,6 +279,10 @@ mod tests {
         let k = scene.param(&ivd_segment::STAGE, "k");
         assert_eq!(k, Some(6.into()));
         assert!(parse(SCENE, &[set("deform.handle.4.radius=1")]).unwrap_err().contains("handle"));
+        let error = parse(SCENE, &[set("deform.handle.radius=1")]).unwrap_err();
+        assert!(error.contains("write deform.handle.0.radius for the first"), "{error}");
+        let error = parse(SCENE, &[set("deform.handle.0.move.7=1")]).unwrap_err();
+        assert!(error.contains("deform.handle.0.move has 3 elements"), "{error}");
         assert!("deform".parse::<Override>().is_err());
     }
 

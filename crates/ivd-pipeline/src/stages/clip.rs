@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::combine::labelled;
 use crate::{Error, Facts, Inputs, Stage, StageOutput};
 
 /// Keeps the part of a volume, of labels or of a mask that lies on given sides of planes, in boxes, and in what is tagged.
@@ -25,6 +26,9 @@ pub struct ClipFigures {
     /// Voxels as they were.
     #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
     pub voxels_kept: u64,
+    /// Voxels of the result with a label or inside of the mask; null of a volume.
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 2))]
+    pub voxels_filled: Option<u64>,
     /// Voxels that became background.
     #[schemars(extend("x-unit" = "voxels"))]
     pub voxels_clipped: u64,
@@ -39,9 +43,17 @@ pub struct ClipFigures {
     pub bricks_total: u64,
 }
 
-fn product<V: Output>(clipped: Clipped<V>) -> StageOutput {
+fn product<V: Output>(clipped: Clipped<V>, filled: impl Fn(&V) -> Option<u64>) -> StageOutput {
     let Clipped { output, voxels_kept, voxels_clipped, voxels_total, bricks_visited, bricks_total } = clipped;
-    let figures = ClipFigures { voxels_kept, voxels_clipped, voxels_total, bricks_visited, bricks_total };
+    let voxels_filled = filled(&output);
+    let figures = ClipFigures {
+        voxels_kept,
+        voxels_filled,
+        voxels_clipped,
+        voxels_total,
+        bricks_visited,
+        bricks_total,
+    };
     StageOutput::new(output, &figures)
 }
 
@@ -49,7 +61,7 @@ impl Stage for Clip {
     fn facts(&self) -> Facts {
         Facts {
             name: "clip",
-            revision: 1,
+            revision: 2,
             inputs: Given::SLOTS,
             output: None,
             figures: schema_of::<ClipFigures>,
@@ -64,9 +76,13 @@ impl Stage for Clip {
         let Given { volume, tag, displacement } = inputs.take(self.name())?;
         let (params, by) = (&self.params, &By { tag, displacement });
         match volume {
-            Voxelwise::Volume(volume) => clip::volume(volume, params, by, exec).map(product),
-            Voxelwise::Labels(labels) => clip::labels(labels, params, by, exec).map(product),
-            Voxelwise::Mask(mask) => clip::mask(mask, params, by, exec).map(product),
+            Voxelwise::Volume(volume) => clip::volume(volume, params, by, exec).map(|v| product(v, |_| None)),
+            Voxelwise::Labels(labels) => {
+                clip::labels(labels, params, by, exec).map(|l| product(l, |l| Some(labelled(l))))
+            }
+            Voxelwise::Mask(mask) => {
+                clip::mask(mask, params, by, exec).map(|m| product(m, |m| Some(m.count())))
+            }
         }
         .map_err(Error::in_stage(self.name()))
     }

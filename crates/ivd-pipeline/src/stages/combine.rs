@@ -1,14 +1,17 @@
-use ivd_artefact::Kind;
+use std::borrow::Cow;
+
+use ivd_artefact::{Artefact, Kind};
 use ivd_core::op::{Fill as _, Output, Voxelwise, object, schema_of};
-use ivd_core::{Displacement, Exec};
+use ivd_core::{Class, Displacement, Exec, Labels, Mask, Value as _, Volume};
 use ivd_field::combine::{self, CombineParams, Combined, Operand};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{Error, Facts, Inputs, Slot, Stage, StageOutput};
+use crate::{Error, Facts, Inputs, Slot, Stage, StageOutput, mask_volume};
 
-/// Combines volumes, labels or masks by union, intersection or difference, at rest or through displacements.
+/// Combines volumes, labels or masks by union, intersection or difference, at rest or through displacements. The first says what comes of
+/// it; operands of another kind are taken for that.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Combine {
     /// Operation and windows.
@@ -51,6 +54,9 @@ pub struct CombineFigures {
     /// Voxels whose stored value isn't the first operand's (as it is deformed).
     #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
     pub voxels_changed: u64,
+    /// Voxels of the result with a label or inside of the mask; null of a volume.
+    #[schemars(extend("x-unit" = "voxels", "x-headline" = 2))]
+    pub voxels_filled: Option<u64>,
     /// Voxels of the grid.
     #[schemars(extend("x-unit" = "voxels"))]
     pub voxels_total: u64,
@@ -62,8 +68,16 @@ pub struct CombineFigures {
     pub bricks_total: u64,
 }
 
-/// The operands, all of the first one's kind, in the order of their slots.
-fn operands<V: ivd_core::Value>(inputs: &Inputs) -> Result<Vec<Operand<'_, V>>, Error> {
+/// Voxels that have a label.
+pub(super) fn labelled(labels: &Labels) -> u64 {
+    labels.ids().iter().filter(|id| **id != 0).count() as u64
+}
+
+/// The operands in the order of their slots, taken for the first one's kind by `take`.
+fn operands<V: ivd_core::Value + Clone>(
+    inputs: &Inputs,
+    take: impl Fn(&Artefact) -> Result<V, Error>,
+) -> Result<Vec<(Cow<'_, V>, Option<&Displacement>)>, Error> {
     let mut operands = Vec::new();
     for [slot, displacement] in Combine::OPERANDS {
         let field: Option<&Displacement> = inputs.value(displacement);
@@ -74,27 +88,103 @@ fn operands<V: ivd_core::Value>(inputs: &Inputs) -> Result<Vec<Operand<'_, V>>, 
             }
             continue;
         };
-        let Some(value) = V::of(artefact) else {
-            let (first, kind) = (V::KIND.name(), artefact.kind().name());
-            let problem =
-                format!("a is a {first} artefact and {slot} a {kind} artefact; give operands of one kind");
-            return Err(Error::usage("combine", problem));
-        };
-        operands.push(Operand { value, displacement: field });
+        let value =
+            V::of(artefact).map_or_else(|| take(artefact).map(Cow::Owned), |own| Ok(Cow::Borrowed(own)))?;
+        operands.push((value, field));
     }
     Ok(operands)
 }
 
-fn product<V: Output>(combined: Combined<V>) -> StageOutput {
+fn borrowed<'a, V: Clone>(operands: &'a [(Cow<'a, V>, Option<&'a Displacement>)]) -> Vec<Operand<'a, V>> {
+    operands
+        .iter()
+        .map(|(value, displacement)| Operand { value: &**value, displacement: *displacement })
+        .collect()
+}
+
+/// What an operand is as a mask: where it has a label, or a value that isn't 0.
+fn as_mask(artefact: &Artefact) -> Result<Mask, Error> {
+    match artefact {
+        Artefact::Labels(labels) => {
+            let inside: Vec<u8> = labels.ids().iter().map(|id| u8::from(*id != 0)).collect();
+            Ok(Mask::new(labels.grid().clone(), inside.into())?)
+        }
+        Artefact::Volume(volume) => Ok(Mask::from_volume(volume)?),
+        other => Err(of_no_use(other)),
+    }
+}
+
+/// What an operand is as labels: a mask is one class, with an id that the first operand doesn't have.
+fn as_labels(artefact: &Artefact, first: &Labels) -> Result<Labels, Error> {
+    match artefact {
+        Artefact::Mask(mask) => {
+            let ids = || first.classes().iter().map(|class| class.id);
+            let id = ids().max().unwrap_or(0).checked_add(1).ok_or_else(|| {
+                Error::usage(
+                    "combine",
+                    "the labels have class 65535: there is no id left for the mask; renumber them",
+                )
+            })?;
+            let labels: Vec<u16> =
+                mask.inside().iter().map(|inside| if *inside != 0 { id } else { 0 }).collect();
+            let mean = f64::from(id);
+            let class =
+                Class { id, name: None, mean, sd: 0.0, voxels: mask.count(), lower: None, upper: None };
+            let classes = if class.voxels == 0 { Vec::new() } else { vec![class] };
+            Ok(Labels::new(mask.grid().clone(), labels.into(), classes)?)
+        }
+        Artefact::Volume(volume) => Ok(Labels::from_volume(volume)?),
+        other => Err(of_no_use(other)),
+    }
+}
+
+/// What an operand is as a volume: 1 inside of a mask, or where there is a label, and 0 elsewhere.
+fn as_volume(artefact: &Artefact) -> Result<Volume, Error> {
+    mask_volume(&as_mask_of_any(artefact)?)
+}
+
+fn as_mask_of_any(artefact: &Artefact) -> Result<Mask, Error> {
+    Mask::of(artefact).map_or_else(|| as_mask(artefact), |mask| Ok(mask.clone()))
+}
+
+fn of_no_use(artefact: &Artefact) -> Error {
+    let kind = artefact.kind().name();
+    Error::usage("combine", format!("an operand is a {kind} artefact; give volumes, labels or masks"))
+}
+
+impl Combine {
+    /// The parameters, with windows of 0 to 1 for what stands among volumes and is none.
+    fn among_volumes(&self, inputs: &Inputs, exec: &Exec) -> CombineParams {
+        let artefacts: Vec<&Artefact> =
+            Self::OPERANDS.iter().filter_map(|[slot, _]| inputs.get(slot)).collect();
+        let given = &self.params.windows;
+        if artefacts.iter().all(|artefact| Volume::of(artefact).is_some()) || given.len() > 1 {
+            return self.params.clone();
+        }
+        let window = |artefact: &&Artefact| match Volume::of(artefact) {
+            None => [0.0, 1.0],
+            Some(volume) => {
+                let own = || exec.run(|| volume.range()).unwrap_or([0.0, 1.0]);
+                given.first().copied().unwrap_or_else(own)
+            }
+        };
+        CombineParams { windows: artefacts.iter().map(window).collect(), ..self.params.clone() }
+    }
+}
+
+fn product<V: Output>(combined: Combined<V>, filled: impl Fn(&V) -> Option<u64>) -> StageOutput {
     let Combined { output, voxels_changed, voxels_total, bricks_visited, bricks_total } = combined;
-    StageOutput::new(output, &CombineFigures { voxels_changed, voxels_total, bricks_visited, bricks_total })
+    let voxels_filled = filled(&output);
+    let figures =
+        CombineFigures { voxels_changed, voxels_filled, voxels_total, bricks_visited, bricks_total };
+    StageOutput::new(output, &figures)
 }
 
 impl Stage for Combine {
     fn facts(&self) -> Facts {
         Facts {
             name: "combine",
-            revision: 1,
+            revision: 2,
             inputs: const { &Self::SLOTS },
             output: None,
             figures: schema_of::<CombineFigures>,
@@ -109,9 +199,20 @@ impl Stage for Combine {
         let [first, _] = Self::OPERANDS[0];
         let first = Voxelwise::fill(&inputs.values(), first);
         match first.map_err(|failure| Error::failed(self.name(), failure))? {
-            Voxelwise::Volume(_) => combine::volumes(&operands(inputs)?, &self.params, exec).map(product),
-            Voxelwise::Labels(_) => combine::labels(&operands(inputs)?, &self.params, exec).map(product),
-            Voxelwise::Mask(_) => combine::masks(&operands(inputs)?, &self.params, exec).map(product),
+            Voxelwise::Volume(_) => {
+                let all = operands(inputs, as_volume)?;
+                let params = self.among_volumes(inputs, exec);
+                combine::volumes(&borrowed(&all), &params, exec).map(|v| product(v, |_| None))
+            }
+            Voxelwise::Labels(first) => {
+                let all = operands(inputs, |artefact| as_labels(artefact, first))?;
+                combine::labels(&borrowed(&all), &self.params, exec)
+                    .map(|l| product(l, |l| Some(labelled(l))))
+            }
+            Voxelwise::Mask(_) => {
+                let all = operands(inputs, as_mask)?;
+                combine::masks(&borrowed(&all), &self.params, exec).map(|m| product(m, |m| Some(m.count())))
+            }
         }
         .map_err(Error::in_stage(self.name()))
     }

@@ -1,0 +1,91 @@
+//! `ivd info FILE --at x,y,z`: what lies at a place.
+
+use std::path::Path;
+
+use ivd_artefact::{Artefact, Cache};
+use ivd_core::{Grid, Kind, Labels, Value as _, VoxelCoord, VoxelIndex, World};
+use serde_json::{Map, Value, json};
+
+use crate::context::Context;
+use crate::exit::Failure;
+use crate::files::{file_for, volume_or_artefact};
+
+/// What lies at places (mm, RAS) of a volume, of labels or of a mask; with the class that `labels` have there.
+pub(super) fn places(
+    file: &Path,
+    places: &[[f64; 3]],
+    labels: Option<&Path>,
+    context: &Context,
+) -> anyhow::Result<Value> {
+    let input = volume_or_artefact(file, &Cache::disabled(), context)?;
+    let artefact = &*input.artefact;
+    let grid = match artefact {
+        Artefact::Volume(volume) => volume.grid(),
+        Artefact::Labels(labels) => labels.grid(),
+        Artefact::Mask(mask) => mask.grid(),
+        other => {
+            let kind = other.kind().name();
+            let problem =
+                format!("{}: a {kind} artefact; --at is of a volume, labels or a mask", file.display());
+            return Err(Failure::usage(problem));
+        }
+    };
+    let beside =
+        labels.map(|path| file_for(path, &[Kind::Labels], &Cache::disabled(), context)).transpose()?;
+    let beside = beside.as_ref().and_then(|input| Labels::of(&input.artefact));
+    if let Some(labels) = beside {
+        grid.require(labels.grid(), "the volume", "--labels").map_err(|e| Failure::usage(e.to_string()))?;
+    }
+    let told: Vec<Value> = places
+        .iter()
+        .map(|&place| {
+            let (voxel, index) = voxel(grid, place, file)?;
+            let mut told = Map::from_iter([
+                ("asked_mm".to_owned(), json!(place)),
+                ("voxel".to_owned(), json!(index.0)),
+                ("voxel_exact".to_owned(), json!(voxel)),
+                ("voxel_centre_mm".to_owned(), json!(<[f64; 3]>::from(grid.world(index.into()).0))),
+            ]);
+            match artefact {
+                Artefact::Volume(volume) => {
+                    let value = context.exec.run(|| volume.value(index));
+                    told.insert("value".to_owned(), json!(value.is_finite().then_some(value)));
+                }
+                Artefact::Mask(mask) => {
+                    told.insert("inside".to_owned(), json!(mask.inside()[grid.linear(index)] != 0));
+                }
+                Artefact::Labels(labels) => class(labels, index, &mut told),
+                _ => {}
+            }
+            if let Some(labels) = beside {
+                class(labels, index, &mut told);
+            }
+            Ok(Value::Object(told))
+        })
+        .collect::<anyhow::Result<_>>()?;
+    Ok(json!({ "path": file, "kind": artefact.kind().name(), "at": told }))
+}
+
+/// The label of a voxel, with what is known of its class.
+fn class(labels: &Labels, index: VoxelIndex, told: &mut Map<String, Value>) {
+    let id = labels.ids()[labels.grid().linear(index)];
+    told.insert("label".to_owned(), json!(id));
+    if let Some(class) = labels.class(id) {
+        told.insert("class".to_owned(), json!(class));
+    }
+}
+
+/// The voxel at a place, exactly and the nearest.
+fn voxel(grid: &Grid, place: [f64; 3], file: &Path) -> anyhow::Result<([f64; 3], VoxelIndex)> {
+    let VoxelCoord(exact) = grid.voxel(World(place.into()));
+    let Some(index) = grid.nearest_voxel(exact) else {
+        let problem = format!(
+            "--at {place:?} mm lies at voxel {:.1?}, beyond the {:?} of {}; `ivd info` tells its extent",
+            <[f64; 3]>::from(exact),
+            grid.dims(),
+            file.display()
+        );
+        return Err(Failure::usage(problem));
+    };
+    Ok((exact.into(), index))
+}
