@@ -199,6 +199,6 @@ fn headline(stage: &dyn Stage, record: &StageRecord) -> anyhow::Result<String> {
     let figures = &record.metrics.figures;
     let told = fields.iter().filter_map(|field| Some(format!("{} {}", field.name, figures.get(field.name)?)));
     // A target that wasn't met is said with what stood in the way.
-    let told: Vec<String> = told.chain(stage.remark(&record.metrics)?).collect();
+    let told: Vec<String> = told.chain(record.remark.clone()).collect();
     Ok(if told.is_empty() { "done".to_owned() } else { told.join(", ") })
 }

@@ -7,6 +7,7 @@ use std::time::Instant;
 use ivd_artefact::{Artefact, ContentHash};
 use ivd_core::{Exec, Labels, Lattice, Motion, Value as _};
 use ivd_field::class_volume::by_class;
+use ivd_report::MovedSlices;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -176,6 +177,10 @@ impl<'a> Writer<'a> {
                 self.data.volume = Some(done.artefact.clone());
             }
             Artefact::Displacement(displacement) if node.outputs.contains(&"report") => {
+                if let Some(Artefact::Volume(volume)) = self.data.volume.as_deref() {
+                    self.exec.run(|| whole(volume))?;
+                    self.data.moved = MovedSlices::of(volume, displacement)?;
+                }
                 if let Some((labels, _)) = beside(node, earlier) {
                     self.data.class_volumes =
                         by_class(displacement, labels, self.exec).map_err(Error::in_stage("report"))?;
@@ -285,6 +290,7 @@ impl<'a> Writer<'a> {
                 peak_rss_mb: None,
                 bytes_read: 0,
                 why: String::new(),
+                remark: None,
                 metrics: Metrics::default(),
                 ..r.clone()
             })

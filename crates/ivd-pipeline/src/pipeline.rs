@@ -152,8 +152,8 @@ fn walk(
         for (heir, slot) in plan.heirs(at) {
             heir.stage.as_deref().map_or(Ok(()), |stage| stage.look_ahead(slot, &result.artefact))?;
         }
-        if let Some(remark) = remark(node, &result)? {
-            runner.exec.observer().note(&remark);
+        if let Some(remark) = &result.record.remark {
+            runner.exec.observer().note(&format!("{}: {remark}", node.id.stage));
         }
         node.id.variant.clone_into(&mut result.record.variant);
         explain(&mut result.record, node, &manifest);
@@ -189,12 +189,6 @@ pub fn run_node(
         inputs = inputs.with(slot, done[from].input());
     }
     runner.run(stage, &inputs, options.force.contains(stage.name()))
-}
-
-/// What a person should know of a result beside its figures, under the stage's name.
-fn remark(node: &PlanNode, result: &StageResult) -> Result<Option<String>, Error> {
-    let Some(stage) = &node.stage else { return Ok(None) };
-    Ok(stage.remark(&result.record.metrics)?.map(|remark| format!("{}: {remark}", stage.name())))
 }
 
 /// Says what changed since the last run into the same folder, where something did.

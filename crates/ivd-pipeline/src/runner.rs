@@ -89,6 +89,9 @@ pub struct StageRecord {
     /// mapped files behind its inputs.
     #[serde(default)]
     pub bytes_read: u64,
+    /// What a person should know of the result beside its figures, where there is something: that it isn't all that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remark: Option<String>,
     /// Figures of the work.
     pub metrics: Metrics,
 }
@@ -111,6 +114,7 @@ impl StageRecord {
             cpu_s: None,
             peak_rss_mb: None,
             bytes_read: 0,
+            remark: None,
             metrics: Metrics::default(),
         }
     }
@@ -224,7 +228,8 @@ impl Runner<'_> {
                         self.record(stage, &begun.provenance, &entry.artefact, entry.hash, &begun.key);
                     let metrics = Metrics::from(entry.metrics.as_object().cloned().unwrap_or_default());
                     let bytes_read = begun.source_bytes + entry.file.bytes_verified();
-                    let record = StageRecord { bytes_read, metrics, ..begun.clock.stop(record) };
+                    let remark = stage.remark(&metrics)?;
+                    let record = StageRecord { bytes_read, remark, metrics, ..begun.clock.stop(record) };
                     let record = StageRecord { state: State::Cached, cached: true, ..record };
                     let artefact = Arc::new(entry.artefact);
                     let file = Some(entry.file);
@@ -284,7 +289,8 @@ impl Runner<'_> {
         let (hash, sections) = self.exec.run(|| self.keep(&key, &product, &provenance))?;
         let record = self.record(stage, &provenance, &product.artefact, hash, &key);
         let bytes_read = source_bytes + inputs.bytes_read() - read_before;
-        let record = StageRecord { why, bytes_read, metrics: product.metrics, ..clock.stop(record) };
+        let (remark, metrics) = (stage.remark(&product.metrics)?, product.metrics);
+        let record = StageRecord { why, bytes_read, remark, metrics, ..clock.stop(record) };
         Ok(StageResult {
             artefact: Arc::new(product.artefact),
             hash,

@@ -1,94 +1,250 @@
-//! Slices through the middle of a volume, grey beside coloured by class.
+//! Slices through a volume, as a radiologist looks at them: grey beside coloured by class, and before and after a motion.
 
 use std::fmt::Write as _;
 
-use ivd_core::{Error, Image, Labels, NO_DATA, Volume, VoxelIndex};
+use ivd_core::{Displacement, Error, Grid, Image, Labels, NO_DATA, Volume, VoxelIndex};
+use nalgebra::Vector3;
 
-use crate::html::png_url;
+use crate::html::{css_colour, escape, number, png_url};
+use crate::planes::{Plane, planes};
 
 /// Longer side of a slice on the page (CSS pixels).
 const SIDE: f64 = 330.0;
-
-/// The axes of a slice: to the right, upwards, and the one that is cut.
-const SLICES: [([usize; 3], &str); 3] = [
-    ([0, 1, 2], "x to the right, y up"),
-    ([0, 2, 1], "x to the right, z up"),
-    ([1, 2, 0], "y to the right, z up"),
-];
+/// Share of the values of a slice that may be darker than black, or lighter than white.
+const CLIPPED: f64 = 0.002;
 
 /// The middle slices of a labelling; `colour` is that of a class by its place in the list of the labels' classes.
 ///
 /// # Errors
 /// Those of a picture's constructor.
 pub fn class_slices(labels: &Labels, colour: impl Fn(usize) -> [u8; 3]) -> Result<Vec<Image>, Error> {
-    let slice = |axes: [usize; 3]| coloured(labels, axes, labels.grid().dims()[axes[2]] / 2, &colour);
-    SLICES.iter().map(|(axes, _)| slice(*axes)).collect()
+    let dims = labels.grid().dims();
+    planes(labels.grid())
+        .iter()
+        .map(|plane| coloured(labels, plane, dims[plane.cut()] / 2, &colour))
+        .collect()
 }
 
 /// The middle slices of a volume, each beside the same of its labels; `png` makes a PNG file of a picture.
+///
+/// - `lettered`: whether left and right are known.
 ///
 /// # Errors
 /// A picture that can't be shown.
 pub fn slices<E: From<Error>>(
     volume: &Volume,
     coloured: &[Image],
+    lettered: bool,
     png: impl Fn(&Image) -> Result<Vec<u8>, E>,
 ) -> Result<String, E> {
     let grid = volume.grid();
     let mut html = String::from("<div class='pictures'>");
-    for ((axes, caption), classes) in SLICES.into_iter().zip(coloured) {
-        let [right, up, cut] = axes;
-        let at = grid.dims()[cut] / 2;
-        let extent = [right, up].map(|axis| grid.dims()[axis] as f64 * grid.spacing()[axis]);
-        let scale = SIDE / extent[0].max(extent[1]);
-        // However thin a slice is, it can be seen.
-        let [width, height] = extent.map(|e| (e * scale).round().max(8.0));
+    for (plane, classes) in planes(grid).iter().zip(coloured) {
+        let at = grid.dims()[plane.cut()] / 2;
+        let window = window(&values(volume, plane, at));
+        let grey = grey(volume, plane, at, window)?;
         html += "<figure>";
-        for image in [&grey(volume, axes, at)?, classes] {
-            let url = png_url(&png(image)?);
-            let _ = write!(
-                html,
-                "<img class='slice' width='{width}' height='{height}' src='{url}' alt='slice'> "
-            );
-        }
-        let name = ["x", "y", "z"][cut];
-        let _ = write!(html, "<figcaption>voxel {name} = {at}; {caption}</figcaption></figure>");
+        html += &view(plane, grid, lettered, "slice", &png(&grey)?);
+        html += &view(plane, grid, lettered, "classes", &png(classes)?);
+        let _ = write!(html, "<figcaption>{}</figcaption></figure>", caption(plane, at));
     }
     Ok(html + "</div>")
 }
 
-/// Pixels of a slice from the top, by the linear index of their voxel.
-fn image(
-    dims: [usize; 3],
-    [right, up, cut]: [usize; 3],
-    at: usize,
-    pixel: impl Fn([usize; 3]) -> [u8; 4],
-) -> Result<Image, Error> {
-    let mut rgba = Vec::with_capacity(4 * dims[right] * dims[up]);
-    for j in (0..dims[up]).rev() {
-        for i in 0..dims[right] {
-            let mut voxel = [0; 3];
-            (voxel[right], voxel[up], voxel[cut]) = (i, j, at);
-            rgba.extend(pixel(voxel));
-        }
-    }
-    Image::new(dims[right], dims[up], rgba)
+/// Slices through the voxel that moves furthest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MovedSlices {
+    /// That voxel, at rest.
+    pub at: [usize; 3],
+    /// How far it moves (mm).
+    pub largest: f64,
+    /// In each of the three planes: at rest, deformed, and how far every voxel at rest moves.
+    images: Vec<[Image; 3]>,
 }
 
-fn grey(volume: &Volume, axes: [usize; 3], at: usize) -> Result<Image, Error> {
-    let [low, high] = volume.range().unwrap_or([0.0, 1.0]);
+impl MovedSlices {
+    /// Of a volume and its motion; `None` where nothing moves.
+    ///
+    /// # Errors
+    /// Those of a picture's constructor.
+    pub fn of(volume: &Volume, motion: &Displacement) -> Result<Option<Self>, Error> {
+        let Some((at, largest)) = furthest(motion) else { return Ok(None) };
+        let dims = volume.grid().dims();
+        let all = planes(volume.grid());
+        let images = all.iter().map(|plane| {
+            let cut = at[plane.cut()];
+            let window = window(&values(volume, plane, cut));
+            let after = plane.slice(dims, cut, |voxel| shade(deformed(volume, motion, voxel), window))?;
+            let how_far = plane.slice(dims, cut, |voxel| {
+                let far = length(motion.forward().at(VoxelIndex(voxel)));
+                let [r, g, b] =
+                    if far > 0.0 { motion_colour(far / largest) } else { unmoved(volume, voxel, window) };
+                [r, g, b, 255]
+            })?;
+            Ok([grey(volume, plane, cut, window)?, after, how_far])
+        });
+        let images = images.collect::<Result<_, Error>>()?;
+        Ok(Some(Self { at, largest, images }))
+    }
+
+    /// The slices as HTML; `png` makes a PNG file of a picture, `lettered` tells whether left and right are known.
+    ///
+    /// # Errors
+    /// A picture that can't be shown.
+    pub fn html<E: From<Error>>(
+        &self,
+        grid: &Grid,
+        lettered: bool,
+        png: impl Fn(&Image) -> Result<Vec<u8>, E>,
+    ) -> Result<String, E> {
+        let mut html = String::new();
+        for (plane, images) in planes(grid).iter().zip(&self.images) {
+            html += "<div class='pictures'>";
+            for (image, what) in images.iter().zip(["at rest", "deformed", "how far voxels move"]) {
+                let shown = view(plane, grid, lettered, what, &png(image)?);
+                let _ = write!(html, "<figure>{shown}<figcaption>{what}</figcaption></figure>");
+            }
+            let _ = write!(html, "</div><p class='caption'>{}</p>", caption(plane, self.at[plane.cut()]));
+        }
+        let stops: Vec<String> = (0..=8).map(|i| css_colour(motion_colour(f64::from(i) / 8.0))).collect();
+        let _ = write!(
+            html,
+            "<p class='scale'>0 <span style='background:linear-gradient(to right,{})'></span> {} mm; grey: doesn't move</p>",
+            stops.join(","),
+            number(self.largest)
+        );
+        Ok(html)
+    }
+}
+
+/// The voxel of the longest vector at rest, and its length (mm).
+fn furthest(motion: &Displacement) -> Option<([usize; 3], f64)> {
+    let (field, dims) = (motion.forward(), motion.grid().dims());
+    let bricks = field.brick_dims();
+    let stored = field.table().iter().enumerate().filter_map(|(brick, _)| Some((brick, field.brick(brick)?)));
+    let far = stored.flat_map(|(brick, vectors)| {
+        let corner = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
+        vectors.iter().enumerate().map(move |(i, &vector)| {
+            let within = [i % 8, i / 8 % 8, i / 64];
+            (std::array::from_fn(|a| 8 * corner[a] + within[a]), length(vector))
+        })
+    });
+    let inside = far.filter(|(voxel, _): &([usize; 3], f64)| (0..3).all(|a| voxel[a] < dims[a]));
+    inside.reduce(|a, b| if b.1 > a.1 { b } else { a }).filter(|(_, far)| *far > 0.0)
+}
+
+fn length(vector: [f32; 3]) -> f64 {
+    Vector3::from(vector.map(f64::from)).norm()
+}
+
+/// What lies at a voxel after the motion, linear between voxels; NaN where nothing does.
+fn deformed(volume: &Volume, motion: &Displacement, voxel: [usize; 3]) -> f64 {
+    let grid = volume.grid();
+    if motion.vacated().get(grid.linear(VoxelIndex(voxel))).is_some_and(|left| *left != 0) {
+        return f64::NAN;
+    }
+    let back = motion.inverse().at(VoxelIndex(voxel));
+    if back == [0.0; 3] {
+        return volume.value(VoxelIndex(voxel));
+    }
+    let from = Vector3::from(voxel.map(|v| v as f64))
+        + grid.inverse_linear_part() * Vector3::from(back.map(f64::from));
+    let dims = grid.dims();
+    let base: [usize; 3] =
+        std::array::from_fn(|a| (from[a].max(0.0) as usize).min(dims[a].saturating_sub(2)));
+    let part: [f64; 3] = std::array::from_fn(|a| (from[a] - base[a] as f64).clamp(0.0, 1.0));
+    (0..8_usize)
+        .map(|corner| {
+            let offset = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let weight: f64 = (0..3).map(|a| if offset[a] == 1 { part[a] } else { 1.0 - part[a] }).product();
+            let at = std::array::from_fn(|a| (base[a] + offset[a]).min(dims[a] - 1));
+            if weight == 0.0 { 0.0 } else { weight * volume.value(VoxelIndex(at)) }
+        })
+        .sum()
+}
+
+/// Black, violet, red, orange and pale yellow from 0 to 1: ever lighter, so that order is seen without colour too.
+fn motion_colour(t: f64) -> [u8; 3] {
+    const STOPS: [[f64; 3]; 5] = [
+        [20.0, 10.0, 40.0],
+        [95.0, 20.0, 120.0],
+        [195.0, 55.0, 85.0],
+        [250.0, 150.0, 40.0],
+        [255.0, 250.0, 190.0],
+    ];
+    let at = t.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
+    let low = (at as usize).min(STOPS.len() - 2);
+    let part = at - low as f64;
+    std::array::from_fn(|c| (STOPS[low][c] + part * (STOPS[low + 1][c] - STOPS[low][c])).round() as u8)
+}
+
+/// A voxel that stays: its grey, in the darker half.
+fn unmoved(volume: &Volume, voxel: [usize; 3], window: [f64; 2]) -> [u8; 3] {
+    let [grey, ..] = shade(volume.value(VoxelIndex(voxel)), window);
+    [grey / 2 + 40; 3]
+}
+
+/// A picture of a plane, with letters at its sides where they are known.
+fn view(plane: &Plane, grid: &Grid, lettered: bool, what: &str, png: &[u8]) -> String {
+    let extent = plane.extent(grid);
+    let scale = SIDE / extent[0].max(extent[1]);
+    // However thin a slice is, it can be seen.
+    let [width, height] = extent.map(|e| (e * scale).round().max(8.0));
+    let letters = if lettered {
+        let places = ["left", "right", "top", "bottom"].iter().zip(plane.letters);
+        places.map(|(place, letter)| format!("<span class='{place}'>{letter}</span>")).collect()
+    } else {
+        String::new()
+    };
+    format!(
+        "<span class='view'><img class='slice' width='{width}' height='{height}' src='{}' alt='{}, {}'>{letters}</span> ",
+        png_url(png),
+        plane.name,
+        escape(what)
+    )
+}
+
+fn caption(plane: &Plane, at: usize) -> String {
+    format!("{}, voxel {} = {at}", plane.name, ["x", "y", "z"][plane.cut()])
+}
+
+/// Values of a slice that are data.
+fn values(volume: &Volume, plane: &Plane, at: usize) -> Vec<f64> {
+    let dims = volume.grid().dims();
+    let axes: Vec<usize> = (0..3).filter(|a| *a != plane.cut()).collect();
+    let voxels = (0..dims[axes[1]]).flat_map(|j| (0..dims[axes[0]]).map(move |i| (i, j)));
+    let value = |(i, j)| {
+        let mut voxel = [at; 3];
+        (voxel[axes[0]], voxel[axes[1]]) = (i, j);
+        volume.value(VoxelIndex(voxel))
+    };
+    voxels.map(value).filter(|value| value.is_finite()).collect()
+}
+
+/// Values that are shown black and white: all but a few lie between.
+fn window(values: &[f64]) -> [f64; 2] {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let out = (CLIPPED * sorted.len() as f64) as usize;
+    match (sorted.get(out), sorted.len().checked_sub(out + 1).and_then(|i| sorted.get(i))) {
+        (Some(&low), Some(&high)) if high > low => [low, high],
+        _ => sorted.first().zip(sorted.last()).map_or([0.0, 1.0], |(&low, &high)| [low, high]),
+    }
+}
+
+fn shade(value: f64, [low, high]: [f64; 2]) -> [u8; 4] {
     let scale = if high > low { 255.0 / (high - low) } else { 0.0 };
-    image(volume.grid().dims(), axes, at, |voxel| {
-        let value = volume.value(VoxelIndex(voxel));
-        let grey =
-            if value.is_finite() { ((value - low) * scale).clamp(0.0, 255.0).round() as u8 } else { 0 };
-        [grey, grey, grey, 255]
-    })
+    let grey = if value.is_finite() { ((value - low) * scale).clamp(0.0, 255.0).round() as u8 } else { 0 };
+    [grey, grey, grey, 255]
+}
+
+fn grey(volume: &Volume, plane: &Plane, at: usize, window: [f64; 2]) -> Result<Image, Error> {
+    plane.slice(volume.grid().dims(), at, |voxel| shade(volume.value(VoxelIndex(voxel)), window))
 }
 
 fn coloured(
     labels: &Labels,
-    axes: [usize; 3],
+    plane: &Plane,
     at: usize,
     colour: &impl Fn(usize) -> [u8; 3],
 ) -> Result<Image, Error> {
@@ -96,7 +252,7 @@ fn coloured(
     let colours: Vec<Option<[u8; 3]>> = (0..=labels.classes().iter().map(|c| c.id).max().unwrap_or(0))
         .map(|id| rank(id).map(colour))
         .collect();
-    image(labels.grid().dims(), axes, at, |voxel| {
+    plane.slice(labels.grid().dims(), at, |voxel| {
         let id = labels.ids()[labels.grid().linear(VoxelIndex(voxel))];
         match colours.get(usize::from(id)).copied().flatten().filter(|_| id != NO_DATA) {
             Some([r, g, b]) => [r, g, b, 255],
@@ -108,7 +264,7 @@ fn coloured(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ivd_core::{Class, Grid, Voxels};
+    use ivd_core::{Class, FieldBricks, Voxels};
 
     fn rgb(rank: usize) -> [u8; 3] {
         [200, 100 * rank as u8, 0]
@@ -118,22 +274,46 @@ mod tests {
     fn slices_lie_the_right_way_round() {
         let grid = Grid::with_spacing([2, 2, 2], [1.0; 3]).unwrap();
         let volume = Volume::new(grid.clone(), Voxels::from((0..8_u8).collect::<Vec<_>>())).unwrap();
-        // The slice at z = 1 holds 4 5 below 6 7: the top row comes first.
-        let found = grey(&volume, [0, 1, 2], 1).unwrap();
+        // The axial slice at z = 1 holds 4 5 behind 6 7: the front row comes first, and the patient's left lies to the right.
+        let [axial, _, sagittal] = planes(&grid);
+        let found = grey(&volume, &axial, 1, [0.0, 7.0]).unwrap();
         let reds: Vec<u8> = found.rgba().iter().step_by(4).copied().collect();
-        assert_eq!(reds, [6, 7, 4, 5].map(|v: u32| (v as f64 * 255.0 / 7.0).round() as u8));
+        assert_eq!(reds, [7, 6, 5, 4].map(|v: u32| (f64::from(v) * 255.0 / 7.0).round() as u8));
         let class =
             |id| Class { id, name: None, mean: f64::from(id), sd: 0.0, voxels: 4, lower: None, upper: None };
         let ids: Vec<u16> = vec![1, 0, 1, 1, 2, 2, 2, 2];
         let labels = Labels::new(grid, ids.into(), vec![class(1), class(2)]).unwrap();
-        let found = coloured(&labels, [1, 2, 0], 1, &rgb).unwrap();
-        // x = 1: y to the right, z up; the top row is z = 1.
+        let found = coloured(&labels, &sagittal, 1, &rgb).unwrap();
+        // x = 1: the front to the left, z up; the top row is z = 1, and below it y = 1 comes before y = 0.
         let pixels: Vec<&[u8]> = found.rgba().chunks(4).collect();
         assert_eq!(pixels[0][..3], rgb(1));
-        assert_eq!(pixels[2], [0, 0, 0, 0], "no data is clear");
-        assert_eq!(pixels[3][..3], rgb(0));
+        assert_eq!(pixels[2][..3], rgb(0));
+        assert_eq!(pixels[3], [0, 0, 0, 0], "no data is clear");
         let classes = class_slices(&labels, rgb).unwrap();
         let png = |_: &Image| Ok::<_, Error>(Vec::new());
-        assert!(slices(&volume, &classes, png).unwrap().matches("<img").count() == 6);
+        let html = slices(&volume, &classes, true, png).unwrap();
+        assert_eq!((html.matches("<img").count(), html.matches(">R<").count()), (6, 4));
+        assert_eq!(slices(&volume, &classes, false, png).unwrap().matches(">R<").count(), 0);
+    }
+
+    #[test]
+    fn a_motion_is_shown_where_it_is_largest() {
+        let grid = Grid::with_spacing([16, 16, 16], [1.0, 1.0, 2.0]).unwrap();
+        let ramp = (0..grid.len()).map(|i| (i / 256) as f32).collect::<Vec<_>>();
+        let volume = Volume::new(grid.clone(), Voxels::from(ramp)).unwrap();
+        // In one brick voxels go up by 2 mm, a voxel, and one of them by 4.
+        let mut up = vec![[0.0, 0.0, 2.0_f32]; 512];
+        up[3 + 8 * (4 + 8 * 5)] = [0.0, 0.0, 4.0];
+        let down = vec![[0.0, 0.0, -2.0_f32]; 512];
+        let field = |vectors: Vec<[f32; 3]>| FieldBricks::of_bricks([16; 3], &[7], vectors.into()).unwrap();
+        let motion = Displacement::new(grid.clone(), field(up), field(down)).unwrap();
+        let moved = MovedSlices::of(&volume, &motion).unwrap().unwrap();
+        assert_eq!((moved.at, moved.largest), ([11, 12, 13], 4.0));
+        // Deformed, what was at z − 1 lies at z; elsewhere nothing changes.
+        assert_eq!(deformed(&volume, &motion, [9, 9, 10]), 9.0);
+        assert_eq!(deformed(&volume, &motion, [2, 9, 10]), 10.0);
+        let html = moved.html(&grid, true, |_| Ok::<_, Error>(Vec::new())).unwrap();
+        assert!(html.matches("<img").count() == 9 && html.contains("4 mm"), "{html}");
+        assert!(MovedSlices::of(&volume, &Displacement::identity(grid)).unwrap().is_none());
     }
 }

@@ -45,6 +45,48 @@ pub fn pairs(rows: &[(&str, String)]) -> String {
     html + "</table>"
 }
 
+/// A figure with its place among those of `--json`: who reads the page by a program finds it there in full.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    /// What it is, with its unit.
+    pub label: &'static str,
+    /// Stage and key: `map.share`.
+    pub key: &'static str,
+    /// Its value; null where there is none.
+    pub value: Value,
+}
+
+impl Figure {
+    /// A figure of a stage.
+    pub fn new(label: &'static str, key: &'static str, value: impl Serialize) -> Self {
+        Self { label, key, value: serde_json::to_value(value).unwrap_or_default() }
+    }
+}
+
+/// A table of figures; those that aren't there are left out.
+pub fn figures(rows: &[Figure]) -> String {
+    let mut html = String::from("<table>");
+    for Figure { label, key, value } in rows.iter().filter(|row| !row.value.is_null()) {
+        let _ = write!(
+            html,
+            "<tr><th>{}</th><td data-figure='{}' data-value='{}'>{}</td></tr>",
+            escape(label),
+            escape(key),
+            escape(&value.to_string()),
+            escape(&in_words(value)),
+        );
+    }
+    html + "</table>"
+}
+
+/// A value as a person reads it: lists without brackets.
+fn in_words(value: &Value) -> String {
+    match value {
+        Value::Array(list) => list.iter().map(in_words).collect::<Vec<_>>().join(", "),
+        other => shown(other),
+    }
+}
+
 /// A figure as text; a dash where there is none.
 pub fn shown(figure: impl Serialize) -> String {
     match serde_json::to_value(figure) {

@@ -96,7 +96,7 @@ fn count_values(volume: &Volume, range: [f64; 2]) -> Vec<u64> {
 }
 
 /// Colour of a value in the transfer function, for a page; grey where there is none.
-pub fn value_colour(transfer: Option<&TransferFunction>, value: f64) -> String {
+fn value_colour(transfer: Option<&TransferFunction>, value: f64) -> String {
     let Some(transfer) = transfer else { return "#777".to_owned() };
     let rgba = transfer.sample(0, value);
     // Clear values (air) would be drawn black on white: grey says that they aren't shown.

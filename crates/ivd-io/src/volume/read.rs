@@ -21,7 +21,7 @@ pub struct ReadOptions {
 
 /// Formats of one file, told by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Format {
+pub(super) enum Format {
     Nifti,
     Nrrd,
     MetaImage,
@@ -101,12 +101,12 @@ fn named(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error> {
     }
 }
 
-fn is_folder(path: &Path) -> Result<bool, Error> {
+pub(super) fn is_folder(path: &Path) -> Result<bool, Error> {
     Ok(std::fs::metadata(path).map_err(|e| Error::io(path, "open", e))?.is_dir())
 }
 
 /// Whether some file of a folder carries DICOM's magic.
-fn holds_dicom(dir: &Path) -> Result<bool, Error> {
+pub(super) fn holds_dicom(dir: &Path) -> Result<bool, Error> {
     for entry in std::fs::read_dir(dir).map_err(|e| Error::io(dir, "list", e))? {
         let path = entry.map_err(|e| Error::io(dir, "list", e))?.path();
         if path.is_file() && dicom::looks_like_dicom(&path) {
@@ -120,7 +120,7 @@ fn is_dicom(bytes: &[u8]) -> bool {
     bytes.get(128..132) == Some(b"DICM")
 }
 
-fn format(path: &Path) -> Result<Format, Error> {
+pub(super) fn format(path: &Path) -> Result<Format, Error> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e));
     if ends(&[".img", ".img.gz"]) {

@@ -12,7 +12,7 @@ mod stage;
 
 pub use asked::Asked;
 pub use bone::Bone;
-pub use figures::{BoneFigures, ElasticFigures, Figures, SpringFigures};
+pub use figures::{BoneFigures, ElasticFigures, Figures, PickFigures, SpringFigures};
 pub use handle::{Handle, Pin};
 pub use params::{Body, DynamicsMethod, ElasticMethod, Moves, ProjectiveMethod, RingMethod, XpbdMethod};
 pub use stage::{Inputs, RingInputs, STAGE};

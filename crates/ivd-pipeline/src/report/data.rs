@@ -4,6 +4,7 @@ use std::sync::Arc;
 use ivd_artefact::Artefact;
 use ivd_core::{Image, TransferFunction};
 use ivd_field::class_volume::ClassVolume;
+use ivd_report::MovedSlices;
 
 use crate::control::Decisions;
 
@@ -18,6 +19,8 @@ pub(crate) struct ReportData {
     pub(crate) volume: Option<Arc<Artefact>>,
     /// Its middle slices, coloured by class.
     pub(crate) class_slices: Vec<Image>,
+    /// Slices where something moves.
+    pub(crate) moved: Option<MovedSlices>,
     /// What was decided while the scene ran.
     pub(crate) decisions: Decisions,
     /// What each class of voxels gains or loses.

@@ -61,11 +61,8 @@ impl From<SpaceFigures> for Carried {
 
 /// Figures and charts of a deformation; `lengths` are those of the displacements (mm).
 pub(super) fn deformation(moves: &Moves, lengths: &[f64]) -> String {
-    let Moves { deform, map, last, warp } = moves;
-    let deform = deform.as_ref();
+    let Moves { map, last, warp, .. } = moves;
     let mut html = pairs(&[
-        ("vertices moved", shown(deform.map(|found| found.vertices_moved))),
-        ("largest displacement [mm]", shown(deform.map(|found| found.max_displacement_mm))),
         ("voxels moved", shown(last.voxels_moved)),
         ("voxels resampled", shown(warp.map(|found| found.voxels_resampled))),
         (
@@ -76,7 +73,6 @@ pub(super) fn deformation(moves: &Moves, lengths: &[f64]) -> String {
         ("folds", shown(last.folds)),
         ("inverse, largest residual [voxels]", shown(last.residual_voxel)),
     ]);
-    html += &map.as_ref().map_or_else(String::new, followed);
     let plain = |_: f64| "#5b7a99".to_owned();
     if !lengths.is_empty() {
         let top = lengths.iter().copied().fold(0.0, f64::max);
@@ -103,26 +99,6 @@ pub(super) fn deformation(moves: &Moves, lengths: &[f64]) -> String {
         lines: Vec::new(),
     });
     html
-}
-
-/// What drives the map, and how closely it follows.
-fn followed(map: &MapFigures) -> String {
-    let MapFigures { followed: fit, share, largest_mm, largest_at_mm, .. } = map;
-    let place = |at: Option<[f64; 3]>| at.map_or_else(|| "–".to_owned(), |at| at.map(number).join(", "));
-    pairs(&[
-        ("vertices in reach: driven", shown(fit.vertices_driven)),
-        ("held", shown(fit.vertices_held)),
-        ("carried along", shown(fit.vertices_carried)),
-        ("in a conflict", shown(fit.conflicts)),
-        ("left behind, mean [voxels]", shown(fit.misfit_mean_voxel)),
-        ("of 95 % at most [voxels]", shown(fit.misfit_p95_voxel)),
-        ("of 99.9 % at most [voxels]", shown(fit.misfit_p999_voxel)),
-        ("at most [mm]", shown(fit.misfit_max_mm)),
-        ("there [mm, RAS]", place(fit.misfit_max_at_mm)),
-        ("largest motion of a voxel [mm]", shown(*largest_mm)),
-        ("there [mm, RAS]", place(*largest_at_mm)),
-        ("share of the way [%]", shown(100.0 * share)),
-    ])
 }
 
 /// The volume inside the lattice before and after, with the change.

@@ -7,6 +7,7 @@ mod data;
 mod deformation;
 mod page;
 mod segmentation;
+mod summary;
 
 use ivd_core::{Image, Labels, Motion, TransferFunction};
 use nalgebra::Vector3;
@@ -18,7 +19,7 @@ pub(crate) use data::ReportData;
 pub(crate) use page::html;
 
 /// Raised whenever the same data gives another page.
-pub(crate) const REVISION: u32 = 7;
+pub(crate) const REVISION: u32 = 8;
 
 /// Displacement (mm) of the vertices that move, in the last frame.
 pub(crate) fn motion_lengths(motion: &Motion) -> Vec<f64> {

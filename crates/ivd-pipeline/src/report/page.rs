@@ -14,6 +14,7 @@ use ivd_segment::{AnyFigures, Figures};
 use super::data::ReportData;
 use super::deformation::{Moves, bones, class_volumes, deformation};
 use super::segmentation::{class_densities, segmentation};
+use super::summary::summary;
 use crate::control::Decisions;
 use crate::export::png_bytes;
 use crate::scene::{Loaded, Picture};
@@ -34,6 +35,11 @@ pub(crate) fn html(
     let name = loaded.file.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy());
     let mut page = Page::new(&name);
     page.pictures(&pictures(data)?);
+    let lettered = is_lettered(records);
+    page.section("What was asked, and what was done", &body_or_problem(summary(loaded, records)));
+    if let (Some(moved), Some(Artefact::Volume(volume))) = (&data.moved, data.volume.as_deref()) {
+        page.section("Slices through what moves furthest", &moved.html(volume.grid(), lettered, png_bytes)?);
+    }
     page.section("Volume", &body_or_problem(volume_table(records)));
     let segment = records.iter().find(|r| r.stage == ivd_segment::STAGE.name && r.output.is_some());
     let found = segment.map(StageRecord::figures::<Figures<AnyFigures>>);
@@ -46,7 +52,7 @@ pub(crate) fn html(
     if let Some((segment, found)) = segment.zip(found) {
         let mut body = body_or_problem(found.map(|found| segmentation(segment, &found, data)));
         if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
-            body += &slices(volume, &data.class_slices, png_bytes)?;
+            body += &slices(volume, &data.class_slices, lettered, png_bytes)?;
         }
         page.section("Classes", &body);
     }
@@ -76,6 +82,12 @@ fn pictures(data: &ReportData) -> Result<Pictures, Error> {
     Ok(Pictures { before: before?, after: after?, difference: difference? })
 }
 
+/// Whether left and right are known.
+fn is_lettered(records: &[StageRecord]) -> bool {
+    let import = figures_of::<ImportFigures>(records, IMPORT);
+    import.ok().flatten().is_some_and(|found| found.patient_space)
+}
+
 fn volume_table(records: &[StageRecord]) -> Result<String, Error> {
     let import = figures_of::<ImportFigures>(records, IMPORT)?;
     let import = import.as_ref();
@@ -85,6 +97,10 @@ fn volume_table(records: &[StageRecord]) -> Result<String, Error> {
         ("stored type", shown(import.map(|found| &found.stored))),
         ("range", shown(import.map(|found| found.range))),
         ("voxels without data", shown(import.map(|found| found.missing))),
+        (
+            "says where left and right are",
+            shown(import.map(|found| if found.patient_space { "yes" } else { "no" })),
+        ),
     ]))
 }
 

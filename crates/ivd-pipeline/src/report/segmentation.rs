@@ -1,9 +1,7 @@
 //! How the classes were found, and what they are.
 
 use ivd_report::html::number;
-use ivd_report::{
-    Cell, ClassDensity, Curve, Dendrogram, Leaf, curve, dendrogram, pairs, shortened_table, value_colour,
-};
+use ivd_report::{Cell, ClassDensity, Curve, Dendrogram, Leaf, curve, dendrogram, pairs, shortened_table};
 use ivd_segment::{AnyFigures, ClassFigures, Figures};
 use serde_json::Value;
 
@@ -44,12 +42,22 @@ fn tree(found: &ivd_segment::Dendrogram) -> String {
     })
 }
 
+/// Whether pictures show a class.
+fn in_pictures(id: u16, data: &ReportData) -> &'static str {
+    let entries = data.transfer.as_ref().map(|transfer| transfer.entries());
+    match entries.and_then(|entries| entries.iter().find(|entry| entry.class == id)) {
+        Some(entry) if entry.opacity > 0.0 => "shown",
+        Some(_) => "clear",
+        None => "–",
+    }
+}
+
 fn classes(list: &[ClassFigures], data: &ReportData) -> String {
-    let head = ["in slices", "in pictures", "class", "mean", "sd", "voxels", "from", "to"];
+    let head = ["colour", "in pictures", "class", "mean", "sd", "voxels", "from", "to"];
     let row = |(rank, class): (usize, &ClassFigures)| {
         [
             Cell::Swatch(class_colour(rank, class.id, data.transfer.as_ref())),
-            Cell::Swatch(value_colour(data.transfer.as_ref(), class.mean)),
+            Cell::plain(in_pictures(class.id, data)),
             Cell::plain(class.id),
             Cell::number(class.mean),
             Cell::number(class.sd),

@@ -55,13 +55,16 @@ pub struct ImportFigures {
     /// Voxels of the grid.
     #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
     pub voxels: usize,
+    /// Whether the file says where the voxels lie in the patient: elsewhere left and right are an assumption.
+    #[serde(default)]
+    pub patient_space: bool,
 }
 
 impl Stage for Import {
     fn facts(&self) -> Facts {
         Facts {
             name: IMPORT,
-            revision: 1,
+            revision: 2,
             inputs: &[],
             output: Some(Kind::Volume),
             figures: schema_of::<ImportFigures>,
@@ -85,12 +88,16 @@ impl Stage for Import {
     }
 
     fn run(&self, _inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
-        let volume = match &self.source {
+        let (volume, patient_space) = match &self.source {
             ImportSource::File { path, options } => {
-                ivd_io::volume::read(path, options, exec).map_err(Error::in_stage(IMPORT))?
+                let volume = ivd_io::volume::read(path, options, exec).map_err(Error::in_stage(IMPORT))?;
+                let stated = ivd_io::volume::states_patient_space(path, options);
+                (volume, stated.map_err(Error::in_stage(IMPORT))?)
             }
             ImportSource::Phantom(params) => {
-                ivd_phantom::generate(params, exec).map_err(Error::in_stage(IMPORT))?.volume
+                let phantom = ivd_phantom::generate(params, exec).map_err(Error::in_stage(IMPORT))?;
+                // Generated bodies lie as scans do: x to the right, y to the front, z to the head.
+                (phantom.volume, true)
             }
         };
         let figures = ImportFigures {
@@ -100,6 +107,7 @@ impl Stage for Import {
             range: exec.run(|| volume.range()),
             missing: exec.run(|| volume.missing()),
             voxels: volume.grid().len(),
+            patient_space,
         };
         Ok(StageOutput::new(volume, &figures))
     }

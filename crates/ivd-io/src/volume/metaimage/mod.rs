@@ -52,6 +52,12 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
     Ok(Volume::new(grid, data.read(exec)?)?.with_modality(modality))
 }
 
+/// Whether the header says which way the patient lies.
+pub(crate) fn states_patient_space(path: &Path) -> Result<bool, Error> {
+    let header = header::read(path)?;
+    Ok(header.fields.get("AnatomicalOrientation").is_some_and(|way| !way.contains('?')))
+}
+
 /// The files of a volume.
 pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(data::files(path, data_name(path, &header::read(path)?)?.as_deref()))

@@ -89,6 +89,13 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
     Ok(Volume::with_scale(grid, voxels, slope, intercept)?)
 }
 
+/// Whether the header has a qform or an sform.
+pub(crate) fn states_patient_space(path: &Path) -> Result<bool, Error> {
+    let [header, _] = parts(path);
+    let decoded = Header::decode(&header, &unpacked_head(&header)?)?;
+    Ok(decoded.sform_code > 0 || decoded.qform_code > 0)
+}
+
 /// The files of a volume: the one, or the header and its data.
 pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
     let [header, data] = parts(path);

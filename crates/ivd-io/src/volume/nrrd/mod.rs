@@ -40,6 +40,15 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
     Ok(Volume::new(axes.grid, data.read(exec)?)?)
 }
 
+/// Whether the header names a space of anatomy.
+pub(crate) fn states_patient_space(path: &Path) -> Result<bool, Error> {
+    let header = header::read(path)?;
+    // The other spaces that are read (scanner-xyz, 3d-right-handed) say nothing of the patient.
+    let anatomy = ["superior", "ras", "las", "lps"];
+    let space = header.fields.get("space").unwrap_or_default().to_lowercase();
+    Ok(anatomy.iter().any(|word| space.contains(word)))
+}
+
 /// The files of a volume.
 pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(data::files(path, data_name(path, &header::read(path)?)?.as_deref()))

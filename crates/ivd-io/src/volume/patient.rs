@@ -1,0 +1,25 @@
+use std::path::Path;
+
+use super::read::{Format, format, is_folder};
+use super::{Error, ReadOptions, metaimage, nifti, nrrd};
+
+/// Whether a file says where its voxels lie in the patient: DICOM; NIfTI with a qform or sform; NRRD with a space of anatomy;
+/// MetaImage with an orientation. Elsewhere left and right are only what [`read`](super::read()) takes for them.
+///
+/// # Errors
+/// As [`read`](super::read()), as far as the header.
+pub fn states_patient_space(path: &Path, options: &ReadOptions) -> Result<bool, Error> {
+    if options.raw.is_some() {
+        return Ok(false);
+    }
+    if is_folder(path)? {
+        return super::read::holds_dicom(path);
+    }
+    Ok(match format(path)? {
+        Format::Dicom => true,
+        Format::Nifti => nifti::states_patient_space(path)?,
+        Format::Nrrd => nrrd::states_patient_space(path)?,
+        Format::MetaImage => metaimage::states_patient_space(path)?,
+        Format::Vti | Format::Tiff => false,
+    })
+}

@@ -1,0 +1,257 @@
+//! What was asked and what was done: what moved, how far, and whether to trust it, on one screen.
+
+use ivd_boundary::BoundaryFigures;
+use ivd_lattice::extract::{self, LatticeFigures};
+use ivd_lattice::refine::{self, RefineFigures};
+use ivd_map::{MapFigures, SurfaceFit};
+use ivd_motion::deform::{self, Asked, Handle, PickFigures};
+use ivd_report::html::{escape, number};
+use ivd_report::{Cell, Figure, figures, pairs, shown, table};
+use serde_json::Value as Json;
+
+use crate::scene::{Loaded, Scene};
+use crate::stages::{IMPORT, ImportFigures};
+use crate::{Error, Section, StageRecord, figures_of};
+
+/// A difference beyond which a vertex counts as left behind (voxels).
+const LEFT_BEHIND: f64 = 1.0;
+
+/// The settings, the handles, what came of them, and what to know about it.
+pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String, Error> {
+    let scene = &loaded.scene;
+    let done = figures_of::<deform::Figures>(records, deform::STAGE.name)?;
+    let map = figures_of::<MapFigures>(records, ivd_map::STAGE.name)?;
+    let mut html = pairs(&settings(scene, records)?);
+    if let Some(asked) = scene.section(&deform::STAGE).and_then(|section| Asked::of(section.job())) {
+        let picks = done.as_ref().map(|done| (&done.handles[..], &done.fixed[..]));
+        html += &handles(&asked, picks.unwrap_or_default());
+        html += &others(&asked);
+    }
+    if let Some(done) = &done {
+        html += &figures(&outcome(done, map.as_ref()));
+    }
+    let told = told(records, map.as_ref());
+    let item = |(mark, text): &(&str, String)| format!("<li>{mark} {}</li>", escape(text));
+    if !told.is_empty() {
+        html += &format!("<ul class='told'>{}</ul>", told.iter().map(item).collect::<String>());
+    }
+    html += &written(scene);
+    Ok(html)
+}
+
+/// Input, part, lattice, solver and map, each in a line.
+fn settings(scene: &Scene, records: &[StageRecord]) -> Result<Vec<(&'static str, String)>, Error> {
+    let mut rows = vec![("input", input(scene))];
+    if let Some(found) = figures_of::<ImportFigures>(records, IMPORT)? {
+        let spacing = found.spacing.map(number).join(" × ");
+        rows.push((
+            "grid",
+            format!("{} voxels of {spacing} mm", found.dims.map(|n| n.to_string()).join(" × ")),
+        ));
+    }
+    if let Some(found) = figures_of::<BoundaryFigures>(records, ivd_boundary::STAGE.name)? {
+        let method = method(scene, &ivd_boundary::STAGE);
+        rows.push(("part", format!("{method}; {} voxels", found.voxels)));
+    }
+    if let Some(found) = figures_of::<LatticeFigures>(records, extract::STAGE.name)? {
+        let iso = of_record(records, extract::STAGE.name, "iso");
+        rows.push((
+            "lattice",
+            format!("cut at {iso}; {} vertices, {} pieces", found.vertices, found.components),
+        ));
+    }
+    if let Some(found) = figures_of::<RefineFigures>(records, refine::STAGE.name)? {
+        let last = &found.last;
+        rows.push((
+            "refined",
+            format!(
+                "{}; {} of {} vertices, at most {} mm off",
+                method(scene, &refine::STAGE),
+                last.vertices,
+                found.vertices_in,
+                number(last.max_error_mm)
+            ),
+        ));
+    }
+    for (name, stage) in [("solver", &deform::STAGE), ("map", &ivd_map::STAGE)] {
+        if records.iter().any(|record| record.stage == stage.name && record.output.is_some()) {
+            rows.push((name, method(scene, stage)));
+        }
+    }
+    Ok(rows)
+}
+
+/// The file's own name, or that of what was generated: folders may carry a patient's.
+fn input(scene: &Scene) -> String {
+    let input = &scene.input;
+    match (&input.file, input.phantom) {
+        (Some(file), _) => file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        (None, Some(shape)) => format!("generated: {}", shown(shape)),
+        (None, None) => "–".to_owned(),
+    }
+}
+
+fn method(scene: &Scene, stage: &ivd_core::op::Stage) -> String {
+    let method = scene.section(stage).map(Section::method);
+    method.map_or_else(|| "–".to_owned(), |method| method.name.to_owned())
+}
+
+/// A parameter that a stage ran with.
+fn of_record(records: &[StageRecord], stage: &str, key: &str) -> String {
+    let record = records.iter().find(|record| record.stage == stage && record.output.is_some());
+    shown(record.and_then(|record| record.params.get(key)))
+}
+
+/// What handles and fixed places were asked for, and the vertices that they took.
+fn handles(asked: &Asked<'_>, (taken, fixed): (&[PickFigures], &[PickFigures])) -> String {
+    let moves = asked.moves;
+    if moves.handle.is_empty() && moves.fix.is_empty() {
+        return String::new();
+    }
+    let head = [
+        "",
+        "asked for at [mm, RAS]",
+        "took vertex",
+        "at [mm, RAS]",
+        "away [mm]",
+        "moved by [mm], or pulled with [mN]",
+        "radius [mm]",
+    ];
+    let place = |at: Option<[f64; 3]>| Cell::Text(at.map_or_else(|| "–".to_owned(), vector));
+    let cells =
+        |name: String, pick: Option<&PickFigures>, asked: Option<[f64; 3]>, action: String, radius: f64| {
+            [
+                Cell::Text(name),
+                place(asked),
+                Cell::Text(shown(pick.map(|pick| pick.vertex))),
+                place(pick.map(|pick| pick.at_mm)),
+                Cell::number_or_dash(pick.map(|pick| pick.away_mm)),
+                Cell::Text(action),
+                Cell::number(radius),
+            ]
+        };
+    let action = |handle: &Handle| match (handle.by, handle.force) {
+        (Some(by), _) => vector(by),
+        (None, Some(force)) => format!("{} mN", vector(force)),
+        (None, None) => "–".to_owned(),
+    };
+    let of_handles = moves.handle.iter().enumerate().map(|(i, handle)| {
+        cells(format!("handle {i}"), taken.get(i), handle.pick, action(handle), handle.radius)
+    });
+    let of_fixed = moves.fix.iter().enumerate().map(|(i, pin)| {
+        cells(format!("fixed {i}"), fixed.get(i), Some(pin.pick), "stays".to_owned(), pin.radius)
+    });
+    table(head, of_handles.chain(of_fixed))
+}
+
+/// Shapes and bones, as they were asked for.
+fn others(asked: &Asked<'_>) -> String {
+    let (shapes, bones) = (asked.moves.shape.len(), asked.bones.len());
+    let mut rows = Vec::new();
+    if shapes > 0 {
+        rows.push(("changes of shape", shapes.to_string()));
+    }
+    if bones > 0 {
+        rows.push(("bones", bones.to_string()));
+    }
+    if rows.is_empty() { String::new() } else { pairs(&rows) }
+}
+
+fn vector(parts: [f64; 3]) -> String {
+    parts.map(number).join(", ")
+}
+
+/// How far things went, and how closely the voxels followed.
+fn outcome(done: &deform::Figures, map: Option<&MapFigures>) -> Vec<Figure> {
+    let share = done.elastic.as_ref().map(|elastic| elastic.share);
+    let mut rows = vec![
+        Figure::new("vertices moved", "deform.vertices_moved", done.vertices_moved),
+        Figure::new(
+            "largest motion of the lattice [mm]",
+            "deform.max_displacement_mm",
+            done.max_displacement_mm,
+        ),
+        Figure::new("share of the way that matter went", "deform.share", share),
+    ];
+    let Some(map) = map else { return rows };
+    let SurfaceFit { vertices_driven, vertices_held, vertices_carried, conflicts, .. } = map.followed;
+    let fit = &map.followed;
+    rows.extend([
+        Figure::new("voxels moved", "map.voxels_moved", map.voxels_moved),
+        Figure::new("largest motion of a voxel [mm]", "map.largest_mm", map.largest_mm),
+        Figure::new("there, at rest [mm, RAS]", "map.largest_at_mm", map.largest_at_mm),
+        Figure::new("share of the way that was mapped", "map.share", map.share),
+        Figure::new("vertices in reach: driven", "map.vertices_driven", vertices_driven),
+        Figure::new("held", "map.vertices_held", vertices_held),
+        Figure::new("carried along", "map.vertices_carried", vertices_carried),
+        Figure::new("in a conflict", "map.conflicts", conflicts),
+        Figure::new("left behind, mean [voxels]", "map.misfit_mean_voxel", fit.misfit_mean_voxel),
+        Figure::new("of 95 % at most [voxels]", "map.misfit_p95_voxel", fit.misfit_p95_voxel),
+        Figure::new("of 99.9 % at most [voxels]", "map.misfit_p999_voxel", fit.misfit_p999_voxel),
+        Figure::new("at most [mm]", "map.misfit_max_mm", fit.misfit_max_mm),
+        Figure::new("there, at rest [mm, RAS]", "map.misfit_max_at_mm", fit.misfit_max_at_mm),
+        Figure::new("smallest det J, certified", "map.min_det_j", map.min_det_j),
+        Figure::new("folds", "map.folds", map.folds),
+    ]);
+    rows
+}
+
+/// What to know before the result is trusted, each with a mark.
+fn told(records: &[StageRecord], map: Option<&MapFigures>) -> Vec<(&'static str, String)> {
+    const ATTENTION: &str = "<b>▲ attention:</b>";
+    const GOOD: &str = "✓";
+    let remarks = records.iter().filter_map(|record| Some((record, record.remark.as_ref()?)));
+    let mut told: Vec<(&str, String)> =
+        remarks.map(|(record, remark)| (ATTENTION, format!("{}: {remark}", record.stage))).collect();
+    let Some(map) = map else { return told };
+    let fit = &map.followed;
+    if map.share < 1.0 {
+        told.push((ATTENTION, format!("map: it ends after {} % of the way", number(100.0 * map.share))));
+    }
+    if fit.misfit_max_voxel > LEFT_BEHIND {
+        let at = fit.misfit_max_at_mm.map_or_else(String::new, |at| format!(" at {} mm", vector(at)));
+        let behind = format!(
+            "map: a vertex is left behind by {} mm ({} voxels){at}",
+            number(fit.misfit_max_mm),
+            number(fit.misfit_max_voxel)
+        );
+        told.push((ATTENTION, behind));
+    }
+    if fit.conflicts > 0 {
+        let conflicts = format!(
+            "map: {} vertices within two voxels of others are told to move differently",
+            fit.conflicts
+        );
+        told.push((ATTENTION, conflicts));
+    }
+    if fit.misfit_max_voxel <= LEFT_BEHIND && map.share >= 1.0 {
+        told.push((GOOD, "the voxels follow the lattice to within a voxel everywhere".to_owned()));
+    }
+    told.push((GOOD, "certified: the volume folds nowhere".to_owned()));
+    told
+}
+
+/// The scene's sections as they were written, but for what is shown above and where files lie.
+fn written(scene: &Scene) -> String {
+    let shown_above = ["handle", "fix"];
+    let rows =
+        scene.written.iter().filter(|(name, _)| !["schema", "input", "output"].contains(&name.as_str()));
+    let rows = rows.flat_map(|(section, keys)| {
+        let keys = keys.as_object().into_iter().flatten();
+        keys.filter(|(key, _)| !shown_above.contains(&key.as_str()))
+            .map(move |(key, value)| [Cell::Text(format!("{section}.{key}")), Cell::Text(word(value))])
+    });
+    let rows: Vec<[Cell; 2]> = rows.collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<details><summary>Settings as the scene has them</summary>{}</details>",
+        table(["key", "value"], rows.into_iter())
+    )
+}
+
+/// A value without its quotes.
+fn word(value: &Json) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}

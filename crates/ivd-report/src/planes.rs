@@ -1,0 +1,122 @@
+//! The three planes that a radiologist looks at, whatever the axes of a grid.
+
+use ivd_core::{Error, Grid, Image};
+
+/// One step of a picture, as steps of voxels: which axis of the grid, and whether its numbers rise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Step {
+    axis: usize,
+    rises: bool,
+}
+
+/// A plane of a grid as it is shown: from the patient's feet, front or left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Plane {
+    /// What it is called.
+    pub name: &'static str,
+    /// What lies to the left, right, top and bottom of the picture.
+    pub letters: [&'static str; 4],
+    right: Step,
+    up: Step,
+    cut: usize,
+}
+
+/// Names, letters, and the direction that pictures have to the right and upwards: an axis of the world, and whether it rises.
+const PLANES: [(&str, [&str; 4], (usize, bool), (usize, bool)); 3] = [
+    ("axial", ["R", "L", "A", "P"], (0, false), (1, true)),
+    ("coronal", ["R", "L", "S", "I"], (0, false), (2, true)),
+    ("sagittal", ["A", "P", "S", "I"], (1, false), (2, true)),
+];
+
+/// The planes of a grid, along those of its axes that are nearest to the patient's.
+pub fn planes(grid: &Grid) -> [Plane; 3] {
+    let linear = grid.linear_part();
+    let share = |world: usize, axis: usize| linear[(world, axis)] / linear.column(axis).norm();
+    let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+    let fit = |order: &[usize; 3]| (0..3).map(|world| share(world, order[world]).abs()).sum::<f64>();
+    let best =
+        orders.into_iter().reduce(|a, b| if fit(&b) > fit(&a) + 1e-9 { b } else { a }).unwrap_or([0, 1, 2]);
+    let step = |(world, rises): (usize, bool)| {
+        let axis = best[world];
+        Step { axis, rises: (share(world, axis) > 0.0) == rises }
+    };
+    PLANES.map(|(name, letters, right, up)| {
+        let (right, up) = (step(right), step(up));
+        Plane { name, letters, right, up, cut: 3 - right.axis - up.axis }
+    })
+}
+
+impl Plane {
+    /// The axis of the grid that it cuts.
+    pub fn cut(&self) -> usize {
+        self.cut
+    }
+
+    /// Width and height of what a slice shows (mm).
+    pub(crate) fn extent(&self, grid: &Grid) -> [f64; 2] {
+        [self.right.axis, self.up.axis].map(|axis| grid.dims()[axis] as f64 * grid.spacing()[axis])
+    }
+
+    /// The slice at a voxel of the cut axis, with a pixel for every voxel.
+    ///
+    /// # Errors
+    /// Those of a picture's constructor.
+    pub fn slice(
+        &self,
+        dims: [usize; 3],
+        at: usize,
+        pixel: impl Fn([usize; 3]) -> [u8; 4],
+    ) -> Result<Image, Error> {
+        let (width, height) = (dims[self.right.axis], dims[self.up.axis]);
+        let along = |step: Step, i: usize| if step.rises { i } else { dims[step.axis] - 1 - i };
+        let mut rgba = Vec::with_capacity(4 * width * height);
+        for j in (0..height).rev() {
+            for i in 0..width {
+                let mut voxel = [at; 3];
+                (voxel[self.right.axis], voxel[self.up.axis]) = (along(self.right, i), along(self.up, j));
+                rgba.extend(pixel(voxel));
+            }
+        }
+        Image::new(width, height, rgba)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ivd_core::VoxelIndex;
+
+    /// Where the one voxel at the patient's left, front and head ends up in each plane: left or right third, top or bottom.
+    fn seen(grid: &Grid, lfh: [usize; 3]) -> Vec<(bool, bool)> {
+        planes(grid)
+            .iter()
+            .map(|plane| {
+                let image = plane
+                    .slice(grid.dims(), lfh[plane.cut()], |v| [if v == lfh { 255 } else { 0 }; 4])
+                    .unwrap();
+                let at = image.rgba().iter().step_by(4).position(|r| *r == 255).unwrap();
+                (2 * (at % image.width()) > image.width(), 2 * (at / image.width()) < image.height())
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_patients_left_is_on_the_right_whatever_the_axes() {
+        let dims = [9, 9, 9];
+        // Columns are voxel axes in RAS: a plain one, LPS, and one stored from the head along front, left.
+        let ways = [
+            ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [1, 7, 7]),
+            ([[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]], [7, 1, 7]),
+            ([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]], [1, 7, 7]),
+        ];
+        for (columns, lfh) in ways {
+            let grid = Grid::new(dims, [1.0; 3], [0.0; 3], columns).unwrap();
+            // The voxel is that of the least x, the greatest y and the greatest z of those inside the border.
+            let world = grid.world(VoxelIndex(lfh).into()).0;
+            let middle = grid.world(VoxelIndex([4; 3]).into()).0;
+            assert!(world.x < middle.x && world.y > middle.y && world.z > middle.z, "{columns:?}");
+            // Left lies to the right and the front at the top; left to the right and the head at the top; front to the left.
+            assert_eq!(seen(&grid, lfh), [(true, true), (true, true), (false, true)], "{columns:?}");
+        }
+    }
+}
