@@ -50,7 +50,7 @@ pub(crate) struct Global {
     /// Use only the processor's baseline instructions (no AVX2); the results are the same, and tests show it.
     #[arg(long, global = true, hide = true)]
     pub(crate) no_simd: bool,
-    /// Memory limit for bulk data, such as 4GiB.
+    /// Most memory that the work may hold of its own, mapped files apart, such as 4GiB; below 64MiB it counts large arrays alone.
     #[arg(long, global = true, value_name = "SIZE", value_parser = parse::bytes)]
     pub(crate) memory_limit: Option<u64>,
     /// Read a stage's parameters from a TOML file; the keys are those of its section in a scene.

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::args::{BackendChoice, Global, When};
 use crate::exit::Failure;
+use crate::guard::Guard;
 use crate::progress::{Progress, Style};
 use crate::talk;
 
@@ -20,6 +21,8 @@ pub(crate) struct Context {
     pub(crate) exec: Exec,
     /// Flags as typed.
     pub(crate) global: Global,
+    /// Holds the process to the memory limit.
+    pub(crate) guard: Guard,
 }
 
 impl Context {
@@ -55,7 +58,11 @@ impl Context {
         if let Err(error) = ctrlc::set_handler(handler) {
             tracing::warn!(%error, "interruption won't be tidy");
         }
-        let context = Self { exec, global: global.clone() };
+        let guard = match global.memory_limit {
+            Some(limit) => Guard::start(limit, exec.cancel.clone()),
+            None => Guard::default(),
+        };
+        let context = Self { exec, global: global.clone(), guard };
         if global.backend == BackendChoice::Gpu {
             context.say("ivd: note: --backend gpu: this build has no GPU backend; the CPU does the work");
         }

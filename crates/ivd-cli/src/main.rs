@@ -8,6 +8,7 @@ mod commands;
 mod context;
 mod exit;
 mod files;
+mod guard;
 mod parse;
 mod progress;
 mod refusal;
@@ -21,7 +22,11 @@ fn main() -> ExitCode {
     match stages::parse(std::env::args_os().collect()) {
         Ok((global, asked)) => {
             let json = global.json;
-            match context::Context::new(&global).and_then(|context| commands::run(asked, &context)) {
+            let run = |context: context::Context| {
+                commands::run(asked, &context)
+                    .map_err(|error| context.guard.explain(error, global.memory_limit))
+            };
+            match context::Context::new(&global).and_then(run) {
                 Ok(()) => ExitCode::SUCCESS,
                 Err(error) => exit::failure(&error, json),
             }

@@ -1,6 +1,5 @@
 //! Signs of life on stderr: bars on a terminal, else a line every half minute; and notes.
 
-use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
@@ -25,14 +24,16 @@ pub(crate) enum Style {
     Lines,
 }
 
-/// A task that has begun: units that are done, and all of them.
+/// A task that has begun: units that are done, and all of them; 0 where nobody knows.
 struct Task {
+    name: &'static str,
     done: u64,
     total: u64,
     bar: Option<ProgressBar>,
 }
 
-type Tasks = Mutex<BTreeMap<&'static str, Task>>;
+/// Those that are going on, a part of another after it.
+type Tasks = Mutex<Vec<Task>>;
 
 /// Shows what the stages tell.
 pub(crate) struct Progress {
@@ -77,12 +78,16 @@ fn tell_every(between: Duration, running: Weak<Tasks>, say: impl Fn(&str) + Send
 }
 
 /// What is going on, in a line.
-fn line(since: Duration, running: &BTreeMap<&'static str, Task>) -> String {
+fn line(since: Duration, running: &[Task]) -> String {
+    let share = |task: &Task| 100.0 * task.done.min(task.total) as f64 / task.total as f64;
     let tasks: Vec<String> = running
         .iter()
-        .map(|(name, task)| match task.total {
-            0 => (*name).to_owned(),
-            total => format!("{name} {} %", 100 * task.done.min(total) / total),
+        .map(|task| {
+            if task.total == 0 {
+                task.name.to_owned()
+            } else {
+                format!("{} {:.0} %", task.name, share(task).floor())
+            }
         })
         .collect();
     let tasks = if tasks.is_empty() { String::new() } else { format!(": {}", tasks.join(", ")) };
@@ -94,16 +99,17 @@ impl Observer for Progress {
         if self.style == Style::Silent {
             return;
         }
-        let bar = (self.style == Style::Bars).then(|| self.bar(task, total));
+        let bar = (self.style == Style::Bars && total > 0).then(|| self.bar(task, total));
         let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
-        running.insert(task, Task { done: 0, total, bar });
+        running.push(Task { name: task, done: 0, total, bar });
     }
 
     fn advance(&self, task: &'static str, units: u64) {
         if self.style == Style::Silent {
             return;
         }
-        if let Some(task) = self.running.lock().unwrap_or_else(PoisonError::into_inner).get_mut(task) {
+        let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(task) = running.iter_mut().rev().find(|running| running.name == task) {
             task.done = task.done.saturating_add(units);
             if let Some(bar) = &task.bar {
                 bar.inc(units);
@@ -112,7 +118,8 @@ impl Observer for Progress {
     }
 
     fn end(&self, task: &'static str) {
-        let ended = self.running.lock().unwrap_or_else(PoisonError::into_inner).remove(task);
+        let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        let ended = running.iter().rposition(|running| running.name == task).map(|at| running.remove(at));
         if let Some(bar) = ended.and_then(|task| task.bar) {
             bar.finish_and_clear();
         }
@@ -140,17 +147,34 @@ mod tests {
 
     #[test]
     fn a_line_names_what_runs_and_how_far_it_is() {
-        let task = |done, total| Task { done, total, bar: None };
-        let running = BTreeMap::from([("segment", task(21, 50)), ("warp", task(3, 0))]);
-        assert_eq!(line(Duration::from_secs(61), &running), "ivd: working for 61 s: segment 42 %, warp");
-        assert_eq!(line(Duration::from_secs(30), &BTreeMap::new()), "ivd: working for 30 s");
+        let task = |name, done, total| Task { name, done, total, bar: None };
+        let running = [task("segment", 3, 0), task("sweeps", 21, 50)];
+        assert_eq!(line(Duration::from_secs(61), &running), "ivd: working for 61 s: segment, sweeps 42 %");
+        assert_eq!(line(Duration::from_secs(30), &[]), "ivd: working for 30 s");
+    }
+
+    #[test]
+    fn a_task_within_one_of_its_name_ends_first() {
+        let progress = Progress::new(Style::Silent, false);
+        let progress = Progress { style: Style::Lines, ..progress };
+        progress.begin("map", 0);
+        progress.begin("map", 4);
+        progress.advance("map", 3);
+        assert_eq!(
+            line(Duration::ZERO, &progress.running.lock().unwrap()),
+            "ivd: working for 0 s: map, map 75 %"
+        );
+        progress.end("map");
+        assert_eq!(line(Duration::ZERO, &progress.running.lock().unwrap()), "ivd: working for 0 s: map");
+        progress.end("map");
+        assert!(progress.running.lock().unwrap().is_empty());
     }
 
     #[test]
     fn lines_come_while_work_goes_on_and_end_with_it() {
         let (told, heard) = std::sync::mpsc::channel();
         let running = Arc::new(Tasks::default());
-        running.lock().unwrap().insert("map", Task { done: 1, total: 4, bar: None });
+        running.lock().unwrap().push(Task { name: "map", done: 1, total: 4, bar: None });
         tell_every(Duration::from_millis(20), Arc::downgrade(&running), move |line| {
             let _ = told.send(line.to_owned());
         });

@@ -117,6 +117,9 @@ pub struct OctreeParams {
     /// Beyond the lattice.
     #[serde(flatten)]
     pub band: Band,
+    /// Frame of the motion that is mapped, from 0. Without it the last.
+    #[schemars(extend("x-unit" = "1"))]
+    pub frame: Option<u32>,
 }
 
 /// The smoothest motion that follows the lattice: least squared second derivatives, in its inside and outside alike.
@@ -130,6 +133,9 @@ pub struct BiharmonicParams {
     /// Beyond the lattice.
     #[serde(flatten)]
     pub band: Band,
+    /// Frame of the motion that is mapped, from 0. Without it the last.
+    #[schemars(extend("x-unit" = "1"))]
+    pub frame: Option<u32>,
 }
 
 /// The equilibrium of elastic matter, neo-Hookean, in which the lattice moves.
@@ -151,11 +157,21 @@ pub struct FemParams {
     /// Beyond the lattice.
     #[serde(flatten)]
     pub band: Band,
+    /// Frame of the motion that is mapped, from 0. Without it the last.
+    #[schemars(extend("x-unit" = "1"))]
+    pub frame: Option<u32>,
 }
 
 impl Default for FemParams {
     fn default() -> Self {
-        Self { cell: None, poisson: 0.4, filler: 0.01, material: BTreeMap::new(), band: Band::default() }
+        Self {
+            cell: None,
+            poisson: 0.4,
+            filler: 0.01,
+            material: BTreeMap::new(),
+            band: Band::default(),
+            frame: None,
+        }
     }
 }
 
@@ -166,6 +182,9 @@ pub struct BodyParams {
     /// Beyond the lattice.
     #[serde(flatten)]
     pub band: Band,
+    /// Frame of the motion that is mapped, from 0. Without it the last.
+    #[schemars(extend("x-unit" = "1"))]
+    pub frame: Option<u32>,
 }
 
 #[cfg(test)]

@@ -38,9 +38,9 @@ slots! {
     pub struct Labelled<'a> { lattice: &'a Lattice, motion: &'a Motion, labels: Option<&'a Labels> }
 }
 
-/// The frame that is mapped: a motion's last.
-fn last(motion: &Motion) -> usize {
-    motion.frames().len().saturating_sub(1)
+/// The frame that is mapped: the one asked for, else a motion's last.
+fn chosen(frame: Option<u32>, motion: &Motion) -> usize {
+    frame.map_or_else(|| motion.frames().len().saturating_sub(1), |frame| frame as usize)
 }
 
 /// Raised for all methods together: what they share is most of them.
@@ -54,7 +54,7 @@ impl Op for OctreeParams {
 
     fn run(&self, inputs: Indexed<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
         let Indexed { lattice, octree: tree, motion } = inputs;
-        Ok(octree(lattice, tree, motion, last(motion), self, exec)?.into())
+        Ok(octree(lattice, tree, motion, chosen(self.frame, motion), self, exec)?.into())
     }
 }
 
@@ -70,7 +70,7 @@ impl Op for BiharmonicParams {
 
     fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
         let Moving { lattice, motion } = inputs;
-        Ok(biharmonic(lattice, motion, last(motion), self, exec)?.into())
+        Ok(biharmonic(lattice, motion, chosen(self.frame, motion), self, exec)?.into())
     }
 }
 
@@ -82,7 +82,7 @@ impl Op for BodyParams {
 
     fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
         let Moving { lattice, motion } = inputs;
-        Ok(body(lattice, motion, last(motion), self, exec)?.into())
+        Ok(body(lattice, motion, chosen(self.frame, motion), self, exec)?.into())
     }
 }
 
@@ -102,6 +102,6 @@ impl Op for FemParams {
 
     fn run(&self, inputs: Labelled<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
         let Labelled { lattice, motion, labels } = inputs;
-        Ok(fem(lattice, labels, motion, last(motion), self, exec)?.into())
+        Ok(fem(lattice, labels, motion, chosen(self.frame, motion), self, exec)?.into())
     }
 }

@@ -48,6 +48,7 @@ pub mod resource;
 mod runner;
 pub mod scene;
 mod section;
+mod series;
 mod stage;
 pub mod stages;
 

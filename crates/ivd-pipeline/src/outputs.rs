@@ -13,12 +13,12 @@ use serde_json::Value;
 
 use crate::control::Decisions;
 use crate::export::{ending, export, whole, write_text};
-use crate::plan::{NodeId, PlanNode};
+use crate::plan::{NodeId, PlanNode, SERIES};
 use crate::report::{self, ReportData};
 use crate::resource::MemoryWatch;
 use crate::runner::{Clock, OutputRecord, StageRecord, StageResult, State};
 use crate::scene::{Loaded, Picture, Scene};
-use crate::{Error, Metrics};
+use crate::{Error, Metrics, series};
 
 /// Name of the file that remembers what the last run wrote.
 const MANIFEST: &str = ".ivd-run.json";
@@ -117,14 +117,18 @@ impl<'a> Writer<'a> {
         earlier: &BTreeMap<NodeId, StageResult>,
     ) -> Result<(), Error> {
         let scene = self.scene;
-        let named = scene.output.files().into_iter().filter(|(key, _)| node.outputs.contains(key));
+        let files = scene.output.files().into_iter();
+        // Those of a series come frame by frame.
+        let named = files.filter(|(key, _)| node.outputs.contains(key) && *key != SERIES);
         for (key, path) in named {
             let source = done.hash.to_string();
             if let Some(motion) = Motion::of(&done.artefact)
                 && let Some((lattice, hash)) = beside(node, earlier)
             {
                 let source = format!("{source} {hash}");
-                self.file(key, path, &source, |to, _| deformed_lattice(lattice, motion, to))?;
+                let is_moving = key == "animation";
+                let write = if is_moving { moving_lattice } else { deformed_lattice };
+                self.file(key, path, &source, |to, _| write(lattice, motion, to))?;
             } else {
                 self.file(key, path, &source, |to, exec| export(&done.artefact, to, exec))?;
             }
@@ -140,6 +144,13 @@ impl<'a> Writer<'a> {
             self.collect(node, done, earlier)?;
         }
         Ok(())
+    }
+
+    /// Writes the deformed volume of a frame, counted from 0.
+    pub(crate) fn frame(&mut self, frame: usize, done: &StageResult) -> Result<(), Error> {
+        let Some(path) = self.scene.output.volume_series.as_deref() else { return Ok(()) };
+        let (name, file) = (format!("{SERIES} {:04}", frame + 1), series::file_of(path, frame));
+        self.file(&name, &file, &done.hash.to_string(), |to, exec| export(&done.artefact, to, exec))
     }
 
     /// What the report shows of decisions that were taken while the scene ran.
@@ -325,6 +336,11 @@ fn deformed_lattice(lattice: &Lattice, motion: &Motion, to: &Path) -> Result<boo
     written.map(|w| w.touched).map_err(Error::in_stage("export"))
 }
 
+/// The lattice with all frames.
+fn moving_lattice(lattice: &Lattice, motion: &Motion, to: &Path) -> Result<bool, Error> {
+    ivd_io::mesh::write_motion(to, lattice, motion).map(|w| w.touched).map_err(Error::in_stage("export"))
+}
+
 /// Hash of everything that a report shows but times.
 fn report_source(scene: &Scene, stages: &[StageRecord], decisions: &[String]) -> String {
     let mut hasher = blake3::Hasher::new();
@@ -341,17 +357,27 @@ fn report_source(scene: &Scene, stages: &[StageRecord], decisions: &[String]) ->
     hasher.finalize().to_hex().to_string()
 }
 
-/// Hash of an output: of its one file, or of header and data where a format keeps them apart.
+/// Hash of an output: of its one file, of header and data where a format keeps them apart, or of a collection with its members.
 fn hash_output(path: &Path) -> std::io::Result<String> {
     let detached = matches!(&*ending(path), "mhd" | "nhdr");
-    let files = match ivd_io::volume::sources(path, &ivd_io::volume::ReadOptions::default()) {
-        Ok(files) if detached => files,
-        Err(_) if detached => return Err(std::io::Error::other("its data file can't be found")),
-        _ => vec![path.to_owned()],
+    let files = if &*ending(path) == "pvd" {
+        let members = ivd_io::mesh::members(path)?;
+        std::iter::once(path.to_owned()).chain(members).collect()
+    } else {
+        parts_of(path, detached)?
     };
     let mut hasher = blake3::Hasher::new();
     for file in files {
         hasher.update_mmap_rayon(file)?;
     }
     Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// The files of an output that is no collection.
+fn parts_of(path: &Path, detached: bool) -> std::io::Result<Vec<PathBuf>> {
+    match ivd_io::volume::sources(path, &ivd_io::volume::ReadOptions::default()) {
+        Ok(files) if detached => Ok(files),
+        Err(_) if detached => Err(std::io::Error::other("its data file can't be found")),
+        _ => Ok(vec![path.to_owned()]),
+    }
 }

@@ -14,7 +14,7 @@ use crate::plan::{NodeId, Plan, PlanNode, stage_names};
 use crate::resource::peak_rss_mb;
 use crate::runner::{Runner, StageRecord, StageResult, State};
 use crate::scene::Loaded;
-use crate::{Error, Inputs};
+use crate::{Error, Inputs, series};
 
 /// How a scene is run.
 #[derive(Debug, Clone, Default)]
@@ -162,6 +162,10 @@ fn walk(
         }
         stages.push(result.record.clone());
         done.insert(node.id, result);
+        if options.until.is_none() && plan.series() == Some(at) {
+            let context = Context { loaded, options, runner };
+            stages.extend(series::write(&plan, at, &done, &mut writer, context)?);
+        }
         release(&plan, at, &mut done);
     }
     if options.until.is_none() {
@@ -207,9 +211,22 @@ fn explain(record: &mut StageRecord, node: &PlanNode, manifest: &Manifest) {
 /// Drops values that no later place and no output reads.
 fn release(plan: &Plan, at: usize, done: &mut BTreeMap<NodeId, StageResult>) {
     let later = || plan.nodes()[at + 1..].iter().filter(|node| node.needed);
+    // What every frame of a series goes by is read again.
+    let again =
+        plan.series().filter(|last| *last > at).map(|last| plan.moved_until(last)).unwrap_or_default();
+    let read = |node: &PlanNode, id: &NodeId| node.inputs.iter().any(|(_, from)| from == id);
     done.retain(|id, _| {
-        later().any(|n| n.beside.contains(id) || n.inputs.iter().any(|(_, from)| from == id))
+        later().any(|n| n.beside.contains(id) || read(n, id))
+            || again.iter().any(|&again| read(&plan.nodes()[again], id))
     });
+}
+
+/// What a scene is run by.
+#[derive(Clone, Copy)]
+pub(crate) struct Context<'a> {
+    pub(crate) loaded: &'a Loaded,
+    pub(crate) options: &'a PipelineOptions,
+    pub(crate) runner: Runner<'a>,
 }
 
 /// The record of a stage that did nothing.

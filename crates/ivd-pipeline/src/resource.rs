@@ -18,6 +18,11 @@ fn rss_mb() -> Option<f64> {
     status("VmRSS:")
 }
 
+/// Memory that the process holds of its own (MiB), mapped files apart; `None` where the system doesn't tell.
+pub fn own_mb() -> Option<f64> {
+    status("RssAnon:")
+}
+
 fn status(line: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let kib: f64 =

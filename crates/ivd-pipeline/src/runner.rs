@@ -240,7 +240,9 @@ impl Runner<'_> {
             }
         };
         tracing::info!(stage = stage.name(), why, "running");
+        self.exec.observer().begin(stage.name(), 0);
         let product = work();
+        self.exec.observer().end(stage.name());
         // Before anything is believed of it, its failure too.
         inputs.check_damage()?;
         self.end(stage, inputs, begun, why, product?)

@@ -8,7 +8,7 @@
 //!
 //! let mut page = Page::new("head");
 //! page.section("Volume", &pairs(&[("voxels along x, y, z", shown([64, 64, 64]))]));
-//! assert!(page.finish().contains("<td>[64,64,64]</td>"));
+//! assert!(page.finish().contains("<td>64, 64, 64</td>"));
 //! ```
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]

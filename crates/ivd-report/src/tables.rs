@@ -73,21 +73,13 @@ pub fn figures(rows: &[Figure]) -> String {
             escape(label),
             escape(key),
             escape(&value.to_string()),
-            escape(&in_words(value)),
+            escape(&shown(value)),
         );
     }
     html + "</table>"
 }
 
-/// A value as a person reads it: lists without brackets.
-fn in_words(value: &Value) -> String {
-    match value {
-        Value::Array(list) => list.iter().map(in_words).collect::<Vec<_>>().join(", "),
-        other => shown(other),
-    }
-}
-
-/// A figure as text; a dash where there is none.
+/// A figure as text: lists without brackets, a dash where there is none.
 pub fn shown(figure: impl Serialize) -> String {
     match serde_json::to_value(figure) {
         Ok(Value::Number(n)) => {
@@ -95,6 +87,7 @@ pub fn shown(figure: impl Serialize) -> String {
         }
         Ok(Value::Null) | Err(_) => "–".to_owned(),
         Ok(Value::String(s)) => s,
+        Ok(Value::Array(list)) => list.iter().map(shown).collect::<Vec<_>>().join(", "),
         Ok(other) => other.to_string(),
     }
 }

@@ -31,7 +31,7 @@ mod vtp;
 pub use error::Error;
 pub use format::Format;
 pub use ivd_core::{Mesh, MeshAddress};
-pub use motion::write_motion;
+pub use motion::{members, write_motion};
 pub use read::{read, read_bytes};
 
 use std::path::Path;

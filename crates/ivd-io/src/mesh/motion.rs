@@ -48,13 +48,10 @@ pub fn write_motion(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<W
 }
 
 fn write_series(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Written, Error> {
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let named = |i: usize| format!("{stem}_{i:04}.vtp");
-    let beside = |i: usize| -> PathBuf { path.with_file_name(named(i)) };
-    let mut written = super::write(&beside(0), lattice)?;
+    let mut written = super::write(&member(path, 0), lattice)?;
     for (i, frame) in motion.frames().iter().enumerate() {
         let positions = deformed(lattice, &frame.displacement)?;
-        let one = write_mesh(&beside(i + 1), &Placed { lattice, positions, frames: &[] })?;
+        let one = write_mesh(&member(path, i + 1), &Placed { lattice, positions, frames: &[] })?;
         written.touched |= one.touched;
         written.rounding_mm = written.rounding_mm.max(one.rounding_mm);
     }
@@ -62,7 +59,8 @@ fn write_series(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Writt
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">\n  <Collection>\n",
     );
     for (i, time) in times(motion.frames()).into_iter().enumerate() {
-        let file = escaped(&named(i));
+        let file = member(path, i);
+        let file = escaped(&file.file_name().unwrap_or_default().to_string_lossy());
         let _ = writeln!(text, "    <DataSet timestep=\"{time}\" part=\"0\" file=\"{file}\"/>");
     }
     text.push_str("  </Collection>\n</VTKFile>\n");
@@ -71,6 +69,21 @@ fn write_series(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Writt
         file.write_all(text.as_bytes()).map_err(|source| failed("write", source))
     })?;
     Ok(written)
+}
+
+/// The files of a collection that [`write_motion`] wrote: those beside it that its frames and the rest lie in.
+///
+/// # Errors
+/// The system's.
+pub fn members(path: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let count = std::fs::read_to_string(path)?.matches("<DataSet ").count();
+    Ok((0..count).map(|i| member(path, i)).collect())
+}
+
+/// A frame's file, 0 that of the lattice at rest.
+fn member(path: &Path, i: usize) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}_{i:04}.vtp"))
 }
 
 /// A name as XML has it between quotes.

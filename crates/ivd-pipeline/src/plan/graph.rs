@@ -42,7 +42,12 @@ const DRAWN: Place = Place::only(NodeId::START.variant);
 /// Nobody asks for what a place gives.
 const UNASKED: &str = VOLUME.unread;
 /// Output files that are named otherwise than the value that they hold.
-const RENAMED: [(&str, &str); 2] = [("volume", "deformed"), ("lattice_deformed", "motion")];
+const RENAMED: [(&str, &str); 4] =
+    [("volume", "deformed"), (SERIES, "deformed"), ("lattice_deformed", "motion"), ("animation", "motion")];
+/// The output of what every frame of a motion makes of the volume.
+pub(crate) const SERIES: &str = "volume_series";
+/// Outputs of the lattice in motion.
+const MOVING: [&str; 2] = ["lattice_deformed", "animation"];
 /// The output of what a lattice is refined from.
 const UNREFINED: &str = "lattice_extracted";
 
@@ -177,6 +182,30 @@ impl Plan {
         })
     }
 
+    /// The place whose value is asked for of every frame of a motion.
+    pub(crate) fn series(&self) -> Option<usize> {
+        self.nodes.iter().position(|node| node.needed && node.outputs.contains(&SERIES))
+    }
+
+    /// The place of the motion that moves lattices last.
+    pub(crate) fn motion(&self) -> NodeId {
+        self.nodes[self.giver("motion")].id
+    }
+
+    /// The needed places up to one that depend on the motion, in the order in which they run.
+    pub(crate) fn moved_until(&self, last: usize) -> Vec<usize> {
+        let (mut line, mut found) = (vec![self.motion()], Vec::new());
+        for at in (0..=last).filter(|&at| self.nodes[at].needed) {
+            if self.nodes[at].inputs.iter().any(|(_, id)| line.contains(id))
+                && !line.contains(&self.nodes[at].id)
+            {
+                line.push(self.nodes[at].id);
+                found.push(at);
+            }
+        }
+        found
+    }
+
     /// Marks every place that has a stage, whoever needs it.
     pub(crate) fn want_everything(&mut self) {
         for at in (0..self.nodes.len()).filter(|&at| self.nodes[at].stage.is_some()).collect::<Vec<_>>() {
@@ -214,11 +243,11 @@ impl Plan {
             }
             node.outputs.push(key);
             self.need(at, &format!("output.{key}"));
-            if key == "lattice_deformed" {
+            if MOVING.contains(&key) {
                 let lattice = self.giver("lattice");
                 let id = self.nodes[lattice].id;
                 self.nodes[at].beside.push(id);
-                self.need(lattice, "output.lattice_deformed");
+                self.need(lattice, &format!("output.{key}"));
             }
         }
         for picture in scene.pictures() {

@@ -2,5 +2,5 @@
 
 mod graph;
 
-pub(crate) use graph::stage_names;
 pub use graph::{NodeId, Plan, PlanNode};
+pub(crate) use graph::{SERIES, stage_names};

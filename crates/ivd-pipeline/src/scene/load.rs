@@ -3,6 +3,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use ivd_core::ParamError;
+use serde_json::{Map, Value as Json};
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
@@ -45,6 +46,25 @@ pub struct Loaded {
     pub folder: PathBuf,
     /// The scene file.
     pub file: PathBuf,
+}
+
+impl Loaded {
+    /// The same with another value of a key.
+    ///
+    /// # Errors
+    /// A value that doesn't fit.
+    pub(crate) fn with(&self, section: &str, key: &str, value: Json) -> Result<Self, Error> {
+        let mut changed = self.clone();
+        let keys =
+            changed.scene.written.entry(section.to_owned()).or_insert_with(|| Json::Object(Map::new()));
+        if let Json::Object(keys) = keys {
+            keys.insert(key.to_owned(), value);
+        }
+        let sections = stage_sections(&changed.scene.written);
+        changed.scene.sections = sections
+            .map_err(|problem| Error::Scene { file: self.file.clone(), problem: problem.told_of("") })?;
+        Ok(changed)
+    }
 }
 
 /// Reads a scene file and applies overrides before anything is checked.

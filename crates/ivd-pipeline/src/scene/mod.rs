@@ -17,7 +17,8 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
-use crate::{Error, Section};
+use crate::plan::SERIES;
+use crate::{Error, Section, ending};
 
 pub use load::{Loaded, MAX_SCENE_BYTES, Override, load, parse, read_text_limited, truncate_lines};
 pub use sections::{InputSection, OutputSection, Picture, RawSection};
@@ -130,13 +131,18 @@ impl Scene {
                  add one or drop the output"
             ));
         }
-        if self.output.lattice_deformed.is_some() && still {
-            return Err(
-                "output.lattice_deformed shows the lattice's motion, but there is no [[deform.handle]], [[deform.rigid]] or \
+        let in_motion = [
+            ("lattice_deformed", &self.output.lattice_deformed),
+            ("animation", &self.output.animation),
+            (SERIES, &self.output.volume_series),
+        ];
+        if let Some((name, _)) = in_motion.iter().find(|(_, wanted)| wanted.is_some() && still) {
+            return Err(format!(
+                "output.{name} shows the lattice's motion, but there is no [[deform.handle]], [[deform.rigid]] or \
                  [[deform.shape]]; a [[space.step]] moves voxels only"
-                    .into(),
-            );
+            ));
         }
+        self.check_frames()?;
         for (name, path) in self.output.files() {
             if path.is_absolute() || path.components().any(|c| matches!(c, std::path::Component::ParentDir)) {
                 return Err(format!(
@@ -153,6 +159,26 @@ impl Scene {
                  one of them"
                     .into(),
             );
+        }
+        Ok(())
+    }
+
+    /// Frames are written to what holds frames, and asked for once.
+    fn check_frames(&self) -> Result<(), String> {
+        if let Some(path) = &self.output.animation
+            && !["glb", "pvd"].contains(&&*ending(path))
+        {
+            return Err(format!(
+                "output.animation = {}: a motion is written as .glb or .pvd; other meshes stand still (output.lattice_deformed)",
+                path.display()
+            ));
+        }
+        let frame =
+            self.section(&ivd_map::STAGE).and_then(|section| section.job().params().get("frame").cloned());
+        if self.output.volume_series.is_some() && frame.is_some_and(|frame| !frame.is_null()) {
+            return Err(format!(
+                "output.{SERIES} is of every frame, and map.frame names one; leave one of them out"
+            ));
         }
         Ok(())
     }

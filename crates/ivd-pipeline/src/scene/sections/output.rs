@@ -40,6 +40,11 @@ pub struct OutputSection {
     pub lattice_extracted: Option<PathBuf>,
     /// The deformed lattice.
     pub lattice_deformed: Option<PathBuf>,
+    /// The lattice at rest with its motion, all frames: `.glb` (a morph target for every frame, with an animation) or `.pvd` (ParaView's
+    /// series of `.vtp`).
+    pub animation: Option<PathBuf>,
+    /// The deformed volume of every frame, each mapped and certified: `name.nii.gz` is written as `name_0001.nii.gz` and so on.
+    pub volume_series: Option<PathBuf>,
     /// The displacement field from deformed to rest space, as a vector image.
     pub displacement: Option<PathBuf>,
     /// The labels.
@@ -58,6 +63,8 @@ impl OutputSection {
             ("lattice", &self.lattice),
             ("lattice_extracted", &self.lattice_extracted),
             ("lattice_deformed", &self.lattice_deformed),
+            ("animation", &self.animation),
+            ("volume_series", &self.volume_series),
             ("displacement", &self.displacement),
             ("labels", &self.labels),
             ("mask", &self.mask),

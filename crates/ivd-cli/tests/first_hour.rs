@@ -1,0 +1,280 @@
+//! What someone meets with a first scan of their own: where things are, what was done, and files of other programs.
+#![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::call::{ivd, json};
+
+/// A ball of radius 14 mm about (19.5, 19.5, 19.5), pressed in at the front.
+const SCENE: &str = "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 40\n[lattice]\niso = 128.0\n[refine]\nlevel = 1\n\
+    [[deform.handle]]\npick = [20.0, 33.0, 20.0]\nmove = [0.0, -2.0, 0.0]\nradius = 12.0\n[output]\nvolume = \"out.nii.gz\"\nreport = true\n";
+
+fn pipeline(at: &Path, scene: &str) -> std::process::Output {
+    std::fs::write(at.join("scene.toml"), scene).unwrap();
+    ivd(at, &["pipeline", "scene.toml", "--out", "out", "--cache", "cache", "--json"])
+}
+
+/// What `data-figure` and `data-value` say, one after the other.
+fn figures(page: &str) -> Vec<(String, Value)> {
+    let value = |rest: &str| rest.split_once('\'').unwrap().0.to_owned();
+    page.split("data-figure='")
+        .skip(1)
+        .map(|rest| {
+            let text = value(rest.split_once("data-value='").unwrap().1).replace("&quot;", "\"");
+            (value(rest), serde_json::from_str(&text).unwrap())
+        })
+        .collect()
+}
+
+#[test]
+fn a_report_tells_the_figures_of_json_and_what_was_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let told: Value = serde_json::from_slice(&pipeline(at, SCENE).stdout).unwrap();
+    let page = std::fs::read_to_string(at.join("out/report.html")).unwrap();
+    let stage = |name: &str| told["stages"].as_array().unwrap().iter().find(|s| s["stage"] == name).unwrap();
+    let found = figures(&page);
+    assert!(found.len() >= 15, "{found:?}");
+    for (key, value) in found {
+        let (name, key) = key.split_once('.').unwrap();
+        assert_eq!(
+            stage(name)["metrics"].pointer(&format!("/{}", key.replace('.', "/"))),
+            Some(&value),
+            "{name}.{key}"
+        );
+    }
+    // What the handle took is the nearest vertex of the refined lattice, and lies on the ball.
+    let pick = &stage("deform")["metrics"]["handles"][0];
+    let number = |key: &str| pick[key].as_f64().unwrap();
+    assert_eq!(pick["asked_mm"], serde_json::json!([20.0, 33.0, 20.0]));
+    let place: Vec<f64> = pick["at_mm"].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect();
+    let away: f64 = place.iter().zip([20.0, 33.0, 20.0]).map(|(a, b)| (a - b).powi(2)).sum();
+    assert!((number("away_mm") - away.sqrt()).abs() < 1e-12 && number("away_mm") < 2.0, "{pick}");
+    assert!((number("away_diagonals") * 3.0_f64.sqrt() - number("away_mm")).abs() < 1e-12);
+    for words in [
+        "handle 0",
+        "20, 33, 20",
+        "0, -2, 0",
+        "generated: sphere",
+        "axial",
+        "coronal",
+        "sagittal",
+        "deformed",
+    ] {
+        assert!(page.contains(words), "{words}");
+    }
+    // Writing is part of the work, and the whole process's peak is at least that of each part.
+    let peak = told["peak_rss_mb"].as_f64().unwrap();
+    let parts = told["stages"].as_array().unwrap().iter().chain(told["outputs"].as_array().unwrap());
+    let parts: Vec<f64> = parts.filter_map(|part| part["peak_rss_mb"].as_f64()).collect();
+    assert!(parts.len() > 5 && parts.iter().all(|part| *part <= peak), "{parts:?} {peak}");
+    assert!(told["outputs"].as_array().unwrap().iter().all(|file| file["wall_s"].as_f64().unwrap() > 0.0));
+}
+
+#[test]
+fn a_pick_beside_the_lattice_is_refused_before_it_is_refined_and_a_far_one_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let far = pipeline(at, &SCENE.replace("33.0", "90.0"));
+    let told = String::from_utf8(far.stderr).unwrap();
+    assert_eq!(far.status.code(), Some(2), "{told}");
+    assert!(told.contains("further than 17.321 mm") && told.contains("90.000"), "{told}");
+    let kinds: Vec<String> = kept(&at.join("cache"));
+    assert_eq!(kinds, ["import", "lattice"], "nothing was refined");
+    let near = pipeline(at, &SCENE.replace("33.0", "41.0"));
+    let told = String::from_utf8(near.stderr).unwrap();
+    assert!(
+        near.status.success() && told.contains("handle.0 took vertex") && told.contains("voxel diagonals"),
+        "{told}"
+    );
+    assert!(
+        std::fs::read_to_string(at.join("out/report.html"))
+            .unwrap()
+            .contains("▲ attention:</b> deform: handle.0 took")
+    );
+}
+
+/// Stages of the entries of a cache, sorted.
+fn kept(folder: &Path) -> Vec<String> {
+    let mut stages = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|ending| ending == "ivd") {
+                let told = json(Path::new("."), &["info", path.to_str().unwrap()]);
+                stages.push(told["provenance"]["stage"].as_str().unwrap().to_owned());
+            }
+        }
+    }
+    stages.sort();
+    stages
+}
+
+#[test]
+fn info_tells_where_a_scan_lies_and_what_is_at_a_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "40", "-o", "v.ivd", "--truth", "t.ivd"]);
+    let grid = json(at, &["info", "v.ivd"])["content"]["grid"].clone();
+    assert_eq!(
+        grid["extent_mm"],
+        serde_json::json!({ "low": [-0.5, -0.5, -0.5], "high": [39.5, 39.5, 39.5] })
+    );
+    assert_eq!(
+        (&grid["centre_mm"], &grid["units"], &grid["space"]),
+        (&[19.5, 19.5, 19.5].into(), &"mm".into(), &"RAS".into())
+    );
+    let told = json(at, &["info", "v.ivd", "--at", "20.2,19.6,18.9", "--at", "0,0,0", "--labels", "t.ivd"]);
+    assert_eq!(told["at"][0]["voxel"], serde_json::json!([20, 20, 19]));
+    assert!(
+        told["at"][0]["value"].as_f64().unwrap() > 200.0 && told["at"][1]["value"].as_f64().unwrap() < 10.0
+    );
+    assert_ne!(told["at"][0]["label"], told["at"][1]["label"]);
+    let beyond = ivd(at, &["info", "v.ivd", "--at", "20,20,40"]);
+    let told = String::from_utf8(beyond.stderr).unwrap();
+    assert!(beyond.status.code() == Some(2) && told.contains("beyond the [40, 40, 40]"), "{told}");
+    json(at, &["lattice", "v.ivd", "--iso", "128", "-o", "l.ivd"]);
+    let extent = json(at, &["info", "l.ivd"])["content"]["extent_mm"].clone();
+    let size = extent["high"][1].as_f64().unwrap() - extent["low"][1].as_f64().unwrap();
+    assert!((26.0..32.0).contains(&size), "{extent}");
+}
+
+#[test]
+fn landmarks_of_other_programs_are_picks_and_pins() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    // LPS: the same place as (20, 33, 20) in RAS.
+    let markups = r#"{"markups":[{"type":"Fiducial","coordinateSystem":"LPS","controlPoints":[
+        {"label":"front","position":[-20,-33,20]},{"label":"back","position":[-20,-6,20]}]}]}"#;
+    std::fs::write(at.join("face.mrk.json"), markups).unwrap();
+    json(at, &["phantom", "sphere", "--size", "40", "-o", "v.ivd"]);
+    json(at, &["lattice", "v.ivd", "--iso", "128", "-o", "l.ivd"]);
+    let deform = |handle: &str, fix: &str| {
+        json(at, &["deform", "l.ivd", "--handle", handle, "--fix", fix, "-o", "m.ivd"])["output"]["hash"]
+            .clone()
+    };
+    let by_numbers = deform("pick=20,33,20;move=0,-2,0;radius=12", "pick=20,6,20;radius=3");
+    let by_names =
+        deform("pick=face.mrk.json#front;move=0,-2,0;radius=12", "pick=face.mrk.json#back;radius=3");
+    assert_eq!(by_names, by_numbers);
+    let scene = SCENE.replace("[20.0, 33.0, 20.0]", "\"face.mrk.json#front\"");
+    let hash = |scene: &str| {
+        let told: Value = serde_json::from_slice(&pipeline(at, scene).stdout).unwrap();
+        told["stages"].as_array().unwrap().iter().find(|s| s["stage"] == "deform").unwrap()["output"]["hash"]
+            .clone()
+    };
+    assert_eq!(hash(&scene), hash(SCENE));
+    let unknown = pipeline(at, &scene.replace("#front", "#nose"));
+    let told = String::from_utf8(unknown.stderr).unwrap();
+    assert!(unknown.status.code() == Some(2) && told.contains("nose") && told.contains("front"), "{told}");
+}
+
+#[test]
+fn labels_stand_for_a_volume_and_operands_of_any_kind_combine() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "head", "--size", "48", "-o", "v.ivd", "--truth", "t.ivd"]);
+    let class = json(at, &["info", "t.ivd"])["content"]["classes"][2].clone();
+    let id = class["id"].to_string();
+    // The surface of a class: the same by its labels alone, by its labels beside the volume, and from a file of another program.
+    let alone = json(at, &["lattice", "t.ivd", "--class", &id, "-o", "a.ivd"]);
+    json(at, &["export", "t.ivd", "-o", "t.nii.gz"]);
+    let file = json(at, &["lattice", "t.nii.gz", "--class", &id, "-o", "c.ivd"]);
+    assert_eq!(alone["output"]["hash"], file["output"]["hash"]);
+    assert_eq!(alone["metrics"]["boundary_edges"], 0);
+    json(at, &["boundary", "t.ivd", "--class", &id, "-o", "part.ivd"]);
+    // A mask and labels: what comes of them is what the first is.
+    let whole = json(at, &["combine", "part.ivd", "t.ivd", "--op", "union", "-o", "u.ivd"]);
+    let labelled: u64 = {
+        let told = json(at, &["info", "t.ivd"]);
+        told["content"]["classes"].as_array().unwrap().iter().map(|c| c["voxels"].as_u64().unwrap()).sum()
+    };
+    assert_eq!(whole["output"]["kind"], "mask");
+    assert_eq!(whole["metrics"]["voxels_filled"], labelled);
+    let inner = json(at, &["combine", "t.ivd", "part.ivd", "--op", "intersection", "-o", "i.ivd"]);
+    let part = json(at, &["info", "part.ivd"])["content"]["voxels"].clone();
+    assert_eq!((&inner["output"]["kind"], &inner["metrics"]["voxels_filled"]), (&"labels".into(), &part));
+    // A volume cut to a part keeps its values there and is black elsewhere.
+    json(at, &["combine", "v.ivd", "part.ivd", "--op", "intersection", "-o", "cut.ivd"]);
+    let value = |file: &str, place: &str| json(at, &["info", file, "--at", place])["at"][0].clone();
+    let inside = "24,24,24";
+    if value("part.ivd", inside)["inside"] == true {
+        assert_eq!(value("cut.ivd", inside)["value"], value("v.ivd", inside)["value"]);
+    }
+    let least = json(at, &["info", "v.ivd"])["content"]["range"][0].clone();
+    assert_eq!(value("cut.ivd", "1,1,1")["value"], least);
+    // A clip counts what it kept of a mask.
+    let half = json(at, &["clip", "part.ivd", "--plane", "point=24,24,24;normal=0,0,1", "-o", "h.ivd"]);
+    let kept = half["metrics"]["voxels_filled"].as_u64().unwrap();
+    assert!(kept > 0 && kept < part.as_u64().unwrap());
+    assert_eq!(json(at, &["info", "h.ivd"])["content"]["voxels"], kept);
+}
+
+#[test]
+fn the_memory_limit_holds_for_what_no_stage_foresees() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "head", "--size", "128", "-o", "v.ivd", "--noise", "0.1"]);
+    // Mean shift keeps a few numbers for every voxel: far more than the program itself, less than half of a GiB.
+    let words = ["segment", "v.ivd", "--method", "emvs", "--k", "4", "-o", "l.ivd"];
+    let limited = |limit: &str| ivd(at, &[&words[..], &["--memory-limit", limit]].concat());
+    assert!(limited("1GiB").status.success());
+    std::fs::remove_file(at.join("l.ivd")).unwrap();
+    let tight = limited("64MiB");
+    let told = String::from_utf8(tight.stderr).unwrap();
+    assert_eq!(tight.status.code(), Some(4), "{told}");
+    assert!(told.contains("--memory-limit") && told.contains("64.0 MiB"), "{told}");
+    assert!(!at.join("l.ivd").exists());
+}
+
+#[test]
+fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for solver in ["dynamics", "projective", "xpbd"] {
+        let own = format!("[deform]\nsolver = \"{solver}\"\nframes = 3\nduration = 0.02\n[[deform.handle]]");
+        let outputs =
+            "animation = \"move.glb\"\nvolume_series = \"frames/at.nii.gz\"\nvolume = \"out.nii.gz\"";
+        let scene = SCENE.replace("[[deform.handle]]", &own).replace("volume = \"out.nii.gz\"", outputs);
+        let done = pipeline(at, &scene);
+        assert!(done.status.success(), "{solver}: {}", String::from_utf8_lossy(&done.stderr));
+        let read = |name: &str| std::fs::read(at.join("out").join(name)).unwrap();
+        let frames = [1, 2, 3].map(|i| read(&format!("frames/at_000{i}.nii.gz")));
+        assert_eq!(frames[2], read("out.nii.gz"), "{solver}");
+        assert!(frames[0] != frames[1] && frames[1] != frames[2], "{solver}: frames differ");
+        assert!(!at.join("out/frames/at_0004.nii.gz").exists());
+        let told: Value = serde_json::from_slice(&done.stdout).unwrap();
+        let maps: Vec<&Value> =
+            told["stages"].as_array().unwrap().iter().filter(|s| s["stage"] == "map").collect();
+        assert_eq!(maps.len(), 3, "{solver}: each frame is mapped");
+        assert!(maps.iter().all(|map| map["metrics"]["folds"] == 0), "{solver}: and certified");
+        let glb = String::from_utf8_lossy(&read("move.glb")).into_owned();
+        assert_eq!(glb.matches("\"targets\"").count(), 1, "{solver}");
+        // As a series of meshes; a member that is gone is written again.
+        let series = pipeline(at, &scene.replace("move.glb", "move.pvd"));
+        assert!(series.status.success(), "{solver}: {}", String::from_utf8_lossy(&series.stderr));
+        assert!([0, 1, 2, 3].iter().all(|i| at.join(format!("out/move_000{i}.vtp")).exists()), "{solver}");
+        std::fs::remove_file(at.join("out/move_0002.vtp")).unwrap();
+        assert!(pipeline(at, &scene.replace("move.glb", "move.pvd")).status.success());
+        assert!(at.join("out/move_0002.vtp").exists(), "{solver}");
+        std::fs::remove_dir_all(at.join("out")).unwrap();
+    }
+    // What stands still can't be an animation, and one frame isn't all.
+    let with = |outputs: &str| SCENE.replace("volume = \"out.nii.gz\"", outputs);
+    for (scene, word) in [
+        (with("animation = \"move.stl\""), ".glb or .pvd"),
+        (
+            with("volume_series = \"at.nii.gz\"").replace("[output]", "[map]\nframe = 0\n[output]"),
+            "map.frame",
+        ),
+    ] {
+        let refused = pipeline(at, &scene);
+        let told = String::from_utf8(refused.stderr).unwrap();
+        assert!(refused.status.code() == Some(2) && told.contains(word), "{told}");
+    }
+}
