@@ -14,6 +14,7 @@ mod lattice;
 mod neck;
 mod parts;
 mod program;
+mod recipes;
 mod segment;
 mod snapshots;
 mod space;

@@ -1,0 +1,102 @@
+//! Every recipe of docs/recipes.md, word for word, each in a folder of its own.
+#![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::call::json;
+
+/// The page's sections: title and text.
+fn recipes(page: &str) -> Vec<(&str, &str)> {
+    page.split("\n## ").skip(1).map(|section| section.split_once('\n').unwrap()).collect()
+}
+
+/// Blocks between fences of a language.
+fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
+    let blocks = text.split("```").skip(1).step_by(2).filter_map(|block| block.split_once('\n'));
+    blocks.filter(|(found, _)| *found == language).map(|(_, block)| block).collect()
+}
+
+/// The files that recipes begin with: a generated head in MR and in something like CT, and its labels.
+fn begin(folder: &Path) {
+    json(folder, &["phantom", "head", "--size", "96", "--noise", "0.02", "-o", "h.ivd", "--truth", "t.ivd"]);
+    json(folder, &["export", "h.ivd", "-o", "head.nii.gz"]);
+    json(folder, &["export", "t.ivd", "-o", "organs.nii.gz"]);
+    // A shell of 5 mm with 1000 inside of it and −1000 outside, as bone in air.
+    json(folder, &["phantom", "shell", "--size", "96", "-o", "s.ivd"]);
+    json(folder, &["export", "s.ivd", "-o", "s.nrrd"]);
+    let bytes = std::fs::read(folder.join("s.nrrd")).unwrap();
+    let at = bytes.windows(2).position(|two| two == b"\n\n").unwrap();
+    let values: Vec<u8> =
+        bytes[at + 2..].iter().flat_map(|v| (i16::from(*v) * 10 - 1000).to_le_bytes()).collect();
+    std::fs::write(folder.join("ct.raw"), values).unwrap();
+    let words = ["import", "ct.raw", "--raw-dims", "96,96,96", "--raw-type", "i16", "-o", "ct.ivd"];
+    json(folder, &words);
+    json(folder, &["export", "ct.ivd", "-o", "ct.nii.gz"]);
+}
+
+fn run(folder: &Path, block: &str) {
+    let program = Path::new(env!("CARGO_BIN_EXE_ivd"));
+    let path = std::env::var("PATH").unwrap();
+    let path = format!("{}:{path}", program.parent().unwrap().display());
+    let mut shell = Command::new("sh");
+    shell.env("PATH", path).env("IVD_CACHE", folder.join("cache")).current_dir(folder);
+    let output = shell.args(["-euc", block]).output().unwrap();
+    assert!(output.status.success(), "{block}\n{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn every_recipe_runs_and_gives_what_it_says() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let page = std::fs::read_to_string(root.join("docs/recipes.md")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    begin(at);
+    for block in blocks(page.split("\n## ").next().unwrap(), "sh") {
+        run(at, block);
+    }
+    let found = recipes(&page);
+    assert_eq!(found.len(), 6);
+    for (title, text) in found {
+        for scene in blocks(text, "toml") {
+            let name = scene.lines().next().unwrap().trim_start_matches("# ");
+            std::fs::write(at.join(name), scene).unwrap();
+        }
+        let commands = blocks(text, "sh");
+        assert!(!commands.is_empty(), "{title}");
+        for block in commands {
+            run(at, block);
+        }
+    }
+    let there = |name: &str| assert!(at.join(name).is_file(), "{name}");
+    ["nose/pressed.nii.gz", "nose/report.html", "frames/press.glb", "skull.stl"]
+        .iter()
+        .for_each(|name| there(name));
+    ["deformed-organs.nii.gz", "to-rest.nrrd", "to-deformed.nrrd", "pressed.ply"]
+        .iter()
+        .for_each(|name| there(name));
+    (1..=10).for_each(|i| there(&format!("frames/frames/press_{i:04}.nii.gz")));
+    // The nose went in by what the second command asked for.
+    let told = json(at, &["compare", "head.nii.gz", "nose/pressed.nii.gz"]);
+    assert!(told["max"].as_f64().unwrap() > 50.0, "{told}");
+    // The skull is closed, and lies above the plane.
+    let skull = json(at, &["info", "skull.ivd"])["content"]["extent_mm"].clone();
+    assert!(skull["low"][2].as_f64().unwrap() > 58.0, "{skull}");
+    // Deformed labels are the same classes, of about as many voxels.
+    let voxels = |file: &str| -> Vec<(Value, f64)> {
+        let told = json(at, &["info", file]);
+        let classes = told["content"]["classes"].as_array().unwrap().clone();
+        classes.iter().map(|c| (c["id"].clone(), c["voxels"].as_f64().unwrap())).collect()
+    };
+    for ((id, rest), (same, moved)) in voxels("organs.ivd").iter().zip(voxels("deformed-organs.ivd")) {
+        assert_eq!(*id, same);
+        assert!((moved / rest - 1.0).abs() < 0.05, "class {id}: {rest} → {moved}");
+    }
+    // Through formats and back nothing is lost.
+    for format in ["nii", "nrrd", "mha", "vti"] {
+        let told = json(at, &["compare", "scan.ivd", &format!("scan.{format}")]);
+        assert_eq!(told["max"], 0.0, "{format}: {told}");
+    }
+}
