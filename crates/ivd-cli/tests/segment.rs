@@ -223,3 +223,18 @@ fn what_does_not_fit_together_is_said() {
     refused(at, 2, &["segment", "-o", "l.ivd"]);
     assert!(!at.join("l.ivd").exists() && !at.join("t.ivd").exists());
 }
+
+#[test]
+fn a_number_of_classes_that_ends_at_its_limit_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "head", "--size", "40", "--noise", "0.03", "-o", "v.ivd"]);
+    let found = |most: &str| {
+        let words = ["segment", "v.ivd", "--method", "emvs", "--k", "auto", "--k-max", most, "-o", "l.ivd"];
+        let told = json(at, &words);
+        (told["metrics"]["at_limit"].clone(), told["remark"].as_str().map(str::to_owned))
+    };
+    let (limited, remark) = found("3");
+    assert!(limited == true && remark.unwrap().contains("k_max"));
+    assert_eq!(found("12"), (false.into(), None));
+}

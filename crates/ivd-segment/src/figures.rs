@@ -5,8 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    BicPoint, Chain, ChainPoint, CutParams, Dendrogram, Emvs, Hvs, Mixture, Mode, Msvs, Segmentation,
-    SpatialKmvs, dendrogram,
+    BicPoint, Chain, ChainPoint, CutParams, Dendrogram, Emvs, EmvsParams, Hvs, Mixture, Mode, Msvs,
+    Segmentation, SpatialKmvs, dendrogram,
 };
 
 /// Longer lists of modes aren't read.
@@ -135,6 +135,9 @@ pub struct MixtureFigures {
     pub mixture: Mixture,
     /// Every number of components that was tried.
     pub curve: Vec<MixturePoint>,
+    /// Whether the best number of components is the most that was tried, `k_max`: more might be better still.
+    #[serde(default)]
+    pub at_limit: bool,
 }
 
 /// How well a number of components explains the data.
@@ -151,13 +154,16 @@ pub struct MixturePoint {
     pub bic: f64,
 }
 
-impl From<&Emvs> for MixtureFigures {
-    fn from(found: &Emvs) -> Self {
+impl MixtureFigures {
+    /// Those of a mixture that was found with some parameters.
+    pub(crate) fn of(found: &Emvs, params: &EmvsParams) -> Self {
+        let best = found.bic.iter().min_by(|a, b| a.bic.total_cmp(&b.bic)).map(|point| point.k);
         let point = |p: &BicPoint| MixturePoint { k: p.k, objective: p.log_likelihood, bic: p.bic };
         Self {
             log_likelihood: found.log_likelihood,
             mixture: found.mixture.clone(),
             curve: found.bic.iter().map(point).collect(),
+            at_limit: best.is_some_and(|k| k > 1 && k == params.k_max),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Job, Method, Op, Place, PlaceKind, Stage, Want, method};
+use ivd_core::op::{Failure, Job, Method, Op, Place, PlaceKind, Remark, Stage, Want, method};
 use ivd_core::{Exec, Labels, Mask, ParamError, Tree, Volume, Voxels, slots};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -59,6 +59,12 @@ pub trait Find: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Se
     /// What it tells beside the figures that all have.
     type Own: Serialize + DeserializeOwned + JsonSchema + Send;
 
+    /// What a person should know beside the figures: see [`Op::REMARK`].
+    fn remark(own: &Self::Own) -> Option<String> {
+        let _ = own;
+        None
+    }
+
     /// As [`Op::check_together`].
     ///
     /// # Errors
@@ -87,10 +93,11 @@ pub struct Tidied<M> {
 }
 
 /// Raised for all methods together: what they share is most of them.
-const REVISION: u32 = 5;
+const REVISION: u32 = 6;
 
 impl<M: Find> Op for Tidied<M> {
     const REVISION: u32 = REVISION;
+    const REMARK: Option<Remark<Figures<M::Own>>> = Some(|figures| M::remark(&figures.own));
     type Inputs<'a> = Scanned<'a>;
     type Output = Labels;
     type Figures = Figures<M::Own>;
@@ -118,7 +125,7 @@ impl Tidied<EmvsParams> {
     ) -> Result<(Labels, Figures<MixtureFigures>, Vec<Volume>), Failure> {
         let Scanned { volume, mask } = inputs;
         let (found, maps) = emvs_with_posteriors(volume, mask, &self.method, exec)?;
-        let own = MixtureFigures::from(&found);
+        let own = MixtureFigures::of(&found, &self.method);
         let (labels, figures) = told(tidied(Some(volume), found.segmentation, self.tidy, exec)?, own);
         let maps = maps.into_iter().map(|map| Volume::new(volume.grid().clone(), Voxels::F32(map)));
         Ok((labels, figures, maps.collect::<Result<_, _>>()?))
@@ -169,13 +176,21 @@ impl Find for KmvsParams {
 impl Find for EmvsParams {
     type Own = MixtureFigures;
 
+    fn remark(own: &MixtureFigures) -> Option<String> {
+        own.at_limit.then(|| {
+            "k = auto stopped at its limit, k_max, where the criterion still fell: values that are no mixture of normal distributions \
+             have no best number; name k, or raise k_max"
+                .to_owned()
+        })
+    }
+
     fn check_found(&self) -> Result<(), ParamError> {
         self.check_together()
     }
 
     fn find(&self, volume: &Volume, mask: Option<&Mask>, exec: &Exec) -> Found<MixtureFigures> {
         let found = emvs(volume, mask, self, exec)?;
-        let own = MixtureFigures::from(&found);
+        let own = MixtureFigures::of(&found, self);
         Ok((found.segmentation, own))
     }
 }
