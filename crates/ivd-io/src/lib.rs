@@ -4,6 +4,7 @@
 //!   slices, raw) and writes them, and displacement fields, for other programs.
 //! - [`mesh`] reads meshes (PLY, OBJ, STL, GLB, VTP) and writes lattices and their motions.
 //! - [`transfer`] reads and writes transfer functions (3D Slicer, ParaView).
+//! - [`landmarks`] reads points with names (3D Slicer).
 //!
 //! The format follows from the file's first bytes or its ending. Nothing in a file is trusted: sizes are checked against the file's own
 //! before memory is taken, and an error names the file and the place in it. A file is replaced at once or not at all.
@@ -22,6 +23,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod landmarks;
 pub mod mesh;
 #[cfg(test)]
 #[path = "../tests/notes.rs"]
@@ -29,8 +31,10 @@ mod notes;
 mod number;
 mod order;
 mod refusal;
+mod space;
 pub mod transfer;
 pub mod volume;
 mod vtk;
 
 pub use refusal::FileError;
+pub use space::Space;

@@ -6,9 +6,10 @@ use nalgebra::Vector3;
 
 use super::Mesh;
 use super::parse::{
-    Budget, Failure, Fan, REPAIR, REWRITE, Space, Words, index, no_number, out_of_range, parsed, shown,
+    Budget, Failure, Fan, REPAIR, REWRITE, Words, index, no_number, out_of_range, parsed, shown,
 };
 use super::placed::Placed;
+use crate::Space;
 
 /// Text; each coordinate with the fewest digits that give the same f64 back. Indices count from 1.
 pub(super) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
@@ -71,7 +72,7 @@ fn vertex(line: u64, words: &mut Words, space: Space) -> Result<Vector3<f64>, Fa
     if !position.iter().all(|c| c.is_finite()) {
         return Err(Failure::line(line, format!("a vertex at {position:?}, not finite"), REPAIR));
     }
-    Ok(space.to_ras(position).into())
+    Ok(space.turn(position).into())
 }
 
 /// Corners are `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative numbers count back from the vertex that came last.

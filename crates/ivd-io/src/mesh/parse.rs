@@ -299,30 +299,3 @@ pub(super) fn index(value: i64, vertices: u64) -> Option<u32> {
 pub(super) fn out_of_range(value: impl std::fmt::Display, vertices: u64) -> String {
     format!("index {value} names no vertex of {vertices}")
 }
-
-/// Which way a file's first two axes run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Space {
-    Ras,
-    Lps,
-}
-
-impl Space {
-    /// What a comment says, as 3D Slicer writes it: `SPACE=LPS` or `SPACE=RAS`.
-    pub(super) fn of(comment: &[u8]) -> Option<Self> {
-        let says = |what: &[u8]| comment.windows(what.len()).any(|w| w == what);
-        if says(b"SPACE=LPS") {
-            return Some(Self::Lps);
-        }
-        says(b"SPACE=RAS").then_some(Self::Ras)
-    }
-
-    /// A point of such a file in RAS. 0 − x rather than −x: no negative zeros.
-    #[inline]
-    pub(super) fn to_ras(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
-        match self {
-            Self::Ras => [x, y, z],
-            Self::Lps => [0.0 - x, 0.0 - y, z],
-        }
-    }
-}

@@ -5,8 +5,9 @@ use std::io::{self, Write};
 use nalgebra::Vector3;
 
 use super::Mesh;
-use super::parse::{Budget, Cursor, Failure, REPAIR, REWRITE, Space, Words, shown};
+use super::parse::{Budget, Cursor, Failure, REPAIR, REWRITE, Words, shown};
 use super::placed::{Placed, f32_rounding, put};
+use crate::Space;
 use crate::mesh::Error;
 use crate::number::Number;
 use crate::order::ByteOrder;
@@ -84,7 +85,7 @@ fn binary(bytes: &[u8], budget: &mut Budget) -> Result<Mesh, Failure> {
                 std::array::from_fn(|a| Number::F32.real(&corner[4 * a..4 * a + 4], ByteOrder::Little));
             finite(p)
                 .map_err(|problem| Failure::byte(at, format!("triangle {triangle} has {problem}"), REPAIR))?;
-            mesh.positions.push(space.to_ras(p).into());
+            mesh.positions.push(space.turn(p).into());
         }
         let first = index_of(mesh.positions.len() - 3)?;
         mesh.triangles.push([first, first + 1, first + 2]);
@@ -136,7 +137,7 @@ fn ascii(bytes: &[u8], budget: &mut Budget) -> Result<Mesh, Failure> {
                     *c = words.real("a coordinate")?;
                 }
                 finite(p).map_err(|problem| Failure::line(number, problem, REPAIR))?;
-                budget.push("positions", &mut mesh.positions, space.to_ras(p).into())?;
+                budget.push("positions", &mut mesh.positions, space.turn(p).into())?;
                 State::Loop(corners + 1)
             }
             (State::Loop(3), b"endloop") => {

@@ -1,6 +1,7 @@
 //! The text at the head of a PLY file.
 
-use crate::mesh::parse::{Failure, REWRITE, Space, parsed, shown};
+use crate::Space;
+use crate::mesh::parse::{Failure, REWRITE, parsed, shown};
 use crate::number::Number;
 use crate::order::ByteOrder;
 

@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 
 use super::header::{Element, Encoding, Header};
-use crate::mesh::parse::{Budget, Cursor, Failure, Fan, REPAIR, REWRITE, Space, Words, index, out_of_range};
+use crate::Space;
+use crate::mesh::parse::{Budget, Cursor, Failure, Fan, REPAIR, REWRITE, Words, index, out_of_range};
 use crate::mesh::{Mesh, MeshAddress};
 use crate::number::Number;
 use crate::order::ByteOrder;
@@ -188,7 +189,7 @@ fn vertices<V: Values>(
                 REPAIR,
             ));
         }
-        mesh.positions.push(Vector3::from(space.to_ras(position)));
+        mesh.positions.push(Vector3::from(space.turn(position)));
         if addressed {
             addresses.push(address);
         }

@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 
 use super::array::Count;
 use super::document::{Array, Document, Section};
-use crate::mesh::parse::{Budget, Failure, Fan, REPAIR, REWRITE, Space, index, out_of_range};
+use crate::Space;
+use crate::mesh::parse::{Budget, Failure, Fan, REPAIR, REWRITE, index, out_of_range};
 use crate::mesh::{Mesh, MeshAddress};
 use crate::number::Number;
 use crate::vtk::Coding;
@@ -100,7 +101,7 @@ impl<'d, 'a> Piece<'d, 'a> {
         array.reals(self.coding(), Count::Exactly(numbers), budget, |i, value, budget| {
             p[(i % 3) as usize] = value;
             if i % 3 == 2 {
-                budget.push("positions", &mut mesh.positions, Vector3::from(space.to_ras(p)))?;
+                budget.push("positions", &mut mesh.positions, Vector3::from(space.turn(p)))?;
             }
             Ok(())
         })
