@@ -148,6 +148,74 @@ fn scales_are_kept_or_made_real() {
     assert!(complaint(&dir).contains("RescaleSlope"));
 }
 
+/// A series of two slices with these pixels as a file of this name says it, and what the file holds.
+fn series_as(name: &str, scales: [[&str; 2]; 2], pixels: [i16; 6], signed: u16) -> (Volume, Volume, Vec<u8>) {
+    let dir = folder();
+    for (i, [slope, intercept]) in scales.into_iter().enumerate() {
+        Made::new("1.2", [0.0, 0.0, i as f64])
+            .text(tags::RESCALE_SLOPE, slope)
+            .text(tags::RESCALE_INTERCEPT, intercept)
+            .number(tags::PIXEL_REPRESENTATION, signed)
+            .pixels(&pixels)
+            .save(&dir, &format!("{i}"));
+    }
+    let volume = open(&dir).unwrap();
+    let path = dir.path().join(name);
+    crate::volume::write(&path, &volume, &Exec::default()).unwrap();
+    let back = crate::volume::read(&path, &crate::volume::ReadOptions::default(), &Exec::default()).unwrap();
+    (volume, back, std::fs::read(path).unwrap())
+}
+
+#[test]
+fn a_ct_of_slope_1_stays_whole_numbers_in_the_volume_and_in_every_file() {
+    let pixels = [0, 24, 1024, 2048, 4095, 7];
+    for (signed, voxel_type) in [(1, "i16"), (0, "u16")] {
+        for name in ["ct.nii", "ct.nrrd", "ct.mha"] {
+            let (volume, back, bytes) = series_as(name, [["1", "-1024"]; 2], pixels, signed);
+            assert_eq!(
+                (volume.voxel_type().name(), volume.slope(), volume.intercept()),
+                (voxel_type, 1.0, -1024.0)
+            );
+            let shifted: Vec<i16> = pixels.iter().chain(&pixels).map(|v| v - 1024).collect();
+            assert_eq!(
+                (back.voxels(), back.slope(), back.intercept()),
+                (&Voxels::from(shifted), 1.0, 0.0),
+                "{name}"
+            );
+            assert!(!name.ends_with("nii") || bytes[..4] == 348_i32.to_le_bytes(), "NIfTI-1");
+        }
+    }
+}
+
+#[test]
+fn a_slope_that_f32_rounds_goes_into_nifti_1_within_a_millionth_of_the_range() {
+    let pixels = [0, 1, 77, 1024, 4095, 32_767];
+    let slope = 2.022_241_4;
+    let (volume, back, bytes) = series_as("mr.nii", [["2.0222414", "0"]; 2], pixels, 1);
+    assert_eq!((bytes[..4].to_vec(), volume.slope()), (348_i32.to_le_bytes().to_vec(), slope));
+    assert_eq!(f32::from_le_bytes(bytes[112..116].try_into().unwrap()), slope as f32);
+    assert_eq!(back.voxels(), volume.voxels(), "as stored");
+    for (i, &v) in pixels.iter().enumerate() {
+        let read = back.real(back.voxels().get(i));
+        assert!((read - slope * f64::from(v)).abs() <= 1e-6 * slope * 32_767.0, "{v}: {read}");
+    }
+}
+
+#[test]
+fn slopes_that_differ_by_slice_are_each_in_what_is_written() {
+    // As of a PET: the second slice's step is another.
+    let pixels = [0, 1, 77, 1024, 4095, 32_767];
+    for name in ["pet.nii", "pet.nii.gz", "pet.nrrd", "pet.mha"] {
+        let (_, back, _) = series_as(name, [["2.0222414", "0"], ["0.3141593", "-5"]], pixels, 1);
+        assert_eq!((back.voxel_type().name(), back.slope(), back.intercept()), ("f32", 1.0, 0.0));
+        for (i, &v) in pixels.iter().chain(&pixels).enumerate() {
+            let v = f64::from(v);
+            let real = if i < 6 { 2.022_241_4 * v } else { 0.314_159_3 * v - 5.0 };
+            assert_eq!(back.voxels().get(i), f64::from(real as f32), "{name}: voxel {i}");
+        }
+    }
+}
+
 #[test]
 fn every_plain_syntax_gives_the_same_voxels() {
     let values = [-3, 2, 300, -32768, 32767, 0];
