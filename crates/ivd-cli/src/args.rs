@@ -161,6 +161,10 @@ pub(crate) enum Command {
         /// Of a displacement: forward (rest to deformed) or inverse (deformed to rest, what resamplers want; the default).
         #[arg(long, value_enum)]
         direction: Option<Direction>,
+        /// Of a lattice or a motion: the axes of the file, which says them as 3D Slicer reads it. Default: ras; of vtp and pvd lps, as VTK
+        /// has volumes. glb has its own, metres with y up.
+        #[arg(long, value_enum)]
+        space: Option<MeshSpace>,
     },
     /// Describes what a file holds.
     Info {
@@ -322,6 +326,15 @@ pub(crate) enum Planted {
     Slow,
     /// Every error is half as large again.
     Inexact,
+}
+
+/// Which way the axes of a mesh run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MeshSpace {
+    /// To the patient's right, front and head.
+    Ras,
+    /// To the patient's left, back and head.
+    Lps,
 }
 
 /// Which way a displacement field leads.

@@ -7,11 +7,12 @@ use std::time::Instant;
 use ivd_artefact::{Artefact, ContentHash};
 use ivd_core::{Exec, Labels, Lattice, Motion, Value as _};
 use ivd_field::class_volume::by_class;
+use ivd_io::Space;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::control::Decisions;
-use crate::export::{ending, export, whole, write_text};
+use crate::export::{ExportOptions, ending, export, export_with, whole, write_text};
 use crate::plan::{NodeId, PlanNode};
 use crate::report::{self, ReportData};
 use crate::runner::{OutputRecord, StageRecord, StageResult, State};
@@ -22,7 +23,7 @@ use crate::{Error, Metrics};
 const MANIFEST: &str = ".ivd-run.json";
 
 /// Raised whenever the same result is written to other bytes: outputs of older programs are then written anew.
-const EXPORT_REVISION: u32 = 1;
+const EXPORT_REVISION: u32 = 2;
 
 /// One file of the output folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -114,14 +115,21 @@ impl<'a> Writer<'a> {
         let scene = self.scene;
         let named = scene.output.files().into_iter().filter(|(key, _)| node.outputs.contains(key));
         for (key, path) in named {
-            let source = done.hash.to_string();
+            let space = scene.output.space.map(Space::from);
+            let source = match (&*done.artefact, space) {
+                (Artefact::Lattice(_) | Artefact::Motion(_), Some(space)) => {
+                    format!("{} {}", done.hash, space.name())
+                }
+                _ => done.hash.to_string(),
+            };
             if let Some(motion) = Motion::of(&done.artefact)
                 && let Some((lattice, hash)) = beside(node, earlier)
             {
                 let source = format!("{source} {hash}");
-                self.file(key, path, &source, |to, _| deformed_lattice(lattice, motion, to))?;
+                self.file(key, path, &source, |to, _| deformed_lattice(lattice, motion, space, to))?;
             } else {
-                self.file(key, path, &source, |to, exec| export(&done.artefact, to, exec))?;
+                let options = ExportOptions { space, ..ExportOptions::default() };
+                self.file(key, path, &source, |to, exec| export_with(&done.artefact, to, &options, exec))?;
             }
         }
         for picture in [Picture::Before, Picture::After, Picture::Difference] {
@@ -304,11 +312,16 @@ fn beside<'a, T: ivd_core::Value>(
         .find_map(|done| Some((T::of(&done.artefact)?, done.hash)))
 }
 
-fn deformed_lattice(lattice: &Lattice, motion: &Motion, to: &Path) -> Result<bool, Error> {
+fn deformed_lattice(
+    lattice: &Lattice,
+    motion: &Motion,
+    space: Option<Space>,
+    to: &Path,
+) -> Result<bool, Error> {
     let last = motion.frames().last();
     let written = match last {
-        Some(frame) => ivd_io::mesh::write_deformed(to, lattice, &frame.displacement),
-        None => ivd_io::mesh::write(to, lattice),
+        Some(frame) => ivd_io::mesh::write_deformed(to, lattice, &frame.displacement, space),
+        None => ivd_io::mesh::write(to, lattice, space),
     };
     written.map(|w| w.touched).map_err(Error::in_stage("export"))
 }

@@ -42,8 +42,9 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
             let params = volume::phantom_params(&name, size, noise, &voxel_type, seed)?;
             volume::phantom(params, truth.as_deref(), &output.path, context)
         }
-        Command::Export { artefact, output, level, lattice, direction } => {
-            volume::export(&artefact, &output, level, lattice.as_deref(), direction, context)
+        Command::Export { artefact, output, level, lattice, direction, space } => {
+            let choice = volume::Choice { level, lattice: lattice.as_deref(), direction, space };
+            volume::export(&artefact, &output, &choice, context)
         }
         Command::Info { file, vertex, voxel } => info::run(&file, &vertex, &voxel, context),
         Command::Compare { a, b } => compare::run(&a, &b, context),
