@@ -168,8 +168,12 @@ pub(crate) enum Command {
     },
     /// Describes what a file holds.
     Info {
-        /// Artefact or volume file.
+        /// Artefact, volume file or folder.
         file: PathBuf,
+        /// Of a DICOM folder: the series that it holds, with the word by which --series of import takes each; with one (--series=3) what
+        /// that series holds.
+        #[arg(long, value_name = "SERIES", num_args = 0..=1, require_equals = true, conflicts_with_all = ["vertex", "voxel"])]
+        series: Option<Option<String>>,
         /// Of a lattice: which voxel this vertex belongs to, and where it is.
         #[arg(long, value_name = "N")]
         vertex: Vec<u32>,
@@ -225,9 +229,13 @@ pub(crate) struct Raw {
     /// Frame of a 4-D file, from 0.
     #[arg(long)]
     pub(crate) frame: Option<usize>,
-    /// DICOM series, where a folder holds several.
+    /// DICOM series, where a folder holds several: its number, its UID or the start of that; `ivd info FOLDER --series` lists them.
     #[arg(long)]
     pub(crate) series: Option<String>,
+    /// Puts slices of a DICOM series that aren't evenly spaced onto even spacing, by linear interpolation. Without it such a series is
+    /// refused.
+    #[arg(long)]
+    pub(crate) resample_slices: bool,
 }
 
 /// How a scene is run.

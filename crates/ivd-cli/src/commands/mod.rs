@@ -46,7 +46,10 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
             let choice = volume::Choice { level, lattice: lattice.as_deref(), direction, space };
             volume::export(&artefact, &output, &choice, context)
         }
-        Command::Info { file, vertex, voxel } => info::run(&file, &vertex, &voxel, context),
+        Command::Info { file, series: Some(None), .. } => info::series(&file, context),
+        Command::Info { file, series, vertex, voxel } => {
+            info::run(&file, series.flatten(), &vertex, &voxel, context)
+        }
         Command::Compare { a, b } => compare::run(&a, &b, context),
         Command::Bench(args) => bench::run(&args, context),
         Command::Doctor => doctor::run(context),

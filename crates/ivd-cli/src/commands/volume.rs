@@ -68,7 +68,8 @@ fn options(raw: &Raw) -> anyhow::Result<ReadOptions> {
         _ => None,
     };
     let spacing = if layout.is_none() { raw.raw_spacing } else { None };
-    Ok(ReadOptions { raw: layout, frame: raw.frame, series: raw.series.clone(), spacing })
+    let Raw { frame, resample_slices, .. } = *raw;
+    Ok(ReadOptions { raw: layout, frame, series: raw.series.clone(), resample_slices, spacing })
 }
 
 fn voxel_type(name: &str) -> anyhow::Result<VoxelType> {

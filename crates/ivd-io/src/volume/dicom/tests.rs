@@ -7,6 +7,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::notes::Notes;
 
+mod exported;
 mod made;
 use made::{Made, tags, uids};
 
@@ -15,7 +16,7 @@ fn folder() -> TempDir {
 }
 
 fn open(dir: &TempDir) -> Result<Volume, Error> {
-    read_folder(dir.path(), None, &Exec::default())
+    read_folder(dir.path(), &ReadOptions::default(), &Exec::default())
 }
 
 fn complaint(dir: &TempDir) -> String {
@@ -41,7 +42,9 @@ fn slices_are_sorted_by_position_and_placed_in_ras() {
     }
     std::fs::write(dir.path().join("README.md"), "words").unwrap();
     let notes = Arc::new(Notes::default());
-    let volume = read_folder(dir.path(), None, &Exec::default().with_observer(notes.clone())).unwrap();
+    let volume =
+        read_folder(dir.path(), &ReadOptions::default(), &Exec::default().with_observer(notes.clone()))
+            .unwrap();
     let grid = volume.grid();
     assert_eq!(grid.dims(), [3, 2, 3]);
     assert_eq!(grid.spacing(), [0.25, 0.5, 5.0], "columns are 0.25 apart, rows 0.5; the thickness tag lies");
@@ -98,7 +101,8 @@ fn several_series_are_listed_without_the_patient_and_chosen() {
         assert!(message.contains(said), "{said}: {message}");
     }
     let value = |series: &str| {
-        read_folder(dir.path(), Some(series), &Exec::default()).map(|v| v.value(VoxelIndex([0; 3])))
+        let options = ReadOptions { series: Some(series.to_owned()), ..ReadOptions::default() };
+        read_folder(dir.path(), &options, &Exec::default()).map(|v| v.value(VoxelIndex([0; 3])))
     };
     assert_eq!(value("1.2.3").unwrap(), 7.0);
     assert_eq!(value("1.2.4").unwrap(), 8.0, "start of a UID");
@@ -362,7 +366,7 @@ fn data(name: &str) -> Option<PathBuf> {
 #[test]
 fn the_oblique_brain_series_lies_where_its_tags_say() {
     let Some(dir) = data("mri_brain_dicom") else { return };
-    let volume = read_folder(&dir, None, &Exec::default()).unwrap();
+    let volume = read_folder(&dir, &ReadOptions::default(), &Exec::default()).unwrap();
     let grid = volume.grid();
     assert_eq!(grid.dims(), [512, 512, 22]);
     let expected = [0.4297, 0.4297, 6.5];
@@ -375,7 +379,7 @@ fn the_oblique_brain_series_lies_where_its_tags_say() {
 #[test]
 fn the_compressed_abdomen_decodes() {
     let Some(dir) = data("ct_abdomen_ts/dicom_j2k") else { return };
-    let volume = read_folder(&dir, None, &Exec::default()).unwrap();
+    let volume = read_folder(&dir, &ReadOptions::default(), &Exec::default()).unwrap();
     assert_eq!(volume.grid().dims(), [512, 512, 20]);
     assert_eq!(volume.grid().spacing(), [0.976_562_5, 0.976_562_5, 2.0]);
     assert_eq!(volume.range(), Some([-1024.0, 1839.0]));
