@@ -289,7 +289,7 @@ fn meshes(folder: &Path) -> Outcome {
     let temporary = tempfile::tempdir()?;
     for (i, format) in (0_u8..).zip(Format::ALL) {
         let file = temporary.path().join("mesh").with_extension(format.ending());
-        mesh::write(&file, &lattice)?;
+        mesh::write(&file, &lattice, None)?;
         put(folder, format.ending(), [&[i], &fs::read(file)?[..]].concat())?;
     }
     let head = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 4\nproperty list uchar int vertex_index\nend_header\n";

@@ -2,7 +2,8 @@
 
 Makes phantoms, extracts, refines and exports them by the program, reads the files by trimesh, and checks that they are
 closed manifolds without repeated or coincident corners, that every refined vertex is one of the lattice's, and that the
-formats agree within their precision; VTK reads the VTP. Prints `N passed, N failed`; the exit code is 1 where something
+formats agree within their precision; VTK reads the VTP. PLY, OBJ, STL and VTP in either space are read by VTK and turned by what
+they say of their space, as 3D Slicer does. Prints `N passed, N failed`; the exit code is 1 where something
 failed. Needs numpy, trimesh and vtk.
 """
 
@@ -117,12 +118,63 @@ def check_formats(name, program, lattice, folder):
     return vertices, faces
 
 
+def slicer_space(text):
+    """The space that 3D Slicer takes from a comment: None where it says none."""
+    return next((space for space in ("RAS", "LPS") if f"SPACE={space}" in text), None)
+
+
+def as_slicer(path):
+    """Vertices [mm, RAS], triangles and the space that was said, as 3D Slicer has them: read by VTK, and turned from LPS."""
+    kind = {"ply": vtk.vtkPLYReader, "obj": vtk.vtkOBJReader, "stl": vtk.vtkSTLReader, "vtp": vtk.vtkXMLPolyDataReader}
+    ending = path.suffix[1:]
+    reader = kind[ending]()
+    reader.SetFileName(str(path))
+    reader.Update()
+    mesh = reader.GetOutput()
+    if ending == "vtp":
+        space = mesh.GetFieldData().GetAbstractArray("SPACE").GetValue(0)
+        assert mesh.GetFieldData().GetAbstractArray("UNIT").GetValue(0) == "mm"
+    elif ending == "ply":
+        comments = reader.GetComments()
+        said = (slicer_space(comments.GetValue(i)) for i in range(comments.GetNumberOfValues()))
+        space = next((one for one in said if one), None)
+    else:
+        space = slicer_space(reader.GetComment() if ending == "obj" else reader.GetHeader())
+    vertices = vtk_to_numpy(mesh.GetPoints().GetData()).astype(np.float64)
+    turn = {"RAS": [1.0, 1.0, 1.0], "LPS": [-1.0, -1.0, 1.0]}[space]
+    faces = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    return vertices * turn, faces, space
+
+
+def check_spaces(name, program, lattice, vertices, faces, folder):
+    """Every format in every space, as 3D Slicer and trimesh read it, against the lattice in RAS."""
+    enclosed = trimesh.Trimesh(vertices, faces, process=False).volume
+    for ending in ("ply", "obj", "stl", "vtp"):
+        for space in ("RAS", "LPS"):
+            file, case = folder / f"{name}-{space}.{ending}", f"{name} {ending} {space}"
+            ivd(program, "export", lattice, "-o", file, "--space", space.lower())
+            placed, triangles, said = as_slicer(file)
+            check(f"{case}: it says its space", said == space, said)
+            # VTK keeps f32, and joins the corners of an STL.
+            apart = np.abs(placed[triangles] - vertices[faces]).max()
+            check(f"{case}: it lies where the lattice does", apart < 1e-4, f"{apart} mm")
+            volume = trimesh.Trimesh(placed, triangles, process=False).volume
+            check(f"{case}: it isn't turned inside out", abs(volume / enclosed - 1.0) < 1e-4, f"{volume}, {enclosed}")
+            if ending != "vtp":
+                own, own_faces = load(file)
+                turned = own * ([1.0, 1.0, 1.0] if space == "RAS" else [-1.0, -1.0, 1.0])
+                apart = np.abs(turned[own_faces] - vertices[faces]).max()
+                check(f"{case}: trimesh reads the same numbers", apart < 1e-4, f"{apart} mm")
+
+
 def check_phantom(program, shape, size, iso, folder):
     volume, lattice = folder / f"{shape}.ivd", folder / f"{shape}-lattice.ivd"
     ivd(program, "phantom", shape, "--size", size, "-o", volume)
     ivd(program, "lattice", volume, "--iso", iso, "-o", lattice)
     vertices, faces = check_formats(shape, program, lattice, folder)
     check_mesh(shape, vertices, faces)
+    if shape == PHANTOMS[0][0]:
+        check_spaces(shape, program, lattice, vertices, faces, folder)
     known = {place.tobytes() for place in vertices}
     for ratio in RATIOS:
         name = f"{shape} at {ratio}"

@@ -161,11 +161,19 @@ pub(crate) enum Command {
         /// Of a displacement: forward (rest to deformed) or inverse (deformed to rest, what resamplers want; the default).
         #[arg(long, value_enum)]
         direction: Option<Direction>,
+        /// Of a lattice or a motion: the axes of the file, which says them as 3D Slicer reads it. Default: ras; of vtp and pvd lps, as VTK
+        /// has volumes. glb has its own, metres with y up.
+        #[arg(long, value_enum)]
+        space: Option<MeshSpace>,
     },
     /// Describes what a file holds.
     Info {
-        /// Artefact or volume file.
+        /// Artefact, volume file or folder.
         file: PathBuf,
+        /// Of a DICOM folder: the series that it holds, with the word by which --series of import takes each; with one (--series=3) what
+        /// that series holds.
+        #[arg(long, value_name = "SERIES", num_args = 0..=1, require_equals = true, conflicts_with_all = ["vertex", "voxel"])]
+        series: Option<Option<String>>,
         /// Of a lattice: which voxel this vertex belongs to, and where it is.
         #[arg(long, value_name = "N")]
         vertex: Vec<u32>,
@@ -227,9 +235,13 @@ pub(crate) struct Raw {
     /// Frame of a 4-D file, from 0.
     #[arg(long)]
     pub(crate) frame: Option<usize>,
-    /// DICOM series, where a folder holds several.
+    /// DICOM series, where a folder holds several: its number, its UID or the start of that; `ivd info FOLDER --series` lists them.
     #[arg(long)]
     pub(crate) series: Option<String>,
+    /// Puts slices of a DICOM series that aren't evenly spaced onto even spacing, by linear interpolation. Without it such a series is
+    /// refused.
+    #[arg(long)]
+    pub(crate) resample_slices: bool,
 }
 
 /// How a scene is run.
@@ -328,6 +340,15 @@ pub(crate) enum Planted {
     Slow,
     /// Every error is half as large again.
     Inexact,
+}
+
+/// Which way the axes of a mesh run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MeshSpace {
+    /// To the patient's right, front and head.
+    Ras,
+    /// To the patient's left, back and head.
+    Lps,
 }
 
 /// Which way a displacement field leads.

@@ -7,6 +7,7 @@ mod call;
 mod combine;
 mod deform;
 mod faults;
+mod files;
 mod first_hour;
 mod hostile;
 mod killed;

@@ -69,12 +69,11 @@ fn nifti_holds_the_components_one_after_the_other_and_says_which_way_they_lead()
         let [r, a, s] = displacement.forward().at(VoxelIndex([voxel % 10, voxel / 10 % 9, voxel / 90]));
         assert_eq!([0, 270, 540].map(|at| numbers[voxel + at]), [0.0 - r, 0.0 - a, s]);
     }
-    // Far from the origin single precision can't hold the grid: the second version of the format can.
-    let grid =
-        Grid::new(DIMS, [0.5, 1.0, 2.0], [1e7 + 0.125, 20.0, 30.0], displacement.grid().direction()).unwrap();
-    let far =
-        Displacement::new(grid, displacement.forward().clone(), displacement.inverse().clone()).unwrap();
-    write_field(&plain, &far, FieldDirection::Inverse, &Exec::default()).unwrap();
+    // More voxels along an axis than the first version of the format counts.
+    let long = [2, 32_768, 1];
+    let grid = Grid::with_spacing(long, [0.5; 3]).unwrap();
+    let long = Displacement::new(grid, FieldBricks::zero(long), FieldBricks::zero(long)).unwrap();
+    write_field(&plain, &long, FieldDirection::Inverse, &Exec::default()).unwrap();
     let bytes = std::fs::read(&plain).unwrap();
     assert_eq!((bytes[0], bytes[504], bytes[505], &bytes[508..523]), (28, 239, 3, &b"inverse mm LPS\0"[..]));
 }

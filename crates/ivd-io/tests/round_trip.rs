@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "what builds a test's files may fail it")]
 
 use std::f64::consts::FRAC_1_SQRT_2;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ivd_core::{Exec, Grid, Scalar, Volume, VoxelCoord, VoxelType, Voxels};
@@ -105,7 +107,12 @@ fn values_come_back_bit_for_bit_and_positions_within_a_micron() {
                 let case = format!("{ending}, {name}, {}", voxel_type.name());
                 assert_eq!(back.voxel_type(), voxel_type, "{case}");
                 assert_eq!(back.voxels().as_bytes(), volume.voxels().as_bytes(), "{case}");
-                let limit = if ending.starts_with("nii") { 1e-3 } else { 1e-9 };
+                // NIfTI-1 has 32 bits for a place; at a kilometre that is 0.06 mm, and a note says so.
+                let limit = match (ending.starts_with("nii"), name) {
+                    (true, "far away") => 0.1,
+                    (true, _) => 1e-3,
+                    (false, _) => 1e-9,
+                };
                 assert!(apart(back.grid(), &grid) <= limit, "{case}: {}", apart(back.grid(), &grid));
             }
         }
@@ -165,18 +172,21 @@ fn slope_and_intercept_stay_in_nifti_and_become_real_values_elsewhere() {
     let folder = tempfile::tempdir().unwrap();
     let exec = Exec::default();
     let (_, grid) = grids().swap_remove(1);
-    for (slope, intercept) in [(2.0, -1024.0), (-0.1, 1.0 / 3.0)] {
+    for (slope, intercept) in [(2.0, -1024.0), (-0.1, 1.0 / 3.0), (2.022_241_4, 0.0)] {
         let volume = Volume::with_scale(grid.clone(), voxels(VoxelType::I16), slope, intercept).unwrap();
         for ending in ["nii", "nii.gz"] {
             let path = folder.path().join(format!("a.{ending}"));
             write(&path, &volume, &exec).unwrap();
             let back = read(&path, &ReadOptions::default(), &exec).unwrap();
-            assert_eq!(
-                (back.slope(), back.intercept()),
-                (slope, intercept),
-                "exact, in NIfTI-2 where f32 isn't"
-            );
+            assert_eq!(version(&path), 1, "{ending}");
+            let single = |v: f64| f64::from(v as f32);
+            assert_eq!((back.slope(), back.intercept()), (single(slope), single(intercept)));
             assert_eq!(back.voxels(), volume.voxels());
+            let [low, high] = volume.range().unwrap();
+            for i in 0..60 {
+                let v = volume.voxels().get(i);
+                assert!((back.real(v) - volume.real(v)).abs() <= 1e-7 * (high - low), "{slope}: {v}");
+            }
         }
         for ending in ["nrrd", "nhdr", "mha", "mhd"] {
             let path = folder.path().join(format!("a.{ending}"));
@@ -206,15 +216,90 @@ fn raw_voxels_are_read_with_a_layout() {
     }
 }
 
+/// The version of a NIfTI file, by the size that its header gives itself.
+fn version(path: &Path) -> u8 {
+    let mut bytes = std::fs::read(path).unwrap();
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        let mut unpacked = Vec::new();
+        flate2::read::GzDecoder::new(&bytes[..]).read_to_end(&mut unpacked).unwrap();
+        bytes = unpacked;
+    }
+    match i32::from_le_bytes(bytes[..4].try_into().unwrap()) {
+        348 => 1,
+        540 => 2,
+        other => panic!("sizeof_hdr {other}"),
+    }
+}
+
+/// A volume as it comes back from a file of this name, what was noted on the way, and where the file is.
+fn there_and_back(folder: &Path, name: &str, volume: &Volume) -> (Volume, Vec<String>, PathBuf) {
+    let notes = Arc::new(Notes::default());
+    let exec = Exec::default().with_observer(notes.clone());
+    let path = folder.join(name);
+    write(&path, volume, &exec).unwrap();
+    let said = std::mem::take(&mut *notes.0.lock().unwrap());
+    (read(&path, &ReadOptions::default(), &exec).unwrap(), said, path)
+}
+
 #[test]
-fn a_voxel_far_away_is_written_as_nifti_2_and_a_near_one_as_nifti_1() {
+fn nifti_is_version_1_wherever_its_sizes_allow() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.nii");
     for (name, grid) in grids() {
         let volume = Volume::new(grid, voxels(VoxelType::U8)).unwrap();
-        write(&path, &volume, &Exec::default()).unwrap();
-        let size = i32::from_le_bytes(std::fs::read(&path).unwrap()[..4].try_into().unwrap());
-        assert_eq!(size, if name == "far away" { 540 } else { 348 }, "{name}");
+        let (_, said, path) = there_and_back(folder.path(), "a.nii", &volume);
+        assert_eq!(version(&path), 1, "{name}");
+        let moved = said.iter().any(|note| note.contains("32-bit places move voxels by up to"));
+        assert_eq!(
+            (moved, said.len()),
+            (name == "far away", usize::from(name == "far away")),
+            "{name}: {said:?}"
+        );
+    }
+    for (long, expected) in [(32_767, 1), (32_768, 2)] {
+        let grid = Grid::with_spacing([1, long, 1], [0.5; 3]).unwrap();
+        let values: Vec<i16> = (0..long).map(|i| i as i16).collect();
+        let volume = Volume::with_scale(grid, values.into(), 0.1, -3.0).unwrap();
+        let (back, said, path) = there_and_back(folder.path(), "long.nii", &volume);
+        assert_eq!(version(&path), expected, "{long}");
+        assert_eq!((back.voxels(), back.grid()), (volume.voxels(), volume.grid()));
+        assert_eq!(said.len(), usize::from(expected == 2), "{said:?}");
+        assert!(said.iter().all(|note| note.contains("NIfTI-2, which fewer programs read")), "{said:?}");
+    }
+}
+
+#[test]
+fn a_scale_that_32_bits_would_spoil_is_written_decoded_with_a_note() {
+    let folder = tempfile::tempdir().unwrap();
+    let grid = Grid::with_spacing([4, 1, 1], [1.0; 3]).unwrap();
+    // Whole numbers up to 2³¹, one apart: neither a slope in f32 nor an f32 value tells them apart.
+    let stored = vec![i32::MIN, -1, 7, i32::MAX];
+    let volume = Volume::with_scale(grid.clone(), stored.clone().into(), 1.0 + 1e-9, 0.5).unwrap();
+    let (back, said, path) = there_and_back(folder.path(), "fine.nii", &volume);
+    assert_eq!((version(&path), back.voxel_type(), back.slope()), (1, VoxelType::F64, 1.0));
+    let real: Vec<f64> = stored.iter().map(|&v| (1.0 + 1e-9) * f64::from(v) + 0.5).collect();
+    assert_eq!((0..4).map(|i| back.voxels().get(i)).collect::<Vec<_>>(), real);
+    assert!(matches!(&said[..], [one] if one.contains("as f64") && one.contains("1.000000001")), "{said:?}");
+    // A slope below what f32 has, values that f32 has.
+    let volume = Volume::with_scale(grid, vec![0_i16, 3, 5, -9].into(), 1e-39, 1.0).unwrap();
+    let (back, said, path) = there_and_back(folder.path(), "tiny.nii.gz", &volume);
+    assert_eq!((version(&path), back.voxel_type(), said.len()), (1, VoxelType::F64, 1));
+    assert_eq!(back.voxels().get(1), 3e-39 + 1.0);
+}
+
+#[test]
+fn a_ct_goes_out_as_whole_numbers_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let grid = Grid::with_spacing([2, 2, 1], [0.7, 0.7, 2.0]).unwrap();
+    for stored in [Voxels::from(vec![0_u16, 24, 1024, 4095]), Voxels::from(vec![0_i16, 24, 1024, 4095])] {
+        let volume = Volume::with_scale(grid.clone(), stored, 1.0, -1024.0).unwrap();
+        for ending in ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif"] {
+            let (back, said, _) = there_and_back(folder.path(), &format!("ct.{ending}"), &volume);
+            assert_eq!(back.voxels(), &Voxels::from(vec![-1024_i16, -1000, 0, 3071]), "{ending}");
+            assert_eq!((back.slope(), back.intercept()), (1.0, 0.0), "{ending}");
+            let expected = usize::from(ending == "tif");
+            assert_eq!(said.iter().filter(|note| note.contains("TIFF")).count(), expected, "{said:?}");
+            assert_eq!(said.len(), expected, "{ending}: {said:?}");
+        }
     }
 }
 

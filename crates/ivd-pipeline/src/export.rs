@@ -6,6 +6,7 @@ use std::path::Path;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Displacement, ErrorClass, Exec, Image, Labels, Lattice, Mask, Volume, Voxels};
+use ivd_io::Space;
 use ivd_io::transfer::Format;
 use ivd_io::volume::FieldDirection;
 
@@ -31,6 +32,8 @@ pub struct ExportOptions<'a> {
     pub lattice: Option<&'a Lattice>,
     /// For a displacement: which of its fields.
     pub direction: FieldDirection,
+    /// For a lattice or a motion: the file's axes; the format's own where none are given.
+    pub space: Option<Space>,
 }
 
 /// As [`export()`], with what may be chosen.
@@ -53,9 +56,9 @@ pub fn export_with(
         Artefact::Volume(volume) => write_volume(path, exec.run(|| whole(volume))?, exec),
         Artefact::Labels(labels) => write_volume(path, &labels_volume(labels)?, exec),
         Artefact::Mask(mask) => write_volume(path, &mask_volume(mask)?, exec),
-        Artefact::Lattice(lattice) => {
-            ivd_io::mesh::write(path, lattice).map(|w| w.touched).map_err(Error::in_stage("export"))
-        }
+        Artefact::Lattice(lattice) => ivd_io::mesh::write(path, lattice, options.space)
+            .map(|w| w.touched)
+            .map_err(Error::in_stage("export")),
         Artefact::Displacement(field) => write_field(path, field, options.direction, exec),
         Artefact::Image(image) => write_png(path, image),
         Artefact::Motion(motion) => {
@@ -63,7 +66,7 @@ pub fn export_with(
                 let problem = "a motion is written as .json, or as a mesh with the lattice that it moves: add --lattice";
                 return Err(Error::usage("export", problem));
             };
-            ivd_io::mesh::write_motion(path, lattice, motion)
+            ivd_io::mesh::write_motion(path, lattice, motion, options.space)
                 .map(|w| w.touched)
                 .map_err(Error::in_stage("export"))
         }

@@ -7,12 +7,13 @@ use std::time::Instant;
 use ivd_artefact::{Artefact, ContentHash};
 use ivd_core::{Exec, Labels, Lattice, Motion, Value as _};
 use ivd_field::class_volume::by_class;
+use ivd_io::Space;
 use ivd_report::MovedSlices;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::control::Decisions;
-use crate::export::{ending, export, whole, write_text};
+use crate::export::{ExportOptions, ending, export, export_with, whole, write_text};
 use crate::plan::{NodeId, PlanNode, SERIES};
 use crate::report::{self, ReportData};
 use crate::resource::MemoryWatch;
@@ -24,7 +25,7 @@ use crate::{Error, Metrics, series};
 const MANIFEST: &str = ".ivd-run.json";
 
 /// Raised whenever the same result is written to other bytes: outputs of older programs are then written anew.
-const EXPORT_REVISION: u32 = 1;
+const EXPORT_REVISION: u32 = 2;
 
 /// One file of the output folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -121,16 +122,22 @@ impl<'a> Writer<'a> {
         // Those of a series come frame by frame.
         let named = files.filter(|(key, _)| node.outputs.contains(key) && *key != SERIES);
         for (key, path) in named {
-            let source = done.hash.to_string();
+            let space = scene.output.space.map(Space::from);
+            let source = match (&*done.artefact, space) {
+                (Artefact::Lattice(_) | Artefact::Motion(_), Some(space)) => {
+                    format!("{} {}", done.hash, space.name())
+                }
+                _ => done.hash.to_string(),
+            };
             if let Some(motion) = Motion::of(&done.artefact)
                 && let Some((lattice, hash)) = beside(node, earlier)
             {
                 let source = format!("{source} {hash}");
-                let is_moving = key == "animation";
-                let write = if is_moving { moving_lattice } else { deformed_lattice };
-                self.file(key, path, &source, |to, _| write(lattice, motion, to))?;
+                let write = if key == "animation" { moving_lattice } else { deformed_lattice };
+                self.file(key, path, &source, |to, _| write(lattice, motion, space, to))?;
             } else {
-                self.file(key, path, &source, |to, exec| export(&done.artefact, to, exec))?;
+                let options = ExportOptions { space, ..ExportOptions::default() };
+                self.file(key, path, &source, |to, exec| export_with(&done.artefact, to, &options, exec))?;
             }
         }
         for picture in [Picture::Before, Picture::After, Picture::Difference] {
@@ -327,18 +334,30 @@ fn beside<'a, T: ivd_core::Value>(
         .find_map(|done| Some((T::of(&done.artefact)?, done.hash)))
 }
 
-fn deformed_lattice(lattice: &Lattice, motion: &Motion, to: &Path) -> Result<bool, Error> {
+fn deformed_lattice(
+    lattice: &Lattice,
+    motion: &Motion,
+    space: Option<Space>,
+    to: &Path,
+) -> Result<bool, Error> {
     let last = motion.frames().last();
     let written = match last {
-        Some(frame) => ivd_io::mesh::write_deformed(to, lattice, &frame.displacement),
-        None => ivd_io::mesh::write(to, lattice),
+        Some(frame) => ivd_io::mesh::write_deformed(to, lattice, &frame.displacement, space),
+        None => ivd_io::mesh::write(to, lattice, space),
     };
     written.map(|w| w.touched).map_err(Error::in_stage("export"))
 }
 
 /// The lattice with all frames.
-fn moving_lattice(lattice: &Lattice, motion: &Motion, to: &Path) -> Result<bool, Error> {
-    ivd_io::mesh::write_motion(to, lattice, motion).map(|w| w.touched).map_err(Error::in_stage("export"))
+fn moving_lattice(
+    lattice: &Lattice,
+    motion: &Motion,
+    space: Option<Space>,
+    to: &Path,
+) -> Result<bool, Error> {
+    ivd_io::mesh::write_motion(to, lattice, motion, space)
+        .map(|w| w.touched)
+        .map_err(Error::in_stage("export"))
 }
 
 /// Hash of everything that a report shows but times.

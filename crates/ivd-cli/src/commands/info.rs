@@ -3,16 +3,52 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache};
-use ivd_pipeline::describe;
+use ivd_core::Classified as _;
+use ivd_io::volume::ReadOptions;
+use ivd_io::volume::dicom::{self, Series};
+use ivd_pipeline::stages::{Import, ImportSource};
+use ivd_pipeline::{Inputs, describe};
 use serde_json::{Value, json};
 
 use super::at;
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::files::volume_or_artefact;
+
+/// Lists the DICOM series of a folder.
+pub(super) fn series(folder: &Path, context: &Context) -> anyhow::Result<()> {
+    if !folder.is_dir() {
+        let problem = format!("{}: --series lists what a folder holds, and this is none", folder.display());
+        return Err(Failure::usage(problem));
+    }
+    let series = dicom::list(folder, &context.exec)
+        .map_err(|error| Failure::of(error.error_class(), error.to_string()))?;
+    let object = json!({ "path": folder, "kind": "dicom folder", "series": series });
+    context.print(&object, || {
+        let lines: Vec<String> = series.iter().map(series_line).collect();
+        format!("{}\nread one with: ivd import {} --series …", lines.join("\n"), folder.display())
+    })
+}
+
+/// A series for a person: what chooses it first.
+fn series_line(series: &Series) -> String {
+    let known = |length: Option<f64>| length.map_or_else(|| "?".to_owned(), |mm| format!("{mm:.4}"));
+    let [x, y, z] = series.spacing.map(known);
+    let [columns, rows] = series.size;
+    let word = if series.series.is_empty() { "\"\"" } else { &series.series };
+    let uneven = series
+        .uneven_mm
+        .map_or_else(String::new, |mm| format!(", slices unevenly spaced by up to {mm:.4} mm"));
+    let refused = series.unreadable.map_or_else(String::new, |what| format!("; not readable: {what}"));
+    format!(
+        "{word}: {}, `{}`, {} slices of {columns}×{rows}, {x} × {y} × {z} mm{uneven}{refused}",
+        series.modality, series.description, series.slices
+    )
+}
 
 /// What is asked of a file beside what it holds.
 pub(super) struct Asked<'a> {
+    /// Series of a DICOM folder.
+    pub(super) series: Option<String>,
     /// Vertices of a lattice.
     pub(super) vertices: &'a [u32],
     /// Voxels of a lattice's grid.
@@ -24,8 +60,8 @@ pub(super) struct Asked<'a> {
 }
 
 /// Tells what a file holds, what lies at places of it, or of a lattice where vertices and voxels belong.
-pub(super) fn run(file: &Path, asked: &Asked<'_>, context: &Context) -> anyhow::Result<()> {
-    let Asked { vertices, voxels, places, labels } = *asked;
+pub(super) fn run(file: &Path, asked: Asked<'_>, context: &Context) -> anyhow::Result<()> {
+    let Asked { series, vertices, voxels, places, labels } = asked;
     if !places.is_empty() {
         let object = at::places(file, places, labels, context)?;
         return context.print(&object, || lines("", &object).join("\n"));
@@ -37,7 +73,7 @@ pub(super) fn run(file: &Path, asked: &Asked<'_>, context: &Context) -> anyhow::
     let mut object = if file.is_file() && ivd_artefact::is_artefact(file) {
         artefact(file, context)?
     } else {
-        volume(file, context)?
+        volume(file, series, context)?
     };
     if let Value::Object(map) = &mut object {
         map.insert("path".to_owned(), json!(file));
@@ -105,8 +141,10 @@ fn artefact(file: &Path, context: &Context) -> anyhow::Result<Value> {
     }))
 }
 
-fn volume(file: &Path, context: &Context) -> anyhow::Result<Value> {
-    let input = volume_or_artefact(file, &Cache::disabled(), context)?;
+fn volume(file: &Path, series: Option<String>, context: &Context) -> anyhow::Result<Value> {
+    let options = ReadOptions { series, ..ReadOptions::default() };
+    let source = ImportSource::File { path: file.to_owned(), options };
+    let input = context.run(&Cache::disabled(), &Import { source }, &Inputs::default())?.input();
     let content = context.exec.run(|| describe(&input.artefact));
     Ok(json!({ "kind": "volume file", "hash": input.hash.to_string(), "content": content }))
 }

@@ -43,13 +43,15 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
             let params = volume::phantom_params(&name, size, noise, &voxel_type, seed)?;
             volume::phantom(params, truth.as_deref(), &output.path, context)
         }
-        Command::Export { artefact, output, level, lattice, direction } => {
-            volume::export(&artefact, &output, level, lattice.as_deref(), direction, context)
+        Command::Export { artefact, output, level, lattice, direction, space } => {
+            let choice = volume::Choice { level, lattice: lattice.as_deref(), direction, space };
+            volume::export(&artefact, &output, &choice, context)
         }
-        Command::Info { file, vertex, voxel, at, labels } => {
-            let asked =
-                info::Asked { vertices: &vertex, voxels: &voxel, places: &at, labels: labels.as_deref() };
-            info::run(&file, &asked, context)
+        Command::Info { file, series: Some(None), .. } => info::series(&file, context),
+        Command::Info { file, series, vertex, voxel, at, labels } => {
+            let (series, labels) = (series.flatten(), labels.as_deref());
+            let asked = info::Asked { series, vertices: &vertex, voxels: &voxel, places: &at, labels };
+            info::run(&file, asked, context)
         }
         Command::Compare { a, b } => compare::run(&a, &b, context),
         Command::Bench(args) => bench::run(&args, context),

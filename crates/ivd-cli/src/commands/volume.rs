@@ -4,11 +4,12 @@ use std::path::Path;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Classified, VoxelType};
+use ivd_io::Space;
 use ivd_io::volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
 use ivd_pipeline::stages::{Import, ImportLabels, ImportMask, ImportSource, ImportTransfer};
 use ivd_pipeline::{ExportOptions, Inputs, Stage, ending, export as write_as, export_with};
 
-use crate::args::{Direction, Raw};
+use crate::args::{Direction, MeshSpace, Raw};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::files::{finish, volume_or_artefact, write_artefact};
@@ -67,7 +68,8 @@ fn options(raw: &Raw) -> anyhow::Result<ReadOptions> {
         _ => None,
     };
     let spacing = if layout.is_none() { raw.raw_spacing } else { None };
-    Ok(ReadOptions { raw: layout, frame: raw.frame, series: raw.series.clone(), spacing })
+    let Raw { frame, resample_slices, .. } = *raw;
+    Ok(ReadOptions { raw: layout, frame, series: raw.series.clone(), resample_slices, spacing })
 }
 
 fn voxel_type(name: &str) -> anyhow::Result<VoxelType> {
@@ -111,15 +113,22 @@ pub(super) fn phantom(
     finish(&stage, done, output, context)
 }
 
+/// What is chosen of an artefact and its file.
+pub(super) struct Choice<'a> {
+    pub(super) level: Option<usize>,
+    pub(super) lattice: Option<&'a Path>,
+    pub(super) direction: Option<Direction>,
+    pub(super) space: Option<MeshSpace>,
+}
+
 /// `ivd export`.
 pub(super) fn export(
     artefact: &Path,
     output: &Path,
-    level: Option<usize>,
-    lattice: Option<&Path>,
-    direction: Option<Direction>,
+    choice: &Choice,
     context: &Context,
 ) -> anyhow::Result<()> {
+    let Choice { level, lattice, direction, space } = *choice;
     let mut input = volume_or_artefact(artefact, &context.stage_cache()?, context)?;
     if let Some(level) = level {
         let Artefact::Lattice(lattice) = &*input.artefact else {
@@ -139,6 +148,16 @@ pub(super) fn export(
         let kind = input.artefact.kind().name();
         return Err(Failure::usage(format!("--direction: a {kind} artefact has none; displacements have")));
     }
+    if space.is_some() && !matches!(*input.artefact, Artefact::Lattice(_) | Artefact::Motion(_)) {
+        let kind = input.artefact.kind().name();
+        let problem =
+            format!("--space: a {kind} artefact's file has its own; lattices and motions have a choice");
+        return Err(Failure::usage(problem));
+    }
+    let space = space.map(|space| match space {
+        MeshSpace::Ras => Space::Ras,
+        MeshSpace::Lps => Space::Lps,
+    });
     let direction = match direction {
         Some(Direction::Forward) => FieldDirection::Forward,
         Some(Direction::Inverse) | None => FieldDirection::Inverse,
@@ -156,7 +175,7 @@ pub(super) fn export(
             return Err(Failure::usage(format!("--lattice: a {kind} artefact isn't a lattice")));
         }
     };
-    let options = ExportOptions { lattice: moved, direction };
+    let options = ExportOptions { lattice: moved, direction, space };
     let written = export_with(&input.artefact, output, &options, &context.exec)?;
     let object = serde_json::json!({
         "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),

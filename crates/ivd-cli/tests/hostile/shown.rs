@@ -223,7 +223,8 @@ fn volumes(text: &str) -> Vec<Planted> {
     // A DICOM file's texts, those that it must have and those of people.
     for (name, bytes) in dicom::with_text(text) {
         all.push(planted(format!("dicom {name} {text:?}"), "a.dcm", bytes.clone(), "info a.dcm"));
-        all.push(planted(format!("dicom series {name} {text:?}"), "s/a.dcm", bytes, "info s"));
+        all.push(planted(format!("dicom series {name} {text:?}"), "s/a.dcm", bytes.clone(), "info s"));
+        all.push(planted(format!("dicom list {name} {text:?}"), "s/b/a.dcm", bytes, "info s --series"));
     }
     for (name, bytes) in pictures::tiff_with_text(text) {
         all.push(planted(format!("tiff {name} {text:?}"), "a.tif", bytes, "info a.tif"));

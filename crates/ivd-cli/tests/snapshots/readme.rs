@@ -151,6 +151,8 @@ fn stand_ins(folder: &Path, readme: &str) {
             "export sphere.ivd -o sphere.nrrd --quiet",
         ],
     );
+    crate::files::export(&folder.join("a-dicom-export"));
+    std::os::unix::fs::symlink(folder.join("a-dicom-export"), folder.join("export")).unwrap();
     // The scene's scan: a ball of 8 mm voxels whose front lies at the scene's handle.
     let bytes = std::fs::read(folder.join("sphere.nrrd")).unwrap();
     let end = bytes.windows(2).position(|two| two == b"\n\n").unwrap();

@@ -102,7 +102,7 @@ fn a_label_names_one_point_or_the_error_says_which_there_are() {
     let unknown = landmarks.named("A").unwrap_err();
     assert_eq!(unknown.error_class(), ErrorClass::Usage);
     assert_eq!(unknown.to_string(), "no landmark is labelled `A`; there are `a`, `b`, `b`");
-    let many = (0..40).map(|i| format!("{i},1,2,3,0,0,0,1,1,1,0,p{i}\n")).collect::<String>();
+    let many = (0..40).map(|i| format!("{i},1,2,3,0,0,0,1,1,1,0,p{i}")).collect::<Vec<_>>().join("\n");
     let many = read_bytes(Format::Fcsv, format!("#CoordinateSystem=LPS\n{many}").as_bytes()).unwrap();
     assert!(many.named("q").unwrap_err().to_string().ends_with("`p11` and 28 more"));
 }

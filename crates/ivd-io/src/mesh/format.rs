@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use super::Error;
+use crate::{FileError, Space};
 
 /// Mesh formats, by the file's ending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,6 +30,22 @@ impl Format {
             Self::Stl => "stl",
             Self::Glb => "glb",
             Self::Vtp => "vtp",
+        }
+    }
+
+    /// The axes of a file of this format: those that are wanted, else its own. GLB's root node turns RAS to glTF's axes, and leaves
+    /// no choice.
+    pub(super) fn space(self, path: &Path, wanted: Option<Space>) -> Result<Space, Error> {
+        match (self, wanted) {
+            (Self::Glb, Some(_)) => Err(Error::from(FileError::Unwritable {
+                path: path.to_owned(),
+                format: "GLB",
+                what: "axes of one's choice: its standard has metres with y up",
+                remedy: "leave the space out, or write .ply, .obj, .stl or .vtp",
+            })),
+            (_, Some(space)) => Ok(space),
+            (Self::Vtp, None) => Ok(Space::Lps),
+            (Self::Ply | Self::Obj | Self::Stl | Self::Glb, None) => Ok(Space::Ras),
         }
     }
 

@@ -1,12 +1,14 @@
 //! Mesh files: lattices for other programs, and meshes from them. PLY, OBJ, STL, GLB, VTP, by the file's ending.
 //!
-//! | ending | coordinates | notes |
-//! |---|---|---|
-//! | `.ply` | f64, world mm, RAS | each vertex carries its address: `voxel_x voxel_y voxel_z` and `element` |
-//! | `.obj` | decimal, world mm, RAS | as many digits as an f64 needs to come back |
-//! | `.stl` | f32, world mm, RAS | no shared vertices; far from the origin f32 rounds, see [`Written::rounding_mm`] |
-//! | `.glb` | f32 relative to a node, mm; the root node turns to metres, y up | far origins lose nothing |
-//! | `.vtp` | f64, world mm, LPS, where VTK and ITK have the volume | each vertex carries its address: `voxel` and `element`; the field `SPACE` says LPS |
+//! | ending | coordinates | axes | notes |
+//! |---|---|---|---|
+//! | `.ply` | f64, mm | RAS, or LPS on request; a comment says `SPACE=RAS` | each vertex carries its address: `voxel_x voxel_y voxel_z` and `element` |
+//! | `.obj` | decimal, mm | the same | as many digits as an f64 needs to come back |
+//! | `.stl` | f32, mm | the same, in its first 80 bytes | no shared vertices; far from the origin f32 rounds, see [`Written::rounding_mm`] |
+//! | `.glb` | f32 relative to a node, mm; the root node turns to metres, y up, glTF's own | none to choose | far origins lose nothing |
+//! | `.vtp` | f64, mm | LPS, where VTK and ITK have the volume, or RAS on request; the field `SPACE` says which | each vertex carries its address: `voxel` and `element` |
+//!
+//! 3D Slicer reads the words `SPACE=RAS` and `SPACE=LPS`, and takes a file without them for LPS.
 //!
 //! [`read()`] takes files of these formats from any program, in any of their encodings; what a format doesn't say (its unit,
 //! which way its axes run) is taken as `docs/methods/mesh-files.md` tells. A [`Mesh`] becomes a lattice by
@@ -36,13 +38,13 @@ pub use read::{read, read_bytes};
 
 use std::path::Path;
 
-use ivd_core::Lattice;
+use ivd_core::{Frame, Lattice};
 use nalgebra::Vector3;
 
 use format::format_of;
 use placed::Placed;
 
-use crate::FileError;
+use crate::{FileError, Space};
 
 /// What became of a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,22 +57,31 @@ pub struct Written {
 
 /// Writes a lattice at rest in the format of the file's ending.
 ///
+/// - `space`: the file's axes; the format's own where none are given.
+///
 /// # Errors
 /// [`Error::Format`] for an ending that isn't known, [`Error::Unwritable`] where the format can't hold the lattice,
-/// [`FileError::Io`] where writing failed. The target is then as it was.
-pub fn write(path: &Path, lattice: &Lattice) -> Result<Written, Error> {
-    write_mesh(path, &Placed { lattice, positions: lattice.positions(), frames: &[] })
+/// [`FileError::Unwritable`] for axes of a format that lays them down (`.glb`), [`FileError::Io`] where writing failed. The target is
+/// then as it was.
+pub fn write(path: &Path, lattice: &Lattice, space: Option<Space>) -> Result<Written, Error> {
+    write_mesh(path, lattice, lattice.positions(), &[], space)
 }
 
 /// Writes a lattice whose vertices are displaced.
 ///
 /// - `displacement`: of each vertex (mm), RAS, shape `[vertex_count, 3]`.
+/// - `space`: as for [`write()`].
 ///
 /// # Errors
 /// As [`write()`]; [`ivd_core::Error::Inconsistent`] where the displacement's length isn't the lattice's or a vector
 /// isn't finite.
-pub fn write_deformed(path: &Path, lattice: &Lattice, displacement: &[[f64; 3]]) -> Result<Written, Error> {
-    write_mesh(path, &Placed { lattice, positions: deformed(lattice, displacement)?, frames: &[] })
+pub fn write_deformed(
+    path: &Path,
+    lattice: &Lattice,
+    displacement: &[[f64; 3]],
+    space: Option<Space>,
+) -> Result<Written, Error> {
+    write_mesh(path, lattice, deformed(lattice, displacement)?, &[], space)
 }
 
 /// Where the vertices are after a displacement (mm), RAS.
@@ -87,8 +98,20 @@ fn deformed(lattice: &Lattice, displacement: &[[f64; 3]]) -> Result<Vec<Vector3<
     Ok(lattice.positions().into_iter().zip(displacement).map(moved).collect())
 }
 
-fn write_mesh(path: &Path, mesh: &Placed) -> Result<Written, Error> {
+/// Writes a lattice with its vertices at `positions` (mm), RAS, moving by `frames` from there.
+fn write_mesh(
+    path: &Path,
+    lattice: &Lattice,
+    mut positions: Vec<Vector3<f64>>,
+    frames: &[Frame],
+    space: Option<Space>,
+) -> Result<Written, Error> {
     let format = format_of(path)?;
+    let space = format.space(path, space)?;
+    for p in &mut positions {
+        *p = space.turn((*p).into()).into();
+    }
+    let mesh = &Placed { lattice, positions, space, frames };
     let rounding_mm = match format {
         Format::Ply => ply::check(mesh)?,
         Format::Obj => 0.0,

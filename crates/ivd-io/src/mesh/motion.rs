@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use ivd_core::{Lattice, Motion};
 
 use super::format::Format;
-use super::placed::{Placed, times};
-use super::{Written, deformed, write_deformed, write_mesh};
-use crate::FileError;
+use super::placed::times;
+use super::{Written, write_deformed, write_mesh};
 use crate::mesh::Error;
+use crate::{FileError, Space};
 
 /// Writes a lattice with its motion, in the format of the file's ending.
 ///
@@ -19,11 +19,18 @@ use crate::mesh::Error;
 ///   `name_0000.vtp`, `name_0001.vtp` and so on. The collection is written last.
 /// - the other mesh formats: the lattice as the last frame has it.
 ///
+/// - `space`: as for [`write()`](super::write()).
+///
 /// Times are the frames'; where these don't grow from above 0, frames are a second apart.
 ///
 /// # Errors
 /// As [`write()`](super::write()); [`ivd_core::Error::Inconsistent`] where the motion is of another lattice.
-pub fn write_motion(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Written, Error> {
+pub fn write_motion(
+    path: &Path,
+    lattice: &Lattice,
+    motion: &Motion,
+    space: Option<Space>,
+) -> Result<Written, Error> {
     if !lattice.grid().matches(motion.grid()) || lattice.keys().len() != motion.vertex_count() {
         return Err(Error::from(ivd_core::Error::Inconsistent {
             what: "motion of a lattice",
@@ -37,21 +44,25 @@ pub fn write_motion(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<W
         }));
     }
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pvd")) {
-        return write_series(path, lattice, motion);
+        return write_series(path, lattice, motion, space);
     }
     match (Format::of(path), motion.frames().last()) {
         (Some(Format::Glb), _) | (_, None) => {
-            write_mesh(path, &Placed { lattice, positions: lattice.positions(), frames: motion.frames() })
+            write_mesh(path, lattice, lattice.positions(), motion.frames(), space)
         }
-        (_, Some(last)) => write_deformed(path, lattice, &last.displacement),
+        (_, Some(last)) => write_deformed(path, lattice, &last.displacement, space),
     }
 }
 
-fn write_series(path: &Path, lattice: &Lattice, motion: &Motion) -> Result<Written, Error> {
-    let mut written = super::write(&member(path, 0), lattice)?;
+fn write_series(
+    path: &Path,
+    lattice: &Lattice,
+    motion: &Motion,
+    space: Option<Space>,
+) -> Result<Written, Error> {
+    let mut written = super::write(&member(path, 0), lattice, space)?;
     for (i, frame) in motion.frames().iter().enumerate() {
-        let positions = deformed(lattice, &frame.displacement)?;
-        let one = write_mesh(&member(path, i + 1), &Placed { lattice, positions, frames: &[] })?;
+        let one = write_deformed(&member(path, i + 1), lattice, &frame.displacement, space)?;
         written.touched |= one.touched;
         written.rounding_mm = written.rounding_mm.max(one.rounding_mm);
     }

@@ -13,7 +13,7 @@ use crate::Space;
 
 /// Text; each coordinate with the fewest digits that give the same f64 back. Indices count from 1.
 pub(super) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
-    writeln!(file, "# positions in mm, RAS")?;
+    writeln!(file, "# SPACE={}\n# positions in mm", mesh.space.name())?;
     for p in &mesh.positions {
         writeln!(file, "v {} {} {}", p.x, p.y, p.z)?;
     }

@@ -4,13 +4,16 @@ use ivd_core::{Frame, Lattice};
 use nalgebra::Vector3;
 
 use super::Error;
+use crate::Space;
 
 /// Vertices and triangles on their way into a file.
 pub(super) struct Placed<'a> {
     pub(super) lattice: &'a Lattice,
-    /// World positions (mm), RAS.
+    /// World positions (mm), in `space`.
     pub(super) positions: Vec<Vector3<f64>>,
-    /// How they move from there; only formats with an animation hold it.
+    /// Which way the file's axes run.
+    pub(super) space: Space,
+    /// How they move from there, RAS; only formats with an animation, whose axes are their own, hold it.
     pub(super) frames: &'a [Frame],
 }
 

@@ -28,11 +28,11 @@ pub(super) fn check(mesh: &Placed) -> Result<f64, Error> {
     Ok(f32_rounding(mesh.positions.iter()))
 }
 
-/// Binary: 80 bytes of comment, then each triangle's normal and corners as f32.
+/// Binary: 80 bytes of comment, which never begin with the `solid` of a text, then each triangle's normal and corners as f32.
 pub(super) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
     let mut head = [b' '; 80];
-    let comment = b"positions in mm, RAS";
-    head[..comment.len()].copy_from_slice(comment);
+    let comment = format!("SPACE={}, positions in mm", mesh.space.name());
+    head[..comment.len()].copy_from_slice(comment.as_bytes());
     file.write_all(&head)?;
     file.write_all(&(mesh.lattice.triangles().len() as u32).to_le_bytes())?;
     for triangle in mesh.lattice.triangles() {

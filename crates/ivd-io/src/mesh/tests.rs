@@ -23,7 +23,7 @@ fn tetrahedron() -> Lattice {
 fn written(ending: &str, lattice: &Lattice) -> (Written, Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(format!("mesh.{ending}"));
-    let written = write(&path, lattice).unwrap();
+    let written = write(&path, lattice, None).unwrap();
     (written, std::fs::read(path).unwrap())
 }
 
@@ -150,13 +150,13 @@ fn a_file_whose_bytes_would_not_change_keeps_its_time() {
     let folder = tempfile::tempdir().unwrap();
     for format in Format::ALL {
         let path = folder.path().join("mesh").with_extension(format.ending());
-        assert!(write(&path, &tetrahedron()).unwrap().touched);
+        assert!(write(&path, &tetrahedron(), None).unwrap().touched);
         let time = std::fs::metadata(&path).unwrap().modified().unwrap();
-        assert!(!write(&path, &tetrahedron()).unwrap().touched, "{format:?}");
+        assert!(!write(&path, &tetrahedron(), None).unwrap().touched, "{format:?}");
         assert_eq!(std::fs::metadata(&path).unwrap().modified().unwrap(), time);
         let mut moved = vec![[0.0; 3]; 4];
         moved[2][1] = 1e-3;
-        assert!(write_deformed(&path, &tetrahedron(), &moved).unwrap().touched, "{format:?}");
+        assert!(write_deformed(&path, &tetrahedron(), &moved, None).unwrap().touched, "{format:?}");
     }
     assert_eq!(
         std::fs::read_dir(folder.path()).unwrap().count(),
@@ -169,8 +169,8 @@ fn a_file_whose_bytes_would_not_change_keeps_its_time() {
 fn no_displacement_writes_the_bytes_of_the_lattice_at_rest() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mesh.ply");
-    write(&path, &tetrahedron()).unwrap();
-    assert!(!write_deformed(&path, &tetrahedron(), &[[0.0; 3]; 4]).unwrap().touched);
+    write(&path, &tetrahedron(), None).unwrap();
+    assert!(!write_deformed(&path, &tetrahedron(), &[[0.0; 3]; 4], None).unwrap().touched);
 }
 
 #[test]
@@ -178,13 +178,13 @@ fn what_cannot_be_written_is_named() {
     let lattice = tetrahedron();
     let folder = tempfile::tempdir().unwrap();
     for name in ["mesh", "mesh.vtk"] {
-        assert!(matches!(write(&folder.path().join(name), &lattice), Err(Error::Format { .. })));
+        assert!(matches!(write(&folder.path().join(name), &lattice, None), Err(Error::Format { .. })));
     }
     let nowhere = folder.path().join("missing/mesh.ply");
-    assert!(matches!(write(&nowhere, &lattice), Err(Error::File(FileError::Io { .. }))));
+    assert!(matches!(write(&nowhere, &lattice, None), Err(Error::File(FileError::Io { .. }))));
     let path = folder.path().join("mesh.ply");
-    assert!(write_deformed(&path, &lattice, &[[0.0; 3]; 3]).is_err());
-    assert!(write_deformed(&path, &lattice, &[[f64::NAN; 3]; 4]).is_err());
+    assert!(write_deformed(&path, &lattice, &[[0.0; 3]; 3], None).is_err());
+    assert!(write_deformed(&path, &lattice, &[[f64::NAN; 3]; 4], None).is_err());
     assert!(!path.exists());
 }
 
@@ -211,8 +211,8 @@ fn glb_holds_a_morph_target_for_every_frame_and_an_animation_through_them() {
     let (lattice, folder) = (tetrahedron(), tempfile::tempdir().unwrap());
     let motion = motion(&lattice);
     let path = folder.path().join("m.glb");
-    assert!(write_motion(&path, &lattice, &motion).unwrap().touched);
-    assert!(!write_motion(&path, &lattice, &motion).unwrap().touched);
+    assert!(write_motion(&path, &lattice, &motion, None).unwrap().touched);
+    assert!(!write_motion(&path, &lattice, &motion, None).unwrap().touched);
     let bytes = std::fs::read(&path).unwrap();
     let text = u32_at(&bytes, 12) as usize;
     let description: serde_json::Value = serde_json::from_slice(&bytes[20..20 + text]).unwrap();
@@ -246,8 +246,8 @@ fn a_series_has_a_file_for_rest_and_for_every_frame_with_their_times() {
     let (lattice, folder) = (tetrahedron(), tempfile::tempdir().unwrap());
     let motion = motion(&lattice);
     let path = folder.path().join("a & b.pvd");
-    assert!(write_motion(&path, &lattice, &motion).unwrap().touched);
-    assert!(!write_motion(&path, &lattice, &motion).unwrap().touched);
+    assert!(write_motion(&path, &lattice, &motion, None).unwrap().touched);
+    assert!(!write_motion(&path, &lattice, &motion, None).unwrap().touched);
     let text = std::fs::read_to_string(&path).unwrap();
     for (i, time) in ["0", "0.1", "0.4"].iter().enumerate() {
         let entry = format!("timestep=\"{time}\" part=\"0\" file=\"a &amp; b_000{i}.vtp\"");
@@ -266,7 +266,7 @@ fn other_formats_have_the_last_frame_and_a_motion_of_another_lattice_is_refused(
     let (lattice, folder) = (tetrahedron(), tempfile::tempdir().unwrap());
     let motion = motion(&lattice);
     let path = folder.path().join("m.ply");
-    write_motion(&path, &lattice, &motion).unwrap();
+    write_motion(&path, &lattice, &motion, None).unwrap();
     let last = Vector3::from(motion.frames()[1].displacement[3]);
     assert_eq!(read(&path, u64::MAX).unwrap().positions[3], lattice.world(3).0 + last);
     // Times that don't grow are a second apart.
@@ -275,6 +275,90 @@ fn other_formats_have_the_last_frame_and_a_motion_of_another_lattice_is_refused(
     assert_eq!(super::placed::times(&frames), [0.0, 1.0, 2.0]);
     let frame = Frame { time: 0.0, displacement: vec![[0.0; 3]; 5].into() };
     let other = ivd_core::Motion::new(lattice.grid().clone(), 5, vec![frame]).unwrap();
-    let error = write_motion(&path, &lattice, &other).unwrap_err().to_string();
+    let error = write_motion(&path, &lattice, &other, None).unwrap_err().to_string();
     assert!(error.contains("moves 5 vertices"), "{error}");
+}
+
+/// The corners of every triangle as they are read.
+fn corners(format: Format, bytes: &[u8]) -> Vec<[f64; 3]> {
+    let mesh = read_bytes(format, bytes, u64::MAX).unwrap();
+    mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize].into()).collect()
+}
+
+/// The same file saying RAS whatever it is in: its numbers are then read as they stand.
+fn said_to_be_ras(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for (from, to) in [("SPACE=LPS", "SPACE=RAS"), (">76 80 83 0<", ">82 65 83 0<")] {
+        if let Some(at) = bytes.windows(from.len()).position(|w| w == from.as_bytes()) {
+            bytes[at..at + from.len()].copy_from_slice(to.as_bytes());
+        }
+    }
+    bytes
+}
+
+#[test]
+fn files_say_their_space_as_3d_slicer_reads_it_and_lie_in_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let lattice = tetrahedron();
+    let rest: Vec<[f64; 3]> =
+        lattice.triangles().iter().flatten().map(|&v| lattice.world(v as usize).0.into()).collect();
+    for format in [Format::Ply, Format::Obj, Format::Stl, Format::Vtp] {
+        for space in [None, Some(Space::Ras), Some(Space::Lps)] {
+            let path = folder.path().join(format!("mesh.{}", format.ending()));
+            write(&path, &lattice, space).unwrap();
+            let bytes = std::fs::read(&path).unwrap();
+            let own = if format == Format::Vtp { Space::Lps } else { Space::Ras };
+            let (is, case) = (space.unwrap_or(own), format!("{format:?} {space:?}"));
+            let says = |text: &str| bytes.windows(text.len()).any(|w| w == text.as_bytes());
+            if format == Format::Vtp {
+                let codes = is.name().bytes().map(|c| c.to_string()).collect::<Vec<_>>().join(" ");
+                assert!(
+                    says(&format!("Name=\"SPACE\" NumberOfTuples=\"1\" format=\"ascii\">{codes} 0<")),
+                    "{case}"
+                );
+                assert!(says("Name=\"UNIT\" NumberOfTuples=\"1\" format=\"ascii\">109 109 0<"), "{case}");
+            } else {
+                assert!(says(&format!("SPACE={}", is.name())) && says("positions in mm"), "{case}");
+                let other = if is == Space::Ras { "SPACE=LPS" } else { "SPACE=RAS" };
+                assert!(!says(other) && !bytes[..5].eq_ignore_ascii_case(b"solid"), "{case}");
+            }
+            let near = |a: &[[f64; 3]], b: &[[f64; 3]]| {
+                let limit = if format == Format::Stl { 0.1 } else { 0.0 };
+                let pairs = a.iter().flatten().zip(b.iter().flatten());
+                a.len() == b.len() && pairs.into_iter().all(|(a, b)| (a - b).abs() <= limit)
+            };
+            assert!(near(&corners(format, &bytes), &rest), "{case}: read back in RAS");
+            let negated = |[x, y, z]: [f64; 3]| if is == Space::Lps { [-x, -y, z] } else { [x, y, z] };
+            let stand: Vec<[f64; 3]> = rest.iter().copied().map(negated).collect();
+            assert!(near(&corners(format, &said_to_be_ras(&bytes)), &stand), "{case}: as the numbers stand");
+        }
+    }
+}
+
+#[test]
+fn the_normals_of_an_stl_are_those_of_its_own_axes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.stl");
+    let mut normals = Vec::new();
+    for space in [Space::Ras, Space::Lps] {
+        write(&path, &tetrahedron(), Some(space)).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let normal = |t: usize| [0, 4, 8].map(|a| f64::from(f32_at(&bytes, 84 + 50 * t + a)));
+        normals.push((0..4).map(normal).collect::<Vec<_>>());
+    }
+    for (ras, lps) in normals[0].iter().zip(&normals[1]) {
+        assert!((0..3).all(|a| (Space::Lps.turn(*ras)[a] - lps[a]).abs() < 1e-6), "{ras:?} {lps:?}");
+    }
+}
+
+#[test]
+fn a_glb_has_its_own_axes_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.glb");
+    for space in [Space::Ras, Space::Lps] {
+        let error = write(&path, &tetrahedron(), Some(space)).unwrap_err();
+        assert_eq!(ivd_core::Classified::error_class(&error), ivd_core::ErrorClass::Usage);
+        assert!(error.to_string().contains("metres with y up; leave the space out"), "{error}");
+        assert!(!path.exists());
+    }
 }

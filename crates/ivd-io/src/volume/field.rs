@@ -58,13 +58,14 @@ pub fn write_field(
     }
     if ends(&[".nii", ".nii.gz"]) {
         let kind = format!("{} mm LPS", direction.name());
-        return nifti::field(path, grid, &kind, |to| {
+        let components = |to: &mut dyn Write| {
             (0..3).try_for_each(|component| {
                 rows(to, path, grid, exec, |at, row| {
                     row.extend_from_slice(&lps(field.at(at))[component].to_le_bytes());
                 })
             })
-        });
+        };
+        return nifti::field(path, grid, &kind, components, exec);
     }
     Err(Error::Unknown {
         path: path.to_owned(),

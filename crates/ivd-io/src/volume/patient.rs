@@ -13,7 +13,7 @@ pub fn states_patient_space(path: &Path, options: &ReadOptions) -> Result<bool, 
         return Ok(false);
     }
     if is_folder(path)? {
-        return super::read::holds_dicom(path);
+        return super::read::is_of_dicom(path);
     }
     Ok(match format(path)? {
         Format::Dicom => true,

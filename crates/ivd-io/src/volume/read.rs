@@ -15,6 +15,9 @@ pub struct ReadOptions {
     pub frame: Option<usize>,
     /// Which DICOM series of a folder with several.
     pub series: Option<String>,
+    /// Puts the slices of a DICOM series that aren't evenly spaced onto even spacing, by linear interpolation.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub resample_slices: bool,
     /// Spacing in mm, in place of the file's, for formats without a trustworthy one: TIFF, PNG and raw slices.
     pub spacing: Option<[f64; 3]>,
 }
@@ -30,8 +33,8 @@ pub(super) enum Format {
     Dicom,
 }
 
-/// Reads a volume: NIfTI-1 and -2, NRRD, MetaImage, VTI, TIFF, DICOM, raw with a layout, or a folder of DICOM files,
-/// PNG or TIFF pictures or raw slices.
+/// Reads a volume: NIfTI-1 and -2, NRRD, MetaImage, VTI, TIFF, DICOM, raw with a layout, or a folder of DICOM files
+/// (its own, else those of the folders below it), PNG or TIFF pictures or raw slices.
 ///
 /// The format is told by the first bytes, not by the name. Voxels keep their stored type (64-bit integers become
 /// 32-bit ones where all fit), slope and intercept stand beside them, and positions are millimetres in RAS: they equal
@@ -63,8 +66,8 @@ pub fn read(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, E
 }
 
 fn read_folder(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
-    if options.raw.is_none() && holds_dicom(path)? {
-        return dicom::read_folder(path, options.series.as_deref(), exec);
+    if options.raw.is_none() && is_of_dicom(path)? {
+        return dicom::read_folder(path, options, exec);
     }
     stack::read_folder(path, options.raw.as_ref(), options.spacing, exec)
 }
@@ -85,7 +88,7 @@ pub fn sources(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error
 /// The files that a volume's header names.
 fn named(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error> {
     if is_folder(path)? {
-        if options.raw.is_none() && holds_dicom(path)? {
+        if options.raw.is_none() && is_of_dicom(path)? {
             return dicom::sources(path, options.series.as_deref());
         }
         return stack::sources(path, options.raw.as_ref());
@@ -105,15 +108,9 @@ pub(super) fn is_folder(path: &Path) -> Result<bool, Error> {
     Ok(std::fs::metadata(path).map_err(|e| Error::io(path, "open", e))?.is_dir())
 }
 
-/// Whether some file of a folder carries DICOM's magic.
-pub(super) fn holds_dicom(dir: &Path) -> Result<bool, Error> {
-    for entry in std::fs::read_dir(dir).map_err(|e| Error::io(dir, "list", e))? {
-        let path = entry.map_err(|e| Error::io(dir, "list", e))?.path();
-        if path.is_file() && dicom::looks_like_dicom(&path) {
-            return Ok(true);
-        }
-    }
-    Ok(false)
+/// Whether a folder is read as DICOM: some file of it is, or, where it holds no pictures either, some file below it.
+pub(super) fn is_of_dicom(dir: &Path) -> Result<bool, Error> {
+    Ok(dicom::holds_dicom(dir)? || (stack::sources(dir, None).is_err() && dicom::holds_dicom_below(dir)?))
 }
 
 fn is_dicom(bytes: &[u8]) -> bool {

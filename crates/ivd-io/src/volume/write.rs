@@ -7,8 +7,10 @@ use crate::volume::{Error, Written, metaimage, nifti, nrrd, raw, stack, vti};
 /// Writes a volume in the format of the file's ending: `.nii`, `.nii.gz`, `.nrrd`, `.nhdr` (with `.raw` beside it),
 /// `.mha`, `.mhd` (with `.raw`), `.vti`, `.tif` or `.tiff` (a page a slice), `.raw`.
 ///
-/// The stored type is kept. NIfTI keeps slope and intercept; in the other formats a volume that has them is written as
-/// real values in `f32`. TIFF keeps the spacing alone, and a note says what is left out. A file that would get the bytes it has is left alone, otherwise it is replaced at once, so
+/// The stored type is kept. NIfTI is version 1 (2 only beyond its 32,767 voxels along an axis, with a note) and keeps slope and
+/// intercept where its 32 bits change no value by half a stored step; otherwise, and in the other formats, a volume that has them is
+/// written as real values: whole numbers where a whole intercept only shifts them (a CT), `f32`, or `f64` where that would be too
+/// coarse. TIFF keeps the spacing alone, and a note says what is left out. A file that would get the bytes it has is left alone, otherwise it is replaced at once, so
 /// that a reader sees the old file, the new one, or none.
 ///
 /// # Errors

@@ -133,7 +133,7 @@ fn addresses_that_do_not_fit_are_replaced() {
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("moved.ply");
-    write_deformed(&path, &cut, &vec![[0.1, -0.2, 0.3]; cut.keys().len()]).unwrap();
+    write_deformed(&path, &cut, &vec![[0.1, -0.2, 0.3]; cut.keys().len()], None).unwrap();
     let mesh = ivd_io::mesh::read(&path, u64::MAX).unwrap();
     assert_eq!(put(&mesh, grid).addresses, Addresses::Replaced);
 

@@ -25,7 +25,7 @@ fn read(format: Format, bytes: &[u8]) -> Result<Mesh, Error> {
 fn file(format: Format, lattice: &Lattice) -> (Vec<u8>, f64) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mesh").with_extension(format.ending());
-    let written = write(&path, lattice).unwrap();
+    let written = write(&path, lattice, None).unwrap();
     (std::fs::read(path).unwrap(), written.rounding_mm)
 }
 

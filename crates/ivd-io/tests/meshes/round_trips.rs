@@ -92,7 +92,7 @@ fn a_file_is_read_by_its_path_and_within_its_limit() {
     let folder = tempfile::tempdir().unwrap();
     for format in Format::ALL {
         let path = folder.path().join("mesh").with_extension(format.ending());
-        ivd_io::mesh::write(&path, &lattice).unwrap();
+        ivd_io::mesh::write(&path, &lattice, None).unwrap();
         let mesh = ivd_io::mesh::read(&path, 10 << 20).unwrap();
         assert_eq!(mesh.triangles.len(), lattice.triangles().len());
         let size = std::fs::metadata(&path).unwrap().len();

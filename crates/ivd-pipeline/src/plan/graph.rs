@@ -366,6 +366,7 @@ fn read_options(section: &InputSection) -> ReadOptions {
         }),
         frame: section.frame,
         series: section.series.clone(),
+        resample_slices: section.resample_slices,
         spacing: section.spacing,
     }
 }

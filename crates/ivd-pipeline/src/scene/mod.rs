@@ -21,7 +21,7 @@ use crate::plan::SERIES;
 use crate::{Error, Section, ending};
 
 pub use load::{Loaded, MAX_SCENE_BYTES, Override, load, parse, read_text_limited, truncate_lines};
-pub use sections::{InputSection, OutputSection, Picture, RawSection};
+pub use sections::{InputSection, MeshSpace, OutputSection, Picture, RawSection};
 pub(crate) use stage_sections::Written;
 use stage_sections::stage_sections;
 pub use written::triple;
@@ -147,6 +147,12 @@ impl Scene {
             if path.is_absolute() || path.components().any(|c| matches!(c, std::path::Component::ParentDir)) {
                 return Err(format!(
                     "output.{name} = {}: name a file inside the output folder",
+                    path.display()
+                ));
+            }
+            if self.output.space.is_some() && crate::export::ending(path) == "glb" {
+                return Err(format!(
+                    "output.{name} = {}: glb has axes of its own, metres with y up; drop output.space, or name a ply, obj, stl or vtp",
                     path.display()
                 ));
             }

@@ -14,13 +14,15 @@ pub(in crate::mesh) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<
     write!(
         file,
         "ply\nformat binary_little_endian 1.0\n\
-         comment positions in mm, RAS\n\
+         comment SPACE={}\n\
+         comment positions in mm\n\
          comment voxel and element: where on the grid of {} x {} x {} voxels a vertex was cut;\n\
          comment element 0 1 2: edge along x y z, 3 4 5: face normal to x y z, 6 7: cell\n\
          element vertex {}\n\
          property double x\nproperty double y\nproperty double z\n\
          property int voxel_x\nproperty int voxel_y\nproperty int voxel_z\nproperty uchar element\n\
          element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        mesh.space.name(),
         dims[0],
         dims[1],
         dims[2],

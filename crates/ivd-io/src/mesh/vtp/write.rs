@@ -13,16 +13,15 @@ pub(in crate::mesh) fn check(mesh: &Placed) -> Result<f64, Error> {
 
 /// One piece, appended raw bytes, little endian: f64 positions, the address of each vertex, triangles.
 ///
-/// VTK's world has no anatomy. Positions are LPS, as in the volumes that are written for VTK, so that both lie on each
-/// other; the field `SPACE` says so to programs that look for it.
+/// VTK's world has no anatomy. Where no space is asked for positions are LPS, as in the volumes that are written for VTK, so that both
+/// lie on each other; the fields `SPACE` and `UNIT` say what they are in to programs that look for it.
 pub(in crate::mesh) fn write(file: &mut dyn Write, mesh: &Placed) -> io::Result<()> {
     let (vertices, triangles) = (mesh.positions.len() as u64, mesh.lattice.triangles().len() as u64);
     let sizes = [24 * vertices, 12 * vertices, vertices, 24 * triangles, 8 * triangles];
     head(file, mesh, sizes)?;
     put(file, [sizes[0]], u64::to_le_bytes)?;
     for p in &mesh.positions {
-        // 0 − x rather than −x: no negative zeros.
-        put(file, [0.0 - p.x, 0.0 - p.y, p.z], f64::to_le_bytes)?;
+        put(file, (*p).into(), f64::to_le_bytes)?;
     }
     let dims = mesh.lattice.grid().dims();
     put(file, [sizes[1]], u64::to_le_bytes)?;
@@ -52,14 +51,14 @@ fn head(file: &mut dyn Write, mesh: &Placed, sizes: [u64; 5]) -> io::Result<()> 
         offset += COUNT + size;
         format!("format=\"appended\" offset=\"{at}\"")
     });
-    // The text of a string array is a list of character codes that ends in 0.
     write!(
         file,
         "<?xml version=\"1.0\"?>\n\
          <VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n  \
          <PolyData>\n    \
          <FieldData>\n      \
-         <Array type=\"String\" Name=\"SPACE\" NumberOfTuples=\"1\" format=\"ascii\">76 80 83 0</Array>\n    \
+         <Array type=\"String\" Name=\"SPACE\" NumberOfTuples=\"1\" format=\"ascii\">{}</Array>\n      \
+         <Array type=\"String\" Name=\"UNIT\" NumberOfTuples=\"1\" format=\"ascii\">{}</Array>\n    \
          </FieldData>\n    \
          <Piece NumberOfPoints=\"{}\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"{}\">\n      \
          <PointData>\n        \
@@ -76,7 +75,14 @@ fn head(file: &mut dyn Write, mesh: &Placed, sizes: [u64; 5]) -> io::Result<()> 
          </Piece>\n  \
          </PolyData>\n  \
          <AppendedData encoding=\"raw\">\n   _",
+        codes(mesh.space.name()),
+        codes("mm"),
         mesh.positions.len(),
         mesh.lattice.triangles().len()
     )
+}
+
+/// Text as a string array has it: a list of character codes that ends in 0.
+fn codes(text: &str) -> String {
+    text.bytes().chain([0]).map(|code| code.to_string()).collect::<Vec<_>>().join(" ")
 }

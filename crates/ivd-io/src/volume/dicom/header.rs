@@ -1,9 +1,11 @@
 use std::path::{Path, PathBuf};
 
 use super::element::{self, Elements, PixelData, Tag, number16, text};
+use super::kind::{self, Kind};
 use super::syntax::Syntax;
 use crate::volume::Error;
 
+const SOP_CLASS: Tag = (0x0008, 0x0016);
 const MODALITY: Tag = (0x0008, 0x0060);
 const SERIES_DESCRIPTION: Tag = (0x0008, 0x103e);
 const SLICE_THICKNESS: Tag = (0x0018, 0x0050);
@@ -36,7 +38,8 @@ const PATIENT: [Tag; 7] = [
     (0x0010, 0x1001),
     (0x0010, 0x1060),
 ];
-const WANTED: [Tag; 22] = [
+const WANTED: [Tag; 23] = [
+    SOP_CLASS,
     MODALITY,
     SERIES_DESCRIPTION,
     SLICE_THICKNESS,
@@ -75,6 +78,8 @@ pub(super) struct Bits {
 #[derive(Debug, Clone)]
 pub(super) struct Slice {
     pub(super) path: PathBuf,
+    /// What it is where it is no plain slice.
+    pub(super) kind: Option<Kind>,
     pub(super) series_uid: String,
     pub(super) series_number: Option<i64>,
     pub(super) modality: String,
@@ -119,6 +124,7 @@ pub(super) fn read(path: &Path) -> Result<Option<Slice>, Error> {
     let stored = values.u16(BITS_STORED, "BitsStored").unwrap_or(allocated);
     Ok(Some(Slice {
         path: path.to_owned(),
+        kind: kind::of(&values.text(SOP_CLASS)),
         series_uid: values.text(SERIES_UID),
         series_number: values.text(SERIES_NUMBER).parse().ok(),
         modality: values.text(MODALITY),
@@ -221,6 +227,10 @@ impl Slice {
     /// Refuses images that can't become a slice of a scalar volume.
     pub(super) fn check_readable(&self) -> Result<(), Error> {
         let refuse = |what: String, remedy: &str| Err(Error::unsupported(&self.path, what, remedy));
+        if let Some(Kind { what, remedy }) = self.kind {
+            let frames = if self.frames > 1 { format!(" ({} frames)", self.frames) } else { String::new() };
+            return refuse(format!("{what}{frames},"), remedy);
+        }
         if self.samples != 1 || !matches!(self.photometric.as_str(), "MONOCHROME1" | "MONOCHROME2" | "") {
             let shown: String = self
                 .photometric

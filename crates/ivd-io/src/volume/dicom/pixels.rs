@@ -1,6 +1,7 @@
-use ivd_core::{Exec, Scalar, Voxels, parallel};
+use ivd_core::{Exec, Scalar, Voxels, parallel, with_voxels};
 
 use super::element;
+use super::geometry::Layer;
 use super::header::{Bits, Slice};
 use super::{codec, syntax::Syntax};
 use crate::order::swap_in_place;
@@ -54,6 +55,35 @@ fn typed<T: Scalar>(slices: &[Slice], exec: &Exec) -> Result<Voxels, Error> {
         Ok(())
     })?;
     Ok(T::wrap(values.into()))
+}
+
+/// Layers that lie between slices, by linear interpolation of what is stored there: bit for bit where a layer lies on a slice.
+pub(super) fn between(
+    slices: &Voxels,
+    layers: &[Layer],
+    pixels: usize,
+    exec: &Exec,
+) -> Result<Voxels, Error> {
+    fn typed<T: Scalar>(from: &[T], layers: &[Layer], pixels: usize) -> Result<Voxels, Error> {
+        let mut values: Vec<T> = bounded::zeroed(pixels * layers.len())?;
+        parallel::map_pieces_mut(&mut values, pixels, &|z, out: &mut [T]| {
+            let Layer { slice, part } = layers[z];
+            let below = &from[slice * pixels..][..pixels];
+            if part == 0.0 {
+                out.copy_from_slice(below);
+                return;
+            }
+            let above = &from[(slice + 1) * pixels..][..pixels];
+            for ((to, a), b) in out.iter_mut().zip(below).zip(above) {
+                *to = T::from_f64(a.to_f64() * (1.0 - part) + b.to_f64() * part);
+            }
+        });
+        Ok(T::wrap(values.into()))
+    }
+    exec.check_cancelled()?;
+    let width = slices.voxel_type().bytes();
+    exec.check_memory("the resampled volume", ((slices.len() + pixels * layers.len()) * width) as u64)?;
+    with_voxels!(slices, from => typed(from, layers, pixels))
 }
 
 /// Runs `work` for every slice in parallel; the first failing slice in order speaks.

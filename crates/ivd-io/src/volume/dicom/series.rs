@@ -1,20 +1,17 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use serde::Serialize;
+
+use super::geometry;
 use super::header::Slice;
 use super::syntax::printable;
 use crate::volume::Error;
 
 /// The slices of the chosen series; of the only one where nothing is chosen.
 pub(super) fn choose(dir: &Path, slices: Vec<Slice>, wanted: Option<&str>) -> Result<Vec<Slice>, Error> {
-    let mut series: BTreeMap<String, Vec<Slice>> = BTreeMap::new();
-    for slice in slices {
-        series.entry(slice.series_uid.clone()).or_default().push(slice);
-    }
-    if series.is_empty() {
-        return Err(Error::choice(dir, "no DICOM image", "give the folder of an image series"));
-    }
-    let list = list(&series);
+    let mut series = by_uid(slices);
+    let list = in_words(&series);
     let fitting: Vec<String> = match wanted {
         None => series.keys().cloned().collect(),
         Some(wanted) => matching(&series, wanted),
@@ -50,22 +47,78 @@ fn matching(series: &BTreeMap<String, Vec<Slice>>, wanted: &str) -> Vec<String> 
     if numbered.is_empty() { pick(&|uid, _| uid.starts_with(wanted)) } else { numbered }
 }
 
-fn list(series: &BTreeMap<String, Vec<Slice>>) -> String {
+/// A series as it is listed, without anything that names its patient.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Series {
+    /// What chooses it: its number where no other series has that, else its UID.
+    pub series: String,
+    /// SeriesInstanceUID.
+    pub uid: String,
+    /// SeriesNumber.
+    pub number: Option<i64>,
+    /// Modality, such as `CT`.
+    pub modality: String,
+    /// SeriesDescription in capitals, words that name the patient masked.
+    pub description: String,
+    /// Images.
+    pub slices: usize,
+    /// Columns and rows of an image.
+    pub size: [usize; 2],
+    /// Distance of columns, of rows and of slices (mm), each where it is known.
+    pub spacing: [Option<f64>; 3],
+    /// How far the distance of two slices is from the usual one at most (mm), where they aren't evenly spaced.
+    pub uneven_mm: Option<f64>,
+    /// What it is where it is no series of plain slices, and can't be read.
+    pub unreadable: Option<&'static str>,
+}
+
+impl Series {
+    fn of(uid: &str, slices: &[Slice], number_is_its_own: bool) -> Self {
+        let first = &slices[0];
+        let uid = printable(uid);
+        let number = first.series_number;
+        let [between, uneven_mm] = geometry::distances(slices).unwrap_or_default();
+        let pixel = first.pixel_spacing;
+        Self {
+            series: number.filter(|_| number_is_its_own).map_or_else(|| uid.clone(), |n| n.to_string()),
+            uid,
+            number,
+            modality: first.modality.chars().filter(char::is_ascii_alphanumeric).take(8).collect(),
+            description: first.description.clone(),
+            slices: slices.len(),
+            size: [first.columns, first.rows],
+            spacing: [pixel.map(|[_, x]| x), pixel.map(|[y, _]| y), between],
+            uneven_mm,
+            unreadable: first.kind.map(|kind| kind.what),
+        }
+    }
+}
+
+/// What the series of some slices are, in the order of their UIDs.
+pub(super) fn list(slices: Vec<Slice>) -> Vec<Series> {
+    let series = by_uid(slices);
+    let shared =
+        |number: Option<i64>| series.values().filter(|slices| slices[0].series_number == number).count() > 1;
+    series.iter().map(|(uid, slices)| Series::of(uid, slices, !shared(slices[0].series_number))).collect()
+}
+
+fn by_uid(slices: Vec<Slice>) -> BTreeMap<String, Vec<Slice>> {
+    let mut series: BTreeMap<String, Vec<Slice>> = BTreeMap::new();
+    for slice in slices {
+        series.entry(slice.series_uid.clone()).or_default().push(slice);
+    }
+    series
+}
+
+fn in_words(series: &BTreeMap<String, Vec<Slice>>) -> String {
     let lines: Vec<String> = series
         .iter()
         .map(|(uid, slices)| {
-            let first = &slices[0];
-            let number = first.series_number.map_or("without number".into(), |n| format!("number {n}"));
-            let uid = if uid.is_empty() { "without UID".into() } else { printable(uid) };
-            let modality: String =
-                first.modality.chars().filter(char::is_ascii_alphanumeric).take(8).collect();
-            format!(
-                "{uid} ({number}, {modality}, `{}`, {} slices of {}×{})",
-                first.description,
-                slices.len(),
-                first.columns,
-                first.rows
-            )
+            let Series { uid, number, modality, description, slices, size: [columns, rows], .. } =
+                Series::of(uid, slices, false);
+            let number = number.map_or("without number".into(), |n| format!("number {n}"));
+            let uid = if uid.is_empty() { "without UID".into() } else { uid };
+            format!("{uid} ({number}, {modality}, `{description}`, {slices} slices of {columns}×{rows})")
         })
         .collect();
     lines.join("; ")

@@ -7,6 +7,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::notes::Notes;
 
+mod exported;
 mod made;
 use made::{Made, tags, uids};
 
@@ -15,7 +16,7 @@ fn folder() -> TempDir {
 }
 
 fn open(dir: &TempDir) -> Result<Volume, Error> {
-    read_folder(dir.path(), None, &Exec::default())
+    read_folder(dir.path(), &ReadOptions::default(), &Exec::default())
 }
 
 fn complaint(dir: &TempDir) -> String {
@@ -41,7 +42,9 @@ fn slices_are_sorted_by_position_and_placed_in_ras() {
     }
     std::fs::write(dir.path().join("README.md"), "words").unwrap();
     let notes = Arc::new(Notes::default());
-    let volume = read_folder(dir.path(), None, &Exec::default().with_observer(notes.clone())).unwrap();
+    let volume =
+        read_folder(dir.path(), &ReadOptions::default(), &Exec::default().with_observer(notes.clone()))
+            .unwrap();
     let grid = volume.grid();
     assert_eq!(grid.dims(), [3, 2, 3]);
     assert_eq!(grid.spacing(), [0.25, 0.5, 5.0], "columns are 0.25 apart, rows 0.5; the thickness tag lies");
@@ -98,7 +101,8 @@ fn several_series_are_listed_without_the_patient_and_chosen() {
         assert!(message.contains(said), "{said}: {message}");
     }
     let value = |series: &str| {
-        read_folder(dir.path(), Some(series), &Exec::default()).map(|v| v.value(VoxelIndex([0; 3])))
+        let options = ReadOptions { series: Some(series.to_owned()), ..ReadOptions::default() };
+        read_folder(dir.path(), &options, &Exec::default()).map(|v| v.value(VoxelIndex([0; 3])))
     };
     assert_eq!(value("1.2.3").unwrap(), 7.0);
     assert_eq!(value("1.2.4").unwrap(), 8.0, "start of a UID");
@@ -146,6 +150,74 @@ fn scales_are_kept_or_made_real() {
     scale(&mut second, "0");
     second.save(&dir, "b");
     assert!(complaint(&dir).contains("RescaleSlope"));
+}
+
+/// A series of two slices with these pixels as a file of this name says it, and what the file holds.
+fn series_as(name: &str, scales: [[&str; 2]; 2], pixels: [i16; 6], signed: u16) -> (Volume, Volume, Vec<u8>) {
+    let dir = folder();
+    for (i, [slope, intercept]) in scales.into_iter().enumerate() {
+        Made::new("1.2", [0.0, 0.0, i as f64])
+            .text(tags::RESCALE_SLOPE, slope)
+            .text(tags::RESCALE_INTERCEPT, intercept)
+            .number(tags::PIXEL_REPRESENTATION, signed)
+            .pixels(&pixels)
+            .save(&dir, &format!("{i}"));
+    }
+    let volume = open(&dir).unwrap();
+    let path = dir.path().join(name);
+    crate::volume::write(&path, &volume, &Exec::default()).unwrap();
+    let back = crate::volume::read(&path, &crate::volume::ReadOptions::default(), &Exec::default()).unwrap();
+    (volume, back, std::fs::read(path).unwrap())
+}
+
+#[test]
+fn a_ct_of_slope_1_stays_whole_numbers_in_the_volume_and_in_every_file() {
+    let pixels = [0, 24, 1024, 2048, 4095, 7];
+    for (signed, voxel_type) in [(1, "i16"), (0, "u16")] {
+        for name in ["ct.nii", "ct.nrrd", "ct.mha"] {
+            let (volume, back, bytes) = series_as(name, [["1", "-1024"]; 2], pixels, signed);
+            assert_eq!(
+                (volume.voxel_type().name(), volume.slope(), volume.intercept()),
+                (voxel_type, 1.0, -1024.0)
+            );
+            let shifted: Vec<i16> = pixels.iter().chain(&pixels).map(|v| v - 1024).collect();
+            assert_eq!(
+                (back.voxels(), back.slope(), back.intercept()),
+                (&Voxels::from(shifted), 1.0, 0.0),
+                "{name}"
+            );
+            assert!(!name.ends_with("nii") || bytes[..4] == 348_i32.to_le_bytes(), "NIfTI-1");
+        }
+    }
+}
+
+#[test]
+fn a_slope_that_f32_rounds_goes_into_nifti_1_within_a_millionth_of_the_range() {
+    let pixels = [0, 1, 77, 1024, 4095, 32_767];
+    let slope = 2.022_241_4;
+    let (volume, back, bytes) = series_as("mr.nii", [["2.0222414", "0"]; 2], pixels, 1);
+    assert_eq!((bytes[..4].to_vec(), volume.slope()), (348_i32.to_le_bytes().to_vec(), slope));
+    assert_eq!(f32::from_le_bytes(bytes[112..116].try_into().unwrap()), slope as f32);
+    assert_eq!(back.voxels(), volume.voxels(), "as stored");
+    for (i, &v) in pixels.iter().enumerate() {
+        let read = back.real(back.voxels().get(i));
+        assert!((read - slope * f64::from(v)).abs() <= 1e-6 * slope * 32_767.0, "{v}: {read}");
+    }
+}
+
+#[test]
+fn slopes_that_differ_by_slice_are_each_in_what_is_written() {
+    // As of a PET: the second slice's step is another.
+    let pixels = [0, 1, 77, 1024, 4095, 32_767];
+    for name in ["pet.nii", "pet.nii.gz", "pet.nrrd", "pet.mha"] {
+        let (_, back, _) = series_as(name, [["2.0222414", "0"], ["0.3141593", "-5"]], pixels, 1);
+        assert_eq!((back.voxel_type().name(), back.slope(), back.intercept()), ("f32", 1.0, 0.0));
+        for (i, &v) in pixels.iter().chain(&pixels).enumerate() {
+            let v = f64::from(v);
+            let real = if i < 6 { 2.022_241_4 * v } else { 0.314_159_3 * v - 5.0 };
+            assert_eq!(back.voxels().get(i), f64::from(real as f32), "{name}: voxel {i}");
+        }
+    }
 }
 
 #[test]
@@ -294,7 +366,7 @@ fn data(name: &str) -> Option<PathBuf> {
 #[test]
 fn the_oblique_brain_series_lies_where_its_tags_say() {
     let Some(dir) = data("mri_brain_dicom") else { return };
-    let volume = read_folder(&dir, None, &Exec::default()).unwrap();
+    let volume = read_folder(&dir, &ReadOptions::default(), &Exec::default()).unwrap();
     let grid = volume.grid();
     assert_eq!(grid.dims(), [512, 512, 22]);
     let expected = [0.4297, 0.4297, 6.5];
@@ -307,7 +379,7 @@ fn the_oblique_brain_series_lies_where_its_tags_say() {
 #[test]
 fn the_compressed_abdomen_decodes() {
     let Some(dir) = data("ct_abdomen_ts/dicom_j2k") else { return };
-    let volume = read_folder(&dir, None, &Exec::default()).unwrap();
+    let volume = read_folder(&dir, &ReadOptions::default(), &Exec::default()).unwrap();
     assert_eq!(volume.grid().dims(), [512, 512, 20]);
     assert_eq!(volume.grid().spacing(), [0.976_562_5, 0.976_562_5, 2.0]);
     assert_eq!(volume.range(), Some([-1024.0, 1839.0]));

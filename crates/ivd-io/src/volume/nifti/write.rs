@@ -12,15 +12,28 @@ use crate::volume::replace::{put, replace};
 use crate::volume::values::Values;
 use crate::volume::{Error, Written};
 
-/// Most that rounding to `f32` may move a voxel [mm] before NIfTI-2 is written.
+/// Most that NIfTI-1's `f32` may move a voxel [mm] without a note.
 const MOST_MOVED: f64 = 1e-3;
 
-/// Writes NIfTI-1, or NIfTI-2 where NIfTI-1's `f32` would move a corner voxel by more than [`MOST_MOVED`] or change the
-/// scale, or its `i16` sizes are too small. The gzip stream carries no name and no time: same volume, same bytes.
+/// Writes NIfTI-1, or NIfTI-2 where NIfTI-1's `i16` sizes are too small. Where NIfTI-1's `f32` would change values by half a stored
+/// step they are written decoded. Notes say what differs from what a reader may expect. The gzip stream carries no name and no time:
+/// same volume, same bytes.
 pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
-    let scale = [volume.slope(), volume.intercept()];
-    let header = header(volume.grid(), volume.voxel_type(), scale, None);
-    with_header(path, &header, |to| Values::Stored.write(to, path, volume, exec))
+    let (values, scale) = Values::with_scale(volume, fits_1(volume.grid()));
+    let voxel_type = values.voxel_type(volume);
+    if let Values::Real(to) = values
+        && !to.is_integer()
+    {
+        exec.observer().note(&format!(
+            "{}: NIfTI keeps slope {} and intercept {} in 32 bits, which would change values: real values are written, as {}",
+            path.display(),
+            volume.slope(),
+            volume.intercept(),
+            to.name()
+        ));
+    }
+    let header = header(path, volume.grid(), voxel_type, scale, None, exec);
+    with_header(path, &header, |to| values.write(to, path, volume, exec))
 }
 
 /// Writes a field of vectors (mm), LPS, as ITK and ANTs have displacement fields: five dimensions, the components one after the
@@ -30,8 +43,9 @@ pub(crate) fn field(
     grid: &Grid,
     name: &str,
     components: impl FnOnce(&mut dyn Write) -> Result<(), Error>,
+    exec: &Exec,
 ) -> Result<Written, Error> {
-    with_header(path, &header(grid, VoxelType::F32, [1.0, 0.0], Some(name)), components)
+    with_header(path, &header(path, grid, VoxelType::F32, [1.0, 0.0], Some(name), exec), components)
 }
 
 fn with_header(
@@ -53,14 +67,32 @@ fn with_header(
 }
 
 /// A volume's header, or that of a field of three components with this name.
-fn header(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&str>) -> Vec<u8> {
-    let exact = |v: f64| f64::from(v as f32) == v;
-    let fits = grid.dims().iter().all(|&n| i16::try_from(n).is_ok());
-    if fits && scale.into_iter().all(exact) && moved(grid) <= MOST_MOVED {
-        header_1(grid, voxel_type, scale, field)
-    } else {
-        header_2(grid, voxel_type, scale, field)
+fn header(
+    path: &Path,
+    grid: &Grid,
+    voxel_type: VoxelType,
+    scale: [f64; 2],
+    field: Option<&str>,
+    exec: &Exec,
+) -> Vec<u8> {
+    let note = |what: String| exec.observer().note(&format!("{}: {what}", path.display()));
+    if !fits_1(grid) {
+        note(format!(
+            "{:?} voxels are more than NIfTI-1 counts along an axis: written as NIfTI-2, which fewer programs read",
+            grid.dims()
+        ));
+        return header_2(grid, voxel_type, scale, field);
     }
+    let moved = moved(grid);
+    if moved > MOST_MOVED {
+        note(format!("NIfTI-1's 32-bit places move voxels by up to {moved:.4} mm; .nrrd and .mha keep them"));
+    }
+    header_1(grid, voxel_type, scale, field)
+}
+
+/// Whether NIfTI-1 counts so many voxels.
+fn fits_1(grid: &Grid) -> bool {
+    grid.dims().iter().all(|&n| i16::try_from(n).is_ok())
 }
 
 /// How far rounding the affine to `f32` moves a corner voxel at most [mm].

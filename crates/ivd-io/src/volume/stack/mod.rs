@@ -97,17 +97,33 @@ fn pictures(dir: &Path) -> Result<Slices<Kind>, Error> {
     match (png.is_empty(), tiff.is_empty()) {
         (false, true) => Ok(Slices { kind: Kind::Png, files: png, foreign }),
         (true, false) => Ok(Slices { kind: Kind::Tiff, files: tiff, foreign }),
-        (true, true) => Err(Error::choice(
-            dir,
-            format!("no DICOM, PNG or TIFF file among {} files", foreign.len()),
-            "for raw slices give dims and type",
-        )),
+        (true, true) => {
+            let problem = format!("no DICOM, PNG or TIFF file among {} files", foreign.len());
+            Err(match with_pictures_below(dir)? {
+                Some(name) => Error::choice(
+                    dir,
+                    format!("{problem}, but its folder {name} holds some"),
+                    "give that folder",
+                ),
+                None => Error::choice(dir, problem, "for raw slices give dims and type"),
+            })
+        }
         (false, false) => Err(Error::choice(
             dir,
             format!("{} PNG and {} TIFF files", png.len(), tiff.len()),
             "keep slices of one kind in a folder",
         )),
     }
+}
+
+/// The name of the first folder right below one that holds a picture; those that can't be read are passed over.
+fn with_pictures_below(dir: &Path) -> Result<Option<String>, Error> {
+    let holds_some = |folder: &PathBuf| {
+        let files = regular_files(folder).unwrap_or_default();
+        files.iter().any(|file| kind_of(file).is_ok_and(|kind| kind.is_some()))
+    };
+    let found = names::folders(dir)?.into_iter().find(holds_some);
+    Ok(found.and_then(|folder| Some(folder.file_name()?.to_string_lossy().into_owned())))
 }
 
 fn read_pictures(dir: &Path, spacing: Option<[f64; 3]>, exec: &Exec) -> Result<Volume, Error> {

@@ -17,6 +17,24 @@ pub(crate) fn regular_files(dir: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(files)
 }
 
+/// Most folders below one that are looked into.
+const MOST_FOLDERS: usize = 1000;
+
+/// The folders right below one (hidden ones and links left out), in the order of [`compare`], as many as are looked into.
+pub(crate) fn folders(dir: &Path) -> Result<Vec<PathBuf>, Error> {
+    let mut folders = Vec::new();
+    for entry in std::fs::read_dir(dir).map_err(|e| Error::io(dir, "open", e))? {
+        let entry = entry.map_err(|e| Error::io(dir, "list", e))?;
+        let hidden = entry.file_name().as_encoded_bytes().starts_with(b".");
+        if !hidden && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            folders.push(entry.path());
+        }
+    }
+    folders.sort_by(|a, b| compare(&name(a), &name(b)));
+    folders.truncate(MOST_FOLDERS);
+    Ok(folders)
+}
+
 fn name(path: &Path) -> Vec<u8> {
     path.file_name().unwrap_or_default().as_encoded_bytes().to_vec()
 }

@@ -43,6 +43,21 @@ fn png_slices_are_ordered_by_number_and_foreign_files_are_noted() {
 }
 
 #[test]
+fn a_folder_without_pictures_names_the_folder_below_that_holds_some() {
+    let dir = tempfile::tempdir().unwrap();
+    let told = || read_folder(dir.path(), None, None, &Exec::default()).unwrap_err().to_string();
+    for name in ["a2", "a10", ".hidden"] {
+        std::fs::create_dir(dir.path().join(name)).unwrap();
+    }
+    grey16(&dir.path().join(".hidden/0.png"), &[0; 6]);
+    assert!(told().contains("for raw slices give dims and type"), "{}", told());
+    grey16(&dir.path().join("a10/0.png"), &[0; 6]);
+    assert!(told().contains("among 0 files, but its folder a10 holds some; give that folder"), "{}", told());
+    grey16(&dir.path().join("a2/0.png"), &[0; 6]);
+    assert!(told().contains("its folder a2 holds some"), "{}", told());
+}
+
+#[test]
 fn colour_and_unequal_slices_are_refused_by_name() {
     let dir = tempfile::tempdir().unwrap();
     png(&dir.path().join("a.png"), ::png::ColorType::Rgb, ::png::BitDepth::Eight, [1, 1], &[1, 2, 3]);

@@ -7,11 +7,11 @@ use ::tiff::encoder::colortype::{
 use ::tiff::encoder::{Rational, TiffEncoder, TiffKind, TiffKindBig, TiffKindStandard, TiffValue};
 use ::tiff::tags::{ResolutionUnit, Tag};
 use ::tiff::{TiffError, TiffResult};
-use ivd_core::{Exec, Grid, Scalar, Volume, with_voxels};
+use ivd_core::{Exec, Grid, Scalar, Volume, VoxelType, with_voxels};
 
 use crate::volume::orientation;
 use crate::volume::replace::replace;
-use crate::volume::values::Values;
+use crate::volume::values::{Values, reals};
 use crate::volume::{Error, Written};
 
 /// Bytes that a page's tags may take in the file, generously, without the tables of its strips.
@@ -25,7 +25,7 @@ const STRIP_ENTRY: u64 = 8;
 ///
 /// The spacing goes where ImageJ looks for it: x and y in the resolution tags (pixels per cm), z in the description. That
 /// doesn't count the pages as ImageJ's own files do, so that ImageJ goes from page to page. Origin and direction have no place in the format: where they aren't those of a file without a space, a note says
-/// that they are left out. A volume with slope and intercept is written as real values in `f32`. Beyond 4 GiB the file
+/// that they are left out. A volume with slope and intercept is written as real values. Beyond 4 GiB the file
 /// is a BigTIFF. It is replaced at once, and left alone where it holds the same bytes.
 ///
 /// # Errors
@@ -115,10 +115,14 @@ impl<'a> Stack<'a> {
                 self.exec.check_cancelled()?;
                 match values {
                     Values::Stored => self.page(&mut encoder, voxels),
-                    Values::Real => {
-                        let real: Vec<f32> = voxels.iter().map(|v| volume.real(v.to_f64()) as f32).collect();
-                        self.page(&mut encoder, &real)
-                    }
+                    Values::Real(VoxelType::U8) => self.page(&mut encoder, &reals::<u8, _>(volume, voxels)),
+                    Values::Real(VoxelType::I8) => self.page(&mut encoder, &reals::<i8, _>(volume, voxels)),
+                    Values::Real(VoxelType::U16) => self.page(&mut encoder, &reals::<u16, _>(volume, voxels)),
+                    Values::Real(VoxelType::I16) => self.page(&mut encoder, &reals::<i16, _>(volume, voxels)),
+                    Values::Real(VoxelType::U32) => self.page(&mut encoder, &reals::<u32, _>(volume, voxels)),
+                    Values::Real(VoxelType::I32) => self.page(&mut encoder, &reals::<i32, _>(volume, voxels)),
+                    Values::Real(VoxelType::F32) => self.page(&mut encoder, &reals::<f32, _>(volume, voxels)),
+                    Values::Real(VoxelType::F64) => self.page(&mut encoder, &reals::<f64, _>(volume, voxels)),
                 }
                 .map_err(|e| self.failure(e))?;
             }

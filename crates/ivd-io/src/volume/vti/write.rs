@@ -11,7 +11,7 @@ use crate::vtk;
 
 /// Writes a `.vti` file: one piece, appended raw bytes, little endian, LPS.
 ///
-/// A volume with slope and intercept is written as real values in `f32`. The file is replaced at once, and left alone
+/// A volume with slope and intercept is written as real values. The file is replaced at once, and left alone
 /// where it holds the same bytes.
 ///
 /// # Errors

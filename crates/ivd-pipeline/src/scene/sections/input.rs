@@ -21,9 +21,13 @@ pub struct InputSection {
     /// Frame of a 4-D file, from 0.
     #[serde(default)]
     pub frame: Option<usize>,
-    /// DICOM series, where the folder holds several.
+    /// DICOM series, where the folder holds several: its number, its UID or the start of that.
     #[serde(default)]
     pub series: Option<String>,
+    /// Puts slices of a DICOM series that aren't evenly spaced onto even spacing, by linear interpolation. Without it such a series is
+    /// refused.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub resample_slices: bool,
     /// Distance of voxel centres (mm), for formats that don't say it.
     #[serde(default)]
     pub spacing: Option<[f64; 3]>,

@@ -4,4 +4,4 @@ mod input;
 mod output;
 
 pub use input::{InputSection, RawSection};
-pub use output::{OutputSection, Picture};
+pub use output::{MeshSpace, OutputSection, Picture};

@@ -1,5 +1,6 @@
 use std::path::{Path, PathBuf};
 
+use ivd_io::Space;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +27,25 @@ impl Picture {
     }
 }
 
+/// Which way the axes of a lattice's file run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum MeshSpace {
+    /// To the patient's right, front and head.
+    Ras,
+    /// To the patient's left, back and head.
+    Lps,
+}
+
+impl From<MeshSpace> for Space {
+    fn from(space: MeshSpace) -> Self {
+        match space {
+            MeshSpace::Ras => Self::Ras,
+            MeshSpace::Lps => Self::Lps,
+        }
+    }
+}
+
 /// `[output]`: names of files in the output folder. Nothing that isn't named is computed.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -45,6 +65,9 @@ pub struct OutputSection {
     pub animation: Option<PathBuf>,
     /// The deformed volume of every frame, each mapped and certified: `name.nii.gz` is written as `name_0001.nii.gz` and so on.
     pub volume_series: Option<PathBuf>,
+    /// Axes of the lattices' files, ras or lps; each says its own. Where this is left out ply, obj and stl are in RAS, vtp in LPS; glb
+    /// has the axes of its standard and takes no others.
+    pub space: Option<MeshSpace>,
     /// The displacement field from deformed to rest space, as a vector image.
     pub displacement: Option<PathBuf>,
     /// The labels.

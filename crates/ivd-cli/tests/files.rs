@@ -1,0 +1,158 @@
+//! Files that others open, and those that others exported: the axes of meshes, folders of DICOM.
+#![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
+
+use std::path::Path;
+
+use tempfile::tempdir;
+
+use crate::call::{ivd, json, refused};
+
+fn says(file: &Path, words: &str) -> bool {
+    std::fs::read(file).unwrap().windows(words.len()).any(|w| w == words.as_bytes())
+}
+
+#[test]
+fn a_mesh_goes_out_in_the_space_that_is_asked_for_and_comes_back_from_it() {
+    let folder = tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "24", "-o", "ball.ivd"]);
+    json(at, &["lattice", "ball.ivd", "--iso", "127.5", "-o", "lattice.ivd"]);
+    for ending in ["ply", "obj", "stl"] {
+        let files = ["", "ras", "lps"].map(|space| format!("a{space}.{ending}"));
+        json(at, &["export", "lattice.ivd", "-o", &files[0]]);
+        json(at, &["export", "lattice.ivd", "-o", &files[1], "--space", "ras"]);
+        json(at, &["export", "lattice.ivd", "-o", &files[2], "--space", "lps"]);
+        let bytes = |i: usize| std::fs::read(at.join(&files[i])).unwrap();
+        assert!(bytes(0) == bytes(1) && bytes(1) != bytes(2), "{ending}");
+        assert!(says(&at.join(&files[1]), "SPACE=RAS") && says(&at.join(&files[2]), "SPACE=LPS"));
+        // Read again both are the same lattice.
+        let hash = |i: usize| {
+            let words = ["lattice", "ball.ivd", "--mesh", &files[i], "-o", "back.ivd"];
+            json(at, &words)["output"]["hash"].as_str().unwrap().to_owned()
+        };
+        assert_eq!(hash(1), hash(2), "{ending}");
+    }
+    let (code, said) = refused(at, &["export", "lattice.ivd", "-o", "a.glb", "--space", "lps"]);
+    assert!(code == 2 && said.contains("leave the space out"), "{said}");
+    let (code, said) = refused(at, &["export", "ball.ivd", "-o", "a.nrrd", "--space", "lps"]);
+    assert!(code == 2 && said.contains("--space: a volume artefact"), "{said}");
+}
+
+#[test]
+fn a_scene_says_the_space_of_its_meshes() {
+    let folder = tempdir().unwrap();
+    let at = folder.path();
+    let scene = |space: &str, lattice: &str| {
+        let text = format!(
+            "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 24\n[lattice]\niso = 127.5\n[output]\nlattice = \"{lattice}\"\n{space}"
+        );
+        std::fs::write(at.join("scene.toml"), text).unwrap();
+    };
+    let run = || json(at, &["pipeline", "scene.toml", "--out", "out"])["outputs"][0]["written"].clone();
+    let file = at.join("out/a.stl");
+    for (space, words, written) in [
+        ("", "SPACE=RAS", true),
+        ("", "SPACE=RAS", false),
+        ("space = \"lps\"\n", "SPACE=LPS", true),
+        ("space = \"lps\"\n", "SPACE=LPS", false),
+        ("space = \"ras\"\n", "SPACE=RAS", true),
+    ] {
+        scene(space, "a.stl");
+        assert_eq!(run(), written, "{space}");
+        assert!(says(&file, words), "{space}");
+    }
+    scene("space = \"lps\"\n", "a.glb");
+    let (code, said) = refused(at, &["pipeline", "scene.toml", "--out", "out"]);
+    assert!(code == 2 && said.contains("output.lattice = a.glb: glb has axes of its own"), "{said}");
+}
+
+/// A DICOM slice of 3 × 2 pixels (PS3.10; Explicit VR Little Endian).
+fn slice(series: &str, number: &str, z: f64, value: u16) -> Vec<u8> {
+    let element = |group: u16, element: u16, kind: &[u8; 2], mut value: Vec<u8>| {
+        if value.len() % 2 == 1 {
+            value.push(if kind == b"UI" { 0 } else { b' ' });
+        }
+        let head = [group.to_le_bytes(), element.to_le_bytes(), *kind].concat();
+        let length = if kind == b"OW" {
+            [&[0; 2][..], &(value.len() as u32).to_le_bytes()].concat()
+        } else {
+            (value.len() as u16).to_le_bytes().to_vec()
+        };
+        [head, length, value].concat()
+    };
+    let short = |n: u16| n.to_le_bytes().to_vec();
+    let text = |words: &str| words.as_bytes().to_vec();
+    let meta = element(2, 0x10, b"UI", text("1.2.840.10008.1.2.1"));
+    let elements = [
+        element(2, 0, b"UL", (meta.len() as u32).to_le_bytes().to_vec()),
+        meta,
+        element(8, 0x60, b"CS", text("CT")),
+        element(8, 0x103e, b"LO", text("Thorax of Nemo")),
+        element(0x10, 0x10, b"PN", text("Nemo^Nobody")),
+        element(0x20, 0x0e, b"UI", text(series)),
+        element(0x20, 0x11, b"IS", text(number)),
+        element(0x20, 0x32, b"DS", text(&format!("0\\0\\{z}"))),
+        element(0x20, 0x37, b"DS", text("1\\0\\0\\0\\1\\0")),
+        element(0x28, 0x02, b"US", short(1)),
+        element(0x28, 0x04, b"CS", text("MONOCHROME2")),
+        element(0x28, 0x10, b"US", short(2)),
+        element(0x28, 0x11, b"US", short(3)),
+        element(0x28, 0x30, b"DS", text("0.5\\0.25")),
+        element(0x28, 0x100, b"US", short(16)),
+        element(0x28, 0x101, b"US", short(16)),
+        element(0x28, 0x102, b"US", short(15)),
+        element(0x28, 0x103, b"US", short(0)),
+        element(0x7fe0, 0x10, b"OW", [value; 6].into_iter().flat_map(u16::to_le_bytes).collect()),
+    ];
+    [&[0; 128], &b"DICM"[..], &elements.concat()].concat()
+}
+
+/// A folder as a scanner exports it: series 4, evenly spaced, and series 11, which isn't, each in a folder of its own below another.
+pub(crate) fn export(folder: &Path) {
+    for (series, number, heights) in [("1.2.3", "4", [0.0, 2.0, 4.0]), ("1.2.9", "11", [0.0, 2.0, 6.0])] {
+        let below = folder.join(format!("patient/s{number}"));
+        std::fs::create_dir_all(&below).unwrap();
+        for z in heights {
+            std::fs::write(below.join(format!("{z}")), slice(series, number, z, 10 * z as u16)).unwrap();
+        }
+    }
+}
+
+#[test]
+fn series_below_a_folder_are_listed_and_taken_by_the_word_that_is_shown() {
+    let folder = tempdir().unwrap();
+    let at = folder.path();
+    export(&at.join("scan"));
+    let listed = json(at, &["info", "scan", "--series"]);
+    assert_eq!((&listed["kind"], listed["series"].as_array().unwrap().len()), (&"dicom folder".into(), 2));
+    let words: Vec<&str> =
+        listed["series"].as_array().unwrap().iter().map(|s| s["series"].as_str().unwrap()).collect();
+    assert_eq!(words, ["4", "11"]);
+    assert_eq!((&listed["series"][0]["slices"], &listed["series"][1]["uneven_mm"]), (&3.into(), &2.0.into()));
+    let output = ivd(at, &["info", "scan", "--series"]);
+    let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    let line = "4: CT, `THORAX OF ***`, 3 slices of 3×2, 0.2500 × 0.5000 × 2.0000 mm";
+    assert!(text.contains(line) && !text.to_lowercase().contains("nemo"), "{text}");
+    let described = json(at, &["info", "scan", "--series=4"]);
+    assert_eq!(described["content"]["grid"]["dims"], serde_json::json!([3, 2, 3]));
+    let (code, said) = refused(at, &["import", "scan", "-o", "a.ivd"]);
+    assert!(code == 3 && said.contains("2 series fit") && said.contains("--series"), "{said}");
+    let (code, said) = refused(at, &["import", "scan", "--series", "11", "-o", "a.ivd"]);
+    assert!(
+        code == 3 && said.contains("--resample-slices") && !said.to_lowercase().contains("nemo"),
+        "{said}"
+    );
+    let even = json(at, &["import", "scan", "--series", "11", "--resample-slices", "-o", "a.ivd"]);
+    assert_eq!(even["metrics"]["dims"], serde_json::json!([3, 2, 4]));
+    assert_eq!(even["params"]["file"]["resample_slices"], true);
+    let plain = json(at, &["import", "scan", "--series", "4", "-o", "b.ivd"]);
+    assert!(plain["params"]["file"].get("resample_slices").is_none(), "keys of before stay what they were");
+    std::fs::write(
+        at.join("scene.toml"),
+        "schema = 1\n[input]\nfile = \"scan\"\nseries = \"11\"\nresample_slices = true\n[segment]\nmethod = \"threshold\"\nvalues = [30]\n\
+         [output]\nlabels = \"l.nrrd\"\n",
+    )
+    .unwrap();
+    let ran = json(at, &["pipeline", "scene.toml", "--out", "out"]);
+    assert_eq!(ran["stages"][0]["output"]["hash"], even["output"]["hash"]);
+}
