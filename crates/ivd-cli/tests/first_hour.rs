@@ -274,3 +274,43 @@ fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
         assert!(refused.status.code() == Some(2) && told.contains(word), "{told}");
     }
 }
+
+#[test]
+fn a_displacement_goes_out_and_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "40", "-o", "v.ivd"]);
+    json(at, &["lattice", "v.ivd", "--iso", "128", "-o", "l.ivd"]);
+    json(at, &["octree", "l.ivd", "-o", "o.ivd"]);
+    let handle = "pick=20,33,20;move=0,-3,1;radius=12";
+    json(at, &["deform", "l.ivd", "--handle", handle, "-o", "m.ivd"]);
+    let map = json(at, &["map", "l.ivd", "o.ivd", "m.ivd", "-o", "d.ivd"]);
+    json(at, &["warp", "v.ivd", "d.ivd", "-o", "warped.ivd"]);
+    for format in ["nrrd", "nii.gz"] {
+        for (direction, exact) in [("inverse", true), ("forward", false)] {
+            let file = format!("field-{direction}.{format}");
+            json(at, &["export", "d.ivd", "-o", &file, "--direction", direction]);
+            let back = json(at, &["import", &file, "--displacement", "-o", "back.ivd"]);
+            let told = &back["metrics"];
+            assert_eq!((&told["direction"], &told["folds"]), (&direction.into(), &0.into()), "{file}");
+            let largest = told["largest_mm"].as_f64().unwrap();
+            assert!(
+                (largest / map["metrics"]["largest_mm"].as_f64().unwrap() - 1.0).abs() < 0.02,
+                "{file}: {told}"
+            );
+            json(at, &["warp", "v.ivd", "back.ivd", "-o", "again.ivd"]);
+            let off = json(at, &["compare", "warped.ivd", "again.ivd"])["max"].as_f64().unwrap();
+            // The field that pulls is the same to the last bit; the other one's inverse is found anew.
+            assert!(if exact { off == 0.0 } else { off <= 1.0 }, "{file}: {off}");
+            let other =
+                if direction == "inverse" { "--displacement=forward" } else { "--displacement=inverse" };
+            let refused = ivd(at, &["import", &file, other, "-o", "x.ivd"]);
+            let told = String::from_utf8(refused.stderr).unwrap();
+            assert!(refused.status.code() == Some(2) && told.contains("the file says"), "{told}");
+        }
+    }
+    // A volume is no field, and is told so.
+    json(at, &["export", "v.ivd", "-o", "v.nrrd"]);
+    let refused = ivd(at, &["import", "v.nrrd", "--displacement=inverse", "-o", "x.ivd"]);
+    assert_eq!(refused.status.code(), Some(3), "{}", String::from_utf8_lossy(&refused.stderr));
+}

@@ -3,6 +3,7 @@
 //! - [`certificate::certify`] proves that a field is free of folds; [`inverse::invert`] finds where every voxel came from.
 //! - [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through a [`Displacement`](ivd_core::Displacement). Only bricks
 //!   that moved are visited.
+//! - [`given::displacement`] makes a displacement of one field, such as another program's.
 //! - [`combine`] combines deformed things, or things at rest: union, intersection, difference. [`clip`] throws a part of one away.
 //! - [`class_volume::by_class`] tells what every class gains or loses.
 //! - [`shape`] has the changes of space within a ball that move lattices and voxels alike.
@@ -38,6 +39,7 @@ pub mod combine;
 pub mod falloff;
 #[cfg(any(test, feature = "fixtures"))]
 pub mod fixtures;
+pub mod given;
 pub mod inverse;
 pub mod param;
 pub mod sampler;

@@ -31,11 +31,12 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
     match command {
         Command::Demo { out } => pipeline::demo(&out, context),
         Command::Pipeline(args) => pipeline::run(&args, context),
-        Command::Import { source, labels, mask, raw, output } => {
-            let taken = match (labels, mask) {
-                (true, _) => volume::Taken::Labels,
-                (false, true) => volume::Taken::Mask,
-                (false, false) => volume::Taken::Volume,
+        Command::Import { source, labels, mask, displacement, raw, output } => {
+            let taken = match (labels, mask, displacement) {
+                (_, _, Some(direction)) => volume::Taken::Displacement(direction),
+                (true, _, None) => volume::Taken::Labels,
+                (false, true, None) => volume::Taken::Mask,
+                (false, false, None) => volume::Taken::Volume,
             };
             volume::import(&source, taken, &raw, &output.path, context)
         }

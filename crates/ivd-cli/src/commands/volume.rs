@@ -6,7 +6,7 @@ use ivd_artefact::Artefact;
 use ivd_core::{Classified, VoxelType};
 use ivd_io::Space;
 use ivd_io::volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
-use ivd_pipeline::stages::{Import, ImportLabels, ImportMask, ImportSource, ImportTransfer};
+use ivd_pipeline::stages::{Import, ImportField, ImportLabels, ImportMask, ImportSource, ImportTransfer};
 use ivd_pipeline::{ExportOptions, Inputs, Stage, ending, export as write_as, export_with};
 
 use crate::args::{Direction, MeshSpace, Raw};
@@ -23,6 +23,8 @@ pub(super) enum Taken {
     Labels,
     /// Inside where they aren't 0.
     Mask,
+    /// Vectors of a displacement field.
+    Displacement(Option<Direction>),
 }
 
 /// `ivd import`.
@@ -38,17 +40,32 @@ pub(super) fn import(
         let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
         return finish(&stage, done, output, context);
     }
+    if let Taken::Displacement(direction) = taken {
+        let direction = direction.map(FieldDirection::from);
+        let stage = ImportField { path: source.to_owned(), direction };
+        let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
+        return finish(&stage, done, output, context);
+    }
     let stage = Import { source: ImportSource::File { path: source.to_owned(), options: options(raw)? } };
     let cache = context.stage_cache()?;
     let done = context.run(&cache, &stage, &Inputs::default())?;
     let taken: &dyn Stage = match taken {
-        Taken::Volume => return finish(&stage, done, output, context),
+        Taken::Volume | Taken::Displacement(_) => return finish(&stage, done, output, context),
         Taken::Labels => &ImportLabels,
         Taken::Mask => &ImportMask,
     };
     let inputs = Inputs::default().with("volume", done.input());
     let done = context.run(&cache, taken, &inputs)?;
     finish(taken, done, output, context)
+}
+
+impl From<Direction> for FieldDirection {
+    fn from(direction: Direction) -> Self {
+        match direction {
+            Direction::Forward => Self::Forward,
+            Direction::Inverse => Self::Inverse,
+        }
+    }
 }
 
 /// What the flags say about a file.
@@ -158,10 +175,7 @@ pub(super) fn export(
         MeshSpace::Ras => Space::Ras,
         MeshSpace::Lps => Space::Lps,
     });
-    let direction = match direction {
-        Some(Direction::Forward) => FieldDirection::Forward,
-        Some(Direction::Inverse) | None => FieldDirection::Inverse,
-    };
+    let direction = direction.map(FieldDirection::from).unwrap_or_default();
     let moved = lattice.map(|path| context.artefact(path)).transpose()?;
     let moved = match (moved.as_ref().map(|input| &*input.artefact), &*input.artefact) {
         (None, _) => None,

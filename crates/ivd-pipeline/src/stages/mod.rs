@@ -4,6 +4,7 @@ mod clip;
 mod combine;
 mod drawn;
 mod import;
+mod import_field;
 mod imported_lattice;
 mod lattice_parts;
 
@@ -20,6 +21,7 @@ pub use import::{
     IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportMask, ImportMaskFigures,
     ImportSource, ImportTransfer, ImportTransferFigures,
 };
+pub use import_field::{ImportField, ImportFieldFigures};
 pub use imported_lattice::ImportedLattice;
 pub use lattice_parts::part_lattices;
 

@@ -18,6 +18,8 @@ pub(super) struct Header {
     /// Header and voxels are in one file.
     pub(super) single: bool,
     pub(super) dim: [i64; 8],
+    pub(super) intent: i32,
+    pub(super) intent_name: String,
     pub(super) datatype: i16,
     pub(super) bitpix: i16,
     pub(super) pixdim: [f64; 8],
@@ -33,6 +35,11 @@ pub(super) struct Header {
     /// Rows x, y, z.
     pub(super) srow: [[f64; 4]; 3],
 }
+
+/// `intent_code` of displacements, along RAS.
+const INTENT_DISPLACEMENTS: i32 = 1006;
+/// `intent_code` of vectors; those of ITK and ANTs are along LPS.
+const INTENT_VECTOR: i32 = 1007;
 
 /// Numbers at fixed places, in the file's order.
 struct Fields<'a> {
@@ -63,6 +70,12 @@ impl Fields<'_> {
     fn f64(&self, at: usize) -> f64 {
         f64::from_le_bytes(self.take(at))
     }
+}
+
+/// A text of fixed length, up to its first zero.
+fn text(bytes: &[u8]) -> String {
+    let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
+    String::from_utf8_lossy(&bytes[..end]).into_owned()
 }
 
 /// Version and byte order, told by the first field, the header's own size.
@@ -110,6 +123,8 @@ impl Header {
             order: f.order,
             single,
             dim: std::array::from_fn(|i| i64::from(f.i16(40 + 2 * i))),
+            intent: i32::from(f.i16(68)),
+            intent_name: text(&f.bytes[328..344]),
             datatype: f.i16(70),
             bitpix: f.i16(72),
             pixdim: std::array::from_fn(|i| f.f32(76 + 4 * i)),
@@ -136,6 +151,8 @@ impl Header {
             order: f.order,
             single,
             dim: std::array::from_fn(|i| f.i64(16 + 8 * i)),
+            intent: f.i32(504),
+            intent_name: text(&f.bytes[508..524]),
             datatype: f.i16(12),
             bitpix: f.i16(14),
             pixdim: std::array::from_fn(|i| f.f64(104 + 8 * i)),
@@ -149,6 +166,16 @@ impl Header {
             qoffset: std::array::from_fn(|i| f.f64(376 + 8 * i)),
             srow: std::array::from_fn(|r| std::array::from_fn(|c| f.f64(400 + 32 * r + 8 * c))),
         })
+    }
+
+    /// Whether it is a field of three components along RAS or along LPS (`true`), as ITK takes the intents; `None` where it is none.
+    pub(super) fn is_field_in_lps(&self) -> Option<bool> {
+        let is_vectors = self.dim[0] == 5 && self.dim[4] <= 1 && self.dim[5] == 3;
+        match self.intent {
+            INTENT_VECTOR if is_vectors => Some(true),
+            INTENT_DISPLACEMENTS if is_vectors => Some(false),
+            _ => None,
+        }
     }
 
     /// Voxels along x, y, z, and the number of frames.

@@ -17,9 +17,10 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use flate2::bufread::MultiGzDecoder;
-use ivd_core::{Exec, Volume};
+use ivd_core::{Exec, Grid, Volume, Voxels};
 
 use crate::volume::bounded::{self, Packing};
+use crate::volume::given_field::Components;
 use crate::volume::stored::{self, Layout};
 use crate::volume::{Error, frames};
 use ending::strip_ending;
@@ -49,44 +50,97 @@ pub(crate) fn unpacked_head(path: &Path) -> Result<Vec<u8>, Error> {
 
 /// Reads a volume; `frame` chooses one of a 4-D file.
 pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Volume, Error> {
-    let [header_path, data_path] = parts(path);
-    let mut stream = Stream::open(&header_path)?;
-    let mut bytes = vec![0; header::SIZE_2];
-    // A NIfTI-2 header is the longer one; what follows a NIfTI-1 header must not be lost.
-    let first = bounded::read_up_to(&mut stream.reader, &header_path, &mut bytes[..header::SIZE_1])?;
-    let mut got = first;
-    if header::version(&bytes[..first]).is_some_and(|(version, _)| version == 2) {
-        got += bounded::read_up_to(&mut stream.reader, &header_path, &mut bytes[first..])?;
-    }
-    let header = Header::decode(&header_path, &bytes[..got])?;
-    let (dims, frames) = header.sizes(&header_path)?;
-    let count = bounded::voxel_count(&header_path, "dim", dims)?;
-    let file_type = header.file_type(&header_path)?;
-    let grid = orient::grid(&header_path, &header, dims)?;
-    let (slope, intercept) = header.scale(&header_path)?;
-    let offset = header.offset(&header_path)?;
-    let mut read = got as u64;
-    if !header.single {
-        stream = Stream::open(&data_path)?;
-        read = 0;
-    } else if header_path != path {
-        // A pair was named, but its header says that it holds the voxels itself.
-        return Err(Error::field(&header_path, "magic", "a single file beside an .img"));
-    }
-    let data = if header.single { &header_path } else { &data_path };
-    let mut layout = Layout {
-        file_type,
-        count,
-        order: header.order,
-        packing: stream.packing,
-        available: stream.length.saturating_sub(if stream.packing == Packing::Raw { read } else { 0 }),
-        skip: offset - read,
-    };
-    layout.fits(data, frames)?;
-    let frame = frames::choose(&header_path, "dim[4]", frames, frame)?;
-    layout.skip = frames::skip(data, layout.skip, frame, count, file_type)?;
-    let voxels = stored::read(&mut stream.reader, data, layout, exec)?;
+    let open = Open::of(path)?;
+    let (dims, frames) = open.header.sizes(&open.header_path)?;
+    let (grid, voxels, [slope, intercept]) = open.read(path, dims, frames, frame, 1, exec)?;
     Ok(Volume::with_scale(grid, voxels, slope, intercept)?)
+}
+
+/// Reads the components of a displacement field, one after the other.
+pub(crate) fn read_field(path: &Path, exec: &Exec) -> Result<Components, Error> {
+    let open = Open::of(path)?;
+    let Some(is_lps) = open.header.is_field_in_lps() else {
+        let problem = "not a field of vectors (five dimensions, the last of 3, intent 1006 or 1007)";
+        return Err(Error::field(path, "dim, intent_code", problem));
+    };
+    let says = open.header.intent_name.clone();
+    let dims = std::array::from_fn(|a| open.header.dim[a + 1].clamp(0, i64::MAX) as usize);
+    let (grid, voxels, scale) = open.read(path, dims, 1, None, 3, exec)?;
+    if scale != [1.0, 0.0] {
+        let problem = format!("a slope of {} and an intercept of {}", scale[0], scale[1]);
+        return Err(Error::field(path, "scl_slope, scl_inter", problem));
+    }
+    Ok(Components { grid, voxels, together: false, is_lps, says })
+}
+
+/// A file whose header is read.
+struct Open {
+    header_path: PathBuf,
+    data_path: PathBuf,
+    header: Header,
+    stream: Stream,
+    /// Bytes that are read of it.
+    got: usize,
+}
+
+impl Open {
+    fn of(path: &Path) -> Result<Self, Error> {
+        let [header_path, data_path] = parts(path);
+        let mut stream = Stream::open(&header_path)?;
+        let mut bytes = vec![0; header::SIZE_2];
+        // A NIfTI-2 header is the longer one; what follows a NIfTI-1 header must not be lost.
+        let first = bounded::read_up_to(&mut stream.reader, &header_path, &mut bytes[..header::SIZE_1])?;
+        let mut got = first;
+        if header::version(&bytes[..first]).is_some_and(|(version, _)| version == 2) {
+            got += bounded::read_up_to(&mut stream.reader, &header_path, &mut bytes[first..])?;
+        }
+        let header = Header::decode(&header_path, &bytes[..got])?;
+        Ok(Self { header_path, data_path, header, stream, got })
+    }
+
+    /// Reads a frame, of `components` numbers a voxel; gives slope and intercept too.
+    fn read(
+        self,
+        path: &Path,
+        dims: [usize; 3],
+        frames: usize,
+        frame: Option<usize>,
+        components: usize,
+        exec: &Exec,
+    ) -> Result<(Grid, Voxels, [f64; 2]), Error> {
+        let Self { header, header_path, data_path, mut stream, got } = self;
+        let (header_path, data_path) = (&header_path, &data_path);
+        let count = bounded::voxel_count(header_path, "dim", dims)?;
+        let count = count.checked_mul(components);
+        let count =
+            count.ok_or_else(|| Error::field(header_path, "dim", "more numbers than can be counted"))?;
+        let file_type = header.file_type(header_path)?;
+        let grid = orient::grid(header_path, &header, dims)?;
+        let (slope, intercept) = header.scale(header_path)?;
+        let offset = header.offset(header_path)?;
+        let mut read = got as u64;
+        if !header.single {
+            stream = Stream::open(data_path)?;
+            read = 0;
+        } else if header_path != path {
+            // A pair was named, but its header says that it holds the voxels itself.
+            return Err(Error::field(header_path, "magic", "a single file beside an .img"));
+        }
+        let data = if header.single { header_path } else { data_path };
+        let mut layout = Layout {
+            file_type,
+            count,
+            order: header.order,
+            packing: stream.packing,
+            available: stream.length.saturating_sub(if stream.packing == Packing::Raw { read } else { 0 }),
+            skip: offset - read,
+        };
+        layout.fits(data, frames)?;
+        let frame = frames::choose(header_path, "dim[4]", frames, frame)?;
+        layout.skip = frames::skip(data, layout.skip, frame, count, file_type)?;
+        let voxels = stored::read(&mut stream.reader, data, layout, exec)?;
+        Ok((grid, voxels, [slope, intercept]))
+    }
 }
 
 /// Whether the header has a qform or an sform.

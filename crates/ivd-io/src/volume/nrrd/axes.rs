@@ -16,7 +16,8 @@ pub(super) struct Axes {
 }
 
 impl Axes {
-    pub(super) fn of(path: &Path, header: &Header) -> Result<Self, Error> {
+    /// Those of a file with so many numbers a voxel, on its fastest axis where they are several.
+    pub(super) fn of(path: &Path, header: &Header, components: usize) -> Result<Self, Error> {
         let rank = header.fields.need(path, "dimension")?;
         let rank =
             rank.parse::<usize>().ok().filter(|n| (1..=16).contains(n)).ok_or_else(|| {
@@ -36,7 +37,12 @@ impl Axes {
             return Err(Error::field(path, "space directions", problem));
         }
         let spatial = spatial(path, header, &sizes, &directions)?;
-        let frames = frames(path, &sizes, &spatial)?;
+        let frames = if components == 1 {
+            frames(path, &sizes, &spatial)?
+        } else {
+            check_components(path, &sizes, &spatial, components)?;
+            1
+        };
         let mut dims = [1; 3];
         for (a, &axis) in spatial.iter().enumerate() {
             dims[a] = sizes[axis];
@@ -74,6 +80,16 @@ fn spatial(
         1..=3 => Ok(spatial),
         n => Err(Error::unsupported(path, format!("a volume with {n} axes in space"), "split it")),
     }
+}
+
+/// The fastest axis holds the components, and every other one beside space has size 1.
+fn check_components(path: &Path, sizes: &[usize], spatial: &[usize], components: usize) -> Result<(), Error> {
+    let others = sizes.iter().enumerate().skip(1).filter(|(axis, _)| !spatial.contains(axis));
+    if spatial.contains(&0) || sizes[0] != components || others.into_iter().any(|(_, size)| *size > 1) {
+        let problem = format!("not a field of {components} numbers a voxel, on the fastest axis");
+        return Err(Error::field(path, "sizes, kinds", problem));
+    }
+    Ok(())
 }
 
 /// Number of frames: the size of the slowest axis where it isn't spatial. Other axes beside space must have size 1.

@@ -27,7 +27,10 @@ pub(super) fn read(path: &Path) -> Result<Header, Error> {
 
 /// Name and value of a line; `None` for a line that isn't the format's.
 fn field<'t>(path: &Path, text: &'t str) -> Result<Option<(&'t str, &'t str)>, Error> {
-    // `key:=value` pairs are the writer's own; `#` opens a comment.
+    // `key:=value` pairs are the writer's own: one of ours says which way a displacement field leads. `#` opens a comment.
+    if let Some(direction) = text.strip_prefix("displacement:=") {
+        return Ok(Some(("displacement", direction)));
+    }
     if text.starts_with('#') || text.find(":=").is_some_and(|at| text.find(": ").is_none_or(|f| at < f)) {
         return Ok(None);
     }

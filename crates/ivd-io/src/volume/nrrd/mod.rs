@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use ivd_core::{Exec, Volume, VoxelType};
 
 use crate::volume::data::{self, DataFile, Encoding, Frames, Start};
+use crate::volume::given_field::Components;
 use crate::volume::stored::FileType;
 use crate::volume::text_header::Header;
 use crate::volume::{ByteOrder, Error, bounded};
@@ -22,22 +23,48 @@ pub(crate) use write::{field, write};
 /// Reads a volume; `frame` chooses one of a file whose slowest axis isn't space.
 pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Volume, Error> {
     let header = header::read(path)?;
-    let axes = Axes::of(path, &header)?;
+    let axes = Axes::of(path, &header, 1)?;
+    let voxels = data_file(path, &header, &axes, 1, frame)?.read(exec)?;
+    Ok(Volume::new(axes.grid, voxels)?)
+}
+
+/// Reads the vectors of a displacement field: three numbers a voxel, on the fastest axis, along LPS.
+pub(crate) fn read_field(path: &Path, exec: &Exec) -> Result<Components, Error> {
+    let header = header::read(path)?;
+    let axes = Axes::of(path, &header, 3)?;
+    let space = header.fields.get("space").unwrap_or("left-posterior-superior").to_lowercase();
+    if !["left-posterior-superior", "lps"].contains(&space.as_str()) {
+        let remedy = "give it in left-posterior-superior, as ITK and 3D Slicer write it";
+        return Err(Error::unsupported(path, format!("a displacement field in space `{space}`"), remedy));
+    }
+    let voxels = data_file(path, &header, &axes, 3, None)?.read(exec)?;
+    let says = header.fields.get("displacement").unwrap_or_default().to_owned();
+    Ok(Components { grid: axes.grid, voxels, together: true, is_lps: true, says })
+}
+
+/// Where the voxels are, of some numbers each.
+fn data_file(
+    path: &Path,
+    header: &Header,
+    axes: &Axes,
+    components: usize,
+    frame: Option<usize>,
+) -> Result<DataFile, Error> {
     let count = bounded::voxel_count(path, "sizes", axes.dims)?;
-    let file_type = file_type(path, &header)?;
-    let encoding = encoding(path, &header)?;
-    let (data_path, offset) = data::place(path, data_name(path, &header)?.as_deref(), header.length);
-    let data = DataFile {
+    let count = count.checked_mul(components);
+    let file_type = file_type(path, header)?;
+    let encoding = encoding(path, header)?;
+    let (data_path, offset) = data::place(path, data_name(path, header)?.as_deref(), header.length);
+    Ok(DataFile {
         path: data_path,
         offset,
-        start: start(path, &header, encoding)?,
+        start: start(path, header, encoding)?,
         encoding,
-        order: order(path, &header, file_type, encoding)?,
+        order: order(path, header, file_type, encoding)?,
         file_type,
-        count,
+        count: count.ok_or_else(|| Error::field(path, "sizes", "more numbers than can be counted"))?,
         frames: Frames { field: "sizes", count: axes.frames, chosen: frame },
-    };
-    Ok(Volume::new(axes.grid, data.read(exec)?)?)
+    })
 }
 
 /// Whether the header names a space of anatomy.
