@@ -12,6 +12,7 @@ mod killed;
 mod lattice;
 mod neck;
 mod parts;
+mod pictures;
 mod program;
 mod segment;
 mod snapshots;
