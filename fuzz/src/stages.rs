@@ -124,7 +124,7 @@ pub fn draw(
 ) {
     use ivd_render::{Mode, RenderParams, Scene, render};
     for mode in [Mode::Dvr, Mode::Mip, Mode::Iso { value: 0.5 }] {
-        let scene = Scene { volume, transfer: Some(transfer), labels, displacement, lattice: None };
+        let scene = Scene { transfer: Some(transfer), labels, displacement, ..Scene::new(volume) };
         let params = RenderParams { size: [4, 4], mode, ..RenderParams::default() };
         if let Ok(rendered) = render(&scene, &params, exec()) {
             assert!(rendered.samples_per_pixel.is_finite());

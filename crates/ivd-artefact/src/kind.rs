@@ -5,7 +5,7 @@ const TABLE: [(Kind, u16, u16); 10] = [
     (Kind::Volume, 1, 2),
     (Kind::Labels, 2, 1),
     (Kind::Mask, 3, 1),
-    (Kind::Transfer, 4, 2),
+    (Kind::Transfer, 4, 3),
     (Kind::Lattice, 5, 1),
     (Kind::Octree, 6, 1),
     (Kind::Motion, 7, 2),

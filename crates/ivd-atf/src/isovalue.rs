@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::figures::Figures;
 use crate::params::Params;
 use crate::range::range_of;
-use crate::roles::are_hounsfield;
+use crate::roles::{Role, are_hounsfield};
 
 /// Share of the value range over which opacity rises at the isovalue.
 const RISE: f64 = 1.0 / 64.0;
@@ -43,6 +43,7 @@ pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) ->
     let table = (0..params.resolution).map(|i| [r, g, b, most * weight(value(i)) as f32]).collect();
     let entry = TransferEntry {
         class: NO_DATA,
+        role: Role::Material,
         rgb: [r, g, b],
         opacity: most,
         lower: iso,

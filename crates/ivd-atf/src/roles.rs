@@ -7,16 +7,7 @@ use crate::statistics::ClassStatistics;
 use crate::structure::Structure;
 use ivd_core::{Modality, NO_DATA};
 
-/// What a class is to a picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Role {
-    /// Round the matter, or gas in it: clear.
-    Background,
-    /// Matter: visible.
-    Material,
-    /// Voxels that lie partly in one material and partly in another: no matter of their own.
-    Transition,
-}
+pub(crate) use ivd_core::ClassRole as Role;
 
 /// Share of the background's voxels, at least, that are joined to the volume's outermost layer.
 const JOINED: f64 = 0.9;

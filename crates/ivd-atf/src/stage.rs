@@ -21,7 +21,7 @@ pub const STAGE: Stage = Stage {
 const METHODS: &[Method] = &[method::<Params>("")];
 
 impl Op for Params {
-    const REVISION: u32 = 4;
+    const REVISION: u32 = 5;
     type Inputs<'a> = Inputs<'a>;
     type Output = TransferFunction;
     type Figures = Figures;

@@ -7,7 +7,7 @@ use ivd_artefact::{Artefact, Cache, Provenance, write_again, write_with_metrics}
 use ivd_core::op::{self, Field, alternatives, fields};
 use ivd_core::{Classified, Kind};
 use ivd_io::volume::ReadOptions;
-use ivd_pipeline::stages::{Import, ImportLabels, ImportMask, ImportSource};
+use ivd_pipeline::stages::{Import, ImportLabels, ImportMask, ImportSource, ImportTransfer};
 use ivd_pipeline::{
     Input, Inputs, OutputRecord, Stage, StageRecord, StageResult, ending, export, labels_volume, mask_volume,
 };
@@ -61,13 +61,18 @@ pub(crate) fn kinds_of(stage: &op::Stage, slot: &str) -> &'static [Kind] {
     known.map_or(&[], |known| known.kinds)
 }
 
-/// A file's value: an artefact's, or what a volume file of any format is taken for where one of the kinds can be read from one.
+/// A file's value: an artefact's, or what a volume file of any format is taken for where one of the kinds can be read from one, or what a JSON
+/// file holds where a transfer function is wanted.
 pub(crate) fn file_for(
     file: &Path,
     kinds: &[Kind],
     cache: &Cache,
     context: &Context,
 ) -> anyhow::Result<Input> {
+    if *kinds == [Kind::Transfer] && !ivd_artefact::is_artefact(file) && ending(file) == "json" {
+        let stage = ImportTransfer { path: file.to_owned() };
+        return Ok(context.run(cache, &stage, &Inputs::default())?.input());
+    }
     let read = |kind: &&Kind| matches!(kind, Kind::Volume | Kind::Labels | Kind::Mask);
     let Some(kind) = kinds.iter().find(read).filter(|_| !ivd_artefact::is_artefact(file)) else {
         return context.stage_input(file);

@@ -14,6 +14,7 @@ mod killed;
 mod lattice;
 mod neck;
 mod parts;
+mod pictures;
 mod program;
 mod recipes;
 mod segment;

@@ -2,11 +2,34 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
+/// What a class is to a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ClassRole {
+    /// Round the matter, or gas in it: clear.
+    Background,
+    /// Matter: visible.
+    #[default]
+    Material,
+    /// Voxels that lie partly in one material and partly in another: no matter of their own, drawn as a mix of the two.
+    Transition,
+}
+
+impl ClassRole {
+    /// Whether it is a material, which nobody need say.
+    pub fn is_material(&self) -> bool {
+        *self == Self::Material
+    }
+}
+
 /// What one class contributes to a transfer function.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TransferEntry {
     /// Class of the label volume; 0 for an entry that holds for every voxel.
     pub class: u16,
+    /// What it is to a picture. Files of before there were roles say that all are materials.
+    #[serde(default, skip_serializing_if = "ClassRole::is_material")]
+    pub role: ClassRole,
     /// Colour, linear RGB in 0…1.
     pub rgb: [f32; 3],
     /// Peak opacity over [`TransferFunction::reference_mm`], 0…1.
@@ -192,6 +215,16 @@ impl TransferFunction {
     /// What each class contributes.
     pub fn entries(&self) -> &[TransferEntry] {
         &self.entries
+    }
+
+    /// The same with another table, of the same shape, and other entries.
+    ///
+    /// # Errors
+    /// As [`TransferFunction::new`].
+    pub fn with_looks(self, table: Vec<[f32; 4]>, entries: Vec<TransferEntry>) -> Result<Self, Error> {
+        let gradient = self.gradient;
+        let new = Self::new(self.range, self.resolution, self.reference_mm, self.classes, table, entries)?;
+        Ok(Self { gradient, ..new })
     }
 
     /// Row for a label: its own, else row 0.

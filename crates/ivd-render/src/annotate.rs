@@ -121,12 +121,34 @@ impl Canvas {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::Held;
+    use crate::{RenderParams, Side, View};
 
     #[test]
     fn letters_name_the_nearest_body_axis() {
         assert_eq!(letter(Vector3::new(-0.9, 0.1, 0.3)), 'L');
         assert_eq!(letter(Vector3::new(0.1, 0.9, -0.3)), 'A');
         assert_eq!(letter(Vector3::new(0.0, 0.1, -0.3)), 'I');
+    }
+
+    #[test]
+    fn a_side_of_the_patient_has_its_letters_where_one_who_stands_there_sees_them() {
+        let grid = ivd_core::Grid::with_spacing([4; 3], [1.0; 3]).unwrap();
+        // To the picture's left, to its right, up.
+        for (side, letters) in [
+            (Side::Front, "RLS"),
+            (Side::Left, "APS"),
+            (Side::Back, "LRS"),
+            (Side::Right, "PAS"),
+            (Side::Top, "RLP"),
+            (Side::Bottom, "RLA"),
+        ] {
+            let view = View { angles: side.angles(), ..View::FRONT };
+            let params = RenderParams { view, ..RenderParams::default() };
+            let camera = Camera::new(&grid, &params, &Held::Volume);
+            let found: String = [-camera.right, camera.right, camera.up].into_iter().map(letter).collect();
+            assert_eq!(found, letters, "{side:?}");
+        }
     }
 
     #[test]

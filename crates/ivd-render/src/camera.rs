@@ -1,6 +1,7 @@
 use ivd_core::{Grid, VoxelCoord};
 use nalgebra::Vector3;
 
+use crate::fit::{self, Extents, Held};
 use crate::{Projection, RenderParams};
 
 /// Angle across the shorter side at zoom 1 [degrees].
@@ -12,10 +13,10 @@ pub(crate) struct Camera {
     pub(crate) towards_eye: Vector3<f64>,
     pub(crate) right: Vector3<f64>,
     pub(crate) up: Vector3<f64>,
-    /// Size of a pixel in the plane through the volume's centre [mm].
+    /// Size of a pixel in the plane through what the camera looks at [mm].
     pub(crate) pixel_mm: f64,
     centre: Vector3<f64>,
-    /// Distance of the eye, or of the plane that parallel rays start from, to the centre [mm].
+    /// Distance of the eye, or of the plane that parallel rays start from, to what the camera looks at [mm].
     distance: f64,
     projection: Projection,
     size: [usize; 2],
@@ -61,28 +62,23 @@ impl Ray {
 }
 
 impl Camera {
-    pub(crate) fn new(grid: &Grid, params: &RenderParams) -> Self {
+    pub(crate) fn new(grid: &Grid, params: &RenderParams, held: &Held) -> Self {
         let [(sin_a, cos_a), (sin_e, cos_e)] = params.view.angles.map(|angle| angle.to_radians().sin_cos());
         let towards_eye = Vector3::new(-sin_a * cos_e, cos_a * cos_e, sin_e);
         let up = Vector3::new(sin_a * sin_e, -cos_a * sin_e, cos_e);
-        let dims = grid.dims();
-        let centre = grid.world(VoxelCoord(Vector3::from_fn(|a, _| 0.5 * (dims[a] - 1) as f64))).0;
-        let radius = radius(grid);
-        let half_angle = 0.5 * VIEW_ANGLE_DEG.to_radians();
-        let (distance, half_height) = match params.view.projection {
-            Projection::Orthographic => (2.0 * radius, radius),
-            Projection::Perspective => (radius / half_angle.sin(), radius / half_angle.cos()),
+        let right = up.cross(&towards_eye);
+        let Placed { centre, distance, pixel_mm } = match held {
+            Held::Volume => Placed::round_volume(grid, params),
+            Held::Places(places) => Placed::round_places(grid, params, places, [right, up, towards_eye]),
         };
         let to_voxel = grid.inverse_linear_part();
-        let right = up.cross(&towards_eye);
         // Differences to the grid's origin first: an origin 10⁶ mm away costs no precision.
         let start = to_voxel * ((centre - Vector3::from(grid.origin())) + towards_eye * distance);
-        let smallest = grid.shortest_edge();
         Self {
             towards_eye,
             right,
             up,
-            pixel_mm: 2.0 * half_height / params.view.zoom / params.size[0].min(params.size[1]) as f64,
+            pixel_mm: pixel_mm / params.view.zoom,
             centre,
             distance,
             projection: params.view.projection,
@@ -91,19 +87,14 @@ impl Camera {
             voxels_right: to_voxel * right,
             voxels_up: to_voxel * up,
             voxels_away: to_voxel * -towards_eye,
-            dims,
-            step_mm: params.step * smallest,
+            dims: grid.dims(),
+            step_mm: step_mm(grid, params),
         }
     }
 
     /// Width and height (pixels).
     pub(crate) fn size(&self) -> [usize; 2] {
         self.size
-    }
-
-    /// Distance of samples [mm].
-    pub(crate) fn step_mm(&self) -> f64 {
-        self.step_mm
     }
 
     /// Pixel coordinates of a world position: the middle of the top left pixel is (0, 0). `None` behind the eye.
@@ -193,6 +184,66 @@ impl Camera {
     }
 }
 
+/// Where a camera looks, from how far, and the size of a pixel there at zoom 1 [mm].
+struct Placed {
+    centre: Vector3<f64>,
+    distance: f64,
+    pixel_mm: f64,
+}
+
+impl Placed {
+    /// The sphere round the volume fits across the shorter side.
+    fn round_volume(grid: &Grid, params: &RenderParams) -> Self {
+        let radius = radius(grid);
+        let half_angle = 0.5 * VIEW_ANGLE_DEG.to_radians();
+        let (distance, half_height) = match params.view.projection {
+            Projection::Orthographic => (2.0 * radius, radius),
+            Projection::Perspective => (radius / half_angle.sin(), radius / half_angle.cos()),
+        };
+        let pixel_mm = 2.0 * half_height / params.size[0].min(params.size[1]) as f64;
+        Self { centre: centre(grid), distance, pixel_mm }
+    }
+
+    /// Places about the middle of the volume fit, seen along these axes: to the right, up, towards the eye.
+    fn round_places(
+        grid: &Grid,
+        params: &RenderParams,
+        places: &[Vector3<f64>],
+        axes: [Vector3<f64>; 3],
+    ) -> Self {
+        let extents = Extents::new(places, axes);
+        let off_centre: Vector3<f64> =
+            axes.iter().zip(extents.middle().iter()).map(|(axis, m)| axis * *m).sum();
+        let centre = centre(grid) + off_centre;
+        let (distance, half) = match params.view.projection {
+            Projection::Orthographic => (off_centre.norm() + 2.0 * radius(grid), extents.half()),
+            Projection::Perspective => {
+                let far = places.iter().map(|p| (p - off_centre).norm()).fold(0.0, f64::max);
+                let distance = far / (0.5 * VIEW_ANGLE_DEG.to_radians()).sin();
+                let mut half = [0.0_f64; 2];
+                for place in places {
+                    let [x, y, near] = axes.map(|axis| axis.dot(&(place - off_centre)));
+                    let scale = distance / (distance - near);
+                    half = [half[0].max((x * scale).abs()), half[1].max((y * scale).abs())];
+                }
+                (distance, half)
+            }
+        };
+        Self { centre, distance, pixel_mm: fit::pixel(half, params.size) }
+    }
+}
+
+/// Distance of samples along a ray [mm].
+pub(crate) fn step_mm(grid: &Grid, params: &RenderParams) -> f64 {
+    params.step * grid.shortest_edge()
+}
+
+/// The middle of the volume [mm].
+pub(crate) fn centre(grid: &Grid) -> Vector3<f64> {
+    let dims = grid.dims();
+    grid.world(VoxelCoord(Vector3::from_fn(|a, _| 0.5 * (dims[a] - 1) as f64))).0
+}
+
 /// Radius of the sphere round the volume [mm].
 fn radius(grid: &Grid) -> f64 {
     let half = grid.dims().map(|n| 0.5 * n as f64);
@@ -219,7 +270,7 @@ mod tests {
     }
 
     fn camera(view: View) -> Camera {
-        Camera::new(&grid(), &RenderParams { view, size: [64, 48], ..RenderParams::default() })
+        Camera::new(&grid(), &RenderParams { view, size: [64, 48], ..RenderParams::default() }, &Held::Volume)
     }
 
     #[test]
@@ -230,6 +281,33 @@ mod tests {
         assert!((c.right + Vector3::x()).norm() < 1e-12, "the patient's left is at the picture's right");
         let feet = camera(View { angles: [0.0, -90.0], ..View::FRONT });
         assert!((feet.up - Vector3::y()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn places_lie_within_the_picture_and_one_of_them_at_its_margin() {
+        let places: Vec<Vector3<f64>> = [[3.0, 1.0, -2.0], [9.0, -4.0, 1.0], [4.0, 6.0, 12.0]]
+            .map(|p| Vector3::from(grid().origin()) + Vector3::from(p))
+            .to_vec();
+        let held = Held::Places(places.iter().map(|p| p - centre(&grid())).collect());
+        for (projection, angles) in [
+            (Projection::Orthographic, [0.0, 0.0]),
+            (Projection::Orthographic, [211.0, -40.0]),
+            (Projection::Perspective, [70.0, 20.0]),
+            (Projection::Perspective, [0.0, 90.0]),
+        ] {
+            let view = View { angles, projection, ..View::FRONT };
+            let params = RenderParams { view, size: [640, 480], ..RenderParams::default() };
+            let camera = Camera::new(&grid(), &params, &held);
+            // Room that is left to the margin of a twenty-fifth of the shorter side, over all places and edges.
+            let mut room = f64::INFINITY;
+            for place in &places {
+                let [x, y] = camera.project(*place).unwrap();
+                let margin = 0.04 * 480.0 - 0.5;
+                let edges = [x, 639.0 - x, y, 479.0 - y].map(|distance| distance - margin);
+                room = edges.into_iter().fold(room, f64::min);
+            }
+            assert!(room.abs() < 1e-6, "{projection:?} {angles:?}: {room}");
+        }
     }
 
     #[test]
@@ -251,7 +329,7 @@ mod tests {
         let c = camera(View::FRONT);
         // Along the world's y, which is the grid's x of 20 mm.
         let ray = c.ray(32, 24).unwrap();
-        let length = (ray.steps as f64 + f64::from(ray.rest)) * c.step_mm();
+        let length = (ray.steps as f64 + f64::from(ray.rest)) * c.step_mm;
         assert!((length - 20.0).abs() < 1e-5, "{length}");
     }
 }

@@ -1,4 +1,4 @@
-use ivd_core::{BrickRange, GradientTable, TransferFunction};
+use ivd_core::{BrickRange, GradientTable, NO_DATA, TransferFunction};
 
 use crate::axis::ValueAxis;
 use crate::samples::Top;
@@ -24,6 +24,7 @@ pub(crate) struct Classifier {
 
 impl Classifier {
     /// - `range`: fast values to cover; `real` turns them into real ones.
+    /// - `labelled`: whether labels choose rows; label 0 chooses one that is clear.
     /// - `step`: step length in reference lengths: the opacity of a step is `1 - (1 - opacity)^step`.
     pub(crate) fn new(
         transfer: &TransferFunction,
@@ -57,6 +58,9 @@ impl Classifier {
             for (row, &class) in transfer.classes().iter().enumerate() {
                 starts[usize::from(class)] = (row * samples) as u32;
             }
+            starts[usize::from(NO_DATA)] = (rows * samples) as u32;
+            table.resize((rows + 1) * samples, [0.0; 4]);
+            occupied.resize((rows + 1) * (samples + 1), 0);
             starts
         } else {
             Vec::new()
@@ -202,6 +206,7 @@ mod tests {
         assert!((entry[1] - 0.25).abs() < 1e-6, "premultiplied");
         assert_eq!(c.of_labelled(70.0, 5)[3], 0.0);
         assert_eq!(c.of_labelled(70.0, 4), c.of(70.0), "a label without row");
+        assert_eq!(c.of_labelled(90.0, 0), [0.0; 4], "no label");
         let whole = of_part(entry, 2.0);
         assert!((whole[3] - 0.75).abs() < 1e-6);
     }
@@ -210,11 +215,12 @@ mod tests {
     fn clear_ranges_depend_on_the_rows_in_use() {
         let c = Classifier::new(&window(), [0.0, 100.0], |v| v, 1.0, true);
         let range = |min, max| BrickRange { min, max, missing: false };
-        let (row0, row5) = (c.row_bit(0), c.row_bit(5));
+        let (row0, row5) = (c.row_bit(4), c.row_bit(5));
         assert!(c.is_clear(range(0.0, 59.0), 0.0, row0 | row5));
         assert!(!c.is_clear(range(0.0, 70.0), 0.0, row0 | row5));
         assert!(c.is_clear(range(0.0, 70.0), 0.0, row5));
         assert!(!c.is_clear(range(81.0, 81.0), 0.0, row5));
+        assert!(c.is_clear(range(0.0, 100.0), 0.0, c.row_bit(0)), "label 0");
         assert!(c.is_clear(range(f32::INFINITY, f32::NEG_INFINITY), 0.0, row0), "no data");
     }
 }

@@ -13,7 +13,8 @@
 //!   where no displacement is stored the pixels are those of the undeformed volume, bit for bit.
 //! - **Skipping.** Bricks whose range of values is clear under the transfer function (for the rows that their labels choose) are leapt over. On or off, the
 //!   pixels are the same bit for bit; so are they for any number of threads, and whether rays are cast one by one or eight at a time.
-//! - **View.** Azimuth 0 and elevation 0 show a patient from the front, head up, the patient's left at the picture's right.
+//! - **View.** Azimuth 0 and elevation 0 show a patient from the front, head up, the patient's left at the picture's right. At zoom 1 what is
+//!   seen fits into the picture, before and after a deformation alike ([`Fit`]).
 //!
 //! [`surface`] draws a lattice: lit, as a wire-frame, or coloured by any figure of its places.
 //!
@@ -52,9 +53,11 @@ mod difference;
 mod dvr;
 mod empty_space;
 mod error;
+mod fit;
 mod font;
 mod frame;
 mod light;
+mod looks;
 mod outline;
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code, reason = "unchecked reads of eight lanes, argued in the module's head")]
@@ -73,11 +76,13 @@ mod surface;
 mod warp;
 #[allow(unsafe_code, reason = "calls the version for AVX2 where it was found")]
 mod wide;
+mod written;
 
 pub use difference::{Difference, difference};
 pub use error::Error;
 pub use frame::Radiance;
-pub use params::{Classification, Mode, Projection, RenderParams, View};
+pub use looks::{ClassLooks, Colour, Opacity};
+pub use params::{Classification, Fit, Mode, Projection, RenderParams, Side, View};
 pub use prepared::Prepared;
 pub use rendered::Rendered;
 pub use scene::Scene;

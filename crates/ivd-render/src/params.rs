@@ -2,6 +2,8 @@ use ivd_core::ParamError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::written;
+
 /// What a ray makes of the values along it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Mode {
@@ -40,17 +42,69 @@ pub enum Projection {
     Perspective,
 }
 
-/// Where the scene is seen from. The camera looks at the centre of the volume; at zoom 1 the shorter side of the picture holds the sphere round
-/// the volume, whatever the angles.
+/// A side of the patient that a scene is seen from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// The patient's left: 90, 0.
+    Left,
+    /// The patient's right: 270, 0.
+    Right,
+    /// The face: 0, 0.
+    Front,
+    /// From behind: 180, 0.
+    Back,
+    /// From above the head: 0, 90.
+    Top,
+    /// From below the feet: 0, −90.
+    Bottom,
+    /// As front.
+    Anterior,
+    /// As back.
+    Posterior,
+    /// As top.
+    Superior,
+    /// As bottom.
+    Inferior,
+}
+
+impl Side {
+    /// Azimuth and elevation of the camera [degrees].
+    pub fn angles(self) -> [f64; 2] {
+        match self {
+            Self::Front | Self::Anterior => [0.0, 0.0],
+            Self::Left => [90.0, 0.0],
+            Self::Back | Self::Posterior => [180.0, 0.0],
+            Self::Right => [270.0, 0.0],
+            Self::Top | Self::Superior => [0.0, 90.0],
+            Self::Bottom | Self::Inferior => [0.0, -90.0],
+        }
+    }
+}
+
+/// What a picture holds at zoom 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Fit {
+    /// All that is seen: bricks (8³ voxels) that the transfer function doesn't leave clear, that reach the isovalue, or whose values rise above
+    /// the lowest twentieth of a projection's range; of a deformed volume at rest and as it is deformed.
+    #[default]
+    Visible,
+    /// The sphere round the whole volume, across the shorter side, whatever the angles.
+    Volume,
+}
+
+/// Where the scene is seen from. The camera looks at the middle of what the picture holds at zoom 1, as [`Fit`] says.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct View {
     /// Azimuth and elevation of the camera. Azimuth turns it about the body axis: 0 from the front, 90 from the patient's left, 180 from
     /// behind. Elevation, −90 to 90, is its height: 90 from the head, −90 from the feet (anterior up, as axial slices are shown).
-    #[serde(rename = "view")]
-    #[schemars(extend("x-unit" = "degrees"))]
+    /// Or the side of the patient.
+    #[serde(rename = "view", deserialize_with = "written::angles")]
+    #[schemars(with = "written::Angles", extend("x-unit" = "degrees"))]
     pub angles: [f64; 2],
-    /// Magnification; at 1 the volume fits.
+    /// Magnification; at 1 what `fit` names fits.
     #[schemars(range(min = 0.001, max = 1_000_000.0), extend("x-unit" = "1"))]
     pub zoom: f64,
     /// Parallel or perspective.
@@ -76,12 +130,15 @@ pub struct RenderParams {
     /// What a ray makes of the values along it; in scenes the method.
     #[serde(skip)]
     pub mode: Mode,
-    /// Width and height of the picture.
-    #[schemars(inner(range(min = 1, max = 32768)), extend("x-unit" = "pixels"))]
+    /// Width and height of the picture, or one number for a square.
+    #[serde(deserialize_with = "written::size")]
+    #[schemars(with = "written::Size", extend("x-unit" = "pixels"))]
     pub size: [usize; 2],
     /// Where from.
     #[serde(flatten)]
     pub view: View,
+    /// What the picture holds at zoom 1.
+    pub fit: Fit,
     /// Distance of samples along a ray, as a fraction of the smallest spacing.
     #[schemars(range(min = 0.01, max = 10.0), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub step: f64,
@@ -111,6 +168,7 @@ impl Default for RenderParams {
             mode: Mode::Dvr,
             size: [512; 2],
             view: View::default(),
+            fit: Fit::Visible,
             step: 0.5,
             classification: Classification::Post,
             termination: 0.99,

@@ -1,18 +1,23 @@
-use ivd_core::{BrickRange, Exec, Labels, TransferFunction, srgb};
+use ivd_core::{
+    BrickRange, Exec, Labels, Lattice, NO_DATA, Scalar as _, TransferFunction, Volume, srgb, with_voxels,
+};
 
-use crate::camera::{Camera, Ray};
+use crate::camera::{Camera, Ray, centre, step_mm};
 use crate::cast::{Cast, Field, first_hit, mip};
 use crate::classify::Classifier;
 use crate::dvr::AtMiddle;
 use crate::empty_space::Space;
+use crate::fit::{DARK, Held};
 use crate::frame::{Radiance, one_by_one, tiles};
 use crate::light::Light;
 use crate::preintegrated::{AtEnds, Preintegrated};
 use crate::samples::{KernelVoxels, Samples, Shape, fast};
-use crate::skip::{NOTHING, join, joined_about, rows_of_bricks, through_warp};
+use crate::skip::{NOTHING, carried, join, joined_about, rows_of_bricks, through_warp};
 use crate::warp::Warp;
 use crate::wide::{Pairs, Wide, dvr};
-use crate::{Classification, Error, Mode, RenderParams, Rendered, Scene, View, annotate, outline, picture};
+use crate::{
+    Classification, Error, Fit, Mode, RenderParams, Rendered, Scene, View, annotate, outline, picture,
+};
 
 /// A scene made ready for many views: its classified values, what of it is empty, and its deformation. Views of it are the same, byte for byte, as those
 /// of [`crate::render`].
@@ -25,6 +30,7 @@ pub struct Prepared<'a> {
     warp: Option<Warp<'a>>,
     optics: ModeState,
     space: Space,
+    held: Held,
 }
 
 /// What a mode needs to know of the values.
@@ -63,33 +69,63 @@ impl<'a> Prepared<'a> {
             let moving = scene.displacement.filter(|d| !is_still(d));
             // Labels that change nothing cost nothing.
             let has_rows = scene.transfer.is_some_and(|t| t.gradient().is_none() && t.depends_on_label());
+            let labels = scene.labels.filter(|labels| has_rows || has_unlabelled(scene.volume, labels));
             let mut prepared = Self {
-                scene: Scene { labels: scene.labels.filter(|_| has_rows), ..*scene },
+                scene: Scene { labels, ..*scene },
                 params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },
                 voxels,
                 shift,
                 warp: moving.map(|d| Warp::new(d, grid.inverse_linear_part())),
                 optics: ModeState::Mip(Vec::new()),
                 space: Space::full(Shape::new(grid.dims())),
+                held: Held::Volume,
             };
             match params.mode {
                 Mode::Dvr => prepared.classify(exec)?,
-                Mode::Mip => {
-                    let bounds = prepared.ranges().map(|range| prepared.bound(range)).collect();
-                    let bounds = prepared.moved(bounds, f32::NEG_INFINITY, f32::max);
-                    prepared.optics = ModeState::Mip(bounds);
-                }
-                Mode::Iso { value } => {
-                    let iso = (prepared.sign() * (scene.volume.stored(value) - shift)) as f32;
-                    let empty = prepared.ranges().map(|range| prepared.bound(range) < iso).collect();
-                    if prepared.params.skip {
-                        prepared.pass_over(empty);
-                    }
-                    prepared.optics = ModeState::Iso(iso);
-                }
+                Mode::Mip => prepared.project(),
+                Mode::Iso { value } => prepared.split(value),
             }
             Ok(prepared)
         })
+    }
+
+    /// Finds what bricks may add to a maximum.
+    fn project(&mut self) {
+        let bounds: Vec<f32> = self.ranges().map(|range| self.bound(range)).collect();
+        let [low, high] = self.scene.volume.range().unwrap_or([0.0; 2]);
+        let seen_from = self.signed(low + DARK * (high - low));
+        self.hold(&bounds.iter().map(|&bound| bound >= seen_from).collect::<Vec<_>>());
+        self.optics = ModeState::Mip(self.moved(bounds, f32::NEG_INFINITY, f32::max));
+    }
+
+    /// Finds the bricks that reach an isovalue.
+    fn split(&mut self, value: f64) {
+        let iso = self.signed(value);
+        let empty: Vec<bool> = self.ranges().map(|range| self.bound(range) < iso).collect();
+        self.hold(&empty.iter().map(|empty| !empty).collect::<Vec<_>>());
+        if self.params.skip {
+            self.pass_over(empty);
+        }
+        self.optics = ModeState::Iso(iso);
+    }
+
+    /// Sets what the picture holds, of the undeformed bricks that are seen: where they are, and where displacements carry them.
+    fn hold(&mut self, seen: &[bool]) {
+        if self.params.fit == Fit::Volume {
+            return;
+        }
+        let grid = self.scene.volume.grid();
+        let bricks = self.scene.volume.bricks().dims();
+        let framing = self.scene.framing.filter(|d| !is_still(d));
+        let framing = framing.map(|d| Warp::new(d, grid.inverse_linear_part()));
+        let mut held = seen.to_vec();
+        for warp in [self.warp.as_ref(), framing.as_ref()].into_iter().flatten() {
+            held.iter_mut().zip(carried(warp, bricks, seen)).for_each(|(held, carried)| *held |= carried);
+        }
+        let middle = centre(grid);
+        let outline = self.scene.lattice.map_or_else(Vec::new, Lattice::positions);
+        let outline = outline.into_iter().map(|place| place - middle).collect();
+        self.held = Held::of_bricks(grid, &held, outline);
     }
 
     /// Makes the transfer function ready, and finds what it leaves clear.
@@ -97,21 +133,24 @@ impl<'a> Prepared<'a> {
         let transfer = self.scene.transfer.ok_or(Error::NoTransfer)?;
         let index = self.scene.volume.bricks();
         let range = index.total().map_or([0.0; 2], |(lo, hi)| [self.fast(lo), self.fast(hi)]);
-        let step = Camera::new(self.scene.volume.grid(), &self.params).step_mm() / transfer.reference_mm();
+        let step = step_mm(self.scene.volume.grid(), &self.params) / transfer.reference_mm();
         let ids = self.scene.labels.map_or(&[][..], Labels::ids);
         let real = |fast: f64| self.scene.volume.real(fast + self.shift);
         if self.params.classification == Classification::PreIntegrated {
             return self.pre_integrate(transfer, range, step, exec);
         }
         let classifier = Classifier::new(transfer, range, real, step, !ids.is_empty());
-        if self.params.skip {
+        if self.params.skip || self.params.fit == Fit::Visible {
             exec.check_cancelled()?;
             let dims = self.scene.volume.grid().dims();
             let rows =
                 if ids.is_empty() { vec![1; index.len()] } else { rows_of_bricks(dims, ids, &classifier) };
             let clear = |(range, &rows): (BrickRange, &u64)| classifier.is_clear(range, self.shift, rows);
             let empty: Vec<bool> = self.ranges().zip(&rows).map(clear).collect();
-            self.pass_over(empty);
+            self.hold(&empty.iter().map(|empty| !empty).collect::<Vec<_>>());
+            if self.params.skip {
+                self.pass_over(empty);
+            }
         }
         self.optics = ModeState::Dvr(classifier);
         Ok(())
@@ -130,6 +169,8 @@ impl<'a> Prepared<'a> {
         }
         let real = |fast: f64| self.scene.volume.real(fast + self.shift);
         let table = Preintegrated::new(transfer, range, real, step, exec)?;
+        let seen: Vec<bool> = self.ranges().map(|range| !table.is_clear(range, self.shift)).collect();
+        self.hold(&seen);
         if self.params.skip {
             // A step whose middle lies in a brick ends in it or in one beside it: at most five voxels on.
             let index = self.scene.volume.bricks();
@@ -173,6 +214,11 @@ impl<'a> Prepared<'a> {
         self.scene.volume.slope().signum()
     }
 
+    /// `sign · fast` of a real value.
+    fn signed(&self, value: f64) -> f32 {
+        (self.sign() * (self.scene.volume.stored(value) - self.shift)) as f32
+    }
+
     /// A value that no interpolated `sign · fast` of the range exceeds, with room for rounding.
     fn bound(&self, range: BrickRange) -> f32 {
         if range.min > range.max {
@@ -200,7 +246,8 @@ impl<'a> Prepared<'a> {
     pub fn render(&self, view: View, exec: &Exec) -> Result<Rendered, Error> {
         let light = self.radiance(view, exec)?;
         let params = &self.params;
-        let camera = Camera::new(self.scene.volume.grid(), &RenderParams { view, ..params.clone() });
+        let params_of_view = RenderParams { view, ..params.clone() };
+        let camera = Camera::new(self.scene.volume.grid(), &params_of_view, &self.held);
         let mut image = picture::compose(&light, params.background.map(|c| c as f32));
         if let Some(lattice) = self.scene.lattice {
             image = outline::outline(&image, lattice, &camera);
@@ -220,7 +267,7 @@ impl<'a> Prepared<'a> {
 
     fn cast<T: Pairs>(&self, voxels: &[T], params: &RenderParams, exec: &Exec) -> Result<Radiance, Error> {
         let grid = self.scene.volume.grid();
-        let camera = Camera::new(grid, params);
+        let camera = Camera::new(grid, params, &self.held);
         let field = Field {
             samples: Samples::new(voxels, Shape::new(grid.dims())),
             ids: self.scene.labels.map_or(&[], Labels::ids),
@@ -277,6 +324,18 @@ impl<'a> Prepared<'a> {
             }
         }?)
     }
+}
+
+/// Whether a voxel with data has no label: none of the parts that were chosen.
+fn has_unlabelled(volume: &Volume, labels: &Labels) -> bool {
+    let index = volume.bricks();
+    if (0..index.len()).all(|b| !index.range(b).missing) {
+        return labels.ids().contains(&NO_DATA);
+    }
+    with_voxels!(volume.voxels(), slice => {
+        let mut pairs = labels.ids().iter().zip(slice);
+        pairs.any(|(&id, value)| id == NO_DATA && value.to_f64().is_finite())
+    })
 }
 
 /// Whether a displacement changes no pixel.

@@ -9,10 +9,13 @@ pub struct Scene<'a> {
     pub volume: &'a Volume,
     /// Colours and opacities; mode `dvr` needs it.
     pub transfer: Option<&'a TransferFunction>,
-    /// Chooses the transfer function's row at each voxel; without labels row 0 holds.
+    /// Chooses the transfer function's row at each voxel; label 0 is clear. Without labels row 0 holds.
     pub labels: Option<&'a Labels>,
     /// Shows the volume (and the labels) deformed, through the inverse displacement.
     pub displacement: Option<&'a Displacement>,
+    /// A displacement that the picture leaves room for without showing it: with that of another picture both are seen by one camera. Where nothing
+    /// but what is seen decides what the picture holds ([`crate::Fit`]) it has a use.
+    pub framing: Option<&'a Displacement>,
     /// A lattice whose outline is drawn over the picture, undeformed.
     pub lattice: Option<&'a Lattice>,
 }
@@ -20,7 +23,7 @@ pub struct Scene<'a> {
 impl<'a> Scene<'a> {
     /// A scene of a volume alone.
     pub fn new(volume: &'a Volume) -> Self {
-        Self { volume, transfer: None, labels: None, displacement: None, lattice: None }
+        Self { volume, transfer: None, labels: None, displacement: None, framing: None, lattice: None }
     }
 
     /// Checks that everything lies on the volume's grid.
@@ -29,8 +32,10 @@ impl<'a> Scene<'a> {
         if let Some(labels) = self.labels {
             grid.require(labels.grid(), "volume", "labels")?;
         }
-        if let Some(displacement) = self.displacement {
-            grid.require(displacement.grid(), "volume", "displacement")?;
+        for (displacement, what) in [(self.displacement, "displacement"), (self.framing, "framing")] {
+            if let Some(displacement) = displacement {
+                grid.require(displacement.grid(), "volume", what)?;
+            }
         }
         Ok(())
     }

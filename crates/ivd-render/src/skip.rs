@@ -68,23 +68,28 @@ pub(crate) fn through_warp<V: Copy + Send + Sync>(
     join: impl Fn(V, V) -> V + Sync,
 ) -> Vec<V> {
     let Some(warp) = warp else { return of_brick };
-    (0..of_brick.len())
-        .into_par_iter()
-        .map(|b| {
-            if !warp.moves(b) {
-                return of_brick[b];
-            }
-            let mut joined = outside;
-            if let Some([x, y, z]) = warp.sources(b) {
-                for bz in z[0]..=z[1] {
-                    for by in y[0]..=y[1] {
-                        for bx in x[0]..=x[1] {
-                            joined = join(joined, of_brick[bx + bricks[0] * (by + bricks[1] * bz)]);
-                        }
-                    }
-                }
-            }
-            joined
-        })
-        .collect()
+    let of = |brick: usize| match warp.sources(brick) {
+        _ if !warp.moves(brick) => of_brick[brick],
+        Some(sources) => over(sources, bricks).fold(outside, |joined, b| join(joined, of_brick[b])),
+        None => outside,
+    };
+    (0..of_brick.len()).into_par_iter().map(of).collect()
+}
+
+/// The bricks that something of the given bricks is carried to.
+pub(crate) fn carried(warp: &Warp<'_>, bricks: [usize; 3], seen: &[bool]) -> Vec<bool> {
+    let of = |brick: usize| {
+        if !warp.moves(brick) {
+            return seen[brick];
+        }
+        let sources = warp.nearest_sources(brick);
+        sources.is_some_and(|sources| over(sources, bricks).any(|b| seen[b]))
+    };
+    (0..seen.len()).into_par_iter().map(of).collect()
+}
+
+/// The bricks of inclusive ranges along each axis.
+fn over([x, y, z]: [[usize; 2]; 3], bricks: [usize; 3]) -> impl Iterator<Item = usize> {
+    let rows = (z[0]..=z[1]).flat_map(move |bz| (y[0]..=y[1]).map(move |by| by + bricks[1] * bz));
+    rows.flat_map(move |row| (x[0]..=x[1]).map(move |bx| bx + bricks[0] * row))
 }

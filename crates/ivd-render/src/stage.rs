@@ -2,12 +2,12 @@
 
 use std::time::Instant;
 
-use ivd_core::op::{Amount, Failure, Method, Op, Place, PlaceKind, Stage, method};
+use ivd_core::op::{Amount, Failure, Method, Op, Place, PlaceKind, Stage, Want, method};
 use ivd_core::{Displacement, Exec, Image, Labels, Lattice, ParamError, TransferFunction, Volume, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Mode, RenderParams, Scene, difference, render};
+use crate::{ClassLooks, Fit, Mode, RenderParams, Scene, difference, render};
 
 /// The stage: its modes, and the pictures that a scene has of it.
 pub const STAGE: Stage = Stage {
@@ -17,7 +17,12 @@ pub const STAGE: Stage = Stage {
     methods: METHODS,
     positional: &["volume"],
     places: &[
-        Place { empty: &["displacement", "labels", "lattice"], ..picture("before") },
+        Place {
+            empty: &["displacement", "labels", "lattice"],
+            from: &[(FRAMING, "displacement")],
+            if_made: &[FRAMING],
+            ..picture("before")
+        },
         Place { needs: &["displacement"], ..picture("after") },
         Place {
             kind: PlaceKind::Fixed { method: &DIFFERENCE },
@@ -27,11 +32,14 @@ pub const STAGE: Stage = Stage {
     ],
     quiet: false,
 };
+/// The slot of a displacement that a picture leaves room for.
+const FRAMING: &str = "framing";
+
 /// The place of a picture. In one of a scene the nearest voxel's label would draw the grid's steps on every surface.
 const fn picture(name: &'static str) -> Place {
     Place {
         variant: name,
-        empty: &["labels", "lattice"],
+        empty: &["labels", "lattice", FRAMING],
         unread: "no output shows a picture",
         amount: Amount::Samples,
         ..Place::only(name)
@@ -53,6 +61,9 @@ pub struct DvrParams {
     /// The picture.
     #[serde(flatten)]
     pub picture: RenderParams,
+    /// How single classes are drawn.
+    #[serde(flatten)]
+    pub classes: ClassLooks,
 }
 
 /// Maximum intensity projection: the greatest value along a ray, as grey over the volume's range.
@@ -87,6 +98,7 @@ slots! {
         transfer: Option<&'a TransferFunction>,
         labels: Option<&'a Labels>,
         displacement: Option<&'a Displacement>,
+        framing: Option<&'a Displacement>,
         lattice: Option<&'a Lattice>,
     }
 }
@@ -95,6 +107,7 @@ slots! {
     pub struct Plain<'a> {
         volume: &'a Volume,
         displacement: Option<&'a Displacement>,
+        framing: Option<&'a Displacement>,
         lattice: Option<&'a Lattice>,
     }
 }
@@ -142,6 +155,11 @@ pub struct DifferenceFigures {
     pub fps: Option<f64>,
 }
 
+/// What decides what a picture holds is of no use where that is the volume.
+fn wants(slot: &str, picture: &RenderParams) -> Want {
+    if slot == FRAMING && picture.fit == Fit::Volume { Want::No } else { Want::Yes }
+}
+
 /// Pictures in a second where one takes as long as since `start`.
 fn rate(start: Instant) -> f64 {
     1.0 / start.elapsed().as_secs_f64().max(1e-9)
@@ -166,13 +184,13 @@ fn drawn(
 }
 
 impl<'a> From<Plain<'a>> for Scene<'a> {
-    fn from(Plain { volume, displacement, lattice }: Plain<'a>) -> Self {
-        Scene { displacement, lattice, ..Scene::new(volume) }
+    fn from(Plain { volume, displacement, framing, lattice }: Plain<'a>) -> Self {
+        Scene { displacement, framing, lattice, ..Scene::new(volume) }
     }
 }
 
 /// Raised for all modes together: what they share is most of them.
-const REVISION: u32 = 2;
+const REVISION: u32 = 3;
 
 impl Op for DvrParams {
     const REVISION: u32 = REVISION;
@@ -181,12 +199,21 @@ impl Op for DvrParams {
     type Figures = RenderFigures;
 
     fn check_together(&self) -> Result<(), ParamError> {
-        self.picture.check_together()
+        self.picture.check_together()?;
+        self.classes.check_together()
+    }
+
+    fn wants(&self, slot: &str) -> Want {
+        wants(slot, &self.picture)
     }
 
     fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
-        let Coloured { volume, transfer, labels, displacement, lattice } = inputs;
-        drawn(&Scene { volume, transfer, labels, displacement, lattice }, Mode::Dvr, &self.picture, exec)
+        let Coloured { volume, transfer, labels, displacement, framing, lattice } = inputs;
+        let with_looks = |transfer| self.classes.of(transfer).map(Some);
+        let changed = transfer.filter(|_| !self.classes.is_empty()).map_or(Ok(None), with_looks)?;
+        let transfer = changed.as_ref().or(transfer);
+        let scene = Scene { volume, transfer, labels, displacement, framing, lattice };
+        drawn(&scene, Mode::Dvr, &self.picture, exec)
     }
 }
 
@@ -198,6 +225,10 @@ impl Op for MipParams {
 
     fn check_together(&self) -> Result<(), ParamError> {
         self.picture.check_together()
+    }
+
+    fn wants(&self, slot: &str) -> Want {
+        wants(slot, &self.picture)
     }
 
     fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
@@ -220,6 +251,10 @@ impl Op for IsoParams {
     fn check_together(&self) -> Result<(), ParamError> {
         self.value()?;
         self.picture.check_together()
+    }
+
+    fn wants(&self, slot: &str) -> Want {
+        wants(slot, &self.picture)
     }
 
     fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {

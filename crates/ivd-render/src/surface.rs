@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
+use crate::fit::Held;
 use crate::frame::Radiance;
 use crate::light::Light;
 use crate::{Error, Projection, RenderParams, annotate, picture};
@@ -31,7 +32,7 @@ pub struct SurfaceStyle<'a> {
 }
 
 /// Draws a lattice: of `params` the size, the view, the background, the surface's colour, whether it is lit, and whether
-/// letters are drawn. What is hidden by other triangles isn't seen, and neither are its edges; both sides of a triangle
+/// letters are drawn; `fit` isn't read, the box is what fits. What is hidden by other triangles isn't seen, and neither are its edges; both sides of a triangle
 /// are. Nine samples a pixel; the same bytes for any number of threads. A lattice without triangles gives the background.
 ///
 /// # Errors
@@ -52,7 +53,7 @@ pub fn surface(
     let [wide, high] = fine.size;
     let colour = params.surface.map(|c| c as f32);
     exec.check_memory("picture of a lattice", 24 * (wide * high) as u64)?;
-    let camera = Camera::new(&grid, &fine);
+    let camera = Camera::new(&grid, &fine, &Held::Volume);
     exec.run(|| {
         let drawn = Drawn::new(lattice, &camera, params.view.projection);
         exec.check_cancelled()?;
@@ -76,7 +77,7 @@ pub fn surface(
             &Radiance { width, height, rgba, samples: 0, skipped: 0 },
             params.background.map(|c| c as f32),
         );
-        let camera = Camera::new(&grid, params);
+        let camera = Camera::new(&grid, params, &Held::Volume);
         Ok(if params.annotate { annotate::annotate(&image, &camera) } else { image })
     })
 }

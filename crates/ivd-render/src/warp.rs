@@ -76,15 +76,8 @@ impl<'a> Warp<'a> {
     /// where all come from outside the volume.
     pub(crate) fn sources(&self, brick: usize) -> Option<[[usize; 2]; 3]> {
         let bricks = self.inverse.brick_dims();
-        let (mut low, mut high) = (Vector3::zeros(), Vector3::zeros());
-        for vectors in beside(bricks, brick).filter_map(|b| self.inverse.brick(b)) {
-            for v in vectors {
-                let shift = self.to_voxel * Vector3::from(v.map(f64::from));
-                low = low.inf(&shift);
-                high = high.sup(&shift);
-            }
-        }
         let at = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
+        let [low, high] = self.shifts(brick);
         let mut ranges = [[0; 2]; 3];
         for a in 0..3 {
             let top = (self.shape.dims[a] - 1) as f64;
@@ -97,6 +90,37 @@ impl<'a> Warp<'a> {
             ranges[a] = [brick_of(from), brick_of(to)];
         }
         Some(ranges)
+    }
+
+    /// The same without room for rounding: a brick of which nothing comes from elsewhere comes from itself alone.
+    pub(crate) fn nearest_sources(&self, brick: usize) -> Option<[[usize; 2]; 3]> {
+        let bricks = self.inverse.brick_dims();
+        let at = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
+        let [low, high] = self.shifts(brick);
+        let mut ranges = [[0; 2]; 3];
+        for a in 0..3 {
+            let (from, to) = ((at[a] * BRICK) as f64 + low[a], ((at[a] + 1) * BRICK) as f64 + high[a]);
+            let end = (bricks[a] * BRICK) as f64;
+            if to <= 0.0 || from >= end {
+                return None;
+            }
+            let first = (from.max(0.0) as usize) / BRICK;
+            ranges[a] = [first, (to.min(end).ceil() as usize).div_ceil(BRICK).max(first + 1) - 1];
+        }
+        Some(ranges)
+    }
+
+    /// The least and the greatest displacement of samples of a brick, 0 among them [voxels].
+    fn shifts(&self, brick: usize) -> [Vector3<f64>; 2] {
+        let (mut low, mut high) = (Vector3::zeros(), Vector3::zeros());
+        for vectors in beside(self.inverse.brick_dims(), brick).filter_map(|b| self.inverse.brick(b)) {
+            for v in vectors {
+                let shift = self.to_voxel * Vector3::from(v.map(f64::from));
+                low = low.inf(&shift);
+                high = high.sup(&shift);
+            }
+        }
+        [low, high]
     }
 }
 

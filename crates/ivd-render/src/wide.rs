@@ -63,6 +63,7 @@ mod tests {
     use crate::classify::Classifier;
     use crate::dvr::AtMiddle;
     use crate::empty_space::Space;
+    use crate::fit::Held;
     use crate::light::Light;
     use crate::preintegrated::{AtEnds, Preintegrated};
     use crate::samples::{Samples, Shape};
@@ -108,7 +109,11 @@ mod tests {
         let grid = Grid::with_spacing(DIMS, [1.0, 0.9, 1.1]).unwrap();
         let voxels: Vec<T> = voxels(scale);
         let ids: Vec<u16> = (0..grid.len()).map(|i| (i / 500 % 3) as u16).collect();
-        let camera = Camera::new(&grid, &RenderParams { view, size: [24, 20], ..RenderParams::default() });
+        let camera = Camera::new(
+            &grid,
+            &RenderParams { view, size: [24, 20], ..RenderParams::default() },
+            &Held::Volume,
+        );
         let row = |low: usize| {
             (0..64).map(move |i| [0.1, 0.5, 0.9, if i < low { 0.0 } else { opacity * i as f32 / 64.0 }])
         };
@@ -194,7 +199,7 @@ mod tests {
         let grid = Grid::with_spacing([4; 3], [1e-7, 1.0, 1.0]).unwrap();
         // The middle ray runs along the thin volume.
         let params = RenderParams { size: [5, 1], view: View::FRONT, step: 0.9, ..RenderParams::default() };
-        let camera = Camera::new(&grid, &params);
+        let camera = Camera::new(&grid, &params, &Held::Volume);
         let rays: Packet = std::array::from_fn(|lane| camera.ray(lane, 0));
         assert!(rays.iter().flatten().any(|ray| ray.steps > 1 << 24));
         #[cfg(target_arch = "x86_64")]

@@ -8,7 +8,7 @@ use ivd_map::{Band, DepthWeight, Limit, OctreeParams, Outside};
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring;
 use ivd_motion::ring::{Couple, RingParams};
-use ivd_render::{Mode, Projection, RenderParams, View};
+use ivd_render::{Fit, Mode, Projection, RenderParams, View};
 use nalgebra::{Rotation3, Vector3};
 
 use super::case::{Case, Cut, Setup, Stage, TURNS};
@@ -298,6 +298,7 @@ fn render(random: &mut Seeded, value: f64) -> RenderParams {
             zoom: random.pick(&[1.0, 1.0, 4.0]),
             projection: random.pick(&[Projection::Orthographic, Projection::Perspective]),
         },
+        fit: random.pick(&[Fit::Visible, Fit::Visible, Fit::Volume]),
         step: random.between(0.3, 1.5),
         termination: random.pick(&[0.99, 2.0]),
         shading: !random.one_in(3),

@@ -10,7 +10,7 @@ use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_map::{Band, OctreeParams, Outside};
 use ivd_motion::handles::{Action, Anchor, Handle};
 use ivd_motion::ring::{self, RingParams, RingResult};
-use ivd_render::{RenderParams, Scene, View};
+use ivd_render::{Fit, RenderParams, Scene, View};
 use ivd_segment::{KmvsParams, Segmentation, ThresholdParams};
 use ivd_tests::stability::symmetry::{RigidTransform, TURNS};
 use nalgebra::Vector3;
@@ -255,6 +255,8 @@ fn light(volume: &Volume, azimuth_deg: f64) -> ivd_render::Radiance {
         annotate: false,
         termination: 2.0,
         view: View { angles: [azimuth_deg, 0.0], ..View::FRONT },
+        // Bricks begin at one corner, wherever the volume is mirrored to.
+        fit: Fit::Volume,
         ..RenderParams::default()
     };
     let scene = Scene { transfer: Some(&transfer), ..Scene::new(volume) };

@@ -1,7 +1,8 @@
 //! `transfer`: `table`, RGBA of shape `[classes, resolution, 4]`; classes and entries as JSON. From version 2 on there may be `gradient`, RGBA by value
-//! and gradient, of shape `[gradients, values, 4]`; what has none is written as version 1.
+//! and gradient, of shape `[gradients, values, 4]`; from version 3 on entries may have a role. What has neither is written as version 1, what has
+//! materials alone as version 2.
 
-use ivd_core::{Buffer, GradientTable, TransferEntry, TransferFunction};
+use ivd_core::{Buffer, ClassRole, GradientTable, TransferEntry, TransferFunction};
 use serde::{Deserialize, Serialize};
 
 use super::encoded::Encoded;
@@ -33,6 +34,8 @@ struct GradientContent {
 #[serde(deny_unknown_fields)]
 struct EntryContent {
     class: u16,
+    #[serde(default, skip_serializing_if = "ClassRole::is_material")]
+    role: ClassRole,
     rgb: [Real; 3],
     opacity: Real,
     lower: Real,
@@ -44,6 +47,7 @@ impl From<&TransferEntry> for EntryContent {
     fn from(entry: &TransferEntry) -> Self {
         Self {
             class: entry.class,
+            role: entry.role,
             rgb: entry.rgb.map(|c| Real(f64::from(c))),
             opacity: Real(f64::from(entry.opacity)),
             lower: Real(entry.lower),
@@ -57,6 +61,7 @@ impl From<EntryContent> for TransferEntry {
     fn from(entry: EntryContent) -> Self {
         Self {
             class: entry.class,
+            role: entry.role,
             // Widened from f32 when written, so that narrowing is exact.
             rgb: entry.rgb.map(|c| c.0 as f32),
             opacity: entry.opacity.0 as f32,
@@ -75,8 +80,10 @@ fn gradient_shape([values, gradients]: [usize; 2]) -> Vec<u64> {
     vec![gradients as u64, values as u64, 4]
 }
 
-/// The version before gradients.
+/// The version before gradients, and before roles.
 const WITHOUT_GRADIENT: u16 = 1;
+/// The version before roles.
+const WITHOUT_ROLES: u16 = 2;
 
 pub(super) fn encode(transfer: &TransferFunction) -> Result<Encoded<'_>, String> {
     let content = Content {
@@ -97,7 +104,12 @@ pub(super) fn encode(transfer: &TransferFunction) -> Result<Encoded<'_>, String>
             table.table(),
         ));
     }
-    let version = transfer.gradient().is_none().then_some(WITHOUT_GRADIENT);
+    let has_roles = transfer.entries().iter().any(|entry| !entry.role.is_material());
+    let version = match (has_roles, transfer.gradient()) {
+        (true, _) => None,
+        (false, Some(_)) => Some(WITHOUT_ROLES),
+        (false, None) => Some(WITHOUT_GRADIENT),
+    };
     Ok(Encoded { version, ..Encoded::new(&content, sections)? })
 }
 

@@ -4,9 +4,9 @@
 
 use ivd_artefact::{Artefact, ContentHash, Kind, Provenance};
 use ivd_core::{
-    Ball, Class, Displacement, ElementKey, FieldBricks, Frame, GradientTable, Grid, Image, Labels, Lattice,
-    LatticeSource, LeafMeans, Linkage, Mask, Modality, Motion, NO_BRICK, Octree, OctreeNode, OctreeParts,
-    TransferEntry, TransferFunction, Tree, TreeParts, Volume, Voxels,
+    Ball, Class, ClassRole, Displacement, ElementKey, FieldBricks, Frame, GradientTable, Grid, Image, Labels,
+    Lattice, LatticeSource, LeafMeans, Linkage, Mask, Modality, Motion, NO_BRICK, Octree, OctreeNode,
+    OctreeParts, TransferEntry, TransferFunction, Tree, TreeParts, Volume, Voxels,
 };
 
 /// A provenance with nested parameters and two inputs.
@@ -70,6 +70,7 @@ fn mask() -> Mask {
 fn transfer() -> TransferFunction {
     let entry = TransferEntry {
         class: 2,
+        role: ClassRole::Transition,
         rgb: [0.1, 0.2, 0.3],
         opacity: 0.7,
         lower: f64::NEG_INFINITY,

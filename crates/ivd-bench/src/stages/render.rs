@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use ivd_core::{Exec, TransferFunction, Volume};
-use ivd_render::{Radiance, RenderParams, Scene, View, radiance};
+use ivd_render::{Fit, Radiance, RenderParams, Scene, View, radiance};
 use ivd_segment::{KmvsParams, kmvs};
 
 use crate::experiment::{Experiment, Problem, Setting};
@@ -65,7 +65,9 @@ fn seen(
     exec: &Exec,
 ) -> Result<Radiance, Problem> {
     let view = View { angles: [40.0, 15.0], ..View::FRONT };
-    let params = RenderParams { size: [SIDE; 2], step, termination, view, ..RenderParams::default() };
+    // By the volume, so that rays are as long whatever is seen.
+    let fit = Fit::Volume;
+    let params = RenderParams { size: [SIDE; 2], step, termination, view, fit, ..RenderParams::default() };
     let scene = Scene { transfer: Some(&scene.1), ..Scene::new(&scene.0) };
     Ok(radiance(&scene, &params, exec)?)
 }

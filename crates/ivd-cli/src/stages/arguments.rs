@@ -109,11 +109,10 @@ fn slot_help(stage: &Stage, slot: &str) -> String {
 fn slot_kinds(stage: &Stage, slot: &str) -> String {
     let kinds = kinds_of(stage, slot);
     let foreign = |kind: Kind| match kind {
-        Kind::Volume => " or file",
+        Kind::Volume | Kind::Transfer => " or file",
         Kind::Labels | Kind::Mask if !kinds.contains(&Kind::Volume) => " or volume file",
         Kind::Labels
         | Kind::Mask
-        | Kind::Transfer
         | Kind::Lattice
         | Kind::Octree
         | Kind::Motion
@@ -180,31 +179,20 @@ fn form(field: Field<'_>) -> String {
     };
     let one = alternatives(field.schema);
     let Some(schema) = one.first() else { return "VALUE".to_owned() };
-    if map_values(schema).is_some() {
-        return "CLASS=key:value,…".to_owned();
+    if let Some(values) = map_values(schema) {
+        let example = values.pointer("/examples/0").and_then(Json::as_str);
+        return match kind(values) {
+            "object" => "CLASS=key:value,…".to_owned(),
+            _ => format!("CLASS={}", example.unwrap_or("N")),
+        };
     }
     match kind(schema) {
-        "array" => {
-            let count = schema.get("maxItems").and_then(Json::as_u64).unwrap_or(0);
-            let items = |wanted: &str| {
-                let items = schema.get("items");
-                items.is_some_and(|items| alternatives(items).iter().all(|one| kind(one) == wanted))
-            };
-            let (object, whole) = (items("object"), items("integer"));
-            match count {
-                2 if whole => "WxH".to_owned(),
-                2 => "a,b".to_owned(),
-                3 => "x,y,z".to_owned(),
-                4 => "r,g,b,a".to_owned(),
-                _ if object => short_form(schema) + "key=value;…",
-                _ => "N,N…".to_owned(),
-            }
-        }
+        "array" if one.len() == 1 => list_form(schema),
         "object" => "key=value;…".to_owned(),
         _ if one.len() > 1 => {
             let form = |one: &&Json| match kind(one) {
                 "string" => words(one).iter().map(|(word, _)| *word).collect::<Vec<_>>().join("|"),
-                "array" => "N,N…".to_owned(),
+                "array" => list_form(one),
                 _ => unit.unwrap_or("N").to_owned(),
             };
             one.iter().map(form).collect::<Vec<_>>().join("|")
@@ -214,6 +202,24 @@ fn form(field: Field<'_>) -> String {
             Some(unit) if unit.contains(' ') => "VALUE".to_owned(),
             Some(unit) => unit.to_owned(),
         },
+    }
+}
+
+/// What is written for a list.
+fn list_form(schema: &Json) -> String {
+    let count = schema.get("maxItems").and_then(Json::as_u64).unwrap_or(0);
+    let items = |wanted: &str| {
+        let items = schema.get("items");
+        items.is_some_and(|items| alternatives(items).iter().all(|one| kind(one) == wanted))
+    };
+    let (object, whole) = (items("object"), items("integer"));
+    match count {
+        2 if whole => "WxH".to_owned(),
+        2 => "a,b".to_owned(),
+        3 => "x,y,z".to_owned(),
+        4 => "r,g,b,a".to_owned(),
+        _ if object => short_form(schema) + "key=value;…",
+        _ => "N,N…".to_owned(),
     }
 }
 

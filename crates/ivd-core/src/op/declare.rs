@@ -86,6 +86,8 @@ pub struct Place {
     pub empty: &'static [&'static str],
     /// Slots that are filled with a value of another name, with that name.
     pub from: &'static [(&'static str, &'static str)],
+    /// Slots that are filled only with what something else of the scene needs anyway: nothing is made for them.
+    pub if_made: &'static [&'static str],
     /// Whether it has nothing to do where no other place of the scene reads its value; a value that an output may be made from stays
     /// something to do.
     pub for_readers: bool,
@@ -161,6 +163,7 @@ impl Place {
             needs: &[],
             empty: &[],
             from: &[],
+            if_made: &[],
             for_readers: false,
             unread: "no output needs it",
             amount: Amount::Voxels,

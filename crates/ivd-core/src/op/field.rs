@@ -152,7 +152,12 @@ pub fn domain(schema: &Json, unit: &str) -> String {
     if all.len() > 1 {
         let mut parts: Vec<String> = Vec::new();
         for one in all {
-            let part = domain(one, unit);
+            let part = match one.get("maxItems") {
+                Some(count) if is_vector(one) => {
+                    format!("{count} numbers {}", domain(one, unit)).trim().to_owned()
+                }
+                _ => domain(one, unit),
+            };
             if !part.is_empty() && !parts.contains(&part) {
                 parts.push(part);
             }

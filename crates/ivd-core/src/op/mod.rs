@@ -17,7 +17,8 @@
 //!
 //! A field may be a number, a boolean, a list, or of a type that derives `JsonSchema`: a word of several is an enum
 //! (`#[serde(rename_all = "lowercase")]`), a list of entries by kind a `Vec` of an enum with `#[serde(tag = "kind")]`, as
-//! `[[space.step]]` is, a map by class a `BTreeMap<u16, T>` of structs, whose fields have unit and range (a map has neither), read by
+//! `[[space.step]]` is, a map by class a `BTreeMap<u16, T>` of structs, whose fields have unit and range (a map has neither), or of numbers or texts of a
+//! type of their own that says them, read by
 //! `deserialize_with = "ivd_core::op::by_class"` where it lies in something flattened. What can't be done without is an `Option` that
 //! [`Op::check_together`] asks for. A new field changes the parameters that a cache key is made of: what is kept of the method is made
 //! again, so that `REVISION` need not be raised for it.

@@ -73,10 +73,13 @@ fn read_one(schema: &Json, text: &str) -> Result<Json, ParamError> {
         "array" => read_list(schema, text),
         "object" => match map_values(schema) {
             Some(values) => {
-                let (key, entry) = text.split_once('=').ok_or_else(|| {
-                    ParamError::at_itself(format!("`{text}`"), "write CLASS=key:value,key:value")
-                })?;
-                Ok(Json::Object(Map::from_iter([(key.trim().to_owned(), read_pairs(values, entry)?)])))
+                let is_plain = kind(values) != "object";
+                let form = if is_plain { "write CLASS=value" } else { "write CLASS=key:value,key:value" };
+                let (key, entry) =
+                    text.split_once('=').ok_or_else(|| ParamError::at_itself(format!("`{text}`"), form))?;
+                let key = key.trim();
+                let entry = if is_plain { read(values, entry) } else { read_pairs(values, entry) };
+                Ok(Json::Object(Map::from_iter([(key.to_owned(), entry.map_err(|e| e.under(key))?)])))
             }
             None => read_keys(&[schema], text),
         },

@@ -111,7 +111,13 @@ impl PlanNode {
     }
 
     fn reads(&self, id: NodeId) -> bool {
-        self.stage.is_some() && self.inputs.iter().any(|(_, from)| *from == id)
+        self.stage.is_some() && self.asked().any(|from| from == id)
+    }
+
+    /// The places that are run for it.
+    fn asked(&self) -> impl Iterator<Item = NodeId> {
+        let asks = |slot: &str| !self.place.if_made.contains(&slot);
+        self.inputs.iter().filter(move |(slot, _)| asks(slot)).map(|(_, from)| *from)
     }
 }
 
@@ -133,6 +139,7 @@ impl Plan {
             Some(stage) => plan.want_stage(stage)?,
             None => plan.want_outputs(scene)?,
         }
+        plan.leave_unmade();
         for at in (0..plan.nodes.len()).filter(|&at| !plan.nodes[at].needed).collect::<Vec<_>>() {
             plan.why_idle(at).clone_into(&mut plan.nodes[at].why);
         }
@@ -291,10 +298,19 @@ impl Plan {
         node.why = format!("needed for {why}");
         let NodeId { stage, variant } = node.id;
         let name = if variant.is_empty() { stage.to_owned() } else { format!("{stage} {variant}") };
-        for (_, from) in node.inputs.clone() {
+        for from in node.asked().collect::<Vec<_>>() {
             if let Some(from) = self.nodes[..at].iter().position(|node| node.id == from) {
                 self.need(from, &name);
             }
+        }
+    }
+
+    /// Empties the slots that would be filled with what nothing else needs.
+    fn leave_unmade(&mut self) {
+        let made: Vec<NodeId> = self.nodes.iter().filter(|node| node.needed).map(|node| node.id).collect();
+        for node in &mut self.nodes {
+            let if_made = node.place.if_made;
+            node.inputs.retain(|(slot, from)| !if_made.contains(slot) || made.contains(from));
         }
     }
 

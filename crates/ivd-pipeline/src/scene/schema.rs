@@ -22,7 +22,7 @@ fn section(stage: &'static Stage) -> Json {
         for alias in key.field().aliases().filter(|alias| !alias.starts_with('!')) {
             let mut old = own.clone();
             old["deprecated"] = json!(true);
-            old["description"] = json!(format!("The old name of {}.", key.name));
+            old["description"] = json!(format!("Another name of {}.", key.name));
             properties.insert(alias.to_owned(), old);
         }
         properties.insert(key.name.clone(), own);

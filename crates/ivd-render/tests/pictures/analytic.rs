@@ -1,7 +1,7 @@
 //! The ray caster against pictures whose light is known in closed form.
 
 use ivd_core::{Exec, GradientTable, Grid, TransferFunction, Volume, Voxels};
-use ivd_render::{Mode, Projection, RenderParams, Scene, View, radiance};
+use ivd_render::{Fit, Mode, Projection, RenderParams, Scene, View, radiance};
 use nalgebra::Vector3;
 
 fn exec() -> Exec {
@@ -13,6 +13,7 @@ fn measuring() -> RenderParams {
     RenderParams {
         size: [33; 2],
         view: View::FRONT,
+        fit: Fit::Volume,
         termination: 2.0,
         shading: false,
         annotate: false,

@@ -1,7 +1,7 @@
 //! Deformed volumes against the picture of the function deformed in closed form.
 
 use ivd_core::{Displacement, Exec, Grid, TransferFunction, Volume};
-use ivd_render::{Mode, Radiance, RenderParams, Scene, View, radiance};
+use ivd_render::{Fit, Mode, Radiance, RenderParams, Scene, View, radiance};
 use nalgebra::{Rotation3, Vector3};
 
 use crate::pictures::common::{displacement, sampled};
@@ -32,8 +32,16 @@ fn picture(volume: &Volume, displacement: Option<&Displacement>, mode: Mode, sha
     let transfer = transfer();
     let scene = Scene { transfer: Some(&transfer), displacement, ..Scene::new(volume) };
     let view = View { angles: [40.0, 30.0], zoom: 1.4, ..View::FRONT };
-    let params =
-        RenderParams { size: [60; 2], view, mode, shading, termination: 2.0, ..RenderParams::default() };
+    // By the volume: pictures of different scenes are compared.
+    let params = RenderParams {
+        size: [60; 2],
+        view,
+        fit: Fit::Volume,
+        mode,
+        shading,
+        termination: 2.0,
+        ..RenderParams::default()
+    };
     radiance(&scene, &params, &Exec::default()).unwrap()
 }
 

@@ -46,8 +46,11 @@ fn skipping_changes_no_bit_of_any_mode_with_labels_holes_and_deformation() {
     let transfer = transfer();
     for volume in [&solid, &holed] {
         for labels in [None, Some(&labels)] {
-            for displacement in [None, Some(&displacement)] {
-                let scene = Scene { volume, transfer: Some(&transfer), labels, displacement, lattice: None };
+            for (displacement, framing) in
+                [(None, None), (Some(&displacement), None), (None, Some(&displacement))]
+            {
+                let scene =
+                    Scene { transfer: Some(&transfer), labels, displacement, framing, ..Scene::new(volume) };
                 for mode in [Mode::Dvr, Mode::Mip, Mode::Iso { value: 170.0 }] {
                     let on = radiance(&scene, &RenderParams { mode, ..params() }, &Exec::default()).unwrap();
                     let off = RenderParams { mode, skip: false, ..params() };

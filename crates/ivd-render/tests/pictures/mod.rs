@@ -2,9 +2,11 @@
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 mod analytic;
+mod classes;
 mod common;
 mod comparator;
 mod deformed;
 mod identical;
 mod preintegrated;
 mod surface;
+mod views;

@@ -1,0 +1,136 @@
+//! Pictures as people ask for them: the same in a scene and on a command line.
+
+use std::path::Path;
+
+use crate::call::{json, refused};
+
+const SCENE: &str = r##"
+schema = 1
+[input]
+phantom = "head"
+size = 32
+[segment]
+k = 4
+[[deform.handle]]
+pick = [15.0, 30.0, 16.0]
+move = [0.0, -2.0, 0.0]
+radius = 12.0
+[render]
+view = "left"
+size = 96
+hide = [4]
+opacity.3 = 0.2
+colour.2 = "#00ff00"
+"##;
+
+/// A folder with what the scene makes of the phantom, stage by stage.
+fn stages(at: &Path) {
+    json(at, &["phantom", "head", "--size", "32", "-o", "v.ivd"]);
+    json(at, &["segment", "v.ivd", "--k", "4", "-o", "l.ivd"]);
+    json(at, &["atf", "v.ivd", "l.ivd", "-o", "t.ivd"]);
+}
+
+fn pipeline(at: &Path, images: &str, more: &[&str]) {
+    std::fs::write(at.join("scene.toml"), format!("{SCENE}[output]\nimages = [{images}]\n")).unwrap();
+    json(at, &[&["pipeline", "scene.toml", "--out", "out"][..], more].concat());
+}
+
+fn bytes(at: &Path, file: &str) -> Vec<u8> {
+    std::fs::read(at.join(file)).unwrap()
+}
+
+#[test]
+fn a_scene_and_flags_of_the_same_names_give_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    stages(at);
+    let render = |transfer: &str, words: &str| {
+        let all = ["render", "v.ivd", "--transfer", transfer, "-o", "p.png"];
+        json(at, &[&all[..], &words.split(' ').collect::<Vec<_>>()].concat());
+        bytes(at, "p.png")
+    };
+    pipeline(at, "\"before\"", &[]);
+    let words = "--view left --size 96 --hide 4 --opacity 3=0.2";
+    let picture = render("t.ivd", &format!("{words} --colour 2=#00ff00"));
+    assert_eq!(bytes(at, "out/before.png"), picture);
+    // By numbers and by the other name.
+    let by_numbers = "--view 90,0 --size 96x96 --hide 4 --opacity 3=0.2 --color 2=#00FF00";
+    assert_eq!(render("t.ivd", by_numbers), picture);
+    assert_ne!(render("t.ivd", "--view left --size 96"), picture);
+    // What all of a transfer function is written to is read as it is.
+    json(at, &["export", "t.ivd", "-o", "t.json"]);
+    assert_eq!(render("t.json", &format!("{words} --colour 2=#00ff00")), picture);
+    // Other programs' files hold the function of the values to half of 1/255, of which a picture gathers some.
+    let drawn = |transfer: &str, output: &str| {
+        json(
+            at,
+            &["render", "v.ivd", "--transfer", transfer, "--view", "left", "--size", "96", "-o", output],
+        );
+    };
+    drawn("t.ivd", "own.ivd");
+    for file in ["t.vp.json", "t.paraview.json"] {
+        json(at, &["export", "t.ivd", "-o", file]);
+        drawn(file, "theirs.ivd");
+        let apart = json(at, &["compare", "own.ivd", "theirs.ivd"]);
+        assert!(apart["metrics"]["max"].as_f64().is_some_and(|max| max <= 8.0), "{file}: {apart}");
+    }
+}
+
+#[test]
+fn classes_that_are_not_known_and_values_that_do_not_fit_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    stages(at);
+    json(at, &["export", "t.ivd", "-o", "t.vp.json"]);
+    let of = |transfer: &str, words: &str| {
+        let all = ["render", "v.ivd", "--transfer", transfer, "-o", "x.png"];
+        refused(at, &[&all[..], &words.split(' ').collect::<Vec<_>>()].concat())
+    };
+    for (transfer, words, told) in [
+        ("t.ivd", "--hide 9", &["hide", "no class 9", "1, 2, 3, 4"][..]),
+        ("t.ivd", "--opacity 9=0.1", &["opacity.9", "1, 2, 3, 4"]),
+        ("t.ivd", "--opacity 3=1.5", &["--opacity", "3", "0 … 1"]),
+        ("t.ivd", "--opacity 3", &["--opacity", "CLASS=value"]),
+        ("t.ivd", "--colour 3=red", &["--colour", "#ff8800"]),
+        ("t.ivd", "--hide 3 --opacity 3=0.1", &["hide", "keep one"]),
+        ("t.vp.json", "--hide 3", &["knows no classes", "ivd atf"]),
+        ("t.ivd", "--view letf", &["--view", "left"]),
+        ("t.ivd", "--size 12x", &["--size", "12x"]),
+        ("t.ivd", "--mode mip --hide 3", &["hide", "dvr"]),
+    ] {
+        let (code, text) = of(transfer, words);
+        assert!(code == 2 && told.iter().all(|part| text.contains(part)), "{words}: {code} {text}");
+    }
+}
+
+#[test]
+fn pictures_before_and_after_have_one_camera_and_one_alone_makes_no_motion() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    stages(at);
+    let explained = |images: &str, out: &str| {
+        std::fs::write(at.join("scene.toml"), format!("{SCENE}[output]\nimages = [{images}]\n")).unwrap();
+        let run = json(at, &["pipeline", "scene.toml", "--out", out]);
+        let stages = run["stages"].as_array().unwrap().clone();
+        stages
+            .into_iter()
+            .map(|record| (record["stage"].as_str().unwrap().to_owned(), record))
+            .collect::<Vec<_>>()
+    };
+    let alone = explained("\"before\"", "alone");
+    let map = |records: &[(String, serde_json::Value)]| {
+        records.iter().find(|(stage, _)| stage == "map").unwrap().1["state"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(map(&alone), "not_needed");
+    let both = explained("\"before\", \"after\"", "both");
+    assert_eq!(map(&both), "ran");
+    // The picture of rest is drawn with room for the motion, which the command line names by hand.
+    let before =
+        both.iter().find(|(stage, record)| stage == "render" && record["variant"] == "before").unwrap();
+    assert!(before.1["inputs"]["framing"].is_string(), "{}", before.1);
+    let whole = ["--set", "render.fit=volume"];
+    pipeline(at, "\"before\", \"after\"", &whole);
+    let with_motion = bytes(at, "out/before.png");
+    pipeline(at, "\"before\"", &whole);
+    assert_eq!(bytes(at, "out/before.png"), with_motion, "by the volume a motion decides nothing");
+}
