@@ -30,7 +30,7 @@ pub(crate) fn run(_: &[String]) -> Anything<()> {
     let folder = std::env::temp_dir();
     for format in Format::ALL {
         let path = folder.join(format!("ivd-example-{}", std::process::id())).with_extension(format.ending());
-        write(&path, &cut)?;
+        write(&path, &cut, None)?;
         let start = Instant::now();
         let mesh = read(&path, u64::MAX);
         let (seconds, size) = (start.elapsed().as_secs_f64(), std::fs::metadata(&path)?.len());

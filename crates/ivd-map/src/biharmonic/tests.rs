@@ -177,7 +177,8 @@ fn minimiser_is_that_of_the_plain_dense_equations() {
         [([1.0; 3], [32, 32, 32]), ([1.0, 1.3, 2.0], [24, 20, 9]), ([1.0, 1.0, 5.0], [20, 20, 1])]
     {
         let scene = small(spacing, dims);
-        let params = BiharmonicParams { cell: Some(2), band: Band { margin: Some(4.0), ..smooth().band }, ..smooth() };
+        let params =
+            BiharmonicParams { cell: Some(2), band: Band { margin: Some(4.0), ..smooth().band }, ..smooth() };
         let (region, system) = scene.system(&params);
         let n = system.cells.nodes.free.len();
         assert!((30..2500).contains(&n), "{n} nodes");
