@@ -178,6 +178,7 @@ pub(crate) enum Command {
         /// Of a DICOM folder: the series that it holds, with the word by which --series of import takes each; with one (--series=3) what
         /// that series holds.
         #[arg(long, value_name = "SERIES", num_args = 0..=1, require_equals = true, conflicts_with_all = ["vertex", "voxel"])]
+        #[allow(clippy::option_option, reason = "not given, alone, or with a word")]
         series: Option<Option<String>>,
         /// Of a lattice: which voxel this vertex belongs to, and where it is.
         #[arg(long, value_name = "N")]

@@ -135,6 +135,10 @@ fn series_below_a_folder_are_listed_and_taken_by_the_word_that_is_shown() {
     assert!(text.contains(line) && !text.to_lowercase().contains("nemo"), "{text}");
     let described = json(at, &["info", "scan", "--series=4"]);
     assert_eq!(described["content"]["grid"]["dims"], serde_json::json!([3, 2, 3]));
+    for words in [["info", "scan/patient/s4/0", "--series"], ["info", "scan/patient/s4/0", "--series=4"]] {
+        let (code, said) = refused(at, &words);
+        assert!(code == 2 && said.contains("--series is of a folder"), "{said}");
+    }
     let (code, said) = refused(at, &["import", "scan", "-o", "a.ivd"]);
     assert!(code == 3 && said.contains("2 series fit") && said.contains("--series"), "{said}");
     let (code, said) = refused(at, &["import", "scan", "--series", "11", "-o", "a.ivd"]);

@@ -16,10 +16,7 @@ use crate::exit::Failure;
 
 /// Lists the DICOM series of a folder.
 pub(super) fn series(folder: &Path, context: &Context) -> anyhow::Result<()> {
-    if !folder.is_dir() {
-        let problem = format!("{}: --series lists what a folder holds, and this is none", folder.display());
-        return Err(Failure::usage(problem));
-    }
+    must_be_folder(folder)?;
     let series = dicom::list(folder, &context.exec)
         .map_err(|error| Failure::of(error.error_class(), error.to_string()))?;
     let object = json!({ "path": folder, "kind": "dicom folder", "series": series });
@@ -27,6 +24,14 @@ pub(super) fn series(folder: &Path, context: &Context) -> anyhow::Result<()> {
         let lines: Vec<String> = series.iter().map(series_line).collect();
         format!("{}\nread one with: ivd import {} --series …", lines.join("\n"), folder.display())
     })
+}
+
+/// Refuses a file where series of a folder are meant.
+fn must_be_folder(path: &Path) -> anyhow::Result<()> {
+    if path.is_dir() {
+        return Ok(());
+    }
+    Err(Failure::usage(format!("{}: --series is of a folder, and this is none", path.display())))
 }
 
 /// A series for a person: what chooses it first.
@@ -69,6 +74,9 @@ pub(super) fn run(file: &Path, asked: Asked<'_>, context: &Context) -> anyhow::R
     if !(vertices.is_empty() && voxels.is_empty()) {
         let object = relation(file, vertices, voxels, context)?;
         return context.print(&object, || lines("", &object).join("\n"));
+    }
+    if series.is_some() {
+        must_be_folder(file)?;
     }
     let mut object = if file.is_file() && ivd_artefact::is_artefact(file) {
         artefact(file, context)?
