@@ -15,7 +15,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{Error, Input, Inputs, Metrics, Section, Stage, StageOutput, resource};
+use crate::{Error, Input, Inputs, Metrics, Section, Stage, StageOutput, list, resource};
 
 /// What became of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -93,6 +93,18 @@ pub struct StageRecord {
 }
 
 impl StageRecord {
+    /// What a person should know of its result beside the figures, where there is something.
+    ///
+    /// # Errors
+    /// A figure that is missing or of another type.
+    pub fn remark(&self) -> Result<Option<String>, Error> {
+        let Some(stage) = list::stage(&self.stage).filter(|_| self.output.is_some()) else { return Ok(None) };
+        let chosen = self.params.get(stage.selector).and_then(Value::as_str);
+        let Some(method) = stage.method(chosen) else { return Ok(None) };
+        let figures = Value::Object(self.metrics.figures.clone());
+        (method.remark)(figures).map_err(|problem| Error::figures(stage.name, problem))
+    }
+
     /// Of a stage that has done nothing yet.
     pub(crate) fn new(stage: &str, state: State) -> Self {
         Self {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ivd_budget::{Budget, BudgetedReport};
 use ivd_pipeline::scene::{self, Loaded};
-use ivd_pipeline::{PipelineOptions, default_out};
+use ivd_pipeline::{PipelineOptions, StageRecord, default_out};
 
 use crate::args::Pipeline;
 use crate::context::Context;
@@ -19,6 +19,7 @@ pub(super) fn demo(out: &Path, context: &Context) -> anyhow::Result<()> {
     let loaded = Loaded { scene, folder: ".".into(), file: "demo.toml".into() };
     let options = PipelineOptions { out: out.to_owned(), ..PipelineOptions::default() };
     let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)?;
+    note_remarks(&report.stages, context)?;
     let page = report.outputs.iter().find(|o| o.name == "report").map(|o| o.path.display().to_string());
     context.print(&report, || page.unwrap_or_default())
 }
@@ -40,7 +41,18 @@ pub(super) fn run(args: &Pipeline, context: &Context) -> anyhow::Result<()> {
         ..Budget::default()
     };
     let report = ivd_budget::run(&loaded, &options, &budget, &context.pipeline_cache()?, &context.exec)?;
+    note_remarks(&report.run.stages, context)?;
     context.print(&report, || text(&report, args.explain || args.dry_run))
+}
+
+/// Says what is to be known of stages' results beside their figures.
+fn note_remarks(records: &[StageRecord], context: &Context) -> anyhow::Result<()> {
+    for record in records {
+        if let Some(remark) = record.remark()? {
+            context.say(&format!("ivd: note: {}: {remark}", record.stage));
+        }
+    }
+    Ok(())
 }
 
 /// What a person reads: the outputs, and every stage with its reason where that was asked for.
