@@ -135,10 +135,14 @@ pub(crate) fn finish(
     context.say(&format!(
         "{}: {} in {:.2} s → {}",
         record.stage,
-        headline(stage, record)?,
+        headline(stage, record),
         record.wall_s,
         output.display()
     ));
+    // A target that wasn't met is said with what stood in the way.
+    if let Some(remark) = &record.remark {
+        context.say(&format!("ivd: note: {}: {remark}", record.stage));
+    }
     context.print(&record, String::new)
 }
 
@@ -196,14 +200,13 @@ fn placed(error: ivd_artefact::Error, path: &Path) -> anyhow::Error {
 }
 
 /// The figures that a person wants first.
-fn headline(stage: &dyn Stage, record: &StageRecord) -> anyhow::Result<String> {
+fn headline(stage: &dyn Stage, record: &StageRecord) -> String {
     let mut fields: Vec<Field<'_>> =
         alternatives((stage.facts().figures)()).into_iter().flat_map(fields).collect();
     fields.retain(|field| field.headline().is_some());
     fields.sort_by_key(|field| field.headline());
     let figures = &record.metrics.figures;
     let told = fields.iter().filter_map(|field| Some(format!("{} {}", field.name, figures.get(field.name)?)));
-    // A target that wasn't met is said with what stood in the way.
-    let told: Vec<String> = told.chain(record.remark.clone()).collect();
-    Ok(if told.is_empty() { "done".to_owned() } else { told.join(", ") })
+    let told: Vec<String> = told.collect();
+    if told.is_empty() { "done".to_owned() } else { told.join(", ") }
 }

@@ -17,14 +17,14 @@ pub(crate) fn flags() -> [Arg; 4] {
         Arg::new("parts")
             .long("parts")
             .value_name("ID,ID…|all")
-            .conflicts_with_all(["class", "mask", "iso"])
+            .conflicts_with_all(["class", "mask", "iso", "min_part"])
             .requires("labels")
             .help("Several labels at once, whose lattices meet without gaps: ids by priority, or `all`; the output is a folder"),
         Arg::new("mesh")
             .long("mesh")
             .value_name("FILE")
             .value_parser(path())
-            .conflicts_with_all(["labels", "class", "mask", "iso", "parts"])
+            .conflicts_with_all(["labels", "class", "mask", "iso", "min_part", "parts"])
             .help("A closed mesh of another program (.ply, .obj, .stl, .glb, .vtp) to take for the lattice"),
         Arg::new("weld")
             .long("weld")

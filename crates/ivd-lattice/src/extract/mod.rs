@@ -46,6 +46,7 @@ mod plain;
 mod rows;
 mod samples;
 mod signs;
+mod specks;
 mod stage;
 mod surface;
 mod sweep;
@@ -62,7 +63,7 @@ pub use extractor::{Extracted, Extractor};
 pub use normals::normals;
 pub use params::{ExtractParams, Iso};
 pub use parts::{Part, extract_parts, labels_present};
-pub use stage::{IsoChoice, IsoWord, LatticeFigures, LatticeParams, STAGE};
+pub use stage::{Inputs, IsoChoice, IsoWord, LatticeFigures, LatticeParams, STAGE};
 pub(crate) use table::PARTED;
 
 /// Cuts the surface `params.iso` out of `volume`, or out of the part of it that `mask` isolates.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::op::{Failure, Method, Op, Place, Remark, Stage, Want, method};
 use ivd_core::{
     BRICK, BrickIndex, Class, ClassChoice, ElementKey, Exec, Grid, Labels, Lattice, Mask, ParamError, Volume,
     slots,
@@ -11,8 +11,9 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::extract;
 use super::params::{ExtractParams, Iso};
+use super::specks::SmallParts;
+use super::{extract, specks};
 use crate::Error;
 use crate::figures::measure;
 
@@ -57,11 +58,14 @@ pub struct LatticeParams {
     /// from, and without a mask the largest.
     #[schemars(extend("x-unit" = "1", "x-from" = "boundary.class"))]
     pub class: Option<ClassChoice>,
+    /// Connected parts of the lattice that enclose less volume than this are left out; a cavity is one too, and leaving it out fills it. 0 keeps all.
+    #[schemars(range(min = 0.0), extend("x-unit" = "mm³"))]
+    pub min_part: f64,
 }
 
 impl Default for LatticeParams {
     fn default() -> Self {
-        Self { iso: IsoChoice::Word(IsoWord::Boundary), class: None }
+        Self { iso: IsoChoice::Word(IsoWord::Boundary), class: None, min_part: 0.0 }
     }
 }
 
@@ -100,6 +104,26 @@ pub struct LatticeFigures {
     /// Enclosed volume, of a closed lattice.
     #[schemars(extend("x-unit" = "mm³"))]
     pub volume_mm3: f64,
+    /// Parts that `min_part` left out; not told where it is 0.
+    #[schemars(extend("x-unit" = "1"))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dropped_parts: Option<u64>,
+    /// What they enclosed together, each without its sign.
+    #[schemars(extend("x-unit" = "mm³"))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dropped_mm3: Option<f64>,
+    /// Parts left that enclose less than 1 % of what the largest does, cavities among them; of a lattice that was cut.
+    #[schemars(extend("x-unit" = "1"))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub small_parts: Option<u64>,
+    /// What they enclose together, each without its sign.
+    #[schemars(extend("x-unit" = "mm³"))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub small_parts_mm3: Option<f64>,
+    /// What the largest of them encloses.
+    #[schemars(extend("x-unit" = "mm³"))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub largest_small_part_mm3: Option<f64>,
     /// Bricks (8³ voxels) that the surface passes through.
     #[schemars(extend("x-unit" = "1"))]
     pub bricks_active: u64,
@@ -126,6 +150,28 @@ impl LatticeFigures {
         Self::with_bricks(lattice, active.len() as u64, total)
     }
 
+    /// The same, told of small parts.
+    fn with_small_parts(self, lattice: &Lattice) -> Self {
+        // Most lattices are one part, which is the largest.
+        let small = if self.components > 1 { SmallParts::of(lattice) } else { SmallParts::default() };
+        Self {
+            small_parts: Some(small.count),
+            small_parts_mm3: Some(small.volume_mm3),
+            largest_small_part_mm3: Some(small.largest_mm3),
+            ..self
+        }
+    }
+
+    /// What a person should know of parts that are small, where nothing was said of them and there are some.
+    pub fn remark(&self) -> Option<String> {
+        let small = SmallParts {
+            count: self.small_parts?,
+            volume_mm3: self.small_parts_mm3?,
+            largest_mm3: self.largest_small_part_mm3?,
+        };
+        small.told().filter(|_| self.dropped_parts.is_none())
+    }
+
     fn with_bricks(lattice: &Lattice, bricks_active: u64, bricks_total: u64) -> Self {
         let f = measure(lattice);
         Self {
@@ -138,6 +184,11 @@ impl LatticeFigures {
             components: f.components,
             area_mm2: f.area_mm2,
             volume_mm3: f.volume_mm3,
+            dropped_parts: None,
+            dropped_mm3: None,
+            small_parts: None,
+            small_parts_mm3: None,
+            largest_small_part_mm3: None,
             bricks_active,
             bricks_total,
             vertices_in: None,
@@ -147,6 +198,7 @@ impl LatticeFigures {
 
 impl Op for LatticeParams {
     const REVISION: u32 = 2;
+    const REMARK: Option<Remark<LatticeFigures>> = Some(LatticeFigures::remark);
     type Inputs<'a> = Inputs<'a>;
     type Output = Lattice;
     type Figures = LatticeFigures;
@@ -171,8 +223,20 @@ impl Op for LatticeParams {
         let extracted = extract(volume, mask, &params, exec)?;
         exec.check_cancelled()?;
         let (active, total) = (extracted.bricks_active, extracted.bricks_total);
-        let figures = exec.run(|| LatticeFigures::with_bricks(&extracted.lattice, active, total));
-        Ok((extracted.lattice, figures))
+        if self.min_part == 0.0 {
+            let lattice = extracted.lattice;
+            let figures =
+                exec.run(|| LatticeFigures::with_bricks(&lattice, active, total).with_small_parts(&lattice));
+            return Ok((lattice, figures));
+        }
+        let (lattice, parts, volume) = specks::without(&extracted.lattice, self.min_part, exec)?;
+        let figures = exec.run(|| match parts {
+            0 => LatticeFigures::with_bricks(&lattice, active, total),
+            _ => LatticeFigures::of(&lattice),
+        });
+        let figures = LatticeFigures { dropped_parts: Some(parts), dropped_mm3: Some(volume), ..figures };
+        let figures = exec.run(|| figures.with_small_parts(&lattice));
+        Ok((lattice, figures))
     }
 }
 

@@ -147,12 +147,14 @@ struct Size {
     volume: f64,
 }
 
-fn without_small(
-    lattice: &Lattice,
-    params: &RepairParams,
-    done: &mut RepairFigures,
-) -> Result<Lattice, Error> {
-    let roots = component_roots(lattice);
+/// Volumes that the components with triangles enclose (mm³), each without its sign; see [`RepairParams::min_volume_mm3`].
+pub(crate) fn enclosed_volumes(lattice: &Lattice) -> Vec<f64> {
+    let sizes = sizes(lattice, &component_roots(lattice));
+    sizes.iter().filter(|size| size.triangles > 0).map(|size| size.volume.abs()).collect()
+}
+
+/// The size of each component, at its first vertex.
+fn sizes(lattice: &Lattice, roots: &[u32]) -> Vec<Size> {
     let positions = lattice.local_positions();
     let mut sizes = vec![Size::default(); positions.len()];
     for t in lattice.triangles() {
@@ -164,6 +166,16 @@ fn without_small(
         size.area += 0.5 * (b - a).cross(&(c - a)).norm();
         size.volume += a.dot(&b.cross(&c)) / 6.0;
     }
+    sizes
+}
+
+fn without_small(
+    lattice: &Lattice,
+    params: &RepairParams,
+    done: &mut RepairFigures,
+) -> Result<Lattice, Error> {
+    let roots = component_roots(lattice);
+    let sizes = sizes(lattice, &roots);
     let goes = |size: &Size| {
         size.triangles > 0
             && (size.triangles < params.min_triangles
@@ -180,7 +192,7 @@ fn without_small(
         }
     }
     let stays = |v: u32| !goes(&sizes[roots[v as usize] as usize]);
-    let kept: Vec<u32> = (0..positions.len() as u32).filter(|&v| stays(v)).collect();
+    let kept: Vec<u32> = (0..sizes.len() as u32).filter(|&v| stays(v)).collect();
     let triangles: Vec<_> = lattice.triangles().iter().copied().filter(|t| stays(t[0])).collect();
     Ok(lattice.subset(&kept, triangles)?)
 }

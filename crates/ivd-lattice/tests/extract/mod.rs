@@ -10,6 +10,7 @@ mod normals;
 mod parts;
 mod random_fields;
 mod several;
+mod specks;
 mod sphere;
 mod ties;
 

@@ -131,7 +131,7 @@ fn lattice_table(records: &[StageRecord]) -> Result<String, Error> {
     let cut = figures_of::<LatticeFigures>(records, extract::STAGE.name)?;
     let refined = figures_of::<RefineFigures>(records, refine::STAGE.name)?;
     let (cut, last) = (cut.as_ref(), refined.as_ref().map(|found| &found.last));
-    Ok(pairs(&[
+    let mut rows = vec![
         ("vertices, as cut", shown(cut.map(|found| found.vertices))),
         ("triangles, as cut", shown(cut.map(|found| found.triangles))),
         ("components", shown(cut.map(|found| found.components))),
@@ -144,7 +144,14 @@ fn lattice_table(records: &[StageRecord]) -> Result<String, Error> {
         ("triangles, refined", shown(last.map(|found| found.triangles))),
         ("distance to the cut lattice, bound [mm]", shown(last.map(|found| found.max_error_mm))),
         ("distance to the cut lattice, mean [mm]", shown(last.map(|found| found.mean_error_mm))),
-    ]))
+    ];
+    if let Some((parts, volume)) = cut.and_then(|found| found.dropped_parts.zip(found.dropped_mm3)) {
+        rows.push(("parts left out by min_part", format!("{parts}, of {volume:.3} mm³ together")));
+    }
+    if let Some(remark) = cut.and_then(LatticeFigures::remark) {
+        rows.push(("small parts", remark));
+    }
+    Ok(pairs(&rows))
 }
 
 /// What every stage did, how long it took and why.
