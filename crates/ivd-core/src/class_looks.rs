@@ -117,7 +117,9 @@ impl TransferFunction {
             if !by_label {
                 row.copy_from_slice(of_values);
             } else if let Some(class) = classes.iter().find(|class| class.entry.class == *label) {
-                row.iter_mut().for_each(|sample| *sample = class.changed_voxel(*sample));
+                for sample in row {
+                    *sample = class.changed_voxel(*sample);
+                }
             }
         }
         self.with_looks(table, entries)
