@@ -116,7 +116,8 @@ pub(crate) enum Command {
         /// Take a field of vectors (.nrrd, .nii) for a displacement in mm, certify it and write a displacement artefact:
         /// inverse, from the deformed to the rest, as ITK, ANTs and 3D Slicer resample, or forward. Files that `ivd export` wrote say it
         /// themselves.
-        #[arg(long, value_name = "inverse|forward", num_args = 0..=1, require_equals = true, conflicts_with_all = ["labels", "mask"])]
+        #[arg(long, value_name = "inverse|forward", num_args = 0..=1, require_equals = true,
+            conflicts_with_all = ["labels", "mask", "raw_dims", "frame", "series", "resample_slices"])]
         displacement: Option<Option<Direction>>,
         #[command(flatten)]
         raw: Raw,

@@ -162,6 +162,8 @@ pub(crate) fn provenance(record: &StageRecord) -> anyhow::Result<Provenance> {
 
 /// Writes a stage's result.
 pub(crate) fn write_result(done: &StageResult, output: &Path, context: &Context) -> anyhow::Result<()> {
+    // What was too much for a limit isn't written, whether the work noticed or not.
+    context.exec.check_cancelled()?;
     if matches!(*done.artefact, Artefact::Image(_)) && ending(output) != "ivd" {
         export(&done.artefact, output, &context.exec)?;
         return Ok(());

@@ -207,6 +207,22 @@ fn labels_stand_for_a_volume_and_operands_of_any_kind_combine() {
     }
     let least = json(at, &["info", "v.ivd"])["content"]["range"][0].clone();
     assert_eq!(value("cut.ivd", "1,1,1")["value"], least);
+    // Masks among labels are classes of their own, each.
+    json(at, &["clip", "part.ivd", "--plane", "point=24,24,24;normal=0,0,1", "-o", "up.ivd"]);
+    json(at, &["clip", "part.ivd", "--plane", "point=24,24,24;normal=0,0,-1", "-o", "down.ivd"]);
+    json(at, &["combine", "i.ivd", "up.ivd", "down.ivd", "--op", "union", "-o", "three.ivd"]);
+    let ids = |file: &str| -> Vec<u64> {
+        let classes = json(at, &["info", file])["content"]["classes"].as_array().unwrap().clone();
+        classes.iter().map(|class| class["id"].as_u64().unwrap()).collect()
+    };
+    let (before, after) = (ids("i.ivd"), ids("three.ivd"));
+    assert_eq!(after.len(), before.len() + 2, "{before:?} {after:?}");
+    // Classes 1 and 2 of a label file are its own.
+    for class in ["1", "2"] {
+        let of_labels = json(at, &["boundary", "t.ivd", "--class", class, "-o", "x.ivd"]);
+        let of_file = json(at, &["boundary", "t.nii.gz", "--class", class, "-o", "y.ivd"]);
+        assert_eq!(of_labels["output"]["hash"], of_file["output"]["hash"], "class {class}");
+    }
     // A clip counts what it kept of a mask.
     let half = json(at, &["clip", "part.ivd", "--plane", "point=24,24,24;normal=0,0,1", "-o", "h.ivd"]);
     let kept = half["metrics"]["voxels_filled"].as_u64().unwrap();
@@ -226,6 +242,18 @@ fn the_memory_limit_holds_for_what_no_stage_foresees() {
     assert_eq!(tight.status.code(), Some(4), "{told}");
     assert!(told.contains("--memory-limit") && told.contains("64.0 MiB"), "{told}");
     assert!(!at.join("l.ivd").exists());
+    // Work that doesn't notice is told before anything is written.
+    json(at, &["phantom", "gyroid", "--size", "200", "-o", "g.ivd"]);
+    let tight = ivd(at, &["lattice", "g.ivd", "--iso", "128", "-o", "k.ivd", "--memory-limit", "64MiB"]);
+    let told = String::from_utf8(tight.stderr).unwrap();
+    assert!(tight.status.code() == Some(4) && told.contains("--memory-limit"), "{told}");
+    assert!(!at.join("k.ivd").exists());
+}
+
+/// The JSON of a GLB file: its first chunk.
+fn glb_json(bytes: &[u8]) -> Value {
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    serde_json::from_slice(&bytes[20..20 + length]).unwrap()
 }
 
 #[test]
@@ -240,17 +268,30 @@ fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
         let done = pipeline(at, &scene);
         assert!(done.status.success(), "{solver}: {}", String::from_utf8_lossy(&done.stderr));
         let read = |name: &str| std::fs::read(at.join("out").join(name)).unwrap();
-        let frames = [1, 2, 3].map(|i| read(&format!("frames/at_000{i}.nii.gz")));
-        assert_eq!(frames[2], read("out.nii.gz"), "{solver}");
+        let frames = [0, 1, 2].map(|i| read(&format!("frames/at_000{i}.nii.gz")));
         assert!(frames[0] != frames[1] && frames[1] != frames[2], "{solver}: frames differ");
-        assert!(!at.join("out/frames/at_0004.nii.gz").exists());
         let told: Value = serde_json::from_slice(&done.stdout).unwrap();
         let maps: Vec<&Value> =
             told["stages"].as_array().unwrap().iter().filter(|s| s["stage"] == "map").collect();
         assert_eq!(maps.len(), 3, "{solver}: each frame is mapped");
         assert!(maps.iter().all(|map| map["metrics"]["folds"] == 0), "{solver}: and certified");
-        let glb = String::from_utf8_lossy(&read("move.glb")).into_owned();
-        assert_eq!(glb.matches("\"targets\"").count(), 1, "{solver}");
+        let glb = glb_json(&read("move.glb"));
+        let targets = &glb["meshes"][0]["primitives"][0]["targets"];
+        assert_eq!(targets.as_array().unwrap().len(), 3, "{solver}");
+        let times =
+            &glb["accessors"][glb["animations"][0]["samplers"][0]["input"].as_u64().unwrap() as usize];
+        assert!((times["max"][0].as_f64().unwrap() - 0.02).abs() < 1e-6, "{solver}: {times}");
+        // The last frame is what a scene without frames makes, bit for bit, and a shorter motion leaves none of a longer one's.
+        let still = scene
+            .replace("volume_series = \"frames/at.nii.gz\"\n", "")
+            .replace("[output]", "[map]\nframe = 2\n[output]");
+        assert!(pipeline(at, &still).status.success());
+        assert_eq!(frames[2], read("out.nii.gz"), "{solver}");
+        assert!(pipeline(at, &scene).status.success());
+        assert!(pipeline(at, &scene.replace("frames = 3", "frames = 2")).status.success());
+        assert!(
+            at.join("out/frames/at_0001.nii.gz").exists() && !at.join("out/frames/at_0002.nii.gz").exists()
+        );
         // As a series of meshes; a member that is gone is written again.
         let series = pipeline(at, &scene.replace("move.glb", "move.pvd"));
         assert!(series.status.success(), "{solver}: {}", String::from_utf8_lossy(&series.stderr));
@@ -264,6 +305,7 @@ fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
     let with = |outputs: &str| SCENE.replace("volume = \"out.nii.gz\"", outputs);
     for (scene, word) in [
         (with("animation = \"move.stl\""), ".glb or .pvd"),
+        (with("volume_series = \"volumé\""), "voxels are written as"),
         (
             with("volume_series = \"at.nii.gz\"").replace("[output]", "[map]\nframe = 0\n[output]"),
             "map.frame",
@@ -309,6 +351,18 @@ fn a_displacement_goes_out_and_comes_back() {
             assert!(refused.status.code() == Some(2) && told.contains("the file says"), "{told}");
         }
     }
+    // What a header keeps apart is part of what the result is made of.
+    let detached = |scale: f32| {
+        let bytes: Vec<u8> = (0..3 * 4096).flat_map(|_| (scale).to_le_bytes()).collect();
+        std::fs::write(at.join("a.raw"), bytes).unwrap();
+        let header = "NRRD0004\ntype: float\ndimension: 4\nsizes: 3 16 16 16\nkinds: vector domain domain domain\nspace: left-posterior-superior\n\
+            space directions: none (1,0,0) (0,1,0) (0,0,1)\nendian: little\nencoding: raw\ndata file: a.raw\n\n";
+        std::fs::write(at.join("a.nhdr"), header).unwrap();
+        let words = ["import", "a.nhdr", "--displacement=inverse", "-o", "a.ivd", "--cache", "kept"];
+        json(at, &words)["metrics"]["largest_mm"].as_f64().unwrap()
+    };
+    let (small, large) = (detached(0.25), detached(0.5));
+    assert!((large / small - 2.0).abs() < 1e-5, "{small} {large}");
     // A volume is no field, and is told so.
     json(at, &["export", "v.ivd", "-o", "v.nrrd"]);
     let refused = ivd(at, &["import", "v.nrrd", "--displacement=inverse", "-o", "x.ivd"]);

@@ -115,7 +115,7 @@ fn write_volume(path: &Path, volume: &Volume, exec: &Exec) -> Result<bool, Error
 }
 
 /// Formats that voxels are written in.
-const VOLUME_ENDINGS: [&str; 10] =
+pub(crate) const VOLUME_ENDINGS: [&str; 10] =
     ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "tiff", "raw"];
 
 fn write_field(

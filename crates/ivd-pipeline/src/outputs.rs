@@ -156,7 +156,7 @@ impl<'a> Writer<'a> {
     /// Writes the deformed volume of a frame, counted from 0.
     pub(crate) fn frame(&mut self, frame: usize, done: &StageResult) -> Result<(), Error> {
         let Some(path) = self.scene.output.volume_series.as_deref() else { return Ok(()) };
-        let (name, file) = (format!("{SERIES} {:04}", frame + 1), series::file_of(path, frame));
+        let (name, file) = (format!("{SERIES} {frame:04}"), series::file_of(path, frame));
         self.file(&name, &file, &done.hash.to_string(), |to, exec| export(&done.artefact, to, exec))
     }
 
@@ -222,6 +222,7 @@ impl<'a> Writer<'a> {
         source: &str,
         write: impl FnOnce(&Path, &Exec) -> Result<bool, Error>,
     ) -> Result<(), Error> {
+        self.exec.check_cancelled()?;
         let (start, memory) = (Instant::now(), MemoryWatch::start());
         let full = self.out.join(path);
         let source = format!("{EXPORT_REVISION} {source}");
@@ -265,7 +266,7 @@ impl<'a> Writer<'a> {
             return Ok(record);
         }
         let clock = Clock::start();
-        let source = report_source(self.scene, stages, &self.data.decisions.lines);
+        let source = report_source(loaded, stages, &self.data.decisions.lines);
         let name = Path::new("report.html");
         if force {
             let _ = std::fs::remove_file(self.out.join(name));
@@ -298,6 +299,15 @@ impl<'a> Writer<'a> {
     pub(crate) fn finish(self, stages: &[StageRecord]) -> Result<Vec<OutputFile>, Error> {
         if self.files.is_empty() {
             return Ok(self.files);
+        }
+        // Frames of a longer motion would be taken for this one's.
+        let is_of_series = |file: &OutputFile| file.name.starts_with(SERIES);
+        let made: Vec<&OutputFile> = self.files.iter().filter(|file| is_of_series(file)).collect();
+        if !made.is_empty() {
+            let left = self.manifest.outputs.iter().filter(|old| is_of_series(old));
+            for old in left.filter(|old| made.iter().all(|file| file.path != old.path)) {
+                let _ = std::fs::remove_file(&old.path);
+            }
         }
         // Times differ at every run; the manifest keeps what a later run compares.
         let stages = stages
@@ -361,10 +371,11 @@ fn moving_lattice(
 }
 
 /// Hash of everything that a report shows but times.
-fn report_source(scene: &Scene, stages: &[StageRecord], decisions: &[String]) -> String {
+fn report_source(loaded: &Loaded, stages: &[StageRecord], decisions: &[String]) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&report::REVISION.to_le_bytes());
-    hasher.update(serde_json::json!(scene.written).to_string().as_bytes());
+    hasher.update(serde_json::json!(loaded.scene.written).to_string().as_bytes());
+    hasher.update(report::input(loaded).as_bytes());
     for record in stages {
         hasher.update(record.stage.as_bytes());
         hasher.update(record.params.to_string().as_bytes());

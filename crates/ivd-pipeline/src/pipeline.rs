@@ -171,7 +171,12 @@ fn walk(
     if options.until.is_none() {
         let force = options.force.contains("report");
         writer.set_decisions(control.summary());
-        stages.push(writer.report(loaded, stages, force)?);
+        let mut shown = loaded.clone();
+        shown.scene.input.file = options.input.clone().or(shown.scene.input.file);
+        if options.input.is_some() {
+            shown.folder = PathBuf::new();
+        }
+        stages.push(writer.report(&shown, stages, force)?);
     }
     writer.finish(stages)
 }

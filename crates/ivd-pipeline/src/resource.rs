@@ -105,13 +105,14 @@ mod tests {
     fn work_after_larger_work_is_told_by_itself() {
         let Some(before) = rss_mb() else { return };
         let watch = MemoryWatch::start();
-        touch(200);
+        touch(400);
         let large = watch.stop().expect("the system told before");
         let watch = MemoryWatch::start();
-        touch(50);
+        touch(60);
         let small = watch.stop().expect("the system told before");
-        assert!(large >= before + 190.0, "{large} after {before}");
-        assert!(small >= before + 40.0 && small < large - 100.0, "{small} beside {large} after {before}");
+        // Other tests of this process take and give back some of their own meanwhile.
+        assert!(large >= before + 300.0, "{large} after {before}");
+        assert!(small < large - 200.0, "{small} beside {large} after {before}");
         assert!(peak_rss_mb().expect("as before") >= large, "the process's own peak stays");
     }
 }

@@ -79,12 +79,16 @@ fn in_frame(error: Error, frame: usize, frames: usize) -> Error {
     }
 }
 
-/// The file of a frame, counted from 0: `name_0001.nii.gz` is that of the first.
+/// The file of a frame, counted from 0 as `map.frame` counts: `name_0000.nii.gz` is that of the first.
 pub(crate) fn file_of(path: &Path, frame: usize) -> PathBuf {
-    let ending = ending(path);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let stem = &name[..name.len().saturating_sub(ending.len() + 1)];
-    path.with_file_name(format!("{stem}_{:04}.{ending}", frame + 1))
+    let dots = if ending(path) == "nii.gz" { 2 } else { 1 };
+    let parts: Vec<&str> = name.rsplitn(dots + 1, '.').collect();
+    let Some((stem, endings)) = parts.split_last().filter(|(_, endings)| !endings.is_empty()) else {
+        return path.with_file_name(format!("{name}_{frame:04}"));
+    };
+    let ending: Vec<&str> = endings.iter().rev().copied().collect();
+    path.with_file_name(format!("{stem}_{frame:04}.{}", ending.join(".")))
 }
 
 #[cfg(test)]
@@ -93,7 +97,14 @@ mod tests {
 
     #[test]
     fn frames_are_numbered_before_the_ending() {
-        assert_eq!(file_of(Path::new("a/b.nii.gz"), 0), Path::new("a/b_0001.nii.gz"));
-        assert_eq!(file_of(Path::new("v.1.mha"), 41), Path::new("v.1_0042.mha"));
+        let cases = [
+            ("a/b.nii.gz", 0, "a/b_0000.nii.gz"),
+            ("v.1.mha", 41, "v.1_0041.mha"),
+            ("İ.NRRD", 7, "İ_0007.NRRD"),
+            ("volumé", 3, "volumé_0003"),
+        ];
+        for (path, frame, file) in cases {
+            assert_eq!(file_of(Path::new(path), frame), Path::new(file));
+        }
     }
 }

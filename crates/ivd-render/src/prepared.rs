@@ -69,7 +69,11 @@ impl<'a> Prepared<'a> {
             let moving = scene.displacement.filter(|d| !is_still(d));
             // Labels that change nothing cost nothing.
             let has_rows = scene.transfer.is_some_and(|t| t.gradient().is_none() && t.depends_on_label());
-            let labels = scene.labels.filter(|labels| has_rows || has_unlabelled(scene.volume, labels));
+            // Steps between values know no label 0 either: it is shown there.
+            let by_voxel =
+                !(params.mode == Mode::Dvr && params.classification == Classification::PreIntegrated);
+            let clears = |labels: &Labels| by_voxel && has_unlabelled(scene.volume, labels);
+            let labels = scene.labels.filter(|labels| has_rows || clears(labels));
             let mut prepared = Self {
                 scene: Scene { labels, ..*scene },
                 params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },

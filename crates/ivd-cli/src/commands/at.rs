@@ -4,6 +4,9 @@ use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache};
 use ivd_core::{Grid, Kind, Labels, Value as _, VoxelCoord, VoxelIndex, World};
+use ivd_io::volume::ReadOptions;
+use ivd_pipeline::Inputs;
+use ivd_pipeline::stages::{Import, ImportSource};
 use serde_json::{Map, Value, json};
 
 use crate::context::Context;
@@ -13,11 +16,19 @@ use crate::files::{file_for, volume_or_artefact};
 /// What lies at places (mm, RAS) of a volume, of labels or of a mask; with the class that `labels` have there.
 pub(super) fn places(
     file: &Path,
+    series: Option<String>,
     places: &[[f64; 3]],
     labels: Option<&Path>,
     context: &Context,
 ) -> anyhow::Result<Value> {
-    let input = volume_or_artefact(file, &Cache::disabled(), context)?;
+    let input = match series {
+        Some(_) => {
+            let options = ReadOptions { series, ..ReadOptions::default() };
+            let source = ImportSource::File { path: file.to_owned(), options };
+            context.run(&Cache::disabled(), &Import { source }, &Inputs::default())?.input()
+        }
+        None => volume_or_artefact(file, &Cache::disabled(), context)?,
+    };
     let artefact = &*input.artefact;
     let grid = match artefact {
         Artefact::Volume(volume) => volume.grid(),

@@ -68,7 +68,7 @@ pub(super) struct Asked<'a> {
 pub(super) fn run(file: &Path, asked: Asked<'_>, context: &Context) -> anyhow::Result<()> {
     let Asked { series, vertices, voxels, places, labels } = asked;
     if !places.is_empty() {
-        let object = at::places(file, places, labels, context)?;
+        let object = at::places(file, series, places, labels, context)?;
         return context.print(&object, || lines("", &object).join("\n"));
     }
     if !(vertices.is_empty() && voxels.is_empty()) {

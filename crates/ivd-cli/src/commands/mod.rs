@@ -48,7 +48,7 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
             let choice = volume::Choice { level, lattice: lattice.as_deref(), direction, space };
             volume::export(&artefact, &output, &choice, context)
         }
-        Command::Info { file, series: Some(None), .. } => info::series(&file, context),
+        Command::Info { file, series: Some(None), at, .. } if at.is_empty() => info::series(&file, context),
         Command::Info { file, series, vertex, voxel, at, labels } => {
             let (series, labels) = (series.flatten(), labels.as_deref());
             let asked = info::Asked { series, vertices: &vertex, voxels: &voxel, places: &at, labels };

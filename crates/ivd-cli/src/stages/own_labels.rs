@@ -2,7 +2,7 @@
 
 use ivd_artefact::Cache;
 use ivd_boundary::ComponentParams;
-use ivd_core::ClassChoice;
+use ivd_core::{ClassChoice, Labels, Value as _};
 use ivd_lattice::extract::LatticeParams;
 use ivd_pipeline::stages::ImportLabels;
 use ivd_pipeline::{Input, Inputs, Section};
@@ -23,11 +23,19 @@ pub(crate) fn completed(
         return Ok(inputs);
     }
     inputs.check(section)?;
-    // Two classes are 1 and 2: any other is one of a volume that holds labels itself.
-    let class = section.get::<ComponentParams>().and_then(|part| part.class);
-    if matches!(class, Some(ClassChoice::Id(3..))) {
-        let labels = own_numbers(&inputs, cache, context)?;
-        return Ok(inputs.with("labels", labels));
+    // Two classes are 1 and 2: any other is one of a volume that holds labels itself; so are these where its numbers are few.
+    if let Some(ClassChoice::Id(id)) = section.get::<ComponentParams>().and_then(|part| part.class) {
+        let own = own_numbers(&inputs, cache, context);
+        let few = own.as_ref().is_ok_and(|own| has_few_with(own, id));
+        if id > 2 || few {
+            context.say(&format!(
+                "ivd: note: --class {id} without --labels: the volume's own numbers are taken for labels"
+            ));
+            return Ok(inputs.with("labels", own?));
+        }
+        context.say(&format!(
+            "ivd: note: --class {id} without --labels is one of two classes that are found by value (`ivd segment --k 2`)"
+        ));
     }
     let two = serde_json::Map::from_iter([("k".to_owned(), 2.into())]);
     let two =
@@ -51,6 +59,15 @@ pub(crate) fn for_lattice(
     let labels = own_numbers(&inputs, cache, context)?;
     Ok(inputs.with("labels", labels))
 }
+
+/// Whether labels are as few as those of parts are, and one is among them.
+fn has_few_with(labels: &Input, id: u16) -> bool {
+    let labels = Labels::of(&labels.artefact);
+    labels.is_some_and(|labels| labels.classes().len() <= MOST_PARTS && labels.class(id).is_some())
+}
+
+/// More different numbers than this are values of a scan.
+const MOST_PARTS: usize = 128;
 
 /// The numbers of the volume as labels.
 fn own_numbers(inputs: &Inputs, cache: &Cache, context: &Context) -> anyhow::Result<Input> {

@@ -7,7 +7,7 @@ use ivd_core::ParamError;
 use ivd_core::op::{Field, Method, Stage, fields, words};
 use ivd_pipeline::Section;
 use ivd_pipeline::list::{self, Key};
-use ivd_pipeline::params::{read_entry, with_landmarks};
+use ivd_pipeline::params::{place_landmarks, read_entry, with_landmarks};
 use serde_json::{Map, Value as Json};
 
 use super::arguments::slots;
@@ -30,6 +30,8 @@ impl Typed {
         let stage = offer.stage;
         let file = context.global.params.clone();
         let mut keys = file.as_deref().map(table_of).transpose()?.unwrap_or_default();
+        let beside = file.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+        place_landmarks(&mut keys.values_mut(), beside)?;
         let typed = typed(offer, matches)?;
         for (key, value) in typed.clone() {
             add(&mut keys, key, value);

@@ -33,7 +33,7 @@ use ivd_core::{Classified, ErrorClass, World};
 use crate::{FileError, Space};
 
 /// Most bytes of a file that is read; a markup of 3D Slicer takes about 500 a point.
-const MAX_BYTES: u64 = 16 << 20;
+const MAX_BYTES: u64 = 4 << 20;
 
 /// Most points of a file.
 const MAX_POINTS: usize = 100_000;
@@ -133,7 +133,7 @@ impl Format {
 ///
 /// # Errors
 /// [`FileError::Unreadable`] with the place in the file: an ending that isn't known, no placed point, a position that isn't three
-/// finite numbers, a coordinate system or unit that isn't known, more than 16 MiB or 100,000 points; [`FileError::Io`].
+/// finite numbers, a coordinate system or unit that isn't known, more than 4 MiB or 100,000 points; [`FileError::Io`].
 pub fn read(path: &Path) -> Result<Landmarks, FileError> {
     let failed = |source| FileError::io("read", path, source);
     let Some(format) = Format::of(path) else {

@@ -115,6 +115,28 @@ impl Error {
         Self::Truncated { path: path.to_owned(), what: what.into(), needed, found }
     }
 
+    /// The same without the names of folders below one: they are often patients'. What lies there is named by its file.
+    pub(crate) fn without_folders_below(mut self, dir: &Path) -> Self {
+        let shortened = |path: &mut PathBuf| {
+            if let (Ok(below), Some(name)) = (path.strip_prefix(dir), path.file_name())
+                && below.components().count() > 1
+            {
+                *path = dir.join("…").join(name);
+            }
+        };
+        match &mut self {
+            Self::Core(_) => {}
+            Self::Io { path, .. }
+            | Self::Unknown { path, .. }
+            | Self::Field { path, .. }
+            | Self::Unsupported { path, .. }
+            | Self::Truncated { path, .. }
+            | Self::Corrupt { path, .. }
+            | Self::Choice { path, .. } => shortened(path),
+        }
+        self
+    }
+
     #[allow(clippy::needless_pass_by_value, reason = "callers hand over an error that ends here")]
     pub(crate) fn corrupt(path: &Path, what: impl Into<String>, problem: impl ToString) -> Self {
         Self::Corrupt { path: path.to_owned(), what: what.into(), problem: problem.to_string() }

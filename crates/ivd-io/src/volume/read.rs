@@ -67,7 +67,7 @@ pub fn read(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, E
 
 fn read_folder(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
     if options.raw.is_none() && is_of_dicom(path)? {
-        return dicom::read_folder(path, options, exec);
+        return dicom::read_folder(path, options, exec).map_err(|error| error.without_folders_below(path));
     }
     stack::read_folder(path, options.raw.as_ref(), options.spacing, exec)
 }
@@ -89,7 +89,8 @@ pub fn sources(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error
 fn named(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error> {
     if is_folder(path)? {
         if options.raw.is_none() && is_of_dicom(path)? {
-            return dicom::sources(path, options.series.as_deref());
+            let files = dicom::sources(path, options.series.as_deref());
+            return files.map_err(|error| error.without_folders_below(path));
         }
         return stack::sources(path, options.raw.as_ref());
     }

@@ -9,7 +9,7 @@ use crate::handles::{self, Action, Anchor};
 #[serde(deny_unknown_fields)]
 pub struct Handle {
     /// A point, RAS; the nearest vertex is taken, at most ten voxel diagonals away. Instead of numbers, landmarks of 3D Slicer:
-    /// `FILE.mrk.json#LABEL`, or a file of one point.
+    /// `FILE.mrk.json#LABEL`, or FILE.mrk.json for a handle at each of its points.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "mm"))]
     pub pick: Option<[f64; 3]>,

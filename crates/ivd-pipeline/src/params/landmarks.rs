@@ -64,7 +64,7 @@ pub fn with_landmarks(text: &str, folder: &Path) -> Result<Vec<String>, Error> {
 ///
 /// # Errors
 /// Those of [`landmarks_at`].
-pub(crate) fn place_landmarks<'a>(
+pub fn place_landmarks<'a>(
     values: &mut dyn Iterator<Item = &'a mut Json>,
     folder: &Path,
 ) -> Result<(), Error> {

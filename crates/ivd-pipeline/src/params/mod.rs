@@ -4,7 +4,6 @@ mod landmarks;
 mod table;
 mod written;
 
-pub(crate) use landmarks::place_landmarks;
-pub use landmarks::{landmarks_at, with_landmarks};
+pub use landmarks::{landmarks_at, place_landmarks, with_landmarks};
 pub use table::from_toml;
 pub use written::{read, read_entry, short};

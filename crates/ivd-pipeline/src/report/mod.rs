@@ -17,6 +17,7 @@ use colours::class_rgb;
 
 pub(crate) use data::ReportData;
 pub(crate) use page::html;
+pub(crate) use summary::input;
 
 /// Raised whenever the same data gives another page.
 pub(crate) const REVISION: u32 = 8;

@@ -3,6 +3,7 @@
 use ivd_boundary::BoundaryFigures;
 use ivd_lattice::extract::{self, LatticeFigures};
 use ivd_lattice::refine::{self, RefineFigures};
+use ivd_map::space::{self, SpaceFigures, SpaceParams};
 use ivd_map::{MapFigures, SurfaceFit};
 use ivd_motion::deform::{self, Asked, Handle, PickFigures};
 use ivd_report::html::{escape, number};
@@ -21,16 +22,16 @@ pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String
     let scene = &loaded.scene;
     let done = figures_of::<deform::Figures>(records, deform::STAGE.name)?;
     let map = figures_of::<MapFigures>(records, ivd_map::STAGE.name)?;
-    let mut html = pairs(&settings(scene, records)?);
+    let mut html = pairs(&settings(loaded, records)?);
     if let Some(asked) = scene.section(&deform::STAGE).and_then(|section| Asked::of(section.job())) {
         let picks = done.as_ref().map(|done| (&done.handles[..], &done.fixed[..]));
         html += &handles(&asked, picks.unwrap_or_default());
         html += &others(&asked);
     }
-    if let Some(done) = &done {
-        html += &figures(&outcome(done, map.as_ref()));
-    }
-    let told = told(records, map.as_ref());
+    let space = figures_of::<SpaceFigures>(records, space::STAGE.name)?;
+    html += &steps(scene);
+    html += &figures(&outcome(done.as_ref(), map.as_ref(), space.as_ref()));
+    let told = told(records, map.as_ref(), space.as_ref());
     let item = |(mark, text): &(&str, String)| format!("<li>{mark} {}</li>", escape(text));
     if !told.is_empty() {
         html += &format!("<ul class='told'>{}</ul>", told.iter().map(item).collect::<String>());
@@ -40,8 +41,9 @@ pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String
 }
 
 /// Input, part, lattice, solver and map, each in a line.
-fn settings(scene: &Scene, records: &[StageRecord]) -> Result<Vec<(&'static str, String)>, Error> {
-    let mut rows = vec![("input", input(scene))];
+fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static str, String)>, Error> {
+    let scene = &loaded.scene;
+    let mut rows = vec![("input", input(loaded))];
     if let Some(found) = figures_of::<ImportFigures>(records, IMPORT)? {
         let spacing = found.spacing.map(number).join(" × ");
         rows.push((
@@ -81,10 +83,11 @@ fn settings(scene: &Scene, records: &[StageRecord]) -> Result<Vec<(&'static str,
     Ok(rows)
 }
 
-/// The file's own name, or that of what was generated: folders may carry a patient's.
-fn input(scene: &Scene) -> String {
-    let input = &scene.input;
+/// The file's own name, or that of what was generated. Folders may carry a patient's.
+pub(crate) fn input(loaded: &Loaded) -> String {
+    let input = &loaded.scene.input;
     match (&input.file, input.phantom) {
+        (Some(file), _) if loaded.folder.join(file).is_dir() => "a folder of slices".to_owned(),
         (Some(file), _) => file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         (None, Some(shape)) => format!("generated: {}", shown(shape)),
         (None, None) => "–".to_owned(),
@@ -161,10 +164,41 @@ fn vector(parts: [f64; 3]) -> String {
     parts.map(number).join(", ")
 }
 
-/// How far things went, and how closely the voxels followed.
-fn outcome(done: &deform::Figures, map: Option<&MapFigures>) -> Vec<Figure> {
+/// Steps in space, as they were asked for.
+fn steps(scene: &Scene) -> String {
+    let steps = scene.get::<SpaceParams>(&space::STAGE).map_or(&[][..], |params| &params.step);
+    let kind = |step: &space::Step| {
+        let written = serde_json::to_value(step).unwrap_or_default();
+        written.get("kind").and_then(Json::as_str).unwrap_or("–").to_owned()
+    };
+    if steps.is_empty() {
+        return String::new();
+    }
+    pairs(&[("then, in space", steps.iter().map(kind).collect::<Vec<_>>().join(", "))])
+}
+
+/// How far things went, and how closely the voxels followed. Where steps in space go on from the map, what it says of the voxels isn't
+/// the last word, and theirs is told.
+fn outcome(
+    done: Option<&deform::Figures>,
+    map: Option<&MapFigures>,
+    space: Option<&SpaceFigures>,
+) -> Vec<Figure> {
+    let mut rows = done.map(of_lattice).unwrap_or_default();
+    rows.extend(map.into_iter().flat_map(|map| of_map(map, space.is_none())));
+    if let Some(space) = space {
+        rows.extend([
+            Figure::new("voxels moved, in the end", "space.voxels_moved", space.voxels_moved),
+            Figure::new("smallest det J, certified", "space.min_det_j", space.min_det_j),
+            Figure::new("folds", "space.folds", space.folds),
+        ]);
+    }
+    rows
+}
+
+fn of_lattice(done: &deform::Figures) -> Vec<Figure> {
     let share = done.elastic.as_ref().map(|elastic| elastic.share);
-    let mut rows = vec![
+    vec![
         Figure::new("vertices moved", "deform.vertices_moved", done.vertices_moved),
         Figure::new(
             "largest motion of the lattice [mm]",
@@ -172,13 +206,16 @@ fn outcome(done: &deform::Figures, map: Option<&MapFigures>) -> Vec<Figure> {
             done.max_displacement_mm,
         ),
         Figure::new("share of the way that matter went", "deform.share", share),
-    ];
-    let Some(map) = map else { return rows };
+    ]
+}
+
+/// What the map says: of the lattice's voxels, and of all where it is the last.
+fn of_map(map: &MapFigures, is_last: bool) -> Vec<Figure> {
     let SurfaceFit { vertices_driven, vertices_held, vertices_carried, conflicts, .. } = map.followed;
     let fit = &map.followed;
-    rows.extend([
-        Figure::new("voxels moved", "map.voxels_moved", map.voxels_moved),
-        Figure::new("largest motion of a voxel [mm]", "map.largest_mm", map.largest_mm),
+    let last = |figure: Figure| is_last.then_some(figure);
+    let always = [
+        Figure::new("largest motion of a voxel by the lattice [mm]", "map.largest_mm", map.largest_mm),
         Figure::new("there, at rest [mm, RAS]", "map.largest_at_mm", map.largest_at_mm),
         Figure::new("share of the way that was mapped", "map.share", map.share),
         Figure::new("vertices in reach: driven", "map.followed.vertices_driven", vertices_driven),
@@ -190,19 +227,30 @@ fn outcome(done: &deform::Figures, map: Option<&MapFigures>) -> Vec<Figure> {
         Figure::new("of 99.9 % at most [voxels]", "map.followed.misfit_p999_voxel", fit.misfit_p999_voxel),
         Figure::new("at most [mm]", "map.followed.misfit_max_mm", fit.misfit_max_mm),
         Figure::new("there, at rest [mm, RAS]", "map.followed.misfit_max_at_mm", fit.misfit_max_at_mm),
+    ];
+    let voxels = last(Figure::new("voxels moved", "map.voxels_moved", map.voxels_moved));
+    let proof = [
         Figure::new("smallest det J, certified", "map.min_det_j", map.min_det_j),
         Figure::new("folds", "map.folds", map.folds),
-    ]);
-    rows
+    ];
+    voxels.into_iter().chain(always).chain(proof.into_iter().filter_map(last)).collect()
 }
 
 /// What to know before the result is trusted, each with a mark.
-fn told(records: &[StageRecord], map: Option<&MapFigures>) -> Vec<(&'static str, String)> {
+fn told(
+    records: &[StageRecord],
+    map: Option<&MapFigures>,
+    space: Option<&SpaceFigures>,
+) -> Vec<(&'static str, String)> {
     const ATTENTION: &str = "<b>▲ attention:</b>";
     const GOOD: &str = "✓";
     let remarks = records.iter().filter_map(|record| Some((record, record.remark.as_ref()?)));
     let mut told: Vec<(&str, String)> =
         remarks.map(|(record, remark)| (ATTENTION, format!("{}: {remark}", record.stage))).collect();
+    let folds = space.map(|space| space.folds).or(map.map(|map| map.folds));
+    if folds == Some(0) {
+        told.push((GOOD, "certified: the volume folds nowhere".to_owned()));
+    }
     let Some(map) = map else { return told };
     let fit = &map.followed;
     if map.share < 1.0 {
@@ -225,9 +273,9 @@ fn told(records: &[StageRecord], map: Option<&MapFigures>) -> Vec<(&'static str,
         told.push((ATTENTION, conflicts));
     }
     if fit.misfit_max_voxel <= LEFT_BEHIND && map.share >= 1.0 {
-        told.push((GOOD, "the voxels follow the lattice to within a voxel everywhere".to_owned()));
+        let then = if space.is_some() { ", before the steps in space" } else { "" };
+        told.push((GOOD, format!("the voxels follow the lattice to within a voxel everywhere{then}")));
     }
-    told.push((GOOD, "certified: the volume folds nowhere".to_owned()));
     told
 }
 

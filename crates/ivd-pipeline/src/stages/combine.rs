@@ -1,4 +1,5 @@
 use std::borrow::Cow;
+use std::cell::Cell;
 
 use ivd_artefact::{Artefact, Kind};
 use ivd_core::op::{Fill as _, Output, Voxelwise, object, schema_of};
@@ -114,12 +115,25 @@ fn as_mask(artefact: &Artefact) -> Result<Mask, Error> {
     }
 }
 
-/// What an operand is as labels: a mask is one class, with an id that the first operand doesn't have.
-fn as_labels(artefact: &Artefact, first: &Labels) -> Result<Labels, Error> {
+/// The highest id of the labels among the operands.
+fn highest_id(inputs: &Inputs) -> Result<u16, Error> {
+    let mut highest = 0;
+    for artefact in Combine::OPERANDS.iter().filter_map(|[slot, _]| inputs.get(slot)) {
+        let of = |labels: &Labels| labels.classes().iter().map(|class| class.id).max().unwrap_or(0);
+        highest = highest.max(match artefact {
+            Artefact::Labels(labels) => of(labels),
+            Artefact::Volume(volume) => of(&Labels::from_volume(volume)?),
+            _ => 0,
+        });
+    }
+    Ok(highest)
+}
+
+/// What an operand is as labels: a mask is one class, with the next id after the last one, which no labels have.
+fn as_labels(artefact: &Artefact, last: &Cell<u16>) -> Result<Labels, Error> {
     match artefact {
         Artefact::Mask(mask) => {
-            let ids = || first.classes().iter().map(|class| class.id);
-            let id = ids().max().unwrap_or(0).checked_add(1).ok_or_else(|| {
+            let id = last.get().checked_add(1).inspect(|id| last.set(*id)).ok_or_else(|| {
                 Error::usage(
                     "combine",
                     "the labels have class 65535: there is no id left for the mask; renumber them",
@@ -204,8 +218,9 @@ impl Stage for Combine {
                 let params = self.among_volumes(inputs, exec);
                 combine::volumes(&borrowed(&all), &params, exec).map(|v| product(v, |_| None))
             }
-            Voxelwise::Labels(first) => {
-                let all = operands(inputs, |artefact| as_labels(artefact, first))?;
+            Voxelwise::Labels(_) => {
+                let last = Cell::new(highest_id(inputs)?);
+                let all = operands(inputs, |artefact| as_labels(artefact, &last))?;
                 combine::labels(&borrowed(&all), &self.params, exec)
                     .map(|l| product(l, |l| Some(labelled(l))))
             }

@@ -4,7 +4,7 @@ use ivd_artefact::Kind;
 use ivd_core::Exec;
 use ivd_core::op::schema_of;
 use ivd_field::given::{self, Leads};
-use ivd_io::volume::{FieldDirection, GivenField, read_field};
+use ivd_io::volume::{FieldDirection, GivenField, ReadOptions, read_field};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -59,7 +59,7 @@ impl Stage for ImportField {
     }
 
     fn sources(&self) -> Result<Vec<PathBuf>, Error> {
-        Ok(vec![self.path.clone()])
+        ivd_io::volume::sources(&self.path, &ReadOptions::default()).map_err(Error::in_stage(IMPORT))
     }
 
     fn run(&self, _: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {

@@ -44,10 +44,11 @@ pub(super) fn below(dir: &Path) -> Result<Vec<PathBuf>, Error> {
     let mut open: Vec<(PathBuf, usize)> = folders.into_iter().map(|folder| (folder, 1)).collect();
     while let Some((folder, depth)) = open.pop() {
         seen += 1;
-        let [files, folders] = entries(&folder)?;
+        // One that can't be read isn't the patient's only one.
+        let Ok([files, folders]) = entries(&folder) else { continue };
         if seen + folders.len() > MOST_FOLDERS || found.len() + files.len() > MOST_FILES {
             let problem = format!(
-                "more than {MOST_FOLDERS} folders or {MOST_FILES} files lie below it, and no image in it"
+                "it holds no image itself, and more than {MOST_FOLDERS} folders or {MOST_FILES} files lie below it"
             );
             return Err(Error::choice(dir, problem, "give a folder further in"));
         }

@@ -94,6 +94,13 @@ pub fn sources(dir: &Path, series: Option<&str>) -> Result<Vec<PathBuf>, Error> 
     Ok(files)
 }
 
+/// Whether the images of a file, or of a series of a folder, say which way they lie.
+pub(crate) fn states_patient_space(path: &Path, series: Option<&str>) -> Result<bool, Error> {
+    let files = if path.is_dir() { sources(path, series)? } else { vec![path.to_owned()] };
+    let Some(first) = files.first() else { return Ok(false) };
+    Ok(header::read(first)?.is_some_and(|slice| slice.orientation.is_some()))
+}
+
 /// Whether a file has DICOM's mark behind its preamble.
 pub fn looks_like_dicom(path: &Path) -> bool {
     bounded::head(path, 132).is_ok_and(|head| head.get(128..) == Some(b"DICM"))

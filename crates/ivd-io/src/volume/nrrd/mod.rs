@@ -37,10 +37,19 @@ pub(crate) fn read_field(path: &Path, exec: &Exec) -> Result<Components, Error> 
         let remedy = "give it in left-posterior-superior, as ITK and 3D Slicer write it";
         return Err(Error::unsupported(path, format!("a displacement field in space `{space}`"), remedy));
     }
+    if let Some(frame) = header.fields.get("measurement frame")
+        && header::vectors(path, "measurement frame", frame)? != UNTURNED.map(|row| Some(row.to_vec()))
+    {
+        let remedy = "give vectors along the space's own axes, as ITK and 3D Slicer write them";
+        return Err(Error::unsupported(path, format!("`measurement frame: {frame}`"), remedy));
+    }
     let voxels = data_file(path, &header, &axes, 3, None)?.read(exec)?;
     let says = header.fields.get("displacement").unwrap_or_default().to_owned();
     Ok(Components { grid: axes.grid, voxels, together: true, is_lps: true, says })
 }
+
+/// Vectors along the axes of space.
+const UNTURNED: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// Where the voxels are, of some numbers each.
 fn data_file(

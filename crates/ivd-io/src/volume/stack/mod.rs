@@ -100,12 +100,12 @@ fn pictures(dir: &Path) -> Result<Slices<Kind>, Error> {
         (true, true) => {
             let problem = format!("no DICOM, PNG or TIFF file among {} files", foreign.len());
             Err(match with_pictures_below(dir)? {
-                Some(name) => Error::choice(
+                true => Error::choice(
                     dir,
-                    format!("{problem}, but its folder {name} holds some"),
+                    format!("{problem}, but a folder below it holds some"),
                     "give that folder",
                 ),
-                None => Error::choice(dir, problem, "for raw slices give dims and type"),
+                false => Error::choice(dir, problem, "for raw slices give dims and type"),
             })
         }
         (false, false) => Err(Error::choice(
@@ -116,14 +116,13 @@ fn pictures(dir: &Path) -> Result<Slices<Kind>, Error> {
     }
 }
 
-/// The name of the first folder right below one that holds a picture; those that can't be read are passed over.
-fn with_pictures_below(dir: &Path) -> Result<Option<String>, Error> {
+/// Whether a folder right below one holds a picture; those that can't be read are passed over. Its name may be a patient's.
+fn with_pictures_below(dir: &Path) -> Result<bool, Error> {
     let holds_some = |folder: &PathBuf| {
         let files = regular_files(folder).unwrap_or_default();
         files.iter().any(|file| kind_of(file).is_ok_and(|kind| kind.is_some()))
     };
-    let found = names::folders(dir)?.into_iter().find(holds_some);
-    Ok(found.and_then(|folder| Some(folder.file_name()?.to_string_lossy().into_owned())))
+    Ok(names::folders(dir)?.iter().any(holds_some))
 }
 
 fn read_pictures(dir: &Path, spacing: Option<[f64; 3]>, exec: &Exec) -> Result<Volume, Error> {

@@ -63,7 +63,8 @@ pub struct OutputSection {
     /// The lattice at rest with its motion, all frames: `.glb` (a morph target for every frame, with an animation) or `.pvd` (ParaView's
     /// series of `.vtp`).
     pub animation: Option<PathBuf>,
-    /// The deformed volume of every frame, each mapped and certified: `name.nii.gz` is written as `name_0001.nii.gz` and so on.
+    /// The deformed volume of every frame, each mapped and certified: `name.nii.gz` is written as `name_0000.nii.gz` and so
+    /// on.
     pub volume_series: Option<PathBuf>,
     /// Axes of the lattices' files, ras or lps; each says its own. Where this is left out ply, obj and stl are in RAS, vtp in LPS; glb
     /// has the axes of its standard and takes no others.
