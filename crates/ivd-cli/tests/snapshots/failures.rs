@@ -102,7 +102,7 @@ const USAGE: &[&str] = &[
     "warp labels.ivd d.ivd -o x.ivd --order cubic",
     "combine v.ivd -o x.ivd --op union",
     "combine v.ivd v.ivd -o x.ivd",
-    "combine v.ivd labels.ivd -o x.ivd --op union",
+    "combine v.ivd l.ivd -o x.ivd --op union",
     "combine v.ivd v.ivd -o x.ivd --op melt",
     "combine v.ivd v.ivd -o x.ivd --op union --displacement 3=d.ivd",
     "combine v.ivd v.ivd v.ivd -o x.ivd --op union --window 0,1 --window 0,1",
