@@ -256,6 +256,25 @@ fn glb_json(bytes: &[u8]) -> Value {
     serde_json::from_slice(&bytes[20..20 + length]).unwrap()
 }
 
+/// The last frame is what a scene without frames makes, bit for bit; a shorter motion leaves none of a longer one's, and a member of a series of
+/// meshes that is gone is written again.
+fn still_and_shorter(at: &Path, scene: &str, last: &[u8]) {
+    let run = |scene: &str| assert!(pipeline(at, scene).status.success());
+    let there = |name: &str| at.join("out").join(name).exists();
+    let alone = scene.replace("volume_series = \"frames/at.nii.gz\"\n", "");
+    run(&alone.replace("[output]", "[map]\nframe = 2\n[output]"));
+    assert_eq!(last, std::fs::read(at.join("out/out.nii.gz")).unwrap());
+    run(scene);
+    run(&scene.replace("frames = 3", "frames = 2"));
+    assert!(there("frames/at_0001.nii.gz") && !there("frames/at_0002.nii.gz"));
+    let meshes = alone.replace("move.glb", "move.pvd");
+    run(&meshes);
+    assert!([0, 1, 2, 3].iter().all(|i| there(&format!("move_000{i}.vtp"))));
+    std::fs::remove_file(at.join("out/move_0002.vtp")).unwrap();
+    run(&meshes);
+    assert!(there("move_0002.vtp"));
+}
+
 #[test]
 fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
     let folder = tempfile::tempdir().unwrap();
@@ -281,24 +300,9 @@ fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
         let times =
             &glb["accessors"][glb["animations"][0]["samplers"][0]["input"].as_u64().unwrap() as usize];
         assert!((times["max"][0].as_f64().unwrap() - 0.02).abs() < 1e-6, "{solver}: {times}");
-        // The last frame is what a scene without frames makes, bit for bit, and a shorter motion leaves none of a longer one's.
-        let still = scene
-            .replace("volume_series = \"frames/at.nii.gz\"\n", "")
-            .replace("[output]", "[map]\nframe = 2\n[output]");
-        assert!(pipeline(at, &still).status.success());
-        assert_eq!(frames[2], read("out.nii.gz"), "{solver}");
-        assert!(pipeline(at, &scene).status.success());
-        assert!(pipeline(at, &scene.replace("frames = 3", "frames = 2")).status.success());
-        assert!(
-            at.join("out/frames/at_0001.nii.gz").exists() && !at.join("out/frames/at_0002.nii.gz").exists()
-        );
-        // As a series of meshes; a member that is gone is written again.
-        let series = pipeline(at, &scene.replace("move.glb", "move.pvd"));
-        assert!(series.status.success(), "{solver}: {}", String::from_utf8_lossy(&series.stderr));
-        assert!([0, 1, 2, 3].iter().all(|i| at.join(format!("out/move_000{i}.vtp")).exists()), "{solver}");
-        std::fs::remove_file(at.join("out/move_0002.vtp")).unwrap();
-        assert!(pipeline(at, &scene.replace("move.glb", "move.pvd")).status.success());
-        assert!(at.join("out/move_0002.vtp").exists(), "{solver}");
+        if solver == "dynamics" {
+            still_and_shorter(at, &scene, &frames[2]);
+        }
         std::fs::remove_dir_all(at.join("out")).unwrap();
     }
     // What stands still can't be an animation, and one frame isn't all.

@@ -26,8 +26,9 @@ pub struct ClipFigures {
     /// Voxels as they were.
     #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
     pub voxels_kept: u64,
-    /// Voxels of the result with a label or inside of the mask; null of a volume.
+    /// Voxels of the result with a label or inside of the mask; not told of a volume.
     #[schemars(extend("x-unit" = "voxels", "x-headline" = 2))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub voxels_filled: Option<u64>,
     /// Voxels that became background.
     #[schemars(extend("x-unit" = "voxels"))]

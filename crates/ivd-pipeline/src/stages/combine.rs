@@ -55,8 +55,9 @@ pub struct CombineFigures {
     /// Voxels whose stored value isn't the first operand's (as it is deformed).
     #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
     pub voxels_changed: u64,
-    /// Voxels of the result with a label or inside of the mask; null of a volume.
+    /// Voxels of the result with a label or inside of the mask; not told of a volume.
     #[schemars(extend("x-unit" = "voxels", "x-headline" = 2))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub voxels_filled: Option<u64>,
     /// Voxels of the grid.
     #[schemars(extend("x-unit" = "voxels"))]
