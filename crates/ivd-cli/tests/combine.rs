@@ -53,7 +53,7 @@ fn volumes_combine_by_opacity_and_tell_what_changed() {
         assert_eq!((&told["stage"], &told["metrics"]), (&"combine".into(), &metrics), "{told}");
         assert_eq!(told["params"]["op"], op);
         assert_eq!(told["params"]["windows"], serde_json::json!([[0.0, 200.0], [0.0, 40.0]]));
-        assert_eq!((&told["revision"], &told["output"]["kind"]), (&1.into(), &"volume".into()));
+        assert_eq!((&told["revision"], &told["output"]["kind"]), (&2.into(), &"volume".into()));
         let inputs = told["inputs"].as_object().unwrap();
         assert_eq!(inputs.keys().collect::<Vec<_>>(), ["a", "b"]);
         // The plain twin.
