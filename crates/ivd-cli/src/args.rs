@@ -118,6 +118,7 @@ pub(crate) enum Command {
         /// themselves.
         #[arg(long, value_name = "inverse|forward", num_args = 0..=1, require_equals = true,
             conflicts_with_all = ["labels", "mask", "raw_dims", "frame", "series", "resample_slices"])]
+        #[allow(clippy::option_option, reason = "not given, alone, or with a word")]
         displacement: Option<Option<Direction>>,
         #[command(flatten)]
         raw: Raw,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ivd_artefact::{Artefact, Cache, Provenance, write_again, write_with_metrics};
 use ivd_core::op::{self, Field, alternatives, fields};
-use ivd_core::{Classified, Kind};
+use ivd_core::{Classified, Kind, Labels, Mask, Value as _};
 use ivd_io::volume::ReadOptions;
 use ivd_pipeline::stages::{Import, ImportLabels, ImportMask, ImportSource, ImportTransfer};
 use ivd_pipeline::{
@@ -47,10 +47,12 @@ pub(crate) fn filled(
 
 /// Labels or a mask as a volume of their numbers; `None` of anything else.
 fn as_volume(input: &Input) -> anyhow::Result<Option<Input>> {
-    let volume = match &*input.artefact {
-        Artefact::Labels(labels) => labels_volume(labels)?,
-        Artefact::Mask(mask) => mask_volume(mask)?,
-        _ => return Ok(None),
+    let volume = if let Some(labels) = Labels::of(&input.artefact) {
+        labels_volume(labels)?
+    } else if let Some(mask) = Mask::of(&input.artefact) {
+        mask_volume(mask)?
+    } else {
+        return Ok(None);
     };
     Ok(Some(Input { artefact: Arc::new(Artefact::Volume(volume)), ..input.clone() }))
 }

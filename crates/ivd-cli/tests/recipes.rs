@@ -71,12 +71,12 @@ fn every_recipe_runs_and_gives_what_it_says() {
         }
     }
     let there = |name: &str| assert!(at.join(name).is_file(), "{name}");
-    ["nose/pressed.nii.gz", "nose/report.html", "frames/press.glb", "skull.stl"]
-        .iter()
-        .for_each(|name| there(name));
-    ["deformed-organs.nii.gz", "to-rest.nrrd", "to-deformed.nrrd", "pressed.ply"]
-        .iter()
-        .for_each(|name| there(name));
+    let files = ["nose/pressed.nii.gz", "nose/report.html", "frames/press.glb", "skull.stl", "to-rest.nrrd"];
+    for name in
+        files.iter().chain(&["deformed-organs.nii.gz", "to-deformed.nrrd", "pressed.ply", "moved.nii.gz"])
+    {
+        there(name);
+    }
     (0..10).for_each(|i| there(&format!("frames/frames/press_{i:04}.nii.gz")));
     // The nose went in by what the second command asked for.
     let page = std::fs::read_to_string(at.join("nose/report.html")).unwrap();

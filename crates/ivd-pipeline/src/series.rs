@@ -70,13 +70,11 @@ fn of_frame(
 
 /// A failure with the frame that it came from.
 fn in_frame(error: Error, frame: usize, frames: usize) -> Error {
-    match error {
-        Error::Stage { stage, source, class } => {
-            let told = format!("frame {frame} of {frames} (output.{SERIES}): {source}");
-            Error::Stage { stage, source: told.into(), class }
-        }
-        other => other,
+    if let Error::Stage { stage, source, class } = error {
+        let told = format!("frame {frame} of {frames}, from 0 (output.{SERIES}): {source}");
+        return Error::Stage { stage, source: told.into(), class };
     }
+    error
 }
 
 /// The file of a frame, counted from 0 as `map.frame` counts: `name_0000.nii.gz` is that of the first.

@@ -21,8 +21,11 @@ pub struct Plane {
     cut: usize,
 }
 
+/// A direction of the world: its axis, and whether it rises.
+type Way = (usize, bool);
+
 /// Names, letters, and the direction that pictures have to the right and upwards: an axis of the world, and whether it rises.
-const PLANES: [(&str, [&str; 4], (usize, bool), (usize, bool)); 3] = [
+const PLANES: [(&str, [&str; 4], Way, Way); 3] = [
     ("axial", ["R", "L", "A", "P"], (0, false), (1, true)),
     ("coronal", ["R", "L", "S", "I"], (0, false), (2, true)),
     ("sagittal", ["A", "P", "S", "I"], (1, false), (2, true)),
@@ -36,7 +39,7 @@ pub fn planes(grid: &Grid) -> [Plane; 3] {
     let fit = |order: &[usize; 3]| (0..3).map(|world| share(world, order[world]).abs()).sum::<f64>();
     let best =
         orders.into_iter().reduce(|a, b| if fit(&b) > fit(&a) + 1e-9 { b } else { a }).unwrap_or([0, 1, 2]);
-    let step = |(world, rises): (usize, bool)| {
+    let step = |(world, rises): Way| {
         let axis = best[world];
         Step { axis, rises: (share(world, axis) > 0.0) == rises }
     };

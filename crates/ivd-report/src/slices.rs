@@ -190,12 +190,10 @@ fn view(plane: &Plane, grid: &Grid, lettered: bool, what: &str, png: &[u8]) -> S
     let scale = SIDE / extent[0].max(extent[1]);
     // However thin a slice is, it can be seen.
     let [width, height] = extent.map(|e| (e * scale).round().max(8.0));
-    let letters = if lettered {
-        let places = ["left", "right", "top", "bottom"].iter().zip(plane.letters);
-        places.map(|(place, letter)| format!("<span class='{place}'>{letter}</span>")).collect()
-    } else {
-        String::new()
-    };
+    let mut letters = String::new();
+    for (place, letter) in ["left", "right", "top", "bottom"].iter().zip(plane.letters).filter(|_| lettered) {
+        let _ = write!(letters, "<span class='{place}'>{letter}</span>");
+    }
     format!(
         "<span class='view'><img class='slice' width='{width}' height='{height}' src='{}' alt='{}, {}'>{letters}</span> ",
         png_url(png),

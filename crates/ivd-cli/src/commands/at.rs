@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use ivd_artefact::{Artefact, Cache};
-use ivd_core::{Grid, Kind, Labels, Value as _, VoxelCoord, VoxelIndex, World};
+use ivd_artefact::Cache;
+use ivd_core::{Grid, Kind, Labels, Mask, Value as _, Volume, VoxelCoord, VoxelIndex, World};
 use ivd_io::volume::ReadOptions;
 use ivd_pipeline::Inputs;
 use ivd_pipeline::stages::{Import, ImportSource};
@@ -30,17 +30,15 @@ pub(super) fn places(
         None => volume_or_artefact(file, &Cache::disabled(), context)?,
     };
     let artefact = &*input.artefact;
-    let grid = match artefact {
-        Artefact::Volume(volume) => volume.grid(),
-        Artefact::Labels(labels) => labels.grid(),
-        Artefact::Mask(mask) => mask.grid(),
-        other => {
-            let kind = other.kind().name();
-            let problem =
-                format!("{}: a {kind} artefact; --at is of a volume, labels or a mask", file.display());
-            return Err(Failure::usage(problem));
-        }
-    };
+    let (volume, own, mask) = (Volume::of(artefact), Labels::of(artefact), Mask::of(artefact));
+    let grids = [volume.map(Volume::grid), own.map(Labels::grid), mask.map(Mask::grid)];
+    let grid = grids.into_iter().flatten().next().ok_or_else(|| {
+        let kind = artefact.kind().name();
+        Failure::usage(format!(
+            "{}: a {kind} artefact; --at is of a volume, labels or a mask",
+            file.display()
+        ))
+    })?;
     let beside =
         labels.map(|path| file_for(path, &[Kind::Labels], &Cache::disabled(), context)).transpose()?;
     let beside = beside.as_ref().and_then(|input| Labels::of(&input.artefact));
@@ -57,16 +55,15 @@ pub(super) fn places(
                 ("voxel_exact".to_owned(), json!(voxel)),
                 ("voxel_centre_mm".to_owned(), json!(<[f64; 3]>::from(grid.world(index.into()).0))),
             ]);
-            match artefact {
-                Artefact::Volume(volume) => {
-                    let value = context.exec.run(|| volume.value(index));
-                    told.insert("value".to_owned(), json!(value.is_finite().then_some(value)));
-                }
-                Artefact::Mask(mask) => {
-                    told.insert("inside".to_owned(), json!(mask.inside()[grid.linear(index)] != 0));
-                }
-                Artefact::Labels(labels) => class(labels, index, &mut told),
-                _ => {}
+            if let Some(volume) = volume {
+                let value = context.exec.run(|| volume.value(index));
+                told.insert("value".to_owned(), json!(value.is_finite().then_some(value)));
+            }
+            if let Some(mask) = mask {
+                told.insert("inside".to_owned(), json!(mask.inside()[grid.linear(index)] != 0));
+            }
+            if let Some(labels) = own {
+                class(labels, index, &mut told);
             }
             if let Some(labels) = beside {
                 class(labels, index, &mut told);

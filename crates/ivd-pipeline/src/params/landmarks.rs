@@ -64,10 +64,7 @@ pub fn with_landmarks(text: &str, folder: &Path) -> Result<Vec<String>, Error> {
 ///
 /// # Errors
 /// Those of [`landmarks_at`].
-pub fn place_landmarks<'a>(
-    values: &mut dyn Iterator<Item = &'a mut Json>,
-    folder: &Path,
-) -> Result<(), Error> {
+pub fn place_landmarks(values: &mut dyn Iterator<Item = &mut Json>, folder: &Path) -> Result<(), Error> {
     for value in values {
         match value {
             Json::Object(inner) => place_landmarks(&mut inner.values_mut(), folder)?,

@@ -177,7 +177,7 @@ impl Plan {
     /// name.
     pub(crate) fn heirs(&self, at: usize) -> impl Iterator<Item = (&PlanNode, &'static str)> {
         let (from, mut line) = (&self.nodes[at], vec![self.nodes[at].id]);
-        self.nodes[at + 1..].iter().filter(|node| node.needed).flat_map(move |node| {
+        self.nodes[at + 1..].iter().filter(|node| node.needed).filter_map(move |node| {
             let heir =
                 node.inputs.iter().find(|(_, id)| line[1..].contains(id)).map(|(slot, _)| (node, *slot));
             let carries_on =

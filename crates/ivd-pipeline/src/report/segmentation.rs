@@ -44,7 +44,7 @@ fn tree(found: &ivd_segment::Dendrogram) -> String {
 
 /// Whether pictures show a class.
 fn in_pictures(id: u16, data: &ReportData) -> &'static str {
-    let entries = data.transfer.as_ref().map(|transfer| transfer.entries());
+    let entries = data.transfer.as_ref().map(ivd_core::TransferFunction::entries);
     match entries.and_then(|entries| entries.iter().find(|entry| entry.class == id)) {
         Some(entry) if entry.opacity > 0.0 => "shown",
         Some(_) => "clear",

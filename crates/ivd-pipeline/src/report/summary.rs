@@ -34,7 +34,9 @@ pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String
     let told = told(records, map.as_ref(), space.as_ref());
     let item = |(mark, text): &(&str, String)| format!("<li>{mark} {}</li>", escape(text));
     if !told.is_empty() {
-        html += &format!("<ul class='told'>{}</ul>", told.iter().map(item).collect::<String>());
+        html += "<ul class='told'>";
+        html.extend(told.iter().map(item));
+        html += "</ul>";
     }
     html += &written(scene);
     Ok(html)

@@ -75,11 +75,14 @@ pub(super) fn labelled(labels: &Labels) -> u64 {
     labels.ids().iter().filter(|id| **id != 0).count() as u64
 }
 
+/// An operand's value, its own or what it is taken for, and what it is read through.
+type Taken<'a, V> = (Cow<'a, V>, Option<&'a Displacement>);
+
 /// The operands in the order of their slots, taken for the first one's kind by `take`.
 fn operands<V: ivd_core::Value + Clone>(
     inputs: &Inputs,
     take: impl Fn(&Artefact) -> Result<V, Error>,
-) -> Result<Vec<(Cow<'_, V>, Option<&Displacement>)>, Error> {
+) -> Result<Vec<Taken<'_, V>>, Error> {
     let mut operands = Vec::new();
     for [slot, displacement] in Combine::OPERANDS {
         let field: Option<&Displacement> = inputs.value(displacement);
@@ -97,7 +100,7 @@ fn operands<V: ivd_core::Value + Clone>(
     Ok(operands)
 }
 
-fn borrowed<'a, V: Clone>(operands: &'a [(Cow<'a, V>, Option<&'a Displacement>)]) -> Vec<Operand<'a, V>> {
+fn borrowed<'a, V: Clone>(operands: &'a [Taken<'a, V>]) -> Vec<Operand<'a, V>> {
     operands
         .iter()
         .map(|(value, displacement)| Operand { value: &**value, displacement: *displacement })
@@ -106,60 +109,51 @@ fn borrowed<'a, V: Clone>(operands: &'a [(Cow<'a, V>, Option<&'a Displacement>)]
 
 /// What an operand is as a mask: where it has a label, or a value that isn't 0.
 fn as_mask(artefact: &Artefact) -> Result<Mask, Error> {
-    match artefact {
-        Artefact::Labels(labels) => {
-            let inside: Vec<u8> = labels.ids().iter().map(|id| u8::from(*id != 0)).collect();
-            Ok(Mask::new(labels.grid().clone(), inside.into())?)
-        }
-        Artefact::Volume(volume) => Ok(Mask::from_volume(volume)?),
-        other => Err(of_no_use(other)),
+    if let Some(mask) = Mask::of(artefact) {
+        return Ok(mask.clone());
     }
+    if let Some(labels) = Labels::of(artefact) {
+        let inside: Vec<u8> = labels.ids().iter().map(|id| u8::from(*id != 0)).collect();
+        return Ok(Mask::new(labels.grid().clone(), inside.into())?);
+    }
+    let volume = Volume::of(artefact).ok_or_else(|| of_no_use(artefact))?;
+    Ok(Mask::from_volume(volume)?)
 }
 
 /// The highest id of the labels among the operands.
 fn highest_id(inputs: &Inputs) -> Result<u16, Error> {
     let mut highest = 0;
+    let of = |labels: &Labels| labels.classes().iter().map(|class| class.id).max().unwrap_or(0);
     for artefact in Combine::OPERANDS.iter().filter_map(|[slot, _]| inputs.get(slot)) {
-        let of = |labels: &Labels| labels.classes().iter().map(|class| class.id).max().unwrap_or(0);
-        highest = highest.max(match artefact {
-            Artefact::Labels(labels) => of(labels),
-            Artefact::Volume(volume) => of(&Labels::from_volume(volume)?),
-            _ => 0,
-        });
+        if let Some(labels) = Labels::of(artefact) {
+            highest = highest.max(of(labels));
+        } else if let Some(volume) = Volume::of(artefact) {
+            highest = highest.max(of(&Labels::from_volume(volume)?));
+        }
     }
     Ok(highest)
 }
 
 /// What an operand is as labels: a mask is one class, with the next id after the last one, which no labels have.
 fn as_labels(artefact: &Artefact, last: &Cell<u16>) -> Result<Labels, Error> {
-    match artefact {
-        Artefact::Mask(mask) => {
-            let id = last.get().checked_add(1).inspect(|id| last.set(*id)).ok_or_else(|| {
-                Error::usage(
-                    "combine",
-                    "the labels have class 65535: there is no id left for the mask; renumber them",
-                )
-            })?;
-            let labels: Vec<u16> =
-                mask.inside().iter().map(|inside| if *inside != 0 { id } else { 0 }).collect();
-            let mean = f64::from(id);
-            let class =
-                Class { id, name: None, mean, sd: 0.0, voxels: mask.count(), lower: None, upper: None };
-            let classes = if class.voxels == 0 { Vec::new() } else { vec![class] };
-            Ok(Labels::new(mask.grid().clone(), labels.into(), classes)?)
-        }
-        Artefact::Volume(volume) => Ok(Labels::from_volume(volume)?),
-        other => Err(of_no_use(other)),
+    if let Some(volume) = Volume::of(artefact) {
+        return Ok(Labels::from_volume(volume)?);
     }
+    let mask = Mask::of(artefact).ok_or_else(|| of_no_use(artefact))?;
+    let id = last.get().checked_add(1).inspect(|id| last.set(*id)).ok_or_else(|| {
+        let problem = "the labels have class 65535: there is no id left for the mask; renumber them";
+        Error::usage("combine", problem)
+    })?;
+    let labels: Vec<u16> = mask.inside().iter().map(|inside| if *inside != 0 { id } else { 0 }).collect();
+    let (mean, voxels) = (f64::from(id), mask.count());
+    let class = Class { id, name: None, mean, sd: 0.0, voxels, lower: None, upper: None };
+    let classes = if voxels == 0 { Vec::new() } else { vec![class] };
+    Ok(Labels::new(mask.grid().clone(), labels.into(), classes)?)
 }
 
 /// What an operand is as a volume: 1 inside of a mask, or where there is a label, and 0 elsewhere.
 fn as_volume(artefact: &Artefact) -> Result<Volume, Error> {
-    mask_volume(&as_mask_of_any(artefact)?)
-}
-
-fn as_mask_of_any(artefact: &Artefact) -> Result<Mask, Error> {
-    Mask::of(artefact).map_or_else(|| as_mask(artefact), |mask| Ok(mask.clone()))
+    mask_volume(&as_mask(artefact)?)
 }
 
 fn of_no_use(artefact: &Artefact) -> Error {

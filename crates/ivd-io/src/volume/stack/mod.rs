@@ -99,13 +99,10 @@ fn pictures(dir: &Path) -> Result<Slices<Kind>, Error> {
         (true, false) => Ok(Slices { kind: Kind::Tiff, files: tiff, foreign }),
         (true, true) => {
             let problem = format!("no DICOM, PNG or TIFF file among {} files", foreign.len());
-            Err(match with_pictures_below(dir)? {
-                true => Error::choice(
-                    dir,
-                    format!("{problem}, but a folder below it holds some"),
-                    "give that folder",
-                ),
-                false => Error::choice(dir, problem, "for raw slices give dims and type"),
+            Err(if with_pictures_below(dir)? {
+                Error::choice(dir, format!("{problem}, but a folder below it holds some"), "give that folder")
+            } else {
+                Error::choice(dir, problem, "for raw slices give dims and type")
             })
         }
         (false, false) => Err(Error::choice(
