@@ -146,16 +146,16 @@ pub(crate) fn resolve(
 /// The vertex that a place was found at.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pick {
-    /// Point that was asked for [mm, world RAS]; `None` where the vertex was named by its number.
+    /// Point that was asked for (mm, world RAS); `None` where the vertex was named by its number.
     pub asked: Option<[f64; 3]>,
     /// The vertex.
     pub vertex: usize,
-    /// Where that is at rest [mm, world RAS].
+    /// Where that is at rest (mm, world RAS).
     pub at: [f64; 3],
 }
 
 impl Pick {
-    /// How far the vertex is from what was asked for [mm].
+    /// How far the vertex is from what was asked for (mm).
     pub fn away(&self) -> f64 {
         self.asked.map_or(0.0, |asked| (Vector3::from(asked) - Vector3::from(self.at)).norm())
     }

@@ -69,7 +69,7 @@ pub enum Side {
 }
 
 impl Side {
-    /// Azimuth and elevation of the camera [degrees].
+    /// Azimuth and elevation of the camera (degrees).
     pub fn angles(self) -> [f64; 2] {
         match self {
             Self::Front | Self::Anterior => [0.0, 0.0],
