@@ -23,16 +23,31 @@ pub(crate) fn filled(
     context: &Context,
 ) -> anyhow::Result<Inputs> {
     let mut inputs = Inputs::default();
-    let mut parts: Option<Input> = None;
     for (slot, file) in files {
-        let Some(file) = file else { continue };
-        let input = file_for(file, kinds(slot), cache, context)?;
-        if kinds(slot).contains(&Kind::Volume) && !kinds(slot).contains(&input.artefact.kind()) {
-            let volume = as_volume(&input)?;
-            parts = parts.or_else(|| volume.is_some().then(|| input.clone()));
-            inputs = inputs.with(slot, volume.unwrap_or(input));
-        } else {
-            inputs = inputs.with(slot, input);
+        if let Some(file) = file {
+            inputs = inputs.with(slot, file_for(file, kinds(slot), cache, context)?);
+        }
+    }
+    Ok(inputs)
+}
+
+/// As [`filled`], where labels or a mask may stand in the volume's place.
+pub(crate) fn filled_with_parts(
+    files: &[(&'static str, Option<&Path>)],
+    kinds: impl Fn(&str) -> &'static [Kind],
+    cache: &Cache,
+    context: &Context,
+) -> anyhow::Result<Inputs> {
+    let mut inputs = filled(files, &kinds, cache, context)?;
+    let mut parts: Option<Input> = None;
+    for (slot, _) in files.iter().filter(|(slot, _)| kinds(slot).contains(&Kind::Volume)) {
+        let Some(input) = inputs.input(slot).filter(|input| !kinds(slot).contains(&input.artefact.kind()))
+        else {
+            continue;
+        };
+        if let Some(volume) = as_volume(&input)? {
+            inputs = inputs.with(slot, volume);
+            parts = parts.or(Some(input));
         }
     }
     // Labels or a mask in place of the volume stand for themselves too, where nothing else does.

@@ -223,6 +223,10 @@ fn labels_stand_for_a_volume_and_operands_of_any_kind_combine() {
         let of_file = json(at, &["boundary", "t.nii.gz", "--class", class, "-o", "y.ivd"]);
         assert_eq!(of_labels["output"]["hash"], of_file["output"]["hash"], "class {class}");
     }
+    // Values aren't found in a mask.
+    let refused = ivd(at, &["segment", "part.ivd", "--k", "2", "-o", "x.ivd"]);
+    let told = String::from_utf8(refused.stderr).unwrap();
+    assert!(refused.status.code() == Some(2) && told.contains("was given a mask artefact"), "{told}");
     // A clip counts what it kept of a mask.
     let half = json(at, &["clip", "part.ivd", "--plane", "point=24,24,24;normal=0,0,1", "-o", "h.ivd"]);
     let kept = half["metrics"]["voxels_filled"].as_u64().unwrap();

@@ -78,6 +78,11 @@ impl Inputs {
         self.0.iter().map(|(slot, input)| ((*slot).to_owned(), input.hash)).collect()
     }
 
+    /// What fills a slot.
+    pub fn input(&self, slot: &str) -> Option<Input> {
+        self.0.get(slot).cloned()
+    }
+
     /// The value in a slot, of whatever kind.
     pub fn get(&self, slot: &str) -> Option<&Artefact> {
         self.0.get(slot).map(|i| i.artefact.as_ref())

@@ -14,13 +14,14 @@ use std::ffi::OsString;
 use std::path::Path;
 
 use clap::{ArgMatches, Command, CommandFactory as _, FromArgMatches as _};
+use ivd_core::Kind;
 use ivd_core::op::{Want, alternatives, kind};
 use ivd_pipeline::list;
 
 use crate::args::{self, Args, Global};
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::files::{filled, finish, kinds_of, unused};
+use crate::files::{filled, filled_with_parts, finish, kinds_of, unused};
 use crate::parse::flag;
 use arguments::{slots, with_arguments};
 use hooks::hooks;
@@ -124,7 +125,13 @@ pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> any
         return Err(Failure::usage(problem));
     }
     let cache = context.stage_cache()?;
-    let inputs = filled(&files, |slot| kinds_of(stage, slot), &cache, context)?;
+    let kinds = |slot: &str| kinds_of(stage, slot);
+    // What knows labels beside a volume knows what to do with them in its place: they say where something is, not what its values are.
+    let inputs = if slots(stage).into_iter().any(|slot| kinds(slot).contains(&Kind::Labels)) {
+        filled_with_parts(&files, kinds, &cache, context)?
+    } else {
+        filled(&files, kinds, &cache, context)?
+    };
     let inputs = (hooks.completed)(inputs, &section, &cache, context)?;
     let beside = hooks.beside.and_then(|(flag, run)| Some((flag, run, path(flag)?)));
     let mut done = match (beside, given.kept()) {
