@@ -108,9 +108,18 @@ pub(crate) fn volume_or_artefact(path: &Path, cache: &Cache, context: &Context) 
     if path.is_file() && ivd_artefact::is_artefact(path) {
         return context.artefact(path);
     }
-    let source = ImportSource::File { path: path.to_owned(), options: ReadOptions::default() };
-    let done = context.run(cache, &Import { source }, &Inputs::default())?;
-    Ok(done.input())
+    imported(path, ReadOptions::default(), cache, context)
+}
+
+/// A volume file's value.
+pub(crate) fn imported(
+    path: &Path,
+    options: ReadOptions,
+    cache: &Cache,
+    context: &Context,
+) -> anyhow::Result<Input> {
+    let source = ImportSource::File { path: path.to_owned(), options };
+    Ok(context.run(cache, &Import { source }, &Inputs::default())?.input())
 }
 
 /// A file for a slot that the method in use doesn't look at: its kind is checked, and that it has no effect is said where it isn't

@@ -170,6 +170,10 @@ pub fn find_picks<'a>(
     what: &'static str,
     places: impl IntoIterator<Item = &'a Anchor>,
 ) -> Result<Vec<Pick>, Error> {
+    let mut places = places.into_iter().peekable();
+    if places.peek().is_none() {
+        return Ok(Vec::new());
+    }
     let rest = lattice.local_positions();
     let found = |at: &Anchor| {
         let vertex = resolve(what, at, lattice, &rest)?;
@@ -179,7 +183,7 @@ pub fn find_picks<'a>(
         };
         Ok(Pick { asked, vertex, at: lattice.world(vertex).0.into() })
     };
-    places.into_iter().map(found).collect()
+    places.map(found).collect()
 }
 
 /// What is told of a handle on something that can't be moved.

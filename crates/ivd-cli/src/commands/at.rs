@@ -5,13 +5,11 @@ use std::path::Path;
 use ivd_artefact::Cache;
 use ivd_core::{Grid, Kind, Labels, Mask, Value as _, Volume, VoxelCoord, VoxelIndex, World};
 use ivd_io::volume::ReadOptions;
-use ivd_pipeline::Inputs;
-use ivd_pipeline::stages::{Import, ImportSource};
 use serde_json::{Map, Value, json};
 
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::files::{file_for, volume_or_artefact};
+use crate::files::{file_for, imported, volume_or_artefact};
 
 /// What lies at places (mm, RAS) of a volume, of labels or of a mask; with the class that `labels` have there.
 pub(super) fn places(
@@ -24,8 +22,7 @@ pub(super) fn places(
     let input = match series {
         Some(_) => {
             let options = ReadOptions { series, ..ReadOptions::default() };
-            let source = ImportSource::File { path: file.to_owned(), options };
-            context.run(&Cache::disabled(), &Import { source }, &Inputs::default())?.input()
+            imported(file, options, &Cache::disabled(), context)?
         }
         None => volume_or_artefact(file, &Cache::disabled(), context)?,
     };

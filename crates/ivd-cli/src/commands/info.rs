@@ -6,13 +6,13 @@ use ivd_artefact::{Artefact, Cache};
 use ivd_core::Classified as _;
 use ivd_io::volume::ReadOptions;
 use ivd_io::volume::dicom::{self, Series};
-use ivd_pipeline::stages::{Import, ImportSource};
-use ivd_pipeline::{Inputs, describe};
+use ivd_pipeline::describe;
 use serde_json::{Value, json};
 
 use super::at;
 use crate::context::Context;
 use crate::exit::Failure;
+use crate::files::imported;
 
 /// Lists the DICOM series of a folder.
 pub(super) fn series(folder: &Path, context: &Context) -> anyhow::Result<()> {
@@ -151,8 +151,7 @@ fn artefact(file: &Path, context: &Context) -> anyhow::Result<Value> {
 
 fn volume(file: &Path, series: Option<String>, context: &Context) -> anyhow::Result<Value> {
     let options = ReadOptions { series, ..ReadOptions::default() };
-    let source = ImportSource::File { path: file.to_owned(), options };
-    let input = context.run(&Cache::disabled(), &Import { source }, &Inputs::default())?.input();
+    let input = imported(file, options, &Cache::disabled(), context)?;
     let content = context.exec.run(|| describe(&input.artefact));
     Ok(json!({ "kind": "volume file", "hash": input.hash.to_string(), "content": content }))
 }

@@ -18,13 +18,11 @@ pub(crate) fn completed(
     cache: &Cache,
     context: &Context,
 ) -> anyhow::Result<Inputs> {
-    let by_class = section.get::<ComponentParams>().is_some_and(|part| part.above.is_none());
-    if !by_class || inputs.get("labels").is_some() {
-        return Ok(inputs);
-    }
+    let by_class = section.get::<ComponentParams>().filter(|part| part.above.is_none());
+    let Some(part) = by_class.filter(|_| inputs.get("labels").is_none()) else { return Ok(inputs) };
     inputs.check(section)?;
     // Two classes are 1 and 2: any other is one of a volume that holds labels itself; so are these where its numbers are few.
-    if let Some(ClassChoice::Id(id)) = section.get::<ComponentParams>().and_then(|part| part.class) {
+    if let Some(ClassChoice::Id(id)) = part.class {
         let own = own_numbers(&inputs, cache, context);
         let few = own.as_ref().is_ok_and(|own| has_few_with(own, id));
         if id > 2 || few {

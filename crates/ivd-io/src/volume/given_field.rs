@@ -6,6 +6,7 @@ use ivd_core::{Exec, FieldBricks, Grid, Scalar, Voxels, with_voxels};
 
 use super::read::{Format, format};
 use super::{Error, FieldDirection, nifti, nrrd};
+use crate::Space;
 
 /// A field that was read.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,8 +25,8 @@ pub(crate) struct Components {
     pub(crate) voxels: Voxels,
     /// Whether a voxel's three numbers stand together; else all of a component do.
     pub(crate) together: bool,
-    /// Whether the numbers are along LPS; else along RAS.
-    pub(crate) is_lps: bool,
+    /// What the numbers are along.
+    pub(crate) space: Space,
     /// What the file says of itself.
     pub(crate) says: String,
 }
@@ -57,11 +58,10 @@ pub fn read_field(path: &Path, exec: &Exec) -> Result<GivenField, Error> {
 fn bricks<T: Scalar>(path: &Path, numbers: &[T], found: &Components) -> Result<FieldBricks, Error> {
     let [nx, ny, nz] = found.grid.dims();
     let count = nx * ny * nz;
-    let sign = if found.is_lps { -1.0 } else { 1.0 };
     let vector = |voxel: usize| -> [f32; 3] {
         let at = |c: usize| numbers[if found.together { 3 * voxel + c } else { c * count + voxel }].to_f64();
-        // 0 − x rather than −x: no negative zeros.
-        [0.0 + sign * at(0), 0.0 + sign * at(1), at(2)].map(|v| v as f32 + 0.0)
+        // Adding 0: no negative zeros.
+        found.space.turn([at(0), at(1), at(2)]).map(|v| v as f32 + 0.0)
     };
     let size = [nx, ny, nz].map(|n| n.div_ceil(8));
     let (mut moving, mut all) = (Vec::new(), Vec::new());

@@ -5,12 +5,12 @@ use std::path::Path;
 use ivd_core::Grid;
 use nalgebra::{Matrix3, Vector3};
 
+use crate::Space;
 use crate::volume::Error;
 
 /// A vector or position in LPS as RAS, or the other way round.
 pub(crate) fn flip(v: [f64; 3]) -> [f64; 3] {
-    // 0 − x rather than −x: no negative zeros.
-    [0.0 - v[0], 0.0 - v[1], v[2]]
+    Space::Lps.turn(v)
 }
 
 /// The grid whose voxel axes step by the columns `axes` [mm] from `origin` [mm], both LPS.

@@ -203,9 +203,7 @@ impl Plan {
     pub(crate) fn moved_until(&self, last: usize) -> Vec<usize> {
         let (mut line, mut found) = (vec![self.motion()], Vec::new());
         for at in (0..=last).filter(|&at| self.nodes[at].needed) {
-            if self.nodes[at].inputs.iter().any(|(_, id)| line.contains(id))
-                && !line.contains(&self.nodes[at].id)
-            {
+            if self.nodes[at].inputs.iter().any(|(_, id)| line.contains(id)) {
                 line.push(self.nodes[at].id);
                 found.push(at);
             }

@@ -120,9 +120,12 @@ fn as_mask(artefact: &Artefact) -> Result<Mask, Error> {
     Ok(Mask::from_volume(volume)?)
 }
 
-/// The highest id of the labels among the operands.
+/// The highest id of the labels among the operands, where a mask needs one above it; else 0.
 fn highest_id(inputs: &Inputs) -> Result<u16, Error> {
     let mut highest = 0;
+    if Combine::OPERANDS.iter().all(|[slot, _]| inputs.value::<Mask>(slot).is_none()) {
+        return Ok(highest);
+    }
     let of = |labels: &Labels| labels.classes().iter().map(|class| class.id).max().unwrap_or(0);
     for artefact in Combine::OPERANDS.iter().filter_map(|[slot, _]| inputs.get(slot)) {
         if let Some(labels) = Labels::of(artefact) {

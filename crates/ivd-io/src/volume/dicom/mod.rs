@@ -96,9 +96,19 @@ pub fn sources(dir: &Path, series: Option<&str>) -> Result<Vec<PathBuf>, Error> 
 
 /// Whether the images of a file, or of a series of a folder, say which way they lie.
 pub(crate) fn states_patient_space(path: &Path, series: Option<&str>) -> Result<bool, Error> {
-    let files = if path.is_dir() { sources(path, series)? } else { vec![path.to_owned()] };
-    let Some(first) = files.first() else { return Ok(false) };
-    Ok(header::read(first)?.is_some_and(|slice| slice.orientation.is_some()))
+    let first = |files: Vec<PathBuf>| files.iter().find_map(|file| header::read(file).ok().flatten());
+    let image = if !path.is_dir() {
+        header::read(path)?
+    } else if series.is_some() {
+        first(sources(path, series)?)
+    } else {
+        // A series that wasn't chosen is the only one: any image of it tells.
+        match first(folder::files(path)?) {
+            Some(image) => Some(image),
+            None => first(folder::below(path)?),
+        }
+    };
+    Ok(image.is_some_and(|image| image.orientation.is_some()))
 }
 
 /// Whether a file has DICOM's mark behind its preamble.

@@ -2,6 +2,7 @@ use std::path::Path;
 
 use ivd_core::VoxelType;
 
+use crate::Space;
 use crate::volume::stored::FileType;
 use crate::volume::{ByteOrder, Error};
 
@@ -168,12 +169,12 @@ impl Header {
         })
     }
 
-    /// Whether it is a field of three components along RAS or along LPS (`true`), as ITK takes the intents; `None` where it is none.
-    pub(super) fn is_field_in_lps(&self) -> Option<bool> {
+    /// The space of a field of three components, as ITK takes the intents; `None` where it is none.
+    pub(super) fn space_of_field(&self) -> Option<Space> {
         let is_vectors = self.dim[0] == 5 && self.dim[4] <= 1 && self.dim[5] == 3;
         match self.intent {
-            INTENT_VECTOR if is_vectors => Some(true),
-            INTENT_DISPLACEMENTS if is_vectors => Some(false),
+            INTENT_VECTOR if is_vectors => Some(Space::Lps),
+            INTENT_DISPLACEMENTS if is_vectors => Some(Space::Ras),
             _ => None,
         }
     }

@@ -59,7 +59,7 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
 /// Reads the components of a displacement field, one after the other.
 pub(crate) fn read_field(path: &Path, exec: &Exec) -> Result<Components, Error> {
     let open = Open::of(path)?;
-    let Some(is_lps) = open.header.is_field_in_lps() else {
+    let Some(space) = open.header.space_of_field() else {
         let problem = "not a field of vectors (five dimensions, the last of 3, intent 1006 or 1007)";
         return Err(Error::field(path, "dim, intent_code", problem));
     };
@@ -70,7 +70,7 @@ pub(crate) fn read_field(path: &Path, exec: &Exec) -> Result<Components, Error> 
         let problem = format!("a slope of {} and an intercept of {}", scale[0], scale[1]);
         return Err(Error::field(path, "scl_slope, scl_inter", problem));
     }
-    Ok(Components { grid, voxels, together: false, is_lps, says })
+    Ok(Components { grid, voxels, together: false, space, says })
 }
 
 /// A file whose header is read.

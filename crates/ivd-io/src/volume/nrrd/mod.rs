@@ -12,11 +12,12 @@ use std::path::{Path, PathBuf};
 
 use ivd_core::{Exec, Volume, VoxelType};
 
+use crate::Space;
 use crate::volume::data::{self, DataFile, Encoding, Frames, Start};
 use crate::volume::given_field::Components;
 use crate::volume::stored::FileType;
 use crate::volume::text_header::Header;
-use crate::volume::{ByteOrder, Error, bounded};
+use crate::volume::{ByteOrder, Error, bounded, orientation};
 use axes::Axes;
 pub(crate) use write::{field, write};
 
@@ -38,18 +39,16 @@ pub(crate) fn read_field(path: &Path, exec: &Exec) -> Result<Components, Error> 
         return Err(Error::unsupported(path, format!("a displacement field in space `{space}`"), remedy));
     }
     if let Some(frame) = header.fields.get("measurement frame")
-        && header::vectors(path, "measurement frame", frame)? != UNTURNED.map(|row| Some(row.to_vec()))
+        && header::vectors(path, "measurement frame", frame)?
+            != orientation::IDENTITY.map(|row| Some(row.to_vec()))
     {
         let remedy = "give vectors along the space's own axes, as ITK and 3D Slicer write them";
         return Err(Error::unsupported(path, format!("`measurement frame: {frame}`"), remedy));
     }
     let voxels = data_file(path, &header, &axes, 3, None)?.read(exec)?;
     let says = header.fields.get("displacement").unwrap_or_default().to_owned();
-    Ok(Components { grid: axes.grid, voxels, together: true, is_lps: true, says })
+    Ok(Components { grid: axes.grid, voxels, together: true, space: Space::Lps, says })
 }
-
-/// Vectors along the axes of space.
-const UNTURNED: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// Where the voxels are, of some numbers each.
 fn data_file(
