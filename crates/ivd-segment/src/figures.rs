@@ -152,13 +152,19 @@ pub struct MixturePoint {
     /// Bayesian information criterion: less is better.
     #[schemars(extend("x-unit" = "1"))]
     pub bic: f64,
+    /// Integrated completed likelihood, which the number is chosen by where it is known: less is better.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "1"))]
+    pub icl: Option<f64>,
 }
 
 impl MixtureFigures {
     /// Those of a mixture that was found with some parameters.
     pub(crate) fn of(found: &Emvs, params: &EmvsParams) -> Self {
-        let best = found.bic.iter().min_by(|a, b| a.bic.total_cmp(&b.bic)).map(|point| point.k);
-        let point = |p: &BicPoint| MixturePoint { k: p.k, objective: p.log_likelihood, bic: p.bic };
+        let best =
+            found.bic.iter().min_by(|a, b| a.criterion().total_cmp(&b.criterion())).map(|point| point.k);
+        let point =
+            |p: &BicPoint| MixturePoint { k: p.k, objective: p.log_likelihood, bic: p.bic, icl: p.icl };
         Self {
             log_likelihood: found.log_likelihood,
             mixture: found.mixture.clone(),
@@ -321,10 +327,12 @@ impl AnyFigures {
         if let Self::Cut(found) = self { found.dendrogram.as_ref() } else { None }
     }
 
-    /// The criterion for every number of classes that was looked at.
+    /// The criterion for every number of classes that was looked at: less is better.
     pub fn criterion(&self) -> Vec<(usize, f64)> {
         match self {
-            Self::Mixture(found) => found.curve.iter().map(|point| (point.k, point.bic)).collect(),
+            Self::Mixture(found) => {
+                found.curve.iter().map(|point| (point.k, point.icl.unwrap_or(point.bic))).collect()
+            }
             Self::Proposal(found) => found.curve.iter().map(|point| (point.k, point.bic)).collect(),
             Self::Modes(_) | Self::Cut(_) | Self::Others(_) => Vec::new(),
         }

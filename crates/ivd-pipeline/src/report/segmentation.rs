@@ -19,15 +19,16 @@ pub(super) fn segmentation(segment: &StageRecord, found: &Figures<AnyFigures>, d
     rows.push(("iterations", common.iterations.to_string()));
     rows.push(("objective", number(common.objective)));
     rows.extend(own.regions().map(|regions| ("regions", regions.to_string())));
-    let points: Vec<(f64, f64)> = own.criterion().into_iter().map(|(k, bic)| (k as f64, bic)).collect();
-    let bic = curve(&Curve {
+    let points: Vec<(f64, f64)> =
+        own.criterion().into_iter().map(|(k, criterion)| (k as f64, criterion)).collect();
+    let criterion = curve(&Curve {
         points: &points,
         x_label: "number of classes",
-        y_label: "Bayesian information criterion",
+        y_label: "criterion (less is better)",
         chosen: Some(common.k as f64),
     });
     let tree = own.dendrogram().map_or_else(String::new, tree);
-    pairs(&rows) + &bic + &tree + &classes(&common.classes, data)
+    pairs(&rows) + &criterion + &tree + &classes(&common.classes, data)
 }
 
 fn tree(found: &ivd_segment::Dendrogram) -> String {

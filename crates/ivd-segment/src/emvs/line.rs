@@ -138,6 +138,24 @@ pub(super) fn expect(bins: &Bins, components: &[Component]) -> (Vec<Sums>, f64) 
     (total.0, total.1 / bins.total)
 }
 
+/// Mean entropy of a voxel's posteriors (natural logarithm): 0 where every voxel belongs to one component alone.
+pub(super) fn entropy(bins: &Bins, components: &[Component]) -> f64 {
+    let densities: Vec<Density> = components.iter().map(Density::of).collect();
+    let mut logs = vec![0.0; densities.len()];
+    let mut total = 0.0;
+    for ((t, spread), n) in bins.value.iter().zip(&bins.spread).zip(&bins.count) {
+        for (log, density) in logs.iter_mut().zip(&densities) {
+            *log = density.log(*t) - density.half * spread;
+        }
+        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let all: f64 = logs.iter().map(|log| (log - most).exp()).sum();
+        // Σ r (ln Σ e − ln e) with r = e / Σ e.
+        let own: f64 = logs.iter().map(|log| (log - most).exp() / all * (all.ln() - (log - most))).sum();
+        total += n * own;
+    }
+    total / bins.total
+}
+
 fn expect_part(bins: &Bins, range: std::ops::Range<usize>, densities: &[Density]) -> (Vec<Sums>, f64) {
     let mut sums = vec![Sums::default(); densities.len()];
     let mut logs = vec![[0.0; NEAR]; densities.len()];

@@ -8,6 +8,7 @@ mod external;
 mod factorisation;
 mod features;
 mod field;
+mod interior;
 mod labels;
 mod line;
 mod mixture;
@@ -47,7 +48,7 @@ pub struct Emvs {
     /// Mean over the voxels of the logarithm of the mixture's density: of the intensity (1/real unit), or of place and
     /// intensity (1/(mm³ · real unit)).
     pub log_likelihood: f64,
-    /// The Bayesian information criterion for every number of components that was tried; empty where `k` was given.
+    /// The criterion for every number of components that was tried; empty where `k` was given.
     pub bic: Vec<BicPoint>,
     /// With `smoothing`: the variational free energy after each sweep since the external field stands, a voxel; it never rises.
     pub energies: Vec<f64>,

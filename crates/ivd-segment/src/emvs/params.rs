@@ -18,7 +18,7 @@ const MOST_COMPONENTS: usize = 256;
 pub(super) enum Count {
     /// So many.
     Number(#[schemars(range(min = 1, max = 256))] usize),
-    /// As many as have the least Bayesian information criterion.
+    /// As many as the criterion of [`EmvsParams::k`] prefers.
     Word(Auto),
 }
 
@@ -52,7 +52,8 @@ mod count {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct EmvsParams {
-    /// Number of components; `auto` (`None`) for that of 1 … `k_max` with the least Bayesian information criterion.
+    /// Number of components; `auto` (`None`) for that of 1 … `k_max` that a criterion prefers: on intensity the integrated completed
+    /// likelihood of the voxels amid one material, over space the Bayesian information criterion.
     #[serde(with = "count")]
     #[schemars(with = "Count", extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub k: Option<usize>,

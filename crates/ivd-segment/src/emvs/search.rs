@@ -4,13 +4,14 @@ use serde::Serialize;
 use super::bins::Bins;
 use super::covariance::Covariance;
 use super::features::Space;
+use super::interior;
 use super::line::{self, Found, Limits};
-use super::mixture::{Component, Frame, INTENSITY};
+use super::mixture::{Component, Frame, INTENSITY, Mixture};
 use super::params::EmvsParams;
 use super::start;
 use crate::Error;
 
-/// How well a number of components explains the data.
+/// How well a number of components explains the data: on intensity, the voxels amid one material.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct BicPoint {
     /// Number of components.
@@ -19,6 +20,16 @@ pub struct BicPoint {
     pub log_likelihood: f64,
     /// Bayesian information criterion (Schwarz 1978), `p ln N - 2 N log_likelihood` for `p` free parameters: less is better.
     pub bic: f64,
+    /// On intensity: integrated completed likelihood (Biernacki, Celeux & Govaert 2000), `bic + 2 N entropy` with the mean entropy of a
+    /// voxel's posteriors: less is better.
+    pub icl: Option<f64>,
+}
+
+impl BicPoint {
+    /// What the number of components is chosen by: less is better.
+    pub fn criterion(&self) -> f64 {
+        self.icl.unwrap_or(self.bic)
+    }
 }
 
 /// A search for a mixture: over intensity, or over space and intensity.
@@ -53,7 +64,7 @@ impl<'a> Search<'a> {
         Self { params, bins, coarse: bins.coarse(), space }
     }
 
-    /// The mixture asked for, or the best of the numbers of components, and the criterion of each.
+    /// The mixture asked for, or that of the best number of components, and the criterion of each number.
     pub(super) fn choose(&self, exec: &Exec) -> Result<(Found, Vec<BicPoint>), Error> {
         if let Some(start) = &self.params.start {
             return Ok((self.from(self.space.frame.components(start), exec)?, Vec::new()));
@@ -61,6 +72,25 @@ impl<'a> Search<'a> {
         if let Some(k) = self.params.k {
             return Ok((self.with(k, exec)?, Vec::new()));
         }
+        if self.params.covariance != Covariance::Intensity {
+            return self.best(exec);
+        }
+        let (mixture, curve) = self.amid(exec)?;
+        Ok((self.from(self.space.frame.components(&mixture), exec)?, curve))
+    }
+
+    /// The best mixture on intensity of the voxels that lie amid one material, and the criterion of each number of components.
+    fn amid(&self, exec: &Exec) -> Result<(Mixture, Vec<BicPoint>), Error> {
+        let Space { volume, mask, .. } = self.space;
+        let inner = interior::amid(volume, mask, exec)?;
+        let bins = Bins::of(volume, Some(&inner), exec)?.expect("of a volume's values the least steep stay");
+        let frame = Frame::new(volume, &bins);
+        let (found, curve) = Search::new(volume, Some(&inner), &bins, &frame, self.params).best(exec)?;
+        Ok((frame.mixture(&found.components, self.params.covariance), curve))
+    }
+
+    /// The best of the numbers of components, and the criterion of each.
+    fn best(&self, exec: &Exec) -> Result<(Found, Vec<BicPoint>), Error> {
         let mut best: Option<(Found, f64)> = None;
         let mut curve: Vec<BicPoint> = Vec::new();
         for k in 1..=self.params.k_max {
@@ -69,16 +99,23 @@ impl<'a> Search<'a> {
             if found.components.len() < k {
                 break;
             }
-            let free = self.params.covariance.free(k);
-            let log_likelihood = found.log_likelihood + self.space.frame.log_unit(self.params.covariance);
-            let bic = start::criterion(log_likelihood, self.bins.total, free);
-            curve.push(BicPoint { k, log_likelihood, bic });
-            if best.as_ref().is_none_or(|(_, least)| bic < *least) {
-                best = Some((found, bic));
+            let point = self.point(k, &found);
+            curve.push(point);
+            if best.as_ref().is_none_or(|(_, least)| point.criterion() < *least) {
+                best = Some((found, point.criterion()));
             }
         }
         let (found, _) = best.expect("one component is always found");
         Ok((found, curve))
+    }
+
+    fn point(&self, k: usize, found: &Found) -> BicPoint {
+        let shape = self.params.covariance;
+        let log_likelihood = found.log_likelihood + self.space.frame.log_unit(shape);
+        let bic = start::criterion(log_likelihood, self.bins.total, shape.free(k));
+        let icl = (shape == Covariance::Intensity)
+            .then(|| bic + 2.0 * self.bins.total * line::entropy(self.bins, &found.components));
+        BicPoint { k, log_likelihood, bic, icl }
     }
 
     /// Where voxels coupled on intensity begin: at the mixture given, or at the classes of least inertia, as many as are asked
@@ -86,8 +123,8 @@ impl<'a> Search<'a> {
     pub(super) fn beginning(&self, exec: &Exec) -> Result<(Found, Vec<BicPoint>), Error> {
         let (k, iterations, bic) = match (&self.params.start, self.params.k) {
             (None, None) => {
-                let (found, bic) = self.choose(exec)?;
-                (found.components.len(), found.iterations, bic)
+                let (mixture, curve) = self.amid(exec)?;
+                (mixture.weights.len(), 0, curve)
             }
             (_, k) => (k.unwrap_or(0), 0, Vec::new()),
         };

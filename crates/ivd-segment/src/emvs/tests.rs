@@ -328,6 +328,44 @@ fn the_criterion_finds_the_number_of_well_separated_components() {
     }
 }
 
+/// Blocks of `k` materials with noise; each voxel is the mean of the materials of eight places in it.
+fn mixed_blocks(k: usize, noise_sd: f64, seed: u64) -> Volume {
+    const N: usize = 40;
+    let mut noise = Noise(seed);
+    let centres: Vec<([f64; 3], f64)> = (0..6 * k)
+        .map(|i| {
+            let level = 30.0 + 190.0 * (i % k) as f64 / (k.max(2) - 1) as f64;
+            (std::array::from_fn(|_| N as f64 * noise.uniform()), level)
+        })
+        .collect();
+    let level = |at: [f64; 3]| {
+        let distance = |c: &[f64; 3]| -> f64 { (0..3).map(|a| (c[a] - at[a]).powi(2)).sum() };
+        let nearest = centres.iter().min_by(|a, b| distance(&a.0).total_cmp(&distance(&b.0)));
+        nearest.unwrap().1
+    };
+    let mut values = Vec::new();
+    for i in 0..N * N * N {
+        let at = [i % N, i / N % N, i / (N * N)];
+        let shares =
+            (0..8).map(|c| level(std::array::from_fn(|a| at[a] as f64 + 0.5 * f64::from(c >> a & 1))));
+        values.push((shares.sum::<f64>() / 8.0 + noise_sd * noise.normal()).round() as u8);
+    }
+    volume([N; 3], [1.0; 3], values)
+}
+
+#[test]
+fn mixed_voxels_ask_for_no_components_of_their_own() {
+    for k in 2..=6 {
+        for noise in [3.0, 6.0, 9.0] {
+            let volume = mixed_blocks(k, noise, 77 + 10 * k as u64 + noise as u64);
+            let found = run(&volume, &EmvsParams { k: None, ..EmvsParams::default() });
+            assert_eq!(found.mixture.weights.len(), k, "noise {noise}: {:?}", found.bic);
+            let by_bic = found.bic.iter().min_by(|a, b| a.bic.total_cmp(&b.bic)).unwrap();
+            assert!(by_bic.k >= k);
+        }
+    }
+}
+
 fn dice(a: &[u16], b: &[u16], id: u16) -> f64 {
     let both = a.iter().zip(b).filter(|(a, b)| **a == id && **b == id).count();
     let each = a.iter().chain(b).filter(|v| **v == id).count();
