@@ -36,6 +36,8 @@ pub struct Grid {
     origin: [f64; 3],
     /// Column `a` is the world direction of voxel axis `a`.
     direction: [[f64; 3]; 3],
+    #[serde(skip_serializing_if = "is_yes")]
+    in_patient: bool,
 }
 
 /// A grid as it is written, before its parts are checked.
@@ -45,12 +47,24 @@ struct Unchecked {
     spacing: [f64; 3],
     origin: [f64; 3],
     direction: [[f64; 3]; 3],
+    #[serde(default = "yes")]
+    in_patient: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_yes(in_patient: &bool) -> bool {
+    *in_patient
 }
 
 impl TryFrom<Unchecked> for Grid {
     type Error = GridError;
     fn try_from(grid: Unchecked) -> Result<Self, GridError> {
-        Self::new(grid.dims, grid.spacing, grid.origin, grid.direction)
+        let Unchecked { dims, spacing, origin, direction, in_patient } = grid;
+        Ok(Self::new(dims, spacing, origin, direction)?.with_patient_space(in_patient))
     }
 }
 
@@ -91,7 +105,7 @@ impl Grid {
         if !unit || matrix.determinant().abs() < 1e-3 {
             return Err(GridError::Direction(direction));
         }
-        Ok(Self { dims, spacing, origin, direction })
+        Ok(Self { dims, spacing, origin, direction, in_patient: true })
     }
 
     /// An axis-aligned grid: voxel axes along RAS, origin at 0.
@@ -117,6 +131,18 @@ impl Grid {
         }
         let direction = std::array::from_fn(|a| (linear.column(a) / spacing[a]).into());
         Self::new(dims, spacing, translation.into(), direction)
+    }
+
+    /// The same, known to lie in the patient's space or not.
+    #[must_use]
+    pub fn with_patient_space(self, in_patient: bool) -> Self {
+        Self { in_patient, ..self }
+    }
+
+    /// Whether the axes of world space are known to be the patient's: to the right, to the front, to the head. Where a file doesn't say so,
+    /// pictures have no letters. Grids [match](Self::matches) whether or not they say so.
+    pub fn in_patient(&self) -> bool {
+        self.in_patient
     }
 
     /// Voxels along x, y, z.
@@ -320,6 +346,18 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_known_of_the_patient_is_written_only_where_it_is_not_the_rule() {
+        let known = Grid::with_spacing([2; 3], [1.0; 3]).unwrap();
+        let unknown = known.clone().with_patient_space(false);
+        assert!(known.in_patient() && !unknown.in_patient() && known.matches(&unknown));
+        for grid in [&known, &unknown] {
+            let written = serde_json::to_string(grid).unwrap();
+            assert_eq!(written.contains("in_patient"), !grid.in_patient());
+            assert_eq!(&serde_json::from_str::<Grid>(&written).unwrap(), grid);
+        }
+    }
 
     #[test]
     fn world_and_voxel_are_inverse_on_an_oblique_left_handed_grid() {

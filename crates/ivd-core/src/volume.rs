@@ -86,6 +86,12 @@ impl Volume {
         self.modality
     }
 
+    /// The same on a [grid that is known to lie in the patient's space or not](Grid::with_patient_space).
+    #[must_use]
+    pub fn with_patient_space(self, in_patient: bool) -> Self {
+        Self { grid: self.grid.with_patient_space(in_patient), ..self }
+    }
+
     /// Where the voxels lie.
     pub fn grid(&self) -> &Grid {
         &self.grid

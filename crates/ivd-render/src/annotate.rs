@@ -9,22 +9,17 @@ const LETTERS: [[char; 2]; 3] = [['R', 'L'], ['A', 'P'], ['S', 'I']];
 /// Pictures with a shorter side below this have no room for letters (pixels).
 const LEAST_SIDE: usize = 48;
 
-/// Draws at each edge the letter of the body direction that it points to most, and a scale bar at the bottom left.
-pub(crate) fn annotate(image: &Image, camera: &Camera) -> Image {
+/// Draws a scale bar at the bottom left and, where the world's axes are known to be the patient's, at each edge the letter of the body direction
+/// that it points to most.
+pub(crate) fn annotate(image: &Image, camera: &Camera, in_patient: bool) -> Image {
     let (width, height) = (image.width(), image.height());
     if width.min(height) < LEAST_SIDE {
         return image.clone();
     }
     let mut canvas = Canvas::new(image);
-    let size = canvas.size;
-    let (right, up) = (camera.right, camera.up);
-    let middle = |n: usize, letter: usize| n.saturating_sub(letter * size) / 2;
-    let (x, y) = (middle(width, font::WIDTH), middle(height, font::HEIGHT));
-    let margin = 2 * size;
-    canvas.text(margin, y, &letter(-right).to_string());
-    canvas.text(width - margin - font::WIDTH * size, y, &letter(right).to_string());
-    canvas.text(x, margin, &letter(up).to_string());
-    canvas.text(x, height - margin - font::HEIGHT * size, &letter(-up).to_string());
+    if in_patient {
+        canvas.letters(camera.right, camera.up);
+    }
     canvas.scale_bar(camera.pixel_mm);
     canvas.into_image()
 }
@@ -107,6 +102,18 @@ impl Canvas {
         }
     }
 
+    /// At each edge the letter of the direction there.
+    fn letters(&mut self, right: Vector3<f64>, up: Vector3<f64>) {
+        let (width, height, size) = (self.width, self.height, self.size);
+        let middle = |n: usize, letter: usize| n.saturating_sub(letter * size) / 2;
+        let (x, y) = (middle(width, font::WIDTH), middle(height, font::HEIGHT));
+        let margin = 2 * size;
+        self.text(margin, y, &letter(-right).to_string());
+        self.text(width - margin - font::WIDTH * size, y, &letter(right).to_string());
+        self.text(x, margin, &letter(up).to_string());
+        self.text(x, height - margin - font::HEIGHT * size, &letter(-up).to_string());
+    }
+
     /// A bar of at most a quarter of the width, with its length.
     fn scale_bar(&mut self, pixel_mm: f64) {
         let (length, text) = bar_length(0.25 * self.width as f64 * pixel_mm);
@@ -149,6 +156,20 @@ mod tests {
             let found: String = [-camera.right, camera.right, camera.up].into_iter().map(letter).collect();
             assert_eq!(found, letters, "{side:?}");
         }
+    }
+
+    #[test]
+    fn letters_are_drawn_only_where_the_patients_axes_are_known() {
+        let grid = ivd_core::Grid::with_spacing([4; 3], [1.0; 3]).unwrap();
+        let params = RenderParams { size: [64, 64], ..RenderParams::default() };
+        let camera = Camera::new(&grid, &params, &Held::Volume);
+        let blank = Image::new(64, 64, vec![9; 4 * 64 * 64]).unwrap();
+        let [with, without] = [true, false].map(|known| annotate(&blank, &camera, known));
+        let drawn = |image: &Image, rows: std::ops::Range<usize>| {
+            image.rgba()[4 * 64 * rows.start..4 * 64 * rows.end].iter().any(|&c| c != 9)
+        };
+        assert!(drawn(&with, 0..40), "letters at the top and the sides");
+        assert!(!drawn(&without, 0..40) && drawn(&without, 40..64), "the bar alone");
     }
 
     #[test]

@@ -152,7 +152,7 @@ pub struct RenderParams {
     /// Whether bricks that hold nothing to see are passed over: speed, never the pixels.
     #[schemars(extend("x-how" = true))]
     pub skip: bool,
-    /// Whether orientation letters and a scale bar are drawn.
+    /// Whether a scale bar is drawn, and letters of orientation where the volume's file says that its axes are the patient's.
     pub annotate: bool,
     /// Background, straight linear RGBA.
     #[schemars(inner(range(min = 0.0, max = 1.0)), extend("x-unit" = "1"))]

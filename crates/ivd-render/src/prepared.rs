@@ -257,7 +257,7 @@ impl<'a> Prepared<'a> {
             image = outline::outline(&image, lattice, &camera);
         }
         if params.annotate {
-            image = annotate::annotate(&image, &camera);
+            image = annotate::annotate(&image, &camera, self.scene.volume.grid().in_patient());
         }
         let on_the_way = (light.samples + light.skipped).max(1) as f64;
         Ok(Rendered {

@@ -78,7 +78,11 @@ pub fn surface(
             params.background.map(|c| c as f32),
         );
         let camera = Camera::new(&grid, params, &Held::Volume);
-        Ok(if params.annotate { annotate::annotate(&image, &camera) } else { image })
+        Ok(if params.annotate {
+            annotate::annotate(&image, &camera, lattice.grid().in_patient())
+        } else {
+            image
+        })
     })
 }
 

@@ -44,6 +44,9 @@ pub(crate) struct GridContent {
     spacing: [f64; 3],
     origin: [f64; 3],
     direction: [[f64; 3]; 3],
+    /// Written only where world space isn't known to be the patient's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    in_patient: Option<bool>,
 }
 
 impl From<&Grid> for GridContent {
@@ -53,6 +56,7 @@ impl From<&Grid> for GridContent {
             spacing: grid.spacing(),
             origin: grid.origin(),
             direction: grid.direction(),
+            in_patient: (!grid.in_patient()).then_some(false),
         }
     }
 }
@@ -60,7 +64,8 @@ impl From<&Grid> for GridContent {
 impl GridContent {
     /// The grid, checked.
     pub(crate) fn grid(&self) -> Result<Grid, Problem> {
-        Ok(Grid::new(self.dims, self.spacing, self.origin, self.direction)?)
+        let grid = Grid::new(self.dims, self.spacing, self.origin, self.direction)?;
+        Ok(grid.with_patient_space(self.in_patient.unwrap_or(true)))
     }
 }
 

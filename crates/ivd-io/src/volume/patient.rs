@@ -4,7 +4,7 @@ use super::read::{Format, format, is_folder};
 use super::{Error, ReadOptions, dicom, metaimage, nifti, nrrd};
 
 /// Whether a file says where its voxels lie in the patient: DICOM with an orientation; NIfTI with a qform or sform; NRRD with a space of anatomy;
-/// MetaImage with an orientation. Elsewhere left and right are only what [`read`](super::read()) takes for them.
+/// MetaImage with an orientation. Elsewhere left and right are only what [`read`](super::read()) takes for them, and its volume's grid says so.
 ///
 /// # Errors
 /// As [`read`](super::read()), as far as the header.

@@ -3,6 +3,7 @@ use std::path::{Path, PathBuf};
 use ivd_core::{Exec, Volume};
 use serde::{Deserialize, Serialize};
 
+use super::patient::states_patient_space;
 use crate::volume::{Error, RawLayout, bounded, dicom, metaimage, nifti, nrrd, raw, stack, vti};
 
 /// What the file alone doesn't tell.
@@ -46,23 +47,26 @@ pub(super) enum Format {
 /// # Errors
 /// [`Error`] names the file, and the field or the place; see its variants.
 pub fn read(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
-    exec.run(|| {
-        if is_folder(path)? {
-            return read_folder(path, options, exec);
-        }
-        if let Some(layout) = &options.raw {
-            let spacing = options.spacing.unwrap_or(layout.spacing);
-            return raw::read(path, &RawLayout { spacing, ..*layout }, exec);
-        }
-        match format(path)? {
-            Format::Nifti => nifti::read(path, options.frame, exec),
-            Format::Nrrd => nrrd::read(path, options.frame, exec),
-            Format::MetaImage => metaimage::read(path, options.frame, exec),
-            Format::Vti => vti::read(path, exec),
-            Format::Tiff => stack::read_tiff(path, options.spacing, exec),
-            Format::Dicom => dicom::read_file(path, exec),
-        }
-    })
+    let volume = exec.run(|| read_any(path, options, exec))?;
+    Ok(volume.with_patient_space(states_patient_space(path, options)?))
+}
+
+fn read_any(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
+    if is_folder(path)? {
+        return read_folder(path, options, exec);
+    }
+    if let Some(layout) = &options.raw {
+        let spacing = options.spacing.unwrap_or(layout.spacing);
+        return raw::read(path, &RawLayout { spacing, ..*layout }, exec);
+    }
+    match format(path)? {
+        Format::Nifti => nifti::read(path, options.frame, exec),
+        Format::Nrrd => nrrd::read(path, options.frame, exec),
+        Format::MetaImage => metaimage::read(path, options.frame, exec),
+        Format::Vti => vti::read(path, exec),
+        Format::Tiff => stack::read_tiff(path, options.spacing, exec),
+        Format::Dicom => dicom::read_file(path, exec),
+    }
 }
 
 fn read_folder(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {

@@ -88,16 +88,13 @@ impl Stage for Import {
     }
 
     fn run(&self, _inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
-        let (volume, patient_space) = match &self.source {
+        let volume = match &self.source {
             ImportSource::File { path, options } => {
-                let volume = ivd_io::volume::read(path, options, exec).map_err(Error::in_stage(IMPORT))?;
-                let stated = ivd_io::volume::states_patient_space(path, options);
-                (volume, stated.map_err(Error::in_stage(IMPORT))?)
+                ivd_io::volume::read(path, options, exec).map_err(Error::in_stage(IMPORT))?
             }
             ImportSource::Phantom(params) => {
-                let phantom = ivd_phantom::generate(params, exec).map_err(Error::in_stage(IMPORT))?;
                 // Generated bodies lie as scans do: x to the right, y to the front, z to the head.
-                (phantom.volume, true)
+                ivd_phantom::generate(params, exec).map_err(Error::in_stage(IMPORT))?.volume
             }
         };
         let figures = ImportFigures {
@@ -107,7 +104,7 @@ impl Stage for Import {
             range: exec.run(|| volume.range()),
             missing: exec.run(|| volume.missing()),
             voxels: volume.grid().len(),
-            patient_space,
+            patient_space: volume.grid().in_patient(),
         };
         Ok(StageOutput::new(volume, &figures))
     }
