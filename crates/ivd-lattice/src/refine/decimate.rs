@@ -29,7 +29,7 @@ use nalgebra::Vector3;
 use super::features::Kind;
 use super::half_edge::LEAST_HEIGHT;
 use super::locks::Locks;
-use super::mean::mean_distance;
+use super::mean::distances_seen;
 use super::mesh::Mesh;
 use super::params::RefineParams;
 use super::patch::Patch;
@@ -76,9 +76,9 @@ pub(super) fn decimate(
         exec.observer().begin(TASK, removals.min(run.mesh.free.len()) as u64);
         let (stopped_by, refused, passes) = run.run(removals, exec)?;
         exec.observer().end(TASK);
-        let mean_error_mm = mean_distance(&run.mesh);
+        let seen = distances_seen(&run.mesh);
         exec.check_cancelled()?;
-        Ok(run.mesh.outcome(mean_error_mm, stopped_by, refused, passes).report(lattice))
+        Ok(run.mesh.outcome(seen, stopped_by, refused, passes).report(lattice))
     })
 }
 

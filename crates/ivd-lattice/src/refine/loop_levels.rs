@@ -17,6 +17,7 @@ use ivd_core::{Exec, Lattice};
 use super::half_edge::Limits;
 use super::inverse;
 use super::locks::Locks;
+use super::mean::Seen;
 use super::measured::Draft;
 use super::params::{RefineParams, Target};
 use super::passes::Run;
@@ -144,7 +145,7 @@ fn pulled(
             break;
         }
     }
-    let outcome = run.outcome(&surface, 0.0);
+    let outcome = run.outcome(&surface, Seen::default());
     let input = |v: u32| exact.kept[v as usize];
     let draft = Draft {
         kept: outcome.kept.into_iter().map(input).collect(),

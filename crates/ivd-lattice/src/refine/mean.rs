@@ -25,32 +25,41 @@ pub(super) trait Refining: Sync {
     const STEPS: usize;
 }
 
-/// Mean distance (mm) of the input's vertices from the refined surface, each weighted by the area round it; of a large
-/// surface every n-th vertex stands for all.
+/// Distances of the input's vertices from the refined surface (mm).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Seen {
+    /// Their mean, each weighted by the area round its vertex.
+    pub(super) mean: f64,
+    /// The largest.
+    pub(super) largest: f64,
+}
+
+/// Distances of the input's vertices from the refined surface; of a large surface every n-th vertex stands for all.
 ///
 /// A removed vertex is measured against the triangles round the vertex that it ended on, and then round the other corners
 /// of the nearest of them, and so on for as many steps as the surface says: never less than its distance from the whole surface, and rarely more.
-pub(super) fn mean_distance(surface: &impl Refining) -> f64 {
-    mean_of(surface, surface.areas().len().div_ceil(SAMPLES).max(1))
+pub(super) fn distances_seen(surface: &impl Refining) -> Seen {
+    seen_of(surface, surface.areas().len().div_ceil(SAMPLES).max(1))
 }
 
-/// The mean over every `step`-th vertex.
-fn mean_of(surface: &impl Refining, step: usize) -> f64 {
+/// Those of every `step`-th vertex.
+fn seen_of(surface: &impl Refining, step: usize) -> Seen {
     let samples = surface.areas().len().div_ceil(step);
-    let pieces: Vec<(f64, f64)> = (0..samples.div_ceil(PIECE))
+    let pieces: Vec<[f64; 3]> = (0..samples.div_ceil(PIECE))
         .into_par_iter()
         .map(|piece| {
-            let mut sum = (0.0, 0.0);
+            let mut sum = [0.0; 3];
             for v in (piece * PIECE..(piece * PIECE + PIECE).min(samples)).map(|sample| sample * step) {
                 let (end, area) = (surface.end_of(v), f64::from(surface.areas()[v]));
                 let off = if end == v { 0.0 } else { distance_near(surface, &surface.positions()[v], end) };
-                sum = (sum.0 + area * off, sum.1 + area);
+                sum = [sum[0] + area * off, sum[1] + area, sum[2].max(off)];
             }
             sum
         })
         .collect();
-    let (sum, area) = pieces.into_iter().fold((0.0, 0.0), |sum, p| (sum.0 + p.0, sum.1 + p.1));
-    if area > 0.0 { sum / area } else { 0.0 }
+    let joined = |sum: [f64; 3], p: [f64; 3]| [sum[0] + p[0], sum[1] + p[1], sum[2].max(p[2])];
+    let [sum, area, largest] = pieces.into_iter().fold([0.0; 3], joined);
+    Seen { mean: if area > 0.0 { sum / area } else { 0.0 }, largest }
 }
 
 fn distance_near<S: Refining>(surface: &S, p: &Vector3<f64>, vertex: usize) -> f64 {
@@ -104,8 +113,10 @@ mod tests {
         let mut surface = Surface::new(&lattice, Locks::NONE, None);
         let params = RefineParams { target: Target::Ratio(0.1).into(), ..RefineParams::default() };
         passes::run(&mut surface, &params, &exec).unwrap();
-        let (all, some) = (mean_of(&surface, 1), mean_of(&surface, 3));
+        let (all, some) = (seen_of(&surface, 1), seen_of(&surface, 3));
+        assert!(some.largest <= all.largest && all.mean < all.largest);
+        let (all_seen, all, some) = (all, all.mean, some.mean);
         assert!(all > 0.01 && (some - all).abs() < 0.05 * all, "{some} against {all}");
-        assert_eq!(mean_distance(&surface), all, "a small surface is measured whole");
+        assert_eq!(distances_seen(&surface), all_seen, "a small surface is measured whole");
     }
 }

@@ -4,6 +4,7 @@ use ivd_core::{Exec, Lattice};
 
 use super::certified::{distances_within, least_distance};
 use super::locks::Locks;
+use super::mean::Seen;
 use super::refusal::{Refused, StopReason};
 use super::report::{Outcome, Refined};
 use crate::Error;
@@ -51,8 +52,8 @@ impl Draft {
     /// The refined lattice, as if it were no distance away.
     fn unmeasured(self, input: &Lattice) -> Refined {
         let Self { kept, triangles, stopped_by, refused, passes } = self;
-        let (max_error_mm, mean_error_mm) = (0.0, 0.0);
-        Outcome { kept, triangles, max_error_mm, mean_error_mm, stopped_by, refused, passes }.report(input)
+        let (max_error_mm, seen) = (0.0, Seen::default());
+        Outcome { kept, triangles, max_error_mm, seen, stopped_by, refused, passes }.report(input)
     }
 
     /// How far it is from the input at least (mm), and hardly further: cheap beside [`measured`](Self::measured).
@@ -79,6 +80,7 @@ impl Draft {
         let Some(found) = distances_within(input, &refined.lattice, limit, exec)? else { return Ok(None) };
         refined.max_error_mm = found.max_mm.min(bound);
         refined.mean_error_mm = found.mean_mm.min(refined.max_error_mm);
+        refined.seen_error_mm = found.least_max_mm.min(refined.max_error_mm);
         refined.lattice = refined.lattice.with_max_error_mm(input.max_error_mm() + refined.max_error_mm);
         Ok(Some(refined))
     }

@@ -18,6 +18,7 @@ use rayon::prelude::*;
 
 use super::half_edge::Limits;
 use super::locks::Locks;
+use super::mean::Seen;
 use super::measured::Draft;
 use super::params::{RefineParams, Target};
 use super::passes::Run;
@@ -321,7 +322,7 @@ fn collapsed(
         run.refused = refused + surface.kept;
         side *= GROWTH;
     }
-    let outcome = run.outcome(&surface, 0.0);
+    let outcome = run.outcome(&surface, Seen::default());
     let (stopped_by, refused, passes) = (outcome.stopped_by, outcome.refused, outcome.passes);
     let draft = Draft { kept: outcome.kept, triangles: outcome.triangles, stopped_by, refused, passes };
     draft.finished(lattice, outcome.max_error_mm, exec)

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use super::Refused;
 use super::features::{Features, Kind};
 use super::locks::Locks;
-use super::mean::Refining;
+use super::mean::{Refining, Seen};
 use super::refusal::StopReason;
 use super::report::Outcome;
 use super::shared::GONE;
@@ -163,7 +163,7 @@ impl Mesh {
     /// What is left, in the order of the input; call when all is done.
     pub(super) fn outcome(
         &self,
-        mean_error_mm: f64,
+        seen: Seen,
         stopped_by: StopReason,
         refused: Refused,
         passes: u32,
@@ -172,7 +172,7 @@ impl Mesh {
             kept: self.left(),
             triangles: self.triangles.iter().copied().filter(|t| *t != GONE).collect(),
             max_error_mm: self.max_bound(),
-            mean_error_mm,
+            seen,
             stopped_by,
             refused,
             passes,

@@ -127,8 +127,8 @@ fn collapse_locked(
             run = topology::run(&mut surface, params, lattice.triangles().len(), run.passes, exec)?;
         }
         exec.check_cancelled()?;
-        let mean_error_mm = mean::mean_distance(&surface);
+        let seen = mean::distances_seen(&surface);
         exec.check_cancelled()?;
-        Ok(run.outcome(&surface, mean_error_mm).report(lattice))
+        Ok(run.outcome(&surface, seen).report(lattice))
     })
 }

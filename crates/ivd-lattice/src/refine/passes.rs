@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use super::blocks::Blocks;
 use super::deviation::Deviation;
 use super::half_edge::{Limits, collapse};
+use super::mean::Seen;
 use super::params::RefineParams;
 use super::queue::Queue;
 use super::refusal::{Refusal, Refused, StopReason};
@@ -43,7 +44,7 @@ pub(super) struct Run {
 
 impl Run {
     /// What came of it, in the input's order of vertices and triangles.
-    pub(super) fn outcome(&self, surface: &Surface, mean_error_mm: f64) -> Outcome {
+    pub(super) fn outcome(&self, surface: &Surface, seen: Seen) -> Outcome {
         let mut kept: Vec<u32> =
             surface.numbers.iter().enumerate().filter(|v| surface.is_left(v.0)).map(|v| *v.1).collect();
         kept.sort_unstable();
@@ -54,7 +55,7 @@ impl Run {
             kept,
             triangles: order.iter().map(corners).collect(),
             max_error_mm: surface.max_bound(),
-            mean_error_mm,
+            seen,
             stopped_by: self.stopped_by,
             refused: self.refused,
             passes: self.passes,

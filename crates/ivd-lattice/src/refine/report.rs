@@ -2,6 +2,7 @@ use ivd_core::Lattice;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::mean::Seen;
 use super::refusal::{Refused, StopReason};
 
 /// A refined lattice and how far it is from its input.
@@ -17,6 +18,9 @@ pub struct Refined {
     /// them; perhaps a little too large, as the search for the nearest triangle is local. Above 2¹⁶ vertices it is that of
     /// every n-th. Of the other methods that of points of either surface from the other, by area, and the larger of both.
     pub mean_error_mm: f64,
+    /// Largest distance that was found (mm), from the points that the mean is of: what the bound is worth. The search being local, a true distance
+    /// may be less.
+    pub seen_error_mm: f64,
     /// Vertices of the input.
     pub vertices_in: usize,
     /// Triangles of the input.
@@ -48,8 +52,7 @@ pub(super) struct Outcome {
     pub(super) triangles: Vec<[u32; 3]>,
     /// As in [`Refined`].
     pub(super) max_error_mm: f64,
-    /// As in [`Refined`].
-    pub(super) mean_error_mm: f64,
+    pub(super) seen: Seen,
     pub(super) stopped_by: StopReason,
     pub(super) refused: Refused,
     pub(super) passes: u32,
@@ -58,7 +61,7 @@ pub(super) struct Outcome {
 impl Outcome {
     /// The refined lattice, with its vertices numbered anew, and its figures.
     pub(super) fn report(self, input: &Lattice) -> Refined {
-        let Self { kept, triangles, max_error_mm, mean_error_mm, stopped_by, refused, passes } = self;
+        let Self { kept, triangles, max_error_mm, seen, stopped_by, refused, passes } = self;
         let level =
             if kept.is_empty() { 0.0 } else { (input.keys().len() as f64 / kept.len() as f64).log(4.0) };
         let share = triangles.len() as f64 / input.triangles().len() as f64;
@@ -73,7 +76,8 @@ impl Outcome {
                 refused,
             },
             max_error_mm,
-            mean_error_mm,
+            mean_error_mm: seen.mean,
+            seen_error_mm: seen.largest.min(max_error_mm),
             vertices_in: input.keys().len(),
             triangles_in: input.triangles().len(),
             passes,

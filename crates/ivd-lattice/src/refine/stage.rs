@@ -110,6 +110,10 @@ pub struct LevelFigures {
     /// Mean distance from the input.
     #[schemars(extend("x-unit" = "mm"))]
     pub mean_error_mm: f64,
+    /// Largest distance from the input that was found; `max_error_mm` is proven for all of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "mm"))]
+    pub seen_error_mm: Option<f64>,
     /// Edges with one triangle.
     #[schemars(extend("x-unit" = "1"))]
     pub boundary_edges: u64,
@@ -199,6 +203,7 @@ fn single(input: &Lattice, refined: Refined, exec: &Exec) -> Result<(Lattice, Re
             triangles: f.triangles,
             max_error_mm: refined.max_error_mm,
             mean_error_mm: refined.mean_error_mm,
+            seen_error_mm: Some(refined.seen_error_mm),
             boundary_edges: f.boundary_edges,
             non_manifold_edges: f.non_manifold_edges,
             subset: is_subset(&refined.lattice, input),
@@ -230,6 +235,7 @@ fn chain_figures(
             triangles: f.triangles,
             max_error_mm: step.lattice.max_error_mm() - input.max_error_mm(),
             mean_error_mm: apart.mean_mm,
+            seen_error_mm: Some(apart.least_max_mm),
             boundary_edges: f.boundary_edges,
             non_manifold_edges: f.non_manifold_edges,
             subset: is_subset(&step.lattice, input),

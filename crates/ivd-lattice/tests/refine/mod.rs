@@ -39,6 +39,7 @@ pub(crate) fn assert_sound(input: &Lattice, out: &Refined) {
     assert!(triangles.windows(2).all(|w| w[0] != w[1]), "two triangles on the same vertices");
     assert_eq!((out.vertices_in, out.triangles_in), (input.keys().len(), input.triangles().len()));
     assert!(out.mean_error_mm <= out.max_error_mm && out.max_error_mm.is_finite());
+    assert!(out.mean_error_mm <= out.seen_error_mm + 1e-12 && out.seen_error_mm <= out.max_error_mm);
 }
 
 /// The bound is never below what sampling finds, in both directions.
@@ -51,6 +52,9 @@ pub(crate) fn assert_bounded(input: &Lattice, out: &Refined) {
         out.max_error_mm
     );
     assert!(out.mean_error_mm <= 3.0 * mean + 1e-9, "mean {} against {mean}", out.mean_error_mm);
+    // Vertices alone aren't all of a surface, and the search for the nearest triangle is local.
+    let seen = out.seen_error_mm;
+    assert!((0.2 * hausdorff - 1e-9..=2.0 * hausdorff + 1e-9).contains(&seen), "{seen} seen of {hausdorff}");
 }
 
 /// Phantoms stay closed and of their genus, within the bound.

@@ -10,6 +10,19 @@ use crate::Error;
 /// The key that takes landmarks for its point.
 const KEY: &str = "pick";
 
+/// Says in the schema of lists whose elements have a point that a landmark may stand for it.
+pub fn tell_landmarks(schema: &mut Json) {
+    let point = schema.pointer_mut(&format!("/items/properties/{KEY}"));
+    let Some(point) = point.filter(|point| point["items"]["type"] == "number") else { return };
+    let about = point["description"].take();
+    let named = json!({
+        "type": "string",
+        "pattern": "\\.(mrk\\.json|fcsv)(#.+)?$",
+        "description": "A file of landmarks, FILE.mrk.json or FILE.fcsv; of one of them, FILE#LABEL.",
+    });
+    *point = json!({ "description": about, "anyOf": [point.take(), named] });
+}
+
 /// The points (mm, RAS) that `FILE` or `FILE#LABEL` names, where FILE ends as files of landmarks do; `None` where it isn't such a name.
 ///
 /// - `folder`: what a relative path starts from.
@@ -105,6 +118,22 @@ mod tests {
 
     const POINTS: &str = "# Markups fiducial file version = 4.11\n# CoordinateSystem = LPS\n# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label\n\
         1,-10,-20,30,0,0,0,1,1,1,0,nose\n2,1.5,2.25,3,0,0,0,1,1,1,0,chin\n";
+
+    #[test]
+    fn the_schema_tells_of_landmarks_where_a_list_has_points() {
+        let list = |pick: Json| json!({ "type": "array", "items": { "properties": { "pick": pick } } });
+        let mut of_points =
+            list(json!({ "description": "A point.", "type": "array", "items": { "type": "number" } }));
+        tell_landmarks(&mut of_points);
+        let pick = &of_points["items"]["properties"]["pick"];
+        assert_eq!(pick["description"], "A point.");
+        assert_eq!(pick["anyOf"][0]["items"]["type"], "number");
+        assert_eq!(pick["anyOf"][1]["type"], "string");
+        let mut of_words = list(json!({ "type": "string" }));
+        let before = of_words.clone();
+        tell_landmarks(&mut of_words);
+        assert_eq!(of_words, before);
+    }
 
     #[test]
     fn a_label_is_a_point_and_a_file_as_many_as_it_has() {

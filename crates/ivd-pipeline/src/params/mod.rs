@@ -4,6 +4,6 @@ mod landmarks;
 mod table;
 mod written;
 
-pub use landmarks::{landmarks_at, place_landmarks, with_landmarks};
+pub use landmarks::{landmarks_at, place_landmarks, tell_landmarks, with_landmarks};
 pub use table::from_toml;
 pub use written::{read, read_entry, short};

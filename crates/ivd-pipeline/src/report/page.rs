@@ -143,6 +143,10 @@ fn lattice_table(records: &[StageRecord]) -> Result<String, Error> {
         ("vertices, refined", shown(last.map(|found| found.vertices))),
         ("triangles, refined", shown(last.map(|found| found.triangles))),
         ("distance to the cut lattice, bound [mm]", shown(last.map(|found| found.max_error_mm))),
+        (
+            "distance to the cut lattice, largest found [mm]",
+            shown(last.and_then(|found| found.seen_error_mm)),
+        ),
         ("distance to the cut lattice, mean [mm]", shown(last.map(|found| found.mean_error_mm))),
     ];
     if let Some((parts, volume)) = cut.and_then(|found| found.dropped_parts.zip(found.dropped_mm3)) {

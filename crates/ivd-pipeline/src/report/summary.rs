@@ -69,10 +69,11 @@ fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static st
         rows.push((
             "refined",
             format!(
-                "by {}; {} of {} vertices, at most {} mm off",
+                "by {}; {} of {} vertices, {}at most {} mm off",
                 of_record(records, refine::STAGE.name, "method"),
                 last.vertices,
                 found.vertices_in,
+                last.seen_error_mm.map_or_else(String::new, |seen| format!("{} mm, ", number(seen))),
                 number(last.max_error_mm)
             ),
         ));

@@ -2,6 +2,7 @@ use ivd_core::op::Stage;
 use serde_json::{Map, Value as Json, json};
 
 use crate::list::{Key, STAGES, keys};
+use crate::params::tell_landmarks;
 
 /// The schema of a scene with a section for every stage of the list.
 pub(super) fn with_stages(mut schema: Json) -> Json {
@@ -18,7 +19,8 @@ fn section(stage: &'static Stage) -> Json {
         properties.insert(stage.selector.to_owned(), selector(stage));
     }
     for key in keys(stage) {
-        let own = described(stage, key);
+        let mut own = described(stage, key);
+        tell_landmarks(&mut own);
         for alias in key.field().aliases().filter(|alias| !alias.starts_with('!')) {
             let mut old = own.clone();
             old["deprecated"] = json!(true);
