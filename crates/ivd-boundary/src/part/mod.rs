@@ -12,7 +12,7 @@ use ivd_core::{Exec, Grid, Mask, Volume};
 
 use crate::Error;
 use crate::component::{draw, fill_holes, ones};
-use crate::runs::piece_count;
+use crate::runs::{Runs, piece_count};
 pub(crate) use distance::{limit, squared_distances};
 pub(crate) use frame::Frame;
 use smooth::level;
@@ -84,6 +84,10 @@ pub(crate) fn levelled(inside: Vec<u8>, grid: &Grid, exec: &Exec) -> Result<Mask
 fn keep_piece(inside: &mut [u8], dims: [usize; 3], chosen: &Chosen) -> Result<usize, Error> {
     let runs = ones(inside, dims);
     let pieces = runs.components()?;
+    let count = piece_count(&pieces);
+    if count == 1 && any_chosen(&runs, dims, chosen) {
+        return Ok(1);
+    }
     let mut counts = vec![0_u64; pieces.len()];
     for z in 0..dims[2] {
         for y in 0..dims[1] {
@@ -100,7 +104,15 @@ fn keep_piece(inside: &mut [u8], dims: [usize; 3], chosen: &Chosen) -> Result<us
     };
     inside.fill(0);
     draw(&runs, &pieces, kept as u32, dims, inside);
-    Ok(piece_count(&pieces))
+    Ok(count)
+}
+
+/// Whether any voxel of the runs is chosen.
+fn any_chosen(runs: &Runs, dims: [usize; 3], chosen: &Chosen) -> bool {
+    (0..dims[1] * dims[2]).any(|row| {
+        let mut spans = runs.row(row % dims[1], row / dims[1]).map(|run| runs.span(run));
+        spans.any(|mut span| span.any(|x| chosen(x + dims[0] * row)))
+    })
 }
 
 /// Lowest and one past the highest voxel of a mask.

@@ -28,15 +28,22 @@ fn weights() -> [f32; 2 * REACH + 1] {
 /// # Errors
 /// Memory, cancelled.
 pub(crate) fn level(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<f32>, Error> {
-    exec.check_memory("the level function", 5 * inside.len() as u64)?;
+    exec.check_memory("the level function", 4 * inside.len() as u64)?;
+    let (mut level, mixed) = smoothed(inside, dims, exec)?;
+    step_where_thin(&mut level, dims, &mixed, exec)?;
+    Ok(level)
+}
+
+/// The Gaussian over the mask, less a half, with the mask's sign; and the bricks that aren't all on one side.
+fn smoothed(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<(Vec<f32>, Vec<[usize; 3]>), Error> {
     let [nx, ny, nz] = dims;
     let layer = nx * ny;
     let weights = weights();
     let mut out = vec![0.0_f32; inside.len()];
-    parallel::try_for_each_piece_mut(&mut out, layer * BRICK, &|bz, out| {
+    let mixed: Vec<Vec<[usize; 3]>> = parallel::try_map_pieces_mut(&mut out, layer * BRICK, &|bz, out| {
         exec.check_cancelled()?;
         let layers = out.len() / layer;
-        let mut room = Room::default();
+        let (mut room, mut mixed) = (Room::default(), Vec::new());
         for by in 0..ny.div_ceil(BRICK) {
             for bx in 0..nx.div_ceil(BRICK) {
                 let low = [bx * BRICK, by * BRICK, bz * BRICK];
@@ -52,6 +59,9 @@ pub(crate) fn level(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<
                     })
                 });
                 let smoothed = (!alike).then(|| room.smooth(inside, dims, low, size, &weights));
+                if !alike {
+                    mixed.push([bx, by, bz]);
+                }
                 for z in 0..size[2] {
                     for y in 0..size[1] {
                         let to = low[0] + nx * (low[1] + y) + layer * z;
@@ -69,43 +79,84 @@ pub(crate) fn level(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<
                 }
             }
         }
-        Ok::<_, Error>(())
+        Ok::<_, Error>(mixed)
     })?;
-    step_where_thin(&mut out, dims, exec)?;
-    Ok(out)
+    Ok((out, mixed.concat()))
 }
 
-/// Gives the voxels of thin places, and those that touch them, the level of the mask itself.
-fn step_where_thin(level: &mut [f32], dims: [usize; 3], exec: &Exec) -> Result<(), Error> {
-    let layer = dims[0] * dims[1];
-    let mut thin = vec![false; level.len()];
-    parallel::try_for_each_piece_mut(&mut thin, layer, &|z, thin| {
+/// Gives the voxels of thin places, and those that touch them, the level of the mask itself. Only the bricks that aren't all on one side are
+/// looked at: elsewhere the level is that already.
+fn step_where_thin(
+    level: &mut [f32],
+    dims: [usize; 3],
+    mixed: &[[usize; 3]],
+    exec: &Exec,
+) -> Result<(), Error> {
+    let bricks = dims.map(|n| n.div_ceil(BRICK));
+    let brick_of = |at: [usize; 3]| at[0] + bricks[0] * (at[1] + bricks[1] * at[2]);
+    let mut slots = vec![u32::MAX; bricks.iter().product()];
+    for (slot, brick) in (0..).zip(mixed) {
+        slots[brick_of(*brick)] = slot;
+    }
+    let is_thick = |i: usize, sign: f32| level[i] * sign >= THICK;
+    let thin: Vec<[u64; BRICK]> = parallel::try_map(mixed.len(), &|slot| {
         exec.check_cancelled()?;
-        let is_thick = |i: usize, sign: f32| level[i] * sign >= THICK;
-        for (i, thin) in (layer * z..).zip(thin) {
+        let mut thin = [0; BRICK];
+        for (i, at) in voxels_of(mixed[slot], dims) {
             let sign = level[i].signum();
-            *thin = !is_thick(i, sign) && !touching(i, dims).any(|j| is_thick(j, sign));
-        }
-        Ok::<_, Error>(())
-    })?;
-    parallel::try_for_each_piece_mut(level, layer, &|z, level| {
-        exec.check_cancelled()?;
-        for (i, level) in (layer * z..).zip(level) {
-            if level.abs() < FAR && touching(i, dims).any(|j| thin[j]) {
-                *level = FAR.copysign(*level);
+            if !is_thick(i, sign) && !touching(at, dims).any(|(j, _)| is_thick(j, sign)) {
+                set(&mut thin, at);
             }
         }
-        Ok::<_, Error>(())
+        Ok::<_, Error>(thin)
+    })?;
+    if thin.iter().flatten().all(|bits| *bits == 0) {
+        return Ok(());
+    }
+    let is_thin = |at: [usize; 3]| {
+        let slot = slots[brick_of(at.map(|v| v / BRICK))] as usize;
+        thin.get(slot).is_some_and(|thin| is_set(thin, at))
+    };
+    let stepped: Vec<Vec<usize>> = parallel::try_map(mixed.len(), &|slot| {
+        exec.check_cancelled()?;
+        let voxels = voxels_of(mixed[slot], dims).filter(|(i, _)| level[*i].abs() < FAR);
+        let near_thin = voxels.filter(|(_, at)| touching(*at, dims).any(|(_, near)| is_thin(near)));
+        Ok::<_, Error>(near_thin.map(|(i, _)| i).collect())
+    })?;
+    for i in stepped.into_iter().flatten() {
+        level[i] = FAR.copysign(level[i]);
+    }
+    Ok(())
+}
+
+/// The voxels of a brick: linear index and place.
+fn voxels_of(brick: [usize; 3], [nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = (usize, [usize; 3])> {
+    let [x, y, z] = brick.map(|b| b * BRICK);
+    (z..(z + BRICK).min(nz)).flat_map(move |z| {
+        (y..(y + BRICK).min(ny)).flat_map(move |y| {
+            (x..(x + BRICK).min(nx)).map(move |x| (x + nx * (y + ny * z), [x, y, z]))
+        })
     })
 }
 
-/// The voxels that share a face, an edge or a corner with one, and itself.
-fn touching(i: usize, [nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = usize> {
+/// Sets the bit of a voxel in its brick's bits.
+fn set(bits: &mut [u64; BRICK], at: [usize; 3]) {
+    let [x, y, z] = at.map(|v| v % BRICK);
+    bits[z] |= 1 << (x + BRICK * y);
+}
+
+fn is_set(bits: &[u64; BRICK], at: [usize; 3]) -> bool {
+    let [x, y, z] = at.map(|v| v % BRICK);
+    bits[z] >> (x + BRICK * y) & 1 == 1
+}
+
+/// The voxels that share a face, an edge or a corner with one, and itself: linear index and place.
+fn touching(at: [usize; 3], [nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = (usize, [usize; 3])> {
     let near = |v: usize, n: usize| v.saturating_sub(1)..(v + 2).min(n);
-    let (xs, ys, zs) = (near(i % nx, nx), near(i / nx % ny, ny), near(i / nx / ny, nz));
+    let (xs, ys, zs) = (near(at[0], nx), near(at[1], ny), near(at[2], nz));
     zs.flat_map(move |z| {
         let xs = xs.clone();
-        ys.clone().flat_map(move |y| xs.clone().map(move |x| x + nx * (y + ny * z)))
+        ys.clone().flat_map(move |y| xs.clone().map(move |x| (x + nx * (y + ny * z), [x, y, z])))
     })
 }
 
@@ -212,6 +263,49 @@ mod tests {
         // A fin of one voxel on a block is cut nowhere.
         let fin = width(&|[x, y, _]| x == 12 || (y < 6 && (6..18).contains(&x)));
         assert!((fin - 1.0).abs() < 0.1, "{fin}");
+    }
+
+    /// Every voxel asked, whatever brick it lies in.
+    fn step_everywhere(level: &mut [f32], dims: [usize; 3]) {
+        let at = |i: usize| [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];
+        let thin: Vec<bool> = (0..level.len())
+            .map(|i| {
+                let sign = level[i].signum();
+                !touching(at(i), dims).any(|(j, _)| level[j] * sign >= THICK)
+            })
+            .collect();
+        for i in 0..level.len() {
+            if level[i].abs() < FAR && touching(at(i), dims).any(|(j, _)| thin[j]) {
+                level[i] = FAR.copysign(level[i]);
+            }
+        }
+    }
+
+    #[test]
+    fn bricks_of_one_side_need_no_look_for_thin_places() {
+        let mut state = 5_u64;
+        let mut below = |n: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % n
+        };
+        let exec = Exec::default();
+        for _ in 0..60 {
+            let dims = [1 + below(33), 1 + below(30), 1 + below(20)];
+            let mut inside = vec![0_u8; dims.iter().product()];
+            for _ in 0..4 {
+                let low = dims.map(|n| below(n));
+                let high: [usize; 3] = std::array::from_fn(|a| (low[a] + 1 + below(9)).min(dims[a]));
+                for (i, inside) in inside.iter_mut().enumerate() {
+                    let at = [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];
+                    *inside |= u8::from((0..3).all(|a| (low[a]..high[a]).contains(&at[a])));
+                }
+            }
+            let (mut plain, mixed) = smoothed(&inside, dims, &exec).unwrap();
+            let mut fast = plain.clone();
+            step_where_thin(&mut fast, dims, &mixed, &exec).unwrap();
+            step_everywhere(&mut plain, dims);
+            assert!(fast == plain, "{dims:?}");
+        }
     }
 
     #[test]

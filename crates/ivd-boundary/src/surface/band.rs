@@ -104,9 +104,9 @@ impl Band {
         (slot < IN).then_some(slot as usize)
     }
 
-    /// Bricks that aren't worked on and lie inside.
-    pub(super) fn inner(&self) -> Vec<[usize; 3]> {
-        (0..self.slots.len()).filter(|&i| self.slots[i] == IN).map(|i| place(self.bricks, i)).collect()
+    /// Whether a brick isn't worked on and lies inside.
+    pub(super) fn is_inner(&self, brick: [usize; 3]) -> bool {
+        self.side(brick) == Some(true)
     }
 
     /// Takes bricks into work: `start` fills in their shares (zeros before). Those that are in work are passed over; returns the slots

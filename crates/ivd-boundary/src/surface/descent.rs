@@ -5,7 +5,7 @@ use ivd_core::{BRICK, Exec, Iteration};
 use super::band::{Band, place};
 use super::evidence::evidence;
 use super::level::{CUBE, Level, within_brick};
-use super::look::{Bits, Look, Tally, look_at_all, tally, tally_of};
+use super::look::{Bits, Look, Tally, look_at_all, tallies, tally_of};
 use super::model::{Force, Model};
 use super::params::{DataTerm, Distribution, SurfaceParams};
 use super::sweep::Steps;
@@ -89,8 +89,7 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
     let (params, exec) = (settings.params, settings.exec);
     let bins = settings.binned();
     let whole = band.len() == band.all();
-    let mut inner = tally(level, Some(&band.inner()), bins, exec)?;
-    let total = tally(level, None, bins, exec)?;
+    let [total, mut inner] = tallies(level, &|brick| band.is_inner(brick), bins, exec)?;
     let slope = Steps::new(1.0, level.edges_of_axes(), false).slope;
     let mut looks = look_at_all(&band, slope, bins, exec)?;
     let (mut best, mut energies, mut sweeps, mut updates) = (Vec::new(), Vec::<f64>::new(), 0, 0);

@@ -115,12 +115,20 @@ impl<'a> Level<'a> {
         match &self.values {
             Values::Means(means) => out.copy_from_slice(&means[first..first + out.len()]),
             Values::Stored(volume, unit) => {
-                let [low, high] = unit.window.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
                 let scale = 1.0 / unit.one;
+                let value = |real: f64| ((real - unit.zero) * scale) as f32;
                 with_voxels!(volume.voxels(), voxels => {
-                    for (out, stored) in out.iter_mut().zip(&voxels[first..]) {
-                        let real = volume.real(stored.to_f64()).clamp(low, high);
-                        *out = if stored.is_data() { ((real - unit.zero) * scale) as f32 } else { f32::NAN };
+                    let stored = out.iter_mut().zip(&voxels[first..]);
+                    let Some([low, high]) = unit.window else {
+                        for (out, stored) in stored {
+                            let value = value(volume.real(stored.to_f64()));
+                            *out = if stored.is_data() { value } else { f32::NAN };
+                        }
+                        return;
+                    };
+                    for (out, stored) in stored {
+                        let value = value(volume.real(stored.to_f64()).clamp(low, high));
+                        *out = if stored.is_data() { value } else { f32::NAN };
                     }
                 });
             }

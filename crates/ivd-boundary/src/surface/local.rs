@@ -7,7 +7,7 @@ use super::band::Band;
 use super::descent::{Descent, Settings, complete, grow};
 use super::evidence::evidence;
 use super::level::{CUBE, Level};
-use super::look::{Look, Tally, look_at_all, tally};
+use super::look::{Look, Tally, look_at_all, tallies};
 use super::sweep::Steps;
 use crate::Error;
 
@@ -33,8 +33,7 @@ pub(super) fn descend_nearby(level: &Level, found: Descent, settings: &Settings)
     let steps = Steps::new(found.mu, level.edges_of_axes(), exec.simd);
     let contrast = (found.means[0] - found.means[1]).powi(2);
     let mut own = Descent { energies: Vec::new(), ..found };
-    let mut inner = tally(level, Some(&own.band.inner()), false, exec)?;
-    let total = tally(level, None, false, exec)?;
+    let [total, mut inner] = tallies(level, &|brick| own.band.is_inner(brick), false, exec)?;
     let mut looks = look_at_all(&own.band, slope, false, exec)?;
     let (mut stalled, mut sweeps) = (0, 0);
     loop {

@@ -70,8 +70,22 @@ impl Tally {
     /// Of a brick's values, where there are any.
     fn of(values: &Brick, bins: bool) -> Self {
         let mut tally = Self::new(bins);
-        values.iter().filter(|v| !v.is_nan()).for_each(|&v| tally.add(v));
-        tally
+        if bins {
+            values.iter().for_each(|&v| tally.count_in(v));
+            return tally;
+        }
+        // Eight sums side by side: one alone waits for itself.
+        let mut sums = [[0.0_f64; BRICK]; 3];
+        for row in values.chunks_exact(BRICK) {
+            for (x, value) in row.iter().enumerate() {
+                let (one, v) = if value.is_nan() { (0.0, 0.0) } else { (1.0, f64::from(*value)) };
+                sums[0][x] += one;
+                sums[1][x] += v;
+                sums[2][x] += v * v;
+            }
+        }
+        let [count, sum, squares] = sums.map(|lanes| lanes.iter().sum());
+        Self { count, sum, squares, ..tally }
     }
 }
 
@@ -175,31 +189,35 @@ pub(super) fn look_at_all(band: &Band, slope: [f32; 3], bins: bool, exec: &Exec)
     .map(|pieces: Vec<Vec<Look>>| pieces.into_iter().flatten().collect())
 }
 
-/// Sums over a whole level, or over some of its bricks.
+/// Sums over a whole level, and over those of its bricks that `is_inner` tells.
 ///
 /// # Errors
 /// Cancelled.
-pub(super) fn tally(
+pub(super) fn tallies(
     level: &Level,
-    bricks: Option<&[[usize; 3]]>,
+    is_inner: &(dyn Fn([usize; 3]) -> bool + Sync),
     bins: bool,
     exec: &Exec,
-) -> Result<Tally, Error> {
+) -> Result<[Tally; 2], Error> {
     let sides = level.bricks();
-    let count = bricks.map_or(sides.iter().product(), <[_]>::len);
-    let parts = parallel::try_map_pieces(count, 64, &|range| {
+    let none = || [Tally::new(bins), Tally::new(bins)];
+    let parts = parallel::try_map_pieces(sides.iter().product(), 64, &|range| {
         exec.check_cancelled()?;
-        let mut sum = Tally::new(bins);
+        let [mut total, mut inner] = none();
         let mut values = [0.0; CUBE];
-        for i in range {
-            level.brick(bricks.map_or_else(|| place(sides, i), |bricks| bricks[i]), &mut values);
-            sum.plus(1.0, &Tally::of(&values, bins));
+        for brick in range.map(|i| place(sides, i)) {
+            level.brick(brick, &mut values);
+            let own = Tally::of(&values, bins);
+            total.plus(1.0, &own);
+            if is_inner(brick) {
+                inner.plus(1.0, &own);
+            }
         }
-        Ok::<_, Error>(sum)
+        Ok::<_, Error>([total, inner])
     })?;
-    let mut all = Tally::new(bins);
+    let mut all = none();
     for part in &parts {
-        all.plus(1.0, part);
+        all.iter_mut().zip(part).for_each(|(all, part)| all.plus(1.0, part));
     }
     Ok(all)
 }

@@ -164,7 +164,7 @@ fn frozen_model(finest: &Level, start: &Start, grid: &Grid, exec: &Exec) -> Resu
         finest.row(grid.linear(VoxelIndex(voxel)), &mut value);
         inside.count_in(value[0]);
     });
-    let mut others = look::tally(finest, None, true, exec)?;
+    let [mut others, _] = look::tallies(finest, &|_| false, true, exec)?;
     others.plus(-1.0, &inside);
     if inside.count < 2.0 || others.count < 1.0 {
         let problem = "the start has too few values, or all there are, to tell what is like it";
