@@ -100,7 +100,15 @@ impl Stage for Import {
                 (phantom.volume, true)
             }
         };
-        let figures = ImportFigures {
+        let figures = ImportFigures::of(&volume, patient_space, exec);
+        Ok(StageOutput::new(volume, &figures))
+    }
+}
+
+impl ImportFigures {
+    /// Those of a volume.
+    pub(super) fn of(volume: &Volume, patient_space: bool, exec: &Exec) -> Self {
+        Self {
             dims: volume.grid().dims(),
             spacing: volume.grid().spacing(),
             stored: volume.voxel_type().name().to_owned(),
@@ -108,8 +116,7 @@ impl Stage for Import {
             missing: exec.run(|| volume.missing()),
             voxels: volume.grid().len(),
             patient_space,
-        };
-        Ok(StageOutput::new(volume, &figures))
+        }
     }
 }
 
@@ -157,13 +164,16 @@ impl Stage for ImportLabels {
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let Given { volume } = inputs.take(self.name())?;
         let labels = exec.run(|| Labels::from_volume(volume))?;
-        let figures = ImportLabelsFigures {
-            dims: volume.grid().dims(),
-            spacing: volume.grid().spacing(),
-            k: labels.classes().len(),
-            voxels: volume.grid().len(),
-        };
+        let figures = ImportLabelsFigures::of(&labels);
         Ok(StageOutput::new(labels, &figures))
+    }
+}
+
+impl ImportLabelsFigures {
+    /// Those of labels.
+    pub(super) fn of(labels: &Labels) -> Self {
+        let grid = labels.grid();
+        Self { dims: grid.dims(), spacing: grid.spacing(), k: labels.classes().len(), voxels: grid.len() }
     }
 }
 
