@@ -229,3 +229,57 @@ fn what_a_scene_cannot_clip_or_combine_is_refused_with_the_key() {
         assert!(matches!(code, 2 | 3 | 7) && told.contains(word), "{word}: {code} {told}");
     }
 }
+
+#[test]
+fn frames_of_a_motion_are_exported_each_mapped_as_the_map_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "40", "-o", "v.ivd"]);
+    json(at, &["lattice", "v.ivd", "--iso", "128", "-o", "cut.ivd"]);
+    json(at, &["refine", "cut.ivd", "--level", "1", "-o", "l.ivd"]);
+    json(at, &["octree", "l.ivd", "-o", "o.ivd"]);
+    let motion =
+        ["deform", "l.ivd", "--solver", "xpbd", "--frames", "3", "--duration", "0.02", "-o", "m.ivd"];
+    json(at, &[&motion[..], &["--handle", "pick=20,33,20;move=0,-2,0;radius=12"]].concat());
+    let export = |words: &[&str]| json(at, &[&["export", "m.ivd", "--lattice", "l.ivd"], words].concat());
+
+    let told = export(&["--frame", "all", "-o", "f.ply"]);
+    let named: Vec<&str> =
+        told["outputs"].as_array().unwrap().iter().map(|o| o["path"].as_str().unwrap()).collect();
+    assert_eq!(named, ["f_0000.ply", "f_0001.ply", "f_0002.ply"]);
+    let meshes = [0, 1, 2].map(|i| bytes(at, &format!("f_000{i}.ply")));
+    assert!(meshes[0] != meshes[1] && meshes[1] != meshes[2]);
+    export(&["-o", "last.ply"]);
+    export(&["--frame", "1", "-o", "one.ply"]);
+    assert!(bytes(at, "last.ply") == meshes[2] && bytes(at, "one.ply") == meshes[1]);
+
+    let told = export(&["--frame", "all", "--direction", "forward", "-o", "d.nrrd"]);
+    for (frame, output) in told["outputs"].as_array().unwrap().iter().enumerate() {
+        let number = frame.to_string();
+        let map = json(at, &["map", "l.ivd", "o.ivd", "m.ivd", "--frame", &number, "-o", "d.ivd"]);
+        json(at, &["export", "d.ivd", "--direction", "forward", "-o", "d.nrrd"]);
+        assert!(bytes(at, &format!("d_000{frame}.nrrd")) == bytes(at, "d.nrrd"), "frame {frame}");
+        let figure = |told: &Value, name: &str| told["metrics"][name].clone();
+        assert_eq!(figure(output, "folds"), 0);
+        assert_eq!(figure(output, "min_det_j"), figure(&map, "min_det_j"));
+    }
+
+    for (words, word) in [
+        (&["m.ivd", "--frame", "all", "-o", "x.ply"][..], "--lattice"),
+        (
+            &["m.ivd", "--lattice", "l.ivd", "--frame", "3", "-o", "x.ply"],
+            "the motion has 3, numbered from 0",
+        ),
+        (
+            &["m.ivd", "--lattice", "l.ivd", "--frame", "3", "-o", "x.nrrd"],
+            "the motion has 3, numbered from 0",
+        ),
+        (&["m.ivd", "--lattice", "l.ivd", "--frame", "0", "-o", "x.pvd"], "leave --frame out"),
+        (&["m.ivd", "--lattice", "l.ivd", "--frame", "last", "-o", "x.ply"], "or all"),
+        (&["d.ivd", "--frame", "0", "-o", "x.nrrd"], "a displacement artefact has no frames"),
+        (&["l.ivd", "--frame", "all", "-o", "x.ply"], "a lattice artefact has no frames"),
+    ] {
+        let (code, told) = refused(at, &[&["export"], words].concat());
+        assert!(code == 2 && told.contains(word), "{words:?}: {code} {told}");
+    }
+}
