@@ -91,7 +91,8 @@ impl Stage for ImportMet {
             }
             Artefact::Volume(volume) => {
                 let stated = || ivd_io::volume::states_patient_space(&self.path, &ReadOptions::default());
-                let patient_space = if ivd_artefact::is_artefact(&self.path) { Ok(true) } else { stated() };
+                // An artefact doesn't tell.
+                let patient_space = if ivd_artefact::is_artefact(&self.path) { Ok(false) } else { stated() };
                 let patient_space = patient_space.map_err(Error::in_stage(IMPORT))?;
                 let figures = ImportFigures::of(&volume, patient_space, exec);
                 Ok(StageOutput::new(volume, &figures))
