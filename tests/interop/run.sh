@@ -21,7 +21,7 @@ echo "-- pipeline"
 "$venv/bin/python" "$here/pipeline.py" "$ivd" --made "$made" || status=1
 echo "-- read_artefact"
 "$venv/bin/python" "$here/read_artefact.py" "$here"/../../fixtures/artefacts/*.ivd >/dev/null || status=1
-for script in volumes scales fields lattices motions transfer_functions; do
+for script in volumes scales fields lattices motions animations transfer_functions; do
     echo "-- $script"
     "$venv/bin/python" "$here/$script.py" "$ivd" || status=1
 done

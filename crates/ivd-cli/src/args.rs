@@ -165,6 +165,10 @@ pub(crate) enum Command {
         /// every frame, else as the last frame has it.
         #[arg(long)]
         lattice: Option<PathBuf>,
+        /// Of a motion with --lattice: frame N, counted from 0, or all, each in a file with its number (name_0000.ply …). A mesh as that
+        /// frame has it; in nrrd, nii and nii.gz the displacement of the voxels, mapped with its defaults and certified.
+        #[arg(long, value_name = "N|all", value_parser = parse::frames)]
+        frame: Option<Frames>,
         /// Of a displacement: forward (rest to deformed) or inverse (deformed to rest, what resamplers want; the default).
         #[arg(long, value_enum)]
         direction: Option<Direction>,
@@ -357,6 +361,15 @@ pub(crate) enum MeshSpace {
     Ras,
     /// To the patient's left, back and head.
     Lps,
+}
+
+/// Which frames of a motion are meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Frames {
+    /// One, counted from 0.
+    One(usize),
+    /// All.
+    All,
 }
 
 /// Which way a displacement field leads.

@@ -6,6 +6,7 @@ use ivd_pipeline::params::from_toml;
 use ivd_pipeline::scene::{MAX_SCENE_BYTES, read_text_limited, truncate_lines};
 use toml::Table;
 
+use crate::args::Frames;
 use crate::exit::Failure;
 
 /// The flag of a key.
@@ -26,6 +27,17 @@ pub(crate) fn pair(text: &str) -> Result<[f64; 2], String> {
 /// `low,high`, two values.
 pub(crate) fn interval(text: &str) -> Result<[f64; 2], String> {
     pair(text).map_err(|_| format!("`{text}`: write two numbers, low,high"))
+}
+
+/// `N` or `all`, frames of a motion.
+pub(crate) fn frames(text: &str) -> Result<Frames, String> {
+    match text.trim() {
+        "all" => Ok(Frames::All),
+        number => number
+            .parse()
+            .map(Frames::One)
+            .map_err(|_| format!("`{text}`: write the number of a frame, counted from 0, or all")),
+    }
 }
 
 /// `X,Y,Z` voxels.

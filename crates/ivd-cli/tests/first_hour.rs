@@ -266,8 +266,18 @@ fn still_and_shorter(at: &Path, scene: &str, last: &[u8]) {
     let run = |scene: &str| assert!(pipeline(at, scene).status.success());
     let there = |name: &str| at.join("out").join(name).exists();
     let alone = scene.replace("volume_series = \"frames/at.nii.gz\"\n", "");
+    let alone = alone.replace("picture_series = \"drawn/at.png\"\n", "");
+    let drawn = |name: &str| std::fs::read(at.join("out").join(name)).unwrap();
+    let series = [0, 2].map(|i| drawn(&format!("drawn/at_000{i}.png")));
+    let whole = "[render]\nfit = \"volume\"\n[map]\nframe = 0\n[output]";
     run(&alone.replace("[output]", "[map]\nframe = 2\n[output]"));
-    assert_eq!(last, std::fs::read(at.join("out/out.nii.gz")).unwrap());
+    assert_eq!(last, drawn("out.nii.gz"));
+    assert_eq!(series[1], drawn("after.png"));
+    // Where the motion doesn't choose the camera, the first frame drawn alone is the first of the series.
+    run(&alone.replace("[output]", whole));
+    let first = drawn("after.png");
+    run(&scene.replace("[output]", "[render]\nfit = \"volume\"\n[output]"));
+    assert_eq!(first, drawn("drawn/at_0000.png"));
     run(scene);
     run(&scene.replace("frames = 3", "frames = 2"));
     assert!(there("frames/at_0001.nii.gz") && !there("frames/at_0002.nii.gz"));
@@ -285,14 +295,18 @@ fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
     let at = folder.path();
     for solver in ["dynamics", "projective", "xpbd"] {
         let own = format!("[deform]\nsolver = \"{solver}\"\nframes = 3\nduration = 0.02\n[[deform.handle]]");
-        let outputs =
-            "animation = \"move.glb\"\nvolume_series = \"frames/at.nii.gz\"\nvolume = \"out.nii.gz\"";
+        let outputs = "animation = \"move.glb\"\nvolume_series = \"frames/at.nii.gz\"\nvolume = \"out.nii.gz\"\n\
+            picture_series = \"drawn/at.png\"\nimages = [\"after\"]";
         let scene = SCENE.replace("[[deform.handle]]", &own).replace("volume = \"out.nii.gz\"", outputs);
         let done = pipeline(at, &scene);
         assert!(done.status.success(), "{solver}: {}", String::from_utf8_lossy(&done.stderr));
         let read = |name: &str| std::fs::read(at.join("out").join(name)).unwrap();
         let frames = [0, 1, 2].map(|i| read(&format!("frames/at_000{i}.nii.gz")));
         assert!(frames[0] != frames[1] && frames[1] != frames[2], "{solver}: frames differ");
+        assert!(frames[2] == read("out.nii.gz"), "{solver}: the last is the still one");
+        let drawn = [0, 1, 2].map(|i| read(&format!("drawn/at_000{i}.png")));
+        assert!(drawn[0] != drawn[1] && drawn[1] != drawn[2], "{solver}: pictures differ");
+        assert!(drawn[2] == read("after.png"), "{solver}: the last is the still one");
         let told: Value = serde_json::from_slice(&done.stdout).unwrap();
         let maps: Vec<&Value> =
             told["stages"].as_array().unwrap().iter().filter(|s| s["stage"] == "map").collect();
@@ -314,6 +328,11 @@ fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
     for (scene, word) in [
         (with("animation = \"move.stl\""), ".glb or .pvd"),
         (with("volume_series = \"volumé\""), "voxels are written as"),
+        (with("picture_series = \"at.jpg\""), "pictures are written as .png"),
+        (
+            with("picture_series = \"at.png\"").replace("[output]", "[map]\nframe = 0\n[output]"),
+            "output.picture_series is of every frame",
+        ),
         (
             with("volume_series = \"at.nii.gz\"").replace("[output]", "[map]\nframe = 0\n[output]"),
             "map.frame",

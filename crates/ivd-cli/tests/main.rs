@@ -5,6 +5,7 @@ mod budget;
 mod cache;
 mod call;
 mod combine;
+mod cuts;
 mod deform;
 mod faults;
 mod files;

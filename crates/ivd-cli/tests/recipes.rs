@@ -78,6 +78,7 @@ fn every_recipe_runs_and_gives_what_it_says() {
         there(name);
     }
     (0..10).for_each(|i| there(&format!("frames/frames/press_{i:04}.nii.gz")));
+    (0..10).for_each(|i| there(&format!("frames/pictures/press_{i:04}.png")));
     // The nose went in by what the second command asked for.
     let page = std::fs::read_to_string(at.join("nose/report.html")).unwrap();
     let told =

@@ -41,6 +41,7 @@ pub mod falloff;
 pub mod fixtures;
 pub mod given;
 pub mod inverse;
+pub mod lies;
 pub mod param;
 pub mod sampler;
 pub mod shape;

@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use ivd_artefact::Artefact;
-use ivd_core::{Displacement, ErrorClass, Exec, Image, Labels, Lattice, Mask, Volume, Voxels};
+use ivd_core::{Displacement, ErrorClass, Exec, Image, Labels, Lattice, Mask, Motion, Volume, Voxels};
 use ivd_io::Space;
 use ivd_io::transfer::Format;
 use ivd_io::volume::FieldDirection;
@@ -34,6 +34,9 @@ pub struct ExportOptions<'a> {
     pub direction: FieldDirection,
     /// For a lattice or a motion: the file's axes; the format's own where none are given.
     pub space: Option<Space>,
+    /// For a motion with its lattice: the frame that a mesh is written of, counted from 0; where none is given all, or the last in a
+    /// format that holds one.
+    pub frame: Option<usize>,
 }
 
 /// As [`export()`], with what may be chosen.
@@ -66,15 +69,39 @@ pub fn export_with(
                 let problem = "a motion is written as .json, or as a mesh with the lattice that it moves: add --lattice";
                 return Err(Error::usage("export", problem));
             };
-            ivd_io::mesh::write_motion(path, lattice, motion, options.space)
-                .map(|w| w.touched)
-                .map_err(Error::in_stage("export"))
+            let written = match options.frame {
+                None => ivd_io::mesh::write_motion(path, lattice, motion, options.space),
+                Some(frame) => {
+                    check_frame(frame, motion)?;
+                    if ending(path) == "pvd" {
+                        let problem =
+                            "a .pvd names the meshes of all frames; leave --frame out, or write a .vtp";
+                        return Err(Error::usage("export", problem));
+                    }
+                    let displacement = &motion.frames()[frame].displacement;
+                    ivd_io::mesh::write_deformed(path, lattice, displacement, options.space)
+                }
+            };
+            written.map(|w| w.touched).map_err(Error::in_stage("export"))
         }
         Artefact::Transfer(_) | Artefact::Octree(_) | Artefact::Tree(_) => Err(Error::usage(
             "export",
             format!("a {} artefact is written as .json, not as .{}", artefact.kind().name(), ending(path)),
         )),
     }
+}
+
+/// Refuses a frame that a motion doesn't have.
+///
+/// # Errors
+/// A usage error that tells which there are.
+pub fn check_frame(frame: usize, motion: &Motion) -> Result<(), Error> {
+    let problem = match motion.frames().len() {
+        0 => format!("frame {frame}: the motion has no frames"),
+        count if frame >= count => format!("frame {frame}: the motion has {count}, numbered from 0"),
+        _ => return Ok(()),
+    };
+    Err(Error::usage("export", problem))
 }
 
 /// A volume, every voxel of it verified where it is read from a file.

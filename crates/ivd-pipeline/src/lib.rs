@@ -38,6 +38,7 @@ mod control;
 mod describe;
 mod error;
 mod export;
+mod frames;
 pub mod list;
 mod outputs;
 pub mod params;
@@ -57,11 +58,14 @@ pub use control::{Control, Decisions};
 pub use describe::describe;
 pub use error::Error;
 pub use export::{
-    ExportOptions, ending, export, export_with, labels_volume, mask_volume, png_bytes, write_text,
+    ExportOptions, check_frame, ending, export, export_with, labels_volume, mask_volume, png_bytes,
+    write_text,
 };
+pub use frames::map_frame;
 pub use ivd_core::op::Slot;
 pub use outputs::OutputFile;
 pub use pipeline::{PipelineOptions, PipelineReport, default_out, run, run_controlled, run_node};
 pub use runner::{OutputRecord, Runner, StageRecord, StageResult, State, backend_name, figures_of};
 pub use section::Section;
+pub use series::file_of as frame_file;
 pub use stage::{Facts, Input, Inputs, Metrics, Stage, StageOutput};

@@ -8,13 +8,13 @@ use ivd_artefact::{Artefact, ContentHash};
 use ivd_core::{Exec, Labels, Lattice, Motion, Value as _};
 use ivd_field::class_volume::by_class;
 use ivd_io::Space;
-use ivd_report::MovedSlices;
+use ivd_report::{MovedSlices, ResultSlices};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::control::Decisions;
 use crate::export::{ExportOptions, ending, export, export_with, whole, write_text};
-use crate::plan::{NodeId, PlanNode, SERIES};
+use crate::plan::{NodeId, OF_FRAMES, PlanNode};
 use crate::report::{self, ReportData};
 use crate::resource::MemoryWatch;
 use crate::runner::{Clock, OutputRecord, StageRecord, StageResult, State};
@@ -120,7 +120,7 @@ impl<'a> Writer<'a> {
         let scene = self.scene;
         let files = scene.output.files().into_iter();
         // Those of a series come frame by frame.
-        let named = files.filter(|(key, _)| node.outputs.contains(key) && *key != SERIES);
+        let named = files.filter(|(key, _)| node.outputs.contains(key) && !OF_FRAMES.contains(key));
         for (key, path) in named {
             let space = scene.output.space.map(Space::from);
             let source = match (&*done.artefact, space) {
@@ -153,10 +153,12 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Writes the deformed volume of a frame, counted from 0.
-    pub(crate) fn frame(&mut self, frame: usize, done: &StageResult) -> Result<(), Error> {
-        let Some(path) = self.scene.output.volume_series.as_deref() else { return Ok(()) };
-        let (name, file) = (format!("{SERIES} {frame:04}"), series::file_of(path, frame));
+    /// Writes an output of a frame, counted from 0.
+    pub(crate) fn frame(&mut self, key: &str, frame: usize, done: &StageResult) -> Result<(), Error> {
+        let Some((_, path)) = self.scene.output.files().into_iter().find(|(known, _)| *known == key) else {
+            return Ok(());
+        };
+        let (name, file) = (format!("{key} {frame:04}"), series::file_of(path, frame));
         self.file(&name, &file, &done.hash.to_string(), |to, exec| export(&done.artefact, to, exec))
     }
 
@@ -191,8 +193,18 @@ impl<'a> Writer<'a> {
                     self.data.class_slices = report::class_slices(labels, None)?;
                 }
             }
-            Artefact::Volume(_) if node.id == NodeId::IMPORT => {
+            // That which the scene deforms: the input, or what is left of it.
+            Artefact::Volume(_) if node.gives() == "volume" => {
                 self.data.volume = Some(done.artefact.clone());
+            }
+            Artefact::Volume(result) if node.outputs.contains(&"report") => {
+                if let Some(Artefact::Volume(volume)) = self.data.volume.as_deref() {
+                    for volume in [volume, result] {
+                        self.exec.run(|| whole(volume))?;
+                    }
+                    let at = self.data.moved.as_ref().map(|moved| moved.at);
+                    self.data.result = Some(ResultSlices::of(volume, result, at)?);
+                }
             }
             Artefact::Displacement(displacement) if node.outputs.contains(&"report") => {
                 if let Some(Artefact::Volume(volume)) = self.data.volume.as_deref() {
@@ -301,11 +313,12 @@ impl<'a> Writer<'a> {
             return Ok(self.files);
         }
         // Frames of a longer motion would be taken for this one's.
-        let is_of_series = |file: &OutputFile| file.name.starts_with(SERIES);
-        let made: Vec<&OutputFile> = self.files.iter().filter(|file| is_of_series(file)).collect();
-        if !made.is_empty() {
-            let left = self.manifest.outputs.iter().filter(|old| is_of_series(old));
-            for old in left.filter(|old| made.iter().all(|file| file.path != old.path)) {
+        for key in OF_FRAMES {
+            let is_of_it = |file: &&OutputFile| file.name.starts_with(key);
+            let made: Vec<&OutputFile> = self.files.iter().filter(is_of_it).collect();
+            let is_left =
+                |old: &&OutputFile| !made.is_empty() && made.iter().all(|file| file.path != old.path);
+            for old in self.manifest.outputs.iter().filter(is_of_it).filter(is_left) {
                 let _ = std::fs::remove_file(&old.path);
             }
         }

@@ -168,7 +168,7 @@ fn walk(
         done.insert(node.id, result);
         if options.until.is_none() && plan.series() == Some(at) {
             let context = Context { loaded, options, runner };
-            stages.extend(series::write(&plan, at, &done, &mut writer, context)?);
+            stages.extend(series::write(&plan, &done, &mut writer, context)?);
         }
         release(&plan, at, &mut done);
     }
@@ -220,13 +220,14 @@ fn explain(record: &mut StageRecord, node: &PlanNode, manifest: &Manifest) {
 /// Drops values that no later place and no output reads.
 fn release(plan: &Plan, at: usize, done: &mut BTreeMap<NodeId, StageResult>) {
     let later = || plan.nodes()[at + 1..].iter().filter(|node| node.needed);
-    // What every frame of a series goes by is read again.
-    let again =
-        plan.series().filter(|last| *last > at).map(|last| plan.moved_until(last)).unwrap_or_default();
+    // What every frame of a series goes by is read again, and its last frame is the scene's own.
+    let frames = plan.series().is_some_and(|last| last > at);
+    let again = if frames { plan.moved() } else { Vec::new() };
     let read = |node: &PlanNode, id: &NodeId| node.inputs.iter().any(|(_, from)| from == id);
     done.retain(|id, _| {
         later().any(|n| n.beside.contains(id) || read(n, id))
             || again.iter().any(|&again| read(&plan.nodes()[again], id))
+            || frames && plan.of_frames().any(|(of, _)| plan.nodes()[of].id == *id)
     });
 }
 

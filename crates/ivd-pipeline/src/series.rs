@@ -8,77 +8,82 @@ use serde_json::Value as Json;
 
 use crate::outputs::Writer;
 use crate::pipeline::{Context, run_node};
-use crate::plan::{NodeId, Plan, SERIES};
+use crate::plan::{NodeId, Plan};
 use crate::runner::{StageRecord, StageResult};
 use crate::{Error, ending};
 
-/// Writes the volume of every frame; `last` is the place that the scene's own came from, and `done` what it was made of.
+/// Where the displacement of the last frame stands among what is done, while another frame is drawn by the same camera.
+const LAST: NodeId = NodeId { stage: ivd_map::STAGE.name, variant: "last frame" };
+
+/// Writes what is asked for of every frame; `done` holds what the scene's own was made of.
 ///
-/// Every frame is mapped and certified by itself. That of the last frame is the scene's own.
+/// Every frame is mapped and certified by itself. That of the last frame is the scene's own; pictures of all are by its camera.
 ///
 /// # Errors
 /// The first frame that can't be made, with its number.
 pub(crate) fn write(
     plan: &Plan,
-    last: usize,
     done: &BTreeMap<NodeId, StageResult>,
     writer: &mut Writer<'_>,
     context: Context<'_>,
 ) -> Result<Vec<StageRecord>, Error> {
     let motion = done.get(&plan.motion()).and_then(|done| ivd_core::Value::of(&done.artefact));
     let frames = motion.map_or(0, |motion: &Motion| motion.frames().len());
+    let wanted: Vec<(usize, &str)> = plan.of_frames().collect();
+    let named = wanted.iter().map(|(_, key)| format!("output.{key}")).collect::<Vec<_>>().join(" and ");
     let mut records = Vec::new();
     for frame in 0..frames {
-        let whole = &done[&plan.nodes()[last].id];
-        if frame + 1 == frames {
-            writer.frame(frame, whole)?;
-            continue;
+        let (mut results, is_last) = (done.clone(), frame + 1 == frames);
+        if !is_last {
+            let made = of_frame(plan, frame, &mut results, &named, context);
+            records.extend(made.map_err(|error| in_frame(error, frame, frames, &named))?);
         }
-        let made = of_frame(plan, last, frame, done, context);
-        let (result, more) = made.map_err(|error| in_frame(error, frame, frames))?;
-        writer.frame(frame, &result)?;
-        records.extend(more);
+        for (at, key) in &wanted {
+            writer.frame(key, frame, &results[&plan.nodes()[*at].id])?;
+        }
     }
     Ok(records)
 }
 
-/// What the stages behind the motion make of one frame.
+/// Puts what the stages behind the motion make of one frame in the place of the scene's own.
 fn of_frame(
     plan: &Plan,
-    last: usize,
     frame: usize,
-    done: &BTreeMap<NodeId, StageResult>,
+    done: &mut BTreeMap<NodeId, StageResult>,
+    named: &str,
     Context { loaded, options, runner }: Context<'_>,
-) -> Result<(StageResult, Vec<StageRecord>), Error> {
+) -> Result<Vec<StageRecord>, Error> {
     let loaded = loaded.with(ivd_map::STAGE.name, "frame", Json::from(frame))?;
-    let own = Plan::new(&loaded, options.input.as_deref(), None)?;
-    let (mut done, mut records) = (done.clone(), Vec::new());
-    for at in plan.moved_until(last) {
+    let mut own = Plan::new(&loaded, options.input.as_deref(), None)?;
+    let (moved, mut records) = (plan.moved(), Vec::new());
+    for &at in &moved {
+        if let Some(shown) = own.hold(at, LAST) {
+            let last = done[&shown].clone();
+            done.insert(LAST, last);
+        }
+    }
+    for at in moved {
         let node = &own.nodes()[at];
-        let mut result = run_node(node, &done, runner, options)?;
+        let mut result = run_node(node, done, runner, options)?;
         result.record.variant = format!("frame {frame}");
-        result.record.why = format!("needed for output.{SERIES}; {}", result.record.why);
+        result.record.why = format!("needed for {named}; {}", result.record.why);
         records.push(result.record.clone());
         done.insert(node.id, result);
     }
-    let id = own.nodes()[last].id;
-    let made = done
-        .remove(&id)
-        .ok_or_else(|| Error::usage("pipeline", format!("output.{SERIES}: nothing moves the volume")))?;
-    Ok((made, records))
+    Ok(records)
 }
 
 /// A failure with the frame that it came from.
-fn in_frame(error: Error, frame: usize, frames: usize) -> Error {
+fn in_frame(error: Error, frame: usize, frames: usize, named: &str) -> Error {
     if let Error::Stage { stage, source, class } = error {
-        let told = format!("frame {frame} of {frames}, from 0 (output.{SERIES}): {source}");
+        let told = format!("frame {frame} of {frames}, from 0 ({named}): {source}");
         return Error::Stage { stage, source: told.into(), class };
     }
     error
 }
 
 /// The file of a frame, counted from 0 as `map.frame` counts: `name_0000.nii.gz` is that of the first.
-pub(crate) fn file_of(path: &Path, frame: usize) -> PathBuf {
+pub fn file_of(path: &Path, frame: usize) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let dots = if ending(path) == "nii.gz" { 2 } else { 1 };
     let parts: Vec<&str> = name.rsplitn(dots + 1, '.').collect();

@@ -87,8 +87,8 @@ pub use prepared::Prepared;
 pub use rendered::Rendered;
 pub use scene::Scene;
 pub use stage::{
-    Coloured, DifferenceFigures, DifferenceParams, DvrParams, IsoParams, MipParams, Pair, Plain,
-    RenderFigures, STAGE,
+    Coloured, DISPLACEMENT, DifferenceFigures, DifferenceParams, DvrParams, FRAMING, IsoParams, MipParams,
+    Pair, Plain, RenderFigures, STAGE, VOLUME, WHOLE,
 };
 pub use surface::{SurfaceStyle, surface};
 

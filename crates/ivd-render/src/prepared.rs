@@ -89,6 +89,9 @@ impl<'a> Prepared<'a> {
                 Mode::Mip => prepared.project(),
                 Mode::Iso { value } => prepared.split(value),
             }
+            if let Some(held) = scene.held().filter(|_| params.fit == Fit::Visible) {
+                prepared.held = Self::new(&held, params, exec)?.held;
+            }
             Ok(prepared)
         })
     }
@@ -96,7 +99,7 @@ impl<'a> Prepared<'a> {
     /// Finds what bricks may add to a maximum.
     fn project(&mut self) {
         let bounds: Vec<f32> = self.ranges().map(|range| self.bound(range)).collect();
-        let [low, high] = self.scene.volume.range().unwrap_or([0.0; 2]);
+        let [low, high] = self.scene.windowed().range().unwrap_or([0.0; 2]);
         let seen_from = self.signed(low + DARK * (high - low));
         self.hold(&bounds.iter().map(|&bound| bound >= seen_from).collect::<Vec<_>>());
         self.optics = ModeState::Mip(self.moved(bounds, f32::NEG_INFINITY, f32::max));
@@ -115,7 +118,7 @@ impl<'a> Prepared<'a> {
 
     /// Sets what the picture holds, of the undeformed bricks that are seen: where they are, and where displacements carry them.
     fn hold(&mut self, seen: &[bool]) {
-        if self.params.fit == Fit::Volume {
+        if self.params.fit == Fit::Volume || self.scene.whole.is_some() {
             return;
         }
         let grid = self.scene.volume.grid();
@@ -310,7 +313,7 @@ impl<'a> Prepared<'a> {
                 }
             }
             ModeState::Mip(bounds) => {
-                let [low, high] = self.scene.volume.range().unwrap_or([0.0; 2]);
+                let [low, high] = self.scene.windowed().range().unwrap_or([0.0; 2]);
                 let cast = |ray: &Ray| {
                     let (greatest, cast) = mip(&field, bounds, sign, params.skip, ray);
                     let Some(greatest) = greatest else { return cast };

@@ -18,12 +18,20 @@ pub const STAGE: Stage = Stage {
     positional: &["volume"],
     places: &[
         Place {
-            empty: &["displacement", "labels", "lattice"],
-            from: &[(FRAMING, "displacement")],
+            empty: &[DISPLACEMENT, "labels", "lattice", WHOLE],
+            from: &[(FRAMING, DISPLACEMENT)],
             if_made: &[FRAMING],
             ..picture("before")
         },
-        Place { needs: &["displacement"], ..picture("after") },
+        Place {
+            needs: &[DISPLACEMENT],
+            // What is clipped or combined has been deformed already.
+            from: &[(VOLUME, "result"), (VOLUME, VOLUME), (WHOLE, VOLUME), (FRAMING, DISPLACEMENT)],
+            with: &[(WHOLE, "result"), (FRAMING, "result")],
+            unless: &[(DISPLACEMENT, "result")],
+            empty: &["labels", "lattice"],
+            ..picture("after")
+        },
         Place {
             kind: PlaceKind::Fixed { method: &DIFFERENCE },
             amount: Amount::Pixels,
@@ -32,14 +40,20 @@ pub const STAGE: Stage = Stage {
     ],
     quiet: false,
 };
+/// The slot of what is drawn.
+pub const VOLUME: &str = "volume";
+/// The slot of a displacement that is shown.
+pub const DISPLACEMENT: &str = "displacement";
+/// The slot of a volume that decides camera and window, see [`Scene::whole`].
+pub const WHOLE: &str = "whole";
 /// The slot of a displacement that a picture leaves room for.
-const FRAMING: &str = "framing";
+pub const FRAMING: &str = "framing";
 
 /// The place of a picture. In one of a scene the nearest voxel's label would draw the grid's steps on every surface.
 const fn picture(name: &'static str) -> Place {
     Place {
         variant: name,
-        empty: &["labels", "lattice", FRAMING],
+        empty: &["labels", "lattice", FRAMING, WHOLE],
         unread: "no output shows a picture",
         amount: Amount::Samples,
         ..Place::only(name)
@@ -99,6 +113,7 @@ slots! {
         labels: Option<&'a Labels>,
         displacement: Option<&'a Displacement>,
         framing: Option<&'a Displacement>,
+        whole: Option<&'a Volume>,
         lattice: Option<&'a Lattice>,
     }
 }
@@ -108,6 +123,7 @@ slots! {
         volume: &'a Volume,
         displacement: Option<&'a Displacement>,
         framing: Option<&'a Displacement>,
+        whole: Option<&'a Volume>,
         lattice: Option<&'a Lattice>,
     }
 }
@@ -184,8 +200,8 @@ fn drawn(
 }
 
 impl<'a> From<Plain<'a>> for Scene<'a> {
-    fn from(Plain { volume, displacement, framing, lattice }: Plain<'a>) -> Self {
-        Scene { displacement, framing, lattice, ..Scene::new(volume) }
+    fn from(Plain { volume, displacement, framing, whole, lattice }: Plain<'a>) -> Self {
+        Scene { displacement, framing, whole, lattice, ..Scene::new(volume) }
     }
 }
 
@@ -208,11 +224,11 @@ impl Op for DvrParams {
     }
 
     fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
-        let Coloured { volume, transfer, labels, displacement, framing, lattice } = inputs;
+        let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
         let with_looks = |transfer| self.classes.of(transfer).map(Some);
         let changed = transfer.filter(|_| !self.classes.is_empty()).map_or(Ok(None), with_looks)?;
         let transfer = changed.as_ref().or(transfer);
-        let scene = Scene { volume, transfer, labels, displacement, framing, lattice };
+        let scene = Scene { volume, transfer, labels, displacement, framing, whole, lattice };
         drawn(&scene, Mode::Dvr, &self.picture, exec)
     }
 }

@@ -117,6 +117,53 @@ impl MovedSlices {
     }
 }
 
+/// Slices of a volume beside the same of what came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResultSlices {
+    at: [usize; 3],
+    /// In each of the three planes: before and after, in one window.
+    images: Vec<[Image; 2]>,
+}
+
+impl ResultSlices {
+    /// Of a volume and another on its grid, through a voxel, the middle where none is given.
+    ///
+    /// # Errors
+    /// Those of a picture's constructor.
+    pub fn of(before: &Volume, after: &Volume, at: Option<[usize; 3]>) -> Result<Self, Error> {
+        let at = at.unwrap_or(before.grid().dims().map(|n| n / 2));
+        let all = planes(before.grid());
+        let images = all.iter().map(|plane| {
+            let cut = at[plane.cut()];
+            let window = window(&values(before, plane, cut));
+            Ok([grey(before, plane, cut, window)?, grey(after, plane, cut, window)?])
+        });
+        Ok(Self { at, images: images.collect::<Result<_, Error>>()? })
+    }
+
+    /// The slices as HTML, as [`MovedSlices::html`].
+    ///
+    /// # Errors
+    /// A picture that can't be shown.
+    pub fn html<E: From<Error>>(
+        &self,
+        grid: &Grid,
+        lettered: bool,
+        png: impl Fn(&Image) -> Result<Vec<u8>, E>,
+    ) -> Result<String, E> {
+        let mut html = String::new();
+        for (plane, images) in planes(grid).iter().zip(&self.images) {
+            html += "<div class='pictures'>";
+            for (image, what) in images.iter().zip(["before", "what came of it"]) {
+                let shown = view(plane, grid, lettered, what, &png(image)?);
+                let _ = write!(html, "<figure>{shown}<figcaption>{what}</figcaption></figure>");
+            }
+            let _ = write!(html, "</div><p class='caption'>{}</p>", caption(plane, self.at[plane.cut()]));
+        }
+        Ok(html)
+    }
+}
+
 /// The voxel of the longest vector at rest, and its length (mm).
 fn furthest(motion: &Displacement) -> Option<([usize; 3], f64)> {
     let (field, dims) = (motion.forward(), motion.grid().dims());

@@ -6,6 +6,7 @@ mod cache;
 mod combine;
 mod compare;
 mod doctor;
+mod export;
 mod info;
 mod pipeline;
 mod volume;
@@ -25,7 +26,7 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         return Err(Failure::usage(format!(
             "--params {}: this command has no section of a scene; {} have one, and `ivd pipeline` takes --set stage.key=value",
             file.display(),
-            ivd_pipeline::list::STAGES.iter().map(|stage| stage.name).collect::<Vec<_>>().join(", ")
+            stages::declared().map(|stage| stage.name).collect::<Vec<_>>().join(", ")
         )));
     }
     match command {
@@ -44,9 +45,9 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
             let params = volume::phantom_params(&name, size, noise, &voxel_type, seed)?;
             volume::phantom(params, truth.as_deref(), &output.path, context)
         }
-        Command::Export { artefact, output, level, lattice, direction, space } => {
-            let choice = volume::Choice { level, lattice: lattice.as_deref(), direction, space };
-            volume::export(&artefact, &output, &choice, context)
+        Command::Export { artefact, output, level, lattice, frame, direction, space } => {
+            let choice = export::Choice { level, lattice: lattice.as_deref(), frame, direction, space };
+            export::export(&artefact, &output, &choice, context)
         }
         Command::Info { file, series: Some(None), at, .. } if at.is_empty() => info::series(&file, context),
         Command::Info { file, series, vertex, voxel, at, labels } => {

@@ -1,18 +1,17 @@
-//! Volumes in and out: import, phantom, export.
+//! Volumes in: import, phantom.
 
 use std::path::Path;
 
 use ivd_artefact::Artefact;
 use ivd_core::{Classified, VoxelType};
-use ivd_io::Space;
 use ivd_io::volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
 use ivd_pipeline::stages::{Import, ImportField, ImportLabels, ImportMask, ImportSource, ImportTransfer};
-use ivd_pipeline::{ExportOptions, Inputs, Stage, ending, export as write_as, export_with};
+use ivd_pipeline::{Inputs, Stage, ending, export as write_as};
 
-use crate::args::{Direction, MeshSpace, Raw};
+use crate::args::{Direction, Raw};
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::files::{finish, volume_or_artefact, write_artefact};
+use crate::files::{finish, write_artefact};
 
 /// What a volume's values are taken for.
 #[derive(Clone, Copy)]
@@ -128,73 +127,4 @@ pub(super) fn phantom(
     let stage = Import { source: ImportSource::Phantom(params) };
     let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
     finish(&stage, done, output, context)
-}
-
-/// What is chosen of an artefact and its file.
-pub(super) struct Choice<'a> {
-    pub(super) level: Option<usize>,
-    pub(super) lattice: Option<&'a Path>,
-    pub(super) direction: Option<Direction>,
-    pub(super) space: Option<MeshSpace>,
-}
-
-/// `ivd export`.
-pub(super) fn export(
-    artefact: &Path,
-    output: &Path,
-    choice: &Choice,
-    context: &Context,
-) -> anyhow::Result<()> {
-    let Choice { level, lattice, direction, space } = *choice;
-    let mut input = volume_or_artefact(artefact, &context.stage_cache()?, context)?;
-    if let Some(level) = level {
-        let Artefact::Lattice(lattice) = &*input.artefact else {
-            let kind = input.artefact.kind().name();
-            return Err(Failure::usage(format!("{}: a {kind} artefact has no levels", artefact.display())));
-        };
-        let Some(chosen) = lattice.at_level(level) else {
-            let last = lattice.levels() - 1;
-            return Err(Failure::usage(format!(
-                "--level {level}: {} has levels 0 to {last}; `ivd refine --chain` makes them",
-                artefact.display()
-            )));
-        };
-        input.artefact = std::sync::Arc::new(Artefact::Lattice(chosen));
-    }
-    if direction.is_some() && !matches!(*input.artefact, Artefact::Displacement(_)) {
-        let kind = input.artefact.kind().name();
-        return Err(Failure::usage(format!("--direction: a {kind} artefact has none; displacements have")));
-    }
-    if space.is_some() && !matches!(*input.artefact, Artefact::Lattice(_) | Artefact::Motion(_)) {
-        let kind = input.artefact.kind().name();
-        let problem =
-            format!("--space: a {kind} artefact's file has its own; lattices and motions have a choice");
-        return Err(Failure::usage(problem));
-    }
-    let space = space.map(|space| match space {
-        MeshSpace::Ras => Space::Ras,
-        MeshSpace::Lps => Space::Lps,
-    });
-    let direction = direction.map(FieldDirection::from).unwrap_or_default();
-    let moved = lattice.map(|path| context.artefact(path)).transpose()?;
-    let moved = match (moved.as_ref().map(|input| &*input.artefact), &*input.artefact) {
-        (None, _) => None,
-        (Some(Artefact::Lattice(lattice)), Artefact::Motion(_)) => Some(lattice),
-        (Some(Artefact::Lattice(_)), other) => {
-            let kind = other.kind().name();
-            return Err(Failure::usage(format!("--lattice: a {kind} artefact needs none; motions do")));
-        }
-        (Some(other), _) => {
-            let kind = other.kind().name();
-            return Err(Failure::usage(format!("--lattice: a {kind} artefact isn't a lattice")));
-        }
-    };
-    let options = ExportOptions { lattice: moved, direction, space };
-    let written = export_with(&input.artefact, output, &options, &context.exec)?;
-    let object = serde_json::json!({
-        "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),
-        "output": { "path": output, "written": written },
-    });
-    context.say(&format!("{}{}", output.display(), if written { "" } else { ": unchanged" }));
-    context.print(&object, String::new)
 }

@@ -304,13 +304,11 @@ fn upper(slot: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use ivd_pipeline::list;
-
     use super::*;
 
     #[test]
     fn every_flag_is_a_key_an_input_the_output_or_on_the_list() {
-        for stage in list::STAGES {
+        for stage in super::super::declared() {
             let offer = Offer::whole(stage);
             let command = with_arguments(Command::new(stage.name), &offer);
             let keys = &offer.keys;

@@ -15,7 +15,7 @@ use std::path::Path;
 
 use clap::{ArgMatches, Command, CommandFactory as _, FromArgMatches as _};
 use ivd_core::Kind;
-use ivd_core::op::{Want, alternatives, kind};
+use ivd_core::op::{Stage, Want, alternatives, kind};
 use ivd_pipeline::list;
 
 use crate::args::{self, Args, Global};
@@ -44,6 +44,19 @@ const ORDER: [&str; 24] = [
     "doctor", "schema", "cache",
 ];
 
+/// Stages whose commands are written out: they take files in any number.
+const WRITTEN_OUT: [&str; 2] = [ivd_field::clip::STAGE.name, ivd_field::combine::STAGE.name];
+
+/// The stages of the list whose commands are made from what they declare.
+pub(crate) fn declared() -> impl Iterator<Item = &'static Stage> {
+    list::STAGES.iter().copied().filter(|stage| !WRITTEN_OUT.contains(&stage.name))
+}
+
+/// One of [`declared`] by its name.
+fn declared_as(name: &str) -> Option<&'static Stage> {
+    declared().find(|stage| stage.name == name)
+}
+
 /// The whole program: the commands of the stages of the list, and the others.
 pub(crate) fn program() -> Command {
     let program = Args::command().subcommands(commands());
@@ -56,10 +69,10 @@ pub(crate) fn program() -> Command {
 
 /// The commands of all stages of the list.
 fn commands() -> impl Iterator<Item = Command> {
-    list::STAGES.iter().map(|stage| {
+    declared().map(|stage| {
         // What a stage declares is looked up when its own command is asked for.
         let about = stage.about.trim_end_matches('.');
-        Command::new(stage.name).about(about).defer(|command| match list::stage(command.get_name()) {
+        Command::new(stage.name).about(about).defer(|command| match declared_as(command.get_name()) {
             Some(stage) => with_arguments(command, &Offer::whole(stage)),
             None => command,
         })
@@ -85,7 +98,7 @@ pub(crate) fn parse(words: Vec<OsString>) -> Result<(Global, Asked), clap::Error
 
 /// What was typed: the flags of every command, and the command.
 pub(crate) fn read(matches: &ArgMatches) -> Result<(Global, Asked), clap::Error> {
-    if let Some((stage, own)) = matches.subcommand().and_then(|(name, own)| Some((list::stage(name)?, own))) {
+    if let Some((stage, own)) = matches.subcommand().and_then(|(name, own)| Some((declared_as(name)?, own))) {
         return Ok((Global::from_arg_matches(matches)?, Asked::Stage(Offer::whole(stage), own.clone())));
     }
     let args = Args::from_arg_matches(matches)?;

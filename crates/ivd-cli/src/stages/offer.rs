@@ -41,7 +41,7 @@ impl Offer {
 
 /// The stage that a command line names.
 pub(crate) fn named(words: &[OsString]) -> Option<&'static Stage> {
-    words.iter().skip(1).find_map(|word| list::stage(word.to_str()?))
+    words.iter().skip(1).find_map(|word| super::declared_as(word.to_str()?))
 }
 
 fn method(stage: &'static Stage, words: &[OsString]) -> Option<&'static Method> {
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn a_whole_offer_has_what_every_method_has() {
-        for stage in list::STAGES {
+        for stage in super::super::declared() {
             let whole = Offer::whole(stage);
             for key in stage.methods.iter().flat_map(list::keys_of) {
                 assert!(whole.keys.iter().any(|own| own.name == key.name), "{} {}", stage.name, key.name);

@@ -84,8 +84,19 @@ pub struct Place {
     pub needs: &'static [&'static str],
     /// Slots that stay empty.
     pub empty: &'static [&'static str],
-    /// Slots that are filled with a value of another name, with that name.
+    /// Slots that are filled with a value of another name, with that name; of several names of a slot the first that is made counts.
     pub from: &'static [(&'static str, &'static str)],
+    /// Slots that are filled with what the parameter of the same name says, with the values of a scene that it may name; anything else
+    /// that it says is a file.
+    pub named: &'static [(&'static str, &'static [&'static str])],
+    /// Slots that are filled only where a value is made, with that value's name.
+    pub with: &'static [(&'static str, &'static str)],
+    /// Slots that stay empty where a value is made, with that value's name; what they would hold is then no longer needed either.
+    pub unless: &'static [(&'static str, &'static str)],
+    /// The parameter, and what it must be, for this place to have something to do.
+    pub when: Option<(&'static str, &'static str)>,
+    /// Whether it runs before the places of all other stages.
+    pub is_first: bool,
     /// Slots that are filled only with what something else of the scene needs anyway: nothing is made for them.
     pub if_made: &'static [&'static str],
     /// Whether it has nothing to do where no other place of the scene reads its value; a value that an output may be made from stays
@@ -163,6 +174,11 @@ impl Place {
             needs: &[],
             empty: &[],
             from: &[],
+            named: &[],
+            with: &[],
+            unless: &[],
+            when: None,
+            is_first: false,
             if_made: &[],
             for_readers: false,
             unread: "no output needs it",
@@ -170,9 +186,20 @@ impl Place {
         }
     }
 
-    /// Name of the value that fills a slot.
-    pub fn value_for<'a>(&self, slot: &'a str) -> &'a str {
-        self.from.iter().find(|(renamed, _)| *renamed == slot).map_or(slot, |(_, value)| value)
+    /// Name of the value that fills a slot, where `is_made` tells which values there are: the first of its names that is made, else
+    /// the first.
+    pub fn value_for<'a>(&self, slot: &'a str, is_made: impl Fn(&str) -> bool) -> &'a str {
+        let mut names = self.from.iter().filter(|(renamed, _)| *renamed == slot).map(|(_, value)| *value);
+        let first = names.clone().next();
+        names.find(|value| is_made(value)).or(first).unwrap_or(slot)
+    }
+
+    /// Whether a slot is left empty, where `is_made` tells which values there are.
+    pub fn leaves_empty(&self, slot: &str, is_made: impl Fn(&str) -> bool) -> bool {
+        let of = |list: &[(&str, &'static str)]| {
+            list.iter().find(|(name, _)| *name == slot).map(|(_, value)| is_made(value))
+        };
+        self.empty.contains(&slot) || of(self.with) == Some(false) || of(self.unless) == Some(true)
     }
 }
 

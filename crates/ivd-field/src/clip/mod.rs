@@ -29,6 +29,7 @@
 mod by;
 mod params;
 mod region;
+mod stage;
 
 use ivd_core::{Exec, Grid, Labels, Mask, NO_DATA, ParamError, Scalar, Volume, parallel, with_voxels};
 use rayon::prelude::*;
@@ -39,6 +40,8 @@ use crate::warp::{check_grid, recount};
 pub use by::{By, Tag};
 pub use params::{ClipParams, Cuboid, HalfSpace};
 use region::{Part, Region};
+pub(crate) use stage::labelled;
+pub use stage::{ClipFigures, Given, STAGE, SceneClip, Whose, any};
 
 /// Clipped data and how much is left.
 #[derive(Debug, Clone, PartialEq)]

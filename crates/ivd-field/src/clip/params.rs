@@ -1,41 +1,50 @@
 use ivd_core::ParamError;
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A half space: the side of a plane that its normal points to, with the plane itself.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HalfSpace {
-    /// A point of the plane (mm, RAS).
+    /// A point of the plane (RAS).
+    #[schemars(extend("x-unit" = "mm"))]
     pub point: [f64; 3],
     /// Where to; of any length but 0.
+    #[schemars(extend("x-unit" = "1"))]
     pub normal: [f64; 3],
 }
 
 /// A box along the world's axes, with its faces.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Cuboid {
-    /// Lowest corner (mm, RAS).
+    /// Lowest corner (RAS).
+    #[schemars(extend("x-unit" = "mm"))]
     pub min: [f64; 3],
-    /// Highest corner (mm, RAS), nowhere below the lowest.
+    /// Highest corner (RAS), nowhere below the lowest.
+    #[schemars(extend("x-unit" = "mm"))]
     pub max: [f64; 3],
 }
 
 /// What a clip keeps: all that lies in every half space and in every box and, where there is a tag, in what is tagged.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct ClipParams {
-    /// Half spaces.
+    /// Half spaces that are kept, each with its plane.
+    #[schemars(extend("x-alias" = ["plane"]))]
     pub planes: Vec<HalfSpace>,
-    /// Boxes.
+    /// Boxes along the world's axes that are kept, with their faces.
+    #[schemars(extend("x-alias" = ["box"]))]
     pub boxes: Vec<Cuboid>,
     /// Of labels that tag: the class meant; without it every label but 0.
+    #[schemars(extend("x-unit" = "1"))]
     pub class: Option<u16>,
     /// Throws away what would be kept, and keeps the rest.
     pub invert: bool,
-    /// Value [real units; for labels an id, for a mask 0 or 1] of what is thrown away. Without it the smallest real value of the
-    /// volume; 0 for labels and masks.
+    /// Value (for labels an id, for a mask 0 or 1) of what is thrown away. Without it the smallest real value of the volume; 0 for
+    /// labels and masks.
+    #[schemars(extend("x-unit" = "that of the values"))]
     pub background: Option<f64>,
 }
 

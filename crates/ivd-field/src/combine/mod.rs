@@ -43,19 +43,23 @@
 
 mod blend;
 mod counts;
+mod kinds;
 mod operand;
 mod params;
 mod pick;
 mod read;
+mod stage;
 
 use ivd_core::{Exec, Grid, Labels, Mask, Scalar, Volume, with_voxels};
 
 use crate::Error;
 use crate::warp::{self, WarpParams, label_background};
 use counts::Counts;
+pub use kinds::{Given, any};
 pub use operand::Operand;
 pub use params::{CombineParams, Op};
 use read::{Place, Read};
+pub use stage::{CombineFigures, STAGE, SceneCombine};
 
 pub(crate) use blend::nearest_data;
 

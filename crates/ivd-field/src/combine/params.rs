@@ -1,8 +1,9 @@
 use ivd_core::ParamError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How things are put together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Op {
     /// What any of them fills.
@@ -58,13 +59,14 @@ impl Op {
 }
 
 /// What a combination is.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct CombineParams {
-    /// The operation.
+    /// How they are put together.
     pub op: Op,
     /// Windows `[lo, hi]` of the opacity (real units of the operand), `lo < hi`: none (each volume's own range), one for all
     /// operands, or one for each. Labels and masks have none.
+    #[schemars(extend("x-unit" = "that of the values", "x-alias" = ["window"]))]
     pub windows: Vec<[f64; 2]>,
 }
 

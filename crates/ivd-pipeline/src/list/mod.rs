@@ -18,6 +18,8 @@ pub const STAGES: &[&Stage] = &[
     &ivd_map::STAGE,
     &ivd_map::space::STAGE,
     &ivd_field::warp::STAGE,
+    &ivd_field::combine::STAGE,
+    &ivd_field::clip::STAGE,
     &ivd_atf::STAGE,
     &ivd_render::STAGE,
 ];

@@ -1,12 +1,12 @@
 use std::path::Path;
 
 use ivd_core::op::{self, Place, PlaceKind, Want};
-use ivd_io::volume::{RawLayout, ReadOptions};
 
+use super::files::{Named, drawn, import, met, named};
 use crate::list::STAGES;
-use crate::scene::{InputSection, Loaded, Picture, Scene};
-use crate::stages::{IMPORT, Import, ImportDrawn, ImportSource};
-use crate::{Error, Stage};
+use crate::scene::{Loaded, Picture, Scene};
+use crate::stages::IMPORT;
+use crate::{Error, Section, Stage};
 
 /// A place of a pipeline: a stage and which of its uses it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -41,11 +41,22 @@ const VOLUME: Place = Place::only("volume");
 const DRAWN: Place = Place::only(NodeId::START.variant);
 /// Nobody asks for what a place gives.
 const UNASKED: &str = VOLUME.unread;
-/// Output files that are named otherwise than the value that they hold.
-const RENAMED: [(&str, &str); 4] =
-    [("volume", "deformed"), (SERIES, "deformed"), ("lattice_deformed", "motion"), ("animation", "motion")];
+/// What becomes of the volume, from the last of what may be made of it.
+const MADE_OF_VOLUME: &[&str] = &["result", "deformed", VOLUME.gives];
+/// Output files that are named otherwise than the value that they hold: the first of these that is made.
+const RENAMED: [(&str, &[&str]); 5] = [
+    ("volume", MADE_OF_VOLUME),
+    (SERIES, MADE_OF_VOLUME),
+    (PICTURES, &["after"]),
+    ("lattice_deformed", &["motion"]),
+    ("animation", &["motion"]),
+];
 /// The output of what every frame of a motion makes of the volume.
 pub(crate) const SERIES: &str = "volume_series";
+/// The output of a picture of every frame of a motion.
+pub(crate) const PICTURES: &str = "picture_series";
+/// Outputs of every frame.
+pub(crate) const OF_FRAMES: [&str; 2] = [SERIES, PICTURES];
 /// Outputs of the lattice in motion.
 const MOVING: [&str; 2] = ["lattice_deformed", "animation"];
 /// The output of what a lattice is refined from.
@@ -67,8 +78,9 @@ pub struct PlanNode {
     pub needed: bool,
     /// Who needs it, or why nobody does.
     pub why: String,
-    place: &'static Place,
+    place: Place,
     idle: Option<Idle>,
+    unmade: Option<(&'static str, &'static str)>,
     is_quiet: bool,
 }
 
@@ -84,7 +96,7 @@ enum Idle {
 }
 
 impl PlanNode {
-    fn new(id: NodeId, place: &'static Place) -> Self {
+    fn new(id: NodeId, place: Place) -> Self {
         Self {
             id,
             stage: None,
@@ -95,6 +107,7 @@ impl PlanNode {
             why: String::new(),
             place,
             idle: None,
+            unmade: None,
             is_quiet: false,
         }
     }
@@ -108,6 +121,11 @@ impl PlanNode {
     /// Whether it does the stage's own job, with the scene's parameters.
     pub fn is_own(&self) -> bool {
         matches!(self.place.kind, PlaceKind::Own)
+    }
+
+    /// Name of the value that it gives.
+    pub(crate) fn gives(&self) -> &'static str {
+        self.place.gives
     }
 
     fn reads(&self, id: NodeId) -> bool {
@@ -134,7 +152,8 @@ impl Plan {
     /// Parameters that don't fit together.
     pub fn new(loaded: &Loaded, input: Option<&Path>, until: Option<&str>) -> Result<Self, Error> {
         let scene = &loaded.scene;
-        let mut plan = Self { nodes: wire(scene, import(loaded, input)?, drawn(loaded)) };
+        let mut plan = Self { nodes: wire(loaded, input)? };
+        plan.check_named()?;
         match until {
             Some(stage) => plan.want_stage(stage)?,
             None => plan.want_outputs(scene)?,
@@ -156,7 +175,7 @@ impl Plan {
     /// # Errors
     /// Parameters that don't fit together.
     pub fn retune(&mut self, loaded: &Loaded, input: Option<&Path>) -> Result<(), Error> {
-        let fresh = wire(&loaded.scene, import(loaded, input)?, drawn(loaded));
+        let fresh = wire(loaded, input)?;
         for (node, new) in self.nodes.iter_mut().zip(fresh) {
             node.stage = new.stage;
         }
@@ -189,9 +208,16 @@ impl Plan {
         })
     }
 
-    /// The place whose value is asked for of every frame of a motion.
+    /// The last of the places whose values are asked for of every frame of a motion.
     pub(crate) fn series(&self) -> Option<usize> {
-        self.nodes.iter().position(|node| node.needed && node.outputs.contains(&SERIES))
+        self.of_frames().map(|(at, _)| at).max()
+    }
+
+    /// The places whose values are asked for of every frame of a motion, with the outputs.
+    pub(crate) fn of_frames(&self) -> impl Iterator<Item = (usize, &'static str)> {
+        let wanted = |node: &PlanNode| OF_FRAMES.into_iter().find(|key| node.outputs.contains(key));
+        let nodes = self.nodes.iter().enumerate().filter(|(_, node)| node.needed);
+        nodes.filter_map(move |(at, node)| Some((at, wanted(node)?)))
     }
 
     /// The place of the motion that moves lattices last.
@@ -199,16 +225,37 @@ impl Plan {
         self.nodes[self.giver("motion")].id
     }
 
-    /// The needed places up to one that depend on the motion, in the order in which they run.
-    pub(crate) fn moved_until(&self, last: usize) -> Vec<usize> {
-        let (mut line, mut found) = (vec![self.motion()], Vec::new());
-        for at in (0..=last).filter(|&at| self.nodes[at].needed) {
-            if self.nodes[at].inputs.iter().any(|(_, id)| line.contains(id)) {
-                line.push(self.nodes[at].id);
-                found.push(at);
-            }
+    /// The places that depend on the motion and that what is asked for of every frame is made from, in the order in which they run.
+    pub(crate) fn moved(&self) -> Vec<usize> {
+        let mut above: Vec<usize> = self.of_frames().map(|(at, _)| at).collect();
+        for at in (0..self.nodes.len()).rev().filter(|&at| self.nodes[at].needed) {
+            let is_read = above.iter().any(|&by| self.nodes[by].reads(self.nodes[at].id));
+            above.extend((is_read && !above.contains(&at)).then_some(at));
         }
-        found
+        above.sort_unstable();
+        let mut line = vec![self.motion()];
+        above.retain(|&at| {
+            let is_moved = self.nodes[at].inputs.iter().any(|(_, id)| line.contains(id));
+            line.extend(is_moved.then_some(self.nodes[at].id));
+            is_moved
+        });
+        above
+    }
+
+    /// Lets a picture hold what it would hold with another displacement than it shows; gives the place of that which it had. Nothing is
+    /// done to a place that draws none, or whose picture shows no motion.
+    pub(crate) fn hold(&mut self, at: usize, held: NodeId) -> Option<NodeId> {
+        let node = &mut self.nodes[at];
+        if node.id.stage != ivd_render::STAGE.name {
+            return None;
+        }
+        let filled = |slot: &str| node.inputs.iter().find(|(known, _)| *known == slot).map(|(_, id)| *id);
+        let (volume, whole) = (filled(ivd_render::VOLUME)?, filled(ivd_render::WHOLE));
+        let shown = filled(ivd_render::FRAMING).or(filled(ivd_render::DISPLACEMENT))?;
+        node.inputs.retain(|(slot, _)| ![ivd_render::WHOLE, ivd_render::FRAMING].contains(slot));
+        node.inputs.push((ivd_render::WHOLE, whole.unwrap_or(volume)));
+        node.inputs.push((ivd_render::FRAMING, held));
+        Some(shown)
     }
 
     /// Marks every place that has a stage, whoever needs it.
@@ -263,6 +310,11 @@ impl Plan {
             self.need(at, &format!("{asked} ({})", picture.name()));
         }
         if scene.output.report {
+            let result = self.giver("result");
+            if self.nodes[result].place.gives == "result" && self.nodes[result].stage.is_some() {
+                self.nodes[result].outputs.push("report");
+                self.need(result, "output.report");
+            }
             let (moved, labels) = (self.giver("displacement"), self.giver("labels"));
             let (moves, classes) = (self.nodes[moved].stage.is_some(), self.nodes[labels].id);
             self.nodes[moved].beside.push(classes);
@@ -284,7 +336,25 @@ impl Plan {
         if key == UNREFINED {
             return self.nodes.iter().position(|node| node.place.gives == "lattice").unwrap_or_default();
         }
-        self.giver(RENAMED.iter().find(|(renamed, _)| *renamed == key).map_or(key, |(_, value)| value))
+        let Some((_, values)) = RENAMED.iter().find(|(renamed, _)| *renamed == key) else {
+            return self.giver(key);
+        };
+        let is_made =
+            |value: &&&str| self.nodes.iter().any(|node| node.place.gives == **value && node.stage.is_some());
+        self.giver(values.iter().find(is_made).unwrap_or(&key))
+    }
+
+    /// Refuses a scene that names a value which it doesn't make.
+    fn check_named(&self) -> Result<(), Error> {
+        let named =
+            self.nodes.iter().enumerate().find_map(|(at, node)| Some((at, node.id.stage, node.unmade?)));
+        let Some((at, stage, (slot, value))) = named else { return Ok(()) };
+        let giver = self.nodes[..at].iter().position(|node| node.place.gives == value);
+        let why = giver.map_or("nothing gives it", |giver| self.why_idle(giver));
+        let problem = format!(
+            "{stage}.{slot} = \"{value}\": the scene makes none ({why}); add what makes it, or name a file"
+        );
+        Err(Error::usage(stage, problem))
     }
 
     fn need(&mut self, at: usize, why: &str) {
@@ -342,62 +412,27 @@ pub(crate) fn stage_names() -> String {
     names.join(", ")
 }
 
-fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Error> {
-    let section: &InputSection = &loaded.scene.input;
-    let file = input.map(Path::to_owned).or_else(|| section.file.as_ref().map(|f| loaded.folder.join(f)));
-    let source = match (file, section.phantom) {
-        (Some(path), _) => ImportSource::File { path, options: read_options(section) },
-        (None, Some(shape)) => {
-            let base = ivd_phantom::Params::default();
-            ImportSource::Phantom(ivd_phantom::Params {
-                shape,
-                size: section.size.unwrap_or(base.size),
-                noise: section.noise,
-                voxel_type: section.voxel_type.unwrap_or(base.voxel_type),
-                seed: section.seed.unwrap_or(base.seed),
-            })
-        }
-        (None, None) => {
-            return Err(Error::usage("import", "the scene has no input; give input.file or --input"));
-        }
-    };
-    Ok(Import { source })
-}
-
-/// The start that a scene has drawn.
-fn drawn(loaded: &Loaded) -> Option<ImportDrawn> {
-    loaded.scene.input.start.as_ref().map(|file| ImportDrawn { path: loaded.folder.join(file) })
-}
-
-fn read_options(section: &InputSection) -> ReadOptions {
-    ReadOptions {
-        raw: section.raw.as_ref().map(|r| RawLayout {
-            dims: r.dims,
-            voxel_type: r.voxel_type,
-            spacing: r.spacing,
-            order: r.order,
-            skip: r.skip,
-        }),
-        frame: section.frame,
-        series: section.series.clone(),
-        resample_slices: section.resample_slices,
-        spacing: section.spacing,
-    }
-}
-
 /// Every place with its stage and the places that fill its slots: each slot is filled with the value of its name that is made last
 /// before it.
-fn wire(scene: &Scene, import: Import, drawn: Option<ImportDrawn>) -> Vec<PlanNode> {
-    let mut nodes =
-        vec![PlanNode { stage: Some(Box::new(import)), ..PlanNode::new(NodeId::IMPORT, &VOLUME) }];
+fn wire(loaded: &Loaded, input: Option<&Path>) -> Result<Vec<PlanNode>, Error> {
+    let import: Box<dyn Stage> = Box::new(import(loaded, input)?);
+    let mut nodes = vec![PlanNode { stage: Some(import), ..PlanNode::new(NodeId::IMPORT, VOLUME) }];
     nodes.extend(
-        drawn.map(|drawn| PlanNode { stage: Some(Box::new(drawn)), ..PlanNode::new(NodeId::START, &DRAWN) }),
+        drawn(loaded)
+            .map(|drawn| PlanNode { stage: Some(Box::new(drawn)), ..PlanNode::new(NodeId::START, DRAWN) }),
     );
-    for stage in STAGES {
-        for place in stage.places {
-            let node = placed(scene, stage, place, &nodes);
-            nodes.push(node);
+    let places = || STAGES.iter().flat_map(|stage| stage.places.iter().map(move |place| (*stage, place)));
+    let first = places().filter(|(_, place)| place.is_first);
+    for (stage, place) in first.chain(places().filter(|(_, place)| !place.is_first)) {
+        let section = loaded.scene.section(stage).filter(|section| is_asked(section, place));
+        if let Some(section) = section {
+            for (slot, met) in met(loaded, section, place)? {
+                let id = NodeId { stage: IMPORT, variant: slot };
+                nodes.push(PlanNode { stage: Some(Box::new(met)), ..PlanNode::new(id, Place::only(slot)) });
+            }
         }
+        let node = placed(&loaded.scene, stage, place, &nodes);
+        nodes.push(node);
     }
     for at in 0..nodes.len() {
         let id = nodes[at].id;
@@ -406,27 +441,44 @@ fn wire(scene: &Scene, import: Import, drawn: Option<ImportDrawn>) -> Vec<PlanNo
             nodes[at].idle = nodes[at].idle.or(Some(Idle::Unread));
         }
     }
-    nodes
+    Ok(nodes)
+}
+
+/// Whether the parameters are for this place of their stage.
+fn is_asked(section: &Section, place: &Place) -> bool {
+    place.when.is_none_or(|(key, word)| {
+        section.job().params().get(key).and_then(|value| value.as_str()) == Some(word)
+    })
 }
 
 /// A place after those before it.
 fn placed(scene: &Scene, stage: &'static op::Stage, place: &'static Place, earlier: &[PlanNode]) -> PlanNode {
     let id = NodeId { stage: stage.name, variant: place.variant };
-    let mut node = PlanNode { is_quiet: stage.quiet, ..PlanNode::new(id, place) };
+    let mut node = PlanNode { is_quiet: stage.quiet, ..PlanNode::new(id, *place) };
     let is_written = |id: NodeId| {
         scene.sections().iter().any(|section| section.stage().name == id.stage && section.written().is_some())
     };
-    let Some(section) = scene.section(stage).and_then(|section| section.at(place)) else {
+    let asked = scene.section(stage).filter(|section| is_asked(section, place));
+    let Some(section) = asked.and_then(|section| section.at(place)) else {
         (node.idle, node.is_quiet) = (Some(Idle::Unread), true);
         return node;
     };
     let last = |value: &str| earlier.iter().rev().find(|n| n.place.gives == value && n.stage.is_some());
-    let mut missing = place.needs.iter().copied().find(|value| last(value).is_none());
-    for slot in section.method().slots.iter().filter(|slot| !place.empty.contains(&slot.name)) {
-        let value = place.value_for(slot.name);
+    let is_made = |value: &str| last(value).is_some();
+    let is_left_empty = |slot: &str| place.leaves_empty(slot, is_made);
+    let needs = place.needs.iter().copied().filter(|value| !is_left_empty(value));
+    let mut missing = needs.into_iter().find(|value| !is_made(value));
+    for slot in section.method().slots.iter().filter(|slot| !is_left_empty(slot.name)) {
+        let said = named(&section, place, slot.name);
+        let value = match said {
+            Some(Named::Value(value)) => value,
+            Some(Named::File(_)) => slot.name,
+            None => place.value_for(slot.name, is_made),
+        };
         match (section.wants(slot.name), last(value)) {
             (Want::Yes, Some(giver)) => node.inputs.push((slot.name, giver.id)),
             (Want::IfWritten, Some(giver)) if is_written(giver.id) => node.inputs.push((slot.name, giver.id)),
+            (Want::Yes, None) if said.is_some() => node.unmade = Some((slot.name, value)),
             (Want::Yes, None) if !slot.optional => missing = missing.or(Some(value)),
             (Want::No | Want::Yes | Want::IfWritten, _) => {}
         }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use ivd_artefact::Artefact;
 use ivd_core::{Image, TransferFunction};
 use ivd_field::class_volume::ClassVolume;
-use ivd_report::MovedSlices;
+use ivd_report::{MovedSlices, ResultSlices};
 
 use crate::control::Decisions;
 
@@ -21,6 +21,8 @@ pub(crate) struct ReportData {
     pub(crate) class_slices: Vec<Image>,
     /// Slices where something moves.
     pub(crate) moved: Option<MovedSlices>,
+    /// Slices of what was clipped or combined, beside those of what it was made from.
+    pub(crate) result: Option<ResultSlices>,
     /// What was decided while the scene ran.
     pub(crate) decisions: Decisions,
     /// What each class of voxels gains or loses.

@@ -40,6 +40,9 @@ pub(crate) fn html(
     if let (Some(moved), Some(Artefact::Volume(volume))) = (&data.moved, data.volume.as_deref()) {
         page.section("Slices through what moves furthest", &moved.html(volume.grid(), lettered, png_bytes)?);
     }
+    if let (Some(result), Some(Artefact::Volume(volume))) = (&data.result, data.volume.as_deref()) {
+        page.section("Slices of what came of it", &result.html(volume.grid(), lettered, png_bytes)?);
+    }
     page.section("Volume", &body_or_problem(volume_table(records)));
     let segment = records.iter().find(|r| r.stage == ivd_segment::STAGE.name && r.output.is_some());
     let found = segment.map(StageRecord::figures::<Figures<AnyFigures>>);

@@ -1,6 +1,8 @@
 //! What was asked and what was done: what moved, how far, and whether to trust it, on one screen.
 
 use ivd_boundary::BoundaryFigures;
+use ivd_field::clip::{self, ClipFigures};
+use ivd_field::combine::{self, CombineFigures};
 use ivd_lattice::extract::{self, LatticeFigures};
 use ivd_lattice::refine::{self, RefineFigures};
 use ivd_map::space::{self, SpaceFigures, SpaceParams};
@@ -30,7 +32,9 @@ pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String
     }
     let space = figures_of::<SpaceFigures>(records, space::STAGE.name)?;
     html += &steps(scene);
-    html += &figures(&outcome(done.as_ref(), map.as_ref(), space.as_ref()));
+    let mut outcome = outcome(done.as_ref(), map.as_ref(), space.as_ref());
+    outcome.extend(parts(records)?);
+    html += &figures(&outcome);
     let told = told(records, map.as_ref(), space.as_ref());
     let item = |(mark, text): &(&str, String)| format!("<li>{mark} {}</li>", escape(text));
     if !told.is_empty() {
@@ -197,6 +201,27 @@ fn outcome(
         ]);
     }
     rows
+}
+
+/// What a combination changed and a clip kept.
+fn parts(records: &[StageRecord]) -> Result<Vec<Figure>, Error> {
+    let combined = figures_of::<CombineFigures>(records, combine::STAGE.name)?;
+    let clipped = figures_of::<ClipFigures>(records, clip::STAGE.name)?;
+    let mut rows = Vec::new();
+    if let Some(combined) = combined {
+        rows.push(Figure::new(
+            "voxels that the combination changed",
+            "combine.voxels_changed",
+            combined.voxels_changed,
+        ));
+    }
+    if let Some(clipped) = clipped {
+        rows.extend([
+            Figure::new("voxels that the clip kept", "clip.voxels_kept", clipped.voxels_kept),
+            Figure::new("voxels that it made background", "clip.voxels_clipped", clipped.voxels_clipped),
+        ]);
+    }
+    Ok(rows)
 }
 
 fn of_lattice(done: &deform::Figures) -> Vec<Figure> {

@@ -11,6 +11,8 @@ mod stage_sections;
 mod written;
 
 use ivd_core::op::{Op, Stage, Want};
+use ivd_field::clip::{SceneClip, Whose};
+use ivd_field::combine::SceneCombine;
 use ivd_map::space::SpaceParams;
 use ivd_motion::deform::Asked;
 use schemars::JsonSchema;
@@ -18,7 +20,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
 use crate::export::VOLUME_ENDINGS;
-use crate::plan::SERIES;
+use crate::plan::{OF_FRAMES, PICTURES, SERIES};
 use crate::{Error, Section, ending};
 
 pub use load::{Loaded, MAX_SCENE_BYTES, Override, load, parse, read_text_limited, truncate_lines};
@@ -117,16 +119,18 @@ impl Scene {
             return Err("input.file: absolute paths tie a scene to one machine; make it relative to the scene's folder, or use --input".into());
         }
         self.check_start()?;
+        self.check_parts()?;
+        let (deforms, result, input) = (self.deforms(), self.has_result(), self.clips_input());
         let moved = [
-            ("output.volume", self.output.volume.is_some()),
+            ("output.volume", self.output.volume.is_some() && !result && !input),
             ("output.displacement", self.output.displacement.is_some()),
             (
                 "output.images \"after\" or \"difference\"",
-                self.output.images.iter().any(|p| *p != Picture::Before),
+                self.output.images.iter().any(|p| *p != Picture::Before) && !result,
             ),
         ];
         let still = self.asked().is_none_or(|asked| asked.is_still());
-        if let Some((name, _)) = moved.iter().find(|(_, wanted)| !self.deforms() && *wanted) {
+        if let Some((name, _)) = moved.iter().find(|(_, wanted)| !deforms && *wanted) {
             return Err(format!(
                 "{name} shows a deformation, but there is no [[deform.handle]], [[deform.rigid]], [[deform.shape]] or [[space.step]]; \
                  add one or drop the output"
@@ -136,6 +140,7 @@ impl Scene {
             ("lattice_deformed", &self.output.lattice_deformed),
             ("animation", &self.output.animation),
             (SERIES, &self.output.volume_series),
+            (PICTURES, &self.output.picture_series),
         ];
         if let Some((name, _)) = in_motion.iter().find(|(_, wanted)| wanted.is_some() && still) {
             return Err(format!(
@@ -189,12 +194,56 @@ impl Scene {
         }
         let frame =
             self.section(&ivd_map::STAGE).and_then(|section| section.job().params().get("frame").cloned());
-        if self.output.volume_series.is_some() && frame.is_some_and(|frame| !frame.is_null()) {
+        if let Some(path) = self.output.picture_series.as_deref().filter(|path| ending(path) != "png") {
+            return Err(format!("output.{PICTURES} = {}: pictures are written as .png", path.display()));
+        }
+        let names_one = frame.is_some_and(|frame| !frame.is_null());
+        let files = self.output.files();
+        let series = OF_FRAMES.into_iter().find(|key| files.iter().any(|(known, _)| known == key));
+        if let Some(key) = series.filter(|_| names_one) {
             return Err(format!(
-                "output.{SERIES} is of every frame, and map.frame names one; leave one of them out"
+                "output.{key} is of every frame, and map.frame names one; leave one of them out"
             ));
         }
         Ok(())
+    }
+
+    /// A section that clips or combines says by what, with files beside the scene.
+    fn check_parts(&self) -> Result<(), String> {
+        for (stage, slot) in [(&ivd_field::combine::STAGE, "with"), (&ivd_field::clip::STAGE, "tag")] {
+            let Some(section) = self.section(stage).filter(|section| section.written().is_some()) else {
+                continue;
+            };
+            if let Some(idle) = section.job().idle() {
+                return Err(format!("{}: {idle}; say what, or drop the section", stage.name));
+            }
+            let file = self.param(stage, slot);
+            if file
+                .as_ref()
+                .and_then(Json::as_str)
+                .is_some_and(|file| std::path::Path::new(file).is_absolute())
+            {
+                return Err(format!(
+                    "{}.{slot}: absolute paths tie a scene to one machine; make it relative to the scene's folder",
+                    stage.name
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the input is clipped before anything else.
+    fn clips_input(&self) -> bool {
+        let clip: Option<&SceneClip> = self.get(&ivd_field::clip::STAGE);
+        clip.is_some_and(|clip| clip.idle().is_none() && clip.of == Whose::Input)
+    }
+
+    /// Whether what comes of the volume is combined or clipped.
+    pub fn has_result(&self) -> bool {
+        let combine: Option<&SceneCombine> = self.get(&ivd_field::combine::STAGE);
+        let clip: Option<&SceneClip> = self.get(&ivd_field::clip::STAGE);
+        combine.is_some_and(|combine| combine.idle().is_none())
+            || clip.is_some_and(|clip| clip.idle().is_none() && clip.of == Whose::Result)
     }
 
     /// A drawn start lies beside the scene, and something reads it.
@@ -245,7 +294,7 @@ impl Scene {
         let mut pictures = self.output.images.clone();
         if self.output.report {
             pictures.push(Picture::Before);
-            if self.deforms() {
+            if self.deforms() || self.has_result() {
                 pictures.extend([Picture::After, Picture::Difference]);
             }
         }

@@ -97,7 +97,15 @@ impl Stage for Import {
                 ivd_phantom::generate(params, exec).map_err(Error::in_stage(IMPORT))?.volume
             }
         };
-        let figures = ImportFigures {
+        let figures = ImportFigures::of(&volume, exec);
+        Ok(StageOutput::new(volume, &figures))
+    }
+}
+
+impl ImportFigures {
+    /// Those of a volume.
+    pub(super) fn of(volume: &Volume, exec: &Exec) -> Self {
+        Self {
             dims: volume.grid().dims(),
             spacing: volume.grid().spacing(),
             stored: volume.voxel_type().name().to_owned(),
@@ -105,8 +113,7 @@ impl Stage for Import {
             missing: exec.run(|| volume.missing()),
             voxels: volume.grid().len(),
             patient_space: volume.grid().in_patient(),
-        };
-        Ok(StageOutput::new(volume, &figures))
+        }
     }
 }
 
@@ -154,13 +161,16 @@ impl Stage for ImportLabels {
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let Given { volume } = inputs.take(self.name())?;
         let labels = exec.run(|| Labels::from_volume(volume))?;
-        let figures = ImportLabelsFigures {
-            dims: volume.grid().dims(),
-            spacing: volume.grid().spacing(),
-            k: labels.classes().len(),
-            voxels: volume.grid().len(),
-        };
+        let figures = ImportLabelsFigures::of(&labels);
         Ok(StageOutput::new(labels, &figures))
+    }
+}
+
+impl ImportLabelsFigures {
+    /// Those of labels.
+    pub(super) fn of(labels: &Labels) -> Self {
+        let grid = labels.grid();
+        Self { dims: grid.dims(), spacing: grid.spacing(), k: labels.classes().len(), voxels: grid.len() }
     }
 }
 

@@ -7,6 +7,7 @@ mod import;
 mod import_field;
 mod imported_lattice;
 mod lattice_parts;
+mod met;
 
 use ivd_artefact::Kind;
 use ivd_core::op::{Slot, schema_of};
@@ -14,8 +15,8 @@ use ivd_lattice::extract::{self, LatticeFigures};
 
 use crate::Facts;
 
-pub use clip::{Clip, ClipFigures};
-pub use combine::{Combine, CombineFigures};
+pub use clip::Clip;
+pub use combine::Combine;
 pub use drawn::ImportDrawn;
 pub use import::{
     IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportMask, ImportMaskFigures,
@@ -23,7 +24,10 @@ pub use import::{
 };
 pub use import_field::{ImportField, ImportFieldFigures};
 pub use imported_lattice::ImportedLattice;
+pub use ivd_field::clip::ClipFigures;
+pub use ivd_field::combine::CombineFigures;
 pub use lattice_parts::part_lattices;
+pub use met::ImportMet;
 
 /// Facts of what gives a lattice in place of the stage that cuts one, with a revision of its own.
 fn lattice_facts(revision: u32, inputs: &'static [Slot]) -> Facts {

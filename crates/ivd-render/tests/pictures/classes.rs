@@ -64,6 +64,7 @@ fn colours(transfer: &TransferFunction, labels: Option<&Labels>, classes: ClassL
         labels,
         displacement: None,
         framing: None,
+        whole: None,
         lattice: None,
     };
     let (image, _) = DvrParams { picture: picture(), classes }.run(inputs, &Exec::default()).unwrap();

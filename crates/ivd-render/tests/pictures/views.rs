@@ -217,3 +217,32 @@ fn pictures_with_a_motion_and_without_have_one_camera_that_holds_both() {
         right_half(&seen(&rest, &whole))
     );
 }
+
+#[test]
+fn a_frame_of_a_motion_is_seen_by_the_camera_of_the_last() {
+    let grid = Grid::with_spacing([64; 3], [1.0; 3]).unwrap();
+    let (left, right) = (Vector3::new(14.0, 20.0, 20.0), Vector3::new(48.0, 20.0, 20.0));
+    let volume = sampled(&grid, |at| 10.0 - (at - left).norm().min((at - right).norm()));
+    let last = carried(&grid);
+    let view = View { angles: Side::Top.angles(), ..View::FRONT };
+    for mode in [Mode::Iso { value: 2.0 }, Mode::Mip] {
+        let params = RenderParams { mode, ..params(view) };
+        let still = Scene { displacement: Some(&last), ..Scene::new(&volume) };
+        let framed = |displacement| {
+            let framing = Some(&last);
+            seen(&Scene { whole: Some(&volume), displacement, framing, ..Scene::new(&volume) }, &params)
+        };
+        // Made as every frame is, the last is the still picture.
+        assert_eq!(framed(Some(&last)), seen(&still, &params));
+        // A frame in which nothing has moved yet is the picture at rest that leaves room for the motion.
+        let rest = Scene { framing: Some(&last), ..Scene::new(&volume) };
+        assert_eq!(framed(None), seen(&rest, &params));
+        // Half of the volume is seen where it is in the whole, in the whole's window.
+        let half = sampled(&grid, |at| if at.x < 31.0 { 10.0 - (at - left).norm() } else { -60.0 });
+        let alone = Scene { whole: Some(&volume), framing: Some(&last), ..Scene::new(&half) };
+        let (half, rest) = (seen(&alone, &params), seen(&rest, &params));
+        let right = (0..SIZE * SIZE).filter(|i| i % SIZE > SIZE / 2 + 5);
+        assert!(right.clone().any(|i| rest.rgba[i][3] > 0.0));
+        assert!(right.into_iter().all(|i| half.rgba[i] == rest.rgba[i]), "{mode:?}");
+    }
+}

@@ -52,7 +52,7 @@ impl From<MeshSpace> for Space {
 pub struct OutputSection {
     /// Pictures, written as `before.png`, `after.png`, `difference.png`.
     pub images: Vec<Picture>,
-    /// The deformed volume.
+    /// What comes of the volume: deformed, combined and clipped, as the scene says.
     pub volume: Option<PathBuf>,
     /// The lattice that was deformed, at rest.
     pub lattice: Option<PathBuf>,
@@ -63,9 +63,11 @@ pub struct OutputSection {
     /// The lattice at rest with its motion, all frames: `.glb` (a morph target for every frame, with an animation) or `.pvd` (ParaView's
     /// series of `.vtp`).
     pub animation: Option<PathBuf>,
-    /// The deformed volume of every frame, each mapped and certified: `name.nii.gz` is written as `name_0000.nii.gz` and so
+    /// What comes of the volume in every frame, each mapped and certified: `name.nii.gz` is written as `name_0000.nii.gz` and so
     /// on.
     pub volume_series: Option<PathBuf>,
+    /// The picture `after` of every frame, each mapped and certified, all by one camera: `name.png` is written as `name_0000.png` and so on.
+    pub picture_series: Option<PathBuf>,
     /// Axes of the lattices' files, ras or lps; each says its own. Where this is left out ply, obj and stl are in RAS, vtp in LPS; glb
     /// has the axes of its standard and takes no others.
     pub space: Option<MeshSpace>,
@@ -89,6 +91,7 @@ impl OutputSection {
             ("lattice_deformed", &self.lattice_deformed),
             ("animation", &self.animation),
             ("volume_series", &self.volume_series),
+            ("picture_series", &self.picture_series),
             ("displacement", &self.displacement),
             ("labels", &self.labels),
             ("mask", &self.mask),

@@ -1,0 +1,147 @@
+//! `ivd export`.
+
+use std::path::Path;
+
+use ivd_artefact::Artefact;
+use ivd_io::Space;
+use ivd_io::volume::FieldDirection;
+use ivd_pipeline::{ExportOptions, Input, Metrics, Runner, ending, export_with, frame_file, map_frame};
+use serde_json::{Map, Value, json};
+
+use crate::args::{Direction, Frames, MeshSpace};
+use crate::context::Context;
+use crate::exit::Failure;
+use crate::files::volume_or_artefact;
+
+/// Formats of a displacement field.
+const FIELDS: [&str; 3] = ["nrrd", "nii", "nii.gz"];
+
+/// What is chosen of an artefact and its file.
+pub(super) struct Choice<'a> {
+    pub(super) level: Option<usize>,
+    pub(super) lattice: Option<&'a Path>,
+    pub(super) frame: Option<Frames>,
+    pub(super) direction: Option<Direction>,
+    pub(super) space: Option<MeshSpace>,
+}
+
+/// `ivd export`.
+pub(super) fn export(
+    artefact: &Path,
+    output: &Path,
+    choice: &Choice,
+    context: &Context,
+) -> anyhow::Result<()> {
+    let Choice { level, lattice, frame, direction, space } = *choice;
+    let mut input = volume_or_artefact(artefact, &context.stage_cache()?, context)?;
+    if let Some(level) = level {
+        let Artefact::Lattice(lattice) = &*input.artefact else {
+            let kind = input.artefact.kind().name();
+            return Err(Failure::usage(format!("{}: a {kind} artefact has no levels", artefact.display())));
+        };
+        let Some(chosen) = lattice.at_level(level) else {
+            let last = lattice.levels() - 1;
+            return Err(Failure::usage(format!(
+                "--level {level}: {} has levels 0 to {last}; `ivd refine --chain` makes them",
+                artefact.display()
+            )));
+        };
+        input.artefact = std::sync::Arc::new(Artefact::Lattice(chosen));
+    }
+    let is_mapped = frame.is_some() && FIELDS.contains(&&*ending(output));
+    if direction.is_some() && !is_mapped && !matches!(*input.artefact, Artefact::Displacement(_)) {
+        let kind = input.artefact.kind().name();
+        return Err(Failure::usage(format!("--direction: a {kind} artefact has none; displacements have")));
+    }
+    if space.is_some() && !matches!(*input.artefact, Artefact::Lattice(_) | Artefact::Motion(_)) {
+        let kind = input.artefact.kind().name();
+        let problem =
+            format!("--space: a {kind} artefact's file has its own; lattices and motions have a choice");
+        return Err(Failure::usage(problem));
+    }
+    let space = space.map(|space| match space {
+        MeshSpace::Ras => Space::Ras,
+        MeshSpace::Lps => Space::Lps,
+    });
+    let direction = direction.map(FieldDirection::from).unwrap_or_default();
+    let moved_input = lattice.map(|path| context.artefact(path)).transpose()?;
+    let moved = match (moved_input.as_ref().map(|input| &*input.artefact), &*input.artefact) {
+        (None, _) => None,
+        (Some(Artefact::Lattice(lattice)), Artefact::Motion(_)) => Some(lattice),
+        (Some(Artefact::Lattice(_)), other) => {
+            let kind = other.kind().name();
+            return Err(Failure::usage(format!("--lattice: a {kind} artefact needs none; motions do")));
+        }
+        (Some(other), _) => {
+            let kind = other.kind().name();
+            return Err(Failure::usage(format!("--lattice: a {kind} artefact isn't a lattice")));
+        }
+    };
+    let options = ExportOptions { lattice: moved, direction, space, frame: None };
+    if let Some(frame) = frame {
+        return frames(&input, moved_input.as_ref(), frame, output, &options, context);
+    }
+    let written = export_with(&input.artefact, output, &options, &context.exec)?;
+    let object = serde_json::json!({
+        "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),
+        "output": { "path": output, "written": written },
+    });
+    context.say(&format!("{}{}", output.display(), if written { "" } else { ": unchanged" }));
+    context.print(&object, String::new)
+}
+
+/// Writes frames of a motion: of its lattice, or of the voxels that it moves.
+fn frames(
+    input: &Input,
+    lattice: Option<&Input>,
+    asked: Frames,
+    output: &Path,
+    options: &ExportOptions<'_>,
+    context: &Context,
+) -> anyhow::Result<()> {
+    let Artefact::Motion(motion) = &*input.artefact else {
+        let kind = input.artefact.kind().name();
+        let problem = format!(
+            "--frame: a {kind} artefact has no frames; motions have, and `ivd map --frame N` makes the displacement of one"
+        );
+        return Err(Failure::usage(problem));
+    };
+    let Some(lattice) = lattice else {
+        return Err(Failure::usage("--frame: it takes the lattice that the motion moves; add --lattice"));
+    };
+    let chosen: Vec<usize> = match asked {
+        Frames::All => (0..motion.frames().len()).collect(),
+        Frames::One(frame) => vec![frame],
+    };
+    if chosen.is_empty() {
+        return Err(Failure::usage("--frame all: the motion has no frames"));
+    }
+    let (mut written, cache) = (Vec::new(), context.stage_cache()?);
+    for frame in chosen {
+        let path = if asked == Frames::All { frame_file(output, frame) } else { output.to_owned() };
+        let (touched, figures) = if FIELDS.contains(&&*ending(output)) {
+            let runner = Runner { exec: &context.exec, cache: &cache, lazy: false };
+            let field = map_frame(lattice, input, frame, runner)?;
+            (export_with(&field.artefact, &path, options, &context.exec)?, Some(field.record.metrics))
+        } else {
+            let options = ExportOptions { frame: Some(frame), ..*options };
+            (export_with(&input.artefact, &path, &options, &context.exec)?, None)
+        };
+        context.say(&format!("{}{}", path.display(), if touched { "" } else { ": unchanged" }));
+        written.push(told(frame, &path, touched, figures));
+    }
+    let object = json!({
+        "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),
+        "outputs": written,
+    });
+    context.print(&object, String::new)
+}
+
+/// What is told of a frame's file.
+fn told(frame: usize, path: &Path, written: bool, figures: Option<Metrics>) -> Value {
+    let mut told = json!({ "frame": frame, "path": path, "written": written });
+    if let Some(figures) = figures {
+        told["metrics"] = Map::from(figures).into();
+    }
+    told
+}
