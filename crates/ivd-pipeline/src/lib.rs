@@ -39,6 +39,7 @@ mod describe;
 mod error;
 mod export;
 pub mod list;
+mod need;
 mod outputs;
 pub mod params;
 mod pipeline;
