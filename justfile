@@ -57,6 +57,11 @@ golden *args="--check fixtures/golden.tsv":
     target/interop-venv/bin/pip install -q --disable-pip-version-check -r tests/interop/requirements.txt
     target/interop-venv/bin/python tests/golden.py target/release/ivd {{args}}
 
+# What every stage and whole scenes take of memory, and what they do under less: `just cage --size 256`, `just cage --no-limits`. Linux.
+cage *args="":
+    cargo build --release
+    python3 tests/memory/cage.py target/release/ivd {{args}}
+
 # Hostile bytes at every reader and stage, a minute each: `just fuzz`, `just fuzz nifti 600`. Needs cargo-fuzz and a nightly compiler.
 fuzz target="all" seconds="60":
     fuzz/run.sh {{target}} {{seconds}}

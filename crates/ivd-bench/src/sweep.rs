@@ -164,7 +164,7 @@ fn once(
         taken.cpu.push(seconds(cpu));
         return Ok(());
     }
-    taken.peak = memory.and_then(MemoryWatch::stop);
+    taken.peak = memory.and_then(MemoryWatch::stop).map(|peak| peak.resident);
     let mut judgement = judge().map_err(failed)?;
     if plant == Some(Plant::Inexact) {
         judgement.error *= 1.5;

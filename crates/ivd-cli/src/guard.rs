@@ -4,16 +4,41 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use ivd_core::{Cancel, ErrorClass};
+use ivd_artefact::TemporaryFiles;
+use ivd_core::{Cancel, ErrorClass, Spill, SpillSpace};
 use ivd_pipeline::resource;
 
-use crate::exit::Failure;
+use crate::exit::{Failure, error_class};
 
 /// Time between two looks.
 const BETWEEN: Duration = Duration::from_millis(5);
 
 /// The program itself, its threads and its files' buffers take some memory, whatever the data: smaller limits are of data alone (bytes).
 const LEAST: u64 = 64 << 20;
+
+/// Room beyond the limit, in temporary files; what is held counts where the limit is of the whole program.
+#[derive(Debug)]
+pub(crate) struct Aside {
+    is_whole: bool,
+}
+
+impl Aside {
+    /// For a limit (bytes).
+    pub(crate) fn beyond(limit: Option<u64>) -> Self {
+        Self { is_whole: limit.is_some_and(|limit| limit >= LEAST) }
+    }
+}
+
+impl Spill for Aside {
+    fn space(&self, bytes: usize) -> std::io::Result<Box<dyn SpillSpace>> {
+        TemporaryFiles.space(bytes)
+    }
+
+    fn held(&self) -> Option<u64> {
+        let taken = self.is_whole.then(resource::taken_mb).flatten()?;
+        Some((taken * f64::from(1 << 20)) as u64)
+    }
+}
 
 /// What was held when the limit was passed (KiB); 0 before.
 #[derive(Debug, Clone, Default)]
@@ -47,15 +72,32 @@ impl Guard {
     /// The failure in place of the interruption that it comes as, where the limit was passed.
     pub(crate) fn explain(&self, error: anyhow::Error, limit: Option<u64>) -> anyhow::Error {
         let (passed, Some(limit)) = (self.passed.load(Ordering::Acquire), limit) else { return error };
+        let about = error.chain().find_map(about_mib);
+        let named = about.map(|mib| {
+            format!("about {mib} MiB do for this (--memory-limit {mib}MiB, reckoned from what is worked on)")
+        });
         if passed == 0 {
-            return error;
+            // One array was beyond the limit by itself; other failures are what they are.
+            return match named.filter(|_| error_class(&error) == ErrorClass::Limit) {
+                Some(named) => Failure::of(ErrorClass::Limit, format!("{error}; {named}")),
+                None => error,
+            };
         }
+        let remedy = named.unwrap_or_else(|| "give it more".to_owned());
         let problem = format!(
-            "--memory-limit {:.1} MiB: the work held {:.1} MiB of its own, and isn't done; give it more, work on a smaller volume or \
+            "--memory-limit {:.1} MiB: the work held {:.1} MiB of its own, and isn't done; {remedy}, work on a smaller volume or \
              part, or leave the limit out",
             limit as f64 / f64::from(1 << 20),
             passed as f64 / 1024.0
         );
         Failure::of(ErrorClass::Limit, problem)
+    }
+}
+
+/// The limit (MiB) that would have done, where an error tells it.
+fn about_mib(error: &(dyn std::error::Error + 'static)) -> Option<u64> {
+    match error.downcast_ref()? {
+        ivd_pipeline::Error::Short { about_mib, .. } => Some(*about_mib),
+        _ => None,
     }
 }

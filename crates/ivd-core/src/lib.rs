@@ -74,7 +74,7 @@ pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode, OctreeParts};
 pub use shown::shown;
 pub use spill::{Spill, SpillSpace};
 pub use transfer::{ClassRole, GradientTable, TransferEntry, TransferFunction};
-pub use tree::{LeafMeans, Linkage, Tree, TreeParts};
+pub use tree::{LeafMeans, Linkage, Merged, Tree, TreeParts};
 pub use value::{Artefact, ArtefactRef, Kind, Value};
 pub use volume::{Modality, Volume};
 pub use voxels::{Scalar, VoxelType, Voxels};

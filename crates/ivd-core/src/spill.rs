@@ -9,6 +9,12 @@ pub trait Spill: Send + Sync {
     /// # Errors
     /// Why there is none.
     fn space(&self, bytes: usize) -> std::io::Result<Box<dyn SpillSpace>>;
+
+    /// Bytes of memory that the process has taken so far, where the host knows it and the limit is of the whole process. Arrays then go
+    /// elsewhere once there is no room for them beside what is held; without it each is held against the limit by itself.
+    fn held(&self) -> Option<u64> {
+        None
+    }
 }
 
 /// Room for bulk data that is being written.

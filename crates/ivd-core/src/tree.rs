@@ -58,6 +58,35 @@ impl LeafMeans {
     }
 }
 
+/// The merges of a tree by themselves: who joined whom, and at what height.
+#[derive(Debug, Clone, Copy)]
+pub struct Merged<'a> {
+    /// How heights were measured.
+    pub linkage: Linkage,
+    /// See [`TreeParts::merges`].
+    pub merges: &'a [[u32; 2]],
+    /// See [`TreeParts::heights`].
+    pub heights: &'a [f64],
+    /// See [`TreeParts::ends`].
+    pub ends: &'a [u32],
+}
+
+impl Merged<'_> {
+    /// Height of a merge.
+    ///
+    /// # Panics
+    /// Where there is no such merge.
+    pub fn height(&self, merge: usize) -> f64 {
+        self.heights[self.ends.partition_point(|end| *end as usize <= merge)]
+    }
+
+    /// Number of merges at or below a height.
+    pub fn up_to(&self, height: f64) -> usize {
+        let steps = self.heights.partition_point(|h| *h <= height);
+        steps.checked_sub(1).map_or(0, |last| self.ends[last] as usize)
+    }
+}
+
 /// A binary tree of merges over the voxels of a grid: who joined whom, and at what height. Every cut of it is a partition of
 /// the volume into connected parts.
 ///
@@ -115,6 +144,18 @@ impl Tree {
         }
     }
 
+    /// The tree of parts that fit together by the way they were made. Looking whether they do takes 4 bytes a leaf, which is not
+    /// always to be had; debug builds look.
+    pub fn of_sound(parts: TreeParts) -> Self {
+        debug_assert_eq!(parts.problem(), None, "the parts fit together");
+        Self(parts)
+    }
+
+    /// Its merges.
+    pub fn merged(&self) -> Merged<'_> {
+        Merged { linkage: self.linkage, merges: &self.merges, heights: &self.heights, ends: &self.ends }
+    }
+
     /// Number of leaves L.
     pub fn leaf_count(&self) -> usize {
         self.counts.len()
@@ -130,13 +171,12 @@ impl Tree {
     /// # Panics
     /// Where there is no such merge.
     pub fn height(&self, merge: usize) -> f64 {
-        self.heights[self.ends.partition_point(|end| *end as usize <= merge)]
+        self.merged().height(merge)
     }
 
     /// Number of merges at or below a height.
     pub fn merges_up_to(&self, height: f64) -> usize {
-        let steps = self.heights.partition_point(|h| *h <= height);
-        steps.checked_sub(1).map_or(0, |last| self.ends[last] as usize)
+        self.merged().up_to(height)
     }
 
     /// Smallest and largest height, where there are merges.

@@ -45,6 +45,14 @@ pub enum Error {
     /// A volume that was read in parts isn't what its file's hashes say: what was made from it is thrown away.
     #[error("{0}")]
     Damaged(String),
+    /// Work ended while a memory limit was set; where the limit ended it, about this much (MiB) would have done.
+    #[error("{source}")]
+    Short {
+        /// A limit that would do (MiB).
+        about_mib: u64,
+        /// How the work ended.
+        source: Box<Error>,
+    },
     /// A limit that was set to the run could not be kept.
     #[error("{0}")]
     Limit(String),
@@ -80,6 +88,7 @@ impl Classified for Error {
             Self::Core(error) => error.error_class(),
             Self::Damaged(_) => ErrorClass::Input,
             Self::Limit(_) => ErrorClass::Limit,
+            Self::Short { source, .. } => source.error_class(),
             Self::Figure { .. } => ErrorClass::Untrusted,
             Self::Io { .. } => ErrorClass::Io,
         }

@@ -40,6 +40,7 @@ mod error;
 mod export;
 mod frames;
 pub mod list;
+mod need;
 mod outputs;
 pub mod params;
 mod pipeline;

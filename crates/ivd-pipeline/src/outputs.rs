@@ -47,6 +47,9 @@ pub struct OutputFile {
     /// Peak resident memory (MiB) meanwhile, where the system tells.
     #[serde(default)]
     pub peak_rss_mb: Option<f64>,
+    /// Most memory of the process's own meanwhile (MiB), mapped files apart.
+    #[serde(default)]
+    pub peak_own_mb: Option<f64>,
 }
 
 /// What the last run into a folder did.
@@ -250,6 +253,7 @@ impl<'a> Writer<'a> {
             let written = write(&full, self.exec)?;
             (hash_output(&full).map_err(|e| Error::io("reading back", &full, e))?, written)
         };
+        let peak = memory.stop();
         self.files.push(OutputFile {
             name: name.to_owned(),
             path: full,
@@ -257,7 +261,8 @@ impl<'a> Writer<'a> {
             blake3,
             written,
             wall_s: start.elapsed().as_secs_f64(),
-            peak_rss_mb: memory.stop(),
+            peak_rss_mb: peak.map(|peak| peak.resident),
+            peak_own_mb: peak.map(|peak| peak.own),
         });
         Ok(())
     }
@@ -329,6 +334,7 @@ impl<'a> Writer<'a> {
                 wall_s: 0.0,
                 cpu_s: None,
                 peak_rss_mb: None,
+                peak_own_mb: None,
                 bytes_read: 0,
                 why: String::new(),
                 remark: None,
@@ -337,7 +343,9 @@ impl<'a> Writer<'a> {
             })
             .collect();
         let outputs = self.files.iter();
-        let outputs = outputs.map(|o| OutputFile { wall_s: 0.0, peak_rss_mb: None, ..o.clone() }).collect();
+        let timeless =
+            |o: &OutputFile| OutputFile { wall_s: 0.0, peak_rss_mb: None, peak_own_mb: None, ..o.clone() };
+        let outputs = outputs.map(timeless).collect();
         let manifest = Manifest { stages, outputs };
         let file = self.out.join(MANIFEST);
         let text = serde_json::to_string(&manifest).map_err(|e| Error::io("writing", &file, e.into()))?;

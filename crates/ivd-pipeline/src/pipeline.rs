@@ -9,6 +9,7 @@ use ivd_core::Exec;
 use serde::{Deserialize, Serialize};
 
 use crate::control::{Control, Uncontrolled};
+use crate::need::{self, Size};
 use crate::outputs::{Manifest, OutputFile, Writer};
 use crate::plan::{NodeId, Plan, PlanNode, stage_names};
 use crate::resource::peak_rss_mb;
@@ -59,6 +60,9 @@ pub struct PipelineReport {
     /// Peak resident memory (MiB) of the process so far, where the system tells.
     #[serde(default)]
     pub peak_rss_mb: Option<f64>,
+    /// Most memory of the process's own during a stage or an output (MiB), mapped files apart: what a memory limit is held against.
+    #[serde(default)]
+    pub peak_own_mb: Option<f64>,
 }
 
 /// Runs a scene.
@@ -118,25 +122,42 @@ fn attempt<C: Control>(
         stages.extend(plan.nodes().iter().filter(|n| n.is_reported()).map(|n| idle(n, state(n))));
         Vec::new()
     } else {
-        walk(loaded, options, plan, &mut control, &mut stages, runner)
-            .map_err(|error| control.explain(error, runner.exec, &stages))?
+        let needed: Vec<&str> = plan.nodes().iter().filter(|n| n.needed).map(|n| n.id.stage).collect();
+        let mut seen = Size::default();
+        walk(loaded, options, plan, &mut control, &mut stages, (&mut seen, runner)).map_err(|error| {
+            let error = whole(error, &needed, seen, runner.exec);
+            control.explain(error, runner.exec, &stages)
+        })?
     };
     let wall_s = start.elapsed().as_secs_f64();
     // The system counts in batches of each thread: its mark can lie a little below what was looked at.
     let parts =
         stages.iter().map(|stage| stage.peak_rss_mb).chain(outputs.iter().map(|file| file.peak_rss_mb));
     let peak_rss_mb = parts.chain([peak_rss_mb()]).flatten().reduce(f64::max);
-    Ok((PipelineReport { stages, outputs, wall_s, peak_rss_mb }, control))
+    let own = stages.iter().map(|stage| stage.peak_own_mb).chain(outputs.iter().map(|file| file.peak_own_mb));
+    let peak_own_mb = own.flatten().reduce(f64::max);
+    Ok((PipelineReport { stages, outputs, wall_s, peak_rss_mb, peak_own_mb }, control))
 }
 
-/// Does what the plan needs, stage by stage, and writes the outputs; `stages` tells how far it came.
+/// The error of a run, where a memory limit ended it with one that does for all that was needed.
+fn whole(error: Error, needed: &[&str], seen: Size, exec: &Exec) -> Error {
+    let takes = needed.iter().map(|stage| need::about(stage, seen)).max().unwrap_or_default();
+    match error {
+        Error::Short { about_mib, source } => {
+            Error::Short { about_mib: about_mib.max(takes.div_ceil(1 << 20)), source }
+        }
+        error => need::explained(error, exec, None, takes),
+    }
+}
+
+/// Does what the plan needs, stage by stage, and writes the outputs; `stages` tells how far it came, and `seen` how large what came was.
 fn walk(
     loaded: &Loaded,
     options: &PipelineOptions,
     mut plan: Plan,
     control: &mut dyn Control,
     stages: &mut Vec<StageRecord>,
-    runner: Runner<'_>,
+    (seen, runner): (&mut Size, Runner<'_>),
 ) -> Result<Vec<OutputFile>, Error> {
     let manifest = Manifest::load(&options.out);
     let mut done: BTreeMap<NodeId, StageResult> = BTreeMap::new();
@@ -152,6 +173,7 @@ fn walk(
             Some(result) => result,
             None => run_node(node, &done, runner, options)?,
         };
+        *seen = seen.with(&result.artefact);
         control.after(node.id, &result);
         for (heir, slot) in plan.heirs(at) {
             heir.stage.as_deref().map_or(Ok(()), |stage| stage.look_ahead(slot, &result.artefact))?;

@@ -13,32 +13,58 @@ pub fn peak_rss_mb() -> Option<f64> {
     status("VmHWM:")
 }
 
-/// Resident memory (MiB) at this moment.
-fn rss_mb() -> Option<f64> {
-    status("VmRSS:")
-}
-
 /// Memory that the process holds of its own (MiB), mapped files apart; `None` where the system doesn't tell.
 pub fn own_mb() -> Option<f64> {
     status("RssAnon:")
 }
 
+/// Memory that the process has taken for its data (MiB), touched or not; `None` where the system doesn't tell.
+pub fn taken_mb() -> Option<f64> {
+    status("VmData:")
+}
+
 fn status(line: &str) -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    told(&std::fs::read_to_string("/proc/self/status").ok()?, line)
+}
+
+fn told(status: &str, line: &str) -> Option<f64> {
     let kib: f64 =
         status.lines().find_map(|l| l.strip_prefix(line))?.split_whitespace().next()?.parse().ok()?;
     Some(kib / 1024.0)
 }
 
+/// Memory at one moment, or the most of several (MiB).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Memory {
+    /// Resident: also what is mapped of files, where it was touched.
+    pub resident: f64,
+    /// The process's own, mapped files apart: what a memory limit is held against.
+    pub own: f64,
+}
+
+impl Memory {
+    /// At this moment; 0 where the system doesn't tell.
+    fn now() -> Self {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let of = |line| told(&status, line).unwrap_or_default();
+        Self { resident: of("VmRSS:"), own: of("RssAnon:") }
+    }
+
+    fn most(self, other: Self) -> Self {
+        Self { resident: self.resident.max(other.resident), own: self.own.max(other.own) }
+    }
+}
+
 /// Watches the memory during a piece of work.
 ///
-/// The system keeps one peak for the whole run, which outside tools read too, so it is left alone: where the work raises it, it is the
-/// work's. Where an earlier one's was higher, the largest of looks 5 ms apart is told, which can miss what is shorter.
+/// The system keeps one peak of what is resident for the whole run, which outside tools read too, so it is left alone: where the work
+/// raises it, it is the work's. Where an earlier one's was higher, and of the process's own memory, the largest of looks 5 ms apart is
+/// told, which can miss what is shorter.
 #[derive(Debug)]
 pub struct MemoryWatch {
     peak_before: Option<f64>,
     over: Arc<AtomicBool>,
-    looks: Option<JoinHandle<f64>>,
+    looks: Option<JoinHandle<Memory>>,
 }
 
 impl MemoryWatch {
@@ -47,10 +73,10 @@ impl MemoryWatch {
         let (peak_before, over) = (peak_rss_mb(), Arc::new(AtomicBool::new(false)));
         let told = over.clone();
         let look = move || {
-            let mut largest = rss_mb().unwrap_or_default();
+            let mut largest = Memory::now();
             while !told.load(Ordering::Acquire) {
                 std::thread::park_timeout(BETWEEN);
-                largest = largest.max(rss_mb().unwrap_or_default());
+                largest = largest.most(Memory::now());
             }
             largest
         };
@@ -59,14 +85,15 @@ impl MemoryWatch {
         Self { peak_before, over, looks }
     }
 
-    /// Peak resident memory (MiB) of the work; `None` where the system doesn't tell.
-    pub fn stop(mut self) -> Option<f64> {
+    /// Peaks of the work; `None` where the system doesn't tell.
+    pub fn stop(mut self) -> Option<Memory> {
         let seen = self.end();
         let (peak, before) = (peak_rss_mb()?, self.peak_before?);
-        if peak > before { Some(peak) } else { seen.or(Some(peak)) }
+        let seen = seen.unwrap_or(Memory { resident: peak, own: own_mb()? });
+        Some(if peak > before { Memory { resident: peak, ..seen } } else { seen })
     }
 
-    fn end(&mut self) -> Option<f64> {
+    fn end(&mut self) -> Option<Memory> {
         self.over.store(true, Ordering::Release);
         let looks = self.looks.take()?;
         looks.thread().unpark();
@@ -103,7 +130,10 @@ mod tests {
 
     #[test]
     fn work_after_larger_work_is_told_by_itself() {
-        let Some(before) = rss_mb() else { return };
+        let before = Memory::now();
+        if before.resident == 0.0 {
+            return;
+        }
         let watch = MemoryWatch::start();
         touch(400);
         let large = watch.stop().expect("the system told before");
@@ -111,8 +141,10 @@ mod tests {
         touch(60);
         let small = watch.stop().expect("the system told before");
         // Other tests of this process take and give back some of their own meanwhile.
-        assert!(large >= before + 300.0, "{large} after {before}");
-        assert!(small < large - 200.0, "{small} beside {large} after {before}");
-        assert!(peak_rss_mb().expect("as before") >= large, "the process's own peak stays");
+        assert!(large.resident >= before.resident + 300.0, "{large:?} after {before:?}");
+        assert!(small.resident < large.resident - 200.0, "{small:?} beside {large:?} after {before:?}");
+        assert!(large.own >= before.own + 300.0 && large.own <= large.resident, "{large:?} after {before:?}");
+        assert!(small.own < large.own - 200.0, "{small:?} beside {large:?} after {before:?}");
+        assert!(peak_rss_mb().expect("as before") >= large.resident, "the process's own peak stays");
     }
 }

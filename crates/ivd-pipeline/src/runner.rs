@@ -15,6 +15,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::need;
 use crate::resource::{self, MemoryWatch};
 use crate::{Error, Input, Inputs, Metrics, Section, Stage, StageOutput};
 
@@ -85,6 +86,9 @@ pub struct StageRecord {
     pub cpu_s: Option<f64>,
     /// Peak resident memory while it ran (MiB), where the system tells.
     pub peak_rss_mb: Option<f64>,
+    /// Most memory of the process's own while it ran (MiB), mapped files apart: what a memory limit is held against.
+    #[serde(default)]
+    pub peak_own_mb: Option<f64>,
     /// Bytes of files that were read for it: of its source files, of its cached result, and of what it looked at in the
     /// mapped files behind its inputs.
     #[serde(default)]
@@ -113,6 +117,7 @@ impl StageRecord {
             wall_s: 0.0,
             cpu_s: None,
             peak_rss_mb: None,
+            peak_own_mb: None,
             bytes_read: 0,
             remark: None,
             metrics: Metrics::default(),
@@ -191,6 +196,16 @@ pub struct Runner<'a> {
     pub lazy: bool,
 }
 
+/// Least bytes of a result that is read from the cache rather than kept in memory.
+const WORTH_MAPPING: u64 = 1 << 20;
+
+/// A result's hashes, and what the cache holds of it where that is to be read from there.
+struct Kept {
+    hash: ContentHash,
+    sections: SectionHashes,
+    file: Option<Loaded>,
+}
+
 /// A run that has begun.
 struct Begun {
     clock: Clock,
@@ -198,6 +213,15 @@ struct Begun {
     provenance: Provenance,
     source_bytes: u64,
     key: CacheKey,
+    /// Memory of its own that the process held (MiB), and about how much the work takes beside it (bytes).
+    memory: (Option<f64>, u64),
+}
+
+impl Begun {
+    /// Its failure, with the limit that would do where a memory limit ended it.
+    fn explained(&self, error: Error, exec: &Exec) -> Error {
+        need::explained(error, exec, self.memory.0, self.memory.1)
+    }
 }
 
 impl Runner<'_> {
@@ -241,7 +265,7 @@ impl Runner<'_> {
         };
         tracing::info!(stage = stage.name(), why, "running");
         self.exec.observer().begin(stage.name(), 0);
-        let product = work();
+        let product = work().map_err(|error| begun.explained(error, self.exec));
         self.exec.observer().end(stage.name());
         // Before anything is believed of it, its failure too.
         inputs.check_damage()?;
@@ -259,7 +283,7 @@ impl Runner<'_> {
         work: impl FnOnce(&Values<'_>) -> Result<(op::Product, T), Failure>,
     ) -> Result<(StageResult, T), Error> {
         let begun = self.begin(stage, inputs)?;
-        let worked = stage.run_with(inputs, work);
+        let worked = stage.run_with(inputs, work).map_err(|error| begun.explained(error, self.exec));
         inputs.check_damage()?;
         let (product, beside) = worked?;
         let why = "what it gives beside its result is in no cache".to_owned();
@@ -276,7 +300,8 @@ impl Runner<'_> {
         let kind = stage.facts().output.or(first);
         let kind = kind.ok_or_else(|| Error::usage(stage.name(), "its first input is missing"))?;
         let key = CacheKey::new(kind, &provenance);
-        Ok(Begun { clock, read_before, provenance, source_bytes, key })
+        let memory = (resource::own_mb(), need::about(stage.name(), need::Size::of(inputs)));
+        Ok(Begun { clock, read_before, provenance, source_bytes, key, memory })
     }
 
     fn end(
@@ -287,19 +312,24 @@ impl Runner<'_> {
         why: String,
         product: StageOutput,
     ) -> Result<StageResult, Error> {
-        let Begun { clock, read_before, provenance, source_bytes, key } = begun;
-        let (hash, sections) = self.exec.run(|| self.keep(&key, &product, &provenance))?;
-        let record = self.record(stage, &provenance, &product.artefact, hash, &key);
+        // Work that didn't notice that the limit was passed is told of before anything is kept of it.
+        if self.exec.memory_limit.is_some() {
+            let passed = self.exec.check_cancelled().map_err(Error::from);
+            passed.map_err(|error| begun.explained(error, self.exec))?;
+        }
+        let Begun { clock, read_before, provenance, source_bytes, key, .. } = begun;
+        let kept = self.exec.run(|| self.keep(&key, &product, &provenance))?;
+        let Kept { hash, sections, file } = kept;
+        // What the cache holds is read from there: from here on it takes no memory of its own.
+        let (artefact, file) = match file {
+            Some(file) => (file.artefact, Some(file.file)),
+            None => (product.artefact, None),
+        };
+        let record = self.record(stage, &provenance, &artefact, hash, &key);
         let bytes_read = source_bytes + inputs.bytes_read() - read_before;
         let (remark, metrics) = (stage.remark(&product.metrics)?, product.metrics);
         let record = StageRecord { why, bytes_read, remark, metrics, ..clock.stop(record) };
-        Ok(StageResult {
-            artefact: Arc::new(product.artefact),
-            hash,
-            file: None,
-            sections: Some(sections),
-            record,
-        })
+        Ok(StageResult { artefact: Arc::new(artefact), hash, file, sections: Some(sections), record })
     }
 
     fn look_up(&self, key: &CacheKey) -> Lookup<Loaded> {
@@ -356,22 +386,22 @@ impl Runner<'_> {
     }
 
     /// Puts a product into the cache and gives its hashes. A cache that can't be written to is only slow.
-    fn keep(
-        &self,
-        key: &CacheKey,
-        product: &StageOutput,
-        provenance: &Provenance,
-    ) -> Result<(ContentHash, SectionHashes), Error> {
+    fn keep(&self, key: &CacheKey, product: &StageOutput, provenance: &Provenance) -> Result<Kept, Error> {
         let metrics = Value::Object(product.metrics.figures.clone());
         match self.cache.put_with_metrics(key, &product.artefact, provenance, &metrics) {
-            Ok(Some(written)) => return Ok((written.hash, written.sections)),
+            Ok(Some(written)) => {
+                let is_large = written.bytes >= WORTH_MAPPING;
+                let file = is_large.then(|| self.cache.mapped(key, &written, self.lazy)).flatten();
+                return Ok(Kept { hash: written.hash, sections: written.sections, file });
+            }
             Ok(None) => {}
             Err(error) if error.error_class() == ErrorClass::Io => {
                 self.exec.observer().note(&format!("result not cached: {error}"));
             }
             Err(error) => return Err(error.into()),
         }
-        Ok(section_hashes(&product.artefact)?)
+        let (hash, sections) = section_hashes(&product.artefact)?;
+        Ok(Kept { hash, sections, file: None })
     }
 
     fn record(
@@ -419,13 +449,15 @@ impl Clock {
     }
 
     pub(crate) fn stop(self, record: StageRecord) -> StageRecord {
+        let peak = self.memory.stop();
         StageRecord {
             wall_s: self.wall.elapsed().as_secs_f64(),
             // Ticks of 1/100 s: more digits would be noise of the subtraction.
             cpu_s: resource::cpu_seconds()
                 .zip(self.cpu)
                 .map(|(now, then)| ((now - then) * 100.0).round() / 100.0),
-            peak_rss_mb: self.memory.stop(),
+            peak_rss_mb: peak.map(|peak| peak.resident),
+            peak_own_mb: peak.map(|peak| peak.own),
             ..record
         }
     }

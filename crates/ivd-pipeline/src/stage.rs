@@ -93,6 +93,11 @@ impl Inputs {
         T::of(self.get(slot)?)
     }
 
+    /// The values.
+    pub(crate) fn artefacts(&self) -> impl Iterator<Item = &Artefact> {
+        self.0.values().map(|input| input.artefact.as_ref())
+    }
+
     /// The values, as methods take them.
     pub(crate) fn values(&self) -> Values<'_> {
         self.0.iter().map(|(slot, input)| (*slot, input.artefact.as_ref())).collect()

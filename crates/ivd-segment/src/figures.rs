@@ -1,18 +1,18 @@
 //! What segmentations tell of themselves.
 
-use ivd_core::{Class, Exec, Tree};
+use ivd_core::Class;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    BicPoint, Chain, ChainPoint, CutParams, Dendrogram, Emvs, EmvsParams, Hvs, Mixture, Mode, Msvs,
-    Segmentation, SpatialKmvs, dendrogram,
+    BicPoint, Chain, ChainPoint, Dendrogram, Emvs, EmvsParams, Hvs, Mixture, Mode, Msvs, Segmentation,
+    SpatialKmvs,
 };
 
 /// Longer lists of modes aren't read.
 const MOST_MODES: usize = 64;
 /// More leaves can't be drawn.
-const MOST_LEAVES: usize = 32;
+pub(crate) const MOST_LEAVES: usize = 32;
 
 /// Figures of a segmentation, and those that its method alone has.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -251,12 +251,6 @@ pub struct CutFigures {
     /// How the classes come together, where they are few enough to be drawn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dendrogram: Option<Dendrogram>,
-}
-
-impl CutFigures {
-    pub(crate) fn of(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Self, crate::Error> {
-        Ok(Self { regions: tree.leaf_count(), dendrogram: dendrogram(tree, params, MOST_LEAVES, exec)? })
-    }
 }
 
 /// Of a tree.

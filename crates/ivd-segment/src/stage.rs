@@ -6,11 +6,13 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use crate::figures::MOST_LEAVES;
+use crate::hvs::{classes as classes_of_tree, drawn};
 use crate::{
     ChainParams, CutFigures, CutParams, EmvsParams, Error, Figures, HvsParams, KmvsParams, MixtureFigures,
     ModesFigures, MsvsParams, NoFigures, ProposalFigures, Segmentation, SpatialFigures, ThresholdParams,
-    TidyParams, TreeFigures, cut, emvs, emvs_with_posteriors, kmvs, kmvs_spatial, msvs, msvs_kmvs,
-    region_tree, threshold, tidy,
+    TidyParams, TreeFigures, emvs, emvs_with_posteriors, kmvs, kmvs_spatial, msvs, msvs_kmvs, region_tree,
+    threshold, tidy,
 };
 
 /// The stage: its methods, and where it stands in a scene.
@@ -292,17 +294,17 @@ impl Op for Hierarchy {
     }
 
     fn run(&self, inputs: Grown<'_>, exec: &Exec) -> Result<(Labels, Self::Figures), Failure> {
-        let grown;
-        let tree = match (inputs.tree, inputs.volume) {
-            (Some(tree), _) => tree,
+        let (found, dendrogram, regions) = match (inputs.tree, inputs.volume) {
+            (Some(tree), _) => {
+                let (found, dendrogram) = drawn(tree, &self.cut, MOST_LEAVES, exec)?;
+                (found, dendrogram, tree.leaf_count())
+            }
             (None, Some(volume)) => {
-                grown = region_tree(volume, inputs.mask, &self.tree, exec)?.tree;
-                &grown
+                classes_of_tree((volume, inputs.mask), &self.tree, &self.cut, MOST_LEAVES, exec)?
             }
             (None, None) => return Err(Failure::usage("hvs cuts a tree or segments a volume; give one")),
         };
-        let found = cut(tree, &self.cut, exec)?;
-        let own = CutFigures::of(tree, &self.cut, exec)?;
+        let own = CutFigures { regions, dendrogram };
         Ok(told(tidied(inputs.volume, found, self.tidy, exec)?, own))
     }
 }

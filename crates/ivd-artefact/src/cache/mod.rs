@@ -119,6 +119,14 @@ impl Cache {
         })
     }
 
+    /// The entry that was put a moment ago, mapped: what was made needs no memory of its own any more. `None` where it can't be read
+    /// back, or is another's by now.
+    pub fn mapped(&self, key: &CacheKey, written: &Written, lazily: bool) -> Option<Loaded> {
+        let path = self.path_of(key)?;
+        let loaded = if lazily { read_lazily(&path) } else { read(&path) };
+        loaded.ok().filter(|loaded| loaded.hash == written.hash)
+    }
+
     /// The content hash of a key's entry from its metadata alone: an unchanged chain is followed without reading a
     /// payload. The payload is verified when it is used.
     pub fn lookup_hash(&self, key: &CacheKey) -> Option<ContentHash> {

@@ -14,6 +14,7 @@ const OF_THE_RUN: &[&str] = &[
     "msvs_s",
     "fps",
     "peak_rss_mb",
+    "peak_own_mb",
     "bytes_read",
     "bytes",
     "freed_bytes",

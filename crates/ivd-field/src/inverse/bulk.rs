@@ -6,11 +6,13 @@
 //!
 //! The argument for the `unsafe` blocks: what needs AVX2 is called only where that was found.
 
+use std::ops::Range;
+
 use ivd_core::{FieldBricks, Grid, NO_BRICK, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::residual::{SolvedBrick, Worst};
+use super::residual::Worst;
 use super::solve::{FOUND, FOUND_FAR, Solver};
 use crate::sampler::brick_at;
 use crate::simd::Four;
@@ -28,48 +30,74 @@ const STEPS: usize = 8;
 /// A field that is inverted brick by brick.
 pub(super) struct BrickSolver<'a> {
     forward: &'a FieldBricks,
-    solver: Solver<'a>,
-    /// All stored vectors, in voxels.
+    solver: &'a Solver<'a>,
+    /// Vectors of the bricks that are solved and of the layers beside them, in voxels: others are made ready where they are asked for.
     ready: Vec<Padded>,
+    /// The first slot of those, in vectors.
+    first: usize,
     to_voxel: [[f64; 3]; 3],
     to_world: [[f64; 3]; 3],
     avx2: bool,
 }
 
 impl<'a> BrickSolver<'a> {
-    /// `native`: whether AVX2 may be used where it is there.
-    pub(super) fn new(forward: &'a FieldBricks, grid: &Grid, native: bool) -> Self {
+    /// - `solver`: the plain way.
+    /// - `stored`: the stored bricks, ascending; `part`: those of them that are to be solved.
+    /// - `native`: whether AVX2 may be used where it is there.
+    pub(super) fn new(
+        forward: &'a FieldBricks,
+        grid: &Grid,
+        solver: &'a Solver<'a>,
+        stored: &[usize],
+        part: Range<usize>,
+        native: bool,
+    ) -> Self {
         let avx2 = native && ivd_core::has_avx2();
         let rows = |m: nalgebra::Matrix3<f64>| [0, 1, 2].map(|a| [0, 1, 2].map(|b| m[(a, b)]));
         let to_voxel = rows(grid.inverse_linear_part());
-        let ready =
-            forward.vectors().par_iter().with_min_len(1 << 12).map(|v| times(&to_voxel, *v)).collect();
+        let [nx, ny, _] = forward.brick_dims();
+        let [low, high] = [stored[part.start], stored[part.end - 1]].map(|brick| brick / (nx * ny));
+        // Slots count up with the bricks.
+        let slot = |layer: usize| stored.partition_point(|&brick| brick < layer * nx * ny);
+        let (first, end) =
+            (FieldBricks::VOXELS * slot(low.saturating_sub(1)), FieldBricks::VOXELS * slot(high + 2));
+        let near = &forward.vectors()[first..end];
+        let ready = near.par_iter().with_min_len(1 << 12).map(|v| times(&to_voxel, *v)).collect();
         let to_world = rows(grid.linear_part());
-        Self { forward, solver: Solver::seldom(forward, grid), ready, to_voxel, to_world, avx2 }
+        Self { forward, solver, ready, first, to_voxel, to_world, avx2 }
     }
 
-    /// The inverse in a stored brick.
-    pub(super) fn brick(&self, brick: usize) -> SolvedBrick {
+    /// A stored vector, in voxels.
+    #[inline(always)]
+    fn at(&self, slot: usize) -> Padded {
+        match self.ready.get(slot.wrapping_sub(self.first)) {
+            Some(ready) => *ready,
+            None => times(&self.to_voxel, self.forward.vectors()[slot]),
+        }
+    }
+
+    /// The inverse in a stored brick, into `out` (mm), which holds zeros.
+    pub(super) fn brick(&self, brick: usize, out: &mut [[f32; 3]]) -> Worst {
         #[cfg(target_arch = "x86_64")]
         if self.avx2 {
             // SAFETY: AVX2 was found.
             #[allow(unsafe_code, reason = "argued in the module's head")]
-            return unsafe { self.brick_avx2(brick) };
+            return unsafe { self.brick_avx2(brick, out) };
         }
         // SAFETY: plain numbers need nothing.
         #[allow(unsafe_code, reason = "argued in the module's head")]
         unsafe {
-            self.brick_any::<[f64; 4]>(brick)
+            self.brick_any::<[f64; 4]>(brick, out)
         }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn brick_avx2(&self, brick: usize) -> SolvedBrick {
+    fn brick_avx2(&self, brick: usize, out: &mut [[f32; 3]]) -> Worst {
         // SAFETY: there is AVX2.
         #[allow(unsafe_code, reason = "argued in the module's head")]
         unsafe {
-            self.brick_any::<WideFour>(brick)
+            self.brick_any::<WideFour>(brick, out)
         }
     }
 
@@ -78,8 +106,7 @@ impl<'a> BrickSolver<'a> {
     /// The processor has what the lanes need.
     #[inline(always)]
     #[allow(unsafe_code, reason = "argued in the module's head")]
-    unsafe fn brick_any<F: Four>(&self, brick: usize) -> SolvedBrick {
-        let mut out = vec![[0.0_f32; 3]; FieldBricks::VOXELS].into_boxed_slice();
+    unsafe fn brick_any<F: Four>(&self, brick: usize, out: &mut [[f32; 3]]) -> Worst {
         let mut worst = Worst::default();
         let mut places: [Padded; FieldBricks::VOXELS] = [[0.0; 4]; FieldBricks::VOXELS];
         let mut known = [false; FieldBricks::VOXELS];
@@ -94,7 +121,7 @@ impl<'a> BrickSolver<'a> {
                 continue;
             }
             let y = [voxel[0] as f64, voxel[1] as f64, voxel[2] as f64, 0.0];
-            let mut start = along(y, self.ready[slot0 + slot], -1.0);
+            let mut start = along(y, self.at(slot0 + slot), -1.0);
             line(&places, &known, slot, &mut start);
             // SAFETY: the caller's.
             let (found, x) = unsafe { self.newton::<F>(y, start) };
@@ -110,7 +137,7 @@ impl<'a> BrickSolver<'a> {
             out[slot] = vector;
             worst.take(residual, VoxelIndex(voxel));
         }
-        (out, worst)
+        worst
     }
 
     /// The vector that takes `y` to `x`, as it is stored (mm), and what residual that leaves (voxels).
@@ -208,8 +235,13 @@ impl<'a> BrickSolver<'a> {
             let slot = self.forward.table()[x / 8 + bricks[0] * (y / 8 + bricks[1] * (z / 8))];
             if slot != NO_BRICK {
                 let first = slot as usize * FieldBricks::VOXELS + x % 8 + 8 * (y % 8 + 8 * (z % 8));
-                let near = &self.ready[first..first + 74];
-                out = [near[0], near[1], near[8], near[9], near[64], near[65], near[72], near[73]];
+                let own = first.wrapping_sub(self.first);
+                out = match self.ready.get(own..own.wrapping_add(74)) {
+                    Some(near) => {
+                        [near[0], near[1], near[8], near[9], near[64], near[65], near[72], near[73]]
+                    }
+                    None => [0, 1, 8, 9, 64, 65, 72, 73].map(|step| self.at(first + step)),
+                };
             }
             return out;
         }
@@ -235,7 +267,7 @@ impl<'a> BrickSolver<'a> {
             let slot = self.forward.table()[brick[0][x] + brick[1][y] + brick[2][z]];
             if slot != NO_BRICK {
                 let own = place[0][x] + place[1][y] + place[2][z];
-                *out = self.ready[slot as usize * FieldBricks::VOXELS + own];
+                *out = self.at(slot as usize * FieldBricks::VOXELS + own);
             }
         }
         out

@@ -12,7 +12,9 @@ mod pieces;
 mod residual;
 mod solve;
 
-use ivd_core::{Exec, FieldBricks, Grid, NO_BRICK, VoxelIndex};
+use std::ops::Range;
+
+use ivd_core::{Exec, FieldBricks, Grid, NO_BRICK, SpillVec, VoxelIndex};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -76,21 +78,60 @@ pub fn invert(forward: &FieldBricks, grid: &Grid, exec: &Exec) -> Result<Inverse
     exec.run(|| {
         let observer = exec.observer();
         observer.begin("inverse", forward.stored() as u64);
-        let bulk = BrickSolver::new(forward, grid, exec.simd);
         let stored: Vec<usize> =
             (0..forward.table().len()).filter(|&b| forward.table()[b] != NO_BRICK).collect();
-        let solved = stored
-            .par_iter()
-            .map(|&brick| {
-                exec.check_cancelled()?;
-                let result = bulk.brick(brick);
-                observer.advance("inverse", 1);
-                Ok(result)
-            })
-            .collect::<Result<Vec<SolvedBrick>, Error>>()?;
+        let mut vectors: SpillVec<[f32; 3]> =
+            exec.bulk("the inverse field", FieldBricks::VOXELS * stored.len())?;
+        let (solver, mut worst) = (Solver::seldom(forward, grid), Worst::default());
+        for part in layers(&stored, forward.brick_dims()) {
+            let bulk = BrickSolver::new(forward, grid, &solver, &stored, part.clone(), exec.simd);
+            let out = &mut vectors[FieldBricks::VOXELS * part.start..FieldBricks::VOXELS * part.end];
+            let solved =
+                out.par_chunks_exact_mut(FieldBricks::VOXELS).zip(&stored[part]).map(|(out, &brick)| {
+                    exec.check_cancelled()?;
+                    let worst = bulk.brick(brick, out);
+                    observer.advance("inverse", 1);
+                    Ok(worst)
+                });
+            solved.collect::<Result<Vec<Worst>, Error>>()?.into_iter().for_each(|w| worst.merge(w));
+        }
         observer.end("inverse");
-        assemble(grid.dims(), &stored, solved)
+        let field = moving(grid.dims(), &stored, vectors)?;
+        Ok(Inverse { field, residual_max_voxels: worst.residual, worst: worst.voxel })
     })
+}
+
+/// Stored bricks that are worked on together: whole layers, of at least [`TOGETHER`] bricks but for the last.
+fn layers(stored: &[usize], brick_dims: [usize; 3]) -> Vec<Range<usize>> {
+    let layer = |at: usize| stored[at] / (brick_dims[0] * brick_dims[1]);
+    let mut parts = Vec::new();
+    let mut start = 0;
+    for at in 1..=stored.len() {
+        if at == stored.len() || at - start >= TOGETHER && layer(at) != layer(at - 1) {
+            parts.push(start..at);
+            start = at;
+        }
+    }
+    parts
+}
+
+/// Bricks whose vectors are made ready together, 16 KiB each: enough to keep all threads busy, and little beside the field.
+const TOGETHER: usize = 512;
+
+/// A field of these bricks, without those that are 0 throughout.
+fn moving(dims: [usize; 3], bricks: &[usize], mut vectors: SpillVec<[f32; 3]>) -> Result<FieldBricks, Error> {
+    let of = |slot: usize| FieldBricks::VOXELS * slot..FieldBricks::VOXELS * (slot + 1);
+    let mut kept = Vec::with_capacity(bricks.len());
+    for (slot, &brick) in bricks.iter().enumerate() {
+        if vectors[of(slot)].iter().any(|v| *v != [0.0; 3]) {
+            if kept.len() < slot {
+                vectors.copy_within(of(slot), FieldBricks::VOXELS * kept.len());
+            }
+            kept.push(brick);
+        }
+    }
+    vectors.truncate(FieldBricks::VOXELS * kept.len());
+    FieldBricks::of_bricks(dims, &kept, vectors.into_buffer())
 }
 
 /// Puts solved bricks together; bricks that hold nothing but 0 are dropped.

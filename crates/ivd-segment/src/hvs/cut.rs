@@ -4,7 +4,10 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use ivd_core::op::check_fields;
-use ivd_core::{Class, Error, Exec, Labels, Linkage, NO_DATA, ParamError, SpillVec, Tree, parallel, sets};
+use ivd_core::{
+    Class, Error, Exec, Grid, Labels, LeafMeans, Linkage, Merged, NO_DATA, ParamError, SpillVec, Tree,
+    parallel, sets,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -113,29 +116,46 @@ impl CutParams {
 /// [`Error`]: a bad parameter, a height that leaves more than 65535 classes, an inconsistent tree, the memory limit, or
 /// cancelled.
 pub fn cut(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Segmentation, Error> {
-    exec.run(|| {
-        let found = classes_of(tree, params, exec)?;
-        let voxels: u64 = found.list.iter().map(|c| c.voxels).sum();
-        Ok(Segmentation {
-            k: found.list.len(),
-            labels: Labels::new(
-                tree.grid.clone(),
-                voxel_labels(tree, &found.groups, exec)?.into(),
-                found.list,
-            )?,
-            iterations: 1,
-            converged: true,
-            objective: found.inertia,
-            visited_fraction: voxels as f64 / tree.grid.len() as f64,
-            gap: 0.0,
-        })
-    })
+    exec.run(|| classes_of(tree, params, exec)?.segment(&tree.grid, &tree.leaves, exec))
+}
+
+/// Figures of leaves.
+pub(super) trait LeafFigures {
+    /// Tells of each leaf, in their order from 0, mean (real units), voxels, and sum of squared deviations from the mean (real units²).
+    fn each(&self, exec: &Exec, look: &mut dyn FnMut(usize, f64, u32, f64)) -> Result<(), Error>;
+}
+
+/// Figures that lie side by side.
+pub(super) struct Stored<'a> {
+    pub(super) counts: &'a [u32],
+    pub(super) means: &'a LeafMeans,
+    pub(super) squares: Option<&'a [f64]>,
+}
+
+impl LeafFigures for Stored<'_> {
+    fn each(&self, exec: &Exec, look: &mut dyn FnMut(usize, f64, u32, f64)) -> Result<(), Error> {
+        for start in (0..self.counts.len()).step_by(CHUNK) {
+            exec.check_cancelled()?;
+            for leaf in start..(start + CHUNK).min(self.counts.len()) {
+                let squares = self.squares.map_or(0.0, |s| s[leaf]);
+                look(leaf, self.means.get(leaf), self.counts[leaf], squares);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A merge that a cut undoes.
+pub(super) struct Undone {
+    /// The leaves on either side.
+    pub(super) pair: [u32; 2],
+    pub(super) height: f64,
 }
 
 /// The classes of a cut, before voxels get their labels.
 pub(super) struct Classes {
-    /// The merges that are undone, ascending.
-    pub(super) undone: Vec<u32>,
+    /// The merges that are undone, in their order.
+    pub(super) undone: Vec<Undone>,
     /// The class of each leaf, 1….
     pub(super) groups: SpillVec<u16>,
     pub(super) list: Vec<Class>,
@@ -146,27 +166,65 @@ pub(super) struct Classes {
 /// Those of [`cut`].
 pub(super) fn classes_of(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Classes, Error> {
     params.check()?;
-    let undone = undone(tree, params, exec)?;
+    let sizes = || {
+        let mut sizes: SpillVec<u32> = exec.bulk("the sizes of the parts", tree.leaf_count())?;
+        sizes.copy_from_slice(&tree.counts);
+        Ok(sizes)
+    };
+    let joined = join(tree.merged(), tree.leaf_count(), sizes, params, exec)?;
+    let squares = tree.squares.as_deref();
+    joined.describe(&Stored { counts: &tree.counts, means: &tree.means, squares }, exec)
+}
+
+/// The leaves, joined by all merges but some.
+pub(super) struct Joined {
+    undone: Vec<Undone>,
+    /// The group of each leaf, 1….
+    groups: SpillVec<u32>,
+    count: usize,
+}
+
+/// Joins the leaves by the merges that a cut keeps. `sizes` gives the voxels of each leaf, and is asked only where they matter.
+///
+/// # Errors
+/// A height that leaves too many classes, the memory limit, or cancelled.
+pub(super) fn join(
+    merged: Merged<'_>,
+    leaves: usize,
+    sizes: impl FnOnce() -> Result<SpillVec<u32>, Error>,
+    params: &CutParams,
+    exec: &Exec,
+) -> Result<Joined, Error> {
+    let undone = undone(merged, sizes, params, exec)?;
     if undone.len() >= MOST_CLASSES {
         let problem = format!("{} classes, labels have 16 bits", undone.len() + 1);
         return Err(
             ParamError::new("height", problem, "raise the height, or ask for a number of classes").into()
         );
     }
-    let (groups, count) = groups(tree, &undone, exec)?;
-    describe(tree, undone, groups, count, exec)
+    let (groups, count) = groups(merged.merges, leaves, &undone, exec)?;
+    let told = |merge: &u32| {
+        let at = *merge as usize;
+        Undone { pair: merged.merges[at], height: merged.height(at) }
+    };
+    Ok(Joined { undone: undone.iter().map(told).collect(), groups, count })
 }
 
 /// The merges that are undone, ascending.
-fn undone(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Vec<u32>, Error> {
-    let merges = tree.merges.len();
+fn undone(
+    merged: Merged<'_>,
+    sizes: impl FnOnce() -> Result<SpillVec<u32>, Error>,
+    params: &CutParams,
+    exec: &Exec,
+) -> Result<Vec<u32>, Error> {
+    let merges = merged.merges.len();
     let by_height = match params.ranking {
         Ranking::Height => true,
-        Ranking::Persistence => tree.linkage == Linkage::Ward,
+        Ranking::Persistence => merged.linkage == Linkage::Ward,
         Ranking::Area => false,
     };
     let first = match (params.height, params.classes()) {
-        (Some(height), _) => tree.merges_up_to(height),
+        (Some(height), _) => merged.up_to(height),
         (_, Some(k)) if by_height && params.least_part <= 1 => merges.saturating_sub(k - 1),
         _ => 0,
     };
@@ -175,7 +233,7 @@ fn undone(tree: &Tree, params: &CutParams, exec: &Exec) -> Result<Vec<u32>, Erro
         return Ok((first as u32..merges as u32).collect());
     }
     let mut top = Top { most, heap: BinaryHeap::new() };
-    ranked(tree, exec, |merge, height, smaller| {
+    ranked(merged, sizes()?, exec, |merge, height, smaller| {
         if merge >= first && u64::from(smaller) >= params.least_part {
             let rank = match params.ranking {
                 _ if params.classes().is_none() => 0.0,
@@ -209,108 +267,147 @@ impl Top {
     }
 }
 
-/// Tells each merge with its height and the voxels of its smaller part.
-fn ranked(tree: &Tree, exec: &Exec, mut tell: impl FnMut(usize, f64, u32)) -> Result<(), Error> {
-    let mut parts: SpillVec<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
-    let mut sizes: SpillVec<u32> = exec.bulk("the sizes of the parts", tree.leaf_count())?;
-    sets::reset(&mut parts);
-    sizes.copy_from_slice(&tree.counts);
+/// Marks a leaf that stands for its part; the other bits are the part's voxels. There are fewer of these than 2³¹.
+const TOP: u32 = 1 << 31;
+
+/// Tells each merge with its height and the voxels of its smaller part. `parts` are the voxels of each leaf.
+fn ranked(
+    merged: Merged<'_>,
+    mut parts: SpillVec<u32>,
+    exec: &Exec,
+    mut tell: impl FnMut(usize, f64, u32),
+) -> Result<(), Error> {
+    let parts = &mut *parts;
+    parts.iter_mut().for_each(|size| *size |= TOP);
     let mut step = 0;
-    for (merge, pair) in tree.merges.iter().enumerate() {
+    for (merge, pair) in merged.merges.iter().enumerate() {
         if merge % CHUNK == 0 {
             exec.check_cancelled()?;
         }
-        step += usize::from(tree.ends[step] as usize <= merge);
-        let [a, b] = pair.map(|leaf| sets::root(&mut parts, leaf - 1));
-        tell(merge, tree.heights[step], sizes[a as usize].min(sizes[b as usize]));
-        let (low, high) = (a.min(b) as usize, a.max(b) as usize);
-        parts[high] = low as u32;
-        sizes[low] += sizes[high];
+        step += usize::from(merged.ends[step] as usize <= merge);
+        let [a, b] = pair.map(|leaf| top(parts, leaf - 1));
+        let sizes = [a, b].map(|at| parts[at as usize] & !TOP);
+        tell(merge, merged.heights[step], sizes[0].min(sizes[1]));
+        parts[a.max(b) as usize] = a.min(b);
+        parts[a.min(b) as usize] = (sizes[0] + sizes[1]) | TOP;
     }
     Ok(())
 }
 
+/// As [`sets::root`], where what stands for a set holds its size instead of itself.
+#[inline(always)]
+fn top(parts: &mut [u32], mut at: u32) -> u32 {
+    loop {
+        let above = parts[at as usize];
+        if above & TOP != 0 {
+            return at;
+        }
+        let next = parts[above as usize];
+        if next & TOP != 0 {
+            return above;
+        }
+        parts[at as usize] = next;
+        at = next;
+    }
+}
+
 /// The group of each leaf, 1…, joined by all merges but the undone; and the number of groups.
-fn groups(tree: &Tree, undone: &[u32], exec: &Exec) -> Result<(SpillVec<u16>, usize), Error> {
-    let mut parts: SpillVec<u32> = exec.bulk("the parts of the leaves", tree.leaf_count())?;
-    sets::reset(&mut parts);
+fn groups(
+    merges: &[[u32; 2]],
+    leaves: usize,
+    undone: &[u32],
+    exec: &Exec,
+) -> Result<(SpillVec<u32>, usize), Error> {
+    let mut groups: SpillVec<u32> = exec.bulk("the groups of the leaves", leaves)?;
+    let of = &mut *groups;
+    sets::reset(of);
     let mut from = 0;
-    for end in undone.iter().map(|merge| *merge as usize).chain([tree.merges.len()]) {
-        for merges in tree.merges[from..end].chunks(CHUNK) {
+    for end in undone.iter().map(|merge| *merge as usize).chain([merges.len()]) {
+        for merges in merges[from..end].chunks(CHUNK) {
             exec.check_cancelled()?;
             for [a, b] in merges {
-                sets::join(&mut parts, a - 1, b - 1);
+                sets::join(of, a - 1, b - 1);
             }
         }
-        from = (end + 1).min(tree.merges.len());
+        from = (end + 1).min(merges.len());
     }
-    let mut groups: SpillVec<u16> = exec.bulk("the groups of the leaves", tree.leaf_count())?;
-    let mut count = 0_usize;
-    for leaf in 0..parts.len() {
+    let mut count = 0;
+    for leaf in 0..of.len() {
         if leaf % CHUNK == 0 {
             exec.check_cancelled()?;
         }
-        let above = parts[leaf] as usize;
-        groups[leaf] = if above < leaf {
-            groups[above]
+        // A set's members follow the one that stands for it, which has its group by now.
+        let above = of[leaf] as usize;
+        of[leaf] = if above < leaf {
+            of[above]
         } else {
             count += 1;
-            count as u16
+            count
         };
     }
-    Ok((groups, count))
+    Ok((groups, count as usize))
 }
 
-/// Names the groups by their means, and tells their figures.
-fn describe(
-    tree: &Tree,
-    undone: Vec<u32>,
-    mut groups: SpillVec<u16>,
-    count: usize,
-    exec: &Exec,
-) -> Result<Classes, Error> {
-    let frame = frame(&tree.means);
-    let mut moments = vec![Moments::default(); count];
-    for start in (0..groups.len()).step_by(CHUNK) {
-        exec.check_cancelled()?;
-        for leaf in start..(start + CHUNK).min(groups.len()) {
-            let squares = tree.squares.as_ref().map_or(0.0, |s| s[leaf]);
-            let of = &mut moments[usize::from(groups[leaf]) - 1];
-            of.add_spread(tree.means.get(leaf), u64::from(tree.counts[leaf]), squares, &frame);
-        }
+impl Joined {
+    /// Names the groups by their means, and tells their figures.
+    pub(super) fn describe(self, leaves: &dyn LeafFigures, exec: &Exec) -> Result<Classes, Error> {
+        let Self { undone, groups, count } = self;
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        leaves.each(exec, &mut |_, mean, _, _| range = [range[0].min(mean), range[1].max(mean)])?;
+        let frame = frame(range);
+        let mut moments = vec![Moments::default(); count];
+        leaves.each(exec, &mut |leaf, mean, voxels, squares| {
+            moments[groups[leaf] as usize - 1].add_spread(mean, u64::from(voxels), squares, &frame);
+        })?;
+        let mean = |group: usize| moments[group].mean(&frame).clamp(f64::MIN, f64::MAX);
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by(|&a, &b| {
+            mean(a).total_cmp(&mean(b)).then(moments[b].count.cmp(&moments[a].count)).then(a.cmp(&b))
+        });
+        let mut names = vec![NO_DATA; count + 1];
+        order.iter().enumerate().for_each(|(class, group)| names[group + 1] = class as u16 + 1);
+        let mut named: SpillVec<u16> = exec.bulk("the classes of the leaves", groups.len())?;
+        parallel::for_each_piece_mut(&mut named, CHUNK, &|i, named| {
+            let groups = &groups[i * CHUNK..];
+            named.iter_mut().zip(groups).for_each(|(name, group)| *name = names[*group as usize]);
+        });
+        let class = |(i, &group): (usize, &usize)| Class {
+            id: i as u16 + 1,
+            name: None,
+            mean: mean(group),
+            sd: moments[group].sd(&frame).min(f64::MAX),
+            voxels: moments[group].count,
+            lower: None,
+            upper: None,
+        };
+        let mut found: Vec<Class> = order.iter().enumerate().map(class).collect();
+        classes::set_crossings(&mut found);
+        let inertia: f64 = order.iter().map(|group| moments[*group].inertia(&frame)).sum();
+        Ok(Classes { undone, groups: named, list: found, inertia: inertia.min(f64::MAX) })
     }
-    let mean = |group: usize| moments[group].mean(&frame).clamp(f64::MIN, f64::MAX);
-    let mut order: Vec<usize> = (0..count).collect();
-    order.sort_by(|&a, &b| {
-        mean(a).total_cmp(&mean(b)).then(moments[b].count.cmp(&moments[a].count)).then(a.cmp(&b))
-    });
-    let mut names = vec![NO_DATA; count + 1];
-    order.iter().enumerate().for_each(|(class, group)| names[group + 1] = class as u16 + 1);
-    parallel::for_each_piece_mut(&mut groups, CHUNK, &|_, groups| {
-        for group in groups {
-            *group = names[usize::from(*group)];
-        }
-    });
-    let class = |(i, &group): (usize, &usize)| Class {
-        id: i as u16 + 1,
-        name: None,
-        mean: mean(group),
-        sd: moments[group].sd(&frame).min(f64::MAX),
-        voxels: moments[group].count,
-        lower: None,
-        upper: None,
-    };
-    let mut found: Vec<Class> = order.iter().enumerate().map(class).collect();
-    classes::set_crossings(&mut found);
-    let inertia: f64 = order.iter().map(|group| moments[*group].inertia(&frame)).sum();
-    Ok(Classes { undone, groups, list: found, inertia: inertia.min(f64::MAX) })
 }
 
-fn voxel_labels(tree: &Tree, classes: &[u16], exec: &Exec) -> Result<SpillVec<u16>, Error> {
-    let mut labels: SpillVec<u16> = exec.bulk("the labels", tree.leaves.len())?;
+impl Classes {
+    /// The voxels' labels; `leaves` are those of a tree on this grid.
+    pub(super) fn segment(self, grid: &Grid, leaves: &[u32], exec: &Exec) -> Result<Segmentation, Error> {
+        let voxels: u64 = self.list.iter().map(|c| c.voxels).sum();
+        Ok(Segmentation {
+            k: self.list.len(),
+            labels: Labels::new(grid.clone(), voxel_labels(leaves, &self.groups, exec)?.into(), self.list)?,
+            iterations: 1,
+            converged: true,
+            objective: self.inertia,
+            visited_fraction: voxels as f64 / grid.len() as f64,
+            gap: 0.0,
+        })
+    }
+}
+
+fn voxel_labels(leaves: &[u32], classes: &[u16], exec: &Exec) -> Result<SpillVec<u16>, Error> {
+    let mut labels: SpillVec<u16> = exec.bulk("the labels", leaves.len())?;
     parallel::try_for_each_piece_mut(&mut labels, CHUNK, &|i, labels| {
         exec.check_cancelled()?;
-        for (label, leaf) in labels.iter_mut().zip(&tree.leaves[i * CHUNK..]) {
+        for (label, leaf) in labels.iter_mut().zip(&leaves[i * CHUNK..]) {
             *label = if *leaf == 0 { NO_DATA } else { classes[*leaf as usize - 1] };
         }
         Ok::<_, Error>(())

@@ -4,7 +4,7 @@ use ivd_core::{Exec, Tree, sets};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::cut::{CutParams, classes_of};
+use super::cut::{Classes, CutParams, classes_of};
 use crate::Error;
 
 /// The merges that a cut undid, between its classes.
@@ -37,28 +37,29 @@ pub fn dendrogram(
     most: usize,
     exec: &Exec,
 ) -> Result<Option<Dendrogram>, Error> {
-    exec.run(|| {
-        let found = classes_of(tree, params, exec)?;
-        let count = found.list.len();
-        if count > most {
-            return Ok(None);
+    exec.run(|| Ok(of(&classes_of(tree, params, exec)?, most)))
+}
+
+/// How the classes of a cut come together; `None` where there are more than `most` of them.
+pub(super) fn of(found: &Classes, most: usize) -> Option<Dendrogram> {
+    let count = found.list.len();
+    if count > most {
+        return None;
+    }
+    let mut parts = sets::singles(count);
+    let mut top: Vec<usize> = (0..count).collect();
+    let mut merges = Vec::with_capacity(found.undone.len());
+    for undone in &found.undone {
+        let [a, b] =
+            undone.pair.map(|leaf| sets::root(&mut parts, u32::from(found.groups[leaf as usize - 1]) - 1));
+        if a != b {
+            merges.push((top[a as usize], top[b as usize], undone.height));
+            sets::join(&mut parts, a, b);
+            top[a.min(b) as usize] = count + merges.len() - 1;
         }
-        let mut parts = sets::singles(count);
-        let mut top: Vec<usize> = (0..count).collect();
-        let mut merges = Vec::with_capacity(found.undone.len());
-        for &merge in &found.undone {
-            let pair = tree.merges[merge as usize];
-            let [a, b] =
-                pair.map(|leaf| sets::root(&mut parts, u32::from(found.groups[leaf as usize - 1]) - 1));
-            if a != b {
-                merges.push((top[a as usize], top[b as usize], tree.height(merge as usize)));
-                sets::join(&mut parts, a, b);
-                top[a.min(b) as usize] = count + merges.len() - 1;
-            }
-        }
-        let leaves = found.list.iter().map(|c| Leaf { mean: c.mean, voxels: c.voxels }).collect();
-        Ok(Some(Dendrogram { leaves, merges }))
-    })
+    }
+    let leaves = found.list.iter().map(|c| Leaf { mean: c.mean, voxels: c.voxels }).collect();
+    Some(Dendrogram { leaves, merges })
 }
 
 #[cfg(test)]

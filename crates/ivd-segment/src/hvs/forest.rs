@@ -4,6 +4,8 @@
 //! volume can do without (as in the distributed algorithms after Borůvka; filter-Kruskal, Osipov, Sanders & Singler 2009).
 //! Each block is small enough to stay close to the processor, and blocks don't wait for one another.
 
+use std::ops::Range;
+
 use ivd_core::{Error, Exec, SpillVec, parallel, sets};
 
 use super::field::{Apart, Block, Field, blocks};
@@ -13,9 +15,12 @@ const BLOCK: [usize; 3] = [32, 16, 16];
 const PLACES: usize = 32 * 16 * 16;
 /// Blocks that are worked on before their edges are put together.
 const BATCH: usize = 256;
-/// Most buckets of the sort. More of them would each have their own page, and fewer would be longer to sort.
-const BUCKETS: u32 = 1 << 12;
-/// Edges that one task counts.
+/// Bits of the number of buckets of the sort, of keys that are exact: one for each difference of 16-bit values, so that nothing is
+/// left to sort. Most edges of a scan fall into few of them.
+const EXACT_BITS: u32 = 16;
+/// The same of other keys. More buckets would each have their own page, and fewer would be longer to sort.
+const ROUNDED_BITS: u32 = 12;
+/// Edges or voxels between two looks at whether to stop.
 const CHUNK: usize = 1 << 18;
 
 /// Edges of a minimum spanning forest and few others, ascending in their difference; of equal ones, in the order of blocks.
@@ -28,47 +33,49 @@ impl Edges {
     pub(super) fn ids(&self) -> &[u32] {
         &self.ids[..self.len]
     }
+
+    pub(super) fn ids_mut(&mut self) -> &mut [u32] {
+        &mut self.ids[..self.len]
+    }
 }
 
 pub(super) fn edges<T: Apart>(field: &Field<'_, T>, exec: &Exec) -> Result<Edges, Error> {
-    let (found, len, largest) = gather(field, exec)?;
-    let found = &found[..len];
-    let shift = (32 - largest.leading_zeros()).saturating_sub(BUCKETS.ilog2());
-    let buckets = (largest >> shift) as usize + 1;
+    let kept = gather(field, exec)?;
+    let bits = if T::EXACT { EXACT_BITS } else { ROUNDED_BITS };
+    let shift = (32 - kept.largest.leading_zeros()).saturating_sub(bits);
+    let buckets = (kept.largest >> shift) as usize + 1;
     let mut starts = vec![0_usize; buckets + 1];
-    for part in parallel::map_pieces(len, CHUNK, &|piece| count(field, &found[piece], shift, buckets)) {
+    let count = |batch| kept.count(field, batch, shift, buckets);
+    for part in parallel::map_pieces(kept.blocks.len(), BATCH, &count) {
         starts[1..].iter_mut().zip(&part).for_each(|(start, n)| *start += *n as usize);
     }
     (0..buckets).for_each(|b| starts[b + 1] += starts[b]);
+    let len = starts[buckets];
     exec.check_cancelled()?;
     let mut ids = exec.bulk("the sorted edges", len)?;
     let mut next = starts.clone();
-    for part in found.chunks(CHUNK) {
-        exec.check_cancelled()?;
-        for &edge in part {
+    for block in 0..kept.blocks.len() {
+        if block % BATCH == 0 {
+            exec.check_cancelled()?;
+        }
+        kept.each(field, block, |edge| {
             let place = &mut next[(field.key(edge) >> shift) as usize];
             ids[*place] = edge;
             *place += 1;
-        }
+        });
     }
+    drop(kept);
     if shift > 0 || !T::EXACT {
-        sort_buckets(field, &mut ids, &starts, exec)?;
+        sort_buckets(field, &mut ids, &starts, shift, exec)?;
     }
     Ok(Edges { ids, len })
-}
-
-fn count<T: Apart>(field: &Field<'_, T>, edges: &[u32], shift: u32, buckets: usize) -> Vec<u32> {
-    let mut counts = vec![0_u32; buckets];
-    for edge in edges {
-        counts[(field.key(*edge) >> shift) as usize] += 1;
-    }
-    counts
 }
 
 fn sort_buckets<T: Apart>(
     field: &Field<'_, T>,
     ids: &mut [u32],
     starts: &[usize],
+    shift: u32,
     exec: &Exec,
 ) -> Result<(), Error> {
     let mut rest = ids;
@@ -80,6 +87,10 @@ fn sort_buckets<T: Apart>(
     }
     parallel::try_for_each_of(parts, &|part| {
         exec.check_cancelled()?;
+        if T::EXACT && part.len() >> shift > 0 {
+            count_out(field, part, shift);
+            return Ok(());
+        }
         // Differences aren't negative: their bits ascend with them.
         let mut keyed: Vec<(u64, u32)> = part.iter().map(|e| (field.apart(*e).to_bits(), *e)).collect();
         keyed.sort_by_key(|(apart, _)| *apart);
@@ -88,47 +99,111 @@ fn sort_buckets<T: Apart>(
     })
 }
 
-/// The edges that the blocks keep, block after block, their number and the largest key.
-fn gather<T: Apart>(field: &Field<'_, T>, exec: &Exec) -> Result<(SpillVec<u32>, usize, u32), Error> {
+/// Sorts the edges of one bucket by the bits of their keys below `shift`, by counting; equal ones stay in their order. It takes a
+/// quarter of the memory of a sort that compares.
+fn count_out<T: Apart>(field: &Field<'_, T>, edges: &mut [u32], shift: u32) {
+    let before = edges.to_vec();
+    let bits = |edge: u32| (field.key(edge) & ((1 << shift) - 1)) as usize;
+    let mut next = vec![0_u32; 1 << shift];
+    before.iter().for_each(|edge| next[bits(*edge)] += 1);
+    let mut sum = 0;
+    for n in &mut next {
+        (*n, sum) = (sum, sum + *n);
+    }
+    for edge in before {
+        let place = &mut next[bits(edge)];
+        edges[*place as usize] = edge;
+        *place += 1;
+    }
+}
+
+/// A row of a block: for each axis, at which of its voxels an edge along the axis begins that is kept.
+type Row = [u32; 3];
+
+/// The edges that blocks keep, as bits: they are enumerated where they are wanted, in the order of the blocks and of the places in
+/// each, as a list of them would take ten times as much.
+struct Kept {
+    blocks: Vec<Block>,
+    rows: SpillVec<Row>,
+    /// Where each block's rows start.
+    starts: Vec<usize>,
+    /// The largest key.
+    largest: u32,
+}
+
+impl Kept {
+    #[inline(always)]
+    fn each<T>(&self, field: &Field<'_, T>, block: usize, mut tell: impl FnMut(u32)) {
+        let Block { start, size } = self.blocks[block];
+        let rows = &self.rows[self.starts[block]..self.starts[block + 1]];
+        for (i, row) in rows.iter().enumerate() {
+            let [y, z] = [start[1] + i % size[1], start[2] + i / size[1]];
+            let first = start[0] + field.steps[1] * y + field.steps[2] * z;
+            let mut left = row[0] | row[1] | row[2];
+            while left != 0 {
+                let x = left.trailing_zeros();
+                left &= left - 1;
+                let edge = 3 * (first + x as usize) as u32;
+                for (axis, bits) in row.iter().enumerate() {
+                    if bits >> x & 1 == 1 {
+                        tell(edge + axis as u32);
+                    }
+                }
+            }
+        }
+    }
+
+    /// How many edges of some blocks fall into each bucket.
+    fn count<T: Apart>(
+        &self,
+        field: &Field<'_, T>,
+        batch: Range<usize>,
+        shift: u32,
+        buckets: usize,
+    ) -> Vec<u32> {
+        let mut counts = vec![0_u32; buckets];
+        for block in batch {
+            self.each(field, block, |edge| counts[(field.key(edge) >> shift) as usize] += 1);
+        }
+        counts
+    }
+}
+
+fn gather<T: Apart>(field: &Field<'_, T>, exec: &Exec) -> Result<Kept, Error> {
     let blocks = blocks(field.dims, BLOCK);
-    let mut found: SpillVec<u32> = exec.bulk("the edges of the voxels", most(field.dims, &blocks))?;
-    let (mut len, mut largest) = (0, 0);
-    for batch in blocks.chunks(BATCH) {
+    let mut starts = vec![0];
+    for block in &blocks {
+        starts.push(starts[starts.len() - 1] + block.size[1] * block.size[2]);
+    }
+    let mut rows: SpillVec<Row> = exec.bulk("the edges of the voxels", starts[blocks.len()])?;
+    let mut largest = 0;
+    for from in (0..blocks.len()).step_by(BATCH) {
         exec.check_cancelled()?;
-        let parts: Vec<(Vec<u32>, u32)> =
+        let batch = &blocks[from..(from + BATCH).min(blocks.len())];
+        let parts: Vec<(Vec<Row>, u32)> =
             parallel::try_map_with(batch.len(), &Scratch::default, &|scratch, i| {
                 Ok::<_, Error>(scratch.keep(field, batch[i]))
             })?;
-        for (part, key) in &parts {
-            found[len..len + part.len()].copy_from_slice(part);
-            len += part.len();
+        for (i, (part, key)) in parts.iter().enumerate() {
+            rows[starts[from + i]..starts[from + i + 1]].copy_from_slice(part);
             largest = largest.max(*key);
         }
     }
-    Ok((found, len, largest))
-}
-
-/// Most edges that the blocks can keep: a tree in each, and all between them.
-fn most(dims: [usize; 3], blocks: &[Block]) -> usize {
-    let edges = |size: [usize; 3]| -> usize {
-        let all: usize = size.iter().product();
-        size.iter().map(|n| all / n.max(&1) * n.saturating_sub(1)).sum()
-    };
-    let kept: usize = blocks.iter().map(|b| edges(b.size) - (b.size.iter().product::<usize>() - 1)).sum();
-    edges(dims) - kept
+    Ok(Kept { blocks, rows, starts, largest })
 }
 
 /// What a task needs for a block.
 struct Scratch {
     sets: Vec<u16>,
-    keep: Vec<bool>,
+    keep: Vec<Row>,
     keyed: Vec<u64>,
     other: Vec<u64>,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        Self { sets: vec![0; PLACES], keep: vec![false; 3 * PLACES], keyed: Vec::new(), other: Vec::new() }
+        let keep = vec![[0; 3]; PLACES / BLOCK[0]];
+        Self { sets: vec![0; PLACES], keep, keyed: Vec::new(), other: Vec::new() }
     }
 }
 
@@ -136,37 +211,32 @@ impl Default for Scratch {
 const STEPS: [usize; 3] = [1, BLOCK[0], BLOCK[0] * BLOCK[1]];
 
 impl Scratch {
-    fn keep<T: Apart>(&mut self, field: &Field<'_, T>, block: Block) -> (Vec<u32>, u32) {
-        self.keep.fill(false);
-        let mut kept = self.list(field, block);
+    /// The rows of a block, and the largest key of an edge in them.
+    fn keep<T: Apart>(&mut self, field: &Field<'_, T>, block: Block) -> (Vec<Row>, u32) {
+        self.keep.fill([0; 3]);
+        let mut largest = self.list(field, block);
         self.sort();
         if !T::EXACT {
             self.settle(field, block);
         }
         self.sets.iter_mut().enumerate().for_each(|(i, set)| *set = i as u16);
-        let mut largest = 0;
         for i in 0..self.keyed.len() {
             let edge = self.keyed[i] as usize & 0xffff;
-            let (a, b) = (edge / 3, edge / 3 + STEPS[edge % 3]);
-            if self.join(a as u16, b as u16) {
-                self.keep[edge] = true;
-                kept += 1;
+            let (place, axis) = (edge / 3, edge % 3);
+            if self.join(place as u16, (place + STEPS[axis]) as u16) {
+                self.keep[place / BLOCK[0]][axis] |= 1 << (place % BLOCK[0]);
                 largest = largest.max((self.keyed[i] >> 16) as u32);
             }
         }
-        let mut edges = Vec::with_capacity(kept);
-        for edge in (0..3 * PLACES).filter(|edge| self.keep[*edge]) {
-            edges.push(global(field, block, edge));
-        }
-        // Edges to other blocks have no key yet.
-        let between = edges.iter().map(|e| field.key(*e)).max().unwrap_or(0);
-        (edges, largest.max(between))
+        let of_layer = |z: usize| &self.keep[BLOCK[1] * z..][..block.size[1]];
+        ((0..block.size[2]).flat_map(of_layer).copied().collect(), largest)
     }
 
-    /// Lists the edges within a block with their keys, in the order of their places; keeps those that leave it, and counts them.
-    fn list<T: Apart>(&mut self, field: &Field<'_, T>, block: Block) -> usize {
+    /// Lists the edges within a block with their keys, in the order of their places; keeps those that leave it, and gives their
+    /// largest key.
+    fn list<T: Apart>(&mut self, field: &Field<'_, T>, block: Block) -> u32 {
         self.keyed.clear();
-        let mut leaving = 0;
+        let mut largest = 0;
         let Block { start, size } = block;
         for z in 0..size[2] {
             for y in 0..size[1] {
@@ -181,19 +251,19 @@ impl Scratch {
                         if start[axis] + at + 1 == field.dims[axis] || !field.present(next) {
                             continue;
                         }
-                        let edge = 3 * (place + x) + axis;
+                        let key = field.voxels[row + x].key(field.voxels[next]);
                         if at + 1 == size[axis] {
-                            self.keep[edge] = true;
-                            leaving += 1;
+                            self.keep[place / BLOCK[0]][axis] |= 1 << x;
+                            largest = largest.max(key);
                         } else {
-                            let key = field.voxels[row + x].key(field.voxels[next]);
+                            let edge = 3 * (place + x) + axis;
                             self.keyed.push(u64::from(key) << 16 | edge as u64);
                         }
                     }
                 }
             }
         }
-        leaving
+        largest
     }
 
     /// Sorts the edges by key, a byte at a time; equal keys stay in the order of their places.
@@ -293,4 +363,60 @@ pub(super) fn zones<T: Apart>(
         };
     }
     Ok((leaves, count as usize, flat))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ivd_core::{Grid, Volume, Voxels, noise};
+
+    fn ramp(dims: [usize; 3], values: u64) -> Vec<u16> {
+        (0..dims.iter().product()).map(|i: usize| noise::below(3, i as u64, values) as u16).collect()
+    }
+
+    /// The edges of each block as the rows hold them, against all edges that join two voxels.
+    #[test]
+    fn rows_enumerate_the_edges_they_hold_in_the_order_of_places() {
+        let dims = [70, 19, 18];
+        let voxels = ramp(dims, 9);
+        let grid = Grid::with_spacing(dims, [1.0; 3]).unwrap();
+        let volume = Volume::new(grid, Voxels::from(voxels.clone())).unwrap();
+        let field = Field::new(&volume, &voxels[..], None);
+        let kept = gather(&field, &Exec::default()).unwrap();
+        let mut largest = 0;
+        for (block, &Block { start, size }) in kept.blocks.iter().enumerate() {
+            let mut found = Vec::new();
+            kept.each(&field, block, |edge| found.push(edge));
+            assert!(found.is_sorted(), "x is fastest in a block of one row, and rows follow in y and z");
+            for edge in found {
+                let voxel = edge as usize / 3;
+                let at = [voxel % dims[0], voxel / dims[0] % dims[1], voxel / dims[0] / dims[1]];
+                assert!(
+                    (0..3).all(|a| (start[a]..start[a] + size[a]).contains(&at[a])),
+                    "{at:?} in {start:?}"
+                );
+                assert!(at[edge as usize % 3] + 1 < dims[edge as usize % 3]);
+                largest = largest.max(field.key(edge));
+            }
+        }
+        assert_eq!(largest, kept.largest);
+    }
+
+    #[test]
+    fn counting_sorts_as_comparing_does() {
+        let dims = [64, 20, 3];
+        let voxels = ramp(dims, 65_536);
+        let grid = Grid::with_spacing(dims, [1.0; 3]).unwrap();
+        let volume = Volume::new(grid, Voxels::from(voxels.clone())).unwrap();
+        let field = Field::new(&volume, &voxels[..], None);
+        for shift in [1, 4, 7] {
+            // Edges that share the bits above.
+            let all = (0..voxels.len() - 2000).map(|voxel| 3 * voxel as u32);
+            let mut edges: Vec<u32> = all.filter(|edge| field.key(*edge) >> 12 == 1).collect();
+            let mut plain = edges.clone();
+            plain.sort_by_key(|edge| field.key(*edge) & ((1 << shift) - 1));
+            count_out(&field, &mut edges, shift);
+            assert!(edges.len() > 100 && edges == plain, "{shift}");
+        }
+    }
 }

@@ -8,6 +8,7 @@ mod field;
 mod figures;
 mod forest;
 mod graph;
+mod grown;
 mod merges;
 mod single;
 #[cfg(test)]
@@ -15,17 +16,16 @@ mod tests;
 mod ward;
 
 use ivd_core::op::Op as _;
-use ivd_core::{Error, Exec, LeafMeans, Linkage, Mask, ParamError, Tree, TreeParts, Volume, with_voxels};
+use ivd_core::{Error, Exec, Linkage, Mask, Tree, Volume};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::moments::{Frame, Moments};
-use crate::{Within, selection};
+use crate::{Segmentation, Within};
 pub use cut::{CutParams, Ranking, cut};
 pub use dendrogram::{Dendrogram, Leaf, dendrogram};
-use field::{Apart, Field};
-use figures::{Figures, Leaves};
-use merges::Merges;
+use figures::Figures;
+use grown::Grown;
 
 /// Most voxels: an edge of the grid has a number of 32 bits.
 const MOST_VOXELS: usize = u32::MAX as usize / 3;
@@ -95,91 +95,59 @@ pub fn region_tree(
     exec: &Exec,
 ) -> Result<Hvs, Error> {
     params.check()?;
-    if volume.grid().len() > MOST_VOXELS {
-        let problem = format!(
-            "{} voxels, a tree takes at most {MOST_VOXELS}; crop or resample it",
-            volume.grid().len()
-        );
-        return Err(Error::Inconsistent { what: "volume", problem });
-    }
+    check_size(volume)?;
+    exec.run(|| Grown::of(volume, mask, params, exec)?.into_hvs(volume, exec))
+}
+
+/// Grows the tree of a volume and cuts it, without making the tree whole: what only a tree that is kept needs of its leaves is never held
+/// beside its merges. The same as [`cut`] and [`dendrogram`] of [`region_tree`]; also the number of leaves.
+///
+/// # Errors
+/// Those of [`region_tree`] and [`cut`].
+pub(crate) fn classes(
+    (volume, mask): (&Volume, Option<&Mask>),
+    params: &HvsParams,
+    at: &CutParams,
+    most: usize,
+    exec: &Exec,
+) -> Result<(Segmentation, Option<Dendrogram>, usize), Error> {
+    params.check()?;
+    at.check()?;
+    check_size(volume)?;
+    exec.run(|| Grown::of(volume, mask, params, exec)?.cut(volume, at, most, exec))
+}
+
+/// As [`cut`] and [`dendrogram`] of a tree, the classes found once.
+///
+/// # Errors
+/// Those of [`cut`].
+pub(crate) fn drawn(
+    tree: &Tree,
+    params: &CutParams,
+    most: usize,
+    exec: &Exec,
+) -> Result<(Segmentation, Option<Dendrogram>), Error> {
     exec.run(|| {
-        let scope = selection::of(volume, mask, params.within, exec)?;
-        with_voxels!(volume.voxels(), slice => grow(volume, &Field::new(volume, slice, scope.as_deref()), params, exec))
+        let found = cut::classes_of(tree, params, exec)?;
+        let dendrogram = dendrogram::of(&found, most);
+        Ok((found.segment(&tree.grid, &tree.leaves, exec)?, dendrogram))
     })
 }
 
-fn grow<T: Apart>(
-    volume: &Volume,
-    field: &Field<'_, T>,
-    params: &HvsParams,
-    exec: &Exec,
-) -> Result<Hvs, Error> {
-    if params.linkage == Linkage::Ward && params.alpha.is_none() {
-        let frame = Frame::of(volume);
-        let (leaves, count) = cells::cells(field, &frame, cells::BLOCK, params.max_regions, exec)?;
-        let of = Leaves { volume, voxels: field.voxels, ids: &leaves, count };
-        let figures = figures::spread(&of, exec)?;
-        let merges = ward(volume, &leaves, &figures, exec)?;
-        return finish(volume, params.linkage, leaves, figures, merges);
+fn check_size(volume: &Volume) -> Result<(), Error> {
+    if volume.grid().len() <= MOST_VOXELS {
+        return Ok(());
     }
-    let edges = forest::edges(field, exec)?;
-    let alpha = params.alpha.unwrap_or(0.0);
-    let (leaves, count, flat) = forest::zones(field, edges.ids(), alpha, exec)?;
-    let of = Leaves { volume, voxels: field.voxels, ids: &leaves, count };
-    let figures = if alpha == 0.0 { figures::flat(&of, exec)? } else { figures::spread(&of, exec)? };
-    let merges = match params.linkage {
-        Linkage::Single => {
-            let merges = single::merges(field, &edges.ids()[flat..], &leaves, &figures, exec)?;
-            drop(edges);
-            merges
-        }
-        Linkage::Ward if count > params.max_regions => {
-            let problem =
-                format!("{alpha} leaves {count} zones, more than max_regions ({})", params.max_regions);
-            return Err(ParamError::new("alpha", problem, "leave it out, or raise one of the two").into());
-        }
-        Linkage::Ward => {
-            drop(edges);
-            ward(volume, &leaves, &figures, exec)?
-        }
-    };
-    finish(volume, params.linkage, leaves, figures, merges)
-}
-
-fn ward(volume: &Volume, leaves: &[u32], figures: &Figures, exec: &Exec) -> Result<Merges, Error> {
-    let graph = graph::graph(leaves, figures.counts.len(), volume.grid().dims(), exec)?;
-    ward::merges(volume, &graph, figures, exec)
-}
-
-fn finish(
-    volume: &Volume,
-    linkage: Linkage,
-    leaves: ivd_core::SpillVec<u32>,
-    figures: Figures,
-    merges: Merges,
-) -> Result<Hvs, Error> {
-    let excess = excess(&figures);
-    let (inversions, bridges) = (merges.inversions, merges.bridges);
-    let parts = merges.into_parts();
-    let tree = Tree::new(TreeParts {
-        grid: volume.grid().clone(),
-        linkage,
-        leaves: leaves.into_buffer(),
-        merges: parts.merges,
-        heights: parts.heights,
-        ends: parts.ends,
-        counts: figures.counts.into_buffer(),
-        means: figures.means,
-        squares: figures.squares.map(ivd_core::SpillVec::into_buffer),
-        bridges,
-    })?;
-    Ok(Hvs { regions: tree.leaf_count(), tree, excess, inversions })
+    let problem =
+        format!("{} voxels, a tree takes at most {MOST_VOXELS}; crop or resample it", volume.grid().len());
+    Err(Error::Inconsistent { what: "volume", problem })
 }
 
 /// The share of the sum of squared deviations that lies within the leaves.
 fn excess(figures: &Figures) -> f64 {
     let Some(squares) = &figures.squares else { return 0.0 };
-    let frame = frame(&figures.means);
+    let means = (0..figures.counts.len()).map(|leaf| figures.means.get(leaf));
+    let frame = frame(means.fold([f64::INFINITY, f64::NEG_INFINITY], |r, m| [r[0].min(m), r[1].max(m)]));
     let (mut whole, mut within) = (Moments::default(), Moments::default());
     for leaf in 0..figures.counts.len() {
         let (mean, count) = (figures.means.get(leaf), u64::from(figures.counts[leaf]));
@@ -190,10 +158,7 @@ fn excess(figures: &Figures) -> f64 {
     if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// The frame of the leaves' means.
-fn frame(means: &LeafMeans) -> Frame {
-    let all = 0..means.len();
-    let range =
-        all.map(|i| means.get(i)).fold([f64::INFINITY, f64::NEG_INFINITY], |r, m| [r[0].min(m), r[1].max(m)]);
-    Frame::between(if range[0] <= range[1] { range } else { [0.0; 2] })
+/// The frame of means between these two.
+fn frame([low, high]: [f64; 2]) -> Frame {
+    Frame::between(if low <= high { [low, high] } else { [0.0; 2] })
 }

@@ -1,23 +1,18 @@
 //! Ward's criterion over the leaves: each merge adds least to the sum of squared deviations from the means (Ward 1963), among
 //! parts that touch.
 
-use ivd_core::{Error, Exec, Volume};
+use ivd_core::{Error, Exec, Linkage, Volume};
 
 use super::agglomerate::Regions;
 use super::figures::Figures;
 use super::graph::Graph;
-use super::merges::Merges;
+use super::merges::{Merges, Parts};
 use crate::moments::Frame;
 
 /// Merges between two looks at whether to stop.
 const CHUNK: usize = 1 << 8;
 
-pub(super) fn merges(
-    volume: &Volume,
-    graph: &Graph,
-    figures: &Figures,
-    exec: &Exec,
-) -> Result<Merges, Error> {
+pub(super) fn merges(volume: &Volume, graph: &Graph, figures: &Figures, exec: &Exec) -> Result<Parts, Error> {
     let frame = Frame::of(volume);
     // Costs are found in a frame in which nothing overflows.
     let height = |cost| height(cost, frame.scale(), volume.slope());
@@ -54,7 +49,7 @@ pub(super) fn merges(
             look(&merges)
         })?;
     }
-    Ok(merges)
+    Ok(merges.into_parts(Linkage::Ward))
 }
 
 /// A cost in real units²; `scale` is a power of two, so that nothing is rounded away by it.

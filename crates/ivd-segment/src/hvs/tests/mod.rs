@@ -2,6 +2,7 @@
 
 mod awkward;
 mod cuts;
+mod grown;
 mod single;
 mod ward;
 

@@ -1,7 +1,7 @@
 use std::collections::BTreeSet;
 
 use super::super::figures::{self, Leaves};
-use super::super::{cells, finish, ward as ward_merges};
+use super::super::{cells, grown};
 use super::*;
 use crate::hvs::field::Field;
 use crate::moments::Frame;
@@ -44,9 +44,7 @@ fn capped(volume: &Volume, block: usize, most: usize) -> Hvs {
     let (leaves, count) = cells::cells(&field, &Frame::of(volume), block, most, &exec).unwrap();
     let figures =
         figures::spread(&Leaves { volume, voxels: &voxels[..], ids: &leaves, count }, &exec).unwrap();
-    let graph = crate::hvs::graph::graph(&leaves, count, volume.grid().dims(), &exec).unwrap();
-    let merges = ward_merges::merges(volume, &graph, &figures, &exec).unwrap();
-    finish(volume, Linkage::Ward, leaves, figures, merges).unwrap()
+    grown::by_ward(volume, leaves, figures, &exec).unwrap().into_hvs(volume, &exec).unwrap()
 }
 
 fn cut_inertia(volume: &Volume, tree: &Tree, k: usize) -> f64 {

@@ -1,0 +1,128 @@
+//! About how much memory a stage takes: what the message of a run that its limit stopped names.
+//!
+//! Nothing is decided by it. The numbers are bytes for each voxel of the largest grid among the inputs, and for each triangle of the
+//! largest lattice, as `tests/memory/cage.py` measures them, rounded up: what is named is to do, and may be more than is needed.
+
+use ivd_artefact::Artefact;
+use ivd_core::{Classified as _, ErrorClass, Exec, Grid, Lattice};
+
+use crate::stage::Inputs;
+use crate::{Error, resource};
+
+const MIB: u64 = 1 << 20;
+/// The program, its threads, and what is small of every stage (bytes).
+const BASE: u64 = 64 * MIB;
+
+/// How large what is worked on is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Size {
+    pub(crate) voxels: u64,
+    pub(crate) triangles: u64,
+}
+
+impl Size {
+    /// Of the largest grid and lattice among a stage's inputs.
+    pub(crate) fn of(inputs: &Inputs) -> Self {
+        inputs.artefacts().fold(Self::default(), Self::with)
+    }
+
+    /// With those of a value.
+    pub(crate) fn with(self, artefact: &Artefact) -> Self {
+        let voxels = grid(artefact).map_or(0, |grid| grid.len() as u64);
+        let triangles = lattice(artefact).map_or(0, |lattice| lattice.triangles().len() as u64);
+        Self { voxels: self.voxels.max(voxels), triangles: self.triangles.max(triangles) }
+    }
+}
+
+fn grid(artefact: &Artefact) -> Option<&Grid> {
+    match artefact {
+        Artefact::Volume(volume) => Some(volume.grid()),
+        Artefact::Labels(labels) => Some(labels.grid()),
+        Artefact::Mask(mask) => Some(mask.grid()),
+        Artefact::Tree(tree) => Some(&tree.grid),
+        Artefact::Lattice(lattice) => Some(lattice.grid()),
+        Artefact::Displacement(displacement) => Some(displacement.grid()),
+        Artefact::Octree(_) | Artefact::Motion(_) | Artefact::Transfer(_) | Artefact::Image(_) => None,
+    }
+}
+
+fn lattice(artefact: &Artefact) -> Option<&Lattice> {
+    if let Artefact::Lattice(lattice) = artefact { Some(lattice) } else { None }
+}
+
+/// Bytes a voxel and a triangle.
+fn rates(stage: &str) -> [u64; 2] {
+    match stage {
+        "segment" => [32, 0],
+        "atf" => [12, 0],
+        "boundary" => [24, 0],
+        "lattice" => [24, 0],
+        "refine" => [4, 800],
+        "octree" => [4, 400],
+        "deform" => [24, 1200],
+        "map" | "space" => [60, 800],
+        "render" => [10, 100],
+        // What makes a grid's values of other grids' values.
+        _ => [20, 100],
+    }
+}
+
+/// About how much a stage takes beside what is held when it begins (bytes).
+pub(crate) fn about(stage: &str, size: Size) -> u64 {
+    let [voxel, triangle] = rates(stage);
+    BASE + voxel * size.voxels + triangle * size.triangles
+}
+
+/// An error, with the limit that would do where a memory limit ended the work: `held` (MiB) at the beginning, and what the work takes.
+pub(crate) fn explained(error: Error, exec: &Exec, held: Option<f64>, takes: u64) -> Error {
+    let class = error.error_class();
+    let may_be = exec.memory_limit.is_some() && matches!(class, ErrorClass::Cancelled | ErrorClass::Limit);
+    if !may_be || exec.cancel.is_late() || matches!(error, Error::Short { .. }) {
+        return error;
+    }
+    let now = resource::own_mb().unwrap_or_default().max(held.unwrap_or_default());
+    let held = (held.unwrap_or_default() * MIB as f64) as u64;
+    // What was held when it ended wasn't enough.
+    let least = (now * 1.5 * MIB as f64) as u64;
+    let mib = (held + takes).max(least).max(exec.memory_limit.unwrap_or_default() * 5 / 4).div_ceil(MIB);
+    Error::Short { about_mib: mib.next_multiple_of(16), source: Box::new(error) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, Instant};
+
+    use ivd_core::Error as CoreError;
+
+    use super::*;
+
+    fn short(error: Error, exec: &Exec) -> Option<u64> {
+        match explained(error, exec, Some(10.0), 100 * MIB) {
+            Error::Short { about_mib, .. } => Some(about_mib),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn a_limit_is_named_where_a_limit_may_have_ended_the_work_and_nowhere_else() {
+        let cancelled = || Error::Core(CoreError::Cancelled);
+        let limited = Exec::default().with_memory_limit(Some(80 * MIB));
+        let named = short(cancelled(), &limited).unwrap();
+        assert!(named >= 110 && named.is_multiple_of(16), "{named}");
+        assert_eq!(short(cancelled(), &Exec::default()), None, "no limit was set");
+        assert_eq!(short(Error::usage("map", "no"), &limited), None);
+        let late = limited.clone().with_deadline(Instant::now() - Duration::from_secs(1));
+        assert_eq!(short(Error::Core(CoreError::Deadline), &late), None, "the time was up");
+        // More than the limit that was too low, whatever is reckoned.
+        let roomy = Exec::default().with_memory_limit(Some(4000 * MIB));
+        assert!(short(cancelled(), &roomy).unwrap() >= 5000);
+    }
+
+    #[test]
+    fn more_to_work_on_takes_more() {
+        for stage in ["segment", "atf", "lattice", "refine", "map", "warp"] {
+            let small = about(stage, Size { voxels: 1000, triangles: 10 });
+            assert!(about(stage, Size { voxels: 100_000, triangles: 1000 }) > small);
+        }
+    }
+}
