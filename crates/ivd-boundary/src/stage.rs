@@ -24,6 +24,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("mask")
     }],
     quiet: false,
+    room: [24, 0],
 };
 const METHODS: &[Method] = &[
     method::<ComponentParams>("component"),

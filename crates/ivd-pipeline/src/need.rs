@@ -1,11 +1,12 @@
 //! About how much memory a stage takes: what the message of a run that its limit stopped names.
 //!
-//! Nothing is decided by it. The numbers are bytes for each voxel of the largest grid among the inputs, and for each triangle of the
-//! largest lattice, as `tests/memory/cage.py` measures them, rounded up: what is named is to do, and may be more than is needed.
+//! Nothing is decided by it. The numbers stand at the stages ([`ivd_core::op::Stage::room`]) and are generous: what is named is to do, and may be
+//! several times what is needed. `tests/memory/cage.py` measures what is.
 
 use ivd_artefact::Artefact;
 use ivd_core::{Classified as _, ErrorClass, Exec, Grid, Lattice};
 
+use crate::list::stage;
 use crate::stage::Inputs;
 use crate::{Error, resource};
 
@@ -50,26 +51,12 @@ fn lattice(artefact: &Artefact) -> Option<&Lattice> {
     if let Artefact::Lattice(lattice) = artefact { Some(lattice) } else { None }
 }
 
-/// Bytes a voxel and a triangle.
-fn rates(stage: &str) -> [u64; 2] {
-    match stage {
-        "segment" => [32, 0],
-        "atf" => [12, 0],
-        "boundary" => [24, 0],
-        "lattice" => [24, 0],
-        "refine" => [4, 800],
-        "octree" => [4, 400],
-        "deform" => [24, 1200],
-        "map" | "space" => [60, 800],
-        "render" => [10, 100],
-        // What makes a grid's values of other grids' values.
-        _ => [20, 100],
-    }
-}
+/// What makes a grid's values of other grids' values and is no stage of the list, such as an import (bytes a voxel, a triangle).
+const OTHERS: [u64; 2] = [20, 100];
 
 /// About how much a stage takes beside what is held when it begins (bytes).
-pub(crate) fn about(stage: &str, size: Size) -> u64 {
-    let [voxel, triangle] = rates(stage);
+pub(crate) fn about(name: &str, size: Size) -> u64 {
+    let [voxel, triangle] = stage(name).map_or(OTHERS, |stage| stage.room);
     BASE + voxel * size.voxels + triangle * size.triangles
 }
 

@@ -133,9 +133,8 @@ fn step_where_thin(
 fn voxels_of(brick: [usize; 3], [nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = (usize, [usize; 3])> {
     let [x, y, z] = brick.map(|b| b * BRICK);
     (z..(z + BRICK).min(nz)).flat_map(move |z| {
-        (y..(y + BRICK).min(ny)).flat_map(move |y| {
-            (x..(x + BRICK).min(nx)).map(move |x| (x + nx * (y + ny * z), [x, y, z]))
-        })
+        (y..(y + BRICK).min(ny))
+            .flat_map(move |y| (x..(x + BRICK).min(nx)).map(move |x| (x + nx * (y + ny * z), [x, y, z])))
     })
 }
 

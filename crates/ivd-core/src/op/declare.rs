@@ -162,6 +162,9 @@ pub struct Stage {
     /// Whether a scene that gives it nothing to do doesn't tell of it: for a stage that few scenes have, whose job says that it is idle
     /// ([`Op::idle`]) or whose place is [for readers](Place::for_readers).
     pub quiet: bool,
+    /// About how many bytes of memory it takes, generously, for each voxel of the largest grid among its inputs and for each triangle of
+    /// the largest lattice. Nothing is decided by it: where a memory limit ends a run, the message tells a limit that should do.
+    pub room: [u64; 2],
 }
 
 impl Place {

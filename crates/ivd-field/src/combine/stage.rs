@@ -21,6 +21,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("result")
     }],
     quiet: true,
+    room: [20, 100],
 };
 const METHODS: &[Method] = &[method::<SceneCombine>("")];
 

@@ -26,6 +26,7 @@ pub const STAGE: Stage = Stage {
     positional: &["volume"],
     places: &[Place::only("lattice")],
     quiet: false,
+    room: [24, 0],
 };
 const METHODS: &[Method] = &[method::<LatticeParams>("")];
 

@@ -23,6 +23,7 @@ pub const STAGE: Stage = Stage {
     positional: &["lattice"],
     places: &[Place { amount: Amount::TrianglesAsCut, ..Place::only("lattice") }],
     quiet: false,
+    room: [4, 800],
 };
 const METHODS: &[Method] = &[method::<Refinement>("")];
 

@@ -127,7 +127,7 @@ fn handles(asked: &Asked<'_>, (taken, fixed): (&[PickFigures], &[PickFigures])) 
         "moved by [mm], or pulled with [mN]",
         "radius [mm]",
     ];
-    let place = |at: Option<[f64; 3]>| Cell::Text(at.map_or_else(|| "–".to_owned(), vector));
+    let place = |at: Option<[f64; 3]>| Cell::Text(at.map_or_else(|| "–".to_owned(), in_full));
     let cells =
         |name: String, pick: Option<&PickFigures>, asked: Option<[f64; 3]>, action: String, radius: f64| {
             [
@@ -141,7 +141,7 @@ fn handles(asked: &Asked<'_>, (taken, fixed): (&[PickFigures], &[PickFigures])) 
             ]
         };
     let action = |handle: &Handle| match (handle.by, handle.force) {
-        (Some(by), _) => vector(by),
+        (Some(by), _) => in_full(by),
         (None, Some(force)) => format!("{} mN", vector(force)),
         (None, None) => "–".to_owned(),
     };
@@ -165,6 +165,11 @@ fn others(asked: &Asked<'_>) -> String {
         rows.push(("bones", bones.to_string()));
     }
     if rows.is_empty() { String::new() } else { pairs(&rows) }
+}
+
+/// What was asked for, to the last digit, and what it is held beside.
+fn in_full(parts: [f64; 3]) -> String {
+    parts.map(|part| format!("{}", (part * 1e4).round() / 1e4)).join(", ")
 }
 
 fn vector(parts: [f64; 3]) -> String {
