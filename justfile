@@ -50,6 +50,14 @@ interop:
     cargo build --release -p ivd-bench --example measure
     bash tests/interop/run.sh target/release/ivd
 
+# Every output of every recipe opened by other programs' readers; and each figure of the reports of all scenes found in --json (pages under target/reports).
+readers:
+    cargo build --release
+    test -x target/interop-venv/bin/python || python3 -m venv target/interop-venv
+    target/interop-venv/bin/pip install -q --disable-pip-version-check -r tests/interop/requirements.txt
+    target/interop-venv/bin/python tests/interop/recipes.py target/release/ivd
+    target/interop-venv/bin/python tests/interop/reports.py target/release/ivd target/reports fixtures/scenes/*.toml
+
 # Every scene's artefacts and decoded outputs against the table; `just golden --write fixtures/golden.tsv` after a change that is meant.
 golden *args="--check fixtures/golden.tsv":
     cargo build --release

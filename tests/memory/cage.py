@@ -27,7 +27,7 @@ SCENES = pathlib.Path(__file__).resolve().parents[2] / "fixtures" / "scenes"
 
 # Name, arguments, the output. Words in braces are made before; each is measured as it is made.
 STAGES = [
-    ("phantom", "phantom head --size {size} --type {type} --noise 4 -o {head}", "head"),
+    ("phantom", "phantom head --size {size} --type {type} --noise 0.04 -o {head}", "head"),
     ("phantom, no noise", "phantom head --size {size} --type {type} -o {clean}", "clean"),
     ("import", "import {nii} -o {imported}", "imported"),
     ("segment kmvs", "segment {head} --method kmvs --k 4 -o {labels}", "labels"),
@@ -153,7 +153,7 @@ class Cage:
 
     def limits(self, name, words, free, output, clear):
         """The lowest limit that does, how the first that doesn't ends, and whether the limit named then does."""
-        least, limit = None, round(free.own * 1.2) + 1
+        least, limit = None, max(LEAST, round(free.own * 1.2) + 1)
         while limit >= LEAST:
             clear()
             seen = watch(self.command(words, limit), self.group(limit), limit)
@@ -213,7 +213,7 @@ def scenes(cage):
     n = args.size
     raw = folder / "scene.nii"
     if not args.scene:
-        subprocess.run([args.program, "phantom", "head", "--size", str(n), "--type", args.type, "--noise", "4", "-o", folder / "s.ivd", "-q"], check=True)
+        subprocess.run([args.program, "phantom", "head", "--size", str(n), "--type", args.type, "--noise", "0.04", "-o", folder / "s.ivd", "-q"], check=True)
         subprocess.run([args.program, "export", folder / "s.ivd", "-o", raw, "-q"], check=True)
         text = SCENE.format(file=raw.name, x=n // 2, r=n // 4, top=n * 122 // 128)
         (folder / "phantom.toml").write_text(text)

@@ -17,7 +17,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("transfer")
     }],
     quiet: false,
-    room: [12, 0],
+    memory: [12, 0],
 };
 const METHODS: &[Method] = &[method::<Params>("")];
 

@@ -24,7 +24,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("mask")
     }],
     quiet: false,
-    room: [24, 0],
+    memory: [24, 0],
 };
 const METHODS: &[Method] = &[
     method::<ComponentParams>("component"),
@@ -141,7 +141,7 @@ slots! {
 }
 
 impl Op for SurfaceParams {
-    const REVISION: u32 = 1;
+    const REVISION: u32 = 2;
     type Inputs<'a> = SurfaceInputs<'a>;
     type Output = Mask;
     type Figures = BoundaryFigures;

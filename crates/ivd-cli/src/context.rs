@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::args::{BackendChoice, Global, When};
 use crate::exit::Failure;
-use crate::guard::{Aside, Guard};
+use crate::guard::{Guard, TemporaryRoom};
 use crate::progress::{Progress, Style};
 use crate::talk;
 
@@ -42,7 +42,7 @@ impl Context {
         };
         let progress = Arc::new(Progress::new(style, !global.quiet));
         let mut exec = Exec::default().with_observer(progress).with_memory_limit(global.memory_limit);
-        exec = exec.with_spill(Arc::new(Aside::beyond(global.memory_limit)));
+        exec = exec.with_spill(Arc::new(TemporaryRoom::beyond(global.memory_limit)));
         exec.skip = !global.no_skip;
         exec = exec.with_simd(!global.no_simd);
         if let Some(threads) = global.threads {

@@ -18,18 +18,18 @@ const LEAST: u64 = 64 << 20;
 
 /// Room beyond the limit, in temporary files; what is held counts where the limit is of the whole program.
 #[derive(Debug)]
-pub(crate) struct Aside {
+pub(crate) struct TemporaryRoom {
     is_whole: bool,
 }
 
-impl Aside {
+impl TemporaryRoom {
     /// For a limit (bytes).
     pub(crate) fn beyond(limit: Option<u64>) -> Self {
         Self { is_whole: limit.is_some_and(|limit| limit >= LEAST) }
     }
 }
 
-impl Spill for Aside {
+impl Spill for TemporaryRoom {
     fn space(&self, bytes: usize) -> std::io::Result<Box<dyn SpillSpace>> {
         TemporaryFiles.space(bytes)
     }
@@ -97,7 +97,7 @@ impl Guard {
 /// The limit (MiB) that would have done, where an error tells it.
 fn about_mib(error: &(dyn std::error::Error + 'static)) -> Option<u64> {
     match error.downcast_ref()? {
-        ivd_pipeline::Error::Short { about_mib, .. } => Some(*about_mib),
+        ivd_pipeline::Error::OverMemory { about_mib, .. } => Some(*about_mib),
         _ => None,
     }
 }

@@ -23,23 +23,28 @@ impl Exec {
     /// [`Error::MemoryLimit`] where they don't fit and there is nowhere to put them, [`Error::Spill`] where that fails.
     pub fn bulk<T: Pod>(&self, what: &'static str, len: usize) -> Result<SpillVec<T>, Error> {
         let bytes = len.saturating_mul(size_of::<T>());
-        let fits = self.check_memory(what, bytes as u64);
-        match (fits, &self.spill) {
-            (Ok(()), Some(spill)) if self.is_full(spill.as_ref(), bytes as u64) => match spill.space(bytes) {
-                Ok(space) => Ok(SpillVec(Room::Spilled(space, bytes))),
-                Err(problem) => Err(Error::Spill { what, problem: problem.to_string() }),
-            },
-            (Ok(()), _) => match bytemuck::allocation::try_zeroed_vec(len) {
-                Ok(values) => Ok(SpillVec(Room::Memory(values))),
-                Err(()) => Err(Error::MemoryLimit { what: what.to_owned(), needed: bytes as u64, limit: 0 }),
-            },
-            (Err(_), Some(spill)) if bytes < usize::MAX => match spill.space(bytes) {
-                Ok(space) => Ok(SpillVec(Room::Spilled(space, bytes))),
-                Err(problem) => Err(Error::Spill { what, problem: problem.to_string() }),
-            },
-            (Err(error), _) => Err(error),
+        let Some(spill) = self.spill.as_ref().filter(|_| bytes < usize::MAX) else {
+            self.check_memory(what, bytes as u64)?;
+            return in_memory(what, len);
+        };
+        let fits = self.fits(what, bytes as u64).is_ok();
+        if fits && !self.is_full(spill.as_ref(), bytes as u64) {
+            return in_memory(what, len);
+        }
+        match spill.space(bytes) {
+            Ok(space) => Ok(SpillVec(Room::Spilled(space, bytes))),
+            // What is held may go; the limit is watched beside.
+            Err(_) if fits => in_memory(what, len),
+            Err(problem) => Err(Error::Spill { what, problem: problem.to_string() }),
         }
     }
+}
+
+fn in_memory<T: Pod>(what: &'static str, len: usize) -> Result<SpillVec<T>, Error> {
+    let needed = len.saturating_mul(size_of::<T>()) as u64;
+    let values = bytemuck::allocation::try_zeroed_vec(len);
+    let refused = |()| Error::MemoryLimit { what: what.to_owned(), needed, limit: 0 };
+    values.map(|values| SpillVec(Room::Memory(values))).map_err(refused)
 }
 
 /// Smaller arrays stay in memory, whatever is held: a file each would take more than it saves (bytes).

@@ -1,5 +1,5 @@
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::{Error, Spill};
@@ -101,6 +101,7 @@ pub struct Exec {
     pub memory_limit: Option<u64>,
     /// Where bulk data beyond the memory limit goes; without it such data is refused.
     pub spill: Option<Arc<dyn Spill>>,
+    refused: Arc<AtomicU64>,
     /// Backend asked for.
     pub backend: Backend,
     /// Whether work that can't change a result is passed over. Off: everything is looked at, for the same result; the plain
@@ -119,6 +120,7 @@ impl Default for Exec {
             cancel: Cancel::default(),
             memory_limit: None,
             spill: None,
+            refused: Arc::default(),
             backend: Backend::Cpu,
             skip: true,
             simd: true,
@@ -217,10 +219,24 @@ impl Exec {
     /// # Errors
     /// [`Error::MemoryLimit`] where `needed` bytes for `what` exceed the limit.
     pub fn check_memory(&self, what: &str, needed: u64) -> Result<(), Error> {
+        let checked = self.fits(what, needed);
+        if checked.is_err() {
+            self.refused.fetch_max(needed, Ordering::Relaxed);
+        }
+        checked
+    }
+
+    /// As [`Exec::check_memory`], for what has somewhere else to go.
+    pub(crate) fn fits(&self, what: &str, needed: u64) -> Result<(), Error> {
         match self.memory_limit {
             Some(limit) if needed > limit => Err(Error::MemoryLimit { what: what.to_owned(), needed, limit }),
             _ => Ok(()),
         }
+    }
+
+    /// The most bytes that the memory limit has refused to this context and its clones; `None` where it refused none.
+    pub fn refused(&self) -> Option<u64> {
+        Some(self.refused.load(Ordering::Relaxed)).filter(|bytes| *bytes > 0)
     }
 }
 

@@ -19,7 +19,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("octree")
     }],
     quiet: false,
-    room: [4, 400],
+    memory: [4, 400],
 };
 const METHODS: &[Method] = &[method::<Params>("")];
 

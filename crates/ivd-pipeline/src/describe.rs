@@ -15,7 +15,7 @@ fn grid_facts(grid: &Grid) -> Value {
     });
     let middle = grid.dims().map(|n| (n as f64 - 1.0) / 2.0);
     json!({
-        "dims": grid.dims(), "spacing": grid.spacing(), "origin": grid.origin(), "direction": grid.direction(),
+        "dims": grid.dims(), "spacing": grid.spacing(), "origin": grid.origin(), "direction": grid.direction(), "in_patient": grid.in_patient(),
         "units": "mm", "space": "RAS", "extent_mm": extent(corners),
         "centre_mm": <[f64; 3]>::from(grid.world(VoxelCoord(middle.into())).0),
     })

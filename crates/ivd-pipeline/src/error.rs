@@ -47,7 +47,7 @@ pub enum Error {
     Damaged(String),
     /// Work ended while a memory limit was set; where the limit ended it, about this much (MiB) would have done.
     #[error("{source}")]
-    Short {
+    OverMemory {
         /// A limit that would do (MiB).
         about_mib: u64,
         /// How the work ended.
@@ -88,7 +88,7 @@ impl Classified for Error {
             Self::Core(error) => error.error_class(),
             Self::Damaged(_) => ErrorClass::Input,
             Self::Limit(_) => ErrorClass::Limit,
-            Self::Short { source, .. } => source.error_class(),
+            Self::OverMemory { source, .. } => source.error_class(),
             Self::Figure { .. } => ErrorClass::Untrusted,
             Self::Io { .. } => ErrorClass::Io,
         }

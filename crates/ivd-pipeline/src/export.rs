@@ -53,6 +53,12 @@ pub fn export_with(
         return ivd_io::transfer::write(path, transfer, format).map_err(Error::in_stage("export"));
     }
     if ending(path) == "json" {
+        if options.frame.is_some() {
+            return Err(Error::usage(
+                "export",
+                "--frame: figures are of the whole motion; leave it out, or write a mesh",
+            ));
+        }
         return write_text(path, &format!("{:#}\n", describe(artefact)));
     }
     match artefact {

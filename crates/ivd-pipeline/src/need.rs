@@ -1,6 +1,6 @@
 //! About how much memory a stage takes: what the message of a run that its limit stopped names.
 //!
-//! Nothing is decided by it. The numbers stand at the stages ([`ivd_core::op::Stage::room`]) and are generous: what is named is to do, and may be
+//! Nothing is decided by it. The numbers stand at the stages ([`ivd_core::op::Stage::memory`]) and are generous: what is named is to do, and may be
 //! several times what is needed. `tests/memory/cage.py` measures what is.
 
 use ivd_artefact::Artefact;
@@ -51,28 +51,35 @@ fn lattice(artefact: &Artefact) -> Option<&Lattice> {
     if let Artefact::Lattice(lattice) = artefact { Some(lattice) } else { None }
 }
 
-/// What makes a grid's values of other grids' values and is no stage of the list, such as an import (bytes a voxel, a triangle).
+/// What makes a grid's values of other grids' values and is no stage of the list (bytes a voxel, a triangle).
 const OTHERS: [u64; 2] = [20, 100];
 
-/// About how much a stage takes beside what is held when it begins (bytes).
-pub(crate) fn about(name: &str, size: Size) -> u64 {
-    let [voxel, triangle] = stage(name).map_or(OTHERS, |stage| stage.room);
-    BASE + voxel * size.voxels + triangle * size.triangles
+/// About how much a stage takes beside what is held when it begins (bytes); `None` where nothing is known of its size yet.
+pub(crate) fn about(name: &str, size: Size) -> Option<u64> {
+    let [voxel, triangle] = stage(name).map_or(OTHERS, |stage| stage.memory);
+    (size != Size::default()).then_some(BASE + voxel * size.voxels + triangle * size.triangles)
 }
 
-/// An error, with the limit that would do where a memory limit ended the work: `held` (MiB) at the beginning, and what the work takes.
-pub(crate) fn explained(error: Error, exec: &Exec, held: Option<f64>, takes: u64) -> Error {
-    let class = error.error_class();
-    let may_be = exec.memory_limit.is_some() && matches!(class, ErrorClass::Cancelled | ErrorClass::Limit);
-    if !may_be || exec.cancel.is_late() || matches!(error, Error::Short { .. }) {
+/// An error, with the limit that would do where a memory limit ended the work: `held` (MiB) at the beginning, and what the work takes, which
+/// is at least what was refused to it. Other failures, and those of which neither is known, are left as they are.
+pub(crate) fn explained(error: Error, exec: &Exec, held: Option<f64>, takes: Option<u64>) -> Error {
+    let Some(limit) = exec.memory_limit else { return error };
+    let refused = exec.refused().map(|bytes| BASE + bytes);
+    let by_memory = match error.error_class() {
+        ErrorClass::Cancelled => true,
+        ErrorClass::Limit => refused.is_some() && !exec.cancel.is_late(),
+        _ => false,
+    };
+    let Some(takes) = takes.max(refused).filter(|_| by_memory && !matches!(error, Error::OverMemory { .. }))
+    else {
         return error;
-    }
+    };
     let now = resource::own_mb().unwrap_or_default().max(held.unwrap_or_default());
     let held = (held.unwrap_or_default() * MIB as f64) as u64;
     // What was held when it ended wasn't enough.
     let least = (now * 1.5 * MIB as f64) as u64;
-    let mib = (held + takes).max(least).max(exec.memory_limit.unwrap_or_default() * 5 / 4).div_ceil(MIB);
-    Error::Short { about_mib: mib.next_multiple_of(16), source: Box::new(error) }
+    let mib = (held + takes).max(least).max(limit / 4 * 5).div_ceil(MIB);
+    Error::OverMemory { about_mib: mib.next_multiple_of(16), source: Box::new(error) }
 }
 
 #[cfg(test)]
@@ -84,8 +91,8 @@ mod tests {
     use super::*;
 
     fn short(error: Error, exec: &Exec) -> Option<u64> {
-        match explained(error, exec, Some(10.0), 100 * MIB) {
-            Error::Short { about_mib, .. } => Some(about_mib),
+        match explained(error, exec, Some(10.0), Some(100 * MIB)) {
+            Error::OverMemory { about_mib, .. } => Some(about_mib),
             _ => None,
         }
     }
@@ -100,6 +107,12 @@ mod tests {
         assert_eq!(short(Error::usage("map", "no"), &limited), None);
         let late = limited.clone().with_deadline(Instant::now() - Duration::from_secs(1));
         assert_eq!(short(Error::Core(CoreError::Deadline), &late), None, "the time was up");
+        // Other limits than that of memory name none; an array that was refused is part of what is named.
+        let too_many = || Error::Core(CoreError::Deadline);
+        assert_eq!(short(too_many(), &limited), None);
+        assert_eq!(explained(cancelled(), &limited, None, None).to_string(), cancelled().to_string());
+        let refused = limited.check_memory("a picture", 2000 * MIB).unwrap_err();
+        assert!(short(Error::Core(refused), &limited).unwrap() >= 2000);
         // More than the limit that was too low, whatever is reckoned.
         let roomy = Exec::default().with_memory_limit(Some(4000 * MIB));
         assert!(short(cancelled(), &roomy).unwrap() >= 5000);
@@ -108,8 +121,8 @@ mod tests {
     #[test]
     fn more_to_work_on_takes_more() {
         for stage in ["segment", "atf", "lattice", "refine", "map", "warp"] {
-            let small = about(stage, Size { voxels: 1000, triangles: 10 });
-            assert!(about(stage, Size { voxels: 100_000, triangles: 1000 }) > small);
+            let small = about(stage, Size { voxels: 1000, triangles: 10 }).unwrap();
+            assert!(about(stage, Size { voxels: 100_000, triangles: 1000 }).unwrap() > small);
         }
     }
 }

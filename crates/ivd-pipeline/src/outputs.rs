@@ -190,7 +190,7 @@ impl<'a> Writer<'a> {
                 self.data.transfer = Some(transfer.clone());
             }
             Artefact::Motion(motion) => self.data.displacements = report::motion_lengths(motion),
-            Artefact::Labels(labels) => {
+            Artefact::Labels(labels) if node.gives() == "labels" => {
                 // Slices of the labels that a transfer function was made of stay, in its colours.
                 if self.data.transfer.is_none() || self.data.class_slices.is_empty() {
                     self.data.class_slices = report::class_slices(labels, None)?;
@@ -321,8 +321,16 @@ impl<'a> Writer<'a> {
         for key in OF_FRAMES {
             let is_of_it = |file: &&OutputFile| file.name.starts_with(key);
             let made: Vec<&OutputFile> = self.files.iter().filter(is_of_it).collect();
-            let is_left =
-                |old: &&OutputFile| !made.is_empty() && made.iter().all(|file| file.path != old.path);
+            let named = self.scene.output.files().into_iter().find(|(known, _)| *known == key);
+            // Only what has the name of a frame of this series: the record of the last run may name anything.
+            let is_frame = |old: &OutputFile| {
+                let number = old.name.strip_prefix(key).and_then(|rest| rest.trim().parse().ok());
+                let file = named.zip(number).map(|((_, path), number)| series::file_of(path, number));
+                file.is_some_and(|file| self.out.join(file) == old.path)
+            };
+            let is_left = |old: &&OutputFile| {
+                !made.is_empty() && is_frame(old) && made.iter().all(|file| file.path != old.path)
+            };
             for old in self.manifest.outputs.iter().filter(is_of_it).filter(is_left) {
                 let _ = std::fs::remove_file(&old.path);
             }

@@ -8,6 +8,7 @@ use ivd_artefact::Cache;
 use ivd_core::Exec;
 use serde::{Deserialize, Serialize};
 
+use crate::Stage;
 use crate::control::{Control, Uncontrolled};
 use crate::need::{self, Size};
 use crate::outputs::{Manifest, OutputFile, Writer};
@@ -141,11 +142,12 @@ fn attempt<C: Control>(
 
 /// The error of a run, where a memory limit ended it with one that does for all that was needed.
 fn whole(error: Error, needed: &[&str], seen: Size, exec: &Exec) -> Error {
-    let takes = needed.iter().map(|stage| need::about(stage, seen)).max().unwrap_or_default();
+    let takes = needed.iter().map(|stage| need::about(stage, seen)).max().flatten();
     match error {
-        Error::Short { about_mib, source } => {
-            Error::Short { about_mib: about_mib.max(takes.div_ceil(1 << 20)), source }
-        }
+        Error::OverMemory { about_mib, source } => Error::OverMemory {
+            about_mib: about_mib.max(takes.unwrap_or_default().div_ceil(1 << 20)),
+            source,
+        },
         error => need::explained(error, exec, None, takes),
     }
 }
@@ -217,7 +219,17 @@ pub fn run_node(
     runner: Runner<'_>,
     options: &PipelineOptions,
 ) -> Result<StageResult, Error> {
-    let stage = node.stage.as_deref();
+    run_node_as(node, node.stage.as_deref(), done, runner, options)
+}
+
+/// As [`run_node`], with another stage in the place's own's place: that of a plan whose settings were chosen.
+pub(crate) fn run_node_as(
+    node: &PlanNode,
+    stage: Option<&dyn Stage>,
+    done: &BTreeMap<NodeId, StageResult>,
+    runner: Runner<'_>,
+    options: &PipelineOptions,
+) -> Result<StageResult, Error> {
     let stage = stage.ok_or_else(|| Error::usage(node.id.stage, "it has nothing to do in this scene"))?;
     let mut inputs = Inputs::default();
     for (slot, from) in &node.inputs {

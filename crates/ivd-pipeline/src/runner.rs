@@ -214,7 +214,7 @@ struct Begun {
     source_bytes: u64,
     key: CacheKey,
     /// Memory of its own that the process held (MiB), and about how much the work takes beside it (bytes).
-    memory: (Option<f64>, u64),
+    memory: (Option<f64>, Option<u64>),
 }
 
 impl Begun {

@@ -1,13 +1,14 @@
 //! What every frame of a motion makes of the volume: the stages behind the motion, once for each.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use ivd_core::Motion;
 use serde_json::Value as Json;
 
 use crate::outputs::Writer;
-use crate::pipeline::{Context, run_node};
+use crate::pipeline::{Context, run_node_as};
 use crate::plan::{NodeId, Plan};
 use crate::runner::{StageRecord, StageResult};
 use crate::{Error, ending};
@@ -63,8 +64,10 @@ fn of_frame(
         }
     }
     for at in moved {
+        // Settings that a budget chose are those of all frames.
         let node = &own.nodes()[at];
-        let mut result = run_node(node, done, runner, options)?;
+        let chosen = if node.id.stage == ivd_map::STAGE.name { node } else { &plan.nodes()[at] };
+        let mut result = run_node_as(node, chosen.stage.as_deref(), done, runner, options)?;
         result.record.variant = format!("frame {frame}");
         result.record.why = format!("needed for {named}; {}", result.record.why);
         records.push(result.record.clone());
@@ -84,14 +87,21 @@ fn in_frame(error: Error, frame: usize, frames: usize, named: &str) -> Error {
 
 /// The file of a frame, counted from 0 as `map.frame` counts: `name_0000.nii.gz` is that of the first.
 pub fn file_of(path: &Path, frame: usize) -> PathBuf {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let dots = if ending(path) == "nii.gz" { 2 } else { 1 };
-    let parts: Vec<&str> = name.rsplitn(dots + 1, '.').collect();
-    let Some((stem, endings)) = parts.split_last().filter(|(_, endings)| !endings.is_empty()) else {
-        return path.with_file_name(format!("{name}_{frame:04}"));
-    };
-    let ending: Vec<&str> = endings.iter().rev().copied().collect();
-    path.with_file_name(format!("{stem}_{frame:04}.{}", ending.join(".")))
+    let number = format!("_{frame:04}");
+    let (mut stem, mut endings) = (path.to_owned(), Vec::new());
+    for _ in 0..if ending(path) == "nii.gz" { 2 } else { 1 } {
+        let Some(last) = stem.extension().map(OsStr::to_owned) else { break };
+        endings.push(last);
+        stem.set_extension("");
+    }
+    // Names needn't be UTF-8.
+    let mut name = stem.file_name().unwrap_or_default().to_owned();
+    name.push(number);
+    for ending in endings.iter().rev() {
+        name.push(".");
+        name.push(ending);
+    }
+    path.with_file_name(name)
 }
 
 #[cfg(test)]

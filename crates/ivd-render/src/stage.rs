@@ -39,7 +39,7 @@ pub const STAGE: Stage = Stage {
         },
     ],
     quiet: false,
-    room: [10, 100],
+    memory: [10, 100],
 };
 /// The slot of what is drawn.
 pub const VOLUME: &str = "volume";

@@ -32,7 +32,7 @@ pub const STAGE: Stage = Stage {
         Place { unread: "the isovalue is given and no class is named", ..Place::only("labels") },
     ],
     quiet: false,
-    room: [32, 0],
+    memory: [32, 0],
 };
 const METHODS: &[Method] = &[
     method::<Tidied<KmvsParams>>("kmvs"),

@@ -24,7 +24,7 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
     };
     if let Some(file) = context.global.params.as_deref() {
         return Err(Failure::usage(format!(
-            "--params {}: this command has no section of a scene; {} have one, and `ivd pipeline` takes --set stage.key=value",
+            "--params {}: this command reads none; {} do, and `ivd pipeline` takes --set stage.key=value",
             file.display(),
             stages::declared().map(|stage| stage.name).collect::<Vec<_>>().join(", ")
         )));

@@ -164,7 +164,7 @@ pub struct Stage {
     pub quiet: bool,
     /// About how many bytes of memory it takes, generously, for each voxel of the largest grid among its inputs and for each triangle of
     /// the largest lattice. Nothing is decided by it: where a memory limit ends a run, the message tells a limit that should do.
-    pub room: [u64; 2],
+    pub memory: [u64; 2],
 }
 
 impl Place {

@@ -33,7 +33,7 @@ pub const STAGE: Stage = Stage {
         },
     ],
     quiet: true,
-    room: [20, 100],
+    memory: [20, 100],
 };
 const METHODS: &[Method] = &[method::<SceneClip>("")];
 const TAG: &[(&str, &[&str])] = &[("tag", OF_SCENE)];

@@ -21,7 +21,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("result")
     }],
     quiet: true,
-    room: [20, 100],
+    memory: [20, 100],
 };
 const METHODS: &[Method] = &[method::<SceneCombine>("")];
 

@@ -16,7 +16,7 @@ pub const STAGE: Stage = Stage {
     positional: &["volume", "displacement"],
     places: &[Place::only("deformed")],
     quiet: false,
-    room: [20, 100],
+    memory: [20, 100],
 };
 const METHODS: &[Method] = &[method::<WarpParams>("")];
 

@@ -26,7 +26,7 @@ pub const STAGE: Stage = Stage {
     positional: &["volume"],
     places: &[Place::only("lattice")],
     quiet: false,
-    room: [24, 0],
+    memory: [24, 0],
 };
 const METHODS: &[Method] = &[method::<LatticeParams>("")];
 

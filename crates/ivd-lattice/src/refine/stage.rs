@@ -23,7 +23,7 @@ pub const STAGE: Stage = Stage {
     positional: &["lattice"],
     places: &[Place { amount: Amount::TrianglesAsCut, ..Place::only("lattice") }],
     quiet: false,
-    room: [4, 800],
+    memory: [4, 800],
 };
 const METHODS: &[Method] = &[method::<Refinement>("")];
 
@@ -153,7 +153,7 @@ impl Refinement {
 }
 
 impl Op for Refinement {
-    const REVISION: u32 = 6;
+    const REVISION: u32 = 7;
     const REMARK: Option<Remark<RefineFigures>> = Some(|figures| {
         let by = figures.last.reached.stopped_by;
         let is_met = matches!(by, StopReason::Target | StopReason::MaxError);

@@ -18,7 +18,7 @@ pub const STAGE: Stage = Stage {
     positional: &["lattice"],
     places: &[Place { amount: Amount::VerticesInReach, ..Place::only("motion") }],
     quiet: false,
-    room: [24, 1200],
+    memory: [24, 1200],
 };
 const METHODS: &[Method] = &[
     method::<RingMethod>("ring"),

@@ -6,7 +6,7 @@ use ivd_core::op::{Method, Place};
 use ivd_io::volume::{RawLayout, ReadOptions};
 
 use crate::scene::{InputSection, Loaded};
-use crate::stages::{Import, ImportDrawn, ImportMet, ImportSource};
+use crate::stages::{Import, ImportDrawn, ImportOperand, ImportSource};
 use crate::{Error, Section};
 
 /// The import of the volume.
@@ -82,7 +82,7 @@ pub(super) fn met(
     loaded: &Loaded,
     section: &Section,
     place: &'static Place,
-) -> Result<Vec<(&'static str, ImportMet)>, Error> {
+) -> Result<Vec<(&'static str, ImportOperand)>, Error> {
     let kinds = |method: &Method, slot: &str| {
         method.slots.iter().find(|known| known.name == slot).map_or(&[][..], |known| known.kinds)
     };
@@ -92,7 +92,7 @@ pub(super) fn met(
     };
     let files = place.named.iter().filter_map(|(slot, _)| file(slot));
     let import = |(slot, file): (&'static str, String)| {
-        Ok((slot, ImportMet::new(loaded.folder.join(file), kinds(section.method(), slot))?))
+        Ok((slot, ImportOperand::new(loaded.folder.join(file), kinds(section.method(), slot))?))
     };
     files.map(import).collect()
 }

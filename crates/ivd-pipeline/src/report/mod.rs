@@ -20,7 +20,7 @@ pub(crate) use page::html;
 pub(crate) use summary::input;
 
 /// Raised whenever the same data gives another page.
-pub(crate) const REVISION: u32 = 8;
+pub(crate) const REVISION: u32 = 9;
 
 /// Displacement (mm) of the vertices that move, in the last frame.
 pub(crate) fn motion_lengths(motion: &Motion) -> Vec<f64> {

@@ -20,7 +20,7 @@ impl Stage for ImportDrawn {
     fn facts(&self) -> Facts {
         Facts {
             name: IMPORT,
-            revision: 1,
+            revision: 2,
             inputs: &[],
             output: Some(Kind::Mask),
             figures: schema_of::<ImportMaskFigures>,

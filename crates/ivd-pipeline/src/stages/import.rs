@@ -64,7 +64,7 @@ impl Stage for Import {
     fn facts(&self) -> Facts {
         Facts {
             name: IMPORT,
-            revision: 2,
+            revision: 3,
             inputs: &[],
             output: Some(Kind::Volume),
             figures: schema_of::<ImportFigures>,

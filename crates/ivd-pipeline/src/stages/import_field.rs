@@ -47,7 +47,7 @@ impl Stage for ImportField {
     fn facts(&self) -> Facts {
         Facts {
             name: IMPORT,
-            revision: 1,
+            revision: 2,
             inputs: &[],
             output: Some(Kind::Displacement),
             figures: schema_of::<ImportFieldFigures>,

@@ -7,7 +7,7 @@ mod import;
 mod import_field;
 mod imported_lattice;
 mod lattice_parts;
-mod met;
+mod operand;
 
 use ivd_artefact::Kind;
 use ivd_core::op::{Slot, schema_of};
@@ -27,7 +27,7 @@ pub use imported_lattice::ImportedLattice;
 pub use ivd_field::clip::ClipFigures;
 pub use ivd_field::combine::CombineFigures;
 pub use lattice_parts::part_lattices;
-pub use met::ImportMet;
+pub use operand::ImportOperand;
 
 /// Facts of what gives a lattice in place of the stage that cuts one, with a revision of its own.
 fn lattice_facts(revision: u32, inputs: &'static [Slot]) -> Facts {

@@ -42,8 +42,8 @@ struct Slopes<'a, T> {
 impl<T: Scalar> Slopes<'_, T> {
     /// The value, where there is one and it counts.
     fn value(&self, i: usize) -> Option<f64> {
-        let value = self.values[i].to_f64();
-        (!value.is_nan() && self.inside.is_none_or(|inside| inside[i] != 0)).then_some(value)
+        let value = self.values[i];
+        (value.is_data() && self.inside.is_none_or(|inside| inside[i] != 0)).then(|| value.to_f64())
     }
 
     /// Sum over the axes of the squared difference between the neighbours; where one of them is missing, between the voxel and the other.
@@ -120,10 +120,13 @@ mod tests {
 
     #[test]
     fn voxels_outside_the_mask_or_without_value_neither_count_nor_border() {
-        let row = vec![1.0, 2.0, 1.0, 900.0, f32::NAN, 2.0, 1.0, 2.0];
-        let found = amid_of([8, 1, 1], row, Some(vec![1, 1, 1, 0, 1, 1, 1, 1]));
-        assert_eq!(found[3..5], [0, 0]);
+        let row = vec![1.0, 2.0, 1.0, 900.0, f32::NAN, 2.0, 1.0, 2.0, f32::NEG_INFINITY, f32::NEG_INFINITY];
+        let found = amid_of([10, 1, 1], row, Some(vec![1, 1, 1, 0, 1, 1, 1, 1, 1, 1]));
+        assert_eq!((&found[3..5], &found[8..]), (&[0, 0][..], &[0, 0][..]));
         assert!(found[2] == 1 && found[5] == 1, "{found:?}");
         assert_eq!(amid_of([2, 1, 1], vec![f32::NAN; 2], None), [0, 0]);
+        // The air of a logarithm, more than half of the voxels.
+        let row = vec![f32::NEG_INFINITY; 20].into_iter().chain([1.0, 2.0, 1.0]).collect();
+        assert!(amid_of([23, 1, 1], row, None)[20..].contains(&1));
     }
 }

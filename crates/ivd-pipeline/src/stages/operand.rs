@@ -12,12 +12,12 @@ use crate::{Error, Facts, Inputs, Stage, StageOutput};
 /// Reads the file that a scene's volume is clipped by or combined with: a volume's, of any format, or an artefact of a volume, of labels
 /// or of a mask.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ImportMet {
+pub struct ImportOperand {
     path: PathBuf,
     kind: Kind,
 }
 
-impl ImportMet {
+impl ImportOperand {
     /// The file in a slot, of which `kinds` tells what may fill it; a volume's is read as the first of them that it can be taken for.
     ///
     /// # Errors
@@ -56,7 +56,7 @@ impl ImportMet {
     }
 }
 
-impl Stage for ImportMet {
+impl Stage for ImportOperand {
     fn facts(&self) -> Facts {
         Facts {
             name: IMPORT,
@@ -72,7 +72,7 @@ impl Stage for ImportMet {
     }
 
     fn params(&self) -> Value {
-        json!({ "met": self.kind.name() })
+        json!({ "as": self.kind.name() })
     }
 
     fn sources(&self) -> Result<Vec<PathBuf>, Error> {
