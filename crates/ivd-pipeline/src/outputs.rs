@@ -220,6 +220,7 @@ impl<'a> Writer<'a> {
                 }
             }
             Artefact::Volume(_)
+            | Artefact::Labels(_)
             | Artefact::Mask(_)
             | Artefact::Lattice(_)
             | Artefact::Octree(_)
