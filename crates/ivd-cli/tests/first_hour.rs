@@ -399,3 +399,28 @@ fn a_displacement_goes_out_and_comes_back() {
     let refused = ivd(at, &["import", "v.nrrd", "--displacement=inverse", "-o", "x.ivd"]);
     assert_eq!(refused.status.code(), Some(3), "{}", String::from_utf8_lossy(&refused.stderr));
 }
+
+#[test]
+fn what_is_empty_or_left_behind_is_told_where_the_commands_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let noted = |words: &[&str]| {
+        let output = ivd(at, words);
+        assert!(output.status.success(), "{words:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    json(at, &["phantom", "sphere", "--size", "32", "-o", "s.ivd"]);
+    let beyond = "point=16,16,500;normal=0,0,1";
+    assert!(noted(&["clip", "s.ivd", "--plane", beyond, "-o", "none.ivd"]).contains("nothing is left"));
+    let below = "point=16,16,-500;normal=0,0,1";
+    assert!(noted(&["clip", "s.ivd", "--plane", below, "-o", "all.ivd"]).contains("nothing is clipped"));
+    let half = "point=16,16,16;normal=0,0,1";
+    assert!(!noted(&["clip", "s.ivd", "--plane", half, "-o", "half.ivd"]).contains("note"));
+    assert!(noted(&["lattice", "s.ivd", "--iso", "30000", "-o", "l.ivd"]).contains("the lattice is empty"));
+    // A push that is far too far for its reach: what is missed is said, with the place.
+    let scene = SCENE.replace("move = [0.0, -2.0, 0.0]", "move = [0.0, -24.0, 0.0]");
+    let scene = scene.replace("[output]", "[map]\nlimit = \"stop\"\n[output]");
+    let output = pipeline(at, &scene);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(told.contains("note: map:"), "{told}");
+}

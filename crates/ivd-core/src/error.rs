@@ -128,7 +128,9 @@ pub enum Error {
     Grid(#[from] GridError),
     /// Two inputs that must lie on one grid don't.
     #[error(
-        "{a} ({a_dims:?}) and {b} ({b_dims:?}) lie on different grids; use inputs made from the same volume"
+        "{a} ({a_dims:?}) and {b} ({b_dims:?}) lie on different grids{}; use inputs made from the same volume, or resample one onto the grid \
+         of the other",
+        if a_dims == b_dims { ": their spacing, origin or axes differ" } else { "" }
     )]
     GridMismatch {
         /// First input.

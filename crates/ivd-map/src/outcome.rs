@@ -121,6 +121,40 @@ pub struct MapFigures {
     pub det_j_histogram: Histogram,
 }
 
+/// Further behind than this (voxels) the map's surface isn't the lattice's.
+const LEFT_BEHIND: f64 = 1.0;
+
+impl MapFigures {
+    /// Whether the voxels follow the lattice to within a voxel, all of the way.
+    pub fn follows(&self) -> bool {
+        self.share >= 1.0 && self.followed.misfit_max_voxel <= LEFT_BEHIND
+    }
+
+    /// What a person should know before the map is trusted: that it ends on the way, leaves vertices behind, or was told different motions
+    /// near one another.
+    pub fn remark(&self) -> Option<String> {
+        let (fit, mut told) = (&self.followed, Vec::new());
+        if self.share < 1.0 {
+            told.push(format!("it ends after {:.1} % of the way", 100.0 * self.share));
+        }
+        if fit.misfit_max_voxel > LEFT_BEHIND {
+            let at = fit.misfit_max_at_mm.map(|at| at.map(|c| format!("{c:.1}")).join(", "));
+            let at = at.map_or_else(String::new, |at| format!(" at {at} mm"));
+            told.push(format!(
+                "a vertex is left behind by {:.2} mm ({:.1} voxels){at}; the largest motion of a voxel is {:.2} mm",
+                fit.misfit_max_mm, fit.misfit_max_voxel, self.largest_mm
+            ));
+        }
+        if fit.conflicts > 0 {
+            told.push(format!(
+                "{} vertices within two voxels of others are told to move differently",
+                fit.conflicts
+            ));
+        }
+        (!told.is_empty()).then(|| told.join("; "))
+    }
+}
+
 /// What a map made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapResult {

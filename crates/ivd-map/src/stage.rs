@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::op::{Amount, Failure, Method, Op, Place, Remark, Stage, Want, method};
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Octree, ParamError, slots};
 use ivd_field::param::is_cell;
 
@@ -49,6 +49,7 @@ const REVISION: u32 = 9;
 
 impl Op for OctreeParams {
     const REVISION: u32 = REVISION;
+    const REMARK: Option<Remark<MapFigures>> = Some(MapFigures::remark);
     type Inputs<'a> = Indexed<'a>;
     type Output = Displacement;
     type Figures = MapFigures;
@@ -61,6 +62,7 @@ impl Op for OctreeParams {
 
 impl Op for BiharmonicParams {
     const REVISION: u32 = REVISION;
+    const REMARK: Option<Remark<MapFigures>> = Some(MapFigures::remark);
     type Inputs<'a> = Moving<'a>;
     type Output = Displacement;
     type Figures = MapFigures;
@@ -77,6 +79,7 @@ impl Op for BiharmonicParams {
 
 impl Op for BodyParams {
     const REVISION: u32 = REVISION;
+    const REMARK: Option<Remark<MapFigures>> = Some(MapFigures::remark);
     type Inputs<'a> = Moving<'a>;
     type Output = Displacement;
     type Figures = MapFigures;
@@ -89,6 +92,7 @@ impl Op for BodyParams {
 
 impl Op for FemParams {
     const REVISION: u32 = REVISION;
+    const REMARK: Option<Remark<MapFigures>> = Some(MapFigures::remark);
     type Inputs<'a> = Labelled<'a>;
     type Output = Displacement;
     type Figures = MapFigures;

@@ -180,11 +180,18 @@ impl Find for EmvsParams {
     type Own = MixtureFigures;
 
     fn remark(own: &MixtureFigures) -> Option<String> {
-        own.at_limit.then(|| {
+        let at_limit = own.at_limit.then(|| {
             "k = auto stopped at its limit, k_max, where the criterion still fell: values that are no mixture of normal distributions \
              have no best number; name k, or raise k_max"
                 .to_owned()
-        })
+        });
+        let around = own.mixture.around().map(|[outer, inner]| {
+            format!(
+                "the class about {outer:.4} has values on both sides of that about {inner:.4}, whose density is so much narrower: no isovalue \
+                 parts them; kmvs keeps classes apart"
+            )
+        });
+        at_limit.into_iter().chain(around).reduce(|all, next| format!("{all}; {next}"))
     }
 
     fn check_found(&self) -> Result<(), ParamError> {

@@ -1,6 +1,6 @@
 //! The stage as scenes see it.
 
-use ivd_core::op::{Failure, Method, Op, Output, Place, Stage, Voxelwise, Want, method};
+use ivd_core::op::{Failure, Method, Op, Output, Place, Remark, Stage, Voxelwise, Want, method};
 use ivd_core::{Artefact, Displacement, Exec, Labels, ParamError, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -94,6 +94,18 @@ pub struct ClipFigures {
     pub bricks_total: u64,
 }
 
+impl ClipFigures {
+    /// What a person should know: that nothing is left, or that all is.
+    pub fn remark(&self) -> Option<String> {
+        let places = "planes and boxes are places in mm, RAS, and `ivd info` tells where the volume lies";
+        match (self.voxels_kept, self.voxels_clipped) {
+            (0, _) => Some(format!("nothing is left; {places}")),
+            (_, 0) => Some(format!("nothing is clipped; {places}")),
+            _ => None,
+        }
+    }
+}
+
 /// Clips what there is at every voxel, whatever it is, with the figures.
 ///
 /// # Errors
@@ -132,6 +144,7 @@ fn told<V: Output>(clipped: Clipped<V>, filled: impl Fn(&V) -> Option<u64>) -> (
 
 impl Op for SceneClip {
     const REVISION: u32 = 2;
+    const REMARK: Option<Remark<ClipFigures>> = Some(ClipFigures::remark);
     type Inputs<'a> = Given<'a>;
     type Output = Artefact;
     type Figures = ClipFigures;

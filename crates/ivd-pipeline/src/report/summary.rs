@@ -16,9 +16,6 @@ use crate::scene::{Loaded, Scene};
 use crate::stages::{IMPORT, ImportFigures};
 use crate::{Error, Section, StageRecord, figures_of};
 
-/// A difference beyond which a vertex counts as left behind (voxels).
-const LEFT_BEHIND: f64 = 1.0;
-
 /// The settings, the handles, what came of them, and what to know about it.
 pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String, Error> {
     let scene = &loaded.scene;
@@ -285,27 +282,7 @@ fn told(
         told.push((GOOD, "certified: the volume folds nowhere".to_owned()));
     }
     let Some(map) = map else { return told };
-    let fit = &map.followed;
-    if map.share < 1.0 {
-        told.push((ATTENTION, format!("map: it ends after {} % of the way", number(100.0 * map.share))));
-    }
-    if fit.misfit_max_voxel > LEFT_BEHIND {
-        let at = fit.misfit_max_at_mm.map_or_else(String::new, |at| format!(" at {} mm", vector(at)));
-        let behind = format!(
-            "map: a vertex is left behind by {} mm ({} voxels){at}",
-            number(fit.misfit_max_mm),
-            number(fit.misfit_max_voxel)
-        );
-        told.push((ATTENTION, behind));
-    }
-    if fit.conflicts > 0 {
-        let conflicts = format!(
-            "map: {} vertices within two voxels of others are told to move differently",
-            fit.conflicts
-        );
-        told.push((ATTENTION, conflicts));
-    }
-    if fit.misfit_max_voxel <= LEFT_BEHIND && map.share >= 1.0 {
+    if map.follows() {
         let then = if space.is_some() { ", before the steps in space" } else { "" };
         told.push((GOOD, format!("the voxels follow the lattice to within a voxel everywhere{then}")));
     }

@@ -3,7 +3,7 @@ use ivd_core::{Exec, op};
 use ivd_field::clip::{self, By, ClipFigures, ClipParams, Given};
 use serde_json::Value;
 
-use crate::{Error, Facts, Inputs, Stage, StageOutput};
+use crate::{Error, Facts, Inputs, Metrics, Stage, StageOutput};
 
 /// Keeps the part of a volume, of labels or of a mask that lies on given sides of planes, in boxes, and in what is tagged: the command's
 /// clip, whose inputs are files.
@@ -22,6 +22,11 @@ impl Stage for Clip {
             output: None,
             figures: schema_of::<ClipFigures>,
         }
+    }
+
+    fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
+        let read = serde_json::from_value::<ClipFigures>(Value::Object(figures.figures.clone()));
+        Ok(read.map_err(|problem| Error::figures(self.name(), problem))?.remark())
     }
 
     fn params(&self) -> Value {

@@ -30,6 +30,36 @@ pub struct Mixture {
 }
 
 impl Mixture {
+    /// Means of two components on intensity alone, of which the first is the likeliest on both sides of the second; the first such two.
+    pub fn around(&self) -> Option<[f64; 2]> {
+        if self.means.iter().any(|mean| mean.len() != 1) {
+            return None;
+        }
+        let normal = |k: usize| (self.weights[k], self.means[k][0], self.covariances[k][0]);
+        let log = |k: usize, v: f64| {
+            let (weight, mean, variance) = normal(k);
+            weight.max(f64::MIN_POSITIVE).ln() - 0.5 * (variance.ln() + (v - mean).powi(2) / variance)
+        };
+        let likeliest = |v: f64| {
+            (0..self.weights.len()).reduce(|best, k| if log(k, v) > log(best, v) { k } else { best })
+        };
+        // Where components change places, they do so within a few standard deviations of some mean.
+        let mut values: Vec<f64> = (0..self.weights.len())
+            .flat_map(|k| {
+                let (_, mean, variance) = normal(k);
+                (-12..=12).map(move |step| mean + 0.25 * f64::from(step) * variance.sqrt())
+            })
+            .collect();
+        values.sort_unstable_by(f64::total_cmp);
+        let mut order: Vec<usize> = values.into_iter().filter_map(likeliest).collect();
+        order.dedup();
+        let again = (0..order.len()).find_map(|i| {
+            let before = order[..i].iter().rposition(|k| *k == order[i])?;
+            Some([order[i], order[before + 1]])
+        })?;
+        Some(again.map(|k| self.means[k][0]))
+    }
+
     /// The variances along the axes, of each component.
     pub(super) fn variances(&self) -> Vec<Vec<f64>> {
         let diagonal = |c: &Vec<f64>| if c.len() == 16 { vec![c[0], c[5], c[10], c[15]] } else { c.clone() };
