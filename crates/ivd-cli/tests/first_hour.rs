@@ -423,4 +423,9 @@ fn what_is_empty_or_left_behind_is_told_where_the_commands_run() {
     let output = pipeline(at, &scene);
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(told.contains("note: map:"), "{told}");
+    // A clip of the result, where the lattice alone is asked for.
+    let scene = "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 32\n[lattice]\niso = 128.0\n[[clip.planes]]\n\
+        point = [16.0, 16.0, 16.0]\nnormal = [0.0, 0.0, 1.0]\n[output]\nlattice = \"l.ply\"\n";
+    let told = String::from_utf8(pipeline(at, scene).stderr).unwrap();
+    assert!(told.contains("note: clip: not done"), "{told}");
 }

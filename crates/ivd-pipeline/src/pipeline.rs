@@ -117,6 +117,9 @@ fn attempt<C: Control>(
     if !runner.exec.skip {
         plan.want_everything();
     }
+    for node in plan.nodes().iter().filter(|node| node.is_in_vain() && options.until.is_none()) {
+        runner.exec.observer().note(&format!("{}: not done: {}", node.id.stage, node.why));
+    }
     let mut stages = Vec::new();
     let outputs = if options.dry_run {
         let state = |node: &PlanNode| if node.needed { State::Planned } else { State::NotNeeded };

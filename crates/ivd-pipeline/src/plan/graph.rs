@@ -112,6 +112,11 @@ impl PlanNode {
         }
     }
 
+    /// Whether the scene gives it something to do of which no output shows anything, though few scenes have it.
+    pub(crate) fn is_in_vain(&self) -> bool {
+        self.is_quiet && self.stage.is_some() && !self.needed
+    }
+
     /// Whether a report of the run names it: a tree that the scene's method doesn't have is no stage of it, nor are steps that it
     /// doesn't have.
     pub(crate) fn is_reported(&self) -> bool {
