@@ -6,7 +6,7 @@ use ivd_core::Exec;
 
 fn swept(stages: &[&str], plant: Option<Plant>) -> Bench {
     let stages = stages.iter().map(ToString::to_string).collect();
-    run(&Options { size: 32, repeats: 3, stages, plant, ..Options::default() }, &Exec::default()).unwrap()
+    run(&Options { size: 32, repeats: 1, stages, plant, ..Options::default() }, &Exec::default()).unwrap()
 }
 
 #[test]

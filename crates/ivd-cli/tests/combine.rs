@@ -214,5 +214,5 @@ fn what_is_wrong_is_refused_with_its_exit_code() {
     assert!(clip(2, &["--tag", "a.ivd"]).contains("mask or labels"));
     let parameters = at.join("p.toml");
     std::fs::write(&parameters, "op = \"union\"\n").unwrap();
-    assert!(clip(2, &["--params", "p.toml"]).contains("no section"));
+    assert!(clip(2, &["--params", "p.toml"]).contains("reads none"));
 }

@@ -302,6 +302,7 @@ fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
         let outputs = "animation = \"move.glb\"\nvolume_series = \"frames/at.nii.gz\"\nvolume = \"out.nii.gz\"\n\
             picture_series = \"drawn/at.png\"\nimages = [\"after\"]";
         let scene = SCENE.replace("[[deform.handle]]", &own).replace("volume = \"out.nii.gz\"", outputs);
+        let scene = scene.replace("[output]", "[render]\nsize = 96\n[output]");
         let done = pipeline(at, &scene);
         assert!(done.status.success(), "{solver}: {}", String::from_utf8_lossy(&done.stderr));
         let read = |name: &str| std::fs::read(at.join("out").join(name)).unwrap();

@@ -70,11 +70,11 @@ fn every_method_gives_classes_in_the_order_of_their_means() {
 fn a_quarter_of_the_memory_gives_the_same_labels() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    json(at, &["phantom", "head", "--size", "96", "-o", "head.ivd"]);
+    json(at, &["phantom", "head", "--size", "64", "-o", "head.ivd"]);
     for method in METHODS {
         let whole = json(at, &[&["segment", "head.ivd", "-o", "l.ivd"], method].concat());
-        // The volume has 884,736 bytes.
-        let tight = [&["segment", "head.ivd", "-o", "l.ivd", "--memory-limit", "221184"], method].concat();
+        // The volume has 262,144 bytes.
+        let tight = [&["segment", "head.ivd", "-o", "l.ivd", "--memory-limit", "65536"], method].concat();
         assert_eq!(hash(&json(at, &tight)), hash(&whole), "{method:?}");
     }
 }
