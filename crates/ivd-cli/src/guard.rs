@@ -96,8 +96,6 @@ impl Guard {
 
 /// The limit (MiB) that would have done, where an error tells it.
 fn about_mib(error: &(dyn std::error::Error + 'static)) -> Option<u64> {
-    match error.downcast_ref()? {
-        ivd_pipeline::Error::OverMemory { about_mib, .. } => Some(*about_mib),
-        _ => None,
-    }
+    let Some(ivd_pipeline::Error::OverMemory { about_mib, .. }) = error.downcast_ref() else { return None };
+    Some(*about_mib)
 }

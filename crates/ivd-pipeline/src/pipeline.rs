@@ -146,13 +146,11 @@ fn attempt<C: Control>(
 /// The error of a run, where a memory limit ended it with one that does for all that was needed.
 fn whole(error: Error, needed: &[&str], seen: Size, exec: &Exec) -> Error {
     let takes = needed.iter().map(|stage| need::about(stage, seen)).max().flatten();
-    match error {
-        Error::OverMemory { about_mib, source } => Error::OverMemory {
-            about_mib: about_mib.max(takes.unwrap_or_default().div_ceil(1 << 20)),
-            source,
-        },
-        error => need::explained(error, exec, None, takes),
+    if let Error::OverMemory { about_mib, source } = error {
+        let about_mib = about_mib.max(takes.unwrap_or_default().div_ceil(1 << 20));
+        return Error::OverMemory { about_mib, source };
     }
+    need::explained(error, exec, None, takes)
 }
 
 /// Does what the plan needs, stage by stage, and writes the outputs; `stages` tells how far it came, and `seen` how large what came was.

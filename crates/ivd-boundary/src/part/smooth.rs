@@ -292,7 +292,7 @@ mod tests {
             let dims = [1 + below(33), 1 + below(30), 1 + below(20)];
             let mut inside = vec![0_u8; dims.iter().product()];
             for _ in 0..4 {
-                let low = dims.map(|n| below(n));
+                let low = dims.map(&mut below);
                 let high: [usize; 3] = std::array::from_fn(|a| (low[a] + 1 + below(9)).min(dims[a]));
                 for (i, inside) in inside.iter_mut().enumerate() {
                     let at = [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];

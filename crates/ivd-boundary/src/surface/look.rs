@@ -71,7 +71,9 @@ impl Tally {
     fn of(values: &Brick, bins: bool) -> Self {
         let mut tally = Self::new(bins);
         if bins {
-            values.iter().for_each(|&v| tally.count_in(v));
+            for value in values {
+                tally.count_in(*value);
+            }
             return tally;
         }
         // Eight sums side by side: one alone waits for itself.

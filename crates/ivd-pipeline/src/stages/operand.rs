@@ -66,7 +66,14 @@ impl Stage for ImportOperand {
             figures: match self.kind {
                 Kind::Mask => schema_of::<ImportMaskFigures>,
                 Kind::Labels => schema_of::<ImportLabelsFigures>,
-                _ => schema_of::<ImportFigures>,
+                Kind::Volume
+                | Kind::Transfer
+                | Kind::Lattice
+                | Kind::Octree
+                | Kind::Motion
+                | Kind::Displacement
+                | Kind::Image
+                | Kind::Tree => schema_of::<ImportFigures>,
             },
         }
     }
@@ -93,7 +100,13 @@ impl Stage for ImportOperand {
                 let figures = ImportFigures::of(&volume, exec);
                 Ok(StageOutput::new(volume, &figures))
             }
-            other => {
+            other @ (Artefact::Transfer(_)
+            | Artefact::Lattice(_)
+            | Artefact::Octree(_)
+            | Artefact::Motion(_)
+            | Artefact::Displacement(_)
+            | Artefact::Image(_)
+            | Artefact::Tree(_)) => {
                 let problem =
                     format!("{}: it became a {} artefact", self.path.display(), other.kind().name());
                 Err(Error::usage(IMPORT, problem))

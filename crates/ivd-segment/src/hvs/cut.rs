@@ -278,7 +278,9 @@ fn ranked(
     mut tell: impl FnMut(usize, f64, u32),
 ) -> Result<(), Error> {
     let parts = &mut *parts;
-    parts.iter_mut().for_each(|size| *size |= TOP);
+    for size in parts.iter_mut() {
+        *size |= TOP;
+    }
     let mut step = 0;
     for (merge, pair) in merged.merges.iter().enumerate() {
         if merge % CHUNK == 0 {

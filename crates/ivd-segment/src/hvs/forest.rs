@@ -105,7 +105,9 @@ fn count_out<T: Apart>(field: &Field<'_, T>, edges: &mut [u32], shift: u32) {
     let before = edges.to_vec();
     let bits = |edge: u32| (field.key(edge) & ((1 << shift) - 1)) as usize;
     let mut next = vec![0_u32; 1 << shift];
-    before.iter().for_each(|edge| next[bits(*edge)] += 1);
+    for edge in &before {
+        next[bits(*edge)] += 1;
+    }
     let mut sum = 0;
     for n in &mut next {
         (*n, sum) = (sum, sum + *n);

@@ -70,14 +70,11 @@ impl Grown {
         let joined = cut::join(merges.merged(), count, || sizes(&leaves, count, exec), params, exec)?;
         // What stays of them is told by the merges that are undone.
         drop(merges);
-        let found = match &figures {
-            Some(Figures { counts, means, squares }) => {
-                joined.describe(&Stored { counts, means, squares: squares.as_deref() }, exec)?
-            }
-            None => {
-                let counts = &sizes(&leaves, count, exec)?;
-                joined.describe(&Flat { volume, leaves: &leaves, counts }, exec)?
-            }
+        let found = if let Some(Figures { counts, means, squares }) = &figures {
+            joined.describe(&Stored { counts, means, squares: squares.as_deref() }, exec)?
+        } else {
+            let counts = &sizes(&leaves, count, exec)?;
+            joined.describe(&Flat { volume, leaves: &leaves, counts }, exec)?
         };
         drop(figures);
         let dendrogram = dendrogram::of(&found, most);

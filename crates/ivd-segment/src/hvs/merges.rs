@@ -7,7 +7,7 @@ use ivd_core::{Buffer, Error, Exec, Iteration, Linkage, Merged, SpillVec};
 pub(super) struct Heights {
     /// Number of merges.
     pub(super) len: usize,
-    heights: Vec<f64>,
+    steps: Vec<f64>,
     ends: Vec<u32>,
     /// Merges lower than one before them.
     inversions: u64,
@@ -17,10 +17,10 @@ impl Heights {
     #[inline]
     pub(super) fn push(&mut self, height: f64) {
         self.len += 1;
-        let highest = self.heights.last().copied().unwrap_or(-1.0);
+        let highest = self.steps.last().copied().unwrap_or(-1.0);
         self.inversions += u64::from(height < highest);
         if height > highest {
-            self.heights.push(height);
+            self.steps.push(height);
             self.ends.push(self.len as u32);
         } else if let Some(end) = self.ends.last_mut() {
             *end = self.len as u32;
@@ -29,14 +29,14 @@ impl Heights {
 
     /// Tells whoever listens how many merges there are, and how high the last one.
     pub(super) fn tell(&self, exec: &Exec) {
-        let value = self.heights.last().copied().unwrap_or(0.0);
+        let value = self.steps.last().copied().unwrap_or(0.0);
         exec.observer().iteration(Iteration { method: "hvs", index: self.len as u64, value });
     }
 
     /// With the pairs that they are the heights of.
     pub(super) fn with(self, linkage: Linkage, pairs: SpillVec<[u32; 2]>, bridges: u32) -> Parts {
         debug_assert_eq!(self.len, pairs.len(), "a tree has one merge fewer than leaves");
-        let (heights, ends) = (self.heights.into(), self.ends.into());
+        let (heights, ends) = (self.steps.into(), self.ends.into());
         Parts { linkage, merges: pairs.into_buffer(), heights, ends, bridges, inversions: self.inversions }
     }
 }

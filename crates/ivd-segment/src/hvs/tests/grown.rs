@@ -6,8 +6,9 @@ fn volumes() -> Vec<Volume> {
     let mut next = noise(21);
     let dims = [37, 18, 17];
     let len: usize = dims.iter().product();
-    let speckled =
-        (0..len).map(|i| if next() % 5 == 0 { f32::NAN } else { (i % 37) as f32 }).collect::<Vec<_>>();
+    let speckled = (0..len)
+        .map(|i| if next().is_multiple_of(5) { f32::NAN } else { (i % 37) as f32 })
+        .collect::<Vec<_>>();
     let wide = (0..len).map(|_| next() as i16).collect::<Vec<_>>();
     let grid = Grid::with_spacing(dims, [1.0; 3]).unwrap();
     vec![
@@ -46,7 +47,7 @@ fn a_grown_tree_fits_together() {
     for volume in volumes() {
         for params in [single(), HvsParams::default()] {
             let tree = grow(&volume, &params).tree;
-            let parts = std::ops::Deref::deref(&tree).clone();
+            let parts = (*tree).clone();
             assert_eq!(Tree::new(parts).unwrap(), tree);
         }
     }
