@@ -273,14 +273,14 @@ fn still_and_shorter(at: &Path, scene: &str, last: &[u8]) {
     let alone = alone.replace("picture_series = \"drawn/at.png\"\n", "");
     let drawn = |name: &str| std::fs::read(at.join("out").join(name)).unwrap();
     let series = [0, 2].map(|i| drawn(&format!("drawn/at_000{i}.png")));
-    let whole = "[render]\nfit = \"volume\"\n[map]\nframe = 0\n[output]";
+    let of_volume = |scene: &str| scene.replace("[render]\n", "[render]\nfit = \"volume\"\n");
     run(&alone.replace("[output]", "[map]\nframe = 2\n[output]"));
     assert_eq!(last, drawn("out.nii.gz"));
     assert_eq!(series[1], drawn("after.png"));
     // Where the motion doesn't choose the camera, the first frame drawn alone is the first of the series.
-    run(&alone.replace("[output]", whole));
+    run(&of_volume(&alone).replace("[output]", "[map]\nframe = 0\n[output]"));
     let first = drawn("after.png");
-    run(&scene.replace("[output]", "[render]\nfit = \"volume\"\n[output]"));
+    run(&of_volume(scene));
     assert_eq!(first, drawn("drawn/at_0000.png"));
     run(scene);
     run(&scene.replace("frames = 3", "frames = 2"));
