@@ -30,7 +30,8 @@ pub struct Mixture {
 }
 
 impl Mixture {
-    /// Means of two components on intensity alone, of which the first is the likeliest on both sides of the second; the first such two.
+    /// Means of two components on intensity alone, of which the first is the likeliest on both sides of the second; of several such two those
+    /// nearest to one another. What lies below the lowest mean isn't looked at: hardly any value does.
     pub fn around(&self) -> Option<[f64; 2]> {
         if self.means.iter().any(|mean| mean.len() != 1) {
             return None;
@@ -50,14 +51,16 @@ impl Mixture {
                 (-12..=12).map(move |step| mean + 0.25 * f64::from(step) * variance.sqrt())
             })
             .collect();
+        let lowest = self.means.iter().map(|mean| mean[0]).fold(f64::INFINITY, f64::min);
+        values.retain(|v| *v >= lowest);
         values.sort_unstable_by(f64::total_cmp);
         let mut order: Vec<usize> = values.into_iter().filter_map(likeliest).collect();
         order.dedup();
-        let again = (0..order.len()).find_map(|i| {
+        let around = (0..order.len()).filter_map(|i| {
             let before = order[..i].iter().rposition(|k| *k == order[i])?;
-            Some([order[i], order[before + 1]])
-        })?;
-        Some(again.map(|k| self.means[k][0]))
+            Some([order[i], order[before + 1]].map(|k| self.means[k][0]))
+        });
+        around.min_by(|a, b| (a[0] - a[1]).abs().total_cmp(&(b[0] - b[1]).abs()))
     }
 
     /// The variances along the axes, of each component.
@@ -211,5 +214,28 @@ impl Frame {
     fn compare(&self, a: &Component, b: &Component) -> Ordering {
         let mean = |c: &Component| self.slope.signum() * c.mean[INTENSITY];
         mean(a).total_cmp(&mean(b)).then(b.weight.total_cmp(&a.weight))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_density_that_lies_around_another_is_named() {
+        let mixture = |parts: &[[f64; 3]]| Mixture {
+            weights: parts.iter().map(|p| p[0]).collect(),
+            means: parts.iter().map(|p| vec![p[1]]).collect(),
+            covariances: parts.iter().map(|p| vec![p[2] * p[2]]).collect(),
+        };
+        // A head in CT: padding, air, all that is left, soft tissue.
+        let head = [[0.3, 25.0, 0.3], [0.2, 61.0, 5.0], [0.3, 1044.0, 703.0], [0.2, 1076.0, 18.0]];
+        assert_eq!(mixture(&head).around(), Some([1044.0, 1076.0]));
+        let apart = [[0.5, 20.0, 5.0], [0.3, 60.0, 8.0], [0.2, 130.0, 6.0]];
+        assert_eq!(mixture(&apart).around(), None);
+        // One that is nowhere the likeliest parts nothing.
+        let drowned = [[0.9, 20.0, 10.0], [1e-9, 21.0, 9.0]];
+        assert_eq!(mixture(&drowned).around(), None);
+        assert_eq!(Mixture::default().around(), None);
     }
 }

@@ -328,24 +328,6 @@ fn the_criterion_finds_the_number_of_well_separated_components() {
     }
 }
 
-#[test]
-fn a_density_that_lies_around_another_is_named() {
-    let mixture = |parts: &[[f64; 3]]| Mixture {
-        weights: parts.iter().map(|p| p[0]).collect(),
-        means: parts.iter().map(|p| vec![p[1]]).collect(),
-        covariances: parts.iter().map(|p| vec![p[2] * p[2]]).collect(),
-    };
-    // A head in CT: padding, air, all that is left, soft tissue.
-    let head = [[0.3, 25.0, 0.3], [0.2, 61.0, 5.0], [0.3, 1044.0, 703.0], [0.2, 1076.0, 18.0]];
-    assert_eq!(mixture(&head).around(), Some([1044.0, 1076.0]));
-    let apart = [[0.5, 20.0, 5.0], [0.3, 60.0, 8.0], [0.2, 130.0, 6.0]];
-    assert_eq!(mixture(&apart).around(), None);
-    // One that is nowhere the likeliest parts nothing.
-    let drowned = [[0.9, 20.0, 10.0], [1e-9, 21.0, 9.0]];
-    assert_eq!(mixture(&drowned).around(), None);
-    assert_eq!(Mixture::default().around(), None);
-}
-
 /// Blocks of `k` materials with noise; each voxel is the mean of the materials of eight places in it.
 fn mixed_blocks(k: usize, noise_sd: f64, seed: u64) -> Volume {
     const N: usize = 40;
