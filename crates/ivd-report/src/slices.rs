@@ -97,15 +97,8 @@ impl MovedSlices {
         lettered: bool,
         png: impl Fn(&Image) -> Result<Vec<u8>, E>,
     ) -> Result<String, E> {
-        let mut html = String::new();
-        for (plane, images) in planes(grid).iter().zip(&self.images) {
-            html += "<div class='pictures'>";
-            for (image, what) in images.iter().zip(["at rest", "deformed", "how far voxels move"]) {
-                let shown = view(plane, grid, lettered, what, &png(image)?);
-                let _ = write!(html, "<figure>{shown}<figcaption>{what}</figcaption></figure>");
-            }
-            let _ = write!(html, "</div><p class='caption'>{}</p>", caption(plane, self.at[plane.cut()]));
-        }
+        let names = ["at rest", "deformed", "how far voxels move"];
+        let mut html = rows(grid, self.at, (&self.images, names), lettered, png)?;
         let stops: Vec<String> = (0..=8).map(|i| css_colour(motion_colour(f64::from(i) / 8.0))).collect();
         let _ = write!(
             html,
@@ -151,17 +144,28 @@ impl ResultSlices {
         lettered: bool,
         png: impl Fn(&Image) -> Result<Vec<u8>, E>,
     ) -> Result<String, E> {
-        let mut html = String::new();
-        for (plane, images) in planes(grid).iter().zip(&self.images) {
-            html += "<div class='pictures'>";
-            for (image, what) in images.iter().zip(["before", "what came of it"]) {
-                let shown = view(plane, grid, lettered, what, &png(image)?);
-                let _ = write!(html, "<figure>{shown}<figcaption>{what}</figcaption></figure>");
-            }
-            let _ = write!(html, "</div><p class='caption'>{}</p>", caption(plane, self.at[plane.cut()]));
-        }
-        Ok(html)
+        rows(grid, self.at, (&self.images, ["before", "what came of it"]), lettered, png)
     }
+}
+
+/// A row for each of the three planes, with a caption: slices through a voxel, each under its name.
+fn rows<const N: usize, E: From<Error>>(
+    grid: &Grid,
+    at: [usize; 3],
+    (images, names): (&[[Image; N]], [&str; N]),
+    lettered: bool,
+    png: impl Fn(&Image) -> Result<Vec<u8>, E>,
+) -> Result<String, E> {
+    let mut html = String::new();
+    for (plane, images) in planes(grid).iter().zip(images) {
+        html += "<div class='pictures'>";
+        for (image, what) in images.iter().zip(names) {
+            let shown = view(plane, grid, lettered, what, &png(image)?);
+            let _ = write!(html, "<figure>{shown}<figcaption>{what}</figcaption></figure>");
+        }
+        let _ = write!(html, "</div><p class='caption'>{}</p>", caption(plane, at[plane.cut()]));
+    }
+    Ok(html)
 }
 
 /// The voxel of the longest vector at rest, and its length (mm).

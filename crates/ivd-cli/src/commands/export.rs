@@ -117,9 +117,10 @@ fn frames(
         return Err(Failure::usage("--frame all: the motion has no frames"));
     }
     let (mut written, cache) = (Vec::new(), context.stage_cache()?);
+    let is_mapped = FIELDS.contains(&&*ending(output));
     for frame in chosen {
         let path = if asked == Frames::All { frame_file(output, frame) } else { output.to_owned() };
-        let (touched, figures) = if FIELDS.contains(&&*ending(output)) {
+        let (touched, figures) = if is_mapped {
             let runner = Runner { exec: &context.exec, cache: &cache, lazy: false };
             let field = map_frame(lattice, input, frame, runner)?;
             (export_with(&field.artefact, &path, options, &context.exec)?, Some(field.record.metrics))

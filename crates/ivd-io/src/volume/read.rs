@@ -3,7 +3,6 @@ use std::path::{Path, PathBuf};
 use ivd_core::{Exec, Volume};
 use serde::{Deserialize, Serialize};
 
-use super::patient::states_patient_space;
 use crate::volume::{Error, RawLayout, bounded, dicom, metaimage, nifti, nrrd, raw, stack, vti};
 
 /// What the file alone doesn't tell.
@@ -39,7 +38,8 @@ pub(super) enum Format {
 ///
 /// The format is told by the first bytes, not by the name. Voxels keep their stored type (64-bit integers become
 /// 32-bit ones where all fit), slope and intercept stand beside them, and positions are millimetres in RAS: they equal
-/// those of ITK. A file without a space is taken as ITK takes it, the identity in LPS.
+/// those of ITK. A file without a space is taken as ITK takes it, the identity in LPS. The grid knows whether the file says where the patient
+/// lies: DICOM with an orientation, NIfTI with a qform or an sform, NRRD with a space of anatomy, MetaImage with an orientation.
 ///
 /// No size is believed before it is compared with the file and with `exec`'s memory limit; memory is taken once, for
 /// the voxels.
@@ -47,33 +47,33 @@ pub(super) enum Format {
 /// # Errors
 /// [`Error`] names the file, and the field or the place; see its variants.
 pub fn read(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
-    let volume = exec.run(|| read_any(path, options, exec))?;
-    Ok(volume.with_patient_space(states_patient_space(path, options)?))
-}
-
-fn read_any(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
-    if is_folder(path)? {
-        return read_folder(path, options, exec);
-    }
-    if let Some(layout) = &options.raw {
-        let spacing = options.spacing.unwrap_or(layout.spacing);
-        return raw::read(path, &RawLayout { spacing, ..*layout }, exec);
-    }
-    match format(path)? {
-        Format::Nifti => nifti::read(path, options.frame, exec),
-        Format::Nrrd => nrrd::read(path, options.frame, exec),
-        Format::MetaImage => metaimage::read(path, options.frame, exec),
-        Format::Vti => vti::read(path, exec),
-        Format::Tiff => stack::read_tiff(path, options.spacing, exec),
-        Format::Dicom => dicom::read_file(path, exec),
-    }
+    // Formats that know where the patient lies say whether a file tells it.
+    let nowhere = |volume: Volume| volume.with_patient_space(false);
+    exec.run(|| {
+        if is_folder(path)? {
+            return read_folder(path, options, exec);
+        }
+        if let Some(layout) = &options.raw {
+            let spacing = options.spacing.unwrap_or(layout.spacing);
+            return raw::read(path, &RawLayout { spacing, ..*layout }, exec).map(nowhere);
+        }
+        match format(path)? {
+            Format::Nifti => nifti::read(path, options.frame, exec),
+            Format::Nrrd => nrrd::read(path, options.frame, exec),
+            Format::MetaImage => metaimage::read(path, options.frame, exec),
+            Format::Vti => vti::read(path, exec).map(nowhere),
+            Format::Tiff => stack::read_tiff(path, options.spacing, exec).map(nowhere),
+            Format::Dicom => dicom::read_file(path, exec),
+        }
+    })
 }
 
 fn read_folder(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
     if options.raw.is_none() && is_of_dicom(path)? {
         return dicom::read_folder(path, options, exec).map_err(|error| error.without_folders_below(path));
     }
-    stack::read_folder(path, options.raw.as_ref(), options.spacing, exec)
+    let volume = stack::read_folder(path, options.raw.as_ref(), options.spacing, exec)?;
+    Ok(volume.with_patient_space(false))
 }
 
 /// Every file that [`read`] would take voxels or a header from, in the order in which it stacks them: who knows that

@@ -10,6 +10,8 @@ mod sections;
 mod stage_sections;
 mod written;
 
+use std::path::Path;
+
 use ivd_core::op::{Op, Stage, Want};
 use ivd_field::clip::{SceneClip, Whose};
 use ivd_field::combine::SceneCombine;
@@ -115,8 +117,8 @@ impl Scene {
             (None, None) => return Err("input: give file = \"…\" or phantom = \"head\"".into()),
             _ => {}
         }
-        if self.input.file.as_ref().is_some_and(|f| f.is_absolute()) {
-            return Err("input.file: absolute paths tie a scene to one machine; make it relative to the scene's folder, or use --input".into());
+        if let Some(file) = &self.input.file {
+            check_beside("input.file", file).map_err(|problem| problem + ", or use --input")?;
         }
         self.check_start()?;
         self.check_parts()?;
@@ -217,16 +219,8 @@ impl Scene {
             if let Some(idle) = section.job().idle() {
                 return Err(format!("{}: {idle}; say what, or drop the section", stage.name));
             }
-            let file = self.param(stage, slot);
-            if file
-                .as_ref()
-                .and_then(Json::as_str)
-                .is_some_and(|file| std::path::Path::new(file).is_absolute())
-            {
-                return Err(format!(
-                    "{}.{slot}: absolute paths tie a scene to one machine; make it relative to the scene's folder",
-                    stage.name
-                ));
+            if let Some(Json::String(file)) = self.param(stage, slot) {
+                check_beside(&format!("{}.{slot}", stage.name), Path::new(&file))?;
             }
         }
         Ok(())
@@ -249,9 +243,7 @@ impl Scene {
     /// A drawn start lies beside the scene, and something reads it.
     fn check_start(&self) -> Result<(), String> {
         let Some(start) = &self.input.start else { return Ok(()) };
-        if start.is_absolute() {
-            return Err("input.start: absolute paths tie a scene to one machine; make it relative to the scene's folder".into());
-        }
+        check_beside("input.start", start)?;
         let reads =
             |section: &Section| section.method().has_slot("start") && section.wants("start") != Want::No;
         if self.sections.iter().any(reads) {
@@ -302,4 +294,14 @@ impl Scene {
         pictures.dedup();
         pictures
     }
+}
+
+/// Refuses a file that is named by an absolute path.
+fn check_beside(key: &str, file: &Path) -> Result<(), String> {
+    if file.is_absolute() {
+        return Err(format!(
+            "{key}: absolute paths tie a scene to one machine; make it relative to the scene's folder"
+        ));
+    }
+    Ok(())
 }

@@ -94,23 +94,6 @@ pub fn sources(dir: &Path, series: Option<&str>) -> Result<Vec<PathBuf>, Error> 
     Ok(files)
 }
 
-/// Whether the images of a file, or of a series of a folder, say which way they lie.
-pub(crate) fn states_patient_space(path: &Path, series: Option<&str>) -> Result<bool, Error> {
-    let first = |files: Vec<PathBuf>| files.iter().find_map(|file| header::read(file).ok().flatten());
-    let image = if !path.is_dir() {
-        header::read(path)?
-    } else if series.is_some() {
-        first(sources(path, series)?)
-    } else {
-        // A series that wasn't chosen is the only one: any image of it tells.
-        match first(folder::files(path)?) {
-            Some(image) => Some(image),
-            None => first(folder::below(path)?),
-        }
-    };
-    Ok(image.is_some_and(|image| image.orientation.is_some()))
-}
-
 /// Whether a file has DICOM's mark behind its preamble.
 pub fn looks_like_dicom(path: &Path) -> bool {
     bounded::head(path, 132).is_ok_and(|head| head.get(128..) == Some(b"DICM"))
@@ -186,6 +169,7 @@ fn volume(path: &Path, mut slices: Vec<Slice>, resample: bool, exec: &Exec) -> R
     }
     let Stacked { grid, layers } = geometry::grid(path, &mut slices, resample, exec)?;
     let first = &slices[0];
+    let grid = grid.with_patient_space(first.orientation.is_some());
     if first.inverted {
         exec.observer().note(&format!(
             "{}: MONOCHROME1: small values are the bright ones; the stored values are kept as they are",

@@ -49,13 +49,9 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
         Some("MET_MOD_MR") => Some(Modality::MagneticResonance),
         _ => None,
     };
-    Ok(Volume::new(grid, data.read(exec)?)?.with_modality(modality))
-}
-
-/// Whether the header says which way the patient lies.
-pub(crate) fn states_patient_space(path: &Path) -> Result<bool, Error> {
-    let header = header::read(path)?;
-    Ok(header.fields.get("AnatomicalOrientation").is_some_and(|way| !way.contains('?')))
+    let stated = header.fields.get("AnatomicalOrientation").is_some_and(|way| !way.contains('?'));
+    let volume = Volume::new(grid, data.read(exec)?)?;
+    Ok(volume.with_modality(modality).with_patient_space(stated))
 }
 
 /// The files of a volume.

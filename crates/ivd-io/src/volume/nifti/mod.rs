@@ -52,8 +52,9 @@ pub(crate) fn unpacked_head(path: &Path) -> Result<Vec<u8>, Error> {
 pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Volume, Error> {
     let open = Open::of(path)?;
     let (dims, frames) = open.header.sizes(&open.header_path)?;
+    let stated = open.header.sform_code > 0 || open.header.qform_code > 0;
     let (grid, voxels, [slope, intercept]) = open.read(path, dims, frames, frame, 1, exec)?;
-    Ok(Volume::with_scale(grid, voxels, slope, intercept)?)
+    Ok(Volume::with_scale(grid, voxels, slope, intercept)?.with_patient_space(stated))
 }
 
 /// Reads the components of a displacement field, one after the other.
@@ -141,13 +142,6 @@ impl Open {
         let voxels = stored::read(&mut stream.reader, data, layout, exec)?;
         Ok((grid, voxels, [slope, intercept]))
     }
-}
-
-/// Whether the header has a qform or an sform.
-pub(crate) fn states_patient_space(path: &Path) -> Result<bool, Error> {
-    let [header, _] = parts(path);
-    let decoded = Header::decode(&header, &unpacked_head(&header)?)?;
-    Ok(decoded.sform_code > 0 || decoded.qform_code > 0)
 }
 
 /// The files of a volume: the one, or the header and its data.

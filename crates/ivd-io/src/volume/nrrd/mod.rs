@@ -26,7 +26,7 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
     let header = header::read(path)?;
     let axes = Axes::of(path, &header, 1)?;
     let voxels = data_file(path, &header, &axes, 1, frame)?.read(exec)?;
-    Ok(Volume::new(axes.grid, voxels)?)
+    Ok(Volume::new(axes.grid, voxels)?.with_patient_space(names_anatomy(&header)))
 }
 
 /// Reads the vectors of a displacement field: three numbers a voxel, on the fastest axis, along LPS.
@@ -76,12 +76,11 @@ fn data_file(
 }
 
 /// Whether the header names a space of anatomy.
-pub(crate) fn states_patient_space(path: &Path) -> Result<bool, Error> {
-    let header = header::read(path)?;
+fn names_anatomy(header: &Header) -> bool {
     // The other spaces that are read (scanner-xyz, 3d-right-handed) say nothing of the patient.
     let anatomy = ["superior", "ras", "las", "lps"];
     let space = header.fields.get("space").unwrap_or_default().to_lowercase();
-    Ok(anatomy.iter().any(|word| space.contains(word)))
+    anatomy.iter().any(|word| space.contains(word))
 }
 
 /// The files of a volume.
