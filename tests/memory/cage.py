@@ -28,7 +28,7 @@ SCENES = pathlib.Path(__file__).resolve().parents[2] / "fixtures" / "scenes"
 # Name, arguments, the output. Words in braces are made before; each is measured as it is made.
 STAGES = [
     ("phantom", "phantom head --size {size} --type {type} --noise 0.04 -o {head}", "head"),
-    ("phantom, no noise", "phantom head --size {size} --type {type} -o {clean}", "clean"),
+    ("phantom, no noise", "phantom head --size {size} --type {type} --noise 0 -o {clean}", "clean"),
     ("import", "import {nii} -o {imported}", "imported"),
     ("segment kmvs", "segment {head} --method kmvs --k 4 -o {labels}", "labels"),
     ("segment kmvs, places", "segment {head} --method kmvs --k 6 --spatial-weight 1.5 --max-iterations 3 -o {kplaces}", "kplaces"),
@@ -39,7 +39,7 @@ STAGES = [
     ("segment threshold", "segment {head} --method threshold --values 40,90 -o {bands}", "bands"),
     ("atf", "atf {head} {labels} -o {transfer}", "transfer"),
     ("boundary", "boundary {head} --labels {labels} --class densest -o {part}", "part"),
-    ("lattice", "lattice {head} --iso 30 -o {lattice}", "lattice"),
+    ("lattice", "lattice {head} --iso {iso} -o {lattice}", "lattice"),
     ("refine", "refine {lattice} --method collapse --level 2 -o {coarse}", "coarse"),
     ("octree", "octree {coarse} -o {octree}", "octree"),
     ("deform", "deform {coarse} --handle pick={x},{top},{x};move=0,-6,0;radius={r} -o {motion}", "motion"),
@@ -55,7 +55,7 @@ SCENE = """schema = 1
 [input]
 file = "{file}"
 [lattice]
-iso = 30.0
+iso = {iso}.0
 [refine]
 level = 2
 [[deform.handle]]
@@ -190,7 +190,7 @@ def show(row, markdown):
 
 def stages(cage):
     args, folder = cage.args, cage.folder
-    n, names = args.size, {"size": args.size, "type": args.type, "x": args.size // 2, "r": args.size // 4, "top": args.size * 122 // 128}
+    n, names = args.size, {"size": args.size, "type": args.type, "iso": iso(args.type), "x": args.size // 2, "r": args.size // 4, "top": args.size * 122 // 128}
     for _, words, output in STAGES:
         ending = {"picture": ".png", "file": ".nii.gz"}.get(output, ".ivd")
         names[output] = folder / (output + ending)
@@ -208,16 +208,23 @@ def stages(cage):
             subprocess.run([args.program, *words, "-q", "--progress", "never"], check=False)
 
 
+def iso(of_type):
+    """A value between air and skin, three deviations of the noise above 0: values of other types are those of bytes, made longer."""
+    return 30 if of_type == "u8" else 30 * 257
+
+
 def scenes(cage):
     args, folder = cage.args, cage.folder
     n = args.size
-    raw = folder / "scene.nii"
-    if not args.scene:
-        subprocess.run([args.program, "phantom", "head", "--size", str(n), "--type", args.type, "--noise", "0.04", "-o", folder / "s.ivd", "-q"], check=True)
-        subprocess.run([args.program, "export", folder / "s.ivd", "-o", raw, "-q"], check=True)
-        text = SCENE.format(file=raw.name, x=n // 2, r=n // 4, top=n * 122 // 128)
-        (folder / "phantom.toml").write_text(text)
-    for scene in [pathlib.Path(s) for s in args.scene] or [folder / "phantom.toml"]:
+    made = []
+    # Of the second the surface has a hundred times as many parts: every voxel of the air that the noise raises above the isovalue.
+    for name, noise in [("head", "0"), ("head with specks", "0.04")] if not args.scene else []:
+        scan = folder / f"{name.replace(' ', '-')}.nii"
+        subprocess.run([args.program, "phantom", "head", "--size", str(n), "--type", args.type, "--noise", noise, "-o", folder / "s.ivd", "-q"], check=True)
+        subprocess.run([args.program, "export", folder / "s.ivd", "-o", scan, "-q"], check=True)
+        made.append(scan.with_suffix(".toml"))
+        made[-1].write_text(SCENE.format(file=scan.name, iso=iso(args.type), x=n // 2, r=n // 4, top=n * 122 // 128))
+    for scene in [pathlib.Path(s) for s in args.scene] or made:
         out, cache = folder / f"out-{scene.stem}", folder / f"cache-{scene.stem}"
 
         def clear():

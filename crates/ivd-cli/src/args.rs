@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser as _;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use ivd_io::volume::VoxelAxes;
 use ivd_pipeline::scene::{Override, triple};
 
 use crate::parse;
@@ -117,9 +118,13 @@ pub(crate) enum Command {
         /// inverse, from the deformed to the rest, as ITK, ANTs and 3D Slicer resample, or forward. Files that `ivd export` wrote say it
         /// themselves.
         #[arg(long, value_name = "inverse|forward", num_args = 0..=1, require_equals = true,
-            conflicts_with_all = ["labels", "mask", "raw_dims", "frame", "series", "resample_slices"])]
+            conflicts_with_all = ["labels", "mask", "raw_dims", "frame", "series", "resample_slices", "axes"])]
         #[allow(clippy::option_option, reason = "not given, alone, or with a word")]
         displacement: Option<Option<Direction>>,
+        /// A volume: the displacement is put onto its grid, linear between the field's own voxels and beyond them as at their border. For fields
+        /// that are coarser than the scan.
+        #[arg(long, value_name = "VOLUME", requires = "displacement")]
+        like: Option<PathBuf>,
         #[command(flatten)]
         raw: Raw,
         #[command(flatten)]
@@ -254,6 +259,10 @@ pub(crate) struct Raw {
     /// refused.
     #[arg(long)]
     pub(crate) resample_slices: bool,
+    /// Where x, y and z of the voxels lead: a letter each, right or left, anterior or posterior, superior or inferior. LPS: x grows to the
+    /// patient's left, y to the back, z to the head. Default: what the file says; LPS, and no letters in pictures, where it says nothing.
+    #[arg(long, value_name = "LPS|RAI|…", value_parser = parse::axes)]
+    pub(crate) axes: Option<VoxelAxes>,
 }
 
 /// How a scene is run.

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use ivd_core::ParamError;
+use ivd_io::volume::VoxelAxes;
 use ivd_pipeline::params::from_toml;
 use ivd_pipeline::scene::{MAX_SCENE_BYTES, read_text_limited, truncate_lines};
 use toml::Table;
@@ -38,6 +40,11 @@ pub(crate) fn frames(text: &str) -> Result<Frames, String> {
             .map(Frames::One)
             .map_err(|_| format!("`{text}`: write the number of a frame, counted from 0, or all")),
     }
+}
+
+/// Three letters, where axes lead.
+pub(crate) fn axes(text: &str) -> Result<VoxelAxes, String> {
+    text.parse().map_err(|e: ParamError| e.to_string())
 }
 
 /// `X,Y,Z` voxels.

@@ -5,7 +5,9 @@ use ivd_core::{Displacement, FieldBricks, Grid};
 use crate::Error;
 use crate::certificate::{Certificate, THIN, certify};
 use crate::inverse::invert;
+use crate::sampler::{Sampler, brick_at, brick_voxels};
 use ivd_core::Exec;
+use rayon::prelude::*;
 
 /// Which way a given field leads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,10 +62,72 @@ pub fn displacement(grid: Grid, field: FieldBricks, leads: Leads, exec: &Exec) -
     Ok(Given { displacement, certificate })
 }
 
+/// The same field (mm) at the voxels of another grid, linear between its own; beyond its own grid it goes on as at its border.
+///
+/// - `from`: the grid of `field`; `onto`: that of the result.
+///
+/// # Errors
+/// [`ivd_core::Error::MemoryLimit`], [`ivd_core::Error::Cancelled`].
+pub fn resampled(field: &FieldBricks, from: &Grid, onto: &Grid, exec: &Exec) -> Result<FieldBricks, Error> {
+    let sampler = Sampler::new(field, from);
+    let to_mm = from.linear_part();
+    let size = onto.dims().map(|n| n.div_ceil(FieldBricks::SIDE));
+    exec.check_memory("the field on the other grid", 12 * onto.len() as u64)?;
+    let brick = |at: usize| {
+        let mut vectors = [[0.0_f32; 3]; FieldBricks::VOXELS];
+        for (slot, voxel) in brick_voxels(onto.dims(), brick_at(size, at)) {
+            let moved = to_mm * sampler.at(from.voxel(onto.world(voxel.into())).0);
+            vectors[slot] = moved.map(|c| c as f32 + 0.0).into();
+        }
+        vectors.iter().any(|v| *v != [0.0; 3]).then_some((at, vectors))
+    };
+    let made: Vec<_> = (0..size.iter().product())
+        .into_par_iter()
+        .filter_map(|at| if exec.cancel.is_cancelled() { None } else { brick(at) })
+        .collect();
+    exec.check_cancelled()?;
+    let moving: Vec<usize> = made.iter().map(|(at, _)| *at).collect();
+    let vectors: Vec<[f32; 3]> = made.into_iter().flat_map(|(_, vectors)| vectors).collect();
+    Ok(FieldBricks::of_bricks(onto.dims(), &moving, vectors.into())?)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use ivd_core::VoxelIndex;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn a_linear_field_is_the_same_at_the_voxels_of_a_finer_turned_grid() {
+        let affine = |p: Vector3<f64>| Vector3::new(0.1 * p.x + 0.05 * p.y, 0.3 - 0.02 * p.z, 0.04 * p.x);
+        let coarse = Grid::new(
+            [9, 10, 8],
+            [4.0, 3.0, 5.0],
+            [-18.0, -15.0, -20.0],
+            [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        );
+        let coarse = coarse.unwrap();
+        let field = crate::fixtures::field(&coarse, |off| affine(Vector3::from(coarse.origin()) + off));
+        let (s, c) = 0.4_f64.sin_cos();
+        let fine = Grid::new(
+            [20, 17, 11],
+            [0.7; 3],
+            [-9.0, -6.0, -4.0],
+            [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]],
+        )
+        .unwrap();
+        let made = resampled(&field, &coarse, &fine, &Exec::default()).unwrap();
+        for voxel in (0..fine.len()).map(|linear| fine.index(linear)) {
+            let wanted = affine(fine.world(voxel.into()).0);
+            let is = Vector3::from(made.at(voxel)).map(f64::from);
+            assert!((is - wanted).norm() < 1e-5, "{voxel:?}: {is} for {wanted}");
+        }
+        // Beyond its own grid the field is that of the nearest border voxel.
+        let beside = Grid::new([2, 2, 2], [1.0; 3], [500.0, 0.0, 0.0], coarse.direction()).unwrap();
+        let far = resampled(&field, &coarse, &beside, &Exec::default()).unwrap().at(VoxelIndex([0; 3]));
+        let border = affine(Vector3::new(9.0, 0.0, 0.0));
+        assert!((Vector3::from(far).map(f64::from) - border).norm() < 1e-5, "{far:?} for {border}");
+    }
 
     /// Everything is stretched along x about the left end by a share.
     fn stretched(share: f32) -> (Grid, FieldBricks) {

@@ -19,6 +19,11 @@ impl Space {
         }
     }
 
+    /// The space of that name, in either case.
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        [Self::Ras, Self::Lps].into_iter().find(|space| name.trim().eq_ignore_ascii_case(space.name()))
+    }
+
     /// What a comment says, as 3D Slicer writes and reads it: `SPACE=LPS` or `SPACE=RAS`, which counts where both stand.
     pub(crate) fn of(comment: &[u8]) -> Option<Self> {
         let says = |what: &[u8]| comment.windows(what.len()).any(|w| w == what);

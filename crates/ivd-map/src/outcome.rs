@@ -121,6 +121,9 @@ pub struct MapFigures {
     pub det_j_histogram: Histogram,
 }
 
+/// Space that is squeezed to less than this share of its volume is as good as lost: two voxels' matter lies within a tenth of one.
+const SQUEEZED: f64 = 0.1;
+
 /// Further behind than this (voxels) the map's surface isn't the lattice's.
 const LEFT_BEHIND: f64 = 1.0;
 
@@ -130,8 +133,8 @@ impl MapFigures {
         self.share >= 1.0 && self.followed.misfit_max_voxel <= LEFT_BEHIND
     }
 
-    /// What a person should know before the map is trusted: that it ends on the way, leaves vertices behind, or was told different motions
-    /// near one another.
+    /// What a person should know before the map is trusted: that it ends on the way, leaves vertices behind, was told different motions
+    /// near one another, or squeezes space to next to nothing.
     pub fn remark(&self) -> Option<String> {
         let (fit, mut told) = (&self.followed, Vec::new());
         if self.share < 1.0 {
@@ -149,6 +152,12 @@ impl MapFigures {
             told.push(format!(
                 "{} vertices within two voxels of others are told to move differently",
                 fit.conflicts
+            ));
+        }
+        if self.min_det_j < SQUEEZED {
+            told.push(format!(
+                "somewhere space is squeezed, perhaps to {:.1} % of its volume: it folds nowhere, but what lay there can hardly be seen",
+                100.0 * self.min_det_j
             ));
         }
         (!told.is_empty()).then(|| told.join("; "))

@@ -1,18 +1,18 @@
 //! What an artefact holds, as figures.
 
 use ivd_artefact::Artefact;
-use ivd_core::{Grid, VoxelCoord};
+use ivd_core::{Grid, Labels, VoxelCoord};
 use nalgebra::Vector3;
+use rayon::prelude::*;
 use serde_json::{Value, json};
+
+use crate::distribution::distribution;
 
 /// Where a grid lies: places are in mm, RAS (x to the right, y to the front, z to the head), and its extent is that of the voxels' outer
 /// faces.
 fn grid_facts(grid: &Grid) -> Value {
     let faces = grid.dims().map(|n| [-0.5, n as f64 - 0.5]);
-    let corners = (0..8_usize).map(|corner| {
-        let place: [f64; 3] = std::array::from_fn(|a| faces[a][corner >> a & 1]);
-        grid.world(VoxelCoord(place.into())).0
-    });
+    let corners = corners(faces).map(|place| grid.world(VoxelCoord(place)).0);
     let middle = grid.dims().map(|n| (n as f64 - 1.0) / 2.0);
     json!({
         "dims": grid.dims(), "spacing": grid.spacing(), "origin": grid.origin(), "direction": grid.direction(), "in_patient": grid.in_patient(),
@@ -30,15 +30,86 @@ fn extent(places: impl IntoIterator<Item = Vector3<f64>>) -> Value {
     )
 }
 
+/// Where the voxels of a class lie.
+#[derive(Clone, Copy)]
+struct Whereabouts {
+    low: [usize; 3],
+    high: [usize; 3],
+    /// Sum of the voxels' indices.
+    sum: [u64; 3],
+    voxels: u64,
+}
+
+impl Whereabouts {
+    const NONE: Self = Self { low: [usize::MAX; 3], high: [0; 3], sum: [0; 3], voxels: 0 };
+
+    fn with(self, other: Self) -> Self {
+        Self {
+            low: std::array::from_fn(|a| self.low[a].min(other.low[a])),
+            high: std::array::from_fn(|a| self.high[a].max(other.high[a])),
+            sum: std::array::from_fn(|a| self.sum[a] + other.sum[a]),
+            voxels: self.voxels + other.voxels,
+        }
+    }
+}
+
+/// The classes, each with its volume (ml), the middle of its voxels and the box round them, to the voxels' outer faces (mm, RAS).
+fn classes(labels: &Labels) -> Vec<Value> {
+    let (grid, known) = (labels.grid(), labels.classes());
+    let mut number = vec![usize::MAX; 1 << 16];
+    known.iter().enumerate().for_each(|(i, class)| number[usize::from(class.id)] = i);
+    let [nx, ny, _] = grid.dims();
+    let slice = |(z, ids): (usize, &[u16])| {
+        let mut found = vec![Whereabouts::NONE; known.len()];
+        for (y, row) in ids.chunks(nx).enumerate() {
+            for (x, id) in row.iter().enumerate() {
+                if let Some(class) = found.get_mut(number[usize::from(*id)]) {
+                    let at = [x, y, z];
+                    *class =
+                        class.with(Whereabouts { low: at, high: at, sum: at.map(|c| c as u64), voxels: 1 });
+                }
+            }
+        }
+        found
+    };
+    let found = labels.ids().par_chunks(nx * ny).enumerate().map(slice).reduce(
+        || vec![Whereabouts::NONE; known.len()],
+        |all, slice| all.into_iter().zip(slice).map(|(a, b)| a.with(b)).collect(),
+    );
+    known.iter().zip(found).map(|(class, at)| told_of(class, at, grid)).collect()
+}
+
+fn told_of(class: &ivd_core::Class, at: Whereabouts, grid: &Grid) -> Value {
+    let mut told = json!(class);
+    if let Value::Object(told) = &mut told
+        && at.voxels > 0
+    {
+        let middle = at.sum.map(|sum| sum as f64 / at.voxels as f64);
+        let faces: [[f64; 2]; 3] = std::array::from_fn(|a| [at.low[a] as f64 - 0.5, at.high[a] as f64 + 0.5]);
+        told.insert("ml".to_owned(), json!(at.voxels as f64 * grid.voxel_volume() / 1000.0));
+        told.insert("centre_mm".to_owned(), json!(<[f64; 3]>::from(grid.world(VoxelCoord(middle.into())).0)));
+        told.insert(
+            "extent_mm".to_owned(),
+            extent(corners(faces).map(|place| grid.world(VoxelCoord(place)).0)),
+        );
+    }
+    told
+}
+
+/// The corners of a box.
+fn corners(faces: [[f64; 2]; 3]) -> impl Iterator<Item = Vector3<f64>> {
+    (0..8_usize).map(move |corner| Vector3::from_fn(|a, _| faces[a][corner >> a & 1]))
+}
+
 /// What an artefact holds, as JSON: dims, ranges, classes, counts; for motions every displacement.
 pub fn describe(artefact: &Artefact) -> Value {
     match artefact {
         Artefact::Volume(v) => json!({
             "kind": "volume", "grid": grid_facts(v.grid()), "type": v.voxel_type().name(), "slope": v.slope(),
-            "intercept": v.intercept(), "range": v.range(), "missing": v.missing(),
+            "intercept": v.intercept(), "range": v.range(), "missing": v.missing(), "distribution": distribution(v),
         }),
         Artefact::Labels(l) => {
-            json!({ "kind": "labels", "grid": grid_facts(l.grid()), "classes": l.classes() })
+            json!({ "kind": "labels", "grid": grid_facts(l.grid()), "classes": classes(l) })
         }
         Artefact::Mask(m) => json!({
             "kind": "mask", "grid": grid_facts(m.grid()), "voxels": m.count(), "level": m.level().is_some(),
@@ -69,5 +140,30 @@ pub fn describe(artefact: &Artefact) -> Value {
             "kind": "tree", "grid": grid_facts(&t.grid), "linkage": t.linkage.name(), "nodes": t.nodes(), "leaves": t.leaf_count(),
             "heights": t.height_range(), "bridges": t.bridges,
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_class_lies_where_its_voxels_do() {
+        let grid = Grid::new(
+            [4, 3, 2],
+            [2.0, 1.0, 5.0],
+            [10.0, 0.0, 0.0],
+            [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        );
+        let grid = grid.unwrap();
+        let mut ids = vec![0_u16; 24];
+        // Voxels (1, 2, 0) and (2, 2, 1).
+        (ids[9], ids[22]) = (5, 5);
+        let voxels = ivd_core::Voxels::from(ids);
+        let labels = Labels::from_volume(&ivd_core::Volume::new(grid, voxels).unwrap()).unwrap();
+        let [told] = &classes(&labels)[..] else { panic!("one class") };
+        assert_eq!(told["ml"], 0.02);
+        assert_eq!(told["centre_mm"], json!([7.0, 2.0, 2.5]));
+        assert_eq!(told["extent_mm"], json!({ "low": [5.0, 1.5, -2.5], "high": [9.0, 2.5, 7.5] }));
     }
 }

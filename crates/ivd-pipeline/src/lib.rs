@@ -36,6 +36,7 @@
 mod compare;
 mod control;
 mod describe;
+mod distribution;
 mod error;
 mod export;
 mod frames;

@@ -7,7 +7,7 @@ use ivd_core::Classified as _;
 use ivd_io::volume::ReadOptions;
 use ivd_io::volume::dicom::{self, Series};
 use ivd_pipeline::describe;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::at;
 use crate::context::Context;
@@ -39,7 +39,8 @@ fn series_line(series: &Series) -> String {
     let known = |length: Option<f64>| length.map_or_else(|| "?".to_owned(), |mm| format!("{mm:.4}"));
     let [x, y, z] = series.spacing.map(known);
     let [columns, rows] = series.size;
-    let word = if series.series.is_empty() { "\"\"" } else { &series.series };
+    // What nothing names is chosen by nothing.
+    let word = if series.series.is_empty() { "\"\" (a series without a number)" } else { &series.series };
     let uneven = series
         .uneven_mm
         .map_or_else(String::new, |mm| format!(", slices unevenly spaced by up to {mm:.4} mm"));
@@ -141,7 +142,7 @@ fn artefact(file: &Path, context: &Context) -> anyhow::Result<Value> {
             "stage": info.provenance.stage,
             "revision": info.provenance.revision,
             "params": info.provenance.params,
-            "inputs": info.provenance.inputs.iter().map(|(k, v)| (k.clone(), json!(v.to_string()))).collect::<serde_json::Map<_, _>>(),
+            "inputs": info.provenance.inputs.iter().map(|(k, v)| (k.clone(), json!(v.to_string()))).collect::<Map<_, _>>(),
             "backend": info.provenance.backend,
         },
         "metrics": info.metrics,
@@ -173,6 +174,10 @@ fn lines(indent: &str, value: &Value) -> Vec<String> {
     let mut lines = Vec::new();
     for (key, value) in map {
         match value {
+            Value::Object(inner) if key == "histogram" => {
+                lines.push(format!("{indent}{key}:"));
+                lines.extend(bars(inner).into_iter().map(|bar| format!("{indent}  {bar}")));
+            }
             Value::Object(inner) if !inner.is_empty() => {
                 lines.push(format!("{indent}{key}:"));
                 lines.extend(self::lines(&format!("{indent}  "), value));
@@ -188,4 +193,26 @@ fn lines(indent: &str, value: &Value) -> Vec<String> {
         }
     }
     lines
+}
+
+/// Most marks of a bar.
+const LONGEST: f64 = 40.0;
+
+/// A histogram for a person: a line for each bin, its values, a bar as long as the root of its share, and the share. Roots, as most of a scan
+/// is air.
+fn bars(histogram: &Map<String, Value>) -> Vec<String> {
+    let numbers = |key: &str| -> Vec<f64> {
+        let list = histogram.get(key).and_then(Value::as_array);
+        list.into_iter().flatten().filter_map(Value::as_f64).collect()
+    };
+    let (edges, voxels) = (numbers("edges"), numbers("voxels"));
+    let all = voxels.iter().sum::<f64>().max(1.0);
+    let most = voxels.iter().copied().fold(1.0, f64::max);
+    let bar = |(ends, count): (&[f64], &f64)| {
+        let [low, high] = [ends[0], ends[1]]
+            .map(|edge| format!("{edge:.4}").trim_end_matches('0').trim_end_matches('.').to_owned());
+        let marks = "#".repeat((LONGEST * (count / most).sqrt()).round() as usize);
+        format!("{low:>12} … {high:<12} {marks:<40} {:.2} %", 100.0 * count / all)
+    };
+    edges.windows(2).zip(&voxels).map(bar).collect()
 }

@@ -32,9 +32,9 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
     match command {
         Command::Demo { out } => pipeline::demo(&out, context),
         Command::Pipeline(args) => pipeline::run(&args, context),
-        Command::Import { source, labels, mask, displacement, raw, output } => {
+        Command::Import { source, labels, mask, displacement, like, raw, output } => {
             let taken = match (labels, mask, displacement) {
-                (_, _, Some(direction)) => volume::Taken::Displacement(direction),
+                (_, _, Some(direction)) => volume::Taken::Displacement { direction, like: like.as_deref() },
                 (true, _, None) => volume::Taken::Labels,
                 (false, true, None) => volume::Taken::Mask,
                 (false, false, None) => volume::Taken::Volume,

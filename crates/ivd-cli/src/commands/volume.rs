@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ivd_artefact::Artefact;
+use ivd_artefact::{Artefact, Kind};
 use ivd_core::{Classified, VoxelType};
 use ivd_io::volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
 use ivd_pipeline::stages::{Import, ImportField, ImportLabels, ImportMask, ImportSource, ImportTransfer};
@@ -11,11 +11,11 @@ use ivd_pipeline::{Inputs, Stage, ending, export as write_as};
 use crate::args::{Direction, Raw};
 use crate::context::Context;
 use crate::exit::Failure;
-use crate::files::{finish, write_artefact};
+use crate::files::{file_for, finish, write_artefact};
 
 /// What a volume's values are taken for.
 #[derive(Clone, Copy)]
-pub(super) enum Taken {
+pub(super) enum Taken<'a> {
     /// What they are.
     Volume,
     /// Labels.
@@ -23,13 +23,18 @@ pub(super) enum Taken {
     /// Inside where they aren't 0.
     Mask,
     /// Vectors of a displacement field.
-    Displacement(Option<Direction>),
+    Displacement {
+        /// Which way it leads, where that is said.
+        direction: Option<Direction>,
+        /// A volume onto whose grid it is put.
+        like: Option<&'a Path>,
+    },
 }
 
 /// `ivd import`.
 pub(super) fn import(
     source: &Path,
-    taken: Taken,
+    taken: Taken<'_>,
     raw: &Raw,
     output: &Path,
     context: &Context,
@@ -39,17 +44,20 @@ pub(super) fn import(
         let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
         return finish(&stage, done, output, context);
     }
-    if let Taken::Displacement(direction) = taken {
+    if let Taken::Displacement { direction, like } = taken {
         let direction = direction.map(FieldDirection::from);
         let stage = ImportField { path: source.to_owned(), direction };
-        let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
+        let cache = context.stage_cache()?;
+        let onto = like.map(|file| file_for(file, &[Kind::Volume], &cache, context)).transpose()?;
+        let inputs = onto.into_iter().fold(Inputs::default(), |inputs, volume| inputs.with("volume", volume));
+        let done = context.run(&cache, &stage, &inputs)?;
         return finish(&stage, done, output, context);
     }
     let stage = Import { source: ImportSource::File { path: source.to_owned(), options: options(raw)? } };
     let cache = context.stage_cache()?;
     let done = context.run(&cache, &stage, &Inputs::default())?;
     let taken: &dyn Stage = match taken {
-        Taken::Volume | Taken::Displacement(_) => return finish(&stage, done, output, context),
+        Taken::Volume | Taken::Displacement { .. } => return finish(&stage, done, output, context),
         Taken::Labels => &ImportLabels,
         Taken::Mask => &ImportMask,
     };
@@ -84,8 +92,8 @@ fn options(raw: &Raw) -> anyhow::Result<ReadOptions> {
         _ => None,
     };
     let spacing = if layout.is_none() { raw.raw_spacing } else { None };
-    let Raw { frame, resample_slices, .. } = *raw;
-    Ok(ReadOptions { raw: layout, frame, series: raw.series.clone(), resample_slices, spacing })
+    let Raw { frame, resample_slices, axes, .. } = *raw;
+    Ok(ReadOptions { raw: layout, frame, series: raw.series.clone(), resample_slices, spacing, axes })
 }
 
 fn voxel_type(name: &str) -> anyhow::Result<VoxelType> {

@@ -54,8 +54,29 @@ pub(crate) fn for_lattice(
         return Ok(inputs);
     }
     inputs.check(section)?;
-    let labels = own_numbers(&inputs, cache, context)?;
-    Ok(inputs.with("labels", labels))
+    let own = own_numbers(&inputs, cache, context)?;
+    if let Some(labels) = Labels::of(&own.artefact).filter(|labels| are_values(labels)) {
+        let values = labels.classes().len();
+        return Err(Failure::usage(format!(
+            "--class without --labels takes the volume for labels, but it looks like a scan: {values} different values, and voxels beside each \
+             other differ; give --labels (`ivd segment` finds them), or make labels of it by `ivd import --labels` where it holds some"
+        )));
+    }
+    Ok(inputs.with("labels", own))
+}
+
+/// Whether labels are the values of a scan: of more than parts have, and seldom alike in voxels beside each other.
+fn are_values(labels: &Labels) -> bool {
+    if labels.classes().len() <= MOST_PARTS {
+        return false;
+    }
+    let rows = labels.ids().chunks(labels.grid().dims()[0]);
+    let (mut pairs, mut alike) = (0_u64, 0_u64);
+    for pair in rows.flat_map(|row| row.windows(2)).filter(|pair| pair[0] != 0 && pair[1] != 0) {
+        pairs += 1;
+        alike += u64::from(pair[0] == pair[1]);
+    }
+    2 * alike < pairs
 }
 
 /// Whether labels are as few as those of parts are, and one is among them.

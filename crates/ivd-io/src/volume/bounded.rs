@@ -254,6 +254,15 @@ pub(crate) fn verify_end(reader: &mut dyn Read, path: &Path, exec: &Exec) -> Res
     }
 }
 
+/// What to do with a file of so many values a voxel, where one is wanted.
+pub(crate) fn vectors_remedy(values: usize) -> &'static str {
+    if values == 3 {
+        "a displacement field is taken by `ivd import --displacement`; of other vectors extract one component into a file of its own"
+    } else {
+        "extract one component into a file of its own"
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,6 +5,7 @@
 //! places them in the world (millimetres, RAS). [`write()`] is its counterpart, by the file's ending.
 //! [`sources`] lists the files that a volume is made of, for whoever wants to know whether they changed.
 
+mod axes;
 mod bounded;
 mod data;
 pub mod dicom;
@@ -27,6 +28,7 @@ pub mod vti;
 mod write;
 
 pub use crate::order::ByteOrder;
+pub use axes::VoxelAxes;
 pub use error::Error;
 pub use field::{FieldDirection, write_field};
 pub use given_field::{GivenField, read_field};

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use ivd_core::{Exec, Volume};
 use serde::{Deserialize, Serialize};
 
-use crate::volume::{Error, RawLayout, bounded, dicom, metaimage, nifti, nrrd, raw, stack, vti};
+use crate::volume::{Error, RawLayout, VoxelAxes, bounded, dicom, metaimage, nifti, nrrd, raw, stack, vti};
 
 /// What the file alone doesn't tell.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -20,6 +20,9 @@ pub struct ReadOptions {
     pub resample_slices: bool,
     /// Spacing in mm, in place of the file's, for formats without a trustworthy one: TIFF, PNG and raw slices.
     pub spacing: Option<[f64; 3]>,
+    /// Where the axes of the voxels lead, in place of what the file says or for want of its word.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axes: Option<VoxelAxes>,
 }
 
 /// Formats of one file, told by its first bytes.
@@ -39,7 +42,8 @@ pub(super) enum Format {
 /// The format is told by the first bytes, not by the name. Voxels keep their stored type (64-bit integers become
 /// 32-bit ones where all fit), slope and intercept stand beside them, and positions are millimetres in RAS: they equal
 /// those of ITK. A file without a space is taken as ITK takes it, the identity in LPS. The grid knows whether the file says where the patient
-/// lies: DICOM with an orientation, NIfTI with a qform or an sform, NRRD with a space of anatomy, MetaImage with an orientation.
+/// lies: DICOM with an orientation, NIfTI with a qform or an sform, NRRD with a space of anatomy, MetaImage with an orientation,
+/// VTI with the field `SPACE`; or [`ReadOptions::axes`] say it.
 ///
 /// No size is believed before it is compared with the file and with `exec`'s memory limit; memory is taken once, for
 /// the voxels.
@@ -47,6 +51,15 @@ pub(super) enum Format {
 /// # Errors
 /// [`Error`] names the file, and the field or the place; see its variants.
 pub fn read(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
+    let volume = as_it_lies(path, options, exec)?;
+    Ok(match options.axes {
+        Some(axes) => axes.lay(volume, exec)?,
+        None => volume,
+    })
+}
+
+/// The volume where its file says.
+fn as_it_lies(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
     // Formats that know where the patient lies say whether a file tells it.
     let nowhere = |volume: Volume| volume.with_patient_space(false);
     exec.run(|| {
@@ -61,7 +74,7 @@ pub fn read(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, E
             Format::Nifti => nifti::read(path, options.frame, exec),
             Format::Nrrd => nrrd::read(path, options.frame, exec),
             Format::MetaImage => metaimage::read(path, options.frame, exec),
-            Format::Vti => vti::read(path, exec).map(nowhere),
+            Format::Vti => vti::read(path, exec),
             Format::Tiff => stack::read_tiff(path, options.spacing, exec).map(nowhere),
             Format::Dicom => dicom::read_file(path, exec),
         }

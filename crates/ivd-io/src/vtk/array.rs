@@ -71,3 +71,15 @@ pub(crate) fn type_name(voxel_type: VoxelType) -> &'static str {
     let named = TYPES.iter().find(|t| t.2 == Some(voxel_type));
     named.expect("every type of voxel has a name").0
 }
+
+/// Text as a string array has it: a list of character codes that ends in 0.
+pub(crate) fn codes(text: &str) -> String {
+    text.bytes().chain([0]).map(|code| code.to_string()).collect::<Vec<_>>().join(" ")
+}
+
+/// The text of such a list, up to its first 0; what is no code stands as `?`.
+pub(crate) fn text_of_codes(list: &[u8]) -> String {
+    let codes = list.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    let code = |word: &[u8]| std::str::from_utf8(word).ok()?.parse::<u8>().ok();
+    codes.map(|word| code(word).unwrap_or(b'?')).take_while(|&c| c != 0).map(char::from).collect()
+}

@@ -10,7 +10,7 @@ mod fault;
 mod xml;
 
 pub(crate) use appended::{Appended, Broken};
-pub(crate) use array::{Content, number, type_name, voxel_type};
+pub(crate) use array::{Content, codes, number, text_of_codes, type_name, voxel_type};
 pub(crate) use base64::Base64;
 pub(crate) use coding::{Coding, check_type};
 pub(crate) use fault::Fault;

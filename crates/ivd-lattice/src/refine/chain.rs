@@ -4,6 +4,7 @@ use super::locks::Locks;
 use super::params::{Method, RefineParams, Target};
 use super::refine;
 use super::report::Refined;
+use super::small_parts::SmallParts;
 use crate::Error;
 
 /// Refines a lattice to several levels, each from the one before.
@@ -13,8 +14,8 @@ use crate::Error;
 /// distance from it, both ways. A level that can't be reached is as near as it gets, and the next goes on from there.
 ///
 /// - `params`: all but the target is used.
-/// - `levels`: ascending, each counted from the input: level `L` keeps 4⁻ᴸ of its vertices. Merging and Loop's scheme count
-///   from the level before, so that what they keep too many or too few of adds up.
+/// - `levels`: ascending, each counted from the input: level `L` keeps 4⁻ᴸ of its vertices. Merging, Loop's scheme, and the others
+///   where there are specks, count from the level before, so that what they keep too many or too few of adds up.
 /// - `locks`: vertices of the input that stay in all levels.
 ///
 /// # Errors
@@ -46,7 +47,9 @@ pub fn chain(
     for &level in levels {
         let last = chain.last().map_or(lattice, |refined| &refined.lattice);
         let target = match params.method {
-            Method::Collapse | Method::Decimate => count_for(lattice, last, level),
+            Method::Collapse | Method::Decimate if SmallParts::at(last, level).is_none() => {
+                count_for(lattice, last, level)
+            }
             _ => Target::Level(level - last_level),
         };
         let locked: Vec<u32> = keys.iter().flatten().filter_map(|key| last.vertex_at(**key)).collect();

@@ -35,6 +35,7 @@ use super::params::RefineParams;
 use super::patch::Patch;
 use super::refusal::{Refusal, Refusals, Refused, StopReason};
 use super::report::Refined;
+use super::small_parts::SmallParts;
 use super::star::Fan;
 use crate::Error;
 
@@ -64,6 +65,7 @@ pub(super) fn decimate(
         let (removals, bound) = params.target.get().removals(mesh.positions.len(), mesh.triangles.len());
         let mut run = Decimation {
             stamps: vec![0; mesh.positions.len()],
+            small: SmallParts::of(lattice, params),
             mesh,
             turn_cosine: params.max_turn_degrees.to_radians().cos(),
             bound,
@@ -90,6 +92,8 @@ struct Decimation {
     turn_cosine: f64,
     /// Largest bound allowed (mm).
     bound: f64,
+    /// Parts whose share the others don't make up for.
+    small: Option<SmallParts>,
     /// Whether a loop that can't be split is filled as a fan.
     fans: bool,
     queue: BinaryHeap<Entry>,
@@ -125,7 +129,8 @@ impl Decimation {
             while removed < removals
                 && let Some(Reverse((key, v, stamp))) = self.queue.pop()
             {
-                if stamp != self.stamps[v as usize] {
+                let allowed = self.small.as_ref().is_none_or(|small| small.allow(v));
+                if stamp != self.stamps[v as usize] || !allowed {
                     continue;
                 }
                 if looked.is_multiple_of(LOOKS) {
@@ -135,6 +140,7 @@ impl Decimation {
                 match self.remove(v, f64::from_bits(key)) {
                     Ok(()) => {
                         removed += 1;
+                        self.small.iter_mut().for_each(|small| small.count([v].into_iter()));
                         refusals.note(v, None);
                     }
                     Err(Refusal::Bound(bound)) if f64::from(bound) <= self.bound => {

@@ -112,7 +112,7 @@ mod tests {
         let lattice = extract(&volume, None, &ExtractParams { iso: Iso::Value(0.0) }, &exec).unwrap().lattice;
         let mut surface = Surface::new(&lattice, Locks::NONE, None);
         let params = RefineParams { target: Target::Ratio(0.1).into(), ..RefineParams::default() };
-        passes::run(&mut surface, &params, &exec).unwrap();
+        passes::run(&mut surface, &params, None, &exec).unwrap();
         let (all, some) = (seen_of(&surface, 1), seen_of(&surface, 3));
         assert!(some.largest <= all.largest && all.mean < all.largest);
         let (all_seen, all, some) = (all, all.mean, some.mean);

@@ -56,6 +56,7 @@ mod report;
 mod sample;
 mod shared;
 mod slivers;
+mod small_parts;
 mod stage;
 mod star;
 mod surface;
@@ -71,6 +72,7 @@ pub use locks::{Locks, vertices_within};
 pub use params::{Method, RefineParams, Target, TargetKeys};
 pub use refusal::{Refused, StopReason};
 pub use report::{RefineStatus, Refined};
+use small_parts::SmallParts;
 pub use stage::{LevelFigures, Lock, RefineFigures, Refinement, STAGE};
 use surface::{Surface, bytes_for};
 
@@ -122,7 +124,7 @@ fn collapse_locked(
     exec.check_memory("the surface to be refined", bytes_for(lattice))?;
     exec.run(|| {
         let mut surface = Surface::new(lattice, locks, params.feature_degrees);
-        let mut run = passes::run(&mut surface, params, exec)?;
+        let mut run = passes::run(&mut surface, params, SmallParts::of(lattice, params), exec)?;
         if params.allow_topology && run.stopped_by != StopReason::Target {
             run = topology::run(&mut surface, params, lattice.triangles().len(), run.passes, exec)?;
         }

@@ -36,7 +36,8 @@ impl Method {
 /// How far a lattice is refined.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Target {
-    /// Levels below the input: level `L` keeps 4⁻ᴸ of the vertices; 0 keeps all.
+    /// Levels below the input: level `L` keeps 4⁻ᴸ of the vertices; 0 keeps all. Parts that can't get so small keep a tetrahedron each, and
+    /// the others don't make up for them.
     Level(u8),
     /// Share of the input's triangles to keep, 0…1.
     Ratio(f64),
@@ -75,8 +76,8 @@ impl Default for Target {
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct TargetKeys {
-    /// Levels below the input, each of which keeps about a quarter of the vertices: level L keeps 4⁻ᴸ of them. 2 where no target is
-    /// given.
+    /// Levels below the input, each of which keeps about a quarter of the vertices: level L keeps 4⁻ᴸ of them. Collapse and
+    /// decimation don't make up in other parts for specks, which keep four vertices each. 2 where no target is given.
     #[schemars(extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub level: Option<u8>,
     /// Keep this share of the triangles.

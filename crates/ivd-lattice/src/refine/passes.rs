@@ -9,6 +9,7 @@ use super::params::RefineParams;
 use super::queue::Queue;
 use super::refusal::{Refusal, Refused, StopReason};
 use super::report::Outcome;
+use super::small_parts::SmallParts;
 use super::star::Fan;
 use super::surface::Surface;
 use crate::Error;
@@ -82,7 +83,14 @@ impl Goal {
 }
 
 /// Collapses vertices pass by pass until the goal is reached or a pass over all of them finds nothing to do.
-pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> Result<Run, Error> {
+///
+/// - `small`: parts whose share the others don't make up for.
+pub(super) fn run(
+    surface: &mut Surface,
+    params: &RefineParams,
+    mut small: Option<SmallParts>,
+    exec: &Exec,
+) -> Result<Run, Error> {
     let goal = Goal::new(surface, params);
     let area = surface.areas.iter().map(|&a| f64::from(a)).sum::<f64>() / 3.0;
     exec.observer().begin(TASK, goal.removals.min(surface.free.len()) as u64);
@@ -94,7 +102,7 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
         let most = goal.removals - removed;
         let shape_weight = params.shape_weight as f32;
         let longest = most.max(ALONE).saturating_mul(width);
-        let queue = match scope {
+        let mut queue = match scope {
             Scope::Cheap => Queue::new(surface, shape_weight, PASS_SHARE, longest),
             Scope::Worthwhile => Queue::new(surface, shape_weight, 1.0, longest),
             Scope::All => {
@@ -102,6 +110,9 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
                 Queue::all(surface, shape_weight)
             }
         };
+        if let Some(small) = &small {
+            small.shorten(&mut queue.entries, |entry| surface.numbers[entry as u32 as usize]);
+        }
         // Blocks don't know of one another how many they remove: each may remove all that it has, or there is one.
         let tried = queue.entries.len();
         let divided = tried > ALONE && tried <= most;
@@ -119,6 +130,11 @@ pub(super) fn run(surface: &mut Surface, params: &RefineParams, exec: &Exec) -> 
         passes += 1;
         removed += count;
         refused = surface.kept + done.refused;
+        if let Some(small) = &mut small {
+            let Surface { numbers, free, .. } = &mut *surface;
+            small.count(done.collapsed.iter().map(|&v| numbers[v as usize]));
+            free.retain(|&v| small.allow(numbers[v as usize]));
+        }
         exec.observer().advance(TASK, count as u64);
         exec.observer().iteration(Iteration {
             method: TASK,

@@ -153,7 +153,7 @@ impl Refinement {
 }
 
 impl Op for Refinement {
-    const REVISION: u32 = 7;
+    const REVISION: u32 = 8;
     const REMARK: Option<Remark<RefineFigures>> = Some(|figures| {
         let by = figures.last.reached.stopped_by;
         let is_met = matches!(by, StopReason::Target | StopReason::MaxError);

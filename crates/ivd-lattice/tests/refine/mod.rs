@@ -10,6 +10,7 @@ mod levels;
 mod merging;
 mod repair;
 mod sampled;
+mod specks;
 mod topology;
 
 use ivd_core::{Classified, Exec, Grid, Lattice};

@@ -53,6 +53,7 @@ fn read_options(section: &InputSection) -> ReadOptions {
         series: section.series.clone(),
         resample_slices: section.resample_slices,
         spacing: section.spacing,
+        axes: section.axes,
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! What it shows is chosen here; [`ivd_report`] draws it.
 
+mod asked;
 mod colours;
 mod data;
 mod deformation;

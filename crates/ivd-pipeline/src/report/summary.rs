@@ -12,6 +12,7 @@ use ivd_report::html::{escape, number};
 use ivd_report::{Cell, Figure, figures, pairs, shown, table};
 use serde_json::Value as Json;
 
+use super::asked;
 use crate::scene::{Loaded, Scene};
 use crate::stages::{IMPORT, ImportFigures};
 use crate::{Error, Section, StageRecord, figures_of};
@@ -29,6 +30,7 @@ pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String
     }
     let space = figures_of::<SpaceFigures>(records, space::STAGE.name)?;
     html += &steps(scene);
+    html += &asked::asked(scene, records);
     let mut outcome = outcome(done.as_ref(), map.as_ref(), space.as_ref());
     outcome.extend(parts(records)?);
     html += &figures(&outcome);
@@ -104,7 +106,7 @@ fn method(scene: &Scene, stage: &ivd_core::op::Stage) -> String {
 }
 
 /// A parameter that a stage ran with.
-fn of_record(records: &[StageRecord], stage: &str, key: &str) -> String {
+pub(super) fn of_record(records: &[StageRecord], stage: &str, key: &str) -> String {
     let record = records.iter().find(|record| record.stage == stage && record.output.is_some());
     shown(record.and_then(|record| record.params.get(key)))
 }
@@ -165,7 +167,7 @@ fn others(asked: &Asked<'_>) -> String {
 }
 
 /// What was asked for, to the last digit, and what it is held beside.
-fn in_full(parts: [f64; 3]) -> String {
+pub(super) fn in_full(parts: [f64; 3]) -> String {
     parts.map(|part| format!("{}", (part * 1e4).round() / 1e4)).join(", ")
 }
 
@@ -248,15 +250,39 @@ fn of_map(map: &MapFigures, is_last: bool) -> Vec<Figure> {
         Figure::new("largest motion of a voxel by the lattice [mm]", "map.largest_mm", map.largest_mm),
         Figure::new("there, at rest [mm, RAS]", "map.largest_at_mm", map.largest_at_mm),
         Figure::new("share of the way that was mapped", "map.share", map.share),
-        Figure::new("vertices in reach: driven", "map.followed.vertices_driven", vertices_driven),
-        Figure::new("held", "map.followed.vertices_held", vertices_held),
-        Figure::new("carried along", "map.followed.vertices_carried", vertices_carried),
-        Figure::new("in a conflict", "map.followed.conflicts", conflicts),
-        Figure::new("left behind, mean [voxels]", "map.followed.misfit_mean_voxel", fit.misfit_mean_voxel),
-        Figure::new("of 95 % at most [voxels]", "map.followed.misfit_p95_voxel", fit.misfit_p95_voxel),
-        Figure::new("of 99.9 % at most [voxels]", "map.followed.misfit_p999_voxel", fit.misfit_p999_voxel),
-        Figure::new("at most [mm]", "map.followed.misfit_max_mm", fit.misfit_max_mm),
-        Figure::new("there, at rest [mm, RAS]", "map.followed.misfit_max_at_mm", fit.misfit_max_at_mm),
+        Figure::new(
+            "vertices near it that the solver moved",
+            "map.followed.vertices_driven",
+            vertices_driven,
+        ),
+        Figure::new("vertices near it that were to stay", "map.followed.vertices_held", vertices_held),
+        Figure::new(
+            "vertices near it that go along with what surrounds them",
+            "map.followed.vertices_carried",
+            vertices_carried,
+        ),
+        Figure::new("vertices told to move unlike others beside them", "map.followed.conflicts", conflicts),
+        Figure::new(
+            "voxels behind the vertices, mean [voxels]",
+            "map.followed.misfit_mean_voxel",
+            fit.misfit_mean_voxel,
+        ),
+        Figure::new(
+            "95 % of the vertices within [voxels]",
+            "map.followed.misfit_p95_voxel",
+            fit.misfit_p95_voxel,
+        ),
+        Figure::new(
+            "99.9 % of them within [voxels]",
+            "map.followed.misfit_p999_voxel",
+            fit.misfit_p999_voxel,
+        ),
+        Figure::new("all of them within [mm]", "map.followed.misfit_max_mm", fit.misfit_max_mm),
+        Figure::new(
+            "the worst is, at rest, at [mm, RAS]",
+            "map.followed.misfit_max_at_mm",
+            fit.misfit_max_at_mm,
+        ),
     ];
     let voxels = last(Figure::new("voxels moved", "map.voxels_moved", map.voxels_moved));
     let proof = [

@@ -1,8 +1,8 @@
 use std::path::PathBuf;
 
 use ivd_artefact::Kind;
-use ivd_core::Exec;
-use ivd_core::op::schema_of;
+use ivd_core::op::{Slots as _, schema_of};
+use ivd_core::{Exec, Volume, slots};
 use ivd_field::given::{self, Leads};
 use ivd_io::volume::{FieldDirection, GivenField, ReadOptions, read_field};
 use schemars::JsonSchema;
@@ -19,6 +19,11 @@ pub struct ImportField {
     pub path: PathBuf,
     /// Which way it leads; without it what the file says.
     pub direction: Option<FieldDirection>,
+}
+
+slots! {
+    /// The volume onto whose grid the field is put; without it the field stays on its own.
+    struct Onto<'a> { volume: Option<&'a Volume> }
 }
 
 /// What an imported field comes to.
@@ -48,7 +53,7 @@ impl Stage for ImportField {
         Facts {
             name: IMPORT,
             revision: 2,
-            inputs: &[],
+            inputs: Onto::SLOTS,
             output: Some(Kind::Displacement),
             figures: schema_of::<ImportFieldFigures>,
         }
@@ -62,7 +67,7 @@ impl Stage for ImportField {
         ivd_io::volume::sources(&self.path, &ReadOptions::default()).map_err(Error::in_stage(IMPORT))
     }
 
-    fn run(&self, _: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let GivenField { grid, vectors, direction: said } =
             read_field(&self.path, exec).map_err(Error::in_stage(IMPORT))?;
         let direction = match (self.direction, said) {
@@ -84,6 +89,14 @@ impl Stage for ImportField {
                 );
                 return Err(Error::usage(IMPORT, problem));
             }
+        };
+        let Onto { volume } = inputs.take(self.name())?;
+        let (grid, vectors) = match volume.map(Volume::grid).filter(|onto| !onto.matches(&grid)) {
+            Some(onto) => {
+                let put = exec.run(|| given::resampled(&vectors, &grid, onto, exec));
+                (onto.clone(), put.map_err(Error::in_stage(IMPORT))?)
+            }
+            None => (grid, vectors),
         };
         let leads = match direction {
             FieldDirection::Forward => Leads::Forward,

@@ -53,15 +53,12 @@ fn space(document: &Document, budget: &mut Budget) -> Result<Option<Space>, Fail
         Ok(())
     })?;
     let text = text.split(|&c| c == 0).next().unwrap_or_default();
-    match text.trim_ascii().to_ascii_uppercase().as_slice() {
-        b"LPS" => Ok(Some(Space::Lps)),
-        b"RAS" => Ok(Some(Space::Ras)),
-        _ => {
-            let problem =
-                format!("`{}` is neither LPS nor RAS", String::from_utf8_lossy(text).escape_debug());
-            Err(Failure::at("field SPACE", problem, "save it as LPS"))
-        }
-    }
+    let text = String::from_utf8_lossy(text);
+    let unknown = || {
+        let problem = format!("`{}` is neither LPS nor RAS", text.escape_debug());
+        Failure::at("field SPACE", problem, "save it as LPS")
+    };
+    Space::named(&text).map(Some).ok_or_else(unknown)
 }
 
 struct Piece<'d, 'a> {

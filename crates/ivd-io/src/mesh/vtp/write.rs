@@ -2,6 +2,7 @@ use std::io::{self, Write};
 
 use crate::mesh::Error;
 use crate::mesh::placed::{Placed, put, voxels_fit};
+use crate::vtk::codes;
 
 /// Bytes of the count before each array.
 const COUNT: u64 = 8;
@@ -80,9 +81,4 @@ fn head(file: &mut dyn Write, mesh: &Placed, sizes: [u64; 5]) -> io::Result<()> 
         mesh.positions.len(),
         mesh.lattice.triangles().len()
     )
-}
-
-/// Text as a string array has it: a list of character codes that ends in 0.
-fn codes(text: &str) -> String {
-    text.bytes().chain([0]).map(|code| code.to_string()).collect::<Vec<_>>().join(" ")
 }

@@ -5,7 +5,7 @@ use ivd_core::{Exec, Grid, Volume, VoxelType};
 use crate::volume::orientation::flip;
 use crate::volume::replace::{put, replace};
 use crate::volume::values::Values;
-use crate::volume::{Error, Written};
+use crate::volume::{Error, VoxelAxes, Written};
 
 /// Writes `.mha`, or `.mhd` with the voxels in a `.raw` beside it; uncompressed.
 pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
@@ -29,9 +29,14 @@ pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written
 fn header(grid: &Grid, voxel_type: VoxelType) -> String {
     let rows = grid.direction().map(flip);
     let [x, y, z] = grid.dims();
+    // A reader takes a file without it for one that says nothing of the patient.
+    let known = if grid.in_patient() { VoxelAxes::nearest(grid) } else { None };
+    let orientation = known.map_or_else(String::new, |axes| {
+        format!("AnatomicalOrientation = {}\n", String::from_iter(axes.from_where()))
+    });
     format!(
         "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = False\n\
-         TransformMatrix = {}\nOffset = {}\nCenterOfRotation = 0 0 0\nElementSpacing = {}\nDimSize = {x} {y} {z}\n\
+         TransformMatrix = {}\nOffset = {}\nCenterOfRotation = 0 0 0\n{orientation}ElementSpacing = {}\nDimSize = {x} {y} {z}\n\
          ElementType = {}\n",
         numbers(rows.as_flattened()),
         numbers(&flip(grid.origin())),

@@ -11,6 +11,9 @@ pub(super) const SIZE_1: usize = 348;
 /// Bytes of a NIfTI-2 header.
 pub(super) const SIZE_2: usize = 540;
 
+/// The description of a file of ours whose affine says nothing of the patient.
+pub(super) const NO_PATIENT: &[u8] = b"IVD: where the patient lies isn't known";
+
 /// The fields of either version that place, type and scale the voxels.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Header {
@@ -21,6 +24,8 @@ pub(super) struct Header {
     pub(super) dim: [i64; 8],
     pub(super) intent: i32,
     pub(super) intent_name: String,
+    /// Whether a file of ours says that its affine isn't the patient's.
+    pub(super) disclaims_patient: bool,
     pub(super) datatype: i16,
     pub(super) bitpix: i16,
     pub(super) pixdim: [f64; 8],
@@ -126,6 +131,7 @@ impl Header {
             dim: std::array::from_fn(|i| i64::from(f.i16(40 + 2 * i))),
             intent: i32::from(f.i16(68)),
             intent_name: text(&f.bytes[328..344]),
+            disclaims_patient: f.bytes[148..228].starts_with(NO_PATIENT),
             datatype: f.i16(70),
             bitpix: f.i16(72),
             pixdim: std::array::from_fn(|i| f.f32(76 + 4 * i)),
@@ -154,6 +160,7 @@ impl Header {
             dim: std::array::from_fn(|i| f.i64(16 + 8 * i)),
             intent: f.i32(504),
             intent_name: text(&f.bytes[508..524]),
+            disclaims_patient: f.bytes[240..320].starts_with(NO_PATIENT),
             datatype: f.i16(12),
             bitpix: f.i16(14),
             pixdim: std::array::from_fn(|i| f.f64(104 + 8 * i)),
@@ -167,6 +174,11 @@ impl Header {
             qoffset: std::array::from_fn(|i| f.f64(376 + 8 * i)),
             srow: std::array::from_fn(|r| std::array::from_fn(|c| f.f64(400 + 32 * r + 8 * c))),
         })
+    }
+
+    /// Whether the affine is the patient's.
+    pub(super) fn states_patient(&self) -> bool {
+        (self.sform_code > 0 || self.qform_code > 0) && !self.disclaims_patient
     }
 
     /// The space of a field of three components, as ITK takes the intents; `None` where it is none.
@@ -192,7 +204,7 @@ impl Header {
             return Err(Error::unsupported(
                 path,
                 format!("a vector-valued image (dim[{a}] = {})", sizes[a]),
-                "extract one component into a file of its own",
+                crate::volume::bounded::vectors_remedy(sizes[a]),
             ));
         }
         Ok(([sizes[1], sizes[2], sizes[3]], sizes[4]))

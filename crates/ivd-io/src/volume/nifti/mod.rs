@@ -52,7 +52,7 @@ pub(crate) fn unpacked_head(path: &Path) -> Result<Vec<u8>, Error> {
 pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Volume, Error> {
     let open = Open::of(path)?;
     let (dims, frames) = open.header.sizes(&open.header_path)?;
-    let stated = open.header.sform_code > 0 || open.header.qform_code > 0;
+    let stated = open.header.states_patient();
     let (grid, voxels, [slope, intercept]) = open.read(path, dims, frames, frame, 1, exec)?;
     Ok(Volume::with_scale(grid, voxels, slope, intercept)?.with_patient_space(stated))
 }

@@ -103,7 +103,7 @@ fn frames(path: &Path, sizes: &[usize], spatial: &[usize]) -> Result<usize, Erro
             return Err(Error::unsupported(
                 path,
                 format!("a vector-valued image (axis {axis} holds {size} values a voxel)"),
-                "extract one component into a file of its own",
+                bounded::vectors_remedy(size),
             ));
         }
     }

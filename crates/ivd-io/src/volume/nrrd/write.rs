@@ -46,17 +46,21 @@ pub(crate) fn field(
     })
 }
 
-/// The header's lines. `vector` is the size of a fastest axis that isn't space, with a space after it, or empty.
+/// The header's lines. Where nobody said where the patient lies the space has no name; readers take its coordinates for LPS.
+/// `vector` is the size of a fastest axis that isn't space, with a space after it, or empty.
 fn header(grid: &Grid, voxel_type: VoxelType, vector: &str) -> String {
     let [x, y, z] = grid.dims();
     let axes: [[f64; 3]; 3] =
         std::array::from_fn(|a| flip(grid.direction()[a]).map(|d| d * grid.spacing()[a]));
     let [i, j, k] = axes.map(vector_text);
+    // Vectors are along a space that has a name.
+    let named = grid.in_patient() || !vector.is_empty();
+    let space = if named { "space: left-posterior-superior" } else { "space dimension: 3" };
     let (none, kind, rank) = if vector.is_empty() { ("", "", 3) } else { ("none ", "vector ", 4) };
     let mut text = format!("NRRD0004\ntype: {}\ndimension: {rank}\n", type_name(voxel_type));
     let _ = write!(
         text,
-        "space: left-posterior-superior\nsizes: {vector}{x} {y} {z}\nspace directions: {none}{i} {j} {k}\n\
+        "{space}\nsizes: {vector}{x} {y} {z}\nspace directions: {none}{i} {j} {k}\n\
          kinds: {kind}domain domain domain\nendian: little\nencoding: raw\nspace origin: {}\n",
         vector_text(flip(grid.origin())),
     );

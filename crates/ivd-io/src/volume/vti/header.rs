@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use ivd_core::VoxelType;
 
+use crate::Space;
 use crate::volume::{Error, bounded};
 use crate::vtk::{self, Appended, Broken, Coding, Content, DEEPEST, Element, Fault};
 
@@ -18,6 +19,8 @@ pub(super) struct Header<'a> {
     pub(super) origin: [f64; 3],
     /// `axes[a]` is the direction of axis `a`.
     pub(super) axes: [[f64; 3]; 3],
+    /// What the field `SPACE` says.
+    pub(super) space: Option<Space>,
     pub(super) coding: Coding,
     pub(super) voxel_type: VoxelType,
     pub(super) content: Content<'a>,
@@ -39,6 +42,7 @@ struct Scan<'a> {
     points: Option<Element<'a>>,
     arrays: Vec<Array<'a>>,
     cell_arrays: usize,
+    space: Option<Space>,
     appended: Option<Appended<'a>>,
 }
 
@@ -66,6 +70,7 @@ impl<'a> Header<'a> {
             origin: numbers(path, image, "Origin")?.unwrap_or([0.0; 3]),
             // Stored row by row; an axis is a column.
             axes: std::array::from_fn(|a| std::array::from_fn(|row| direction[3 * row + a])),
+            space: found.space,
             coding: Coding::of(file).map_err(said)?,
             voxel_type: voxel_type(path, &array.element)?,
             content: Content::of(&array.element, found.appended).map_err(said)?.between(array.text),
@@ -89,6 +94,12 @@ impl<'a> Scan<'a> {
                 }
                 (b"PointData", _) => found.points = Some(element),
                 (b"DataArray", b"CellData") => found.cell_arrays += 1,
+                (b"Array", b"FieldData") => {
+                    let is_space = element.get("Name").map_err(said)?.as_deref() == Some("SPACE");
+                    if is_space && let Ok(text) = elements.text(&element) {
+                        found.space = Space::named(&vtk::text_of_codes(text.bytes));
+                    }
+                }
                 (b"DataArray", b"PointData") => {
                     let text = elements.text(&element).map_err(|fault| match fault {
                         Fault::Xml { problem, .. } => Error::corrupt(path, "DataArray", problem),

@@ -3,13 +3,15 @@ use std::path::Path;
 
 use ivd_core::{Exec, Volume, VoxelType};
 
+use crate::Space;
 use crate::volume::orientation::flip;
 use crate::volume::replace::{put, replace};
 use crate::volume::values::Values;
 use crate::volume::{Error, Written};
 use crate::vtk;
 
-/// Writes a `.vti` file: one piece, appended raw bytes, little endian, LPS.
+/// Writes a `.vti` file: one piece, appended raw bytes, little endian, LPS; the field `SPACE` says so
+/// where the places are the patient's.
 ///
 /// A volume with slope and intercept is written as real values. The file is replaced at once, and left alone
 /// where it holds the same bytes.
@@ -45,6 +47,13 @@ fn head(volume: &Volume, voxel_type: VoxelType) -> String {
         numbers(&grid.spacing()),
         numbers(&direction)
     ));
+    if grid.in_patient() {
+        // As a surface's file says it.
+        line(format!(
+            "    <FieldData>\n      <Array type=\"String\" Name=\"SPACE\" NumberOfTuples=\"1\" format=\"ascii\">{}</Array>\n    </FieldData>",
+            vtk::codes(Space::Lps.name())
+        ));
+    }
     line(format!("    <Piece Extent=\"{extent}\">"));
     line("      <PointData Scalars=\"volume\">".into());
     line(format!(

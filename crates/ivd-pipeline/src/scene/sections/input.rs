@@ -1,6 +1,7 @@
 use std::path::PathBuf;
 
 use ivd_core::VoxelType;
+use ivd_io::volume::VoxelAxes;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +32,10 @@ pub struct InputSection {
     /// Distance of voxel centres (mm), for formats that don't say it.
     #[serde(default)]
     pub spacing: Option<[f64; 3]>,
+    /// Where x, y and z of the voxels lead: a letter each, R or L, A or P, S or I. Default: what the file says; LPS where it says nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<String>")]
+    pub axes: Option<VoxelAxes>,
     /// A generated volume: head, sphere, torus, gyroid, spheres, shell, bars or neck.
     #[serde(default)]
     #[schemars(with = "Option<String>")]

@@ -1,0 +1,150 @@
+//! What the axes of a file's voxels are in the patient, where a person says it.
+
+use std::fmt;
+use std::str::FromStr;
+
+use ivd_core::{Exec, Grid, ParamError, Volume};
+use serde::{Deserialize, Serialize};
+
+/// The letters of both ways along each of the patient's axes, and the direction of the first in RAS.
+const WAYS: [(char, char, [f64; 3]); 3] =
+    [('R', 'L', [1.0, 0.0, 0.0]), ('A', 'P', [0.0, 1.0, 0.0]), ('S', 'I', [0.0, 0.0, 1.0])];
+
+/// Where each axis of the voxels leads: a letter for x, y and z, of right or left, anterior or posterior, superior or inferior.
+///
+/// ```
+/// use ivd_io::volume::VoxelAxes;
+///
+/// let axes: VoxelAxes = "lpi".parse()?;
+/// assert_eq!(axes.to_string(), "LPI");
+/// assert_eq!(axes.direction()[2], [0.0, 0.0, -1.0]);
+/// assert!("LRS".parse::<VoxelAxes>().is_err());
+/// # Ok::<(), ivd_core::ParamError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct VoxelAxes([char; 3]);
+
+impl VoxelAxes {
+    /// Those of a grid: where each axis leads for the most part. A grid turned by about 45° may have one letter twice; nothing then.
+    pub fn nearest(grid: &Grid) -> Option<Self> {
+        let letter = |way: [f64; 3]| {
+            let along = (0..3).max_by(|&a, &b| way[a].abs().total_cmp(&way[b].abs())).unwrap_or(0);
+            let (ahead, back, _) = WAYS[along];
+            if way[along] > 0.0 { ahead } else { back }
+        };
+        Self::of(grid.direction().map(letter))
+    }
+
+    fn of(letters: [char; 3]) -> Option<Self> {
+        let along = |letter: char| WAYS.iter().position(|(ahead, back, _)| [*ahead, *back].contains(&letter));
+        let [x, y, z] = letters.map(along);
+        let all = [x?, y?, z?];
+        (0..3).all(|axis| all.contains(&axis)).then_some(Self(letters))
+    }
+
+    /// The same axes by the letters of where they come from, as MetaImage has them.
+    pub(crate) fn from_where(self) -> [char; 3] {
+        self.0.map(|letter| {
+            let opposite = WAYS.iter().find_map(|(ahead, back, _)| match letter {
+                letter if letter == *ahead => Some(*back),
+                letter if letter == *back => Some(*ahead),
+                _ => None,
+            });
+            opposite.unwrap_or(letter)
+        })
+    }
+
+    /// Unit direction of each axis, RAS.
+    pub fn direction(self) -> [[f64; 3]; 3] {
+        self.0.map(|letter| {
+            let way = WAYS.iter().find_map(|(ahead, back, way)| match letter {
+                letter if letter == *ahead => Some(*way),
+                // 0 − x rather than −x: no negative zeros.
+                letter if letter == *back => Some(way.map(|w| 0.0 - w)),
+                _ => None,
+            });
+            way.unwrap_or_default()
+        })
+    }
+
+    /// The volume with its axes along these, and known to lie in the patient so: its first voxel stays where it is.
+    ///
+    /// # Errors
+    /// As [`Grid::new`], which no grid gives that was one.
+    pub(crate) fn lay(self, volume: Volume, exec: &Exec) -> Result<Volume, ivd_core::Error> {
+        let grid = volume.grid();
+        if grid.in_patient() {
+            exec.observer().note(&format!(
+                "the file says where the patient lies, but axes = {self} is what is taken: left and right, front and back, head and feet are as that says"
+            ));
+        }
+        let laid = Grid::new(grid.dims(), grid.spacing(), grid.origin(), self.direction())?;
+        let turned = Volume::with_scale(laid, volume.voxels().clone(), volume.slope(), volume.intercept())?;
+        Ok(turned.with_modality(volume.modality()))
+    }
+}
+
+impl FromStr for VoxelAxes {
+    type Err = ParamError;
+    fn from_str(text: &str) -> Result<Self, ParamError> {
+        let letters: Vec<char> = text.trim().to_uppercase().chars().collect();
+        let axes = <[char; 3]>::try_from(letters).ok().and_then(Self::of);
+        axes.ok_or_else(|| {
+            let problem = format!("`{}` isn't where three axes lead", text.escape_debug());
+            let remedy = "give a letter each for x, y and z, one of R and L, one of A and P, one of S and I: LPS where x grows to the \
+                          patient's left, y to the back and z to the head";
+            ParamError::new("axes", problem, remedy)
+        })
+    }
+}
+
+impl fmt::Display for VoxelAxes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&self.0.iter().collect::<String>())
+    }
+}
+
+impl TryFrom<String> for VoxelAxes {
+    type Error = ParamError;
+    fn try_from(text: String) -> Result<Self, ParamError> {
+        text.parse()
+    }
+}
+
+impl From<VoxelAxes> for String {
+    fn from(axes: VoxelAxes) -> Self {
+        axes.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_48_ways_to_lie_are_told_from_their_directions_and_no_others() {
+        let letters = ['R', 'L', 'A', 'P', 'S', 'I'];
+        let mut known = 0;
+        for x in letters {
+            for y in letters {
+                for z in letters {
+                    let Ok(axes) = String::from_iter([x, y, z]).parse::<VoxelAxes>() else { continue };
+                    known += 1;
+                    let grid = Grid::new([2; 3], [1.0; 3], [0.0; 3], axes.direction()).unwrap();
+                    assert_eq!(VoxelAxes::nearest(&grid), Some(axes));
+                }
+            }
+        }
+        assert_eq!(known, 48);
+        for bad in ["", "LP", "LPSS", "LLS", "LRS", "xyz", "L P"] {
+            assert!(bad.parse::<VoxelAxes>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn the_letters_of_metaimage_are_those_of_where_axes_come_from() {
+        // As ITK writes its identity, LPS.
+        assert_eq!("LPS".parse::<VoxelAxes>().unwrap().from_where(), ['R', 'A', 'I']);
+    }
+}
