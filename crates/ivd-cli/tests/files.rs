@@ -160,3 +160,103 @@ fn series_below_a_folder_are_listed_and_taken_by_the_word_that_is_shown() {
     let ran = json(at, &["pipeline", "scene.toml", "--out", "out"]);
     assert_eq!(ran["stages"][0]["output"]["hash"], even["output"]["hash"]);
 }
+
+#[test]
+fn raw_slices_are_laid_as_they_are_said_to_lie() {
+    let folder = tempdir().unwrap();
+    let at = folder.path();
+    // One bright voxel, at 1 of 5 along x, 0 of 4 along y, 2 of 3 along z.
+    let mut bytes = vec![0_u8; 60];
+    bytes[1 + 5 * (4 * 2)] = 200;
+    std::fs::write(at.join("a.raw"), bytes).unwrap();
+    let raw = ["import", "a.raw", "--raw-dims", "5,4,3", "--raw-type", "u8", "--raw-spacing", "2,1,1"];
+    for (axes, place, letters) in [("", "-2,0,2", false), ("RAS", "2,0,2", true), ("lpi", "-2,0,-2", true)] {
+        let given = if axes.is_empty() { vec![] } else { vec!["--axes", axes] };
+        let told = json(at, &[&raw[..], &given, &["-o", "a.ivd"]].concat());
+        assert_eq!(told["metrics"]["patient_space"], letters, "{axes}");
+        let there = json(at, &["info", "a.ivd", "--at", place]);
+        assert_eq!(there["at"][0]["value"], 200.0, "{axes}: {there}");
+    }
+    let (code, said) = refused(at, &[&raw[..], &["--axes", "LLS", "-o", "b.ivd"]].concat());
+    assert!(code == 2 && said.contains("R and L"), "{said}");
+    let scene = "schema = 1\n[input]\nfile = \"a.raw\"\naxes = \"RAS\"\n[input.raw]\ndims = [5, 4, 3]\ntype = \"u8\"\nspacing = [2.0, 1.0, 1.0]\n\
+                 [output]\nvolume = \"b.nrrd\"\n";
+    std::fs::write(at.join("scene.toml"), scene).unwrap();
+    json(at, &["pipeline", "scene.toml", "--out", "out"]);
+    assert_eq!(json(at, &["info", "out/b.nrrd", "--at", "2,0,2"])["at"][0]["value"], 200.0);
+    std::fs::write(at.join("bad.toml"), scene.replace("RAS", "RRS")).unwrap();
+    let (code, said) = refused(at, &["pipeline", "bad.toml", "--out", "out"]);
+    assert!(code == 2 && said.contains("axes"), "{said}");
+}
+
+#[test]
+fn info_tells_the_values_of_a_volume_and_the_places_of_classes() {
+    let folder = tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "32", "--truth", "truth.ivd", "-o", "ball.ivd"]);
+    let told = json(at, &["info", "ball.ivd"])["content"]["distribution"].clone();
+    let voxels: u64 =
+        told["histogram"]["voxels"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).sum();
+    assert_eq!(voxels, 32_u64.pow(3));
+    // Less than a quarter of the cube is the ball's.
+    assert_eq!(told["quantiles"][2], serde_json::json!({ "share": 0.25, "value": 0.0 }));
+    let shown = String::from_utf8(ivd(at, &["info", "ball.ivd"]).stdout).unwrap();
+    assert_eq!(
+        shown.lines().filter(|line| line.contains(" … ") && line.ends_with('%')).count(),
+        24,
+        "{shown}"
+    );
+    let classes = json(at, &["info", "truth.ivd"])["content"]["classes"].clone();
+    let ball = classes.as_array().unwrap().iter().find(|class| class["id"] == 1).unwrap().clone();
+    let (voxels, ml) = (ball["voxels"].as_f64().unwrap(), ball["ml"].as_f64().unwrap());
+    assert!((ml - voxels / 1000.0).abs() < 1e-9);
+    let (low, high) = (&ball["extent_mm"]["low"], &ball["extent_mm"]["high"]);
+    for a in 0..3 {
+        let [low, high, middle] = [low, high, &ball["centre_mm"]].map(|list| list[a].as_f64().unwrap());
+        // A ball of radius 0.35 size.
+        assert!((high - low - 22.4).abs() < 2.0 && ((low + high) / 2.0 - middle).abs() < 0.6, "{ball}");
+    }
+}
+
+#[test]
+fn the_values_of_a_scan_are_no_labels() {
+    let folder = tempdir().unwrap();
+    let at = folder.path();
+    json(
+        at,
+        &["phantom", "head", "--size", "32", "--type", "u16", "--truth", "truth.nrrd", "-o", "head.ivd"],
+    );
+    let (code, said) = refused(at, &["lattice", "head.ivd", "--class", "3", "-o", "x.ivd"]);
+    assert!(code == 2 && said.contains("looks like a scan") && said.contains("--labels"), "{said}");
+    json(at, &["lattice", "truth.nrrd", "--class", "3", "-o", "grey.ivd"]);
+}
+
+#[test]
+fn a_coarse_displacement_is_put_onto_the_grid_of_the_scan() {
+    let folder = tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "40", "-o", "v.ivd"]);
+    json(at, &["export", "v.ivd", "-o", "v.nrrd"]);
+    // Everything goes to the left by 3 mm, on a grid of 11³ voxels of 4 mm (LPS).
+    let header = "NRRD0004\ntype: float\ndimension: 4\nsizes: 3 11 11 11\nkinds: vector domain domain domain\nspace: left-posterior-superior\n\
+                  space directions: none (-4,0,0) (0,-4,0) (0,0,4)\nspace origin: (0,0,0)\nendian: little\nencoding: raw\n\n";
+    let vectors = (0..11 * 11 * 11).flat_map(|_| [3.0_f32, 0.0, 0.0]).flat_map(f32::to_le_bytes);
+    std::fs::write(at.join("field.nrrd"), header.bytes().chain(vectors).collect::<Vec<_>>()).unwrap();
+    let import = ["import", "field.nrrd", "--displacement=forward", "-o", "d.ivd"];
+    json(at, &import);
+    let (code, said) = refused(at, &["warp", "v.ivd", "d.ivd", "-o", "x.ivd"]);
+    assert!(code == 2 && said.contains("--like"), "{said}");
+    for like in ["v.ivd", "v.nrrd"] {
+        let told = json(at, &[&import[..], &["--like", like]].concat());
+        assert_eq!(told["metrics"]["voxels_moved"], 64_000);
+        json(at, &["warp", "v.ivd", "d.ivd", "-o", "moved.ivd"]);
+        let value =
+            |file: &str, place: &str| json(at, &["info", file, "--at", place])["at"][0]["value"].clone();
+        for [before, after] in [["20,20,20", "17,20,20"], ["7,19,22", "4,19,22"], ["31,15,20", "28,15,20"]] {
+            assert_eq!(value("v.ivd", before), value("moved.ivd", after));
+        }
+    }
+    // A field isn't a volume, and is said to be none.
+    let (code, said) = refused(at, &["import", "field.nrrd", "-o", "x.ivd"]);
+    assert!(code == 3 && said.contains("--displacement"), "{said}");
+}

@@ -129,8 +129,13 @@ pub enum Error {
     /// Two inputs that must lie on one grid don't.
     #[error(
         "{a} ({a_dims:?}) and {b} ({b_dims:?}) lie on different grids{}; use inputs made from the same volume, or resample one onto the grid \
-         of the other",
-        if a_dims == b_dims { ": their spacing, origin or axes differ" } else { "" }
+         of the other{}",
+        if a_dims == b_dims { ": their spacing, origin or axes differ" } else { "" },
+        if [a, b].contains(&&"displacement") {
+            " (`ivd import FIELD --displacement --like VOLUME` does, with another program's field)"
+        } else {
+            ""
+        }
     )]
     GridMismatch {
         /// First input.

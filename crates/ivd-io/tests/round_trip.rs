@@ -334,3 +334,42 @@ fn an_ending_of_no_format_is_refused_with_those_that_are() {
     let error = write("a.docx".as_ref(), &volume, &Exec::default()).unwrap_err();
     assert!(error.to_string().contains(".nrrd"), "{error}");
 }
+
+#[test]
+fn whether_a_file_says_where_the_patient_lies_outlives_every_format_that_can_say_it() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, grid) in grids() {
+        for in_patient in [true, false] {
+            let volume =
+                Volume::new(grid.clone(), voxels(VoxelType::I16)).unwrap().with_patient_space(in_patient);
+            for file in ["a.nii", "a.nii.gz", "a.nrrd", "a.nhdr", "a.mha", "a.mhd", "a.vti"] {
+                let (back, ..) = there_and_back(folder.path(), file, &volume);
+                assert_eq!(back.grid().in_patient(), in_patient, "{name}, {file}");
+                assert!(back.grid().matches(&grid), "{name}, {file}");
+            }
+        }
+    }
+}
+
+#[test]
+fn axes_that_are_said_are_those_of_the_grid_and_leave_values_and_the_first_voxel_in_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let volume = Volume::with_scale(grids().swap_remove(1).1, voxels(VoxelType::U8), 2.0, -7.0).unwrap();
+    for (file, stated) in [("a.nrrd", true), ("a.nrrd", false), ("a.nii.gz", true)] {
+        let path = folder.path().join(file);
+        write(&path, &volume.clone().with_patient_space(stated), &Exec::default()).unwrap();
+        let notes = Arc::new(Notes::default());
+        let exec = Exec::default().with_observer(notes.clone());
+        let options = ReadOptions { axes: Some("PSL".parse().unwrap()), ..ReadOptions::default() };
+        let (plain, laid) =
+            (read(&path, &ReadOptions::default(), &exec).unwrap(), read(&path, &options, &exec).unwrap());
+        assert_eq!(laid.grid().direction(), [[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]);
+        assert_eq!(laid.grid().origin(), plain.grid().origin());
+        assert_eq!(
+            (laid.voxels(), laid.slope(), laid.grid().in_patient()),
+            (plain.voxels(), plain.slope(), true)
+        );
+        // Only a file that says otherwise is contradicted.
+        assert_eq!(notes.0.lock().unwrap().iter().any(|note| note.contains("axes = PSL")), stated, "{file}");
+    }
+}

@@ -4,6 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use ivd_core::{Exec, Grid, ParamError, Volume};
+use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 /// The letters of both ways along each of the patient's axes, and the direction of the first in RAS.
@@ -74,7 +75,8 @@ impl VoxelAxes {
     /// As [`Grid::new`], which no grid gives that was one.
     pub(crate) fn lay(self, volume: Volume, exec: &Exec) -> Result<Volume, ivd_core::Error> {
         let grid = volume.grid();
-        if grid.in_patient() {
+        let differs = Matrix3::from(grid.direction()) - Matrix3::from(self.direction());
+        if grid.in_patient() && differs.amax() > 1e-6 {
             exec.observer().note(&format!(
                 "the file says where the patient lies, but axes = {self} is what is taken: left and right, front and back, head and feet are as that says"
             ));
