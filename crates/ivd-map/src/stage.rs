@@ -17,7 +17,7 @@ pub const STAGE: Stage = Stage {
     positional: &["lattice", "octree", "motion"],
     places: &[Place { amount: Amount::VoxelsInReach, ..Place::only("displacement") }],
     quiet: false,
-    memory: [60, 800],
+    memory: [60, 300],
 };
 const METHODS: &[Method] = &[
     method::<OctreeParams>("octree"),

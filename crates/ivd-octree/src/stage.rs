@@ -19,7 +19,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("octree")
     }],
     quiet: false,
-    memory: [4, 400],
+    memory: [4, 100],
 };
 const METHODS: &[Method] = &[method::<Params>("")];
 

@@ -23,7 +23,7 @@ pub const STAGE: Stage = Stage {
     positional: &["lattice"],
     places: &[Place { amount: Amount::TrianglesAsCut, ..Place::only("lattice") }],
     quiet: false,
-    memory: [4, 800],
+    memory: [4, 500],
 };
 const METHODS: &[Method] = &[method::<Refinement>("")];
 

@@ -16,7 +16,7 @@ pub const STAGE: Stage = Stage {
     positional: &["volume"],
     places: &[Place { from: &[("after", "displacement")], ..Place::only("displacement") }],
     quiet: true,
-    memory: [60, 800],
+    memory: [60, 300],
 };
 const METHODS: &[Method] = &[method::<SpaceParams>("")];
 

@@ -18,7 +18,7 @@ pub const STAGE: Stage = Stage {
     positional: &["lattice"],
     places: &[Place { amount: Amount::VerticesInReach, ..Place::only("motion") }],
     quiet: false,
-    memory: [24, 1200],
+    memory: [40, 300],
 };
 const METHODS: &[Method] = &[
     method::<RingMethod>("ring"),
