@@ -180,10 +180,14 @@ fn raw_slices_are_laid_as_they_are_said_to_lie() {
     let (code, said) = refused(at, &[&raw[..], &["--axes", "LLS", "-o", "b.ivd"]].concat());
     assert!(code == 2 && said.contains("R and L"), "{said}");
     let scene = "schema = 1\n[input]\nfile = \"a.raw\"\naxes = \"RAS\"\n[input.raw]\ndims = [5, 4, 3]\ntype = \"u8\"\nspacing = [2.0, 1.0, 1.0]\n\
-                 [output]\nvolume = \"b.nrrd\"\n";
+                 [lattice]\niso = 100.0\n[output]\nlattice = \"b.ply\"\n";
     std::fs::write(at.join("scene.toml"), scene).unwrap();
-    json(at, &["pipeline", "scene.toml", "--out", "out"]);
-    assert_eq!(json(at, &["info", "out/b.nrrd", "--at", "2,0,2"])["at"][0]["value"], 200.0);
+    let run = json(at, &["pipeline", "scene.toml", "--out", "out"]);
+    let import = &run["stages"].as_array().unwrap().iter().find(|stage| stage["stage"] == "import").unwrap();
+    assert_eq!(
+        (&import["params"]["file"]["axes"], &import["metrics"]["patient_space"]),
+        (&"RAS".into(), &true.into())
+    );
     std::fs::write(at.join("bad.toml"), scene.replace("RAS", "RRS")).unwrap();
     let (code, said) = refused(at, &["pipeline", "bad.toml", "--out", "out"]);
     assert!(code == 2 && said.contains("axes"), "{said}");

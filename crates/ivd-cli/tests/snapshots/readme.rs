@@ -149,6 +149,7 @@ fn stand_ins(folder: &Path, readme: &str) {
             "export ball.ivd -o someone-elses.stl --quiet",
             "phantom sphere --size 32 -o sphere.ivd --quiet",
             "export sphere.ivd -o sphere.nrrd --quiet",
+            "export sphere.ivd -o slices.tif --quiet",
         ],
     );
     crate::files::export(&folder.join("a-dicom-export"));

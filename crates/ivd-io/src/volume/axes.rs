@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 const WAYS: [(char, char, [f64; 3]); 3] =
     [('R', 'L', [1.0, 0.0, 0.0]), ('A', 'P', [0.0, 1.0, 0.0]), ('S', 'I', [0.0, 0.0, 1.0])];
 
+/// The orders of three axes.
+const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+
 /// Where each axis of the voxels leads: a letter for x, y and z, of right or left, anterior or posterior, superior or inferior.
 ///
 /// ```
@@ -27,14 +30,15 @@ const WAYS: [(char, char, [f64; 3]); 3] =
 pub struct VoxelAxes([char; 3]);
 
 impl VoxelAxes {
-    /// Those of a grid: where each axis leads for the most part. A grid turned by about 45° may have one letter twice; nothing then.
-    pub fn nearest(grid: &Grid) -> Option<Self> {
-        let letter = |way: [f64; 3]| {
-            let along = (0..3).max_by(|&a, &b| way[a].abs().total_cmp(&way[b].abs())).unwrap_or(0);
-            let (ahead, back, _) = WAYS[along];
-            if way[along] > 0.0 { ahead } else { back }
-        };
-        Self::of(grid.direction().map(letter))
+    /// Those of a grid: where each axis leads for the most part, of the ways to give each a part of the patient's axes.
+    pub fn nearest(grid: &Grid) -> Self {
+        let ways = grid.direction();
+        let share = |along: &[usize; 3]| -> f64 { (0..3).map(|a| ways[a][along[a]].abs()).sum() };
+        let along = ORDERS.into_iter().max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(ORDERS[0]);
+        Self(std::array::from_fn(|a| {
+            let (ahead, back, _) = WAYS[along[a]];
+            if ways[a][along[a]] > 0.0 { ahead } else { back }
+        }))
     }
 
     fn of(letters: [char; 3]) -> Option<Self> {
@@ -134,7 +138,7 @@ mod tests {
                     let Ok(axes) = String::from_iter([x, y, z]).parse::<VoxelAxes>() else { continue };
                     known += 1;
                     let grid = Grid::new([2; 3], [1.0; 3], [0.0; 3], axes.direction()).unwrap();
-                    assert_eq!(VoxelAxes::nearest(&grid), Some(axes));
+                    assert_eq!(VoxelAxes::nearest(&grid), axes);
                 }
             }
         }

@@ -53,20 +53,36 @@ pub(crate) struct Frames {
     pub(crate) chosen: Option<usize>,
 }
 
-/// A data file named by a header: relative to the header's folder.
-fn beside(header: &Path, name: &str) -> PathBuf {
-    header.parent().unwrap_or(Path::new("")).join(name)
+/// A data file that a field of a header names: relative to the header's folder.
+///
+/// # Errors
+/// There is none: the header is what is wrong, or has come without it.
+fn beside(header: &Path, field: &str, name: &str) -> Result<PathBuf, Error> {
+    let path = header.parent().unwrap_or(Path::new("")).join(name);
+    match std::fs::metadata(&path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            let problem = format!("`{}`: there is no such file beside this one", name.escape_debug());
+            Err(Error::field(header, field, problem))
+        }
+        _ => Ok(path),
+    }
 }
 
-/// The file of a header's data, by the name that the header gives, and where they begin in it: behind the header of `length` bytes where
+/// The file of a header's data, by the name that a field of the header gives, and where they begin in it: behind the header of `length` bytes where
 /// it names none.
-pub(crate) fn place(header: &Path, name: Option<&str>, length: u64) -> (PathBuf, u64) {
-    name.map_or_else(|| (header.to_owned(), length), |name| (beside(header, name), 0))
+pub(crate) fn place(
+    header: &Path,
+    field: &str,
+    name: Option<&str>,
+    length: u64,
+) -> Result<(PathBuf, u64), Error> {
+    name.map_or_else(|| Ok((header.to_owned(), length)), |name| Ok((beside(header, field, name)?, 0)))
 }
 
-/// The files of a volume: its header's, and that of its data where the header names one.
-pub(crate) fn files(header: &Path, name: Option<&str>) -> Vec<PathBuf> {
-    std::iter::once(header.to_owned()).chain(name.map(|name| beside(header, name))).collect()
+/// The files of a volume: its header's, and that of its data where a field of the header names one.
+pub(crate) fn files(header: &Path, field: &str, name: Option<&str>) -> Result<Vec<PathBuf>, Error> {
+    let data = name.map(|name| beside(header, field, name)).transpose()?;
+    Ok(std::iter::once(header.to_owned()).chain(data).collect())
 }
 
 impl DataFile {

@@ -33,7 +33,8 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
     let count = bounded::voxel_count(path, "DimSize", dims)?;
     let grid = grid(path, &header, dims)?;
     let encoding = encoding(path, &header)?;
-    let (data_path, offset) = data::place(path, data_name(path, &header)?.as_deref(), header.length);
+    let (data_path, offset) =
+        data::place(path, "ElementDataFile", data_name(path, &header)?.as_deref(), header.length)?;
     let data = DataFile {
         path: data_path,
         offset,
@@ -56,7 +57,7 @@ pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Vol
 
 /// The files of a volume.
 pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
-    Ok(data::files(path, data_name(path, &header::read(path)?)?.as_deref()))
+    data::files(path, "ElementDataFile", data_name(path, &header::read(path)?)?.as_deref())
 }
 
 /// Name of the data's own file; `None` for data in the header's file.

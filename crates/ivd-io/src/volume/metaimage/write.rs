@@ -30,10 +30,11 @@ fn header(grid: &Grid, voxel_type: VoxelType) -> String {
     let rows = grid.direction().map(flip);
     let [x, y, z] = grid.dims();
     // A reader takes a file without it for one that says nothing of the patient.
-    let known = if grid.in_patient() { VoxelAxes::nearest(grid) } else { None };
-    let orientation = known.map_or_else(String::new, |axes| {
-        format!("AnatomicalOrientation = {}\n", String::from_iter(axes.from_where()))
-    });
+    let orientation = if grid.in_patient() {
+        format!("AnatomicalOrientation = {}\n", String::from_iter(VoxelAxes::nearest(grid).from_where()))
+    } else {
+        String::new()
+    };
     format!(
         "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = False\n\
          TransformMatrix = {}\nOffset = {}\nCenterOfRotation = 0 0 0\n{orientation}ElementSpacing = {}\nDimSize = {x} {y} {z}\n\

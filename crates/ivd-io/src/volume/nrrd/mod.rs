@@ -62,7 +62,8 @@ fn data_file(
     let count = count.checked_mul(components);
     let file_type = file_type(path, header)?;
     let encoding = encoding(path, header)?;
-    let (data_path, offset) = data::place(path, data_name(path, header)?.as_deref(), header.length);
+    let (data_path, offset) =
+        data::place(path, "data file", data_name(path, header)?.as_deref(), header.length)?;
     Ok(DataFile {
         path: data_path,
         offset,
@@ -85,7 +86,7 @@ fn names_anatomy(header: &Header) -> bool {
 
 /// The files of a volume.
 pub(crate) fn sources(path: &Path) -> Result<Vec<PathBuf>, Error> {
-    Ok(data::files(path, data_name(path, &header::read(path)?)?.as_deref()))
+    data::files(path, "data file", data_name(path, &header::read(path)?)?.as_deref())
 }
 
 /// Name of the data's own file, where the header has one.
