@@ -53,6 +53,13 @@ impl<T: Stored> Field<'_, T> {
         (T::TYPE.is_integer() || value.is_finite()).then_some(value)
     }
 
+    /// Value at a place that may have moved, `None` where there is no data.
+    #[inline(never)]
+    pub(crate) fn value_before(&self, at: [f32; 3]) -> Option<f32> {
+        let before = self.before(at, true)?;
+        self.value(&self.samples.shape.place(before))
+    }
+
     /// World normal at a place of the deformed volume; `before` is where it was.
     #[inline(always)]
     fn normal(&self, at: [f32; 3], before: [f32; 3], moves: bool) -> Option<[f32; 3]> {
@@ -137,14 +144,14 @@ impl<T: Stored> Field<'_, T> {
 }
 
 /// Maximum intensity projection. `bound` holds for every brick a value that no sample in it exceeds; `sign` is −1
-/// where the real value falls as the fast one rises. Returns the greatest `sign · value`.
+/// where the real value falls as the fast one rises. Returns the greatest `sign · value`, −∞ where there is none.
 pub(crate) fn mip<T: Stored>(
     field: &Field<'_, T>,
     bound: &[f32],
     sign: f32,
     skip: bool,
     ray: &Ray,
-) -> (Option<f32>, Cast) {
+) -> (f32, Cast) {
     let (mut greatest, mut taken, mut passed) = (f32::NEG_INFINITY, 0, 0);
     let mut look = |at: [f32; 3], moves: bool, greatest: &mut f32| {
         taken += 1;
@@ -168,11 +175,11 @@ pub(crate) fn mip<T: Stored>(
         look(ray.rest_at, field.moves(field.space.brick(ray.rest_at)), &mut greatest);
     }
     let cast = Cast { rgba: [0.0; 4], taken, skipped: skipped + passed };
-    ((greatest > f32::NEG_INFINITY).then_some(greatest), cast)
+    (greatest, cast)
 }
 
 /// Halvings of the step in which a surface was met: its place is good to 2⁻¹⁶ of a step.
-const HALVINGS: usize = 16;
+pub(crate) const HALVINGS: usize = 16;
 
 /// First hit of the surface where `sign · value` reaches `iso`, refined by bisection, lit.
 pub(crate) fn first_hit<T: Stored>(

@@ -66,6 +66,7 @@ mod params;
 mod picture;
 mod preintegrated;
 mod prepared;
+mod project;
 mod rendered;
 #[allow(unsafe_code, reason = "unchecked gathers, argued in the module's head")]
 mod samples;

@@ -11,7 +11,7 @@ use crate::axis::ValueAxis;
 use crate::cast::Field;
 use crate::frame::LANES;
 use crate::packet::vectors::{any, each, floats, gathered, set, spread, transposed, whole, wholes};
-use crate::packet::{Lanes, Looks, Pairs};
+use crate::packet::{Cells, Lanes, Looks, Pairs};
 
 use super::AtEnds;
 
@@ -26,15 +26,15 @@ impl<T: Pairs, const SHADED: bool> Looks<T> for AtEnds<'_, SHADED> {
     unsafe fn end(lanes: &Lanes<'_, T, Self>, at: [__m256; 3]) -> __m256i {
         let sample = lanes.sample(at);
         let missing = _mm256_set1_epi32(-1);
-        let place = _mm256_blendv_epi8(missing, sample.index, Lanes::<T, Self>::finite(sample.value));
-        if lanes.field.warp.is_none() {
+        let place = _mm256_blendv_epi8(missing, sample.index, Cells::<T>::finite(sample.value));
+        if lanes.cells.field.warp.is_none() {
             return place;
         }
-        let (bricks, places) = (wholes(lanes.brick(sample.cell)), wholes(place));
+        let (bricks, places) = (wholes(lanes.cells.brick(sample.site.cell)), wholes(place));
         let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
         whole(|lane| {
-            if lanes.field.moves(bricks[lane] as usize) {
-                let end = lanes.field.end(lanes.looks.0, each(|a| at[a][lane]));
+            if lanes.cells.field.moves(bricks[lane] as usize) {
+                let end = lanes.cells.field.end(lanes.looks.0, each(|a| at[a][lane]));
                 end.map_or(-1, |place| place as i32)
             } else {
                 places[lane]
@@ -82,8 +82,8 @@ fn one_by_one<T: Pairs, const SHADED: bool>(
     look: __m256i,
     entry: [__m256; 4],
 ) -> [__m256; 4] {
-    let field: &Field<'_, T> = lanes.field;
-    let bricks = wholes(lanes.brick(lanes.cell(at)));
+    let field: &Field<'_, T> = lanes.cells.field;
+    let bricks = wholes(lanes.cells.brick(lanes.cells.cell(at)));
     let (ends, mut entries) = (ends.map(|end| wholes(end)), transposed(entry));
     let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
     for lane in set(look) {
