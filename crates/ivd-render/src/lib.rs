@@ -48,6 +48,7 @@ mod annotate;
 mod axis;
 mod camera;
 mod cast;
+mod cell;
 mod classify;
 mod difference;
 mod dvr;

@@ -63,10 +63,20 @@ impl<T: Pairs, const SHADED: bool> Looks<T> for AtEnds<'_, SHADED> {
         // The highest bit of a lane tells whether it is known.
         let known = _mm256_srai_epi32::<31>(known);
         let mut entry = each(|c| _mm256_and_ps(entry[c], _mm256_castsi256_ps(known)));
-        let half_known = any(_mm256_andnot_si256(known, look));
-        let seen = any(_mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps())));
-        if half_known || SHADED && seen {
-            entry = one_by_one::<T, SHADED>(lanes, [front, back], at, look, entry);
+        let seen = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps()));
+        let half_known = _mm256_andnot_si256(known, _mm256_andnot_si256(higher, look));
+        let mut alone = half_known;
+        if SHADED && any(seen) {
+            let (cells, site) = (&lanes.cells, lanes.cells.site(at));
+            let moved = cells.moved(&site, seen).unwrap_or(zero);
+            let lit = _mm256_and_si256(_mm256_andnot_si256(moved, seen), cells.deep(&site));
+            if any(lit) {
+                entry = cells.lit(entry, &site, lit);
+            }
+            alone = _mm256_or_si256(half_known, _mm256_andnot_si256(lit, seen));
+        }
+        if any(alone) {
+            entry = one_by_one::<T, SHADED>(lanes, [front, back], at, alone, entry);
         }
         entry
     }
