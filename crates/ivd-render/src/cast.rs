@@ -53,13 +53,6 @@ impl<T: Stored> Field<'_, T> {
         (T::TYPE.is_integer() || value.is_finite()).then_some(value)
     }
 
-    /// Value at a place that may have moved, `None` where there is no data.
-    #[inline(never)]
-    pub(crate) fn value_before(&self, at: [f32; 3]) -> Option<f32> {
-        let before = self.before(at, true)?;
-        self.value(&self.samples.shape.place(before))
-    }
-
     /// World normal at a place of the deformed volume; `before` is where it was.
     #[inline(always)]
     fn normal(&self, at: [f32; 3], before: [f32; 3], moves: bool) -> Option<[f32; 3]> {
@@ -75,12 +68,6 @@ impl<T: Stored> Field<'_, T> {
     pub(crate) fn lit_before(&self, entry: [f32; 4], at: [f32; 3], moves: bool) -> [f32; 4] {
         let before = self.before(at, moves);
         self.light.lit(entry, before.and_then(|before| self.normal(at, before, moves)))
-    }
-
-    /// A colour under the lamp, at a place that nothing moved.
-    #[inline(always)]
-    pub(crate) fn lit(&self, entry: [f32; 4], at: [f32; 3]) -> [f32; 4] {
-        self.light.lit(entry, self.normal(at, at, false))
     }
 
     /// Emission and absorption at a place that was at `before`, whose cell is `place`.

@@ -79,7 +79,7 @@ pub(crate) fn mip<T: Pairs>(
     })
 }
 
-/// [`cast::first_hit`] of each ray of a packet. What comes from elsewhere is met ray by ray.
+/// [`cast::first_hit`] of each ray of a packet.
 #[inline(always)]
 pub(crate) fn first_hit<T: Pairs>(
     wide: Wide,
@@ -90,7 +90,7 @@ pub(crate) fn first_hit<T: Pairs>(
     rays: &Packet,
 ) -> [Cast; LANES] {
     #[cfg(target_arch = "x86_64")]
-    if wide.0 && field.warp.is_none() && packet::serves_rays(rays) {
+    if wide.0 && packet::serves_rays(rays) {
         // SAFETY: AVX2 was found.
         return unsafe { packet::first_hit(field, iso, sign, surface, rays) };
     }

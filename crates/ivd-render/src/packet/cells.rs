@@ -11,7 +11,7 @@ use crate::camera::Ray;
 use crate::cast::Field;
 use crate::frame::Packet;
 
-use super::vectors::{any, clamped, each, indices, mix, spread, whole, wholes};
+use super::vectors::{clamped, each, indices, mix, spread, whole};
 use super::{Pairs, serves};
 
 /// What a brick's side is two to the power of (cells).
@@ -194,17 +194,6 @@ impl<'a, T: Pairs> Cells<'a, T> {
             inside = _mm256_andnot_si256(_mm256_cmpgt_epi32(low[a], cell[a]), inside);
         }
         _mm256_blendv_epi8(next, _mm256_add_epi32(last, one), inside)
-    }
-
-    /// The lanes that `look` and whose samples come from elsewhere, where there are any.
-    #[inline]
-    #[target_feature(enable = "avx2")]
-    pub(crate) fn moved(&self, site: &Site, look: __m256i) -> Option<__m256i> {
-        self.field.warp?;
-        let bricks = wholes(self.brick(site.cell));
-        let moved = whole(|lane| -i32::from(self.field.moves(bricks[lane] as usize)));
-        let moved = _mm256_and_si256(look, moved);
-        any(moved).then_some(moved)
     }
 
     /// Where places lie among the voxels.

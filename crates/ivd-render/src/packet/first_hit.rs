@@ -1,5 +1,4 @@
-//! Surfaces met by eight rays at a time: [`crate::cast::first_hit`] in lanes, of a volume that nothing moved, with the same operations in the same order, for
-//! the same bytes.
+//! Surfaces met by eight rays at a time: [`crate::cast::first_hit`] in lanes, with the same operations in the same order, for the same bytes.
 
 #[allow(clippy::wildcard_imports, reason = "some twenty intrinsics")]
 use std::arch::x86_64::*;
@@ -8,7 +7,7 @@ use crate::cast::{Cast, Field, HALVINGS};
 use crate::frame::{LANES, Packet};
 
 use super::vectors::{any, each, floats, set, spread, transposed, wholes};
-use super::{Cells, Pairs, RUN, Rays};
+use super::{Cells, Pairs, RUN, Rays, Source};
 
 /// Casts the rays of a packet.
 #[target_feature(enable = "avx2")]
@@ -19,7 +18,6 @@ pub(crate) fn first_hit<T: Pairs>(
     surface: [f32; 3],
     rays: &Packet,
 ) -> [Cast; LANES] {
-    debug_assert!(field.warp.is_none());
     let (cells, rays) = (Cells::new(field), Rays::new(rays));
     let level = Level { iso: _mm256_set1_ps(iso), sign: _mm256_set1_ps(sign) };
     let one = _mm256_set1_epi32(1);
@@ -103,16 +101,18 @@ fn coloured<T: Pairs>(
 ) -> [__m256; 4] {
     let own = [r, g, b, 1.0];
     let mut rgba = each(|c| _mm256_and_ps(_mm256_set1_ps(own[c]), _mm256_castsi256_ps(met)));
-    let site = cells.site(at);
+    let Source { at: before, moved, .. } = cells.source(at, met);
+    let site = cells.site(before);
     let deep = _mm256_and_si256(met, cells.deep(&site));
     if any(deep) {
-        rgba = cells.lit(rgba, &site, deep);
+        rgba = cells.lit(rgba, &site, moved.as_ref(), deep);
     }
     let alone = _mm256_andnot_si256(deep, met);
     if any(alone) {
         let (mut lanes, at): (_, [[f32; LANES]; 3]) = (transposed(rgba), each(|a| floats(at[a])));
+        let moved = wholes(moved.map_or(_mm256_setzero_si256(), |moved| moved.lanes));
         for lane in set(alone) {
-            lanes[lane] = cells.field.lit(own, each(|a| at[a][lane]));
+            lanes[lane] = cells.field.lit_before(own, each(|a| at[a][lane]), moved[lane] < 0);
         }
         rgba = each(|c| spread(|lane| lanes[lane][c]));
     }
@@ -130,8 +130,9 @@ impl Level {
     #[inline]
     #[target_feature(enable = "avx2")]
     fn sides<T: Pairs>(&self, cells: &Cells<'_, T>, at: [__m256; 3]) -> [__m256i; 2] {
-        let value = cells.value(&cells.site(at));
-        let known = Cells::<T>::finite(value);
+        let source = cells.source(at, _mm256_set1_epi32(-1));
+        let value = cells.value(&cells.site(source.at));
+        let known = _mm256_and_si256(source.known, Cells::<T>::finite(value));
         let reached = _mm256_cmp_ps::<_CMP_GE_OQ>(_mm256_mul_ps(self.sign, value), self.iso);
         let reached = _mm256_castps_si256(reached);
         [_mm256_and_si256(reached, known), _mm256_andnot_si256(reached, known)]

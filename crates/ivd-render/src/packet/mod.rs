@@ -14,6 +14,7 @@
 
 mod cells;
 mod first_hit;
+mod moved;
 mod pairs;
 mod project;
 mod shade;
@@ -30,6 +31,7 @@ use crate::frame::{LANES, Packet};
 
 pub(crate) use cells::{Cells, Rays, Site};
 pub(crate) use first_hit::first_hit;
+pub(crate) use moved::{Moved, Source};
 pub(crate) use pairs::Pairs;
 pub(crate) use project::mip;
 use vectors::{any, clamped, each, floats, gathered, indices, over, set, spread, transposed, whole, wholes};
@@ -225,55 +227,44 @@ impl<T: Pairs, const LABELLED: bool, const SHADED: bool> Lanes<'_, T, AtMiddle<'
     #[inline]
     #[target_feature(enable = "avx2")]
     fn classified(&self, at: [__m256; 3], look: __m256i) -> [__m256; 4] {
-        let Sample { site, value, mut index } = self.sample(at);
-        let field = self.cells.field;
+        let Source { at: before, known, moved } = self.cells.source(at, look);
+        let Sample { site, value, mut index } = self.sample(before);
         if LABELLED {
             index = _mm256_add_epi32(index, self.rows(&site));
-        } else if field.warp.is_none() && !any(_mm256_and_si256(_mm256_cmpgt_epi32(index, self.clear), look))
-        {
+        } else if !any(_mm256_and_si256(_mm256_cmpgt_epi32(index, self.clear), known)) {
             return [_mm256_setzero_ps(); 4];
         }
-        let seen = _mm256_and_si256(look, Cells::<T>::finite(value));
+        let seen = _mm256_and_si256(known, Cells::<T>::finite(value));
         let entry = self.entries(index);
         let mut entry = each(|c| _mm256_and_ps(entry[c], _mm256_castsi256_ps(seen)));
-        let visible = |entry: &[__m256; 4]| {
-            _mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps()))
-        };
         let is_steep = self.looks.0.steep().is_some();
-        let moved = self.cells.moved(&site, look).unwrap_or(_mm256_setzero_si256());
-        // What is lit where nothing moved, and has a voxel on every side, is lit together.
-        let lit = if SHADED && !is_steep {
-            _mm256_and_si256(_mm256_andnot_si256(moved, visible(&entry)), self.cells.deep(&site))
-        } else {
-            _mm256_setzero_si256()
-        };
-        let alone = if SHADED || is_steep { _mm256_or_si256(moved, visible(&entry)) } else { moved };
-        let alone = _mm256_andnot_si256(lit, alone);
-        if any(lit) {
-            entry = self.cells.lit(entry, &site, lit);
+        if !(SHADED || is_steep) {
+            return entry;
         }
+        let visible = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps()));
+        // What has a voxel on every side is lit together.
+        let deep = if is_steep { _mm256_setzero_si256() } else { self.cells.deep(&site) };
+        let lit = _mm256_and_si256(visible, deep);
+        if any(lit) {
+            entry = self.cells.lit(entry, &site, moved.as_ref(), lit);
+        }
+        let alone = _mm256_andnot_si256(lit, visible);
         if any(alone) {
-            entry = self.one_by_one(at, self.cells.brick(site.cell), alone, entry);
+            entry =
+                self.one_by_one(at, moved.map_or(_mm256_setzero_si256(), |moved| moved.lanes), alone, entry);
         }
         entry
     }
 
-    /// What lanes can't do together: light, gradients, and samples that come from elsewhere.
+    /// What lanes can't do together: looks by gradient, and light at the sides of the volume.
     #[inline(never)]
     #[target_feature(enable = "avx2")]
-    fn one_by_one(&self, at: [__m256; 3], brick: __m256i, look: __m256i, entry: [__m256; 4]) -> [__m256; 4] {
-        let (bricks, mut entries) = (wholes(brick), transposed(entry));
+    fn one_by_one(&self, at: [__m256; 3], moved: __m256i, alone: __m256i, entry: [__m256; 4]) -> [__m256; 4] {
+        let (moved, mut entries) = (wholes(moved), transposed(entry));
         let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
-        for lane in set(look) {
-            let at = each(|a| at[a][lane]);
-            let moves = self.cells.field.moves(bricks[lane] as usize);
-            let is_steep = self.looks.0.steep().is_some() && entries[lane][3] > 0.0;
-            if moves || is_steep {
-                entries[lane] =
-                    self.cells.field.classified_before::<LABELLED, SHADED>(self.looks.0, at, moves);
-            } else if SHADED && entries[lane][3] > 0.0 {
-                entries[lane] = self.cells.field.lit(entries[lane], at);
-            }
+        for lane in set(alone) {
+            let (at, field) = (each(|a| at[a][lane]), self.cells.field);
+            entries[lane] = field.classified_before::<LABELLED, SHADED>(self.looks.0, at, moved[lane] < 0);
         }
         each(|c| spread(|lane| entries[lane][c]))
     }

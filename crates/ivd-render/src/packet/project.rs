@@ -11,7 +11,7 @@ use crate::frame::{LANES, Packet};
 use crate::project::{BLOCK_BRICKS, Bounds};
 
 use super::cells::SIDE;
-use super::vectors::{any, each, floats, indices, spread, whole, wholes};
+use super::vectors::{any, each, floats, indices, spread, wholes};
 use super::{Cells, Pairs, RUN, Rays};
 
 /// What a block's side is two to the power of (cells).
@@ -80,19 +80,9 @@ impl Seen {
     #[inline]
     #[target_feature(enable = "avx2")]
     fn look<T: Pairs>(&mut self, cells: &Cells<'_, T>, at: [__m256; 3], look: __m256i) {
-        let site = cells.site(at);
-        let mut value = cells.value(&site);
-        let mut known = _mm256_and_si256(look, Cells::<T>::finite(value));
-        if let Some(moved) = cells.moved(&site, look) {
-            let (places, at): (_, [[f32; LANES]; 3]) = (floats(value), each(|a| floats(at[a])));
-            let moving = wholes(moved);
-            let come: [Option<f32>; LANES] = std::array::from_fn(|lane| {
-                if moving[lane] < 0 { cells.field.value_before(each(|a| at[a][lane])) } else { None }
-            });
-            value = spread(|lane| if moving[lane] < 0 { come[lane].unwrap_or(0.0) } else { places[lane] });
-            let nowhere = whole(|lane| -i32::from(moving[lane] < 0 && come[lane].is_none()));
-            known = _mm256_andnot_si256(nowhere, _mm256_or_si256(known, moved));
-        }
+        let source = cells.source(at, look);
+        let value = cells.value(&cells.site(source.at));
+        let known = _mm256_and_si256(source.known, Cells::<T>::finite(value));
         let value = _mm256_mul_ps(self.sign, value);
         let greater =
             _mm256_and_ps(_mm256_castsi256_ps(known), _mm256_cmp_ps::<_CMP_GT_OQ>(value, self.greatest));

@@ -9,7 +9,7 @@ use std::arch::x86_64::*;
 use crate::light::{AMBIENT, DIFFUSE, SPECULAR};
 
 use super::vectors::{each, indices, mix};
-use super::{Cells, Pairs, Site};
+use super::{Cells, Moved, Pairs, Site};
 
 impl<T: Pairs> Cells<'_, T> {
     /// The lanes whose cell has a cell on every side.
@@ -78,11 +78,22 @@ impl<T: Pairs> Cells<'_, T> {
     }
 
     /// Premultiplied colours under the lamp, in the lanes that `lit` names, whose sites are deep; the others stay.
+    ///
+    /// - `moved`: what brought their samples there.
     #[inline]
     #[target_feature(enable = "avx2")]
-    pub(crate) fn lit(&self, entry: [__m256; 4], site: &Site, lit: __m256i) -> [__m256; 4] {
+    pub(crate) fn lit(
+        &self,
+        entry: [__m256; 4],
+        site: &Site,
+        moved: Option<&Moved<'_>>,
+        lit: __m256i,
+    ) -> [__m256; 4] {
         let light = &self.field.light;
-        let gradient = self.gradient(site, lit);
+        let mut gradient = self.gradient(site, lit);
+        if let Some(moved) = moved {
+            gradient = moved.pull_back(gradient);
+        }
         let dot = |a: [__m256; 3], b: [f32; 3]| {
             let part = |i: usize| _mm256_mul_ps(_mm256_set1_ps(b[i]), a[i]);
             _mm256_add_ps(_mm256_add_ps(part(0), part(1)), part(2))

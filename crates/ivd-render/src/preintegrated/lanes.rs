@@ -10,8 +10,8 @@ use std::arch::x86_64::*;
 use crate::axis::ValueAxis;
 use crate::cast::Field;
 use crate::frame::LANES;
-use crate::packet::vectors::{any, each, floats, gathered, set, spread, transposed, whole, wholes};
-use crate::packet::{Cells, Lanes, Looks, Pairs};
+use crate::packet::vectors::{any, each, floats, gathered, set, spread, transposed, wholes};
+use crate::packet::{Cells, Lanes, Looks, Pairs, Source};
 
 use super::AtEnds;
 
@@ -24,22 +24,10 @@ impl<T: Pairs, const SHADED: bool> Looks<T> for AtEnds<'_, SHADED> {
     #[inline]
     #[target_feature(enable = "avx2")]
     unsafe fn end(lanes: &Lanes<'_, T, Self>, at: [__m256; 3]) -> __m256i {
-        let sample = lanes.sample(at);
-        let missing = _mm256_set1_epi32(-1);
-        let place = _mm256_blendv_epi8(missing, sample.index, Cells::<T>::finite(sample.value));
-        if lanes.cells.field.warp.is_none() {
-            return place;
-        }
-        let (bricks, places) = (wholes(lanes.cells.brick(sample.site.cell)), wholes(place));
-        let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
-        whole(|lane| {
-            if lanes.cells.field.moves(bricks[lane] as usize) {
-                let end = lanes.cells.field.end(lanes.looks.0, each(|a| at[a][lane]));
-                end.map_or(-1, |place| place as i32)
-            } else {
-                places[lane]
-            }
-        })
+        let source = lanes.cells.source(at, _mm256_set1_epi32(-1));
+        let sample = lanes.sample(source.at);
+        let known = _mm256_and_si256(source.known, Cells::<T>::finite(sample.value));
+        _mm256_blendv_epi8(_mm256_set1_epi32(-1), sample.index, known)
     }
 
     #[inline]
@@ -67,11 +55,11 @@ impl<T: Pairs, const SHADED: bool> Looks<T> for AtEnds<'_, SHADED> {
         let half_known = _mm256_andnot_si256(known, _mm256_andnot_si256(higher, look));
         let mut alone = half_known;
         if SHADED && any(seen) {
-            let (cells, site) = (&lanes.cells, lanes.cells.site(at));
-            let moved = cells.moved(&site, seen).unwrap_or(zero);
-            let lit = _mm256_and_si256(_mm256_andnot_si256(moved, seen), cells.deep(&site));
+            let Source { at: before, known: from, moved } = lanes.cells.source(at, seen);
+            let site = lanes.cells.site(before);
+            let lit = _mm256_and_si256(_mm256_and_si256(seen, from), lanes.cells.deep(&site));
             if any(lit) {
-                entry = cells.lit(entry, &site, lit);
+                entry = lanes.cells.lit(entry, &site, moved.as_ref(), lit);
             }
             alone = _mm256_or_si256(half_known, _mm256_andnot_si256(lit, seen));
         }
