@@ -70,12 +70,6 @@ impl<T: Stored> Field<'_, T> {
         self.light.lit(entry, before.and_then(|before| self.normal(at, before, moves)))
     }
 
-    /// A colour under the lamp, at a place that nothing moved.
-    #[inline(always)]
-    pub(crate) fn lit(&self, entry: [f32; 4], at: [f32; 3]) -> [f32; 4] {
-        self.light.lit(entry, self.normal(at, at, false))
-    }
-
     /// Emission and absorption at a place that was at `before`, whose cell is `place`.
     #[inline(always)]
     pub(crate) fn classified<const LABELLED: bool, const SHADED: bool>(
@@ -137,14 +131,14 @@ impl<T: Stored> Field<'_, T> {
 }
 
 /// Maximum intensity projection. `bound` holds for every brick a value that no sample in it exceeds; `sign` is −1
-/// where the real value falls as the fast one rises. Returns the greatest `sign · value`.
+/// where the real value falls as the fast one rises. Returns the greatest `sign · value`, −∞ where there is none.
 pub(crate) fn mip<T: Stored>(
     field: &Field<'_, T>,
     bound: &[f32],
     sign: f32,
     skip: bool,
     ray: &Ray,
-) -> (Option<f32>, Cast) {
+) -> (f32, Cast) {
     let (mut greatest, mut taken, mut passed) = (f32::NEG_INFINITY, 0, 0);
     let mut look = |at: [f32; 3], moves: bool, greatest: &mut f32| {
         taken += 1;
@@ -168,11 +162,11 @@ pub(crate) fn mip<T: Stored>(
         look(ray.rest_at, field.moves(field.space.brick(ray.rest_at)), &mut greatest);
     }
     let cast = Cast { rgba: [0.0; 4], taken, skipped: skipped + passed };
-    ((greatest > f32::NEG_INFINITY).then_some(greatest), cast)
+    (greatest, cast)
 }
 
 /// Halvings of the step in which a surface was met: its place is good to 2⁻¹⁶ of a step.
-const HALVINGS: usize = 16;
+pub(crate) const HALVINGS: usize = 16;
 
 /// First hit of the surface where `sign · value` reaches `iso`, refined by bisection, lit.
 pub(crate) fn first_hit<T: Stored>(

@@ -48,6 +48,7 @@ mod annotate;
 mod axis;
 mod camera;
 mod cast;
+mod cell;
 mod classify;
 mod difference;
 mod dvr;
@@ -66,6 +67,7 @@ mod params;
 mod picture;
 mod preintegrated;
 mod prepared;
+mod project;
 mod rendered;
 #[allow(unsafe_code, reason = "unchecked gathers, argued in the module's head")]
 mod samples;

@@ -3,19 +3,19 @@ use nalgebra::{Matrix3, Vector3};
 use crate::camera::Camera;
 
 /// Share of the light that reaches every side.
-const AMBIENT: f32 = 0.25;
+pub(crate) const AMBIENT: f32 = 0.25;
 /// Share that depends on the angle to the lamp.
-const DIFFUSE: f32 = 0.75;
+pub(crate) const DIFFUSE: f32 = 0.75;
 /// Strength of the highlight.
-const SPECULAR: f32 = 0.18;
+pub(crate) const SPECULAR: f32 = 0.18;
 
 /// A lamp beside the eye, up and to the left, for the whole picture. Blinn–Phong with a wrapped diffuse term: `((1 + n·l) / 2)²`
 /// (half Lambert), so that the sides turned away keep their shape.
 pub(crate) struct Light {
-    lamp: [f32; 3],
-    halfway: [f32; 3],
+    pub(crate) lamp: [f32; 3],
+    pub(crate) halfway: [f32; 3],
     /// Turns a gradient per voxel into one per mm, times the sign of the slope.
-    to_world: [[f32; 3]; 3],
+    pub(crate) to_world: [[f32; 3]; 3],
     /// Real units in one of the fast values.
     unit: f32,
 }

@@ -2,19 +2,20 @@ use ivd_core::{
     BrickRange, Exec, Labels, Lattice, NO_DATA, Scalar as _, TransferFunction, Volume, srgb, with_voxels,
 };
 
-use crate::camera::{Camera, Ray, centre, step_mm};
-use crate::cast::{Cast, Field, first_hit, mip};
+use crate::camera::{Camera, centre, step_mm};
+use crate::cast::{Cast, Field};
 use crate::classify::Classifier;
 use crate::dvr::AtMiddle;
 use crate::empty_space::Space;
 use crate::fit::{DARK, Held};
-use crate::frame::{Radiance, one_by_one, tiles};
+use crate::frame::{Radiance, tiles};
 use crate::light::Light;
 use crate::preintegrated::{AtEnds, Preintegrated};
+use crate::project::Bounds;
 use crate::samples::{KernelVoxels, Samples, Shape, fast};
 use crate::skip::{NOTHING, carried, join, joined_about, rows_of_bricks, through_warp};
 use crate::warp::Warp;
-use crate::wide::{Pairs, Wide, dvr};
+use crate::wide::{Pairs, Wide, dvr, first_hit, mip};
 use crate::{
     Classification, Error, Fit, Mode, RenderParams, Rendered, Scene, View, annotate, outline, picture,
 };
@@ -37,8 +38,8 @@ pub struct Prepared<'a> {
 enum ModeState {
     Dvr(Classifier),
     PreIntegrated(Preintegrated),
-    /// For each brick a value that no `sign · fast` in it exceeds.
-    Mip(Vec<f32>),
+    /// Values that no `sign · fast` exceeds.
+    Mip(Bounds),
     /// `sign · fast` of the surface.
     Iso(f32),
 }
@@ -74,14 +75,16 @@ impl<'a> Prepared<'a> {
                 !(params.mode == Mode::Dvr && params.classification == Classification::PreIntegrated);
             let clears = |labels: &Labels| by_voxel && has_unlabelled(scene.volume, labels);
             let labels = scene.labels.filter(|labels| has_rows || clears(labels));
+            let space = Space::full(Shape::new(grid.dims()));
+            let nothing = vec![f32::NEG_INFINITY; space.bricks().iter().product()];
             let mut prepared = Self {
                 scene: Scene { labels, ..*scene },
                 params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },
                 voxels,
                 shift,
                 warp: moving.map(|d| Warp::new(d, grid.inverse_linear_part())),
-                optics: ModeState::Mip(Vec::new()),
-                space: Space::full(Shape::new(grid.dims())),
+                optics: ModeState::Mip(Bounds::new(space.bricks(), nothing)),
+                space,
                 held: Held::Volume,
             };
             match params.mode {
@@ -102,7 +105,8 @@ impl<'a> Prepared<'a> {
         let [low, high] = self.scene.windowed().range().unwrap_or([0.0; 2]);
         let seen_from = self.signed(low + DARK * (high - low));
         self.hold(&bounds.iter().map(|&bound| bound >= seen_from).collect::<Vec<_>>());
-        self.optics = ModeState::Mip(self.moved(bounds, f32::NEG_INFINITY, f32::max));
+        let bounds = self.moved(bounds, f32::NEG_INFINITY, f32::max);
+        self.optics = ModeState::Mip(Bounds::new(self.space.bricks(), bounds));
     }
 
     /// Finds the bricks that reach an isovalue.
@@ -314,20 +318,23 @@ impl<'a> Prepared<'a> {
             }
             ModeState::Mip(bounds) => {
                 let [low, high] = self.scene.windowed().range().unwrap_or([0.0; 2]);
-                let cast = |ray: &Ray| {
-                    let (greatest, cast) = mip(&field, bounds, sign, params.skip, ray);
-                    let Some(greatest) = greatest else { return cast };
+                let grey = |(greatest, cast): (f32, Cast)| {
+                    if greatest == f32::NEG_INFINITY {
+                        return cast;
+                    }
                     let value = self.scene.volume.real(self.sign() * f64::from(greatest) + self.shift);
                     let share = if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 1.0 };
                     let grey = srgb::linear(share as f32);
                     Cast { rgba: [grey, grey, grey, 1.0], ..cast }
                 };
-                tiles(&camera, exec, |rays| one_by_one(rays, cast))
+                let wide = Wide::detected(grid.dims(), exec.simd);
+                let skip = params.skip;
+                tiles(&camera, exec, |rays| mip(wide, &field, bounds, sign, skip, rays).map(grey))
             }
             ModeState::Iso(iso) => {
                 let colour = params.surface.map(|c| c as f32);
-                let cast = |ray: &Ray| first_hit(&field, *iso, sign, colour, ray);
-                tiles(&camera, exec, |rays| one_by_one(rays, cast))
+                let wide = Wide::detected(grid.dims(), exec.simd);
+                tiles(&camera, exec, |rays| first_hit(wide, &field, *iso, sign, colour, rays))
             }
         }?)
     }

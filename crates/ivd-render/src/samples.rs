@@ -107,6 +107,12 @@ impl Place {
     pub(crate) fn cell(&self) -> [usize; 3] {
         self.cell
     }
+
+    /// Where in the cell (0…1).
+    #[inline(always)]
+    pub(crate) fn within(&self) -> [f32; 3] {
+        self.within
+    }
 }
 
 /// Shape of the voxel grid, for finding cells.

@@ -1,7 +1,8 @@
 use ivd_core::{BRICK, Displacement, FieldBricks, NO_BRICK};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::samples::Shape;
+use crate::cell::{Corners, between, slopes, turned};
+use crate::samples::{Place, Shape};
 
 /// Room for the rounding of `f32` positions [voxels].
 const PAD: f64 = 1e-2;
@@ -12,6 +13,8 @@ pub(crate) struct Warp<'a> {
     vacated: &'a [u8],
     shape: Shape,
     to_voxel: Matrix3<f64>,
+    /// Its rows.
+    rows: [[f32; 3]; 3],
     /// For each brick of cells: whether its samples may come from elsewhere.
     moved: Vec<bool>,
 }
@@ -36,7 +39,8 @@ impl<'a> Warp<'a> {
                 moved[at[0] + bricks[0] * (at[1] + bricks[1] * at[2])] = true;
             }
         }
-        Self { inverse: displacement.inverse(), vacated, shape, to_voxel, moved }
+        let rows = std::array::from_fn(|r| std::array::from_fn(|c| to_voxel[(r, c)] as f32));
+        Self { inverse: displacement.inverse(), vacated, shape, to_voxel, rows, moved }
     }
 
     /// Whether samples of a brick may come from elsewhere. Elsewhere the map is the identity, exactly.
@@ -46,30 +50,70 @@ impl<'a> Warp<'a> {
     }
 
     /// Where the place `at` was before; `None` where it was outside the volume, or is vacated.
+    #[inline(always)]
     pub(crate) fn before(&self, at: [f32; 3]) -> Option<[f32; 3]> {
-        if !self.vacated.is_empty() && self.vacated[self.shape.nearest(&self.shape.place(at))] != 0 {
+        let place = self.shape.place(at);
+        if self.is_vacated(&place) {
             return None;
         }
-        let shift = self.shift(at);
-        let before = std::array::from_fn(|a| at[a] + shift[a] as f32);
+        let shift = turned(&self.rows, between(&self.corners(place.cell()), place.within()));
+        let before = std::array::from_fn(|a| at[a] + shift[a]);
         self.shape.holds(before).then_some(before)
     }
 
-    /// Gradient of the deformed volume at `at` from that of the undeformed one at `ψ(at)`, both per voxel: `(∇ψ)ᵀ ∇f = J⁻ᵀ ∇f`, with central differences
-    /// of the displacement over two voxels.
+    /// Whether the voxel nearest to a place is left behind.
+    #[inline(always)]
+    pub(crate) fn is_vacated(&self, place: &Place) -> bool {
+        !self.vacated.is_empty() && self.vacated[self.shape.nearest(place)] != 0
+    }
+
+    /// Whether any voxel is left behind.
+    pub(crate) fn vacates(&self) -> bool {
+        !self.vacated.is_empty()
+    }
+
+    /// Gradient of the deformed volume at `at` from that of the undeformed one at `ψ(at)`, both per voxel: `(∇ψ)ᵀ ∇f = J⁻ᵀ ∇f`, with the derivatives
+    /// of the displacement in its own cell.
+    #[inline(always)]
     pub(crate) fn pull_back(&self, at: [f32; 3], gradient: [f32; 3]) -> [f32; 3] {
+        let place = self.shape.place(at);
+        let slopes =
+            slopes(&self.corners(place.cell()), place.within()).map(|slope| turned(&self.rows, slope));
         std::array::from_fn(|a| {
-            let (mut below, mut above) = (at, at);
-            below[a] -= 1.0;
-            above[a] += 1.0;
-            let slope = (self.shift(above) - self.shift(below)) * 0.5;
-            gradient[a] + (0..3).map(|b| slope[b] as f32 * gradient[b]).sum::<f32>()
+            let [x, y, z] = slopes[a];
+            gradient[a] + (x * gradient[0] + y * gradient[1] + z * gradient[2])
         })
     }
 
-    /// The displacement ψ(y) − y [voxels].
-    fn shift(&self, at: [f32; 3]) -> Vector3<f64> {
-        self.to_voxel * self.inverse.sample(Vector3::from(at.map(f64::from)))
+    /// The stored vectors [mm] at the corners of a cell.
+    #[inline(always)]
+    pub(crate) fn corners(&self, cell: [usize; 3]) -> Corners {
+        let bricks = self.inverse.brick_dims();
+        let (table, vectors) = (self.inverse.table(), self.inverse.vectors());
+        let slot =
+            |[x, y, z]: [usize; 3]| table[x / BRICK + bricks[0] * (y / BRICK + bricks[1] * (z / BRICK))];
+        let within = |[x, y, z]: [usize; 3]| x % BRICK + BRICK * (y % BRICK + BRICK * (z % BRICK));
+        let far: [usize; 3] = std::array::from_fn(|a| (cell[a] + 1).min(self.shape.dims[a] - 1));
+        if (0..3).all(|a| cell[a] / BRICK == far[a] / BRICK) {
+            let slot = slot(cell);
+            if slot == NO_BRICK {
+                return [[0.0; 3]; 8];
+            }
+            let all = &vectors[slot as usize * FieldBricks::VOXELS..][..FieldBricks::VOXELS];
+            return std::array::from_fn(|i| all[within(corner(cell, far, i))]);
+        }
+        std::array::from_fn(|i| {
+            let at = corner(cell, far, i);
+            match slot(at) {
+                NO_BRICK => [0.0; 3],
+                slot => vectors[slot as usize * FieldBricks::VOXELS + within(at)],
+            }
+        })
+    }
+
+    /// Rows of the world-to-voxel matrix.
+    pub(crate) fn rows(&self) -> &[[f32; 3]; 3] {
+        &self.rows
     }
 
     /// Bricks of the undeformed volume that samples of `brick` can come from, as inclusive ranges along each axis. `None`
@@ -122,6 +166,12 @@ impl<'a> Warp<'a> {
         }
         [low, high]
     }
+}
+
+/// Voxel of a cell's corner.
+#[inline(always)]
+fn corner(cell: [usize; 3], far: [usize; 3], i: usize) -> [usize; 3] {
+    std::array::from_fn(|a| if i >> a & 1 == 1 { far[a] } else { cell[a] })
 }
 
 /// The bricks of voxels that the cells of a brick touch: itself and those above it along each axis.

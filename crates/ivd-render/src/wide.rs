@@ -1,15 +1,16 @@
-//! Direct volume rendering as fast as the processor allows: eight rays at a time where there is AVX2, else one by one.
+//! Rays as fast as the processor allows: eight rays at a time where there is AVX2, else one by one.
 //!
 //! The argument for the `unsafe` blocks: packets need AVX2, which not every processor has, and [`Wide`] is only true where it was
 //! found at run time.
 
-use crate::cast::{Cast, Field};
+use crate::cast::{self, Cast, Field};
 use crate::dvr;
 #[cfg(not(target_arch = "x86_64"))]
 use crate::dvr::Optics as Looks;
 use crate::frame::{LANES, Packet, one_by_one};
 #[cfg(target_arch = "x86_64")]
 use crate::packet;
+use crate::project::Bounds;
 #[cfg(not(target_arch = "x86_64"))]
 use crate::samples::Stored as Pairs;
 #[cfg(target_arch = "x86_64")]
@@ -54,6 +55,47 @@ pub(crate) fn dvr<T: Pairs, L: Looks<T>>(
     }
     let _ = wide;
     one_by_one(rays, |ray| dvr::dvr(field, looks, termination, ray))
+}
+
+/// [`cast::mip`] of each ray of a packet.
+#[inline(always)]
+pub(crate) fn mip<T: Pairs>(
+    wide: Wide,
+    field: &Field<'_, T>,
+    bounds: &Bounds,
+    sign: f32,
+    skip: bool,
+    rays: &Packet,
+) -> [(f32, Cast); LANES] {
+    #[cfg(target_arch = "x86_64")]
+    if wide.0 && packet::serves_rays(rays) {
+        // SAFETY: AVX2 was found.
+        return unsafe { packet::mip(field, bounds, sign, skip, rays) };
+    }
+    let _ = wide;
+    let nothing = (f32::NEG_INFINITY, Cast::default());
+    std::array::from_fn(|lane| {
+        rays[lane].as_ref().map_or(nothing, |ray| cast::mip(field, &bounds.of_bricks, sign, skip, ray))
+    })
+}
+
+/// [`cast::first_hit`] of each ray of a packet.
+#[inline(always)]
+pub(crate) fn first_hit<T: Pairs>(
+    wide: Wide,
+    field: &Field<'_, T>,
+    iso: f32,
+    sign: f32,
+    surface: [f32; 3],
+    rays: &Packet,
+) -> [Cast; LANES] {
+    #[cfg(target_arch = "x86_64")]
+    if wide.0 && packet::serves_rays(rays) {
+        // SAFETY: AVX2 was found.
+        return unsafe { packet::first_hit(field, iso, sign, surface, rays) };
+    }
+    let _ = wide;
+    one_by_one(rays, |ray| cast::first_hit(field, iso, sign, surface, ray))
 }
 
 #[cfg(test)]
@@ -145,6 +187,27 @@ mod tests {
                 space: &Space::new(shape, empty),
                 light: Light::new(&camera, grid.inverse_linear_part(), 1.0),
             };
+            let bounds: Vec<f32> = (0..index.len())
+                .map(|b| if warp.is_some() { scale as f32 } else { index.range(b).max })
+                .collect();
+            let bounds = Bounds::new(field.space.bricks(), bounds);
+            let negative = Bounds::new(field.space.bricks(), vec![0.0; index.len()]);
+            for skip in [false, true].into_iter().filter(|_| !empty.iter().any(|&is| is)) {
+                same(&camera, |wide, rays| {
+                    mip(wide, &field, &bounds, 1.0, skip, rays)
+                        .map(|(value, cast)| Cast { rgba: [value; 4], ..cast })
+                });
+                same(&camera, |wide, rays| {
+                    mip(wide, &field, &negative, -1.0, skip, rays)
+                        .map(|(value, cast)| Cast { rgba: [value; 4], ..cast })
+                });
+            }
+            // Bricks that are clear have no value above 20 of 64.
+            for level in [0.35, 0.5, 0.9] {
+                same(&camera, |wide, rays| {
+                    first_hit(wide, &field, (level * scale) as f32, 1.0, [0.9, 0.5, 0.1], rays)
+                });
+            }
             for end in [0.4, 0.99, 2.0] {
                 same(&camera, |wide, rays| {
                     dvr(wide, &field, &AtMiddle::<LABELLED, SHADED>(&classifier), end, rays)

@@ -10,8 +10,8 @@ use std::arch::x86_64::*;
 use crate::axis::ValueAxis;
 use crate::cast::Field;
 use crate::frame::LANES;
-use crate::packet::vectors::{any, each, floats, gathered, set, spread, transposed, whole, wholes};
-use crate::packet::{Lanes, Looks, Pairs};
+use crate::packet::vectors::{any, each, floats, gathered, set, spread, transposed, wholes};
+use crate::packet::{Cells, Lanes, Looks, Pairs, Source};
 
 use super::AtEnds;
 
@@ -24,22 +24,10 @@ impl<T: Pairs, const SHADED: bool> Looks<T> for AtEnds<'_, SHADED> {
     #[inline]
     #[target_feature(enable = "avx2")]
     unsafe fn end(lanes: &Lanes<'_, T, Self>, at: [__m256; 3]) -> __m256i {
-        let sample = lanes.sample(at);
-        let missing = _mm256_set1_epi32(-1);
-        let place = _mm256_blendv_epi8(missing, sample.index, Lanes::<T, Self>::finite(sample.value));
-        if lanes.field.warp.is_none() {
-            return place;
-        }
-        let (bricks, places) = (wholes(lanes.brick(sample.cell)), wholes(place));
-        let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
-        whole(|lane| {
-            if lanes.field.moves(bricks[lane] as usize) {
-                let end = lanes.field.end(lanes.looks.0, each(|a| at[a][lane]));
-                end.map_or(-1, |place| place as i32)
-            } else {
-                places[lane]
-            }
-        })
+        let source = lanes.cells.source(at, _mm256_set1_epi32(-1));
+        let sample = lanes.sample(source.at);
+        let known = _mm256_and_si256(source.known, Cells::<T>::finite(sample.value));
+        _mm256_blendv_epi8(_mm256_set1_epi32(-1), sample.index, known)
     }
 
     #[inline]
@@ -63,10 +51,20 @@ impl<T: Pairs, const SHADED: bool> Looks<T> for AtEnds<'_, SHADED> {
         // The highest bit of a lane tells whether it is known.
         let known = _mm256_srai_epi32::<31>(known);
         let mut entry = each(|c| _mm256_and_ps(entry[c], _mm256_castsi256_ps(known)));
-        let half_known = any(_mm256_andnot_si256(known, look));
-        let seen = any(_mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps())));
-        if half_known || SHADED && seen {
-            entry = one_by_one::<T, SHADED>(lanes, [front, back], at, look, entry);
+        let seen = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_GT_OQ>(entry[3], _mm256_setzero_ps()));
+        let half_known = _mm256_andnot_si256(known, _mm256_andnot_si256(higher, look));
+        let mut alone = half_known;
+        if SHADED && any(seen) {
+            let Source { at: before, known: from, moved } = lanes.cells.source(at, seen);
+            let site = lanes.cells.site(before);
+            let lit = _mm256_and_si256(_mm256_and_si256(seen, from), lanes.cells.deep(&site));
+            if any(lit) {
+                entry = lanes.cells.lit(entry, &site, moved.as_ref(), lit);
+            }
+            alone = _mm256_or_si256(half_known, _mm256_andnot_si256(lit, seen));
+        }
+        if any(alone) {
+            entry = one_by_one::<T, SHADED>(lanes, [front, back], at, alone, entry);
         }
         entry
     }
@@ -82,8 +80,8 @@ fn one_by_one<T: Pairs, const SHADED: bool>(
     look: __m256i,
     entry: [__m256; 4],
 ) -> [__m256; 4] {
-    let field: &Field<'_, T> = lanes.field;
-    let bricks = wholes(lanes.brick(lanes.cell(at)));
+    let field: &Field<'_, T> = lanes.cells.field;
+    let bricks = wholes(lanes.cells.brick(lanes.cells.cell(at)));
     let (ends, mut entries) = (ends.map(|end| wholes(end)), transposed(entry));
     let at: [[f32; LANES]; 3] = each(|a| floats(at[a]));
     for lane in set(look) {
