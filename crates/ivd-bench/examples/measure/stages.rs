@@ -7,7 +7,7 @@
 //! extract 84.5    marching cubes at a value (the brick index is built anew each time)
 //! refine 0.1      half-edge collapse of the last lattice to a share of its triangles
 //! render T.ivd 512 0.5 90,15    a picture of a new scene with a transfer function: side, step, view; not shaded
-//! scene T.ivd 512 0.5           makes a scene ready for many views
+//! scene T.ivd 512 0.5 [shaded|mip|iso=V]    makes a scene ready for many views; without a word not shaded
 //! view 90,15                    a picture of it
 //! ```
 
@@ -19,7 +19,7 @@ use ivd_artefact::Artefact;
 use ivd_core::{Exec, Volume};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
-use ivd_render::{Prepared, RenderParams, Rendered, Scene, View, render};
+use ivd_render::{Mode, Prepared, RenderParams, Rendered, Scene, View, render};
 use serde_json::json;
 
 use crate::anything::Anything;
@@ -78,11 +78,12 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
                 let scene = Scene { transfer: Some(&transfer), ..Scene::new(&fresh) };
                 figures_of(&render(&scene, &params_of(side, step, view_of(angles)?)?, &exec)?)
             }
-            ["scene", _, side, step] => {
+            ["scene", _, side, step, ref mode @ ..] => {
                 // Lives as long as the process: views of it may come at any time.
                 let transfer = Box::leak(Box::new(transfer.ok_or("no transfer function")?));
                 let scene = Scene { transfer: Some(transfer), ..Scene::new(Box::leak(Box::new(fresh))) };
-                prepared = Some(Prepared::new(&scene, &params_of(side, step, View::FRONT)?, &exec)?);
+                let params = in_mode(params_of(side, step, View::FRONT)?, mode)?;
+                prepared = Some(Prepared::new(&scene, &params, &exec)?);
                 json!({})
             }
             ["view", angles] => {
@@ -102,6 +103,20 @@ fn params_of(side: &str, step: &str, view: View) -> Anything<RenderParams> {
     let side = side.parse()?;
     let plain = RenderParams { shading: false, annotate: false, view, ..RenderParams::default() };
     Ok(RenderParams { size: [side; 2], step: step.parse()?, ..plain })
+}
+
+/// The same picture by another mode.
+fn in_mode(params: RenderParams, mode: &[&str]) -> Anything<RenderParams> {
+    Ok(match mode {
+        [] => params,
+        ["shaded"] => RenderParams { shading: true, ..params },
+        ["mip"] => RenderParams { mode: Mode::Mip, ..params },
+        [iso] => {
+            let value = iso.strip_prefix("iso=").ok_or("a mode: shaded, mip or iso=VALUE")?.parse()?;
+            RenderParams { mode: Mode::Iso { value }, shading: true, ..params }
+        }
+        _ => return Err("one mode".into()),
+    })
 }
 
 /// A view by azimuth and elevation (degrees).

@@ -77,7 +77,9 @@ pub(crate) fn check() {
         ] {
             std::fs::write(at.join(file), header).unwrap();
             let said = run(at, &["import", file, "-o", "out.ivd"]);
-            assert!(said.0 == Some(7) && said.1.contains(name), "{file} that names {name}: {said:?}");
+            // One that isn't there is the header's fault, the others are what can't be read.
+            let wanted = if name == "nowhere" { 3 } else { 7 };
+            assert!(said.0 == Some(wanted) && said.1.contains(name), "{file} that names {name}: {said:?}");
         }
     }
     // A header that names itself holds no voxels.
