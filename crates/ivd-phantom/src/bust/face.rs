@@ -5,8 +5,8 @@ use super::field::{Bump, Cone, Ellipsoid, Point, Ridge, cut, hill, join, soft_ab
 use super::neck;
 
 /// The cranium is two eggs: the hind one broad, the front one narrow.
-const CRANIUM_BACK: Ellipsoid = Ellipsoid::new([0.0, -21.0, 28.0], [75.0, 74.0, 82.0]);
-const CRANIUM_FRONT: Ellipsoid = Ellipsoid::new([0.0, 29.0, 34.0], [61.0, 65.0, 70.0]);
+const CRANIUM_BACK: Ellipsoid = Ellipsoid::new([0.0, -21.0, 31.0], [75.0, 74.0, 83.5]);
+const CRANIUM_FRONT: Ellipsoid = Ellipsoid::new([0.0, 29.0, 35.0], [61.0, 65.0, 72.0]);
 /// Under the back of the cranium, over the cerebellum.
 const OCCIPUT: Ellipsoid = Ellipsoid::new([0.0, -32.0, -12.0], [60.0, 51.0, 46.0]);
 const CRANIUM_BLEND: f64 = 26.0;
