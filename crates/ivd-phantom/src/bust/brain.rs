@@ -6,24 +6,24 @@ use super::{skull, spine};
 /// Fluid between the skull's hollow and the crowns of the folds.
 const FLUID: f64 = 1.6;
 /// Thickness of the cortex.
-const CORTEX: f64 = 3.2;
+const CORTEX: f64 = 2.9;
 
 /// Folds follow rays from the brain's middle through an ellipsoid, so that sulci stand on the surface.
 const MIDDLE: Point = [0.0, 2.0, 22.0];
 const ELLIPSOID: [f64; 3] = [64.0, 84.0, 66.0];
 /// Length of a wave of the folds, how far waves bend, and how far sulci go in.
-const WAVE: f64 = 32.0;
-const SMALL_WAVE: f64 = 17.3;
+const WAVE: f64 = 27.0;
+const SMALL_WAVE: f64 = 14.9;
 const SMALL_SHARE: f64 = 0.33;
 /// Where waves hardly rise, the distance from their zero isn't taken for more than this lets it be.
 const FLATTEST: f64 = 3.6;
-const BEND: f64 = 7.0;
+const BEND: f64 = 9.0;
 const SULCUS_DEPTH: f64 = 15.0;
 /// Half the width of a sulcus.
-const SULCUS: f64 = 0.7;
+const SULCUS: f64 = 0.5;
 
 /// The fissure between the hemispheres ends on the bridge between them.
-const FISSURE: f64 = 0.9;
+const FISSURE: f64 = 0.6;
 const BRIDGE: Ellipsoid = Ellipsoid::new([0.0, -2.0, 16.0], [40.0, 40.0, 24.0]);
 /// The fissure over the temporal lobe: a sheet from its front lower edge, rising to the back.
 const SYLVIAN: [Point; 2] = [[0.0, 34.0, -4.0], [0.0, -30.0, 22.0]];
@@ -86,7 +86,7 @@ pub(super) fn fluid(p: Point, hollow: f64) -> f64 {
 pub(super) fn pia(p: Point, hull: f64) -> f64 {
     let inside = -(skull::lid(p) + FLUID);
     let sulcus = sulcus(p).hypot((inside - SULCUS_DEPTH).max(0.0)) - SULCUS;
-    let mut d = cut(hull, sulcus, 3.2);
+    let mut d = cut(hull, sulcus, 4.6);
     let bridge = (-BRIDGE.distance(p)).max(0.0);
     d = cut(d, p[0].hypot(bridge) - FISSURE, 3.5);
     cut(d, sylvian(p, inside), 4.0)

@@ -2,7 +2,7 @@
 
 use super::field::{Bump, Cone, Ellipsoid, Point, Ridge, join, soft_abs};
 
-const NECK: Cone = Cone::new([0.0, -12.0, -60.0], 45.0, [0.0, -28.0, -190.0], 50.0);
+const NECK: Cone = Cone::new([0.0, -12.0, -60.0], 43.0, [0.0, -27.0, -190.0], 48.0);
 const NAPE: Cone = Cone::new([0.0, -38.0, -50.0], 24.0, [0.0, -37.0, -110.0], 23.0);
 const THROAT: Cone = Cone::new([0.0, 12.0, -108.0], 22.0, [0.0, -2.0, -190.0], 24.0);
 const UNDER_JAW: Ellipsoid = Ellipsoid::new([0.0, 34.0, -92.0], [38.0, 42.0, 20.0]);

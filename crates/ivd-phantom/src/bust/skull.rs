@@ -15,7 +15,7 @@ const FLOOR: f64 = 17.0;
 const WALL: f64 = 44.0;
 const LOW_FLOOR: f64 = -24.0;
 /// Bone between the temporal lobes.
-const SPHENOID: Ellipsoid = Ellipsoid::new([0.0, 30.0, -20.0], [19.0, 30.0, 22.0]);
+const SPHENOID: Ellipsoid = Ellipsoid::new([0.0, 32.0, -20.0], [22.0, 33.0, 23.0]);
 const HIND_FOSSA: Ellipsoid = Ellipsoid::new([0.0, -32.0, -12.0], [49.0, 40.0, 35.0]);
 
 const MAXILLA: Ellipsoid = Ellipsoid::new([0.0, 54.0, -36.0], [31.0, 33.0, 29.0]);
@@ -29,7 +29,7 @@ const OUTER_RIM: Cone = Cone::new([41.0, 60.0, 12.0], 5.0, [43.5, 60.0, -14.0], 
 /// Between the orbits, and the wall beside each.
 const ETHMOID: Ellipsoid = Ellipsoid::new([0.0, 60.0, -2.0], [12.0, 26.0, 18.0]);
 const SIDE_WALL: Ellipsoid = Ellipsoid::new([35.0, 46.0, -2.0], [9.0, 20.0, 18.0]);
-const NASAL: Cone = Cone::new([0.0, 83.0, 12.0], 6.5, [0.0, 93.0, -12.0], 5.0);
+const NASAL: Cone = Cone::new([0.0, 83.0, 12.0], 6.5, [0.0, 91.5, -12.0], 5.0);
 const NASAL_SIDE: Cone = Cone::new([7.0, 81.0, 8.0], 6.0, [16.0, 77.0, -28.0], 8.0);
 const MASTOID: Ellipsoid = Ellipsoid::new([48.0, -17.0, -36.0], [9.0, 11.0, 16.0]);
 const BASE: Ellipsoid = Ellipsoid::new([0.0, 2.0, -22.0], [46.0, 30.0, 16.0]);
@@ -38,7 +38,7 @@ const CONDYLE: Ellipsoid = Ellipsoid::new([15.0, -16.0, -48.0], [8.0, 10.0, 9.0]
 const EYE_RADIUS: f64 = 12.0;
 const LENS: Ellipsoid = Ellipsoid::new([EYE[0], EYE[1] + 7.5, EYE[2]], [4.8, 2.6, 4.8]);
 /// An orbit narrows to its back.
-const ORBIT: Cone = Cone::new([31.0, 84.0, -2.0], 17.5, [15.0, 40.0, 2.0], 6.0);
+const ORBIT: Cone = Cone::new([31.0, 84.0, -2.0], 17.5, [16.0, 47.0, 2.0], 5.5);
 const NOSE_OPENING: [Ellipsoid; 2] = [
     Ellipsoid::new([6.0, 88.0, -32.0], [7.0, 26.0, 11.0]),
     Ellipsoid::new([2.0, 90.0, -22.0], [6.5, 22.0, 15.0]),

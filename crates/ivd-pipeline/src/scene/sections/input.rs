@@ -31,7 +31,7 @@ pub struct InputSection {
     /// Distance of voxel centres (mm), for formats that don't say it.
     #[serde(default)]
     pub spacing: Option<[f64; 3]>,
-    /// A generated volume: head, sphere, torus, gyroid, spheres, shell, bars or neck.
+    /// A generated volume: head, sphere, torus, gyroid, spheres, shell, bars, neck or bust.
     #[serde(default)]
     #[schemars(with = "Option<String>")]
     pub phantom: Option<ivd_phantom::Shape>,
@@ -48,6 +48,10 @@ pub struct InputSection {
     /// Seed of a phantom's noise.
     #[serde(default)]
     pub seed: Option<u64>,
+    /// What a scan of the phantom bust shows bright: mr (T1-weighted, the default) or ct.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<String>")]
+    pub contrast: Option<ivd_phantom::Contrast>,
 }
 
 /// Layout of raw voxels.
