@@ -33,17 +33,19 @@ pub(super) const EYE: Point = [32.0, 77.0, -1.0];
 const LID: Ellipsoid = Ellipsoid::new([32.0, 76.5, -1.0], [17.0, 15.0, 14.5]);
 
 /// Lips, and the line between them.
-const UPPER_LIP: Bow = Bow { half: 26.0, y: [98.0, -15.0], z: [-64.0, 9.0, -12.0], radius: [4.5, -3.6] };
-const LOWER_LIP: Bow = Bow { half: 24.5, y: [96.3, -14.5], z: [-72.2, 4.8, 0.0], radius: [5.3, -4.4] };
-const MOUTH: Bow = Bow { half: 26.0, y: [101.8, -15.5], z: [-68.4, 5.0, -3.6], radius: [1.1, -0.4] };
+const UPPER_LIP: Bow = Bow { half: 25.0, y: [98.0, -14.0], z: [-64.0, 9.0, -12.0], radius: [4.5, -3.6] };
+const LOWER_LIP: Bow = Bow { half: 23.5, y: [96.4, -13.5], z: [-72.2, 4.8, 0.0], radius: [5.3, -4.4] };
+const MOUTH: Bow = Bow { half: 24.5, y: [101.8, -14.0], z: [-68.4, 5.0, -3.6], radius: [1.1, -0.4] };
 
 /// What is sculpted on the solids before nose, lids and lips join: mirrored left and right.
-const BROAD: [Bump; 8] = [
+const BROAD: [Bump; 9] = [
     // Eye sockets, temples, the flesh of the cheek, the root of the nose.
     Bump::new([33.0, 92.0, -2.0], [24.0, 30.0, 19.0], -9.0),
-    Bump::new([62.0, 58.0, 20.0], [24.0, 34.0, 30.0], -1.5),
+    Bump::new([62.0, 58.0, 20.0], [24.0, 34.0, 30.0], -1.0),
     Bump::new([48.0, 52.0, -54.0], [26.0, 36.0, 26.0], 2.5),
     Bump::new([0.0, 98.0, 4.0], [22.0, 26.0, 18.0], -2.5),
+    // Over the cheek bone's arch.
+    Bump::new([54.0, 34.0, 4.0], [30.0, 42.0, 24.0], 2.5),
     // Brow ridge, its middle, forehead, apple of the cheek.
     Bump::new([28.0, 92.0, 20.0], [30.0, 26.0, 12.0], 3.5),
     Bump::new([0.0, 96.0, 24.0], [18.0, 20.0, 14.0], 0.5),
@@ -51,17 +53,20 @@ const BROAD: [Bump; 8] = [
     Bump::new([36.0, 78.0, -32.0], [30.0, 34.0, 28.0], 2.5),
 ];
 
+/// Behind this (along y) nothing is sculpted.
+const FACE_FROM: f64 = -9.0;
+
 const FINE: [Ridge; 8] = [
     // Brow hair.
-    Ridge::new(&[[12.0, 97.0, 16.0], [26.0, 95.0, 20.0], [38.0, 90.0, 21.0], [50.0, 78.0, 15.0]], 5.5, 1.5),
+    Ridge::new(&[[13.0, 97.0, 19.0], [26.0, 95.0, 22.0], [38.0, 90.0, 22.5], [50.0, 78.0, 15.5]], 5.5, 1.5),
     // The fold from the wing of the nose to the corner of the mouth.
-    Ridge::new(&[[20.0, 94.0, -42.0], [28.0, 90.0, -54.0], [34.0, 82.0, -68.0]], 10.0, -1.8),
+    Ridge::new(&[[20.0, 94.0, -42.0], [28.0, 90.0, -54.0], [34.0, 82.0, -68.0]], 11.0, -1.3),
     // Philtrum and its columns.
     Ridge::new(&[[0.0, 101.0, -49.0], [0.0, 103.0, -60.0]], 4.5, -1.6),
     Ridge::new(&[[4.8, 101.0, -50.0], [5.6, 102.0, -60.0]], 3.4, 0.9),
     // The groove under the lower lip, the corner of the mouth.
-    Ridge::new(&[[0.0, 97.0, -85.0], [9.0, 95.0, -84.5], [16.0, 91.0, -83.0]], 11.0, -2.4),
-    Ridge::new(&[[27.0, 85.0, -66.0], [30.0, 82.0, -70.0]], 9.0, -0.8),
+    Ridge::new(&[[0.0, 97.0, -85.0], [9.0, 95.0, -84.5], [16.0, 91.0, -83.0]], 13.0, -1.7),
+    Ridge::new(&[[27.0, 85.0, -66.0], [30.0, 82.0, -70.0]], 9.0, -0.5),
     // The crease of the upper lid, and the edge of the lower.
     Ridge::new(
         &[[19.0, 89.0, 4.0], [24.0, 91.0, 8.5], [32.0, 92.0, 10.5], [40.0, 88.0, 9.0], [47.0, 80.0, 4.0]],
@@ -94,7 +99,7 @@ fn head(p: Point) -> f64 {
     d = join(d, join(JAW_ANGLE.distance(broad), JAW_LINE.distance(broad), 14.0), 26.0);
     d = join(d, CHIN.distance(p), 16.0);
     d = join(d, MUZZLE.distance(p), 14.0);
-    if p[1] > 20.0 && d.abs() < 40.0 {
+    if p[1] > FACE_FROM && d.abs() < 40.0 {
         d -= BROAD.iter().map(|b| b.lift(q)).sum::<f64>();
         d = features(d, q);
     }

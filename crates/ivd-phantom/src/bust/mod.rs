@@ -27,8 +27,8 @@ pub(super) use contrast::TISSUES;
 /// Edge of the cube, and the frame's origin in it (mm on an adult).
 const SIDE: f64 = 320.0;
 const ORIGIN: Point = [160.0, 178.0, 189.0];
-/// Voxels over which a border is mixed: at the border as steep as a line over 1.3 voxels, and flat where it ends, so that gradients show no rings.
-const BLUR: f64 = 2.0;
+/// Voxels over which a border is mixed: at the border as steep as a line over 1.5 voxels, and flat where it ends, so that gradients show no rings.
+const BLUR: f64 = 2.3;
 /// Voxels along the edge of a brick, for which layers that don't reach it are left out at once.
 pub(super) const BRICK: usize = 8;
 

@@ -18,11 +18,12 @@ const ADAMS_APPLE: Bump = Bump::new([0.0, 36.0, -138.0], [20.0, 30.0, 26.0], 3.0
 
 pub(super) fn surface(p: Point) -> f64 {
     let q = [soft_abs(p[0], 3.0), p[1], p[2]];
+    let broad = [soft_abs(p[0], 14.0), p[1], p[2]];
     let mut d = join(NECK.distance(p), THROAT.distance(p), 22.0);
     d = join(d, NAPE.distance(p), 20.0);
     d = join(d, UNDER_JAW.distance(p), 22.0);
     d = join(d, STERNOMASTOID.distance(q), 13.0);
-    d = join(d, TRAPEZIUS.distance(q), 26.0);
+    d = join(d, TRAPEZIUS.distance(broad), 26.0);
     if p[2] < -100.0 {
         d = join(d, join(SHOULDER.distance(q), CHEST.distance(p), 30.0), 34.0);
         d -= COLLAR_BONE.lift(q) + NOTCH.lift(p) + ADAMS_APPLE.lift(p);

@@ -111,12 +111,30 @@ fn the_skin_is_one_surface_without_specks() {
         if contrast == Contrast::Ct {
             assert_eq!(parts(SIZE, |i| !solid(i)).len(), 1);
             assert_eq!(parts(SIZE, solid).len(), 1);
+            // One piece with two holes through it: from the wind pipe's end to either nostril.
+            assert_eq!(euler(solid), 1 - 2);
         }
         let open = |i: usize| !solid(i) && ids()[i] == Tissue::Air as u16;
         let outer = reached(open);
         assert!((0..ids().len()).all(|i| outer[i] == open(i)), "{contrast}: air that is shut in");
         assert_eq!(parts(SIZE, |i| !outer[i]).len(), 1, "{contrast}: specks");
     }
+}
+
+/// Euler characteristic of the chosen voxels as closed cubes: corners less edges plus faces less cubes.
+fn euler(chosen: impl Fn(usize) -> bool) -> i64 {
+    // A cell has an even coordinate where it has no extent, an odd one where it spans a voxel.
+    let width = 2 * SIZE + 1;
+    let mut cells = vec![false; width.pow(3)];
+    for i in (0..SIZE.pow(3)).filter(|&i| chosen(i)) {
+        let [x, y, z] = mr().truth.grid().index(i).0.map(|v| 2 * v);
+        for step in 0..27 {
+            cells[((z + step / 9) * width + y + step / 3 % 3) * width + x + step % 3] = true;
+        }
+    }
+    let sign = |c: usize| [1, -1][(c % width + c / width % width + c / width / width) % 2];
+    // Parity of the coordinates' sum is that of the number of odd ones: the cell's dimension.
+    (0..cells.len()).filter(|&c| cells[c]).map(sign).sum()
 }
 
 /// Voxels that are joined to the first one by steps across faces through what is free.
