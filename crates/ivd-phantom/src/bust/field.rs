@@ -15,7 +15,7 @@ impl Ellipsoid {
         Self { centre, radii }
     }
 
-    /// First-order distance: exact on the axes, right to first order near the surface.
+    /// First-order distance: exact outside on the axes, right to first order near the surface, never deeper than the middle is.
     pub(super) fn distance(&self, p: Point) -> f64 {
         let q = from(p, self.centre);
         let r = norm([q[0] / self.radii[0], q[1] / self.radii[1], q[2] / self.radii[2]]);
@@ -24,11 +24,8 @@ impl Ellipsoid {
             q[1] / (self.radii[1] * self.radii[1]),
             q[2] / (self.radii[2] * self.radii[2]),
         ]);
-        if slope > 1e-9 {
-            (r - 1.0) * r / slope
-        } else {
-            -self.radii[0].min(self.radii[1]).min(self.radii[2])
-        }
+        let deepest = -self.radii[0].min(self.radii[1]).min(self.radii[2]);
+        if slope > 1e-9 { ((r - 1.0) * r / slope).max(deepest) } else { deepest }
     }
 }
 
@@ -149,7 +146,7 @@ pub(super) fn soft_abs(x: f64, width: f64) -> f64 {
     (x * x + width * width).sqrt() - width * (-x * x / (width * width)).exp() * 0.5
 }
 
-/// 0 below `low`, 1 above `high`, smooth between.
+/// 0 at `low` and before, 1 at `high` and beyond, smooth between; `high` may be the lesser.
 pub(super) fn smooth_step(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

@@ -119,12 +119,17 @@ impl Layer {
         }
     }
 
+    fn follows_the_skin(self) -> bool {
+        matches!(self, Self::Skin | Self::Fat | Self::Muscle | Self::Skull | Self::Jaw | Self::OrbitFat)
+    }
+
     /// Bounds of the distance in a ball of `radius` (mm on an adult) around a place. A displaced surface is bounded by the one that it was made
     /// from.
     pub(super) fn bounds(self, here: &mut Place<'_>, radius: f64) -> (f64, f64) {
-        /// Distances are of first order: how much faster than the way they may change.
-        const STEEPEST: f64 = 1.35;
-        let reach = radius * STEEPEST;
+        /// Distances are of first order: how much faster than the way they may change; where a face is sculpted, and elsewhere.
+        const STEEPEST: f64 = 2.3;
+        const STEEP: f64 = 1.35;
+        let reach = radius * if self.follows_the_skin() { STEEPEST } else { STEEP };
         let (least, greatest) = match self {
             Self::Grey => brain::pia_bounds(here.p, here.hull()),
             Self::White => (here.hull(), f64::INFINITY),

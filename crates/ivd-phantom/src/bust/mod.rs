@@ -96,6 +96,7 @@ impl Bust {
         let margin = BLUR / 2.0 * self.pitch();
         let mut here = Place::new(self.place(middle), &self.teeth);
         let mut coats = Coats { ground: Tissue::Air, layers: Vec::new(), deep: false };
+        let mut inside = false;
         for layer in Layer::ALL {
             let (least, greatest) = layer.bounds(&mut here, radius);
             if layer == Layer::Skin {
@@ -103,8 +104,10 @@ impl Bust {
                     return coats;
                 }
                 coats.deep = greatest < -DEEP - margin;
+                inside = greatest < 0.0;
             }
-            if greatest < -margin {
+            // Where the airway opens, each voxel is asked on which side of the skin it lies.
+            if greatest < -margin && (inside || layer != Layer::Airway) {
                 coats.ground = layer.tissue();
                 coats.layers.clear();
             } else if least <= margin {

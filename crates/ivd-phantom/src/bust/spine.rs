@@ -14,6 +14,12 @@ const DISC: [f64; 2] = [11.5, 8.5];
 const CANAL_BEHIND: f64 = 18.5;
 pub(super) const CANAL: f64 = 8.5;
 const ARCH: f64 = 13.0;
+/// In a vertebra's frame, whose origin is in the canal: the process that points backwards, one to each side, the joints to its neighbours.
+const PROCESS: Cone = Cone::new([0.0, -ARCH, 0.0], 4.0, [0.0, -ARCH - 16.0, -7.0], 3.6);
+const WING: Cone = Cone::new([9.0, CANAL_BEHIND - 4.0, 0.0], 4.2, [22.0, CANAL_BEHIND - 8.0, -2.0], 3.4);
+const JOINTS: Block = Block::new([13.0, 4.0, 0.0], [5.0, 5.0, 7.0], 3.0);
+/// The second vertebra's tooth, which stands in the ring of the first; from the middle of the column.
+const TOOTH: Cone = Cone::new([0.0, 0.0, FIRST], 6.0, [0.0, 1.0, FIRST + 15.0], 4.5);
 /// The first vertebra is a ring without a body.
 const ATLAS: f64 = -56.0;
 
@@ -44,19 +50,22 @@ pub(super) fn bone(p: Point) -> f64 {
     let y = p[1] - column(p[2]);
     let h = height(p[2]);
     let body = drum([x, y], BODY, h, HALF_HEIGHT);
-    let tooth = Cone::new([0.0, 0.0, FIRST], 6.0, [0.0, 1.0, FIRST + 15.0], 4.5).distance([x, y, p[2]]);
+    let tooth = TOOTH.distance([x, y, p[2]]);
     let q = [x, y + CANAL_BEHIND, h];
     let wall = (q[0].hypot(q[1]) - f64::midpoint(ARCH, CANAL)).abs() - (ARCH - CANAL) / 2.0;
     let ring = meet(wall, h.abs() - 5.0, 2.0);
-    let process = Cone::new([0.0, -ARCH, 0.0], 4.0, [0.0, -ARCH - 16.0, -7.0], 3.6).distance(q);
-    let wings =
-        Cone::new([9.0, CANAL_BEHIND - 4.0, 0.0], 4.2, [22.0, CANAL_BEHIND - 8.0, -2.0], 3.4).distance(q);
-    let joints = Block::new([13.0, 4.0, 0.0], [5.0, 5.0, 7.0], 3.0).distance(q);
+    // What points down from the vertebra above may be nearer than what is this one's.
+    let above = if FIRST - p[2] > PITCH / 2.0 { arms([q[0], q[1], h - PITCH]) } else { f64::INFINITY };
+    let joints = JOINTS.distance(q);
     let mut d = join(body, ring, 3.0);
-    d = join(d, join(process, wings, 1.0), 3.0);
+    d = join(d, arms(q).min(above), 3.0);
     d = join(d, joints, 3.0);
     d = join(d, tooth, 3.0);
     join(d, atlas([x, y, p[2] - ATLAS]), 1.0)
+}
+
+fn arms(q: Point) -> f64 {
+    join(PROCESS.distance(q), WING.distance(q), 1.0)
 }
 
 /// The ring of the first vertebra.

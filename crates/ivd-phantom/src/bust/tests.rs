@@ -316,6 +316,38 @@ fn bricks_leave_out_nothing_that_counts() {
     }
 }
 
+/// The same of large busts, whose bricks are small against what is sculpted: places drawn evenly, each brick's corners and middles.
+#[test]
+fn small_bricks_leave_out_nothing_that_counts() {
+    const BRICKS: usize = 8_000;
+    let all = Coats { ground: Tissue::Air, layers: Layer::ALL.to_vec(), deep: false };
+    for n in [256, 700, 2048] {
+        let bust = Bust::new(n, Contrast::Ct);
+        let mut met = 0;
+        for draw in 1..=BRICKS {
+            // Multiples of irrational numbers fill the cube evenly (Roberts 2018).
+            let low = [0.819_172_513, 0.671_043_607, 0.549_700_478]
+                .map(|step| ((draw as f64 * step).fract() * (n / BRICK) as f64) as usize * BRICK);
+            // One in ten at a nostril, where the airway opens.
+            let nostril = [6.4, 97.0, -40.0].map(|v| v + (low[0] % 97) as f64 / 16.0 - 3.0);
+            let low = if draw % 10 == 0 {
+                std::array::from_fn(|a| ((nostril[a] + ORIGIN[a]) / bust.pitch()) as usize / BRICK * BRICK)
+            } else {
+                low
+            };
+            let coats = bust.coats(low, low.map(|v| v + BRICK));
+            met += usize::from(!coats.layers.is_empty());
+            for step in 0..27 {
+                let voxel = std::array::from_fn(|a| low[a] + [0, 3, 7][step / 3_usize.pow(a as u32) % 3]);
+                let (found, plain) = (bust.paint(&coats, voxel), bust.paint(&all, voxel));
+                let alike = (found.0 - plain.0).abs() < 1e-9 && found.1 == plain.1;
+                assert!(alike, "{voxel:?} of {n}: {found:?} or {plain:?}");
+            }
+        }
+        assert!(met > BRICKS / 20, "{met} bricks in which a surface may be met");
+    }
+}
+
 #[test]
 fn threads_do_not_change_a_byte() {
     let params = Params { shape: Shape::Bust, size: 37, noise: Some(0.05), ..Params::default() };
