@@ -11,18 +11,19 @@ const CORTEX: f64 = 2.9;
 /// Folds follow rays from the brain's middle through an ellipsoid, so that sulci stand on the surface.
 const MIDDLE: Point = [0.0, 2.0, 22.0];
 const ELLIPSOID: [f64; 3] = [64.0, 84.0, 66.0];
-/// Length of a wave of the folds, how far waves bend, and how far sulci go in.
+/// Lengths of the two waves of the folds, and the height of the lesser one (share of the greater).
 const WAVE: f64 = 27.0;
 const SMALL_WAVE: f64 = 14.9;
 const SMALL_SHARE: f64 = 0.33;
-/// Where waves hardly rise, the distance from their zero isn't taken for more than this lets it be.
+/// Least slope (a wave's height over its length) by which height over zero is divided to have a distance.
 const FLATTEST: f64 = 3.6;
+/// How far waves are bent.
 const BEND: f64 = 9.0;
+/// How far sulci go in from the vault, and half the width of one.
 const SULCUS_DEPTH: f64 = 15.0;
-/// Half the width of a sulcus.
 const SULCUS: f64 = 0.5;
 
-/// The fissure between the hemispheres ends on the bridge between them.
+/// Half the width of the fissure between the hemispheres, which ends on the bridge between them.
 const FISSURE: f64 = 0.6;
 const BRIDGE: Ellipsoid = Ellipsoid::new([0.0, -2.0, 16.0], [40.0, 40.0, 24.0]);
 /// The fissure over the temporal lobe: a sheet from its front lower edge, rising to the back.
@@ -33,7 +34,8 @@ const CEREBELLUM: [Ellipsoid; 2] = [
     Ellipsoid::new([22.5, -44.0, -20.0], [28.5, 28.0, 23.0]),
     Ellipsoid::new([0.0, -42.0, -21.0], [12.0, 23.0, 18.0]),
 ];
-/// Folia: blades around an axis across the cerebellum's middle.
+/// Folia: blades around an axis across the cerebellum (its place along y and z), so many in half a turn; thickness of their grey, half that of
+/// their white.
 const FOLIA_AXIS: [f64; 2] = [-28.0, -22.0];
 const FOLIA: f64 = 15.0;
 const FOLIUM_CORTEX: f64 = 2.6;
@@ -41,11 +43,13 @@ const BLADE: f64 = 0.8;
 /// The tent over the cerebellum: height at the back, slope towards the front, fall to the sides (1/mm).
 const TENT: [f64; 3] = [-15.0, 0.27, 0.006];
 
+/// The brain stem from the midbrain down, its pons, and the arms to the cerebellum.
 const PONS: Ellipsoid = Ellipsoid::new([0.0, -7.0, -20.0], [16.0, 12.5, 14.0]);
 const STEM: [[f64; 4]; 4] =
     [[0.0, -10.0, 4.0, 9.5], [0.0, -12.0, -20.0, 10.5], [0.0, -20.0, -42.0, 7.6], [0.0, -31.0, -64.0, 5.4]];
-/// Fluid around the stem, also before the pons; no cerebrum lies there.
+/// Room around the stem, also before the pons; no cerebrum lies there.
 const CISTERN: Ellipsoid = Ellipsoid::new([0.0, -4.0, -25.0], [20.0, 17.0, 21.0]);
+/// Radius of the spinal cord, and where it begins.
 const CORD: f64 = 5.2;
 const CORD_TOP: f64 = -58.0;
 const PEDUNCLE: Cone = Cone::new([10.0, -14.0, -22.0], 7.0, [20.0, -36.0, -24.0], 6.0);
@@ -63,6 +67,7 @@ const BACK_HORN: Cone = Cone::new([20.0, -34.0, 16.0], 5.0, [20.0, -54.0, 12.0],
 const THIRD: Ellipsoid = Ellipsoid::new([0.0, 2.0, 6.0], [2.4, 15.0, 9.0]);
 const FOURTH: Ellipsoid = Ellipsoid::new([0.0, -26.0, -24.0], [6.0, 5.0, 11.0]);
 
+/// Thalamus, putamen, caudate nucleus.
 const DEEP_GREY: [Ellipsoid; 3] = [
     Ellipsoid::new([10.0, -6.0, 10.0], [8.0, 14.0, 9.0]),
     Ellipsoid::new([25.0, 10.0, 8.0], [6.0, 18.0, 12.0]),

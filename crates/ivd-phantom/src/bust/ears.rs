@@ -46,6 +46,6 @@ pub(super) fn surface(q: Point) -> f64 {
 
 /// First-order distance from a tube along an ellipse in the ear's plane.
 fn ring(&[u, v, a, b, height, radius]: &[f64; 6], e: Point) -> f64 {
-    let away = Ellipsoid::new([u, v, 0.0], [a, b, 1.0]).distance([e[0], e[1], 0.0]);
+    let away = Ellipsoid::new([u, v, 0.0], [a, b, f64::INFINITY]).distance([e[0], e[1], 0.0]);
     away.hypot(e[2] - height) - radius
 }

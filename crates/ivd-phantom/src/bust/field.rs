@@ -3,7 +3,7 @@
 /// A place in the bust's frame (mm on an adult): x to the right of the patient, y to the front, z to the head.
 pub(super) type Point = [f64; 3];
 
-/// An ellipsoid along the axes.
+/// An ellipsoid along the axes; an infinite radius makes an elliptic cylinder of it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ellipsoid {
     pub(super) centre: Point,

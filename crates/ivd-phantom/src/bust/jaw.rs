@@ -30,8 +30,7 @@ pub(super) fn clear_of(d: f64, jaw: f64) -> f64 {
     cut(d, jaw - GAP, 1.0)
 }
 
-/// Teeth of one side, from the middle: place along x and y, half width along the row, half thickness, angle of the row (radians from x).
-/// The arc is half an ellipse.
+/// The teeth of both jaws, in two rows along half ellipses; those of one side, which the other mirrors.
 #[derive(Debug, Clone)]
 pub(super) struct Teeth {
     crowns: Vec<Tooth>,
@@ -45,16 +44,16 @@ struct Tooth {
     block: Block,
 }
 
-/// Half widths along the row: two incisors, a canine, two premolars, two molars.
+/// Half widths along the row and half thicknesses across it: two incisors, a canine, two premolars, two molars.
 const WIDTHS: [f64; 7] = [4.1, 3.3, 3.8, 3.4, 3.4, 5.0, 4.8];
 const THICKNESSES: [f64; 7] = [2.8, 2.8, 3.4, 4.0, 4.2, 5.0, 5.0];
-/// Narrower by this below.
+/// Narrower by this below; room between neighbours.
 const LOWER_WIDTHS: f64 = 0.92;
 const SPACE: f64 = 0.7;
 /// Half-axes of the arcs, their middle along y, height of the middle of the teeth, half of their height (crown and root).
 const ARCS: [([f64; 2], f64, f64, f64); 2] =
     [([27.5, 42.0], 45.0, -57.5, 9.5), ([25.5, 40.0], 43.0, -77.5, 9.0)];
-/// Farthest that any part of a tooth is from the middle of its box of search.
+/// A box around all teeth.
 const ROW: Block = Block::new([0.0, 62.0, -67.0], [37.0, 34.0, 23.0], 0.0);
 
 impl Teeth {

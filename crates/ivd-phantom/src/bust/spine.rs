@@ -41,7 +41,7 @@ fn height(z: f64) -> f64 {
 
 /// An upright cylinder of half-axes across z, `half` high, its edges a little round.
 fn drum(q: [f64; 2], axes: [f64; 2], height: f64, half: f64) -> f64 {
-    let side = Ellipsoid::new([0.0; 3], [axes[0], axes[1], 1.0]).distance([q[0], q[1], 0.0]);
+    let side = Ellipsoid::new([0.0; 3], [axes[0], axes[1], f64::INFINITY]).distance([q[0], q[1], 0.0]);
     meet(side, height.abs() - half, 3.0)
 }
 
