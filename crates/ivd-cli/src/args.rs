@@ -132,7 +132,7 @@ pub(crate) enum Command {
     },
     /// Generates a volume whose every voxel's class is known.
     Phantom {
-        /// head, sphere, torus, gyroid, spheres, shell, bars or neck.
+        /// head, sphere, torus, gyroid, spheres, shell, bars, neck or bust.
         name: String,
         /// Voxels along its edge.
         #[arg(long, default_value_t = 128)]
@@ -149,6 +149,9 @@ pub(crate) enum Command {
         /// Seed of the noise.
         #[arg(long, default_value_t = 7)]
         seed: u64,
+        /// Of the bust: what is bright, as in T1-weighted MR or as in CT.
+        #[arg(long, value_name = "mr|ct", default_value = "mr")]
+        contrast: String,
         #[command(flatten)]
         output: Output,
     },

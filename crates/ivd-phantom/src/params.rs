@@ -28,11 +28,58 @@ pub enum Shape {
     Bars,
     /// A neck along z through the whole cube: air, soft tissue with an airway, a spine of five vertebrae with discs between.
     Neck,
+    /// A person's head with neck and shoulders: skin, fat, muscle, bones, teeth, eyes, airway and brain, in the contrast of MR or CT.
+    Bust,
+}
+
+/// What a scan of the bust shows bright.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Contrast {
+    /// T1-weighted MR: fat brightest, white over grey matter over fluid, bone and air dark.
+    #[default]
+    Mr,
+    /// CT: air under fat under soft tissue under bone under teeth.
+    Ct,
+}
+
+impl Contrast {
+    /// Both, in the order of the documentation.
+    pub const ALL: [Self; 2] = [Self::Mr, Self::Ct];
+
+    /// Name as written on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mr => "mr",
+            Self::Ct => "ct",
+        }
+    }
+
+    /// That nothing needs to be written of it.
+    #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl fmt::Display for Contrast {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Contrast {
+    type Err = ParamError;
+    fn from_str(name: &str) -> Result<Self, ParamError> {
+        Self::ALL.into_iter().find(|c| c.name() == name).ok_or_else(|| {
+            ParamError::new("contrast", format!("no contrast is called `{name}`"), "use mr or ct")
+        })
+    }
 }
 
 impl Shape {
     /// Every shape, in the order of the documentation.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Head,
         Self::Sphere,
         Self::Torus,
@@ -41,6 +88,7 @@ impl Shape {
         Self::Shell,
         Self::Bars,
         Self::Neck,
+        Self::Bust,
     ];
 
     /// Name as written on the command line.
@@ -54,6 +102,7 @@ impl Shape {
             Self::Shell => "shell",
             Self::Bars => "bars",
             Self::Neck => "neck",
+            Self::Bust => "bust",
         }
     }
 }
@@ -88,11 +137,21 @@ pub struct Params {
     pub voxel_type: VoxelType,
     /// Seed of the noise.
     pub seed: u64,
+    /// What the bust shows bright; the other shapes are as they are.
+    #[serde(skip_serializing_if = "Contrast::is_default")]
+    pub contrast: Contrast,
 }
 
 impl Default for Params {
     fn default() -> Self {
-        Self { shape: Shape::Head, size: 128, noise: None, voxel_type: VoxelType::U8, seed: 7 }
+        Self {
+            shape: Shape::Head,
+            size: 128,
+            noise: None,
+            voxel_type: VoxelType::U8,
+            seed: 7,
+            contrast: Contrast::Mr,
+        }
     }
 }
 

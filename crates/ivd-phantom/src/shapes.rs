@@ -2,7 +2,8 @@
 
 use std::f64::consts::PI;
 
-use super::params::Shape;
+use super::bust::{self, Bust};
+use super::params::{Contrast, Params, Shape};
 use super::truth::{HEAD, NECK};
 
 /// Offset of a phantom's centre from the middle of its grid (voxels).
@@ -34,7 +35,8 @@ const PROCESS: [f64; 2] = [0.03, -0.2];
 /// Signed distance (voxels) of a voxel coordinate from a shape's surface, negative inside.
 ///
 /// Exact for `sphere`, `torus`, `spheres` and `shell`. For `gyroid` it is `f / |∇f|`, right to first order near the
-/// surface. For `bars` it is the distance along x within the point's band; for `head` and `neck` a first-order distance from the skin.
+/// surface. For `bars` it is the distance along x within the point's band; for `head`, `neck` and `bust` a first-order distance
+/// from the skin.
 pub fn signed_distance(shape: Shape, point: [f64; 3], size: usize) -> f64 {
     let n = size as f64;
     let q: [f64; 3] = std::array::from_fn(|a| point[a] - centre(n)[a]);
@@ -75,6 +77,7 @@ pub fn signed_distance(shape: Shape, point: [f64; 3], size: usize) -> f64 {
             let slope = norm([slope(0), slope(1), 0.0]);
             if slope > 0.0 { (r - 1.0) * r / slope } else { -NECK_AXES[0] * n }
         }
+        Shape::Bust => Bust::new(size, Contrast::default()).skin_distance(point),
     }
 }
 
@@ -85,10 +88,12 @@ pub(super) struct Sampler {
     /// Sines and cosines by axis and index, for the shapes that need them.
     sin: [Vec<f64>; 3],
     cos: [Vec<f64>; 3],
+    bust: Option<Bust>,
 }
 
 impl Sampler {
-    pub(super) fn new(shape: Shape, size: usize) -> Self {
+    pub(super) fn new(params: &Params) -> Self {
+        let (shape, size) = (params.shape, params.size);
         let n = size as f64;
         let axis = |angle: &dyn Fn(usize, f64) -> f64, wave: fn(f64) -> f64| {
             std::array::from_fn(|a| (0..size).map(|i| wave(angle(a, i as f64 - centre(n)[a]))).collect())
@@ -100,12 +105,29 @@ impl Sampler {
             Shape::Head => (axis(&fold_angle, f64::sin), Default::default()),
             _ => Default::default(),
         };
-        Self { shape, size, sin, cos }
+        let bust = (shape == Shape::Bust).then(|| Bust::new(size, params.contrast));
+        Self { shape, size, sin, cos, bust }
+    }
+
+    /// Slices that are computed together.
+    pub(super) fn depth(&self) -> usize {
+        if self.bust.is_some() { bust::BRICK } else { 1 }
+    }
+
+    /// Scalars (0…1) and labels of the slices from `z` on.
+    pub(super) fn fill(&self, z: usize, scalars: &mut [f64], ids: &mut [u16]) {
+        if let Some(bust) = &self.bust {
+            return bust.slab(z, scalars, ids);
+        }
+        let n = self.size;
+        for (i, (scalar, id)) in scalars.iter_mut().zip(ids).enumerate() {
+            (*scalar, *id) = self.at([i % n, i / n % n, z + i / (n * n)]);
+        }
     }
 
     /// Scalar (0…1) and label of a voxel.
     #[inline]
-    pub(super) fn at(&self, voxel: [usize; 3]) -> (f64, u16) {
+    fn at(&self, voxel: [usize; 3]) -> (f64, u16) {
         let p = voxel.map(|v| v as f64);
         let value = match self.shape {
             Shape::Head => {

@@ -2,6 +2,7 @@
 
 use ivd_core::Class;
 
+use super::bust;
 use super::params::Shape;
 
 /// Class names, means of the noise-free head in the order of its labels.
@@ -11,9 +12,9 @@ pub(super) const HEAD: [(&str, f64); 6] =
 /// The same of the neck.
 pub(super) const NECK: [(&str, f64); 4] = [("air", 0.02), ("soft", 0.45), ("disc", 0.65), ("bone", 0.95)];
 
-/// Count, mean and sum of squared deviations of up to six classes (Welford 1962).
+/// Count, mean and sum of squared deviations of every class that a phantom may have (Welford 1962).
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Tally([(u64, f64, f64); HEAD.len()]);
+pub(super) struct Tally([(u64, f64, f64); bust::TISSUES.len()]);
 
 impl Tally {
     pub(super) fn add(&mut self, label: u16, value: f64) {
@@ -46,6 +47,7 @@ pub(super) fn classes(shape: Shape, slices: &[Tally]) -> Vec<Class> {
         match shape {
             Shape::Head => HEAD[label].0,
             Shape::Neck => NECK[label].0,
+            Shape::Bust => bust::TISSUES[label].0,
             _ => ["outside", "inside"][label],
         }
         .to_owned()

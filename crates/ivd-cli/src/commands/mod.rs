@@ -41,8 +41,8 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
             };
             volume::import(&source, taken, &raw, &output.path, context)
         }
-        Command::Phantom { name, size, truth, noise, voxel_type, seed, output } => {
-            let params = volume::phantom_params(&name, size, noise, &voxel_type, seed)?;
+        Command::Phantom { name, size, truth, noise, voxel_type, seed, contrast, output } => {
+            let params = volume::phantom_params(&name, size, noise, &voxel_type, seed, &contrast)?;
             volume::phantom(params, truth.as_deref(), &output.path, context)
         }
         Command::Export { artefact, output, level, lattice, frame, direction, space } => {

@@ -108,9 +108,11 @@ pub(super) fn phantom_params(
     noise: Option<f64>,
     type_name: &str,
     seed: u64,
+    contrast: &str,
 ) -> anyhow::Result<ivd_phantom::Params> {
     let shape = name.parse().map_err(|e| Failure::usage(format!("{e}")))?;
-    Ok(ivd_phantom::Params { shape, size, noise, voxel_type: voxel_type(type_name)?, seed })
+    let contrast = contrast.parse().map_err(|e| Failure::usage(format!("{e}")))?;
+    Ok(ivd_phantom::Params { shape, size, noise, voxel_type: voxel_type(type_name)?, seed, contrast })
 }
 
 /// `ivd phantom`.

@@ -26,6 +26,7 @@ pub(super) fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Er
                 noise: section.noise,
                 voxel_type: section.voxel_type.unwrap_or(base.voxel_type),
                 seed: section.seed.unwrap_or(base.seed),
+                contrast: section.contrast.unwrap_or(base.contrast),
             })
         }
         (None, None) => {

@@ -36,7 +36,7 @@ pub struct InputSection {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<String>")]
     pub axes: Option<VoxelAxes>,
-    /// A generated volume: head, sphere, torus, gyroid, spheres, shell, bars or neck.
+    /// A generated volume: head, sphere, torus, gyroid, spheres, shell, bars, neck or bust.
     #[serde(default)]
     #[schemars(with = "Option<String>")]
     pub phantom: Option<ivd_phantom::Shape>,
@@ -53,6 +53,10 @@ pub struct InputSection {
     /// Seed of a phantom's noise.
     #[serde(default)]
     pub seed: Option<u64>,
+    /// What a scan of the phantom bust shows bright: mr (T1-weighted, the default) or ct.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<String>")]
+    pub contrast: Option<ivd_phantom::Contrast>,
 }
 
 /// Layout of raw voxels.
