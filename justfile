@@ -34,7 +34,7 @@ stress:
     bash tests/determinism.sh target/debug/ivd target/release/ivd
 
 # The whole pipeline on a scene; on a generated head where none is named.
-pipeline scene="fixtures/scenes/head.toml" *args="":
+pipeline scene="fixtures/scenes/bust.toml" *args="":
     cargo run --release -- pipeline {{scene}} --explain {{args}}
 
 # The main job on a generated head, no files needed.

@@ -10,8 +10,8 @@ use crate::args::Pipeline;
 use crate::context::Context;
 use crate::exit::Failure;
 
-/// The scene of the demo: a generated head, its brain pushed in from the left.
-const DEMO: &str = include_str!("../../../../fixtures/scenes/head.toml");
+/// The scene of the demo: a generated head, its nose pressed in.
+const DEMO: &str = include_str!("../../../../fixtures/scenes/bust.toml");
 
 /// `ivd demo`.
 pub(super) fn demo(out: &Path, context: &Context) -> anyhow::Result<()> {
