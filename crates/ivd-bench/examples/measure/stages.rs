@@ -19,7 +19,7 @@ use ivd_artefact::Artefact;
 use ivd_core::{Exec, Volume};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
-use ivd_render::{Mode, Prepared, RenderParams, Rendered, Scene, View, render};
+use ivd_render::{Fit, Mode, Prepared, RenderParams, Rendered, Scene, View, render};
 use serde_json::json;
 
 use crate::anything::Anything;
@@ -98,10 +98,11 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
     Ok(())
 }
 
-/// A square picture without light and lettering.
+/// A square picture of the whole grid, without light and lettering.
 fn params_of(side: &str, step: &str, view: View) -> Anything<RenderParams> {
     let side = side.parse()?;
-    let plain = RenderParams { shading: false, annotate: false, view, ..RenderParams::default() };
+    let plain =
+        RenderParams { shading: false, annotate: false, fit: Fit::Volume, view, ..RenderParams::default() };
     Ok(RenderParams { size: [side; 2], step: step.parse()?, ..plain })
 }
 
