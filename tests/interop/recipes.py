@@ -30,6 +30,7 @@ def begin(program, at):
     """The files that recipes begin with: a head in MR and its labels, and a shell in something like CT."""
     ivd(program, "phantom", "head", "--size", 96, "--noise", 0.02, "-o", at / "h.ivd", "--truth", at / "t.ivd")
     ivd(program, "export", at / "h.ivd", "-o", at / "head.nii.gz")
+    ivd(program, "export", at / "h.ivd", "-o", at / "slices.tif")
     ivd(program, "export", at / "t.ivd", "-o", at / "organs.nii.gz")
     ivd(program, "phantom", "shell", "--size", 96, "-o", at / "s.ivd")
     ivd(program, "export", at / "s.ivd", "-o", at / "s.nii")

@@ -23,6 +23,7 @@ fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
 fn begin(folder: &Path) {
     json(folder, &["phantom", "head", "--size", "96", "--noise", "0.02", "-o", "h.ivd", "--truth", "t.ivd"]);
     json(folder, &["export", "h.ivd", "-o", "head.nii.gz"]);
+    json(folder, &["export", "h.ivd", "-o", "slices.tif"]);
     json(folder, &["export", "t.ivd", "-o", "organs.nii.gz"]);
     // A shell of 5 mm with 1000 inside of it and −1000 outside, as bone in air.
     json(folder, &["phantom", "shell", "--size", "96", "-o", "s.ivd"]);

@@ -72,7 +72,7 @@ pub fn resampled(field: &FieldBricks, from: &Grid, onto: &Grid, exec: &Exec) -> 
     let sampler = Sampler::new(field, from);
     let to_mm = from.linear_part();
     let size = onto.dims().map(|n| n.div_ceil(FieldBricks::SIDE));
-    exec.check_memory("the field on the other grid", 12 * onto.len() as u64)?;
+    exec.check_memory("the field on the other grid", 36 * onto.len() as u64)?;
     let brick = |at: usize| {
         let mut vectors = [[0.0_f32; 3]; FieldBricks::VOXELS];
         for (slot, voxel) in brick_voxels(onto.dims(), brick_at(size, at)) {

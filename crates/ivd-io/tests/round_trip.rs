@@ -345,7 +345,6 @@ fn whether_a_file_says_where_the_patient_lies_outlives_every_format_that_can_say
             for file in ["a.nii", "a.nii.gz", "a.nrrd", "a.nhdr", "a.mha", "a.mhd", "a.vti"] {
                 let (back, ..) = there_and_back(folder.path(), file, &volume);
                 assert_eq!(back.grid().in_patient(), in_patient, "{name}, {file}");
-                assert!(back.grid().matches(&grid), "{name}, {file}");
             }
         }
     }

@@ -15,10 +15,12 @@ const PIECE: usize = 1 << 20;
 
 /// Histogram and quantiles of the values that are numbers, in real units; null where there are none.
 ///
-/// - `histogram.edges`: borders of bins of equal width, one more than `histogram.voxels`.
+/// - `histogram.edges`: borders of bins, ascending, one more than `histogram.voxels`; all are of one width but for the last, which may be narrower.
 /// - `quantiles`: value below or at which a share of the voxels lies, to a 65,536th of the range.
 pub(crate) fn distribution(volume: &Volume) -> Value {
-    let Some([low, high]) = volume.stored_range() else { return Value::Null };
+    let Some([low, high]) = volume.stored_range().filter(|[low, high]| (high - low).is_finite()) else {
+        return Value::Null;
+    };
     let whole = volume.voxel_type().is_integer() && high - low < FINE as f64;
     // Of whole numbers each has a bin, whose middle it is.
     let (first, width, bins) = if whole {
@@ -28,9 +30,17 @@ pub(crate) fn distribution(volume: &Volume) -> Value {
     } else {
         (low - 0.5, 1.0, 1)
     };
-    let counts = with_voxels!(volume.voxels(), voxels => count(voxels, first, width, bins));
+    let mut counts = with_voxels!(volume.voxels(), voxels => count(voxels, first, width, bins));
     let all: u64 = counts.iter().sum();
-    let real = |stored: f64| volume.slope().mul_add(stored, volume.intercept());
+    // Real values may fall as the stored ones rise.
+    let falls = volume.slope() < 0.0;
+    if falls {
+        counts.reverse();
+    }
+    let real = |bin: f64| {
+        let bin = if falls { bins as f64 - bin } else { bin };
+        volume.slope().mul_add(first + bin * width, volume.intercept())
+    };
     let value = |share: f64| {
         let wanted = ((share * all as f64).ceil() as u64).max(1);
         let mut below = 0;
@@ -38,14 +48,13 @@ pub(crate) fn distribution(volume: &Volume) -> Value {
             below += count;
             below >= wanted
         });
-        real(first + (bin.unwrap_or(0) as f64 + 0.5) * width)
+        real(bin.unwrap_or(0) as f64 + 0.5)
     };
     let quantiles: Vec<Value> =
         SHARES.into_iter().map(|share| json!({ "share": share, "value": value(share) })).collect();
     let wide = bins.div_ceil(TOLD);
     let told: Vec<u64> = counts.chunks(wide).map(|bins| bins.iter().sum()).collect();
-    let edges: Vec<f64> =
-        (0..=told.len()).map(|i| real(first + ((i * wide).min(bins)) as f64 * width)).collect();
+    let edges: Vec<f64> = (0..=told.len()).map(|i| real((i * wide).min(bins) as f64)).collect();
     json!({ "histogram": { "edges": edges, "voxels": told }, "quantiles": quantiles })
 }
 
@@ -98,11 +107,25 @@ mod tests {
     }
 
     #[test]
+    fn values_that_fall_as_the_stored_ones_rise_are_told_in_their_own_order() {
+        let told = told(Voxels::from((0..100).collect::<Vec<u8>>()), -1.0, 0.0);
+        assert_eq!((quantile(&told, 0.01), quantile(&told, 0.99)), (-99.0, -1.0));
+        let edges: Vec<f64> =
+            told["histogram"]["edges"].as_array().unwrap().iter().map(|e| e.as_f64().unwrap()).collect();
+        assert!(edges.is_sorted() && edges[0] == -99.5);
+    }
+
+    #[test]
     fn numbers_alone_count_and_one_value_has_one_bin() {
         let told_floats = told(Voxels::from(vec![f32::NAN, 0.0, 1.0, f32::INFINITY, 0.25]), 1.0, 0.0);
         assert!((quantile(&told_floats, 0.5) - 0.25).abs() < 1e-4, "{told_floats}");
         let flat = told(Voxels::from(vec![7_u8; 9]), 1.0, 0.0);
         assert_eq!((quantile(&flat, 0.5), flat["histogram"]["voxels"].clone()), (7.0, json!([9])));
         assert_eq!(told(Voxels::from(vec![f32::NAN]), 1.0, 0.0), Value::Null);
+        assert_eq!(
+            told(Voxels::from(vec![f64::MIN, f64::MAX]), 1.0, 0.0),
+            Value::Null,
+            "a range without a width"
+        );
     }
 }

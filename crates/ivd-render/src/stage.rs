@@ -207,7 +207,7 @@ impl<'a> From<Plain<'a>> for Scene<'a> {
 }
 
 /// Raised for all modes together: what they share is most of them.
-const REVISION: u32 = 3;
+const REVISION: u32 = 4;
 
 impl Op for DvrParams {
     const REVISION: u32 = REVISION;

@@ -208,11 +208,18 @@ fn bars(histogram: &Map<String, Value>) -> Vec<String> {
     let (edges, voxels) = (numbers("edges"), numbers("voxels"));
     let all = voxels.iter().sum::<f64>().max(1.0);
     let most = voxels.iter().copied().fold(1.0, f64::max);
+    let width = edges.windows(2).map(|ends| ends[1] - ends[0]).fold(0.0, f64::max);
     let bar = |(ends, count): (&[f64], &f64)| {
-        let [low, high] = [ends[0], ends[1]]
-            .map(|edge| format!("{edge:.4}").trim_end_matches('0').trim_end_matches('.').to_owned());
+        let [low, high] = [ends[0], ends[1]].map(|edge| shown(edge, width));
         let marks = "#".repeat((LONGEST * (count / most).sqrt()).round() as usize);
         format!("{low:>12} … {high:<12} {marks:<40} {:.2} %", 100.0 * count / all)
     };
     edges.windows(2).zip(&voxels).map(bar).collect()
+}
+
+/// A number to a hundredth of a width.
+fn shown(number: f64, width: f64) -> String {
+    let places = if width > 0.0 { (2.0 - width.log10()).clamp(0.0, 12.0) as usize } else { 4 };
+    let text = format!("{number:.places$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

@@ -14,4 +14,4 @@ pub(crate) use array::{Content, codes, number, text_of_codes, type_name, voxel_t
 pub(crate) use base64::Base64;
 pub(crate) use coding::{Coding, check_type};
 pub(crate) use fault::Fault;
-pub(crate) use xml::{DEEPEST, Element, open};
+pub(crate) use xml::{DEEPEST, Element, Text, open};

@@ -46,14 +46,15 @@ pub fn chain(
     let mut last_level = 0;
     for &level in levels {
         let last = chain.last().map_or(lattice, |refined| &refined.lattice);
-        let target = match params.method {
-            Method::Collapse | Method::Decimate if SmallParts::at(last, level).is_none() => {
-                count_for(lattice, last, level)
-            }
-            _ => Target::Level(level - last_level),
+        let step = RefineParams { target: Target::Level(level - last_level).into(), ..params.clone() };
+        let counts = matches!(params.method, Method::Collapse | Method::Decimate);
+        let target = if counts && SmallParts::of(last, &step).is_none() {
+            count_for(lattice, last, level).into()
+        } else {
+            step.target
         };
         let locked: Vec<u32> = keys.iter().flatten().filter_map(|key| last.vertex_at(**key)).collect();
-        let params = RefineParams { target: target.into(), ..params.clone() };
+        let params = RefineParams { target, ..params.clone() };
         let mut step = refine(last, &params, Locks { vertices: &locked }, exec)?;
         let between = levels_between(lattice, &step.lattice);
         step.lattice = step.lattice.with_level(lattice.level().saturating_add(between));

@@ -6,7 +6,7 @@
 
 use ivd_core::Lattice;
 
-use super::params::{RefineParams, Target};
+use super::params::{Method, RefineParams, Target};
 use crate::figures::component_roots;
 
 /// Vertices of the least closed surface.
@@ -20,26 +20,32 @@ pub(super) struct SmallParts {
     left: usize,
 }
 
-impl SmallParts {
-    /// Those that matter to a level; `None` where it has none, where the others alone reach it, or where tunnels may close: then parts may vanish.
-    pub(super) fn of(lattice: &Lattice, params: &RefineParams) -> Option<Self> {
-        match params.target.get() {
-            Target::Level(level) if !params.allow_topology => Self::at(lattice, level),
-            _ => None,
-        }
-    }
+/// Share of what a level keeps that the other parts make up for: few specks don't keep a level from being reached.
+const MADE_UP: f64 = 0.01;
 
-    /// As [`SmallParts::of`], of a level.
-    pub(super) fn at(lattice: &Lattice, level: u8) -> Option<Self> {
+impl SmallParts {
+    /// Those that matter to a target; `None` where it isn't a level, where there are none, or so few that the other parts make up for them, and
+    /// where tunnels may close: then parts may vanish.
+    pub(super) fn of(lattice: &Lattice, params: &RefineParams) -> Option<Self> {
+        let Target::Level(level) = params.target.get() else { return None };
+        if params.allow_topology && params.method == Method::Collapse {
+            return None;
+        }
         let share = 0.25_f64.powi(i32::from(level));
         let roots = component_roots(lattice);
         let mut sizes = vec![0_u32; roots.len()];
         roots.iter().for_each(|&root| sizes[root as usize] += 1);
-        let is_small = |root: u32| f64::from(sizes[root as usize]) * share < LEAST;
-        let within: Vec<bool> = roots.iter().map(|&root| is_small(root)).collect();
+        // A vertex that no triangle names is none.
+        let is_small = |size: u32| size > 1 && f64::from(size) * share < LEAST;
+        let small = sizes.iter().filter(|&&size| is_small(size));
+        let beyond: f64 = small.map(|&size| f64::from(size).min(LEAST) - f64::from(size) * share).sum();
+        if beyond <= MADE_UP * share * roots.len() as f64 {
+            return None;
+        }
+        let within: Vec<bool> = roots.iter().map(|&root| is_small(sizes[root as usize])).collect();
         let others = within.iter().filter(|small| !**small).count();
-        // A single speck, or nothing else, is refined as far as it goes.
-        if others == 0 || others == roots.len() {
+        // Nothing but specks is refined as far as it goes.
+        if others == 0 {
             return None;
         }
         Some(Self { within, left: others - (others as f64 * share).round() as usize })

@@ -24,9 +24,60 @@ fn a_level_of_a_ball_among_specks_is_a_level_of_the_ball() {
         assert_eq!(all.reached.stopped_by, StopReason::Specks);
         assert_sound(&lattice, &all);
     }
-    let steps = chain(&lattice, &RefineParams::default(), &[1, 2], Locks::NONE, &Exec::default()).unwrap();
-    for (step, share) in steps.iter().zip([4, 16]) {
+    let steps =
+        chain(&lattice, &RefineParams::default(), &[1, 2, 3, 4], Locks::NONE, &Exec::default()).unwrap();
+    for (step, share) in steps.iter().zip([4, 16, 64, 256]) {
         let of_ball = step.lattice.keys().iter().filter(|key| alone.vertex_at(**key).is_some()).count();
-        assert!(of_ball.abs_diff(alone.keys().len() / share) <= 1, "{of_ball} of {}", alone.keys().len());
+        assert!(of_ball.abs_diff(alone.keys().len() / share) <= 3, "{of_ball} of {}", alone.keys().len());
     }
+}
+
+#[test]
+fn a_few_specks_keep_no_level_from_being_reached() {
+    let lattice = lattices::ball_and_specks(72);
+    // Of the specks a handful.
+    let roots = lattice.triangles().iter().take(40).map(|t| t[0]).collect::<Vec<_>>();
+    let ball =
+        repair(&lattice, &RepairParams { min_triangles: 100, ..RepairParams::default() }, &Exec::default());
+    let ball = ball.unwrap().lattice;
+    let of_ball = |t: &[u32; 3]| ball.vertex_at(lattice.keys()[t[0] as usize]).is_some();
+    let near = |t: &[u32; 3]| roots.iter().any(|root| t.contains(root));
+    let first = lattice.triangles().iter().find(|t| !of_ball(t) && near(t)).unwrap()[0];
+    // The whole speck about that vertex, and the ball.
+    let mut speck = vec![first];
+    loop {
+        let more: Vec<u32> = lattice
+            .triangles()
+            .iter()
+            .filter(|t| t.iter().any(|v| speck.contains(v)))
+            .flatten()
+            .copied()
+            .collect();
+        let before = speck.len();
+        speck.extend(more);
+        speck.sort_unstable();
+        speck.dedup();
+        if speck.len() == before {
+            break;
+        }
+    }
+    let kept: Vec<u32> = (0..lattice.keys().len() as u32)
+        .filter(|v| speck.binary_search(v).is_ok() || ball.vertex_at(lattice.keys()[*v as usize]).is_some())
+        .collect();
+    let triangles =
+        lattice.triangles().iter().filter(|t| of_ball(t) || speck.binary_search(&t[0]).is_ok()).copied();
+    let both = lattice.subset(&kept, triangles.collect()).unwrap();
+    assert_eq!(measure(&both).components, 2);
+    let out = refine(
+        &both,
+        &RefineParams { target: Target::Level(2).into(), ..RefineParams::default() },
+        Locks::NONE,
+        &Exec::default(),
+    )
+    .unwrap();
+    let wanted = both.keys().len() as f64 / 16.0;
+    assert!(
+        (out.lattice.keys().len() as f64 - wanted).abs() < 1.0
+            && out.reached.stopped_by == StopReason::Target
+    );
 }

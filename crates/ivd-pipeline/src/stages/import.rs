@@ -64,7 +64,7 @@ impl Stage for Import {
     fn facts(&self) -> Facts {
         Facts {
             name: IMPORT,
-            revision: 3,
+            revision: 4,
             inputs: &[],
             output: Some(Kind::Volume),
             figures: schema_of::<ImportFigures>,

@@ -1,12 +1,13 @@
 //! Eight rays at a time with AVX2: [`crate::dvr`] in lanes, and what the other modes do.
 //!
 //! Each lane does what the plain loop does, with the same operations in the same order (no fused multiplication), so that both give the
-//! same bytes. A packet leaps where all its rays are in clear bricks; else all its lanes sample together for a [`RUN`], those in clear bricks as
-//! well: a sample there adds nothing, and to sort lanes costs more than to take it. Hence its counts of samples are a little above the plain loop's.
+//! same bytes. Lanes in clear bricks leap; then all lanes sample together for a [`RUN`], those that
+//! have come to a clear brick as well: a sample there adds nothing, and to sort lanes costs more than to take it. Hence its counts of samples are a little above
+//! the plain loop's.
 //!
 //! The argument for the `unsafe` blocks, which read voxels and tables without checks:
 //!
-//! - *Voxels.* [`Lanes::cell`] clamps as [`Shape::place`](crate::samples::Shape::place) does, in lanes whose ray has ended or that hold none as well, so that
+//! - *Voxels.* [`Cells::cell`] clamps as [`Shape::place`](crate::samples::Shape::place) does, in lanes whose ray has ended or that hold none as well, so that
 //!   a cell's eight voxels are in the grid. [`serves`] demands two voxels along every axis and fewer than 2³⁰ of them, so that their indices
 //!   are whole numbers of 32 bits.
 //! - *Leaps.* A cell's brick lies in the grid of bricks, and [`Space::leaps`](crate::empty_space::Space::leaps) holds one for each of them (asserted).

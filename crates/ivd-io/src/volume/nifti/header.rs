@@ -178,7 +178,9 @@ impl Header {
 
     /// Whether the affine is the patient's.
     pub(super) fn states_patient(&self) -> bool {
-        (self.sform_code > 0 || self.qform_code > 0) && !self.disclaims_patient
+        // What another program has placed since has another code.
+        let ours = self.disclaims_patient && self.sform_code == 2 && matches!(self.qform_code, 0 | 2);
+        (self.sform_code > 0 || self.qform_code > 0) && !ours
     }
 
     /// The space of a field of three components, as ITK takes the intents; `None` where it is none.

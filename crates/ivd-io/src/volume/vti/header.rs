@@ -7,7 +7,7 @@ use ivd_core::VoxelType;
 
 use crate::Space;
 use crate::volume::{Error, bounded};
-use crate::vtk::{self, Appended, Broken, Coding, Content, DEEPEST, Element, Fault};
+use crate::vtk::{self, Appended, Broken, Coding, Content, DEEPEST, Element, Fault, Text};
 
 /// What the XML says, and where the chosen array is.
 #[derive(Debug)]
@@ -95,9 +95,8 @@ impl<'a> Scan<'a> {
                 (b"PointData", _) => found.points = Some(element),
                 (b"DataArray", b"CellData") => found.cell_arrays += 1,
                 (b"Array", b"FieldData") => {
-                    let is_space = element.get("Name").map_err(said)?.as_deref() == Some("SPACE");
-                    if is_space && let Ok(text) = elements.text(&element) {
-                        found.space = Space::named(&vtk::text_of_codes(text.bytes));
+                    if element.get("Name").map_err(said)?.as_deref() == Some("SPACE") {
+                        found.space = Some(space(path, &element, &elements.text(&element).map_err(said)?)?);
                     }
                 }
                 (b"DataArray", b"PointData") => {
@@ -146,6 +145,19 @@ impl<'a> Scan<'a> {
             )),
         }
     }
+}
+
+/// What the field `SPACE` says, a text of character codes.
+fn space(path: &Path, element: &Element, text: &Text) -> Result<Space, Error> {
+    let format = element.get("format").map_err(|fault| error(path, fault))?;
+    if !matches!(format.as_deref(), None | Some("ascii")) {
+        let remedy = "save the image with its data as ascii, or without the field";
+        return Err(Error::unsupported(path, "a field SPACE that isn't ascii", remedy));
+    }
+    let said = vtk::text_of_codes(text.bytes);
+    Space::named(&said).ok_or_else(|| {
+        Error::field(path, "SPACE", format!("`{}` is neither LPS nor RAS", said.escape_debug()))
+    })
 }
 
 /// `N` numbers separated by white space; `None` where the attribute is absent.
