@@ -70,12 +70,12 @@ fn a_few_specks_keep_no_level_from_being_reached() {
     assert_eq!(measure(&both).components, 2);
     let out = refine(
         &both,
-        &RefineParams { target: Target::Level(2).into(), ..RefineParams::default() },
+        &RefineParams { target: Target::Level(1).into(), ..RefineParams::default() },
         Locks::NONE,
         &Exec::default(),
     )
     .unwrap();
-    let wanted = both.keys().len() as f64 / 16.0;
+    let wanted = both.keys().len() as f64 / 4.0;
     assert!(
         (out.lattice.keys().len() as f64 - wanted).abs() < 1.0
             && out.reached.stopped_by == StopReason::Target
