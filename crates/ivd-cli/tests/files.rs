@@ -218,7 +218,7 @@ fn info_tells_the_values_of_a_volume_and_the_places_of_classes() {
     for a in 0..3 {
         let [low, high, middle] = [low, high, &ball["centre_mm"]].map(|list| list[a].as_f64().unwrap());
         // A ball of radius 0.35 size.
-        assert!((high - low - 22.4).abs() < 2.0 && ((low + high) / 2.0 - middle).abs() < 0.6, "{ball}");
+        assert!((high - low - 22.4).abs() < 2.0 && (f64::midpoint(low, high) - middle).abs() < 0.6, "{ball}");
     }
 }
 

@@ -88,7 +88,7 @@ pub fn resampled(field: &FieldBricks, from: &Grid, onto: &Grid, exec: &Exec) -> 
     exec.check_cancelled()?;
     let moving: Vec<usize> = made.iter().map(|(at, _)| *at).collect();
     let vectors: Vec<[f32; 3]> = made.into_iter().flat_map(|(_, vectors)| vectors).collect();
-    Ok(FieldBricks::of_bricks(onto.dims(), &moving, vectors.into())?)
+    FieldBricks::of_bricks(onto.dims(), &moving, vectors.into())
 }
 
 #[cfg(test)]

@@ -49,14 +49,14 @@ impl VoxelAxes {
     }
 
     /// The same axes by the letters of where they come from, as MetaImage has them.
-    pub(crate) fn from_where(self) -> [char; 3] {
+    pub(crate) fn opposite(self) -> [char; 3] {
         self.0.map(|letter| {
-            let opposite = WAYS.iter().find_map(|(ahead, back, _)| match letter {
+            let other = WAYS.iter().find_map(|(ahead, back, _)| match letter {
                 letter if letter == *ahead => Some(*back),
                 letter if letter == *back => Some(*ahead),
                 _ => None,
             });
-            opposite.unwrap_or(letter)
+            other.unwrap_or(letter)
         })
     }
 
@@ -77,7 +77,7 @@ impl VoxelAxes {
     ///
     /// # Errors
     /// As [`Grid::new`], which no grid gives that was one.
-    pub(crate) fn lay(self, volume: Volume, exec: &Exec) -> Result<Volume, ivd_core::Error> {
+    pub(crate) fn lay(self, volume: &Volume, exec: &Exec) -> Result<Volume, ivd_core::Error> {
         let grid = volume.grid();
         let differs = Matrix3::from(grid.direction()) - Matrix3::from(self.direction());
         if grid.in_patient() && differs.amax() > 1e-6 {
@@ -151,6 +151,6 @@ mod tests {
     #[test]
     fn the_letters_of_metaimage_are_those_of_where_axes_come_from() {
         // As ITK writes its identity, LPS.
-        assert_eq!("LPS".parse::<VoxelAxes>().unwrap().from_where(), ['R', 'A', 'I']);
+        assert_eq!("LPS".parse::<VoxelAxes>().unwrap().opposite(), ['R', 'A', 'I']);
     }
 }

@@ -53,7 +53,7 @@ pub(super) enum Format {
 pub fn read(path: &Path, options: &ReadOptions, exec: &Exec) -> Result<Volume, Error> {
     let volume = as_it_lies(path, options, exec)?;
     Ok(match options.axes {
-        Some(axes) => axes.lay(volume, exec)?,
+        Some(axes) => axes.lay(&volume, exec)?,
         None => volume,
     })
 }

@@ -34,7 +34,9 @@ impl SmallParts {
         let share = 0.25_f64.powi(i32::from(level));
         let roots = component_roots(lattice);
         let mut sizes = vec![0_u32; roots.len()];
-        roots.iter().for_each(|&root| sizes[root as usize] += 1);
+        for &root in &roots {
+            sizes[root as usize] += 1;
+        }
         // A vertex that no triangle names is none.
         let is_small = |size: u32| size > 1 && f64::from(size) * share < LEAST;
         let small = sizes.iter().filter(|&&size| is_small(size));

@@ -31,7 +31,7 @@ fn header(grid: &Grid, voxel_type: VoxelType) -> String {
     let [x, y, z] = grid.dims();
     // A reader takes a file without it for one that says nothing of the patient.
     let orientation = if grid.in_patient() {
-        format!("AnatomicalOrientation = {}\n", String::from_iter(VoxelAxes::nearest(grid).from_where()))
+        format!("AnatomicalOrientation = {}\n", String::from_iter(VoxelAxes::nearest(grid).opposite()))
     } else {
         String::new()
     };

@@ -94,10 +94,10 @@ impl<'a> Scan<'a> {
                 }
                 (b"PointData", _) => found.points = Some(element),
                 (b"DataArray", b"CellData") => found.cell_arrays += 1,
-                (b"Array", b"FieldData") => {
-                    if element.get("Name").map_err(said)?.as_deref() == Some("SPACE") {
-                        found.space = Some(space(path, &element, &elements.text(&element).map_err(said)?)?);
-                    }
+                (b"Array", b"FieldData")
+                    if element.get("Name").map_err(said)?.as_deref() == Some("SPACE") =>
+                {
+                    found.space = Some(space(path, &element, &elements.text(&element).map_err(said)?)?);
                 }
                 (b"DataArray", b"PointData") => {
                     let text = elements.text(&element).map_err(|fault| match fault {
