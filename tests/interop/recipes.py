@@ -35,7 +35,9 @@ def begin(program, at):
     ivd(program, "phantom", "shell", "--size", 96, "-o", at / "s.ivd")
     ivd(program, "export", at / "s.ivd", "-o", at / "s.nii")
     image = sitk.ReadImage(str(at / "s.nii"))
-    sitk.WriteImage(sitk.Cast(image, sitk.sitkInt16) * 10 - 1000, str(at / "ct.nii.gz"))
+    image = sitk.Cast(image, sitk.sitkInt16) * 10 - 1000
+    sitk.WriteImage(image, str(at / "ct.nii.gz"))
+    sitk.GetArrayFromImage(image).tofile(at / "ct.raw")
 
 
 def run_page(program, at):

@@ -180,7 +180,7 @@ fn an_output_whose_data_file_was_emptied_is_written_again() {
     let scene = "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 24\n[segment]\nk = 2\n[output]\nlabels = \"l.mhd\"\n";
     std::fs::write(at.join("scene.toml"), scene).unwrap();
     json(at, &["pipeline", "scene.toml", "--out", "out"]);
-    let data = at.join("out/l.raw");
+    let data = at.join("out/l.mhd.raw");
     let whole = std::fs::read(&data).unwrap();
     std::fs::write(&data, b"").unwrap();
     let again = json(at, &["pipeline", "scene.toml", "--out", "out"]);

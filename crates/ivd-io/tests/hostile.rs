@@ -2,7 +2,7 @@
 //! memory than was declared and allowed.
 #![allow(clippy::unwrap_used, reason = "what builds a test's files may fail it")]
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ivd_core::{Classified, ErrorClass, Exec, Grid, Volume, Voxels};
 use ivd_io::volume::{ByteOrder, RawLayout, ReadOptions, read, write};
@@ -18,7 +18,7 @@ const ENDINGS: [&str; 6] = ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd"];
 /// The file that holds the voxels.
 fn data_file(path: &Path) -> std::path::PathBuf {
     match path.extension().and_then(|e| e.to_str()) {
-        Some("nhdr" | "mhd") => path.with_extension("raw"),
+        Some("nhdr" | "mhd") => PathBuf::from(format!("{}.raw", path.display())),
         _ => path.to_owned(),
     }
 }

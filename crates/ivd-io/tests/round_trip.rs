@@ -159,7 +159,7 @@ fn a_tiff_of_real_values_holds_them_and_one_of_a_spacing_beyond_its_fractions_sa
     let grid = Grid::with_spacing(DIMS, [1e-12, 1.0, 1.0]).unwrap();
     let volume = Volume::with_scale(grid, voxels(VoxelType::U8), 0.5, -3.0).unwrap();
     write(&path, &volume, &exec).unwrap();
-    assert!(notes.0.lock().unwrap()[0].contains("a spacing of this size"));
+    assert!(notes.0.lock().unwrap().iter().any(|note| note.contains("a spacing of this size")));
     let back = read(&path, &ReadOptions::default(), &exec).unwrap();
     assert_eq!(back.grid().spacing(), [1.0; 3]);
     for at in 0..60 {
@@ -371,4 +371,20 @@ fn axes_that_are_said_are_those_of_the_grid_and_leave_values_and_the_first_voxel
         // Only a file that says otherwise is contradicted.
         assert_eq!(notes.0.lock().unwrap().iter().any(|note| note.contains("axes = PSL")), stated, "{file}");
     }
+}
+
+#[test]
+fn headers_of_one_stem_and_raw_voxels_each_have_voxels_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = ["a.mhd", "a.nhdr", "a.raw"].map(|name| folder.path().join(name));
+    let grid = Grid::with_spacing([2, 1, 1], [1.0; 3]).unwrap();
+    let volume = |value: u8| Volume::new(grid.clone(), Voxels::from(vec![value, value + 1])).unwrap();
+    for (file, value) in files.iter().zip([1, 3, 5]) {
+        write(file, &volume(value), &Exec::default()).unwrap();
+    }
+    for (file, value) in files.iter().zip([1, 3]) {
+        let back = read(file, &ReadOptions::default(), &Exec::default()).unwrap();
+        assert_eq!(back.voxels(), volume(value).voxels());
+    }
+    assert_eq!(std::fs::read(&files[2]).unwrap(), [5, 6]);
 }

@@ -156,7 +156,7 @@ impl MapFigures {
         }
         if self.min_det_j < SQUEEZED {
             told.push(format!(
-                "somewhere space is squeezed, perhaps to {:.1} % of its volume: it folds nowhere, but what lay there can hardly be seen",
+                "somewhere space is squeezed, perhaps to {:.1} % of its volume: it folds nowhere, but what lay there can hardly be seen; a smaller move squeezes less, and so does another map.method (biharmonic, body)",
                 100.0 * self.min_det_j
             ));
         }

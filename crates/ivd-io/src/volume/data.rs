@@ -58,6 +58,9 @@ pub(crate) struct Frames {
 /// # Errors
 /// There is none: the header is what is wrong, or has come without it.
 fn beside(header: &Path, field: &str, name: &str) -> Result<PathBuf, Error> {
+    if name.trim().is_empty() {
+        return Err(Error::field(header, field, "it names no file"));
+    }
     let path = header.parent().unwrap_or(Path::new("")).join(name);
     match std::fs::metadata(&path) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
@@ -66,6 +69,13 @@ fn beside(header: &Path, field: &str, name: &str) -> Result<PathBuf, Error> {
         }
         _ => Ok(path),
     }
+}
+
+/// Where the voxels of a written header go: its whole name and `.raw`, so that headers of other formats with the same stem, and raw voxels, have others.
+pub(crate) fn data_beside(header: &Path) -> PathBuf {
+    let mut name = header.as_os_str().to_owned();
+    name.push(".raw");
+    name.into()
 }
 
 /// The file of a header's data, by the name that a field of the header gives, and where they begin in it: behind the header of `length` bytes where

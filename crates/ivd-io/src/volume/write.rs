@@ -2,10 +2,11 @@ use std::path::Path;
 
 use ivd_core::{Exec, Volume};
 
+use crate::volume::values::Values;
 use crate::volume::{Error, Written, metaimage, nifti, nrrd, raw, stack, vti};
 
-/// Writes a volume in the format of the file's ending: `.nii`, `.nii.gz`, `.nrrd`, `.nhdr` (with `.raw` beside it),
-/// `.mha`, `.mhd` (with `.raw`), `.vti`, `.tif` or `.tiff` (a page a slice), `.raw`.
+/// Writes a volume in the format of the file's ending: `.nii`, `.nii.gz`, `.nrrd`, `.nhdr` (with `NAME.nhdr.raw` beside it),
+/// `.mha`, `.mhd` (with `NAME.mhd.raw`), `.vti`, `.tif` or `.tiff` (a page a slice), `.raw`.
 ///
 /// The stored type is kept. NIfTI is version 1 (2 only beyond its 32,767 voxels along an axis, with a note) and keeps slope and
 /// intercept where its 32 bits change no value by half a stored step; otherwise, and in the other formats, a volume that has them is
@@ -35,8 +36,20 @@ pub fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error
     let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e));
     exec.run(|| {
         if ends(&[".nii", ".nii.gz"]) {
-            nifti::write(path, volume, exec)
-        } else if ends(&[".nrrd", ".nhdr"]) {
+            return nifti::write(path, volume, exec);
+        }
+        if let Values::Real(to) = Values::without_scale(volume)
+            && !to.is_integer()
+        {
+            exec.observer().note(&format!(
+                "{}: the format keeps no slope and intercept ({} and {}): real values are written, as {}; .nii keeps them",
+                path.display(),
+                volume.slope(),
+                volume.intercept(),
+                to.name()
+            ));
+        }
+        if ends(&[".nrrd", ".nhdr"]) {
             nrrd::write(path, volume, exec)
         } else if ends(&[".mha", ".mhd"]) {
             metaimage::write(path, volume, exec)

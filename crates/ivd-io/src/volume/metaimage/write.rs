@@ -2,12 +2,13 @@ use std::path::Path;
 
 use ivd_core::{Exec, Grid, Volume, VoxelType};
 
+use crate::volume::data::data_beside;
 use crate::volume::orientation::flip;
 use crate::volume::replace::{put, replace};
 use crate::volume::values::Values;
 use crate::volume::{Error, VoxelAxes, Written};
 
-/// Writes `.mha`, or `.mhd` with the voxels in a `.raw` beside it; uncompressed.
+/// Writes `.mha`, or `.mhd` with the voxels in a file beside it; uncompressed.
 pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
     let values = Values::without_scale(volume);
     let header = header(volume.grid(), values.voxel_type(volume));
@@ -18,7 +19,7 @@ pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written
             values.write(to, path, volume, exec)
         });
     }
-    let data = path.with_extension("raw");
+    let data = data_beside(path);
     let name = data.file_name().unwrap_or_default().to_string_lossy().into_owned();
     // The voxels first: a header never names voxels that aren't there.
     let voxels = replace(&data, |to| values.write(to, &data, volume, exec))?;

@@ -4,12 +4,13 @@ use std::path::Path;
 
 use ivd_core::{Exec, Grid, Volume, VoxelType};
 
+use crate::volume::data::data_beside;
 use crate::volume::orientation::flip;
 use crate::volume::replace::{put, replace};
 use crate::volume::values::Values;
 use crate::volume::{Error, Written};
 
-/// Writes `.nrrd`, or `.nhdr` with the voxels in a `.raw` beside it.
+/// Writes `.nrrd`, or `.nhdr` with the voxels in a file beside it.
 ///
 /// The encoding is raw: reading and writing then cost what the disk costs, and the voxels can be mapped. Who wants a
 /// small file has `.nii.gz`.
@@ -23,7 +24,7 @@ pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written
             values.write(to, path, volume, exec)
         });
     }
-    let data = path.with_extension("raw");
+    let data = data_beside(path);
     let name = data.file_name().unwrap_or_default().to_string_lossy().into_owned();
     // The voxels first: a header never names voxels that aren't there.
     let voxels = replace(&data, |to| values.write(to, &data, volume, exec))?;
