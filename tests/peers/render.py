@@ -18,6 +18,7 @@ import numpy as np
 import vtk
 from vtk.util.numpy_support import numpy_to_vtk
 
+from program import ivd
 from timing import clock
 
 VIEWS = [(30, 15), (0, 0), (90, 0), (200, 30), (270, -20), (45, 60), (135, -45), (320, 5)]
@@ -108,7 +109,7 @@ def transfer_of(program, volume, folder):
         ["atf", volume, labels, "-o", artefact],
         ["export", artefact, "-o", table],
     ):
-        subprocess.run([program, *map(str, words), "-q", "--progress", "never"], check=True, capture_output=True)
+        ivd(program, *words)
     return artefact, json.loads(table.read_text())
 
 

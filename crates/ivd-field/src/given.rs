@@ -1,12 +1,13 @@
 //! A displacement from one field that is given: by another program, or by hand.
 
-use ivd_core::{Displacement, FieldBricks, Grid};
+use ivd_core::{Displacement, FieldBricks, Grid, VoxelCoord};
 
 use crate::Error;
 use crate::certificate::{Certificate, THIN, certify};
 use crate::inverse::invert;
 use crate::sampler::{Sampler, brick_at, brick_voxels};
 use ivd_core::Exec;
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// Which way a given field leads.
@@ -71,12 +72,15 @@ pub fn displacement(grid: Grid, field: FieldBricks, leads: Leads, exec: &Exec) -
 pub fn resampled(field: &FieldBricks, from: &Grid, onto: &Grid, exec: &Exec) -> Result<FieldBricks, Error> {
     let sampler = Sampler::new(field, from);
     let to_mm = from.linear_part();
+    // From voxels to voxels: no matrix is inverted for each of them.
+    let first = from.voxel(onto.world(VoxelCoord(Vector3::zeros()))).0;
+    let to_from = from.inverse_linear_part() * onto.linear_part();
     let size = onto.dims().map(|n| n.div_ceil(FieldBricks::SIDE));
     exec.check_memory("the field on the other grid", 36 * onto.len() as u64)?;
     let brick = |at: usize| {
         let mut vectors = [[0.0_f32; 3]; FieldBricks::VOXELS];
         for (slot, voxel) in brick_voxels(onto.dims(), brick_at(size, at)) {
-            let moved = to_mm * sampler.at(from.voxel(onto.world(voxel.into())).0);
+            let moved = to_mm * sampler.at(first + to_from * VoxelCoord::from(voxel).0);
             vectors[slot] = moved.map(|c| c as f32 + 0.0).into();
         }
         vectors.iter().any(|v| *v != [0.0; 3]).then_some((at, vectors))
@@ -95,7 +99,6 @@ pub fn resampled(field: &FieldBricks, from: &Grid, onto: &Grid, exec: &Exec) -> 
 mod tests {
     use super::*;
     use ivd_core::VoxelIndex;
-    use nalgebra::Vector3;
 
     #[test]
     fn a_linear_field_is_the_same_at_the_voxels_of_a_finer_turned_grid() {

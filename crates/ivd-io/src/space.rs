@@ -19,9 +19,11 @@ impl Space {
         }
     }
 
-    /// The space of that name, in either case.
-    pub(crate) fn named(name: &str) -> Option<Self> {
-        [Self::Ras, Self::Lps].into_iter().find(|space| name.trim().eq_ignore_ascii_case(space.name()))
+    /// The space of that name, in either case; else what is wrong with the name.
+    pub(crate) fn named(name: &str) -> Result<Self, String> {
+        let known =
+            [Self::Ras, Self::Lps].into_iter().find(|space| name.trim().eq_ignore_ascii_case(space.name()));
+        known.ok_or_else(|| format!("`{}` is neither LPS nor RAS", name.escape_debug()))
     }
 
     /// What a comment says, as 3D Slicer writes and reads it: `SPACE=LPS` or `SPACE=RAS`, which counts where both stand.

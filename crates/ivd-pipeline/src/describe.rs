@@ -12,11 +12,10 @@ use crate::distribution::distribution;
 /// faces.
 fn grid_facts(grid: &Grid) -> Value {
     let faces = grid.dims().map(|n| [-0.5, n as f64 - 0.5]);
-    let corners = corners(faces).map(|place| grid.world(VoxelCoord(place)).0);
     let middle = grid.dims().map(|n| (n as f64 - 1.0) / 2.0);
     json!({
         "dims": grid.dims(), "spacing": grid.spacing(), "origin": grid.origin(), "direction": grid.direction(), "in_patient": grid.in_patient(),
-        "units": "mm", "space": "RAS", "extent_mm": extent(corners),
+        "units": "mm", "space": "RAS", "extent_mm": extent_of_box(grid, faces),
         "centre_mm": <[f64; 3]>::from(grid.world(VoxelCoord(middle.into())).0),
     })
 }
@@ -28,6 +27,14 @@ fn extent(places: impl IntoIterator<Item = Vector3<f64>>) -> Value {
         Value::Null,
         |(low, high)| json!({ "low": <[f64; 3]>::from(low), "high": <[f64; 3]>::from(high) }),
     )
+}
+
+/// The box (mm) round a box of voxel coordinates, given by its faces.
+fn extent_of_box(grid: &Grid, faces: [[f64; 2]; 3]) -> Value {
+    extent((0..8_usize).map(|corner| {
+        let place = Vector3::from_fn(|a, _| faces[a][corner >> a & 1]);
+        grid.world(VoxelCoord(place)).0
+    }))
 }
 
 /// Where the voxels of a class lie.
@@ -88,17 +95,9 @@ fn told_of(class: &ivd_core::Class, at: Whereabouts, grid: &Grid) -> Value {
         let faces: [[f64; 2]; 3] = std::array::from_fn(|a| [at.low[a] as f64 - 0.5, at.high[a] as f64 + 0.5]);
         told.insert("ml".to_owned(), json!(at.voxels as f64 * grid.voxel_volume() / 1000.0));
         told.insert("centre_mm".to_owned(), json!(<[f64; 3]>::from(grid.world(VoxelCoord(middle.into())).0)));
-        told.insert(
-            "extent_mm".to_owned(),
-            extent(corners(faces).map(|place| grid.world(VoxelCoord(place)).0)),
-        );
+        told.insert("extent_mm".to_owned(), extent_of_box(grid, faces));
     }
     told
-}
-
-/// The corners of a box.
-fn corners(faces: [[f64; 2]; 3]) -> impl Iterator<Item = Vector3<f64>> {
-    (0..8_usize).map(move |corner| Vector3::from_fn(|a, _| faces[a][corner >> a & 1]))
 }
 
 /// What an artefact holds, as JSON: dims, ranges, classes, counts; for motions every displacement.

@@ -3,8 +3,9 @@
 /// The vectors at a cell's corners; corner `i` has x in bit 0, y in bit 1, z in bit 2.
 pub(crate) type Corners = [[f32; 3]; 8];
 
+/// Linear interpolation.
 #[inline(always)]
-fn mix(a: f32, b: f32, f: f32) -> f32 {
+pub(crate) fn mix(a: f32, b: f32, f: f32) -> f32 {
     a + (b - a) * f
 }
 

@@ -75,16 +75,14 @@ impl<'a> Prepared<'a> {
                 !(params.mode == Mode::Dvr && params.classification == Classification::PreIntegrated);
             let clears = |labels: &Labels| by_voxel && has_unlabelled(scene.volume, labels);
             let labels = scene.labels.filter(|labels| has_rows || clears(labels));
-            let space = Space::full(Shape::new(grid.dims()));
-            let nothing = vec![f32::NEG_INFINITY; space.bricks().iter().product()];
             let mut prepared = Self {
                 scene: Scene { labels, ..*scene },
                 params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },
                 voxels,
                 shift,
                 warp: moving.map(|d| Warp::new(d, grid.inverse_linear_part())),
-                optics: ModeState::Mip(Bounds::new(space.bricks(), nothing)),
-                space,
+                optics: ModeState::Mip(Bounds::default()),
+                space: Space::full(Shape::new(grid.dims())),
                 held: Held::Volume,
             };
             match params.mode {

@@ -2,6 +2,7 @@
 pub(crate) const BLOCK_BRICKS: usize = 4;
 
 /// Values that no sample exceeds: of every brick, and of blocks of [`BLOCK_BRICKS`]³ of them.
+#[derive(Default)]
 pub(crate) struct Bounds {
     pub(crate) of_bricks: Vec<f32>,
     pub(crate) of_blocks: Vec<f32>,

@@ -10,6 +10,8 @@ use std::borrow::Cow;
 
 use ivd_core::{Error, Exec, Scalar, Volume, Voxels, parallel, with_voxels};
 
+use crate::cell::mix;
+
 /// Voxels that are converted at a time.
 const PIECE: usize = 1 << 16;
 
@@ -208,9 +210,8 @@ impl<'a, T: Stored> Samples<'a, T> {
                     self.voxels.get_unchecked(base + i + dx).single(),
                 )
             };
-            a + (b - a) * fx
+            mix(a, b, fx)
         };
-        let mix = |a: f32, b: f32, f: f32| a + (b - a) * f;
         mix(mix(along(0), along(dy), fy), mix(along(dz), along(dz + dy), fy), fz)
     }
 
@@ -235,7 +236,6 @@ impl<'a, T: Stored> Samples<'a, T> {
             self.voxels.get_unchecked(first + x + y * dy + z * dz).single()
         };
         let [fx, fy, fz] = place.within;
-        let mix = |a: f32, b: f32, f: f32| a + (b - a) * f;
         let rise = |below: f32, above: f32| 0.5 * (above - below);
         let along_x =
             |y: usize, z: usize| mix(rise(at(0, y, z), at(2, y, z)), rise(at(1, y, z), at(3, y, z)), fx);

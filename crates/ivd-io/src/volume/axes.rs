@@ -7,9 +7,8 @@ use ivd_core::{Exec, Grid, ParamError, Volume};
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-/// The letters of both ways along each of the patient's axes, and the direction of the first in RAS.
-const WAYS: [(char, char, [f64; 3]); 3] =
-    [('R', 'L', [1.0, 0.0, 0.0]), ('A', 'P', [0.0, 1.0, 0.0]), ('S', 'I', [0.0, 0.0, 1.0])];
+/// The letters of both ways along each of the patient's axes, RAS first.
+const LETTERS: [[char; 2]; 3] = [['R', 'L'], ['A', 'P'], ['S', 'I']];
 
 /// The orders of three axes.
 const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
@@ -27,7 +26,23 @@ const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2,
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
-pub struct VoxelAxes([char; 3]);
+pub struct VoxelAxes([Way; 3]);
+
+/// Where an axis leads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Way {
+    /// Which of the patient's axes it is along.
+    along: usize,
+    /// Whether to the left, the back or the feet.
+    back: bool,
+}
+
+impl Way {
+    fn of(letter: char) -> Option<Self> {
+        let along = LETTERS.iter().position(|letters| letters.contains(&letter))?;
+        Some(Self { along, back: letter == LETTERS[along][1] })
+    }
+}
 
 impl VoxelAxes {
     /// Those of a grid: where each axis leads for the most part, of the ways to give each a part of the patient's axes.
@@ -35,41 +50,25 @@ impl VoxelAxes {
         let ways = grid.direction();
         let share = |along: &[usize; 3]| -> f64 { (0..3).map(|a| ways[a][along[a]].abs()).sum() };
         let along = ORDERS.into_iter().max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(ORDERS[0]);
-        Self(std::array::from_fn(|a| {
-            let (ahead, back, _) = WAYS[along[a]];
-            if ways[a][along[a]] > 0.0 { ahead } else { back }
-        }))
+        Self(std::array::from_fn(|a| Way { along: along[a], back: ways[a][along[a]] <= 0.0 }))
     }
 
-    fn of(letters: [char; 3]) -> Option<Self> {
-        let along = |letter: char| WAYS.iter().position(|(ahead, back, _)| [*ahead, *back].contains(&letter));
-        let [x, y, z] = letters.map(along);
-        let all = [x?, y?, z?];
-        (0..3).all(|axis| all.contains(&axis)).then_some(Self(letters))
+    /// The letters of where the axes lead to.
+    fn letters(self) -> [char; 3] {
+        self.0.map(|way| LETTERS[way.along][usize::from(way.back)])
     }
 
-    /// The same axes by the letters of where they come from, as MetaImage has them.
+    /// The letters of where they come from, as MetaImage has them.
     pub(crate) fn opposite(self) -> [char; 3] {
-        self.0.map(|letter| {
-            let other = WAYS.iter().find_map(|(ahead, back, _)| match letter {
-                letter if letter == *ahead => Some(*back),
-                letter if letter == *back => Some(*ahead),
-                _ => None,
-            });
-            other.unwrap_or(letter)
-        })
+        self.0.map(|way| LETTERS[way.along][usize::from(!way.back)])
     }
 
     /// Unit direction of each axis, RAS.
     pub fn direction(self) -> [[f64; 3]; 3] {
-        self.0.map(|letter| {
-            let way = WAYS.iter().find_map(|(ahead, back, way)| match letter {
-                letter if letter == *ahead => Some(*way),
-                // 0 − x rather than −x: no negative zeros.
-                letter if letter == *back => Some(way.map(|w| 0.0 - w)),
-                _ => None,
-            });
-            way.unwrap_or_default()
+        self.0.map(|way| {
+            let mut direction = [0.0; 3];
+            direction[way.along] = if way.back { -1.0 } else { 1.0 };
+            direction
         })
     }
 
@@ -94,9 +93,10 @@ impl VoxelAxes {
 impl FromStr for VoxelAxes {
     type Err = ParamError;
     fn from_str(text: &str) -> Result<Self, ParamError> {
-        let letters: Vec<char> = text.trim().to_uppercase().chars().collect();
-        let axes = <[char; 3]>::try_from(letters).ok().and_then(Self::of);
-        axes.ok_or_else(|| {
+        let ways: Option<Vec<Way>> = text.trim().to_uppercase().chars().map(Way::of).collect();
+        let ways = ways.and_then(|ways| <[Way; 3]>::try_from(ways).ok());
+        let all = |ways: &[Way; 3]| (0..3).all(|axis| ways.iter().any(|way| way.along == axis));
+        ways.filter(all).map(Self).ok_or_else(|| {
             let problem = format!("`{}` isn't where three axes lead", text.escape_debug());
             let remedy = "give a letter each for x, y and z, one of R and L, one of A and P, one of S and I: LPS where x grows to the \
                           patient's left, y to the back and z to the head";
@@ -107,7 +107,7 @@ impl FromStr for VoxelAxes {
 
 impl fmt::Display for VoxelAxes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(&self.0.iter().collect::<String>())
+        f.pad(&String::from_iter(self.letters()))
     }
 }
 

@@ -8,10 +8,10 @@ use std::arch::x86_64::*;
 use ivd_core::BRICK;
 
 use crate::camera::Ray;
-use crate::cast::Field;
-use crate::frame::Packet;
+use crate::cast::{Cast, Field};
+use crate::frame::{LANES, Packet};
 
-use super::vectors::{clamped, each, indices, mix, spread, whole};
+use super::vectors::{any, clamped, each, indices, mix, spread, transposed, whole, wholes};
 use super::{Pairs, serves};
 
 /// What a brick's side is two to the power of (cells).
@@ -72,6 +72,72 @@ impl Rays {
     }
 }
 
+/// How far the rays of a packet have come.
+pub(crate) struct Progress {
+    /// The sample that each is at.
+    pub(crate) i: __m256i,
+    taken: __m256i,
+    skipped: __m256i,
+}
+
+impl Progress {
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    pub(crate) fn new() -> Self {
+        let zero = _mm256_setzero_si256();
+        Self { i: zero, taken: zero, skipped: zero }
+    }
+
+    /// The lanes that have whole steps left.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    pub(crate) fn open(&self, rays: &Rays) -> __m256i {
+        _mm256_cmpgt_epi32(rays.steps, self.i)
+    }
+
+    /// Goes on to the sample `next` in the lanes that `pass`. What is left of the `open` lanes; nothing where all of them passed.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    pub(crate) fn pass(
+        &mut self,
+        rays: &Rays,
+        pass: __m256i,
+        next: __m256i,
+        open: __m256i,
+    ) -> Option<__m256i> {
+        let next = _mm256_blendv_epi8(self.i, next, pass);
+        self.skipped = _mm256_add_epi32(self.skipped, _mm256_sub_epi32(next, self.i));
+        self.i = next;
+        any(_mm256_andnot_si256(pass, open)).then(|| _mm256_and_si256(open, self.open(rays)))
+    }
+
+    /// Counts samples: one in each of the lanes.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    pub(crate) fn take(&mut self, lanes: __m256i) {
+        self.taken = _mm256_sub_epi32(self.taken, lanes);
+    }
+
+    /// Counts as many samples as lanes say.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    pub(crate) fn take_many(&mut self, samples: __m256i) {
+        self.taken = _mm256_add_epi32(self.taken, samples);
+    }
+
+    /// What came of the rays.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    pub(crate) fn cast(self, rgba: [__m256; 4]) -> [Cast; LANES] {
+        let (rgba, taken, skipped) = (transposed(rgba), wholes(self.taken), wholes(self.skipped));
+        std::array::from_fn(|lane| Cast {
+            rgba: rgba[lane],
+            taken: taken[lane] as usize,
+            skipped: skipped[lane] as usize,
+        })
+    }
+}
+
 /// Where places lie among the voxels.
 #[derive(Clone, Copy)]
 pub(crate) struct Site {
@@ -129,10 +195,24 @@ impl<'a, T: Pairs> Cells<'a, T> {
         _mm256_add_epi32(x, _mm256_add_epi32(_mm256_mullo_epi32(by, y), _mm256_mullo_epi32(bz, z)))
     }
 
+    /// Leaps over clear bricks in the `open` lanes. What is left of them; nothing where all leapt.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    pub(crate) fn leap_over(&self, rays: &Rays, progress: &mut Progress, open: __m256i) -> Option<__m256i> {
+        let cell = self.cell(rays.at(progress.i));
+        let leap = self.leap(self.brick(cell));
+        let clear = _mm256_and_si256(_mm256_cmpgt_epi32(leap, _mm256_setzero_si256()), open);
+        if !any(clear) {
+            return Some(open);
+        }
+        let next = self.landing(rays, progress.i, cell, leap);
+        progress.pass(rays, clear, next, open)
+    }
+
     /// How many bricks on, less one, everything is clear; 0 for none.
     #[inline]
     #[target_feature(enable = "avx2")]
-    pub(crate) fn leap(&self, brick: __m256i) -> __m256i {
+    fn leap(&self, brick: __m256i) -> __m256i {
         let index = indices(brick);
         let leaps = self.field.space.leaps().as_ptr();
         // SAFETY: there is a leap for every brick.
@@ -143,7 +223,7 @@ impl<'a, T: Pairs> Cells<'a, T> {
     /// As [`Space::leap`](crate::empty_space::Space::leap), never further.
     #[inline]
     #[target_feature(enable = "avx2")]
-    pub(crate) fn landing(&self, rays: &Rays, i: __m256i, cell: [__m256i; 3], leap: __m256i) -> __m256i {
+    fn landing(&self, rays: &Rays, i: __m256i, cell: [__m256i; 3], leap: __m256i) -> __m256i {
         let one = _mm256_set1_epi32(1);
         let brick: [__m256i; 3] = each(|a| _mm256_srli_epi32::<SIDE>(cell[a]));
         // `leap` is one more than the bricks on either side that are clear.

@@ -7,7 +7,7 @@ use crate::cast::{Cast, Field, HALVINGS};
 use crate::frame::{LANES, Packet};
 
 use super::vectors::{any, each, floats, set, spread, transposed, wholes};
-use super::{Cells, Pairs, RUN, Rays, Source};
+use super::{Cells, Pairs, Progress, RUN, Rays, Source};
 
 /// Casts the rays of a packet.
 #[target_feature(enable = "avx2")]
@@ -21,43 +21,29 @@ pub(crate) fn first_hit<T: Pairs>(
     let (cells, rays) = (Cells::new(field), Rays::new(rays));
     let level = Level { iso: _mm256_set1_ps(iso), sign: _mm256_set1_ps(sign) };
     let one = _mm256_set1_epi32(1);
-    let (mut taken, mut skipped) = (_mm256_setzero_si256(), _mm256_setzero_si256());
+    let mut progress = Progress::new();
     // The lanes that met the surface, and the sample at which.
     let (mut met, mut hit) = (_mm256_setzero_si256(), _mm256_setzero_si256());
-    let mut i = _mm256_setzero_si256();
     loop {
-        let mut open = _mm256_andnot_si256(met, _mm256_cmpgt_epi32(rays.steps, i));
+        let open = _mm256_andnot_si256(met, progress.open(&rays));
         if !any(open) {
             break;
         }
-        let cell = cells.cell(rays.at(i));
-        let leap = cells.leap(cells.brick(cell));
-        let clear = _mm256_and_si256(_mm256_cmpgt_epi32(leap, _mm256_setzero_si256()), open);
-        if any(clear) {
-            let next = _mm256_blendv_epi8(i, cells.landing(&rays, i, cell, leap), clear);
-            skipped = _mm256_add_epi32(skipped, _mm256_sub_epi32(next, i));
-            i = next;
-            if !any(_mm256_andnot_si256(clear, open)) {
-                continue;
-            }
-            open = _mm256_and_si256(open, _mm256_cmpgt_epi32(rays.steps, i));
-        }
+        let Some(mut open) = cells.leap_over(&rays, &mut progress, open) else { continue };
         for _ in 0..RUN {
-            let [inside, _] = level.sides(&cells, rays.at(i));
-            let inside = _mm256_and_si256(inside, open);
-            hit = _mm256_blendv_epi8(hit, i, inside);
+            let [inside, _] = level.sides(&cells, rays.at(progress.i), open);
+            hit = _mm256_blendv_epi8(hit, progress.i, inside);
             met = _mm256_or_si256(met, inside);
-            taken = _mm256_sub_epi32(taken, open);
-            i = _mm256_add_epi32(i, one);
-            open = _mm256_andnot_si256(met, _mm256_cmpgt_epi32(rays.steps, i));
+            progress.take(open);
+            progress.i = _mm256_add_epi32(progress.i, one);
+            open = _mm256_andnot_si256(met, progress.open(&rays));
         }
     }
     let mut at = rays.at(hit);
     let left = _mm256_andnot_si256(met, rays.with_rest());
     if any(left) {
-        let [inside, _] = level.sides(&cells, rays.rest_at);
-        let inside = _mm256_and_si256(inside, left);
-        taken = _mm256_sub_epi32(taken, left);
+        let [inside, _] = level.sides(&cells, rays.rest_at, left);
+        progress.take(left);
         hit = _mm256_blendv_epi8(hit, rays.steps, inside);
         at = each(|a| _mm256_blendv_ps(at[a], rays.rest_at[a], _mm256_castsi256_ps(inside)));
         met = _mm256_or_si256(met, inside);
@@ -67,27 +53,21 @@ pub(crate) fn first_hit<T: Pairs>(
         // Between the sample before and this one, unless this is the first or the one before is no data.
         let mut outside = rays.at(_mm256_sub_epi32(hit, one));
         let known = _mm256_and_si256(met, _mm256_cmpgt_epi32(hit, _mm256_setzero_si256()));
-        let [_, below] = level.sides(&cells, outside);
-        let between = _mm256_and_si256(known, below);
-        let halved = _mm256_and_si256(between, _mm256_set1_epi32(HALVINGS as i32));
-        taken = _mm256_add_epi32(_mm256_sub_epi32(taken, known), halved);
+        let [_, between] = level.sides(&cells, outside, known);
+        progress.take(known);
+        progress.take_many(_mm256_and_si256(between, _mm256_set1_epi32(HALVINGS as i32)));
         if any(between) {
             for _ in 0..HALVINGS {
                 let middle = each(|a| _mm256_mul_ps(_mm256_set1_ps(0.5), _mm256_add_ps(outside[a], at[a])));
-                let [inside, _] = level.sides(&cells, middle);
-                let (to, from) = (_mm256_and_si256(between, inside), _mm256_andnot_si256(inside, between));
+                let [to, _] = level.sides(&cells, middle, between);
+                let from = _mm256_andnot_si256(to, between);
                 at = each(|a| _mm256_blendv_ps(at[a], middle[a], _mm256_castsi256_ps(to)));
                 outside = each(|a| _mm256_blendv_ps(outside[a], middle[a], _mm256_castsi256_ps(from)));
             }
         }
         rgba = coloured(&cells, surface, at, met);
     }
-    let (rgba, taken, skipped) = (transposed(rgba), wholes(taken), wholes(skipped));
-    std::array::from_fn(|lane| Cast {
-        rgba: rgba[lane],
-        taken: taken[lane] as usize,
-        skipped: skipped[lane] as usize,
-    })
+    progress.cast(rgba)
 }
 
 /// The surface's colour under the lamp, in the lanes that met it; zero in the others.
@@ -126,11 +106,11 @@ struct Level {
 }
 
 impl Level {
-    /// The lanes whose value reaches it, and those whose value doesn't; neither where there is no data.
+    /// Of the lanes that `look` those whose value reaches it, and those whose value doesn't; neither where there is no data.
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn sides<T: Pairs>(&self, cells: &Cells<'_, T>, at: [__m256; 3]) -> [__m256i; 2] {
-        let source = cells.source(at, _mm256_set1_epi32(-1));
+    fn sides<T: Pairs>(&self, cells: &Cells<'_, T>, at: [__m256; 3], look: __m256i) -> [__m256i; 2] {
+        let source = cells.source(at, look);
         let value = cells.value(&cells.site(source.at));
         let known = _mm256_and_si256(source.known, Cells::<T>::finite(value));
         let reached = _mm256_cmp_ps::<_CMP_GE_OQ>(_mm256_mul_ps(self.sign, value), self.iso);

@@ -30,7 +30,7 @@ use crate::classify::of_part;
 use crate::dvr::{AtMiddle, Optics};
 use crate::frame::{LANES, Packet};
 
-pub(crate) use cells::{Cells, Rays, Site};
+pub(crate) use cells::{Cells, Progress, Rays, Site};
 pub(crate) use first_hit::first_hit;
 pub(crate) use moved::{Moved, Source};
 pub(crate) use pairs::Pairs;
@@ -121,44 +121,30 @@ pub(crate) fn dvr<T: Pairs, L: Looks<T>>(
     let rays = Rays::new(rays);
     let end = _mm256_set1_ps(termination);
     let mut rgba = [_mm256_setzero_ps(); 4];
-    let (mut taken, mut skipped) = (_mm256_setzero_si256(), _mm256_setzero_si256());
     let mut ended = _mm256_setzero_si256();
-    // The sample a lane is at. Lanes whose ray has ended go on with the others and count for nothing, so that the next place doesn't wait for
-    // this one's colour.
-    let mut i = _mm256_setzero_si256();
+    // Lanes whose ray has ended go on with the others and count for nothing, so that the next place doesn't wait for this one's colour.
+    let mut progress = Progress::new();
     loop {
-        let mut open = _mm256_andnot_si256(ended, _mm256_cmpgt_epi32(rays.steps, i));
+        let open = _mm256_andnot_si256(ended, progress.open(&rays));
         if !any(open) {
             break;
         }
-        let cell = lanes.cells.cell(rays.at(i));
-        let leap = lanes.cells.leap(lanes.cells.brick(cell));
-        let clear = _mm256_and_si256(_mm256_cmpgt_epi32(leap, _mm256_setzero_si256()), open);
-        if any(clear) {
-            let next = lanes.cells.landing(&rays, i, cell, leap);
-            let next = _mm256_blendv_epi8(i, next, clear);
-            skipped = _mm256_add_epi32(skipped, _mm256_sub_epi32(next, i));
-            i = next;
-            if !any(_mm256_andnot_si256(clear, open)) {
-                continue;
-            }
-            open = _mm256_and_si256(open, _mm256_cmpgt_epi32(rays.steps, i));
-        }
+        let Some(mut open) = lanes.cells.leap_over(&rays, &mut progress, open) else { continue };
         // SAFETY: this function has AVX2.
-        let mut front = unsafe { L::end(&lanes, rays.end_at(i)) };
+        let mut front = unsafe { L::end(&lanes, rays.end_at(progress.i)) };
         for _ in 0..RUN {
-            let after = _mm256_add_epi32(i, _mm256_set1_epi32(1));
+            let after = _mm256_add_epi32(progress.i, _mm256_set1_epi32(1));
             // SAFETY: as above.
             let back = unsafe { L::end(&lanes, rays.end_at(after)) };
             // SAFETY: as above.
-            let entry = unsafe { L::look(&lanes, [front, back], rays.at(i), open) };
+            let entry = unsafe { L::look(&lanes, [front, back], rays.at(progress.i), open) };
             front = back;
             over(&mut rgba, entry);
             let full = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_GE_OQ>(rgba[3], end));
             ended = _mm256_or_si256(ended, full);
-            taken = _mm256_sub_epi32(taken, open);
-            i = after;
-            open = _mm256_andnot_si256(ended, _mm256_cmpgt_epi32(rays.steps, i));
+            progress.take(open);
+            progress.i = after;
+            open = _mm256_andnot_si256(ended, progress.open(&rays));
         }
     }
 
@@ -180,15 +166,9 @@ pub(crate) fn dvr<T: Pairs, L: Looks<T>>(
             entry = each(|c| spread(|lane| parts[lane][c]));
         }
         over(&mut rgba, entry);
-        taken = _mm256_sub_epi32(taken, left);
+        progress.take(left);
     }
-
-    let (rgba, taken, skipped) = (transposed(rgba), wholes(taken), wholes(skipped));
-    std::array::from_fn(|lane| Cast {
-        rgba: rgba[lane],
-        taken: taken[lane] as usize,
-        skipped: skipped[lane] as usize,
-    })
+    progress.cast(rgba)
 }
 
 impl<'a, T: Pairs, L: Looks<T>> Lanes<'a, T, L> {

@@ -11,8 +11,8 @@ use crate::frame::{LANES, Packet};
 use crate::project::{BLOCK_BRICKS, Bounds};
 
 use super::cells::SIDE;
-use super::vectors::{any, each, floats, indices, spread, wholes};
-use super::{Cells, Pairs, RUN, Rays};
+use super::vectors::{any, each, floats, indices, spread};
+use super::{Cells, Pairs, Progress, RUN, Rays};
 
 /// What a block's side is two to the power of (cells).
 const BLOCK: i32 = SIDE + BLOCK_BRICKS.ilog2() as i32;
@@ -29,44 +29,39 @@ pub(crate) fn mip<T: Pairs>(
     let (cells, rays) = (Cells::new(field), Rays::new(rays));
     bounds.check(field.space.bricks());
     let mut seen = Seen { greatest: _mm256_set1_ps(f32::NEG_INFINITY), sign: _mm256_set1_ps(sign) };
-    let (mut taken, mut skipped) = (_mm256_setzero_si256(), _mm256_setzero_si256());
-    let mut i = _mm256_setzero_si256();
+    let mut progress = Progress::new();
     loop {
-        let open = _mm256_cmpgt_epi32(rays.steps, i);
+        let open = progress.open(&rays);
         if !any(open) {
             break;
         }
         if skip {
-            let cell = cells.cell(rays.at(i));
+            let cell = cells.cell(rays.at(progress.i));
             let [block, pass] = cells.surpassed(bounds, cell, seen.greatest);
             let pass = _mm256_and_si256(pass, open);
+            // Those that were passed over may have come to what is worth a look; the others wait for them only while they do.
             if any(pass) {
-                let next = _mm256_blendv_epi8(i, cells.behind(&rays, i, cell, block), pass);
-                skipped = _mm256_add_epi32(skipped, _mm256_sub_epi32(next, i));
-                i = next;
-                // Those that were passed over may have come to what is worth a look; the others wait for them only while they do.
-                if !any(_mm256_andnot_si256(pass, open)) {
+                let next = cells.behind(&rays, progress.i, cell, block);
+                if progress.pass(&rays, pass, next, open).is_none() {
                     continue;
                 }
             }
         }
         for _ in 0..RUN {
-            let open = _mm256_cmpgt_epi32(rays.steps, i);
-            seen.look(&cells, rays.at(i), open);
-            taken = _mm256_sub_epi32(taken, open);
-            i = _mm256_sub_epi32(i, open);
+            let open = progress.open(&rays);
+            seen.look(&cells, rays.at(progress.i), open);
+            progress.take(open);
+            progress.i = _mm256_sub_epi32(progress.i, open);
         }
     }
     let rest = rays.with_rest();
     if any(rest) {
         seen.look(&cells, rays.rest_at, rest);
-        taken = _mm256_sub_epi32(taken, rest);
+        progress.take(rest);
     }
-    let (greatest, taken, skipped) = (floats(seen.greatest), wholes(taken), wholes(skipped));
-    std::array::from_fn(|lane| {
-        let cast = Cast { rgba: [0.0; 4], taken: taken[lane] as usize, skipped: skipped[lane] as usize };
-        (greatest[lane], cast)
-    })
+    let greatest = floats(seen.greatest);
+    let casts = progress.cast([_mm256_setzero_ps(); 4]);
+    std::array::from_fn(|lane| (greatest[lane], casts[lane]))
 }
 
 /// What is known of the values along rays.

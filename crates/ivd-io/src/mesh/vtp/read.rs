@@ -53,12 +53,8 @@ fn space(document: &Document, budget: &mut Budget) -> Result<Option<Space>, Fail
         Ok(())
     })?;
     let text = text.split(|&c| c == 0).next().unwrap_or_default();
-    let text = String::from_utf8_lossy(text);
-    let unknown = || {
-        let problem = format!("`{}` is neither LPS nor RAS", text.escape_debug());
-        Failure::at("field SPACE", problem, "save it as LPS")
-    };
-    Space::named(&text).map(Some).ok_or_else(unknown)
+    let named = Space::named(&String::from_utf8_lossy(text));
+    named.map(Some).map_err(|problem| Failure::at("field SPACE", problem, "save it as LPS"))
 }
 
 struct Piece<'d, 'a> {

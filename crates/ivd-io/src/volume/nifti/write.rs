@@ -148,10 +148,10 @@ fn header_1(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&
     b.f32s(76, &pixdim(grid, form.map_or(1.0, |f| f.1)));
     b.f32s(108, &[(SIZE_1 + 4) as f64, scale[0], scale[1]]);
     b.set(123, &[MILLIMETRES]);
-    let (xform, says) = space(grid);
+    let ([qform, sform], says) = space(grid, form.is_some());
     b.set(148, says);
-    b.set(252, &if form.is_some() { xform } else { 0 }.to_le_bytes());
-    b.set(254, &xform.to_le_bytes());
+    b.set(252, &qform.to_le_bytes());
+    b.set(254, &sform.to_le_bytes());
     b.f32s(256, &form.unwrap_or_default().0);
     b.f32s(268, &grid.origin());
     for (r, row) in srow(grid).iter().enumerate() {
@@ -179,10 +179,10 @@ fn header_2(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&
     b.f64s(104, &pixdim(grid, form.map_or(1.0, |f| f.1)));
     b.set(168, &((SIZE_2 + 4) as i64).to_le_bytes());
     b.f64s(176, &scale);
-    let (xform, says) = space(grid);
+    let ([qform, sform], says) = space(grid, form.is_some());
     b.set(240, says);
-    b.set(344, &i32::from(if form.is_some() { xform } else { 0 }).to_le_bytes());
-    b.set(348, &i32::from(xform).to_le_bytes());
+    b.set(344, &i32::from(qform).to_le_bytes());
+    b.set(348, &i32::from(sform).to_le_bytes());
     b.f64s(352, &form.unwrap_or_default().0);
     b.f64s(376, &grid.origin());
     for (r, row) in srow(grid).iter().enumerate() {
@@ -196,10 +196,11 @@ fn header_2(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&
     b.0
 }
 
-/// The code of the affine, and what the description says of it. The format has no code for an affine that isn't the patient's, and without
-/// any the places are lost: then it is said to be that of another file.
-fn space(grid: &Grid) -> (i16, &'static [u8]) {
-    if grid.in_patient() { (1, b"") } else { (2, NO_PATIENT) }
+/// The codes of qform, where there is one, and sform, and what the description says of them. The format has no code for an affine that isn't the
+/// patient's, and without any the places are lost: then it is said to be that of another file.
+fn space(grid: &Grid, has_qform: bool) -> ([i16; 2], &'static [u8]) {
+    let (code, says): (_, &[u8]) = if grid.in_patient() { (1, b"") } else { (2, NO_PATIENT) };
+    ([if has_qform { code } else { 0 }, code], says)
 }
 
 /// `xyzt_units`: lengths in millimetres, no time.

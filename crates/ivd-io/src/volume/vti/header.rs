@@ -154,10 +154,7 @@ fn space(path: &Path, element: &Element, text: &Text) -> Result<Space, Error> {
         let remedy = "save the image with its data as ascii, or without the field";
         return Err(Error::unsupported(path, "a field SPACE that isn't ascii", remedy));
     }
-    let said = vtk::text_of_codes(text.bytes);
-    Space::named(&said).ok_or_else(|| {
-        Error::field(path, "SPACE", format!("`{}` is neither LPS nor RAS", said.escape_debug()))
-    })
+    Space::named(&vtk::text_of_codes(text.bytes)).map_err(|problem| Error::field(path, "SPACE", problem))
 }
 
 /// `N` numbers separated by white space; `None` where the attribute is absent.
