@@ -1,7 +1,9 @@
 //! A scene does what its outputs need, and nothing twice.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
-use ivd_core::{Backend, Classified, Exec};
+use std::sync::Arc;
+
+use ivd_core::{Classified, Device, Exec};
 use ivd_pipeline::{PipelineOptions, State};
 use ivd_tests::{Bench, in_state, record};
 
@@ -30,8 +32,7 @@ fn the_same_run_again_is_cached_throughout_and_touches_no_file() {
 #[test]
 fn the_backend_on_record_is_the_one_that_ran_whatever_was_asked_for() {
     let bench = Bench::new(SCENE);
-    let mut exec = Exec::default();
-    exec.backend = Backend::Gpu;
+    let exec = Exec::default().with_device(Arc::new(Device::new("one that knows no kernel")));
     let asked = bench.run_with(&[], &PipelineOptions::default(), &exec).unwrap();
     assert!(asked.stages.iter().all(|s| s.backend == "cpu"));
     let plain = bench.run(&[]).unwrap();

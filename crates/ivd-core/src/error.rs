@@ -173,6 +173,14 @@ pub enum Error {
         /// What to do instead.
         remedy: &'static str,
     },
+    /// A device that must serve doesn't.
+    #[error("{kernel} on the GPU: {problem}; leave out --backend gpu and --require-gpu, and the processor does the work")]
+    Device {
+        /// The pass.
+        kernel: &'static str,
+        /// What happened.
+        problem: String,
+    },
     /// A result that can't be trusted: diverged, not finite.
     #[error("{what} can't be trusted: {problem}; {remedy}")]
     Untrusted {
@@ -195,6 +203,7 @@ impl Classified for Error {
                 ErrorClass::Usage
             }
             Self::Untrusted { .. } => ErrorClass::Untrusted,
+            Self::Device { .. } => ErrorClass::NoGpu,
             Self::Grid(_) | Self::Inconsistent { .. } => ErrorClass::Input,
         }
     }

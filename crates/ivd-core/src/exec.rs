@@ -1,18 +1,8 @@
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
-use crate::{Error, Spill};
-
-/// Where kernels run. CPU and GPU results never share a cache key.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Backend {
-    /// The processor.
-    #[default]
-    Cpu,
-    /// A graphics processor through wgpu.
-    Gpu,
-}
+use crate::{Device, Error, ServedBy, Spill};
 
 /// A flag that stops running work at its next check, and perhaps a time at which it stops by itself. Clones share the flag.
 #[derive(Debug, Clone, Default)]
@@ -90,7 +80,7 @@ pub trait Observer: Send + Sync {
 pub struct NoObserver;
 impl Observer for NoObserver {}
 
-/// How work is done: threads, memory, backend, who listens, who may stop it. Never part of a result's identity.
+/// How work is done: threads, memory, device, who listens, who may stop it. Never part of a result's identity.
 #[derive(Clone)]
 pub struct Exec {
     pool: Option<Arc<rayon::ThreadPool>>,
@@ -102,8 +92,9 @@ pub struct Exec {
     /// Where bulk data beyond the memory limit goes; without it such data is refused.
     pub spill: Option<Arc<dyn Spill>>,
     refused: Arc<AtomicU64>,
-    /// Backend asked for.
-    pub backend: Backend,
+    /// The device that makes the passes it knows; without one the processor makes all.
+    pub device: Option<Arc<Device>>,
+    pub(crate) served: Arc<Mutex<ServedBy>>,
     /// Whether work that can't change a result is passed over. Off: everything is looked at, for the same result; the plain
     /// twin of every shortcut.
     pub skip: bool,
@@ -121,7 +112,8 @@ impl Default for Exec {
             memory_limit: None,
             spill: None,
             refused: Arc::default(),
-            backend: Backend::Cpu,
+            device: None,
+            served: Arc::default(),
             skip: true,
             simd: true,
         }
@@ -133,7 +125,7 @@ impl std::fmt::Debug for Exec {
         f.debug_struct("Exec")
             .field("threads", &self.threads())
             .field("memory_limit", &self.memory_limit)
-            .field("backend", &self.backend)
+            .field("device", &self.device.as_ref().map(|device| device.name()))
             .field("simd", &self.simd)
             .finish_non_exhaustive()
     }
@@ -169,6 +161,13 @@ impl Exec {
     #[must_use]
     pub fn with_spill(mut self, spill: Arc<dyn Spill>) -> Self {
         self.spill = Some(spill);
+        self
+    }
+
+    /// Work whose passes a device makes, those that it knows.
+    #[must_use]
+    pub fn with_device(mut self, device: Arc<Device>) -> Self {
+        self.device = Some(device);
         self
     }
 

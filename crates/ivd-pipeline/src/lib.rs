@@ -67,7 +67,7 @@ pub use frames::map_frame;
 pub use ivd_core::op::Slot;
 pub use outputs::OutputFile;
 pub use pipeline::{PipelineOptions, PipelineReport, default_out, run, run_controlled, run_node};
-pub use runner::{OutputRecord, Runner, StageRecord, StageResult, State, backend_name, figures_of};
+pub use runner::{OutputRecord, Runner, StageRecord, StageResult, State, figures_of};
 pub use section::Section;
 pub use series::file_of as frame_file;
 pub use stage::{Facts, Input, Inputs, Metrics, Stage, StageOutput};

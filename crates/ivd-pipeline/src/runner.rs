@@ -10,7 +10,7 @@ use ivd_artefact::{
     section_hashes,
 };
 use ivd_core::op::{self, Failure, Values};
-use ivd_core::{Backend, Classified, ErrorClass, Exec};
+use ivd_core::{Classified, ErrorClass, Exec, ServedBy};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -70,8 +70,11 @@ pub struct StageRecord {
     pub why: String,
     /// Revision of the stage.
     pub revision: u32,
-    /// Backend that did the work.
+    /// Class of the result: `"gpu"` where a device made a part of it that is close to the processor's and not the same bytes, else `"cpu"`.
     pub backend: String,
+    /// Who made which pass ([`ivd_core::Kernel`]) when it was made: `"cpu"`, `"gpu"` or `"cpu and gpu"`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub kernels: BTreeMap<String, String>,
     /// Parameters.
     pub params: Value,
     /// Content hash of each input.
@@ -109,7 +112,8 @@ impl StageRecord {
             state,
             why: String::new(),
             revision: 0,
-            backend: "cpu".to_owned(),
+            backend: CPU.to_owned(),
+            kernels: BTreeMap::new(),
             params: Value::Null,
             inputs: BTreeMap::new(),
             output: None,
@@ -294,6 +298,8 @@ impl Runner<'_> {
         inputs.check(stage)?;
         self.exec.check_cancelled()?;
         let clock = Clock::start();
+        // Who served a stage that failed is nothing of this one's.
+        self.exec.take_served();
         let read_before = inputs.bytes_read();
         let (provenance, source_bytes) = self.provenance(stage, inputs.hashes())?;
         let first = stage.facts().inputs.first().and_then(|slot| inputs.get(slot.name)).map(Artefact::kind);
@@ -317,7 +323,14 @@ impl Runner<'_> {
             let passed = self.exec.check_cancelled().map_err(Error::from);
             passed.map_err(|error| begun.explained(error, self.exec))?;
         }
-        let Begun { clock, read_before, provenance, source_bytes, key, .. } = begun;
+        let Begun { clock, read_before, mut provenance, source_bytes, mut key, .. } = begun;
+        // What did the work, whatever was asked for.
+        let served = self.exec.take_served();
+        let made_by = class(stage, |kernel| served.get(kernel).is_some_and(|served| served.gpu > 0));
+        if made_by != provenance.backend {
+            provenance.backend = made_by;
+            key = CacheKey::new(product.artefact.kind(), &provenance);
+        }
         let kept = self.exec.run(|| self.keep(&key, &product, &provenance))?;
         let Kept { hash, sections, file } = kept;
         // What the cache holds is read from there: from here on it takes no memory of its own.
@@ -325,7 +338,8 @@ impl Runner<'_> {
             Some(file) => (file.artefact, Some(file.file)),
             None => (product.artefact, None),
         };
-        let record = self.record(stage, &provenance, &artefact, hash, &key);
+        let mut record = self.record(stage, &provenance, &artefact, hash, &key);
+        record.kernels = names(&served);
         let bytes_read = source_bytes + inputs.bytes_read() - read_before;
         let (remark, metrics) = (stage.remark(&product.metrics)?, product.metrics);
         let record = StageRecord { why, bytes_read, remark, metrics, ..clock.stop(record) };
@@ -364,8 +378,7 @@ impl Runner<'_> {
             revision: stage.facts().revision,
             params: stage.identity(),
             inputs: hashes,
-            // What did the work, whatever was asked for: every stage's code is the processor's.
-            backend: backend_name(Backend::Cpu).to_owned(),
+            backend: class(stage, |kernel| self.exec.device.as_ref().is_some_and(|device| device.knows(kernel))),
         };
         Ok((provenance, bytes))
     }
@@ -428,12 +441,16 @@ impl Runner<'_> {
     }
 }
 
-/// Name of a backend's class, as in `--json` and cache keys.
-pub fn backend_name(backend: Backend) -> &'static str {
-    match backend {
-        Backend::Cpu => "cpu",
-        Backend::Gpu => "gpu",
-    }
+/// Class of what the processor makes, and of what a device makes to the same bytes.
+const CPU: &str = "cpu";
+
+/// Class of a stage's result where a device makes the kernels that `on_device` names.
+fn class(stage: &dyn Stage, on_device: impl Fn(&str) -> bool) -> String {
+    if stage.close().iter().any(|kernel| on_device(kernel)) { "gpu".to_owned() } else { CPU.to_owned() }
+}
+
+fn names(served: &ServedBy) -> BTreeMap<String, String> {
+    served.iter().map(|(kernel, by)| ((*kernel).to_owned(), by.name().to_owned())).collect()
 }
 
 /// Time and memory of one stage.

@@ -249,6 +249,10 @@ impl crate::Stage for Section {
         }
     }
 
+    fn close(&self) -> &'static [&'static str] {
+        self.method.close
+    }
+
     fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
         (self.method.remark)(Json::Object(figures.figures.clone()))
             .map_err(|problem| Error::figures(self.stage.name, problem))

@@ -191,6 +191,11 @@ pub trait Stage: Send + Sync {
         self.facts().name
     }
 
+    /// Kernels whose results on a device are close to the processor's and not the same bytes; see [`op::Op::CLOSE`].
+    fn close(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// What a person should know of a result with these figures beside them, where there is something.
     ///
     /// # Errors

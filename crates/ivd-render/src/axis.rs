@@ -42,7 +42,6 @@ impl ValueAxis {
     }
 
     /// What turns a fast value into a place, `(value - low) · scale + 0.5` in `0 ..= top`: low, scale, top.
-    #[cfg(target_arch = "x86_64")]
     pub(crate) fn numbers(&self) -> [f32; 3] {
         [self.low, self.scale, self.top.number()]
     }

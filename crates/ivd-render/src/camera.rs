@@ -92,6 +92,25 @@ impl Camera {
         }
     }
 
+    /// In voxel coordinates: where rays start, and a millimetre to the right, up, and away from the eye.
+    pub(crate) fn axes(&self) -> [Vector3<f64>; 4] {
+        [self.start, self.voxels_right, self.voxels_up, self.voxels_away]
+    }
+
+    pub(crate) fn projection(&self) -> Projection {
+        self.projection
+    }
+
+    /// From the eye, or the plane that parallel rays start from, to what the camera looks at [mm].
+    pub(crate) fn distance(&self) -> f64 {
+        self.distance
+    }
+
+    /// Distance of samples along a ray [mm].
+    pub(crate) fn step(&self) -> f64 {
+        self.step_mm
+    }
+
     /// Width and height (pixels).
     pub(crate) fn size(&self) -> [usize; 2] {
         self.size

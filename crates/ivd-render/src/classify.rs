@@ -1,6 +1,7 @@
 use ivd_core::{BrickRange, GradientTable, NO_DATA, TransferFunction};
 
 use crate::axis::ValueAxis;
+use crate::plan::PlanSteep;
 use crate::samples::Top;
 
 /// Least samples of a row. The value axis is finer than the transfer function's own, so that the nearest entry serves.
@@ -73,6 +74,11 @@ impl Classifier {
     #[inline(always)]
     pub(crate) fn steep(&self) -> Option<&Steep> {
         self.steep.as_ref()
+    }
+
+    /// First entry of each label's row; empty where there are no labels.
+    pub(crate) fn row_starts(&self) -> &[u32] {
+        &self.row_start
     }
 
     /// The table: premultiplied entries, row after row.
@@ -153,6 +159,12 @@ impl Steep {
             per_gradient: ((gradients - 1) as f64 / by.top()) as f32,
             top: Top::new((gradients - 1) as f32),
         }
+    }
+
+    /// The same as plain data.
+    pub(crate) fn numbers(&self) -> PlanSteep<'_> {
+        let gradient = [self.per_gradient, self.top.number()];
+        PlanSteep { table: &self.table, axis: self.axis.numbers(), gradient }
     }
 
     /// Entry for a finite fast value and a gradient [real units / mm]; beside missing data, where there is no gradient, that of a flat place.

@@ -65,6 +65,7 @@ mod outline;
 mod packet;
 mod params;
 mod picture;
+pub mod plan;
 mod preintegrated;
 mod prepared;
 mod project;

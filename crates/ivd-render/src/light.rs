@@ -36,6 +36,11 @@ impl Light {
         }
     }
 
+    /// Real units in one of the fast values.
+    pub(crate) fn unit(&self) -> f32 {
+        self.unit
+    }
+
     /// Magnitude [real units / mm] of a gradient per voxel; no number beside missing data.
     #[inline(always)]
     pub(crate) fn magnitude(&self, gradient: [f32; 3]) -> f32 {

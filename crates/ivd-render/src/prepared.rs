@@ -1,15 +1,18 @@
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use ivd_core::{
-    BrickRange, Exec, Labels, Lattice, NO_DATA, Scalar as _, TransferFunction, Volume, srgb, with_voxels,
+    BrickRange, Exec, Kernel as _, Labels, Lattice, NO_DATA, Scalar as _, TransferFunction, Volume, with_voxels,
 };
 
 use crate::camera::{Camera, centre, step_mm};
 use crate::cast::{Cast, Field};
-use crate::classify::Classifier;
+use crate::classify::{Classifier, Steep};
 use crate::dvr::AtMiddle;
 use crate::empty_space::Space;
 use crate::fit::{DARK, Held};
 use crate::frame::{Radiance, tiles};
 use crate::light::Light;
+use crate::plan::{Casting, Grey, Plan, PlanLook, PlanWarp, Sight};
 use crate::preintegrated::{AtEnds, Preintegrated};
 use crate::project::Bounds;
 use crate::samples::{KernelVoxels, Samples, Shape, fast};
@@ -32,7 +35,11 @@ pub struct Prepared<'a> {
     optics: ModeState,
     space: Space,
     held: Held,
+    /// Differs for every prepared scene.
+    number: u64,
 }
+
+static NUMBERS: AtomicU64 = AtomicU64::new(0);
 
 /// What a mode needs to know of the values.
 enum ModeState {
@@ -84,6 +91,7 @@ impl<'a> Prepared<'a> {
                 optics: ModeState::Mip(Bounds::default()),
                 space: Space::full(Shape::new(grid.dims())),
                 held: Held::Volume,
+                number: NUMBERS.fetch_add(1, Ordering::Relaxed),
             };
             match params.mode {
                 Mode::Dvr => prepared.classify(exec)?,
@@ -245,7 +253,79 @@ impl<'a> Prepared<'a> {
     pub fn radiance(&self, view: View, exec: &Exec) -> Result<Radiance, Error> {
         let params = RenderParams { view, ..self.params.clone() };
         params.check()?;
-        exec.run(|| with_fast!(&self.voxels, slice => self.cast(slice, &params, exec)))
+        exec.run(|| exec.launch::<Casting>(&Sight { prepared: self, params: &params }))
+    }
+
+    /// Hands the plan of a view to somebody: for backends that are asked themselves rather than through an [`Exec`].
+    ///
+    /// # Errors
+    /// As [`crate::render`]; [`ivd_core::Error::Device`] where there is no plan of such a picture.
+    pub fn with_plan<R>(&self, view: View, take: impl FnOnce(&Plan<'_>) -> R) -> Result<R, Error> {
+        let params = RenderParams { view, ..self.params.clone() };
+        params.check()?;
+        let no_plan = |why: &str| ivd_core::Error::Device { kernel: Casting::NAME, problem: why.to_owned() };
+        Ok(take(&self.plan(&params).map_err(no_plan)?))
+    }
+
+    /// The processor's rays.
+    pub(crate) fn cast_all(&self, params: &RenderParams, exec: &Exec) -> Result<Radiance, Error> {
+        with_fast!(&self.voxels, slice => self.cast(slice, params, exec))
+    }
+
+    /// What a device needs to know to cast the rays.
+    pub(crate) fn plan(&self, params: &RenderParams) -> Result<Plan<'_>, &'static str> {
+        let look = match &self.optics {
+            ModeState::Dvr(classifier) => PlanLook::Classified {
+                table: classifier.table(),
+                axis: classifier.axis().numbers(),
+                row_starts: classifier.row_starts(),
+                steep: classifier.steep().map(Steep::numbers),
+                shaded: params.shading,
+                termination: params.termination as f32,
+            },
+            ModeState::PreIntegrated(_) => return Err("pre-integrated steps have no form for devices"),
+            ModeState::Mip(bounds) => PlanLook::Maximum {
+                bounds: &bounds.of_bricks,
+                sign: self.sign() as f32,
+                skip: params.skip,
+                grey: self.grey(),
+            },
+            ModeState::Iso(iso) => PlanLook::Surface {
+                iso: *iso,
+                sign: self.sign() as f32,
+                colour: params.surface.map(|c| c as f32),
+            },
+        };
+        let grid = self.scene.volume.grid();
+        let camera = Camera::new(grid, params, &self.held);
+        let light = Light::new(&camera, grid.inverse_linear_part(), self.scene.volume.slope());
+        let moved = self.warp.as_ref().zip(self.scene.displacement);
+        let moved = moved.map(|(warp, displacement)| PlanWarp {
+            displacement,
+            moves: warp.all_moves(),
+            rows: *warp.rows(),
+        });
+        let shape = Shape::new(grid.dims());
+        Ok(Plan {
+            camera,
+            scene: self.number,
+            next: shape.next(),
+            ends: shape.ends(),
+            volume: self.scene.volume,
+            voxels: (&self.voxels).into(),
+            labels: self.scene.labels.filter(|_| matches!(look, PlanLook::Classified { .. })),
+            bricks: self.space.bricks(),
+            leaps: self.space.leaps(),
+            moved,
+            lamp: light.numbers(),
+            look,
+        })
+    }
+
+    /// What makes a greatest value grey.
+    fn grey(&self) -> Grey<'a> {
+        let window = self.scene.windowed().range().unwrap_or([0.0; 2]);
+        Grey { volume: self.scene.volume, sign: self.sign(), shift: self.shift, window }
     }
 
     /// The picture of a view.
@@ -315,14 +395,12 @@ impl<'a> Prepared<'a> {
                 }
             }
             ModeState::Mip(bounds) => {
-                let [low, high] = self.scene.windowed().range().unwrap_or([0.0; 2]);
+                let grey = self.grey();
                 let grey = |(greatest, cast): (f32, Cast)| {
                     if greatest == f32::NEG_INFINITY {
                         return cast;
                     }
-                    let value = self.scene.volume.real(self.sign() * f64::from(greatest) + self.shift);
-                    let share = if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 1.0 };
-                    let grey = srgb::linear(share as f32);
+                    let grey = grey.of(greatest);
                     Cast { rgba: [grey, grey, grey, 1.0], ..cast }
                 };
                 let wide = Wide::detected(grid.dims(), exec.simd);

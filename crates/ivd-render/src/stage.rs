@@ -3,10 +3,11 @@
 use std::time::Instant;
 
 use ivd_core::op::{Amount, Failure, Method, Op, Place, PlaceKind, Stage, Want, method};
-use ivd_core::{Displacement, Exec, Image, Labels, Lattice, ParamError, TransferFunction, Volume, slots};
+use ivd_core::{Displacement, Exec, Image, Kernel as _, Labels, Lattice, ParamError, TransferFunction, Volume, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::plan::Casting;
 use crate::{ClassLooks, Fit, Mode, RenderParams, Scene, difference, render};
 
 /// The stage: its modes, and the pictures that a scene has of it.
@@ -211,6 +212,7 @@ const REVISION: u32 = 4;
 
 impl Op for DvrParams {
     const REVISION: u32 = REVISION;
+    const CLOSE: &'static [&'static str] = &[Casting::NAME];
     type Inputs<'a> = Coloured<'a>;
     type Output = Image;
     type Figures = RenderFigures;
@@ -236,6 +238,7 @@ impl Op for DvrParams {
 
 impl Op for MipParams {
     const REVISION: u32 = REVISION;
+    const CLOSE: &'static [&'static str] = &[Casting::NAME];
     type Inputs<'a> = Plain<'a>;
     type Output = Image;
     type Figures = RenderFigures;
@@ -261,6 +264,7 @@ impl IsoParams {
 
 impl Op for IsoParams {
     const REVISION: u32 = REVISION;
+    const CLOSE: &'static [&'static str] = &[Casting::NAME];
     type Inputs<'a> = Plain<'a>;
     type Output = Image;
     type Figures = RenderFigures;

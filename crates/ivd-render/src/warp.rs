@@ -111,6 +111,11 @@ impl<'a> Warp<'a> {
         })
     }
 
+    /// For every brick whether its samples may come from elsewhere.
+    pub(crate) fn all_moves(&self) -> &[bool] {
+        &self.moved
+    }
+
     /// Rows of the world-to-voxel matrix.
     pub(crate) fn rows(&self) -> &[[f32; 3]; 3] {
         &self.rows

@@ -29,6 +29,9 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
     const REVISION: u32;
     /// What a person should know of a result beside its figures, where there is something: that it isn't all that was asked for.
     const REMARK: Option<Remark<Self::Figures>> = None;
+    /// Kernels ([`crate::Kernel::NAME`]) whose results on a device are close to the processor's and not the same bytes: what a device made by
+    /// one of them is kept apart from what the processor made.
+    const CLOSE: &'static [&'static str] = &[];
     /// What it reads.
     type Inputs<'a>: Slots<'a>;
     /// What it gives.

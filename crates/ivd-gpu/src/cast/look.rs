@@ -1,0 +1,80 @@
+use ivd_render::plan::{Plan, PlanLook, PlanVoxels};
+
+/// The names that a plan's shader is put together with.
+pub(super) fn defines(plan: &Plan<'_>) -> Vec<&'static str> {
+    let voxels = match plan.voxels {
+        PlanVoxels::U8(_) => "U8",
+        PlanVoxels::U16(_) => "U16",
+        PlanVoxels::I16(_) => "I16",
+        PlanVoxels::F32(_) => "F32",
+    };
+    let mut names = vec![voxels];
+    match plan.look {
+        PlanLook::Classified { steep, shaded, .. } => {
+            names.push("DVR");
+            names.extend(plan.labels.map(|_| "LABELLED"));
+            names.extend(steep.map(|_| "STEEP"));
+            names.extend(shaded.then_some("SHADED"));
+        }
+        PlanLook::Maximum { .. } => names.push("MAXIMUM"),
+        PlanLook::Surface { .. } => names.push("SURFACE"),
+    }
+    names.extend(plan.moved.map(|_| "MOVED"));
+    names
+}
+
+/// Every list of names that [`defines`] can give.
+#[cfg(test)]
+pub(super) fn all() -> Vec<Vec<&'static str>> {
+    let mut all = Vec::new();
+    for voxels in ["U8", "U16", "I16", "F32"] {
+        for moved in [None, Some("MOVED")] {
+            for bits in 0..8_u8 {
+                let of = |bit: u8, name| (bits >> bit & 1 == 1).then_some(name);
+                let flags = [of(0, "LABELLED"), of(1, "STEEP"), of(2, "SHADED"), moved];
+                all.push([voxels, "DVR"].into_iter().chain(flags.into_iter().flatten()).collect());
+            }
+            for mode in ["MAXIMUM", "SURFACE"] {
+                all.push([voxels, mode].into_iter().chain(moved).collect());
+            }
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    use super::*;
+    use crate::cast::numbers::PARAMS_BYTES;
+    use crate::shader::assemble;
+
+    fn valid(file: &str, names: &[&str], capabilities: Capabilities) -> naga::Module {
+        let shader = assemble(file, names).unwrap();
+        let module = naga::front::wgsl::parse_str(&shader.text).unwrap_or_else(|error| {
+            let line = error.location(&shader.text).map_or(0, |location| location.line_number as usize);
+            panic!("{names:?}: {}: {}", shader.place(line), error.emit_to_string(&shader.text))
+        });
+        Validator::new(ValidationFlags::all(), capabilities)
+            .validate(&module)
+            .unwrap_or_else(|error| panic!("{file} {names:?}: {}", error.emit_to_string(&shader.text)));
+        module
+    }
+
+    #[test]
+    fn every_shader_is_valid_on_the_least_device_and_reads_params_as_they_are_written() {
+        for names in all() {
+            let module = valid("render/cast.wgsl", &names, Capabilities::empty());
+            let params = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Params"));
+            let naga::TypeInner::Struct { span, .. } = params.unwrap().1.inner else { panic!("a struct") };
+            assert_eq!(u64::from(span), PARAMS_BYTES);
+            let storage = |space| matches!(space, naga::AddressSpace::Storage { .. });
+            let buffers = module.global_variables.iter().filter(|(_, v)| storage(v.space)).count();
+            assert!(buffers <= 8, "{names:?}: eight is what every device grants");
+            let [x, y, z] = module.entry_points[0].workgroup_size;
+            assert!(x * y * z <= 256);
+        }
+        valid("render/rays.wgsl", &[], Capabilities::FLOAT64);
+    }
+}

@@ -1,0 +1,317 @@
+//! The kernel `render/cast`.
+
+mod look;
+mod numbers;
+mod resident;
+
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use ivd_core::{Answer, DeviceForm, Exec, Kernel as _, parallel};
+use ivd_render::Radiance;
+use ivd_render::plan::{Casting, Plan, Sight};
+
+use crate::buffers::Room;
+use crate::gpu::Count;
+use crate::shader::assemble;
+use crate::{Counters, Error, Gpu, Timed};
+use look::defines;
+use numbers::{CAMERA_BYTES, PARAMS_BYTES, RAY_BYTES, camera, params, ray};
+use resident::Resident;
+
+/// Pixels along a tile's edge: a workgroup.
+const TILE: usize = 8;
+/// Bytes of a pixel, and of what is told of a tile.
+const PIXEL_BYTES: u64 = 16;
+/// In the last word of what is told of a tile: that it was written.
+const WRITTEN: u32 = 0x01bd_5eed;
+/// What a submission should take: a device that draws a desktop too doesn't stutter.
+const PART: Duration = Duration::from_millis(8);
+/// Pixels of the first part of a picture whose speed isn't known.
+const FIRST_PIXELS: usize = 1 << 16;
+
+/// Casts rays on a device, and keeps there what pictures have in common.
+pub struct Caster(Mutex<State>);
+
+struct State {
+    gpu: Gpu,
+    pipelines: HashMap<String, wgpu::ComputePipeline>,
+    resident: Resident,
+    rooms: Option<Rooms>,
+    /// Of each kind of picture, time of a pixel [s].
+    pace: HashMap<String, f64>,
+}
+
+/// What a part of a picture needs.
+struct Rooms {
+    pixels: u64,
+    params: Room,
+    camera: Room,
+    part: Room,
+    rays: Room,
+    picture: Room,
+    result: Room,
+}
+
+impl Caster {
+    /// A caster on an opened device.
+    pub fn new(gpu: Gpu) -> Self {
+        Self(Mutex::new(State {
+            gpu,
+            pipelines: HashMap::new(),
+            resident: Resident::default(),
+            rooms: None,
+            pace: HashMap::new(),
+        }))
+    }
+
+    /// What has been done on the device.
+    pub fn counters(&self) -> Counters {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).gpu.counters()
+    }
+
+    /// Linear light of a plan's picture. A device that fails is opened anew and asked once more; where it has no room, what it keeps is let
+    /// go first.
+    ///
+    /// # Errors
+    /// As the device says the second time.
+    pub fn cast(&self, plan: &Plan<'_>, exec: &Exec) -> Result<Radiance, Error> {
+        self.timed(plan, exec).map(|(radiance, _)| radiance)
+    }
+
+    /// The same, and what it took.
+    ///
+    /// # Errors
+    /// As [`Caster::cast`].
+    pub fn timed(&self, plan: &Plan<'_>, exec: &Exec) -> Result<(Radiance, Timed), Error> {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = state.gpu.counters();
+        let start = Instant::now();
+        let first = state.cast(plan, exec);
+        let radiance = match first {
+            Err(Error::Core(error)) => return Err(error.into()),
+            Err(error) => {
+                tracing::warn!(%error, "the GPU failed, and is asked once more");
+                state.forget();
+                if !matches!(error, Error::NoRoom { .. }) {
+                    state.gpu = state.gpu.reopen().map_err(|_| error)?;
+                }
+                state.cast(plan, exec)?
+            }
+            Ok(radiance) => radiance,
+        };
+        let device_ns = state.gpu.counters().busy_ns - before.busy_ns;
+        Ok((radiance, Timed { device_ns, wall_ns: start.elapsed().as_nanos() as u64 }))
+    }
+}
+
+impl DeviceForm<Casting> for Caster {
+    fn run(&self, sight: &Sight<'_>, exec: &Exec) -> Result<Answer<Radiance>, ivd_core::Error> {
+        let plan = match sight.plan() {
+            Ok(plan) => plan,
+            Err(why) => return Ok(Answer::Declined(why.to_owned())),
+        };
+        match self.cast(&plan, exec) {
+            Ok(radiance) => Ok(Answer::Done(radiance)),
+            Err(Error::Core(error)) => Err(error),
+            Err(error @ Error::NoRoom { .. }) => Ok(Answer::Declined(error.to_string())),
+            Err(error) => Err(ivd_core::Error::Device { kernel: Casting::NAME, problem: error.to_string() }),
+        }
+    }
+}
+
+impl State {
+    /// Lets go of everything on the device.
+    fn forget(&mut self) {
+        self.pipelines.clear();
+        self.resident = Resident::default();
+        self.rooms = None;
+    }
+
+    fn cast(&mut self, plan: &Plan<'_>, exec: &Exec) -> Result<Radiance, Error> {
+        let [width, height] = plan.size();
+        exec.check_memory("picture", (16 * width * height) as u64)?;
+        let names = defines(plan);
+        let key = names.join(" ");
+        self.resident.bring(plan, &self.gpu)?;
+        self.prepare("render/cast.wgsl", &key, &names)?;
+        let makes_rays = self.gpu.has("f64");
+        if makes_rays {
+            self.prepare("render/rays.wgsl", "", &[])?;
+        }
+        let mut radiance = Radiance { width, height, rgba: vec![[0.0; 4]; width * height], samples: 0, skipped: 0 };
+        exec.observer().begin("render", height as u64);
+        let mut first = 0;
+        while first < height {
+            exec.check_cancelled()?;
+            let rows = self.rows(&key, width).min(height - first);
+            let start = Instant::now();
+            self.part(plan, &key, [first, rows], makes_rays, &mut radiance)?;
+            let pace = start.elapsed().as_secs_f64() / (rows * width) as f64;
+            self.pace.insert(key.clone(), pace);
+            exec.observer().advance("render", rows as u64);
+            first += rows;
+        }
+        exec.observer().end("render");
+        parallel::for_each_piece_mut(&mut radiance.rgba, width, &|_, row| {
+            row.iter_mut().for_each(|pixel| plan.finish(pixel));
+        });
+        Ok(radiance)
+    }
+
+    /// Rows of the next part of a picture: as many as a submission should take, and no more than buffers hold.
+    fn rows(&self, key: &str, width: usize) -> usize {
+        let limits = self.gpu.limits();
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / RAY_BYTES;
+        let wanted = match self.pace.get(key) {
+            Some(pace) => PART.as_secs_f64() / pace.max(1e-12),
+            None => FIRST_PIXELS as f64,
+        };
+        let pixels = wanted.min(most as f64) as usize;
+        // Whole tiles; one at least, however wide.
+        (pixels / width / TILE * TILE).max(TILE)
+    }
+
+    fn prepare(&mut self, file: &'static str, key: &str, names: &[&str]) -> Result<(), Error> {
+        let key = format!("{file} {key}");
+        if self.pipelines.contains_key(&key) {
+            return Ok(());
+        }
+        let start = Instant::now();
+        let shader = assemble(file, names).map_err(Error::Refused)?;
+        let text = self.gpu.planted(&shader.text);
+        let pipeline = self.gpu.checked(file, 0, || {
+            let device = &self.gpu.device;
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(file),
+                source: wgpu::ShaderSource::Wgsl(text.as_str().into()),
+            });
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(file),
+                layout: None,
+                module: &module,
+                entry_point: Some("main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            })
+        })?;
+        tracing::debug!(key, ms = start.elapsed().as_millis() as u64, "pipeline made");
+        self.pipelines.insert(key, pipeline);
+        Ok(())
+    }
+
+    /// Casts the rays of some rows.
+    fn part(
+        &mut self,
+        plan: &Plan<'_>,
+        key: &str,
+        [first, rows]: [usize; 2],
+        makes_rays: bool,
+        radiance: &mut Radiance,
+    ) -> Result<(), Error> {
+        let width = radiance.width;
+        let pixels = width * rows;
+        let tiles = [width.div_ceil(TILE), rows.div_ceil(TILE)];
+        self.make_room(width, pixels.max(width * TILE))?;
+        let Some(rooms) = &self.rooms else { return Err(Error::NotWritten) };
+        let gpu = &self.gpu;
+        gpu.write(&rooms.params, bytemuck::cast_slice(&params(plan, [width, rows, tiles[0]])));
+        if makes_rays {
+            let (numbers, part) = camera(plan, [first, rows]);
+            gpu.write(&rooms.camera, bytemuck::cast_slice(&numbers));
+            gpu.write(&rooms.part, bytemuck::cast_slice(&part));
+        } else {
+            let mut words = vec![[0_u32; RAY_BYTES as usize / 4]; pixels];
+            parallel::for_each_piece_mut(&mut words, width, &|y, row| {
+                row.iter_mut().enumerate().for_each(|(x, words)| *words = ray(plan, x, first + y));
+            });
+            gpu.write(&rooms.rays, bytemuck::cast_slice(&words));
+        }
+        let cast = &self.pipelines[&format!("render/cast.wgsl {key}")];
+        let bound = self.resident.bind(gpu, cast, &rooms.params, &rooms.rays, &rooms.picture)?;
+        let make = match self.pipelines.get("render/rays.wgsl ") {
+            Some(make) if makes_rays => {
+                let entries = [&rooms.camera, &rooms.part, &rooms.rays];
+                Some((make, bind(gpu, make, entries.into_iter().enumerate())?))
+            }
+            _ => None,
+        };
+        let told = tiles[0] * tiles[1];
+        let bytes = PIXEL_BYTES * (pixels + told) as u64;
+        let mut written = true;
+        let encode = |encoder: &mut wgpu::CommandEncoder, clock: Option<&crate::timing::Clock>| {
+            // What an earlier part left doesn't pass for this one's.
+            let tail = PIXEL_BYTES * pixels as u64;
+            encoder.clear_buffer(&rooms.picture.buffer, tail, Some(PIXEL_BYTES * told as u64));
+            let mut pass = |pipeline: &wgpu::ComputePipeline, group: &wgpu::BindGroup, [x, y]: [usize; 2], [begins, ends]: [bool; 2]| {
+                let timestamp_writes = clock.and_then(|clock| clock.writes(begins, ends));
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
+                pass.set_pipeline(pipeline);
+                pass.set_bind_group(0, group, &[]);
+                pass.dispatch_workgroups(x as u32, y as u32, 1);
+                Count::add(&gpu.count.dispatches, 1);
+            };
+            if let Some((make, group)) = &make {
+                let groups = pixels.div_ceil(64);
+                let across = groups.min(65_535);
+                pass(make, group, [across, groups.div_ceil(across)], [true, false]);
+            }
+            pass(cast, &bound, tiles, [make.is_none(), true]);
+        };
+        let result = Some((&rooms.picture.buffer, &rooms.result.buffer, bytes));
+        gpu.submit("rays", encode, result, |read| {
+            let (light, tail) = read.split_at(pixels * PIXEL_BYTES as usize);
+            let into = &mut radiance.rgba[first * width..][..pixels];
+            bytemuck::cast_slice_mut(into).copy_from_slice(light);
+            for tile in tail.chunks_exact(PIXEL_BYTES as usize) {
+                let [taken, skipped, _, mark]: [u32; 4] = bytemuck::pod_read_unaligned(tile);
+                written &= mark == WRITTEN;
+                radiance.samples += u64::from(taken);
+                radiance.skipped += u64::from(skipped);
+            }
+        })?;
+        if written { Ok(()) } else { Err(Error::NotWritten) }
+    }
+
+    /// Room for a part of so many pixels; grows only.
+    fn make_room(&mut self, width: usize, pixels: usize) -> Result<(), Error> {
+        let pixels = pixels as u64;
+        if self.rooms.as_ref().is_some_and(|rooms| rooms.pixels >= pixels) {
+            return Ok(());
+        }
+        self.rooms = None;
+        let gpu = &self.gpu;
+        let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        // A tile's words for each row of tiles, of which the last may be cut.
+        let picture = PIXEL_BYTES * (pixels + (pixels / TILE as u64) / TILE as u64 + width as u64 + 1);
+        self.rooms = Some(Rooms {
+            pixels,
+            params: gpu.room("parameters", PARAMS_BYTES, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST)?,
+            camera: gpu.room("camera", CAMERA_BYTES, storage)?,
+            part: gpu.room("part of the picture", 32, storage)?,
+            rays: gpu.room("rays", RAY_BYTES * pixels, storage)?,
+            picture: gpu.room("picture", picture, storage | wgpu::BufferUsages::COPY_SRC)?,
+            result: gpu.room("read picture", picture, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?,
+        });
+        Ok(())
+    }
+}
+
+/// Binds buffers to a pipeline's places.
+fn bind<'a>(
+    gpu: &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    rooms: impl Iterator<Item = (usize, &'a Room)>,
+) -> Result<wgpu::BindGroup, Error> {
+    let entries: Vec<wgpu::BindGroupEntry<'_>> = rooms
+        .map(|(binding, room)| wgpu::BindGroupEntry {
+            binding: binding as u32,
+            resource: room.buffer.as_entire_binding(),
+        })
+        .collect();
+    gpu.checked("buffers of a kernel", 0, || {
+        let layout = pipeline.get_bind_group_layout(0);
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries })
+    })
+}

@@ -1,0 +1,27 @@
+/// What a device does wrong.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// It is gone: unplugged, reset, or its driver gave up.
+    #[error("the GPU was lost: {0}")]
+    Lost(String),
+    /// It has no room for something.
+    #[error("the GPU has no room for {what} ({bytes} bytes)")]
+    NoRoom {
+        /// What it was.
+        what: &'static str,
+        /// Its size.
+        bytes: u64,
+    },
+    /// It doesn't answer.
+    #[error("the GPU didn't answer within {0} s")]
+    Late(u64),
+    /// It refuses a command: an error of this program or of its driver.
+    #[error("the GPU refuses a command: {0}")]
+    Refused(String),
+    /// Its result lacks the words that every result ends in.
+    #[error("the GPU's result was never written")]
+    NotWritten,
+    /// What is the same on a processor: cancelled, over time, short of memory.
+    #[error(transparent)]
+    Core(#[from] ivd_core::Error),
+}

@@ -1,0 +1,44 @@
+//! Passes of IVD on graphics processors, through wgpu: Vulkan, Metal and Direct3D 12.
+//!
+//! [`Gpu::open`] opens an adapter, or says in words why there is none; [`device`] makes of it what an [`ivd_core::Exec`] takes as its
+//! `device`: the forms of those kernels that are known here ([`KERNELS`]). Every other pass stays the processor's, and the record of a run says who
+//! made which. Kernels hold one of these promises against the processor:
+//!
+//! - **equal**: the same bytes on every device (integers and comparisons only);
+//! - **close**: within a tolerance that the suite holds; such results have a cache key of their own.
+//!
+//! | kernel | promise |
+//! |---|---|
+//! | `render/cast`: rays of direct volume rendering, maximum and first hit; labelled, shaded, by gradient, deformed | close: 1e-6 of linear light but where a ray meets a voxel's edge one way here and the other way there |
+//! | `segment/histogram` | equal |
+//!
+//! All kernels give the same bytes from run to run on one device and driver. Nothing is read back that wasn't written: every result ends in words
+//! that tell, a lost device is opened again once, and what fails twice is an error that names the pass.
+//!
+//! Shaders lie in the workspace's folder `shaders`, a file for each kernel, and are put together here ([`shader`]).
+
+mod adapter;
+mod buffers;
+mod cast;
+mod error;
+mod gpu;
+pub mod shader;
+mod timing;
+
+pub use adapter::{Adapter, Choice, OpenError, adapters};
+pub use cast::Caster;
+pub use error::Error;
+pub use gpu::{Counters, Fault, Gpu, Options};
+pub use timing::Timed;
+
+use ivd_core::{Device, Kernel as _};
+use ivd_render::plan::Casting;
+
+/// The kernels of which there is a form here.
+pub const KERNELS: &[&str] = &[Casting::NAME];
+
+/// An opened adapter as the device of an [`ivd_core::Exec`].
+pub fn device(gpu: Gpu) -> Device {
+    let name = gpu.adapter().name.clone();
+    Device::new(name).with::<Casting>(Caster::new(gpu))
+}

@@ -1,0 +1,112 @@
+//! Devices with less than others, and what crosses between memory and device.
+
+use std::sync::Arc;
+
+use ivd_core::{Exec, Volume, Voxels};
+use ivd_gpu::{Caster, Options};
+use ivd_render::{Mode, Prepared, RenderParams, Scene, View};
+
+use super::common::{hills, twisted};
+use super::gpu;
+use super::pictures::{params, transfer};
+use super::sides::{apart, by_device, by_processor, on};
+
+#[test]
+fn a_device_with_little_room_a_submission_gives_the_same_bits() {
+    let Some(wide) = gpu(Options::default()) else { return };
+    // Room for the volume, and for rays of a few rows.
+    let narrow = gpu(Options { max_buffer: Some(128 << 10), ..Options::default() }).unwrap();
+    let (wide, narrow) = (on(wide), on(narrow));
+    let volume = hills::<u8>();
+    let moved = twisted(volume.grid());
+    let soft = transfer(false);
+    for displacement in [None, Some(&moved)] {
+        let displacement = displacement.filter(|d| d.inverse().stored() * 6144 < 128 << 10);
+        let scene = Scene { transfer: Some(&soft), displacement, ..Scene::new(&volume) };
+        for mode in [Mode::Dvr, Mode::Mip, Mode::Iso { value: 120.0 }] {
+            let params = RenderParams { size: [150, 111], ..params(mode) };
+            assert_eq!(by_device(&scene, &params, &wide).0, by_device(&scene, &params, &narrow).0, "{mode:?}");
+        }
+    }
+}
+
+#[test]
+fn a_volume_that_no_buffer_holds_is_the_processors() {
+    let Some(narrow) = gpu(Options { max_buffer: Some(16 << 10), ..Options::default() }) else { return };
+    let exec = on(narrow);
+    let volume = hills::<u8>();
+    let soft = transfer(false);
+    let scene = Scene { transfer: Some(&soft), ..Scene::new(&volume) };
+    let made = ivd_render::radiance(&scene, &params(Mode::Dvr), &exec).unwrap();
+    assert_eq!(exec.take_served()["render/cast"].name(), "cpu");
+    assert_eq!(made, by_processor(&scene, &params(Mode::Dvr)).0);
+}
+
+#[test]
+fn each_optional_feature_can_be_missing() {
+    let volume = hills::<u8>();
+    let moved = twisted(volume.grid());
+    let soft = transfer(false);
+    let scene = Scene { transfer: Some(&soft), displacement: Some(&moved), ..Scene::new(&volume) };
+    for without in [vec!["f64"], vec!["timestamps"], vec!["f64", "timestamps"]] {
+        let Some(gpu) = gpu(Options { without, timed: true, ..Options::default() }) else { return };
+        let exec = on(gpu);
+        let apart = apart(&by_processor(&scene, &params(Mode::Dvr)), &by_device(&scene, &params(Mode::Dvr), &exec));
+        assert!(apart.is_close(&exec), "{apart:?}");
+    }
+}
+
+#[test]
+fn a_volume_is_brought_once_for_all_views_and_a_second_picture_brings_next_to_nothing() {
+    let Some(gpu) = gpu(Options::default()) else { return };
+    let caster = Arc::new(Caster::new(gpu));
+    let device = ivd_core::Device::new("shared").with::<ivd_render::plan::Casting>(Shared(caster.clone()));
+    let exec = Exec::default().with_device(Arc::new(device));
+    let grid = ivd_core::Grid::with_spacing([64; 3], [1.0; 3]).unwrap();
+    let voxels: Vec<u8> = (0..grid.len()).map(|i| (i % 251) as u8).collect();
+    let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
+    let (labels, moved, soft) = (labels_of(&volume), twisted(volume.grid()), transfer(false));
+    let scene = Scene { transfer: Some(&soft), labels: Some(&labels), displacement: Some(&moved), ..Scene::new(&volume) };
+    let prepared = Prepared::new(&scene, &params(Mode::Dvr), &exec).unwrap();
+    let mut before = caster.counters();
+    for i in 0..36 {
+        let view = View { angles: [10.0 * f64::from(i), 17.0], ..params(Mode::Dvr).view };
+        prepared.radiance(view, &exec).unwrap();
+        let now = caster.counters();
+        let up = now.uploaded - before.uploaded;
+        let whole = (64 * 64 * 64 * 3) as u64;
+        if i == 0 {
+            assert!(up > whole && up < whole + (4 << 20), "{up}");
+        } else {
+            assert!(up < 4096, "picture {i}: {up} bytes");
+            assert_eq!(now.held, before.held);
+        }
+        assert!(now.dispatches > before.dispatches);
+        before = now;
+    }
+    // Another scene of the same volume brings its colours and bricks alone.
+    let other = Scene { labels: None, displacement: None, ..scene };
+    Prepared::new(&other, &params(Mode::Dvr), &exec).unwrap().radiance(params(Mode::Dvr).view, &exec).unwrap();
+    let up = caster.counters().uploaded - before.uploaded;
+    assert!(up < 80 << 10, "{up}");
+    drop(exec);
+    drop(prepared);
+}
+
+fn labels_of(volume: &Volume) -> ivd_core::Labels {
+    let ids: Vec<u16> = (0..volume.grid().len()).map(|i| [2, 3, 0][i % 3]).collect();
+    ivd_core::Labels::new(volume.grid().clone(), ids.into(), Vec::new()).unwrap()
+}
+
+/// A caster that a test goes on looking at.
+struct Shared(Arc<Caster>);
+
+impl ivd_core::DeviceForm<ivd_render::plan::Casting> for Shared {
+    fn run(
+        &self,
+        sight: &ivd_render::plan::Sight<'_>,
+        exec: &Exec,
+    ) -> Result<ivd_core::Answer<ivd_render::Radiance>, ivd_core::Error> {
+        ivd_core::DeviceForm::<ivd_render::plan::Casting>::run(&*self.0, sight, exec)
+    }
+}
