@@ -4,7 +4,7 @@ struct Params {
     dims: vec4<u32>,
     next: vec4<u32>,       // distance in memory to the next voxel along each axis
     bricks: vec4<u32>,
-    part: vec4<u32>,       // width, rows, tiles across
+    part: vec4<u32>,       // width, rows, tiles across, 0
     top: vec4<f32>,        // the greatest coordinate whose whole part is a cell
     end: vec4<f32>,        // the last voxel's coordinate
     axis: vec4<f32>,       // low, scale, top of the table's places
@@ -93,7 +93,7 @@ fn normal_at(at: vec3<f32>, before: vec3<f32>, moving: bool) -> vec3<f32> {
 }
 
 fn index_on(axis: vec4<f32>, value: f32) -> u32 {
-    let x = (value - axis.x) * axis.y + 0.5;
+    let x = product(value - axis.x, axis.y) + 0.5;
     return u32(min(max(x, 0.0), axis.z));
 }
 

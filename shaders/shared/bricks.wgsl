@@ -18,7 +18,7 @@ fn leap_of(brick: u32) -> u32 {
 }
 
 fn sample_at(ray: Ray, i: u32) -> vec3<f32> {
-    return ray.start + f32(i) * ray.delta;
+    return ray.start + product3(vec3<f32>(f32(i)), ray.delta);
 }
 
 // Index of a sample after `i` up to which all lie in the bricks up to `reach` from that of `cell`, where sample `i` is: estimated from the box's planes,

@@ -1,18 +1,11 @@
 // The lamp: light.rs.
 
 fn to_world(g: vec3<f32>) -> vec3<f32> {
-    let x = params.world_x.xyz;
-    let y = params.world_y.xyz;
-    let z = params.world_z.xyz;
-    return vec3<f32>(
-        x.x * g.x + x.y * g.y + x.z * g.z,
-        y.x * g.x + y.y * g.y + y.z * g.z,
-        z.x * g.x + z.y * g.y + z.z * g.z,
-    );
+    return vec3<f32>(dot3(params.world_x.xyz, g), dot3(params.world_y.xyz, g), dot3(params.world_z.xyz, g));
 }
 
 fn square_of(v: vec3<f32>) -> f32 {
-    return v.x * v.x + v.y * v.y + v.z * v.z;
+    return dot3(v, v);
 }
 
 fn length_of(v: vec3<f32>) -> f32 {
@@ -34,11 +27,9 @@ fn lit(entry: vec4<f32>, n: vec3<f32>) -> vec4<f32> {
     if (all(n == vec3<f32>(0.0))) {
         return entry;
     }
-    let lamp = params.lamp.xyz;
-    let halfway = params.halfway.xyz;
-    let wrapped = 0.5 + 0.5 * (n.x * lamp.x + n.y * lamp.y + n.z * lamp.z);
+    let wrapped = 0.5 + 0.5 * dot3(n, params.lamp.xyz);
     let matt = params.shares.x + params.shares.y * wrapped * wrapped;
-    var shine = max(n.x * halfway.x + n.y * halfway.y + n.z * halfway.z, 0.0);
+    var shine = max(dot3(n, params.halfway.xyz), 0.0);
     for (var i = 0u; i < 5u; i++) {
         shine *= shine;
     }

@@ -8,12 +8,27 @@ struct Place {
     within: vec3<f32>,
 }
 
+// A product that isn't joined with the sum that it goes into: a driver may round the two as one, and a sample would be taken elsewhere than
+// where the processor takes it. The word is 0, which no driver knows.
+fn product(a: f32, b: f32) -> f32 {
+    return bitcast<f32>(bitcast<u32>(a * b) ^ params.part.w);
+}
+
+fn product3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    return bitcast<vec3<f32>>(bitcast<vec3<u32>>(a * b) ^ vec3<u32>(params.part.w));
+}
+
 fn blend(a: f32, b: f32, f: f32) -> f32 {
-    return a + (b - a) * f;
+    return a + product(b - a, f);
 }
 
 fn blend3(a: vec3<f32>, b: vec3<f32>, f: f32) -> vec3<f32> {
-    return a + (b - a) * f;
+    return a + product3(b - a, vec3<f32>(f));
+}
+
+fn dot3(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    let p = product3(a, b);
+    return p.x + p.y + p.z;
 }
 
 // The number in 0 ..= top nearest to x; 0 for none.

@@ -66,10 +66,6 @@ fn turned(v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot3(params.rows_x.xyz, v), dot3(params.rows_y.xyz, v), dot3(params.rows_z.xyz, v));
 }
 
-fn dot3(a: vec3<f32>, b: vec3<f32>) -> f32 {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
 fn is_vacated(p: Place) -> bool {
     if ((params.flags.z & 1u) == 0u) {
         return false;

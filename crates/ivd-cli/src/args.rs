@@ -36,10 +36,10 @@ pub(crate) struct Global {
     /// Print exactly one JSON object on stdout.
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// What computes: CPU or GPU.
+    /// What computes where a GPU knows how (pictures): the CPU or the GPU.
     #[arg(long, global = true, value_enum, default_value_t = BackendChoice::Auto)]
     pub(crate) backend: BackendChoice,
-    /// Fail with exit code 6 unless a GPU does the work; in this build none can.
+    /// Fail with exit code 6 unless a GPU does all that GPUs know how to do.
     #[arg(long, global = true)]
     pub(crate) require_gpu: bool,
     /// Disable all skipping: the same output, slower. For measuring what skipping saves.
@@ -74,11 +74,11 @@ pub(crate) struct Global {
 /// What computes: CPU or GPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BackendChoice {
-    /// The best available; in this build the CPU.
+    /// The CPU: opening a GPU costs more than it saves on the pictures of one command.
     Auto,
     /// The CPU.
     Cpu,
-    /// The GPU. This build has no GPU backend: it says so, and the CPU does the work.
+    /// The GPU, for what it knows how to do; the CPU does the rest. The variable IVD_ADAPTER names one of several.
     Gpu,
 }
 

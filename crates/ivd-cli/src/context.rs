@@ -9,8 +9,9 @@ use ivd_core::{ErrorClass, Exec, shown};
 use ivd_pipeline::{Input, Runner, Stage, StageResult};
 use serde::Serialize;
 
-use crate::args::{BackendChoice, Global, When};
+use crate::args::{Global, When};
 use crate::exit::Failure;
+use crate::gpu;
 use crate::guard::{Guard, TemporaryRoom};
 use crate::progress::{Progress, Style};
 use crate::talk;
@@ -29,11 +30,7 @@ impl Context {
     /// Sets up logs, interruption, threads and bars.
     pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
         logs(global);
-        if global.require_gpu {
-            let problem =
-                "--require-gpu: this build has no GPU backend; leave it out and the CPU does the work";
-            return Err(Failure::of(ErrorClass::NoGpu, problem));
-        }
+        let device = gpu::device(global)?;
         let style = match (global.progress, std::io::stderr().is_terminal()) {
             (When::Never, _) => Style::Silent,
             (When::Auto, _) if global.quiet => Style::Silent,
@@ -62,11 +59,10 @@ impl Context {
             Some(limit) => Guard::start(limit, exec.cancel.clone()),
             None => Guard::default(),
         };
-        let context = Self { exec, global: global.clone(), guard };
-        if global.backend == BackendChoice::Gpu {
-            context.say("ivd: note: --backend gpu: this build has no GPU backend; the CPU does the work");
+        if let Some(device) = device {
+            exec = exec.with_device(Arc::new(device));
         }
-        Ok(context)
+        Ok(Self { exec, global: global.clone(), guard })
     }
 
     /// The cache of a pipeline: the folder given, else the user's.

@@ -8,6 +8,7 @@ mod commands;
 mod context;
 mod exit;
 mod files;
+mod gpu;
 mod guard;
 mod parse;
 mod progress;

@@ -6,8 +6,15 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// Runs the program in a folder, which holds its cache too.
+/// Runs the program in a folder, which holds its cache too, as on a machine without a graphics processor.
 pub(crate) fn ivd(folder: &Path, words: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivd"));
+    command.current_dir(folder).env("IVD_CACHE", folder.join("cache")).env("IVD_ADAPTER", "none");
+    command.args(words).output().unwrap()
+}
+
+/// The same on this machine, with whatever graphics processor it has.
+pub(crate) fn on_adapter(folder: &Path, words: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ivd"));
     command.current_dir(folder).env("IVD_CACHE", folder.join("cache")).args(words).output().unwrap()
 }

@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use crate::call::{ivd, json, refused};
+use crate::call::{ivd, json, on_adapter, refused};
 
 #[test]
 fn single_stages_chain_through_files_from_phantom_to_picture() {
@@ -73,19 +73,63 @@ fn single_stages_chain_through_files_from_phantom_to_picture() {
 }
 
 #[test]
-fn a_gpu_that_is_not_there_is_said_once_and_the_cpu_does_the_work_and_is_recorded() {
+fn a_gpu_that_is_not_there_is_an_error_where_it_is_asked_for_and_nothing_where_it_is_not() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let words = ["phantom", "sphere", "--size", "24", "-o", "v.ivd", "--backend", "gpu"];
-    let output = ivd(at, &[&words[..], &["--json"]].concat());
-    assert!(output.status.success());
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(told.matches("GPU").count(), 1, "{told}");
-    assert!(told.contains("--backend gpu") && told.contains("the CPU does the work"), "{told}");
-    let record: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(record["backend"], "cpu");
+    let words = ["phantom", "sphere", "--size", "24", "-o", "v.ivd"];
+    for asked in [&["--backend", "gpu"][..], &["--require-gpu"], &["--backend", "auto", "--require-gpu"]] {
+        let (code, text) = refused(at, &[&words[..], asked].concat());
+        assert!(code == 6 && text.contains(if asked.contains(&"--require-gpu") { "--require-gpu" } else { "--backend gpu" }), "{code} {text}");
+        assert!(text.contains("the CPU does the work") && text.contains("IVD_ADAPTER"), "{text}");
+    }
+    let (code, text) = refused(at, &[&words[..], &["--backend", "cpu", "--require-gpu"]].concat());
+    assert!(code == 2 && text.contains("contradict"), "{code} {text}");
+    assert_eq!(json(at, &words)["backend"], "cpu");
     assert_eq!(json(at, &["info", "v.ivd"])["provenance"]["backend"], "cpu");
-    assert!(ivd(at, &[&words[..], &["-q"]].concat()).stderr.is_empty());
+    let doctor = json(at, &["doctor"]);
+    assert!(doctor["adapter"].is_null() && doctor["switched_off"][0]["what"] == "gpu", "{doctor}");
+}
+
+#[test]
+fn a_picture_by_the_gpu_is_the_processors_and_recorded_as_what_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let there = on_adapter(at, &["doctor", "--json"]);
+    let there: Value = serde_json::from_slice(&there.stdout).unwrap();
+    let expected = std::env::var("IVD_EXPECT_ADAPTER").ok();
+    if there["adapter"].is_null() {
+        assert!(expected.is_none(), "an adapter is expected: {there}");
+        eprintln!("skipped: {}", there["switched_off"][0]["why"]);
+        return;
+    }
+    json(at, &["phantom", "sphere", "--size", "40", "-o", "v.ivd"]);
+    let picture = ["render", "v.ivd", "--mode", "iso", "--iso", "100", "--size", "120", "--no-skip"];
+    let with = |words: &[&str]| -> Value {
+        let output = on_adapter(at, &[&picture[..], words, &["--json", "--cache", "cache"]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let plain = with(&["-o", "cpu.ivd"]);
+    assert_eq!((&plain["backend"], &plain["kernels"]["render/cast"]), (&"cpu".into(), &"cpu".into()));
+    // One is no stand-in for the other, whatever the cache holds.
+    let device = with(&["--backend", "gpu", "-o", "gpu.ivd"]);
+    assert_eq!((&device["backend"], &device["kernels"]["render/cast"]), (&"gpu".into(), &"gpu".into()));
+    assert_eq!(with(&["--require-gpu", "-o", "again.ivd"])["cached"], true);
+    assert_eq!(with(&["-o", "cpu.ivd"])["cached"], true);
+    assert_eq!(json(at, &["info", "gpu.ivd"])["provenance"]["backend"], "gpu");
+    let apart = json(at, &["compare", "cpu.ivd", "gpu.ivd"]);
+    assert!(apart["max"].as_f64().unwrap() <= 1.0, "{apart}");
+    // What only the processor knows is its own where a GPU may help, and an error where it must.
+    let ends = ["--mode", "dvr", "--transfer", "t.ivd", "--classification", "pre-integrated"];
+    json(at, &["segment", "v.ivd", "--method", "kmvs", "--k", "2", "-o", "l.ivd"]);
+    json(at, &["atf", "v.ivd", "l.ivd", "-o", "t.ivd"]);
+    let words = [&["render", "v.ivd"], &ends[..], &["--size", "64", "-o", "p.png", "--backend", "gpu"]].concat();
+    let output = on_adapter(at, &words);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && told.contains("pre-integrated"), "{told}");
+    let output = on_adapter(at, &[&words[..], &["--require-gpu"]].concat());
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(6) && told.contains("render/cast"), "{told}");
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! Times the kernels of a device beside the processor's, on a generated volume: `measure [SIDE] [WIDTH HEIGHT] [FRAMES]`. Prints a JSON object for
+//! Times the kernels of a device beside the processor's, on a generated volume: `measure [SIDE] [WIDTH HEIGHT] [FRAMES] [joined]`, `joined`
+//! where products may be joined with the sums that they go into. Prints a JSON object for
 //! each picture, and one for the device. Needs no file and no network.
 
 use std::error::Error;
@@ -10,11 +11,13 @@ use ivd_render::{Mode, Prepared, Radiance, RenderParams, Scene, View};
 
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let numbers: Vec<usize> = std::env::args().skip(1).map(|word| word.parse()).collect::<Result<_, _>>()?;
+    let numbers: Vec<usize> = std::env::args().skip(1).filter(|word| word != "joined").map(|word| word.parse()).collect::<Result<_, _>>()?;
     let number = |i: usize, otherwise: usize| numbers.get(i).copied().unwrap_or(otherwise);
     let (side, size, frames) = (number(0, 512), [number(1, 1920), number(2, 1080)], number(3, 20));
+    let joined = std::env::args().any(|word| word == "joined");
+    let planted = if joined { vec![(" ^ params.part.w", ""), (" ^ vec3<u32>(params.part.w)", "")] } else { Vec::new() };
     let opening = Instant::now();
-    let gpu = Gpu::open(Options { choice: Choice::from_env(), timed: true, ..Options::default() })?;
+    let gpu = Gpu::open(Options { choice: Choice::from_env(), timed: true, planted, ..Options::default() })?;
     let opened_ms = opening.elapsed().as_secs_f64() * 1e3;
     let adapter = gpu.adapter().clone();
     let copy = gpu.copy_bandwidth((side * side * side) as u64)?;
@@ -63,7 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             wall_ns.sort_unstable();
             let middle = |ns: &[u64]| ns[ns.len() / 2] as f64 / 1e6;
             println!(
-                "{{\"picture\":\"{look}\",\"volume\":\"{side}^3 u8, {moves}\",\"size\":\"{}x{}\",\"first_ms\":{first_ms:.2},\"device_ms\":{:.3},\"with_read_back_ms\":{:.2},\"processor_ms\":{processor_ms:.1},\"samples_m\":{:.1},\"ns_a_sample\":{:.4},\"frames_s\":{:.1},\"worst\":{:.2e},\"beyond_1e-6_1e-4_1/255\":{:.2e?}}}",
+                "{{\"picture\":\"{look}\",\"volume\":\"{side}^3 u8, {moves}\",\"size\":\"{}x{}\",\"first_ms\":{first_ms:.2},\"device_ms\":{:.3},\"with_read_back_ms\":{:.2},\"processor_ms\":{processor_ms:.1},\"samples_m\":{:.1},\"ns_a_sample\":{:.4},\"frames_s\":{:.1},\"worst\":{:.2e},\"beyond_1e-6_1e-4_1/255\":{:?}}}",
                 size[0],
                 size[1],
                 middle(&device_ns),

@@ -38,12 +38,15 @@ pub enum Choice {
     Best,
     /// The first whose name or kind holds this text, in any case of letters.
     Named(String),
+    /// None, whatever there is.
+    None,
 }
 
 impl Choice {
-    /// What the variable `IVD_ADAPTER` says; the best where it isn't set.
+    /// What the variable `IVD_ADAPTER` says, `none` for none at all; the best where it isn't set.
     pub fn from_env() -> Self {
         match std::env::var("IVD_ADAPTER") {
+            Ok(name) if name == "none" => Self::None,
             Ok(name) if !name.is_empty() => Self::Named(name),
             _ => Self::Best,
         }
@@ -54,10 +57,10 @@ impl Choice {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum OpenError {
     /// There is none.
-    #[error("no graphics processor was found: {0}")]
+    #[error("no GPU was found: {0}")]
     None(String),
     /// None of those there are is meant.
-    #[error("no graphics processor is called `{asked}`; there are {there}")]
+    #[error("no GPU is called `{asked}`; there are {there}")]
     NotNamed {
         /// What was asked for.
         asked: String,
@@ -82,8 +85,11 @@ fn instance() -> wgpu::Instance {
     wgpu::Instance::new(descriptor)
 }
 
-/// The adapters that there are, the fastest kind first.
+/// The adapters that there are, the fastest kind first; none where `IVD_ADAPTER` says so.
 pub fn adapters() -> Vec<Adapter> {
+    if Choice::from_env() == Choice::None {
+        return Vec::new();
+    }
     found().iter().map(|adapter| describe(adapter)).collect()
 }
 
@@ -120,6 +126,9 @@ pub(crate) fn describe(adapter: &wgpu::Adapter) -> Adapter {
 
 /// The adapter that is meant.
 pub(crate) fn choose(choice: &Choice) -> Result<wgpu::Adapter, OpenError> {
+    if *choice == Choice::None {
+        return Err(OpenError::None("IVD_ADAPTER says that none is to be used".to_owned()));
+    }
     let found = found();
     if found.is_empty() {
         return Err(OpenError::None(why_none()));
@@ -127,15 +136,24 @@ pub(crate) fn choose(choice: &Choice) -> Result<wgpu::Adapter, OpenError> {
     let names: Vec<String> = found.iter().map(|a| format!("{} ({})", describe(a).name, describe(a).kind)).collect();
     let meant = found.into_iter().find(|adapter| match choice {
         Choice::Best => true,
+        Choice::None => false,
         Choice::Named(asked) => {
             let Adapter { name, kind, .. } = describe(adapter);
             name.to_lowercase().contains(&asked.to_lowercase()) || kind == asked
         }
     });
     meant.ok_or_else(|| match choice {
-        Choice::Best => OpenError::None(why_none()),
+        Choice::Best | Choice::None => OpenError::None(why_none()),
         Choice::Named(asked) => OpenError::NotNamed { asked: asked.clone(), there: names.join(", ") },
     })
+}
+
+/// Whether an adapter is there that is meant.
+///
+/// # Errors
+/// Says why not.
+pub fn usable(choice: &Choice) -> Result<(), OpenError> {
+    choose(choice).map(|_| ())
 }
 
 /// What the drivers say where there is no adapter.

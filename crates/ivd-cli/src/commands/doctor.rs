@@ -1,34 +1,70 @@
 //! `ivd doctor`: what this machine offers and what is switched off.
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::context::{Context, user_cache};
+use crate::gpu;
 
 /// Tells it.
 pub(super) fn run(context: &Context) -> anyhow::Result<()> {
     let simd = simd();
     let memory = total_memory();
     let cache = user_cache();
+    let (adapters, usable) = gpu::examined();
+    let mut off = Vec::new();
+    match &usable {
+        Ok(kernels) => {
+            let why = "for one command opening a GPU costs more than it saves; --backend gpu asks for one";
+            off.push(json!({ "what": "gpu", "unless": "--backend gpu", "why": why, "kernels": kernels }));
+        }
+        Err(why) => off.push(json!({ "what": "gpu", "why": why })),
+    }
     let object = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "threads": context.exec.threads(),
         "processors": std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
         "memory_bytes": memory,
         "simd": simd,
-        "adapter": null,
-        "switched_off": [{ "what": "gpu", "why": "this build has no GPU backend; the CPU does the work" }],
+        "adapter": adapters.first().filter(|_| usable.is_ok()),
+        "adapters": adapters,
+        "switched_off": off,
         "cache": cache,
     });
     context.print(&object, || {
         let memory = memory.map_or_else(|| "unknown".to_owned(), |b| format!("{:.1} GiB", b as f64 / f64::from(1 << 30)));
         let cache = cache.map_or_else(|| "off (no home folder)".to_owned(), |c| c.display().to_string());
         format!(
-            "ivd {}\nthreads     {}\nmemory      {memory}\nSIMD        {}\nGPU         off: this build has no GPU backend; the CPU does the work\ncache       {cache}",
+            "ivd {}\nthreads     {}\nmemory      {memory}\nSIMD        {}\n{}\ncache       {cache}",
             env!("CARGO_PKG_VERSION"),
             context.exec.threads(),
             if simd.is_empty() { "baseline".to_owned() } else { simd.join(" ") },
+            graphics(&adapters, &usable),
         )
     })
+}
+
+/// A line for each adapter, and what uses them.
+fn graphics(adapters: &[Value], usable: &Result<Vec<&str>, String>) -> String {
+    let text = |adapter: &Value, key: &str| adapter[key].as_str().unwrap_or_default().to_owned();
+    let line = |adapter: &Value| {
+        let [name, kind, api, driver] = ["name", "kind", "api", "driver"].map(|key| text(adapter, key));
+        let binding = adapter["max_binding_bytes"].as_u64().unwrap_or(0) >> 20;
+        let flags = adapter["features"].as_object().into_iter().flatten();
+        let flags: Vec<String> = flags
+            .map(|(name, there)| if there == true { name.clone() } else { format!("no {name}") })
+            .collect();
+        let software = if kind == "cpu" { ", software: slower than the CPU's own code" } else { "" };
+        format!(
+            "GPU         {name} ({kind}, {api}, {driver}; a volume of up to {binding} MiB; {}){software}",
+            flags.join(", ")
+        )
+    };
+    let mut lines: Vec<String> = adapters.iter().map(line).collect();
+    lines.push(match usable {
+        Ok(kernels) => format!("            used with --backend gpu, for {}", kernels.join(", ")),
+        Err(why) => format!("GPU         off: {why}; the CPU does the work"),
+    });
+    lines.join("\n")
 }
 
 #[cfg(target_arch = "x86_64")]

@@ -29,6 +29,8 @@ struct Said {
 fn program(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ivd"));
     command.current_dir(folder).stdin(Stdio::null()).env("IVD_CACHE", folder.join("cache"));
+    // As on a machine without a graphics processor.
+    command.env("IVD_ADAPTER", "none");
     for name in ["COLUMNS", "LINES", "IVD_LOG", "RAYON_NUM_THREADS"] {
         command.env_remove(name);
     }

@@ -204,7 +204,7 @@ fn every_planted_error_is_found() {
         // The displacement the other way round.
         (&[("at + turned(", "at - turned(")], &MODES),
         // A table read one entry on.
-        (&[("* axis.y + 0.5;", "* axis.y + 40.5;")], dvr),
+        (&[("axis.y) + 0.5;", "axis.y) + 40.5;")], dvr),
         // A ray that ends too soon.
         (&[("c.rgba.w >= params.look.x", "c.rgba.w >= 0.5 * params.look.x")], dvr),
         // A leap that goes too far.
