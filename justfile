@@ -71,6 +71,21 @@ cage *args="":
     cargo build --release
     python3 tests/memory/cage.py target/release/ivd {{args}}
 
+# What this machine's graphics card makes, against the processor; `IVD_ADAPTER` names one of several.
+test-gpu:
+    IVD_EXPECT_ADAPTER="" cargo test --release -p ivd-gpu
+
+# Its times beside the processor's: `just measure-gpu 512 1920 1080`.
+measure-gpu *args="512 1920 1080 10":
+    cargo run --release -p ivd-gpu --example measure_gpu -- {{args}}
+
+# An archive that tests and measures the graphics card of a bare machine (target/ivd-gpu.tar.gz; `./run-gpu.sh` in it).
+pack-gpu:
+    cargo build --release
+    cargo build --release -p ivd-gpu --example measure_gpu
+    cargo test --release -p ivd-gpu --test integration --no-run
+    bash tests/gpu/pack.sh target/release/ivd target/release/examples/measure_gpu "$(ls -t target/release/deps/integration-* | grep -v '\.d$' | xargs grep -l suite::faults | head -1)" target/ivd-gpu.tar.gz
+
 # Hostile bytes at every reader and stage, a minute each: `just fuzz`, `just fuzz nifti 600`. Needs cargo-fuzz and a nightly compiler.
 fuzz target="all" seconds="60":
     fuzz/run.sh {{target}} {{seconds}}

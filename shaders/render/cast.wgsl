@@ -142,14 +142,20 @@ fn cast_ray(ray: Ray) -> Cast {
     var home = vec3<u32>(0xffffffffu);
     var moving = false;
     var number = 0u;
-    while (number < ray.steps) {
-        let at = sample_at(ray, number);
+    // One more than there are whole steps: what is left after them.
+    let last = ray.steps + select(0u, 1u, ray.rest > 0.0);
+    while (number < last) {
+        let whole = number < ray.steps;
+        var at = ray.rest_at;
+        if (whole) {
+            at = sample_at(ray, number);
+        }
         let cell = place_of(at).cell;
         let off = cell ^ home;
-        if ((off.x | off.y | off.z) >= 8u) {
+        if ((off.x | off.y | off.z) >= 8u || !whole) {
             let brick = brick_of(cell);
             let distance = leap_of(brick);
-            if (distance > 0u) {
+            if (whole && distance > 0u) {
                 let end = leap(ray, number, cell, distance - 1u);
                 c.skipped += end - number;
                 number = end;
@@ -159,16 +165,15 @@ fn cast_ray(ray: Ray) -> Cast {
             moving = moves(brick);
         }
         c.taken += 1u;
-        c.rgba += (1.0 - c.rgba.w) * classified(at, moving);
+        var entry = classified(at, moving);
+        if (!whole) {
+            entry = part_of(entry, ray.rest);
+        }
+        c.rgba += (1.0 - c.rgba.w) * entry;
         number += 1u;
         if (c.rgba.w >= params.look.x) {
-            return c;
+            break;
         }
-    }
-    if (ray.rest > 0.0) {
-        c.taken += 1u;
-        let entry = classified(ray.rest_at, moves(brick_of(place_of(ray.rest_at).cell)));
-        c.rgba += (1.0 - c.rgba.w) * part_of(entry, ray.rest);
     }
     return c;
 }
@@ -251,64 +256,81 @@ fn side(at: vec3<f32>) -> u32 {
     return select(1u, 2u, value >= params.look.x);
 }
 
+// What a ray to a surface does: it marches; looks whether the sample before the first one inside is outside; halves the step between them.
+const MARCH = 0u;
+const LOOK_BACK = 1u;
+const HALVE = 2u;
+
+// One place where samples are taken, whatever they are for: drivers put a copy of what is called at each.
 fn cast_ray(ray: Ray) -> Cast {
     var c = Cast(vec4<f32>(0.0), 0u, 0u);
     var home = vec3<u32>(0xffffffffu);
     var number = 0u;
-    var hit = false;
-    while (number < ray.steps) {
-        let at = sample_at(ray, number);
-        let cell = place_of(at).cell;
-        let off = cell ^ home;
-        if ((off.x | off.y | off.z) >= 8u) {
-            let distance = leap_of(brick_of(cell));
-            if (distance > 0u) {
-                let end = leap(ray, number, cell, distance - 1u);
-                c.skipped += end - number;
-                number = end;
-                continue;
+    var doing = MARCH;
+    var halvings = 0u;
+    var hit = vec3<f32>(0.0);
+    var outside = vec3<f32>(0.0);
+    let last = ray.steps + select(0u, 1u, ray.rest > 0.0);
+    loop {
+        var at = 0.5 * (outside + hit);
+        if (doing == LOOK_BACK) {
+            at = sample_at(ray, number - 1u);
+        } else if (doing == MARCH) {
+            if (number >= last) {
+                return c;
             }
-            home = cell & vec3<u32>(0xfffffff8u);
-        }
-        c.taken += 1u;
-        if (side(at) == 2u) {
-            hit = true;
-            break;
-        }
-        number += 1u;
-    }
-    var at = ray.rest_at;
-    if (hit) {
-        at = sample_at(ray, number);
-    } else {
-        if (ray.rest <= 0.0) {
-            return c;
-        }
-        c.taken += 1u;
-        if (side(at) != 2u) {
-            return c;
-        }
-    }
-    if (number > 0u) {
-        var outside = sample_at(ray, number - 1u);
-        c.taken += 1u;
-        if (side(outside) == 1u) {
-            for (var i = 0u; i < 16u; i++) {
-                let middle = 0.5 * (outside + at);
-                c.taken += 1u;
-                if (side(middle) == 2u) {
-                    at = middle;
-                } else {
-                    outside = middle;
+            at = ray.rest_at;
+            if (number < ray.steps) {
+                at = sample_at(ray, number);
+                let cell = place_of(at).cell;
+                let off = cell ^ home;
+                if ((off.x | off.y | off.z) >= 8u) {
+                    let distance = leap_of(brick_of(cell));
+                    if (distance > 0u) {
+                        let end = leap(ray, number, cell, distance - 1u);
+                        c.skipped += end - number;
+                        number = end;
+                        continue;
+                    }
+                    home = cell & vec3<u32>(0xfffffff8u);
                 }
             }
         }
+        c.taken += 1u;
+        let found = side(at);
+        if (doing == MARCH) {
+            if (found != 2u) {
+                number += 1u;
+                continue;
+            }
+            hit = at;
+            if (number == 0u) {
+                break;
+            }
+            doing = LOOK_BACK;
+        } else if (doing == LOOK_BACK) {
+            if (found != 1u) {
+                break;
+            }
+            outside = at;
+            doing = HALVE;
+        } else {
+            if (found == 2u) {
+                hit = at;
+            } else {
+                outside = at;
+            }
+            halvings += 1u;
+            if (halvings >= 16u) {
+                break;
+            }
+        }
     }
-    let moving = moves(brick_of(place_of(at).cell));
-    let origin = source(at, moving);
+    let moving = moves(brick_of(place_of(hit).cell));
+    let origin = source(hit, moving);
     var normal = vec3<f32>(0.0);
     if (origin.here) {
-        normal = normal_at(at, origin.at, moving);
+        normal = normal_at(hit, origin.at, moving);
     }
     c.rgba = lit(vec4<f32>(params.colour.xyz, 1.0), normal);
     return c;

@@ -13,7 +13,9 @@ pub(crate) fn device(global: &Global) -> anyhow::Result<Option<Device>> {
             Err(Failure::of(ErrorClass::Usage, problem))
         }
         (BackendChoice::Auto, false) => {
-            tracing::info!("the CPU does all the work: for one command opening a GPU costs more than it saves; --backend gpu asks for one");
+            tracing::info!(
+                "the CPU does all the work: for one command opening a GPU costs more than it saves; --backend gpu asks for one"
+            );
             Ok(None)
         }
         (BackendChoice::Cpu, false) => Ok(None),
@@ -37,7 +39,9 @@ fn open(global: &Global) -> Result<Device, String> {
     let gpu = Gpu::open(options).map_err(|error| error.to_string())?;
     if gpu.adapter().is_software() && !global.quiet {
         let name = &gpu.adapter().name;
-        crate::talk::say(&format!("ivd: note: {name} is software on the CPU, slower than the CPU's own code"));
+        crate::talk::say(&format!(
+            "ivd: note: {name} is software on the CPU, slower than the CPU's own code"
+        ));
     }
     Ok(ivd_gpu::device(gpu))
 }

@@ -79,7 +79,15 @@ fn a_gpu_that_is_not_there_is_an_error_where_it_is_asked_for_and_nothing_where_i
     let words = ["phantom", "sphere", "--size", "24", "-o", "v.ivd"];
     for asked in [&["--backend", "gpu"][..], &["--require-gpu"], &["--backend", "auto", "--require-gpu"]] {
         let (code, text) = refused(at, &[&words[..], asked].concat());
-        assert!(code == 6 && text.contains(if asked.contains(&"--require-gpu") { "--require-gpu" } else { "--backend gpu" }), "{code} {text}");
+        assert!(
+            code == 6
+                && text.contains(if asked.contains(&"--require-gpu") {
+                    "--require-gpu"
+                } else {
+                    "--backend gpu"
+                }),
+            "{code} {text}"
+        );
         assert!(text.contains("the CPU does the work") && text.contains("IVD_ADAPTER"), "{text}");
     }
     let (code, text) = refused(at, &[&words[..], &["--backend", "cpu", "--require-gpu"]].concat());
@@ -123,7 +131,8 @@ fn a_picture_by_the_gpu_is_the_processors_and_recorded_as_what_it_is() {
     let ends = ["--mode", "dvr", "--transfer", "t.ivd", "--classification", "pre-integrated"];
     json(at, &["segment", "v.ivd", "--method", "kmvs", "--k", "2", "-o", "l.ivd"]);
     json(at, &["atf", "v.ivd", "l.ivd", "-o", "t.ivd"]);
-    let words = [&["render", "v.ivd"], &ends[..], &["--size", "64", "-o", "p.png", "--backend", "gpu"]].concat();
+    let words =
+        [&["render", "v.ivd"], &ends[..], &["--size", "64", "-o", "p.png", "--backend", "gpu"]].concat();
     let output = on_adapter(at, &words);
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && told.contains("pre-integrated"), "{told}");

@@ -174,7 +174,9 @@ pub enum Error {
         remedy: &'static str,
     },
     /// A device that must serve doesn't.
-    #[error("{kernel} on the GPU: {problem}; leave out --backend gpu and --require-gpu, and the processor does the work")]
+    #[error(
+        "{kernel} on the GPU: {problem}; leave out --backend gpu and --require-gpu, and the processor does the work"
+    )]
     Device {
         /// The pass.
         kernel: &'static str,

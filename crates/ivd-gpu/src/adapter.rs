@@ -80,7 +80,7 @@ pub enum OpenError {
 fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
-    // Drivers that don't pass their conformance tests can still be asked for by name; what they give is checked as any other's.
+    // No layers for debugging, and no drivers that fail the tests of conformance.
     descriptor.flags = wgpu::InstanceFlags::empty();
     wgpu::Instance::new(descriptor)
 }
@@ -133,7 +133,8 @@ pub(crate) fn choose(choice: &Choice) -> Result<wgpu::Adapter, OpenError> {
     if found.is_empty() {
         return Err(OpenError::None(why_none()));
     }
-    let names: Vec<String> = found.iter().map(|a| format!("{} ({})", describe(a).name, describe(a).kind)).collect();
+    let names: Vec<String> =
+        found.iter().map(|a| format!("{} ({})", describe(a).name, describe(a).kind)).collect();
     let meant = found.into_iter().find(|adapter| match choice {
         Choice::Best => true,
         Choice::None => false,

@@ -18,7 +18,12 @@ impl Drop for Room {
 
 impl Gpu {
     /// Room for so many bytes.
-    pub(crate) fn room(&self, what: &'static str, bytes: u64, usage: wgpu::BufferUsages) -> Result<Room, Error> {
+    pub(crate) fn room(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<Room, Error> {
         let bytes = bytes.next_multiple_of(4).max(4);
         self.allocate(what, bytes, usage, false)
     }
@@ -28,7 +33,11 @@ impl Gpu {
         let bytes = (data.len() as u64).next_multiple_of(4).max(4);
         let room = self.allocate(what, bytes, wgpu::BufferUsages::STORAGE, true)?;
         self.checked(what, bytes, || {
-            let mut view = room.buffer.slice(..).get_mapped_range_mut().map_err(|error| Error::Refused(error.to_string()))?;
+            let mut view = room
+                .buffer
+                .slice(..)
+                .get_mapped_range_mut()
+                .map_err(|error| Error::Refused(error.to_string()))?;
             view.slice(..data.len()).copy_from_slice(data);
             drop(view);
             room.buffer.unmap();

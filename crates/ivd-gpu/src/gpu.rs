@@ -200,9 +200,15 @@ impl Gpu {
     }
 
     /// Does something to the device and looks at what it says of it.
-    pub(crate) fn checked<T>(&self, what: &'static str, bytes: u64, work: impl FnOnce() -> T) -> Result<T, Error> {
-        let scopes = [wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory]
-            .map(|filter| self.device.push_error_scope(filter));
+    pub(crate) fn checked<T>(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        work: impl FnOnce() -> T,
+    ) -> Result<T, Error> {
+        let scopes =
+            [wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory]
+                .map(|filter| self.device.push_error_scope(filter));
         let done = work();
         let [internal, validation, memory] = scopes;
         let said = [memory, validation, internal].map(|scope| pollster::block_on(scope.pop()));

@@ -28,7 +28,9 @@ pub struct Shader {
 impl Shader {
     /// Where a line of the text (from 1) stands.
     pub fn place(&self, line: usize) -> String {
-        self.lines.get(line.saturating_sub(1)).map_or_else(String::new, |(file, line)| format!("shaders/{file}:{line}"))
+        self.lines
+            .get(line.saturating_sub(1))
+            .map_or_else(String::new, |(file, line)| format!("shaders/{file}:{line}"))
     }
 }
 
@@ -42,7 +44,12 @@ pub fn assemble(file: &str, names: &[&str]) -> Result<Shader, String> {
     Ok(shader)
 }
 
-fn append(file: &str, names: &[&str], seen: &mut BTreeSet<&'static str>, shader: &mut Shader) -> Result<(), String> {
+fn append(
+    file: &str,
+    names: &[&str],
+    seen: &mut BTreeSet<&'static str>,
+    shader: &mut Shader,
+) -> Result<(), String> {
     let Some((file, text)) = FILES.iter().find(|(name, _)| *name == file) else {
         return Err(format!("shaders/{file} isn't known"));
     };

@@ -24,7 +24,8 @@ impl Clock {
     pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         let buffer = |usage| {
             let usage = usage | wgpu::BufferUsages::COPY_DST;
-            let descriptor = wgpu::BufferDescriptor { label: None, size: Self::BYTES, usage, mapped_at_creation: false };
+            let descriptor =
+                wgpu::BufferDescriptor { label: None, size: Self::BYTES, usage, mapped_at_creation: false };
             device.create_buffer(&descriptor)
         };
         Self {

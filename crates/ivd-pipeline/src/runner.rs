@@ -378,7 +378,9 @@ impl Runner<'_> {
             revision: stage.facts().revision,
             params: stage.identity(),
             inputs: hashes,
-            backend: class(stage, |kernel| self.exec.device.as_ref().is_some_and(|device| device.knows(kernel))),
+            backend: class(stage, |kernel| {
+                self.exec.device.as_ref().is_some_and(|device| device.knows(kernel))
+            }),
         };
         Ok((provenance, bytes))
     }

@@ -1,7 +1,8 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use ivd_core::{
-    BrickRange, Exec, Kernel as _, Labels, Lattice, NO_DATA, Scalar as _, TransferFunction, Volume, with_voxels,
+    BrickRange, Exec, Kernel as _, Labels, Lattice, NO_DATA, Scalar as _, TransferFunction, Volume,
+    with_voxels,
 };
 
 use crate::camera::{Camera, centre, step_mm};

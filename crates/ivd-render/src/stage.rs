@@ -3,7 +3,9 @@
 use std::time::Instant;
 
 use ivd_core::op::{Amount, Failure, Method, Op, Place, PlaceKind, Stage, Want, method};
-use ivd_core::{Displacement, Exec, Image, Kernel as _, Labels, Lattice, ParamError, TransferFunction, Volume, slots};
+use ivd_core::{
+    Displacement, Exec, Image, Kernel as _, Labels, Lattice, ParamError, TransferFunction, Volume, slots,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -31,7 +31,8 @@ pub(super) fn run(context: &Context) -> anyhow::Result<()> {
         "cache": cache,
     });
     context.print(&object, || {
-        let memory = memory.map_or_else(|| "unknown".to_owned(), |b| format!("{:.1} GiB", b as f64 / f64::from(1 << 30)));
+        let memory = memory
+            .map_or_else(|| "unknown".to_owned(), |b| format!("{:.1} GiB", b as f64 / f64::from(1 << 30)));
         let cache = cache.map_or_else(|| "off (no home folder)".to_owned(), |c| c.display().to_string());
         format!(
             "ivd {}\nthreads     {}\nmemory      {memory}\nSIMD        {}\n{}\ncache       {cache}",

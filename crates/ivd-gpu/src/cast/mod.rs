@@ -5,7 +5,7 @@ mod numbers;
 mod resident;
 
 use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use ivd_core::{Answer, DeviceForm, Exec, Kernel as _, parallel};
@@ -17,7 +17,7 @@ use crate::gpu::Count;
 use crate::shader::assemble;
 use crate::{Counters, Error, Gpu, Timed};
 use look::defines;
-use numbers::{CAMERA_BYTES, PARAMS_BYTES, RAY_BYTES, camera, params, ray};
+use numbers::{CAMERA_BYTES, PARAMS_BYTES, RAY_BYTES, RayWords, all_rays, camera, params};
 use resident::Resident;
 
 /// Pixels along a tile's edge: a workgroup.
@@ -28,8 +28,9 @@ const PIXEL_BYTES: u64 = 16;
 const WRITTEN: u32 = 0x01bd_5eed;
 /// What a submission should take: a device that draws a desktop too doesn't stutter.
 const PART: Duration = Duration::from_millis(8);
-/// Pixels of the first part of a picture whose speed isn't known.
-const FIRST_PIXELS: usize = 1 << 16;
+/// Pixels of the first part of a picture whose speed isn't known; each of the next may have so many times as many.
+const FIRST_PIXELS: usize = 1 << 14;
+const GROWTH: f64 = 4.0;
 
 /// Casts rays on a device, and keeps there what pictures have in common.
 pub struct Caster(Mutex<State>);
@@ -39,13 +40,14 @@ struct State {
     pipelines: HashMap<String, wgpu::ComputePipeline>,
     resident: Resident,
     rooms: Option<Rooms>,
-    /// Of each kind of picture, time of a pixel [s].
+    /// Of each kind of picture, time of a pixel [s] in its slowest part when one was last made.
     pace: HashMap<String, f64>,
 }
 
 /// What a part of a picture needs.
 struct Rooms {
-    pixels: u64,
+    pixels: usize,
+    tiles: usize,
     params: Room,
     camera: Room,
     part: Room,
@@ -68,7 +70,11 @@ impl Caster {
 
     /// What has been done on the device.
     pub fn counters(&self) -> Counters {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).gpu.counters()
+        self.lock().gpu.counters()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Linear light of a plan's picture. A device that fails is opened anew and asked once more; where it has no room, what it keeps is let
@@ -85,10 +91,12 @@ impl Caster {
     /// # Errors
     /// As [`Caster::cast`].
     pub fn timed(&self, plan: &Plan<'_>, exec: &Exec) -> Result<(Radiance, Timed), Error> {
-        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let before = state.gpu.counters();
         let start = Instant::now();
-        let first = state.cast(plan, exec);
+        // No work is shared out to threads while the lock is held: one of them could come back for another picture, and wait for itself.
+        let rays = (!self.lock().gpu.has("f64")).then(|| all_rays(plan));
+        let mut state = self.lock();
+        let before = state.gpu.counters();
+        let first = state.cast(plan, rays.as_deref(), exec);
         let radiance = match first {
             Err(Error::Core(error)) => return Err(error.into()),
             Err(error) => {
@@ -97,11 +105,17 @@ impl Caster {
                 if !matches!(error, Error::NoRoom { .. }) {
                     state.gpu = state.gpu.reopen().map_err(|_| error)?;
                 }
-                state.cast(plan, exec)?
+                state.cast(plan, rays.as_deref(), exec)?
             }
             Ok(radiance) => radiance,
         };
         let device_ns = state.gpu.counters().busy_ns - before.busy_ns;
+        drop(state);
+        let mut radiance = radiance;
+        let width = radiance.width;
+        parallel::for_each_piece_mut(&mut radiance.rgba, width, &|_, row| {
+            row.iter_mut().for_each(|pixel| plan.finish(pixel));
+        });
         Ok((radiance, Timed { device_ns, wall_ns: start.elapsed().as_nanos() as u64 }))
     }
 }
@@ -129,45 +143,45 @@ impl State {
         self.rooms = None;
     }
 
-    fn cast(&mut self, plan: &Plan<'_>, exec: &Exec) -> Result<Radiance, Error> {
+    /// The rays' light; `rays` where the device can't make them.
+    fn cast(&mut self, plan: &Plan<'_>, rays: Option<&[RayWords]>, exec: &Exec) -> Result<Radiance, Error> {
         let [width, height] = plan.size();
         exec.check_memory("picture", (16 * width * height) as u64)?;
         let names = defines(plan);
         let key = names.join(" ");
         self.resident.bring(plan, &self.gpu)?;
         self.prepare("render/cast.wgsl", &key, &names)?;
-        let makes_rays = self.gpu.has("f64");
-        if makes_rays {
+        if rays.is_none() {
             self.prepare("render/rays.wgsl", "", &[])?;
         }
-        let mut radiance = Radiance { width, height, rgba: vec![[0.0; 4]; width * height], samples: 0, skipped: 0 };
+        let mut radiance =
+            Radiance { width, height, rgba: vec![[0.0; 4]; width * height], samples: 0, skipped: 0 };
         exec.observer().begin("render", height as u64);
-        let mut first = 0;
-        while first < height {
-            exec.check_cancelled()?;
-            let rows = self.rows(&key, width).min(height - first);
-            let start = Instant::now();
-            self.part(plan, &key, [first, rows], makes_rays, &mut radiance)?;
-            let pace = start.elapsed().as_secs_f64() / (rows * width) as f64;
-            self.pace.insert(key.clone(), pace);
-            exec.observer().advance("render", rows as u64);
-            first += rows;
-        }
-        exec.observer().end("render");
-        parallel::for_each_piece_mut(&mut radiance.rgba, width, &|_, row| {
-            row.iter_mut().for_each(|pixel| plan.finish(pixel));
-        });
-        Ok(radiance)
-    }
-
-    /// Rows of the next part of a picture: as many as a submission should take, and no more than buffers hold.
-    fn rows(&self, key: &str, width: usize) -> usize {
-        let limits = self.gpu.limits();
-        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / RAY_BYTES;
-        let wanted = match self.pace.get(key) {
+        let mut wanted = match self.pace.get(&key) {
             Some(pace) => PART.as_secs_f64() / pace.max(1e-12),
             None => FIRST_PIXELS as f64,
         };
+        let (mut first, mut slowest) = (0, 0.0_f64);
+        while first < height {
+            exec.check_cancelled()?;
+            let rows = self.rows(wanted, width).min(height - first);
+            let start = Instant::now();
+            self.part(plan, &key, [first, rows], rays, &mut radiance)?;
+            slowest = slowest.max(start.elapsed().as_secs_f64() / (rows * width) as f64);
+            // After what was empty something may come that isn't.
+            wanted = (GROWTH * wanted).min(PART.as_secs_f64() / slowest.max(1e-12));
+            exec.observer().advance("render", rows as u64);
+            first += rows;
+        }
+        self.pace.insert(key, slowest);
+        exec.observer().end("render");
+        Ok(radiance)
+    }
+
+    /// Rows of the next part of a picture: of as many pixels as are wanted, and no more than buffers hold.
+    fn rows(&self, wanted: f64, width: usize) -> usize {
+        let limits = self.gpu.limits();
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / RAY_BYTES;
         let pixels = wanted.min(most as f64) as usize;
         // Whole tiles; one at least, however wide.
         (pixels / width / TILE * TILE).max(TILE)
@@ -207,31 +221,27 @@ impl State {
         plan: &Plan<'_>,
         key: &str,
         [first, rows]: [usize; 2],
-        makes_rays: bool,
+        rays: Option<&[RayWords]>,
         radiance: &mut Radiance,
     ) -> Result<(), Error> {
         let width = radiance.width;
         let pixels = width * rows;
         let tiles = [width.div_ceil(TILE), rows.div_ceil(TILE)];
-        self.make_room(width, pixels.max(width * TILE))?;
+        self.make_room(pixels, tiles[0] * tiles[1])?;
         let Some(rooms) = &self.rooms else { return Err(Error::NotWritten) };
         let gpu = &self.gpu;
         gpu.write(&rooms.params, bytemuck::cast_slice(&params(plan, [width, rows, tiles[0]])));
-        if makes_rays {
+        if let Some(rays) = rays {
+            gpu.write(&rooms.rays, bytemuck::cast_slice(&rays[first * width..][..pixels]));
+        } else {
             let (numbers, part) = camera(plan, [first, rows]);
             gpu.write(&rooms.camera, bytemuck::cast_slice(&numbers));
             gpu.write(&rooms.part, bytemuck::cast_slice(&part));
-        } else {
-            let mut words = vec![[0_u32; RAY_BYTES as usize / 4]; pixels];
-            parallel::for_each_piece_mut(&mut words, width, &|y, row| {
-                row.iter_mut().enumerate().for_each(|(x, words)| *words = ray(plan, x, first + y));
-            });
-            gpu.write(&rooms.rays, bytemuck::cast_slice(&words));
         }
         let cast = &self.pipelines[&format!("render/cast.wgsl {key}")];
         let bound = self.resident.bind(gpu, cast, &rooms.params, &rooms.rays, &rooms.picture)?;
         let make = match self.pipelines.get("render/rays.wgsl ") {
-            Some(make) if makes_rays => {
+            Some(make) if rays.is_none() => {
                 let entries = [&rooms.camera, &rooms.part, &rooms.rays];
                 Some((make, bind(gpu, make, entries.into_iter().enumerate())?))
             }
@@ -244,9 +254,13 @@ impl State {
             // What an earlier part left doesn't pass for this one's.
             let tail = PIXEL_BYTES * pixels as u64;
             encoder.clear_buffer(&rooms.picture.buffer, tail, Some(PIXEL_BYTES * told as u64));
-            let mut pass = |pipeline: &wgpu::ComputePipeline, group: &wgpu::BindGroup, [x, y]: [usize; 2], [begins, ends]: [bool; 2]| {
+            let mut pass = |pipeline: &wgpu::ComputePipeline,
+                            group: &wgpu::BindGroup,
+                            [x, y]: [usize; 2],
+                            [begins, ends]: [bool; 2]| {
                 let timestamp_writes = clock.and_then(|clock| clock.writes(begins, ends));
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
+                let mut pass = encoder
+                    .begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(0, group, &[]);
                 pass.dispatch_workgroups(x as u32, y as u32, 1);
@@ -274,25 +288,35 @@ impl State {
         if written { Ok(()) } else { Err(Error::NotWritten) }
     }
 
-    /// Room for a part of so many pixels; grows only.
-    fn make_room(&mut self, width: usize, pixels: usize) -> Result<(), Error> {
-        let pixels = pixels as u64;
-        if self.rooms.as_ref().is_some_and(|rooms| rooms.pixels >= pixels) {
-            return Ok(());
+    /// Room for a part of so many pixels in so many tiles; grows only.
+    fn make_room(&mut self, mut pixels: usize, mut tiles: usize) -> Result<(), Error> {
+        if let Some(rooms) = &self.rooms {
+            if rooms.pixels >= pixels && rooms.tiles >= tiles {
+                return Ok(());
+            }
+            (pixels, tiles) = (pixels.max(rooms.pixels), tiles.max(rooms.tiles));
         }
         self.rooms = None;
         let gpu = &self.gpu;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        // A tile's words for each row of tiles, of which the last may be cut.
-        let picture = PIXEL_BYTES * (pixels + (pixels / TILE as u64) / TILE as u64 + width as u64 + 1);
+        let picture = PIXEL_BYTES * (pixels + tiles) as u64;
         self.rooms = Some(Rooms {
             pixels,
-            params: gpu.room("parameters", PARAMS_BYTES, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST)?,
+            tiles,
+            params: gpu.room(
+                "parameters",
+                PARAMS_BYTES,
+                wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            )?,
             camera: gpu.room("camera", CAMERA_BYTES, storage)?,
             part: gpu.room("part of the picture", 32, storage)?,
-            rays: gpu.room("rays", RAY_BYTES * pixels, storage)?,
+            rays: gpu.room("rays", RAY_BYTES * pixels as u64, storage)?,
             picture: gpu.room("picture", picture, storage | wgpu::BufferUsages::COPY_SRC)?,
-            result: gpu.room("read picture", picture, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?,
+            result: gpu.room(
+                "read picture",
+                picture,
+                wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            )?,
         });
         Ok(())
     }
@@ -312,6 +336,10 @@ fn bind<'a>(
         .collect();
     gpu.checked("buffers of a kernel", 0, || {
         let layout = pipeline.get_bind_group_layout(0);
-        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries })
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &layout,
+            entries: &entries,
+        })
     })
 }

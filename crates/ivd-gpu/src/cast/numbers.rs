@@ -1,3 +1,4 @@
+use ivd_core::parallel;
 use ivd_render::plan::{Plan, PlanCamera, PlanLook, PlanRay};
 
 /// Quadruples of the shader's `Params`.
@@ -77,9 +78,34 @@ pub(super) fn camera(plan: &Plan<'_>, [first, rows]: [usize; 2]) -> ([f64; CAMER
     (numbers, part.map(|n| n as u32))
 }
 
-/// A ray as it lies in memory; one that misses the volume has no steps.
-pub(super) fn ray(plan: &Plan<'_>, x: usize, y: usize) -> [u32; RAY_BYTES as usize / 4] {
-    let Some(PlanRay { start: s, delta: d, steps, rest_at: r, rest }) = plan.ray(x, y) else { return [0; 12] };
-    let b = f32::to_bits;
-    [b(s[0]), b(s[1]), b(s[2]), steps, b(d[0]), b(d[1]), b(d[2]), b(rest), b(r[0]), b(r[1]), b(r[2]), 0]
+/// A ray as it lies in memory.
+pub(super) type RayWords = [u32; RAY_BYTES as usize / 4];
+
+/// The rays of all pixels, rows from the top; one that misses the volume has no steps.
+pub(super) fn all_rays(plan: &Plan<'_>) -> Vec<RayWords> {
+    let [width, height] = plan.size();
+    let mut rays = vec![[0; 12]; width * height];
+    parallel::for_each_piece_mut(&mut rays, width, &|y, row| {
+        for (x, words) in row.iter_mut().enumerate() {
+            let Some(PlanRay { start: s, delta: d, steps, rest_at: r, rest }) = plan.ray(x, y) else {
+                continue;
+            };
+            let b = f32::to_bits;
+            *words = [
+                b(s[0]),
+                b(s[1]),
+                b(s[2]),
+                steps,
+                b(d[0]),
+                b(d[1]),
+                b(d[2]),
+                b(rest),
+                b(r[0]),
+                b(r[1]),
+                b(r[2]),
+                0,
+            ];
+        }
+    });
+    rays
 }

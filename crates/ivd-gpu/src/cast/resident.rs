@@ -49,6 +49,10 @@ impl Kept {
 impl Resident {
     /// Brings what a plan reads to the device, where it isn't there yet.
     pub(super) fn bring(&mut self, plan: &Plan<'_>, gpu: &Gpu) -> Result<(), Error> {
+        // Shaders count voxels in 32 bits.
+        if plan.volume.grid().len() as u64 > u64::from(u32::MAX) {
+            return Err(Error::NoRoom { what: "the volume", bytes: plan.volume.grid().len() as u64 });
+        }
         let voxels = plan.volume.voxels();
         let data: &[u8] = match plan.voxels {
             PlanVoxels::U8(voxels) => voxels,

@@ -25,7 +25,11 @@ fn a_device_with_little_room_a_submission_gives_the_same_bits() {
         let scene = Scene { transfer: Some(&soft), displacement, ..Scene::new(&volume) };
         for mode in [Mode::Dvr, Mode::Mip, Mode::Iso { value: 120.0 }] {
             let params = RenderParams { size: [150, 111], ..params(mode) };
-            assert_eq!(by_device(&scene, &params, &wide).0, by_device(&scene, &params, &narrow).0, "{mode:?}");
+            assert_eq!(
+                by_device(&scene, &params, &wide).0,
+                by_device(&scene, &params, &narrow).0,
+                "{mode:?}"
+            );
         }
     }
 }
@@ -43,6 +47,20 @@ fn a_volume_that_no_buffer_holds_is_the_processors() {
 }
 
 #[test]
+fn pictures_of_one_row_or_one_column_and_of_odd_sizes_are_close() {
+    let Some(gpu) = gpu(Options::default()) else { return };
+    let exec = on(gpu);
+    let volume = hills::<u8>();
+    let soft = transfer(false);
+    let scene = Scene { transfer: Some(&soft), ..Scene::new(&volume) };
+    for size in [[1, 3000], [3000, 1], [7, 9], [1, 1], [641, 3]] {
+        let params = RenderParams { size, ..params(Mode::Dvr) };
+        let apart = apart(&by_processor(&scene, &params), &by_device(&scene, &params, &exec));
+        assert!(apart.is_close(&exec), "{size:?}: {apart:?}");
+    }
+}
+
+#[test]
 fn each_optional_feature_can_be_missing() {
     let volume = hills::<u8>();
     let moved = twisted(volume.grid());
@@ -51,7 +69,8 @@ fn each_optional_feature_can_be_missing() {
     for without in [vec!["f64"], vec!["timestamps"], vec!["f64", "timestamps"]] {
         let Some(gpu) = gpu(Options { without, timed: true, ..Options::default() }) else { return };
         let exec = on(gpu);
-        let apart = apart(&by_processor(&scene, &params(Mode::Dvr)), &by_device(&scene, &params(Mode::Dvr), &exec));
+        let apart =
+            apart(&by_processor(&scene, &params(Mode::Dvr)), &by_device(&scene, &params(Mode::Dvr), &exec));
         assert!(apart.is_close(&exec), "{apart:?}");
     }
 }
@@ -66,7 +85,12 @@ fn a_volume_is_brought_once_for_all_views_and_a_second_picture_brings_next_to_no
     let voxels: Vec<u8> = (0..grid.len()).map(|i| (i % 251) as u8).collect();
     let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
     let (labels, moved, soft) = (labels_of(&volume), twisted(volume.grid()), transfer(false));
-    let scene = Scene { transfer: Some(&soft), labels: Some(&labels), displacement: Some(&moved), ..Scene::new(&volume) };
+    let scene = Scene {
+        transfer: Some(&soft),
+        labels: Some(&labels),
+        displacement: Some(&moved),
+        ..Scene::new(&volume)
+    };
     let prepared = Prepared::new(&scene, &params(Mode::Dvr), &exec).unwrap();
     let mut before = caster.counters();
     for i in 0..36 {
@@ -86,7 +110,10 @@ fn a_volume_is_brought_once_for_all_views_and_a_second_picture_brings_next_to_no
     }
     // Another scene of the same volume brings its colours and bricks alone.
     let other = Scene { labels: None, displacement: None, ..scene };
-    Prepared::new(&other, &params(Mode::Dvr), &exec).unwrap().radiance(params(Mode::Dvr).view, &exec).unwrap();
+    Prepared::new(&other, &params(Mode::Dvr), &exec)
+        .unwrap()
+        .radiance(params(Mode::Dvr).view, &exec)
+        .unwrap();
     let up = caster.counters().uploaded - before.uploaded;
     assert!(up < 80 << 10, "{up}");
     drop(exec);

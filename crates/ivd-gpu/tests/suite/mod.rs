@@ -2,6 +2,7 @@
 //! failure.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests fail by panicking")]
 
+#[allow(dead_code, reason = "the other crate uses all of it")]
 #[path = "../../../ivd-render/tests/pictures/common.rs"]
 mod common;
 mod faults;

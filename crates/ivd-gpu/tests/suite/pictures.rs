@@ -1,8 +1,6 @@
 //! The kernel `render/cast`.
 
-use ivd_core::{
-    Class, Displacement, Exec, GradientTable, Labels, TransferFunction, Volume, Voxels,
-};
+use ivd_core::{Class, Displacement, Exec, GradientTable, Labels, TransferFunction, Volume, Voxels};
 use ivd_render::{Classification, Mode, Projection, RenderParams, Scene, View};
 
 use super::common::{hills, twisted};
@@ -54,17 +52,24 @@ struct Extras {
 impl Extras {
     fn new(volume: &Volume) -> Self {
         let moved = twisted(volume.grid());
-        let vacated: Vec<u8> = (0..volume.grid().len()).map(|i| u8::from(volume.grid().index(i).0[0] > 30)).collect();
+        let vacated: Vec<u8> =
+            (0..volume.grid().len()).map(|i| u8::from(volume.grid().index(i).0[0] > 30)).collect();
         let torn = twisted(volume.grid()).with_vacated(vacated.into()).unwrap();
         Self { labels: labels(volume), moved, torn }
     }
 }
 
 /// Every scene of a volume, with what it is called.
-fn scenes<'a>(volume: &'a Volume, transfer: &'a TransferFunction, extras: &'a Extras) -> Vec<(String, Scene<'a>)> {
+fn scenes<'a>(
+    volume: &'a Volume,
+    transfer: &'a TransferFunction,
+    extras: &'a Extras,
+) -> Vec<(String, Scene<'a>)> {
     let mut scenes = Vec::new();
     for labels in [None, Some(&extras.labels)] {
-        for (moves, displacement) in [("at rest", None), ("moved", Some(&extras.moved)), ("torn", Some(&extras.torn))] {
+        for (moves, displacement) in
+            [("at rest", None), ("moved", Some(&extras.moved)), ("torn", Some(&extras.torn))]
+        {
             let scene = Scene { transfer: Some(transfer), labels, displacement, ..Scene::new(volume) };
             scenes.push((format!("labels {}, {moves}", labels.is_some()), scene));
         }
@@ -87,7 +92,8 @@ fn compare(volume: &Volume, all: bool, exec: &Exec) {
                 let params = RenderParams { shading, ..params(mode) };
                 let (plain, device) = (by_processor(scene, &params), by_device(scene, &params, exec));
                 let apart = apart(&plain, &device);
-                let what = format!("{:?}: {name}, {mode:?}, shaded {shading}: {apart:?}", volume.voxel_type());
+                let what =
+                    format!("{:?}: {name}, {mode:?}, shaded {shading}: {apart:?}", volume.voxel_type());
                 assert!(apart.is_close(exec), "{what}");
                 let seen = plain.0.rgba.iter().filter(|c| c[3] > 0.0).count();
                 assert!(seen > 300, "{what}: {seen} pixels");
@@ -116,7 +122,13 @@ fn volumes_that_are_thin_flat_constant_or_far_off_are_close() {
     let grids = [[1, 1, 1], [1, 40, 33], [40, 1, 33], [33, 40, 1], [2, 2, 2], [9, 8, 7], [65, 3, 64]];
     for (i, dims) in grids.into_iter().enumerate() {
         let far = if i % 2 == 0 { 1e6 } else { 0.0 };
-        let grid = ivd_core::Grid::new(dims, [1.0, 1.0, 50.0], [far; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).unwrap();
+        let grid = ivd_core::Grid::new(
+            dims,
+            [1.0, 1.0, 50.0],
+            [far; 3],
+            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        )
+        .unwrap();
         for value in [|i: usize| (i * 37 % 256) as u8, |_: usize| 200_u8] {
             let voxels: Vec<u8> = (0..grid.len()).map(value).collect();
             let volume = Volume::new(grid.clone(), Voxels::from(voxels)).unwrap();
@@ -177,7 +189,8 @@ fn worst_with(planted: &'static [(&'static str, &'static str)], modes: &[Mode]) 
     for (volume, displacement) in [(&volume, None), (&volume, Some(&moved)), (&even, None)] {
         let scene = Scene { transfer: Some(&soft), displacement, ..Scene::new(volume) };
         for mode in modes {
-            let apart = apart(&by_processor(&scene, &params(*mode)), &by_device(&scene, &params(*mode), &exec));
+            let apart =
+                apart(&by_processor(&scene, &params(*mode)), &by_device(&scene, &params(*mode), &exec));
             worst = worst.max(apart.worst);
         }
     }
@@ -193,12 +206,18 @@ fn every_planted_error_is_found() {
         // A swapped axis.
         (&[("v.x + params.dims.x * (v.y", "v.y + params.dims.x * (v.x")], &MODES),
         // Half a voxel.
-        (&[("clamped(at, params.end.xyz) - vec3<f32>(cell)", "clamped(at, params.end.xyz) - vec3<f32>(cell) + 0.5")], &MODES),
+        (
+            &[(
+                "clamped(at, params.end.xyz) - vec3<f32>(cell)",
+                "clamped(at, params.end.xyz) - vec3<f32>(cell) + 0.5",
+            )],
+            &MODES,
+        ),
         // A normal's sign.
         (&[("world * (-1.0 / sqrt(square))", "world * (1.0 / sqrt(square))")], dvr),
         (&[("world * (-1.0 / sqrt(square))", "world * (1.0 / sqrt(square))")], iso),
         // Opacity that isn't corrected for the length of a step.
-        (&[("part_of(entry, ray.rest)", "entry")], dvr),
+        (&[("entry = part_of(entry, ray.rest);", "")], dvr),
         // Light that doesn't turn with what is deformed.
         (&[("gradient = pull_back(at, gradient);", "")], dvr),
         // The displacement the other way round.
@@ -210,8 +229,14 @@ fn every_planted_error_is_found() {
         // A leap that goes too far.
         (&[("end -= 1u;", "break;"), ("u32(max(steps, 0.0)) + 1u", "u32(max(steps, 0.0)) + 9u")], dvr),
         // The surface at the sample instead of between two.
-        (&[("i < 16u", "i < 1u")], iso),
-        (&[("bitcast<f32>(lookup[params.flags.x + brick]) <= greatest", "bitcast<f32>(lookup[params.flags.x + brick]) * 0.5 <= greatest")], mip),
+        (&[("halvings >= 16u", "halvings >= 1u")], iso),
+        (
+            &[(
+                "bitcast<f32>(lookup[params.flags.x + brick]) <= greatest",
+                "bitcast<f32>(lookup[params.flags.x + brick]) * 0.5 <= greatest",
+            )],
+            mip,
+        ),
     ];
     for (planted, modes) in errors {
         for mode in *modes {

@@ -1,4 +1,4 @@
-//! Times the kernels of a device beside the processor's, on a generated volume: `measure [SIDE] [WIDTH HEIGHT] [FRAMES] [joined]`, `joined`
+//! Times the kernels of a device beside the processor's, on a generated volume: `measure_gpu [SIDE] [WIDTH HEIGHT] [FRAMES] [joined]`, `joined`
 //! where products may be joined with the sums that they go into. Prints a JSON object for
 //! each picture, and one for the device. Needs no file and no network.
 
@@ -9,13 +9,17 @@ use ivd_core::{Displacement, Exec, FieldBricks, Grid, NO_BRICK, TransferFunction
 use ivd_gpu::{Caster, Choice, Gpu, Options};
 use ivd_render::{Mode, Prepared, Radiance, RenderParams, Scene, View};
 
-
 fn main() -> Result<(), Box<dyn Error>> {
-    let numbers: Vec<usize> = std::env::args().skip(1).filter(|word| word != "joined").map(|word| word.parse()).collect::<Result<_, _>>()?;
+    let numbers: Vec<usize> = std::env::args()
+        .skip(1)
+        .filter(|word| word != "joined")
+        .map(|word| word.parse())
+        .collect::<Result<_, _>>()?;
     let number = |i: usize, otherwise: usize| numbers.get(i).copied().unwrap_or(otherwise);
     let (side, size, frames) = (number(0, 512), [number(1, 1920), number(2, 1080)], number(3, 20));
     let joined = std::env::args().any(|word| word == "joined");
-    let planted = if joined { vec![(" ^ params.part.w", ""), (" ^ vec3<u32>(params.part.w)", "")] } else { Vec::new() };
+    let planted =
+        if joined { vec![(" ^ params.part.w", ""), (" ^ vec3<u32>(params.part.w)", "")] } else { Vec::new() };
     let opening = Instant::now();
     let gpu = Gpu::open(Options { choice: Choice::from_env(), timed: true, planted, ..Options::default() })?;
     let opened_ms = opening.elapsed().as_secs_f64() * 1e3;
@@ -149,6 +153,7 @@ fn pushed(grid: &Grid) -> Result<Displacement, ivd_core::Error> {
 fn worst(a: &Radiance, b: &Radiance) -> (f32, [f64; 3]) {
     let far = |(p, q): (&[f32; 4], &[f32; 4])| (0..4).map(|c| (p[c] - q[c]).abs()).fold(0.0, f32::max);
     let all: Vec<f32> = a.rgba.iter().zip(&b.rgba).map(far).collect();
-    let beyond = [1e-6, 1e-4, 1.0 / 255.0].map(|least| all.iter().filter(|d| **d > least).count() as f64 / all.len() as f64);
+    let beyond = [1e-6, 1e-4, 1.0 / 255.0]
+        .map(|least| all.iter().filter(|d| **d > least).count() as f64 / all.len() as f64);
     (all.into_iter().fold(0.0, f32::max), beyond)
 }
