@@ -3,7 +3,7 @@
 struct Params {
     dims: vec4<u32>,
     next: vec4<u32>,       // distance in memory to the next voxel along each axis
-    bricks: vec4<u32>,
+    bricks: vec4<u32>,     // along each axis; values of a row of the table by gradient
     part: vec4<u32>,       // width, rows, tiles across, 0
     top: vec4<f32>,        // the greatest coordinate whose whole part is a cell
     end: vec4<f32>,        // the last voxel's coordinate
@@ -21,7 +21,7 @@ struct Params {
     rows_x: vec4<f32>,     // rows of the matrix from mm to voxels
     rows_y: vec4<f32>,
     rows_z: vec4<f32>,
-    flags: vec4<u32>,      // first word of row starts, first entry of the table by gradient, bits: 1 vacated, 2 skip by bounds
+    flags: vec4<u32>,      // first word of row starts, first entry of the table by gradient, bits: 1 vacated, 2 skip by bounds; the submission's number
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -49,7 +49,7 @@ struct Params {
 //#end
 
 const TILE = 8u;
-// In the last word of what is told of a tile: that it was written.
+// In the last word of what is told of a tile, with the submission's number: that this one wrote it.
 const WRITTEN = 0x1bd5eedu;
 
 var<workgroup> taken_of_tile: atomic<u32>;
@@ -124,8 +124,8 @@ fn classified(at: vec3<f32>, moving: bool) -> vec4<f32> {
     let gradient = gradient_at(origin.at);
     // Beside missing data there is no gradient: a flat place.
     let steepness = select(params.steep.z * length_of(to_world(gradient)), 0.0, missing);
-    let j = u32(min(max(steepness * params.steep.x + 0.5, 0.0), params.steep.y));
-    entry = colours[params.flags.y + j * 1024u + index_on(params.steep_axis, value)];
+    let j = u32(min(max(product(steepness, params.steep.x) + 0.5, 0.0), params.steep.y));
+    entry = colours[params.flags.y + j * params.bricks.w + index_on(params.steep_axis, value)];
     if (entry.w <= 0.0) {
         return entry;
     }
@@ -169,7 +169,7 @@ fn cast_ray(ray: Ray) -> Cast {
         if (!whole) {
             entry = part_of(entry, ray.rest);
         }
-        c.rgba += (1.0 - c.rgba.w) * entry;
+        c.rgba += product4(vec4<f32>(1.0 - c.rgba.w), entry);
         number += 1u;
         if (c.rgba.w >= params.look.x) {
             break;
@@ -360,6 +360,6 @@ fn main(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) la
     workgroupBarrier();
     if (first == 0u) {
         let told = params.part.x * params.part.y + tile.x + params.part.z * tile.y;
-        picture[told] = vec4<u32>(atomicLoad(&taken_of_tile), atomicLoad(&skipped_of_tile), 0u, WRITTEN);
+        picture[told] = vec4<u32>(atomicLoad(&taken_of_tile), atomicLoad(&skipped_of_tile), 0u, WRITTEN ^ params.flags.w);
     }
 }

@@ -3,7 +3,7 @@
 // One lane a pixel.
 
 @group(0) @binding(0) var<storage, read> camera: array<f64>;
-@group(0) @binding(1) var<storage, read> picture: array<u32>; // width, height, first row, rows, perspective; voxels along each axis
+@group(0) @binding(1) var<storage, read> picture: array<u32>; // width, height, perspective; voxels along each axis; of the part first column, first row, columns, rows
 @group(0) @binding(2) var<storage, read_write> rays: array<vec4<u32>>;
 
 fn triple(i: u32) -> vec3<f64> {
@@ -17,21 +17,21 @@ fn words(v: vec3<f64>, w: u32) -> vec4<u32> {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let pixel = id.x + id.y * groups.x * 64u;
-    let width = picture[0];
-    if (pixel >= width * picture[3]) {
+    let columns = picture[8];
+    if (pixel >= columns * picture[9]) {
         return;
     }
-    let x = f64(pixel % width);
-    let y = f64(picture[2] + pixel / width);
+    let x = f64(picture[6] + pixel % columns);
+    let y = f64(picture[7] + pixel / columns);
     let distance = camera[12];
     let size = camera[13];
     let step = camera[14];
-    let across = (x - 0.5lf * (f64(width) - 1.0lf)) * size;
+    let across = (x - 0.5lf * (f64(picture[0]) - 1.0lf)) * size;
     let upward = (0.5lf * (f64(picture[1]) - 1.0lf) - y) * size;
     let to_pixel = triple(3u) * across + triple(6u) * upward;
     var eye = triple(0u) + to_pixel;
     var direction = triple(9u);
-    if (picture[4] != 0u) {
+    if (picture[2] != 0u) {
         let length = sqrt(across * across + upward * upward + distance * distance);
         eye = triple(0u);
         direction = (to_pixel + triple(9u) * distance) / length;
@@ -40,7 +40,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     var far = 1.0e300lf;
     var misses = false;
     for (var a = 0u; a < 3u; a++) {
-        let high = f64(picture[5u + a]) - 0.5lf;
+        let high = f64(picture[3u + a]) - 0.5lf;
         if (abs(direction[a]) < 1.0e-12lf) {
             misses = misses || eye[a] < -0.5lf || eye[a] > high;
         } else {

@@ -18,6 +18,10 @@ fn product3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return bitcast<vec3<f32>>(bitcast<vec3<u32>>(a * b) ^ vec3<u32>(params.part.w));
 }
 
+fn product4(a: vec4<f32>, b: vec4<f32>) -> vec4<f32> {
+    return bitcast<vec4<f32>>(bitcast<vec4<u32>>(a * b) ^ vec4<u32>(params.part.w));
+}
+
 fn blend(a: f32, b: f32, f: f32) -> f32 {
     return a + product(b - a, f);
 }
@@ -79,7 +83,12 @@ fn value_at(p: Place) -> f32 {
     let low = blend(row_value(i, d.x, p.within.x), row_value(i + d.y, d.x, p.within.x), p.within.y);
     let j = i + d.z;
     let high = blend(row_value(j, d.x, p.within.x), row_value(j + d.y, d.x, p.within.x), p.within.y);
-    return blend(low, high, p.within.z);
+    let value = blend(low, high, p.within.z);
+//#if F32
+    // Differences of great numbers aren't finite either.
+    missing = missing || (bitcast<u32>(value) & 0x7f800000u) == 0x7f800000u;
+//#end
+    return value;
 }
 
 fn value_with(at: vec3<f32>, axis: u32, coordinate: f32) -> f32 {

@@ -13,8 +13,9 @@ strip -o measure "$measure"
 strip -o suite "$suite"
 cp "$here/run-gpu.sh" .
 # Vulkan's loader, and those that NVIDIA's driver is linked with. What isn't here the other machine must have.
+known=$(PATH=$PATH:/sbin:/usr/sbin ldconfig -p)
 for name in libvulkan.so.1 libEGL.so.1 libGL.so.1 libGLX.so.0 libGLdispatch.so.0 libOpenGL.so.0; do
-    found=$(ldconfig -p | awk -v name="$name" '$1 == name && /x86-64|AArch64/ { print $NF; exit }')
+    found=$(awk -v name="$name" '$1 == name && /x86-64|AArch64/ && !found { found = $NF } END { print found }' <<<"$known")
     if [ -n "$found" ]; then cp -L "$found" "lib/$name"; else echo "note: $name isn't here to be packed" >&2; fi
 done
 cd ..

@@ -3,6 +3,8 @@
 # are generated, by default 512³ pictured at 1920 × 1080. `IVD_ADAPTER` names one of several cards, `IVD_SUITE` a part of the tests. Everything that is printed goes to results.txt too.
 set -uo pipefail
 cd "$(dirname "$0")"
+# Mesa's layer that sorts devices asks for a desktop session.
+export NODEVICE_SELECT=1
 export LD_LIBRARY_PATH="${LD_LIBRARY_PATH:+$LD_LIBRARY_PATH:}$PWD/lib" RUST_BACKTRACE=0
 nvidia=/usr/local/nvidia/share/vulkan/icd.d/nvidia_icd.json
 if [ -z "${VK_DRIVER_FILES:-}" ] && [ -e "$nvidia" ] && [ ! -e /usr/share/vulkan/icd.d/nvidia_icd.json ]; then

@@ -5,6 +5,9 @@ use ivd_core::{Device, ErrorClass};
 use crate::args::{BackendChoice, Global};
 use crate::exit::Failure;
 
+/// Why nobody opens a GPU without being asked to.
+pub(crate) const AUTO: &str = "for one command opening a GPU costs more than it saves; --backend gpu asks for one";
+
 /// The device that does what devices know, where one was asked for.
 pub(crate) fn device(global: &Global) -> anyhow::Result<Option<Device>> {
     match (global.backend, global.require_gpu) {
@@ -13,16 +16,18 @@ pub(crate) fn device(global: &Global) -> anyhow::Result<Option<Device>> {
             Err(Failure::of(ErrorClass::Usage, problem))
         }
         (BackendChoice::Auto, false) => {
-            tracing::info!(
-                "the CPU does all the work: for one command opening a GPU costs more than it saves; --backend gpu asks for one"
-            );
+            tracing::info!("the CPU does all the work: {AUTO}");
             Ok(None)
         }
         (BackendChoice::Cpu, false) => Ok(None),
         (BackendChoice::Auto | BackendChoice::Gpu, required) => {
-            let asked = if required { "--require-gpu" } else { "--backend gpu" };
+            let given = match (global.backend, required) {
+                (BackendChoice::Gpu, true) => "--backend gpu and --require-gpu",
+                (_, true) => "--require-gpu",
+                (_, false) => "--backend gpu",
+            };
             let refused = |problem: String| {
-                let problem = format!("{asked}: {problem}; leave it out and the CPU does the work");
+                let problem = format!("{problem}; without {given} the CPU does the work");
                 Failure::of(ErrorClass::NoGpu, problem)
             };
             let device = open(global).map_err(refused)?;
@@ -54,16 +59,27 @@ fn open(_: &Global) -> Result<Device, String> {
 #[cfg(not(feature = "gpu"))]
 const NOT_BUILT: &str = "this program was built without the feature `gpu`";
 
-/// What `ivd doctor` tells of graphics processors: the adapters, and where none can be used, why.
-pub(crate) fn examined() -> (Vec<serde_json::Value>, Result<Vec<&'static str>, String>) {
+/// What `ivd doctor` tells of graphics processors.
+pub(crate) struct Examined {
+    /// Those that there are.
+    pub(crate) adapters: Vec<serde_json::Value>,
+    /// The one that would be used, opened once, and what for; where none can be, why.
+    pub(crate) usable: Result<(serde_json::Value, &'static [&'static str]), String>,
+}
+
+/// Looks at them.
+pub(crate) fn examine() -> Examined {
     #[cfg(feature = "gpu")]
     {
-        let adapters: Vec<_> = ivd_gpu::adapters().iter().map(told).collect();
-        let usable = ivd_gpu::usable(&ivd_gpu::Choice::from_env()).map_err(|error| error.to_string());
-        (adapters, usable.map(|()| ivd_gpu::KERNELS.to_vec()))
+        use ivd_gpu::{Choice, Gpu, Options};
+
+        let options = Options { choice: Choice::from_env(), ..Options::default() };
+        let opened = Gpu::open(options).map_err(|error| error.to_string());
+        let usable = opened.map(|gpu| (told(gpu.adapter()), ivd_gpu::KERNELS));
+        Examined { adapters: ivd_gpu::adapters().iter().map(told).collect(), usable }
     }
     #[cfg(not(feature = "gpu"))]
-    (Vec::new(), Err(NOT_BUILT.to_owned()))
+    Examined { adapters: Vec::new(), usable: Err(NOT_BUILT.to_owned()) }
 }
 
 #[cfg(feature = "gpu")]

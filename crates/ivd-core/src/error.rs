@@ -175,7 +175,7 @@ pub enum Error {
     },
     /// A device that must serve doesn't.
     #[error(
-        "{kernel} on the GPU: {problem}; leave out --backend gpu and --require-gpu, and the processor does the work"
+        "{kernel} on the GPU: {problem}; the processor can make it"
     )]
     Device {
         /// The pass.

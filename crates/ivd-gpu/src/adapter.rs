@@ -46,7 +46,7 @@ impl Choice {
     /// What the variable `IVD_ADAPTER` says, `none` for none at all; the best where it isn't set.
     pub fn from_env() -> Self {
         match std::env::var("IVD_ADAPTER") {
-            Ok(name) if name == "none" => Self::None,
+            Ok(name) if name.eq_ignore_ascii_case("none") => Self::None,
             Ok(name) if !name.is_empty() => Self::Named(name),
             _ => Self::Best,
         }
@@ -140,21 +140,14 @@ pub(crate) fn choose(choice: &Choice) -> Result<wgpu::Adapter, OpenError> {
         Choice::None => false,
         Choice::Named(asked) => {
             let Adapter { name, kind, .. } = describe(adapter);
-            name.to_lowercase().contains(&asked.to_lowercase()) || kind == asked
+            let asked = asked.to_lowercase();
+            name.to_lowercase().contains(&asked) || kind == asked
         }
     });
     meant.ok_or_else(|| match choice {
         Choice::Best | Choice::None => OpenError::None(why_none()),
         Choice::Named(asked) => OpenError::NotNamed { asked: asked.clone(), there: names.join(", ") },
     })
-}
-
-/// Whether an adapter is there that is meant.
-///
-/// # Errors
-/// Says why not.
-pub fn usable(choice: &Choice) -> Result<(), OpenError> {
-    choose(choice).map(|_| ())
 }
 
 /// What the drivers say where there is no adapter.

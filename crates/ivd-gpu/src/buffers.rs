@@ -1,4 +1,6 @@
-use crate::gpu::{Count, Fault};
+use ivd_core::Exec;
+
+use crate::gpu::{Count, Fault, PATIENCE};
 use crate::{Error, Gpu};
 
 /// A buffer of the device, counted as long as it is held.
@@ -70,7 +72,7 @@ impl Gpu {
         let mut best = f64::INFINITY;
         for _ in 0..3 {
             let start = std::time::Instant::now();
-            self.submit("copies", |encoder, _| copy(encoder), None, |_| {})?;
+            self.submit("copies", &Exec::default(), |encoder, _| copy(encoder), None, |_| {})?;
             best = best.min(start.elapsed().as_secs_f64());
         }
         Ok(2.0 * bytes as f64 * f64::from(COPIES) / best)
@@ -91,7 +93,7 @@ impl Gpu {
         };
         match self.event() {
             Some(Fault::NoRoom) => return Err(Error::NoRoom { what, bytes }),
-            Some(Fault::Late) => return Err(Error::Late(0)),
+            Some(Fault::Late) => return Err(Error::Late(PATIENCE)),
             Some(Fault::Loss | Fault::Garbage) | None => {}
         }
         if bytes > most {

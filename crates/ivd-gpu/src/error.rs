@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 /// What a device does wrong.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
@@ -13,8 +15,8 @@ pub enum Error {
         bytes: u64,
     },
     /// It doesn't answer.
-    #[error("the GPU didn't answer within {0} s")]
-    Late(u64),
+    #[error("the GPU didn't answer within {} s", .0.as_secs())]
+    Late(Duration),
     /// It refuses a command: an error of this program or of its driver.
     #[error("the GPU refuses a command: {0}")]
     Refused(String),

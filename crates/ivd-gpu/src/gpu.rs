@@ -1,13 +1,17 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+use ivd_core::Exec;
 
 use crate::adapter::{FEATURES, choose, describe};
 use crate::timing::Clock;
 use crate::{Adapter, Choice, Error, OpenError};
 
-/// The longest that a submission may take [s]; parts are made for a hundredth of it.
-const PATIENCE_S: u64 = 20;
+/// The longest that a submission may take. Parts are made for a few milliseconds.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+/// How often somebody who waits looks whether the work was cancelled.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// How a device is opened.
 #[derive(Debug, Clone, Default)]
@@ -58,6 +62,17 @@ pub struct Counters {
     pub opened: u64,
     /// Time of the kernels by the device's own clock [ns]; 0 without timestamps.
     pub busy_ns: u64,
+}
+
+/// What a device has done, whatever became of it.
+#[derive(Clone)]
+pub struct Meter(Arc<Count>);
+
+impl Meter {
+    /// What has been done.
+    pub fn counters(&self) -> Counters {
+        self.0.told()
+    }
 }
 
 #[derive(Default)]
@@ -166,6 +181,11 @@ impl Gpu {
         self.count.told()
     }
 
+    /// Tells what has been done after the device is gone too.
+    pub fn meter(&self) -> Meter {
+        Meter(self.count.clone())
+    }
+
     /// Whether an optional feature is there and wasn't left out.
     pub(crate) fn has(&self, feature: &str) -> bool {
         self.adapter.features.iter().any(|(name, there)| *name == feature && *there)
@@ -227,6 +247,7 @@ impl Gpu {
     pub(crate) fn submit(
         &self,
         what: &'static str,
+        exec: &Exec,
         encode: impl FnOnce(&mut wgpu::CommandEncoder, Option<&Clock>),
         result: Option<(&wgpu::Buffer, &wgpu::Buffer, u64)>,
         read: impl FnOnce(&[u8]),
@@ -234,7 +255,7 @@ impl Gpu {
         let fault = self.event();
         match fault {
             Some(Fault::NoRoom) => return Err(Error::NoRoom { what, bytes: 0 }),
-            Some(Fault::Late) => return Err(Error::Late(PATIENCE_S)),
+            Some(Fault::Late) => return Err(Error::Late(PATIENCE)),
             Some(Fault::Loss | Fault::Garbage) | None => {}
         }
         let submitted = self.checked(what, 0, || {
@@ -255,20 +276,24 @@ impl Gpu {
             Some((_, to, bytes)) => Some((to, bytes, self.map(to, bytes)?)),
             None => None,
         };
-        let timeout = Some(Duration::from_secs(PATIENCE_S));
-        let wait = wgpu::PollType::Wait { submission_index: Some(submitted), timeout };
-        let waited = self.device.poll(wait);
-        self.check()?;
-        waited.map_err(|error| match error {
-            wgpu::PollError::Timeout => Error::Late(PATIENCE_S),
-            other => Error::Refused(format!("{what}: {other}")),
-        })?;
+        let start = Instant::now();
+        loop {
+            let wait = wgpu::PollType::Wait { submission_index: Some(submitted.clone()), timeout: Some(LOOK) };
+            let waited = self.device.poll(wait);
+            self.check()?;
+            match waited {
+                Ok(_) => break,
+                Err(wgpu::PollError::Timeout) if start.elapsed() < PATIENCE => exec.check_cancelled()?,
+                Err(wgpu::PollError::Timeout) => return Err(Error::Late(PATIENCE)),
+                Err(other) => return Err(Error::Refused(format!("{what}: {other}"))),
+            }
+        }
         if let Some((to, bytes, answer)) = mapped {
             // The callback was called while waiting, or the device is no longer there.
             match answer.lock().unwrap_or_else(PoisonError::into_inner).take() {
                 Some(Ok(())) => {}
                 Some(Err(error)) => return Err(Error::Lost(error.to_string())),
-                None => return Err(Error::Late(PATIENCE_S)),
+                None => return Err(Error::Late(PATIENCE)),
             }
             let view = to.slice(..bytes).get_mapped_range();
             let view = view.map_err(|error| Error::Refused(format!("{what}: {error}")))?;
@@ -291,7 +316,7 @@ impl Gpu {
     ) -> Result<Arc<Mutex<Option<Result<(), wgpu::BufferAsyncError>>>>, Error> {
         match self.event() {
             Some(Fault::NoRoom) => return Err(Error::NoRoom { what: "a result", bytes }),
-            Some(Fault::Late) => return Err(Error::Late(PATIENCE_S)),
+            Some(Fault::Late) => return Err(Error::Late(PATIENCE)),
             Some(Fault::Loss | Fault::Garbage) | None => {}
         }
         let answer = Arc::new(Mutex::new(None));

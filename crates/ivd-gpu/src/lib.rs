@@ -5,14 +5,15 @@
 //! made which. Kernels hold one of these promises against the processor:
 //!
 //! - **equal**: the same bytes on every device (integers and comparisons only);
-//! - **close**: within a tolerance that the suite holds; such results have a cache key of their own.
+//! - **close**: within a tolerance that the suite holds; such results have a cache key of their own, one for all devices.
 //!
 //! | kernel | promise |
 //! |---|---|
 //! | `render/cast`: rays of direct volume rendering, maximum and first hit; labelled, shaded, by gradient, deformed | close: 2e-6 of linear light, but for pixels, one in 10⁵, whose ray is rounded the other way and meets a hard edge |
 //!
 //! All kernels give the same bytes from run to run on one device and driver. Nothing is read back that wasn't written: every result ends in words
-//! that tell, a lost device is opened again once, and what fails twice is an error that names the pass.
+//! that tell, a device that fails is opened again once, and what fails twice is an error that names the pass. What a device has no room for is the
+//! processor's.
 //!
 //! Shaders lie in the workspace's folder `shaders`, a file for each kernel, and are put together here ([`shader`]).
 
@@ -24,10 +25,10 @@ mod gpu;
 pub mod shader;
 mod timing;
 
-pub use adapter::{Adapter, Choice, OpenError, adapters, usable};
+pub use adapter::{Adapter, Choice, OpenError, adapters};
 pub use cast::Caster;
 pub use error::Error;
-pub use gpu::{Counters, Fault, Gpu, Options};
+pub use gpu::{Counters, Fault, Gpu, Meter, Options};
 pub use timing::Timed;
 
 use ivd_core::{Device, Kernel as _};

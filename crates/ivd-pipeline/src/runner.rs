@@ -72,7 +72,7 @@ pub struct StageRecord {
     pub revision: u32,
     /// Class of the result: `"gpu"` where a device made a part of it that is close to the processor's and not the same bytes, else `"cpu"`.
     pub backend: String,
-    /// Who made which pass ([`ivd_core::Kernel`]) when it was made: `"cpu"`, `"gpu"` or `"cpu and gpu"`.
+    /// Who made which pass ([`ivd_core::Kernel`]): `"cpu"`, `"gpu"` or `"cpu and gpu"`; absent where the result came from the cache.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub kernels: BTreeMap<String, String>,
     /// Parameters.

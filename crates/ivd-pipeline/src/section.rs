@@ -250,7 +250,7 @@ impl crate::Stage for Section {
     }
 
     fn close(&self) -> &'static [&'static str] {
-        self.method.close
+        self.job.close()
     }
 
     fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {

@@ -191,7 +191,7 @@ pub trait Stage: Send + Sync {
         self.facts().name
     }
 
-    /// Kernels whose results on a device are close to the processor's and not the same bytes; see [`op::Op::CLOSE`].
+    /// Kernels whose results on a device are close to the processor's and not the same bytes; see [`op::Op::close`].
     fn close(&self) -> &'static [&'static str] {
         &[]
     }

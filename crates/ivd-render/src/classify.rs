@@ -164,7 +164,7 @@ impl Steep {
     /// The same as plain data.
     pub(crate) fn numbers(&self) -> PlanSteep<'_> {
         let gradient = [self.per_gradient, self.top.number()];
-        PlanSteep { table: &self.table, axis: self.axis.numbers(), gradient }
+        PlanSteep { table: &self.table, axis: self.axis.numbers(), values: STEEP[0], gradient }
     }
 
     /// Entry for a finite fast value and a gradient [real units / mm]; beside missing data, where there is no gradient, that of a flat place.

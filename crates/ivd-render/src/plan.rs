@@ -8,6 +8,9 @@ use crate::prepared::Prepared;
 use crate::samples::KernelVoxels;
 use crate::{Error, Projection, Radiance, RenderParams};
 
+/// Halvings of the step in which a surface was met.
+pub const HALVINGS: usize = crate::cast::HALVINGS;
+
 /// The pass that casts a ray through every pixel: linear light of a [`Sight`].
 pub struct Casting;
 
@@ -152,6 +155,8 @@ pub struct PlanSteep<'a> {
     pub table: &'a [[f32; 4]],
     /// As that of the values alone.
     pub axis: [f32; 3],
+    /// Values of a row.
+    pub values: usize,
     /// What turns a gradient [real units / mm] into a row: factor, last row.
     pub gradient: [f32; 2],
 }

@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::plan::Casting;
-use crate::{ClassLooks, Fit, Mode, RenderParams, Scene, difference, render};
+use crate::{ClassLooks, Classification, Fit, Mode, RenderParams, Scene, difference, render};
 
 /// The stage: its modes, and the pictures that a scene has of it.
 pub const STAGE: Stage = Stage {
@@ -209,12 +209,14 @@ impl<'a> From<Plain<'a>> for Scene<'a> {
     }
 }
 
+/// What pictures cast their rays by.
+const CLOSE: &[&str] = &[Casting::NAME];
+
 /// Raised for all modes together: what they share is most of them.
 const REVISION: u32 = 4;
 
 impl Op for DvrParams {
     const REVISION: u32 = REVISION;
-    const CLOSE: &'static [&'static str] = &[Casting::NAME];
     type Inputs<'a> = Coloured<'a>;
     type Output = Image;
     type Figures = RenderFigures;
@@ -226,6 +228,11 @@ impl Op for DvrParams {
 
     fn wants(&self, slot: &str) -> Want {
         wants(slot, &self.picture)
+    }
+
+    fn close(&self) -> &'static [&'static str] {
+        // Of pre-integrated steps no device knows the form.
+        if self.picture.classification == Classification::PreIntegrated { &[] } else { CLOSE }
     }
 
     fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
@@ -240,7 +247,6 @@ impl Op for DvrParams {
 
 impl Op for MipParams {
     const REVISION: u32 = REVISION;
-    const CLOSE: &'static [&'static str] = &[Casting::NAME];
     type Inputs<'a> = Plain<'a>;
     type Output = Image;
     type Figures = RenderFigures;
@@ -251,6 +257,10 @@ impl Op for MipParams {
 
     fn wants(&self, slot: &str) -> Want {
         wants(slot, &self.picture)
+    }
+
+    fn close(&self) -> &'static [&'static str] {
+        CLOSE
     }
 
     fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
@@ -266,7 +276,6 @@ impl IsoParams {
 
 impl Op for IsoParams {
     const REVISION: u32 = REVISION;
-    const CLOSE: &'static [&'static str] = &[Casting::NAME];
     type Inputs<'a> = Plain<'a>;
     type Output = Image;
     type Figures = RenderFigures;
@@ -278,6 +287,10 @@ impl Op for IsoParams {
 
     fn wants(&self, slot: &str) -> Want {
         wants(slot, &self.picture)
+    }
+
+    fn close(&self) -> &'static [&'static str] {
+        CLOSE
     }
 
     fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {

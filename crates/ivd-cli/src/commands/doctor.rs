@@ -3,31 +3,29 @@
 use serde_json::{Value, json};
 
 use crate::context::{Context, user_cache};
-use crate::gpu;
+use crate::gpu::{self, Examined};
 
 /// Tells it.
 pub(super) fn run(context: &Context) -> anyhow::Result<()> {
     let simd = simd();
     let memory = total_memory();
     let cache = user_cache();
-    let (adapters, usable) = gpu::examined();
-    let mut off = Vec::new();
-    match &usable {
-        Ok(kernels) => {
-            let why = "for one command opening a GPU costs more than it saves; --backend gpu asks for one";
-            off.push(json!({ "what": "gpu", "unless": "--backend gpu", "why": why, "kernels": kernels }));
+    let graphics = gpu::examine();
+    let off = match &graphics.usable {
+        Ok((_, kernels)) => {
+            json!({ "what": "gpu", "unless": "--backend gpu", "why": gpu::AUTO, "kernels": kernels })
         }
-        Err(why) => off.push(json!({ "what": "gpu", "why": why })),
-    }
+        Err(why) => json!({ "what": "gpu", "why": why }),
+    };
     let object = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "threads": context.exec.threads(),
         "processors": std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
         "memory_bytes": memory,
         "simd": simd,
-        "adapter": adapters.first().filter(|_| usable.is_ok()),
-        "adapters": adapters,
-        "switched_off": off,
+        "adapter": graphics.usable.as_ref().ok().map(|(adapter, _)| adapter),
+        "adapters": graphics.adapters,
+        "switched_off": [off],
         "cache": cache,
     });
     context.print(&object, || {
@@ -39,13 +37,13 @@ pub(super) fn run(context: &Context) -> anyhow::Result<()> {
             env!("CARGO_PKG_VERSION"),
             context.exec.threads(),
             if simd.is_empty() { "baseline".to_owned() } else { simd.join(" ") },
-            graphics(&adapters, &usable),
+            told(&graphics),
         )
     })
 }
 
 /// A line for each adapter, and what uses them.
-fn graphics(adapters: &[Value], usable: &Result<Vec<&str>, String>) -> String {
+fn told(graphics: &Examined) -> String {
     let text = |adapter: &Value, key: &str| adapter[key].as_str().unwrap_or_default().to_owned();
     let line = |adapter: &Value| {
         let [name, kind, api, driver] = ["name", "kind", "api", "driver"].map(|key| text(adapter, key));
@@ -60,9 +58,11 @@ fn graphics(adapters: &[Value], usable: &Result<Vec<&str>, String>) -> String {
             flags.join(", ")
         )
     };
-    let mut lines: Vec<String> = adapters.iter().map(line).collect();
-    lines.push(match usable {
-        Ok(kernels) => format!("            used with --backend gpu, for {}", kernels.join(", ")),
+    let mut lines: Vec<String> = graphics.adapters.iter().map(line).collect();
+    lines.push(match &graphics.usable {
+        Ok((adapter, kernels)) => {
+            format!("            {} is used with --backend gpu, for {}", text(adapter, "name"), kernels.join(", "))
+        }
         Err(why) => format!("GPU         off: {why}; the CPU does the work"),
     });
     lines.join("\n")

@@ -10,8 +10,6 @@ pub struct Method {
     pub name: &'static str,
     /// [`Op::REVISION`].
     pub revision: u32,
-    /// [`Op::CLOSE`].
-    pub close: &'static [&'static str],
     /// What it reads.
     pub slots: &'static [Slot],
     /// The slot of other methods without which a command takes this one, where none is chosen; empty for none.
@@ -35,7 +33,6 @@ pub const fn method<O: Op>(name: &'static str) -> Method {
     Method {
         name,
         revision: O::REVISION,
-        close: O::CLOSE,
         slots: <O::Inputs<'static> as Slots<'static>>::SLOTS,
         without: "",
         with: "",

@@ -29,9 +29,6 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
     const REVISION: u32;
     /// What a person should know of a result beside its figures, where there is something: that it isn't all that was asked for.
     const REMARK: Option<Remark<Self::Figures>> = None;
-    /// Kernels ([`crate::Kernel::NAME`]) whose results on a device are close to the processor's and not the same bytes: what a device made by
-    /// one of them is kept apart from what the processor made.
-    const CLOSE: &'static [&'static str] = &[];
     /// What it reads.
     type Inputs<'a>: Slots<'a>;
     /// What it gives.
@@ -60,6 +57,12 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
     fn wants(&self, slot: &str) -> Want {
         let _ = slot;
         Want::Yes
+    }
+
+    /// Kernels ([`crate::Kernel::NAME`]) that it uses and whose results on a device are close to the processor's and not the same bytes: what a
+    /// device made by one of them is kept apart from what the processor made.
+    fn close(&self) -> &'static [&'static str] {
+        &[]
     }
 
     /// Why there is nothing to do, where there isn't.
@@ -154,6 +157,8 @@ pub trait Job: Send + Sync + 'static {
     fn check(&self) -> Result<(), ParamError>;
     /// As [`Op::wants`].
     fn wants(&self, slot: &str) -> Want;
+    /// As [`Op::close`].
+    fn close(&self) -> &'static [&'static str];
     /// As [`Op::idle`].
     fn idle(&self) -> Option<&'static str>;
     /// As [`Op::look_ahead`].
@@ -205,6 +210,10 @@ impl<O: Op> Job for O {
             Some(known) if !known.optional => Want::Yes,
             Some(_) => Op::wants(self, slot),
         }
+    }
+
+    fn close(&self) -> &'static [&'static str] {
+        Op::close(self)
     }
 
     fn idle(&self) -> Option<&'static str> {

@@ -76,5 +76,9 @@ mod tests {
             assert!(x * y * z <= 256);
         }
         valid("render/rays.wgsl", &[], Capabilities::FLOAT64);
+        // Numbers that stand in shaders and in the processor's code.
+        let surface = assemble("render/cast.wgsl", &["U8", "SURFACE"]).unwrap().text;
+        assert!(surface.contains(&format!("halvings >= {}u", ivd_render::plan::HALVINGS)));
+        assert_eq!((ivd_core::BRICK, 1 << 3), (8, ivd_core::BRICK), "bricks are found by shifts by 3");
     }
 }

@@ -13,26 +13,26 @@ use ivd_render::Radiance;
 use ivd_render::plan::{Casting, Plan, Sight};
 
 use crate::buffers::Room;
-use crate::gpu::Count;
+use crate::gpu::{Count, PATIENCE};
 use crate::shader::assemble;
 use crate::{Counters, Error, Gpu, Timed};
 use look::defines;
-use numbers::{CAMERA_BYTES, PARAMS_BYTES, RAY_BYTES, RayWords, all_rays, camera, params};
+use numbers::{CAMERA_BYTES, PARAMS_BYTES, PICTURE_BYTES, Part, RAY_BYTES, camera, params, rays};
 use resident::Resident;
 
 /// Pixels along a tile's edge: a workgroup.
 const TILE: usize = 8;
 /// Bytes of a pixel, and of what is told of a tile.
 const PIXEL_BYTES: u64 = 16;
-/// In the last word of what is told of a tile: that it was written.
+/// In the last word of what is told of a tile, with the submission's number: that this one wrote it.
 const WRITTEN: u32 = 0x01bd_5eed;
 /// What a submission should take: a device that draws a desktop too doesn't stutter.
-const PART: Duration = Duration::from_millis(8);
+const WANTED: Duration = Duration::from_millis(8);
 /// Pixels of the first part of a picture whose speed isn't known; each of the next may have so many times as many.
 const FIRST_PIXELS: usize = 1 << 14;
 const GROWTH: f64 = 4.0;
 
-/// Casts rays on a device, and keeps there what pictures have in common.
+/// Casts rays on a device, and keeps there what pictures have in common: the last volume, labels and displacement, with clones of them in memory.
 pub struct Caster(Mutex<State>);
 
 struct State {
@@ -42,6 +42,8 @@ struct State {
     rooms: Option<Rooms>,
     /// Of each kind of picture, time of a pixel [s] in its slowest part when one was last made.
     pace: HashMap<String, f64>,
+    /// The kind and the pixels of the part that was last asked for.
+    trying: Option<(String, usize)>,
 }
 
 /// What a part of a picture needs.
@@ -65,6 +67,7 @@ impl Caster {
             resident: Resident::default(),
             rooms: None,
             pace: HashMap::new(),
+            trying: None,
         }))
     }
 
@@ -92,26 +95,15 @@ impl Caster {
     /// As [`Caster::cast`].
     pub fn timed(&self, plan: &Plan<'_>, exec: &Exec) -> Result<(Radiance, Timed), Error> {
         let start = Instant::now();
-        // No work is shared out to threads while the lock is held: one of them could come back for another picture, and wait for itself.
-        let rays = (!self.lock().gpu.has("f64")).then(|| all_rays(plan));
+        // While the lock is held no work is shared out to threads: one of them could come back for another picture, and wait for itself.
         let mut state = self.lock();
         let before = state.gpu.counters();
-        let first = state.cast(plan, rays.as_deref(), exec);
-        let radiance = match first {
-            Err(Error::Core(error)) => return Err(error.into()),
-            Err(error) => {
-                tracing::warn!(%error, "the GPU failed, and is asked once more");
-                state.forget();
-                if !matches!(error, Error::NoRoom { .. }) {
-                    state.gpu = state.gpu.reopen().map_err(|_| error)?;
-                }
-                state.cast(plan, rays.as_deref(), exec)?
-            }
+        let mut radiance = match state.cast(plan, exec) {
             Ok(radiance) => radiance,
+            Err(error) => state.once_more(error, plan, exec)?,
         };
         let device_ns = state.gpu.counters().busy_ns - before.busy_ns;
         drop(state);
-        let mut radiance = radiance;
         let width = radiance.width;
         parallel::for_each_piece_mut(&mut radiance.rgba, width, &|_, row| {
             row.iter_mut().for_each(|pixel| plan.finish(pixel));
@@ -143,48 +135,87 @@ impl State {
         self.rooms = None;
     }
 
-    /// The rays' light; `rays` where the device can't make them.
-    fn cast(&mut self, plan: &Plan<'_>, rays: Option<&[RayWords]>, exec: &Exec) -> Result<Radiance, Error> {
+    /// After a failure: lets go of everything, opens the device anew where it is to blame, and casts again.
+    fn once_more(&mut self, error: Error, plan: &Plan<'_>, exec: &Exec) -> Result<Radiance, Error> {
+        self.forget();
+        match error {
+            // Of what was going on when it was cancelled nothing is looked at any more.
+            Error::Core(error) => return Err(error.into()),
+            Error::NoRoom { .. } => {}
+            _ => {
+                let late = matches!(error, Error::Late(_));
+                if let (true, Some((key, pixels))) = (late, self.trying.take()) {
+                    self.pace.insert(key, PATIENCE.as_secs_f64() / pixels as f64);
+                }
+                let anew = self.gpu.reopen().map_err(|_| error.clone())?;
+                let old = std::mem::replace(&mut self.gpu, anew);
+                if late {
+                    // Who lets go of a device waits for it, and this one doesn't answer.
+                    std::mem::forget(old);
+                }
+            }
+        }
+        tracing::warn!(%error, "the GPU failed, and is asked once more");
+        self.cast(plan, exec)
+    }
+
+    fn cast(&mut self, plan: &Plan<'_>, exec: &Exec) -> Result<Radiance, Error> {
         let [width, height] = plan.size();
-        exec.check_memory("picture", (16 * width * height) as u64)?;
+        exec.check_memory("picture", (32 * width * height) as u64)?;
         let names = defines(plan);
         let key = names.join(" ");
         self.resident.bring(plan, &self.gpu)?;
         self.prepare("render/cast.wgsl", &key, &names)?;
-        if rays.is_none() {
+        if self.gpu.has("f64") {
             self.prepare("render/rays.wgsl", "", &[])?;
         }
         let mut radiance =
             Radiance { width, height, rgba: vec![[0.0; 4]; width * height], samples: 0, skipped: 0 };
-        exec.observer().begin("render", height as u64);
-        let mut wanted = match self.pace.get(&key) {
-            Some(pace) => PART.as_secs_f64() / pace.max(1e-12),
-            None => FIRST_PIXELS as f64,
-        };
-        let (mut first, mut slowest) = (0, 0.0_f64);
-        while first < height {
-            exec.check_cancelled()?;
-            let rows = self.rows(wanted, width).min(height - first);
-            let start = Instant::now();
-            self.part(plan, &key, [first, rows], rays, &mut radiance)?;
-            slowest = slowest.max(start.elapsed().as_secs_f64() / (rows * width) as f64);
-            // After what was empty something may come that isn't.
-            wanted = (GROWTH * wanted).min(PART.as_secs_f64() / slowest.max(1e-12));
-            exec.observer().advance("render", rows as u64);
-            first += rows;
-        }
-        self.pace.insert(key, slowest);
+        exec.observer().begin("render", (width * height) as u64);
+        let cast = self.parts(plan, key, &mut radiance, exec);
         exec.observer().end("render");
-        Ok(radiance)
+        cast.map(|()| radiance)
     }
 
-    /// Rows of the next part of a picture: of as many pixels as are wanted, and no more than buffers hold.
-    fn rows(&self, wanted: f64, width: usize) -> usize {
+    /// Casts the rays of a picture part by part.
+    fn parts(&mut self, plan: &Plan<'_>, key: String, radiance: &mut Radiance, exec: &Exec) -> Result<(), Error> {
+        let mut wanted = match self.pace.get(&key) {
+            Some(pace) => WANTED.as_secs_f64() / pace.max(1e-12),
+            None => FIRST_PIXELS as f64,
+        };
+        let (mut at, mut slowest) = ([0, 0], 0.0_f64);
+        while at[1] < radiance.height {
+            exec.check_cancelled()?;
+            let part = self.next(wanted, at, [radiance.width, radiance.height]);
+            self.trying = Some((key.clone(), part.pixels()));
+            let start = Instant::now();
+            self.part(plan, &key, part, radiance, exec)?;
+            slowest = slowest.max(start.elapsed().as_secs_f64() / part.pixels() as f64);
+            // After what was empty something may come that isn't.
+            wanted = (GROWTH * wanted).min(WANTED.as_secs_f64() / slowest.max(1e-12));
+            exec.observer().advance("render", part.pixels() as u64);
+            at[0] += part.size[0];
+            if at[0] == radiance.width {
+                at = [0, at[1] + part.size[1]];
+            }
+        }
+        self.pace.insert(key, slowest);
+        Ok(())
+    }
+
+    /// The part of a picture that comes next: of whole tiles, about as many pixels as are wanted, and no more than buffers hold; whole rows, or of one
+    /// row of tiles some.
+    fn next(&self, wanted: f64, at: [usize; 2], [width, height]: [usize; 2]) -> Part {
         let limits = self.gpu.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / RAY_BYTES;
         let pixels = wanted.min(most as f64) as usize;
-        // Whole tiles; one at least, however wide.
-        (pixels / width / TILE * TILE).max(TILE)
+        let tiles = |pixels: usize| (pixels / TILE * TILE).max(TILE);
+        let size = if at[0] == 0 && pixels >= TILE * width {
+            [width, tiles(pixels / width)]
+        } else {
+            [tiles(pixels / TILE), TILE]
+        };
+        Part { first: at, size: [size[0].min(width - at[0]), size[1].min(height - at[1])] }
     }
 
     fn prepare(&mut self, file: &'static str, key: &str, names: &[&str]) -> Result<(), Error> {
@@ -215,45 +246,42 @@ impl State {
         Ok(())
     }
 
-    /// Casts the rays of some rows.
+    /// Casts the rays of a part.
     fn part(
         &mut self,
         plan: &Plan<'_>,
         key: &str,
-        [first, rows]: [usize; 2],
-        rays: Option<&[RayWords]>,
+        part: Part,
         radiance: &mut Radiance,
+        exec: &Exec,
     ) -> Result<(), Error> {
-        let width = radiance.width;
-        let pixels = width * rows;
-        let tiles = [width.div_ceil(TILE), rows.div_ceil(TILE)];
-        self.make_room(pixels, tiles[0] * tiles[1])?;
+        let (pixels, tiles) = (part.pixels(), part.tiles());
+        let told = tiles[0] * tiles[1];
+        self.make_room(pixels, told)?;
         let Some(rooms) = &self.rooms else { return Err(Error::NotWritten) };
         let gpu = &self.gpu;
-        gpu.write(&rooms.params, bytemuck::cast_slice(&params(plan, [width, rows, tiles[0]])));
-        if let Some(rays) = rays {
-            gpu.write(&rooms.rays, bytemuck::cast_slice(&rays[first * width..][..pixels]));
-        } else {
-            let (numbers, part) = camera(plan, [first, rows]);
+        let number = gpu.counters().submissions as u32;
+        gpu.write(&rooms.params, bytemuck::cast_slice(&params(plan, part, number)));
+        let makes_rays = gpu.has("f64");
+        if makes_rays {
+            let (numbers, words) = camera(plan, part);
             gpu.write(&rooms.camera, bytemuck::cast_slice(&numbers));
-            gpu.write(&rooms.part, bytemuck::cast_slice(&part));
+            gpu.write(&rooms.part, bytemuck::cast_slice(&words));
+        } else {
+            gpu.write(&rooms.rays, bytemuck::cast_slice(&rays(plan, part)));
         }
         let cast = &self.pipelines[&format!("render/cast.wgsl {key}")];
         let bound = self.resident.bind(gpu, cast, &rooms.params, &rooms.rays, &rooms.picture)?;
         let make = match self.pipelines.get("render/rays.wgsl ") {
-            Some(make) if rays.is_none() => {
+            Some(make) if makes_rays => {
                 let entries = [&rooms.camera, &rooms.part, &rooms.rays];
                 Some((make, bind(gpu, make, entries.into_iter().enumerate())?))
             }
             _ => None,
         };
-        let told = tiles[0] * tiles[1];
         let bytes = PIXEL_BYTES * (pixels + told) as u64;
         let mut written = true;
         let encode = |encoder: &mut wgpu::CommandEncoder, clock: Option<&crate::timing::Clock>| {
-            // What an earlier part left doesn't pass for this one's.
-            let tail = PIXEL_BYTES * pixels as u64;
-            encoder.clear_buffer(&rooms.picture.buffer, tail, Some(PIXEL_BYTES * told as u64));
             let mut pass = |pipeline: &wgpu::ComputePipeline,
                             group: &wgpu::BindGroup,
                             [x, y]: [usize; 2],
@@ -274,13 +302,15 @@ impl State {
             pass(cast, &bound, tiles, [make.is_none(), true]);
         };
         let result = Some((&rooms.picture.buffer, &rooms.result.buffer, bytes));
-        gpu.submit("rays", encode, result, |read| {
+        gpu.submit("rays", exec, encode, result, |read| {
             let (light, tail) = read.split_at(pixels * PIXEL_BYTES as usize);
-            let into = &mut radiance.rgba[first * width..][..pixels];
-            bytemuck::cast_slice_mut(into).copy_from_slice(light);
+            for (j, row) in light.chunks_exact(part.size[0] * PIXEL_BYTES as usize).enumerate() {
+                let first = part.first[0] + radiance.width * (part.first[1] + j);
+                bytemuck::cast_slice_mut(&mut radiance.rgba[first..][..part.size[0]]).copy_from_slice(row);
+            }
             for tile in tail.chunks_exact(PIXEL_BYTES as usize) {
                 let [taken, skipped, _, mark]: [u32; 4] = bytemuck::pod_read_unaligned(tile);
-                written &= mark == WRITTEN;
+                written &= mark == WRITTEN ^ number;
                 radiance.samples += u64::from(taken);
                 radiance.skipped += u64::from(skipped);
             }
@@ -309,7 +339,7 @@ impl State {
                 wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             )?,
             camera: gpu.room("camera", CAMERA_BYTES, storage)?,
-            part: gpu.room("part of the picture", 32, storage)?,
+            part: gpu.room("part of the picture", PICTURE_BYTES, storage)?,
             rays: gpu.room("rays", RAY_BYTES * pixels as u64, storage)?,
             picture: gpu.room("picture", picture, storage | wgpu::BufferUsages::COPY_SRC)?,
             result: gpu.room(

@@ -51,7 +51,8 @@ impl Resident {
     pub(super) fn bring(&mut self, plan: &Plan<'_>, gpu: &Gpu) -> Result<(), Error> {
         // Shaders count voxels in 32 bits.
         if plan.volume.grid().len() as u64 > u64::from(u32::MAX) {
-            return Err(Error::NoRoom { what: "the volume", bytes: plan.volume.grid().len() as u64 });
+            let bytes = plan.volume.voxels().as_bytes().len() as u64;
+            return Err(Error::NoRoom { what: "the volume", bytes });
         }
         let voxels = plan.volume.voxels();
         let data: &[u8] = match plan.voxels {

@@ -1,44 +1,73 @@
 //! What goes wrong on purpose at every event of a picture: the picture is right all the same, or there is a clear error, and nothing stays held.
 
-use ivd_core::{Classified as _, ErrorClass};
-use ivd_gpu::{Fault, Options};
-use ivd_render::{Mode, Scene};
+use ivd_core::{Classified as _, ErrorClass, Exec};
+use ivd_gpu::{Fault, Gpu, Meter, Options};
+use ivd_render::{Mode, Prepared, Radiance, RenderParams, Scene, View};
 
 use super::common::{hills, twisted};
 use super::gpu;
 use super::pictures::{params, transfer};
-use super::sides::{by_device, on};
+use super::sides::on;
 
-#[test]
-fn every_way_to_fail_at_every_event_gives_the_right_picture_or_a_clear_error() {
-    let Some(sound) = gpu(Options::default()) else { return };
+/// Two views of a scene, of several parts each, on a device; and what the device did after each.
+fn two_views(gpu: Gpu) -> ([Result<Radiance, ivd_render::Error>; 2], [u64; 2], Meter) {
     let volume = hills::<u8>();
     let moved = twisted(volume.grid());
     let soft = transfer(false);
     let scene = Scene { transfer: Some(&soft), displacement: Some(&moved), ..Scene::new(&volume) };
-    let params = params(Mode::Dvr);
-    let sound = on(sound);
-    let right = by_device(&scene, &params, &sound).0;
+    let meter = gpu.meter();
+    let exec = on(gpu);
+    let params = RenderParams { size: [150, 131], ..params(Mode::Dvr) };
+    let prepared = Prepared::new(&scene, &params, &exec).unwrap();
+    let view = |azimuth: f64| View { angles: [azimuth, 10.0], ..params.view };
+    let first = prepared.radiance(view(30.0), &exec);
+    let events = meter.counters().events;
+    let second = prepared.radiance(view(140.0), &exec);
+    ([first, second], [events, meter.counters().events], meter)
+}
+
+#[test]
+fn every_way_to_fail_at_every_event_gives_the_right_pictures() {
+    let Some(sound) = gpu(Options::default()) else { return };
+    let (right, [first, all], meter) = two_views(sound);
+    let right = right.map(Result::unwrap);
+    assert_eq!(meter.counters().held, 0, "nothing is held once the device is gone");
+    assert!(right[0].rgba != right[1].rgba && all > first + 1, "{first} events, then {all}");
     for fault in [Fault::Loss, Fault::NoRoom, Fault::Late, Fault::Garbage] {
-        // More events than a picture has; the last ones come to nothing. Two ways are told before anything happens, and are tried at a third of them.
+        // Two of them are told before anything happens, and are tried at a third of the events.
         let step = if matches!(fault, Fault::NoRoom | Fault::Late) { 3 } else { 1 };
-        for at in (0..22).step_by(step) {
+        for at in (0..all).step_by(step) {
             let once = gpu(Options { faults: vec![(at, fault)], ..Options::default() }).unwrap();
-            let made = by_device(&scene, &params, &on(once)).0;
-            assert_eq!(made, right, "{fault:?} at {at}");
+            let (made, _, meter) = two_views(once);
+            for (made, right) in made.into_iter().zip(&right) {
+                let made = made.unwrap_or_else(|error| panic!("{fault:?} at {at}: {error}"));
+                assert_eq!(made.rgba, right.rgba, "{fault:?} at {at}");
+            }
+            let told = meter.counters();
+            let opened = if matches!(fault, Fault::Loss | Fault::Late) { 2 } else { 1 };
+            assert!(told.opened >= opened && told.held == 0, "{fault:?} at {at}: {told:?}");
         }
     }
-    // Twice in a row is more than is borne.
+}
+
+#[test]
+fn a_device_that_fails_twice_is_an_error_and_one_without_room_is_none() {
+    let always = |fault| Options { faults: (0..200).map(|at| (at, fault)).collect(), ..Options::default() };
     for fault in [Fault::Loss, Fault::Late] {
-        let always = (0..100).map(|at| (at, fault)).collect();
-        let exec = on(gpu(Options { faults: always, ..Options::default() }).unwrap());
-        let error = ivd_render::radiance(&scene, &params, &exec).unwrap_err();
-        assert_eq!(error.error_class(), ErrorClass::NoGpu, "{error}");
-        assert!(error.to_string().contains("render/cast"), "{error}");
+        let Some(broken) = gpu(always(fault)) else { return };
+        let error = two_views(broken).0.map(Result::unwrap_err);
+        assert_eq!(error[0].error_class(), ErrorClass::NoGpu, "{}", error[0]);
+        assert!(error[0].to_string().contains("render/cast"), "{}", error[0]);
     }
-    // Without room the processor does it.
-    let always = (0..100).map(|at| (at, Fault::NoRoom)).collect();
-    let exec = on(gpu(Options { faults: always, ..Options::default() }).unwrap());
-    ivd_render::radiance(&scene, &params, &exec).unwrap();
-    assert_eq!(exec.take_served()["render/cast"].name(), "cpu");
+    let Some(full) = gpu(always(Fault::NoRoom)) else { return };
+    let (made, ..) = two_views(full);
+    let plain = Exec::default();
+    let volume = hills::<u8>();
+    let moved = twisted(volume.grid());
+    let soft = transfer(false);
+    let scene = Scene { transfer: Some(&soft), displacement: Some(&moved), ..Scene::new(&volume) };
+    let params = RenderParams { size: [150, 131], ..params(Mode::Dvr) };
+    let view = View { angles: [30.0, 10.0], ..params.view };
+    let right = Prepared::new(&scene, &params, &plain).unwrap().radiance(view, &plain).unwrap();
+    assert_eq!(made[0].as_ref().unwrap(), &right, "the processor's own");
 }

@@ -14,14 +14,13 @@ use super::sides::{apart, by_device, by_processor, on};
 #[test]
 fn a_device_with_little_room_a_submission_gives_the_same_bits() {
     let Some(wide) = gpu(Options::default()) else { return };
-    // Room for the volume, and for rays of a few rows.
-    let narrow = gpu(Options { max_buffer: Some(128 << 10), ..Options::default() }).unwrap();
+    // Room for the volume and the displacement, and for rays of a few rows.
+    let narrow = gpu(Options { max_buffer: Some(256 << 10), ..Options::default() }).unwrap();
     let (wide, narrow) = (on(wide), on(narrow));
     let volume = hills::<u8>();
     let moved = twisted(volume.grid());
     let soft = transfer(false);
     for displacement in [None, Some(&moved)] {
-        let displacement = displacement.filter(|d| d.inverse().stored() * 6144 < 128 << 10);
         let scene = Scene { transfer: Some(&soft), displacement, ..Scene::new(&volume) };
         for mode in [Mode::Dvr, Mode::Mip, Mode::Iso { value: 120.0 }] {
             let params = RenderParams { size: [150, 111], ..params(mode) };
@@ -135,5 +134,42 @@ impl ivd_core::DeviceForm<ivd_render::plan::Casting> for Shared {
         exec: &Exec,
     ) -> Result<ivd_core::Answer<ivd_render::Radiance>, ivd_core::Error> {
         ivd_core::DeviceForm::<ivd_render::plan::Casting>::run(&*self.0, sight, exec)
+    }
+}
+
+#[test]
+fn a_picture_wider_than_a_part_is_cut_across_too() {
+    let Some(gpu) = gpu(Options::default()) else { return };
+    let exec = on(gpu);
+    let volume = hills::<u8>();
+    let soft = transfer(false);
+    let scene = Scene { transfer: Some(&soft), ..Scene::new(&volume) };
+    // A row of tiles has more pixels than the first part of a picture.
+    let params = RenderParams { size: [5000, 19], ..params(Mode::Dvr) };
+    let apart = apart(&by_processor(&scene, &params), &by_device(&scene, &params, &exec));
+    assert!(apart.is_close(&exec), "{apart:?}");
+}
+
+#[test]
+fn pictures_asked_for_by_many_threads_at_once_wait_for_each_other_and_not_for_themselves() {
+    for without in [vec![], vec!["f64"]] {
+        let Some(gpu) = gpu(Options { without, ..Options::default() }) else { return };
+        let (done, all_done) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            let exec = on(gpu).with_threads(3);
+            let volume = hills::<u8>();
+            let soft = transfer(false);
+            let scene = Scene { transfer: Some(&soft), ..Scene::new(&volume) };
+            let prepared = Prepared::new(&scene, &params(Mode::Dvr), &exec).unwrap();
+            let pieces = vec![(); 8];
+            let view = params(Mode::Dvr).view;
+            exec.run(|| {
+                ivd_core::parallel::for_each_piece_mut(&mut pieces.clone(), 1, &|_, _| {
+                    prepared.radiance(view, &exec).unwrap();
+                });
+            });
+            done.send(()).unwrap();
+        });
+        all_done.recv_timeout(std::time::Duration::from_secs(100)).expect("nobody waits for himself");
     }
 }
