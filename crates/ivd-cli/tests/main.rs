@@ -14,6 +14,7 @@ mod hostile;
 mod killed;
 mod lattice;
 mod neck;
+mod onto;
 mod parts;
 mod pictures;
 mod program;

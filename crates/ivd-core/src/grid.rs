@@ -289,6 +289,22 @@ impl Grid {
         VoxelCoord(self.inverse_linear_part() * (world.0 - Vector3::from(self.origin)))
     }
 
+    /// The box in world space (mm) round the voxels, to their outer faces: its least and greatest coordinates.
+    pub fn extent(&self) -> [[f64; 3]; 2] {
+        self.extent_of(self.dims.map(|n| [-0.5, n as f64 - 0.5]))
+    }
+
+    /// The box in world space (mm) round a box of voxel coordinates: its least and greatest coordinates.
+    ///
+    /// - `faces`: where the box begins and ends along each voxel axis.
+    pub fn extent_of(&self, faces: [[f64; 2]; 3]) -> [[f64; 3]; 2] {
+        let corner =
+            |corner: usize| self.world(VoxelCoord(Vector3::from_fn(|a, _| faces[a][corner >> a & 1]))).0;
+        let first = corner(0);
+        let both = (1..8).map(corner).fold([first, first], |[low, high], p| [low.inf(&p), high.sup(&p)]);
+        both.map(Into::into)
+    }
+
     /// Voxels along a cell's edges: at most four, powers of two, about as long (mm) along every axis.
     ///
     /// - `edge`: along the shortest voxels; without it four, and fewer where a ball of radius `least` (mm) would have less than a dozen cells

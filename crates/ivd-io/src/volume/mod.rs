@@ -11,6 +11,7 @@ mod data;
 pub mod dicom;
 mod error;
 mod field;
+mod foreign;
 mod frames;
 mod given_field;
 mod metaimage;
