@@ -23,6 +23,7 @@ mod read;
 mod replace;
 pub mod stack;
 mod stored;
+mod suspect_order;
 mod text_header;
 mod values;
 pub mod vti;
