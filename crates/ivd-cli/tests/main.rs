@@ -1,5 +1,6 @@
 //! The program as it is called: what it prints, writes, refuses and survives.
 
+mod advice;
 mod bench;
 mod budget;
 mod cache;
