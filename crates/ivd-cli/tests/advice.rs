@@ -1,9 +1,9 @@
-//! What a person is told of things that may not be meant, with what to do: handles at the border of a scan, specks.
+//! What a person is told of things that may not be meant, with what to do: picks beside a volume, handles at its border, specks.
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
 use std::path::Path;
 
-use crate::call::{ivd, json};
+use crate::call::{ivd, json, refused};
 
 /// What a command that works says on stderr.
 fn noted(at: &Path, words: &[&str]) -> String {
@@ -11,6 +11,32 @@ fn noted(at: &Path, words: &[&str]) -> String {
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{words:?}: {told}");
     told
+}
+
+#[test]
+fn a_pick_of_a_file_without_a_space_is_told_with_the_signs_that_may_be_meant() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "40", "-o", "v.ivd"]);
+    json(at, &["export", "v.ivd", "-o", "v.tif"]);
+    // Taken for LPS: what lies at voxel (20, 33, 20) is at x = -20, y = -33 in RAS.
+    let hint = json(at, &["info", "v.tif"])["content"]["grid"]["hint"].clone();
+    assert!(hint.as_str().unwrap().contains("RAS"), "{hint}");
+    assert!(json(at, &["info", "v.ivd"])["content"]["grid"].get("hint").is_none());
+    json(at, &["lattice", "v.tif", "--iso", "128", "-o", "l.ivd"]);
+    for words in [
+        &["info", "v.tif", "--at", "20,33,20"][..],
+        &["deform", "l.ivd", "--handle", "pick=20,33,20;move=0,1,0;radius=8", "-o", "m.ivd"],
+        &["boundary", "v.tif", "--method", "surface", "--seed", "20,33,20", "-o", "m.ivd"],
+    ] {
+        let (code, told) = refused(at, words);
+        assert!(code == 2 && told.contains("did you mean x = -20, y = -33, z = 20?"), "{told}");
+        assert!(
+            told.contains("the volume spans x -39.5 to 0.5, y -39.5 to 0.5, z -0.5 to 39.5 mm"),
+            "{told}"
+        );
+    }
+    json(at, &["deform", "l.ivd", "--handle", "pick=-20,-33,20;move=0,1,0;radius=8", "-o", "m.ivd"]);
 }
 
 #[test]

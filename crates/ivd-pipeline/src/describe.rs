@@ -12,12 +12,20 @@ use crate::distribution::distribution;
 /// faces.
 fn grid_facts(grid: &Grid) -> Value {
     let middle = grid.dims().map(|n| (n as f64 - 1.0) / 2.0);
-    json!({
+    let mut told = json!({
         "dims": grid.dims(), "spacing": grid.spacing(), "origin": grid.origin(), "direction": grid.direction(), "in_patient": grid.in_patient(),
         "units": "mm", "space": "RAS", "extent_mm": told_box(grid.extent()),
         "centre_mm": <[f64; 3]>::from(grid.world(VoxelCoord(middle.into())).0),
-    })
+    });
+    if !grid.in_patient() {
+        told["hint"] = json!(NOWHERE);
+    }
+    told
 }
+
+/// What a person should know of a file that doesn't say where the patient lies.
+const NOWHERE: &str = "the file doesn't say where the patient lies, and is taken for LPS: places (picks, --at) are in RAS, so that their x and y have the other \
+    sign; extent_mm tells where they are, and --axes of import (input.axes of a scene) says how the axes run";
 
 /// The box of places, as its least and greatest coordinates; null where there are none.
 fn extent(places: impl IntoIterator<Item = Vector3<f64>>) -> Value {
