@@ -16,7 +16,7 @@ pub enum Error {
     },
     /// The seed lies outside the volume.
     #[error(
-        "seed {seed:?} mm lies outside the volume, at voxel {voxel:.1?} of a grid of {dims:?}; move it inside"
+        "seed {seed:?} mm lies outside the volume, at voxel {voxel:.1?} of a grid of {dims:?}; move it inside: {told}"
     )]
     SeedOutside {
         /// The seed (mm).
@@ -25,6 +25,8 @@ pub enum Error {
         voxel: [f64; 3],
         /// Voxels of the grid.
         dims: [usize; 3],
+        /// Where the volume is, and what may be meant.
+        told: String,
     },
     /// The seed lies in something else.
     #[error(

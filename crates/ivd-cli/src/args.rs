@@ -121,9 +121,10 @@ pub(crate) enum Command {
             conflicts_with_all = ["labels", "mask", "raw_dims", "frame", "series", "resample_slices", "axes"])]
         #[allow(clippy::option_option, reason = "not given, alone, or with a word")]
         displacement: Option<Option<Direction>>,
-        /// A volume: the displacement is put onto its grid, linear between the field's own voxels and beyond them as at their border. For fields
-        /// that are coarser than the scan.
-        #[arg(long, value_name = "VOLUME", requires = "displacement")]
+        /// A volume, onto whose grid labels, a mask or a displacement are put, by their places in mm: labels and masks from the nearest
+        /// voxel, 0 outside of the file; a displacement linear between its own voxels, beyond them as at their border. For files whose axes
+        /// are flipped, or that are coarser than the scan.
+        #[arg(long, value_name = "VOLUME")]
         like: Option<PathBuf>,
         #[command(flatten)]
         raw: Raw,
@@ -207,11 +208,12 @@ pub(crate) enum Command {
         #[arg(long, value_name = "FILE", requires = "at")]
         labels: Option<PathBuf>,
     },
-    /// Measures the error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice.
+    /// Measures the error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice. A file of
+    /// another program is taken for what the artefact beside it is: a volume, labels or a mask.
     Compare {
-        /// First artefact.
+        /// First artefact, or volume file.
         a: PathBuf,
-        /// Second artefact.
+        /// Second artefact, or volume file.
         b: PathBuf,
     },
     /// Measures run time against error for every stage with an accuracy setting: bench.json, bench.csv and a page.

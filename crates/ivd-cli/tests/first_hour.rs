@@ -62,6 +62,8 @@ fn a_report_tells_the_figures_of_json_and_what_was_asked() {
         "coronal",
         "sagittal",
         "deformed",
+        "✓ <b>Trust:</b> the deformed volume follows the lattice to within ",
+        "and it folds nowhere",
     ] {
         assert!(page.contains(words), "{words}");
     }
@@ -89,11 +91,9 @@ fn a_pick_beside_the_lattice_is_refused_before_it_is_refined_and_a_far_one_is_to
         near.status.success() && told.contains("handle.0 took vertex") && told.contains("voxel diagonals"),
         "{told}"
     );
-    assert!(
-        std::fs::read_to_string(at.join("out/report.html"))
-            .unwrap()
-            .contains("▲ attention:</b> deform: handle.0 took")
-    );
+    let page = std::fs::read_to_string(at.join("out/report.html")).unwrap();
+    assert!(page.contains("▲ <b>Look at:</b> what is said below of deform, before the result is trusted."));
+    assert!(page.contains("▲ Look at:</b> deform: handle.0 took"));
 }
 
 /// Stages of the entries of a cache, sorted.

@@ -1,5 +1,6 @@
 //! The program as it is called: what it prints, writes, refuses and survives.
 
+mod advice;
 mod bench;
 mod budget;
 mod cache;
@@ -14,6 +15,7 @@ mod hostile;
 mod killed;
 mod lattice;
 mod neck;
+mod onto;
 mod parts;
 mod pictures;
 mod program;

@@ -99,6 +99,11 @@ fn every_recipe_runs_and_gives_what_it_says() {
         assert_eq!(*id, same);
         assert!((moved / rest - 1.0).abs() < 0.05, "class {id}: {rest} → {moved}");
     }
+    // The way that a field was written comes back as it was, and the other as closely as the page says.
+    let told = json(at, &["compare", "skin-displacement.ivd", "field.ivd"]);
+    let figure = |way: &str, key: &str| told[way][key].as_f64().unwrap();
+    assert!(told["equal"] == false && figure("inverse", "max") == 0.0, "{told}");
+    assert!(figure("forward", "p95") < 0.001 && figure("forward", "max") < 0.4, "{told}");
     // Through formats and back nothing is lost.
     for format in ["nii", "nrrd", "mha", "vti"] {
         let told = json(at, &["compare", "scan.ivd", &format!("scan.{format}")]);

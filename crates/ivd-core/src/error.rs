@@ -128,14 +128,10 @@ pub enum Error {
     Grid(#[from] GridError),
     /// Two inputs that must lie on one grid don't.
     #[error(
-        "{a} ({a_dims:?}) and {b} ({b_dims:?}) lie on different grids{}; use inputs made from the same volume, or resample one onto the grid \
-         of the other{}",
+        "{a} ({a_dims:?}) and {b} ({b_dims:?}) lie on different grids{}; use inputs made from the same volume, or put one onto the grid of the \
+         other{}",
         if a_dims == b_dims { ": their spacing, origin or axes differ" } else { "" },
-        if [a, b].contains(&&"displacement") {
-            " (`ivd import FIELD --displacement --like VOLUME` does, with another program's field)"
-        } else {
-            ""
-        }
+        put_by([a, b])
     )]
     GridMismatch {
         /// First input.
@@ -208,6 +204,22 @@ impl Classified for Error {
             Self::Device { .. } => ErrorClass::NoGpu,
             Self::Grid(_) | Self::Inconsistent { .. } => ErrorClass::Input,
         }
+    }
+}
+
+/// The commands that put inputs of these names onto the grid of a volume; nothing where there is none.
+fn put_by(names: [&str; 2]) -> String {
+    let kinds = [
+        (&["labels", "--labels", "seeds"][..], "`ivd import LABELS --labels --like VOLUME`"),
+        (&["mask", "part", "other", "start", "blocked"], "`ivd import MASK --mask --like VOLUME`"),
+        (&["displacement"], "`ivd import FIELD --displacement --like VOLUME`, with another program's field,"),
+    ];
+    let commands = kinds.iter().filter(|(known, _)| names.iter().any(|name| known.contains(name)));
+    let commands: Vec<&str> = commands.map(|(_, command)| *command).collect();
+    match &commands[..] {
+        [] => String::new(),
+        [only] => format!(" ({only} does)"),
+        several => format!(" ({} do)", several.join(" and ")),
     }
 }
 

@@ -289,6 +289,41 @@ impl Grid {
         VoxelCoord(self.inverse_linear_part() * (world.0 - Vector3::from(self.origin)))
     }
 
+    /// The box in world space (mm) round the voxels, to their outer faces: its least and greatest coordinates.
+    pub fn extent(&self) -> [[f64; 3]; 2] {
+        self.extent_of(self.dims.map(|n| [-0.5, n as f64 - 0.5]))
+    }
+
+    /// The box in world space (mm) round a box of voxel coordinates: its least and greatest coordinates.
+    ///
+    /// - `faces`: where the box begins and ends along each voxel axis.
+    pub fn extent_of(&self, faces: [[f64; 2]; 3]) -> [[f64; 3]; 2] {
+        let corner =
+            |corner: usize| self.world(VoxelCoord(Vector3::from_fn(|a, _| faces[a][corner >> a & 1]))).0;
+        let first = corner(0);
+        let both = (1..8).map(corner).fold([first, first], |[low, high], p| [low.inf(&p), high.sup(&p)]);
+        both.map(Into::into)
+    }
+
+    /// What to say of a place (mm) that lies outside of the voxels: where they are, and the place with x, y or both of the other sign where that
+    /// lies inside, which is how it is written in LPS. `None` of a place inside.
+    pub fn told_outside(&self, place: [f64; 3]) -> Option<String> {
+        let inside = |place: [f64; 3]| self.nearest_voxel(self.voxel(World(place.into())).0).is_some();
+        if inside(place) {
+            return None;
+        }
+        let [low, high] = self.extent();
+        let spans: [String; 3] =
+            std::array::from_fn(|a| format!("{} {:.1} to {:.1}", ["x", "y", "z"][a], low[a], high[a]));
+        let [x, y, z] = place;
+        let mirrored = [[-x, -y, z], [-x, y, z], [x, -y, z]].into_iter().find(|place| inside(*place));
+        let meant = mirrored.map_or_else(String::new, |[x, y, z]| {
+            let taken = if self.in_patient { "" } else { ", as which this file is taken, that doesn't say where the patient lies" };
+            format!("; did you mean x = {x}, y = {y}, z = {z}? Places are in RAS: x and y have the other sign in LPS{taken}")
+        });
+        Some(format!("the volume spans {} mm{meant}", spans.join(", ")))
+    }
+
     /// Voxels along a cell's edges: at most four, powers of two, about as long (mm) along every axis.
     ///
     /// - `edge`: along the shortest voxels; without it four, and fewer where a ball of radius `least` (mm) would have less than a dozen cells
@@ -384,6 +419,23 @@ mod tests {
         assert_eq!(grid.world(VoxelCoord(Vector3::zeros())).0.x, 1e6);
         let rebuilt = Grid::from_affine([5, 6, 7], grid.linear_part(), Vector3::from(grid.origin())).unwrap();
         assert!(grid.matches(&rebuilt));
+    }
+
+    #[test]
+    fn a_place_outside_is_told_with_the_one_that_may_be_meant() {
+        // As a file without a space is taken: LPS, so that RAS has it on the other side of 0.
+        let lps = [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]];
+        let grid = Grid::new([10, 20, 30], [1.0; 3], [0.0; 3], lps).unwrap().with_patient_space(false);
+        assert_eq!(grid.extent(), [[-9.5, -19.5, -0.5], [0.5, 0.5, 29.5]]);
+        assert_eq!(grid.told_outside([-4.0, -12.0, 3.0]), None);
+        let told = grid.told_outside([4.0, 12.0, 3.0]).unwrap();
+        assert!(told.contains("x -9.5 to 0.5, y -19.5 to 0.5, z -0.5 to 29.5 mm"), "{told}");
+        assert!(told.contains("x = -4, y = -12, z = 3?") && told.contains("doesn't say"), "{told}");
+        assert!(grid.told_outside([-4.0, 12.0, 3.0]).unwrap().contains("x = -4, y = -12, z = 3?"));
+        let far = grid.told_outside([4.0, 12.0, 40.0]).unwrap();
+        assert!(!far.contains("did you mean") && far.contains("spans"), "{far}");
+        let stated = grid.with_patient_space(true).told_outside([4.0, 12.0, 3.0]).unwrap();
+        assert!(stated.contains("x = -4") && !stated.contains("doesn't say"), "{stated}");
     }
 
     #[test]

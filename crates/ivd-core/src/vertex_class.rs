@@ -7,20 +7,9 @@ use crate::{Error, Labels, Lattice, VoxelIndex};
 /// Labels must lie on the lattice's grid.
 ///
 /// # Errors
-/// [`Error::Mismatch`].
+/// [`Error::GridMismatch`].
 pub fn check(lattice: &Lattice, labels: &Labels) -> Result<(), Error> {
-    if labels.grid() == lattice.grid() {
-        return Ok(());
-    }
-    Err(Error::Mismatch {
-        what: "labels",
-        problem: format!(
-            "their grid of {:?} voxels isn't the lattice's of {:?}, or lies elsewhere",
-            labels.grid().dims(),
-            lattice.grid().dims()
-        ),
-        remedy: "give the labels of the volume that the lattice was cut from",
-    })
+    lattice.grid().require(labels.grid(), "lattice", "labels")
 }
 
 /// The label of the voxel just inside the surface at a vertex: of the voxels round it, the one that lies furthest against

@@ -4,6 +4,7 @@
 //! - [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through a [`Displacement`](ivd_core::Displacement). Only bricks
 //!   that moved are visited.
 //! - [`given::displacement`] makes a displacement of one field, such as another program's.
+//! - [`onto::labels`] and [`onto::mask`] put what was drawn on another grid onto that of a volume.
 //! - [`combine`] combines deformed things, or things at rest: union, intersection, difference. [`clip`] throws a part of one away.
 //! - [`class_volume::by_class`] tells what every class gains or loses.
 //! - [`shape`] has the changes of space within a ball that move lattices and voxels alike.
@@ -42,6 +43,7 @@ pub mod fixtures;
 pub mod given;
 pub mod inverse;
 pub mod lies;
+pub mod onto;
 pub mod param;
 pub mod sampler;
 pub mod shape;

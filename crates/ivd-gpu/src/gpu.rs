@@ -22,6 +22,8 @@ pub struct Options {
     pub without: Vec<&'static str>,
     /// Largest buffer and binding, where less than the adapter has [bytes].
     pub max_buffer: Option<u64>,
+    /// Pixels of a part of a picture, where that isn't left to how fast the device is.
+    pub part: Option<usize>,
     /// What goes wrong on purpose, for tests: at which of the counted events (allocations, submissions, maps).
     pub faults: Vec<(u64, Fault)>,
     /// Texts of shaders and what stands in their place, for tests: an error that a suite must find.
@@ -198,6 +200,11 @@ impl Gpu {
 
     pub(crate) fn limits(&self) -> &wgpu::Limits {
         &self.limits
+    }
+
+    /// See [`Options::part`].
+    pub(crate) fn part(&self) -> Option<usize> {
+        self.options.part
     }
 
     /// An event that can fail; what goes wrong at it on purpose.

@@ -2,9 +2,12 @@
 #![allow(clippy::unwrap_used, reason = "a test fails where it can't go on")]
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use ivd_core::{Exec, Volume, VoxelCoord, VoxelType, Voxels, World};
 use ivd_io::volume::{ByteOrder, RawLayout, ReadOptions, read, sources};
+
+use crate::notes::Notes;
 
 fn data() -> Option<PathBuf> {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data"));
@@ -133,4 +136,56 @@ fn sources_are_all_files_that_the_volume_is_made_of() {
     assert_eq!(names("frog_labels/frogtissue.mhd"), ["frogtissue.mhd", "frogtissue.zraw"]);
     assert_eq!(names("bonsai/bonsai.nii.gz"), ["bonsai.nii.gz"]);
     assert_eq!(names("mri_brain_dicom").len(), 22);
+}
+
+#[test]
+fn raw_voxels_of_real_scans_are_suspected_in_the_wrong_order_alone() {
+    let Some(data) = data() else { return };
+    let mut files: Vec<PathBuf> =
+        ["tooth/tooth.nhdr", "mri_brain_dicom", "ct_abdomen_ts/dicom_j2k", "engine/engine.nii.gz"]
+            .iter()
+            .chain(&["ct_abdomen_ts/example_ct.nii.gz", "ct_abdomen_ts/example_ct_sm.nii.gz"])
+            .map(|name| data.join(name))
+            .collect();
+    for kind in ["images", "labels"] {
+        let folder = std::fs::read_dir(data.join("hippocampus_msd").join(kind)).unwrap();
+        files.extend(folder.map(|file| file.unwrap().path()));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let noted = |path: &Path, layout: RawLayout| {
+        let notes = Arc::new(Notes::default());
+        let exec = Exec::default().with_observer(notes.clone());
+        read(path, &ReadOptions { raw: Some(layout), ..ReadOptions::default() }, &exec).unwrap();
+        notes.0.lock().unwrap().iter().any(|note| note.contains("--raw-order"))
+    };
+    let mut compared = 0;
+    for file in files {
+        let volume = load(&file);
+        let (dims, voxel_type) = (volume.grid().dims(), volume.voxel_type());
+        let path = folder.path().join("a.raw");
+        for own in [ByteOrder::Little, ByteOrder::Big] {
+            let mut bytes = volume.voxels().as_bytes().to_vec();
+            if own != ByteOrder::NATIVE {
+                bytes.chunks_exact_mut(voxel_type.bytes()).for_each(<[u8]>::reverse);
+            }
+            std::fs::write(&path, bytes).unwrap();
+            for order in [ByteOrder::Little, ByteOrder::Big] {
+                let layout = RawLayout { dims, voxel_type, spacing: [1.0; 3], order, skip: 0 };
+                let wrong = order != own && voxel_type.bytes() > 1;
+                assert_eq!(noted(&path, layout), wrong, "{}: {own:?} as {order:?}", file.display());
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared >= 100, "{compared}");
+    // Slices of a folder.
+    let slices = |order| RawLayout {
+        dims: [256, 256, 0],
+        voxel_type: VoxelType::U16,
+        spacing: [1.0; 3],
+        order,
+        skip: 0,
+    };
+    let head = data.join("ct_head_unc");
+    assert!(noted(&head, slices(ByteOrder::Little)) && !noted(&head, slices(ByteOrder::Big)));
 }

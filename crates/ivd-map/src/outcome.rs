@@ -87,6 +87,10 @@ pub struct MapFigures {
     /// Smallest proven lower bound of det ∇φ, at most 1.
     #[schemars(extend("x-unit" = "1"))]
     pub min_det_j: f64,
+    /// Middle of the cell of that bound at rest, RAS; null where nothing moves.
+    #[serde(default)]
+    #[schemars(extend("x-unit" = "mm"))]
+    pub min_det_j_at_mm: Option<[f64; 3]>,
     /// Cells that fold: 0, or there would be no map.
     #[schemars(extend("x-unit" = "1"))]
     pub folds: u64,
@@ -155,8 +159,11 @@ impl MapFigures {
             ));
         }
         if self.min_det_j < SQUEEZED {
+            let at = self.min_det_j_at_mm.map(|at| at.map(|c| format!("{c:.1}")).join(", "));
+            let at = at.map_or_else(|| "somewhere".to_owned(), |at| format!("at {at} mm (at rest)"));
             told.push(format!(
-                "somewhere space is squeezed, perhaps to {:.1} % of its volume: it folds nowhere, but what lay there can hardly be seen; a smaller move squeezes less, and so does another map.method (biharmonic, body)",
+                "{at} space is squeezed, perhaps to {:.1} % of its volume: it folds nowhere, but what lay there can hardly be seen; a smaller move \
+                 squeezes less, and so does another map.method (biharmonic, body)",
                 100.0 * self.min_det_j
             ));
         }
@@ -210,6 +217,9 @@ impl MapResult {
     ) -> Self {
         let (voxels_moved, motion_mm_histogram) = lengths(displacement.forward());
         let (largest_mm, largest_at_mm) = largest(&displacement);
+        let middle = |cell: [i64; 3]| VoxelCoord(Vector3::from(cell.map(|c| c as f64 + 0.5)));
+        let min_det_j_at_mm =
+            certificate.worst.map(|worst| displacement.grid().world(middle(worst.cell)).0.into());
         let figures = MapFigures {
             share: 1.0,
             largest_mm,
@@ -218,6 +228,7 @@ impl MapResult {
             bricks_touched: displacement.forward().stored() as u64,
             bricks_total: displacement.forward().table().len() as u64,
             min_det_j: certificate.min_det,
+            min_det_j_at_mm,
             folds: certificate.folded.len() as u64,
             relaxations,
             halvings,

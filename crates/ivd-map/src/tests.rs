@@ -177,6 +177,24 @@ fn translation_with_weight_one_moves_every_inside_voxel_exactly() {
 }
 
 #[test]
+fn what_is_squeezed_is_told_with_the_cell_that_the_certificate_finds_worst() {
+    let pressed = dented(0.7, -3.0);
+    let mapped = pressed.mapped(&OctreeParams::default());
+    let (grid, field) = (mapped.displacement.grid(), mapped.displacement.forward());
+    let proof = ivd_field::certificate::certify(field, grid, 0.05, |_| true, &Exec::default()).unwrap();
+    let worst = proof.worst.unwrap();
+    let at = mapped.figures.min_det_j_at_mm.unwrap();
+    assert_eq!(at, worst.cell.map(|c| 0.7 * (c as f64 + 0.5)));
+    assert!(worst.lower < 1.0, "pressed in, something gives way");
+    let figures = MapFigures { min_det_j: 0.05, ..mapped.figures };
+    let told = figures.remark().unwrap();
+    let place = at.map(|c| format!("{c:.1}")).join(", ");
+    assert!(told.contains(&format!("at {place} mm (at rest) space is squeezed, perhaps to 5.0 %")), "{told}");
+    let older = MapFigures { min_det_j_at_mm: None, ..figures };
+    assert!(older.remark().unwrap().contains("somewhere space is squeezed"));
+}
+
+#[test]
 fn handle_with_eight_times_the_radius_passes_inwards_and_outwards_in_every_weight() {
     for push in [-3.0, 3.0] {
         for weight in [DepthWeight::Smooth, DepthWeight::Linear, DepthWeight::Exponential, DepthWeight::One] {

@@ -11,30 +11,30 @@ use crate::distribution::distribution;
 /// Where a grid lies: places are in mm, RAS (x to the right, y to the front, z to the head), and its extent is that of the voxels' outer
 /// faces.
 fn grid_facts(grid: &Grid) -> Value {
-    let faces = grid.dims().map(|n| [-0.5, n as f64 - 0.5]);
     let middle = grid.dims().map(|n| (n as f64 - 1.0) / 2.0);
-    json!({
+    let mut told = json!({
         "dims": grid.dims(), "spacing": grid.spacing(), "origin": grid.origin(), "direction": grid.direction(), "in_patient": grid.in_patient(),
-        "units": "mm", "space": "RAS", "extent_mm": extent_of_box(grid, faces),
+        "units": "mm", "space": "RAS", "extent_mm": told_box(grid.extent()),
         "centre_mm": <[f64; 3]>::from(grid.world(VoxelCoord(middle.into())).0),
-    })
+    });
+    if !grid.in_patient() {
+        told["hint"] = json!(NOWHERE);
+    }
+    told
 }
+
+/// What a person should know of a file that doesn't say where the patient lies.
+const NOWHERE: &str = "the file doesn't say where the patient lies, and is taken for LPS: places (picks, --at) are in RAS, so that their x and y have the other \
+    sign; extent_mm tells where they are, and --axes of import (input.axes of a scene) says how the axes run";
 
 /// The box of places, as its least and greatest coordinates; null where there are none.
 fn extent(places: impl IntoIterator<Item = Vector3<f64>>) -> Value {
     let both = places.into_iter().map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.inf(&p), high.sup(&p)));
-    both.map_or(
-        Value::Null,
-        |(low, high)| json!({ "low": <[f64; 3]>::from(low), "high": <[f64; 3]>::from(high) }),
-    )
+    both.map_or(Value::Null, |(low, high)| told_box([low.into(), high.into()]))
 }
 
-/// The box (mm) round a box of voxel coordinates, given by its faces.
-fn extent_of_box(grid: &Grid, faces: [[f64; 2]; 3]) -> Value {
-    extent((0..8_usize).map(|corner| {
-        let place = Vector3::from_fn(|a, _| faces[a][corner >> a & 1]);
-        grid.world(VoxelCoord(place)).0
-    }))
+fn told_box([low, high]: [[f64; 3]; 2]) -> Value {
+    json!({ "low": low, "high": high })
 }
 
 /// Where the voxels of a class lie.
@@ -95,7 +95,7 @@ fn told_of(class: &ivd_core::Class, at: Whereabouts, grid: &Grid) -> Value {
         let faces: [[f64; 2]; 3] = std::array::from_fn(|a| [at.low[a] as f64 - 0.5, at.high[a] as f64 + 0.5]);
         told.insert("ml".to_owned(), json!(at.voxels as f64 * grid.voxel_volume() / 1000.0));
         told.insert("centre_mm".to_owned(), json!(<[f64; 3]>::from(grid.world(VoxelCoord(middle.into())).0)));
-        told.insert("extent_mm".to_owned(), extent_of_box(grid, faces));
+        told.insert("extent_mm".to_owned(), told_box(grid.extent_of(faces)));
     }
     told
 }

@@ -64,7 +64,8 @@ pub(crate) fn seed_voxel(volume: &Volume, seed: [f64; 3]) -> Result<[usize; 3], 
     if (0..3).all(|a| nearest[a] >= 0.0 && nearest[a] < dims[a] as f64) {
         return Ok(std::array::from_fn(|a| nearest[a] as usize));
     }
-    Err(Error::SeedOutside { seed, voxel: at.into(), dims })
+    let told = grid.told_outside(seed).unwrap_or_default();
+    Err(Error::SeedOutside { seed, voxel: at.into(), dims, told })
 }
 
 fn linear(volume: &Volume, voxel: [usize; 3]) -> usize {

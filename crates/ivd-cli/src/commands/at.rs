@@ -85,10 +85,11 @@ fn voxel(grid: &Grid, place: [f64; 3], file: &Path) -> anyhow::Result<([f64; 3],
     let VoxelCoord(exact) = grid.voxel(World(place.into()));
     let Some(index) = grid.nearest_voxel(exact) else {
         let problem = format!(
-            "--at {place:?} mm lies at voxel {:.1?}, beyond the {:?} of {}; `ivd info` tells its extent",
+            "--at {place:?} mm lies at voxel {:.1?}, beyond the {:?} of {}; {}",
             <[f64; 3]>::from(exact),
             grid.dims(),
-            file.display()
+            file.display(),
+            grid.told_outside(place).unwrap_or_default()
         );
         return Err(Failure::usage(problem));
     };

@@ -3,17 +3,17 @@
 use std::path::Path;
 
 use ivd_artefact::Cache;
-use ivd_core::Artefact;
+use ivd_core::{Artefact, Displacement, Grid, Kind, Labels, Mask, Value as _, Volume};
+use ivd_pipeline::Input;
 use serde_json::json;
 
 use crate::context::Context;
-use crate::files::volume_or_artefact;
+use crate::exit::Failure;
+use crate::files::{file_for, volume_or_artefact};
 
-/// Tells the error between two artefacts (or volume files) of one kind.
+/// Tells the error between two artefacts of one kind. A file of another program is taken for what the artefact beside it is.
 pub(super) fn run(a: &Path, b: &Path, context: &Context) -> anyhow::Result<()> {
-    let off = Cache::disabled();
-    let first = volume_or_artefact(a, &off, context)?;
-    let second = volume_or_artefact(b, &off, context)?;
+    let [first, second] = [beside(a, b, context)?, beside(b, a, context)?];
     let mut error = ivd_pipeline::compare(&first.artefact, &second.artefact, &context.exec)?;
     if let Some(unproven) = error["unproven"].as_u64().filter(|n| *n > 0) {
         context.say(&format!(
@@ -36,20 +36,63 @@ pub(super) fn run(a: &Path, b: &Path, context: &Context) -> anyhow::Result<()> {
     context.print(&error, || format!("{error:#}"))
 }
 
-/// What two volumes differ in beside their values.
+/// A file's value, to be compared with another's.
+fn beside(file: &Path, other: &Path, context: &Context) -> anyhow::Result<Input> {
+    let off = Cache::disabled();
+    if ivd_artefact::is_artefact(file) || !ivd_artefact::is_artefact(other) {
+        return volume_or_artefact(file, &off, context);
+    }
+    let (kind, name) = (ivd_artefact::peek(other)?.kind, file.display());
+    let remedy = match kind {
+        Kind::Volume | Kind::Labels | Kind::Mask => return file_for(file, &[kind], &off, context),
+        Kind::Lattice => format!("`ivd lattice VOLUME --mesh {name} -o FILE` makes a lattice of a mesh"),
+        Kind::Displacement => format!("`ivd import {name} --displacement -o FILE` makes one of a field"),
+        Kind::Transfer => format!("`ivd import {name} -o FILE` makes one of a .json file"),
+        Kind::Octree | Kind::Motion | Kind::Image | Kind::Tree => "give another one".to_owned(),
+    };
+    Err(Failure::usage(format!(
+        "compare: {} is a {kind} artefact, and {name} is none; {remedy}",
+        other.display()
+    )))
+}
+
+/// What two values differ in beside what is measured of them.
 fn differing(a: &Artefact, b: &Artefact) -> Vec<&'static str> {
-    let (Artefact::Volume(a), Artefact::Volume(b)) = (a, b) else { return Vec::new() };
-    let (here, there) = (a.grid(), b.grid());
-    [
-        ("stored type", a.voxel_type() != b.voxel_type()),
-        ("scale", (a.slope(), a.intercept()) != (b.slope(), b.intercept())),
-        ("modality", a.modality() != b.modality()),
-        ("spacing", here.spacing() != there.spacing()),
-        ("origin", here.origin() != there.origin()),
-        ("axes", here.direction() != there.direction()),
-        ("word of where the patient lies", here.in_patient() != there.in_patient()),
-    ]
-    .into_iter()
-    .filter_map(|(what, differs)| differs.then_some(what))
-    .collect()
+    let differences = match (a, b) {
+        (Artefact::Volume(a), Artefact::Volume(b)) => vec![
+            ("stored type", a.voxel_type() != b.voxel_type()),
+            ("scale", (a.slope(), a.intercept()) != (b.slope(), b.intercept())),
+            ("modality", a.modality() != b.modality()),
+        ],
+        (Artefact::Labels(a), Artefact::Labels(b)) => {
+            vec![("what is told of classes", a.classes() != b.classes())]
+        }
+        (Artefact::Mask(a), Artefact::Mask(b)) => vec![("level function", a.level() != b.level())],
+        (Artefact::Displacement(a), Artefact::Displacement(b)) => vec![
+            ("proven det J", a.min_det_j() != b.min_det_j()),
+            ("residual of the inverse", a.inverse_residual_max() != b.inverse_residual_max()),
+            ("time", a.time() != b.time()),
+        ],
+        _ => Vec::new(),
+    };
+    let places = grid_of(a).zip(grid_of(b)).map(|(here, there)| {
+        [
+            ("spacing", here.spacing() != there.spacing()),
+            ("origin", here.origin() != there.origin()),
+            ("axes", here.direction() != there.direction()),
+            ("word of where the patient lies", here.in_patient() != there.in_patient()),
+        ]
+    });
+    let all = differences.into_iter().chain(places.into_iter().flatten());
+    all.filter_map(|(what, differs)| differs.then_some(what)).collect()
+}
+
+fn grid_of(artefact: &Artefact) -> Option<&Grid> {
+    let grids = [
+        Volume::of(artefact).map(Volume::grid),
+        Labels::of(artefact).map(Labels::grid),
+        Mask::of(artefact).map(Mask::grid),
+        Displacement::of(artefact).map(Displacement::grid),
+    ];
+    grids.into_iter().flatten().next()
 }

@@ -175,7 +175,7 @@ fn lines(indent: &str, value: &Value) -> Vec<String> {
     for (key, value) in map {
         match value {
             Value::Object(inner) if key == "histogram" => {
-                lines.push(format!("{indent}{key}:"));
+                lines.push(format!("{indent}{key} (bars as long as the square root of their share):"));
                 lines.extend(bars(inner).into_iter().map(|bar| format!("{indent}  {bar}")));
             }
             Value::Object(inner) if !inner.is_empty() => {

@@ -34,12 +34,12 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         Command::Pipeline(args) => pipeline::run(&args, context),
         Command::Import { source, labels, mask, displacement, like, raw, output } => {
             let taken = match (labels, mask, displacement) {
-                (_, _, Some(direction)) => volume::Taken::Displacement { direction, like: like.as_deref() },
+                (_, _, Some(direction)) => volume::Taken::Displacement(direction),
                 (true, _, None) => volume::Taken::Labels,
                 (false, true, None) => volume::Taken::Mask,
                 (false, false, None) => volume::Taken::Volume,
             };
-            volume::import(&source, taken, &raw, &output.path, context)
+            volume::import(&source, taken, like.as_deref(), &raw, &output.path, context)
         }
         Command::Phantom { name, size, truth, noise, voxel_type, seed, contrast, output } => {
             let params = volume::phantom_params(&name, size, noise, &voxel_type, seed, &contrast)?;

@@ -2,68 +2,157 @@
 
 use std::path::Path;
 
-use ivd_artefact::{Artefact, Kind};
+use ivd_artefact::{Artefact, Cache, Kind};
+use ivd_core::op::{Fill as _, Voxelwise};
 use ivd_core::{Classified, VoxelType};
 use ivd_io::volume::{ByteOrder, FieldDirection, RawLayout, ReadOptions};
-use ivd_pipeline::stages::{Import, ImportField, ImportLabels, ImportMask, ImportSource, ImportTransfer};
-use ivd_pipeline::{Inputs, Stage, ending, export as write_as};
+use ivd_pipeline::stages::{
+    Import, ImportField, ImportLabels, ImportMask, ImportSource, ImportTransfer, PutOnto,
+};
+use ivd_pipeline::{Input, Inputs, Stage, ending, export as write_as};
 
 use crate::args::{Direction, Raw};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::files::{file_for, finish, write_artefact};
 
-/// What a volume's values are taken for.
-#[derive(Clone, Copy)]
-pub(super) enum Taken<'a> {
+/// What a file's values are taken for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Taken {
     /// What they are.
     Volume,
     /// Labels.
     Labels,
     /// Inside where they aren't 0.
     Mask,
-    /// Vectors of a displacement field.
-    Displacement {
-        /// Which way it leads, where that is said.
-        direction: Option<Direction>,
-        /// A volume onto whose grid it is put.
-        like: Option<&'a Path>,
-    },
+    /// Vectors of a displacement field, and which way it leads where that is said.
+    Displacement(Option<Direction>),
 }
 
-/// `ivd import`.
+/// `ivd import`; `like`: a volume onto whose grid it is put.
 pub(super) fn import(
     source: &Path,
-    taken: Taken<'_>,
+    taken: Taken,
+    like: Option<&Path>,
     raw: &Raw,
     output: &Path,
     context: &Context,
 ) -> anyhow::Result<()> {
-    if ending(source) == "json" {
+    let cache = context.stage_cache()?;
+    let of_artefact = ivd_artefact::is_artefact(source);
+    if !of_artefact && ending(source) == "json" {
         let stage = ImportTransfer { path: source.to_owned() };
-        let done = context.run(&context.stage_cache()?, &stage, &Inputs::default())?;
+        let done = context.run(&cache, &stage, &Inputs::default())?;
         return finish(&stage, done, output, context);
     }
-    if let Taken::Displacement { direction, like } = taken {
-        let direction = direction.map(FieldDirection::from);
-        let stage = ImportField { path: source.to_owned(), direction };
-        let cache = context.stage_cache()?;
+    if let Taken::Displacement(direction) = taken
+        && !of_artefact
+    {
+        let stage = ImportField { path: source.to_owned(), direction: direction.map(FieldDirection::from) };
         let onto = like.map(|file| file_for(file, &[Kind::Volume], &cache, context)).transpose()?;
         let inputs = onto.into_iter().fold(Inputs::default(), |inputs, volume| inputs.with("volume", volume));
         let done = context.run(&cache, &stage, &inputs)?;
         return finish(&stage, done, output, context);
     }
-    let stage = Import { source: ImportSource::File { path: source.to_owned(), options: options(raw)? } };
-    let cache = context.stage_cache()?;
+    let options = options(raw)?;
+    if of_artefact {
+        return again(source, taken, like, options == ReadOptions::default(), output, &cache, context);
+    }
+    if like.is_some() && taken == Taken::Volume {
+        return Err(what_is_put(source));
+    }
+    let stage = Import { source: ImportSource::File { path: source.to_owned(), options } };
     let done = context.run(&cache, &stage, &Inputs::default())?;
-    let taken: &dyn Stage = match taken {
-        Taken::Volume | Taken::Displacement { .. } => return finish(&stage, done, output, context),
-        Taken::Labels => &ImportLabels,
-        Taken::Mask => &ImportMask,
-    };
-    let inputs = Inputs::default().with("volume", done.input());
-    let done = context.run(&cache, taken, &inputs)?;
-    finish(taken, done, output, context)
+    match drawn(taken) {
+        None => finish(&stage, done, output, context),
+        Some(stage) => take(stage, done.input(), like, output, &cache, context),
+    }
+}
+
+/// The error about a volume that is to be put onto another's grid.
+fn what_is_put(source: &Path) -> anyhow::Error {
+    Failure::usage(format!(
+        "--like puts labels, a mask or a displacement onto a volume's grid; say what {} holds: --labels, --mask or --displacement",
+        source.display()
+    ))
+}
+
+/// What takes a volume for labels or for a mask.
+fn drawn(taken: Taken) -> Option<&'static dyn Stage> {
+    match taken {
+        Taken::Labels => Some(&ImportLabels),
+        Taken::Mask => Some(&ImportMask),
+        Taken::Volume | Taken::Displacement(_) => None,
+    }
+}
+
+/// Takes a volume for labels or for a mask, and puts that onto another's grid where one is given.
+fn take(
+    stage: &dyn Stage,
+    volume: Input,
+    like: Option<&Path>,
+    output: &Path,
+    cache: &Cache,
+    context: &Context,
+) -> anyhow::Result<()> {
+    let done = context.run(cache, stage, &Inputs::default().with("volume", volume))?;
+    match like {
+        None => finish(stage, done, output, context),
+        Some(like) => put(done.input(), like, output, cache, context),
+    }
+}
+
+/// Puts labels or a mask onto the grid of a file.
+fn put(drawn: Input, like: &Path, output: &Path, cache: &Cache, context: &Context) -> anyhow::Result<()> {
+    let like = file_for(like, Voxelwise::KINDS, cache, context)?;
+    let done = context.run(cache, &PutOnto, &Inputs::default().with("drawn", drawn).with("like", like))?;
+    finish(&PutOnto, done, output, context)
+}
+
+/// An import of what is an artefact already: a volume's numbers can be taken for labels or a mask, and these be put onto another grid.
+fn again(
+    file: &Path,
+    taken: Taken,
+    like: Option<&Path>,
+    is_plain: bool,
+    output: &Path,
+    cache: &Cache,
+    context: &Context,
+) -> anyhow::Result<()> {
+    let name = file.display();
+    if !is_plain {
+        let problem = format!(
+            "{name}: an artefact says itself how it is laid out; leave out what says it of other files (--raw-…, --axes, --frame, --series)"
+        );
+        return Err(Failure::usage(problem));
+    }
+    let input = context.stage_input(file)?;
+    let kind = input.artefact.kind();
+    if let Some(stage) = drawn(taken).filter(|_| kind == Kind::Volume) {
+        return take(stage, input, like, output, cache, context);
+    }
+    match (kind, taken, like) {
+        (Kind::Volume, Taken::Volume, Some(_)) => Err(what_is_put(file)),
+        (Kind::Labels, Taken::Volume | Taken::Labels, Some(like))
+        | (Kind::Mask, Taken::Volume | Taken::Mask, Some(like)) => put(input, like, output, cache, context),
+        _ => Err(Failure::usage(format!(
+            "{name}: it is an artefact already, which holds {}; every command takes it as it is, and `ivd export {name} -o FILE` writes it \
+             for other programs",
+            held(kind)
+        ))),
+    }
+}
+
+/// A kind in a sentence.
+fn held(kind: Kind) -> String {
+    match kind {
+        Kind::Labels => "labels".to_owned(),
+        Kind::Octree | Kind::Image => format!("an {}", kind.name()),
+        Kind::Transfer => "a transfer function".to_owned(),
+        Kind::Volume | Kind::Mask | Kind::Lattice | Kind::Motion | Kind::Displacement | Kind::Tree => {
+            format!("a {}", kind.name())
+        }
+    }
 }
 
 impl From<Direction> for FieldDirection {

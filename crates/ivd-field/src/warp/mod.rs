@@ -73,15 +73,7 @@ pub fn volume(
 }
 
 pub(crate) fn check_grid(grid: &Grid, displacement: &Displacement, what: &'static str) -> Result<(), Error> {
-    if grid.matches(displacement.grid()) || grid.dims() != displacement.grid().dims() {
-        return grid.require(displacement.grid(), what, "displacement");
-    }
-    Err(Error::Mismatch {
-        what,
-        problem: "its voxels lie elsewhere than the displacement's (spacing, origin or direction differ)"
-            .into(),
-        remedy: "warp what the lattice was cut from, or something on the same grid",
-    })
+    grid.require(displacement.grid(), what, "displacement")
 }
 
 /// Background as a stored value. The smallest value costs a pass over the volume, so it is looked up only where some

@@ -28,6 +28,8 @@ const PIXEL_BYTES: u64 = 16;
 const WRITTEN: u32 = 0x01bd_5eed;
 /// What a submission should take: a device that draws a desktop too doesn't stutter.
 const WANTED: Duration = Duration::from_millis(8);
+/// The same where nothing else waits for the device.
+const SOFTWARE: Duration = Duration::from_millis(200);
 /// Pixels of the first part of a picture whose speed isn't known; each of the next may have so many times as many.
 const FIRST_PIXELS: usize = 1 << 14;
 const GROWTH: f64 = 4.0;
@@ -179,9 +181,12 @@ impl State {
 
     /// Casts the rays of a picture part by part.
     fn parts(&mut self, plan: &Plan<'_>, key: String, radiance: &mut Radiance, exec: &Exec) -> Result<(), Error> {
-        let mut wanted = match self.pace.get(&key) {
-            Some(pace) => WANTED.as_secs_f64() / pace.max(1e-12),
-            None => FIRST_PIXELS as f64,
+        let fixed = self.gpu.part().map(|pixels| pixels as f64);
+        let time = if self.gpu.adapter().is_software() { SOFTWARE } else { WANTED }.as_secs_f64();
+        let mut wanted = match (fixed, self.pace.get(&key)) {
+            (Some(pixels), _) => pixels,
+            (None, Some(pace)) => time / pace.max(1e-12),
+            (None, None) => FIRST_PIXELS as f64,
         };
         let (mut at, mut slowest) = ([0, 0], 0.0_f64);
         while at[1] < radiance.height {
@@ -192,7 +197,7 @@ impl State {
             self.part(plan, &key, part, radiance, exec)?;
             slowest = slowest.max(start.elapsed().as_secs_f64() / part.pixels() as f64);
             // After what was empty something may come that isn't.
-            wanted = (GROWTH * wanted).min(WANTED.as_secs_f64() / slowest.max(1e-12));
+            wanted = fixed.unwrap_or_else(|| (GROWTH * wanted).min(time / slowest.max(1e-12)));
             exec.observer().advance("render", part.pixels() as u64);
             at[0] += part.size[0];
             if at[0] == radiance.width {

@@ -9,6 +9,11 @@ use super::gpu;
 use super::pictures::{params, transfer};
 use super::sides::on;
 
+/// A device that makes two parts of a picture, whatever its speed.
+fn of_parts(faults: Vec<(u64, Fault)>) -> Options {
+    Options { faults, part: Some(64 * 150), ..Options::default() }
+}
+
 /// Two views of a scene, of several parts each, on a device; and what the device did after each.
 fn two_views(gpu: Gpu) -> ([Result<Radiance, ivd_render::Error>; 2], [u64; 2], Meter) {
     let volume = hills::<u8>();
@@ -17,7 +22,7 @@ fn two_views(gpu: Gpu) -> ([Result<Radiance, ivd_render::Error>; 2], [u64; 2], M
     let scene = Scene { transfer: Some(&soft), displacement: Some(&moved), ..Scene::new(&volume) };
     let meter = gpu.meter();
     let exec = on(gpu);
-    let params = RenderParams { size: [150, 131], ..params(Mode::Dvr) };
+    let params = RenderParams { size: [150, 100], ..params(Mode::Dvr) };
     let prepared = Prepared::new(&scene, &params, &exec).unwrap();
     let view = |azimuth: f64| View { angles: [azimuth, 10.0], ..params.view };
     let first = prepared.radiance(view(30.0), &exec);
@@ -28,7 +33,7 @@ fn two_views(gpu: Gpu) -> ([Result<Radiance, ivd_render::Error>; 2], [u64; 2], M
 
 #[test]
 fn every_way_to_fail_at_every_event_gives_the_right_pictures() {
-    let Some(sound) = gpu(Options::default()) else { return };
+    let Some(sound) = gpu(of_parts(Vec::new())) else { return };
     let (right, [first, all], meter) = two_views(sound);
     let right = right.map(Result::unwrap);
     assert_eq!(meter.counters().held, 0, "nothing is held once the device is gone");
@@ -37,7 +42,7 @@ fn every_way_to_fail_at_every_event_gives_the_right_pictures() {
         // Two of them are told before anything happens, and are tried at a third of the events.
         let step = if matches!(fault, Fault::NoRoom | Fault::Late) { 3 } else { 1 };
         for at in (0..all).step_by(step) {
-            let once = gpu(Options { faults: vec![(at, fault)], ..Options::default() }).unwrap();
+            let once = gpu(of_parts(vec![(at, fault)])).unwrap();
             let (made, _, meter) = two_views(once);
             for (made, right) in made.into_iter().zip(&right) {
                 let made = made.unwrap_or_else(|error| panic!("{fault:?} at {at}: {error}"));
@@ -52,7 +57,7 @@ fn every_way_to_fail_at_every_event_gives_the_right_pictures() {
 
 #[test]
 fn a_device_that_fails_twice_is_an_error_and_one_without_room_is_none() {
-    let always = |fault| Options { faults: (0..200).map(|at| (at, fault)).collect(), ..Options::default() };
+    let always = |fault| of_parts((0..200).map(|at| (at, fault)).collect());
     for fault in [Fault::Loss, Fault::Late] {
         let Some(broken) = gpu(always(fault)) else { return };
         let error = two_views(broken).0.map(Result::unwrap_err);
@@ -66,7 +71,7 @@ fn a_device_that_fails_twice_is_an_error_and_one_without_room_is_none() {
     let moved = twisted(volume.grid());
     let soft = transfer(false);
     let scene = Scene { transfer: Some(&soft), displacement: Some(&moved), ..Scene::new(&volume) };
-    let params = RenderParams { size: [150, 131], ..params(Mode::Dvr) };
+    let params = RenderParams { size: [150, 100], ..params(Mode::Dvr) };
     let view = View { angles: [30.0, 10.0], ..params.view };
     let right = Prepared::new(&scene, &params, &plain).unwrap().radiance(view, &plain).unwrap();
     assert_eq!(made[0].as_ref().unwrap(), &right, "the processor's own");

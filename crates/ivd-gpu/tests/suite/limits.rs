@@ -76,7 +76,7 @@ fn each_optional_feature_can_be_missing() {
 
 #[test]
 fn a_volume_is_brought_once_for_all_views_and_a_second_picture_brings_next_to_nothing() {
-    let Some(gpu) = gpu(Options::default()) else { return };
+    let Some(gpu) = gpu(Options { part: Some(1 << 20), ..Options::default() }) else { return };
     let caster = Arc::new(Caster::new(gpu));
     let device = ivd_core::Device::new("shared").with::<ivd_render::plan::Casting>(Shared(caster.clone()));
     let exec = Exec::default().with_device(Arc::new(device));
@@ -92,6 +92,7 @@ fn a_volume_is_brought_once_for_all_views_and_a_second_picture_brings_next_to_no
     };
     let prepared = Prepared::new(&scene, &params(Mode::Dvr), &exec).unwrap();
     let mut before = caster.counters();
+    // A turntable, of as small pictures as will do.
     for i in 0..36 {
         let view = View { angles: [10.0 * f64::from(i), 17.0], ..params(Mode::Dvr).view };
         prepared.radiance(view, &exec).unwrap();
@@ -139,7 +140,7 @@ impl ivd_core::DeviceForm<ivd_render::plan::Casting> for Shared {
 
 #[test]
 fn a_picture_wider_than_a_part_is_cut_across_too() {
-    let Some(gpu) = gpu(Options::default()) else { return };
+    let Some(gpu) = gpu(Options { part: Some(1 << 14), ..Options::default() }) else { return };
     let exec = on(gpu);
     let volume = hills::<u8>();
     let soft = transfer(false);

@@ -7,7 +7,7 @@ use crate::volume::data::{DataFile, Encoding, Frames, Start};
 use crate::volume::replace::replace;
 use crate::volume::stored::FileType;
 use crate::volume::values::Values;
-use crate::volume::{ByteOrder, Error, Written, bounded, orientation};
+use crate::volume::{ByteOrder, Error, Written, bounded, orientation, suspect_order};
 
 /// How a file without a header is laid out; x fastest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -32,7 +32,7 @@ fn unit_spacing() -> [f64; 3] {
     [1.0; 3]
 }
 
-/// Reads a file without a header.
+/// Reads a file without a header; a note tells where it is most likely of the other byte order.
 pub(crate) fn read(path: &Path, layout: &RawLayout, exec: &Exec) -> Result<Volume, Error> {
     let count = bounded::voxel_count(path, "dims", layout.dims)?;
     let grid = orientation::plain_grid(path, layout.dims, layout.spacing)?;
@@ -46,7 +46,9 @@ pub(crate) fn read(path: &Path, layout: &RawLayout, exec: &Exec) -> Result<Volum
         count,
         frames: Frames { field: "dims", count: 1, chosen: None },
     };
-    Ok(Volume::new(grid, data.read(exec)?)?)
+    let voxels = data.read(exec)?;
+    suspect_order::note(path, layout, layout.dims[0], &voxels, exec);
+    Ok(Volume::new(grid, voxels)?)
 }
 
 /// Writes the voxels alone, least significant byte first.

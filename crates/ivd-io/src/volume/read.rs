@@ -3,7 +3,9 @@ use std::path::{Path, PathBuf};
 use ivd_core::{Exec, Volume};
 use serde::{Deserialize, Serialize};
 
-use crate::volume::{Error, RawLayout, VoxelAxes, bounded, dicom, metaimage, nifti, nrrd, raw, stack, vti};
+use crate::volume::{
+    Error, RawLayout, VoxelAxes, bounded, dicom, foreign, metaimage, nifti, nrrd, raw, stack, vti,
+};
 
 /// What the file alone doesn't tell.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -156,7 +158,7 @@ pub(super) fn format(path: &Path) -> Result<Format, Error> {
     } else if metaimage::is_metaimage(&bytes) {
         Ok(Format::MetaImage)
     } else {
-        by_ending(path, &name)
+        foreign::refusal(path, &name, &bytes).map_or_else(|| by_ending(path, &name), Err)
     }
 }
 

@@ -43,6 +43,35 @@ pub enum StopReason {
     Vanishing,
 }
 
+impl StopReason {
+    /// Why a target wasn't reached, for a person; `None` where it was.
+    pub fn why(self) -> Option<&'static str> {
+        Some(match self {
+            Self::Target | Self::MaxError => return None,
+            Self::Links => "taking more would pinch the surface shut at handles and thin necks",
+            Self::Flips => "taking more would turn triangles over",
+            Self::Specks => {
+                "most of what is left are specks: closed parts of four vertices, the fewest that there can be, and none is taken away whole"
+            }
+            Self::Locks => {
+                "most of what is left is locked, lies on borders or where the input isn't a manifold"
+            }
+            Self::Features => "most of what is left are corners and feature edges",
+            Self::Vanishing => "coarser by a step, nothing would be left",
+        })
+    }
+
+    /// The key that helps, where there is one.
+    pub fn remedy(self) -> Option<&'static str> {
+        match self {
+            Self::Links => Some("allow_topology lets them go"),
+            Self::Specks => Some("min_part of lattice leaves small parts out before"),
+            Self::Features => Some("a larger feature_degrees keeps fewer"),
+            Self::Target | Self::MaxError | Self::Flips | Self::Locks | Self::Vanishing => None,
+        }
+    }
+}
+
 impl fmt::Display for StopReason {
     /// The word that JSON has for it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -8,8 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::repair::{RepairParams, repair};
 use super::{
-    Locks, RefineParams, RefineStatus, Refined, StopReason, chain, distances, refine, vertices_within,
-    with_levels,
+    Locks, RefineParams, RefineStatus, Refined, chain, distances, refine, vertices_within, with_levels,
 };
 use crate::Error;
 use crate::figures::measure;
@@ -127,6 +126,13 @@ pub struct LevelFigures {
     pub reached: RefineStatus,
 }
 
+impl RefineFigures {
+    /// Why the target wasn't reached, for a person; `None` where it was.
+    pub fn shortfall(&self) -> Option<String> {
+        self.last.reached.stopped_by.why().map(|why| format!("the target isn't reached: {why}"))
+    }
+}
+
 impl Refinement {
     /// Vertices that stay, ascending.
     ///
@@ -155,9 +161,10 @@ impl Refinement {
 impl Op for Refinement {
     const REVISION: u32 = 8;
     const REMARK: Option<Remark<RefineFigures>> = Some(|figures| {
-        let by = figures.last.reached.stopped_by;
-        let is_met = matches!(by, StopReason::Target | StopReason::MaxError);
-        (!is_met).then(|| format!("target not reached: stopped by {by}"))
+        let remedy = figures.last.reached.stopped_by.remedy();
+        figures
+            .shortfall()
+            .map(|told| remedy.map_or_else(|| told.clone(), |remedy| format!("{told}; {remedy}")))
     });
     type Inputs<'a> = Inputs<'a>;
     type Output = Lattice;

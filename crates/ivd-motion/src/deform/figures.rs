@@ -1,5 +1,6 @@
-use ivd_core::Lattice;
 use ivd_core::op::Failure;
+use ivd_core::{Grid, Lattice, VoxelCoord, World};
+use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -62,14 +63,35 @@ pub struct PickFigures {
     /// The same in diagonals of a voxel.
     #[schemars(extend("x-unit" = "1"))]
     pub away_diagonals: f64,
+    /// How far the vertex is from the nearest outer face of the scan, at rest and where a handle moves it; less than 0 beyond.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub border_voxels: Option<[f64; 2]>,
 }
 
 impl PickFigures {
-    fn new(pick: &Pick, lattice: &Lattice) -> Self {
+    /// `way`: how far a handle moves the vertex (mm).
+    fn new(pick: &Pick, way: [f64; 3], lattice: &Lattice) -> Self {
+        let grid = lattice.grid();
         let away_mm = pick.away();
-        let away_diagonals = away_mm / lattice.grid().voxel_diagonal();
-        Self { asked_mm: pick.asked, vertex: pick.vertex, at_mm: pick.at, away_mm, away_diagonals }
+        let away_diagonals = away_mm / grid.voxel_diagonal();
+        let at = Vector3::from(pick.at);
+        let border_voxels = Some([at, at + Vector3::from(way)].map(|place| from_border(grid, place)));
+        Self {
+            asked_mm: pick.asked,
+            vertex: pick.vertex,
+            at_mm: pick.at,
+            away_mm,
+            away_diagonals,
+            border_voxels,
+        }
     }
+}
+
+/// How far a place (mm) is from the nearest outer face of a grid's voxels (voxels); less than 0 beyond.
+fn from_border(grid: &Grid, place: Vector3<f64>) -> f64 {
+    let VoxelCoord(voxel) = grid.voxel(World(place));
+    (0..3).map(|a| (voxel[a] + 0.5).min(grid.dims()[a] as f64 - 0.5 - voxel[a])).fold(f64::INFINITY, f64::min)
 }
 
 /// What is told of elastic matter beside the rest.
@@ -237,6 +259,8 @@ impl From<&BoneMotion> for BoneFigures {
 
 /// Beyond this many voxel diagonals a pick is most likely not what was meant.
 const FAR_DIAGONALS: f64 = 2.0;
+/// Nearer to the border of the scan than this (voxels), what moves comes out of the scan or from beyond it.
+const NEAR_BORDER: f64 = 2.0;
 
 impl Figures {
     /// With the vertices that places were found at.
@@ -245,11 +269,15 @@ impl Figures {
     /// Those of [`find_picks`].
     pub(super) fn with_picks(self, lattice: &Lattice, moves: &Moves) -> Result<Self, Failure> {
         let [handles, fixed] = moves.picks(lattice)?;
-        let told = |picks: Vec<Pick>| picks.iter().map(|pick| PickFigures::new(pick, lattice)).collect();
-        Ok(Self { handles: told(handles), fixed: told(fixed), ..self })
+        let ways = moves.handles()?.into_iter().map(|handle| handle.way());
+        let handles =
+            handles.iter().zip(ways).map(|(pick, way)| PickFigures::new(pick, way, lattice)).collect();
+        let fixed = fixed.iter().map(|pick| PickFigures::new(pick, [0.0; 3], lattice)).collect();
+        Ok(Self { handles, fixed, ..self })
     }
 
-    /// What a person should know of them: places that were found far from where they were asked for, and a way that wasn't gone whole.
+    /// What a person should know of them: places that were found far from where they were asked for, handles at the border of the scan, and a way
+    /// that wasn't gone whole.
     pub(super) fn remark(&self) -> Option<String> {
         let far = |name: &'static str, picks: &[PickFigures]| -> Vec<String> {
             let far = picks.iter().enumerate().filter(|(_, pick)| pick.away_diagonals > FAR_DIAGONALS);
@@ -265,9 +293,25 @@ impl Figures {
         let share = self.elastic.as_ref().map_or(1.0, |elastic| elastic.share);
         let stopped = (share < 1.0)
             .then(|| format!("it stopped after {:.0} % of the way, where matter can't go on", 100.0 * share));
-        let told: Vec<String> =
-            far("handle", &self.handles).into_iter().chain(far("fix", &self.fixed)).chain(stopped).collect();
+        let far = far("handle", &self.handles).into_iter().chain(far("fix", &self.fixed));
+        let told: Vec<String> = far.chain(self.at_border()).chain(stopped).collect();
         (!told.is_empty()).then(|| told.join("; "))
+    }
+
+    /// What to say of handles that are at the border of the scan, or come there.
+    fn at_border(&self) -> impl Iterator<Item = String> {
+        let near = self.handles.iter().enumerate().filter_map(|(i, pick)| Some((i, pick.border_voxels?)));
+        near.filter(|(_, [rest, moved])| rest.min(*moved) < NEAR_BORDER).map(|(i, [rest, moved])| {
+            let lies = match (rest < NEAR_BORDER, moved < 0.0) {
+                (true, _) => format!("lies {:.1} voxels from the border of the scan", rest.max(0.0)),
+                (false, true) => format!("is moved {:.1} voxels beyond the border of the scan", -moved),
+                (false, false) => format!("is moved to {moved:.1} voxels from the border of the scan"),
+            };
+            format!(
+                "handle.{i} {lies}: what moves out of the scan there is cut off, and where something moves inwards nothing follows but the \
+                 least value (black)"
+            )
+        })
     }
 
     /// After shapes have gone on from there.

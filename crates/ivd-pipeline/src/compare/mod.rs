@@ -6,8 +6,8 @@ mod confusion;
 mod distance;
 mod matching;
 
-use ivd_artefact::Artefact;
-use ivd_core::{Displacement, Exec, Grid, Image, Volume, VoxelIndex};
+use ivd_artefact::{Artefact, Kind};
+use ivd_core::{Displacement, Exec, Image, Volume, VoxelIndex};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -28,11 +28,11 @@ pub fn compare(a: &Artefact, b: &Artefact, exec: &Exec) -> Result<Value, Error> 
     exec.run(|| match (a, b) {
         (Artefact::Volume(a), Artefact::Volume(b)) => volumes(a, b),
         (Artefact::Labels(a), Artefact::Labels(b)) => {
-            same_grid(a.grid(), b.grid())?;
+            a.grid().require(b.grid(), "labels", "the other labels")?;
             Ok(agreement::labels(a.ids(), b.ids()))
         }
         (Artefact::Mask(a), Artefact::Mask(b)) => {
-            same_grid(a.grid(), b.grid())?;
+            a.grid().require(b.grid(), "mask", "the other mask")?;
             Ok(agreement::masks(a.inside(), b.inside()))
         }
         (Artefact::Lattice(a), Artefact::Lattice(b)) => distance::lattices(a, b, exec),
@@ -44,20 +44,31 @@ pub fn compare(a: &Artefact, b: &Artefact, exec: &Exec) -> Result<Value, Error> 
         _ => Err(Error::usage(
             "compare",
             format!(
-                "a {} artefact and a {} artefact; give two of one kind",
-                a.kind().name(),
-                b.kind().name()
+                "a {} artefact and a {} artefact; give two of one kind{}",
+                a.kind(),
+                b.kind(),
+                made_alike(a.kind(), b.kind())
             ),
         )),
     })
 }
 
-fn same_grid(a: &Grid, b: &Grid) -> Result<(), Error> {
-    Ok(a.require(b, "the first", "the second")?)
+/// The command that makes one of two kinds the other.
+fn made_alike(a: Kind, b: Kind) -> &'static str {
+    let both = [a, b];
+    if both.contains(&Kind::Volume) && both.contains(&Kind::Labels) {
+        " (`ivd import VOLUME --labels` takes a volume's numbers for labels)"
+    } else if both.contains(&Kind::Volume) && both.contains(&Kind::Mask) {
+        " (`ivd import VOLUME --mask` takes what isn't 0 for a mask)"
+    } else if both.contains(&Kind::Labels) && both.contains(&Kind::Mask) {
+        " (`ivd boundary LABELS --class N` cuts the part of a class out as a mask)"
+    } else {
+        ""
+    }
 }
 
 fn volumes(a: &Volume, b: &Volume) -> Result<Value, Error> {
-    same_grid(a.grid(), b.grid())?;
+    a.grid().require(b.grid(), "volume", "the other volume")?;
     let missing_differs = (0..a.grid().len())
         .into_par_iter()
         .filter(|&i| a.voxels().get(i).is_finite() != b.voxels().get(i).is_finite())
@@ -74,7 +85,7 @@ fn volumes(a: &Volume, b: &Volume) -> Result<Value, Error> {
 }
 
 fn fields(a: &Displacement, b: &Displacement) -> Result<Value, Error> {
-    same_grid(a.grid(), b.grid())?;
+    a.grid().require(b.grid(), "displacement", "the other displacement")?;
     let length = |p: [f32; 3], q: [f32; 3]| {
         (0..3).map(|c| (f64::from(p[c]) - f64::from(q[c])).powi(2)).sum::<f64>().sqrt()
     };
@@ -112,7 +123,7 @@ fn spread(mut differences: Vec<f64>) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ivd_core::Voxels;
+    use ivd_core::{Grid, Voxels};
 
     #[test]
     fn volumes_tell_largest_p95_and_rms() {

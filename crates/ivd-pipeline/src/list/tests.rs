@@ -7,7 +7,8 @@ use serde_json::{Map, Value as Json, json};
 
 use super::STAGES;
 use crate::stages::{
-    ClipFigures, CombineFigures, ImportFigures, ImportLabelsFigures, ImportMaskFigures, ImportTransferFigures,
+    ClipFigures, CombineFigures, ImportFigures, ImportLabelsFigures, ImportMaskFigures,
+    ImportTransferFigures, PutOntoFigures,
 };
 use crate::{Section, Stage as _};
 
@@ -43,6 +44,7 @@ fn all_fields(visit: &mut impl FnMut(&str, Field<'_>)) {
         schema_of::<ImportLabelsFigures>(),
         schema_of::<ImportMaskFigures>(),
         schema_of::<ImportTransferFigures>(),
+        schema_of::<PutOntoFigures>(),
         schema_of::<ClipFigures>(),
         schema_of::<CombineFigures>(),
     ];

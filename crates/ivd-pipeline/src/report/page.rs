@@ -155,8 +155,9 @@ fn lattice_table(records: &[StageRecord]) -> Result<String, Error> {
     if let Some((parts, volume)) = cut.and_then(|found| found.dropped_parts.zip(found.dropped_mm3)) {
         rows.push(("parts left out by min_part", format!("{parts}, of {volume:.3} mm³ together")));
     }
-    if let Some(remark) = cut.and_then(LatticeFigures::remark) {
-        rows.push(("small parts", remark));
+    let small = cut.and_then(|found| found.small_parts.zip(found.small_parts_mm3));
+    if let Some((parts, volume)) = small.filter(|(parts, _)| *parts > 0) {
+        rows.push(("parts below 1 % of the largest", format!("{parts}, of {volume:.3} mm³ together")));
     }
     Ok(pairs(&rows))
 }

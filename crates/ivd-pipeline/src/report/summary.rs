@@ -4,7 +4,7 @@ use ivd_boundary::BoundaryFigures;
 use ivd_field::clip::{self, ClipFigures};
 use ivd_field::combine::{self, CombineFigures};
 use ivd_lattice::extract::{self, LatticeFigures};
-use ivd_lattice::refine::{self, RefineFigures};
+use ivd_lattice::refine::{self, RefineFigures, StopReason};
 use ivd_map::space::{self, SpaceFigures, SpaceParams};
 use ivd_map::{MapFigures, SurfaceFit};
 use ivd_motion::deform::{self, Asked, Handle, PickFigures};
@@ -22,23 +22,25 @@ pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String
     let scene = &loaded.scene;
     let done = figures_of::<deform::Figures>(records, deform::STAGE.name)?;
     let map = figures_of::<MapFigures>(records, ivd_map::STAGE.name)?;
-    let mut html = pairs(&settings(loaded, records)?);
+    let space = figures_of::<SpaceFigures>(records, space::STAGE.name)?;
+    let told = told(records)?;
+    let mut html = verdict(&told, map.as_ref(), space.as_ref());
+    html += &pairs(&settings(loaded, records)?);
     if let Some(asked) = scene.section(&deform::STAGE).and_then(|section| Asked::of(section.job())) {
         let picks = done.as_ref().map(|done| (&done.handles[..], &done.fixed[..]));
         html += &handles(&asked, picks.unwrap_or_default());
         html += &others(&asked);
     }
-    let space = figures_of::<SpaceFigures>(records, space::STAGE.name)?;
     html += &steps(scene);
     html += &asked::asked(scene, records);
     let mut outcome = outcome(done.as_ref(), map.as_ref(), space.as_ref());
     outcome.extend(parts(records)?);
     html += &figures(&outcome);
-    let told = told(records, map.as_ref(), space.as_ref());
-    let item = |(mark, text): &(&str, String)| format!("<li>{mark} {}</li>", escape(text));
     if !told.is_empty() {
         html += "<ul class='told'>";
-        html.extend(told.iter().map(item));
+        html.extend(
+            told.iter().map(|(about, text)| format!("<li><b>▲ Look at:</b> {about}: {}</li>", escape(text))),
+        );
         html += "</ul>";
     }
     html += &written(scene);
@@ -292,27 +294,49 @@ fn of_map(map: &MapFigures, is_last: bool) -> Vec<Figure> {
     voxels.into_iter().chain(always).chain(proof.into_iter().filter_map(last)).collect()
 }
 
-/// What to know before the result is trusted, each with a mark.
-fn told(
-    records: &[StageRecord],
-    map: Option<&MapFigures>,
-    space: Option<&SpaceFigures>,
-) -> Vec<(&'static str, String)> {
-    const ATTENTION: &str = "<b>▲ attention:</b>";
-    const GOOD: &str = "✓";
-    let remarks = records.iter().filter_map(|record| Some((record, record.remark.as_ref()?)));
-    let mut told: Vec<(&str, String)> =
-        remarks.map(|(record, remark)| (ATTENTION, format!("{}: {remark}", record.stage))).collect();
+/// Whether to trust the result, in one sentence, and what shows it; `told` is what to know before.
+fn verdict(told: &[(String, String)], map: Option<&MapFigures>, space: Option<&SpaceFigures>) -> String {
+    let then = if space.is_some() { ", before the steps in space" } else { "" };
+    let follows = map.filter(|map| map.follows()).map(|map| {
+        format!(
+            "the deformed volume follows the lattice to within {} mm{then}",
+            number(map.followed.misfit_max_mm)
+        )
+    });
     let folds = space.map(|space| space.folds).or(map.map(|map| map.folds));
-    if folds == Some(0) {
-        told.push((GOOD, "certified: the volume folds nowhere".to_owned()));
+    let whole = (folds == Some(0)).then(|| "it folds nowhere, which is certified".to_owned());
+    let shown = follows.into_iter().chain(whole).collect::<Vec<_>>().join(", and ");
+    if told.is_empty() {
+        let shown = if shown.is_empty() { "every stage did what was asked of it".to_owned() } else { shown };
+        return format!("<p class='verdict'>✓ <b>Trust:</b> {}.</p>", escape(&shown));
     }
-    let Some(map) = map else { return told };
-    if map.follows() {
-        let then = if space.is_some() { ", before the steps in space" } else { "" };
-        told.push((GOOD, format!("the voxels follow the lattice to within a voxel everywhere{then}")));
+    let mut about: Vec<&str> = told.iter().map(|(about, _)| about.as_str()).collect();
+    about.dedup();
+    let shown = if shown.is_empty() { shown } else { format!(" Apart from that {shown}.") };
+    format!(
+        "<p class='verdict'>▲ <b>Look at:</b> what is said below of {}, before the result is trusted.{}</p>",
+        escape(&about.join(", ")),
+        escape(&shown)
+    )
+}
+
+/// What to know before the result is trusted: which stages it is of, and what.
+fn told(records: &[StageRecord]) -> Result<Vec<(String, String)>, Error> {
+    let remarks = records.iter().filter_map(|record| Some((record.stage.clone(), record.remark.clone()?)));
+    let mut told: Vec<(String, String)> = remarks.collect();
+    let refined = figures_of::<RefineFigures>(records, refine::STAGE.name)?;
+    let specks = refined.filter(|found| found.last.reached.stopped_by == StopReason::Specks);
+    let find = |told: &[(String, String)], name: &str| told.iter().position(|(stage, _)| stage == name);
+    // Small parts that are told of are those that the refinement stops at: one thing to know, with one remedy.
+    if let Some(shortfall) = specks.and_then(|found| found.shortfall())
+        && let (Some(cut), Some(coarse)) = (find(&told, extract::STAGE.name), find(&told, refine::STAGE.name))
+    {
+        let (stage, _) = told.remove(coarse);
+        let (about, text) = &mut told[cut];
+        *text = format!("{shortfall}; {text}");
+        *about = format!("{about} and {stage}");
     }
-    told
+    Ok(told)
 }
 
 /// The scene's sections as they were written, but for what is shown above and where files lie.

@@ -1,8 +1,8 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use ivd_artefact::Kind;
 use ivd_core::op::{Slots as _, object, schema_of};
-use ivd_core::{Exec, Labels, Mask, TransferFunction, Volume, slots};
+use ivd_core::{Artefact, Exec, Labels, Mask, TransferFunction, Volume, slots};
 use ivd_io::volume::ReadOptions;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,7 @@ pub const IMPORT: &str = "import";
 /// Where an imported volume comes from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ImportSource {
-    /// A file or folder of any format that ivd-io reads.
+    /// A file or folder of any format that ivd-io reads, or a volume's artefact.
     File {
         /// The file or folder.
         path: PathBuf,
@@ -80,6 +80,7 @@ impl Stage for Import {
 
     fn sources(&self) -> Result<Vec<PathBuf>, Error> {
         match &self.source {
+            ImportSource::File { path, .. } if ivd_artefact::is_artefact(path) => Ok(vec![path.clone()]),
             ImportSource::File { path, options } => {
                 ivd_io::volume::sources(path, options).map_err(Error::in_stage(IMPORT))
             }
@@ -89,6 +90,9 @@ impl Stage for Import {
 
     fn run(&self, _inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let volume = match &self.source {
+            ImportSource::File { path, options } if ivd_artefact::is_artefact(path) => {
+                of_artefact(path, options)?
+            }
             ImportSource::File { path, options } => {
                 ivd_io::volume::read(path, options, exec).map_err(Error::in_stage(IMPORT))?
             }
@@ -100,6 +104,22 @@ impl Stage for Import {
         let figures = ImportFigures::of(&volume, exec);
         Ok(StageOutput::new(volume, &figures))
     }
+}
+
+/// The volume of an artefact, which says itself how it is laid out.
+fn of_artefact(path: &Path, options: &ReadOptions) -> Result<Volume, Error> {
+    let told = |problem: &str| Err(Error::usage(IMPORT, format!("{}: {problem}", path.display())));
+    if *options != ReadOptions::default() {
+        return told(
+            "an artefact says itself how it is laid out; leave out raw, axes, spacing, frame and series",
+        );
+    }
+    let artefact = ivd_artefact::read(path).map_err(Error::in_stage(IMPORT))?.artefact;
+    let kind = artefact.kind();
+    if let Artefact::Volume(volume) = artefact {
+        return Ok(volume);
+    }
+    told(&format!("an artefact of kind {kind}; give a volume"))
 }
 
 impl ImportFigures {

@@ -7,6 +7,7 @@ mod import;
 mod import_field;
 mod imported_lattice;
 mod lattice_parts;
+mod onto;
 mod operand;
 
 use ivd_artefact::Kind;
@@ -27,6 +28,7 @@ pub use imported_lattice::ImportedLattice;
 pub use ivd_field::clip::ClipFigures;
 pub use ivd_field::combine::CombineFigures;
 pub use lattice_parts::part_lattices;
+pub use onto::{PutOnto, PutOntoFigures};
 pub use operand::ImportOperand;
 
 /// Facts of what gives a lattice in place of the stage that cuts one, with a revision of its own.

@@ -7,7 +7,7 @@ use super::names::regular_files;
 use super::slices::{Slices, note_foreign};
 use crate::order::swap_in_place;
 use crate::volume::bounded::{self, Declared, Packing};
-use crate::volume::{Error, RawLayout, orientation};
+use crate::volume::{Error, RawLayout, orientation, suspect_order};
 
 /// The files of a folder that have the size of one slice.
 pub(super) fn slices(dir: &Path, layout: &RawLayout) -> Result<Slices<u64>, Error> {
@@ -66,6 +66,7 @@ pub(super) fn read_slices(
         VoxelType::F32 => typed::<f32>(&found, declared, layout, exec),
         VoxelType::F64 => typed::<f64>(&found, declared, layout, exec),
     }?;
+    suspect_order::note(dir, layout, dims[0], &voxels, exec);
     let grid = orientation::plain_grid(dir, dims, spacing.unwrap_or(layout.spacing))?;
     Ok(Volume::new(grid, voxels)?)
 }

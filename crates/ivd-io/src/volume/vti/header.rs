@@ -6,6 +6,7 @@ use std::str::FromStr;
 use ivd_core::VoxelType;
 
 use crate::Space;
+use crate::volume::foreign::SURFACE;
 use crate::volume::{Error, bounded};
 use crate::vtk::{self, Appended, Broken, Coding, Content, DEEPEST, Element, Fault, Text};
 
@@ -221,7 +222,8 @@ fn error(path: &Path, fault: Fault) -> Error {
         }
         Fault::Type(None) => field("VTKFile type", "missing".into()),
         Fault::Type(Some(other)) => {
-            Error::unsupported(path, format!("VTK data of type {other}"), "save it as ImageData")
+            let remedy = if other == "PolyData" { SURFACE } else { "save it as ImageData" };
+            Error::unsupported(path, format!("VTK data of type {other}"), remedy)
         }
         Fault::ByteOrder(other) => field("VTKFile byte_order", format!("`{other}` is no byte order")),
         Fault::HeaderType(other) => field("VTKFile header_type", format!("`{other}` is no known type")),
