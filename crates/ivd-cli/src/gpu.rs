@@ -6,7 +6,8 @@ use crate::args::{BackendChoice, Global};
 use crate::exit::Failure;
 
 /// Why nobody opens a GPU without being asked to.
-pub(crate) const AUTO: &str = "for one command opening a GPU costs more than it saves; --backend gpu asks for one";
+pub(crate) const AUTO: &str =
+    "for one command opening a GPU costs more than it saves; --backend gpu asks for one";
 
 /// The device that does what devices know, where one was asked for.
 pub(crate) fn device(global: &Global) -> anyhow::Result<Option<Device>> {

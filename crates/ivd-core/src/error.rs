@@ -170,9 +170,7 @@ pub enum Error {
         remedy: &'static str,
     },
     /// A device that must serve doesn't.
-    #[error(
-        "{kernel} on the GPU: {problem}; the processor can make it"
-    )]
+    #[error("{kernel} on the GPU: {problem}; the processor can make it")]
     Device {
         /// The pass.
         kernel: &'static str,

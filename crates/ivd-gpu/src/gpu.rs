@@ -285,7 +285,8 @@ impl Gpu {
         };
         let start = Instant::now();
         loop {
-            let wait = wgpu::PollType::Wait { submission_index: Some(submitted.clone()), timeout: Some(LOOK) };
+            let wait =
+                wgpu::PollType::Wait { submission_index: Some(submitted.clone()), timeout: Some(LOOK) };
             let waited = self.device.poll(wait);
             self.check()?;
             match waited {

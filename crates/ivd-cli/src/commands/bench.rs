@@ -27,7 +27,8 @@ const INTERACTIVE: &str = "interactive";
 /// Sweeps the stages' settings, runs the scenes, and writes what came of it.
 pub(super) fn run(args: &Args, context: &Context) -> anyhow::Result<()> {
     if context.exec.device.is_some() {
-        let problem = "a bench measures the CPU, which its records are of; leave out --backend gpu and --require-gpu";
+        let problem =
+            "a bench measures the CPU, which its records are of; leave out --backend gpu and --require-gpu";
         return Err(Failure::usage(problem.to_owned()));
     }
     let standard = if args.quick { Options::quick() } else { Options::default() };

@@ -61,7 +61,11 @@ fn told(graphics: &Examined) -> String {
     let mut lines: Vec<String> = graphics.adapters.iter().map(line).collect();
     lines.push(match &graphics.usable {
         Ok((adapter, kernels)) => {
-            format!("            {} is used with --backend gpu, for {}", text(adapter, "name"), kernels.join(", "))
+            format!(
+                "            {} is used with --backend gpu, for {}",
+                text(adapter, "name"),
+                kernels.join(", ")
+            )
         }
         Err(why) => format!("GPU         off: {why}; the CPU does the work"),
     });

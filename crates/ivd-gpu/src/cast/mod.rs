@@ -180,7 +180,13 @@ impl State {
     }
 
     /// Casts the rays of a picture part by part.
-    fn parts(&mut self, plan: &Plan<'_>, key: String, radiance: &mut Radiance, exec: &Exec) -> Result<(), Error> {
+    fn parts(
+        &mut self,
+        plan: &Plan<'_>,
+        key: String,
+        radiance: &mut Radiance,
+        exec: &Exec,
+    ) -> Result<(), Error> {
         let fixed = self.gpu.part().map(|pixels| pixels as f64);
         let time = if self.gpu.adapter().is_software() { SOFTWARE } else { WANTED }.as_secs_f64();
         let mut wanted = match (fixed, self.pace.get(&key)) {

@@ -116,7 +116,9 @@ pub(super) fn rays(plan: &Plan<'_>, part: Part) -> Vec<RayWords> {
     let ([x, y], [columns, rows]) = (part.first, part.size);
     let pixels = (0..rows).flat_map(|j| (0..columns).map(move |i| [x + i, y + j]));
     let words = pixels.map(|[x, y]| {
-        let Some(PlanRay { start: s, delta: d, steps, rest_at: r, rest }) = plan.ray(x, y) else { return [0; 12] };
+        let Some(PlanRay { start: s, delta: d, steps, rest_at: r, rest }) = plan.ray(x, y) else {
+            return [0; 12];
+        };
         let b = f32::to_bits;
         [b(s[0]), b(s[1]), b(s[2]), steps, b(d[0]), b(d[1]), b(d[2]), b(rest), b(r[0]), b(r[1]), b(r[2]), 0]
     });

@@ -120,7 +120,8 @@ fn values_whose_differences_no_number_holds_are_clear_here_and_there() {
     let exec = on(gpu);
     let grid = hills::<u8>().grid().clone();
     let value = |i: usize| if i * 2_654_435_761 % 7 < 3 { 3.2e38 } else { -3.1e38_f32 };
-    let volume = Volume::new(grid.clone(), Voxels::from((0..grid.len()).map(value).collect::<Vec<f32>>())).unwrap();
+    let volume =
+        Volume::new(grid.clone(), Voxels::from((0..grid.len()).map(value).collect::<Vec<f32>>())).unwrap();
     let scene = Scene::new(&volume);
     for mode in [Mode::Mip, Mode::Iso { value: 1e38 }] {
         let apart = apart(&by_processor(&scene, &params(mode)), &by_device(&scene, &params(mode), &exec));

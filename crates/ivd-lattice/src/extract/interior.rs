@@ -169,7 +169,7 @@ mod tests {
             (state >> 33) as f64 / (1_u64 << 31) as f64
         };
         let mut tubes = 0;
-        for round in 0..300 {
+        for round in 0..150 {
             // Opposite corners, opposite edges, and any signs.
             let signs = [0x81_u8, 0x7E, 0xC3, 0x3C, 0x69, (random() * 256.0) as u8][round % 6];
             let levels: [f64; 8] =
@@ -182,7 +182,7 @@ mod tests {
                     assert_eq!(found[a], found[b], "{levels:?}: corners {a} and {b}");
                 }
             }
-            let finest = filled(levels, 81);
+            let finest = filled(levels, 71);
             let same = |parts: &dyn Fn(usize) -> usize| {
                 let pairs = (0..8).flat_map(|a| (0..a).map(move |b| (a, b)));
                 pairs.filter(|(a, b)| parts(*a) == parts(*b)).count()
@@ -191,7 +191,7 @@ mod tests {
             assert!(found >= finest, "{levels:?}");
             tubes += usize::from(found == finest);
         }
-        assert!(tubes > 100, "{tubes}");
+        assert!(tubes > 50, "{tubes}");
     }
 
     #[test]
