@@ -11,9 +11,9 @@ pub struct Adapter {
     pub api: String,
     /// `discrete`, `integrated`, `virtual`, `cpu` (software) or `other`.
     pub kind: &'static str,
-    /// Largest binding of a buffer [bytes].
+    /// Largest binding of a buffer (bytes).
     pub max_binding: u64,
-    /// Largest buffer [bytes].
+    /// Largest buffer (bytes).
     pub max_buffer: u64,
     /// Optional features that kernels here use, and whether they are there.
     pub features: Vec<(&'static str, bool)>,
@@ -90,7 +90,7 @@ pub fn adapters() -> Vec<Adapter> {
     if Choice::from_env() == Choice::None {
         return Vec::new();
     }
-    found().iter().map(|adapter| describe(adapter)).collect()
+    found().iter().map(describe).collect()
 }
 
 fn found() -> Vec<wgpu::Adapter> {

@@ -20,7 +20,7 @@ pub struct Options {
     pub choice: Choice,
     /// Optional features that are left out, by the names of [`Adapter::features`].
     pub without: Vec<&'static str>,
-    /// Largest buffer and binding, where less than the adapter has [bytes].
+    /// Largest buffer and binding, where less than the adapter has (bytes).
     pub max_buffer: Option<u64>,
     /// Pixels of a part of a picture, where that isn't left to how fast the device is.
     pub part: Option<usize>,
@@ -62,7 +62,7 @@ pub struct Counters {
     pub events: u64,
     /// Devices that were opened.
     pub opened: u64,
-    /// Time of the kernels by the device's own clock [ns]; 0 without timestamps.
+    /// Time of the kernels by the device's own clock (ns); 0 without timestamps.
     pub busy_ns: u64,
 }
 
@@ -247,7 +247,7 @@ impl Gpu {
         }
     }
 
-    /// Submits commands and waits for them; what is read from is copied to where it can be mapped.
+    /// Submits commands and waits for them; what is read from is copied to where it can be mapped. Gives how long the device took.
     ///
     /// # Errors
     /// As the device says; a result is believed only where its map succeeded, no scope said anything, and the device is still there.
@@ -258,7 +258,7 @@ impl Gpu {
         encode: impl FnOnce(&mut wgpu::CommandEncoder, Option<&Clock>),
         result: Option<(&wgpu::Buffer, &wgpu::Buffer, u64)>,
         read: impl FnOnce(&[u8]),
-    ) -> Result<(), Error> {
+    ) -> Result<Duration, Error> {
         let fault = self.event();
         match fault {
             Some(Fault::NoRoom) => return Err(Error::NoRoom { what, bytes: 0 }),
@@ -296,6 +296,7 @@ impl Gpu {
                 Err(other) => return Err(Error::Refused(format!("{what}: {other}"))),
             }
         }
+        let took = start.elapsed();
         if let Some((to, bytes, answer)) = mapped {
             // The callback was called while waiting, or the device is no longer there.
             match answer.lock().unwrap_or_else(PoisonError::into_inner).take() {
@@ -313,7 +314,7 @@ impl Gpu {
         if let Some(clock) = &self.clock {
             Count::add(&self.count.busy_ns, clock.read(self)?);
         }
-        self.check()
+        self.check().map(|()| took)
     }
 
     #[allow(clippy::type_complexity, reason = "an answer that comes later")]

@@ -3,9 +3,9 @@ use crate::{Error, Gpu};
 /// What a pass took.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Timed {
-    /// By the device's own clock [ns]; 0 where it has none.
+    /// By the device's own clock (ns); 0 where it has none.
     pub device_ns: u64,
-    /// On the wall, with everything that crossed [ns].
+    /// On the wall, with everything that crossed (ns).
     pub wall_ns: u64,
 }
 
@@ -14,7 +14,7 @@ pub(crate) struct Clock {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     read: wgpu::Buffer,
-    /// Of a tick [ns].
+    /// Of a tick (ns).
     period: f64,
 }
 
@@ -54,7 +54,7 @@ impl Clock {
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.read, 0, Self::BYTES);
     }
 
-    /// Time between the two [ns].
+    /// Time between the two (ns).
     pub(crate) fn read(&self, gpu: &Gpu) -> Result<u64, Error> {
         let answer = gpu.map(&self.read, Self::BYTES)?;
         let waited = gpu.device.poll(wgpu::PollType::wait_indefinitely());

@@ -85,7 +85,7 @@ pub enum PlanVoxels<'a> {
 /// How a volume is deformed: `before(y) = y + rows · v(y)` in voxel coordinates, v trilinear in the stored vectors.
 #[derive(Clone, Copy)]
 pub struct PlanWarp<'a> {
-    /// The inverse displacement [mm] and the voxels that are left behind.
+    /// The inverse displacement (mm) and the voxels that are left behind.
     pub displacement: &'a Displacement,
     /// For every brick whether its samples may come from elsewhere.
     pub moves: &'a [bool],
@@ -157,7 +157,7 @@ pub struct PlanSteep<'a> {
     pub axis: [f32; 3],
     /// Values of a row.
     pub values: usize,
-    /// What turns a gradient [real units / mm] into a row: factor, last row.
+    /// What turns a gradient (real units / mm) into a row: factor, last row.
     pub gradient: [f32; 2],
 }
 
@@ -181,7 +181,7 @@ impl Grey<'_> {
     }
 }
 
-/// The camera's numbers, all in voxel coordinates but for lengths along the view [mm].
+/// The camera's numbers, all in voxel coordinates but for lengths along the view (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanCamera {
     /// Where rays start: the eye, or of parallel rays the middle of their plane.
@@ -192,11 +192,11 @@ pub struct PlanCamera {
     pub up: [f64; 3],
     /// A millimetre away from the eye.
     pub away: [f64; 3],
-    /// From the eye to what it looks at [mm].
+    /// From the eye to what it looks at (mm).
     pub distance: f64,
-    /// Size of a pixel there [mm].
+    /// Size of a pixel there (mm).
     pub pixel: f64,
-    /// A step [mm].
+    /// A step (mm).
     pub step: f64,
     /// Whether rays spread from the eye.
     pub perspective: bool,

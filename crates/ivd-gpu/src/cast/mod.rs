@@ -108,7 +108,9 @@ impl Caster {
         drop(state);
         let width = radiance.width;
         parallel::for_each_piece_mut(&mut radiance.rgba, width, &|_, row| {
-            row.iter_mut().for_each(|pixel| plan.finish(pixel));
+            for pixel in row {
+                plan.finish(pixel);
+            }
         });
         Ok((radiance, Timed { device_ns, wall_ns: start.elapsed().as_nanos() as u64 }))
     }
@@ -199,9 +201,8 @@ impl State {
             exec.check_cancelled()?;
             let part = self.next(wanted, at, [radiance.width, radiance.height]);
             self.trying = Some((key.clone(), part.pixels()));
-            let start = Instant::now();
-            self.part(plan, &key, part, radiance, exec)?;
-            slowest = slowest.max(start.elapsed().as_secs_f64() / part.pixels() as f64);
+            let took = self.part(plan, &key, part, radiance, exec)?;
+            slowest = slowest.max(took.as_secs_f64() / part.pixels() as f64);
             // After what was empty something may come that isn't.
             wanted = fixed.unwrap_or_else(|| (GROWTH * wanted).min(time / slowest.max(1e-12)));
             exec.observer().advance("render", part.pixels() as u64);
@@ -257,7 +258,7 @@ impl State {
         Ok(())
     }
 
-    /// Casts the rays of a part.
+    /// Casts the rays of a part, and says how long the device took.
     fn part(
         &mut self,
         plan: &Plan<'_>,
@@ -265,7 +266,7 @@ impl State {
         part: Part,
         radiance: &mut Radiance,
         exec: &Exec,
-    ) -> Result<(), Error> {
+    ) -> Result<Duration, Error> {
         let (pixels, tiles) = (part.pixels(), part.tiles());
         let told = tiles[0] * tiles[1];
         self.make_room(pixels, told)?;
@@ -313,7 +314,7 @@ impl State {
             pass(cast, &bound, tiles, [make.is_none(), true]);
         };
         let result = Some((&rooms.picture.buffer, &rooms.result.buffer, bytes));
-        gpu.submit("rays", exec, encode, result, |read| {
+        let took = gpu.submit("rays", exec, encode, result, |read| {
             let (light, tail) = read.split_at(pixels * PIXEL_BYTES as usize);
             for (j, row) in light.chunks_exact(part.size[0] * PIXEL_BYTES as usize).enumerate() {
                 let first = part.first[0] + radiance.width * (part.first[1] + j);
@@ -326,7 +327,7 @@ impl State {
                 radiance.skipped += u64::from(skipped);
             }
         })?;
-        if written { Ok(()) } else { Err(Error::NotWritten) }
+        if written { Ok(took) } else { Err(Error::NotWritten) }
     }
 
     /// Room for a part of so many pixels in so many tiles; grows only.

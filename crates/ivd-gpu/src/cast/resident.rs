@@ -69,16 +69,15 @@ impl Resident {
             }
             None => self.labels = None,
         }
-        match plan.moved {
-            Some(moved) => {
-                let vectors = moved.displacement.inverse().buffer();
-                let data = vectors.as_bytes();
-                Kept::bring(&mut self.vectors, gpu, "the displacement", (data, || vectors.clone()), data)?;
-                let data = moved.displacement.vacated();
-                let owner = || moved.displacement.clone();
-                Kept::bring(&mut self.vacated, gpu, "what is left behind", (data, owner), data)?;
-            }
-            None => (self.vectors, self.vacated) = (None, None),
+        if let Some(moved) = plan.moved {
+            let vectors = moved.displacement.inverse().buffer();
+            let data = vectors.as_bytes();
+            Kept::bring(&mut self.vectors, gpu, "the displacement", (data, || vectors.clone()), data)?;
+            let data = moved.displacement.vacated();
+            let owner = || moved.displacement.clone();
+            Kept::bring(&mut self.vacated, gpu, "what is left behind", (data, owner), data)?;
+        } else {
+            (self.vectors, self.vacated) = (None, None);
         }
         if !matches!(&self.scene, Some((scene, ..)) if *scene == plan.scene) {
             self.scene = None;

@@ -193,8 +193,11 @@ fn colours_by_gradient_and_values_that_fall_are_close() {
     }
 }
 
+/// Texts of shaders, and what is planted in their place.
+type Planted = &'static [(&'static str, &'static str)];
+
 /// The worst that the comparison of three modes, at rest and moved, finds on a device with something planted in its shaders.
-fn worst_with(planted: &'static [(&'static str, &'static str)], modes: &[Mode]) -> Option<f32> {
+fn worst_with(planted: Planted, modes: &[Mode]) -> Option<f32> {
     let exec = on(gpu(with_planted(planted))?);
     let volume = hills::<u8>();
     let moved = twisted(volume.grid());
@@ -217,7 +220,7 @@ fn every_planted_error_is_found() {
     let dvr = &MODES[..1];
     let (mip, iso) = (&MODES[1..2], &MODES[2..]);
     // What stands in a shader, what is planted there, and where it must be seen.
-    let errors: &[(&'static [(&'static str, &'static str)], &[Mode])] = &[
+    let errors: &[(Planted, &[Mode])] = &[
         // A swapped axis.
         (&[("v.x + params.dims.x * (v.y", "v.y + params.dims.x * (v.x")], &MODES),
         // Half a voxel.
