@@ -74,3 +74,33 @@ fn specks_that_a_refinement_stops_at_are_one_thing_to_know_in_a_report() {
     assert!(page.contains("reached: most of what is left are specks"));
     assert!(page.contains("▲ Look at:</b> lattice and refine:") && page.contains("leaves them out</li>"));
 }
+
+#[test]
+fn what_is_left_of_a_raw_file_is_noted_and_what_is_whole_isnt() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "24", "-o", "v.ivd"]);
+    json(at, &["export", "v.ivd", "-o", "v.raw"]);
+    let import = |dims: &str| {
+        let words = ["import", "v.raw", "--raw-dims", dims, "--raw-type", "u8", "-o", "r.ivd"];
+        noted(at, &words)
+    };
+    let told = import("24,24,23");
+    assert!(told.contains("576 bytes are left over") && told.contains("--raw-dims"), "{told}");
+    let told = import("24,24,24");
+    assert!(!told.contains("left over"), "{told}");
+}
+
+#[test]
+fn labels_of_another_program_are_noted_before_their_numbers_are_mixed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "head", "--size", "40", "-o", "v.ivd"]);
+    json(at, &["segment", "v.ivd", "--method", "kmvs", "--k", "4", "-o", "l.ivd"]);
+    json(at, &["export", "l.ivd", "-o", "l.nii.gz"]);
+    let step = "kind=translate;centre=20,20,20;by=2;axis=1,0,0;core=3;radius=9";
+    noted(at, &["space", "v.ivd", "--step", step, "-o", "d.ivd"]);
+    let note = |file: &str| noted(at, &["warp", file, "d.ivd", "-o", "w.ivd"]);
+    assert!(note("l.nii.gz").contains("looks like labels"), "{}", note("l.nii.gz"));
+    assert!(!note("v.ivd").contains("looks like labels") && !note("l.ivd").contains("looks like labels"));
+}

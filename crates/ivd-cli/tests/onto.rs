@@ -89,7 +89,7 @@ fn a_file_of_another_program_is_compared_as_what_lies_beside_it_is() {
         let told = json(at, &["compare", words[0], words[1]]);
         assert_eq!((&told["ari"], &told["differing"]), (&1.0.into(), &0.into()), "{told}");
         // What the truth knows of its classes no file of another program does.
-        assert_eq!(told["differs_in"], serde_json::json!(["what is told of classes"]));
+        assert_eq!(told["differs_in"], serde_json::json!(["figures of classes"]));
     }
     json(at, &["lattice", "v.ivd", "--iso", "60", "-o", "l.ivd"]);
     json(at, &["export", "l.ivd", "-o", "l.ply"]);

@@ -316,7 +316,7 @@ fn parameters_come_from_a_file_where_a_command_has_a_section_and_are_refused_els
     assert_eq!(of(&picture, "params.iso"), 100.0, "a default gives way to the file");
     let (code, text) =
         refused(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml", "--mode", "mip"]);
-    assert!(code == 2 && text.contains("iso: mip doesn't read it; it belongs to iso"), "{code} {text}");
+    assert!(code == 2 && text.contains("iso: mip doesn't read it; it belongs to mode iso"), "{code} {text}");
     params("mode = \"iso\"\nsize = [8, 8]\n");
     let picture = json(at, &["render", "v.ivd", "-o", "p.png", "--params", "p.toml", "--mode", "mip"]);
     assert_eq!(picture["params"]["mode"], "mip", "what is typed wins");

@@ -118,6 +118,9 @@ impl Way {
     }
 }
 
+/// What to do where nothing of what was given lies within the volume.
+pub const NOTHING_SHARED: &str = "give what was drawn on the same scan; a file whose header places it wrongly is put right in the program that wrote it";
+
 /// The error about grids that share no place.
 fn apart(from: &Grid, onto: &Grid, what: &'static str) -> Error {
     let [own, other] = [from, onto].map(|grid| {
@@ -127,7 +130,7 @@ fn apart(from: &Grid, onto: &Grid, what: &'static str) -> Error {
     Error::Mismatch {
         what,
         problem: format!("it lies at {own} (RAS) and the volume at {other}: the two share no place"),
-        remedy: "give what was drawn on the same scan; where a file says wrongly how its axes run, say it with --axes",
+        remedy: NOTHING_SHARED,
     }
 }
 

@@ -162,8 +162,8 @@ impl MapFigures {
             let at = self.min_det_j_at_mm.map(|at| at.map(|c| format!("{c:.1}")).join(", "));
             let at = at.map_or_else(|| "somewhere".to_owned(), |at| format!("at {at} mm (at rest)"));
             told.push(format!(
-                "{at} space is squeezed, perhaps to {:.1} % of its volume: it folds nowhere, but what lay there can hardly be seen; a smaller move \
-                 squeezes less, and so does another map.method (biharmonic, body)",
+                "{at} space is squeezed, at its worst corner of a voxel to {:.1} % of its volume: it folds nowhere, but matter there can be hard to see; \
+                 the slices show how far that reaches, and another map.method (octree, biharmonic, body) may squeeze less",
                 100.0 * self.min_det_j
             ));
         }

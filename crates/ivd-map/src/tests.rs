@@ -189,7 +189,12 @@ fn what_is_squeezed_is_told_with_the_cell_that_the_certificate_finds_worst() {
     let figures = MapFigures { min_det_j: 0.05, ..mapped.figures };
     let told = figures.remark().unwrap();
     let place = at.map(|c| format!("{c:.1}")).join(", ");
-    assert!(told.contains(&format!("at {place} mm (at rest) space is squeezed, perhaps to 5.0 %")), "{told}");
+    assert!(
+        told.contains(&format!(
+            "at {place} mm (at rest) space is squeezed, at its worst corner of a voxel to 5.0 %"
+        )),
+        "{told}"
+    );
     let older = MapFigures { min_det_j_at_mm: None, ..figures };
     assert!(older.remark().unwrap().contains("somewhere space is squeezed"));
 }

@@ -229,8 +229,10 @@ fn drop_foreign_defaults(
             return Err(unknown("key", &key, known.into_iter().chain(selector)).under(&key));
         }
         if !says_nothing {
-            let (problem, remedy) =
-                (format!("{} doesn't read it", method.name), format!("it belongs to {}", readers.join(", ")));
+            let (problem, remedy) = (
+                format!("{} doesn't read it", method.name),
+                format!("it belongs to {} {}", stage.selector, readers.join(", ")),
+            );
             return Err(ParamError::at_itself(problem, remedy).under(&key));
         }
         keys.remove(&key);

@@ -65,7 +65,7 @@ fn differing(a: &Artefact, b: &Artefact) -> Vec<&'static str> {
             ("modality", a.modality() != b.modality()),
         ],
         (Artefact::Labels(a), Artefact::Labels(b)) => {
-            vec![("what is told of classes", a.classes() != b.classes())]
+            vec![("figures of classes", a.classes() != b.classes())]
         }
         (Artefact::Mask(a), Artefact::Mask(b)) => vec![("level function", a.level() != b.level())],
         (Artefact::Displacement(a), Artefact::Displacement(b)) => vec![

@@ -33,7 +33,8 @@ const PLAIN: Hooks = Hooks {
     beside: None,
 };
 
-const ALL: [(&str, Hooks); 3] = [
+const ALL: [(&str, Hooks); 4] = [
+    (ivd_field::warp::STAGE.name, Hooks { completed: own_labels::for_warp, ..PLAIN }),
     (
         ivd_segment::STAGE.name,
         Hooks {

@@ -2,7 +2,9 @@
 
 use ivd_artefact::Cache;
 use ivd_boundary::ComponentParams;
-use ivd_core::{ClassChoice, Labels, Value as _};
+use std::collections::BTreeSet;
+
+use ivd_core::{Artefact, ClassChoice, Labels, Scalar as _, Value as _, Volume, with_voxels};
 use ivd_lattice::extract::LatticeParams;
 use ivd_pipeline::stages::ImportLabels;
 use ivd_pipeline::{Input, Inputs, Section};
@@ -97,4 +99,44 @@ fn own_numbers(inputs: &Inputs, cache: &Cache, context: &Context) -> anyhow::Res
             Failure::of(error_class(&e), format!("--class without --labels takes the volume for labels: {e}"))
         })?
         .input())
+}
+
+/// Rows that are looked at.
+const ROWS: usize = 256;
+/// Pairs of voxels fewer than which tell nothing.
+const FEWEST: usize = 200;
+
+/// The inputs of `ivd warp`; says where a volume is most likely labels, whose numbers would be mixed.
+pub(crate) fn for_warp(inputs: Inputs, _: &Section, _: &Cache, context: &Context) -> anyhow::Result<Inputs> {
+    if let Some(Artefact::Volume(volume)) = inputs.get("volume")
+        && look_like_labels(volume)
+    {
+        context.say(
+            "ivd: note: the volume looks like labels (few whole numbers, alike in voxels beside each other), and between two of them it gets numbers of \
+             neither; make labels of it first (`ivd import FILE --labels -o labels.ivd`)",
+        );
+    }
+    Ok(inputs)
+}
+
+/// Whether a volume holds few whole numbers, nine times of ten the same in voxels beside each other, and is no mask of two.
+fn look_like_labels(volume: &Volume) -> bool {
+    let is_plain = (volume.slope(), volume.intercept()) == (1.0, 0.0);
+    if !is_plain || !volume.voxel_type().is_integer() {
+        return false;
+    }
+    let row = volume.grid().dims()[0];
+    with_voxels!(volume.voxels(), voxels => {
+        let rows = voxels.len() / row;
+        let (mut seen, mut pairs, mut alike) = (BTreeSet::new(), 0, 0);
+        for row in voxels.chunks(row).step_by(rows.div_ceil(ROWS).max(1)) {
+            let values: Vec<i64> = row.iter().map(|value| value.to_f64() as i64).collect();
+            seen.extend(values.iter().copied());
+            for pair in values.windows(2).filter(|pair| pair[0] != 0 && pair[1] != 0) {
+                pairs += 1;
+                alike += usize::from(pair[0] == pair[1]);
+            }
+        }
+        (3..=MOST_PARTS).contains(&seen.len()) && pairs >= FEWEST && 10 * alike >= 9 * pairs
+    })
 }

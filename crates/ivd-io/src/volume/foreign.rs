@@ -33,7 +33,7 @@ const KINDS: &[(&[Mark], &str, &str)] = &[
             Bytes(1024, b"\x89HDF\r\n\x1a\n"),
             Bytes(2048, b"\x89HDF\r\n\x1a\n"),
         ],
-        "an HDF5 file, as .h5, .hdf5, .mat of MATLAB 7.3, MINC 2 and Imaris are",
+        "an HDF5 file (.h5, .hdf5, .mat of MATLAB 7.3, MINC 2, Imaris)",
         HDF5,
     ),
     (&[Bytes(0, b"MATLAB ")], "a MATLAB file", MATLAB),
@@ -52,7 +52,7 @@ const KINDS: &[(&[Mark], &str, &str)] = &[
     (&[Bytes(0, b"ZISRAWFILE")], "a Zeiss microscope's file (.czi)", FIJI),
     (&[Ending(".lif")], "a Leica microscope's file (.lif)", FIJI),
     (&[Bytes(0, b"\xda\xce\xbe\x0a"), Ending(".nd2")], "a Nikon microscope's file (.nd2)", FIJI),
-    (&[Bytes(0, b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1")], "a compound file, as .oib, .zvi and .txm are", FIJI),
+    (&[Bytes(0, b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1")], "a compound file (.oib, .zvi, .txm)", FIJI),
     (
         &[Bytes(208, b"MAP ")],
         "an MRC or CCP4 map",

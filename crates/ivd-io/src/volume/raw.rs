@@ -47,6 +47,16 @@ pub(crate) fn read(path: &Path, layout: &RawLayout, exec: &Exec) -> Result<Volum
         frames: Frames { field: "dims", count: 1, chosen: None },
     };
     let voxels = data.read(exec)?;
+    let read = layout.skip + (voxels.len() * layout.voxel_type.bytes()) as u64;
+    if let Some(left @ 1..) = std::fs::metadata(path).ok().and_then(|file| file.len().checked_sub(read)) {
+        let [x, y, z] = layout.dims;
+        exec.observer().note(&format!(
+            "{}: {left} bytes are left over after {x} × {y} × {z} voxels of {}; where they belong to the volume, give other --raw-dims, --raw-type \
+             or --raw-skip (in a scene dims, type, skip of input.raw)",
+            path.display(),
+            layout.voxel_type.name(),
+        ));
+    }
     suspect_order::note(path, layout, layout.dims[0], &voxels, exec);
     Ok(Volume::new(grid, voxels)?)
 }

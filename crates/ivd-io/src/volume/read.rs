@@ -182,7 +182,7 @@ fn by_ending(path: &Path, name: &str) -> Result<Format, Error> {
             path: path.to_owned(),
             problem: "neither its first bytes nor its ending tell a volume format".into(),
             remedy: "give a NIfTI, NRRD, MetaImage, VTI, TIFF or DICOM file, a folder of slices, or the dims and type \
-                     of a raw file"
+                     of a raw file (--raw-dims, --raw-type)"
                 .into(),
         })
     }

@@ -166,8 +166,8 @@ impl LatticeFigures {
     /// What a person should know: that nothing was cut; or of parts that are small, where nothing was said of them and there are some.
     pub fn remark(&self) -> Option<String> {
         if self.vertices == 0 {
-            let remedy = "choose an isovalue within the volume's range, which `ivd info` tells";
-            return Some(format!("the lattice is empty: nothing crosses the isovalue; {remedy}"));
+            let remedy = "choose an isovalue within the volume's range, or a class that has voxels: `ivd info` tells both";
+            return Some(format!("the lattice is empty: nothing is cut; {remedy}"));
         }
         let small = SmallParts {
             count: self.small_parts?,

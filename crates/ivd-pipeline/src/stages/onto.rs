@@ -53,6 +53,19 @@ impl PutOntoFigures {
         }
     }
 
+    /// The same, where anything of what was given is left.
+    fn some(self, what: &'static str) -> Result<Self, Error> {
+        if self.voxels_filled > 0 || self.voxels_left_out == 0 {
+            return Ok(self);
+        }
+        let problem = format!("none of its {} voxels lies within the volume", self.voxels_left_out);
+        Err(Error::in_stage(IMPORT)(ivd_core::Error::Mismatch {
+            what,
+            problem,
+            remedy: onto::NOTHING_SHARED,
+        }))
+    }
+
     /// What a person should know: that some of it had no counterpart on the other side.
     fn remark(&self) -> Option<String> {
         let mut told = Vec::new();
@@ -110,13 +123,13 @@ impl Stage for PutOnto {
             Voxelwise::Labels(labels) => {
                 let put = onto::labels(labels, grid, exec).map_err(Error::in_stage(IMPORT))?;
                 let filled = exec.run(|| put.output.ids().iter().filter(|id| **id != 0).count());
-                let figures = PutOntoFigures::of(&put, grid, filled as u64);
+                let figures = PutOntoFigures::of(&put, grid, filled as u64).some("labels")?;
                 let figures = PutOntoFigures { classes_lost: lost(labels, &put.output), ..figures };
                 Ok(StageOutput::new(put.output, &figures))
             }
             Voxelwise::Mask(mask) => {
                 let put = onto::mask(mask, grid, exec).map_err(Error::in_stage(IMPORT))?;
-                let figures = PutOntoFigures::of(&put, grid, put.output.count());
+                let figures = PutOntoFigures::of(&put, grid, put.output.count()).some("mask")?;
                 Ok(StageOutput::new(put.output, &figures))
             }
         }

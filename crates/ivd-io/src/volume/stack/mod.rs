@@ -102,7 +102,11 @@ fn pictures(dir: &Path) -> Result<Slices<Kind>, Error> {
             Err(if with_pictures_below(dir)? {
                 Error::choice(dir, format!("{problem}, but a folder below it holds some"), "give that folder")
             } else {
-                Error::choice(dir, problem, "for raw slices give dims and type")
+                Error::choice(
+                    dir,
+                    problem,
+                    "for raw slices give dims and type (--raw-dims, --raw-type), and of other volumes the file itself",
+                )
             })
         }
         (false, false) => Err(Error::choice(
