@@ -1,4 +1,4 @@
-"""cage.py PROGRAM [--size N] [--type u8|u16] [--only NAME ...] [--scene FILE ...] [--work FOLDER] [--no-limits] [--markdown]
+"""cage.py PROGRAM [--size N] [--type u8|u16|i16] [--only NAME ...] [--scene FILE ...] [--work FOLDER] [--no-limits] [--markdown]
 
 How much memory every stage and whole scenes take, and what they do where they may have less. Linux, Python's standard library.
 
@@ -210,7 +210,24 @@ def stages(cage):
 
 def iso(of_type):
     """A value between air and skin, three deviations of the noise above 0: values of other types are those of bytes, made longer."""
-    return 30 if of_type == "u8" else 30 * 257
+    return 30 * 257 if of_type == "u16" else 30
+
+
+def make_scan(program, n, of_type, noise, scan):
+    """A generated head as a file. Of signed words it has the values of bytes: phantoms aren't made of them."""
+    run = lambda *words: subprocess.run([program, *map(str, words), "-q"], check=True)
+    volume, raw = scan.with_suffix(".ivd"), scan.with_suffix(".raw")
+    run("phantom", "head", "--size", n, "--type", "u8" if of_type == "i16" else of_type, "--noise", noise, "-o", volume)
+    if of_type == "i16":
+        run("export", volume, "-o", raw)
+        low = raw.read_bytes()
+        words = bytearray(2 * len(low))
+        words[0::2] = low
+        raw.write_bytes(words)
+        run("import", raw, "--raw-dims", f"{n},{n},{n}", "--raw-type", "i16", "--axes", "RAS", "-o", volume)
+        raw.unlink()
+    run("export", volume, "-o", scan)
+    volume.unlink()
 
 
 def scenes(cage):
@@ -220,8 +237,7 @@ def scenes(cage):
     # Of the second the surface has a hundred times as many parts: every voxel of the air that the noise raises above the isovalue.
     for name, noise in [("head", "0"), ("head with specks", "0.04")] if not args.scene else []:
         scan = folder / f"{name.replace(' ', '-')}.nii"
-        subprocess.run([args.program, "phantom", "head", "--size", str(n), "--type", args.type, "--noise", noise, "-o", folder / "s.ivd", "-q"], check=True)
-        subprocess.run([args.program, "export", folder / "s.ivd", "-o", scan, "-q"], check=True)
+        make_scan(args.program, n, args.type, noise, scan)
         made.append(scan.with_suffix(".toml"))
         made[-1].write_text(SCENE.format(file=scan.name, iso=iso(args.type), x=n // 2, r=n // 4, top=n * 122 // 128))
     for scene in [pathlib.Path(s) for s in args.scene] or made:

@@ -98,7 +98,7 @@ fn labels_of_another_program_are_noted_before_their_numbers_are_mixed() {
     json(at, &["phantom", "head", "--size", "40", "-o", "v.ivd"]);
     json(at, &["segment", "v.ivd", "--method", "kmvs", "--k", "4", "-o", "l.ivd"]);
     json(at, &["export", "l.ivd", "-o", "l.nii.gz"]);
-    let step = "kind=translate;centre=20,20,20;by=2;axis=1,0,0;core=3;radius=9";
+    let step = "kind=translate;centre=20,20,20;by=2,0,0;core=0.3;radius=9";
     noted(at, &["space", "v.ivd", "--step", step, "-o", "d.ivd"]);
     let note = |file: &str| noted(at, &["warp", file, "d.ivd", "-o", "w.ivd"]);
     assert!(note("l.nii.gz").contains("looks like labels"), "{}", note("l.nii.gz"));

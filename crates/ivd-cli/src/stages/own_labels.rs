@@ -119,7 +119,7 @@ pub(crate) fn for_warp(inputs: Inputs, _: &Section, _: &Cache, context: &Context
     Ok(inputs)
 }
 
-/// Whether a volume holds few whole numbers, nine times of ten the same in voxels beside each other, and is no mask of two.
+/// Whether a volume holds few whole numbers, four times of five the same in voxels beside each other, and is no mask of two.
 fn look_like_labels(volume: &Volume) -> bool {
     let is_plain = (volume.slope(), volume.intercept()) == (1.0, 0.0);
     if !is_plain || !volume.voxel_type().is_integer() {
@@ -137,6 +137,6 @@ fn look_like_labels(volume: &Volume) -> bool {
                 alike += usize::from(pair[0] == pair[1]);
             }
         }
-        (3..=MOST_PARTS).contains(&seen.len()) && pairs >= FEWEST && 10 * alike >= 9 * pairs
+        (3..=MOST_PARTS).contains(&seen.len()) && pairs >= FEWEST && 5 * alike >= 4 * pairs
     })
 }
