@@ -107,6 +107,7 @@ const ROWS: usize = 256;
 const FEWEST: usize = 200;
 
 /// The inputs of `ivd warp`; says where a volume is most likely labels, whose numbers would be mixed.
+#[allow(clippy::unnecessary_wraps, reason = "as the other hooks")]
 pub(crate) fn for_warp(inputs: Inputs, _: &Section, _: &Cache, context: &Context) -> anyhow::Result<Inputs> {
     if let Some(Artefact::Volume(volume)) = inputs.get("volume")
         && look_like_labels(volume)
