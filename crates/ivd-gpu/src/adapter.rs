@@ -129,25 +129,19 @@ pub(crate) fn choose(choice: &Choice) -> Result<wgpu::Adapter, OpenError> {
     if *choice == Choice::None {
         return Err(OpenError::None("IVD_ADAPTER says that none is to be used".to_owned()));
     }
-    let found = found();
+    let mut found = found();
     if found.is_empty() {
         return Err(OpenError::None(why_none()));
     }
-    let names: Vec<String> =
-        found.iter().map(|a| format!("{} ({})", describe(a).name, describe(a).kind)).collect();
-    let meant = found.into_iter().find(|adapter| match choice {
-        Choice::Best => true,
-        Choice::None => false,
-        Choice::Named(asked) => {
-            let Adapter { name, kind, .. } = describe(adapter);
-            let asked = asked.to_lowercase();
-            name.to_lowercase().contains(&asked) || kind == asked
-        }
-    });
-    meant.ok_or_else(|| match choice {
-        Choice::Best | Choice::None => OpenError::None(why_none()),
-        Choice::Named(asked) => OpenError::NotNamed { asked: asked.clone(), there: names.join(", ") },
-    })
+    let Choice::Named(asked) = choice else { return Ok(found.swap_remove(0)) };
+    let described: Vec<Adapter> = found.iter().map(describe).collect();
+    let word = asked.to_lowercase();
+    let is_meant = |adapter: &Adapter| adapter.name.to_lowercase().contains(&word) || adapter.kind == word;
+    if let Some(meant) = described.iter().position(is_meant) {
+        return Ok(found.swap_remove(meant));
+    }
+    let there: Vec<String> = described.iter().map(|a| format!("{} ({})", a.name, a.kind)).collect();
+    Err(OpenError::NotNamed { asked: asked.clone(), there: there.join(", ") })
 }
 
 /// What the drivers say where there is no adapter.

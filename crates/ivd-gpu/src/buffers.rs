@@ -1,6 +1,6 @@
 use ivd_core::Exec;
 
-use crate::gpu::{Count, Fault, PATIENCE};
+use crate::gpu::Count;
 use crate::{Error, Gpu};
 
 /// A buffer of the device, counted as long as it is held.
@@ -26,15 +26,13 @@ impl Gpu {
         bytes: u64,
         usage: wgpu::BufferUsages,
     ) -> Result<Room, Error> {
-        let bytes = bytes.next_multiple_of(4).max(4);
         self.allocate(what, bytes, usage, false)
     }
 
     /// Bytes on the device; filled up to whole words.
     pub(crate) fn upload(&self, what: &'static str, data: &[u8]) -> Result<Room, Error> {
-        let bytes = (data.len() as u64).next_multiple_of(4).max(4);
-        let room = self.allocate(what, bytes, wgpu::BufferUsages::STORAGE, true)?;
-        self.checked(what, bytes, || {
+        let room = self.allocate(what, data.len() as u64, wgpu::BufferUsages::STORAGE, true)?;
+        self.checked(what, room.bytes, || {
             let mut view = room
                 .buffer
                 .slice(..)
@@ -85,17 +83,15 @@ impl Gpu {
         usage: wgpu::BufferUsages,
         mapped_at_creation: bool,
     ) -> Result<Room, Error> {
+        // Whole words, one at least.
+        let bytes = bytes.next_multiple_of(4).max(4);
         let limits = self.limits();
         let most = if usage.contains(wgpu::BufferUsages::STORAGE) {
             limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)
         } else {
             limits.max_buffer_size
         };
-        match self.event() {
-            Some(Fault::NoRoom) => return Err(Error::NoRoom { what, bytes }),
-            Some(Fault::Late) => return Err(Error::Late(PATIENCE)),
-            Some(Fault::Loss | Fault::Garbage) | None => {}
-        }
+        self.event(what, bytes)?;
         if bytes > most {
             return Err(Error::NoRoom { what, bytes });
         }

@@ -207,14 +207,23 @@ impl Gpu {
         self.options.part
     }
 
-    /// An event that can fail; what goes wrong at it on purpose.
-    pub(crate) fn event(&self) -> Option<Fault> {
+    /// An event that can fail; whether the device does nothing of it, on purpose.
+    ///
+    /// # Errors
+    /// What else goes wrong at it on purpose.
+    pub(crate) fn event(&self, what: &'static str, bytes: u64) -> Result<bool, Error> {
         let n = self.count.events.fetch_add(1, Ordering::Relaxed);
         let fault = self.options.faults.iter().find(|(at, _)| *at == n).map(|(_, fault)| *fault);
-        if fault == Some(Fault::Loss) {
-            self.device.destroy();
+        match fault {
+            Some(Fault::NoRoom) => Err(Error::NoRoom { what, bytes }),
+            Some(Fault::Late) => Err(Error::Late(PATIENCE)),
+            Some(Fault::Loss) => {
+                self.device.destroy();
+                Ok(false)
+            }
+            Some(Fault::Garbage) => Ok(true),
+            None => Ok(false),
         }
-        fault
     }
 
     /// # Errors
@@ -259,15 +268,10 @@ impl Gpu {
         result: Option<(&wgpu::Buffer, &wgpu::Buffer, u64)>,
         read: impl FnOnce(&[u8]),
     ) -> Result<Duration, Error> {
-        let fault = self.event();
-        match fault {
-            Some(Fault::NoRoom) => return Err(Error::NoRoom { what, bytes: 0 }),
-            Some(Fault::Late) => return Err(Error::Late(PATIENCE)),
-            Some(Fault::Loss | Fault::Garbage) | None => {}
-        }
+        let idle = self.event(what, 0)?;
         let submitted = self.checked(what, 0, || {
             let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            if fault != Some(Fault::Garbage) {
+            if !idle {
                 encode(&mut encoder, self.clock.as_ref());
             }
             if let Some((from, to, bytes)) = result {
@@ -323,11 +327,7 @@ impl Gpu {
         buffer: &wgpu::Buffer,
         bytes: u64,
     ) -> Result<Arc<Mutex<Option<Result<(), wgpu::BufferAsyncError>>>>, Error> {
-        match self.event() {
-            Some(Fault::NoRoom) => return Err(Error::NoRoom { what: "a result", bytes }),
-            Some(Fault::Late) => return Err(Error::Late(PATIENCE)),
-            Some(Fault::Loss | Fault::Garbage) | None => {}
-        }
+        self.event("a result", bytes)?;
         let answer = Arc::new(Mutex::new(None));
         let told = answer.clone();
         buffer.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {

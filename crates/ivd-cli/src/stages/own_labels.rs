@@ -72,13 +72,18 @@ fn are_values(labels: &Labels) -> bool {
     if labels.classes().len() <= MOST_PARTS {
         return false;
     }
-    let rows = labels.ids().chunks(labels.grid().dims()[0]);
-    let (mut pairs, mut alike) = (0_u64, 0_u64);
-    for pair in rows.flat_map(|row| row.windows(2)).filter(|pair| pair[0] != 0 && pair[1] != 0) {
+    let [pairs, alike] = pairs_alike(labels.ids().chunks(labels.grid().dims()[0]));
+    2 * alike < pairs
+}
+
+/// Pairs of voxels beside each other along rows of which neither is 0, and those of them that are the same.
+fn pairs_alike<'a, T: Default + PartialEq + 'a>(rows: impl Iterator<Item = &'a [T]>) -> [u64; 2] {
+    let (mut pairs, mut alike, zero) = (0, 0, T::default());
+    for pair in rows.flat_map(|row| row.windows(2)).filter(|pair| pair[0] != zero && pair[1] != zero) {
         pairs += 1;
         alike += u64::from(pair[0] == pair[1]);
     }
-    2 * alike < pairs
+    [pairs, alike]
 }
 
 /// Whether labels are as few as those of parts are, and one is among them.
@@ -104,7 +109,7 @@ fn own_numbers(inputs: &Inputs, cache: &Cache, context: &Context) -> anyhow::Res
 /// Rows that are looked at.
 const ROWS: usize = 256;
 /// Pairs of voxels fewer than which tell nothing.
-const FEWEST: usize = 200;
+const FEWEST: u64 = 200;
 
 /// The inputs of `ivd warp`; says where a volume is most likely labels, whose numbers would be mixed.
 #[allow(clippy::unnecessary_wraps, reason = "as the other hooks")]
@@ -129,15 +134,9 @@ fn look_like_labels(volume: &Volume) -> bool {
     let row = volume.grid().dims()[0];
     with_voxels!(volume.voxels(), voxels => {
         let rows = voxels.len() / row;
-        let (mut seen, mut pairs, mut alike) = (BTreeSet::new(), 0, 0);
-        for row in voxels.chunks(row).step_by(rows.div_ceil(ROWS).max(1)) {
-            let values: Vec<i64> = row.iter().map(|value| value.to_f64() as i64).collect();
-            seen.extend(values.iter().copied());
-            for pair in values.windows(2).filter(|pair| pair[0] != 0 && pair[1] != 0) {
-                pairs += 1;
-                alike += usize::from(pair[0] == pair[1]);
-            }
-        }
+        let looked_at = || voxels.chunks(row).step_by(rows.div_ceil(ROWS).max(1));
+        let seen: BTreeSet<i64> = looked_at().flatten().map(|value| value.to_f64() as i64).collect();
+        let [pairs, alike] = pairs_alike(looked_at());
         (3..=MOST_PARTS).contains(&seen.len()) && pairs >= FEWEST && 5 * alike >= 4 * pairs
     })
 }

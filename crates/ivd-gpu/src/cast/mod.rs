@@ -48,6 +48,13 @@ struct State {
     trying: Option<(String, usize)>,
 }
 
+/// What makes a picture.
+struct Pipelines {
+    cast: wgpu::ComputePipeline,
+    /// Makes rays, where the device can.
+    make: Option<wgpu::ComputePipeline>,
+}
+
 /// What a part of a picture needs.
 struct Rooms {
     pixels: usize,
@@ -167,16 +174,15 @@ impl State {
         let [width, height] = plan.size();
         exec.check_memory("picture", (32 * width * height) as u64)?;
         let names = defines(plan);
-        let key = names.join(" ");
         self.resident.bring(plan, &self.gpu)?;
-        self.prepare("render/cast.wgsl", &key, &names)?;
-        if self.gpu.has("f64") {
-            self.prepare("render/rays.wgsl", "", &[])?;
-        }
+        let pipelines = Pipelines {
+            cast: self.pipeline("render/cast.wgsl", &names)?,
+            make: if self.gpu.has("f64") { Some(self.pipeline("render/rays.wgsl", &[])?) } else { None },
+        };
         let mut radiance =
             Radiance { width, height, rgba: vec![[0.0; 4]; width * height], samples: 0, skipped: 0 };
         exec.observer().begin("render", (width * height) as u64);
-        let cast = self.parts(plan, key, &mut radiance, exec);
+        let cast = self.parts(plan, names.join(" "), &pipelines, &mut radiance, exec);
         exec.observer().end("render");
         cast.map(|()| radiance)
     }
@@ -186,6 +192,7 @@ impl State {
         &mut self,
         plan: &Plan<'_>,
         key: String,
+        pipelines: &Pipelines,
         radiance: &mut Radiance,
         exec: &Exec,
     ) -> Result<(), Error> {
@@ -201,7 +208,7 @@ impl State {
             exec.check_cancelled()?;
             let part = self.next(wanted, at, [radiance.width, radiance.height]);
             self.trying = Some((key.clone(), part.pixels()));
-            let took = self.part(plan, &key, part, radiance, exec)?;
+            let took = self.part(plan, pipelines, part, radiance, exec)?;
             slowest = slowest.max(took.as_secs_f64() / part.pixels() as f64);
             // After what was empty something may come that isn't.
             wanted = fixed.unwrap_or_else(|| (GROWTH * wanted).min(time / slowest.max(1e-12)));
@@ -230,10 +237,11 @@ impl State {
         Part { first: at, size: [size[0].min(width - at[0]), size[1].min(height - at[1])] }
     }
 
-    fn prepare(&mut self, file: &'static str, key: &str, names: &[&str]) -> Result<(), Error> {
-        let key = format!("{file} {key}");
-        if self.pipelines.contains_key(&key) {
-            return Ok(());
+    /// The pipeline of a shader, made where it isn't yet.
+    fn pipeline(&mut self, file: &'static str, names: &[&str]) -> Result<wgpu::ComputePipeline, Error> {
+        let key = format!("{file} {}", names.join(" "));
+        if let Some(made) = self.pipelines.get(&key) {
+            return Ok(made.clone());
         }
         let start = Instant::now();
         let shader = assemble(file, names).map_err(Error::Refused)?;
@@ -254,15 +262,15 @@ impl State {
             })
         })?;
         tracing::debug!(key, ms = start.elapsed().as_millis() as u64, "pipeline made");
-        self.pipelines.insert(key, pipeline);
-        Ok(())
+        self.pipelines.insert(key, pipeline.clone());
+        Ok(pipeline)
     }
 
     /// Casts the rays of a part, and says how long the device took.
     fn part(
         &mut self,
         plan: &Plan<'_>,
-        key: &str,
+        pipelines: &Pipelines,
         part: Part,
         radiance: &mut Radiance,
         exec: &Exec,
@@ -274,23 +282,18 @@ impl State {
         let gpu = &self.gpu;
         let number = gpu.counters().submissions as u32;
         gpu.write(&rooms.params, bytemuck::cast_slice(&params(plan, part, number)));
-        let makes_rays = gpu.has("f64");
-        if makes_rays {
+        let Pipelines { cast, make } = pipelines;
+        if make.is_some() {
             let (numbers, words) = camera(plan, part);
             gpu.write(&rooms.camera, bytemuck::cast_slice(&numbers));
             gpu.write(&rooms.part, bytemuck::cast_slice(&words));
         } else {
             gpu.write(&rooms.rays, bytemuck::cast_slice(&rays(plan, part)));
         }
-        let cast = &self.pipelines[&format!("render/cast.wgsl {key}")];
         let bound = self.resident.bind(gpu, cast, &rooms.params, &rooms.rays, &rooms.picture)?;
-        let make = match self.pipelines.get("render/rays.wgsl ") {
-            Some(make) if makes_rays => {
-                let entries = [&rooms.camera, &rooms.part, &rooms.rays];
-                Some((make, bind(gpu, make, entries.into_iter().enumerate())?))
-            }
-            _ => None,
-        };
+        let entries = [&rooms.camera, &rooms.part, &rooms.rays];
+        let bind_rays = |make| bind(gpu, make, entries.into_iter().enumerate()).map(|group| (make, group));
+        let make = make.as_ref().map(bind_rays).transpose()?;
         let bytes = PIXEL_BYTES * (pixels + told) as u64;
         let mut written = true;
         let encode = |encoder: &mut wgpu::CommandEncoder, clock: Option<&crate::timing::Clock>| {

@@ -40,16 +40,15 @@ pub(super) fn params(plan: &Plan<'_>, part: Part, number: u32) -> [[u32; 4]; PAR
     let vector = |[x, y, z]: [f32; 3]| bits([x, y, z, 0.0]);
     let (none, mut axis, mut steep_axis, mut steep) = ([0.0_f32; 3], [0.0; 3], [0.0; 3], [0.0; 3]);
     let (mut look, mut colour, mut flags) = ([0.0_f32; 4], none, [0, 0, 0, number]);
-    let mut values = 0;
-    let bricks: usize = plan.bricks.iter().product();
-    flags[0] = (2 * bricks) as u32;
+    let mut bricks = whole(plan.bricks);
+    flags[0] = (2 * plan.bricks.iter().product::<usize>()) as u32;
     match plan.look {
         PlanLook::Classified { table, axis: of_values, steep: by_gradient, termination, .. } => {
             (axis, look[0]) = (of_values, termination);
             flags[1] = table.len() as u32;
             if let Some(by) = by_gradient {
                 (steep_axis, steep) = (by.axis, [by.gradient[0], by.gradient[1], plan.lamp.unit]);
-                values = by.values as u32;
+                bricks[3] = by.values as u32;
             }
         }
         PlanLook::Maximum { sign, skip, .. } => {
@@ -69,7 +68,7 @@ pub(super) fn params(plan: &Plan<'_>, part: Part, number: u32) -> [[u32; 4]; PAR
     [
         whole(plan.dims()),
         whole(plan.next),
-        [whole(plan.bricks)[0], whole(plan.bricks)[1], whole(plan.bricks)[2], values],
+        bricks,
         [width as u32, rows as u32, tiles as u32, 0],
         vector(top),
         vector(end),
