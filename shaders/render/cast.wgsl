@@ -139,20 +139,15 @@ fn classified(at: vec3<f32>, moving: bool) -> vec4<f32> {
 
 fn cast_ray(ray: Ray) -> Cast {
     var c = Cast(vec4<f32>(0.0), 0u, 0u);
-    var home = vec3<u32>(0xffffffffu);
+    var home = NOWHERE;
     var moving = false;
     var number = 0u;
-    // One more than there are whole steps: what is left after them.
-    let last = ray.steps + select(0u, 1u, ray.rest > 0.0);
+    let last = steps_of(ray);
     while (number < last) {
         let whole = number < ray.steps;
-        var at = ray.rest_at;
-        if (whole) {
-            at = sample_at(ray, number);
-        }
+        let at = step_at(ray, number);
         let cell = place_of(at).cell;
-        let off = cell ^ home;
-        if ((off.x | off.y | off.z) >= 8u || !whole) {
+        if (leaves(cell, home) || !whole) {
             let brick = brick_of(cell);
             let distance = leap_of(brick);
             if (whole && distance > 0u) {
@@ -161,7 +156,7 @@ fn cast_ray(ray: Ray) -> Cast {
                 number = end;
                 continue;
             }
-            home = cell & vec3<u32>(0xfffffff8u);
+            home = home_of(cell);
             moving = moves(brick);
         }
         c.taken += 1u;
@@ -196,20 +191,15 @@ fn cast_ray(ray: Ray) -> Cast {
     var c = Cast(vec4<f32>(0.0), 0u, 0u);
     var greatest = -3.4028234e38;
     var met = false;
-    var home = vec3<u32>(0xffffffffu);
+    var home = NOWHERE;
     var moving = false;
     var number = 0u;
-    // One more than there are whole steps: what is left after them.
-    let last = ray.steps + select(0u, 1u, ray.rest > 0.0);
+    let last = steps_of(ray);
     while (number < last) {
         let whole = number < ray.steps;
-        var at = ray.rest_at;
-        if (whole) {
-            at = sample_at(ray, number);
-        }
+        let at = step_at(ray, number);
         let cell = place_of(at).cell;
-        let off = cell ^ home;
-        if ((off.x | off.y | off.z) >= 8u || !whole) {
+        if (leaves(cell, home) || !whole) {
             let brick = brick_of(cell);
             let distance = leap_of(brick);
             let low = (params.flags.z & 2u) != 0u && met && bitcast<f32>(lookup[params.flags.x + brick]) <= greatest;
@@ -219,7 +209,7 @@ fn cast_ray(ray: Ray) -> Cast {
                 number = end;
                 continue;
             }
-            home = cell & vec3<u32>(0xfffffff8u);
+            home = home_of(cell);
             moving = moves(brick);
         }
         c.taken += 1u;
@@ -264,13 +254,13 @@ const HALVE = 2u;
 // One place where samples are taken, whatever they are for: drivers put a copy of what is called at each.
 fn cast_ray(ray: Ray) -> Cast {
     var c = Cast(vec4<f32>(0.0), 0u, 0u);
-    var home = vec3<u32>(0xffffffffu);
+    var home = NOWHERE;
     var number = 0u;
     var doing = MARCH;
     var halvings = 0u;
     var hit = vec3<f32>(0.0);
     var outside = vec3<f32>(0.0);
-    let last = ray.steps + select(0u, 1u, ray.rest > 0.0);
+    let last = steps_of(ray);
     loop {
         var at = 0.5 * (outside + hit);
         if (doing == LOOK_BACK) {
@@ -279,12 +269,10 @@ fn cast_ray(ray: Ray) -> Cast {
             if (number >= last) {
                 return c;
             }
-            at = ray.rest_at;
+            at = step_at(ray, number);
             if (number < ray.steps) {
-                at = sample_at(ray, number);
                 let cell = place_of(at).cell;
-                let off = cell ^ home;
-                if ((off.x | off.y | off.z) >= 8u) {
+                if (leaves(cell, home)) {
                     let distance = leap_of(brick_of(cell));
                     if (distance > 0u) {
                         let end = leap(ray, number, cell, distance - 1u);
@@ -292,7 +280,7 @@ fn cast_ray(ray: Ray) -> Cast {
                         number = end;
                         continue;
                     }
-                    home = cell & vec3<u32>(0xfffffff8u);
+                    home = home_of(cell);
                 }
             }
         }

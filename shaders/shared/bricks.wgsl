@@ -21,6 +21,30 @@ fn sample_at(ray: Ray, i: u32) -> vec3<f32> {
     return ray.start + product3(vec3<f32>(f32(i)), ray.delta);
 }
 
+// Samples of a ray: its whole steps, and one for what is left after them.
+fn steps_of(ray: Ray) -> u32 {
+    return ray.steps + select(0u, 1u, ray.rest > 0.0);
+}
+
+fn step_at(ray: Ray, i: u32) -> vec3<f32> {
+    if (i < ray.steps) {
+        return sample_at(ray, i);
+    }
+    return ray.rest_at;
+}
+
+// The brick that a ray is in, as its first cell; before the first one.
+const NOWHERE = vec3<u32>(0xffffffffu);
+
+fn home_of(cell: vec3<u32>) -> vec3<u32> {
+    return cell & vec3<u32>(0xfffffff8u);
+}
+
+fn leaves(cell: vec3<u32>, home: vec3<u32>) -> bool {
+    let off = cell ^ home;
+    return (off.x | off.y | off.z) >= 8u;
+}
+
 // Index of a sample after `i` up to which all lie in the bricks up to `reach` from that of `cell`, where sample `i` is: estimated from the box's planes,
 // then put right by looking at the samples themselves.
 fn leap(ray: Ray, i: u32, cell: vec3<u32>, reach: u32) -> u32 {
