@@ -1,4 +1,4 @@
-use crate::{Buffer, Grid, Scalar, Voxels, parallel, with_voxels};
+use crate::{Buffer, Error, Exec, Grid, Kernel, Scalar, Voxels, parallel, with_voxels};
 
 /// Cells along a brick's edge. A brick of cells `[8b, 8b + 8)` spans the voxels `8b ..= 8b + 8`.
 pub const BRICK: usize = 8;
@@ -97,6 +97,20 @@ impl BrickIndex {
     }
 }
 
+/// The pass that makes an index.
+pub struct BrickRanges;
+
+impl Kernel for BrickRanges {
+    const NAME: &'static str = "volume/ranges";
+    type Args<'a> = (&'a Grid, &'a Voxels);
+    type Out = BrickIndex;
+    type Error = Error;
+
+    fn on_processor((grid, voxels): &(&Grid, &Voxels), _: &Exec) -> Result<BrickIndex, Error> {
+        Ok(BrickIndex::build(grid, voxels))
+    }
+}
+
 /// Ranges of the bricks of layer `bz`: voxels are first merged along y and z, element by element, in the order in which they
 /// lie in memory and so that the compiler vectorises it; the merged rows are then cut into bricks.
 fn layer<T: Scalar>(n: [usize; 3], b: [usize; 3], voxels: &[T], bz: usize) -> Vec<BrickRange> {
@@ -191,12 +205,13 @@ impl<T: Scalar> Merged<T> {
 }
 
 fn f32_below(value: f64) -> f32 {
-    let near = value as f32;
+    // −0 is 0: which of them comes first in a brick says nothing.
+    let near = value as f32 + 0.0;
     if f64::from(near) > value { near.next_down() } else { near }
 }
 
 fn f32_above(value: f64) -> f32 {
-    let near = value as f32;
+    let near = value as f32 + 0.0;
     if f64::from(near) < value { near.next_up() } else { near }
 }
 

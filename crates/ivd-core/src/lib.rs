@@ -56,7 +56,7 @@ mod volume;
 mod voxels;
 
 pub use addressing::VertexDescription;
-pub use bricks::{BRICK, BrickIndex, BrickRange};
+pub use bricks::{BRICK, BrickIndex, BrickRange, BrickRanges};
 pub use buffer::{Buffer, ByteSource};
 pub use bulk::SpillVec;
 pub use class_choice::ClassChoice;

@@ -3,7 +3,9 @@ use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{BrickIndex, Error, Grid, Scalar, VoxelIndex, VoxelType, Voxels, parallel, with_voxels};
+use crate::{
+    BrickIndex, BrickRanges, Error, Exec, Grid, Scalar, VoxelIndex, VoxelType, Voxels, parallel, with_voxels,
+};
 
 /// What a scan was made with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -192,6 +194,18 @@ impl Volume {
     /// Min–max of the stored values by brick; computed at the first call, on the calling rayon pool.
     pub fn bricks(&self) -> &BrickIndex {
         self.bricks.get_or_init(|| BrickIndex::build(&self.grid, self.voxels()))
+    }
+
+    /// The same, where it isn't known yet by the pass [`BrickRanges`], which a device may make.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn find_bricks(&self, exec: &Exec) -> Result<&BrickIndex, Error> {
+        if self.bricks.get().is_none() {
+            let found = exec.launch::<BrickRanges>(&(&self.grid, self.voxels()))?;
+            let _ = self.bricks.set(found);
+        }
+        Ok(self.bricks())
     }
 
     /// Attaches an index that was stored beside the voxels, so that it need not be computed.

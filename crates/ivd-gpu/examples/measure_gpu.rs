@@ -6,7 +6,7 @@ use std::error::Error;
 use std::time::Instant;
 
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, NO_BRICK, TransferFunction, Volume, Voxels};
-use ivd_gpu::{Caster, Choice, Gpu, Options};
+use ivd_gpu::{Choice, Gpu, Options, SharedGpu};
 use ivd_render::{Mode, Prepared, Radiance, RenderParams, Scene, View};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let volume = head(side)?;
     let moved = pushed(volume.grid())?;
     let transfer = transfer()?;
-    let caster = Caster::new(gpu);
+    let caster = SharedGpu::new(gpu);
     let (device, processor) = (Exec::default(), Exec::default());
     for (moves, displacement) in [("rest", None), ("deformed", Some(&moved))] {
         for (look, mode, shading) in [

@@ -27,8 +27,11 @@ impl Adapter {
 }
 
 /// Optional features that kernels here use.
-pub(crate) const FEATURES: [(&str, wgpu::Features); 2] =
-    [("f64", wgpu::Features::SHADER_F64), ("timestamps", wgpu::Features::TIMESTAMP_QUERY)];
+pub(crate) const FEATURES: [(&str, wgpu::Features); 3] = [
+    ("f64", wgpu::Features::SHADER_F64),
+    ("int64", wgpu::Features::SHADER_INT64),
+    ("timestamps", wgpu::Features::TIMESTAMP_QUERY),
+];
 
 /// Which adapter is meant.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -83,8 +83,8 @@ impl Gpu {
         usage: wgpu::BufferUsages,
         mapped_at_creation: bool,
     ) -> Result<Room, Error> {
-        // Whole words, one at least.
-        let bytes = bytes.next_multiple_of(4).max(4);
+        // Whole words; four at least, as many as a kernel takes at once.
+        let bytes = bytes.next_multiple_of(4).max(16);
         let limits = self.limits();
         let most = if usage.contains(wgpu::BufferUsages::STORAGE) {
             limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)

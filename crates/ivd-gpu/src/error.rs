@@ -14,6 +14,12 @@ pub enum Error {
         /// Its size.
         bytes: u64,
     },
+    /// Voxels of a type that no kernel here knows.
+    #[error("voxels of type {0} are known to the processor alone")]
+    Unknown(&'static str),
+    /// It lacks a feature that a kernel can't do without.
+    #[error("the GPU has no {0}")]
+    Lacks(&'static str),
     /// It doesn't answer.
     #[error("the GPU didn't answer within {} s", .0.as_secs())]
     Late(Duration),

@@ -109,6 +109,12 @@ impl Count {
     }
 }
 
+/// What is read after a submission: parts of buffers, each from a first byte on, one after the other; and the buffer that they are copied to.
+pub(crate) struct Reading<'a> {
+    pub(crate) from: Vec<(&'a wgpu::Buffer, u64, u64)>,
+    pub(crate) to: &'a wgpu::Buffer,
+}
+
 /// An opened device. All calls to it are made by one thread at a time: error scopes belong to threads.
 pub struct Gpu {
     pub(crate) device: wgpu::Device,
@@ -265,7 +271,7 @@ impl Gpu {
         what: &'static str,
         exec: &Exec,
         encode: impl FnOnce(&mut wgpu::CommandEncoder, Option<&Clock>),
-        result: Option<(&wgpu::Buffer, &wgpu::Buffer, u64)>,
+        result: Option<Reading<'_>>,
         read: impl FnOnce(&[u8]),
     ) -> Result<Duration, Error> {
         let idle = self.event(what, 0)?;
@@ -274,8 +280,12 @@ impl Gpu {
             if !idle {
                 encode(&mut encoder, self.clock.as_ref());
             }
-            if let Some((from, to, bytes)) = result {
-                encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
+            if let Some(result) = &result {
+                let mut at = 0;
+                for (from, first, bytes) in &result.from {
+                    encoder.copy_buffer_to_buffer(from, *first, result.to, at, *bytes);
+                    at += bytes;
+                }
             }
             if let Some(clock) = &self.clock {
                 clock.resolve(&mut encoder);
@@ -284,7 +294,10 @@ impl Gpu {
         })?;
         Count::add(&self.count.submissions, 1);
         let mapped = match result {
-            Some((_, to, bytes)) => Some((to, bytes, self.map(to, bytes)?)),
+            Some(Reading { from, to }) => {
+                let bytes = from.iter().map(|(.., bytes)| bytes).sum();
+                Some((to, bytes, self.map(to, bytes)?))
+            }
             None => None,
         };
         let start = Instant::now();

@@ -20,25 +20,48 @@
 mod adapter;
 mod buffers;
 mod cast;
+mod cut;
 mod error;
 mod gpu;
+mod kept;
+mod pass;
+mod segment;
 pub mod shader;
+mod shared;
+mod stored;
 mod timing;
+mod volume;
+mod warp;
 
 pub use adapter::{Adapter, Choice, OpenError, adapters};
-pub use cast::Caster;
 pub use error::Error;
 pub use gpu::{Counters, Fault, Gpu, Meter, Options};
+pub use shared::SharedGpu;
 pub use timing::Timed;
 
-use ivd_core::{Device, Kernel as _};
+use ivd_core::{BrickRanges, Device, Kernel as _};
+use ivd_field::warp::plan::Warping;
+use ivd_lattice::extract::plan::Cutting;
 use ivd_render::plan::Casting;
+use ivd_segment::plan::{Counting, Labelling};
 
 /// The kernels of which there is a form here.
-pub const KERNELS: &[&str] = &[Casting::NAME];
+pub const KERNELS: &[&str] =
+    &[BrickRanges::NAME, Counting::NAME, Labelling::NAME, Cutting::NAME, Warping::<u8>::NAME, Casting::NAME];
 
 /// An opened adapter as the device of an [`ivd_core::Exec`].
 pub fn device(gpu: Gpu) -> Device {
     let name = gpu.adapter().name.clone();
-    Device::new(name).with::<Casting>(Caster::new(gpu))
+    let gpu = SharedGpu::new(gpu);
+    Device::new(name)
+        .with::<BrickRanges>(gpu.clone())
+        .with::<Counting>(gpu.clone())
+        .with::<Labelling>(gpu.clone())
+        .with::<Cutting>(gpu.clone())
+        .with::<Warping<u8>>(gpu.clone())
+        .with::<Warping<i8>>(gpu.clone())
+        .with::<Warping<u16>>(gpu.clone())
+        .with::<Warping<i16>>(gpu.clone())
+        .with::<Warping<f32>>(gpu.clone())
+        .with::<Casting>(gpu)
 }

@@ -7,13 +7,29 @@ use std::collections::BTreeSet;
 
 /// The files, by their path in the folder.
 pub const FILES: &[(&str, &str)] = &[
+    ("lattice/add.wgsl", include_str!("../../../shaders/lattice/add.wgsl")),
+    ("lattice/cells.wgsl", include_str!("../../../shaders/lattice/cells.wgsl")),
+    ("lattice/count.wgsl", include_str!("../../../shaders/lattice/count.wgsl")),
+    ("lattice/decided.wgsl", include_str!("../../../shaders/lattice/decided.wgsl")),
+    ("lattice/open.wgsl", include_str!("../../../shaders/lattice/open.wgsl")),
+    ("lattice/signs.wgsl", include_str!("../../../shaders/lattice/signs.wgsl")),
+    ("lattice/triangles.wgsl", include_str!("../../../shaders/lattice/triangles.wgsl")),
+    ("lattice/vertices.wgsl", include_str!("../../../shaders/lattice/vertices.wgsl")),
+    ("lattice/words.wgsl", include_str!("../../../shaders/lattice/words.wgsl")),
     ("render/cast.wgsl", include_str!("../../../shaders/render/cast.wgsl")),
     ("render/rays.wgsl", include_str!("../../../shaders/render/rays.wgsl")),
+    ("segment/histogram.wgsl", include_str!("../../../shaders/segment/histogram.wgsl")),
+    ("segment/label.wgsl", include_str!("../../../shaders/segment/label.wgsl")),
     ("shared/bricks.wgsl", include_str!("../../../shaders/shared/bricks.wgsl")),
     ("shared/light.wgsl", include_str!("../../../shaders/shared/light.wgsl")),
+    ("shared/pass.wgsl", include_str!("../../../shaders/shared/pass.wgsl")),
     ("shared/ray.wgsl", include_str!("../../../shaders/shared/ray.wgsl")),
+    ("shared/scan.wgsl", include_str!("../../../shaders/shared/scan.wgsl")),
+    ("shared/stored.wgsl", include_str!("../../../shaders/shared/stored.wgsl")),
     ("shared/volume.wgsl", include_str!("../../../shaders/shared/volume.wgsl")),
     ("shared/warp.wgsl", include_str!("../../../shaders/shared/warp.wgsl")),
+    ("volume/ranges.wgsl", include_str!("../../../shaders/volume/ranges.wgsl")),
+    ("warp/linear.wgsl", include_str!("../../../shaders/warp/linear.wgsl")),
 ];
 
 /// A shader as a driver gets it.

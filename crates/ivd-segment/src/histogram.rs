@@ -2,6 +2,8 @@
 
 use ivd_core::{Error, Exec, Mask, Scalar, Voxels, parallel};
 
+use crate::plan::{Counted, Counting};
+
 /// Voxels that one task counts; long enough to pay for its private tables.
 const CHUNK: usize = 1 << 20;
 
@@ -70,10 +72,29 @@ pub(crate) use with_tabled;
 
 /// Histogram of the voxels inside the mask; `None` for types of more than 16 bits.
 pub(crate) fn of(voxels: &Voxels, mask: Option<&Mask>, exec: &Exec) -> Result<Option<Histogram>, Error> {
-    with_tabled!(voxels, slice => count(slice, mask, exec).map(Some), else Ok(None))
+    let Some(counted) = Counted::new(voxels, mask) else { return Ok(None) };
+    let counts = exec.launch::<Counting>(&counted)?;
+    let lowest = with_tabled!(voxels, slice => lowest_of(slice), else 0);
+    Ok(Some(Histogram::new(lowest, &counts)))
 }
 
-fn count<T: Tabled>(voxels: &[T], mask: Option<&Mask>, exec: &Exec) -> Result<Histogram, Error> {
+fn lowest_of<T: Tabled>(_: &[T]) -> i64 {
+    T::LOWEST
+}
+
+impl Histogram {
+    /// The values that occur, of how often each does from the lowest of its type on.
+    fn new(lowest: i64, counts: &[u64]) -> Self {
+        let occupied = counts.iter().enumerate().filter(|(_, n)| **n > 0);
+        Self {
+            values: occupied.clone().map(|(slot, _)| lowest + slot as i64).collect(),
+            counts: occupied.map(|(_, &n)| n).collect(),
+        }
+    }
+}
+
+/// How often each value of the type occurs, ascending.
+pub(crate) fn count<T: Tabled>(voxels: &[T], mask: Option<&Mask>, exec: &Exec) -> Result<Vec<u64>, Error> {
     let pieces = parallel::pieces(voxels.len(), CHUNK);
     // Integer sums: whatever the order, the same table.
     let tables = parallel::try_gather(pieces, &|| vec![0_u64; T::VALUES], &|table, i| {
@@ -90,11 +111,7 @@ fn count<T: Tabled>(voxels: &[T], mask: Option<&Mask>, exec: &Exec) -> Result<Hi
     for part in &tables {
         table.iter_mut().zip(part).for_each(|(sum, n)| *sum += n);
     }
-    let occupied = table.iter().enumerate().filter(|(_, n)| **n > 0);
-    Ok(Histogram {
-        values: occupied.clone().map(|(slot, _)| T::LOWEST + slot as i64).collect(),
-        counts: occupied.map(|(_, &n)| n).collect(),
-    })
+    Ok(table)
 }
 
 /// Counts in several tables by turns: equal values in a row would otherwise wait for each other's store.
@@ -149,6 +166,9 @@ mod tests {
     #[test]
     fn counts_equal_a_plain_count_for_signed_and_unsigned_types_and_odd_lengths() {
         let exec = Exec::default();
+        fn count<T: Tabled>(voxels: &[T], mask: Option<&Mask>, exec: &Exec) -> Result<Histogram, Error> {
+            super::count(voxels, mask, exec).map(|counts| Histogram::new(T::LOWEST, &counts))
+        }
         let noise = |i: usize| i.wrapping_mul(2_654_435_761) >> 7;
         let bytes: Vec<u8> = (0..CHUNK + 4099).map(|i| noise(i) as u8).collect();
         assert_eq!(count(&bytes, None, &exec).unwrap(), plain(&bytes));

@@ -1,8 +1,9 @@
 //! The pass that gives each voxel its label.
 
-use ivd_core::{Error, Exec, Mask, NO_DATA, Scalar, SpillVec, Voxels, parallel, with_voxels};
+use ivd_core::{Error, Exec, Mask, NO_DATA, Scalar, SpillVec, Voxels, parallel};
 
-use crate::histogram::{Tabled, with_tabled};
+use crate::histogram::Tabled;
+use crate::plan::{Labelled, Labelling};
 
 /// Voxels that one task labels.
 const CHUNK: usize = 1 << 16;
@@ -20,22 +21,18 @@ pub(crate) fn of(
     exec: &Exec,
 ) -> Result<SpillVec<u16>, Error> {
     exec.check_cancelled()?;
-    let mut labels = exec.bulk("the labels", voxels.len())?;
-    with_tabled!(voxels, slice => by_table(slice, mask, cuts, ids, &mut labels), else {
-        with_voxels!(voxels, slice => by_cuts(slice, mask, cuts, ids, &mut labels));
-    });
+    let labels = exec.launch::<Labelling>(&Labelled { voxels, mask, cuts, ids })?;
     exec.check_cancelled()?;
     Ok(labels)
 }
 
-fn id_of(value: f64, cuts: &[f64], ids: &[u16]) -> u16 {
+pub(crate) fn id_of(value: f64, cuts: &[f64], ids: &[u16]) -> u16 {
     ids.get(cuts.partition_point(|cut| *cut <= value)).copied().unwrap_or(NO_DATA)
 }
 
-fn by_table<T: Tabled>(voxels: &[T], mask: Option<&Mask>, cuts: &[f64], ids: &[u16], labels: &mut [u16]) {
-    let table: Vec<u16> =
-        (0..T::VALUES).map(|slot| id_of((T::LOWEST + slot as i64) as f64, cuts, ids)).collect();
-    match (mask, steps(&table)) {
+/// Labels by the label of each value of the type, ascending.
+pub(crate) fn by_table<T: Tabled>(voxels: &[T], mask: Option<&Mask>, table: &[u16], labels: &mut [u16]) {
+    match (mask, steps(table)) {
         (None, Some(steps)) => by_steps(voxels, table[0], &steps, labels),
         _ => each(voxels, mask, labels, |v| table[v.slot()]),
     }
@@ -72,8 +69,8 @@ fn by_steps<T: Tabled>(voxels: &[T], first: u16, steps: &[u8], labels: &mut [u16
     });
 }
 
-fn by_cuts<T: Scalar>(voxels: &[T], mask: Option<&Mask>, cuts: &[f64], ids: &[u16], labels: &mut [u16]) {
-    each(voxels, mask, labels, |v| if v.is_data() { id_of(v.to_f64(), cuts, ids) } else { NO_DATA });
+pub(crate) fn by_cuts<T: Scalar>(voxels: &[T], by: &Labelled<'_>, labels: &mut [u16]) {
+    each(voxels, by.mask, labels, |v| if v.is_data() { id_of(v.to_f64(), by.cuts, by.ids) } else { NO_DATA });
 }
 
 fn each<T: Scalar>(
@@ -110,10 +107,12 @@ mod tests {
             let plain = |v: f64| id_of(v, &cuts, &ids);
             let expected: Vec<u16> = voxels.iter().map(|&v| plain(f64::from(v))).collect();
             let mut found = vec![9; voxels.len()];
-            by_table(&voxels, None, &cuts, &ids, &mut found);
+            let table: Vec<u16> = (0..256).map(|slot| plain(f64::from(slot))).collect();
+            by_table(&voxels, None, &table, &mut found);
             assert_eq!(found, expected);
             let expected: Vec<u16> = signed.iter().map(|&v| plain(f64::from(v))).collect();
-            by_table(&signed, None, &cuts, &ids, &mut found);
+            let table: Vec<u16> = (-128..128).map(|slot| plain(f64::from(slot))).collect();
+            by_table(&signed, None, &table, &mut found);
             assert_eq!(found, expected);
         }
     }

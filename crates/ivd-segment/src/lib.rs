@@ -43,6 +43,7 @@ mod kmvs;
 mod labelling;
 mod moments;
 mod msvs;
+pub mod plan;
 mod segmentation;
 mod selection;
 mod stage;

@@ -164,7 +164,7 @@ impl Job<'_> {
             match vectors {
                 Some(vectors) if self.order == Order::Linear => {
                     let (row, _) = vectors[row..].split_first_chunk::<LANES>().expect("a brick's row");
-                    count += linear_row(rows, start, row, &voxels[range], to, &value);
+                    count += linear_row(rows, (start, row, None), &voxels[range], to, &value);
                 }
                 Some(vectors) => {
                     to.copy_from_slice(&voxels[range]);

@@ -23,7 +23,7 @@ pub fn labels(
     exec.run(|| {
         let grid = labels.grid();
         let (ids, count) =
-            resample(grid, labels.ids(), displacement, Order::Nearest, f64::from(background), exec)?;
+            resample((grid, None), labels.ids(), displacement, Order::Nearest, f64::from(background), exec)?;
         let mut classes = labels.classes().to_vec();
         recount(labels.ids(), &ids, &mut classes);
         let output = Labels::new(grid.clone(), ids.into(), classes)?;
@@ -76,7 +76,8 @@ pub fn mask(mask: &Mask, displacement: &Displacement, exec: &Exec) -> Result<War
     let bytes = if mask.level().is_some() { 5 } else { 1 };
     exec.check_memory("the deformed mask", bytes * grid.len() as u64)?;
     exec.run(|| {
-        let (mut inside, count) = resample(grid, mask.inside(), displacement, Order::Nearest, 0.0, exec)?;
+        let (mut inside, count) =
+            resample((grid, None), mask.inside(), displacement, Order::Nearest, 0.0, exec)?;
         let mut output = None;
         if let Some(level) = mask.level() {
             let source = Source { voxels: &level[..], dims: grid.dims() };

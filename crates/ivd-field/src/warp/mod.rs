@@ -12,6 +12,7 @@
 mod deformed;
 mod labels;
 mod params;
+pub mod plan;
 mod row;
 mod sample;
 mod sided;
@@ -20,8 +21,8 @@ mod stage;
 
 use ivd_core::op::Op as _;
 use ivd_core::{
-    Displacement, Exec, FieldBricks, Grid, NO_BRICK, Scalar, Volume, VoxelCoord, VoxelIndex, parallel,
-    with_voxels,
+    Displacement, Exec, FieldBricks, Grid, NO_BRICK, Scalar, Volume, VoxelCoord, VoxelIndex, Voxels,
+    parallel, with_voxels,
 };
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -31,6 +32,7 @@ pub use deformed::Deformed;
 pub(crate) use labels::{label_background, recount};
 pub use labels::{labels, mask};
 pub use params::{Order, WarpParams};
+use plan::{Made, Moving, Warping};
 use row::{LANES, Rows};
 pub(crate) use sample::Source;
 pub(crate) use slabs::Slabs;
@@ -65,7 +67,7 @@ pub fn volume(
     exec.run(|| {
         let background = stored_background(volume, displacement, params);
         with_voxels!(volume.voxels(), slice => {
-            let (voxels, resampled) = resample(volume.grid(), slice, displacement, params.order, background, exec)?;
+            let (voxels, resampled) = resample((volume.grid(), Some(volume.voxels())), slice, displacement, params.order, background, exec)?;
             let output = Volume::with_scale(volume.grid().clone(), Scalar::wrap(voxels.into()), volume.slope(), volume.intercept())?;
             Ok(Warped { output, voxels_resampled: resampled, voxels_total: volume.grid().len() as u64 })
         })
@@ -103,9 +105,9 @@ fn leaves_grid(displacement: &Displacement) -> bool {
     })
 }
 
-/// The resampled voxels and how many were computed.
+/// The resampled voxels and how many were computed; `stored` is what the voxels are the voxels of, where that is known to backends.
 fn resample<T: Scalar>(
-    grid: &Grid,
+    (grid, stored): (&Grid, Option<&Voxels>),
     voxels: &[T],
     displacement: &Displacement,
     order: Order,
@@ -118,12 +120,20 @@ fn resample<T: Scalar>(
         Some(x) => sided::sample(&source, displacement, voxel, x, order).map_or(background, T::from_f64),
         None => background,
     };
-    let (mut out, count) = if order == Order::Linear && !displacement.has_cut() {
-        linear_by_bricks(&Rows::new(&source, grid, exec.simd), displacement, exec, value)?
-    } else {
-        let mut out = voxels.to_vec();
-        let count = for_each_moved(grid, displacement, &mut out, exec, value)?;
-        (out, count)
+    let (mut out, count) = match stored {
+        Some(voxels) if order == Order::Linear && !displacement.has_cut() => {
+            let rows = Rows::new(&source, grid, exec.simd);
+            let (to_voxel, most) = rows.frame();
+            let by = |made: Option<&Made<T>>, exec: &Exec| {
+                linear_by_bricks(&rows, displacement, made, exec, value)
+            };
+            exec.launch::<Warping<T>>(&Moving { voxels, displacement, to_voxel, most, by: &by })?
+        }
+        _ => {
+            let mut out = voxels.to_vec();
+            let count = for_each_moved(grid, displacement, &mut out, exec, value)?;
+            (out, count)
+        }
     };
     if !exec.skip {
         resample_still(&source, displacement, order, &mut out);
@@ -190,10 +200,11 @@ fn moved_slice<T>(
 }
 
 /// The voxels with those set that moved or were left behind, a brick at a time: what lies near in the field lies near in the
-/// volume. What `rows` leaves gets `value`, as in [`for_each_moved`]. Returns how many voxels were set, too.
+/// volume. They are computed by `rows`, or as they are made already. What either leaves gets `value`, as in [`for_each_moved`]. Returns how many voxels were set, too.
 fn linear_by_bricks<T: Scalar>(
     rows: &Rows<'_, T>,
     displacement: &Displacement,
+    made: Option<&Made<T>>,
     exec: &Exec,
     value: impl Fn(VoxelIndex, Option<[f64; 3]>) -> T + Sync,
 ) -> Result<(Vec<T>, u64), Error> {
@@ -205,7 +216,7 @@ fn linear_by_bricks<T: Scalar>(
     let counts = parallel::try_map_pieces_mut(&mut out, slab, &|bz, out| {
         exec.check_cancelled()?;
         let voxels = &rows.voxels()[slab * bz..][..out.len()];
-        Ok::<_, Error>(linear_slab(rows, displacement, bz, voxels, out, &value))
+        Ok::<_, Error>(linear_slab(rows, displacement, made, bz, voxels, out, &value))
     })?;
     Ok((out, counts.iter().sum()))
 }
@@ -214,6 +225,7 @@ fn linear_by_bricks<T: Scalar>(
 fn linear_slab<T: Scalar>(
     rows: &Rows<'_, T>,
     displacement: &Displacement,
+    made: Option<&Made<T>>,
     bz: usize,
     voxels: &[T],
     out: &mut [T],
@@ -227,10 +239,12 @@ fn linear_slab<T: Scalar>(
         out.copy_from_slice(voxels);
     }
     for (by, bx) in (0..bricks[1]).flat_map(|by| (0..bricks[0]).map(move |bx| (by, bx))) {
-        let Some(vectors) = field.brick(bx + bricks[0] * by + layer * bz) else { continue };
+        let brick = bx + bricks[0] * by + layer * bz;
+        let Some(vectors) = field.brick(brick) else { continue };
         for_each_row(field.dims(), [bx, by, bz], |start, row, range| {
+            let made = made.map(|made| made.row(field.table()[brick] as usize, row / LANES));
             let (row, _) = vectors[row..].split_first_chunk::<LANES>().expect("a brick's row");
-            count += linear_row(rows, start, row, &voxels[range.clone()], &mut out[range], value);
+            count += linear_row(rows, (start, row, made), &voxels[range.clone()], &mut out[range], value);
         });
     }
     for (z, slice) in out.chunks_mut(nx * ny).enumerate() {
@@ -259,14 +273,16 @@ fn for_each_row(
 /// A row of a brick, those voxels set that move; how many there are.
 fn linear_row<T: Scalar>(
     rows: &Rows<'_, T>,
-    start: [usize; 3],
-    row: &[[f32; 3]; LANES],
+    (start, row, made): ([usize; 3], &[[f32; 3]; LANES], Option<(&[T; LANES], u8)>),
     from: &[T],
     to: &mut [T],
     value: &impl Fn(VoxelIndex, Option<[f64; 3]>) -> T,
 ) -> u64 {
     let [moves, rest] = if let (Some(to), Some(from)) = (to.first_chunk_mut(), from.first_chunk()) {
-        rows.fill(start, row, from, to)
+        match made {
+            Some((values, left)) => row::take(row, values, left, from, to),
+            None => rows.fill(start, row, from, to),
+        }
     } else {
         to.copy_from_slice(from);
         let moves = row::moving(row) & ((1 << to.len()) - 1);

@@ -40,6 +40,11 @@ impl<'a, T: Scalar> Rows<'a, T> {
         }
     }
 
+    /// Rows of the matrix from world vectors to voxels, and above what coordinate along each axis there is no room.
+    pub(super) fn frame(&self) -> ([[f64; 3]; 3], [f64; 3]) {
+        (self.to_voxel, self.most)
+    }
+
     /// All voxels of the source.
     pub(super) fn voxels(&self) -> &'a [T] {
         self.source.voxels
@@ -174,6 +179,21 @@ impl<'a, T: Scalar> Rows<'a, T> {
         }
         [moves, moves & rest]
     }
+}
+
+/// A row as it is made already, but for what was left: as [`Rows::fill`].
+pub(super) fn take<T: Copy>(
+    vectors: &[[f32; 3]; LANES],
+    made: &[T; LANES],
+    left: u8,
+    from: &[T; LANES],
+    out: &mut [T; LANES],
+) -> [u8; 2] {
+    let moves = moving(vectors);
+    for i in 0..LANES {
+        out[i] = if moves >> i & 1 == 1 { made[i] } else { from[i] };
+    }
+    [moves, moves & left]
 }
 
 /// A bit for each vector that isn't 0.

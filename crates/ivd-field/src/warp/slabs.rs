@@ -33,7 +33,7 @@ impl<T: Scalar> Slabs<'_, T> {
         if self.order == Order::Linear && !self.displacement.has_cut() {
             let voxels = &self.voxels[nx * ny * slices.start..nx * ny * slices.end];
             let rows = Rows::new(&source, grid, self.simd);
-            linear_slab(&rows, self.displacement, bz, voxels, &mut out, &value);
+            linear_slab(&rows, self.displacement, None, bz, voxels, &mut out, &value);
         } else {
             for (z, slice) in slices.zip(out.chunks_mut(nx * ny)) {
                 moved_slice(grid, self.displacement, z, slice, &value);

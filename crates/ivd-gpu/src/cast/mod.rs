@@ -5,7 +5,6 @@ mod numbers;
 mod resident;
 
 use std::collections::HashMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use ivd_core::{Answer, DeviceForm, Exec, Kernel as _, parallel};
@@ -13,12 +12,13 @@ use ivd_render::Radiance;
 use ivd_render::plan::{Casting, Plan, Sight};
 
 use crate::buffers::Room;
-use crate::gpu::{Count, PATIENCE};
-use crate::shader::assemble;
-use crate::{Counters, Error, Gpu, Timed};
+use crate::gpu::{Count, PATIENCE, Reading};
+use crate::kept::Kept;
+use crate::shared::{Opened, answer};
+use crate::{Error, Gpu, SharedGpu, Timed};
 use look::defines;
 use numbers::{CAMERA_BYTES, PARAMS_BYTES, PICTURE_BYTES, Part, RAY_BYTES, camera, params, rays};
-use resident::Resident;
+use resident::{Resident, sampled};
 
 /// Pixels along a tile's edge: a workgroup.
 const TILE: usize = 8;
@@ -34,18 +34,21 @@ const SOFTWARE: Duration = Duration::from_millis(200);
 const FIRST_PIXELS: usize = 1 << 14;
 const GROWTH: f64 = 4.0;
 
-/// Casts rays on a device, and keeps there what pictures have in common: the last volume, labels and displacement, with clones of them in memory.
-pub struct Caster(Mutex<State>);
-
-struct State {
-    gpu: Gpu,
-    pipelines: HashMap<String, wgpu::ComputePipeline>,
-    resident: Resident,
+/// What pictures have in common.
+#[derive(Default)]
+pub(crate) struct State {
+    pub(crate) resident: Resident,
     rooms: Option<Rooms>,
     /// Of each kind of picture, time of a pixel [s] in its slowest part when one was last made.
     pace: HashMap<String, f64>,
-    /// The kind and the pixels of the part that was last asked for.
-    trying: Option<(String, usize)>,
+}
+
+impl State {
+    /// Lets go of everything on the device.
+    pub(crate) fn forget(&mut self) {
+        self.resident = Resident::default();
+        self.rooms = None;
+    }
 }
 
 /// What makes a picture.
@@ -67,33 +70,11 @@ struct Rooms {
     result: Room,
 }
 
-impl Caster {
-    /// A caster on an opened device.
-    pub fn new(gpu: Gpu) -> Self {
-        Self(Mutex::new(State {
-            gpu,
-            pipelines: HashMap::new(),
-            resident: Resident::default(),
-            rooms: None,
-            pace: HashMap::new(),
-            trying: None,
-        }))
-    }
-
-    /// What has been done on the device.
-    pub fn counters(&self) -> Counters {
-        self.lock().gpu.counters()
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Linear light of a plan's picture. A device that fails is opened anew and asked once more; where it has no room, what it keeps is let
-    /// go first.
+impl SharedGpu {
+    /// Linear light of a plan's picture.
     ///
     /// # Errors
-    /// As the device says the second time.
+    /// As the device says the second time: one that fails is opened anew and asked once more.
     pub fn cast(&self, plan: &Plan<'_>, exec: &Exec) -> Result<Radiance, Error> {
         self.timed(plan, exec).map(|(radiance, _)| radiance)
     }
@@ -101,18 +82,14 @@ impl Caster {
     /// The same, and what it took.
     ///
     /// # Errors
-    /// As [`Caster::cast`].
+    /// As [`SharedGpu::cast`].
     pub fn timed(&self, plan: &Plan<'_>, exec: &Exec) -> Result<(Radiance, Timed), Error> {
         let start = Instant::now();
-        // While the lock is held no work is shared out to threads: one of them could come back for another picture, and wait for itself.
-        let mut state = self.lock();
-        let before = state.gpu.counters();
-        let mut radiance = match state.cast(plan, exec) {
-            Ok(radiance) => radiance,
-            Err(error) => state.once_more(error, plan, exec)?,
-        };
-        let device_ns = state.gpu.counters().busy_ns - before.busy_ns;
-        drop(state);
+        let (mut radiance, device_ns) = self.attempt(|opened| {
+            let before = opened.gpu.counters();
+            let radiance = opened.cast(plan, exec)?;
+            Ok((radiance, opened.gpu.counters().busy_ns - before.busy_ns))
+        })?;
         let width = radiance.width;
         parallel::for_each_piece_mut(&mut radiance.rgba, width, &|_, row| {
             for pixel in row {
@@ -123,58 +100,22 @@ impl Caster {
     }
 }
 
-impl DeviceForm<Casting> for Caster {
+impl DeviceForm<Casting> for SharedGpu {
     fn run(&self, sight: &Sight<'_>, exec: &Exec) -> Result<Answer<Radiance>, ivd_core::Error> {
-        let plan = match sight.plan() {
-            Ok(plan) => plan,
-            Err(why) => return Ok(Answer::Declined(why.to_owned())),
-        };
-        match self.cast(&plan, exec) {
-            Ok(radiance) => Ok(Answer::Done(radiance)),
-            Err(Error::Core(error)) => Err(error),
-            Err(error @ Error::NoRoom { .. }) => Ok(Answer::Declined(error.to_string())),
-            Err(error) => Err(ivd_core::Error::Device { kernel: Casting::NAME, problem: error.to_string() }),
+        match sight.plan() {
+            Ok(plan) => answer(Casting::NAME, self.cast(&plan, exec)),
+            Err(why) => Ok(Answer::Declined(why.to_owned())),
         }
     }
 }
 
-impl State {
-    /// Lets go of everything on the device.
-    fn forget(&mut self) {
-        self.pipelines.clear();
-        self.resident = Resident::default();
-        self.rooms = None;
-    }
-
-    /// After a failure: lets go of everything, opens the device anew where it is to blame, and casts again.
-    fn once_more(&mut self, error: Error, plan: &Plan<'_>, exec: &Exec) -> Result<Radiance, Error> {
-        self.forget();
-        match error {
-            // Of what was going on when it was cancelled nothing is looked at any more.
-            Error::Core(error) => return Err(error.into()),
-            Error::NoRoom { .. } => {}
-            _ => {
-                let late = matches!(error, Error::Late(_));
-                if let (true, Some((key, pixels))) = (late, self.trying.take()) {
-                    self.pace.insert(key, PATIENCE.as_secs_f64() / pixels as f64);
-                }
-                let anew = self.gpu.reopen().map_err(|_| error.clone())?;
-                let old = std::mem::replace(&mut self.gpu, anew);
-                if late {
-                    // Who lets go of a device waits for it, and this one doesn't answer.
-                    std::mem::forget(old);
-                }
-            }
-        }
-        tracing::warn!(%error, "the GPU failed, and is asked once more");
-        self.cast(plan, exec)
-    }
-
+impl Opened {
     fn cast(&mut self, plan: &Plan<'_>, exec: &Exec) -> Result<Radiance, Error> {
         let [width, height] = plan.size();
         exec.check_memory("picture", (32 * width * height) as u64)?;
         let names = defines(plan);
-        self.resident.bring(plan, &self.gpu)?;
+        Kept::bring_voxels(&mut self.volume, &self.gpu, plan.volume.voxels(), sampled(plan))?;
+        self.cast.resident.bring(plan, &self.gpu)?;
         let pipelines = Pipelines {
             cast: self.pipeline("render/cast.wgsl", &names)?,
             make: if self.gpu.has("f64") { Some(self.pipeline("render/rays.wgsl", &[])?) } else { None },
@@ -198,7 +139,7 @@ impl State {
     ) -> Result<(), Error> {
         let fixed = self.gpu.part().map(|pixels| pixels as f64);
         let time = if self.gpu.adapter().is_software() { SOFTWARE } else { WANTED }.as_secs_f64();
-        let mut wanted = match (fixed, self.pace.get(&key)) {
+        let mut wanted = match (fixed, self.cast.pace.get(&key)) {
             (Some(pixels), _) => pixels,
             (None, Some(pace)) => time / pace.max(1e-12),
             (None, None) => FIRST_PIXELS as f64,
@@ -207,8 +148,12 @@ impl State {
         while at[1] < radiance.height {
             exec.check_cancelled()?;
             let part = self.next(wanted, at, [radiance.width, radiance.height]);
-            self.trying = Some((key.clone(), part.pixels()));
-            let took = self.part(plan, pipelines, part, radiance, exec)?;
+            let took = self.part(plan, pipelines, part, radiance, exec).inspect_err(|error| {
+                // It is tried in parts that take a fraction of what it waits.
+                if matches!(error, Error::Late(_)) {
+                    self.cast.pace.insert(key.clone(), PATIENCE.as_secs_f64() / part.pixels() as f64);
+                }
+            })?;
             slowest = slowest.max(took.as_secs_f64() / part.pixels() as f64);
             // After what was empty something may come that isn't.
             wanted = fixed.unwrap_or_else(|| (GROWTH * wanted).min(time / slowest.max(1e-12)));
@@ -218,7 +163,7 @@ impl State {
                 at = [0, at[1] + part.size[1]];
             }
         }
-        self.pace.insert(key, slowest);
+        self.cast.pace.insert(key, slowest);
         Ok(())
     }
 
@@ -237,35 +182,6 @@ impl State {
         Part { first: at, size: [size[0].min(width - at[0]), size[1].min(height - at[1])] }
     }
 
-    /// The pipeline of a shader, made where it isn't yet.
-    fn pipeline(&mut self, file: &'static str, names: &[&str]) -> Result<wgpu::ComputePipeline, Error> {
-        let key = format!("{file} {}", names.join(" "));
-        if let Some(made) = self.pipelines.get(&key) {
-            return Ok(made.clone());
-        }
-        let start = Instant::now();
-        let shader = assemble(file, names).map_err(Error::Refused)?;
-        let text = self.gpu.planted(&shader.text);
-        let pipeline = self.gpu.checked(file, 0, || {
-            let device = &self.gpu.device;
-            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(file),
-                source: wgpu::ShaderSource::Wgsl(text.as_str().into()),
-            });
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(file),
-                layout: None,
-                module: &module,
-                entry_point: Some("main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
-        })?;
-        tracing::debug!(key, ms = start.elapsed().as_millis() as u64, "pipeline made");
-        self.pipelines.insert(key, pipeline.clone());
-        Ok(pipeline)
-    }
-
     /// Casts the rays of a part, and says how long the device took.
     fn part(
         &mut self,
@@ -278,7 +194,7 @@ impl State {
         let (pixels, tiles) = (part.pixels(), part.tiles());
         let told = tiles[0] * tiles[1];
         self.make_room(pixels, told)?;
-        let Some(rooms) = &self.rooms else { return Err(Error::NotWritten) };
+        let Some(rooms) = &self.cast.rooms else { return Err(Error::NotWritten) };
         let gpu = &self.gpu;
         let number = gpu.counters().submissions as u32;
         gpu.write(&rooms.params, bytemuck::cast_slice(&params(plan, part, number)));
@@ -290,7 +206,13 @@ impl State {
         } else {
             gpu.write(&rooms.rays, bytemuck::cast_slice(&rays(plan, part)));
         }
-        let bound = self.resident.bind(gpu, cast, &rooms.params, &rooms.rays, &rooms.picture)?;
+        let bound = self.cast.resident.bind(
+            gpu,
+            (cast, self.volume.as_ref()),
+            &rooms.params,
+            &rooms.rays,
+            &rooms.picture,
+        )?;
         let entries = [&rooms.camera, &rooms.part, &rooms.rays];
         let bind_rays = |make| bind(gpu, make, entries.into_iter().enumerate()).map(|group| (make, group));
         let make = make.as_ref().map(bind_rays).transpose()?;
@@ -316,7 +238,8 @@ impl State {
             }
             pass(cast, &bound, tiles, [make.is_none(), true]);
         };
-        let result = Some((&rooms.picture.buffer, &rooms.result.buffer, bytes));
+        let result =
+            Some(Reading { from: vec![(&rooms.picture.buffer, 0, bytes)], to: &rooms.result.buffer });
         let took = gpu.submit("rays", exec, encode, result, |read| {
             let (light, tail) = read.split_at(pixels * PIXEL_BYTES as usize);
             for (j, row) in light.chunks_exact(part.size[0] * PIXEL_BYTES as usize).enumerate() {
@@ -335,17 +258,17 @@ impl State {
 
     /// Room for a part of so many pixels in so many tiles; grows only.
     fn make_room(&mut self, mut pixels: usize, mut tiles: usize) -> Result<(), Error> {
-        if let Some(rooms) = &self.rooms {
+        if let Some(rooms) = &self.cast.rooms {
             if rooms.pixels >= pixels && rooms.tiles >= tiles {
                 return Ok(());
             }
             (pixels, tiles) = (pixels.max(rooms.pixels), tiles.max(rooms.tiles));
         }
-        self.rooms = None;
+        self.cast.rooms = None;
         let gpu = &self.gpu;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let picture = PIXEL_BYTES * (pixels + tiles) as u64;
-        self.rooms = Some(Rooms {
+        self.cast.rooms = Some(Rooms {
             pixels,
             tiles,
             params: gpu.room(

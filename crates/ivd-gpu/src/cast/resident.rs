@@ -1,16 +1,14 @@
-use std::any::Any;
-
-use ivd_core::NO_BRICK;
+use ivd_core::{Displacement, NO_BRICK};
 use ivd_render::plan::{Plan, PlanLook, PlanVoxels};
 
 use super::bind;
 use crate::buffers::Room;
+use crate::kept::Kept;
 use crate::{Error, Gpu};
 
-/// What lies on the device from picture to picture: each thing with a clone of what it was made from, so that its address stays its own.
+/// What lies on the device from picture to picture, beside the volume.
 #[derive(Default)]
-pub(super) struct Resident {
-    volume: Option<Kept>,
+pub(crate) struct Resident {
     labels: Option<Kept>,
     vectors: Option<Kept>,
     vacated: Option<Kept>,
@@ -18,50 +16,9 @@ pub(super) struct Resident {
     scene: Option<(u64, Room, Option<Room>)>,
 }
 
-struct Kept {
-    /// Where it lies in memory, and how much of it.
-    from: (usize, usize),
-    _owner: Box<dyn Any + Send>,
-    room: Room,
-}
-
-impl Kept {
-    /// What lies in memory here, unless it is there already.
-    fn bring<O: Send + 'static>(
-        slot: &mut Option<Self>,
-        gpu: &Gpu,
-        what: &'static str,
-        owned: (&[u8], impl FnOnce() -> O),
-        data: &[u8],
-    ) -> Result<(), Error> {
-        let from = (owned.0.as_ptr() as usize, owned.0.len());
-        if slot.as_ref().is_some_and(|kept| kept.from == from) {
-            return Ok(());
-        }
-        // What is replaced leaves its room to what comes.
-        *slot = None;
-        let room = gpu.upload(what, data)?;
-        *slot = Some(Self { from, _owner: Box::new((owned.1)()), room });
-        Ok(())
-    }
-}
-
 impl Resident {
     /// Brings what a plan reads to the device, where it isn't there yet.
     pub(super) fn bring(&mut self, plan: &Plan<'_>, gpu: &Gpu) -> Result<(), Error> {
-        // Shaders count voxels in 32 bits.
-        if plan.volume.grid().len() as u64 > u64::from(u32::MAX) {
-            let bytes = plan.volume.voxels().as_bytes().len() as u64;
-            return Err(Error::NoRoom { what: "the volume", bytes });
-        }
-        let voxels = plan.volume.voxels();
-        let data: &[u8] = match plan.voxels {
-            PlanVoxels::U8(voxels) => voxels,
-            PlanVoxels::U16(voxels) => bytemuck::cast_slice(voxels),
-            PlanVoxels::I16(voxels) => bytemuck::cast_slice(voxels),
-            PlanVoxels::F32(voxels) => bytemuck::cast_slice(voxels),
-        };
-        Kept::bring(&mut self.volume, gpu, "the volume", (voxels.as_bytes(), || voxels.clone()), data)?;
         match plan.labels {
             Some(labels) => {
                 let data = labels.buffer().as_bytes();
@@ -70,9 +27,7 @@ impl Resident {
             None => self.labels = None,
         }
         if let Some(moved) = plan.moved {
-            let vectors = moved.displacement.inverse().buffer();
-            let data = vectors.as_bytes();
-            Kept::bring(&mut self.vectors, gpu, "the displacement", (data, || vectors.clone()), data)?;
+            self.bring_vectors(gpu, moved.displacement)?;
             let data = moved.displacement.vacated();
             let owner = || moved.displacement.clone();
             Kept::bring(&mut self.vacated, gpu, "what is left behind", (data, owner), data)?;
@@ -89,11 +44,23 @@ impl Resident {
         Ok(())
     }
 
+    /// Brings the vectors of an inverse field.
+    pub(crate) fn bring_vectors(&mut self, gpu: &Gpu, displacement: &Displacement) -> Result<(), Error> {
+        let vectors = displacement.inverse().buffer();
+        let data = vectors.as_bytes();
+        Kept::bring(&mut self.vectors, gpu, "the displacement", (data, || vectors.clone()), data)
+    }
+
+    /// Those vectors.
+    pub(crate) fn vectors(&self) -> Option<&Room> {
+        self.vectors.as_ref().map(|kept| &kept.room)
+    }
+
     /// Binds it, with what a part of a picture has of its own.
     pub(super) fn bind(
         &self,
         gpu: &Gpu,
-        cast: &wgpu::ComputePipeline,
+        (cast, volume): (&wgpu::ComputePipeline, Option<&Kept>),
         params: &Room,
         rays: &Room,
         picture: &Room,
@@ -104,7 +71,7 @@ impl Resident {
         };
         let all = [
             Some(params),
-            self.volume.as_ref().map(|kept| &kept.room),
+            volume.map(|kept| &kept.room),
             bricks,
             colours,
             Some(rays),
@@ -114,6 +81,16 @@ impl Resident {
             self.vacated.as_ref().map(|kept| &kept.room),
         ];
         bind(gpu, cast, all.into_iter().enumerate().filter_map(|(i, room)| Some((i, room?))))
+    }
+}
+
+/// The voxels as they are sampled.
+pub(super) fn sampled<'a>(plan: &Plan<'a>) -> &'a [u8] {
+    match plan.voxels {
+        PlanVoxels::U8(voxels) => voxels,
+        PlanVoxels::U16(voxels) => bytemuck::cast_slice(voxels),
+        PlanVoxels::I16(voxels) => bytemuck::cast_slice(voxels),
+        PlanVoxels::F32(voxels) => bytemuck::cast_slice(voxels),
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ivd_core::{Exec, Volume, Voxels};
-use ivd_gpu::{Caster, Options};
+use ivd_gpu::{Options, SharedGpu};
 use ivd_render::{Mode, Prepared, RenderParams, Scene, View};
 
 use super::common::{hills, twisted};
@@ -65,7 +65,7 @@ fn each_optional_feature_can_be_missing() {
     let moved = twisted(volume.grid());
     let soft = transfer(false);
     let scene = Scene { transfer: Some(&soft), displacement: Some(&moved), ..Scene::new(&volume) };
-    for without in [vec!["f64"], vec!["timestamps"], vec!["f64", "timestamps"]] {
+    for without in [vec!["f64"], vec!["int64"], vec!["timestamps"], vec!["f64", "int64", "timestamps"]] {
         let Some(gpu) = gpu(Options { without, timed: true, ..Options::default() }) else { return };
         let exec = on(gpu);
         let apart =
@@ -77,8 +77,8 @@ fn each_optional_feature_can_be_missing() {
 #[test]
 fn a_volume_is_brought_once_for_all_views_and_a_second_picture_brings_next_to_nothing() {
     let Some(gpu) = gpu(Options { part: Some(1 << 20), ..Options::default() }) else { return };
-    let caster = Arc::new(Caster::new(gpu));
-    let device = ivd_core::Device::new("shared").with::<ivd_render::plan::Casting>(Shared(caster.clone()));
+    let caster = SharedGpu::new(gpu);
+    let device = ivd_core::Device::new("shared").with::<ivd_render::plan::Casting>(caster.clone());
     let exec = Exec::default().with_device(Arc::new(device));
     let grid = ivd_core::Grid::with_spacing([64; 3], [1.0; 3]).unwrap();
     let voxels: Vec<u8> = (0..grid.len()).map(|i| (i % 251) as u8).collect();
@@ -123,19 +123,6 @@ fn a_volume_is_brought_once_for_all_views_and_a_second_picture_brings_next_to_no
 fn labels_of(volume: &Volume) -> ivd_core::Labels {
     let ids: Vec<u16> = (0..volume.grid().len()).map(|i| [2, 3, 0][i % 3]).collect();
     ivd_core::Labels::new(volume.grid().clone(), ids.into(), Vec::new()).unwrap()
-}
-
-/// A caster that a test goes on looking at.
-struct Shared(Arc<Caster>);
-
-impl ivd_core::DeviceForm<ivd_render::plan::Casting> for Shared {
-    fn run(
-        &self,
-        sight: &ivd_render::plan::Sight<'_>,
-        exec: &Exec,
-    ) -> Result<ivd_core::Answer<ivd_render::Radiance>, ivd_core::Error> {
-        ivd_core::DeviceForm::<ivd_render::plan::Casting>::run(&*self.0, sight, exec)
-    }
 }
 
 #[test]

@@ -5,6 +5,7 @@
 #[allow(dead_code, reason = "the other crate uses all of it")]
 #[path = "../../../ivd-render/tests/pictures/common.rs"]
 mod common;
+mod equal;
 mod faults;
 mod limits;
 mod pictures;

@@ -1,10 +1,13 @@
 //! Surfaces cut one after another.
 
+use std::cell::RefCell;
+
 use ivd_core::{BRICK, BrickIndex, Exec, Grid, Lattice, LatticeSource, Mask, Volume, with_voxels};
 use rayon::prelude::*;
 
 use super::bounds::{Bounds, Ordered};
 use super::params::{ExtractParams, Iso};
+use super::plan::{self, Cut, Cutting, Sampled};
 use super::samples::{self, Field, Masked, Samples};
 use super::signs::{self, BrickState, Signs};
 use super::surface::Surface;
@@ -109,7 +112,9 @@ impl Extractor {
         let layers =
             bricks.chunks(nx * ny).enumerate().filter(|(_, layer)| layer.contains(&BrickState::Mixed));
         volume.layers(layers.map(|(z, _)| z * BRICK..(z + 1) * BRICK + 1));
-        self.cut(&field, volume.grid(), source(iso), Some(&bricks), exec)
+        let (first, last) = (field.bounds.first.to_f64(), field.bounds.last.to_f64());
+        let stored = plan::Signs::Stored { volume, first, last };
+        self.cut(&field, volume.grid(), source(iso), Some((&bricks, stored)), exec)
     }
 
     fn cut_part<T: Ordered>(
@@ -143,25 +148,54 @@ impl Extractor {
         self.cut(&samples::halfway(mask.inside()), mask.grid(), LatticeSource::Mask, None, exec)
     }
 
+    /// The surface of `samples`; where bricks are given, only those of mixed bricks are looked at, and the signs are those of stored values.
     fn cut(
         &mut self,
         samples: &impl Samples,
         grid: &Grid,
         source: LatticeSource,
-        bricks: Option<&[BrickState]>,
+        stored: Option<(&[BrickState], plan::Signs<'_>)>,
         exec: &Exec,
     ) -> Result<Extracted, Error> {
         let dims = grid.dims();
         exec.check_memory("the signs of the voxels", Signs::bytes(dims))?;
-        let signs = std::mem::take(&mut self.signs).read(samples, dims, bricks, exec)?;
         let flip = grid.linear_part().determinant() < 0.0;
-        let Surface { keys, places, triangles } =
-            sweep::extract(samples, &signs, dims, flip, &mut self.spare, exec)?;
-        let bricks_active = match bricks {
-            Some(bricks) => bricks.iter().filter(|b| **b == BrickState::Mixed).count() as u64,
-            None => signs.mixed_bricks(),
+        let (spare_signs, spare) = (std::mem::take(&mut self.signs), RefCell::new(&mut self.spare));
+        let field = Sampled { samples, dims };
+        let sweep = |signs: &Signs, exec: &Exec| {
+            sweep::extract(samples, signs, dims, flip, &mut spare.borrow_mut(), exec)
+        };
+        let (surface, signs, bricks_active) = match stored {
+            Some((bricks, stored)) => {
+                let signs = RefCell::new(spare_signs);
+                let on_processor = |exec: &Exec| {
+                    let read = signs.take().read(samples, dims, Some(bricks), exec)?;
+                    let surface = sweep(&read, exec);
+                    signs.replace(read);
+                    surface
+                };
+                let cut = Cut { dims, flip, signs: stored, field: &field, on_processor: &on_processor };
+                let surface = exec.launch::<Cutting>(&cut)?;
+                let active = bricks.iter().filter(|b| **b == BrickState::Mixed).count() as u64;
+                (surface, signs.into_inner(), active)
+            }
+            None => {
+                let signs = spare_signs.read(samples, dims, None, exec)?;
+                let (words, rows) = signs.as_words();
+                let cut = Cut {
+                    dims,
+                    flip,
+                    signs: plan::Signs::Read { words, rows },
+                    field: &field,
+                    on_processor: &|exec| sweep(&signs, exec),
+                };
+                let surface = exec.launch::<Cutting>(&cut)?;
+                let active = signs.mixed_bricks();
+                (surface, signs, active)
+            }
         };
         self.signs = signs;
+        let Surface { keys, places, triangles } = surface;
         let bricks_total = BrickIndex::dims_for(dims).map(|n| n as u64).iter().product();
         let lattice =
             Lattice::new(grid.clone(), keys.into(), places.into(), triangles.into())?.with_source(source);

@@ -43,6 +43,7 @@ mod parts;
 mod place;
 #[cfg(test)]
 mod plain;
+pub mod plan;
 mod rows;
 mod samples;
 mod signs;

@@ -107,6 +107,11 @@ impl Signs {
         Ok(Self { dims, words, rows, spans })
     }
 
+    /// Words a row, and all rows.
+    pub(super) fn as_words(&self) -> (usize, &[u32]) {
+        (self.words, &self.rows)
+    }
+
     /// The rows at padded `y` and `y + 1`, both of padded `z`.
     #[inline]
     pub(super) fn pair(&self, y: usize, z: usize) -> Pair<'_> {

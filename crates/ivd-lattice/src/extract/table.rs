@@ -100,6 +100,18 @@ struct Span {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct CrossingId(u16);
 
+impl CrossingId {
+    /// Its number in the table.
+    pub(super) fn number(self) -> u16 {
+        self.0
+    }
+
+    /// The crossing of a number that the table gave.
+    pub(super) fn numbered(number: u16) -> Self {
+        Self(number)
+    }
+}
+
 /// The table, built at its first use.
 pub(super) static CASES: LazyLock<CaseTable> = LazyLock::new(CaseTable::build);
 
@@ -156,6 +168,11 @@ impl CaseTable {
         });
         self.triangles.extend(crossing.triangles);
         self.fans.push(crossing.fans);
+    }
+
+    /// Every crossing, by number.
+    pub(super) fn all(&self) -> impl Iterator<Item = CrossingId> {
+        (0..self.spans.len() as u16).map(CrossingId)
     }
 
     /// Ambiguous faces of a case, a bit each.

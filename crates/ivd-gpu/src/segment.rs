@@ -1,0 +1,115 @@
+//! The kernels `segment/histogram` and `segment/label`.
+
+use ivd_core::{Answer, DeviceForm, Exec, Kernel as _, Mask, NO_DATA, SpillVec};
+use ivd_segment::plan::{Counted, Counting, Labelled, Labelling};
+
+use crate::buffers::Room;
+use crate::pass::{Part, Pass};
+use crate::shared::{Opened, RESULT, answer};
+use crate::stored::{is_byte, rank};
+use crate::{Error, SharedGpu};
+
+/// Lanes of a workgroup.
+const LANES: usize = 256;
+/// Quads of voxels that a lane counts.
+const QUADS: usize = 32;
+/// Quads whose labels are read at once, at most.
+const READ_QUADS: usize = 1 << 23;
+
+impl DeviceForm<Counting> for SharedGpu {
+    fn run(&self, args: &Counted<'_>, exec: &Exec) -> Result<Answer<Vec<u64>>, ivd_core::Error> {
+        answer(Counting::NAME, self.attempt(|opened| opened.count(args, exec)))
+    }
+}
+
+impl DeviceForm<Labelling> for SharedGpu {
+    fn run(&self, args: &Labelled<'_>, exec: &Exec) -> Result<Answer<SpillVec<u16>>, ivd_core::Error> {
+        answer(Labelling::NAME, self.attempt(|opened| opened.label(args, exec)))
+    }
+}
+
+impl Opened {
+    fn mask(&self, mask: Option<&Mask>) -> Result<Option<Room>, Error> {
+        mask.map(|mask| self.gpu.upload("the mask", mask.inside())).transpose()
+    }
+
+    fn count(&mut self, args: &Counted<'_>, exec: &Exec) -> Result<Vec<u64>, Error> {
+        let mut names = vec![self.bring_stored(args.voxels)?];
+        names.extend(is_byte(args.voxels).then_some("BYTES"));
+        names.extend(args.mask.map(|_| "MASKED"));
+        let pipeline = self.pipeline("segment/histogram.wgsl", &names)?;
+        let mask = self.mask(args.mask)?;
+        let values = if is_byte(args.voxels) { 1 << 8 } else { 1 << 16 };
+        let bytes = 4 * values as u64;
+        let counts = self.gpu.room("the counts", bytes, RESULT)?;
+        let voxels = args.voxels.len();
+        let mut found: Vec<u64> = Vec::new();
+        for [first, end] in self.pieces(voxels.div_ceil(4)) {
+            let pass = Pass {
+                pipeline: &pipeline,
+                numbers: [voxels, first, end].map(|n| n as u32).to_vec(),
+                rooms: self.volume.iter().map(|kept| &kept.room).chain([&counts]).chain(&mask).collect(),
+                groups: (end - first).div_ceil(LANES * QUADS),
+            };
+            let part = Part { room: &counts, from: 0, bytes };
+            self.desk.make(&self.gpu, "counts", &[pass], &[part], exec, |read| {
+                let counts = read.chunks_exact(4).map(|n| u64::from(bytemuck::pod_read_unaligned::<u32>(n)));
+                found = counts.collect();
+            })?;
+        }
+        found.resize(values, 0);
+        Ok(found)
+    }
+
+    fn label(&mut self, args: &Labelled<'_>, exec: &Exec) -> Result<SpillVec<u16>, Error> {
+        let mut names = vec![self.bring_stored(args.voxels)?];
+        names.extend(args.mask.map(|_| "MASKED"));
+        let pipeline = self.pipeline("segment/label.wgsl", &names)?;
+        let mask = self.mask(args.mask)?;
+        let table = match args.table() {
+            Some(table) => self.gpu.upload("the table of labels", bytemuck::cast_slice(&table))?,
+            None => self.gpu.upload("the cuts", bytemuck::cast_slice(&cuts(args)))?,
+        };
+        let mut labels = exec.bulk("the labels", args.voxels.len())?;
+        let quads = args.voxels.len().div_ceil(4);
+        let parts: Vec<[usize; 2]> = self.pieces(quads).into_iter().flat_map(smaller).collect();
+        let most = parts.iter().map(|[first, end]| end - first).max().unwrap_or(1);
+        let made = self.gpu.room("the labels", 8 * most as u64, RESULT)?;
+        for [first, end] in parts {
+            let pass = Pass {
+                pipeline: &pipeline,
+                numbers: vec![first as u32, (end - first) as u32, args.cuts.len() as u32, u32::from(NO_DATA)],
+                rooms: self
+                    .volume
+                    .iter()
+                    .map(|kept| &kept.room)
+                    .chain([&table, &made])
+                    .chain(&mask)
+                    .collect(),
+                groups: (end - first).div_ceil(LANES),
+            };
+            let part = Part { room: &made, from: 0, bytes: 8 * (end - first) as u64 };
+            let to = 4 * first..labels.len().min(4 * end);
+            self.desk.make(&self.gpu, "labels", &[pass], &[part], exec, |read| {
+                let to: &mut [u8] = bytemuck::cast_slice_mut(&mut labels[to]);
+                to.copy_from_slice(&read[..to.len()]);
+            })?;
+        }
+        Ok(labels)
+    }
+}
+
+/// A part in parts that are read at once.
+fn smaller([first, end]: [usize; 2]) -> Vec<[usize; 2]> {
+    (first..end).step_by(READ_QUADS).map(|first| [first, end.min(first + READ_QUADS)]).collect()
+}
+
+/// Of floats the ranks of the cuts, and the labels. A number is at or above a cut where it is at or above the least number of its type that is.
+fn cuts(args: &Labelled<'_>) -> Vec<u32> {
+    let least = |cut: f64| {
+        let near = cut as f32;
+        if f64::from(near) < cut { near.next_up() } else { near }
+    };
+    let ranks = args.cuts.iter().map(|cut| rank(args.voxels.voxel_type(), f64::from(least(*cut))));
+    ranks.chain(args.ids.iter().map(|id| u32::from(*id))).collect()
+}

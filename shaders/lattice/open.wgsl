@@ -1,0 +1,31 @@
+// Lists the cells that the signs leave open, in order: their word, and their bit in it with their case above.
+//#include lattice/words.wgsl
+//#include lattice/cells.wgsl
+
+@group(0) @binding(3) var<storage, read> cases: array<u32>;
+@group(0) @binding(4) var<storage, read> opens: array<u32>;
+@group(0) @binding(5) var<storage, read_write> list: array<vec2<u32>>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let w = 256u * place_in(group, groups) + lane;
+    if (w < all_words()) {
+        var to = opens[w];
+        if (opens[w + 1u] > to) {
+            let corners = corners_of(w);
+            for (var live = active_of(corners); live != 0u; live &= live - 1u) {
+                let bit = firstTrailingBit(live);
+                let signs_of = case_of(corners, bit);
+                if (cases[CASE_WORDS * signs_of] == OPEN) {
+                    list[to] = vec2<u32>(w, bit | signs_of << 8u);
+                    to += 1u;
+                }
+            }
+        }
+    }
+    tell(lane);
+}
