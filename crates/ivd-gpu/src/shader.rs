@@ -97,8 +97,99 @@ fn append(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
     use super::*;
+
+    /// A shader as a device reads it, which needs no more than the least one has: eight buffers, 256 lanes, 16 KiB that they share, and these capabilities.
+    pub(crate) fn valid(file: &str, names: &[&str], capabilities: Capabilities) -> naga::Module {
+        let shader = assemble(file, names).unwrap();
+        let module = naga::front::wgsl::parse_str(&shader.text).unwrap_or_else(|error| {
+            let line = error.location(&shader.text).map_or(0, |location| location.line_number as usize);
+            panic!("{names:?}: {}: {}", shader.place(line), error.emit_to_string(&shader.text))
+        });
+        let info = Validator::new(ValidationFlags::all(), capabilities)
+            .validate(&module)
+            .unwrap_or_else(|error| panic!("{file} {names:?}: {}", error.emit_to_string(&shader.text)));
+        let global = |of: fn(naga::AddressSpace) -> bool| {
+            let module = &module;
+            module.global_variables.iter().filter(move |(_, variable)| of(variable.space))
+        };
+        assert!(
+            global(|space| matches!(space, naga::AddressSpace::Storage { .. })).count() <= 8,
+            "{file} {names:?}"
+        );
+        let mut layouts = naga::proc::Layouter::default();
+        layouts.update(module.to_ctx()).unwrap();
+        let shared = global(|space| space == naga::AddressSpace::WorkGroup);
+        assert!(
+            shared.map(|(_, variable)| layouts[variable.ty].size).sum::<u32>() <= 16 << 10,
+            "{file} {names:?}"
+        );
+        let [x, y, z] = module.entry_points[0].workgroup_size;
+        assert!(x * y * z <= 256, "{file} {names:?}");
+        // What a shader declares it uses: its bindings are those that the entry point uses.
+        let used = info.get_entry_point(0);
+        for (handle, variable) in
+            module.global_variables.iter().filter(|(_, variable)| variable.binding.is_some())
+        {
+            assert!(!used[handle].is_empty(), "{file} {names:?}: {:?} isn't used", variable.name);
+        }
+        module
+    }
+
+    #[test]
+    fn every_shader_of_passes_over_data_is_valid_on_the_least_device() {
+        let mut seen = BTreeSet::new();
+        let mut check = |file: &'static str, names: &[&str], capabilities| {
+            seen.insert(file);
+            valid(file, names, capabilities);
+        };
+        let none = Capabilities::empty();
+        for (kind, width) in
+            [("U8", "BYTES"), ("I8", "BYTES"), ("U16", "HALVES"), ("I16", "HALVES"), ("F32", "")]
+        {
+            check("volume/ranges.wgsl", &[kind], none);
+            check("lattice/signs.wgsl", &[kind], none);
+            check("warp/linear.wgsl", &[kind, width], Capabilities::FLOAT64 | Capabilities::SHADER_INT64);
+            for masked in [&[][..], &["MASKED"]] {
+                check("segment/label.wgsl", &[&[kind], masked].concat(), none);
+                if kind != "F32" {
+                    let bytes = if width == "BYTES" { &["BYTES"][..] } else { &[] };
+                    check("segment/histogram.wgsl", &[&[kind], bytes, masked].concat(), none);
+                }
+            }
+        }
+        for file in ["count", "open", "add", "vertices", "triangles"] {
+            let (file, _) = FILES.iter().find(|(name, _)| *name == format!("lattice/{file}.wgsl")).unwrap();
+            check(file, &[], none);
+        }
+        check("shared/scan.wgsl", &[], none);
+        check("shared/scan.wgsl", &["ADD"], none);
+        // The others are pictures' or parts of these.
+        let whole = FILES.iter().filter(|(_, text)| text.contains("@compute")).map(|(name, _)| *name);
+        let left: Vec<&str> = whole.filter(|name| !seen.contains(name)).collect();
+        assert_eq!(left, ["render/cast.wgsl", "render/rays.wgsl"]);
+    }
+
+    #[test]
+    fn no_barrier_stands_under_a_condition_of_data() {
+        // Barriers stand in a function's own block or in a loop whose bound is a constant.
+        for (file, text) in FILES {
+            for (number, line) in text.lines().enumerate().filter(|(_, line)| line.contains("Barrier();")) {
+                let indent = line.len() - line.trim_start().len();
+                let rounds = text
+                    .lines()
+                    .take(number)
+                    .filter(|l| l.len() - l.trim_start().len() + 4 == indent && l.ends_with('{'))
+                    .last();
+                let fine =
+                    indent == 4 || rounds.is_some_and(|l| l.contains("for (var reach = 1u; reach < 256u;"));
+                assert!(fine, "shaders/{file}:{}", number + 1);
+            }
+        }
+    }
 
     #[test]
     fn includes_come_once_and_lines_know_where_they_stand() {

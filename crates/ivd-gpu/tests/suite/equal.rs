@@ -50,7 +50,7 @@ fn noise(i: usize, seed: usize) -> u32 {
 
 /// Values like a scan's in every stored type that kernels know: hills with noise; where asked for nothing but noise; floats with gaps, infinities, zeros of both
 /// signs and numbers too small for most devices.
-fn volumes(dims: [usize; 3], wild: bool, seed: usize) -> Vec<Volume> {
+pub(super) fn volumes(dims: [usize; 3], wild: bool, seed: usize) -> Vec<Volume> {
     let grid = Grid::with_spacing(dims, [0.7, 1.0, 1.9]).unwrap();
     let value = |i: usize| {
         let at = grid.index(i).0.map(|c| c as f64);
@@ -208,8 +208,8 @@ fn warp_of(volume: &Volume, exec: &Exec) -> bool {
     })
 }
 
-type Of = fn(&Volume, &Exec) -> bool;
-const KERNELS: [(&str, Of); 5] = [
+pub(super) type Of = fn(&Volume, &Exec) -> bool;
+pub(super) const KERNELS: [(&str, Of); 5] = [
     (BrickRanges::NAME, ranges_of),
     (Counting::NAME, counts_of),
     (Labelling::NAME, labels_of),
@@ -241,6 +241,22 @@ fn every_kernel_of_whole_numbers_gives_the_processors_bytes() {
 fn work_in_many_parts_gives_the_same_bytes() {
     let Some(gpu) = gpu(Options { part: Some(300), ..Options::default() }) else { return };
     all_equal(gpu, &[[64, 10, 16], [31, 17, 9]]);
+}
+
+#[test]
+fn a_device_with_small_buffers_gives_the_same_bytes_and_leaves_the_rest_to_the_processor() {
+    // Room for the voxels and what is made of them, in parts; and for none of it.
+    let Some(narrow) = gpu(Options { max_buffer: Some(1 << 20), part: Some(500), ..Options::default() })
+    else {
+        return;
+    };
+    all_equal(narrow, &[[64, 10, 16]]);
+    let exec = on(gpu(Options { max_buffer: Some(8 << 10), ..Options::default() }).unwrap());
+    let volume = &volumes([64, 10, 16], false, 1)[0];
+    let params = ExtractParams { iso: Iso::Value(90.0) };
+    let cut = extract(volume, None, &params, &exec).unwrap();
+    assert_eq!(exec.take_served()[Cutting::NAME], Served { cpu: 1, gpu: 0 });
+    assert_eq!(cut, extract(volume, None, &params, &Exec::default()).unwrap());
 }
 
 #[test]

@@ -5,6 +5,7 @@ use ivd_gpu::{Fault, Gpu, Meter, Options};
 use ivd_render::{Mode, Prepared, Radiance, RenderParams, Scene, View};
 
 use super::common::{hills, twisted};
+use super::equal::{KERNELS, volumes};
 use super::gpu;
 use super::pictures::{params, transfer};
 use super::sides::on;
@@ -75,4 +76,30 @@ fn a_device_that_fails_twice_is_an_error_and_one_without_room_is_none() {
     let view = View { angles: [30.0, 10.0], ..params.view };
     let right = Prepared::new(&scene, &params, &plain).unwrap().radiance(view, &plain).unwrap();
     assert_eq!(made[0].as_ref().unwrap(), &right, "the processor's own");
+}
+
+#[test]
+fn every_way_to_fail_within_every_kernel_gives_the_right_bytes() {
+    let volume = &volumes([31, 17, 9], false, 2)[0];
+    for (name, of) in KERNELS {
+        let Some(sound) = gpu(of_parts(Vec::new())) else { return };
+        let meter = sound.meter();
+        let exec = on(sound);
+        assert!(of(volume, &exec), "{name}");
+        drop(exec);
+        let all = meter.counters().events;
+        assert!(meter.counters().held == 0 && all > 6, "{name}: {all} events");
+        for fault in [Fault::Loss, Fault::NoRoom, Fault::Late, Fault::Garbage] {
+            for at in (0..6).map(|i| i * all / 6) {
+                let once = gpu(of_parts(vec![(at, fault)])).unwrap();
+                let meter = once.meter();
+                let exec = on(once);
+                assert!(of(volume, &exec), "{name}: {fault:?} at {at} of {all}");
+                drop(exec);
+                let told = meter.counters();
+                let opened = if matches!(fault, Fault::Loss | Fault::Late) { 2 } else { 1 };
+                assert!(told.opened >= opened && told.held == 0, "{name}: {fault:?} at {at}: {told:?}");
+            }
+        }
+    }
 }
