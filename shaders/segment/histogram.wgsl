@@ -5,6 +5,7 @@ struct Params {
     voxels: u32,
     first: u32, // the first quad of voxels of this part, and one after its last
     end: u32,
+    page: u32, // of values of 16 bits: which 4096 of them
 }
 
 @group(0) @binding(0) var<storage, read> params: Params;
@@ -18,21 +19,41 @@ struct Params {
 //#include shared/stored.wgsl
 
 // Quads that a lane counts, one after the other; those of a workgroup lie side by side.
-const QUADS = 32u;
-
 //#if BYTES
+const QUADS = 32u;
 // Four tables: lanes beside each other seldom wait for each other.
-var<workgroup> table: array<atomic<u32>, 1024>;
+const SLOTS = 1024u;
+//#else
+const QUADS = 256u;
+// A page of the values of 16 bits.
+const PAGE = 4096u;
+//#if PAGES
+// How many values there are in each page, in 64 tables.
+const SLOTS = 1024u;
+//#else
+const SLOTS = PAGE;
 //#end
+//#end
+
+var<workgroup> table: array<atomic<u32>, SLOTS>;
 
 fn add(r: u32, n: u32, lane: u32) {
-    if (n > 0u) {
 //#if BYTES
+    if (n > 0u) {
         atomicAdd(&table[4u * r + (lane & 3u)], n);
-//#else
-        atomicAdd(&counts[r], n);
-//#end
     }
+//#else
+//#if PAGES
+    if (n > 0u) {
+        atomicAdd(&table[64u * (r / PAGE) + (lane & 63u)], n);
+    }
+//#else
+    let slot = r - PAGE * params.page;
+    if (n > 0u && slot < SLOTS) {
+        atomicAdd(&table[slot], n);
+    }
+//#end
+//#end
 }
 
 @compute @workgroup_size(256)
@@ -41,12 +62,10 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-//#if BYTES
-    for (var i = lane; i < 1024u; i += 256u) {
+    for (var i = lane; i < SLOTS; i += 256u) {
         atomicStore(&table[i], 0u);
     }
     workgroupBarrier();
-//#end
     let start = params.first + 256u * QUADS * place_in(group, groups);
     // Equal values one after the other are added at once.
     var value = 0u;
@@ -76,12 +95,28 @@ fn main(
         }
     }
     add(value, run, lane);
-//#if BYTES
     workgroupBarrier();
+//#if BYTES
     let sum = atomicLoad(&table[4u * lane]) + atomicLoad(&table[4u * lane + 1u]) + atomicLoad(&table[4u * lane + 2u]) + atomicLoad(&table[4u * lane + 3u]);
     if (sum > 0u) {
         atomicAdd(&counts[lane], sum);
     }
+//#else
+//#if PAGES
+    for (var i = lane; i < SLOTS; i += 256u) {
+        let sum = atomicLoad(&table[i]);
+        if (sum > 0u) {
+            atomicAdd(&counts[i / 64u], sum);
+        }
+    }
+//#else
+    for (var i = lane; i < SLOTS; i += 256u) {
+        let sum = atomicLoad(&table[i]);
+        if (sum > 0u) {
+            atomicAdd(&counts[PAGE * params.page + i], sum);
+        }
+    }
+//#end
 //#end
     tell(lane);
 }

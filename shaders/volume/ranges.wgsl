@@ -36,7 +36,8 @@ fn main(
     }
     workgroupBarrier();
     let first = BRICKS * place_in(group, groups);
-    let mine = lane >> 5u;
+    // Lanes beside each other read what lies beside each other: the same row of eight bricks.
+    let mine = lane & (BRICKS - 1u);
     let brick = first + mine;
     if (brick < params.bricks) {
         let at = 8u * vec3<u32>(brick % params.across, brick / params.across % params.down, brick / (params.across * params.down));
@@ -44,15 +45,21 @@ fn main(
         var low = 0xffffffffu;
         var high = 0u;
         var gap = 0u;
-        for (var row = lane & 31u; row < size.y * size.z; row += 32u) {
+        for (var row = lane / BRICKS; row < size.y * size.z; row += 256u / BRICKS) {
             let start = at.x + params.nx * (at.y + row % size.y + params.ny * (at.z + row / size.y));
-            for (var x = 0u; x < size.x; x++) {
-                let r = rank(start + x);
-                if (is_number(r)) {
-                    low = min(low, r);
-                    high = max(high, r);
-                } else {
-                    gap = 1u;
+            let words = words_from(start);
+            for (var x = 0u; x < size.x; x += IN_A_WORD) {
+                let word = word_of(words, x / IN_A_WORD);
+                for (var i = 0u; i < IN_A_WORD; i++) {
+                    if (x + i < size.x) {
+                        let r = rank_in(word, i);
+                        if (is_number(r)) {
+                            low = min(low, r);
+                            high = max(high, r);
+                        } else {
+                            gap = 1u;
+                        }
+                    }
                 }
             }
         }

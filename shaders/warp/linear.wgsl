@@ -1,5 +1,6 @@
 // Voxels of the bricks that move, each from where it was before: ivd-field's row.rs, in f64, operation for operation, so that both give the same
-// bytes. A lane makes four voxels of a row, a workgroup a brick of 8³. What needs more than eight voxels of data is left to the processor, and marked.
+// bytes. A workgroup makes half a brick of 8³, a lane a voxel. What needs more than eight voxels of data, or has to do with numbers so small that a device may take them for 0, is left to the
+// processor, and marked.
 
 struct Params {
     number: u32,
@@ -22,9 +23,31 @@ struct Params {
 
 //#include shared/pass.wgsl
 
+//#if BYTES
+const BRICK_WORDS = 128u;
+//#end
+//#if HALVES
+const BRICK_WORDS = 256u;
+//#end
+//#if F32
+const BRICK_WORDS = 512u;
+//#end
+
+// The exponent of 2⁻¹²⁵.
+const LEAST = 0x38200000u;
+// Words of half a brick.
+const HALF = BRICK_WORDS / 2u;
 const SNAP = 0.00000762939453125lf; // 2⁻¹⁷ exactly
 
-var<workgroup> marks: array<atomic<u32>, 16>;
+var<workgroup> marks: array<atomic<u32>, 8>;
+//#if F32
+//#else
+// The voxels, as they are stored.
+var<workgroup> made: array<atomic<u32>, HALF>;
+//#end
+
+// Whether a value was met that a device may take for 0.
+var<private> tiny: bool;
 
 // A number that no driver joins with the sum that it goes into.
 fn own(x: f64) -> f64 {
@@ -45,7 +68,9 @@ fn voxel(i: u32) -> f64 {
     return f64(bitcast<i32>(volume[i >> 1u] << (16u - (i & 1u) * 16u)) >> 16u);
 //#end
 //#if F32
-    return f64(bitcast<f32>(volume[i]));
+    let word = volume[i];
+    tiny = tiny || ((word & 0x7f800000u) == 0u && (word & 0x7fffffu) != 0u);
+    return f64(bitcast<f32>(word));
 //#end
 }
 
@@ -98,74 +123,73 @@ fn value_at(v: vec3<u32>, vector: vec3<f32>) -> Value {
         + own(own(y * z) * line(i + over + params.nx, weight.x));
 //#if F32
     let bits = bitcast<u32>(f32(sum));
-    // What isn't finite comes through any weight, 0 too.
-    let high = u32(bitcast<u64>(sum) >> 32u);
-    return Value(select(bits, 0u, bits == 0x80000000u && sum == 0.0lf), (high & 0x7ff00000u) == 0x7ff00000u);
+    // What isn't finite comes through any weight, 0 too. A sum below the least float of full precision is the processor's to round.
+    let size = u32(bitcast<u64>(sum) >> 32u) & 0x7ff00000u;
+    let small = sum != 0.0lf && size < LEAST;
+    return Value(select(bits, 0u, sum == 0.0lf), size == 0x7ff00000u || small || tiny);
 //#else
-    return Value(bitcast<u32>(i32(whole(sum))), false);
+    return Value(bitcast<u32>(i32(whole(sum))), tiny);
 //#end
 }
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    if (lane < 16u) {
+    if (lane < 8u) {
         atomicStore(&marks[lane], 0u);
     }
+//#if F32
+//#else
+    if (lane < HALF) {
+        atomicStore(&made[lane], 0u);
+    }
+//#end
     workgroupBarrier();
-    let brick = place_in(group, groups);
-    let words = BRICK_WORDS + 16u;
+    let place = place_in(group, groups);
+    let brick = place / 2u;
+    let half = place % 2u;
+    let to = (BRICK_WORDS + 16u) * brick;
     if (brick < params.bricks) {
         let slot = params.first + brick;
         let b = places[slot];
         let at = 8u * vec3<u32>(b % params.across, b / params.across % params.down, b / (params.across * params.down));
-        var values = vec4<u32>(0u);
-        var left = 0u;
-        for (var k = 0u; k < 4u; k++) {
-            let i = 4u * lane + k;
-            let v = at + vec3<u32>(i & 7u, i >> 3u & 7u, i >> 6u);
-            let start = 3u * (512u * slot + i);
-            let bits = vec3<u32>(bitcast<u32>(vectors[start]), bitcast<u32>(vectors[start + 1u]), bitcast<u32>(vectors[start + 2u]));
-            // Not −0 either.
-            if (any((bits & vec3<u32>(0x7fffffffu)) != vec3<u32>(0u)) && all(v < vec3<u32>(params.nx, params.ny, params.nz))) {
-                let value = value_at(v, bitcast<vec3<f32>>(bits));
-                values[k] = value.bits;
-                left |= select(0u, 1u, value.left) << k;
+        let i = 256u * half + lane;
+        let v = at + vec3<u32>(i & 7u, i >> 3u & 7u, i >> 6u);
+        let start = 3u * (512u * slot + i);
+        let bits = vec3<u32>(bitcast<u32>(vectors[start]), bitcast<u32>(vectors[start + 1u]), bitcast<u32>(vectors[start + 2u]));
+        var value = Value(0u, false);
+        // Not −0 either.
+        if (any((bits & vec3<u32>(0x7fffffffu)) != vec3<u32>(0u)) && all(v < vec3<u32>(params.nx, params.ny, params.nz))) {
+            tiny = any((bits & vec3<u32>(0x7f800000u)) == vec3<u32>(0u) & (bits & vec3<u32>(0x7fffffu)) != vec3<u32>(0u));
+            value = value_at(v, bitcast<vec3<f32>>(bits));
+            if (value.left) {
+                atomicOr(&marks[lane >> 5u], 1u << (lane & 31u));
             }
         }
-        let to = words * brick;
 //#if BYTES
-        let four = values & vec4<u32>(0xffu);
-        moved[to + lane] = four.x | four.y << 8u | four.z << 16u | four.w << 24u;
+        atomicOr(&made[lane >> 2u], (value.bits & 0xffu) << (8u * (lane & 3u)));
 //#end
 //#if HALVES
-        let two = values & vec4<u32>(0xffffu);
-        moved[to + 2u * lane] = two.x | two.y << 16u;
-        moved[to + 2u * lane + 1u] = two.z | two.w << 16u;
+        atomicOr(&made[lane >> 1u], (value.bits & 0xffffu) << (16u * (lane & 1u)));
 //#end
 //#if F32
-        for (var k = 0u; k < 4u; k++) {
-            moved[to + 4u * lane + k] = values[k];
-        }
+        moved[to + i] = value.bits;
 //#end
-        atomicOr(&marks[lane >> 3u], left << (4u * (lane & 7u)));
     }
     workgroupBarrier();
-    if (lane < 16u && brick < params.bricks) {
-        moved[words * brick + BRICK_WORDS + lane] = atomicLoad(&marks[lane]);
+    if (brick < params.bricks) {
+//#if F32
+//#else
+        if (lane < HALF) {
+            moved[to + HALF * half + lane] = atomicLoad(&made[lane]);
+        }
+//#end
+        if (lane < 8u) {
+            moved[to + BRICK_WORDS + 8u * half + lane] = atomicLoad(&marks[lane]);
+        }
     }
     tell(lane);
 }
-
-//#if BYTES
-const BRICK_WORDS = 128u;
-//#end
-//#if HALVES
-const BRICK_WORDS = 256u;
-//#end
-//#if F32
-const BRICK_WORDS = 512u;
-//#end

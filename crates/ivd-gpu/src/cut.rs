@@ -131,8 +131,9 @@ impl Opened {
 
         let count = self.pipeline("lattice/count.wgsl", &[])?;
         let sums = Scans::rooms(&self.gpu, all + 1)?;
-        let mut passes = vec![words.pass(&count, &[&signs, &cases, &counts, &opens], 1)];
-        passes.extend(scans.passes(&opens, all + 1, &sums));
+        let counting = words.pass(&count, &[&signs, &cases, &counts, &opens], 1);
+        self.desk.make(&self.gpu, "counts of cells", &[counting], &[], exec, |_| {})?;
+        let passes = scans.passes(&opens, all + 1, &sums);
         let [open] = self.totals(&passes, [(&opens, all)], exec)?;
 
         let (list, cells) = self.open_cells(words, [&signs, &cases, &opens], open as usize, exec)?;
@@ -185,15 +186,15 @@ impl Opened {
             Signs::Read { rows, .. } => return self.gpu.upload("the signs", bytemuck::cast_slice(rows)),
             Signs::Stored { volume, first, last } => (volume, first, last),
         };
-        let name = self.bring_stored(volume.voxels())?;
-        let pipeline = self.pipeline("lattice/signs.wgsl", &[name])?;
+        let names = self.bring_stored(volume.voxels())?;
+        let pipeline = self.pipeline("lattice/signs.wgsl", &names)?;
         let signs = self.gpu.room("the signs", 4 * words.all() as u64, RESULT)?;
         let ranks = if first <= last { [first, last].map(|v| rank(volume.voxel_type(), v)) } else { [1, 0] };
         let pass = Pass {
             pipeline: &pipeline,
             numbers: words.numbers(ranks, 0),
             rooms: self.volume.iter().map(|kept| &kept.room).chain([&signs]).collect(),
-            groups: words.all().div_ceil(LANES),
+            groups: words.all().div_ceil(LANES / volume.voxel_type().bytes()),
         };
         self.desk.make(&self.gpu, "signs", &[pass], &[], exec, |_| {})?;
         Ok(signs)

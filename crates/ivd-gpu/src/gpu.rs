@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -87,6 +88,8 @@ pub(crate) struct Count {
     events: AtomicU64,
     opened: AtomicU64,
     busy_ns: AtomicU64,
+    /// Of each kind of submission how many there were and how long they took (ns).
+    kinds: Mutex<BTreeMap<&'static str, (u64, u64)>>,
 }
 
 impl Count {
@@ -189,6 +192,11 @@ impl Gpu {
         self.count.told()
     }
 
+    /// Of each kind of submission how many there were and how long they took by the device's own clock (ns); empty without timestamps.
+    pub fn times(&self) -> BTreeMap<&'static str, (u64, u64)> {
+        self.count.kinds.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
     /// Tells what has been done after the device is gone too.
     pub fn meter(&self) -> Meter {
         Meter(self.count.clone())
@@ -262,7 +270,7 @@ impl Gpu {
         }
     }
 
-    /// Submits commands and waits for them; what is read from is copied to where it can be mapped. Gives how long the device took.
+    /// Submits commands, which say whether they are timed, and waits for them; what is read from is copied to where it can be mapped. Gives how long the device took.
     ///
     /// # Errors
     /// As the device says; a result is believed only where its map succeeded, no scope said anything, and the device is still there.
@@ -270,16 +278,14 @@ impl Gpu {
         &self,
         what: &'static str,
         exec: &Exec,
-        encode: impl FnOnce(&mut wgpu::CommandEncoder, Option<&Clock>),
+        encode: impl FnOnce(&mut wgpu::CommandEncoder, Option<&Clock>) -> bool,
         result: Option<Reading<'_>>,
         read: impl FnOnce(&[u8]),
     ) -> Result<Duration, Error> {
         let idle = self.event(what, 0)?;
         let submitted = self.checked(what, 0, || {
             let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            if !idle {
-                encode(&mut encoder, self.clock.as_ref());
-            }
+            let timed = !idle && encode(&mut encoder, self.clock.as_ref());
             if let Some(result) = &result {
                 let mut at = 0;
                 for (from, first, bytes) in &result.from {
@@ -287,11 +293,12 @@ impl Gpu {
                     at += bytes;
                 }
             }
-            if let Some(clock) = &self.clock {
+            if let Some(clock) = self.clock.as_ref().filter(|_| timed) {
                 clock.resolve(&mut encoder);
             }
-            self.queue.submit([encoder.finish()])
+            (self.queue.submit([encoder.finish()]), timed)
         })?;
+        let (submitted, timed) = submitted;
         Count::add(&self.count.submissions, 1);
         let mapped = match result {
             Some(Reading { from, to }) => {
@@ -328,8 +335,12 @@ impl Gpu {
             to.unmap();
             Count::add(&self.count.downloaded, bytes);
         }
-        if let Some(clock) = &self.clock {
-            Count::add(&self.count.busy_ns, clock.read(self)?);
+        if let Some(clock) = self.clock.as_ref().filter(|_| timed) {
+            let ns = clock.read(self)?;
+            Count::add(&self.count.busy_ns, ns);
+            let mut kinds = self.count.kinds.lock().unwrap_or_else(PoisonError::into_inner);
+            let kind = kinds.entry(what).or_default();
+            *kind = (kind.0 + 1, kind.1 + ns);
         }
         self.check().map(|()| took)
     }

@@ -98,6 +98,7 @@ impl Desk {
                 encoded.dispatch_workgroups(across as u32, down as u32, 1);
                 Count::add(&gpu.count.dispatches, 1);
             }
+            !passes.is_empty()
         };
         let from = all.iter().map(|part| (&part.room.buffer, part.from, part.bytes)).collect();
         let mut written = true;

@@ -11,8 +11,10 @@ use crate::{Error, SharedGpu};
 
 /// Lanes of a workgroup.
 const LANES: usize = 256;
-/// Quads of voxels that a lane counts.
-const QUADS: usize = 32;
+/// Quads of voxels that a lane counts, of bytes and of 16 bits.
+const QUADS: [usize; 2] = [32, 256];
+/// Values of 16 bits that are counted at once: a workgroup has room for so many.
+const PAGE: usize = 4096;
 /// Quads whose labels are read at once, at most.
 const READ_QUADS: usize = 1 << 23;
 
@@ -34,25 +36,45 @@ impl Opened {
     }
 
     fn count(&mut self, args: &Counted<'_>, exec: &Exec) -> Result<Vec<u64>, Error> {
-        let mut names = vec![self.bring_stored(args.voxels)?];
-        names.extend(is_byte(args.voxels).then_some("BYTES"));
+        let mut names = self.bring_stored(args.voxels)?;
         names.extend(args.mask.map(|_| "MASKED"));
         let pipeline = self.pipeline("segment/histogram.wgsl", &names)?;
         let mask = self.mask(args.mask)?;
-        let values = if is_byte(args.voxels) { 1 << 8 } else { 1 << 16 };
+        if is_byte(args.voxels) {
+            return self.count_into(&pipeline, args, mask.as_ref(), (1 << 8, QUADS[0], &[0]), exec);
+        }
+        // Those pages alone that hold any value are looked through.
+        names.push("PAGES");
+        let coarse = self.pipeline("segment/histogram.wgsl", &names)?;
+        let pages =
+            self.count_into(&coarse, args, mask.as_ref(), ((1 << 16) / PAGE, QUADS[1], &[0]), exec)?;
+        let pages: Vec<usize> = (0..pages.len()).filter(|page| pages[*page] > 0).collect();
+        self.count_into(&pipeline, args, mask.as_ref(), (1 << 16, QUADS[1], &pages), exec)
+    }
+
+    /// Counts so many different things, with so many quads a lane, in these pages.
+    fn count_into(
+        &mut self,
+        pipeline: &wgpu::ComputePipeline,
+        args: &Counted<'_>,
+        mask: Option<&Room>,
+        (values, quads, pages): (usize, usize, &[usize]),
+        exec: &Exec,
+    ) -> Result<Vec<u64>, Error> {
         let bytes = 4 * values as u64;
         let counts = self.gpu.room("the counts", bytes, RESULT)?;
         let voxels = args.voxels.len();
         let mut found: Vec<u64> = Vec::new();
         for [first, end] in self.pieces(voxels.div_ceil(4)) {
-            let pass = Pass {
-                pipeline: &pipeline,
-                numbers: [voxels, first, end].map(|n| n as u32).to_vec(),
-                rooms: self.volume.iter().map(|kept| &kept.room).chain([&counts]).chain(&mask).collect(),
-                groups: (end - first).div_ceil(LANES * QUADS),
+            let pass = |page: &usize| Pass {
+                pipeline,
+                numbers: [voxels, first, end, *page].map(|n| n as u32).to_vec(),
+                rooms: self.volume.iter().map(|kept| &kept.room).chain([&counts]).chain(mask).collect(),
+                groups: (end - first).div_ceil(LANES * quads),
             };
+            let passes: Vec<Pass<'_>> = pages.iter().map(pass).collect();
             let part = Part { room: &counts, from: 0, bytes };
-            self.desk.make(&self.gpu, "counts", &[pass], &[part], exec, |read| {
+            self.desk.make(&self.gpu, "counts", &passes, &[part], exec, |read| {
                 let counts = read.chunks_exact(4).map(|n| u64::from(bytemuck::pod_read_unaligned::<u32>(n)));
                 found = counts.collect();
             })?;
@@ -62,7 +84,7 @@ impl Opened {
     }
 
     fn label(&mut self, args: &Labelled<'_>, exec: &Exec) -> Result<SpillVec<u16>, Error> {
-        let mut names = vec![self.bring_stored(args.voxels)?];
+        let mut names = self.bring_stored(args.voxels)?;
         names.extend(args.mask.map(|_| "MASKED"));
         let pipeline = self.pipeline("segment/label.wgsl", &names)?;
         let mask = self.mask(args.mask)?;

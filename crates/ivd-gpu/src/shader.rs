@@ -147,17 +147,17 @@ pub(crate) mod tests {
             valid(file, names, capabilities);
         };
         let none = Capabilities::empty();
-        for (kind, width) in
-            [("U8", "BYTES"), ("I8", "BYTES"), ("U16", "HALVES"), ("I16", "HALVES"), ("F32", "")]
-        {
-            check("volume/ranges.wgsl", &[kind], none);
-            check("lattice/signs.wgsl", &[kind], none);
-            check("warp/linear.wgsl", &[kind, width], Capabilities::FLOAT64 | Capabilities::SHADER_INT64);
+        let kinds =
+            [&["U8", "BYTES"][..], &["I8", "BYTES"], &["U16", "HALVES"], &["I16", "HALVES"], &["F32"]];
+        for kind in kinds {
+            check("volume/ranges.wgsl", kind, none);
+            check("lattice/signs.wgsl", kind, none);
+            check("warp/linear.wgsl", kind, Capabilities::FLOAT64 | Capabilities::SHADER_INT64);
             for masked in [&[][..], &["MASKED"]] {
-                check("segment/label.wgsl", &[&[kind], masked].concat(), none);
-                if kind != "F32" {
-                    let bytes = if width == "BYTES" { &["BYTES"][..] } else { &[] };
-                    check("segment/histogram.wgsl", &[&[kind], bytes, masked].concat(), none);
+                check("segment/label.wgsl", &[kind, masked].concat(), none);
+                if kind != ["F32"] {
+                    check("segment/histogram.wgsl", &[kind, masked].concat(), none);
+                    check("segment/histogram.wgsl", &[kind, masked, &["PAGES"]].concat(), none);
                 }
             }
         }

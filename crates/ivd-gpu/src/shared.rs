@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -40,6 +40,11 @@ impl SharedGpu {
     /// What has been done on the device.
     pub fn counters(&self) -> Counters {
         self.lock().gpu.counters()
+    }
+
+    /// Of each kind of submission how many there were and how long they took: [`Gpu::times`].
+    pub fn times(&self) -> BTreeMap<&'static str, (u64, u64)> {
+        self.lock().gpu.times()
     }
 
     fn lock(&self) -> MutexGuard<'_, Opened> {
@@ -91,7 +96,7 @@ impl Opened {
                 let old = std::mem::replace(&mut self.gpu, anew);
                 if matches!(error, Error::Late(_)) {
                     // Who lets go of a device waits for it, and this one doesn't answer.
-                    std::mem::forget(old);
+                    std::thread::spawn(move || drop(old));
                 }
             }
         }
@@ -132,18 +137,18 @@ impl Opened {
         Ok(pipeline)
     }
 
-    /// Brings voxels to the device as they are stored, and gives the name of their type in shaders.
-    pub(crate) fn bring_stored(&mut self, voxels: &Voxels) -> Result<&'static str, Error> {
-        let name = match voxels {
-            Voxels::U8(_) => "U8",
-            Voxels::I8(_) => "I8",
-            Voxels::U16(_) => "U16",
-            Voxels::I16(_) => "I16",
-            Voxels::F32(_) => "F32",
+    /// Brings voxels to the device as they are stored, and gives the names that shaders know their type by.
+    pub(crate) fn bring_stored(&mut self, voxels: &Voxels) -> Result<Vec<&'static str>, Error> {
+        let names = match voxels {
+            Voxels::U8(_) => vec!["U8", "BYTES"],
+            Voxels::I8(_) => vec!["I8", "BYTES"],
+            Voxels::U16(_) => vec!["U16", "HALVES"],
+            Voxels::I16(_) => vec!["I16", "HALVES"],
+            Voxels::F32(_) => vec!["F32"],
             _ => return Err(Error::Unknown(voxels.voxel_type().name())),
         };
         Kept::bring_voxels(&mut self.volume, &self.gpu, voxels, voxels.as_bytes())?;
-        Ok(name)
+        Ok(names)
     }
 
     /// The parts that so many quads of voxels are passed over in, each as its first and the one after its last: a part takes some milliseconds.

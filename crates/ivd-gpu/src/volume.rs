@@ -22,8 +22,8 @@ impl DeviceForm<BrickRanges> for SharedGpu {
 
 impl Opened {
     fn ranges(&mut self, grid: &Grid, voxels: &Voxels, exec: &Exec) -> Result<BrickIndex, Error> {
-        let name = self.bring_stored(voxels)?;
-        let pipeline = self.pipeline("volume/ranges.wgsl", &[name])?;
+        let names = self.bring_stored(voxels)?;
+        let pipeline = self.pipeline("volume/ranges.wgsl", &names)?;
         let dims = BrickIndex::dims_for(grid.dims());
         let bricks = dims.iter().product::<usize>();
         let bytes = 12 * bricks as u64;

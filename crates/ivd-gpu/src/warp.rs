@@ -41,13 +41,7 @@ impl Opened {
         if places.is_empty() {
             return Ok(made);
         }
-        let name = self.bring_stored(args.voxels)?;
-        let width = match T::TYPE.bytes() {
-            1 => Some("BYTES"),
-            2 => Some("HALVES"),
-            _ => None,
-        };
-        let names: Vec<&str> = std::iter::once(name).chain(width).collect();
+        let names = self.bring_stored(args.voxels)?;
         let pipeline = self.pipeline("warp/linear.wgsl", &names)?;
         let numbers: Vec<f64> = args.to_voxel.as_flattened().iter().chain(&args.most).copied().collect();
         let numbers = self.gpu.upload("the matrix", bytemuck::cast_slice(&numbers))?;
@@ -66,7 +60,7 @@ impl Opened {
                 pipeline: &pipeline,
                 numbers: [nx, ny, nz, across, down, first, bricks, 0].map(|n| n as u32).to_vec(),
                 rooms: volume.chain([&numbers, &slots]).chain(vectors).chain([&moved]).collect(),
-                groups: bricks,
+                groups: 2 * bricks,
             };
             let part = Part { room: &moved, from: 0, bytes: (bricks * brick_bytes) as u64 };
             self.desk.make(&self.gpu, "voxels that move", &[pass], &[part], exec, |read| {

@@ -2,10 +2,7 @@ use ivd_core::{Grid, VoxelCoord};
 use nalgebra::Vector3;
 
 use crate::fit::{self, Extents, Held};
-use crate::{Projection, RenderParams};
-
-/// Angle across the shorter side at zoom 1 [degrees].
-const VIEW_ANGLE_DEG: f64 = 30.0;
+use crate::{Projection, RenderParams, View};
 
 /// Turns pixels into rays in voxel coordinates.
 pub(crate) struct Camera {
@@ -67,10 +64,13 @@ impl Camera {
         let towards_eye = Vector3::new(-sin_a * cos_e, cos_a * cos_e, sin_e);
         let up = Vector3::new(sin_a * sin_e, -cos_a * sin_e, cos_e);
         let right = up.cross(&towards_eye);
-        let Placed { centre, distance, pixel_mm } = match held {
+        let (sin_r, cos_r) = params.view.roll.to_radians().sin_cos();
+        let (right, up) = (right * cos_r - up * sin_r, up * cos_r + right * sin_r);
+        let placed = match held {
             Held::Volume => Placed::round_volume(grid, params),
             Held::Places(places) => Placed::round_places(grid, params, places, [right, up, towards_eye]),
         };
+        let Placed { centre, distance, pixel_mm } = placed.as_asked(grid, params);
         let to_voxel = grid.inverse_linear_part();
         // Differences to the grid's origin first: an origin 10⁶ mm away costs no precision.
         let start = to_voxel * ((centre - Vector3::from(grid.origin())) + towards_eye * distance);
@@ -214,7 +214,7 @@ impl Placed {
     /// The sphere round the volume fits across the shorter side.
     fn round_volume(grid: &Grid, params: &RenderParams) -> Self {
         let radius = radius(grid);
-        let half_angle = 0.5 * VIEW_ANGLE_DEG.to_radians();
+        let half_angle = half_angle(params);
         let (distance, half_height) = match params.view.projection {
             Projection::Orthographic => (2.0 * radius, radius),
             Projection::Perspective => (radius / half_angle.sin(), radius / half_angle.cos()),
@@ -238,7 +238,7 @@ impl Placed {
             Projection::Orthographic => (off_centre.norm() + 2.0 * radius(grid), extents.half()),
             Projection::Perspective => {
                 let far = places.iter().map(|p| (p - off_centre).norm()).fold(0.0, f64::max);
-                let distance = far / (0.5 * VIEW_ANGLE_DEG.to_radians()).sin();
+                let distance = far / half_angle(params).sin();
                 let mut half = [0.0_f64; 2];
                 for place in places {
                     let [x, y, near] = axes.map(|axis| axis.dot(&(place - off_centre)));
@@ -250,6 +250,31 @@ impl Placed {
         };
         Self { centre, distance, pixel_mm: fit::pixel(half, params.size) }
     }
+
+    /// The same where the view says what lies in the middle, or how far that is.
+    fn as_asked(self, grid: &Grid, params: &RenderParams) -> Self {
+        let View { target, distance, projection, .. } = params.view;
+        let Self { mut centre, distance: mut far, mut pixel_mm } = self;
+        if let Some(target) = target {
+            centre = Vector3::from(target);
+            if projection == Projection::Orthographic {
+                // Rays begin outside the volume.
+                let off = (centre - self::centre(grid)).norm();
+                far = far.max(off + 2.0 * radius(grid));
+            }
+        }
+        if let (Some(asked), Projection::Perspective) = (distance, projection) {
+            far = asked;
+            let across = params.size[0].min(params.size[1]) as f64;
+            pixel_mm = 2.0 * asked * half_angle(params).tan() / across;
+        }
+        Self { centre, distance: far, pixel_mm }
+    }
+}
+
+/// Half the angle across the shorter side at zoom 1 [radians].
+fn half_angle(params: &RenderParams) -> f64 {
+    0.5 * params.view.field_of_view.to_radians()
 }
 
 /// Distance of samples along a ray [mm].
@@ -276,7 +301,6 @@ fn radius(grid: &Grid) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::View;
 
     fn grid() -> Grid {
         Grid::new(
@@ -332,7 +356,7 @@ mod tests {
     #[test]
     fn rays_pass_where_their_pixel_projects() {
         for projection in [Projection::Orthographic, Projection::Perspective] {
-            let c = camera(View { angles: [33.0, 21.0], zoom: 1.7, projection });
+            let c = camera(View { angles: [33.0, 21.0], zoom: 1.7, projection, ..View::FRONT });
             let ray = c.ray(30, 25).unwrap();
             for i in [0, ray.steps / 2, ray.steps - 1] {
                 let voxel = Vector3::from_fn(|a, _| f64::from(ray.at(i)[a]));
@@ -350,5 +374,39 @@ mod tests {
         let ray = c.ray(32, 24).unwrap();
         let length = (ray.steps as f64 + f64::from(ray.rest)) * c.step_mm;
         assert!((length - 20.0).abs() < 1e-5, "{length}");
+    }
+
+    #[test]
+    fn what_the_view_names_lies_in_the_middle_as_far_away_as_it_says() {
+        let target = [1e6 + 3.0, 9.0, -2.0];
+        for projection in [Projection::Orthographic, Projection::Perspective] {
+            let view = View { angles: [33.0, 21.0], projection, target: Some(target), ..View::FRONT };
+            let c = camera(view);
+            let at = c.project(Vector3::from(target)).unwrap();
+            assert!((at[0] - 31.5).abs() < 1e-6 && (at[1] - 23.5).abs() < 1e-6, "{at:?}");
+            // Where nothing else is said, everything is as large as without a target.
+            assert_eq!(c.pixel_mm, camera(View { target: None, ..view }).pixel_mm);
+            assert!(c.ray(31, 23).is_some());
+        }
+        let view = View {
+            projection: Projection::Perspective,
+            target: Some(target),
+            distance: Some(40.0),
+            field_of_view: 60.0,
+            ..View::FRONT
+        };
+        let c = camera(view);
+        assert!((c.depth(Vector3::from(target)) - 40.0).abs() < 1e-6);
+        // 48 pixels, the shorter side, are 2 · 40 mm · tan 30°.
+        assert!((48.0 * c.pixel_mm - 80.0 * 30_f64.to_radians().tan()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_camera_that_rolls_clockwise_leans_what_was_up_to_the_left() {
+        let c = camera(View { roll: 90.0, ..View::FRONT });
+        let middle = Vector3::from([1e6, 5.0, -7.0]);
+        let [x, y] = c.project(middle).unwrap();
+        let [right, below] = c.project(middle + Vector3::z()).unwrap();
+        assert!(right < x - 0.1 && (below - y).abs() < 1e-6);
     }
 }

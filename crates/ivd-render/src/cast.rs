@@ -168,14 +168,14 @@ pub(crate) fn mip<T: Stored>(
 /// Halvings of the step in which a surface was met: its place is good to 2⁻¹⁶ of a step.
 pub(crate) const HALVINGS: usize = 16;
 
-/// First hit of the surface where `sign · value` reaches `iso`, refined by bisection, lit.
-pub(crate) fn first_hit<T: Stored>(
+/// First hit of the surface where `sign · value` reaches `iso`, refined by bisection; samples taken, and samples passed over.
+#[inline(always)]
+pub(crate) fn first_place<T: Stored>(
     field: &Field<'_, T>,
     iso: f32,
     sign: f32,
-    surface: [f32; 3],
     ray: &Ray,
-) -> Cast {
+) -> (Option<[f32; 3]>, usize, usize) {
     let mut taken = 0;
     let mut inside = |at: [f32; 3]| {
         taken += 1;
@@ -196,7 +196,7 @@ pub(crate) fn first_hit<T: Stored>(
     if hit.is_none() && ray.rest > 0.0 && inside(ray.rest_at) == Some(true) {
         hit = Some((ray.steps, ray.rest_at));
     }
-    let Some((index, mut at)) = hit else { return Cast { rgba: [0.0; 4], taken, skipped } };
+    let Some((index, mut at)) = hit else { return (None, taken, skipped) };
     // Between the sample before and this one, unless this is the first or the one before is no data.
     if index > 0 && inside(ray.at(index - 1)) == Some(false) {
         let mut outside = ray.at(index - 1);
@@ -205,6 +205,19 @@ pub(crate) fn first_hit<T: Stored>(
             if inside(middle) == Some(true) { at = middle } else { outside = middle }
         }
     }
+    (Some(at), taken, skipped)
+}
+
+/// The same, lit.
+pub(crate) fn first_hit<T: Stored>(
+    field: &Field<'_, T>,
+    iso: f32,
+    sign: f32,
+    surface: [f32; 3],
+    ray: &Ray,
+) -> Cast {
+    let (hit, taken, skipped) = first_place(field, iso, sign, ray);
+    let Some(at) = hit else { return Cast { rgba: [0.0; 4], taken, skipped } };
     let moves = field.moves(field.space.brick(at));
     let normal = field.before(at, moves).and_then(|before| field.normal(at, before, moves));
     let [r, g, b] = surface;

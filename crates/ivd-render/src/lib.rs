@@ -64,6 +64,7 @@ mod outline;
 #[allow(unsafe_code, reason = "unchecked reads of eight lanes, argued in the module's head")]
 mod packet;
 mod params;
+mod pick;
 mod picture;
 pub mod plan;
 mod preintegrated;
@@ -86,6 +87,7 @@ pub use error::Error;
 pub use frame::Radiance;
 pub use looks::{ClassLooks, Colour, Opacity};
 pub use params::{Classification, Fit, Mode, Projection, RenderParams, Side, View};
+pub use pick::Pick;
 pub use prepared::Prepared;
 pub use rendered::Rendered;
 pub use scene::Scene;

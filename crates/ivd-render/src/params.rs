@@ -94,7 +94,7 @@ pub enum Fit {
     Volume,
 }
 
-/// Where the scene is seen from. The camera looks at the middle of what the picture holds at zoom 1, as [`Fit`] says.
+/// Where the scene is seen from. The camera looks at the middle of what the picture holds at zoom 1, as [`Fit`] says, or at a place that is given.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct View {
@@ -109,11 +109,32 @@ pub struct View {
     pub zoom: f64,
     /// Parallel or perspective.
     pub projection: Projection,
+    /// What lies in the middle of the picture (mm, RAS); without it the middle of what the picture holds at zoom 1.
+    #[schemars(extend("x-unit" = "mm"))]
+    pub target: Option<[f64; 3]>,
+    /// Turns the camera about its line of sight, clockwise: what was up leans to the picture's left.
+    #[schemars(range(min = -360.0, max = 360.0), extend("x-unit" = "degrees"))]
+    pub roll: f64,
+    /// Angle across the picture's shorter side at zoom 1, in perspective: the wider, the nearer the eye.
+    #[schemars(range(min = 1.0, max = 150.0), extend("x-unit" = "degrees"))]
+    pub field_of_view: f64,
+    /// In perspective the eye's distance from what lies in the middle of the picture; it may lie inside the volume. Without it as far away as shows at zoom 1
+    /// what `fit` names.
+    #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
+    pub distance: Option<f64>,
 }
 
 impl View {
     /// From the front, parallel.
-    pub const FRONT: Self = Self { angles: [0.0; 2], zoom: 1.0, projection: Projection::Orthographic };
+    pub const FRONT: Self = Self {
+        angles: [0.0; 2],
+        zoom: 1.0,
+        projection: Projection::Orthographic,
+        target: None,
+        roll: 0.0,
+        field_of_view: 30.0,
+        distance: None,
+    };
 }
 
 impl Default for View {
@@ -200,10 +221,17 @@ impl RenderParams {
     /// Checks what the schema of a field can't say.
     pub(crate) fn check_together(&self) -> Result<(), ParamError> {
         let elevation = self.view.angles[1];
-        if (-90.0..=90.0).contains(&elevation) {
-            return Ok(());
+        if !(-90.0..=90.0).contains(&elevation) {
+            let problem = format!("an elevation of {elevation} degrees");
+            return Err(ParamError::new("view", problem, "give −90 … 90 degrees"));
         }
-        Err(ParamError::new("view", format!("an elevation of {elevation} degrees"), "give −90 … 90 degrees"))
+        match (self.view.distance, self.view.projection) {
+            (Some(_), Projection::Orthographic) => {
+                let problem = "parallel rays come from no eye, so that it has no distance";
+                Err(ParamError::new("distance", problem, "use perspective, or zoom"))
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -222,6 +250,10 @@ mod tests {
         assert_eq!(bad(RenderParams { mode: Mode::Iso { value: f64::NAN }, ..ok() }), "iso");
         let view = View { angles: [0.0, 91.0], ..View::default() };
         assert_eq!(bad(RenderParams { view, ..ok() }), "view");
+        let view = View { distance: Some(50.0), ..View::default() };
+        assert_eq!(bad(RenderParams { view, ..ok() }), "distance");
+        let view = View { target: Some([f64::NAN; 3]), ..View::default() };
+        assert_eq!(bad(RenderParams { view, ..ok() }), "target");
         assert_eq!(bad(RenderParams { background: [0.0, 2.0, 0.0, 1.0], ..ok() }), "background.1");
     }
 }

@@ -5,7 +5,7 @@ use ivd_core::{
     with_voxels,
 };
 
-use crate::camera::{Camera, centre, step_mm};
+use crate::camera::{Camera, Ray, centre, step_mm};
 use crate::cast::{Cast, Field};
 use crate::classify::{Classifier, Steep};
 use crate::dvr::AtMiddle;
@@ -13,10 +13,11 @@ use crate::empty_space::Space;
 use crate::fit::{DARK, Held};
 use crate::frame::{Radiance, tiles};
 use crate::light::Light;
+use crate::pick::{self, Pick};
 use crate::plan::{Casting, Grey, Plan, PlanLook, PlanWarp, Sight};
 use crate::preintegrated::{AtEnds, Preintegrated};
 use crate::project::Bounds;
-use crate::samples::{KernelVoxels, Samples, Shape, fast};
+use crate::samples::{KernelVoxels, Samples, Shape, Stored, fast};
 use crate::skip::{NOTHING, carried, join, joined_about, rows_of_bricks, through_warp};
 use crate::warp::Warp;
 use crate::wide::{Pairs, Wide, dvr, first_hit, mip};
@@ -28,6 +29,8 @@ use crate::{
 /// of [`crate::render`].
 pub struct Prepared<'a> {
     scene: Scene<'a>,
+    /// The scene's labels, whether or not they change a picture.
+    labels: Option<&'a Labels>,
     params: RenderParams,
     voxels: KernelVoxels<'a>,
     /// `stored = fast + shift`.
@@ -85,6 +88,7 @@ impl<'a> Prepared<'a> {
             let labels = scene.labels.filter(|labels| has_rows || clears(labels));
             let mut prepared = Self {
                 scene: Scene { labels, ..*scene },
+                labels: scene.labels,
                 params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },
                 voxels,
                 shift,
@@ -355,16 +359,50 @@ impl<'a> Prepared<'a> {
         })
     }
 
-    fn cast<T: Pairs>(&self, voxels: &[T], params: &RenderParams, exec: &Exec) -> Result<Radiance, Error> {
+    /// What a view shows at a pixel (column and row, from the top left): of direct volume rendering where opacity passes a half, of a maximum where it
+    /// lies, of a surface where the ray meets it. `None` where there is nothing to see, or that lies outside the volume before it is deformed.
+    ///
+    /// # Errors
+    /// As [`crate::render`].
+    pub fn pick(&self, view: View, [x, y]: [usize; 2]) -> Result<Option<Pick>, Error> {
+        let params = RenderParams { view, ..self.params.clone() };
+        params.check()?;
+        let camera = Camera::new(self.scene.volume.grid(), &params, &self.held);
+        let Some(ray) = camera.ray(x, y) else { return Ok(None) };
+        Ok(with_fast!(&self.voxels, slice => self.pick_by(slice, &camera, &ray)))
+    }
+
+    fn pick_by<T: Pairs>(&self, voxels: &[T], camera: &Camera, ray: &Ray) -> Option<Pick> {
+        let field = self.field(voxels, camera);
+        let sign = self.sign() as f32;
+        let at = match &self.optics {
+            ModeState::Dvr(classifier) if field.ids.is_empty() => {
+                pick::half_way(&field, &AtMiddle::<false, false>(classifier), ray)
+            }
+            ModeState::Dvr(classifier) => pick::half_way(&field, &AtMiddle::<true, false>(classifier), ray),
+            ModeState::PreIntegrated(table) => pick::half_way(&field, &AtEnds::<false>(table), ray),
+            ModeState::Mip(_) => pick::greatest(&field, sign, ray),
+            ModeState::Iso(iso) => pick::on_surface(&field, *iso, sign, ray),
+        }?;
+        let real = |fast: f32| self.scene.volume.real(f64::from(fast) + self.shift);
+        pick::picked(&field, self.scene.volume.grid(), self.labels, real, at)
+    }
+
+    fn field<'f, T: Stored>(&'f self, voxels: &'f [T], camera: &Camera) -> Field<'f, T> {
         let grid = self.scene.volume.grid();
-        let camera = Camera::new(grid, params, &self.held);
-        let field = Field {
+        Field {
             samples: Samples::new(voxels, Shape::new(grid.dims())),
             ids: self.scene.labels.map_or(&[], Labels::ids),
             warp: self.warp.as_ref(),
             space: &self.space,
-            light: Light::new(&camera, grid.inverse_linear_part(), self.scene.volume.slope()),
-        };
+            light: Light::new(camera, grid.inverse_linear_part(), self.scene.volume.slope()),
+        }
+    }
+
+    fn cast<T: Pairs>(&self, voxels: &[T], params: &RenderParams, exec: &Exec) -> Result<Radiance, Error> {
+        let grid = self.scene.volume.grid();
+        let camera = Camera::new(grid, params, &self.held);
+        let field = self.field(voxels, &camera);
         let sign = self.sign() as f32;
         Ok(match &self.optics {
             ModeState::Dvr(classifier) => {

@@ -250,7 +250,7 @@ mod tests {
     fn packets_and_single_rays_give_the_same_bytes() {
         for projection in [Projection::Orthographic, Projection::Perspective] {
             for angles in [[31.0, 12.0], [0.0, 0.0], [90.0, 45.0]] {
-                let view = View { angles, zoom: 1.4, projection };
+                let view = View { angles, zoom: 1.4, projection, ..View::FRONT };
                 both_ways::<u8, false, false>(DIMS, 255.0, 0.9, view);
                 both_ways::<u8, true, true>(DIMS, 255.0, 0.1, view);
                 both_ways::<u16, false, true>(DIMS, 60_000.0, 0.1, view);
@@ -264,7 +264,8 @@ mod tests {
 
     #[test]
     fn grids_of_a_few_voxels_are_cast_alike() {
-        let view = View { angles: [31.0, 12.0], zoom: 1.2, projection: Projection::Perspective };
+        let view =
+            View { angles: [31.0, 12.0], zoom: 1.2, projection: Projection::Perspective, ..View::FRONT };
         // No cell has a cell on every side; one has; one brick and a voxel more.
         for dims in [[2, 3, 2], [4, 4, 4], [8, 9, 2], [9, 5, 17]] {
             both_ways::<u8, false, true>(dims, 255.0, 0.3, view);

@@ -237,6 +237,7 @@ impl Opened {
                 pass(make, group, [across, groups.div_ceil(across)], [true, false]);
             }
             pass(cast, &bound, tiles, [make.is_none(), true]);
+            true
         };
         let result =
             Some(Reading { from: vec![(&rooms.picture.buffer, 0, bytes)], to: &rooms.result.buffer });

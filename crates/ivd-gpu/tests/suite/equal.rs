@@ -316,7 +316,7 @@ const PLANTED: &[(&str, &str, &str)] = &[
     (Warping::<u8>::NAME, "line(i + params.nx, weight.x)", "line(i + params.nx, weight.y)"),
     (Warping::<u8>::NAME, "over > 0.5lf ||", "over >= 0.5lf ||"),
     (Warping::<u8>::NAME, "up || t <= SNAP", "up"),
-    (Warping::<u8>::NAME, "left << (4u * (lane & 7u))", "0u"),
+    (Warping::<u8>::NAME, "1u << (lane & 31u)", "0u"),
 ];
 
 #[test]

@@ -1,7 +1,7 @@
 //! The ray caster against pictures whose light is known in closed form.
 
 use ivd_core::{Exec, GradientTable, Grid, TransferFunction, Volume, Voxels};
-use ivd_render::{Fit, Mode, Projection, RenderParams, Scene, View, radiance};
+use ivd_render::{Fit, Mode, RenderParams, Scene, View, radiance};
 use nalgebra::Vector3;
 
 fn exec() -> Exec {
@@ -214,8 +214,7 @@ fn sphere(radius: f64) -> (Volume, Vector3<f64>) {
 fn a_surface_covers_the_disc_of_its_sphere_from_every_side() {
     let (volume, _) = sphere(20.0);
     for (azimuth_deg, elevation_deg) in [(0.0, 0.0), (75.0, -40.0), (200.0, 88.0)] {
-        let view =
-            View { angles: [azimuth_deg, elevation_deg], zoom: 2.0, projection: Projection::Orthographic };
+        let view = View { angles: [azimuth_deg, elevation_deg], zoom: 2.0, ..View::FRONT };
         let params = RenderParams { mode: Mode::Iso { value: 0.0 }, view, size: [200; 2], ..measuring() };
         let picture = radiance(&Scene::new(&volume), &params, &exec()).unwrap();
         let covered = picture.rgba.iter().filter(|c| c[3] > 0.5).count() as f64;

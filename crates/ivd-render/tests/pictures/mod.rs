@@ -7,6 +7,7 @@ mod common;
 mod comparator;
 mod deformed;
 mod identical;
+mod picks;
 mod preintegrated;
 mod surface;
 mod views;

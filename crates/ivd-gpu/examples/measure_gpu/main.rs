@@ -2,6 +2,8 @@
 //! where products may be joined with the sums that they go into. Prints a JSON object for
 //! each picture, and one for the device. Needs no file and no network.
 
+mod kernels;
+
 use std::error::Error;
 use std::time::Instant;
 
@@ -37,6 +39,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     let moved = pushed(volume.grid())?;
     let transfer = transfer()?;
     let caster = SharedGpu::new(gpu);
+    if !joined {
+        let small = SharedGpu::new(Gpu::open(Options { choice: Choice::from_env(), ..Options::default() })?);
+        let head = head(64)?;
+        let scene = Scene { transfer: Some(&transfer), ..Scene::new(&head) };
+        let params = RenderParams { size: [512; 2], annotate: false, ..RenderParams::default() };
+        let prepared = Prepared::new(&scene, &params, &Exec::default())?;
+        // A card that has nothing to do runs at a fraction of its pace, and takes a while to come back to it.
+        let pace = || -> Result<(), Box<dyn Error>> {
+            let start = Instant::now();
+            while start.elapsed().as_secs_f64() < 0.15 {
+                prepared.with_plan(params.view, |plan| small.cast(plan, &Exec::default()))??;
+            }
+            Ok(())
+        };
+        kernels::measure(&caster, &volume, &moved, copy, &pace)?;
+    }
     let (device, processor) = (Exec::default(), Exec::default());
     for (moves, displacement) in [("rest", None), ("deformed", Some(&moved))] {
         for (look, mode, shading) in [

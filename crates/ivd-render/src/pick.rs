@@ -1,0 +1,111 @@
+//! What a picture shows at a pixel: from a place in the picture to a place in the patient.
+
+use ivd_core::{Labels, VoxelCoord, VoxelIndex};
+use nalgebra::Vector3;
+
+use crate::camera::Ray;
+use crate::cast::{Field, first_place};
+use crate::dvr::{Optics, Step};
+use crate::samples::Stored;
+
+/// Opacity behind which lies what a picture is said to show; where a whole ray has less, half of what it has.
+const HALF: f32 = 0.5;
+/// A ray with less opacity shows nothing: it changes no pixel of 8 bits.
+const NOTHING: f32 = 0.5 / 255.0;
+
+/// What a picture shows at a pixel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pick {
+    /// Where it is seen (mm, RAS).
+    pub place: [f64; 3],
+    /// Where that was before the deformation (mm, RAS): what handles and seeds ask for. The same place where nothing is deformed.
+    pub rest: [f64; 3],
+    /// The voxel nearest to that.
+    pub voxel: [usize; 3],
+    /// The trilinear value there, real; `None` where data is missing.
+    pub value: Option<f64>,
+    /// The label of that voxel, of a scene with labels.
+    pub label: Option<u16>,
+}
+
+/// Where the opacity of a ray passes a half, in voxel coordinates of the picture: a step's opacity is spread over its length.
+pub(crate) fn half_way<T: Stored, O: Optics<T>>(
+    field: &Field<'_, T>,
+    optics: &O,
+    ray: &Ray,
+) -> Option<[f32; 3]> {
+    let opacities = || {
+        let mut front = None;
+        (0..ray.steps).map(move |number| {
+            let at = ray.at(number);
+            let place = field.samples.shape.place(at);
+            let step = Step { number, at, place, brick: field.space.brick(at) };
+            let (entry, end) = optics.step(field, ray, &step, front.take());
+            front = Some(end);
+            entry[3]
+        })
+    };
+    let rest = if ray.rest > 0.0 { optics.rest(field, ray)[3] } else { 0.0 };
+    let clear = opacities().fold(1.0 - rest, |through, opacity| through * (1.0 - opacity));
+    if 1.0 - clear < NOTHING {
+        return None;
+    }
+    let wanted = 1.0 - HALF.min(HALF * (1.0 - clear));
+    let mut through = 1.0_f32;
+    for (number, opacity) in opacities().enumerate() {
+        let after = through * (1.0 - opacity);
+        if after <= wanted {
+            let share = if opacity < 1.0 { (wanted / through).ln() / (1.0 - opacity).ln() } else { 0.0 };
+            let t = number as f32 - 0.5 + share.clamp(0.0, 1.0);
+            return Some(std::array::from_fn(|a| ray.start[a] + t * ray.delta[a]));
+        }
+        through = after;
+    }
+    Some(ray.rest_at)
+}
+
+/// Where a ray meets a surface.
+pub(crate) fn on_surface<T: Stored>(
+    field: &Field<'_, T>,
+    iso: f32,
+    sign: f32,
+    ray: &Ray,
+) -> Option<[f32; 3]> {
+    first_place(field, iso, sign, ray).0
+}
+
+/// Where a ray's value is greatest, of equal ones the nearest.
+pub(crate) fn greatest<T: Stored>(field: &Field<'_, T>, sign: f32, ray: &Ray) -> Option<[f32; 3]> {
+    let last = (ray.rest > 0.0).then_some(ray.rest_at);
+    let mut best: Option<(f32, [f32; 3])> = None;
+    for at in (0..ray.steps).map(|i| ray.at(i)).chain(last) {
+        let before = field.before(at, field.moves(field.space.brick(at)));
+        let value = before.and_then(|before| field.value(&field.samples.shape.place(before)));
+        let Some(value) = value.map(|value| sign * value) else { continue };
+        if best.is_none_or(|(greatest, _)| value > greatest) {
+            best = Some((value, at));
+        }
+    }
+    best.map(|(_, at)| at)
+}
+
+/// What lies at a place of the picture, in voxel coordinates; `real` makes a fast value real.
+pub(crate) fn picked<T: Stored>(
+    field: &Field<'_, T>,
+    grid: &ivd_core::Grid,
+    labels: Option<&Labels>,
+    real: impl Fn(f32) -> f64,
+    at: [f32; 3],
+) -> Option<Pick> {
+    let before = field.before(at, field.moves(field.space.brick(at)))?;
+    let world = |at: [f32; 3]| grid.world(VoxelCoord(Vector3::from(at).map(f64::from))).0.into();
+    let dims = grid.dims();
+    let voxel = std::array::from_fn(|a| (before[a].round().max(0.0) as usize).min(dims[a] - 1));
+    Some(Pick {
+        place: world(at),
+        rest: world(before),
+        voxel,
+        value: field.value(&field.samples.shape.place(before)).map(real),
+        label: labels.map(|labels| labels.ids()[grid.linear(VoxelIndex(voxel))]),
+    })
+}
