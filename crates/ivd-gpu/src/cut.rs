@@ -194,7 +194,7 @@ impl Opened {
             pipeline: &pipeline,
             numbers: words.numbers(ranks, 0),
             rooms: self.volume.iter().map(|kept| &kept.room).chain([&signs]).collect(),
-            groups: words.all().div_ceil(LANES / volume.voxel_type().bytes()),
+            groups: words.all().div_ceil(LANES),
         };
         self.desk.make(&self.gpu, "signs", &[pass], &[], exec, |_| {})?;
         Ok(signs)

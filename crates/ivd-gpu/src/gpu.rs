@@ -240,6 +240,11 @@ impl Gpu {
         }
     }
 
+    /// Whether everything that was submitted is done by and by.
+    pub(crate) fn answers(&self) -> bool {
+        self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(LOOK) }).is_ok()
+    }
+
     /// # Errors
     /// Where the device was lost, or refused something that nobody was looking at.
     pub(crate) fn check(&self) -> Result<(), Error> {

@@ -94,9 +94,9 @@ impl Opened {
             _ => {
                 let anew = self.gpu.reopen().map_err(|_| error.clone())?;
                 let old = std::mem::replace(&mut self.gpu, anew);
-                if matches!(error, Error::Late(_)) {
-                    // Who lets go of a device waits for it, and this one doesn't answer.
-                    std::thread::spawn(move || drop(old));
+                if matches!(error, Error::Late(_)) && !old.answers() {
+                    // Who lets go of a device waits for it.
+                    std::mem::forget(old);
                 }
             }
         }

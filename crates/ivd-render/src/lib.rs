@@ -93,7 +93,7 @@ pub use rendered::Rendered;
 pub use scene::Scene;
 pub use stage::{
     Coloured, DISPLACEMENT, DifferenceFigures, DifferenceParams, DvrParams, FRAMING, IsoParams, MipParams,
-    Pair, Plain, RenderFigures, STAGE, VOLUME, WHOLE,
+    Pair, Picked, Plain, RenderFigures, STAGE, VOLUME, WHOLE,
 };
 pub use surface::{SurfaceStyle, surface};
 

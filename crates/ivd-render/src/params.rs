@@ -178,6 +178,10 @@ pub struct RenderParams {
     /// Background, straight linear RGBA.
     #[schemars(inner(range(min = 0.0, max = 1.0)), extend("x-unit" = "1"))]
     pub background: [f64; 4],
+    /// Pixels, as column and row from the top left, of which it is told what they show: the place in the patient, before and after the deformation, with voxel, value
+    /// and label.
+    #[schemars(extend("x-unit" = "pixels"))]
+    pub picks: Vec<[usize; 2]>,
     /// Colour of a surface in mode iso, linear RGB.
     #[schemars(inner(range(min = 0.0, max = 1.0)), extend("x-unit" = "1"))]
     pub surface: [f64; 3],
@@ -197,6 +201,7 @@ impl Default for RenderParams {
             skip: true,
             annotate: true,
             background: [0.0, 0.0, 0.0, 1.0],
+            picks: Vec::new(),
             surface: [0.80, 0.72, 0.58],
         }
     }
@@ -224,6 +229,15 @@ impl RenderParams {
         if !(-90.0..=90.0).contains(&elevation) {
             let problem = format!("an elevation of {elevation} degrees");
             return Err(ParamError::new("view", problem, "give −90 … 90 degrees"));
+        }
+        let [width, height] = self.size;
+        if let Some([x, y]) = self.picks.iter().find(|[x, y]| *x >= width || *y >= height) {
+            let problem = format!("{x}, {y} in a picture of {width} × {height} pixels");
+            return Err(ParamError::new(
+                "picks",
+                problem,
+                "count columns and rows from 0, from the top left",
+            ));
         }
         match (self.view.distance, self.view.projection) {
             (Some(_), Projection::Orthographic) => {

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use ivd_core::op::{Amount, Failure, Method, Op, Place, PlaceKind, Stage, Want, method};
+use ivd_core::op::{Amount, Failure, Method, Op, Place, PlaceKind, Remark, Stage, Want, method};
 use ivd_core::{
     Displacement, Exec, Image, Kernel as _, Labels, Lattice, ParamError, TransferFunction, Volume, slots,
 };
@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::plan::Casting;
-use crate::{ClassLooks, Classification, Fit, Mode, RenderParams, Scene, difference, render};
+use crate::{ClassLooks, Classification, Fit, Mode, Pick, Prepared, RenderParams, Scene, difference};
 
 /// The stage: its modes, and the pictures that a scene has of it.
 pub const STAGE: Stage = Stage {
@@ -137,7 +137,7 @@ slots! {
 }
 
 /// What a picture comes to.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RenderFigures {
     /// Pictures made.
     #[schemars(extend("x-unit" = "1"))]
@@ -152,6 +152,76 @@ pub struct RenderFigures {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "1/s", "x-time" = true))]
     pub fps: Option<f64>,
+    /// What the pixels show that were asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub picks: Vec<Picked>,
+}
+
+/// What a pixel shows; nothing but the pixel where there is nothing to see.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct Picked {
+    /// Column and row, from the top left.
+    #[schemars(extend("x-unit" = "pixels"))]
+    pub pixel: [usize; 2],
+    /// Where it is seen (RAS).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "mm"))]
+    pub place_mm: Option<[f64; 3]>,
+    /// Where that was before the deformation (RAS).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "mm"))]
+    pub rest_mm: Option<[f64; 3]>,
+    /// The voxel nearest to that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxel: Option<[usize; 3]>,
+    /// The value there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "that of the values"))]
+    pub value: Option<f64>,
+    /// The label of that voxel, where labels choose the colours.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "1"))]
+    pub label: Option<u16>,
+}
+
+impl Picked {
+    fn of(pixel: [usize; 2], pick: Option<Pick>) -> Self {
+        let Some(Pick { place, rest, voxel, value, label }) = pick else {
+            return Self { pixel, ..Self::default() };
+        };
+        Self { pixel, place_mm: Some(place), rest_mm: Some(rest), voxel: Some(voxel), value, label }
+    }
+
+    fn told(&self) -> String {
+        let [x, y] = self.pixel;
+        let (Some(place), Some(voxel)) = (self.place_mm, self.voxel) else {
+            return format!("nothing is seen at pixel {x}, {y}");
+        };
+        let place_of = |[x, y, z]: [f64; 3]| format!("{x:.2}, {y:.2}, {z:.2} mm");
+        let mut told = format!("pixel {x}, {y} shows {}", place_of(place));
+        if let Some(rest) = self.rest_mm.filter(|rest| *rest != place) {
+            told += &format!(", before the deformation {}", place_of(rest));
+        }
+        let [i, j, k] = voxel;
+        told += &format!(" (voxel {i}, {j}, {k}");
+        if let Some(value) = self.value {
+            told += &format!(", value {value:.4}");
+        }
+        if let Some(label) = self.label {
+            told += &format!(", label {label}");
+        }
+        told + ")"
+    }
+}
+
+impl RenderFigures {
+    /// What was asked for at pixels.
+    fn remark(&self) -> Option<String> {
+        let told: Vec<String> = self.picks.iter().map(Picked::told).collect();
+        (!told.is_empty()).then(|| told.join("; "))
+    }
 }
 
 /// What the difference of two pictures comes to.
@@ -193,8 +263,12 @@ fn drawn(
     exec: &Exec,
 ) -> Result<(Image, RenderFigures), Failure> {
     let start = Instant::now();
-    let found = render(scene, &RenderParams { mode, ..picture.clone() }, exec)?;
+    let params = RenderParams { mode, ..picture.clone() };
+    let prepared = Prepared::new(scene, &params, exec)?;
+    let found = prepared.render(params.view, exec)?;
+    let picks = params.picks.iter().map(|&pixel| Ok(Picked::of(pixel, prepared.pick(params.view, pixel)?)));
     let figures = RenderFigures {
+        picks: picks.collect::<Result<_, crate::Error>>()?,
         frames: found.frames,
         samples_per_pixel: found.samples_per_pixel,
         skipped_fraction: found.skipped_fraction,
@@ -220,6 +294,7 @@ impl Op for DvrParams {
     type Inputs<'a> = Coloured<'a>;
     type Output = Image;
     type Figures = RenderFigures;
+    const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
 
     fn check_together(&self) -> Result<(), ParamError> {
         self.picture.check_together()?;
@@ -250,6 +325,7 @@ impl Op for MipParams {
     type Inputs<'a> = Plain<'a>;
     type Output = Image;
     type Figures = RenderFigures;
+    const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
 
     fn check_together(&self) -> Result<(), ParamError> {
         self.picture.check_together()
@@ -279,6 +355,7 @@ impl Op for IsoParams {
     type Inputs<'a> = Plain<'a>;
     type Output = Image;
     type Figures = RenderFigures;
+    const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
 
     fn check_together(&self) -> Result<(), ParamError> {
         self.value()?;

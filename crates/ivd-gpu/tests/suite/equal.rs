@@ -237,6 +237,22 @@ fn every_kernel_of_whole_numbers_gives_the_processors_bytes() {
     all_equal(gpu, &SIZES);
 }
 
+/// For `just stress`: random sizes, values, fields and levels.
+#[test]
+#[ignore = "takes minutes; `just stress` runs it"]
+fn a_thousand_random_fields_give_the_processors_bytes() {
+    let Some(gpu) = gpu(Options::default()) else { return };
+    let exec = on(gpu);
+    for i in 0..200 {
+        let dims = [0, 1, 2].map(|a| 1 + noise(i, a) as usize % [90, 40, 25][a]);
+        for volume in volumes(dims, i % 3 == 0, 100 + i) {
+            for (name, of) in KERNELS {
+                assert!(of(&volume, &exec), "{name}: {i}, {dims:?} {:?}", volume.voxel_type());
+            }
+        }
+    }
+}
+
 #[test]
 fn work_in_many_parts_gives_the_same_bytes() {
     let Some(gpu) = gpu(Options { part: Some(300), ..Options::default() }) else { return };
