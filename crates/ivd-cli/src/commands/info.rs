@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache};
-use ivd_core::Classified as _;
+use ivd_core::{Classified as _, counted};
 use ivd_io::volume::ReadOptions;
 use ivd_io::volume::dicom::{self, Series};
 use ivd_pipeline::describe;
@@ -46,8 +46,10 @@ fn series_line(series: &Series) -> String {
         .map_or_else(String::new, |mm| format!(", slices unevenly spaced by up to {mm:.4} mm"));
     let refused = series.unreadable.map_or_else(String::new, |what| format!("; not readable: {what}"));
     format!(
-        "{word}: {}, `{}`, {} slices of {columns}×{rows}, {x} × {y} × {z} mm{uneven}{refused}",
-        series.modality, series.description, series.slices
+        "{word}: {}, `{}`, {} of {columns}×{rows}, {x} × {y} × {z} mm{uneven}{refused}",
+        series.modality,
+        series.description,
+        counted(series.slices, "slice", "slices")
     )
 }
 

@@ -1,6 +1,7 @@
 //! What was asked and what was done: what moved, how far, and whether to trust it, on one screen.
 
 use ivd_boundary::BoundaryFigures;
+use ivd_core::counted;
 use ivd_field::clip::{self, ClipFigures};
 use ivd_field::combine::{self, CombineFigures};
 use ivd_lattice::extract::{self, LatticeFigures};
@@ -60,13 +61,17 @@ fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static st
     }
     if let Some(found) = figures_of::<BoundaryFigures>(records, ivd_boundary::STAGE.name)? {
         let method = method(scene, &ivd_boundary::STAGE);
-        rows.push(("part", format!("{method}; {} voxels", found.voxels)));
+        rows.push(("part", format!("{method}; {}", counted(found.voxels, "voxel", "voxels"))));
     }
     if let Some(found) = figures_of::<LatticeFigures>(records, extract::STAGE.name)? {
         let iso = of_record(records, extract::STAGE.name, "iso");
         rows.push((
             "lattice",
-            format!("cut at {iso}; {} vertices, {} pieces", found.vertices, found.components),
+            format!(
+                "cut at {iso}; {}, {}",
+                counted(found.vertices, "vertex", "vertices"),
+                counted(found.components, "piece", "pieces")
+            ),
         ));
     }
     if let Some(found) = figures_of::<RefineFigures>(records, refine::STAGE.name)? {
@@ -74,10 +79,10 @@ fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static st
         rows.push((
             "refined",
             format!(
-                "by {}; {} of {} vertices, {}at most {} mm off",
+                "by {}; {} of {}, {}at most {} mm off",
                 of_record(records, refine::STAGE.name, "method"),
                 last.vertices,
-                found.vertices_in,
+                counted(found.vertices_in, "vertex", "vertices"),
                 last.seen_error_mm.map_or_else(String::new, |seen| format!("{} mm, ", number(seen))),
                 number(last.max_error_mm)
             ),
