@@ -126,6 +126,10 @@ pub(crate) enum Command {
         /// are flipped, or that are coarser than the scan.
         #[arg(long, value_name = "VOLUME")]
         like: Option<PathBuf>,
+        /// A file with as many voxels along x, y and z, whose spacing, place and axes are taken as they are: for scans, labels and masks that
+        /// lost them, or have them wrong. The voxels stay in their order.
+        #[arg(long, value_name = "FILE", conflicts_with_all = ["like", "displacement", "axes", "raw_spacing"])]
+        grid_of: Option<PathBuf>,
         #[command(flatten)]
         raw: Raw,
         #[command(flatten)]

@@ -53,3 +53,87 @@ fn a_run_that_fails_names_the_outputs_of_an_earlier_one() {
     assert!(!pipeline(at, &folds, &["--until", "map"]).1.contains("earlier"));
     assert!(!pipeline(at, SCENE, &[]).1.contains("earlier"));
 }
+
+/// Voxels of an NRRD file in 12 × 10 × 8, with a header that says what is given.
+fn nrrd(at: &Path, name: &str, header: &str, value: impl Fn([usize; 3]) -> u8) {
+    let voxels = (0..12 * 10 * 8).map(|i| value([i % 12, i / 12 % 10, i / 120]));
+    let head = format!("NRRD0004\ntype: uchar\ndimension: 3\nsizes: 12 10 8\nencoding: raw\n{header}\n");
+    std::fs::write(at.join(name), head.into_bytes().into_iter().chain(voxels).collect::<Vec<u8>>()).unwrap();
+}
+
+/// Where the scans of these tests lie.
+const RIGHT: &str = "space: left-posterior-superior\nspace directions: (0.5,0,0) (0,-0.75,0) (0,0.1,2)\nspace origin: (-20,30,7)\n";
+
+fn part([x, y, z]: [usize; 3]) -> u8 {
+    match (x, y, z) {
+        (2..=5, 2..=6, 1..=5) => 1,
+        (7..=9, 3..=8, 2..=6) => 2,
+        _ => 0,
+    }
+}
+
+#[test]
+fn a_file_with_a_wrong_header_takes_the_grid_of_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    nrrd(at, "scan.nrrd", RIGHT, |p| 10 + 100 * part(p) + p[0] as u8);
+    nrrd(at, "right.nrrd", RIGHT, part);
+    json(at, &["import", "scan.nrrd", "-o", "scan.ivd"]);
+    let hash =
+        |words: &[&str]| json(at, &[&["import"], words, &["-o", "x.ivd"]].concat())["output"]["hash"].clone();
+    for (name, header) in [
+        ("none.nrrd", ""),
+        (
+            "wrong.nrrd",
+            "space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n",
+        ),
+    ] {
+        nrrd(at, name, header, part);
+        json(at, &["import", name, "--labels", "-o", "bad.ivd"]);
+        let (code, told) =
+            refused(at, &["lattice", "scan.nrrd", "--labels", "bad.ivd", "--class", "1", "-o", "l.ivd"]);
+        assert!(code == 2 && told.contains("--grid-of OTHER"), "{told}");
+        for kind in [&[][..], &["--labels"], &["--mask"]] {
+            let right = hash(&[&["right.nrrd"], kind].concat());
+            assert_ne!(hash(&[&[name], kind].concat()), right, "{name} {kind:?}");
+            for other in ["scan.nrrd", "scan.ivd"] {
+                assert_eq!(
+                    hash(&[&[name], kind, &["--grid-of", other]].concat()),
+                    right,
+                    "{name} {kind:?} {other}"
+                );
+            }
+            let output =
+                ivd(at, &[&["import", name], kind, &["--grid-of", "scan.nrrd", "-o", "x.ivd"]].concat());
+            let told = String::from_utf8(output.stderr).unwrap();
+            for words in [
+                "spacing 0.5, 0.75, 2.0025 mm instead of 1, 1, 1 mm",
+                "first voxel at 20, -30, 7 mm instead of",
+                "axes LAS instead of LPS",
+            ] {
+                assert!(told.contains(words), "{words}: {told}");
+            }
+        }
+    }
+    // An artefact of a volume as well; of labels not, whose file is to be read again.
+    json(at, &["import", "none.nrrd", "-o", "none.ivd"]);
+    assert_eq!(hash(&["none.ivd", "--labels", "--grid-of", "scan.ivd"]), hash(&["right.nrrd", "--labels"]));
+    let (code, told) = refused(at, &["import", "bad.ivd", "--grid-of", "scan.ivd", "-o", "x.ivd"]);
+    assert!(code == 2 && told.contains("import the file that it was made of again"), "{told}");
+    // Where nothing is wrong, that is said.
+    let output = ivd(at, &["import", "right.nrrd", "--grid-of", "scan.ivd", "-o", "x.ivd"]);
+    assert!(String::from_utf8(output.stderr).unwrap().contains("on the grid of the other already"));
+    json(at, &["phantom", "sphere", "--size", "16", "-o", "other.ivd"]);
+    let (code, told) = refused(at, &["import", "none.nrrd", "--grid-of", "other.ivd", "-o", "x.ivd"]);
+    assert!(code == 2, "{told}");
+    for words in ["none.nrrd has 12 × 10 × 8 voxels", "other.ivd", "has 16 × 16 × 16", "--like"] {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    // A scene's volume, by the key of that name.
+    let scene = "schema = 1\n[input]\nfile = \"none.nrrd\"\ngrid_of = \"scan.nrrd\"\n[lattice]\niso = 0.5\n[output]\nlattice = \"l.ply\"\n";
+    let (code, told, object) = pipeline(at, scene, &[]);
+    assert!(code == 0 && told.contains("note: import: the grid of the other file is taken"), "{told}");
+    assert_eq!(object["stages"][0]["output"]["hash"], hash(&["right.nrrd"]));
+    let (code, told, _) = pipeline(at, &scene.replace("[lattice]", "axes = \"LPS\"\n[lattice]"), &[]);
+    assert!(code == 2 && told.contains("grid_of says what axes does"), "{told}");
+}
