@@ -213,7 +213,8 @@ pub(crate) enum Command {
         labels: Option<PathBuf>,
     },
     /// Measures the error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice. A file of
-    /// another program is taken for what the artefact beside it is: a volume, labels or a mask.
+    /// another program is taken for what the artefact beside it is: a volume, labels or a mask; two of them for volumes, or labels with
+    /// --labels.
     Compare {
         /// First artefact, or volume file.
         a: PathBuf,
@@ -222,6 +223,9 @@ pub(crate) enum Command {
     },
     /// Measures run time against error for every stage with an accuracy setting: bench.json, bench.csv and a page.
     Bench(Bench),
+        /// Take the numbers of volumes for labels: the overlap of each label (Dice) is told, not the difference of numbers.
+        #[arg(long)]
+        labels: bool,
     /// Reports on this machine: threads, memory, SIMD, GPU; what is switched off, and why.
     Doctor,
     /// Prints the JSON Schema of a scene.

@@ -137,3 +137,42 @@ fn a_file_with_a_wrong_header_takes_the_grid_of_another() {
     let (code, told, _) = pipeline(at, &scene.replace("[lattice]", "axes = \"LPS\"\n[lattice]"), &[]);
     assert!(code == 2 && told.contains("grid_of says what axes does"), "{told}");
 }
+
+#[test]
+fn label_files_of_other_programs_are_compared_by_label() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let label = |[x, y, z]: [usize; 3]| match (x, y, z) {
+        (1..=10, 1..=8, 1..=3) => 1,
+        (1..=10, 1..=8, 4..=6) => 2,
+        _ => 0,
+    };
+    nrrd(at, "a.nrrd", RIGHT, label);
+    // The second label lacks its last layer: 160 voxels of 240 are left.
+    nrrd(at, "b.nrrd", RIGHT, |p| if p[2] == 6 { 0 } else { label(p) });
+    let told = json(at, &["compare", "a.nrrd", "b.nrrd", "--labels"]);
+    let dice = |class: usize| told["classes"][class]["dice"].as_f64().unwrap();
+    assert_eq!((told["classes"][1]["a"].clone(), dice(1)), (1.into(), 1.0));
+    assert!((dice(2) - 2.0 * 160.0 / (240.0 + 160.0)).abs() < 1e-12, "{told}");
+    // The same as of artefacts, of one and of both.
+    json(at, &["import", "a.nrrd", "--labels", "-o", "a.ivd"]);
+    json(at, &["import", "b.nrrd", "-o", "b.ivd"]);
+    for words in [["a.ivd", "b.nrrd"], ["a.ivd", "b.ivd"], ["a.nrrd", "b.ivd"]] {
+        let found = json(at, &["compare", words[0], words[1], "--labels"]);
+        assert_eq!(found["classes"], told["classes"], "{words:?}");
+    }
+    let noted = |a: &str, b: &str| {
+        let output = ivd(at, &["compare", a, b]);
+        assert!(output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    // As numbers, with a hint; also where the numbers are real ones.
+    assert!(noted("a.nrrd", "b.nrrd").contains("--labels tells how far each label"));
+    json(at, &["phantom", "sphere", "--size", "16", "-o", "v.ivd"]);
+    json(at, &["phantom", "sphere", "--size", "16", "--noise", "0.1", "-o", "w.ivd"]);
+    assert!(!noted("v.ivd", "w.ivd").contains("--labels"), "scans");
+    assert!(!noted("a.ivd", "a.nrrd").contains("--labels"), "labels already");
+    json(at, &["boundary", "a.ivd", "--class", "1", "-o", "mask.ivd"]);
+    let (code, told) = refused(at, &["compare", "mask.ivd", "a.nrrd", "--labels"]);
+    assert!(code == 2 && told.contains("mask.ivd: a mask artefact"), "{told}");
+}

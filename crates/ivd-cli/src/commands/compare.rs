@@ -3,23 +3,41 @@
 use std::path::Path;
 
 use ivd_artefact::Cache;
-use ivd_core::{Artefact, Displacement, Grid, Kind, Labels, Mask, Value as _, Volume};
-use ivd_pipeline::Input;
+use ivd_core::{Artefact, Displacement, Grid, Kind, Labels, Mask, Value as _, Volume, VoxelCoord, counted};
+use ivd_pipeline::stages::ImportLabels;
+use ivd_pipeline::{Input, Inputs};
 use serde_json::json;
 
 use crate::context::Context;
-use crate::exit::Failure;
+use crate::exit::{Failure, error_class};
 use crate::files::{file_for, volume_or_artefact};
+use crate::stages::look_like_labels;
 
-/// Tells the error between two artefacts of one kind. A file of another program is taken for what the artefact beside it is.
-pub(super) fn run(a: &Path, b: &Path, context: &Context) -> anyhow::Result<()> {
-    let [first, second] = [beside(a, b, context)?, beside(b, a, context)?];
+/// Tells the error between two artefacts of one kind. A file of another program is taken for what the artefact beside it is, and volumes
+/// are taken for labels where that is said.
+pub(super) fn run(a: &Path, b: &Path, labels: bool, context: &Context) -> anyhow::Result<()> {
+    let [first, second] = if labels {
+        [labels_of(a, context)?, labels_of(b, context)?]
+    } else {
+        [beside(a, b, context)?, beside(b, a, context)?]
+    };
+    if let (Artefact::Volume(first), Artefact::Volume(second)) = (&*first.artefact, &*second.artefact)
+        && context.exec.run(|| [first, second].into_iter().all(look_like_labels))
+    {
+        context.say(
+            "ivd: note: both look like labels (few whole numbers, alike in voxels beside each other), and are compared as numbers; --labels tells how far \
+             each label of one overlaps that of the other (Dice)",
+        );
+    }
     let mut error = ivd_pipeline::compare(&first.artefact, &second.artefact, &context.exec)?;
     if let Some(unproven) = error["unproven"].as_u64().filter(|n| *n > 0) {
         context.say(&format!(
-            "ivd: note: {unproven} classes of {} overlap those of {} in too great a tangle for the best matching; they \
-             are matched by Dice, the largest first",
-            a.display(),
+            "ivd: note: {} those of {} in too great a tangle for the best matching; they are matched by Dice, the largest first",
+            counted(
+                unproven,
+                &format!("class of {} overlaps", a.display()),
+                &format!("classes of {} overlap", a.display())
+            ),
             b.display()
         ));
     }
@@ -43,6 +61,24 @@ fn beside(file: &Path, other: &Path, context: &Context) -> anyhow::Result<Input>
         return volume_or_artefact(file, &off, context);
     }
     let (kind, name) = (ivd_artefact::peek(other)?.kind, file.display());
+/// A file's labels: its own, or its numbers taken for some.
+fn labels_of(file: &Path, context: &Context) -> anyhow::Result<Input> {
+    let off = Cache::disabled();
+    let read = file_for(file, &[Kind::Labels], &off, context)?;
+    let kind = read.artefact.kind();
+    if kind == Kind::Labels {
+        return Ok(read);
+    }
+    if kind != Kind::Volume {
+        return Err(Failure::usage(format!(
+            "compare --labels {}: a {kind} artefact; give labels, or volumes whose numbers are labels",
+            file.display()
+        )));
+    }
+    let done = context.run(&off, &ImportLabels, &Inputs::default().with("volume", read));
+    Ok(done.map_err(|e| Failure::of(error_class(&e), format!("{}: {e}", file.display())))?.input())
+}
+
     let remedy = match kind {
         Kind::Volume | Kind::Labels | Kind::Mask => return file_for(file, &[kind], &off, context),
         Kind::Lattice => format!("`ivd lattice VOLUME --mesh {name} -o FILE` makes a lattice of a mesh"),

@@ -56,7 +56,7 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
             let asked = info::Asked { series, vertices: &vertex, voxels: &voxel, places: &at, labels };
             info::run(&file, asked, context)
         }
-        Command::Compare { a, b } => compare::run(&a, &b, context),
+        Command::Compare { a, b, labels } => compare::run(&a, &b, labels, context),
         Command::Bench(args) => bench::run(&args, context),
         Command::Doctor => doctor::run(context),
         Command::Schema => {
