@@ -208,9 +208,12 @@ pub(crate) enum Command {
         /// Of a volume, labels or a mask: the voxel at this place (mm, RAS), its value or class.
         #[arg(long, value_name = "X,Y,Z", value_parser = parse::place, allow_hyphen_values = true, conflicts_with_all = ["vertex", "voxel"])]
         at: Vec<[f64; 3]>,
-        /// With --at: labels on the same grid, whose class there is told too.
+        /// With --at: labels on the same grid, whose class there is told too. A mask's artefact is told as by --mask.
         #[arg(long, value_name = "FILE", requires = "at")]
         labels: Option<PathBuf>,
+        /// With --at: a mask on the same grid; whether the place is inside is told too.
+        #[arg(long, value_name = "FILE", requires = "at")]
+        mask: Option<PathBuf>,
     },
     /// Measures the error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice. A file of
     /// another program is taken for what the artefact beside it is: a volume, labels or a mask; two of them for volumes, or labels with

@@ -176,3 +176,27 @@ fn label_files_of_other_programs_are_compared_by_label() {
     let (code, told) = refused(at, &["compare", "mask.ivd", "a.nrrd", "--labels"]);
     assert!(code == 2 && told.contains("mask.ivd: a mask artefact"), "{told}");
 }
+
+#[test]
+fn what_a_mask_has_at_a_place_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    nrrd(at, "scan.nrrd", RIGHT, |p| 10 + part(p));
+    nrrd(at, "mask.nrrd", RIGHT, |p| u8::from(part(p) == 2));
+    json(at, &["import", "mask.nrrd", "--mask", "-o", "mask.ivd"]);
+    json(at, &["import", "scan.nrrd", "-o", "scan.ivd"]);
+    let place = |voxel: [usize; 3]| {
+        let [x, y, z] = voxel.map(|c| c as f64);
+        format!("{},{},{}", 20.0 - 0.5 * x, -30.0 + 0.75 * y - 0.1 * z, 7.0 + 2.0 * z)
+    };
+    for (voxel, inside) in [([8, 5, 4], true), ([3, 4, 3], false)] {
+        let place = place(voxel);
+        for (flag, file) in [("--mask", "mask.ivd"), ("--mask", "mask.nrrd"), ("--labels", "mask.ivd")] {
+            let told = json(at, &["info", "scan.nrrd", "--at", &place, flag, file]);
+            assert_eq!(told["at"][0]["voxel"], serde_json::json!(voxel));
+            assert_eq!(told["at"][0]["inside_mask"], inside, "{flag} {file} {told}");
+        }
+    }
+    let (code, told) = refused(at, &["info", "scan.nrrd", "--at", &place([1, 1, 1]), "--labels", "scan.ivd"]);
+    assert!(code == 2 && told.contains("a volume artefact, not labels or a mask"), "{told}");
+}

@@ -63,15 +63,15 @@ pub(super) struct Asked<'a> {
     pub(super) voxels: &'a [[i64; 3]],
     /// Places (mm, RAS) of a volume.
     pub(super) places: &'a [[f64; 3]],
-    /// Labels whose class at the places is told.
-    pub(super) labels: Option<&'a Path>,
+    /// Labels and a mask of which is told what they have at the places.
+    pub(super) beside: at::Beside<'a>,
 }
 
 /// Tells what a file holds, what lies at places of it, or of a lattice where vertices and voxels belong.
 pub(super) fn run(file: &Path, asked: Asked<'_>, context: &Context) -> anyhow::Result<()> {
-    let Asked { series, vertices, voxels, places, labels } = asked;
+    let Asked { series, vertices, voxels, places, beside } = asked;
     if !places.is_empty() {
-        let object = at::places(file, series, places, labels, context)?;
+        let object = at::places(file, series, places, beside, context)?;
         return context.print(&object, || lines("", &object).join("\n"));
     }
     if !(vertices.is_empty() && voxels.is_empty()) {

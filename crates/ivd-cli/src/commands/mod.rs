@@ -51,9 +51,10 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
             export::export(&artefact, &output, &choice, context)
         }
         Command::Info { file, series: Some(None), at, .. } if at.is_empty() => info::series(&file, context),
-        Command::Info { file, series, vertex, voxel, at, labels } => {
-            let (series, labels) = (series.flatten(), labels.as_deref());
-            let asked = info::Asked { series, vertices: &vertex, voxels: &voxel, places: &at, labels };
+        Command::Info { file, series, vertex, voxel, at, labels, mask } => {
+            let (series, beside) =
+                (series.flatten(), at::Beside { labels: labels.as_deref(), mask: mask.as_deref() });
+            let asked = info::Asked { series, vertices: &vertex, voxels: &voxel, places: &at, beside };
             info::run(&file, asked, context)
         }
         Command::Compare { a, b, labels } => compare::run(&a, &b, labels, context),
