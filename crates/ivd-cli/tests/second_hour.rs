@@ -200,3 +200,24 @@ fn what_a_mask_has_at_a_place_is_told() {
     let (code, told) = refused(at, &["info", "scan.nrrd", "--at", &place([1, 1, 1]), "--labels", "scan.ivd"]);
     assert!(code == 2 && told.contains("a volume artefact, not labels or a mask"), "{told}");
 }
+
+#[test]
+fn an_error_that_is_kept_is_no_target_that_is_missed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "head", "--size", "40", "-o", "v.ivd"]);
+    json(at, &["lattice", "v.ivd", "--iso", "40", "-o", "l.ivd"]);
+    let refine = |target: [&str; 2]| {
+        let output = ivd(at, &["refine", "l.ivd", target[0], target[1], "-o", "r.ivd", "--json"]);
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{told}");
+        (told, serde_json::from_slice::<Value>(&output.stdout).unwrap()["metrics"].clone())
+    };
+    // As far as it goes: what stops it is told, and that the error holds.
+    let (told, found) = refine(["--max-error", "30"]);
+    assert!(!told.contains("target isn't reached"), "{told}");
+    assert!(told.contains("within 30 mm, as asked for, it gets no coarser: "), "{told}");
+    assert_eq!(found["within_mm"], 30.0);
+    let (told, found) = refine(["--level", "9"]);
+    assert!(told.contains("target isn't reached") && found.get("within_mm").is_none(), "{told}");
+}
