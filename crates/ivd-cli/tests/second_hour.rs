@@ -202,6 +202,26 @@ fn what_a_mask_has_at_a_place_is_told() {
 }
 
 #[test]
+fn what_a_format_rounds_of_a_grid_is_told_in_mm() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    nrrd(at, "scan.nrrd", &RIGHT.replace("-20,30,7", "-20.1,30.7,7.3"), |p| 10 + part(p));
+    json(at, &["import", "scan.nrrd", "-o", "scan.ivd"]);
+    for (name, is_rounded) in [("scan.nii", true), ("scan.nrrd", false)] {
+        if is_rounded {
+            json(at, &["export", "scan.ivd", "-o", name]);
+        }
+        let output = ivd(at, &["compare", "scan.ivd", name, "--json"]);
+        let told = String::from_utf8(output.stderr).unwrap();
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(found["max"], 0.0);
+        assert_eq!(told.contains("which counts as the same place"), is_rounded, "{told}");
+        let apart = found.get("apart_mm").map(|mm| mm.as_f64().unwrap());
+        assert!(if is_rounded { (1e-9..1e-4).contains(&apart.unwrap()) } else { apart.is_none() }, "{found}");
+    }
+}
+
+#[test]
 fn an_error_that_is_kept_is_no_target_that_is_missed() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

@@ -46,8 +46,15 @@ pub(super) fn run(a: &Path, b: &Path, labels: bool, context: &Context) -> anyhow
     error["equal"] = json!(first.hash == second.hash);
     if first.hash != second.hash {
         let differing = differing(&first.artefact, &second.artefact);
+        let apart = apart_mm(&first.artefact, &second.artefact);
         if !differing.is_empty() {
-            context.say(&format!("ivd: note: they differ in their {}", differing.join(", ")));
+            let by = apart.map_or_else(String::new, |mm| {
+                format!("; their voxels lie apart by {mm:.1e} mm at most, which counts as the same place")
+            });
+            context.say(&format!("ivd: note: they differ in their {}{by}", differing.join(", ")));
+        }
+        if let Some(mm) = apart {
+            error["apart_mm"] = json!(mm);
         }
         error["differs_in"] = json!(differing);
     }
@@ -121,6 +128,19 @@ fn differing(a: &Artefact, b: &Artefact) -> Vec<&'static str> {
     });
     let all = differences.into_iter().chain(places.into_iter().flatten());
     all.filter_map(|(what, differs)| differs.then_some(what)).collect()
+}
+
+/// How far the voxels of one lie from those of the other at most (mm), where their grids count as one and aren't the same to the last bit.
+fn apart_mm(a: &Artefact, b: &Artefact) -> Option<f64> {
+    let (here, there) = grid_of(a).zip(grid_of(b))?;
+    let corner = |grid: &Grid, corner: usize| {
+        let last = grid.dims().map(|n| n as f64 - 1.0);
+        let voxel = [0, 1, 2].map(|a| if corner >> a & 1 == 1 { last[a] } else { 0.0 });
+        grid.world(VoxelCoord(voxel.into())).0
+    };
+    // Both are affine in the voxel: what lies apart most is a corner.
+    let apart = (0..8).map(|at| (corner(here, at) - corner(there, at)).norm()).fold(0.0, f64::max);
+    (apart > 0.0).then_some(apart)
 }
 
 fn grid_of(artefact: &Artefact) -> Option<&Grid> {

@@ -223,5 +223,10 @@ fn bars(histogram: &Map<String, Value>) -> Vec<String> {
 fn shown(number: f64, width: f64) -> String {
     let places = if width > 0.0 { (2.0 - width.log10()).clamp(0.0, 12.0) as usize } else { 4 };
     let text = format!("{number:.places$}");
+    let text = if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
+        "0".to_owned()
+    } else {
+        text
+    };
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
